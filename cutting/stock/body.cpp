@@ -27,20 +27,21 @@ namespace {
 
 /// Returns the number of sides of a polygon around a circle whose corners protrude by at most
 /// `sag`; at least 8, so that small bodies keep their shape.
-int sides_around(double radius, double sag) {
-  // the upper limit protects the memory from a sag near rounding
-  constexpr double least = 8.0, most = 1e5;
-  const double half = std::acos(radius / (radius + sag));
-  return int(std::clamp(std::ceil(std::numbers::pi / half), least, most));
+int side_count(double radius, double sag) {
+  // The upper limit protects the memory from a sag near rounding.
+  constexpr double min_sides = 8.0, max_sides = 1e5;
+  const double half_angle = std::acos(radius / (radius + sag));
+  return int(std::clamp(std::ceil(std::numbers::pi / half_angle), min_sides, max_sides));
 }
 
-ClosedMesh mesh_of(const std::vector<Vector3d>& vertices,
-                   const std::vector<std::array<int, 3>>& triangles) {
+ClosedMesh make_mesh(const std::vector<Vector3d>& vertices,
+                     const std::vector<std::array<int, 3>>& triangles) {
   ClosedMesh mesh{Points(Index(vertices.size()), 3), Triangles(Index(triangles.size()), 3), 0.0};
   for (std::size_t i = 0; i < vertices.size(); ++i)
     mesh.vertices.row(Index(i)) = vertices[i].transpose();
   for (std::size_t t = 0; t < triangles.size(); ++t)
-    for (std::size_t k = 0; k < 3; ++k) mesh.triangles(Index(t), Index(k)) = triangles[t][k];
+    for (std::size_t corner = 0; corner < 3; ++corner)
+      mesh.triangles(Index(t), Index(corner)) = triangles[t][corner];
   return mesh;
 }
 
@@ -71,40 +72,42 @@ ClosedMesh revolved_mesh(const Eigen::MatrixX2d& profile, double sag) {
           "revolution: radii must not be below zero, nor all zero");
   require(std::isfinite(sag) && sag > 0.0, "revolution: the sag must be positive");
   const std::vector<Eigen::Vector2d> points = closed_profile(profile);
-  const int n = sides_around(profile.col(0).maxCoeff(), sag);
-  // the sides of the polygon touch the circle from outside
-  const double outwards = 1.0 / std::cos(std::numbers::pi / n);
+  const int n = side_count(profile.col(0).maxCoeff(), sag);
+  // The sides of the polygon touch the circle from outside.
+  const double circumscription = 1.0 / std::cos(std::numbers::pi / n);
   std::vector<Vector3d> vertices;
-  std::vector<std::array<int, 2>> ring;  // first vertex, and the step to the next: 0 on the axis
+  std::vector<std::array<int, 2>> rings;  // first vertex, and the step to the next: 0 on the axis
   for (const Eigen::Vector2d& point : points) {
-    const bool on_axis = point.x() == 0.0;
-    ring.push_back({int(vertices.size()), on_axis ? 0 : 1});
-    for (int k = 0; k < (on_axis ? 1 : n); ++k) {
-      const double angle = 2.0 * std::numbers::pi * k / n, r = outwards * point.x();
+    const bool is_on_axis = point.x() == 0.0;
+    rings.push_back({int(vertices.size()), is_on_axis ? 0 : 1});
+    for (int side = 0; side < (is_on_axis ? 1 : n); ++side) {
+      const double angle = 2.0 * std::numbers::pi * side / n, r = circumscription * point.x();
       vertices.emplace_back(r * std::cos(angle), r * std::sin(angle), point.y());
     }
   }
   std::vector<std::array<int, 3>> triangles;
-  const auto corner = [&](std::size_t i, int k) { return ring[i][0] + ring[i][1] * (k % n); };
+  const auto corner = [&](std::size_t i, int side) {
+    return rings[i][0] + rings[i][1] * (side % n);
+  };
   for (std::size_t i = 0; i + 1 < points.size(); ++i) {
     require(points[i] != points[i + 1], "revolution: neighbouring points must differ");
     require(points[i].y() <= points[i + 1].y(), "revolution: heights must not fall");
-    require(ring[i][1] + ring[i + 1][1] > 0, "revolution: the profile must leave the axis once");
-    for (int k = 0; k < n; ++k) {
-      const int a = corner(i, k), b = corner(i, k + 1), c = corner(i + 1, k + 1),
-                d = corner(i + 1, k);
+    require(rings[i][1] + rings[i + 1][1] > 0, "revolution: the profile must leave the axis once");
+    for (int side = 0; side < n; ++side) {
+      const int a = corner(i, side), b = corner(i, side + 1), c = corner(i + 1, side + 1),
+                d = corner(i + 1, side);
       if (a != b) triangles.push_back({a, b, c});
       if (c != d) triangles.push_back({a, c, d});
     }
   }
-  return mesh_of(vertices, triangles);
+  return make_mesh(vertices, triangles);
 }
 
 ClosedMesh sphere_mesh(double radius, double sag) {
   require(std::isfinite(radius) && radius > 0.0, "sphere: the radius must be positive");
   require(std::isfinite(sag) && sag > 0.0, "sphere: the sag must be positive");
-  // half of the sag for the profile, half for the facets around it
-  const int n = (sides_around(radius, 0.5 * sag) + 1) / 2;
+  // Half of the sag is for the profile, half for the facets around it.
+  const int n = (side_count(radius, 0.5 * sag) + 1) / 2;
   const double r = radius / std::cos(0.5 * std::numbers::pi / n);
   Eigen::MatrixX2d profile(n + 1, 2);
   for (int i = 0; i <= n; ++i) {
@@ -140,35 +143,37 @@ ClosedMesh extruded_mesh(const Eigen::MatrixX2d& outline, double height) {
     triangles.push_back({i, next, next + n});
     triangles.push_back({i, next + n, i + n});
   }
-  return mesh_of(vertices, triangles);
+  return make_mesh(vertices, triangles);
 }
 
 namespace {
 
-/// Returns the profile of a form cutter whose arcs are replaced by polygons of their tangents,
-/// which contain them.
-Eigen::MatrixX2d profile_around(const ToolOutline& outline, double sag) {
+/// Returns the profile of a form cutter with every arc replaced by a polygon of its tangents, which
+/// contains the arc.
+Eigen::MatrixX2d circumscribed_profile(const ToolOutline& outline, double sag) {
   std::vector<Eigen::Vector2d> points{outline.pieces.front().from};
-  for (const OutlinePiece& piece : outline.pieces) {
-    const double turn = std::acos(std::clamp(piece.normal_from.dot(piece.normal_to), -1.0, 1.0));
-    const int sides = piece.radius > 0.0 ? sides_around(piece.radius, sag) : 1;
-    const int tangents = std::max(1, int(std::ceil(turn * sides / (2.0 * std::numbers::pi))));
-    const double half = 0.5 * turn / tangents;
-    for (int k = 0; k < tangents && piece.radius > 0.0; ++k) {
-      const Eigen::Vector2d middle =
-          Eigen::Rotation2Dd((2 * k + 1) * half) * piece.normal_from / std::cos(half);
-      points.push_back(piece.from + piece.radius * (middle - piece.normal_from));
+  for (const OutlinePiece& segment : outline.pieces) {
+    const double arc_angle =
+        std::acos(std::clamp(segment.normal_from.dot(segment.normal_to), -1.0, 1.0));
+    const int sides = segment.radius > 0.0 ? side_count(segment.radius, sag) : 1;
+    const int tangent_count =
+        std::max(1, int(std::ceil(arc_angle * sides / (2.0 * std::numbers::pi))));
+    const double half_angle = 0.5 * arc_angle / tangent_count;
+    for (int k = 0; k < tangent_count && segment.radius > 0.0; ++k) {
+      const Eigen::Vector2d direction =
+          Eigen::Rotation2Dd((2 * k + 1) * half_angle) * segment.normal_from / std::cos(half_angle);
+      points.push_back(segment.from + segment.radius * (direction - segment.normal_from));
     }
-    points.push_back(piece.to);
+    points.push_back(segment.to);
   }
   Eigen::MatrixX2d profile(Index(points.size()), 2);
   Index count = 0;
   for (const Eigen::Vector2d& point : points) {
     // The profile begins and ends at the axis, and rounding must not make a height fall.
-    const Eigen::RowVector2d next(
+    const Eigen::RowVector2d next_row(
         std::max(0.0, point.x()),
         std::clamp(point.y(), count > 0 ? profile(count - 1, 1) : 0.0, outline.height));
-    if (count == 0 || next != profile.row(count - 1)) profile.row(count++) = next;
+    if (count == 0 || next_row != profile.row(count - 1)) profile.row(count++) = next_row;
   }
   return profile.topRows(count);
 }
@@ -178,55 +183,59 @@ Eigen::MatrixX2d profile_around(const ToolOutline& outline, double sag) {
 ClosedMesh cutter_mesh(const Cutter& cutter, double sag) {
   check_cutter(cutter);
   require(std::isfinite(sag) && sag > 0.0, "cutter: the sag must be positive");
-  if (cutter.outline) return revolved_mesh(profile_around(*cutter.outline, 0.5 * sag), 0.5 * sag);
-  const double r = cutter.corner_radius, flat = cutter.radius - r, quarter = 0.5 * std::numbers::pi;
-  // The corner is inside the polygon of its tangents.
-  const int pieces = r > 0.0 ? std::max(1, (sides_around(r, 0.5 * sag) + 3) / 4) : 0;
-  std::vector<Eigen::Vector2d> points{{flat, 0.0}};
-  const double out = pieces > 0 ? r / std::cos(0.5 * quarter / pieces) : 0.0;
-  for (int k = 0; k < pieces; ++k) {
-    const double angle = quarter * (k + 0.5) / pieces;
-    points.emplace_back(flat + out * std::sin(angle), std::max(0.0, r - out * std::cos(angle)));
+  if (cutter.outline)
+    return revolved_mesh(circumscribed_profile(*cutter.outline, 0.5 * sag), 0.5 * sag);
+  const double r = cutter.corner_radius, flat_radius = cutter.radius - r,
+               right_angle = 0.5 * std::numbers::pi;
+  // The corner becomes a polygon of its tangents, which contains it.
+  const int tangent_count = r > 0.0 ? std::max(1, (side_count(r, 0.5 * sag) + 3) / 4) : 0;
+  std::vector<Eigen::Vector2d> points{{flat_radius, 0.0}};
+  const double tangent_radius =
+      tangent_count > 0 ? r / std::cos(0.5 * right_angle / tangent_count) : 0.0;
+  for (int k = 0; k < tangent_count; ++k) {
+    const double angle = right_angle * (k + 0.5) / tangent_count;
+    points.emplace_back(flat_radius + tangent_radius * std::sin(angle),
+                        std::max(0.0, r - tangent_radius * std::cos(angle)));
   }
   points.emplace_back(cutter.radius, r);
   if (cutter.flank_length > r) points.emplace_back(cutter.radius, cutter.flank_length);
-  const auto same = std::ranges::unique(points);
-  points.erase(same.begin(), same.end());
+  const auto duplicates = std::ranges::unique(points);
+  points.erase(duplicates.begin(), duplicates.end());
   Eigen::MatrixX2d profile(Index(points.size()), 2);
   for (std::size_t i = 0; i < points.size(); ++i) profile.row(Index(i)) = points[i].transpose();
-  return revolved_mesh(profile, pieces > 0 ? 0.5 * sag : sag);
+  return revolved_mesh(profile, tangent_count > 0 ? 0.5 * sag : sag);
 }
 
 std::vector<ClosedMesh> cutter_pieces(const Cutter& cutter, double sag) {
   check_cutter(cutter);
   if (is_hollow(cutter)) {
-    std::vector<ClosedMesh> pieces;
-    for (const Cutter& part : convex_parts(cutter)) pieces.push_back(cutter_mesh(part, sag));
-    return pieces;
+    std::vector<ClosedMesh> meshes;
+    for (const Cutter& part : convex_parts(cutter)) meshes.push_back(cutter_mesh(part, sag));
+    return meshes;
   }
   if (cutter.outline) return {cutter_mesh(cutter, sag)};
-  const double r = cutter.corner_radius, flat = cutter.radius - r;
-  std::vector<ClosedMesh> pieces;
+  const double r = cutter.corner_radius, flat_radius = cutter.radius - r;
+  std::vector<ClosedMesh> meshes;
   if (cutter.flank_length > r) {
     Eigen::MatrixX2d flank(2, 2);
     flank << cutter.radius, r, cutter.radius, cutter.flank_length;
-    pieces.push_back(revolved_mesh(flank, sag));
+    meshes.push_back(revolved_mesh(flank, sag));
   }
-  if (r == 0.0) return pieces;
+  if (r == 0.0) return meshes;
   std::vector<Vector3d> corners{{0.0, 0.0, r}};
   std::vector<std::array<int, 3>> fan;
-  const int n = flat > 0.0 ? sides_around(flat, sag) : 0;
+  const int n = flat_radius > 0.0 ? side_count(flat_radius, sag) : 0;
   for (int k = 0; k < n; ++k) {
     const double angle = 2.0 * std::numbers::pi * k / n,
-                 out = flat / std::cos(std::numbers::pi / n);
+                 out = flat_radius / std::cos(std::numbers::pi / n);
     corners.emplace_back(out * std::cos(angle), out * std::sin(angle), r);
     fan.push_back({0, 1 + k, 1 + (k + 1) % n});
   }
   // A degenerate triangle with a skin is a ball.
   if (n == 0) fan.push_back({0, 0, 0});
-  pieces.push_back(mesh_of(corners, fan));
-  pieces.back().skin = r;
-  return pieces;
+  meshes.push_back(make_mesh(corners, fan));
+  meshes.back().skin = r;
+  return meshes;
 }
 
 ClosedMesh moved(ClosedMesh mesh, const kinematics::Pose& T) {
@@ -236,148 +245,155 @@ ClosedMesh moved(ClosedMesh mesh, const kinematics::Pose& T) {
 
 namespace {
 
-constexpr std::size_t chunk_size = 64;  // moves that share a box
+constexpr std::size_t chunk_size = 64;  // number of moves that share a box
 
-/// Returns the motion of the lower end of the shank.
-CutterMotion raised(const CutterMotion& motion, double by) {
-  CutterMotion up = motion;
-  up.tip += by * motion.axis;
-  return up;
+/// Returns the motion of the point at a distance (mm) above the tip along the axis.
+CutterMotion shifted_motion(const CutterMotion& motion, double distance) {
+  CutterMotion result = motion;
+  result.tip += distance * motion.axis;
+  return result;
 }
 
-AlignedBox3d grown(const AlignedBox3d& box, double by) {
-  const Vector3d margin = Vector3d::Constant(by);
+AlignedBox3d expanded(const AlignedBox3d& box, double distance) {
+  const Vector3d margin = Vector3d::Constant(distance);
   return {box.min() - margin, box.max() + margin};
 }
 
-/// Returns the box of the segment of a shank's axis that lies in `room`; empty if none does.
-AlignedBox3d stretch_in(const AlignedBox3d& room, const Vector3d& low_end, const Vector3d& axis,
-                        double length) {
-  double from = 0.0, to = length;
+/// Returns the bounding box of the segment of a shank's axis inside a region; empty if there is
+/// none.
+AlignedBox3d axis_segment_box(const AlignedBox3d& region, const Vector3d& low_end,
+                              const Vector3d& axis, double length) {
+  double begin = 0.0, end = length;
   for (int k = 0; k < 3; ++k) {
     if (axis[k] == 0.0) {
-      if (low_end[k] < room.min()[k] || low_end[k] > room.max()[k]) return {};
+      if (low_end[k] < region.min()[k] || low_end[k] > region.max()[k]) return {};
       continue;
     }
-    const double a = (room.min()[k] - low_end[k]) / axis[k];
-    const double b = (room.max()[k] - low_end[k]) / axis[k];
-    from = std::max(from, std::min(a, b));
-    to = std::min(to, std::max(a, b));
+    const double a = (region.min()[k] - low_end[k]) / axis[k];
+    const double b = (region.max()[k] - low_end[k]) / axis[k];
+    begin = std::max(begin, std::min(a, b));
+    end = std::min(end, std::max(a, b));
   }
   AlignedBox3d box;
-  if (from <= to) box.extend(low_end + from * axis).extend(low_end + to * axis);
+  if (begin <= end) box.extend(low_end + begin * axis).extend(low_end + end * axis);
   return box;
 }
 
-/// The moves during which a shank enters the box around the part, with boxes around the segments
-/// that do. A long shank may lean over much of a part, but the segment of it that is low enough is
-/// short.
+/// The moves during which a shank enters the box around the part, each with the bounding box of the
+/// shank's segment inside. A long shank may lean over much of a part, but its segment in that box
+/// is short.
 class ChunkedMoves {
  public:
   ChunkedMoves(const Cutter& shank, const CutterMotion& path, const AlignedBox3d& part) {
     for (Index i = 0; i < path.tip.rows(); ++i) {
       const Index next = std::min<Index>(i + 1, path.tip.rows() - 1);
-      const AlignedBox3d box = box_of(shank, path, {i, next}, part);
+      const AlignedBox3d box = move_box(shank, path, {i, next}, part);
       if (!box.isEmpty()) moves_.push_back({box, int(i)});
     }
     for (std::size_t first = 0; first < moves_.size(); first += chunk_size) {
-      AlignedBox3d all;
+      AlignedBox3d chunk_box;
       for (std::size_t i = first; i < std::min(first + chunk_size, moves_.size()); ++i)
-        all.extend(moves_[i].box);
-      chunks_.push_back(all);
+        chunk_box.extend(moves_[i].box);
+      chunks_.push_back(chunk_box);
     }
   }
 
   bool empty() const { return moves_.empty(); }
 
-  /// Calls use(move) for the moves whose box intersects this one, until it returns false.
-  template <class Use>
-  void each(const AlignedBox3d& box, const Use& use) const {
+  /// Calls visit_move(move) for the moves whose box intersects `box`, until it returns false.
+  template <class Visitor>
+  void visit(const AlignedBox3d& box, const Visitor& visit_move) const {
     for (std::size_t c = 0; c < chunks_.size(); ++c) {
       if (!chunks_[c].intersects(box)) continue;
       const std::size_t first = c * chunk_size, last = std::min(first + chunk_size, moves_.size());
       for (std::size_t i = first; i < last; ++i)
-        if (moves_[i].box.intersects(box) && !use(moves_[i].move)) return;
+        if (moves_[i].box.intersects(box) && !visit_move(moves_[i].move)) return;
     }
   }
 
  private:
-  /// Poses between two samples are nowhere farther from one of them than `margin`.
-  static AlignedBox3d box_of(const Cutter& shank, const CutterMotion& path,
-                             const std::array<Index, 2>& ends, const AlignedBox3d& part) {
+  /// Returns the box of one move. Between two samples no point of the shank is farther than
+  /// `margin` from its position at one of them.
+  static AlignedBox3d move_box(const Cutter& shank, const CutterMotion& path,
+                               const std::array<Index, 2>& ends, const AlignedBox3d& part) {
     const double length = shank.flank_length;
     const double margin =
         shank.radius + (path.tip.row(ends[1]) - path.tip.row(ends[0])).norm() +
         2.0 * (length + shank.radius) * (path.axis.row(ends[1]) - path.axis.row(ends[0])).norm();
     AlignedBox3d box;
     for (const Index i : ends) {
-      const AlignedBox3d one =
-          stretch_in(grown(part, margin), path.tip.row(i), path.axis.row(i), length);
-      if (!one.isEmpty()) box.extend(grown(one, margin));
+      const AlignedBox3d segment_box =
+          axis_segment_box(expanded(part, margin), path.tip.row(i), path.axis.row(i), length);
+      if (!segment_box.isEmpty()) box.extend(expanded(segment_box, margin));
     }
     return box;
   }
 
-  struct Near {
+  struct BoxedMove {
     AlignedBox3d box;
     int move;
   };
-  std::vector<Near> moves_;
+  std::vector<BoxedMove> moves_;
   std::vector<AlignedBox3d> chunks_;
 };
 
-/// A piece with its path through the room around the part.
-struct Passing {
+/// A non-cutting section with its path through the region around the part.
+struct MovingSection {
   Cutter shape;
   CutterMotion path;
   ChunkedMoves moves;
 
-  Passing(const NonCuttingPiece& piece, const CutterMotion& motion, const AlignedBox3d& room)
-      : shape(piece.shape), path(raised(motion, piece.base)), moves(shape, path, room) {}
+  MovingSection(const NonCuttingSection& section, const CutterMotion& motion,
+                const AlignedBox3d& region)
+      : shape(section.shape),
+        path(shifted_motion(motion, section.base)),
+        moves(shape, path, region) {}
 };
 
-/// mm below the design, and the program line; 0 without contact.
-struct Depth {
+/// Depth below the design, mm, and the program line; 0 without contact.
+struct VertexDepth {
   double depth = 0.0;
   int line = 0;
   bool deeper = false;  ///< the ray ends inside the shank
 };
 
-ShankContact summed(const std::vector<Depth>& depths, double passed) {
+ShankContact summarize(const std::vector<VertexDepth>& depths, double passed) {
   ShankContact contact;
   contact.passed = passed;
-  for (const Depth& one : depths) {
-    if (one.depth <= 0.0) continue;
-    contact.deeper |= one.deeper;
-    if (contact.vertices++ == 0 || one.line < contact.first_line) contact.first_line = one.line;
-    if (one.depth <= contact.deepest) continue;
-    contact.deepest = one.depth;
-    contact.line = one.line;
+  for (const VertexDepth& vertex : depths) {
+    if (vertex.depth <= 0.0) continue;
+    contact.deeper |= vertex.deeper;
+    if (contact.vertices++ == 0 || vertex.line < contact.first_line)
+      contact.first_line = vertex.line;
+    if (vertex.depth <= contact.deepest) continue;
+    contact.deepest = vertex.depth;
+    contact.line = vertex.line;
   }
   return contact;
 }
 
-/// Returns the depth of a shank at a vertex, at most to the far end of the ray.
-Depth depth_at(const Cutter& shank, const CutterMotion& path, const ChunkedMoves& moves,
-               const Ray& ray, double middle) {
+/// Returns the depth of a shank at a vertex, at most that of the inner end of the ray.
+/// @param shift  mm along the normal, from the vertex to the ray's point
+VertexDepth vertex_depth(const Cutter& shank, const CutterMotion& path, const ChunkedMoves& moves,
+                         const Ray& ray, double shift) {
   AlignedBox3d box;
   box.extend(ray.point - ray.band * ray.normal).extend(ray.point + ray.band * ray.normal);
-  Depth deepest;
+  VertexDepth deepest;
   double limit = ray.band;
-  moves.each(box, [&](int move) {
-    const std::optional<Entry> met = first_entry(shank, move_after(path, move), ray, limit);
-    if (!met) return true;
-    if (met->s >= limit && deepest.depth > 0.0) return true;
-    limit = met->s;
+  moves.visit(box, [&](int move) {
+    const std::optional<Entry> entry = first_entry(shank, move_after(path, move), ray, limit);
+    if (!entry) return true;
+    if (entry->s >= limit && deepest.depth > 0.0) return true;
+    limit = entry->s;
     const Index next = std::min<Index>(move + 1, path.tip.rows() - 1);
-    deepest = {std::min(-(met->s + middle), ray.band - middle), path.line[std::size_t(next)],
-               met->s <= -ray.band};
-    return met->s > -ray.band;
+    deepest = {std::min(-(entry->s + shift), ray.band - shift), path.line[std::size_t(next)],
+               entry->s <= -ray.band};
+    return entry->s > -ray.band;
   });
   return deepest;
 }
 
-/// The check of one moving shank against the vertices of a design.
+/// The check of one moving section against the vertices of a design.
 class ShankCheck {
  public:
   /// @param passed  mm, tolerated depth
@@ -385,27 +401,29 @@ class ShankCheck {
              const ChunkedMoves& moves, double passed)
       : design_(design_w), shank_(shank), path_(path), moves_(moves), passed_(passed) {}
 
-  /// Returns the depth along the normal of a vertex.
-  Depth depth(Index v, double band) const {
+  /// Returns the depth along the normal of a vertex, at most the band (mm).
+  VertexDepth depth(Index v, double band) const {
     if (band <= passed_) return {};
-    const double middle = -0.5 * (band + passed_);
+    const double shift = -0.5 * (band + passed_);
     const Vector3d normal = design_.normals.row(v);
-    const Ray ray{design_.vertices.row(v).transpose() + middle * normal, normal,
+    const Ray ray{design_.vertices.row(v).transpose() + shift * normal, normal,
                   0.5 * (band - passed_)};
-    return depth_at(shank_, path_, moves_, ray, middle);
+    return vertex_depth(shank_, path_, moves_, ray, shift);
   }
 
-  /// Returns the depth of a contact along a normal that is inside the part; zero if it is not.
-  Depth within(const Thickness& part, Index v, Depth found, double band) const {
-    const Vector3d place = design_.vertices.row(v), normal = design_.normals.row(v);
+  /// Returns the depth of a contact below the nearest point of the part; zero outside the part.
+  VertexDepth depth_inside_part(const Thickness& part, Index v, VertexDepth contact,
+                                double band) const {
+    const Vector3d point = design_.vertices.row(v), normal = design_.normals.row(v);
     // A shank that passes behind a thin part does not touch it.
-    const auto behind = part.behind(place, normal, 2.0 * band);
-    if (behind && found.depth > 0.5 * *behind) found = depth(v, 0.5 * *behind);
-    if (found.depth <= 0.0) return {};
-    // The normal of a vertex on an edge runs along the face beyond it, as a shank beside that face
-    // does. The depth is therefore the distance from the nearest point of the part.
-    found.depth = part.nearest(place - found.depth * normal, found.depth);
-    return found.depth > passed_ ? found : Depth{};
+    const auto thickness = part.behind(point, normal, 2.0 * band);
+    if (thickness && contact.depth > 0.5 * *thickness) contact = depth(v, 0.5 * *thickness);
+    if (contact.depth <= 0.0) return {};
+    // At an edge the normal of a vertex may run along the face beyond the edge, and so may a shank
+    // that does not touch that face. Therefore the distance to the nearest point of the part
+    // counts.
+    contact.depth = part.nearest(point - contact.depth * normal, contact.depth);
+    return contact.depth > passed_ ? contact : VertexDepth{};
   }
 
  private:
@@ -418,17 +436,18 @@ class ShankCheck {
 
 }  // namespace
 
-std::vector<NonCuttingPiece> non_cutting_pieces(const Eigen::MatrixX2d& profile) {
-  std::vector<NonCuttingPiece> pieces;
+std::vector<NonCuttingSection> non_cutting_pieces(const Eigen::MatrixX2d& profile) {
+  std::vector<NonCuttingSection> sections;
   for (Index i = 0; i + 1 < profile.rows(); ++i) {
     const double height = profile(i + 1, 1) - profile(i, 1);
     // An outline needs a flat top, so a cone keeps a radius of a millionth.
-    const double top = std::max(profile(i + 1, 0), 1e-6 * profile.col(0).maxCoeff());
+    const double top_radius = std::max(profile(i + 1, 0), 1e-6 * profile.col(0).maxCoeff());
     if (height > 0.0)
-      pieces.push_back({form_cutter(outline_from_points({{{profile(i, 0), 0.0}}, {{top, height}}})),
-                        profile(i, 1)});
+      sections.push_back(
+          {form_cutter(outline_from_points({{{profile(i, 0), 0.0}}, {{top_radius, height}}})),
+           profile(i, 1)});
   }
-  return pieces;
+  return sections;
 }
 
 std::optional<ShankContact> shank_contact(const Design& design_w, const Cutter& cutter,
@@ -441,49 +460,52 @@ std::optional<ShankContact> shank_contact(const Design& design_w, const Cutter& 
 }
 
 std::optional<ShankContact> non_cutting_contact(const Design& design_w,
-                                                const std::vector<NonCuttingPiece>& pieces,
+                                                const std::vector<NonCuttingSection>& sections,
                                                 const CutterMotion& motion, double band) {
-  double passed = rubbing;
-  for (const NonCuttingPiece& piece : pieces) passed = std::min(passed, 0.25 * piece.shape.radius);
+  double max_tolerated = rubbing;
+  for (const NonCuttingSection& section : sections)
+    max_tolerated = std::min(max_tolerated, 0.25 * section.shape.radius);
   AlignedBox3d part;
   for (Index v = 0; v < design_w.vertices.rows(); ++v)
     part.extend(Vector3d(design_w.vertices.row(v)));
-  if (part.isEmpty() || !(band > passed) || motion.tip.rows() == 0) return std::nullopt;
+  if (part.isEmpty() || !(band > max_tolerated) || motion.tip.rows() == 0) return std::nullopt;
 
-  // a deque, because the elements contain references to themselves and must not move
-  std::deque<Passing> passing;
-  for (const NonCuttingPiece& piece : pieces) {
-    passing.emplace_back(piece, motion, grown(part, band));
-    if (passing.back().moves.empty()) passing.pop_back();
+  // A deque, because the elements contain references to themselves and must not move in memory.
+  std::deque<MovingSection> moving_sections;
+  for (const NonCuttingSection& section : sections) {
+    moving_sections.emplace_back(section, motion, expanded(part, band));
+    if (moving_sections.back().moves.empty()) moving_sections.pop_back();
   }
-  if (passing.empty()) return std::nullopt;
-  std::vector<ShankCheck> held;
-  for (const Passing& one : passing) {
-    check_milled(design_w, one.shape, one.path, band);
-    held.emplace_back(design_w, one.shape, one.path, one.moves, passed);
+  if (moving_sections.empty()) return std::nullopt;
+  std::vector<ShankCheck> checks;
+  for (const MovingSection& section : moving_sections) {
+    check_milled(design_w, section.shape, section.path, band);
+    checks.emplace_back(design_w, section.shape, section.path, section.moves, max_tolerated);
   }
 
-  std::vector<Depth> depths(std::size_t(design_w.vertices.rows()));
-  std::vector<std::vector<Depth>> of_pieces(held.size(), depths);
-  const auto each = [&](const auto& act) {
+  std::vector<VertexDepth> depths(std::size_t(design_w.vertices.rows()));
+  std::vector<std::vector<VertexDepth>> section_depths(checks.size(), depths);
+  const auto visit_vertices = [&](const auto& visit) {
     tbb::parallel_for(tbb::blocked_range<Index>(0, Index(depths.size()), 64), [&](auto& range) {
       for (Index v = range.begin(); v != range.end(); ++v)
-        for (std::size_t k = 0; k < held.size(); ++k) act(v, held[k], of_pieces[k][std::size_t(v)]);
+        for (std::size_t k = 0; k < checks.size(); ++k)
+          visit(v, checks[k], section_depths[k][std::size_t(v)]);
     });
   };
-  each([&](Index v, const ShankCheck& one, Depth& depth) { depth = one.depth(v, band); });
-  const auto goes_in = [](const Depth& d) { return d.depth > 0.0; };
-  if (std::ranges::none_of(of_pieces,
-                           [&](const auto& d) { return std::ranges::any_of(d, goes_in); }))
+  visit_vertices(
+      [&](Index v, const ShankCheck& check, VertexDepth& depth) { depth = check.depth(v, band); });
+  const auto is_contact = [](const VertexDepth& d) { return d.depth > 0.0; };
+  if (std::ranges::none_of(section_depths,
+                           [&](const auto& d) { return std::ranges::any_of(d, is_contact); }))
     return std::nullopt;
   const Thickness thickness(design_w);
-  each([&](Index v, const ShankCheck& one, Depth& depth) {
-    if (goes_in(depth)) depth = one.within(thickness, v, depth, band);
+  visit_vertices([&](Index v, const ShankCheck& check, VertexDepth& depth) {
+    if (is_contact(depth)) depth = check.depth_inside_part(thickness, v, depth, band);
   });
-  for (const std::vector<Depth>& one : of_pieces)
+  for (const std::vector<VertexDepth>& section : section_depths)
     for (std::size_t v = 0; v < depths.size(); ++v)
-      if (one[v].depth > depths[v].depth) depths[v] = one[v];
-  const ShankContact contact = summed(depths, passed);
+      if (section[v].depth > depths[v].depth) depths[v] = section[v];
+  const ShankContact contact = summarize(depths, max_tolerated);
   return contact.vertices > 0 ? std::optional(contact) : std::nullopt;
 }
 

@@ -16,22 +16,22 @@
 /// structures, and the contact of the non-cutting parts of a tool with a design.
 namespace abbe::cutting {
 
-/// A closed surface with triangles counter-clockwise seen from outside. A skin enlarges it by a
-/// ball that rolls around it; a triangle may then be a line or a point.
+/// A closed surface with triangles counter-clockwise seen from outside. A skin enlarges the surface
+/// by the radius of a ball; with a skin a triangle may degenerate to a line or a point.
 struct ClosedMesh {
   Points vertices;      ///< (n x 3) mm
   Triangles triangles;  ///< (m x 3)
-  double skin = 0.0;    ///< mm, radius of that ball
+  double skin = 0.0;    ///< mm, radius of the ball
 };
 
-/// Returns a box about its centre, mm.
+/// Returns a box with its centre at the origin, mm.
 /// @throws std::invalid_argument for a size that is not positive
 ClosedMesh box_mesh(const Eigen::Vector3d& size);
 
 /// Returns a body of revolution about z. Its facets lie outside it, by at most `sag` (mm), so that
 /// no contact is missed.
-/// @param profile  (n x 2) radius and height, mm, upwards: heights never fall, so there is no bore.
-///                 Ends off the axis are closed by a disc.
+/// @param profile  (n x 2) radius and height, mm; heights must not fall, so a bore is not possible.
+///                 A disc closes an end off the axis.
 /// @throws std::invalid_argument for fewer than two points, radii below zero or all zero, heights
 ///         that fall, equal neighbours, or a sag that is not positive
 ClosedMesh revolved_mesh(const Eigen::MatrixX2d& profile, double sag);
@@ -46,14 +46,14 @@ ClosedMesh sphere_mesh(double radius, double sag);
 ///         that is not positive
 ClosedMesh extruded_mesh(const Eigen::MatrixX2d& outline, double height);
 
-/// Returns a milling cutter in its frame t, tip at the origin, with facets as those of
+/// Returns the mesh of a milling cutter in its frame t, with the tip at the origin and facets as in
 /// `revolved_mesh`.
 /// @throws std::invalid_argument for an impossible cutter or a sag that is not positive
 ClosedMesh cutter_mesh(const Cutter& cutter, double sag);
 
-/// Returns the cutter in pieces. Its end is a disc, or a point, with the corner as skin, so that a
-/// ball end is exact; the flank is a cylinder. A form cutter is one piece, as `cutter_mesh`, a
-/// hollow one has a piece for each convex part.
+/// Returns the meshes whose union is the cutter. The end is a disc, or a point, with the corner as
+/// skin, so that a ball end is exact; the flank is a cylinder. A form cutter is a single mesh, as
+/// in `cutter_mesh`; a hollow one has a mesh for each convex part.
 std::vector<ClosedMesh> cutter_pieces(const Cutter& cutter, double sag);
 
 /// Returns the mesh transformed by T.
@@ -61,7 +61,7 @@ ClosedMesh moved(ClosedMesh mesh, const kinematics::Pose& T);
 
 struct BodySearch;
 
-/// A rigid body in the form in which distances to others are computed.
+/// A rigid body prepared for distance queries.
 struct Body {
   Eigen::Vector3d centre = Eigen::Vector3d::Zero();  ///< mm, of a ball around it, in its own frame
   double radius = 0.0;                               ///< mm, of that ball
@@ -69,22 +69,20 @@ struct Body {
 };
 
 /// Returns the body of a mesh.
-/// @param mesh  may be open, such as a design, and is then its surface alone
+/// @param mesh  may be open, such as a design; the body is then the surface only
 /// @throws std::invalid_argument for a mesh without triangles, vertices that are not finite, or
 ///         triangles with invalid vertices
 Body make_body(const ClosedMesh& mesh);
-/// Returns one body made of pieces that overlap or touch.
-/// @throws std::invalid_argument as for each piece, or if there is none
-Body make_body(const std::vector<ClosedMesh>& pieces);
+/// Returns the body that is the union of meshes that overlap or touch.
+/// @throws std::invalid_argument as for a single mesh, or if there is none
+Body make_body(const std::vector<ClosedMesh>& meshes);
 
-/// Returns the body of one surface, divided into patches of the triangles in each cube of `size`
-/// mm. The surface must be closed, which is not checked. Patches that are equal to those of an
-/// earlier body are taken from there, so that a surface of which little changes costs little more
-/// than the comparison.
-/// @param before  body of an earlier state of the surface with the same size, or a body without
-///                search
+/// Returns the body of one surface, divided into patches: the triangles in each cube of `size` mm.
+/// The surface must be closed, which is not checked. Reuses the patches of an earlier body that are
+/// equal, so that after a small change the cost is little more than the comparison.
+/// @param previous  body of an earlier state of the surface with the same size, or an empty body
 /// @throws std::invalid_argument as `make_body`, or for a size that is not positive
-Body make_patched_body(const ClosedMesh& mesh, double size, const Body& before = {});
+Body make_patched_body(const ClosedMesh& mesh, double size, const Body& previous = {});
 
 /// Returns the farthest point of a body in a direction (unit, in its own frame).
 Eigen::Vector3d support_vertex(const Body& body, const Eigen::Vector3d& direction);
@@ -93,50 +91,51 @@ Eigen::Vector3d support_vertex(const Body& body, const Eigen::Vector3d& directio
 /// farthest point, mm.
 double extent(const Body& body, const Eigen::Vector3d& direction);
 
-/// Returns an upper bound of the distance that a point of the ball around a body has moved between
-/// two poses, mm.
+/// Returns an upper bound of the displacement of a body's points between two poses, mm: that of the
+/// ball around the body.
 double farthest(const kinematics::Pose& from, const kinematics::Pose& to, const Body& body);
 
-/// A convex piece of a tool that must not cut: of its shank, its collet or its holder.
-struct NonCuttingPiece {
+/// A convex section of the shank, the collet or the holder of a tool, which must not cut.
+struct NonCuttingSection {
   Cutter shape;       ///< relative to its own tip
   double base = 0.0;  ///< mm, height of that tip above the tip of the tool
 };
 
-/// Returns the pieces of a profile of revolution: a cone from each point to the next.
+/// Returns the sections of a profile of revolution: a cone from each point to the next.
 /// @param profile  (n x 2) mm, radius and height above the tip, rising
-std::vector<NonCuttingPiece> non_cutting_pieces(const Eigen::MatrixX2d& profile);
+std::vector<NonCuttingSection> non_cutting_pieces(const Eigen::MatrixX2d& profile);
 
 /// The contact of the non-cutting parts of a tool with the design.
 struct ShankContact {
-  int vertices = 0;      ///< number of vertices at which they are deeper than `passed`
-  double passed = 0.0;   ///< mm below the design that is tolerated
-  double deepest = 0.0;  ///< mm, depth below the nearest point of the design, at most the band
-  bool deeper = false;   ///< the search ended inside the tool, so the depth is a lower bound
-  int line = 0;          ///< program line of the deepest contact
-  int first_line = 0;    ///< earliest program line with a contact
+  int vertices = 0;     ///< number of vertices with a contact deeper than `passed`
+  double passed = 0.0;  ///< mm, tolerated depth below the design
+  double deepest =
+      0.0;  ///< mm, maximum depth below the nearest point of the design, at most the band
+  bool deeper = false;  ///< true if the search ended inside the tool: the depth is a lower bound
+  int line = 0;         ///< program line of the deepest contact
+  int first_line = 0;   ///< earliest program line with a contact
 };
 
 struct ShankOptions {
   double length = 0.0;                ///< mm, from the tip to the end of the shank
-  double band = 2.0;                  ///< mm below the design that are searched
+  double band = 2.0;                  ///< mm, depth of the search below the design
   std::optional<double> radius = {};  ///< mm, of the shank; empty: that of the cutter
 };
 
 /// Returns the contact of the shank, the cylinder from the end of the flank up to `length`, with
-/// the part if it is deeper than `rubbing` (stock.h; a quarter of its radius if that is less) at
+/// the part if it is deeper than `rubbing` (stock.h; a quarter of the radius if that is less) at
 /// any time of the motion, rapids included; otherwise nothing. The depth is measured from the
-/// nearest point of the design, so a shank that runs along a wall has none. All vertices count,
-/// judged or not. A shank that passes through the part without coming nearer to a vertex than the
-/// band is not detected.
+/// nearest point of the design, so a shank that slides along a wall has none. All vertices count,
+/// judged or not. Does not detect a shank that passes through the part farther than the band from
+/// every vertex.
 /// @throws std::invalid_argument as milled_surface
 std::optional<ShankContact> shank_contact(const Design& design_w, const Cutter& cutter,
                                           const CutterMotion& motion, const ShankOptions& options);
 
-/// Returns the contact of any pieces, at each vertex that of the deepest piece.
-/// @param band  mm below the design that are searched
+/// Returns the contact of several sections; at each vertex that of the deepest one.
+/// @param band  mm, depth of the search below the design
 std::optional<ShankContact> non_cutting_contact(const Design& design_w,
-                                                const std::vector<NonCuttingPiece>& pieces,
+                                                const std::vector<NonCuttingSection>& sections,
                                                 const CutterMotion& motion, double band);
 
 }  // namespace abbe::cutting

@@ -26,45 +26,46 @@ using Tree = fcl::BVHModel<fcl::OBBRSSd>;
 using kinematics::Pose;
 
 struct BodySearch {
-  struct Piece {
+  struct Component {
     Tree tree;
     ClosedMesh mesh;
-    bool closed = true;                  // closed itself, or a patch of a closed surface
-    std::array<int, 3> cube{};           // of a patch: its cell
-    Vector3d centre = Vector3d::Zero();  // of a ball that contains it
+    bool closed = true;                  // true also for a patch of a closed surface
+    std::array<int, 3> cube{};           // cell of a patch
+    Vector3d centre = Vector3d::Zero();  // of a ball that contains the component
     double radius = 0.0;
   };
-  std::vector<std::shared_ptr<const Piece>> pieces;
+  std::vector<std::shared_ptr<const Component>> components;
 };
 
 namespace {
 
-using Piece = BodySearch::Piece;
+using Component = BodySearch::Component;
 
-/// Returns the first vertex at the position of each vertex. A design has separate vertices on both
-/// sides of a sharp edge, whose positions agree to rounding.
-std::vector<int> by_place(const Points& vertices) {
-  constexpr double grain = 1e-7;  // mm
-  const auto place = [&](int i) {
-    const Eigen::RowVector3d at = (vertices.row(i) / grain).array().round() + 0.0;
-    return std::array<double, 3>{at[0], at[1], at[2]};
+/// Returns, for each vertex, the first vertex at the same position. A design has separate vertices
+/// on both sides of a sharp edge, whose positions agree to rounding.
+std::vector<int> representative_vertices(const Points& vertices) {
+  constexpr double resolution = 1e-7;  // mm
+  const auto rounded_position = [&](int i) {
+    const Eigen::RowVector3d cell = (vertices.row(i) / resolution).array().round() + 0.0;
+    return std::array<double, 3>{cell[0], cell[1], cell[2]};
   };
   std::vector<int> order(std::size_t(vertices.rows())), first(order.size());
   std::iota(order.begin(), order.end(), 0);
-  std::ranges::stable_sort(order, {}, place);
+  std::ranges::stable_sort(order, {}, rounded_position);
   for (std::size_t i = 0; i < order.size(); ++i) {
-    const bool is_new = i == 0 || place(order[i]) != place(order[i - 1]);
+    const bool is_new = i == 0 || rounded_position(order[i]) != rounded_position(order[i - 1]);
     first[std::size_t(order[i])] = is_new ? order[i] : first[std::size_t(order[i - 1])];
   }
   return first;
 }
 
 bool is_closed(const ClosedMesh& mesh) {
-  const std::vector<int> vertex = by_place(mesh.vertices);
+  const std::vector<int> vertex = representative_vertices(mesh.vertices);
   std::vector<std::pair<int, int>> edges;
-  for (const auto& t : mesh.triangles.rowwise())
+  for (const auto& triangle : mesh.triangles.rowwise())
     for (int k = 0; k < 3; ++k)
-      edges.emplace_back(vertex[std::size_t(t[k])], vertex[std::size_t(t[(k + 1) % 3])]);
+      edges.emplace_back(vertex[std::size_t(triangle[k])],
+                         vertex[std::size_t(triangle[(k + 1) % 3])]);
   std::ranges::sort(edges);
   return std::ranges::all_of(edges, [&](const auto& edge) {
     return std::ranges::binary_search(edges, std::pair(edge.second, edge.first));
@@ -76,21 +77,23 @@ double ball_radius(const ClosedMesh& mesh, const Vector3d& centre) {
   return mesh.skin + (mesh.vertices.rowwise() - centre.transpose()).rowwise().norm().maxCoeff();
 }
 
-Piece open_piece_of(const ClosedMesh& mesh) {
+Component make_open_component(const ClosedMesh& mesh) {
   std::vector<fcl::Vector3d> vertices;
   for (const auto& row : mesh.vertices.rowwise()) vertices.emplace_back(row.transpose());
   std::vector<fcl::Triangle> triangles;
-  for (const auto& t : mesh.triangles.rowwise())
-    triangles.emplace_back(std::size_t(t[0]), std::size_t(t[1]), std::size_t(t[2]));
-  Piece piece;
-  piece.mesh = mesh;
-  piece.closed = false;
-  piece.centre = 0.5 * (mesh.vertices.colwise().minCoeff() + mesh.vertices.colwise().maxCoeff());
-  piece.radius = ball_radius(mesh, piece.centre);
-  piece.tree.beginModel(int(triangles.size()), int(vertices.size()));
-  piece.tree.addSubModel(vertices, triangles);
-  piece.tree.endModel();
-  return piece;
+  for (const auto& triangle : mesh.triangles.rowwise())
+    triangles.emplace_back(std::size_t(triangle[0]), std::size_t(triangle[1]),
+                           std::size_t(triangle[2]));
+  Component component;
+  component.mesh = mesh;
+  component.closed = false;
+  component.centre =
+      0.5 * (mesh.vertices.colwise().minCoeff() + mesh.vertices.colwise().maxCoeff());
+  component.radius = ball_radius(mesh, component.centre);
+  component.tree.beginModel(int(triangles.size()), int(vertices.size()));
+  component.tree.addSubModel(vertices, triangles);
+  component.tree.endModel();
+  return component;
 }
 
 void check(const ClosedMesh& mesh) {
@@ -101,28 +104,28 @@ void check(const ClosedMesh& mesh) {
   require(mesh.skin >= 0.0, "body: a skin must not be below zero");
 }
 
-Piece piece_of(const ClosedMesh& mesh) {
+Component make_component(const ClosedMesh& mesh) {
   check(mesh);
-  Piece piece = open_piece_of(mesh);
-  piece.closed = is_closed(mesh);
-  return piece;
+  Component component = make_open_component(mesh);
+  component.closed = is_closed(mesh);
+  return component;
 }
 
 }  // namespace
 
 Body make_body(const ClosedMesh& mesh) { return make_body(std::vector<ClosedMesh>{mesh}); }
 
-Body make_body(const std::vector<ClosedMesh>& pieces) {
-  require(!pieces.empty(), "body: it has no pieces");
+Body make_body(const std::vector<ClosedMesh>& meshes) {
+  require(!meshes.empty(), "body: it has no pieces");
   auto search = std::make_shared<BodySearch>();
   Eigen::AlignedBox3d box;
-  for (const ClosedMesh& mesh : pieces) {
-    search->pieces.push_back(std::make_shared<const Piece>(piece_of(mesh)));
+  for (const ClosedMesh& mesh : meshes) {
+    search->components.push_back(std::make_shared<const Component>(make_component(mesh)));
     for (const auto& row : mesh.vertices.rowwise()) box.extend(row.transpose());
   }
   Body body;
   body.centre = box.center();
-  for (const ClosedMesh& mesh : pieces)
+  for (const ClosedMesh& mesh : meshes)
     body.radius = std::max(body.radius, ball_radius(mesh, body.centre));
   body.search = std::move(search);
   return body;
@@ -135,36 +138,36 @@ using Cube = std::array<int, 3>;
 /// Splits a mesh into patches by the cubes that contain the centroids of its triangles. Each patch
 /// has its own vertices.
 /// @param size  mm, edge of a cube
-std::map<Cube, ClosedMesh> patches_of(const ClosedMesh& mesh, double size) {
-  std::map<Cube, std::vector<Eigen::Index>> in_cube;
+std::map<Cube, ClosedMesh> split_into_patches(const ClosedMesh& mesh, double size) {
+  std::map<Cube, std::vector<Eigen::Index>> triangles_by_cube;
   for (Eigen::Index t = 0; t < mesh.triangles.rows(); ++t) {
-    const Eigen::RowVector3d middle =
+    const Eigen::RowVector3d centroid =
         (mesh.vertices.row(mesh.triangles(t, 0)) + mesh.vertices.row(mesh.triangles(t, 1)) +
          mesh.vertices.row(mesh.triangles(t, 2))) /
         3.0;
     Cube cube;
-    for (int k = 0; k < 3; ++k) cube[std::size_t(k)] = int(std::floor(middle[k] / size));
-    in_cube[cube].push_back(t);
+    for (int k = 0; k < 3; ++k) cube[std::size_t(k)] = int(std::floor(centroid[k] / size));
+    triangles_by_cube[cube].push_back(t);
   }
   std::map<Cube, ClosedMesh> patches;
-  std::vector<int> number(std::size_t(mesh.vertices.rows()), -1);
-  for (const auto& [cube, triangles] : in_cube) {
+  std::vector<int> vertex_numbers(std::size_t(mesh.vertices.rows()), -1);
+  for (const auto& [cube, triangles] : triangles_by_cube) {
     ClosedMesh& patch = patches[cube];
     patch.skin = mesh.skin;
     patch.triangles.resize(Eigen::Index(triangles.size()), 3);
-    std::vector<int> used;
+    std::vector<int> patch_vertices;
     for (std::size_t i = 0; i < triangles.size(); ++i)
       for (int k = 0; k < 3; ++k) {
         const int vertex = mesh.triangles(triangles[i], k);
-        int& own = number[std::size_t(vertex)];
-        if (own < 0) {
-          own = int(used.size());
-          used.push_back(vertex);
+        int& patch_vertex = vertex_numbers[std::size_t(vertex)];
+        if (patch_vertex < 0) {
+          patch_vertex = int(patch_vertices.size());
+          patch_vertices.push_back(vertex);
         }
-        patch.triangles(Eigen::Index(i), k) = own;
+        patch.triangles(Eigen::Index(i), k) = patch_vertex;
       }
-    patch.vertices = mesh.vertices(used, Eigen::all);
-    for (const int vertex : used) number[std::size_t(vertex)] = -1;
+    patch.vertices = mesh.vertices(patch_vertices, Eigen::all);
+    for (const int vertex : patch_vertices) vertex_numbers[std::size_t(vertex)] = -1;
   }
   return patches;
 }
@@ -176,28 +179,29 @@ bool is_same(const ClosedMesh& a, const ClosedMesh& b) {
 
 }  // namespace
 
-Body make_patched_body(const ClosedMesh& mesh, double size, const Body& before) {
+Body make_patched_body(const ClosedMesh& mesh, double size, const Body& previous_body) {
   require(size > 0.0, "body: patches must have a size");
   check(mesh);
-  std::map<Cube, std::shared_ptr<const Piece>> had;
-  if (before.search)
-    for (const auto& piece : before.search->pieces) had[piece->cube] = piece;
-  const std::map<Cube, ClosedMesh> patches = patches_of(mesh, size);
-  std::vector<const std::pair<const Cube, ClosedMesh>*> all;
-  for (const auto& patch : patches) all.push_back(&patch);
+  std::map<Cube, std::shared_ptr<const Component>> previous_components;
+  if (previous_body.search)
+    for (const auto& component : previous_body.search->components)
+      previous_components[component->cube] = component;
+  const std::map<Cube, ClosedMesh> patches = split_into_patches(mesh, size);
+  std::vector<const std::pair<const Cube, ClosedMesh>*> patch_list;
+  for (const auto& patch : patches) patch_list.push_back(&patch);
   auto search = std::make_shared<BodySearch>();
-  search->pieces.resize(all.size());
-  tbb::parallel_for(std::size_t(0), all.size(), [&](std::size_t i) {
-    const auto& [cube, patch] = *all[i];
-    const auto kept = had.find(cube);
-    if (kept != had.end() && is_same(kept->second->mesh, patch)) {
-      search->pieces[i] = kept->second;
+  search->components.resize(patch_list.size());
+  tbb::parallel_for(std::size_t(0), patch_list.size(), [&](std::size_t i) {
+    const auto& [cube, patch] = *patch_list[i];
+    const auto previous = previous_components.find(cube);
+    if (previous != previous_components.end() && is_same(previous->second->mesh, patch)) {
+      search->components[i] = previous->second;
       return;
     }
-    Piece piece = open_piece_of(patch);
-    piece.closed = true;
-    piece.cube = cube;
-    search->pieces[i] = std::make_shared<const Piece>(std::move(piece));
+    Component component = make_open_component(patch);
+    component.closed = true;
+    component.cube = cube;
+    search->components[i] = std::make_shared<const Component>(std::move(component));
   });
   Body body;
   body.centre = 0.5 * (mesh.vertices.colwise().minCoeff() + mesh.vertices.colwise().maxCoeff());
@@ -206,50 +210,54 @@ Body make_patched_body(const ClosedMesh& mesh, double size, const Body& before) 
   return body;
 }
 
-std::vector<Ball> hull_balls(const Body& body, std::size_t most) {
+std::vector<Ball> hull_balls(const Body& body, std::size_t max_balls) {
   std::vector<Ball> balls;
-  for (const auto& piece : body.search->pieces) {
-    if (balls.size() + std::size_t(piece->mesh.vertices.rows()) > most) return {};
-    for (const auto& row : piece->mesh.vertices.rowwise())
-      balls.push_back({row.transpose(), piece->mesh.skin});
+  for (const auto& component : body.search->components) {
+    if (balls.size() + std::size_t(component->mesh.vertices.rows()) > max_balls) return {};
+    for (const auto& row : component->mesh.vertices.rowwise())
+      balls.push_back({row.transpose(), component->mesh.skin});
   }
   return balls;
 }
 
 BodyBalls split_into_balls(const Body& body) {
-  BodyBalls found;
-  auto rest = std::make_shared<BodySearch>();
-  for (const auto& piece : body.search->pieces) {
-    const Points& vertices = piece->mesh.vertices;
+  BodyBalls result;
+  auto other_components = std::make_shared<BodySearch>();
+  for (const auto& component : body.search->components) {
+    const Points& vertices = component->mesh.vertices;
     if ((vertices.rowwise() - vertices.row(0)).isZero(0.0))
-      found.balls.push_back({vertices.row(0), piece->mesh.skin});
+      result.balls.push_back({vertices.row(0), component->mesh.skin});
     else
-      rest->pieces.push_back(piece);
+      other_components->components.push_back(component);
   }
-  if (!rest->pieces.empty()) found.rest = Body{body.centre, body.radius, std::move(rest)};
-  return found;
+  if (!other_components->components.empty())
+    result.rest = Body{body.centre, body.radius, std::move(other_components)};
+  return result;
 }
 
 Body ball_sweep_body(const Points& centres, double radius) {
-  const Eigen::Index lines = centres.rows() - 1;
-  require(lines >= 1, "swept ball: expected two places of its centre");
-  ClosedMesh mesh{centres, Triangles(lines, 3), radius};
-  for (Eigen::Index i = 0; i < lines; ++i) mesh.triangles.row(i) << int(i), int(i + 1), int(i + 1);
+  const Eigen::Index segment_count = centres.rows() - 1;
+  require(segment_count >= 1, "swept ball: expected two places of its centre");
+  ClosedMesh mesh{centres, Triangles(segment_count, 3), radius};
+  for (Eigen::Index i = 0; i < segment_count; ++i)
+    mesh.triangles.row(i) << int(i), int(i + 1), int(i + 1);
   return make_body(mesh);
 }
 
 Vector3d support_vertex(const Body& body, const Vector3d& direction) {
-  double most = -std::numeric_limits<double>::infinity();
-  Vector3d farthest = Vector3d::Zero();
-  for (const auto& piece : body.search->pieces) {
-    if (!(piece->centre.dot(direction) + piece->radius > most)) continue;
+  double max_height = -std::numeric_limits<double>::infinity();
+  Vector3d support_point = Vector3d::Zero();
+  for (const auto& component : body.search->components) {
+    if (!(component->centre.dot(direction) + component->radius > max_height)) continue;
     Eigen::Index vertex = 0;
-    const double height = piece->mesh.skin + (piece->mesh.vertices * direction).maxCoeff(&vertex);
-    if (height <= most) continue;
-    most = height;
-    farthest = piece->mesh.vertices.row(vertex).transpose() + piece->mesh.skin * direction;
+    const double height =
+        component->mesh.skin + (component->mesh.vertices * direction).maxCoeff(&vertex);
+    if (height <= max_height) continue;
+    max_height = height;
+    support_point =
+        component->mesh.vertices.row(vertex).transpose() + component->mesh.skin * direction;
   }
-  return farthest;
+  return support_point;
 }
 
 double extent(const Body& body, const Vector3d& direction) {
@@ -258,28 +266,28 @@ double extent(const Body& body, const Vector3d& direction) {
 
 double farthest(const Pose& from, const Pose& to, const Body& body) {
   // The norm is 2 sqrt(2) sin(angle / 2), so this is the chord of a unit circle.
-  const double turn = (to.linear() - from.linear()).norm() / std::numbers::sqrt2;
-  return (to * body.centre - from * body.centre).norm() + turn * body.radius;
+  const double rotation_chord = (to.linear() - from.linear()).norm() / std::numbers::sqrt2;
+  return (to * body.centre - from * body.centre).norm() + rotation_chord * body.radius;
 }
 
 namespace {
 
-/// Searches two trees for their nearest triangles, with b posed in the frame of a and skins around
-/// both. Used instead of FCL's own search, which has no adjustable tolerance.
+/// Search for the nearest triangles of two trees with skins, with b posed in the frame of a. FCL's
+/// own search has no adjustable tolerance.
 class NearestTriangles {
  public:
-  /// @param skins  mm, sum of both skins
-  /// @param most   mm between the meshes; larger distances are not found
-  /// @param share  permitted relative error of the distance
-  NearestTriangles(const Tree& a, const Tree& b, const Pose& T_ab, double skins, double most,
-                   double share)
+  /// @param skins           mm, sum of both skins
+  /// @param max_distance    mm between the meshes; larger distances are not found
+  /// @param relative_error  permitted error of the distance
+  NearestTriangles(const Tree& a, const Tree& b, const Pose& T_ab, double skins,
+                   double max_distance, double relative_error)
       : a_(a),
         b_(b),
         R_(T_ab.linear()),
         t_(T_ab.translation()),
-        keep_(1.0 / (1.0 + share)),
+        improvement_factor_(1.0 / (1.0 + relative_error)),
         skins_(skins) {
-    nearest.distance = most;
+    nearest.distance = max_distance;
     descend(0, 0);
   }
 
@@ -289,69 +297,78 @@ class NearestTriangles {
   using Node = fcl::BVNode<fcl::OBBRSSd>;
   using Corners = std::array<Vector3d, 3>;
 
-  /// Returns a triangle of a in the frame of b. The last one is cached, because it is compared with
+  /// Returns a triangle of a in the frame of b. Caches the last one, because it is compared with
   /// many boxes of b in succession.
-  const Corners& seen_from_b(int triangle) {
-    if (triangle == last_of_a_) return from_b_;
-    last_of_a_ = triangle;
+  const Corners& triangle_of_a_in_b(int triangle) {
+    if (triangle == cached_of_a_) return corners_in_b_;
+    cached_of_a_ = triangle;
     const fcl::Triangle& s = a_.tri_indices[triangle];
-    for (std::size_t k = 0; k < 3; ++k) from_b_[k] = R_.transpose() * (a_.vertices[s[k]] - t_);
-    return from_b_;
+    for (std::size_t k = 0; k < 3; ++k)
+      corners_in_b_[k] = R_.transpose() * (a_.vertices[s[k]] - t_);
+    return corners_in_b_;
   }
-  const Corners& seen_from_a(int triangle) {
-    if (triangle == last_of_b_) return from_a_;
-    last_of_b_ = triangle;
+  const Corners& triangle_of_b_in_a(int triangle) {
+    if (triangle == cached_of_b_) return corners_in_a_;
+    cached_of_b_ = triangle;
     const fcl::Triangle& s = b_.tri_indices[triangle];
-    for (std::size_t k = 0; k < 3; ++k) from_a_[k] = R_ * b_.vertices[s[k]] + t_;
-    return from_a_;
+    for (std::size_t k = 0; k < 3; ++k) corners_in_a_[k] = R_ * b_.vertices[s[k]] + t_;
+    return corners_in_a_;
   }
 
-  static Vector3d nearest_of(const Corners& triangle, const Vector3d& point) {
+  static Vector3d nearest_point(const Corners& triangle, const Vector3d& point) {
     if (triangle[0] == triangle[1] && triangle[1] == triangle[2]) return triangle[0];
-    const auto found =
+    const auto projection =
         fcl::detail::Project<double>::projectTriangle(triangle[0], triangle[1], triangle[2], point);
     Vector3d nearest = Vector3d::Zero();
-    for (std::size_t k = 0; k < 3; ++k) nearest += found.parameterization[k] * triangle[k];
+    for (std::size_t k = 0; k < 3; ++k) nearest += projection.parameterization[k] * triangle[k];
     return nearest;
   }
 
-  /// Returns how far a box lies behind a plane of support of a triangle, the one through its point
-  /// nearest to the centre of the box: a lower bound of their distance.
-  static double parted(const Corners& triangle, const fcl::OBBd& box) {
-    const Vector3d way = box.To - nearest_of(triangle, box.To);
-    const double distance = way.norm();
+  /// Returns a lower bound of the distance between a triangle and a box: the distance of the box
+  /// from the plane through the triangle's point nearest to the centre of the box, normal to their
+  /// connection.
+  static double box_distance_bound(const Corners& triangle, const fcl::OBBd& box) {
+    const Vector3d displacement = box.To - nearest_point(triangle, box.To);
+    const double distance = displacement.norm();
     if (!(distance > 0.0)) return 0.0;
-    return distance - box.extent.dot((box.axis.transpose() * way).cwiseAbs()) / distance;
+    return distance - box.extent.dot((box.axis.transpose() * displacement).cwiseAbs()) / distance;
   }
 
   /// Returns a lower bound of the distance between the contents of two nodes. For a single triangle
   /// the bound of FCL is loose, because it encloses the triangle in a rectangle.
   double bound(int i, int j) {
-    const Node &of_a = a_.getBV(i), &of_b = b_.getBV(j);
-    if (of_a.isLeaf() && of_b.isLeaf()) return 0.0;
-    if (of_a.isLeaf()) return parted(seen_from_b(of_a.primitiveId()), of_b.bv.obb);
-    if (of_b.isLeaf()) return parted(seen_from_a(of_b.primitiveId()), of_a.bv.obb);
-    return fcl::distance(R_, t_, of_a.bv, of_b.bv);
+    const Node &node_a = a_.getBV(i), &node_b = b_.getBV(j);
+    if (node_a.isLeaf() && node_b.isLeaf()) return 0.0;
+    if (node_a.isLeaf())
+      return box_distance_bound(triangle_of_a_in_b(node_a.primitiveId()), node_b.bv.obb);
+    if (node_b.isLeaf())
+      return box_distance_bound(triangle_of_b_in_a(node_b.primitiveId()), node_a.bv.obb);
+    return fcl::distance(R_, t_, node_a.bv, node_b.bv);
   }
 
   void descend(int i, int j) {
-    const auto &of_a = a_.getBV(i), &of_b = b_.getBV(j);
-    if (of_a.isLeaf() && of_b.isLeaf()) return look(of_a.primitiveId(), of_b.primitiveId());
+    const auto &node_a = a_.getBV(i), &node_b = b_.getBV(j);
+    if (node_a.isLeaf() && node_b.isLeaf())
+      return compare_triangles(node_a.primitiveId(), node_b.primitiveId());
     // The larger box is divided, so that both shrink at the same rate. The nearer half is visited
     // first, because it gives the tighter limit for the other.
-    const bool divide_a = of_b.isLeaf() || (!of_a.isLeaf() && of_a.bv.size() > of_b.bv.size());
-    std::array<std::array<int, 2>, 2> next = {{{i, of_b.first_child}, {i, of_b.first_child + 1}}};
-    if (divide_a) next = {{{of_a.first_child, j}, {of_a.first_child + 1, j}}};
-    std::array<double, 2> least = {bound(next[0][0], next[0][1]), bound(next[1][0], next[1][1])};
-    if (least[1] < least[0]) {
-      std::swap(least[0], least[1]);
-      std::swap(next[0], next[1]);
+    const bool splits_a =
+        node_b.isLeaf() || (!node_a.isLeaf() && node_a.bv.size() > node_b.bv.size());
+    std::array<std::array<int, 2>, 2> pairs = {
+        {{i, node_b.first_child}, {i, node_b.first_child + 1}}};
+    if (splits_a) pairs = {{{node_a.first_child, j}, {node_a.first_child + 1, j}}};
+    std::array<double, 2> bounds = {bound(pairs[0][0], pairs[0][1]),
+                                    bound(pairs[1][0], pairs[1][1])};
+    if (bounds[1] < bounds[0]) {
+      std::swap(bounds[0], bounds[1]);
+      std::swap(pairs[0], pairs[1]);
     }
     for (std::size_t k = 0; k < 2; ++k)
-      if (least[k] - skins_ < keep_ * (nearest.distance - skins_)) descend(next[k][0], next[k][1]);
+      if (bounds[k] - skins_ < improvement_factor_ * (nearest.distance - skins_))
+        descend(pairs[k][0], pairs[k][1]);
   }
 
-  void look(int i, int j) {
+  void compare_triangles(int i, int j) {
     const fcl::Triangle &s = a_.tri_indices[i], &t = b_.tri_indices[j];
     Vector3d on_a, on_b;
     const double distance = fcl::detail::TriangleDistanced::triDistance(
@@ -363,29 +380,30 @@ class NearestTriangles {
   const Tree &a_, &b_;
   Eigen::Matrix3d R_;
   Vector3d t_;
-  double keep_, skins_;
-  int last_of_a_ = -1, last_of_b_ = -1;
-  Corners from_a_, from_b_;
+  double improvement_factor_, skins_;
+  int cached_of_a_ = -1, cached_of_b_ = -1;
+  Corners corners_in_a_, corners_in_b_;
 };
 
-/// Two pieces and a lower bound of their distance, mm.
-struct PiecePair {
-  const Piece* one;
-  const Piece* other;
-  double apart;
+/// Two components and a lower bound of their distance, mm.
+struct ComponentPair {
+  const Component* component_a;
+  const Component* component_b;
+  double min_distance;
 };
 
-/// Returns all pairs of pieces by ascending lower bound.
-std::vector<PiecePair> piece_pairs(const Body& a, const Body& b, const Pose& T_ab) {
-  std::vector<PiecePair> pairs;
-  pairs.reserve(a.search->pieces.size() * b.search->pieces.size());
-  for (const auto& other : b.search->pieces) {
-    const Vector3d centre = T_ab * other->centre;
-    for (const auto& one : a.search->pieces)
+/// Returns all pairs of components in the order of their lower bounds.
+std::vector<ComponentPair> component_pairs(const Body& a, const Body& b, const Pose& T_ab) {
+  std::vector<ComponentPair> pairs;
+  pairs.reserve(a.search->components.size() * b.search->components.size());
+  for (const auto& component_b : b.search->components) {
+    const Vector3d centre = T_ab * component_b->centre;
+    for (const auto& component_a : a.search->components)
       pairs.push_back(
-          {one.get(), other.get(), (one->centre - centre).norm() - one->radius - other->radius});
+          {component_a.get(), component_b.get(),
+           (component_a->centre - centre).norm() - component_a->radius - component_b->radius});
   }
-  if (pairs.size() > 1) std::ranges::stable_sort(pairs, {}, &PiecePair::apart);
+  if (pairs.size() > 1) std::ranges::stable_sort(pairs, {}, &ComponentPair::min_distance);
   return pairs;
 }
 
@@ -394,20 +412,23 @@ std::vector<PiecePair> piece_pairs(const Body& a, const Body& b, const Pose& T_a
 Gap gap(const Body& a, const Pose& T_a, const Body& b, const Pose& T_b, const GapOptions& options) {
   const Pose T_ab = T_a.inverse() * T_b;
   Gap nearest;
-  nearest.distance = options.most;
-  for (const auto& [one, other, apart] : piece_pairs(a, b, T_ab)) {
-    if (!(apart < nearest.distance)) break;
-    const double skins = one->mesh.skin + other->mesh.skin;
-    const double most = nearest.distance + skins;
-    Gap found = NearestTriangles(one->tree, other->tree, T_ab, skins, most, options.share).nearest;
-    if (!(found.distance < most)) continue;
-    // The nearest points are moved from the meshes to the surfaces of the skins.
-    const Vector3d way = found.on_b - found.on_a;
-    if (const double length = way.norm(); length > 0.0) {
-      found.on_a += std::min(one->mesh.skin, length) / length * way;
-      found.on_b -= std::min(other->mesh.skin, length) / length * way;
+  nearest.distance = options.max_distance;
+  for (const auto& [component_a, component_b, min_distance] : component_pairs(a, b, T_ab)) {
+    if (!(min_distance < nearest.distance)) break;
+    const double skins = component_a->mesh.skin + component_b->mesh.skin;
+    const double max_distance = nearest.distance + skins;
+    Gap candidate = NearestTriangles(component_a->tree, component_b->tree, T_ab, skins,
+                                     max_distance, options.relative_error)
+                        .nearest;
+    if (!(candidate.distance < max_distance)) continue;
+    // Move the nearest points from the meshes to the surfaces of the skins.
+    const Vector3d displacement = candidate.on_b - candidate.on_a;
+    if (const double length = displacement.norm(); length > 0.0) {
+      candidate.on_a += std::min(component_a->mesh.skin, length) / length * displacement;
+      candidate.on_b -= std::min(component_b->mesh.skin, length) / length * displacement;
     }
-    nearest = {std::max(0.0, found.distance - skins), T_a * found.on_a, T_a * found.on_b};
+    nearest = {std::max(0.0, candidate.distance - skins), T_a * candidate.on_a,
+               T_a * candidate.on_b};
     if (nearest.distance == 0.0) return nearest;
   }
   return nearest;
@@ -415,49 +436,56 @@ Gap gap(const Body& a, const Pose& T_a, const Body& b, const Pose& T_b, const Ga
 
 namespace {
 
-/// Collects pairs of triangles of two trees that are no farther apart than `within`, with b posed
-/// in the frame of a.
+/// The pairs of triangles of two trees whose distance is at most `max_distance`, with b posed in
+/// the frame of a.
 class NearTriangles {
  public:
-  NearTriangles(const Piece& a, const Piece& b, const Pose& T_ab, double within, std::size_t most)
+  NearTriangles(const Component& a, const Component& b, const Pose& T_ab, double max_distance,
+                std::size_t max_pairs)
       : a_(a),
         b_(b),
         R_(T_ab.linear()),
         t_(T_ab.translation()),
         skins_(a.mesh.skin + b.mesh.skin),
-        within_(within + skins_) {
-    descend(0, 0, most);
+        max_distance_(max_distance + skins_) {
+    descend(0, 0, max_pairs);
   }
 
-  std::vector<TrianglePair> found;
+  std::vector<TrianglePair> pairs;
 
  private:
-  /// Returns true if a plane parallel to a face of either box separates them. The test of these six
-  /// axes misses some separated boxes but is much faster than all fifteen as in FCL.
-  bool are_separated(const fcl::OBBd& one, const fcl::OBBd& other) const {
-    const Eigen::Matrix3d R = one.axis.transpose() * (R_ * other.axis), size = R.cwiseAbs();
-    const Vector3d way = R_ * other.To + (t_ - one.To), t = one.axis.transpose() * way;
-    const Vector3d extent = other.extent + Vector3d::Constant(within_);
-    if (((t.cwiseAbs() - one.extent - size * extent).array() > 0.0).any()) return true;
-    const Vector3d back = R.transpose() * t;
-    return ((back.cwiseAbs() - extent - size.transpose() * one.extent).array() > 0.0).any();
+  /// Returns true if a plane parallel to a face of either box separates the boxes. Testing these
+  /// six axes misses some separated boxes, but is much faster than all fifteen as in FCL.
+  bool are_separated(const fcl::OBBd& box_a, const fcl::OBBd& box_b) const {
+    const Eigen::Matrix3d R = box_a.axis.transpose() * (R_ * box_b.axis), abs_R = R.cwiseAbs();
+    const Vector3d displacement = R_ * box_b.To + (t_ - box_a.To),
+                   t = box_a.axis.transpose() * displacement;
+    const Vector3d extent = box_b.extent + Vector3d::Constant(max_distance_);
+    if (((t.cwiseAbs() - box_a.extent - abs_R * extent).array() > 0.0).any()) return true;
+    const Vector3d displacement_in_b = R.transpose() * t;
+    return ((displacement_in_b.cwiseAbs() - extent - abs_R.transpose() * box_a.extent).array() >
+            0.0)
+        .any();
   }
 
-  /// Limits the first half to half of the pairs wanted, so that they do not all come from one
-  /// corner.
-  void descend(int i, int j, std::size_t most) {
-    const auto &of_a = a_.tree.getBV(i), &of_b = b_.tree.getBV(j);
-    if (most == 0 || are_separated(of_a.bv.obb, of_b.bv.obb)) return;
-    if (of_a.isLeaf() && of_b.isLeaf()) return look(of_a.primitiveId(), of_b.primitiveId());
-    const bool divide_a = of_b.isLeaf() || (!of_a.isLeaf() && of_a.bv.size() > of_b.bv.size());
-    const std::size_t before = found.size();
-    divide_a ? descend(of_a.first_child, j, (most + 1) / 2)
-             : descend(i, of_b.first_child, (most + 1) / 2);
-    most -= found.size() - before;
-    divide_a ? descend(of_a.first_child + 1, j, most) : descend(i, of_b.first_child + 1, most);
+  /// Collects the pairs below two nodes. The first half may take only half of the limit, so that
+  /// the pairs do not all come from one corner.
+  void descend(int i, int j, std::size_t max_pairs) {
+    const auto &node_a = a_.tree.getBV(i), &node_b = b_.tree.getBV(j);
+    if (max_pairs == 0 || are_separated(node_a.bv.obb, node_b.bv.obb)) return;
+    if (node_a.isLeaf() && node_b.isLeaf())
+      return test_pair(node_a.primitiveId(), node_b.primitiveId());
+    const bool splits_a =
+        node_b.isLeaf() || (!node_a.isLeaf() && node_a.bv.size() > node_b.bv.size());
+    const std::size_t previous_count = pairs.size();
+    splits_a ? descend(node_a.first_child, j, (max_pairs + 1) / 2)
+             : descend(i, node_b.first_child, (max_pairs + 1) / 2);
+    max_pairs -= pairs.size() - previous_count;
+    splits_a ? descend(node_a.first_child + 1, j, max_pairs)
+             : descend(i, node_b.first_child + 1, max_pairs);
   }
 
-  void look(int i, int j) {
+  void test_pair(int i, int j) {
     const fcl::Triangle &s = a_.tree.tri_indices[i], &t = b_.tree.tri_indices[j];
     TrianglePair pair;
     pair.skins = skins_;
@@ -465,88 +493,94 @@ class NearTriangles {
       pair.of_a[k] = a_.tree.vertices[s[k]];
       pair.of_b[k] = R_ * b_.tree.vertices[t[k]] + t_;
     }
-    if (gap(pair, Vector3d::Zero()).distance <= within_ - skins_) found.push_back(pair);
+    if (gap(pair, Vector3d::Zero()).distance <= max_distance_ - skins_) pairs.push_back(pair);
   }
 
-  const Piece &a_, &b_;
+  const Component &a_, &b_;
   Eigen::Matrix3d R_;
   Vector3d t_;
-  double skins_, within_;
+  double skins_, max_distance_;
 };
 
 }  // namespace
 
-std::vector<TrianglePair> near_pairs(const Body& a, const Body& b, const Pose& T_ab, double within,
-                                     std::size_t most) {
-  std::vector<std::pair<const Piece*, const Piece*>> pieces;
-  for (const auto& other : b.search->pieces) {
-    const Vector3d centre = T_ab * other->centre;
-    for (const auto& one : a.search->pieces)
-      if ((one->centre - centre).norm() - one->radius - other->radius <= within)
-        pieces.emplace_back(one.get(), other.get());
+std::vector<TrianglePair> near_pairs(const Body& a, const Body& b, const Pose& T_ab,
+                                     double max_distance, std::size_t max_pairs) {
+  std::vector<std::pair<const Component*, const Component*>> component_pairs;
+  for (const auto& component_b : b.search->components) {
+    const Vector3d centre = T_ab * component_b->centre;
+    for (const auto& component_a : a.search->components)
+      if ((component_a->centre - centre).norm() - component_a->radius - component_b->radius <=
+          max_distance)
+        component_pairs.emplace_back(component_a.get(), component_b.get());
   }
-  std::vector<TrianglePair> all;
-  for (std::size_t i = 0; i < pieces.size() && all.size() < most; ++i) {
-    const std::size_t left = pieces.size() - i, share = (most - all.size() + left - 1) / left;
-    const auto& [one, other] = pieces[i];
-    const std::vector<TrianglePair> found = NearTriangles(*one, *other, T_ab, within, share).found;
-    all.insert(all.end(), found.begin(), found.end());
+  std::vector<TrianglePair> pairs;
+  for (std::size_t i = 0; i < component_pairs.size() && pairs.size() < max_pairs; ++i) {
+    const std::size_t remaining = component_pairs.size() - i,
+                      quota = (max_pairs - pairs.size() + remaining - 1) / remaining;
+    const auto& [component_a, component_b] = component_pairs[i];
+    const std::vector<TrianglePair> near =
+        NearTriangles(*component_a, *component_b, T_ab, max_distance, quota).pairs;
+    pairs.insert(pairs.end(), near.begin(), near.end());
   }
-  return all;
+  return pairs;
 }
 
-Gap gap(const TrianglePair& pair, const Vector3d& moved) {
+Gap gap(const TrianglePair& pair, const Vector3d& translation) {
   const auto &a = pair.of_a, &b = pair.of_b;
-  Gap found;
-  found.distance = fcl::detail::TriangleDistanced::triDistance(
-      a[0], a[1], a[2], b[0] + moved, b[1] + moved, b[2] + moved, found.on_a, found.on_b);
-  found.distance -= pair.skins;
-  return found;
+  Gap result;
+  result.distance = fcl::detail::TriangleDistanced::triDistance(
+      a[0], a[1], a[2], b[0] + translation, b[1] + translation, b[2] + translation, result.on_a,
+      result.on_b);
+  result.distance -= pair.skins;
+  return result;
 }
 
 namespace {
 
-/// Computes the winding number of a closed surface about a point from the crossings of a ray. The
-/// point is on the same side of an edge, bit for bit, for both of its triangles, so no crossing is
+/// The winding number of a closed surface about a point from the crossings of a ray. For both
+/// triangles of an edge the ray is on the same side of the edge, bit for bit, so no crossing is
 /// missed or counted twice.
-class Crossings {
+class RayCrossings {
  public:
   /// @param frame  rotation whose third column is the direction of the ray
-  Crossings(const Piece& shell, const Vector3d& point, const Eigen::Matrix3d& frame)
-      : shell_(shell), point_(point), across_(frame.transpose()) {
+  RayCrossings(const Component& component, const Vector3d& point, const Eigen::Matrix3d& frame)
+      : component_(component), point_(point), to_frame_(frame.transpose()) {
     descend(0);
   }
 
   int sum = 0;
-  bool is_sure = true;  ///< false if the ray hits an edge, so that `sum` means nothing
+  bool is_sure = true;  ///< false if the ray hits an edge, so that `sum` is not valid
 
  private:
-  bool is_met(const fcl::OBBd& box) const {
-    const Vector3d from = box.axis.transpose() * (point_ - box.To),
-                   along = box.axis.transpose() * across_.row(2).transpose();
-    double first = 0.0, last = std::numeric_limits<double>::infinity();
+  bool intersects(const fcl::OBBd& box) const {
+    const Vector3d offset = box.axis.transpose() * (point_ - box.To),
+                   direction = box.axis.transpose() * to_frame_.row(2).transpose();
+    double line_begin = 0.0, line_end = std::numeric_limits<double>::infinity();
     for (int k = 0; k < 3; ++k) {
-      // Enlarged, so that rounding loses no crossing.
+      // Enlarged so that rounding misses no crossing.
       const double extent = box.extent[k] + 1e-9 * (1.0 + box.extent.maxCoeff());
-      const double one = (-extent - from[k]) / along[k], other = (extent - from[k]) / along[k];
-      first = std::max(first, std::min(one, other));
-      last = std::min(last, std::max(one, other));
+      const double entry = (-extent - offset[k]) / direction[k],
+                   exit = (extent - offset[k]) / direction[k];
+      line_begin = std::max(line_begin, std::min(entry, exit));
+      line_end = std::min(line_end, std::max(entry, exit));
     }
-    return first <= last;
+    return line_begin <= line_end;
   }
 
   void descend(int i) {
-    const auto& node = shell_.tree.getBV(i);
-    if (!is_sure || !is_met(node.bv.obb)) return;
-    if (node.isLeaf()) return look(node.primitiveId());
+    const auto& node = component_.tree.getBV(i);
+    if (!is_sure || !intersects(node.bv.obb)) return;
+    if (node.isLeaf()) return count_crossing(node.primitiveId());
     descend(node.first_child);
     descend(node.first_child + 1);
   }
 
-  void look(int triangle) {
-    const fcl::Triangle& t = shell_.tree.tri_indices[triangle];
+  void count_crossing(int triangle) {
+    const fcl::Triangle& t = component_.tree.tri_indices[triangle];
     std::array<Vector3d, 3> p;
-    for (std::size_t k = 0; k < 3; ++k) p[k] = across_ * (shell_.tree.vertices[t[k]] - point_);
+    for (std::size_t k = 0; k < 3; ++k)
+      p[k] = to_frame_ * (component_.tree.vertices[t[k]] - point_);
     Vector3d side;
     for (std::size_t k = 0; k < 3; ++k) {
       const Vector3d &a = p[(k + 1) % 3], &b = p[(k + 2) % 3];
@@ -554,26 +588,26 @@ class Crossings {
     }
     if ((side.array() > 0.0).any() && (side.array() < 0.0).any()) return;
     const double area = side.sum();
-    const double ahead = side.dot(Vector3d(p[0].z(), p[1].z(), p[2].z())) / area;
+    const double height = side.dot(Vector3d(p[0].z(), p[1].z(), p[2].z())) / area;
     if ((side.array() == 0.0).any()) {
       is_sure = false;
       return;
     }
-    if (ahead > 0.0) sum += area > 0.0 ? 1 : -1;
+    if (height > 0.0) sum += area > 0.0 ? 1 : -1;
   }
 
-  const Piece& shell_;
+  const Component& component_;
   Vector3d point_;
-  Eigen::Matrix3d across_;
+  Eigen::Matrix3d to_frame_;
 };
 
 /// Returns the winding number of a mesh about a point from the solid angles of its triangles.
-double windings(const ClosedMesh& mesh, const Vector3d& point) {
+double winding_number(const ClosedMesh& mesh, const Vector3d& point) {
   double solid_angle = 0.0;
-  for (const auto& t : mesh.triangles.rowwise()) {
-    const Vector3d a = mesh.vertices.row(t[0]).transpose() - point,
-                   b = mesh.vertices.row(t[1]).transpose() - point,
-                   c = mesh.vertices.row(t[2]).transpose() - point;
+  for (const auto& triangle : mesh.triangles.rowwise()) {
+    const Vector3d a = mesh.vertices.row(triangle[0]).transpose() - point,
+                   b = mesh.vertices.row(triangle[1]).transpose() - point,
+                   c = mesh.vertices.row(triangle[2]).transpose() - point;
     const double la = a.norm(), lb = b.norm(), lc = c.norm();
     solid_angle += 2.0 * std::atan2(a.dot(b.cross(c)),
                                     la * lb * lc + a.dot(b) * lc + b.dot(c) * la + c.dot(a) * lb);
@@ -581,65 +615,66 @@ double windings(const ClosedMesh& mesh, const Vector3d& point) {
   return solid_angle / (4.0 * std::numbers::pi);
 }
 
-bool is_around(const Body& outer, const Vector3d& point) {
-  // Arbitrary directions, to which edges and faces of a part are unlikely to be parallel.
-  for (const Vector3d& turn : {Vector3d(0.41, 0.83, -0.29), Vector3d(-1.13, 0.37, 0.71)}) {
+bool encloses_point(const Body& outer, const Vector3d& point) {
+  // Arbitrary directions that are unlikely to be parallel to edges and faces of a part.
+  for (const Vector3d& rotation : {Vector3d(0.41, 0.83, -0.29), Vector3d(-1.13, 0.37, 0.71)}) {
     const Eigen::Matrix3d frame =
-        Eigen::AngleAxisd(turn.norm(), turn.normalized()).toRotationMatrix();
+        Eigen::AngleAxisd(rotation.norm(), rotation.normalized()).toRotationMatrix();
     int sum = 0;
     bool is_sure = true;
-    for (const auto& shell : outer.search->pieces) {
-      if (!shell->closed) continue;
-      const Crossings crossings(*shell, point, frame);
+    for (const auto& component : outer.search->components) {
+      if (!component->closed) continue;
+      const RayCrossings crossings(*component, point, frame);
       sum += crossings.sum;
       is_sure = is_sure && crossings.is_sure;
     }
     if (is_sure) return sum != 0;
   }
-  // Both rays hit an edge: solid angles are slower, but always decide.
+  // If both rays hit an edge, solid angles decide; they are slower, but always valid.
   double sum = 0.0;
-  for (const auto& shell : outer.search->pieces)
-    if (shell->closed) sum += windings(shell->mesh, point);
+  for (const auto& component : outer.search->components)
+    if (component->closed) sum += winding_number(component->mesh, point);
   return std::abs(sum) > 0.5;
 }
 
-/// Returns true if one body encloses a piece of the other.
-bool holds(const Body& outer, const Body& inner, const Pose& T) {
-  return std::ranges::any_of(inner.search->pieces, [&](const auto& piece) {
-    const Vector3d point = T * Vector3d(piece->mesh.vertices.row(0).transpose());
-    return (point - outer.centre).norm() <= outer.radius && is_around(outer, point);
+/// Returns true if one body encloses a component of the other.
+bool encloses_component(const Body& outer, const Body& inner, const Pose& T) {
+  return std::ranges::any_of(inner.search->components, [&](const auto& component) {
+    const Vector3d point = T * Vector3d(component->mesh.vertices.row(0).transpose());
+    return (point - outer.centre).norm() <= outer.radius && encloses_point(outer, point);
   });
 }
 
 }  // namespace
 
 bool is_inside(const Body& a, const Pose& T_a, const Body& b, const Pose& T_b) {
-  // Contact of the surfaces is not inclusion; how large a distance is does not matter here.
-  constexpr double any = 1e-6;  // mm
-  return gap(a, T_a, b, T_b, {0.0, any}).distance > 0.0 &&
+  // Contact of the surfaces is not inclusion. The distance itself does not matter, so it is
+  // limited.
+  constexpr double max_query_distance = 1e-6;  // mm
+  return gap(a, T_a, b, T_b, {0.0, max_query_distance}).distance > 0.0 &&
          is_inside_disjoint(a, b, T_a.inverse() * T_b);
 }
 
 bool is_inside_disjoint(const Body& a, const Body& b, const Pose& T_ab) {
-  return holds(a, b, T_ab) || holds(b, a, T_ab.inverse());
+  return encloses_component(a, b, T_ab) || encloses_component(b, a, T_ab.inverse());
 }
 
 namespace {
 
-/// A lower bound of the distance at time u.
-struct Looked {
+/// A lower bound of the distance, mm, at time u.
+struct DistanceSample {
   double u, distance;
 };
 
-/// An interval of time and a lower bound of the distance in it.
-struct Stretch {
-  Looked from, to;
-  double least;
+/// An interval of time with a lower bound of the distance.
+struct TimeSegment {
+  DistanceSample from, to;
+  double min_distance;
 };
 
-// The distance changes at most at `speed`, so it is nowhere below the point where lines of that
-// slope from both ends meet.
-Stretch stretch(const Looked& from, const Looked& to, double speed) {
+// The distance changes at most at `speed`, so lines of that slope from both ends bound it; their
+// intersection is the minimum.
+TimeSegment make_segment(const DistanceSample& from, const DistanceSample& to, double speed) {
   return {from, to, 0.5 * (from.distance + to.distance - speed * (to.u - from.u))};
 }
 
@@ -654,37 +689,40 @@ Approach approach(const Body& a, const Body& b, const kinematics::Screw& b_in_a,
   const double speed = kinematics::fastest(b_in_a, b.centre, b.radius);
   Approach nearest;
   nearest.gap.distance = std::numeric_limits<double>::infinity();
-  const auto look = [&](double u) -> Looked {
-    GapOptions wanted{options.rough};
-    // A distance that b cannot cover any more need not be exact.
+  const auto sample = [&](double u) -> DistanceSample {
+    GapOptions gap_options{options.rough};
+    // A distance that b cannot cover until the end need not be exact.
     if (options.contact_only)
-      wanted.most = (1.0 + options.rough) * speed * (1.0 - u) + 2.0 * options.resolution;
-    const Gap here = gap(a, Pose::Identity(), b, kinematics::pose_at(b_in_a, u), wanted);
+      gap_options.max_distance =
+          (1.0 + options.rough) * speed * (1.0 - u) + 2.0 * options.resolution;
+    const Gap current_gap =
+        gap(a, Pose::Identity(), b, kinematics::pose_at(b_in_a, u), gap_options);
     ++nearest.queries;
-    if (here.distance < nearest.gap.distance)
-      nearest = {here.distance <= options.resolution, u, here, nearest.queries};
-    return {u, here.distance / (1.0 + options.rough)};
+    if (current_gap.distance < nearest.gap.distance)
+      nearest = {current_gap.distance <= options.resolution, u, current_gap, nearest.queries};
+    return {u, current_gap.distance / (1.0 + options.rough)};
   };
-  const auto further = [](const Stretch& one, const Stretch& other) {
-    return one.least > other.least;
+  const auto has_larger_bound = [](const TimeSegment& first, const TimeSegment& second) {
+    return first.min_distance > second.min_distance;
   };
-  std::priority_queue<Stretch, std::vector<Stretch>, decltype(further)> open(further);
-  for (Looked last = look(0.0); !nearest.contact && last.u < 1.0;) {
-    const bool to_the_end = speed * (1.0 - last.u) <= last.distance;
-    const Looked next = look(to_the_end ? 1.0 : last.u + last.distance / speed);
-    open.push(stretch(last, next, speed));
-    last = next;
+  std::priority_queue<TimeSegment, std::vector<TimeSegment>, decltype(has_larger_bound)> queue(
+      has_larger_bound);
+  for (DistanceSample previous = sample(0.0); !nearest.contact && previous.u < 1.0;) {
+    const bool reaches_end = speed * (1.0 - previous.u) <= previous.distance;
+    const DistanceSample next = sample(reaches_end ? 1.0 : previous.u + previous.distance / speed);
+    queue.push(make_segment(previous, next, speed));
+    previous = next;
   }
-  const auto allowed = [&] {
+  const auto tolerance = [&] {
     return std::max(options.within, options.share * nearest.gap.distance);
   };
   while (!nearest.contact && !options.contact_only &&
-         open.top().least < nearest.gap.distance - allowed()) {
-    const auto [from, to, least] = open.top();
-    open.pop();
-    const Looked middle = look(0.5 * (from.u + to.u));
-    open.push(stretch(from, middle, speed));
-    open.push(stretch(middle, to, speed));
+         queue.top().min_distance < nearest.gap.distance - tolerance()) {
+    const auto [from, to, min_distance] = queue.top();
+    queue.pop();
+    const DistanceSample middle = sample(0.5 * (from.u + to.u));
+    queue.push(make_segment(from, middle, speed));
+    queue.push(make_segment(middle, to, speed));
   }
   return nearest;
 }
@@ -694,12 +732,13 @@ std::optional<double> comes_within(const Body& a, const Body& b, const kinematic
   require(tolerance > 0.0, "comes_within: the tolerance must be positive");
   const double speed = kinematics::fastest(b_in_a, b.centre, b.radius);
   for (double u = 0.0;;) {
-    const GapOptions wanted{0.0, speed * (1.0 - u) + distance + 2.0 * tolerance};
-    const Gap here = gap(a, Pose::Identity(), b, kinematics::pose_at(b_in_a, u), wanted);
-    if (here.distance <= distance + tolerance) return u;
-    const double room = here.distance - distance;
-    if (u >= 1.0 || room > speed * (1.0 - u)) return {};
-    u = std::min(u + room / speed, 1.0);
+    const GapOptions gap_options{0.0, speed * (1.0 - u) + distance + 2.0 * tolerance};
+    const Gap current_gap =
+        gap(a, Pose::Identity(), b, kinematics::pose_at(b_in_a, u), gap_options);
+    if (current_gap.distance <= distance + tolerance) return u;
+    const double margin = current_gap.distance - distance;
+    if (u >= 1.0 || margin > speed * (1.0 - u)) return {};
+    u = std::min(u + margin / speed, 1.0);
   }
 }
 

@@ -7,10 +7,10 @@
 
 #include "cutting/stock/collision.h"
 
-/// Near misses and contacts of bodies that are carried along a program.
+/// Near misses and contacts of bodies during a program.
 namespace abbe::cutting {
 
-/// A body that is carried by a carriage.
+/// A body on a carriage.
 struct CarrierBody {
   Body body;        ///< in the frame of its carriage
   int carrier = 0;  ///< index of the carriage
@@ -19,10 +19,10 @@ struct CarrierBody {
 /// Two bodies that may meet, by their indices.
 struct BodyPair {
   int a = 0, b = 0;
-  bool contact_only = false;  ///< distances without contact are not needed
+  bool contact_only = false;  ///< true if distances without contact are not needed
 };
 
-/// The motion of the carriages, defined at instants 0, 1, 2 ...
+/// The motion of the carriages at the instants 0, 1, 2 ...
 struct CarrierMotion {
   int carriers = 0;
   std::size_t instants = 0;
@@ -30,10 +30,10 @@ struct CarrierMotion {
   /// all in one frame. Must be thread-safe.
   std::function<void(std::size_t instant, double u, std::span<kinematics::Pose> T)> place;
   /// (instants - 1) mm, upper bound of the deviation of any point of a body from the straight line
-  /// between its positions at two instants, seen from another body.
+  /// between its positions at two instants, relative to another body.
   std::vector<double> bulge;
   /// (segments) first instant of each segment of the program for which a clearance is computed,
-  /// such as its blocks; rising, the first is 0.
+  /// such as a block; ascending from 0.
   std::vector<std::size_t> stretches;
 };
 
@@ -44,8 +44,8 @@ struct EncounterOptions {
   double resolution = 5e-3;  ///< mm, a smaller distance is contact
   double clearance = 0.0;    ///< mm, a smaller distance is reported
   double share = 0.05;       ///< relative accuracy of a clearance
-  std::size_t chunk = 8192;  ///< instants that one thread follows
-  bool accelerated = true;   ///< false: every pair at every instant and between, for comparison
+  std::size_t chunk = 8192;  ///< number of instants in a task of one thread
+  bool accelerated = true;   ///< false: search every pair at and between all instants, for tests
   std::function<void(double)> progress = {};  ///< 0 .. 1, may be called from any thread
 };
 
@@ -55,23 +55,23 @@ struct Moment {
   double u = 0.0;  ///< fraction of the interval to the next
 };
 
-/// Two bodies in contact, or nearer than the clearance, from one segment to another.
+/// Contact of two bodies, or a distance below the clearance, over consecutive segments.
 struct Encounter {
   int pair = 0;
   bool contact = false;
   std::size_t first_segment = 0, last_segment = 0;
-  Moment begin;           ///< first contact, or the time of coming within the clearance
-  Moment moment;          ///< first contact, or the time of the least distance
-  double distance = 0.0;  ///< mm, at `moment`
+  Moment begin;   ///< first contact, or the time at which the distance falls below the clearance
+  Moment moment;  ///< first contact, or the time of the least distance
+  double distance = 0.0;                            ///< mm, at `moment`
   Eigen::Vector3d place = Eigen::Vector3d::Zero();  ///< mm, between the two bodies at `moment`, in
                                                     ///< the frame of the carriages
 };
 
 /// The least distance of a pair in the whole program.
 struct PairClearance {
-  bool overlaps_at_start = false;  ///< the pair is then not followed
-  double distance = 0.0;  ///< mm, 0 for contact; infinite if only contact is searched for and there
-                          ///< is none
+  bool overlaps_at_start = false;  ///< true excludes the pair from the search
+  double distance = 0.0;  ///< mm, 0 for contact; infinite without contact if only contact is
+                          ///< searched
   Moment moment;
 };
 
@@ -79,7 +79,7 @@ struct PairClearance {
 struct SegmentClearance {
   double at_least = 0.0;  ///< mm, a lower bound; the clearance is at most that / (1 - share), or
                           ///< 0.01 mm more
-  int pair = -1;          ///< the pair with that clearance; -1 if no pair is followed
+  int pair = -1;          ///< the pair with that clearance; -1 if no pair is searched
 };
 
 /// Result of `encounters`.
@@ -90,11 +90,12 @@ struct Encounters {
   std::size_t queries = 0;                  ///< number of distances computed
 };
 
-/// Follows pairs through a motion. Between two instants a body moves on a screw, and intervals are
-/// halved until the screw is within a fifth of the resolution of the motion, so that no contact is
-/// missed (`approach`): contact is reported where two bodies come within the resolution, and no
-/// later than they meet. A known distance remains valid until the motion since could have used it
-/// up, so most pairs are seldom computed. The result is the same for any number of threads.
+/// Searches the pairs for contacts and near misses during a motion. Between two instants a body
+/// moves on a screw; intervals are halved until the screw is within a fifth of the resolution of
+/// the motion, so that no contact is missed (`approach`). Contact is reported when two bodies come
+/// within the resolution, and not later than they meet. A distance remains a valid bound until the
+/// motion since then exceeds it, so most distances are seldom computed. The result is the same for
+/// any number of threads.
 /// @throws std::invalid_argument for numbers that do not match, or an option that is not positive
 Encounters encounters(const std::vector<CarrierBody>& bodies, const std::vector<BodyPair>& pairs,
                       const CarrierMotion& motion, const EncounterOptions& options = {});

@@ -20,10 +20,11 @@ using Eigen::Vector3d;
 
 namespace {
 
-// 1 - cosine; the angle between edges that coincide is below it, 0.26 deg
-constexpr double same_direction = 1e-5;
+// 1 - cosine of 0.26 deg; coincident edges differ by less.
+constexpr double direction_tolerance = 1e-5;
 
-/// A triangle at a point where several meet: its angle there, and the directions in which it ends.
+/// A triangle at a common point of several triangles: its angle there, and the directions of the
+/// two sides that bound it.
 struct Wedge {
   double angle = 2 * pi;
   std::array<Vector3d, 2> sides;
@@ -34,26 +35,28 @@ Wedge wedge_at(const std::array<Vector3d, 3>& p, const Vector3d& point, double j
   Wedge wedge;
   for (std::size_t k = 0; k < 3; ++k) {
     if ((p[k] - point).norm() > joint) continue;
-    const Vector3d to = (p[(k + 1) % 3] - p[k]).normalized(),
-                   from = (p[(k + 2) % 3] - p[k]).normalized();
-    return {std::atan2(to.cross(from).norm(), to.dot(from)), {to, from}, true};
+    const Vector3d to_next = (p[(k + 1) % 3] - p[k]).normalized(),
+                   to_previous = (p[(k + 2) % 3] - p[k]).normalized();
+    return {std::atan2(to_next.cross(to_previous).norm(), to_next.dot(to_previous)),
+            {to_next, to_previous},
+            true};
   }
   for (std::size_t k = 0; k < 3; ++k) {
-    const Vector3d along = (p[(k + 1) % 3] - p[k]).normalized();
-    if ((point - p[k]).cross(along).norm() > joint) continue;
-    return {pi, {along, -along}, true};
+    const Vector3d side = (p[(k + 1) % 3] - p[k]).normalized();
+    if ((point - p[k]).cross(side).norm() > joint) continue;
+    return {pi, {side, -side}, true};
   }
   return wedge;
 }
 
-/// Returns true if a triangle ends along a line where no other triangle ends.
-bool has_lone_side(const std::vector<Wedge>& corners) {
-  for (std::size_t i = 0; i < corners.size(); ++i)
-    for (const Vector3d& side : corners[i].sides) {
+/// Returns true if a side of a triangle coincides with no side of another.
+bool has_unshared_side(const std::vector<Wedge>& wedges) {
+  for (std::size_t i = 0; i < wedges.size(); ++i)
+    for (const Vector3d& side : wedges[i].sides) {
       bool is_shared = false;
-      for (std::size_t j = 0; j < corners.size() && !is_shared; ++j)
-        for (const Vector3d& other : corners[j].sides)
-          is_shared = is_shared || (i != j && side.dot(other) > 1.0 - same_direction);
+      for (std::size_t j = 0; j < wedges.size() && !is_shared; ++j)
+        for (const Vector3d& other_side : wedges[j].sides)
+          is_shared = is_shared || (i != j && side.dot(other_side) > 1.0 - direction_tolerance);
       if (!is_shared) return true;
     }
   return false;
@@ -75,49 +78,50 @@ DesignDistance::DesignDistance(Design design, const DeviationOptions& options)
   is_closed_ = design_.triangles.rows() > 0 && !has_border();
 }
 
-/// Sides that no triangle with the same vertices shares are tested in space, because vertices may
-/// be separate along edges and seams.
+/// Sides without a neighbour of the same vertices are tested by position, because vertices may be
+/// separate along edges and seams.
 bool DesignDistance::has_border() const {
   std::vector<std::array<int, 2>> sides;
-  for (const auto& t : design_.triangles.rowwise())
-    for (int k = 0; k < 3; ++k) sides.push_back({t[k], t[(k + 1) % 3]});
-  const auto sorted = [](const std::array<int, 2>& side) {
+  for (const auto& triangle : design_.triangles.rowwise())
+    for (int k = 0; k < 3; ++k) sides.push_back({triangle[k], triangle[(k + 1) % 3]});
+  const auto sorted_ends = [](const std::array<int, 2>& side) {
     return std::array<int, 2>{std::min(side[0], side[1]), std::max(side[0], side[1])};
   };
-  std::ranges::sort(sides, {}, sorted);
+  std::ranges::sort(sides, {}, sorted_ends);
   for (std::size_t i = 0; i < sides.size();) {
-    std::size_t next = i + 1;
-    while (next < sides.size() && sorted(sides[next]) == sorted(sides[i])) ++next;
-    if (next == i + 1) {
+    std::size_t group_end = i + 1;
+    while (group_end < sides.size() && sorted_ends(sides[group_end]) == sorted_ends(sides[i]))
+      ++group_end;
+    if (group_end == i + 1) {
       const Vector3d a = design_.vertices.row(sides[i][0]), b = design_.vertices.row(sides[i][1]);
-      if ((b - a).norm() > options_.joint && meeting(0.5 * (a + b)).is_border) return true;
+      if ((b - a).norm() > options_.joint && pseudo_normal(0.5 * (a + b)).is_border) return true;
     }
-    i = next;
+    i = group_end;
   }
   return false;
 }
 
-DesignDistance::Meeting DesignDistance::meeting(const Vector3d& point) const {
-  Meeting all{Vector3d::Zero()};
-  std::vector<Wedge> corners;
-  bool is_inside_one = false;
-  for (const TriangleTree::Nearest& one : tree_.within(point, options_.joint)) {
-    const Vector3d normal = facet_normals_.row(one.triangle);
-    if (!(normal.squaredNorm() > 0.5)) continue;  // without an area it has no direction
-    const Eigen::RowVector3i c = design_.triangles.row(one.triangle);
-    const Wedge corner = wedge_at(
+DesignDistance::PseudoNormal DesignDistance::pseudo_normal(const Vector3d& point) const {
+  PseudoNormal result{Vector3d::Zero()};
+  std::vector<Wedge> wedges;
+  bool is_inside_triangle = false;
+  for (const TriangleTree::Nearest& nearest : tree_.within(point, options_.joint)) {
+    const Vector3d normal = facet_normals_.row(nearest.triangle);
+    if (!(normal.squaredNorm() > 0.5)) continue;  // a triangle without area has no normal
+    const Eigen::RowVector3i c = design_.triangles.row(nearest.triangle);
+    const Wedge wedge = wedge_at(
         {design_.vertices.row(c[0]), design_.vertices.row(c[1]), design_.vertices.row(c[2])}, point,
         options_.joint);
-    // Weights by angle give the correct side everywhere (Baerentzen and Aanaes 2005).
-    all.normal += corner.angle * normal;
-    if (corner.ends)
-      corners.push_back(corner);
+    // Only weights by angle give the correct side everywhere (Baerentzen and Aanaes 2005).
+    result.normal += wedge.angle * normal;
+    if (wedge.ends)
+      wedges.push_back(wedge);
     else
-      is_inside_one = true;
+      is_inside_triangle = true;
   }
-  all.normal.normalize();
-  all.is_border = !is_inside_one && has_lone_side(corners);
-  return all;
+  result.normal.normalize();
+  result.is_border = !is_inside_triangle && has_unshared_side(wedges);
+  return result;
 }
 
 /// Returns the height of the smooth surface above the facet, mm.
@@ -131,34 +135,37 @@ double DesignDistance::sag(const TriangleTree::Nearest& nearest) const {
   return (smooth.point - nearest.point).dot(facet_normals_.row(nearest.triangle).transpose());
 }
 
-DesignDistance::At DesignDistance::at(const Vector3d& place, int guess, double most) const {
-  // weight of a corner below which the nearest point is on a side
-  constexpr double touching = 1e-9;
-  At found;
-  const TriangleTree::Nearest nearest = tree_.nearest(place, guess, most);
-  found.triangle = nearest.triangle;
+DesignDistance::PointDistance DesignDistance::at(const Vector3d& query_point, int guess,
+                                                 double max_distance) const {
+  // With a smaller weight of a corner the nearest point is on a side.
+  constexpr double max_side_weight = 1e-9;
+  PointDistance result;
+  const TriangleTree::Nearest nearest = tree_.nearest(query_point, guess, max_distance);
+  result.triangle = nearest.triangle;
   if (nearest.triangle < 0) {
-    found.value = std::numeric_limits<double>::quiet_NaN();
-    return found;
+    result.value = std::numeric_limits<double>::quiet_NaN();
+    return result;
   }
-  const Vector3d way = place - nearest.point;
+  const Vector3d displacement = query_point - nearest.point;
   const double distance = std::sqrt(nearest.squared);
-  Meeting here{facet_normals_.row(nearest.triangle)};
-  if (nearest.weights.minCoeff() < touching) here = meeting(nearest.point);
-  const double above = way.dot(here.normal);
-  found.normal = here.normal;
-  const double tangential = (way - above * here.normal).norm();
-  // beyond the border: below it, or aside by more than the joints and an inclination of 1e-3
-  found.is_beyond = here.is_border && distance > 2 * options_.joint &&
-                    (above < 0.0 || tangential > 2 * options_.joint + 1e-3 * distance);
-  const double flat = above >= 0.0 ? distance : -distance;
-  found.value = options_.smooth && design_.normals.rows() == design_.vertices.rows()
-                    ? flat - sag(nearest)
-                    : flat;
-  // Along the connection itself if its direction is defined.
-  found.from = distance > options_.joint ? Vector3d(way * (found.value / flat))
-                                         : Vector3d(found.value * here.normal);
-  return found;
+  PseudoNormal pseudo_normal_here{facet_normals_.row(nearest.triangle)};
+  if (nearest.weights.minCoeff() < max_side_weight)
+    pseudo_normal_here = pseudo_normal(nearest.point);
+  const double height = displacement.dot(pseudo_normal_here.normal);
+  result.normal = pseudo_normal_here.normal;
+  const double tangential = (displacement - height * pseudo_normal_here.normal).norm();
+  // Beyond the border: below it, or laterally off by more than the joints and an inclination of
+  // 1e-3.
+  result.is_beyond = pseudo_normal_here.is_border && distance > 2 * options_.joint &&
+                     (height < 0.0 || tangential > 2 * options_.joint + 1e-3 * distance);
+  const double facet_distance = height >= 0.0 ? distance : -distance;
+  result.value = options_.smooth && design_.normals.rows() == design_.vertices.rows()
+                     ? facet_distance - sag(nearest)
+                     : facet_distance;
+  // Along the connection of the two points if its direction is defined.
+  result.from = distance > options_.joint ? Vector3d(displacement * (result.value / facet_distance))
+                                          : Vector3d(result.value * pseudo_normal_here.normal);
+  return result;
 }
 
 Points directed_area(const StockMesh& mesh) {
@@ -177,12 +184,13 @@ namespace {
 using GridCube = std::array<std::int64_t, 3>;
 using Cubes = std::map<GridCube, std::vector<std::size_t>>;
 
-/// Returns the points that are farther than the band, grouped in cubes of half its size. No design
-/// lies between two points of a cube: a ball of the band about one of them contains the other.
-Cubes far_cubes(const StockSkin& skin, const std::vector<DesignDistance::At>& all, double band) {
+/// Returns the points beyond the band, grouped in cubes of half its size. No design lies between
+/// two points of a cube, because the ball with the radius of the band about one contains the other.
+Cubes far_cubes(const StockSkin& skin, const std::vector<DesignDistance::PointDistance>& distances,
+                double band) {
   Cubes cubes;
-  for (std::size_t i = 0; i < all.size(); ++i) {
-    if (all[i].triangle >= 0) continue;
+  for (std::size_t i = 0; i < distances.size(); ++i) {
+    if (distances[i].triangle >= 0) continue;
     GridCube cube{};
     for (std::size_t k = 0; k < 3; ++k)
       cube[k] = std::int64_t(std::floor(skin.places_w(Index(i), Index(k)) / (0.5 * band)));
@@ -191,62 +199,65 @@ Cubes far_cubes(const StockSkin& skin, const std::vector<DesignDistance::At>& al
   return cubes;
 }
 
-/// Returns true if a neighbouring cube is on the other side of the design's border.
+/// Returns true if the border of the design passes between a cube and a neighbouring cube.
 bool is_at_border(const Cubes& cubes, const GridCube& cube,
-                  const std::vector<DesignDistance::At>& all) {
-  const auto beyond = [&](const std::vector<std::size_t>& places) {
-    return all[places.front()].is_beyond;
+                  const std::vector<DesignDistance::PointDistance>& distances) {
+  const auto is_beyond_border = [&](const std::vector<std::size_t>& points) {
+    return distances[points.front()].is_beyond;
   };
-  const bool here = beyond(cubes.at(cube));
+  const bool is_beyond_here = is_beyond_border(cubes.at(cube));
   for (int i = 0; i < 27; ++i) {
-    const auto beside =
+    const auto neighbour =
         cubes.find({cube[0] + i % 3 - 1, cube[1] + i / 3 % 3 - 1, cube[2] + i / 9 - 1});
-    if (beside != cubes.end() && beyond(beside->second) != here) return true;
+    if (neighbour != cubes.end() && is_beyond_border(neighbour->second) != is_beyond_here)
+      return true;
   }
   return false;
 }
 
 /// Returns the distance of every point of the skin from the design.
-std::vector<DesignDistance::At> held_against(const StockSkin& skin, const DesignDistance& design,
-                                             double band) {
-  std::vector<DesignDistance::At> all(skin.line.size());
-  constexpr std::size_t block = 512;  // neighbours, each a guess for the next
-  tbb::parallel_for(tbb::blocked_range<std::size_t>(0, all.size(), block), [&](const auto& range) {
-    int guess = -1;
-    for (std::size_t i = range.begin(); i < range.end(); ++i) {
-      all[i] = design.at(skin.places_w.row(Index(i)).transpose(), guess, band);
-      guess = all[i].triangle;
-    }
-  });
-  const Cubes cubes = far_cubes(skin, all, band);
-  const auto for_all = [&](const auto& act) {
-    std::vector<const Cubes::value_type*> list;
-    for (const auto& one : cubes) list.push_back(&one);
-    tbb::parallel_for(std::size_t(0), list.size(),
-                      [&](std::size_t i) { act(list[i]->first, list[i]->second); });
+std::vector<DesignDistance::PointDistance> point_distances(const StockSkin& skin,
+                                                           const DesignDistance& design,
+                                                           double band) {
+  std::vector<DesignDistance::PointDistance> distances(skin.line.size());
+  constexpr std::size_t block_size = 512;  // neighbours, since each is a guess for the next
+  tbb::parallel_for(
+      tbb::blocked_range<std::size_t>(0, distances.size(), block_size), [&](const auto& range) {
+        int guess = -1;
+        for (std::size_t i = range.begin(); i < range.end(); ++i) {
+          distances[i] = design.at(skin.places_w.row(Index(i)).transpose(), guess, band);
+          guess = distances[i].triangle;
+        }
+      });
+  const Cubes cubes = far_cubes(skin, distances, band);
+  const auto visit_cubes = [&](const auto& visit) {
+    std::vector<const Cubes::value_type*> cube_list;
+    for (const auto& entry : cubes) cube_list.push_back(&entry);
+    tbb::parallel_for(std::size_t(0), cube_list.size(),
+                      [&](std::size_t i) { visit(cube_list[i]->first, cube_list[i]->second); });
   };
-  const auto exactly = [&](std::size_t i) {
+  const auto exact_distance = [&](std::size_t i) {
     return design.at(skin.places_w.row(Index(i)).transpose());
   };
-  for_all([&](const GridCube&, const std::vector<std::size_t>& places) {
-    all[places.front()] = exactly(places.front());
+  visit_cubes([&](const GridCube&, const std::vector<std::size_t>& points) {
+    distances[points.front()] = exact_distance(points.front());
   });
-  // The first point of a cube is not changed here, because neighbouring cubes read it.
-  for_all([&](const GridCube& cube, const std::vector<std::size_t>& places) {
-    const bool each = is_at_border(cubes, cube, all);
-    for (std::size_t k = 1; k < places.size(); ++k)
-      all[places[k]] = each ? exactly(places[k]) : all[places.front()];
+  // Neighbouring cubes read the first point of a cube, so this pass does not change it.
+  visit_cubes([&](const GridCube& cube, const std::vector<std::size_t>& points) {
+    const bool is_border_cube = is_at_border(cubes, cube, distances);
+    for (std::size_t k = 1; k < points.size(); ++k)
+      distances[points[k]] = is_border_cube ? exact_distance(points[k]) : distances[points.front()];
   });
-  return all;
+  return distances;
 }
 
-/// Returns true if a point of the skin is informative about the part.
-bool tells(const DesignDistance::At& at, std::int32_t line, const Vector3d& outward,
-           const DesignDistance& design, double joint) {
-  constexpr double steep = 0.1;  // cosine of 84 degrees
-  if (at.triangle < 0 || at.is_beyond) return false;
-  if (design.is_closed() || at.value >= -joint) return true;
-  return line != 0 && at.normal.dot(outward) >= steep;
+/// Returns true if the deviation of a skin point is informative about the part.
+bool is_informative(const DesignDistance::PointDistance& distance, std::int32_t line,
+                    const Vector3d& outward, const DesignDistance& design, double joint) {
+  constexpr double min_cosine = 0.1;  // cosine of 84 degrees
+  if (distance.triangle < 0 || distance.is_beyond) return false;
+  if (design.is_closed() || distance.value >= -joint) return true;
+  return line != 0 && distance.normal.dot(outward) >= min_cosine;
 }
 
 }  // namespace
@@ -254,38 +265,39 @@ bool tells(const DesignDistance::At& at, std::int32_t line, const Vector3d& outw
 PartDeviation part_deviation(const StockSkin& skin, const DesignDistance& design,
                              const DeviationOptions& options) {
   const Index n = skin.mesh.vertices_w.rows();
-  const double none = std::numeric_limits<double>::quiet_NaN();
-  PartDeviation part{Eigen::VectorXd::Constant(n, none), Eigen::VectorXd::Constant(n, none),
-                     std::vector<int>(std::size_t(n), -1),
-                     std::vector<SkinStatus>(std::size_t(n), SkinStatus::Unresolved)};
-  const std::vector<DesignDistance::At> at = held_against(skin, design, options.band);
+  const double nan = std::numeric_limits<double>::quiet_NaN();
+  PartDeviation result{Eigen::VectorXd::Constant(n, nan), Eigen::VectorXd::Constant(n, nan),
+                       std::vector<int>(std::size_t(n), -1),
+                       std::vector<SkinStatus>(std::size_t(n), SkinStatus::Unresolved)};
+  const std::vector<DesignDistance::PointDistance> distances =
+      point_distances(skin, design, options.band);
   const Points outward = directed_area(skin.mesh);
   tbb::parallel_for(Index(0), n, [&](Index i) {
     const auto v = std::size_t(i);
-    double sum = 0.0, most = -1.0;
+    double sum = 0.0, max_magnitude = -1.0;
     int count = 0;
-    bool cut_off = false;
+    bool is_cut_off = false;
     for (int k = skin.first[v]; k < skin.first[v + 1]; ++k) {
-      const int place = skin.place[std::size_t(k)];
-      const DesignDistance::At& one = at[std::size_t(place)];
-      part.status[v] = SkinStatus::NoDesign;
-      if (!tells(one, skin.line[std::size_t(place)], outward.row(i).transpose().normalized(),
-                 design, options.joint))
+      const int point = skin.place[std::size_t(k)];
+      const DesignDistance::PointDistance& distance = distances[std::size_t(point)];
+      result.status[v] = SkinStatus::NoDesign;
+      if (!is_informative(distance, skin.line[std::size_t(point)],
+                          outward.row(i).transpose().normalized(), design, options.joint))
         continue;
-      const double value = std::clamp(one.value, -options.band, options.band);
-      cut_off = cut_off || value != one.value;
+      const double value = std::clamp(distance.value, -options.band, options.band);
+      is_cut_off = is_cut_off || value != distance.value;
       sum += value;
       ++count;
-      if (std::abs(value) <= most) continue;
-      most = std::abs(value);
-      part.largest[i] = value;
-      part.at[v] = place;
+      if (std::abs(value) <= max_magnitude) continue;
+      max_magnitude = std::abs(value);
+      result.largest[i] = value;
+      result.at[v] = point;
     }
     if (count == 0) return;
-    part.status[v] = cut_off ? SkinStatus::CutOff : SkinStatus::Compared;
-    part.deviation[i] = sum / count;
+    result.status[v] = is_cut_off ? SkinStatus::CutOff : SkinStatus::Compared;
+    result.deviation[i] = sum / count;
   });
-  return part;
+  return result;
 }
 
 }  // namespace abbe::cutting

@@ -10,70 +10,70 @@
 
 #include "cutting/stock/part_deviation.h"
 
-/// Regions of the skin of a machined part where material is left, or that are gouged or undercut.
+/// Regions of the skin of a machined part with rest material, gouges or undercuts.
 namespace abbe::cutting {
 
-/// Material left, material cut away below the design, or cut skin that lies under other material.
+/// Material left, material removed below the design, or cut skin under other material.
 enum class FindingKind : std::uint8_t { Rest, Gouge, Undercut };
 inline constexpr std::size_t finding_kinds = 3;
 
 struct FindingOptions {
-  double rest = 0.05;   ///< mm, > 0: material left above this is found
-  double gouge = 0.05;  ///< mm, > 0: cuts deeper than this are found, by the program or a crash
+  double rest = 0.05;   ///< mm, > 0; more material than this is a finding
+  double gouge = 0.05;  ///< mm, > 0; a deeper cut by the program or a crash is a finding
   /// Unit vector towards the tool: cut skin with other material above it in this direction is
-  /// undercut. Empty: undercuts are not searched for.
+  /// undercut. Empty: no search for undercuts.
   std::optional<Eigen::Vector3d> undercut_along = Eigen::Vector3d::UnitZ();
-  std::size_t most = 100;  ///< regions of each kind that are listed, at most
+  std::size_t most = 100;  ///< maximum number of listed regions of each kind
 };
 
-/// A connected region of the skin beyond a limit.
+/// A connected region of the skin that exceeds a limit.
 struct Finding {
   FindingKind kind = FindingKind::Rest;
-  double volume = 0.0;  ///< mm^3, between skin and design; for an undercut, of the void between its
-                        ///< floor and the material above
+  double volume = 0.0;  ///< mm^3 between skin and design; for an undercut, between its floor and
+                        ///< the material above
   double area = 0.0;    ///< mm^2 of skin
-  /// mm, largest deviation, limited to the band; for an undercut its greatest height
+  /// mm, maximum deviation, limited to the band; for an undercut its maximum height
   double depth = 0.0;
-  Eigen::Vector3d place_w = Eigen::Vector3d::Zero();  ///< mm, where that depth is
+  Eigen::Vector3d place_w = Eigen::Vector3d::Zero();  ///< mm, position of that depth
   int line = 0;           ///< program line that cut the skin there; 0: never cut
-  bool by_crash = false;  ///< cut by a rapid move or by the shank
+  bool by_crash = false;  ///< true if a rapid move or the shank cut it
   Eigen::AlignedBox3d extent_w;
   int vertices = 0;
-  bool is_at_least = false;  ///< depth is a lower bound: some of the region is beyond the band
+  bool is_at_least = false;  ///< true if the depth is a lower bound, since a part exceeds the band
 };
 
-/// The regions found on a part.
+/// All findings on a part.
 struct Findings {
   /// Rest material, then gouges, then undercuts; each kind by descending volume.
   std::vector<Finding> list;
   /// Sums over one kind of region.
   struct Sums {
     std::size_t regions = 0;  ///< number of regions, listed or not, without speckles
-    std::size_t listed = 0;   ///< number of those in the list
-    double volume = 0.0, area = 0.0, depth = 0.0;  ///< sums over all regions; depth: the largest
+    std::size_t listed = 0;   ///< number of listed regions
+    double volume = 0.0, area = 0.0, depth = 0.0;  ///< sums over all regions; depth: the maximum
     double unlisted_volume = 0.0;
     std::size_t speckles = 0;  ///< regions of fewer than `min_vertices` vertices, which the dexels
                                ///< do not resolve
     double speckle_volume = 0.0, speckle_depth = 0.0;
   };
   std::array<Sums, finding_kinds> sums;  ///< by kind
-  std::vector<int> number;    ///< (vertices) 1 + index in `list` of its rest or gouge; 0: none
+  std::vector<int> number;    ///< (vertices) 1 + index in `list` of the rest or gouge; 0: none
   std::vector<int> undercut;  ///< (vertices) the same for undercuts
   double compared = 0.0;      ///< mm^2 of skin that was compared with the design
-  double cut_off = 0.0;       ///< mm^2, part of it beyond the band
+  double cut_off = 0.0;       ///< mm^2, part of the compared skin that exceeds the band
   double no_design = 0.0;     ///< mm^2 not compared, see `SkinStatus::NoDesign`
   double unresolved = 0.0;    ///< mm^2 not compared, see `SkinStatus::Unresolved`
   /// mm^2, part of the compared skin that was never cut and lies below the design by more than the
   /// limit for gouges: the blank is too small
   double too_small = 0.0;
 };
-/// Smallest number of vertices of a finding; smaller regions are speckles.
+/// Minimum number of vertices of a finding; smaller regions are speckles.
 inline constexpr int min_vertices = 4;
 
-/// Returns the findings on a part. Volumes of rest material and gouges are those of
+/// Returns the findings on a part. The volumes of rest material and gouges are those of
 /// `volumes_between`, without the material within the limit around a region. Areas and extents, and
-/// heights and volumes of undercuts, include up to one dexel spacing around the region. Overhangs
-/// and gaps narrower than a spacing are not found. The result is the same for any number of
+/// heights and volumes of undercuts, include up to one dexel spacing around the region. Does not
+/// find overhangs and gaps narrower than a spacing. The result is the same for any number of
 /// threads.
 /// @throws std::invalid_argument if sizes differ or a limit is not positive
 Findings findings(const StockSkin& skin, const PartDeviation& part, const DesignDistance& design,

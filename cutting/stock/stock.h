@@ -14,8 +14,8 @@
 
 namespace abbe::cutting {
 
-/// A run of material on a line, with the program lines that cut its ends: 0 for skin of the blank,
-/// negative if it was cut by a crash on that line.
+/// A run of material on a line, with the program lines that cut its ends: 0 for the skin of the
+/// blank, negative if a crash on that line cut it.
 struct DexelRun {
   double low = 0.0;  ///< mm along the line from the grid's origin
   double high = 0.0;
@@ -23,18 +23,17 @@ struct DexelRun {
   std::int32_t high_line = 0;
 };
 
-/// The runs of one line in rising order. Its size is 32 bytes: a single run needs no memory of its
-/// own.
+/// The runs of one line in ascending order. Takes 32 bytes; a single run needs no further memory.
 class DexelLine {
  public:
-  /// mm; smaller differences are rounding: no smaller amount is removed and no shorter run is kept.
-  static constexpr double touch = 1e-9;
+  /// mm; smaller differences are rounding: no shorter length is removed and no shorter run remains.
+  static constexpr double tolerance = 1e-9;
 
-  DexelLine() : one_{} {}
+  DexelLine() : single_run_{} {}
   DexelLine(const DexelLine& other);
   DexelLine(DexelLine&& other) noexcept;
   DexelLine& operator=(DexelLine other) noexcept;
-  ~DexelLine() { drop(); }
+  ~DexelLine() { release(); }
 
   std::span<const DexelRun> runs() const { return {data(), count_}; }
   bool empty() const { return count_ == 0; }
@@ -45,26 +44,27 @@ class DexelLine {
   double length(double low, double high) const;
   /// Returns the depth of a position inside material, along the line; negative outside, -infinity
   /// on an empty line.
-  double signed_depth(double at) const;
+  double signed_depth(double position) const;
 
-  /// Adds material beyond all existing runs; a run that ends where it begins is extended.
+  /// Adds material above all existing runs; extends the last run if it ends where the new one
+  /// begins.
   void append(const DexelRun& run);
-  /// Removes the material between two positions (either may be infinite); the new ends get `line`.
-  /// @return mm of material removed
-  double take(double low, double high, std::int32_t line);
+  /// Removes the material between two positions, which may be infinite. The new ends get `line`.
+  /// Returns the removed length, mm.
+  double cut(double low, double high, std::int32_t line);
 
  private:
-  const DexelRun* data() const { return capacity_ == 0 ? &one_ : many_; }
-  DexelRun* data() { return capacity_ == 0 ? &one_ : many_; }
-  void drop();
-  void insert(std::uint32_t place, const DexelRun& run);
-  void erase(std::uint32_t place);
+  const DexelRun* data() const { return capacity_ == 0 ? &single_run_ : run_array_; }
+  DexelRun* data() { return capacity_ == 0 ? &single_run_ : run_array_; }
+  void release();
+  void insert(std::uint32_t index, const DexelRun& run);
+  void erase(std::uint32_t index);
 
   std::uint32_t count_ = 0;
   std::uint32_t capacity_ = 0;  // 0: the single run is stored in one_
   union {
-    DexelRun one_;
-    DexelRun* many_;
+    DexelRun single_run_;
+    DexelRun* run_array_;
   };
 };
 
@@ -89,8 +89,8 @@ struct MeshBlank {
 };
 using Blank = std::variant<BoxBlank, CylinderBlank, MeshBlank>;
 
-/// Returns the body between a design surface raised along its normals and a plane below it: the
-/// part before finishing. A closed design is raised without a plane.
+/// Returns the part before finishing: the body between a design surface raised along its normals
+/// and a plane below it. A closed design is only raised.
 /// @param design_k   open and visible from +z without folds, or closed
 /// @param allowance  mm along the normals
 /// @param floor      mm, z of the plane below; not used for a closed design
@@ -98,15 +98,15 @@ using Blank = std::variant<BoxBlank, CylinderBlank, MeshBlank>;
 ///         face +z
 MeshBlank offset_blank(const Design& design_k, double allowance, double floor);
 
-/// Parallel lines through the nodes of a grid, each with its runs of material in rising order.
+/// Parallel dexel lines through the nodes of a grid.
 struct DexelField {
   int along = 2;                 ///< axis of the grid frame: 0, 1 or 2
   std::array<int, 2> size{};     ///< number of lines along the next two axes, cyclic
   std::vector<DexelLine> lines;  ///< (size[0] * size[1]), first index fastest
 };
 
-/// Material as dexels: in one direction (z of the grid) if the tool axis is along it, or in three
-/// directions through the same nodes. A value type: a copy preserves the state.
+/// Material as dexels: in one direction, z of the grid, which suits a tool axis along z, or in
+/// three directions through the same nodes. A value type: a copy preserves the state.
 struct Stock {
   Eigen::Isometry3d T_wk = Eigen::Isometry3d::Identity();  ///< pose of the grid frame k in the
                                                            ///< workpiece
@@ -116,35 +116,35 @@ struct Stock {
   std::vector<DexelField> fields;  ///< one (along z) or three (along x, y, z)
 };
 
-/// Resolution of the dexels, and the memory that they may take.
+/// Resolution and memory limit of the dexels.
 struct StockOptions {
   double spacing = 0.5;  ///< mm between dexels
   bool three_directions = true;
   std::size_t max_bytes = std::size_t(2) << 30;
 };
 
-/// Returns the dexels of a blank. Nodes are placed symmetrically about its centre, along each axis
-/// round(extent / spacing) of them, at least one, plus one outside at either end: faces of a box
-/// lie between nodes.
+/// Returns the dexels of a blank. The nodes are symmetric about its centre: along each axis
+/// round(extent / spacing), at least one, plus one outside at either end, so that the faces of a
+/// box lie between nodes.
 /// @throws std::length_error with the estimated MiB if it would take more than `max_bytes`;
 ///         std::invalid_argument if the spacing or the blank has no size or the mesh is not closed
 Stock make_stock(const Blank& blank, const Eigen::Isometry3d& T_wk,
                  const StockOptions& options = {});
 
-/// Returns the volume, mm^3: the mean over the directions of the sum of runs times spacing^2. It
-/// converges at order 1.5 or better on average over the orientations of a body; at order 1 for
-/// walls along the grid, where whole layers of lines are in or out; a plane across the lines of a
+/// Returns the volume, mm^3: the mean over the directions of the sum of runs times spacing^2.
+/// Averaged over the orientations of a body it converges at order 1.5 or better; for walls along
+/// the grid, where whole layers of lines are in or out, at order 1. A plane across the lines of a
 /// single direction is exact.
 double volume(const Stock& stock);
 
-/// Returns the depth of a point under the skin: > 0 in material, < 0 outside, -infinity outside the
-/// grid, continuous within it. It is measured in mm along the grid's lines, interpolated between
+/// Returns the depth of a point below the skin: > 0 in material, < 0 outside, -infinity outside the
+/// grid, continuous within it. It is measured in mm along the grid's lines and interpolated between
 /// their nodes, so it is at most sqrt(3) times the distance.
 /// It is zero on the skin: with three directions exactly on planes of any orientation (2e-7 mm, up
-/// to a spacing from their edges), to second order on curved skin (2.5 um on R 8 mm at 0.25 mm);
-/// with one direction the same for surfaces flatter than 4 in 1, walls only to half a spacing.
-/// Beyond 3 spacings (4 with one direction) only the sign is meaningful. With three directions a
-/// layer that passes between nodes is not detected.
+/// to a spacing from their edges), to second order on curved skin (2.5 um on R 8 mm at 0.25 mm).
+/// With one direction the same holds for surfaces with slopes below 4; walls are only accurate to
+/// half a spacing. Beyond 3 spacings (4 with one direction) only the sign is meaningful. With three
+/// directions a layer that passes between nodes is not detected.
 double depth(const Stock& stock, const Eigen::Vector3d& point_w);
 
 /// A straight segment of the tool's path.
@@ -152,38 +152,36 @@ struct StockMove {
   Eigen::Isometry3d from_T_wt;
   Eigen::Isometry3d to_T_wt;
   int line = 0;        ///< program line
-  bool rapid = false;  ///< material that is met is a crash
+  bool rapid = false;  ///< true if contact with material is a crash
 };
 /// Result of a move.
 struct RemovalResult {
   double volume = 0.0;    ///< mm^3 removed
-  bool crashed = false;   ///< by a rapid, or by the shank above the flank
+  bool crashed = false;   ///< true after contact in a rapid or of the shank above the flank
   std::size_t lines = 0;  ///< number of dexels tested against the sweep
 };
-/// The lines of a stock that are tested against a sweep: those that it may reach, or all of them,
-/// which is slow and gives the same result to the bit.
+/// The lines of a stock that are tested against a sweep: those that the sweep may reach, or all,
+/// which is slow and gives the same bits.
 enum class DexelSelection { Near, All };
-/// Depth up to which a rapid or the shank may penetrate material without counting as a crash:
-/// spring-back and drift make it rub on surfaces that were just cut. A quarter of the radius if
-/// that is less.
+/// Depth up to which a rapid or the shank may penetrate material without a crash, since spring-back
+/// and drift make it rub on surfaces that were just cut. A quarter of the radius if that is less.
 inline constexpr double rubbing = 0.1;  // mm
 
-/// Removes the cutter's sweep from the stock. The tip moves on a line while the axis turns. Ends of
-/// runs are exact to 1e-9 mm along their line if the axis does not turn; a move with a turning axis
-/// is swept in parts, each within 2 um (normal to the surface, up to the end of the flank) of the
-/// true sweep.
-/// The shank is the cylinder of the cutter's radius above its flank, without an end; it is a crash
-/// if it meets material that the flank has not cut just before. The shank of a form cutter has the
-/// radius of its top.
+/// Removes the cutter's sweep from the stock. The tip moves on a line while the axis turns. If the
+/// axis does not turn, ends of runs are exact to 1e-9 mm along their line; otherwise the move is
+/// swept in parts, each within 2 um (normal to the surface, up to the end of the flank) of the true
+/// sweep. The shank is the cylinder of the cutter's radius above its flank, without an end. Its
+/// contact with material that the flank has not just cut is a crash. The shank of a form cutter has
+/// the radius of its top.
 /// @throws std::invalid_argument if a pose is not finite, the axis turns by half a turn or over a
 ///         move that is too long (kilometres), or the cutter is impossible
 RemovalResult remove(Stock& stock, const Cutter& cutter, const StockMove& move,
                      DexelSelection dexels = DexelSelection::Near);
 
-/// The machined part as a mesh: one vertex in every cell that the skin crosses, at the mean of the
-/// crossings of its edges. It is closed; edges of the part are cut off by less than a spacing, so
-/// its volume converges to that of the stock at order 1 or better. `line` as in DexelRun, of most
-/// of those crossings.
+/// The machined part as a closed mesh: one vertex in every cell that the skin crosses, at the mean
+/// of the crossings of the cell's edges. It cuts off edges of the part by less than a spacing, so
+/// its volume converges to that of the stock at order 1 or better. `line` is that of most of the
+/// crossings, as in DexelRun.
 struct StockMesh {
   Points vertices_w;
   Triangles triangles;
@@ -192,30 +190,30 @@ struct StockMesh {
 /// Returns the mesh of a stock.
 StockMesh stock_mesh(const Stock& stock);
 
-/// Computes `depth` of many points, given in a frame of their own, while the stock does not change;
-/// neighbouring points share the nodes of a cell. Not thread-safe.
+/// Computes `depth` of many points in their own frame while the stock does not change; neighbouring
+/// points share the nodes of a cell. Not thread-safe.
 class DepthProbe {
  public:
   /// @param stock  must outlive the probe
-  /// @param T_wa   pose of the frame in which points are given
+  /// @param T_wa   pose of the points' frame a in the workpiece
   DepthProbe(const Stock& stock, const Eigen::Isometry3d& T_wa);
 
   double depth(const Eigen::Vector3d& point_a);
 
  private:
   /// The depths at the eight nodes of a cell, indexed by the bits of their x, y, z.
-  using Nodes = std::array<float, 8>;
-  struct Known {
+  using NodeDepths = std::array<float, 8>;
+  struct CachedCell {
     std::int64_t cell = -1;
-    Nodes depths;
+    NodeDepths depths;
   };
-  double along_one(const Eigen::Vector3d& place, const int* cell) const;
-  double along_three(const Eigen::Vector3d& place, const int* cell);
-  const Nodes& depths_of(const int* cell);
-  Nodes looked_up(const int* cell) const;
+  double depth_in_one_direction(const Eigen::Vector3d& grid_point, const int* cell) const;
+  double depth_in_three_directions(const Eigen::Vector3d& grid_point, const int* cell);
+  const NodeDepths& cached_depths(const int* cell);
+  NodeDepths node_depths(const int* cell) const;
 
   const Stock& stock_;
-  std::array<Known, 512> known_;
+  std::array<CachedCell, 512> cache_;
   Eigen::Isometry3d T_ga_;  // to the grid, in spacings from its first node
 };
 

@@ -21,11 +21,11 @@ namespace {
 
 using Node = std::array<int, 3>;
 
-/// The position of the skin between two nodes, and the program line that made it there.
+/// The position of the skin between two nodes, and the program line that cut it there.
 struct Crossing {
   double at = 0.0;  ///< mm along the edge's axis from the grid's origin
   std::int32_t line = 0;
-  bool is_end = false;  ///< of a run of material; else the skin was interpolated between lines
+  bool is_end = false;  ///< true for the end of a run; false if interpolated between lines
 };
 
 const DexelLine& line_through(const DexelField& field, const Node& node) {
@@ -40,65 +40,67 @@ const DexelRun* run_containing(const DexelLine& line, double at) {
   return nullptr;
 }
 
-/// Returns the program line of the nearest end, which is assumed for the skin at a position.
+/// Returns the program line of the end of a run nearest to a position; it is assumed for the skin
+/// there.
 std::int32_t nearest_line(const DexelLine& line, double at) {
   double nearest = std::numeric_limits<double>::infinity();
-  std::int32_t found = 0;
-  const auto look = [&](double end, std::int32_t by) {
-    if (std::abs(end - at) >= nearest) return;
-    nearest = std::abs(end - at);
-    found = by;
+  std::int32_t nearest_program_line = 0;
+  const auto compare = [&](double position, std::int32_t program_line) {
+    if (std::abs(position - at) >= nearest) return;
+    nearest = std::abs(position - at);
+    nearest_program_line = program_line;
   };
   for (const DexelRun& run : line.runs()) {
-    look(run.low, run.low_line);
-    look(run.high, run.high_line);
+    compare(run.low, run.low_line);
+    compare(run.high, run.high_line);
   }
-  return found;
+  return nearest_program_line;
 }
 
-// Dual contouring of the dexels, layer by layer, so that only two layers of nodes are in memory.
+/// Dual contouring of the dexels, layer by layer, so that only two layers of nodes are in memory.
 class SkinMesher {
  public:
-  explicit SkinMesher(const Stock& stock, bool keeps_places = false)
+  explicit SkinMesher(const Stock& stock, bool keeps_points = false)
       : stock_(stock),
         nx_(stock.nodes[0]),
         ny_(stock.nodes[1]),
         nz_(stock.nodes[2]),
-        keeps_places_(keeps_places) {}
+        keeps_points_(keeps_points) {}
 
   StockMesh mesh() {
-    below_ = sides(0);
-    if (keeps_places_) ends_.assign(5, std::vector<int>(below_.size(), unseen));
+    below_ = material_nodes(0);
+    if (keeps_points_) edge_points_.assign(5, std::vector<int>(below_.size(), not_computed));
     std::vector<int> cells_below(cell_count(), -1);
     for (int k = 0; k + 1 < nz_; ++k) {
-      above_ = sides(k + 1);
-      const std::vector<int> cells = vertices(k);
-      upright_quads(cells);
-      if (k > 0) level_quads(cells_below, cells);
+      above_ = material_nodes(k + 1);
+      const std::vector<int> cells = make_vertices(k);
+      add_vertical_edge_quads(cells);
+      if (k > 0) add_horizontal_edge_quads(cells_below, cells);
       cells_below = cells;
       std::swap(below_, above_);
-      if (keeps_places_) next_layer();
+      if (keeps_points_) next_layer();
     }
-    return assembled();
+    return make_mesh();
   }
 
   StockSkin skin() {
     StockSkin result;
     result.mesh = mesh();
-    result.places_w = in_workpiece(ends_at_);
-    result.line = std::move(ends_line_);
+    result.places_w = in_workpiece(points_);
+    result.line = std::move(point_lines_);
     result.first = std::move(first_);
-    result.first.push_back(int(uses_.size()));
-    result.place = std::move(uses_);
+    result.first.push_back(int(point_indices_.size()));
+    result.place = std::move(point_indices_);
     result.spacing = stock_.spacing;
-    result.lattice = stock_.fields.size() == 1 ? StockSkin::Lattice::DexelsAlong
-                                               : StockSkin::Lattice::DexelSelection;
+    result.lattice = stock_.fields.size() == 1 ? StockSkin::Lattice::OneDirection
+                                               : StockSkin::Lattice::ThreeDirections;
     result.T_wk = stock_.T_wk * Eigen::Translation3d(stock_.origin_k);
     return result;
   }
 
  private:
-  static constexpr int unseen = -1, no_end = -2;  // of the edge of a cell, else index of its point
+  static constexpr int not_computed = -1,
+                       no_point = -2;  // values of `edge_points_` that are not an index
 
   std::size_t cell_count() const { return std::size_t(nx_ - 1) * std::size_t(ny_ - 1); }
   std::size_t node(int i, int j) const {
@@ -108,8 +110,9 @@ class SkinMesher {
     return std::size_t(i) + std::size_t(nx_ - 1) * std::size_t(j);
   }
 
-  /// Returns which nodes of a layer are in material, by the majority of the lines through each.
-  std::vector<char> sides(int k) const {
+  /// Returns 1 for every node of a layer that is in material by the majority of the lines through
+  /// it.
+  std::vector<char> material_nodes(int k) const {
     const double h = stock_.spacing;
     std::vector<char> votes(std::size_t(nx_) * std::size_t(ny_), 0);
     for (const DexelField& field : stock_.fields)
@@ -121,27 +124,27 @@ class SkinMesher {
             continue;
           }
           for (const DexelRun& run : line.runs()) {
-            const int from = std::max(0, int(std::floor(run.low / h)) + 1);
+            const int start_node = std::max(0, int(std::floor(run.low / h)) + 1);
             const int last = (field.along == 0 ? nx_ : ny_) - 1;
             const int to = std::min(last, int(std::ceil(run.high / h)) - 1);
-            for (int n = from; n <= to; ++n) {
+            for (int n = start_node; n <= to; ++n) {
               char& vote = votes[field.along == 0 ? node(n, j) : node(i, n)];
               vote = char(vote + 1);
             }
           }
         }
-    // One vote with a single direction, two with three.
-    const char needed = stock_.fields.size() == 1 ? 1 : 2;
-    for (char& vote : votes) vote = vote >= needed ? 1 : 0;
+    // One vote with a single direction, two with three directions.
+    const char required_votes = stock_.fields.size() == 1 ? 1 : 2;
+    for (char& vote : votes) vote = vote >= required_votes ? 1 : 0;
     return votes;
   }
 
-  Crossing crossing(const Node& from, int axis, bool rises) const {
+  Crossing crossing(const Node& start_node, int axis, bool rises) const {
     const double h = stock_.spacing;
-    const double start = from[std::size_t(axis)] * h;
-    if (stock_.fields.size() == 1 && axis != 2) return slanted(from, axis);
+    const double start = start_node[std::size_t(axis)] * h;
+    if (stock_.fields.size() == 1 && axis != 2) return interpolated_crossing(start_node, axis);
     const DexelField& field = stock_.fields[stock_.fields.size() == 1 ? 0 : std::size_t(axis)];
-    const DexelLine& line = line_through(field, from);
+    const DexelLine& line = line_through(field, start_node);
     const DexelRun* const run = run_containing(line, rises ? start + h : start);
     if (run == nullptr) return {start + 0.5 * h, nearest_line(line, start + 0.5 * h), false};
     const double end = rises ? run->low : run->high;
@@ -149,49 +152,52 @@ class SkinMesher {
     return {at, rises ? run->low_line : run->high_line, at == end};
   }
 
-  /// Returns a crossing between lines of one direction: the point at which the depth along them,
-  /// interpolated from one to the next, is zero.
-  Crossing slanted(const Node& from, int axis) const {
+  /// Returns a crossing between neighbouring lines of one direction: the position at which the
+  /// depth interpolated between them is zero.
+  Crossing interpolated_crossing(const Node& start_node, int axis) const {
     const double h = stock_.spacing;
-    Node to = from;
+    Node to = start_node;
     ++to[std::size_t(axis)];
-    const double z = from[2] * h;
-    const DexelLine& a = line_through(stock_.fields[0], from);
+    const double z = start_node[2] * h;
+    const DexelLine& a = line_through(stock_.fields[0], start_node);
     const DexelLine& b = line_through(stock_.fields[0], to);
-    // Limited as in `depth`, so that mesh and depth have the same zero.
+    // Limited as in `depth`, so that mesh and depth field have the same zero.
     const double da = std::clamp(a.signed_depth(z), -4 * h, 4 * h);
     const double db = std::clamp(b.signed_depth(z), -4 * h, 4 * h);
-    const double part = da != db ? std::clamp(da / (da - db), 0.0, 1.0) : 0.5;
+    const double fraction = da != db ? std::clamp(da / (da - db), 0.0, 1.0) : 0.5;
     const DexelLine& outside = da > 0.0 ? b : a;
-    return {(from[std::size_t(axis)] + part) * h, nearest_line(outside, z), false};
+    return {(start_node[std::size_t(axis)] + fraction) * h, nearest_line(outside, z), false};
   }
 
-  /// Returns the point of an edge of cells, addressed by its lower node: along x in the lower and
-  /// the upper layer of nodes, along y the same, along z.
-  int& place_of_edge(const Node& from, int axis, int layer) {
-    const std::size_t kind = axis == 2 ? 4 : std::size_t(2 * axis + (from[2] - layer));
-    return ends_[kind][node(from[0], from[1])];
+  /// Returns the index of the point on an edge, addressed by the edge's lower node: the arrays are
+  /// those of edges along x in the lower and the upper layer of nodes, along y the same, and along
+  /// z.
+  int& edge_point(const Node& start_node, int axis, int layer) {
+    const std::size_t edge_kind = axis == 2 ? 4 : std::size_t(2 * axis + (start_node[2] - layer));
+    return edge_points_[edge_kind][node(start_node[0], start_node[1])];
   }
   void next_layer() {
-    std::swap(ends_[0], ends_[1]);
-    std::swap(ends_[2], ends_[3]);
-    for (const std::size_t kind : {1, 3, 4}) std::ranges::fill(ends_[kind], unseen);
+    std::swap(edge_points_[0], edge_points_[1]);
+    std::swap(edge_points_[2], edge_points_[3]);
+    for (const std::size_t edge_kind : {1, 3, 4})
+      std::ranges::fill(edge_points_[edge_kind], not_computed);
   }
-  /// Records a point for a cell; a point belongs to the four cells around its edge.
-  void keep(const Node& from, int axis, int layer, const Crossing& found, const Vector3d& place) {
-    int& number = place_of_edge(from, axis, layer);
-    if (number == unseen) {
-      number = found.is_end ? int(ends_at_.size()) : no_end;
-      if (found.is_end) {
-        ends_at_.push_back(place);
-        ends_line_.push_back(found.line);
+  /// Records a point for a cell; a point is shared by the four cells around its edge.
+  void record_point(const Node& start_node, int axis, int layer, const Crossing& skin_crossing,
+                    const Vector3d& point) {
+    int& number = edge_point(start_node, axis, layer);
+    if (number == not_computed) {
+      number = skin_crossing.is_end ? int(points_.size()) : no_point;
+      if (skin_crossing.is_end) {
+        points_.push_back(point);
+        point_lines_.push_back(skin_crossing.line);
       }
     }
-    if (number != no_end) uses_.push_back(number);
+    if (number != no_point) point_indices_.push_back(number);
   }
 
   /// Returns the vertices of the cells between layers k and k + 1.
-  std::vector<int> vertices(int k) {
+  std::vector<int> make_vertices(int k) {
     std::vector<int> cells(cell_count(), -1);
     for (int j = 0; j + 1 < ny_; ++j) {
       const char *low = &below_[node(0, j)], *low_next = &below_[node(0, j + 1)];
@@ -200,14 +206,14 @@ class SkinMesher {
         const int inside = low[i] + low[i + 1] + low_next[i] + low_next[i + 1] + high[i] +
                            high[i + 1] + high_next[i] + high_next[i + 1];
         if (inside == 0 || inside == 8) continue;
-        const auto in = [&](int corner) {
+        const auto is_inside = [&](int corner) {
           const auto& layer = (corner & 4) != 0 ? above_ : below_;
           return layer[node(i + (corner & 1), j + (corner >> 1 & 1))] != 0;
         };
-        cells[cell(i, j)] = int(places_.size());
-        add_vertex({i, j, k}, in);
-        // the triangles, about twice as many, need three corners each within int
-        if (places_.size() > std::size_t(std::numeric_limits<int>::max()) / 4)
+        cells[cell(i, j)] = int(vertex_positions_.size());
+        add_vertex({i, j, k}, is_inside);
+        // There are about twice as many triangles, whose corner indices must fit in int.
+        if (vertex_positions_.size() > std::size_t(std::numeric_limits<int>::max()) / 4)
           throw std::length_error("stock mesh: more than 500 million vertices");
       }
     }
@@ -215,36 +221,37 @@ class SkinMesher {
   }
 
   template <typename Inside>
-  void add_vertex(const Node& at, const Inside& in) {
+  void add_vertex(const Node& cell_node, const Inside& is_inside) {
     Vector3d sum = Vector3d::Zero();
     std::array<std::int32_t, 12> lines{};
     int count = 0;
-    if (keeps_places_) first_.push_back(int(uses_.size()));
+    if (keeps_points_) first_.push_back(int(point_indices_.size()));
     for (int axis = 0; axis < 3; ++axis)
       for (int corner = 0; corner < 8; ++corner) {
         const int end = corner | 1 << axis;
-        if (end == corner || in(corner) == in(end)) continue;
-        const Node from{at[0] + (corner & 1), at[1] + (corner >> 1 & 1), at[2] + (corner >> 2)};
-        const Crossing found = crossing(from, axis, in(end));
-        Vector3d place = stock_.spacing * Vector3d(from[0], from[1], from[2]);
-        place[axis] = found.at;
-        sum += place;
-        if (keeps_places_) keep(from, axis, at[2], found, place);
-        lines[std::size_t(count++)] = found.line;
+        if (end == corner || is_inside(corner) == is_inside(end)) continue;
+        const Node start_node{cell_node[0] + (corner & 1), cell_node[1] + (corner >> 1 & 1),
+                              cell_node[2] + (corner >> 2)};
+        const Crossing skin_crossing = crossing(start_node, axis, is_inside(end));
+        Vector3d point = stock_.spacing * Vector3d(start_node[0], start_node[1], start_node[2]);
+        point[axis] = skin_crossing.at;
+        sum += point;
+        if (keeps_points_) record_point(start_node, axis, cell_node[2], skin_crossing, point);
+        lines[std::size_t(count++)] = skin_crossing.line;
       }
-    places_.push_back(sum / count);
-    lines_.push_back(max_frequent(lines, count));
+    vertex_positions_.push_back(sum / count);
+    lines_.push_back(most_frequent(lines, count));
   }
 
-  /// Returns the most frequent line; of equally frequent ones the last that cut.
-  static std::int32_t max_frequent(const std::array<std::int32_t, 12>& lines, int count) {
+  /// Returns the most frequent line; of equally frequent lines the one that cut last.
+  static std::int32_t most_frequent(const std::array<std::int32_t, 12>& lines, int count) {
     std::int32_t best = 0;
-    long most = 0;
+    long max_count = 0;
     for (int i = 0; i < count; ++i) {
       const std::int32_t line = lines[std::size_t(i)];
-      const long times = std::count(lines.begin(), lines.begin() + count, line);
-      if (times > most || (times == most && std::abs(line) > std::abs(best))) {
-        most = times;
+      const long frequency = std::count(lines.begin(), lines.begin() + count, line);
+      if (frequency > max_count || (frequency == max_count && std::abs(line) > std::abs(best))) {
+        max_count = frequency;
         best = line;
       }
     }
@@ -252,46 +259,51 @@ class SkinMesher {
   }
 
   /// Adds the quadrilaterals around the edges between the two layers of nodes.
-  void upright_quads(const std::vector<int>& cells) {
+  void add_vertical_edge_quads(const std::vector<int>& cells) {
     for (int j = 1; j + 1 < ny_; ++j)
       for (int i = 1; i + 1 < nx_; ++i) {
         const bool low = below_[node(i, j)] != 0, high = above_[node(i, j)] != 0;
         if (low == high) continue;
-        quad({cells[cell(i - 1, j - 1)], cells[cell(i, j - 1)], cells[cell(i, j)],
-              cells[cell(i - 1, j)]},
-             low);
+        add_quad({cells[cell(i - 1, j - 1)], cells[cell(i, j - 1)], cells[cell(i, j)],
+                  cells[cell(i - 1, j)]},
+                 low);
       }
   }
 
-  /// Adds the quadrilaterals around the edges in the layer of nodes below, between two layers of
+  /// Adds the quadrilaterals around the edges in the lower layer of nodes, between two layers of
   /// cells.
-  void level_quads(const std::vector<int>& lower, const std::vector<int>& upper) {
+  void add_horizontal_edge_quads(const std::vector<int>& lower, const std::vector<int>& upper) {
     for (int j = 1; j + 1 < ny_; ++j)
       for (int i = 1; i + 1 < nx_; ++i) {
-        const bool here = below_[node(i, j)] != 0;
-        if (here != (below_[node(i + 1, j)] != 0))
-          quad({lower[cell(i, j - 1)], lower[cell(i, j)], upper[cell(i, j)], upper[cell(i, j - 1)]},
-               here);
-        if (here != (below_[node(i, j + 1)] != 0))
-          quad({lower[cell(i - 1, j)], upper[cell(i - 1, j)], upper[cell(i, j)], lower[cell(i, j)]},
-               here);
-        // The edges from the nodes of the border, which are outside, to these.
-        if (i == 1 && here)
-          quad({lower[cell(0, j - 1)], lower[cell(0, j)], upper[cell(0, j)], upper[cell(0, j - 1)]},
-               false);
-        if (j == 1 && here)
-          quad({lower[cell(i - 1, 0)], upper[cell(i - 1, 0)], upper[cell(i, 0)], lower[cell(i, 0)]},
-               false);
+        const bool is_material = below_[node(i, j)] != 0;
+        if (is_material != (below_[node(i + 1, j)] != 0))
+          add_quad(
+              {lower[cell(i, j - 1)], lower[cell(i, j)], upper[cell(i, j)], upper[cell(i, j - 1)]},
+              is_material);
+        if (is_material != (below_[node(i, j + 1)] != 0))
+          add_quad(
+              {lower[cell(i - 1, j)], upper[cell(i - 1, j)], upper[cell(i, j)], lower[cell(i, j)]},
+              is_material);
+        // The edges between these nodes and those of the border, which are outside.
+        if (i == 1 && is_material)
+          add_quad(
+              {lower[cell(0, j - 1)], lower[cell(0, j)], upper[cell(0, j)], upper[cell(0, j - 1)]},
+              false);
+        if (j == 1 && is_material)
+          add_quad(
+              {lower[cell(i - 1, 0)], upper[cell(i - 1, 0)], upper[cell(i, 0)], lower[cell(i, 0)]},
+              false);
       }
   }
 
-  /// Adds two triangles, split along the shorter diagonal, which follows curved skin more closely.
-  void quad(std::array<int, 4> v, bool faces_up) {
+  /// Adds two triangles, split along the shorter diagonal, which follows a curved skin more
+  /// closely.
+  void add_quad(std::array<int, 4> v, bool faces_up) {
     if (!faces_up) std::reverse(v.begin(), v.end());
-    const auto place = [&](int i) -> const Vector3d& {
-      return places_[std::size_t(v[std::size_t(i)])];
+    const auto corner = [&](int i) -> const Vector3d& {
+      return vertex_positions_[std::size_t(v[std::size_t(i)])];
     };
-    if ((place(2) - place(0)).squaredNorm() <= (place(3) - place(1)).squaredNorm()) {
+    if ((corner(2) - corner(0)).squaredNorm() <= (corner(3) - corner(1)).squaredNorm()) {
       triangles_.push_back({v[0], v[1], v[2]});
       triangles_.push_back({v[0], v[2], v[3]});
     } else {
@@ -300,16 +312,16 @@ class SkinMesher {
     }
   }
 
-  Points in_workpiece(const std::vector<Vector3d>& places) const {
-    Points result(Eigen::Index(places.size()), 3);
-    for (std::size_t i = 0; i < places.size(); ++i)
-      result.row(Eigen::Index(i)) = stock_.T_wk * Vector3d(stock_.origin_k + places[i]);
+  Points in_workpiece(const std::vector<Vector3d>& positions) const {
+    Points result(Eigen::Index(positions.size()), 3);
+    for (std::size_t i = 0; i < positions.size(); ++i)
+      result.row(Eigen::Index(i)) = stock_.T_wk * Vector3d(stock_.origin_k + positions[i]);
     return result;
   }
 
-  StockMesh assembled() {
+  StockMesh make_mesh() {
     StockMesh result;
-    result.vertices_w = in_workpiece(places_);
+    result.vertices_w = in_workpiece(vertex_positions_);
     result.triangles.resize(Eigen::Index(triangles_.size()), 3);
     for (std::size_t t = 0; t < triangles_.size(); ++t)
       for (int k = 0; k < 3; ++k)
@@ -320,16 +332,17 @@ class SkinMesher {
 
   const Stock& stock_;
   int nx_, ny_, nz_;
-  std::vector<char> below_, above_;  // inside or outside, for two layers of nodes
-  std::vector<Vector3d> places_;     // mm from the grid's origin
+  std::vector<char> below_, above_;         // 1: in material, for two layers of nodes
+  std::vector<Vector3d> vertex_positions_;  // mm from the grid's origin
   std::vector<std::int32_t> lines_;
   std::vector<std::array<int, 3>> triangles_;
 
-  bool keeps_places_;
-  std::vector<std::vector<int>> ends_;  // indices of the points on the edges of a layer of cells
-  std::vector<Vector3d> ends_at_;       // mm from the grid's origin
-  std::vector<std::int32_t> ends_line_;
-  std::vector<int> first_, uses_;
+  bool keeps_points_;
+  std::vector<std::vector<int>>
+      edge_points_;               // indices of the points on the edges of a layer of cells
+  std::vector<Vector3d> points_;  // mm from the grid's origin
+  std::vector<std::int32_t> point_lines_;
+  std::vector<int> first_, point_indices_;
 };
 
 }  // namespace
@@ -351,42 +364,44 @@ StockSkin stock_skin(const Stock& stock) {
 
 namespace {
 
-constexpr double flat = 1e-3;  // mm; a profile that bends by less is drawn straight
+constexpr double max_bend = 1e-3;  // mm; a profile that bends by less is replaced by a line
 
-double along(const TurnedStock& stock, Eigen::Index node) {
+double position(const TurnedStock& stock, Eigen::Index node) {
   return stock.first + stock.spacing * double(node);
 }
 
-/// Returns the nodes that a polyline within `flat` of the profile needs, the ends included. In one
-/// pass: the slopes that keep all nodes since the last kept one within `flat` form an interval that
-/// narrows.
-std::vector<Eigen::Index> thinned(const TurnedStock& stock) {
-  std::vector<Eigen::Index> kept{0};
+/// Returns the nodes of a polyline within `max_bend` of the profile, ends included. A single pass
+/// suffices: the slopes that keep all nodes since the last vertex within `max_bend` form an
+/// interval, which narrows from node to node.
+std::vector<Eigen::Index> thinned_nodes(const TurnedStock& stock) {
+  std::vector<Eigen::Index> nodes{0};
   const Eigen::Index n = stock.radius.size();
-  double steepest_from = -INFINITY, steepest_to = INFINITY;
+  double min_slope = -INFINITY, max_slope = INFINITY;
   for (Eigen::Index i = 1; i < n; ++i) {
-    const double from = stock.radius[kept.back()];
-    const double run = double(i - kept.back());
-    const double slope = (stock.radius[i] - from) / run;
-    const auto kind = [&](Eigen::Index k) { return std::clamp(stock.line[std::size_t(k)], -1, 1); };
-    if (slope < steepest_from || slope > steepest_to || kind(i) != kind(i - 1)) {
-      if (kept.back() != i - 1) kept.push_back(i - 1);
-      steepest_from = stock.radius[i] - stock.radius[i - 1] - flat;
-      steepest_to = stock.radius[i] - stock.radius[i - 1] + flat;
+    const double from = stock.radius[nodes.back()];
+    const double node_distance = double(i - nodes.back());
+    const double slope = (stock.radius[i] - from) / node_distance;
+    const auto surface_kind = [&](Eigen::Index k) {
+      return std::clamp(stock.line[std::size_t(k)], -1, 1);
+    };
+    if (slope < min_slope || slope > max_slope || surface_kind(i) != surface_kind(i - 1)) {
+      if (nodes.back() != i - 1) nodes.push_back(i - 1);
+      min_slope = stock.radius[i] - stock.radius[i - 1] - max_bend;
+      max_slope = stock.radius[i] - stock.radius[i - 1] + max_bend;
       continue;
     }
-    steepest_from = std::max(steepest_from, slope - flat / run);
-    steepest_to = std::min(steepest_to, slope + flat / run);
+    min_slope = std::max(min_slope, slope - max_bend / node_distance);
+    max_slope = std::min(max_slope, slope + max_bend / node_distance);
   }
-  if (kept.back() != n - 1) kept.push_back(n - 1);
-  return kept;
+  if (nodes.back() != n - 1) nodes.push_back(n - 1);
+  return nodes;
 }
 
-/// Returns those nodes and further ones at equal distances, about `most` of them.
-std::vector<Eigen::Index> dense_rings(const TurnedStock& stock, Eigen::Index most) {
-  std::vector<Eigen::Index> nodes = thinned(stock);
-  const Eigen::Index every = std::max<Eigen::Index>(1, stock.radius.size() / most);
-  for (Eigen::Index i = 0; i < stock.radius.size(); i += every) nodes.push_back(i);
+/// Returns the nodes of `thinned_nodes` and about `max_rings` more at equal distances.
+std::vector<Eigen::Index> dense_rings(const TurnedStock& stock, Eigen::Index max_rings) {
+  std::vector<Eigen::Index> nodes = thinned_nodes(stock);
+  const Eigen::Index stride = std::max<Eigen::Index>(1, stock.radius.size() / max_rings);
+  for (Eigen::Index i = 0; i < stock.radius.size(); i += stride) nodes.push_back(i);
   std::ranges::sort(nodes);
   nodes.erase(std::unique(nodes.begin(), nodes.end()), nodes.end());
   return nodes;
@@ -401,41 +416,44 @@ Eigen::Isometry3d axis_frame(const TurnedStock& stock) {
   return T;
 }
 
-/// Returns the mesh of rings at these nodes, closed by the centres of the two ends.
-StockMesh rings_at(const TurnedStock& stock, const std::vector<Eigen::Index>& nodes, int around) {
+/// Returns the mesh of rings at the nodes, closed by centre vertices at the two ends.
+StockMesh ring_mesh(const TurnedStock& stock, const std::vector<Eigen::Index>& nodes,
+                    int vertices_per_ring) {
   StockMesh mesh;
   const Eigen::Isometry3d axis = axis_frame(stock);
-  const Eigen::Vector3d across = axis.linear().col(0), third = axis.linear().col(1);
-  const int rings = int(nodes.size());
-  mesh.vertices_w.resize(rings * around + 2, 3);
-  mesh.triangles.resize(2 * (rings - 1) * around + 2 * around, 3);
-  const int first_centre = rings * around, last_centre = first_centre + 1;
+  const Eigen::Vector3d first_axis = axis.linear().col(0), second_axis = axis.linear().col(1);
+  const int ring_count = int(nodes.size());
+  mesh.vertices_w.resize(ring_count * vertices_per_ring + 2, 3);
+  mesh.triangles.resize(2 * (ring_count - 1) * vertices_per_ring + 2 * vertices_per_ring, 3);
+  const int first_centre = ring_count * vertices_per_ring, last_centre = first_centre + 1;
   int row = 0;
-  for (int i = 0; i < rings; ++i)
-    for (int k = 0; k < around; ++k) {
-      const double angle = 2 * std::numbers::pi * k / around;
+  for (int i = 0; i < ring_count; ++i)
+    for (int k = 0; k < vertices_per_ring; ++k) {
+      const double angle = 2 * std::numbers::pi * k / vertices_per_ring;
       const double r = stock.radius[nodes[std::size_t(i)]];
-      mesh.vertices_w.row(i * around + k) =
-          (stock.point_w + along(stock, nodes[std::size_t(i)]) * stock.direction_w +
-           r * (std::cos(angle) * across + std::sin(angle) * third))
+      mesh.vertices_w.row(i * vertices_per_ring + k) =
+          (stock.point_w + position(stock, nodes[std::size_t(i)]) * stock.direction_w +
+           r * (std::cos(angle) * first_axis + std::sin(angle) * second_axis))
               .transpose();
-      const int a = i * around + k, b = i * around + (k + 1) % around;
-      if (i + 1 < rings) {
-        mesh.triangles.row(row++) << a, b, b + around;
-        mesh.triangles.row(row++) << a, b + around, a + around;
+      const int a = i * vertices_per_ring + k,
+                b = i * vertices_per_ring + (k + 1) % vertices_per_ring;
+      if (i + 1 < ring_count) {
+        mesh.triangles.row(row++) << a, b, b + vertices_per_ring;
+        mesh.triangles.row(row++) << a, b + vertices_per_ring, a + vertices_per_ring;
       }
     }
   mesh.vertices_w.row(first_centre) =
-      (stock.point_w + along(stock, nodes.front()) * stock.direction_w).transpose();
+      (stock.point_w + position(stock, nodes.front()) * stock.direction_w).transpose();
   mesh.vertices_w.row(last_centre) =
-      (stock.point_w + along(stock, nodes.back()) * stock.direction_w).transpose();
-  for (int k = 0; k < around; ++k) {
-    const int next = (k + 1) % around, top = (rings - 1) * around;
+      (stock.point_w + position(stock, nodes.back()) * stock.direction_w).transpose();
+  for (int k = 0; k < vertices_per_ring; ++k) {
+    const int next = (k + 1) % vertices_per_ring, top = (ring_count - 1) * vertices_per_ring;
     mesh.triangles.row(row++) << first_centre, next, k;
     mesh.triangles.row(row++) << last_centre, top + k, top + next;
   }
   for (const Eigen::Index node : nodes)
-    mesh.line.insert(mesh.line.end(), std::size_t(around), stock.line[std::size_t(node)]);
+    mesh.line.insert(mesh.line.end(), std::size_t(vertices_per_ring),
+                     stock.line[std::size_t(node)]);
   mesh.line.push_back(stock.line[std::size_t(nodes.front())]);
   mesh.line.push_back(stock.line[std::size_t(nodes.back())]);
   return mesh;
@@ -443,19 +461,23 @@ StockMesh rings_at(const TurnedStock& stock, const std::vector<Eigen::Index>& no
 
 }  // namespace
 
-StockMesh stock_mesh(const TurnedStock& stock, int around) {
-  if (around < 3) throw std::invalid_argument("expected at least 3 vertices on a circle");
-  return stock.radius.size() < 2 ? StockMesh{} : rings_at(stock, thinned(stock), around);
+StockMesh stock_mesh(const TurnedStock& stock, int vertices_per_ring) {
+  if (vertices_per_ring < 3)
+    throw std::invalid_argument("expected at least 3 vertices on a circle");
+  return stock.radius.size() < 2 ? StockMesh{}
+                                 : ring_mesh(stock, thinned_nodes(stock), vertices_per_ring);
 }
 
-StockSkin stock_skin(const TurnedStock& stock, int around) {
-  if (around < 3) throw std::invalid_argument("expected at least 3 vertices on a circle");
+StockSkin stock_skin(const TurnedStock& stock, int vertices_per_ring) {
+  if (vertices_per_ring < 3)
+    throw std::invalid_argument("expected at least 3 vertices on a circle");
   constexpr Eigen::Index max_rings = 2000;
   StockSkin skin;
   skin.spacing = stock.spacing;
   skin.lattice = StockSkin::Lattice::Profile;
   skin.T_wk = axis_frame(stock);
-  if (stock.radius.size() >= 2) skin.mesh = rings_at(stock, dense_rings(stock, max_rings), around);
+  if (stock.radius.size() >= 2)
+    skin.mesh = ring_mesh(stock, dense_rings(stock, max_rings), vertices_per_ring);
   skin.places_w = skin.mesh.vertices_w;
   skin.line = skin.mesh.line;
   skin.first.resize(skin.line.size() + 1);

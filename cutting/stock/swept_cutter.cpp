@@ -13,23 +13,23 @@ using Eigen::Vector3d;
 
 namespace {
 
-constexpr double no_travel = 1e-12;  // mm, a shorter displacement is treated as none
-// mm, margin by which the search for a form cutter begins outside the flat end around it
-constexpr double outside_of_form = 1e-3;
-constexpr double along_axis = 1e-13;  // component of a direction below which a line is parallel
-                                      // to a plane
+constexpr double min_travel = 1e-12;  // mm; a shorter displacement counts as none
+// mm outside the enclosing flat end, where the search for a form cutter begins
+constexpr double form_margin = 1e-3;
+constexpr double parallel_tolerance = 1e-13;  // component of a direction; below it a line is
+                                              // parallel to a plane
 
 /// An interval of the position s along a line, clipped by conditions on s; empty if lo > hi.
-struct Stretch {
+struct LineSegment {
   double lo = -infinity;
   double hi = infinity;
 
   bool is_empty() const { return !(lo <= hi); }
-  void forbid() { lo = infinity, hi = -infinity; }
+  void make_empty() { lo = infinity, hi = -infinity; }
   /// Keeps c0 + c1 s >= 0.
-  void positive(double c0, double c1) {
-    if (std::abs(c1) < along_axis) {
-      if (c0 < 0.0) forbid();
+  void keep_positive(double c0, double c1) {
+    if (std::abs(c1) < parallel_tolerance) {
+      if (c0 < 0.0) make_empty();
     } else if (c1 > 0.0) {
       lo = std::max(lo, -c0 / c1);
     } else {
@@ -37,19 +37,19 @@ struct Stretch {
     }
   }
   /// Keeps 0 <= c0 + c1 s <= top.
-  void between(double c0, double c1, double top) {
-    positive(c0, c1);
-    positive(top - c0, -c1);
+  void keep_between(double c0, double c1, double top) {
+    keep_positive(c0, c1);
+    keep_positive(top - c0, -c1);
   }
   /// Keeps a s^2 + 2 b s + c <= 0.
-  void within(double a, double b, double c) {
-    if (a < along_axis * along_axis) {
-      if (c > 0.0) forbid();
+  void keep_inside_quadratic(double a, double b, double c) {
+    if (a < parallel_tolerance * parallel_tolerance) {
+      if (c > 0.0) make_empty();
       return;
     }
-    const double square = b * b - a * c;
-    if (square < 0.0) return forbid();
-    const double root = std::sqrt(square);
+    const double discriminant = b * b - a * c;
+    if (discriminant < 0.0) return make_empty();
+    const double root = std::sqrt(discriminant);
     lo = std::max(lo, (-b - root) / a);
     hi = std::min(hi, (-b + root) / a);
   }
@@ -57,11 +57,11 @@ struct Stretch {
 
 }  // namespace
 
-/// A line parameterised from the point nearest to the cutter: from a distant point the quadratic
-/// equations would lose digits by cancellation.
+/// A line whose parameter starts at the point nearest to the cutter. From a distant point the
+/// quadratic equations would lose digits by cancellation.
 struct CutterSweep::Line {
   Vector3d point, direction;
-  double shift;  ///< position of that point in the original parameter
+  double shift;  ///< original parameter of that point
 
   Line(const Vector3d& p, const Vector3d& d, double height) : direction(d) {
     shift = -(p.dot(d) - height * d.z()) / d.squaredNorm();
@@ -69,24 +69,24 @@ struct CutterSweep::Line {
   }
 };
 
-/// The union of the intervals in the pieces of which the sweep consists. The sweep is convex, so
-/// they leave no gap and the smallest and largest end suffice.
-struct CutterSweep::Sum {
+/// The union of the intervals inside the components of the sweep. The sweep is convex, so the union
+/// has no gaps and its smallest and largest ends suffice.
+struct CutterSweep::IntervalUnion {
   SweepInterval result;
 
-  /// Adds the interval inside a piece, whose point s is touched at instant t0 + t1 s.
-  void add(const Stretch& piece, double t0, double t1 = 0.0) {
-    if (piece.is_empty()) return;
+  /// Adds the interval inside a component that touches the point at s at instant t0 + t1 s.
+  void add(const LineSegment& segment, double t0, double t1 = 0.0) {
+    if (segment.is_empty()) return;
     const auto instant = [&](double s) {
       return t1 == 0.0 ? std::clamp(t0, 0.0, 1.0) : std::clamp(t0 + t1 * s, 0.0, 1.0);
     };
-    if (piece.lo < result.in) {
-      result.in = piece.lo;
-      result.t_in = instant(piece.lo);
+    if (segment.lo < result.in) {
+      result.in = segment.lo;
+      result.t_in = instant(segment.lo);
     }
-    if (piece.hi > result.out) {
-      result.out = piece.hi;
-      result.t_out = instant(piece.hi);
+    if (segment.hi > result.out) {
+      result.out = segment.hi;
+      result.t_out = instant(segment.hi);
     }
   }
 };
@@ -99,218 +99,225 @@ CutterSweep::CutterSweep(const Cutter& cutter, const Vector3d& travel)
       travel_(travel),
       lateral_(std::hypot(travel.x(), travel.y())),
       length_(travel.norm()) {
-  const bool moves = lateral_ > no_travel;
-  x_ = moves ? travel.x() / lateral_ : 1.0;
-  y_ = moves ? travel.y() / lateral_ : 0.0;
-  slope_ = moves ? travel.z() / lateral_ : 0.0;
-  if (!moves) lateral_ = 0.0;
-  unit_ = length_ > no_travel ? Vector3d(travel / length_) : Vector3d::UnitZ();
-  if (length_ <= no_travel) length_ = 0.0;
+  const bool has_lateral_travel = lateral_ > min_travel;
+  x_ = has_lateral_travel ? travel.x() / lateral_ : 1.0;
+  y_ = has_lateral_travel ? travel.y() / lateral_ : 0.0;
+  slope_ = has_lateral_travel ? travel.z() / lateral_ : 0.0;
+  if (!has_lateral_travel) lateral_ = 0.0;
+  unit_ = length_ > min_travel ? Vector3d(travel / length_) : Vector3d::UnitZ();
+  if (length_ <= min_travel) length_ = 0.0;
 }
 
 /// Adds the cylinders at start and end of the move and the region between them, above the track of
 /// the base. `line` is relative to the centre of the base at the start.
-void CutterSweep::add_cylinders(const Line& line, double radius, Sum& sum) const {
+void CutterSweep::add_cylinders(const Line& line, double radius, IntervalUnion& intervals) const {
   const Vector3d& p = line.point;
   const Vector3d& d = line.direction;
   const double a = d.x() * d.x() + d.y() * d.y();
   const double b = p.x() * d.x() + p.y() * d.y();
   const double c = p.x() * p.x() + p.y() * p.y() - radius * radius;
-  Stretch first;
-  first.within(a, b, c);
-  // In a plunge the lower of both ends bounds the only cylinder.
-  first.positive(p.z() - (lateral_ > 0.0 ? 0.0 : std::min(0.0, travel_.z())), d.z());
-  sum.add(first, lateral_ > 0.0 || travel_.z() >= 0.0 ? 0.0 : 1.0);
+  LineSegment first;
+  first.keep_inside_quadratic(a, b, c);
+  // In a plunge the lower end bounds the only cylinder.
+  first.keep_positive(p.z() - (lateral_ > 0.0 ? 0.0 : std::min(0.0, travel_.z())), d.z());
+  intervals.add(first, lateral_ > 0.0 || travel_.z() >= 0.0 ? 0.0 : 1.0);
   if (lateral_ == 0.0) return;
 
-  const double along = p.x() * x_ + p.y() * y_, d_along = d.x() * x_ + d.y() * y_;
-  const double across = p.y() * x_ - p.x() * y_, d_across = d.y() * x_ - d.x() * y_;
-  Stretch last;
-  last.within(a, b - lateral_ * d_along, c - lateral_ * (2.0 * along - lateral_));
-  last.positive(p.z() - travel_.z(), d.z());
-  sum.add(last, 1.0);
+  const double along_travel = p.x() * x_ + p.y() * y_, d_along_travel = d.x() * x_ + d.y() * y_;
+  const double across_travel = p.y() * x_ - p.x() * y_, d_across_travel = d.y() * x_ - d.x() * y_;
+  LineSegment last;
+  last.keep_inside_quadratic(a, b - lateral_ * d_along_travel,
+                             c - lateral_ * (2.0 * along_travel - lateral_));
+  last.keep_positive(p.z() - travel_.z(), d.z());
+  intervals.add(last, 1.0);
 
-  Stretch middle;
-  middle.between(radius + across, d_across, 2.0 * radius);
-  middle.between(along, d_along, lateral_);
-  middle.positive(p.z() - slope_ * along, d.z() - slope_ * d_along);
-  sum.add(middle, along / lateral_, d_along / lateral_);
+  LineSegment middle;
+  middle.keep_between(radius + across_travel, d_across_travel, 2.0 * radius);
+  middle.keep_between(along_travel, d_along_travel, lateral_);
+  middle.keep_positive(p.z() - slope_ * along_travel, d.z() - slope_ * d_along_travel);
+  intervals.add(middle, along_travel / lateral_, d_along_travel / lateral_);
 }
 
-SweepInterval CutterSweep::along_flat(const Line& line, double radius) const {
-  Sum sum;
-  add_cylinders(line, radius, sum);
+SweepInterval CutterSweep::flat_interval(const Line& line, double radius) const {
+  IntervalUnion intervals;
+  add_cylinders(line, radius, intervals);
   const SweepInterval disc = disc_sweep_interval(radius, 0.0, travel_, line.point, line.direction);
   if (lateral_ > 0.0 && !disc.is_empty()) {
-    sum.add({disc.in, disc.in}, disc.t_in);
-    sum.add({disc.out, disc.out}, disc.t_out);
+    intervals.add({disc.in, disc.in}, disc.t_in);
+    intervals.add({disc.out, disc.out}, disc.t_out);
   }
-  return sum.result;
+  return intervals.result;
 }
 
-SweepInterval CutterSweep::along_ball(const Line& line) const {
-  Line from_centre = line;
-  from_centre.point.z() -= radius_;
-  const Vector3d& p = from_centre.point;
-  const Vector3d& d = from_centre.direction;
-  Sum sum;
-  add_cylinders(from_centre, radius_, sum);
+SweepInterval CutterSweep::ball_interval(const Line& line) const {
+  Line centred = line;
+  centred.point.z() -= radius_;
+  const Vector3d& p = centred.point;
+  const Vector3d& d = centred.direction;
+  IntervalUnion intervals;
+  add_cylinders(centred, radius_, intervals);
   const double a = d.squaredNorm();
   const double b = p.dot(d);
   const double c = p.squaredNorm() - radius_ * radius_;
-  Stretch first;
-  first.within(a, b, c);
-  sum.add(first, 0.0);
-  if (length_ == 0.0) return sum.result;
-  const double along = p.dot(unit_), d_along = d.dot(unit_);
-  Stretch last;
-  last.within(a, b - length_ * d_along, c - length_ * (2.0 * along - length_));
-  sum.add(last, 1.0);
-  Stretch middle;
-  middle.within(a - d_along * d_along, b - along * d_along, c - along * along);
-  middle.between(along, d_along, length_);
-  sum.add(middle, along / length_, d_along / length_);
-  return sum.result;
+  LineSegment first;
+  first.keep_inside_quadratic(a, b, c);
+  intervals.add(first, 0.0);
+  if (length_ == 0.0) return intervals.result;
+  const double along_travel = p.dot(unit_), d_along_travel = d.dot(unit_);
+  LineSegment last;
+  last.keep_inside_quadratic(a, b - length_ * d_along_travel,
+                             c - length_ * (2.0 * along_travel - length_));
+  intervals.add(last, 1.0);
+  LineSegment middle;
+  middle.keep_inside_quadratic(a - d_along_travel * d_along_travel,
+                               b - along_travel * d_along_travel, c - along_travel * along_travel);
+  middle.keep_between(along_travel, d_along_travel, length_);
+  intervals.add(middle, along_travel / length_, d_along_travel / length_);
+  return intervals.result;
 }
 
-/// The point of the core's sweep that is nearest to a given point. The core is the flat cylinder
-/// inside the corner: at each instant the cutter is what lies within the corner radius of it.
-struct CutterSweep::Nearest {
+/// The point of the core's sweep nearest to a given point. The core is the flat cylinder inside the
+/// corner; the cutter is the set of points within the corner radius of the core.
+struct CutterSweep::NearestCorePoint {
   double distance;
   Vector3d away;  ///< unit, from the core to the given point
   double t;       ///< instant at which the core is there
 };
 
-CutterSweep::Nearest CutterSweep::nearest(const Vector3d& point, double t) const {
+CutterSweep::NearestCorePoint CutterSweep::nearest_core_point(const Vector3d& point,
+                                                              double t) const {
   double low = 0.0, high = 1.0;
-  Nearest found{0.0, Vector3d::Zero(), t};
+  NearestCorePoint result{0.0, Vector3d::Zero(), t};
   // The squared distance is convex in t: Newton's method, with bisection if it leaves the bracket.
   for (int i = 0; i < 60; ++i) {
     const double x = point.x() - t * travel_.x(), y = point.y() - t * travel_.y();
     const double rho = std::sqrt(x * x + y * y);
-    const double out = std::max(0.0, rho - ring_);
-    const double below = std::max(0.0, corner_ - point.z() + t * travel_.z());
-    found.distance = std::sqrt(out * out + below * below);
-    found.t = t;
-    if (found.distance == 0.0) return found;
+    const double radial_gap = std::max(0.0, rho - ring_);
+    const double axial_gap = std::max(0.0, corner_ - point.z() + t * travel_.z());
+    result.distance = std::sqrt(radial_gap * radial_gap + axial_gap * axial_gap);
+    result.t = t;
+    if (result.distance == 0.0) return result;
     const double ux = rho > 0.0 ? x / rho : 1.0, uy = rho > 0.0 ? y / rho : 0.0;
-    found.away = Vector3d(out * ux, out * uy, -below) / found.distance;
+    result.away = Vector3d(radial_gap * ux, radial_gap * uy, -axial_gap) / result.distance;
     // Half the derivative of the squared distance with respect to t.
-    const double closing = -(ux * travel_.x() + uy * travel_.y());
-    const double slope = out * closing + below * travel_.z();
+    const double approach_rate = -(ux * travel_.x() + uy * travel_.y());
+    const double slope = radial_gap * approach_rate + axial_gap * travel_.z();
     if (slope == 0.0) break;
     (slope > 0.0 ? high : low) = t;
-    double bend = below > 0.0 ? travel_.z() * travel_.z() : 0.0;
-    if (out > 0.0)
-      bend += closing * closing + out / rho * (lateral_ * lateral_ - closing * closing);
-    double next = bend > 0.0 ? t - slope / bend : 0.5 * (low + high);
-    if (next <= low && low == 0.0)
-      next = 0.0;
-    else if (next >= high && high == 1.0)
-      next = 1.0;
-    else if (!(next > low && next < high))
-      next = 0.5 * (low + high);
-    if (std::abs(next - t) * length_ < 1e-11) break;
-    t = next;
+    double curvature = axial_gap > 0.0 ? travel_.z() * travel_.z() : 0.0;
+    if (radial_gap > 0.0)
+      curvature += approach_rate * approach_rate +
+                   radial_gap / rho * (lateral_ * lateral_ - approach_rate * approach_rate);
+    double next_t = curvature > 0.0 ? t - slope / curvature : 0.5 * (low + high);
+    if (next_t <= low && low == 0.0)
+      next_t = 0.0;
+    else if (next_t >= high && high == 1.0)
+      next_t = 1.0;
+    else if (!(next_t > low && next_t < high))
+      next_t = 0.5 * (low + high);
+    if (std::abs(next_t - t) * length_ < 1e-11) break;
+    t = next_t;
   }
-  return found;
+  return result;
 }
 
 /// Returns the position along the line where the distance from the core equals the corner radius,
-/// by Newton's method from a position outside; infinity if there is none. The distance is convex
-/// along the line, so no step overshoots.
+/// by Newton's method from a start outside; infinity if there is none. The distance is convex along
+/// the line, so no step overshoots.
 /// @param sense  +1 or -1, direction of the search
-/// @param t      instant of the nearest point: first a guess, then the result
-double CutterSweep::settled(const Line& line, double from, double sense, double& t) const {
-  double s = from;
+/// @param t      instant of the nearest point; on input an estimate
+double CutterSweep::surface_crossing(const Line& line, double start, double sense,
+                                     double& t) const {
+  double s = start;
   for (int i = 0; i < 60; ++i) {
-    const Nearest at = nearest(line.point + s * line.direction, t);
-    t = at.t;
-    const double excess = at.distance - corner_;
+    const NearestCorePoint core = nearest_core_point(line.point + s * line.direction, t);
+    t = core.t;
+    const double excess = core.distance - corner_;
     if (excess <= 1e-12) return s;
-    const double closing = -sense * at.away.dot(line.direction);
-    if (closing <= 1e-12) return infinity;
-    const double step = excess / closing;
+    const double approach_rate = -sense * core.away.dot(line.direction);
+    if (approach_rate <= 1e-12) return infinity;
+    const double step = excess / approach_rate;
     s += sense * step;
     if (step < 1e-11) return s;
   }
   return s;
 }
 
-SweepInterval CutterSweep::along_bull(const Line& line) const {
-  SweepInterval bracket = along_flat(line, radius_);
+SweepInterval CutterSweep::bull_interval(const Line& line) const {
+  SweepInterval bracket = flat_interval(line, radius_);
   if (bracket.is_empty()) return bracket;
   if (std::isfinite(bracket.in)) {
-    bracket.in = settled(line, bracket.in, 1.0, bracket.t_in);
+    bracket.in = surface_crossing(line, bracket.in, 1.0, bracket.t_in);
     if (!std::isfinite(bracket.in)) return {};
   }
   if (std::isfinite(bracket.out)) {
-    bracket.out = settled(line, bracket.out, -1.0, bracket.t_out);
+    bracket.out = surface_crossing(line, bracket.out, -1.0, bracket.t_out);
     if (!std::isfinite(bracket.out)) return {};
   }
   return bracket;
 }
 
-/// Bounds the interval by a flat end mill that encloses the form cutter and searches inwards from
-/// both of its ends.
-SweepInterval CutterSweep::along_form(const Line& line) const {
-  const SweepInterval around = along_flat(line, radius_);
-  Stretch within{around.in, around.out};
+/// Returns the interval of a form cutter: that of the enclosing flat end mill, searched inwards
+/// from both ends.
+SweepInterval CutterSweep::form_interval(const Line& line) const {
+  const SweepInterval outer = flat_interval(line, radius_);
+  LineSegment segment{outer.in, outer.out};
   const double lowest = std::min(0.0, travel_.z()), highest = std::max(0.0, travel_.z());
-  within.between(line.point.z() - lowest, line.direction.z(),
-                 cutter_.flank_length + highest - lowest);
-  if (within.is_empty() || !std::isfinite(within.lo) || !std::isfinite(within.hi)) return {};
-  const double length = line.direction.norm(), middle = 0.5 * (within.lo + within.hi);
-  const double half = 0.5 * (within.hi - within.lo) * length + outside_of_form;
+  segment.keep_between(line.point.z() - lowest, line.direction.z(),
+                       cutter_.flank_length + highest - lowest);
+  if (segment.is_empty() || !std::isfinite(segment.lo) || !std::isfinite(segment.hi)) return {};
+  const double length = line.direction.norm(), middle_s = 0.5 * (segment.lo + segment.hi);
+  const double half_length = 0.5 * (segment.hi - segment.lo) * length + form_margin;
   const Move move{Vector3d::Zero(), travel_, Vector3d::UnitZ(), Vector3d::UnitX()};
-  Ray ray{line.point + middle * line.direction, line.direction / length, half};
-  const auto in = first_entry(cutter_, move, ray, half);
+  Ray ray{line.point + middle_s * line.direction, line.direction / length, half_length};
+  const auto in = first_entry(cutter_, move, ray, half_length);
   if (!in) return {};
   ray.normal = -ray.normal;
-  const auto out = first_entry(cutter_, move, ray, half);
+  const auto out = first_entry(cutter_, move, ray, half_length);
   if (!out) return {};
-  return {middle + in->s / length, middle - out->s / length, in->t, out->t};
+  return {middle_s + in->s / length, middle_s - out->s / length, in->t, out->t};
 }
 
-SweepInterval CutterSweep::along(const Vector3d& point, const Vector3d& direction) const {
+SweepInterval CutterSweep::interval(const Vector3d& point, const Vector3d& direction) const {
   const Line line(point, direction, corner_);
-  SweepInterval found = cutter_.outline      ? along_form(line)
-                        : corner_ == 0.0     ? along_flat(line, radius_)
-                        : corner_ == radius_ ? along_ball(line)
-                                             : along_bull(line);
-  found.in += line.shift;
-  found.out += line.shift;
-  return found;
+  SweepInterval result = cutter_.outline      ? form_interval(line)
+                         : corner_ == 0.0     ? flat_interval(line, radius_)
+                         : corner_ == radius_ ? ball_interval(line)
+                                              : bull_interval(line);
+  result.in += line.shift;
+  result.out += line.shift;
+  return result;
 }
 
 SweepInterval disc_sweep_interval(double radius, double height, const Vector3d& travel,
                                   const Vector3d& point, const Vector3d& direction) {
-  const double rise = travel.z(), climb = direction.z();
+  const double travel_rise = travel.z(), line_rise = direction.z();
   SweepInterval result;
-  if (std::max(std::abs(rise), std::abs(climb)) < no_travel) return result;
-  // For each instant t the line is at the height of the disc at one position s, and vice versa. The
-  // relation is solved for the variable that avoids a division by a small rate.
-  const bool by_instant = std::abs(climb) >= std::abs(rise);
-  const double first = by_instant ? (height - point.z()) / climb : (point.z() - height) / rise;
-  const double slope = by_instant ? rise / climb : climb / rise;
+  if (std::max(std::abs(travel_rise), std::abs(line_rise)) < min_travel) return result;
+  // Each instant t has one position s at which the line is at the height of the disc, and vice
+  // versa. The relation is solved for the variable that avoids the division by a small rate.
+  const bool by_instant = std::abs(line_rise) >= std::abs(travel_rise);
+  const double offset =
+      by_instant ? (height - point.z()) / line_rise : (point.z() - height) / travel_rise;
+  const double slope = by_instant ? travel_rise / line_rise : line_rise / travel_rise;
   const Vector3d p =
-      by_instant ? Vector3d(point + first * direction) : Vector3d(point - first * travel);
+      by_instant ? Vector3d(point + offset * direction) : Vector3d(point - offset * travel);
   const Vector3d d =
       by_instant ? Vector3d(slope * direction - travel) : Vector3d(direction - slope * travel);
-  Stretch stretch;
+  LineSegment segment;
   if (by_instant)
-    stretch.between(0.0, 1.0, 1.0);
+    segment.keep_between(0.0, 1.0, 1.0);
   else
-    stretch.between(first, slope, 1.0);
-  if (stretch.is_empty()) return result;
-  stretch.within(d.x() * d.x() + d.y() * d.y(), p.x() * d.x() + p.y() * d.y(),
-                 p.x() * p.x() + p.y() * p.y() - radius * radius);
-  if (stretch.is_empty()) return result;
-  const auto other = [&](double x) { return first + slope * x; };
+    segment.keep_between(offset, slope, 1.0);
+  if (segment.is_empty()) return result;
+  segment.keep_inside_quadratic(d.x() * d.x() + d.y() * d.y(), p.x() * d.x() + p.y() * d.y(),
+                                p.x() * p.x() + p.y() * p.y() - radius * radius);
+  if (segment.is_empty()) return result;
+  const auto dependent_value = [&](double x) { return offset + slope * x; };
   if (!by_instant)
-    return {stretch.lo, stretch.hi, std::clamp(other(stretch.lo), 0.0, 1.0),
-            std::clamp(other(stretch.hi), 0.0, 1.0)};
-  result = {other(stretch.lo), other(stretch.hi), stretch.lo, stretch.hi};
+    return {segment.lo, segment.hi, std::clamp(dependent_value(segment.lo), 0.0, 1.0),
+            std::clamp(dependent_value(segment.hi), 0.0, 1.0)};
+  result = {dependent_value(segment.lo), dependent_value(segment.hi), segment.lo, segment.hi};
   if (slope < 0.0) {
     std::swap(result.in, result.out);
     std::swap(result.t_in, result.t_out);

@@ -7,9 +7,9 @@
 #include "cutting/surface/tool.h"
 
 /// Intersection of lines with the volume that a cutter sweeps along a straight segment, in the
-/// frame of the cutter at the start: tip at the origin, axis along z. The cutter is taken as its
-/// end and corner with a cylinder above that has no upper end; a form cutter is its convex outline
-/// alone. The sweep is therefore convex, and a line is inside it over one interval at most.
+/// frame of the cutter at the start: tip at the origin, axis along z. The cutter consists of its
+/// end and corner and a cylinder without an upper end; a form cutter is its convex outline only.
+/// Therefore the sweep is convex, and the part of a line inside it is a single interval.
 namespace abbe::cutting {
 
 /// The part of a line inside a sweep, from `in` to `out` in multiples of its direction vector.
@@ -29,21 +29,21 @@ class CutterSweep {
   /// @param travel  mm, displacement of the cutter over the move
   CutterSweep(const Cutter& cutter, const Eigen::Vector3d& travel);
 
-  /// Returns the interval of a line; both ends are exact to 1e-9 mm along it unless the line grazes
-  /// the sweep.
-  SweepInterval along(const Eigen::Vector3d& point, const Eigen::Vector3d& direction) const;
+  /// Returns the interval of a line inside the sweep. Both ends are exact to 1e-9 mm along the line
+  /// unless it grazes the sweep.
+  SweepInterval interval(const Eigen::Vector3d& point, const Eigen::Vector3d& direction) const;
 
  private:
   struct Line;
-  struct Sum;
-  SweepInterval along_flat(const Line& line, double radius) const;
-  SweepInterval along_ball(const Line& line) const;
-  SweepInterval along_bull(const Line& line) const;
-  SweepInterval along_form(const Line& line) const;
-  void add_cylinders(const Line& line, double radius, Sum& sum) const;
-  struct Nearest;
-  Nearest nearest(const Eigen::Vector3d& point, double t) const;
-  double settled(const Line& line, double from, double sense, double& t) const;
+  struct IntervalUnion;
+  SweepInterval flat_interval(const Line& line, double radius) const;
+  SweepInterval ball_interval(const Line& line) const;
+  SweepInterval bull_interval(const Line& line) const;
+  SweepInterval form_interval(const Line& line) const;
+  void add_cylinders(const Line& line, double radius, IntervalUnion& intervals) const;
+  struct NearestCorePoint;
+  NearestCorePoint nearest_core_point(const Eigen::Vector3d& point, double t) const;
+  double surface_crossing(const Line& line, double start, double sense, double& t) const;
 
   Cutter cutter_;
   double radius_, corner_, ring_;
@@ -55,8 +55,8 @@ class CutterSweep {
   Eigen::Vector3d unit_;  // unit, direction of the travel
 };
 
-/// Returns the interval of a line in the sweep of a thin disc normal to the axis, `height` above
-/// the tip. Empty if both line and travel are parallel to the disc.
+/// Returns the interval of a line inside the sweep of a thin disc normal to the axis, `height`
+/// above the tip. Empty if both line and travel are parallel to the disc.
 SweepInterval disc_sweep_interval(double radius, double height, const Eigen::Vector3d& travel,
                                   const Eigen::Vector3d& point, const Eigen::Vector3d& direction);
 

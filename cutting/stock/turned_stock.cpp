@@ -20,10 +20,10 @@ using Eigen::Vector3d;
 
 namespace {
 
-// 400 MB for the radii alone
+// 400 MB for the radii alone.
 constexpr double max_nodes = 50e6;
 
-double frustum(double a, double b, double height) {
+double frustum_volume(double a, double b, double height) {
   return std::numbers::pi / 3.0 * height * (a * a + a * b + b * b);
 }
 
@@ -31,11 +31,11 @@ double frustum(double a, double b, double height) {
 double volume(const TurnedStock& stock, Index from, Index to) {
   Sum sum;
   for (Index i = from; i < to; ++i)
-    sum.add(frustum(stock.radius[i], stock.radius[i + 1], stock.spacing));
+    sum.add(frustum_volume(stock.radius[i], stock.radius[i + 1], stock.spacing));
   return sum.value();
 }
 
-double last_place(const TurnedStock& stock) {
+double end_position(const TurnedStock& stock) {
   return stock.first + stock.spacing * double(stock.radius.size() - 1);
 }
 
@@ -59,68 +59,70 @@ double edge_radius(const Nose& nose, double psi) {
   return radius;
 }
 
-/// A pose over a turned stock: converts points of the rake plane to position along the spindle line
-/// and radius.
+/// The meridian half-plane of a turned stock for one pose of the tool: converts points of the rake
+/// plane to (position along the spindle line, radius).
 class Meridian {
  public:
   Meridian(const TurnedStock& stock, const Eigen::Isometry3d& T_slow)
       : stock_(stock), T_(T_slow), centre_(T_slow.translation() - stock.point_w) {}
 
   /// Returns (position, radius) of a point (x, z) of frame t.
-  Vector2d at(const Vector2d& point_t) const {
+  Vector2d to_meridian(const Vector2d& point_t) const {
     const Vector3d p = centre_ + T_.linear() * Vector3d(point_t.x(), 0.0, point_t.y());
-    const double along = p.dot(stock_.direction_w);
-    return {along, (p - along * stock_.direction_w).norm()};
+    const double position = p.dot(stock_.direction_w);
+    return {position, (p - position * stock_.direction_w).norm()};
   }
 
-  /// Returns the depth of a point in material: below the profile and between its ends.
-  double signed_depth(const Vector2d& place) const {
-    const double last = last_place(stock_);
-    const double x = std::clamp(place.x(), stock_.first, last);
-    return std::min({radius_at(stock_, x) - place.y(), place.x() - stock_.first, last - place.x()});
+  /// Returns the depth of a point below the profile or behind the nearer end; negative outside.
+  double signed_depth(const Vector2d& point) const {
+    const double last = end_position(stock_);
+    const double x = std::clamp(point.x(), stock_.first, last);
+    return std::min({radius_at(stock_, x) - point.y(), point.x() - stock_.first, last - point.x()});
   }
 
-  /// Returns the length of material from a point of the edge towards another point that is `most`
-  /// mm away in the tool, until the path leaves it.
-  double material(const Vector2d& edge, const Vector2d& towards, double most) const {
+  /// Returns the length of material, mm, on the path from a point of the edge to a target that is
+  /// `max_length` away in the tool, up to the first exit.
+  double material_length(const Vector2d& edge, const Vector2d& target, double max_length) const {
     if (!(signed_depth(edge) > 0.0)) return 0.0;
-    const Vector2d way = (towards - edge) / most;
+    const Vector2d direction = (target - edge) / max_length;
     // Node by node, because the profile is linear between nodes.
-    double passed = 0.0;
-    for (double s = 0.0; s < most;) {
-      const double next = std::min(most, next_node(edge, way, s));
-      if (const double left = signed_depth(edge + next * way); left <= 0.0)
-        return leaves(edge, way, s, next);
-      passed = next;
+    double length = 0.0;
+    for (double s = 0.0; s < max_length;) {
+      const double next = std::min(max_length, next_node_length(edge, direction, s));
+      if (const double end_depth = signed_depth(edge + next * direction); end_depth <= 0.0)
+        return exit_length(edge, direction, s, next);
+      length = next;
       s = next;
     }
-    return passed;
+    return length;
   }
 
  private:
-  /// Returns the position at which the path comes to the next node of the stock after s.
-  double next_node(const Vector2d& edge, const Vector2d& way, double s) const {
+  /// Returns the length at which the path reaches the next node of the stock after s.
+  double next_node_length(const Vector2d& edge, const Vector2d& direction, double s) const {
     const double h = stock_.spacing;
-    if (std::abs(way.x()) < 1e-12) return infinity;
-    const double u = (edge.x() + s * way.x() - stock_.first) / h;
-    const double node = way.x() > 0.0 ? std::floor(u + 1e-9) + 1.0 : std::ceil(u - 1e-9) - 1.0;
-    return (stock_.first + node * h - edge.x()) / way.x();
+    if (std::abs(direction.x()) < 1e-12) return infinity;
+    const double u = (edge.x() + s * direction.x() - stock_.first) / h;
+    const double node =
+        direction.x() > 0.0 ? std::floor(u + 1e-9) + 1.0 : std::ceil(u - 1e-9) - 1.0;
+    return (stock_.first + node * h - edge.x()) / direction.x();
   }
 
-  /// Returns the position at which the path leaves the material. The profile is straight between
-  /// nodes, so the depth is linear there except at the ends of the stock, and the secant mostly
-  /// hits at once.
-  double leaves(const Vector2d& edge, const Vector2d& way, double in, double out) const {
-    for (int i = 0; i < 60 && out - in > 1e-13; ++i) {
-      const double a = signed_depth(edge + in * way);
-      const double b = signed_depth(edge + out * way);
-      double next = a > b ? in + (out - in) * a / (a - b) : 0.5 * (in + out);
-      if (i % 3 == 2 || !(next > in && next < out)) next = 0.5 * (in + out);
-      const double here = signed_depth(edge + next * way);
-      if (here == 0.0) return next;
-      (here > 0.0 ? in : out) = next;
+  /// Returns the length at which the path leaves the material. The profile is straight between
+  /// nodes, so the depth is linear except at the ends of the stock, and usually the first secant is
+  /// exact.
+  double exit_length(const Vector2d& edge, const Vector2d& direction, double inside,
+                     double outside) const {
+    for (int i = 0; i < 60 && outside - inside > 1e-13; ++i) {
+      const double a = signed_depth(edge + inside * direction);
+      const double b = signed_depth(edge + outside * direction);
+      double next = a > b ? inside + (outside - inside) * a / (a - b) : 0.5 * (inside + outside);
+      if (i % 3 == 2 || !(next > inside && next < outside)) next = 0.5 * (inside + outside);
+      const double depth = signed_depth(edge + next * direction);
+      if (depth == 0.0) return next;
+      (depth > 0.0 ? inside : outside) = next;
     }
-    return out;
+    return outside;
   }
 
   const TurnedStock& stock_;
@@ -128,7 +130,7 @@ class Meridian {
   Vector3d centre_;
 };
 
-/// The edge of a nose over a stock, by the angle psi.
+/// The edge of a nose in a stock, parameterised by the angle psi.
 class EdgeInStock {
  public:
   EdgeInStock(const TurnedStock& stock, const Nose& nose, const Eigen::Isometry3d& T_slow)
@@ -136,105 +138,108 @@ class EdgeInStock {
 
   double signed_depth(double psi) const { return meridian_.signed_depth(point(psi)); }
 
-  /// Returns the chip thickness: the material between the edge and the profile, from the edge
-  /// towards the centre of the nose, at most to the centre.
+  /// Returns the chip thickness: the length of material from the edge towards the centre of the
+  /// nose, at most to the centre.
   double chip(double psi) const {
-    const double most = edge_radius(nose_, psi);
-    return meridian_.material(point(psi), meridian_.at(Vector2d::Zero()), most);
+    const double max_chip = edge_radius(nose_, psi);
+    return meridian_.material_length(point(psi), meridian_.to_meridian(Vector2d::Zero()), max_chip);
   }
 
  private:
   Vector2d point(double psi) const {
-    return meridian_.at(edge_radius(nose_, psi) * Vector2d(std::cos(psi), std::sin(psi)));
+    return meridian_.to_meridian(edge_radius(nose_, psi) * Vector2d(std::cos(psi), std::sin(psi)));
   }
 
   const Nose& nose_;
   Meridian meridian_;
 };
 
-/// A piece of an insert's edge over a stock, by the fraction of its length.
-class PieceInStock {
+/// A segment of an insert's edge in a stock, parameterised by the fraction of its length.
+class SegmentInStock {
  public:
-  PieceInStock(const TurnedStock& stock, const EdgeProfile& profile, const OutlinePiece& piece,
-               const Eigen::Isometry3d& T_slow)
+  SegmentInStock(const TurnedStock& stock, const EdgeProfile& profile, const OutlinePiece& segment,
+                 const Eigen::Isometry3d& T_slow)
       : profile_(profile),
-        piece_(piece),
-        angle_(std::acos(std::clamp(piece.normal_from.dot(piece.normal_to), -1.0, 1.0))),
+        segment_(segment),
+        angle_(std::acos(std::clamp(segment.normal_from.dot(segment.normal_to), -1.0, 1.0))),
         meridian_(stock, T_slow) {}
 
   double length() const {
-    return piece_.is_arc ? piece_.radius * angle_ : (piece_.to - piece_.from).norm();
+    return segment_.is_arc ? segment_.radius * angle_ : (segment_.to - segment_.from).norm();
   }
-  Vector2d at(double share) const {
-    if (!piece_.is_arc) return piece_.from + share * (piece_.to - piece_.from);
-    return piece_.from + piece_.radius * (normal(share) - piece_.normal_from);
+  Vector2d point(double fraction) const {
+    if (!segment_.is_arc) return segment_.from + fraction * (segment_.to - segment_.from);
+    return segment_.from + segment_.radius * (normal(fraction) - segment_.normal_from);
   }
-  double signed_depth(double share) const {
-    return meridian_.signed_depth(meridian_.at(at(share)));
+  double signed_depth(double fraction) const {
+    return meridian_.signed_depth(meridian_.to_meridian(point(fraction)));
   }
 
-  /// Returns the chip thickness: the material normal to the edge, at most to the other side of the
-  /// insert.
-  double chip(double share) const {
-    const Vector2d edge = at(share), inward = -normal(share);
-    const std::optional<Chord> across = chord(profile_, edge, inward);
-    if (!across || !(across->end > 0.0)) return 0.0;
-    return meridian_.material(meridian_.at(edge), meridian_.at(edge + across->end * inward),
-                              across->end);
+  /// Returns the chip thickness: the length of material normal to the edge, at most to the other
+  /// side of the insert.
+  double chip(double fraction) const {
+    const Vector2d edge_point = point(fraction), inward = -normal(fraction);
+    const std::optional<Chord> chord_inside = chord(profile_, edge_point, inward);
+    if (!chord_inside || !(chord_inside->end > 0.0)) return 0.0;
+    return meridian_.material_length(meridian_.to_meridian(edge_point),
+                                     meridian_.to_meridian(edge_point + chord_inside->end * inward),
+                                     chord_inside->end);
   }
 
  private:
-  Vector2d normal(double share) const {
-    return Eigen::Rotation2Dd(share * angle_) * piece_.normal_from;
+  Vector2d normal(double fraction) const {
+    return Eigen::Rotation2Dd(fraction * angle_) * segment_.normal_from;
   }
 
   const EdgeProfile& profile_;
-  const OutlinePiece& piece_;
+  const OutlinePiece& segment_;
   double angle_;  // rad, of an arc
   Meridian meridian_;
 };
 
-/// Returns the point between one outside and one inside at which the edge crosses the profile.
+/// Returns the parameter, between one outside and one inside the material, at which the edge
+/// crosses the profile.
 template <class Edge>
-double end_of_cut(const Edge& edge, double outside, double inside) {
+double profile_crossing(const Edge& edge, double outside, double inside) {
   for (int i = 0; i < 60 && std::abs(inside - outside) > 1e-13; ++i) {
-    const double middle = 0.5 * (outside + inside);
-    (edge.signed_depth(middle) > 0.0 ? inside : outside) = middle;
+    const double middle_parameter = 0.5 * (outside + inside);
+    (edge.signed_depth(middle_parameter) > 0.0 ? inside : outside) = middle_parameter;
   }
   return inside;
 }
 
-/// Appends the engaged parts of a piece, in at most `most` parts, or as many as the stock has nodes
-/// for.
-void append_engaged(const PieceInStock& piece, double spacing, int most,
+/// Appends the engaged parts of a segment. A part is two nodes of the stock long, or longer if
+/// there would be more than `max_parts`.
+void append_engaged(const SegmentInStock& segment, double spacing, int max_parts,
                     std::vector<EngagedEdge>& engaged) {
-  // a short arc still gets eight parts, so that its normal varies little within one
-  constexpr int least = 8;
-  const double length = piece.length();
+  // A short arc still gets eight parts, so that the normal varies little within one.
+  constexpr int min_parts = 8;
+  const double length = segment.length();
   if (!(length > 0.0)) return;
-  const int parts =
-      int(std::clamp(std::ceil(0.5 * length / spacing), 1.0 * least, 1.0 * std::max(least, most)));
-  double before = piece.signed_depth(0.0);
+  const int parts = int(std::clamp(std::ceil(0.5 * length / spacing), 1.0 * min_parts,
+                                   1.0 * std::max(min_parts, max_parts)));
+  double depth_before = segment.signed_depth(0.0);
   for (int i = 0; i < parts; ++i) {
-    double from = double(i) / parts, to = double(i + 1) / parts;
-    const double after = piece.signed_depth(to);
-    if (before > 0.0 || after > 0.0) {
-      if (before <= 0.0) from = end_of_cut(piece, from, to);
-      if (after <= 0.0) to = end_of_cut(piece, to, from);
-      const double middle = 0.5 * (from + to);
-      const Vector2d at = piece.at(middle);
-      if (to > from)
-        engaged.push_back({std::atan2(at.y(), at.x()), (to - from) * length, piece.chip(middle)});
+    double begin = double(i) / parts, end = double(i + 1) / parts;
+    const double depth_after = segment.signed_depth(end);
+    if (depth_before > 0.0 || depth_after > 0.0) {
+      if (depth_before <= 0.0) begin = profile_crossing(segment, begin, end);
+      if (depth_after <= 0.0) end = profile_crossing(segment, end, begin);
+      const double middle_fraction = 0.5 * (begin + end);
+      const Vector2d point = segment.point(middle_fraction);
+      if (end > begin)
+        engaged.push_back({std::atan2(point.y(), point.x()), (end - begin) * length,
+                           segment.chip(middle_fraction)});
     }
-    before = after;
+    depth_before = depth_after;
   }
 }
 
-std::vector<EngagedEdge> engaged_profile(const TurnedStock& stock, const EdgeProfile& profile,
-                                         const Eigen::Isometry3d& T_slow, int pieces) {
+std::vector<EngagedEdge> profile_engagement(const TurnedStock& stock, const EdgeProfile& profile,
+                                            const Eigen::Isometry3d& T_slow, int pieces) {
   std::vector<EngagedEdge> engaged;
-  for (const OutlinePiece& piece : profile.pieces)
-    append_engaged({stock, profile, piece, T_slow}, stock.spacing, pieces, engaged);
+  for (const OutlinePiece& segment : profile.pieces)
+    append_engaged({stock, profile, segment, T_slow}, stock.spacing, pieces, engaged);
   return engaged;
 }
 
@@ -276,19 +281,19 @@ TurnedStock make_turned_stock(const Eigen::Matrix<double, Eigen::Dynamic, 2>& pr
     throw std::invalid_argument("turned stock: expected a finite point and a unit direction");
   const Index corners = profile_mm.rows();
   const double length = profile_mm(corners - 1, 0) - profile_mm(0, 0);
-  const Index pieces = std::max<Index>(1, Index(std::ceil(length / spacing - 1e-9)));
+  const Index intervals = std::max<Index>(1, Index(std::ceil(length / spacing - 1e-9)));
   TurnedStock stock{
-      point_w, direction_w.normalized(), profile_mm(0, 0), length / double(pieces), {}, {}};
-  stock.radius.resize(pieces + 1);
-  stock.line.assign(std::size_t(pieces) + 1, 0);
+      point_w, direction_w.normalized(), profile_mm(0, 0), length / double(intervals), {}, {}};
+  stock.radius.resize(intervals + 1);
+  stock.line.assign(std::size_t(intervals) + 1, 0);
   Index corner = 0;
-  for (Index i = 0; i <= pieces; ++i) {
+  for (Index i = 0; i <= intervals; ++i) {
     const double x = stock.first + stock.spacing * double(i);
     while (corner + 2 < corners && profile_mm(corner + 1, 0) < x) ++corner;
-    const double from = profile_mm(corner, 0), to = profile_mm(corner + 1, 0);
-    const double part = to > from ? std::clamp((x - from) / (to - from), 0.0, 1.0) : 1.0;
+    const double begin = profile_mm(corner, 0), end = profile_mm(corner + 1, 0);
+    const double fraction = end > begin ? std::clamp((x - begin) / (end - begin), 0.0, 1.0) : 1.0;
     stock.radius[i] =
-        profile_mm(corner, 1) + part * (profile_mm(corner + 1, 1) - profile_mm(corner, 1));
+        profile_mm(corner, 1) + fraction * (profile_mm(corner + 1, 1) - profile_mm(corner, 1));
   }
   return stock;
 }
@@ -296,33 +301,32 @@ TurnedStock make_turned_stock(const Eigen::Matrix<double, Eigen::Dynamic, 2>& pr
 std::vector<EngagedEdge> engagement(const TurnedStock& stock, const Nose& nose,
                                     const Eigen::Isometry3d& T_slow, int pieces) {
   check(T_slow);
-  const NoseEdge valid(nose);
+  const NoseEdge validated_edge(nose);
   if (pieces < 3) throw std::invalid_argument("nose edge: expected 3 or more pieces");
   std::vector<EngagedEdge> result;
   if (stock.radius.size() < 2) return result;
-  if (nose.profile) return engaged_profile(stock, *nose.profile, T_slow, pieces);
+  if (nose.profile) return profile_engagement(stock, *nose.profile, T_slow, pieces);
   const EdgeInStock edge(stock, nose, T_slow);
   const double step = 2.0 * std::numbers::pi / pieces;
-  double before = edge.signed_depth(0.0);
+  double depth_before = edge.signed_depth(0.0);
   for (int i = 0; i < pieces; ++i) {
-    double from = i * step, to = (i + 1) * step;
-    const double after = edge.signed_depth(i + 1 < pieces ? to : 0.0);
-    if (before > 0.0 || after > 0.0) {
-      if (before <= 0.0) from = end_of_cut(edge, from, to);
-      if (after <= 0.0) to = end_of_cut(edge, to, from);
-      const double psi = 0.5 * (from + to);
-      const double length = (to - from) * edge_radius(nose, psi);
+    double begin = i * step, end = (i + 1) * step;
+    const double depth_after = edge.signed_depth(i + 1 < pieces ? end : 0.0);
+    if (depth_before > 0.0 || depth_after > 0.0) {
+      if (depth_before <= 0.0) begin = profile_crossing(edge, begin, end);
+      if (depth_after <= 0.0) end = profile_crossing(edge, end, begin);
+      const double psi = 0.5 * (begin + end);
+      const double length = (end - begin) * edge_radius(nose, psi);
       if (length > 0.0) result.push_back({psi, length, edge.chip(psi)});
     }
-    before = after;
+    depth_before = depth_after;
   }
   return result;
 }
 
 namespace {
 
-/// The motion between two slow poses, and the lowest point of the edge over a position of the
-/// stock.
+/// The motion of an edge between two slow poses, and its minimum radius at a position of the stock.
 class Revolution {
  public:
   Revolution(const TurnedStock& stock, const Nose& nose, const Eigen::Isometry3d& from,
@@ -333,129 +337,130 @@ class Revolution {
         step_(to.translation() - from.translation()),
         from_(from.linear()),
         to_(to.linear()),
-        stands_((from.linear() - to.linear()).norm() < 1e-12),
+        is_translation_((from.linear() - to.linear()).norm() < 1e-12),
         x_(from.linear().col(0)),
         z_(from.linear().col(2)),
-        ahead_(reach_along(stock.direction_w)),
-        behind_(reach_along(-stock.direction_w)) {
-    if (!stands_ || !edge_.has_profile()) return;
-    const Vector3d out = start_ - start_.dot(stock.direction_w) * stock.direction_w;
-    if (!(out.norm() > edge_.outer_radius() + step_.norm())) return;
-    const Vector3d down = -out.normalized();
-    const Vector2d tip = extreme_point(edge_.profile(), {x_.dot(down), z_.dot(down)});
-    tip_along_ = (tip.x() * x_ + tip.y() * z_).dot(stock.direction_w);
+        forward_reach_(max_reach(stock.direction_w)),
+        backward_reach_(max_reach(-stock.direction_w)) {
+    if (!is_translation_ || !edge_.has_profile()) return;
+    const Vector3d radial = start_ - start_.dot(stock.direction_w) * stock.direction_w;
+    if (!(radial.norm() > edge_.outer_radius() + step_.norm())) return;
+    const Vector3d inward = -radial.normalized();
+    const Vector2d tip = extreme_point(edge_.profile(), {x_.dot(inward), z_.dot(inward)});
+    tip_position_ = (tip.x() * x_ + tip.y() * z_).dot(stock.direction_w);
   }
 
   /// Returns the range along the spindle line that the nose passes, mm.
   std::pair<double, double> extent() const {
     const double a = start_.dot(stock_.direction_w), b = a + step_.dot(stock_.direction_w);
-    return {std::min(a, b) - behind_, std::max(a, b) + ahead_};
+    return {std::min(a, b) - backward_reach_, std::max(a, b) + forward_reach_};
   }
 
-  /// Returns true if the edge certainly stays above a radius at a position. The nearer its tip
-  /// passes, the lower a convex edge comes, except for the descent of the whole edge in the
-  /// meantime.
-  bool stays_above(double radius, double x) const {
-    if (!tip_along_) return false;
+  /// Returns true if the edge certainly stays above a radius at a position. A convex edge is lowest
+  /// there when its tip is nearest, except for the descent of the whole edge during the motion.
+  bool is_certainly_above(double radius, double x) const {
+    if (!tip_position_) return false;
     const double speed = step_.dot(stock_.direction_w);
-    const double ahead = x - start_.dot(stock_.direction_w) - *tip_along_;
-    const double nearest = std::abs(speed) > 1e-12 ? std::clamp(ahead / speed, 0.0, 1.0) : 0.0;
-    return lowest(x, nearest) - step_.norm() > radius;
+    const double offset = x - start_.dot(stock_.direction_w) - *tip_position_;
+    const double nearest_t = std::abs(speed) > 1e-12 ? std::clamp(offset / speed, 0.0, 1.0) : 0.0;
+    return min_radius(x, nearest_t) - step_.norm() > radius;
   }
 
-  /// Returns the lowest radius at a position over the revolution; infinity if the edge does not
-  /// reach it. For a convex edge the lowest point falls, then rises with time, so a golden section
-  /// search finds the minimum.
-  double lowest(double x) const {
+  /// Returns the minimum radius at a position over the revolution; infinity if the edge does not
+  /// reach the position. The lowest point of a convex edge falls, then rises with time, so a golden
+  /// section search finds the minimum.
+  double min_radius(double x) const {
     const double speed = step_.dot(stock_.direction_w);
-    const double ahead = x - start_.dot(stock_.direction_w);
+    const double offset = x - start_.dot(stock_.direction_w);
     double a = 0.0, b = 1.0;
     if (std::abs(speed) > 1e-12) {
-      const double t0 = (ahead - ahead_) / speed;
-      const double t1 = (ahead + behind_) / speed;
+      const double t0 = (offset - forward_reach_) / speed;
+      const double t1 = (offset + backward_reach_) / speed;
       a = std::max(a, std::min(t0, t1));
       b = std::min(b, std::max(t0, t1));
     }
     if (a > b) return infinity;
-    return least(x, a, b);
+    return minimized_radius(x, a, b);
   }
 
  private:
   /// Returns the reach of the edge from its centre along the spindle line at any time, mm.
-  double reach_along(const Vector3d& direction) const {
+  double max_reach(const Vector3d& direction) const {
     const double reach = edge_.reach({x_.dot(direction), z_.dot(direction)});
-    if (stands_ || !edge_.has_profile()) return reach;
+    if (is_translation_ || !edge_.has_profile()) return reach;
     return reach + (to_ - from_).norm() * edge_.outer_radius();
   }
 
-  double least(double x, double a, double b) const {
-    const double golden = 0.5 * (std::sqrt(5.0) - 1.0);
+  double minimized_radius(double x, double a, double b) const {
+    const double golden_ratio = 0.5 * (std::sqrt(5.0) - 1.0);
     const double speed = step_.dot(stock_.direction_w);
-    // position of the centre when half of the edge has passed
-    const double middle = x - 0.5 * (ahead_ - behind_);
-    const double beside = (middle - start_.dot(stock_.direction_w)) / (speed != 0.0 ? speed : 1.0);
-    double best = std::min(lowest(x, a), lowest(x, b));
-    double c = b - golden * (b - a), d = a + golden * (b - a);
-    double at_c = lowest(x, c), at_d = lowest(x, d);
-    // At the bottom of a round edge the value is flat: 2e-5 of the nose radius in time is 2e-10 of
-    // it in value. Corners are not flat.
-    const double close = (edge_.has_profile() ? 1e-10 : 2e-5) * edge_.outer_radius();
-    for (int i = 0; i < 60 && (b - a) * step_.norm() > close; ++i) {
-      best = std::min({best, at_c, at_d});
-      const bool neither = at_c == infinity && at_d == infinity;
-      if (neither ? beside < 0.5 * (a + b) : at_c <= at_d) {
+    // The position of the centre when half of the edge has passed x.
+    const double centre_position = x - 0.5 * (forward_reach_ - backward_reach_);
+    const double fallback_t =
+        (centre_position - start_.dot(stock_.direction_w)) / (speed != 0.0 ? speed : 1.0);
+    double best = std::min(min_radius(x, a), min_radius(x, b));
+    double c = b - golden_ratio * (b - a), d = a + golden_ratio * (b - a);
+    double radius_c = min_radius(x, c), radius_d = min_radius(x, d);
+    // At the bottom of a round edge the radius is stationary: a motion of 2e-5 of the nose radius
+    // changes it by 2e-10 of the nose radius. At corners it is not.
+    const double tolerance = (edge_.has_profile() ? 1e-10 : 2e-5) * edge_.outer_radius();
+    for (int i = 0; i < 60 && (b - a) * step_.norm() > tolerance; ++i) {
+      best = std::min({best, radius_c, radius_d});
+      const bool both_miss = radius_c == infinity && radius_d == infinity;
+      if (both_miss ? fallback_t < 0.5 * (a + b) : radius_c <= radius_d) {
         b = d;
         d = c;
-        at_d = at_c;
-        c = b - golden * (b - a);
-        at_c = lowest(x, c);
+        radius_d = radius_c;
+        c = b - golden_ratio * (b - a);
+        radius_c = min_radius(x, c);
       } else {
         a = c;
         c = d;
-        at_c = at_d;
-        d = a + golden * (b - a);
-        at_d = lowest(x, d);
+        radius_c = radius_d;
+        d = a + golden_ratio * (b - a);
+        radius_d = min_radius(x, d);
       }
     }
-    return std::min({best, at_c, at_d});
+    return std::min({best, radius_c, radius_d});
   }
 
-  double lowest(double x, double t) const {
-    if (stands_) return lowest(x, start_ + t * step_, x_, z_);
+  double min_radius(double x, double t) const {
+    if (is_translation_) return min_radius(x, start_ + t * step_, x_, z_);
     const Eigen::Matrix3d R = Eigen::Quaterniond(from_).slerp(t, Eigen::Quaterniond(to_)).matrix();
-    return lowest(x, start_ + t * step_, R.col(0), R.col(2));
+    return min_radius(x, start_ + t * step_, R.col(0), R.col(2));
   }
 
-  /// Returns the lowest point within the edge of the line in which the rake plane meets the plane
+  /// Returns the minimum radius inside the edge on the line in which the rake plane meets the plane
   /// normal to the spindle line at x.
-  double lowest(double x, const Vector3d& centre, const Vector3d& ex, const Vector3d& ez) const {
+  double min_radius(double x, const Vector3d& centre, const Vector3d& ex,
+                    const Vector3d& ez) const {
     const Vector3d& along = stock_.direction_w;
     const Vector2d rise(ex.dot(along), ez.dot(along));  // of x over the rake plane
-    const double steep = rise.squaredNorm();
-    if (steep < 1e-12) return infinity;  // the rake plane is normal to the spindle line
-    const Vector2d point = (x - centre.dot(along)) / steep * rise;
-    const Vector2d way = Vector2d(-rise.y(), rise.x()) / std::sqrt(steep);
+    const double squared_slope = rise.squaredNorm();
+    if (squared_slope < 1e-12) return infinity;  // the rake plane is normal to the spindle line
+    const Vector2d point = (x - centre.dot(along)) / squared_slope * rise;
+    const Vector2d direction = Vector2d(-rise.y(), rise.x()) / std::sqrt(squared_slope);
     const Vector3d p = centre + point.x() * ex + point.y() * ez;
-    const Vector3d out = p - p.dot(along) * along;
-    const Vector3d d = way.x() * ex + way.y() * ez;
+    const Vector3d radial = p - p.dot(along) * along;
+    const Vector3d d = direction.x() * ex + direction.y() * ez;
     const double reach =
         std::sqrt(std::max(0.0, edge_.outer_radius() * edge_.outer_radius() - point.squaredNorm()));
-    const auto in = edge_.entry(point, way, -reach);
-    const auto back = edge_.entry(point, -way, -reach);
-    if (!in || !back || *in > -*back) return infinity;
-    const double s = std::clamp(-out.dot(d), *in, -*back);
-    return (out + s * d).norm();
+    const auto entry = edge_.entry(point, direction, -reach);
+    const auto exit = edge_.entry(point, -direction, -reach);
+    if (!entry || !exit || *entry > -*exit) return infinity;
+    const double s = std::clamp(-radial.dot(d), *entry, -*exit);
+    return (radial + s * d).norm();
   }
 
   const TurnedStock& stock_;
   NoseEdge edge_;
   Vector3d start_, step_;
   Eigen::Matrix3d from_, to_;
-  bool stands_;
+  bool is_translation_;
   Vector3d x_, z_;
-  double ahead_, behind_;  // mm, reach along the spindle line and against it
-  std::optional<double>
-      tip_along_;  // mm, of the lowest point, for an insert on one side of the line
+  double forward_reach_, backward_reach_;  // mm, reach along the spindle line and against it
+  // mm along the spindle line, of the lowest point of an insert on one side of the line
+  std::optional<double> tip_position_;
 };
 
 }  // namespace
@@ -473,16 +478,16 @@ double remove(TurnedStock& stock, const Nose& nose, const Eigen::Isometry3d& fro
   if (first_node > last_node) return 0.0;
   const Index from = Index(first_node), to = Index(last_node);
   const Index begin = std::max<Index>(0, from - 1), end = std::min<Index>(Index(last), to + 1);
-  const double before = volume(stock, begin, end);
+  const double volume_before = volume(stock, begin, end);
   for (Index i = from; i <= to; ++i) {
     const double x = stock.first + stock.spacing * double(i);
-    if (revolution.stays_above(stock.radius[i], x)) continue;
-    const double lowest = revolution.lowest(x);
-    if (!(lowest < stock.radius[i])) continue;
-    stock.radius[i] = lowest;
+    if (revolution.is_certainly_above(stock.radius[i], x)) continue;
+    const double min_radius = revolution.min_radius(x);
+    if (!(min_radius < stock.radius[i])) continue;
+    stock.radius[i] = min_radius;
     stock.line[std::size_t(i)] = line;
   }
-  return before - volume(stock, begin, end);
+  return volume_before - volume(stock, begin, end);
 }
 
 }  // namespace abbe::cutting

@@ -12,7 +12,7 @@
 /// within the move.
 namespace abbe::cutting {
 
-/// The points point + s normal with s from -band to band, walked from inside the part outwards.
+/// The points point + s normal with s from -band to band, from inside the part outwards.
 struct Ray {
   Eigen::Vector3d point;   ///< mm
   Eigen::Vector3d normal;  ///< unit, outward
@@ -32,7 +32,8 @@ struct Move {
   double to = 1.0;
 };
 
-/// Returns the move from sample `index` to the next (to itself if there is none).
+/// Returns the move from sample `index` to the next sample; from the last sample, a move that
+/// stands still.
 Move move_after(const CutterMotion& motion, int index);
 
 /// The first point of a ray inside the swept cutter, and the instant at which it is removed.
@@ -43,50 +44,49 @@ struct Entry {
 
 /// Returns the first s in [-band, limit] at which the ray lies in the swept cutter, or nothing if
 /// there is none.
-/// The value does not depend on `limit`, which only lets the search end early. It is never below
-/// the true one by more than rounding (1e-12 mm at 1 m), nor above it by more than 2e-8 mm where
-/// the axis turns and 1e-9 mm where it does not. A ray that touches the sweep by less than 1e-10 mm
-/// may miss it.
-/// If the axis turns, a ray may touch the cutter, leave it and touch it again within the same part
-/// of a move. Of several such touches, one no deeper than (R + flank length) angle^2 / 2 may be
-/// missed: keep parts short (0.05 rad).
+/// The value does not depend on `limit`, which only ends the search early. The error is never below
+/// -1e-12 mm (rounding at 1 m), nor above 2e-8 mm if the axis turns and 1e-9 mm if it does not. A
+/// touch of less than 1e-10 mm may be missed.
+/// If the axis turns, a ray may touch the cutter several times within the same part of a move. A
+/// touch no deeper than (R + flank length) angle^2 / 2 may then be missed, so parts should be short
+/// (0.05 rad).
 std::optional<Entry> first_entry(const Cutter& cutter, const Move& move, const Ray& ray,
                                  double limit);
 
-/// Overload for any cutter but a ball, and for a ball where the closed form does not decide. The
-/// search starts from `part` and `least`, so the last bits of the value depend on both.
-/// @param part   of the move's `EntryBounds`, or any value 0 .. 1
-/// @param least  of the same bounds, or any s before which the ray does not enter, mm
+/// Overload for every cutter except a ball, and for a ball where the closed form is undecided. The
+/// search starts from `fraction` and `min_s`, so the last bits of the value depend on both.
+/// @param fraction  of the move's `EntryBounds`, or any value 0 .. 1
+/// @param min_s     of the same bounds, or any s before which the ray does not enter, mm
 std::optional<Entry> first_entry(const Cutter& cutter, const Move& move, const Ray& ray,
-                                 double limit, float part, float least);
+                                 double limit, float fraction, float min_s);
 
-/// Returns the s at which the ray meets the cutter standing still at instant t (0 .. 1 of the whole
-/// move); -band if the ray starts inside it. With the `least` of a search it returns what that
-/// search computes at this instant.
-std::optional<double> standing_entry(const Cutter& cutter, const Move& move, double t,
-                                     const Ray& ray, float least);
+/// Returns the s at which the ray meets the cutter in its pose at instant t (0 .. 1 of the whole
+/// move); -band if the ray starts inside it. Returns the same bits as a search with this `min_s`
+/// computes at this instant.
+std::optional<double> instant_entry(const Cutter& cutter, const Move& move, double t,
+                                    const Ray& ray, float min_s);
 
 /// Returns the depth of a point below the skin of the cutter at instant t, mm; beside sharp edges
 /// the value may be smaller. Negative outside.
-double depth(const Cutter& cutter, const Move& move, double t, const Eigen::Vector3d& place);
+double depth(const Cutter& cutter, const Move& move, double t, const Eigen::Vector3d& point);
 
-/// Margin, beyond the bound of a search, that a move must exceed to be ruled out. It is larger than
-/// the error of first_entry, so the result does not depend on the order of the search.
+/// A move is ruled out only if it exceeds the bound of a search by this margin. The margin is
+/// larger than the error of first_entry, so the result does not depend on the order of the search.
 inline constexpr double entry_margin = 5e-8;  // mm
 
 /// The tip of a cutter (mm) and the unit direction of its axis.
-struct Position {
+struct CutterPose {
   Eigen::Vector3d tip;
   Eigen::Vector3d axis;
 };
 
-/// Returns the instant of the whole move at fraction `part` (0 .. 1) of its range `from` .. `to`.
-inline double instant(const Move& move, double part) {
-  return move.from + part * (move.to - move.from);
+/// Returns the instant of the whole move at a fraction (0 .. 1) of its range `from` .. `to`.
+inline double instant(const Move& move, double fraction) {
+  return move.from + fraction * (move.to - move.from);
 }
 
 /// Returns the pose of the cutter at instant t (0 .. 1) of a move.
-inline Position position(const Move& move, double t) {
+inline CutterPose cutter_pose(const Move& move, double t) {
   const double x = move.angle * t;
   if (x == 0.0) return {move.tip + t * move.step, move.axis};
   double sine = 0.0;

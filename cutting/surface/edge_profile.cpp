@@ -16,102 +16,106 @@ using Eigen::Vector2d;
 
 namespace {
 
-constexpr double no_way = 1e-9;  // mm; points nearer to each other are the same point
-
-/// Returns the radius of the circle about the origin that contains the pieces, mm. The farthest
-/// point of an arc may be inside it, where its normal points away from the origin.
-double outer_radius_of(const std::vector<OutlinePiece>& pieces) {
-  double most = 0.0;
-  for (const OutlinePiece& piece : pieces) {
-    most = std::max(most, piece.to.norm());
-    if (!piece.is_arc) continue;
-    const Vector2d centre = piece.from - piece.radius * piece.normal_from;
-    if (sine_between(piece.normal_from, centre) > 0.0 &&
-        sine_between(centre, piece.normal_to) > 0.0)
-      most = std::max(most, centre.norm() + piece.radius);
+/// Returns the radius, mm, of the smallest circle about the origin that contains the segments. On
+/// an arc the farthest point may lie between the ends, where the normal points away from the
+/// origin.
+double max_radius(const std::vector<OutlinePiece>& pieces) {
+  double result = 0.0;
+  for (const OutlinePiece& segment : pieces) {
+    result = std::max(result, segment.to.norm());
+    if (!segment.is_arc) continue;
+    const Vector2d centre = segment.from - segment.radius * segment.normal_from;
+    if (cross2d(segment.normal_from, centre) > 0.0 && cross2d(centre, segment.normal_to) > 0.0)
+      result = std::max(result, centre.norm() + segment.radius);
   }
-  return most;
+  return result;
 }
 
-/// Returns the profile of a loop of pieces, each of which begins where the one before ends.
+/// Returns the profile of a closed loop of consecutive segments.
 EdgeProfile closed_profile(const std::vector<OutlinePiece>& pieces) {
   require(pieces.size() >= 2, "edge profile: expected two pieces or more, seen fewer");
   EdgeProfile profile{with_corners(pieces, pieces.back().normal_to)};
-  double turned = 0.0;
-  for (const OutlinePiece& piece : profile.pieces)
-    turned += std::atan2(sine_between(piece.normal_from, piece.normal_to),
-                         piece.normal_from.dot(piece.normal_to));
+  double total_turn = 0.0;
+  for (const OutlinePiece& segment : profile.pieces)
+    total_turn += std::atan2(cross2d(segment.normal_from, segment.normal_to),
+                             segment.normal_from.dot(segment.normal_to));
   // One turn is 2 pi and two are 4 pi, so 3 pi separates them whatever the rounding.
-  require(turned < 3.0 * std::numbers::pi,
+  require(total_turn < 3.0 * std::numbers::pi,
           fmt::format("edge profile: expected one that goes around once, seen {:.0f} turns",
-                      turned / (2.0 * std::numbers::pi)));
-  profile.outer_radius = outer_radius_of(profile.pieces);
+                      total_turn / (2.0 * std::numbers::pi)));
+  profile.outer_radius = max_radius(profile.pieces);
   profile.radius = -distance(profile.pieces, Vector2d::Zero()).value;
-  require(profile.radius > no_way,
+  require(profile.radius > coincidence_tolerance,
           fmt::format("edge profile: expected the origin inside, seen it {:.3g} mm outside",
                       -profile.radius));
   return profile;
 }
 
-void expect_inside(const char* name, double value, double low, double high) {
+void check_range(const char* name, double value, double low, double high) {
   require(std::isfinite(value) && value >= low && value <= high,
           fmt::format("insert: expected {} from {:g} to {:g}, seen {:g}", name, low, high, value));
 }
 
 void check_insert(const Insert& insert) {
-  constexpr double least = 1e-6, most = 1e4;  // mm
-  expect_inside("a nose radius in mm", insert.radius, least, most);
-  expect_inside("a length of the major edge in mm", insert.major_length, least, most);
-  expect_inside("a length of the minor edge in mm", insert.minor_length, least, most);
-  expect_inside("a wiper in mm", insert.wiper, 0.0, most);
-  expect_inside("a major angle in deg", insert.major / units::deg, 0.0, 179.0);
-  expect_inside("a minor angle in deg", insert.minor / units::deg, 0.0, 179.0);
-  expect_inside("major and minor angle together in deg", (insert.major + insert.minor) / units::deg,
-                1.0, 179.0);
-  const double shortest = insert.radius * std::tan(0.5 * insert.minor);
-  require(insert.wiper == 0.0 || insert.wiper >= shortest,
+  constexpr double min_length = 1e-6, max_length = 1e4;  // mm
+  check_range("a nose radius in mm", insert.radius, min_length, max_length);
+  check_range("a length of the major edge in mm", insert.major_length, min_length, max_length);
+  check_range("a length of the minor edge in mm", insert.minor_length, min_length, max_length);
+  check_range("a wiper in mm", insert.wiper, 0.0, max_length);
+  check_range("a major angle in deg", insert.major / units::deg, 0.0, 179.0);
+  check_range("a minor angle in deg", insert.minor / units::deg, 0.0, 179.0);
+  check_range("major and minor angle together in deg", (insert.major + insert.minor) / units::deg,
+              1.0, 179.0);
+  const double min_wiper = insert.radius * std::tan(0.5 * insert.minor);
+  require(insert.wiper == 0.0 || insert.wiper >= min_wiper,
           fmt::format("insert: expected no wiper or one of {:.3g} mm and more, seen {:g}: a minor "
                       "edge of {:g} deg would cut the nose",
-                      shortest, insert.wiper, insert.minor / units::deg));
+                      min_wiper, insert.wiper, insert.minor / units::deg));
 }
 
-// Returns the part of a chord that lies behind a plane. @param v  point of the line, relative to a
-// point of the plane
+/// Returns the part of a chord on the inner side of a line.
+/// @param v       point of the chord's line, relative to a point of the bounding line
+/// @param normal  of the bounding line, outward
 Chord within_half_plane(const Chord& chord, const Vector2d& v, const Vector2d& step,
                         const Vector2d& normal) {
-  const double off = normal.dot(v), away = normal.dot(step);
-  if (away > 0.0) return {chord.begin, std::min(chord.end, -off / away)};
-  if (away < 0.0) return {std::max(chord.begin, -off / away), chord.end};
-  return off > 0.0 ? Chord{infinity, -infinity} : chord;
+  const double offset = normal.dot(v), slope = normal.dot(step);
+  if (slope > 0.0) return {chord.begin, std::min(chord.end, -offset / slope)};
+  if (slope < 0.0) return {std::max(chord.begin, -offset / slope), chord.end};
+  return offset > 0.0 ? Chord{infinity, -infinity} : chord;
 }
 
-/// Returns the chord of a circle. @param v  point of the line, relative to the centre
+/// Returns the chord that a line has in a circle.
+/// @param v  point of the line, relative to the centre
 Chord within_circle(const Vector2d& v, const Vector2d& step, double radius) {
-  const double aa = step.squaredNorm();
+  const double squared_step = step.squaredNorm();
   // The cross product does not cancel as b^2 - ac does.
-  const double off = sine_between(v, step) / std::sqrt(aa);
-  const double square = (radius - off) * (radius + off);
-  if (square < 0.0) return {infinity, -infinity};
-  const double closest = -v.dot(step) / aa, half = std::sqrt(square / aa);
-  return {closest - half, closest + half};
+  const double offset = cross2d(v, step) / std::sqrt(squared_step);
+  const double squared_half_chord = (radius - offset) * (radius + offset);
+  if (squared_half_chord < 0.0) return {infinity, -infinity};
+  const double closest = -v.dot(step) / squared_step,
+               half_chord = std::sqrt(squared_half_chord / squared_step);
+  return {closest - half_chord, closest + half_chord};
 }
 
-/// Returns the chord of a region that is bounded by an arc between the tangents at its ends: on the
-/// inner side of the arc's chord the region is the whole wedge of the tangents, beyond it the
+/// Returns the part of a chord inside a region bounded by an arc and the tangents at its ends. On
+/// the inner side of the arc's chord the region is the wedge between the tangents, beyond it the
 /// circle.
-Chord within_arc(const Chord& all, const OutlinePiece& arc, const Vector2d& point,
+Chord within_arc(const Chord& chord, const OutlinePiece& arc, const Vector2d& point,
                  const Vector2d& step) {
-  const Vector2d v = point - arc.from, w = point - arc.to;
-  const Vector2d beyond = line_piece(arc.from, arc.to).normal_from;
-  const Chord wedge =
-      within_half_plane(within_half_plane(all, v, step, arc.normal_from), w, step, arc.normal_to);
-  const Chord near = within_half_plane(wedge, v, step, beyond);
-  const Chord disc = within_circle(v + arc.radius * arc.normal_from, step, arc.radius);
-  const Chord far = within_half_plane(
-      {std::max(all.begin, disc.begin), std::min(all.end, disc.end)}, v, step, -beyond);
-  if (near.begin > near.end) return far;
-  if (far.begin > far.end) return near;
-  return {std::min(near.begin, far.begin), std::max(near.end, far.end)};
+  const Vector2d from_start = point - arc.from, from_end = point - arc.to;
+  const Vector2d chord_normal = line_segment(arc.from, arc.to).normal_from;
+  const Chord wedge = within_half_plane(within_half_plane(chord, from_start, step, arc.normal_from),
+                                        from_end, step, arc.normal_to);
+  const Chord inner_chord = within_half_plane(wedge, from_start, step, chord_normal);
+  const Chord circle_chord =
+      within_circle(from_start + arc.radius * arc.normal_from, step, arc.radius);
+  const Chord outer_chord = within_half_plane(
+      {std::max(chord.begin, circle_chord.begin), std::min(chord.end, circle_chord.end)},
+      from_start, step, -chord_normal);
+  if (inner_chord.begin > inner_chord.end) return outer_chord;
+  if (outer_chord.begin > outer_chord.end) return inner_chord;
+  return {std::min(inner_chord.begin, outer_chord.begin),
+          std::max(inner_chord.end, outer_chord.end)};
 }
 
 }  // namespace
@@ -119,27 +123,28 @@ Chord within_arc(const Chord& all, const OutlinePiece& arc, const Vector2d& poin
 EdgeProfile insert_profile(const Insert& insert) {
   check_insert(insert);
   const double r = insert.radius;
-  const Vector2d ahead(-std::cos(insert.major), std::sin(insert.major));
-  const Vector2d behind(std::cos(insert.minor), std::sin(insert.minor));
-  const Vector2d leaves_ahead = r * Vector2d(-ahead.y(), ahead.x());
-  const bool wipes = insert.wiper > 0.0;
+  const Vector2d major_direction(-std::cos(insert.major), std::sin(insert.major));
+  const Vector2d minor_direction(std::cos(insert.minor), std::sin(insert.minor));
+  const Vector2d major_begin = r * Vector2d(-major_direction.y(), major_direction.x());
+  const bool has_wiper = insert.wiper > 0.0;
   const Vector2d lowest(0.0, -r);
-  const Vector2d arc_end = wipes ? lowest : Vector2d(r * Vector2d(behind.y(), -behind.x()));
-  const Vector2d minor_begin = wipes ? Vector2d(insert.wiper, -r) : arc_end;
-  const Vector2d major_end = leaves_ahead + insert.major_length * ahead;
-  const Vector2d minor_end = minor_begin + insert.minor_length * behind;
+  const Vector2d arc_end =
+      has_wiper ? lowest : Vector2d(r * Vector2d(minor_direction.y(), -minor_direction.x()));
+  const Vector2d minor_begin = has_wiper ? Vector2d(insert.wiper, -r) : arc_end;
+  const Vector2d major_end = major_begin + insert.major_length * major_direction;
+  const Vector2d minor_end = minor_begin + insert.minor_length * minor_direction;
   // The rear corner of the parallelogram is minor_end + s ahead = major_end + t behind.
-  const double sine = sine_between(behind, ahead);
-  const double s = sine_between(behind, major_end - minor_end) / sine;
-  const Vector2d back = minor_end + s * ahead;
-  std::vector<OutlinePiece> pieces{line_piece(major_end, leaves_ahead)};
-  pieces.push_back(arc_piece_about(leaves_ahead, arc_end, r, Vector2d::Zero()));
-  if (wipes) pieces.push_back(line_piece(lowest, minor_begin));
-  pieces.push_back(line_piece(minor_begin, minor_end));
-  pieces.push_back(line_piece(minor_end, back));
-  pieces.push_back(line_piece(back, major_end));
+  const double sine = cross2d(minor_direction, major_direction);
+  const double s = cross2d(minor_direction, major_end - minor_end) / sine;
+  const Vector2d rear_corner = minor_end + s * major_direction;
+  std::vector<OutlinePiece> pieces{line_segment(major_end, major_begin)};
+  pieces.push_back(arc_segment_about(major_begin, arc_end, r, Vector2d::Zero()));
+  if (has_wiper) pieces.push_back(line_segment(lowest, minor_begin));
+  pieces.push_back(line_segment(minor_begin, minor_end));
+  pieces.push_back(line_segment(minor_end, rear_corner));
+  pieces.push_back(line_segment(rear_corner, major_end));
   EdgeProfile profile = closed_profile(pieces);
-  require(profile.radius > r - no_way,
+  require(profile.radius > r - coincidence_tolerance,
           fmt::format("insert: expected edges so long that the body behind holds the circle of the "
                       "nose, seen that it ends {:.3g} mm inside of it",
                       r - profile.radius));
@@ -151,7 +156,7 @@ EdgeProfile edge_profile_from_points(const std::vector<OutlinePoint>& points) {
   require(points.size() >= 2, "edge profile: expected two points or more, seen fewer");
   std::vector<OutlinePiece> pieces;
   double area = 0.0;  // mm^2, twice the area of the polygon of the points, + if counter-clockwise
-  Vector2d last = points.back().at;
+  Vector2d previous = points.back().at;
   for (const OutlinePoint& point : points) {
     const bool has_radius = std::isfinite(point.radius) && point.radius >= 0.0;
     if (!has_radius || !point.at.allFinite())
@@ -160,70 +165,73 @@ EdgeProfile edge_profile_from_points(const std::vector<OutlinePoint>& points) {
                       "({:g}, {:g}) mm, radius {:g}",
                       point.at.x(), point.at.y(), point.radius),
           point.at, has_radius ? OutlineError::Number::First : OutlineError::Number::Radius);
-    if (!((point.at - last).norm() > no_way))
+    if (!((point.at - previous).norm() > coincidence_tolerance))
       throw OutlineError(
           fmt::format("edge profile: expected points apart, seen ({:g}, {:g}) mm twice",
                       point.at.x(), point.at.y()),
           point.at);
-    area += sine_between(last, point.at);
-    pieces.push_back(point.radius > 0.0 ? arc_piece(last, point.at, point.radius)
-                                        : line_piece(last, point.at));
-    last = point.at;
+    area += cross2d(previous, point.at);
+    pieces.push_back(point.radius > 0.0 ? arc_segment(previous, point.at, point.radius)
+                                        : line_segment(previous, point.at));
+    previous = point.at;
   }
   // Two points joined by a line and an arc enclose no polygon, so an area of 0 is permitted.
-  require(area > -no_way * no_way,
+  require(area > -coincidence_tolerance * coincidence_tolerance,
           "edge profile: expected points counter-clockwise, from x to z, seen them clockwise");
   return closed_profile(pieces);
 }
 
 EdgeProfile without_overhang(const EdgeProfile& profile, const Vector2d& away) {
-  // Rotate so that `away` is y: the pieces that face the part then have normals from -x over -y to
-  // x.
-  const Eigen::Matrix2d turn =
+  // After a rotation that makes `away` the y direction, the segments that face the part have
+  // normals from -x over -y to x.
+  const Eigen::Matrix2d rotation =
       (Eigen::Matrix2d() << away.y(), -away.x(), away.x(), away.y()).finished();
   std::vector<OutlinePiece> pieces = profile.pieces;
-  const auto faces = [](const Vector2d& normal) { return normal.y() <= 0.0; };
+  const auto faces_part = [](const Vector2d& normal) { return normal.y() <= 0.0; };
   double top = -infinity;
-  for (OutlinePiece& piece : pieces) {
-    for (Vector2d* v : {&piece.from, &piece.to, &piece.normal_from, &piece.normal_to})
-      *v = turn * *v;
-    top = std::max({top, piece.from.y(), piece.to.y()});
+  for (OutlinePiece& segment : pieces) {
+    for (Vector2d* v : {&segment.from, &segment.to, &segment.normal_from, &segment.normal_to})
+      *v = rotation * *v;
+    top = std::max({top, segment.from.y(), segment.to.y()});
   }
-  const auto begins = std::ranges::find_if(pieces, [&](const OutlinePiece& piece) {
-    return !faces(piece.normal_from) && faces(piece.normal_to);
+  const auto first_facing = std::ranges::find_if(pieces, [&](const OutlinePiece& segment) {
+    return !faces_part(segment.normal_from) && faces_part(segment.normal_to);
   });
-  if (begins == pieces.end()) return profile;
-  std::ranges::rotate(pieces, begins);
+  if (first_facing == pieces.end()) return profile;
+  std::ranges::rotate(pieces, first_facing);
 
   std::vector<OutlinePoint> points;
-  const auto add = [&](const Vector2d& at, double radius = 0.0) {
-    if (points.empty() || (points.back().at - at).norm() > no_way) points.push_back({at, radius});
+  const auto append = [&](const Vector2d& at, double radius = 0.0) {
+    if (points.empty() || (points.back().at - at).norm() > coincidence_tolerance)
+      points.push_back({at, radius});
   };
-  for (OutlinePiece piece : pieces) {
-    const Vector2d centre = piece.from - piece.radius * piece.normal_from;
-    if (!faces(piece.normal_from) && !faces(piece.normal_to)) continue;
+  for (OutlinePiece segment : pieces) {
+    const Vector2d centre = segment.from - segment.radius * segment.normal_from;
+    if (!faces_part(segment.normal_from) && !faces_part(segment.normal_to)) continue;
     // An arc that overhangs is cut where its tangent is along `away`.
-    if (!faces(piece.normal_from)) piece.from = centre - piece.radius * Vector2d::UnitX();
-    if (!faces(piece.normal_to)) piece.to = centre + piece.radius * Vector2d::UnitX();
-    add(piece.from);
-    add(piece.to, piece.radius);
+    if (!faces_part(segment.normal_from))
+      segment.from = centre - segment.radius * Vector2d::UnitX();
+    if (!faces_part(segment.normal_to)) segment.to = centre + segment.radius * Vector2d::UnitX();
+    append(segment.from);
+    append(segment.to, segment.radius);
   }
   const double left = points.front().at.x(), right = points.back().at.x();
-  add({right, top});
-  add({left, top});
-  if ((points.back().at - points.front().at).norm() <= no_way) points.pop_back();
-  for (OutlinePoint& point : points) point.at = turn.transpose() * point.at;
+  append({right, top});
+  append({left, top});
+  if ((points.back().at - points.front().at).norm() <= coincidence_tolerance) points.pop_back();
+  for (OutlinePoint& point : points) point.at = rotation.transpose() * point.at;
   return edge_profile_from_points(points);
 }
 
 double edge_height(const EdgeProfile& profile, const Vector2d& away, const Vector2d& side) {
-  const double most = std::sin(15.0 * units::deg);
+  const double max_overhang = std::sin(15.0 * units::deg);
   const double lowest = extreme_point(profile, -away).dot(away);
   double highest = lowest;
-  for (const OutlinePiece& piece : profile.pieces) {
-    const bool is_edge = std::max(piece.normal_from.dot(away), piece.normal_to.dot(away)) <= most &&
-                         (piece.normal_from + piece.normal_to).dot(side) > 0.0;
-    if (is_edge) highest = std::max({highest, piece.from.dot(away), piece.to.dot(away)});
+  for (const OutlinePiece& segment : profile.pieces) {
+    const bool is_edge =
+        std::max(segment.normal_from.dot(away), segment.normal_to.dot(away)) <= max_overhang &&
+        (segment.normal_from + segment.normal_to).dot(side) > 0.0;
+    if (is_edge) highest = std::max({highest, segment.from.dot(away), segment.to.dot(away)});
   }
   return highest - lowest;
 }
@@ -231,11 +239,11 @@ double edge_height(const EdgeProfile& profile, const Vector2d& away, const Vecto
 std::optional<Chord> chord(const EdgeProfile& profile, const Vector2d& point,
                            const Vector2d& step) {
   Chord inside{-infinity, infinity};
-  for (const OutlinePiece& piece : profile.pieces) {
-    if (!piece.is_arc)
-      inside = within_half_plane(inside, point - piece.from, step, piece.normal_from);
-    else if (piece.radius > 0.0)
-      inside = within_arc(inside, piece, point, step);
+  for (const OutlinePiece& segment : profile.pieces) {
+    if (!segment.is_arc)
+      inside = within_half_plane(inside, point - segment.from, step, segment.normal_from);
+    else if (segment.radius > 0.0)
+      inside = within_arc(inside, segment, point, step);
     if (inside.begin > inside.end) return std::nullopt;
   }
   return inside;
@@ -248,20 +256,20 @@ Vector2d extreme_point(const EdgeProfile& profile, const Vector2d& direction) {
 double max_separation(const EdgeProfile& a, const EdgeProfile& b) {
   // 0.1 deg apart: between two directions the reach changes by less than the stated 1e-3.
   constexpr int directions = 3600;
-  double most = 0.0;
+  double max_difference = 0.0;
   for (int i = 0; i < directions; ++i) {
     const double angle = 2.0 * std::numbers::pi * i / directions;
-    const Vector2d way(std::cos(angle), std::sin(angle));
-    most =
-        std::max(most, std::abs(way.dot(extreme_point(a, way)) - way.dot(extreme_point(b, way))));
+    const Vector2d direction(std::cos(angle), std::sin(angle));
+    max_difference = std::max(max_difference, std::abs(direction.dot(extreme_point(a, direction)) -
+                                                       direction.dot(extreme_point(b, direction))));
   }
-  return most;
+  return max_difference;
 }
 
 EdgePoint edge_point(const EdgeProfile& profile, double psi) {
-  const Vector2d way(std::cos(psi), std::sin(psi));
-  const Vector2d at = chord(profile, Vector2d::Zero(), way)->end * way;
-  return {at, distance(profile.pieces, at).gradient};
+  const Vector2d direction(std::cos(psi), std::sin(psi));
+  const Vector2d point = chord(profile, Vector2d::Zero(), direction)->end * direction;
+  return {point, distance(profile.pieces, point).gradient};
 }
 
 }  // namespace abbe::cutting

@@ -21,7 +21,7 @@ struct EdgeProfile {
   double outer_radius = 0.0;  ///< mm, of the circle about the origin that contains it
 };
 
-/// An insert: a nose and its two straight edges, tangent to it; behind them the body is a
+/// An insert: a nose with two straight edges tangent to it; the body behind them is a
 /// parallelogram. ISO 3002-1 and ISO 1832; the included angle is pi - major - minor.
 struct Insert {
   double radius = 0.8;  ///< mm, of the nose, which is centred at the origin, > 0
@@ -45,14 +45,14 @@ EdgeProfile insert_profile(const Insert& insert);
 ///         around more than once, is clockwise, or does not contain the origin
 EdgeProfile edge_profile_from_points(const std::vector<OutlinePoint>& points);
 
-/// Returns the region covered by the profile as it is drawn away from the part along `away`. A
-/// stock that has one radius at every position along the spindle makes an overhanging edge cut like
-/// one along `away`.
+/// Returns the region that the profile sweeps when it is retracted from the part along `away`. In a
+/// stock with one radius at every position along the spindle an overhanging edge cuts like an edge
+/// along `away`.
 /// @param away  unit
 EdgeProfile without_overhang(const EdgeProfile& profile, const Eigen::Vector2d& away);
 
-/// Returns the height along `away` from the point nearest to the part to the end of the highest
-/// edge on one side, mm, among edges that overhang by 15 deg at most.
+/// Returns the height, mm along `away`, of the highest edge on one side above the point nearest to
+/// the part. Edges that overhang by more than 15 deg are not counted.
 /// @param side  unit, normal to `away`
 double edge_height(const EdgeProfile& profile, const Eigen::Vector2d& away,
                    const Eigen::Vector2d& side);
@@ -62,18 +62,18 @@ double edge_height(const EdgeProfile& profile, const Eigen::Vector2d& away,
 struct Chord {
   double begin, end;  ///< values of s
 };
-/// Returns that range, or nothing if the line misses the region.
+/// Returns the range of s inside the profile, or nothing if the line misses it.
 std::optional<Chord> chord(const EdgeProfile& profile, const Eigen::Vector2d& point,
                            const Eigen::Vector2d& step);
 
 /// Returns the point that lies farthest in a direction of any length.
 Eigen::Vector2d extreme_point(const EdgeProfile& profile, const Eigen::Vector2d& direction);
 
-/// Returns the largest difference between the reach of two profiles over all directions, mm, to
-/// 1e-3 of itself.
+/// Returns the maximum difference between the reaches of two profiles over all directions, mm, with
+/// a relative error of 1e-3.
 double max_separation(const EdgeProfile& a, const EdgeProfile& b);
 
-/// A point of the edge (mm), and the outward normal there.
+/// A point of the edge, mm, with its outward normal.
 struct EdgePoint {
   Eigen::Vector2d at;
   Eigen::Vector2d outward;  ///< unit

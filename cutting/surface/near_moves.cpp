@@ -13,79 +13,83 @@ using Eigen::Vector3d;
 
 NearMoves8::NearMoves8(const Cutter& cutter, const NearMoves& near)
     : count(std::size_t(near.count + width - 1) / width) {
-  for (int k = 0; k < near.count; ++k) ends[k] = ends_of(near.moves[k]);
-  for (int k = 0; k < int(count) * width; ++k)
-    // the last move is repeated to fill the last eight
-    eights[k / width].put(k % width, cutter, ends[std::min(k, near.count - 1)]);
+  for (int i = 0; i < near.count; ++i) endpoints[i] = move_endpoints(near.moves[i]);
+  for (int i = 0; i < int(count) * width; ++i)
+    // The last move is repeated to fill the last group.
+    groups[i / width].set_lane(i % width, cutter, endpoints[std::min(i, near.count - 1)]);
 }
 
-NearPlanes::NearPlanes(const Cutter& cutter, const NearMoves8& all, std::span<const Ray> rays)
-    : count(all.count), middle(rays[rays.size() / 2].point) {
-  double around = 0.0;
-  // 1.001 covers the rounding of `around` to float
-  for (const Ray& ray : rays) around = std::max(around, 1.001 * (ray.point - middle).lpNorm<1>());
-  move_planes(cutter, {all.eights.data(), count}, rays[rays.size() / 2], around,
+NearPlanes::NearPlanes(const Cutter& cutter, const NearMoves8& moves8, std::span<const Ray> rays)
+    : count(moves8.count), reference_point(rays[rays.size() / 2].point) {
+  double max_offset = 0.0;
+  // 1.001 covers the rounding of `max_offset` to float.
+  for (const Ray& ray : rays)
+    max_offset = std::max(max_offset, 1.001 * (ray.point - reference_point).lpNorm<1>());
+  move_planes(cutter, {moves8.groups.data(), count}, rays[rays.size() / 2], max_offset,
               {planes.data(), count});
 }
 
-void NearPairs::add(const NearMoves8& all, int move, const Ray& ray) {
+void NearPairs::add(const NearMoves8& moves8, int move, const Ray& ray) {
   moves[count] = move;
-  eights[count / width].put(int(count % width), all.eights[std::size_t(move) / width],
-                            move % int(width), ray);
+  groups[count / width].set_lane(int(count % width), moves8.groups[std::size_t(move) / width],
+                                 move % int(width), ray);
   ++count;
 }
 
-void NearPairs::add_open(const NearMoves8& all, int near, const NearPlanes& planes, const Ray& ray,
-                         double limit) {
-  for (std::size_t e = 0; e < planes.count; ++e) {
-    unsigned open = open_before(planes.planes[e], planes.middle, ray, limit);
-    for (; open != 0; open &= open - 1) {
-      const int move = int(e * width) + std::countr_zero(open);
-      if (move < near) add(all, move, ray);
+void NearPairs::add_candidates(const NearMoves8& moves8, int move_count, const NearPlanes& planes,
+                               const Ray& ray, double limit) {
+  for (std::size_t group = 0; group < planes.count; ++group) {
+    unsigned candidates =
+        candidates_before(planes.planes[group], planes.reference_point, ray, limit);
+    for (; candidates != 0; candidates &= candidates - 1) {
+      const int move = int(group * width) + std::countr_zero(candidates);
+      if (move < move_count) add(moves8, move, ray);
     }
   }
 }
 
-// Lanes are independent, so repeating the last pair changes no bound.
-void NearPairs::bound(const NearMoves8& all, const Cutter& cutter, const Ray& last) {
-  while (count % width != 0) add(all, moves[count - 1], last);
-  const std::size_t used = count / width;
-  entry_bounds(cutter, {eights.data(), used}, last.band, {bounds.data(), used});
+// Lanes are independent, so copies of the last pair change no bound.
+void NearPairs::compute_bounds(const NearMoves8& moves8, const Cutter& cutter, const Ray& filler) {
+  while (count % width != 0) add(moves8, moves[count - 1], filler);
+  const std::size_t group_count = count / width;
+  entry_bounds(cutter, {groups.data(), group_count}, filler.band, {bounds.data(), group_count});
 }
 
 namespace {
 
-constexpr double more_than_rounding = 1e-6;  // mm, by which a limit may be too high
+constexpr double limit_margin = 1e-6;  // mm, much more than rounding; a limit may be too high
 
-void lower_to(double& limit, double met) { limit = std::min(limit, met + more_than_rounding); }
+void lower_limit(double& limit, double s) { limit = std::min(limit, s + limit_margin); }
 
-/// Returns true if a point of the ray lies so deep in the cutter at instant t that the search is
-/// certain to enter no later than there. A touch, which rounding decides, does not count.
+/// Returns true if the point of the ray at s lies so deep in the cutter at instant t that the
+/// search is certain to find an entry no later than s. A touch does not count, since rounding
+/// decides it.
 bool is_deep(const Cutter& cutter, const Move& move, double t, const Ray& ray, double s) {
   return depth(cutter, move, t, ray.point + s * ray.normal) > 1e-6 * cutter.radius;
 }
 
-/// The first point at which a ray meets a ball end that stands still, or slightly beyond; the end
-/// of the band if it is missed or only grazed.
+/// A ball end that stands still. `first_s` is the s at which a ray meets it, or slightly more; the
+/// end of the band if the ray misses or only grazes the ball.
 class StandingBall {
  public:
   StandingBall(const Cutter& cutter, const Move& move, double t)
-      : cutter_(cutter), move_(move), t_(t), axis_(position(move, t).axis) {
-    centre_ = position(move, t).tip + cutter.radius * axis_;
+      : cutter_(cutter), move_(move), t_(t), axis_(cutter_pose(move, t).axis) {
+    centre_ = cutter_pose(move, t).tip + cutter.radius * axis_;
   }
 
-  double met(const Ray& ray) const {
-    const double radius2 = cutter_.radius * cutter_.radius;
+  double first_s(const Ray& ray) const {
+    const double squared_radius = cutter_.radius * cutter_.radius;
     const Vector3d w = ray.point - centre_;
-    const double along = w.dot(ray.normal);
-    const double deep = radius2 - (w.squaredNorm() - along * along);
-    const double s = -along - std::sqrt(std::max(deep, 0.0));
-    // Closed form for a ray that meets the lower half of the ball and is no graze; the chord is
-    // then above 0.6 R.
-    if (deep > 0.1 * radius2 && axis_.dot(w + s * ray.normal) < 0.0) return s;
-    const auto entry = standing_entry(cutter_, move_, t_, ray, -1e30f);
-    const double beyond = entry.value_or(ray.band) + 1e-4 * cutter_.radius;
-    return beyond < ray.band && is_deep(cutter_, move_, t_, ray, beyond) ? beyond : ray.band;
+    const double depth_along_ray = w.dot(ray.normal);
+    const double squared_half_chord =
+        squared_radius - (w.squaredNorm() - depth_along_ray * depth_along_ray);
+    const double s = -depth_along_ray - std::sqrt(std::max(squared_half_chord, 0.0));
+    // Closed form for a ray that meets the lower half of the ball without grazing it; its chord is
+    // then longer than 0.6 R.
+    if (squared_half_chord > 0.1 * squared_radius && axis_.dot(w + s * ray.normal) < 0.0) return s;
+    const auto entry = instant_entry(cutter_, move_, t_, ray, -1e30f);
+    const double s_inside = entry.value_or(ray.band) + 1e-4 * cutter_.radius;
+    return s_inside < ray.band && is_deep(cutter_, move_, t_, ray, s_inside) ? s_inside : ray.band;
   }
 
  private:
@@ -95,64 +99,67 @@ class StandingBall {
   Vector3d axis_, centre_;
 };
 
-/// Returns a point slightly beyond the bound of a lane if it lies deep in the cutter of its move.
-std::optional<double> met_beyond(const Cutter& cutter, const Move& move, const EntryBounds& bounds,
-                                 std::size_t lane, const Ray& ray) {
-  const double least = bounds.least[lane], s = least + 1e-4 * cutter.radius;
-  if (!(least > -ray.band && s < ray.band)) return std::nullopt;
-  const double t = instant(move, bounds.part[lane]);
+/// Returns the s slightly beyond the bound of a lane if that point lies deep in the cutter of the
+/// lane's move.
+std::optional<double> inside_point(const Cutter& cutter, const Move& move,
+                                   const EntryBounds& bounds, std::size_t lane, const Ray& ray) {
+  const double min_s = bounds.min_s[lane], s = min_s + 1e-4 * cutter.radius;
+  if (!(min_s > -ray.band && s < ray.band)) return std::nullopt;
+  const double t = instant(move, bounds.fraction[lane]);
   return is_deep(cutter, move, t, ray, s) ? std::optional(s) : std::nullopt;
 }
 
 /// Returns approximately the s at which a ray meets the first of eight moves.
-double met_of_eight(const Cutter& cutter, std::span<const Move> moves, const EntryBounds& bounds,
-                    const Ray& ray) {
-  const float* least = std::min_element(bounds.least, bounds.least + moves.size());
-  const std::size_t k = std::size_t(least - bounds.least);
-  const Move& move = moves[k];
-  if (const auto s = met_beyond(cutter, move, bounds, k, ray)) return *s;
-  return standing_entry(cutter, move, instant(move, bounds.part[k]), ray, *least)
+double first_s_of_moves(const Cutter& cutter, std::span<const Move> moves,
+                        const EntryBounds& bounds, const Ray& ray) {
+  const float* min_s = std::min_element(bounds.min_s, bounds.min_s + moves.size());
+  const std::size_t nearest = std::size_t(min_s - bounds.min_s);
+  const Move& move = moves[nearest];
+  if (const auto s = inside_point(cutter, move, bounds, nearest, ray)) return *s;
+  return instant_entry(cutter, move, instant(move, bounds.fraction[nearest]), ray, *min_s)
       .value_or(ray.band);
 }
 
 }  // namespace
 
-void lower_to_ball(std::span<double> limits, std::span<const Ray> rays, const Cutter& cutter,
-                   const Move& move, double t) {
+void lower_limits_to_ball(std::span<double> limits, std::span<const Ray> rays, const Cutter& cutter,
+                          const Move& move, double t) {
   const StandingBall ball(cutter, move, t);
-  for (std::size_t i = 0; i < rays.size(); ++i) lower_to(limits[i], ball.met(rays[i]));
+  for (std::size_t i = 0; i < rays.size(); ++i) lower_limit(limits[i], ball.first_s(rays[i]));
 }
 
-void lower_to_eight(std::span<double> limits, std::span<const Ray> rays, const Cutter& cutter,
-                    std::span<const Move> moves) {
-  Move8 eight;
-  for (std::size_t k = 0; k < Move8::width; ++k)
-    eight.put(int(k), cutter, ends_of(moves[std::min(k, moves.size() - 1)]));
+void lower_limits_to_moves(std::span<double> limits, std::span<const Ray> rays,
+                           const Cutter& cutter, std::span<const Move> moves) {
+  Move8 lanes;
+  for (std::size_t lane = 0; lane < Move8::width; ++lane)
+    lanes.set_lane(int(lane), cutter, move_endpoints(moves[std::min(lane, moves.size() - 1)]));
   std::array<EntryBounds, 8> bounds;
   for (std::size_t first = 0; first < rays.size(); first += bounds.size()) {
     const std::size_t count = std::min(bounds.size(), rays.size() - first);
-    entry_bounds(cutter, eight, rays.subspan(first, count), {bounds.data(), count});
+    entry_bounds(cutter, lanes, rays.subspan(first, count), {bounds.data(), count});
     for (std::size_t i = 0; i < count; ++i)
-      lower_to(limits[first + i], met_of_eight(cutter, moves, bounds[i], rays[first + i]));
+      lower_limit(limits[first + i], first_s_of_moves(cutter, moves, bounds[i], rays[first + i]));
   }
 }
 
-void lower_by_planes(std::span<double> limits, std::span<const Ray> rays, const Cutter& cutter,
-                     const NearMoves& near, const NearMoves8& all, const NearPlanes& planes) {
+void lower_limits_by_planes(std::span<double> limits, std::span<const Ray> rays,
+                            const Cutter& cutter, const NearMoves& near, const NearMoves8& moves8,
+                            const NearPlanes& planes) {
   constexpr int width = Move8::width;
   Pair8 pairs;
   std::array<int, width> nearest;
   for (std::size_t i = 0; i < nearest.size(); ++i) {
     const Ray& ray = rays[std::min(i, rays.size() - 1)];
-    const int first = nearest_plane({planes.planes.data(), planes.count}, planes.middle, ray);
-    nearest[i] = std::min(first, near.count - 1);
-    pairs.put(int(i), all.eights[nearest[i] / width], nearest[i] % width, ray);
+    const int move =
+        nearest_plane({planes.planes.data(), planes.count}, planes.reference_point, ray);
+    nearest[i] = std::min(move, near.count - 1);
+    pairs.set_lane(int(i), moves8.groups[nearest[i] / width], nearest[i] % width, ray);
   }
   EntryBounds bounds;
   entry_bounds(cutter, {&pairs, 1}, rays.front().band, {&bounds, 1});
   for (std::size_t i = 0; i < rays.size(); ++i)
-    if (const auto s = met_beyond(cutter, near.moves[nearest[i]], bounds, i, rays[i]))
-      lower_to(limits[i], *s);
+    if (const auto s = inside_point(cutter, near.moves[nearest[i]], bounds, i, rays[i]))
+      lower_limit(limits[i], *s);
 }
 
 }  // namespace abbe::cutting

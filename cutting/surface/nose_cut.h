@@ -24,47 +24,47 @@ class NoseEdge {
     return nose_.profile ? nose_.profile->outer_radius : nose_.radius + wave_sum_;
   }
 
-  /// Returns how far the edge reaches in a direction of length 1 or less, mm; `outer_radius` in
-  /// every direction for a round edge.
+  /// Returns the reach of the edge in a direction of length 1 or less, mm; for a round edge
+  /// `outer_radius` in every direction.
   double reach(const Eigen::Vector2d& direction) const {
     return nose_.profile ? direction.dot(extreme_point(*nose_.profile, direction)) : outer_radius();
   }
 
-  /// Returns true if the edge is the profile of an insert, whose straight edges a line may run
-  /// along.
+  /// Returns true if the edge is the profile of an insert. A line may then run along a straight
+  /// edge.
   bool has_profile() const { return nose_.profile != nullptr; }
   const EdgeProfile& profile() const { return *nose_.profile; }
 
-  /// Returns true if the point (x, z) lies inside the edge or on it.
-  bool contains(const Eigen::Vector2d& point) const { return outside_by(point) <= 0.0; }
+  /// Returns true if the point (x, z) lies inside or on the edge.
+  bool contains(const Eigen::Vector2d& point) const { return signed_distance(point) <= 0.0; }
 
-  /// Returns the smallest s >= from at which point + s * step lies inside, or nothing: to 1e-12 mm
-  /// along the line for a circle and, across the edge, for a profile; to 1e-11 mm for a waved edge,
-  /// of which chords shorter than 1e-6 mm may be missed.
+  /// Returns the smallest s >= from at which point + s * step lies inside, or nothing. The error is
+  /// 1e-12 mm along the line for a circle, 1e-12 mm across the edge for a profile, and 1e-11 mm for
+  /// a waved edge, of which chords shorter than 1e-6 mm may be missed.
   std::optional<double> entry(const Eigen::Vector2d& point, const Eigen::Vector2d& step,
                               double from) const;
 
-  /// Returns the s at which a line that misses the region comes nearest to it (to the centre of a
-  /// round edge); `from` for a line that has passed a profile before `from`.
-  double nearest(const Eigen::Vector2d& point, const Eigen::Vector2d& step, double from) const;
+  /// Returns the s at which a line that misses the region is nearest to it (to the centre of a
+  /// round edge); `from` if the line passes a profile before `from`.
+  double nearest_s(const Eigen::Vector2d& point, const Eigen::Vector2d& step, double from) const;
 
   /// Returns an upper bound of the distance of a point outside the edge, mm; negative inside.
-  double beyond(const Eigen::Vector2d& point) const {
+  double distance_bound(const Eigen::Vector2d& point) const {
     return nose_.profile ? distance(nose_.profile->pieces, point).value
                          : point.norm() - outer_radius();
   }
 
  private:
-  double outside_by(const Eigen::Vector2d& point) const;
+  double signed_distance(const Eigen::Vector2d& point) const;
   std::optional<double> waved_entry(const Eigen::Vector2d& point, const Eigen::Vector2d& step,
                                     double begin, double end) const;
 
   Nose nose_;
   double wave_sum_ = 0.0;   // mm, largest deviation of the edge from the circle
-  double lipschitz_ = 1.0;  // of outside_by, beyond the smallest circle inside the edge
+  double lipschitz_ = 1.0;  // of signed_distance, outside the largest circle inside the edge
 };
 
-/// A point at which the sweep of a turning tool cuts a ray, and the instant.
+/// The point and the instant at which the sweep of a turning tool cuts a ray.
 struct NoseCut {
   double s = 0.0;  ///< mm along the normal; -band if the ray starts in removed material
   double time_s = 0.0;
@@ -80,30 +80,31 @@ class NoseCutSearch {
   /// @throws std::invalid_argument as NoseEdge and nose_sweep
   NoseCutSearch(const Nose& nose, const NoseMotion& motion);
 
-  /// Returns the first cut along the ray: the smallest s, of equal ones the earliest.
+  /// Returns the first cut along the ray: the smallest s, and the earliest of equal s.
   std::optional<NoseCut> first(const Ray& ray_w) const;
 
-  /// Returns at least one cut of every revolution that cuts at `limit` (mm) or before it, in the
-  /// order of time. A cut at the join of two intervals is reported twice.
+  /// Returns at least one cut of every revolution that cuts at or before `limit` (mm), in the order
+  /// of time. A cut at the join of two intervals is returned twice.
   std::vector<NoseCut> within(const Ray& ray_w, double limit) const;
 
-  /// Returns the first cut among those whose spindle angle is within `window` (rad) of that of
-  /// `other`.
-  std::optional<NoseCut> near(const Ray& ray_w, const NoseCut& other, double window) const;
+  /// Returns the first cut among those whose spindle travel differs from that of `other` by at most
+  /// `window` (rad).
+  std::optional<NoseCut> first_in_window(const Ray& ray_w, const NoseCut& other,
+                                         double window) const;
 
-  /// Returns the angle through which the spindle has turned until the cut, rad, both directions
-  /// counted as positive.
-  double turned(const NoseCut& cut) const;
+  /// Returns the angle through which the spindle turns until the cut, rad; both directions count as
+  /// positive.
+  double spindle_travel(const NoseCut& cut) const;
 
  private:
-  template <class Use>
-  void for_each_segment(const Ray& ray_w, const Use& use) const;
-  int piece_at(const NoseCut& cut) const;
+  template <class Visitor>
+  void for_each_segment(const Ray& ray_w, const Visitor& visit) const;
+  int segment_index(const NoseCut& cut) const;
 
   NoseEdge edge_;
   NoseSweep sweep_;
-  std::optional<ProfileBound> bound_;  // only for an edge with a profile
-  std::vector<double> turned_;         // rad, at the beginning of every interval
+  std::optional<ProfileBound> bound_;   // only for an edge with a profile
+  std::vector<double> spindle_travel_;  // rad, at the beginning of every interval
 };
 
 }  // namespace abbe::cutting

@@ -18,7 +18,7 @@ namespace {
 
 using std::numbers::pi;
 
-// About 240 bytes each (a piece of 80 and two nodes of 80): 4.8 GB.
+// About 240 bytes each (a segment of 80 and two nodes of 80), i.e. 4.8 GB in total.
 constexpr double max_revolutions = 20e6;
 
 void check(const NoseMotion& motion) {
@@ -40,26 +40,28 @@ void check(const NoseMotion& motion) {
     require(i == 0 || motion.time_s[i] > motion.time_s[i - 1],
             "nose motion: expected strictly increasing times");
   }
-  double turned = 0.0;
+  double total_angle = 0.0;
   for (Eigen::Index i = 1; i < n; ++i) {
-    turned += std::abs(motion.spindle[i] - motion.spindle[i - 1]);
+    total_angle += std::abs(motion.spindle[i] - motion.spindle[i - 1]);
   }
-  require(turned <= max_revolutions * 2.0 * pi, "nose motion: expected at most 20e6 revolutions");
+  require(total_angle <= max_revolutions * 2.0 * pi,
+          "nose motion: expected at most 20e6 revolutions");
 }
 
 Matrix3d spindle_axes(const Vector3d& direction) {
-  // any axis that is not nearly parallel to x
-  const Vector3d other = std::abs(direction.x()) < 0.9 ? Vector3d::UnitX() : Vector3d::UnitY();
+  // Any axis that is not nearly parallel to the direction.
+  const Vector3d helper = std::abs(direction.x()) < 0.9 ? Vector3d::UnitX() : Vector3d::UnitY();
   Matrix3d R;
   R.col(0) = direction.normalized();
-  R.col(1) = (other - other.dot(R.col(0)) * R.col(0)).normalized();
+  R.col(1) = (helper - helper.dot(R.col(0)) * R.col(0)).normalized();
   R.col(2) = R.col(0).cross(R.col(1));
   return R;
 }
 
 Matrix3d slow_rotation(const NoseInterval& interval, double u) {
-  if (interval.turn == 0.0) return interval.R;
-  return interval.R * Eigen::AngleAxisd(u * interval.turn, interval.turn_axis).toRotationMatrix();
+  if (interval.slow_angle == 0.0) return interval.R;
+  return interval.R *
+         Eigen::AngleAxisd(u * interval.slow_angle, interval.slow_axis).toRotationMatrix();
 }
 
 NoseInterval interval_between(const NoseMotion& motion, std::size_t i, const NoseSweep& sweep) {
@@ -70,9 +72,10 @@ NoseInterval interval_between(const NoseMotion& motion, std::size_t i, const Nos
   interval.centre = sweep.R_ws.transpose() * (T0.translation() - sweep.p_ws);
   interval.centre_step = sweep.R_ws.transpose() * (T1.translation() - T0.translation());
   interval.R = sweep.R_ws.transpose() * T0.linear();
-  const Vector3d turn = kinematics::rotation_vector(T0.linear().transpose() * T1.linear());
-  interval.turn = turn.norm() < 1e-15 ? 0.0 : turn.norm();
-  interval.turn_axis = interval.turn == 0.0 ? Vector3d::UnitX() : Vector3d(turn / interval.turn);
+  const Vector3d rotation = kinematics::rotation_vector(T0.linear().transpose() * T1.linear());
+  interval.slow_angle = rotation.norm() < 1e-15 ? 0.0 : rotation.norm();
+  interval.slow_axis =
+      interval.slow_angle == 0.0 ? Vector3d::UnitX() : Vector3d(rotation / interval.slow_angle);
   interval.angle = motion.spindle[k];
   interval.angle_step = motion.spindle[k + 1] - motion.spindle[k];
   interval.time_s = motion.time_s[k];
@@ -81,67 +84,69 @@ NoseInterval interval_between(const NoseMotion& motion, std::size_t i, const Nos
   return interval;
 }
 
-/// The rake plane at one instant, with the meaning of the members of NosePiece.
-struct Rake {
+/// The rake plane at one instant; its members are those of NoseSegment.
+struct RakePlane {
   double angle, height, tilt;
-  bool free;
+  bool is_undefined;
 };
 
-Rake rake(const NoseInterval& interval, double u, double previous_angle) {
+RakePlane rake_plane(const NoseInterval& interval, double u, double previous_angle) {
   const Vector3d normal = slow_rotation(interval, u).col(1);
   const double across = std::hypot(normal.y(), normal.z());
-  // lean of over 60 deg: the azimuth of the normal is ill-conditioned
+  // If the normal leans by over 60 deg, its azimuth is ill-conditioned.
   if (across < 0.5) return {previous_angle, 0.0, 0.0, true};
   const double angle =
       std::atan2(normal.z(), normal.y()) + interval.angle + u * interval.angle_step;
-  // The angle is continuous along an interval that turns by less than a revolution and hardly
-  // tilts: of its values modulo 2 pi take the one nearest to where the spindle alone would have
-  // moved it.
+  // The angle is continuous over a segment that turns by at most a revolution and hardly tilts, so
+  // of its values modulo 2 pi the one nearest to the spindle's own rotation is taken.
   const double unwrapped = angle + 2.0 * pi * std::round((previous_angle - angle) / (2.0 * pi));
   const double height = normal.dot(interval.centre + u * interval.centre_step);
   return {unwrapped, height / across, normal.x() / across, false};
 }
 
-void append_pieces(NoseSweep& sweep, int index, double& angle) {
+void append_segments(NoseSweep& sweep, int index, double& angle) {
   const NoseInterval& interval = sweep.intervals[std::size_t(index)];
-  // 1e-9: an interval of whole revolutions must not gain a piece by rounding
-  const int parts = std::max(1, int(std::ceil(std::abs(interval.angle_step) / (2.0 * pi) - 1e-9)));
-  Rake from = rake(interval, 0.0, angle);
-  for (int part = 0; part < parts; ++part) {
-    const double u0 = double(part) / parts;
-    const double u1 = double(part + 1) / parts;
-    const Rake to = rake(interval, u1, from.angle + interval.angle_step / parts);
-    sweep.pieces.push_back({index, u0, u1, from.angle, to.angle, from.height, to.height, from.tilt,
-                            to.tilt, from.free || to.free});
-    from = to;
+  // 1e-9, so that rounding does not add a segment to an interval of whole revolutions.
+  const int segment_count =
+      std::max(1, int(std::ceil(std::abs(interval.angle_step) / (2.0 * pi) - 1e-9)));
+  RakePlane start = rake_plane(interval, 0.0, angle);
+  for (int i = 0; i < segment_count; ++i) {
+    const double u0 = double(i) / segment_count;
+    const double u1 = double(i + 1) / segment_count;
+    const RakePlane end =
+        rake_plane(interval, u1, start.angle + interval.angle_step / segment_count);
+    sweep.pieces.push_back({index, u0, u1, start.angle, end.angle, start.height, end.height,
+                            start.tilt, end.tilt, start.is_undefined || end.is_undefined});
+    start = end;
   }
-  angle = from.angle;
+  angle = start.angle;
 }
 
 NoseNode bounds(const NoseSweep& sweep, int first) {
-  const NosePiece& piece = sweep.pieces[std::size_t(first)];
-  const NoseInterval& interval = sweep.intervals[std::size_t(piece.interval)];
-  const Vector3d a = interval.centre + piece.u0 * interval.centre_step;
-  const Vector3d b = interval.centre + piece.u1 * interval.centre_step;
+  const NoseSegment& segment = sweep.pieces[std::size_t(first)];
+  const NoseInterval& interval = sweep.intervals[std::size_t(segment.interval)];
+  const Vector3d a = interval.centre + segment.u0 * interval.centre_step;
+  const Vector3d b = interval.centre + segment.u1 * interval.centre_step;
   const Vector2d a_r = a.tail<2>();
   const Vector2d step_r = b.tail<2>() - a_r;
-  const double nearest = step_r.squaredNorm() > 0.0
-                             ? std::clamp(-a_r.dot(step_r) / step_r.squaredNorm(), 0.0, 1.0)
-                             : 0.0;
+  const double nearest_u = step_r.squaredNorm() > 0.0
+                               ? std::clamp(-a_r.dot(step_r) / step_r.squaredNorm(), 0.0, 1.0)
+                               : 0.0;
   // Between its ends the rake plane departs from the linear interpolation of angle, height and tilt
-  // by less than its slow turn; the factor covers the magnification of a leaning plane.
-  const double turn = 10.0 * interval.turn * (piece.u1 - piece.u0);
-  const double far = std::max(a.norm(), b.norm());
+  // by less than its slow rotation; the factor covers the magnification of a leaning plane.
+  const double slow_turn = 10.0 * interval.slow_angle * (segment.u1 - segment.u0);
+  const double max_distance = std::max(a.norm(), b.norm());
   NoseNode node;
   node.x_low = std::min(a.x(), b.x());
   node.x_high = std::max(a.x(), b.x());
-  node.r_low = (a_r + nearest * step_r).norm();
+  node.r_low = (a_r + nearest_u * step_r).norm();
   node.r_high = std::max(a_r.norm(), b.tail<2>().norm());
-  node.angle_low = std::min(piece.angle0, piece.angle1) - turn;
-  node.angle_high = std::max(piece.angle0, piece.angle1) + turn + (piece.free ? 2.0 * pi : 0.0);
-  node.height =
-      std::max(std::abs(piece.height0), std::abs(piece.height1)) + turn * ((b - a).norm() + far);
-  node.tilt = std::max(std::abs(piece.tilt0), std::abs(piece.tilt1)) + turn;
+  node.angle_low = std::min(segment.angle0, segment.angle1) - slow_turn;
+  node.angle_high = std::max(segment.angle0, segment.angle1) + slow_turn +
+                    (segment.is_undefined ? 2.0 * pi : 0.0);
+  node.height = std::max(std::abs(segment.height0), std::abs(segment.height1)) +
+                slow_turn * ((b - a).norm() + max_distance);
+  node.tilt = std::max(std::abs(segment.tilt0), std::abs(segment.tilt1)) + slow_turn;
   node.first = first;
   node.count = 1;
   node.right = 0;
@@ -173,7 +178,8 @@ int append_nodes(NoseSweep& sweep, int first, int count) {
   return index;
 }
 
-// The whole disc cuts where the sweep begins, where it ends, and where the spindle reverses.
+/// Appends the faces: the whole disc cuts where the sweep begins or ends and where the spindle
+/// reverses.
 void append_faces(NoseSweep& sweep) {
   const int n = int(sweep.intervals.size());
   double sense = 0.0;
@@ -198,7 +204,7 @@ NoseSweep nose_sweep(const NoseMotion& motion) {
     sweep.intervals.push_back(interval_between(motion, i, sweep));
   }
   double angle = sweep.intervals.front().angle;
-  for (int i = 0; i < int(sweep.intervals.size()); ++i) append_pieces(sweep, i, angle);
+  for (int i = 0; i < int(sweep.intervals.size()); ++i) append_segments(sweep, i, angle);
   sweep.nodes.reserve(2 * sweep.pieces.size());
   append_nodes(sweep, 0, int(sweep.pieces.size()));
   append_faces(sweep);
@@ -210,11 +216,11 @@ RayInTool ray_in_tool(const NoseInterval& interval, double u, const Vector3d& q,
   const double angle = interval.angle + u * interval.angle_step;
   const double c = std::cos(angle);
   const double s = std::sin(angle);
-  const auto turned_back = [&](const Vector3d& v) {
+  const auto rotate_back = [&](const Vector3d& v) {
     return Vector3d(v.x(), c * v.y() + s * v.z(), c * v.z() - s * v.y());
   };
-  const Vector3d p = turned_back(q);
-  const Vector3d d = turned_back(n);
+  const Vector3d p = rotate_back(q);
+  const Vector3d d = rotate_back(n);
   const Vector3d v = p - (interval.centre + u * interval.centre_step);
   const Matrix3d R = slow_rotation(interval, u);
   const Vector3d y = R.col(1);
@@ -223,43 +229,43 @@ RayInTool ray_in_tool(const NoseInterval& interval, double u, const Vector3d& q,
       y.y() * p.z() - y.z() * p.y(),      y.y() * d.z() - y.z() * d.y()};
 }
 
-NoseRaySegment stretch_of(const Vector3d& q, const Vector3d& n, double from, double to) {
-  NoseRaySegment stretch;
-  stretch.q = q;
-  stretch.n = n;
-  stretch.from = from;
-  stretch.to = to;
-  const double r_from = radius(stretch.at(from));
-  const double r_to = radius(stretch.at(to));
-  stretch.radius_step = (r_to - r_from) / (to - from);
-  stretch.radius0 = r_from - from * stretch.radius_step;
-  stretch.radius_min = std::min(r_from, r_to);
-  // r^2 = a + 2 b s + c s^2 is convex in s and r lies below its chord by at most the sag, which is
-  // attained where the slopes are equal.
+NoseRaySegment make_ray_segment(const Vector3d& q, const Vector3d& n, double from, double to) {
+  NoseRaySegment segment;
+  segment.q = q;
+  segment.n = n;
+  segment.from = from;
+  segment.to = to;
+  const double r_from = radius(segment.at(from));
+  const double r_to = radius(segment.at(to));
+  segment.radius_step = (r_to - r_from) / (to - from);
+  segment.radius0 = r_from - from * segment.radius_step;
+  segment.radius_min = std::min(r_from, r_to);
+  // r^2 = a + 2 b s + c s^2 is convex in s, and r lies below its chord by at most the sag, which it
+  // reaches where the slopes are equal.
   const double a = q.y() * q.y() + q.z() * q.z();
   const double b = q.y() * n.y() + q.z() * n.z();
   const double c = n.y() * n.y() + n.z() * n.z();
-  const double m = stretch.radius_step;
-  stretch.sag = 1e-9;
-  const double steep = c - m * m;
-  if (steep > 0.0) {
-    const double w = std::copysign(std::sqrt(m * m * std::max(0.0, a * c - b * b) / steep), m);
+  const double m = segment.radius_step;
+  segment.sag = 1e-9;
+  const double excess = c - m * m;
+  if (excess > 0.0) {
+    const double w = std::copysign(std::sqrt(m * m * std::max(0.0, a * c - b * b) / excess), m);
     const double s = std::clamp((w - b) / c, from, to);
-    stretch.sag += std::max(0.0, stretch.radius0 + s * m - radius(stretch.at(s)));
+    segment.sag += std::max(0.0, segment.radius0 + s * m - radius(segment.at(s)));
   }
-  // An end on the spindle line has no azimuth; the other end then has that of the whole segment.
+  // An end on the spindle line has no azimuth; the other end then gives that of the whole segment.
   const bool starts_on_axis = r_from < on_axis;
-  stretch.azimuth = azimuth(stretch.at(starts_on_axis ? to : from));
-  stretch.azimuth_spread =
-      stretch.radius_min < on_axis ? 0.0 : angle_between(stretch.at(from), stretch.at(to));
-  stretch.x_max = std::max(std::abs(stretch.at(from).x()), std::abs(stretch.at(to).x()));
-  return stretch;
+  segment.azimuth = azimuth(segment.at(starts_on_axis ? to : from));
+  segment.azimuth_spread =
+      segment.radius_min < on_axis ? 0.0 : angle_between(segment.at(from), segment.at(to));
+  segment.x_max = std::max(std::abs(segment.at(from).x()), std::abs(segment.at(to).x()));
+  return segment;
 }
 
 std::optional<double> nearest_to_axis(const Vector3d& q, const Vector3d& n, double band) {
   const double c = n.y() * n.y() + n.z() * n.z();
   const double s = -(q.y() * n.y() + q.z() * n.z());
-  // 1e-20: the ray is parallel to the spindle line
+  // Below 1e-20 the ray is parallel to the spindle line.
   if (c < 1e-20 || std::abs(s) >= band * c) return std::nullopt;
   return s / c;
 }
@@ -268,15 +274,10 @@ namespace {
 
 constexpr double rounding = 1e-9;  // mm
 
-Matrix3d turned_to(const NoseInterval& interval, double u) {
-  if (interval.turn == 0.0) return interval.R;
-  return interval.R * Eigen::AngleAxisd(u * interval.turn, interval.turn_axis).toRotationMatrix();
-}
-
 /// Returns the unit direction normal to the spindle line, in the rake plane and towards the tool.
-Vector3d up_in(const Matrix3d& R, const Vector3d& centre) {
+Vector3d up_direction(const Matrix3d& R, const Vector3d& centre) {
   const Vector3d across = Vector3d::UnitX().cross(R.col(1));
-  if (across.norm() < 0.5) return Vector3d::UnitY();  // the bound is then wide but valid
+  if (across.norm() < 0.5) return Vector3d::UnitY();  // the bound is then loose but valid
   return (across.dot(centre) < 0.0 ? -1.0 : 1.0) * across.normalized();
 }
 
@@ -284,87 +285,91 @@ Vector3d up_in(const Matrix3d& R, const Vector3d& centre) {
 
 ProfileBound::ProfileBound(const EdgeProfile& profile, const NoseSweep& sweep)
     : R_(sweep.intervals.empty() ? Matrix3d(Matrix3d::Identity()) : sweep.intervals.front().R),
-      up_(up_in(R_, sweep.intervals.empty() ? Vector3d(Vector3d::Zero())
-                                            : sweep.intervals.front().centre)),
-      beside_(Vector3d::UnitX().cross(up_)),
+      up_(up_direction(R_, sweep.intervals.empty() ? Vector3d(Vector3d::Zero())
+                                                   : sweep.intervals.front().centre)),
+      lateral_(Vector3d::UnitX().cross(up_)),
       outer_radius_(profile.outer_radius) {
-  // Maps the point (x, z) of the profile to the meridian half-plane.
+  // Maps a point (x, z) of the profile to the meridian half-plane.
   Eigen::Matrix2d meridian;
   meridian << R_(0, 0), R_(0, 2), up_.dot(R_.col(0)), up_.dot(R_.col(2));
   const auto reach = [&](const Vector2d& direction_t) {
     return direction_t.dot(extreme_point(profile, direction_t));
   };
-  const auto add = [&](const Vector2d& normal_t) {
+  const auto add_side = [&](const Vector2d& normal_t) {
     const Vector2d normal = (meridian * normal_t).normalized();
     sides_.push_back({normal, reach(meridian.transpose() * normal)});
   };
-  constexpr double between = 0.25;  // rad, between tangents of an arc: they depart from it by 1% of
-                                    // its radius
-  for (const OutlinePiece& piece : profile.pieces) {
-    if (!piece.is_arc) add(piece.normal_from);
-    if (!piece.is_arc || piece.radius == 0.0) continue;
-    const double angle = std::acos(std::clamp(piece.normal_from.dot(piece.normal_to), -1.0, 1.0));
-    const int parts = int(std::ceil(angle / between));
-    for (int i = 0; i <= parts; ++i)
-      add(Eigen::Rotation2Dd(angle * i / std::max(parts, 1)) * piece.normal_from);
+  // rad; the tangents of an arc then depart from it by 1 % of its radius.
+  constexpr double tangent_spacing = 0.25;
+  for (const OutlinePiece& segment : profile.pieces) {
+    if (!segment.is_arc) add_side(segment.normal_from);
+    if (!segment.is_arc || segment.radius == 0.0) continue;
+    const double angle =
+        std::acos(std::clamp(segment.normal_from.dot(segment.normal_to), -1.0, 1.0));
+    const int steps = int(std::ceil(angle / tangent_spacing));
+    for (int i = 0; i <= steps; ++i)
+      add_side(Eigen::Rotation2Dd(angle * i / std::max(steps, 1)) * segment.normal_from);
   }
-  down_ = reach(meridian.transpose() * Vector2d(0, -1));
-  const Vector2d sideways(beside_.dot(R_.col(0)), beside_.dot(R_.col(2)));
-  wide_ = std::max(reach(sideways), reach(-sideways));
+  downward_reach_ = reach(meridian.transpose() * Vector2d(0, -1));
+  const Vector2d lateral_direction(lateral_.dot(R_.col(0)), lateral_.dot(R_.col(2)));
+  lateral_reach_ = std::max(reach(lateral_direction), reach(-lateral_direction));
 
   extents_.resize(sweep.nodes.size());
   for (std::size_t i = sweep.nodes.size(); i-- > 0;) {  // children come after their parents
     const NoseNode& node = sweep.nodes[i];
     if (node.count == 1) {
-      extents_[i] = extent_of(sweep, sweep.pieces[std::size_t(node.first)]);
+      extents_[i] = segment_extent(sweep, sweep.pieces[std::size_t(node.first)]);
       continue;
     }
     const Extent &a = extents_[i + 1], &b = extents_[std::size_t(node.right)];
     extents_[i] = {std::min(a.up_low, b.up_low), std::max(a.up_high, b.up_high),
-                   std::max(a.off, b.off), std::max(a.beside, b.beside)};
+                   std::max(a.displacement, b.displacement), std::max(a.lateral, b.lateral)};
   }
 }
 
-ProfileBound::Extent ProfileBound::extent_of(const NoseSweep& sweep, const NosePiece& piece) const {
-  const NoseInterval& interval = sweep.intervals[std::size_t(piece.interval)];
+ProfileBound::Extent ProfileBound::segment_extent(const NoseSweep& sweep,
+                                                  const NoseSegment& segment) const {
+  const NoseInterval& interval = sweep.intervals[std::size_t(segment.interval)];
   Extent extent{infinity, -infinity, 0.0, 0.0};
-  for (const double u : {piece.u0, piece.u1}) {
+  for (const double u : {segment.u0, segment.u1}) {
     const Vector3d centre = interval.centre + u * interval.centre_step;
     extent.up_low = std::min(extent.up_low, up_.dot(centre));
     extent.up_high = std::max(extent.up_high, up_.dot(centre));
-    extent.beside = std::max(extent.beside, std::abs(beside_.dot(centre)));
-    extent.off = std::max(extent.off, (turned_to(interval, u) - R_).norm());
+    extent.lateral = std::max(extent.lateral, std::abs(lateral_.dot(centre)));
+    extent.displacement = std::max(extent.displacement, (slow_rotation(interval, u) - R_).norm());
   }
-  extent.off = outer_radius_ * (extent.off + interval.turn * (piece.u1 - piece.u0));
-  extent.beside += wide_ + extent.off;
+  extent.displacement =
+      outer_radius_ * (extent.displacement + interval.slow_angle * (segment.u1 - segment.u0));
+  extent.lateral += lateral_reach_ + extent.displacement;
   return extent;
 }
 
 // A point of a tool at (x, up, beside) turns to the radius hypot(up, beside) in the meridian: not
-// below `up`, and not above it by more than `beside` plus twice the tool's reach beyond the spindle
-// line.
-double ProfileBound::first_reach(int index, const NoseNode& node, const NoseRaySegment& ray) const {
+// below `up`, and not above it by more than `lateral` plus twice the tool's reach beyond the
+// spindle line.
+double ProfileBound::entry_bound(int index, const NoseNode& node, const NoseRaySegment& ray) const {
   if (!can_face(node, ray)) return infinity;
   const Extent& extent = extents_[std::size_t(index)];
-  const double past = std::max(0.0, down_ + extent.off - extent.up_low);
-  const double above = 2.0 * past + extent.beside + ray.sag;
-  double enter = ray.from, leave = ray.to;
+  const double overreach = std::max(0.0, downward_reach_ + extent.displacement - extent.up_low);
+  const double max_rise = 2.0 * overreach + extent.lateral + ray.sag;
+  double entry = ray.from, exit = ray.to;
   for (const Side& side : sides_) {
     const Vector2d& n = side.normal;
-    const double most =
-        side.reach + extent.off + rounding + n.x() * (n.x() > 0.0 ? node.x_high : node.x_low) +
-        n.y() * (n.y() > 0.0 ? extent.up_high : extent.up_low) + std::max(0.0, n.y()) * above;
-    const double off = n.x() * ray.q.x() + n.y() * ray.radius0 - most;
-    const double away = n.x() * ray.n.x() + n.y() * ray.radius_step;
-    if (std::abs(away) < 1e-14) {
-      if (off > 0.0) return infinity;
-    } else if (away > 0.0) {
-      leave = std::min(leave, -off / away);
+    const double limit = side.reach + extent.displacement + rounding +
+                         n.x() * (n.x() > 0.0 ? node.x_high : node.x_low) +
+                         n.y() * (n.y() > 0.0 ? extent.up_high : extent.up_low) +
+                         std::max(0.0, n.y()) * max_rise;
+    const double offset = n.x() * ray.q.x() + n.y() * ray.radius0 - limit;
+    const double slope = n.x() * ray.n.x() + n.y() * ray.radius_step;
+    if (std::abs(slope) < 1e-14) {
+      if (offset > 0.0) return infinity;
+    } else if (slope > 0.0) {
+      exit = std::min(exit, -offset / slope);
     } else {
-      enter = std::max(enter, -off / away);
+      entry = std::max(entry, -offset / slope);
     }
   }
-  return enter > leave ? infinity : enter - rounding;
+  return entry > exit ? infinity : entry - rounding;
 }
 
 }  // namespace abbe::cutting

@@ -11,29 +11,29 @@
 /// of convex ones (`profile_from_points` in tool.h).
 namespace abbe::cutting {
 
-/// Error of a point that an outline or an edge cannot have. what() reads "outline: expected ...,
-/// seen ...".
+/// Error about an invalid point of an outline or an edge. what() reads "outline: expected ..., seen
+/// ...".
 struct OutlineError : std::invalid_argument {
-  /// The number of the point that is wrong: one of its two coordinates, or the radius of the arc to
-  /// it.
+  /// Numbers of a point: its two coordinates and the radius of the arc that leads to it.
   enum class Number { First, Second, Radius };
 
-  OutlineError(const std::string& what, const Eigen::Vector2d& point, Number of = Number::First)
-      : std::invalid_argument(what), at(point), number(of) {}
+  OutlineError(const std::string& message, const Eigen::Vector2d& point,
+               Number wrong_number = Number::First)
+      : std::invalid_argument(message), at(point), number(wrong_number) {}
 
   Eigen::Vector2d at;  ///< mm, the point
   Number number;       ///< the number that is wrong
 };
 
-/// Error of a point at which an outline that must be convex bends inwards.
+/// Error about a point at which an outline that must be convex bends inwards.
 struct InwardBend : OutlineError {
   using OutlineError::OutlineError;
 };
 
 // Lines, arcs and outlines.
 
-/// A line, or an arc that bulges outwards, traversed with the tool on the left. A sharp corner is
-/// an arc of radius 0.
+/// A line, or an arc that bulges outwards; the tool is on the left of its direction. A sharp corner
+/// is an arc of radius 0.
 struct OutlinePiece {
   bool is_arc;
   Eigen::Vector2d from, to;
@@ -64,7 +64,7 @@ inline double bottom(const ToolOutline& outline) {
   return height > 1e-9 ? height : 0.0;  // 1e-9 mm: the start of an arc may miss the tip by rounding
 }
 
-/// A point of an outline, and the line or arc by which it is reached from the point before.
+/// A point of an outline, with the line or arc that leads to it from the previous point.
 struct OutlinePoint {
   Eigen::Vector2d at;
   double radius = 0.0;  ///< mm, of an arc that bulges outwards, less than half a circle; 0: a line;
@@ -75,11 +75,12 @@ struct OutlinePoint {
 /// Returns the convex outline through points.
 /// @param points  from the tip, whose height is 0, upwards; the bottom below the first and the top
 ///                above the last are flat
-/// @throws std::invalid_argument if the outline is not convex, with the point and by how much
+/// @throws std::invalid_argument if the outline is not convex; the message gives the point and the
+///         angle
 ToolOutline outline_from_points(const std::vector<OutlinePoint>& points);
 
-/// Returns the convex outline of these lines and arcs, from the axis at its bottom to the axis at
-/// its top; inserts the sharp corners between them.
+/// Returns the convex outline of lines and arcs from the axis at the bottom to the axis at the top.
+/// Inserts the sharp corners between them.
 /// @throws std::invalid_argument as outline_from_points
 ToolOutline closed_outline(const std::vector<OutlinePiece>& pieces);
 
@@ -108,8 +109,8 @@ ToolOutline apt_outline(const AptCutter& cutter);
 /// the axis and `across` >= 0 normal to it, mm times the direction's length.
 double support(const ToolOutline& outline, double rise, double across);
 
-/// Returns the point where that reach is attained: the point touched by a plane with this outward
-/// normal.
+/// Returns the point that reaches farthest in the direction of `support`: a plane with this outward
+/// normal touches it.
 Eigen::Vector2d support_point(const ToolOutline& outline, double rise, double across);
 
 /// Returns the radius of the flat at the top, mm.
@@ -119,76 +120,78 @@ double top_radius(const ToolOutline& outline);
 /// and top, mm; 0 if there is none.
 double corner_height(const ToolOutline& outline);
 
-/// The interior of an outline that is at least a margin away from it, with arcs replaced by
-/// polygons: nowhere less than the margin away, nor more than the margin plus 0.04 % of an arc's
-/// radius.
+/// The interior of an outline at a margin, with arcs replaced by polygons. Its distance from the
+/// outline is at least the margin and at most the margin plus 0.04 % of an arc's radius.
 struct InsetOutline {
   ToolOutline outline;
-  double raised = 0.0;  ///< mm, height of its tip above that of the outline
+  double raised = 0.0;  ///< mm, height of the tip above the tip of the original outline
 };
-/// Returns the interior of an outline at a margin, mm.
-/// @param outline  convex
+/// Returns the interior of a convex outline at a margin, mm.
 /// @throws std::invalid_argument if nothing is left
-InsetOutline inside(const ToolOutline& outline, double margin);
+InsetOutline inset_convex(const ToolOutline& outline, double margin);
 
-/// Returns the largest difference between the reach of the two outlines, mm, over directions in
-/// steps of 1 deg; if one is hollow, also the largest distance of a corner of one from the other.
+/// Returns the maximum difference between the reaches of two outlines, mm, over directions in steps
+/// of 1 deg. If an outline is hollow, the distances of the corners of each outline from the other
+/// one are included in the maximum.
 double max_separation(const ToolOutline& a, const ToolOutline& b);
 
-/// Signed distance of a point in the half plane, negative inside, with its unit gradient. Inside it
-/// is a convex function that takes the nearest tangent. For a hollow outline it is that of the
-/// nearest part.
+/// Signed distance of a point in the half plane, negative inside, with its unit gradient. Inside a
+/// convex outline it is the distance to the nearest tangent, which is a convex function. For a
+/// hollow outline it is the distance from the nearest part.
 struct OutlineDistance {
   double value;
   Eigen::Vector2d gradient;
 };
-/// Returns the signed distance of a point.
-OutlineDistance distance(const ToolOutline& outline, const Eigen::Vector2d& place);
-/// Overload for pieces that go around a convex region.
-OutlineDistance distance(const std::vector<OutlinePiece>& pieces, const Eigen::Vector2d& place);
+/// Returns the signed distance of a point from an outline.
+OutlineDistance distance(const ToolOutline& outline, const Eigen::Vector2d& point);
+/// Overload for the boundary of a convex region.
+OutlineDistance distance(const std::vector<OutlinePiece>& pieces, const Eigen::Vector2d& point);
 
-/// Returns the point of their hull that lies farthest in a direction of any length.
+/// Returns the point of the segments' hull that lies farthest in a direction, which may have any
+/// length.
 Eigen::Vector2d extreme_point(const std::vector<OutlinePiece>& pieces,
                               const Eigen::Vector2d& direction);
 
-/// Returns the sine of the angle from a to b, times their lengths.
-inline double sine_between(const Eigen::Vector2d& a, const Eigen::Vector2d& b) {
+/// Returns the cross product of two vectors: the sine of the angle from a to b, times their
+/// lengths.
+inline double cross2d(const Eigen::Vector2d& a, const Eigen::Vector2d& b) {
   return a.x() * b.y() - a.y() * b.x();
 }
 
 /// Returns the line from one point to another.
-OutlinePiece line_piece(const Eigen::Vector2d& from, const Eigen::Vector2d& to);
+OutlinePiece line_segment(const Eigen::Vector2d& from, const Eigen::Vector2d& to);
 
 /// Returns the arc that bulges outwards, half a circle or less.
 /// @throws std::invalid_argument if the radius is below half the chord
-OutlinePiece arc_piece(const Eigen::Vector2d& from, const Eigen::Vector2d& to, double radius);
+OutlinePiece arc_segment(const Eigen::Vector2d& from, const Eigen::Vector2d& to, double radius);
 
 /// Returns the arc about a given centre.
-OutlinePiece arc_piece_about(const Eigen::Vector2d& from, const Eigen::Vector2d& to, double radius,
-                             const Eigen::Vector2d& centre);
+OutlinePiece arc_segment_about(const Eigen::Vector2d& from, const Eigen::Vector2d& to,
+                               double radius, const Eigen::Vector2d& centre);
 
 /// Returns the lines and arcs from the tip through the points to the axis at the top, without sharp
 /// corners.
 /// @throws std::invalid_argument if a number is negative or not finite, if the outline does not
 ///         start at height 0 or does not end above the tip and off the axis, or if an arc is too
 ///         small for its chord
-std::vector<OutlinePiece> pieces_from_points(const std::vector<OutlinePoint>& points);
+std::vector<OutlinePiece> segments_from_points(const std::vector<OutlinePoint>& points);
 
-/// mm; points nearer to each other than this are the same point.
-inline constexpr double same_place = 1e-9;
+/// Points nearer to each other than this are the same point, mm.
+inline constexpr double coincidence_tolerance = 1e-9;
 
-/// rad; a joint may bend inwards by this much, which is rounding of input.
-inline constexpr double min_bend = 1e-7;
+/// Inward bend that a joint may have through rounding of the input, rad.
+inline constexpr double bend_tolerance = 1e-7;
 
-/// Returns the sine of the angle by which an outline bends inwards at the beginning of a piece; 0
-/// or less if it does not.
-double inward_bend(const OutlinePiece& before, const OutlinePiece& piece);
+/// Returns the sine of the angle by which an outline bends inwards at the start of a segment; not
+/// positive if it does not bend inwards.
+double inward_bend(const OutlinePiece& previous, const OutlinePiece& segment);
 
-/// Returns consecutive pieces with the sharp corners inserted between them; splits arcs beyond a
-/// right angle in two.
-/// @param before  outward normal at the end of the piece that the first one follows
-/// @throws std::invalid_argument if a joint bends inwards, with the point and by how much
+/// Returns consecutive segments with the sharp corners inserted between them. Splits arcs of more
+/// than a right angle in two.
+/// @param normal_before  outward normal at the end of the segment before the first one
+/// @throws std::invalid_argument if a joint bends inwards; the message gives the point and the
+/// angle
 std::vector<OutlinePiece> with_corners(const std::vector<OutlinePiece>& pieces,
-                                       const Eigen::Vector2d& before);
+                                       const Eigen::Vector2d& normal_before);
 
 }  // namespace abbe::cutting

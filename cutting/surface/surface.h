@@ -11,11 +11,11 @@
 #include "cutting/part/mesh.h"
 #include "cutting/surface/tool.h"
 
-/// The machined surface at the vertices of a design: milled or turned, with its gouges, and the
-/// competing passes that predict how it follows a displacement of the tool.
+/// The machined surface at the vertices of a design, milled or turned, with its gouges; and the
+/// competing passes, which predict how the surface changes with a displacement of the tool.
 namespace abbe::cutting {
 
-/// Actual motion of a milling cutter in the workpiece as poses at instants. Between two of them the
+/// Actual motion of a milling cutter in the workpiece, as poses at instants. Between two poses the
 /// tip moves on a line and the axis on a great circle, both in proportion to time.
 struct CutterMotion {
   Points tip;              ///< (n x 3) mm
@@ -25,11 +25,11 @@ struct CutterMotion {
   std::vector<int> line;   ///< (n) program line of the move that ENDS at this sample
 };
 
-/// Actual motion of a turning tool seen from the spindle that carries the workpiece. The slow pose
-/// is the pose of the tool in the workpiece turned back by the spindle angle. Between samples its
-/// origin moves on a line, its rotation turns at constant rate, and the spindle angle grows in
-/// proportion to time. The pose of the tool in the workpiece is turn(spindle angle about the
-/// spindle line) * slow pose.
+/// Actual motion of a turning tool relative to the spindle that carries the workpiece. The slow
+/// pose is the tool's pose in the workpiece without the spindle's rotation: the pose in the
+/// workpiece is rotation(spindle angle about the spindle line) * slow pose. Between samples the
+/// origin of the slow pose moves on a line, its orientation turns at constant rate, and the spindle
+/// angle grows in proportion to time.
 struct NoseMotion {
   std::vector<Eigen::Isometry3d> T_slow;                         ///< (n) slow poses
   Eigen::VectorXd spindle;                                       ///< (n) rad, unwrapped
@@ -45,7 +45,7 @@ class Thickness;
 enum class VertexStatus : std::uint8_t {
   Cut = 0,
   Uncut = 1,    ///< nothing was removed along the normal, neither within the band nor below it
-  Outside = 2,  ///< not in the judged region
+  Outside = 2,  ///< outside the judged region
   Gouged = 3,   ///< removed deeper than the band
 };
 
@@ -54,8 +54,8 @@ inline constexpr double gouge_bands = 10.0;
 
 struct SurfaceOptions {
   double band = 2.0;                     ///< mm, the ray is searched from -band (inside) to +band
-  std::function<void(double)> progress;  ///< called from time to time with the finished fraction;
-                                         ///< may be called from any thread
+  std::function<void(double)> progress;  ///< called from time to time with the finished fraction,
+                                         ///< from any thread
   std::shared_ptr<const Thickness> body = {};  ///< the part behind the design; if null, the design
                                                ///< itself
 };
@@ -63,25 +63,25 @@ struct SurfaceOptions {
 /// The removal below the band at a vertex that is Gouged.
 struct Gouge {
   int vertex = 0;
-  double depth = 0.0;   ///< mm below the design, along the normal: the deepest point removed
-  bool deeper = false;  ///< true if the search ended at `depth` and the material was removed there
-                        ///< too
+  double depth = 0.0;  ///< mm below the design, along the normal: the deepest point removed
+  bool deeper =
+      false;  ///< true if the search ended at `depth` while the material was still removed
 };
 
-/// The machined surface against the design: the position at which the part ends along every outward
-/// normal.
+/// The machined surface relative to the design: the position at which the part ends along every
+/// outward normal.
 struct Surface {
-  /// Positions of the samples of a map within its triangles, besides its vertices.
+  /// Positions of additional samples of a map within its triangles.
   enum class Within : std::uint8_t {
     None,
     Middle,  ///< the middle of a triangle, for a map that its vertices resolve
-    Random,  ///< a random point of each triangle, so that waves finer than the triangles average
-             ///< out
+    Random,  ///< a random point of each triangle, so that waves finer than the triangles do not
+             ///< alias
   };
-  Eigen::VectorXd residual;    ///< (n) mm; + material left, - gouged; NaN where not cut
-  Eigen::VectorXd cut_time_s;  ///< (n) instant at which the surface was made there; NaN unless cut
-                               ///< or gouged
-  std::vector<int> cut_line;   ///< (n) program line that made it; 0 unless cut or gouged
+  Eigen::VectorXd residual;  ///< (n) mm; + material left, - gouged; NaN where not cut
+  Eigen::VectorXd
+      cut_time_s;  ///< (n) instant at which the surface was cut; NaN unless cut or gouged
+  std::vector<int> cut_line;         ///< (n) program line that cut it; 0 unless cut or gouged
   std::vector<VertexStatus> status;  ///< (n)
   std::vector<Gouge> gouges = {};    ///< of the vertices with status Gouged, in the order of the
                                      ///< vertices
@@ -90,25 +90,26 @@ struct Surface {
                                 ///< it or a corner is not cut; empty if `sampled_within` is None
 };
 
-/// Returns the surface left by a milling cutter: along each normal the first point, coming from
-/// inside the part, that any move removes.
-/// The result is the minimum over all moves, of equal ones the earliest, so it does not depend on
-/// the number of threads or the order of the vertices.
+/// Returns the surface left by a milling cutter: on each normal the first point, from inside the
+/// part outwards, that any move removes.
+/// The result is the minimum over all moves, and the earliest of equal ones, so it does not depend
+/// on the number of threads or the order of the vertices.
 /// A vertex is Gouged if its ray is removed at -band or, if nothing is removed within the band,
-/// anywhere below it down to `gouge_bands` bands; except if the deepest point removed below an
-/// intact skin is nearer by a tenth to another point of the part, in which case it belongs to the
-/// gouge there. No ray extends further than half way through the part, measured from a vertex to
-/// the triangle through which the ray leaves; where that is nearer than -band, the ray starts
+/// anywhere below it down to `gouge_bands` bands. Exception: if the deepest point removed below an
+/// intact skin is nearer by a tenth to another point of the part, it belongs to the gouge there.
+/// A ray extends at most half way through the part, i.e. to half the distance from the vertex to
+/// the triangle through which the ray leaves; if that point is nearer than -band, the ray starts
 /// there.
 ///
 /// Bound: the residual is within 1e-7 mm (0.1 nm) of the sweep of the motion as given, for parts of
 /// up to 1 m.
 ///
-/// A move whose axis turns is searched in parts of at most 0.05 rad; of several separate touches by
-/// the same part, no deeper than (R + flank length) 0.05^2 / 2, only one is certain to be found.
+/// A move whose axis turns is searched in parts of at most 0.05 rad. If one such part touches a ray
+/// several times separately, no deeper than (R + flank length) 0.05^2 / 2, only one touch is
+/// certain to be found.
 ///
-/// Memory is linear: about 75 bytes per move and part of a hollow cutter, and 40 per vertex besides
-/// the arrays given and returned. A single sample is a pose that cuts. If `judged` is empty, all
+/// Memory is linear: about 75 bytes per move and convex part of the cutter, and 40 per vertex in
+/// addition to arguments and result. A single sample is a pose that cuts. If `judged` is empty, all
 /// vertices are judged.
 /// @throws std::invalid_argument if an array has the wrong size, a number is not finite, a
 ///         direction is not unit to 1e-9, time goes back, or the axis turns by half a turn between
@@ -116,26 +117,26 @@ struct Surface {
 Surface milled_surface(const Design& design_w, const Cutter& cutter, const CutterMotion& motion,
                        const SurfaceOptions& options = {});
 
-/// Returns a function that computes milled_surface for one design after another with a sweep that
-/// is prepared once. The motion must outlive it.
+/// Returns a function that computes milled_surface for any number of designs with a sweep that is
+/// prepared once. The motion must outlive the function.
 /// @throws as milled_surface, both here and when the function is called
 std::function<Surface(const Design& design_w)> milled_search(const Cutter& cutter,
                                                              const CutterMotion& motion,
                                                              const SurfaceOptions& options = {});
 
 /// Returns the surface left by a turning tool. The helix of the cut is resolved: for every
-/// revolution the instant at which the rake plane passes the ray is solved exactly.
+/// revolution the instant at which the rake plane passes the ray is computed exactly.
 Surface turned_surface(const Design& design_w, const Nose& nose, const NoseMotion& motion,
                        const SurfaceOptions& options = {});
-/// Returns a function that computes turned_surface for one design after another with a sweep that
-/// is prepared once.
+/// Returns a function that computes turned_surface for any number of designs with a sweep that is
+/// prepared once.
 std::function<Surface(const Design& design_w)> turned_search(const Nose& nose,
                                                              const NoseMotion& motion,
                                                              const SurfaceOptions& options = {});
 
-/// A pass of the tool that makes, or nearly makes, the surface at a vertex, and how its distance
-/// along the normal changes with a small displacement of the tool. With d the displacement (mm,
-/// workpiece frame) of the tool of this pass at the contact, vertex + distance normal, the distance
+/// A pass of the tool that makes, or nearly makes, the surface at a vertex, and the change of its
+/// distance along the normal with a small displacement of the tool. For a displacement d (mm,
+/// workpiece frame) of the tool at the contact, which is vertex + distance normal, the distance
 /// becomes
 ///   distance + gradient . d + curvature / 2 (across . d)^2.
 /// The error in mm is bounded by the sum of the following terms, with D = |d|, h the stencil, R the
@@ -149,9 +150,9 @@ std::function<Surface(const Design& design_w)> turned_search(const Nose& nose,
 /// Ball R 5 at pitch 0.4: for 50 um 0.1 nm on a plane and 38 nm on a dome of 100 with moves of 0.1
 /// mm (25 of them from theta), for 10 um 5 nm; nose R 0.249 on a face at 20 um feed: 165 nm for 50
 /// um, 1.3 nm for 10 um.
-/// No bound holds within max(D, h) of an edge of the pass (its ends, a sharp rim of the cutter):
-/// there the pass is described by its flatter side, without curvature. Where the tool stands or
-/// reverses, its curvature in the other direction, D^2 / 2R, is neglected.
+/// No bound holds within max(D, h) of an edge of the pass (its ends, a sharp rim of the cutter),
+/// where the flatter side of the pass describes it, without curvature. Where the tool stands or
+/// reverses, the curvature in the other direction, D^2 / 2R, is neglected.
 struct CompetingPass {
   int vertex = 0;
   double distance = 0.0;                               ///< mm along the vertex normal
@@ -166,32 +167,31 @@ struct CompetingPass {
 };
 
 struct CompetingPassOptions {
-  double reach = 0.05;  ///< mm, passes are included if their distance is within this of the first
-                        ///< one's
-  int most = 6;  ///< largest number of passes per vertex, nearest first; they suffice up to a
-                 ///< displacement of (most - 1) / 2 pitches
+  double reach = 0.05;  ///< mm, passes this much farther than the nearest are included
+  int most = 6;         ///< maximum number of passes per vertex, nearest first; sufficient up to a
+                        ///< displacement of (most - 1) / 2 pitches
   double stencil = 0.01;  ///< mm, step of the differences that give gradient and curvature
   double band = 2.0;      ///< mm, as for the surface
   std::function<void(double)> progress = {};  ///< called with the finished fraction, from any
                                               ///< thread
 };
 
-/// Returns the competing passes of every judged vertex that is cut, in the order of the vertices,
-/// the nearest first, of equal ones the earliest; the distance of the first one is the residual of
-/// milled_surface to 1e-7 mm. A pass is a run of consecutive moves with a single least distance;
-/// two runs that are not separated by a crest of at least 1e-6 mm count as one pass. The result
-/// does not depend on the number of threads.
+/// Returns the competing passes of every judged vertex that is cut, in the order of the vertices.
+/// The passes of a vertex are sorted by distance, equal ones by time; the distance of the first is
+/// the residual of milled_surface to 1e-7 mm. A pass is a run of consecutive moves with a single
+/// minimum of the distance; two runs without a crest of at least 1e-6 mm between them count as one
+/// pass. The result does not depend on the number of threads.
 /// @throws std::invalid_argument as milled_surface, or if an option is not finite, `reach` is
 ///         negative, `most` below 1 or `stencil` not positive, or if the cutter is hollow
 std::vector<CompetingPass> milled_competing_passes(const Design& design_w, const Cutter& cutter,
                                                    const CutterMotion& motion,
                                                    const CompetingPassOptions& options = {});
 
-/// Returns the competing passes of a turning tool, a pass being one revolution (of cuts less than
-/// half a revolution apart the nearest counts). `across` lies in the rake plane, in the direction
-/// of the meridian. The displacement is that of the tool at the instant, in the workpiece: a
-/// displacement that is constant in the machine turns there with the spindle angle. Nearer to the
-/// spindle line than |d| or the stencil no bound holds.
+/// Returns the competing passes of a turning tool. A pass is one revolution; of cuts less than half
+/// a revolution apart only the nearest counts. `across` lies in the rake plane, in the direction of
+/// the meridian. The displacement is that of the tool in the workpiece at the instant of the cut: a
+/// displacement that is constant in the machine turns in the workpiece with the spindle angle. No
+/// bound holds nearer to the spindle line than |d| or the stencil.
 /// @throws std::invalid_argument as turned_surface, or as milled_competing_passes for an option
 std::vector<CompetingPass> turned_competing_passes(const Design& design_w, const Nose& nose,
                                                    const NoseMotion& motion,

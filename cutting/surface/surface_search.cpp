@@ -21,19 +21,19 @@ namespace abbe::cutting {
 using Eigen::Index;
 using Eigen::Vector3d;
 
-/// Bits of a cell number in the grid of `hilbert_code`.
-inline constexpr int hilbert_bits = 10;
-inline constexpr std::uint32_t hilbert_cells = 1u << hilbert_bits;  ///< cells per side
+namespace {
 
-/// Returns the position of a cell along the Hilbert curve of a grid of 2^bits cells per side.
+/// Number of bits of a cell number in the grid of `hilbert_code`.
+constexpr int hilbert_bits = 10;
+constexpr std::uint32_t hilbert_cells = 1u << hilbert_bits;  ///< cells per side
+
+/// Returns the position of a cell along the Hilbert curve of a grid of `hilbert_cells` per side.
 /// Neighbours along the curve are neighbours in space.
-/// @param x, y, z  cell numbers, below 2^bits
+/// @param x, y, z  cell numbers, below `hilbert_cells`
 /// @return 3 bits for each of them
 /// Source: J. Skilling, Programming the Hilbert curve, AIP Conf. Proc. 707 (2004) 381.
-template <int bits = hilbert_bits>
 constexpr std::uint64_t hilbert_code(std::uint32_t x, std::uint32_t y, std::uint32_t z) {
-  static_assert(bits > 0 && 3 * bits <= 64);
-  constexpr std::uint32_t top = 1u << (bits - 1);
+  constexpr std::uint32_t top = 1u << (hilbert_bits - 1);
   std::uint32_t axis[3] = {x, y, z};
   for (std::uint32_t bit = top; bit > 1; bit >>= 1) {
     const std::uint32_t below = bit - 1;
@@ -53,12 +53,10 @@ constexpr std::uint64_t hilbert_code(std::uint32_t x, std::uint32_t y, std::uint
   for (std::uint32_t bit = top; bit > 1; bit >>= 1)
     if (axis[2] & bit) gray ^= bit - 1;
   std::uint64_t code = 0;
-  for (int bit = bits - 1; bit >= 0; --bit)
+  for (int bit = hilbert_bits - 1; bit >= 0; --bit)
     for (const std::uint32_t a : axis) code = (code << 1) | (((a ^ gray) >> bit) & 1u);
   return code;
 }
-
-namespace {
 
 constexpr double unit_tolerance = 1e-9;  // 0.5 nm on a cutter of 500 mm
 
@@ -104,7 +102,7 @@ void check_design(const Design& design) {
   require_milled(design.normals.rows() == n, "the design has not one normal a vertex");
   require_milled(design.judged.empty() || Index(design.judged.size()) == n,
                  "the design has not one judgement a vertex");
-  // in parallel, because a design may have millions of vertices
+  // In parallel, because a design may have millions of vertices.
   tbb::parallel_for(tbb::blocked_range<Index>(0, n, 4096), [&](const auto& range) {
     for (Index i = range.begin(); i < range.end(); ++i) {
       if (!is_judged(design, i)) continue;
@@ -149,27 +147,29 @@ bool is_judged(const Design& design, Index vertex) {
 
 namespace {
 
-/// A vertex and its code on the curve.
-struct Place {
+/// A vertex with its position along the Hilbert curve.
+struct CodedVertex {
   std::uint32_t code, vertex;
 };
 
-/// Sorts by code, stably: a radix sort with digits of as many bits as a cell number.
-void sort_by_code(std::vector<Place>& places) {
-  std::vector<Place> sorted(places.size());
+/// Sorts stably by code: a radix sort whose digits have as many bits as a cell number.
+void sort_by_code(std::vector<CodedVertex>& vertices) {
+  std::vector<CodedVertex> sorted(vertices.size());
   for (int shift = 0; shift < 3 * hilbert_bits; shift += hilbert_bits) {
     std::array<std::size_t, hilbert_cells + 1> begin{};
-    const auto digit = [&](const Place& one) { return (one.code >> shift) % hilbert_cells; };
-    for (const Place& one : places) ++begin[digit(one) + 1];
+    const auto digit = [&](const CodedVertex& vertex) {
+      return (vertex.code >> shift) % hilbert_cells;
+    };
+    for (const CodedVertex& vertex : vertices) ++begin[digit(vertex) + 1];
     std::partial_sum(begin.begin(), begin.end(), begin.begin());
-    for (const Place& one : places) sorted[begin[digit(one)]++] = one;
-    places.swap(sorted);
+    for (const CodedVertex& vertex : vertices) sorted[begin[digit(vertex)]++] = vertex;
+    vertices.swap(sorted);
   }
 }
 
 }  // namespace
 
-std::vector<Index> judged_along_curve(const Design& design) {
+std::vector<Index> judged_vertices(const Design& design) {
   std::vector<Index> judged;
   Vector3d low = Vector3d::Constant(std::numeric_limits<double>::infinity());
   Vector3d high = -low;
@@ -181,174 +181,177 @@ std::vector<Index> judged_along_curve(const Design& design) {
   }
   constexpr double last_cell = hilbert_cells - 1;
   const double size = judged.empty() ? 1.0 : std::max((high - low).maxCoeff(), 1e-9);
-  std::vector<Place> places(judged.size());
-  const auto blocks = tbb::blocked_range<std::size_t>(0, places.size(), 4096);
+  std::vector<CodedVertex> coded_vertices(judged.size());
+  const auto blocks = tbb::blocked_range<std::size_t>(0, coded_vertices.size(), 4096);
   tbb::parallel_for(blocks, [&](const auto& range) {
     for (std::size_t k = range.begin(); k < range.end(); ++k) {
       const Vector3d cell = (design.vertices.row(judged[k]).transpose() - low) * (last_cell / size);
-      places[k] = {std::uint32_t(hilbert_code(std::uint32_t(cell.x()), std::uint32_t(cell.y()),
-                                              std::uint32_t(cell.z()))),
-                   std::uint32_t(judged[k])};
+      coded_vertices[k] = {
+          std::uint32_t(hilbert_code(std::uint32_t(cell.x()), std::uint32_t(cell.y()),
+                                     std::uint32_t(cell.z()))),
+          std::uint32_t(judged[k])};
     }
   });
-  sort_by_code(places);
-  std::ranges::transform(places, judged.begin(), [](const Place& one) { return one.vertex; });
+  sort_by_code(coded_vertices);
+  std::ranges::transform(coded_vertices, judged.begin(),
+                         [](const CodedVertex& coded) { return coded.vertex; });
   return judged;
 }
 
 namespace {
 
 /// Returns the segment of a vertex's normal from `from` to `to`, mm.
-ShiftedRay stretch(const Design& design, Index vertex, double from, double to) {
+ShiftedRay normal_segment(const Design& design, Index vertex, double from, double to) {
   const Eigen::Vector3d normal = design.normals.row(vertex);
   const double shift = 0.5 * (from + to);
   return {{design.vertices.row(vertex).transpose() + shift * normal, normal, 0.5 * (to - from)},
           shift};
 }
 
-/// Returns true if a point that was removed below an intact skin is nearer, by a tenth, to another
-/// point of the part: it was then cut from there.
+/// Returns true if a point removed below an intact skin is nearer, by a tenth, to another point of
+/// the part, from where it was then cut.
 bool is_cut_from_elsewhere(const Design& design, const Thickness& thickness, Index vertex,
                            double s) {
-  constexpr double share = 0.9;
-  const Eigen::Vector3d place = design.vertices.row(vertex) + s * design.normals.row(vertex);
-  return thickness.comes_within(place, share * std::abs(s));
+  constexpr double nearer_fraction = 0.9;
+  const Eigen::Vector3d point = design.vertices.row(vertex) + s * design.normals.row(vertex);
+  return thickness.comes_within(point, nearer_fraction * std::abs(s));
 }
 
-/// A vertex whose ray starts in removed material or meets none, and the depth to which it is
-/// followed.
+/// The second search of a vertex whose ray starts in removed material or is not cut at all.
 struct GougeSearch {
   int vertex = 0;
-  bool buried = false;  // its ray starts in removed material
-  bool thin = false;  // the part is thinner there than two bands, so the outer band is searched too
-  double deepest = 0.0;  // mm below the design, limit of the search
+  bool starts_removed = false;  // the ray starts in removed material
+  bool is_thin = false;    // the part is thinner than two bands, so the outer band is searched too
+  double max_depth = 0.0;  // mm below the design, limit of the search
 };
 
-/// Returns the ray along which a vertex is followed.
-ShiftedRay ray_of(const GougeSearch& look, const Design& design, double band) {
-  return stretch(design, look.vertex, -look.deepest, look.thin ? band : -band);
+/// Returns the ray of a search.
+ShiftedRay search_ray(const GougeSearch& search, const Design& design, double band) {
+  return normal_segment(design, search.vertex, -search.max_depth, search.is_thin ? band : -band);
 }
 
-// Result of the second search of a vertex.
-struct Second {
+/// Result of the second search of a vertex.
+struct SearchResult {
   VertexStatus status = VertexStatus::Uncut;
   FirstCut cut;
   Gouge gouge;
 };
 
-/// Decides the status of a vertex. @param cut  first cut along its ray
-Second judged(const GougeSearch& look, const Design& design, const Thickness& thickness,
-              double band, std::optional<FirstCut> cut) {
-  const auto& [vertex, buried, thin, deepest] = look;
-  if (!cut && buried && !thin)  // the removed material begins at -band, to rounding
+/// Decides the status of a vertex from the first cut along its ray.
+SearchResult decide_status(const GougeSearch& search, const Design& design,
+                           const Thickness& thickness, double band, std::optional<FirstCut> cut) {
+  const auto& [vertex, starts_removed, is_thin, max_depth] = search;
+  if (!cut && starts_removed && !is_thin)  // to rounding, the removed material begins at -band
     return {VertexStatus::Gouged, {-band, 0.0, 0}, {vertex, band, false}};
   if (!cut) return {};
-  const ShiftedRay along = ray_of(look, design, band);
-  cut->s = cut->s <= -along.ray.band ? -deepest : cut->s + along.shift;
-  if (!buried && is_cut_from_elsewhere(design, thickness, vertex, cut->s)) return {};
-  if (thin && cut->s > -deepest) return {VertexStatus::Cut, *cut, {}};
-  return {VertexStatus::Gouged, *cut, {vertex, -cut->s, cut->s <= -deepest}};
+  const ShiftedRay segment = search_ray(search, design, band);
+  cut->s = cut->s <= -segment.ray.band ? -max_depth : cut->s + segment.shift;
+  if (!starts_removed && is_cut_from_elsewhere(design, thickness, vertex, cut->s)) return {};
+  if (is_thin && cut->s > -max_depth) return {VertexStatus::Cut, *cut, {}};
+  return {VertexStatus::Gouged, *cut, {vertex, -cut->s, cut->s <= -max_depth}};
 }
 
-template <class Each>
-void each_in_parallel(std::size_t count, const Each& each) {
-  const auto range_of_all = tbb::blocked_range<std::size_t>(0, count, 64);
-  tbb::parallel_for(range_of_all, [&](const auto& range) {
-    for (std::size_t k = range.begin(); k < range.end(); ++k) each(k);
+template <class Task>
+void parallel_for_each(std::size_t count, const Task& task) {
+  const auto whole_range = tbb::blocked_range<std::size_t>(0, count, 64);
+  tbb::parallel_for(whole_range, [&](const auto& range) {
+    for (std::size_t k = range.begin(); k < range.end(); ++k) task(k);
   });
 }
 
-bool is_doubtful(VertexStatus status) {
+bool needs_second_search(VertexStatus status) {
   return status == VertexStatus::Uncut || status == VertexStatus::Gouged;
 }
 
-/// Returns the searches of all uncut or gouged vertices, in the order of the vertices. A vertex
-/// that is uncut on a thin part has no unsearched material behind it and is omitted.
+/// Returns the searches of all uncut or gouged vertices, in the order of the vertices. Omits an
+/// uncut vertex of a thin part, which has no unsearched material behind it.
 std::vector<GougeSearch> gouge_searches(const Surface& surface, const Design& design,
                                         const Thickness& body, double band) {
-  std::vector<GougeSearch> looks;
+  std::vector<GougeSearch> searches;
   for (std::size_t i = 0; i < surface.status.size(); ++i)
-    if (is_doubtful(surface.status[i]))
-      looks.push_back({int(i), surface.status[i] == VertexStatus::Gouged});
-  const double most = gouge_bands * band;
-  each_in_parallel(looks.size(), [&](std::size_t k) {
-    const int v = looks[k].vertex;
-    const auto behind = body.behind(design.vertices.row(v), design.normals.row(v), 2.0 * most);
-    // half way through the part, so that a thin wall machined on both sides is no gouge
-    looks[k].deepest = behind ? 0.5 * *behind : most;
-    looks[k].thin = looks[k].deepest <= band;
+    if (needs_second_search(surface.status[i]))
+      searches.push_back({int(i), surface.status[i] == VertexStatus::Gouged});
+  const double max_depth = gouge_bands * band;
+  parallel_for_each(searches.size(), [&](std::size_t k) {
+    const int v = searches[k].vertex;
+    const auto behind = body.behind(design.vertices.row(v), design.normals.row(v), 2.0 * max_depth);
+    // Half way through the part, so that a thin wall machined on both sides is no gouge.
+    searches[k].max_depth = behind ? 0.5 * *behind : max_depth;
+    searches[k].is_thin = searches[k].max_depth <= band;
   });
-  std::erase_if(looks, [](const GougeSearch& look) { return look.thin && !look.buried; });
-  return looks;
+  std::erase_if(searches,
+                [](const GougeSearch& search) { return search.is_thin && !search.starts_removed; });
+  return searches;
 }
 
-/// Returns the map after the second search: the vertices become Gouged, Uncut or, where the part is
-/// thin, Cut.
-/// @param cuts  (looks) first cuts along their rays
+/// Returns the surface after the second search, which sets vertices to Gouged, Uncut or, where the
+/// part is thin, Cut.
+/// @param cuts  first cuts along the rays of the searches
 Surface with_gouge_status(Surface surface, const Design& design, const Thickness& body, double band,
-                          const std::vector<GougeSearch>& looks,
+                          const std::vector<GougeSearch>& searches,
                           const std::vector<std::optional<FirstCut>>& cuts) {
-  std::vector<Second> seconds(looks.size());
-  each_in_parallel(looks.size(), [&](std::size_t k) {
-    seconds[k] = judged(looks[k], design, body, band, cuts[k]);
+  std::vector<SearchResult> results(searches.size());
+  parallel_for_each(searches.size(), [&](std::size_t k) {
+    results[k] = decide_status(searches[k], design, body, band, cuts[k]);
   });
-  for (std::size_t k = 0; k < looks.size(); ++k) {
-    const Index v = looks[k].vertex;
-    const Second& second = seconds[k];
-    surface.status[std::size_t(v)] = second.status;
-    if (second.status == VertexStatus::Uncut) continue;
-    surface.cut_time_s[v] = second.cut.time_s;
-    surface.cut_line[std::size_t(v)] = second.cut.line;
-    if (second.status == VertexStatus::Cut) surface.residual[v] = second.cut.s;
-    if (second.status == VertexStatus::Gouged) surface.gouges.push_back(second.gouge);
+  for (std::size_t k = 0; k < searches.size(); ++k) {
+    const Index v = searches[k].vertex;
+    const SearchResult& result = results[k];
+    surface.status[std::size_t(v)] = result.status;
+    if (result.status == VertexStatus::Uncut) continue;
+    surface.cut_time_s[v] = result.cut.time_s;
+    surface.cut_line[std::size_t(v)] = result.cut.line;
+    if (result.status == VertexStatus::Cut) surface.residual[v] = result.cut.s;
+    if (result.status == VertexStatus::Gouged) surface.gouges.push_back(result.gouge);
   }
   return surface;
 }
 
 }  // namespace
 
-// The thickness of the part is rarely needed and costs a tree, so it is built on first use.
+// The thickness of the part is rarely needed and requires a tree, so it is computed on first use.
 std::optional<ShiftedRay> ThinPartRays::of(Index vertex) const {
   std::call_once(once_, [&] { thickness_.emplace(design_); });
   const auto behind =
       thickness_->behind(design_.vertices.row(vertex), design_.normals.row(vertex), 2.0 * band_);
   if (!behind) return std::nullopt;
-  return stretch(design_, vertex, -0.5 * *behind, band_);
+  return normal_segment(design_, vertex, -0.5 * *behind, band_);
 }
 
 Surface with_gouge_depths(Surface surface, const Design& design, const SurfaceOptions& options,
                           const FirstCutFunction& first_cut) {
-  const FirstCutsFunction each = [&](std::size_t count,
-                                     const std::function<Ray(std::size_t)>& ray) {
+  const FirstCutsFunction first_cuts = [&](std::size_t count,
+                                           const std::function<Ray(std::size_t)>& ray) {
     std::vector<std::optional<FirstCut>> cuts(count);
-    each_in_parallel(count, [&](std::size_t k) { cuts[k] = first_cut(ray(k)); });
+    parallel_for_each(count, [&](std::size_t k) { cuts[k] = first_cut(ray(k)); });
     return cuts;
   };
-  return with_gouge_depths(std::move(surface), design, options, each);
+  return with_gouge_depths(std::move(surface), design, options, first_cuts);
 }
 
 Surface with_gouge_depths(Surface surface, const Design& design, const SurfaceOptions& options,
                           const FirstCutsFunction& first_cuts) {
-  if (std::ranges::none_of(surface.status, is_doubtful)) return surface;
+  if (std::ranges::none_of(surface.status, needs_second_search)) return surface;
   const auto body = options.body ? options.body : std::make_shared<const Thickness>(design);
-  const std::vector<GougeSearch> looks = gouge_searches(surface, design, *body, options.band);
-  if (looks.empty()) return surface;
-  const auto cuts = first_cuts(
-      looks.size(), [&](std::size_t k) { return ray_of(looks[k], design, options.band).ray; });
-  return with_gouge_status(std::move(surface), design, *body, options.band, looks, cuts);
+  const std::vector<GougeSearch> searches = gouge_searches(surface, design, *body, options.band);
+  if (searches.empty()) return surface;
+  const auto cuts = first_cuts(searches.size(), [&](std::size_t k) {
+    return search_ray(searches[k], design, options.band).ray;
+  });
+  return with_gouge_status(std::move(surface), design, *body, options.band, searches, cuts);
 }
 
 namespace {
 
-constexpr double none = std::numeric_limits<double>::quiet_NaN();
+constexpr double nan = std::numeric_limits<double>::quiet_NaN();
 
-void take_earlier(std::optional<FirstCut>& first, const FirstCut& cut) {
+void update_earliest(std::optional<FirstCut>& first, const FirstCut& cut) {
   if (!first || std::tuple(cut.s, cut.time_s) < std::tuple(first->s, first->time_s)) first = cut;
 }
 
 }  // namespace
 
-FirstCut cut_of(const Removal& removal, const CutterMotion& motion) {
+FirstCut make_first_cut(const Removal& removal, const CutterMotion& motion) {
   const Index next = std::min<Index>(removal.move + 1, motion.tip.rows() - 1);
   const double start = motion.time_s[removal.move];
   return {removal.s, start + removal.t * (motion.time_s[next] - start), motion.line[next]};
@@ -366,7 +369,7 @@ std::optional<FirstCut> first_cut(std::span<const SweepTree> trees, const Cutter
   for (const SweepTree& tree : trees) {
     SweepTree::Hint hint;
     if (const std::optional<Removal> removal = tree.first_removal(ray, hint))
-      take_earlier(first, cut_of(*removal, motion));
+      update_earliest(first, make_first_cut(*removal, motion));
   }
   return first;
 }
@@ -384,28 +387,28 @@ std::vector<std::optional<FirstCut>> first_cuts(std::span<const SweepTree> trees
     std::vector<std::optional<Removal>> removals(rays.size());
     tree.first_removals(rays, removals, hint);
     for (std::size_t i = 0; i < cuts.size(); ++i)
-      if (removals[i]) take_earlier(cuts[i], cut_of(*removals[i], motion));
+      if (removals[i]) update_earliest(cuts[i], make_first_cut(*removals[i], motion));
   }
   return cuts;
 }
 
 Surface uncut_surface(const Design& design, std::span<const Index> judged) {
   const Index n = design.vertices.rows();
-  Surface surface{.residual = Eigen::VectorXd::Constant(n, none),
-                  .cut_time_s = Eigen::VectorXd::Constant(n, none),
+  Surface surface{.residual = Eigen::VectorXd::Constant(n, nan),
+                  .cut_time_s = Eigen::VectorXd::Constant(n, nan),
                   .cut_line = std::vector<int>(std::size_t(n), 0),
                   .status = std::vector<VertexStatus>(std::size_t(n), VertexStatus::Outside)};
   for (const Index v : judged) surface.status[std::size_t(v)] = VertexStatus::Uncut;
   return surface;
 }
 
-void keep_first(Surface& surface, Index vertex, const FirstCut& cut, double band) {
+void record_first_cut(Surface& surface, Index vertex, const FirstCut& cut, double band) {
   VertexStatus& status = surface.status[std::size_t(vertex)];
   if (status == VertexStatus::Cut && surface.residual[vertex] <= cut.s) return;
   const bool gouged = !(cut.s > -band);
   status = gouged ? VertexStatus::Gouged : VertexStatus::Cut;
-  surface.residual[vertex] = gouged ? none : cut.s;
-  surface.cut_time_s[vertex] = gouged ? none : cut.time_s;
+  surface.residual[vertex] = gouged ? nan : cut.s;
+  surface.cut_time_s[vertex] = gouged ? nan : cut.time_s;
   surface.cut_line[std::size_t(vertex)] = gouged ? 0 : cut.line;
 }
 

@@ -22,11 +22,11 @@ namespace abbe::cutting {
 void check_milled(const Design& design, const Cutter& cutter, const CutterMotion& motion,
                   double band);
 
-/// Checks the design only.
+/// Checks the design without tool and motion.
 /// @throws std::invalid_argument as milled_surface
 void check_design(const Design& design);
 
-/// Checks the design and the band only; nose and motion are checked by NoseCutSearch.
+/// Checks the design and the band (mm); NoseCutSearch checks nose and motion.
 /// @throws std::invalid_argument as turned_surface
 void check_turned(const Design& design, double band);
 
@@ -39,11 +39,11 @@ bool is_judged(const Design& design, Eigen::Index vertex);
 
 /// Returns the judged vertices along a space-filling curve, so that neighbours in the order are
 /// neighbours in space and have neighbouring removals.
-std::vector<Eigen::Index> judged_along_curve(const Design& design);
+std::vector<Eigen::Index> judged_vertices(const Design& design);
 
-// The second search, of vertices whose ray starts in removed material or meets none.
+// The second search, of vertices whose ray starts in removed material or is not cut at all.
 
-/// The first cut of a ray, coming from inside the part; s is -band if the ray starts in removed
+/// The first cut on a ray from inside the part outwards; s is -band if the ray starts in removed
 /// material.
 struct FirstCut {
   double s = 0.0;  ///< mm along the normal
@@ -51,23 +51,23 @@ struct FirstCut {
   int line = 0;
 };
 using FirstCutFunction = std::function<std::optional<FirstCut>(const Ray&)>;  ///< thread-safe
-/// Returns the first cuts of `count` rays, which it obtains one by one from `ray`.
+/// Function that returns the first cuts of `count` rays; `ray(i)` is ray number i.
 using FirstCutsFunction = std::function<std::vector<std::optional<FirstCut>>(
     std::size_t count, const std::function<Ray(std::size_t)>& ray)>;
 
-/// The segment of a normal that a ray covers, with its middle `shift` mm from the vertex.
+/// A ray along a vertex normal whose point is shifted from the vertex by `shift` mm.
 struct ShiftedRay {
   Ray ray;
   double shift = 0.0;
 };
 
-/// Rays that start half way through the part, for vertices where that is nearer than -band. The
-/// design must outlive the object. Thread-safe.
+/// Rays that start half way through the part, for vertices where the part is thinner than two
+/// bands. The design must outlive the object. Thread-safe.
 class ThinPartRays {
  public:
   ThinPartRays(const Design& design, double band) : design_(design), band_(band) {}
 
-  /// Returns the ray of a vertex, or nothing if the part is thicker than two bands there.
+  /// Returns the ray of a vertex, or nothing if the part is thicker there than two bands.
   std::optional<ShiftedRay> of(Eigen::Index vertex) const;
 
  private:
@@ -77,34 +77,34 @@ class ThinPartRays {
   mutable std::optional<Thickness> thickness_;
 };
 
-/// Returns the map completed by its gouges: follows inwards, as described at milled_surface, every
-/// vertex that is Gouged (its ray starts in removed material) or Uncut, and sets it to Gouged,
-/// Uncut or, where the part is thinner than two bands, Cut.
+/// Returns the surface completed by its gouges: searches the ray of every Gouged or Uncut vertex
+/// farther inwards, as described at milled_surface, and sets the vertex to Gouged, Uncut or, where
+/// the part is thinner than two bands, Cut.
 Surface with_gouge_depths(Surface surface, const Design& design, const SurfaceOptions& options,
                           const FirstCutFunction& first_cut);
 /// Overload for callers that compute the first cuts of all rays together.
-/// @param first_cuts  called once if there is a ray, otherwise not
+/// @param first_cuts  called once, or not at all if there is no ray
 Surface with_gouge_depths(Surface surface, const Design& design, const SurfaceOptions& options,
                           const FirstCutsFunction& first_cuts);
 
 // First cuts: position, instant and program line.
 
-inline constexpr std::size_t first_cut_block = 512;  ///< vertices that share their hints
+inline constexpr std::size_t first_cut_block = 512;  ///< number of vertices that share a hint
 
 /// Converts a removal to a first cut with its time and program line.
-FirstCut cut_of(const Removal& removal, const CutterMotion& motion);
+FirstCut make_first_cut(const Removal& removal, const CutterMotion& motion);
 
 /// Returns one tree of moves for each convex part of a cutter.
 /// @param motion  must outlive the trees
 std::vector<SweepTree> sweep_trees(const Cutter& cutter, const CutterMotion& motion);
 
-/// Returns the first cut of a single ray by any of the parts, of equal ones the earliest. The
-/// result does not depend on earlier calls.
+/// Returns the first cut of a single ray by any of the convex parts; of equal cuts the earliest.
+/// The result does not depend on earlier calls.
 std::optional<FirstCut> first_cut(std::span<const SweepTree> trees, const CutterMotion& motion,
                                   const Ray& ray);
 
-/// Returns (vertices) the first cuts along the normals from -band on.
-/// @param vertices  in an order of neighbours, such as that of `judged_along_curve`
+/// Returns the first cuts of the vertices along their normals, from -band on.
+/// @param vertices  consecutive ones should be neighbours, as in `judged_vertices`
 std::vector<std::optional<FirstCut>> first_cuts(std::span<const SweepTree> trees,
                                                 const CutterMotion& motion, const Design& design,
                                                 std::span<const Eigen::Index> vertices,
@@ -114,8 +114,8 @@ std::vector<std::optional<FirstCut>> first_cuts(std::span<const SweepTree> trees
 /// @param judged  vertices of status Uncut; the others are Outside
 Surface uncut_surface(const Design& design, std::span<const Eigen::Index> judged);
 
-/// Stores the cut of a vertex that is Cut or Uncut so far if it precedes the stored one; a cut at
-/// -band makes the vertex Gouged.
-void keep_first(Surface& surface, Eigen::Index vertex, const FirstCut& cut, double band);
+/// Stores the cut of a vertex that is Cut or Uncut so far if it is deeper than the stored one; a
+/// cut at -band sets the vertex to Gouged.
+void record_first_cut(Surface& surface, Eigen::Index vertex, const FirstCut& cut, double band);
 
 }  // namespace abbe::cutting

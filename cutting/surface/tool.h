@@ -11,23 +11,25 @@
 /// tools.
 namespace abbe::cutting {
 
-/// mm, the largest distance between an arc that bulges inwards and its chords.
+/// Maximum distance between an arc that bulges inwards and its chords, mm.
 inline constexpr double max_chord_sag = 1e-3;
 
-/// Returns the outline, convex or hollow, through points, of lines and arcs. Its heights do not
-/// fall from point to point, and it stays off the axis above its tip.
-/// A hollow outline is exactly the union of its parts, of which there is one more than corners that
-/// bend inwards: the runs between those corners. Each run is extended along its own end line into
-/// the next run by half of the available length, so that no face between two of them is exposed. An
-/// arc that bulges inwards is replaced by as many chords as its sag requires: the tool is larger
-/// there, by at most `max_chord_sag`.
-/// @param points  from the tip, whose height is 0, upwards
+/// Returns the convex or hollow outline that joins the points by lines and arcs.
+/// A hollow outline is exactly the union of its convex parts. Each part is a run between two
+/// corners that bend inwards, extended along its end lines into the next run by half of the
+/// available length, so that no face between two parts is exposed. An arc that bulges inwards is
+/// replaced by as many chords as its sag requires: the tool is larger there, by at most
+/// `max_chord_sag`.
+/// @param points  from the tip, whose height is 0, upwards; heights must not fall, and above the
+/// tip
+///                no point may lie on the axis
 /// @throws std::invalid_argument as outline_from_points, or if a height falls, or if the outline
-///         turns back on itself, comes to the axis or takes more than 200 chords, with the point
+///         turns back on itself, reaches the axis or requires more than 200 chords; the message
+///         gives the point
 ToolOutline profile_from_points(const std::vector<OutlinePoint>& points);
 
-/// Returns by how much the outline through these points is larger than its arcs that bulge inwards,
-/// mm; 0 without such an arc.
+/// Returns the maximum distance, mm, by which chords make the outline through these points larger
+/// than its arcs that bulge inwards; 0 without such an arc.
 double chord_sag(const std::vector<OutlinePoint>& points);
 
 /// Returns the region swept by an outline that is displaced across the axis by up to `radial` and
@@ -38,8 +40,8 @@ double chord_sag(const std::vector<OutlinePoint>& points);
 ///         displacement
 ToolOutline widened(const ToolOutline& outline, double radial, double axial);
 
-/// Returns the interior of a hollow outline at a margin, bounded by lines: nowhere less than the
-/// margin from the outline, nor more than twice the margin plus a five-hundredth of the height.
+/// Returns the interior of a hollow outline at a margin, bounded by lines. Its distance from the
+/// outline is at least the margin and at most twice the margin plus a five-hundredth of the height.
 /// @param margin  mm; limited to half of the narrowest neck
 /// @throws std::invalid_argument if nothing is left
 InsetOutline inset_hollow(const ToolOutline& outline, double margin);
@@ -64,8 +66,8 @@ inline bool is_ball(const Cutter& cutter) {
 
 inline bool is_hollow(const Cutter& cutter) { return cutter.outline && is_hollow(*cutter.outline); }
 
-/// Returns the convex cutters, with the same tip, whose union is the cutter; a convex cutter
-/// itself.
+/// Returns the convex cutters, with the same tip, whose union is the cutter; for a convex cutter
+/// only itself.
 std::vector<Cutter> convex_parts(const Cutter& cutter);
 
 /// Returns the radius of the shank above the flank, mm.
@@ -73,7 +75,7 @@ inline double shank_radius(const Cutter& cutter) {
   return cutter.outline ? top_radius(*cutter.outline) : cutter.radius;
 }
 
-/// Returns the height above the tip of the centre of the corner, mm; for a ball that of its centre.
+/// Returns the height of the corner's centre above the tip, mm; for a ball, of the ball's centre.
 inline double corner_height(const Cutter& cutter) {
   return cutter.outline ? corner_height(*cutter.outline) : cutter.corner_radius;
 }
@@ -86,8 +88,7 @@ inline double support(const Cutter& cutter, double rise, double across) {
   return cutter.corner_radius * (1 + rise) + (cutter.radius - cutter.corner_radius) * across;
 }
 
-/// Checks the ranges of a cutter.
-/// @throws std::invalid_argument if a number is out of the ranges above
+/// Throws std::invalid_argument if a number of the cutter is outside the range stated above.
 void check_cutter(const Cutter& cutter);
 
 /// A cutter whose whole surface is moved inwards; its tip is at the bottom of the result.
@@ -97,11 +98,11 @@ struct InsetCutter {
 };
 /// Returns a cutter with its surface moved inwards.
 /// @param margin  mm; limited to a quarter of the radius and, for a form cutter, of the height; the
-///                arcs of a form cutter become polygons (`inside` in outline.h, `inset_hollow` for
-///                a hollow one)
+///                arcs of a form cutter become polygons (`inset_convex` in outline.h,
+///                `inset_hollow` for a hollow one)
 InsetCutter shrunk(const Cutter& cutter, double margin);
 
-/// One wave on the nose of a turning tool: the edge protrudes by amplitude cos(order psi + phase).
+/// Harmonic form error of a nose: the edge protrudes by amplitude cos(order psi + phase).
 struct NoseWave {
   int order = 1;
   double amplitude = 0.0;  ///< mm
@@ -109,8 +110,8 @@ struct NoseWave {
 };
 
 /// A turning tool: a circular edge of `radius` about the origin of frame t in its x-z plane (y = 0,
-/// the rake plane). The tip of a turning tool is the centre of that circle. psi counts from x to z.
-/// An insert has instead a profile of its edges about that circle.
+/// the rake plane). The tip of a turning tool is the centre of that circle. psi is measured from x
+/// towards z. An insert has a profile of its edges instead, which contains that circle.
 struct Nose {
   double radius = 0.249;                            ///< mm, > 0
   std::vector<NoseWave> waves;                      ///< empty: a perfect circle
@@ -120,9 +121,9 @@ struct Nose {
 /// Returns the nose of an insert.
 Nose nose_of(EdgeProfile profile);
 
-/// Returns the cutter that represents a cutter whose spindle runs out: the flat, and with it the
-/// radius, grows by `radial`, and the corner stays. Its tip lies `axial` below the tip of the
-/// cutter at rest (make the tool longer by that), and the flank ends as much above. Its sweep
+/// Returns the cutter that represents a cutter with spindle run-out: the flat, and with it the
+/// radius, grows by `radial`; the corner is unchanged. The tip lies `axial` below the tip of the
+/// cutter at rest (make the tool longer by that), and the flank ends as far above. Its sweep
 /// equals the union of the cutter's positions exactly for radial run-out alone if the flat is at
 /// least `radial` wide, and for axial run-out alone. Otherwise it is the hull of that union, larger
 /// in two respects:
@@ -130,8 +131,8 @@ Nose nose_of(EdgeProfile profile);
 ///   than radial^2 / (corner radius + sqrt(corner radius^2 - radial^2)), 0.1 nm for 1 um on R 5 (if
 ///   `radial` reaches the corner radius: than the corner radius); any feed across the axis removes
 ///   it;
-/// - radial and axial run-out locked in phase are largest together at one angle only; the union
-///   equals the hull if every height occurs at every angle.
+/// - radial and axial run-out locked in phase reach their maxima together at one angle only; the
+///   union equals the hull if every height occurs at every angle.
 /// For a convex form cutter the result is the hull of its displaced outline, with the same limits;
 /// for a hollow one see `widened`.
 /// @param radial  mm, radius of the circle on which the axis runs, >= 0

@@ -154,6 +154,7 @@ using metrology::Bodies;
 
 constexpr double cancellation_limit = 1e-12;  // relative to the column without cancellation
 
+/// Returns a row for every measurement of a channel.
 std::vector<Row> channel_rows(std::span<const Readings> readings) {
   std::vector<Row> rows;
   for (std::size_t r = 0; r < readings.size(); ++r)
@@ -201,6 +202,7 @@ struct UnitElement {
   Index coefficient_count = 0;
 };
 
+/// Returns a unit element for every element of the model.
 std::vector<UnitElement> unit_elements(const GeometricErrors& model, const Chain& chain) {
   std::vector<UnitElement> result;
   for (const Element& element : model.elements) {
@@ -229,6 +231,7 @@ struct SensitivityRow {
   VectorXd uncancelled;
 };
 
+/// Returns the change of a reading per unit of every coefficient, at zero deviations.
 SensitivityRow sensitivity_row(const DesignInputs& inputs, const metrology::Channel& channel,
                                const AxisState& state, const Bodies& bodies, Index count) {
   const metrology::ReadingGradient gradient = metrology::gradient(channel, bodies);
@@ -303,6 +306,7 @@ Prior model_prior(const GeometricErrors& model, Design& design) {
   return prior;
 }
 
+/// Adds the prior knowledge of coefficients and of the unknowns of set-ups.
 void add_prior(const GeometricErrors& model, std::span<const Readings> readings, Design& design) {
   const Prior prior = model_prior(model, design);
   std::vector<std::pair<Index, double>> weighted_unknowns;  // of set-ups: index, weight

@@ -36,6 +36,7 @@ bool is_straightness(const ElementName& name, const kinematics::Chain& chain) {
          name.component() != int(along);
 }
 
+/// Returns the group of a coefficient.
 Preference number_preference(const Coefficient& coefficient, const GeometricErrors& model,
                              const kinematics::Chain& chain) {
   const Element& element = model.elements[std::size_t(coefficient.element)];
@@ -89,6 +90,7 @@ std::vector<Index> used_rows(const std::vector<char>& is_out) {
   return rows;
 }
 
+/// Returns the factor of the design matrix without the rows left out, with the prior.
 Factor reduced_factor(const Problem& problem, const std::vector<char>& is_out) {
   const std::vector<Index> rows = used_rows(is_out);
   const Design& design = problem.design;
@@ -141,7 +143,7 @@ Fit fit_readings(const Problem& problem, const std::vector<char>& is_out) {
     const VectorXd step = solve(fit.factor, b);
     ++fit.iterations;
     if (!(step.size() == 0 || step.cwiseAbs().maxCoeff() < max_plausible_step)) break;
-    fit.x(fit.factor.found) += step;
+    fit.x(fit.factor.determined) += step;
     fit.misfit = misfit(problem, fit.x);
     fit.converged = iteration_ended(step, previous_step, deviation, problem.options.tolerance);
     previous_step = step;
@@ -151,8 +153,8 @@ Fit fit_readings(const Problem& problem, const std::vector<char>& is_out) {
 
 /// Coefficients of a first fit, without those that it determined too poorly.
 struct Solution {
-  std::vector<int> found;  ///< columns
-  VectorXd x;              ///< (n) all unknowns
+  std::vector<int> determined;  ///< columns
+  VectorXd x;                   ///< (n) all unknowns
   bool converged = false;
   std::vector<Confounded> confounded_list;
 };
@@ -164,8 +166,8 @@ std::optional<Index> weakest_coefficient(const Problem& problem, const Solution&
   constexpr double min_significance = 4.0;  // standard deviations; noise rarely causes so much
   std::optional<Index> worst_index;
   double max_ratio = 1.0;
-  for (std::size_t i = 0; i < solution.found.size(); ++i) {
-    const auto column = std::size_t(solution.found[i]);
+  for (std::size_t i = 0; i < solution.determined.size(); ++i) {
+    const auto column = std::size_t(solution.determined[i]);
     if (column >= problem.design.unknowns.coefficients.size()) continue;  // of a set-up
     const double deviation = std::sqrt(covariance(Index(i), Index(i)));
     const double change = solution.x[Index(column)] - problem.start[Index(column)];
@@ -184,21 +186,21 @@ std::optional<Index> weakest_coefficient(const Problem& problem, const Solution&
 /// Sets a coefficient back to its start. The correlated coefficients move with it, and take its
 /// place in the lists of coefficients that hide those left out before.
 void leave_out(Index i, const Problem& problem, Solution& solution, MatrixXd& covariance) {
-  const int column = solution.found[std::size_t(i)];
+  const int column = solution.determined[std::size_t(i)];
   const double variance = covariance(i, i);
   // Change of all coefficients found, per unit of this one.
   const VectorXd unit_changes = -covariance.col(i) / variance;
   const std::string& name = problem.design.unknowns.names[std::size_t(column)];
   Confounded entry{name, {}, std::sqrt(variance)};
   const auto name_at = [&](std::size_t k) {
-    return problem.design.unknowns.names[std::size_t(solution.found[k])];
+    return problem.design.unknowns.names[std::size_t(solution.determined[k])];
   };
   const double displacement = problem.start[column] - solution.x[column];
   constexpr double min_named_amount = 0.01;  // relative to the other's standard deviation;
                                              // smaller amounts are not named
-  for (std::size_t k = 0; k < solution.found.size(); ++k) {
+  for (std::size_t k = 0; k < solution.determined.size(); ++k) {
     const double unit_change = unit_changes[Index(k)];
-    solution.x[solution.found[k]] -= displacement * unit_change;
+    solution.x[solution.determined[k]] -= displacement * unit_change;
     const double deviation_ratio = std::sqrt(covariance(Index(k), Index(k)) / variance);
     if (Index(k) != i && std::abs(unit_change) > min_named_amount * deviation_ratio)
       entry.with.emplace_back(name_at(k), unit_change);
@@ -222,10 +224,10 @@ void leave_out(Index i, const Problem& problem, Solution& solution, MatrixXd& co
   // Conditioning of a normal distribution on one of its components (Schur complement).
   covariance -= covariance.col(i) * covariance.row(i) / variance;
   std::vector<Index> remaining;
-  for (Index k = 0; k < Index(solution.found.size()); ++k)
+  for (Index k = 0; k < Index(solution.determined.size()); ++k)
     if (k != i) remaining.push_back(k);
   covariance = MatrixXd(covariance(remaining, remaining));
-  solution.found.erase(solution.found.begin() + i);
+  solution.determined.erase(solution.determined.begin() + i);
 }
 
 /// Returns the first fit without the coefficients whose uncertainty exceeds the variation between
@@ -233,7 +235,7 @@ void leave_out(Index i, const Problem& problem, Solution& solution, MatrixXd& co
 /// that hides it is held.
 Solution leave_out_weak(const Problem& problem, const Fit& first,
                         std::vector<Confounded> confounded_list) {
-  Solution solution{first.factor.found, first.x, first.converged, std::move(confounded_list)};
+  Solution solution{first.factor.determined, first.x, first.converged, std::move(confounded_list)};
   if (problem.options.weak_limit == 0.0) return solution;
   MatrixXd covariance_matrix = covariance(first.factor);
   while (const auto i = weakest_coefficient(problem, solution, covariance_matrix))
@@ -247,7 +249,7 @@ Solution leave_out_weak(const Problem& problem, const Fit& first,
 void restart_from(Problem& problem, const Solution& first) {
   std::vector<char>& is_sought = problem.design.is_sought;
   std::fill(is_sought.begin(), is_sought.end(), char(0));
-  for (const int column : first.found) is_sought[std::size_t(column)] = 1;
+  for (const int column : first.determined) is_sought[std::size_t(column)] = 1;
   problem.first_guess = first.x;
   const bool has_prior = problem.design.prior.rows() > 0;
   if (has_prior && first.converged)
@@ -264,10 +266,11 @@ Quality quality(const Problem& problem, const Fit& fit, const std::vector<char>&
   const std::vector<Index> rows = used_rows(is_out);
   const double chi_square = fit.misfit(rows).squaredNorm() +
                             (problem.design.prior * (problem.start - fit.x)).squaredNorm();
-  const int freedom = fit.factor.rows - int(fit.factor.found.size());
+  const int freedom = fit.factor.rows - int(fit.factor.determined.size());
   return {freedom, chi_square, freedom > 0 ? chi_square / freedom : 0.0};
 }
 
+/// Returns the quality of the fit for every set of readings.
 std::vector<FitQuality> reading_qualities(const Problem& problem, const Fit& fit,
                                           const std::vector<char>& is_out) {
   const std::vector<Index> rows = used_rows(is_out);
@@ -339,8 +342,8 @@ std::vector<Alternative> mistake_alternatives(const Problem& problem, const Fit&
       VectorXd b(Index(rows.size()) + prior.size());
       b << misfit(rows), prior;
       const VectorXd step = solve(fit.factor, b);
-      b.head(Index(rows.size())) -= design.A(rows, fit.factor.found) * step;
-      b.tail(prior.size()) -= design.prior(Eigen::all, fit.factor.found) * step;
+      b.head(Index(rows.size())) -= design.A(rows, fit.factor.determined) * step;
+      b.tail(prior.size()) -= design.prior(Eigen::all, fit.factor.determined) * step;
       double own_chi_square = 0.0;
       for (std::size_t i = 0; i < rows.size(); ++i)
         if (design.rows[std::size_t(rows[i])].readings == readings)
@@ -391,11 +394,11 @@ Fit fit_without_outliers(const Problem& problem, std::vector<char>& is_out) {
     std::vector<char> enlarged =
         excluding(std::max(problem.options.outlier_limit, 0.5 * t[worst_index]));
     Fit refit = fit_readings(problem, enlarged);
-    if (refit.factor.found.size() < fit.factor.found.size()) {
+    if (refit.factor.determined.size() < fit.factor.determined.size()) {
       enlarged = excluding(t[worst_index]);
       refit = fit_readings(problem, enlarged);
     }
-    if (refit.factor.found.size() < fit.factor.found.size()) {
+    if (refit.factor.determined.size() < fit.factor.determined.size()) {
       is_needed[std::size_t(worst_index)] = 1;
       continue;
     }
@@ -412,10 +415,10 @@ std::vector<Confounded> confounded(const Problem& problem, const Factor& factor)
   for (int j = 0; j < design.unknowns.size(); ++j) {
     const std::string& name = design.unknowns.names[std::size_t(j)];
     if (design.is_unobservable[std::size_t(j)]) result.push_back({name, {}, {}});
-    const auto left_column = std::find(factor.left.begin(), factor.left.end(), j);
-    if (left_column == factor.left.end()) continue;
+    const auto left_column = std::find(factor.left_out.begin(), factor.left_out.end(), j);
+    if (left_column == factor.left_out.end()) continue;
     Confounded entry{name, {}, {}};
-    const auto column = factor.hidden.col(left_column - factor.left.begin());
+    const auto column = factor.hidden.col(left_column - factor.left_out.begin());
     for (Index i = 0; i < column.size(); ++i)
       if (column[i] != 0.0)
         entry.with.emplace_back(design.unknowns.names[std::size_t(i)], column[i]);
@@ -430,8 +433,8 @@ Covariance belief_covariance(const Problem& problem, const Factor& factor, doubl
   const auto& model_coefficients = problem.design.unknowns.coefficients;
   Covariance result;
   std::vector<Index> indices;  // among the unknowns found
-  for (std::size_t i = 0; i < factor.found.size(); ++i) {
-    const auto column = std::size_t(factor.found[i]);
+  for (std::size_t i = 0; i < factor.determined.size(); ++i) {
+    const auto column = std::size_t(factor.determined[i]);
     if (column >= model_coefficients.size()) continue;
     result.of.push_back(model_coefficients[column]);
     indices.push_back(Index(i));
@@ -502,7 +505,7 @@ Estimate estimate(const GeometricErrors& model, std::span<const Readings> readin
   result.reduced_chi_square = q.reduced_chi_square;
   if (options.compare_mistakes) {
     result.quality = reading_qualities(problem, fit, is_out);
-    result.mistake_alternatives = mistake_alternatives(problem, fit, is_out);
+    result.alternatives = mistake_alternatives(problem, fit, is_out);
   }
   result.condition = fit.factor.condition;
   result.iterations = first.iterations + fit.iterations;

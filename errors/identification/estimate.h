@@ -97,7 +97,8 @@ struct EstimateOptions {
 /// elements. The design matrix is first computed at zero deviations, which determines the rank and
 /// a first solution, and a second time at that solution, for the last steps and the covariance.
 /// Misalignments of the set-ups are unknowns with their stated priors. Readings without stated
-/// noise or rounding are weighted, and enter the covariance, with 1 nm or 1 nrad. Rank: where
+/// noise or rounding are weighted, and enter the covariance, with 1 nm or 1 nrad.
+/// Rank: where
 /// columns are dependent, some coefficients stay at their starting value: first constants of error
 /// motions, then slopes of straightness, then others from the end of the model, then location
 /// errors, and unknowns of set-ups only if nothing else is left. All are listed with the

@@ -132,39 +132,38 @@ Factor factor(const MatrixXd& A, const std::vector<char>& is_sought,
 
   std::vector<int> sought_preference;
   for (const int column : columns) sought_preference.push_back(preference[std::size_t(column)]);
-  const std::vector<Index> left = rows_to_leave_out(N, sought_preference);
-  std::vector<Index> found;
+  const std::vector<Index> left_out = rows_to_leave_out(N, sought_preference);
+  std::vector<Index> determined;
   for (Index j = 0; j < n; ++j)
-    if (!std::binary_search(left.begin(), left.end(), j)) found.push_back(j);
-  for (const Index j : left) result.left.push_back(columns[std::size_t(j)]);
-  for (const Index j : found) result.found.push_back(columns[std::size_t(j)]);
-  result.norm = norm(found);
-  result.inner = factor_by_householder(R(Eigen::all, found));
+    if (!std::binary_search(left_out.begin(), left_out.end(), j)) determined.push_back(j);
+  for (const Index j : left_out) result.left_out.push_back(columns[std::size_t(j)]);
+  for (const Index j : determined) result.determined.push_back(columns[std::size_t(j)]);
+  result.norm = norm(determined);
+  result.inner = factor_by_householder(R(Eigen::all, determined));
   result.condition = condition_number(triangle(result.inner));
   result.hidden = MatrixXd::Zero(A.cols(), N.cols());
-  if (left.empty()) return result;
-  const MatrixXd N_left = N(left, Eigen::all);
+  if (left_out.empty()) return result;
+  const MatrixXd N_left = N(left_out, Eigen::all);
   const MatrixXd null_vectors = N * full_pivot_inverse(N_left);  // each with a unit of one
                                                                  // column left out
   for (Index k = 0; k < N.cols(); ++k)
-    for (const Index j : found)
+    for (const Index j : determined)
       if (std::abs(null_vectors(j, k)) > min_hiding_factor)
         result.hidden(columns[std::size_t(j)], k) =
-            -null_vectors(j, k) * norm[left[std::size_t(k)]] / norm[j];
+            -null_vectors(j, k) * norm[left_out[std::size_t(k)]] / norm[j];
   return result;
 }
 
 VectorXd solve(const Factor& factor, const VectorXd& b) {
-  if (factor.found.empty()) return VectorXd();
+  if (factor.determined.empty()) return VectorXd();
   VectorXd padded = VectorXd::Zero(factor.outer.packed.rows());
-  padded.reduced(b.size()) = b;
-  const VectorXd reduced =
-      apply_reflections(factor.outer, padded).reduced(factor.outer.packed.cols());
+  padded.head(b.size()) = b;
+  const VectorXd reduced = apply_reflections(factor.outer, padded).head(factor.outer.packed.cols());
   return abbe::solve(factor.inner, reduced).cwiseQuotient(factor.norm);
 }
 
 MatrixXd covariance(const Factor& factor) {
-  const auto n = Index(factor.found.size());
+  const auto n = Index(factor.determined.size());
   if (n == 0) return MatrixXd(0, 0);
   const MatrixXd root = solve_upper(triangle(factor.inner), MatrixXd::Identity(n, n));
   const VectorXd inverse = factor.norm.cwiseInverse();
@@ -172,8 +171,8 @@ MatrixXd covariance(const Factor& factor) {
 }
 
 VectorXd leverage(const Factor& factor, const MatrixXd& A) {
-  if (factor.found.empty()) return VectorXd::Zero(A.rows());
-  const MatrixXd rows = scaled(A, factor.found, factor.norm).topRows(A.rows());
+  if (factor.determined.empty()) return VectorXd::Zero(A.rows());
+  const MatrixXd rows = scaled(A, factor.determined, factor.norm).topRows(A.rows());
   const MatrixXd reduced = solve_upper_transposed(triangle(factor.inner), rows.transpose());
   return reduced.colwise().squaredNorm();
 }

@@ -11,11 +11,11 @@ namespace abbe::errors::identification {
 /// Factorisation of a weighted design matrix with columns scaled to unit norm. Dependent columns
 /// are left out by preference, never by a pseudo-inverse.
 struct Factor {
-  std::vector<int> found;  ///< columns that are solved for
-  std::vector<int> left;   ///< columns left out, one for each dimension of the null space
+  std::vector<int> determined;  ///< columns that are solved for
+  std::vector<int> left_out;    ///< columns left out, one for each dimension of the null space
   Eigen::MatrixXd hidden;  ///< (columns x left) combination of columns with the same effect as a
                            ///< unit of each column left out; 0 below 1e-6 of its effect; rows of
-                           ///< `left` are 0
+                           ///< `left_out` are 0
   double condition = 0.0;  ///< condition number of the scaled matrix of the columns found, to a few
                            ///< per cent
   int rows = 0;            ///< of the matrix

@@ -51,6 +51,7 @@ std::vector<Sample> dlib_samples(const MatrixXd& Z) {
   return result;
 }
 
+/// Converts a function trained by dlib.
 KernelSum kernel_sum(const dlib::decision_function<Kernel>& f) {
   const auto s = static_cast<Index>(f.basis_vectors.size());
   const Index m = s ? static_cast<Index>(f.basis_vectors(0).size()) : 0;

@@ -53,8 +53,8 @@ void check_order(const std::string& name, int order) {
 }
 
 int element_order(const ElementName& name, int default_order, const ModelOptions& options) {
-  const auto override = options.orders.find(to_string(name));
-  return override == options.orders.end() ? default_order : override->second;
+  const auto order_override = options.orders.find(to_string(name));
+  return order_override == options.orders.end() ? default_order : order_override->second;
 }
 
 /// States which parameters of a straight line are identified. The others are held.
@@ -63,6 +63,7 @@ struct Line {
   bool slope = false;
 };
 
+/// Adds a series whose coefficients 0 and 1 are constant and slope.
 void add_polynomial_series(ElementModel& p, Shape shape, int order, const Line& line) {
   const int curve = int(p.element.curves.size());
   if (order == 0 && !line.constant) return;
@@ -88,6 +89,7 @@ void add_fourier(ElementModel& p, int order, double period) {
     p.element.curves.push_back({Fourier{VectorXd::Zero(order), VectorXd::Zero(order), period}});
 }
 
+/// Adds the curves of an error motion of a slide.
 void add_slide_curves(ElementModel& p, const Joint& joint, const ModelOptions& options) {
   const std::string element_name = to_string(p.element.name);
   if (!(joint.max - joint.min < unlimited))
@@ -128,6 +130,7 @@ bool is_workpiece_placement(const ElementName& name, const Joint& joint) {
          name.component() % 3 == first_across;
 }
 
+/// Adds the curves of an error motion of a rotary axis or a spindle.
 void add_turning_curves(ElementModel& p, const Joint& joint, const ModelOptions& options) {
   const bool is_nose = joint.motion == Motion::Spindle;
   const int default_order = is_nose ? options.spindle_harmonics : options.harmonics;
@@ -142,6 +145,7 @@ void add_turning_curves(ElementModel& p, const Joint& joint, const ModelOptions&
   add_fourier(p, order, 2.0 * std::numbers::pi);
 }
 
+/// Returns the model of one error motion of a joint.
 ElementModel motion_model(const ElementName& name, const Joint& joint,
                           const ModelOptions& options) {
   ElementModel p{{name, {}}, {}};
@@ -247,13 +251,14 @@ GeometricErrors model_of(const Chain& nominal, const ModelOptions& options) {
           fmt::format("pitch of {}: expected mm above 0, seen {}", axis, period));
   }
   const std::vector<ElementModel> models = all_element_models(nominal, options);
-  for (const std::string& name : options.selected) check_element_names(name, models);
-  for (const auto& override : options.orders) check_element_names(override.first, models);
+  for (const std::string& name : options.only) check_element_names(name, models);
+  for (const auto& order_override : options.orders)
+    check_element_names(order_override.first, models);
 
   GeometricErrors model;
   for (const ElementModel& p : models) {
     const std::string name = to_string(p.element.name);
-    const auto& selected = options.selected;
+    const auto& selected = options.only;
     if (!selected.empty() && std::find(selected.begin(), selected.end(), name) == selected.end())
       continue;
     // An element whose coefficients are all held has nothing to identify.
@@ -360,6 +365,7 @@ std::vector<int> fold_numbers(const Design& design, std::span<const Readings> re
   return result;
 }
 
+/// Returns the problem linearised at the start, with columns scaled to unit norm.
 OrderProblem order_problem(const GeometricErrors& model, std::span<const Readings> readings,
                            int folds) {
   const Design d = design(model, readings);
@@ -433,6 +439,7 @@ struct Training {
   std::vector<Index> left_out;  ///< rows of the fold
 };
 
+/// Returns the normal equations of all rows outside a fold, with the prior.
 Training training(const OrderProblem& problem, int fold) {
   const std::vector<Index> training_rows = select_rows(problem, fold, false);
   const MatrixXd A = problem.A(training_rows, Eigen::all);
@@ -444,6 +451,7 @@ Training training(const OrderProblem& problem, int fold) {
           select_rows(problem, fold, true)};
 }
 
+/// Returns the prediction errors of a fold for every order of one element.
 Score score(const OrderProblem& problem, const Training& fold, int element,
             const std::vector<int>& orders, int highest_order) {
   // One Cholesky factor serves all orders: the equations of a lower order are its leading block.
@@ -471,7 +479,8 @@ Score score(const OrderProblem& problem, const Training& fold, int element,
   return result;
 }
 
-/// Returns the smallest order within one standard error of the best. Errors common to all orders
+/// Returns the smallest order within one standard error of the best.
+/// Errors common to all orders
 /// carry no information about the order, so each order is compared with the best fold by fold, and
 /// the standard error is that of the difference.
 int smallest_sufficient_order(const std::vector<VectorXd>& mean_square_of_folds) {

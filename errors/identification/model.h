@@ -29,8 +29,8 @@ struct ModelOptions {
   bool placement = true;  ///< identify order 1 of a rotary table in full; if not, it is held for
                           ///< two error motions (of C: EXC and EAC), whose order 1 together with
                           ///< that of two others only shifts and tilts the workpiece on the table
-  bool backlash = true;               ///< identify backlash in the positioning of each axis
-  bool locations = true;              ///< identify squareness, parallelism and rotary offsets
+  bool backlash = true;   ///< identify backlash in the positioning of each axis
+  bool locations = true;  ///< identify squareness, parallelism and rotary offsets
   std::map<char, double> pitch = {};  ///< mm, pitch of the screw of a slide: adds two harmonics to
                                       ///< its positioning
   std::map<std::string, int> orders = {};  ///< of single elements, e.g. "EXX"; overrides the above

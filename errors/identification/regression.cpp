@@ -43,6 +43,7 @@ struct ExtendedDesign {
   RealVector unit;  ///< divisor of each column
 };
 
+/// Returns the weighted and scaled design matrix.
 ExtendedDesign make_design(const MatrixXd& A, bool constant, const RealVector& row) {
   const Index q = A.cols() + (constant ? 1 : 0);
   ExtendedDesign design{RealMatrix(A.rows(), q), RealVector::Ones(q)};

@@ -71,6 +71,7 @@ VectorXd areas(const MatrixXd& series) {
       .transpose();
 }
 
+/// Returns Liu's degree of two series with the areas s0 and si.
 double liu_degree(double s0, double si) {
   const double sum = 1.0 + std::abs(s0) + std::abs(si);
   return sum / (sum + std::abs(si - s0));
@@ -184,6 +185,7 @@ MatrixXd directions(const MatrixXd& columns) {
   return result;
 }
 
+/// Returns the indices of the inputs that are not constant.
 std::vector<int> varying_inputs(const ThermalData& data) {
   std::vector<int> result;
   for (int j = 0; j < data.T.cols(); ++j)
@@ -231,6 +233,7 @@ MatrixXd degree_series(const ThermalData& error, const std::vector<int>& inputs,
   return series;
 }
 
+/// Returns the grey relational degrees, each the highest of all errors.
 Degrees grey_relational_degrees(std::span<const ThermalData> errors, const std::vector<int>& inputs,
                                 const SensorChoiceOptions& options) {
   const Index m = errors.front().T.cols();
@@ -310,6 +313,7 @@ double regression_residual(std::span<const ThermalData> errors, const std::vecto
   return sum;
 }
 
+/// Selects leaders one by one, each time the one that lowers the residual most.
 std::vector<int> screen_by_regression(std::span<const ThermalData> errors, std::vector<int> leaders,
                                       std::size_t count) {
   std::vector<int> chosen;
@@ -563,6 +567,7 @@ struct ChoiceEvaluation {
   }
 };
 
+/// Evaluates random choices of as many sensors.
 RandomChoices random_choices(const ChoiceEvaluation& evaluation, const ThermalStudyOptions& options,
                              const ThermalStudy& study) {
   std::vector<int> usable;
@@ -609,6 +614,7 @@ void check_disjoint_runs(const ThermalData& training, const ThermalData& test) {
                                   " stands in the training and in the test data");
 }
 
+/// Fits a model of one error with the chosen sensors, and evaluates it.
 ErrorStudy study_error(const ChoiceEvaluation& evaluation, std::size_t error,
                        const std::vector<int>& chosen, const ThermalModelOptions& model) {
   const ThermalData& test = evaluation.test[error];

@@ -121,7 +121,8 @@ struct SensorChoice {
 /// mutual degree with it reaches the threshold; further groups are formed of the remaining sensors
 /// in the same manner (Yang: the best of each correlated group). The leaders are then screened down
 /// to `count`. Runs are concatenated for the degrees. With several errors, a sensor's degree is its
-/// highest with any of them, and a regression minimises the sum of their squares. Source: yang2012
+/// highest with any of them, and a regression minimises the sum of their squares.
+/// Source: yang2012
 /// (grouping), chen2013 (ranking against the error).
 /// @param errors  (n >= 1) equal except for y
 /// @throws std::invalid_argument as `validate`, for options out of range, or a fixed sensor that
@@ -196,9 +197,9 @@ struct ErrorStudy {
   Spread in_cycle;                     ///< on the training runs
   std::optional<Validation> left_out;  ///< each training run predicted from the others; empty for a
                                        ///< single run
-  Validation test;              ///< on the test runs, which were not used for choice or fit
-  double drift_range = 0.0;     ///< max - min of y in the test data
-  double rms_over_range = 0.0;  ///< 0 if the range is 0
+  Validation test;                     ///< on the test runs, which were not used for choice or fit
+  double drift_range = 0.0;            ///< max - min of y in the test data
+  double rms_over_range = 0.0;         ///< 0 if the range is 0
 };
 
 /// Result of a study of sensors.

@@ -98,6 +98,7 @@ int moved_slide(const Chain& chain, const kinematics::AxisVector& a,
   return moving_axis;
 }
 
+/// Inserts a step position in ascending order unless it exists.
 void add_step_position(std::vector<double>& positions, double q) {
   const auto position =
       std::lower_bound(positions.begin(), positions.end(), q - position_tolerance);
@@ -105,6 +106,7 @@ void add_step_position(std::vector<double>& positions, double q) {
     positions.insert(position, q);
 }
 
+/// Returns the index of the interval between two neighbouring step positions.
 int step_interval(const std::vector<double>& positions, double a, double b) {
   const double low = std::min(a, b);
   const auto lower = std::lower_bound(positions.begin(), positions.end(), low - position_tolerance);
@@ -192,6 +194,7 @@ struct LinearEstimator {
   MatrixXd contrast;    ///< (intervals x readings) zero if all errors are translations
 };
 
+/// Returns the estimator for the legs of four diagonals.
 LinearEstimator linear_estimator(const StepPath& path, Index readings) {
   std::array<Index, 3> first_interval{};
   Index intervals = 0;
@@ -257,6 +260,7 @@ struct Curves {
 const std::array<ElementName, 3> identified_squarenesses = {
     ElementName{'C', 'Y', true}, ElementName{'B', 'Z', true}, ElementName{'A', 'Z', true}};
 
+/// Integrates the growth over the intervals, and separates the squarenesses.
 Curves curves(const StepPath& path, const LinearEstimator& estimator, const Chain& chain) {
   const Index readings = estimator.increments.cols();
   Curves result;
@@ -302,6 +306,7 @@ TravelTilt travel_tilt(double slope) {
   return {angle / slope, 2.0 * std::pow(std::sin(0.5 * angle), 2)};
 }
 
+/// Returns the 12 elements with their covariance.
 GeometricErrors estimated_belief(const Curves& curves, const VectorXd& y, const VectorXd& sigma,
                                  const Chain& chain) {
   const Vector3d slope = curves.squareness * y;
@@ -354,6 +359,7 @@ struct Contradiction {
   bool is_significant() const { return freedom > 0.0 && chi_square > critical_chi_square(freedom); }
 };
 
+/// Returns the test of contrasts of readings y with standard deviations sigma.
 Contradiction contradiction(const MatrixXd& contrast, const VectorXd& y, const VectorXd& sigma) {
   if (contrast.rows() == 0) return {};
   const MatrixXd weighted = contrast * sigma.asDiagonal();

@@ -12,13 +12,15 @@ namespace abbe::errors::identification {
 /// steps X, then Y, then Z, with a reading after each step. The change of reading over a leg is the
 /// projection of that axis's displacement error, so four diagonals give three components for each
 /// of three axes. Exact for translational errors with the beam along the diagonal and the mirror
-/// across it. Limitations: a leg moves the tool off the beam by r, and a tool rotated there by
+/// across it.
+/// Limitations: a leg moves the tool off the beam by r, and a tool rotated there by
 /// theta reads theta . (n x r) more, where n is the normal of the mirror (the beam meets the mirror
 /// at r from its reference point, so a rotation about an axis across the beam reads as a length). A
 /// misaligned mirror or beam has a similar effect at every step. At the end of a step r is 0: the
 /// sum of its three legs is correct, the single legs are not. A misfit of the four equations per
 /// leg raises chi-square and gives a warning. Most angular errors cause no misfit; the elements are
-/// then wrong without a warning, and `caution` names these errors. Source: Wang 2000 (laser vector
+/// then wrong without a warning, and `caution` names these errors.
+/// Source: Wang 2000 (laser vector
 /// method); Yang 2012.
 struct StepDiagonal {
   /// 9 tables over the steps, and the squarenesses of travel EC0Y, EB0Z and EA0Z, with covariance.

@@ -225,12 +225,14 @@ struct ValidationPart {
   int outside = 0;  ///< number of rows outside the trained range
 };
 
+/// Returns the residuals of a fitted model on test data.
 ValidationPart test_residuals(const ThermalFit& fitted, const ThermalData& test, int run) {
   if (!fitted.model) return {run, fitted.status, {}, 0};
   return {run, FitStatus::Ok, test.y - values(*fitted.model, test.T),
           count_rows_outside(*fitted.model, test.T)};
 }
 
+/// Fits a model on training data and returns its residuals on test data.
 ValidationPart validate_left_out(const ThermalData& training, const ThermalData& test,
                                  ThermalModelOptions options, int run) {
   options.sigma_from_runs = false;

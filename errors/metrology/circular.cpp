@@ -33,6 +33,7 @@ struct Ring {
   }
 };
 
+/// Sorts the angles of readings into distinct positions.
 Ring make_ring(const VectorXd& angle) {
   std::vector<Index> order(static_cast<std::size_t>(angle.size()));
   std::iota(order.begin(), order.end(), 0);
@@ -78,12 +79,12 @@ VectorXd arc_weights(const VectorXd& angle) {
   VectorXd weights(angle.size());
   for (Index i = 0; i < weights.size(); ++i) {
     const auto k = std::size_t(ring.position_of[std::size_t(i)]);
-    double before = ring.gap[(k + m - 1) % m], after = ring.gap[k];
+    double previous_gap = ring.gap[(k + m - 1) % m], next_gap = ring.gap[k];
     // No reading exists beyond the end of an arc, so the end point represents as much of the arc
     // outwards as inwards.
-    if (!is_full && k == widest_gap) after = std::min(before, after);
-    if (!is_full && (k + m - 1) % m == widest_gap) before = std::min(before, after);
-    weights[i] = 0.5 * (before + after) / ring.readings[k];
+    if (!is_full && k == widest_gap) next_gap = std::min(previous_gap, next_gap);
+    if (!is_full && (k + m - 1) % m == widest_gap) previous_gap = std::min(previous_gap, next_gap);
+    weights[i] = 0.5 * (previous_gap + next_gap) / ring.readings[k];
   }
   return weights;
 }
@@ -92,12 +93,12 @@ bool is_full_turn(const VectorXd& angle) { return is_full_ring(make_ring(angle))
 
 // Rows are sorted by a linear combination of their coordinates with irrational weights. It differs
 // for almost all distinct positions, so that only neighbours in this order need to be compared.
-VectorXd position_weights(const Eigen::MatrixXd& places, double tolerance) {
-  const Index n = places.rows();
-  VectorXd projection(places.cols());
+VectorXd position_weights(const Eigen::MatrixXd& positions, double tolerance) {
+  const Index n = positions.rows();
+  VectorXd projection(positions.cols());
   for (Index c = 0; c < projection.size(); ++c)
     projection[c] = 0.5 + std::fmod(0.6180339887498949 * double(c + 1), 1.0);
-  const VectorXd key = places * projection;
+  const VectorXd key = positions * projection;
   const double max_key_difference = tolerance * projection.sum();
   std::vector<Index> order(static_cast<std::size_t>(n));
   std::iota(order.begin(), order.end(), 0);
@@ -106,7 +107,8 @@ VectorXd position_weights(const Eigen::MatrixXd& places, double tolerance) {
   for (std::size_t i = 0; i < order.size(); ++i)
     for (std::size_t j = i + 1;
          j < order.size() && key[order[j]] - key[order[i]] <= max_key_difference; ++j) {
-      if ((places.row(order[i]) - places.row(order[j])).cwiseAbs().maxCoeff() > tolerance) continue;
+      if ((positions.row(order[i]) - positions.row(order[j])).cwiseAbs().maxCoeff() > tolerance)
+        continue;
       count[order[i]] += 1.0;
       count[order[j]] += 1.0;
     }
@@ -167,6 +169,7 @@ VectorXd distances(const MatrixX2d& points, const Vector2d& centre) {
   return (points.rowwise() - centre.transpose()).rowwise().norm();
 }
 
+/// Returns the deviations of a path; F refers to the given centre.
 CircularFigures figures(const CircularPath& path, const Vector2d& centre, double nominal_radius) {
   const VectorXd radius = distances(path.points, centre);
   return {least_squares_circle(path.points, path.weights).circularity,
@@ -262,6 +265,7 @@ struct Deviations {
   VectorXd weights;        ///< (n) arc weights
 };
 
+/// Returns the model of the radial deviations of both senses.
 Deviations deviations(const CircularRuns& runs) {
   const Index n = runs.anticlockwise.radius.size(), k = runs.clockwise.radius.size();
   Deviations result{Eigen::MatrixXd(n + k, Index(Causes)), VectorXd(n + k), VectorXd(n + k)};

@@ -37,6 +37,7 @@ VectorXd values_at(const DriftLog& log, double time_s) {
   return (1.0 - fraction) * log.values.row(after - 1) + fraction * log.values.row(after);
 }
 
+/// Returns the drift over one interval.
 DriftRange interval_drift(const DriftLog& log, const DriftInterval& interval) {
   const double first = log.time_s[0], last = log.time_s[log.time_s.size() - 1];
   if (!(interval.from_s < interval.to_s) || !(interval.from_s >= first) || !(interval.to_s <= last))

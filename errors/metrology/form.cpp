@@ -177,7 +177,8 @@ void add_contact_points(const VectorXd& residuals, ChebyshevFit& fit) {
 
 /// Returns the uniform fit, by exchanging one point at a time of a reference of four (Remez). The
 /// third term is a constant, so `terms` has two columns. `terms` and `y` should be centred and
-/// scaled to about 1. Source: Stiefel 1959; Watson 1980, ch. 2.
+/// scaled to about 1.
+/// Source: Stiefel 1959; Watson 1980, ch. 2.
 ChebyshevFit chebyshev_fit(const Eigen::MatrixX2d& terms, const VectorXd& y) {
   ChebyshevFit fit;
   const Index n = y.size();
@@ -347,6 +348,7 @@ ScaledPoints scaled(const MatrixX2d& points) {
   return s;
 }
 
+/// Returns the centre of the least-squares circle.
 Vector2d least_squares_centre(const MatrixX2d& points, const VectorXd& weights) {
   Centre centre{algebraic_centre(points, weights)};
   const auto sum = [&](const Centre& c, const Vector2d& by) {
@@ -385,6 +387,7 @@ struct ZoneFit {
   double gap() const { return std::max(0.0, width - 2.0 * spread * fit.lower); }
 };
 
+/// Fits the motion that minimises the range of the heights.
 ZoneFit zone_fit(const MatrixX2d& terms, const VectorXd& heights) {
   ZoneFit zone;
   zone.width = heights.maxCoeff() - heights.minCoeff();
@@ -467,6 +470,7 @@ struct PointCloud {
   PlaneFrame frame;
 };
 
+/// Returns points about their weighted mean, with principal axes.
 PointCloud centred_cloud(const MatrixX3d& points, const VectorXd& weights = {}) {
   const VectorXd relative_weights = normalised_weights(weights, points.rows(), "plane");
   PointCloud c;

@@ -13,7 +13,8 @@ struct LeastSquaresCircle {
 
 /// Returns the circle with the smallest sum of squared distances of the points, by Gauss-Newton on
 /// the distances. The remaining mean gradient is below 1e-12 of the radius if the circle lies
-/// within ten radii of the origin. Source: ISO 12181-1, least squares reference circle.
+/// within ten radii of the origin.
+/// Source: ISO 12181-1, least squares reference circle.
 /// @param points   (n x 2) mm, n >= 3; may be an arc
 /// @param weights  (n) > 0, e.g. `arc_weights`; empty: equal weights
 /// @throws std::invalid_argument for fewer than 3 points, numbers that are not finite, points on a
@@ -37,7 +38,8 @@ struct MinimumZoneCircles {
 /// away from the centre faster, by its contact points, than the curvature of the distances can
 /// lower it. It is true for full circles whose circularity is small compared with the radius. It is
 /// false for short arcs, for fewer than four points, and if the contact points do not fix the
-/// centre. Source: ISO 12181-1, minimum zone reference circles.
+/// centre.
+/// Source: ISO 12181-1, minimum zone reference circles.
 /// @throws std::invalid_argument as `least_squares_circle`
 MinimumZoneCircles minimum_zone_circles(const Eigen::MatrixX2d& points);
 

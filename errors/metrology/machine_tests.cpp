@@ -27,6 +27,7 @@ struct Targets {
   std::map<int, Index> row;  ///< row of each target number
 };
 
+/// Sorts the targets of a series by their position along a path.
 Targets path_targets(const Series& series, const VectorXd& along) {
   std::map<int, double> position;
   for (std::size_t i = 0; i < series.measurements.size(); ++i)
@@ -139,7 +140,7 @@ bool is_measured_along(const Series& series, int joint) {
   return std::abs(reading_change) > 0.5 * displacement(farthest);
 }
 
-AxisTest::TestKind test_kind(const Series& series, int joint, const AxisTest& test) {
+AxisTest::TestKind classify_axis_test(const Series& series, int joint, const AxisTest& test) {
   using TestKind = AxisTest::TestKind;
   if (test.rotary) return test.angle ? TestKind::Positioning : TestKind::ErrorMotion;
   if (test.angle) return TestKind::Angle;
@@ -183,7 +184,7 @@ std::optional<AxisTest> axis_test(const Series& series, int joint) {
     // 0.7: cosine of 45 degrees, between axial and radial.
     test.axial = std::abs(sensor_direction_b(series).dot(axis.direction_b)) > 0.7;
   }
-  test.what = test_kind(series, joint, test);
+  test.what = classify_axis_test(series, joint, test);
   test.runs = std::move(*runs);
   return test;
 }
@@ -432,6 +433,7 @@ Eigen::MatrixXd wrapped_positions(const Series& series) {
   return positions;
 }
 
+/// Returns the deviations of a series from their mean.
 OtherTest other_test(const Series& series) {
   constexpr double tolerance = 1e-9;  // mm or rad
   OtherTest test{series.name(), series.sensor().is_angle(), deviations(series),

@@ -27,8 +27,10 @@ struct PositionFileOptions {
 /// One reading per row: `target_mm,direction,run,deviation_um`, columns in any order. The target is
 /// in mm, deg or rad; the reading is deviation_nm, _um, _mm, _urad, _arcsec, _deg, _rad (actual
 /// minus target) or position_mm, _deg, _rad; the direction is `up`, `down`, `+` or `-`; runs count
-/// from 1. One row per target and direction: `target_mm,dir,j1,j2,j3`, where j1 .. are positions in
-/// the unit of the target, or `j1_um` .. deviations in any unit above. Both formats may have a
+/// from 1.
+/// One row per target and direction: `target_mm,dir,j1,j2,j3`, where j1 .. are positions in
+/// the unit of the target, or `j1_um` .. deviations in any unit above.
+/// Both formats may have a
 /// column `set` (each set is a result, in the order of the file) and a column `pos` (the number of
 /// the target, ignored). Decimals have a point. Every run of a set has every target once. Lines
 /// that begin with # and empty lines are skipped.

@@ -20,7 +20,8 @@ struct ReadingDiagnostics {
 /// Returns errors and warnings for readings.
 /// Errors: a channel that is constant in spite of its noise (probability below 1e-9); a length of 0
 /// or less; readings that depart from the nominal machine by 10 mm or 0.1 rad or more, plus five
-/// sigmas of the set-up's alignment; a temperature below absolute zero. Warnings: a departure of 1
+/// sigmas of the set-up's alignment; a temperature below absolute zero.
+/// Warnings: a departure of 1
 /// mm or 10 mrad or more; a channel that is constant and may be so; a sequence of at least 4 equal
 /// readings; 20 or more readings that scatter by less than a tenth of their noise (by second
 /// differences); positions beyond the travel; time that runs backwards; repeated rows; a direction

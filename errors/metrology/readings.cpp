@@ -68,6 +68,7 @@ struct ValueGradient {
   Vector3d normal = Vector3d::Zero();
 };
 
+/// Returns the gradient of a value; zero for an angle.
 ValueGradient value_gradient(const Channel& channel, const SightLine& sight) {
   ValueGradient s;
   switch (channel.quantity) {
@@ -95,6 +96,7 @@ ValueGradient value_gradient(const Channel& channel, const SightLine& sight) {
   return s;
 }
 
+/// Returns the geometry of a perfect set-up.
 SightLine nominal_sight(const Channel& channel, const Pose& T_of_in) {
   return {T_of_in * channel.point_of - channel.point_in, channel.direction_in,
           T_of_in.linear() * channel.normal_of};

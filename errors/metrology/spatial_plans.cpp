@@ -304,6 +304,7 @@ struct Box {
   std::array<Vector3d, 3> half_edge_w;  ///< vectors of half an edge
 };
 
+/// Returns the box over the travel of the slides.
 Box box(const Instrument& instrument, const Chain& nominal, const ParkedMachine& parked) {
   Box b{reflector_w(instrument, nominal, parked.q), {}};
   for (std::size_t k = 0; k < 3; ++k) {

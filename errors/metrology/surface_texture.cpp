@@ -91,6 +91,7 @@ struct Crossings {
   std::vector<double> first, last;  // of several
 };
 
+/// Returns the crossings between hills above `above` and dales below -`below`.
 Crossings significant_crossings(const VectorXd& z, double above, double below) {
   Crossings result;
   Index previous = -1;  // last significant point so far
@@ -319,6 +320,7 @@ void check(const Eigen::MatrixX2d& xy, const VectorXd& z, const VectorXd& weight
     throw std::invalid_argument("areal: expected weights of at least 0, not all of them 0");
 }
 
+/// Returns the heights above the weighted least-squares plane.
 VectorXd heights_above_plane(const Eigen::MatrixX2d& xy, const VectorXd& z,
                              const VectorXd& weights) {
   const Eigen::RowVector2d centre = weights.transpose() * xy;

@@ -66,6 +66,7 @@ std::string undetermined_reason(const std::vector<std::string>& names_of_causes,
                      names, position_total, both_senses ? "" : ", in one sense alone");
 }
 
+/// Returns the causes of a circle, with the undetermined ones and the reason.
 FigureGroup cause_figures(const CircleTest& test) {
   const int position_total = position_count(test.runs);
   const bool is_determined = position_total > circular_cause_count;
@@ -135,6 +136,7 @@ TestResult circle_result(const CircleTest& test) {
 
 using Eigen::VectorXd;
 
+/// Returns the results of ISO 230-2.
 TestResult positioning_result(const std::string& name, const PositionRuns& runs, bool angle) {
   const Positioning p = positioning(runs);
   TestResult result{name, "ISO 230-2:2014 positioning"};
@@ -173,6 +175,7 @@ double end_line_range(const PositionRuns& runs) {
   return range(mean - (mean[last] - mean[0]) / (t[last] - t[0]) * t);
 }
 
+/// Returns synchronous and asynchronous error motion.
 TestResult error_motion_result(const AxisTest& test) {
   const char* standard = !test.spindle ? "error motion over the angle"
                          : test.axial  ? "ISO 230-7:2015 axial error motion"
@@ -262,6 +265,7 @@ TestResult diagonals_result(const std::vector<DiagonalTest>& tests) {
   return result;
 }
 
+/// Returns the drift over the whole log and, in a longer one, over its first hour.
 TestResult drift_result(const DriftTest& test) {
   TestResult result{test.name, "ISO 230-3:2020 thermal drift"};
   const VectorXd& t = test.log.time_s;

@@ -249,6 +249,7 @@ std::vector<errors::Element> undetermined_elements(const Estimate& estimate) {
       undetermined, Eigen::VectorXd::Zero(Eigen::Index(errors::coefficients(undetermined).size())));
 }
 
+/// Returns the readings left out, with file and row.
 std::vector<ChainFit::Outlier> outlier_list(const Files& files,
                                             const std::vector<Readings>& readings,
                                             const Estimate& estimate) {
@@ -359,6 +360,7 @@ std::string worst_file_text(const Files& files, const Estimate& estimate) {
                      std::sqrt(reduced(worst)));
 }
 
+/// Returns true if every channel states noise or resolution.
 bool has_stated_noise(const Readings& readings) {
   for (const auto& set_up : readings.plan.set_ups)
     for (const auto& channel : set_up.channels)
@@ -435,6 +437,7 @@ std::vector<std::string> size_warnings(const errors::GeometricErrors& belief,
   return errors::element_warnings(errors::bind(belief, nominal), low, high, {.identified = true});
 }
 
+/// Returns warnings about the scatter, the outliers and weakly determined coefficients of a fit.
 std::vector<std::string> fit_warnings(const Files& files, const std::vector<Readings>& readings,
                                       const Estimate& estimate, const IdentifyOptions& options) {
   std::vector<std::string> warnings = scatter_warnings(files, readings, estimate);

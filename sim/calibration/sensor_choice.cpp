@@ -21,7 +21,7 @@ using Eigen::VectorXd;
 using identification::ThermalData;
 
 /// Log of one day: drift channels and temperatures.
-struct Log {
+struct DriftDay {
   std::string day;
   errors::metrology::DriftTest drift;
   std::vector<double> noise;  ///< (channels) mm or rad, standard deviation of one drift
@@ -42,19 +42,21 @@ std::vector<double> drift_noise(const errors::metrology::Readings& readings) {
   return noise;
 }
 
-Log day_log_of(const DayReadings& day) {
+/// Returns the drift and the temperatures of a day, divided into cycles.
+DriftDay drift_day(const DayReadings& day) {
   const errors::metrology::Readings& readings = day.readings;
   if (readings.sensors.size() < 2)
     throw BadInput(day.file.string(), 0, 0, "at least 2 temperature sensors", "fewer");
   errors::metrology::Tests tests = classify_readings(readings);
-  Log log{day.name,
-          std::move(tests.drifts.at(0)),
-          drift_noise(readings),
-          readings.sensors,
-          {},
-          {},
-          day.sensor_noise_K.size() > 0 ? day.sensor_noise_K
-                                        : VectorXd(VectorXd::Zero(Index(readings.sensors.size())))};
+  DriftDay log{day.name,
+               std::move(tests.drifts.at(0)),
+               drift_noise(readings),
+               readings.sensors,
+               {},
+               {},
+               day.sensor_noise_K.size() > 0
+                   ? day.sensor_noise_K
+                   : VectorXd(VectorXd::Zero(Index(readings.sensors.size())))};
   const Index n = log.drift.log.time_s.size(), channels = log.drift.log.values.cols();
   const std::vector<double>& starts = day.cycle_starts_s;
   log.T_C.resize(n, readings.T_C.cols());
@@ -71,12 +73,12 @@ Log day_log_of(const DayReadings& day) {
 
 /// Returns the data of one channel over the days `from` to `to` - 1, with a run for each of their
 /// cycles. The drift and, if `since_start`, the temperatures refer to the first reading of the day.
-ThermalData channel_data(const std::vector<Log>& days, std::size_t from, std::size_t to,
+ThermalData channel_data(const std::vector<DriftDay>& days, std::size_t from, std::size_t to,
                          Index channel, bool since_start) {
   ThermalData data;
   data.names = days.front().sensors;
   for (std::size_t d = from; d < to; ++d) {
-    const Log& day = days[d];
+    const DriftDay& day = days[d];
     const Index previous_rows = data.y.size(), n = day.drift.log.time_s.size();
     data.T.conservativeResize(previous_rows + n, day.T_C.cols());
     data.y.conservativeResize(previous_rows + n);
@@ -118,7 +120,8 @@ std::vector<std::string> channel_warnings(const ChannelGrade& channel) {
 }
 
 /// Fits a channel on the first day and grades the model on the other days.
-ChannelGrade grade_channel(const std::vector<Log>& days, Index c, const std::vector<int>& chosen,
+ChannelGrade grade_channel(const std::vector<DriftDay>& days, Index c,
+                           const std::vector<int>& chosen,
                            const identification::ThermalStudyOptions& options, bool since_start) {
   const identification::Recipe recipe{options.features, options.model};
   const ThermalData training =
@@ -149,7 +152,7 @@ ChannelGrade grade_channel(const std::vector<Log>& days, Index c, const std::vec
 /// Returns the displacements among the channels, or those with given names. Sensors are chosen for
 /// them.
 /// @throws std::invalid_argument for a name that no displacement has
-std::vector<Index> displacements(const Log& day, const std::vector<std::string>& names = {}) {
+std::vector<Index> displacements(const DriftDay& day, const std::vector<std::string>& names = {}) {
   std::vector<Index> result;
   for (std::size_t c = 0; c < day.drift.angle.size(); ++c)
     if (!day.drift.angle[c] &&
@@ -161,7 +164,7 @@ std::vector<Index> displacements(const Log& day, const std::vector<std::string>&
 }
 
 /// Returns the data of all displacements over the days `from` to `to` - 1.
-std::vector<ThermalData> displacement_data(const std::vector<Log>& days, std::size_t from,
+std::vector<ThermalData> displacement_data(const std::vector<DriftDay>& days, std::size_t from,
                                            std::size_t to, bool since_start) {
   std::vector<ThermalData> result;
   for (const Index c : displacements(days.front()))
@@ -170,7 +173,7 @@ std::vector<ThermalData> displacement_data(const std::vector<Log>& days, std::si
 }
 
 /// Appends the drift of a channel on every day, as read and as predicted.
-void append_series(std::vector<DriftSeries>& list, const std::vector<Log>& days, Index c,
+void append_series(std::vector<DriftSeries>& list, const std::vector<DriftDay>& days, Index c,
                    const std::vector<int>& chosen, const ChannelGrade& channel,
                    const identification::ThermalFeatures& features, bool since_start) {
   if (!channel.fitted.model) return;
@@ -194,7 +197,7 @@ bool uses_area_comparison(const identification::SensorChoiceOptions& choice) {
 }
 
 /// Returns the row at which the degree of each displacement starts.
-std::vector<DegreeStart> degree_starts(const Log& day, const std::vector<Index>& channels,
+std::vector<DegreeStart> degree_starts(const DriftDay& day, const std::vector<Index>& channels,
                                        const identification::SensorChoice& choice) {
   std::vector<DegreeStart> starts;
   const errors::metrology::DriftLog& log = day.drift.log;
@@ -208,7 +211,7 @@ std::vector<DegreeStart> degree_starts(const Log& day, const std::vector<Index>&
 
 /// Chooses sensors by one method on the first day. Area comparisons treat drift and temperature as
 /// plain numbers, so the drift is in um for them, as in the papers.
-SensorChoiceGrade choose_by_method(const std::vector<Log>& days, const Method& method,
+SensorChoiceGrade choose_by_method(const std::vector<DriftDay>& days, const Method& method,
                                    bool since_start) {
   // In standard deviations of the noise. A smaller drift counts as none.
   constexpr double min_drift_ratio = 4.0;
@@ -246,7 +249,7 @@ SensorChoiceGrade choose_by_method(const std::vector<Log>& days, const Method& m
 }
 
 /// Grades the models of a selection on all days, and the selection among random ones.
-SensorChoiceGrade grade_selection(const std::vector<Log>& logs, SensorChoiceGrade grade,
+SensorChoiceGrade grade_selection(const std::vector<DriftDay>& logs, SensorChoiceGrade grade,
                                   identification::ThermalStudyOptions options, bool since_start) {
   // The sensors are now fixed; only models are fitted.
   options.choice.fixed = grade.chosen;
@@ -298,12 +301,12 @@ void add_chance_warnings(const SensorChoiceGrade& grade, std::vector<std::string
 
 ThermalChoice thermal_choice(const std::vector<DayReadings>& days,
                              const SensorChoiceDescription& description) {
-  std::vector<Log> logs;
-  for (const DayReadings& day : days) logs.push_back(day_log_of(day));
+  std::vector<DriftDay> logs;
+  for (const DayReadings& day : days) logs.push_back(drift_day(day));
   identification::ThermalStudyOptions options = description.study;
   // Drift and temperatures refer to the start of the day, not to that of each cycle.
   const bool since_start = std::exchange(options.features.since_start, false);
-  const Log& training = logs.front();
+  const DriftDay& training = logs.front();
   ThermalChoice result{
       training.day, training.drift.log.time_s.size(), training.sensors, {}, {}, {}};
   std::vector<Method> methods{{"", options.choice, {}}};

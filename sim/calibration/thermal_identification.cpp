@@ -73,8 +73,8 @@ std::map<char, AxisRuns> axis_runs(const Readings& readings, const Sensors& sens
       axis.T_C.push_back(mean_temperatures_C(start, test.set_up, sensors));
       axis.time_s.push_back(set_up_start_s(start, test.set_up));
       // The first run of an axis is the cold one, to which temperature changes refer.
-      axis.runs.push_back({test.runs.target, mean_of(test.runs),
-                           axis.T_C.constant_and_slopes() - axis.T_C.front(), cold});
+      axis.runs.push_back(
+          {test.runs.target, mean_of(test.runs), axis.T_C.back() - axis.T_C.front(), cold});
     }
   }
   if (axes.empty()) throw std::invalid_argument("expected the positioning of slides");
@@ -102,6 +102,7 @@ struct Positioning {
   double travel_per_command = 1.0;        ///< travel of the carriage for a command of 1
 };
 
+/// Returns the positioning element of a slide and its conversion factors.
 Positioning slide_positioning(char axis, const kinematics::Chain& nominal) {
   const kinematics::Joint& joint = nominal.joints()[std::size_t(*nominal.find(axis))];
   Index k = 0;
@@ -210,7 +211,7 @@ Composite identify_composite(const Readings& readings, const CompositeIdentifica
                      slide.displacement_per_reading * slide.travel_per_command)});
     result.axes.push_back(
         {name, axis.time_s.front(), axis.T_C.front(), fit, with_constant(axis, fit)});
-    add_warnings(result.warnings, result.axes.constant_and_slopes(), options.sensors);
+    add_warnings(result.warnings, result.axes.back(), options.sensors);
   }
   return result;
 }
@@ -335,7 +336,7 @@ CoefficientSeries coefficient_series(const errors::GeometricErrors& model,
     series.value.row(k) = estimate.value;
     series.sigma.row(k) = standard_uncertainties(estimate, list);
   }
-  series.confounded = estimates.constant_and_slopes().confounded;
+  series.confounded = estimates.back().confounded;
   return series;
 }
 
@@ -383,6 +384,7 @@ struct TermCoefficient {
   double tip_effect = 1.0;  ///< mm, approximate effect on the tip of one unit of the coefficient
 };
 
+/// Returns a coefficient with its effect on the tip.
 TermCoefficient term_coefficient(const errors::Coefficient& coefficient, Index column,
                                  const errors::GeometricErrors& model, const Chain& nominal) {
   TermCoefficient term;
@@ -417,6 +419,7 @@ std::vector<TermCoefficient> determined_coefficients(const CoefficientSeries& se
   return terms;
 }
 
+/// Chooses one set of sensors for all terms.
 identification::SensorChoice choose_term_sensors(
     const CoefficientSeries& series, const std::vector<TermCoefficient>& terms,
     const std::vector<std::string>& sensors, const MatrixXd& dT_K,
@@ -437,6 +440,7 @@ identification::SensorChoice choose_term_sensors(
   return choice;
 }
 
+/// Regresses a term on the temperatures of the chosen sensors.
 identification::ThermalFit fit_term(const TermCoefficient& term, const CoefficientSeries& series,
                                     const identification::ThermalData& inputs, double margin) {
   identification::ThermalModelOptions options;
@@ -455,6 +459,7 @@ identification::ThermalFit fit_term(const TermCoefficient& term, const Coefficie
   return fitted;
 }
 
+/// Returns warnings about collinear sensors, large terms and poorly explained terms.
 std::vector<std::string> day_warnings(const ThermalDay& day) {
   std::vector<std::string> warnings;
   const VectorXd& vif = day.terms.front().regression.vif;

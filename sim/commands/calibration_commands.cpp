@@ -49,7 +49,7 @@ InstrumentSelection select_instruments(const Scene& scene, const std::vector<std
   return result;
 }
 
-/// Readings of a part, and the warnings of the cut before.
+/// The readings of a part, and the warnings of the cut that they were measured on.
 struct PartMeasurement {
   PartReadingsFile file;
   std::vector<std::string> warnings;
@@ -59,9 +59,9 @@ struct PartMeasurement {
 PartMeasurement cut_and_measure(const Scene& scene, const PartInstrumentDescription& instrument,
                                 const Progress& progress = {}) {
   const Job job = placed(prepare(scene, progress));
-  const Cut made = cut_named_case(job, instrument.case_name, progress);
-  check_cuts_part(job, made);
-  return {measured_part(job, made, instrument), warnings_of(job, made)};
+  const Cut finished_cut = cut_named_case(job, instrument.case_name, progress);
+  check_cuts_part(job, finished_cut);
+  return {measured_part(job, finished_cut, instrument), warnings_of(job, finished_cut)};
 }
 
 /// Returns the stages of measuring. The machine takes a moment, a part the time of a cut.

@@ -9,6 +9,7 @@
 #include "sim/files/output.h"
 #include "sim/measure/measure.h"
 
+/// The commands `abbe measure`, `abbe identify` and `abbe evaluate`.
 namespace abbe::sim {
 
 /// Cuts the part of a scene in the case that the instrument names, and measures it.

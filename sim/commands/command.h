@@ -13,6 +13,7 @@
 #include "sim/program/path.h"
 #include "sim/scene/document.h"
 
+/// Exit codes of the program, commands and their options, and helpers that all commands share.
 namespace abbe::sim {
 
 /// Exit codes of the program.
@@ -47,22 +48,27 @@ using Target = std::variant<bool*, int*, double*, std::string*, std::filesystem:
                             std::vector<std::filesystem::path>*>;
 
 // Rules of an option. Options that a rule names must precede it in the list.
+/// The value is in this range.
 struct Between {
   std::int64_t min_value, max_value;
 };
+/// The value is one of these.
 struct OneOf {
   std::vector<std::string> values;
 };
 struct CommaSeparated {};  ///< several values may be stated at once: a,b,c
 struct Bare {};            ///< the value may be omitted; it is then an empty text
+/// The option must not be combined with these.
 struct Excludes {
   std::vector<std::string> options;
 };
+/// The option is valid only together with this one.
 struct RequiresOption {
   std::string option;
 };
+/// The name of the value in `--help`.
 struct TypeName {
-  std::string name;  ///< name of its value in `--help`
+  std::string name;
 };
 struct OptionalArgument {};  ///< a positional argument that may be omitted
 using Rule = std::variant<std::monostate, Between, OneOf, CommaSeparated, Bare, Excludes,
@@ -102,7 +108,7 @@ struct CommonOptions {
   std::string commit;  ///< commit from which the program was built
 };
 
-// Options that several commands have.
+// Options that several commands have. Each stores its value in `common`.
 Option set_option(CommonOptions& common, const std::string& help);
 Option seed_option(CommonOptions& common, const std::string& help);
 Option threads_option(CommonOptions& common, const std::string& help);
@@ -145,6 +151,7 @@ std::vector<Option> named_options(const Command& command);
 /// Returns the positional arguments of a command.
 std::vector<Option> positional_options(const Command& command);
 
+/// Returns true if an option has no value.
 bool is_flag(const Option& option);
 
 /// Returns the possible values of an option; an empty list if they are not enumerated.
@@ -152,6 +159,7 @@ std::vector<std::string> words_of(const Option& option);
 
 /// Kind of completion that a shell offers for a value.
 enum class CompletionKind { Nothing, Words, Cases, Settings, Keys, Files };
+/// Returns the kind of completion for the value of an option.
 CompletionKind completion_kind(const Option& option);
 
 /// Returns true if `--set` of a command changes a study, not a scene.

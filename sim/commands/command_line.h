@@ -4,6 +4,7 @@
 
 #include "sim/commands/command.h"
 
+/// Parsing of the command line, and the list of all commands.
 namespace abbe::sim {
 
 /// Parses the command line and runs its command. Prints help, the version, and usage errors with

@@ -10,6 +10,7 @@
 #include "sim/files/output.h"
 #include "sim/loop/compensate.h"
 
+/// The commands `abbe program`, `abbe rewrite` and `abbe export`.
 namespace abbe::sim {
 
 /// Returns the command `abbe program FILE`.

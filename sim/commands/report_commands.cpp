@@ -136,12 +136,7 @@ Exit report(const CommonOptions& common, const ReportArguments& arguments) {
       arguments.file.empty() ? result_folder(common) / "report.html" : arguments.file;
   const ReportOutcome outcome = report(common.scene, options, file);
   print_report_file(common, file, outcome.bytes, outcome.warnings);
-  // A failed plug-in takes precedence over an exceeded limit, because the report is then
-  // incomplete.
-  for (const std::string& limit : outcome.exceeded_limits) print(stderr, "abbe: {}\n", limit);
-  for (const std::string& failure : outcome.failed) print(stderr, "abbe: {}\n", Lines(failure));
-  if (!outcome.failed.empty()) return Exit::PlugIn;
-  return outcome.exceeded_limits.empty() ? Exit::Ok : Exit::LimitExceeded;
+  return print_limits_and_failures(outcome.exceeded_limits, outcome.failed);
 }
 
 }  // namespace
@@ -354,9 +349,9 @@ std::optional<Number> parse_number(std::string_view text) {
 
 /// Returns the parts of a text before and after a separator. Without one the second part is empty.
 std::pair<std::string_view, std::string_view> split_at(std::string_view text, char separator) {
-  const std::size_t cursor = text.find(separator);
-  if (cursor == std::string_view::npos) return {text, {}};
-  return {text.substr(0, cursor), text.substr(cursor + 1)};
+  const std::size_t position = text.find(separator);
+  if (position == std::string_view::npos) return {text, {}};
+  return {text.substr(0, position), text.substr(position + 1)};
 }
 
 /// Parses a range of lines such as "120:480", or a single line.

@@ -2,6 +2,7 @@
 
 #include "sim/commands/command.h"
 
+/// The commands `abbe report`, `abbe render` and `abbe animate`.
 namespace abbe::sim {
 
 /// Returns the command `abbe report`, which writes the cases of a scene, a study or results as one

@@ -136,6 +136,15 @@ RunOptions run_options(const CommonOptions& common,
   return options;
 }
 
+Exit print_limits_and_failures(const std::vector<std::string>& exceeded_limits,
+                               const std::vector<std::string>& failed) {
+  for (const std::string& limit : exceeded_limits) print(stderr, "abbe: {}\n", limit);
+  for (const std::string& failure : failed) print(stderr, "abbe: {}\n", Lines(failure));
+  // A failed plug-in takes precedence over an exceeded limit, because the result is incomplete.
+  if (!failed.empty()) return Exit::PlugIn;
+  return exceeded_limits.empty() ? Exit::Ok : Exit::LimitExceeded;
+}
+
 Exit print_outcome(const CommonOptions& common, const RunOptions& options, const Outcome& outcome) {
   const bool is_comparison = std::holds_alternative<Comparison>(outcome.figures);
   std::visit(
@@ -159,15 +168,12 @@ Exit print_outcome(const CommonOptions& common, const RunOptions& options, const
   const std::string font =
       std::visit([](const auto& figures) { return font_warning(figures.scene); }, outcome.figures);
   if (!font.empty()) print(stderr, "abbe: warning: {}\n", font);
-  for (const std::string& limit : outcome.exceeded_limits) print(stderr, "abbe: {}\n", limit);
-  for (const std::string& failure : outcome.failed) print(stderr, "abbe: {}\n", Lines(failure));
-  // A failed plug-in takes precedence over an exceeded limit, because the result is incomplete.
-  if (!outcome.failed.empty()) return Exit::PlugIn;
-  return outcome.exceeded_limits.empty() ? Exit::Ok : Exit::LimitExceeded;
+  return print_limits_and_failures(outcome.exceeded_limits, outcome.failed);
 }
 
 namespace {
 
+/// Arguments of `abbe run` and, without a case, of `abbe compare`.
 struct RunArguments {
   std::string case_name;
   std::vector<std::filesystem::path> compensators;
@@ -214,19 +220,8 @@ Command run_command(CommonOptions& common) {
           [arguments, &common] { return run(common, *arguments); }};
 }
 
-namespace {
-
-struct CompareArguments {
-  std::vector<std::filesystem::path> compensators;
-  std::vector<std::string> formats;
-  bool report = false;
-  std::string language = "en";
-};
-
-}  // namespace
-
 Command compare_command(CommonOptions& common) {
-  const auto arguments = std::make_shared<CompareArguments>();
+  const auto arguments = std::make_shared<RunArguments>();
   return {"compare",
           "Cut error-free, uncompensated and every compensator of the scene",
           {"abbe compare scenes/gantry_dome.toml --out out/dome",

@@ -5,6 +5,7 @@
 #include "sim/commands/command.h"
 #include "sim/commands/scene_runs.h"
 
+/// The commands `abbe run`, `abbe compare` and `abbe study`.
 namespace abbe::sim {
 
 /// Returns the option --compensator of `run` and `compare`.
@@ -30,6 +31,10 @@ void request_report(RunOptions& options, const CommonOptions& common, const std:
 RunOptions run_options(const CommonOptions& common,
                        const std::vector<std::filesystem::path>& compensators,
                        const std::vector<std::string>& formats);
+
+/// Prints exceeded limits and failures on stderr. Returns the exit code.
+Exit print_limits_and_failures(const std::vector<std::string>& exceeded_limits,
+                               const std::vector<std::string>& failed);
 
 /// Prints the figures of a cut or of a comparison, exceeded limits and failures. Returns the exit
 /// code.

@@ -49,7 +49,9 @@ LibraryList library_list(const std::vector<std::string>& kinds);
 /// deg", with the length of linear and the limits of rotary travel.
 std::string travel_text(const MachineEntry& machine);
 
+/// Returns the output of `abbe new --list`.
 std::string to_text(const LibraryList& list);
+/// Returns the output of `abbe new --list --json`.
 nlohmann::ordered_json to_json(const LibraryList& list);
 
 /// Returns the kinds for which the library has a first scene, `new/KIND.toml`.

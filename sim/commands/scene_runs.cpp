@@ -183,8 +183,7 @@ void cut_cases(const VariantJob& variant_job, CaseResults& results, Retention re
   std::vector<Task> tasks{
       {folder_name("error_free"), [&](const Progress& line) {
          try {
-           // The error-free map of a variant is used for comparison only and
-           // not reported.
+           // The error-free map of a variant is only compared with, not reported.
            Cut error_free_cut = cut_error_free(
                variant_job.job, line, variant_job.prefix.empty() ? retention : Retention::Map);
            check_cuts_part(variant_job.job, error_free_cut);

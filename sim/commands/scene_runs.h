@@ -14,6 +14,8 @@
 #include "sim/report/summary.h"
 #include "sim/scene/scene.h"
 
+/// The work of `abbe run`, `compare` and `report`: prepares scenes, cuts their cases, writes
+/// results.
 namespace abbe::sim {
 
 /// Returns the compensator of a named case; nothing for "error_free", "uncompensated" or an empty

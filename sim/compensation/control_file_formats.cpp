@@ -51,7 +51,8 @@ struct Setting {
   Cell value;
 };
 
-std::optional<Setting> setting_of(std::string_view line) {
+/// Parses a line "KEY = VALUE" of an INI file.
+std::optional<Setting> parse_setting(std::string_view line) {
   const std::size_t equals = line.find('=');
   if (equals == std::string_view::npos) return std::nullopt;
   const std::vector<Cell> key = cells_of(line.substr(0, equals), '=', 1);
@@ -81,6 +82,7 @@ class IniReader {
   }
 
  private:
+  /// Begins the entry of a [JOINT_n] section; the keys of any other section are skipped.
   void read_section(std::string_view text, int column) {
     constexpr std::string_view header = "[JOINT_";
     in_joint_ = text.starts_with(header);
@@ -98,8 +100,9 @@ class IniReader {
     entries_.push_back({joint, lines_.number(), "", 0, 0, std::nullopt});
   }
 
+  /// Reads COMP_FILE and COMP_FILE_TYPE; skips other keys.
   void read_setting(std::string_view text) {
-    const auto setting = setting_of(text);
+    const auto setting = parse_setting(text);
     if (!setting) return;
     JointEntry& entry = entries_.back();
     if (setting->key == "COMP_FILE") {
@@ -124,6 +127,7 @@ class IniReader {
 /// Rounds a trim to single precision, in which the motion controller stores it.
 double to_single_precision(double trim) { return double(float(trim)); }
 
+/// Reads a COMP_FILE. Type 0 states positions, type 1 states trims.
 AxisTable read_comp(const ControlFile& file, int joint, int type, const Chain& chain) {
   TableLines lines(file.text, file.name, std::nullopt);
   std::vector<double> numbers;
@@ -170,6 +174,7 @@ AxisTable read_comp(const ControlFile& file, int joint, int type, const Chain& c
 
 bool is_ini(const ControlFile& file) { return base_name(file.name).ends_with(".INI"); }
 
+/// Returns the joint whose letter is the name of a file, such as X.comp.
 int joint_of_file_name(const ControlFile& file, const Chain& chain) {
   const std::string base = base_name(file.name);
   const std::string stem = base.substr(0, base.find('.'));
@@ -181,6 +186,7 @@ int joint_of_file_name(const ControlFile& file, const Chain& chain) {
                  in_quotes(file.name));
 }
 
+/// Reads the tables that an INI file assigns to joints. Every other file must be named in it.
 void read_ini(const ControlFile& ini, std::span<const ControlFile> files, const Chain& chain,
               ParameterTables& tables) {
   std::vector<const ControlFile*> loaded_files{&ini};
@@ -301,6 +307,7 @@ std::vector<AxisTable> tables_over(const std::vector<AxisTable>& sums, int argum
   return selected;
 }
 
+/// Returns the cells of a .COM with tables over one axis.
 TextGrid com_grid(const std::vector<AxisTable>& tables, const Chain& chain) {
   const int argument_joint = tables.front().argument_joint;
   TextGrid grid{{"NR", "AXISPOS"}, {}};
@@ -397,6 +404,7 @@ struct ComColumns {
   std::vector<std::pair<std::size_t, int>> corrected_joint;  // column, joint
 };
 
+/// Finds the columns of a .COM by their names. `argument_joint` is the axis of AXISPOS.
 ComColumns com_columns(const GridReader& reader, int argument_joint, const Chain& chain) {
   ComColumns columns;
   bool has_own = false;
@@ -423,6 +431,7 @@ ComColumns com_columns(const GridReader& reader, int argument_joint, const Chain
   return columns;
 }
 
+/// Reads the tables of a .COM, one for each corrected axis.
 std::vector<AxisTable> read_com(const ControlFile& file, int argument_joint, const Chain& chain) {
   GridReader reader(file);
   const ComColumns columns = com_columns(reader, argument_joint, chain);
@@ -498,6 +507,7 @@ std::vector<AssignedFile> read_assignments(const ControlFile& file, const Chain&
 
 bool is_cma(const ControlFile& file) { return base_name(file.name).ends_with(".CMA"); }
 
+/// Returns the joint whose letter is the name of a .COM.
 int axis_of_file_name(const ControlFile& file, const Chain& chain) {
   const std::string base = base_name(file.name);
   if (base.size() == 5 && base.ends_with(".COM"))

@@ -19,7 +19,8 @@ namespace abbe::sim::compensation::control {
 inline constexpr std::size_t max_file_bytes = std::size_t(1) << 24;  ///< largest file that is read
 inline constexpr std::size_t max_files = 64;                         ///< in one set of tables
 
-// Writers and readers of the formats that hold corrections.
+// Writers and readers of the formats that hold corrections; parameter_tables.h describes the
+// formats.
 Export to_linuxcnc(const ParameterTables& tables, const kinematics::Chain& chain);
 ParameterTables read_linuxcnc_tables(std::span<const ControlFile> files,
                                      const kinematics::Chain& chain);

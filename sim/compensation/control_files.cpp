@@ -46,13 +46,13 @@ double max_difference(const AxisTable& table, const AxisTable& approximation) {
 
 /// Returns the union of the positions of tables. Positions that differ only by rounding become one.
 Eigen::VectorXd merge_positions(const std::vector<const AxisTable*>& tables) {
-  std::vector<double> all;
+  std::vector<double> positions;
   for (const AxisTable* table : tables)
-    all.insert(all.end(), table->position.begin(), table->position.end());
-  std::sort(all.begin(), all.end());
+    positions.insert(positions.end(), table->position.begin(), table->position.end());
+  std::sort(positions.begin(), positions.end());
   const auto is_same = [](double a, double b) { return b - a <= position_tolerance; };
-  all.erase(std::unique(all.begin(), all.end(), is_same), all.end());
-  return Eigen::Map<const Eigen::VectorXd>(all.data(), Eigen::Index(all.size()));
+  positions.erase(std::unique(positions.begin(), positions.end(), is_same), positions.end());
+  return Eigen::Map<const Eigen::VectorXd>(positions.data(), Eigen::Index(positions.size()));
 }
 
 /// Returns a table resampled at equidistant positions over its range.
@@ -298,6 +298,7 @@ struct SampledDeviations {
   bool depends_on_direction = false;  // some deviation depends on the direction
 };
 
+/// Samples the deviations of a carriage for both directions of motion; the table holds their mean.
 SampledDeviations sample_deviations(const GeometricModel& model, const Chain& chain, int joint,
                                     AxisState state, const Eigen::VectorXd& positions) {
   SampledDeviations result;
@@ -319,6 +320,7 @@ SampledDeviations sample_deviations(const GeometricModel& model, const Chain& ch
   return result;
 }
 
+/// Returns a note for every element that the format cannot hold.
 std::vector<std::string> omission_notes(const GeometricModel& model, const Chain& chain) {
   std::vector<std::string> words;
   for (const GeometricModel::Bound& bound : model.elements) {
@@ -422,6 +424,7 @@ class VolumetricReader {
     for (Element& element : errors::elements_of(table, use)) add(lines, axis, std::move(element));
   }
 
+  /// Reads the names and the single row of a block of position errors.
   void read_position_errors(TableLines& lines, const std::vector<Cell>& headers, char separator) {
     std::vector<ElementName> names;
     for (const Cell& header : headers) names.push_back(location_name(lines, header));

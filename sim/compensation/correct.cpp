@@ -93,6 +93,8 @@ JointList<Slide> with_responses(JointList<Slide> slides) {
   return slides;
 }
 
+/// Returns the joints that the strategy may correct at q. `height` is that of the functional point
+/// above the tip.
 CorrectableJoints correctable_joints(const Chain& chain, const AxisVector& q, const Pose& T_wt,
                                      const CorrectOptions& options, double height) {
   const kinematics::AxisJacobian J = kinematics::axis_jacobian(chain, q);

@@ -57,6 +57,7 @@ struct AxisSweep {
   Eigen::MatrixXd downward;  // (n x joints)
 };
 
+/// Evaluates the correction along one axis in both directions of motion.
 AxisSweep sweep_axis(const CorrectionAt& correction, const AxisState& reference, int joint,
                      const Eigen::VectorXd& positions) {
   const AxisVector reference_correction = correction(reference);

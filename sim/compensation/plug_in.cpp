@@ -82,6 +82,7 @@ NumberTable parse_table(std::string_view line, const std::string& key) {
   return table;
 }
 
+/// Converts a joint of the task message to the layout of abbe_compensator.h.
 abbe_joint parse_joint(const json& message) {
   abbe_joint joint{};
   const std::string motion = message.at("motion");
@@ -145,6 +146,7 @@ void check_result(std::int32_t result, const char* function, const std::string& 
         error.c_str()[0] != '\0' ? error.c_str() : fmt::format("{} returned {}", function, result));
 }
 
+/// Calls the library for a batch and returns the message with its answer.
 std::string response_line(const abbe_compensator_v1& compensator, void* instance,
                           const HostTask& task, const std::string& ask, long id) {
   const NumberTable time_s = parse_table(ask, "time_s"), q = parse_table(ask, "q"),
@@ -174,6 +176,7 @@ std::string response_line(const abbe_compensator_v1& compensator, void* instance
   return line + (rows.empty() ? "]}" : "]]}");
 }
 
+/// Returns the message as JSON on one line, invalid UTF-8 replaced.
 std::string json_text_line(const json& message) {
   return message.dump(-1, ' ', false, json::error_handler_t::replace);
 }
@@ -184,6 +187,7 @@ void write_line(std::FILE* stream, const std::string& line) {
   std::fflush(stream);
 }
 
+/// Answers the messages of abbe with the compensator of a library until the end message.
 void serve(const char* library, std::FILE* stream) {
   const abbe_compensator_v1& compensator = load_library(library);
   const HostTask task(next_line());
@@ -236,12 +240,14 @@ struct LaunchCommand {
   std::vector<std::string> environment;
 };
 
+/// Returns true if a file begins with #!.
 bool has_shebang(const fs::path& file) {
   std::array<char, 2> prefix{};
   std::ifstream(file, std::ios::binary).read(prefix.data(), 2);
   return prefix[0] == '#' && prefix[1] == '!';
 }
 
+/// Returns how to start a plug-in, by the type of its file.
 LaunchCommand launch_command(const fs::path& plug_in, const PlugInOptions& options) {
   std::error_code error_code;
   const fs::file_status status = fs::status(plug_in, error_code);
@@ -279,6 +285,7 @@ std::string replace_invalid_utf8(const std::string& text) {
       .get<std::string>();
 }
 
+/// Returns the lines with two spaces before each.
 std::string indented(std::string lines) {
   for (std::size_t position = lines.find('\n'); position != std::string::npos;
        position = lines.find('\n', position + 3))

@@ -45,6 +45,7 @@ EquidistantGrid equidistant_grid(const AxisTable& table, double unit) {
   return grid;
 }
 
+/// Returns the text of an encoder table, which has one value for both directions.
 std::string encoder_table(const AxisTable& table, const Chain& chain) {
   const double unit = unit_of(chain, table.argument_joint);
   const std::string name = axis_name(chain, table.argument_joint);
@@ -138,6 +139,7 @@ class ProgramReader {
   }
 
  private:
+  /// Splits a statement into the name, the indices and the value, with their columns.
   Assignment parse_assignment(std::string_view text, const Cell& statement) const {
     const std::size_t open = text.find('['), close = text.find(']'), equals = text.find('=');
     if (open == std::string_view::npos || close == std::string_view::npos ||
@@ -176,6 +178,7 @@ class ProgramReader {
           fmt::format("{}", assignment.index.size()));
   }
 
+  /// Stores an assignment to $AA_ENC_COMP; `suffix` is the rest of its name.
   void assign_encoder(const Assignment& assignment, std::string_view suffix) {
     check_index_count(assignment, suffix.empty() ? 3 : 2);
     lines_.whole_number_in(assignment.index.front(), 0, 0);  // the first measuring system
@@ -189,6 +192,7 @@ class ProgramReader {
       set_common(draft, assignment, suffix);
   }
 
+  /// Stores an assignment to $AN_CEC; `suffix` is the rest of its name.
   void assign_cross(const Assignment& assignment, std::string_view suffix) {
     check_index_count(assignment, suffix.empty() ? 2 : 1);
     TableDraft& draft =

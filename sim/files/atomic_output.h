@@ -5,6 +5,7 @@
 #include <string>
 #include <vector>
 
+/// Files that appear under their name only when they are complete.
 namespace abbe::sim {
 
 /// Thrown if output cannot be written, or would change files that abbe did not make; leads to exit

@@ -11,6 +11,7 @@
 #include <nlohmann/json.hpp>
 #include <nlohmann/json_fwd.hpp>
 
+/// JSON values, and the JSON files that commands of abbe wrote.
 namespace abbe::sim {
 
 /// Returns `value` in the given unit as a JSON number; null if there is no value.

@@ -41,6 +41,7 @@ bool is_plain_file(const fs::path& file) {
   return fs::symlink_status(file, ignored_error).type() == fs::file_type::regular;
 }
 
+/// Returns the text under a key; an empty one if there is none.
 std::string text_at(const json& line, const char* key) {
   const auto value = line.find(key);
   return value != line.end() && value->is_string() ? value->get<std::string>() : "";
@@ -127,7 +128,7 @@ Mark read_manifest(const fs::path& folder) {
     const json line = json::parse(text, nullptr, false);
     // A damaged line, such as one that was cut off, is skipped.
     if (!line.is_object()) continue;
-    if (line.contains("folder") && line["folder"] == true) manifest.folder = true;
+    if (line.contains("folder") && line["folder"] == true) manifest.is_whole_result = true;
     if (line.contains("file") && line["file"].is_string())
       manifest.files[line["file"].get<std::string>()].push_back(
           {checksum_in(line), text_at(line, "by")});
@@ -140,10 +141,10 @@ std::optional<std::string> writing_command(const Mark& manifest, const fs::path&
   if (entries == manifest.files.end()) return std::nullopt;
   const std::optional<FileChecksum> checksum = file_checksum(file);
   if (!checksum) return std::nullopt;
-  const auto latest =
-      std::find_if(entries->second.rbegin(), entries->second.rend(), [&](const Mark::Line& line) {
-        return line.checksum ? *line.checksum == *checksum
-                             : checksum->size == 0 || is_database(file);
+  const auto latest = std::find_if(
+      entries->second.rbegin(), entries->second.rend(), [&](const Mark::Entry& candidate) {
+        return candidate.checksum ? *candidate.checksum == *checksum
+                                  : checksum->size == 0 || is_database(file);
       });
   return latest == entries->second.rend() ? std::nullopt : std::optional(latest->by);
 }
@@ -151,9 +152,9 @@ std::optional<std::string> writing_command(const Mark& manifest, const fs::path&
 bool is_latest_entry(const Mark& manifest, const FileEntry& entry) {
   const auto entries = manifest.files.find(escaped(entry.name));
   if (entries == manifest.files.end()) return false;
-  const auto latest =
-      std::find_if(entries->second.rbegin(), entries->second.rend(),
-                   [&](const Mark::Line& line) { return line.checksum == entry.checksum; });
+  const auto latest = std::find_if(
+      entries->second.rbegin(), entries->second.rend(),
+      [&](const Mark::Entry& candidate) { return candidate.checksum == entry.checksum; });
   return latest != entries->second.rend() && latest->by == entry.by;
 }
 
@@ -169,7 +170,7 @@ void append_to_manifest(const fs::path& folder,
                         const std::optional<FileEntry>& entry) {
   ordered_json line;
   if (folder_declaration) {
-    if (folder_declaration->whole) line["folder"] = true;
+    if (folder_declaration->is_whole_result) line["folder"] = true;
     line["command"] = folder_declaration->command_line;
     line["version"] = versions()["abbe"];
   }
@@ -205,6 +206,7 @@ bool is_input(const fs::path& file, const Writer& writer) {
                              [&](const fs::path& input) { return is_same(file, input); });
 }
 
+/// Returns true if a file is in a folder or in one of its subfolders.
 bool is_below_folder(const fs::path& file, const fs::path& folder) {
   std::error_code ignored_error;
   for (fs::path path = file; path.has_relative_path(); path = path.parent_path())
@@ -222,7 +224,7 @@ std::optional<fs::path> input_inside(const fs::path& folder, const Writer& write
   return std::nullopt;
 }
 
-/// Returns an --out for a subfolder that does not exist yet.
+/// Returns an option such as "--out out/result-2" with a path that does not exist, for messages.
 std::string unused_out_option(const fs::path& folder) {
   fs::path name = (folder / "result").lexically_normal();
   for (int k = 2; path_exists(name); ++k)
@@ -276,7 +278,7 @@ bool is_foreign_entry(const Mark& manifest, const fs::directory_entry& entry) {
 /// without a manifest; they hold nothing that a later run could damage.
 bool has_foreign_files(const fs::path& folder) {
   const Mark manifest = read_manifest(folder);
-  if (manifest.folder) return false;
+  if (manifest.is_whole_result) return false;
   std::error_code read_error;
   const fs::directory_iterator entries(folder, read_error);
   return read_error || std::any_of(begin(entries), end(entries), [&](const auto& entry) {
@@ -347,8 +349,8 @@ void prepare_folder(const fs::path& folder) {
 struct ResultFile::Directory {
   fs::path folder;  ///< never empty
   Writer writer;
-  bool whole = false;               ///< the folder as a whole becomes a result
-  bool folder_declaration = false;  ///< the command is in the manifest already
+  bool is_whole_result = false;  ///< the folder as a whole becomes a result
+  bool is_declared = false;      ///< the manifest has the entry for the folder
 };
 
 fs::path ResultFile::path() const {
@@ -366,10 +368,10 @@ void check_folder(const fs::path& folder, const Writer& writer) {
         folder, fmt::format("expected a folder without anything that this run reads, seen {}; "
                             "choose another, such as {}",
                             input->string(), unused_out_option(folder)));
-  if (read_manifest(folder).folder) return;
+  if (read_manifest(folder).is_whole_result) return;
   // The manifest is read again: another run lists its files there before it creates them.
   if (const ForeignFiles foreign = find_foreign_files(folder);
-      foreign.count > 0 && !read_manifest(folder).folder)
+      foreign.count > 0 && !read_manifest(folder).is_whole_result)
     throw_output_failure(
         folder, fmt::format("expected a new or empty folder, or one of results ({}), seen one "
                             "that abbe did not make, with {}{}; choose another, such as {}, or "
@@ -383,13 +385,14 @@ ResultFolder::ResultFolder(const fs::path& folder, const Writer& writer) {
   const fs::path result_folder = folder.empty() ? fs::path(".") : folder;
   check_folder(result_folder, writer);
   // A folder with the user's files, accepted by --force, does not become abbe's as a whole.
-  const bool whole = read_manifest(result_folder).folder ||
-                     find_foreign_files(result_folder).count == 0 ||
-                     read_manifest(result_folder).folder;  // another run may have written its
-                                                           // manifest in between
+  const bool is_whole_result =
+      read_manifest(result_folder).is_whole_result ||
+      find_foreign_files(result_folder).count == 0 ||
+      read_manifest(result_folder).is_whole_result;  // another run may have written
+                                                     // its manifest in between
   prepare_folder(result_folder);
   directory_ = std::make_shared<ResultFile::Directory>(
-      ResultFile::Directory{result_folder, writer, whole, false});
+      ResultFile::Directory{result_folder, writer, is_whole_result, false});
 }
 
 ResultFile ResultFolder::operator/(const fs::path& name) const {
@@ -452,13 +455,13 @@ void ResultFile::add_to_manifest(const std::optional<FileChecksum>& checksum) co
   const std::string& command_line = directory_->writer.permissions.command;
   const FileEntry entry{name_, subcommand_name(command_line), checksum};
   const bool is_listed = is_latest_entry(read_manifest(directory_->folder), entry);
-  if (is_listed && directory_->folder_declaration) return;
+  if (is_listed && directory_->is_declared) return;
   append_to_manifest(directory_->folder,
-                     directory_->folder_declaration
-                         ? std::nullopt
-                         : std::optional(FolderDeclaration{directory_->whole, command_line}),
+                     directory_->is_declared ? std::nullopt
+                                             : std::optional(FolderDeclaration{
+                                                   directory_->is_whole_result, command_line}),
                      is_listed ? std::nullopt : std::optional(entry));
-  directory_->folder_declaration = true;
+  directory_->is_declared = true;
 }
 
 void reserve_file(const ResultFile& file) {

@@ -17,6 +17,7 @@
 
 #include "sim/files/atomic_output.h"
 
+/// Result folders and files, and the manifests that state which files belong to abbe.
 namespace abbe::sim {
 
 /// Permissions that the user gives on the command line.
@@ -45,12 +46,12 @@ std::optional<FileChecksum> file_checksum(const std::filesystem::path& file);
 
 /// The contents of the manifest of a folder.
 struct Mark {
-  struct Line {
+  struct Entry {
     std::optional<FileChecksum> checksum;  ///< empty for the journal of a study, which grows
     std::string by;                        ///< command that wrote the file
   };
-  bool folder = false;                             ///< the folder as a whole is a result
-  std::map<std::string, std::vector<Line>> files;  ///< by escaped name, in the order of writing
+  bool is_whole_result = false;                     ///< the folder as a whole is a result
+  std::map<std::string, std::vector<Entry>> files;  ///< by escaped name, in the order of writing
 };
 /// Returns the manifest of a folder; an empty one if there is none, or if it is a link, which could
 /// lead to any file.
@@ -74,8 +75,8 @@ bool is_latest_entry(const Mark& manifest, const FileEntry& entry);
 
 /// An entry of a manifest for the folder.
 struct FolderDeclaration {
-  bool whole = false;        ///< the folder as a whole is a result
-  std::string command_line;  ///< of the run that writes
+  bool is_whole_result = false;  ///< the folder as a whole is a result
+  std::string command_line;      ///< of the run that writes
 };
 /// Adds one line to the manifest while other processes that write to it wait.
 /// @throws OutputFailure

@@ -6,6 +6,7 @@
 
 #include "sim/files/progress.h"
 
+/// Parallel tasks with a common progress line.
 namespace abbe::sim {
 
 /// A unit of work that can run beside others.

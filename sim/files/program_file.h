@@ -5,6 +5,7 @@
 
 #include <nlohmann/json_fwd.hpp>
 
+/// The executable of abbe and its version.
 namespace abbe::sim {
 
 /// Returns the path of the executable `abbe` that contains this code: the one set by

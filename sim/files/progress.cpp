@@ -49,7 +49,7 @@ int RemainingTime::parts_before(std::size_t stages) const {
 
 void RemainingTime::move_to(std::size_t stage, double now_s) {
   Pace& kind = paces_[plan_[running_].kind];
-  kind.took += now_s - stage_start_s_;
+  kind.elapsed += now_s - stage_start_s_;
   kind.predicted += plan_[running_].seconds;
   running_ = stage;
   stage_start_s_ = now_s;
@@ -82,18 +82,19 @@ RemainingTime::Pace RemainingTime::running_pace(double now_s) const {
 double RemainingTime::predicted(const Stage& stage, double now_s) const {
   Pace overall{plan_weight_s, plan_weight_s}, same_kind;
   const auto add = [&](const std::string& kind, const Pace& pace) {
-    overall.took += pace.took;
+    overall.elapsed += pace.elapsed;
     overall.predicted += pace.predicted;
     if (kind != stage.kind) return;
-    same_kind.took += pace.took;
+    same_kind.elapsed += pace.elapsed;
     same_kind.predicted += pace.predicted;
   };
   for (const auto& [kind, pace] : paces_) add(kind, pace);
   add(plan_[running_].kind, running_pace(now_s));
-  const double weight = all_work_weight * stage.seconds, speed = overall.took / overall.predicted;
+  const double weight = all_work_weight * stage.seconds,
+               speed = overall.elapsed / overall.predicted;
   const double weighted_prediction = same_kind.predicted + weight;
   return weighted_prediction > 0.0
-             ? stage.seconds * (same_kind.took + weight * speed) / weighted_prediction
+             ? stage.seconds * (same_kind.elapsed + weight * speed) / weighted_prediction
              : 0.0;
 }
 

@@ -10,6 +10,7 @@
 #include <thread>
 #include <vector>
 
+/// Progress of long work, its remaining time, and interruption by Ctrl-C.
 namespace abbe::sim {
 
 /// A planned stage of work.
@@ -46,7 +47,7 @@ class RemainingTime {
  private:
   /// Time taken by work of one kind, s, and the time that was predicted for it, s.
   struct Pace {
-    double took = 0.0, predicted = 0.0;
+    double elapsed = 0.0, predicted = 0.0;
   };
   int parts_before(std::size_t stages) const;
   void move_to(std::size_t stage, double now_s);

@@ -34,6 +34,7 @@ auto shown(const Argument& argument) {
 template <typename Argument>
 using Shown = decltype(shown(std::declval<const std::remove_cvref_t<Argument>&>()));
 
+/// Prints a formatted text to a stream.
 template <typename... Arguments>
 void print(std::FILE* stream, fmt::format_string<Shown<Arguments>...> format,
            const Arguments&... arguments) {
@@ -41,6 +42,7 @@ void print(std::FILE* stream, fmt::format_string<Shown<Arguments>...> format,
   std::fwrite(text.data(), 1, text.size(), stream);
 }
 
+/// Prints a formatted text to standard output.
 template <typename... Arguments>
 void print(fmt::format_string<Shown<Arguments>...> format, const Arguments&... arguments) {
   sim::print(stdout, format, arguments...);

@@ -19,6 +19,7 @@ namespace {
 
 using kinematics::AxisState;
 
+/// Returns cutting load and accelerations at a time of the predicted run.
 errors::Load predicted_load(const program::Samples& samples, const PredictedRun& run,
                             double time_s) {
   errors::Load load = load_at(run.process, time_s);

@@ -149,8 +149,8 @@ AxisVector nominal_axes(const Machine& machine, const program::Path& path,
 // The path is corrected with the shift that the corrector expects. It is run with the shift that
 // the control measures.
 Commands apply_program_channel(const ControlView& view, const Corrector& corrector,
-                               const Eigen::Vector3d& expected_w, const Eigen::Vector3d& found_w) {
-  const CompensationDescription& resolution = view.compensation;
+                               const Eigen::Vector3d& expected_w,
+                               const Eigen::Vector3d& measured_w) {
   const kinematics::Chain& control = view.machine.control;
   const std::vector<AxisState> uncorrected =
       commanded(control, view.path, view.samples, view.machine.nominal, expected_w);
@@ -158,8 +158,9 @@ Commands apply_program_channel(const ControlView& view, const Corrector& correct
   const program::CorrectedPath points =
       program::thinned(view.path, dense_points(view, ideal.states, expected_w), view.control,
                        thin_options(view, uncorrected));
-  program::RewrittenProgram rewritten = program::rewritten(
-      view.path, points, view.control, {resolution.word_resolution, resolution.angle_resolution});
+  program::RewrittenProgram rewritten =
+      program::rewritten(view.path, points, view.control,
+                         {view.compensation.word_resolution, view.compensation.angle_resolution});
 
   // A corrector with jumps would give a program of unlimited length. The limit of 20 times the
   // original samples stops it before the memory is exhausted.
@@ -170,7 +171,7 @@ Commands apply_program_channel(const ControlView& view, const Corrector& correct
                                   : program::read_nc(rewritten.text, "rewritten.ngc", view.control);
   result.rewritten_program = std::move(rewritten.text);
   result.samples = program::sample(*result.path, control, options);
-  result.samples.states = commanded(control, *result.path, result.samples, control, found_w);
+  result.samples.states = commanded(control, *result.path, result.samples, control, measured_w);
   result.T_wt_nominal =
       rewritten_target_poses(view, *result.path, result.samples, rewritten.of_line);
   result.point_left = ideal.point_left;
@@ -244,6 +245,7 @@ struct MergedSamples {
   std::vector<std::ptrdiff_t> knot;  ///< (samples) index of the knot; -1 between knots
 };
 
+/// Returns the state at a time between two states.
 AxisState interpolate(const AxisState& a, const AxisState& b, double time_s) {
   AxisState state = b;
   const double u = (time_s - a.time_s) / (b.time_s - a.time_s);
@@ -294,6 +296,7 @@ VectorXd value_at_sample(const TimeSeries& series, compensation::TimeSeriesReade
                              : reader.at(merged.samples.states[i].time_s);
 }
 
+/// Converts merged samples into commands, with their target poses.
 Commands to_commands(const ControlView& view, MergedSamples& merged) {
   Commands result;
   result.T_wt_nominal.resize(merged.nominal.size());
@@ -314,6 +317,7 @@ TimeSeries ideal_tool_displacement(const ControlView& view, const std::vector<Ax
   });
 }
 
+/// Returns the commands with the strokes of a piezo at the tool.
 Commands apply_piezo_channel(const ControlView& view, const std::vector<AxisState>& commanded,
                              const std::vector<AxisState>& ideal) {
   const compensation::Piezo& piezo = view.compensation.piezo;
@@ -331,6 +335,7 @@ Commands apply_piezo_channel(const ControlView& view, const std::vector<AxisStat
   return result;
 }
 
+/// Returns the commands with the correction that reaches the axes.
 Commands apply_axis_channel(const ControlView& view, Channel channel,
                             const std::vector<AxisState>& commanded,
                             const std::vector<AxisState>& ideal) {

@@ -13,9 +13,10 @@ namespace abbe::sim {
 /// tolerance is the rounding of a value, 1 nm for a PVT program. Values are rounded in addition.
 /// @param expected_w  mm, shift of the datum that the corrector expects the control to measure and
 /// add
-/// @param found_w     mm, shift that the control measures
+/// @param measured_w  mm, shift that the control measures
 Commands apply_program_channel(const ControlView& view, const Corrector& corrector,
-                               const Eigen::Vector3d& expected_w, const Eigen::Vector3d& found_w);
+                               const Eigen::Vector3d& expected_w,
+                               const Eigen::Vector3d& measured_w);
 
 /// Returns the path tolerance, mm.
 double path_tolerance(const CompensationDescription& compensation, const program::Path& path);

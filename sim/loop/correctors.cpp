@@ -176,6 +176,7 @@ double functional_height(const NominalTool& tool) {
   return cutter != nullptr ? cutting::corner_height(*cutter) : 0.0;
 }
 
+/// Returns the options of the strategy, with the axes that a channel cannot move held still.
 compensation::CorrectOptions correct_options(const ControlView& view,
                                              const CaseDescription& compensator) {
   compensation::CorrectOptions options;
@@ -224,6 +225,7 @@ struct AxisExtent {
   AxisVector low, high;
 };
 
+/// Returns the range of the axis positions in a program.
 AxisExtent program_extent(const program::Samples& samples) {
   AxisExtent extent{samples.states.front().q, samples.states.front().q};
   for (const AxisState& state : samples.states) {

@@ -52,18 +52,17 @@ CorrectionTargets targets_at_datum(const ControlView& view, const MachineAccess&
 
 /// Applies a correction through the channel of the case and returns the commands.
 Commands deliver_correction(const ControlView& view, const MachineAccess& machine_access,
-                            const CaseDescription& compensator,
-                            LearnedCorrection learned_correction) {
+                            const CaseDescription& compensator, LearnedCorrection case_correction) {
   if (compensator.channel == Channel::Table) {
     TableCorrector tables =
-        table_corrector(view, learned_correction.corrector, learned_correction.geometric);
-    learned_correction.corrector = std::move(tables.corrector);
-    learned_correction.at_datum = {};  // tables are always active
+        table_corrector(view, case_correction.corrector, case_correction.geometric);
+    case_correction.corrector = std::move(tables.corrector);
+    case_correction.at_datum = {};  // tables are always active
     for (const std::string& omission : tables.left_out)
-      learned_correction.warnings.push_back("table: " + omission);
+      case_correction.warnings.push_back("table: " + omission);
   }
-  const Corrector& corrector = learned_correction.corrector;
-  const Corrector& at_datum = learned_correction.at_datum ? learned_correction.at_datum : corrector;
+  const Corrector& corrector = case_correction.corrector;
+  const Corrector& at_datum = case_correction.at_datum ? case_correction.at_datum : corrector;
   // Tables are active while the datum is measured, for every belief.
   const bool knows_absolute_pose = compensator.plug_in.empty() &&
                                    compensator.belief == Kind::Perfect &&
@@ -93,7 +92,7 @@ Commands deliver_correction(const ControlView& view, const MachineAccess& machin
     result.direction_left = ideal.direction_left;
     result.not_converged = ideal.not_converged;
   }
-  result.warnings = std::move(learned_correction.warnings);
+  result.warnings = std::move(case_correction.warnings);
   return result;
 }
 
@@ -241,14 +240,14 @@ LearnedCorrection evidence_corrector(const ControlView& view, const MachineAcces
   if (compensator.belief == Kind::Perfect)
     return {machine_access.perfect(view, compensator), {}, {}, {}};
   compensation::MachineBelief belief = machine_belief(view, compensator, evidence);
-  LearnedCorrection learned_correction{{}, {}, belief.geometric, {}};
+  LearnedCorrection case_correction{{}, {}, belief.geometric, {}};
   if (belief.thermal && belief.thermal->held > 0)
-    learned_correction.warnings.push_back(fmt::format(
+    case_correction.warnings.push_back(fmt::format(
         "thermal belief: {} of {} readings lay outside what it was trained with and were held",
         belief.thermal->held, belief.thermal->time_s.size()));
   if (belief.thermal && view.belief.thermal)
     std::ranges::move(size_warnings(*view.belief.thermal, *belief.thermal),
-                      std::back_inserter(learned_correction.warnings));
+                      std::back_inserter(case_correction.warnings));
   const auto corrector = [&](compensation::MachineBelief believed) {
     return belief_corrector(view, compensator, [believed = std::move(believed)](const auto& state) {
       return tool_in_workpiece(believed, state);
@@ -259,10 +258,10 @@ LearnedCorrection evidence_corrector(const ControlView& view, const MachineAcces
   if (belief.part) {
     compensation::MachineBelief without_part = belief;
     without_part.part.reset();
-    learned_correction.at_datum = corrector(std::move(without_part));
+    case_correction.at_datum = corrector(std::move(without_part));
   }
-  learned_correction.corrector = corrector(std::move(belief));
-  return learned_correction;
+  case_correction.corrector = corrector(std::move(belief));
+  return case_correction;
 }
 
 /// Returns the case; that of a plug-in gets the strategy and the channel of the scene.
@@ -333,11 +332,10 @@ Commands compensated(const ControlView& view, const MachineAccess& machine_acces
 }
 
 Commands compensated(const ControlView& view, const MachineAccess& machine_access,
-                     const CaseDescription& description,
-                     const LearnedCorrection& learned_correction) {
+                     const CaseDescription& description, const LearnedCorrection& case_correction) {
   return with_input_errors(view, description, [&] {
     return deliver_correction(view, machine_access, with_plug_in_settings(view, description),
-                              learned_correction);
+                              case_correction);
   });
 }
 

@@ -31,7 +31,6 @@ Commands compensated(const ControlView& view, const MachineAccess& machine_acces
 /// Returns the commands of a case with a given correction.
 /// @throws BadInput if the correction does not cover the program
 Commands compensated(const ControlView& view, const MachineAccess& machine_access,
-                     const CaseDescription& compensator,
-                     const LearnedCorrection& learned_correction);
+                     const CaseDescription& compensator, const LearnedCorrection& correction);
 
 }  // namespace abbe::sim

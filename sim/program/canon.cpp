@@ -500,6 +500,8 @@ Arc Canon::compute_arc(const ArcMove& move) {
   return arc;
 }
 
+// The arc is computed before its joints count as stated: from an uncertain position it may fail
+// because of an earlier error.
 void Canon::arc(ArcMove move) {
   Block arc_block;
   arc_block.interpolation = Interpolation::Arc;

@@ -285,6 +285,7 @@ std::vector<Interval> find_intervals(const Section& section, double lower, doubl
   return intervals;
 }
 
+/// Returns coordinates at equal arc lengths over an interval, including both ends.
 std::vector<double> points_along(const Section& section, const Interval& interval, double step) {
   std::vector<double> x{interval.from};
   while (true) {
@@ -323,6 +324,7 @@ CutterPose raster_pose(const Raster& raster, const cutting::Cutter& cutter,
   return {tip, u, u};
 }
 
+/// Returns the poses of a pass at the coordinates x of a section.
 Pass raster_pass(const Raster& raster, const cutting::Cutter& cutter, const Section& section,
                  std::vector<double> x, const std::optional<Eigen::Vector3d>& fixed_axis,
                  bool backwards) {
@@ -428,6 +430,7 @@ CutterPose flank_pose(const Flank& flank, const cutting::Cone& cone, const cutti
           normal};
 }
 
+/// Returns the poses once around the cone. `sign` is the direction of rotation about its axis.
 Pass flank_pass(const Flank& flank, const cutting::Cone& cone, const cutting::Cutter& cutter,
                 const GeneratorContext& context, double start, double sign) {
   const int n = int(std::ceil(2 * std::numbers::pi * cone.base_radius / flank.step));

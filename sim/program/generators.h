@@ -12,6 +12,7 @@
 #include "kinematics/inverse_kinematics.h"
 #include "sim/program/program_writers.h"
 
+/// Generators of programs: raster finishing, flank milling, and face turning along a spiral.
 namespace abbe::sim::program {
 
 inline constexpr double max_points = 2e7;  ///< points of a generated program

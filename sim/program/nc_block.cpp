@@ -154,6 +154,7 @@ NcWord Scanner::word() {
   return word;
 }
 
+// G and M may occur several times in a block, any other letter only once.
 void Scanner::put(NcBlock& block, const NcWord& word) {
   const char letter = upper(word.text.front());
   if (letter == 'G' || letter == 'M') {

@@ -8,6 +8,7 @@
 
 #include "kinematics/bad_input.h"
 
+/// Splitting of the lines of an RS274/NGC program into tokens, and the errors of readers.
 namespace abbe::sim::program {
 
 /// A line of a program file.

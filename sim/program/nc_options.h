@@ -14,6 +14,7 @@
 #include "kinematics/chain.h"
 #include "sim/program/path.h"
 
+/// The axes, tables and settings of a control before it reads a program.
 namespace abbe::sim::program {
 
 /// Roll-over rule: how a control moves a rotary axis to an absolute position (Fanuc parameters
@@ -52,6 +53,7 @@ std::string axis_letter_list(const std::vector<ControlledAxis>& axes);
 struct SquaredDistance {
   double xyz = 0.0, uvw = 0.0, rotation = 0.0;  ///< mm^2, mm^2 and rad^2
 };
+/// Returns the squared lengths of the straight move from `start` to `end`.
 SquaredDistance squared_distances(const std::vector<ControlledAxis>& axes,
                                   const kinematics::AxisVector& start,
                                   const kinematics::AxisVector& end);

@@ -368,6 +368,7 @@ void NcInterpreter::set_feed(const NcBlock& block, const Codes& codes) {
   }
 }
 
+// G43 shifts Z by the tool length; G43.4 commands the tip, so its chain includes the length.
 void NcInterpreter::set_tool_length(const NcBlock& block, const Codes& codes) {
   const Codes::Code& code = codes[CodeGroup::ToolLength];
   if (!code) return;
@@ -438,6 +439,7 @@ void NcInterpreter::dwell(const NcBlock& block, const NcWord& g4) {
   canon_.dwell(p.value, p);
 }
 
+// G53 ignores G91: machine coordinates are always absolute.
 Target NcInterpreter::target(const NcBlock& block, bool machine_coordinates) const {
   Target target;
   for (char letter = 'A'; letter <= 'Z'; ++letter) {

@@ -9,6 +9,7 @@
 #include "sim/program/canon.h"
 #include "sim/program/path.h"
 
+/// The strict reader of plain RS274/NGC programs.
 namespace abbe::sim::program {
 
 /// A programmed length, in mm.
@@ -40,6 +41,7 @@ ArcMove arc_from_block(const Canon& canon, const ArcBlock& block);
 Path read_nc(std::string_view text, const std::string& file, const NcOptions& options);
 /// Reads a program on a control whose state the program continues.
 void read_nc(std::string_view text, Canon& canon);
+/// Reads a program from a file.
 Path read_nc_file(const std::filesystem::path& file, const NcOptions& options);
 
 }  // namespace abbe::sim::program

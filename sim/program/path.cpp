@@ -315,6 +315,7 @@ Path stretch_of(const Path& path, std::size_t first, std::size_t last) {
   return segment;
 }
 
+// The derivative of `position` with respect to time.
 AxisVector velocity(const Path& path, const Block& block, double u) {
   const double duration = block.end_s - block.start_s;
   const AxisVector displacement = block.end - block.start;

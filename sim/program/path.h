@@ -11,6 +11,7 @@
 
 #include "kinematics/axes.h"
 
+/// A program as a path: blocks with geometry and time, in the coordinates of the axes or the tip.
 namespace abbe::sim::program {
 
 /// A decision of the reader where the program leaves a choice to the control or the operator. A

@@ -19,8 +19,8 @@ using kinematics::Motion;
 namespace {
 
 constexpr double min_rotation = 1e-9;  // rad; a move of less counts as one without rotation
-constexpr double min_gap_after_conversion =
-    1e-9;  // mm or rad, rounding of a conversion between axes and tip
+// mm or rad; a smaller gap between blocks is the rounding of a conversion between axes and tip.
+constexpr double min_gap_after_conversion = 1e-9;
 constexpr double search_tolerance = 1e-8;     // rad, of rotation at the minimum
 constexpr double min_extreme_height = 1e-10;  // mm or rad; a smaller difference is no extreme
 constexpr double golden_ratio = 0.6180339887498949;  // ratio of the golden section search

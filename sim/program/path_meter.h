@@ -13,6 +13,7 @@
 #include "kinematics/chain.h"
 #include "sim/program/path.h"
 
+/// Measurement of a path: extents, travel, times, speeds and singular poses.
 namespace abbe::sim::program {
 
 /// Speed limits of the axes. Times are computed from speeds alone, because the description of a

@@ -251,6 +251,7 @@ bool LocationWriter::arc(const Path& path, const Block& block) {
   return true;
 }
 
+// Arcs stay arcs if the format has them; other curved moves are divided into chords.
 void LocationWriter::block(const Path& path, const Block& block) {
   spindle(block);
   if (block.interpolation == Interpolation::Dwell) {

@@ -13,6 +13,7 @@
 #include "sim/program/nc_options.h"
 #include "sim/program/path.h"
 
+/// Writers of NC text and of cutter locations.
 namespace abbe::sim::program {
 
 /// Numbers of decimals of the words in NC text.
@@ -39,6 +40,7 @@ struct NcMove {
 /// A line of text that is written unchanged, or a move.
 using NcItem = std::variant<std::string, NcMove>;
 
+/// Options of `write_nc`.
 struct NcWriteOptions {
   NcFormat format;
   bool inverse_time = false;  ///< G93 is in force, so every G1 has an F

@@ -72,6 +72,7 @@ std::string PvtReader::known_columns() const {
   return names;
 }
 
+// A column is named after its axis and unit, such as X_mm or S_deg_per_s.
 Column PvtReader::column(const Cell& cell) const {
   if (cell.text == "time_s") return {Column::Kind::Time, -1, 1.0};
   for (std::size_t j = 0; j < options_.axes.size(); ++j) {

@@ -10,6 +10,7 @@
 #include "sim/program/nc_reader.h"
 #include "sim/program/path.h"
 
+/// Position-velocity-time (PVT) programs: reading, writing, and conversion of paths.
 namespace abbe::sim::program {
 
 /// Reads a position-velocity-time program. It is CSV with a header that names the columns and their
@@ -17,6 +18,7 @@ namespace abbe::sim::program {
 /// rad. Axes without columns stay at the start. Motion between rows is cubic. Lines that start with
 /// # are comments. Throws BadInput.
 Path read_pvt(std::string_view text, const std::string& file, const NcOptions& options);
+/// Reads a PVT program from a file.
 Path read_pvt_file(const std::filesystem::path& file, const NcOptions& options);
 
 /// One row of a PVT file.

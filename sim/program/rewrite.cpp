@@ -31,6 +31,8 @@ constexpr double min_chord_steps = 20.0;
 
 bool is_cubic(const Block& block) { return block.interpolation == Interpolation::Cubic; }
 
+/// Throws std::invalid_argument unless each list is empty or goes from u = 0 to u = 1 without
+/// falling.
 void check_dense(const Path& path, std::span<const Points> dense) {
   if (dense.size() != path.blocks.size())
     throw std::invalid_argument("expected one list of corrected points for every block");
@@ -262,7 +264,8 @@ CorrectedPath thinned_cubics(const Path& path, std::span<const Points> dense,
     kept_points[block].push_back(
         {u, position(path, path.blocks[block], u) + rows[k].position, {}, rows[k].velocity});
   };
-  // The nominal part needs no term: a cubic that is split remains the same cubic.
+  // Only corrections are interpolated, because a nominal cubic that is split remains the same
+  // cubic.
   const auto fits = [&, &rows = rows](std::size_t from, std::size_t to) {
     const double duration = rows[to].time_s - rows[from].time_s;
     for (std::size_t k = from + 1; k < to; ++k) {
@@ -329,6 +332,7 @@ CorrectedPath thinned(const Path& path, std::span<const Points> dense, const NcO
 
 namespace {
 
+/// Throws std::invalid_argument unless each list is empty or increases to u = 1 and fits its block.
 void check_corrected(const Path& path, std::span<const std::vector<CorrectedPoint>> corrected) {
   if (corrected.size() != path.blocks.size())
     throw std::invalid_argument("expected one list of corrected points for every block");
@@ -353,6 +357,7 @@ void check_corrected(const Path& path, std::span<const std::vector<CorrectedPoin
   }
 }
 
+/// Writes a path of cubics as PVT, with the corrections added to its rows.
 RewrittenProgram rewritten_pvt(const Path& path,
                                std::span<const std::vector<CorrectedPoint>> corrected,
                                const NcOptions& control) {
@@ -427,7 +432,7 @@ class NcRewriter {
   std::vector<CorrectedPoint> chord_points(const Block& block) const;
   std::vector<CorrectedPoint> half_turn_points(const Block& block) const;
   void write_plane(std::string_view letters);
-  double feed_word(const FeedLength& way, double seconds) const;
+  double feed_word(const FeedLength& distance, double seconds) const;
   double word_step(int joint) const;
   double word_offset(int joint) const;
   bool is_at_words(const AxisVector& words) const;
@@ -628,7 +633,7 @@ void NcRewriter::write_moves(int index, const std::vector<CorrectedPoint>& point
   const Block& block = path_.blocks[std::size_t(index)];
   const bool rapid = block.interpolation == Interpolation::Rapid;
   const double duration = block.end_s - block.start_s;
-  double u = 0.0, jumps_s = 0.0;  // s, time taken by jumps
+  double u = 0.0, jumps_s = 0.0;  // jumps_s: time taken by jumps
   for (std::size_t k = 0; k < points.size(); ++k) {
     const Point to{points[k].u, rounded_words(points[k].at), points[k].centre};
     const bool is_still = is_at_words(to.words);

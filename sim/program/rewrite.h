@@ -9,6 +9,7 @@
 #include "sim/program/nc_reader.h"
 #include "sim/program/path.h"
 
+/// Thinning of corrected points, and rewriting of a program through them.
 namespace abbe::sim::program {
 
 /// The corrected position at a fraction of a block's time, in the coordinates of the block.

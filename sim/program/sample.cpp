@@ -434,6 +434,7 @@ void for_each_step_range(const BlockSampler& sampler, const AxisVector& start,
   }
 }
 
+/// Adds the samples of one block to the recorder.
 void sample_block(const Path& path, int index, const kinematics::Chain& control,
                   const SampleOptions& options, SampleRecorder& recorder) {
   const Block& block = path.blocks[std::size_t(index)];

@@ -8,6 +8,7 @@
 #include "kinematics/chain.h"
 #include "sim/program/path.h"
 
+/// Sampling of a path: commanded axis positions at instants.
 namespace abbe::sim::program {
 
 /// State at the end of a sampled path, from which the next path continues.

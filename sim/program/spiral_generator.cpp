@@ -137,6 +137,7 @@ struct Lathe {
   Vector2d rates(double r, double z) const { return slides_of_nose * Vector2d(side * r, z); }
 };
 
+/// Finds the spindle and the two slides of a turning machine, and their directions in the part.
 Lathe find_lathe(const GeneratorContext& context) {
   const kinematics::Chain& chain = context.control;
   const auto spindle = chain.find('S');
@@ -239,6 +240,8 @@ std::vector<double> row_times(const RadialFeed& feed, const OffsetCurve& curve, 
   return times;
 }
 
+/// Returns the rows of the spiral: positions and velocities of the axes at the times of
+/// `row_times`.
 std::vector<PvtRow> spiral_rows(const Spiral& spiral, const OffsetCurve& curve,
                                 const RadialFeed& feed, const Lathe& lathe, int size) {
   std::vector<PvtRow> rows;

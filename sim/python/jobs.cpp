@@ -46,9 +46,8 @@ struct PythonComparison {
   py::dict by_name() const {
     py::dict cases_by_name;
     for (const sim::Compared& compared : cases->cases)
-      cases_by_name[py::str(compared.verdict.cut.name)] =
-          Result{{cases, compared.job},
-                 {cases, &compared.verdict}};  // each result keeps all of them alive
+      cases_by_name[py::str(compared.verdict.cut.name)] = Result{
+          {cases, compared.job}, {cases, &compared.verdict}};  // every result keeps all cases alive
     return cases_by_name;
   }
 };

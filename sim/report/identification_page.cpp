@@ -98,8 +98,8 @@ std::string page_unit(const std::string& unit) {
 /// Returns values rounded to 1e-4 of the largest, which makes the page smaller and is finer than
 /// the resolution of a chart. NaN becomes null.
 ordered_json rounded_list(const Eigen::VectorXd& values) {
-  const double largest = values.size() > 0 ? values.cwiseAbs().maxCoeff() : 0.0;
-  const double step = largest > 0.0 ? std::pow(10.0, std::floor(std::log10(largest)) - 4.0) : 1.0;
+  const double max_abs = values.size() > 0 ? values.cwiseAbs().maxCoeff() : 0.0;
+  const double step = max_abs > 0.0 ? std::pow(10.0, std::floor(std::log10(max_abs)) - 4.0) : 1.0;
   ordered_json list = ordered_json::array();
   for (const double value : values) {
     // Parsing the short text avoids the digits that a binary number would be written with.

@@ -158,8 +158,6 @@ std::vector<TrendEstimate> trend_estimates(const StepDiagonalFit& fit) {
   return estimates;
 }
 
-namespace {
-
 using errors::identification::element_of_number;
 
 /// Returns a line for every element with its coefficients and their standard uncertainties.

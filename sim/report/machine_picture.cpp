@@ -39,8 +39,8 @@ Pose frame_along(const Vector3d& point, const Vector3d& direction) {
 }
 
 /// Returns a schematic carriage: a bar along the travel of a slide, or a disc about a rotary axis.
-/// @param offset  mm, displacement in z
-/// @param unit_size    mm, size to which all proportions refer
+/// @param offset     mm, displacement in z
+/// @param unit_size  mm, size to which all proportions refer
 render::Body schematic_carriage(const Joint& joint, const Pose& T_b, double offset,
                                 double unit_size) {
   render::Body body;
@@ -80,7 +80,7 @@ struct CarriageCentres {
 };
 
 /// Adds the carriages of both sides at axis positions q.
-CarriageCentres add_carriages(const Chain& chain, const AxisVector& q, double unit,
+CarriageCentres add_carriages(const Chain& chain, const AxisVector& q, double unit_size,
                               render::MachinePicture& picture) {
   CarriageCentres sides;
   Pose T = Pose::Identity();
@@ -89,7 +89,8 @@ CarriageCentres add_carriages(const Chain& chain, const AxisVector& q, double un
     if (joint.side != Side::Tool) continue;
     T = T * carriage_displacement(joint, q[i]);
     if (joint.motion == Motion::Spindle) continue;
-    picture.bodies.push_back(schematic_carriage(joint, T, stack_position(chain, i) * unit, unit));
+    picture.bodies.push_back(
+        schematic_carriage(joint, T, stack_position(chain, i) * unit_size, unit_size));
     sides.tool.push_back(picture.bodies.back().T.translation());
   }
   T = Pose::Identity();
@@ -97,7 +98,8 @@ CarriageCentres add_carriages(const Chain& chain, const AxisVector& q, double un
     const Joint& joint = chain.joints()[std::size_t(i)];
     if (joint.side != Side::Workpiece) continue;
     T = T * carriage_displacement(joint, kinematics::carriage_travel(joint.side, q[i]));
-    picture.bodies.push_back(schematic_carriage(joint, T, -stack_position(chain, i) * unit, unit));
+    picture.bodies.push_back(
+        schematic_carriage(joint, T, -stack_position(chain, i) * unit_size, unit_size));
     sides.part.push_back(picture.bodies.back().T.translation());
   }
   return sides;
@@ -116,25 +118,25 @@ render::Body connecting_bar(const Vector3d& from, const Vector3d& to, double thi
 
 /// Adds a bed below all carriages, and bars that connect it through the carriages with tool and
 /// part.
-void add_structure(CarriageCentres sides, const Vector3d& tool, const Vector3d& part, double unit,
-                   render::MachinePicture& picture) {
+void add_structure(CarriageCentres sides, const Vector3d& tool, const Vector3d& part,
+                   double unit_size, render::MachinePicture& picture) {
   Eigen::AlignedBox3d box;
   for (const auto& row : picture.part_vertices.rowwise()) box.extend(row.transpose());
   for (const auto* side : {&sides.tool, &sides.part})
     for (const Vector3d& p : *side) {
-      box.extend(p + Vector3d::Constant(2.0 * unit));
-      box.extend(p - Vector3d::Constant(2.0 * unit));
+      box.extend(p + Vector3d::Constant(2.0 * unit_size));
+      box.extend(p - Vector3d::Constant(2.0 * unit_size));
     }
   render::Body bed;
   bed.label = "bed";
-  bed.shape = render::BlockShape{Vector3d(box.sizes().x(), box.sizes().y(), 0.3 * unit)};
+  bed.shape = render::BlockShape{Vector3d(box.sizes().x(), box.sizes().y(), 0.3 * unit_size)};
   bed.T = Pose::Identity();
-  bed.T.translation() << box.center().x(), box.center().y(), box.min().z() - 0.15 * unit;
+  bed.T.translation() << box.center().x(), box.center().y(), box.min().z() - 0.15 * unit_size;
   bed.opacity = 0.6;
   picture.bodies.push_back(bed);
   const auto add_bars = [&](const std::vector<Vector3d>& corners, double thickness) {
     for (std::size_t i = 1; i < corners.size(); ++i)
-      if ((corners[i] - corners[i - 1]).norm() > 0.05 * unit)
+      if ((corners[i] - corners[i - 1]).norm() > 0.05 * unit_size)
         picture.bodies.push_back(connecting_bar(corners[i - 1], corners[i], thickness));
   };
   const auto above_bed = [&](const Vector3d& p, double y) {
@@ -143,25 +145,25 @@ void add_structure(CarriageCentres sides, const Vector3d& tool, const Vector3d& 
   std::vector<Vector3d> to_tool;
   if (const Vector3d first = sides.tool.empty() ? tool : sides.tool.front(); first.z() > part.z()) {
     // The column is behind the part so that it does not hide the part.
-    const double back = box.max().y() - 0.3 * unit;
+    const double back = box.max().y() - 0.3 * unit_size;
     to_tool = {above_bed(first, back), {first.x(), back, first.z()}};
   } else {
     to_tool = {above_bed(first, first.y())};
   }
   to_tool.insert(to_tool.end(), sides.tool.begin(), sides.tool.end());
   to_tool.push_back(tool);
-  add_bars(to_tool, 0.22 * unit);
+  add_bars(to_tool, 0.22 * unit_size);
   if (sides.part.empty()) sides.part.push_back(above_bed(part, part.y()));
   const Vector3d &first = sides.part.front(), &last = sides.part.back();
   std::vector<Vector3d> to_part{above_bed(first, first.y())};
   to_part.insert(to_part.end(), sides.part.begin(), sides.part.end());
-  add_bars(to_part, 0.22 * unit);
+  add_bars(to_part, 0.22 * unit_size);
   // The clamping is on the last carriage.
-  add_bars({last, {part.x(), part.y(), last.z()}, part}, 0.5 * unit);
+  add_bars({last, {part.x(), part.y(), last.z()}, part}, 0.5 * unit_size);
 }
 
 /// Adds the spindle, a cylinder from the axis that carries it to the nose, if the machine has one.
-void add_spindle(const Chain& chain, const AxisVector& q, double unit,
+void add_spindle(const Chain& chain, const AxisVector& q, double unit_size,
                  render::MachinePicture& picture) {
   const auto nose = chain.find('s');
   if (!nose || *nose == 0) return;
@@ -172,7 +174,7 @@ void add_spindle(const Chain& chain, const AxisVector& q, double unit,
   render::Body body;
   body.label = "s";
   body.T = chain.tool_in_bed(q) * T_tb_home * frame_along(joint.point_b, joint.direction_b);
-  body.shape = render::CylinderShape{0.35 * unit, std::max(height, 0.5 * unit)};
+  body.shape = render::CylinderShape{0.35 * unit_size, std::max(height, 0.5 * unit_size)};
   body.opacity = 0.8;
   picture.bodies.push_back(body);
 }
@@ -235,18 +237,18 @@ void add_fixtures(const Scene& scene, const Pose& T_bw, render::MachinePicture& 
 /// @param part_b     position of the part in frame b
 /// @param tool_size  mm, radius and length
 void add_bodies(const MachineDescription& machine, const Chain& chain, const AxisVector& q,
-                const Vector3d& part_b, const Vector2d& tool_size, double unit,
+                const Vector3d& part_b, const Vector2d& tool_size, double unit_size,
                 render::MachinePicture& picture) {
   if (!machine.bodies.empty()) {
     add_machine_bodies(machine, chain, q, picture);
     return add_tool(chain, q, tool_size.x(), tool_size.y(), picture);
   }
-  const CarriageCentres sides = add_carriages(chain, q, unit, picture);
-  add_spindle(chain, q, unit, picture);
+  const CarriageCentres sides = add_carriages(chain, q, unit_size, picture);
+  add_spindle(chain, q, unit_size, picture);
   add_tool(chain, q, tool_size.x(), tool_size.y(), picture);
   const render::Body& tool = picture.bodies.back();
   const double length = std::get<render::CylinderShape>(tool.shape).height;
-  add_structure(sides, tool.T * Vector3d(0.0, 0.0, length), part_b, unit, picture);
+  add_structure(sides, tool.T * Vector3d(0.0, 0.0, length), part_b, unit_size, picture);
 }
 
 /// Returns the caption that says whether the bodies of the machine are schematic.
@@ -413,9 +415,10 @@ std::vector<SchematicBody> schematic_bodies(const Job& job) {
   const AxisVector home = AxisVector::Zero(chain.size());
   const Carriers carriers{chain.size()};
   const auto& vertices = job.design_w.vertices;
-  const double unit = 0.35 * (vertices.colwise().maxCoeff() - vertices.colwise().minCoeff()).norm();
+  const double unit_size =
+      0.35 * (vertices.colwise().maxCoeff() - vertices.colwise().minCoeff()).norm();
   render::MachinePicture picture;
-  add_carriages(chain, home, unit, picture);
+  add_carriages(chain, home, unit_size, picture);
   std::vector<SchematicBody> bodies;
   const auto add_carriage = [&](Side side, int i) {
     const Joint& joint = chain.joints()[std::size_t(i)];
@@ -425,7 +428,7 @@ std::vector<SchematicBody> schematic_bodies(const Job& job) {
   for (int i = 0; i < chain.size(); ++i) add_carriage(Side::Tool, i);
   for (int i = chain.size() - 1; i >= 0; --i) add_carriage(Side::Workpiece, i);
   render::MachinePicture spindle;
-  add_spindle(chain, home, unit, spindle);
+  add_spindle(chain, home, unit_size, spindle);
   for (const render::Body& body : spindle.bodies)
     bodies.push_back({body, carriers.carriage(*chain.find('s'))});
   return bodies;

@@ -380,6 +380,11 @@ ordered_json case_json(const CaseStatistics& figures) {
   return json;
 }
 
+/// Returns a length in um; "-" if it does not exist.
+std::string um_text(const std::optional<double>& mm) {
+  return mm ? fmt::format("{:.4f}", *mm / units::um) : "-";
+}
+
 /// Returns the header of the table of residuals.
 std::string residual_header() {
   return fmt::format("{:<36} {:>12} {:>12} {:>12} {:>12} {:>8} {:>7}", "residual in um", "PV",
@@ -389,12 +394,9 @@ std::string residual_header() {
 /// Returns a row of the table of residuals, with the area that its figures leave out.
 std::string residual_line(const CaseStatistics& figures) {
   const cutting::Statistics& s = figures.residual;
-  const auto um = [](const std::optional<double>& mm) {
-    return mm ? fmt::format("{:.4f}", *mm / units::um) : "-";
-  };
   const std::optional<double> uncut = uncut_percent(s);
   return fmt::format("{:<36} {:>12} {:>12} {:>12} {:>12} {:>8} {:>7}", escaped(figures.name),
-                     um(s.pv), um(s.rms), um(s.min), um(s.max),
+                     um_text(s.pv), um_text(s.rms), um_text(s.min), um_text(s.max),
                      uncut ? fmt::format("{:.2f}", *uncut) : "-", s.gouged_vertices);
 }
 
@@ -402,12 +404,9 @@ std::string residual_line(const CaseStatistics& figures) {
 std::string vertices_line(const CaseStatistics& figures) {
   if (!figures.at_vertices) return {};
   const cutting::Statistics& s = *figures.at_vertices;
-  const auto um = [](const std::optional<double>& mm) {
-    return mm ? fmt::format("{:.4f}", *mm / units::um) : "-";
-  };
   return fmt::format("{:<36} {:>12} {:>12} {:>12} {:>12}\n",
                      fmt::format("  at its {} vertices alone", s.vertices - s.outside_vertices),
-                     um(s.pv), um(s.rms), um(s.min), um(s.max));
+                     um_text(s.pv), um_text(s.rms), um_text(s.min), um_text(s.max));
 }
 
 /// Returns the table of form and texture, with the change by the compensator at the end of a row.
@@ -419,17 +418,14 @@ std::string form_texture_table(const std::vector<CaseStatistics>& cases) {
       fmt::format("{:<36} {:>12} {:>12} {:>12} {:>12} {:>12} {:>10}\n", "form and texture in um",
                   "form PV", "form RMS", "texture Sa", "Sq", "Sz", "cut-off mm");
   for (const CaseStatistics& figures : cases) {
-    const auto um = [](const std::optional<double>& mm) {
-      return mm ? fmt::format("{:.4f}", *mm / units::um) : "-";
-    };
     const auto texture_um_text = [&](double errors::metrology::Areal::*figure) {
-      return figures.texture ? um((*figures.texture).*figure) : "-";
+      return figures.texture ? um_text((*figures.texture).*figure) : "-";
     };
     using errors::metrology::Areal;
     text +=
         fmt::format("{:<36} {:>12} {:>12} {:>12} {:>12} {:>12} {:>10.4g}", escaped(figures.name),
-                    figures.form ? um(figures.form->pv) : "-",
-                    figures.form ? um(figures.form->rms) : "-", texture_um_text(&Areal::Sa),
+                    figures.form ? um_text(figures.form->pv) : "-",
+                    figures.form ? um_text(figures.form->rms) : "-", texture_um_text(&Areal::Sa),
                     texture_um_text(&Areal::Sq), texture_um_text(&Areal::Sz), figures.form_cutoff);
     if (figures.form_reduction && figures.form_reduction->rms)
       text += fmt::format("   form RMS {:+.2f} %", -*figures.form_reduction->rms);

@@ -151,9 +151,10 @@ std::vector<double> parse_responses(std::string_view bytes) {
 }
 
 /// Returns the checksum of a row.
-std::int64_t row_checksum(std::uint64_t index, std::string_view answers, std::string_view fault) {
-  const std::uint64_t start = fnv_1a(fmt::format("{} {} ", index, answers.size()));
-  return std::int64_t(fnv_1a(fault, fnv_1a(answers, start)));
+std::int64_t row_checksum(std::uint64_t index, std::string_view response_blob,
+                          std::string_view fault) {
+  const std::uint64_t start = fnv_1a(fmt::format("{} {} ", index, response_blob.size()));
+  return std::int64_t(fnv_1a(fault, fnv_1a(response_blob, start)));
 }
 
 struct DatabaseCloser {
@@ -245,12 +246,12 @@ Row read_row(const Database& database, const Statement& statement) {
   row.index = std::uint64_t(sqlite3_column_int64(statement.get(), 0));
   const bool has_types = sqlite3_column_type(statement.get(), 1) == SQLITE_BLOB &&
                          sqlite3_column_type(statement.get(), 2) == SQLITE_TEXT;
-  const std::string_view answers = column_bytes(statement, 1);
+  const std::string_view response_blob = column_bytes(statement, 1);
   row.fault = column_bytes(statement, 2);
-  if (!has_types || answers.size() % 8 != 0 ||
-      sqlite3_column_int64(statement.get(), 3) != row_checksum(row.index, answers, row.fault))
+  if (!has_types || response_blob.size() % 8 != 0 ||
+      sqlite3_column_int64(statement.get(), 3) != row_checksum(row.index, response_blob, row.fault))
     throw journal_error(database.file, fmt::format("a damaged one (case {})", row.index));
-  row.answers = parse_responses(answers);
+  row.response_blob = parse_responses(response_blob);
   return row;
 }
 

@@ -92,7 +92,7 @@ std::string study_identity(const Study& study, const std::vector<Scene>& scenes)
 }
 
 /// Adds an input error for each analysis or input that the engine cannot compute.
-void check_engine(const Study& study, const std::vector<Place>& places, TableReader& reader) {
+void check_engine(const Study& study, const std::vector<Place>& locations, TableReader& reader) {
   const auto require_maps = [&](bool is_requested, const char* key) {
     if (is_requested && study.engine == Engine::Full)
       reader.refuse("engine", fmt::format("\"influence\" or \"both\" for [{}]", key), "\"full\"");
@@ -111,7 +111,7 @@ void check_engine(const Study& study, const std::vector<Place>& places, TableRea
   for (std::size_t i = 0; i < study.inputs.size(); ++i)
     if (is_reshaping(study.inputs[i]))
       reader.input_errors().add(
-          places[i],
+          locations[i],
           "engine = \"full\" for an input that changes part, program, nominal machine or "
           "stock",
           study.inputs[i].name);
@@ -159,17 +159,18 @@ void check_inputs(const Study& study, TableReader& reader) {
 
 /// Returns the location of the input that sets an invalid value of the scene; if no input sets it,
 /// the location in the scene.
-Place error_location(const BadInput& error, const Study& study, const std::vector<Place>& places) {
+Place error_location(const BadInput& error, const Study& study,
+                     const std::vector<Place>& locations) {
   for (std::size_t i = 0; i < study.inputs.size(); ++i)
     for (const Setting& setting : study.inputs[i].settings)
-      if (error.file.starts_with("--set " + setting.path + "=")) return places[i];
+      if (error.file.starts_with("--set " + setting.path + "=")) return locations[i];
   return {std::make_shared<const std::string>(error.file), error.line, error.column};
 }
 
 /// Sets all inputs of a configuration at their centres, and every swept input at its ends. Adds the
 /// input errors that result.
 void check_configuration(const Study& study, const Configuration& configuration, const Scene& scene,
-                         const std::vector<Place>& places, InputErrors& input_errors) {
+                         const std::vector<Place>& locations, InputErrors& input_errors) {
   std::set<std::string> known_names;
   for (const errors::Element& element : scene.geometric.elements)
     known_names.insert(errors::to_string(element.name));
@@ -179,7 +180,7 @@ void check_configuration(const Study& study, const Configuration& configuration,
     const Input& input = study.inputs[i];
     if (const std::string name = input.element + input.number;
         !name.empty() && !known_names.count(name))
-      input_errors.add(places[i], "an element or number that the scene's errors have",
+      input_errors.add(locations[i], "an element or number that the scene's errors have",
                        with_suggestion(name, known_names));
   }
   if (!input_errors.empty()) return;
@@ -194,17 +195,17 @@ void check_configuration(const Study& study, const Configuration& configuration,
       }
   } catch (const BadScene& exception) {
     for (const BadInput& error : exception.input_errors)
-      input_errors.add(error_location(error, study, places), error.expected, error.seen);
+      input_errors.add(error_location(error, study, locations), error.expected, error.seen);
   }
 }
 
 /// Checks that engine, responses, inputs and analyses are consistent. Input errors are added to
 /// those of the reader.
 /// @param scenes  of the configurations
-/// @param places  locations of the inputs in the file
+/// @param locations  locations of the inputs in the file
 void check_consistency(const Study& study, const std::vector<Scene>& scenes,
-                       const std::vector<Place>& places, TableReader& reader) {
-  check_engine(study, places, reader);
+                       const std::vector<Place>& locations, TableReader& reader) {
+  check_engine(study, locations, reader);
   check_responses(study, scenes, reader);
   check_inputs(study, reader);
 }
@@ -212,9 +213,9 @@ void check_consistency(const Study& study, const std::vector<Scene>& scenes,
 /// Sets every path once in every configuration, so that an error is reported before any case is
 /// computed.
 void check_paths(const Study& study, const std::vector<Scene>& scenes,
-                 const std::vector<Place>& places, InputErrors& input_errors) {
+                 const std::vector<Place>& locations, InputErrors& input_errors) {
   for (std::size_t i = 0; i < study.arms.size(); ++i)
-    check_configuration(study, study.arms[i], scenes[i], places, input_errors);
+    check_configuration(study, study.arms[i], scenes[i], locations, input_errors);
 }
 
 /// Checks the days of [histories]. They are cut after all cases, but an error in them is reported
@@ -264,8 +265,8 @@ class StudyReader {
   TableReader reader_;
   InputErrors& input_errors_;
   Study study_;
-  std::vector<Scene> scenes_;  ///< of the configurations, to check the names in inputs
-  std::vector<Place> places_;  ///< locations of the inputs
+  std::vector<Scene> scenes_;     ///< of the configurations, to check the names in inputs
+  std::vector<Place> locations_;  ///< locations of the inputs
   std::vector<MissingCentre> missing_centres_;
 };
 
@@ -372,7 +373,7 @@ void StudyReader::read_declared_inputs() {
   for (Scene& scene : scenes_)
     scene.geometric.elements.insert(scene.geometric.elements.end(), study_.completion.begin(),
                                     study_.completion.end());
-  places_ = std::move(declared.places);
+  locations_ = std::move(declared.locations);
   missing_centres_ = std::move(declared.missing_centres);
   if (!input_errors_.empty()) return;
   try {
@@ -387,7 +388,7 @@ void StudyReader::read_declared_inputs() {
 /// Adds an input error for each input whose centre is stated nowhere.
 void StudyReader::report_missing_centres() {
   for (const MissingCentre& missing : missing_centres_)
-    input_errors_.add(places_[std::size_t(missing.input)],
+    input_errors_.add(locations_[std::size_t(missing.input)],
                       fmt::format("centre = {} for the input {}, as the scene does not state {}",
                                   missing.nominal ? fmt::format("{:g} (the nominal one) or another",
                                                                 *missing.nominal)
@@ -406,9 +407,9 @@ Study StudyReader::read() {
   read_declared_inputs();
   study_ = analysis_fields().read(reader_, std::move(study_));
   reader_.close();
-  if (scenes_.size() == study_.arms.size()) check_paths(study_, scenes_, places_, input_errors_);
+  if (scenes_.size() == study_.arms.size()) check_paths(study_, scenes_, locations_, input_errors_);
   if (input_errors_.empty()) report_missing_centres();
-  if (input_errors_.empty()) check_consistency(study_, scenes_, places_, reader_);
+  if (input_errors_.empty()) check_consistency(study_, scenes_, locations_, reader_);
   if (input_errors_.empty() && study_.histories) check_days(study_, reader_);
   study_.text = to_toml(reader_.node());
   if (input_errors_.empty()) study_.identity = study_identity(study_, scenes_);

@@ -12,9 +12,9 @@ namespace abbe::sim::study {
 using MachineResponses = std::map<std::string, std::vector<double>>;
 
 /// Returns the heading of a response's column in cases.csv.
-/// @param budget    contents of budget.json
-/// @param configuration       configuration, from the budget
-/// @param response  from the configuration
+/// @param budget         contents of budget.json
+/// @param configuration  configuration, from the budget
+/// @param response       from the configuration
 std::string response_column_head(const nlohmann::ordered_json& budget,
                                  const nlohmann::ordered_json& configuration,
                                  const nlohmann::ordered_json& response);

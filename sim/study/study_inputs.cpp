@@ -85,7 +85,7 @@ void add_identified(const errors::GeometricErrors& belief, BeliefInputs& result)
     per_unit[i] = 1.0 / errors::identification::shown_unit(name);
     if (!(covariance.matrix(i, i) > 0.0)) continue;  // zero by a convention of the model
     Input input;
-    input.name = input.index = name;
+    input.name = input.number = name;
     input.unit = is_angle(name) ? "urad" : "um";
     const auto index = std::ranges::find(numbers, covariance.of[k]) - numbers.begin();
     input.distribution.centre = values[index] * per_unit[i];
@@ -300,9 +300,9 @@ class InputsReader {
   std::optional<double> scene_value(const std::string& path) const;
   std::optional<double> nominal_value(const std::string& path) const;
   void add_covariance(const Node& node, double cost, const Priors& priors);
-  void add_elements(const InputGroup& group, const Place& place);
-  void add_numbers(const InputGroup& group, const Place& place);
-  void add(Input input, const Place& place);
+  void add_elements(const InputGroup& group, const Place& location);
+  void add_numbers(const InputGroup& group, const Place& location);
+  void add(Input input, const Place& location);
   void read_correlations();
 
   TableReader& reader_;
@@ -335,20 +335,20 @@ double valid_centre(const Node& input, const std::optional<double>& nominal) {
 }
 
 /// Adds an input, or an input error if its name or what it sets is not unique.
-void InputsReader::add(Input input, const Place& place) {
+void InputsReader::add(Input input, const Place& location) {
   if (declared_.inputs.size() == max_inputs)
-    input_errors_.add(place, fmt::format("at most {} inputs", max_inputs), "more");
+    input_errors_.add(location, fmt::format("at most {} inputs", max_inputs), "more");
   if (declared_.inputs.size() >= max_inputs) return;
   if (!index_.emplace(input.name, int(declared_.inputs.size())).second)
-    input_errors_.add(place, "a name for every input that no other has",
+    input_errors_.add(location, "a name for every input that no other has",
                       "\"" + input.name + "\" again");
   std::vector<std::string> targets{input.element + input.number};  // at most one of the two is set
   for (const Setting& setting : input.settings) targets.push_back(setting.path);
   for (const std::string& target : targets)
     if (!target.empty() && !targets_.insert(target).second)
-      input_errors_.add(place, "an input of its own for " + target,
+      input_errors_.add(location, "an input of its own for " + target,
                         "\"" + input.name + "\" sets it again");
-  declared_.places.push_back(place);
+  declared_.locations.push_back(location);
   declared_.inputs.push_back(std::move(input));
 }
 
@@ -494,16 +494,16 @@ void InputsReader::read_group(const Node& node) {
 }
 
 /// Adds an input for every element of a group, which scales it.
-void InputsReader::add_elements(const InputGroup& group, const Place& place) {
+void InputsReader::add_elements(const InputGroup& group, const Place& location) {
   for (const errors::Element& element : scenes_.front().geometric.elements) {
     const std::string name = errors::to_string(element.name);
     if (has_element(group, name))
-      add({name, "", {}, name, "", group.pattern.distribution, group.pattern.cost}, place);
+      add({name, "", {}, name, "", group.pattern.distribution, group.pattern.cost}, location);
   }
 }
 
 /// Adds an input for every coefficient of the elements of a group.
-void InputsReader::add_numbers(const InputGroup& group, const Place& place) {
+void InputsReader::add_numbers(const InputGroup& group, const Place& location) {
   const std::vector<errors::Element>& elements = scenes_.front().geometric.elements;
   const Eigen::VectorXd values = errors::values(elements);
   Eigen::Index index = 0;
@@ -517,9 +517,9 @@ void InputsReader::add_numbers(const InputGroup& group, const Place& place) {
     const Distribution d = scaled(group.pattern.distribution, base);
     if (const char* error = distribution_error(d))
       input_errors_.add(
-          place, fmt::format("{}, {} {} being its unit", error, name, base),
+          location, fmt::format("{}, {} {} being its unit", error, name, base),
           fmt::format("centre {}, spread {}, from {} to {}", d.centre, d.spread, d.low, d.high));
-    add({name, has_angle ? "urad" : "um", {}, "", name, d, group.pattern.cost}, place);
+    add({name, has_angle ? "urad" : "um", {}, "", name, d, group.pattern.cost}, location);
   }
 }
 

@@ -49,7 +49,7 @@ struct MissingCentre {
 /// Inputs of a study as its file declares them.
 struct DeclaredInputs {
   std::vector<Input> inputs;
-  std::vector<Place> places;  ///< (inputs) locations in the file
+  std::vector<Place> locations;  ///< (inputs) locations in the file
   std::vector<MissingCentre> missing_centres;
   std::vector<Correlation> correlations;
   std::vector<Unidentified> unidentified;

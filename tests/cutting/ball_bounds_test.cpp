@@ -43,13 +43,13 @@ TEST(BallBounds, AreNoMoreThanTheEntry) {
       }
     }
     if (!(chord.distance + far < 4.9 * R) ||
-        !stays_below_centre(cutter, move, Vector3d::Zero(), around, normal, tilt))
+        !is_below_centre(cutter, move, Vector3d::Zero(), around, normal, tilt))
       continue;
     std::array<Entry8, 1> bounds;
     ball_bounds({&chord, 1}, eight, bounds);
     for (std::size_t i = 0; i < 8; ++i) {
       ++rays_tried;
-      const double bound = bounds[0].least[i];
+      const double bound = bounds[0].min_s[i];
       const auto entry = first_entry(cutter, move, rays[i], band);
       unknown += bound < -1e29;
       missed += bound > 1e29;
@@ -73,15 +73,15 @@ TEST(BallBounds, HoldWhereTheHeightAboveTheCentreDoes) {
   const Cutter cutter{5, 5, 20};
   Move move{Vector3d::Zero(), Vector3d(1, 0, 0), Vector3d::UnitZ(), Vector3d::UnitX()};
   const Vector3d up = Vector3d::UnitZ();
-  EXPECT_TRUE(stays_below_centre(cutter, move, {0, 0, 4.9}, 0.09, up, 0.1));
-  EXPECT_FALSE(stays_below_centre(cutter, move, {0, 0, 4.9}, 0.11, up, 0.1));
-  EXPECT_TRUE(stays_below_centre(cutter, move, {0, 0, 1}, 0.1, Vector3d::UnitX(), 0.0));
-  EXPECT_FALSE(stays_below_centre(cutter, move, {0, 0, 1}, 0.1, Vector3d::UnitX(), 0.01));
+  EXPECT_TRUE(is_below_centre(cutter, move, {0, 0, 4.9}, 0.09, up, 0.1));
+  EXPECT_FALSE(is_below_centre(cutter, move, {0, 0, 4.9}, 0.11, up, 0.1));
+  EXPECT_TRUE(is_below_centre(cutter, move, {0, 0, 1}, 0.1, Vector3d::UnitX(), 0.0));
+  EXPECT_FALSE(is_below_centre(cutter, move, {0, 0, 1}, 0.1, Vector3d::UnitX(), 0.01));
   move.step = {0, 0, -3};  // sinks past it
-  EXPECT_FALSE(stays_below_centre(cutter, move, {0, 0, 4}, 0.1, up, 0.1));
-  EXPECT_TRUE(stays_below_centre(cutter, move, {0, 0, 1.8}, 0.1, up, 0.1));
+  EXPECT_FALSE(is_below_centre(cutter, move, {0, 0, 4}, 0.1, up, 0.1));
+  EXPECT_TRUE(is_below_centre(cutter, move, {0, 0, 1.8}, 0.1, up, 0.1));
   move.step = {0, 0, 3};
-  EXPECT_TRUE(stays_below_centre(cutter, move, {0, 0, 4}, 0.1, up, 0.1));
+  EXPECT_TRUE(is_below_centre(cutter, move, {0, 0, 4}, 0.1, up, 0.1));
 }
 
 }  // namespace

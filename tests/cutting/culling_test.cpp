@@ -158,7 +158,7 @@ void expect_same(std::uint64_t seed, int moves, int rays, Count& count) {
   SweepTree::Hint carried;
   for (int i = 0; i < rays; ++i) {
     const Ray ray = any_ray(random, cutter, motion);
-    const auto expected = first_of_every_move(cutter, motion, ray);
+    const auto expected = first_removal_exhaustive(cutter, motion, ray);
     SweepTree::Hint fresh, other{random.below(moves)};
     ++count.rays;
     count.cut += expected && expected->s > -ray.band;
@@ -175,7 +175,7 @@ void expect_same(std::uint64_t seed, int moves, int rays, Count& count) {
     }
     if (i % 4 == 0 && expected && expected->s > -ray.band) {
       const double reach = random.decades(-6, 0.5);
-      const auto competing_passes = every_move_within(cutter, motion, ray, reach);
+      const auto competing_passes = removals_within_exhaustive(cutter, motion, ray, reach);
       const auto found = tree.removals_within(ray, reach, carried);
       count.competing_passes += long(competing_passes.size());
       const bool all =
@@ -265,7 +265,7 @@ void expect_same_rays(std::uint64_t seed, const SweepTree& tree, const Cutter& c
   std::vector<std::optional<Removal>> found(rays.size());
   tree.first_removals(rays, found, hint);
   for (std::size_t k = 0; k < rays.size(); ++k) {
-    const auto expected = first_of_every_move(cutter, motion, rays[k]);
+    const auto expected = first_removal_exhaustive(cutter, motion, rays[k]);
     ++count.rays;
     count.cut += expected && expected->s > -rays[k].band;
     count.buried += expected && expected->s <= -rays[k].band;

@@ -43,7 +43,7 @@ TEST(EntryBounds, AreNoMoreThanTheEntry) {
     std::array<Move, 8> moves;
     for (int i = 0; i < 8; ++i) {
       moves[std::size_t(i)] = any_move(random, R, [&] { return random.direction(); });
-      eight.put(i, cutter, ends_of(moves[std::size_t(i)]));
+      eight.set_lane(i, cutter, move_endpoints(moves[std::size_t(i)]));
     }
     const Ray ray{R * random.decades(-6, 0.3) * random.any(), random.direction(),
                   R * random.decades(-3, 0.3)};
@@ -53,14 +53,14 @@ TEST(EntryBounds, AreNoMoreThanTheEntry) {
     std::array<Pair8, 10> pairs;
     std::array<EntryBounds, 10> of_pairs;
     for (std::size_t g = 0; g < pairs.size(); ++g)
-      for (int i = 0; i < 8; ++i) pairs[g].put(i, eight, g < 9 ? int(g + 3) % 8 : 7 - i, ray);
+      for (int i = 0; i < 8; ++i) pairs[g].set_lane(i, eight, g < 9 ? int(g + 3) % 8 : 7 - i, ray);
     entry_bounds(cutter, pairs, ray.band, of_pairs);
     const EntryBounds& paired = of_pairs.back();
     for (std::size_t i = 0; i < 8; ++i) {
       ++tried;
-      ASSERT_EQ(paired.least[i], bounds.least[7 - i]) << "seed 1802, case " << n;
-      ASSERT_EQ(paired.part[i], bounds.part[7 - i]) << "seed 1802, case " << n;
-      const double bound = bounds.least[i];
+      ASSERT_EQ(paired.min_s[i], bounds.min_s[7 - i]) << "seed 1802, case " << n;
+      ASSERT_EQ(paired.fraction[i], bounds.fraction[7 - i]) << "seed 1802, case " << n;
+      const double bound = bounds.min_s[i];
       unknown += bound < -1e29;
       missed += bound > 1e29;
       // from a place of its own, so that the bound has no say in it
@@ -74,7 +74,7 @@ TEST(EntryBounds, AreNoMoreThanTheEntry) {
       ASSERT_LE(bound, std::max(entry->s, -ray.band))
           << "seed 1802, case " << n << ", lane " << i << ", R " << R << " r "
           << cutter.corner_radius << " form " << bool(cutter.outline) << " band " << ray.band
-          << " t " << entry->t << " part " << bounds.part[i] << " angle " << moves[i].angle;
+          << " t " << entry->t << " part " << bounds.fraction[i] << " angle " << moves[i].angle;
     }
   }
   std::cout << tried << " pairs (seed 1802): " << entries << " entries, bounds " << -highest
@@ -95,7 +95,7 @@ TEST(MovePlanes, LeaveOpenWhatARayBesideEnters) {
     std::array<Move, 8> moves;
     for (int i = 0; i < 8; ++i) {
       moves[std::size_t(i)] = any_move(random, R, [&] { return random.direction(); });
-      eight.put(i, cutter, ends_of(moves[std::size_t(i)]));
+      eight.set_lane(i, cutter, move_endpoints(moves[std::size_t(i)]));
     }
     const Ray middle{R * random.decades(-6, 0.3) * random.any(), random.direction(), band};
     const double around = R * random.decades(-6, 0.5), lean = random.decades(-6, 0.4);
@@ -109,7 +109,7 @@ TEST(MovePlanes, LeaveOpenWhatARayBesideEnters) {
         ++tried;
         const auto entry = first_entry(cutter, moves[i], ray, band, float(random.in(0, 1)), -1e30f);
         const double limit = entry ? entry->s : band * random.in(-1, 1);
-        const bool open = (open_before(planes, middle.point, ray, limit) >> i & 1u) != 0;
+        const bool open = (candidates_before(planes, middle.point, ray, limit) >> i & 1u) != 0;
         ruled_out += !open;
         if (!entry) continue;
         ++entries;

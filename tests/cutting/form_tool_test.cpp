@@ -314,7 +314,7 @@ TEST(FormCore, LiesInsideByTheMargin) {
         0.25 * std::min(form.radius, form.flank_length) * random.decades(-4, -0.1);
     InsetOutline inner;
     try {
-      inner = inside(*form.outline, margin);
+      inner = inset_convex(*form.outline, margin);
     } catch (const std::invalid_argument&) {
       EXPECT_GT(margin, 0.1 * std::min(form.radius, form.flank_length));  // a slender one
       continue;

@@ -86,7 +86,7 @@ inline void carve(Stock& stock, const Vector3d& lower, const Vector3d& upper, in
                      q = stock.origin_k[second] + j * stock.spacing;
         if (!inside(first, p) || !inside(second, q)) continue;
         const double from = stock.origin_k[field.along];
-        field.lines[std::size_t(i) + std::size_t(field.size[0]) * std::size_t(j)].take(
+        field.lines[std::size_t(i) + std::size_t(field.size[0]) * std::size_t(j)].cut(
             lower[field.along] - from, upper[field.along] - from, line);
       }
   }

@@ -122,7 +122,7 @@ TEST(DesignDistance, IsThatOfAllTrianglesWithTheSideOfTheSolidAngle) {
         angle += solid_angle(p, corners);
       }
       const double expected = std::abs(angle) > 2 * pi ? -nearest : nearest;
-      const DesignDistance::At at = distance.at(p, i % int(design.triangles.rows()));
+      const DesignDistance::PointDistance at = distance.at(p, i % int(design.triangles.rows()));
       off = std::max(off, std::abs(at.value - expected));
       ASSERT_NEAR(at.value, expected, 1e-11) << "body " << body << " at " << p.transpose();
       ASSERT_NEAR(at.from.norm(), nearest, 1e-11);

@@ -241,7 +241,7 @@ TEST(PartFindings, SpecklesAreCountedAndALongListIsSummedUp) {
   const double z = stock.origin_k.z();
   DexelField& upright = stock.fields.back();
   ASSERT_EQ(upright.along, 2);
-  upright.lines[std::size_t(30) + std::size_t(upright.size[0]) * 45].take(19.8 - z, 21 - z, 200);
+  upright.lines[std::size_t(30) + std::size_t(upright.size[0]) * 45].cut(19.8 - z, 21 - z, 200);
   FindingOptions options;
   options.most = 5;
   const Held all = held(stock, pocketed(pocket_x, pocket_y, 20).design(), options);

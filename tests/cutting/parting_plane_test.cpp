@@ -36,14 +36,14 @@ TEST(PartingPlane, IsNeverFartherThanTheGap) {
     const Gap here = gap(a, Pose::Identity(), b, T);
     if (here.distance < 1e-3 || is_inside(a, Pose::Identity(), b, T)) continue;
     const PartingPlane plane = parting_plane(a, hull, T, here.on_b - here.on_a);
-    const double bound = beyond(plane, hull, T);
+    const double bound = plane_distance(plane, hull, T);
     EXPECT_LE(bound, here.distance * (1 + 1e-9) + 1e-9);
     worst = std::min(worst, bound / here.distance);
     ++parted;
     for (int k = 0; k < 5; ++k) {
       const Pose moved = pose();
       const double then = gap(a, Pose::Identity(), b, moved).distance;
-      EXPECT_LE(beyond(plane, hull, moved), then * (1 + 1e-9) + 1e-9) << "seed " << seed;
+      EXPECT_LE(plane_distance(plane, hull, moved), then * (1 + 1e-9) + 1e-9) << "seed " << seed;
     }
   }
   std::cout << parted << " pairs, the plane at least at " << worst << " of the gap\n";
@@ -56,9 +56,9 @@ TEST(PartingPlane, WithoutAHullThereIsNone) {
   EXPECT_TRUE(hull_balls(a, 7).empty());
   Pose T = Pose::Identity();
   T.translation() = Vector3d(5, 0, 0);
-  EXPECT_EQ(beyond(parting_plane(a, {}, T, Vector3d::UnitX()), {}, T), 0.0);
+  EXPECT_EQ(plane_distance(parting_plane(a, {}, T, Vector3d::UnitX()), {}, T), 0.0);
   const std::vector<Ball> hull = hull_balls(a);
-  EXPECT_NEAR(beyond(parting_plane(a, hull, T, Vector3d(4, 0.4, 0)), hull, T), 4.0, 0.02);
+  EXPECT_NEAR(plane_distance(parting_plane(a, hull, T, Vector3d(4, 0.4, 0)), hull, T), 4.0, 0.02);
 }
 
 }  // namespace

@@ -162,9 +162,9 @@ Real reach_along(const Vector& m, const Cutter& cutter, const Move& move) {
 
 /// By how much a bound is too large, as a share of the doubt that it allows itself. Below 1 it
 /// never rules out a cutter that meets the ray.
-double share_of_doubt(const Clearance& clearance, const Situation& s, const RayEnd& end,
-                      std::span<const Move> moves) {
-  if (!(clearance.doubt > 0)) return -1e300;
+double fraction_of_error_bound(const Clearance& clearance, const Situation& s, const RayEnd& end,
+                               std::span<const Move> moves) {
+  if (!(clearance.error_bound > 0)) return -1e300;
   const Vector m = clearance.direction.cast<Real>();
   const Vector q = Vector3d(end.point).cast<Real>();
   Real gap = std::numeric_limits<Real>::infinity();
@@ -176,7 +176,7 @@ double share_of_doubt(const Clearance& clearance, const Situation& s, const RayE
     const Real behind = std::max<Real>(0, m.dot(s.ray.normal.cast<Real>())) * length;
     gap = std::min(gap, m.dot(q) - behind - reach_along(m, s.cutter, move));
   }
-  return double((Real(clearance.gap) - gap) / Real(clearance.doubt));
+  return double((Real(clearance.gap) - gap) / Real(clearance.error_bound));
 }
 
 struct Made {
@@ -189,8 +189,8 @@ struct Made {
 Made made(const Situation& s) {
   Made all;
   all.leaves.moves.resize(2);
-  all.leaves.places.resize(2);
-  for (std::size_t l = 0; l < 2; ++l) put(all.leaves, l, s.cutter, {&s.moves[l], 1});
+  all.leaves.frames.resize(2);
+  for (std::size_t l = 0; l < 2; ++l) fill_leaf(all.leaves, l, s.cutter, {&s.moves[l], 1});
   Eigen::Matrix<double, 3, 4> tips;
   tips << s.moves[0].tip, s.moves[0].tip + s.moves[0].step, s.moves[1].tip,
       s.moves[1].tip + s.moves[1].step;
@@ -198,9 +198,9 @@ Made made(const Situation& s) {
   all.centre = 0.5 * (low + high);
   all.reach = 0.5 * (high - low).lpNorm<1>() + 4 * s.cutter.radius + s.cutter.flank_length;
   for (int i = 0; i < SweepNode::width; ++i)
-    put(all.node, i, bounds_of(all.leaves, std::size_t(std::min(i, 1))), all.centre);
+    fill_child(all.node, i, sweep_bounds(all.leaves, std::size_t(std::min(i, 1))), all.centre);
   for (int i = 0; i < SweepNode::width; ++i)
-    put(all.above, i, bounds_of(all.node, 2, all.centre, all.leaves, 0, 2), all.centre);
+    fill_child(all.above, i, sweep_bounds(all.node, 2, all.centre, all.leaves, 0, 2), all.centre);
   return all;
 }
 
@@ -210,13 +210,13 @@ TEST(SweepBounds, OfMovesStayWithinTheirDoubtUnderAttack) {
     const Situation s = situation(at);
     SweepLeaves leaves;
     leaves.moves.resize(1);
-    leaves.places.resize(1);
-    put(leaves, 0, s.cutter, s.moves);
+    leaves.frames.resize(1);
+    fill_leaf(leaves, 0, s.cutter, s.moves);
     const RayEnd end(s.cutter, s.ray, s.ray.band, s.moves[0].tip, 0.0);
-    const auto all = clearances(leaves.moves[0], leaves.places[0], end);
+    const auto all = clearances(leaves.moves[0], leaves.frames[0], end);
     double most = -1e300;
     for (std::size_t i = 0; i < 2; ++i)
-      most = std::max(most, share_of_doubt(all[i], s, end, {&s.moves[i], 1}));
+      most = std::max(most, fraction_of_error_bound(all[i], s, end, {&s.moves[i], 1}));
     return most;
   });
   std::cout << "  seeds " << seed << " and on: " << worst.error << " of the doubt\n";
@@ -231,9 +231,9 @@ TEST(SweepBounds, OfNodesStayWithinTheirDoubtUnderAttack) {
     const Made all = made(s);
     const RayEnd end(s.cutter, s.ray, s.ray.band, all.centre, all.reach);
     const auto of_node = clearances(all.node, end);
-    double most = share_of_doubt(clearances(all.above, end)[0], s, end, s.moves);
+    double most = fraction_of_error_bound(clearances(all.above, end)[0], s, end, s.moves);
     for (std::size_t i = 0; i < 2; ++i)
-      most = std::max(most, share_of_doubt(of_node[i], s, end, {&s.moves[i], 1}));
+      most = std::max(most, fraction_of_error_bound(of_node[i], s, end, {&s.moves[i], 1}));
     return most;
   });
   std::cout << "  seeds " << seed << " and on: " << worst.error << " of the doubt\n";
@@ -258,10 +258,11 @@ TEST(SweepBounds, OfRaysBesideEachOtherLeaveOpenWhatOneOfThemMeets) {
     move.axis = random.direction();
     move.side = move.axis.unitOrthogonal();
     move.angle = random.some(0.05);
-    SweepLeaves leaves{std::vector<SweepLeaf>(1), std::vector<SweepLeafPlace>(1)};
-    put(leaves, 0, cutter, {&move, 1});
+    SweepLeaves leaves{std::vector<SweepLeaf>(1), std::vector<SweepLeafFrame>(1)};
+    fill_leaf(leaves, 0, cutter, {&move, 1});
     SweepNode node;
-    for (int i = 0; i < SweepNode::width; ++i) put(node, i, bounds_of(leaves, 0), Vector3d::Zero());
+    for (int i = 0; i < SweepNode::width; ++i)
+      fill_child(node, i, sweep_bounds(leaves, 0), Vector3d::Zero());
     // a place on the skin, at some instant
     const double t = random.in(0, 1), around = random.in(-pi, pi);
     const Vector3d u = std::cos(t * move.angle) * move.axis + std::sin(t * move.angle) * move.side;
@@ -290,8 +291,8 @@ TEST(SweepBounds, OfRaysBesideEachOtherLeaveOpenWhatOneOfThemMeets) {
       return PatchEnd({cutter, ray, 0.0, Vector3d::Zero(), 12 * R}, axes, halves, std::tan(lean));
     };
     const PatchSegment rays{end(place + after * normal, 1.0), end(place - before * normal, -1.0)};
-    closed_moves += (open_moves(leaves.moves[0], leaves.places[0], rays).bits & 1u) == 0;
-    closed_nodes += (open_children(node, rays).bits & 1u) == 0;
+    closed_moves += (candidate_moves(leaves.moves[0], leaves.frames[0], rays).bits & 1u) == 0;
+    closed_nodes += (candidate_children(node, rays).bits & 1u) == 0;
   }
   std::cout << cases << " rays that meet a tool (seed 1802), ruled out: " << closed_moves
             << " moves, " << closed_nodes << " nodes\n";
@@ -313,13 +314,14 @@ TEST(SweepBounds, OfABallThatTheRayRunsThroughAreOpen) {
     const Ray ray{middle - 0.5 * n, n, 2.0};
     SweepLeaves leaves;
     leaves.moves.resize(1);
-    leaves.places.resize(1);
-    put(leaves, 0, ball, {&move, 1});
+    leaves.frames.resize(1);
+    fill_leaf(leaves, 0, ball, {&move, 1});
     SweepNode node;
-    for (int child = 0; child < 8; ++child) put(node, child, bounds_of(leaves, 0), move.tip);
-    const RaySegment stretch(ball, ray, ray.band, move.tip, 5.0);
-    closed += open_moves(leaves.moves[0], leaves.places[0], stretch).bits == 0 ||
-              open_children(node, stretch).bits == 0;
+    for (int child = 0; child < 8; ++child)
+      fill_child(node, child, sweep_bounds(leaves, 0), move.tip);
+    const RaySegment segment(ball, ray, ray.band, move.tip, 5.0);
+    closed += candidate_moves(leaves.moves[0], leaves.frames[0], segment).bits == 0 ||
+              candidate_children(node, segment).bits == 0;
   }
   EXPECT_EQ(closed, 0);
 }

@@ -61,7 +61,7 @@ TEST(TurnedCulling, LosesNothing) {
       const Ray in_w{design.vertices.row(0),
                      (design.normals.row(0).transpose() + askew).normalized(), 0.3};
       const auto found = swept.first(in_w);
-      const auto tried = swept.near(in_w, found.value_or(NoseCut{}), no_turn_is_farther);
+      const auto tried = swept.first_in_window(in_w, found.value_or(NoseCut{}), no_turn_is_farther);
       ++rays;
       cut += found.has_value();
       const double s = found ? found->s : in_w.band;

@@ -303,7 +303,8 @@ TEST(InsertSurface, TheTreeLosesNothing) {
     const TestCut one = any_cut(edge, i % 3 == 0 ? 0.0 : 1.0, random.in(1, 60), random);
     const NoseCutSearch swept(edge.nose, motion_of(one.path));
     const auto found = swept.first(one.ray);
-    const auto tried = swept.near(one.ray, found.value_or(NoseCut{}), no_turn_is_farther);
+    const auto tried =
+        swept.first_in_window(one.ray, found.value_or(NoseCut{}), no_turn_is_farther);
     cut += found.has_value();
     const double s = found ? found->s : one.ray.band;
     if (!tried || tried->s >= s - settled) return;

@@ -294,10 +294,11 @@ TEST(InsertEdge, EntersWhereItsDistanceSays) {
     const std::optional<Chord> inside = chord(profile, point, step);
     ASSERT_EQ(entry.has_value(), inside.has_value());
     if (!entry) {
-      const double s = edge.nearest(point, step, -30.0);
+      const double s = edge.nearest_s(point, step, -30.0);
       for (const double off : {-0.01, 0.01})
-        EXPECT_LE(edge.beyond(point + s * step), edge.beyond(point + (s + off) * step) + 1e-12);
-      EXPECT_GT(edge.beyond(point + s * step), 0.0);
+        EXPECT_LE(edge.distance_bound(point + s * step),
+                  edge.distance_bound(point + (s + off) * step) + 1e-12);
+      EXPECT_GT(edge.distance_bound(point + s * step), 0.0);
       continue;
     }
     for (const double s : {inside->begin, inside->end})

@@ -357,13 +357,13 @@ TEST(Campaign, FindsTheFortyTwoAndFourLessEightNumbersThatNothingCanTell) {
   const Design d = design(model, readings);
   const MatrixXd A = (MatrixXd(d.A.rows() + d.prior.rows(), d.A.cols()) << d.A, d.prior).finished();
   const std::vector<int> alike(d.is_sought.size(), 0);
-  EXPECT_EQ(factor(A, d.is_sought, alike, 1e-9).left.size(), 8u);
+  EXPECT_EQ(factor(A, d.is_sought, alike, 1e-9).left_out.size(), 8u);
   const Index p = found.value.size();
   const VectorXd shown = A.leftCols(p) * (found.value - values(truth.elements));
   std::vector<char> of_set_ups = d.is_sought;
   std::fill_n(of_set_ups.begin(), p, char(0));
   const Factor zeros = factor(A, of_set_ups, alike, 1e-9);
-  const double seen = (shown - A(Eigen::all, zeros.found) * solve(zeros, shown)).norm();
+  const double seen = (shown - A(Eigen::all, zeros.determined) * solve(zeros, shown)).norm();
   std::cout << "the difference from the truth shows in the readings as " << seen / shown.norm()
             << " of itself\n";
   EXPECT_LT(seen, 1e-3 * shown.norm()) << "second order";

@@ -58,8 +58,8 @@ TEST(LineTrace, OfALinearMapIsThatMap) {
     for (const ProfileLine line : {ProfileLine::X, ProfileLine::Y, ProfileLine::Radius}) {
       const auto trace = line_trace(made.map(), line);
       ASSERT_TRUE(trace);
-      EXPECT_EQ(trace->stretches, 1);
-      EXPECT_EQ(trace->left_out, 0.0);
+      EXPECT_EQ(trace->segments, 1);
+      EXPECT_EQ(trace->omitted_length, 0.0);
       EXPECT_NEAR(trace->s[trace->s.size() - 1], line == ProfileLine::Radius ? 6.0 : 12.0, 1e-12);
       EXPECT_NEAR(trace->along[0], line == ProfileLine::Radius ? 0.0 : -6.0, 1e-12);
       for (Index i = 0; i < trace->s.size(); ++i) {
@@ -86,10 +86,10 @@ TEST(LineTrace, TakesTheLongestStretchThatIsCut) {
       10.0, 100, [](double x, double) { return std::abs(x + 2.0) < 0.45 ? not_cut : x; });
   const auto trace = line_trace(made.map(), ProfileLine::X);
   ASSERT_TRUE(trace);
-  EXPECT_EQ(trace->stretches, 2);
+  EXPECT_EQ(trace->segments, 2);
   EXPECT_NEAR(trace->along[0], -1.5, 1e-12);
   EXPECT_NEAR(trace->along[trace->s.size() - 1], 5.0, 1e-12);
-  EXPECT_NEAR(trace->left_out, 2.5, 1e-12);
+  EXPECT_NEAR(trace->omitted_length, 2.5, 1e-12);
   const SquareMap nothing = square_map(10.0, 10, [](double, double) { return not_cut; });
   EXPECT_FALSE(line_trace(nothing.map(), ProfileLine::X));
 }

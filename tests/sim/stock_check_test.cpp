@@ -75,12 +75,13 @@ TEST(StockCheck, TheBodyNamesTheEffectsThatItDoesNotShow) {
   ASSERT_GT(*verdict.residual.max, 3e-3) << "the wall bends";
   const auto check = stock_check(wall, verdict);
   const std::string springs = "the body does not show what springs back from the flank";
-  ASSERT_EQ(check->left_out.size(), 1u);
-  EXPECT_TRUE(check->left_out.front().starts_with(springs)) << check->left_out.front();
+  ASSERT_EQ(check->omitted_effects.size(), 1u);
+  EXPECT_TRUE(check->omitted_effects.front().starts_with(springs))
+      << check->omitted_effects.front();
   EXPECT_NE(to_text(*check).find(springs), std::string::npos);
   EXPECT_EQ(to_json(*check).at("left_out").size(), 1u);
   const Verdict error_free = judge(wall, cut_error_free(wall), nullptr);
-  EXPECT_TRUE(stock_check(wall, error_free)->left_out.empty());
+  EXPECT_TRUE(stock_check(wall, error_free)->omitted_effects.empty());
   const SceneFolder folder;
   EXPECT_TRUE(ran(folder, program_text()).stock().at("left_out").empty()) << "nothing yields";
 }
