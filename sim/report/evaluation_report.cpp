@@ -411,7 +411,7 @@ ordered_json standard_block(const std::vector<const ordered_json*>& tests, std::
   std::vector<std::string> names;
   std::vector<std::vector<std::pair<std::string, ordered_json>>> figures_by_test;
   for (const ordered_json* test : tests) {
-    columns.push_back({test->match("name").get<std::string>(), ""});
+    columns.push_back({test->at("name").get<std::string>(), ""});
     flatten(*test, "", figures_by_test.emplace_back());
     for (const auto& [name, value] : figures_by_test.back())
       if (std::ranges::find(names, name) == names.end()) names.push_back(name);
@@ -428,7 +428,7 @@ ordered_json standard_block(const std::vector<const ordered_json*>& tests, std::
     rows.push_back(row);
   }
   return table_block("standard-" + std::to_string(number),
-                     tests.front()->match("standard").get<std::string>(), columns, rows);
+                     tests.front()->at("standard").get<std::string>(), columns, rows);
 }
 
 /// Adds the tables of all standards. A table wider than the page is continued in another one.

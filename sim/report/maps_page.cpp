@@ -383,7 +383,7 @@ void add_track(PageData& data, const ToolTrack& track, std::size_t number) {
 
 std::vector<std::string> add_machine(PageData& data, const Job& job) {
   std::size_t sample_count = 0;
-  for (const Job& segment : parts_of(job)) sample_count += segment.sample_count.states.size();
+  for (const Job& segment : parts_of(job)) sample_count += segment.samples.states.size();
   if (sample_count < 2)
     return {
         fmt::format("the motion of the machine is left out of the report: its program has {} "
@@ -400,7 +400,7 @@ std::vector<std::string> add_machine(PageData& data, const Job& job) {
                       {"point", to_json(joint.point_b)}});
   data.index["machine"] = {{"joints", joints},
                            {"T_bf_home", to_json(chain.T_bw_home())},
-                           {"T_bw_home", to_json(chain.T_bw_home() * job.scene.segment.T_wm)},
+                           {"T_bw_home", to_json(chain.T_bw_home() * job.scene.part.T_wm)},
                            {"tools", tools_json(job)}};
   add_motion(data, job);
   add_bodies(data, job);

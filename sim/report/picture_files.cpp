@@ -380,7 +380,7 @@ void write_stock_pictures(const ResultFolder& folder, const Job& job, const Verd
 
 void write_source_pictures(const ResultFolder& folder, const Job& job, const Verdict& verdict) {
   write_stock_pictures(folder, job, verdict);
-  const bool has_heat = job.truth.has_heat && verdict.cut.case_name != "error_free";
+  const bool has_heat = job.truth.heat && verdict.cut.case_name != "error_free";
   if (has_heat)
     write_file(folder / "temperatures.png",
                [&](const std::filesystem::path& file) { write_temperature_picture(file, job); });

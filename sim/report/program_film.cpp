@@ -40,7 +40,7 @@ FilmPlan film_plan(const FilmInterval& interval, double seconds, double fps) {
 }
 
 double speed_factor(const FilmPlan& plan) {
-  return (plan.stretch.end_s - plan.stretch.begin_s) * plan.fps / double(plan.time_s.size());
+  return (plan.interval.end_s - plan.interval.begin_s) * plan.fps / double(plan.time_s.size());
 }
 
 std::string speed_text(const FilmPlan& plan) {

@@ -133,8 +133,7 @@ std::string axes_text(const ProgramInspection& inspection) {
     const kinematics::Joint& joint = control_joint(inspection, j);
     const double unit = axis_unit(joint);
     const std::string remaining =
-        has_limits(joint) ? fmt::format("{:.5g} {}", axis.left / unit, axis_unit_name(joint))
-                          : "-";
+        has_limits(joint) ? fmt::format("{:.5g} {}", axis.left / unit, axis_unit_name(joint)) : "-";
     // Adding 0.0 turns -0 into 0.
     text += fmt::format("{:<5} {:<13} {:<13} {:<13} ", joint.name,
                         fmt::format("{:.7g}", axis.least.value / unit + 0.0),

@@ -142,7 +142,7 @@ const Collision* first_event(const Collisions& collisions) {
 
 render::MachinePicture collision_picture(const Job& job, const Collisions& collisions,
                                          const Collision& event) {
-  const Job& segment = parts_of(job)[event.segment];
+  const Job& segment = parts_of(job)[event.part];
   const std::vector<kinematics::Pose> T = carrier_poses(
       segment.truth.actual, event.state.q, deviations(segment.truth, event.state).joints);
   render::MachinePicture picture;

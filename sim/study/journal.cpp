@@ -251,7 +251,7 @@ Row read_row(const Database& database, const Statement& statement) {
   if (!has_types || response_blob.size() % 8 != 0 ||
       sqlite3_column_int64(statement.get(), 3) != row_checksum(row.index, response_blob, row.fault))
     throw journal_error(database.file, fmt::format("a damaged one (case {})", row.index));
-  row.response_blob = parse_responses(response_blob);
+  row.answers = parse_responses(response_blob);
   return row;
 }
 
