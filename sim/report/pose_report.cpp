@@ -326,7 +326,7 @@ void write_single_run_curves(const std::filesystem::path& file, const IdleMachin
   for (render::Panel* panel : {&tip_panel, &axis_panel})
     panel->x_label = fmt::format("{} / {}", joint.name, position_unit_label(joint));
   render::CurvesOptions options;
-  options.title = fmt::format("deviations along {} of {}", joint.name, name_of(idle));
+  options.title = fmt::format("deviations along {} of {}", joint.name, machine_title(idle));
   options.panel_height = 480;
   options.caption = caption(idle, volumetric);
   options.caption.insert(options.caption.begin(), figures_line(volumetric));
@@ -338,7 +338,7 @@ void write_volumetric_picture(const std::filesystem::path& file, const IdleMachi
                               const VolumetricData& volumetric) {
   if (volumetric.map.grid.runs.size() < 2) return write_single_run_curves(file, idle, volumetric);
   render::VolumePicture picture;
-  picture.title = "volumetric error of " + name_of(idle);
+  picture.title = "volumetric error of " + machine_title(idle);
   picture.figures = figures_line(volumetric);
   picture.points = volumetric.map.nominal;
   picture.displacement_um = volumetric.map.deviation / units::um;
