@@ -391,8 +391,8 @@ class Writer {
   void law(const NetworkLaw& law) {
     scaling(law.scaling);
     number("out_bias", law.network.out_bias);
-    line("hidden", fmt::format("{}", law.network.excess.size()));
-    vector("out", law.network.excess);
+    line("hidden", fmt::format("{}", law.network.out.size()));
+    vector("out", law.network.out);
     vector("in_bias", law.network.in_bias);
     matrix("in", law.network.in);
   }
@@ -536,7 +536,7 @@ NetworkLaw read_network(Reader& reader, Index m) {
   NetworkLaw law{read_scaling(reader, m), {}};
   law.network.out_bias = reader.number("out_bias");
   const int hidden = reader.integer("hidden", 1, max_model_size);
-  law.network.excess = reader.vector("out", hidden);
+  law.network.out = reader.vector("out", hidden);
   law.network.in_bias = reader.vector("in_bias", hidden);
   law.network.in = reader.matrix("in", m, max_model_size);
   if (law.network.in.rows() != hidden)
