@@ -102,8 +102,7 @@ std::string readings_label(std::span<const Readings> readings, std::size_t r) {
   return same_name_count > 1 ? fmt::format("{} (readings {})", name, r + 1) : name;
 }
 
-}  // namespace
-
+/// Returns the unknowns of a model and of the set-ups of all readings, with their names.
 Unknowns model_unknowns(const GeometricErrors& model, std::span<const Readings> readings) {
   Unknowns result;
   result.coefficients = coefficients(model.elements);
@@ -122,11 +121,14 @@ Unknowns model_unknowns(const GeometricErrors& model, std::span<const Readings> 
   return result;
 }
 
+/// Returns the block of unknowns of a set-up.
 const Unknowns::SetUp& set_up_block(const Unknowns& unknowns, int readings, int set_up) {
   for (const Unknowns::SetUp& block : unknowns.set_ups)
     if (block.readings == readings && block.set_up == set_up) return block;
   throw std::logic_error("a set-up without a place");
 }
+
+}  // namespace
 
 VectorXd start(const GeometricErrors& model, const Unknowns& unknowns) {
   VectorXd x = VectorXd::Zero(unknowns.size());

@@ -27,13 +27,6 @@ struct Unknowns {
   int size() const { return int(names.size()); }
 };
 
-/// Returns the unknowns of a model and of the set-ups of all readings, with their names.
-Unknowns model_unknowns(const GeometricErrors& model,
-                        std::span<const metrology::Readings> readings);
-
-/// Returns the block of unknowns of a set-up. Throws std::logic_error if there is none.
-const Unknowns::SetUp& set_up_block(const Unknowns& unknowns, int readings, int set_up);
-
 /// Returns the start of the estimation: the coefficients of the model and perfect set-ups (n).
 Eigen::VectorXd start(const GeometricErrors& model, const Unknowns& unknowns);
 

@@ -202,9 +202,14 @@ struct Degrees {
   std::vector<std::optional<int>> first_row = {};  ///< (errors)
 };
 
+/// Returns the absolute correlation of the error with every input; 0 for a constant input.
+VectorXd correlations(const ThermalData& data) {
+  return (directions(data.T).transpose() * directions(data.y)).cwiseAbs();
+}
+
 Degrees correlation_degrees(std::span<const ThermalData> errors) {
-  Degrees result{GreyStatus::Ok, -1, correlations(errors.front()),
-                 mutual_correlations(errors.front())};
+  const MatrixXd d = directions(errors.front().T);
+  Degrees result{GreyStatus::Ok, -1, correlations(errors.front()), (d.transpose() * d).cwiseAbs()};
   for (const ThermalData& error : errors)
     result.with_error = result.with_error.cwiseMax(correlations(error));
   return result;
@@ -494,15 +499,6 @@ ChoiceSpread choice_spread(std::span<const ThermalData> errors, const SensorChoi
     result.same /= result.draws;
   }
   return result;
-}
-
-VectorXd correlations(const ThermalData& data) {
-  return (directions(data.T).transpose() * directions(data.y)).cwiseAbs();
-}
-
-MatrixXd mutual_correlations(const ThermalData& data) {
-  const MatrixXd d = directions(data.T);
-  return (d.transpose() * d).cwiseAbs();
 }
 
 std::vector<int> ranking(const VectorXd& degree) {

@@ -161,11 +161,6 @@ struct ChoiceSpreadOptions {
                                          const SensorChoice& choice,
                                          const ChoiceSpreadOptions& spread);
 
-/// Return the absolute correlation of the error with every input, and of every input with every
-/// other; 0 for a constant input.
-Eigen::VectorXd correlations(const ThermalData& data);
-Eigen::MatrixXd mutual_correlations(const ThermalData& data);
-
 /// Returns indices by descending degree; among equals the lower index first.
 std::vector<int> ranking(const Eigen::VectorXd& degree);
 

@@ -208,14 +208,15 @@ VectorXd values(const ThermalModel& model, const MatrixXd& T) {
   return result;
 }
 
+namespace {
+
+/// Returns the number of rows that `predict` rejects.
 int count_rows_outside(const ThermalModel& model, const MatrixXd& T) {
   int count = 0;
   for (Index row = 0; row < T.rows(); ++row)
     count += predict(model, T.row(row).transpose()).status != PredictionStatus::Ok;
   return count;
 }
-
-namespace {
 
 /// Residuals of runs that were left out of the training.
 struct ValidationPart {

@@ -103,9 +103,6 @@ struct ThermalPrediction {
 /// for corrections.
 Eigen::VectorXd values(const ThermalModel& model, const Eigen::MatrixXd& T);
 
-/// Returns the number of rows that `predict` rejects.
-int count_rows_outside(const ThermalModel& model, const Eigen::MatrixXd& T);
-
 /// Returns the model as plain text. The model that `parse_thermal_model` reads from it predicts the
 /// same bits.
 std::string to_text(const ThermalModel& model);

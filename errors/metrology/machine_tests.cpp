@@ -21,6 +21,24 @@ using Eigen::VectorXd;
 
 namespace {
 
+/// Readings of one channel of one set-up, in the order of the plan.
+struct ChannelSeries {
+  const Readings& readings;
+  int set_up = 0;                         ///< index in the plan
+  int channel = 0;                        ///< index in that set-up
+  std::vector<std::size_t> measurements;  ///< indices in the plan
+
+  const SetUp& optics() const { return readings.plan.set_ups[std::size_t(set_up)]; }
+  const Channel& sensor() const { return optics().channels[std::size_t(channel)]; }
+  const Measurement& measurement(std::size_t i) const {
+    return readings.plan.measurements[measurements[i]];
+  }
+  /// Returns the name of the set-up, followed by that of the channel if there are several.
+  std::string name() const {
+    return optics().channels.size() > 1 ? optics().name + ", " + sensor().name : optics().name;
+  }
+};
+
 /// Targets in ascending order of their position along a path.
 struct Targets {
   VectorXd position;         ///< (m)
@@ -28,7 +46,7 @@ struct Targets {
 };
 
 /// Sorts the targets of a series by their position along a path.
-Targets path_targets(const Series& series, const VectorXd& along) {
+Targets path_targets(const ChannelSeries& series, const VectorXd& along) {
   std::map<int, double> position;
   for (std::size_t i = 0; i < series.measurements.size(); ++i)
     position.emplace(series.measurement(i).target, along[Index(i)]);
@@ -44,17 +62,13 @@ Targets path_targets(const Series& series, const VectorXd& along) {
   return targets;
 }
 
-}  // namespace
-
-std::string Series::name() const {
-  return optics().channels.size() > 1 ? optics().name + ", " + sensor().name : optics().name;
-}
-
-Bodies nominal_bodies_at(const Series& series, std::size_t i) {
+/// Returns the nominal poses of the bodies at a measurement.
+Bodies nominal_bodies_at(const ChannelSeries& series, std::size_t i) {
   return nominal_bodies(series.readings.nominal, series.measurement(i).state.q);
 }
 
-VectorXd deviations(const Series& series) {
+/// Returns the readings minus those of a perfect set-up on the nominal machine (measurements).
+VectorXd deviations(const ChannelSeries& series) {
   VectorXd result(Index(series.measurements.size()));
   for (std::size_t i = 0; i < series.measurements.size(); ++i) {
     const Bodies nominal = nominal_bodies_at(series, i);
@@ -65,12 +79,14 @@ VectorXd deviations(const Series& series) {
   return result;
 }
 
-Eigen::Vector3d measured_point_w(const Series& series, const kinematics::AxisVector& q) {
+/// Returns the nominal position of the measured point in the workpiece.
+Eigen::Vector3d measured_point_w(const ChannelSeries& series, const kinematics::AxisVector& q) {
   const Bodies nominal = nominal_bodies(series.readings.nominal, q);
   return nominal.T_bw.inverse() * (nominal.T_bt * series.sensor().point_of);
 }
 
-std::vector<int> moving_joints(const Series& series) {
+/// Returns the indices of the axes that move.
+std::vector<int> moving_joints(const ChannelSeries& series) {
   std::vector<int> moving;
   for (Index j = 0; j < series.measurement(0).state.q.size(); ++j)
     for (std::size_t i = 1; i < series.measurements.size(); ++i)
@@ -82,7 +98,11 @@ std::vector<int> moving_joints(const Series& series) {
   return moving;
 }
 
-std::optional<PositionRuns> position_runs(const Series& series, const VectorXd& along,
+/// Returns the deviations of a series as runs over positions along a path, in ascending order of
+/// the targets, or nothing unless every run has every target once and all targets are distinct.
+/// @param along       (measurements) position on the path
+/// @param from_below  (measurements) true if the measurement was approached from lower positions
+std::optional<PositionRuns> position_runs(const ChannelSeries& series, const VectorXd& along,
                                           const std::vector<bool>& from_below) {
   const Targets targets = path_targets(series, along);
   const Index m = targets.position.size();
@@ -111,10 +131,8 @@ std::optional<PositionRuns> position_runs(const Series& series, const VectorXd& 
   return runs;
 }
 
-namespace {
-
 /// Returns the direction of a channel in the bed at its first measurement.
-Eigen::Vector3d sensor_direction_b(const Series& series) {
+Eigen::Vector3d sensor_direction_b(const ChannelSeries& series) {
   const Bodies nominal = nominal_bodies_at(series, 0);
   const Channel& sensor = series.sensor();
   if (sensor.in == Body::Bed) return sensor.direction_in;
@@ -124,7 +142,7 @@ Eigen::Vector3d sensor_direction_b(const Series& series) {
 
 /// Returns true if a channel measures along the travel, false if across it. The change of the
 /// reading on the nominal machine decides.
-bool is_measured_along(const Series& series, int joint) {
+bool is_measured_along(const ChannelSeries& series, int joint) {
   std::size_t farthest = 0;
   const auto displacement = [&](std::size_t i) {
     return std::abs(series.measurement(i).state.q[joint] - series.measurement(0).state.q[joint]);
@@ -140,7 +158,8 @@ bool is_measured_along(const Series& series, int joint) {
   return std::abs(reading_change) > 0.5 * displacement(farthest);
 }
 
-AxisTest::TestKind classify_axis_test(const Series& series, int joint, const AxisTest& test) {
+AxisTest::TestKind classify_axis_test(const ChannelSeries& series, int joint,
+                                      const AxisTest& test) {
   using TestKind = AxisTest::TestKind;
   if (test.rotary) return test.angle ? TestKind::Positioning : TestKind::ErrorMotion;
   if (test.angle) return TestKind::Angle;
@@ -160,9 +179,8 @@ void subtract_zero_reading(PositionRuns& runs) {
   runs.down.array() -= zero / double(n);
 }
 
-}  // namespace
-
-std::optional<AxisTest> axis_test(const Series& series, int joint) {
+/// Returns the test of the only moving axis, or nothing if runs lack a target.
+std::optional<AxisTest> axis_test(const ChannelSeries& series, int joint) {
   const kinematics::Joint& axis = series.readings.nominal.joints()[std::size_t(joint)];
   VectorXd along(Index(series.measurements.size()));
   std::vector<bool> from_below;
@@ -188,6 +206,8 @@ std::optional<AxisTest> axis_test(const Series& series, int joint) {
   test.runs = std::move(*runs);
   return test;
 }
+
+}  // namespace
 
 bool is_hidden_by_centring(const AxisTest& test) {
   if (test.what != AxisTest::TestKind::ErrorMotion || test.axial) return false;
@@ -229,7 +249,7 @@ PositionRuns form_of(const AxisTest& test) {
 namespace {
 
 /// Returns the two slides of a circle in alphabetical order, or nothing if other axes move.
-std::optional<std::array<int, 2>> circle_slides(const Series& series,
+std::optional<std::array<int, 2>> circle_slides(const ChannelSeries& series,
                                                 const std::vector<int>& moving) {
   const auto& joints = series.readings.nominal.joints();
   if (series.sensor().quantity != Quantity::Length || moving.size() != 2) return std::nullopt;
@@ -250,7 +270,7 @@ struct CirclePass {
 
 /// Divides a series into passes. A pass ends with its run, or at a target that is read again before
 /// the motion back.
-std::vector<CirclePass> circle_passes(const Series& series,
+std::vector<CirclePass> circle_passes(const ChannelSeries& series,
                                       const Eigen::Matrix<double, 3, 2>& plane) {
   std::vector<CirclePass> passes;
   int step = 0;
@@ -277,7 +297,7 @@ std::vector<CirclePass> circle_passes(const Series& series,
 
 /// Returns unit vectors in the workpiece: along the first slide and, perpendicular to it, towards
 /// the second.
-Eigen::Matrix<double, 3, 2> plane_w(const Series& series, const std::array<int, 2>& slides) {
+Eigen::Matrix<double, 3, 2> plane_w(const ChannelSeries& series, const std::array<int, 2>& slides) {
   const auto& q0 = series.measurement(0).state.q;
   Eigen::Matrix<double, 3, 2> plane;
   for (int k = 0; k < 2; ++k) {
@@ -292,9 +312,9 @@ Eigen::Matrix<double, 3, 2> plane_w(const Series& series, const std::array<int, 
   return plane;
 }
 
-}  // namespace
-
-std::vector<CircleTest> circle_tests(const Series& series, const std::vector<int>& moving) {
+/// Returns one test per run, or none unless exactly two slides move on a circle about the socket.
+/// @param moving  the axes that move
+std::vector<CircleTest> circle_tests(const ChannelSeries& series, const std::vector<int>& moving) {
   const auto slides = circle_slides(series, moving);
   if (!slides) return {};
   const auto& q0 = series.measurement(0).state.q;
@@ -331,11 +351,9 @@ std::vector<CircleTest> circle_tests(const Series& series, const std::vector<int
   return result;
 }
 
-namespace {
-
 /// Returns the signs of the slides along a diagonal in the order X Y Z, or nothing if other axes
 /// move.
-std::optional<std::array<int, 3>> diagonal_signs(const Series& series,
+std::optional<std::array<int, 3>> diagonal_signs(const ChannelSeries& series,
                                                  const std::vector<int>& moving) {
   std::array<int, 3> signs{0, 0, 0};
   int first = series.measurement(0).target, last = first;
@@ -357,7 +375,7 @@ std::optional<std::array<int, 3>> diagonal_signs(const Series& series,
 }
 
 /// Returns true if the measured point moves along the beam.
-bool is_along_beam(const Series& series) {
+bool is_along_beam(const ChannelSeries& series) {
   const Vector3d& beam = series.sensor().direction_in;
   const Vector3d start = measured_point_w(series, series.measurement(0).state.q);
   for (std::size_t i = 1; i < series.measurements.size(); ++i) {
@@ -369,9 +387,11 @@ bool is_along_beam(const Series& series) {
   return true;
 }
 
-}  // namespace
-
-std::optional<DiagonalTest> diagonal_test(const Series& series, const std::vector<int>& moving) {
+/// Returns the test, or nothing if other axes than slides move, the path is not straight along the
+/// beam, or runs lack a target.
+/// @param moving  the axes that move, two or more
+std::optional<DiagonalTest> diagonal_test(const ChannelSeries& series,
+                                          const std::vector<int>& moving) {
   if (series.sensor().quantity != Quantity::Displacement) return std::nullopt;
   const auto signs = diagonal_signs(series, moving);
   if (!signs || !is_along_beam(series)) return std::nullopt;
@@ -393,11 +413,9 @@ std::optional<DiagonalTest> diagonal_test(const Series& series, const std::vecto
   return DiagonalTest{series.name(), {*signs, std::move(*runs)}};
 }
 
-namespace {
-
 /// Returns the channels of a set-up over time, or nothing if they were not read together.
-std::optional<DriftTest> drift_test(const std::vector<Series>& channels) {
-  const Series& first = channels.front();
+std::optional<DriftTest> drift_test(const std::vector<ChannelSeries>& channels) {
+  const ChannelSeries& first = channels.front();
   DriftTest test;
   test.name = first.optics().name;
   const auto n = Index(first.measurements.size());
@@ -419,7 +437,7 @@ std::optional<DriftTest> drift_test(const std::vector<Series>& channels) {
 }
 
 /// Returns the positions of the axes at each measurement, with whole turns removed.
-Eigen::MatrixXd wrapped_positions(const Series& series) {
+Eigen::MatrixXd wrapped_positions(const ChannelSeries& series) {
   const auto& joints = series.readings.nominal.joints();
   Eigen::MatrixXd positions(Index(series.measurements.size()), 2 * Index(joints.size()));
   for (Index i = 0; i < positions.rows(); ++i) {
@@ -434,7 +452,7 @@ Eigen::MatrixXd wrapped_positions(const Series& series) {
 }
 
 /// Returns the deviations of a series from their mean.
-OtherTest other_test(const Series& series) {
+OtherTest other_test(const ChannelSeries& series) {
   constexpr double tolerance = 1e-9;  // mm or rad
   OtherTest test{series.name(), series.sensor().is_angle(), deviations(series),
                  position_weights(wrapped_positions(series), tolerance)};
@@ -467,12 +485,13 @@ void join_single_readings(std::vector<OtherTest>& tests) {
 }
 
 /// Adds the tests of one set-up.
-void sort_set_up(const std::vector<Series>& channels, Tests& tests) {
+void sort_set_up(const std::vector<ChannelSeries>& channels, Tests& tests) {
   std::vector<AxisTest> axis_tests;
   std::set<char> axes;
   // Readings without any motion are a drift test for every instrument.
   bool is_at_rest = true;
-  for (const Series& series : channels) is_at_rest = is_at_rest && moving_joints(series).empty();
+  for (const ChannelSeries& series : channels)
+    is_at_rest = is_at_rest && moving_joints(series).empty();
   if (is_at_rest) {
     if (auto drift = drift_test(channels)) {
       tests.drifts.push_back(std::move(*drift));
@@ -481,7 +500,7 @@ void sort_set_up(const std::vector<Series>& channels, Tests& tests) {
   }
   // The order of the attempts matters: one moving axis, then a straight diagonal, then a circle.
   // All other readings are reported by their range.
-  for (const Series& series : channels) {
+  for (const ChannelSeries& series : channels) {
     const std::vector<int> moving = moving_joints(series);
     if (moving.size() == 1) {
       if (auto test = axis_test(series, moving.front())) {
@@ -515,16 +534,16 @@ void sort_set_up(const std::vector<Series>& channels, Tests& tests) {
 Tests classify_readings(const Readings& readings) {
   Tests tests;
   const auto& plan = readings.plan;
-  std::vector<std::vector<Series>> set_ups(plan.set_ups.size());
+  std::vector<std::vector<ChannelSeries>> set_ups(plan.set_ups.size());
   for (std::size_t s = 0; s < set_ups.size(); ++s)
     for (std::size_t c = 0; c < plan.set_ups[s].channels.size(); ++c)
       set_ups[s].push_back({readings, int(s), int(c), {}});
   for (std::size_t i = 0; i < plan.measurements.size(); ++i)
     set_ups[std::size_t(plan.measurements[i].set_up)][std::size_t(plan.measurements[i].channel)]
         .measurements.push_back(i);
-  for (const std::vector<Series>& set_up_series : set_ups) {
-    std::vector<Series> channels;
-    for (const Series& series : set_up_series)
+  for (const std::vector<ChannelSeries>& set_up_series : set_ups) {
+    std::vector<ChannelSeries> channels;
+    for (const ChannelSeries& series : set_up_series)
       if (!series.measurements.empty()) channels.push_back(series);
     if (!channels.empty()) sort_set_up(channels, tests);
   }

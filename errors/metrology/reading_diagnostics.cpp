@@ -383,8 +383,8 @@ void check_deviations(const std::string& name, const VectorXd& v, bool is_angle,
         name, size_text(max_magnitude, is_angle)));
 }
 
-}  // namespace
-
+/// Returns the readings of the nominal machine in perfect set-ups (measurements), mm or rad; 0 for
+/// logged temperatures.
 VectorXd nominal_values(const Readings& readings) {
   VectorXd nominal = VectorXd::Zero(Index(readings.plan.measurements.size()));
   for (std::size_t i = 0; i < readings.plan.measurements.size(); ++i) {
@@ -397,6 +397,8 @@ VectorXd nominal_values(const Readings& readings) {
   }
   return nominal;
 }
+
+}  // namespace
 
 std::vector<ChannelMeasurements> channel_measurements(const Plan& plan) {
   std::map<std::pair<int, int>, std::vector<int>> measurements;

@@ -53,10 +53,6 @@ std::vector<RepeatedSeries> repeated_series(std::span<const Readings> files);
 /// Returns the name of a series for messages: "X positioning, along X, run 1".
 std::string series_text(const Readings& readings, const SeriesIndex& series);
 
-/// Returns the readings of the nominal machine in perfect set-ups (measurements), mm or rad; 0 for
-/// logged temperatures.
-Eigen::VectorXd nominal_values(const Readings& readings);
-
 /// Measurements of one channel of a set-up, in the order of the plan.
 struct ChannelMeasurements {
   int set_up = 0;
