@@ -269,7 +269,7 @@ HtmlReport html_report(const std::vector<Compared>& cases, const Comparison& com
                          for (const std::string& omission : add_machine(page.data, job))
                            report.warnings.push_back(omission);
                        });
-  page.words = details_section(cases, json, report.warnings, options);
+  page.details = details_section(cases, json, report.warnings, options);
   report.html = page_html(page);
   return report;
 }
