@@ -36,13 +36,8 @@ int side_count(double radius, double sag) {
 
 ClosedMesh make_mesh(const std::vector<Vector3d>& vertices,
                      const std::vector<std::array<int, 3>>& triangles) {
-  ClosedMesh mesh{Points(Index(vertices.size()), 3), Triangles(Index(triangles.size()), 3), 0.0};
-  for (std::size_t i = 0; i < vertices.size(); ++i)
-    mesh.vertices.row(Index(i)) = vertices[i].transpose();
-  for (std::size_t t = 0; t < triangles.size(); ++t)
-    for (std::size_t corner = 0; corner < 3; ++corner)
-      mesh.triangles(Index(t), Index(corner)) = triangles[t][corner];
-  return mesh;
+  return {Eigen::Map<const Points>(vertices.front().data(), Index(vertices.size()), 3),
+          triangle_matrix(triangles)};
 }
 
 /// Returns the profile with its ends on the axis.
@@ -479,7 +474,7 @@ std::optional<ShankContact> non_cutting_contact(const Design& design_w,
   if (moving_sections.empty()) return std::nullopt;
   std::vector<ShankCheck> checks;
   for (const MovingSection& section : moving_sections) {
-    check_milled(design_w, section.shape, section.path, band);
+    check_milling_input(design_w, section.shape, section.path, band);
     checks.emplace_back(design_w, section.shape, section.path, section.moves, max_tolerated);
   }
 

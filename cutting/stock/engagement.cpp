@@ -124,7 +124,8 @@ EdgeSlice slice_between(const CutterOutline& outline, double from, double to) {
 /// feed.
 double facing_half_angle(double kappa, const Vector3d& feed_t, double lateral) {
   // From n . feed > min_facing with n = (sin kappa cos delta, ., -cos kappa).
-  const double required = min_facing + (kappa == 0.5 * pi ? 0.0 : std::cos(kappa)) * feed_t.z();
+  const double required =
+      min_feed_component + (kappa == 0.5 * pi ? 0.0 : std::cos(kappa)) * feed_t.z();
   const double amplitude = std::sin(kappa) * lateral;
   if (required >= amplitude) return 0.0;
   if (required <= -amplitude) return pi;

@@ -42,7 +42,7 @@ struct EngagementOptions {
 
 /// Minimum component of the outward normal along the feed of a surface that cuts. Below it the chip
 /// is negligible; this excludes a bottom that slides on the floor it has cut.
-inline constexpr double min_facing = 0.01;
+inline constexpr double min_feed_component = 0.01;
 
 /// Returns the slices of a cutter: those of the flat bottom, the corner and the flank, or of the
 /// lines and arcs of a form cutter below its top. The sum of their lengths is the length of the

@@ -580,13 +580,6 @@ void bridge_kinks(const Points& before, const std::map<Edge, int>& rim,
   }
 }
 
-Triangles to_triangles(const std::vector<std::array<int, 3>>& list) {
-  Triangles triangles(Eigen::Index(list.size()), 3);
-  for (std::size_t t = 0; t < list.size(); ++t)
-    for (int k = 0; k < 3; ++k) triangles(Eigen::Index(t), k) = list[t][std::size_t(k)];
-  return triangles;
-}
-
 void check_raised_surface(const Points& raised, const Triangles& triangles, double floor) {
   if (!(raised.col(2).minCoeff() > floor))
     throw std::invalid_argument(
@@ -628,12 +621,12 @@ MeshBlank offset_blank(const Design& design_k, double allowance, double floor) {
   body.vertices_k.bottomRows(n).col(2).setConstant(floor);
   std::vector<std::array<int, 3>> all = top;
   for (const auto& [a, b, c] : top) all.push_back({n + a, n + c, n + b});
-  for (const auto& [edge, count] : rim_edges(to_triangles(top)))
+  for (const auto& [edge, count] : rim_edges(triangle_matrix(top)))
     for (int i = 0; i < count; ++i) {
       all.push_back({edge.second, edge.first, n + edge.first});
       all.push_back({edge.second, n + edge.first, n + edge.second});
     }
-  body.triangles = to_triangles(all);
+  body.triangles = triangle_matrix(all);
   return body;
 }
 

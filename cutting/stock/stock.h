@@ -14,6 +14,12 @@
 
 namespace abbe::cutting {
 
+/// Returns the triangles as a matrix.
+inline Triangles triangle_matrix(const std::vector<std::array<int, 3>>& triangles) {
+  if (triangles.empty()) return Triangles(0, 3);
+  return Eigen::Map<const Triangles>(triangles.front().data(), Eigen::Index(triangles.size()), 3);
+}
+
 /// A run of material on a line, with the program lines that cut its ends: 0 for the skin of the
 /// blank, negative if a crash on that line cut it.
 struct DexelRun {

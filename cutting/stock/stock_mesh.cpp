@@ -320,14 +320,7 @@ class SkinMesher {
   }
 
   StockMesh make_mesh() {
-    StockMesh result;
-    result.vertices_w = in_workpiece(vertex_positions_);
-    result.triangles.resize(Eigen::Index(triangles_.size()), 3);
-    for (std::size_t t = 0; t < triangles_.size(); ++t)
-      for (int k = 0; k < 3; ++k)
-        result.triangles(Eigen::Index(t), k) = triangles_[t][std::size_t(k)];
-    result.line = std::move(lines_);
-    return result;
+    return {in_workpiece(vertex_positions_), triangle_matrix(triangles_), std::move(lines_)};
   }
 
   const Stock& stock_;

@@ -269,7 +269,7 @@ std::vector<CompetingPass> competing_passes_along(const MilledSweep& sweep, cons
 std::vector<CompetingPass> milled_competing_passes(const Design& design_w, const Cutter& cutter,
                                                    const CutterMotion& motion,
                                                    const CompetingPassOptions& options) {
-  check_milled(design_w, cutter, motion, options.band);
+  check_milling_input(design_w, cutter, motion, options.band);
   require(!is_hollow(cutter), "milled rivals: expected a convex cutter, seen a hollow one");
   check_pass_options(options);
   const std::vector<Index> order = judged_vertices(design_w);
@@ -388,7 +388,7 @@ std::vector<CompetingPass> competing_passes_along(const TurnedSweep& sweep, cons
 std::vector<CompetingPass> turned_competing_passes(const Design& design_w, const Nose& nose,
                                                    const NoseMotion& motion,
                                                    const CompetingPassOptions& options) {
-  check_turned(design_w, options.band);
+  check_turning_input(design_w, options.band);
   check_pass_options(options);
   const NoseCutSearch cut_search(nose, motion);
   const TurnedSweep sweep{cut_search, motion, options};

@@ -43,8 +43,8 @@ Surface search_milled(std::span<const SweepTree> trees, const CutterMotion& moti
     const std::size_t finished_count = finished += range.size();
     if (options.progress) options.progress(double(finished_count) / double(order.size()));
   });
-  return with_gouge_depths(std::move(surface), design_w, options,
-                           [&](const Ray& ray) { return first_cut(trees, motion, ray); });
+  return complete_gouges(std::move(surface), design_w, options,
+                         [&](const Ray& ray) { return first_cut(trees, motion, ray); });
 }
 
 }  // namespace
@@ -52,7 +52,7 @@ Surface search_milled(std::span<const SweepTree> trees, const CutterMotion& moti
 std::function<Surface(const Design& design_w)> milled_search(const Cutter& cutter,
                                                              const CutterMotion& motion,
                                                              const SurfaceOptions& options) {
-  check_milled(Design{}, cutter, motion, options.band);
+  check_milling_input(Design{}, cutter, motion, options.band);
   const auto trees = std::make_shared<const std::vector<SweepTree>>(sweep_trees(cutter, motion));
   return [trees, &motion, options](const Design& design_w) {
     check_design(design_w);
@@ -62,7 +62,7 @@ std::function<Surface(const Design& design_w)> milled_search(const Cutter& cutte
 
 Surface milled_surface(const Design& design_w, const Cutter& cutter, const CutterMotion& motion,
                        const SurfaceOptions& options) {
-  check_milled(design_w, cutter, motion, options.band);
+  check_milling_input(design_w, cutter, motion, options.band);
   return search_milled(sweep_trees(cutter, motion), motion, design_w, options);
 }
 
@@ -100,12 +100,12 @@ Surface search_turned(const NoseCutSearch& cut_search, const Design& design_w,
                       finished_count += range.size();
                       if (options.progress) options.progress(double(finished_count) / double(n));
                     });
-  return with_gouge_depths(std::move(surface), design_w, options,
-                           [&](const Ray& ray) -> std::optional<FirstCut> {
-                             const std::optional<NoseCut> cut = cut_search.first(ray);
-                             if (!cut) return std::nullopt;
-                             return FirstCut{cut->s, cut->time_s, cut->line};
-                           });
+  return complete_gouges(std::move(surface), design_w, options,
+                         [&](const Ray& ray) -> std::optional<FirstCut> {
+                           const std::optional<NoseCut> cut = cut_search.first(ray);
+                           if (!cut) return std::nullopt;
+                           return FirstCut{cut->s, cut->time_s, cut->line};
+                         });
 }
 
 }  // namespace
@@ -115,14 +115,14 @@ std::function<Surface(const Design& design_w)> turned_search(const Nose& nose,
                                                              const SurfaceOptions& options) {
   const auto cut_search = std::make_shared<const NoseCutSearch>(nose, motion);
   return [cut_search, options](const Design& design_w) {
-    check_turned(design_w, options.band);
+    check_turning_input(design_w, options.band);
     return search_turned(*cut_search, design_w, options);
   };
 }
 
 Surface turned_surface(const Design& design_w, const Nose& nose, const NoseMotion& motion,
                        const SurfaceOptions& options) {
-  check_turned(design_w, options.band);
+  check_turning_input(design_w, options.band);
   return search_turned(NoseCutSearch(nose, motion), design_w, options);
 }
 
@@ -158,7 +158,7 @@ void check_block(const StreamArguments& arguments, const CutterMotion& motion,
         fmt::format("{}, in block {} of the motion", message, block_number));
   };
   try {
-    check_milled(Design{}, arguments.cutter, motion, arguments.options.band);
+    check_milling_input(Design{}, arguments.cutter, motion, arguments.options.band);
   } catch (const std::invalid_argument& error) {
     throw_input_error(error.what());
   }
@@ -287,7 +287,7 @@ Surface streamed_surface(const Design& design_w, const Cutter& cutter,
                          const std::function<MotionBlocks()>& begin,
                          const SurfaceOptions& options) {
   const StreamArguments arguments{design_w, cutter, options};
-  check_milled(design_w, cutter, CutterMotion{}, options.band);
+  check_milling_input(design_w, cutter, CutterMotion{}, options.band);
   const std::vector<Index> order = judged_vertices(design_w);
   const std::vector<VertexBlock> blocks = vertex_blocks(order, arguments);
   Surface surface = uncut_surface(design_w, order);
@@ -299,7 +299,7 @@ Surface streamed_surface(const Design& design_w, const Cutter& cutter,
                                            const std::function<Ray(std::size_t)>& ray) {
     return first_cuts_of_motion(arguments, begin(), count, ray);
   };
-  return with_gouge_depths(std::move(surface), design_w, options, first_cuts);
+  return complete_gouges(std::move(surface), design_w, options, first_cuts);
 }
 
 namespace {

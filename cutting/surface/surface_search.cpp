@@ -115,15 +115,15 @@ void check_design(const Design& design) {
   });
 }
 
-void check_milled(const Design& design, const Cutter& cutter, const CutterMotion& motion,
-                  double band) {
+void check_milling_input(const Design& design, const Cutter& cutter, const CutterMotion& motion,
+                         double band) {
   require_milled(std::isfinite(band) && band > 0, "the band is not positive and finite");
   check(cutter);
   check(motion);
   check_design(design);
 }
 
-void check_turned(const Design& design, double band) {
+void check_turning_input(const Design& design, double band) {
   const Index n = design.vertices.rows();
   require(design.normals.rows() == n, "design: expected as many normals as vertices");
   require(design.judged.empty() || Index(design.judged.size()) == n,
@@ -318,19 +318,19 @@ std::optional<ShiftedRay> ThinPartRays::of(Index vertex) const {
   return normal_segment(design_, vertex, -0.5 * *behind, band_);
 }
 
-Surface with_gouge_depths(Surface surface, const Design& design, const SurfaceOptions& options,
-                          const FirstCutFunction& first_cut) {
+Surface complete_gouges(Surface surface, const Design& design, const SurfaceOptions& options,
+                        const FirstCutFunction& first_cut) {
   const FirstCutsFunction first_cuts = [&](std::size_t count,
                                            const std::function<Ray(std::size_t)>& ray) {
     std::vector<std::optional<FirstCut>> cuts(count);
     parallel_for_each(count, [&](std::size_t k) { cuts[k] = first_cut(ray(k)); });
     return cuts;
   };
-  return with_gouge_depths(std::move(surface), design, options, first_cuts);
+  return complete_gouges(std::move(surface), design, options, first_cuts);
 }
 
-Surface with_gouge_depths(Surface surface, const Design& design, const SurfaceOptions& options,
-                          const FirstCutsFunction& first_cuts) {
+Surface complete_gouges(Surface surface, const Design& design, const SurfaceOptions& options,
+                        const FirstCutsFunction& first_cuts) {
   if (std::ranges::none_of(surface.status, needs_second_search)) return surface;
   const auto body = options.body ? options.body : std::make_shared<const Thickness>(design);
   const std::vector<GougeSearch> searches = gouge_searches(surface, design, *body, options.band);

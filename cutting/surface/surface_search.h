@@ -19,8 +19,8 @@ namespace abbe::cutting {
 
 /// Checks design, cutter, motion and band (mm).
 /// @throws std::invalid_argument as milled_surface
-void check_milled(const Design& design, const Cutter& cutter, const CutterMotion& motion,
-                  double band);
+void check_milling_input(const Design& design, const Cutter& cutter, const CutterMotion& motion,
+                         double band);
 
 /// Checks the design without tool and motion.
 /// @throws std::invalid_argument as milled_surface
@@ -28,7 +28,7 @@ void check_design(const Design& design);
 
 /// Checks the design and the band (mm); NoseCutSearch checks nose and motion.
 /// @throws std::invalid_argument as turned_surface
-void check_turned(const Design& design, double band);
+void check_turning_input(const Design& design, double band);
 
 /// Checks the options of a search for competing passes.
 /// @throws std::invalid_argument as milled_competing_passes
@@ -80,12 +80,12 @@ class ThinPartRays {
 /// Returns the surface completed by its gouges: searches the ray of every Gouged or Uncut vertex
 /// farther inwards, as described at milled_surface, and sets the vertex to Gouged, Uncut or, where
 /// the part is thinner than two bands, Cut.
-Surface with_gouge_depths(Surface surface, const Design& design, const SurfaceOptions& options,
-                          const FirstCutFunction& first_cut);
+Surface complete_gouges(Surface surface, const Design& design, const SurfaceOptions& options,
+                        const FirstCutFunction& first_cut);
 /// Overload for callers that compute the first cuts of all rays together.
 /// @param first_cuts  called once, or not at all if there is no ray
-Surface with_gouge_depths(Surface surface, const Design& design, const SurfaceOptions& options,
-                          const FirstCutsFunction& first_cuts);
+Surface complete_gouges(Surface surface, const Design& design, const SurfaceOptions& options,
+                        const FirstCutsFunction& first_cuts);
 
 // First cuts: position, instant and program line.
 

@@ -81,7 +81,7 @@ TEST(Engagement, ASlotEngagesTheHalfThatFacesTheFeed) {
     const Vector3d feed(std::cos(heading), std::sin(heading), 0.0);
     const Engagement e = engagement(stock, flat, pose({30, 20, 5}), 3.0 * feed);
     expect_sound(e);
-    const double half = std::acos(min_facing);
+    const double half = std::acos(min_feed_component);
     for (const EngagedArc& arc : e.arcs) {
       EXPECT_NEAR(std::cos(arc.from - (heading - half)), 1.0, 1e-12);
       EXPECT_NEAR(arc.to - arc.from, 2 * half, 1e-9);
@@ -101,8 +101,8 @@ TEST(Engagement, EntryAngleOnAWallIsExact) {
     expect_sound(e);
     ASSERT_FALSE(e.arcs.empty());
     for (const EngagedArc& arc : e.arcs)
-      worst =
-          std::max(worst, std::abs(arc.to - std::min(std::asin(-y / 5.0), std::acos(min_facing))));
+      worst = std::max(
+          worst, std::abs(arc.to - std::min(std::asin(-y / 5.0), std::acos(min_feed_component))));
   }
   std::cout << "end of an arc at a wall: " << worst << " rad at most\n";
   EXPECT_LT(worst, 1e-6);
@@ -115,8 +115,8 @@ TEST(Engagement, DepthOfCutIsExactWhateverTheSlices) {
   for (double z = 0.05; z < 11; z += 0.137) {
     const Engagement e = engagement(stock, flat, pose({0, 0, -z}), Vector3d::UnitX());
     expect_sound(e);
-    worst =
-        std::max(worst, std::abs(cross_section(e) / (10.0 * std::sin(std::acos(min_facing))) - z));
+    worst = std::max(
+        worst, std::abs(cross_section(e) / (10.0 * std::sin(std::acos(min_feed_component))) - z));
   }
   std::cout << "depth of cut: " << worst << " mm off at most\n";
   EXPECT_LT(worst, 1e-6);

@@ -177,7 +177,7 @@ double counted(const Stock& stock, const Cutter& cutter, const Isometry3d& T_wt,
       const Vector3d e(std::cos(around), std::sin(around), 0);
       const Vector3d outward =
           std::sin(slice.kappa) * e - std::cos(slice.kappa) * Vector3d::UnitZ();
-      if (outward.dot(feed) <= min_facing) continue;
+      if (outward.dot(feed) <= min_feed_component) continue;
       for (int k = 0; k < places; ++k) {
         const Edge edge = edge_at(cutter, from + slice.length * (k + 0.5) / places);
         const Vector3d place = edge.radius * e + edge.height * Vector3d::UnitZ();
