@@ -42,6 +42,8 @@ struct VertexSelection {
   std::vector<VertexContribution> contributions;  // (n)
 };
 
+/// Returns the connected regions of the selected vertices, and stores the region of every vertex;
+/// -1 if the vertex is not selected.
 std::vector<RegionAccumulator> collect_regions(const StockSkin& skin,
                                                const VertexSelection& selection,
                                                const Eigen::VectorXd& area,
@@ -53,19 +55,19 @@ std::vector<RegionAccumulator> collect_regions(const StockSkin& skin,
       if (selection.is_selected[std::size_t(a)] && selection.is_selected[std::size_t(b)])
         sets.join(a, b);
     }
-  std::vector<RegionAccumulator> found_regions;
+  std::vector<RegionAccumulator> regions;
   region_of.assign(selection.is_selected.size(), -1);
   for (std::size_t i = 0; i < selection.is_selected.size(); ++i) {
     if (!selection.is_selected[i]) continue;
     // The representative is the smallest vertex of the set, so its region already has a number.
     const auto representative = std::size_t(sets.name_of(int(i)));
     if (representative == i) {
-      region_of[i] = int(found_regions.size());
-      found_regions.emplace_back();
-      found_regions.back().finding.kind = selection.kind;
+      region_of[i] = int(regions.size());
+      regions.emplace_back();
+      regions.back().finding.kind = selection.kind;
     }
     region_of[i] = region_of[representative];
-    RegionAccumulator& region = found_regions[std::size_t(region_of[i])];
+    RegionAccumulator& region = regions[std::size_t(region_of[i])];
     const VertexContribution& contribution = selection.contributions[i];
     Finding& finding = region.finding;
     ++finding.vertices;
@@ -78,39 +80,37 @@ std::vector<RegionAccumulator> collect_regions(const StockSkin& skin,
     finding.place_w = contribution.place_w;
     region.line = contribution.line;
   }
-  for (RegionAccumulator& region : found_regions) {
+  for (RegionAccumulator& region : regions) {
     region.finding.volume = region.volume.value();
     region.finding.area = region.area.value();
     region.finding.line = std::abs(region.line);
     region.finding.by_crash = region.line < 0;
   }
-  return found_regions;
+  return regions;
 }
 
 /// Appends the regions of one kind to the list and numbers their vertices.
-void list_regions(const std::vector<RegionAccumulator>& found_regions,
-                  const std::vector<int>& region_of, std::size_t max_listed, Findings& findings,
-                  std::vector<int>& numbers) {
+void list_regions(const std::vector<RegionAccumulator>& regions, const std::vector<int>& region_of,
+                  std::size_t max_count, Findings& findings, std::vector<int>& numbers) {
   std::vector<int> order;
   Sum volume, area, unlisted, speckles;
-  for (std::size_t i = 0; i < found_regions.size(); ++i)
+  for (std::size_t i = 0; i < regions.size(); ++i)
     // Smaller regions are counted as speckles below.
-    if (found_regions[i].finding.vertices >= min_vertices) order.push_back(int(i));
+    if (regions[i].finding.vertices >= min_vertices) order.push_back(int(i));
   // Stable, so that regions of equal volume keep the order of their vertices.
   std::ranges::stable_sort(order, [&](int a, int b) {
-    return found_regions[std::size_t(a)].finding.volume >
-           found_regions[std::size_t(b)].finding.volume;
+    return regions[std::size_t(a)].finding.volume > regions[std::size_t(b)].finding.volume;
   });
-  if (found_regions.empty()) return;
-  Findings::Sums& sums = findings.sums[std::size_t(found_regions.front().finding.kind)];
-  std::vector<int> number_of(found_regions.size(), 0);
+  if (regions.empty()) return;
+  Findings::Sums& sums = findings.sums[std::size_t(regions.front().finding.kind)];
+  std::vector<int> number_of(regions.size(), 0);
   for (const int i : order) {
-    const Finding& finding = found_regions[std::size_t(i)].finding;
+    const Finding& finding = regions[std::size_t(i)].finding;
     ++sums.regions;
     volume.add(finding.volume);
     area.add(finding.area);
     sums.depth = std::max(sums.depth, finding.depth);
-    if (sums.listed < max_listed) {
+    if (sums.listed < max_count) {
       ++sums.listed;
       findings.list.push_back(finding);
       number_of[std::size_t(i)] = int(findings.list.size());
@@ -118,7 +118,7 @@ void list_regions(const std::vector<RegionAccumulator>& found_regions,
       unlisted.add(finding.volume);
     }
   }
-  for (const RegionAccumulator& region : found_regions) {
+  for (const RegionAccumulator& region : regions) {
     if (region.finding.vertices >= min_vertices) continue;
     ++sums.speckles;
     speckles.add(region.finding.volume);
@@ -231,23 +231,22 @@ Findings findings(const StockSkin& skin, const PartDeviation& part, const Design
   const Eigen::VectorXd area = vertex_area(skin.mesh.vertices_w, skin.mesh.triangles);
   std::vector<int> region_of;
   const auto find_regions = [&](double sign, double limit) {
-    std::vector<RegionAccumulator> found_regions =
+    std::vector<RegionAccumulator> regions =
         collect_regions(skin, vertices_beyond_limit(skin, part, sign, limit), area, region_of);
     // Volumes are measured along lines through the part, not summed over vertices, which lie off
     // the skin at edges.
     const std::vector<double> volumes =
         volumes_between(skin, design, skin_regions(skin, part, region_of, sign, limit),
                         sign > 0.0 ? DeviationSide::Excess : DeviationSide::Missing);
-    for (std::size_t i = 0; i < found_regions.size(); ++i)
-      found_regions[i].finding.volume = volumes[i];
-    list_regions(found_regions, region_of, options.most, result, result.number);
+    for (std::size_t i = 0; i < regions.size(); ++i) regions[i].finding.volume = volumes[i];
+    list_regions(regions, region_of, options.most, result, result.number);
   };
   find_regions(1.0, options.rest);
   find_regions(-1.0, options.gouge);
   if (options.undercut_along && n > 0) {
-    const std::vector<RegionAccumulator> found_regions = collect_regions(
+    const std::vector<RegionAccumulator> regions = collect_regions(
         skin, undercut_vertices(skin, directed, *options.undercut_along), area, region_of);
-    list_regions(found_regions, region_of, options.most, result, result.undercut);
+    list_regions(regions, region_of, options.most, result, result.undercut);
   }
   sum_areas(skin, part, area, options.gouge, result);
   return result;
