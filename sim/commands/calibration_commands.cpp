@@ -209,7 +209,7 @@ std::vector<Stage> identification_stages(const std::vector<std::filesystem::path
   }
   std::vector<Stage> stages{{"identify", "read", read_s_per_row * rows}};
   if (options.choose_orders)
-    stages.push_back({"identify", "orders", order_s_per_row * options.orders.most * rows});
+    stages.push_back({"identify", "orders", order_s_per_row * options.orders.max_order * rows});
   stages.push_back({"identify", "fit", fit_s_per_row * rows});
   stages.push_back({"write", "draw", 2.0});
   return stages;
@@ -345,7 +345,7 @@ std::vector<Option> identify_options(CommonOptions& common, IdentifyArguments& a
       {"--order", &options.model.order, "of those curves (4)", Between{0, 60}},
       {"--harmonics", &options.model.harmonics, "of rotary axes, per turn (3)", Between{0, 60}},
       {"--choose-orders", &options.choose_orders, "choose every order by cross-validation"},
-      {"--most", &options.orders.most, "highest order that is tried (10)", Between{1, 60}},
+      {"--most", &options.orders.max_order, "highest order that is tried (10)", Between{1, 60}},
       {"--elements", &options.model.only, "find these alone: EXX,EYX,EC0Y", CommaSeparated{}},
       {"--pitch", &arguments.pitch,
        "pitch of screws, mm: X=16,Y=16; two harmonics in the positioning", CommaSeparated{}},

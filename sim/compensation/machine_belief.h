@@ -93,7 +93,7 @@ struct ThermalSeries {
   std::vector<Term> terms;  ///< (k)
   Eigen::VectorXd time_s;   ///< (n)
   Eigen::MatrixXd value;    ///< (n x k) mm or rad, or per mm or rad
-  int held = 0;             ///< number of rows with an input that was limited to its trained range
+  int limited_rows = 0;     ///< number of rows with an input that was limited to its trained range
 };
 
 /// Evaluates a thermal belief over a log. The trained range of an input includes the margin that

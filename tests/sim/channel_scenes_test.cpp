@@ -542,7 +542,7 @@ TimeSeries wanted_of_sensors(const Job& job) {
   const compensation::MachineBelief belief =
       machine_belief(make_control_view(job), parse_case("thermal-position-ideal"), evidence);
   const compensation::ThermalSeries& course = belief.thermal.value();
-  std::cout << "readings held at the end of what was trained: " << course.held << " of "
+  std::cout << "readings held at the end of what was trained: " << course.limited_rows << " of "
             << course.time_s.size() << "\n";
   EXPECT_EQ(course.terms.size(), 1u);
   EXPECT_EQ(course.terms[0].component, 2) << "along Z";

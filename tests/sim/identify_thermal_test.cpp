@@ -306,7 +306,7 @@ HeatLeft heat_left(const Variant& variant, double history_s, unsigned seed) {
       compensation::thermal_series(packaged_belief(), log_of(scene, history_s), machine.nominal);
   std::mt19937 random(seed);
   std::uniform_real_distribution<double> unit(-1.0, 1.0);
-  HeatLeft result{0.0, 0.0, course.held};
+  HeatLeft result{0.0, 0.0, course.limited_rows};
   const int n = 2000;
   for (int i = 0; i < n; ++i) {
     AxisState state;
