@@ -21,13 +21,13 @@ using kinematics::Motion;
 using kinematics::Pose;
 using kinematics::Side;
 
-// Returns the allowed sag of facets, mm. 5 um is the default collision resolution, finer facets
-// would not change a result; a ten-thousandth of the radius keeps the facet count of large bodies
+// Returns the allowed sag of facets, mm. Facets finer than 5 um, the default collision resolution,
+// would not change a result. A ten-thousandth of the radius keeps the facet count of large bodies
 // constant.
-double sag_of(double radius) { return std::max(5e-3, 1e-4 * radius); }
+double facet_sag(double radius) { return std::max(5e-3, 1e-4 * radius); }
 
 ClosedMesh revolved(const Eigen::MatrixX2d& profile) {
-  return cutting::revolved_mesh(profile, sag_of(profile.col(0).maxCoeff()));
+  return cutting::revolved_mesh(profile, facet_sag(profile.col(0).maxCoeff()));
 }
 
 ClosedMesh frustum(double below, double above, double height) {
@@ -36,63 +36,62 @@ ClosedMesh frustum(double below, double above, double height) {
   return revolved(profile);
 }
 
-// Visitor that builds the mesh of each kind of shape.
-struct MeshOfShape {
+// Builds the mesh of each kind of shape.
+struct ShapeMesher {
   ClosedMesh operator()(const BoxShape& box) const { return cutting::box_mesh(box.size); }
-  ClosedMesh operator()(const CylinderShape& one) const {
-    return frustum(one.radius, one.radius, one.height);
+  ClosedMesh operator()(const CylinderShape& cylinder) const {
+    return frustum(cylinder.radius, cylinder.radius, cylinder.height);
   }
-  ClosedMesh operator()(const ConeShape& one) const {
-    return frustum(one.radius_below, one.radius_above, one.height);
+  ClosedMesh operator()(const ConeShape& cone) const {
+    return frustum(cone.radius_below, cone.radius_above, cone.height);
   }
-  ClosedMesh operator()(const SphereShape& one) const {
-    return cutting::sphere_mesh(one.radius, sag_of(one.radius));
+  ClosedMesh operator()(const SphereShape& sphere) const {
+    return cutting::sphere_mesh(sphere.radius, facet_sag(sphere.radius));
   }
-  ClosedMesh operator()(const RevolvedShape& one) const { return revolved(one.profile); }
-  ClosedMesh operator()(const ExtrudedShape& one) const {
-    return cutting::extruded_mesh(one.outline, one.height);
+  ClosedMesh operator()(const RevolvedShape& shape) const { return revolved(shape.profile); }
+  ClosedMesh operator()(const ExtrudedShape& prism) const {
+    return cutting::extruded_mesh(prism.outline, prism.height);
   }
-  ClosedMesh operator()(const MeshShape& one) const {
+  ClosedMesh operator()(const MeshShape& mesh_file) const {
     cutting::ReadMeshOptions options;
-    options.unit_mm = one.scale;
-    cutting::Design design = read_named_mesh(one.mesh, use, options).design;
+    options.unit_mm = mesh_file.scale;
+    cutting::Design design = read_named_mesh(mesh_file.mesh, use, options).design;
     return {std::move(design.vertices), std::move(design.triangles), 0.0};
   }
 
   MeshUse use;
 };
 
-/// Returns the names of a body in messages. It sets no travel, since a body of the machine may be
-/// larger than the travel.
+/// Returns the names of a body for messages. They leave the travel out, since a body of the machine
+/// may be larger than the travel.
 MeshUse body_mesh_use(SolidBody::Kind kind, const std::string& name) {
-  const bool fixture = kind == SolidBody::Kind::Fixture;
-  return {fmt::format("{} \"{}\"", fixture ? "fixture" : "body", name),
-          fixture ? "fixture" : "body"};
+  const bool is_fixture = kind == SolidBody::Kind::Fixture;
+  return {fmt::format("{} \"{}\"", is_fixture ? "fixture" : "body", name),
+          is_fixture ? "fixture" : "body"};
 }
 
-/// Returns for every carrier the number of moving axes between it and the workpiece; carriers whose
-/// numbers differ by 1 are neighbours. A spindle does not count, as it moves no carriage away.
-std::vector<int> places_in_chain(const kinematics::Chain& chain) {
+/// Returns the number of moving axes between each carrier and the workpiece. Carriers whose numbers
+/// differ by 1 are neighbours. A spindle does not count, since it does not separate carriages.
+std::vector<int> positions_in_chain(const kinematics::Chain& chain) {
   const Carriers carriers{chain.size()};
-  std::vector<int> place(std::size_t(carriers.count()), 0);
-  int on_workpiece_side = 0, last = 0;
-  for (const Joint& joint : chain.joints()) on_workpiece_side += joint.side == Side::Workpiece;
-  place[Carriers::bed] = last = on_workpiece_side;
+  std::vector<int> position(std::size_t(carriers.count()), 0);
+  int tool_side_position = int(std::ranges::count(chain.joints(), Side::Workpiece, &Joint::side));
+  position[Carriers::bed] = tool_side_position;
   for (int i = 0; i < chain.size(); ++i) {
     const Joint& joint = chain.joints()[std::size_t(i)];
-    if (joint.side == Side::Tool && joint.motion != Motion::Spindle) ++last;
-    place[std::size_t(carriers.carriage(i))] = joint.side == Side::Workpiece ? i : last;
+    if (joint.side == Side::Tool && joint.motion != Motion::Spindle) ++tool_side_position;
+    position[std::size_t(carriers.carriage(i))] =
+        joint.side == Side::Workpiece ? i : tool_side_position;
   }
-  place[std::size_t(carriers.workpiece())] = 0;
-  place[std::size_t(carriers.tool())] = last;
-  return place;
+  position[std::size_t(carriers.workpiece())] = 0;
+  position[std::size_t(carriers.tool())] = tool_side_position;
+  return position;
 }
 
-// Returns the mesh moved up along z by `height` mm.
-ClosedMesh raised(const ClosedMesh& mesh, double height) {
-  Pose up = Pose::Identity();
-  up.translation().z() = height;
-  return cutting::moved(mesh, up);
+ClosedMesh raise(const ClosedMesh& mesh, double height) {
+  Pose T = Pose::Identity();
+  T.translation().z() = height;
+  return cutting::moved(mesh, T);
 }
 
 /// Builds cutter, shank and holder of a tool.
@@ -111,41 +110,41 @@ class ToolBodies {
   std::vector<SolidBody> bodies;
 
  private:
-  using Pieces = std::vector<ClosedMesh>;
+  using Meshes = std::vector<ClosedMesh>;
 
-  void add(SolidBody::Kind kind, const char* name, ClosedMesh mesh, Pieces pieces = {},
-           Pieces core = {}) {
+  void add(SolidBody::Kind kind, const char* name, ClosedMesh mesh, Meshes pieces = {},
+           Meshes core = {}) {
     bodies.push_back(
         {kind, name, "t", frame_, std::move(mesh), std::move(pieces), std::move(core)});
   }
 
   void add_cutter(const cutting::Cutter& cutter) {
-    const double sag = sag_of(cutter.radius);
-    Pieces core;
+    const double sag = facet_sag(cutter.radius);
+    Meshes core;
     if (skin_ > 0.0) {
       const cutting::InsetCutter inner = cutting::shrunk(cutter, skin_);
       for (const ClosedMesh& piece : cutting::cutter_pieces(inner.cutter, sag))
-        core.push_back(raised(piece, inner.raised));
+        core.push_back(raise(piece, inner.raised));
     }
     add(SolidBody::Kind::Cutter, "cutter", cutting::cutter_mesh(cutter, sag),
         cutting::cutter_pieces(cutter, sag), std::move(core));
   }
 
-  /// Adds the shank, from the end of the flank to the holder or, without one, the spindle nose, if
-  /// there is room.
+  /// Adds the shank, from the end of the flank to the holder, or to the spindle nose if there is no
+  /// holder. Adds nothing if the flank leaves no room for it.
   void add_shank(const cutting::Cutter& cutter) {
     const double end = tool_.holder ? (*tool_.holder)(0, 1) : tool_.actual_length;
     const double length = end - cutter.flank_length;
     const double radius = tool_.shank_radius.value_or(cutting::shank_radius(cutter));
-    // a quarter of the radius at most: a thin shank keeps a core that can still collide
+    // A skin of at most a quarter of the radius leaves a thin shank a core that can still collide.
     const double skin = std::min(skin_, 0.25 * radius);
     if (!(length > skin)) return;
-    Pieces core;
+    Meshes core;
     if (skin > 0.0)
       core.push_back(
-          raised(frustum(radius - skin, radius - skin, length - skin), cutter.flank_length + skin));
+          raise(frustum(radius - skin, radius - skin, length - skin), cutter.flank_length + skin));
     add(SolidBody::Kind::Shank, "shank",
-        raised(frustum(radius, radius, length), cutter.flank_length), {}, std::move(core));
+        raise(frustum(radius, radius, length), cutter.flank_length), {}, std::move(core));
   }
 
   const ToolDescription& tool_;
@@ -163,32 +162,34 @@ std::vector<Pose> carrier_poses(const kinematics::Chain& chain, const kinematics
   const std::vector<Pose> carriages = kinematics::carriage_poses(chain, q, deviations);
   std::vector<Pose> T(std::size_t(carriers.count()), Pose::Identity());
   std::ranges::copy(carriages, T.begin() + 1);
-  // The first joint of the workpiece side carries the workpiece, the last of the tool side the
-  // tool; a side without joints is the bed itself.
-  const auto on = [&](Side side, std::size_t joint) {
-    const bool has = !carriages.empty() && chain.joints()[joint].side == side;
-    return has ? carriages[joint] : Pose(Pose::Identity());
+  // Joints run from the workpiece to the tool: the first of the workpiece side carries the
+  // workpiece, the last of the tool side carries the tool. Without joints a side is the bed.
+  const auto carriage_pose = [&](Side side, std::size_t joint) {
+    const bool has_joint = !carriages.empty() && chain.joints()[joint].side == side;
+    return has_joint ? carriages[joint] : Pose(Pose::Identity());
   };
-  T[std::size_t(carriers.workpiece())] = on(Side::Workpiece, 0) * chain.T_bw_home();
-  T[std::size_t(carriers.tool())] = on(Side::Tool, carriages.size() - 1) * chain.T_bt_home();
+  T[std::size_t(carriers.workpiece())] = carriage_pose(Side::Workpiece, 0) * chain.T_bw_home();
+  T[std::size_t(carriers.tool())] =
+      carriage_pose(Side::Tool, carriages.size() - 1) * chain.T_bt_home();
   return T;
 }
 
 ClosedMesh mesh_of(const BodyDescription& body, const MeshUse& use) {
-  return cutting::moved(std::visit(MeshOfShape{use}, body.shape), body.T);
+  return cutting::moved(std::visit(ShapeMesher{use}, body.shape), body.T);
 }
 
 std::vector<SolidBody> machine_bodies(const MachineDescription& machine) {
   std::vector<SolidBody> bodies;
   const Carriers carriers{int(machine.joints.size())};
   const std::vector<std::string> names = machine_body_names(machine);
-  for (const MachineBody& one : machine.bodies) {
+  for (const MachineBody& machine_body : machine.bodies) {
     SolidBody body;
-    body.carrier =
-        one.joint ? std::string(1, machine.joints[std::size_t(*one.joint)].name) : std::string("b");
-    body.frame = one.joint ? carriers.carriage(*one.joint) : Carriers::bed;
+    body.carrier = machine_body.joint
+                       ? std::string(1, machine.joints[std::size_t(*machine_body.joint)].name)
+                       : std::string("b");
+    body.frame = machine_body.joint ? carriers.carriage(*machine_body.joint) : Carriers::bed;
     body.name = names[bodies.size()];
-    body.mesh = mesh_of(one.body, body_mesh_use(SolidBody::Kind::Machine, body.name));
+    body.mesh = mesh_of(machine_body.body, body_mesh_use(SolidBody::Kind::Machine, body.name));
     bodies.push_back(std::move(body));
   }
   return bodies;
@@ -224,25 +225,25 @@ std::vector<SolidBody> job_bodies(const Job& part) {
 
 namespace {
 
-/// Returns warnings for fixtures inside the part. The search leaves such pairs out, since both
-/// bodies are fixed to the workpiece, so a wrong pose or unit would pass unnoticed.
-std::vector<std::string> fixtures_inside(const std::vector<SolidBody>& bodies) {
+/// Returns warnings about fixtures inside the part. The search leaves out pairs of bodies that are
+/// both fixed to the workpiece, so that a wrong pose or unit would pass unnoticed.
+std::vector<std::string> inside_fixture_warnings(const std::vector<SolidBody>& bodies) {
   std::vector<std::string> warnings;
   const auto part = std::ranges::find(bodies, SolidBody::Kind::Part, &SolidBody::kind);
   if (part == bodies.end()) return warnings;
-  const auto box_of = [](const SolidBody& body) {
+  const auto bounding_box = [](const SolidBody& body) {
     return Eigen::AlignedBox3d(body.mesh.vertices.colwise().minCoeff().transpose(),
                                body.mesh.vertices.colwise().maxCoeff().transpose());
   };
-  const Eigen::AlignedBox3d box = box_of(*part);
+  const Eigen::AlignedBox3d part_box = bounding_box(*part);
   for (const SolidBody& fixture : bodies) {
-    if (fixture.kind != SolidBody::Kind::Fixture || !box.contains(box_of(fixture))) continue;
-    const cutting::Body whole = searched(*part), clamp = searched(fixture);
-    const Pose same = Pose::Identity();
-    // the distance comes first: a fixture that cuts through the surface of the part is not inside
-    // it
-    if (cutting::gap(whole, same, clamp, same).distance > 0.0 &&
-        cutting::is_inside(whole, same, clamp, same))
+    if (fixture.kind != SolidBody::Kind::Fixture || !part_box.contains(bounding_box(fixture)))
+      continue;
+    const cutting::Body part_body = searched(*part), fixture_body = searched(fixture);
+    const Pose identity = Pose::Identity();
+    // `is_inside` holds only for surfaces that do not intersect, so the distance is tested first.
+    if (cutting::gap(part_body, identity, fixture_body, identity).distance > 0.0 &&
+        cutting::is_inside(part_body, identity, fixture_body, identity))
       warnings.push_back(fmt::format(
           "{} lies wholly inside the part: are its place and its unit right?", fixture.name));
   }
@@ -272,23 +273,23 @@ std::vector<std::string> body_warnings(const Job& part, const std::vector<SolidB
         "the spindle stands still in this search: what it turns is looked at as it "
         "stands at 0 deg");
   if (const auto* cutter = std::get_if<cutting::Cutter>(&part.scene.tool.actual))
-    if (const double most = 0.25 * cutter->radius; part.scene.collision.gouge > most)
+    if (const double max_gouge = 0.25 * cutter->radius; part.scene.collision.gouge > max_gouge)
       warnings.push_back(
           fmt::format("collision.gouge_mm = {:g} is more than a quarter of the cutter's radius: "
                       "{:g} mm is taken",
-                      part.scene.collision.gouge, most));
-  std::vector<const BodyDescription*> described;
-  for (const MachineBody& one : part.scene.machine.bodies) described.push_back(&one.body);
-  for (const BodyDescription& one : part.scene.fixtures) described.push_back(&one);
-  for (std::size_t i = 0; i < described.size(); ++i) {
-    const auto* mesh = std::get_if<MeshShape>(&described[i]->shape);
+                      part.scene.collision.gouge, max_gouge));
+  std::vector<const BodyDescription*> descriptions;
+  for (const MachineBody& body : part.scene.machine.bodies) descriptions.push_back(&body.body);
+  for (const BodyDescription& fixture : part.scene.fixtures) descriptions.push_back(&fixture);
+  for (std::size_t i = 0; i < descriptions.size(); ++i) {
+    const auto* mesh = std::get_if<MeshShape>(&descriptions[i]->shape);
     if (mesh == nullptr) continue;
-    const ClosedMesh own = cutting::moved(bodies[i].mesh, described[i]->T.inverse());
+    const ClosedMesh file_mesh = cutting::moved(bodies[i].mesh, descriptions[i]->T.inverse());
     std::string text = mesh_size_warning(mesh->mesh, body_mesh_use(bodies[i].kind, bodies[i].name),
-                                         extents(own.vertices));
+                                         extents(file_mesh.vertices));
     if (!text.empty()) warnings.push_back(std::move(text));
   }
-  std::ranges::move(fixtures_inside(bodies), std::back_inserter(warnings));
+  std::ranges::move(inside_fixture_warnings(bodies), std::back_inserter(warnings));
   return warnings;
 }
 
@@ -310,16 +311,18 @@ std::vector<cutting::BodyPair> pairs_of(const kinematics::Chain& chain,
                                         const std::vector<SolidBody>& bodies,
                                         const std::vector<CollisionDescription::Pair>& ignored) {
   using Kind = SolidBody::Kind;
-  const std::vector<int> place = places_in_chain(chain);
+  const std::vector<int> position = positions_in_chain(chain);
   std::vector<cutting::BodyPair> pairs;
   for (std::size_t a = 0; a < bodies.size(); ++a)
     for (std::size_t b = a + 1; b < bodies.size(); ++b) {
-      const SolidBody &one = bodies[a], &other = bodies[b];
-      // Neighbouring bodies of the machine overlap at their guideways by design, so a pair of
-      // machine bodies needs two axes between it; any other pair needs one.
-      const int between = std::abs(place[std::size_t(one.frame)] - place[std::size_t(other.frame)]);
-      const bool of_machine = one.kind == Kind::Machine && other.kind == Kind::Machine;
-      if (between < (of_machine ? 2 : 1) || is_ignored(ignored, one.name, other.name)) continue;
+      const SolidBody &body_a = bodies[a], &body_b = bodies[b];
+      // Neighbouring bodies of the machine overlap at their guideways by design, so that a pair of
+      // machine bodies is searched only with two axes between them, any other pair with one.
+      const int axes_between =
+          std::abs(position[std::size_t(body_a.frame)] - position[std::size_t(body_b.frame)]);
+      const bool is_machine_pair = body_a.kind == Kind::Machine && body_b.kind == Kind::Machine;
+      if (axes_between < (is_machine_pair ? 2 : 1) || is_ignored(ignored, body_a.name, body_b.name))
+        continue;
       pairs.push_back({int(a), int(b)});
     }
   return pairs;
@@ -329,11 +332,11 @@ kinematics::AxisState ActualMotion::state(const cutting::Moment& moment) const {
   kinematics::AxisState state = samples.states[moment.instant];
   if (moment.u > 0.0 && moment.instant + 1 < samples.states.size()) {
     const kinematics::AxisState& next = samples.states[moment.instant + 1];
-    const kinematics::AxisState before = state;
-    // directions and spindle speed are those of the move under way, i.e. of its end sample
+    const kinematics::AxisState previous = state;
+    // A sample holds the directions and the spindle speed of the move that ends at it.
     state = next;
-    state.q = before.q + moment.u * (next.q - before.q);
-    state.time_s = before.time_s + moment.u * (next.time_s - before.time_s);
+    state.q = previous.q + moment.u * (next.q - previous.q);
+    state.time_s = previous.time_s + moment.u * (next.time_s - previous.time_s);
   }
   if (const auto& spindle = part.machine.workpiece_spindle) state.q[*spindle] = 0.0;
   return state;

@@ -15,44 +15,50 @@ namespace {
 
 std::string range_text(const Collision& event, const std::vector<std::string>& more_files) {
   const std::string first = program::line_text(more_files, event.first.line, event.first.file);
-  const bool one = event.first.line == event.last.line && event.first.file == event.last.file;
-  return one ? first
+  const bool is_one_line =
+      event.first.line == event.last.line && event.first.file == event.last.file;
+  return is_one_line
+             ? first
              : first + " to " + program::line_text(more_files, event.last.line, event.last.file);
 }
 
 /// Returns the text of the depth of a contact or of the distance of a near miss.
-std::string worst_text(const Collision& event, const Collisions& all) {
-  const auto at = [&] {
+std::string worst_text(const Collision& event, const Collisions& result) {
+  const auto worst_location_text = [&] {
     return fmt::format("at {}, {:.3f} s",
-                       program::line_text(all.more_files, event.worst.line, event.worst.file),
+                       program::line_text(result.more_files, event.worst.line, event.worst.file),
                        event.worst.time_s);
   };
-  if (!event.contact) return fmt::format("come within {:.3g} mm {}", event.distance, at());
+  if (!event.contact)
+    return fmt::format("come within {:.3g} mm {}", event.distance, worst_location_text());
   if (event.below_mesh) return "meet, less deep than the mesh of the stock shows";
   if (event.depths == 0) return "meet, depth not looked at";
-  if (event.depth <= all.resolution) return fmt::format("touch, to {:g} mm", all.resolution);
-  return fmt::format("meet, {:.3g} mm deep {}", event.depth, at());
+  if (event.depth <= result.resolution) return fmt::format("touch, to {:g} mm", result.resolution);
+  return fmt::format("meet, {:.3g} mm deep {}", event.depth, worst_location_text());
 }
 
 }  // namespace
 
-std::string event_text(const Collision& event, const Collisions& all) {
+std::string event_text(const Collision& event, const Collisions& result) {
   return fmt::format("{} and {} {}: {}, from {:.3f} s{}", escaped(event.a), escaped(event.b),
-                     worst_text(event, all), range_text(event, all.more_files), event.first.time_s,
-                     event.rapid ? ", on a rapid" : "");
+                     worst_text(event, result), range_text(event, result.more_files),
+                     event.first.time_s, event.rapid ? ", on a rapid" : "");
 }
 
-std::vector<std::string> collision_warnings(const Collisions& all) {
-  constexpr std::size_t most = 10;  // warnings list only the first ten; the result holds every
-                                    // contact
-  std::vector<std::string> warnings = all.warnings;
-  if (!all.beyond_travel.empty()) warnings.push_back("beyond its travel: " + all.beyond_travel);
-  std::size_t said = 0;
-  for (const Collision& one : all.list)
-    if (one.contact && said++ < most) warnings.push_back("collision: " + event_text(one, all));
-  if (said > most) warnings.push_back(fmt::format("and {} more collisions", said - most));
-  if (const std::size_t near = all.list.size() - contacts(all); near > 0)
-    warnings.push_back(fmt::format("{} times two bodies come within {:g} mm", near, all.clearance));
+std::vector<std::string> collision_warnings(const Collisions& result) {
+  constexpr std::size_t max_listed = 10;  // the result file lists every contact
+  std::vector<std::string> warnings = result.warnings;
+  if (!result.beyond_travel.empty())
+    warnings.push_back("beyond its travel: " + result.beyond_travel);
+  std::size_t contact_count = 0;
+  for (const Collision& event : result.list)
+    if (event.contact && contact_count++ < max_listed)
+      warnings.push_back("collision: " + event_text(event, result));
+  if (contact_count > max_listed)
+    warnings.push_back(fmt::format("and {} more collisions", contact_count - max_listed));
+  if (const std::size_t near_misses = result.list.size() - contacts(result); near_misses > 0)
+    warnings.push_back(
+        fmt::format("{} times two bodies come within {:g} mm", near_misses, result.clearance));
   return warnings;
 }
 
@@ -67,10 +73,10 @@ bool is_clear(const Collisions& collisions) {
 namespace {
 
 /// Returns up to 24 numbers of [first, end), evenly spread, with the first and the last.
-std::vector<std::size_t> spread(std::size_t first, std::size_t end) {
-  constexpr std::size_t most = 24;
+std::vector<std::size_t> spread_numbers(std::size_t first, std::size_t end) {
+  constexpr std::size_t max_count = 24;
   std::vector<std::size_t> numbers;
-  const std::size_t count = end - first, n = std::min(count, most);
+  const std::size_t count = end - first, n = std::min(count, max_count);
   for (std::size_t k = 0; k < n; ++k)
     numbers.push_back(n == 1 ? first : first + k * (count - 1) / (n - 1));
   return numbers;
@@ -81,31 +87,34 @@ std::vector<std::size_t> spread(std::size_t first, std::size_t end) {
 DeepestSample deepest_sample(std::size_t first, std::size_t end,
                              const std::vector<std::size_t>& block_ends,
                              const std::function<double(std::size_t)>& depth_at) {
-  // Moments are few and sampled once each, so a map by moment finds the neighbours of the deepest
-  // one.
+  // A map by moment gives the neighbours of the deepest sample.
   std::map<std::size_t, double> depths;
-  const auto look = [&](std::size_t i) {
+  const auto sample = [&](std::size_t i) {
     if (!depths.contains(i)) depths.emplace(i, depth_at(i));
   };
-  for (const std::size_t i : spread(first, end)) look(i);
-  for (const std::size_t k : spread(0, block_ends.size()))
-    look(std::clamp(block_ends[k], first, end - 1));
+  for (const std::size_t i : spread_numbers(first, end)) sample(i);
+  for (const std::size_t k : spread_numbers(0, block_ends.size()))
+    sample(std::clamp(block_ends[k], first, end - 1));
   const auto deepest = [&] {
-    return std::ranges::max_element(depths, {}, [](const auto& one) { return one.second; });
+    return std::ranges::max_element(depths, {},
+                                    [](const auto& sample_depth) { return sample_depth.second; });
   };
-  // Each round halves both intervals beside the deepest sample: ten rounds narrow 1/24 of a contact
-  // to 1/24000 of it.
+  // Each halving samples the middle of both intervals beside the deepest sample: ten of them narrow
+  // 1/24 of a contact to 1/24000.
   constexpr int halvings = 10;
   for (int n = 0; n < halvings; ++n) {
-    const auto most = deepest();
-    const std::size_t at = most->first;
-    const std::size_t before = most == depths.begin() ? at : std::prev(most)->first,
-                      after = std::next(most) == depths.end() ? at : std::next(most)->first;
-    look(at - (at - before) / 2);
-    look(at + (after - at) / 2);
+    const auto deepest_entry = deepest();
+    const std::size_t moment = deepest_entry->first;
+    const std::size_t previous = deepest_entry == depths.begin() ? moment
+                                                                 : std::prev(deepest_entry)->first,
+                      following = std::next(deepest_entry) == depths.end()
+                                      ? moment
+                                      : std::next(deepest_entry)->first;
+    sample(moment - (moment - previous) / 2);
+    sample(moment + (following - moment) / 2);
   }
-  const auto most = deepest();
-  return {most->second, most->first, depths.size()};
+  const auto deepest_entry = deepest();
+  return {deepest_entry->second, deepest_entry->first, depths.size()};
 }
 
 }  // namespace abbe::sim

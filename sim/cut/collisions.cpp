@@ -36,48 +36,48 @@ using kinematics::Motion;
 using kinematics::Pose;
 using kinematics::Side;
 
-/// Returns an upper bound of the distance from any rotary axis to any point of a body, mm. Slides
-/// may add their largest positions to the distance at zero.
+/// Returns an upper bound of the distance from any rotary axis to any point of a body, mm: the
+/// distance with all axes at zero, plus the largest positions of the slides.
 double reach(const ActualMotion& actual_motion, const std::vector<SolidBody>& bodies) {
   const kinematics::Chain& chain = actual_motion.part.truth.actual;
   const std::vector<Pose> T = carrier_poses(chain, kinematics::AxisVector::Zero(chain.size()), {});
-  double turning = 0.0, sliding = 0.0;
+  double radius = 0.0, slide_travel = 0.0;
   for (const SolidBody& body : bodies) {
-    const cutting::ClosedMesh placed = cutting::moved(body.mesh, T[std::size_t(body.frame)]);
+    const cutting::ClosedMesh mesh_b = cutting::moved(body.mesh, T[std::size_t(body.frame)]);
     for (const Joint& joint : chain.joints()) {
       if (joint.motion != Motion::Rotary) continue;
-      turning = std::max(
-          turning,
-          (placed.vertices.rowwise() - joint.point_b.transpose()).rowwise().norm().maxCoeff());
+      radius = std::max(
+          radius,
+          (mesh_b.vertices.rowwise() - joint.point_b.transpose()).rowwise().norm().maxCoeff());
     }
   }
   for (int k = 0; k < chain.size(); ++k) {
     if (chain.joints()[std::size_t(k)].motion != Motion::Linear) continue;
-    double most = 0.0;
+    double max_position = 0.0;
     for (const AxisState& state : actual_motion.samples.states)
-      most = std::max(most, std::abs(state.q[k]));
-    sliding += most;
+      max_position = std::max(max_position, std::abs(state.q[k]));
+    slide_travel += max_position;
   }
-  return turning + sliding;
+  return radius + slide_travel;
 }
 
-/// Returns for each pair of neighbouring samples the distance, mm, by which a body may leave the
-/// straight line between them. The deviation of a chord is at most an eighth of the second
-/// derivative; for turns about axes within `reach` it is turn^2 reach, and a slide carried by a
-/// turn adds twice their product.
-std::vector<double> bulges(const ActualMotion& actual_motion, double reach) {
+/// Returns (samples - 1) the distance, mm, by which a body may leave the straight line between a
+/// sample and the next. A curve leaves its chord by at most an eighth of its second derivative,
+/// which is turn^2 reach for turns about axes within `reach`; a slide that a rotary axis carries
+/// adds twice the product of both displacements.
+std::vector<double> chord_heights(const ActualMotion& actual_motion, double reach) {
   const kinematics::Chain& chain = actual_motion.part.truth.actual;
   std::vector<double> bulge(actual_motion.samples.states.size() - 1, 0.0);
   for (std::size_t i = 0; i < bulge.size(); ++i) {
     const kinematics::AxisVector step = actual_motion.state(cutting::Moment{i + 1, 0.0}).q -
                                         actual_motion.state(cutting::Moment{i, 0.0}).q;
-    double turn = 0.0, way = 0.0;
+    double turn = 0.0, slide_travel = 0.0;
     for (int k = 0; k < chain.size(); ++k) {
       const Motion motion = chain.joints()[std::size_t(k)].motion;
       if (motion == Motion::Rotary) turn += std::abs(step[k]);
-      if (motion == Motion::Linear) way += std::abs(step[k]);
+      if (motion == Motion::Linear) slide_travel += std::abs(step[k]);
     }
-    bulge[i] = (turn * turn * reach + 2.0 * turn * way) / 8.0;
+    bulge[i] = (turn * turn * reach + 2.0 * turn * slide_travel) / 8.0;
   }
   return bulge;
 }
@@ -90,7 +90,7 @@ CarrierMotion motion_of(const ActualMotion& actual_motion, double reach) {
   motion.place = [&actual_motion](std::size_t i, double u, std::span<Pose> T) {
     std::ranges::copy(actual_motion.carriers({i, u}), T.begin());
   };
-  motion.bulge = bulges(actual_motion, reach);
+  motion.bulge = chord_heights(actual_motion, reach);
   for (std::size_t i = 0; i < motion.instants; ++i)
     if (i == 0 || actual_motion.samples.block[i] != actual_motion.samples.block[i - 1])
       motion.stretches.push_back(i);
@@ -99,13 +99,14 @@ CarrierMotion motion_of(const ActualMotion& actual_motion, double reach) {
 
 /// The bodies of the collision search and, behind them, the cores of cutter and shank, with the
 /// pairs to be searched.
-struct Search {
+struct SearchSetup {
   std::vector<CarrierBody> bodies;
   std::vector<BodyPair> pairs;
 };
 
-Search collision_search(const std::vector<SolidBody>& bodies, const std::vector<BodyPair>& pairs) {
-  Search search;
+SearchSetup collision_search(const std::vector<SolidBody>& bodies,
+                             const std::vector<BodyPair>& pairs) {
+  SearchSetup search;
   std::vector<int> core(bodies.size());
   for (const SolidBody& body : bodies) search.bodies.push_back({searched(body), body.frame});
   for (std::size_t i = 0; i < bodies.size(); ++i) {
@@ -117,7 +118,7 @@ Search collision_search(const std::vector<SolidBody>& bodies, const std::vector<
   for (BodyPair pair : pairs) {
     const SolidBody &a = bodies[std::size_t(pair.a)], &b = bodies[std::size_t(pair.b)];
     if (a.kind == SolidBody::Kind::Part || b.kind == SolidBody::Kind::Part) {
-      // cutter and shank are always near the part, so their clearance to it says nothing
+      // Cutter and shank are always near the part, so that their clearance to it tells nothing.
       pair.contact_only = !a.core.empty() || !b.core.empty();
       pair.a = core[std::size_t(pair.a)];
       pair.b = core[std::size_t(pair.b)];
@@ -130,10 +131,10 @@ Search collision_search(const std::vector<SolidBody>& bodies, const std::vector<
 /// Searches a part of a job and appends the result to that of the job.
 class PartSearch {
  public:
-  PartSearch(const ActualMotion& actual_motion, std::size_t number, Collisions& all)
+  PartSearch(const ActualMotion& actual_motion, std::size_t number, Collisions& result)
       : actual_motion_(actual_motion),
         number_(number),
-        all_(all),
+        result_(result),
         bodies_(job_bodies(actual_motion.part)),
         pairs_(pairs_of(actual_motion.part.truth.actual, bodies_,
                         actual_motion.part.scene.collision.ignore)),
@@ -141,20 +142,20 @@ class PartSearch {
         motion_(motion_of(actual_motion, reach(actual_motion, bodies_))) {}
 
   void run(const Progress& progress) {
-    const CollisionDescription& asked = actual_motion_.part.scene.collision;
+    const CollisionDescription& description = actual_motion_.part.scene.collision;
     cutting::EncounterOptions options;
-    options.resolution = asked.resolution;
-    options.clearance = asked.clearance;
-    options.progress = [&](double share) {
-      if (progress) progress("collisions", share);
+    options.resolution = description.resolution;
+    options.clearance = description.clearance;
+    options.progress = [&](double fraction) {
+      if (progress) progress("collisions", fraction);
     };
     const cutting::Encounters found = check_table_range(actual_motion_.part, [&] {
       return cutting::encounters(search_.bodies, search_.pairs, motion_, options);
     });
-    all_.queries += found.queries;
+    result_.queries += found.queries;
     add_bodies();
     add_clearances(found);
-    for (const Encounter& one : found.list) add(one);
+    for (const Encounter& encounter : found.list) add(encounter);
     if (has_tracked_stock(actual_motion_.part)) add_stock(progress);
   }
 
@@ -162,124 +163,125 @@ class PartSearch {
   const SolidBody& body(int i) const { return bodies_[std::size_t(i)]; }
 
   void add_bodies() {
-    for (const SolidBody& one : bodies_)
-      // machine, fixtures and part are the same for every tool and listed once
-      if (number_ == 0 || one.kind == SolidBody::Kind::Cutter ||
-          one.kind == SolidBody::Kind::Shank || one.kind == SolidBody::Kind::Holder)
-        all_.bodies.push_back({one.name, one.carrier, one.mesh.triangles.rows()});
+    for (const SolidBody& solid : bodies_)
+      // Machine, fixtures and part are the same for every tool, so they are listed once.
+      if (number_ == 0 || solid.kind == SolidBody::Kind::Cutter ||
+          solid.kind == SolidBody::Kind::Shank || solid.kind == SolidBody::Kind::Holder)
+        result_.bodies.push_back({solid.name, solid.carrier, solid.mesh.triangles.rows()});
     for (std::string& text : body_warnings(actual_motion_.part, bodies_))
-      if (std::ranges::find(all_.warnings, text) == all_.warnings.end())
-        all_.warnings.push_back(std::move(text));
+      if (std::ranges::find(result_.warnings, text) == result_.warnings.end())
+        result_.warnings.push_back(std::move(text));
   }
 
-  void add_clearances(const cutting::Encounters& found) {
-    const int before = int(first_clearance_);
+  void add_clearances(const cutting::Encounters& encounters) {
+    const int pairs_before = int(first_clearance_);
     for (std::size_t p = 0; p < pairs_.size(); ++p) {
-      const cutting::PairClearance& one = found.pairs[p];
-      all_.clearances.push_back({body(pairs_[p].a).name, body(pairs_[p].b).name,
-                                 one.overlaps_at_start, one.distance,
-                                 actual_motion_.place(one.moment),
-                                 one.overlaps_at_start           ? ClearanceScope::Never
-                                 : search_.pairs[p].contact_only ? ClearanceScope::WhenInContact
-                                                                 : ClearanceScope::Always});
+      const cutting::PairClearance& clearance = encounters.pairs[p];
+      result_.clearances.push_back({body(pairs_[p].a).name, body(pairs_[p].b).name,
+                                    clearance.overlaps_at_start, clearance.distance,
+                                    actual_motion_.place(clearance.moment),
+                                    clearance.overlaps_at_start     ? ClearanceScope::Never
+                                    : search_.pairs[p].contact_only ? ClearanceScope::WhenInContact
+                                                                    : ClearanceScope::Always});
     }
-    for (std::size_t s = 0; s < found.stretches.size(); ++s) {
-      const cutting::SegmentClearance& one = found.stretches[s];
+    for (std::size_t s = 0; s < encounters.stretches.size(); ++s) {
+      const cutting::SegmentClearance& clearance = encounters.stretches[s];
       const std::size_t first = motion_.stretches[s], last = end_of(motion_, s) - 1;
       ProgramLocation begin = actual_motion_.place({first, 0.0});
-      // the interval between two blocks belongs to the second
+      // The interval between two blocks belongs to the second.
       if (first > 0) begin.time_s = actual_motion_.state({first - 1, 0.0}).time_s;
-      all_.blocks.push_back({begin, actual_motion_.state({last, 0.0}).time_s, one.at_least,
-                             one.pair < 0 ? -1 : before + one.pair});
+      result_.blocks.push_back({begin, actual_motion_.state({last, 0.0}).time_s, clearance.at_least,
+                                clearance.pair < 0 ? -1 : pairs_before + clearance.pair});
     }
   }
 
   void add_stock(const Progress& progress) {
-    const auto begin = std::ptrdiff_t(all_.list.size()) - std::ptrdiff_t(listed_);
-    StockCollisions found = check_table_range(actual_motion_.part, [&] {
+    const auto begin = std::ptrdiff_t(result_.list.size()) - std::ptrdiff_t(event_count_);
+    StockCollisions stock = check_table_range(actual_motion_.part, [&] {
       return stock_collisions(actual_motion_, bodies_, pairs_, progress);
     });
-    all_.queries += found.queries;
-    for (std::string& text : found.warnings) all_.warnings.push_back(std::move(text));
-    for (const StockProximity& one : found.near) add_near(one, found.clearances);
-    for (Clearance& one : found.clearances) all_.clearances.push_back(std::move(one));
-    for (Collision& one : found.list) {
-      one.part = number_;
-      all_.list.push_back(std::move(one));
+    result_.queries += stock.queries;
+    std::ranges::move(stock.warnings, std::back_inserter(result_.warnings));
+    for (const StockProximity& proximity : stock.near) add_near(proximity, stock.clearances);
+    std::ranges::move(stock.clearances, std::back_inserter(result_.clearances));
+    for (Collision& event : stock.list) {
+      event.part = number_;
+      result_.list.push_back(std::move(event));
     }
-    // collisions with the stock are found after the others of the part; both are in the order of
-    // time
+    // Both groups of collisions of the part, those with the stock behind the others, are in the
+    // order of time already; the sort merges them.
     std::stable_sort(
-        all_.list.begin() + begin, all_.list.end(),
+        result_.list.begin() + begin, result_.list.end(),
         [](const Collision& a, const Collision& b) { return a.first.time_s < b.first.time_s; });
   }
 
   /// Lowers the block clearances over the samples of a near miss with the stock.
-  /// @param own  clearances of the stock, which are appended after the present ones
-  void add_near(const StockProximity& near, const std::vector<Clearance>& own) {
-    const auto pair = std::ranges::find(own, near.body, &Clearance::a) - own.begin();
+  /// @param stock_clearances  not yet in the result; they are appended to its clearances
+  void add_near(const StockProximity& proximity, const std::vector<Clearance>& stock_clearances) {
+    const auto pair = std::ranges::find(stock_clearances, proximity.body, &Clearance::a) -
+                      stock_clearances.begin();
     const auto block_of = [&](std::size_t sample) {
       return std::size_t(std::ranges::upper_bound(motion_.stretches, sample) -
                          motion_.stretches.begin()) -
              1;
     };
-    for (std::size_t s = block_of(near.first); s <= block_of(near.last); ++s)
-      lower(s, near.at_least, int(all_.clearances.size()) + int(pair));
+    for (std::size_t s = block_of(proximity.first); s <= block_of(proximity.last); ++s)
+      lower_clearance(s, proximity.at_least, int(result_.clearances.size()) + int(pair));
   }
 
-  /// Lowers the clearance of a block if the pair comes nearer than those before.
-  /// @param stretch  block of this part
-  /// @param pair     index in all clearances
-  void lower(std::size_t stretch, double at_least, int pair) {
-    BlockClearance& block = all_.blocks[first_block_ + stretch];
+  /// Lowers the clearance of a block if a pair comes nearer than the previous ones.
+  /// @param block_number  in this part
+  /// @param pair          index in the clearances of the result
+  void lower_clearance(std::size_t block_number, double at_least, int pair) {
+    BlockClearance& block = result_.blocks[first_block_ + block_number];
     if (block.pair >= 0 && block.at_least <= at_least) return;
     block.at_least = at_least;
     block.pair = pair;
   }
 
-  void add(const Encounter& found) {
-    const BodyPair pair = pairs_[std::size_t(found.pair)];
-    Collision one = collision_at(actual_motion_, found.moment, found.place);
-    one.a = body(pair.a).name;
-    one.b = body(pair.b).name;
-    one.contact = found.contact;
-    one.first = actual_motion_.place(found.begin);
-    one.rapid = actual_motion_.is_rapid(found.begin);
-    one.last = actual_motion_.place({end_of(motion_, found.last_segment) - 1, 0.0});
-    one.distance = found.distance;
-    one.part = number_;
-    if (search_.pairs[std::size_t(found.pair)].contact_only)
-      for (std::size_t s = found.first_segment; s <= found.last_segment; ++s)
-        // Pairs that are searched for contact only have no clearance of their own in a block; a
-        // contact gives them 0.
-        lower(s, 0.0, int(first_clearance_) + found.pair);
-    if (found.contact && contacts(all_) < max_measured_contacts)
-      measure_depth(found, search_.bodies[std::size_t(pair.a)], search_.bodies[std::size_t(pair.b)],
-                    one);
-    ++listed_;
-    all_.list.push_back(std::move(one));
+  void add(const Encounter& encounter) {
+    const BodyPair pair = pairs_[std::size_t(encounter.pair)];
+    Collision event = collision_at(actual_motion_, encounter.moment, encounter.place);
+    event.a = body(pair.a).name;
+    event.b = body(pair.b).name;
+    event.contact = encounter.contact;
+    event.first = actual_motion_.place(encounter.begin);
+    event.rapid = actual_motion_.is_rapid(encounter.begin);
+    event.last = actual_motion_.place({end_of(motion_, encounter.last_segment) - 1, 0.0});
+    event.distance = encounter.distance;
+    event.part = number_;
+    if (search_.pairs[std::size_t(encounter.pair)].contact_only)
+      for (std::size_t s = encounter.first_segment; s <= encounter.last_segment; ++s)
+        // The search gives no block clearance for a pair that it searches for contact only.
+        lower_clearance(s, 0.0, int(first_clearance_) + encounter.pair);
+    if (encounter.contact && contacts(result_) < max_measured_contacts)
+      measure_depth(encounter, search_.bodies[std::size_t(pair.a)],
+                    search_.bodies[std::size_t(pair.b)], event);
+    ++event_count_;
+    result_.list.push_back(std::move(event));
   }
 
-  /// Samples the depth of a contact from its first moment to the end of its last block, in eighths
-  /// of a step.
-  void measure_depth(const Encounter& found, const CarrierBody& a, const CarrierBody& b,
+  /// Samples the depth of a contact from its first moment to the end of its last block, at most
+  /// `samples_per_step` times a step.
+  void measure_depth(const Encounter& contact, const CarrierBody& a, const CarrierBody& b,
                      Collision& collision) const {
-    constexpr std::size_t n = samples_per_step;
-    const auto moment = [](std::size_t look) {
-      return cutting::Moment{look / n, double(look % n) / double(n)};
+    constexpr std::size_t divisions = samples_per_step;
+    const auto moment = [](std::size_t eighth) {
+      return cutting::Moment{eighth / divisions, double(eighth % divisions) / double(divisions)};
     };
-    const std::size_t first = n * found.moment.instant + std::size_t(double(n) * found.moment.u);
-    const std::size_t last = n * (end_of(motion_, found.last_segment) - 1);
+    const std::size_t first =
+        divisions * contact.moment.instant + std::size_t(double(divisions) * contact.moment.u);
+    const std::size_t last = divisions * (end_of(motion_, contact.last_segment) - 1);
     std::vector<std::size_t> block_ends;
-    for (std::size_t s = found.first_segment; s <= found.last_segment; ++s)
-      block_ends.push_back(n * (end_of(motion_, s) - 1));
-    const auto depth_at = [&](std::size_t look) {
-      const std::vector<Pose> T = actual_motion_.carriers(moment(look));
+    for (std::size_t s = contact.first_segment; s <= contact.last_segment; ++s)
+      block_ends.push_back(divisions * (end_of(motion_, s) - 1));
+    const auto depth_at = [&](std::size_t eighth) {
+      const std::vector<Pose> T = actual_motion_.carriers(moment(eighth));
       return cutting::way_out(a.body, T[std::size_t(a.carrier)], b.body, T[std::size_t(b.carrier)])
           .depth;
     };
     const DeepestSample deepest =
-        // a contact that begins in the last step of its last block leaves `first` behind `last`
+        // `first` exceeds `last` if the contact begins in the last step of its last block.
         deepest_sample(first, std::max(first, last) + 1, block_ends, depth_at);
     collision.depth = deepest.depth;
     collision.depths = deepest.looks;
@@ -288,23 +290,23 @@ class PartSearch {
 
   const ActualMotion& actual_motion_;
   std::size_t number_;
-  Collisions& all_;
-  std::size_t first_clearance_ = all_.clearances.size(), first_block_ = all_.blocks.size();
-  std::size_t listed_ = 0;  // number of collisions of this part in the list
+  Collisions& result_;
+  std::size_t first_clearance_ = result_.clearances.size(), first_block_ = result_.blocks.size();
+  std::size_t event_count_ = 0;  // number of collisions of this part in the list
   std::vector<SolidBody> bodies_;
   std::vector<BodyPair> pairs_;
-  Search search_;
+  SearchSetup search_;
   CarrierMotion motion_;
 };
 
 /// Adds a warning for each pair that overlaps at the start of the program.
-void add_overlap_warnings(Collisions& all) {
-  for (const Clearance& one : all.clearances)
-    if (one.overlap_at_start)
-      all.warnings.push_back(fmt::format(
+void add_overlap_warnings(Collisions& result) {
+  for (const Clearance& pair : result.clearances)
+    if (pair.overlap_at_start)
+      result.warnings.push_back(fmt::format(
           "{} and {} overlap where the program begins and are not looked at: leave the pair out by "
           "[[collision.ignore]] if that is meant, else move one of them",
-          one.a, one.b));
+          pair.a, pair.b));
 }
 
 }  // namespace
@@ -312,43 +314,43 @@ void add_overlap_warnings(Collisions& all) {
 Collisions collisions(const Job& job, const Commands& commands, const std::string& name,
                       const Progress& progress) {
   Stopwatch watch;
-  Collisions all;
-  all.commands = name;
-  all.resolution = job.scene.collision.resolution;
-  all.clearance = job.scene.collision.clearance;
-  all.gouge = job.scene.collision.gouge;
+  Collisions result;
+  result.commands = name;
+  result.resolution = job.scene.collision.resolution;
+  result.clearance = job.scene.collision.clearance;
+  result.gouge = job.scene.collision.gouge;
   const auto parts = parts_of(job);
   for (std::size_t i = 0; i < parts.size(); ++i) {
     const ActualMotion actual_motion{parts[i], of_part(commands, i)};
-    if (i == 0) all.more_files = actual_motion.path.more_files;
+    if (i == 0) result.more_files = actual_motion.path.more_files;
     try {
-      // One error message is enough; the search goes on, so that it also reports the collisions.
+      // One error is reported, and the search goes on, so that the user sees the collisions too.
       check_travel(parts[i].machine, actual_motion.path, actual_motion.samples);
     } catch (const BadInput& beyond) {
-      if (all.beyond_travel.empty()) all.beyond_travel = beyond.what();
+      if (result.beyond_travel.empty()) result.beyond_travel = beyond.what();
     }
-    PartSearch(actual_motion, i, all).run(progress);
+    PartSearch(actual_motion, i, result).run(progress);
   }
-  add_overlap_warnings(all);
-  all.seconds = watch.lap();
-  return all;
+  add_overlap_warnings(result);
+  result.seconds = watch.lap();
+  return result;
 }
 
 // Quick proximity check for runs without a collision search.
 
 namespace {
 
-/// Returns the largest number of probed poses of a job. A probe takes about 1 us, a sample of a run
-/// 5 us or more, so the check stays below a few per cent of the run.
+/// Returns the largest number of poses to probe in a job. A probe takes about 1 us and a sample of
+/// a run 5 us or more, so that the check takes a few per cent of the run at most.
 std::size_t max_probes(std::size_t samples) { return 4000 + samples / 10; }
-/// Number of probes of a pair that is already near; after them it is left undecided whether the
-/// bodies meet.
+/// Largest number of probes that decide if the bodies of a near pair meet; beyond it the pair is
+/// reported as near.
 constexpr int max_probes_near = 500;
-/// Number of samples whose axis displacements are summed in advance, so that a distant pair skips
-/// them in one step.
+/// Number of samples in a chunk, whose axis displacements are summed in advance: a distant pair
+/// skips a chunk in one step.
 constexpr std::size_t samples_per_chunk = 64;
 
-/// A body with its bounding box. A distance between boxes takes a hundredth of the time of one
+/// A body with its bounding box. The distance between boxes takes a hundredth of the time of that
 /// between meshes.
 struct BoxedBody {
   std::string name;
@@ -356,7 +358,7 @@ struct BoxedBody {
   cutting::Body body;
   Vector3d middle = Vector3d::Zero();  ///< centre of the box, mm, in the frame of the carrier
   Vector3d half = Vector3d::Zero();    // half sides of the box, mm
-  double radius = 0.0;                 ///< of the ball around the box, mm
+  double radius = 0.0;                 ///< of the sphere around the box, mm
 };
 
 BoxedBody boxed(const SolidBody& solid) {
@@ -379,9 +381,10 @@ double box_distance(const BoxedBody& a, const Pose& T_a, const BoxedBody& b, con
   return std::max({along_a, along_b, along_line});
 }
 
-/// Returns the position of a carrier in the row of joints from the workpiece to the tool. Half
-/// numbers lie between joints; the joints between two carriers move them relative to each other.
-double place_in_row(const kinematics::Chain& chain, int frame) {
+/// Returns the position of a carrier in the chain from the workpiece to the tool. Joint k is at k,
+/// carriers at half numbers between joints. The joints between two carriers move them relative to
+/// each other.
+double position_in_chain(const kinematics::Chain& chain, int frame) {
   const Carriers carriers{chain.size()};
   double bed = -0.5;
   for (const Joint& joint : chain.joints()) bed += joint.side == Side::Workpiece;
@@ -423,38 +426,39 @@ class AxisMotion {
     return samples_.line[sample + (fraction > 0.0 ? 1 : 0)];
   }
 
-  struct At {
+  struct Point {
     std::size_t sample = 0;
     double fraction = 0.0;
   };
-  /// Returns the point of the motion up to which a body has moved by `room` mm, if it moves by at
-  /// most `weights` times the displacements of the axes; the end of the motion if it moves less.
-  At after(At at, double room, const AxisVector& weights) const {
-    while (at.sample < steps()) {
-      const bool begins = at.fraction <= 0.0 && at.sample % samples_per_chunk == 0;
-      const std::size_t chunk = at.sample / samples_per_chunk;
-      if (begins && chunk < chunks_.size()) {
-        const double way = weights.dot(chunks_[chunk]);
-        if (way <= room) {
-          room -= way;
-          at.sample += samples_per_chunk;
+  /// Returns the first point behind `point` at which a body may have moved by `distance` mm, if it
+  /// moves by at most `weights` times the displacements of the axes; the end of the motion if it
+  /// cannot move that far.
+  Point after(Point point, double distance, const AxisVector& weights) const {
+    while (point.sample < steps()) {
+      const bool is_chunk_start = point.fraction <= 0.0 && point.sample % samples_per_chunk == 0;
+      const std::size_t chunk = point.sample / samples_per_chunk;
+      if (is_chunk_start && chunk < chunks_.size()) {
+        const double displacement = weights.dot(chunks_[chunk]);
+        if (displacement <= distance) {
+          distance -= displacement;
+          point.sample += samples_per_chunk;
           continue;
         }
       }
-      const double way = weights.dot(step(at.sample));
-      const double left = (1.0 - at.fraction) * way;
-      if (left > room) return {at.sample, at.fraction + room / way};
-      room -= left;
-      at = {at.sample + 1, 0.0};
+      const double displacement = weights.dot(step(point.sample));
+      const double remaining = (1.0 - point.fraction) * displacement;
+      if (remaining > distance) return {point.sample, point.fraction + distance / displacement};
+      distance -= remaining;
+      point = {point.sample + 1, 0.0};
     }
-    return at;
+    return point;
   }
 
  private:
   AxisVector step(std::size_t i) const {
-    AxisVector way = (samples_.states[i + 1].q - samples_.states[i].q).cwiseAbs();
-    for (int k = 0; k < way.size(); ++k) way[k] *= is_moved_[std::size_t(k)];
-    return way;
+    AxisVector displacement = (samples_.states[i + 1].q - samples_.states[i].q).cwiseAbs();
+    for (int k = 0; k < displacement.size(); ++k) displacement[k] *= is_moved_[std::size_t(k)];
+    return displacement;
   }
 
   const program::Samples& samples_;
@@ -478,37 +482,37 @@ class NearSearch {
 
   std::optional<BodyProximity> first_near(const BoxedBody& a, const BoxedBody& b) {
     const AxisVector weights = joint_weights(a, b);
-    AxisMotion::At at;
+    AxisMotion::Point point;
     std::optional<BodyProximity> near;
-    double wanted = near_;
+    double limit = near_;
     int probes_near = max_probes_near;
-    for (bool starts = true; at.sample < motion_.steps() || starts; starts = false) {
+    for (bool is_start = true; point.sample < motion_.steps() || is_start; is_start = false) {
       if (is_exhausted() || probes_near == 0) break;
       --probes_left_;
-      const double distance = distance_at(a, b, at);
+      const double distance = distance_at(a, b, point);
       if (near) --probes_near;
       if (distance <= near_ && (!near || distance < near->distance)) {
-        near = {a.name, b.name, motion_.line(at.sample, at.fraction), distance};
-        wanted = contact_;  // the bodies are near: from now on the search only decides whether they
-                            // meet
+        near = {a.name, b.name, motion_.line(point.sample, point.fraction), distance};
+        limit = contact_;  // only contact remains to be decided
         if (distance <= contact_) break;
       }
-      // The bodies cannot meet before they have moved by their distance. Half of the limit is the
-      // least step, so that a pair at the limit does not stop the search.
-      at = motion_.after(at, std::max(distance - wanted, 0.5 * wanted), weights);
+      // The bodies cannot come within the limit before they have moved by the difference. A step of
+      // at least half the limit keeps a pair that stays at the limit from stalling the search.
+      point = motion_.after(point, std::max(distance - limit, 0.5 * limit), weights);
     }
     return near;
   }
 
  private:
-  double distance_at(const BoxedBody& a, const BoxedBody& b, const AxisMotion::At& at) const {
-    const std::vector<Pose> T = carrier_poses(chain_, motion_.position(at.sample, at.fraction), {});
+  double distance_at(const BoxedBody& a, const BoxedBody& b, const AxisMotion::Point& point) const {
+    const std::vector<Pose> T =
+        carrier_poses(chain_, motion_.position(point.sample, point.fraction), {});
     const Pose &T_a = T[std::size_t(a.frame)], &T_b = T[std::size_t(b.frame)];
     const double bound = box_distance(a, T_a, b, T_b);
     if (bound > 2.0 * near_) return bound;
-    // Bodies have only surfaces: one inside the other shows only by a test, needed once, since a
-    // body cannot get inside later without contact.
-    if (at.sample == 0 && at.fraction <= 0.0 && cutting::is_inside(a.body, T_a, b.body, T_b))
+    // The gap between surfaces does not show that one body is inside the other. The test is needed
+    // only at the start, since a body cannot get inside later without contact.
+    if (point.sample == 0 && point.fraction <= 0.0 && cutting::is_inside(a.body, T_a, b.body, T_b))
       return 0.0;
     return cutting::gap(a.body, T_a, b.body, T_b).distance;
   }
@@ -516,33 +520,35 @@ class NearSearch {
   /// Returns (axes) upper bounds of the displacement of a point of one body relative to the other,
   /// mm for each mm or rad of an axis.
   AxisVector joint_weights(const BoxedBody& a, const BoxedBody& b) const {
-    const double from = place_in_row(chain_, a.frame), to = place_in_row(chain_, b.frame);
+    const double position_a = position_in_chain(chain_, a.frame),
+                 position_b = position_in_chain(chain_, b.frame);
     AxisVector weights = AxisVector::Zero(chain_.size());
     for (int k = 0; k < chain_.size(); ++k) {
-      if (!(k > std::min(from, to) && k < std::max(from, to))) continue;
+      if (!(k > std::min(position_a, position_b) && k < std::max(position_a, position_b))) continue;
       const Motion motion = chain_.joints()[std::size_t(k)].motion;
       if (motion == Motion::Linear) weights[k] = 1.0;
-      // The distance is the same in the frame of either body, so the body with the shorter arm
-      // gives the bound of a turn.
-      if (motion == Motion::Rotary) weights[k] = std::min(arm(k, a, from), arm(k, b, to));
+      // A turn may be seen as moving either body, so the one with the shorter arm gives the bound.
+      if (motion == Motion::Rotary)
+        weights[k] = std::min(arm(k, a, position_a), arm(k, b, position_b));
     }
     return weights;
   }
 
   /// Returns an upper bound of the distance from the axis of a joint to the farthest point of a
-  /// body, mm, for all positions of the axes between them.
-  double arm(int joint, const BoxedBody& body, double place) const {
-    const int step = place > joint ? 1 : -1;
-    Vector3d at = chain_.joints()[std::size_t(joint)].point_b;
+  /// body, mm, for all positions of the joints between both.
+  /// @param position  of the body in the chain
+  double arm(int joint, const BoxedBody& body, double position) const {
+    const int step = position > joint ? 1 : -1;
+    Vector3d point = chain_.joints()[std::size_t(joint)].point_b;
     double sum = 0.0;
-    for (int k = joint + step; step > 0 ? k < place : k > place; k += step) {
-      const Joint& next = chain_.joints()[std::size_t(k)];
-      if (next.motion == Motion::Linear) sum += motion_.farthest()[k];
-      if (next.motion != Motion::Rotary) continue;
-      sum += (next.point_b - at).norm();
-      at = next.point_b;
+    for (int k = joint + step; step > 0 ? k < position : k > position; k += step) {
+      const Joint& inner_joint = chain_.joints()[std::size_t(k)];
+      if (inner_joint.motion == Motion::Linear) sum += motion_.farthest()[k];
+      if (inner_joint.motion != Motion::Rotary) continue;
+      sum += (inner_joint.point_b - point).norm();
+      point = inner_joint.point_b;
     }
-    return sum + (zero_[std::size_t(body.frame)] * body.middle - at).norm() + body.radius;
+    return sum + (zero_[std::size_t(body.frame)] * body.middle - point).norm() + body.radius;
   }
 
   const kinematics::Chain& chain_;
@@ -556,14 +562,14 @@ std::string pair_text(const BodyProximity& pair) { return pair.a + " and " + pai
 
 constexpr std::string_view not_searched = "collisions are not searched here";
 
-/// Returns the pairs of one part of a job that come near, each with its first location.
+/// Returns the pairs of one part of a job that come near.
 Proximity near_bodies_in(const Job& part) {
-  Proximity found;
-  if (part.samples.states.empty()) return found;
+  Proximity proximity;
+  if (part.samples.states.empty()) return proximity;
   // Without machine bodies and fixtures only the tool is left, which cannot meet itself.
   std::vector<SolidBody> solids = machine_bodies(part.scene.machine);
   std::ranges::move(fixture_bodies(part.scene), std::back_inserter(solids));
-  if (solids.empty()) return found;
+  if (solids.empty()) return proximity;
   std::ranges::move(tool_bodies(part, 0.0), std::back_inserter(solids));
   std::vector<BoxedBody> bodies;
   for (const SolidBody& solid : solids) bodies.push_back(boxed(solid));
@@ -571,36 +577,36 @@ Proximity near_bodies_in(const Job& part) {
   NearSearch search(part.scene, part.machine, motion);
   for (const BodyPair& pair : pairs_of(part.machine.nominal, solids, part.scene.collision.ignore))
     if (auto near = search.first_near(bodies[std::size_t(pair.a)], bodies[std::size_t(pair.b)]))
-      found.near.push_back(std::move(*near));
-  found.is_complete = !search.is_exhausted();
-  std::ranges::stable_sort(found.near, {}, &BodyProximity::line);
-  return found;
+      proximity.near.push_back(std::move(*near));
+  proximity.is_complete = !search.is_exhausted();
+  std::ranges::stable_sort(proximity.near, {}, &BodyProximity::line);
+  return proximity;
 }
 
 }  // namespace
 
 Proximity find_near_bodies(const Job& job) {
-  Proximity all;
-  all.is_complete = !job.windows;
-  if (job.windows) return all;
-  // A pair is listed once, with the first tool that brings it near.
+  Proximity result;
+  result.is_complete = !job.windows;
+  if (job.windows) return result;
+  // A pair is listed once, for the first tool with which it is near.
   for (const Job& part : parts_of(job)) {
-    Proximity found = near_bodies_in(part);
-    all.is_complete = all.is_complete && found.is_complete;
-    for (BodyProximity& next : found.near)
-      if (std::ranges::none_of(all.near, [&](const BodyProximity& had) {
-            return had.a == next.a && had.b == next.b;
+    Proximity proximity = near_bodies_in(part);
+    result.is_complete = result.is_complete && proximity.is_complete;
+    for (BodyProximity& pair : proximity.near)
+      if (std::ranges::none_of(result.near, [&](const BodyProximity& listed) {
+            return listed.a == pair.a && listed.b == pair.b;
           }))
-        all.near.push_back(std::move(next));
+        result.near.push_back(std::move(pair));
   }
-  return all;
+  return result;
 }
 
 std::string not_searched_text(const Job& job) {
-  if (job.scene.collision.on) return {};  // a run with collisions on searches them itself
-  const Proximity found = find_near_bodies(job);
-  const std::vector<BodyProximity>& near = found.near;
-  if (near.empty() && found.is_complete) return {};
+  if (job.scene.collision.on) return {};
+  const Proximity proximity = find_near_bodies(job);
+  const std::vector<BodyProximity>& near = proximity.near;
+  if (near.empty() && proximity.is_complete) return {};
   constexpr std::string_view advice = "`abbe check --collisions` searches them";
   if (near.empty())
     return fmt::format("{}, and the program is too long for a quick check: {}", not_searched,
@@ -608,17 +614,17 @@ std::string not_searched_text(const Job& job) {
   const auto touches = [&](const BodyProximity& pair) {
     return pair.distance <= job.scene.collision.resolution;
   };
-  const auto met = std::ranges::find_if(near, touches);
-  const BodyProximity& first = met == near.end() ? near.front() : *met;
+  const auto contact = std::ranges::find_if(near, touches);
+  const BodyProximity& first = contact == near.end() ? near.front() : *contact;
   const std::string what = touches(first)
                                ? fmt::format("{} meet on line {}", pair_text(first), first.line)
                                : fmt::format("{} come within {:.3g} mm of each other on line {}",
                                              pair_text(first), first.distance, first.line);
-  const std::string others = near.size() > 1
-                                 ? fmt::format(", and {} other {} near", near.size() - 1,
-                                               near.size() == 2 ? "pair comes" : "pairs come")
-                                 : "";
-  return fmt::format("{}, but {}{}: {}", not_searched, what, others, advice);
+  const std::string others_text = near.size() > 1
+                                      ? fmt::format(", and {} other {} near", near.size() - 1,
+                                                    near.size() == 2 ? "pair comes" : "pairs come")
+                                      : "";
+  return fmt::format("{}, but {}{}: {}", not_searched, what, others_text, advice);
 }
 
 }  // namespace abbe::sim

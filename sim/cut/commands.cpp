@@ -19,11 +19,11 @@ using kinematics::AxisState;
 using kinematics::AxisVector;
 using kinematics::Pose;
 
-/// Returns actual minus nominal position of the tip, mm, when the control moves to a point.
+/// Returns the actual minus the nominal position of the tip, mm, when the control moves to a point.
 using TipDeviation = std::function<Vector3d(const Vector3d& point_w)>;
 
 // Returns the axis state at which the tip of a chain is at a point, rotary axes at zero.
-AxisState at_rest(const kinematics::Chain& chain, const Vector3d& point_w, double time_s) {
+AxisState state_at(const kinematics::Chain& chain, const Vector3d& point_w, double time_s) {
   const AxisVector zero = AxisVector::Zero(chain.size());
   AxisState state;
   state.q = slide_offset(chain, point_w - chain.tool_in_workpiece(zero).translation());
@@ -31,98 +31,92 @@ AxisState at_rest(const kinematics::Chain& chain, const Vector3d& point_w, doubl
   return state;
 }
 
-/// The command of a control to a point, rotary axes at zero, before and after a compensator.
+/// The command of a control that moves the tip to a point, before and after correction.
 struct Approach {
   AxisState command;
   AxisState corrected;
-  Vector3d wanted_w;  ///< where the nominal machine puts the tip: a component that its slides
-                      ///< cannot reach is no deviation
+  Vector3d nominal_w;  ///< tip of the nominal machine: what its slides cannot reach is no deviation
 };
 
-Approach approach(const Vector3d& point_w, double time_s, const Machine& machine,
-                  const Corrector& corrector) {
-  const AxisState nominal = at_rest(machine.nominal, point_w, time_s);
-  const Pose T_wt_wanted = machine.nominal.tool_in_workpiece(nominal.q);
-  const AxisState command = at_rest(machine.control, point_w, time_s);
+Approach approach_point(const Vector3d& point_w, double time_s, const Machine& machine,
+                        const Corrector& corrector) {
+  const AxisState nominal = state_at(machine.nominal, point_w, time_s);
+  const Pose T_wt_nominal = machine.nominal.tool_in_workpiece(nominal.q);
+  const AxisState command = state_at(machine.control, point_w, time_s);
   const AxisState corrected =
-      corrector ? corrector({command}, {T_wt_wanted}).states.front() : command;
-  return {command, corrected, T_wt_wanted.translation()};
+      corrector ? corrector({command}, {T_wt_nominal}).states.front() : command;
+  return {command, corrected, T_wt_nominal.translation()};
 }
 
-Vector3d touched_offset(const DatumDescription& datum, const TipDeviation& deviation) {
+/// Returns the shift of the work zero that measuring a datum gives, mm.
+Vector3d measured_offset(const DatumDescription& datum, const TipDeviation& deviation) {
   using Kind = DatumDescription::Kind;
   if (datum.kind == Kind::None) return Vector3d::Zero();
   if (datum.kind == Kind::Ideal) {
     Vector3d offset = Vector3d::Zero();
-    // The deviation depends on where the tip is sent; the errors vary little over an offset, so the
-    // last of three repetitions only corrects nanometres.
+    // The deviation depends on the commanded point. Errors vary little over an offset, so that the
+    // third repetition only corrects nanometres.
     for (int i = 0; i < 3; ++i) offset = -deviation(datum.point_w + offset);
     return offset;
   }
   const Eigen::Index n = Eigen::Index(datum.touches.size());
   Eigen::MatrixXd directions(n, 3);
-  Eigen::VectorXd learnt(n);
+  Eigen::VectorXd components(n);
   for (Eigen::Index i = 0; i < n; ++i) {
     const DatumDescription::Touch& touch = datum.touches[std::size_t(i)];
     directions.row(i) = touch.direction_w.transpose();
-    learnt[i] = -touch.direction_w.dot(deviation(touch.point_w));
+    components[i] = -touch.direction_w.dot(deviation(touch.point_w));
   }
-  // The shortest solution leaves zero in directions that no touch has measured.
-  return shortest_least_squares(directions, learnt);
+  // The shortest solution is zero in directions that no touch has measured.
+  return shortest_least_squares(directions, components);
 }
 
 }  // namespace
 
-AxisVector slide_offset(const kinematics::Chain& chain, const Vector3d& offset_w) {
-  AxisVector q = AxisVector::Zero(chain.size());
-  // Linear axes alone move the tip the same anywhere, so the Jacobian at zero is exact.
+Eigen::MatrixXd slide_jacobian(const kinematics::Chain& chain, const AxisVector& q) {
   const Eigen::MatrixXd J = kinematics::axis_jacobian(chain, q);
-  Eigen::MatrixXd by_slide = Eigen::MatrixXd::Zero(3, chain.size());
+  Eigen::MatrixXd J_slides = Eigen::MatrixXd::Zero(3, chain.size());
   for (int i = 0; i < chain.size(); ++i)
     if (chain.joints()[std::size_t(i)].motion == kinematics::Motion::Linear)
-      by_slide.col(i) = J.col(i).head<3>();
-  q = shortest_least_squares(by_slide, offset_w);
-  return q;
+      J_slides.col(i) = J.col(i).head<3>();
+  return J_slides;
+}
+
+AxisVector slide_offset(const kinematics::Chain& chain, const Vector3d& offset_w) {
+  // Slides alone move the tip by the same displacement anywhere, so the Jacobian at zero is exact.
+  return shortest_least_squares(slide_jacobian(chain, AxisVector::Zero(chain.size())), offset_w);
 }
 
 Vector3d datum_offset(const DatumDescription& datum, const Machine& machine, const ToolAt& tool_at,
                       const Corrector& corrector) {
-  return touched_offset(datum, [&](const Vector3d& point_w) -> Vector3d {
-    const Approach made = approach(point_w, datum.time_s, machine, corrector);
-    return tool_at(made.corrected).translation() - made.wanted_w;
+  return measured_offset(datum, [&](const Vector3d& point_w) -> Vector3d {
+    const Approach point_approach = approach_point(point_w, datum.time_s, machine, corrector);
+    return tool_at(point_approach.corrected).translation() - point_approach.nominal_w;
   });
 }
 
 Vector3d expected_offset(const DatumDescription& datum, const Machine& machine,
                          const Corrector& corrector) {
-  return touched_offset(datum, [&](const Vector3d& point_w) -> Vector3d {
-    const Approach made = approach(point_w, datum.time_s, machine, corrector);
+  return measured_offset(datum, [&](const Vector3d& point_w) -> Vector3d {
+    const Approach point_approach = approach_point(point_w, datum.time_s, machine, corrector);
     const kinematics::Chain& control = machine.control;
-    return control.tool_in_workpiece(made.command.q).translation() -
-           control.tool_in_workpiece(made.corrected.q).translation();
+    return control.tool_in_workpiece(point_approach.command.q).translation() -
+           control.tool_in_workpiece(point_approach.corrected.q).translation();
   });
 }
-
-namespace {
-
-bool is_tip(const program::Path& path, int block) {
-  return path.blocks[std::size_t(block)].coordinates == program::Coordinates::Tip;
-}
-
-}  // namespace
 
 std::vector<AxisState> commanded(const kinematics::Chain& control, const program::Path& path,
                                  const program::Samples& samples,
                                  const kinematics::Chain& sampled_by,
                                  const Eigen::Vector3d& offset_w) {
   std::vector<AxisState> states = samples.states;
-  // an unchanged chain and no shift give the same bits without another inverse
+  // Without a shift the same chain would give the same commands, but not the same bits.
   if (same(control, sampled_by) && offset_w.isZero(0.0)) return states;
   const AxisVector slides = slide_offset(control, offset_w);
   tbb::parallel_for(std::size_t(0), states.size(), [&](std::size_t i) {
-    if (!is_tip(path, samples.block[i])) {
-      // A block in axis coordinates is only shifted; a block that programs the tip is solved with
-      // the kinematics of the control.
+    const program::Block& block = path.blocks[std::size_t(samples.block[i])];
+    if (block.coordinates != program::Coordinates::Tip) {
+      // Axis coordinates need no kinematics of the control.
       states[i].q += slides;
       return;
     }
@@ -147,19 +141,20 @@ Commands uncompensated_commands(const Machine& machine, const program::Path& pat
 
 Commands joined(std::vector<Commands> parts) {
   if (parts.size() == 1) return std::move(parts.front());
-  Commands all;
+  Commands job_commands;
   for (const Commands& part : parts) {
     const auto& states = part.samples.states;
-    all.samples.states.insert(all.samples.states.end(), states.begin(), states.end());
-    all.point_left = std::max(all.point_left, part.point_left);
-    all.direction_left = std::max(all.direction_left, part.direction_left);
-    all.not_converged += part.not_converged;
+    job_commands.samples.states.insert(job_commands.samples.states.end(), states.begin(),
+                                       states.end());
+    job_commands.point_left = std::max(job_commands.point_left, part.point_left);
+    job_commands.direction_left = std::max(job_commands.direction_left, part.direction_left);
+    job_commands.not_converged += part.not_converged;
     for (const std::string& warning : part.warnings)
-      if (std::ranges::find(all.warnings, warning) == all.warnings.end())
-        all.warnings.push_back(warning);
+      if (std::ranges::find(job_commands.warnings, warning) == job_commands.warnings.end())
+        job_commands.warnings.push_back(warning);
   }
-  all.stretches = std::move(parts);
-  return all;
+  job_commands.stretches = std::move(parts);
+  return job_commands;
 }
 
 const Commands& of_part(const Commands& commands, std::size_t part) {

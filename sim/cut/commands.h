@@ -52,6 +52,10 @@ Eigen::Vector3d datum_offset(const DatumDescription& datum, const Machine& machi
 Eigen::Vector3d expected_offset(const DatumDescription& datum, const Machine& machine,
                                 const Corrector& corrector);
 
+/// Returns the derivatives of the tip by the positions of the slides, in the workpiece frame.
+/// @return (3 x joints) zero for other joints
+Eigen::MatrixXd slide_jacobian(const kinematics::Chain& chain, const kinematics::AxisVector& q);
+
 /// Returns the slide positions that shift the tip by `offset_w` in the workpiece, rotary axes at
 /// zero. Directions without a slide are ignored.
 /// @return (joints)

@@ -33,64 +33,66 @@ using kinematics::Pose;
 double shaping_height(const Scene& scene) {
   const auto* cutter = std::get_if<cutting::Cutter>(&scene.tool.nominal);
   if (cutter == nullptr) return 0.0;
-  const bool flank =
+  const bool uses_flank =
       cutter->corner_radius == 0.0 || std::holds_alternative<program::Flank>(scene.program.source);
-  return flank ? cutter->flank_length : cutter->radius;
+  return uses_flank ? cutter->flank_length : cutter->radius;
 }
 
-/// Returns the largest second derivative of the tip by the spindle angle, mm/rad^2, from harmonics
-/// in that angle: error motion of a spindle that turns the workpiece, and vibration on any spindle.
-double spindle_bend(const Scene& scene, const Machine& machine) {
-  // Tilts count at a lever of 100 mm; an estimate is enough, as it only sets the density of
-  // samples.
-  constexpr double lever = 100.0;  // mm, for tilts
-  const auto size = [](const errors::ElementName& name) { return name.is_angle() ? lever : 1.0; };
-  double bend = 0.0;
+/// Returns an estimate of the largest second derivative of the tip by the spindle angle, mm/rad^2.
+/// It sums the harmonics in that angle: the error motions of a spindle that turns the workpiece,
+/// and the vibrations on any spindle.
+double spindle_curvature(const Scene& scene, const Machine& machine) {
+  constexpr double lever = 100.0;  // mm, for tilts: an estimate is enough for the sample density
+  const auto lever_of = [](const errors::ElementName& name) {
+    return name.is_angle() ? lever : 1.0;
+  };
+  double curvature = 0.0;
   for (const errors::Element& element : scene.geometric.elements) {
     if (element.name.axis != 'S' || !machine.workpiece_spindle) continue;
     for (const errors::Curve& curve : element.curves)
-      bend += size(element.name) * scene.error_scale * errors::max_bend(curve);
+      curvature += lever_of(element.name) * scene.error_scale * errors::max_bend(curve);
   }
   for (const errors::Vibration& vibration : scene.vibrations) {
     double speed = vibration.reference_speed;
-    // the largest amplitude is at the resonance, if the spindle can reach that speed
+    // The amplitude is largest at the resonance.
     if (vibration.resonance) speed = std::max(speed, *vibration.resonance / vibration.order);
-    bend += size(vibration.name) * vibration.order * vibration.order *
-            std::abs(errors::amplitude(vibration, speed));
+    curvature += lever_of(vibration.name) * vibration.order * vibration.order *
+                 std::abs(errors::amplitude(vibration, speed));
   }
-  return bend;
+  return curvature;
 }
 
-/// Throws BadInput if a finite-element field does not lie on the part, which means another mesh,
-/// unit or pose.
+/// Throws BadInput if a finite-element field does not lie on the part, i.e. has another mesh, unit
+/// or pose.
 void check_field(const Scene& scene, const cutting::Design& design_w) {
   if (!scene.compliance || !scene.compliance->workpiece) return;
   const auto* field = std::get_if<errors::WorkpieceField>(&*scene.compliance->workpiece);
   if (field == nullptr) return;
-  const auto size = [](const cutting::Points& points) {
+  const auto diagonal = [](const cutting::Points& points) {
     return (points.colwise().maxCoeff() - points.colwise().minCoeff()).norm();
   };
-  const auto refuse = [&](const std::string& expected, const std::string& seen) {
+  const auto throw_field_error = [&](const std::string& expected, const std::string& seen) {
     throw BadInput(scene.file.string(), 0, 0, "a compliance field on this part: " + expected, seen);
   };
-  // The farthest point of a square grid is 0.71 spacings from a node; 1.5 leaves room for irregular
+  // In a square grid no point is farther than 0.71 spacings from a node; 1.5 allows for irregular
   // meshes.
-  const double allowed = 1.5 * errors::node_spacing(*field);
-  const double far = errors::coverage(*field, design_w.vertices);
-  if (far > allowed)
-    refuse(fmt::format("a node within {:.3g} mm of every vertex, 1.5 of its spacings", allowed),
-           fmt::format("a vertex {:.4g} mm from the nearest node", far));
-  // A field four times as large as the part is of another part or in another unit, even if each
-  // vertex has a node nearby.
-  if (size(field->points_w) > 4 * size(design_w.vertices))
-    refuse(fmt::format("nodes over at most {:.4g} mm, four times the part",
-                       4 * size(design_w.vertices)),
-           fmt::format("nodes over {:.4g} mm", size(field->points_w)));
+  const double max_distance = 1.5 * errors::node_spacing(*field);
+  const double distance = errors::coverage(*field, design_w.vertices);
+  if (distance > max_distance)
+    throw_field_error(
+        fmt::format("a node within {:.3g} mm of every vertex, 1.5 of its spacings", max_distance),
+        fmt::format("a vertex {:.4g} mm from the nearest node", distance));
+  // A much larger field belongs to another part or has another unit, even if each vertex has a node
+  // nearby.
+  if (diagonal(field->points_w) > 4 * diagonal(design_w.vertices))
+    throw_field_error(fmt::format("nodes over at most {:.4g} mm, four times the part",
+                                  4 * diagonal(design_w.vertices)),
+                      fmt::format("nodes over {:.4g} mm", diagonal(field->points_w)));
 }
 
-/// Returns warnings about error elements, true and believed, over the range in which the program
-/// moves the axes.
-std::vector<std::string> size_warnings(const Job& job) {
+/// Returns warnings about the error elements of the truth and of the belief over the range in which
+/// the program moves the axes.
+std::vector<std::string> error_size_warnings(const Job& job) {
   kinematics::AxisVector least, most;
   if (job.windows) {
     least = job.windows->least;
@@ -114,12 +116,12 @@ std::vector<std::string> size_warnings(const Job& job) {
   return warnings;
 }
 
-/// Returns true if samples made with `had` are as dense as those with `wanted` along turns of
-/// spindles. Errors change the sampling in no other respect.
-bool is_as_dense(const program::SampleOptions& had, const program::SampleOptions& wanted) {
-  if (had.max_spindle_turn > wanted.max_spindle_turn) return false;
-  return !wanted.max_nose_turn ||
-         (had.max_nose_turn && *had.max_nose_turn <= *wanted.max_nose_turn);
+/// Returns true if existing samples are as dense along spindle turns as the required ones. Errors
+/// change the sampling in no other respect.
+bool is_as_dense(const program::SampleOptions& existing, const program::SampleOptions& required) {
+  if (existing.max_spindle_turn > required.max_spindle_turn) return false;
+  return !required.max_nose_turn ||
+         (existing.max_nose_turn && *existing.max_nose_turn <= *required.max_nose_turn);
 }
 
 }  // namespace
@@ -131,10 +133,10 @@ program::SampleOptions sample_options(const Scene& scene, const Machine& machine
   options.max_axis_step = scene.max_step;
   options.workpiece_spindle = machine.workpiece_spindle;
   options.reach = shaping_height(scene);
-  const double bend = spindle_bend(scene, machine);
-  if (bend > 0.0) {
-    // the sagitta of a chord over an angle is bend angle^2 / 8
-    const double turn = std::sqrt(8 * scene.chord_tolerance / bend);
+  const double curvature = spindle_curvature(scene, machine);
+  if (curvature > 0.0) {
+    // The sagitta of a chord over an angle is curvature angle^2 / 8.
+    const double turn = std::sqrt(8 * scene.chord_tolerance / curvature);
     options.max_spindle_turn = std::min(options.max_spindle_turn, turn);
     if (!scene.vibrations.empty()) options.max_nose_turn = turn;
   }
@@ -143,49 +145,53 @@ program::SampleOptions sample_options(const Scene& scene, const Machine& machine
 
 namespace {
 
-/// Returns the input error for too many samples, at the key that causes them.
-BadInput refusal_of(const Scene& scene, const program::TooManySamples& fault,
-                    const std::string& expected, const std::string& windows_obstacle = {}) {
+/// Returns the input error for too many samples, at the key that sets their number.
+BadInput too_many_samples_error(const Scene& scene, const program::TooManySamples& excess,
+                                const std::string& expected,
+                                const std::string& windows_obstacle = {}) {
   return scene_limit_error(scene,
                            {"sampling.max_step_mm", "sampling.chord_tolerance_nm",
                             "program.step_over_mm", "program.step_mm", "program.feed_um_per_rev"},
                            expected,
-                           fmt::format("more, from line {} of {} on{}", fault.line, fault.file,
+                           fmt::format("more, from line {} of {} on{}", excess.line, excess.file,
                                        windows_obstacle_text(windows_obstacle)));
 }
 
-program::Samples sampled(const Scene& scene, const program::Path& path, const Machine& machine,
-                         program::SampleOptions options, const std::string& windows_obstacle) {
+program::Samples sample_program(const Scene& scene, const program::Path& path,
+                                const Machine& machine, program::SampleOptions options,
+                                const std::string& windows_obstacle) {
   options.max_samples = max_program_samples();
   try {
     return program::sample(path, machine.nominal, options);
-  } catch (const program::TooManySamples& fault) {
-    throw refusal_of(scene, fault,
-                     fmt::format("at most {} samples of the program, which the memory holds",
-                                 options.max_samples),
-                     windows_obstacle);
+  } catch (const program::TooManySamples& excess) {
+    throw too_many_samples_error(
+        scene, excess,
+        fmt::format("at most {} samples of the program, which the memory holds",
+                    options.max_samples),
+        windows_obstacle);
   }
 }
 
-std::vector<program::Window> windows_of(const Scene& scene, const program::Path& path,
-                                        const Machine& machine,
-                                        const program::SampleOptions& options,
-                                        const Progress& progress) {
+std::vector<program::Window> divide_into_windows(const Scene& scene, const program::Path& path,
+                                                 const Machine& machine,
+                                                 const program::SampleOptions& options,
+                                                 const Progress& progress) {
   try {
-    // A window ends with the block that passes half of the limit, so that one block may be as long
-    // as the other half.
+    // A window ends with the block that exceeds half of the limit, which leaves the other half for
+    // that block.
     return program::windows(path, machine.nominal, options, options.max_samples / 2,
-                            [&](double part) {
-                              if (progress) progress("sample", part);
+                            [&](double fraction) {
+                              if (progress) progress("sample", fraction);
                             });
-  } catch (const program::TooManySamples& fault) {
-    throw refusal_of(scene, fault,
-                     fmt::format("at most {:.0f} samples of the program, {} of them in a block",
-                                 program::max_in_windows, options.max_samples / 2));
+  } catch (const program::TooManySamples& excess) {
+    throw too_many_samples_error(
+        scene, excess,
+        fmt::format("at most {:.0f} samples of the program, {} of them in a block",
+                    program::max_in_windows, options.max_samples / 2));
   }
 }
 
-/// A program, or a segment of it, as the error-free machine runs it with one tool.
+/// A program, or a segment of it, that the error-free machine runs with one tool.
 struct JobSegment {
   Scene scene;
   Machine machine;
@@ -203,109 +209,112 @@ std::vector<Pose> nominal_poses(const Machine& machine, const program::Samples& 
   return T_wt;
 }
 
-JobSegment make_job_segment(Scene scene, Machine machine, program::Path path,
-                            program::SampleOptions sampling, program::Samples samples) {
+JobSegment make_segment(Scene scene, Machine machine, program::Path path,
+                        program::SampleOptions sampling, program::Samples samples) {
   std::vector<Pose> T_wt = nominal_poses(machine, samples);
   check_travel(machine, path, samples);
   return {std::move(scene), std::move(machine), std::move(path),
           sampling,         std::move(samples), std::move(T_wt)};
 }
 
-/// Samples the program and makes the segment.
-/// @param before  axis state in which it begins, for directions of approach
-JobSegment make_job_segment(Scene scene, program::Path path, const AxisState& before,
-                            const std::string& windows_obstacle = {}) {
+/// Samples a program and makes its segment.
+/// @param before  axis state before the program, for directions of approach
+JobSegment make_segment(Scene scene, program::Path path, const AxisState& last_state,
+                        const std::string& windows_obstacle = {}) {
   Machine machine = compile(scene);
   program::SampleOptions sampling = sample_options(scene, machine);
-  sampling.before = before;
-  program::Samples samples = sampled(scene, path, machine, sampling, windows_obstacle);
-  return make_job_segment(std::move(scene), std::move(machine), std::move(path), sampling,
-                          std::move(samples));
+  sampling.last_state = last_state;
+  program::Samples samples = sample_program(scene, path, machine, sampling, windows_obstacle);
+  return make_segment(std::move(scene), std::move(machine), std::move(path), sampling,
+                      std::move(samples));
 }
 
-/// Returns one job segment for each tool segment of a program with several tools.
-std::vector<JobSegment> stretch_pieces(const Scene& described, const program::Path& path,
-                                       const ToolUse& use) {
+/// Returns the job segments of a program with several tools.
+std::vector<JobSegment> make_tool_segments(const Scene& described, const program::Path& path,
+                                           const ToolUse& use) {
   const std::vector<ToolDescription> tools = all_tools(described);
-  std::vector<JobSegment> pieces;
-  AxisState before;
-  for (const ToolSegment& stretch : use.stretches) {
-    Scene scene = with_run_out(with_tool(described, *tools[stretch.tool].number));
-    // The history runs before the first segment only.
-    if (!pieces.empty()) scene.signals.history_interval = 0.0;
-    pieces.push_back(make_job_segment(
-        std::move(scene), program::stretch_of(path, stretch.first, stretch.last), before));
-    if (!pieces.back().samples.states.empty()) before = pieces.back().samples.states.back();
+  std::vector<JobSegment> segments;
+  AxisState last_state;
+  for (const ToolSegment& tool_segment : use.stretches) {
+    Scene scene = with_run_out(with_tool(described, *tools[tool_segment.tool].number));
+    // The thermal history precedes the first segment only.
+    if (!segments.empty()) scene.signals.history_interval = 0.0;
+    segments.push_back(
+        make_segment(std::move(scene),
+                     program::stretch_of(path, tool_segment.first, tool_segment.last), last_state));
+    if (!segments.back().samples.states.empty()) last_state = segments.back().samples.states.back();
   }
-  return pieces;
+  return segments;
 }
 
 /// Joins the segments of several tools into one program, under the first tool of the scene.
-JobSegment joined(const Scene& scene, program::Path path, const std::vector<JobSegment>& pieces,
+JobSegment joined(const Scene& scene, program::Path path, const std::vector<JobSegment>& segments,
                   const ToolUse& use) {
-  JobSegment whole{scene, compile(scene), std::move(path), pieces.front().sampling, {}, {}};
-  for (std::size_t i = 0; i < pieces.size(); ++i) {
-    const program::Samples& from = pieces[i].samples;
-    program::Samples& to = whole.samples;
-    to.states.insert(to.states.end(), from.states.begin(), from.states.end());
-    to.line.insert(to.line.end(), from.line.begin(), from.line.end());
-    for (const int block : from.block) to.block.push_back(block + int(use.stretches[i].first));
-    whole.T_wt.insert(whole.T_wt.end(), pieces[i].T_wt.begin(), pieces[i].T_wt.end());
+  JobSegment whole{scene, compile(scene), std::move(path), segments.front().sampling, {}, {}};
+  for (std::size_t i = 0; i < segments.size(); ++i) {
+    const program::Samples& part_samples = segments[i].samples;
+    program::Samples& all_samples = whole.samples;
+    all_samples.states.insert(all_samples.states.end(), part_samples.states.begin(),
+                              part_samples.states.end());
+    all_samples.line.insert(all_samples.line.end(), part_samples.line.begin(),
+                            part_samples.line.end());
+    for (const int block : part_samples.block)
+      all_samples.block.push_back(block + int(use.stretches[i].first));
+    whole.T_wt.insert(whole.T_wt.end(), segments[i].T_wt.begin(), segments[i].T_wt.end());
   }
   return whole;
 }
 
-/// Returns the job of a segment, without its warnings.
-Job job_of(JobSegment piece, Truth truth, cutting::Design design_w,
-           std::shared_ptr<const cutting::Design> body_m, Process process) {
+/// Returns the job of a segment, without warnings.
+Job make_job(JobSegment segment, Truth truth, cutting::Design design_w,
+             std::shared_ptr<const cutting::Design> body_m, Process process) {
   std::vector<kinematics::AxisVector> acceleration;
-  if (piece.scene.compliance && piece.scene.compliance->inertia)
-    acceleration = accelerations(piece.samples);
-  return {std::move(piece.scene),
-          std::move(piece.machine),
-          std::move(truth),
-          std::move(design_w),
-          std::move(body_m),
-          {},
-          {},
-          0.0,
-          {},
-          std::nullopt,
-          std::move(piece.path),
-          piece.sampling,
-          std::move(piece.samples),
-          std::move(piece.T_wt),
-          std::move(process),
-          std::move(acceleration),
-          {},
-          {},
-          {},
-          {},
-          {}};
+  if (segment.scene.compliance && segment.scene.compliance->inertia)
+    acceleration = accelerations(segment.samples);
+  return {.scene = std::move(segment.scene),
+          .machine = std::move(segment.machine),
+          .truth = std::move(truth),
+          .design_w = std::move(design_w),
+          .body_m = std::move(body_m),
+          .body_w = {},
+          .recognised = {},
+          .facet_uncertainty = {},
+          .sampled = {},
+          .path = std::move(segment.path),
+          .sampling = segment.sampling,
+          .samples = std::move(segment.samples),
+          .T_wt_nominal = std::move(segment.T_wt),
+          .nominal_process = std::move(process),
+          .accelerations = std::move(acceleration),
+          .program_text = {},
+          .timing_s = {},
+          .unreached = {},
+          .warnings = {}};
 }
 
 /// The segments of a program on the error-free machine, and their warnings.
 struct JobSegments {
-  JobSegment whole;                   // the first window of a program in windows, with all blocks
-  std::vector<JobSegment> stretches;  // empty with one tool
+  JobSegment
+      whole;  // of a program in windows: all blocks, but only the samples of the first window
+  std::vector<JobSegment> by_tool;  // empty with one tool
   std::vector<std::string> warnings;
   std::shared_ptr<const Windows> windows = {};
   std::vector<std::string> shank_warnings = {};  // of a program in windows
 };
 
-/// Prepares a program of one tool in windows. Each is sampled once here for its size, extents and
-/// shank contacts.
-/// @param held  samples that may be in memory
-JobSegments in_windows(const Scene& scene, const program::Path& path,
-                       const cutting::Design& design_w, std::size_t held,
-                       const Progress& progress) {
+/// Prepares a program of one tool in windows. Each window is sampled once here for its number of
+/// samples, axis ranges and shank contacts.
+/// @param held  number of samples that may be in memory
+JobSegments prepare_windows(const Scene& scene, const program::Path& path,
+                            const cutting::Design& design_w, std::size_t held,
+                            const Progress& progress) {
   const Machine machine = compile(scene);
   program::SampleOptions sampling = sample_options(scene, machine);
-  // half: the first window stays in memory while another is cut
+  // The first window stays in memory while another is cut.
   sampling.max_samples = held / 2;
-  Windows windows{windows_of(scene, path, machine, sampling, progress), 0, 0, {}, {}};
+  Windows windows{divide_into_windows(scene, path, machine, sampling, progress), 0, 0, {}, {}};
   std::optional<JobSegment> first;
-  ShankContacts shank;
+  ShankContacts all_contacts;
   for (const program::Window& window : windows.all) {
     program::Path blocks = path_of(path, window);
     if (progress) progress("sample", double(window.first) / double(path.blocks.size()));
@@ -316,76 +325,78 @@ JobSegments in_windows(const Scene& scene, const program::Path& path,
       windows.least = windows.least.cwiseMin(state.q);
       windows.most = windows.most.cwiseMax(state.q);
     }
-    // the first sample of a later window is the last of the one before
+    // A later window begins with the last sample of the one before.
     windows.samples += samples.states.size() - (first ? 1 : 0);
     windows.max_at_once = std::max(windows.max_at_once, samples.states.size());
-    JobSegment piece =
-        make_job_segment(scene, machine, std::move(blocks), sampling, std::move(samples));
-    const ShankContacts contacts = shank_contacts(scene, design_w, {piece.samples, piece.T_wt});
-    shank = first ? joined(shank, contacts) : contacts;
-    if (!first) first = std::move(piece);
+    JobSegment segment =
+        make_segment(scene, machine, std::move(blocks), sampling, std::move(samples));
+    const ShankContacts contacts = shank_contacts(scene, design_w, {segment.samples, segment.T_wt});
+    all_contacts = first ? joined(all_contacts, contacts) : contacts;
+    if (!first) first = std::move(segment);
   }
   first->path = path;
   return {*std::move(first),
           {},
           {},
           std::make_shared<const Windows>(std::move(windows)),
-          shank_warnings(scene, shank)};
+          shank_warnings(scene, all_contacts)};
 }
 
 /// Prepares the program of one tool, in windows if its samples exceed the budget.
-JobSegments one_piece(const Scene& scene, const program::Path& path,
-                      const cutting::Design& design_w, const MemoryBudget& holding,
-                      const Progress& progress) {
+JobSegments prepare_single_tool(const Scene& scene, const program::Path& path,
+                                const cutting::Design& design_w, const MemoryBudget& holding,
+                                const Progress& progress) {
   const auto vertices = std::size_t(design_w.vertices.rows());
   const std::size_t most = holding.samples ? std::min(holding.samples(path.blocks.size(), vertices),
                                                       max_program_samples())
                                            : 0;
-  if (most == 0) return {make_job_segment(scene, path, {}, holding.windows_obstacle), {}, {}};
+  if (most == 0) return {make_segment(scene, path, {}, holding.windows_obstacle), {}, {}};
   Machine machine = compile(scene);
   program::SampleOptions sampling = sample_options(scene, machine);
   sampling.max_samples = most;
   try {
     program::Samples samples = program::sample(path, machine.nominal, sampling);
-    return {
-        make_job_segment(scene, std::move(machine), path, sampling, std::move(samples)), {}, {}};
+    return {make_segment(scene, std::move(machine), path, sampling, std::move(samples)), {}, {}};
   } catch (const program::TooManySamples&) {
-    return in_windows(scene, path, design_w, most, progress);
+    return prepare_windows(scene, path, design_w, most, progress);
   }
 }
 
-JobSegments segments_by_tool(const Scene& described, const Scene& scene, const program::Path& path,
-                             const ToolUse& use) {
-  std::vector<JobSegment> stretches = stretch_pieces(described, path, use);
-  JobSegment whole = joined(scene, path, stretches, use);
-  return {std::move(whole), std::move(stretches), {}};
+JobSegments prepare_tool_segments(const Scene& described, const Scene& scene,
+                                  const program::Path& path, const ToolUse& use) {
+  std::vector<JobSegment> segments = make_tool_segments(described, path, use);
+  JobSegment whole = joined(scene, path, segments, use);
+  return {std::move(whole), std::move(segments), {}};
 }
 
-JobSegments pieces_of(const Scene& described, const Program& program,
-                      const cutting::Design& design_w, const MemoryBudget& holding,
-                      const Progress& progress) {
+JobSegments prepare_segments(const Scene& described, const Program& program,
+                             const cutting::Design& design_w, const MemoryBudget& holding,
+                             const Progress& progress) {
   const Scene scene = with_run_out(described);
   const std::vector<ToolDescription> tools = all_tools(scene);
   ToolUse use = tool_use(program.path, tools);
-  JobSegments made = tools.size() > 1 ? segments_by_tool(described, scene, program.path, use)
-                                      : one_piece(scene, program.path, design_w, holding, progress);
-  made.warnings.insert(made.warnings.begin(), use.warnings.begin(), use.warnings.end());
+  JobSegments segments =
+      tools.size() > 1 ? prepare_tool_segments(described, scene, program.path, use)
+                       : prepare_single_tool(scene, program.path, design_w, holding, progress);
+  segments.warnings.insert(segments.warnings.begin(), use.warnings.begin(), use.warnings.end());
   if (tools.size() == 1 && scene.program.tools)
     add_warnings(
         length_warnings(program.path, {0, 0, program.path.blocks.size()}, *scene.tool.number),
-        made.warnings);
-  add_warnings(program.warnings, made.warnings);
-  add_warnings(program_warnings(scene, design_w, program.path, program.unreached), made.warnings);
-  add_warnings(feed_warnings(scene, made.whole.machine, program.path), made.warnings);
-  add_warnings(pole_warnings(scene, made.whole.machine, program.path), made.warnings);
-  add_warnings(made.shank_warnings, made.warnings);
-  if (made.windows) return made;
-  for (const JobSegment& one :
-       made.stretches.empty() ? std::span(&made.whole, 1) : std::span<JobSegment>(made.stretches))
-    add_warnings(
-        shank_warnings(one.scene, shank_contacts(one.scene, design_w, {one.samples, one.T_wt})),
-        made.warnings);
-  return made;
+        segments.warnings);
+  add_warnings(program.warnings, segments.warnings);
+  add_warnings(program_warnings(scene, design_w, program.path, program.unreached),
+               segments.warnings);
+  add_warnings(feed_warnings(scene, segments.whole.machine, program.path), segments.warnings);
+  add_warnings(pole_warnings(scene, segments.whole.machine, program.path), segments.warnings);
+  add_warnings(segments.shank_warnings, segments.warnings);
+  if (segments.windows) return segments;
+  for (const JobSegment& segment : segments.by_tool.empty()
+                                       ? std::span(&segments.whole, 1)
+                                       : std::span<JobSegment>(segments.by_tool))
+    add_warnings(shank_warnings(segment.scene, shank_contacts(segment.scene, design_w,
+                                                              {segment.samples, segment.T_wt})),
+                 segments.warnings);
+  return segments;
 }
 
 }  // namespace
@@ -395,21 +406,24 @@ std::span<const Job> parts_of(const Job& job) {
   return job.stretches.empty() ? std::span(&job, 1) : std::span<const Job>(job.stretches);
 }
 
-void each_part(const Job& job, const std::function<void(const Job& part)>& use) {
-  if (!job.windows) std::ranges::for_each(parts_of(job), use);
-  for (std::size_t i = 0; job.windows && i < job.windows->all.size(); ++i) use(window_of(job, i));
+void each_part(const Job& job, const std::function<void(const Job& part)>& visit) {
+  if (!job.windows) {
+    std::ranges::for_each(parts_of(job), visit);
+    return;
+  }
+  for (std::size_t i = 0; i < job.windows->all.size(); ++i) visit(window_of(job, i));
 }
 
 Job window_of(const Job& job, std::size_t number) {
   stop_if_interrupted();
   const program::Window& window = job.windows->all[number];
-  JobSegment piece{job.scene, job.machine, path_of(job.path, window), job.sampling, {}, {}};
-  // The history runs before the first window only.
-  if (number > 0) piece.scene.signals.history_interval = 0.0;
-  piece.sampling.goes_on = window.goes_on;
-  piece.samples = sample(piece.path, piece.machine.nominal, piece.sampling);
-  piece.T_wt = nominal_poses(piece.machine, piece.samples);
-  return job_of(std::move(piece), job.truth, {}, job.body_m, {});
+  JobSegment segment{job.scene, job.machine, path_of(job.path, window), job.sampling, {}, {}};
+  // The thermal history precedes the first window only.
+  if (number > 0) segment.scene.signals.history_interval = 0.0;
+  segment.sampling.goes_on = window.goes_on;
+  segment.samples = sample(segment.path, segment.machine.nominal, segment.sampling);
+  segment.T_wt = nominal_poses(segment.machine, segment.samples);
+  return make_job(std::move(segment), job.truth, {}, job.body_m, {});
 }
 
 const program::Path& path_of(const Job& part, const Commands& commands) {
@@ -425,37 +439,38 @@ ToolRun tool_run(const Job& part) {
 }
 
 std::vector<ToolRun> tool_runs(const Job& job) {
-  std::vector<ToolRun> parts;
-  if (job.windows) return parts;  // a tool that wears is not run in windows
-  for (const Job& part : parts_of(job)) parts.push_back(tool_run(part));
-  return parts;
+  std::vector<ToolRun> runs;
+  if (job.windows) return runs;  // a scene with wear is never prepared in windows
+  for (const Job& part : parts_of(job)) runs.push_back(tool_run(part));
+  return runs;
 }
 
 Job prepare(const Scene& described, const Progress& progress, const MemoryBudget& holding) {
   Stopwatch watch;
-  const auto begins = [&](const char* stage) {
+  const auto report_begin = [&](const char* stage) {
     if (progress) progress(stage, 0.0);
   };
-  begins("part");
+  report_begin("part");
   const Scene scene = with_run_out(described);
   Part part = load_part(scene);
-  // The work is limited before the program is read or generated, the first step that may take long.
+  // The work is checked before the program is read or generated, the first step that may take long.
   const double part_s = watch.lap();
-  const Work all = estimate_work(scene, part);
-  const bool in_windows = holding.samples && holding.samples(0, std::size_t(all.vertices)) > 0;
-  const Work work = in_windows ? windowed_work(all) : all;
+  const Work estimate = estimate_work(scene, part);
+  const bool uses_windows =
+      holding.samples && holding.samples(0, std::size_t(estimate.vertices)) > 0;
+  const Work work = uses_windows ? windowed_work(estimate) : estimate;
   check_work(scene, work);
   if (const std::string text = remark(work); progress && !text.empty()) progress(text, -1.0);
-  begins("program");
+  report_begin("program");
   Program program = load_program(scene, compile(scene), part);
   const double program_s = watch.lap();
-  begins("sample");
-  JobSegments made = pieces_of(described, program, part.design_w, holding, progress);
-  JobSegment& whole = made.whole;
-  std::vector<std::string>& warnings = made.warnings;
+  report_begin("sample");
+  JobSegments segments = prepare_segments(described, program, part.design_w, holding, progress);
+  JobSegment& whole = segments.whole;
+  std::vector<std::string>& warnings = segments.warnings;
   const double sample_s = watch.lap();
   check_field(scene, part.design_w);
-  // The nominal process runs on a rigid machine: its poses do not depend on the load.
+  // The nominal process runs on a rigid machine, whose poses do not depend on the load.
   const auto rigid = [&T_wt = whole.T_wt](std::size_t i, const errors::Load&) { return T_wt[i]; };
   Process process = simulate_process(
       scene, whole.machine, part.body_m,
@@ -465,29 +480,32 @@ Job prepare(const Scene& described, const Progress& progress, const MemoryBudget
       });
   const double stock_s = watch.lap();
   add_warnings(process.warnings, warnings);
-  begins("heat");
+  report_begin("heat");
   const auto body_m = std::make_shared<const cutting::Design>(std::move(part.body_m));
-  // Heat needs the whole program, as every tool warms the same machine.
-  const std::vector<errors::Activity> active =
+  // Heat needs the activity of the whole program, since every tool warms the same machine.
+  const std::vector<errors::Activity> activities =
       activity(scene, whole.machine, whole.samples, process);
-  const auto job_from = [&](JobSegment piece, Process of_piece) {
-    Truth truth = make_truth(piece.scene, piece.machine, active);
-    return job_of(std::move(piece), std::move(truth), part.design_w, body_m, std::move(of_piece));
+  const auto make_part_job = [&](JobSegment segment, Process part_process) {
+    Truth truth = make_truth(segment.scene, segment.machine, activities);
+    return make_job(std::move(segment), std::move(truth), part.design_w, body_m,
+                    std::move(part_process));
   };
-  Job job = job_from(std::move(whole), std::move(process));
-  for (JobSegment& piece : made.stretches) job.stretches.push_back(job_from(std::move(piece), {}));
-  const std::vector<FeedUse> before = previous_uses(tool_runs(job));
-  for (std::size_t i = 0; i < job.stretches.size(); ++i) job.stretches[i].cut_before = before[i];
-  job.windows = std::move(made.windows);
+  Job job = make_part_job(std::move(whole), std::move(process));
+  for (JobSegment& segment : segments.by_tool)
+    job.stretches.push_back(make_part_job(std::move(segment), {}));
+  const std::vector<FeedUse> previous_uses_by_part = previous_uses(tool_runs(job));
+  for (std::size_t i = 0; i < job.stretches.size(); ++i)
+    job.stretches[i].cut_before = previous_uses_by_part[i];
+  job.windows = std::move(segments.windows);
   job.body_w = std::make_shared<const cutting::Thickness>(part.design_w);
   if (progress && job.windows)
     progress(fmt::format("{} samples are not held at once: run in {} windows", job.windows->samples,
-                         job.windows->all.size()),
+                         job.windows->estimate.size()),
              -1.0);
   add_warnings(std::move(part.warnings), warnings);
   add_warnings(value_warnings(scene), warnings);
   add_warnings(heat_warnings(scene.datum, job.truth), warnings);
-  add_warnings(size_warnings(job), warnings);
+  add_warnings(error_size_warnings(job), warnings);
   job.recognised = std::move(part.recognised);
   job.recognised_fraction = part.recognised_fraction;
   job.facet_uncertainty = std::move(part.facet_uncertainty);
@@ -506,18 +524,18 @@ Job prepare(const Scene& described, const Progress& progress, const MemoryBudget
 
 namespace {
 
-/// Returns the job of one tool with other errors.
-/// @param active  heat sources of the whole program
-Job changed(Job job, Scene scene, const std::vector<errors::Activity>& active) {
+/// Returns the job of one tool with the errors of another scene.
+/// @param activities  heat sources of the whole program
+Job with_errors(Job job, Scene scene, const std::vector<errors::Activity>& activities) {
   Machine machine = compile(scene);
-  const auto refuse = [&](bool differs, const char* what) {
-    if (differs)
+  const auto require = [&](bool is_equal, const char* what) {
+    if (!is_equal)
       throw BadInput(scene.file.string(), 0, 0, fmt::format("the {} of every other case", what),
                      "another one");
   };
-  refuse(!same(machine.nominal, job.machine.nominal), "nominal machine");
-  refuse(!is_as_dense(job.sampling, sample_options(scene, machine)), "density of samples");
-  Truth truth = make_truth(scene, machine, active);
+  require(same(machine.nominal, job.machine.nominal), "nominal machine");
+  require(is_as_dense(job.sampling, sample_options(scene, machine)), "density of samples");
+  Truth truth = make_truth(scene, machine, activities);
   job.scene = std::move(scene);
   job.machine = std::move(machine);
   job.truth = std::move(truth);
@@ -528,26 +546,26 @@ Job changed(Job job, Scene scene, const std::vector<errors::Activity>& active) {
 
 Job replace_errors(Job job, const Scene& described) {
   const Scene scene = with_run_out(described);
-  const std::vector<errors::Activity> active =
+  const std::vector<errors::Activity> activities =
       activity(scene, compile(scene), job.samples, job.nominal_process);
-  for (Job& stretch : job.stretches) {
-    Scene of_tool = with_run_out(with_tool(described, *stretch.scene.tool.number));
-    stretch = changed(std::move(stretch), std::move(of_tool), active);
+  for (Job& segment : job.stretches) {
+    Scene tool_scene = with_run_out(with_tool(described, *segment.scene.tool.number));
+    segment = with_errors(std::move(segment), std::move(tool_scene), activities);
   }
-  return changed(std::move(job), scene, active);
+  return with_errors(std::move(job), scene, activities);
 }
 
 Eigen::Vector3d control_datum_offset(const Job& job, const Corrector& corrector) {
-  const auto really_at = [&](const kinematics::AxisState& state) {
+  const auto actual_pose = [&](const kinematics::AxisState& state) {
     return tool_in_workpiece(job.truth, state);
   };
   try {
-    return datum_offset(job.scene.datum, job.machine, really_at, corrector);
-  } catch (const std::out_of_range& left) {  // a table of the errors without extrapolation
+    return datum_offset(job.scene.datum, job.machine, actual_pose, corrector);
+  } catch (const std::out_of_range& range_error) {  // of an error table without extrapolation
     const Node* datum = job.scene.tree ? job.scene.tree->find("datum") : nullptr;
     const Place place = datum ? datum->place : Place{};
     throw BadInput(place.file ? *place.file : job.scene.file.string(), place.line, place.column,
-                   "errors that reach to where the datum is found", left.what());
+                   "errors that reach to where the datum is found", range_error.what());
   }
 }
 

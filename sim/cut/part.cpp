@@ -48,30 +48,30 @@ Eigen::Vector3d extents(const cutting::Points& vertices) {
   return (vertices.colwise().maxCoeff() - vertices.colwise().minCoeff()).transpose();
 }
 
-// 1e-9: far above rounding, far below the ratio of any two units.
+// The tolerance of 1e-9 is far above rounding and far below the ratio of any two units.
 std::string unit_label(double unit_mm) {
-  static const std::array<std::pair<double, const char*>, 5> words = {
+  static const std::array<std::pair<double, const char*>, 5> labels = {
       {{1.0, "mm"}, {units::inch, "inch"}, {10.0, "cm"}, {1000.0, "m"}, {units::um, "um"}}};
-  for (const auto& [mm, word] : words)
-    if (std::abs(unit_mm / mm - 1.0) < 1e-9) return word;
+  for (const auto& [mm, label] : labels)
+    if (std::abs(unit_mm / mm - 1.0) < 1e-9) return label;
   return {};
 }
 
 std::string mesh_size_warning(const MeshFile& mesh, const MeshUse& use,
                               const Eigen::Vector3d& size) {
-  // a mesh in metres that is read as mm is usually below 1 mm
-  constexpr double small = 1.0;  // mm
+  // A mesh in metres that is read as mm is usually smaller than 1 mm.
+  constexpr double min_size = 1.0;  // mm
   if (mesh.any_size) return {};
-  const bool large = use.travel && size.maxCoeff() > *use.travel;
-  if (!large && !(size.maxCoeff() < small)) return {};
-  const std::string word = unit_label(mesh.unit);
+  const bool is_large = use.travel && size.maxCoeff() > *use.travel;
+  if (!is_large && !(size.maxCoeff() < min_size)) return {};
+  const std::string label = unit_label(mesh.unit);
   return fmt::format(
       "the mesh of {}, read in {}, is {:.4g} x {:.4g} x {:.4g} mm, {}: {} says another unit, "
       "{}.any_size = true that this size is meant",
-      use.what, word.empty() ? fmt::format("units of {:.4g} mm", mesh.unit) : word, size.x(),
+      use.what, label.empty() ? fmt::format("units of {:.4g} mm", mesh.unit) : label, size.x(),
       size.y(), size.z(),
-      large ? fmt::format("more than the travel of {:.4g} mm", *use.travel) : "less than 1 mm",
-      large ? use.table + ".unit" : fmt::format("{}.unit (\"m\" for metres)", use.table),
+      is_large ? fmt::format("more than the travel of {:.4g} mm", *use.travel) : "less than 1 mm",
+      is_large ? use.table + ".unit" : fmt::format("{}.unit (\"m\" for metres)", use.table),
       use.table);
 }
 
@@ -119,11 +119,12 @@ void judge_by_region(Design& design, const PartDescription& part, const FaceGrou
 /// Throws BadInput if no vertex of the part is judged.
 void check_judged(const Scene& scene, const Design& design) {
   const auto& judged = design.judged;
-  if (judged.empty() || std::any_of(judged.begin(), judged.end(), [](auto one) { return one; }))
+  if (judged.empty() ||
+      std::any_of(judged.begin(), judged.end(), [](auto is_judged) { return is_judged; }))
     return;
   const auto* mesh = std::get_if<MeshFile>(&scene.part.shape);
   const Eigen::Vector3d size = extents(design.vertices);
-  const std::string odd =
+  const std::string size_warning =
       mesh != nullptr ? mesh_size_warning(*mesh, part_mesh_use(scene), size) : std::string();
   const Eigen::VectorXd radius = design.vertices.leftCols<2>().rowwise().norm();
   throw BadInput(mesh != nullptr ? mesh->file.string() : scene.file.string(), 0, 0,
@@ -132,10 +133,10 @@ void check_judged(const Scene& scene, const Design& design) {
                  fmt::format("{} vertices, all of them left out, of a part of {:.4g} x {:.4g} x "
                              "{:.4g} mm that lies {:.4g} to {:.4g} mm from its z axis{}{}",
                              judged.size(), size.x(), size.y(), size.z(), radius.minCoeff(),
-                             radius.maxCoeff(), odd.empty() ? "" : "; ", odd));
+                             radius.maxCoeff(), size_warning.empty() ? "" : "; ", size_warning));
 }
 
-// Returns by how much a raster continues beyond the part, mm.
+// Returns the distance by which a raster continues beyond the part, mm.
 double overrun(const Scene& scene) {
   const auto* raster = std::get_if<program::Raster>(&scene.program.source);
   return raster != nullptr ? raster->overrun : 0.0;
@@ -146,207 +147,216 @@ Part load_primitive(const Scene& scene, const cutting::Primitive& primitive) {
   try {
     part.design_m = part.body_m = cutting::tessellate(primitive, {scene.part.vertices});
     // A raster continues beyond the rim, so its contacts lie on an enlarged surface.
-    const auto beyond =
+    const auto enlarged_surface =
         std::make_shared<const cutting::Primitive>(cutting::enlarged(primitive, overrun(scene)));
-    part.contact = [beyond](double x, double y) {
-      return cutting::surface_point_above(*beyond, x, y);
+    part.contact = [enlarged_surface](double x, double y) {
+      return cutting::surface_point_above(*enlarged_surface, x, y);
     };
-  } catch (const std::invalid_argument& fault) {
-    throw BadInput(scene.file.string(), 0, 0, "a part that can be", fault.what());
+  } catch (const std::invalid_argument& error) {
+    throw BadInput(scene.file.string(), 0, 0, "a part that can be", error.what());
   }
   return part;
 }
 
-/// Returns the distance from sharp edges, mm, within which nothing is judged: the tool rounds an
-/// edge there which the design does not show.
+/// Returns the distance from sharp edges, mm, within which nothing is judged, since the tool rounds
+/// edges that are sharp in the design.
 double edge_margin(const Scene& scene) {
-  constexpr double share = 0.05;  // fraction of the radius of the smallest tool
+  constexpr double margin_fraction = 0.05;  // fraction of the radius of the smallest tool
   if (scene.part.edge_margin) return *scene.part.edge_margin;
   if (scene.part.sampling.kind == PartSampling::Kind::Vertices) return 0.0;
-  double least = std::numeric_limits<double>::infinity();
+  double smallest_radius = std::numeric_limits<double>::infinity();
   for (const ToolDescription& tool : all_tools(scene)) {
     const auto* cutter = std::get_if<cutting::Cutter>(&tool.nominal);
-    least = std::min(
-        least, cutter != nullptr ? cutter->radius : std::get<cutting::Nose>(tool.nominal).radius);
+    smallest_radius =
+        std::min(smallest_radius,
+                 cutter != nullptr ? cutter->radius : std::get<cutting::Nose>(tool.nominal).radius);
   }
-  return share * least;
+  return margin_fraction * smallest_radius;
 }
 
-/// Returns a warning about faces of a mesh excluded entirely because they lie at sharp edges; empty
-/// if there are none.
-std::string excluded_text(const Design& before, const Design& after, double margin) {
-  double all = 0.0, left = 0.0;
-  const std::vector<int> face = cutting::patches(after);
-  const int faces = face.empty() ? 0 : 1 + *std::max_element(face.begin(), face.end());
-  std::vector<char> seen(std::size_t(faces), 0);
-  for (Eigen::Index i = 0; i < after.area.size(); ++i) {
-    const auto v = std::size_t(i);
-    // vertices that are excluded for another reason do not count
-    if (!before.judged.empty() && !before.judged[v]) continue;
-    all += after.area[i];
-    if (after.judged.empty() || after.judged[v])
-      seen[std::size_t(face[v])] = 1;
+/// Returns the warning about faces of a mesh that are excluded entirely because they lie at sharp
+/// edges; empty if there are none.
+std::string excluded_text(const Design& faces, const Design& judged_faces, double margin) {
+  double total_area = 0.0, excluded_area = 0.0;
+  const std::vector<int> face = cutting::patches(judged_faces);
+  const int face_count = face.empty() ? 0 : 1 + *std::max_element(face.begin(), face.end());
+  std::vector<char> has_judged(std::size_t(face_count), 0);
+  for (Eigen::Index i = 0; i < judged_faces.area.size(); ++i) {
+    const auto vertex = std::size_t(i);
+    // Vertices excluded for another reason do not count.
+    if (!faces.judged.empty() && !faces.judged[vertex]) continue;
+    total_area += judged_faces.area[i];
+    if (judged_faces.judged.empty() || judged_faces.judged[vertex])
+      has_judged[std::size_t(face[vertex])] = 1;
     else
-      left += after.area[i];
+      excluded_area += judged_faces.area[i];
   }
-  const auto unseen = std::count(seen.begin(), seen.end(), 0);
-  if (unseen == 0) return {};
+  const auto excluded_faces = std::count(has_judged.begin(), has_judged.end(), 0);
+  if (excluded_faces == 0) return {};
   return fmt::format(
       "of {} of the {} faces of the mesh nothing is judged: they lie within {:.3g} mm of sharp "
       "edges, as {:.3g} of its {:.4g} mm^2 do (part.edge_margin_mm)",
-      unseen, faces, margin, left, all);
+      excluded_faces, face_count, margin, excluded_area, total_area);
 }
 
-/// Returns the options of `judge_top`; none if the scene excludes nothing by them.
-std::optional<cutting::JudgeTopOptions> top_options(const PartDescription& part) {
+/// Returns the options of `judge_top`; none if the scene sets neither.
+std::optional<cutting::JudgeTopOptions> judge_top_options(const PartDescription& part) {
   if (!part.judged_normal_z && !part.judged_margin) return std::nullopt;
   return cutting::JudgeTopOptions{part.judged_normal_z.value_or(-1.0),
                                   part.judged_margin.value_or(0.0)};
 }
 
-/// Returns the faces with additional vertices on the curved borders between recognised surfaces.
-Design rounded(const PartDescription& described, const Part& part, const Design& faces) {
-  constexpr double share = 0.1;  // fraction of the recognition tolerance
+/// Adds vertices to faces on the curved borders between recognised surfaces.
+Design refine_borders(const PartDescription& described, const Part& part, const Design& faces) {
+  constexpr double tolerance_fraction = 0.1;  // fraction of the recognition tolerance
   if (part.recognised.empty()) return faces;
-  return cutting::refine_round_borders(faces, part.recognised, share * described.recognise);
+  return cutting::refine_round_borders(faces, part.recognised,
+                                       tolerance_fraction * described.recognise);
 }
 
-program::ContactField contact_on(cutting::MeshContact mesh) {
-  const auto surface = std::make_shared<const cutting::MeshContact>(std::move(mesh));
+program::ContactField contact_on(cutting::MeshContact contact) {
+  const auto surface = std::make_shared<const cutting::MeshContact>(std::move(contact));
   return [surface](double x, double y) { return cutting::surface_point_above(*surface, x, y); };
 }
 
-/// Returns the warning for a mesh that is close to a plane, sphere, cylinder, cone or torus at so
-/// many places that the search was stopped.
-std::string untried_text(const PartDescription& described, const cutting::Recognised& found) {
+/// Returns the warning about a search for surfaces that was stopped, since the mesh is close to a
+/// plane, sphere, cylinder, cone or torus at too many places.
+std::string unfinished_recognition_text(const PartDescription& described,
+                                        const cutting::Recognised& recognition) {
   return fmt::format(
       "looking for planes, spheres, cylinders, cones and tori within {:.3g} um on the mesh was "
       "given up: too many places are nearly one. {} of its {} triangles are on no surface, and "
       "judged as the mesh shows them; planes or cylinders may be among them. Set "
       "part.recognise_um to the accuracy of the mesh, or to 0 if it is a free form",
-      described.recognise / units::um, found.unexamined_triangles, found.design.triangles.rows());
+      described.recognise / units::um, recognition.unexamined_triangles,
+      recognition.design.triangles.rows());
 }
 
-/// Returns the faces on their recognised surfaces; a generated program then follows those surfaces,
-/// not the facets.
-Design recognised_faces(const PartDescription& described, Part& part, const Design& faces) {
+/// Returns the faces on their recognised surfaces. A generated program then follows those surfaces
+/// instead of the facets.
+Design recognise_faces(const PartDescription& described, Part& part, const Design& faces) {
   if (described.flat_facets || !(described.recognise > 0.0)) return faces;
-  cutting::Recognised found = cutting::recognised(faces, described.recognise);
-  part.recognised = std::move(found.patches);
-  for (const auto& patch : part.recognised) part.recognised_fraction += patch.area / found.area;
-  if (found.unexamined_triangles > 0) part.warnings.push_back(untried_text(described, found));
+  cutting::Recognised recognition = cutting::recognised(faces, described.recognise);
+  part.recognised = std::move(recognition.patches);
+  for (const auto& patch : part.recognised)
+    part.recognised_fraction += patch.area / recognition.area;
+  if (recognition.unexamined_triangles > 0)
+    part.warnings.push_back(unfinished_recognition_text(described, recognition));
   if (!part.recognised.empty())
-    part.contact =
-        contact_on(cutting::MeshContact(rounded(described, part, found.design), part.recognised));
-  return std::move(found.design);
+    part.contact = contact_on(
+        cutting::MeshContact(refine_borders(described, part, recognition.design), part.recognised));
+  return std::move(recognition.design);
 }
 
-/// Returns a warning about edges whose angle is within 0.05 degrees of the limit between smooth and
-/// sharp: rounding decides there, and another program or pose of the part may decide differently.
-std::string edge_angle_text(const PartDescription& described, const Design& body) {
-  constexpr double within = 0.05 * units::deg, off = 5.0 * units::deg;
-  const int edges = cutting::count_edges_near_angle(body, described.edge_angle, within);
-  if (edges == 0) return {};
+/// Returns the warning about edges whose angle is within 0.05 degrees of the limit between smooth
+/// and sharp; empty if there are none. Rounding decides on such an edge, and may decide differently
+/// in another program or pose of the part.
+std::string edge_angle_warning(const PartDescription& described, const Design& body) {
+  constexpr double tolerance = 0.05 * units::deg, offset = 5.0 * units::deg;
+  const int edge_count = cutting::count_edges_near_angle(body, described.edge_angle, tolerance);
+  if (edge_count == 0) return {};
   return fmt::format(
       "{} edges of the mesh fold by {:.4g} degrees within {:.2g}, just where part.edge_angle_deg "
       "parts "
       "smooth from sharp: rounding decides which they are; set it to {:.4g} for sharp or {:.4g} "
       "for "
       "smooth",
-      edges, described.edge_angle / units::deg, within / units::deg,
-      std::max(0.5 * described.edge_angle, described.edge_angle - off) / units::deg,
-      (described.edge_angle + off) / units::deg);
+      edge_count, described.edge_angle / units::deg, tolerance / units::deg,
+      std::max(0.5 * described.edge_angle, described.edge_angle - offset) / units::deg,
+      (described.edge_angle + offset) / units::deg);
 }
 
-/// Returns a mesh as separate faces on their recognised surfaces, split where groups of triangles
-/// meet, with large triangles divided so that every face has vertices away from its edges. Sharp
-/// edges are found before recognition and groups split the faces, since those borders are no edges.
-/// @param group  of the triangles; empty: none
-Design faces_of(const PartDescription& described, Part& part, const std::vector<int>& group,
-                double margin) {
-  // Some 5000 vertices before the sampling refines them. Faces with many small triangles may need
-  // up to four times as many again.
+/// Separates a mesh into faces on their recognised surfaces. Faces are split where groups of
+/// triangles meet, and large triangles are divided, so that every face has vertices away from its
+/// edges. Sharp edges are found first, since borders of recognised surfaces and of groups are no
+/// edges.
+/// @param groups  (triangles) number of the group; empty: none
+Design separate_faces(const PartDescription& described, Part& part, const std::vector<int>& groups,
+                      double margin) {
+  // The sampling starts from some 5000 vertices. Faces with many small triangles may need up to
+  // four times that number in addition.
   constexpr double min_vertices = 5000.0;
-  const double none_given = 4.0 * min_vertices;
-  if (std::string text = edge_angle_text(described, part.body_m); !text.empty())
+  const double max_added_vertices = 4.0 * min_vertices;
+  if (std::string text = edge_angle_warning(described, part.body_m); !text.empty())
     part.warnings.push_back(std::move(text));
   Design faces = cutting::split_at_edges(part.body_m, described.edge_angle);
   std::vector<cutting::Segment> edges = cutting::sharp_edges(faces);
-  std::optional<cutting::JudgeTopOptions> top = top_options(described);
-  if (top) top->rim = cutting::top_rim(faces, top->min_normal_z);
-  faces = recognised_faces(described, part, faces);
-  // groups are split after recognition, which needs whole smooth patches
-  if (!group.empty()) faces = cutting::split_at_groups(faces, group);
+  std::optional<cutting::JudgeTopOptions> top_options = judge_top_options(described);
+  if (top_options) top_options->rim = cutting::top_rim(faces, top_options->min_normal_z);
+  faces = recognise_faces(described, part, faces);
+  // Recognition needs whole smooth patches, so groups are split after it.
+  if (!groups.empty()) faces = cutting::split_at_groups(faces, groups);
   if (!described.flat_facets) part.facet_uncertainty = cutting::facet_uncertainty(faces);
   if (described.sampling.kind != PartSampling::Kind::Vertices) {
     const double spacing = std::sqrt(faces.area.sum() / min_vertices);
-    faces = rounded(described, part, faces);
+    faces = refine_borders(described, part, faces);
     faces = cutting::subdivided(
         faces, surface_between_vertices(described, part.recognised, kinematics::Pose::Identity()),
-        {spacing, faces.vertices.rows() + Eigen::Index(none_given)});
+        {spacing, faces.vertices.rows() + Eigen::Index(max_added_vertices)});
   }
-  Design judged = cutting::judge_off_edges(faces, std::move(edges), margin);
-  if (std::string text = excluded_text(faces, judged, margin); !text.empty())
+  Design judged_faces = cutting::judge_off_edges(faces, std::move(edges), margin);
+  if (std::string text = excluded_text(faces, judged_faces, margin); !text.empty())
     part.warnings.push_back(std::move(text));
-  return top ? cutting::judge_top(judged, *top) : judged;
+  return top_options ? cutting::judge_top(judged_faces, *top_options) : judged_faces;
 }
 
 Part load_mesh(const Scene& scene, const MeshFile& mesh) {
   cutting::ReadMeshOptions options;
   if (!mesh.any_size) options.travel = travel_box(scene.machine);
   Part part;
-  const cutting::MarkSelection wanted = wanted_marks(scene.part);
+  const cutting::MarkSelection selection = wanted_marks(scene.part);
   const MeshUse use = part_mesh_use(scene);
-  cutting::MarkedMesh read = read_named_mesh(mesh, use, options, wanted);
-  part.body_m = std::move(read.design);
+  cutting::MarkedMesh marked_mesh = read_named_mesh(mesh, use, options, selection);
+  part.body_m = std::move(marked_mesh.design);
   if (std::string text = mesh_size_warning(mesh, use, extents(part.body_m.vertices)); !text.empty())
     part.warnings.push_back(std::move(text));
-  GroupedFaces grouped;
-  if (wanted.any()) grouped = grouped_faces(scene.part, read.marks);
-  part.face_groups = std::move(grouped.groups);
+  GroupedFaces grouping;
+  if (selection.any()) grouping = grouped_faces(scene.part, marked_mesh.marks);
+  part.face_groups = std::move(grouping.groups);
   // The contacts follow the facets unless surfaces are recognised.
   part.contact = contact_on(cutting::MeshContact(part.body_m));
-  part.design_m = faces_of(scene.part, part, grouped.of_triangle, edge_margin(scene));
+  part.design_m = separate_faces(scene.part, part, grouping.of_triangle, edge_margin(scene));
   return part;
 }
 
-// Returns true if a program is a table of positions over time; the ending of the file decides.
-bool is_pvt(const ProgramDescription::File& given) {
-  const std::string ending = given.file.extension().string();
-  return given.dialect != dialects::Dialect::Cl && (ending == ".csv" || ending == ".pvt");
+// Returns true if a program is a table of positions over time, as the suffix of its file says.
+bool is_pvt(const ProgramDescription::File& description) {
+  const std::string suffix = description.file.extension().string();
+  return description.dialect != dialects::Dialect::Cl && (suffix == ".csv" || suffix == ".pvt");
 }
 
-std::string skipped_text(const dialects::ReadProgram& read) {
+std::string skipped_text(const dialects::ReadProgram& program_read) {
   std::size_t count = 0;
-  std::string words;
-  for (const dialects::SkippedWord& one : read.skipped) {
-    count += one.count;
-    words += fmt::format("{}{} ({} times, first in line {})", words.empty() ? " " : ", ", one.word,
-                         one.count, one.line);
+  std::string list;
+  for (const dialects::SkippedWord& skipped : program_read.skipped) {
+    count += skipped.count;
+    list += fmt::format("{}{} ({} times, first in line {})", list.empty() ? " " : ", ",
+                        skipped.word, skipped.count, skipped.line);
   }
   return fmt::format("{} words of the program were skipped as unknown to {}:{}", count,
-                     name_of(read.dialect), words);
+                     name_of(program_read.dialect), list);
 }
 
-Program read_file(const ProgramDescription::File& given, const program::NcOptions& options) {
-  if (is_pvt(given)) return {program::read_pvt_file(given.file, options), {}, {}};
-  dialects::ReadOptions reading{.control = options,
-                                .dialect = given.dialect,
-                                .on_unknown = given.on_unknown,
-                                .startup_code = given.startup_code,
-                                .interpreter = given.interpreter,
-                                .interpreter_limits = given.interpreter_limits,
-                                .pole = given.pole,
-                                .turning = given.turning};
-  reading.limits.blocks = reading.control.max_moves = std::size_t(given.max_moves);
-  reading.control.max_move_bytes = max_move_bytes();
-  dialects::ReadProgram read = dialects::read_program_file(given.file, std::move(reading));
-  Program program{std::move(read.path), {}, {}};
-  program.warnings = std::move(read.warnings);
-  if (!read.skipped.empty()) program.warnings.push_back(skipped_text(read));
-  program.path.read_as = std::string(name_of(read.dialect));
-  if (!read.sign.empty()) program.path.read_as += ", as " + read.sign;
-  if (given.interpreter == dialects::Interpreter::LinuxCnc)
+Program read_file(const ProgramDescription::File& description, const program::NcOptions& options) {
+  if (is_pvt(description)) return {program::read_pvt_file(description.file, options), {}, {}};
+  dialects::ReadOptions read_options{.control = options,
+                                     .dialect = description.dialect,
+                                     .on_unknown = description.on_unknown,
+                                     .startup_code = description.startup_code,
+                                     .interpreter = description.interpreter,
+                                     .interpreter_limits = description.interpreter_limits,
+                                     .pole = description.pole,
+                                     .turning = description.turning};
+  read_options.limits.blocks = read_options.control.max_moves = std::size_t(description.max_moves);
+  read_options.control.max_move_bytes = max_move_bytes();
+  dialects::ReadProgram program_read =
+      dialects::read_program_file(description.file, std::move(read_options));
+  Program program{std::move(program_read.path), {}, {}};
+  program.warnings = std::move(program_read.warnings);
+  if (!program_read.skipped.empty()) program.warnings.push_back(skipped_text(program_read));
+  program.path.read_as = std::string(name_of(program_read.dialect));
+  if (!program_read.sign.empty()) program.path.read_as += ", as " + program_read.sign;
+  if (description.interpreter == dialects::Interpreter::LinuxCnc)
     program.path.read_as += ", by LinuxCNC's own interpreter";
   return program;
 }
@@ -365,57 +375,56 @@ std::vector<std::string> control_table_warnings(const Scene& scene, const progra
 /// Returns a text such as "; part.at_mm is [900, 0, 0], and the slides go X between -400 and 400
 /// mm".
 std::string travels_text(const Scene& scene) {
-  const Eigen::Vector3d at = scene.part.T_wm.translation();
+  const Eigen::Vector3d position = scene.part.T_wm.translation();
   std::string travels;
   for (const kinematics::Joint& joint : scene.machine.joints)
     if (joint.motion == kinematics::Motion::Linear)
       travels += (travels.empty() ? " " : ", ") + travel_text(joint);
-  return fmt::format("; part.at_mm is [{:.6g}, {:.6g}, {:.6g}], and the slides go{}", at.x(),
-                     at.y(), at.z(), travels);
+  return fmt::format("; part.at_mm is [{:.6g}, {:.6g}, {:.6g}], and the slides go{}", position.x(),
+                     position.y(), position.z(), travels);
 }
 
-struct Generated {
+struct GeneratedProgram {
   std::string text;
-  std::string ending;
+  std::string extension;  ///< ".ngc" or ".csv"
   program::Unreached unreached = {};
 };
 
-Generated generate(const Scene& scene, const Machine& machine, const Part& part) {
+GeneratedProgram generate(const Scene& scene, const Machine& machine, const Part& part) {
   const program::GeneratorContext context{machine.control, scene.part.T_wm, part.lower, part.upper,
                                           1};
   const auto* cutter = std::get_if<cutting::Cutter>(&scene.tool.nominal);
   const auto* nose = std::get_if<cutting::Nose>(&scene.tool.nominal);
   const auto* primitive = std::get_if<cutting::Primitive>(&scene.part.shape);
-  // A generator needs the kind of tool and part it was written for.
-  const auto wants = [&](bool has, const char* what) {
-    if (!has) throw BadInput(scene.file.string(), 0, 0, what, "another");
+  const auto require = [&](bool is_present, const char* what) {
+    if (!is_present) throw BadInput(scene.file.string(), 0, 0, what, "another");
   };
   try {
     if (const auto* raster = std::get_if<program::Raster>(&scene.program.source)) {
-      wants(cutter != nullptr, "a milling cutter for a raster program");
-      program::MillingProgram made =
+      require(cutter != nullptr, "a milling cutter for a raster program");
+      program::MillingProgram milling =
           program::generate_raster(*raster, part.contact, *cutter, context);
-      return {std::move(made.text), ".ngc", made.unreached};
+      return {std::move(milling.text), ".ngc", milling.unreached};
     }
     if (const auto* flank = std::get_if<program::Flank>(&scene.program.source)) {
-      wants(cutter != nullptr, "a milling cutter for a flank program");
-      wants(primitive != nullptr && std::holds_alternative<cutting::Cone>(*primitive),
-            "a cone frustum as the part of a flank program");
+      require(cutter != nullptr, "a milling cutter for a flank program");
+      require(primitive != nullptr && std::holds_alternative<cutting::Cone>(*primitive),
+              "a cone frustum as the part of a flank program");
       return {
           program::generate_flank(*flank, std::get<cutting::Cone>(*primitive), *cutter, context),
           ".ngc"};
     }
     const auto& spiral = std::get<program::Spiral>(scene.program.source);
-    wants(nose != nullptr, "a turning tool for a spiral program");
-    wants(primitive != nullptr, "a declared surface as the part of a spiral program");
+    require(nose != nullptr, "a turning tool for a spiral program");
+    require(primitive != nullptr, "a declared surface as the part of a spiral program");
     return {program::generate_spiral(spiral, *primitive, *nose, context),
             spiral.write_nc ? ".ngc" : ".csv"};
-  } catch (const program::NoReachablePose& nothing) {
-    const std::string why = unreached_text(nothing.unreached);
+  } catch (const program::NoReachablePose& unreachable) {
+    const std::string reason = unreached_text(unreachable.unreached);
     throw BadInput(scene.file.string(), 0, 0, "a program that the machine can run",
-                   why.empty() ? nothing.what() : why + travels_text(scene));
-  } catch (const std::invalid_argument& fault) {
-    throw BadInput(scene.file.string(), 0, 0, "a program that the machine can run", fault.what());
+                   reason.empty() ? unreachable.what() : reason + travels_text(scene));
+  } catch (const std::invalid_argument& error) {
+    throw BadInput(scene.file.string(), 0, 0, "a program that the machine can run", error.what());
   }
 }
 
@@ -431,7 +440,8 @@ cutting::SurfaceInterpolator surface_between_vertices(
                             : cutting::patch_interpolator(recognised, T);
 }
 
-// Beyond 100 km a limit means none; the sum of diagonal slides bounds the box along each axis.
+// A travel beyond 100 km stands for no limit. Slides that are not parallel to an axis of the bed
+// add to the box along each axis.
 std::optional<Eigen::Vector3d> travel_box(const MachineDescription& machine) {
   constexpr double unlimited = 1e8;  // mm
   Eigen::Vector3d box = Eigen::Vector3d::Zero();
@@ -473,14 +483,14 @@ Part load_part(const Scene& scene) {
 
 namespace {
 
-/// Enters the tools of the control's table, and its chain to the tip of each tool that the scene
-/// has.
-void take_tool_table(program::NcOptions& options, const Scene& scene) {
+/// Enters the tools of the control's table, and the chain of the control to the tip of each tool of
+/// the scene.
+void enter_tool_table(program::NcOptions& options, const Scene& scene) {
   const auto& table = scene.program.tools->table.tools;
   options.tool_table = true;
   if (scene.tool.number && table.contains(*scene.tool.number))
     options.control_tool = *scene.tool.number;
-  // The table replaces what the scene believes: a tool that it lacks is unknown to the control.
+  // The table replaces the lengths and radii of the scene: the control knows no other tool.
   options.tool_length.clear();
   options.tool_radius.clear();
   for (const auto& [number, tool] : table) {
@@ -496,14 +506,15 @@ void take_tool_table(program::NcOptions& options, const Scene& scene) {
       options.control_of_h.emplace(*tool.number, compile(with_tool(scene, *tool.number)).control);
 }
 
-void take_offset_table(program::NcOptions& options, const dialects::ControlTable& table) {
+void enter_offset_table(program::NcOptions& options, const dialects::ControlTable& table) {
   for (const auto& [number, offset] : table.offsets) {
-    // G54 to G59 are offsets 1 to 6; further ones go by number.
+    // Offsets 1 to 6 are G54 to G59.
     kinematics::AxisVector shift = kinematics::AxisVector::Zero(Eigen::Index(options.axes.size()));
     for (std::size_t j = 0; j < options.axes.size(); ++j)
-      if (const auto found = offset.axes.find(options.axes[j].name); found != offset.axes.end())
+      if (const auto position = offset.axes.find(options.axes[j].name);
+          position != offset.axes.end())
         shift[Eigen::Index(j)] =
-            found->second.value *
+            position->second.value *
             (options.axes[j].motion == kinematics::Motion::Linear ? 1.0 : units::deg);
     if (number >= 1 && number <= 6)
       options.work_offset[std::size_t(number - 1)] = std::move(shift);
@@ -526,7 +537,7 @@ program::NcOptions nc_options(const Scene& scene, const Machine& machine) {
   options.tool_length = scene.program.tool_length;
   options.control = machine.control;
   const double length = scene.control.tool_length.value_or(scene.tool.length);
-  // With a single tool, number 1 means it as well, whatever number the scene gives it.
+  // A single tool is number 1 too, whatever number the scene gives it.
   if (scene.additional_tools.empty()) options.tool_length.emplace(1, length);
   if (scene.tool.number) options.tool_length.emplace(*scene.tool.number, length);
   const auto believe_radius = [&](int number, const ToolDescription& tool) {
@@ -545,12 +556,11 @@ program::NcOptions nc_options(const Scene& scene, const Machine& machine) {
   if (!scene.additional_tools.empty())
     for (const ToolDescription& tool : all_tools(scene))
       options.control_of_h.emplace(*tool.number, compile(with_tool(scene, *tool.number)).control);
-  if (scene.program.tools) take_tool_table(options, scene);
+  if (scene.program.tools) enter_tool_table(options, scene);
   options.work_offset = scene.program.work_offset;
-  if (scene.program.offsets) take_offset_table(options, scene.program.offsets->table);
+  if (scene.program.offsets) enter_offset_table(options, scene.program.offsets->table);
   options.rapid_speed = scene.machine.rapid_speed;
   options.rapid_turn = scene.machine.rapid_turn;
-  // The description has rad/s, the control rpm.
   if (scene.machine.max_spindle_speed)
     options.max_spindle_rpm = *scene.machine.max_spindle_speed / units::rpm;
   return options;
@@ -558,18 +568,18 @@ program::NcOptions nc_options(const Scene& scene, const Machine& machine) {
 
 Program load_program(const Scene& scene, const Machine& machine, const Part& part) {
   program::NcOptions options = nc_options(scene, machine);
-  if (const auto* given = std::get_if<ProgramDescription::File>(&scene.program.source)) {
-    options.block_skip = given->block_skip;
-    Program program = read_file(*given, options);
+  if (const auto* file = std::get_if<ProgramDescription::File>(&scene.program.source)) {
+    options.block_skip = file->block_skip;
+    Program program = read_file(*file, options);
     add_warnings(control_table_warnings(scene, program.path), program.warnings);
     return program;
   }
-  Generated generated = generate(scene, machine, part);
-  const std::string name = "program" + generated.ending;
-  program::Path path = generated.ending == ".ngc"
+  GeneratedProgram generated = generate(scene, machine, part);
+  const std::string name = "program" + generated.extension;
+  program::Path path = generated.extension == ".ngc"
                            ? program::read_nc(generated.text, name, options)
                            : program::read_pvt(generated.text, name, options);
-  path.assumptions.clear();  // a generated program is read without assumptions on its dialect
+  path.assumptions.clear();  // the dialect of a generated program is known
   return {std::move(path), std::move(generated.text), generated.unreached};
 }
 

@@ -22,153 +22,159 @@ using Eigen::Vector3d;
 using kinematics::AxisVector;
 using kinematics::Pose;
 
-bool overlap(const Span& a, const Span& b) { return a.low <= b.high && b.low <= a.high; }
+bool overlaps(const Span& a, const Span& b) { return a.low <= b.high && b.low <= a.high; }
 
 bool is_feed_sample(const Job& job, std::size_t sample) {
   return program::is_feed(job.path.blocks[std::size_t(job.samples.block[sample])]);
 }
 
-/// Returns the motion of a milling cutter in feed only. Between two feeds the cutter leaves upwards
-/// and travels 10 m above the part, where it meets nothing; its axis turns upwards meanwhile.
+/// Returns the motion of a milling cutter in feed only. Between two feeds the cutter retracts to
+/// 10 m above the part, where it meets nothing, and its axis turns upwards.
 cutting::CutterMotion feed_motion(const Job& job) {
-  constexpr double far = 1e4;  // mm
-  const cutting::CutterMotion all = cutter_motion(job.T_wt_nominal, job.samples);
+  constexpr double clearance_height = 1e4;  // mm
+  const cutting::CutterMotion motion = cutter_motion(job.T_wt_nominal, job.samples);
   const Eigen::Matrix3d R_wm = job.scene.part.T_wm.linear();
   std::vector<Vector3d> tip, axis;
-  std::vector<Index> from;
+  std::vector<Index> sample_numbers;
   const auto add = [&](Index i) {
-    tip.push_back(all.tip.row(i));
-    axis.push_back(all.axis.row(i));
-    from.push_back(i);
+    tip.push_back(motion.tip.row(i));
+    axis.push_back(motion.axis.row(i));
+    sample_numbers.push_back(i);
   };
   const auto add_far_above = [&](Index i) {
     add(i);
-    tip.back() += far * R_wm.col(2);
-    // An axis that points downwards would turn through the undefined opposite direction, so it
-    // turns sideways.
+    tip.back() += clearance_height * R_wm.col(2);
+    // An axis that points down turns sideways, since the great circle to its opposite is not
+    // defined.
     axis.back() = (axis.back() + R_wm.col(2)).norm() > 0.1 ? R_wm.col(2) : R_wm.col(0);
   };
-  for (Index i = 1; i < all.tip.rows(); ++i) {
+  for (Index i = 1; i < motion.tip.rows(); ++i) {
     if (!is_feed_sample(job, std::size_t(i))) continue;
-    if (from.empty() || from.back() != i - 1) {
-      if (!from.empty()) add_far_above(from.back());
-      if (!from.empty()) add_far_above(i - 1);
+    if (sample_numbers.empty() || sample_numbers.back() != i - 1) {
+      if (!sample_numbers.empty()) add_far_above(sample_numbers.back());
+      if (!sample_numbers.empty()) add_far_above(i - 1);
       add(i - 1);
     }
     add(i);
   }
   cutting::CutterMotion feed;
-  const Index n = Index(from.size());
+  const Index n = Index(sample_numbers.size());
   feed.tip.resize(n, 3);
   feed.axis.resize(n, 3);
   feed.time_s.resize(n);
   for (Index k = 0; k < n; ++k) {
     feed.tip.row(k) = tip[std::size_t(k)];
     feed.axis.row(k) = axis[std::size_t(k)];
-    feed.time_s[k] = all.time_s[from[std::size_t(k)]];
-    feed.line.push_back(all.line[std::size_t(from[std::size_t(k)])]);
+    feed.time_s[k] = motion.time_s[sample_numbers[std::size_t(k)]];
+    feed.line.push_back(motion.line[std::size_t(sample_numbers[std::size_t(k)])]);
   }
   return feed;
 }
 
-/// Returns the height of the feed above the part, moved by `by_w`, along the z axis of the part,
-/// mm: the minimum over the judged vertices, negative if it lies below. None if no vertex has the
-/// feed above or below it.
-std::optional<double> height_above(const Job& job, const cutting::Design& few_w,
-                                   const Vector3d& by_w, double most) {
-  const bool feeds = std::any_of(job.path.blocks.begin(), job.path.blocks.end(), program::is_feed);
-  cutting::Design rays = few_w;
+/// Returns the height of the feed above the part, mm: the minimum over the judged vertices along
+/// the z axis of the part, negative if the feed lies below. None if no vertex has the feed above or
+/// below it.
+/// @param shift_w      displacement of the part, mm
+/// @param search_band  largest height sought, mm
+std::optional<double> feed_height(const Job& job, const cutting::Design& thinned_w,
+                                  const Vector3d& shift_w, double search_band) {
+  const bool has_feed =
+      std::any_of(job.path.blocks.begin(), job.path.blocks.end(), program::is_feed);
+  cutting::Design rays = thinned_w;
   rays.triangles.resize(0, 3);
-  rays.vertices.rowwise() += by_w.transpose();
+  rays.vertices.rowwise() += shift_w.transpose();
   rays.normals.rowwise() = job.scene.part.T_wm.linear().col(2).transpose();
-  std::optional<double> least;
+  std::optional<double> height;
   for (const Job& part : parts_of(job)) {
     const cutting::CutterMotion motion =
-        feeds ? feed_motion(part) : cutter_motion(part.T_wt_nominal, part.samples);
+        has_feed ? feed_motion(part) : cutter_motion(part.T_wt_nominal, part.samples);
     if (motion.tip.rows() == 0) continue;
     const cutting::Surface surface =
         cutting::milled_surface(rays, std::get<cutting::Cutter>(part.scene.tool.nominal), motion,
-                                {.band = most, .progress = {}});
+                                {.band = search_band, .progress = {}});
     for (Index i = 0; i < surface.residual.size(); ++i)
       if (surface.status[std::size_t(i)] == cutting::VertexStatus::Cut)
-        least = std::min(least.value_or(infinity), surface.residual[i]);
+        height = std::min(height.value_or(infinity), surface.residual[i]);
   }
-  return least;
+  return height;
 }
 
-/// Returns the shift of the program of a milled part to its first contact, mm, workpiece frame.
-Vector3d milled_shift(const Job& job, const cutting::Design& few_w) {
+/// Returns the shift of a milling program to the first contact with its part, mm, workpiece frame.
+Vector3d milled_shift(const Job& job, const cutting::Design& thinned_w) {
   const SweptSpans swept = swept_spans(job);
   const Spans part = part_spans(job);
-  Vector3d by_m = Vector3d::Zero();
-  // Only coordinates without overlap are shifted: a program beside the part in x needs no other y.
+  Vector3d shift_m = Vector3d::Zero();
+  // Coordinates that overlap stay: a program beside the part in x needs no other y.
   for (std::size_t k = 0; k < 2; ++k)
-    if (!overlap(part[k], swept.feed[k])) by_m[Index(k)] = part[k].middle() - swept.tip[k].middle();
+    if (!overlaps(part[k], swept.feed[k]))
+      shift_m[Index(k)] = part[k].middle() - swept.tip[k].middle();
   const Eigen::Matrix3d R_wm = job.scene.part.T_wm.linear();
-  // The search along z must span from the highest sweep to the lowest point of the part, and back.
-  const double most = std::max(std::abs(swept.all[2].high - part[2].low),
-                               std::abs(part[2].high - swept.all[2].low)) +
-                      job.scene.band;
-  const auto above = height_above(job, few_w, -(R_wm * by_m), most);
-  if (above)
-    by_m.z() = -*above;
-  else if (!overlap(part[2], swept.feed[2]))
-    by_m.z() = part[2].high - swept.feed[2].low;
-  return R_wm * by_m;
+  // The search along z reaches from the top of the sweep to the bottom of the part, and vice versa.
+  const double search_band = std::max(std::abs(swept.all[2].high - part[2].low),
+                                      std::abs(part[2].high - swept.all[2].low)) +
+                             job.scene.band;
+  const auto height = feed_height(job, thinned_w, -(R_wm * shift_m), search_band);
+  if (height)
+    shift_m.z() = -*height;
+  else if (!overlaps(part[2], swept.feed[2]))
+    shift_m.z() = part[2].high - swept.feed[2].low;
+  return R_wm * shift_m;
 }
 
-/// Returns the first sample in feed, or 0 if there is none.
-std::size_t first_feed(const Job& job) {
+/// Returns the number of the first sample in feed; 0 if there is none.
+std::size_t first_feed_sample(const Job& job) {
   for (std::size_t i = 0; i < job.samples.block.size(); ++i)
     if (is_feed_sample(job, i)) return i;
   return 0;
 }
 
-/// Returns the shift of a turned part: mm along the spindle, and radially to the nearest radius.
+/// Returns the shift of a turning program to the first contact with its part, mm: along the spindle
+/// and radially.
 Vector3d turned_shift(const Job& job) {
   const SweptSpans swept = swept_spans(job);
   const Spans part = part_spans(job);
   Vector3d shift = Vector3d::Zero();
-  if (!overlap(part[0], swept.feed[0])) shift[0] = part[0].middle() - swept.tip[0].middle();
-  if (!overlap(part[1], swept.feed[1]))
+  if (!overlaps(part[0], swept.feed[0])) shift[0] = part[0].middle() - swept.tip[0].middle();
+  if (!overlaps(part[1], swept.feed[1]))
     shift[1] = swept.feed[1].low > part[1].high ? part[1].high - swept.feed[1].low
                                                 : part[1].low - swept.feed[1].high;
   return shift;
 }
 
-/// The displacement of a program by a change of offsets, in three numbers, mm: for a milled part
-/// along x y z of the workpiece; for a turned part, which spins, along the spindle and radially in
-/// the bed frame, with the third zero.
+/// The displacement of a program by a change of offsets, stated by three coordinates, mm: of a
+/// milled part x y z of the workpiece; of a turned part, which spins, the displacements along the
+/// spindle and radially in the bed frame, and zero.
 class Displacement {
  public:
   explicit Displacement(const Job& job)
-      : turned_(!std::holds_alternative<cutting::Cutter>(job.scene.tool.nominal)) {
-    if (!turned_) return;
+      : is_turned_(!std::holds_alternative<cutting::Cutter>(job.scene.tool.nominal)) {
+    if (!is_turned_) return;
     line_ = spindle_line(job.machine.nominal, *job.machine.workpiece_spindle);
-    const std::size_t first = first_feed(job);
-    const Vector3d arm = job.T_wt_nominal[first].translation() - line_.point_w;
-    const Vector3d out = arm - arm.dot(line_.direction_w) * line_.direction_w;
-    // A tool that begins on the spindle axis has no radial direction and moves along the spindle
-    // only; 1 nm is above the rounding of a pose.
+    const std::size_t first = first_feed_sample(job);
+    const Vector3d lever = job.T_wt_nominal[first].translation() - line_.point_w;
+    const Vector3d out = lever - lever.dot(line_.direction_w) * line_.direction_w;
+    // A tool that begins on the spindle axis has no radial direction, so that it moves along the
+    // spindle only. 1 nm is above the rounding of a pose.
     if (out.norm() > 1e-6) out_b_ = bed_in_workpiece(job, first).transpose() * out.normalized();
   }
 
-  bool turned() const { return turned_; }
-  /// Directions, in columns, in which a search may step.
+  bool is_turned() const { return is_turned_; }
+  /// Returns the directions in which a search may step, in columns.
   Eigen::Matrix3d steps(const Job& job) const {
-    if (!turned_) return job.scene.part.T_wm.linear();
+    if (!is_turned_) return job.scene.part.T_wm.linear();
     return Vector3d(1.0, out_b_.norm(), 0.0).asDiagonal();
   }
   /// Returns the displacement of the tool at a sample of a part of the job, mm, workpiece frame.
   Vector3d at(const Job& part, std::size_t sample, const Vector3d& d) const {
-    if (!turned_) return d;
+    if (!is_turned_) return d;
     return d[0] * line_.direction_w + d[1] * (bed_in_workpiece(part, sample) * out_b_);
   }
-  /// Returns the derivative of a residual by each of the three numbers.
+  /// Returns the derivatives of a residual by the three coordinates.
+  /// @param p_w, n_w  vertex and its normal
   Vector3d gradient(const Vector3d& p_w, const Vector3d& n_w) const {
-    if (!turned_) return n_w;
-    const Vector3d arm = p_w - line_.point_w;
-    const Vector3d out = arm - arm.dot(line_.direction_w) * line_.direction_w;
+    if (!is_turned_) return n_w;
+    const Vector3d lever = p_w - line_.point_w;
+    const Vector3d out = lever - lever.dot(line_.direction_w) * line_.direction_w;
     const double radial = out.norm() > 1e-9 ? n_w.dot(out.normalized()) : 0.0;
     return {n_w.dot(line_.direction_w), radial * out_b_.norm(), 0.0};
   }
@@ -179,84 +185,82 @@ class Displacement {
         .linear()
         .transpose();
   }
-  bool turned_;
+  bool is_turned_;
   SpindleLine line_{Vector3d::Zero(), Vector3d::UnitZ()};
   Vector3d out_b_ = Vector3d::Zero();
 };
 
 // Rounds to 1 um; adding zero removes the sign of -0.
-double rounded(double mm) { return std::round(mm * 1e3) / 1e3 + 0.0; }
+double round_to_um(double mm) { return std::round(mm * 1e3) / 1e3 + 0.0; }
 
 /// Returns the change of the programmed axis positions for a shift of the tip; none if the slides
 /// cannot make it.
-std::optional<AxisVector> change_of_words(const Job& job, std::size_t sample,
-                                          const Vector3d& shift_w) {
+std::optional<AxisVector> programmed_change(const Job& job, std::size_t sample,
+                                            const Vector3d& shift_w) {
   const kinematics::Chain& chain = job.machine.nominal;
-  AxisVector change = AxisVector::Zero(chain.size());
+  AxisVector change_q = AxisVector::Zero(chain.size());
   const program::Block& block = job.path.blocks[std::size_t(job.samples.block[sample])];
   if (block.coordinates == program::Coordinates::Tip) {
-    for (const char name : {'X', 'Y', 'Z'}) change[*chain.find(name)] = shift_w[name - 'X'];
+    for (const char name : {'X', 'Y', 'Z'}) change_q[*chain.find(name)] = shift_w[name - 'X'];
   } else {
-    const auto J = kinematics::axis_jacobian(chain, job.samples.states[sample].q);
-    Eigen::MatrixXd by_slide = Eigen::MatrixXd::Zero(3, chain.size());
-    for (int j = 0; j < chain.size(); ++j)
-      if (chain.joints()[std::size_t(j)].motion == kinematics::Motion::Linear)
-        by_slide.col(j) = J.col(j).head<3>();
-    change = shortest_least_squares(by_slide, shift_w);
-    // 1e-6 of the shift: a machine without one of the three slides leaves far more
-    if ((by_slide * change - shift_w).norm() > 1e-6 * shift_w.norm()) return std::nullopt;
+    const Eigen::MatrixXd J_slides = slide_jacobian(chain, job.samples.states[sample].q);
+    change_q = shortest_least_squares(J_slides, shift_w);
+    // A machine that lacks one of the three slides leaves far more than this remainder.
+    if ((J_slides * change_q - shift_w).norm() > 1e-6 * shift_w.norm()) return std::nullopt;
   }
-  for (int j = 0; j < change.size(); ++j) change[j] = rounded(change[j]);
-  return change;
+  for (int j = 0; j < change_q.size(); ++j) change_q[j] = round_to_um(change_q[j]);
+  return change_q;
 }
 
-/// A scene with changed work offsets, and a text of the change.
-struct Shifted {
+/// A scene with changed work offsets, and a text such as "G54 Z = -80 (now -30)".
+struct ShiftedScene {
   Scene scene;
-  std::string words;
+  std::string offsets_text;
 };
 
-// Returns the scene with changed work offsets; none if the program has none that help.
-std::optional<Shifted> with_offsets(const Job& job, const Displacement& displacement,
-                                    const Vector3d& shift) {
+// Returns the scene with work offsets changed by a displacement; none if no offset of the scene
+// moves the program.
+std::optional<ShiftedScene> shift_offsets(const Job& job, const Displacement& displacement,
+                                          const Vector3d& shift) {
   if (!std::holds_alternative<ProgramDescription::File>(job.scene.program.source))
     return std::nullopt;
-  Shifted shifted{job.scene, ""};
+  ShiftedScene shifted{job.scene, ""};
   const program::NcOptions control = nc_options(job.scene, job.machine);
-  // A stated offset counts from another point than no offset, so the difference is subtracted
+  // A stated offset counts from another point than an omitted one; the difference is subtracted
   // below.
   const auto zero = program::program_zero(control) ? std::nullopt : program::known_zero(control);
-  std::set<int> done;
+  std::set<int> visited;
   for (std::size_t i = 0; i < job.samples.block.size(); ++i) {
     const program::Block& block = job.path.blocks[std::size_t(job.samples.block[i])];
-    const int used = block.work_offset;
-    if (!is_feed_sample(job, i) || !done.insert(used).second) continue;
-    if (used < 0 || std::size_t(used) >= job.scene.program.work_offset.size() ||
+    const int offset_number = block.work_offset;
+    if (!is_feed_sample(job, i) || !visited.insert(offset_number).second) continue;
+    if (offset_number < 0 || std::size_t(offset_number) >= job.scene.program.work_offset.size() ||
         job.scene.program.offsets)
-      return std::nullopt;  // another key than `work_offset` of the scene sets the offset
-    const auto change = change_of_words(job, i, displacement.at(job, i, shift));
+      return std::nullopt;  // the offset is not set by `work_offset` of the scene
+    const auto change = programmed_change(job, i, displacement.at(job, i, shift));
     if (!change) return std::nullopt;
-    AxisVector& offset = shifted.scene.program.work_offset[std::size_t(used)];
+    AxisVector& offset = shifted.scene.program.work_offset[std::size_t(offset_number)];
     if (offset.size() == 0) offset = AxisVector::Zero(change->size());
-    const Vector3d more = program::offset_correction(zero, block.coordinates);
-    std::string words;
+    const Vector3d correction = program::offset_correction(zero, block.coordinates);
+    std::string axes_text;
     for (int j = 0; j < change->size(); ++j) {
-      const double now = offset[j];
+      const double present = offset[j];
       const char name = job.machine.nominal.joints()[std::size_t(j)].name;
       offset[j] += (*change)[j];
-      if (name >= 'X' && name <= 'Z') offset[j] -= more[name - 'X'];
-      if (offset[j] == now) continue;
-      words += fmt::format(" {} = {:.6g}", name, rounded(offset[j]));
-      if (now != 0.0) words += fmt::format(" (now {:.6g})", now);
+      if (name >= 'X' && name <= 'Z') offset[j] -= correction[name - 'X'];
+      if (offset[j] == present) continue;
+      axes_text += fmt::format(" {} = {:.6g}", name, round_to_um(offset[j]));
+      if (present != 0.0) axes_text += fmt::format(" (now {:.6g})", present);
     }
-    shifted.words += fmt::format("{}G{}{}", shifted.words.empty() ? "" : ", ", 54 + used, words);
+    shifted.offsets_text += fmt::format("{}G{}{}", shifted.offsets_text.empty() ? "" : ", ",
+                                        54 + offset_number, axes_text);
   }
-  if (shifted.words.empty()) return std::nullopt;
+  if (shifted.offsets_text.empty()) return std::nullopt;
   return shifted;
 }
 
-/// Returns the job of a changed scene on the error-free machine, with the program read again; none
-/// if the axes cannot run it.
+/// Prepares a scene without errors, with its program read again. Returns none if the axes cannot
+/// run the program.
 std::optional<Job> error_free_job(Scene scene) {
   scene.geometric = {};
   scene.thermal.reset();
@@ -277,36 +281,36 @@ ReachableArea reachable_area(const cutting::Design& design_w, const Job& job) {
   const cutting::SurfaceOptions options{.band = job.scene.band, .progress = {}};
   const cutting::Surface surface = error_free_sweep(job, options).surface(design_w);
   ReachableArea reach;
-  double judged = 0.0, reached = 0.0;
+  double judged_area = 0.0, reached_area = 0.0;
   for (Index i = 0; i < design_w.vertices.rows(); ++i) {
     const VertexStatus status = surface.status[std::size_t(i)];
     if (status == VertexStatus::Outside) continue;
     ++reach.tried;
-    judged += design_w.area[i];
-    if (status != VertexStatus::Uncut) reached += design_w.area[i];
+    judged_area += design_w.area[i];
+    if (status != VertexStatus::Uncut) reached_area += design_w.area[i];
     if (status == VertexStatus::Cut) reach.cut += design_w.area[i];
   }
-  if (judged > 0.0) {
-    reach.share = reached / judged;
-    reach.cut /= judged;
+  if (judged_area > 0.0) {
+    reach.share = reached_area / judged_area;
+    reach.cut /= judged_area;
   }
   return reach;
 }
 
 cutting::Design thinned(cutting::Design design) {
-  // With 2000 vertices each stands for 0.05 % of the area.
-  constexpr std::ptrdiff_t most = 2000;
+  // Each of 2000 vertices stands for 0.05 % of the area.
+  constexpr std::ptrdiff_t max_judged = 2000;
   design.judged.resize(std::size_t(design.vertices.rows()), 1);
-  const auto every = 1 + std::count(design.judged.begin(), design.judged.end(), 1) / most;
+  const auto stride = 1 + std::count(design.judged.begin(), design.judged.end(), 1) / max_judged;
   std::ptrdiff_t number = 0;
-  for (std::uint8_t& judged : design.judged) judged = judged && number++ % every == 0;
+  for (std::uint8_t& judged : design.judged) judged = judged && number++ % stride == 0;
   return design;
 }
 
 namespace {
 
 /// Returns the positions of the rotary axes.
-std::vector<double> turned_to(const Job& job, std::size_t sample) {
+std::vector<double> rotary_positions(const Job& job, std::size_t sample) {
   std::vector<double> angles;
   for (int j = 0; j < job.machine.nominal.size(); ++j)
     if (job.machine.nominal.joints()[std::size_t(j)].motion == kinematics::Motion::Rotary)
@@ -314,57 +318,56 @@ std::vector<double> turned_to(const Job& job, std::size_t sample) {
   return angles;
 }
 
-/// Returns up to `most` different sets of rotary positions in which a program feeds, in the order
-/// of the program.
-std::vector<std::vector<double>> feed_directions(const Job& job, std::size_t most) {
-  std::vector<std::vector<double>> found;
-  for (std::size_t i = 0; i < job.samples.block.size() && found.size() < most; ++i) {
+/// Returns the first `max_count` different sets of rotary positions at which a program feeds.
+std::vector<std::vector<double>> feed_orientations(const Job& job, std::size_t max_count) {
+  std::vector<std::vector<double>> orientations;
+  for (std::size_t i = 0; i < job.samples.block.size() && orientations.size() < max_count; ++i) {
     if (!is_feed_sample(job, i)) continue;
-    std::vector<double> angles = turned_to(job, i);
-    if (std::ranges::find(found, angles) == found.end()) found.push_back(std::move(angles));
+    std::vector<double> angles = rotary_positions(job, i);
+    if (std::ranges::find(orientations, angles) == orientations.end())
+      orientations.push_back(std::move(angles));
   }
-  return found;
+  return orientations;
 }
 
 /// Returns the job with only those blocks in feed that run at the given rotary positions.
-Job feeding_only(Job job, const std::vector<double>& angles) {
+Job keep_feed_at(Job job, const std::vector<double>& angles) {
   for (std::size_t i = 0; i < job.samples.block.size(); ++i)
-    if (turned_to(job, i) != angles)
+    if (rotary_positions(job, i) != angles)
       job.path.blocks[std::size_t(job.samples.block[i])].interpolation =
           program::Interpolation::Rapid;
-  for (Job& stretch : job.stretches) stretch = feeding_only(std::move(stretch), angles);
+  for (Job& segment : job.stretches) segment = keep_feed_at(std::move(segment), angles);
   return job;
 }
 
 /// Measure of how well a program fits a design.
-struct Fit {
-  double median =
-      infinity;        // mm, of the magnitudes of the error-free residuals at the vertices tried
-  double uncut = 1.0;  // fraction of the vertices tried
-  // Cost by which shifts are compared. With a search of 20 mm, the default, 0.05 % uncut weighs as
-  // much as 0.01 mm.
+struct FitQuality {
+  double median = infinity;  // mm, of the magnitudes of the error-free residuals
+  double uncut = 1.0;        // fraction of the vertices
+  // Returns the cost by which shifts are compared, mm. With the default band of 20 mm an uncut
+  // fraction of 0.05 % weighs as much as 0.01 mm.
   double cost(double band) const { return median + band * uncut; }
 };
 
-/// Tries displacements of the program of a part against its design.
-class ShiftTrial {
+/// Evaluates shifts of a program relative to its design.
+class ProgramShift {
  public:
-  ShiftTrial(const Job& job, const cutting::Design& few_w)
+  ProgramShift(const Job& job, const cutting::Design& thinned_w)
       : job_(job),
         displacement_(job),
-        few_w_(few_w),
-        search_(cutting::gouge_bands * job.scene.band),
-        sweep_(error_free_sweep(job, {.band = search_, .progress = {}})) {}
+        thinned_w_(thinned_w),
+        search_band_(cutting::gouge_bands * job.scene.band),
+        sweep_(error_free_sweep(job, {.band = search_band_, .progress = {}})) {}
 
-  /// Residuals at the vertices tried, and their derivatives by the displacement.
+  /// Residuals of the vertices, and their derivatives by the shift.
   struct Residuals {
     std::vector<double> r;    // mm, of vertices cut or gouged
     std::vector<Vector3d> g;  // gradients of `r`
-    std::size_t uncut = 0;
-    Fit fit(double search) const;
+    std::size_t uncut = 0;    // number of vertices
+    FitQuality fit(double search_band) const;
   };
   Residuals at(const Vector3d& shift) const;
-  Fit fit(const Vector3d& shift) const { return at(shift).fit(search_); }
+  FitQuality fit(const Vector3d& shift) const { return at(shift).fit(search_band_); }
   Vector3d refined(Vector3d shift) const;
 
  private:
@@ -372,20 +375,20 @@ class ShiftTrial {
 
   const Job& job_;
   Displacement displacement_;
-  const cutting::Design& few_w_;
-  double search_;
+  const cutting::Design& thinned_w_;
+  double search_band_;
   Sweep sweep_;
 };
 
-/// Returns the surface after a shift. For a milled part the design is moved the opposite way, so
-/// that the sweep is built once; a turned part spins, so its poses are moved.
-cutting::Surface ShiftTrial::surface(const Vector3d& shift) const {
-  if (!displacement_.turned()) {
-    cutting::Design moved = few_w_;
+/// Returns the surface after a shift. A milled design is moved in the opposite direction, so that
+/// the sweep is prepared only once; a turned part spins, so the poses of the tool are moved.
+cutting::Surface ProgramShift::surface(const Vector3d& shift) const {
+  if (!displacement_.is_turned()) {
+    cutting::Design moved = thinned_w_;
     moved.vertices.rowwise() -= shift.transpose();
     return sweep_.surface(moved);
   }
-  if (shift.isZero(0.0)) return sweep_.surface(few_w_);
+  if (shift.isZero(0.0)) return sweep_.surface(thinned_w_);
   std::vector<std::vector<Pose>> poses;
   for (const Job& part : parts_of(job_)) {
     poses.push_back(part.T_wt_nominal);
@@ -396,158 +399,161 @@ cutting::Surface ShiftTrial::surface(const Vector3d& shift) const {
   for (const Job& part : parts_of(job_))
     sweeps.push_back({part.scene.tool.nominal, part.samples, poses[sweeps.size()],
                       part.machine.nominal, part.machine.workpiece_spindle});
-  return machined_surface(few_w_, sweeps, {.band = search_, .progress = {}});
+  return machined_surface(thinned_w_, sweeps, {.band = search_band_, .progress = {}});
 }
 
-ShiftTrial::Residuals ShiftTrial::at(const Vector3d& shift) const {
+ProgramShift::Residuals ProgramShift::at(const Vector3d& shift) const {
   const cutting::Surface surface = this->surface(shift);
   const auto gradient = [&](Index i) {
-    return displacement_.gradient(few_w_.vertices.row(i), few_w_.normals.row(i));
+    return displacement_.gradient(thinned_w_.vertices.row(i), thinned_w_.normals.row(i));
   };
-  Residuals found;
-  for (Index i = 0; i < few_w_.vertices.rows(); ++i) {
+  Residuals residuals;
+  for (Index i = 0; i < thinned_w_.vertices.rows(); ++i) {
     const auto status = surface.status[std::size_t(i)];
-    if (status == cutting::VertexStatus::Uncut) ++found.uncut;
+    if (status == cutting::VertexStatus::Uncut) ++residuals.uncut;
     if (status != cutting::VertexStatus::Cut) continue;
-    found.r.push_back(surface.residual[i]);
-    found.g.push_back(gradient(i));
+    residuals.r.push_back(surface.residual[i]);
+    residuals.g.push_back(gradient(i));
   }
   for (const cutting::Gouge& gouge : surface.gouges) {
-    found.r.push_back(-gouge.depth);
-    found.g.push_back(gradient(gouge.vertex));
+    residuals.r.push_back(-gouge.depth);
+    residuals.g.push_back(gradient(gouge.vertex));
   }
-  return found;
+  return residuals;
 }
 
-Fit ShiftTrial::Residuals::fit(double search) const {
-  // an uncut vertex counts as a residual of the whole search
-  std::vector<double> size(uncut, search);
-  for (const double one : r) size.push_back(std::abs(one));
-  if (size.empty()) return {};
-  const auto middle = size.begin() + std::ptrdiff_t(size.size() / 2);
-  std::nth_element(size.begin(), middle, size.end());
-  return {*middle, double(uncut) / double(size.size())};
+FitQuality ProgramShift::Residuals::fit(double search_band) const {
+  // The residual of an uncut vertex is at least the search band.
+  std::vector<double> magnitudes(uncut, search_band);
+  for (const double residual : r) magnitudes.push_back(std::abs(residual));
+  if (magnitudes.empty()) return {};
+  const auto median = magnitudes.begin() + std::ptrdiff_t(magnitudes.size() / 2);
+  std::nth_element(magnitudes.begin(), median, magnitudes.end());
+  return {*median, double(uncut) / double(magnitudes.size())};
 }
 
-/// Returns the shift d that minimises the sum of the magnitudes of r + g d, by iteratively
-/// reweighted least squares. Magnitudes instead of squares: vertices that another pass cuts do not
-/// pull the result. Directions perpendicular to all gradients stay zero.
-Vector3d min_magnitudes(const ShiftTrial::Residuals& all) {
-  constexpr int turns = 30;
-  constexpr double nearest = 1e-4;  // mm: smaller residuals have the same weight, so that no weight
-                                    // is infinite
-  constexpr double determined = 1e-3;  // fraction of the largest eigenvalue below which a direction
-                                       // is undetermined
+/// Returns the shift d that minimises the sum of |r + g d|, by iteratively reweighted least
+/// squares. Unlike squares, magnitudes give little weight to vertices that another pass cuts.
+/// Directions perpendicular to all gradients stay zero.
+Vector3d least_magnitudes_shift(const ProgramShift::Residuals& residuals) {
+  constexpr int max_iterations = 30;
+  constexpr double min_residual = 1e-4;  // mm, bounds the weights
+  constexpr double min_eigenvalue_ratio =
+      1e-3;  // to the largest; below it a direction is undetermined
   Vector3d d = Vector3d::Zero();
-  for (int turn = 0; turn < turns; ++turn) {
+  for (int iteration = 0; iteration < max_iterations; ++iteration) {
     Eigen::Matrix3d N = Eigen::Matrix3d::Zero();
     Vector3d g = Vector3d::Zero();
-    for (std::size_t i = 0; i < all.r.size(); ++i) {
-      const double weight = 1.0 / std::max(nearest, std::abs(all.r[i] + all.g[i].dot(d)));
-      N += weight * all.g[i] * all.g[i].transpose();
-      g -= weight * all.r[i] * all.g[i];
+    for (std::size_t i = 0; i < residuals.r.size(); ++i) {
+      const double weight =
+          1.0 / std::max(min_residual, std::abs(residuals.r[i] + residuals.g[i].dot(d)));
+      N += weight * residuals.g[i] * residuals.g[i].transpose();
+      g -= weight * residuals.r[i] * residuals.g[i];
     }
     const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> axes(N);
-    Vector3d next = Vector3d::Zero();
+    Vector3d solution = Vector3d::Zero();
     for (int k = 0; k < 3; ++k)
-      if (axes.eigenvalues()[k] > determined * axes.eigenvalues()[2])
-        next +=
+      if (axes.eigenvalues()[k] > min_eigenvalue_ratio * axes.eigenvalues()[2])
+        solution +=
             axes.eigenvectors().col(k) * axes.eigenvectors().col(k).dot(g) / axes.eigenvalues()[k];
-    const double change = (next - d).norm();
-    d = next;
-    // 0.1 nm, well below the micrometre of an offset
+    const double change = (solution - d).norm();
+    d = solution;
+    // 0.1 nm is well below the 1 um to which offsets are rounded.
     if (change < 1e-7) break;
   }
   return d;
 }
 
-/// Returns the shift near a given one at which the median of the magnitudes is smallest. The
-/// machined surface moves with the program, so each residual changes by its gradient times the
-/// shift. Other passes then form the surface, so the step is repeated until nothing is gained.
-Vector3d ShiftTrial::refined(Vector3d shift) const {
-  constexpr int max_turns = 12;
+/// Returns the shift of least cost near a given one. The machined surface moves with the program,
+/// so that each residual changes by its gradient times the shift. Other passes then form the
+/// surface, so the step is repeated.
+Vector3d ProgramShift::refined(Vector3d shift) const {
+  constexpr int max_iterations = 12;
   Vector3d best = shift;
-  double least = infinity;
-  for (int turn = 0; turn < max_turns; ++turn) {
+  double least_cost = infinity;
+  for (int iteration = 0; iteration < max_iterations; ++iteration) {
     const Residuals residuals = at(shift);
-    const double cost = residuals.fit(search_).cost(search_);
-    if (cost < least) {
-      least = cost;
+    const double cost = residuals.fit(search_band_).cost(search_band_);
+    if (cost < least_cost) {
+      least_cost = cost;
       best = shift;
     }
     if (residuals.r.empty()) break;
-    const Vector3d step = min_magnitudes(residuals);
-    // 0.1 um: offsets are rounded to 1 um
+    const Vector3d step = least_magnitudes_shift(residuals);
+    // 0.1 um, since offsets are rounded to 1 um.
     if (step.norm() < 1e-4) break;
-    // a step beyond the search leaves the vertices whose residuals it was derived from
-    shift += std::min(1.0, search_ / step.norm()) * step;
+    // Beyond the search band other vertices would be cut than those that gave the step.
+    shift += std::min(1.0, search_band_ / step.norm()) * step;
   }
   return best;
 }
 
-/// Returns the shift at which a program fits its part best. Four starts: the present position and
-/// the first contact, each as it is and with the middle of the feed over that of the part.
-Vector3d fitting_shift(const Job& job, const cutting::Design& few_w, const Vector3d& touching) {
-  const ShiftTrial trial(job, few_w);
+/// Returns the shift with which a program fits its part best. The search starts from the present
+/// position and from the first contact, each as it is and with the middle of the feed moved to the
+/// middle of the part.
+Vector3d best_fit_shift(const Job& job, const cutting::Design& thinned_w,
+                        const Vector3d& contact_shift) {
+  const ProgramShift program(job, thinned_w);
   const Displacement displacement(job);
   const Eigen::Matrix3d steps = displacement.steps(job);
   const Spans feed = swept_spans(job).tip, part = part_spans(job);
   const auto centred = [&](const Vector3d& shift) -> Vector3d {
-    // 1: along the spindle; 2: x and y.
-    const std::size_t directions = displacement.turned() ? 1 : 2;
-    Vector3d by = steps.transpose() * shift;
-    for (std::size_t k = 0; k < directions; ++k) by[Index(k)] = part[k].middle() - feed[k].middle();
-    return steps * by;
+    // Of a turned part the direction along the spindle, of a milled one x and y.
+    const std::size_t centred_count = displacement.is_turned() ? 1 : 2;
+    Vector3d coordinates = steps.transpose() * shift;
+    for (std::size_t k = 0; k < centred_count; ++k)
+      coordinates[Index(k)] = part[k].middle() - feed[k].middle();
+    return steps * coordinates;
   };
-  const double search = cutting::gouge_bands * job.scene.band;
+  const double search_band = cutting::gouge_bands * job.scene.band;
   Vector3d best = Vector3d::Zero();
-  double least = trial.fit(best).cost(search);
+  double least_cost = program.fit(best).cost(search_band);
   const auto consider = [&](const Vector3d& start) {
-    const Vector3d shift = trial.refined(start);
-    const double cost = trial.fit(shift).cost(search);
-    if (cost >= least - 1e-5) return;  // the first of two equal ones
-    least = cost;
+    const Vector3d shift = program.refined(start);
+    const double cost = program.fit(shift).cost(search_band);
+    if (cost >= least_cost - 1e-5) return;  // of equal shifts the first stays
+    least_cost = cost;
     best = shift;
   };
   consider(Vector3d::Zero());
-  consider(touching);
+  consider(contact_shift);
   consider(centred(best));
-  consider(centred(touching));
-  // Residuals do not show how far a flank reaches along itself, the uncut vertices do; so the best
-  // shift is moved in steps of 1 mm and 0.25 mm, which no gradient gives.
+  consider(centred(contact_shift));
+  // Uncut vertices show how far a flank extends along itself, residuals do not. They have no
+  // gradient, so the best shift is varied in steps of 1 mm and 0.25 mm.
   for (const double step : {1.0, 0.25}) {
-    bool better = true;
-    for (int turn = 0; better && turn < 8; ++turn) {
-      better = false;
+    bool is_better = true;
+    for (int iteration = 0; is_better && iteration < 8; ++iteration) {
+      is_better = false;
       for (Index k = 0; k < 3; ++k)
         for (const double sign : {-1.0, 1.0}) {
           if (steps.col(k).isZero(0.0)) continue;
           const Vector3d shift = best + sign * step * steps.col(k);
-          const double cost = trial.fit(shift).cost(search);
-          if (cost >= least - 1e-5) continue;
-          least = cost;
+          const double cost = program.fit(shift).cost(search_band);
+          if (cost >= least_cost - 1e-5) continue;
+          least_cost = cost;
           best = shift;
-          better = true;
+          is_better = true;
         }
     }
   }
-  // A program with a larger median is not of this part, or reaches only a few of its points.
-  constexpr double fits = 0.1;  // mm
-  const Fit found = trial.fit(best);
-  if (!(found.median < fits)) return touching;
-  // Cusps raise the median by their height, so many offsets are equally good; the roundest is most
-  // probably the one intended.
-  const double as_good = std::max(0.01, found.median);  // mm
+  // A program with a larger median is for another part, or reaches only a few points of this one.
+  constexpr double max_median = 0.1;  // mm
+  const FitQuality best_fit = program.fit(best);
+  if (!(best_fit.median < max_median)) return contact_shift;
+  // Many offsets are equally good, since cusps raise the median by their height. The intended one
+  // is most probably a round number.
+  const double tolerance = std::max(0.01, best_fit.median);  // mm
   for (const double step : {1.0, 0.1, 0.01}) {
-    const Vector3d round = step * (best / step).array().round().matrix();
-    if (trial.fit(round).cost(search) < least + as_good) return round;
+    const Vector3d rounded_shift = step * (best / step).array().round().matrix();
+    if (program.fit(rounded_shift).cost(search_band) < least_cost + tolerance) return rounded_shift;
   }
   return best;
 }
 
 /// Returns "touches" or "fits best: half of the judged vertices tried are within 0.31 um of the
 /// design".
-std::string fit_text(const Fit& fit, double band) {
+std::string fit_text(const FitQuality& fit, double band) {
   if (!(fit.median < band)) return "touches";
   // Below 1 nm the figure is rounding.
   return fmt::format(
@@ -555,62 +561,68 @@ std::string fit_text(const Fit& fit, double band) {
       std::max(fit.median, units::nm) / units::um);
 }
 
-/// Returns the suggestion for a shift, with work offsets if the program has some that help, else
-/// with part.at_mm.
-/// @param feeding  the job, or the part of its feed that is moved to the part
-std::optional<PlacementSuggestion> moved_by(const Job& job, const Job& feeding,
-                                            const cutting::Design& few_w, const Vector3d& shift) {
+/// Returns the suggestion for a shift: as work offsets if those of the program make the tool cut
+/// the part, otherwise as part.at_mm. None if neither does.
+/// @param moved_feed  the job, or the job with only that feed which is moved to the part
+std::optional<PlacementSuggestion> suggest_shift(const Job& job, const Job& moved_feed,
+                                                 const cutting::Design& thinned_w,
+                                                 const Vector3d& shift) {
   if (!(shift.norm() > 0.0)) return std::nullopt;
   const double band = job.scene.band;
-  const auto words = [&](const Job& moved, const cutting::Design& design_w) {
-    return fit_text(ShiftTrial(moved, design_w).fit(Vector3d::Zero()), band);
+  const auto fit_words = [&](const Job& shifted_job, const cutting::Design& design_w) {
+    return fit_text(ProgramShift(shifted_job, design_w).fit(Vector3d::Zero()), band);
   };
-  const Displacement displacement(feeding);
-  if (const auto shifted = with_offsets(feeding, displacement, shift))
-    if (const auto moved = error_free_job(shifted->scene))
-      if (const ReachableArea reach = reachable_area(few_w, *moved); reach.share > 0.0)
+  const Displacement displacement(moved_feed);
+  if (const auto shifted = shift_offsets(moved_feed, displacement, shift))
+    if (const auto shifted_job = error_free_job(shifted->scene))
+      if (const ReachableArea reach = reachable_area(thinned_w, *shifted_job); reach.share > 0.0)
         return PlacementSuggestion{
-            fmt::format("with {} it {}", shifted->words, words(*moved, few_w)), reach};
-  if (displacement.turned() && shift[1] != 0.0)
+            fmt::format("with {} it {}", shifted->offsets_text, fit_words(*shifted_job, thinned_w)),
+            reach};
+  if (displacement.is_turned() && shift[1] != 0.0)
     return std::nullopt;  // the part must stay on the spindle
-  const Vector3d shift_w = displacement.at(feeding, 0, shift);
-  cutting::Design part = few_w;
-  part.vertices.rowwise() -= shift_w.transpose();
-  const ReachableArea reach = reachable_area(part, job);
+  const Vector3d shift_w = displacement.at(moved_feed, 0, shift);
+  cutting::Design shifted_part = thinned_w;
+  shifted_part.vertices.rowwise() -= shift_w.transpose();
+  const ReachableArea reach = reachable_area(shifted_part, job);
   if (!(reach.share > 0.0)) return std::nullopt;
-  const Vector3d at = job.scene.part.T_wm.translation() - shift_w;
-  return PlacementSuggestion{
-      fmt::format("with part.at_mm = [{:.6g}, {:.6g}, {:.6g}] it {}", rounded(at.x()),
-                  rounded(at.y()), rounded(at.z()), words(job, part)),
-      reach};
+  const Vector3d position_w = job.scene.part.T_wm.translation() - shift_w;
+  return PlacementSuggestion{fmt::format("with part.at_mm = [{:.6g}, {:.6g}, {:.6g}] it {}",
+                                         round_to_um(position_w.x()), round_to_um(position_w.y()),
+                                         round_to_um(position_w.z()), fit_words(job, shifted_part)),
+                             reach};
 }
 
-std::optional<PlacementSuggestion> make_placement_suggestion(const Job& job, const Job& feeding,
-                                                             const cutting::Design& few_w) {
-  const bool milled = std::holds_alternative<cutting::Cutter>(job.scene.tool.nominal);
-  const Vector3d touching = milled ? milled_shift(feeding, few_w) : turned_shift(feeding);
-  if (auto out = moved_by(job, feeding, few_w, fitting_shift(feeding, few_w, touching))) return out;
-  // A shift to the first contact may help where no better fit exists, for instance if only one of
-  // several tools comes near the part.
-  return moved_by(job, feeding, few_w, touching);
+std::optional<PlacementSuggestion> suggest_placement(const Job& job, const Job& moved_feed,
+                                                     const cutting::Design& thinned_w) {
+  const bool is_milled = std::holds_alternative<cutting::Cutter>(job.scene.tool.nominal);
+  const Vector3d contact_shift =
+      is_milled ? milled_shift(moved_feed, thinned_w) : turned_shift(moved_feed);
+  if (auto suggestion = suggest_shift(job, moved_feed, thinned_w,
+                                      best_fit_shift(moved_feed, thinned_w, contact_shift)))
+    return suggestion;
+  // A shift to the first contact may still help, for instance if only one of several tools comes
+  // near the part.
+  return suggest_shift(job, moved_feed, thinned_w, contact_shift);
 }
 
 }  // namespace
 
 std::optional<PlacementSuggestion> placement_suggestion(const Job& job) {
-  // three directions at most: each takes a full search
-  constexpr std::size_t max_tried = 3;
+  constexpr std::size_t max_orientations = 3;  // each takes a full search
   if (job.windows) return std::nullopt;
-  const cutting::Design few_w = thinned(job.design_w);
-  if (auto out = make_placement_suggestion(job, job, few_w)) return out;
-  if (Displacement(job).turned()) return std::nullopt;
-  // If the axes turn between feeds, one offset moves each direction differently in the workpiece.
-  const auto directions = feed_directions(job, max_tried);
-  if (directions.size() < 2) return std::nullopt;
-  for (const std::vector<double>& angles : directions)
-    if (auto out = make_placement_suggestion(job, feeding_only(job, angles), few_w)) {
-      out->words += fmt::format(", {:.3g} % of the judged area", 100.0 * out->reach.share);
-      return out;
+  const cutting::Design thinned_w = thinned(job.design_w);
+  if (auto suggestion = suggest_placement(job, job, thinned_w)) return suggestion;
+  if (Displacement(job).is_turned()) return std::nullopt;
+  // If the rotary axes turn between feeds, an offset moves the feed of each orientation in another
+  // direction of the workpiece.
+  const auto orientations = feed_orientations(job, max_orientations);
+  if (orientations.size() < 2) return std::nullopt;
+  for (const std::vector<double>& angles : orientations)
+    if (auto suggestion = suggest_placement(job, keep_feed_at(job, angles), thinned_w)) {
+      suggestion->words +=
+          fmt::format(", {:.3g} % of the judged area", 100.0 * suggestion->reach.share);
+      return suggestion;
     }
   return std::nullopt;
 }
