@@ -223,7 +223,7 @@ JobSegment make_segment(Scene scene, program::Path path, const AxisState& last_s
                         const std::string& windows_obstacle = {}) {
   Machine machine = compile(scene);
   program::SampleOptions sampling = sample_options(scene, machine);
-  sampling.last_state = last_state;
+  sampling.before = last_state;
   program::Samples samples = sample_program(scene, path, machine, sampling, windows_obstacle);
   return make_segment(std::move(scene), std::move(machine), std::move(path), sampling,
                       std::move(samples));
@@ -500,7 +500,7 @@ Job prepare(const Scene& described, const Progress& progress, const MemoryBudget
   job.body_w = std::make_shared<const cutting::Thickness>(part.design_w);
   if (progress && job.windows)
     progress(fmt::format("{} samples are not held at once: run in {} windows", job.windows->samples,
-                         job.windows->estimate.size()),
+                         job.windows->all.size()),
              -1.0);
   add_warnings(std::move(part.warnings), warnings);
   add_warnings(value_warnings(scene), warnings);

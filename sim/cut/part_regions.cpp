@@ -45,7 +45,7 @@ std::string listed_names(const std::set<std::string>& names) {
 [[noreturn]] void throw_group_error(const PartRegion& region, const FaceMarks& marks) {
   // Limits on number and length keep the comparison of letters fast.
   constexpr std::size_t max_compared = 10'000, max_length = 200;
-  std::mark_names<std::string> names, compared;
+  std::set<std::string> names, compared;
   for (const auto& mark_names : marks.names) names.insert(mark_names.begin(), mark_names.end());
   if (names.empty())
     throw_region_error(

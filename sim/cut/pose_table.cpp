@@ -15,6 +15,7 @@
 #include "kinematics/text.h"
 #include "kinematics/units.h"
 #include "sim/cut/idle_machine.h"
+#include "sim/cut/part.h"
 
 namespace abbe::sim {
 
@@ -23,25 +24,26 @@ namespace {
 using Eigen::Vector3d;
 using kinematics::Joint;
 
-// Blocks are what a thread computes in one go; 64 of them (4096 poses) bound the text held in
-// memory.
+// A thread computes a block at a time. 64 blocks (4096 poses) bound the text held in memory.
 constexpr std::size_t poses_per_block = 64, blocks_at_once = 64;
-constexpr const char* rows_of_jacobian[] = {"dx", "dy", "dz", "da", "db", "dc"};
+constexpr const char* jacobian_rows[] = {"dx", "dy", "dz", "da", "db", "dc"};
 constexpr const char* coordinates = "xyz";
 
-void add_heads(std::vector<std::string>& heads, const std::string& what, const char* unit) {
-  for (int i = 0; i < 3; ++i) heads.push_back(fmt::format("{}_{}_{}", what, coordinates[i], unit));
+void add_heads(std::vector<std::string>& heads, const std::string& quantity, const char* unit) {
+  for (int i = 0; i < 3; ++i)
+    heads.push_back(fmt::format("{}_{}_{}", quantity, coordinates[i], unit));
 }
 
-/// Returns the columns of a Jacobian whose error element exists on this chain by ISO 230-1.
-std::vector<int> meaningful(const kinematics::Chain& chain, bool location,
-                            std::vector<std::string>& names) {
+/// Returns the columns of a Jacobian whose error element exists on a chain by ISO 230-1, and
+/// appends their names.
+std::vector<int> existing_elements(const kinematics::Chain& chain, bool is_location,
+                                   std::vector<std::string>& names) {
   std::vector<int> columns;
   for (int i = 0; i < 6 * chain.size(); ++i) {
     const Joint& joint = chain.joints()[std::size_t(i / 6)];
     const char axis = joint.motion == kinematics::Motion::Spindle ? 'S' : joint.name;
-    const errors::ElementName name{"XYZABC"[i % 6], axis, location};
-    // `bind` has the rules of ISO 230-1 for elements, so it decides instead of a second list here.
+    const errors::ElementName name{"XYZABC"[i % 6], axis, is_location};
+    // `bind` has the rules of ISO 230-1 for elements.
     try {
       errors::bind({{{name, {{errors::Constant{0.0}}}}}, {}}, chain);
     } catch (const std::invalid_argument&) {
@@ -53,10 +55,10 @@ std::vector<int> meaningful(const kinematics::Chain& chain, bool location,
   return columns;
 }
 
-// Appends the three components in a unit. Adding 0.0 turns -0 into 0, so that equal poses print
-// equally.
+// Appends the components of a vector in a unit. Adding 0.0 turns -0 into 0, so that equal poses
+// have equal text.
 void append(std::vector<double>& numbers, const Vector3d& v, double unit) {
-  for (const double x : v) numbers.push_back(x / unit + 0.0);  // no -0
+  for (const double component : v) numbers.push_back(component / unit + 0.0);
 }
 
 template <typename Matrix>
@@ -66,14 +68,14 @@ void append_columns(std::vector<double>& numbers, const Matrix& J,
     for (int i = 0; i < 6; ++i) numbers.push_back(J(i, k) + 0.0);
 }
 
-std::vector<int> positioned(const kinematics::Chain& chain) {
+std::vector<int> positioned_joints(const kinematics::Chain& chain) {
   std::vector<int> joints;
   for (int j = 0; j < chain.size(); ++j)
     if (is_positioned(chain.joints()[std::size_t(j)])) joints.push_back(j);
   return joints;
 }
 
-// Lines of the table
+// Lines of the table.
 
 void append_csv(std::string& text, const PoseList& poses, std::size_t i,
                 const std::vector<double>& numbers) {
@@ -102,16 +104,17 @@ std::string csv_head(const PoseTable& table, const PoseList& poses) {
   return text + "\n";
 }
 
-/// The text of a block of poses, or the first pose that cannot be computed.
-struct Block {
+/// The text of a block of poses, or the first error among them.
+struct PoseBlock {
   std::string text;
-  std::size_t fault_at = 0;
-  std::string fault;
+  std::size_t error_pose = 0;  ///< number of the pose
+  std::string error;           ///< empty if every pose was computed
 };
 
-Block block(const PoseTable& table, const PoseList& poses, TableFormat format, std::size_t first,
-            std::size_t last, Eigen::VectorXd& deviation_um, Eigen::VectorXd& direction_urad) {
-  Block result;
+PoseBlock compute_block(const PoseTable& table, const PoseList& poses, TableFormat format,
+                        std::size_t first, std::size_t last, Eigen::VectorXd& deviation_um,
+                        Eigen::VectorXd& direction_urad) {
+  PoseBlock result;
   for (std::size_t i = first; i < last; ++i) {
     try {
       const PoseTable::Row row = table.row(poses.state(i));
@@ -121,28 +124,28 @@ Block block(const PoseTable& table, const PoseList& poses, TableFormat format, s
         append_csv(result.text, poses, i, row.numbers);
       else
         append_json(result.text, poses, i, row.numbers, table.heads());
-    } catch (const std::out_of_range& left) {
-      result.fault_at = i;
-      result.fault = left.what();
+    } catch (const std::out_of_range& range_error) {
+      result.error_pose = i;
+      result.error = range_error.what();
       return result;
     }
   }
   return result;
 }
 
-[[noreturn]] void refuse(const PoseList& poses, const Block& block) {
-  const int line = poses.line.empty() ? 0 : poses.line[block.fault_at];
+[[noreturn]] void throw_pose_error(const PoseList& poses, const PoseBlock& block) {
+  const int line = poses.line.empty() ? 0 : poses.line[block.error_pose];
   throw BadInput(poses.file, line, 0, "positions inside the tables of the errors",
-                 poses.text(block.fault_at) + ": " + block.fault);
+                 poses.text(block.error_pose) + ": " + block.error);
 }
 
 }  // namespace
 
-PoseTable::PoseTable(const IdleMachine& idle, const PoseRequest& wishes)
+PoseTable::PoseTable(const IdleMachine& idle, const PoseRequest& request)
     : idle_(idle),
-      sources_(select_sources(error_sources(idle), wishes.elements)),
-      has_contributions_(!wishes.elements.empty()),
-      jacobians_(wishes.jacobians) {
+      sources_(select_sources(error_sources(idle), request.elements)),
+      has_contributions_(!request.elements.empty()),
+      jacobians_(request.jacobians) {
   add_heads(heads_, "tip", "mm");
   add_heads(heads_, "deviation", "um");
   heads_.push_back("deviation_um");
@@ -150,7 +153,7 @@ PoseTable::PoseTable(const IdleMachine& idle, const PoseRequest& wishes)
   heads_.push_back("direction_urad");
   for (const ErrorSource& source : sources_) add_contribution(source.name);
   if (has_contributions_) add_contribution("rest");
-  for (const PoseJacobian one : jacobians_) add_jacobian(one);
+  for (const PoseJacobian jacobian : jacobians_) add_jacobian(jacobian);
 }
 
 void PoseTable::add_contribution(const std::string& source) {
@@ -159,16 +162,16 @@ void PoseTable::add_contribution(const std::string& source) {
   requested_columns_.push_back({source, false});
 }
 
-void PoseTable::add_jacobian(PoseJacobian which) {
+void PoseTable::add_jacobian(PoseJacobian jacobian) {
   const kinematics::Chain& chain = idle_.machine.nominal;
   std::vector<std::string> names;
-  if (which == PoseJacobian::Motion) motions_ = meaningful(chain, false, names);
-  if (which == PoseJacobian::Location) locations_ = meaningful(chain, true, names);
-  if (which == PoseJacobian::Axis)
-    for (const int j : positioned(chain))
+  if (jacobian == PoseJacobian::Motion) motions_ = existing_elements(chain, false, names);
+  if (jacobian == PoseJacobian::Location) locations_ = existing_elements(chain, true, names);
+  if (jacobian == PoseJacobian::Axis)
+    for (const int j : positioned_joints(chain))
       names.push_back(std::string(1, chain.joints()[std::size_t(j)].name));
   for (const std::string& name : names) {
-    for (const char* row : rows_of_jacobian) heads_.push_back(fmt::format("{}_d{}", row, name));
+    for (const char* row : jacobian_rows) heads_.push_back(fmt::format("{}_d{}", row, name));
     requested_columns_.push_back({name, true});
   }
 }
@@ -184,26 +187,28 @@ PoseTable::Row PoseTable::row(const kinematics::AxisState& state) const {
   append(numbers, row.direction, units::urad);
   numbers.push_back(row.direction.norm() / units::urad);
   if (has_contributions_) {
-    const auto all = source_contributions(idle_, sources_, state);
-    Eigen::Matrix<double, 6, 1> rest;
-    rest << row.deviation, row.direction;
-    rest -= all.rowwise().sum();
-    for (Eigen::Index k = 0; k <= all.cols(); ++k) {
-      const Eigen::Matrix<double, 6, 1> one = k < all.cols() ? all.col(k).eval() : rest;
-      append(numbers, one.head<3>(), units::um);
-      append(numbers, one.tail<3>(), units::urad);
+    const auto contributions = source_contributions(idle_, sources_, state);
+    Eigen::Matrix<double, 6, 1> remainder;
+    remainder << row.deviation, row.direction;
+    remainder -= contributions.rowwise().sum();
+    for (Eigen::Index k = 0; k <= contributions.cols(); ++k) {
+      const Eigen::Matrix<double, 6, 1> contribution =
+          k < contributions.cols() ? contributions.col(k).eval() : remainder;
+      append(numbers, contribution.head<3>(), units::um);
+      append(numbers, contribution.tail<3>(), units::urad);
     }
   }
   const kinematics::Chain& nominal = idle_.machine.nominal;
-  for (const PoseJacobian one : jacobians_) {
-    if (one == PoseJacobian::Axis)
-      append_columns(numbers, kinematics::axis_jacobian(nominal, state.q), positioned(nominal));
-    if (one == PoseJacobian::Motion)
+  for (const PoseJacobian jacobian : jacobians_) {
+    if (jacobian == PoseJacobian::Axis)
+      append_columns(numbers, kinematics::axis_jacobian(nominal, state.q),
+                     positioned_joints(nominal));
+    if (jacobian == PoseJacobian::Motion)
       append_columns(numbers, kinematics::motion_jacobian(nominal, state.q), motions_);
-    if (one == PoseJacobian::Location)
+    if (jacobian == PoseJacobian::Location)
       append_columns(numbers, kinematics::location_jacobian(nominal, state.q), locations_);
   }
-  // Deviations overflow only with errors in an absurd unit; JSON has no text for infinity.
+  // JSON has no text for infinity. Only errors in a wrong unit make deviations overflow.
   if (!std::all_of(numbers.begin(), numbers.end(), [](double x) { return std::isfinite(x); }))
     throw std::out_of_range("its deviation is not finite");
   return row;
@@ -211,98 +216,100 @@ PoseTable::Row PoseTable::row(const kinematics::AxisState& state) const {
 
 PoseStatistics pose_statistics(const Eigen::VectorXd& deviation_um,
                                const Eigen::VectorXd& direction_urad) {
-  PoseStatistics s;
-  s.poses = std::size_t(deviation_um.size());
-  if (s.poses == 0) return s;
+  PoseStatistics statistics;
+  statistics.poses = std::size_t(deviation_um.size());
+  if (statistics.poses == 0) return statistics;
   Eigen::Index worst = 0, direction_worst = 0;
-  s.max_um = deviation_um.maxCoeff(&worst);
-  s.direction_max_urad = direction_urad.maxCoeff(&direction_worst);
-  s.worst = std::size_t(worst);
-  s.direction_worst = std::size_t(direction_worst);
-  double squares = 0.0;
-  for (const double d : deviation_um) squares += d * d;
-  s.rms_um = std::sqrt(squares / double(s.poses));
-  std::vector<double> sorted(deviation_um.begin(), deviation_um.end());
-  // 95th percentile by nearest rank, so that it is the deviation of a pose
-  const auto rank = std::ptrdiff_t(std::ceil(0.95 * double(s.poses))) - 1;
-  std::nth_element(sorted.begin(), sorted.begin() + rank, sorted.end());
-  s.p95_um = sorted[std::size_t(rank)];
-  return s;
+  statistics.max_um = deviation_um.maxCoeff(&worst);
+  statistics.direction_max_urad = direction_urad.maxCoeff(&direction_worst);
+  statistics.worst = std::size_t(worst);
+  statistics.direction_worst = std::size_t(direction_worst);
+  double squared_sum = 0.0;
+  for (const double deviation : deviation_um) squared_sum += deviation * deviation;
+  statistics.rms_um = std::sqrt(squared_sum / double(statistics.poses));
+  std::vector<double> deviations(deviation_um.begin(), deviation_um.end());
+  // The nearest rank gives a percentile that is the deviation of a pose.
+  const auto rank = std::ptrdiff_t(std::ceil(0.95 * double(statistics.poses))) - 1;
+  std::nth_element(deviations.begin(), deviations.begin() + rank, deviations.end());
+  statistics.p95_um = deviations[std::size_t(rank)];
+  return statistics;
 }
 
 PoseStatistics write_poses(const PoseTable& table, const PoseList& poses, TableFormat format,
                            const std::function<void(std::string_view)>& sink,
                            ProgressLine* progress) {
-  const std::size_t n = poses.size();
-  Eigen::VectorXd deviation_um = Eigen::VectorXd::Zero(Eigen::Index(n));
+  const std::size_t pose_count = poses.size();
+  Eigen::VectorXd deviation_um = Eigen::VectorXd::Zero(Eigen::Index(pose_count));
   Eigen::VectorXd direction_urad = deviation_um;
   if (format == TableFormat::Csv) sink(csv_head(table, poses));
-  std::vector<Block> blocks;
-  for (std::size_t first = 0; first < n; first += blocks_at_once * poses_per_block) {
-    if (progress != nullptr) progress->report("poses", double(first) / double(n));
+  std::vector<PoseBlock> blocks;
+  for (std::size_t first = 0; first < pose_count; first += blocks_at_once * poses_per_block) {
+    if (progress != nullptr) progress->report("poses", double(first) / double(pose_count));
     stop_if_interrupted();
     const std::size_t count =
-        std::min(blocks_at_once, (n - first + poses_per_block - 1) / poses_per_block);
+        std::min(blocks_at_once, (pose_count - first + poses_per_block - 1) / poses_per_block);
     blocks.assign(count, {});
     tbb::parallel_for(std::size_t(0), count, [&](std::size_t b) {
       const std::size_t from = first + b * poses_per_block;
-      blocks[b] = block(table, poses, format, from, std::min(n, from + poses_per_block),
+      blocks[b] =
+          compute_block(table, poses, format, from, std::min(pose_count, from + poses_per_block),
                         deviation_um, direction_urad);
     });
-    // in order, so that the first invalid pose is reported for any number of threads
-    for (const Block& one : blocks) {
-      if (!one.fault.empty()) refuse(poses, one);
-      sink(one.text);
+    // In order, so that the first invalid pose is reported for any number of threads.
+    for (const PoseBlock& block : blocks) {
+      if (!block.error.empty()) throw_pose_error(poses, block);
+      sink(block.text);
     }
   }
   return pose_statistics(deviation_um, direction_urad);
 }
 
-kinematics::AxisVector positions_in(const std::string& at, const kinematics::Chain& chain,
+kinematics::AxisVector positions_in(const std::string& text, const kinematics::Chain& chain,
                                     const std::string& option, Within within) {
-  const auto refuse = [&](std::size_t column, const std::string& expected,
-                          const std::string& seen) {
-    throw BadInput(option, 1, int(column) + 1, expected, seen);
+  const auto throw_error = [&](std::size_t column, const std::string& expected,
+                               const std::string& named_axes) {
+    throw BadInput(option, 1, int(column) + 1, expected, named_axes);
   };
   kinematics::AxisVector q = kinematics::AxisVector::Zero(chain.size());
-  std::set<char> seen;
+  std::set<char> named_axes;
   std::size_t i = 0;
   while (true) {
-    while (i < at.size() && (at[i] == ' ' || at[i] == ',')) ++i;
-    if (i == at.size()) return q;
-    const auto joint = chain.find(at[i]);
+    while (i < text.size() && (text[i] == ' ' || text[i] == ',')) ++i;
+    if (i == text.size()) return q;
+    const auto joint = chain.find(text[i]);
     if (!joint || !is_positioned(chain.joints()[std::size_t(*joint)]))
-      refuse(i, "an axis of this machine (" + axis_names(chain) + ")",
-             "'" + std::string(1, at[i]) + "'");
-    if (!seen.insert(at[i]).second)
-      refuse(i, "every axis once", "'" + std::string(1, at[i]) + "' again");
+      throw_error(i, "an axis of this machine (" + axis_names(chain) + ")",
+                  "'" + std::string(1, text[i]) + "'");
+    if (!named_axes.insert(text[i]).second)
+      throw_error(i, "every axis once", "'" + std::string(1, text[i]) + "' again");
     const std::size_t start = i++;
-    if (i < at.size() && at[i] == '=') ++i;
+    if (i < text.size() && text[i] == '=') ++i;
     double value = 0.0;
-    const auto [end, error] = std::from_chars(at.data() + i, at.data() + at.size(), value);
+    const auto [end, error] = std::from_chars(text.data() + i, text.data() + text.size(), value);
     if (error != std::errc() || !std::isfinite(value))
-      refuse(i, "a number in mm or degrees", "'" + at.substr(i, at.find(' ', i) - i) + "'");
-    i = std::size_t(end - at.data());
+      throw_error(i, "a number in mm or degrees",
+                  "'" + text.substr(i, text.find(' ', i) - i) + "'");
+    i = std::size_t(end - text.data());
     const kinematics::Joint& axis = chain.joints()[std::size_t(*joint)];
     q[*joint] = value * position_unit(axis);
     if (within == Within::Travel && (q[*joint] < axis.min || q[*joint] > axis.max))
-      refuse(start, travel_text(axis), fmt::format("{:.9g}", value));
+      throw_error(start, travel_text(axis), fmt::format("{:.9g}", value));
   }
 }
 
-PoseResult pose_at(const Scene& scene, const std::string& at, const PoseRequest& wishes) {
+PoseResult pose_at(const Scene& scene, const std::string& positions, const PoseRequest& request) {
   const IdleMachine idle = idle_machine(scene);
-  const PoseTable table(idle, wishes);
+  const PoseTable table(idle, request);
   kinematics::AxisState state;
-  state.q = positions_in(at, idle.machine.nominal, "--at", Within::Travel);
-  const auto requested_columns = [](const auto& all) {
-    return std::vector(all.begin() + std::ptrdiff_t(PoseTable::always), all.end());
+  state.q = positions_in(positions, idle.machine.nominal, "--at", Within::Travel);
+  const auto requested_part = [](const auto& columns) {
+    return std::vector(columns.begin() + std::ptrdiff_t(PoseTable::always), columns.end());
   };
   try {
-    return {tip_pose(idle, state), table.requested_columns(), requested_columns(table.heads()),
-            requested_columns(table.row(state).numbers), pose_warnings(idle, state.q, state.q)};
-  } catch (const std::out_of_range& left) {
-    throw BadInput("--at", 1, 0, "positions inside the tables of the errors", left.what());
+    return {tip_pose(idle, state), table.requested_columns(), requested_part(table.heads()),
+            requested_part(table.row(state).numbers), pose_warnings(idle, state.q, state.q)};
+  } catch (const std::out_of_range& range_error) {
+    throw BadInput("--at", 1, 0, "positions inside the tables of the errors", range_error.what());
   }
 }
 
@@ -310,110 +317,116 @@ namespace {
 
 using kinematics::Chain;
 
-// Counts when none is given, for one, two and three runs: 101, 441 and 1331 poses.
-constexpr int usual_counts[] = {101, 21, 11};  // of one, two, three runs
+// Points along each of one, two or three runs: 101, 441 and 1331 poses.
+constexpr int default_counts[] = {101, 21, 11};
 
-[[noreturn]] void refuse(std::size_t column, const std::string& expected, const std::string& seen) {
+[[noreturn]] void throw_grid_error(std::size_t column, const std::string& expected,
+                                   const std::string& seen) {
   throw BadInput("--grid", 1, int(column) + 1, expected, seen);
 }
 
-/// Positions given for one axis, in mm or degrees.
-struct Said {
-  bool runs = true;
-  std::optional<double> from, to;  ///< a fixed position is in `from`
-  int count = 0;                   ///< 0: the usual count
-  std::size_t column = 0;
+/// The range of an axis in a grid, or its fixed position, mm or degrees.
+struct AxisRange {
+  bool runs = true;                ///< false: the axis stands at `from`
+  std::optional<double> from, to;  ///< none: the end of the travel
+  int count = 0;                   ///< 0: the default
+  std::size_t column = 0;          ///< of the text in the option, for messages
 };
 
 double number_at(const Cell& cell) {
   const auto number = number_of(cell.text);
   if (!number)
-    refuse(std::size_t(cell.column) - 1, "a number in mm or degrees", in_quotes(cell.text));
+    throw_grid_error(std::size_t(cell.column) - 1, "a number in mm or degrees",
+                     in_quotes(cell.text));
   return *number;
 }
 
 int count_at(const Cell& cell) {
   const auto number = number_of(cell.text);
   if (!number || *number != std::floor(*number) || *number < 2 || *number > max_grid_poses)
-    refuse(std::size_t(cell.column) - 1, fmt::format("a count of 2 .. {} points", max_grid_poses),
-           in_quotes(cell.text));
+    throw_grid_error(std::size_t(cell.column) - 1,
+                     fmt::format("a count of 2 .. {} points", max_grid_poses),
+                     in_quotes(cell.text));
   return int(*number);
 }
 
-/// Reads "0:400:9" or "10".
-/// @param column  of `text` in the whole option
-Said said_of(std::string_view text, std::size_t column) {
-  Said said;
-  said.column = column;
+/// Reads a range such as "0:400:9" or a position such as "10".
+/// @param column  of `text` in the option
+AxisRange parse_range(std::string_view text, std::size_t column) {
+  AxisRange range;
+  range.column = column;
   std::vector<Cell> cells = cells_of(text, ':', 3);
   for (Cell& cell : cells) cell.column += int(column);
-  if (cells.size() > 3) refuse(std::size_t(cells[3].column) - 1, "from:to:count", "more");
+  if (cells.size() > 3) throw_grid_error(std::size_t(cells[3].column) - 1, "from:to:count", "more");
   if (cells.size() == 1) {
-    said.runs = false;
-    said.from = number_at(cells[0]);
-    return said;
+    range.runs = false;
+    range.from = number_at(cells[0]);
+    return range;
   }
-  if (!cells[0].text.empty()) said.from = number_at(cells[0]);
-  if (!cells[1].text.empty()) said.to = number_at(cells[1]);
-  if (cells.size() > 2 && !cells[2].text.empty()) said.count = count_at(cells[2]);
-  return said;
+  if (!cells[0].text.empty()) range.from = number_at(cells[0]);
+  if (!cells[1].text.empty()) range.to = number_at(cells[1]);
+  if (cells.size() > 2 && !cells[2].text.empty()) range.count = count_at(cells[2]);
+  return range;
 }
 
-/// Returns the positions given for each joint; none for a joint that is not named.
-std::vector<std::optional<Said>> parsed(const Chain& chain, const std::string& text) {
-  std::vector<std::optional<Said>> all(std::size_t(chain.size()));
+/// Returns (joints) the ranges in a text; none for a joint that it does not name.
+std::vector<std::optional<AxisRange>> parse_grid(const Chain& chain, const std::string& text) {
+  std::vector<std::optional<AxisRange>> ranges(std::size_t(chain.size()));
   std::size_t i = 0;
   const auto is_gap = [&](std::size_t k) { return text[k] == ' ' || text[k] == ','; };
   while (true) {
     while (i < text.size() && is_gap(i)) ++i;
-    if (i == text.size()) return all;
+    if (i == text.size()) return ranges;
     const auto joint = chain.find(text[i]);
     if (!joint || !is_positioned(chain.joints()[std::size_t(*joint)]))
-      refuse(i, "an axis of this machine (" + axis_names(chain) + ")",
-             in_quotes(std::string(1, text[i])));
-    auto& said = all[std::size_t(*joint)];
-    if (said) refuse(i, "every axis once", in_quotes(text.substr(i, 1)) + " again");
+      throw_grid_error(i, "an axis of this machine (" + axis_names(chain) + ")",
+                       in_quotes(std::string(1, text[i])));
+    auto& range = ranges[std::size_t(*joint)];
+    if (range) throw_grid_error(i, "every axis once", in_quotes(text.substr(i, 1)) + " again");
     if (i + 1 == text.size() || text[i + 1] != '=')
-      refuse(i + 1, "= after the axis, such as X=0:400:9",
-             i + 1 == text.size() ? "nothing" : in_quotes(text.substr(i + 1, 1)));
+      throw_grid_error(i + 1, "= after the axis, such as X=0:400:9",
+                       i + 1 == text.size() ? "nothing" : in_quotes(text.substr(i + 1, 1)));
     const std::size_t start = i + 2;
     for (i = start; i < text.size() && !is_gap(i);) ++i;
-    said = said_of(std::string_view(text).substr(start, i - start), start);
+    range = parse_range(std::string_view(text).substr(start, i - start), start);
   }
 }
 
 bool is_limited(const Joint& joint) {
-  const double unlimited = 1e9;  // limit of a joint that states none
+  const double unlimited = 1e9;  // mm or rad, limit of a joint that states none
   return joint.min > -unlimited && joint.max < unlimited;
 }
 
-void check_place(const Joint& joint, double place, std::size_t column) {
-  const double q = place * position_unit(joint);
-  if (q < joint.min || q > joint.max) refuse(column, travel_text(joint), fmt::format("{}", place));
+void check_position(const Joint& joint, double position, std::size_t column) {
+  const double q = position * position_unit(joint);
+  if (q < joint.min || q > joint.max)
+    throw_grid_error(column, travel_text(joint), fmt::format("{}", position));
 }
 
-PoseGrid::Run grid_run(const Joint& joint, int j, const Said& said, int usual) {
+PoseGrid::Run grid_run(const Joint& joint, int j, const AxisRange& range, int default_count) {
   const double unit = position_unit(joint);
-  if ((!said.from || !said.to) && !is_limited(joint))
-    refuse(said.column, fmt::format("{0}=from:to for an axis without limits of travel", joint.name),
-           "an end left out");
-  const PoseGrid::Run run{j, said.from.value_or(joint.min / unit),
-                          said.to.value_or(joint.max / unit), said.count > 0 ? said.count : usual};
-  if (said.from) check_place(joint, run.from, said.column);
-  if (said.to) check_place(joint, run.to, said.column);
+  if ((!range.from || !range.to) && !is_limited(joint))
+    throw_grid_error(range.column,
+                     fmt::format("{0}=from:to for an axis without limits of travel", joint.name),
+                     "an end left out");
+  const PoseGrid::Run run{j, range.from.value_or(joint.min / unit),
+                          range.to.value_or(joint.max / unit),
+                          range.count > 0 ? range.count : default_count};
+  if (range.from) check_position(joint, run.from, range.column);
+  if (range.to) check_position(joint, run.to, range.column);
   if (!(run.from < run.to))
-    refuse(said.column, "from below to", fmt::format("{} and {}", run.from, run.to));
+    throw_grid_error(range.column, "from below to", fmt::format("{} and {}", run.from, run.to));
   return run;
 }
 
-/// Returns position i of a run; exact at both ends, and at round numbers between them, which from +
-/// i * step is not.
-double place_of(const PoseGrid::Run& run, int i) {
+/// Returns position i of a run. Unlike from + i * step it is exact at both ends and at round
+/// numbers between them.
+double grid_position(const PoseGrid::Run& run, int i) {
   const int last = run.count - 1;
   return (run.from * (last - i) + run.to * i) / last;
 }
 
-void fill(PoseGrid& grid, const Chain& chain, const std::vector<double>& standing) {
+void fill_poses(PoseGrid& grid, const Chain& chain, const std::vector<double>& fixed_positions) {
   std::vector<int> run_of_column;
   for (int j = 0; j < chain.size(); ++j) {
     const Joint& joint = chain.joints()[std::size_t(j)];
@@ -430,12 +443,12 @@ void fill(PoseGrid& grid, const Chain& chain, const std::vector<double>& standin
   for (int k = 0; k < nz; ++k)
     for (int l = 0; l < ny; ++l)
       for (int i = 0; i < nx; ++i) {
-        const std::array<int, 3> at{i, l, k};
+        const std::array<int, 3> grid_index{i, l, k};
         for (std::size_t c = 0; c < run_of_column.size(); ++c) {
           const int run = run_of_column[c];
           grid.poses.numbers.push_back(
-              run < 0 ? standing[std::size_t(grid.poses.columns[c].joint)]
-                      : place_of(grid.runs[std::size_t(run)], at[std::size_t(run)]));
+              run < 0 ? fixed_positions[std::size_t(grid.poses.columns[c].joint)]
+                      : grid_position(grid.runs[std::size_t(run)], grid_index[std::size_t(run)]));
         }
       }
 }
@@ -444,42 +457,44 @@ void fill(PoseGrid& grid, const Chain& chain, const std::vector<double>& standin
 
 PoseGrid pose_grid(const IdleMachine& idle, const std::string& text) {
   const Chain& chain = idle.machine.nominal;
-  auto said = parsed(chain, text);
-  std::size_t running = 0;
-  std::vector<double> standing(std::size_t(chain.size()), 0.0);
+  auto ranges = parse_grid(chain, text);
+  std::size_t running_count = 0;
+  std::vector<double> fixed_positions(std::size_t(chain.size()), 0.0);
   for (int j = 0; j < chain.size(); ++j) {
     const Joint& joint = chain.joints()[std::size_t(j)];
-    auto& one = said[std::size_t(j)];
-    // a slide that is not named runs over its travel; a message about it points to the end of the
-    // text
-    if (!one && joint.motion == kinematics::Motion::Linear)
-      one = Said{true, {}, {}, 0, text.size()};
-    if (one && one->runs) ++running;
-    if (one && !one->runs) {
-      check_place(joint, *one->from, one->column);
-      standing[std::size_t(j)] = *one->from;
+    auto& axis_range = ranges[std::size_t(j)];
+    // A slide that is not named runs over its travel. Messages about it point to the end of the
+    // text.
+    if (!axis_range && joint.motion == kinematics::Motion::Linear)
+      axis_range = AxisRange{true, {}, {}, 0, text.size()};
+    if (axis_range && axis_range->runs) ++running_count;
+    if (axis_range && !axis_range->runs) {
+      check_position(joint, *axis_range->from, axis_range->column);
+      fixed_positions[std::size_t(j)] = *axis_range->from;
     }
-    if (!one && is_positioned(joint))
-      standing[std::size_t(j)] = idle.scene.machine.home[j] / position_unit(joint);
+    if (!axis_range && is_positioned(joint))
+      fixed_positions[std::size_t(j)] = idle.scene.machine.home[j] / position_unit(joint);
   }
-  if (running == 0 || running > 3)
-    refuse(0, "one to three axes that run; give the others a place such as Y=0, or use --at-file",
-           fmt::format("{}", running));
+  if (running_count == 0 || running_count > 3)
+    throw_grid_error(
+        0, "one to three axes that run; give the others a place such as Y=0, or use --at-file",
+        fmt::format("{}", running_count));
   PoseGrid grid;
   for (int j = 0; j < chain.size(); ++j)
-    if (const auto& one = said[std::size_t(j)]; one && one->runs)
-      grid.runs.push_back(
-          grid_run(chain.joints()[std::size_t(j)], j, *one, usual_counts[running - 1]));
+    if (const auto& axis_range = ranges[std::size_t(j)]; axis_range && axis_range->runs)
+      grid.runs.push_back(grid_run(chain.joints()[std::size_t(j)], j, *axis_range,
+                                   default_counts[running_count - 1]));
   double poses = 1.0;
   for (std::size_t r = 0; r < grid.runs.size(); ++r) {
     grid.size[r] = grid.runs[r].count;
     poses *= grid.runs[r].count;
   }
   if (poses > double(max_grid_poses))
-    refuse(0, fmt::format("at most {} poses in all", max_grid_poses), fmt::format("{}", poses));
+    throw_grid_error(0, fmt::format("at most {} poses in all", max_grid_poses),
+                     fmt::format("{}", poses));
   grid.poses.file = "--grid";
   grid.poses.others = kinematics::AxisVector::Zero(chain.size());
-  fill(grid, chain, standing);
+  fill_poses(grid, chain, fixed_positions);
   return grid;
 }
 
@@ -487,7 +502,7 @@ VolumetricMap volumetric_map(const IdleMachine& idle, PoseGrid grid) {
   const auto n = Eigen::Index(grid.poses.size());
   VolumetricMap map{std::move(grid), cutting::Points(n, 3), cutting::Points(n, 3),
                     cutting::Points(n, 3), cutting::Points(n, 3)};
-  std::vector<std::string> fault{std::size_t(n), std::string()};
+  std::vector<std::string> error_texts{std::size_t(n), std::string()};
   tbb::parallel_for(Eigen::Index(0), n, [&](Eigen::Index i) {
     try {
       const TipPose pose = tip_pose(idle, map.grid.poses.state(std::size_t(i)));
@@ -495,24 +510,25 @@ VolumetricMap volumetric_map(const IdleMachine& idle, PoseGrid grid) {
       map.deviation.row(i) = pose.deviation();
       map.direction.row(i) = pose.direction();
       map.rotation.row(i) =
-          // rotation of the actual tool relative to the nominal one, in workpiece axes
+          // of the actual relative to the nominal tool, about axes of the workpiece
           kinematics::rotation_vector(pose.actual.linear() * pose.nominal.linear().transpose());
-      if (!map.deviation.row(i).allFinite()) fault[std::size_t(i)] = "its deviation is not finite";
-    } catch (const std::out_of_range& left) {
-      fault[std::size_t(i)] = left.what();
+      if (!map.deviation.row(i).allFinite())
+        error_texts[std::size_t(i)] = "its deviation is not finite";
+    } catch (const std::out_of_range& range_error) {
+      error_texts[std::size_t(i)] = range_error.what();
     }
   });
-  for (std::size_t i = 0; i < fault.size(); ++i)
-    if (!fault[i].empty())
+  for (std::size_t i = 0; i < error_texts.size(); ++i)
+    if (!error_texts[i].empty())
       throw BadInput("--grid", 0, 0,
                      "positions inside the tables of the errors, such as X=-100:100",
-                     map.grid.poses.text(i) + ": " + fault[i]);
+                     map.grid.poses.text(i) + ": " + error_texts[i]);
   return map;
 }
 
 FarthestPair farthest_pair(const cutting::Points& points) {
-  // Points are visited from the outside inwards: two points can be no farther apart than the sum of
-  // their radii, so both loops end early.
+  // Two points are at most as far apart as the sum of their radii about the middle. Points are
+  // visited in falling order of radius, so that both loops end early.
   const Eigen::RowVector3d lower = points.colwise().minCoeff(), upper = points.colwise().maxCoeff();
   const Eigen::RowVector3d middle = 0.5 * (lower + upper);
   const Eigen::VectorXd radius = (points.rowwise() - middle).rowwise().norm();
@@ -521,35 +537,32 @@ FarthestPair farthest_pair(const cutting::Points& points) {
   std::stable_sort(order.begin(), order.end(), [&](std::size_t a, std::size_t b) {
     return radius[Eigen::Index(a)] > radius[Eigen::Index(b)];
   });
-  FarthestPair best;
+  FarthestPair farthest;
   for (std::size_t i = 1; i < order.size(); ++i) {
-    const auto p = Eigen::Index(order[i]);
-    if (radius[p] + radius[Eigen::Index(order[0])] < best.distance) break;
+    const auto outer = Eigen::Index(order[i]);
+    if (radius[outer] + radius[Eigen::Index(order[0])] < farthest.distance) break;
     for (std::size_t k = 0; k < i; ++k) {
-      const auto q = Eigen::Index(order[k]);
-      if (radius[p] + radius[q] < best.distance) break;
-      const double distance = (points.row(p) - points.row(q)).norm();
-      if (distance > best.distance)
-        best = {std::min(order[i], order[k]), std::max(order[i], order[k]), distance};
+      const auto inner = Eigen::Index(order[k]);
+      if (radius[outer] + radius[inner] < farthest.distance) break;
+      const double distance = (points.row(outer) - points.row(inner)).norm();
+      if (distance > farthest.distance)
+        farthest = {std::min(order[i], order[k]), std::max(order[i], order[k]), distance};
     }
   }
-  return best;
+  return farthest;
 }
 
 VolumetricSummary summary(const VolumetricMap& map) {
-  VolumetricSummary s;
-  s.all = pose_statistics(map.deviation.rowwise().norm() / units::um,
-                          map.direction.rowwise().norm() / units::urad);
-  const auto range = [](const cutting::Points& points) {
-    return Vector3d((points.colwise().maxCoeff() - points.colwise().minCoeff()).transpose());
-  };
-  s.mean_um = map.deviation.colwise().mean().transpose() / units::um;
-  s.range_um = range(map.deviation) / units::um;
-  s.range_urad = range(map.rotation) / units::urad;
+  VolumetricSummary result;
+  result.all = pose_statistics(map.deviation.rowwise().norm() / units::um,
+                               map.direction.rowwise().norm() / units::urad);
+  result.mean_um = map.deviation.colwise().mean().transpose() / units::um;
+  result.range_um = extents(map.deviation) / units::um;
+  result.range_urad = extents(map.rotation) / units::urad;
   const FarthestPair pair = farthest_pair(map.deviation);
-  s.worst_pair = {pair.a, pair.b};
-  s.worst_pair_um = pair.distance / units::um;
-  return s;
+  result.worst_pair = {pair.a, pair.b};
+  result.worst_pair_um = pair.distance / units::um;
+  return result;
 }
 
 }  // namespace abbe::sim

@@ -14,99 +14,103 @@ namespace abbe::sim {
 using errors::Load;
 
 ProcessTotals totals(const Process& process) {
-  ProcessTotals all;
+  ProcessTotals sums;
   for (const ProcessStep& step : process.steps) {
     const double force = step.load.on_tool_t.head<3>().norm();
-    all.removed += step.removed;
-    all.force_max = std::max(all.force_max, force);
-    all.torque_max = std::max(all.torque_max, step.torque);
-    all.power_max_W = std::max(all.power_max_W, step.power_W);
-    all.iterations_max = std::max(all.iterations_max, step.iterations);
-    all.contraction_max = std::max(all.contraction_max, step.contraction);
+    sums.removed += step.removed;
+    sums.force_max = std::max(sums.force_max, force);
+    sums.torque_max = std::max(sums.torque_max, step.torque);
+    sums.power_max_W = std::max(sums.power_max_W, step.power_W);
+    sums.iterations_max = std::max(sums.iterations_max, step.iterations);
+    sums.contraction_max = std::max(sums.contraction_max, step.contraction);
     if (force > 0.0) {
-      all.force_sum += force;
-      ++all.loaded;
+      sums.force_sum += force;
+      ++sums.loaded;
     }
     if (step.converged) continue;
-    ++all.open;
-    all.disagreement_max = std::max(all.disagreement_max, step.disagreement);
+    ++sums.open;
+    sums.disagreement_max = std::max(sums.disagreement_max, step.disagreement);
   }
-  return all;
+  return sums;
 }
 
 Load load_at(const Process& process, double time_s) {
   const auto& steps = process.steps;
-  const auto after =
+  const auto next_step =
       std::lower_bound(steps.begin(), steps.end(), time_s,
                        [](const ProcessStep& step, double time) { return step.time_s < time; });
-  if (after == steps.end()) return {};
-  if (after == steps.begin() || after->time_s == time_s)
-    return after->time_s == time_s ? after->load : Load{};
-  const ProcessStep& before = *(after - 1);
-  const double part = (time_s - before.time_s) / (after->time_s - before.time_s);
+  if (next_step == steps.end()) return {};
+  if (next_step == steps.begin() || next_step->time_s == time_s)
+    return next_step->time_s == time_s ? next_step->load : Load{};
+  const ProcessStep& previous_step = *(next_step - 1);
+  const double fraction =
+      (time_s - previous_step.time_s) / (next_step->time_s - previous_step.time_s);
   Load load;
-  // linear between two steps
-  load.on_tool_t = (1 - part) * before.load.on_tool_t + part * after->load.on_tool_t;
-  // an unloaded step has no contact point
-  const bool from = !before.load.on_tool_t.isZero(0.0), to = !after->load.on_tool_t.isZero(0.0);
-  if (from && to)
-    load.contact_t = (1 - part) * before.load.contact_t + part * after->load.contact_t;
+  load.on_tool_t =
+      (1 - fraction) * previous_step.load.on_tool_t + fraction * next_step->load.on_tool_t;
+  // An unloaded step has no contact point.
+  const bool is_loaded_before = !previous_step.load.on_tool_t.isZero(0.0),
+             is_loaded_after = !next_step->load.on_tool_t.isZero(0.0);
+  if (is_loaded_before && is_loaded_after)
+    load.contact_t =
+        (1 - fraction) * previous_step.load.contact_t + fraction * next_step->load.contact_t;
   else
-    load.contact_t = from ? before.load.contact_t : after->load.contact_t;
+    load.contact_t = is_loaded_before ? previous_step.load.contact_t : next_step->load.contact_t;
   return load;
 }
 
 namespace {
 
-constexpr std::size_t window = 10;             // changes of force from one revolution to the next
-constexpr double min_change = 0.01;            // fraction of the force
-constexpr double min_swing_gain = 0.99;        // a swing at its full size has a gain of 1
-constexpr double min_swing_contraction = 0.5;  // with a smaller contraction every change decays,
-                                               // see `revolution_swing`
-constexpr std::size_t leap_window = 40;        // revolutions
+// Limits of a swing; `revolution_swing` gives their reasons.
+constexpr std::size_t changes_per_window = 10;  // of force from one revolution to the next
+constexpr double min_change = 0.01;             // fraction of the force
+constexpr double min_swing_gain = 0.99;         // a swing that has grown to its full size has 1
+constexpr double min_swing_contraction = 0.5;   // with a smaller one every change decays
+constexpr std::size_t revolutions_per_leap_window = 40;
 constexpr int min_leaps = 3;
 
-/// Returns by what factor the changes of force from `first` on grow in a revolution; none if they
-/// do not alternate for a whole window.
-std::optional<double> gain_from(const std::vector<double>& force, std::size_t first) {
-  if (first + window >= force.size()) return std::nullopt;
-  double before = 0.0, after = 0.0;
-  for (std::size_t i = 0; i < window; ++i) {
+/// Returns the factor by which the changes of force grow in a revolution, from revolution `first`
+/// on; none if they do not alternate for a whole window.
+std::optional<double> alternating_gain(const std::vector<double>& force, std::size_t first) {
+  if (first + changes_per_window >= force.size()) return std::nullopt;
+  double first_sum = 0.0, second_sum = 0.0;
+  for (std::size_t i = 0; i < changes_per_window; ++i) {
     const std::size_t k = first + i;
     const double change = force[k + 1] - force[k];
-    // a change of up to 1 % of the force ends the window
     if (!(std::abs(change) > min_change * std::max(force[k], force[k + 1]))) return std::nullopt;
     if (i > 0 && change * (force[k] - force[k - 1]) > 0.0) return std::nullopt;
-    (i < window / 2 ? before : after) += std::abs(change);
+    (i < changes_per_window / 2 ? first_sum : second_sum) += std::abs(change);
   }
-  // The means of both halves are half a window apart, so the ratio of a revolution is that root.
-  return std::pow(after / before, 2.0 / double(window));
+  // The means of both halves are half a window apart.
+  return std::pow(second_sum / first_sum, 2.0 / double(changes_per_window));
 }
 
-/// Returns true if the loop of force and deflection is strong enough to swing somewhere in the
-/// window. Forces may also alternate without it, as under error motions of a spindle.
-bool is_drawn_in(const Process& process, std::size_t first) {
-  for (std::size_t k = first; k <= first + window; ++k)
+/// Returns true if the loop of force and deflection is strong enough to cause a swing in the
+/// window. Forces may also alternate for another reason, such as error motions of a spindle.
+bool is_loop_strong(const Process& process, std::size_t first) {
+  for (std::size_t k = first; k <= first + changes_per_window; ++k)
     if (process.steps[k].contraction >= min_swing_contraction) return true;
   return false;
 }
 
-/// Returns the swing of alternating forces with the largest difference; none if there is none.
-std::optional<RevolutionSwing> alternating(const Process& process,
-                                           const std::vector<double>& force) {
+/// Returns the alternating swing with the largest difference of forces; none if no forces
+/// alternate.
+std::optional<RevolutionSwing> find_alternating_swing(const Process& process,
+                                                      const std::vector<double>& force) {
   std::optional<RevolutionSwing> widest;
   double gain = 0.0;
   for (std::size_t first = 0; first < force.size();) {
     std::size_t k = first;
-    for (auto one = gain_from(force, k); one && *one >= min_swing_gain && is_drawn_in(process, k);
-         one = gain_from(force, ++k))
-      gain = std::max(gain, *one);
+    for (auto window_gain = alternating_gain(force, k);
+         window_gain && *window_gain >= min_swing_gain && is_loop_strong(process, k);
+         window_gain = alternating_gain(force, ++k))
+      gain = std::max(gain, *window_gain);
     if (k == first) {
       ++first;
       continue;
     }
     const auto begin = force.begin() + std::ptrdiff_t(first);
-    const auto end = force.begin() + std::ptrdiff_t(k + window);
+    const auto end = force.begin() + std::ptrdiff_t(k + changes_per_window);
     const auto [low, high] = std::minmax_element(begin, end);
     if (!widest || *high - *low > widest->high - widest->low)
       widest = RevolutionSwing{int(end - begin), process.steps[first].line, *low, *high, 0.0};
@@ -116,29 +120,30 @@ std::optional<RevolutionSwing> alternating(const Process& process,
   return widest;
 }
 
-/// Counts how often the tool leaps out of the work and back from one step on, within one program
-/// line.
+/// Returns the swing from revolution `first` on within one program line, with the number of times
+/// the tool leaps out of the work and back.
 RevolutionSwing count_leaps(const Process& process, const std::vector<double>& force,
                             std::size_t first) {
-  RevolutionSwing found;
-  found.line = process.steps[first].line;
-  for (std::size_t k = first; k < std::min(first + leap_window, force.size()); ++k) {
+  RevolutionSwing swing;
+  swing.line = process.steps[first].line;
+  for (std::size_t k = first; k < std::min(first + revolutions_per_leap_window, force.size());
+       ++k) {
     const ProcessStep& step = process.steps[k];
-    if (step.line != found.line) break;
-    ++found.revolutions;
-    found.high = std::max(found.high, force[k]);
-    found.gain = std::max(found.gain, step.contraction);
-    if (k > first && force[k] > 0.0 && force[k - 1] == 0.0) ++found.leaps;
+    if (step.line != swing.line) break;
+    ++swing.revolutions;
+    swing.high = std::max(swing.high, force[k]);
+    swing.gain = std::max(swing.gain, step.contraction);
+    if (k > first && force[k] > 0.0 && force[k - 1] == 0.0) ++swing.leaps;
   }
-  return found;
+  return swing;
 }
 
-// Returns the first segment where the tool leaps out of the work and back; none if there is none.
+// Returns the first swing in which the tool leaps out of the work and back; none if it never does.
 std::optional<RevolutionSwing> find_leaping_swing(const Process& process,
                                                   const std::vector<double>& force) {
   for (std::size_t first = 0; first < force.size(); ++first) {
-    const RevolutionSwing found = count_leaps(process, force, first);
-    if (found.leaps >= min_leaps && found.gain >= 1.0) return found;
+    const RevolutionSwing swing = count_leaps(process, force, first);
+    if (swing.leaps >= min_leaps && swing.gain >= 1.0) return swing;
   }
   return std::nullopt;
 }
@@ -150,16 +155,15 @@ std::optional<RevolutionSwing> revolution_swing(const Process& process) {
   std::vector<double> force;
   for (const ProcessStep& step : process.steps)
     force.push_back(step.load.on_tool_t.head<3>().norm());
-  if (const auto swing = alternating(process, force)) return swing;
-  // Alternation comes first: beyond it the tool leaves the work, and the forces no longer
-  // alternate.
+  if (const auto swing = find_alternating_swing(process, force)) return swing;
+  // Forces that alternate do not leap: the tool leaves the work only in a stronger swing.
   return find_leaping_swing(process, force);
 }
 
 namespace {
 
 std::string swing_text(const RevolutionSwing& swing) {
-  const std::string how =
+  const std::string description =
       swing.leaps > 0
           ? fmt::format(
                 "on line {} the tool leaps out of the work and back {} times in {} "
@@ -169,7 +173,7 @@ std::string swing_text(const RevolutionSwing& swing) {
                 "for {} revolutions from line {} on the force swings between {:.4g} and "
                 "{:.4g} N from one to the next, a change returns {:.2f} times as large",
                 swing.revolutions, swing.line, swing.low, swing.high, swing.gain);
-  return "the cut does not settle: " + how +
+  return "the cut does not settle: " + description +
          ": under the cutting force the tool goes too far into the work, and the surface is one of "
          "chatter";
 }
@@ -179,54 +183,61 @@ std::string swing_text(const RevolutionSwing& swing) {
 std::vector<std::string> process_warnings(const Scene& scene, const Process& process) {
   std::vector<std::string> warnings;
   if (process.steps.empty()) return warnings;
-  const ProcessTotals all = totals(process);
-  // One step in thousands, at a jump of the force, oscillates by some nanometres between both sides
-  // of the jump, at any step length. No setting avoids that, so it is not reported.
+  const ProcessTotals process_totals = totals(process);
+  // At a jump of the force one step in thousands oscillates between both sides by some nanometres.
+  // It is not reported, since no setting avoids it.
   const double tolerance = scene.cutting->tolerance;
-  const bool is_stray = all.disagreement_max < std::min(10.0 * tolerance, 10.0 * units::nm) &&
-                        1000 * all.open < process.steps.size();
-  if (all.open > 0 && !is_stray)
-    warnings.push_back(fmt::format(
-        "force and deflection did not agree to {:.3g} nm at {} of {} steps; they "
-        "differ by {:.3g} nm at most",
-        tolerance / units::nm, all.open, process.steps.size(), all.disagreement_max / units::nm));
+  const bool is_negligible =
+      process_totals.disagreement_max < std::min(10.0 * tolerance, 10.0 * units::nm) &&
+      1000 * process_totals.open < process.steps.size();
+  if (process_totals.open > 0 && !is_negligible)
+    warnings.push_back(
+        fmt::format("force and deflection did not agree to {:.3g} nm at {} of {} steps; they "
+                    "differ by {:.3g} nm at most",
+                    tolerance / units::nm, process_totals.open, process.steps.size(),
+                    process_totals.disagreement_max / units::nm));
   if (const auto swing = revolution_swing(process)) warnings.push_back(swing_text(*swing));
-  if (!(all.removed > 0.0)) warnings.push_back("the tool met no material of the blank");
+  if (!(process_totals.removed > 0.0)) warnings.push_back("the tool met no material of the blank");
   if (!process.crash_lines.empty())
     warnings.push_back(fmt::format("a rapid or the shank met material on {} lines, first line {}",
                                    process.crash_lines.size(), process.crash_lines.front()));
-  const auto beyond = std::ranges::max_element(process.steps, {}, &ProcessStep::beyond_edge);
-  if (beyond->beyond_edge > 0.01)
+  const auto worst_overhang =
+      std::ranges::max_element(process.steps, {}, &ProcessStep::beyond_edge);
+  if (worst_overhang->beyond_edge > 0.01)
     warnings.push_back(fmt::format(
         "the cut goes {:.3g} mm beyond the edges of the insert (line {}): what lies there is "
         "removed and counts in the force as if an edge along the radius cut it",
-        beyond->beyond_edge, beyond->line));
+        worst_overhang->beyond_edge, worst_overhang->line));
   return warnings;
 }
 
-void add_warnings(std::vector<std::string> more, std::vector<std::string>& warnings) {
-  std::move(more.begin(), more.end(), std::back_inserter(warnings));
+void add_warnings(std::vector<std::string> additional, std::vector<std::string>& warnings) {
+  std::move(additional.begin(), additional.end(), std::back_inserter(warnings));
 }
 
 std::vector<std::string> idle_warnings(const Scene& scene) {
   std::vector<std::string> warnings;
-  const auto warn = [&](bool is, const char* what) {
-    if (is) warnings.push_back(what);
+  const auto warn = [&](bool applies, const char* text) {
+    if (applies) warnings.push_back(text);
   };
-  const bool cuts = scene.cutting && scene.cutting->material;
+  const bool has_forces = scene.cutting && scene.cutting->material;
   if (scene.compliance) {
-    const errors::ComplianceErrors& soft = *scene.compliance;
-    const bool weighs = (soft.gravity_b || soft.inertia) && !soft.masses.empty();
-    warn(!cuts && !weighs && soft.clamping_w.isZero(0.0),
+    const errors::ComplianceErrors& compliance_errors = *scene.compliance;
+    const bool has_weight = (compliance_errors.gravity_b || compliance_errors.inertia) &&
+                            !compliance_errors.masses.empty();
+    warn(!has_forces && !has_weight && compliance_errors.clamping_w.isZero(0.0),
          "nothing loads the compliance: it wants [cutting] with a material, masses with gravity or "
          "inertia, or clamping");
-    warn((soft.gravity_b || soft.inertia) && soft.masses.empty(),
+    warn((compliance_errors.gravity_b || compliance_errors.inertia) &&
+             compliance_errors.masses.empty(),
          "gravity and inertia act on [[compliance.mass]], and there is none");
-    warn(!soft.gravity_b && !soft.inertia && !soft.masses.empty(),
+    warn(!compliance_errors.gravity_b && !compliance_errors.inertia &&
+             !compliance_errors.masses.empty(),
          "the masses do nothing without gravity or inertia");
   }
-  warn(scene.signals.dynamometer && !cuts, "the dynamometer reads nothing without cutting forces");
-  warn(scene.signals.current && !cuts && !scene.thermal && !scene.compliance,
+  warn(scene.signals.dynamometer && !has_forces,
+       "the dynamometer reads nothing without cutting forces");
+  warn(scene.signals.current && !has_forces && !scene.thermal && !scene.compliance,
        "signals.csv is written where there is heat, stock or compliance");
   return warnings;
 }
@@ -243,13 +254,13 @@ double room_T_C(const ThermalDescription& thermal, double time_s) {
   if (time_s <= t[0]) return T[0];
   if (time_s >= t[n - 1]) return T[n - 1];
   const Eigen::Index i = std::upper_bound(t.data(), t.data() + n, time_s) - t.data();
-  const double part = (time_s - t[i - 1]) / (t[i] - t[i - 1]);
-  return T[i - 1] + part * (T[i] - T[i - 1]);
+  const double fraction = (time_s - t[i - 1]) / (t[i] - t[i - 1]);
+  return T[i - 1] + fraction * (T[i] - T[i - 1]);
 }
 
-/// Appends an activity as knots: at its ends and at every row of the room profile between them.
-void append(std::vector<Activity>& knots, const ThermalDescription& thermal, Activity activity,
-            double from_s, double to_s) {
+/// Appends the knots of an activity: its ends, and every row of the room profile between them.
+void append_knots(std::vector<Activity>& knots, const ThermalDescription& thermal,
+                  Activity activity, double from_s, double to_s) {
   std::vector<double> times{from_s};
   for (const double t : thermal.room_time_s)
     if (t > from_s && t < to_s) times.push_back(t);
@@ -266,26 +277,26 @@ class CuttingEnergy {
  public:
   explicit CuttingEnergy(const Process& process) : steps_(process.steps) {}
 
-  /// Returns the energy in J from the last `to_s` to this one. The power of a step holds from the
-  /// step before it.
+  /// Returns the energy, J, since the previous call. The power of a step holds from the step before
+  /// it.
   double until(double to_s) {
     double energy_J = 0.0;
-    while (next_ < steps_.size() && steps_[next_].time_s <= to_s) {
-      energy_J += steps_[next_].power_W * (steps_[next_].time_s - at_s_);
-      at_s_ = steps_[next_++].time_s;
+    while (next_step_ < steps_.size() && steps_[next_step_].time_s <= to_s) {
+      energy_J += steps_[next_step_].power_W * (steps_[next_step_].time_s - time_s_);
+      time_s_ = steps_[next_step_++].time_s;
     }
-    // the rest of an interval is left to the next call
-    if (next_ < steps_.size() && next_ > 0 && to_s > at_s_) {
-      energy_J += steps_[next_].power_W * (to_s - at_s_);
-      at_s_ = to_s;
+    // The remainder of a step belongs to the next call.
+    if (next_step_ < steps_.size() && next_step_ > 0 && to_s > time_s_) {
+      energy_J += steps_[next_step_].power_W * (to_s - time_s_);
+      time_s_ = to_s;
     }
     return energy_J;
   }
 
  private:
   const std::vector<ProcessStep>& steps_;
-  std::size_t next_ = 0;
-  double at_s_ = 0.0;
+  std::size_t next_step_ = 0;
+  double time_s_ = 0.0;
 };
 
 Activity phase_activity(const ThermalPhase& phase, const ThermalDescription& thermal) {
@@ -298,38 +309,43 @@ Activity phase_activity(const ThermalPhase& phase, const ThermalDescription& the
   return activity;
 }
 
+/// Appends the activity of a program in intervals, whose mean speeds suffice, since heat follows
+/// slowly, and then the machine at rest.
 void append_program(std::vector<Activity>& knots, const ThermalDescription& thermal,
                     const program::Samples& samples, CuttingEnergy energy, const Machine& machine) {
   const auto& states = samples.states;
-  std::size_t i = 0;
-  while (i + 1 < states.size()) {
-    const double from_s = states[i].time_s;
-    kinematics::AxisVector travel = kinematics::AxisVector::Zero(states[i].q.size());
-    double turns = 0.0;
-    std::size_t k = i;
-    while (k + 1 < states.size() && (k == i || states[k].time_s - from_s < thermal.interval)) {
-      travel += (states[k + 1].q - states[k].q).cwiseAbs();
-      turns += states[k + 1].spindle_speed * (states[k + 1].time_s - states[k].time_s);
-      ++k;
+  std::size_t first = 0;
+  while (first + 1 < states.size()) {
+    const double from_s = states[first].time_s;
+    kinematics::AxisVector travel = kinematics::AxisVector::Zero(states[first].q.size());
+    double spindle_angle = 0.0;
+    std::size_t last = first;
+    while (last + 1 < states.size() &&
+           (last == first || states[last].time_s - from_s < thermal.interval)) {
+      travel += (states[last + 1].q - states[last].q).cwiseAbs();
+      spindle_angle +=
+          states[last + 1].spindle_speed * (states[last + 1].time_s - states[last].time_s);
+      ++last;
     }
-    const double duration = states[k].time_s - from_s;
-    // heat follows slowly, so mean speeds over the interval suffice
-    i = k;
+    const double duration = states[last].time_s - from_s;
+    first = last;
     if (duration <= 0.0) continue;
-    travel /= duration;
-    for (int j = 0; j < machine.nominal.size(); ++j)  // a spindle heats by its own law
-      if (is_spindle(machine, j)) travel[j] = 0.0;
-    Activity stretch = phase_activity(
-        {duration, turns / duration, travel, thermal.powered, thermal.coolant}, thermal);
-    stretch.cutting_power_W = energy.until(states[k].time_s) / duration;
-    append(knots, thermal, stretch, from_s, states[k].time_s);
+    kinematics::AxisVector axis_speeds = travel / duration;
+    for (int j = 0; j < machine.nominal.size(); ++j)  // spindles heat by a law of their own
+      if (is_spindle(machine, j)) axis_speeds[j] = 0.0;
+    Activity interval_activity = phase_activity(
+        {duration, spindle_angle / duration, axis_speeds, thermal.powered, thermal.coolant},
+        thermal);
+    interval_activity.cutting_power_W = energy.until(states[last].time_s) / duration;
+    append_knots(knots, thermal, interval_activity, from_s, states[last].time_s);
   }
   if (states.empty()) return;
-  // The last knot sets how the run continues: after the program the machine is at rest.
-  const kinematics::AxisVector rest = kinematics::AxisVector::Zero(states.back().q.size());
+  // The run continues with the activity of the last knot.
+  const kinematics::AxisVector zero_speeds = kinematics::AxisVector::Zero(states.back().q.size());
   const double end_s = states.back().time_s;
-  append(knots, thermal, phase_activity({0.0, 0.0, rest, thermal.powered, false}, thermal), end_s,
-         end_s);
+  append_knots(knots, thermal,
+               phase_activity({0.0, 0.0, zero_speeds, thermal.powered, false}, thermal), end_s,
+               end_s);
 }
 
 }  // namespace
@@ -341,26 +357,26 @@ std::vector<Activity> activity(const Scene& scene, const Machine& machine,
   const ThermalDescription& thermal = *scene.thermal;
   double time_s = -history_s(thermal);
   for (const ThermalPhase& phase : thermal.history) {
-    // The sum of the durations is rounded; the last phase ends exactly at the start of the program.
-    const double end = &phase == &thermal.history.back() ? 0.0 : time_s + phase.duration;
-    append(knots, thermal, phase_activity(phase, thermal), time_s, end);
-    time_s = end;
+    // The last phase ends exactly at the start of the program; a sum of durations is rounded.
+    const double end_s = &phase == &thermal.history.back() ? 0.0 : time_s + phase.duration;
+    append_knots(knots, thermal, phase_activity(phase, thermal), time_s, end_s);
+    time_s = end_s;
   }
   append_program(knots, thermal, samples, CuttingEnergy(process), machine);
-  // A machine that never runs still has a state: at rest in the room.
+  // A machine without history and program is at rest in the room.
   if (knots.empty()) {
-    ThermalPhase rest;
-    rest.powered = thermal.powered;
-    append(knots, thermal, phase_activity(rest, thermal), 0.0, 0.0);
+    ThermalPhase rest_phase;
+    rest_phase.powered = thermal.powered;
+    append_knots(knots, thermal, phase_activity(rest_phase, thermal), 0.0, 0.0);
   }
   return knots;
 }
 
 namespace {
 
-// Bearings run below 120 deg C, windings below 155 deg C, where their insulation (class F) ends.
+// Bearings run below 120 deg C, windings below 155 deg C, the limit of their insulation (class F).
 constexpr double coldest_T_C = -40.0, hottest_T_C = 150.0;
-// The power law of a source holds near the speed for which it is stated. The limits lie between
+// The power law of a source holds near the speed at which it is stated. The limits lie between
 // usual ratios and those of a wrong unit: 60 for 1/s and 9.55 for rad/s instead of rpm.
 constexpr double max_speed_ratio = 5.0, min_speed_ratio = 1.0 / 30;
 
@@ -379,16 +395,16 @@ std::string temperature_text(const errors::ThermalRun& run) {
       run.knots[std::size_t(knot)].time_s / 3600.0, coldest_T_C, hottest_T_C);
 }
 
-/// Returns the speed that is unusual for a source stated at a reference speed; 0 if there is none.
-/// Slow speeds are unusual only in the history, since a program may tap or ream.
-double unusual_speed(const errors::ThermalRun& run, double stated) {
-  double odd = 0.0;
+/// Returns the largest speed, rad/s, that is unusual for a source stated at a reference speed; 0 if
+/// there is none. Slow speeds are unusual only in the history, since a program may tap or ream.
+double unusual_speed(const errors::ThermalRun& run, double reference_speed) {
+  double result = 0.0;
   for (const errors::Activity& knot : run.knots) {
-    const double times = std::abs(knot.spindle_speed) / stated;
-    const bool slow = times > 0.0 && times < min_speed_ratio && knot.time_s < 0.0;
-    if (slow || times > max_speed_ratio) odd = std::max(odd, std::abs(knot.spindle_speed));
+    const double ratio = std::abs(knot.spindle_speed) / reference_speed;
+    const bool is_slow = ratio > 0.0 && ratio < min_speed_ratio && knot.time_s < 0.0;
+    if (is_slow || ratio > max_speed_ratio) result = std::max(result, std::abs(knot.spindle_speed));
   }
-  return odd;
+  return result;
 }
 
 std::string speed_text(const errors::ThermalRun& run) {
@@ -409,7 +425,7 @@ std::string speed_text(const errors::ThermalRun& run) {
 }
 
 std::string datum_text(const DatumDescription& datum, const errors::ThermalRun& run) {
-  constexpr double rounding_s = 1.0;  // durations in hours do not add up to whole seconds
+  constexpr double rounding_s = 1.0;  // of durations stated in hours
   if (datum.kind == DatumDescription::Kind::None) return {};
   const double begin_s = run.knots.front().time_s, end_s = run.knots.back().time_s;
   if (datum.time_s < begin_s - rounding_s)

@@ -33,56 +33,56 @@ namespace abbe::sim {
 
 namespace {
 
-constexpr int max_tools = 999;  // largest H and D number; a control that is inspected without a
-                                // table knows all of them
+constexpr int max_tool_number = 999;  // a control without a table knows all H and D up to it
 constexpr std::size_t max_trace = 2'000'000;  // points of a picture, 14 bytes each
 
-/// Returns the file of a machine: a path, or a name of the library with or without `library:`.
-std::filesystem::path machine_file_of(const std::string& name) {
-  const bool plain = name.find_first_of("/.:") == std::string::npos;
-  std::error_code none;
-  // A file of that name in the folder wins over the library.
-  const bool is_file = std::filesystem::is_regular_file(name, none);
-  const std::string full = plain && !is_file ? std::string(library_prefix) + name : name;
+/// Returns the file of a machine.
+/// @param name  a path, or a name of the library with or without `library:`
+std::filesystem::path find_machine_file(const std::string& name) {
+  const bool is_name = name.find_first_of("/.:") == std::string::npos;
+  std::error_code error;
+  // A file of that name in the current folder precedes the library.
+  const bool is_file = std::filesystem::is_regular_file(name, error);
+  const std::string library_name = is_name && !is_file ? std::string(library_prefix) + name : name;
   InputErrors input_errors;
   const Place place{std::make_shared<const std::string>("--machine"), 0, 0, true};
-  std::filesystem::path file = locate_file({full, place, "machines"}, ".", input_errors);
+  std::filesystem::path file = locate_file({library_name, place, "machines"}, ".", input_errors);
   if (!input_errors.empty()) throw BadScene(input_errors.list());
   return file;
 }
 
-/// Returns a scene of a machine and a tool of the given length only.
-Scene scene_of(const std::filesystem::path& file, const ProgramInspectionOptions& options) {
+/// Returns a scene with only a machine, a tool of the given length, and the tables of the control.
+Scene make_scene(const std::filesystem::path& file, const ProgramInspectionOptions& options) {
   Scene scene;
   scene.file = file;
   InputErrors input_errors;
   scene.machine = read_machine(read_toml_file(file), input_errors);
   if (!input_errors.empty()) throw BadScene(input_errors.list());
   scene.tool.length = options.tool_length;
-  const auto table_of = [&](const std::filesystem::path& file, dialects::TableKind kind) {
+  const auto read_table = [&](const std::filesystem::path& file, dialects::TableKind kind) {
     return ControlTableFile{file, options.table_unit,
                             dialects::read_control_table_file(file, kind, options.table_unit)};
   };
   if (!options.tools.empty())
-    scene.program.tools = table_of(options.tools, dialects::TableKind::Tools);
+    scene.program.tools = read_table(options.tools, dialects::TableKind::Tools);
   if (!options.offsets.empty()) {
-    scene.program.offsets = table_of(options.offsets, dialects::TableKind::Offsets);
+    scene.program.offsets = read_table(options.offsets, dialects::TableKind::Offsets);
     check_axes(scene.program.offsets->table, scene.machine.joints, input_errors);
     if (!input_errors.empty()) throw BadScene(input_errors.list());
   }
-  for (int h = 1; h <= max_tools; ++h) scene.program.tool_length[h] = options.tool_length;
+  for (int h = 1; h <= max_tool_number; ++h) scene.program.tool_length[h] = options.tool_length;
   return scene;
 }
 
-program::NcOptions control_of(const Scene& scene, const Machine& machine,
-                              const ProgramInspectionOptions& options) {
+program::NcOptions make_control(const Scene& scene, const Machine& machine,
+                                const ProgramInspectionOptions& options) {
   program::NcOptions control = nc_options(scene, machine);
   control.block_skip = options.block_skip;
   if (!options.offset.empty())
     control.work_offset.fill(
         positions_in(options.offset, machine.control, "--offset", Within::Anything));
   if (scene.program.tools) {
-    // Every tool of the table needs the control's chain to its tip, for G43.4 with its H.
+    // G43.4 with the H of a tool needs the control's chain to the tip of that tool.
     for (const auto& [number, length] : control.tool_length) {
       Scene with_tool = scene;
       with_tool.tool.number = number;
@@ -92,11 +92,11 @@ program::NcOptions control_of(const Scene& scene, const Machine& machine,
   }
   control.tool_radius.clear();
   if (options.tool_radius)
-    for (int d = 1; d <= max_tools; ++d) control.tool_radius[d] = *options.tool_radius;
+    for (int d = 1; d <= max_tool_number; ++d) control.tool_radius[d] = *options.tool_radius;
   return control;
 }
 
-// The first line decides unless the ending does.
+// Returns true if a program is a table of times, by its suffix or by its first line.
 bool is_pvt(const std::filesystem::path& file, std::string_view text,
             const ProgramInspectionOptions& options) {
   if (options.dialect != dialects::Dialect::Auto) return false;
@@ -107,99 +107,102 @@ bool is_pvt(const std::filesystem::path& file, std::string_view text,
   return false;
 }
 
-/// Keeps every point until there are too many, then every second one, and so on. The memory is
-/// bounded without knowing the length of the program.
-class Tracer {
+/// Records every point of a trace until there are too many, then every second one, and so on, so
+/// that the memory is bounded for a program of unknown length.
+class TraceRecorder {
  public:
-  explicit Tracer(TipTrace& trace) : trace_(trace) {}
+  explicit TraceRecorder(TipTrace& trace) : trace_(trace) {}
 
   void add(const Eigen::Vector3d& tip_w, bool rapid) {
-    // a point left out passes its rapid on to the next point kept
-    rapid_since_ = rapid_since_ || rapid;
-    if (count_++ % every_ != 0) return;
+    // A recorded point is rapid if a move since the previous one is.
+    has_rapid_ = has_rapid_ || rapid;
+    if (point_count_++ % stride_ != 0) return;
     trace_.places.push_back(tip_w.cast<float>());
-    trace_.rapid.push_back(rapid_since_);
-    rapid_since_ = false;
+    trace_.rapid.push_back(has_rapid_);
+    has_rapid_ = false;
     if (trace_.places.size() < max_trace) return;
-    every_ *= 2;
-    std::size_t kept = 0;
-    for (std::size_t i = 0; i < trace_.places.size(); i += 2, ++kept) {
-      trace_.places[kept] = trace_.places[i];
-      trace_.rapid[kept] = trace_.rapid[i] || (i > 0 && trace_.rapid[i - 1]);
+    stride_ *= 2;
+    std::size_t kept_count = 0;
+    for (std::size_t i = 0; i < trace_.places.size(); i += 2, ++kept_count) {
+      trace_.places[kept_count] = trace_.places[i];
+      trace_.rapid[kept_count] = trace_.rapid[i] || (i > 0 && trace_.rapid[i - 1]);
     }
-    trace_.places.resize(kept);
-    trace_.rapid.resize(kept);
+    trace_.places.resize(kept_count);
+    trace_.rapid.resize(kept_count);
   }
 
  private:
   TipTrace& trace_;
-  std::size_t count_ = 0, every_ = 1;
-  bool rapid_since_ = false;
+  std::size_t point_count_ = 0, stride_ = 1;
+  bool has_rapid_ = false;
 };
 
 /// Returns the tools called by M6, or by T if the program has no M6.
-std::vector<ProgramTool> tools_of(const std::vector<program::ToolCall>& calls, std::size_t blocks) {
-  const bool with_m6 = std::any_of(calls.begin(), calls.end(),
-                                   [](const program::ToolCall& call) { return call.changes; });
+std::vector<ProgramTool> program_tools(const std::vector<program::ToolCall>& calls,
+                                       std::size_t blocks) {
+  const bool has_m6 = std::any_of(calls.begin(), calls.end(),
+                                  [](const program::ToolCall& call) { return call.changes; });
   std::vector<ProgramTool> tools;
-  std::size_t since = 0;
-  ProgramTool* runs = nullptr;
-  const auto until = [&](std::size_t block) {
-    if (runs != nullptr) runs->blocks += block - since;
-    since = block;
+  std::size_t first_block = 0;
+  ProgramTool* current = nullptr;
+  const auto end_current_at = [&](std::size_t block) {
+    if (current != nullptr) current->blocks += block - first_block;
+    first_block = block;
   };
   tools.reserve(calls.size());
   for (const program::ToolCall& call : calls) {
-    if (call.changes != with_m6) continue;
-    until(call.before);
-    auto known = std::find_if(tools.begin(), tools.end(),
-                              [&](const ProgramTool& one) { return one.number == call.number; });
-    if (known == tools.end()) known = tools.insert(tools.end(), {call.number, call.line, 0, 0});
-    ++known->calls;
-    runs = &*known;
+    if (call.changes != has_m6) continue;
+    end_current_at(call.before);
+    auto tool = std::find_if(tools.begin(), tools.end(), [&](const ProgramTool& listed) {
+      return listed.number == call.number;
+    });
+    if (tool == tools.end()) tool = tools.insert(tools.end(), {call.number, call.line, 0, 0});
+    ++tool->calls;
+    current = &*tool;
   }
-  until(blocks);
+  end_current_at(blocks);
   return tools;
 }
 
-/// Adds the warnings about axes beyond their travel, poles, and moves slowed down by axis limits.
-void judge(const ProgramInspectionOptions& options, ProgramInspection& alone) {
-  constexpr double slack = 1e-6;  // mm or rad: programmed numbers are rounded, limits are not exact
-  for (int j = 0; j < alone.machine.control.size(); ++j) {
-    const kinematics::Joint& joint = alone.machine.control.joints()[std::size_t(j)];
-    const program::AxisFigures& axis = alone.figures.axes[std::size_t(j)];
-    if (!axis.positioned || axis.left >= -slack) continue;
-    alone.beyond_travel = true;
+/// Adds warnings about axes beyond their travel, poles, and moves slowed down by axis limits.
+void add_machine_warnings(const ProgramInspectionOptions& options, ProgramInspection& inspection) {
+  constexpr double tolerance = 1e-6;  // mm or rad, for the rounding of programmed numbers
+  for (int j = 0; j < inspection.machine.control.size(); ++j) {
+    const kinematics::Joint& joint = inspection.machine.control.joints()[std::size_t(j)];
+    const program::AxisFigures& axis = inspection.figures.axes[std::size_t(j)];
+    if (!axis.positioned || axis.left >= -tolerance) continue;
+    inspection.beyond_travel = true;
     const double unit = joint.motion == kinematics::Motion::Rotary ? units::deg : 1.0;
-    const program::ValueAtLine& worst = axis.least.value < joint.min ? axis.least : axis.most;
-    alone.warnings.push_back(
+    const program::ValueAtLine& extreme = axis.least.value < joint.min ? axis.least : axis.most;
+    inspection.warnings.push_back(
         fmt::format("{} leaves its travel of {:.6g} to {:.6g} {} by {:.6g}, on line {} with {:.6g}",
                     joint.name, joint.min / unit, joint.max / unit, unit == 1.0 ? "mm" : "deg",
-                    -axis.left / unit, worst.line, worst.value / unit));
+                    -axis.left / unit, extreme.line, extreme.value / unit));
   }
-  if (const auto& pole = alone.figures.pole)
-    if (std::string text =
-            pole_text(*pole, alone.machine.control, options.pole_warning, alone.more_files);
+  if (const auto& pole = inspection.figures.pole)
+    if (std::string text = pole_text(*pole, inspection.machine.control, options.pole_warning,
+                                     inspection.more_files);
         !text.empty())
-      alone.warnings.push_back(std::move(text));
-  if (alone.figures.slowed > 0)
-    alone.warnings.push_back(fmt::format(
-        "{} moves at feed are beyond the speed of an axis, by {:.3g} times on line {}: "
-        "a control slows them down",
-        alone.figures.slowed, alone.figures.max_slowed.value, alone.figures.max_slowed.line));
+      inspection.warnings.push_back(std::move(text));
+  if (inspection.figures.slowed > 0)
+    inspection.warnings.push_back(
+        fmt::format("{} moves at feed are beyond the speed of an axis, by {:.3g} times on line {}: "
+                    "a control slows them down",
+                    inspection.figures.slowed, inspection.figures.max_slowed.value,
+                    inspection.figures.max_slowed.line));
 }
 
 /// Converts a path to the requested format.
 void convert(const program::Path& path, const program::NcOptions& control,
-             const ProgramInspectionOptions& options, ProgramInspection& alone) {
+             const ProgramInspectionOptions& options, ProgramInspection& inspection) {
   if (options.to == ProgramFormat::Pvt) {
     const program::PvtConversion pvt =
-        program::convert_to_pvt(path, alone.machine.control, {.within = options.within});
+        program::convert_to_pvt(path, inspection.machine.control, {.within = options.within});
     std::vector<int> columns;
-    for (int j = 0; j < alone.machine.control.size(); ++j)
-      if (alone.figures.axes[std::size_t(j)].positioned) columns.push_back(j);
-    alone.converted = program::write_pvt(pvt.rows, control.axes, columns);
-    alone.notes.push_back(
+    for (int j = 0; j < inspection.machine.control.size(); ++j)
+      if (inspection.figures.axes[std::size_t(j)].positioned) columns.push_back(j);
+    inspection.converted = program::write_pvt(pvt.rows, control.axes, columns);
+    inspection.notes.push_back(
         fmt::format("{} rows, {:.3g} um from the path at most (a rotary axis "
                     "counts with 100 mm); the spindle is left out",
                     pvt.rows.size(), pvt.off * 1e3));
@@ -210,28 +213,28 @@ void convert(const program::Path& path, const program::NcOptions& control,
   for (std::size_t i = 0; i < points.size(); ++i) {
     const program::Block& block = path.blocks[i];
     if (block.interpolation != program::Interpolation::Arc || path.arcs[block.shape].turned < 0)
-      continue;  // its plane has an NC code
-    const std::size_t n = program::chords_of(path, block, alone.machine.control, options.within);
-    for (std::size_t k = 1; k <= n; ++k) {
-      const double u = double(k) / double(n);
-      points[i].push_back({u, program::position(path, block, u), {}, {}});
+      continue;  // only an arc in a plane without NC code becomes chords
+    const std::size_t chord_count =
+        program::chords_of(path, block, inspection.machine.control, options.within);
+    for (std::size_t k = 1; k <= chord_count; ++k) {
+      const double fraction = double(k) / double(chord_count);
+      points[i].push_back({fraction, program::position(path, block, fraction), {}, {}});
     }
-    chords += n;
+    chords += chord_count;
   }
-  // offsets are written into the positions, so the control must add none
+  // The written positions contain the offsets, so the control must add none.
   program::NcOptions without_offsets = control;
   without_offsets.work_offset = {};
   without_offsets.more_offset.clear();
-  alone.converted = program::rewritten(path, points, without_offsets,
-                                       // 1e-6 mm and 1e-6 deg: finer than any control reads, so the
-                                       // text adds no error
-                                       {.word_mm = 1e-6, .word_rad = 1e-6 * units::deg})
-                        .text;
+  inspection.converted = program::rewritten(path, points, without_offsets,
+                                            // finer than any control reads
+                                            {.word_mm = 1e-6, .word_rad = 1e-6 * units::deg})
+                             .text;
   if (chords > 0)
-    alone.notes.push_back(
+    inspection.notes.push_back(
         fmt::format("arcs in planes for which there is no word became {} chords within {:.4g} um",
                     chords, options.within * 1e3));
-  alone.notes.push_back(
+  inspection.notes.push_back(
       "RS274/NGC with all offsets in the words; X Y Z under G43.4 are the tip in the workpiece");
 }
 
@@ -239,7 +242,7 @@ void convert(const program::Path& path, const program::NcOptions& control,
 
 std::vector<std::filesystem::path> inputs_of(const std::filesystem::path& program,
                                              const ProgramInspectionOptions& options) {
-  std::vector<std::filesystem::path> files{program, machine_file_of(options.machine)};
+  std::vector<std::filesystem::path> files{program, find_machine_file(options.machine)};
   for (const std::filesystem::path& table : {options.tools, options.offsets})
     if (!table.empty()) files.push_back(table);
   return files;
@@ -247,112 +250,116 @@ std::vector<std::filesystem::path> inputs_of(const std::filesystem::path& progra
 
 namespace {
 
-/// Measures, traces and writes the segments of a program while it is read.
-class Looking {
+/// Measures, traces and converts the segments of a program while it is read.
+class ProgramMeter {
  public:
-  Looking(ProgramInspection& alone, const program::NcOptions& control,
-          const ProgramInspectionOptions& options)
-      : meter_(alone.machine.control,
-               {alone.description.rapid_speed, alone.description.rapid_turn, options.pole_warning},
+  ProgramMeter(ProgramInspection& inspection, const program::NcOptions& control,
+               const ProgramInspectionOptions& options)
+      : meter_(inspection.machine.control,
+               {inspection.description.rapid_speed, inspection.description.rapid_turn,
+                options.pole_warning},
                &control.control_of_h),
-        tracer_(alone.trace) {
+        tracer_(inspection.trace) {
     if (options.trace)
       meter_.on_tip_point = [this](const Eigen::Vector3d& tip_w, bool rapid) {
         tracer_.add(tip_w, rapid);
       };
     using Kind = program::LocationOptions::Kind;
     if (options.to == ProgramFormat::Cl || options.to == ProgramFormat::Csv)
-      writer_.emplace(alone.machine.control,
+      writer_.emplace(inspection.machine.control,
                       program::LocationOptions{
                           .kind = options.to == ProgramFormat::Cl ? Kind::Apt : Kind::Table,
                           .within = options.within});
   }
 
-  void add(const program::Path& piece) {
-    meter_.add(piece);
-    if (writer_) writer_->add(piece);
+  void add(const program::Path& segment) {
+    meter_.add(segment);
+    if (writer_) writer_->add(segment);
   }
 
-  /// Does the same while the next segment is read. An exception is thrown with the next segment or
-  /// at the end, unless the reading ends earlier with errors of its own.
-  void add_beside(program::Path piece) {
+  /// Adds a segment in a thread of its own while the next segment is read. An exception in the
+  /// thread is thrown at the next segment or at the end.
+  void add_in_background(program::Path segment) {
     wait();
-    beside_ = std::async(std::launch::async, [this, piece = std::move(piece)] { add(piece); });
+    background_ =
+        std::async(std::launch::async, [this, segment = std::move(segment)] { add(segment); });
   }
 
-  void finish(ProgramInspection& alone) {
+  void finish(ProgramInspection& inspection) {
     wait();
-    alone.figures = meter_.figures();
+    inspection.figures = meter_.figures();
     if (!writer_) return;
-    alone.converted = writer_->take();
+    inspection.converted = writer_->take();
     if (writer_->omitted_dwells() + writer_->omitted_words() > 0)
-      alone.notes.push_back(fmt::format(
+      inspection.notes.push_back(fmt::format(
           "{} dwells and {} words of tools, coolant and stops are left out: a table has none",
           writer_->omitted_dwells(), writer_->omitted_words()));
   }
 
  private:
   void wait() {
-    if (beside_.valid()) beside_.get();
+    if (background_.valid()) background_.get();
   }
 
   program::PathMeter meter_;
-  Tracer tracer_;
+  TraceRecorder tracer_;
   std::optional<program::LocationWriter> writer_;
-  std::future<void> beside_;  // last member: its thread must end before the members it uses
+  std::future<void> background_;  // the last member, since its thread uses those above
 };
 
-/// Reads a program and fills the inspection; the whole path is kept only for conversions that need
+/// Reads a program and fills the inspection. The whole path is kept only if the conversion needs
 /// it.
-void read_alone(const std::string& text, const program::NcOptions& control,
-                const ProgramInspectionOptions& options, const Progress& progress,
-                ProgramInspection& alone) {
-  Looking looking(alone, control, options);
-  const bool whole = options.to == ProgramFormat::Nc || options.to == ProgramFormat::Pvt;
+void read_and_measure(const std::string& text, const program::NcOptions& control,
+                      const ProgramInspectionOptions& options, const Progress& progress,
+                      ProgramInspection& inspection) {
+  ProgramMeter meter(inspection, control, options);
+  const bool needs_path = options.to == ProgramFormat::Nc || options.to == ProgramFormat::Pvt;
   program::Path path;
-  if (is_pvt(alone.file, text, options)) {
+  if (is_pvt(inspection.file, text, options)) {
     if (options.interpreter == dialects::Interpreter::LinuxCnc)
-      throw BadInput(alone.file.string(), 0, 0,
+      throw BadInput(inspection.file.string(), 0, 0,
                      "a program of LinuxCNC beside --interpreter linuxcnc", "a table of times");
-    // A table of times has no NC words to count.
-    path = program::read_pvt(text, alone.file.string(), control);
-    alone.dialect = "pvt";
-    alone.executed = path.blocks.size();
-    looking.add(path);
+    path = program::read_pvt(text, inspection.file.string(), control);
+    inspection.dialect = "pvt";
+    inspection.executed = path.blocks.size();
+    meter.add(path);
   } else {
-    dialects::ReadOptions read{.control = control,
-                               .dialect = options.dialect,
-                               .on_unknown = options.on_unknown,
-                               .startup_code = options.startup_code,
-                               .interpreter = options.interpreter,
-                               .interpreter_limits = options.interpreter_limits,
-                               .pole = options.pole,
-                               .turning = options.turning};
-    read.limits.blocks = read.control.max_moves = std::size_t(options.max_moves);
-    read.control.max_move_bytes = max_move_bytes();
-    read.folder = alone.file.has_parent_path() ? alone.file.parent_path() : ".";
-    // Without a conversion only one segment is in memory at a time.
-    if (!whole)
-      read.on_path_segment = [&](program::Path piece) { looking.add_beside(std::move(piece)); };
-    if (progress) read.progress = [&](double fraction) { progress("read", fraction); };
-    dialects::ReadProgram done = dialects::read_program(text, alone.file.string(), read);
-    if (whole) looking.add(done.path);
-    alone.dialect = name_of(done.dialect);
-    alone.sign = done.sign;
-    alone.turning = done.turning;
-    alone.executed = done.blocks;
-    alone.skipped = std::move(done.skipped);
-    alone.warnings = std::move(done.warnings);
+    dialects::ReadOptions read_options{.control = control,
+                                       .dialect = options.dialect,
+                                       .on_unknown = options.on_unknown,
+                                       .startup_code = options.startup_code,
+                                       .interpreter = options.interpreter,
+                                       .interpreter_limits = options.interpreter_limits,
+                                       .pole = options.pole,
+                                       .turning = options.turning};
+    read_options.limits.blocks = read_options.control.max_moves = std::size_t(options.max_moves);
+    read_options.control.max_move_bytes = max_move_bytes();
+    read_options.folder = inspection.file.has_parent_path() ? inspection.file.parent_path() : ".";
+    // Unless the conversion needs the path, only one segment is in memory at a time.
+    if (!needs_path)
+      read_options.on_path_segment = [&](program::Path segment) {
+        meter.add_in_background(std::move(segment));
+      };
+    if (progress) read_options.progress = [&](double fraction) { progress("read", fraction); };
+    dialects::ReadProgram result =
+        dialects::read_program(text, inspection.file.string(), read_options);
+    if (needs_path) meter.add(result.path);
+    inspection.dialect = name_of(result.dialect);
+    inspection.sign = result.sign;
+    inspection.turning = result.turning;
+    inspection.executed = result.blocks;
+    inspection.skipped = std::move(result.skipped);
+    inspection.warnings = std::move(result.warnings);
     if (progress) progress("words", 0.0);
-    alone.words = dialects::used_words(text, done.dialect, done.turning);
-    path = std::move(done.path);
+    inspection.words = dialects::used_words(text, result.dialect, result.turning);
+    path = std::move(result.path);
   }
-  looking.finish(alone);
-  alone.more_files = path.more_files;
-  alone.assumptions = path.assumptions;
-  alone.tools = tools_of(path.tool_calls, alone.figures.blocks);
-  alone.tool_comments = path.tool_comments;
-  if (whole) convert(path, control, options, alone);
+  meter.finish(inspection);
+  inspection.more_files = path.more_files;
+  inspection.assumptions = path.assumptions;
+  inspection.tools = program_tools(path.tool_calls, inspection.figures.blocks);
+  inspection.tool_comments = path.tool_comments;
+  if (needs_path) convert(path, control, options, inspection);
 }
 
 }  // namespace
@@ -360,44 +367,44 @@ void read_alone(const std::string& text, const program::NcOptions& control,
 ProgramInspection inspect_program(const std::filesystem::path& program,
                                   const ProgramInspectionOptions& options,
                                   const Progress& progress) {
-  const std::filesystem::path machine_file = machine_file_of(options.machine);
-  const Scene scene = scene_of(machine_file, options);
+  const std::filesystem::path machine_file = find_machine_file(options.machine);
+  const Scene scene = make_scene(machine_file, options);
   const Machine machine = compile(scene);
-  const program::NcOptions control = control_of(scene, machine, options);
+  const program::NcOptions control = make_control(scene, machine, options);
   if (progress) progress("read", 0.0);
   const std::string text = read_text(program, control.max_bytes);
-  ProgramInspection alone{.file = program,
-                          .dialect = {},
-                          .sign = {},
-                          .interpreter = options.interpreter,
-                          .machine_name = scene.machine.name,
-                          .machine_file = machine_file,
-                          .tool_length = options.tool_length,
-                          .tool_table = options.tools,
-                          .offset_table = options.offsets,
-                          .offset = options.offset,
-                          .description = scene.machine,
-                          .machine = machine};
-  // the last line may lack its line end
-  alone.lines = std::size_t(std::count(text.begin(), text.end(), '\n'));
-  if (!text.empty() && text.back() != '\n') ++alone.lines;
-  alone.bytes = text.size();
+  ProgramInspection inspection{.file = program,
+                               .dialect = {},
+                               .sign = {},
+                               .interpreter = options.interpreter,
+                               .machine_name = scene.machine.name,
+                               .machine_file = machine_file,
+                               .tool_length = options.tool_length,
+                               .tool_table = options.tools,
+                               .offset_table = options.offsets,
+                               .offset = options.offset,
+                               .description = scene.machine,
+                               .machine = machine};
+  // The last line may lack its line end.
+  inspection.lines = std::size_t(std::count(text.begin(), text.end(), '\n'));
+  if (!text.empty() && text.back() != '\n') ++inspection.lines;
+  inspection.bytes = text.size();
   const bool points = options.to == ProgramFormat::Cl || options.to == ProgramFormat::Csv;
   if (const int s = program::find_spindle(control.axes);
       points && s >= 0 && control.axes[std::size_t(s)].motion == kinematics::Motion::Rotary)
     throw BadInput(machine_file.string(), 0, 0,
                    "a machine whose workpiece does not spin, for cutter locations", "one with S");
-  read_alone(text, control, options, progress, alone);
+  read_and_measure(text, control, options, progress, inspection);
   std::set<int> called;
-  for (const auto& [number, blocks] : alone.figures.offsets)
+  for (const auto& [number, blocks] : inspection.figures.offsets)
     if (number >= 0) called.insert(number + 1);
   for (const auto* table : {&scene.program.tools, &scene.program.offsets})
     if (*table)
-      add_warnings(
-          table_warnings((*table)->table, alone.dialect == "pvt" ? "" : alone.dialect, called),
-          alone.warnings);
-  judge(options, alone);
-  return alone;
+      add_warnings(table_warnings((*table)->table,
+                                  inspection.dialect == "pvt" ? "" : inspection.dialect, called),
+                   inspection.warnings);
+  add_machine_warnings(options, inspection);
+  return inspection;
 }
 
 }  // namespace abbe::sim

@@ -9,15 +9,16 @@
 namespace abbe::sim {
 
 double memory_bytes() {
-  const auto limit_of = [](int resource) -> std::optional<double> {
+  const auto resource_limit = [](int resource) -> std::optional<double> {
     ::rlimit limit{};
     if (::getrlimit(resource, &limit) != 0 || limit.rlim_cur == RLIM_INFINITY) return std::nullopt;
     return double(limit.rlim_cur);
   };
-  const double all = double(::sysconf(_SC_PHYS_PAGES)) * double(::sysconf(_SC_PAGE_SIZE));
-  double bytes = limit_of(RLIMIT_RSS).value_or(all);
+  const double physical_bytes =
+      double(::sysconf(_SC_PHYS_PAGES)) * double(::sysconf(_SC_PAGE_SIZE));
+  double bytes = resource_limit(RLIMIT_RSS).value_or(physical_bytes);
   for (const auto resource : {RLIMIT_AS, RLIMIT_DATA})
-    bytes = std::min(bytes, limit_of(resource).value_or(bytes));
+    bytes = std::min(bytes, resource_limit(resource).value_or(bytes));
   return bytes;
 }
 

@@ -19,8 +19,8 @@ using Belief = CaseDescription::Belief;
 using Channel = CaseDescription::Channel;
 using compensation::Strategy;
 
-// Seconds on two cores, measured on the scenes of the library. Their ratios matter; the speed of
-// the computer is learned while it runs.
+// Seconds on two cores, measured on the scenes of the library. Only their ratios matter, since the
+// speed of the computer is measured during the run.
 constexpr double seconds_per_vertex_made = 1e-6, seconds_per_block_read = 5e-6,
                  seconds_per_block_written = 6e-6;
 constexpr double seconds_per_collision_sample = 1e-5;
@@ -35,24 +35,23 @@ constexpr double seconds_per_pixel_filmed = 1e-7, seconds_per_pixel_encoded = 1.
                  seconds_per_stock_filmed = 0.1;
 constexpr double seconds_per_file = 0.1, seconds_per_picture = 0.8;
 
-/// Returns the approximate number of blocks of a file, from its size.
-double blocks_in(const std::filesystem::path& file) {
+/// Returns an estimate of the number of blocks of a program from the size of its file.
+double estimated_blocks(const std::filesystem::path& file) {
   constexpr double bytes_of_block = 35.0;
-  std::error_code failure;
-  const auto bytes = std::filesystem::file_size(file, failure);
-  return failure ? 1000.0 : double(bytes) / bytes_of_block;
+  std::error_code error;
+  const auto bytes = std::filesystem::file_size(file, error);
+  return error ? 1000.0 : double(bytes) / bytes_of_block;
 }
 
-double vertices_in(const std::filesystem::path& mesh) {
+double estimated_vertices(const std::filesystem::path& mesh) {
   constexpr double bytes_of_vertex = 100.0;  // two triangles of a binary STL
-  std::error_code failure;
-  const auto bytes = std::filesystem::file_size(mesh, failure);
-  return failure ? 20000.0 : double(bytes) / bytes_of_vertex;
+  std::error_code error;
+  const auto bytes = std::filesystem::file_size(mesh, error);
+  return error ? 20000.0 : double(bytes) / bytes_of_vertex;
 }
 
 double correction_seconds(const WorkSize& size, const CaseDescription& compensator) {
-  // average number of correction steps of a sample
-  const double steps = compensator.strategy == Strategy::Iterated ? 3.0 : 1.6;
+  const double steps = compensator.strategy == Strategy::Iterated ? 3.0 : 1.6;  // mean, measured
   double seconds = steps * seconds_per_correction * size.samples;
   if (compensator.channel == Channel::Program)
     seconds += seconds_per_sample_rewritten * size.samples;
@@ -64,7 +63,7 @@ double surface_seconds(const WorkSize& size) {
   return seconds_per_vertex_cut * size.vertices + seconds_per_sample_sorted * size.samples;
 }
 
-/// Returns the time of the cuts that a compensator learns from before it corrects.
+/// Returns the time of the cuts from which a compensator learns before it corrects, s.
 double learning_seconds(const WorkSize& size, const Scene& scene,
                         const CaseDescription& compensator) {
   const double stock = size.stock ? seconds_per_stock_sample * size.samples : 0.0;
@@ -82,11 +81,11 @@ double learning_seconds(const WorkSize& size, const Scene& scene,
 WorkSize expected_size(const Scene& scene) {
   WorkSize size;
   const auto* mesh = std::get_if<MeshFile>(&scene.part.shape);
-  size.vertices = mesh ? vertices_in(mesh->file) : double(scene.part.vertices);
+  size.vertices = mesh ? estimated_vertices(mesh->file) : double(scene.part.vertices);
   const auto* file = std::get_if<ProgramDescription::File>(&scene.program.source);
   size.generated = file == nullptr;
   // Typical figures of the library: 30 000 blocks for a generated program, 8 samples a block.
-  size.blocks = file ? blocks_in(file->file) : 3e4;
+  size.blocks = file ? estimated_blocks(file->file) : 3e4;
   size.samples = 8.0 * size.blocks;
   size.stock = scene.cutting.has_value();
   size.collisions = scene.collision.on;
@@ -116,11 +115,10 @@ std::vector<Stage> scene_preparation_stages(const std::string& part, const WorkS
 
 WorkSize size_after_sampling(WorkSize size, const Scene& scene) {
   const PartSampling& sampling = scene.part.sampling;
-  // typical growth of the vertices by adaptive sampling
-  constexpr double usual_growth = 20.0;
+  constexpr double typical_growth = 20.0;  // of the number of vertices
   if (sampling.kind == PartSampling::Kind::Vertices) return size;
-  const auto most = std::max(double(sampling.points), size.vertices);
-  size.vertices = std::min(usual_growth * size.vertices, most);
+  const auto max_vertices = std::max(double(sampling.points), size.vertices);
+  size.vertices = std::min(typical_growth * size.vertices, max_vertices);
   return size;
 }
 
@@ -198,9 +196,9 @@ std::vector<Stage> operator+(std::vector<Stage> first, std::vector<Stage> second
 
 namespace {
 
-// Bytes, measured on scenes of the library from 2000 vertices and 105 000 samples to a million and
-// 17 million: the largest resident memory after a program is sampled, its surface sampled, cut,
-// drawn.
+// Bytes: the largest resident memory after sampling a program, and after sampling, cutting and
+// drawing its surface. Measured on scenes of the library, from 2000 vertices and 105 000 samples to
+// a million vertices and 17 million samples.
 constexpr double bytes_of_program = 52e6, bytes_of_block = 420, bytes_of_sample = 410;
 constexpr double bytes_of_vertex_sampled = 1250;
 constexpr double bytes_of_sample_cut = 295, bytes_of_vertex_cut = 420,
@@ -211,67 +209,71 @@ constexpr double bytes_of_vertex_kept = 105, bytes_of_vertex_drawn = 1800,
                  bytes_of_vertex_compared = 255;
 constexpr double bytes_of_vertex_held = 250, bytes_of_pictures = 320e6, bytes_of_comparison = 230e6;
 
-/// Returns the samples in memory. In windows there are two: the first stays while another is cut.
-double samples_held(const WorkSize& job) {
+/// Returns the number of samples in memory. Of a job in windows two are: the first stays while
+/// another is cut.
+double samples_in_memory(const WorkSize& job) {
   return job.in_windows > 0.0 ? 2.0 * job.in_windows : job.samples;
 }
 
 /// Returns the bytes of a job at rest, without its vertices.
-double held(const WorkSize& job) {
-  return bytes_of_block * job.blocks + bytes_of_sample * samples_held(job);
+double job_bytes(const WorkSize& job) {
+  return bytes_of_block * job.blocks + bytes_of_sample * samples_in_memory(job);
 }
 
-double kept_tracks(const WorkSize& job, const CaseRequest& asked) {
-  return asked.tracked ? bytes_of_sample_tracked * asked.kept * samples_held(job) : 0.0;
+double track_bytes(const WorkSize& job, const CaseRequest& request) {
+  return request.tracked ? bytes_of_sample_tracked * request.kept * samples_in_memory(job) : 0.0;
 }
 
-double bytes_while_cutting(const WorkSize& job, const CaseRequest& asked) {
-  double of_samples = bytes_of_sample_cut;
-  if (job.stock) of_samples += bytes_of_sample_in_stock;
-  if (asked.compensated) of_samples += bytes_of_sample_corrected;
-  if (asked.rewritten) of_samples += bytes_of_sample_rewritten;
-  const double of_case = of_samples * samples_held(job) + bytes_of_vertex_cut * job.vertices;
-  return held(job) + asked.at_once * of_case + kept_tracks(job, asked) +
-         bytes_of_vertex_kept * asked.kept * job.vertices;
+double cutting_bytes(const WorkSize& job, const CaseRequest& request) {
+  double sample_bytes = bytes_of_sample_cut;
+  if (job.stock) sample_bytes += bytes_of_sample_in_stock;
+  if (request.compensated) sample_bytes += bytes_of_sample_corrected;
+  if (request.rewritten) sample_bytes += bytes_of_sample_rewritten;
+  const double case_bytes =
+      sample_bytes * samples_in_memory(job) + bytes_of_vertex_cut * job.vertices;
+  return job_bytes(job) + request.at_once * case_bytes + track_bytes(job, request) +
+         bytes_of_vertex_kept * request.kept * job.vertices;
 }
 
-double bytes_while_sampling(const WorkSize& job) {
-  return held(job) + bytes_of_vertex_sampled * job.vertices;
+double sampling_bytes(const WorkSize& job) {
+  return job_bytes(job) + bytes_of_vertex_sampled * job.vertices;
 }
 
-double bytes_while_drawing(const WorkSize& job, const CaseRequest& asked) {
-  double of_vertices = bytes_of_vertex_drawn * asked.at_once + bytes_of_vertex_kept * asked.kept;
-  double bytes = held(job) + bytes_of_pictures;
-  if (asked.compared) {
-    of_vertices += bytes_of_vertex_compared * asked.kept;
+double drawing_bytes(const WorkSize& job, const CaseRequest& request) {
+  double vertex_bytes =
+      bytes_of_vertex_drawn * request.at_once + bytes_of_vertex_kept * request.kept;
+  double bytes = job_bytes(job) + bytes_of_pictures;
+  if (request.compared) {
+    vertex_bytes += bytes_of_vertex_compared * request.kept;
     bytes += bytes_of_comparison;
   }
-  return bytes + of_vertices * job.vertices + kept_tracks(job, asked);
+  return bytes + vertex_bytes * job.vertices + track_bytes(job, request);
 }
 
 // 1 GB = 1e9 bytes, as for --memory-gb
-std::string gigabytes(double bytes) { return fmt::format("{:.3g} GB", bytes / 1e9); }
+std::string gigabyte_text(double bytes) { return fmt::format("{:.3g} GB", bytes / 1e9); }
 
-WorkSize sum_of(const std::vector<WorkSize>& jobs) {
+WorkSize total_size(const std::vector<WorkSize>& jobs) {
   WorkSize sum;
   for (const WorkSize& job : jobs) {
     sum.vertices += job.vertices;
-    sum.samples += samples_held(job);
+    sum.samples += samples_in_memory(job);
   }
   return sum;
 }
 
-std::string figures(const std::vector<WorkSize>& jobs, const CaseRequest& asked) {
-  const WorkSize all = sum_of(jobs);
+std::string memory_text(const std::vector<WorkSize>& jobs, const CaseRequest& request) {
+  const WorkSize total = total_size(jobs);
   return fmt::format("about {} for {:.0f} samples of the program, {:.0f} vertices and {:.0f} {}",
-                     gigabytes(peak_memory(jobs, asked)), all.samples, all.vertices, asked.kept,
-                     asked.kept == 1.0 ? "case" : "cases");
+                     gigabyte_text(peak_memory(jobs, request)), total.samples, total.vertices,
+                     request.kept, request.kept == 1.0 ? "case" : "cases");
 }
 
-/// Returns the keys that set what takes most of the memory.
+/// Returns the keys that set the largest fraction of the memory.
 std::vector<std::string> dominant_keys(const Scene& scene, const std::vector<WorkSize>& jobs) {
-  const WorkSize all = sum_of(jobs);
-  if (bytes_of_vertex_drawn * all.vertices > (bytes_of_sample + bytes_of_sample_cut) * all.samples)
+  const WorkSize total = total_size(jobs);
+  if (bytes_of_vertex_drawn * total.vertices >
+      (bytes_of_sample + bytes_of_sample_cut) * total.samples)
     return {"part.points", "part.resolution_um", "part.vertices"};
   if (std::holds_alternative<ProgramDescription::File>(scene.program.source))
     return {"sampling.max_step_mm", "sampling.chord_tolerance_nm"};
@@ -288,70 +290,70 @@ CaseRequest run_case_request(const std::optional<CaseDescription>& compensator) 
 }
 
 CaseRequest compare_case_request(const std::vector<Scene>& scenes) {
-  CaseRequest asked{.kept = 1.0, .compared = true};
+  CaseRequest request{.kept = 1.0, .compared = true};
   for (const Scene& scene : scenes) {
-    asked.kept += 1.0 + double(scene.cases.size());
-    for (const CaseDescription& one : scene.cases) {
-      asked.compensated = true;
-      asked.rewritten = asked.rewritten || one.channel == Channel::Program;
+    request.kept += 1.0 + double(scene.cases.size());
+    for (const CaseDescription& description : scene.cases) {
+      request.compensated = true;
+      request.rewritten = request.rewritten || description.channel == Channel::Program;
     }
   }
-  return asked;
+  return request;
 }
 
-double peak_memory(const std::vector<WorkSize>& jobs, const CaseRequest& asked) {
-  const auto held_with_vertices = [](const WorkSize& job) {
-    return held(job) + bytes_of_vertex_held * job.vertices;
+double peak_memory(const std::vector<WorkSize>& jobs, const CaseRequest& request) {
+  const auto bytes_at_rest = [](const WorkSize& job) {
+    return job_bytes(job) + bytes_of_vertex_held * job.vertices;
   };
-  double all_held = 0.0, most = 0.0;
-  for (const WorkSize& job : jobs) all_held += held_with_vertices(job);
-  // Only one job is at its peak at a time; the others are at rest.
+  double all_bytes = 0.0, max_bytes = 0.0;
+  for (const WorkSize& job : jobs) all_bytes += bytes_at_rest(job);
+  // One job at a time is at its peak while the others are at rest.
   for (const WorkSize& job : jobs) {
-    const double others = all_held - held_with_vertices(job);
-    most = std::max({most, others + bytes_while_sampling(job),
-                     others + bytes_while_cutting(job, asked),
-                     asked.pictures ? others + bytes_while_drawing(job, asked) : 0.0});
+    const double other_bytes = all_bytes - bytes_at_rest(job);
+    max_bytes = std::max({max_bytes, other_bytes + sampling_bytes(job),
+                          other_bytes + cutting_bytes(job, request),
+                          request.pictures ? other_bytes + drawing_bytes(job, request) : 0.0});
   }
-  return bytes_of_program + most;
+  return bytes_of_program + max_bytes;
 }
 
-int cases_at_once(const std::vector<WorkSize>& jobs, CaseRequest asked) {
-  constexpr double free_at_least = 0.33;  // fraction of the memory, since peaks are only estimated
-  const double most = (1.0 - free_at_least) * memory_bytes();
+int cases_at_once(const std::vector<WorkSize>& jobs, CaseRequest request) {
+  constexpr double min_free_fraction = 0.33;  // of the memory, since peaks are only estimated
+  const double max_bytes = (1.0 - min_free_fraction) * memory_bytes();
   const auto threads =
       tbb::global_control::active_value(tbb::global_control::max_allowed_parallelism);
-  asked.at_once = int(std::min(double(threads), asked.kept));
-  while (asked.at_once > 1 && peak_memory(jobs, asked) > most) --asked.at_once;
-  return std::max(asked.at_once, 1);
+  request.at_once = int(std::min(double(threads), request.kept));
+  while (request.at_once > 1 && peak_memory(jobs, request) > max_bytes) --request.at_once;
+  return std::max(request.at_once, 1);
 }
 
-std::size_t max_samples_in_memory(WorkSize job, const CaseRequest& asked) {
-  const auto fit = [&](double samples) {
+std::size_t max_samples_in_memory(WorkSize job, const CaseRequest& request) {
+  const auto fits = [&](double samples) {
     job.samples = samples;
-    return peak_memory({job}, asked) <= memory_bytes();
+    return peak_memory({job}, request) <= memory_bytes();
   };
-  // below 1e5 samples a window costs more than it saves; 50e6 is the limit of a program
+  // A window of less than 1e5 samples costs more than it saves. A program has at most 50e6.
   double low = 1e5, high = 50e6;
-  if (!fit(low)) return 0;
-  // the peak grows with the samples, so bisection finds the largest number that fits
-  while (high - low > 1.0) (fit(0.5 * (low + high)) ? low : high) = 0.5 * (low + high);
+  if (!fits(low)) return 0;
+  // The peak grows with the samples, so bisection finds the largest number that fits.
+  while (high - low > 1.0) (fits(0.5 * (low + high)) ? low : high) = 0.5 * (low + high);
   return std::size_t(low);
 }
 
-void check_memory(const Scene& scene, const std::vector<WorkSize>& jobs, const CaseRequest& asked,
-                  const std::string& whole) {
-  const double most = memory_bytes();
-  if (peak_memory(jobs, asked) <= most) return;
-  throw scene_limit_error(
-      scene, dominant_keys(scene, jobs),
-      fmt::format("a run that {} of memory hold, or a larger --memory-gb", gigabytes(most)),
-      figures(jobs, asked) + windows_obstacle_text(whole));
+void check_memory(const Scene& scene, const std::vector<WorkSize>& jobs, const CaseRequest& request,
+                  const std::string& windows_obstacle) {
+  const double max_bytes = memory_bytes();
+  if (peak_memory(jobs, request) <= max_bytes) return;
+  throw scene_limit_error(scene, dominant_keys(scene, jobs),
+                          fmt::format("a run that {} of memory hold, or a larger --memory-gb",
+                                      gigabyte_text(max_bytes)),
+                          memory_text(jobs, request) + windows_obstacle_text(windows_obstacle));
 }
 
-std::string memory_remark(const std::vector<WorkSize>& jobs, const CaseRequest& asked) {
-  constexpr double of_interest = 2e9;  // bytes; a smaller peak needs no attention
-  if (peak_memory(jobs, asked) < of_interest) return "";
-  return "memory: " + figures(jobs, asked);
+std::string memory_remark(const std::vector<WorkSize>& jobs, const CaseRequest& request) {
+  constexpr double max_unreported = 2e9;  // bytes
+  if (peak_memory(jobs, request) < max_unreported) return "";
+  return "memory: " + memory_text(jobs, request);
 }
 
 }  // namespace abbe::sim

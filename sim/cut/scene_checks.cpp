@@ -22,42 +22,37 @@ constexpr double max_points = 5e6;
 // Measured: a dome of 60 531 points, 707 657 samples and few vertices takes 0.54 GB; a million
 // vertices with 5.6 million samples take 7.3 GB in all.
 constexpr double bytes_per_point = 1500.0, bytes_per_sample = 750.0, bytes_per_vertex = 1500.0;
-// below these no remark: the work takes a moment
+// Work below both limits takes only a moment.
 constexpr double max_unreported_points = 3e5, max_unreported_vertices = 1e6;
 
-const Node* at_path(const Node& tree, const std::string& dotted) {
+/// Returns the node at a path such as "program.step_mm"; null if there is none.
+const Node* find_node(const Node& tree, const std::string& dotted) {
   const Node* node = &tree;
-  for (std::size_t from = 0; node && from <= dotted.size();) {
-    const std::size_t dot = std::min(dotted.find('.', from), dotted.size());
-    node = node->find(dotted.substr(from, dot - from));
-    from = dot + 1;
+  for (std::size_t begin = 0; node && begin <= dotted.size();) {
+    const std::size_t dot = std::min(dotted.find('.', begin), dotted.size());
+    node = node->find(dotted.substr(begin, dot - begin));
+    begin = dot + 1;
   }
   return node;
 }
 
-double number_in(const Node& node) {
-  if (const auto* whole = std::get_if<std::int64_t>(&node.value)) return double(*whole);
+double node_number(const Node& node) {
+  if (const auto* integer = std::get_if<std::int64_t>(&node.value)) return double(*integer);
   const auto* real = std::get_if<double>(&node.value);
   return real ? *real : HUGE_VAL;
 }
 
-std::string listed(const std::vector<std::string>& keys) {
-  std::string text;
-  for (const std::string& key : keys) text += (text.empty() ? "" : ", ") + key;
-  return text;
-}
-
 /// Returns a count with three digits, such as "12.3 million".
-std::string about(double count) {
+std::string rounded_count(double count) {
   if (count < 1e6) return fmt::format("{:.0f}", count);
   return count < 1e12 ? fmt::format("{:.3g} million", count / 1e6) : fmt::format("{:.1e}", count);
 }
 
-/// Returns the keys that set what takes most of the memory: the vertices of the part, or else the
-/// program.
+/// Returns the keys that set the largest fraction of the memory: those of the vertices of the part,
+/// or those of the program.
 std::vector<std::string> dominant_byte_keys(const Scene& scene, const Work& work) {
-  const double of_vertices = bytes_per_vertex * work.vertices;
-  if (!work.by.empty() && of_vertices < 0.5 * work.bytes) return work.by;
+  const double vertex_bytes = bytes_per_vertex * work.vertices;
+  if (!work.by.empty() && vertex_bytes < 0.5 * work.bytes) return work.by;
   return {std::holds_alternative<MeshFile>(scene.part.shape) ? "part.file" : "part.vertices"};
 }
 
@@ -66,25 +61,26 @@ std::vector<std::string> dominant_byte_keys(const Scene& scene, const Work& work
 BadInput scene_limit_error(const Scene& scene, const std::vector<std::string>& keys,
                            const std::string& expected, const std::string& seen) {
   const Place* place = nullptr;
-  double least = 0.0;
+  double smallest_value = 0.0;
   for (const std::string& key : keys) {
-    const Node* node = scene.tree ? at_path(*scene.tree, key) : nullptr;
+    const Node* node = scene.tree ? find_node(*scene.tree, key) : nullptr;
     if (!node) continue;
-    const double value = number_in(*node);
-    // typed keys first: the user expects the error at what he has just changed
-    const bool rather = !place || (node->place.typed && !place->typed) ||
-                        (node->place.typed == place->typed && value < least);
-    if (!rather) continue;
+    const double value = node_number(*node);
+    // A typed key is what the user has just changed.
+    const bool is_preferred = !place || (node->place.typed && !place->typed) ||
+                              (node->place.typed == place->typed && value < smallest_value);
+    if (!is_preferred) continue;
     place = &node->place;
-    least = value;
+    smallest_value = value;
   }
-  // without any of the keys in the file, the section is the best location
+  // If the file has none of the keys, the error is located at their section.
   if (!place && scene.tree && !keys.empty())
-    if (const Node* section = at_path(*scene.tree, keys.front().substr(0, keys.front().find('.'))))
+    if (const Node* section =
+            find_node(*scene.tree, keys.front().substr(0, keys.front().find('.'))))
       place = &section->place;
-  const std::string what = expected + " (" + listed(keys) + ")";
-  if (!place || !place->file) return BadInput(scene.file.string(), 0, 0, what, seen);
-  return BadInput(*place->file, place->line, place->column, what, seen);
+  const std::string full_expectation = fmt::format("{} ({})", expected, fmt::join(keys, ", "));
+  if (!place || !place->file) return BadInput(scene.file.string(), 0, 0, full_expectation, seen);
+  return BadInput(*place->file, place->line, place->column, full_expectation, seen);
 }
 
 std::string windows_obstacle_text(const std::string& windows_obstacle) {
@@ -93,7 +89,7 @@ std::string windows_obstacle_text(const std::string& windows_obstacle) {
 }
 
 std::size_t max_program_samples() {
-  // a fifth of the memory stays free for what is not a sample
+  // A fifth of the memory is left for other data.
   return std::size_t(std::min(50e6, 0.8 * memory_bytes() / bytes_per_sample));
 }
 
@@ -104,15 +100,15 @@ Work estimate_work(const Scene& scene, const Part& part) {
   if (const auto* raster = std::get_if<program::Raster>(&scene.program.source)) {
     work.passes = range.y() / raster->step_over + 1;
     work.points = work.passes * (range.x() / raster->step + 1);
-    // The sampling adds points where the steps of the generator are long.
+    // The sampling divides steps of the generator that are longer than its own.
     work.samples = std::max(work.points, work.passes * range.x() / scene.max_step);
     work.by = {"program.step_over_mm", "program.step_mm", "sampling.max_step_mm"};
   } else if (const auto* flank = std::get_if<program::Flank>(&scene.program.source)) {
     work.passes = 1;
-    // the circumference of the largest circle of the part, an upper bound of the path
-    const double around = std::numbers::pi * range.maxCoeff();
-    work.points = around / flank->step + 1;
-    work.samples = std::max(work.points, around / scene.max_step);
+    // The circumference of the largest circle of the part is an upper bound of the path.
+    const double circumference = std::numbers::pi * range.maxCoeff();
+    work.points = circumference / flank->step + 1;
+    work.samples = std::max(work.points, circumference / scene.max_step);
     work.by = {"program.step_mm", "sampling.max_step_mm"};
   } else if (const auto* spiral = std::get_if<program::Spiral>(&scene.program.source)) {
     const double revolutions = 0.5 * range.maxCoeff() / spiral->feed_per_revolution + 1;
@@ -135,30 +131,33 @@ Work windowed_work(Work work) {
 void check_work(const Scene& scene, const Work& work) {
   if (work.points > max_points)
     throw scene_limit_error(
-        scene, work.by, fmt::format("a program of at most {} points", about(max_points)),
-        fmt::format("about {} in {} passes over {:.3g} x {:.3g} mm of the part", about(work.points),
-                    about(work.passes), work.range.x(), work.range.y()));
+        scene, work.by, fmt::format("a program of at most {} points", rounded_count(max_points)),
+        fmt::format("about {} in {} passes over {:.3g} x {:.3g} mm of the part",
+                    rounded_count(work.points), rounded_count(work.passes), work.range.x(),
+                    work.range.y()));
   if (work.samples > double(max_program_samples()))
     throw scene_limit_error(
         scene, work.by,
         fmt::format("a program of at most {} samples, which the memory holds",
-                    about(double(max_program_samples()))),
+                    rounded_count(double(max_program_samples()))),
         fmt::format("{} and more in {} passes over {:.3g} x {:.3g} mm of the part",
-                    about(work.samples), about(work.passes), work.range.x(), work.range.y()));
-  const double most = memory_bytes();
-  if (work.bytes > most)
+                    rounded_count(work.samples), rounded_count(work.passes), work.range.x(),
+                    work.range.y()));
+  const double max_bytes = memory_bytes();
+  if (work.bytes > max_bytes)
     throw scene_limit_error(
         scene, dominant_byte_keys(scene, work),
-        fmt::format("points and vertices that {:.1f} GB of memory hold", most / 1e9),
+        fmt::format("points and vertices that {:.1f} GB of memory hold", max_bytes / 1e9),
         fmt::format("{:.1f} GB for about {} points, {} samples and {} vertices", work.bytes / 1e9,
-                    about(work.points), about(work.samples), about(work.vertices)));
+                    rounded_count(work.points), rounded_count(work.samples),
+                    rounded_count(work.vertices)));
 }
 
 std::string remark(const Work& work) {
   if (work.points < max_unreported_points && work.vertices < max_unreported_vertices) return "";
   return fmt::format("about {} points of the program in {} passes, {} vertices, at least {:.1f} GB",
-                     about(work.points), about(work.passes), about(work.vertices),
-                     work.bytes / 1e9);
+                     rounded_count(work.points), rounded_count(work.passes),
+                     rounded_count(work.vertices), work.bytes / 1e9);
 }
 
 namespace {
@@ -167,45 +166,46 @@ using kinematics::Motion;
 using program::Block;
 using program::Interpolation;
 
-// An F in m/min read as mm/min is a thousandth of the intended feed. The slowest finishing feed of
-// a milling cutter is about 20 mm/min.
-constexpr double slowest_mm_per_min = 5.0;
-// Below this feed a tooth rubs instead of cutting; diamond tools are fed by 1 um a revolution or
-// more.
-constexpr double min_per_turn = 0.5 * units::um;
-// Fraction of the width of the cutter; below 1 mm a feed is never doubted, since face mills with
-// many teeth reach it.
-constexpr double max_per_turn = 0.5, max_unquestioned_feed_per_turn = 1.0;
+// The slowest finishing feed of a milling cutter is about 20 mm/min. An F in m/min that is read as
+// mm/min is a thousandth of the intended feed.
+constexpr double min_feed_mm_per_min = 5.0;
+// At a smaller feed a tooth rubs instead of cutting. Diamond tools have feeds of 1 um a revolution
+// or more.
+constexpr double min_feed_per_revolution = 0.5 * units::um;
+// A feed a revolution is too large beyond this fraction of the width of the cutter, but never below
+// 1 mm, which face mills with many teeth reach.
+constexpr double max_width_fraction = 0.5, max_unreported_feed_per_revolution = 1.0;
 
 /// Number of blocks of a kind, with the first of them.
-struct Count {
+struct BlockCount {
   int blocks = 0;
   int first_line = 0;
   double value = 0.0;  ///< of the first block
 
-  void add(const Block& block, double of_block = 0.0) {
+  void add(const Block& block, double block_value = 0.0) {
     if (blocks++ > 0) return;
     first_line = block.line;
-    value = of_block;
+    value = block_value;
   }
 };
 
+/// Numbers of blocks in feed whose feed or spindle speed is unusual.
 struct FeedCounts {
-  int feeds = 0;
-  double fastest = 0.0;  ///< rad/s
-  Count standing, reversed, slow, rubbing, coarse;
+  int feeds = 0;         ///< number of blocks in feed
+  double fastest = 0.0;  ///< rad/s, of the spindle
+  BlockCount standing, reversed, slow, rubbing, coarse;
 };
 
-/// Returns the length of a block, mm, of the tip or the slides; 0 if a rotary axis moves.
-double length_of(const program::Path& path, const Block& block, const kinematics::Chain& chain) {
-  double squared = 0.0;
+/// Returns the path length of the tip or the slides in a block, mm; 0 if a rotary axis moves.
+double block_length(const program::Path& path, const Block& block, const kinematics::Chain& chain) {
+  double squared_length = 0.0;
   for (int j = 0; j < chain.size(); ++j) {
     const double step = block.end[j] - block.start[j];
     const Motion motion = chain.joints()[std::size_t(j)].motion;
     if (motion == Motion::Rotary && step != 0.0) return 0.0;
-    if (motion == Motion::Linear) squared += step * step;
+    if (motion == Motion::Linear) squared_length += step * step;
   }
-  if (block.interpolation != Interpolation::Arc) return std::sqrt(squared);
+  if (block.interpolation != Interpolation::Arc) return std::sqrt(squared_length);
   const program::Arc& arc = path.arcs[block.shape];
   return std::abs(arc.radius * arc.sweep);
 }
@@ -215,45 +215,47 @@ double cutter_width(const Scene& scene) {
   return cutter == nullptr ? 0.0 : 2.0 * cutter->radius;
 }
 
-void count_feed(const Block& block, double length, double rate, double width, FeedCounts& counts) {
+void count_feed(const Block& block, double length, double spindle_speed, double width,
+                FeedCounts& counts) {
   const double seconds = block.end_s - block.start_s;
-  // 1 nm: a shorter block has no meaningful feed
+  // A block shorter than 1 nm has no meaningful feed.
   if (!(length > 1e-6) || !(seconds > 0.0) || block.inverse_time) return;
   const double mm_per_min = length / seconds * 60.0;
-  if (mm_per_min < slowest_mm_per_min) return counts.slow.add(block, mm_per_min);
-  if (rate == 0.0) return;
-  const double per_turn = length / seconds * 2 * pi / std::abs(rate);
-  if (per_turn < min_per_turn) counts.rubbing.add(block, per_turn);
-  if (per_turn > std::max(max_per_turn * width, max_unquestioned_feed_per_turn))
-    counts.coarse.add(block, per_turn);
+  if (mm_per_min < min_feed_mm_per_min) return counts.slow.add(block, mm_per_min);
+  if (spindle_speed == 0.0) return;
+  const double feed_per_revolution = length / seconds * 2 * pi / std::abs(spindle_speed);
+  if (feed_per_revolution < min_feed_per_revolution) counts.rubbing.add(block, feed_per_revolution);
+  if (feed_per_revolution >
+      std::max(max_width_fraction * width, max_unreported_feed_per_revolution))
+    counts.coarse.add(block, feed_per_revolution);
 }
 
 FeedCounts feed_counts(const Scene& scene, const Machine& machine, const program::Path& path,
                        int spindle) {
   FeedCounts counts;
-  // without [cutting] a right-handed cutter is assumed
-  const bool clockwise = !scene.cutting || scene.cutting->flutes.clockwise;
+  // Without [cutting] a right-handed cutter is assumed.
+  const bool is_clockwise = !scene.cutting || scene.cutting->flutes.clockwise;
   for (const Block& block : path.blocks) {
-    const bool straight_or_arc =
+    const bool is_line_or_arc =
         block.interpolation == Interpolation::Line || block.interpolation == Interpolation::Arc;
     const double seconds = block.end_s - block.start_s;
-    if (!straight_or_arc || !(seconds > 0.0)) continue;
+    if (!is_line_or_arc || !(seconds > 0.0)) continue;
     ++counts.feeds;
-    const double rate = (block.end[spindle] - block.start[spindle]) / seconds;
-    counts.fastest = std::max(counts.fastest, std::abs(rate));
-    if (rate == 0.0) counts.standing.add(block);
-    // Teeth and feed a revolution are checked for milling only; the simulated cut checks the
-    // spindle of a turning tool.
+    const double spindle_speed = (block.end[spindle] - block.start[spindle]) / seconds;
+    counts.fastest = std::max(counts.fastest, std::abs(spindle_speed));
+    if (spindle_speed == 0.0) counts.standing.add(block);
+    // The simulated cut checks the spindle of a turning tool.
     if (!machine.workpiece_spindle) {
-      if (rate != 0.0 && (rate > 0.0) != clockwise) counts.reversed.add(block);
-      count_feed(block, length_of(path, block, machine.nominal), rate, cutter_width(scene), counts);
+      if (spindle_speed != 0.0 && (spindle_speed > 0.0) != is_clockwise) counts.reversed.add(block);
+      count_feed(block, block_length(path, block, machine.nominal), spindle_speed,
+                 cutter_width(scene), counts);
     }
   }
   return counts;
 }
 
 std::string standing_text(const FeedCounts& counts) {
-  const Count& standing = counts.standing;
+  const BlockCount& standing = counts.standing;
   if (standing.blocks == 0) return {};
   if (standing.blocks == counts.feeds)
     return fmt::format(
@@ -264,28 +266,29 @@ std::string standing_text(const FeedCounts& counts) {
 }
 
 std::string reversed_text(const Scene& scene, const FeedCounts& counts) {
-  const Count& reversed = counts.reversed;
+  const BlockCount& reversed = counts.reversed;
   if (reversed.blocks == 0) return {};
-  const bool clockwise = !scene.cutting || scene.cutting->flutes.clockwise;
+  const bool is_clockwise = !scene.cutting || scene.cutting->flutes.clockwise;
   return fmt::format(
       "the spindle turns {} in {} of {} blocks that feed, first line {}: the teeth do not cut that "
       "way, M{} or cutting.rotation = \"{}\"?",
-      clockwise ? "counter-clockwise (M4)" : "clockwise (M3)", reversed.blocks, counts.feeds,
-      reversed.first_line, clockwise ? 3 : 4, clockwise ? "counter_clockwise" : "clockwise");
+      is_clockwise ? "counter-clockwise (M4)" : "clockwise (M3)", reversed.blocks, counts.feeds,
+      reversed.first_line, is_clockwise ? 3 : 4, is_clockwise ? "counter_clockwise" : "clockwise");
 }
 
-/// Returns the warning about a vibration stated at a speed far from any at which the program cuts.
+/// Returns the warning about a vibration that is stated at a speed far from those at which the
+/// program cuts; empty if there is none.
 std::string vibration_text(const Scene& scene, const FeedCounts& counts) {
-  constexpr double max_times = 5.0,
-                   min_times = 1.0 / 30;  // a wrong unit gives 60 (1/s) or 9.55 (rad/s)
+  constexpr double max_ratio = 5.0,
+                   min_ratio = 1.0 / 30;  // a wrong unit gives 60 (1/s) or 9.55 (rad/s)
   for (const errors::Vibration& vibration : scene.vibrations) {
-    const double times = counts.fastest / vibration.reference_speed;
-    if (vibration.exponent == 0.0 || times == 0.0 || (times >= min_times && times <= max_times))
+    const double ratio = counts.fastest / vibration.reference_speed;
+    if (vibration.exponent == 0.0 || ratio == 0.0 || (ratio >= min_ratio && ratio <= max_ratio))
       continue;
     return fmt::format(
         "the spindle cuts at up to {:.4g} rpm, {:.3g} times the speed at which the vibration {} is "
         "stated (at_rpm = {:.4g}): one of the two looks like 1/s, rad/s or 1000 rpm",
-        counts.fastest / units::rpm, times, errors::to_string(vibration.name),
+        counts.fastest / units::rpm, ratio, errors::to_string(vibration.name),
         vibration.reference_speed / units::rpm);
   }
   return {};
@@ -305,18 +308,18 @@ std::vector<std::string> feed_warnings(const Scene& scene, const Machine& machin
   add(standing_text(counts));
   add(reversed_text(scene, counts));
   add(vibration_text(scene, counts));
-  if (const Count& slow = counts.slow; slow.blocks > 0)
+  if (const BlockCount& slow = counts.slow; slow.blocks > 0)
     add(fmt::format(
         "the program feeds at {:.3g} mm/min on line {}, and below {:g} mm/min in {} of {} blocks: "
         "F is mm/min under G94, looks like m/min, mm/s or mm a turn",
-        slow.value, slow.first_line, slowest_mm_per_min, slow.blocks, counts.feeds));
-  if (const Count& rubbing = counts.rubbing; rubbing.blocks > 0)
+        slow.value, slow.first_line, min_feed_mm_per_min, slow.blocks, counts.feeds));
+  if (const BlockCount& rubbing = counts.rubbing; rubbing.blocks > 0)
     add(
         fmt::format("the program feeds by {:.3g} um a turn of the spindle on line {} ({} of {} "
                     "blocks): a tooth "
                     "rubs at that; F or S looks like another unit",
                     rubbing.value / units::um, rubbing.first_line, rubbing.blocks, counts.feeds));
-  if (const Count& coarse = counts.coarse; coarse.blocks > 0)
+  if (const BlockCount& coarse = counts.coarse; coarse.blocks > 0)
     add(fmt::format(
         "the program feeds by {:.3g} mm a turn of the spindle on line {} ({} of {} blocks) under a "
         "cutter {:.4g} mm wide: F or S looks like another unit, S is in rpm",
@@ -327,45 +330,45 @@ std::vector<std::string> feed_warnings(const Scene& scene, const Machine& machin
 std::string pole_text(const program::NearPole& pole, const kinematics::Chain& chain, double within,
                       const std::vector<std::string>& more_files) {
   if (pole.turned < min_reported_pole_turn) return {};
-  const auto letter = [&](int joint) { return chain.joints()[std::size_t(joint)].name; };
+  const auto axis_name = [&](int joint) { return chain.joints()[std::size_t(joint)].name; };
   return fmt::format(
       "the tool passes a pole of the machine, where it lies along {} and {} turns nothing, "
       "by {:.3g} deg ({}; the pole is at {} {:.4g}): nearer than {:.4g} deg {} turns by "
       "{:.4g} deg in all, at up to {:.4g} deg/min as programmed",
-      letter(pole.axis), letter(pole.axis), pole.angle / units::deg,
-      program::line_text(more_files, pole.line, pole.file), letter(pole.other),
-      // adding 0.0 removes the sign of -0
-      pole.at / units::deg + 0.0, within / units::deg, letter(pole.axis), pole.turned / units::deg,
-      pole.fastest / units::deg * 60.0);
+      axis_name(pole.axis), axis_name(pole.axis), pole.angle / units::deg,
+      program::line_text(more_files, pole.line, pole.file), axis_name(pole.other),
+      // Adding 0.0 removes the sign of -0.
+      pole.at / units::deg + 0.0, within / units::deg, axis_name(pole.axis),
+      pole.turned / units::deg, pole.fastest / units::deg * 60.0);
 }
 
 std::vector<std::string> pole_warnings(const Scene& scene, const Machine& machine,
                                        const program::Path& path) {
-  const auto* given = std::get_if<ProgramFile>(&scene.program.source);
-  // A program in axis positions has fixed the motion of its axes at a pole already.
-  const bool tip = std::ranges::any_of(path.blocks, [](const program::Block& block) {
+  const auto* program_file = std::get_if<ProgramFile>(&scene.program.source);
+  // In a program of axis positions the CAM system has already set the motion at a pole.
+  const bool has_tip_blocks = std::ranges::any_of(path.blocks, [](const program::Block& block) {
     return block.coordinates == program::Coordinates::Tip;
   });
-  if (given == nullptr || !(given->pole_warning > 0.0) || !tip) return {};
+  if (program_file == nullptr || !(program_file->pole_warning > 0.0) || !has_tip_blocks) return {};
   const program::NcOptions control = nc_options(scene, machine);
   program::PathMeter meter(machine.control,
                            {.rapid_speed = scene.machine.rapid_speed,
                             .rapid_turn = scene.machine.rapid_turn,
-                            .pole = given->pole_warning},
+                            .pole = program_file->pole_warning},
                            &control.control_of_h);
   meter.add(path);
   const auto pole = meter.figures().pole;
   if (!pole) return {};
-  std::string text = pole_text(*pole, machine.control, given->pole_warning, path.more_files);
+  std::string text = pole_text(*pole, machine.control, program_file->pole_warning, path.more_files);
   if (text.empty()) return {};
   return {std::move(text)};
 }
 
 namespace {
 
-/// Returns the warning about a mesh whose facets sag by more than the tolerance, or where most
-/// vertices lie on sharp edges.
-std::string coarse_text(const Scene& scene, const cutting::Design& design_w) {
+/// Returns the warning about a mesh whose facets sag by more than the tolerance, or with most of
+/// its vertices on sharp edges; empty for any other part.
+std::string coarse_mesh_text(const Scene& scene, const cutting::Design& design_w) {
   if (!std::holds_alternative<MeshFile>(scene.part.shape)) return {};
   const cutting::Coarseness coarse = cutting::coarseness(design_w);
   if (2 * coarse.sharp > coarse.judged)
@@ -374,13 +377,13 @@ std::string coarse_text(const Scene& scene, const cutting::Design& design_w) {
         "30 "
         "degrees, where a normal is a mean of faces",
         coarse.sharp, coarse.judged);
-  // A tolerance of +-h is missed by the mesh itself if its facets sag by more than h.
-  const std::optional<double> half = narrowest_half_width(scene.part);
-  if (half && coarse.facet_error > *half)
+  // If the facets sag by more than h, the mesh itself misses a tolerance of +-h.
+  const std::optional<double> half_width = narrowest_half_width(scene.part);
+  if (half_width && coarse.facet_error > *half_width)
     return fmt::format(
         "the mesh is too coarse for the tolerance: between judged vertices its facets sag by up to "
         "{:.4g} um, the tolerance is ±{:.4g} um",
-        coarse.facet_error / units::um, *half / units::um);
+        coarse.facet_error / units::um, *half_width / units::um);
   return {};
 }
 
@@ -388,23 +391,24 @@ bool is_judged(const cutting::Design& design, Eigen::Index vertex) {
   return design.judged.empty() || design.judged[std::size_t(vertex)] != 0;
 }
 
-/// Returns the warning about a design on which a gouge may lie between its judged vertices.
-std::string sparse_text(const Scene& scene, const cutting::Design& design_w) {
-  const JudgedVertices places = judged_vertices(design_w);
-  if (!is_sparse(places, scene.tool)) return {};
-  if (places.vertices < min_judged)
+/// Returns the warning about a design whose judged vertices are so sparse that a gouge may lie
+/// between them; empty for any other.
+std::string sparse_vertices_text(const Scene& scene, const cutting::Design& design_w) {
+  const JudgedVertices judged = judged_vertices(design_w);
+  if (!is_sparse(judged, scene.tool)) return {};
+  if (judged.vertices < min_judged)
     return fmt::format("the part is judged at {} {} only: what is cut between them is in no figure",
-                       places.vertices, places.vertices == 1 ? "vertex" : "vertices");
+                       judged.vertices, judged.vertices == 1 ? "vertex" : "vertices");
   return fmt::format(
       "judged vertices that an edge joins are up to {:.4g} mm apart, the cutter is {:.4g} mm wide: "
       "a gouge between them is in no figure",
-      places.apart, 2.0 * std::get<cutting::Cutter>(scene.tool.nominal).radius);
+      judged.apart, 2.0 * std::get<cutting::Cutter>(scene.tool.nominal).radius);
 }
 
-// Returns the warning about a program that only moves in rapid.
+// Returns the warning about a program that moves only in rapids.
 std::string no_feed_text(const program::Path& path) {
-  const bool feeds = std::any_of(path.blocks.begin(), path.blocks.end(), program::is_feed);
-  if (feeds || path.motion_blocks == 0) return {};
+  const bool has_feed = std::any_of(path.blocks.begin(), path.blocks.end(), program::is_feed);
+  if (has_feed || path.motion_blocks == 0) return {};
   return fmt::format("no block of the program feeds: all {} that move are rapids",
                      path.motion_blocks);
 }
@@ -412,50 +416,50 @@ std::string no_feed_text(const program::Path& path) {
 /// Returns the warning about a program that uses or states two units.
 std::string unit_change_text(const program::Path& path) {
   if (path.unit_words.size() < 2) return {};
-  int inches = 0, moves = 0;
+  int inch_moves = 0, moves = 0;
   for (const program::Block& block : path.blocks) {
     if (block.interpolation == program::Interpolation::Dwell) continue;
     ++moves;
-    inches += block.inch;
+    inch_moves += block.inch;
   }
-  std::string words;
-  // four of them show the mistake; a program may repeat its unit in every block
+  std::string list;
+  // A program may repeat its unit in every block; four of them show the mistake.
   for (std::size_t i = 0; i < std::min<std::size_t>(path.unit_words.size(), 4); ++i) {
     const program::UnitWord& word = path.unit_words[i];
-    words +=
+    list +=
         fmt::format("{}{} on line {}", i == 0 ? "" : ", ", word.inch ? "G20" : "G21", word.line);
   }
   return fmt::format(
       "the program says two units, {}: {} of its {} moves count in inches, the others in mm; take "
       "the wrong word out",
-      words, inches, moves);
+      list, inch_moves, moves);
 }
 
-/// Adds warnings about a holder that overlaps the cutter or the spindle, or that ends short of the
+/// Adds warnings about a holder that overlaps the cutter or the spindle, or does not extend to the
 /// spindle.
-void add_holder_texts(const ToolDescription& tool, std::vector<std::string>& texts) {
+void add_holder_warnings(const ToolDescription& tool, std::vector<std::string>& texts) {
   const auto* cutter = std::get_if<cutting::Cutter>(&tool.actual);
   if (cutter == nullptr || !tool.holder) return;
-  constexpr double least = 0.01;  // mm
+  constexpr double tolerance = 0.01;  // mm
   const double begin = (*tool.holder)(0, 1), end = (*tool.holder)(tool.holder->rows() - 1, 1);
-  const std::string whose = tool.number ? fmt::format(" of tool {}", *tool.number) : "";
-  if (const double under = cutter->flank_length - begin; under > least)
+  const std::string tool_text = tool.number ? fmt::format(" of tool {}", *tool.number) : "";
+  if (const double overlap = cutter->flank_length - begin; overlap > tolerance)
     texts.push_back(fmt::format(
         "the holder{} begins {:.6g} mm above the tip, {:.6g} mm below the upper end of the flank "
         "(flank_length_mm {:.6g}): that much of the cutter is in the holder",
-        whose, begin, under, cutter->flank_length));
-  const double over = end - tool.actual_length;
-  if (std::abs(over) > least)
+        tool_text, begin, overlap, cutter->flank_length));
+  const double excess = end - tool.actual_length;
+  if (std::abs(excess) > tolerance)
     texts.push_back(fmt::format(
         "the holder{} ends {:.6g} mm above the tip, {:.6g} mm {} the nose of the spindle "
         "(length_mm "
         "{:.6g}){}",
-        whose, end, std::abs(over), over > 0.0 ? "beyond" : "short of", tool.actual_length,
-        over > 0.0 ? "" : ": what is between them is met by nothing"));
+        tool_text, end, std::abs(excess), excess > 0.0 ? "beyond" : "short of", tool.actual_length,
+        excess > 0.0 ? "" : ": what is between them is met by nothing"));
 }
 
 /// Adds the warning that concave arcs of a tool are cut as chords.
-void add_chord_text(const ToolDescription& tool, std::vector<std::string>& texts) {
+void add_chord_warning(const ToolDescription& tool, std::vector<std::string>& texts) {
   const double sag = std::max(chord_sag(tool.nominal_form), chord_sag(tool.actual_form));
   if (sag > 0.0)
     texts.push_back(fmt::format(
@@ -471,45 +475,46 @@ double shank_radius(const Scene& scene, const cutting::Cutter& cutter) {
 }  // namespace
 
 std::optional<double> narrowest_half_width(const PartDescription& part) {
-  std::optional<double> half;
+  std::optional<double> half_width;
   const auto add = [&](const Tolerance& tolerance) {
-    const double own = 0.5 * (tolerance.upper - tolerance.lower);
-    half = std::min(half.value_or(own), own);
+    const double own_half_width = 0.5 * (tolerance.upper - tolerance.lower);
+    half_width = std::min(half_width.value_or(own_half_width), own_half_width);
   };
   if (part.tolerance) add(*part.tolerance);
   for (const PartRegion& region : part.regions)
     if (region.tolerance) add(*region.tolerance);
-  return half;
+  return half_width;
 }
 
 JudgedVertices judged_vertices(const cutting::Design& design) {
-  JudgedVertices places;
-  for (Eigen::Index i = 0; i < design.vertices.rows(); ++i) places.vertices += is_judged(design, i);
+  JudgedVertices result;
+  for (Eigen::Index i = 0; i < design.vertices.rows(); ++i) result.vertices += is_judged(design, i);
   for (Eigen::Index t = 0; t < design.triangles.rows(); ++t)
     for (int k = 0; k < 3; ++k) {
       const int a = design.triangles(t, k), b = design.triangles(t, (k + 1) % 3);
       if (is_judged(design, a) && is_judged(design, b))
-        places.apart =
-            std::max(places.apart, (design.vertices.row(a) - design.vertices.row(b)).norm());
+        result.apart =
+            std::max(result.apart, (design.vertices.row(a) - design.vertices.row(b)).norm());
     }
-  return places;
+  return result;
 }
 
-bool is_sparse(const JudgedVertices& places, const ToolDescription& tool) {
+bool is_sparse(const JudgedVertices& judged, const ToolDescription& tool) {
   const auto* cutter = std::get_if<cutting::Cutter>(&tool.nominal);
-  return places.vertices < min_judged || (cutter != nullptr && places.apart > 2.0 * cutter->radius);
+  return judged.vertices < min_judged || (cutter != nullptr && judged.apart > 2.0 * cutter->radius);
 }
 
 std::vector<std::string> program_warnings(const Scene& scene, const cutting::Design& design_w,
                                           const program::Path& path,
                                           const program::Unreached& unreached) {
   std::vector<std::string> warnings = tool_comment_warnings(path, all_tools(scene));
-  for (std::string text : {unreached_text(unreached), no_feed_text(path), unit_change_text(path),
-                           coarse_text(scene, design_w), sparse_text(scene, design_w)})
+  for (std::string text :
+       {unreached_text(unreached), no_feed_text(path), unit_change_text(path),
+        coarse_mesh_text(scene, design_w), sparse_vertices_text(scene, design_w)})
     if (!text.empty()) warnings.push_back(std::move(text));
   for (const ToolDescription& tool : all_tools(scene)) {
-    add_holder_texts(tool, warnings);
-    add_chord_text(tool, warnings);
+    add_holder_warnings(tool, warnings);
+    add_chord_warning(tool, warnings);
   }
   return warnings;
 }
@@ -519,28 +524,28 @@ ShankContacts shank_contacts(const Scene& scene, const cutting::Design& design_w
   const auto* cutter = std::get_if<cutting::Cutter>(&scene.tool.nominal);
   if (cutter == nullptr) return {};
   const cutting::CutterMotion motion = cutter_motion(run.T_wt, run.samples);
-  ShankContacts found;
-  found.shank = cutting::shank_contact(
+  ShankContacts contacts;
+  contacts.shank = cutting::shank_contact(
       design_w, *cutter, motion,
       {.length = scene.tool.length, .band = scene.band, .radius = shank_radius(scene, *cutter)});
   if (scene.tool.holder)
-    found.holder = cutting::non_cutting_contact(
+    contacts.holder = cutting::non_cutting_contact(
         design_w, cutting::non_cutting_pieces(*scene.tool.holder), motion, scene.band);
-  return found;
+  return contacts;
 }
 
 ShankContacts joined(const ShankContacts& a, const ShankContacts& b) {
-  const auto both = [](const std::optional<cutting::ShankContact>& first,
+  const auto join = [](const std::optional<cutting::ShankContact>& first,
                        const std::optional<cutting::ShankContact>& second) {
     if (!first || !second) return first ? first : second;
     cutting::ShankContact contact = second->deepest > first->deepest ? *second : *first;
-    // A vertex may be met in both windows, so the sum would count it twice: the larger number is a
-    // lower bound.
+    // The larger number is a lower bound; the sum would count vertices twice that are met in both
+    // windows.
     contact.vertices = std::max(first->vertices, second->vertices);
     contact.first_line = first->first_line;
     return std::optional(contact);
   };
-  return {both(a.shank, b.shank), both(a.holder, b.holder), true};
+  return {join(a.shank, b.shank), join(a.holder, b.holder), true};
 }
 
 std::vector<std::string> shank_warnings(const Scene& scene, const ShankContacts& contacts) {

@@ -40,10 +40,10 @@ Milling milling_of(const Job& part, const Commands& commands, const Process& pro
 
 namespace {
 
-/// Returns the steps of a turning program, with the poses of the tool relative to a part that does
-/// not turn.
-Milling turning_of(const Job& part, const Commands& commands, const Process& process,
-                   const SpindleLine& line) {
+/// Returns the steps of a turning program, with the poses of the tool relative to the part as if it
+/// did not turn.
+Milling turning_steps_of(const Job& part, const Commands& commands, const Process& process,
+                         const SpindleLine& line) {
   const program::Samples& samples = commands.samples;
   const program::Path& path = path_of(part, commands);
   const auto& T_wt = target_poses(part, commands);
@@ -70,29 +70,29 @@ StockReplay::StockReplay(const Job& part, const Commands& commands, const Proces
   } else {
     const SpindleLine line = spindle_line(part.truth.actual, *part.machine.workpiece_spindle);
     stock_ = turned_blank(part.scene, line);
-    milling_ = turning_of(part, commands, process, line);
+    milling_ = turning_steps_of(part, commands, process, line);
   }
   for (std::size_t k = 1; k < milling_.at.size(); ++k)
     time_s_.push_back(commands.samples.states[milling_.at[k]].time_s);
 }
 
 bool StockReplay::advance_to(double time_s) {
-  double taken = 0.0;  // mm^3
-  for (; next_ < time_s_.size() && time_s_[next_] <= time_s; ++next_) {
-    const cutting::StockMove move = milling_.move(next_);
+  double removed = 0.0;  // mm^3
+  for (; next_move_ < time_s_.size() && time_s_[next_move_] <= time_s; ++next_move_) {
+    const cutting::StockMove move = milling_.move(next_move_);
     if (auto* milled = std::get_if<cutting::Stock>(&stock_))
-      taken += cutting::remove(*milled, std::get<cutting::Cutter>(tool_), move).volume;
+      removed += cutting::remove(*milled, std::get<cutting::Cutter>(tool_), move).volume;
     else
-      taken +=
-          // a negative line marks a rapid
+      // A negative line marks a rapid.
+      removed +=
           cutting::remove(std::get<cutting::TurnedStock>(stock_), std::get<cutting::Nose>(tool_),
                           move.from_T_wt, move.to_T_wt, move.rapid ? -move.line : move.line);
   }
-  return taken > 0.0;
+  return removed > 0.0;
 }
 
 double StockReplay::done() const {
-  return time_s_.empty() ? 1.0 : double(next_) / double(time_s_.size());
+  return time_s_.empty() ? 1.0 : double(next_move_) / double(time_s_.size());
 }
 
 cutting::StockMesh StockReplay::mesh() const {
@@ -110,18 +110,18 @@ using Eigen::Vector3d;
 using kinematics::Pose;
 using Kind = SolidBody::Kind;
 
-constexpr double infinite = std::numeric_limits<double>::infinity();
-// The distance found in a step may be too large by the larger of these two.
+constexpr double infinite_distance = std::numeric_limits<double>::infinity();
+// A distance found in a step may be too large by the larger of these two.
 constexpr double approach_tolerance = 1e-2;  // mm
 constexpr double approach_fraction = 0.02;   // of the distance
 
-std::shared_ptr<const cutting::ClosedMesh> shape_of(const cutting::Stock& stock) {
+std::shared_ptr<const cutting::ClosedMesh> stock_shape(const cutting::Stock& stock) {
   cutting::StockMesh mesh = cutting::stock_mesh(stock);
   return std::make_shared<const cutting::ClosedMesh>(
       cutting::ClosedMesh{std::move(mesh.vertices_w), std::move(mesh.triangles), 0.0});
 }
 
-/// Cutter or shank. It may rub on the skin that it has just cut, but its core must not touch it.
+/// Cutter or shank. It may rub on the surface that it has just cut, but its core must not touch it.
 struct ToolBody {
   Kind kind = Kind::Cutter;
   std::string name;
@@ -129,27 +129,27 @@ struct ToolBody {
   Body body, core;
 };
 
-/// A body that must not touch the stock.
+/// A body that must not touch the stock, with the state of its search.
 struct WatchedBody {
   std::string name;
   int frame = 0;
   Body body;
-  double clearance = 0.0;                // mm, a smaller distance is reported
-  Pose T_w = Pose::Identity();           // pose for which `distance` was computed
-  double distance = 0.0;                 // mm, lower bound of the distance at T_w
-  bool overlaps = false;                 // overlaps the stock at the start and is not followed
-  double nearest = infinite;             // mm, smallest distance so far
-  ProgramLocation place = {};            // where that was
-  std::optional<std::size_t> open = {};  // index of the event in progress
-  bool met = false;                      // in contact at the end of the last step
+  double clearance = 0.0;              // mm; smaller distances are reported
+  Pose T_w = Pose::Identity();         // pose for which `distance` was computed
+  double distance = 0.0;               // mm, lower bound of the distance at T_w
+  bool overlaps = false;               // at the start of the program; the body is not searched
+  double nearest = infinite_distance;  // mm, smallest distance so far
+  ProgramLocation place = {};          // of the smallest distance
+  std::optional<std::size_t> event_index = {};  // index of the event in progress
+  bool is_touching = false;                     // at the end of the last step
   struct {
     Pose T_w = Pose::Identity();
-    double depth = 0.0;  // mm, sampled there
-    double way = 0.0;    // mm, path since the contact began
-  } looked = {};         // last sample of the depth
+    double depth = 0.0;  // mm
+    double way = 0.0;    // mm, path since the beginning of the contact
+  } last_sample = {};    // of the depth
 };
 
-/// Follows the stock from blank to part and searches for collisions of the machine with it.
+/// Follows the stock from the blank to the part and searches for collisions of bodies with it.
 class StockSearch {
  public:
   StockSearch(const ActualMotion& actual_motion, const std::vector<SolidBody>& bodies,
@@ -160,92 +160,98 @@ class StockSearch {
         blank_(blank_stock(actual_motion.part.scene,
                            blank_of(actual_motion.part.scene, *actual_motion.part.body_m))),
         stock_(blank_) {
-    renew();
+    rebuild_mesh();
     for (const cutting::BodyPair& pair : pairs) add(bodies, pair);
     for (const SolidBody& body : bodies)
       if (body.kind == Kind::Shank && has_own_radius(body)) own_shank_radius_ = radius_of(body);
-    // Cutter and shank may rub on what they have cut; their cores are smaller by `rubbing`.
+    // Cutter and shank may rub on the surface that they have cut, so their cores are smaller by
+    // `rubbing`.
     for (const SolidBody& body : tool_bodies(actual_motion.part, cutting::rubbing))
       if ((body.kind == Kind::Cutter || (body.kind == Kind::Shank && !has_own_radius(body))) &&
-          !is_left_out(body.name))
-        tool_.push_back({body.kind, body.name, body.frame, searched(body), search_core(body)});
+          !is_ignored_body(body.name))
+        tool_bodies_.push_back(
+            {body.kind, body.name, body.frame, searched(body), search_core(body)});
   }
 
-  StockCollisions found;
+  StockCollisions result;
 
   void run(const Progress& progress) {
     if (milling_.at.empty()) return;
     start();
-    for (std::size_t k = 0; k < milling_.moves(); ++k) {
-      const std::vector<Pose> next = poses(k + 1);
-      for (WatchedBody& one : watched_) look(one, k, next);
-      take(k);
-      now_ = next;
-      if (progress && k % 256 == 0)
-        progress("collisions with the stock", double(k) / double(milling_.moves()));
+    for (std::size_t move = 0; move < milling_.moves(); ++move) {
+      const std::vector<Pose> next_poses = poses(move + 1);
+      for (WatchedBody& watched : watched_bodies_) search_step(watched, move, next_poses);
+      remove_stock(move);
+      poses_ = next_poses;
+      if (progress && move % 256 == 0)
+        progress("collisions with the stock", double(move) / double(milling_.moves()));
     }
     if (!crashes_.empty()) add_crashes();
-    if (unseen_ > 0)
-      found.warnings.push_back(fmt::format(
+    if (unconfirmed_crashes_ > 0)
+      result.warnings.push_back(fmt::format(
           "the stock is cut with a shank of the cutter's radius, {:g} mm: at {} {} (first line {}) "
           "it takes away what the true shank is not seen to meet",
-          cutter_.radius, unseen_, unseen_ == 1 ? "place" : "places", unseen_line_));
-    // Crashes were found in a second pass, so the list is not in order yet.
-    std::ranges::stable_sort(found.list, {}, [](const Collision& one) { return one.first.time_s; });
+          cutter_.radius, unconfirmed_crashes_, unconfirmed_crashes_ == 1 ? "place" : "places",
+          first_unconfirmed_line_));
+    // Crashes are found in a second pass, behind the other events.
+    std::ranges::stable_sort(result.list, {},
+                             [](const Collision& event) { return event.first.time_s; });
     add_clearances();
-    keep_first_stock();
+    keep_stock_of_first_contact();
   }
 
  private:
-  /// Keeps the stock only of the first contact, the one that is drawn.
-  void keep_first_stock() {
+  /// Keeps the shape of the stock only for the first contact, which is drawn.
+  void keep_stock_of_first_contact() {
     bool is_kept = false;
-    for (Collision& one : found.list) {
-      if (is_kept) one.stock.reset();
-      is_kept = is_kept || one.contact;
+    for (Collision& event : result.list) {
+      if (is_kept) event.stock.reset();
+      is_kept = is_kept || event.contact;
     }
   }
 
-  bool is_left_out(const std::string& name) const {
+  bool is_ignored_body(const std::string& name) const {
     return is_ignored(options().ignore, name, "stock");
   }
 
-  /// Adds the clearances of all bodies. Cutter and shank have one only if they collide, since they
-  /// may touch the stock.
+  /// Adds the clearances of all bodies. Those of cutter and shank are infinite unless they collide,
+  /// since they may touch the stock.
   void add_clearances() {
-    for (const WatchedBody& one : watched_)
-      found.clearances.push_back({one.name, "stock", one.overlaps, one.nearest, one.place,
-                                  one.overlaps ? ClearanceScope::Never : ClearanceScope::WhenNear});
-    for (const ToolBody& one : tool_) clearance_of(one.name);
-    for (const Collision& event : found.list) {
-      Clearance& clearance = clearance_of(event.a);
+    for (const WatchedBody& watched : watched_bodies_)
+      result.clearances.push_back(
+          {watched.name, "stock", watched.overlaps, watched.nearest, watched.place,
+           watched.overlaps ? ClearanceScope::Never : ClearanceScope::WhenNear});
+    for (const ToolBody& tool_body : tool_bodies_) stock_clearance(tool_body.name);
+    for (const Collision& event : result.list) {
+      Clearance& clearance = stock_clearance(event.a);
       if (!event.contact || clearance.distance == 0.0) continue;
       clearance.distance = 0.0;
       clearance.place = event.first;
     }
   }
 
-  Clearance& clearance_of(const std::string& name) {
-    const auto one = std::ranges::find(found.clearances, name, &Clearance::a);
-    if (one != found.clearances.end()) return *one;
-    return found.clearances.emplace_back(
-        Clearance{name, "stock", false, infinite, {}, ClearanceScope::WhenInContact});
+  /// Returns the clearance of a body, which is added if the result does not have it yet.
+  Clearance& stock_clearance(const std::string& name) {
+    const auto clearance = std::ranges::find(result.clearances, name, &Clearance::a);
+    if (clearance != result.clearances.end()) return *clearance;
+    return result.clearances.emplace_back(
+        Clearance{name, "stock", false, infinite_distance, {}, ClearanceScope::WhenInContact});
   }
 
   void add(const std::vector<SolidBody>& bodies, const cutting::BodyPair& pair) {
     const SolidBody &a = bodies[std::size_t(pair.a)], &b = bodies[std::size_t(pair.b)];
     if (a.kind != Kind::Part && b.kind != Kind::Part) return;
-    const SolidBody& other = a.kind == Kind::Part ? b : a;
-    const bool is_shank = other.kind == Kind::Shank;
-    if (other.kind == Kind::Cutter || (is_shank && !has_own_radius(other))) return;
-    if (is_left_out(other.name)) return;
-    // A neck moves along the wall that its cutter cuts, so its clearance would say nothing.
-    watched_.push_back({other.name, other.frame, is_shank ? search_core(other) : searched(other),
-                        is_shank ? 0.0 : options().clearance});
+    const SolidBody& body = a.kind == Kind::Part ? b : a;
+    const bool is_shank = body.kind == Kind::Shank;
+    if (body.kind == Kind::Cutter || (is_shank && !has_own_radius(body))) return;
+    if (is_ignored_body(body.name)) return;
+    // The clearance of a neck tells nothing, since it moves along the wall that its cutter cuts.
+    watched_bodies_.push_back({body.name, body.frame, is_shank ? search_core(body) : searched(body),
+                               is_shank ? 0.0 : options().clearance});
   }
 
-  /// Returns true if the radius of a shank differs from that which removes stock by more than 1 %
-  /// of the cutter radius.
+  /// Returns true if the radius of a shank differs from that of the shank that removes stock by
+  /// more than 1 % of the cutter radius.
   bool has_own_radius(const SolidBody& shank) const {
     return std::abs(radius_of(shank) - shank_radius(cutter_)) > 0.01 * cutter_.radius;
   }
@@ -258,12 +264,12 @@ class StockSearch {
     std::vector<Pose> T = actual_motion_.carriers({milling_.at[k], 0.0});
     const Carriers carriers{actual_motion_.part.truth.actual.size()};
     const Pose T_wb = T[std::size_t(carriers.workpiece())].inverse();
-    for (Pose& one : T) one = T_wb * one;
+    for (Pose& T_carrier : T) T_carrier = T_wb * T_carrier;
     return T;
   }
 
   /// Returns the pose of a carrier in the workpiece frame between step k and the next.
-  /// @param u  fraction of the way, 0 .. 1
+  /// @param u  fraction of the step, 0 .. 1
   Pose pose(int frame, std::size_t k, double u) const {
     const std::vector<Pose> T = actual_motion_.carriers(moment_of(k, u));
     const Carriers carriers{actual_motion_.part.truth.actual.size()};
@@ -272,7 +278,7 @@ class StockSearch {
 
   ProgramLocation place(std::size_t k) const { return actual_motion_.place({milling_.at[k], 0.0}); }
 
-  /// Returns the end of the block that is being executed at a step.
+  /// Returns the end of the block that is executed at a step.
   ProgramLocation end_of_block(std::size_t k) const {
     const auto& block = actual_motion_.samples.block;
     std::size_t i = milling_.at[k];
@@ -281,117 +287,118 @@ class StockSearch {
   }
 
   void start() {
-    now_ = poses(0);
-    for (WatchedBody& one : watched_) {
-      one.place = place(0);
-      one.T_w = now_[std::size_t(one.frame)];
-      one.distance = ask(one, one.T_w);
-      one.overlaps = meets(one, one.T_w, one.distance);
-      if (!one.overlaps) one.nearest = one.distance;
+    poses_ = poses(0);
+    for (WatchedBody& watched : watched_bodies_) {
+      watched.place = place(0);
+      watched.T_w = poses_[std::size_t(watched.frame)];
+      watched.distance = distance_to_stock(watched, watched.T_w);
+      watched.overlaps = is_in_contact(watched, watched.T_w, watched.distance);
+      if (!watched.overlaps) watched.nearest = watched.distance;
     }
   }
 
-  double ask(const WatchedBody& one, const Pose& T_w) {
-    if (!mesh_.search) return infinite;
-    ++found.queries;
-    // The distance may be too large by this fraction; the division makes it a lower bound.
-    constexpr double share = 0.01;
-    return cutting::gap(mesh_, Pose::Identity(), one.body, T_w, {share}).distance / (1.0 + share);
+  double distance_to_stock(const WatchedBody& watched, const Pose& T_w) {
+    if (!mesh_.search) return infinite_distance;
+    ++result.queries;
+    // The distance may be too large by this fraction. The division makes it a lower bound.
+    constexpr double max_relative_error = 0.01;
+    return cutting::gap(mesh_, Pose::Identity(), watched.body, T_w, {max_relative_error}).distance /
+           (1.0 + max_relative_error);
   }
-  bool meets(const WatchedBody& one, const Pose& T_w, double distance) const {
+  bool is_in_contact(const WatchedBody& watched, const Pose& T_w, double distance) const {
     if (!mesh_.search) return false;
     return distance <= options().resolution ||
-           cutting::is_inside(mesh_, Pose::Identity(), one.body, T_w);
+           cutting::is_inside(mesh_, Pose::Identity(), watched.body, T_w);
   }
   const CollisionDescription& options() const { return actual_motion_.part.scene.collision; }
 
-  /// Updates the mesh if stock was removed since. A distance to an old mesh is still a lower bound,
-  /// because stock only shrinks, so the mesh is updated only when the old one comes near.
-  void refresh() {
-    if (!is_stale_) return;
-    renew();
+  /// Updates the mesh if stock was removed since it was built. Since stock only shrinks, the
+  /// distance to an old mesh is a lower bound, and an update is needed only if it is small.
+  void update_mesh() {
+    if (is_stale_) rebuild_mesh();
   }
 
-  void renew() {
-    // Patches of 32 nodes along each edge: a move changes few of them, and the others keep their
-    // search trees.
-    constexpr double nodes_of_patch = 32;
-    shape_ = shape_of(stock_);
+  void rebuild_mesh() {
+    // A move changes few patches of this size, and the others keep their search trees.
+    constexpr double nodes_of_patch = 32;  // along an edge
+    shape_ = stock_shape(stock_);
     const bool is_left = shape_->triangles.rows() > 0;
     mesh_ = is_left ? cutting::make_patched_body(*shape_, nodes_of_patch * stock_.spacing, mesh_)
                     : Body{};
     is_stale_ = false;
   }
 
-  /// Returns the distance, mm, above which a body needs no closer look. The factor leaves an error
-  /// of 5 % in the smallest clearance.
-  double wanted(const WatchedBody& one) const {
-    return std::max({one.clearance, options().resolution, 0.95 * one.nearest});
+  /// Returns the distance, mm, above which a body changes no result. The factor allows an error of
+  /// 5 % in the smallest clearance.
+  double relevant_distance(const WatchedBody& watched) const {
+    return std::max({watched.clearance, options().resolution, 0.95 * watched.nearest});
   }
 
-  void look(WatchedBody& one, std::size_t k, const std::vector<Pose>& next) {
-    if (one.overlaps) return;
-    if (one.open) return go_on(one, k, next);
-    const Pose &from = now_[std::size_t(one.frame)], &to = next[std::size_t(one.frame)];
-    // The last distance, less the motion since then, is still a lower bound.
-    const double step = cutting::farthest(from, to, one.body);
+  /// Searches a step for the beginning of an event, or continues the event in progress.
+  void search_step(WatchedBody& watched, std::size_t k, const std::vector<Pose>& next_poses) {
+    if (watched.overlaps) return;
+    if (watched.event_index) return continue_event(watched, k, next_poses);
+    const Pose &from = poses_[std::size_t(watched.frame)],
+               &to = next_poses[std::size_t(watched.frame)];
+    // The last distance minus the motion since then is a lower bound.
+    const double motion = cutting::farthest(from, to, watched.body);
     const auto is_far = [&] {
-      return one.distance - cutting::farthest(one.T_w, from, one.body) - step > wanted(one);
+      return watched.distance - cutting::farthest(watched.T_w, from, watched.body) - motion >
+             relevant_distance(watched);
     };
     if (is_far()) return;
-    cutting::Approach near;
-    // The old mesh is tried first: it gives a lower bound, and a new mesh costs far more than a
-    // query.
-    for (const bool fresh : {false, true}) {
-      if (fresh && !is_stale_) break;
-      if (fresh) refresh();
-      one.T_w = from;
-      one.distance = ask(one, from);
+    cutting::Approach closest;
+    // The old mesh comes first: it gives a lower bound, and a new mesh costs far more than a query.
+    for (const bool use_current_mesh : {false, true}) {
+      if (use_current_mesh && !is_stale_) break;
+      if (use_current_mesh) update_mesh();
+      watched.T_w = from;
+      watched.distance = distance_to_stock(watched, from);
       if (is_far()) return;
-      near = approach(one, from, to);
-      if (!near.contact && near.gap.distance > wanted(one)) return;
+      closest = approach(watched, from, to);
+      if (!closest.contact && closest.gap.distance > relevant_distance(watched)) return;
     }
-    note(one, k, near, from, to);
+    begin_event(watched, k, closest, from, to);
   }
 
-  cutting::Approach approach(const WatchedBody& one, const Pose& from, const Pose& to) {
-    cutting::ApproachOptions how;
-    how.resolution = options().resolution;
-    how.within = approach_tolerance;
-    how.share = approach_fraction;
-    // Half of the tolerance is for the queries, the other half for the search along the step.
-    how.rough = 0.5 * approach_fraction;
-    const cutting::Approach near =
-        cutting::approach(mesh_, one.body, kinematics::screw_between(from, to), how);
-    found.queries += std::size_t(near.queries);
-    return near;
+  cutting::Approach approach(const WatchedBody& watched, const Pose& from, const Pose& to) {
+    cutting::ApproachOptions approach_options;
+    approach_options.resolution = options().resolution;
+    approach_options.within = approach_tolerance;
+    approach_options.share = approach_fraction;
+    // The queries take half of the tolerance, the search along the step the other half.
+    approach_options.rough = 0.5 * approach_fraction;
+    const cutting::Approach closest = cutting::approach(
+        mesh_, watched.body, kinematics::screw_between(from, to), approach_options);
+    result.queries += std::size_t(closest.queries);
+    return closest;
   }
 
-  void note(WatchedBody& one, std::size_t k, const cutting::Approach& near, const Pose& from,
-            const Pose& to) {
-    const double distance = near.contact ? 0.0 : near.gap.distance;
-    const cutting::Moment moment = moment_of(k, near.u);
-    if (distance < one.nearest) {
-      one.nearest = distance;
-      one.place = actual_motion_.place(moment);
+  void begin_event(WatchedBody& watched, std::size_t k, const cutting::Approach& closest,
+                   const Pose& from, const Pose& to) {
+    const double distance = closest.contact ? 0.0 : closest.gap.distance;
+    const cutting::Moment moment = moment_of(k, closest.u);
+    if (distance < watched.nearest) {
+      watched.nearest = distance;
+      watched.place = actual_motion_.place(moment);
     }
-    if (!near.contact && distance > one.clearance) return;
-    one.open = found.list.size();
-    found.list.push_back(event(moment, 0.5 * (near.gap.on_a + near.gap.on_b)));
-    Collision& event = found.list.back();
-    event.a = one.name;
+    if (!closest.contact && distance > watched.clearance) return;
+    watched.event_index = result.list.size();
+    result.list.push_back(event(moment, 0.5 * (closest.gap.on_a + closest.gap.on_b)));
+    Collision& event = result.list.back();
+    event.a = watched.name;
     event.b = "stock";
-    event.contact = near.contact;
+    event.contact = closest.contact;
     event.distance = distance;
     event.last = end_of_block(k + 1);
     open_line_ = event.last.line;
-    add_near(one.name, k, near);
-    one.met = near.contact;
-    if (near.contact) meet(one, event, k, near.u);
+    add_near(watched.name, k, closest);
+    watched.is_touching = closest.contact;
+    if (closest.contact) begin_contact(watched, event, k, closest.u);
     // A near miss begins where the body comes within the clearance, not where it is nearest.
     else if (const auto u =
-                 cutting::comes_within(mesh_, one.body, kinematics::screw_between(from, to),
-                                       one.clearance, options().resolution)) {
+                 cutting::comes_within(mesh_, watched.body, kinematics::screw_between(from, to),
+                                       watched.clearance, options().resolution)) {
       event.first = actual_motion_.place(moment_of(k, *u));
       event.rapid = actual_motion_.is_rapid(moment_of(k, *u));
     }
@@ -399,30 +406,31 @@ class StockSearch {
 
   /// Begins a contact and samples its depth over the rest of the step.
   /// @param u  fraction of the step at which contact begins
-  void meet(WatchedBody& one, Collision& event, std::size_t k, double u) {
+  void begin_contact(WatchedBody& watched, Collision& event, std::size_t k, double u) {
     event.stock = shape_;
-    one.looked = {};
+    watched.last_sample = {};
     for (std::size_t i = std::size_t(u * samples_per_step) + 1; i <= samples_per_step; ++i)
-      measure(one, event, k, double(i) / double(samples_per_step));
+      measure(watched, event, k, double(i) / double(samples_per_step));
   }
 
   /// Records a lower bound of the distance in step k, for the blocks that the step belongs to.
-  void add_near(const std::string& body, std::size_t k, const cutting::Approach& near) {
-    const double less = std::max(approach_tolerance, approach_fraction * near.gap.distance);
+  void add_near(const std::string& body, std::size_t k, const cutting::Approach& closest) {
+    const double tolerance = std::max(approach_tolerance, approach_fraction * closest.gap.distance);
     const std::size_t end = milling_.at[k + 1];
-    if (near.contact)
-      found.near.push_back({actual_motion_.running(moment_of(k, near.u)), end, body, 0.0});
+    if (closest.contact)
+      result.near.push_back({actual_motion_.running(moment_of(k, closest.u)), end, body, 0.0});
     else
-      found.near.push_back(
-          {milling_.at[k] + 1, end, body, std::max(0.0, near.gap.distance - less)});
+      result.near.push_back(
+          {milling_.at[k] + 1, end, body, std::max(0.0, closest.gap.distance - tolerance)});
   }
 
   /// Returns the moment at fraction u of step k.
   cutting::Moment moment_of(std::size_t k, double u) const {
-    u = std::max(u, 1e-9);  // so that the start of a step counts as part of it
-    const double at = double(milling_.at[k]) + u * double(milling_.at[k + 1] - milling_.at[k]);
-    const auto i = std::min(std::size_t(at), milling_.at[k + 1] - 1);
-    return {i, at - double(i)};
+    u = std::max(u, 1e-9);  // the start of a step belongs to the step
+    const double position =
+        double(milling_.at[k]) + u * double(milling_.at[k + 1] - milling_.at[k]);
+    const auto sample = std::min(std::size_t(position), milling_.at[k + 1] - 1);
+    return {sample, position - double(sample)};
   }
 
   Collision event(const cutting::Moment& moment, const Vector3d& place_w) const {
@@ -432,116 +440,120 @@ class StockSearch {
   }
 
   /// Samples the depth of a contact at fraction u of step k.
-  void measure(WatchedBody& one, Collision& event, std::size_t k, double u) {
-    // Bounds the time for a program that collides throughout.
-    constexpr std::size_t max_looks = 1000;
-    if (looks_ >= max_looks) return;
-    ++looks_;
-    one.looked.T_w = pose(one.frame, k, u);
-    one.looked.depth = cutting::way_out(mesh_, Pose::Identity(), one.body, one.looked.T_w).depth;
+  void measure(WatchedBody& watched, Collision& event, std::size_t k, double u) {
+    constexpr std::size_t max_depth_samples = 1000;  // for a program that collides throughout
+    if (depth_samples_ >= max_depth_samples) return;
+    ++depth_samples_;
+    watched.last_sample.T_w = pose(watched.frame, k, u);
+    watched.last_sample.depth =
+        cutting::way_out(mesh_, Pose::Identity(), watched.body, watched.last_sample.T_w).depth;
     ++event.depths;
-    if (one.looked.depth < event.depth) return;
-    event.depth = one.looked.depth;
+    if (watched.last_sample.depth < event.depth) return;
+    event.depth = watched.last_sample.depth;
     event.worst = actual_motion_.place(moment_of(k, u));
   }
 
-  /// Returns true if the depth at the end of step k is to be sampled. It must be able to exceed the
-  /// largest so far by more than 2 % and the resolution, given that a contact deepens by no more
-  /// than the motion. In addition the step must end a block, where motion often reverses, or the
-  /// body must have moved by a 24th of its path in this contact since the last sample.
-  bool is_probe_needed(const WatchedBody& one, const Collision& event, std::size_t k,
+  /// Returns true if the depth at the end of step k needs a sample: it may exceed the largest so
+  /// far by more than 2 % and the resolution, since a contact deepens by the motion at most; and
+  /// the step ends a block, where motion often reverses, or the body has moved by a 24th of its
+  /// path in this contact since the last sample.
+  bool is_probe_needed(const WatchedBody& watched, const Collision& event, std::size_t k,
                        const Pose& to) const {
-    constexpr double share = 0.02, often = 24;
-    const double moved = cutting::farthest(one.looked.T_w, to, one.body);
-    if (one.looked.depth + moved <=
-        std::max((1.0 + share) * event.depth, event.depth + options().resolution))
+    constexpr double min_increase = 0.02, samples_per_path = 24;
+    const double motion = cutting::farthest(watched.last_sample.T_w, to, watched.body);
+    if (watched.last_sample.depth + motion <=
+        std::max((1.0 + min_increase) * event.depth, event.depth + options().resolution))
       return false;
-    const bool ends_block =
+    const bool is_block_end =
         k + 1 == milling_.moves() || milling_.line[k + 2] != milling_.line[k + 1];
-    return ends_block || often * moved >= one.looked.way;
+    return is_block_end || samples_per_path * motion >= watched.last_sample.way;
   }
 
-  /// Continues an event. The mesh of the stock is updated once per block, because an exact one
-  /// would have to be built for every step while the tool cuts.
-  void go_on(WatchedBody& one, std::size_t k, const std::vector<Pose>& next) {
-    Collision& event = found.list[*one.open];
-    const Pose &from = now_[std::size_t(one.frame)], &to = next[std::size_t(one.frame)];
-    if (milling_.line[k + 1] != open_line_) refresh();
+  /// Continues an event. The mesh of the stock is updated only once a block, since the stock
+  /// changes in every step while the tool cuts.
+  void continue_event(WatchedBody& watched, std::size_t k, const std::vector<Pose>& next_poses) {
+    Collision& event = result.list[*watched.event_index];
+    const Pose &from = poses_[std::size_t(watched.frame)],
+               &to = next_poses[std::size_t(watched.frame)];
+    if (milling_.line[k + 1] != open_line_) update_mesh();
     open_line_ = milling_.line[k + 1];
-    cutting::Approach near;
-    near.contact = one.met;
-    if (!one.met) near = nearest_in(one, from, to);
-    add_near(one.name, k, near);
-    one.T_w = to;
-    one.distance = ask(one, to);
-    one.met = meets(one, to, one.distance);
+    cutting::Approach closest;
+    closest.contact = watched.is_touching;
+    if (!watched.is_touching) closest = nearest_in(watched, from, to);
+    add_near(watched.name, k, closest);
+    watched.T_w = to;
+    watched.distance = distance_to_stock(watched, to);
+    watched.is_touching = is_in_contact(watched, to, watched.distance);
     event.last = end_of_block(k + 1);
-    // A near miss that turns into a contact is a single event.
-    if (!event.contact && (near.contact || near.gap.distance < event.distance))
-      nearer(one, event, k, near);
-    one.looked.way += cutting::farthest(from, to, one.body);
-    if (one.met && is_probe_needed(one, event, k, to)) measure(one, event, k, 1.0);
-    if (!one.met && one.distance > one.clearance) one.open.reset();
+    // A near miss that becomes a contact stays one event.
+    if (!event.contact && (closest.contact || closest.gap.distance < event.distance))
+      replace_near_miss(watched, event, k, closest);
+    watched.last_sample.way += cutting::farthest(from, to, watched.body);
+    if (watched.is_touching && is_probe_needed(watched, event, k, to))
+      measure(watched, event, k, 1.0);
+    if (!watched.is_touching && watched.distance > watched.clearance) watched.event_index.reset();
   }
 
-  /// Returns the nearest approach in a step that begins without contact. A contact with an old mesh
-  /// is confirmed with the current one.
-  cutting::Approach nearest_in(const WatchedBody& one, const Pose& from, const Pose& to) {
-    const cutting::Approach near = approach(one, from, to);
-    if (!near.contact || !is_stale_) return near;
-    refresh();
-    return approach(one, from, to);
+  /// Returns the closest approach in a step that begins without contact. A contact with an old mesh
+  /// is checked with the current one.
+  cutting::Approach nearest_in(const WatchedBody& watched, const Pose& from, const Pose& to) {
+    const cutting::Approach closest = approach(watched, from, to);
+    if (!closest.contact || !is_stale_) return closest;
+    update_mesh();
+    return approach(watched, from, to);
   }
 
-  void nearer(WatchedBody& one, Collision& event, std::size_t k, const cutting::Approach& near) {
-    Collision now = this->event(moment_of(k, near.u), 0.5 * (near.gap.on_a + near.gap.on_b));
-    now.a = event.a;
-    now.b = event.b;
-    now.last = event.last;
-    now.contact = near.contact;
-    now.distance = near.contact ? 0.0 : near.gap.distance;
-    // A near miss keeps the beginning found before.
-    if (!near.contact) {
-      now.first = event.first;
-      now.rapid = event.rapid;
+  /// Replaces a near miss by a closer one, or by a contact.
+  void replace_near_miss(WatchedBody& watched, Collision& event, std::size_t k,
+                         const cutting::Approach& closest) {
+    Collision replacement =
+        this->event(moment_of(k, closest.u), 0.5 * (closest.gap.on_a + closest.gap.on_b));
+    replacement.a = event.a;
+    replacement.b = event.b;
+    replacement.last = event.last;
+    replacement.contact = closest.contact;
+    replacement.distance = closest.contact ? 0.0 : closest.gap.distance;
+    if (!closest.contact) {
+      replacement.first = event.first;
+      replacement.rapid = event.rapid;
     }
-    event = std::move(now);
-    if (near.contact) meet(one, event, k, near.u);
-    if (event.distance < one.nearest) {
-      one.nearest = event.distance;
-      one.place = event.worst;
+    event = std::move(replacement);
+    if (closest.contact) begin_contact(watched, event, k, closest.u);
+    if (event.distance < watched.nearest) {
+      watched.nearest = event.distance;
+      watched.place = event.worst;
     }
   }
 
-  void take(std::size_t k) {
-    const cutting::RemovalResult removed = cutting::remove(stock_, cutter_, milling_.move(k));
-    if (removed.volume > 0.0) is_stale_ = true;
-    // A shank wider than the cutter is followed as a body of its own, which meets everything that a
-    // shank of the cutter's radius would.
+  void remove_stock(std::size_t k) {
+    const cutting::RemovalResult removal = cutting::remove(stock_, cutter_, milling_.move(k));
+    if (removal.volume > 0.0) is_stale_ = true;
+    // A shank wider than the cutter is a watched body, which meets all that a shank of the cutter's
+    // radius would meet.
     const bool is_watched =
         own_shank_radius_.value_or(0.0) > shank_radius(cutter_) && !milling_.rapid[k + 1];
-    if (removed.crashed && !is_watched) crashes_.push_back(k);
+    if (removal.crashed && !is_watched) crashes_.push_back(k);
   }
 
-  /// Runs the program a second time to examine the crashes of cutter and shank, each with the stock
-  /// that it meets. Only the first ones are measured, since each needs a new mesh.
+  /// Repeats the cut to examine the crashes of cutter and shank, each with the stock at its time.
+  /// Only the first crashes are measured, since each needs a new mesh.
   void add_crashes() {
     stock_ = blank_;
     std::size_t k = 0, measured = 0;
     for (std::size_t i = 0; i < crashes_.size();) {
       std::size_t end = i + 1;
       while (end < crashes_.size() && is_same_crash(crashes_[end - 1], crashes_[end])) ++end;
-      Collision event = unseen(crashes_[i]);
+      Collision event = dexel_crash(crashes_[i]);
       if (measured++ < max_measured_contacts) {
         for (; k < crashes_[i]; ++k) cutting::remove(stock_, cutter_, milling_.move(k));
-        renew();
-        // A contact shallower than the dexel spacing does not show in the mesh.
+        rebuild_mesh();
+        // The mesh does not show a contact shallower than the dexel spacing.
         event.below_mesh = true;
         event = deepest(i, end).value_or(std::move(event));
       }
       if (event.below_mesh && own_shank_radius_) {
-        if (unseen_++ == 0) unseen_line_ = event.first.line;
-      } else if (!is_left_out(event.a)) {
+        if (unconfirmed_crashes_++ == 0) first_unconfirmed_line_ = event.first.line;
+      } else if (!is_ignored_body(event.a)) {
         add_crash(i, end, std::move(event));
       }
       i = end;
@@ -558,67 +570,71 @@ class StockSearch {
     const auto frame = std::size_t(body.frame);
     for (std::size_t i = begin; i < end; ++i) {
       const std::size_t k = crashes_[i];
-      const cutting::Approach met = cutting::approach(
+      const cutting::Approach closest = cutting::approach(
           mesh_, body.core, kinematics::screw_between(poses(k)[frame], poses(k + 1)[frame]));
-      found.queries += std::size_t(met.queries);
-      if (!met.contact) continue;
-      Collision one = event(moment_of(k, met.u), met.gap.on_a);
-      one.a = body.name;
-      return one;
+      result.queries += std::size_t(closest.queries);
+      if (!closest.contact) continue;
+      Collision crash = event(moment_of(k, closest.u), closest.gap.on_a);
+      crash.a = body.name;
+      return crash;
     }
     return {};
   }
 
   /// Samples the depth of a body over the crashes [begin, end) with the stock at the first of them.
   void measure(const ToolBody& body, std::size_t begin, std::size_t end, Collision& event) const {
-    constexpr std::size_t n = samples_per_step;
-    const auto u = [](std::size_t look) { return double(look % n + 1) / double(n); };
+    constexpr std::size_t divisions = samples_per_step;
+    const auto u = [](std::size_t division) {
+      return double(division % divisions + 1) / double(divisions);
+    };
     const auto line = [&](std::size_t i) { return milling_.line[crashes_[i] + 1]; };
     std::vector<std::size_t> line_ends;
     for (std::size_t i = begin; i < end; ++i)
-      if (i + 1 == end || line(i + 1) != line(i)) line_ends.push_back(n * i + n - 1);
+      if (i + 1 == end || line(i + 1) != line(i))
+        line_ends.push_back(divisions * i + divisions - 1);
     const DeepestSample deepest =
-        deepest_sample(n * begin, n * end, line_ends, [&](std::size_t look) {
+        deepest_sample(divisions * begin, divisions * end, line_ends, [&](std::size_t division) {
           return cutting::way_out(mesh_, Pose::Identity(), body.body,
-                                  pose(body.frame, crashes_[look / n], u(look)))
+                                  pose(body.frame, crashes_[division / divisions], u(division)))
               .depth;
         });
     event.depth = deepest.depth;
     event.depths = deepest.looks;
-    event.worst = actual_motion_.place(moment_of(crashes_[deepest.at / n], u(deepest.at)));
+    event.worst = actual_motion_.place(moment_of(crashes_[deepest.at / divisions], u(deepest.at)));
   }
 
   /// Returns the deeper of the contacts of cutter and shank; empty if the mesh shows none.
   std::optional<Collision> deepest(std::size_t begin, std::size_t end) {
-    std::optional<Collision> worst;
-    if (!mesh_.search) return worst;
-    for (const ToolBody& body : tool_) {
-      // A cutter that meets stock in feed cuts; only in rapid it crashes.
+    std::optional<Collision> deepest_contact;
+    if (!mesh_.search) return deepest_contact;
+    for (const ToolBody& body : tool_bodies_) {
+      // A cutter may meet stock in feed.
       if (body.kind == Kind::Cutter && !milling_.rapid[crashes_[begin] + 1]) continue;
-      std::optional<Collision> one = first_contact(body, begin, end);
-      if (!one) continue;
-      measure(body, begin, end, *one);
-      if (!worst || one->depth > worst->depth) worst = std::move(one);
+      std::optional<Collision> contact = first_contact(body, begin, end);
+      if (!contact) continue;
+      measure(body, begin, end, *contact);
+      if (!deepest_contact || contact->depth > deepest_contact->depth)
+        deepest_contact = std::move(contact);
     }
-    return worst;
+    return deepest_contact;
   }
 
-  /// Returns the event for a crash that shows only in the dexels.
-  Collision unseen(std::size_t k) const {
-    Collision one = event({milling_.at[k], 0.0}, milling_.T_wt[k].translation());
-    one.a = milling_.rapid[k + 1] ? "cutter" : "shank";
-    return one;
+  /// Returns the event for a crash that only the dexels show.
+  Collision dexel_crash(std::size_t k) const {
+    Collision crash = event({milling_.at[k], 0.0}, milling_.T_wt[k].translation());
+    crash.a = milling_.rapid[k + 1] ? "cutter" : "shank";
+    return crash;
   }
 
-  void add_crash(std::size_t begin, std::size_t end, Collision met) {
-    met.b = "stock";
-    met.stock = shape_;
-    met.rapid = milling_.rapid[crashes_[begin] + 1];
-    met.last = end_of_block(crashes_[end - 1] + 1);
+  void add_crash(std::size_t begin, std::size_t end, Collision crash) {
+    crash.b = "stock";
+    crash.stock = shape_;
+    crash.rapid = milling_.rapid[crashes_[begin] + 1];
+    crash.last = end_of_block(crashes_[end - 1] + 1);
     for (std::size_t i = begin; i < end; ++i)
-      found.near.push_back(
-          {milling_.at[crashes_[i]] + 1, milling_.at[crashes_[i] + 1], met.a, 0.0});
-    found.list.push_back(std::move(met));
+      result.near.push_back(
+          {milling_.at[crashes_[i]] + 1, milling_.at[crashes_[i] + 1], crash.a, 0.0});
+    result.list.push_back(std::move(crash));
   }
 
   const ActualMotion& actual_motion_;
@@ -629,14 +645,14 @@ class StockSearch {
   Body mesh_;  // search structure of `shape_`; empty if no stock is left
   bool is_stale_ = false;
   std::optional<double> own_shank_radius_;  // mm; empty: the shank has the radius of the cutter
-  std::size_t unseen_ = 0;                  // crashes of the dexels that the bodies do not confirm
-  int unseen_line_ = 0;                     // program line of the first of them
-  std::vector<WatchedBody> watched_;
-  std::vector<ToolBody> tool_;
-  std::vector<Pose> now_;             // poses of all carriers in the workpiece
+  std::size_t unconfirmed_crashes_ = 0;     // crashes of the dexels that the bodies do not confirm
+  int first_unconfirmed_line_ = 0;
+  std::vector<WatchedBody> watched_bodies_;
+  std::vector<ToolBody> tool_bodies_;
+  std::vector<Pose> poses_;           // of all carriers in the workpiece, at the present step
   std::vector<std::size_t> crashes_;  // steps in which the dexels show a crash of cutter or shank
   int open_line_ = 0;
-  std::size_t looks_ = 0;
+  std::size_t depth_samples_ = 0;
 };
 
 }  // namespace
@@ -651,7 +667,7 @@ StockCollisions stock_collisions(const ActualMotion& actual_motion,
                                  const Progress& progress) {
   StockSearch search(actual_motion, bodies, pairs);
   search.run(progress);
-  return std::move(search.found);
+  return std::move(search.result);
 }
 
 }  // namespace abbe::sim

@@ -56,7 +56,7 @@ class StockReplay {
   std::variant<cutting::Cutter, cutting::Nose> tool_;
   Milling milling_;             ///< of a turned part with slow poses
   std::vector<double> time_s_;  ///< (moves) time at which each ends
-  std::size_t next_ = 0;
+  std::size_t next_move_ = 0;
 };
 
 /// Returns true if the stock of a part is followed: it has [cutting] and a milling cutter.

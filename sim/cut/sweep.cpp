@@ -46,13 +46,14 @@ Sweep single_tool_sweep(const ToolSweep& sweep, const SurfaceOptions& options) {
           }};
 }
 
-/// Returns the surface with only those cuts that fall into the time of a sweep.
-Surface cut_during(Surface surface, const program::Samples& samples) {
+/// Returns the surface with only those cuts that are within the time of a sweep.
+Surface restrict_to_sweep(Surface surface, const program::Samples& samples) {
   for (std::size_t i = 0; i < surface.status.size(); ++i) {
     const double time_s = surface.cut_time_s[Eigen::Index(i)];
-    const bool during = !samples.states.empty() && time_s >= samples.states.front().time_s &&
-                        time_s <= samples.states.back().time_s;
-    if (!during && surface.status[i] == VertexStatus::Cut) surface.status[i] = VertexStatus::Uncut;
+    const bool is_during = !samples.states.empty() && time_s >= samples.states.front().time_s &&
+                           time_s <= samples.states.back().time_s;
+    if (!is_during && surface.status[i] == VertexStatus::Cut)
+      surface.status[i] = VertexStatus::Uncut;
   }
   return surface;
 }
@@ -65,63 +66,65 @@ PassGradients no_contacts(const Design& design_w) {
 }
 
 /// Adds the contacts of a later sweep at vertices that have none yet.
-/// @param before  mm, path length of the tools before it
+/// @param previous_travel  path length of the tools before it, mm
 /// @return the largest path length, mm
-double add_contacts(PassGradients& all, const PassGradients& more, double before) {
-  double most = before;
-  for (Eigen::Index v = 0; v < all.travel.size(); ++v) {
-    if (std::isnan(more.travel[v]) || !std::isnan(all.travel[v])) continue;
-    all.gradient.row(v) = more.gradient.row(v);
-    all.travel[v] = before + more.travel[v];
-    most = std::max(most, all.travel[v]);
+double add_contacts(PassGradients& contacts, const PassGradients& additional,
+                    double previous_travel) {
+  double max_travel = previous_travel;
+  for (Eigen::Index vertex = 0; vertex < contacts.travel.size(); ++vertex) {
+    if (std::isnan(additional.travel[vertex]) || !std::isnan(contacts.travel[vertex])) continue;
+    contacts.gradient.row(vertex) = additional.gradient.row(vertex);
+    contacts.travel[vertex] = previous_travel + additional.travel[vertex];
+    max_travel = std::max(max_travel, contacts.travel[vertex]);
   }
-  return most;
+  return max_travel;
 }
 
-/// Returns the contact at each vertex with the tool that cut there; the path lengths of the tools
-/// follow one another.
+/// Returns the contact at each vertex with the tool that has cut it. The path length of each tool
+/// continues that of the tool before.
 PassGradients joined_contacts(const Design& design_w, const Surface& surface,
                               const std::vector<ToolSweep>& sweeps,
-                              const std::vector<Sweep>& ones) {
-  constexpr double between_tools = 1e6;  // mm: separates the path lengths, so that no two tools
-                                         // seem to cut in one pass
-  PassGradients all = no_contacts(design_w);
-  double before = 0.0;
-  for (std::size_t k = 0; k < ones.size(); ++k) {
-    const PassGradients one = ones[k].contacts(design_w, cut_during(surface, sweeps[k].samples));
-    before = add_contacts(all, one, before) + between_tools;
+                              const std::vector<Sweep>& tool_sweeps) {
+  constexpr double between_tools = 1e6;  // mm of path length, so that two tools never share a pass
+  PassGradients merged = no_contacts(design_w);
+  double previous_travel = 0.0;
+  for (std::size_t k = 0; k < tool_sweeps.size(); ++k) {
+    const PassGradients sweep_contacts =
+        tool_sweeps[k].contacts(design_w, restrict_to_sweep(surface, sweeps[k].samples));
+    previous_travel = add_contacts(merged, sweep_contacts, previous_travel) + between_tools;
   }
-  return all;
+  return merged;
 }
 
 }  // namespace
 
 Sweep sweep_of(std::vector<ToolSweep> sweeps, const SurfaceOptions& options) {
-  // One sweep needs no combination.
   if (sweeps.size() == 1) return single_tool_sweep(sweeps.front(), options);
-  std::vector<Sweep> ones;
+  std::vector<Sweep> tool_sweeps;
   for (std::size_t i = 0; i < sweeps.size(); ++i) {
-    SurfaceOptions own{.band = options.band, .progress = {}, .body = options.body};
+    SurfaceOptions tool_options{.band = options.band, .progress = {}, .body = options.body};
     if (options.progress)
-      own.progress = [progress = options.progress, i, n = sweeps.size()](double fraction) {
-        progress((double(i) + fraction) / double(n));
+      tool_options.progress = [progress = options.progress, i,
+                               sweep_count = sweeps.size()](double fraction) {
+        progress((double(i) + fraction) / double(sweep_count));
       };
-    ones.push_back(single_tool_sweep(sweeps[i], own));
+    tool_sweeps.push_back(single_tool_sweep(sweeps[i], tool_options));
   }
   std::vector<cutting::SurfaceFunction> surfaces;
   for (std::size_t i = 0; i < sweeps.size(); ++i)
-    // Only the usual band is prepared; a search for gouges with a wider band is rare and made anew.
-    surfaces.push_back([prepared = ones[i].surface, sweep = sweeps[i], usual = options.band](
-                           const Design& design_w, double band) {
-      if (band == usual) return prepared(design_w);
+    // A search for gouges with a wider band is rare, so only the default band is prepared.
+    surfaces.push_back([prepared = tool_sweeps[i].surface, sweep = sweeps[i],
+                        default_band = options.band](const Design& design_w, double band) {
+      if (band == default_band) return prepared(design_w);
       return single_tool_sweep(sweep, {.band = band, .progress = {}}).surface(design_w);
     });
-  return {[surfaces, band = options.band](const Design& design_w) {
-            return cutting::combined_surface(design_w, surfaces, band);
-          },
-          [sweeps = std::move(sweeps), ones](const Design& design_w, const Surface& surface) {
-            return joined_contacts(design_w, surface, sweeps, ones);
-          }};
+  return {
+      [surfaces, band = options.band](const Design& design_w) {
+        return cutting::combined_surface(design_w, surfaces, band);
+      },
+      [sweeps = std::move(sweeps), tool_sweeps](const Design& design_w, const Surface& surface) {
+        return joined_contacts(design_w, surface, sweeps, tool_sweeps);
+      }};
 }
 
 cutting::Surface machined_surface(const Design& design_w, const std::vector<ToolSweep>& sweeps,
@@ -133,28 +136,31 @@ Sweep sweep_in_windows(const Cutter& cutter, std::size_t windows,
                        const std::function<SweptWindow(std::size_t number)>& window,
                        const SurfaceOptions& options) {
   const auto motion_in = [window](std::size_t number) {
-    const SweptWindow one = window(number);
-    return cutter_motion(one.T_wt, one.samples);
+    const SweptWindow swept = window(number);
+    return cutter_motion(swept.T_wt, swept.samples);
   };
   const auto begin = [=]() -> cutting::MotionBlocks {
-    return [=, next = std::size_t(0)]() mutable -> std::optional<cutting::MotionBlock> {
-      if (next == windows) return std::nullopt;
-      cutting::CutterMotion motion = motion_in(next++);
-      return cutting::MotionBlock{std::move(motion), double(next) / double(windows)};
+    return [=, next_window = std::size_t(0)]() mutable -> std::optional<cutting::MotionBlock> {
+      if (next_window == windows) return std::nullopt;
+      cutting::CutterMotion motion = motion_in(next_window++);
+      return cutting::MotionBlock{std::move(motion), double(next_window) / double(windows)};
     };
   };
   const auto contacts = [=](const Design& design_w, const Surface& surface) {
-    PassGradients all = no_contacts(design_w);
-    double before = 0.0;
+    PassGradients merged = no_contacts(design_w);
+    double previous_travel = 0.0;
     for (std::size_t k = 0; k < windows; ++k) {
-      const SweptWindow one = window(k);
-      const cutting::CutterMotion motion = cutter_motion(one.T_wt, one.samples);
-      const Surface during = cut_during(surface, one.samples);
-      add_contacts(all, cutting::milled_gradients(design_w, during, cutter, motion, before), 0.0);
-      // path lengths continue from window to window, as in the sweep of the whole
-      before = cutting::way_of(motion, before).tail(1).value();
+      const SweptWindow swept = window(k);
+      const cutting::CutterMotion motion = cutter_motion(swept.T_wt, swept.samples);
+      const Surface window_surface = restrict_to_sweep(surface, swept.samples);
+      add_contacts(
+          merged,
+          cutting::milled_gradients(design_w, window_surface, cutter, motion, previous_travel),
+          0.0);
+      // Path lengths continue from window to window, as in a sweep of the whole program.
+      previous_travel = cutting::way_of(motion, previous_travel).tail(1).value();
     }
-    return all;
+    return merged;
   };
   return {[=](const Design& design_w) {
             return cutting::streamed_surface(design_w, cutter, begin, options);
@@ -195,20 +201,21 @@ namespace {
 using Eigen::Vector3d;
 using kinematics::Pose;
 
-/// A coordinate with the texts for a gap on either side.
+/// The texts for a gap on either side in a coordinate.
 struct Coordinate {
   const char* below;
   const char* above;
 };
 using Coordinates = std::array<Coordinate, 3>;
 
-constexpr Coordinates milled = {{{"the nearest cut lies {:.1f} mm beside the part, towards its -x",
-                                  "the nearest cut lies {:.1f} mm beside the part, towards its +x"},
-                                 {"the nearest cut lies {:.1f} mm beside the part, towards its -y",
-                                  "the nearest cut lies {:.1f} mm beside the part, towards its +y"},
-                                 {"the highest cut lies {:.1f} mm below the part",
-                                  "the lowest cut lies {:.1f} mm above the part"}}};
-constexpr Coordinates turned = {
+constexpr Coordinates milled_texts = {
+    {{"the nearest cut lies {:.1f} mm beside the part, towards its -x",
+      "the nearest cut lies {:.1f} mm beside the part, towards its +x"},
+     {"the nearest cut lies {:.1f} mm beside the part, towards its -y",
+      "the nearest cut lies {:.1f} mm beside the part, towards its +y"},
+     {"the highest cut lies {:.1f} mm below the part",
+      "the lowest cut lies {:.1f} mm above the part"}}};
+constexpr Coordinates turned_texts = {
     {{"the nearest cut lies {:.1f} mm before the part along the spindle",
       "the nearest cut lies {:.1f} mm beyond the part along the spindle"},
      {"the largest radius cut lies {:.1f} mm inside the part's smallest",
@@ -219,7 +226,7 @@ bool is_milled(const Job& job) {
   return std::holds_alternative<cutting::Cutter>(job.scene.tool.nominal);
 }
 
-/// Returns how far the cutter reaches along a direction, mm.
+/// Returns the position of the outermost point of a cutter along a direction, mm.
 /// @param T  tool in the frame of the direction
 double reach_along(const cutting::Cutter& cutter, const Pose& T, const Vector3d& direction) {
   const Vector3d axis = T.linear().col(2);
@@ -227,21 +234,21 @@ double reach_along(const cutting::Cutter& cutter, const Pose& T, const Vector3d&
          cutting::support(cutter, direction.dot(axis), direction.cross(axis).norm());
 }
 
-/// Range of one pose of the tool in a coordinate, and the position of its tip.
-struct Taken {
+/// The range of the tool at one pose in a coordinate, and the position of its tip.
+struct PoseRange {
   double low, high, tip;
 };
 
-Taken taken_by(const cutting::Cutter& cutter, const Pose& T_mt, int k) {
+PoseRange tool_range(const cutting::Cutter& cutter, const Pose& T_mt, int k) {
   return {-reach_along(cutter, T_mt, -Vector3d::Unit(k)),
           reach_along(cutter, T_mt, Vector3d::Unit(k)), T_mt.translation()[k]};
 }
 
-void extend(SweptSpans& swept, std::size_t k, const Taken& taken, int line, bool in_feed) {
-  swept.all[k].extend(taken.low, taken.high, line);
+void extend(SweptSpans& swept, std::size_t k, const PoseRange& range, int line, bool in_feed) {
+  swept.all[k].extend(range.low, range.high, line);
   if (!in_feed) return;
-  swept.feed[k].extend(taken.low, taken.high, line);
-  swept.tip[k].extend(taken.tip, taken.tip, line);
+  swept.feed[k].extend(range.low, range.high, line);
+  swept.tip[k].extend(range.tip, range.tip, line);
 }
 
 }  // namespace
@@ -261,52 +268,55 @@ std::array<double, 2> spindle_coordinates(const Job& job, const Vector3d& p_w) {
 
 namespace {
 
-/// Returns how far an edge reaches from its centre along a direction, mm.
+/// Returns the distance from the centre of an edge to its outermost point along a direction, mm.
 /// @param R  rotation of frame t
 double reach_along(const cutting::Nose& nose, const Eigen::Matrix3d& R, const Vector3d& direction) {
   if (!nose.profile) return nose.radius;
-  const Eigen::Vector2d way(R.col(0).dot(direction), R.col(2).dot(direction));
-  return way.dot(cutting::extreme_point(*nose.profile, way));
+  const Eigen::Vector2d direction_t(R.col(0).dot(direction), R.col(2).dot(direction));
+  return direction_t.dot(cutting::extreme_point(*nose.profile, direction_t));
 }
 
-/// Returns the ranges of one pose along the spindle and radially.
-std::array<Taken, 2> taken_by(const cutting::Nose& nose, const SpindleLine& line,
-                              const Pose& T_wt) {
-  const Vector3d arm = T_wt.translation() - line.point_w;
-  const double along = line.direction_w.dot(arm);
-  const Vector3d out = arm - along * line.direction_w;
-  const std::array<double, 2> at{along, out.norm()};
-  // `stableNormalized` leaves zero at zero, for a tool on the spindle axis
-  const std::array<Vector3d, 2> ways{line.direction_w, out.stableNormalized()};
-  std::array<Taken, 2> taken;
+/// Returns the ranges of the tool at one pose along the spindle and radially.
+std::array<PoseRange, 2> tool_range(const cutting::Nose& nose, const SpindleLine& line,
+                                    const Pose& T_wt) {
+  const Vector3d lever = T_wt.translation() - line.point_w;
+  const double along = line.direction_w.dot(lever);
+  const Vector3d radial = lever - along * line.direction_w;
+  const std::array<double, 2> position{along, radial.norm()};
+  // `stableNormalized` returns zero for the zero vector of a tool on the spindle axis.
+  const std::array<Vector3d, 2> directions{line.direction_w, radial.stableNormalized()};
+  std::array<PoseRange, 2> ranges;
   for (std::size_t k = 0; k < 2; ++k)
-    taken[k] = {at[k] - reach_along(nose, T_wt.linear(), -ways[k]),
-                at[k] + reach_along(nose, T_wt.linear(), ways[k]), at[k]};
-  return taken;
+    ranges[k] = {position[k] - reach_along(nose, T_wt.linear(), -directions[k]),
+                 position[k] + reach_along(nose, T_wt.linear(), directions[k]), position[k]};
+  return ranges;
 }
 
-void extend_by(SweptSpans& swept, const Job& job, bool feeds) {
+/// Extends ranges by the poses of a part of a job.
+/// @param has_feed  false: no block of the job feeds, and every move counts as feed
+void extend_with_job(SweptSpans& swept, const Job& job, bool has_feed) {
   const auto* cutter = std::get_if<cutting::Cutter>(&job.scene.tool.nominal);
   const auto* nose = std::get_if<cutting::Nose>(&job.scene.tool.nominal);
   std::optional<SpindleLine> spindle;
   if (nose != nullptr) spindle = spindle_line(job.machine.nominal, *job.machine.workpiece_spindle);
   const Pose T_mw = job.scene.part.T_wm.inverse();
-  const std::size_t n = job.T_wt_nominal.size();
-  const auto is_fed_to = [&](std::size_t i) {
+  const std::size_t sample_count = job.T_wt_nominal.size();
+  const auto is_feed_sample_at = [&](std::size_t i) {
     return program::is_feed(job.path.blocks[std::size_t(job.samples.block[i])]);
   };
-  for (std::size_t i = 0; i < n; ++i) {
-    // a feed begins where the block before it ends
-    const bool begins = feeds && !is_fed_to(i) && i + 1 < n && is_fed_to(i + 1);
-    const bool in_feed = !feeds || begins || is_fed_to(i);
-    const int line = job.samples.line[begins ? i + 1 : i];
+  for (std::size_t i = 0; i < sample_count; ++i) {
+    // A feed begins at the last sample of the block before it.
+    const bool is_feed_start =
+        has_feed && !is_feed_sample_at(i) && i + 1 < sample_count && is_feed_sample_at(i + 1);
+    const bool in_feed = !has_feed || is_feed_start || is_feed_sample_at(i);
+    const int line = job.samples.line[is_feed_start ? i + 1 : i];
     if (cutter != nullptr) {
       const Pose T_mt = T_mw * job.T_wt_nominal[i];
       for (int k = 0; k < 3; ++k)
-        extend(swept, std::size_t(k), taken_by(*cutter, T_mt, k), line, in_feed);
+        extend(swept, std::size_t(k), tool_range(*cutter, T_mt, k), line, in_feed);
     } else {
-      const auto taken = taken_by(*nose, *spindle, job.T_wt_nominal[i]);
-      for (std::size_t k = 0; k < 2; ++k) extend(swept, k, taken[k], line, in_feed);
+      const auto ranges = tool_range(*nose, *spindle, job.T_wt_nominal[i]);
+      for (std::size_t k = 0; k < 2; ++k) extend(swept, k, ranges[k], line, in_feed);
     }
   }
 }
@@ -314,9 +324,10 @@ void extend_by(SweptSpans& swept, const Job& job, bool feeds) {
 }  // namespace
 
 SweptSpans swept_spans(const Job& job) {
-  const bool feeds = std::any_of(job.path.blocks.begin(), job.path.blocks.end(), program::is_feed);
+  const bool has_feed =
+      std::any_of(job.path.blocks.begin(), job.path.blocks.end(), program::is_feed);
   SweptSpans swept;
-  each_part(job, [&](const Job& part) { extend_by(swept, part, feeds); });
+  each_part(job, [&](const Job& part) { extend_with_job(swept, part, has_feed); });
   return swept;
 }
 
@@ -331,26 +342,26 @@ Spans part_spans(const Job& job) {
       const Vector3d p_m = T_mw * p_w;
       for (int k = 0; k < 3; ++k) spans[std::size_t(k)].extend(p_m[k], p_m[k], 0);
     } else {
-      const auto at = spindle_coordinates(job, p_w);
-      for (std::size_t k = 0; k < 2; ++k) spans[k].extend(at[k], at[k], 0);
+      const auto coordinates = spindle_coordinates(job, p_w);
+      for (std::size_t k = 0; k < 2; ++k) spans[k].extend(coordinates[k], coordinates[k], 0);
     }
   }
   return spans;
 }
 
 ClosestGap closest_gap(const Job& job, const Spans& part, const Spans& tool) {
-  const Coordinates& names = is_milled(job) ? milled : turned;
-  ClosestGap worst;
+  const Coordinates& texts = is_milled(job) ? milled_texts : turned_texts;
+  ClosestGap largest;
   for (std::size_t k = 0; k < part.size(); ++k) {
     const double above = tool[k].low - part[k].high, below = part[k].low - tool[k].high;
     const bool is_above = above > below;
     const double gap = std::max(above, below);
-    // an empty range (no feed, a third coordinate of turning) is infinite
-    if (!(gap > worst.gap) || !std::isfinite(gap)) continue;
-    worst = {gap, is_above ? tool[k].low_line : tool[k].high_line,
-             fmt::format(fmt::runtime(is_above ? names[k].above : names[k].below), gap)};
+    // An empty range, as without feed or in the third coordinate of turning, is infinite.
+    if (!(gap > largest.gap) || !std::isfinite(gap)) continue;
+    largest = {gap, is_above ? tool[k].low_line : tool[k].high_line,
+               fmt::format(fmt::runtime(is_above ? texts[k].above : texts[k].below), gap)};
   }
-  return worst;
+  return largest;
 }
 
 }  // namespace abbe::sim

@@ -17,13 +17,12 @@ SpindleLine spindle_line(const kinematics::Chain& chain, int joint) {
 
 kinematics::Pose slow_pose(const SpindleLine& line, double spindle_angle,
                            const kinematics::Pose& T_wt) {
-  // about the spindle axis, against its angle
-  const Eigen::Matrix3d back =
+  const Eigen::Matrix3d R_back =
       Eigen::AngleAxisd(-spindle_angle, line.direction_w).toRotationMatrix();
-  kinematics::Pose T = T_wt;
-  T.linear() = back * T_wt.linear();
-  T.translation() = line.point_w + back * (T_wt.translation() - line.point_w);
-  return T;
+  kinematics::Pose T_slow = T_wt;
+  T_slow.linear() = R_back * T_wt.linear();
+  T_slow.translation() = line.point_w + R_back * (T_wt.translation() - line.point_w);
+  return T_slow;
 }
 
 cutting::CutterMotion cutter_motion(const std::vector<kinematics::Pose>& T_wt,
@@ -53,7 +52,6 @@ std::size_t sample_at(const program::Samples& samples, double time_s) {
 std::vector<std::size_t> distinct_instants(const program::Samples& samples) {
   std::vector<std::size_t> distinct;
   for (std::size_t i = 0; i < samples.states.size(); ++i)
-    // strictly later: of samples at one time the first counts
     if (distinct.empty() || samples.states[i].time_s > samples.states[distinct.back()].time_s)
       distinct.push_back(i);
   return distinct;
@@ -65,38 +63,40 @@ cutting::NoseMotion nose_motion(const std::vector<kinematics::Pose>& T_wt,
   cutting::NoseMotion motion;
   motion.spindle_point = line.point_w;
   motion.spindle_direction = line.direction_w;
-  std::vector<double> angle, time;
+  std::vector<double> angles, times_s;
   for (const std::size_t i : distinct_instants(samples)) {
     const kinematics::AxisState& state = samples.states[i];
-    const double turn = state.q[spindle];
-    motion.T_slow.push_back(slow_pose(line, turn, T_wt[i]));
-    angle.push_back(turn);
-    time.push_back(state.time_s);
+    const double spindle_angle = state.q[spindle];
+    motion.T_slow.push_back(slow_pose(line, spindle_angle, T_wt[i]));
+    angles.push_back(spindle_angle);
+    times_s.push_back(state.time_s);
     motion.line.push_back(samples.line[i]);
   }
-  motion.spindle = Eigen::Map<Eigen::VectorXd>(angle.data(), Eigen::Index(angle.size()));
-  motion.time_s = Eigen::Map<Eigen::VectorXd>(time.data(), Eigen::Index(time.size()));
+  motion.spindle = Eigen::Map<Eigen::VectorXd>(angles.data(), Eigen::Index(angles.size()));
+  motion.time_s = Eigen::Map<Eigen::VectorXd>(times_s.data(), Eigen::Index(times_s.size()));
   return motion;
 }
 
 std::vector<kinematics::AxisVector> accelerations(const program::Samples& samples) {
-  // 20 ms: the speed jumps where blocks meet, so a shorter window gives larger accelerations
-  constexpr double window_s = 0.02;
+  constexpr double window_s = 0.02;  // speeds jump where blocks meet, so it sets the acceleration
   const auto& states = samples.states;
-  std::vector<kinematics::AxisVector> all(states.size());
-  const auto at = [&](double time_s, std::size_t near) -> kinematics::AxisVector {
-    std::size_t i = near;
-    while (i + 1 < states.size() && states[i + 1].time_s <= time_s) ++i;
-    while (i > 0 && states[i].time_s > time_s) --i;
-    if (i + 1 == states.size() || time_s <= states[i].time_s) return states[i].q;
-    const double part = (time_s - states[i].time_s) / (states[i + 1].time_s - states[i].time_s);
-    return (1 - part) * states[i].q + part * states[i + 1].q;
+  std::vector<kinematics::AxisVector> result(states.size());
+  const auto position = [&](double time_s, std::size_t guess) -> kinematics::AxisVector {
+    std::size_t sample = guess;
+    while (sample + 1 < states.size() && states[sample + 1].time_s <= time_s) ++sample;
+    while (sample > 0 && states[sample].time_s > time_s) --sample;
+    if (sample + 1 == states.size() || time_s <= states[sample].time_s) return states[sample].q;
+    const double fraction =
+        (time_s - states[sample].time_s) / (states[sample + 1].time_s - states[sample].time_s);
+    return (1 - fraction) * states[sample].q + fraction * states[sample + 1].q;
   };
-  for (std::size_t i = 0; i < states.size(); ++i) {
-    const double t = states[i].time_s;
-    all[i] = (at(t + window_s, i) - 2 * states[i].q + at(t - window_s, i)) / (window_s * window_s);
+  for (std::size_t sample = 0; sample < states.size(); ++sample) {
+    const double t = states[sample].time_s;
+    result[sample] =
+        (position(t + window_s, sample) - 2 * states[sample].q + position(t - window_s, sample)) /
+        (window_s * window_s);
   }
-  return all;
+  return result;
 }
 
 namespace {
@@ -104,31 +104,32 @@ namespace {
 /// Returns a text such as ", whose words count in inches (G20 on line 2, after G21 on line 1)";
 /// empty for a block in mm.
 std::string inch_text(const program::Path& path, const program::Block& block) {
-  const auto later = std::ranges::find_if(
+  const auto later_word = std::ranges::find_if(
       path.unit_words, [&](const program::UnitWord& word) { return word.line > block.line; });
-  const auto words = later - path.unit_words.begin();
-  if (!block.inch || words == 0) return {};
-  const std::string before =
-      words > 1 ? fmt::format(", after G21 on line {}", (later - 2)->line) : "";
-  return fmt::format(", whose words count in inches (G20 on line {}{})", (later - 1)->line, before);
+  const auto word_count = later_word - path.unit_words.begin();
+  if (!block.inch || word_count == 0) return {};
+  const std::string previous_text =
+      word_count > 1 ? fmt::format(", after G21 on line {}", (later_word - 2)->line) : "";
+  return fmt::format(", whose words count in inches (G20 on line {}{})", (later_word - 1)->line,
+                     previous_text);
 }
 
 }  // namespace
 
 void check_travel(const Machine& machine, const program::Path& path,
                   const program::Samples& samples) {
-  constexpr double slack = 1e-6;  // mm or rad: programmed numbers are rounded, limits are not exact
+  constexpr double tolerance = 1e-6;  // mm or rad, for the rounding of programmed numbers
   for (std::size_t i = 0; i < samples.states.size(); ++i) {
     for (int k = 0; k < machine.nominal.size(); ++k) {
       const kinematics::Joint& joint = machine.nominal.joints()[std::size_t(k)];
       const double q = samples.states[i].q[k];
       if (is_spindle(machine, k)) continue;
-      if (q >= joint.min - slack && q <= joint.max + slack) continue;
-      const bool turns = joint.motion == kinematics::Motion::Rotary;
-      const double unit = turns ? units::deg : 1.0;
+      if (q >= joint.min - tolerance && q <= joint.max + tolerance) continue;
+      const bool is_rotary = joint.motion == kinematics::Motion::Rotary;
+      const double unit = is_rotary ? units::deg : 1.0;
       throw BadInput(path.file, samples.line[i], 0,
                      fmt::format("{} between {:.6g} and {:.6g} {}", joint.name, joint.min / unit,
-                                 joint.max / unit, turns ? "deg" : "mm"),
+                                 joint.max / unit, is_rotary ? "deg" : "mm"),
                      fmt::format("{} = {:.9g} in this block{}", joint.name, q / unit,
                                  inch_text(path, path.blocks[std::size_t(samples.block[i])])));
     }

@@ -20,7 +20,7 @@ using kinematics::Pose;
 Pose actual_pose(const ActualRun& run, std::size_t sample, errors::Load load) {
   if (!run.acceleration.empty()) load.acceleration = run.acceleration[sample];
   Pose T_wt = tool_in_workpiece(run.job.truth, run.commands.samples.states[sample], load);
-  // a worn tool is shorter: its tip lies nearer to the spindle, along the tool axis
+  // Wear of the length moves the tip towards the spindle.
   if (!run.wear.empty())
     T_wt.translation() += run.wear[sample] * run.job.scene.tool.wear->length * T_wt.linear().col(2);
   if (const auto& piezo = run.commands.piezo) {
@@ -34,7 +34,7 @@ Pose actual_pose(const ActualRun& run, std::size_t sample, errors::Load load) {
 }
 
 std::vector<errors::Load> sample_loads(const ActualRun& run, const Process& process) {
-  // without compliance and piezo a load moves nothing
+  // Without compliance and piezo a load moves nothing.
   if (!run.job.truth.compliance && !run.commands.piezo) return {};
   if (process.steps.empty() && run.acceleration.empty()) return {};
   const auto& states = run.commands.samples.states;
@@ -54,32 +54,36 @@ ActualRun actual_run(const Job& job, const Commands& commands) {
 }
 
 std::vector<Pose> poses_of(const ActualRun& run, const std::vector<errors::Load>& loads,
-                           std::span<const std::size_t> at) {
-  std::vector<Pose> T_wt(at.empty() ? run.commands.samples.states.size() : at.size());
+                           std::span<const std::size_t> sample_numbers) {
+  std::vector<Pose> T_wt(sample_numbers.empty() ? run.commands.samples.states.size()
+                                                : sample_numbers.size());
   tbb::parallel_for(std::size_t(0), T_wt.size(), [&](std::size_t i) {
-    const std::size_t sample = at.empty() ? i : at[i];
+    const std::size_t sample = sample_numbers.empty() ? i : sample_numbers[i];
     T_wt[i] = actual_pose(run, sample, loads.empty() ? errors::Load{} : loads[sample]);
   });
   return T_wt;
 }
 
 std::vector<Pose> tool_poses(const Job& job, const Commands& commands, const Process& process,
-                             std::span<const std::size_t> at) {
+                             std::span<const std::size_t> sample_numbers) {
   const ActualRun run = actual_run(job, commands);
-  return check_table_range(job, [&] { return poses_of(run, sample_loads(run, process), at); });
+  return check_table_range(
+      job, [&] { return poses_of(run, sample_loads(run, process), sample_numbers); });
 }
 
 ToolTrack join_tracks(const std::vector<TrackedPart>& parts) {
   using Eigen::Index;
-  Index n = 0, axes = 0;
+  Index row_count = 0, axes = 0;
   for (const TrackedPart& part : parts) {
-    n += Index(part.samples.states.size());
+    row_count += Index(part.samples.states.size());
     if (!part.samples.states.empty()) axes = part.samples.states.front().q.size();
   }
   using Rows = ToolTrack::Rows;
-  ToolTrack track{Eigen::VectorXd(n), {},         Rows(n, axes), Rows(n, 3),
-                  Rows(n, 3),         Rows(n, 3), Rows(n, 3)};
-  track.line.reserve(std::size_t(n));
+  ToolTrack track{Eigen::VectorXd(row_count), {},
+                  Rows(row_count, axes),      Rows(row_count, 3),
+                  Rows(row_count, 3),         Rows(row_count, 3),
+                  Rows(row_count, 3)};
+  track.line.reserve(std::size_t(row_count));
   Index row = 0;
   for (const TrackedPart& part : parts) {
     track.line.insert(track.line.end(), part.samples.line.begin(), part.samples.line.end());
@@ -97,12 +101,12 @@ ToolTrack join_tracks(const std::vector<TrackedPart>& parts) {
 
 ToolTrack in_part_frame(ToolTrack track, const kinematics::Pose& T_wm) {
   const kinematics::Pose T_mw = T_wm.inverse();
-  // rows are vectors, so they are multiplied from the right by the transpose
-  const Eigen::Matrix3d turned = T_mw.linear().transpose();
+  // Row vectors are multiplied from the right by the transpose of the rotation.
+  const Eigen::Matrix3d R_wm = T_mw.linear().transpose();
   for (ToolTrack::Rows* tip : {&track.nominal_tip, &track.actual_tip})
-    *tip = ((*tip * turned).rowwise() + T_mw.translation().transpose()).eval();
+    *tip = ((*tip * R_wm).rowwise() + T_mw.translation().transpose()).eval();
   for (ToolTrack::Rows* direction : {&track.nominal_direction, &track.actual_direction})
-    *direction = (*direction * turned).eval();
+    *direction = (*direction * R_wm).eval();
   return track;
 }
 
@@ -111,136 +115,142 @@ namespace {
 using Eigen::Vector3d;
 using kinematics::AxisState;
 
-/// Deviation of the tip and of a point on the tool axis above it, mm.
-struct Off {
+/// The deviations of the tip and of a point above it on the tool axis, mm.
+struct ToolDeviation {
   Vector3d tip, above;
 };
 
-// Samples the deviation of the tool at an axis state.
+// Samples the deviations of the tool.
 struct ErrorSampler {
   const Job& job;
-  double reach;
+  double height;  ///< of the point above the tip, mm
 
-  /// Returns the deviations; for a part turned by a spindle in the bed frame, since the sweep turns
-  /// with the part.
-  Off at(const AxisState& state) const {
+  /// Returns the deviations at an axis state in the workpiece frame, or in the bed frame if a
+  /// spindle turns the part, since the sweep turns with the part.
+  ToolDeviation at(const AxisState& state) const {
     const kinematics::Chain& chain = job.machine.nominal;
     const Pose nominal = chain.tool_in_workpiece(state.q);
     const Pose actual = tool_in_workpiece(job.truth, state);
-    const Vector3d above = reach * Vector3d::UnitZ();
-    const Off off{actual.translation() - nominal.translation(), actual * above - nominal * above};
-    if (!job.machine.workpiece_spindle) return off;
+    const Vector3d above = height * Vector3d::UnitZ();
+    const ToolDeviation deviation{actual.translation() - nominal.translation(),
+                                  actual * above - nominal * above};
+    if (!job.machine.workpiece_spindle) return deviation;
     const Eigen::Matrix3d R_bw = chain.workpiece_in_bed(state.q).linear();
-    return {R_bw * off.tip, R_bw * off.above};
+    return {R_bw * deviation.tip, R_bw * deviation.above};
   }
 };
 
-// A reversal makes a step of the error, which no denser sampling would follow.
-bool has_no_reversal(const AxisState& from, const AxisState& to) {
+// Returns true if no axis reverses. The error steps at a reversal, which no denser sampling could
+// follow.
+bool is_without_reversal(const AxisState& from, const AxisState& to) {
   return from.direction == to.direction && from.stroke == to.stroke;
 }
 
-AxisState between(const AxisState& from, const AxisState& to, double share) {
+AxisState interpolated_state(const AxisState& from, const AxisState& to, double fraction) {
   AxisState state = to;
-  state.q = from.q + share * (to.q - from.q);
-  state.time_s = from.time_s + share * (to.time_s - from.time_s);
-  state.spindle_speed = from.spindle_speed + share * (to.spindle_speed - from.spindle_speed);
+  state.q = from.q + fraction * (to.q - from.q);
+  state.time_s = from.time_s + fraction * (to.time_s - from.time_s);
+  state.spindle_speed = from.spindle_speed + fraction * (to.spindle_speed - from.spindle_speed);
   return state;
 }
 
-/// Returns the distance of the errors between two samples from the line between those at the
-/// samples, mm. It is sampled midway, where long waves deviate most, and at the golden section,
-/// where waves that divide the interval into whole parts still show.
-double chord_deviation(const ErrorSampler& look, const AxisState& from, const AxisState& to) {
-  const Off a = look.at(from), b = look.at(to);
-  double most = 0.0;
-  for (const double share : {0.5, 0.3819660112501051}) {
-    const Off off = look.at(between(from, to, share));
-    most = std::max({most, (off.tip - a.tip - share * (b.tip - a.tip)).norm(),
-                     (off.above - a.above - share * (b.above - a.above)).norm()});
+/// Returns the distance, mm, of the errors between two samples from the line between those at the
+/// samples. It is evaluated in the middle, where long waves deviate most, and at the golden
+/// section, where waves show that divide the interval into whole parts.
+double chord_deviation(const ErrorSampler& sampler, const AxisState& from, const AxisState& to) {
+  const ToolDeviation start = sampler.at(from), end = sampler.at(to);
+  double max_deviation = 0.0;
+  for (const double fraction : {0.5, 0.3819660112501051}) {
+    const ToolDeviation deviation = sampler.at(interpolated_state(from, to, fraction));
+    max_deviation = std::max(
+        {max_deviation, (deviation.tip - start.tip - fraction * (end.tip - start.tip)).norm(),
+         (deviation.above - start.above - fraction * (end.above - start.above)).norm()});
   }
-  return most;
+  return max_deviation;
 }
 
-/// Returns the samples at which an interval in feed ends.
+/// Returns the numbers of the samples at which intervals in feed end.
 std::vector<std::size_t> feed_ends(const program::Samples& samples, const program::Path& path) {
   std::vector<std::size_t> ends;
   for (std::size_t i = 1; i < samples.states.size(); ++i)
     if (program::is_feed(path.blocks[std::size_t(samples.block[i])]) &&
-        has_no_reversal(samples.states[i - 1], samples.states[i]))
+        is_without_reversal(samples.states[i - 1], samples.states[i]))
       ends.push_back(i);
   return ends;
 }
 
-/// Returns one sample from each of `most` equal groups, at random: regular steps could miss a wave.
-std::vector<std::size_t> chosen(const std::vector<std::size_t>& from, std::size_t most,
-                                std::uint64_t seed) {
-  if (from.size() <= most) return from;
-  std::vector<std::size_t> few;
-  for (std::size_t k = 0; k < most; ++k) {
-    const double place = double(k) + split_mix::unit(split_mix::stream(seed, k));
-    few.push_back(
-        from[std::min(from.size() - 1, std::size_t(place * double(from.size()) / double(most)))]);
+/// Returns a random element of each of `max_count` equal groups, since regular steps could miss a
+/// wave.
+std::vector<std::size_t> random_subset(const std::vector<std::size_t>& numbers,
+                                       std::size_t max_count, std::uint64_t seed) {
+  if (numbers.size() <= max_count) return numbers;
+  std::vector<std::size_t> subset;
+  for (std::size_t k = 0; k < max_count; ++k) {
+    const double position = double(k) + split_mix::unit(split_mix::stream(seed, k));
+    subset.push_back(numbers[std::min(
+        numbers.size() - 1, std::size_t(position * double(numbers.size()) / double(max_count)))]);
   }
-  return few;
+  return subset;
 }
 
 }  // namespace
 
-ChordError chord_error(const Job& job, const Commands& commands, std::size_t most) {
+ChordError chord_error(const Job& job, const Commands& commands, std::size_t max_intervals) {
   const program::Samples& samples = commands.samples;
   const kinematics::Chain& nominal = job.machine.nominal;
-  const ErrorSampler look{job, sample_options(job.scene, job.machine).reach};
-  ChordError found;
-  // 2 nm at least: the numerical floor of a map is below 1 nm
-  found.tolerance = std::max(2.0 * units::nm, job.scene.chord_tolerance);
+  const ErrorSampler sampler{job, sample_options(job.scene, job.machine).reach};
+  ChordError result;
+  // The numerical floor of a map is below 1 nm.
+  result.tolerance = std::max(2.0 * units::nm, job.scene.chord_tolerance);
   for (const std::size_t i :
-       chosen(feed_ends(samples, path_of(job, commands)), most, job.scene.seed)) {
+       random_subset(feed_ends(samples, path_of(job, commands)), max_intervals, job.scene.seed)) {
     const AxisState &from = samples.states[i - 1], &to = samples.states[i];
-    const double bend = chord_deviation(look, from, to);
-    ++found.looked_at;
-    found.beyond += bend > found.tolerance;
-    found.rms += bend * bend;
-    if (!(bend > found.max)) continue;
-    found.max = bend;
-    found.line = samples.line[i];
-    found.step = (nominal.tool_in_workpiece(to.q).translation() -
-                  nominal.tool_in_workpiece(from.q).translation())
-                     .norm();
+    const double deviation = chord_deviation(sampler, from, to);
+    ++result.looked_at;
+    result.beyond += deviation > result.tolerance;
+    result.rms += deviation * deviation;
+    if (!(deviation > result.max)) continue;
+    result.max = deviation;
+    result.line = samples.line[i];
+    result.step = (nominal.tool_in_workpiece(to.q).translation() -
+                   nominal.tool_in_workpiece(from.q).translation())
+                      .norm();
   }
-  found.rms = std::sqrt(found.rms / std::max<double>(1.0, double(found.looked_at)));
-  return found;
+  result.rms = std::sqrt(result.rms / std::max<double>(1.0, double(result.looked_at)));
+  return result;
 }
 
 ChordError joined(const ChordError& a, const ChordError& b) {
   if (a.looked_at == 0) return b;
-  ChordError both = a.max >= b.max ? a : b;
+  ChordError result = a.max >= b.max ? a : b;
   const auto n_a = double(a.looked_at), n_b = double(b.looked_at);
-  both.looked_at = a.looked_at + b.looked_at;
-  both.beyond = a.beyond + b.beyond;
-  both.rms = std::sqrt((n_a * a.rms * a.rms + n_b * b.rms * b.rms) / (n_a + n_b));
-  return both;
+  result.looked_at = a.looked_at + b.looked_at;
+  result.beyond = a.beyond + b.beyond;
+  result.rms = std::sqrt((n_a * a.rms * a.rms + n_b * b.rms * b.rms) / (n_a + n_b));
+  return result;
 }
 
-std::vector<std::string> chord_error_warnings(const ChordError& found, double off) {
-  // 50 nm: the smallest default resolution of a map; a hundredth of the deviation changes no figure
-  constexpr double share = 0.01, least = 50.0 * units::nm;
-  if (!(found.max > std::max({found.tolerance, least, share * off}))) return {};
+std::vector<std::string> chord_error_warnings(const ChordError& chord_error, double tip_rms) {
+  // 50 nm is the smallest default resolution of a map. A hundredth of the deviation changes no
+  // figure of it.
+  constexpr double tip_fraction = 0.01, min_reported = 50.0 * units::nm;
+  if (!(chord_error.max > std::max({chord_error.tolerance, min_reported, tip_fraction * tip_rms})))
+    return {};
   std::string text = fmt::format(
       "errors of the machine bend the path between the samples, where the cut is straight: by "
       "{:.3g} um (line {}, a step of {:.3g} mm), RMS {:.3g} um, by more than {:.3g} um in {:.3g} % "
       "of {} intervals looked at",
-      found.max / units::um, found.line, found.step, found.rms / units::um,
-      found.tolerance / units::um, 100.0 * double(found.beyond) / double(found.looked_at),
-      found.looked_at);
-  // The chord error grows with the square of the step, as long as the step is shorter than the
-  // waves; 0.9 leaves a margin.
-  const double step = 0.9 * found.step * std::sqrt(found.tolerance / found.max);
+      chord_error.max / units::um, chord_error.line, chord_error.step, chord_error.rms / units::um,
+      chord_error.tolerance / units::um,
+      100.0 * double(chord_error.beyond) / double(chord_error.looked_at), chord_error.looked_at);
+  // While the step is shorter than the waves, the chord error grows with its square. 0.9 leaves a
+  // margin.
+  const double step = 0.9 * chord_error.step * std::sqrt(chord_error.tolerance / chord_error.max);
   if (step > 0.0) {
-    // rounded down to two digits
-    const double digit = std::pow(10.0, std::floor(std::log10(step)) - 1.0);
+    // Rounded down to two digits.
+    const double unit = std::pow(10.0, std::floor(std::log10(step)) - 1.0);
     text += fmt::format("; to follow them begin with sampling.max_step_mm = {:.4g}",
-                        digit * std::floor(step / digit));
+                        unit * std::floor(step / unit));
   }
   return {text};
 }

@@ -15,50 +15,50 @@ namespace abbe::sim {
 
 namespace {
 
-/// Returns the calls that put a tool into the spindle: M6, or T if the program has no M6.
-std::vector<program::ToolCall> changes_of(const program::Path& path) {
-  const bool with_m6 = std::any_of(path.tool_calls.begin(), path.tool_calls.end(),
-                                   [](const program::ToolCall& call) { return call.changes; });
+/// Returns the calls that change the tool: M6, or T if the program has no M6.
+std::vector<program::ToolCall> tool_changes(const program::Path& path) {
+  const bool has_m6 = std::any_of(path.tool_calls.begin(), path.tool_calls.end(),
+                                  [](const program::ToolCall& call) { return call.changes; });
   std::vector<program::ToolCall> calls;
   for (const program::ToolCall& call : path.tool_calls)
-    if (call.changes == with_m6) calls.push_back(call);
+    if (call.changes == has_m6) calls.push_back(call);
   return calls;
 }
 
 }  // namespace
 
 std::vector<program::ToolCall> cutting_calls(const program::Path& path) {
-  const std::vector<program::ToolCall> calls = changes_of(path);
-  std::vector<program::ToolCall> cutting;
+  const std::vector<program::ToolCall> calls = tool_changes(path);
+  std::vector<program::ToolCall> result;
   for (std::size_t i = 0; i < calls.size(); ++i) {
     const auto first = path.blocks.begin() + std::ptrdiff_t(calls[i].before);
     const auto last = i + 1 < calls.size()
                           ? path.blocks.begin() + std::ptrdiff_t(calls[i + 1].before)
                           : path.blocks.end();
-    if (std::any_of(first, last, program::is_feed)) cutting.push_back(calls[i]);
+    if (std::any_of(first, last, program::is_feed)) result.push_back(calls[i]);
   }
-  return cutting;
+  return result;
 }
 
 namespace {
 
 // Returns the name of a called tool for messages.
-std::string name_of(const program::ToolCall& call) {
+std::string call_name(const program::ToolCall& call) {
   return call.number < 0 ? "M6 without a T" : fmt::format("T{}", call.number);
 }
 
-/// Returns the warning about feed before the first call of a tool that cuts.
+/// Returns the warning about feed before the first call of a cutting tool.
 std::vector<std::string> early_feed_warnings(const program::Path& path,
                                              const std::vector<program::ToolCall>& calls,
-                                             const std::string& with) {
+                                             const std::string& tool_text) {
   if (calls.empty()) return {};
-  const auto called = path.blocks.begin() + std::ptrdiff_t(calls.front().before);
-  const auto early = std::find_if(path.blocks.begin(), called, program::is_feed);
-  if (early == called) return {};
+  const auto first_call = path.blocks.begin() + std::ptrdiff_t(calls.front().before);
+  const auto early_block = std::find_if(path.blocks.begin(), first_call, program::is_feed);
+  if (early_block == first_call) return {};
   return {
       fmt::format("line {} feeds before the first tool is called, {} on line {}: it is cut with "
                   "{}",
-                  early->line, name_of(calls.front()), calls.front().line, with)};
+                  early_block->line, call_name(calls.front()), calls.front().line, tool_text)};
 }
 
 ToolUse single_tool_use(const program::Path& path, const ToolDescription& tool) {
@@ -73,24 +73,25 @@ ToolUse single_tool_use(const program::Path& path, const ToolDescription& tool) 
                      fmt::format("T{}, which is the scene's tool.number", *tool.number),
                      fmt::format("{}: describe it in a [[tool]] of its own, or give tool.number = "
                                  "{} if the scene's is that",
-                                 name_of(call), call.number));
+                                 call_name(call), call.number));
     if (call.number != first.number)
       throw BadInput(path.file, call.line, 0,
                      fmt::format("one tool, {} of line {}, as the scene has one; several are "
                                  "described by a [[tool]] each, with its number",
-                                 name_of(first), first.line),
-                     name_of(call));
+                                 call_name(first), first.line),
+                     call_name(call));
   }
   if (!tool.number)
     use.warnings.push_back(
         fmt::format("{} on line {} is cut with the scene's tool{}: give tool.number if it is that",
-                    name_of(first), first.line, tool.name.empty() ? "" : " " + tool.name));
+                    call_name(first), first.line, tool.name.empty() ? "" : " " + tool.name));
   return use;
 }
 
-// Returns the number of the described tool that a call names; throws BadInput if there is none.
-std::size_t described(const program::Path& path, const program::ToolCall& call,
-                      std::span<const ToolDescription> tools) {
+// Returns the index of the tool that a call names. Throws BadInput if the scene does not describe
+// it.
+std::size_t described_tool(const program::Path& path, const program::ToolCall& call,
+                           std::span<const ToolDescription> tools) {
   std::string known;
   for (std::size_t i = 0; i < tools.size(); ++i) {
     if (tools[i].number == call.number) return i;
@@ -98,16 +99,16 @@ std::size_t described(const program::Path& path, const program::ToolCall& call,
   }
   throw BadInput(path.file, call.line, 0,
                  fmt::format("a tool that a [[tool]] of the scene describes ({})", known),
-                 name_of(call));
+                 call_name(call));
 }
 
-/// Appends a segment; if it has the same tool as the last one, that is extended.
-void add(std::vector<ToolSegment>& stretches, const ToolSegment& next) {
-  if (next.first == next.last) return;
-  if (!stretches.empty() && stretches.back().tool == next.tool)
-    stretches.back().last = next.last;
+/// Appends a segment, or extends the last one if it has the same tool.
+void add(std::vector<ToolSegment>& segments, const ToolSegment& segment) {
+  if (segment.first == segment.last) return;
+  if (!segments.empty() && segments.back().tool == segment.tool)
+    segments.back().last = segment.last;
   else
-    stretches.push_back(next);
+    segments.push_back(segment);
 }
 
 ToolUse several_tool_use(const program::Path& path, std::span<const ToolDescription> tools) {
@@ -115,27 +116,27 @@ ToolUse several_tool_use(const program::Path& path, std::span<const ToolDescript
   ToolUse use{
       {},
       early_feed_warnings(path, calls, fmt::format("T{}, the scene's first", *tools[0].number))};
-  std::vector<bool> runs(tools.size(), false);
-  // rapids before the first call approach the part with the tool that is called
+  std::vector<bool> is_called(tools.size(), false);
+  // Rapids before the first call belong to the tool that is called.
   std::size_t tool =
-      calls.empty() || !use.warnings.empty() ? 0 : described(path, calls.front(), tools);
+      calls.empty() || !use.warnings.empty() ? 0 : described_tool(path, calls.front(), tools);
   std::size_t first = 0;
   for (const program::ToolCall& call : calls) {
     add(use.stretches, {tool, first, call.before});
-    tool = described(path, call, tools);
+    tool = described_tool(path, call, tools);
     first = call.before;
-    runs[tool] = true;
+    is_called[tool] = true;
   }
   add(use.stretches, {tool, first, path.blocks.size()});
-  for (const ToolSegment& stretch : use.stretches)
-    for (std::string& one : length_warnings(path, stretch, *tools[stretch.tool].number))
-      use.warnings.push_back(std::move(one));
+  for (const ToolSegment& segment : use.stretches)
+    for (std::string& text : length_warnings(path, segment, *tools[segment.tool].number))
+      use.warnings.push_back(std::move(text));
   if (calls.empty())
     use.warnings.push_back(
         fmt::format("the program calls no tool: all of it is cut with T{}, the scene's first",
                     *tools[0].number));
   for (std::size_t i = 0; i < tools.size() && !calls.empty(); ++i)
-    if (!runs[i])
+    if (!is_called[i])
       use.warnings.push_back(fmt::format(
           "T{} of the scene cuts nothing: the program does not call it", *tools[i].number));
   return use;
@@ -143,12 +144,12 @@ ToolUse several_tool_use(const program::Path& path, std::span<const ToolDescript
 
 }  // namespace
 
-std::vector<std::string> length_warnings(const program::Path& path, const ToolSegment& stretch,
+std::vector<std::string> length_warnings(const program::Path& path, const ToolSegment& segment,
                                          int number) {
-  for (std::size_t i = stretch.first; i < stretch.last; ++i) {
+  for (std::size_t i = segment.first; i < segment.last; ++i) {
     const program::Block& block = path.blocks[i];
     if (block.tool_length < 0 || block.tool_length == number) continue;
-    // under G43.4 the wrong length moves the axes, not only the height, so it is an error
+    // Under G43.4 a wrong length displaces all axes, not only the height, so it is an error.
     if (block.coordinates == program::Coordinates::Tip)
       throw BadInput(path.file, block.line, 0,
                      fmt::format("G43.4 H{}, the length of T{}, which runs here", number, number),
@@ -169,42 +170,43 @@ namespace {
 using program::CutterData;
 using program::ToolComment;
 
-constexpr double same_mm = 0.01;  // CAM systems write two or three decimals
+constexpr double dimension_tolerance = 0.01;  // mm: CAM systems write two or three decimals
 
-/// Returns the number of the tool that a comment describes; none if nothing is called.
+/// Returns the number of the tool that a comment describes; none if it gives no number and the
+/// program calls no tool.
 std::optional<int> comment_tool_number(const ToolComment& comment,
                                        const std::vector<program::ToolCall>& calls) {
   if (comment.words.number || calls.empty()) return comment.words.number;
-  const auto next = std::ranges::find_if(
+  const auto next_call = std::ranges::find_if(
       calls, [&](const program::ToolCall& call) { return call.before >= comment.before; });
-  return next == calls.end() ? calls.back().number : next->number;
+  return next_call == calls.end() ? calls.back().number : next_call->number;
 }
 
-/// Returns the tool of the scene that a comment describes; null if it does not cut.
-const ToolDescription* tool_of(const ToolComment& comment,
-                               const std::vector<program::ToolCall>& calls,
-                               std::span<const ToolDescription> tools) {
+/// Returns the tool of the scene that a comment describes; null if that tool does not cut.
+const ToolDescription* commented_tool(const ToolComment& comment,
+                                      const std::vector<program::ToolCall>& calls,
+                                      std::span<const ToolDescription> tools) {
   const std::optional<int> number = comment_tool_number(comment, calls);
   if (number && !calls.empty() &&
       std::ranges::none_of(calls, [&](const auto& call) { return call.number == *number; }))
-    return nullptr;  // the tool does not cut
+    return nullptr;
   for (const ToolDescription& tool : tools)
     if (!tool.number || !number || *tool.number == *number) return &tool;
   return nullptr;
 }
 
-std::string cutter_difference(const CutterData& words, const cutting::Cutter& cutter) {
-  std::vector<std::string> all;
-  if (std::abs(words.diameter - 2.0 * cutter.radius) > same_mm)
-    all.push_back(fmt::format("{:.6g} mm in diameter, and the scene's has {:.6g} mm",
-                              words.diameter, 2.0 * cutter.radius));
-  std::optional<double> corner = words.corner_radius;
-  if (!corner && words.end == CutterData::End::Flat) corner = 0.0;
-  if (!corner && words.end == CutterData::End::Ball) corner = 0.5 * words.diameter;
-  if (corner && std::abs(*corner - cutter.corner_radius) > same_mm)
-    all.push_back(fmt::format("{:.6g} mm of corner radius, and the scene's has {:.6g} mm", *corner,
-                              cutter.corner_radius));
-  return fmt::format("{}", fmt::join(all, "; "));
+std::string cutter_difference(const CutterData& data, const cutting::Cutter& cutter) {
+  std::vector<std::string> differences;
+  if (std::abs(data.diameter - 2.0 * cutter.radius) > dimension_tolerance)
+    differences.push_back(fmt::format("{:.6g} mm in diameter, and the scene's has {:.6g} mm",
+                                      data.diameter, 2.0 * cutter.radius));
+  std::optional<double> corner = data.corner_radius;
+  if (!corner && data.end == CutterData::End::Flat) corner = 0.0;
+  if (!corner && data.end == CutterData::End::Ball) corner = 0.5 * data.diameter;
+  if (corner && std::abs(*corner - cutter.corner_radius) > dimension_tolerance)
+    differences.push_back(fmt::format("{:.6g} mm of corner radius, and the scene's has {:.6g} mm",
+                                      *corner, cutter.corner_radius));
+  return fmt::format("{}", fmt::join(differences, "; "));
 }
 
 }  // namespace
@@ -213,15 +215,16 @@ std::vector<std::string> tool_comment_warnings(const program::Path& path,
                                                std::span<const ToolDescription> tools) {
   const std::vector<program::ToolCall> calls = cutting_calls(path);
   std::vector<std::string> warnings;
-  // a comment repeated at every call is reported once
-  std::set<std::string> said;
+  // CAM systems may repeat a comment at every call.
+  std::set<std::string> reported;
   for (const ToolComment& comment : path.tool_comments) {
-    const ToolDescription* tool = tool_of(comment, calls, tools);
+    const ToolDescription* tool = commented_tool(comment, calls, tools);
     const auto* cutter = tool ? std::get_if<cutting::Cutter>(&tool->nominal) : nullptr;
     if (cutter == nullptr) continue;
-    const std::string differs = cutter_difference(comment.words, *cutter);
-    if (differs.empty() || !said.insert(differs).second) continue;
-    warnings.push_back(fmt::format("line {} says \"{}\": {}", comment.line, comment.text, differs));
+    const std::string difference = cutter_difference(comment.words, *cutter);
+    if (difference.empty() || !reported.insert(difference).second) continue;
+    warnings.push_back(
+        fmt::format("line {} says \"{}\": {}", comment.line, comment.text, difference));
   }
   return warnings;
 }
@@ -230,47 +233,50 @@ namespace {
 
 using kinematics::Pose;
 
-// Returns the wear of a tool as a fraction of its stated wear, by time or by path length.
-double share_of(const ToolWear& wear, const FeedUse& use) {
+// Returns the wear after a use as a fraction of the stated wear, by time or by path length.
+double wear_fraction(const ToolWear& wear, const FeedUse& use) {
   return wear.time_s ? use.time_s / *wear.time_s : use.way / *wear.way;
 }
 
 /// Returns a pose between two others: the tip on a line, the axis on a great circle.
-Pose between(const Pose& a, const Pose& b, double u) {
+Pose interpolate_pose(const Pose& a, const Pose& b, double fraction) {
   Pose T = a;
-  T.translation() = (1.0 - u) * a.translation() + u * b.translation();
+  T.translation() = (1.0 - fraction) * a.translation() + fraction * b.translation();
   const Eigen::Vector3d from = a.linear().col(2), to = b.linear().col(2);
-  const Eigen::Quaterniond turn = Eigen::Quaterniond::FromTwoVectors(from, to);
-  T.linear() = Eigen::Quaterniond::Identity().slerp(u, turn).toRotationMatrix() * a.linear();
+  const Eigen::Quaterniond rotation = Eigen::Quaterniond::FromTwoVectors(from, to);
+  T.linear() =
+      Eigen::Quaterniond::Identity().slerp(fraction, rotation).toRotationMatrix() * a.linear();
   return T;
 }
 
-/// Divides a sweep into segments of equal loss of radius.
+/// Divides a sweep into segments with the same loss of radius in each.
 class WearSegmenter {
  public:
   WearSegmenter(const cutting::Cutter& cutter, double step) : cutter_(cutter), step_(step) {}
 
-  void add(const program::Samples& samples, std::size_t i, const Pose& T_wt, double lost) {
-    if (pieces_.empty()) begin(lost);
-    const Entry now{samples.states[i], samples.line[i], samples.block[i], T_wt};
-    // A sample beyond the end of a segment is cut there, so that neighbouring segments share a pose
-    // and leave no gap.
-    while (last_ && lost > end_) {
-      const double u = (end_ - lost_) / (lost - lost_);
-      Entry cut = now;
-      cut.T_wt = between(last_->T_wt, T_wt, u);
-      cut.state.time_s = last_->state.time_s + u * (now.state.time_s - last_->state.time_s);
-      put(cut);
-      lost_ = end_;
+  void add(const program::Samples& samples, std::size_t sample, const Pose& T_wt, double loss) {
+    if (segments_.empty()) begin(loss);
+    const Entry sample_entry{samples.states[sample], samples.line[sample], samples.block[sample],
+                             T_wt};
+    // A move beyond the end of a segment is divided there, so that neighbouring segments share a
+    // pose and leave no gap.
+    while (last_entry_ && loss > end_) {
+      const double fraction = (end_ - last_loss_) / (loss - last_loss_);
+      Entry divided = sample_entry;
+      divided.T_wt = interpolate_pose(last_entry_->T_wt, T_wt, fraction);
+      divided.state.time_s = last_entry_->state.time_s +
+                             fraction * (sample_entry.state.time_s - last_entry_->state.time_s);
+      append(divided);
+      last_loss_ = end_;
       begin(end_);
-      put(cut);
-      last_ = cut;
+      append(divided);
+      last_entry_ = divided;
     }
-    put(now);
-    last_ = now;
-    lost_ = lost;
+    append(sample_entry);
+    last_entry_ = sample_entry;
+    last_loss_ = loss;
   }
-  std::deque<WornSegment> take() { return std::move(pieces_); }
+  std::deque<WornSegment> take() { return std::move(segments_); }
 
  private:
   struct Entry {
@@ -279,26 +285,27 @@ class WearSegmenter {
     Pose T_wt;
   };
 
-  void begin(double lost) {
-    // the cutter of the middle of the segment: it differs from the worn one by half a step at most
-    pieces_.push_back({worn(cutter_, lost + 0.5 * step_), {}, {}});
-    end_ = lost + step_;
+  void begin(double loss) {
+    // The cutter in the middle of the segment differs from the worn one by half a step at most.
+    segments_.push_back({worn(cutter_, loss + 0.5 * step_), {}, {}});
+    end_ = loss + step_;
   }
-  void put(const Entry& entry) {
-    WornSegment& piece = pieces_.back();
-    piece.samples.states.push_back(entry.state);
-    piece.samples.line.push_back(entry.line);
-    piece.samples.block.push_back(entry.block);
-    piece.T_wt.push_back(entry.T_wt);
+  void append(const Entry& entry) {
+    WornSegment& segment = segments_.back();
+    segment.samples.states.push_back(entry.state);
+    segment.samples.line.push_back(entry.line);
+    segment.samples.block.push_back(entry.block);
+    segment.T_wt.push_back(entry.T_wt);
   }
 
   const cutting::Cutter& cutter_;
-  double step_, end_ = 0.0, lost_ = 0.0;
-  std::optional<Entry> last_;
-  std::deque<WornSegment> pieces_;
+  double step_;                         // mm, loss of radius in a segment
+  double end_ = 0.0, last_loss_ = 0.0;  // mm, at the end of the segment, and at the last entry
+  std::optional<Entry> last_entry_;
+  std::deque<WornSegment> segments_;
 };
 
-std::string label_of(const ToolDescription& tool) {
+std::string tool_label(const ToolDescription& tool) {
   if (tool.number) return fmt::format("T{}", *tool.number);
   return tool.name.empty() ? "the tool" : tool.name;
 }
@@ -319,64 +326,65 @@ std::vector<FeedUse> feed_use(const ToolRun& part) {
 }
 
 std::vector<FeedUse> previous_uses(std::span<const ToolRun> parts) {
-  std::map<int, FeedUse> done;
-  std::vector<FeedUse> before;
+  std::map<int, FeedUse> use_by_tool;
+  std::vector<FeedUse> result;
   for (ToolRun part : parts) {
-    // tools without a number are one tool
-    FeedUse& use = done[part.tool.number.value_or(0)];
-    before.push_back(use);
+    // A tool without number is the only one.
+    FeedUse& use = use_by_tool[part.tool.number.value_or(0)];
+    result.push_back(use);
     part.before = use;
     const std::vector<FeedUse> uses = feed_use(part);
     if (!uses.empty()) use = uses.back();
   }
-  return before;
+  return result;
 }
 
 std::vector<double> wear_fractions(const ToolRun& part, const program::Samples& samples) {
   const auto& wear = part.tool.wear;
   if (!wear) return {};
   const std::vector<FeedUse> uses = feed_use(part);
-  const auto& own = part.samples.states;
-  std::vector<double> shares(samples.states.size());
+  const auto& part_states = part.samples.states;
+  std::vector<double> fractions(samples.states.size());
   std::size_t k = 0;
-  for (std::size_t i = 0; i < shares.size(); ++i) {
-    // both lists ascend in time, so one pass suffices
+  for (std::size_t i = 0; i < fractions.size(); ++i) {
     const double time_s = samples.states[i].time_s;
-    while (k + 1 < own.size() && own[k + 1].time_s <= time_s) ++k;
-    const double at = share_of(*wear, uses[k]);
-    const double step = k + 1 < own.size() ? own[k + 1].time_s - own[k].time_s : 0.0;
-    const double next = step > 0.0 ? share_of(*wear, uses[k + 1]) : at;
-    const double u = step > 0.0 ? std::clamp((time_s - own[k].time_s) / step, 0.0, 1.0) : 0.0;
-    shares[i] = at + u * (next - at);
+    while (k + 1 < part_states.size() && part_states[k + 1].time_s <= time_s) ++k;
+    const double fraction = wear_fraction(*wear, uses[k]);
+    const double step =
+        k + 1 < part_states.size() ? part_states[k + 1].time_s - part_states[k].time_s : 0.0;
+    const double next_fraction = step > 0.0 ? wear_fraction(*wear, uses[k + 1]) : fraction;
+    const double position =
+        step > 0.0 ? std::clamp((time_s - part_states[k].time_s) / step, 0.0, 1.0) : 0.0;
+    fractions[i] = fraction + position * (next_fraction - fraction);
   }
-  return shares;
+  return fractions;
 }
 
-cutting::Cutter worn(const cutting::Cutter& cutter, double lost) {
-  cutting::Cutter smaller = cutter;
-  // a quarter of the radius at least: a sweep needs a cutter, however much wear is stated
-  smaller.radius = std::max(cutter.radius - lost, 0.25 * cutter.radius);
-  const bool ball = cutter.corner_radius == cutter.radius;
-  smaller.corner_radius = ball ? smaller.radius : std::min(cutter.corner_radius, smaller.radius);
-  return smaller;
+cutting::Cutter worn(const cutting::Cutter& cutter, double loss) {
+  cutting::Cutter result = cutter;
+  // A sweep needs a cutter, however much wear is stated.
+  result.radius = std::max(cutter.radius - loss, 0.25 * cutter.radius);
+  const bool is_ball = cutter.corner_radius == cutter.radius;
+  result.corner_radius = is_ball ? result.radius : std::min(cutter.corner_radius, result.radius);
+  return result;
 }
 
-double wear_step(double lost) {
-  // half of a segment's loss: a cutter stands for the middle of its segment
-  return std::max(wear_tolerance, 0.5 * lost / double(max_wear_pieces));
+double wear_step(double loss) {
+  // A segment has the cutter of its middle, which differs by half of its loss from both ends.
+  return std::max(wear_tolerance, 0.5 * loss / double(max_wear_pieces));
 }
 
 std::deque<WornSegment> worn_segments(const ToolDescription& tool,
-                                      const std::vector<double>& shares,
+                                      const std::vector<double>& fractions,
                                       const program::Samples& samples,
                                       const std::vector<Pose>& T_wt) {
-  if (shares.empty()) return {};
+  if (fractions.empty()) return {};
   const double radius = tool.wear->radius;
-  const double all = radius * (shares.back() - shares.front());
-  WearSegmenter cutter(std::get<cutting::Cutter>(tool.actual), 2.0 * wear_step(all));
-  for (std::size_t i = 0; i < shares.size(); ++i)
-    cutter.add(samples, i, T_wt[i], radius * shares[i]);
-  return cutter.take();
+  const double total_loss = radius * (fractions.back() - fractions.front());
+  WearSegmenter segmenter(std::get<cutting::Cutter>(tool.actual), 2.0 * wear_step(total_loss));
+  for (std::size_t i = 0; i < fractions.size(); ++i)
+    segmenter.add(samples, i, T_wt[i], radius * fractions[i]);
+  return segmenter.take();
 }
 
 std::vector<WornTool> worn_tools(std::span<const ToolRun> parts) {
@@ -385,18 +393,20 @@ std::vector<WornTool> worn_tools(std::span<const ToolRun> parts) {
     const std::vector<FeedUse> uses = feed_use(part);
     const ToolDescription& tool = part.tool;
     if (!tool.wear || uses.empty()) continue;
-    const double share = share_of(*tool.wear, uses.back());
-    const double in_part = share - share_of(*tool.wear, uses.front());
-    WornTool one{label_of(tool), uses.back(), share * tool.wear->radius, share * tool.wear->length,
-                 tool.wear->radius > 0.0 ? wear_step(in_part * tool.wear->radius) : 0.0};
-    const auto same = std::find_if(tools.begin(), tools.end(),
-                                   [&](const WornTool& other) { return other.tool == one.tool; });
-    // a tool that is called again goes on wearing: the last entry counts
-    if (same == tools.end()) {
-      tools.push_back(std::move(one));
+    const double fraction = wear_fraction(*tool.wear, uses.back());
+    const double part_fraction = fraction - wear_fraction(*tool.wear, uses.front());
+    WornTool worn_tool{
+        tool_label(tool), uses.back(), fraction * tool.wear->radius, fraction * tool.wear->length,
+        tool.wear->radius > 0.0 ? wear_step(part_fraction * tool.wear->radius) : 0.0};
+    const auto previous = std::find_if(tools.begin(), tools.end(), [&](const WornTool& listed) {
+      return listed.tool == worn_tool.tool;
+    });
+    // The wear of a tool that is called again continues, so its last use counts.
+    if (previous == tools.end()) {
+      tools.push_back(std::move(worn_tool));
     } else {
-      one.within = std::max(one.within, same->within);
-      *same = std::move(one);
+      worn_tool.within = std::max(worn_tool.within, previous->within);
+      *previous = std::move(worn_tool);
     }
   }
   return tools;
@@ -404,16 +414,16 @@ std::vector<WornTool> worn_tools(std::span<const ToolRun> parts) {
 
 std::vector<std::string> wear_warnings(const std::vector<WornTool>& tools) {
   std::vector<std::string> warnings;
-  for (const WornTool& one : tools) {
+  for (const WornTool& worn_tool : tools) {
     std::string text = fmt::format(
         "{} is assumed to lose {:.4g} um of its radius and {:.4g} um of its length in {:.4g} min "
         "and {:.6g} mm of the tip at feed, in proportion; stock and force are those of the fresh "
         "cutter",
-        one.tool, one.radius / units::um, one.length / units::um, one.use.time_s / 60.0,
-        one.use.way);
-    if (one.within > wear_tolerance)
+        worn_tool.tool, worn_tool.radius / units::um, worn_tool.length / units::um,
+        worn_tool.use.time_s / 60.0, worn_tool.use.way);
+    if (worn_tool.within > wear_tolerance)
       text += fmt::format("; its sweep follows the worn radius within {:.3g} um, in {} pieces",
-                          one.within / units::um, max_wear_pieces);
+                          worn_tool.within / units::um, max_wear_pieces);
     warnings.push_back(std::move(text));
   }
   return warnings;
