@@ -25,24 +25,24 @@ namespace {
 using Eigen::Index;
 
 /// Returns a study of the same configurations whose inputs are the unidentified coefficients and
-/// the coefficients that hide them. Its maps are only read for slopes, so no machine is cut to
-/// check them.
-Study probe_of(Study study) {
+/// those that hide them. Only the slopes of its maps are used, so no machine is cut to check them.
+Study coefficient_study(Study study) {
   std::vector<Input> inputs;
   const auto add = [&](const std::string& number, double spread) {
     if (std::ranges::find(inputs, number, &Input::number) != inputs.end()) return;
     Input input;
     input.name = input.number = number;
-    const auto own = std::ranges::find(study.inputs, number, &Input::number);
-    if (own != study.inputs.end()) input.distribution.centre = own->distribution.centre;
+    const auto study_input = std::ranges::find(study.inputs, number, &Input::number);
+    if (study_input != study.inputs.end())
+      input.distribution.centre = study_input->distribution.centre;
     input.distribution.spread = spread;
     inputs.push_back(std::move(input));
   };
-  for (const Unidentified& one : study.unidentified) {
-    add(one.number, one.spread > 0.0 ? one.spread : 1.0);
-    for (const auto& [number, amount] : one.hidden_by)
+  for (const Unidentified& coefficient : study.unidentified) {
+    add(coefficient.number, coefficient.spread > 0.0 ? coefficient.spread : 1.0);
+    for (const auto& [number, amount] : coefficient.hidden_by)
       if (std::ranges::find(study.inputs, number, &Input::number) != study.inputs.end())
-        add(number, one.spread > 0.0 ? one.spread : 1.0);
+        add(number, coefficient.spread > 0.0 ? coefficient.spread : 1.0);
   }
   study.inputs = std::move(inputs);
   study.copula = Copula(int(study.inputs.size()));
@@ -51,21 +51,21 @@ Study probe_of(Study study) {
 }
 
 /// Returns the change of the map by one standard deviation of a coefficient, mm. The coefficients
-/// of the belief that absorbed it change the other way, as an identification would.
-Eigen::VectorXd change_by(const Unidentified& number, const Study& probe,
-                          const Eigen::MatrixXd& effects) {
+/// of the belief that hide it change in the opposite direction, as in an identification.
+Eigen::VectorXd coefficient_change(const Unidentified& number, const Study& probe,
+                                   const Eigen::MatrixXd& effects) {
   Eigen::VectorXd change = Eigen::VectorXd::Zero(effects.cols());
   const auto add = [&](const std::string& name, double amount) {
-    const auto at = std::ranges::find(probe.inputs, name, &Input::number) - probe.inputs.begin();
-    if (at < std::ssize(probe.inputs))
-      change += amount * number.spread * effects.row(at).transpose();
+    const auto index = std::ranges::find(probe.inputs, name, &Input::number) - probe.inputs.begin();
+    if (index < std::ssize(probe.inputs))
+      change += amount * number.spread * effects.row(index).transpose();
   };
   add(number.number, 1.0);
   for (const auto& [name, amount] : number.hidden_by) add(name, -amount);
   return change;
 }
 
-cutting::Surface surface_with(const InfluenceMap& influence, const Eigen::VectorXd& change) {
+cutting::Surface surface_of_change(const InfluenceMap& influence, const Eigen::VectorXd& change) {
   cutting::Surface surface;
   surface.residual = change;
   surface.status = influence.status;
@@ -80,20 +80,22 @@ std::vector<UnidentifiedEffect> unidentified_effects(const Study& study,
                                                      const PreparedConfiguration& ready,
                                                      const Progress& progress) {
   if (study.unidentified.empty() || ready.commanded_for_each) return {};
-  const Study probe = probe_of(study);
+  const Study probe = coefficient_study(study);
   std::vector<UnidentifiedEffect> result;
   try {
     const InfluenceMap influence = influence_map(probe, ready, progress);
-    const Eigen::MatrixXd all = effects(influence);
+    const Eigen::MatrixXd input_effects = effects(influence);
     for (const Unidentified& number : study.unidentified) {
-      const cutting::Surface changed = surface_with(influence, change_by(number, probe, all));
-      const cutting::Surface judged =
-          cutting::aligned(changed, influence.design, {ready.job.scene.alignment}).surface;
-      const cutting::Statistics figures = cutting::statistics(judged, influence.design, {});
+      const cutting::Surface changed_surface =
+          surface_of_change(influence, coefficient_change(number, probe, input_effects));
+      const cutting::Surface aligned_surface =
+          cutting::aligned(changed_surface, influence.design, {ready.job.scene.alignment}).surface;
+      const cutting::Statistics figures =
+          cutting::statistics(aligned_surface, influence.design, {});
       result.push_back({number, figures.rms.value_or(0.0), figures.pv.value_or(0.0)});
     }
   } catch (const BadInput&) {
-    // The maps cannot represent this configuration, or its part is gouged; the study reports it.
+    // The maps cannot represent this configuration, or its part is gouged; the study reports both.
     return {};
   } catch (const std::invalid_argument&) {
     return {};
@@ -102,45 +104,49 @@ std::vector<UnidentifiedEffect> unidentified_effects(const Study& study,
 }
 
 std::string unidentified_warning(const Study& study, const ConfigurationBudget& arm) {
-  constexpr double heard = 1e-6;  // mm, RMS of all together: the numerical floor of the map
+  constexpr double min_reported = 1e-6;  // mm RMS, the numerical floor of the map
   constexpr std::size_t max_named = 6;
-  std::vector<const UnidentifiedEffect*> left_out;
-  double together = 0.0;
-  for (const UnidentifiedEffect& one : arm.unidentified)
-    if (!one.number.is_drawn) {
-      left_out.push_back(&one);
-      together += one.rms * one.rms;
+  std::vector<const UnidentifiedEffect*> effects;
+  double squared_sum = 0.0;
+  for (const UnidentifiedEffect& effect : arm.unidentified)
+    if (!effect.number.is_drawn) {
+      effects.push_back(&effect);
+      squared_sum += effect.rms * effect.rms;
     }
-  const std::string cure =
+  const std::string advice =
       "(unidentified = { EY0A_um = 20 } or \"typical\" in [[inputs]] draws it)";
-  if (left_out.empty() && arm.unidentified.empty() &&
-      std::ranges::any_of(study.unidentified, [](const auto& one) { return !one.is_drawn; }))
+  if (effects.empty() && arm.unidentified.empty() &&
+      std::ranges::any_of(study.unidentified,
+                          [](const Unidentified& coefficient) { return !coefficient.is_drawn; }))
     return fmt::format(
         "every figure of {} leaves out {} numbers that were not identified and have no prior {}",
         arm.arm.name,
-        std::ranges::count_if(study.unidentified, [](const auto& one) { return !one.is_drawn; }),
-        cure);
-  if (std::sqrt(together) < heard) return "";
-  std::ranges::stable_sort(left_out, std::greater<>(), &UnidentifiedEffect::rms);
+        std::ranges::count_if(
+            study.unidentified,
+            [](const Unidentified& coefficient) { return !coefficient.is_drawn; }),
+        advice);
+  if (std::sqrt(squared_sum) < min_reported) return "";
+  std::ranges::stable_sort(effects, std::greater<>(), &UnidentifiedEffect::rms);
   std::string text = fmt::format(
       "every figure of {} leaves out what was not identified and has no prior {}: the map feels ",
-      arm.arm.name, cure);
-  double rest = 0.0;
-  std::size_t named = 0;
-  for (const UnidentifiedEffect* one : left_out) {
-    // An effect below 5 % of the largest one changes the total by 0.1 % if added in squares.
-    if (named < max_named && one->rms >= std::max(heard, 0.05 * left_out.front()->rms)) {
-      text += fmt::format("{}{} by {:.3g} um RMS per {:.3g} {}", named > 0 ? ", " : "",
-                          one->number.number, one->rms / units::um, one->number.spread,
-                          one->number.unit);
-      ++named;
+      arm.arm.name, advice);
+  double squared_rest = 0.0;
+  std::size_t named_count = 0;
+  for (const UnidentifiedEffect* effect : effects) {
+    // An effect of 5 % of the largest changes the root-sum-square by 0.1 %.
+    if (named_count < max_named &&
+        effect->rms >= std::max(min_reported, 0.05 * effects.front()->rms)) {
+      text += fmt::format("{}{} by {:.3g} um RMS per {:.3g} {}", named_count > 0 ? ", " : "",
+                          effect->number.number, effect->rms / units::um, effect->number.spread,
+                          effect->number.unit);
+      ++named_count;
     } else {
-      rest += one->rms * one->rms;
+      squared_rest += effect->rms * effect->rms;
     }
   }
-  if (rest > heard * heard)
-    text += fmt::format(", and {} more by {:.3g} um together", left_out.size() - named,
-                        std::sqrt(rest) / units::um);
+  if (squared_rest > min_reported * min_reported)
+    text += fmt::format(", and {} more by {:.3g} um together", effects.size() - named_count,
+                        std::sqrt(squared_rest) / units::um);
   return text;
 }
 
@@ -148,13 +154,13 @@ namespace {
 
 constexpr std::uint64_t bootstrap_stream = 0x9e3779b97f4a7c15ULL;
 
-/// Gives access to finished rows by analysis.
+/// The rows of finished cases by analysis.
 class RowsByAnalysis {
  public:
   RowsByAnalysis(const Plan& plan, const std::vector<Row>& rows) : plan_(plan), rows_(rows) {}
 
-  /// Returns the responses of a block in one column; NaN where a case is not finished.
-  /// (block.count)
+  /// Returns (block.count) the responses of a block in one column, NaN for cases that are not
+  /// finished.
   Eigen::VectorXd column(const Block& block, std::size_t column) const {
     Eigen::VectorXd values = Eigen::VectorXd::Constant(Index(block.count), none);
     const auto before = [](const Row& row, std::uint64_t index) { return row.index < index; };
@@ -164,10 +170,10 @@ class RowsByAnalysis {
     return values;
   }
 
+  /// Returns the first block of an analysis; null if the study does not have it.
   const Block* find(Block::Kind kind) const {
-    for (const Block& block : plan_.blocks)
-      if (block.kind == kind) return &block;
-    return nullptr;
+    const auto block = std::ranges::find(plan_.blocks, kind, &Block::kind);
+    return block == plan_.blocks.end() ? nullptr : &*block;
   }
 
  private:
@@ -175,48 +181,45 @@ class RowsByAnalysis {
   const std::vector<Row>& rows_;
 };
 
-std::optional<double> finite_value(double value) {
+std::optional<double> optional_if_finite(double value) {
   return std::isfinite(value) ? std::optional(value) : std::nullopt;
 }
 
-/// Adds the one-at-a-time changes and their totals. The totals need every change; a study that is
-/// still running has none.
+/// Adds the one-at-a-time changes, and their totals if every change is known.
 void add_one_at_a_time(const Eigen::VectorXd& values, ResponseBudget& budget) {
-  double squares = 0.0, sum = 0.0;
-  bool whole = true;
+  double squared_sum = 0.0, sum = 0.0;
+  bool is_complete = true;
   for (std::size_t i = 0; i < budget.contributions.size(); ++i) {
-    Contribution& one = budget.contributions[i];
-    one.low = finite_value(values[2 * Index(i)] - budget.base);
-    one.high = finite_value(values[2 * Index(i) + 1] - budget.base);
-    whole = whole && one.low && one.high;
-    const double larger =
-        std::max(std::abs(one.low.value_or(0.0)), std::abs(one.high.value_or(0.0)));
-    squares += larger * larger;
-    sum += larger;
+    Contribution& contribution = budget.contributions[i];
+    contribution.low = optional_if_finite(values[2 * Index(i)] - budget.base);
+    contribution.high = optional_if_finite(values[2 * Index(i) + 1] - budget.base);
+    is_complete = is_complete && contribution.low && contribution.high;
+    const double max_change = larger_change(contribution).value_or(0.0);
+    squared_sum += max_change * max_change;
+    sum += max_change;
   }
-  if (!whole) return;
-  budget.root_sum_square = std::sqrt(squares);
+  if (!is_complete) return;
+  budget.root_sum_square = std::sqrt(squared_sum);
   budget.sum = sum;
 }
 
-void add_monte_carlo(const Study& study, const Eigen::VectorXd& answered,
+void add_monte_carlo(const Study& study, const Eigen::VectorXd& responses,
                      const Eigen::MatrixXd& inputs, ResponseBudget& budget) {
-  budget.values = answered;
-  if (answered.size() < 2) return;
-  budget.answers = answers(answered);
-  // A limit applies to one response only.
+  budget.values = responses;
+  if (responses.size() < 2) return;
+  budget.answers = answers(responses);
   for (const auto& [response, limit] : study.limits) {
     if (response != budget.response) continue;
     budget.limit = limit;
-    budget.capability = cpk(answered, limit);
-    budget.fraction_within = fraction_below(answered, limit);
+    budget.capability = cpk(responses, limit);
+    budget.fraction_within = fraction_below(responses, limit);
   }
-  const Correlations all = correlations(inputs, answered);
-  const Eigen::VectorXd alone = main_effects(inputs, answered);
+  const Correlations correlations_of_inputs = correlations(inputs, responses);
+  const Eigen::VectorXd effects = main_effects(inputs, responses);
   for (std::size_t i = 0; i < budget.contributions.size(); ++i) {
-    budget.contributions[i].correlation = all.linear[Index(i)];
-    budget.contributions[i].rank_correlation = all.rank[Index(i)];
-    budget.contributions[i].main_effect = alone[Index(i)];
+    budget.contributions[i].correlation = correlations_of_inputs.linear[Index(i)];
+    budget.contributions[i].rank_correlation = correlations_of_inputs.rank[Index(i)];
+    budget.contributions[i].main_effect = effects[Index(i)];
   }
 }
 
@@ -225,7 +228,7 @@ void add_sobol(const Study& study, const Eigen::VectorXd& values, ResponseBudget
   const Eigen::MatrixXd table =
       Eigen::Map<const Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>>(
           values.data(), values.size() / columns, columns);
-  // sobol_indices requires 8 complete base points; an unfinished study may have fewer.
+  // The indices need 8 complete base points, which an unfinished study may not have.
   if ((table.array().isFinite().rowwise().all()).count() < 8) return;
   budget.convergence = convergence(table, study.seed ^ bootstrap_stream);
   const std::vector<SobolIndex>& last = budget.convergence->indices.back();
@@ -234,96 +237,98 @@ void add_sobol(const Study& study, const Eigen::VectorXd& values, ResponseBudget
 }
 
 /// Monte-Carlo cases with a response in one column, and their inputs.
-struct Drawn {
+struct DrawnCases {
   std::vector<Index> which;
   Eigen::MatrixXd inputs;  ///< (inputs x which)
 };
-Drawn cases_with_responses(const Study& study, const Plan& plan, const Block& block,
-                           const Eigen::VectorXd& values) {
-  Drawn drawn;
+DrawnCases cases_with_responses(const Study& study, const Plan& plan, const Block& block,
+                                const Eigen::VectorXd& values) {
+  DrawnCases cases;
   for (Index i = 0; i < values.size(); ++i)
-    if (std::isfinite(values[i])) drawn.which.push_back(i);
+    if (std::isfinite(values[i])) cases.which.push_back(i);
   const Eigen::MatrixXd x = inputs_of(study, plan, block.first, block.first + block.count);
-  drawn.inputs = x(Eigen::all, drawn.which);
-  return drawn;
+  cases.inputs = x(Eigen::all, cases.which);
+  return cases;
 }
 
-ResponseBudget response_budget(const Study& study, const Plan& plan, const RowsByAnalysis& finished,
-                               std::size_t column, Response response) {
+ResponseBudget response_budget(const Study& study, const Plan& plan,
+                               const RowsByAnalysis& rows_by_analysis, std::size_t column,
+                               Response response) {
   ResponseBudget budget;
   budget.response = response;
   for (std::size_t i = 0; i < study.inputs.size(); ++i)
     budget.contributions.emplace_back().input = int(i);
-  if (const Block* block = finished.find(Block::Kind::Base))
-    budget.base = finished.column(*block, column)[0];
-  if (const Block* block = finished.find(Block::Kind::OneAtATime))
-    add_one_at_a_time(finished.column(*block, column), budget);
-  if (const Block* block = finished.find(Block::Kind::MonteCarlo)) {
-    const Eigen::VectorXd values = finished.column(*block, column);
-    const Drawn drawn = cases_with_responses(study, plan, *block, values);
-    add_monte_carlo(study, values(drawn.which), drawn.inputs, budget);
+  if (const Block* block = rows_by_analysis.find(Block::Kind::Base))
+    budget.base = rows_by_analysis.column(*block, column)[0];
+  if (const Block* block = rows_by_analysis.find(Block::Kind::OneAtATime))
+    add_one_at_a_time(rows_by_analysis.column(*block, column), budget);
+  if (const Block* block = rows_by_analysis.find(Block::Kind::MonteCarlo)) {
+    const Eigen::VectorXd values = rows_by_analysis.column(*block, column);
+    const DrawnCases cases = cases_with_responses(study, plan, *block, values);
+    add_monte_carlo(study, values(cases.which), cases.inputs, budget);
   }
-  if (const Block* block = finished.find(Block::Kind::Sobol))
-    add_sobol(study, finished.column(*block, column), budget);
+  if (const Block* block = rows_by_analysis.find(Block::Kind::Sobol))
+    add_sobol(study, rows_by_analysis.column(*block, column), budget);
   return budget;
 }
 
-/// Compares the two engines case by case. A mean or a fraction in tolerance may be zero for one
-/// machine, so their differences are relative to the largest value instead of the case's own.
+/// Compares the two engines case by case. Differences are relative to the value of the case, but
+/// those of a mean and of an area in tolerance, which may be zero, to the largest value.
 Proof engine_proof(const Eigen::VectorXd& full, const Eigen::VectorXd& linear, Proof proof) {
   const bool can_be_zero =
       proof.response == Response::Mean || proof.response == Response::InTolerance;
-  const auto known = full.array().isFinite();
-  const double largest = known.select(full.cwiseAbs(), 0.0).maxCoeff();
+  const auto is_known = full.array().isFinite();
+  const double largest = is_known.select(full.cwiseAbs(), 0.0).maxCoeff();
   for (Index i = 0; i < full.size(); ++i) {
     if (std::isfinite(full[i]) != std::isfinite(linear[i])) ++proof.one_sided;
     if (!std::isfinite(full[i]) || !std::isfinite(linear[i])) continue;
     ++proof.compared;
-    const double size = can_be_zero ? largest : std::abs(full[i]);
-    if (!(size > 0.0)) continue;
+    const double reference = can_be_zero ? largest : std::abs(full[i]);
+    if (!(reference > 0.0)) continue;
     proof.percent =
-        std::max(proof.percent.value_or(0.0), 100.0 * std::abs(linear[i] - full[i]) / size);
+        std::max(proof.percent.value_or(0.0), 100.0 * std::abs(linear[i] - full[i]) / reference);
   }
   return proof;
 }
 
-std::vector<Proof> proofs(const Study& study, const RowsByAnalysis& finished) {
-  const Block* cut = finished.find(Block::Kind::Proof);
-  const Block* estimated = finished.find(Block::Kind::MonteCarlo);
-  std::vector<Proof> all;
-  if (!cut || !estimated) return all;
+std::vector<Proof> proofs(const Study& study, const RowsByAnalysis& rows_by_analysis) {
+  const Block* full_block = rows_by_analysis.find(Block::Kind::Proof);
+  const Block* linear_block = rows_by_analysis.find(Block::Kind::MonteCarlo);
+  std::vector<Proof> result;
+  if (!full_block || !linear_block) return result;
   for (std::size_t arm = 0; arm < study.arms.size(); ++arm)
     for (std::size_t r = 0; r < study.responses.size(); ++r) {
       const std::size_t column = response_column(study, arm, r);
-      const Eigen::VectorXd full = finished.column(*cut, column);
+      const Eigen::VectorXd full = rows_by_analysis.column(*full_block, column);
       Proof proof;
       proof.arm = study.arms[arm].name;
       proof.response = study.responses[r];
-      all.push_back(
-          engine_proof(full, finished.column(*estimated, column).head(full.size()), proof));
+      result.push_back(engine_proof(
+          full, rows_by_analysis.column(*linear_block, column).head(full.size()), proof));
     }
-  return all;
+  return result;
 }
 
-std::vector<SweepResult> sweepings(const Study& study, const Plan& plan,
-                                   const RowsByAnalysis& finished) {
-  std::vector<SweepResult> all;
+std::vector<SweepResult> sweep_results(const Study& study, const Plan& plan,
+                                       const RowsByAnalysis& rows_by_analysis) {
+  std::vector<SweepResult> results;
   for (const Block& block : plan.blocks) {
     if (block.kind != Block::Kind::Sweep) continue;
-    SweepResult one{block.sweep, {}};
+    SweepResult result{block.sweep, {}};
     for (std::size_t arm = 0; arm < study.arms.size(); ++arm) {
-      one.answers.emplace_back();
+      result.answers.emplace_back();
       for (std::size_t r = 0; r < study.responses.size(); ++r)
-        one.answers.back().push_back(finished.column(block, response_column(study, arm, r)));
+        result.answers.back().push_back(
+            rows_by_analysis.column(block, response_column(study, arm, r)));
     }
-    all.push_back(std::move(one));
+    results.push_back(std::move(result));
   }
-  return all;
+  return results;
 }
 
-/// Adds the contributions of the inputs to the whole map: E[map^2], averaged over the area, is the
-/// mean square of the mean map plus one part for every input; a covariance of two inputs counts
-/// half for each.
+/// Adds the contributions of the inputs to the map: E[map^2], averaged over the area, is the mean
+/// square of the mean map plus a part for every input. Half of the covariance of two inputs counts
+/// for each.
 void add_maps(const Study& study, const InfluenceMap& influence, ConfigurationBudget& budget) {
   const Eigen::MatrixXd G = effects(influence);
   Eigen::VectorXd mean(Index(study.inputs.size())), sd = spreads(study);
@@ -332,43 +337,45 @@ void add_maps(const Study& study, const InfluenceMap& influence, ConfigurationBu
   const Eigen::VectorXd mean_map = maps(influence, mean).col(0) - influence.error_free;
   const Eigen::MatrixXd S = covariance_of(study);
   Eigen::MatrixXd square = Eigen::MatrixXd::Zero(S.rows(), S.cols());
-  Eigen::VectorXd least = Eigen::VectorXd::Constant(S.rows(), std::numeric_limits<double>::max());
-  Eigen::VectorXd most = -least;
-  double area = 0.0, constant = 0.0;
-  // One rank-1 update per vertex sums G G^T, of which only the lower half is computed.
+  Eigen::VectorXd min_effect =
+      Eigen::VectorXd::Constant(S.rows(), std::numeric_limits<double>::max());
+  Eigen::VectorXd max_effect = -min_effect;
+  double area = 0.0, mean_part = 0.0;
+  // A rank-1 update for each vertex sums the lower half of G G^T.
   for (Index v = 0; v < G.cols(); ++v) {
     if (!std::isfinite(mean_map[v])) continue;
     const double weight = influence.design.area[v];
     area += weight;
-    constant += weight * mean_map[v] * mean_map[v];
+    mean_part += weight * mean_map[v] * mean_map[v];
     square.selfadjointView<Eigen::Lower>().rankUpdate(G.col(v), weight);
-    least = least.cwiseMin(G.col(v));
-    most = most.cwiseMax(G.col(v));
+    min_effect = min_effect.cwiseMin(G.col(v));
+    max_effect = max_effect.cwiseMax(G.col(v));
   }
   if (!(area > 0.0)) return;
   const Eigen::MatrixXd M = Eigen::MatrixXd(square.selfadjointView<Eigen::Lower>()) / area;
-  const Eigen::VectorXd part = M.cwiseProduct(S).rowwise().sum();
-  const double total = constant / area + part.sum();
-  budget.map_mean_rms = std::sqrt(constant / area);
+  const Eigen::VectorXd parts = M.cwiseProduct(S).rowwise().sum();
+  const double total = mean_part / area + parts.sum();
+  budget.map_mean_rms = std::sqrt(mean_part / area);
   budget.map_rms = std::sqrt(total);
   for (Index i = 0; i < S.rows(); ++i)
-    budget.maps.push_back({std::sqrt(M(i, i)) * sd[i], (most[i] - least[i]) * sd[i],
-                           part.sum() > 0.0 ? part[i] / part.sum() : 0.0});
+    budget.maps.push_back({std::sqrt(M(i, i)) * sd[i], (max_effect[i] - min_effect[i]) * sd[i],
+                           parts.sum() > 0.0 ? parts[i] / parts.sum() : 0.0});
 }
 
 using Statuses = std::vector<cutting::VertexStatus>;
 
-double percent_of(const Statuses& all, cutting::VertexStatus status, const Eigen::VectorXd& area) {
-  double judged = 0.0, part = 0.0;
-  for (std::size_t v = 0; v < all.size(); ++v) {
-    if (all[v] == cutting::VertexStatus::Outside) continue;
+double area_percent(const Statuses& statuses, cutting::VertexStatus status,
+                    const Eigen::VectorXd& area) {
+  double judged = 0.0, matching = 0.0;
+  for (std::size_t v = 0; v < statuses.size(); ++v) {
+    if (statuses[v] == cutting::VertexStatus::Outside) continue;
     judged += area[Index(v)];
-    if (all[v] == status) part += area[Index(v)];
+    if (statuses[v] == status) matching += area[Index(v)];
   }
-  return judged > 0.0 ? 100.0 * part / judged : 0.0;
+  return judged > 0.0 ? 100.0 * matching / judged : 0.0;
 }
 
-/// Returns the status of every vertex with every input at its centre; empty if that machine cannot
+/// Returns the status of every vertex with all inputs at their centres; none if that machine cannot
 /// cut the part, which the rows of the study report.
 std::optional<Statuses> centre_statuses(const Study& study, const PreparedConfiguration& arm) {
   try {
@@ -380,56 +387,57 @@ std::optional<Statuses> centre_statuses(const Study& study, const PreparedConfig
   }
 }
 
-/// Adds the fractions of the area that the figures leave out.
-void add_left_out(const Statuses& status, const Eigen::VectorXd& area, ConfigurationBudget& arm) {
-  arm.uncut_percent = percent_of(status, cutting::VertexStatus::Uncut, area);
-  arm.gouged_percent = percent_of(status, cutting::VertexStatus::Gouged, area);
+/// Adds the fractions of the area that are left out of the figures.
+void add_uncut_and_gouged(const Statuses& status, const Eigen::VectorXd& area,
+                          ConfigurationBudget& arm) {
+  arm.uncut_percent = area_percent(status, cutting::VertexStatus::Uncut, area);
+  arm.gouged_percent = area_percent(status, cutting::VertexStatus::Gouged, area);
 }
 
-/// Adds the results that need an influence map. A configuration that gouges gets none of them: its
-/// map is missing where it is worst.
-void add_influence(const PreparedStudy& ready, std::size_t arm, ConfigurationBudget& one) {
+/// Adds the results that need an influence map. A configuration that gouges has none of them, since
+/// its map lacks its worst part.
+void add_influence(const PreparedStudy& ready, std::size_t arm, ConfigurationBudget& budget) {
   const Study& study = ready.study;
   const InfluenceMap& influence = ready.influences[arm];
-  add_left_out(influence.status, influence.design.area, one);
-  if (study.influence.checks > 0) one.flagged_percent = influence.flagged_percent;
+  add_uncut_and_gouged(influence.status, influence.design.area, budget);
+  if (study.influence.checks > 0) budget.flagged_percent = influence.flagged_percent;
   if (gouges_of(influence) > 0) return;
-  add_maps(study, influence, one);
+  add_maps(study, influence, budget);
   if (study.worst_case)
-    for (ResponseBudget& response : one.responses) {
+    for (ResponseBudget& response : budget.responses) {
       const Corner corner = worst_corner(study, ready.arms[arm], influence, response.response);
       response.worst = corner.response;
-      response.worst_bound = finite_value(corner.bound);
+      response.worst_bound = optional_if_finite(corner.bound);
     }
-  if (study.tolerance) one.allocation = allocation(study, ready.arms[arm], influence);
+  if (study.tolerance) budget.allocation = allocation(study, ready.arms[arm], influence);
 }
 
-/// Adds a warning for every kind of failed case. Messages differ from case to case after "seen", so
-/// cases are grouped by the text before it.
-void add_faults(const std::vector<Row>& rows, Budget& budget) {
+/// Adds a warning for every kind of failed case. Cases of a kind have the same message up to
+/// "seen".
+void add_failed_case_warnings(const std::vector<Row>& rows, Budget& budget) {
   constexpr std::size_t max_listed = 10;
-  std::map<std::string, std::pair<std::uint64_t, std::string>> input_errors;
+  std::map<std::string, std::pair<std::uint64_t, std::string>> kinds;
   for (const Row& row : rows) {
     if (row.fault.empty()) continue;
-    auto& [count, example] = input_errors[row.fault.substr(0, row.fault.find(", seen "))];
+    auto& [count, example] = kinds[row.fault.substr(0, row.fault.find(", seen "))];
     if (count++ == 0) example = row.fault;
     ++budget.failed;
   }
-  std::size_t listed = 0;
-  for (const auto& [kind, fault] : input_errors) {
-    if (listed++ == max_listed) {
-      budget.warnings.push_back(fmt::format("{} more kinds of faults: cases.csv has them",
-                                            input_errors.size() - max_listed));
+  std::size_t listed_count = 0;
+  for (const auto& [kind, occurrences] : kinds) {
+    if (listed_count++ == max_listed) {
+      budget.warnings.push_back(
+          fmt::format("{} more kinds of faults: cases.csv has them", kinds.size() - max_listed));
       break;
     }
-    budget.warnings.push_back(fmt::format("{} case{} without an answer: {}", fault.first,
-                                          fault.first == 1 ? "" : "s", fault.second));
+    budget.warnings.push_back(fmt::format("{} case{} without an answer: {}", occurrences.first,
+                                          occurrences.first == 1 ? "" : "s", occurrences.second));
   }
 }
 
-/// Adds warnings where influence maps are not reliable.
+/// Adds warnings about unreliable influence maps and about area without figures.
 void add_warnings(Budget& budget) {
-  constexpr double max_flagged = 2.0, max_off = 5.0;  // percent
+  constexpr double max_flagged = 2.0, max_difference = 5.0;  // percent
   for (const ConfigurationBudget& arm : budget.arms) {
     if (arm.flagged_percent && *arm.flagged_percent > max_flagged)
       budget.warnings.push_back(fmt::format(
@@ -448,7 +456,7 @@ void add_warnings(Budget& budget) {
           *arm.gouged_percent, arm.arm.name));
   }
   for (const Proof& proof : budget.proofs) {
-    if (proof.percent && *proof.percent > max_off)
+    if (proof.percent && *proof.percent > max_difference)
       budget.warnings.push_back(fmt::format("{} of {} by influence maps is {:.3g} % off a full cut",
                                             name_of(proof.response), proof.arm, *proof.percent));
     if (proof.one_sided > 0)
@@ -463,18 +471,18 @@ Budget compute_budget(const Study& study, const Plan& plan, const std::vector<Ro
   Budget budget;
   budget.study = study;
   budget.cases = rows.size();
-  add_faults(rows, budget);
-  const RowsByAnalysis finished(plan, rows);
+  add_failed_case_warnings(rows, budget);
+  const RowsByAnalysis rows_by_analysis(plan, rows);
   for (std::size_t arm = 0; arm < study.arms.size(); ++arm) {
-    ConfigurationBudget one;
-    one.arm = study.arms[arm];
+    ConfigurationBudget arm_budget;
+    arm_budget.arm = study.arms[arm];
     for (std::size_t r = 0; r < study.responses.size() && !study.inputs.empty(); ++r)
-      one.responses.push_back(response_budget(study, plan, finished, response_column(study, arm, r),
-                                              study.responses[r]));
-    budget.arms.push_back(std::move(one));
+      arm_budget.responses.push_back(response_budget(
+          study, plan, rows_by_analysis, response_column(study, arm, r), study.responses[r]));
+    budget.arms.push_back(std::move(arm_budget));
   }
-  budget.proofs = proofs(study, finished);
-  budget.sweeps = sweepings(study, plan, finished);
+  budget.proofs = proofs(study, rows_by_analysis);
+  budget.sweeps = sweep_results(study, plan, rows_by_analysis);
   return budget;
 }
 
@@ -487,16 +495,15 @@ Budget compute_budget(const PreparedStudy& ready, const std::vector<Row>& rows,
     if (!ready.influences.empty())
       add_influence(ready, arm, budget.arms[arm]);
     else if (const auto status = centre_statuses(study, ready.arms[arm]))
-      add_left_out(*status, ready.arms[arm].job.design_w.area, budget.arms[arm]);
+      add_uncut_and_gouged(*status, ready.arms[arm].job.design_w.area, budget.arms[arm]);
     budget.arms[arm].unidentified = unidentified_effects(study, ready.arms[arm]);
     if (std::string text = unidentified_warning(study, budget.arms[arm]); !text.empty())
       budget.warnings.push_back(std::move(text));
   }
   for (const PreparedConfiguration& arm : ready.arms)
-    for (const std::string& warning : arm.job.warnings)  // programs that all configurations share
-                                                         // are reported once
-      if (std::find(budget.warnings.begin(), budget.warnings.end(), warning) ==
-          budget.warnings.end())
+    for (const std::string& warning : arm.job.warnings)
+      // Configurations that share a program share its warnings.
+      if (std::ranges::find(budget.warnings, warning) == budget.warnings.end())
         budget.warnings.push_back(warning);
   add_warnings(budget);
   return budget;

@@ -18,38 +18,39 @@ namespace abbe::sim::study {
 
 namespace {
 
-// A batch fills exactly one lot of the influence maps.
-constexpr std::uint64_t cases_of_a_batch = machines_at_once;
+// A batch has as many cases as influence maps compute together.
+constexpr std::uint64_t cases_per_batch = machines_at_once;
 
-// Every analysis draws from a stream of its own, so that its cases do not depend on the size of
+// Every analysis has a random stream of its own, so that its cases do not depend on the size of
 // another analysis.
 constexpr std::uint64_t sobol_stream = 0x5851f42d4c957f2dULL;
 
-Eigen::MatrixXd one_at_a_time(const Study& study, std::uint64_t from, std::uint64_t to) {
-  const Eigen::VectorXd x0 = centre(study), sd = spreads(study);
-  Eigen::MatrixXd x(x0.size(), Eigen::Index(to - from));
+Eigen::MatrixXd one_at_a_time_inputs(const Study& study, std::uint64_t from, std::uint64_t to) {
+  const Eigen::VectorXd centres = centre(study), deviations = spreads(study);
+  Eigen::MatrixXd x(centres.size(), Eigen::Index(to - from));
   for (std::uint64_t k = from; k < to; ++k) {
     const auto input = Eigen::Index(k / 2);
-    const Distribution& d = study.inputs[std::size_t(input)].distribution;
-    const double side = k % 2 == 0 ? -1.0 : 1.0;
+    const Distribution& distribution = study.inputs[std::size_t(input)].distribution;
+    const double sign = k % 2 == 0 ? -1.0 : 1.0;
     auto column = x.col(Eigen::Index(k - from));
-    column = x0;
-    // A step of a truncated distribution must not leave its limits.
-    column[input] = std::clamp(x0[input] + side * study.one_at_a_time->step * sd[input],
-                               quantile(d, 0.0), quantile(d, 1.0));
+    column = centres;
+    // The step must stay within the limits of a truncated distribution.
+    column[input] =
+        std::clamp(centres[input] + sign * study.one_at_a_time->step * deviations[input],
+                   quantile(distribution, 0.0), quantile(distribution, 1.0));
   }
   return x;
 }
 
-Eigen::MatrixXd monte_carlo(const Study& study, std::uint64_t from, std::uint64_t to) {
+Eigen::MatrixXd monte_carlo_inputs(const Study& study, std::uint64_t from, std::uint64_t to) {
   const Sequence sequence{study.monte_carlo->sampling, int(study.inputs.size()), study.seed};
   return drawn(study, points(sequence, from, Eigen::Index(to - from)));
 }
 
-Eigen::MatrixXd sobol(const Study& study, std::uint64_t from, std::uint64_t to) {
+Eigen::MatrixXd sobol_inputs(const Study& study, std::uint64_t from, std::uint64_t to) {
   const auto columns = std::uint64_t(study.inputs.size()) + 2;
-  // A and B are the halves of one point of a sequence with twice the dimensions, as Saltelli's
-  // design requires: two separate sequences would be correlated.
+  // In Saltelli's design A and B are the halves of a point of one sequence with twice the
+  // dimensions. Two sequences would be correlated.
   const Sequence sequence{Sampling::Sobol, 2 * int(study.inputs.size()), study.seed ^ sobol_stream};
   const std::uint64_t first = from / columns, last = (to - 1) / columns + 1;
   const Eigen::MatrixXd base = points(sequence, first, Eigen::Index(last - first));
@@ -60,8 +61,8 @@ Eigen::MatrixXd sobol(const Study& study, std::uint64_t from, std::uint64_t to) 
   return drawn(study, u);
 }
 
-Eigen::MatrixXd swept(const Study& study, const Sweep& sweep, std::uint64_t from,
-                      std::uint64_t to) {
+Eigen::MatrixXd sweep_inputs(const Study& study, const Sweep& sweep, std::uint64_t from,
+                             std::uint64_t to) {
   Eigen::MatrixXd x = centre(study).replicate(1, Eigen::Index(to - from));
   x.row(sweep.input) =
       sweep.values.segment(Eigen::Index(from), Eigen::Index(to - from)).transpose();
@@ -74,14 +75,14 @@ Eigen::MatrixXd inputs_of(const Study& study, const Block& block, std::uint64_t 
     case Block::Kind::Base:
       return centre(study);
     case Block::Kind::OneAtATime:
-      return one_at_a_time(study, from, to);
+      return one_at_a_time_inputs(study, from, to);
     case Block::Kind::MonteCarlo:
     case Block::Kind::Proof:
-      return monte_carlo(study, from, to);
+      return monte_carlo_inputs(study, from, to);
     case Block::Kind::Sobol:
-      return sobol(study, from, to);
+      return sobol_inputs(study, from, to);
     case Block::Kind::Sweep:
-      return swept(study, study.sweeps[std::size_t(block.sweep)], from, to);
+      return sweep_inputs(study, study.sweeps[std::size_t(block.sweep)], from, to);
   }
   return {};
 }
@@ -108,19 +109,19 @@ const char* name_of(Block::Kind kind) {
 
 Plan plan_of(const Study& study) {
   Plan plan;
-  // The order of the blocks defines the numbers of the cases, so it must never depend on results.
-  const bool full = study.engine == Engine::Full;
+  // The order of the blocks sets the numbers of the cases, so it must never depend on results.
+  const bool is_full_engine = study.engine == Engine::Full;
   const auto add = [&](Block::Kind kind, std::uint64_t count, int sweep = 0) {
-    const bool cut = full || kind == Block::Kind::Proof;
-    plan.blocks.push_back({kind, plan.cases, count, sweep, cut});
+    const bool is_full = is_full_engine || kind == Block::Kind::Proof;
+    plan.blocks.push_back({kind, plan.cases, count, sweep, is_full});
     plan.cases += count;
   };
   if (study.inputs.empty()) return plan;
-  const auto p = std::uint64_t(study.inputs.size());
+  const auto input_count = std::uint64_t(study.inputs.size());
   add(Block::Kind::Base, 1);
-  if (study.one_at_a_time) add(Block::Kind::OneAtATime, 2 * p);
+  if (study.one_at_a_time) add(Block::Kind::OneAtATime, 2 * input_count);
   if (study.monte_carlo) add(Block::Kind::MonteCarlo, study.monte_carlo->cases);
-  if (study.sobol) add(Block::Kind::Sobol, study.sobol->base_points * (p + 2));
+  if (study.sobol) add(Block::Kind::Sobol, study.sobol->base_points * (input_count + 2));
   for (std::size_t i = 0; i < study.sweeps.size(); ++i)
     add(Block::Kind::Sweep, std::uint64_t(study.sweeps[i].values.size()), int(i));
   if (study.engine == Engine::Both && study.monte_carlo)
@@ -129,21 +130,21 @@ Plan plan_of(const Study& study) {
 }
 
 const Block& block_of(const Plan& plan, std::uint64_t index) {
-  const auto after =
+  const auto next_block =
       std::upper_bound(plan.blocks.begin(), plan.blocks.end(), index,
                        [](std::uint64_t i, const Block& block) { return i < block.first; });
-  return *(after - 1);
+  return *(next_block - 1);
 }
 
 Eigen::MatrixXd inputs_of(const Study& study, const Plan& plan, std::uint64_t first,
                           std::uint64_t last) {
   Eigen::MatrixXd x(Eigen::Index(study.inputs.size()), Eigen::Index(last - first));
-  for (std::uint64_t at = first; at < last;) {
-    const Block& block = block_of(plan, at);
+  for (std::uint64_t case_number = first; case_number < last;) {
+    const Block& block = block_of(plan, case_number);
     const std::uint64_t end = std::min(last, block.first + block.count);
-    x.middleCols(Eigen::Index(at - first), Eigen::Index(end - at)) =
-        inputs_of(study, block, at - block.first, end - block.first);
-    at = end;
+    x.middleCols(Eigen::Index(case_number - first), Eigen::Index(end - case_number)) =
+        inputs_of(study, block, case_number - block.first, end - block.first);
+    case_number = end;
   }
   return x;
 }
@@ -157,25 +158,25 @@ Eigen::MatrixXd drawn(const Study& study, const Eigen::MatrixXd& u) {
 std::vector<Batch> batches_of(const Plan& plan) {
   std::vector<Batch> batches;
   for (const Block& block : plan.blocks) {
-    const std::uint64_t step = block.full ? 1 : cases_of_a_batch;
-    for (std::uint64_t at = 0; at < block.count; at += step)
-      batches.push_back({block.first + at, block.first + std::min(at + step, block.count)});
+    const std::uint64_t step = block.full ? 1 : cases_per_batch;
+    for (std::uint64_t offset = 0; offset < block.count; offset += step)
+      batches.push_back({block.first + offset, block.first + std::min(offset + step, block.count)});
   }
   return batches;
 }
 
 namespace {
 
-/// Jobs that cases pass on to each other, so that no case copies a program; as many exist as cases
-/// run at the same time.
-class SpareJobs {
+/// Jobs that cases reuse, so that no case copies a program. There are as many as cases that run at
+/// the same time.
+class JobPool {
  public:
   Job take(const PreparedConfiguration& ready, std::size_t arm) {
     {
       const std::lock_guard lock(mutex_);
-      if (arm < spare_.size() && !spare_[arm].empty()) {
-        Job job = std::move(spare_[arm].back());
-        spare_[arm].pop_back();
+      if (arm < jobs_by_configuration_.size() && !jobs_by_configuration_[arm].empty()) {
+        Job job = std::move(jobs_by_configuration_[arm].back());
+        jobs_by_configuration_[arm].pop_back();
         return job;
       }
     }
@@ -183,13 +184,13 @@ class SpareJobs {
   }
   void return_job(std::size_t arm, Job job) {
     const std::lock_guard lock(mutex_);
-    if (arm >= spare_.size()) spare_.resize(arm + 1);
-    spare_[arm].push_back(std::move(job));
+    if (arm >= jobs_by_configuration_.size()) jobs_by_configuration_.resize(arm + 1);
+    jobs_by_configuration_[arm].push_back(std::move(job));
   }
 
  private:
   std::mutex mutex_;
-  std::vector<std::vector<Job>> spare_;
+  std::vector<std::vector<Job>> jobs_by_configuration_;
 };
 
 std::vector<Row> empty_rows(const PreparedStudy& ready, const Batch& batch) {
@@ -200,12 +201,13 @@ std::vector<Row> empty_rows(const PreparedStudy& ready, const Batch& batch) {
   return rows;
 }
 
-void put(const PreparedStudy& ready, std::size_t arm, const Eigen::VectorXd& values, Row& row) {
+void enter_responses(const PreparedStudy& ready, std::size_t arm, const Eigen::VectorXd& values,
+                     Row& row) {
   for (std::size_t i = 0; i < ready.study.responses.size(); ++i)
     row.answers[response_column(ready.study, arm, i)] = values[Eigen::Index(i)];
 }
 
-/// Returns the reason why a map with gouges has no response: its figures would leave out the worst
+/// Returns the reason why a map with gouges has no response: the figures would leave out its worst
 /// part.
 std::string gouge_message(std::size_t gouges, double band) {
   return fmt::format("expected no gouge deeper than the band of {} mm, seen {} {} with one", band,
@@ -215,43 +217,43 @@ std::string gouge_message(std::size_t gouges, double band) {
 /// Returns the reason why a map has no response; empty if it has one.
 std::string missing_response_reason(const cutting::Surface& surface, double band) {
   if (!surface.gouges.empty()) return gouge_message(surface.gouges.size(), band);
-  const bool cut = std::find(surface.status.begin(), surface.status.end(),
-                             cutting::VertexStatus::Cut) != surface.status.end();
-  return cut ? "" : "nothing of the part was cut";
+  const bool is_cut = std::find(surface.status.begin(), surface.status.end(),
+                                cutting::VertexStatus::Cut) != surface.status.end();
+  return is_cut ? "" : "nothing of the part was cut";
 }
 
-void note(Row& row, const PreparedStudy& ready, std::size_t arm, const std::string& fault) {
-  row.fault += (row.fault.empty() ? "" : "; ") + ready.arms[arm].arm.name + ": " + fault;
+void add_failure(Row& row, const PreparedStudy& ready, std::size_t arm, const std::string& reason) {
+  row.fault += (row.fault.empty() ? "" : "; ") + ready.arms[arm].arm.name + ": " + reason;
 }
 
 /// Cuts every case of the batch in full.
-std::vector<Row> cut(const PreparedStudy& ready, SpareJobs& spare, const Batch& batch) {
+std::vector<Row> cut_batch(const PreparedStudy& ready, JobPool& pool, const Batch& batch) {
   std::vector<Row> rows = empty_rows(ready, batch);
   const Eigen::MatrixXd x = inputs_of(ready.study, ready.plan, batch.first, batch.last);
   for (std::size_t i = 0; i < rows.size(); ++i)
     for (std::size_t arm = 0; arm < ready.arms.size(); ++arm) {
       stop_if_interrupted();
       try {
-        Tried tried = cut_at(ready.study, ready.arms[arm], spare.take(ready.arms[arm], arm),
-                             x.col(Eigen::Index(i)));
-        const std::string fault = missing_response_reason(tried.surface, tried.job.scene.band);
-        if (fault.empty())
-          put(ready, arm, tried.responses, rows[i]);
+        Tried machine = cut_at(ready.study, ready.arms[arm], pool.take(ready.arms[arm], arm),
+                               x.col(Eigen::Index(i)));
+        const std::string reason = missing_response_reason(machine.surface, machine.job.scene.band);
+        if (reason.empty())
+          enter_responses(ready, arm, machine.responses, rows[i]);
         else
-          note(rows[i], ready, arm, fault);
-        spare.return_job(arm, std::move(tried.job));
-      } catch (const BadScene& bad) {
-        note(rows[i], ready, arm, bad.what());
-      } catch (const BadInput& bad) {
-        note(rows[i], ready, arm, bad.what());
+          add_failure(rows[i], ready, arm, reason);
+        pool.return_job(arm, std::move(machine.job));
+      } catch (const BadScene& error) {
+        add_failure(rows[i], ready, arm, error.what());
+      } catch (const BadInput& error) {
+        add_failure(rows[i], ready, arm, error.what());
       }
     }
   return rows;
 }
 
-/// Estimates every case of the batch from the influence maps. A configuration that gouges with
-/// every input at its centre has no response: its map has no passes where it is worst.
-std::vector<Row> estimated(const PreparedStudy& ready, const Batch& batch) {
+/// Estimates every case of the batch from the influence maps. A configuration that gouges with all
+/// inputs at their centres has no response, since its map has no passes where it is worst.
+std::vector<Row> estimate_batch(const PreparedStudy& ready, const Batch& batch) {
   stop_if_interrupted();
   std::vector<Row> rows = empty_rows(ready, batch);
   const Eigen::MatrixXd x = inputs_of(ready.study, ready.plan, batch.first, batch.last);
@@ -259,13 +261,13 @@ std::vector<Row> estimated(const PreparedStudy& ready, const Batch& batch) {
     const std::size_t gouges = gouges_of(ready.influences[arm]);
     if (gouges > 0) {
       for (Row& row : rows)
-        note(row, ready, arm, gouge_message(gouges, ready.arms[arm].job.scene.band));
+        add_failure(row, ready, arm, gouge_message(gouges, ready.arms[arm].job.scene.band));
       continue;
     }
     const Eigen::MatrixXd values =
         responses(ready.study, ready.arms[arm], ready.influences[arm], x);
     for (std::size_t i = 0; i < rows.size(); ++i)
-      put(ready, arm, values.col(Eigen::Index(i)), rows[i]);
+      enter_responses(ready, arm, values.col(Eigen::Index(i)), rows[i]);
   }
   return rows;
 }
@@ -284,10 +286,10 @@ PreparedStudy prepare_study(const Study& study, const Progress& progress) {
 }
 
 ComputeBatch batch_computation(const PreparedStudy& ready) {
-  const auto spare = std::make_shared<SpareJobs>();
-  return [&ready, spare](const Batch& batch) {
-    return block_of(ready.plan, batch.first).full ? cut(ready, *spare, batch)
-                                                  : estimated(ready, batch);
+  const auto pool = std::make_shared<JobPool>();
+  return [&ready, pool](const Batch& batch) {
+    return block_of(ready.plan, batch.first).full ? cut_batch(ready, *pool, batch)
+                                                  : estimate_batch(ready, batch);
   };
 }
 

@@ -41,20 +41,21 @@ namespace abbe::sim::study {
 
 namespace {
 
-int number_in(const char* variable) {
+int environment_number(const char* variable) {
   const char* text = std::getenv(variable);
   return text == nullptr ? 0 : std::atoi(text);
 }
 
-/// Returns the number of processes that were started together with this one and can communicate. A
-/// Slurm job sets PMI variables even if no MPI program was started: in its script, and in a step
-/// whose MPI support is off. Starting MPI there would end the process.
+/// Returns the number of processes that were started together and can communicate. PMI variables
+/// alone do not show it: Slurm sets them also in the script of a job and in a step without MPI
+/// support, where starting MPI would end the process.
 int started_process_count() {
-  if (std::getenv("OMPI_COMM_WORLD_SIZE") != nullptr) return number_in("OMPI_COMM_WORLD_SIZE");
+  if (std::getenv("OMPI_COMM_WORLD_SIZE") != nullptr)
+    return environment_number("OMPI_COMM_WORLD_SIZE");
   if (std::getenv("PMI_RANK") != nullptr && std::getenv("PMI_SIZE") != nullptr)
-    return number_in("PMI_SIZE");
+    return environment_number("PMI_SIZE");
   if (std::getenv("PMIX_RANK") != nullptr && std::getenv("PMIX_NAMESPACE") != nullptr)
-    return number_in("SLURM_STEP_NUM_TASKS");
+    return environment_number("SLURM_STEP_NUM_TASKS");
   return 1;
 }
 
@@ -175,28 +176,30 @@ class FirstFailure {
   void remember(std::exception_ptr failure) {
     const std::lock_guard lock(mutex_);
     if (!failure_) failure_ = std::move(failure);
-    happened_ = true;
+    has_failed_ = true;
   }
-  bool happened() const { return happened_; }
-  /// Returns the failure, or null; called when all threads are done.
+  bool has_failed() const { return has_failed_; }
+  /// Returns the failure, null if there is none. Not thread-safe: only after all threads have
+  /// ended.
   std::exception_ptr failure() const { return failure_; }
 
  private:
   std::mutex mutex_;
   std::exception_ptr failure_;
-  std::atomic<bool> happened_ = false;
+  std::atomic<bool> has_failed_ = false;
 };
 
-/// Source of the batches and destination of their rows; both are called by one thread at a time.
-struct Ends {
-  std::function<std::optional<Batch>()> next;
+/// The source of the batches and the destination of their rows. One thread at a time calls either.
+struct BatchChannel {
+  std::function<std::optional<Batch>()> next;  ///< returns none if no batch is left
   TakeBatch deliver;
 };
 
-/// Loop of each thread: batch after batch until there are none.
-class Work {
+/// Computes batch after batch, on every thread that calls `run_batches`.
+class BatchWorker {
  public:
-  Work(const ComputeBatch& compute, const Ends& ends) : compute_(compute), ends_(ends) {}
+  BatchWorker(const ComputeBatch& compute, const BatchChannel& channel)
+      : compute_(compute), channel_(channel) {}
 
   void run_batches() {
     while (const std::optional<Batch> batch = next()) {
@@ -213,9 +216,9 @@ class Work {
  private:
   std::optional<Batch> next() {
     const std::lock_guard lock(mutex_);
-    if (failure_.happened()) return {};
+    if (failure_.has_failed()) return {};
     try {
-      return ends_.next();
+      return channel_.next();
     } catch (...) {
       failure_.remember(std::current_exception());
       return {};
@@ -223,67 +226,69 @@ class Work {
   }
   void deliver(const Batch& batch, std::vector<Row> rows) {
     const std::lock_guard lock(mutex_);
-    if (refused_) return;
-    refused_ = true;  // stays true if `deliver` throws
-    ends_.deliver(batch, std::move(rows));
-    refused_ = false;
+    if (has_deliver_failed_) return;
+    has_deliver_failed_ = true;  // stays true if `deliver` throws
+    channel_.deliver(batch, std::move(rows));
+    has_deliver_failed_ = false;
   }
 
   const ComputeBatch& compute_;
-  const Ends& ends_;
+  const BatchChannel& channel_;
   std::mutex mutex_;
-  bool refused_ = false;
+  bool has_deliver_failed_ = false;
   FirstFailure failure_;
 };
 
-/// Computes batches on many threads. A failure is stored instead of being thrown through TBB, which
-/// would cancel the parallel work in other batches and let half-finished ones appear finished.
-std::exception_ptr work(const ComputeBatch& compute, const Ends& ends, int threads) {
-  Work work(compute, ends);
+/// Computes batches on many threads and returns the first failure. It is not thrown through TBB,
+/// which would cancel the parallel work inside other batches and let unfinished ones appear
+/// finished.
+std::exception_ptr compute_batches(const ComputeBatch& compute, const BatchChannel& channel,
+                                   int threads) {
+  BatchWorker worker(compute, channel);
   tbb::parallel_for(
       tbb::blocked_range<int>(0, threads, 1),
       [&](const tbb::blocked_range<int>&) {
         // A thread that waits inside a batch must not begin another one.
-        tbb::this_task_arena::isolate([&] { work.run_batches(); });
+        tbb::this_task_arena::isolate([&] { worker.run_batches(); });
       },
       tbb::simple_partitioner());
-  return work.failure();
+  return worker.failure();
 }
 
-void rethrow(const std::exception_ptr& failure) {
+void rethrow_if_set(const std::exception_ptr& failure) {
   if (failure) std::rethrow_exception(failure);
 }
 
-void farm_alone(const std::vector<Batch>& batches, const ComputeBatch& compute,
-                const TakeBatch& take) {
-  auto at = batches.begin();
-  const auto next = [&] { return at == batches.end() ? std::nullopt : std::optional(*at++); };
-  rethrow(work(compute, {next, take}, tbb::this_task_arena::max_concurrency()));
+void compute_in_one_process(const std::vector<Batch>& batches, const ComputeBatch& compute,
+                            const TakeBatch& take) {
+  auto batch = batches.begin();
+  const auto next = [&] { return batch == batches.end() ? std::nullopt : std::optional(*batch++); };
+  rethrow_if_set(compute_batches(compute, {next, take}, tbb::this_task_arena::max_concurrency()));
 }
 
 /// Kinds of messages between ranks.
-enum Kind : int {
-  Ask,      ///< request for the next batch
-  Rows,     ///< rows of a finished batch
-  Done,     ///< nothing more comes from this rank; carries its failure
-  Do,       ///< batch to compute
-  Rest,     ///< no batch is left
-  Outcome,  ///< result of the farm
+enum MessageKind : int {
+  BatchRequest,     ///< to rank 0
+  BatchRows,        ///< rows of a finished batch, to rank 0
+  RankDone,         ///< last message of a rank to rank 0, with its failure
+  BatchAssignment,  ///< batch to compute
+  NoBatchLeft,
+  Outcome,  ///< failure of the farm; empty: none
 };
 
-/// Loop of rank 0 until the others have nothing more to send.
-class Office {
+/// Assigns batches to the other ranks and takes their rows until all of them are done.
+class Dispatcher {
  public:
-  Office(const std::vector<Batch>& batches, const TakeBatch& take)
+  Dispatcher(const std::vector<Batch>& batches, const TakeBatch& take)
       : batches_(batches), take_(take) {}
 
-  void run(int others) {
-    while (others > 0) {
+  void run(int active_ranks) {
+    while (active_ranks > 0) {
       const Message message = next_message();
-      if (message.kind == Ask) answer(message.rank);
-      if (message.kind == Rows) take(message.bytes);
-      if (message.kind == Done) --others;
-      if (message.kind == Done && !message.bytes.empty())
+      if (message.kind == BatchRequest) assign_batch(message.rank);
+      if (message.kind == BatchRows) take(message.bytes);
+      if (message.kind == RankDone) --active_ranks;
+      if (message.kind == RankDone && !message.bytes.empty())
         failure_.remember(parse_failure(message.bytes));
     }
   }
@@ -292,58 +297,57 @@ class Office {
  private:
   Message next_message() {
     try {
-      // After a failure the remaining rows are still received, so Ctrl-C is no longer an error of
-      // its own.
-      return receive(any_rank, !failure_.happened());
+      // After a failure the remaining messages must still be received, whatever the user presses.
+      return receive(any_rank, !failure_.has_failed());
     } catch (const Interrupted&) {
       failure_.remember(std::current_exception());
       return receive(any_rank);
     }
   }
-  void answer(int rank) {
-    if (failure_.happened() || handed_out_ == batches_.size()) return send(rank, Rest);
-    send(rank, Do, to_bytes(batches_[handed_out_++]));
+  void assign_batch(int rank) {
+    if (failure_.has_failed() || next_batch_ == batches_.size()) return send(rank, NoBatchLeft);
+    send(rank, BatchAssignment, to_bytes(batches_[next_batch_++]));
   }
   void take(const std::string& bytes) {
-    // A failure of `take_` is final: no further rows are passed to it.
-    if (refused_) return;
+    // After a failure `take_` gets no further rows.
+    if (has_take_failed_) return;
     try {
-      BatchResult finished = parse_batch_result(bytes);
-      take_(finished.batch, std::move(finished.rows));
+      BatchResult result = parse_batch_result(bytes);
+      take_(result.batch, std::move(result.rows));
     } catch (...) {
-      refused_ = true;
+      has_take_failed_ = true;
       failure_.remember(std::current_exception());
     }
   }
 
   const std::vector<Batch>& batches_;
   const TakeBatch& take_;
-  std::size_t handed_out_ = 0;
-  bool refused_ = false;
+  std::size_t next_batch_ = 0;
+  bool has_take_failed_ = false;
   FirstFailure failure_;
 };
 
-void farm_out(const std::vector<Batch>& batches, const Ranks& ranks, const TakeBatch& take) {
-  Office office(batches, take);
-  office.run(ranks.size - 1);
-  const std::string outcome = to_bytes(office.failure());
+void dispatch(const std::vector<Batch>& batches, const Ranks& ranks, const TakeBatch& take) {
+  Dispatcher dispatcher(batches, take);
+  dispatcher.run(ranks.size - 1);
+  const std::string outcome = to_bytes(dispatcher.failure());
   for (int rank = 1; rank < ranks.size; ++rank) send(rank, Outcome, outcome);
-  rethrow(office.failure());
+  rethrow_if_set(dispatcher.failure());
 }
 
-void work_for_rank_0(const ComputeBatch& compute) {
+void compute_for_rank_0(const ComputeBatch& compute) {
   const auto next = []() -> std::optional<Batch> {
-    send(0, Ask);
-    const Message answer = receive(0);
-    return answer.kind == Do ? std::optional(parse_batch(answer.bytes)) : std::nullopt;
+    send(0, BatchRequest);
+    const Message reply = receive(0);
+    return reply.kind == BatchAssignment ? std::optional(parse_batch(reply.bytes)) : std::nullopt;
   };
   const auto deliver = [](const Batch& batch, std::vector<Row> rows) {
-    send(0, Rows, to_bytes(BatchResult{batch, std::move(rows)}));
+    send(0, BatchRows, to_bytes(BatchResult{batch, std::move(rows)}));
   };
-  // MPI without thread support allows one communicating thread.
+  // Without thread support of MPI only one thread may communicate.
   const int threads = can_threads_communicate() ? tbb::this_task_arena::max_concurrency() : 1;
-  send(0, Done, to_bytes(work(compute, {next, deliver}, threads)));
-  rethrow(parse_failure(receive(0).bytes));
+  send(0, RankDone, to_bytes(compute_batches(compute, {next, deliver}, threads)));
+  rethrow_if_set(parse_failure(receive(0).bytes));
 }
 
 }  // namespace
@@ -351,28 +355,28 @@ void work_for_rank_0(const ComputeBatch& compute) {
 std::vector<Batch> shard_batches(const std::vector<Batch>& batches, const Shard& shard) {
   if (shard.count < 1 || shard.index < 0 || shard.index >= shard.count)
     throw std::invalid_argument(fmt::format("no shard {} of {}", shard.index, shard.count));
-  std::vector<Batch> mine;
+  std::vector<Batch> result;
   for (std::size_t i = std::size_t(shard.index); i < batches.size(); i += std::size_t(shard.count))
-    mine.push_back(batches[i]);
-  return mine;
+    result.push_back(batches[i]);
+  return result;
 }
 
 std::vector<Batch> unfinished(const std::vector<Batch>& batches,
                               const std::vector<std::uint64_t>& finished) {
-  std::vector<Batch> left;
+  std::vector<Batch> result;
   for (const Batch& batch : batches) {
     const auto first = std::lower_bound(finished.begin(), finished.end(), batch.first);
     const auto last = std::lower_bound(first, finished.end(), batch.last);
-    if (std::uint64_t(last - first) < batch.last - batch.first) left.push_back(batch);
+    if (std::uint64_t(last - first) < batch.last - batch.first) result.push_back(batch);
   }
-  return left;
+  return result;
 }
 
 void farm(const std::vector<Batch>& batches, const Ranks& ranks, const ComputeBatch& compute,
           const TakeBatch& take) {
-  if (ranks.size == 1) return farm_alone(batches, compute, take);
-  if (ranks.rank == 0) return farm_out(batches, ranks, take);
-  work_for_rank_0(compute);
+  if (ranks.size == 1) return compute_in_one_process(batches, compute, take);
+  if (ranks.rank == 0) return dispatch(batches, ranks, take);
+  compute_for_rank_0(compute);
 }
 
 namespace {
@@ -380,13 +384,13 @@ namespace {
 using compensation::PlugInFailure;
 using nlohmann::json;
 
-void put(std::string& bytes, const void* data, std::size_t size) {
+void append(std::string& bytes, const void* data, std::size_t size) {
   if (size > 0) bytes.append(static_cast<const char*>(data), size);
 }
-void put(std::string& bytes, std::uint64_t number) { put(bytes, &number, sizeof number); }
+void append(std::string& bytes, std::uint64_t number) { append(bytes, &number, sizeof number); }
 
 /// Reads values from the front of the bytes.
-struct Reader {
+struct ByteReader {
   std::string_view bytes;
 
   void take(void* data, std::size_t size) {
@@ -399,8 +403,8 @@ struct Reader {
     take(&number, sizeof number);
     return number;
   }
-  /// Returns the number of items that follow, each at least `size` bytes. A damaged number must not
-  /// reserve memory.
+  /// Returns the number of items that follow, each of at least `size` bytes. The check keeps a
+  /// damaged number from reserving memory.
   std::size_t count(std::size_t size) {
     const std::uint64_t n = number();
     if (n > bytes.size() / size) throw std::runtime_error("a message between ranks is cut off");
@@ -417,36 +421,36 @@ struct Reader {
   }
 };
 
-json to_json(const BadInput& fault) {
-  return {fault.file, fault.line, fault.column, fault.expected, fault.seen};
+json to_json(const BadInput& error) {
+  return {error.file, error.line, error.column, error.expected, error.seen};
 }
-BadInput parse_bad_input(const json& fault) {
-  return {fault[0], fault[1], fault[2], fault[3], fault[4]};
+BadInput parse_bad_input(const json& error) {
+  return {error[0], error[1], error[2], error[3], error[4]};
 }
 
-json described(const std::exception_ptr& failure) {
+json failure_json(const std::exception_ptr& failure) {
   try {
     std::rethrow_exception(failure);
   } catch (const dialects::BadProgram& program) {
     json input_errors = json::array();
-    for (const BadInput& fault : program.input_errors) input_errors.push_back(to_json(fault));
+    for (const BadInput& error : program.input_errors) input_errors.push_back(to_json(error));
     return {{"kind", "BadScene"}, {"faults", input_errors}};
-  } catch (const BadInput& fault) {
-    return {{"kind", "BadInput"}, {"faults", {to_json(fault)}}};
+  } catch (const BadInput& error) {
+    return {{"kind", "BadInput"}, {"faults", {to_json(error)}}};
   } catch (const BadScene& scene) {
     json input_errors = json::array();
-    for (const BadInput& fault : scene.input_errors) input_errors.push_back(to_json(fault));
+    for (const BadInput& error : scene.input_errors) input_errors.push_back(to_json(error));
     return {{"kind", "BadScene"}, {"faults", input_errors}};
   } catch (const Interrupted&) {
     return {{"kind", "Interrupted"}};
-  } catch (const OutputFailure& fault) {
-    return {{"kind", "OutputFailure"}, {"text", fault.what()}};
-  } catch (const PlugInFailure& fault) {
-    return {{"kind", "PlugInFailure"}, {"text", fault.what()}};
+  } catch (const OutputFailure& error) {
+    return {{"kind", "OutputFailure"}, {"text", error.what()}};
+  } catch (const PlugInFailure& error) {
+    return {{"kind", "PlugInFailure"}, {"text", error.what()}};
   } catch (const std::bad_alloc&) {
     return {{"kind", "bad_alloc"}};
-  } catch (const std::exception& fault) {
-    return {{"kind", "other"}, {"text", fault.what()}};
+  } catch (const std::exception& error) {
+    return {{"kind", "other"}, {"text", error.what()}};
   } catch (...) {
     return {{"kind", "other"}, {"text", "a failure without a text"}};
   }
@@ -456,43 +460,43 @@ json described(const std::exception_ptr& failure) {
 
 std::string to_bytes(const Batch& batch) {
   std::string bytes;
-  put(bytes, batch.first);
-  put(bytes, batch.last);
+  append(bytes, batch.first);
+  append(bytes, batch.last);
   return bytes;
 }
 
 Batch parse_batch(std::string_view bytes) {
-  Reader reader{bytes};
+  ByteReader reader{bytes};
   const std::uint64_t first = reader.number();
   return {first, reader.number()};
 }
 
-std::string to_bytes(const BatchResult& finished) {
-  std::string bytes = to_bytes(finished.batch);
-  put(bytes, finished.rows.size());
-  for (const Row& row : finished.rows) {
-    put(bytes, row.index);
-    put(bytes, row.answers.size());
-    put(bytes, row.answers.data(), row.answers.size() * sizeof(double));
-    put(bytes, row.fault.size());
-    put(bytes, row.fault.data(), row.fault.size());
+std::string to_bytes(const BatchResult& result) {
+  std::string bytes = to_bytes(result.batch);
+  append(bytes, result.rows.size());
+  for (const Row& row : result.rows) {
+    append(bytes, row.index);
+    append(bytes, row.answers.size());
+    append(bytes, row.answers.data(), row.answers.size() * sizeof(double));
+    append(bytes, row.fault.size());
+    append(bytes, row.fault.data(), row.fault.size());
   }
   return bytes;
 }
 
 BatchResult parse_batch_result(std::string_view bytes) {
-  Reader reader{bytes};
-  BatchResult finished;
-  finished.batch.first = reader.number();
-  finished.batch.last = reader.number();
-  finished.rows.resize(reader.count(3 * sizeof(std::uint64_t)));
-  for (Row& row : finished.rows) row = reader.row();
-  return finished;
+  ByteReader reader{bytes};
+  BatchResult result;
+  result.batch.first = reader.number();
+  result.batch.last = reader.number();
+  result.rows.resize(reader.count(3 * sizeof(std::uint64_t)));
+  for (Row& row : result.rows) row = reader.row();
+  return result;
 }
 
 std::string to_bytes(const std::exception_ptr& failure) {
   if (!failure) return {};
-  return described(failure).dump(-1, ' ', false, json::error_handler_t::replace);
+  return failure_json(failure).dump(-1, ' ', false, json::error_handler_t::replace);
 }
 
 std::exception_ptr parse_failure(const std::string& bytes) {
@@ -503,7 +507,7 @@ std::exception_ptr parse_failure(const std::string& bytes) {
   if (kind == "BadInput") return std::make_exception_ptr(parse_bad_input(failure["faults"][0]));
   if (kind == "BadScene") {
     std::vector<BadInput> input_errors;
-    for (const json& fault : failure["faults"]) input_errors.push_back(parse_bad_input(fault));
+    for (const json& error : failure["faults"]) input_errors.push_back(parse_bad_input(error));
     return std::make_exception_ptr(BadScene(input_errors));
   }
   if (kind == "Interrupted") return std::make_exception_ptr(Interrupted());

@@ -15,69 +15,71 @@ namespace {
 
 using Eigen::Index;
 
-// Machines are computed in lots, the last one filled up, and passes in tiles whose limits do not
-// depend on the machines, so that a machine has the same bits at every position of its lot.
-constexpr int lot = machines_at_once;
-constexpr Index tile = 512;  // passes: their two products, 590 kB, stay in the cache
+// Machines are computed in lots of the same size, and passes in tiles whose limits do not depend on
+// the machines, so that a machine has the same bits at every position in a lot.
+constexpr int lot_size = machines_at_once;
+constexpr Index max_tile_passes = 512;  // passes: their two products, 590 kB, stay in the cache
 
-using MachineLane = Eigen::Array<double, lot, 1>;
-using LaneMatrix = Eigen::Matrix<double, lot, Eigen::Dynamic>;
+using MachineLane = Eigen::Array<double, lot_size, 1>;
+using LaneMatrix = Eigen::Matrix<double, lot_size, Eigen::Dynamic>;
 
-/// Returns the offsets from the base run of machines from .. from + lot - 1, a row each; rows
-/// beyond the last machine are the base run itself.
+/// Returns (lot x inputs) the offsets of the machines of a lot from the base run. Rows beyond the
+/// last machine are zero, i.e. the base run itself.
+/// @param from  number of the first machine of the lot
 LaneMatrix offsets(const InfluenceMap& influence, const Eigen::MatrixXd& x, Index from) {
-  LaneMatrix offset = LaneMatrix::Zero(lot, x.rows());
-  const Index count = std::min<Index>(lot, x.cols() - from);
+  LaneMatrix offset = LaneMatrix::Zero(lot_size, x.rows());
+  const Index count = std::min<Index>(lot_size, x.cols() - from);
   offset.topRows(count) = (x.middleCols(from, count).colwise() - influence.centre).transpose();
   return offset;
 }
 
-/// Calls `visit(vertex, distances of the lot)` for every vertex that is cut, in order.
+/// Calls `visit(vertex, distances of the lot_size)` for every vertex that is cut, in order.
 template <typename Visit>
-void for_every_vertex(const InfluenceMap& influence, const LaneMatrix& offset, const Visit& visit) {
-  const Index n = Index(influence.first.size()) - 1;
-  LaneMatrix moved, shifted;
-  for (Index v = 0; v < n;) {
-    const Index begin = influence.first[std::size_t(v)];
-    Index end_vertex = v + 1;
-    while (end_vertex < n && influence.first[std::size_t(end_vertex) + 1] - begin <= tile)
+void visit_vertices(const InfluenceMap& influence, const LaneMatrix& offset, const Visit& visit) {
+  const Index vertex_count = Index(influence.first.size()) - 1;
+  LaneMatrix displacement_n, displacement_across;
+  for (Index vertex = 0; vertex < vertex_count;) {
+    const Index begin = influence.first[std::size_t(vertex)];
+    Index end_vertex = vertex + 1;
+    while (end_vertex < vertex_count &&
+           influence.first[std::size_t(end_vertex) + 1] - begin <= max_tile_passes)
       ++end_vertex;
     const Index count = influence.first[std::size_t(end_vertex)] - begin;
-    moved.noalias() = offset * influence.slope.middleCols(begin, count);
-    shifted.noalias() = offset * influence.shift.middleCols(begin, count);
-    for (; v < end_vertex; ++v) {
-      const Index last = influence.first[std::size_t(v) + 1];
-      MachineLane least = MachineLane::Constant(std::numeric_limits<double>::infinity());
-      for (Index r = influence.first[std::size_t(v)]; r < last; ++r) {
-        const auto across = shifted.col(r - begin).array();
-        least = least.min(influence.distance[r] + moved.col(r - begin).array() +
-                          influence.half_curvature[r] * across * across);
+    displacement_n.noalias() = offset * influence.slope.middleCols(begin, count);
+    displacement_across.noalias() = offset * influence.shift.middleCols(begin, count);
+    for (; vertex < end_vertex; ++vertex) {
+      const Index last = influence.first[std::size_t(vertex) + 1];
+      MachineLane lowest = MachineLane::Constant(std::numeric_limits<double>::infinity());
+      for (Index pass = influence.first[std::size_t(vertex)]; pass < last; ++pass) {
+        const auto across = displacement_across.col(pass - begin).array();
+        lowest = lowest.min(influence.distance[pass] + displacement_n.col(pass - begin).array() +
+                            influence.half_curvature[pass] * across * across);
       }
-      if (last > influence.first[std::size_t(v)]) visit(v, least);
+      if (last > influence.first[std::size_t(vertex)]) visit(vertex, lowest);
     }
   }
 }
 
-/// Sums over the vertices from which the responses of a lot are computed.
-struct Sums {
+/// Sums of the heights of the vertices, from which the responses of a lot are computed.
+struct HeightSums {
   MachineLane low = MachineLane::Constant(std::numeric_limits<double>::infinity());
   MachineLane high = -low;
   MachineLane square = MachineLane::Zero();
-  // Sums of heights above the first vertex: a part that is displaced as a whole loses no digits.
+  // Heights above that of the first vertex lose no digits if the whole part is displaced.
   MachineLane level = MachineLane::Zero();
   MachineLane first_above = MachineLane::Zero();
   MachineLane square_above = MachineLane::Zero();
   double area = 0.0;
 
-  void add(const MachineLane& height, double of_area) {
+  void add(const MachineLane& height, double vertex_area) {
     if (area == 0.0) level = height;
     const MachineLane above = height - level;
     low = low.min(height);
     high = high.max(height);
-    square += of_area * height.square();
-    first_above += of_area * above;
-    square_above += of_area * above.square();
-    area += of_area;
+    square += vertex_area * height.square();
+    first_above += vertex_area * above;
+    square_above += vertex_area * above.square();
+    area += vertex_area;
   }
 
   MachineLane value(Response response) const {
@@ -100,7 +102,7 @@ struct Sums {
   }
 };
 
-cutting::Surface surface_of(const InfluenceMap& influence, const Eigen::VectorXd& map) {
+cutting::Surface map_surface(const InfluenceMap& influence, const Eigen::VectorXd& map) {
   const Index n = map.size();
   return {map, Eigen::VectorXd::Constant(n, none), std::vector<int>(std::size_t(n), 0),
           influence.status};
@@ -114,16 +116,16 @@ std::size_t gouges_of(const InfluenceMap& influence) {
 }
 
 Eigen::MatrixXd maps(const InfluenceMap& influence, const Eigen::MatrixXd& x) {
-  Eigen::MatrixXd all =
+  Eigen::MatrixXd result =
       Eigen::MatrixXd::Constant(Index(influence.first.size()) - 1, x.cols(), none);
-  for (Index from = 0; from < x.cols(); from += lot) {
-    const Index count = std::min<Index>(lot, x.cols() - from);
-    for_every_vertex(influence, offsets(influence, x, from),
-                     [&](Index v, const MachineLane& distance) {
-                       all.row(v).segment(from, count) = distance.head(count).transpose();
-                     });
+  for (Index from = 0; from < x.cols(); from += lot_size) {
+    const Index count = std::min<Index>(lot_size, x.cols() - from);
+    visit_vertices(influence, offsets(influence, x, from),
+                   [&](Index v, const MachineLane& distance) {
+                     result.row(v).segment(from, count) = distance.head(count).transpose();
+                   });
   }
-  return all;
+  return result;
 }
 
 bool is_counted(Response response) {
@@ -133,23 +135,23 @@ bool is_counted(Response response) {
 Eigen::MatrixXd responses(const Study& study, const PreparedConfiguration& ready,
                           const InfluenceMap& influence, const Eigen::MatrixXd& x) {
   Eigen::MatrixXd values(Index(study.responses.size()), x.cols());
-  const bool summed = ready.job.scene.alignment == Alignment::None &&
-                      std::none_of(study.responses.begin(), study.responses.end(), is_counted);
-  if (!summed) {
-    // Aligned and counted responses need the maps of all vertices at once.
-    const Eigen::MatrixXd all = maps(influence, x);
+  const bool can_sum = ready.job.scene.alignment == Alignment::None &&
+                       std::none_of(study.responses.begin(), study.responses.end(), is_counted);
+  if (!can_sum) {
+    // Aligned and counted responses need the whole maps.
+    const Eigen::MatrixXd all_maps = maps(influence, x);
     for (Index i = 0; i < x.cols(); ++i)
       values.col(i) =
-          responses(study, ready.job, surface_of(influence, all.col(i)), ready.error_free);
+          responses(study, ready.job, map_surface(influence, all_maps.col(i)), ready.error_free);
     return values;
   }
-  for (Index from = 0; from < x.cols(); from += lot) {
-    const Index count = std::min<Index>(lot, x.cols() - from);
-    Sums sums;
-    for_every_vertex(influence, offsets(influence, x, from),
-                     [&](Index v, const MachineLane& distance) {
-                       sums.add(distance - influence.error_free[v], influence.design.area[v]);
-                     });
+  for (Index from = 0; from < x.cols(); from += lot_size) {
+    const Index count = std::min<Index>(lot_size, x.cols() - from);
+    HeightSums sums;
+    visit_vertices(influence, offsets(influence, x, from),
+                   [&](Index v, const MachineLane& distance) {
+                     sums.add(distance - influence.error_free[v], influence.design.area[v]);
+                   });
     for (std::size_t i = 0; i < study.responses.size(); ++i)
       values.row(Index(i)).segment(from, count) =
           sums.value(study.responses[i]).head(count).transpose();
@@ -158,22 +160,22 @@ Eigen::MatrixXd responses(const Study& study, const PreparedConfiguration& ready
 }
 
 Eigen::MatrixXd effects(const InfluenceMap& influence) {
-  const Index n = Index(influence.first.size()) - 1;
-  Eigen::MatrixXd all = Eigen::MatrixXd::Constant(influence.slope.rows(), n, none);
-  for (Index v = 0; v < n; ++v)
-    // The first pass of a vertex makes its surface in the base run.
-    if (is_cut(influence, v)) all.col(v) = influence.slope.col(influence.first[std::size_t(v)]);
-  return all;
+  const Index vertex_count = Index(influence.first.size()) - 1;
+  Eigen::MatrixXd result = Eigen::MatrixXd::Constant(influence.slope.rows(), vertex_count, none);
+  for (Index v = 0; v < vertex_count; ++v)
+    // In the base run the first pass of a vertex makes the surface.
+    if (is_cut(influence, v)) result.col(v) = influence.slope.col(influence.first[std::size_t(v)]);
+  return result;
 }
 
 namespace {
 
-constexpr Index pass_lot = 8;       // machines whose passes are searched together
-constexpr Index answer_block = 64;  // machines whose responses are computed together
-constexpr double step = 0.01;       // of the spread, for differences
+constexpr Index machines_per_search = 8;  // machines whose passes are searched together
+constexpr Index machines_per_block = 64;  // machines whose responses are computed together
+constexpr double relative_step = 0.01;    // of the spread, for differences
 
-/// The surface of one machine: the pass that makes it at each vertex.
-struct Made {
+/// The surface of one machine, with the pass that makes it at each vertex.
+struct MachineSurface {
   std::vector<Index> vertex;          ///< (c) vertices that are cut
   std::vector<Index> competing_pass;  ///< (c) the pass that makes the surface
   std::vector<double> across;         ///< (c) mm, shift across that pass
@@ -182,99 +184,103 @@ struct Made {
 
 /// Finds the surface of one machine.
 /// @param moved, shifted  (m) mm, along the normal and across each pass
-Made made_by(const InfluenceMap& influence, const Eigen::VectorXd& moved,
-             const Eigen::VectorXd& shifted) {
-  Made made;
-  for (std::size_t v = 0; v + 1 < influence.first.size(); ++v) {
-    const Index begin = influence.first[v], end = influence.first[v + 1];
+MachineSurface find_surface(const InfluenceMap& influence, const Eigen::VectorXd& displacement_n,
+                            const Eigen::VectorXd& displacement_across) {
+  MachineSurface surface;
+  for (std::size_t vertex = 0; vertex + 1 < influence.first.size(); ++vertex) {
+    const Index begin = influence.first[vertex], end = influence.first[vertex + 1];
     if (begin == end) continue;
-    const auto distance = [&](Index r) {
-      return influence.distance[r] + moved[r] +
-             influence.half_curvature[r] * shifted[r] * shifted[r];
+    const auto distance = [&](Index pass) {
+      return influence.distance[pass] + displacement_n[pass] +
+             influence.half_curvature[pass] * displacement_across[pass] * displacement_across[pass];
     };
-    Index least = begin;
-    for (Index r = begin + 1; r < end; ++r)
-      if (distance(r) < distance(least)) least = r;
-    made.vertex.push_back(Index(v));
-    made.competing_pass.push_back(least);
-    made.across.push_back(shifted[least]);
-    made.height.push_back(distance(least) - influence.error_free[Index(v)]);
+    Index lowest = begin;
+    for (Index pass = begin + 1; pass < end; ++pass)
+      if (distance(pass) < distance(lowest)) lowest = pass;
+    surface.vertex.push_back(Index(vertex));
+    surface.competing_pass.push_back(lowest);
+    surface.across.push_back(displacement_across[lowest]);
+    surface.height.push_back(distance(lowest) - influence.error_free[Index(vertex)]);
   }
-  return made;
+  return surface;
 }
 
 /// Returns the derivatives of the response with the height of each cut vertex.
-std::vector<double> weights(const InfluenceMap& influence, Response response, const Made& made) {
-  const std::vector<double>& height = made.height;
+std::vector<double> height_weights(const InfluenceMap& influence, Response response,
+                                   const MachineSurface& surface) {
+  const std::vector<double>& height = surface.height;
   std::vector<double> weight(height.size(), 0.0);
   if (height.empty()) return weight;
   const auto [low, high] = std::minmax_element(height.begin(), height.end());
-  const auto place = [&](auto at) { return std::size_t(at - height.begin()); };
-  double area = 0.0, first = 0.0, square = 0.0;
+  const auto position = [&](auto at) { return std::size_t(at - height.begin()); };
+  double area = 0.0, weighted_sum = 0.0, weighted_square = 0.0;
   for (std::size_t i = 0; i < height.size(); ++i) {
-    weight[i] = influence.design.area[made.vertex[i]];
+    weight[i] = influence.design.area[surface.vertex[i]];
     area += weight[i];
-    first += weight[i] * height[i];
-    square += weight[i] * height[i] * height[i];
+    weighted_sum += weight[i] * height[i];
+    weighted_square += weight[i] * height[i] * height[i];
   }
-  const double mean = first / area;
-  const auto about = [&](double level, double deviation) {
+  const double mean = weighted_sum / area;
+  const auto weigh_about = [&](double level, double deviation) {
     for (std::size_t i = 0; i < height.size(); ++i)
       weight[i] *= deviation > 0.0 ? (height[i] - level) / (area * deviation) : 0.0;
     return weight;
   };
   switch (response) {
     case Response::Rms:
-      return about(0.0, std::sqrt(square / area));
+      return weigh_about(0.0, std::sqrt(weighted_square / area));
     case Response::Std:
-      return about(mean, std::sqrt(std::max(0.0, square / area - mean * mean)));
+      return weigh_about(mean, std::sqrt(std::max(0.0, weighted_square / area - mean * mean)));
     case Response::Mean:
-      for (double& one : weight) one /= area;
+      for (double& vertex_weight : weight) vertex_weight /= area;
       return weight;
     default:
       break;
   }
   std::fill(weight.begin(), weight.end(), 0.0);
   if (response == Response::Pv) {
-    weight[place(high)] += 1.0;
-    weight[place(low)] -= 1.0;
+    weight[position(high)] += 1.0;
+    weight[position(low)] -= 1.0;
   } else if (*high >= -*low) {
-    weight[place(high)] = 1.0;
+    weight[position(high)] = 1.0;
   } else {
-    weight[place(low)] = -1.0;
+    weight[position(low)] = -1.0;
   }
   return weight;
 }
 
-Eigen::VectorXd gradient(const InfluenceMap& influence, Response response, const Made& made) {
-  const std::vector<double> weight = weights(influence, response, made);
+Eigen::VectorXd gradient(const InfluenceMap& influence, Response response,
+                         const MachineSurface& surface) {
+  const std::vector<double> weight = height_weights(influence, response, surface);
   Eigen::VectorXd sum = Eigen::VectorXd::Zero(influence.slope.rows());
   for (std::size_t i = 0; i < weight.size(); ++i) {
     if (weight[i] == 0.0) continue;
-    const Index r = made.competing_pass[i];
-    const double lift = 2.0 * influence.half_curvature[r] * made.across[i];
-    sum += weight[i] * influence.slope.col(r) + (weight[i] * lift) * influence.shift.col(r);
+    const Index pass = surface.competing_pass[i];
+    const double curvature_slope = 2.0 * influence.half_curvature[pass] * surface.across[i];
+    sum += weight[i] * influence.slope.col(pass) +
+           (weight[i] * curvature_slope) * influence.shift.col(pass);
   }
   return sum;
 }
 
 /// Calls `visit(first, count)` for blocks of at most `length`, in parallel.
 template <typename Visit>
-void for_blocks(Index all, Index length, const Visit& visit) {
-  tbb::parallel_for(Index(0), (all + length - 1) / length,
-                    [&](Index i) { visit(i * length, std::min(length, all - i * length)); });
+void visit_blocks(Index count, Index block_length, const Visit& visit) {
+  tbb::parallel_for(Index(0), (count + block_length - 1) / block_length, [&](Index i) {
+    visit(i * block_length, std::min(block_length, count - i * block_length));
+  });
 }
 
-Eigen::MatrixXd differences(const ResponseFunction& response, const Eigen::VectorXd& spread,
-                            const Eigen::MatrixXd& x) {
+Eigen::MatrixXd difference_gradients(const ResponseFunction& response,
+                                     const Eigen::VectorXd& spread, const Eigen::MatrixXd& x) {
   const Index p = x.rows();
   Eigen::MatrixXd result(p, x.cols());
   tbb::parallel_for(Index(0), x.cols(), [&](Index k) {
-    // The last column is the point itself, so that values and differences come from one evaluation.
-    Eigen::MatrixXd around = x.col(k).replicate(1, p + 1);
-    around.leftCols(p).diagonal() += step * spread;
-    const Eigen::VectorXd values = response.values(around);
-    result.col(k) = (values.head(p).array() - values[p]) / (step * spread.array());
+    // The last column is the point itself, so that one evaluation gives all values.
+    Eigen::MatrixXd points = x.col(k).replicate(1, p + 1);
+    points.leftCols(p).diagonal() += relative_step * spread;
+    const Eigen::VectorXd values = response.values(points);
+    result.col(k) = (values.head(p).array() - values[p]) / (relative_step * spread.array());
   });
   return result;
 }
@@ -283,14 +289,16 @@ Eigen::MatrixXd differences(const ResponseFunction& response, const Eigen::Vecto
 
 ResponseFunction response_function(const Study& study, const PreparedConfiguration& ready,
                                    const InfluenceMap& influence, Response response) {
-  Study of_one = study;
-  of_one.responses = {response};
+  Study single_response = study;
+  single_response.responses = {response};
   ResponseFunction function;
-  function.values = [of_one, &ready, &influence](const Eigen::MatrixXd& x) {
+  function.values = [single_response, &ready, &influence](const Eigen::MatrixXd& x) {
     Eigen::VectorXd values(x.cols());
-    for_blocks(x.cols(), answer_block, [&](Index first, Index count) {
+    visit_blocks(x.cols(), machines_per_block, [&](Index first, Index count) {
       values.segment(first, count) =
-          responses(of_one, ready, influence, x.middleCols(first, count)).row(0).transpose();
+          responses(single_response, ready, influence, x.middleCols(first, count))
+              .row(0)
+              .transpose();
     });
     return values;
   };
@@ -300,7 +308,7 @@ ResponseFunction response_function(const Study& study, const PreparedConfigurati
     };
   else
     function.gradients = [values = function, spread = spreads(study)](const Eigen::MatrixXd& x) {
-      return differences(values, spread, x);
+      return difference_gradients(values, spread, x);
     };
   return function;
 }
@@ -310,13 +318,14 @@ Eigen::MatrixXd gradients(const InfluenceMap& influence, Response response,
   if (is_counted(response))
     throw std::invalid_argument("a response that is counted has no gradient");
   Eigen::MatrixXd result(x.rows(), x.cols());
-  for_blocks(x.cols(), pass_lot, [&](Index first, Index count) {
+  visit_blocks(x.cols(), machines_per_search, [&](Index first, Index count) {
     const Eigen::MatrixXd offset = x.middleCols(first, count).colwise() - influence.centre;
-    const Eigen::MatrixXd moved = influence.slope.transpose() * offset;
-    const Eigen::MatrixXd shifted = influence.shift.transpose() * offset;
+    const Eigen::MatrixXd displacement_n = influence.slope.transpose() * offset;
+    const Eigen::MatrixXd displacement_across = influence.shift.transpose() * offset;
     for (Index k = 0; k < count; ++k)
       result.col(first + k) =
-          gradient(influence, response, made_by(influence, moved.col(k), shifted.col(k)));
+          gradient(influence, response,
+                   find_surface(influence, displacement_n.col(k), displacement_across.col(k)));
   });
   return result;
 }

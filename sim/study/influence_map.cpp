@@ -32,9 +32,9 @@ namespace abbe::sim::study {
 /// vector], mm and rad.
 using Twist = kinematics::Deviation;
 
-/// Returns the displacement of the contact (mm, workpiece frame) from the displacements of the tool
-/// at the ends of the pass's move. If the workpiece turns, the displacements are interpolated in
-/// the frame of the spindle, where they vary slowly.
+/// Returns the displacement of the contact, mm, workpiece frame, by displacements of the tool at
+/// the ends of the pass's move. If the workpiece turns, the displacements are interpolated in the
+/// frame of the spindle, where they vary slowly.
 Eigen::Vector3d displacement(const BaseRun& run, const cutting::CompetingPass& competing_pass,
                              const std::array<Twist, 2>& at_ends);
 
@@ -48,23 +48,22 @@ struct Tool {
 kinematics::Pose tool_at(const BaseRun& run, const cutting::CompetingPass& competing_pass,
                          const Tool& tool);
 
-/// Returns the displacement of the contact (mm, workpiece frame) from one machine's tool to
-/// another's; each tool is interpolated as in the surface engine.
+/// Returns the displacement of the contact, mm, workpiece frame, from the tool of one machine to
+/// that of another. Each tool is interpolated as in the surface engine.
 Eigen::Vector3d displacement(const BaseRun& run, const cutting::CompetingPass& competing_pass,
                              const Tool& from, const Tool& to);
 
-// Columns of slope and shift of the influence map: the effect of inputs on the passes of a base
-// run.
+// Slopes and shifts of the influence map: the effects of inputs on the passes of a base run.
 
-/// Slopes and shifts for some inputs, laid out as in the map.
+/// Slopes and shifts for some inputs, in the layout of the map.
 struct Columns {
   Eigen::MatrixXd slope;  ///< (inputs x passes) mm per unit of the input
   Eigen::MatrixXd shift;  ///< (inputs x passes) the same, across the pass
 };
 
-/// Effect of a unit of an input on the deviations of the joints: the difference of two models that
-/// hold only the elements that the input changes. Curves are linear in their coefficients, so it is
-/// exact for those.
+/// The effect of a unit of an input on the deviations of the joints: the difference of two models
+/// with only those elements that the input changes. It is exact for coefficients, in which curves
+/// are linear.
 struct GeometricInput {
   Eigen::Index input = 0;
   errors::GeometricModel with;
@@ -72,8 +71,8 @@ struct GeometricInput {
   double per_unit = 1.0;
 };
 
-/// Returns the model of an input that acts only through elements of the geometric errors, on axes
-/// whose commands do not depend on it; empty for any other input.
+/// Returns the model of an input that acts only through elements of the geometric errors and does
+/// not change the commands; none for any other input.
 /// @param scenes  from stepped_scenes
 std::optional<GeometricInput> geometric_input(const BaseRun& run, Eigen::Index input,
                                               const std::array<Scene, 2>& scenes);
@@ -81,9 +80,9 @@ std::optional<GeometricInput> geometric_input(const BaseRun& run, Eigen::Index i
 /// Returns the columns of all geometric inputs at once, by the Jacobian of the chain.
 Columns geometric_columns(const BaseRun& run, const std::vector<GeometricInput>& inputs);
 
-/// Returns the column of any other input: the difference of the machines at `stepped_scenes`, from
-/// the poses of their tools at the passes and from the difference of their tool shapes. With
-/// compliance, each machine is cut with its own forces.
+/// Returns the column of any other input, by the difference of the machines at `stepped_scenes`:
+/// that of the poses of their tools at the passes, and that of their tool shapes. With compliance
+/// each machine is cut with its own forces.
 /// @throws BadInput if a machine cannot cut the program, or its samples differ from the base run's
 Columns difference_columns(const BaseRun& run, Eigen::Index input,
                            const std::array<Scene, 2>& scenes);
@@ -93,9 +92,9 @@ bool same_shape(const cutting::Cutter& a, const cutting::Cutter& b);
 
 namespace {
 
-/// Returns the design with only those vertices judged that have no pass.
-cutting::Design without_rivals(cutting::Design design,
-                               const std::vector<cutting::CompetingPass>& competing_passes) {
+/// Returns the design with only the vertices judged that have no pass.
+cutting::Design judge_uncut_only(cutting::Design design,
+                                 const std::vector<cutting::CompetingPass>& competing_passes) {
   design.judged.resize(std::size_t(design.vertices.rows()), 1);
   for (const cutting::CompetingPass& competing_pass : competing_passes)
     design.judged[std::size_t(competing_pass.vertex)] = 0;
@@ -133,21 +132,20 @@ BaseRun base_run(const Study& study, const PreparedConfiguration& ready, const P
     for (std::size_t i = 0; i < samples.states.size(); ++i) run.sample.push_back(i);
     const cutting::CutterMotion motion = cutter_motion(run.T_wt, samples);
     run.competing_passes = cutting::milled_competing_passes(job.design_w, *cutter, motion, options);
-    // Passes end at the gouge band, so gouges are searched separately at the vertices without a
-    // pass.
-    run.gouges = cutting::milled_surface(without_rivals(job.design_w, run.competing_passes),
+    // Passes end at the gouge band, so the vertices without a pass are searched for gouges.
+    run.gouges = cutting::milled_surface(judge_uncut_only(job.design_w, run.competing_passes),
                                          *cutter, motion, band)
                      .gouges;
     return run;
   }
   const int joint = *job.machine.workpiece_spindle;
   run.spindle = spindle_line(job.truth.actual, joint);
-  // A turned surface needs each instant once; a reversal is sampled twice.
+  // A turned surface needs distinct instants, but a reversal is sampled twice.
   run.sample = distinct_instants(samples);
   const auto& nose = std::get<cutting::Nose>(job.scene.tool.actual);
   const cutting::NoseMotion motion = nose_motion(run.T_wt, samples, *run.spindle, joint);
   run.competing_passes = cutting::turned_competing_passes(job.design_w, nose, motion, options);
-  run.gouges = cutting::turned_surface(without_rivals(job.design_w, run.competing_passes), nose,
+  run.gouges = cutting::turned_surface(judge_uncut_only(job.design_w, run.competing_passes), nose,
                                        motion, band)
                    .gouges;
   return run;
@@ -155,31 +153,31 @@ BaseRun base_run(const Study& study, const PreparedConfiguration& ready, const P
 
 std::array<End, 2> ends_of(const BaseRun& run, const cutting::CompetingPass& competing_pass) {
   const auto move = std::size_t(competing_pass.move);
-  // The last sample begins no move; a pass there has both ends on it.
+  // The last sample begins no move, so both ends of a pass there are that sample.
   const std::size_t next = std::min(move + 1, run.sample.size() - 1);
   return {End{run.sample[move], 1.0 - competing_pass.t}, End{run.sample[next], competing_pass.t}};
 }
 
 std::vector<std::size_t> competing_pass_samples(const BaseRun& run) {
-  std::vector<std::size_t> needed;
+  std::vector<std::size_t> samples;
   for (const cutting::CompetingPass& competing_pass : run.competing_passes)
-    for (const End& end : ends_of(run, competing_pass)) needed.push_back(end.sample);
-  std::sort(needed.begin(), needed.end());
-  needed.erase(std::unique(needed.begin(), needed.end()), needed.end());
-  return needed;
+    for (const End& end : ends_of(run, competing_pass)) samples.push_back(end.sample);
+  std::sort(samples.begin(), samples.end());
+  samples.erase(std::unique(samples.begin(), samples.end()), samples.end());
+  return samples;
 }
 
 std::array<double, 2> around(const Study& study, Eigen::Index input) {
-  const Distribution& d = study.inputs[std::size_t(input)].distribution;
-  return {value_at_score(d, -1.0), value_at_score(d, 1.0)};
+  const Distribution& distribution = study.inputs[std::size_t(input)].distribution;
+  return {value_at_score(distribution, -1.0), value_at_score(distribution, 1.0)};
 }
 
 std::array<Scene, 2> stepped_scenes(const BaseRun& run, Eigen::Index input) {
   Eigen::VectorXd x = centre(run.study);
   std::array<Scene, 2> scenes;
-  const std::array<double, 2> at = around(run.study, input);
+  const std::array<double, 2> values = around(run.study, input);
   for (std::size_t side = 0; side < 2; ++side) {
-    x[input] = at[side];
+    x[input] = values[side];
     scenes[side] = with_run_out(scene_at(run.study, run.ready.arm, run.ready.scene, x));
   }
   return scenes;
@@ -191,23 +189,23 @@ using Eigen::Matrix3d;
 using Eigen::Vector3d;
 using kinematics::Pose;
 
-Matrix3d turn(const SpindleLine& line, double angle) {
+Matrix3d spindle_rotation(const SpindleLine& line, double angle) {
   return Eigen::AngleAxisd(angle, line.direction_w).toRotationMatrix();
 }
 
-double turn_at(const BaseRun& run, const End& end) {
+double spindle_angle(const BaseRun& run, const End& end) {
   return run.ready.commanded.samples.states[end.sample].q[*run.ready.job.machine.workpiece_spindle];
 }
 
-double turn_at(const BaseRun& run, const std::array<End, 2>& ends) {
-  return ends[0].share * turn_at(run, ends[0]) + ends[1].share * turn_at(run, ends[1]);
+double spindle_angle(const BaseRun& run, const std::array<End, 2>& ends) {
+  return ends[0].share * spindle_angle(run, ends[0]) + ends[1].share * spindle_angle(run, ends[1]);
 }
 
-Pose between(const Pose& from, const Pose& to, double share) {
+Pose interpolate_pose(const Pose& from, const Pose& to, double fraction) {
   Pose pose = Pose::Identity();
-  pose.translation() = (1.0 - share) * from.translation() + share * to.translation();
+  pose.translation() = (1.0 - fraction) * from.translation() + fraction * to.translation();
   pose.linear() = Eigen::Quaterniond(from.linear())
-                      .slerp(share, Eigen::Quaterniond(to.linear()))
+                      .slerp(fraction, Eigen::Quaterniond(to.linear()))
                       .toRotationMatrix();
   return pose;
 }
@@ -217,36 +215,40 @@ Pose between(const Pose& from, const Pose& to, double share) {
 Vector3d displacement(const BaseRun& run, const cutting::CompetingPass& competing_pass,
                       const std::array<Twist, 2>& at_ends) {
   const std::array<End, 2> ends = ends_of(run, competing_pass);
-  Vector3d d = Vector3d::Zero();
+  Vector3d result = Vector3d::Zero();
   for (std::size_t e = 0; e < 2; ++e) {
     const Vector3d shift = at_ends[e].head<3>(), rotation = at_ends[e].tail<3>();
     const Vector3d& tip = run.T_wt[ends[e].sample].translation();
     if (!run.spindle) {
-      d += ends[e].share * (shift + rotation.cross(competing_pass.contact - tip));
+      result += ends[e].share * (shift + rotation.cross(competing_pass.contact - tip));
       continue;
     }
-    // The contact turned back by the spindle to its position when the tool is at this end.
-    const Matrix3d on = turn(*run.spindle, turn_at(run, ends) - turn_at(run, ends[e]));
-    const Vector3d contact = on.transpose() * (competing_pass.contact - run.spindle->point_w);
-    d += ends[e].share * (on * (shift + rotation.cross(contact - (tip - run.spindle->point_w))));
+    // `contact` is the position of the contact when the tool is at this end.
+    const Matrix3d R_forward =
+        spindle_rotation(*run.spindle, spindle_angle(run, ends) - spindle_angle(run, ends[e]));
+    const Vector3d contact =
+        R_forward.transpose() * (competing_pass.contact - run.spindle->point_w);
+    result += ends[e].share *
+              (R_forward * (shift + rotation.cross(contact - (tip - run.spindle->point_w))));
   }
-  return d;
+  return result;
 }
 
 Pose tool_at(const BaseRun& run, const cutting::CompetingPass& competing_pass, const Tool& tool) {
   const std::array<End, 2> ends = ends_of(run, competing_pass);
-  if (!tool.spindle) return between(tool.T_wt[0], tool.T_wt[1], ends[1].share);
+  if (!tool.spindle) return interpolate_pose(tool.T_wt[0], tool.T_wt[1], ends[1].share);
   const SpindleLine& line = *tool.spindle;
-  const Pose slow = between(slow_pose(line, turn_at(run, ends[0]), tool.T_wt[0]),
-                            slow_pose(line, turn_at(run, ends[1]), tool.T_wt[1]), ends[1].share);
-  return slow_pose(line, -turn_at(run, ends), slow);
+  const Pose slow =
+      interpolate_pose(slow_pose(line, spindle_angle(run, ends[0]), tool.T_wt[0]),
+                       slow_pose(line, spindle_angle(run, ends[1]), tool.T_wt[1]), ends[1].share);
+  return slow_pose(line, -spindle_angle(run, ends), slow);
 }
 
 Vector3d displacement(const BaseRun& run, const cutting::CompetingPass& competing_pass,
                       const Tool& from, const Tool& to) {
   const Pose a = tool_at(run, competing_pass, from), b = tool_at(run, competing_pass, to);
-  // The antisymmetric part of R is the rotation vector to the third order of its angle, which is
-  // below a milliradian here.
+  // The antisymmetric part of R is the rotation vector to the third order of the angle, which is
+  // below a milliradian.
   const Matrix3d R = b.linear() * a.linear().transpose();
   const Vector3d rotation = 0.5 * Vector3d(R(2, 1) - R(1, 2), R(0, 2) - R(2, 0), R(1, 0) - R(0, 1));
   const Vector3d arm = competing_pass.contact - 0.5 * (a.translation() + b.translation());
@@ -257,46 +259,43 @@ namespace {
 
 using Eigen::Index;
 
-/// Returns the elements through which an input acts if it acts through elements only; else an empty
-/// set.
-std::set<std::string> elements_of(const Input& input) {
+/// Returns the elements that an input changes; empty if it also changes something else.
+std::set<std::string> changed_elements(const Input& input) {
   std::set<std::string> names;
   if (!input.element.empty()) names.insert(input.element);
   if (!input.number.empty()) names.insert(errors::identification::element_of_number(input.number));
-  for (const Setting& one : input.settings) {
-    const std::string errors = "errors.";
-    if (!one.path.starts_with(errors)) return {};
-    const std::size_t end = one.path.find('.', errors.size());
-    names.insert(one.path.substr(errors.size(), end - errors.size()));
+  for (const Setting& setting : input.settings) {
+    const std::string prefix = "errors.";
+    if (!setting.path.starts_with(prefix)) return {};
+    const std::size_t end = setting.path.find('.', prefix.size());
+    names.insert(setting.path.substr(prefix.size(), end - prefix.size()));
   }
   return names;
 }
 
-errors::GeometricErrors only(const errors::GeometricErrors& all,
-                             const std::set<std::string>& names) {
-  errors::GeometricErrors some;
-  some.measuring_lines = all.measuring_lines;
-  for (const errors::Element& element : all.elements)
-    if (names.count(errors::to_string(element.name))) some.elements.push_back(element);
-  return some;
+errors::GeometricErrors select_elements(const errors::GeometricErrors& source,
+                                        const std::set<std::string>& names) {
+  errors::GeometricErrors selection;
+  selection.measuring_lines = source.measuring_lines;
+  for (const errors::Element& element : source.elements)
+    if (names.count(errors::to_string(element.name))) selection.elements.push_back(element);
+  return selection;
 }
 
-/// Returns true if two scenes of the same input can differ by elements only: their run-out is part
-/// of their tools.
+/// Returns true if two actual tools are equal. The run-out of a spindle is part of the tool.
 bool same_tools(const ToolDescription& a, const ToolDescription& b) {
   if (a.actual_length != b.actual_length) return false;
-  const auto* x = std::get_if<cutting::Cutter>(&a.actual);
-  const auto* y = std::get_if<cutting::Cutter>(&b.actual);
-  return !x || !y || same_shape(*x, *y);
+  const auto* cutter_a = std::get_if<cutting::Cutter>(&a.actual);
+  const auto* cutter_b = std::get_if<cutting::Cutter>(&b.actual);
+  return !cutter_a || !cutter_b || same_shape(*cutter_a, *cutter_b);
 }
 
-Twist twist_of(const GeometricInput& input, const kinematics::AxisState& state,
-               const Eigen::MatrixXd& J_motion, const Eigen::MatrixXd& J_location) {
+Twist input_twist(const GeometricInput& input, const kinematics::AxisState& state,
+                  const Eigen::MatrixXd& J_motion, const Eigen::MatrixXd& J_location) {
   Twist twist = Twist::Zero();
   const auto add = [&](const errors::GeometricModel& model, double factor) {
     const auto joints = errors::deviations(model, state);
-    // Most joints have no deviation of these few elements; their blocks of the Jacobian are
-    // skipped.
+    // Most joints have no deviation by these few elements, and their blocks are skipped.
     for (std::size_t i = 0; i < joints.size(); ++i) {
       const Index at = 6 * Index(i);
       if (!joints[i].motion.isZero(0.0))
@@ -315,17 +314,18 @@ Twist twist_of(const GeometricInput& input, const kinematics::AxisState& state,
 std::optional<GeometricInput> geometric_input(const BaseRun& run, Index input,
                                               const std::array<Scene, 2>& scenes) {
   if (run.ready.commanded_for_each) return std::nullopt;
-  const std::set<std::string> names = elements_of(run.study.inputs[std::size_t(input)]);
-  const std::array parts{only(scenes[0].geometric, names), only(scenes[1].geometric, names)};
-  for (const errors::GeometricErrors& part : parts)
-    if (names.empty() || part.elements.size() != names.size()) return std::nullopt;
+  const std::set<std::string> names = changed_elements(run.study.inputs[std::size_t(input)]);
+  const std::array selections{select_elements(scenes[0].geometric, names),
+                              select_elements(scenes[1].geometric, names)};
+  for (const errors::GeometricErrors& selection : selections)
+    if (names.empty() || selection.elements.size() != names.size()) return std::nullopt;
   if (!same_tools(scenes[0].tool, scenes[1].tool)) return std::nullopt;
   const kinematics::Chain& chain = run.ready.job.truth.actual;
   const double scale = scenes[0].error_scale;
-  const std::array<double, 2> at = around(run.study, input);
-  return GeometricInput{input, errors::scaled(errors::bind(parts[1], chain), scale),
-                        errors::scaled(errors::bind(parts[0], chain), scale),
-                        1.0 / (at[1] - at[0])};
+  const std::array<double, 2> values = around(run.study, input);
+  return GeometricInput{input, errors::scaled(errors::bind(selections[1], chain), scale),
+                        errors::scaled(errors::bind(selections[0], chain), scale),
+                        1.0 / (values[1] - values[0])};
 }
 
 Columns geometric_columns(const BaseRun& run, const std::vector<GeometricInput>& inputs) {
@@ -338,13 +338,13 @@ Columns geometric_columns(const BaseRun& run, const std::vector<GeometricInput>&
     const cutting::CompetingPass& competing_pass = run.competing_passes[r];
     const std::array<End, 2> ends = ends_of(run, competing_pass);
     std::vector<std::array<Twist, 2>> twists(inputs.size());
-    // The Jacobians of a sample serve all inputs, so inputs are the inner loop.
+    // Inputs are the inner loop, since all of them need the same Jacobians.
     for (std::size_t e = 0; e < 2; ++e) {
       const kinematics::AxisState& state = run.ready.commanded.samples.states[ends[e].sample];
       const Eigen::MatrixXd J_motion = kinematics::motion_jacobian(chain, state.q);
       const Eigen::MatrixXd J_location = kinematics::location_jacobian(chain, state.q);
       for (std::size_t i = 0; i < inputs.size(); ++i)
-        twists[i][e] = twist_of(inputs[i], state, J_motion, J_location);
+        twists[i][e] = input_twist(inputs[i], state, J_motion, J_location);
     }
     for (std::size_t i = 0; i < inputs.size(); ++i) {
       const Eigen::Vector3d d = displacement(run, competing_pass, twists[i]);
@@ -360,33 +360,36 @@ namespace {
 using cutting::CompetingPass;
 
 /// One of the two machines of a difference.
-struct Machined {
+struct DifferenceMachine {
   std::vector<Pose> T_wt;  ///< at the samples that passes need
   std::optional<SpindleLine> spindle;
 };
 
-Machined machined(const BaseRun& run, const Scene& scene, const std::vector<std::size_t>& needed) {
+DifferenceMachine difference_machine(const BaseRun& run, const Scene& scene,
+                                     const std::vector<std::size_t>& needed) {
   const Job job = replace_errors(run.ready.job, scene);
-  const Commands own = run.ready.commanded_for_each ? commands(run.ready.arm, job) : Commands{};
-  const Commands& commanded = run.ready.commanded_for_each ? own : run.ready.commanded;
+  const Commands machine_commands =
+      run.ready.commanded_for_each ? commands(run.ready.arm, job) : Commands{};
+  const Commands& commanded = run.ready.commanded_for_each ? machine_commands : run.ready.commanded;
   if (commanded.samples.states.size() != run.T_wt.size())
     throw BadInput(run.study.file.string(), 0, 0,
                    "engine = \"full\" for a case whose samples depend on the machine",
                    run.ready.arm.name);
-  // A more compliant machine removes less, which changes its load: each machine needs its own
+  // A more compliant machine removes less and has smaller loads, so each machine needs its own
   // forces.
-  const bool bends = job.truth.compliance && !run.process.steps.empty();
-  Machined made{
-      tool_poses(job, commanded, bends ? cut_process(job, commanded) : run.process, needed),
+  const bool has_deflection = job.truth.compliance && !run.process.steps.empty();
+  DifferenceMachine result{
+      tool_poses(job, commanded, has_deflection ? cut_process(job, commanded) : run.process,
+                 needed),
       std::nullopt};
-  if (run.spindle) made.spindle = spindle_line(job.truth.actual, *job.machine.workpiece_spindle);
-  return made;
+  if (run.spindle) result.spindle = spindle_line(job.truth.actual, *job.machine.workpiece_spindle);
+  return result;
 }
 
 /// Returns the distance along the normal, mm, at which a cutter of another shape leaves the surface
-/// on the pass's own move.
-double left_by(const BaseRun& run, const cutting::CutterMotion& motion,
-               const CompetingPass& competing_pass, const cutting::Cutter& cutter) {
+/// on the move of a pass.
+double surface_distance(const BaseRun& run, const cutting::CutterMotion& motion,
+                        const CompetingPass& competing_pass, const cutting::Cutter& cutter) {
   const cutting::Design& design = run.ready.job.design_w;
   const cutting::Ray ray{design.vertices.row(competing_pass.vertex).transpose(),
                          design.normals.row(competing_pass.vertex).transpose(),
@@ -398,49 +401,50 @@ double left_by(const BaseRun& run, const cutting::CutterMotion& motion,
 }
 
 /// Returns the distance from the centre of a nose to its edge in the direction psi, mm.
-double edge_at(const cutting::Nose& nose, double psi) {
+double edge_radius(const cutting::Nose& nose, double psi) {
   double radius = nose.radius;
   for (const cutting::NoseWave& wave : nose.waves)
     radius += wave.amplitude * std::cos(wave.order * psi + wave.phase);
   return radius;
 }
 
-/// Returns the distance by which one edge lies outside another at the contact, in (x, z) of frame
-/// t.
-Eigen::Vector2d outer_part(const cutting::EdgeProfile& from, const cutting::EdgeProfile& to,
-                           const Vector3d& contact_t) {
-  const Eigen::Vector2d at(contact_t.x(), contact_t.z());
-  const cutting::OutlineDistance here = cutting::distance(from.pieces, at);
-  return (here.value - cutting::distance(to.pieces, at).value) * here.gradient;
+/// Returns the vector from one edge to another at the contact, along the normal, (x, z) of frame t,
+/// mm.
+Eigen::Vector2d edge_offset(const cutting::EdgeProfile& from, const cutting::EdgeProfile& to,
+                            const Vector3d& contact_t) {
+  const Eigen::Vector2d point(contact_t.x(), contact_t.z());
+  const cutting::OutlineDistance from_distance = cutting::distance(from.pieces, point);
+  return (from_distance.value - cutting::distance(to.pieces, point).value) * from_distance.gradient;
 }
 
-/// Returns one column of zeros.
-Columns nothing(const BaseRun& run) {
+/// Returns a column of zeros.
+Columns zero_column(const BaseRun& run) {
   const Eigen::MatrixXd zero = Eigen::MatrixXd::Zero(1, Index(run.competing_passes.size()));
   return {zero, zero};
 }
 
 Columns cutter_columns(const BaseRun& run, const cutting::Cutter& from, const cutting::Cutter& to,
                        double per_unit) {
-  Columns columns = nothing(run);
+  Columns columns = zero_column(run);
   if (same_shape(from, to)) return columns;
   if (cutting::is_hollow(from) || cutting::is_hollow(to))
     throw std::invalid_argument(
         "influence maps: expected convex tools, seen a tool.kind = \"profile\" that bends inwards");
   const cutting::CutterMotion motion = cutter_motion(run.T_wt, run.ready.commanded.samples);
   tbb::parallel_for(std::size_t(0), run.competing_passes.size(), [&](std::size_t r) {
-    const double larger = left_by(run, motion, run.competing_passes[r], to);
-    const double smaller = left_by(run, motion, run.competing_passes[r], from);
+    const double larger = surface_distance(run, motion, run.competing_passes[r], to);
+    const double smaller = surface_distance(run, motion, run.competing_passes[r], from);
     columns.slope(0, Index(r)) = (larger - smaller) * per_unit;
   });
   return columns;
 }
 
-/// Returns one column for an input that moves the contacts of passes: `moved(competing_pass, ends
-/// of its move)`, mm per unit.
+/// Returns the column of an input that moves the contacts of passes.
+/// @param moved  returns the displacement of a contact, mm per unit, for a pass and the ends of its
+///     move
 template <typename Moved>
 Columns contact_columns(const BaseRun& run, const Moved& moved) {
-  Columns columns = nothing(run);
+  Columns columns = zero_column(run);
   tbb::parallel_for(std::size_t(0), run.competing_passes.size(), [&](std::size_t r) {
     const CompetingPass& competing_pass = run.competing_passes[r];
     const Vector3d d = moved(competing_pass, ends_of(run, competing_pass));
@@ -450,8 +454,8 @@ Columns contact_columns(const BaseRun& run, const Moved& moved) {
   return columns;
 }
 
-/// Returns the column of a change of the nose: an edge that lies farther out moves the contact away
-/// from the centre.
+/// Returns the column of a change of the nose. An edge that lies farther out moves the contact away
+/// from its centre.
 Columns nose_columns(const BaseRun& run, const cutting::Nose& from, const cutting::Nose& to,
                      double per_unit) {
   return contact_columns(
@@ -461,12 +465,13 @@ Columns nose_columns(const BaseRun& run, const cutting::Nose& from, const cuttin
                     {{run.T_wt[ends[0].sample], run.T_wt[ends[1].sample]}, run.spindle});
         const Vector3d contact_t = T_wt.inverse() * competing_pass.contact;
         if (from.profile) {
-          const Eigen::Vector2d out = outer_part(*from.profile, *to.profile, contact_t) * per_unit;
-          return T_wt.linear() * Vector3d(out.x(), 0.0, out.y());
+          const Eigen::Vector2d offset =
+              edge_offset(*from.profile, *to.profile, contact_t) * per_unit;
+          return T_wt.linear() * Vector3d(offset.x(), 0.0, offset.y());
         }
         const double psi = std::atan2(contact_t.z(), contact_t.x());
-        const double out = (edge_at(to, psi) - edge_at(from, psi)) * per_unit;
-        return out * (competing_pass.contact - T_wt.translation()).normalized();
+        const double offset = (edge_radius(to, psi) - edge_radius(from, psi)) * per_unit;
+        return offset * (competing_pass.contact - T_wt.translation()).normalized();
       });
 }
 
@@ -480,14 +485,14 @@ Columns shape_columns(const BaseRun& run, const ToolDescription& from, const Too
 }
 
 /// Returns the column of the difference of two machines' poses.
-Columns pose_columns(const BaseRun& run, const std::array<Machined, 2>& sides,
-                     const std::vector<std::size_t>& needed, double per_unit) {
-  const auto tool = [&](const Machined& side, const std::array<End, 2>& ends) {
-    Tool one{{}, side.spindle};
+Columns pose_columns(const BaseRun& run, const std::array<DifferenceMachine, 2>& sides,
+                     const std::vector<std::size_t>& samples, double per_unit) {
+  const auto tool = [&](const DifferenceMachine& side, const std::array<End, 2>& ends) {
+    Tool result{{}, side.spindle};
     for (std::size_t e = 0; e < 2; ++e)
-      one.T_wt[e] = side.T_wt[std::size_t(
-          std::lower_bound(needed.begin(), needed.end(), ends[e].sample) - needed.begin())];
-    return one;
+      result.T_wt[e] = side.T_wt[std::size_t(
+          std::lower_bound(samples.begin(), samples.end(), ends[e].sample) - samples.begin())];
+    return result;
   };
   return contact_columns(
       run, [&](const CompetingPass& competing_pass, const std::array<End, 2>& ends) -> Vector3d {
@@ -505,11 +510,13 @@ bool same_shape(const cutting::Cutter& a, const cutting::Cutter& b) {
 }
 
 Columns difference_columns(const BaseRun& run, Index input, const std::array<Scene, 2>& scenes) {
-  const std::array<double, 2> at = around(run.study, input);
-  const double per_unit = 1.0 / (at[1] - at[0]);
-  const std::vector<std::size_t> needed = competing_pass_samples(run);
+  const std::array<double, 2> values = around(run.study, input);
+  const double per_unit = 1.0 / (values[1] - values[0]);
+  const std::vector<std::size_t> samples = competing_pass_samples(run);
   Columns columns = pose_columns(
-      run, {machined(run, scenes[0], needed), machined(run, scenes[1], needed)}, needed, per_unit);
+      run,
+      {difference_machine(run, scenes[0], samples), difference_machine(run, scenes[1], samples)},
+      samples, per_unit);
   const Columns shape = shape_columns(run, scenes[0].tool, scenes[1].tool, per_unit);
   columns.slope += shape.slope;
   columns.shift += shape.shift;
@@ -519,12 +526,14 @@ Columns difference_columns(const BaseRun& run, Index input, const std::array<Sce
 namespace {
 
 constexpr std::uint64_t check_stream = 0x2545f4914f6cdd1dULL;
-Columns columns_of_inputs(const BaseRun& run, const Progress& progress) {
+
+/// Returns the columns of all inputs.
+Columns input_columns(const BaseRun& run, const Progress& progress) {
   const Index p = Index(run.study.inputs.size()), m = Index(run.competing_passes.size());
-  Columns all{Eigen::MatrixXd(p, m), Eigen::MatrixXd(p, m)};
-  const auto put = [&](Index input, const Columns& some, Index row) {
-    all.slope.row(input) = some.slope.row(row);
-    all.shift.row(input) = some.shift.row(row);
+  Columns result{Eigen::MatrixXd(p, m), Eigen::MatrixXd(p, m)};
+  const auto enter = [&](Index input, const Columns& columns, Index row) {
+    result.slope.row(input) = columns.slope.row(row);
+    result.shift.row(input) = columns.shift.row(row);
   };
   std::vector<GeometricInput> geometric;
   for (Index i = 0; i < p; ++i) {
@@ -535,68 +544,74 @@ Columns columns_of_inputs(const BaseRun& run, const Progress& progress) {
                      "or stock",
                      run.study.inputs[std::size_t(i)].name);
     const std::array<Scene, 2> scenes = stepped_scenes(run, i);
-    if (auto one = geometric_input(run, i, scenes))
-      geometric.push_back(std::move(*one));
+    if (auto model = geometric_input(run, i, scenes))
+      geometric.push_back(std::move(*model));
     else
-      put(i, difference_columns(run, i, scenes), 0);
+      enter(i, difference_columns(run, i, scenes), 0);
   }
-  const Columns by_jacobian = geometric_columns(run, geometric);
-  for (std::size_t k = 0; k < geometric.size(); ++k) put(geometric[k].input, by_jacobian, Index(k));
-  return all;
+  const Columns jacobian_columns = geometric_columns(run, geometric);
+  for (std::size_t k = 0; k < geometric.size(); ++k)
+    enter(geometric[k].input, jacobian_columns, Index(k));
+  return result;
 }
 
-/// Machines that are cut in full to find where the maps fail; machines that cannot cut the program
-/// are left out.
-class Checks {
+/// Cuts machines in full to find where the maps fail. Machines that cannot cut the program are left
+/// out.
+class FullCutChecks {
  public:
-  Checks(const Study& study, const PreparedConfiguration& ready) : study_(study), ready_(ready) {}
+  FullCutChecks(const Study& study, const PreparedConfiguration& ready)
+      : study_(study), ready_(ready) {}
 
   std::optional<cutting::Surface> cut(const Eigen::VectorXd& x) {
     try {
-      Tried tried = cut_at(study_, ready_, ready_.job, x);
-      any_ = true;
-      return std::move(tried.surface);
+      Tried machine = cut_at(study_, ready_, ready_.job, x);
+      has_cut_ = true;
+      return std::move(machine.surface);
     } catch (const BadScene&) {
-      refused_ = std::current_exception();
+      last_error_ = std::current_exception();
     } catch (const BadInput&) {
-      refused_ = std::current_exception();
+      last_error_ = std::current_exception();
     }
     return std::nullopt;
   }
 
   /// @throws the error of the last machine if no machine could be cut
   void throw_unless_checked() const {
-    if (!any_ && refused_) std::rethrow_exception(refused_);
+    if (!has_cut_ && last_error_) std::rethrow_exception(last_error_);
   }
 
  private:
   const Study& study_;
   const PreparedConfiguration& ready_;
-  bool any_ = false;
-  std::exception_ptr refused_;
+  bool has_cut_ = false;
+  std::exception_ptr last_error_;
 };
 
-/// Returns the error of a map at a vertex: infinite if only one of the two has a surface.
-double off(const InfluenceMap& map, const cutting::Surface& surface, Index v, double estimated) {
-  const bool wanted = std::isfinite(map.error_free[v]);
-  const bool cut = wanted && surface.status[std::size_t(v)] == cutting::VertexStatus::Cut;
+/// Returns the error of a map at a vertex, mm; infinite if only one of map and full cut has a
+/// surface there.
+double map_error(const InfluenceMap& map, const cutting::Surface& surface, Index v,
+                 double estimated) {
+  const bool has_reference = std::isfinite(map.error_free[v]);
+  const bool is_cut_in_full =
+      has_reference && surface.status[std::size_t(v)] == cutting::VertexStatus::Cut;
   const bool has_estimate = std::isfinite(estimated);
-  if (cut && has_estimate) return std::abs(estimated - surface.residual[v]);
-  return cut == has_estimate ? 0.0 : infinity;
+  if (is_cut_in_full && has_estimate) return std::abs(estimated - surface.residual[v]);
+  return is_cut_in_full == has_estimate ? 0.0 : infinity;
 }
 
-double flagged_percent(const InfluenceMap& map, double flag) {
-  double flagged = 0.0, area = 0.0;
+double flagged_percent(const InfluenceMap& map, double limit) {
+  double flagged_area = 0.0, area = 0.0;
   for (Index v = 0; v < map.doubt.size(); ++v) {
     if (map.status[std::size_t(v)] == cutting::VertexStatus::Outside) continue;
     area += map.design.area[v];
-    if (map.doubt[v] > flag) flagged += map.design.area[v];
+    if (map.doubt[v] > limit) flagged_area += map.design.area[v];
   }
-  return area > 0.0 ? 100.0 * flagged / area : 0.0;
+  return area > 0.0 ? 100.0 * flagged_area / area : 0.0;
 }
 
-/// Returns the largest error at each vertex over the checked machines. (n) mm
-Eigen::VectorXd doubt_of(const BaseRun& run, const InfluenceMap& map, const Progress& progress) {
+/// Returns (n) the largest error of the map at each vertex over the checked machines, mm.
+Eigen::VectorXd largest_errors(const BaseRun& run, const InfluenceMap& map,
+                               const Progress& progress) {
   const Study& study = run.study;
   Eigen::VectorXd doubt = Eigen::VectorXd::Zero(map.design.vertices.rows());
   const int count = study.influence.checks;
@@ -604,21 +619,21 @@ Eigen::VectorXd doubt_of(const BaseRun& run, const InfluenceMap& map, const Prog
   const Sequence random{Sampling::Random, int(study.inputs.size()), study.seed ^ check_stream};
   const Eigen::MatrixXd x = drawn(study, points(random, 0, count));
   const Eigen::MatrixXd estimated = maps(map, x);
-  Checks checks(study, run.ready);
+  FullCutChecks checks(study, run.ready);
   for (int i = 0; i < count; ++i) {
     if (progress) progress("checks", double(i) / count);
     const std::optional<cutting::Surface> surface = checks.cut(x.col(i));
     if (!surface) continue;
     for (Index v = 0; v < doubt.size(); ++v)
-      doubt[v] = std::max(doubt[v], off(map, *surface, v, estimated(v, i)));
+      doubt[v] = std::max(doubt[v], map_error(map, *surface, v, estimated(v, i)));
   }
   checks.throw_unless_checked();
   return doubt;
 }
 
-/// Removes the passes of vertices where the error-free map has no surface, if the study compares
-/// with it.
-BaseRun comparable(BaseRun run) {
+/// Removes the passes of vertices without a surface in the error-free map, if the study compares
+/// with that map.
+BaseRun keep_comparable_passes(BaseRun run) {
   if (run.study.machine_part)
     std::erase_if(run.competing_passes, [&](const CompetingPass& competing_pass) {
       return !std::isfinite(run.ready.error_free.residual[competing_pass.vertex]);
@@ -626,18 +641,18 @@ BaseRun comparable(BaseRun run) {
   return run;
 }
 
-/// Returns the map with the passes of every vertex in order, before the effects of inputs.
-InfluenceMap framed(const BaseRun& run) {
+/// Returns the map with the passes of every vertex in order, without the effects of inputs.
+InfluenceMap map_frame(const BaseRun& run) {
   const std::vector<CompetingPass>& competing_passes = run.competing_passes;
   const Job& job = run.ready.job;
-  const Index n = job.design_w.vertices.rows();
+  const Index vertex_count = job.design_w.vertices.rows();
   InfluenceMap map;
   map.design = job.design_w;
   map.centre = centre(run.study);
-  map.error_free = Eigen::VectorXd::Zero(n);
-  map.status.assign(std::size_t(n), cutting::VertexStatus::Uncut);
+  map.error_free = Eigen::VectorXd::Zero(vertex_count);
+  map.status.assign(std::size_t(vertex_count), cutting::VertexStatus::Uncut);
   const auto& judged = job.design_w.judged;
-  for (Index v = 0; v < n; ++v)
+  for (Index v = 0; v < vertex_count; ++v)
     if (!judged.empty() && !judged[std::size_t(v)])
       map.status[std::size_t(v)] = cutting::VertexStatus::Outside;
   for (const cutting::Gouge& gouge : run.gouges)
@@ -645,14 +660,14 @@ InfluenceMap framed(const BaseRun& run) {
   if (run.study.machine_part) map.error_free = run.ready.error_free.residual;
   map.distance.resize(Index(competing_passes.size()));
   map.half_curvature.resize(Index(competing_passes.size()));
-  map.first.assign(std::size_t(n) + 1, 0);
+  map.first.assign(std::size_t(vertex_count) + 1, 0);
   for (std::size_t r = 0; r < competing_passes.size(); ++r) {
     ++map.first[std::size_t(competing_passes[r].vertex) + 1];
     map.status[std::size_t(competing_passes[r].vertex)] = cutting::VertexStatus::Cut;
     map.distance[Index(r)] = competing_passes[r].distance;
     map.half_curvature[Index(r)] = 0.5 * competing_passes[r].curvature;
   }
-  for (std::size_t v = 0; v < std::size_t(n); ++v) map.first[v + 1] += map.first[v];
+  for (std::size_t v = 0; v < std::size_t(vertex_count); ++v) map.first[v + 1] += map.first[v];
   return map;
 }
 
@@ -668,16 +683,16 @@ std::string uncut_message(const BaseRun& run) {
 
 InfluenceMap influence_map(const Study& study, const PreparedConfiguration& ready,
                            const Progress& progress) {
-  const BaseRun run = comparable(base_run(study, ready, progress));
+  const BaseRun run = keep_comparable_passes(base_run(study, ready, progress));
   if (run.competing_passes.empty())
     throw BadInput(study.scene.string(), 0, 0,
                    "a program that cuts the part within the band, every input at its centre",
                    uncut_message(run));
-  InfluenceMap map = framed(run);
-  Columns columns = columns_of_inputs(run, progress);
+  InfluenceMap map = map_frame(run);
+  Columns columns = input_columns(run, progress);
   map.slope = std::move(columns.slope);
   map.shift = std::move(columns.shift);
-  map.doubt = doubt_of(run, map, progress);
+  map.doubt = largest_errors(run, map, progress);
   map.flagged_percent = flagged_percent(map, study.influence.flag);
   return map;
 }
