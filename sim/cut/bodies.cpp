@@ -347,17 +347,17 @@ std::vector<kinematics::Pose> ActualMotion::carriers(const cutting::Moment& mome
   return carrier_poses(part.truth.actual, at.q, deviations(part.truth, at).joints);
 }
 
-std::size_t ActualMotion::running(const cutting::Moment& moment) const {
+std::size_t ActualMotion::target_sample(const cutting::Moment& moment) const {
   return std::min(moment.instant + (moment.u > 0.0 ? 1u : 0u), samples.states.size() - 1);
 }
 
 ProgramLocation ActualMotion::place(const cutting::Moment& moment) const {
-  const std::size_t i = running(moment);
+  const std::size_t i = target_sample(moment);
   return {samples.line[i], path.blocks[std::size_t(samples.block[i])].file, state(moment).time_s};
 }
 
 bool ActualMotion::is_rapid(const cutting::Moment& moment) const {
-  const auto block = std::size_t(samples.block[running(moment)]);
+  const auto block = std::size_t(samples.block[target_sample(moment)]);
   return path.blocks[block].interpolation == program::Interpolation::Rapid;
 }
 

@@ -106,7 +106,7 @@ struct ActualMotion {
   /// Returns the poses of all carriers, with the errors of the axes and the heat.
   std::vector<kinematics::Pose> carriers(const cutting::Moment& moment) const;
   /// Returns the number of the sample that the axes are moving to.
-  std::size_t running(const cutting::Moment& moment) const;
+  std::size_t target_sample(const cutting::Moment& moment) const;
   /// Returns the program location at a moment.
   ProgramLocation place(const cutting::Moment& moment) const;
   /// Returns true if the move at a moment is a rapid.

@@ -229,7 +229,7 @@ Process simulated_process(const ActualRun& run, const Progress& progress) {
     return actual_pose(run, sample, load);
   };
   return simulate_process(job.scene, job.machine, *job.body_m,
-                          {run.commands.samples, path_of(job, run.commands), run.T_wt_wanted, pose,
+                          {run.commands.samples, path_of(job, run.commands), run.T_wt_target, pose,
                            job.truth.actual, job.scene.tool.actual},
                           [&](double fraction) {
                             if (progress) progress("stock", fraction);
@@ -272,7 +272,7 @@ void check_tips(const ActualRun& run, const std::vector<Pose>& T_wt) {
   constexpr double max_mm = 1000.0;
   const program::Samples& samples = run.commands.samples;
   for (std::size_t i = 0; i < T_wt.size(); ++i) {
-    const double deviation = (T_wt[i].translation() - run.T_wt_wanted[i].translation()).norm();
+    const double deviation = (T_wt[i].translation() - run.T_wt_target[i].translation()).norm();
     if (deviation <= max_mm) continue;
     const program::Path& path = path_of(run.job, run.commands);
     throw BadInput(
@@ -316,16 +316,16 @@ SegmentMotion segment_motion(const Job& job, const Commands& commands, const Pro
     if (progress) progress("poses", 0.0);
     const std::vector<errors::Load> loads = sample_loads(run, motion.process);
     motion.signals = signals(job.scene, job.machine, job.truth,
-                             {commands.samples, run.T_wt_wanted, motion.process, loads,
+                             {commands.samples, run.T_wt_target, motion.process, loads,
                               commands.correction, piezo_stroke(commands)});
-    return poses_of(run, loads, {});
+    return actual_poses(run, loads, {});
   });
   check_table_range(job, [&] { check_tips(run, motion.T_wt); });
   add_warnings(process_warnings(job.scene, motion.process), motion.warnings);
   motion.chord_error =
       check_table_range(job, [&] { return chord_error(job, commands, max_intervals); });
   // The window before has counted a shared sample.
-  motion.pose_errors = pose_errors(motion.T_wt, run.T_wt_wanted, first_new_sample(job));
+  motion.pose_errors = pose_errors(motion.T_wt, run.T_wt_target, first_new_sample(job));
   if (!run.wear.empty() && job.scene.tool.wear->radius > 0.0)
     motion.worn = worn_segments(job.scene.tool, run.wear, commands.samples, motion.T_wt);
   timing_s["poses"] += watch.lap();
@@ -373,7 +373,7 @@ Cut cut_error_free(const Job& job, const Progress& progress, Retention keep) {
   result.name = result.case_name = "error_free";
   if (progress) progress("surface", 0.0);  // shown while the moves are sorted
   const SweepVisitor visit_sweeps = [&](const std::function<void(const ToolSweep&)>& use) {
-    each_part(job, [&](const Job& part) { use(segment_error_free_sweep(part)); });
+    visit_parts(job, [&](const Job& part) { use(segment_error_free_sweep(part)); });
   };
   CutMap map = cut_map(job, {error_free_sweep(job, options_of(job, progress)), visit_sweeps,
                              job.path, [] { return 0.0; }, error_free_surface(job)});
@@ -507,7 +507,7 @@ std::size_t intervals_per_window(std::size_t windows) {
 }
 
 SweptWindow WindowedCut::at(std::size_t number) {
-  const Job part = window_of(job_, number);
+  const Job part = make_window(job_, number);
   Commands commands = command_source_(part);
   check_travel(part.machine, path_of(part, commands), commands.samples);
   std::map<std::string, double> timing_s;

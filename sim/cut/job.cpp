@@ -327,7 +327,7 @@ JobSegments prepare_windows(const Scene& scene, const program::Path& path,
     }
     // A later window begins with the last sample of the one before.
     windows.samples += samples.states.size() - (first ? 1 : 0);
-    windows.max_at_once = std::max(windows.max_at_once, samples.states.size());
+    windows.max_window_samples = std::max(windows.max_window_samples, samples.states.size());
     JobSegment segment =
         make_segment(scene, machine, std::move(blocks), sampling, std::move(samples));
     const ShankContacts contacts = shank_contacts(scene, design_w, {segment.samples, segment.T_wt});
@@ -406,15 +406,15 @@ std::span<const Job> parts_of(const Job& job) {
   return job.stretches.empty() ? std::span(&job, 1) : std::span<const Job>(job.stretches);
 }
 
-void each_part(const Job& job, const std::function<void(const Job& part)>& visit) {
+void visit_parts(const Job& job, const std::function<void(const Job& part)>& visit) {
   if (!job.windows) {
     std::ranges::for_each(parts_of(job), visit);
     return;
   }
-  for (std::size_t i = 0; i < job.windows->all.size(); ++i) visit(window_of(job, i));
+  for (std::size_t i = 0; i < job.windows->all.size(); ++i) visit(make_window(job, i));
 }
 
-Job window_of(const Job& job, std::size_t number) {
+Job make_window(const Job& job, std::size_t number) {
   stop_if_interrupted();
   const program::Window& window = job.windows->all[number];
   JobSegment segment{job.scene, job.machine, path_of(job.path, window), job.sampling, {}, {}};

@@ -51,7 +51,7 @@ struct SampledSurface {
 struct Windows {
   std::vector<program::Window> all;
   std::size_t samples = 0;             ///< of all windows
-  std::size_t max_at_once = 0;         ///< of the longest window
+  std::size_t max_window_samples = 0;  ///< of the longest window
   kinematics::AxisVector least, most;  ///< positions between which the axes move
 };
 
@@ -98,11 +98,11 @@ struct Job {
 std::span<const Job> parts_of(const Job& job);
 
 /// Calls `use` for each part of a job in order; windows are made one at a time.
-void each_part(const Job& job, const std::function<void(const Job& part)>& use);
+void visit_parts(const Job& job, const std::function<void(const Job& part)>& use);
 
 /// Returns a window as a job of its own, without the design.
 /// @param number  index in job.windows
-Job window_of(const Job& job, std::size_t number);
+Job make_window(const Job& job, std::size_t number);
 
 /// Limit on the samples of a program held in memory.
 struct MemoryBudget {

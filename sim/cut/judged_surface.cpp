@@ -307,7 +307,7 @@ cutting::RefinementResult refine_part(const Job& job, const Sweep& sweep, Sample
 }
 
 std::string spacing_text(const Design& design, const PartSampling& part_sampling) {
-  const double max_edge = judged_vertices(design).apart;
+  const double max_edge = judged_vertices(design).max_distance;
   if (!(max_edge > part_sampling.spacing)) return {};
   return fmt::format(
       "part.points = {} do not suffice for part.spacing_mm = {:.4g}: {:.4g} mm reached",

@@ -34,13 +34,14 @@ cutting::MarkedMesh read_named_mesh(const MeshFile& mesh, const MeshUse& use,
     return cutting::read_marked_mesh(mesh.file, options, wanted);
   } catch (const cutting::MeshWithRim& rim) {
     const Place& at = mesh.place;
-    throw BadInput(at.file ? *at.file : mesh.file.string(), at.line, at.column,
-                   fmt::format("a closed mesh for {}{}", use.what,
-                               use.may_open ? fmt::format(", or {}.open = true for a surface with "
-                                                          "a rim",
-                                                          use.table)
-                                            : ""),
-                   fmt::format("{} with {}", mesh.file.string(), rim.seen));
+    throw BadInput(
+        at.file ? *at.file : mesh.file.string(), at.line, at.column,
+        fmt::format("a closed mesh for {}{}", use.what,
+                    use.accepts_open ? fmt::format(", or {}.open = true for a surface with "
+                                                   "a rim",
+                                                   use.table)
+                                     : ""),
+        fmt::format("{} with {}", mesh.file.string(), rim.seen));
   }
 }
 
@@ -315,7 +316,7 @@ Part load_mesh(const Scene& scene, const MeshFile& mesh) {
   part.face_groups = std::move(grouping.groups);
   // The contacts follow the facets unless surfaces are recognised.
   part.contact = contact_on(cutting::MeshContact(part.body_m));
-  part.design_m = separate_faces(scene.part, part, grouping.of_triangle, edge_margin(scene));
+  part.design_m = separate_faces(scene.part, part, grouping.group_of_triangle, edge_margin(scene));
   return part;
 }
 

@@ -22,7 +22,7 @@ namespace abbe::sim {
 struct MeshUse {
   std::string what;                   ///< name in messages: "the part", "fixture \"clamp\""
   std::string table;                  ///< table of its keys: "part"
-  bool may_open = false;              ///< the key `open = true` is accepted
+  bool accepts_open = false;          ///< the key `open = true` is accepted
   std::optional<double> travel = {};  ///< extent in which the mesh should fit, mm; none: it may be
                                       ///< larger
 };

@@ -163,7 +163,7 @@ GroupedFaces grouped_faces(const PartDescription& part, const FaceMarks& marks) 
     group_of_mark.push_back(entry->second);
   }
   for (const int mark : marks.of_face)
-    result.of_triangle.push_back(group_of_mark[std::size_t(mark)]);
+    result.group_of_triangle.push_back(group_of_mark[std::size_t(mark)]);
   return result;
 }
 

@@ -24,7 +24,7 @@ cutting::MarkSelection wanted_marks(const PartDescription& part);
 /// The triangles of a mesh in groups.
 struct GroupedFaces {
   FaceGroups groups;
-  std::vector<int> of_triangle;  ///< (triangles) number of the group
+  std::vector<int> group_of_triangle;  ///< (triangles) number of the group
 };
 
 /// Groups the faces of a mesh by the regions of the part.

@@ -78,10 +78,10 @@ std::string unit_advice(const Job& job, double ratio) {
 std::string unit_warning(const Job& job, const ReachableArea& reach) {
   const MeshFile* mesh = mesh_file(job.scene);
   if (!std::holds_alternative<ProgramDescription::File>(job.scene.program.source)) return {};
-  if ((mesh && mesh->any_size) || reach.share >= max_suspect_fraction) return {};
+  if ((mesh && mesh->any_size) || reach.reached_fraction >= max_suspect_fraction) return {};
   const double part_size = extents(job.design_w.vertices).maxCoeff();  // with vertices not judged
   const double path_size = largest_size(swept_spans(job).tip);
-  const cutting::Design thinned_w = thinned(job.design_w);
+  const cutting::Design thinned_w = thin_out(job.design_w);
   double best_ratio = 1.0;
   ReachableArea best_reach;
   for (const double ratio : unit_ratios) {
@@ -212,7 +212,7 @@ std::string seen_text(const Contact& best) {
                        best.distance);
   const double lean_deg = best.lean / units::deg;
   // The same limit applies to the opposite direction: then the sign of the direction is wrong.
-  if (best.lean > pi - max_touch_lean)
+  if (best.lean > pi - max_touch_angle)
     return fmt::format(
         "a touch from within {}: its direction is that in which the probe moves, turn it round",
         best.name);
@@ -245,13 +245,13 @@ std::optional<BadInput> touch_error(const Job& job) {
       const Contact contact = contact_with(surface, scene.datum.touches[i], scene.band);
       if (contact.is_better_than(best_contact)) best_contact = contact;
     }
-    if (best_contact.within_band && best_contact.lean <= max_touch_lean) continue;
+    if (best_contact.within_band && best_contact.lean <= max_touch_angle) continue;
     const Place place = location_of_touch(scene, i);
     return BadInput(
         place.file ? *place.file : scene.file.string(), place.line, place.column,
         fmt::format("a touch of the part, its blank, a fixture or the table within {} mm "
                     "(search.band_mm), in a direction against the outward normal to {:.0f} degrees",
-                    scene.band, max_touch_lean / units::deg),
+                    scene.band, max_touch_angle / units::deg),
         seen_text(best_contact));
   }
   return std::nullopt;
@@ -306,7 +306,7 @@ struct NearestCut {
 
 NearestCut nearest_cut(const Job& job, double within) {
   const Sweep sweep = error_free_sweep(job, {.band = within, .progress = {}});
-  const cutting::Surface surface = sweep.surface(thinned(job.design_w));
+  const cutting::Surface surface = sweep.surface(thin_out(job.design_w));
   NearestCut nearest;
   for (std::size_t i = 0; i < surface.status.size(); ++i) {
     nearest.vertices += surface.status[i] != VertexStatus::Outside;
@@ -334,14 +334,14 @@ std::optional<BadInput> sparse_error(const Job& job, const NearestCut& nearest) 
   if (std::isfinite(nearest.residual) || !is_sparse(judged, job.scene.tool)) return std::nullopt;
   const auto* mesh = std::get_if<MeshFile>(&job.scene.part.shape);
   const auto* cutter = std::get_if<cutting::Cutter>(&job.scene.tool.nominal);
-  std::string expected = fmt::format("{} judged vertices or more", min_judged);
+  std::string expected = fmt::format("{} judged vertices or more", min_judged_vertices);
   if (cutter != nullptr)
     expected +=
         fmt::format(", no farther apart than the cutter is wide, {:.4g} mm", 2.0 * cutter->radius);
   std::string seen = fmt::format(
       "{} judged {}, up to {:.4g} mm apart, none of which the program cuts: whether it cuts "
       "between them is not known",
-      judged.vertices, judged.vertices == 1 ? "vertex" : "vertices", judged.apart);
+      judged.vertices, judged.vertices == 1 ? "vertex" : "vertices", judged.max_distance);
   if (mesh != nullptr && job.scene.part.sampling.kind == PartSampling::Kind::Vertices)
     seen += "; part.sampling = \"adaptive\" adds vertices to those of the mesh";
   return BadInput(mesh != nullptr ? mesh->file.string() : job.scene.file.string(), 0, 0, expected,
@@ -368,19 +368,19 @@ std::string partial_reach_text(const Job& job, const ReachableArea& reach) {
   return fmt::format(
       "the program comes within {} mm of {:.3g} % of the judged area ({} vertices tried): its feed "
       "takes the tip over {}, in the part's frame{}",
-      job.scene.band, 100.0 * reach.share, reach.tried, ranges,
+      job.scene.band, 100.0 * reach.reached_fraction, reach.vertex_count, ranges,
       suggestion ? "; " + suggestion->words : "");
 }
 
 /// Returns the warning if most of what the program reaches is gouged; none otherwise.
 std::optional<std::string> gouged_text(const Job& job, const ReachableArea& reach) {
   constexpr double max_gouged = 0.5;  // fraction of the area that the program reaches
-  const double gouged = reach.share - reach.cut;
-  if (!(gouged > max_gouged * reach.share)) return std::nullopt;
+  const double gouged = reach.reached_fraction - reach.cut;
+  if (!(gouged > max_gouged * reach.reached_fraction)) return std::nullopt;
   return fmt::format(
       "the program takes away {:.3g} % of the judged area, more than {} mm below the design, and "
       "cuts {:.3g} % within it ({} vertices tried){}",
-      100.0 * gouged, job.scene.band, 100.0 * reach.cut, reach.tried, advice_text(job));
+      100.0 * gouged, job.scene.band, 100.0 * reach.cut, reach.vertex_count, advice_text(job));
 }
 
 /// Returns a warning if the part is much smaller than the range of the feed, since a program for a
@@ -406,10 +406,11 @@ Placement placement(const Job& job) {
   if (auto error = missed_part_error(job)) return {std::move(error), {}};
   if (auto error = touch_error(job)) return {std::move(error), {}};
   // Cheap checks come first: boxes, touches, a sweep over thinned vertices, a sweep over all.
-  const ReachableArea reach = reachable_area(thinned(job.design_w), job);
+  const ReachableArea reach = reachable_area(thin_out(job.design_w), job);
   if (auto text = gouged_text(job, reach)) return {std::nullopt, {std::move(*text)}};
-  if (reach.share >= min_within_reach) return {std::nullopt, small_part_warnings(job)};
-  if (reach.share > 0.0 || reachable_area(job.design_w, job).share > 0.0)
+  if (reach.reached_fraction >= min_reachable_fraction)
+    return {std::nullopt, small_part_warnings(job)};
+  if (reach.reached_fraction > 0.0 || reachable_area(job.design_w, job).reached_fraction > 0.0)
     return {std::nullopt, {partial_reach_text(job, reach)}};
   const double within = cutting::gouge_bands * job.scene.band;
   const NearestCut nearest = nearest_cut(job, within);

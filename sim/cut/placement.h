@@ -13,7 +13,7 @@ namespace abbe::sim {
 
 /// Largest angle between the direction of a touch and the surface normal, rad: 40 degrees. A ball
 /// that slides along a steeper face reads another component than the one it is moved in.
-inline constexpr double max_touch_lean = 0.6981317007977318;
+inline constexpr double max_touch_angle = 0.6981317007977318;
 
 /// Returns the input error of the first touch of a datum that meets nothing, with its location in
 /// the scene. A touch must have, within the search band of its point, a surface of the design, the
@@ -22,7 +22,7 @@ inline constexpr double max_touch_lean = 0.6981317007977318;
 std::optional<BadInput> touch_error(const Job& job);
 
 /// Fraction of the judged area within reach of the program below which a warning is given.
-inline constexpr double min_within_reach = 0.99;
+inline constexpr double min_reachable_fraction = 0.99;
 
 /// Result of comparing where a program cuts on the error-free machine with the position of the
 /// part.
@@ -30,8 +30,9 @@ struct Placement {
   std::optional<BadInput> fault;  ///< set if nothing of the part can be cut: the line that comes
                                   ///< nearest, its distance, and the offset with which it would
                                   ///< touch
-  std::vector<std::string> warnings;  ///< if less than `min_within_reach` can be cut, or most of
-                                      ///< what is reached is gouged; judged at some 2000 vertices
+  std::vector<std::string>
+      warnings;  ///< if less than `min_reachable_fraction` can be cut, or most of
+                 ///< what is reached is gouged; judged at some 2000 vertices
 };
 /// Compares where the program cuts with where the part is.
 Placement placement(const Job& job);

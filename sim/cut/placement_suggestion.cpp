@@ -285,19 +285,19 @@ ReachableArea reachable_area(const cutting::Design& design_w, const Job& job) {
   for (Index i = 0; i < design_w.vertices.rows(); ++i) {
     const VertexStatus status = surface.status[std::size_t(i)];
     if (status == VertexStatus::Outside) continue;
-    ++reach.tried;
+    ++reach.vertex_count;
     judged_area += design_w.area[i];
     if (status != VertexStatus::Uncut) reached_area += design_w.area[i];
     if (status == VertexStatus::Cut) reach.cut += design_w.area[i];
   }
   if (judged_area > 0.0) {
-    reach.share = reached_area / judged_area;
+    reach.reached_fraction = reached_area / judged_area;
     reach.cut /= judged_area;
   }
   return reach;
 }
 
-cutting::Design thinned(cutting::Design design) {
+cutting::Design thin_out(cutting::Design design) {
   // Each of 2000 vertices stands for 0.05 % of the area.
   constexpr std::ptrdiff_t max_judged = 2000;
   design.judged.resize(std::size_t(design.vertices.rows()), 1);
@@ -575,7 +575,8 @@ std::optional<PlacementSuggestion> suggest_shift(const Job& job, const Job& move
   const Displacement displacement(moved_feed);
   if (const auto shifted = shift_offsets(moved_feed, displacement, shift))
     if (const auto shifted_job = error_free_job(shifted->scene))
-      if (const ReachableArea reach = reachable_area(thinned_w, *shifted_job); reach.share > 0.0)
+      if (const ReachableArea reach = reachable_area(thinned_w, *shifted_job);
+          reach.reached_fraction > 0.0)
         return PlacementSuggestion{
             fmt::format("with {} it {}", shifted->offsets_text, fit_words(*shifted_job, thinned_w)),
             reach};
@@ -585,7 +586,7 @@ std::optional<PlacementSuggestion> suggest_shift(const Job& job, const Job& move
   cutting::Design shifted_part = thinned_w;
   shifted_part.vertices.rowwise() -= shift_w.transpose();
   const ReachableArea reach = reachable_area(shifted_part, job);
-  if (!(reach.share > 0.0)) return std::nullopt;
+  if (!(reach.reached_fraction > 0.0)) return std::nullopt;
   const Vector3d position_w = job.scene.part.T_wm.translation() - shift_w;
   return PlacementSuggestion{fmt::format("with part.at_mm = [{:.6g}, {:.6g}, {:.6g}] it {}",
                                          round_to_um(position_w.x()), round_to_um(position_w.y()),
@@ -611,7 +612,7 @@ std::optional<PlacementSuggestion> suggest_placement(const Job& job, const Job& 
 std::optional<PlacementSuggestion> placement_suggestion(const Job& job) {
   constexpr std::size_t max_orientations = 3;  // each takes a full search
   if (job.windows) return std::nullopt;
-  const cutting::Design thinned_w = thinned(job.design_w);
+  const cutting::Design thinned_w = thin_out(job.design_w);
   if (auto suggestion = suggest_placement(job, job, thinned_w)) return suggestion;
   if (Displacement(job).is_turned()) return std::nullopt;
   // If the rotary axes turn between feeds, an offset moves the feed of each orientation in another
@@ -621,7 +622,7 @@ std::optional<PlacementSuggestion> placement_suggestion(const Job& job) {
   for (const std::vector<double>& angles : orientations)
     if (auto suggestion = suggest_placement(job, keep_feed_at(job, angles), thinned_w)) {
       suggestion->words +=
-          fmt::format(", {:.3g} % of the judged area", 100.0 * suggestion->reach.share);
+          fmt::format(", {:.3g} % of the judged area", 100.0 * suggestion->reach.reached_fraction);
       return suggestion;
     }
   return std::nullopt;

@@ -10,16 +10,16 @@ namespace abbe::sim {
 
 /// The judged area that the tool of the error-free machine reaches.
 struct ReachableArea {
-  double share = 0.0;  ///< fraction, 0 .. 1, cut or gouged
-  double cut = 0.0;    ///< fraction, 0 .. 1, cut within the band
-  int tried = 0;       ///< number of judged vertices
+  double reached_fraction = 0.0;  ///< fraction, 0 .. 1, cut or gouged
+  double cut = 0.0;               ///< fraction, 0 .. 1, cut within the band
+  int vertex_count = 0;           ///< number of judged vertices
 };
 /// Returns the area of a design that the program of a job reaches on the error-free machine.
 ReachableArea reachable_area(const cutting::Design& design_w, const Job& job);
 
 /// Returns the design with at most some 2000 of its vertices judged, for a quick test of where it
 /// is cut.
-cutting::Design thinned(cutting::Design design);
+cutting::Design thin_out(cutting::Design design);
 
 /// A change of the scene, tried out, with which its program cuts its part.
 struct PlacementSuggestion {

@@ -264,8 +264,8 @@ PoseStatistics write_poses(const PoseTable& table, const PoseList& poses, TableF
   return pose_statistics(deviation_um, direction_urad);
 }
 
-kinematics::AxisVector positions_in(const std::string& text, const kinematics::Chain& chain,
-                                    const std::string& option, Within within) {
+kinematics::AxisVector parse_positions(const std::string& text, const kinematics::Chain& chain,
+                                       const std::string& option, Within within) {
   const auto throw_error = [&](std::size_t column, const std::string& expected,
                                const std::string& named_axes) {
     throw BadInput(option, 1, int(column) + 1, expected, named_axes);
@@ -301,7 +301,7 @@ PoseResult pose_at(const Scene& scene, const std::string& positions, const PoseR
   const IdleMachine idle = idle_machine(scene);
   const PoseTable table(idle, request);
   kinematics::AxisState state;
-  state.q = positions_in(positions, idle.machine.nominal, "--at", Within::Travel);
+  state.q = parse_positions(positions, idle.machine.nominal, "--at", Within::Travel);
   const auto requested_part = [](const auto& columns) {
     return std::vector(columns.begin() + std::ptrdiff_t(PoseTable::always), columns.end());
   };

@@ -46,12 +46,12 @@ class PoseTable {
   static constexpr std::size_t always = 11;  ///< number of columns before the requested ones
 
   /// A requested quantity; each has six columns.
-  struct Six {
+  struct ColumnGroup {
     std::string name;         ///< of the source, of the remainder, or of the variable
     bool derivative = false;  ///< true: derivative by the variable; false: um and urad
   };
   /// Returns the requested quantities, in the order of their columns.
-  const std::vector<Six>& requested_columns() const { return requested_columns_; }
+  const std::vector<ColumnGroup>& requested_columns() const { return requested_columns_; }
 
   /// A row of the table: the deviation, and the numbers of all columns.
   struct Row {
@@ -73,7 +73,7 @@ class PoseTable {
   std::vector<int> motions_, locations_;  ///< columns of the Jacobians whose element exists on this
                                           ///< chain
   std::vector<std::string> heads_;
-  std::vector<Six> requested_columns_;
+  std::vector<ColumnGroup> requested_columns_;
 };
 
 /// Statistics of the deviations over many poses.
@@ -104,9 +104,9 @@ PoseStatistics write_poses(const PoseTable& table, const PoseList& poses, TableF
 /// Nominal and actual pose of the tool at one position.
 struct PoseResult {
   TipPose pose;
-  std::vector<PoseTable::Six> requested_columns;  ///< quantities besides the pose
-  std::vector<std::string> heads;                 ///< (6 x requested) as in a table of poses
-  std::vector<double> numbers;                    ///< (heads)
+  std::vector<PoseTable::ColumnGroup> requested_columns;  ///< quantities besides the pose
+  std::vector<std::string> heads;  ///< (6 x requested) as in a table of poses
+  std::vector<double> numbers;     ///< (heads)
   std::vector<std::string> warnings;
 };
 
@@ -117,8 +117,8 @@ enum class Within { Travel, Anything };
 /// @param option  name in messages
 /// @throws BadInput if the machine lacks an axis, a number is not valid, an axis occurs twice, or a
 ///     position is beyond the travel where `within` forbids that
-kinematics::AxisVector positions_in(const std::string& words, const kinematics::Chain& chain,
-                                    const std::string& option, Within within);
+kinematics::AxisVector parse_positions(const std::string& words, const kinematics::Chain& chain,
+                                       const std::string& option, Within within);
 
 /// Returns the pose at positions such as "X=100 A=30" (mm, degrees); axes not named stand at zero,
 /// all at rest.

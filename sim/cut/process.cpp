@@ -29,7 +29,7 @@ ProcessTotals totals(const Process& process) {
     }
     if (step.converged) continue;
     ++sums.open;
-    sums.disagreement_max = std::max(sums.disagreement_max, step.disagreement);
+    sums.max_disagreement = std::max(sums.max_disagreement, step.disagreement);
   }
   return sums;
 }
@@ -188,14 +188,14 @@ std::vector<std::string> process_warnings(const Scene& scene, const Process& pro
   // It is not reported, since no setting avoids it.
   const double tolerance = scene.cutting->tolerance;
   const bool is_negligible =
-      process_totals.disagreement_max < std::min(10.0 * tolerance, 10.0 * units::nm) &&
+      process_totals.max_disagreement < std::min(10.0 * tolerance, 10.0 * units::nm) &&
       1000 * process_totals.open < process.steps.size();
   if (process_totals.open > 0 && !is_negligible)
     warnings.push_back(
         fmt::format("force and deflection did not agree to {:.3g} nm at {} of {} steps; they "
                     "differ by {:.3g} nm at most",
                     tolerance / units::nm, process_totals.open, process.steps.size(),
-                    process_totals.disagreement_max / units::nm));
+                    process_totals.max_disagreement / units::nm));
   if (const auto swing = revolution_swing(process)) warnings.push_back(swing_text(*swing));
   if (!(process_totals.removed > 0.0)) warnings.push_back("the tool met no material of the blank");
   if (!process.crash_lines.empty())

@@ -55,7 +55,7 @@ struct ProcessTotals {
   int iterations_max = 0;
   double contraction_max = 0.0;
   std::size_t open = 0;           ///< number of steps that did not converge
-  double disagreement_max = 0.0;  ///< mm, largest of those steps
+  double max_disagreement = 0.0;  ///< mm, largest of those steps
 };
 /// Returns the totals of a process.
 ProcessTotals totals(const Process& process);

@@ -25,7 +25,7 @@ MeshUse blank_mesh_use(const Scene& scene) {
 
 }  // namespace
 
-cutting::Blank blank_of(const Scene& scene, const cutting::Design& design_m) {
+cutting::Blank make_blank(const Scene& scene, const cutting::Design& design_m) {
   return std::visit(
       [&](const auto& blank) -> cutting::Blank {
         using Shape = std::decay_t<decltype(blank)>;
@@ -57,8 +57,8 @@ cutting::Stock blank_stock(const Scene& scene, const cutting::Blank& blank) {
       {description.spacing, description.three_directions, description.max_bytes});
 }
 
-std::string uncovered_text(const Scene& scene, const cutting::Stock& blank,
-                           const cutting::Design& design_m) {
+std::string uncovered_design_text(const Scene& scene, const cutting::Stock& blank,
+                                  const cutting::Design& design_m) {
   // With 2000 vertices the standard deviation of a fraction of 5 % is half a per cent.
   constexpr Eigen::Index max_points = 2000;
   constexpr double max_outside_fraction = 0.05;  // edges that a rough blank rounds off
@@ -425,11 +425,11 @@ Process simulate_milling(const Scene& scene, const Machine& machine,
   const CuttingDescription& description = *scene.cutting;
   const auto& cutter = std::get<cutting::Cutter>(program.tool);
   Process process;
-  const cutting::Blank blank = blank_of(scene, design_m);
+  const cutting::Blank blank = make_blank(scene, design_m);
   if (std::string warning = blank_size_warning(scene, blank); !warning.empty())
     process.warnings.push_back(std::move(warning));
   process.stock = blank_stock(scene, blank);
-  if (std::string text = uncovered_text(scene, *process.stock, design_m); !text.empty())
+  if (std::string text = uncovered_design_text(scene, *process.stock, design_m); !text.empty())
     process.warnings.push_back(std::move(text));
   const auto spindle = find_spindle(machine);
   if (description.material && !spindle)

@@ -25,7 +25,7 @@ namespace abbe::sim {
 /// @param design_m  the part in its own frame, for a blank that is its offset
 /// @throws std::invalid_argument if the blank is not valid
 /// @throws BadInput if a mesh file cannot be read or is not closed
-cutting::Blank blank_of(const Scene& scene, const cutting::Design& design_m);
+cutting::Blank make_blank(const Scene& scene, const cutting::Design& design_m);
 
 /// Returns the warning about the size of a blank that is a mesh; empty if there is none.
 std::string blank_size_warning(const Scene& scene, const cutting::Blank& blank);
@@ -38,8 +38,8 @@ cutting::Stock blank_stock(const Scene& scene, const cutting::Blank& blank);
 /// Returns the warning for a blank that does not contain the design, which suggests another unit or
 /// frame. Empty if at most a twentieth of the vertices of the design lie more than a spacing
 /// outside it.
-std::string uncovered_text(const Scene& scene, const cutting::Stock& blank,
-                           const cutting::Design& design_m);
+std::string uncovered_design_text(const Scene& scene, const cutting::Stock& blank,
+                                  const cutting::Design& design_m);
 
 /// Returns true if the block of a sample is a rapid.
 bool is_rapid(const program::Samples& samples, const program::Path& path, std::size_t sample);

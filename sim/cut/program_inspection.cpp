@@ -80,7 +80,7 @@ program::NcOptions make_control(const Scene& scene, const Machine& machine,
   control.block_skip = options.block_skip;
   if (!options.offset.empty())
     control.work_offset.fill(
-        positions_in(options.offset, machine.control, "--offset", Within::Anything));
+        parse_positions(options.offset, machine.control, "--offset", Within::Anything));
   if (scene.program.tools) {
     // G43.4 with the H of a tool needs the control's chain to the tip of that tool.
     for (const auto& [number, length] : control.tool_length) {

@@ -99,7 +99,7 @@ WorkSize size_of(const Job& job) {
           job.scene.cutting.has_value(),
           !job.program_text.empty(),
           job.scene.collision.on,
-          job.windows ? double(job.windows->max_at_once) : 0.0};
+          job.windows ? double(job.windows->max_window_samples) : 0.0};
 }
 
 std::vector<Stage> scene_preparation_stages(const std::string& part, const WorkSize& size) {
@@ -212,7 +212,7 @@ constexpr double bytes_of_vertex_held = 250, bytes_of_pictures = 320e6, bytes_of
 /// Returns the number of samples in memory. Of a job in windows two are: the first stays while
 /// another is cut.
 double samples_in_memory(const WorkSize& job) {
-  return job.in_windows > 0.0 ? 2.0 * job.in_windows : job.samples;
+  return job.window_samples > 0.0 ? 2.0 * job.window_samples : job.samples;
 }
 
 /// Returns the bytes of a job at rest, without its vertices.

@@ -17,10 +17,10 @@ struct WorkSize {
   double vertices = 0.0;
   double blocks = 0.0;
   double samples = 0.0;
-  bool stock = false;       ///< the stock is simulated
-  bool generated = false;   ///< the program is generated
-  bool collisions = false;  ///< collisions are searched
-  double in_windows = 0.0;  ///< number of samples held at once, of a job in windows; 0: all
+  bool stock = false;           ///< the stock is simulated
+  bool generated = false;       ///< the program is generated
+  bool collisions = false;      ///< collisions are searched
+  double window_samples = 0.0;  ///< number of samples held at once, of a job in windows; 0: all
 };
 /// Returns a rough size of a scene before it is prepared.
 WorkSize expected_size(const Scene& scene);

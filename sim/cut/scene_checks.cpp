@@ -396,13 +396,13 @@ bool is_judged(const cutting::Design& design, Eigen::Index vertex) {
 std::string sparse_vertices_text(const Scene& scene, const cutting::Design& design_w) {
   const JudgedVertices judged = judged_vertices(design_w);
   if (!is_sparse(judged, scene.tool)) return {};
-  if (judged.vertices < min_judged)
+  if (judged.vertices < min_judged_vertices)
     return fmt::format("the part is judged at {} {} only: what is cut between them is in no figure",
                        judged.vertices, judged.vertices == 1 ? "vertex" : "vertices");
   return fmt::format(
       "judged vertices that an edge joins are up to {:.4g} mm apart, the cutter is {:.4g} mm wide: "
       "a gouge between them is in no figure",
-      judged.apart, 2.0 * std::get<cutting::Cutter>(scene.tool.nominal).radius);
+      judged.max_distance, 2.0 * std::get<cutting::Cutter>(scene.tool.nominal).radius);
 }
 
 // Returns the warning about a program that moves only in rapids.
@@ -493,15 +493,16 @@ JudgedVertices judged_vertices(const cutting::Design& design) {
     for (int k = 0; k < 3; ++k) {
       const int a = design.triangles(t, k), b = design.triangles(t, (k + 1) % 3);
       if (is_judged(design, a) && is_judged(design, b))
-        result.apart =
-            std::max(result.apart, (design.vertices.row(a) - design.vertices.row(b)).norm());
+        result.max_distance =
+            std::max(result.max_distance, (design.vertices.row(a) - design.vertices.row(b)).norm());
     }
   return result;
 }
 
 bool is_sparse(const JudgedVertices& judged, const ToolDescription& tool) {
   const auto* cutter = std::get_if<cutting::Cutter>(&tool.nominal);
-  return judged.vertices < min_judged || (cutter != nullptr && judged.apart > 2.0 * cutter->radius);
+  return judged.vertices < min_judged_vertices ||
+         (cutter != nullptr && judged.max_distance > 2.0 * cutter->radius);
 }
 
 std::vector<std::string> program_warnings(const Scene& scene, const cutting::Design& design_w,

@@ -89,14 +89,14 @@ struct NominalRun {
 /// The vertices at which a design is judged, and the largest distance between them.
 struct JudgedVertices {
   int vertices = 0;
-  double apart = 0.0;  ///< mm, the longest edge between two of them
+  double max_distance = 0.0;  ///< mm, the longest edge between two of them
 };
 /// Returns the judged vertices of a design and their largest distance.
 JudgedVertices judged_vertices(const cutting::Design& design);
 
 /// Number of judged vertices below which a part counts as too sparsely judged, as it does if they
 /// are farther apart than the cutter is wide: a cut between them appears in no figure.
-inline constexpr int min_judged = 10;
+inline constexpr int min_judged_vertices = 10;
 /// Returns true if a part is too sparsely judged for a tool.
 bool is_sparse(const JudgedVertices& places, const ToolDescription& tool);
 

@@ -55,7 +55,7 @@ struct SignalRow {
   AxisState state;
   int line = 0;
   errors::Load load;
-  Pose T_wt_wanted;
+  Pose T_wt_target;
   std::size_t sample = 0;
 };
 
@@ -76,7 +76,7 @@ void add_history(std::vector<SignalRow>& rows, const Scene& scene, const Truth& 
       std::max(scene.signals.history_interval, -start_s / double(max_rows - 1));
   // The rows are at whole multiples of the interval before the program.
   for (double multiple = std::floor(-start_s / interval_s); multiple >= 1.0; --multiple) {
-    SignalRow row{inputs.samples.states.front(), 0, {}, inputs.T_wt_wanted.front(), 0};
+    SignalRow row{inputs.samples.states.front(), 0, {}, inputs.T_wt_target.front(), 0};
     row.state.time_s = -multiple * interval_s;
     row.state.spindle_speed = history_speed(truth, row.state.time_s);
     rows.push_back(row);
@@ -101,7 +101,7 @@ void add_program(std::vector<SignalRow>& rows, const Scene& scene, const SignalI
     last_sample = sample;
     rows.push_back({states[sample], inputs.samples.line[sample],
                     inputs.loads.empty() ? errors::Load{} : inputs.loads[sample],
-                    inputs.T_wt_wanted[sample], sample});
+                    inputs.T_wt_target[sample], sample});
   }
 }
 
@@ -282,10 +282,10 @@ DeviationRow deviation_row(const Truth& truth, const Machine& machine,
   row.segment<6>(12 * joints + 6) = row_deviations.workpiece_w.transpose();
   const Pose T_wt = derotated_pose(machine, signal_row.state,
                                    tool_in_workpiece(truth, signal_row.state, signal_row.load));
-  const Pose T_wt_wanted = derotated_pose(machine, signal_row.state, signal_row.T_wt_wanted);
-  row.segment<3>(12 * joints + 12) = (T_wt.translation() - T_wt_wanted.translation()).transpose();
+  const Pose T_wt_target = derotated_pose(machine, signal_row.state, signal_row.T_wt_target);
+  row.segment<3>(12 * joints + 12) = (T_wt.translation() - T_wt_target.translation()).transpose();
   row.segment<3>(12 * joints + 15) =
-      kinematics::rotation_vector(T_wt.linear() * T_wt_wanted.linear().transpose()).transpose();
+      kinematics::rotation_vector(T_wt.linear() * T_wt_target.linear().transpose()).transpose();
   return row;
 }
 

@@ -22,7 +22,7 @@ struct Signals {
 /// The data of a run from which signals are made.
 struct SignalInputs {
   const program::Samples& samples;                   ///< as commanded
-  const std::vector<kinematics::Pose>& T_wt_wanted;  ///< (samples)
+  const std::vector<kinematics::Pose>& T_wt_target;  ///< (samples)
   const Process& process;
   const std::vector<errors::Load>& loads;  ///< (samples) or empty
   /// (samples) corrections that a channel adds to the commands; empty without one

@@ -19,16 +19,16 @@
 
 namespace abbe::sim {
 
-cutting::StockMove Milling::move(std::size_t k) const {
+cutting::StockMove MillingSteps::move(std::size_t k) const {
   return {T_wt[k], T_wt[k + 1], line[k + 1], rapid[k + 1]};
 }
 
-Milling milling_of(const Job& part, const Commands& commands, const Process& process) {
+MillingSteps make_milling_steps(const Job& part, const Commands& commands, const Process& process) {
   const program::Samples& samples = commands.samples;
   const program::Path& path = path_of(part, commands);
   const auto& T_wt = target_poses(part, commands);
   const auto& cutter = std::get<cutting::Cutter>(part.scene.tool.actual);
-  Milling milling;
+  MillingSteps milling;
   milling.at = milling_steps(samples, path, T_wt, part.scene.cutting->step, cutter.flank_length);
   milling.T_wt = tool_poses(part, commands, process, milling.at);
   for (const std::size_t i : milling.at) {
@@ -42,13 +42,13 @@ namespace {
 
 /// Returns the steps of a turning program, with the poses of the tool relative to the part as if it
 /// did not turn.
-Milling turning_steps_of(const Job& part, const Commands& commands, const Process& process,
-                         const SpindleLine& line) {
+MillingSteps turning_steps_of(const Job& part, const Commands& commands, const Process& process,
+                              const SpindleLine& line) {
   const program::Samples& samples = commands.samples;
   const program::Path& path = path_of(part, commands);
   const auto& T_wt = target_poses(part, commands);
   const int spindle = *part.machine.workpiece_spindle;
-  Milling turning;
+  MillingSteps turning;
   turning.at = turning_steps(samples, path, T_wt, spindle, line);
   turning.T_wt = tool_poses(part, commands, process, turning.at);
   for (std::size_t k = 0; k < turning.at.size(); ++k) {
@@ -65,8 +65,8 @@ Milling turning_steps_of(const Job& part, const Commands& commands, const Proces
 StockReplay::StockReplay(const Job& part, const Commands& commands, const Process& process)
     : tool_(part.scene.tool.actual) {
   if (std::holds_alternative<cutting::Cutter>(tool_)) {
-    stock_ = blank_stock(part.scene, blank_of(part.scene, *part.body_m));
-    milling_ = milling_of(part, commands, process);
+    stock_ = blank_stock(part.scene, make_blank(part.scene, *part.body_m));
+    milling_ = make_milling_steps(part, commands, process);
   } else {
     const SpindleLine line = spindle_line(part.truth.actual, *part.machine.workpiece_spindle);
     stock_ = turned_blank(part.scene, line);
@@ -156,9 +156,9 @@ class StockSearch {
               const std::vector<cutting::BodyPair>& pairs)
       : actual_motion_(actual_motion),
         cutter_(std::get<cutting::Cutter>(actual_motion.part.scene.tool.actual)),
-        milling_(milling_of(actual_motion.part, actual_motion.commands)),
+        milling_(make_milling_steps(actual_motion.part, actual_motion.commands)),
         blank_(blank_stock(actual_motion.part.scene,
-                           blank_of(actual_motion.part.scene, *actual_motion.part.body_m))),
+                           make_blank(actual_motion.part.scene, *actual_motion.part.body_m))),
         stock_(blank_) {
     rebuild_mesh();
     for (const cutting::BodyPair& pair : pairs) add(bodies, pair);
@@ -418,7 +418,8 @@ class StockSearch {
     const double tolerance = std::max(approach_tolerance, approach_fraction * closest.gap.distance);
     const std::size_t end = milling_.at[k + 1];
     if (closest.contact)
-      result.near.push_back({actual_motion_.running(moment_of(k, closest.u)), end, body, 0.0});
+      result.near.push_back(
+          {actual_motion_.target_sample(moment_of(k, closest.u)), end, body, 0.0});
     else
       result.near.push_back(
           {milling_.at[k] + 1, end, body, std::max(0.0, closest.gap.distance - tolerance)});
@@ -639,7 +640,7 @@ class StockSearch {
 
   const ActualMotion& actual_motion_;
   const cutting::Cutter& cutter_;
-  Milling milling_;
+  MillingSteps milling_;
   cutting::Stock blank_, stock_;
   std::shared_ptr<const cutting::ClosedMesh> shape_;
   Body mesh_;  // search structure of `shape_`; empty if no stock is left

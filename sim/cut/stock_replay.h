@@ -15,7 +15,7 @@
 namespace abbe::sim {
 
 /// The milling steps of a program on the machine with errors.
-struct Milling {
+struct MillingSteps {
   std::vector<std::size_t> at;         ///< (n) samples, ascending from 0
   std::vector<kinematics::Pose> T_wt;  ///< (n) actual poses of the tool
   std::vector<int> line;               ///< (n) program line of the move to the step
@@ -29,7 +29,8 @@ struct Milling {
 /// @param part     with [cutting] and a milling cutter
 /// @param process  gives the forces; empty: nothing deflects
 /// @throws BadInput if the motion leaves a table of the errors
-Milling milling_of(const Job& part, const Commands& commands, const Process& process = {});
+MillingSteps make_milling_steps(const Job& part, const Commands& commands,
+                                const Process& process = {});
 
 /// Repeats a cut move by move, with its poses and forces. The stock equals that of the process
 /// after as many moves.
@@ -54,7 +55,7 @@ class StockReplay {
  private:
   std::variant<cutting::Stock, cutting::TurnedStock> stock_;
   std::variant<cutting::Cutter, cutting::Nose> tool_;
-  Milling milling_;             ///< of a turned part with slow poses
+  MillingSteps milling_;        ///< of a turned part with slow poses
   std::vector<double> time_s_;  ///< (moves) time at which each ends
   std::size_t next_move_ = 0;
 };

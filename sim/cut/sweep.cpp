@@ -178,7 +178,7 @@ Sweep error_free_sweep(const Job& job, const SurfaceOptions& options) {
   return sweep_in_windows(
       std::get<Cutter>(job.scene.tool.nominal), job.windows->all.size(),
       [&job](std::size_t number) {
-        Job part = window_of(job, number);
+        Job part = make_window(job, number);
         return SweptWindow{std::move(part.samples), std::move(part.T_wt_nominal)};
       },
       options);
@@ -327,7 +327,7 @@ SweptSpans swept_spans(const Job& job) {
   const bool has_feed =
       std::any_of(job.path.blocks.begin(), job.path.blocks.end(), program::is_feed);
   SweptSpans swept;
-  each_part(job, [&](const Job& part) { extend_with_job(swept, part, has_feed); });
+  visit_parts(job, [&](const Job& part) { extend_with_job(swept, part, has_feed); });
   return swept;
 }
 

@@ -53,8 +53,8 @@ ActualRun actual_run(const Job& job, const Commands& commands) {
   return run;
 }
 
-std::vector<Pose> poses_of(const ActualRun& run, const std::vector<errors::Load>& loads,
-                           std::span<const std::size_t> sample_numbers) {
+std::vector<Pose> actual_poses(const ActualRun& run, const std::vector<errors::Load>& loads,
+                               std::span<const std::size_t> sample_numbers) {
   std::vector<Pose> T_wt(sample_numbers.empty() ? run.commands.samples.states.size()
                                                 : sample_numbers.size());
   tbb::parallel_for(std::size_t(0), T_wt.size(), [&](std::size_t i) {
@@ -68,7 +68,7 @@ std::vector<Pose> tool_poses(const Job& job, const Commands& commands, const Pro
                              std::span<const std::size_t> sample_numbers) {
   const ActualRun run = actual_run(job, commands);
   return check_table_range(
-      job, [&] { return poses_of(run, sample_loads(run, process), sample_numbers); });
+      job, [&] { return actual_poses(run, sample_loads(run, process), sample_numbers); });
 }
 
 ToolTrack join_tracks(const std::vector<TrackedPart>& parts) {

@@ -27,7 +27,7 @@ auto check_table_range(const Job& job, const Act& act) {
 struct ActualRun {
   const Job& job;
   const Commands& commands;
-  const std::vector<kinematics::Pose>& T_wt_wanted;
+  const std::vector<kinematics::Pose>& T_wt_target;
   std::vector<kinematics::AxisVector> acceleration = {};  ///< (samples) empty without inertia
   std::vector<double> wear = {};  ///< (samples) fraction of the stated wear; empty without wear
 };
@@ -44,8 +44,9 @@ std::vector<errors::Load> sample_loads(const ActualRun& run, const Process& proc
 /// Returns the actual poses at some samples.
 /// @param loads  (samples), empty for none
 /// @param at     numbers of samples; empty: all
-std::vector<kinematics::Pose> poses_of(const ActualRun& run, const std::vector<errors::Load>& loads,
-                                       std::span<const std::size_t> at);
+std::vector<kinematics::Pose> actual_poses(const ActualRun& run,
+                                           const std::vector<errors::Load>& loads,
+                                           std::span<const std::size_t> at);
 
 /// Returns the actual poses T_wt of the tool at samples of the commanded program.
 /// @param process  gives the forces; empty for none

@@ -401,7 +401,7 @@ void add_influence(const PreparedStudy& ready, std::size_t arm, ConfigurationBud
   const InfluenceMap& influence = ready.influences[arm];
   add_uncut_and_gouged(influence.status, influence.design.area, budget);
   if (study.influence.checks > 0) budget.flagged_percent = influence.flagged_percent;
-  if (gouges_of(influence) > 0) return;
+  if (gouge_count(influence) > 0) return;
   add_maps(study, influence, budget);
   if (study.worst_case)
     for (ResponseBudget& response : budget.responses) {

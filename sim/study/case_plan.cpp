@@ -19,7 +19,7 @@ namespace abbe::sim::study {
 namespace {
 
 // A batch has as many cases as influence maps compute together.
-constexpr std::uint64_t cases_per_batch = machines_at_once;
+constexpr std::uint64_t cases_per_batch = machines_per_lot;
 
 // Every analysis has a random stream of its own, so that its cases do not depend on the size of
 // another analysis.
@@ -258,7 +258,7 @@ std::vector<Row> estimate_batch(const PreparedStudy& ready, const Batch& batch) 
   std::vector<Row> rows = empty_rows(ready, batch);
   const Eigen::MatrixXd x = inputs_of(ready.study, ready.plan, batch.first, batch.last);
   for (std::size_t arm = 0; arm < ready.arms.size(); ++arm) {
-    const std::size_t gouges = gouges_of(ready.influences[arm]);
+    const std::size_t gouges = gouge_count(ready.influences[arm]);
     if (gouges > 0) {
       for (Row& row : rows)
         add_failure(row, ready, arm, gouge_message(gouges, ready.arms[arm].job.scene.band));

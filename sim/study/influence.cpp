@@ -17,7 +17,7 @@ using Eigen::Index;
 
 // Machines are computed in lots of the same size, and passes in tiles whose limits do not depend on
 // the machines, so that a machine has the same bits at every position in a lot.
-constexpr int lot_size = machines_at_once;
+constexpr int lot_size = machines_per_lot;
 constexpr Index max_tile_passes = 512;  // passes: their two products, 590 kB, stay in the cache
 
 using MachineLane = Eigen::Array<double, lot_size, 1>;
@@ -110,7 +110,7 @@ cutting::Surface map_surface(const InfluenceMap& influence, const Eigen::VectorX
 
 }  // namespace
 
-std::size_t gouges_of(const InfluenceMap& influence) {
+std::size_t gouge_count(const InfluenceMap& influence) {
   return std::size_t(
       std::count(influence.status.begin(), influence.status.end(), cutting::VertexStatus::Gouged));
 }
@@ -128,15 +128,16 @@ Eigen::MatrixXd maps(const InfluenceMap& influence, const Eigen::MatrixXd& x) {
   return result;
 }
 
-bool is_counted(Response response) {
+bool is_counted_response(Response response) {
   return response == Response::P95Abs || response == Response::InTolerance || is_filtered(response);
 }
 
 Eigen::MatrixXd responses(const Study& study, const PreparedConfiguration& ready,
                           const InfluenceMap& influence, const Eigen::MatrixXd& x) {
   Eigen::MatrixXd values(Index(study.responses.size()), x.cols());
-  const bool can_sum = ready.job.scene.alignment == Alignment::None &&
-                       std::none_of(study.responses.begin(), study.responses.end(), is_counted);
+  const bool can_sum =
+      ready.job.scene.alignment == Alignment::None &&
+      std::none_of(study.responses.begin(), study.responses.end(), is_counted_response);
   if (!can_sum) {
     // Aligned and counted responses need the whole maps.
     const Eigen::MatrixXd all_maps = maps(influence, x);
@@ -302,7 +303,7 @@ ResponseFunction response_function(const Study& study, const PreparedConfigurati
     });
     return values;
   };
-  if (ready.job.scene.alignment == Alignment::None && !is_counted(response))
+  if (ready.job.scene.alignment == Alignment::None && !is_counted_response(response))
     function.gradients = [&influence, response](const Eigen::MatrixXd& x) {
       return gradients(influence, response, x);
     };
@@ -315,7 +316,7 @@ ResponseFunction response_function(const Study& study, const PreparedConfigurati
 
 Eigen::MatrixXd gradients(const InfluenceMap& influence, Response response,
                           const Eigen::MatrixXd& x) {
-  if (is_counted(response))
+  if (is_counted_response(response))
     throw std::invalid_argument("a response that is counted has no gradient");
   Eigen::MatrixXd result(x.rows(), x.cols());
   visit_blocks(x.cols(), machines_per_search, [&](Index first, Index count) {

@@ -41,12 +41,12 @@ inline bool is_cut(const InfluenceMap& influence, Eigen::Index v) {
 
 /// Returns the number of vertices that the base run gouges deeper than the band. They have no
 /// passes, so the figures of the map would omit its worst part.
-std::size_t gouges_of(const InfluenceMap& influence);
+std::size_t gouge_count(const InfluenceMap& influence);
 
 /// Number of machines that are computed together; fewer cost as much. Eigen sums rows beyond a
 /// multiple of three packets in another order: 72 is such a multiple for packets of 2, 4 and 8
 /// numbers.
-inline constexpr int machines_at_once = 72;
+inline constexpr int machines_per_lot = 72;
 
 /// Returns the maps of many machines. The bits of a case do not depend on the cases computed with
 /// it.
@@ -56,7 +56,7 @@ Eigen::MatrixXd maps(const InfluenceMap& influence, const Eigen::MatrixXd& x);
 
 /// Returns true if a response is found by counting vertices in order or from the filtered map: it
 /// needs the maps themselves and has no gradient in closed form.
-bool is_counted(Response response);
+bool is_counted_response(Response response);
 
 /// Returns the responses of many machines, equal to `responses` of their maps. Without an
 /// alignment, and if no response is counted, the maps are not stored: 10 000 vertices, 100 inputs

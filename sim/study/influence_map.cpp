@@ -151,17 +151,18 @@ BaseRun base_run(const Study& study, const PreparedConfiguration& ready, const P
   return run;
 }
 
-std::array<End, 2> ends_of(const BaseRun& run, const cutting::CompetingPass& competing_pass) {
+std::array<MoveEnd, 2> move_ends(const BaseRun& run, const cutting::CompetingPass& competing_pass) {
   const auto move = std::size_t(competing_pass.move);
   // The last sample begins no move, so both ends of a pass there are that sample.
   const std::size_t next = std::min(move + 1, run.sample.size() - 1);
-  return {End{run.sample[move], 1.0 - competing_pass.t}, End{run.sample[next], competing_pass.t}};
+  return {MoveEnd{run.sample[move], 1.0 - competing_pass.t},
+          MoveEnd{run.sample[next], competing_pass.t}};
 }
 
 std::vector<std::size_t> competing_pass_samples(const BaseRun& run) {
   std::vector<std::size_t> samples;
   for (const cutting::CompetingPass& competing_pass : run.competing_passes)
-    for (const End& end : ends_of(run, competing_pass)) samples.push_back(end.sample);
+    for (const MoveEnd& end : move_ends(run, competing_pass)) samples.push_back(end.sample);
   std::sort(samples.begin(), samples.end());
   samples.erase(std::unique(samples.begin(), samples.end()), samples.end());
   return samples;
@@ -193,11 +194,11 @@ Matrix3d spindle_rotation(const SpindleLine& line, double angle) {
   return Eigen::AngleAxisd(angle, line.direction_w).toRotationMatrix();
 }
 
-double spindle_angle(const BaseRun& run, const End& end) {
+double spindle_angle(const BaseRun& run, const MoveEnd& end) {
   return run.ready.commanded.samples.states[end.sample].q[*run.ready.job.machine.workpiece_spindle];
 }
 
-double spindle_angle(const BaseRun& run, const std::array<End, 2>& ends) {
+double spindle_angle(const BaseRun& run, const std::array<MoveEnd, 2>& ends) {
   return ends[0].share * spindle_angle(run, ends[0]) + ends[1].share * spindle_angle(run, ends[1]);
 }
 
@@ -214,7 +215,7 @@ Pose interpolate_pose(const Pose& from, const Pose& to, double fraction) {
 
 Vector3d displacement(const BaseRun& run, const cutting::CompetingPass& competing_pass,
                       const std::array<Twist, 2>& at_ends) {
-  const std::array<End, 2> ends = ends_of(run, competing_pass);
+  const std::array<MoveEnd, 2> ends = move_ends(run, competing_pass);
   Vector3d result = Vector3d::Zero();
   for (std::size_t e = 0; e < 2; ++e) {
     const Vector3d shift = at_ends[e].head<3>(), rotation = at_ends[e].tail<3>();
@@ -235,7 +236,7 @@ Vector3d displacement(const BaseRun& run, const cutting::CompetingPass& competin
 }
 
 Pose tool_at(const BaseRun& run, const cutting::CompetingPass& competing_pass, const Tool& tool) {
-  const std::array<End, 2> ends = ends_of(run, competing_pass);
+  const std::array<MoveEnd, 2> ends = move_ends(run, competing_pass);
   if (!tool.spindle) return interpolate_pose(tool.T_wt[0], tool.T_wt[1], ends[1].share);
   const SpindleLine& line = *tool.spindle;
   const Pose slow =
@@ -251,8 +252,8 @@ Vector3d displacement(const BaseRun& run, const cutting::CompetingPass& competin
   // below a milliradian.
   const Matrix3d R = b.linear() * a.linear().transpose();
   const Vector3d rotation = 0.5 * Vector3d(R(2, 1) - R(1, 2), R(0, 2) - R(2, 0), R(1, 0) - R(0, 1));
-  const Vector3d arm = competing_pass.contact - 0.5 * (a.translation() + b.translation());
-  return b.translation() - a.translation() + rotation.cross(arm);
+  const Vector3d lever = competing_pass.contact - 0.5 * (a.translation() + b.translation());
+  return b.translation() - a.translation() + rotation.cross(lever);
 }
 
 namespace {
@@ -336,7 +337,7 @@ Columns geometric_columns(const BaseRun& run, const std::vector<GeometricInput>&
   const kinematics::Chain& chain = run.ready.job.truth.actual;
   tbb::parallel_for(std::size_t(0), run.competing_passes.size(), [&](std::size_t r) {
     const cutting::CompetingPass& competing_pass = run.competing_passes[r];
-    const std::array<End, 2> ends = ends_of(run, competing_pass);
+    const std::array<MoveEnd, 2> ends = move_ends(run, competing_pass);
     std::vector<std::array<Twist, 2>> twists(inputs.size());
     // Inputs are the inner loop, since all of them need the same Jacobians.
     for (std::size_t e = 0; e < 2; ++e) {
@@ -447,7 +448,7 @@ Columns contact_columns(const BaseRun& run, const Moved& moved) {
   Columns columns = zero_column(run);
   tbb::parallel_for(std::size_t(0), run.competing_passes.size(), [&](std::size_t r) {
     const CompetingPass& competing_pass = run.competing_passes[r];
-    const Vector3d d = moved(competing_pass, ends_of(run, competing_pass));
+    const Vector3d d = moved(competing_pass, move_ends(run, competing_pass));
     columns.slope(0, Index(r)) = competing_pass.gradient.dot(d);
     columns.shift(0, Index(r)) = competing_pass.across.dot(d);
   });
@@ -459,7 +460,8 @@ Columns contact_columns(const BaseRun& run, const Moved& moved) {
 Columns nose_columns(const BaseRun& run, const cutting::Nose& from, const cutting::Nose& to,
                      double per_unit) {
   return contact_columns(
-      run, [&](const CompetingPass& competing_pass, const std::array<End, 2>& ends) -> Vector3d {
+      run,
+      [&](const CompetingPass& competing_pass, const std::array<MoveEnd, 2>& ends) -> Vector3d {
         const Pose T_wt =
             tool_at(run, competing_pass,
                     {{run.T_wt[ends[0].sample], run.T_wt[ends[1].sample]}, run.spindle});
@@ -487,7 +489,7 @@ Columns shape_columns(const BaseRun& run, const ToolDescription& from, const Too
 /// Returns the column of the difference of two machines' poses.
 Columns pose_columns(const BaseRun& run, const std::array<DifferenceMachine, 2>& sides,
                      const std::vector<std::size_t>& samples, double per_unit) {
-  const auto tool = [&](const DifferenceMachine& side, const std::array<End, 2>& ends) {
+  const auto tool = [&](const DifferenceMachine& side, const std::array<MoveEnd, 2>& ends) {
     Tool result{{}, side.spindle};
     for (std::size_t e = 0; e < 2; ++e)
       result.T_wt[e] = side.T_wt[std::size_t(
@@ -495,7 +497,8 @@ Columns pose_columns(const BaseRun& run, const std::array<DifferenceMachine, 2>&
     return result;
   };
   return contact_columns(
-      run, [&](const CompetingPass& competing_pass, const std::array<End, 2>& ends) -> Vector3d {
+      run,
+      [&](const CompetingPass& competing_pass, const std::array<MoveEnd, 2>& ends) -> Vector3d {
         return per_unit *
                displacement(run, competing_pass, tool(sides[0], ends), tool(sides[1], ends));
       });

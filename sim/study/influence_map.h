@@ -31,12 +31,12 @@ BaseRun base_run(const Study& study, const PreparedConfiguration& ready,
                  const Progress& progress = {});
 
 /// One end of the move on which a competing pass makes its surface.
-struct End {
+struct MoveEnd {
   std::size_t sample = 0;  ///< of the job
   double share = 0.0;      ///< weight of this end at the instant of the pass, 0 .. 1
 };
 /// Returns both ends of the move of a competing pass; their weights add up to 1.
-std::array<End, 2> ends_of(const BaseRun& run, const cutting::CompetingPass& competing_pass);
+std::array<MoveEnd, 2> move_ends(const BaseRun& run, const cutting::CompetingPass& competing_pass);
 
 /// Returns the samples at the ends of the moves of all competing passes, ascending.
 std::vector<std::size_t> competing_pass_samples(const BaseRun& run);
