@@ -15,8 +15,8 @@
 /// motion along the commands.
 namespace abbe::sim {
 
-/// Numbers of the frames that carry bodies: the bed, the carriage of every joint, the workpiece w
-/// and the tool t.
+/// The numbers of the frames that carry bodies: the bed, the carriage of every joint, the workpiece
+/// w and the tool t.
 struct Carriers {
   int joints = 0;  ///< number of joints of the chain
 
@@ -27,8 +27,8 @@ struct Carriers {
   int count() const { return 3 + joints; }
 };
 
-/// Returns the poses of all carriers in the bed frame. Bodies of the bed and of a carriage are
-/// described where they stand with all axes at zero.
+/// Returns the poses of all carriers in the bed frame. Bodies of the bed and of the carriages are
+/// described in the bed frame with all axes at zero.
 /// @param q, deviations  as of Chain
 std::vector<kinematics::Pose> carrier_poses(const kinematics::Chain& chain,
                                             const kinematics::AxisVector& q,
@@ -42,14 +42,13 @@ struct SolidBody {
   std::string carrier;                           ///< name of the carrier: "b", "X", "w", "t"
   int frame = 0;                                 ///< number of the carrier in `Carriers`
   cutting::ClosedMesh mesh;                      ///< as drawn, in the frame of the carrier
-  std::vector<cutting::ClosedMesh> pieces = {};  ///< as searched for collisions; empty: `mesh` is
-                                                 ///< searched
-  std::vector<cutting::ClosedMesh> core = {};    ///< of cutter and shank: without the skin that may
-                                                 ///< enter the part, `collision.gouge_mm`
+  std::vector<cutting::ClosedMesh> pieces = {};  ///< for the collision search; empty: `mesh`
+  std::vector<cutting::ClosedMesh> core = {};    ///< of cutter and shank, without the skin of
+                                                 ///< `collision.gouge_mm` that may enter the part
 };
 
-/// Returns the mesh of a described body at its described pose. Facets of round bodies lie outside
-/// the true surface by at most a ten-thousandth of the radius, or 5 um where that is more.
+/// Returns the mesh of a body at its pose. Facets of round bodies lie outside the true surface by
+/// at most 5 um or a ten-thousandth of the radius, whichever is more.
 /// @param use  name of the body in messages
 /// @throws BadInput if a mesh file cannot be read or is not closed
 cutting::ClosedMesh mesh_of(const BodyDescription& body, const MeshUse& use = {"a body", "body"});
@@ -63,8 +62,8 @@ std::vector<SolidBody> fixture_bodies(const Scene& scene);
 std::vector<SolidBody> machine_bodies(const MachineDescription& machine);
 
 /// Returns cutter, shank and holder of the actual tool of a part of a job.
-/// @param skin  mm by which the cores of cutter and shank are smaller, at most a quarter of their
-///     radius
+/// @param skin  thickness by which the cores of cutter and shank are smaller, mm, at most a quarter
+///     of their radius
 std::vector<SolidBody> tool_bodies(const Job& part, double skin);
 
 /// Returns every body of a part of a job: machine, fixtures, part, and cutter, shank and holder of
@@ -76,17 +75,17 @@ std::vector<SolidBody> job_bodies(const Job& part);
 /// inside the part.
 std::vector<std::string> body_warnings(const Job& part, const std::vector<SolidBody>& bodies);
 
-/// `searched` returns the body for the collision search; `search_core` returns its core, or the
-/// whole body if it has no core.
+/// Returns the body for the collision search.
 cutting::Body searched(const SolidBody& solid);
+/// Returns the core of a body for the collision search, or the whole body if it has no core.
 cutting::Body search_core(const SolidBody& solid);
 
 /// Returns true if the pair is in the list of ignored pairs, in either order.
 bool is_ignored(const std::vector<CollisionDescription::Pair>& ignored, const std::string& a,
                 const std::string& b);
 
-/// Returns the pairs of bodies that may collide, by their numbers. Bodies on the same carriage and
-/// machine bodies whose carriages one axis joins are left out.
+/// Returns the pairs of bodies that may collide, by their numbers: not those on the same carriage,
+/// nor those of machine bodies with only one axis between them.
 /// @param ignored  further pairs to leave out
 std::vector<cutting::BodyPair> pairs_of(const kinematics::Chain& chain,
                                         const std::vector<SolidBody>& bodies,
@@ -100,8 +99,8 @@ struct ActualMotion {
   const program::Samples& samples = commands.samples;
   const program::Path& path = path_of(part, commands);
 
-  /// Returns the axis state at a moment: axes and time are interpolated linearly between samples,
-  /// directions are those of the motion to the next sample. A workpiece spindle stands at 0.
+  /// Returns the axis state at a moment. Axes and time are interpolated linearly between samples;
+  /// directions are those of the motion to the next sample. A workpiece spindle is at 0.
   kinematics::AxisState state(const cutting::Moment& moment) const;
   /// Returns the poses of all carriers, with the errors of the axes and the heat.
   std::vector<kinematics::Pose> carriers(const cutting::Moment& moment) const;

@@ -284,8 +284,8 @@ class PartSearch {
         // `first` exceeds `last` if the contact begins in the last step of its last block.
         deepest_sample(first, std::max(first, last) + 1, block_ends, depth_at);
     collision.depth = deepest.depth;
-    collision.depths = deepest.looks;
-    collision.worst = actual_motion_.place(moment(deepest.at));
+    collision.depths = deepest.sample_count;
+    collision.worst = actual_motion_.place(moment(deepest.moment));
   }
 
   const ActualMotion& actual_motion_;

@@ -15,8 +15,8 @@
 #include "sim/program/sample.h"
 #include "sim/scene/machine.h"
 
-/// Commands of the axes: the datum shift of the control, and the positions it commands with or
-/// without corrections.
+/// Commands of the axes: the datum shift of the control, and the positions that it commands, with
+/// or without corrections.
 namespace abbe::sim {
 
 /// Corrected commands, and the errors that the corrector knows it could not remove.
@@ -27,8 +27,7 @@ struct CorrectedCommands {
   std::size_t not_converged = 0;  ///< number of corrections that did not converge
 };
 
-/// Corrects commands so that the tool reaches T_wt_nominal; both are (samples), in the order of
-/// time.
+/// Corrects commands so that the tool reaches T_wt_nominal. Both are (samples), in order of time.
 using Corrector =
     std::function<CorrectedCommands(const std::vector<kinematics::AxisState>& commanded,
                                     const std::vector<kinematics::Pose>& T_wt_nominal)>;
@@ -37,17 +36,17 @@ using Corrector =
 using ToolAt = std::function<kinematics::Pose(const kinematics::AxisState&)>;
 
 /// Returns the shift of the work zero after the control has measured the datum on the machine with
-/// errors: the tip is then commanded to `point + offset`. Rotary axes stand at zero. `ideal` brings
-/// the tip to its point exactly; `touch_off` measures one component per touch and leaves the
-/// directions that were never touched.
+/// errors, rotary axes at zero: the tip is then commanded to `point + offset`. `ideal` brings the
+/// tip to its point exactly. `touch_off` measures one component in each touch, and the shift is
+/// zero in directions that no touch measures.
 /// @param tool_at    of the machine with errors
-/// @param corrector  active while the datum is measured; none by default
+/// @param corrector  corrects the commands while the datum is measured; none by default
 /// @return mm, workpiece frame
 Eigen::Vector3d datum_offset(const DatumDescription& datum, const Machine& machine,
                              const ToolAt& tool_at, const Corrector& corrector = {});
 
 /// Returns the shift that a compensator expects an uncompensated control to measure: the effect of
-/// its own corrections at the datum, correct to second order in them.
+/// its corrections at the datum, exact to the second order of them.
 /// @return mm, workpiece frame
 Eigen::Vector3d expected_offset(const DatumDescription& datum, const Machine& machine,
                                 const Corrector& corrector);
@@ -76,27 +75,27 @@ struct Commands {
   std::vector<kinematics::AxisVector>
       correction;  ///< (samples) added by a channel of the axes; empty without one
   std::optional<PiezoMotion> piezo;
-  double point_left = 0.0;      ///< largest position error that the compensator knew it could not
-                                ///< remove, mm
+  double point_left = 0.0;      ///< largest position error known to the compensator that it could
+                                ///< not remove, mm
   double direction_left = 0.0;  ///< the same for the direction, rad
   std::size_t not_converged = 0;
   std::string rewritten_program;
   std::vector<std::string> warnings;
-  /// One for each segment of a job with several tools; the outer object then holds only the states
-  /// of the samples, the errors left, and the warnings.
+  /// Commands of the segments of a job with several tools. The outer object then has only the
+  /// states of the samples, the remaining errors, and the warnings.
   std::vector<Commands> stretches = {};
 };
 
-/// Joins the commands of the parts of a job, one entry for each part, into those of the job.
+/// Joins the commands of the parts of a job into those of the job.
 Commands joined(std::vector<Commands> parts);
 
 /// Returns the commands of a part of a job.
 /// @param part  its number in `parts_of`
 const Commands& of_part(const Commands& commands, std::size_t part);
 
-/// Returns the commands of a control for a program sampled with the chain `sampled_by`. The control
-/// reaches a programmed tip by its own kinematics, and the datum that it measured shifts every
-/// position.
+/// Returns the commands of a control for a program that was sampled with the chain `sampled_by`.
+/// The control reaches a programmed tip by its own kinematics, and shifts every position by the
+/// datum that it measured.
 /// @param offset_w  shift of the datum, mm
 /// @throws BadInput with the program line if the slides of the control do not reach a tip
 std::vector<kinematics::AxisState> commanded(const kinematics::Chain& control,

@@ -25,26 +25,26 @@ struct Spread {
 /// The result of cutting one case.
 struct Cut {
   std::string name;       ///< name in reports; for a variant with the name of the variant in front
-  std::string case_name;  ///< what `run --case` takes
+  std::string case_name;  ///< argument of `run --case`
   cutting::Surface surface;
-  std::optional<cutting::InterpolationError> interpolation;  ///< of a job prepared by `sampled`
+  std::optional<cutting::InterpolationError> interpolation;  ///< only after `sampled`
   Spread tip_error;               ///< mm, actual against nominal position of the tip
   Spread direction_error;         ///< rad
-  ChordError chord_error;         ///< no intervals sampled in the error-free case
-  double point_left = 0.0;        ///< largest position error that the compensator knew it could not
-                                  ///< remove, mm
+  ChordError chord_error;         ///< without intervals in the error-free case
+  double point_left = 0.0;        ///< largest position error known to the compensator that it could
+                                  ///< not remove, mm
   double direction_left = 0.0;    ///< the same for the direction, rad
   Process process;                ///< forces and stock as simulated; empty without [cutting]
   Signals signals;                ///< empty without heat, force or channels
   std::vector<WornTool> wear;     ///< of the tools that wear, at the end of the program
-  std::string rewritten_program;  ///< text of the program channel, else empty
-  std::optional<Collisions> collisions;  ///< if the scene asks for them
+  std::string rewritten_program;  ///< text of the program channel; empty for other channels
+  std::optional<Collisions> collisions;  ///< if the scene requests them
   std::optional<ToolTrack> track;        ///< if requested by `Retention::Track`
   std::vector<std::string> warnings;
   std::map<std::string, double> timing_s;
 };
 
-/// Data kept beside the map of a cut. The track of the tool takes about 180 bytes a sample.
+/// Data kept in addition to the map of a cut. The track of the tool takes about 180 bytes a sample.
 enum class Retention { Map, Track };
 
 /// Cuts the program on the machine without any error, with perfect tool, setup and control.
@@ -64,10 +64,10 @@ Cut cut(const Job& job, const Commands& commands, const Progress& progress = {},
 /// Returns the commands of a window of a job.
 using CommandSource = std::function<Commands(const Job& window)>;
 
-/// Cuts a job in windows on the machine with errors. Each window is sampled, commanded and swept as
-/// often as the surface needs it; reported figures come from the first time. Memory is that of one
-/// window.
-/// @param command_source  its result must not depend on samples outside the window
+/// Cuts a job in windows on the machine with errors, in the memory of one window. Each window is
+/// sampled, commanded and swept as often as the surface needs it; figures are those of the first
+/// time.
+/// @param command_source  whose result must not depend on samples outside the window
 /// @throws BadInput, CollisionStop  as `cut`
 Cut cut_in_windows(const Job& job, const CommandSource& command_source,
                    const Progress& progress = {});

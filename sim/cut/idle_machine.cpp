@@ -465,12 +465,12 @@ std::vector<std::string> time_warnings(const IdleMachine& idle, const PoseList& 
 
 }  // namespace
 
-std::vector<std::string> pose_warnings(const IdleMachine& idle, const AxisVector& least,
-                                       const AxisVector& most) {
+std::vector<std::string> pose_warnings(const IdleMachine& idle, const AxisVector& lower,
+                                       const AxisVector& upper) {
   std::vector<std::string> warnings = value_warnings(idle.scene);
   const errors::GeometricModel& model = idle.truth.geometric;
   std::ranges::move(heat_warnings({}, idle.truth), std::back_inserter(warnings));
-  std::ranges::move(errors::element_warnings(model, least, most), std::back_inserter(warnings));
+  std::ranges::move(errors::element_warnings(model, lower, upper), std::back_inserter(warnings));
   if (!idle.scene.additional_tools.empty())
     warnings.push_back(fmt::format("poses are of T{}, the first of {} tools",
                                    idle.scene.tool.number.value_or(0),
@@ -485,13 +485,13 @@ std::vector<std::string> pose_warnings(const IdleMachine& idle, const AxisVector
 }
 
 std::vector<std::string> pose_warnings(const IdleMachine& idle, const PoseList& poses) {
-  AxisVector least = poses.state(0).q, most = least;
+  AxisVector lower = poses.state(0).q, upper = lower;
   for (std::size_t i = 1; i < poses.size(); ++i) {
     const AxisVector q = poses.state(i).q;
-    least = least.cwiseMin(q);
-    most = most.cwiseMax(q);
+    lower = lower.cwiseMin(q);
+    upper = upper.cwiseMax(q);
   }
-  std::vector<std::string> warnings = pose_warnings(idle, least, most);
+  std::vector<std::string> warnings = pose_warnings(idle, lower, upper);
   std::ranges::move(time_warnings(idle, poses), std::back_inserter(warnings));
   return warnings;
 }

@@ -11,20 +11,20 @@
 #include "sim/machine/truth.h"
 #include "sim/scene/scene.h"
 
-/// The pose errors of a machine at rest, their sources one by one, and lists of poses read from
-/// CSV.
+/// The pose errors of a machine at rest and their sources, and lists of poses read from CSV.
 namespace abbe::sim {
 
-/// The machine of a scene with all its errors, standing still: no program runs, nothing is cut, no
-/// datum is measured. Heat comes from the history before the program; after time 0 its last phase
-/// continues.
+/// The machine of a scene with all its errors, at rest: no program runs, nothing is cut, no datum
+/// is measured. Heat comes from the history before the program, whose last phase continues after
+/// time 0.
 struct IdleMachine {
-  Scene scene;  ///< with the run-out of a tool spindle already added to the tool
+  Scene scene;  ///< with the run-out of a tool spindle as part of the tool
   Machine machine;
   Truth truth;
 };
 
-/// Throws BadInput as `compile` and `make_truth`.
+/// Returns the machine of a scene at rest.
+/// @throws BadInput as `compile` and `make_truth`
 IdleMachine idle_machine(const Scene& scene);
 
 /// Nominal and actual pose of the tool in the workpiece, T_wt.
@@ -38,8 +38,9 @@ struct TipPose {
   Eigen::Vector3d direction() const { return actual.linear().col(2) - nominal.linear().col(2); }
 };
 
-/// Throws std::out_of_range naming the element if a position lies outside an error table that does
-/// not extrapolate.
+/// Returns the pose at an axis state.
+/// @throws std::out_of_range naming the element if a position lies outside an error table that does
+///     not extrapolate
 TipPose tip_pose(const IdleMachine& idle, const kinematics::AxisState& state);
 
 /// Returns true if a joint has commanded positions, i.e. is not the spindle nose s.
@@ -48,9 +49,10 @@ bool is_positioned(const kinematics::Joint& joint);
 /// Returns the names of the positioned axes, such as "X A C".
 std::string axis_names(const kinematics::Chain& chain);
 
-/// Unit in which positions are printed: 1 mm for a slide, one degree in rad for a rotary axis; and
-/// its name.
+/// Returns the unit in which positions are printed: 1 mm for a slide, a degree in rad for a rotary
+/// axis.
 double position_unit(const kinematics::Joint& joint);
+/// Returns the name of that unit: "mm" or "deg".
 const char* position_unit_label(const kinematics::Joint& joint);
 
 /// Returns a text such as "X between -300 and 300 mm".
@@ -80,20 +82,20 @@ std::vector<ErrorSource> error_sources(const IdleMachine& idle);
 std::vector<ErrorSource> select_sources(std::vector<ErrorSource> all,
                                         const std::vector<std::string>& names);
 
-/// Returns the contribution of each source alone to the deviation of the tip and of the tool axis,
-/// in the workpiece frame. Tool and clamping are exact; the others are linearised about the machine
-/// with that tool and clamping.
-/// The sum over all sources differs from the deviation of the tip by at most (T^2 L / 2 + T D + G
-/// (T L + D)) (1 + 2 T), and from that of the axis by T^2 / 2 (1 + T). T is the sum of the angles
-/// and D of the displacements of all joints, tool and part, L the longest arm from them to the tip
-/// or the longest travel, G the growth of the part (100 urad, 30 um, 1 m: 8 nm).
+/// Returns the contribution of each source to the deviation of the tip and of the tool axis, in the
+/// workpiece frame. Those of tool and clamping are exact; the others are linearised about the
+/// machine with that tool and clamping. The sum over all sources differs from the deviation of the
+/// tip by at most (T^2 L / 2 + T D + G (T L + D)) (1 + 2 T), and from that of the axis by T^2 / 2
+/// (1 + T). T is the sum of the angles and D of the displacements of all joints, tool and part, L
+/// the longest arm from them to the tip or the longest travel, G the growth of the part (100 urad,
+/// 30 um, 1 m: 8 nm).
 /// @return (6 x sources) [tip mm | axis rad]
 /// @throws std::out_of_range if a position lies outside an error table that does not extrapolate
 Eigen::Matrix<double, 6, Eigen::Dynamic> source_contributions(
     const IdleMachine& idle, const std::vector<ErrorSource>& sources,
     const kinematics::AxisState& state);
 
-/// A list of requested poses, as written by the user.
+/// A list of poses in the columns and units of the user.
 struct PoseList {
   struct Column {
     std::string head;   ///< "X_mm", "A_deg", "A_rad", "time_s", "time_min", "time_h"
@@ -104,7 +106,7 @@ struct PoseList {
   std::vector<double> numbers;    ///< (poses x columns) by rows, in the unit of the column
   std::vector<int> line;          ///< (poses) line in the file; empty without a file
   std::string file;               ///< name of the source in messages
-  kinematics::AxisVector others;  ///< (joints) positions of the axes without a column
+  kinematics::AxisVector others;  ///< (joints) positions of axes without a column
 
   std::size_t size() const { return columns.empty() ? 0 : numbers.size() / columns.size(); }
   /// Returns true if a column gives the time.
@@ -129,18 +131,18 @@ inline constexpr std::size_t max_poses = 10'000'000;
 ///     position beyond the travel, no pose, or more than `max_poses`
 PoseList read_poses(std::string_view text, const std::string& file, const kinematics::Chain& chain);
 
-/// Reads poses from a file. @throws BadInput also if the file is larger than `max_pose_bytes`
+/// Reads poses from a file.
+/// @throws BadScene as `read_poses`, BadInput if the file is larger than `max_pose_bytes`
 PoseList read_poses_file(const std::filesystem::path& file, const kinematics::Chain& chain);
 
-/// Returns warnings about what the poses of this machine leave out or assume, a sentence each with
-/// figures: reversal and repeatability, since nothing moves; curves beyond the range for which they
-/// are stated.
-/// @param least, most  (joints) bounds of the poses
-std::vector<std::string> pose_warnings(const IdleMachine& idle, const kinematics::AxisVector& least,
-                                       const kinematics::AxisVector& most);
+/// Returns warnings about assumptions of the poses, a sentence each with figures: on reversal and
+/// repeatability, since nothing moves, and on curves beyond the range for which they are stated.
+/// @param lower, upper  (joints) bounds of the poses
+std::vector<std::string> pose_warnings(const IdleMachine& idle, const kinematics::AxisVector& lower,
+                                       const kinematics::AxisVector& upper);
 
-/// Returns the same warnings and those about the time column: a machine without heat, times before
-/// the history or after it.
+/// Returns the same warnings for a list, and those about its time column: a machine without heat,
+/// and times before the history or after it.
 std::vector<std::string> pose_warnings(const IdleMachine& idle, const PoseList& poses);
 
 }  // namespace abbe::sim

@@ -344,13 +344,14 @@ JobSegments prepare_windows(const Scene& scene, const program::Path& path,
 
 /// Prepares the program of one tool, in windows if its samples exceed the budget.
 JobSegments prepare_single_tool(const Scene& scene, const program::Path& path,
-                                const cutting::Design& design_w, const MemoryBudget& holding,
+                                const cutting::Design& design_w, const MemoryBudget& memory_budget,
                                 const Progress& progress) {
   const auto vertices = std::size_t(design_w.vertices.rows());
-  const std::size_t most = holding.samples ? std::min(holding.samples(path.blocks.size(), vertices),
-                                                      max_program_samples())
-                                           : 0;
-  if (most == 0) return {make_segment(scene, path, {}, holding.windows_obstacle), {}, {}};
+  const std::size_t most =
+      memory_budget.samples
+          ? std::min(memory_budget.samples(path.blocks.size(), vertices), max_program_samples())
+          : 0;
+  if (most == 0) return {make_segment(scene, path, {}, memory_budget.windows_obstacle), {}, {}};
   Machine machine = compile(scene);
   program::SampleOptions sampling = sample_options(scene, machine);
   sampling.max_samples = most;
@@ -370,14 +371,15 @@ JobSegments prepare_tool_segments(const Scene& described, const Scene& scene,
 }
 
 JobSegments prepare_segments(const Scene& described, const Program& program,
-                             const cutting::Design& design_w, const MemoryBudget& holding,
+                             const cutting::Design& design_w, const MemoryBudget& memory_budget,
                              const Progress& progress) {
   const Scene scene = with_run_out(described);
   const std::vector<ToolDescription> tools = all_tools(scene);
   ToolUse use = tool_use(program.path, tools);
   JobSegments segments =
-      tools.size() > 1 ? prepare_tool_segments(described, scene, program.path, use)
-                       : prepare_single_tool(scene, program.path, design_w, holding, progress);
+      tools.size() > 1
+          ? prepare_tool_segments(described, scene, program.path, use)
+          : prepare_single_tool(scene, program.path, design_w, memory_budget, progress);
   segments.warnings.insert(segments.warnings.begin(), use.warnings.begin(), use.warnings.end());
   if (tools.size() == 1 && scene.program.tools)
     add_warnings(
@@ -445,7 +447,7 @@ std::vector<ToolRun> tool_runs(const Job& job) {
   return runs;
 }
 
-Job prepare(const Scene& described, const Progress& progress, const MemoryBudget& holding) {
+Job prepare(const Scene& described, const Progress& progress, const MemoryBudget& memory_budget) {
   Stopwatch watch;
   const auto report_begin = [&](const char* stage) {
     if (progress) progress(stage, 0.0);
@@ -457,7 +459,7 @@ Job prepare(const Scene& described, const Progress& progress, const MemoryBudget
   const double part_s = watch.lap();
   const Work estimate = estimate_work(scene, part);
   const bool uses_windows =
-      holding.samples && holding.samples(0, std::size_t(estimate.vertices)) > 0;
+      memory_budget.samples && memory_budget.samples(0, std::size_t(estimate.vertices)) > 0;
   const Work work = uses_windows ? windowed_work(estimate) : estimate;
   check_work(scene, work);
   if (const std::string text = remark(work); progress && !text.empty()) progress(text, -1.0);
@@ -465,7 +467,8 @@ Job prepare(const Scene& described, const Progress& progress, const MemoryBudget
   Program program = load_program(scene, compile(scene), part);
   const double program_s = watch.lap();
   report_begin("sample");
-  JobSegments segments = prepare_segments(described, program, part.design_w, holding, progress);
+  JobSegments segments =
+      prepare_segments(described, program, part.design_w, memory_budget, progress);
   JobSegment& whole = segments.whole;
   std::vector<std::string>& warnings = segments.warnings;
   const double sample_s = watch.lap();

@@ -19,55 +19,55 @@
 #include "sim/program/sample.h"
 #include "sim/scene/scene.h"
 
-/// A scene compiled into a job: machine, truth, design, program, samples and nominal process,
+/// A job, compiled from a scene: machine, truth, design, program, samples and nominal process,
 /// shared by all its cases.
 namespace abbe::sim {
 
-/// Area that the scene would judge but the program does not intend to cut, mm^2, by reason.
+/// Area, mm^2, that the scene would judge but the program does not intend to cut, by reason.
 struct ExcludedArea {
   double unreached = 0.0;  ///< the error-free tool does not come within the band
   double corner = 0.0;     ///< the corner of the tool does not fit into the design
-  double lead_out = 0.0;   ///< lead-out of the sweep beside the first two
-  double max_left = 0.0;   ///< largest material left at corner and lead-out, mm
+  double lead_out = 0.0;   ///< where the sweep leaves the part beside the other two
+  double max_left = 0.0;   ///< largest height of material left at corner and lead-out, mm
   double radius = 0.0;     ///< of the corner, mm
   double area() const { return unreached + corner + lead_out; }
 };
 
-/// Record of how the vertices at which a part is judged were chosen.
+/// The choice of the vertices at which a part is judged.
 struct SampledSurface {
-  Eigen::Index given = 0;   ///< vertices of the design as it was loaded
+  Eigen::Index given = 0;   ///< number of vertices of the design as loaded
   double resolution = 0.0;  ///< requested error of linear interpolation, mm
-  double reached = 0.0;     ///< error reached with the points available, mm; 0 if not refined
+  double reached = 0.0;     ///< that error with the points available, mm; 0 if not refined
   cutting::Surface::Within within =
-      cutting::Surface::Within::None;  ///< additional samples within triangles, the same in every
-                                       ///< case
-  /// The error-free surface, cut to choose the vertices.
+      cutting::Surface::Within::None;  ///< additional samples within triangles, in every case
+  /// The error-free surface that was cut to choose the vertices.
   std::shared_ptr<const cutting::Surface> error_free = {};
   double judged_area = 0.0;  ///< mm^2
   ExcludedArea excluded_area = {};
 };
 
-/// Division of a program that is too long to hold all its samples.
+/// The division of a program into windows, if its samples exceed the memory.
 struct Windows {
   std::vector<program::Window> all;
   std::size_t samples = 0;             ///< of all windows
   std::size_t max_window_samples = 0;  ///< of the longest window
-  kinematics::AxisVector least, most;  ///< positions between which the axes move
+  kinematics::AxisVector least, most;  ///< range in which the axes move
 };
 
-/// A compiled scene: everything that its cases share. Immutable once made.
+/// A compiled scene: everything that its cases share. Immutable after its preparation.
 struct Job {
   Scene scene;
   Machine machine;
   Truth truth;
   cutting::Design design_w;                          ///< in the workpiece frame, where it is judged
-  std::shared_ptr<const cutting::Design> body_m;     ///< the design as loaded, part frame; also the
-                                                     ///< shape of a blank
-  std::shared_ptr<const cutting::Thickness> body_w;  ///< of the part, for the ends of rays through
-                                                     ///< it
+  std::shared_ptr<const cutting::Design> body_m;     ///< the design as loaded, part frame; a blank
+                                                     ///< may be its offset
+  std::shared_ptr<const cutting::Thickness> body_w;  ///< thickness of the part, which ends rays
+                                                     ///< through it
   std::vector<cutting::AnalyticPatch> recognised;    ///< surfaces recognised in a mesh, part frame
   double recognised_fraction = 0.0;                  ///< fraction of the mesh area
-  Eigen::VectorXd facet_uncertainty;  ///< (first vertices of the design) mm, of a mesh: see cutting
+  Eigen::VectorXd facet_uncertainty;      ///< (first vertices of the design) mm, of a mesh, as by
+                                          ///< `cutting::facet_uncertainty`
   std::optional<SampledSurface> sampled;  ///< set by `sampled`
   program::Path path;                     ///< as read back from its file
   program::SampleOptions sampling;
@@ -79,26 +79,25 @@ struct Job {
   std::string program_text;  ///< text of a generated program, else empty; its name is path.file
   std::map<std::string, double> timing_s;
   program::Unreached unreached;       ///< passes that the generator had to leave out
-  std::vector<std::string> warnings;  ///< of the scene and its program, before anything is cut
-  /// Segments of a program that changes between several tools: one job for each, in the order of
-  /// the program, with its own tool, the machine to the tip of that tool, and its own blocks and
-  /// samples. Scene, machine and truth of the outer job are those of the first tool of the scene.
-  /// Empty with one tool.
+  std::vector<std::string> warnings;  ///< about the scene and its program, before anything is cut
+  /// Jobs of the segments of a program with several tools, in the order of the program. Each has
+  /// its tool, the machine to the tip of that tool, and its blocks and samples. Scene, machine and
+  /// truth of the outer job are those of the first tool of the scene. Empty with one tool.
   std::vector<Job> stretches = {};
   FaceGroups face_groups = {};  ///< of a mesh, for the regions of the part
-  FeedUse cut_before = {};      ///< of a segment: what its tool has cut in earlier segments
-  /// Windows of a program of one milling tool that is too long to be held; `samples` and
-  /// `T_wt_nominal` then hold the first window only.
+  FeedUse cut_before = {};      ///< of a segment: use of its tool in earlier segments
+  /// Windows of a program of one milling tool whose samples exceed the memory. `samples` and
+  /// `T_wt_nominal` then have only the first window.
   std::shared_ptr<const Windows> windows = {};
 };
 
-/// Returns the jobs that are cut one after the other: the segments of a job, or the job itself. The
+/// Returns the jobs that are cut one after another: the segments of a job, or the job itself. The
 /// result refers to the job.
 /// @throws std::logic_error for a job in windows, whose parts are not held in memory
 std::span<const Job> parts_of(const Job& job);
 
-/// Calls `use` for each part of a job in order; windows are made one at a time.
-void visit_parts(const Job& job, const std::function<void(const Job& part)>& use);
+/// Calls `visit` for each part of a job in order. Windows are made one at a time.
+void visit_parts(const Job& job, const std::function<void(const Job& part)>& visit);
 
 /// Returns a window as a job of its own, without the design.
 /// @param number  index in job.windows
@@ -106,9 +105,9 @@ Job make_window(const Job& job, std::size_t number);
 
 /// Limit on the samples of a program held in memory.
 struct MemoryBudget {
-  /// Returns the number of samples that fit beside the blocks of the program and the vertices of
-  /// the part; a longer program is prepared in windows. 0 or no function: one window, as many
-  /// samples as the memory holds.
+  /// Returns the number of samples that fit into the memory together with the blocks of the program
+  /// and the vertices of the part. A longer program is prepared in windows. Without this function,
+  /// or if it returns 0, there is one window with as many samples as the memory holds.
   std::function<std::size_t(std::size_t blocks, std::size_t vertices)> samples = {};
   std::string windows_obstacle = {};  ///< why this job cannot be processed in windows; quoted in
                                       ///< the error message for too many samples
@@ -119,19 +118,22 @@ const program::Path& path_of(const Job& part, const Commands& commands);
 /// Returns (samples of the commands) the nominal poses of the tool.
 const std::vector<kinematics::Pose>& target_poses(const Job& part, const Commands& commands);
 
-/// Return what the parts of a job cut, for the wear of their tools. The results refer to the job.
+/// Returns the cut of a part of a job, for the wear of its tool. The result refers to the part.
 ToolRun tool_run(const Job& part);
+/// Returns the cuts of all parts of a job; empty for a job in windows. The results refer to the
+/// job.
 std::vector<ToolRun> tool_runs(const Job& job);
 
-/// Compiles a scene: machine, truth, design, program (a generated one is read back from its own
-/// text) and samples. Writes no file.
-/// @param holding  limit on the samples held
+/// Compiles a scene: machine, truth, design, program and samples. A generated program is read back
+/// from its own text. Writes no file.
+/// @param memory_budget  limit on the samples in memory
 /// @throws BadInput, also if an axis leaves its travel (with program line, axis and value)
-Job prepare(const Scene& scene, const Progress& progress = {}, const MemoryBudget& holding = {});
+Job prepare(const Scene& scene, const Progress& progress = {},
+            const MemoryBudget& memory_budget = {});
 
 /// Returns the job with other errors: errors of every source, actual tool and clamping, beliefs of
-/// the control and the compensators. Design, program and samples are kept, so that thousands of
-/// machines can be tried on one program.
+/// the control and the compensators. It keeps design, program and samples, so that thousands of
+/// machines can run one program.
 /// @param described  scene with the part, program, nominal machine and tool of the job
 /// @throws BadInput naming the scene if its nominal machine differs or its errors need denser
 ///     samples than the job has; otherwise as `prepare`
@@ -139,12 +141,12 @@ Job replace_errors(Job job, const Scene& described);
 
 /// Returns the shift of the work zero after the control has measured the datum on the actual
 /// machine.
-/// @param corrector  active meanwhile; none by default
+/// @param corrector  corrects the commands while the datum is measured; none by default
 /// @return mm, workpiece frame
 Eigen::Vector3d control_datum_offset(const Job& job, const Corrector& corrector = {});
 
-/// Returns the commands of the actual control: its own kinematics and the datum it measured, no
-/// compensator. With several tools the datum is measured with each.
+/// Returns the commands of the actual control with its own kinematics and the datum that it
+/// measured, without a compensator. Of several tools each measures the datum.
 Commands uncompensated_commands(const Job& job);
 
 /// Returns the sampling options of a scene. The chord tolerance holds up to the height to which the

@@ -11,38 +11,34 @@
 /// Check of the position of the program relative to the part, before anything is cut.
 namespace abbe::sim {
 
-/// Largest angle between the direction of a touch and the surface normal, rad: 40 degrees. A ball
-/// that slides along a steeper face reads another component than the one it is moved in.
+/// Largest angle between the direction of a touch and the surface normal, rad: 40 degrees. On a
+/// steeper face the ball slides and reads another component than that of its motion.
 inline constexpr double max_touch_angle = 0.6981317007977318;
 
-/// Returns the input error of the first touch of a datum that meets nothing, with its location in
-/// the scene. A touch must have, within the search band of its point, a surface of the design, the
-/// blank, a fixture, or a body on the carriage under the part, against whose outward normal the
-/// probe moves.
+/// Returns the input error, with its location in the scene, for the first touch of a datum that
+/// meets no surface; none if every touch does. A touch needs, within the search band of its point,
+/// a surface of the design, the blank, a fixture, or a body on the carriage under the part, and
+/// must move against the outward normal of it.
 std::optional<BadInput> touch_error(const Job& job);
 
-/// Fraction of the judged area within reach of the program below which a warning is given.
+/// Fraction of the judged area that a program must reach; below it a warning is given.
 inline constexpr double min_reachable_fraction = 0.99;
 
-/// Result of comparing where a program cuts on the error-free machine with the position of the
-/// part.
+/// The fit of the cut of a program on the error-free machine to the position of the part.
 struct Placement {
-  std::optional<BadInput> fault;  ///< set if nothing of the part can be cut: the line that comes
-                                  ///< nearest, its distance, and the offset with which it would
-                                  ///< touch
-  std::vector<std::string>
-      warnings;  ///< if less than `min_reachable_fraction` can be cut, or most of
-                 ///< what is reached is gouged; judged at some 2000 vertices
+  std::optional<BadInput> fault;      ///< if nothing of the part can be cut: the line that comes
+                                      ///< nearest, its distance, and the offset for contact
+  std::vector<std::string> warnings;  ///< if less than `min_reachable_fraction` can be cut, or most
+                                      ///< of the reached area is gouged, at some 2000 vertices
 };
-/// Compares where the program cuts with where the part is.
+/// Compares the position of the cut with that of the part.
 Placement placement(const Job& job);
 
-/// Returns the job with the warnings of `placement`, before anything is searched.
+/// Checks the placement of a job and returns the job with the warnings.
 /// @throws BadInput if nothing can be cut, or a datum touches nothing
 Job placed(Job job);
 
-/// Throws BadInput if nothing of a map is cut or gouged; the message says where the program cuts
-/// instead.
+/// Throws BadInput if nothing of a map is cut or gouged; the message states where the program cuts.
 void check_cuts_part(const Job& job, const Cut& cut);
 
 }  // namespace abbe::sim

@@ -25,7 +25,7 @@ enum class PoseJacobian {
   Location,  ///< by location errors: dx_dEC0Y ...
 };
 
-/// Quantities computed for every pose besides the tip and its deviation.
+/// Quantities to be computed for every pose in addition to the tip and its deviation.
 struct PoseRequest {
   std::vector<PoseJacobian> jacobians;
   std::vector<std::string> elements;  ///< names of error sources, or "all"; see idle_machine.h
@@ -35,7 +35,7 @@ struct PoseRequest {
 class PoseTable {
  public:
   /// Throws BadInput if the machine lacks a requested element.
-  PoseTable(const IdleMachine& idle, const PoseRequest& wishes);
+  PoseTable(const IdleMachine& idle, const PoseRequest& request);
 
   const IdleMachine& idle() const { return idle_; }
 
@@ -45,7 +45,7 @@ class PoseTable {
   const std::vector<std::string>& heads() const { return heads_; }
   static constexpr std::size_t always = 11;  ///< number of columns before the requested ones
 
-  /// A requested quantity; each has six columns.
+  /// The six columns of a requested quantity.
   struct ColumnGroup {
     std::string name;         ///< of the source, of the remainder, or of the variable
     bool derivative = false;  ///< true: derivative by the variable; false: um and urad
@@ -59,19 +59,19 @@ class PoseTable {
     Eigen::Vector3d direction;    ///< rad
     std::vector<double> numbers;  ///< one for each column
   };
-  /// Throws std::out_of_range if a position lies outside an error table that does not extrapolate.
+  /// Returns the row of an axis state.
+  /// @throws std::out_of_range if a position lies outside an error table that does not extrapolate
   Row row(const kinematics::AxisState& state) const;
 
  private:
   void add_contribution(const std::string& source);
-  void add_jacobian(PoseJacobian which);
+  void add_jacobian(PoseJacobian jacobian);
 
   const IdleMachine& idle_;
   std::vector<ErrorSource> sources_;
   bool has_contributions_;
   std::vector<PoseJacobian> jacobians_;
-  std::vector<int> motions_, locations_;  ///< columns of the Jacobians whose element exists on this
-                                          ///< chain
+  std::vector<int> motions_, locations_;  ///< columns of the Jacobians whose element exists
   std::vector<std::string> heads_;
   std::vector<ColumnGroup> requested_columns_;
 };
@@ -80,11 +80,11 @@ class PoseTable {
 struct PoseStatistics {
   std::size_t poses = 0;
   double max_um = 0.0, p95_um = 0.0, rms_um = 0.0;  ///< of the length of the deviation of the tip
-  std::size_t worst = 0;  ///< number of the pose with the largest deviation, from 0; the first of
-                          ///< equal ones
+  std::size_t worst = 0;  ///< number of the first pose with the largest deviation, from 0
   double direction_max_urad = 0.0;
   std::size_t direction_worst = 0;
 };
+/// Returns the statistics of deviations.
 /// @param deviation_um, direction_urad  (poses) lengths of the deviations
 PoseStatistics pose_statistics(const Eigen::VectorXd& deviation_um,
                                const Eigen::VectorXd& direction_urad);
@@ -93,8 +93,8 @@ PoseStatistics pose_statistics(const Eigen::VectorXd& deviation_um,
 enum class TableFormat { Csv, Json };
 
 /// Computes all poses and passes their lines to `sink` in order, a bounded number at a time: CSV
-/// with its header, or the objects of a JSON list, separated by commas. The bytes are the same for
-/// any number of threads; every number has the digits that read back to the same bits.
+/// with a header, or the objects of a JSON list, separated by commas. The bytes are the same for
+/// any number of threads, and every number reads back to the same bits.
 /// @throws BadInput at the first pose outside an error table that does not extrapolate
 /// @throws Interrupted if the user stops the program
 PoseStatistics write_poses(const PoseTable& table, const PoseList& poses, TableFormat format,
@@ -104,30 +104,32 @@ PoseStatistics write_poses(const PoseTable& table, const PoseList& poses, TableF
 /// Nominal and actual pose of the tool at one position.
 struct PoseResult {
   TipPose pose;
-  std::vector<PoseTable::ColumnGroup> requested_columns;  ///< quantities besides the pose
+  std::vector<PoseTable::ColumnGroup> requested_columns;  ///< quantities in addition to the pose
   std::vector<std::string> heads;  ///< (6 x requested) as in a table of poses
   std::vector<double> numbers;     ///< (heads)
   std::vector<std::string> warnings;
 };
 
-/// Limits on the positions that are accepted.
+/// Limits of accepted axis positions.
 enum class Within { Travel, Anything };
 
-/// Reads axis positions such as "X=100 A=30" (mm, degrees); axes not named stand at zero.
+/// Reads axis positions such as "X=100 A=30" (mm, degrees). Axes that are not named are at zero.
 /// @param option  name in messages
 /// @throws BadInput if the machine lacks an axis, a number is not valid, an axis occurs twice, or a
 ///     position is beyond the travel where `within` forbids that
-kinematics::AxisVector parse_positions(const std::string& words, const kinematics::Chain& chain,
+kinematics::AxisVector parse_positions(const std::string& text, const kinematics::Chain& chain,
                                        const std::string& option, Within within);
 
-/// Returns the pose at positions such as "X=100 A=30" (mm, degrees); axes not named stand at zero,
-/// all at rest.
+/// Returns the pose at positions such as "X=100 A=30" (mm, degrees), all axes at rest. Axes that
+/// are not named are at zero.
 /// @throws BadInput if the machine lacks an axis or an element, a number is not valid or beyond the
 ///     travel, or an axis occurs twice
-PoseResult pose_at(const Scene& scene, const std::string& at, const PoseRequest& wishes = {});
+PoseResult pose_at(const Scene& scene, const std::string& positions,
+                   const PoseRequest& request = {});
 
-/// A grid of poses: one to three axes run through the work space while the others stand still.
+/// A grid of poses over the ranges of one to three axes, the others at fixed positions.
 struct PoseGrid {
+  /// The range of an axis.
   struct Run {
     int joint = 0;
     double from = 0.0, to = 0.0;  ///< mm or degrees
@@ -141,9 +143,9 @@ struct PoseGrid {
 /// Limit on the poses of a grid.
 inline constexpr std::size_t max_grid_poses = 200'000;
 
-/// Reads a grid such as "X=0:400:9 Y=::5 Z=10 A=30" (mm, degrees): from, to and count, each of
-/// which may be omitted, or a fixed position. Slides that are not named run over their travel,
-/// rotary axes stand at home. A count left out is 11 for three runs, 21 for two, 101 for one.
+/// Reads a grid such as "X=0:400:9 Y=::5 Z=10 A=30" (mm, degrees): a fixed position, or from, to
+/// and count, each of which may be omitted. Slides that are not named run over their travel, rotary
+/// axes are at home. The default count is 11 for three ranges, 21 for two, 101 for one.
 /// @throws BadInput with the column: an axis that the machine lacks or that occurs twice, a number
 ///     that is not valid or beyond the travel, a missing end of an axis without limits, from not
 ///     below to, a count below 2, no run or more than three, or more than `max_grid_poses`
@@ -176,11 +178,13 @@ struct VolumetricSummary {
 /// Returns the figures of a map.
 VolumetricSummary summary(const VolumetricMap& map);
 
-/// The two rows that lie farthest apart; the first such pair. (n x 3), n >= 1
+/// The first pair of points with the largest distance.
 struct FarthestPair {
   std::size_t a = 0, b = 0;
   double distance = 0.0;
 };
+/// Returns the farthest pair of points.
+/// @param points  (n x 3), n >= 1
 FarthestPair farthest_pair(const cutting::Points& points);
 
 }  // namespace abbe::sim

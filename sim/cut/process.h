@@ -16,23 +16,23 @@
 /// The cutting process along a program: loads, removed volume, chatter, and the heat it causes.
 namespace abbe::sim {
 
-/// One step of the simulated cut: the load on the tool when the axes are at a sample.
+/// A step of the simulated cut: the load on the tool at a sample.
 struct ProcessStep {
   double time_s = 0.0;
   int line = 0;
   errors::Load load;
   double torque = 0.0;        ///< N mm, on the spindle, against its rotation
   double power_W = 0.0;       ///< cutting power
-  double removed = 0.0;       ///< mm^3 since the step before
-  double engaged = 0.0;       ///< mm of cutting edge in material, mean over a revolution
-  double chip = 0.0;          ///< mm, largest uncut chip thickness
-  double beyond_edge = 0.0;   ///< mm by which the cut exceeds the edges of an insert
-  int iterations = 0;         ///< of force and deflection; 0 if nothing was loaded
-  double contraction = 0.0;   ///< largest ratio of two successive corrections: below 1 plain
-                              ///< repetition converges; 0 if fewer than two were needed
-  double disagreement = 0.0;  ///< mm, last change of the deflection
+  double removed = 0.0;       ///< volume since the step before, mm^3
+  double engaged = 0.0;       ///< length of cutting edge in material, mean over a revolution, mm
+  double chip = 0.0;          ///< largest uncut chip thickness, mm
+  double beyond_edge = 0.0;   ///< length by which the cut exceeds the edges of an insert, mm
+  int iterations = 0;         ///< of force and deflection; 0 without load
+  double contraction = 0.0;   ///< largest ratio of two successive corrections, 0 if there were
+                              ///< fewer; plain repetition converges if it is below 1
+  double disagreement = 0.0;  ///< last change of the deflection, mm
   bool converged = true;      ///< the disagreement is within the tolerance of the scene, or the
-                          ///< deflection is known to it between two positions where the force jumps
+                              ///< deflection is known to it where the force jumps
 };
 
 /// The cutting process along a program.
@@ -60,8 +60,7 @@ struct ProcessTotals {
 /// Returns the totals of a process.
 ProcessTotals totals(const Process& process);
 
-/// Returns the load at an instant: linear between two steps, zero before the first and after the
-/// last.
+/// Returns the load at an instant: linear between steps, zero before the first and after the last.
 errors::Load load_at(const Process& process, double time_s);
 
 /// A cut whose depth does not settle from one revolution of the work to the next (chatter).
@@ -71,8 +70,8 @@ struct RevolutionSwing {
   double low = 0.0;     ///< N, smallest force among them
   double high = 0.0;    ///< N, largest force among them
   double gain = 0.0;    ///< largest ratio of a change of force to the change a revolution before
-  int leaps = 0;  ///< number of times the tool leaps out of the work and back, if the force does
-                  ///< not alternate; the gain is then that within a revolution
+  int leaps = 0;        ///< number of times the tool leaps out of the work and back; 0 if the force
+                        ///< alternates. With leaps the gain is that within a revolution
 };
 
 /// Returns the swing in the forces of a turned part; none if every change decays.
@@ -88,19 +87,19 @@ struct RevolutionSwing {
 /// within forty revolutions of one line, with a contraction of the loop of 1 or more among them.
 std::optional<RevolutionSwing> revolution_swing(const Process& process);
 
-/// Appends `more` to `warnings`.
-void add_warnings(std::vector<std::string> more, std::vector<std::string>& warnings);
+/// Appends warnings to others.
+void add_warnings(std::vector<std::string> additional, std::vector<std::string>& warnings);
 
-/// Returns warnings about what a scene describes but does not use.
+/// Returns warnings about parts of a scene that have no effect.
 std::vector<std::string> idle_warnings(const Scene& scene);
 
 /// Returns warnings about the cutting process itself.
 std::vector<std::string> process_warnings(const Scene& scene, const Process& process);
 
 /// Returns the activity of a machine with heat from the beginning of its history to the end of its
-/// program: the phases of the history as described; the program in intervals of the scene, with the
-/// mean speeds and mean cutting power of each; finally the machine at rest. Each interval has two
-/// knots, since speeds jump. Empty for a scene without heat.
+/// program: the phases of the history; the program in intervals of the scene, with mean speeds and
+/// mean cutting power; finally the machine at rest. An interval has two knots, since speeds jump.
+/// Empty for a scene without heat.
 /// @param process  of the nominal machine, for the cutting power; empty if nothing is cut
 std::vector<errors::Activity> activity(const Scene& scene, const Machine& machine,
                                        const program::Samples& samples, const Process& process);

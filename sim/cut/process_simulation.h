@@ -27,21 +27,21 @@ namespace abbe::sim {
 /// @throws BadInput if a mesh file cannot be read or is not closed
 cutting::Blank make_blank(const Scene& scene, const cutting::Design& design_m);
 
-/// Returns the warning about the size of a blank that is a mesh; empty if there is none.
+/// Returns the warning about the size of a blank from a mesh; empty if there is none.
 std::string blank_size_warning(const Scene& scene, const cutting::Blank& blank);
 
-/// Returns a blank of the scene as dexels.
+/// Returns a blank as dexels.
 /// @throws std::invalid_argument if the blank is not valid, std::length_error if it exceeds its
 ///     memory
 cutting::Stock blank_stock(const Scene& scene, const cutting::Blank& blank);
 
-/// Returns the warning for a blank that does not contain the design, which suggests another unit or
-/// frame. Empty if at most a twentieth of the vertices of the design lie more than a spacing
+/// Returns the warning about a blank that does not contain the design, which suggests another unit
+/// or frame; empty if at most a twentieth of the vertices of the design are more than a spacing
 /// outside it.
 std::string uncovered_design_text(const Scene& scene, const cutting::Stock& blank,
                                   const cutting::Design& design_m);
 
-/// Returns true if the block of a sample is a rapid.
+/// Returns true if a sample belongs to a rapid.
 bool is_rapid(const program::Samples& samples, const program::Path& path, std::size_t sample);
 
 /// Returns the samples between which milling removes material: after every `step` (mm) of travel of
@@ -80,9 +80,8 @@ struct ProcessSample {
 
 /// Returns the step whose load and deflection agree to the tolerance of the description. (If
 /// repetition contracts by c, the remaining error is c / (1 - c) of the last change.) Plain
-/// repetition comes first, then the secant of the last two iterates if that is slow; if both fail,
-/// the load is bracketed between zero and that of the rigid tool, so that a soft machine converges
-/// too.
+/// repetition is followed by the secant of the last two iterates if it is slow. If both fail, the
+/// load is bracketed between zero and that of the rigid tool, so that a soft machine converges too.
 /// @param force  returns the cut of a tool at a pose
 /// @param guess  first load
 /// @return without time, line, power and removed volume
@@ -91,27 +90,27 @@ ProcessStep converged_step(const CuttingDescription& description, const PoseUnde
                            const std::function<ProcessSample(const kinematics::Pose&)>& force,
                            const errors::Load& guess);
 
-/// A program as it runs on some machine.
+/// A program on a machine.
 struct FollowedProgram {
   const program::Samples& samples;
   const program::Path& path;                  ///< program of the samples
   const std::vector<kinematics::Pose>& T_wt;  ///< (samples) nominal poses, for the feed
-  PoseUnderLoad pose;                         ///< actual pose
-  const kinematics::Chain& chain;             ///< its spindle axis turns the part
+  PoseUnderLoad pose;                         ///< actual poses
+  const kinematics::Chain& chain;             ///< whose spindle axis turns the part
   const std::variant<cutting::Cutter, cutting::Nose>& tool;
 };
 
-/// Simulates the cut. Engagement gives the force, the force moves the tool, and the moved tool has
-/// another engagement, until force and deflection agree; the first guess is the load of the step
-/// before. Milling is evaluated after every `step` of travel of the tip and of the rotation of the
-/// flank, wherever the motion turns by more than 0.1 rad, and where rapid and feed meet; it uses
-/// the mean force of a revolution and the feed of the centre of the corner (of a flat end mill: of
-/// half its flank). Turning is evaluated once a revolution. A rapid, or the shank, that removes
-/// material is a crash. Empty for a scene without [cutting].
+/// Simulates the cut. The engagement gives the force, which displaces the tool, which then has
+/// another engagement, and so on until force and deflection agree; the first guess is the load of
+/// the step before. Milling is evaluated after every `step` of travel of the tip plus rotation of
+/// the flank, wherever the motion turns by more than 0.1 rad, and where rapid and feed meet. It
+/// uses the mean force of a revolution, and the feed of the centre of the corner, or of the middle
+/// of the flank of a flat end mill. Turning is evaluated once a revolution. A rapid, or the shank,
+/// that removes material is a crash. Empty for a scene without [cutting].
 /// @param design_m  the part in its own frame, for a blank that is its offset
 /// @throws BadInput naming the scene or the program line: a blank that is not valid, too many
-///     dexels, a cut with a spindle that stands still or turns the other way, or a feed per tooth
-///     larger than the radius of the cutter
+///     dexels, a cut with a spindle at rest or in the wrong direction, or a feed per tooth larger
+///     than the radius of the cutter
 Process simulate_process(const Scene& scene, const Machine& machine,
                          const cutting::Design& design_m, const FollowedProgram& program,
                          const std::function<void(double)>& progress = {});

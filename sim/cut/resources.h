@@ -6,9 +6,10 @@
 /// Memory limits of the process, and a stopwatch.
 namespace abbe::sim {
 
-/// Measures the seconds since its construction or since the last lap.
+/// A stopwatch that starts with its construction.
 class Stopwatch {
  public:
+  /// Returns the seconds since the construction or the last lap.
   double lap() {
     const auto now = std::chrono::steady_clock::now();
     const double seconds = std::chrono::duration<double>(now - last_).count();
@@ -20,16 +21,16 @@ class Stopwatch {
   std::chrono::steady_clock::time_point last_ = std::chrono::steady_clock::now();
 };
 
-/// Returns the memory that a computation may use, bytes: that of the computer, or a limit set for
-/// the process.
+/// Returns the memory that a computation may use, bytes: that of the computer, or the limit of the
+/// process.
 double memory_bytes();
 
 /// Returns the memory that the moves of a program may use, bytes: a third of the total; the rest is
 /// for samples.
 std::size_t max_move_bytes();
 
-/// Sets the memory to plan for, whatever the computer has. A computation that would need more is
-/// then an input error before it begins.
+/// Sets the memory that computations may use, whatever the computer has. Computations that would
+/// need more are then input errors before they begin.
 void limit_memory(double bytes);
 
 }  // namespace abbe::sim

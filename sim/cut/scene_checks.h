@@ -19,15 +19,15 @@
 /// holder.
 namespace abbe::sim {
 
-/// Returns the input error for several keys that set a size together. It points to the smallest
-/// value that the user typed, else to the smallest that is written in the file, else to the
-/// section, since smaller values mean more work.
+/// Returns the input error for keys that together set a size. Since smaller values mean more work,
+/// it points to the smallest value that the user typed, otherwise to the smallest in the file,
+/// otherwise to the section.
 /// @param keys  dotted paths, such as "program.step_mm"
 BadInput scene_limit_error(const Scene& scene, const std::vector<std::string>& keys,
                            const std::string& expected, const std::string& seen);
 
 /// Returns a text such as "; with [thermal] it cannot be run in windows" for that error.
-/// @param windows_obstacle  what prevents windows; empty: none, and the text is empty
+/// @param windows_obstacle  what prevents windows; empty: nothing does, and the text is empty
 std::string windows_obstacle_text(const std::string& windows_obstacle);
 
 /// Returns the largest number of samples of a program: 50 million, or what the memory holds if that
@@ -40,47 +40,48 @@ struct Work {
   double points = 0.0;   ///< on the passes; 0 for a program from a file
   double samples = 0.0;  ///< on the passes, lower bound
   double vertices = 0.0;
-  Eigen::Vector2d range = Eigen::Vector2d::Zero();  ///< mm of the part covered
-  double bytes = 0.0;                               ///< for all of them, lower bound
+  Eigen::Vector2d range = Eigen::Vector2d::Zero();  ///< range of the part in x and y, mm
+  double bytes = 0.0;                               ///< lower bound of the memory
   std::vector<std::string> by;                      ///< keys that set passes, points and samples
 };
 /// Estimates the size of a scene's program and part; points are 0 for a program from a file.
 Work estimate_work(const Scene& scene, const Part& part);
 
-/// Returns the work of a program that is run in windows, whose samples are not all in memory.
+/// Returns the work of a program in windows, without the samples, which are not all in memory.
 Work windowed_work(Work work);
 
-/// Throws BadInput naming the keys and the figures if the points are more than 5 million or the
-/// memory does not hold everything.
+/// Throws BadInput naming the keys and the figures if there are more than 5 million points or the
+/// memory is too small.
 void check_work(const Scene& scene, const Work& work);
 
-/// Returns one line on the work for the user; empty if it takes only a moment.
+/// Returns a line about the work for the user; empty if it takes only a moment.
 std::string remark(const Work& work);
 
-/// Returns warnings about feeds that no operator would allow, one sentence each with the first
-/// line: feed while the spindle stands or turns against the teeth, at less than 5 mm/min or 0.5 um
-/// a revolution, by more than half the cutter a revolution, or at more than five times the speed at
-/// which a vibration is stated. Programs from pvt tables, which state no spindle, and blocks under
-/// G93 or with rotary axes, whose feed is not that of the tip, are left out.
+/// Returns warnings about feeds that no operator would allow, a sentence each with the first line:
+/// with the spindle at rest or turning against the teeth, at less than 5 mm/min or 0.5 um a
+/// revolution, at more than half the width of the cutter a revolution, or at more than five times
+/// the speed at which a vibration is stated. Programs from pvt tables, which state no spindle, and
+/// blocks under G93 or with rotary axes, whose feed is not that of the tip, are left out.
 std::vector<std::string> feed_warnings(const Scene& scene, const Machine& machine,
                                        const program::Path& path);
 
-/// Turn of the free axis at a pole below which there is no warning, rad.
+/// Turn of the free axis at a pole, rad, from which a warning is given.
 inline constexpr double min_reported_pole_turn = 10.0 * units::deg;
 
-/// Returns the warning of a program that passes a pole of the machine: how close, where, and how
-/// far and how fast the free axis turns. Empty if it turns by less than `min_reported_pole_turn`.
-/// @param within      rad, distance that counts as near
+/// Returns the warning about a program that passes a pole of the machine: the distance, the line,
+/// and the turn and speed of the free axis. Empty if that turns by less than
+/// `min_reported_pole_turn`.
+/// @param within      distance that counts as near, rad
 /// @param more_files  as in Path
 std::string pole_text(const program::NearPole& pole, const kinematics::Chain& chain, double within,
                       const std::vector<std::string>& more_files);
 
-/// Returns the same warnings for a scene whose program is a file.
+/// Returns the same warnings for a scene with a program from a file.
 /// @param machine  compiled from the scene
 std::vector<std::string> pole_warnings(const Scene& scene, const Machine& machine,
                                        const program::Path& path);
 
-/// A program as the error-free machine runs it.
+/// A program on the error-free machine.
 struct NominalRun {
   const program::Samples& samples;
   const std::vector<kinematics::Pose>& T_wt;  ///< (samples)
@@ -89,23 +90,24 @@ struct NominalRun {
 /// The vertices at which a design is judged, and the largest distance between them.
 struct JudgedVertices {
   int vertices = 0;
-  double max_distance = 0.0;  ///< mm, the longest edge between two of them
+  double max_distance = 0.0;  ///< length of the longest edge between two of them, mm
 };
 /// Returns the judged vertices of a design and their largest distance.
 JudgedVertices judged_vertices(const cutting::Design& design);
 
-/// Number of judged vertices below which a part counts as too sparsely judged, as it does if they
-/// are farther apart than the cutter is wide: a cut between them appears in no figure.
+/// Smallest sufficient number of judged vertices. A part with fewer, or with distances between them
+/// larger than the width of the cutter, is too sparsely judged: no figure shows a cut between them.
 inline constexpr int min_judged_vertices = 10;
 /// Returns true if a part is too sparsely judged for a tool.
-bool is_sparse(const JudgedVertices& places, const ToolDescription& tool);
+bool is_sparse(const JudgedVertices& judged, const ToolDescription& tool);
 
 /// Returns half the width of the narrowest tolerance of a part, mm; none without a tolerance.
 std::optional<double> narrowest_half_width(const PartDescription& part);
 
 /// Returns the warnings about part and program of a scene before anything is cut: poses that the
-/// machine does not reach, tools in comments that differ from the scene's, no feed, two units, a
-/// coarse mesh, a holder that overlaps cutter or spindle or ends short of it.
+/// machine does not reach, tools in comments that differ from those of the scene, no feed, two
+/// units, a coarse mesh, a holder that overlaps cutter or spindle or does not extend to the
+/// spindle.
 std::vector<std::string> program_warnings(const Scene& scene, const cutting::Design& design_w,
                                           const program::Path& path,
                                           const program::Unreached& unreached);
@@ -113,13 +115,13 @@ std::vector<std::string> program_warnings(const Scene& scene, const cutting::Des
 /// Contacts of shank and holder of the scene's tool with the design.
 struct ShankContacts {
   std::optional<cutting::ShankContact> shank, holder;
-  bool in_windows = false;  ///< counts are the largest of any window
+  bool in_windows = false;  ///< true if the counts are the largest of any window
 };
 /// Finds the contacts of shank and holder with a design along a run.
 ShankContacts shank_contacts(const Scene& scene, const cutting::Design& design_w,
                              const NominalRun& run);
 
-/// Joins the contacts of two windows, one after the other.
+/// Joins the contacts of two successive windows.
 ShankContacts joined(const ShankContacts& a, const ShankContacts& b);
 
 /// Returns the warnings about contacts of shank and holder.

@@ -10,16 +10,16 @@
 #include "sim/machine/truth.h"
 #include "sim/program/sample.h"
 
-/// The signals of a run: what happened, and what the control could read of it.
+/// The signals of a run: the state of the machine and the readings of the control over time.
 namespace abbe::sim {
 
-/// A table over time of what happened and of what the control could read.
+/// A table of the state of the machine and of the readings of the control over time.
 struct Signals {
   std::vector<std::string> columns;  ///< (m) names with units, "X_mm", "T_nut_C"
   Eigen::MatrixXd rows;              ///< (n x m)
 };
 
-/// The data of a run from which signals are made.
+/// The data of a run for its signals.
 struct SignalInputs {
   const program::Samples& samples;                   ///< as commanded
   const std::vector<kinematics::Pose>& T_wt_target;  ///< (samples)
@@ -31,8 +31,8 @@ struct SignalInputs {
 };
 
 /// Returns rows at the samples nearest to the whole multiples of the scene's interval, at most 20
-/// 000. Before them, if the scene asks for it, come at most 20 000 rows of the thermal history,
-/// with the axes as at the start of the program and line 0. The columns:
+/// 000. If the scene requests it, at most 20 000 rows of the thermal history precede them, with the
+/// axes as at the start of the program and line 0. The columns:
 /// - `time_s`, `line`, commands `X_mm` ..., encoders `X_encoder_mm` ..., `spindle_rpm`;
 /// - corrections of a channel, `X_correction_um` ... `A_correction_urad`, of every axis but a
 ///   workpiece spindle, in the history as at the start of the program, and `piezo_um`, the stroke
@@ -44,15 +44,16 @@ struct SignalInputs {
 /// - every deviation `EXX_um` ... `EC0Y_urad`, of the tool `tool_EX_um` and the part `part_EX_um`
 ///   under force, and of the tip in the workpiece without the stroke of a piezo, `tip_EX_um` ...
 ///   `tip_EC_urad` (of a turned part: turned back by the spindle).
-/// Columns of deviations that are zero throughout are left out. Readings repeat for the same seed.
-/// Empty without heat, force, compliance and channel.
+/// Columns of deviations with only zeros are left out. The same seed gives the same readings. Empty
+/// without heat, force, compliance and channel.
 Signals signals(const Scene& scene, const Machine& machine, const Truth& truth,
-                const SignalInputs& recorded);
+                const SignalInputs& inputs);
 
-/// Joins two tables by rows; a column that only one of them has is zero in the other.
+/// Appends the rows of the second table to the first. A column that only one of them has is zero
+/// for the other.
 Signals joined(Signals first, const Signals& second);
 
-/// Returns CSV text: a header, then one row a line, numbers with 9 digits.
+/// Returns CSV text: a header, then a line for each row, with numbers of 9 digits.
 std::string to_csv(const Signals& signals);
 
 }  // namespace abbe::sim

@@ -600,8 +600,9 @@ class StockSearch {
               .depth;
         });
     event.depth = deepest.depth;
-    event.depths = deepest.looks;
-    event.worst = actual_motion_.place(moment_of(crashes_[deepest.at / divisions], u(deepest.at)));
+    event.depths = deepest.sample_count;
+    event.worst =
+        actual_motion_.place(moment_of(crashes_[deepest.moment / divisions], u(deepest.moment)));
   }
 
   /// Returns the deeper of the contacts of cutter and shank; empty if the mesh shows none.

@@ -10,7 +10,7 @@
 #include "sim/cut/job.h"
 #include "sim/cut/process_simulation.h"
 
-/// The stock during a program: its milling steps, a replay of the cut, and collisions with the
+/// The stock during a program: the milling steps, the replay of the cut, and collisions with the
 /// stock.
 namespace abbe::sim {
 
@@ -22,7 +22,7 @@ struct MillingSteps {
   std::vector<bool> rapid;             ///< (n) true if that move is a rapid
 
   std::size_t moves() const { return at.empty() ? 0 : at.size() - 1; }
-  cutting::StockMove move(std::size_t k) const;  ///< the move from step k to k + 1
+  cutting::StockMove move(std::size_t k) const;  ///< from step k to k + 1
 };
 
 /// Returns the milling steps of a part of a job.
@@ -32,8 +32,8 @@ struct MillingSteps {
 MillingSteps make_milling_steps(const Job& part, const Commands& commands,
                                 const Process& process = {});
 
-/// Repeats a cut move by move, with its poses and forces. The stock equals that of the process
-/// after as many moves.
+/// Repeats a cut move by move, with its poses and forces. After each move the stock equals that of
+/// the process.
 class StockReplay {
  public:
   /// @param part      with [cutting]
@@ -43,10 +43,10 @@ class StockReplay {
   ///     std::length_error as for the blank
   StockReplay(const Job& part, const Commands& commands, const Process& process = {});
 
-  /// Removes what is cut by the moves that end up to a time.
-  /// @return true if that changed the stock
+  /// Removes the material that is cut by moves which end at a time or before.
+  /// @return true if the stock changed
   bool advance_to(double time_s);
-  /// Returns the fraction of the moves that are done, 0 .. 1.
+  /// Returns the completed fraction of the moves, 0 .. 1.
   double done() const;
   /// Returns the surface of the present stock.
   cutting::StockMesh mesh() const;
@@ -56,14 +56,14 @@ class StockReplay {
   std::variant<cutting::Stock, cutting::TurnedStock> stock_;
   std::variant<cutting::Cutter, cutting::Nose> tool_;
   MillingSteps milling_;        ///< of a turned part with slow poses
-  std::vector<double> time_s_;  ///< (moves) time at which each ends
+  std::vector<double> time_s_;  ///< (moves) end of each move
   std::size_t next_move_ = 0;
 };
 
-/// Returns true if the stock of a part is followed: it has [cutting] and a milling cutter.
+/// Returns true if the stock of a part is tracked: it has [cutting] and a milling cutter.
 bool has_tracked_stock(const Job& part);
 
-/// Lower bound of the distance between a body and the stock in the blocks of some samples.
+/// The lower bound of the distance between a body and the stock in the blocks of some samples.
 struct StockProximity {
   std::size_t first = 0, last = 0;  ///< range of samples
   std::string body;
@@ -74,19 +74,19 @@ struct StockProximity {
 struct StockCollisions {
   std::vector<Collision> list;  ///< in the order of the program; one of the two bodies is "stock"
   std::vector<Clearance> clearances;
-  std::vector<StockProximity> near;  ///< for contacts and near misses
+  std::vector<StockProximity> near;  ///< of contacts and near misses
   std::size_t queries = 0;           ///< number of distance queries
   std::vector<std::string> warnings;
 };
 
 /// Follows the dexels of [cutting] step by step, without deflection, and searches the bodies that
 /// must not touch them: at any time the holder, every machine body that may meet the part, and a
-/// shank of another radius than the cutter; cutter and shank as judged by `cutting::remove`, the
-/// cutter in rapids. `cutting::remove` assumes a shank of the cutter's radius; where a shank of
-/// another radius shows no contact, a warning counts the places. Positions and depths have the
-/// accuracy of the stock, a spacing of its dexels (`[cutting] spacing_mm`). Between two steps a
-/// body moves on a screw. An event ends at the end of the block in which the bodies part.
-/// @param pairs  of the bodies; those with the part are searched with the stock
+/// shank of another radius than the cutter; the cutter in rapids, and a shank of the cutter's
+/// radius, by `cutting::remove`. That function assumes a shank of the cutter's radius; a warning
+/// counts the places where a shank of another radius shows no contact. Positions and depths have
+/// the accuracy of the stock, a spacing of its dexels (`[cutting] spacing_mm`). Between two steps a
+/// body moves on a screw. An event ends with the block in which the bodies part.
+/// @param pairs  of the bodies; those with the part are searched for the stock instead
 /// @throws BadInput if the blank is not valid
 StockCollisions stock_collisions(const ActualMotion& actual_motion,
                                  const std::vector<SolidBody>& bodies,

@@ -253,11 +253,11 @@ void extend(SweptSpans& swept, std::size_t k, const PoseRange& range, int line, 
 
 }  // namespace
 
-void Span::extend(double least, double most, int line) {
-  if (least < low) low_line = line;
-  if (most > high) high_line = line;
-  low = std::min(low, least);
-  high = std::max(high, most);
+void Span::extend(double lower, double upper, int line) {
+  if (lower < low) low_line = line;
+  if (upper > high) high_line = line;
+  low = std::min(low, lower);
+  high = std::max(high, upper);
 }
 
 std::array<double, 2> spindle_coordinates(const Job& job, const Vector3d& p_w) {

@@ -16,7 +16,7 @@
 /// The sweep of a program's tools through the workpiece, and the extents of tool and part.
 namespace abbe::sim {
 
-/// The motion of one tool, and the chain whose part turns under a turning tool.
+/// The motion of one tool, and the chain that turns the part under a turning tool.
 struct ToolSweep {
   const std::variant<cutting::Cutter, cutting::Nose>& tool;
   const program::Samples& samples;
@@ -25,8 +25,8 @@ struct ToolSweep {
   std::optional<int> workpiece_spindle;  ///< joint, for a turning tool
 };
 
-/// The sweeps of one or several tools through the workpiece. They are prepared once and give the
-/// surface they leave on any design: the minimum over all, as `cutting::combined_surface`.
+/// The sweep of one or several tools through the workpiece. It is prepared once and gives the
+/// surface on any design: the minimum over all tools, as by `cutting::combined_surface`.
 struct Sweep {
   std::function<cutting::Surface(const cutting::Design& design_w)> surface;
   std::function<cutting::PassGradients(const cutting::Design& design_w,
@@ -35,7 +35,7 @@ struct Sweep {
 };
 
 /// Prepares the sweeps of tools.
-/// @param sweeps  at least one, in the order of time; what they refer to must outlive the result
+/// @param sweeps  at least one, in order of time; their references must outlive the result
 Sweep sweep_of(std::vector<ToolSweep> sweeps, const cutting::SurfaceOptions& options);
 
 /// Returns the surface that sweeps leave on one design.
@@ -49,15 +49,14 @@ struct SweptWindow {
   std::vector<kinematics::Pose> T_wt;  ///< (samples)
 };
 
-/// Returns the sweep of one milling tool through windows, each made as often as needed: once for
-/// the surface, a second time if a vertex is uncut or gouged, and once for the contacts.
-/// @param window  returns a window, which begins where the one before ends
+/// Returns the sweep of one milling tool through windows. Each is made once for the surface, again
+/// if a vertex is uncut or gouged, and once for the contacts.
+/// @param window  returns a window, which begins with the last sample of the one before
 Sweep sweep_in_windows(const cutting::Cutter& cutter, std::size_t windows,
                        const std::function<SweptWindow(std::size_t number)>& window,
                        const cutting::SurfaceOptions& options);
 
-/// Returns the sweeps of a job on the error-free machine, one for each of its parts. They refer to
-/// the job.
+/// Returns the sweeps of the parts of a job on the error-free machine. They refer to the job.
 /// @throws std::logic_error as `parts_of`
 std::vector<ToolSweep> error_free_sweeps(const Job& job);
 
@@ -71,16 +70,16 @@ Sweep error_free_sweep(const Job& job, const cutting::SurfaceOptions& options);
 /// Returns the options with the band of the scene, and progress as stage "surface".
 cutting::SurfaceOptions options_of(const Job& job, const Progress& progress);
 
-// Extents of tool and part in the coordinates in which they are compared: x y z of the part frame;
-// of a turned part along the spindle and radially.
+// Extents of tool and part are compared in x y z of the part frame; those of a turned part along
+// the spindle and radially.
 
-/// The range of a coordinate, and the program lines that reach its ends.
+/// A range of a coordinate, with the program lines that reach its ends.
 struct Span {
   double low = infinity, high = -infinity;  // mm
   int low_line = 0, high_line = 0;
 
-  /// Extends the range to contain [least, most], which the program reaches on a line.
-  void extend(double least, double most, int line);
+  /// Extends the range to contain [lower, upper], which the program reaches on a line.
+  void extend(double lower, double upper, int line);
   double middle() const { return 0.5 * (low + high); }
   double size() const { return high - low; }
 };
@@ -101,7 +100,7 @@ Spans part_spans(const Job& job);
 struct ClosestGap {
   double gap = -infinity;  ///< mm, negative if they overlap
   int line = 0;            ///< program line that comes nearest
-  std::string words;       ///< "the lowest cut lies 80.0 mm above the part"
+  std::string words;       ///< text such as "the lowest cut lies 80.0 mm above the part"
 };
 /// Returns the largest gap between the ranges of part and tool.
 ClosestGap closest_gap(const Job& job, const Spans& part, const Spans& tool);

@@ -10,7 +10,7 @@
 /// Motions of tools, derived from the samples of a program.
 namespace abbe::sim {
 
-/// The axis about which the workpiece turns, in the workpiece frame of a chain.
+/// The axis about which a spindle turns the workpiece, in the workpiece frame.
 struct SpindleLine {
   Eigen::Vector3d point_w;
   Eigen::Vector3d direction_w;
@@ -18,8 +18,8 @@ struct SpindleLine {
 /// Returns the axis of the joint that turns the workpiece.
 SpindleLine spindle_line(const kinematics::Chain& chain, int joint);
 
-/// Returns the pose of the tool turned back by the spindle angle; what is left moves slowly and can
-/// be interpolated.
+/// Returns the pose of the tool turned back by the spindle angle. It changes slowly and can be
+/// interpolated.
 kinematics::Pose slow_pose(const SpindleLine& line, double spindle_angle,
                            const kinematics::Pose& T_wt);
 
@@ -28,25 +28,24 @@ kinematics::Pose slow_pose(const SpindleLine& line, double spindle_angle,
 cutting::CutterMotion cutter_motion(const std::vector<kinematics::Pose>& T_wt,
                                     const program::Samples& samples);
 
-/// Returns the number of the first sample at or after an instant; the last sample if there is none.
+/// Returns the number of the first sample at or after an instant; that of the last if there is
+/// none.
 std::size_t sample_at(const program::Samples& samples, double time_s);
 
-/// Returns the samples with distinct times. A reversal is sampled twice at one time, and a turning
-/// tool uses the first.
-/// @return (motion) numbers of samples, ascending
+/// Returns the numbers of the samples with distinct times, ascending. Of the two samples of a
+/// reversal, which have the same time, it is the first.
 std::vector<std::size_t> distinct_instants(const program::Samples& samples);
 
-/// Returns the motion of a turning tool at its distinct instants; with slow poses the rotation
-/// itself is exact.
+/// Returns the motion of a turning tool at its distinct instants. It consists of slow poses, so
+/// that the rotation of the workpiece is exact.
 /// @param spindle  joint that turns the workpiece
 cutting::NoseMotion nose_motion(const std::vector<kinematics::Pose>& T_wt,
                                 const program::Samples& samples, const SpindleLine& line,
                                 int spindle);
 
-/// Returns the accelerations of the axes at every sample, mm/s^2 and rad/s^2: the difference of the
-/// mean speeds over the 20 ms after and before it, divided by 20 ms. The average is needed since
-/// speeds jump where blocks meet.
-/// @return (samples)
+/// Returns (samples) the accelerations of the axes, mm/s^2 and rad/s^2: the difference of the mean
+/// speeds over the 20 ms after and before a sample, divided by 20 ms. Means are needed since speeds
+/// jump where blocks meet.
 std::vector<kinematics::AxisVector> accelerations(const program::Samples& samples);
 
 /// Throws BadInput with the first program line on which an axis leaves its travel; spindles have

@@ -11,14 +11,14 @@
 #include "sim/program/sample.h"
 #include "sim/scene/tool.h"
 
-/// The tools of a program: which segments they cut, their comments, and their wear.
+/// The tools of a program: the segments that they cut, the comments about them, and their wear.
 namespace abbe::sim {
 
-/// Returns the tool calls that are followed by a block of feed before the next call. T alone is a
-/// call if the program has no M6.
+/// Returns the tool calls with a block of feed before the next call. T alone is a call if the
+/// program has no M6.
 std::vector<program::ToolCall> cutting_calls(const program::Path& path);
 
-/// Consecutive blocks of a program that one tool of the scene runs.
+/// Consecutive blocks of a program with one tool of the scene.
 struct ToolSegment {
   std::size_t tool = 0;             ///< index among the tools of the scene
   std::size_t first = 0, last = 0;  ///< first block, and one past the last
@@ -30,45 +30,47 @@ struct ToolUse {
   std::vector<std::string> warnings;
 };
 
-/// Assigns the blocks of a program to tools. A single tool cuts everything, whatever T and M6 say;
-/// of several, each runs from its call to the next, and the first of the scene before any call.
+/// Assigns the blocks of a program to tools. A single tool cuts everything, whatever the program
+/// calls. Each of several runs from its call to the next, and the first of the scene before any
+/// call.
 /// @param tools  of the scene; several must have numbers
 /// @throws BadInput on the line of a call of a tool that the scene does not describe, of a second
 ///     tool if the only one has no number, and of a block under G43.4 with the H of another of
 ///     several tools
 ToolUse tool_use(const program::Path& path, std::span<const ToolDescription> tools);
 
-/// Returns warnings about the lengths (H) of other tools than the one that runs a segment.
-/// @param number  of that tool
+/// Returns warnings about a segment with the length (H) of another tool.
+/// @param number  of the tool of the segment
 /// @throws BadInput on the line of a block under G43.4 with such a length
-std::vector<std::string> length_warnings(const program::Path& path, const ToolSegment& stretch,
+std::vector<std::string> length_warnings(const program::Path& path, const ToolSegment& segment,
                                          int number);
 
-/// Returns warnings about comments of a CAM system whose cutter differs from the scene's: "line 3
-/// says "T1 D=12. CR=0. - FLAT END MILL": 12 mm in diameter, the scene's T1 has 10 mm". A comment
-/// describes the tool whose number it gives, otherwise the tool that is called next. Tools that do
-/// not cut, and turning tools, are not compared.
-/// @param tools  of the scene; one without a number stands for every tool
+/// Returns warnings about comments of a CAM system with another cutter than that of the scene, such
+/// as "line 3 says "T1 D=12. CR=0. - FLAT END MILL": 12 mm in diameter, the scene's T1 has 10 mm".
+/// A comment describes the tool with its number or, without a number, the tool that is called next.
+/// Tools that do not cut, and turning tools, are not compared.
+/// @param tools  of the scene; one without a number is compared with every comment
 std::vector<std::string> tool_comment_warnings(const program::Path& path,
                                                std::span<const ToolDescription> tools);
 
-// Wear of the actual cutter. Its length and radius decrease in proportion to the time, or to the
-// path length of the tip, in feed on the error-free machine. Earlier cuts of the same tool count;
-// forces and stock are those of the fresh cutter.
+// The length and the radius of the actual cutter decrease in proportion to the time, or to the path
+// length of the tip, in feed on the error-free machine, including earlier cuts of the same tool.
+// Forces and stock are those of the fresh cutter.
 
-/// Largest difference between the cutter of a segment and the worn one, anywhere on its lower half,
-/// mm. A sweep is divided into segments, each with the cutter of its middle.
+/// Largest difference between the cutter of a segment and the worn cutter, anywhere on its lower
+/// half, mm. A sweep is divided into segments, each with the cutter of its middle.
 inline constexpr double wear_tolerance = 25e-6;
-/// Number of segments of one sweep beyond which they become coarser, with a warning.
+/// Largest number of segments of a sweep. If more would be needed, they are coarser, with a
+/// warning.
 inline constexpr int max_wear_pieces = 400;
 
-/// Use of a tool in feed: time, and path length of its tip in the workpiece.
+/// The use of a tool in feed.
 struct FeedUse {
   double time_s = 0.0;
-  double way = 0.0;  ///< mm
+  double way = 0.0;  ///< path length of the tip in the workpiece, mm
 };
 
-/// The cut of one tool, as the error-free machine runs it. Holds references to its arguments.
+/// The cut of one tool on the error-free machine. Holds references to its arguments.
 struct ToolRun {
   const ToolDescription& tool;
   const program::Path& path;
@@ -77,9 +79,9 @@ struct ToolRun {
   FeedUse before = {};                        ///< earlier use of the same tool
 };
 
-/// Returns (samples) the use up to each sample of a part, with the use before it.
+/// Returns (samples) the use of the tool of a part up to each sample, with its earlier use.
 std::vector<FeedUse> feed_use(const ToolRun& part);
-/// Returns (parts) the use of the tool of each part in the parts before it.
+/// Returns (parts) the use of the tool of each part in earlier parts.
 std::vector<FeedUse> previous_uses(std::span<const ToolRun> parts);
 
 /// Returns the wear of the tool of a part as a fraction of its `wear`, at commanded samples, linear
@@ -87,9 +89,9 @@ std::vector<FeedUse> previous_uses(std::span<const ToolRun> parts);
 /// @return (samples), empty without wear
 std::vector<double> wear_fractions(const ToolRun& part, const program::Samples& samples);
 
-/// Returns the cutter with its radius reduced by `lost`, mm; a ball stays a ball, and a corner
-/// radius never exceeds the radius.
-cutting::Cutter worn(const cutting::Cutter& cutter, double lost);
+/// Returns the cutter with its radius reduced by `loss`, mm, but by three quarters at most. A ball
+/// stays a ball, and a corner radius never exceeds the radius.
+cutting::Cutter worn(const cutting::Cutter& cutter, double loss);
 
 /// A segment of a sweep, with the cutter used for it.
 struct WornSegment {
@@ -98,28 +100,29 @@ struct WornSegment {
   std::vector<kinematics::Pose> T_wt;
 };
 
-/// Returns the largest difference between each segment and the worn cutter, mm.
-/// @param lost  loss of radius over the whole sweep, mm
-double wear_step(double lost);
+/// Returns the largest difference between the cutters of the segments and the worn cutter, mm.
+/// @param loss  of radius over the whole sweep, mm
+double wear_step(double loss);
 
-/// Returns a sweep in consecutive segments; between samples the tip moves on a line and the axis on
-/// a great circle, as in the sweep.
-/// @param shares, T_wt  (samples)
+/// Divides a sweep into consecutive segments. Between samples the tip moves on a line and the axis
+/// on a great circle, as in the sweep.
+/// @param fractions  (samples) of the stated wear
+/// @param T_wt       (samples)
 std::deque<WornSegment> worn_segments(const ToolDescription& tool,
-                                      const std::vector<double>& shares,
+                                      const std::vector<double>& fractions,
                                       const program::Samples& samples,
                                       const std::vector<kinematics::Pose>& T_wt);
 
-/// The loss of a tool at the end of a program.
+/// The wear of a tool at the end of a program.
 struct WornTool {
-  std::string tool;     ///< "T5", or its name
+  std::string tool;     ///< number such as "T5", or name
   FeedUse use;          ///< of the tool
-  double radius = 0.0;  ///< mm
-  double length = 0.0;  ///< mm
-  double within = 0.0;  ///< mm, by which the sweep may differ from the worn radius
+  double radius = 0.0;  ///< loss of radius, mm
+  double length = 0.0;  ///< loss of length, mm
+  double within = 0.0;  ///< largest difference of the sweep from the worn radius, mm
 };
 
-/// Returns the tools of the parts that wear, with their assumed losses.
+/// Returns the tools with wear, with their assumed losses.
 std::vector<WornTool> worn_tools(std::span<const ToolRun> parts);
 /// Returns the warnings about worn tools.
 std::vector<std::string> wear_warnings(const std::vector<WornTool>& tools);

@@ -15,26 +15,27 @@ struct Block {
   std::uint64_t first = 0;
   std::uint64_t count = 0;
   int sweep = 0;      ///< index of the sweep, for kind Sweep
-  bool full = false;  ///< cut in full, not estimated from the influence maps
+  bool full = false;  ///< true if the cases are cut in full, not estimated from influence maps
 };
-/// Returns the name of an analysis in tables: "monte_carlo".
+/// Returns the name of an analysis in tables, such as "monte_carlo".
 const char* name_of(Block::Kind kind);
 
-/// All cases of a study in order: the base machine; one at a time (input by input, minus then
+/// The cases of a study in order: the base machine; one at a time (input by input, minus then
 /// plus); Monte-Carlo; Sobol (base point by base point: A, B, A with column i of B); sweeps; proofs
 /// (the first Monte-Carlo cases again, cut in full).
 struct Plan {
   std::vector<Block> blocks;
   std::uint64_t cases = 0;
 };
-/// Returns the plan of a study; its order must never change, because journals number cases by it.
+/// Returns the plan of a study. Its order must never change, because it numbers the cases in
+/// journals.
 Plan plan_of(const Study& study);
 
 /// Returns the block that contains a case.
 /// @param index  below plan.cases
 const Block& block_of(const Plan& plan, std::uint64_t index);
 
-/// Returns the values of the inputs for points of the unit cube, correlated by the copula of the
+/// Returns the values of the inputs for points of the unit cube, correlated by the copula of a
 /// study.
 /// @param u  (inputs x cases)
 Eigen::MatrixXd drawn(const Study& study, const Eigen::MatrixXd& u);
@@ -47,7 +48,7 @@ Eigen::MatrixXd inputs_of(const Study& study, const Plan& plan, std::uint64_t fi
 /// one case that is cut.
 std::vector<Batch> batches_of(const Plan& plan);
 
-/// A study with everything that its cases need. Immutable once made.
+/// A study with everything that its cases need. Immutable after its preparation.
 struct PreparedStudy {
   Study study;
   Plan plan;
@@ -59,9 +60,9 @@ struct PreparedStudy {
 /// @throws BadScene, BadInput
 PreparedStudy prepare_study(const Study& study, const Progress& progress = {});
 
-/// Returns the function that computes a batch; the rows of a batch do not depend on the process
-/// that computes it. A machine that cannot cut the program gives a row with the reason.
-/// Thread-safe; `ready` must outlive it.
+/// Returns the function that computes a batch. It is thread-safe; `ready` must outlive it. The rows
+/// of a batch do not depend on the process that computes it. A machine that cannot cut the program
+/// gives a row with the reason.
 ComputeBatch batch_computation(const PreparedStudy& ready);
 
 /// Returns the column of a response in the responses of a row: configuration by configuration,

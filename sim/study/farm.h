@@ -11,32 +11,32 @@
 
 namespace abbe::sim::study {
 
-/// The cases first .. last - 1, which are always computed together, so that their bits do not
-/// depend on the process that computes them.
+/// The cases first .. last - 1. They are always computed together, so that their bits do not depend
+/// on the process that computes them.
 struct Batch {
   std::uint64_t first = 0;
   std::uint64_t last = 0;
 };
 
-/// Rank of this process among those that mpirun started, and their number; 0 of 1 without MPI.
+/// The rank of this process among those that mpirun started, and their number; 0 of 1 without MPI.
 struct Ranks {
   int rank = 0;
   int size = 1;
 };
-/// Returns the rank of this process; starts MPI if mpirun (or srun with its MPI support) started
-/// the process as one of several. A process started otherwise never touches MPI, not even inside a
+/// Returns the rank of this process. Starts MPI if mpirun, or srun with its MPI support, started
+/// the process as one of several. A process started otherwise never uses MPI, not even inside a
 /// Slurm job.
 /// @throws std::runtime_error if the process is one of several and the program was built without
 /// MPI
 Ranks ranks(int& argc, char**& argv);
 
 /// Ends MPI if it was started. With exit code 0 or 1, which are results, all ranks must call this
-/// and finish together. With any other code the remaining ranks are aborted wherever they are;
-/// ranks above 0 wait 2 s first, so that rank 0 can report its failure.
+/// and finish together. Any other code aborts the remaining ranks; ranks above 0 wait 2 s first, so
+/// that rank 0 can report its failure.
 void finalize_ranks(int exit_code);
 
 /// Sends numbers from rank 0 to all others and returns them; `data` of the other ranks is ignored.
-/// It is for what only one process may read from disk (the finished cases).
+/// Used for data that only one process may read from disk, such as the finished cases.
 std::vector<std::uint64_t> broadcast_from_rank_0(const Ranks& ranks,
                                                  const std::vector<std::uint64_t>& data);
 
@@ -51,7 +51,7 @@ struct Message {
 void send(int rank, int kind, const std::string& bytes = {});
 /// Rank of `receive` for a message from any rank.
 inline constexpr int any_rank = -1;
-/// Waits for the next message of a rank, or of any rank; leaves the processor to others meanwhile.
+/// Waits for the next message of a rank, or of any rank, without using the processor.
 /// @throws Interrupted if Ctrl-C was pressed and `interruptible`
 Message receive(int rank, bool interruptible = false);
 
@@ -71,26 +71,26 @@ std::vector<Batch> shard_batches(const std::vector<Batch>& batches, const Shard&
 std::vector<Batch> unfinished(const std::vector<Batch>& batches,
                               const std::vector<std::uint64_t>& finished);
 
-/// A function that computes a batch; called from many threads at once. Parallel work inside it
+/// A function that computes a batch; many threads call it at the same time. Parallel work inside it
 /// never begins another batch on the same thread.
 using ComputeBatch = std::function<std::vector<Row>(const Batch& batch)>;
-/// A function that takes the rows of a finished batch, in the order in which batches finish; called
-/// from one thread at a time.
+/// A function that takes the rows of a finished batch, in the order in which batches finish; one
+/// thread at a time calls it.
 using TakeBatch = std::function<void(const Batch& batch, std::vector<Row> rows)>;
 
-/// Computes all batches, the first ones first. A single process uses the threads that TBB has.
-/// Among ranks, rank 0 hands out batch by batch and takes the rows, the others compute, each on its
-/// own threads, so n ranks compute on n - 1; on those `take` is never called and `batches` is not
-/// read. Returns on all ranks when everything is done.
-/// @throws the first exception of `compute` or `take`, and Interrupted. No batch is begun after it;
-/// batches in progress are finished and taken, unless it came from `take`. Among ranks it is thrown
-/// on all of them, with its type if the exit code depends on it: BadInput, BadScene, OutputFailure,
-/// PlugInFailure, Interrupted; else as std::runtime_error with its text
+/// Computes all batches in order. A single process uses the threads of TBB. Of n ranks, rank 0
+/// assigns batches and takes their rows, and the other n - 1 compute, each on its own threads; on
+/// those `take` is never called and `batches` is not read. Returns on all ranks when all batches
+/// are finished.
+/// @throws the first exception of `compute` or `take`, and Interrupted. No batch begins after it;
+/// batches in progress are finished and taken, unless it came from `take`. All ranks throw it, with
+/// its type if the exit code depends on it (BadInput, BadScene, OutputFailure, PlugInFailure,
+/// Interrupted), otherwise as std::runtime_error with its text
 void farm(const std::vector<Batch>& batches, const Ranks& ranks, const ComputeBatch& compute,
           const TakeBatch& take);
 
-// Messages between ranks as bytes. The byte order is that of the computer: all ranks run one
-// program on one kind of computer.
+// Messages between ranks as bytes, in the byte order of the computer, since all ranks run the same
+// program on the same kind of computer.
 
 std::string to_bytes(const Batch& batch);
 Batch parse_batch(std::string_view bytes);
@@ -100,7 +100,7 @@ struct BatchResult {
   Batch batch;
   std::vector<Row> rows;
 };
-std::string to_bytes(const BatchResult& finished);
+std::string to_bytes(const BatchResult& result);
 BatchResult parse_batch_result(std::string_view bytes);
 
 /// Returns a failure as bytes; empty for a null pointer.

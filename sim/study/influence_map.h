@@ -10,19 +10,18 @@
 
 namespace abbe::sim::study {
 
-/// A configuration cut with its inputs at their centres, with the data that the columns of its
-/// influence map need.
+/// A configuration cut with its inputs at their centres, with the data for the columns of its
+/// influence map.
 struct BaseRun {
   const Study& study;
   const PreparedConfiguration& ready;
   Process process;
   std::vector<kinematics::Pose> T_wt;  ///< (samples)
-  std::vector<std::size_t> sample;  ///< index in the job's samples of every sample of the cutting
-                                    ///< motion
-  std::optional<SpindleLine> spindle;                    ///< axis about which the workpiece turns
+  std::vector<std::size_t> sample;     ///< (cutting motion) number of the sample of the job
+  std::optional<SpindleLine> spindle;  ///< axis about which the workpiece turns
   std::vector<cutting::CompetingPass> competing_passes;  ///< in the order of the vertices
-  std::vector<cutting::Gouge> gouges = {};  ///< gouges of the vertices without a competing pass, in
-                                            ///< the same order
+  std::vector<cutting::Gouge> gouges = {};  ///< at vertices without a competing pass, in the same
+                                            ///< order
 };
 
 /// Returns the base run; `study` and `ready` must outlive it.
@@ -30,7 +29,7 @@ struct BaseRun {
 BaseRun base_run(const Study& study, const PreparedConfiguration& ready,
                  const Progress& progress = {});
 
-/// One end of the move on which a competing pass makes its surface.
+/// An end of the move on which a competing pass makes its surface.
 struct MoveEnd {
   std::size_t sample = 0;  ///< of the job
   double share = 0.0;      ///< weight of this end at the instant of the pass, 0 .. 1
@@ -41,12 +40,12 @@ std::array<MoveEnd, 2> move_ends(const BaseRun& run, const cutting::CompetingPas
 /// Returns the samples at the ends of the moves of all competing passes, ascending.
 std::vector<std::size_t> competing_pass_samples(const BaseRun& run);
 
-/// Returns the values between which an input is differenced: those at standard normal scores of -1
-/// and +1, so always values that the input may have.
+/// Returns the values between which the difference for an input is taken: those at standard normal
+/// scores of -1 and +1, which the input may always have.
 std::array<double, 2> around(const Study& study, Eigen::Index input);
 
-/// Returns the scenes at those values, with every other input at its centre and run-out in their
-/// tools.
+/// Returns the scenes at those values, with the other inputs at their centres, and run-out as part
+/// of their tools.
 std::array<Scene, 2> stepped_scenes(const BaseRun& run, Eigen::Index input);
 
 }  // namespace abbe::sim::study

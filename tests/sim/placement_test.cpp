@@ -56,18 +56,18 @@ TEST_F(Moved, TheGapOfADomeIsThatOfItsSurfaceNotOfItsBox) {
     ASSERT_TRUE(out);
     const std::size_t at = out->words.find("Z = ");
     const double z = std::stod(out->words.substr(at + 4));
-    std::cout << gap << " mm above: " << out->words << ", " << 100.0 * out->reach.share
+    std::cout << gap << " mm above: " << out->words << ", " << 100.0 * out->reach.reached_fraction
               << " % within reach\n";
     EXPECT_NEAR(z, 0.0, 0.01) << "the offset at which it was programmed";
     EXPECT_TRUE(says(out->words, fmt::format("(now {:.6g})", gap))) << out->words;
-    EXPECT_GT(out->reach.share, 0.99);
+    EXPECT_GT(out->reach.reached_fraction, 0.99);
   }
 }
 
 TEST_F(Moved, AProgramBelowIsRaisedUntilItsTipTouches) {
   const auto out = placement_suggestion(moved("work_offset.G54 = { Z_mm = -35 }\n"));
   ASSERT_TRUE(out);
-  EXPECT_GT(out->reach.share, 0.99);
+  EXPECT_GT(out->reach.reached_fraction, 0.99);
   EXPECT_NEAR(std::stod(out->words.substr(out->words.find("Z = ") + 4)), 0.0, 0.01) << out->words;
 }
 
@@ -88,8 +88,9 @@ TEST_F(Moved, AProgramBesideIsBroughtOverTheMiddle) {
       << error_text(job);
   const auto out = placement_suggestion(job);
   ASSERT_TRUE(out);
-  std::cout << out->words << ", " << 100.0 * out->reach.share << " %\n";
-  EXPECT_GT(out->reach.share, 0.95);  // the middle of its feed, run-ins with it, is 2.6 mm off
+  std::cout << out->words << ", " << 100.0 * out->reach.reached_fraction << " %\n";
+  EXPECT_GT(out->reach.reached_fraction,
+            0.95);  // the middle of its feed, run-ins with it, is 2.6 mm off
 }
 
 TEST_F(Moved, WhereTheOffsetLeavesTheTravelThePartIsMovedInstead) {
@@ -97,7 +98,7 @@ TEST_F(Moved, WhereTheOffsetLeavesTheTravelThePartIsMovedInstead) {
   const auto out = placement_suggestion(job);
   ASSERT_TRUE(out);
   EXPECT_TRUE(says(out->words, "with part.at_mm = [0, 0, 80] it fits best")) << out->words;
-  EXPECT_GT(out->reach.share, 0.9);
+  EXPECT_GT(out->reach.reached_fraction, 0.9);
 }
 
 TEST_F(Moved, APartThatIsCutInPlacesIsWarnedOfWithTheShare) {
@@ -217,10 +218,10 @@ TEST(Placement, TheOffsetOfAMovedWallIsThatAtWhichItWasProgrammed) {
        {Vector3d(0, -30, 0), Vector3d(0, 6, 0), Vector3d(0, -30, 8), Vector3d(45, -12, 0)}) {
     const auto out = placement_suggestion(wall(moved));
     ASSERT_TRUE(out) << moved.transpose();
-    std::cout << moved.transpose() << ": " << out->words << ", " << 100.0 * out->reach.share
-              << " %\n";
+    std::cout << moved.transpose() << ": " << out->words << ", "
+              << 100.0 * out->reach.reached_fraction << " %\n";
     EXPECT_NEAR(offset_in(out->words, "Y"), 0.0, 0.002) << out->words;
-    EXPECT_GT(out->reach.share, 0.99) << out->words;
+    EXPECT_GT(out->reach.reached_fraction, 0.99) << out->words;
     EXPECT_TRUE(says(out->words, "it fits best")) << out->words;
   }
 }
@@ -257,9 +258,10 @@ TEST(Placement, TheOffsetOfAMovedShaftIsThatAtWhichItWasProgrammed) {
        {std::pair(3.0, 0.0), {-3.0, 0.0}, {7.0, 0.0}, {-1.5, 0.0}, {3.0, 60.0}}) {
     const auto out = placement_suggestion(shaft(x, z));
     ASSERT_TRUE(out) << x << " " << z;
-    std::cout << x << " " << z << ": " << out->words << ", " << 100.0 * out->reach.share << " %\n";
+    std::cout << x << " " << z << ": " << out->words << ", " << 100.0 * out->reach.reached_fraction
+              << " %\n";
     EXPECT_NEAR(offset_in(out->words, "X"), 0.0, 0.002) << out->words;
-    EXPECT_GT(out->reach.share, 0.99) << out->words;
+    EXPECT_GT(out->reach.reached_fraction, 0.99) << out->words;
     EXPECT_TRUE(says(out->words, "it fits best")) << out->words;
   }
   const Placement deep = placement(shaft(-3, 0));
@@ -289,7 +291,8 @@ TEST(Placement, TheOffsetOfAMovedTurnedDomeIsThatAtWhichItWasProgrammed) {
        {std::pair(0.0, 30.0), {0.0, -3.0}, {0.0, 5.0}, {4.0, 0.0}, {3.0, 12.0}}) {
     const auto out = placement_suggestion(dome(x, z));
     ASSERT_TRUE(out) << x << " " << z;
-    std::cout << x << " " << z << ": " << out->words << ", " << 100.0 * out->reach.share << " %\n";
+    std::cout << x << " " << z << ": " << out->words << ", " << 100.0 * out->reach.reached_fraction
+              << " %\n";
     EXPECT_NEAR(offset_in(out->words, "X"), 0.0, 0.05) << out->words;
     EXPECT_NEAR(offset_in(out->words, "Z"), 0.0, 0.05) << out->words;
     EXPECT_TRUE(says(out->words, "it fits best")) << out->words;

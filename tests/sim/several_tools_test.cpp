@@ -115,7 +115,8 @@ TEST_F(SeveralTools, TheOffsetOfAMovedProgramIsThatAtWhichItWasProgrammed) {
         Eigen::Vector3d(0, -30, 0), Eigen::Vector3d(0, 0, 60)}) {
     const auto out = placement_suggestion(moved(by));
     ASSERT_TRUE(out) << by.transpose();
-    std::cout << by.transpose() << ": " << out->words << ", " << 100.0 * out->reach.share << " %\n";
+    std::cout << by.transpose() << ": " << out->words << ", " << 100.0 * out->reach.reached_fraction
+              << " %\n";
     const std::array<double, 3> right = {0.0, 0.0, -100.0};
     for (int k = 0; k < 3; ++k) {
       const std::string name = fmt::format(" {} = ", "XYZ"[k]);
@@ -126,7 +127,7 @@ TEST_F(SeveralTools, TheOffsetOfAMovedProgramIsThatAtWhichItWasProgrammed) {
         EXPECT_NEAR(std::stod(out->words.substr(at + name.size())), right[std::size_t(k)], 0.1)
             << out->words;
     }
-    EXPECT_GT(out->reach.share, 0.99) << out->words;
+    EXPECT_GT(out->reach.reached_fraction, 0.99) << out->words;
   }
 }
 
