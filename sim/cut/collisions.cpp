@@ -83,7 +83,7 @@ std::vector<double> chord_heights(const ActualMotion& actual_motion, double reac
 }
 
 // Returns the motion of all carriers, divided at the ends of blocks.
-CarrierMotion motion_of(const ActualMotion& actual_motion, double reach) {
+CarrierMotion carrier_motion(const ActualMotion& actual_motion, double reach) {
   CarrierMotion motion;
   motion.carriers = Carriers{actual_motion.part.truth.actual.size()}.count();
   motion.instants = actual_motion.samples.states.size();
@@ -139,7 +139,7 @@ class PartSearch {
         pairs_(pairs_of(actual_motion.part.truth.actual, bodies_,
                         actual_motion.part.scene.collision.ignore)),
         search_(collision_search(bodies_, pairs_)),
-        motion_(motion_of(actual_motion, reach(actual_motion, bodies_))) {}
+        motion_(carrier_motion(actual_motion, reach(actual_motion, bodies_))) {}
 
   void run(const Progress& progress) {
     const CollisionDescription& description = actual_motion_.part.scene.collision;
@@ -149,13 +149,13 @@ class PartSearch {
     options.progress = [&](double fraction) {
       if (progress) progress("collisions", fraction);
     };
-    const cutting::Encounters found = check_table_range(actual_motion_.part, [&] {
+    const cutting::Encounters search_result = check_table_range(actual_motion_.part, [&] {
       return cutting::encounters(search_.bodies, search_.pairs, motion_, options);
     });
-    result_.queries += found.queries;
+    result_.queries += search_result.queries;
     add_bodies();
-    add_clearances(found);
-    for (const Encounter& encounter : found.list) add(encounter);
+    add_clearances(search_result);
+    for (const Encounter& encounter : search_result.list) add(encounter);
     if (has_tracked_stock(actual_motion_.part)) add_stock(progress);
   }
 

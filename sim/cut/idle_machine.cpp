@@ -268,9 +268,9 @@ class PoseReader {
     if (!head)
       throw BadInput(list_.file, 1, 1, "a head such as " + known_columns(), "an empty file");
     read_head(*head);
-    for (bool more = true; more;) {
+    for (bool has_more_rows = true; has_more_rows;) {
       try {
-        more = read_row();
+        has_more_rows = read_row();
       } catch (const BadInput& fault) {
         // At most 20 errors, one for each row, since a mistake such as a wrong unit repeats in
         // every row.

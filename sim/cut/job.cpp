@@ -43,20 +43,20 @@ double shaping_height(const Scene& scene) {
 /// and the vibrations on any spindle.
 double spindle_curvature(const Scene& scene, const Machine& machine) {
   constexpr double lever = 100.0;  // mm, for tilts: an estimate is enough for the sample density
-  const auto lever_of = [](const errors::ElementName& name) {
+  const auto lever_length = [](const errors::ElementName& name) {
     return name.is_angle() ? lever : 1.0;
   };
   double curvature = 0.0;
   for (const errors::Element& element : scene.geometric.elements) {
     if (element.name.axis != 'S' || !machine.workpiece_spindle) continue;
     for (const errors::Curve& curve : element.curves)
-      curvature += lever_of(element.name) * scene.error_scale * errors::max_bend(curve);
+      curvature += lever_length(element.name) * scene.error_scale * errors::max_bend(curve);
   }
   for (const errors::Vibration& vibration : scene.vibrations) {
     double speed = vibration.reference_speed;
     // The amplitude is largest at the resonance.
     if (vibration.resonance) speed = std::max(speed, *vibration.resonance / vibration.order);
-    curvature += lever_of(vibration.name) * vibration.order * vibration.order *
+    curvature += lever_length(vibration.name) * vibration.order * vibration.order *
                  std::abs(errors::amplitude(vibration, speed));
   }
   return curvature;
@@ -93,25 +93,25 @@ void check_field(const Scene& scene, const cutting::Design& design_w) {
 /// Returns warnings about the error elements of the truth and of the belief over the range in which
 /// the program moves the axes.
 std::vector<std::string> error_size_warnings(const Job& job) {
-  kinematics::AxisVector least, most;
+  kinematics::AxisVector lower, upper;
   if (job.windows) {
-    least = job.windows->least;
-    most = job.windows->most;
+    lower = job.windows->lower;
+    upper = job.windows->upper;
   } else if (!job.samples.states.empty()) {
-    least = most = job.samples.states.front().q;
+    lower = upper = job.samples.states.front().q;
     for (const kinematics::AxisState& state : job.samples.states) {
-      least = least.cwiseMin(state.q);
-      most = most.cwiseMax(state.q);
+      lower = lower.cwiseMin(state.q);
+      upper = upper.cwiseMax(state.q);
     }
   } else {
     return {};
   }
-  std::vector<std::string> warnings = errors::element_warnings(job.truth.geometric, least, most);
+  std::vector<std::string> warnings = errors::element_warnings(job.truth.geometric, lower, upper);
   if (job.scene.belief.identified)
     add_warnings(errors::element_warnings(
                      errors::scaled(errors::bind(*job.scene.belief.identified, job.machine.control),
                                     job.scene.belief.scale),
-                     least, most, {.section = "belief.identified"}),
+                     lower, upper, {.section = "belief.identified"}),
                  warnings);
   return warnings;
 }
@@ -320,10 +320,10 @@ JobSegments prepare_windows(const Scene& scene, const program::Path& path,
     if (progress) progress("sample", double(window.first) / double(path.blocks.size()));
     sampling.goes_on = window.goes_on;
     program::Samples samples = sample(blocks, machine.nominal, sampling);
-    if (!first) windows.least = windows.most = samples.states.front().q;
+    if (!first) windows.lower = windows.upper = samples.states.front().q;
     for (const AxisState& state : samples.states) {
-      windows.least = windows.least.cwiseMin(state.q);
-      windows.most = windows.most.cwiseMax(state.q);
+      windows.lower = windows.lower.cwiseMin(state.q);
+      windows.upper = windows.upper.cwiseMax(state.q);
     }
     // A later window begins with the last sample of the one before.
     windows.samples += samples.states.size() - (first ? 1 : 0);
@@ -347,19 +347,20 @@ JobSegments prepare_single_tool(const Scene& scene, const program::Path& path,
                                 const cutting::Design& design_w, const MemoryBudget& memory_budget,
                                 const Progress& progress) {
   const auto vertices = std::size_t(design_w.vertices.rows());
-  const std::size_t most =
+  const std::size_t max_samples =
       memory_budget.samples
           ? std::min(memory_budget.samples(path.blocks.size(), vertices), max_program_samples())
           : 0;
-  if (most == 0) return {make_segment(scene, path, {}, memory_budget.windows_obstacle), {}, {}};
+  if (max_samples == 0)
+    return {make_segment(scene, path, {}, memory_budget.windows_obstacle), {}, {}};
   Machine machine = compile(scene);
   program::SampleOptions sampling = sample_options(scene, machine);
-  sampling.max_samples = most;
+  sampling.max_samples = max_samples;
   try {
     program::Samples samples = program::sample(path, machine.nominal, sampling);
     return {make_segment(scene, std::move(machine), path, sampling, std::move(samples)), {}, {}};
   } catch (const program::TooManySamples&) {
-    return prepare_windows(scene, path, design_w, most, progress);
+    return prepare_windows(scene, path, design_w, max_samples, progress);
   }
 }
 
@@ -447,6 +448,33 @@ std::vector<ToolRun> tool_runs(const Job& job) {
   return runs;
 }
 
+namespace {
+
+/// Throws BadInput if a scene needs too many points or too much memory, and reports its work.
+void check_expected_work(const Scene& scene, const Part& part, const MemoryBudget& memory_budget,
+                         const Progress& progress) {
+  const Work estimate = estimate_work(scene, part);
+  const bool uses_windows =
+      memory_budget.samples && memory_budget.samples(0, std::size_t(estimate.vertices)) > 0;
+  const Work work = uses_windows ? windowed_work(estimate) : estimate;
+  check_work(scene, work);
+  if (const std::string text = remark(work); progress && !text.empty()) progress(text, -1.0);
+}
+
+/// Simulates the cut of a program on the rigid, error-free machine.
+Process nominal_process(const Scene& scene, const cutting::Design& body_m,
+                        const JobSegment& segment, const Progress& progress) {
+  const auto pose = [&](std::size_t i, const errors::Load&) { return segment.T_wt[i]; };
+  return simulate_process(scene, segment.machine, body_m,
+                          {segment.samples, segment.path, segment.T_wt, pose,
+                           segment.machine.nominal, scene.tool.nominal},
+                          [&](double fraction) {
+                            if (progress) progress("stock", fraction);
+                          });
+}
+
+}  // namespace
+
 Job prepare(const Scene& described, const Progress& progress, const MemoryBudget& memory_budget) {
   Stopwatch watch;
   const auto report_begin = [&](const char* stage) {
@@ -457,12 +485,7 @@ Job prepare(const Scene& described, const Progress& progress, const MemoryBudget
   Part part = load_part(scene);
   // The work is checked before the program is read or generated, the first step that may take long.
   const double part_s = watch.lap();
-  const Work estimate = estimate_work(scene, part);
-  const bool uses_windows =
-      memory_budget.samples && memory_budget.samples(0, std::size_t(estimate.vertices)) > 0;
-  const Work work = uses_windows ? windowed_work(estimate) : estimate;
-  check_work(scene, work);
-  if (const std::string text = remark(work); progress && !text.empty()) progress(text, -1.0);
+  check_expected_work(scene, part, memory_budget, progress);
   report_begin("program");
   Program program = load_program(scene, compile(scene), part);
   const double program_s = watch.lap();
@@ -473,14 +496,7 @@ Job prepare(const Scene& described, const Progress& progress, const MemoryBudget
   std::vector<std::string>& warnings = segments.warnings;
   const double sample_s = watch.lap();
   check_field(scene, part.design_w);
-  // The nominal process runs on a rigid machine, whose poses do not depend on the load.
-  const auto rigid = [&T_wt = whole.T_wt](std::size_t i, const errors::Load&) { return T_wt[i]; };
-  Process process = simulate_process(
-      scene, whole.machine, part.body_m,
-      {whole.samples, whole.path, whole.T_wt, rigid, whole.machine.nominal, scene.tool.nominal},
-      [&](double fraction) {
-        if (progress) progress("stock", fraction);
-      });
+  Process process = nominal_process(scene, part.body_m, whole, progress);
   const double stock_s = watch.lap();
   add_warnings(process.warnings, warnings);
   report_begin("heat");

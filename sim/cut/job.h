@@ -49,9 +49,9 @@ struct SampledSurface {
 /// The division of a program into windows, if its samples exceed the memory.
 struct Windows {
   std::vector<program::Window> all;
-  std::size_t samples = 0;             ///< of all windows
-  std::size_t max_window_samples = 0;  ///< of the longest window
-  kinematics::AxisVector least, most;  ///< range in which the axes move
+  std::size_t samples = 0;              ///< of all windows
+  std::size_t max_window_samples = 0;   ///< of the longest window
+  kinematics::AxisVector lower, upper;  ///< range in which the axes move
 };
 
 /// A compiled scene: everything that its cases share. Immutable after its preparation.

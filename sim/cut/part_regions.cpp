@@ -222,14 +222,14 @@ std::vector<RegionCoverage> region_coverage(const PartDescription& part, const F
 
 std::vector<std::string> region_warnings(const std::vector<RegionCoverage>& coverages) {
   std::vector<std::string> warnings;
-  for (const RegionCoverage& one : coverages) {
-    if (!(one.area > 0.0))
+  for (const RegionCoverage& coverage : coverages) {
+    if (!(coverage.area > 0.0))
       warnings.push_back(fmt::format(
-          "the region \"{}\" holds nothing: no vertex of the part lies in it", one.name));
-    else if (!(one.decides > 0.0))
+          "the region \"{}\" holds nothing: no vertex of the part lies in it", coverage.name));
+    else if (!(coverage.decides > 0.0))
       warnings.push_back(fmt::format(
           "the region \"{}\" decides nothing: regions after it hold all of its {:.4g} mm^2",
-          one.name, one.area));
+          coverage.name, coverage.area));
   }
   return warnings;
 }

@@ -152,31 +152,32 @@ class Displacement {
     line_ = spindle_line(job.machine.nominal, *job.machine.workpiece_spindle);
     const std::size_t first = first_feed_sample(job);
     const Vector3d lever = job.T_wt_nominal[first].translation() - line_.point_w;
-    const Vector3d out = lever - lever.dot(line_.direction_w) * line_.direction_w;
+    const Vector3d radial_w = lever - lever.dot(line_.direction_w) * line_.direction_w;
     // A tool that begins on the spindle axis has no radial direction, so that it moves along the
     // spindle only. 1 nm is above the rounding of a pose.
-    if (out.norm() > 1e-6) out_b_ = bed_in_workpiece(job, first).transpose() * out.normalized();
+    if (radial_w.norm() > 1e-6)
+      radial_b_ = bed_in_workpiece(job, first).transpose() * radial_w.normalized();
   }
 
   bool is_turned() const { return is_turned_; }
   /// Returns the directions in which a search may step, in columns.
   Eigen::Matrix3d steps(const Job& job) const {
     if (!is_turned_) return job.scene.part.T_wm.linear();
-    return Vector3d(1.0, out_b_.norm(), 0.0).asDiagonal();
+    return Vector3d(1.0, radial_b_.norm(), 0.0).asDiagonal();
   }
   /// Returns the displacement of the tool at a sample of a part of the job, mm, workpiece frame.
   Vector3d at(const Job& part, std::size_t sample, const Vector3d& d) const {
     if (!is_turned_) return d;
-    return d[0] * line_.direction_w + d[1] * (bed_in_workpiece(part, sample) * out_b_);
+    return d[0] * line_.direction_w + d[1] * (bed_in_workpiece(part, sample) * radial_b_);
   }
   /// Returns the derivatives of a residual by the three coordinates.
   /// @param p_w, n_w  vertex and its normal
   Vector3d gradient(const Vector3d& p_w, const Vector3d& n_w) const {
     if (!is_turned_) return n_w;
     const Vector3d lever = p_w - line_.point_w;
-    const Vector3d out = lever - lever.dot(line_.direction_w) * line_.direction_w;
-    const double radial = out.norm() > 1e-9 ? n_w.dot(out.normalized()) : 0.0;
-    return {n_w.dot(line_.direction_w), radial * out_b_.norm(), 0.0};
+    const Vector3d radial_w = lever - lever.dot(line_.direction_w) * line_.direction_w;
+    const double radial = radial_w.norm() > 1e-9 ? n_w.dot(radial_w.normalized()) : 0.0;
+    return {n_w.dot(line_.direction_w), radial * radial_b_.norm(), 0.0};
   }
 
  private:
@@ -187,7 +188,7 @@ class Displacement {
   }
   bool is_turned_;
   SpindleLine line_{Vector3d::Zero(), Vector3d::UnitZ()};
-  Vector3d out_b_ = Vector3d::Zero();
+  Vector3d radial_b_ = Vector3d::Zero();
 };
 
 // Rounds to 1 um; adding zero removes the sign of -0.

@@ -42,8 +42,8 @@ namespace {
 
 /// Returns the steps of a turning program, with the poses of the tool relative to the part as if it
 /// did not turn.
-MillingSteps turning_steps_of(const Job& part, const Commands& commands, const Process& process,
-                              const SpindleLine& line) {
+MillingSteps make_turning_steps(const Job& part, const Commands& commands, const Process& process,
+                                const SpindleLine& line) {
   const program::Samples& samples = commands.samples;
   const program::Path& path = path_of(part, commands);
   const auto& T_wt = target_poses(part, commands);
@@ -70,7 +70,7 @@ StockReplay::StockReplay(const Job& part, const Commands& commands, const Proces
   } else {
     const SpindleLine line = spindle_line(part.truth.actual, *part.machine.workpiece_spindle);
     stock_ = turned_blank(part.scene, line);
-    milling_ = turning_steps_of(part, commands, process, line);
+    milling_ = make_turning_steps(part, commands, process, line);
   }
   for (std::size_t k = 1; k < milling_.at.size(); ++k)
     time_s_.push_back(commands.samples.states[milling_.at[k]].time_s);
@@ -163,7 +163,7 @@ class StockSearch {
     rebuild_mesh();
     for (const cutting::BodyPair& pair : pairs) add(bodies, pair);
     for (const SolidBody& body : bodies)
-      if (body.kind == Kind::Shank && has_own_radius(body)) own_shank_radius_ = radius_of(body);
+      if (body.kind == Kind::Shank && has_own_radius(body)) own_shank_radius_ = mesh_radius(body);
     // Cutter and shank may rub on the surface that they have cut, so their cores are smaller by
     // `rubbing`.
     for (const SolidBody& body : tool_bodies(actual_motion.part, cutting::rubbing))
@@ -253,9 +253,9 @@ class StockSearch {
   /// Returns true if the radius of a shank differs from that of the shank that removes stock by
   /// more than 1 % of the cutter radius.
   bool has_own_radius(const SolidBody& shank) const {
-    return std::abs(radius_of(shank) - shank_radius(cutter_)) > 0.01 * cutter_.radius;
+    return std::abs(mesh_radius(shank) - shank_radius(cutter_)) > 0.01 * cutter_.radius;
   }
-  static double radius_of(const SolidBody& shank) {
+  static double mesh_radius(const SolidBody& shank) {
     return shank.mesh.vertices.leftCols<2>().rowwise().norm().maxCoeff();
   }
 
@@ -271,7 +271,7 @@ class StockSearch {
   /// Returns the pose of a carrier in the workpiece frame between step k and the next.
   /// @param u  fraction of the step, 0 .. 1
   Pose pose(int frame, std::size_t k, double u) const {
-    const std::vector<Pose> T = actual_motion_.carriers(moment_of(k, u));
+    const std::vector<Pose> T = actual_motion_.carriers(moment_in_step(k, u));
     const Carriers carriers{actual_motion_.part.truth.actual.size()};
     return T[std::size_t(carriers.workpiece())].inverse() * T[std::size_t(frame)];
   }
@@ -377,7 +377,7 @@ class StockSearch {
   void begin_event(WatchedBody& watched, std::size_t k, const cutting::Approach& closest,
                    const Pose& from, const Pose& to) {
     const double distance = closest.contact ? 0.0 : closest.gap.distance;
-    const cutting::Moment moment = moment_of(k, closest.u);
+    const cutting::Moment moment = moment_in_step(k, closest.u);
     if (distance < watched.nearest) {
       watched.nearest = distance;
       watched.place = actual_motion_.place(moment);
@@ -399,8 +399,8 @@ class StockSearch {
     else if (const auto u =
                  cutting::comes_within(mesh_, watched.body, kinematics::screw_between(from, to),
                                        watched.clearance, options().resolution)) {
-      event.first = actual_motion_.place(moment_of(k, *u));
-      event.rapid = actual_motion_.is_rapid(moment_of(k, *u));
+      event.first = actual_motion_.place(moment_in_step(k, *u));
+      event.rapid = actual_motion_.is_rapid(moment_in_step(k, *u));
     }
   }
 
@@ -419,14 +419,14 @@ class StockSearch {
     const std::size_t end = milling_.at[k + 1];
     if (closest.contact)
       result.near.push_back(
-          {actual_motion_.target_sample(moment_of(k, closest.u)), end, body, 0.0});
+          {actual_motion_.target_sample(moment_in_step(k, closest.u)), end, body, 0.0});
     else
       result.near.push_back(
           {milling_.at[k] + 1, end, body, std::max(0.0, closest.gap.distance - tolerance)});
   }
 
   /// Returns the moment at fraction u of step k.
-  cutting::Moment moment_of(std::size_t k, double u) const {
+  cutting::Moment moment_in_step(std::size_t k, double u) const {
     u = std::max(u, 1e-9);  // the start of a step belongs to the step
     const double position =
         double(milling_.at[k]) + u * double(milling_.at[k + 1] - milling_.at[k]);
@@ -451,7 +451,7 @@ class StockSearch {
     ++event.depths;
     if (watched.last_sample.depth < event.depth) return;
     event.depth = watched.last_sample.depth;
-    event.worst = actual_motion_.place(moment_of(k, u));
+    event.worst = actual_motion_.place(moment_in_step(k, u));
   }
 
   /// Returns true if the depth at the end of step k needs a sample: it may exceed the largest so
@@ -508,7 +508,7 @@ class StockSearch {
   void replace_near_miss(WatchedBody& watched, Collision& event, std::size_t k,
                          const cutting::Approach& closest) {
     Collision replacement =
-        this->event(moment_of(k, closest.u), 0.5 * (closest.gap.on_a + closest.gap.on_b));
+        this->event(moment_in_step(k, closest.u), 0.5 * (closest.gap.on_a + closest.gap.on_b));
     replacement.a = event.a;
     replacement.b = event.b;
     replacement.last = event.last;
@@ -575,7 +575,7 @@ class StockSearch {
           mesh_, body.core, kinematics::screw_between(poses(k)[frame], poses(k + 1)[frame]));
       result.queries += std::size_t(closest.queries);
       if (!closest.contact) continue;
-      Collision crash = event(moment_of(k, closest.u), closest.gap.on_a);
+      Collision crash = event(moment_in_step(k, closest.u), closest.gap.on_a);
       crash.a = body.name;
       return crash;
     }
@@ -601,8 +601,8 @@ class StockSearch {
         });
     event.depth = deepest.depth;
     event.depths = deepest.sample_count;
-    event.worst =
-        actual_motion_.place(moment_of(crashes_[deepest.moment / divisions], u(deepest.moment)));
+    event.worst = actual_motion_.place(
+        moment_in_step(crashes_[deepest.moment / divisions], u(deepest.moment)));
   }
 
   /// Returns the deeper of the contacts of cutter and shank; empty if the mesh shows none.
