@@ -340,6 +340,25 @@ Collisions collisions(const Job& job, const Commands& commands, const std::strin
 
 namespace {
 
+/// Two bodies that come near each other.
+struct BodyProximity {
+  std::string a, b;
+  int line = 0;           ///< program line on which they first meet, otherwise are nearest
+  double distance = 0.0;  ///< mm, between the bodies on that line
+};
+
+/// The pairs of machine, fixtures and tool that come within `collision.clearance_mm` on the
+/// error-free machine. The check is for `run` and `compare` without a collision search and takes
+/// some milliseconds; it stops before the end of the program if it would take a noticeable fraction
+/// of the run. Between samples the axes move linearly, and the displacement of a body is bounded by
+/// those of the axes, so that no approach is skipped. The part is left out, since the cut reports
+/// contact with it.
+struct Proximity {
+  std::vector<BodyProximity> near;
+  bool is_complete = true;  ///< false if there may be further pairs, as in a job in windows, whose
+                            ///< samples are not held
+};
+
 /// Returns the largest number of poses to probe in a job. A probe takes about 1 us and a sample of
 /// a run 5 us or more, so that the check takes a few per cent of the run at most.
 std::size_t max_probes(std::size_t samples) { return 4000 + samples / 10; }
@@ -583,8 +602,7 @@ Proximity near_bodies_in(const Job& part) {
   return proximity;
 }
 
-}  // namespace
-
+/// Finds the bodies of a job that come near each other.
 Proximity find_near_bodies(const Job& job) {
   Proximity result;
   result.is_complete = !job.windows;
@@ -601,6 +619,8 @@ Proximity find_near_bodies(const Job& job) {
   }
   return result;
 }
+
+}  // namespace
 
 std::string not_searched_text(const Job& job) {
   if (job.scene.collision.on) return {};

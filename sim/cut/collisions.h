@@ -17,30 +17,8 @@ namespace abbe::sim {
 Collisions collisions(const Job& job, const Commands& commands, const std::string& name,
                       const Progress& progress = {});
 
-/// Two bodies that come near each other.
-struct BodyProximity {
-  std::string a, b;
-  int line = 0;           ///< program line on which they first meet, otherwise are nearest
-  double distance = 0.0;  ///< mm, between the bodies on that line
-};
-
-/// The pairs of machine, fixtures and tool that come within `collision.clearance_mm` on the
-/// error-free machine. The check is for `run` and `compare` without a collision search and takes
-/// some milliseconds; it stops before the end of the program if it would take a noticeable fraction
-/// of the run. Between samples the axes move linearly, and the displacement of a body is bounded by
-/// those of the axes, so that no approach is skipped. The part is left out, since the cut reports
-/// contact with it.
-struct Proximity {
-  std::vector<BodyProximity> near;
-  bool is_complete = true;  ///< false if there may be further pairs, as in a job in windows, whose
-                            ///< samples are not held
-};
-/// Finds the bodies of a job that come near each other.
-/// @throws BadInput as `machine_bodies` and `fixture_bodies`
-Proximity find_near_bodies(const Job& job);
-
 /// Returns the warning for a job whose collisions are not searched; empty if nothing comes near.
-/// @throws BadInput as `find_near_bodies`
+/// @throws BadInput as `machine_bodies` and `fixture_bodies`
 std::string not_searched_text(const Job& job);
 
 }  // namespace abbe::sim

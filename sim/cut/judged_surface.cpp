@@ -31,6 +31,9 @@ using cutting::VertexStatus;
 using Eigen::Index;
 using Eigen::Vector3d;
 
+// Fraction of uncut judged vertices from which a warning is given.
+constexpr double uncut_warning = 0.01;
+
 int count(const Surface& surface, VertexStatus status) {
   return int(std::count(surface.status.begin(), surface.status.end(), status));
 }
@@ -146,6 +149,9 @@ int flank_gouge_count(const ProgramGouge& gouge, const Surface& surface,
 
 namespace {
 
+/// Reason why the program does not intend to cut a vertex, with part.judged = "cut".
+enum class ExclusionReason : std::uint8_t { NotExcluded, Unreached, Corner, LeadOut };
+
 /// Returns the smallest corner radius, mm, of the tools of a job: no tool fits into a corner into
 /// which that one does not. A turning tool counts as 0, since only its edge touches the part.
 double smallest_corner(const Job& job) {
@@ -185,8 +191,12 @@ double exclude(Job& job, Surface& nominal, std::size_t i) {
   return height;
 }
 
-}  // namespace
-
+/// Excludes vertices from a map and from the judged vertices of a job: those that the error-free
+/// cut does not reach, those in corners of the design into which no tool of the job fits, and those
+/// at the lead-out beside both. Does nothing if the scene judges everything, or if no vertex would
+/// be left, which the cut reports as an error.
+/// @param previous  result for the first vertices, before others were added; empty: none
+/// @return        (vertices) the reason; NotExcluded where the scene does not judge
 std::vector<ExclusionReason> exclude_unintended(Job& job, Surface& nominal,
                                                 std::vector<ExclusionReason> previous) {
   const std::size_t vertices = nominal.status.size();
@@ -207,6 +217,13 @@ std::vector<ExclusionReason> exclude_unintended(Job& job, Surface& nominal,
   return previous;
 }
 
+/// Judged area and excluded area of a part.
+struct JudgedAreas {
+  double judged = 0.0;  ///< mm^2
+  ExcludedArea excluded_area;
+};
+
+/// Returns the judged area of a part, and the excluded area by reason.
 JudgedAreas judged_areas(const Job& job, const Surface& nominal,
                          const std::vector<ExclusionReason>& reasons) {
   JudgedAreas areas{0.0, job.sampled->excluded_area};
@@ -230,6 +247,8 @@ JudgedAreas judged_areas(const Job& job, const Surface& nominal,
   }
   return areas;
 }
+
+}  // namespace
 
 std::string exclusion_text(const SampledSurface& sampled) {
   const ExcludedArea& excluded_area = sampled.excluded_area;

@@ -13,9 +13,6 @@
 /// The vertices at which a part is judged, and warnings about uncut and gouged vertices.
 namespace abbe::sim {
 
-/// Fraction of uncut judged vertices from which a warning is given.
-inline constexpr double uncut_warning = 0.01;
-
 /// Returns the warnings about uncut vertices ("1348 of 1483 judged vertices (90.9 %) are uncut
 /// ..."), gouges beyond the band with depth and line, and vertices cut by rapids, in this order.
 std::vector<std::string> surface_warnings(const cutting::Surface& surface,
@@ -37,26 +34,6 @@ ProgramGouge program_gouge(const cutting::Surface& surface, double explained);
 int flank_gouge_count(const ProgramGouge& gouge, const cutting::Surface& surface,
                       const cutting::Design& design_w, const cutting::Cutter& cutter,
                       const cutting::CutterMotion& motion);
-
-/// Reason why the program does not intend to cut a vertex, with part.judged = "cut".
-enum class ExclusionReason : std::uint8_t { NotExcluded, Unreached, Corner, LeadOut };
-
-/// Excludes vertices from a map and from the judged vertices of a job: those that the error-free
-/// cut does not reach, those in corners of the design into which no tool of the job fits, and those
-/// at the lead-out beside both. Does nothing if the scene judges everything, or if no vertex would
-/// be left, which the cut reports as an error.
-/// @param previous  result for the first vertices, before others were added; empty: none
-/// @return        (vertices) the reason; NotExcluded where the scene does not judge
-std::vector<ExclusionReason> exclude_unintended(Job& job, cutting::Surface& nominal,
-                                                std::vector<ExclusionReason> previous);
-
-/// Judged area and excluded area of a part.
-struct JudgedAreas {
-  double judged = 0.0;  ///< mm^2
-  ExcludedArea excluded_area;
-};
-JudgedAreas judged_areas(const Job& job, const cutting::Surface& nominal,
-                         const std::vector<ExclusionReason>& reasons);
 
 /// Returns a sentence about the area that is not judged, with the reasons.
 std::string exclusion_text(const SampledSurface& sampled);

@@ -109,6 +109,10 @@ using cutting::TriangleTree;
 using Eigen::Vector3d;
 using Touch = DatumDescription::Touch;
 
+// Largest angle between the direction of a touch and the surface normal, rad: 40 degrees. On a
+// steeper face the ball slides and reads another component than that of its motion.
+constexpr double max_touch_angle = 0.6981317007977318;
+
 /// A surface that a probe can touch, in the workpiece frame.
 struct TouchSurface {
   std::string name;
@@ -260,6 +264,9 @@ std::optional<BadInput> touch_error(const Job& job) {
 namespace {
 
 using cutting::VertexStatus;
+
+// Fraction of the judged area that a program must reach; below it a warning is given.
+constexpr double min_reachable_fraction = 0.99;
 
 /// Returns advice such as "; with G54 Z = -80 it touches"; empty if there is none. A wrong unit is
 /// tried first, since an offset would hide it.

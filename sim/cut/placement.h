@@ -11,18 +11,11 @@
 /// Check of the position of the program relative to the part, before anything is cut.
 namespace abbe::sim {
 
-/// Largest angle between the direction of a touch and the surface normal, rad: 40 degrees. On a
-/// steeper face the ball slides and reads another component than that of its motion.
-inline constexpr double max_touch_angle = 0.6981317007977318;
-
 /// Returns the input error, with its location in the scene, for the first touch of a datum that
 /// meets no surface; none if every touch does. A touch needs, within the search band of its point,
 /// a surface of the design, the blank, a fixture, or a body on the carriage under the part, and
 /// must move against the outward normal of it.
 std::optional<BadInput> touch_error(const Job& job);
-
-/// Fraction of the judged area that a program must reach; below it a warning is given.
-inline constexpr double min_reachable_fraction = 0.99;
 
 /// The fit of the cut of a program on the error-free machine to the position of the part.
 struct Placement {

@@ -23,6 +23,36 @@ MeshUse blank_mesh_use(const Scene& scene) {
   return {"the blank", "cutting", false, part_mesh_use(scene).travel};
 }
 
+/// Returns the warning about the size of a blank from a mesh; empty if there is none.
+std::string blank_size_warning(const Scene& scene, const cutting::Blank& blank) {
+  const auto* mesh = std::get_if<MeshFile>(&scene.cutting->blank);
+  if (mesh == nullptr) return {};
+  return mesh_size_warning(*mesh, blank_mesh_use(scene),
+                           extents(std::get<cutting::MeshBlank>(blank).vertices_k));
+}
+
+/// Returns the warning about a blank that does not contain the design, which suggests another unit
+/// or frame; empty if at most a twentieth of the vertices of the design are more than a spacing
+/// outside it.
+std::string uncovered_design_text(const Scene& scene, const cutting::Stock& blank,
+                                  const cutting::Design& design_m) {
+  // With 2000 vertices the standard deviation of a fraction of 5 % is half a per cent.
+  constexpr Eigen::Index max_points = 2000;
+  constexpr double max_outside_fraction = 0.05;  // edges that a rough blank rounds off
+  const Eigen::Index vertex_count = design_m.vertices.rows();
+  const Eigen::Index stride = std::max<Eigen::Index>(1, vertex_count / max_points);
+  int point_count = 0, outside = 0;
+  for (Eigen::Index i = 0; i < vertex_count; i += stride, ++point_count) {
+    const Eigen::Vector3d point_m = design_m.vertices.row(i).transpose();
+    outside += cutting::depth(blank, scene.part.T_wm * point_m) < -blank.spacing;
+  }
+  if (outside <= max_outside_fraction * point_count) return {};
+  return fmt::format(
+      "the blank does not hold {:.3g} % of the design: its sizes are in mm and in the part's own "
+      "frame, and forces are of what it holds",
+      100.0 * outside / point_count);
+}
+
 }  // namespace
 
 cutting::Blank make_blank(const Scene& scene, const cutting::Design& design_m) {
@@ -43,37 +73,11 @@ cutting::Blank make_blank(const Scene& scene, const cutting::Design& design_m) {
       scene.cutting->blank);
 }
 
-std::string blank_size_warning(const Scene& scene, const cutting::Blank& blank) {
-  const auto* mesh = std::get_if<MeshFile>(&scene.cutting->blank);
-  if (mesh == nullptr) return {};
-  return mesh_size_warning(*mesh, blank_mesh_use(scene),
-                           extents(std::get<cutting::MeshBlank>(blank).vertices_k));
-}
-
 cutting::Stock blank_stock(const Scene& scene, const cutting::Blank& blank) {
   const CuttingDescription& description = *scene.cutting;
   return cutting::make_stock(
       blank, scene.part.T_wm,
       {description.spacing, description.three_directions, description.max_bytes});
-}
-
-std::string uncovered_design_text(const Scene& scene, const cutting::Stock& blank,
-                                  const cutting::Design& design_m) {
-  // With 2000 vertices the standard deviation of a fraction of 5 % is half a per cent.
-  constexpr Eigen::Index max_points = 2000;
-  constexpr double max_outside_fraction = 0.05;  // edges that a rough blank rounds off
-  const Eigen::Index vertex_count = design_m.vertices.rows();
-  const Eigen::Index stride = std::max<Eigen::Index>(1, vertex_count / max_points);
-  int point_count = 0, outside = 0;
-  for (Eigen::Index i = 0; i < vertex_count; i += stride, ++point_count) {
-    const Eigen::Vector3d point_m = design_m.vertices.row(i).transpose();
-    outside += cutting::depth(blank, scene.part.T_wm * point_m) < -blank.spacing;
-  }
-  if (outside <= max_outside_fraction * point_count) return {};
-  return fmt::format(
-      "the blank does not hold {:.3g} % of the design: its sizes are in mm and in the part's own "
-      "frame, and forces are of what it holds",
-      100.0 * outside / point_count);
 }
 
 bool is_rapid(const program::Samples& samples, const program::Path& path, std::size_t sample) {
@@ -161,13 +165,29 @@ namespace {
 
 using errors::Load;
 
-/// Solves for the force of one step and the deflection that it causes.
+/// The cut evaluated at one tool pose.
+struct ProcessSample {
+  cutting::CuttingLoad cut;
+  errors::Load load;
+  double engaged = 0.0;      ///< length of edge in material, mm
+  double chip = 0.0;         ///< largest uncut chip thickness, mm
+  double beyond_edge = 0.0;  ///< length by which the cut exceeds the edges of an insert, mm
+};
+
+/// Solves for the force of one step and the deflection that it causes, which agree to the tolerance
+/// of the description. (If repetition contracts by c, the remaining error is c / (1 - c) of the
+/// last change.) Plain repetition is followed by the secant of the last two iterates if it is slow.
+/// If both fail, the load is bracketed between zero and that of the rigid tool, so that a soft
+/// machine converges too.
 class ForceLoop {
  public:
+  /// @param force  returns the cut of a tool at a pose
   ForceLoop(const CuttingDescription& description, const PoseUnderLoad& pose, std::size_t sample,
             const std::function<ProcessSample(const Pose&)>& force)
       : description_(description), pose_(pose), sample_(sample), force_(force) {}
 
+  /// Returns the step without time, line, power and removed volume.
+  /// @param guess  first load
   ProcessStep solve(const Load& guess);
 
  private:
@@ -295,17 +315,6 @@ ProcessStep ForceLoop::solve(const Load& guess) {
   return step_;
 }
 
-}  // namespace
-
-ProcessStep converged_step(const CuttingDescription& description, const PoseUnderLoad& pose,
-                           std::size_t sample,
-                           const std::function<ProcessSample(const Pose&)>& force,
-                           const Load& guess) {
-  return ForceLoop(description, pose, sample, force).solve(guess);
-}
-
-namespace {
-
 using kinematics::AxisState;
 
 // Returns the load of a cut as a sample without engagement.
@@ -411,7 +420,7 @@ ProcessStep step_at(const CuttingDescription& description, const FollowedProgram
                     const Process& process) {
   const Load guess = process.steps.empty() ? Load{} : process.steps.back().load;
   ProcessStep step;
-  if (force) step = converged_step(description, program.pose, sample, force, guess);
+  if (force) step = ForceLoop(description, program.pose, sample, force).solve(guess);
   const AxisState& state = program.samples.states[sample];
   step.time_s = state.time_s;
   step.line = program.samples.line[sample];

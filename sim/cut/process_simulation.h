@@ -27,19 +27,10 @@ namespace abbe::sim {
 /// @throws BadInput if a mesh file cannot be read or is not closed
 cutting::Blank make_blank(const Scene& scene, const cutting::Design& design_m);
 
-/// Returns the warning about the size of a blank from a mesh; empty if there is none.
-std::string blank_size_warning(const Scene& scene, const cutting::Blank& blank);
-
 /// Returns a blank as dexels.
 /// @throws std::invalid_argument if the blank is not valid, std::length_error if it exceeds its
 ///     memory
 cutting::Stock blank_stock(const Scene& scene, const cutting::Blank& blank);
-
-/// Returns the warning about a blank that does not contain the design, which suggests another unit
-/// or frame; empty if at most a twentieth of the vertices of the design are more than a spacing
-/// outside it.
-std::string uncovered_design_text(const Scene& scene, const cutting::Stock& blank,
-                                  const cutting::Design& design_m);
 
 /// Returns true if a sample belongs to a rapid.
 bool is_rapid(const program::Samples& samples, const program::Path& path, std::size_t sample);
@@ -68,27 +59,6 @@ std::vector<std::size_t> turning_steps(const program::Samples& samples, const pr
 
 /// Returns the pose of the tool at a sample under a cutting load.
 using PoseUnderLoad = std::function<kinematics::Pose(std::size_t sample, const errors::Load&)>;
-
-/// The cut evaluated at one tool pose.
-struct ProcessSample {
-  cutting::CuttingLoad cut;
-  errors::Load load;
-  double engaged = 0.0;      ///< mm of edge in material
-  double chip = 0.0;         ///< mm
-  double beyond_edge = 0.0;  ///< mm by which the cut exceeds the edges of an insert
-};
-
-/// Returns the step whose load and deflection agree to the tolerance of the description. (If
-/// repetition contracts by c, the remaining error is c / (1 - c) of the last change.) Plain
-/// repetition is followed by the secant of the last two iterates if it is slow. If both fail, the
-/// load is bracketed between zero and that of the rigid tool, so that a soft machine converges too.
-/// @param force  returns the cut of a tool at a pose
-/// @param guess  first load
-/// @return without time, line, power and removed volume
-ProcessStep converged_step(const CuttingDescription& description, const PoseUnderLoad& pose,
-                           std::size_t sample,
-                           const std::function<ProcessSample(const kinematics::Pose&)>& force,
-                           const errors::Load& guess);
 
 /// A program on a machine.
 struct FollowedProgram {

@@ -294,6 +294,9 @@ std::string vibration_text(const Scene& scene, const FeedCounts& counts) {
   return {};
 }
 
+// Turn of the free axis at a pole, rad, from which a warning is given.
+constexpr double min_reported_pole_turn = 10.0 * units::deg;
+
 }  // namespace
 
 std::vector<std::string> feed_warnings(const Scene& scene, const Machine& machine,

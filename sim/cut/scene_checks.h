@@ -65,12 +65,9 @@ std::string remark(const Work& work);
 std::vector<std::string> feed_warnings(const Scene& scene, const Machine& machine,
                                        const program::Path& path);
 
-/// Turn of the free axis at a pole, rad, from which a warning is given.
-inline constexpr double min_reported_pole_turn = 10.0 * units::deg;
-
 /// Returns the warning about a program that passes a pole of the machine: the distance, the line,
-/// and the turn and speed of the free axis. Empty if that turns by less than
-/// `min_reported_pole_turn`.
+/// and the turn and speed of the free axis. Empty if that turns by less than 10
+/// degrees.
 /// @param within      distance that counts as near, rad
 /// @param more_files  as in Path
 std::string pole_text(const program::NearPole& pole, const kinematics::Chain& chain, double within,

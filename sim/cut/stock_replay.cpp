@@ -91,10 +91,6 @@ bool StockReplay::advance_to(double time_s) {
   return removed > 0.0;
 }
 
-double StockReplay::done() const {
-  return time_s_.empty() ? 1.0 : double(next_move_) / double(time_s_.size());
-}
-
 cutting::StockMesh StockReplay::mesh() const {
   return std::visit([](const auto& stock) { return cutting::stock_mesh(stock); }, stock_);
 }
@@ -144,9 +140,9 @@ struct WatchedBody {
   bool is_touching = false;                     // at the end of the last step
   struct {
     Pose T_w = Pose::Identity();
-    double depth = 0.0;  // mm
-    double way = 0.0;    // mm, path since the beginning of the contact
-  } last_sample = {};    // of the depth
+    double depth = 0.0;        // mm
+    double path_length = 0.0;  // mm, since the beginning of the contact
+  } last_sample = {};          // of the depth
 };
 
 /// Follows the stock from the blank to the part and searches for collisions of bodies with it.
@@ -467,7 +463,7 @@ class StockSearch {
       return false;
     const bool is_block_end =
         k + 1 == milling_.moves() || milling_.line[k + 2] != milling_.line[k + 1];
-    return is_block_end || samples_per_path * motion >= watched.last_sample.way;
+    return is_block_end || samples_per_path * motion >= watched.last_sample.path_length;
   }
 
   /// Continues an event. The mesh of the stock is updated only once a block, since the stock
@@ -489,7 +485,7 @@ class StockSearch {
     // A near miss that becomes a contact stays one event.
     if (!event.contact && (closest.contact || closest.gap.distance < event.distance))
       replace_near_miss(watched, event, k, closest);
-    watched.last_sample.way += cutting::farthest(from, to, watched.body);
+    watched.last_sample.path_length += cutting::farthest(from, to, watched.body);
     if (watched.is_touching && is_probe_needed(watched, event, k, to))
       measure(watched, event, k, 1.0);
     if (!watched.is_touching && watched.distance > watched.clearance) watched.event_index.reset();

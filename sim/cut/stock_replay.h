@@ -46,8 +46,6 @@ class StockReplay {
   /// Removes the material that is cut by moves which end at a time or before.
   /// @return true if the stock changed
   bool advance_to(double time_s);
-  /// Returns the completed fraction of the moves, 0 .. 1.
-  double done() const;
   /// Returns the surface of the present stock.
   cutting::StockMesh mesh() const;
   double volume() const;  ///< mm^3

@@ -260,13 +260,14 @@ void Span::extend(double lower, double upper, int line) {
   high = std::max(high, upper);
 }
 
+namespace {
+
+/// Returns the coordinates of a point along the spindle and radially, mm.
 std::array<double, 2> spindle_coordinates(const Job& job, const Vector3d& p_w) {
   const SpindleLine line = spindle_line(job.machine.nominal, *job.machine.workpiece_spindle);
   const double along = line.direction_w.dot(p_w - line.point_w);
   return {along, (p_w - line.point_w - along * line.direction_w).norm()};
 }
-
-namespace {
 
 /// Returns the distance from the centre of an edge to its outermost point along a direction, mm.
 /// @param R  rotation of frame t

@@ -105,7 +105,4 @@ struct ClosestGap {
 /// Returns the largest gap between the ranges of part and tool.
 ClosestGap closest_gap(const Job& job, const Spans& part, const Spans& tool);
 
-/// Returns the coordinates of a point along the spindle and radially, mm.
-std::array<double, 2> spindle_coordinates(const Job& job, const Eigen::Vector3d& p_w);
-
 }  // namespace abbe::sim

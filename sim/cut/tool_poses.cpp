@@ -207,7 +207,7 @@ ChordError chord_error(const Job& job, const Commands& commands, std::size_t max
     const AxisState &from = samples.states[i - 1], &to = samples.states[i];
     const double deviation = chord_deviation(sampler, from, to);
     ++result.looked_at;
-    result.beyond += deviation > result.tolerance;
+    result.exceeding_count += deviation > result.tolerance;
     result.rms += deviation * deviation;
     if (!(deviation > result.max)) continue;
     result.max = deviation;
@@ -225,7 +225,7 @@ ChordError joined(const ChordError& a, const ChordError& b) {
   ChordError result = a.max >= b.max ? a : b;
   const auto n_a = double(a.looked_at), n_b = double(b.looked_at);
   result.looked_at = a.looked_at + b.looked_at;
-  result.beyond = a.beyond + b.beyond;
+  result.exceeding_count = a.exceeding_count + b.exceeding_count;
   result.rms = std::sqrt((n_a * a.rms * a.rms + n_b * b.rms * b.rms) / (n_a + n_b));
   return result;
 }
@@ -242,7 +242,8 @@ std::vector<std::string> chord_error_warnings(const ChordError& chord_error, dou
       "of {} intervals looked at",
       chord_error.max / units::um, chord_error.line, chord_error.step, chord_error.rms / units::um,
       chord_error.tolerance / units::um,
-      100.0 * double(chord_error.beyond) / double(chord_error.looked_at), chord_error.looked_at);
+      100.0 * double(chord_error.exceeding_count) / double(chord_error.looked_at),
+      chord_error.looked_at);
   // While the step is shorter than the waves, the chord error grows with its square. 0.9 leaves a
   // margin.
   const double step = 0.9 * chord_error.step * std::sqrt(chord_error.tolerance / chord_error.max);

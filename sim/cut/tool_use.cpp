@@ -25,8 +25,8 @@ std::vector<program::ToolCall> tool_changes(const program::Path& path) {
   return calls;
 }
 
-}  // namespace
-
+/// Returns the tool calls with a block of feed before the next call. T alone is a call if the
+/// program has no M6.
 std::vector<program::ToolCall> cutting_calls(const program::Path& path) {
   const std::vector<program::ToolCall> calls = tool_changes(path);
   std::vector<program::ToolCall> result;
@@ -39,8 +39,6 @@ std::vector<program::ToolCall> cutting_calls(const program::Path& path) {
   }
   return result;
 }
-
-namespace {
 
 // Returns the name of a called tool for messages.
 std::string call_name(const program::ToolCall& call) {
@@ -310,8 +308,7 @@ std::string tool_label(const ToolDescription& tool) {
   return tool.name.empty() ? "the tool" : tool.name;
 }
 
-}  // namespace
-
+/// Returns (samples) the use of the tool of a part up to each sample, with its earlier use.
 std::vector<FeedUse> feed_use(const ToolRun& part) {
   std::vector<FeedUse> uses(part.samples.states.size(), part.before);
   FeedUse use = part.before;
@@ -324,6 +321,15 @@ std::vector<FeedUse> feed_use(const ToolRun& part) {
   }
   return uses;
 }
+
+/// Returns the largest difference between the cutters of the segments and the worn cutter, mm.
+/// @param loss  of radius over the whole sweep, mm
+double wear_step(double loss) {
+  // A segment has the cutter of its middle, which differs by half of its loss from both ends.
+  return std::max(wear_tolerance, 0.5 * loss / double(max_wear_pieces));
+}
+
+}  // namespace
 
 std::vector<FeedUse> previous_uses(std::span<const ToolRun> parts) {
   std::map<int, FeedUse> use_by_tool;
@@ -367,11 +373,6 @@ cutting::Cutter worn(const cutting::Cutter& cutter, double loss) {
   const bool is_ball = cutter.corner_radius == cutter.radius;
   result.corner_radius = is_ball ? result.radius : std::min(cutter.corner_radius, result.radius);
   return result;
-}
-
-double wear_step(double loss) {
-  // A segment has the cutter of its middle, which differs by half of its loss from both ends.
-  return std::max(wear_tolerance, 0.5 * loss / double(max_wear_pieces));
 }
 
 std::deque<WornSegment> worn_segments(const ToolDescription& tool,

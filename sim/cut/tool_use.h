@@ -14,10 +14,6 @@
 /// The tools of a program: the segments that they cut, the comments about them, and their wear.
 namespace abbe::sim {
 
-/// Returns the tool calls with a block of feed before the next call. T alone is a call if the
-/// program has no M6.
-std::vector<program::ToolCall> cutting_calls(const program::Path& path);
-
 /// Consecutive blocks of a program with one tool of the scene.
 struct ToolSegment {
   std::size_t tool = 0;             ///< index among the tools of the scene
@@ -79,8 +75,6 @@ struct ToolRun {
   FeedUse before = {};                        ///< earlier use of the same tool
 };
 
-/// Returns (samples) the use of the tool of a part up to each sample, with its earlier use.
-std::vector<FeedUse> feed_use(const ToolRun& part);
 /// Returns (parts) the use of the tool of each part in earlier parts.
 std::vector<FeedUse> previous_uses(std::span<const ToolRun> parts);
 
@@ -99,10 +93,6 @@ struct WornSegment {
   program::Samples samples;  ///< only times, lines and blocks
   std::vector<kinematics::Pose> T_wt;
 };
-
-/// Returns the largest difference between the cutters of the segments and the worn cutter, mm.
-/// @param loss  of radius over the whole sweep, mm
-double wear_step(double loss);
 
 /// Divides a sweep into consecutive segments. Between samples the tip moves on a line and the axis
 /// on a great circle, as in the sweep.
