@@ -66,8 +66,7 @@ std::vector<std::string> feed_warnings(const Scene& scene, const Machine& machin
                                        const program::Path& path);
 
 /// Returns the warning about a program that passes a pole of the machine: the distance, the line,
-/// and the turn and speed of the free axis. Empty if that turns by less than 10
-/// degrees.
+/// and the turn and speed of the free axis. Empty if that turns by less than 10 degrees.
 /// @param within      distance that counts as near, rad
 /// @param more_files  as in Path
 std::string pole_text(const program::NearPole& pole, const kinematics::Chain& chain, double within,

@@ -159,9 +159,9 @@ struct Ranking {
   std::vector<int> order;   ///< (inputs) largest weight first, equal weights by index
   Eigen::VectorXd weights;  ///< (inputs) >= 0
   Eigen::VectorXd shares;   ///< (inputs) fractions of the total; all zero if nothing varies. Those
-                           ///< of a map are as in MapContribution, so below zero where correlated
-                           ///< inputs cancel
-  double apart = 0.0;  ///< fraction due to no input alone; it and the shares add up to 1
+                            ///< of a map are as in MapContribution, so below zero where correlated
+                            ///< inputs cancel
+  double apart = 0.0;       ///< fraction due to no input alone; it and the shares add up to 1
 };
 
 /// Returns the largest correlation that chance alone may give, four standard errors; 0 without

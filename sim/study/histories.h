@@ -30,14 +30,12 @@ struct HistoryResult {
 };
 
 /// Learns a thermal belief on every train day and compensates the part of every test day with it.
-/// The
-/// [[instrument]] tables of a train day that read the machine (a variant may set its own by
+/// The [[instrument]] tables of a train day that read the machine (a variant may set its own by
 /// `instrument`) read it as in `abbe measure`. The belief is made from the contents of their files
 /// as in `abbe identify --method thermal`, with four sensors; nothing else of the truth is used,
-/// nor is a
-/// `[belief.thermal]` of the scene. Random numbers depend on the seed of each day: days with
-/// independent noise need a `seed` of their own. A day is judged with its own readings only if it
-/// is in both lists; then `is_own_day` is true.
+/// nor is a `[belief.thermal]` of the scene. Random numbers depend on the seed of each day: days
+/// with independent noise need a `seed` of their own. A day is judged with its own readings only if
+/// it is in both lists; then `is_own_day` is true.
 /// @param progress  shows one stage, "thermal histories", by days learned and parts cut
 /// @return train day by train day, for each test day by test day
 /// @throws BadScene for a day that does not exist; BadInput naming the scene if a day has no heat,
