@@ -19,14 +19,6 @@
 
 namespace abbe::sim {
 
-/// Returns a text such as "2 % of the judged area is cut within 2 mm of the design; with the part
-/// 25.4 times as large it would be 97 %: part.unit = "inch" may be meant". It is given for a
-/// program from a file that reaches less than half of the part, if the part scaled by a ratio of
-/// units is cut over four times the area and over a tenth at least. Empty otherwise, and for a mesh
-/// of part.any_size.
-/// @param reach  of the thinned design as it stands
-std::string unit_warning(const Job& job, const ReachableArea& reach);
-
 namespace {
 
 // A program that reaches more than this fraction of the judged area gives no doubt about its unit.
@@ -73,8 +65,12 @@ std::string unit_advice(const Job& job, double ratio) {
   return mesh_file(job.scene) ? text + "; part.any_size = true if its size is meant" : text;
 }
 
-}  // namespace
-
+/// Returns a text such as "2 % of the judged area is cut within 2 mm of the design; with the part
+/// 25.4 times as large it would be 97 %: part.unit = "inch" may be meant". It is given for a
+/// program from a file that reaches less than half of the part, if the part scaled by a ratio of
+/// units is cut over four times the area and over a tenth at least. Empty otherwise, and for a mesh
+/// of part.any_size.
+/// @param reach  of the thinned design as it stands
 std::string unit_warning(const Job& job, const ReachableArea& reach) {
   const MeshFile* mesh = mesh_file(job.scene);
   if (!std::holds_alternative<ProgramDescription::File>(job.scene.program.source)) return {};
@@ -97,13 +93,10 @@ std::string unit_warning(const Job& job, const ReachableArea& reach) {
   if (best_reach.cut < min_fit_fraction || best_reach.cut < min_cut_gain * reach.cut) return {};
   return fmt::format(
       "{:.2g} % of the judged area is cut within {} mm of the design; with the part {:.4g} times "
-      "as "
-      "large it would be {:.3g} %: {}",
+      "as large it would be {:.3g} %: {}",
       100.0 * reach.cut, job.scene.band, best_ratio, 100.0 * best_reach.cut,
       unit_advice(job, best_ratio));
 }
-
-namespace {
 
 using cutting::TriangleTree;
 using Eigen::Vector3d;

@@ -151,8 +151,7 @@ class Displacement {
     if (!is_turned_) return;
     line_ = spindle_line(job.machine.nominal, *job.machine.workpiece_spindle);
     const std::size_t first = first_feed_sample(job);
-    const Vector3d lever = job.T_wt_nominal[first].translation() - line_.point_w;
-    const Vector3d radial_w = lever - lever.dot(line_.direction_w) * line_.direction_w;
+    const Vector3d radial_w = line_.radial(job.T_wt_nominal[first].translation());
     // A tool that begins on the spindle axis has no radial direction, so that it moves along the
     // spindle only. 1 nm is above the rounding of a pose.
     if (radial_w.norm() > 1e-6)
@@ -174,8 +173,7 @@ class Displacement {
   /// @param p_w, n_w  vertex and its normal
   Vector3d gradient(const Vector3d& p_w, const Vector3d& n_w) const {
     if (!is_turned_) return n_w;
-    const Vector3d lever = p_w - line_.point_w;
-    const Vector3d radial_w = lever - lever.dot(line_.direction_w) * line_.direction_w;
+    const Vector3d radial_w = line_.radial(p_w);
     const double radial = radial_w.norm() > 1e-9 ? n_w.dot(radial_w.normalized()) : 0.0;
     return {n_w.dot(line_.direction_w), radial * radial_b_.norm(), 0.0};
   }

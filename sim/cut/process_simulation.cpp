@@ -511,9 +511,7 @@ struct TurningSample {
 /// Returns the radial direction away from the part, in x and z of the tool; zero on the spindle
 /// axis.
 Eigen::Vector2d away_from_part(const SpindleLine& line, const Pose& T_slow) {
-  const Eigen::Vector3d lever = T_slow.translation() - line.point_w;
-  const Eigen::Vector3d radial_w = lever - lever.dot(line.direction_w) * line.direction_w;
-  const Eigen::Vector3d radial_t = T_slow.linear().transpose() * radial_w;
+  const Eigen::Vector3d radial_t = T_slow.linear().transpose() * line.radial(T_slow.translation());
   const Eigen::Vector2d away(radial_t.x(), radial_t.z());
   return away.norm() > 1e-9 ? Eigen::Vector2d(away.normalized()) : Eigen::Vector2d::Zero();
 }

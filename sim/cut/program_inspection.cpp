@@ -212,7 +212,8 @@ void convert(const program::Path& path, const program::NcOptions& control,
   std::size_t chords = 0;
   for (std::size_t i = 0; i < points.size(); ++i) {
     const program::Block& block = path.blocks[i];
-    if (block.interpolation != program::Interpolation::Arc || path.arcs[block.shape].turned < 0)
+    if (block.interpolation != program::Interpolation::Arc ||
+        path.arcs[block.shape].plane_rotation < 0)
       continue;  // only an arc in a plane without NC code becomes chords
     const std::size_t chord_count =
         program::chords_of(path, block, inspection.machine.control, options.within);

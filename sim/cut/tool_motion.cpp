@@ -9,6 +9,11 @@
 
 namespace abbe::sim {
 
+Eigen::Vector3d SpindleLine::radial(const Eigen::Vector3d& p_w) const {
+  const Eigen::Vector3d lever = p_w - point_w;
+  return lever - lever.dot(direction_w) * direction_w;
+}
+
 SpindleLine spindle_line(const kinematics::Chain& chain, int joint) {
   const kinematics::Pose T_wb = chain.T_bw_home().inverse();
   return {T_wb * chain.joints()[std::size_t(joint)].point_b,

@@ -14,6 +14,8 @@ namespace abbe::sim {
 struct SpindleLine {
   Eigen::Vector3d point_w;
   Eigen::Vector3d direction_w;
+  /// Returns the vector from the axis to a point, at right angles to the axis, mm.
+  Eigen::Vector3d radial(const Eigen::Vector3d& p_w) const;
 };
 /// Returns the axis of the joint that turns the workpiece.
 SpindleLine spindle_line(const kinematics::Chain& chain, int joint);
