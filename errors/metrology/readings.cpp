@@ -345,27 +345,17 @@ std::vector<SetUpState> draw_set_ups(const Plan& plan, std::uint64_t seed) {
   return result;
 }
 
-/// Conditions of one measurement.
-struct Conditions {
-  const Bodies& actual;
-  const Bodies& nominal_poses;
-  double spindle_angle;
-  double since_s;
-};
-
 /// Returns the value on the instrument's display, without noise, and sets a counter at its first
 /// reading.
-double displayed_value(SetUpState& state, const SetUp& set_up, int channel,
-                       const Conditions& conditions) {
+double displayed_value(SetUpState& state, const SetUp& set_up, int channel, const Bodies& actual,
+                       const Bodies& nominal, double spindle_angle, double since_s) {
   const auto reading_with = [&](const Misalignment& m) {
-    return reading(set_up, channel, m, conditions.actual, conditions.nominal_poses,
-                   conditions.spindle_angle, conditions.since_s);
+    return reading(set_up, channel, m, actual, nominal, spindle_angle, since_s);
   };
   char& is_zero_set = state.is_zero_set[std::size_t(channel)];
   if (set_up.zero_unknown && !is_zero_set) {  // the counter is set to its nominal value
     state.misalignment.zero[channel] =
-        reading(set_up, channel, {}, conditions.nominal_poses, conditions.nominal_poses) -
-        reading_with(state.misalignment);
+        reading(set_up, channel, {}, nominal, nominal) - reading_with(state.misalignment);
     is_zero_set = 1;
   }
   return reading_with(state.misalignment);
@@ -399,8 +389,8 @@ Readings measure(const Plan& plan, const kinematics::Chain& nominal,
     const Channel& channel = set_up.channels[std::size_t(measurement.channel)];
     const double value =
         displayed_value(set_up_states[std::size_t(measurement.set_up)], set_up, measurement.channel,
-                        {actual, nominal_poses, spindle_angle(nominal, measurement.state),
-                         since_s[Eigen::Index(i)]}) +
+                        actual, nominal_poses, spindle_angle(nominal, measurement.state),
+                        since_s[Eigen::Index(i)]) +
         channel.noise * normal_deviate(seed, i);
     if (!std::isfinite(value))
       throw std::invalid_argument(fmt::format("reading {} of {} ({}): expected a finite number",
