@@ -102,19 +102,19 @@ void add_slide_curves(ElementModel& p, const Joint& joint, const ModelOptions& o
   const bool is_positioning = !is_angle && p.element.name.component() == int(nearest_axis(joint));
   const Line line{options.constants, is_angle || is_positioning || options.straightness_slopes};
   const double centre = 0.5 * (joint.min + joint.max);
-  const double forward_solution = 0.5 * (joint.max - joint.min);
+  const double half_travel = 0.5 * (joint.max - joint.min);
   switch (options.slides) {
     case Basis::Polynomial:
-      add_polynomial_series(p, Polynomial{VectorXd::Zero(order + 1), centre, forward_solution},
-                            order, line);
+      add_polynomial_series(p, Polynomial{VectorXd::Zero(order + 1), centre, half_travel}, order,
+                            line);
       break;
     case Basis::Legendre:
-      add_polynomial_series(p, Legendre{VectorXd::Zero(order + 1), centre, forward_solution}, order,
+      add_polynomial_series(p, Legendre{VectorXd::Zero(order + 1), centre, half_travel}, order,
                             line);
       break;
     case Basis::Fourier:
-      add_polynomial_series(p, Legendre{VectorXd::Zero(2), centre, forward_solution}, 1, line);
-      add_fourier(p, order, 2.0 * forward_solution);
+      add_polynomial_series(p, Legendre{VectorXd::Zero(2), centre, half_travel}, 1, line);
+      add_fourier(p, order, 2.0 * half_travel);
       break;
     case Basis::Spline:
       add_spline(p, joint.min, joint.max, order, line);

@@ -295,12 +295,12 @@ MatrixXd temperature_rise_K(const std::vector<DayLog>& logs, const std::vector<E
 }
 
 bool is_axis_varied(const std::vector<DayLog>& logs, int joint) {
-  std::optional<double> position;
+  std::optional<double> previous_position;
   for (const DayLog& log : logs)
     for (const Measurement& measurement : log.readings->plan.measurements) {
       if (!has_value(*log.readings, measurement)) continue;
-      if (position && *position != measurement.state.q[joint]) return true;
-      position = measurement.state.q[joint];
+      if (previous_position && *previous_position != measurement.state.q[joint]) return true;
+      previous_position = measurement.state.q[joint];
     }
   return false;
 }

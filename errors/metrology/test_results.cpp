@@ -45,8 +45,8 @@ std::string axis_cause_name(const std::string& cause, const std::string& plane) 
 }
 
 /// Returns the causes of a circle. All are undetermined if it has too few positions.
-CircularCauses test_causes(const CircleTest& test, bool is_determined) {
-  if (is_determined) return circular_causes(test.runs);
+CircularCauses test_causes(const CircleTest& test, bool has_enough_positions) {
+  if (has_enough_positions) return circular_causes(test.runs);
   CircularCauses causes;
   causes.undetermined.assign(cause_names.begin(), cause_names.end());
   return causes;
@@ -69,8 +69,8 @@ std::string undetermined_reason(const std::vector<std::string>& names_of_causes,
 /// Returns the causes of a circle, with the undetermined ones and the reason.
 FigureGroup cause_figures(const CircleTest& test) {
   const int position_total = position_count(test.runs);
-  const bool is_determined = position_total > circular_cause_count;
-  const CircularCauses causes = test_causes(test, is_determined);
+  const bool has_enough_positions = position_total > circular_cause_count;
+  const CircularCauses causes = test_causes(test, has_enough_positions);
   const auto cause_name = [&](const char* cause) { return axis_cause_name(cause, test.plane); };
   std::vector<std::string> undetermined_names;
   for (const std::string& cause : causes.undetermined)
@@ -85,7 +85,7 @@ FigureGroup cause_figures(const CircleTest& test) {
       estimated_figure(cause_name("reversal_v"), "um", causes.reversal_v, units::um),
       estimated_figure(cause_name("centre_u"), "um", causes.centre_u, units::um),
       estimated_figure(cause_name("centre_v"), "um", causes.centre_v, units::um),
-      figure("unexplained", is_determined ? std::optional(causes.residual) : std::nullopt),
+      figure("unexplained", has_enough_positions ? std::optional(causes.residual) : std::nullopt),
       {"undetermined", "", undetermined_names}};
   const bool both_senses =
       test.runs.anticlockwise.angle.size() > 0 && test.runs.clockwise.angle.size() > 0;
