@@ -15,14 +15,14 @@ using Eigen::VectorXd;
 
 /// Appends pointers to the numbers of a vector; `Vector` is VectorXd or const VectorXd.
 template <typename Number, typename Vector>
-void append(std::vector<Number*>& places, Vector& numbers) {
-  for (Index i = 0; i < numbers.size(); ++i) places.push_back(&numbers[i]);
+void append(std::vector<Number*>& pointers, Vector& numbers) {
+  for (Index i = 0; i < numbers.size(); ++i) pointers.push_back(&numbers[i]);
 }
 
-// Returns pointers to the numbers of a shape in their fixed order, so that reading and writing
-// cannot disagree.
+// Returns pointers to the numbers of a shape in their fixed order. Reading and writing share this
+// function, so that their orders cannot differ.
 template <typename SomeShape>
-auto places(SomeShape& shape) {
+auto number_pointers(SomeShape& shape) {
   using Number = std::conditional_t<std::is_const_v<SomeShape>, const double, double>;
   std::vector<Number*> result;
   std::visit(
@@ -49,16 +49,16 @@ auto places(SomeShape& shape) {
 }
 
 /// Recomputes the second derivatives of a spline after its values have changed.
-void renew(Table& table) {
+void update_spline(Table& table) {
   if (table.between == Between::Spline)
     table = make_table(table.q, table.value, table.between, table.outside);
 }
 
-void renew(Shape& shape) {
-  if (auto* table = std::get_if<Table>(&shape)) renew(*table);
-  if (auto* both = std::get_if<DirectionalTables>(&shape)) {
-    renew(both->up);
-    renew(both->down);
+void update_spline(Shape& shape) {
+  if (auto* table = std::get_if<Table>(&shape)) update_spline(*table);
+  if (auto* tables = std::get_if<DirectionalTables>(&shape)) {
+    update_spline(tables->up);
+    update_spline(tables->down);
   }
 }
 
@@ -69,27 +69,27 @@ std::string number_name(const Shape& shape, int number) {
     const int n = int(fourier->a.size());
     return number < n ? fmt::format(" cos {}", number + 1) : fmt::format(" sin {}", number - n + 1);
   }
-  if (const auto* both = std::get_if<DirectionalTables>(&shape)) {
-    const int n = int(both->up.value.size());
+  if (const auto* tables = std::get_if<DirectionalTables>(&shape)) {
+    const int n = int(tables->up.value.size());
     return number < n ? fmt::format(" up[{}]", number) : fmt::format(" down[{}]", number - n);
   }
   return fmt::format("[{}]", number);
 }
 
-std::string curve_name(const Element& element, std::size_t curve, bool numbered) {
+std::string curve_name(const Element& element, std::size_t curve, bool has_number) {
   std::string name = to_string(element.name);
   const Curve& c = element.curves[curve];
   if (element.curves.size() > 1 && !c.name.empty()) name += " " + c.name;
-  if (numbered) name += fmt::format(" #{}", curve + 1);
+  if (has_number) name += fmt::format(" #{}", curve + 1);
   return name;
 }
 
-// Two unnamed curves of one element would give their numbers the same name; then curves are
-// numbered.
+// Returns true if two numbers of an element have the same name, as those of two unnamed curves do;
+// then the names contain the number of the curve.
 bool has_namesakes(const Element& element) {
   std::vector<std::string> names;
   for (std::size_t c = 0; c < element.curves.size(); ++c)
-    for (int k = 0; k < int(places(element.curves[c].shape).size()); ++k)
+    for (int k = 0; k < int(number_pointers(element.curves[c].shape).size()); ++k)
       names.push_back(curve_name(element, c, false) + number_name(element.curves[c].shape, k));
   for (std::size_t i = 0; i < names.size(); ++i)
     for (std::size_t k = 0; k < i; ++k)
@@ -103,8 +103,8 @@ std::vector<Coefficient> coefficients(const std::vector<Element>& elements) {
   std::vector<Coefficient> result;
   for (std::size_t e = 0; e < elements.size(); ++e)
     for (std::size_t c = 0; c < elements[e].curves.size(); ++c) {
-      const int n = int(places(elements[e].curves[c].shape).size());
-      for (int k = 0; k < n; ++k) result.push_back({int(e), int(c), k});
+      const int count = int(number_pointers(elements[e].curves[c].shape).size());
+      for (int k = 0; k < count; ++k) result.push_back({int(e), int(c), k});
     }
   return result;
 }
@@ -120,7 +120,7 @@ VectorXd values(const std::vector<Element>& elements) {
   std::vector<double> result;
   for (const Element& element : elements)
     for (const Curve& curve : element.curves)
-      for (const double* number : places(curve.shape)) result.push_back(*number);
+      for (const double* number : number_pointers(curve.shape)) result.push_back(*number);
   return VectorXd::Map(result.data(), Index(result.size()));
 }
 
@@ -129,27 +129,27 @@ std::vector<Element> with_values(std::vector<Element> elements, const VectorXd& 
   if (values.size() != count)
     throw std::invalid_argument(
         fmt::format("expected {} values, one for every number, seen {}", count, values.size()));
-  Index next = 0;
+  Index index = 0;
   for (Element& element : elements)
     for (Curve& curve : element.curves) {
-      for (double* number : places(curve.shape)) *number = values[next++];
-      renew(curve.shape);
+      for (double* number : number_pointers(curve.shape)) *number = values[index++];
+      update_spline(curve.shape);
     }
   return elements;
 }
 
-// Shapes are linear in their numbers: the value with one number at 1 and the others at 0 is its
-// factor.
+// Shapes are linear in their numbers, so the factor of a number is the value of the curve with that
+// number at 1 and all others at 0.
 VectorXd basis(const Curve& curve, const CurveState& state) {
-  Curve unit = curve;
-  for (double* number : places(unit.shape)) *number = 0.0;
-  const std::size_t n = places(unit.shape).size();
-  VectorXd result(static_cast<Index>(n));
-  for (std::size_t k = 0; k < n; ++k) {
-    *places(unit.shape)[k] = 1.0;
-    renew(unit.shape);  // renewing a table moves its numbers, hence places() again
-    result[Index(k)] = value(unit, state);
-    *places(unit.shape)[k] = 0.0;
+  Curve unit_curve = curve;
+  for (double* number : number_pointers(unit_curve.shape)) *number = 0.0;
+  const std::size_t count = number_pointers(unit_curve.shape).size();
+  VectorXd result(static_cast<Index>(count));
+  for (std::size_t k = 0; k < count; ++k) {
+    *number_pointers(unit_curve.shape)[k] = 1.0;
+    update_spline(unit_curve.shape);  // moves the numbers of a table, so the pointers are obsolete
+    result[Index(k)] = value(unit_curve, state);
+    *number_pointers(unit_curve.shape)[k] = 0.0;
   }
   return result;
 }

@@ -18,74 +18,76 @@ namespace abbe::errors {
 
 namespace {
 
-constexpr double arm = 100.0;  // mm, lever arm that makes rotations comparable to translations
+constexpr double reference_arm = 100.0;  // mm; turns rotations into comparable translations
 
-void require(bool good, const std::string& what, const std::string& expected, double seen) {
-  if (!good)
-    throw std::invalid_argument(fmt::format("{}: expected {}, seen {}", what, expected, seen));
+void require_physical(bool holds, const std::string& name, const std::string& expected,
+                      double seen) {
+  if (!holds)
+    throw std::invalid_argument(fmt::format("{}: expected {}, seen {}", name, expected, seen));
 }
 
 // The conditions are written so that NaN fails them.
 bool is_positive(double x) { return x > 0.0 && std::isfinite(x); }
 
-void check(const CantileverSection& section, const std::string& who) {
-  require(is_positive(section.length), who, "a length above 0 mm", section.length);
-  require(is_positive(section.diameter), who, "a diameter above 0 mm", section.diameter);
-  require(is_positive(section.youngs_modulus), who, "a Young's modulus above 0 N/mm^2",
-          section.youngs_modulus);
-  require(section.poisson_ratio > -1.0 && section.poisson_ratio <= 0.5, who,
-          "a Poisson ratio above -1 and at most 0.5", section.poisson_ratio);
+void check(const CantileverSection& section, const std::string& name) {
+  require_physical(is_positive(section.length), name, "a length above 0 mm", section.length);
+  require_physical(is_positive(section.diameter), name, "a diameter above 0 mm", section.diameter);
+  require_physical(is_positive(section.youngs_modulus), name, "a Young's modulus above 0 N/mm^2",
+                   section.youngs_modulus);
+  require_physical(section.poisson_ratio > -1.0 && section.poisson_ratio <= 0.5, name,
+                   "a Poisson ratio above -1 and at most 0.5", section.poisson_ratio);
 }
 
 }  // namespace
 
-void validate(const Compliance& C, const std::string& what) {
+void validate(const Compliance& C, const std::string& name) {
   Eigen::Matrix<double, 6, 1> scale;
-  scale << 1.0, 1.0, 1.0, arm, arm, arm;
-  const Compliance scaled = scale.asDiagonal() * C * scale.asDiagonal();
-  if (!scaled.allFinite())
-    throw std::invalid_argument(what + ": expected finite compliances, seen one that is not");
-  const double largest = scaled.cwiseAbs().maxCoeff();
+  scale << 1.0, 1.0, 1.0, reference_arm, reference_arm, reference_arm;
+  const Compliance scaled_C = scale.asDiagonal() * C * scale.asDiagonal();
+  if (!scaled_C.allFinite())
+    throw std::invalid_argument(name + ": expected finite compliances, seen one that is not");
+  const double max_entry = scaled_C.cwiseAbs().maxCoeff();
   // 1e-9 of the largest entry: more than the rounding of a compliance that was inverted or rotated,
   // far less than the uncertainty of any measured one.
-  const double slack = 1e-9 * largest;
-  const double skew = (scaled - scaled.transpose()).cwiseAbs().maxCoeff();
-  require(skew <= slack, what, "a symmetric compliance (off by 1e-9 of its largest entry at most)",
-          skew / largest);
+  const double tolerance = 1e-9 * max_entry;
+  const double skew = (scaled_C - scaled_C.transpose()).cwiseAbs().maxCoeff();
+  require_physical(skew <= tolerance, name,
+                   "a symmetric compliance (off by 1e-9 of its largest entry at most)",
+                   skew / max_entry);
   // Normalised first, because squares of huge entries would overflow.
-  const Compliance one = largest > 0.0 ? Compliance(scaled / largest) : scaled;
-  const Eigen::SelfAdjointEigenSolver<Compliance> solver(one, Eigen::EigenvaluesOnly);
-  require(solver.eigenvalues()[0] >= -1e-9, what,
-          "a compliance without negative eigenvalue (pushed, it must not come closer)",
-          solver.eigenvalues()[0] * largest);
+  const Compliance normalised = max_entry > 0.0 ? Compliance(scaled_C / max_entry) : scaled_C;
+  const Eigen::SelfAdjointEigenSolver<Compliance> solver(normalised, Eigen::EigenvaluesOnly);
+  require_physical(solver.eigenvalues()[0] >= -1e-9, name,
+                   "a compliance without negative eigenvalue (pushed, it must not come closer)",
+                   solver.eigenvalues()[0] * max_entry);
 }
 
 Compliance stepped_cantilever(std::span<const CantileverSection> sections) {
   if (sections.empty())
     throw std::invalid_argument("cantilever: expected at least one section, seen none");
   Compliance C = Compliance::Zero();
-  double from = 0.0;
+  double start = 0.0;
   for (std::size_t i = 0; i < sections.size(); ++i) {
     const CantileverSection& section = sections[i];
     check(section, fmt::format("cantilever section {}", i + 1));
-    const double to = from + section.length;
+    const double end = start + section.length;
     const double E = section.youngs_modulus;
-    const double d2 = section.diameter * section.diameter;
-    const double EI = E * pi * d2 * d2 / 64.0;
+    const double squared_diameter = section.diameter * section.diameter;
+    const double EI = E * pi * squared_diameter * squared_diameter / 64.0;
     const double GJ = EI / (1.0 + section.poisson_ratio);  // G = E / 2(1 + nu), J = 2 I
     // Integrals of 1, z and z^2 over the section (Castigliano).
     const double i0 = section.length / EI;
-    const double i1 = 0.5 * (to + from) * i0;
-    const double i2 = (to * to + to * from + from * from) / 3.0 * i0;
+    const double i1 = 0.5 * (end + start) * i0;
+    const double i2 = (end * end + end * start + start * start) / 3.0 * i0;
     C(0, 0) += i2;
     C(1, 1) += i2;
-    C(2, 2) += section.length / (E * pi * d2 / 4.0);
+    C(2, 2) += section.length / (E * pi * squared_diameter / 4.0);
     C(3, 3) += i0;
     C(4, 4) += i0;
     C(5, 5) += section.length / GJ;
     C(3, 1) += i1;  // A force along y turns the free end about +x, since the clamp is at +z.
     C(4, 0) -= i1;
-    from = to;
+    start = end;
   }
   C(1, 3) = C(3, 1);
   C(0, 4) = C(4, 0);
@@ -109,8 +111,8 @@ constexpr double newton = 1e-3;  // N in kg mm/s^2
 /// `last` all of them.
 std::vector<int> carriers(const Chain& chain, Side side, std::optional<int> last) {
   std::vector<int> result;
-  for (int n = 0; n < chain.size(); ++n) {
-    const int i = side == Side::Tool ? n : chain.size() - 1 - n;
+  for (int k = 0; k < chain.size(); ++k) {
+    const int i = side == Side::Tool ? k : chain.size() - 1 - k;
     if (chain.joints()[std::size_t(i)].side != side) continue;
     result.push_back(i);
     if (last == i) break;
@@ -139,45 +141,45 @@ ComplianceModel::Mass bind(const MovingMass& mass, const Chain& chain) {
   return bound;
 }
 
-Wrench turned(const Eigen::Matrix3d& R, const Wrench& W) {
+Wrench rotate_wrench(const Eigen::Matrix3d& R, const Wrench& wrench) {
   Wrench result;
-  result << R * W.head<3>(), R * W.tail<3>();
+  result << R * wrench.head<3>(), R * wrench.tail<3>();
   return result;
 }
 
 /// Returns the wrench of a force.
 /// @param arm  from the reference point of the wrench to the point where the force acts
-Wrench wrench(const Vector3d& force, const Vector3d& arm) {
+Wrench wrench_at(const Vector3d& force, const Vector3d& arm) {
   Wrench result;
   result << force, arm.cross(force);
   return result;
 }
 
-/// The joints that carry a mass, from the bed outwards, at the current position of the axes.
-struct Branch {
-  struct Place {
+/// The joints that carry a mass, from the bed outwards, and its centre at a position of the axes.
+struct MassPath {
+  struct JointFrames {
     Pose T_before = Pose::Identity();     ///< displacement of the joint's parent from its
                                           ///< position with all axes at zero
     Pose T_deviation = Pose::Identity();  ///< displacement of the frame in which the
                                           ///< deviation of the joint is stated
   };
-  std::array<Place, kinematics::max_joints> places;
+  std::array<JointFrames, kinematics::max_joints> frames;
   Vector3d centre_b;  ///< mm, current centre of the mass
 };
 
-Branch branch(const Chain& chain, const ComplianceModel::Mass& mass,
-              const kinematics::AxisVector& q) {
-  Branch result;
+MassPath mass_path(const Chain& chain, const ComplianceModel::Mass& mass,
+                   const kinematics::AxisVector& q) {
+  MassPath result;
   Pose T = Pose::Identity();
-  for (std::size_t n = 0; n < mass.joints.size(); ++n) {
-    const int i = mass.joints[n];
+  for (std::size_t k = 0; k < mass.joints.size(); ++k) {
+    const int i = mass.joints[k];
     const Joint& joint = chain.joints()[std::size_t(i)];
     const Pose T_after =
         T * kinematics::carriage_displacement(joint, kinematics::carriage_travel(joint.side, q[i]));
     // ISO 230-7: the error motion of a rotary axis is stated along axes that do not turn with it.
-    const bool before =
+    const bool is_before_motion =
         joint.motion == Motion::Rotary && joint.deviation_axes == kinematics::DeviationAxes::Fixed;
-    result.places[n] = {T, before ? T : T_after};
+    result.frames[k] = {T, is_before_motion ? T : T_after};
     T = T_after;
   }
   result.centre_b = T * mass.centre_b;
@@ -186,68 +188,69 @@ Branch branch(const Chain& chain, const ComplianceModel::Mass& mass,
 
 /// Returns the acceleration of a mass without centripetal and Coriolis terms, which are quadratic
 /// in the speeds.
-Vector3d mass_acceleration(const Branch& at, const Chain& chain, const ComplianceModel::Mass& mass,
+Vector3d mass_acceleration(const MassPath& path, const Chain& chain,
+                           const ComplianceModel::Mass& mass,
                            const kinematics::AxisVector& acceleration) {
   Vector3d a = Vector3d::Zero();
-  for (std::size_t n = 0; n < mass.joints.size(); ++n) {
-    const int i = mass.joints[n];
+  for (std::size_t k = 0; k < mass.joints.size(); ++k) {
+    const int i = mass.joints[k];
     const Joint& joint = chain.joints()[std::size_t(i)];
-    const Pose& T = at.places[n].T_before;
+    const Pose& T = path.frames[k].T_before;
     const Vector3d along =
         T.linear() * joint.direction_b * kinematics::carriage_travel(joint.side, acceleration[i]);
     if (joint.motion == Motion::Linear) a += along;
-    if (joint.motion == Motion::Rotary) a += along.cross(at.centre_b - T * joint.point_b);
+    if (joint.motion == Motion::Rotary) a += along.cross(path.centre_b - T * joint.point_b);
   }
   return a;
 }
 
 void add_mass(const ComplianceModel& model, const ComplianceModel::Mass& mass,
-              const kinematics::AxisState& state, const Load& load, ForceDeviations& sum) {
+              const kinematics::AxisState& state, const Load& load, ForceDeviations& result) {
   const Chain& chain = model.nominal;
-  const Branch at = branch(chain, mass, state.q);
-  Vector3d field = model.gravity_b.value_or(Vector3d::Zero());
+  const MassPath path = mass_path(chain, mass, state.q);
+  Vector3d acceleration_b = model.gravity_b.value_or(Vector3d::Zero());
   // D'Alembert: a mass with acceleration a loads the machine like gravity of -a.
   if (model.inertia && load.acceleration.size() > 0)
-    field -= mass_acceleration(at, chain, mass, load.acceleration);
-  const Vector3d force_b = newton * mass.mass_kg * field;
-  for (std::size_t n = 0; n < mass.joints.size(); ++n) {
-    const std::size_t i = std::size_t(mass.joints[n]);
-    const Pose& T = at.places[n].T_deviation;
-    const Vector3d arm_b = at.centre_b - T * chain.joints()[i].point_b;
-    sum.joints[i].motion +=
-        model.joints[i] * turned(T.linear().transpose(), wrench(force_b, arm_b));
+    acceleration_b -= mass_acceleration(path, chain, mass, load.acceleration);
+  const Vector3d force_b = newton * mass.mass_kg * acceleration_b;
+  for (std::size_t k = 0; k < mass.joints.size(); ++k) {
+    const std::size_t i = std::size_t(mass.joints[k]);
+    const Pose& T = path.frames[k].T_deviation;
+    const Vector3d arm_b = path.centre_b - T * chain.joints()[i].point_b;
+    result.joints[i].motion +=
+        model.joints[i] * rotate_wrench(T.linear().transpose(), wrench_at(force_b, arm_b));
   }
   if (!mass.on_tool && !mass.on_part) return;
-  const Pose T_own = mass.on_tool ? chain.tool_in_bed(state.q) : chain.workpiece_in_bed(state.q);
-  const Wrench own =
-      turned(T_own.linear().transpose(), wrench(force_b, at.centre_b - T_own.translation()));
-  if (mass.on_tool) sum.tool_t += model.tool * own;
-  if (mass.on_part) sum.workpiece_w += model.fixture * own;
+  const Pose T_body = mass.on_tool ? chain.tool_in_bed(state.q) : chain.workpiece_in_bed(state.q);
+  const Wrench body_wrench = rotate_wrench(
+      T_body.linear().transpose(), wrench_at(force_b, path.centre_b - T_body.translation()));
+  if (mass.on_tool) result.tool_t += model.tool * body_wrench;
+  if (mass.on_part) result.workpiece_w += model.fixture * body_wrench;
 }
 
 bool is_compliant(const Compliance& C) { return !C.isZero(0.0); }
 
 void add_cutting_deviations(const ComplianceModel& model, const kinematics::AxisState& state,
-                            const Load& load, ForceDeviations& sum) {
+                            const Load& load, ForceDeviations& result) {
   const Pose T_wt = model.nominal.tool_in_workpiece(state.q);
-  const Wrench on_tool_w = turned(T_wt.linear(), load.on_tool_t);
+  const Wrench on_tool_w = rotate_wrench(T_wt.linear(), load.on_tool_t);
   if (std::any_of(model.joints.begin(), model.joints.end(), is_compliant)) {
     const Eigen::MatrixXd J = kinematics::motion_jacobian(model.nominal, state.q);
     // C J' W: by virtual work the transposed Jacobian transforms the wrench at the tip to the point
     // of the joint, with the opposite sign on the workpiece side.
     for (std::size_t i = 0; i < model.joints.size(); ++i) {
       if (!is_compliant(model.joints[i])) continue;
-      sum.joints[i].motion +=
+      result.joints[i].motion +=
           model.joints[i] * (J.middleCols<6>(6 * Eigen::Index(i)).transpose() * on_tool_w);
     }
   }
-  sum.tool_t += model.tool * load.on_tool_t;
+  result.tool_t += model.tool * load.on_tool_t;
   Wrench on_part_w = -on_tool_w;
   // The wrench is stated at the tip, the compliance of the fixture at the origin of w.
   on_part_w.tail<3>() -= T_wt.translation().cross(on_tool_w.head<3>());
-  sum.workpiece_w += model.fixture * on_part_w;
+  result.workpiece_w += model.fixture * on_part_w;
   if (model.workpiece) {
-    sum.workpiece_w.head<3>() -=
+    result.workpiece_w.head<3>() -=
         model.workpiece_factor *
         (local_compliance(*model.workpiece, T_wt * load.contact_t) * on_tool_w.head<3>());
   }
@@ -291,11 +294,12 @@ ComplianceModel bind(const ComplianceErrors& errors, const Chain& nominal) {
 }
 
 Pose tool_in_workpiece(const Chain& chain, const kinematics::AxisVector& q,
-                       const ForceDeviations& all) {
-  Pose T_wt = chain.tool_in_workpiece(q, all.joints);
-  if (!all.workpiece_w.isZero(0.0))
-    T_wt = kinematics::motion(all.workpiece_w, Vector3d::Zero()).inverse() * T_wt;
-  if (!all.tool_t.isZero(0.0)) T_wt = T_wt * kinematics::motion(all.tool_t, Vector3d::Zero());
+                       const ForceDeviations& deviations) {
+  Pose T_wt = chain.tool_in_workpiece(q, deviations.joints);
+  if (!deviations.workpiece_w.isZero(0.0))
+    T_wt = kinematics::motion(deviations.workpiece_w, Vector3d::Zero()).inverse() * T_wt;
+  if (!deviations.tool_t.isZero(0.0))
+    T_wt = T_wt * kinematics::motion(deviations.tool_t, Vector3d::Zero());
   return T_wt;
 }
 

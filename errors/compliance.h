@@ -16,16 +16,16 @@
 namespace abbe::errors {
 
 /// Deviation per wrench: rows [EX EY EZ | EA EB EC] in mm and rad, columns [FX FY FZ | MX MY MZ] in
-/// N and N mm. A physical one is symmetric and has no negative eigenvalue.
+/// N and N mm. A physical compliance is symmetric and has no negative eigenvalue.
 using Compliance = Eigen::Matrix<double, 6, 6>;
 
 /// Checks a compliance.
-/// @throws std::invalid_argument beginning with `what` unless C is finite, and symmetric and
-///         without a negative eigenvalue to 1e-9 of its largest scaled entry (scaled: lengths by
-///         100 mm)
-void validate(const Compliance& C, const std::string& what);
+/// @throws std::invalid_argument beginning with `name` unless C is finite, and symmetric and
+///         without a negative eigenvalue to 1e-9 of its largest entry, after rotations are scaled
+///         to translations at a distance of 100 mm
+void validate(const Compliance& C, const std::string& name);
 
-/// A round section of a tool or holder.
+/// A section of constant diameter of a tool or holder.
 struct CantileverSection {
   double length = 0.0;            ///< mm, > 0
   double diameter = 0.0;          ///< mm, > 0; for a fluted section its effective diameter
@@ -35,9 +35,9 @@ struct CantileverSection {
 
 /// Returns the compliance at the free end of slender round sections, clamped at the far end of the
 /// last one, in frame t: z from the free end to the clamp. Bending after Euler and Bernoulli,
-/// stretch and torsion along the axis; shear is neglected (it adds about 0.6 (d/L)^2 of the bending
-/// for a round carbide bar). A load at height a above the free end, given as a wrench at the free
-/// end, has an error at the free end of at most F a^3 / (6 E I).
+/// elongation and torsion along the axis; shear is neglected (it adds about 0.6 (d/L)^2 of the
+/// bending for a round carbide bar). If a load at height a above the free end is given as a wrench
+/// at the free end, the error there is at most F a^3 / (6 E I).
 /// @param sections  from the free end to the clamp, at least one
 /// @throws std::invalid_argument naming the section and the number that is not physical
 Compliance stepped_cantilever(std::span<const CantileverSection> sections);
@@ -67,24 +67,27 @@ struct WorkpieceField {  ///< nodes of the surface from a finite-element program
 using WorkpieceCompliance = std::variant<WorkpieceBar, WorkpiecePlate, WorkpieceField>;
 
 /// Checks a workpiece compliance.
-/// @throws std::invalid_argument naming the quantity that is not physical, or the node of a field,
+/// @throws std::invalid_argument naming the quantity that is not physical or the node of a field,
 ///         counted from 1; the compliance of a node must be symmetric and not negative to 1e-6 of
 ///         its largest entry, which covers the residual of an iterative solver
-void validate(const WorkpieceCompliance& part);
+void validate(const WorkpieceCompliance& workpiece);
 
 /// Returns the displacement of the surface at a point per force at it, (3 x 3) mm/N, workpiece
 /// frame.
 /// A bar and a plate deflect only across themselves and only beyond the clamp; beyond the free end
 /// they deflect as at the free end. The plate is an endless cantilever plate under a point load
-/// (Kirchhoff; at the free edge 0.1665 c^2 / D for nu = 0.3, for which Jaramillo 1950 prints
-/// 0.168). A field is averaged over its four nearest nodes at distances d with weights (1/d -
-/// 1/d5)^2, d5 the distance of the fifth, so that it is continuous where the neighbours change.
-/// NaN for a point that is not finite. For single calls: it integrates the plate (50 us) and
-/// searches the whole field. See PreparedWorkpiece.
-Eigen::Matrix3d local_compliance(const WorkpieceCompliance& part, const Eigen::Vector3d& point_w);
+/// (Kirchhoff; at the free edge 0.1665 c^2 / D for nu = 0.3, where Jaramillo 1950 gives 0.168). A
+/// field is averaged over its four nearest nodes at distances d with weights (1/d - 1/d5)^2, d5 the
+/// distance of the fifth, so that it is continuous where the neighbours change. NaN for a point
+/// that is not finite. For single calls, since it integrates the plate (50 us) and searches the
+/// whole field; for many calls see PreparedWorkpiece.
+Eigen::Matrix3d local_compliance(const WorkpieceCompliance& workpiece,
+                                 const Eigen::Vector3d& point_w);
 
-/// Returns the compliance of an endless cantilever plate under a point load at height s c above its
-/// foot, in units of c^2/D, to 1e-9 relative and 1e-17 absolute. @param s  0 .. 1
+/// Returns the compliance of an endless cantilever plate of height c and flexural rigidity D under
+/// a point load at height s c above its foot, in units of c^2/D, to 1e-9 relative and 1e-17
+/// absolute.
+/// @param s  0 .. 1
 double cantilever_plate(double s, double poisson_ratio);
 
 /// A field with a k-d tree over its nodes.
@@ -103,11 +106,12 @@ struct PlateTable {
 using PreparedWorkpiece = std::variant<WorkpieceBar, PlateTable, IndexedField>;
 
 /// Returns the prepared compliance. @throws std::invalid_argument as `validate`
-PreparedWorkpiece prepare(const WorkpieceCompliance& part);
+PreparedWorkpiece prepare(const WorkpieceCompliance& workpiece);
 
 /// Returns the same as for the original compliance: bar and field bit for bit, the plate within
 /// 1e-6 of its value; 2 us in a field of 100 000 nodes.
-Eigen::Matrix3d local_compliance(const PreparedWorkpiece& part, const Eigen::Vector3d& point_w);
+Eigen::Matrix3d local_compliance(const PreparedWorkpiece& workpiece,
+                                 const Eigen::Vector3d& point_w);
 
 inline constexpr std::size_t max_field_bytes = std::size_t(64) << 20;
 
@@ -118,16 +122,16 @@ inline constexpr std::size_t max_field_bytes = std::size_t(64) << 20;
 /// @throws BadInput, also beyond max_field_bytes
 WorkpieceField read_compliance_field(std::string_view text, const std::string& file);
 
-/// Returns the typical distance of neighbouring nodes of a field: the median over up to 1000 of
-/// them, mm; 0 for one node.
+/// Returns the typical distance between neighbouring nodes of a field: the median over up to 1000
+/// nodes, mm; 0 if the field has one node.
 double node_spacing(const WorkpieceField& field);
 
-/// Returns the largest distance from a point to the nearest node of a field, mm; a large one
-/// reveals a field of another mesh. 0 without points.
+/// Returns the largest distance from any of the points to its nearest node of a field, mm; 0 if
+/// there are no points. A large distance reveals a field of another mesh.
 double coverage(const WorkpieceField& field,
                 const Eigen::Matrix<double, Eigen::Dynamic, 3, Eigen::RowMajor>& points_w);
 
-/// A moving mass, for gravity and inertia, as a point mass.
+/// A moving point mass, for gravity and inertia.
 struct MovingMass {
   char axis = 'X';                                     ///< carriage that carries it; 'S' as for
                                                        ///< elements, 't' the tool, 'w' the part
@@ -135,11 +139,12 @@ struct MovingMass {
   Eigen::Vector3d centre_b = Eigen::Vector3d::Zero();  ///< mm, bed frame, axes at zero
 };
 
-/// Compliances and masses of a machine.
+/// Compliance of one joint.
 struct JointCompliance {
   char axis = 'X';                    ///< letter of the joint; 'S' as for elements
   Compliance C = Compliance::Zero();  ///< at the joint's point, along its deviation axes
 };
+/// Compliances and masses of a machine.
 struct ComplianceErrors {
   std::vector<JointCompliance> joints;
   Compliance tool = Compliance::Zero();     ///< nose to tip, at the tip in frame t
@@ -155,7 +160,7 @@ struct ComplianceErrors {
                                                                ///< loads the fixture alone
 };
 
-/// The compliance errors bound to the nominal chain. Immutable: made by `bind`.
+/// The compliance errors bound to the nominal chain. Immutable; created by `bind`.
 struct ComplianceModel {
   kinematics::Chain nominal;
   std::vector<Compliance> joints;  ///< (chain size) zero where stiff
@@ -180,7 +185,7 @@ struct ComplianceModel {
 ///         twice, a compliance that is not physical, a negative mass, a number that is not finite
 ComplianceModel bind(const ComplianceErrors& errors, const kinematics::Chain& nominal);
 
-/// Load on the machine at an instant.
+/// Load on the machine at an instant of the cut.
 struct Load {
   kinematics::Wrench on_tool_t = kinematics::Wrench::Zero();  ///< cutting wrench on the tool at the
                                                               ///< tip, frame t
@@ -198,13 +203,13 @@ struct ForceDeviations {
 
 /// Returns the pose T_wt of the tool in the part under deviations of joints, part and tool.
 kinematics::Pose tool_in_workpiece(const kinematics::Chain& chain, const kinematics::AxisVector& q,
-                                   const ForceDeviations& all);
+                                   const ForceDeviations& deviations);
 
 /// Returns the deviations under a load. Every joint deflects by C J^T W, J the motion Jacobian of
-/// the nominal chain, so the workpiece side takes the reaction and moves the other way. The change
-/// of lever arms by the deviations is neglected, of second order (20 um on 200 mm: 1e-4 of the
-/// force part). A mass loads every joint between it and the bed by its weight and by -m a; terms of
-/// its acceleration that are quadratic in speed are neglected.
+/// the nominal chain, so the workpiece side takes the reaction and moves in the opposite direction.
+/// The change of lever arms by the deviations is of second order and neglected (20 um on 200 mm:
+/// 1e-4 of the deviations). A mass loads every joint between it and the bed by its weight and by
+/// -m a; terms of its acceleration that are quadratic in speed are neglected.
 ForceDeviations deviations(const ComplianceModel& model, const kinematics::AxisState& state,
                            const Load& load);
 

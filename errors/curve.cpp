@@ -16,7 +16,7 @@ namespace {
 using Eigen::Index;
 using Eigen::VectorXd;
 
-/// The part of the state that a curve uses: its own argument, and the direction in that argument.
+/// The state as a curve uses it: its argument, and the direction in terms of that argument.
 struct CurveInput {
   double q = 0.0;
   int direction = 0;
@@ -33,11 +33,12 @@ CurveInput curve_input(const Curve& curve, const CurveState& state) {
 
 // Tables
 
-struct Piece {
-  Index i = 0;        ///< between rows i and i + 1
-  double h = 1.0;     ///< distance of the rows
-  double t = 0.0;     ///< 0 at row i, 1 at row i + 1
-  bool held = false;  ///< outside the table, which holds its last value
+/// Position within a table: the segment between two rows.
+struct TableSegment {
+  Index i = 0;              ///< between rows i and i + 1
+  double h = 1.0;           ///< distance of the rows
+  double t = 0.0;           ///< 0 at row i, 1 at row i + 1
+  bool is_outside = false;  ///< beyond the ends, where the last value holds
 };
 
 [[noreturn]] void throw_position_error(const Table& table, double q) {
@@ -47,7 +48,8 @@ struct Piece {
 
 Index row_before(const VectorXd& q, double x) {
   const Index last = q.size() - 2;
-  // Most tables are evenly spaced: guess the row, and search only where the guess is wrong.
+  // Most tables are evenly spaced, so the row is estimated first and searched only if the estimate
+  // is wrong.
   const double guess = (x - q[0]) / (q[last + 1] - q[0]) * double(last + 1);
   const Index i = std::clamp<Index>(Index(guess), 0, last);
   if (q[i] <= x && (i == last || x < q[i + 1])) return i;
@@ -55,13 +57,13 @@ Index row_before(const VectorXd& q, double x) {
   return std::clamp<Index>(above - 1, 0, last);
 }
 
-Piece piece(const Table& table, double q) {
+TableSegment table_segment(const Table& table, double q) {
   const double low = table.q[0];
   const double high = table.q[table.q.size() - 1];
-  Piece p;
+  TableSegment p;
   if (!(q >= low && q <= high)) {
     if (table.outside == Outside::Refuse || std::isnan(q)) throw_position_error(table, q);
-    p.held = true;
+    p.is_outside = true;
     q = std::clamp(q, low, high);
   }
   p.i = row_before(table.q, q);
@@ -70,8 +72,8 @@ Piece piece(const Table& table, double q) {
   return p;
 }
 
-double height(const Table& table, double q) {
-  const Piece p = piece(table, q);
+double shape_value(const Table& table, double q) {
+  const TableSegment p = table_segment(table, q);
   const double b = p.t;
   const double a = 1.0 - b;  // this form is exact at both rows
   const double line = a * table.value[p.i] + b * table.value[p.i + 1];
@@ -80,9 +82,9 @@ double height(const Table& table, double q) {
                     (p.h * p.h / 6.0);
 }
 
-double rise(const Table& table, double q) {
-  const Piece p = piece(table, q);
-  if (p.held) return 0.0;
+double shape_slope(const Table& table, double q) {
+  const TableSegment p = table_segment(table, q);
+  if (p.is_outside) return 0.0;
   const double chord = (table.value[p.i + 1] - table.value[p.i]) / p.h;
   if (table.between == Between::Linear) return chord;
   const double b = p.t;
@@ -99,12 +101,13 @@ VectorXd natural_spline(const VectorXd& q, const VectorXd& y) {
   VectorXd second = VectorXd::Zero(n);
   VectorXd upper = VectorXd::Zero(n);
   for (Index i = 1; i + 1 < n; ++i) {
-    const double before = q[i] - q[i - 1];
-    const double after = q[i + 1] - q[i];
-    const double bend = (y[i + 1] - y[i]) / after - (y[i] - y[i - 1]) / before;
-    const double pivot = 2.0 * (before + after) - before * upper[i - 1];
-    upper[i] = after / pivot;
-    second[i] = (6.0 * bend - before * second[i - 1]) / pivot;
+    const double width_before = q[i] - q[i - 1];
+    const double width_after = q[i + 1] - q[i];
+    const double second_difference =
+        (y[i + 1] - y[i]) / width_after - (y[i] - y[i - 1]) / width_before;
+    const double pivot = 2.0 * (width_before + width_after) - width_before * upper[i - 1];
+    upper[i] = width_after / pivot;
+    second[i] = (6.0 * second_difference - width_before * second[i - 1]) / pivot;
   }
   for (Index i = n - 2; i >= 1; --i) second[i] -= upper[i] * second[i + 1];
   return second;
@@ -112,84 +115,90 @@ VectorXd natural_spline(const VectorXd& q, const VectorXd& y) {
 
 // Shapes
 
-double height(const Constant& shape, const CurveInput&) { return shape.value; }
-double rise(const Constant&, const CurveInput&) { return 0.0; }
+double shape_value(const Constant& shape, const CurveInput&) { return shape.value; }
+double shape_slope(const Constant&, const CurveInput&) { return 0.0; }
 
-double height(const Polynomial& shape, const CurveInput& seen) {
-  const double t = (seen.q - shape.centre) / shape.half_range;
+double shape_value(const Polynomial& shape, const CurveInput& input) {
+  const double t = (input.q - shape.centre) / shape.half_range;
   // Horner's scheme.
   double sum = 0.0;
   for (Index k = shape.c.size() - 1; k >= 0; --k) sum = sum * t + shape.c[k];
   return sum;
 }
 
-double rise(const Polynomial& shape, const CurveInput& seen) {
-  const double t = (seen.q - shape.centre) / shape.half_range;
+double shape_slope(const Polynomial& shape, const CurveInput& input) {
+  const double t = (input.q - shape.centre) / shape.half_range;
   double sum = 0.0;
   for (Index k = shape.c.size() - 1; k >= 1; --k) sum = sum * t + double(k) * shape.c[k];
   return sum / shape.half_range;
 }
 
-double height(const Legendre& shape, const CurveInput& seen) {
-  LegendreRecurrence at{(seen.q - shape.centre) / shape.half_range};
+double shape_value(const Legendre& shape, const CurveInput& input) {
+  LegendreRecurrence recurrence{(input.q - shape.centre) / shape.half_range};
   double sum = 0.0;
-  for (Index k = 0; k < shape.c.size(); ++k, at.next()) sum += shape.c[k] * at.P;
+  for (Index k = 0; k < shape.c.size(); ++k, recurrence.next()) sum += shape.c[k] * recurrence.P;
   return sum;
 }
 
-double rise(const Legendre& shape, const CurveInput& seen) {
-  LegendreRecurrence at{(seen.q - shape.centre) / shape.half_range};
+double shape_slope(const Legendre& shape, const CurveInput& input) {
+  LegendreRecurrence recurrence{(input.q - shape.centre) / shape.half_range};
   double sum = 0.0;
   double slope_before = 0.0;
   double slope_P = 0.0;
-  for (Index k = 0; k < shape.c.size(); ++k, at.next()) {
+  for (Index k = 0; k < shape.c.size(); ++k, recurrence.next()) {
     sum += shape.c[k] * slope_P;
     // P'_{k+1} = P'_{k-1} + (2 k + 1) P_k, so the derivatives need no division by 1 - t^2 at the
     // ends.
-    const double slope_next = slope_before + double(2 * k + 1) * at.P;
+    const double slope_next = slope_before + double(2 * k + 1) * recurrence.P;
     slope_before = slope_P;
     slope_P = slope_next;
   }
   return sum / shape.half_range;
 }
 
-double height(const Fourier& shape, const CurveInput& seen) {
-  HarmonicRecurrence h(2.0 * std::numbers::pi * (seen.q / shape.period));
+double shape_value(const Fourier& shape, const CurveInput& input) {
+  HarmonicRecurrence h(2.0 * std::numbers::pi * (input.q / shape.period));
   double sum = 0.0;
   for (Index k = 0; k < shape.a.size(); ++k, h.next()) sum += shape.a[k] * h.c + shape.b[k] * h.s;
   return sum;
 }
 
-double rise(const Fourier& shape, const CurveInput& seen) {
+double shape_slope(const Fourier& shape, const CurveInput& input) {
   const double rate = 2.0 * std::numbers::pi / shape.period;
-  HarmonicRecurrence h(2.0 * std::numbers::pi * (seen.q / shape.period));
+  HarmonicRecurrence h(2.0 * std::numbers::pi * (input.q / shape.period));
   double sum = 0.0;
   for (Index k = 0; k < shape.a.size(); ++k, h.next())
     sum += double(k + 1) * rate * (shape.b[k] * h.c - shape.a[k] * h.s);
   return sum;
 }
 
-double height(const Table& shape, const CurveInput& seen) { return height(shape, seen.q); }
-double rise(const Table& shape, const CurveInput& seen) { return rise(shape, seen.q); }
-
-double height(const Backlash& shape, const CurveInput& seen) { return shape.half * seen.direction; }
-double rise(const Backlash&, const CurveInput&) { return 0.0; }
-
-double height(const DirectionalTables& shape, const CurveInput& seen) {
-  if (seen.direction > 0) return height(shape.up, seen.q);
-  if (seen.direction < 0) return height(shape.down, seen.q);
-  return 0.5 * (height(shape.up, seen.q) + height(shape.down, seen.q));
+double shape_value(const Table& shape, const CurveInput& input) {
+  return shape_value(shape, input.q);
+}
+double shape_slope(const Table& shape, const CurveInput& input) {
+  return shape_slope(shape, input.q);
 }
 
-double rise(const DirectionalTables& shape, const CurveInput& seen) {
-  if (seen.direction > 0) return rise(shape.up, seen.q);
-  if (seen.direction < 0) return rise(shape.down, seen.q);
-  return 0.5 * (rise(shape.up, seen.q) + rise(shape.down, seen.q));
+double shape_value(const Backlash& shape, const CurveInput& input) {
+  return shape.half * input.direction;
+}
+double shape_slope(const Backlash&, const CurveInput&) { return 0.0; }
+
+double shape_value(const DirectionalTables& shape, const CurveInput& input) {
+  if (input.direction > 0) return shape_value(shape.up, input.q);
+  if (input.direction < 0) return shape_value(shape.down, input.q);
+  return 0.5 * (shape_value(shape.up, input.q) + shape_value(shape.down, input.q));
+}
+
+double shape_slope(const DirectionalTables& shape, const CurveInput& input) {
+  if (input.direction > 0) return shape_slope(shape.up, input.q);
+  if (input.direction < 0) return shape_slope(shape.down, input.q);
+  return 0.5 * (shape_slope(shape.up, input.q) + shape_slope(shape.down, input.q));
 }
 
 // Asynchronous error motion
 
-constexpr int waves = 32;
+constexpr int wave_count = 32;
 
 struct Wave {
   double order = 0.0;  ///< per rad of the spindle's angle: cosines per turn
@@ -198,53 +207,53 @@ struct Wave {
 
 double uniform(std::uint64_t seed, std::uint64_t counter);
 
-/// Returns wave k of a stream. Its order is uniform within its own part of the range, but never a
-/// whole number: that would repeat every turn and be synchronous.
+/// Returns wave k of a stream. Its order is uniform within its own part of the range but never a
+/// whole number, which would repeat every turn and thus be synchronous.
 Wave wave(const Asynchronous& shape, int k) {
-  const double width = (shape.highest_order - shape.lowest_order) / waves;
-  const double clear = std::min(0.02 * width, 0.02);  // distance from whole numbers
+  const double width = (shape.highest_order - shape.lowest_order) / wave_count;
+  const double clearance = std::min(0.02 * width, 0.02);  // distance from whole numbers
   std::uint64_t counter = std::uint64_t(k) << 32;
   const double phase = 2.0 * std::numbers::pi * uniform(shape.seed, counter);
   for (;;) {  // 1.05 attempts on average
-    // a gap between the parts, so that no two orders coincide
+    // 0.1 .. 0.9 leaves a gap between the parts, so that no two orders coincide.
     const double in_part = 0.1 + 0.8 * uniform(shape.seed, ++counter);
     const double order = shape.lowest_order + width * (k + in_part);
-    if (std::abs(order - std::round(order)) > clear) return {order, phase};
+    if (std::abs(order - std::round(order)) > clearance) return {order, phase};
   }
 }
 
-// The mean square of a cosine is 1/2, and those of different orders add up.
-double amplitude(const Asynchronous& shape) { return shape.rms * std::sqrt(2.0 / waves); }
+// The mean square of a cosine is 1/2, and the mean squares of different orders add up.
+double amplitude(const Asynchronous& shape) { return shape.rms * std::sqrt(2.0 / wave_count); }
 
-double height(const Asynchronous& shape, const CurveInput& seen) {
+double shape_value(const Asynchronous& shape, const CurveInput& input) {
   double sum = 0.0;
-  for (int k = 0; k < waves; ++k) {
+  for (int k = 0; k < wave_count; ++k) {
     const Wave w = wave(shape, k);
-    sum += std::cos(w.order * seen.q + w.phase);
+    sum += std::cos(w.order * input.q + w.phase);
   }
   return amplitude(shape) * sum;
 }
 
-double rise(const Asynchronous& shape, const CurveInput& seen) {
+double shape_slope(const Asynchronous& shape, const CurveInput& input) {
   double sum = 0.0;
-  for (int k = 0; k < waves; ++k) {
+  for (int k = 0; k < wave_count; ++k) {
     const Wave w = wave(shape, k);
-    sum -= w.order * std::sin(w.order * seen.q + w.phase);
+    sum -= w.order * std::sin(w.order * input.q + w.phase);
   }
   return amplitude(shape) * sum;
 }
 
 // Repeatability: one draw per stroke
 
-double height(const Repeatability& shape, const CurveInput& seen) {
-  return shape.sigma * normal_deviate(shape.seed, std::uint32_t(seen.stroke));
+double shape_value(const Repeatability& shape, const CurveInput& input) {
+  return shape.sigma * normal_deviate(shape.seed, std::uint32_t(input.stroke));
 }
-double rise(const Repeatability&, const CurveInput&) { return 0.0; }
+double shape_slope(const Repeatability&, const CurveInput&) { return 0.0; }
 
 // Validity of shapes
 
-void expect(bool holds, const char* what) {
-  if (!holds) throw std::invalid_argument(fmt::format("expected {}", what));
+void expect(bool holds, const char* expected) {
+  if (!holds) throw std::invalid_argument(fmt::format("expected {}", expected));
 }
 
 void check(const Table& table) {
@@ -298,20 +307,20 @@ void check(const Asynchronous& shape) {
 
 // Bounds of the second derivative
 
-double bend_of(const Fourier& shape) {
+double max_second_derivative(const Fourier& shape) {
   const double rate = 2.0 * std::numbers::pi / shape.period;
   double sum = 0.0;
   for (Index k = 0; k < shape.a.size(); ++k)
     sum += double((k + 1) * (k + 1)) * rate * rate * std::hypot(shape.a[k], shape.b[k]);
   return sum;
 }
-double bend_of(const Asynchronous& shape) {
+double max_second_derivative(const Asynchronous& shape) {
   double sum = 0.0;
-  for (int k = 0; k < waves; ++k) sum += std::pow(wave(shape, k).order, 2);
+  for (int k = 0; k < wave_count; ++k) sum += std::pow(wave(shape, k).order, 2);
   return amplitude(shape) * sum;
 }
 template <typename Other>
-double bend_of(const Other&) {
+double max_second_derivative(const Other&) {
   return 0.0;
 }
 
@@ -345,7 +354,7 @@ double portable_log(double x) {
 
 double normal_deviate(std::uint64_t seed, std::uint64_t counter) {
   std::uint64_t bits = split_mix::stream(seed, counter);
-  for (;;) {  // polar method (Marsaglia): a point of the unit disc; 1.27 attempts on average
+  for (;;) {  // polar method (Marsaglia): a point in the unit disc; 1.27 attempts on average
     const double u = symmetric_uniform(split_mix::mixed(bits += split_mix::golden));
     const double v = symmetric_uniform(split_mix::mixed(bits += split_mix::golden));
     const double s = u * u + v * v;
@@ -354,14 +363,15 @@ double normal_deviate(std::uint64_t seed, std::uint64_t counter) {
 }
 
 double value(const Curve& curve, const CurveState& state) {
-  const CurveInput seen = curve_input(curve, state);
-  return factor(curve) * std::visit([&](const auto& s) { return height(s, seen); }, curve.shape);
+  const CurveInput input = curve_input(curve, state);
+  return factor(curve) *
+         std::visit([&](const auto& s) { return shape_value(s, input); }, curve.shape);
 }
 
 double slope(const Curve& curve, const CurveState& state) {
-  const CurveInput seen = curve_input(curve, state);
-  return factor(curve) * seen.per_command *
-         std::visit([&](const auto& s) { return rise(s, seen); }, curve.shape);
+  const CurveInput input = curve_input(curve, state);
+  return factor(curve) * input.per_command *
+         std::visit([&](const auto& s) { return shape_slope(s, input); }, curve.shape);
 }
 
 void validate(const Curve& curve) {
@@ -396,7 +406,8 @@ DetrendedTable detrend(const Table& table, Detrend how) {
 }
 
 double max_bend(const Curve& curve) {
-  return std::abs(curve.scale) * std::visit([](const auto& s) { return bend_of(s); }, curve.shape);
+  return std::abs(curve.scale) *
+         std::visit([](const auto& s) { return max_second_derivative(s); }, curve.shape);
 }
 
 bool is_random(const Curve& curve) {
@@ -414,12 +425,12 @@ std::vector<double> series_coefficients(const Curve& curve) {
   if (const auto* legendre = std::get_if<Legendre>(&curve.shape))
     return {legendre->c.begin(), legendre->c.end()};
   const auto& fourier = std::get<Fourier>(curve.shape);
-  std::vector<double> all;
+  std::vector<double> coefficients;
   for (Eigen::Index k = 0; k < fourier.a.size(); ++k) {
-    all.push_back(fourier.a[k]);
-    all.push_back(fourier.b[k]);
+    coefficients.push_back(fourier.a[k]);
+    coefficients.push_back(fourier.b[k]);
   }
-  return all;
+  return coefficients;
 }
 
 }  // namespace
@@ -450,13 +461,13 @@ std::optional<SeriesBasis> basis_of(const Curve& curve) {
 }
 
 int add(const Curve& curve, SeriesGroup& group) {
-  const std::vector<double> own = series_coefficients(curve);
-  // Coefficients are stored function by function, `SeriesGroup::most` side by side, so that one
-  // basis value multiplies a contiguous row (SIMD).
-  group.basis.functions = std::max(group.basis.functions, int(own.size()));
-  group.coefficients.resize(std::size_t(group.basis.functions * SeriesGroup::most), 0.0);
-  for (std::size_t k = 0; k < own.size(); ++k)
-    group.coefficients[k * SeriesGroup::most + std::size_t(group.count)] = own[k];
+  const std::vector<double> coefficients = series_coefficients(curve);
+  // Coefficients are stored function by function, in rows of `SeriesGroup::max_series`, so that
+  // each basis value multiplies a contiguous row (SIMD).
+  group.basis.functions = std::max(group.basis.functions, int(coefficients.size()));
+  group.coefficients.resize(std::size_t(group.basis.functions * SeriesGroup::max_series), 0.0);
+  for (std::size_t k = 0; k < coefficients.size(); ++k)
+    group.coefficients[k * SeriesGroup::max_series + std::size_t(group.count)] = coefficients[k];
   return group.count++;
 }
 
@@ -465,19 +476,20 @@ SeriesGroup::Sums sums(const SeriesGroup& group, const CurveState& state) {
   const double q = basis.argument == Argument::Command ? state.command : state.carriage;
   const double* c = group.coefficients.data();
   const double* const end = c + group.coefficients.size();
-  constexpr std::size_t most = SeriesGroup::most;
+  constexpr std::size_t max_series = SeriesGroup::max_series;
   SeriesGroup::Sums sum{};
   if (basis.kind == SeriesBasis::Kind::Legendre) {
-    LegendreRecurrence at{(q - basis.centre) / basis.range};
+    LegendreRecurrence recurrence{(q - basis.centre) / basis.range};
     while (c != end) {
-      for (std::size_t i = 0; i < most; ++i) sum[i] += c[i] * at.P;
-      if ((c += most) != end) at.next();
+      for (std::size_t i = 0; i < max_series; ++i) sum[i] += c[i] * recurrence.P;
+      if ((c += max_series) != end) recurrence.next();
     }
   } else {
-    HarmonicRecurrence at(2.0 * std::numbers::pi * (q / basis.range));
+    HarmonicRecurrence recurrence(2.0 * std::numbers::pi * (q / basis.range));
     while (c != end) {
-      for (std::size_t i = 0; i < most; ++i) sum[i] += c[i] * at.c + c[most + i] * at.s;
-      if ((c += 2 * most) != end) at.next();
+      for (std::size_t i = 0; i < max_series; ++i)
+        sum[i] += c[i] * recurrence.c + c[max_series + i] * recurrence.s;
+      if ((c += 2 * max_series) != end) recurrence.next();
     }
   }
   return sum;

@@ -17,12 +17,13 @@ struct CurveState {
   double carriage = 0.0;  ///< mm or rad, travel of the carriage itself: -command on a primed axis
   int direction = 0;      ///< of the command: +1 up, -1 down, 0 before the first motion
   int stroke = 0;         ///< number of reversals so far
-  bool primed = false;    ///< the carriage moves against the command
+  bool primed = false;    ///< the carriage moves opposite to the command
 };
 
 // Shapes. Every shape holds plain numbers, mm or rad, and q is its argument; "up" is the direction
 // in which q grows. Polynomial, Legendre and Fourier extend beyond their range; only a table ends.
 
+/// A value that does not depend on q.
 struct Constant {
   double value = 0.0;
 };
@@ -54,8 +55,8 @@ struct Table {
   Eigen::VectorXd second;  ///< (n) second derivatives of the spline, set by `make_table`
 };
 /// Reversal error: +half while moving up, -half while moving down, 0 before the first motion. A
-/// lagging carriage has half < 0 on the tool side and, as "up" refers to the command, half > 0 if
-/// primed.
+/// lagging carriage has half < 0 on the tool side and half > 0 if primed, since "up" refers to the
+/// command.
 struct Backlash {
   double half = 0.0;
 };
@@ -64,16 +65,17 @@ struct DirectionalTables {
   Table up;
   Table down;
 };
-/// Repeatability: one normal deviate for every stroke (between two reversals), from a seed. No
-/// belief knows it. Curves of equal seed move together.
+/// Repeatability: one normal deviate for every stroke (between two reversals), from a seed. It is
+/// never part of a belief. Curves with the same seed have the same deviates.
 struct Repeatability {
   double sigma = 0.0;  ///< >= 0
   std::uint64_t seed = 0;
 };
 /// Asynchronous error motion of a spindle over its own angle (q in rad, unwrapped): 32 cosines of
-/// equal amplitude, their orders drawn from a seed in equal parts of the range and away from whole
-/// numbers, their phases random. Equal at equal angles, never repeating. No belief knows it. Over n
-/// turns its mean square is rms^2 to 200 / (n (highest - lowest)) of it.
+/// equal amplitude and random phase. A seed determines their orders, one in each of 32 equal parts
+/// of the range and none near a whole number. Equal at equal angles, never repeating, and never
+/// part of a belief. Over n turns the mean square equals rms^2 within the fraction 200 / (n
+/// (highest - lowest)).
 struct Asynchronous {
   double rms = 0.0;  ///< >= 0
   std::uint64_t seed = 0;
@@ -85,7 +87,7 @@ using Shape = std::variant<Constant, Polynomial, Legendre, Fourier, Table, Backl
 
 enum class Argument { Command, Carriage };
 
-/// A named contribution to an element.
+/// A named contribution to an error element.
 struct Curve {
   Shape shape;
   std::string name = {};  ///< for reports: "screw pitch", "laser run 3"; may be empty
@@ -119,7 +121,7 @@ enum class Detrend {
   Ends,          ///< line through the first and last row
   LeastSquares,  ///< least-squares line
 };
-/// A table without its line, and the slope of that line, which belongs to the squareness.
+/// A table without its line, and the line; its slope belongs to the squareness.
 struct DetrendedTable {
   Table table;
   double slope = 0.0;   ///< per mm or rad of q
@@ -128,12 +130,12 @@ struct DetrendedTable {
 DetrendedTable detrend(const Table& table, Detrend how);
 
 /// Returns a bound of the second derivative of harmonics (Fourier and asynchronous) with respect to
-/// the argument, per mm^2 or rad^2: sampled in steps d, linear interpolation misses the curve by at
-/// most that bound times d^2 / 8. 0 for every other shape.
+/// the argument, per mm^2 or rad^2; 0 for every other shape. If the curve is sampled in steps d,
+/// the error of linear interpolation is at most the bound times d^2 / 8.
 double max_bend(const Curve& curve);
 
-/// Returns true if the curve is random. A curve that depends only on the direction of approach is
-/// not: a backlash can be known.
+/// Returns true if the curve is random. A curve that depends on the direction of approach, such as
+/// backlash, is not random: it can be identified.
 bool is_random(const Curve& curve);
 
 /// Returns standard normal deviate number `counter` of the stream `seed`: a hash of both, with the
@@ -188,27 +190,29 @@ struct SeriesBasis {
   bool shares(const SeriesBasis& other) const;
 };
 
-/// Returns the basis of a curve; empty for another shape or a series with more than max_functions.
+/// Returns the basis of a Legendre or Fourier series; empty for another shape or a series of more
+/// than max_functions.
 std::optional<SeriesBasis> basis_of(const Curve& curve);
 
 /// Series of one basis, evaluated together.
 struct SeriesGroup {
-  static constexpr int most = 8;
-  using Sums = std::array<double, most>;
+  static constexpr int max_series = 8;
+  using Sums = std::array<double, max_series>;
 
   SeriesBasis basis;
   int count = 0;
   std::vector<double> coefficients = {};  ///< (functions x most), function by function
 };
 
-/// Adds a curve of the group's basis to a group that is not full. @return its position in the group
+/// Adds a curve of the same basis to a group that is not full.
+/// @return index of the series in the group
 int add(const Curve& curve, SeriesGroup& group);
 
 /// Returns the sum of every series, bit for bit as `value` of its curve with a scale of 1, not
 /// negated.
 SeriesGroup::Sums sums(const SeriesGroup& group, const CurveState& state);
 
-/// Returns the factor of the shape: the scale, with the sign of the source.
+/// Returns the factor of the shape: the scale, negative if the curve is negated.
 double factor(const Curve& curve);
 
 }  // namespace abbe::errors

@@ -18,7 +18,7 @@ constexpr std::string_view directions = "XYZABC";
 constexpr std::string_view axes = "XYZUVWABCS";
 
 /// Returns text from a file in quotes, shortened to 40 characters, non-printable ones as '?'.
-std::string shown(std::string_view text) {
+std::string quoted(std::string_view text) {
   std::string result = "'";
   for (const char c : text.substr(0, 40)) result += c >= ' ' && c <= '~' ? c : '?';
   return result + (text.size() > 40 ? "...'" : "'");
@@ -28,19 +28,19 @@ std::string shown(std::string_view text) {
 
 ElementName parse_element_name(std::string_view text) {
   const bool is_long = !text.empty() && text.front() == 'E';
-  const std::string_view rest = is_long ? text.substr(1) : text;
+  const std::string_view letters = is_long ? text.substr(1) : text;
   // The zero of EC0Y marks a location error.
-  const bool location = rest.size() == 3 && rest[1] == '0';
+  const bool location = letters.size() == 3 && letters[1] == '0';
   // Vendors omit the E of location errors only: "C0Y", but not "XX".
-  const bool fits = location || (is_long && rest.size() == 2);
-  if (!fits || directions.find(rest.front()) == std::string_view::npos ||
-      axes.find(rest.back()) == std::string_view::npos) {
+  const bool has_valid_length = location || (is_long && letters.size() == 2);
+  if (!has_valid_length || directions.find(letters.front()) == std::string_view::npos ||
+      axes.find(letters.back()) == std::string_view::npos) {
     throw std::invalid_argument(
         "expected an element name: E, direction (X Y Z A B C), 0 for a location error, axis "
         "(X Y Z U V W A B C S), such as EYX or EC0Y, seen " +
-        shown(text));
+        quoted(text));
   }
-  return {rest.front(), rest.back(), location};
+  return {letters.front(), letters.back(), location};
 }
 
 std::string to_string(const ElementName& name) {
@@ -51,18 +51,19 @@ void refuse(const std::string& who, const std::string& why) {
   throw std::invalid_argument(who + ": " + why);
 }
 
-void expect_positive(double value, const std::string& who, const char* what) {
+void expect_positive(double value, const std::string& who, const char* quantity) {
   if (!(value > 0.0) || !std::isfinite(value))
-    refuse(who, fmt::format("expected a {} above 0, seen {}", what, value));
+    refuse(who, fmt::format("expected a {} above 0, seen {}", quantity, value));
 }
 
-void expect_not_negative(double value, const std::string& who, const char* what) {
+void expect_not_negative(double value, const std::string& who, const char* quantity) {
   if (!(value >= 0.0) || !std::isfinite(value))
-    refuse(who, fmt::format("expected a {} of 0 or more, seen {}", what, value));
+    refuse(who, fmt::format("expected a {} of 0 or more, seen {}", quantity, value));
 }
 
-void expect_finite(double value, const std::string& who, const char* what) {
-  if (!std::isfinite(value)) refuse(who, fmt::format("expected a finite {}, seen {}", what, value));
+void expect_finite(double value, const std::string& who, const char* quantity) {
+  if (!std::isfinite(value))
+    refuse(who, fmt::format("expected a finite {}, seen {}", quantity, value));
 }
 
 void expect_node(int node, int nodes, const std::string& who) {
@@ -125,10 +126,10 @@ int joint_of(char axis, const kinematics::Chain& chain, const std::string& who) 
   if (const auto joint = chain.find(axis)) return *joint;
   // Descriptions write S for the spindle; a chain names a workpiece spindle S and the nose s.
   if (const auto nose = chain.find('s'); nose && axis == 'S') return *nose;
-  std::string known;
+  std::string axis_letters;
   for (const Joint& joint : chain.joints())
-    known += std::string(known.empty() ? "" : " ") + joint.name;
-  refuse(who, fmt::format("expected an axis of the machine ({}), seen {}", known, axis));
+    axis_letters += std::string(axis_letters.empty() ? "" : " ") + joint.name;
+  refuse(who, fmt::format("expected an axis of the machine ({}), seen {}", axis_letters, axis));
 }
 
 void check_meaning(const ElementName& name, const kinematics::Chain& chain, int joint) {
@@ -148,49 +149,49 @@ std::string meaning(const ElementName& name, const kinematics::Chain& chain, int
   if (!element.reference) return fmt::format("tilt of {} about {}", name.axis, along);
   const Joint& axis = chain.joints()[std::size_t(joint)];
   const Joint& reference = chain.joints()[std::size_t(*element.reference)];
-  // An axis within 45 degrees of its reference is meant to be parallel to it, any other one square
-  // to it.
-  const bool parallel = std::abs(axis.direction_b.dot(reference.direction_b)) > std::sqrt(0.5);
-  return parallel
+  // An axis within 45 degrees of its reference is intended to be parallel to it, any other one
+  // square to it.
+  const bool is_parallel = std::abs(axis.direction_b.dot(reference.direction_b)) > std::sqrt(0.5);
+  return is_parallel
              ? fmt::format("parallelism of {} to {} about {}", name.axis, reference.name, along)
              : fmt::format("squareness of {} to {}", name.axis, reference.name);
 }
 
-// Largest component of the turn about the bed axis along which the slide mainly travels. Such a
+// Maximum component of the rotation about the bed axis along which the slide mainly travels. Such a
 // rotation moves an oblique slide only to second order, and no element expresses it: neglecting it
-// loses up to 4e-4 of the slope.
+// loses at most 4e-4 of the slope.
 constexpr double max_oblique_sine = 0.02;
 
 std::vector<SquarenessContribution> squareness_contributions(
     const ElementName& straightness, double slope, std::span<const kinematics::Joint> joints) {
-  const auto refuse = [&](const char* why) {
+  const auto throw_error = [&](const char* why) {
     throw std::invalid_argument(to_string(straightness) + ": " + why);
   };
   const auto slide = std::find_if(joints.begin(), joints.end(), [&](const auto& joint) {
     return joint.name == straightness.axis && joint.motion == kinematics::Motion::Linear;
   });
   if (slide == joints.end() || straightness.location || straightness.is_angle())
-    refuse("expected a straightness of a slide");
+    throw_error("expected a straightness of a slide");
   // A slope of a straightness rotates the direction of travel about the normal to travel and
   // straightness.
-  const Vector3d turn = slide->direction_b.cross(Vector3d::Unit(straightness.component()));
-  if (turn.norm() < 1e-9) refuse("expected a straightness of a slide");
-  std::vector<SquarenessContribution> shares;
+  const Vector3d rotation = slide->direction_b.cross(Vector3d::Unit(straightness.component()));
+  if (rotation.norm() < 1e-9) throw_error("expected a straightness of a slide");
+  std::vector<SquarenessContribution> contributions;
   for (int i = 0; i < 3; ++i) {
-    if (std::abs(turn[i]) < 1e-12) continue;
+    if (std::abs(rotation[i]) < 1e-12) continue;
     const kinematics::LocationElement element =
         kinematics::location_element(joints, int(slide - joints.begin()), 3 + i);
     const char direction = char('A' + i);
     if (element.defined) {
-      shares.push_back({{direction, slide->name, true}, turn[i] * slope});
+      contributions.push_back({{direction, slide->name, true}, rotation[i] * slope});
     } else if (element.stating_slide) {
-      shares.push_back(
-          {{direction, joints[std::size_t(*element.stating_slide)].name, true}, -turn[i] * slope});
-    } else if (!element.reference || std::abs(turn[i]) > max_oblique_sine) {
-      refuse("its slope is no angle to another slide of this machine");
+      contributions.push_back({{direction, joints[std::size_t(*element.stating_slide)].name, true},
+                               -rotation[i] * slope});
+    } else if (!element.reference || std::abs(rotation[i]) > max_oblique_sine) {
+      throw_error("its slope is no angle to another slide of this machine");
     }
   }
-  return shares;
+  return contributions;
 }
 
 }  // namespace abbe::errors

@@ -8,8 +8,8 @@
 #include "errors/curve.h"
 #include "kinematics/chain.h"
 
-/// Error elements of a machine, named as in ISO 230-1. "Error" always means a deviation of the
-/// machine; a failure of the program is an exception or a status.
+/// Error elements of a machine, named as in ISO 230-1. In this namespace "error" always means a
+/// deviation of the machine; a failure of the program is an exception or a status.
 namespace abbe::errors {
 
 /// Name of an element as in ISO 230-1: E, direction, axis. "EYX" is the deviation of the X axis in
@@ -24,9 +24,9 @@ struct ElementName {
   friend bool operator==(const ElementName&, const ElementName&) = default;
 };
 
-/// Parses "EXX", "EC0Y" and the vendors' short form "C0Y". The first letter of a location error
-/// says about which direction the axis is tilted (A B C) or along which it is offset (X Y Z).
-/// @throws std::invalid_argument that says what was expected and seen
+/// Parses "EXX", "EC0Y" and the vendors' short form "C0Y". The first letter of a location error is
+/// the direction about which the axis is tilted (A B C) or along which it is offset (X Y Z).
+/// @throws std::invalid_argument with what was expected and seen
 ElementName parse_element_name(std::string_view text);
 std::string to_string(const ElementName& name);
 
@@ -37,13 +37,13 @@ struct Element {
 };
 
 // Checks of the numbers in a description of errors. Each throws std::invalid_argument with a
-// message that begins with `who`, the name of what is described.
+// message that begins with `who`, the name of the item to which the number belongs.
 
 [[noreturn]] void refuse(const std::string& who, const std::string& why);
 
-void expect_positive(double value, const std::string& who, const char* what);
-void expect_not_negative(double value, const std::string& who, const char* what);
-void expect_finite(double value, const std::string& who, const char* what);
+void expect_positive(double value, const std::string& who, const char* quantity);
+void expect_not_negative(double value, const std::string& who, const char* quantity);
+void expect_finite(double value, const std::string& who, const char* quantity);
 /// Throws unless `node` is the index of one of the `nodes` nodes of a thermal network.
 void expect_node(int node, int nodes, const std::string& who);
 
@@ -57,9 +57,9 @@ int joint_of(char axis, const kinematics::Chain& chain, const std::string& who);
 
 /// Checks that an element has a meaning for a joint.
 /// @param joint  index of the axis in the chain
-/// @throws std::invalid_argument with the element and the reason if it has none: a tilt of an axis
-///         about itself; an offset of a slide, or of a rotary axis along itself (a constant error
-///         motion expresses both); a squareness that is stated for another slide or has no
+/// @throws std::invalid_argument with the element and the reason if it is meaningless: a tilt of an
+///         axis about itself; an offset of a slide, or of a rotary axis along itself (a constant
+///         error motion expresses both); a squareness that is stated for another slide or has no
 ///         reference slide; the rotation of a spindle about itself
 void check_meaning(const ElementName& name, const kinematics::Chain& chain, int joint);
 
@@ -73,10 +73,10 @@ struct SquarenessContribution {
   double value = 0.0;  ///< rad, to be added to that element
 };
 
-/// Returns the squareness errors equivalent to a slope that `detrend` removes from a straightness:
-/// the slope of EXY tilts Y, which is EC0Y; that of EYX tilts X, which is the same EC0Y with the
-/// opposite sign. There is one contribution for each bed axis about which the slide is tilted,
-/// hence exactly one if the slide lies along a bed axis.
+/// Returns the squareness errors equivalent to a slope that `detrend` removes from a straightness.
+/// The slope of EXY tilts Y and is EC0Y; that of EYX tilts X and is EC0Y with the opposite sign.
+/// There is one contribution for each bed axis about which the slide is tilted, hence exactly one
+/// if the slide lies along a bed axis.
 /// @param slope   per mm of the carriage's own travel (on a primed axis: minus that per command)
 /// @param joints  all joints of the machine
 /// @throws std::invalid_argument unless the element is a straightness of a slide of the machine

@@ -15,8 +15,7 @@
 namespace abbe::errors {
 namespace {
 
-// An axis and its six elements.
-constexpr std::size_t max_cells = 7;
+constexpr std::size_t max_cells = 7;  // an axis and its six elements
 
 /// A name of the header and the unit after its underscore.
 struct HeaderCell {
@@ -32,7 +31,8 @@ HeaderCell header_cell(const Cell& cell) {
 
 bool is_rotary(char axis) { return (axis >= 'A' && axis <= 'C') || axis == 'S'; }
 
-struct Head {
+/// The content of the header line.
+struct TableHeader {
   ElementTable table;         ///< without rows
   std::vector<double> units;  ///< (1 + m) mm or rad per unit of the column
   char separator = ' ';
@@ -43,13 +43,13 @@ class HeaderReader {
  public:
   HeaderReader(const TableLines& lines, const Line& line) : lines_(lines), line_(line) {}
 
-  Head read() {
-    head_.separator = cell_separator(line_.text);
-    const std::vector<Cell> cells = cells_of(line_.text, head_.separator, max_cells);
+  TableHeader read() {
+    header_.separator = cell_separator(line_.text);
+    const std::vector<Cell> cells = cells_of(line_.text, header_.separator, max_cells);
     read_axis(cells.front());
     for (std::size_t i = 1; i < cells.size(); ++i) read_element(cells[i]);
     if (cells.size() < 2) refuse({"", int(line_.text.size()) + 1}, "an element after the axis");
-    return std::move(head_);
+    return std::move(header_);
   }
 
  private:
@@ -58,67 +58,68 @@ class HeaderReader {
   }
 
   void read_axis(const Cell& cell) {
-    const HeaderCell head = header_cell(cell);
+    const HeaderCell heading = header_cell(cell);
     constexpr std::string_view letters = "XYZUVWABCS";
-    if (head.name.size() != 1 || letters.find(head.name.front()) == std::string_view::npos)
+    if (heading.name.size() != 1 || letters.find(heading.name.front()) == std::string_view::npos)
       refuse(cell, "a head such as X EXX EYX, first the letter of an axis");
-    head_.table.axis = head.name.front();
-    if (is_rotary(head_.table.axis)) {
-      if (head.unit && *head.unit != "deg" && *head.unit != "rad")
+    header_.table.axis = heading.name.front();
+    if (is_rotary(header_.table.axis)) {
+      if (heading.unit && *heading.unit != "deg" && *heading.unit != "rad")
         refuse(cell, "deg or rad as the unit of a rotary axis");
-      head_.units.push_back(head.unit == "rad" ? 1.0 : units::deg);
+      header_.units.push_back(heading.unit == "rad" ? 1.0 : units::deg);
     } else {
-      if (head.unit && *head.unit != "mm") refuse(cell, "mm as the unit of a slide");
-      head_.units.push_back(1.0);
+      if (heading.unit && *heading.unit != "mm") refuse(cell, "mm as the unit of a slide");
+      header_.units.push_back(1.0);
     }
   }
 
   void read_element(const Cell& cell) {
-    const HeaderCell head = header_cell(cell);
-    const ElementName name = element_name(cell, head.name);
+    const HeaderCell heading = header_cell(cell);
+    const ElementName name = element_name(cell, heading.name);
     // The positions of the rows belong to one axis, and a location element has none.
-    if (name.location || name.axis != head_.table.axis)
-      refuse(cell, fmt::format("an error motion of {}, such as EX{}", head_.table.axis,
-                               head_.table.axis));
-    for (const ElementName& other : head_.table.elements)
+    if (name.location || name.axis != header_.table.axis)
+      refuse(cell, fmt::format("an error motion of {}, such as EX{}", header_.table.axis,
+                               header_.table.axis));
+    for (const ElementName& other : header_.table.elements)
       if (other == name) refuse(cell, "every element once");
-    head_.table.elements.push_back(name);
-    const std::string_view large = name.is_angle() ? "rad" : "mm";
-    const std::string_view small = name.is_angle() ? "urad" : "um";
-    if (head.unit && *head.unit != large && *head.unit != small)
-      refuse(cell, fmt::format("{} or {} as the unit of {}", large, small, to_string(name)));
+    header_.table.elements.push_back(name);
+    const std::string_view base_unit = name.is_angle() ? "rad" : "mm";
+    const std::string_view small_unit_name = name.is_angle() ? "urad" : "um";
+    if (heading.unit && *heading.unit != base_unit && *heading.unit != small_unit_name)
+      refuse(cell, fmt::format("{} or {} as the unit of {}", base_unit, small_unit_name,
+                               to_string(name)));
     const double small_unit = name.is_angle() ? units::urad : units::um;
-    head_.units.push_back(head.unit == small ? small_unit : 1.0);
+    header_.units.push_back(heading.unit == small_unit_name ? small_unit : 1.0);
   }
 
   ElementName element_name(const Cell& cell, std::string_view text) const {
     try {
       return parse_element_name(text);
     } catch (const std::invalid_argument&) {
-      refuse(cell, fmt::format("an element name, such as EX{}", head_.table.axis));
+      refuse(cell, fmt::format("an element name, such as EX{}", header_.table.axis));
     }
   }
 
   const TableLines& lines_;
   const Line& line_;
-  Head head_;
+  TableHeader header_;
 };
 
 /// Reads the rows: 1 + m numbers each, converted to mm and rad.
-std::vector<double> read_rows(TableLines& lines, const Head& head) {
-  const std::size_t width = head.units.size();
+std::vector<double> read_rows(TableLines& lines, const TableHeader& header) {
+  const std::size_t width = header.units.size();
   std::vector<double> numbers;
   while (const auto line = lines.next()) {
-    const std::vector<Cell> cells = cells_of(line->text, head.separator, max_cells);
+    const std::vector<Cell> cells = cells_of(line->text, header.separator, max_cells);
     for (std::size_t i = 0; i < std::min(cells.size(), width); ++i)
-      numbers.push_back(lines.number_in(cells[i]) * head.units[i]);
-    const std::string wanted = fmt::format("{} cells, as the head has", width);
+      numbers.push_back(lines.number_in(cells[i]) * header.units[i]);
+    const std::string expected_cells = fmt::format("{} cells, as the head has", width);
     if (cells.size() < width)
-      lines.refuse(int(line->text.size()) + 1, wanted, fmt::format("{}", cells.size()));
-    if (cells.size() > width) lines.refuse(cells[width].column, wanted, "more");
-    const std::size_t here = numbers.size() - width;
+      lines.refuse(int(line->text.size()) + 1, expected_cells, fmt::format("{}", cells.size()));
+    if (cells.size() > width) lines.refuse(cells[width].column, expected_cells, "more");
+    const std::size_t row_begin = numbers.size() - width;
     // The negated comparison also rejects NaN.
-    if (here > 0 && !(numbers[here] > numbers[here - width]))
+    if (row_begin > 0 && !(numbers[row_begin] > numbers[row_begin - width]))
       lines.refuse(cells[0], "positions that increase from row to row");
   }
   return numbers;
@@ -134,17 +135,17 @@ ElementTable read_element_table(std::string_view text, const std::string& file,
   TableLines lines(text, file);
   const auto first = lines.next();
   if (!first) throw BadInput(file, 1, 1, "a head such as X EXX EYX", "an empty table");
-  Head head = HeaderReader(lines, *first).read();
-  const std::vector<double> numbers = read_rows(lines, head);
-  const auto width = Eigen::Index(head.units.size());
+  TableHeader header = HeaderReader(lines, *first).read();
+  const std::vector<double> numbers = read_rows(lines, header);
+  const auto width = Eigen::Index(header.units.size());
   const Eigen::Index rows = Eigen::Index(numbers.size()) / width;
   if (rows < 2) lines.refuse(0, "at least 2 rows", fmt::format("{}", rows));
   // The numbers were collected row by row, whereas Eigen matrices store columns by default.
   using Rows = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
   const Eigen::Map<const Rows> all(numbers.data(), rows, width);
-  head.table.q = all.col(0);
-  head.table.values = all.rightCols(width - 1);
-  return std::move(head.table);
+  header.table.q = all.col(0);
+  header.table.values = all.rightCols(width - 1);
+  return std::move(header.table);
 }
 
 ElementTable read_element_table_file(const std::filesystem::path& file,
@@ -158,7 +159,7 @@ std::string write_element_table(const ElementTable& table, char separator) {
     throw std::invalid_argument("element table: expected a value for every position and element");
   std::string text(1, table.axis);
   for (const ElementName& name : table.elements) text += separator + to_string(name);
-  // The nearest number of degrees: if any reads back exactly, this one does.
+  // The quotient is the nearest number of degrees: if any number reads back exactly, it does.
   const double unit = is_rotary(table.axis) ? units::deg : 1.0;
   for (Eigen::Index i = 0; i < table.q.size(); ++i) {
     text += fmt::format("\n{}", table.q[i] / unit);

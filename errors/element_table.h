@@ -12,7 +12,7 @@
 
 namespace abbe::errors {
 
-/// Error motions of one axis, sampled at common positions, as in the table of a control.
+/// Error motions of one axis, sampled at common positions, as in a compensation table of a control.
 struct ElementTable {
   char axis = 'X';
   Eigen::VectorXd q;                  ///< (n) mm or rad, strictly increasing, n >= 2
@@ -35,12 +35,13 @@ struct ElementTableOptions {
 ElementTable read_element_table(std::string_view text, const std::string& file,
                                 const ElementTableOptions& options = {});
 
-/// Reads such a table from a file. @throws BadInput also if it is not a readable regular file
+/// Reads such a table from a file. @throws BadInput also if the file is not a readable regular file
 ElementTable read_element_table_file(const std::filesystem::path& file,
                                      const ElementTableOptions& options = {});
 
-/// Writes that format with the default units and the fewest digits that read back the same bits; a
-/// rotary position that no number of degrees represents exactly reads back within one ulp.
+/// Writes the table in the format of `read_element_table` with the default units and the fewest
+/// digits that read back to the same bits. A rotary position that no number of degrees represents
+/// exactly reads back within one ulp.
 /// @throws std::invalid_argument if the shapes do not match
 std::string write_element_table(const ElementTable& table, char separator = ',');
 
@@ -48,10 +49,9 @@ std::string write_element_table(const ElementTable& table, char separator = ',')
 struct TableUse {
   Between between = Between::Linear;
   Outside outside = Outside::Refuse;
-  Argument argument = Argument::Command;  ///< what the positions are: commands or carriage
-                                          ///< positions
+  Argument argument = Argument::Command;  ///< quantity of the positions
   bool negate = false;                    ///< true if the values count in the opposite direction
-  std::string name;                       ///< of every curve, for reports
+  std::string name;                       ///< name of every curve, for reports
 };
 
 /// Returns one element per column, each of one curve. @throws std::invalid_argument as make_table

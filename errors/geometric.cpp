@@ -32,8 +32,8 @@ void check(const Element& element, const Chain& chain, int joint) {
   }
   try {
     for (const Curve& curve : element.curves) validate(curve);
-  } catch (const std::invalid_argument& fault) {
-    refuse(who, fault.what());
+  } catch (const std::invalid_argument& error) {
+    refuse(who, error.what());
   }
 }
 
@@ -43,22 +43,26 @@ GeometricModel::Line bind_line(const MeasuringLine& line, const Chain& chain) {
   const Joint& joint = chain.joints()[std::size_t(j)];
   if (joint.motion != kinematics::Motion::Linear) refuse(who, "expected a slide");
   if (!line.at_b.allFinite()) refuse(who, "expected a finite point");
-  const bool primed = joint.side == kinematics::Side::Workpiece;
-  return {j, line.at_b - joint.point_b, joint.direction_b, primed && line.by == MeasuredBy::Tool};
+  const bool is_primed = joint.side == kinematics::Side::Workpiece;
+  return {j, line.at_b - joint.point_b, joint.direction_b,
+          is_primed && line.by == MeasuredBy::Tool};
 }
 
-double& slot(std::vector<JointDeviation>& deviations, const GeometricModel::Bound& bound) {
+double& deviation_component(std::vector<JointDeviation>& deviations,
+                            const GeometricModel::Bound& bound) {
   JointDeviation& deviation = deviations[std::size_t(bound.joint)];
   return (bound.location ? deviation.location : deviation.motion)[bound.component];
 }
 
-/// Returns the group of a series, a new one if needed; empty if there are already `max_groups`.
-std::optional<int> group_of(GeometricModel& model, int joint, const SeriesBasis& basis) {
-  const auto known = std::ranges::find_if(model.groups, [&](const GeometricModel::Group& group) {
-    return group.joint == joint && group.series.basis.shares(basis) &&
-           group.series.count < SeriesGroup::most;
-  });
-  if (known != model.groups.end()) return int(known - model.groups.begin());
+/// Returns the index of the group for a series, adding one if necessary; empty if there are already
+/// `max_groups`.
+std::optional<int> find_or_add_group(GeometricModel& model, int joint, const SeriesBasis& basis) {
+  const auto group =
+      std::ranges::find_if(model.groups, [&](const GeometricModel::Group& candidate) {
+        return candidate.joint == joint && candidate.series.basis.shares(basis) &&
+               candidate.series.count < SeriesGroup::max_series;
+      });
+  if (group != model.groups.end()) return int(group - model.groups.begin());
   if (model.groups.size() == GeometricModel::max_groups) return std::nullopt;
   model.groups.push_back({joint, {basis}});
   return int(model.groups.size()) - 1;
@@ -66,19 +70,19 @@ std::optional<int> group_of(GeometricModel& model, int joint, const SeriesBasis&
 
 void add_term(GeometricModel& model, int element, int curve) {
   const GeometricModel::Bound& bound = model.elements[std::size_t(element)];
-  const Curve& added = bound.element.curves[std::size_t(curve)];
+  const Curve& curve_to_add = bound.element.curves[std::size_t(curve)];
   GeometricModel::Term term{bound.joint, bound.component, element, curve};
-  const std::optional<SeriesBasis> basis = basis_of(added);
-  if (const auto group = basis ? group_of(model, bound.joint, *basis) : std::nullopt) {
+  const std::optional<SeriesBasis> basis = basis_of(curve_to_add);
+  if (const auto group = basis ? find_or_add_group(model, bound.joint, *basis) : std::nullopt) {
     term.group = *group;
-    term.place = add(added, model.groups[std::size_t(*group)].series);
-    term.factor = factor(added);
+    term.index_in_group = add(curve_to_add, model.groups[std::size_t(*group)].series);
+    term.factor = factor(curve_to_add);
   }
   model.terms.push_back(term);
 }
 
-/// Returns the model with its constant part and its terms rebuilt from its elements.
-GeometricModel prepared(GeometricModel model) {
+/// Returns the model with its constants, terms and groups rebuilt from its elements.
+GeometricModel rebuild_terms(GeometricModel model) {
   model.constant.assign(model.is_joint_primed.size(), JointDeviation{});
   model.terms.clear();
   model.groups.clear();
@@ -87,7 +91,7 @@ GeometricModel prepared(GeometricModel model) {
     for (std::size_t c = 0; c < bound.element.curves.size(); ++c) {
       const Curve& curve = bound.element.curves[c];
       if (std::holds_alternative<Constant>(curve.shape)) {
-        slot(model.constant, bound) += value(curve, CurveState{});
+        deviation_component(model.constant, bound) += value(curve, CurveState{});
       } else {
         add_term(model, int(e), int(c));
       }
@@ -97,9 +101,9 @@ GeometricModel prepared(GeometricModel model) {
 }
 
 [[noreturn]] void rethrow_with_name(const GeometricModel::Bound& bound, const Curve& curve,
-                                    const std::out_of_range& fault) {
-  const std::string part = curve.name.empty() ? "" : " (" + curve.name + ")";
-  throw std::out_of_range(to_string(bound.element.name) + part + ": " + fault.what());
+                                    const std::out_of_range& error) {
+  const std::string curve_text = curve.name.empty() ? "" : " (" + curve.name + ")";
+  throw std::out_of_range(to_string(bound.element.name) + curve_text + ": " + error.what());
 }
 
 /// Returns the value of a term that belongs to no group.
@@ -109,8 +113,8 @@ double curve_value(const GeometricModel& model, const GeometricModel::Term& term
   const Curve& curve = bound.element.curves[std::size_t(term.curve)];
   try {
     return value(curve, curve_state(model, state, term.joint));
-  } catch (const std::out_of_range& fault) {
-    rethrow_with_name(bound, curve, fault);
+  } catch (const std::out_of_range& error) {
+    rethrow_with_name(bound, curve, error);
   }
 }
 
@@ -143,15 +147,15 @@ GeometricModel bind(const GeometricErrors& errors, const Chain& chain) {
       if (model.lines[i].joint == model.lines.back().joint)
         refuse(std::string("measuring line of ") + line.axis, "comes twice");
   }
-  return prepared(std::move(model));
+  return rebuild_terms(std::move(model));
 }
 
 CurveState curve_state(const GeometricModel& model, const AxisState& state, int joint) {
-  const bool primed = model.is_joint_primed[std::size_t(joint)] != 0;
-  const auto side = primed ? kinematics::Side::Workpiece : kinematics::Side::Tool;
+  const bool is_primed = model.is_joint_primed[std::size_t(joint)] != 0;
+  const auto side = is_primed ? kinematics::Side::Workpiece : kinematics::Side::Tool;
   const double command = state.q[joint];
   return {command, kinematics::carriage_travel(side, command), state.direction[std::size_t(joint)],
-          state.stroke[std::size_t(joint)], primed};
+          state.stroke[std::size_t(joint)], is_primed};
 }
 
 std::vector<JointDeviation> deviations(const GeometricModel& model, const AxisState& state) {
@@ -163,27 +167,28 @@ std::vector<JointDeviation> deviations(const GeometricModel& model, const AxisSt
     series[g] = sums(model.groups[g].series, curve_state(model, state, model.groups[g].joint));
   for (const GeometricModel::Term& term : model.terms)
     result[std::size_t(term.joint)].motion[term.component] +=
-        term.group < 0 ? curve_value(model, term, state)
-                       : term.factor * series[std::size_t(term.group)][std::size_t(term.place)];
+        term.group < 0
+            ? curve_value(model, term, state)
+            : term.factor * series[std::size_t(term.group)][std::size_t(term.index_in_group)];
   for (const GeometricModel::Line& line : model.lines)
     carry_to_joint(line, curve_state(model, state, line.joint).carriage,
                    result[std::size_t(line.joint)]);
   return result;
 }
 
-// Constants and terms are prepared sums, so they are rebuilt rather than edited.
+// Constants and terms depend on all curves, so they are rebuilt rather than edited.
 GeometricModel without_random(const GeometricModel& model) {
-  GeometricModel known = model;
-  for (GeometricModel::Bound& bound : known.elements)
+  GeometricModel result = model;
+  for (GeometricModel::Bound& bound : result.elements)
     std::erase_if(bound.element.curves, is_random);
-  return prepared(std::move(known));
+  return rebuild_terms(std::move(result));
 }
 
 GeometricModel scaled(const GeometricModel& model, double factor) {
   GeometricModel result = model;
   for (GeometricModel::Bound& bound : result.elements)
     for (Curve& curve : bound.element.curves) curve.scale *= factor;
-  return prepared(std::move(result));
+  return rebuild_terms(std::move(result));
 }
 
 namespace {
@@ -193,7 +198,7 @@ using kinematics::AxisVector;
 /// The largest value of an element, mm or rad, and the position of its axis there.
 struct LargestDeviation {
   double value = 0.0;
-  double at = 0.0;  // mm or rad
+  double position = 0.0;  // mm or rad
 };
 
 double value_at(const GeometricModel& model, const GeometricModel::Bound& bound,
@@ -201,19 +206,19 @@ double value_at(const GeometricModel& model, const GeometricModel::Bound& bound,
   kinematics::AxisState state;
   state.q = q;
   state.direction.fill(1);
-  const CurveState at = curve_state(model, state, bound.joint);
+  const CurveState arguments = curve_state(model, state, bound.joint);
   double sum = 0.0;
-  for (const Curve& curve : bound.element.curves) sum += value(curve, at);
+  for (const Curve& curve : bound.element.curves) sum += value(curve, arguments);
   return sum;
 }
 
 LargestDeviation largest_deviation(const GeometricModel& model, const GeometricModel::Bound& bound,
-                                   const AxisVector& least, const AxisVector& most) {
+                                   const AxisVector& min_q, const AxisVector& max_q) {
   // 128 intervals: more than two samples per period of every harmonic below the 64th of the travel.
-  constexpr int places = 129;
+  constexpr int position_count = 129;
   LargestDeviation largest;
-  for (int i = 0; i < places; ++i) {
-    const AxisVector q = least + (double(i) / (places - 1)) * (most - least);
+  for (int i = 0; i < position_count; ++i) {
+    const AxisVector q = min_q + (double(i) / (position_count - 1)) * (max_q - min_q);
     try {
       const double value = value_at(model, bound, q);
       if (std::abs(value) > std::abs(largest.value)) largest = {value, q[bound.joint]};
@@ -231,7 +236,8 @@ bool is_slide_element(const ElementName& name) {
 /// Returns the distance of a position from the centre of a curve that states a range, in half
 /// ranges; else 0.
 double position_in_half_ranges(const Curve& curve, double q) {
-  // A half range of 1 or 10 mm is no range: the polynomial is one in mm or cm, as papers print it.
+  // A half range of 1 or 10 mm does not state a range: the polynomial is one in mm or cm, as in
+  // papers.
   const auto* polynomial = std::get_if<Polynomial>(&curve.shape);
   if (polynomial && polynomial->half_range != 1.0 && polynomial->half_range != 10.0)
     return std::abs(q - polynomial->centre) / polynomial->half_range;
@@ -255,13 +261,13 @@ double excess_in_lengths(const Curve& curve, double q) {
   return 0.0;
 }
 
-double curve_argument(const Curve& curve, const CurveState& at) {
-  return curve.argument == Argument::Command ? at.command : at.carriage;
+double curve_argument(const Curve& curve, const CurveState& arguments) {
+  return curve.argument == Argument::Command ? arguments.command : arguments.carriage;
 }
 
 /// Returns e.g. "EXX 3.33, EYX 2" for the elements whose curves are extrapolated beyond a limit at
 /// either end of travel.
-/// @param beyond  function of (curve, position)
+/// @param beyond  extrapolation of a curve at a position, function of (curve, position)
 template <typename Beyond>
 std::string extrapolated_elements(const GeometricModel& model,
                                   const std::array<const AxisVector*, 2>& ends, double limit,
@@ -272,9 +278,9 @@ std::string extrapolated_elements(const GeometricModel& model,
     for (const AxisVector* q : ends) {
       kinematics::AxisState state;
       state.q = *q;
-      const CurveState at = curve_state(model, state, bound.joint);
+      const CurveState arguments = curve_state(model, state, bound.joint);
       for (const Curve& curve : bound.element.curves)
-        farthest = std::max(farthest, beyond(curve, curve_argument(curve, at)));
+        farthest = std::max(farthest, beyond(curve, curve_argument(curve, arguments)));
     }
     if (farthest > limit)
       text += fmt::format("{}{} {:.3g}", text.empty() ? "" : ", ", to_string(bound.element.name),
@@ -284,36 +290,37 @@ std::string extrapolated_elements(const GeometricModel& model,
 }
 
 /// Returns warnings for curves that are used beyond the range for which they are stated.
-std::vector<std::string> extrapolated(const GeometricModel& model, const AxisVector& least,
-                                      const AxisVector& most, const std::string& section) {
-  // A table held over more than half of its own length belongs to another travel, or is in m.
+std::vector<std::string> extrapolation_warnings(const GeometricModel& model,
+                                                const AxisVector& min_q, const AxisVector& max_q,
+                                                const std::string& section) {
+  // A table held over more than half of its own length belongs to another travel or is in m.
   constexpr double max_held = 0.5;
-  const std::array<const AxisVector*, 2> ends{&least, &most};
+  const std::array<const AxisVector*, 2> ends{&min_q, &max_q};
   std::vector<std::string> texts;
-  const std::string of = section == "errors" ? "" : section + ": ";
+  const std::string prefix = section == "errors" ? "" : section + ": ";
   const auto by_range = [](const Curve& curve, double q) {
     return position_in_half_ranges(curve, q);
   };
-  // 1e-9: the end of the range itself is within it, whatever the rounding of its limits.
+  // 1e-9: the end of the range counts as within it, whatever the rounding of its limits.
   if (const auto beyond = extrapolated_elements(model, ends, 1.0 + 1e-9, by_range); !beyond.empty())
-    texts.push_back(of +
+    texts.push_back(prefix +
                     "curves are followed beyond the range that they are stated over, in half "
                     "ranges from its middle: " +
                     beyond);
   const auto by_table = [](const Curve& curve, double q) { return excess_in_lengths(curve, q); };
   if (const auto beyond = extrapolated_elements(model, ends, max_held, by_table); !beyond.empty())
     texts.push_back(
-        of +
+        prefix +
         "tables hold their last value (outside = \"hold\") far beyond their range, in lengths of "
         "the table: " +
         beyond);
   return texts;
 }
 
-std::string place_text(const ElementName& name, const LargestDeviation& largest) {
+std::string position_text(const ElementName& name, const LargestDeviation& largest) {
   if (name.location) return "";
   const double unit = is_slide_element(name) ? 1.0 : units::deg;
-  return fmt::format(" at {} = {:.4g} {}", name.axis, largest.at / unit,
+  return fmt::format(" at {} = {:.4g} {}", name.axis, largest.position / unit,
                      is_slide_element(name) ? "mm" : "deg");
 }
 
@@ -324,7 +331,7 @@ std::string oversize_warning(const ElementName& name, const LargestDeviation& la
   const double unit = name.is_angle() ? units::urad : units::um;
   const std::string size =
       fmt::format("{:.4g} {}{}, and no machine is that wrong", largest.value / (unit * 1e3),
-                  name.is_angle() ? "mrad" : "mm", place_text(name, largest));
+                  name.is_angle() ? "mrad" : "mm", position_text(name, largest));
   if (source.identified)
     return fmt::format(
         "{} comes to {}: readings may be in another unit, of the other sign or in another order",
@@ -335,22 +342,21 @@ std::string oversize_warning(const ElementName& name, const LargestDeviation& la
 
 }  // namespace
 
-std::vector<std::string> element_warnings(const GeometricModel& model, const AxisVector& least,
-                                          const AxisVector& most, const ElementSource& source) {
+std::vector<std::string> element_warnings(const GeometricModel& model, const AxisVector& min_q,
+                                          const AxisVector& max_q, const ElementSource& source) {
   // Numbers in a wrong unit (um taken as mm, urad as rad, or the reverse) are off by 1e3 or 1e6, so
   // the bounds need not be sharp.
   constexpr double large_mm = 0.25, large_rad = 2.5e-3, small_mm = 1e-5, small_rad = 1e-8;
   std::vector<std::string> warnings;
   for (const auto& bound : model.elements) {
     const ElementName& name = bound.element.name;
-    const LargestDeviation largest = largest_deviation(model, bound, least, most);
+    const LargestDeviation largest = largest_deviation(model, bound, min_q, max_q);
     const double size = std::abs(largest.value);
     if (size >= (name.is_angle() ? large_rad : large_mm)) {
       warnings.push_back(oversize_warning(name, largest, source));
       continue;
     }
-    // A perfect machine, read without noise, is identified correctly with elements of nearly
-    // nothing.
+    // A perfect machine measured without noise is correctly identified with elements of almost 0.
     if (source.identified || !(is_slide_element(name) || name.location)) continue;
     const char* unit_name = name.is_angle() ? "urad" : "um";
     if (size > 0.0 && size <= (name.is_angle() ? small_rad : small_mm))
@@ -362,7 +368,7 @@ std::vector<std::string> element_warnings(const GeometricModel& model, const Axi
           name.is_angle() ? "rad" : "mm"));
   }
   if (!source.identified)
-    for (std::string& text : extrapolated(model, least, most, source.section))
+    for (std::string& text : extrapolation_warnings(model, min_q, max_q, source.section))
       warnings.push_back(std::move(text));
   return warnings;
 }

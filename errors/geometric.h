@@ -13,10 +13,10 @@
 
 namespace abbe::errors {
 
-/// The part that carried the point at which translations were measured.
+/// The body that carried the point at which translations were measured.
 enum class MeasuredBy {
-  Tool,  ///< the point is where the tool was: on a tool-side slide it travels with the carriage, on
-         ///< a primed slide it is fixed in the bed
+  Tool,      ///< the point is at the tool: on a tool-side slide it travels with the carriage, on a
+             ///< primed slide it is fixed in the bed
   Carriage,  ///< the point travels with the carriage
 };
 
@@ -31,11 +31,11 @@ struct MeasuringLine {
 struct GeometricErrors {
   std::vector<Element> elements;
   std::vector<MeasuringLine> measuring_lines;
-  Covariance covariance = {};  ///< of an identified belief: uncertainty of its numbers
+  Covariance covariance = {};  ///< of the numbers of an identified belief
 };
 
-/// The errors bound to a chain: for each joint the elements that act on it. Immutable: made by
-/// `bind`, changed only by making another.
+/// The errors bound to a chain: for each joint the elements that act on it. Immutable; created by
+/// `bind`.
 struct GeometricModel {
   struct Bound {
     int joint = 0;      ///< index in the chain
@@ -44,24 +44,24 @@ struct GeometricModel {
     Element element;
   };
   std::vector<Bound> elements;
-  struct Line {
+  struct BoundLine {
     int joint = 0;
     Eigen::Vector3d arm_b;  ///< measured point minus joint point at zero
     Eigen::Vector3d direction_b = Eigen::Vector3d::Zero();  ///< of the joint, unit
-    bool is_fixed_in_bed = false;  ///< the joint's point leaves the measured point as it travels
+    bool is_fixed_in_bed = false;  ///< the joint's point travels relative to the measured point
   };
-  std::vector<Line> lines;
+  std::vector<BoundLine> lines;
   std::vector<char> is_joint_primed;  ///< (chain size) 1 where the carriage travels by -command
 
-  // Prepared from the above, so that `deviations` sums only what changes.
+  // Prepared from the members above, so that `deviations` sums only the terms that vary.
   struct Term {
     int joint = 0;
-    int component = 0;    ///< 0..5 of its motion
-    int element = 0;      ///< index in elements
-    int curve = 0;        ///< index in its curves
-    int group = -1;       ///< index in groups of a series; -1: none
-    int place = 0;        ///< position in the group
-    double factor = 1.0;  ///< scale of the series, with its sign
+    int component = 0;       ///< 0..5 of its motion
+    int element = 0;         ///< index in elements
+    int curve = 0;           ///< index in its curves
+    int group = -1;          ///< index in groups of a series; -1: none
+    int index_in_group = 0;  ///< position in the group
+    double factor = 1.0;     ///< scale of the series, with its sign
   };
   struct Group {
     int joint = 0;
@@ -90,10 +90,10 @@ GeometricModel bind(const GeometricErrors& errors, const kinematics::Chain& chai
 std::vector<kinematics::JointDeviation> deviations(const GeometricModel& model,
                                                    const kinematics::AxisState& state);
 
-/// Returns the model without its random curves: the best that an identification could know.
+/// Returns the model without its random curves, i.e. the result of a perfect identification.
 GeometricModel without_random(const GeometricModel& model);
 
-/// Returns the model with every value multiplied by `factor`.
+/// Returns the model with the values of all elements multiplied by `factor`.
 GeometricModel scaled(const GeometricModel& model, double factor);
 
 /// Returns the state of one joint on which its curves depend.
@@ -105,15 +105,15 @@ struct ElementSource {
   bool identified = false;         ///< identified from readings, not stated
 };
 
-/// Returns a warning for each element of implausible size, as from a number in the wrong unit: 0.25
-/// mm or 2.5 mrad and more; for a slide or a location 10 nm or 0.01 urad and less but not 0 (only
-/// where it is stated). Each names its largest value at 129 positions of its axis from `least` to
-/// `most`, for a spindle over a turn. For stated curves also warns of those used beyond their
-/// range, and of tables held far beyond theirs.
+/// Returns a warning for each element of implausible size, as from a number in the wrong unit: at
+/// least 0.25 mm or 2.5 mrad, or, for a stated element of a slide or a location, at most 10 nm or
+/// 0.01 urad but not 0. Each warning names the largest value at 129 positions of the axis from
+/// `min_q` to `max_q`, for a spindle over a turn. For stated curves there are also warnings if they
+/// are used beyond their range, and for tables held far beyond theirs.
 /// @param model  with the scale of the errors applied
 std::vector<std::string> element_warnings(const GeometricModel& model,
-                                          const kinematics::AxisVector& least,
-                                          const kinematics::AxisVector& most,
+                                          const kinematics::AxisVector& min_q,
+                                          const kinematics::AxisVector& max_q,
                                           const ElementSource& source = {});
 
 }  // namespace abbe::errors

@@ -27,8 +27,8 @@ void check(const ThermalFunction& function, int nodes, const std::string& who) {
     if (!term.table) continue;
     try {
       validate(Curve{*term.table});
-    } catch (const std::invalid_argument& fault) {
-      refuse(who, fault.what());
+    } catch (const std::invalid_argument& error) {
+      refuse(who, error.what());
     }
   }
 }
@@ -40,9 +40,9 @@ bool is_zero_function(const ThermalFunction& function) {
 void check(const ThermalElement& element, const Chain& chain, int joint, int nodes) {
   const std::string who = to_string(element.name);
   check_meaning(element.name, chain, joint);
-  const bool moves = !element.name.location && element.name.axis != 'S';
-  // A slope needs a position over which it acts, which only an axis has.
-  if (!moves && !is_zero_function(element.slope))
+  const bool has_travel = !element.name.location && element.name.axis != 'S';
+  // A slope acts over a position, which only an axis has.
+  if (!has_travel && !is_zero_function(element.slope))
     refuse(who, "a location or spindle element has no slope along an axis");
   check(element.offset, nodes, who);
   check(element.slope, nodes, who);
@@ -56,29 +56,29 @@ void check(const Expansion& expansion, int nodes, const std::string& who) {
 }
 
 /// Returns the expansion that is visible at the given feedback.
-const Expansion& shown(const AxisExpansion& axis, int nodes) {
+const Expansion& visible_expansion(const AxisExpansion& axis, int nodes) {
   const std::string who = std::string("expansion of ") + axis.axis;
   // Both expansions are checked, also the one that the feedback hides.
   if (axis.screw) check(*axis.screw, nodes, who + ", screw");
   if (axis.scale) check(*axis.scale, nodes, who + ", scale");
-  const bool motor = axis.feedback == Feedback::Motor;
-  const std::optional<Expansion>& one = motor ? axis.screw : axis.scale;
-  if (!one)
-    refuse(who,
-           motor ? "feedback from the motor needs a screw" : "feedback from a scale needs a scale");
-  return *one;
+  const bool is_motor_feedback = axis.feedback == Feedback::Motor;
+  const std::optional<Expansion>& expansion = is_motor_feedback ? axis.screw : axis.scale;
+  if (!expansion)
+    refuse(who, is_motor_feedback ? "feedback from the motor needs a screw"
+                                  : "feedback from a scale needs a scale");
+  return *expansion;
 }
 
-/// Returns the growth along a slide as elements of its joint: one if the slide lies along a bed
-/// axis.
+/// Returns the growth along a slide as elements of its joint; a single one if the slide lies along
+/// a bed axis.
 std::vector<ThermalModel::Bound> bind_expansion(const AxisExpansion& axis, const Chain& chain,
                                                 int nodes) {
   const std::string who = std::string("expansion of ") + axis.axis;
   const int j = joint_of(axis.axis, chain, who);
   const Joint& joint = chain.joints()[std::size_t(j)];
   if (joint.motion != kinematics::Motion::Linear) refuse(who, "expected a slide");
-  const Expansion& growth = shown(axis, nodes);
-  std::vector<ThermalModel::Bound> parts;
+  const Expansion& growth = visible_expansion(axis, nodes);
+  std::vector<ThermalModel::Bound> bound_elements;
   for (int i = 0; i < 3; ++i) {
     // Exact zeros are skipped, so a slide along a bed axis needs a single element.
     if (joint.direction_b[i] == 0.0) continue;
@@ -87,9 +87,9 @@ std::vector<ThermalModel::Bound> bind_expansion(const AxisExpansion& axis, const
     element.slope.terms.push_back(
         {growth.node, std::nullopt, growth.per_K * joint.direction_b[i], std::nullopt});
     element.fixed = growth.fixed;
-    parts.push_back({j, i, false, element, joint.side == kinematics::Side::Workpiece});
+    bound_elements.push_back({j, i, false, element, joint.side == kinematics::Side::Workpiece});
   }
-  return parts;
+  return bound_elements;
 }
 
 void check(const WorkpieceExpansion& workpiece, int nodes) {
@@ -97,15 +97,15 @@ void check(const WorkpieceExpansion& workpiece, int nodes) {
   expect_node(workpiece.node, nodes, who);
   expect_finite(workpiece.per_K, who, "growth per K");
   if (!workpiece.fixed_w.allFinite()) refuse(who, "expected a finite fixed point");
-  // 1e-3 per K is a hundred times steel: such a number is in um/(m K) or per cent.
+  // 1e-3 per K is a hundred times the value of steel: such a number is in um/(m K) or per cent.
   if (!(std::abs(workpiece.per_K) < 1e-3))
     refuse(who, fmt::format("expected a growth below 1e-3 per K, seen {}", workpiece.per_K));
 }
 
 void append_terms(ThermalModel& model, int element, bool of_slope) {
-  const ThermalElement& from = model.elements[std::size_t(element)].element;
-  const ThermalFunction& function = of_slope ? from.slope : from.offset;
-  // Zero constants and absent nodes are dropped, so `deviations` walks only what contributes.
+  const ThermalElement& source_element = model.elements[std::size_t(element)].element;
+  const ThermalFunction& function = of_slope ? source_element.slope : source_element.offset;
+  // Zero constants are dropped, so that `deviations` sums only terms that contribute.
   if (function.constant != 0.0)
     model.terms.push_back({element, of_slope, -1, -1, function.constant, -1});
   for (const ThermalFunction::Term& term : function.terms) {
@@ -119,7 +119,7 @@ void append_terms(ThermalModel& model, int element, bool of_slope) {
   }
 }
 
-ThermalModel prepared(ThermalModel model) {
+ThermalModel rebuild_terms(ThermalModel model) {
   model.terms.clear();
   model.tables.clear();
   for (int i = 0; i < int(model.elements.size()); ++i)
@@ -130,15 +130,15 @@ ThermalModel prepared(ThermalModel model) {
 double term_value(const ThermalModel& model, const ThermalModel::Term& term, const VectorXd& T_C) {
   // A term without a node is the constant of its function.
   if (term.node < 0) return term.factor;
-  const double against = term.minus < 0 ? model.reference_T_C : T_C[term.minus];
-  const double dT_K = T_C[term.node] - against;
+  const double reference_T_C = term.minus < 0 ? model.reference_T_C : T_C[term.minus];
+  const double dT_K = T_C[term.node] - reference_T_C;
   if (term.table < 0) return term.factor * dT_K;
   try {
     return value(model.tables[std::size_t(term.table)], CurveState{dT_K});
-  } catch (const std::out_of_range& fault) {
+  } catch (const std::out_of_range& error) {
     const ElementName& name = model.elements[std::size_t(term.element)].element.name;
     throw std::out_of_range(
-        fmt::format("{}, dT_K of node {}: {}", to_string(name), term.node, fault.what()));
+        fmt::format("{}, dT_K of node {}: {}", to_string(name), term.node, error.what()));
   }
 }
 
@@ -174,12 +174,12 @@ ThermalModel bind(const ThermalErrors& errors, const Chain& chain, int nodes) {
     for (std::size_t j = 0; j < i; ++j)
       if (errors.expansions[j].axis == axis.axis)
         refuse(std::string("expansion of ") + axis.axis, "comes twice");
-    for (ThermalModel::Bound& part : bind_expansion(axis, chain, nodes))
-      model.elements.push_back(std::move(part));
+    for (ThermalModel::Bound& bound_element : bind_expansion(axis, chain, nodes))
+      model.elements.push_back(std::move(bound_element));
   }
   if (errors.workpiece) check(*errors.workpiece, nodes);
   model.workpiece = errors.workpiece;
-  return prepared(std::move(model));
+  return rebuild_terms(std::move(model));
 }
 
 std::vector<JointDeviation> deviations(const ThermalModel& model, const kinematics::AxisVector& q,
@@ -201,7 +201,7 @@ std::vector<JointDeviation> deviations(const ThermalModel& model, const kinemati
 
 Eigen::Vector3d at_20_C(const ThermalModel& model, const VectorXd& T_C,
                         const Eigen::Vector3d& point_w) {
-  // At 20 deg C the point is returned unchanged, not divided by 1: the bits stay the same.
+  // At 20 deg C the point is returned unchanged, so that its bits stay the same.
   if (!model.workpiece) return point_w;
   const WorkpieceExpansion& workpiece = *model.workpiece;
   const double growth = workpiece.per_K * (T_C[workpiece.node] - length_reference_T_C);
@@ -216,8 +216,8 @@ ThermalModel scaled(const ThermalModel& model, double factor) {
     scale(bound.element.slope, factor);
   }
   if (result.workpiece) result.workpiece->per_K *= factor;
-  // The flat list of terms contains factors, so it is made again from the scaled elements.
-  return prepared(std::move(result));
+  // The list of terms contains factors, so it is rebuilt from the scaled elements.
+  return rebuild_terms(std::move(result));
 }
 
 }  // namespace abbe::errors

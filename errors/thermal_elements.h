@@ -23,11 +23,12 @@ struct ThermalFunction {
   std::vector<Term> terms;
 };
 
-/// Thermal part of one element: delta = offset(T) + slope(T) (p - fixed), p the axis position.
+/// Thermal contribution to one element: delta = offset(T) + slope(T) (p - fixed), p the axis
+/// position.
 struct ThermalElement {
   ElementName name;
   ThermalFunction offset;  ///< mm or rad
-  ThermalFunction slope;   ///< mm or rad per mm or rad of travel; none for location and spindle
+  ThermalFunction slope;   ///< mm or rad per mm or rad of travel; zero for location and spindle
   double fixed = 0.0;      ///< mm or rad, commanded position of the fixed bearing
 };
 
@@ -36,12 +37,13 @@ enum class Feedback {
   Motor,  ///< encoder on the screw: the growth of the screw is visible
   Scale,  ///< linear scale: the growth of the scale is visible, that of the screw is not
 };
-/// A part that grows along a slide.
+/// Expansion of a screw or scale along a slide.
 struct Expansion {
   int node = 0;
   double per_K = 0.0;  ///< relative growth, e.g. 11.7e-6 for steel
   double fixed = 0.0;  ///< mm, commanded position of the fixed bearing or end
 };
+/// Expansion of the screw and the scale of a slide.
 struct AxisExpansion {
   char axis = 'X';
   Feedback feedback = Feedback::Motor;
@@ -49,7 +51,7 @@ struct AxisExpansion {
   std::optional<Expansion> scale;
 };
 
-/// The workpiece: it grows while it is cut and is judged at 20 deg C (ISO 1).
+/// Expansion of the workpiece, which is cut warm and inspected at 20 deg C (ISO 1).
 struct WorkpieceExpansion {
   int node = 0;
   double per_K = 0.0;
@@ -64,9 +66,10 @@ struct ThermalErrors {
   double reference_T_C = 20.0;
 };
 
-/// The errors bound to a chain. Immutable: made by `bind`. A grown screw or scale moves the
-/// carriage away from its fixed end along its travel, so on either side of the bed it adds per_K dT
-/// (carriage travel - carriage travel of the fixed end): E_LL if the slide lies along a bed axis.
+/// The errors bound to a chain. Immutable; created by `bind`. A screw or scale that has grown moves
+/// the carriage away from its fixed end along the travel, so on either side of the bed it adds
+/// per_K dT (carriage travel - carriage travel of the fixed end), which is E_LL if the slide lies
+/// along a bed axis.
 struct ThermalModel {
   struct Bound {
     int joint = 0;
@@ -76,12 +79,12 @@ struct ThermalModel {
     bool primed = false;  ///< the slope refers to the carriage's own travel, opposite to the
                           ///< command
   };
-  std::vector<Bound> elements;  ///< the described ones, then those of the expansions
+  std::vector<Bound> elements;  ///< those described, then those of the expansions
   std::optional<WorkpieceExpansion> workpiece;
   double reference_T_C = 20.0;
   int joints = 0;
 
-  // Prepared from the above, so that `deviations` walks one list.
+  // Prepared from the members above, so that `deviations` sums a flat list.
   struct Term {
     int element = 0;  ///< index in elements
     bool of_slope = false;
@@ -104,7 +107,7 @@ struct ThermalModel {
 ///         is not finite
 ThermalModel bind(const ThermalErrors& errors, const kinematics::Chain& chain, int nodes);
 
-/// Returns the thermal part of every joint's deviation, in the order of the chain.
+/// Returns the thermal deviation of every joint, in the order of the chain.
 /// @param q    (joints) commanded positions
 /// @param T_C  (nodes)
 /// @throws std::out_of_range outside a table that does not extrapolate, naming the element and node
@@ -112,13 +115,14 @@ std::vector<kinematics::JointDeviation> deviations(const ThermalModel& model,
                                                    const kinematics::AxisVector& q,
                                                    const Eigen::VectorXd& T_C);
 
-/// Returns the position that a point of the workpiece has once the part is back at 20 deg C: fixed
-/// + (point - fixed) / (1 + per_K (T - 20)). Bit for bit the point itself if the model has no
-/// workpiece or it is at 20 deg C.
+/// Returns the position of a point of the workpiece after it has returned to 20 deg C: fixed +
+/// (point - fixed) / (1 + per_K (T - 20)). The point itself, bit for bit, if the model has no
+/// workpiece or the workpiece is at 20 deg C.
 Eigen::Vector3d at_20_C(const ThermalModel& model, const Eigen::VectorXd& T_C,
                         const Eigen::Vector3d& point_w);
 
-/// Returns the model with every value multiplied by `factor`, the growth of the workpiece too.
+/// Returns the model with every value, including the growth of the workpiece, multiplied by
+/// `factor`.
 ThermalModel scaled(const ThermalModel& model, double factor);
 
 }  // namespace abbe::errors

@@ -14,7 +14,7 @@ using Eigen::Index;
 
 namespace {
 
-std::string named(const ThermalNetwork& network, int node) {
+std::string node_name(const ThermalNetwork& network, int node) {
   return "node " + network.nodes[std::size_t(node)].name;
 }
 
@@ -27,7 +27,7 @@ void check_nodes(const ThermalNetwork& network) {
   for (int i = 0; i < int(network.nodes.size()); ++i) {
     const ThermalNode& node = network.nodes[std::size_t(i)];
     if (node.name.empty()) refuse(fmt::format("node {}", i), "expected a name");
-    const std::string who = named(network, i);
+    const std::string who = node_name(network, i);
     // Links and sensors refer to nodes by name.
     if (!names.insert(node.name).second) refuse(who, "comes twice");
     expect_positive(node.capacity_J_per_K, who, "heat capacity");
@@ -40,17 +40,18 @@ void check_links(const ThermalNetwork& network) {
   for (const ThermalLink& link : network.links) {
     expect_node(link.a, nodes, "link");
     expect_node(link.b, nodes, "link");
-    if (link.a == link.b) refuse(named(network, link.a), "is linked to itself");
+    if (link.a == link.b) refuse(node_name(network, link.a), "is linked to itself");
     expect_positive(link.conductance_W_per_K,
-                    "link of " + named(network, link.a) + " and " + named(network, link.b),
+                    "link of " + node_name(network, link.a) + " and " + node_name(network, link.b),
                     "conductance");
   }
   for (const SurroundingsLink& link : network.surroundings) {
-    const char* to = link.to == Surroundings::Room ? "room" : "coolant";
-    expect_node(link.node, nodes, fmt::format("link to the {}", to));
-    expect_positive(link.conductance_W_per_K,
-                    fmt::format("link of {} to the {}", named(network, link.node), to),
-                    "conductance");
+    const char* surroundings_name = link.to == Surroundings::Room ? "room" : "coolant";
+    expect_node(link.node, nodes, fmt::format("link to the {}", surroundings_name));
+    expect_positive(
+        link.conductance_W_per_K,
+        fmt::format("link of {} to the {}", node_name(network, link.node), surroundings_name),
+        "conductance");
   }
 }
 
@@ -80,26 +81,26 @@ void check_sources(const ThermalNetwork& network) {
     const HeatSource& source = network.sources[i];
     const std::string who = fmt::format("heat source {}", i + 1);
     expect_node(source.node, nodes, who);
-    const std::string where = who + " at " + named(network, source.node);
-    std::visit([&](const auto& law) { check(law, where); }, source.law);
+    const std::string source_name = who + " at " + node_name(network, source.node);
+    std::visit([&](const auto& law) { check(law, source_name); }, source.law);
   }
 }
 
-double watts(const SpindleHeat& heat, const Activity& activity) {
+double law_heat_W(const SpindleHeat& heat, const Activity& activity) {
   const double speed = std::abs(activity.spindle_speed);
   if (speed == 0.0) return 0.0;  // also at exponent 0
   return heat.power_W * std::pow(speed / heat.reference_speed, heat.exponent);
 }
-double watts(const AxisHeat& heat, const Activity& activity) {
+double law_heat_W(const AxisHeat& heat, const Activity& activity) {
   // An activity at rest may have an empty vector of speeds.
   if (heat.joint >= activity.axis_speed.size()) return 0.0;
   const double speed = std::abs(activity.axis_speed[heat.joint]);
   return 1e-3 * (heat.coulomb + heat.viscous * speed) * speed;  // N mm/s are mW
 }
-double watts(const PowerOnHeat& heat, const Activity& activity) {
+double law_heat_W(const PowerOnHeat& heat, const Activity& activity) {
   return activity.powered ? heat.power_W : 0.0;
 }
-double watts(const CuttingHeat& heat, const Activity& activity) {
+double law_heat_W(const CuttingHeat& heat, const Activity& activity) {
   return heat.share * activity.cutting_power_W;
 }
 
@@ -110,37 +111,37 @@ void validate(const ThermalNetwork& network) {
   check_links(network);
   check_sources(network);
   if (const auto node = isolated_node(network))
-    refuse(named(network, *node), "no heat can reach the room from it");
+    refuse(node_name(network, *node), "no heat can reach the room from it");
 }
 
-// Breadth first search from the nodes that have a link to the room. The coolant does not count: it
-// can be off for ever, and a node without any path has no steady state.
+// Searches from the nodes that are linked to the room. Links to the coolant do not count, because
+// it can be off forever, and a node without a path to the room then has no steady state.
 std::optional<int> isolated_node(const ThermalNetwork& network) {
   std::vector<std::vector<int>> neighbours(network.nodes.size());
   for (const ThermalLink& link : network.links) {
     neighbours[std::size_t(link.a)].push_back(link.b);
     neighbours[std::size_t(link.b)].push_back(link.a);
   }
-  std::vector<char> reaches(network.nodes.size(), 0);
-  std::vector<int> waiting;
+  std::vector<char> has_path(network.nodes.size(), 0);
+  std::vector<int> pending;
   const auto visit = [&](int node) {
-    if (!reaches[std::size_t(node)]) waiting.push_back(node);
-    reaches[std::size_t(node)] = 1;
+    if (!has_path[std::size_t(node)]) pending.push_back(node);
+    has_path[std::size_t(node)] = 1;
   };
   for (const SurroundingsLink& link : network.surroundings)
     if (link.to == Surroundings::Room) visit(link.node);
-  while (!waiting.empty()) {
-    const int node = waiting.back();
-    waiting.pop_back();
-    for (const int next : neighbours[std::size_t(node)]) visit(next);
+  while (!pending.empty()) {
+    const int node = pending.back();
+    pending.pop_back();
+    for (const int neighbour : neighbours[std::size_t(node)]) visit(neighbour);
   }
-  const auto first = std::find(reaches.begin(), reaches.end(), 0);
-  if (first == reaches.end()) return std::nullopt;
-  return int(first - reaches.begin());
+  const auto isolated = std::find(has_path.begin(), has_path.end(), 0);
+  if (isolated == has_path.end()) return std::nullopt;
+  return int(isolated - has_path.begin());
 }
 
 double heat_W(const HeatSource& source, const Activity& activity) {
-  return std::visit([&](const auto& law) { return watts(law, activity); }, source.law);
+  return std::visit([&](const auto& law) { return law_heat_W(law, activity); }, source.law);
 }
 
 }  // namespace abbe::errors

@@ -14,7 +14,7 @@ namespace abbe::errors {
 // Lumped thermal network of a machine. Heat is in W, J/K and W/K, temperatures T_C in deg C,
 // changes dT_K in K, time in s.
 
-/// A lump of the machine with one temperature.
+/// A body of the machine with one temperature.
 struct ThermalNode {
   std::string name;
   double capacity_J_per_K = 1.0;  ///< > 0
@@ -32,6 +32,7 @@ enum class Surroundings {
   Room,     ///< always in contact
   Coolant,  ///< only while the coolant flows
 };
+/// A link between a node and the surroundings.
 struct SurroundingsLink {
   int node = 0;
   Surroundings to = Surroundings::Room;
@@ -58,12 +59,13 @@ struct PowerOnHeat {
 struct CuttingHeat {
   double share = 0.0;  ///< 0 .. 1
 };
+/// A source that heats one node.
 struct HeatSource {
   int node = 0;
   std::variant<SpindleHeat, AxisHeat, PowerOnHeat, CuttingHeat> law;
 };
 
-/// Lumped network. Every node has a path to the room over its links.
+/// Lumped thermal network. Every node has a path to the room over its links.
 struct ThermalNetwork {
   std::vector<ThermalNode> nodes;
   std::vector<ThermalLink> links;
@@ -82,12 +84,12 @@ void validate(const ThermalNetwork& network);
 std::optional<int> isolated_node(const ThermalNetwork& network);
 
 /// Activity of the machine at an instant, a knot of its history. Between two knots heat flows and
-/// surroundings change linearly; `coolant` holds until the next knot. Two knots at one instant are
-/// a jump.
+/// the temperatures of the surroundings change linearly; `coolant` holds until the next knot. Two
+/// knots at the same instant are a jump.
 struct Activity {
   double time_s = 0.0;
   double spindle_speed = 0.0;         ///< rad/s
-  kinematics::AxisVector axis_speed;  ///< (joints) mean |v|, mm/s or rad/s; may be empty: all at
+  kinematics::AxisVector axis_speed;  ///< (joints) mean |v|, mm/s or rad/s; if empty, all are at
                                       ///< rest
   bool powered = true;
   double cutting_power_W = 0.0;

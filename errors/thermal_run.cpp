@@ -15,17 +15,20 @@
 #include "errors/element.h"
 #include "kinematics/decompositions.h"
 
-/// Divided differences of exp: the response of one mode to heat that is linear in time. Inline,
-/// since they are evaluated for every mode at every knot.
 namespace abbe::errors {
 
 using Eigen::Index;
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
+namespace {
+
+// Divided differences of exp: the response of one mode to heat that is linear in time. Inline,
+// since they are evaluated for every mode at every knot.
+
 /// Returns the divided difference of exp over `zeros` zeros, -x and -y: sum of (-1)^k h_k(x, y) /
 /// (k + zeros + 1)!, h_k the complete homogeneous polynomial.
-inline double series(int zeros, double x, double y) {
+inline double exp_series(int zeros, double x, double y) {
   constexpr int terms = 20;  // the last one is below 1e-19 if both arguments are at most 1
   double coefficient = 1.0;
   for (int k = 2; k <= zeros + 1; ++k) coefficient /= k;
@@ -42,16 +45,16 @@ inline double series(int zeros, double x, double y) {
 // phi1 = (1 - e^-x) / x, phi2 = (1 - phi1) / x, phi3 = (1/2 - phi2) / x, x >= 0. Below 1 the
 // differences would cancel, so the series is used.
 inline double phi1(double x) { return x > 0.0 ? -std::expm1(-x) / x : 1.0; }
-inline double phi2(double x) { return x < 1.0 ? series(1, x, 0.0) : (1.0 - phi1(x)) / x; }
-inline double phi3(double x) { return x < 1.0 ? series(2, x, 0.0) : (0.5 - phi2(x)) / x; }
+inline double phi2(double x) { return x < 1.0 ? exp_series(1, x, 0.0) : (1.0 - phi1(x)) / x; }
+inline double phi3(double x) { return x < 1.0 ? exp_series(2, x, 0.0) : (0.5 - phi2(x)) / x; }
 
 /// Returns the divided differences of exp over (-x, -y), (0, -x, -y) and (0, 0, -x, -y), x and y >=
 /// 0.
-inline std::array<double, 3> lagged(double x, double y) {
-  // The larger argument is the divisor, so y - x and y lose nothing.
+inline std::array<double, 3> lagged_response(double x, double y) {
+  // The larger argument is the divisor, so y - x and y lose no digits.
   if (x > y) std::swap(x, y);
   const double first = std::exp(-x) * phi1(y - x);
-  if (y < 1.0) return {first, series(1, x, y), series(2, x, y)};
+  if (y < 1.0) return {first, exp_series(1, x, y), exp_series(2, x, y)};
   const double second = (phi1(x) - first) / y;
   return {first, second, (phi2(x) - second) / y};
 }
@@ -63,67 +66,53 @@ struct ThermalSegment {
   double length = 0.0;              ///< s; 0 after the last knot, whose activity continues
 };
 
-/// Returns the equations after a knot of a run.
-ThermalSegment segment_after(const ThermalRun& run, std::size_t knot);
-
-/// Returns the temperatures of a run at a knot above its base, in modes.
-Eigen::VectorXd modal(const ThermalRun& run, const ThermalModes& modes, std::size_t knot);
-
-/// Returns the last knot that is not after an instant; the instant is not before the first knot.
-std::size_t last_knot_before(const ThermalRun& run, double time_s);
-
 /// Returns the initial room temperature. All temperatures are computed relative to it, so that a
 /// machine at that temperature stays there to the last bit.
-double base_T_C(const ThermalRun& run);
-
-/// Returns the heat from the surroundings into every node at an instant if all nodes were at
-/// `base_T_C`, W.
-Eigen::VectorXd surroundings_heat_W(const ThermalNetwork& network, const Activity& at, bool coolant,
-                                    double base_T_C);
-
-ThermalSegment segment_after(const ThermalRun& run, std::size_t knot) {
-  const Activity& from = run.knots[knot];
-  ThermalSegment stretch;
-  stretch.modes = from.coolant ? &run.wet : &run.dry;
-  const auto modal_flow = [&](std::size_t i) -> VectorXd {
-    const VectorXd surroundings =
-        surroundings_heat_W(run.network, run.knots[i], from.coolant, base_T_C(run));
-    return stretch.modes->to_nodes.transpose() *
-           (surroundings + run.heat_W.row(Index(i)).transpose());
-  };
-  stretch.flow = modal_flow(knot);
-  stretch.flow_rise = VectorXd::Zero(stretch.flow.size());
-  if (knot + 1 < run.knots.size()) stretch.length = run.knots[knot + 1].time_s - from.time_s;
-  if (stretch.length > 0.0)
-    stretch.flow_rise = (modal_flow(knot + 1) - stretch.flow) / stretch.length;
-  return stretch;
-}
-
-VectorXd modal(const ThermalRun& run, const ThermalModes& modes, std::size_t knot) {
-  return modes.to_modes * (run.T_C.row(Index(knot)).transpose().array() - base_T_C(run)).matrix();
-}
-
-std::size_t last_knot_before(const ThermalRun& run, double time_s) {
-  const auto above = std::upper_bound(run.knots.begin(), run.knots.end(), time_s,
-                                      [](double t, const Activity& a) { return t < a.time_s; });
-  return std::size_t(above - run.knots.begin()) - 1;
-}
-
 double base_T_C(const ThermalRun& run) { return run.knots.front().room_T_C; }
 
-VectorXd surroundings_heat_W(const ThermalNetwork& network, const Activity& at, bool coolant,
+/// Returns the heat from the surroundings into every node if all nodes were at `base_T_C`, W.
+VectorXd surroundings_heat_W(const ThermalNetwork& network, const Activity& activity, bool coolant,
                              double base_T_C) {
   VectorXd flow = VectorXd::Zero(Index(network.nodes.size()));
   for (const SurroundingsLink& link : network.surroundings) {
     if (link.to == Surroundings::Room)
-      flow[link.node] += link.conductance_W_per_K * (at.room_T_C - base_T_C);
+      flow[link.node] += link.conductance_W_per_K * (activity.room_T_C - base_T_C);
     else if (coolant)
-      flow[link.node] += link.conductance_W_per_K * (at.coolant_T_C - base_T_C);
+      flow[link.node] += link.conductance_W_per_K * (activity.coolant_T_C - base_T_C);
   }
   return flow;
 }
 
-namespace {
+/// Returns the equations after a knot of a run.
+ThermalSegment segment_after(const ThermalRun& run, std::size_t knot) {
+  const Activity& from = run.knots[knot];
+  ThermalSegment segment;
+  segment.modes = from.coolant ? &run.wet : &run.dry;
+  const auto modal_flow = [&](std::size_t i) -> VectorXd {
+    const VectorXd surroundings =
+        surroundings_heat_W(run.network, run.knots[i], from.coolant, base_T_C(run));
+    return segment.modes->to_nodes.transpose() *
+           (surroundings + run.heat_W.row(Index(i)).transpose());
+  };
+  segment.flow = modal_flow(knot);
+  segment.flow_rise = VectorXd::Zero(segment.flow.size());
+  if (knot + 1 < run.knots.size()) segment.length = run.knots[knot + 1].time_s - from.time_s;
+  if (segment.length > 0.0)
+    segment.flow_rise = (modal_flow(knot + 1) - segment.flow) / segment.length;
+  return segment;
+}
+
+/// Returns the temperatures of a run at a knot above its base, in modes.
+VectorXd modal_temperatures(const ThermalRun& run, const ThermalModes& modes, std::size_t knot) {
+  return modes.to_modes * (run.T_C.row(Index(knot)).transpose().array() - base_T_C(run)).matrix();
+}
+
+/// Returns the last knot that is not after an instant; the instant is not before the first knot.
+std::size_t last_knot_before(const ThermalRun& run, double time_s) {
+  const auto knot = std::upper_bound(run.knots.begin(), run.knots.end(), time_s,
+                                     [](double t, const Activity& a) { return t < a.time_s; });
+  return std::size_t(knot - run.knots.begin()) - 1;
+}
 
 // Activity of a machine
 
@@ -159,15 +148,15 @@ VectorXd node_heats_W(const ThermalNetwork& network, const Activity& activity) {
 
 // Modes
 
-/// The network as conductances, parallel ones added.
-struct Mesh {
+/// The conductances of a network; parallel links are added.
+struct ConductanceMesh {
   MatrixXd between;    ///< (nodes x nodes) symmetric
   VectorXd to_ground;  ///< (nodes) to the surroundings
 };
 
-Mesh mesh_of(const ThermalNetwork& network, bool coolant) {
+ConductanceMesh conductance_mesh(const ThermalNetwork& network, bool coolant) {
   const Index n = Index(network.nodes.size());
-  Mesh mesh{MatrixXd::Zero(n, n), VectorXd::Zero(n)};
+  ConductanceMesh mesh{MatrixXd::Zero(n, n), VectorXd::Zero(n)};
   for (const ThermalLink& link : network.links) {
     mesh.between(link.a, link.b) += link.conductance_W_per_K;
     mesh.between(link.b, link.a) += link.conductance_W_per_K;
@@ -180,24 +169,24 @@ Mesh mesh_of(const ThermalNetwork& network, bool coolant) {
 
 /// Returns the square roots of the heat capacities.
 VectorXd capacity_roots(const ThermalNetwork& network) {
-  VectorXd root(Index(network.nodes.size()));
-  for (Index i = 0; i < root.size(); ++i)
-    root[i] = std::sqrt(network.nodes[std::size_t(i)].capacity_J_per_K);
-  return root;
+  VectorXd root_capacity(Index(network.nodes.size()));
+  for (Index i = 0; i < root_capacity.size(); ++i)
+    root_capacity[i] = std::sqrt(network.nodes[std::size_t(i)].capacity_J_per_K);
+  return root_capacity;
 }
 
 /// Returns the weighted incidence matrix: a column sqrt(G) / sqrt(C) for every conductance.
-MatrixXd incidence(const Mesh& mesh, const VectorXd& root) {
-  const Index n = root.size();
+MatrixXd incidence(const ConductanceMesh& mesh, const VectorXd& root_capacity) {
+  const Index n = root_capacity.size();
   MatrixXd B = MatrixXd::Zero(n, n * (n + 1) / 2);
   Index column = 0;
   for (Index i = 0; i < n; ++i) {
-    if (mesh.to_ground[i] > 0.0) B(i, column++) = std::sqrt(mesh.to_ground[i]) / root[i];
+    if (mesh.to_ground[i] > 0.0) B(i, column++) = std::sqrt(mesh.to_ground[i]) / root_capacity[i];
     for (Index j = 0; j < i; ++j) {
       if (!(mesh.between(i, j) > 0.0)) continue;
       const double g = std::sqrt(mesh.between(i, j));
-      B(i, column) = g / root[i];
-      B(j, column++) = -g / root[j];
+      B(i, column) = g / root_capacity[i];
+      B(j, column++) = -g / root_capacity[j];
     }
   }
   return B.leftCols(column);
@@ -207,14 +196,14 @@ MatrixXd incidence(const Mesh& mesh, const VectorXd& root) {
 /// L would lose a slow rate in the rounding of a fast one; the singular values of B span only half
 /// as many decades.
 ThermalModes modes(const ThermalNetwork& network, bool coolant) {
-  const VectorXd root = capacity_roots(network);
-  const MatrixXd B = incidence(mesh_of(network, coolant), root);
+  const VectorXd root_capacity = capacity_roots(network);
+  const MatrixXd B = incidence(conductance_mesh(network, coolant), root_capacity);
   if (!B.allFinite())
     refuse("thermal network", "its capacities and conductances are beyond what numbers can hold");
   const SingularValues svd = singular_values(B, Eigen::ComputeThinU);
   const MatrixXd& V = svd.U;
-  ThermalModes result{svd.values.cwiseAbs2(), V.transpose() * root.asDiagonal(),
-                      root.cwiseInverse().asDiagonal() * V};
+  ThermalModes result{svd.values.cwiseAbs2(), V.transpose() * root_capacity.asDiagonal(),
+                      root_capacity.cwiseInverse().asDiagonal() * V};
   if (!result.rate_per_s.allFinite() || !result.to_modes.allFinite() ||
       !result.to_nodes.allFinite())
     refuse("thermal network", "its capacities and conductances are beyond what numbers can hold");
@@ -228,58 +217,58 @@ bool has_coolant(const ThermalNetwork& network) {
 
 // Steps between knots
 
-/// Returns the change of the modes from z in a time h. The difference is computed directly, so that
-/// its rounding is relative to the change and not to the whole.
-VectorXd change(const ThermalSegment& stretch, const VectorXd& z, double h) {
+/// Returns the change of the modes from z in a time h. The change is computed directly, so that its
+/// rounding error is relative to the change and not to the temperature.
+VectorXd modal_change(const ThermalSegment& segment, const VectorXd& z, double h) {
   VectorXd dz(z.size());
   for (Index k = 0; k < z.size(); ++k) {
-    const double rate = stretch.modes->rate_per_s[k];
+    const double rate = segment.modes->rate_per_s[k];
     const double x = rate * h;
-    dz[k] = h * (phi1(x) * (stretch.flow[k] - rate * z[k]) + h * phi2(x) * stretch.flow_rise[k]);
+    dz[k] = h * (phi1(x) * (segment.flow[k] - rate * z[k]) + h * phi2(x) * segment.flow_rise[k]);
   }
   return dz;
 }
 
 /// Returns the integral of the modes over a whole segment.
-VectorXd integral(const ThermalSegment& stretch, const VectorXd& z) {
-  const double h = stretch.length;
+VectorXd modal_integral(const ThermalSegment& segment, const VectorXd& z) {
+  const double h = segment.length;
   VectorXd sum(z.size());
   for (Index k = 0; k < z.size(); ++k) {
-    const double x = stretch.modes->rate_per_s[k] * h;
+    const double x = segment.modes->rate_per_s[k] * h;
     sum[k] =
-        h * (phi1(x) * z[k] + h * (phi2(x) * stretch.flow[k] + h * phi3(x) * stretch.flow_rise[k]));
+        h * (phi1(x) * z[k] + h * (phi2(x) * segment.flow[k] + h * phi3(x) * segment.flow_rise[k]));
   }
   return sum;
 }
 
 /// Compensated summation (Kahan): near a steady state the change from knot to knot is far below an
-/// ulp of the temperature, and must still accumulate.
+/// ulp of the temperature but must still accumulate.
 struct CompensatedSum {
-  VectorXd value, lost;
+  VectorXd value, lost_digits;
 
   explicit CompensatedSum(VectorXd start)
-      : value(std::move(start)), lost(VectorXd::Zero(value.size())) {}
+      : value(std::move(start)), lost_digits(VectorXd::Zero(value.size())) {}
   void add(const VectorXd& change) {
-    const VectorXd wanted = change - lost;
-    const VectorXd next = value + wanted;
-    lost = (next - value) - wanted;
-    value = next;
+    const VectorXd corrected = change - lost_digits;
+    const VectorXd sum = value + corrected;
+    lost_digits = (sum - value) - corrected;
+    value = sum;
   }
 };
 
-/// Returns the temperatures above ground for heat into the nodes, eliminating one node after
-/// another by the star-mesh transform. Nothing is subtracted, so no conductance is lost beside a
-/// larger one.
-VectorXd solve_star_mesh(Mesh mesh, VectorXd heat) {
+/// Returns the temperatures above the surroundings for heat into the nodes. Nodes are eliminated
+/// one by one with the star-mesh transform, which subtracts nothing, so that no conductance is lost
+/// in the rounding of a larger one.
+VectorXd solve_star_mesh(ConductanceMesh mesh, VectorXd heat) {
   const Index n = heat.size();
   VectorXd total(n);
   for (Index k = n - 1; k >= 0; --k) {
     total[k] = mesh.to_ground[k] + mesh.between.row(k).head(k).sum();
-    const VectorXd share = mesh.between.col(k).head(k) / total[k];
-    mesh.between.topLeftCorner(k, k) += share * mesh.between.row(k).head(k);
+    const VectorXd fraction = mesh.between.col(k).head(k) / total[k];
+    mesh.between.topLeftCorner(k, k) += fraction * mesh.between.row(k).head(k);
     mesh.between.diagonal().head(k).setZero();
-    mesh.to_ground.head(k) += share * mesh.to_ground[k];
-    heat.head(k) += share * heat[k];
+    mesh.to_ground.head(k) += fraction * mesh.to_ground[k];
+    heat.head(k) += fraction * heat[k];
   }
   VectorXd T(n);
   for (Index k = 0; k < n; ++k)
@@ -304,19 +293,21 @@ ThermalRun simulate(const ThermalNetwork& network, std::span<const Activity> kno
   for (Index i = 0; i < n; ++i) run.heat_W.row(i) = node_heats_W(network, knots[std::size_t(i)]);
   if (!run.heat_W.allFinite()) refuse("activity", "expected finite heat of every source");
   run.T_C.row(0) = network.start_T_C;
-  const ThermalModes* current = nullptr;
+  const ThermalModes* current_modes = nullptr;
   CompensatedSum z{VectorXd()};
-  // A jump: two knots at one instant leave the temperatures unchanged.
   for (std::size_t i = 0; i + 1 < knots.size(); ++i) {
+    // A jump (two knots at one instant) leaves the temperatures unchanged.
     run.T_C.row(Index(i) + 1) = run.T_C.row(Index(i));
-    const ThermalSegment stretch = segment_after(run, i);
-    if (stretch.length == 0.0) continue;
-    // Dry and wet network have different modes, so the state is converted where the coolant is
-    // switched; otherwise it stays in modes and gathers no rounding.
-    if (stretch.modes != current) z = CompensatedSum(modal(run, *stretch.modes, i));
-    current = stretch.modes;
-    z.add(change(stretch, z.value, stretch.length));
-    run.T_C.row(Index(i) + 1) = (current->to_nodes * z.value).transpose().array() + base_T_C(run);
+    const ThermalSegment segment = segment_after(run, i);
+    if (segment.length == 0.0) continue;
+    // The dry and the wet network have different modes, so the state is converted where the coolant
+    // is switched; otherwise it stays in modes and accumulates no rounding errors.
+    if (segment.modes != current_modes)
+      z = CompensatedSum(modal_temperatures(run, *segment.modes, i));
+    current_modes = segment.modes;
+    z.add(modal_change(segment, z.value, segment.length));
+    run.T_C.row(Index(i) + 1) =
+        (current_modes->to_nodes * z.value).transpose().array() + base_T_C(run);
   }
   return run;
 }
@@ -326,9 +317,10 @@ VectorXd temperatures(const ThermalRun& run, double time_s) {
   const std::size_t knot = last_knot_before(run, time_s);
   const double h = time_s - run.knots[knot].time_s;
   if (h == 0.0) return run.T_C.row(Index(knot));
-  const ThermalSegment stretch = segment_after(run, knot);
-  const VectorXd z = modal(run, *stretch.modes, knot);
-  return run.T_C.row(Index(knot)).transpose() + stretch.modes->to_nodes * change(stretch, z, h);
+  const ThermalSegment segment = segment_after(run, knot);
+  const VectorXd z = modal_temperatures(run, *segment.modes, knot);
+  return run.T_C.row(Index(knot)).transpose() +
+         segment.modes->to_nodes * modal_change(segment, z, h);
 }
 
 VectorXd steady_state(const ThermalNetwork& network, const Activity& activity) {
@@ -336,7 +328,8 @@ VectorXd steady_state(const ThermalNetwork& network, const Activity& activity) {
   check(activity, network);
   const VectorXd heat = node_heats_W(network, activity) +
                         surroundings_heat_W(network, activity, activity.coolant, activity.room_T_C);
-  return solve_star_mesh(mesh_of(network, activity.coolant), heat).array() + activity.room_T_C;
+  return solve_star_mesh(conductance_mesh(network, activity.coolant), heat).array() +
+         activity.room_T_C;
 }
 
 HeatBalance heat_balance(const ThermalRun& run, std::size_t from_knot, std::size_t to_knot) {
@@ -347,19 +340,20 @@ HeatBalance heat_balance(const ThermalRun& run, std::size_t from_knot, std::size
   const double base = base_T_C(run);
   for (std::size_t i = from_knot; i < to_knot; ++i) {
     const Activity &from = run.knots[i], &to = run.knots[i + 1];
-    const ThermalSegment stretch = segment_after(run, i);
-    const double h = stretch.length;
+    const ThermalSegment segment = segment_after(run, i);
+    const double h = segment.length;
     balance.generated_J +=
         0.5 * h * (run.heat_W.row(Index(i)).sum() + run.heat_W.row(Index(i) + 1).sum());
-    const VectorXd over_base =
-        stretch.modes->to_nodes * integral(stretch, modal(run, *stretch.modes, i));
+    const VectorXd temperature_integral =
+        segment.modes->to_nodes *
+        modal_integral(segment, modal_temperatures(run, *segment.modes, i));
     for (const SurroundingsLink& link : run.network.surroundings) {
-      const bool room = link.to == Surroundings::Room;
-      if (!room && !from.coolant) continue;
-      const double outside =
-          room ? 0.5 * (from.room_T_C + to.room_T_C) : 0.5 * (from.coolant_T_C + to.coolant_T_C);
-      balance.to_surroundings_J +=
-          link.conductance_W_per_K * (over_base[link.node] - h * (outside - base));
+      const bool is_room = link.to == Surroundings::Room;
+      if (!is_room && !from.coolant) continue;
+      const double surroundings_T_C =
+          is_room ? 0.5 * (from.room_T_C + to.room_T_C) : 0.5 * (from.coolant_T_C + to.coolant_T_C);
+      balance.to_surroundings_J += link.conductance_W_per_K * (temperature_integral[link.node] -
+                                                               h * (surroundings_T_C - base));
     }
   }
   for (Index k = 0; k < Index(run.network.nodes.size()); ++k)
@@ -370,54 +364,57 @@ HeatBalance heat_balance(const ThermalRun& run, std::size_t from_knot, std::size
 
 namespace {
 
-/// A sensor with its own thermal mass behind its node: S' = (T_node - S) / lag, solved mode by
+/// A sensor with a thermal mass that lags behind its node: S' = (T_node - S) / lag, solved mode by
 /// mode.
 class LaggedNode {
  public:
   LaggedNode(const ThermalRun& run, const TemperatureSensor& sensor)
-      // 1e200: a lag of almost 0 must not overflow; the sensor then simply follows its node.
-      : run_(run), node_(sensor.node), per_s_(std::min(1.0 / sensor.lag_s, 1e200)) {
-    at_knot_.push_back(run.T_C(0, node_) - base_T_C(run));
+      // 1e200: the rate of a lag of almost 0 must not overflow; the sensor then follows its node.
+      : run_(run), node_(sensor.node), rate_per_s_(std::min(1.0 / sensor.lag_s, 1e200)) {
+    sensor_at_knots_.push_back(run.T_C(0, node_) - base_T_C(run));
   }
 
   double T_C(double time_s) {
     if (time_s <= run_.knots.front().time_s) return run_.T_C(0, node_);
     const std::size_t knot = last_knot_before(run_, time_s);
-    while (at_knot_.size() <= knot) {
-      const std::size_t last = at_knot_.size() - 1;
-      at_knot_.push_back(after(last, run_.knots[last + 1].time_s - run_.knots[last].time_s));
+    while (sensor_at_knots_.size() <= knot) {
+      const std::size_t last_knot = sensor_at_knots_.size() - 1;
+      sensor_at_knots_.push_back(
+          sensor_after(last_knot, run_.knots[last_knot + 1].time_s - run_.knots[last_knot].time_s));
     }
-    return base_T_C(run_) + after(knot, time_s - run_.knots[knot].time_s);
+    return base_T_C(run_) + sensor_after(knot, time_s - run_.knots[knot].time_s);
   }
 
  private:
-  double after(std::size_t knot, double h) const {
-    const ThermalSegment stretch = segment_after(run_, knot);
-    const VectorXd z = modal(run_, *stretch.modes, knot);
-    const auto of_node = stretch.modes->to_nodes.row(node_);
-    const double y = per_s_ * h;
-    double driven = 0.0;
+  double sensor_after(std::size_t knot, double h) const {
+    const ThermalSegment segment = segment_after(run_, knot);
+    const VectorXd z = modal_temperatures(run_, *segment.modes, knot);
+    const auto node_row = segment.modes->to_nodes.row(node_);
+    const double y = rate_per_s_ * h;
+    double response = 0.0;
     for (Index k = 0; k < z.size(); ++k) {
-      const auto [first, second, third] = lagged(stretch.modes->rate_per_s[k] * h, y);
-      driven += of_node[k] *
-                (first * z[k] + h * (second * stretch.flow[k] + h * third * stretch.flow_rise[k]));
+      const auto [first_difference, second_difference, third_difference] =
+          lagged_response(segment.modes->rate_per_s[k] * h, y);
+      response += node_row[k] *
+                  (first_difference * z[k] + h * (second_difference * segment.flow[k] +
+                                                  h * third_difference * segment.flow_rise[k]));
     }
-    return std::exp(-y) * at_knot_[knot] + y * driven;
+    return std::exp(-y) * sensor_at_knots_[knot] + y * response;
   }
 
   const ThermalRun& run_;
   Index node_;
-  double per_s_;
-  std::vector<double> at_knot_;  ///< sensor above the base at the knots evaluated so far
+  double rate_per_s_;
+  std::vector<double> sensor_at_knots_;  ///< sensor above the base at the knots evaluated so far
 };
 
 /// Returns the number of the last sample that is not after an instant.
 double last_sample_number(double time_s, double sampling_s) {
-  double k = std::floor(time_s / sampling_s);
+  double number = std::floor(time_s / sampling_s);
   // The quotient may round across a whole number in either direction.
-  if ((k + 1.0) * sampling_s <= time_s) k += 1.0;
-  if (k * sampling_s > time_s) k -= 1.0;
-  return k;
+  if ((number + 1.0) * sampling_s <= time_s) number += 1.0;
+  if (number * sampling_s > time_s) number -= 1.0;
+  return number;
 }
 
 void check_times(const VectorXd& times_s, const TemperatureSensor& sensor) {
@@ -449,20 +446,21 @@ VectorXd readings(const TemperatureSensor& sensor, const ThermalRun& run, const 
   check_times(times_s, sensor);
   LaggedNode lagged_node(run, sensor);
   VectorXd result(times_s.size());
-  double last = 0.0;
+  double last_sample = 0.0;
   for (Index i = 0; i < times_s.size(); ++i) {
-    const double k = last_sample_number(times_s[i], sensor.sampling_s);
-    // Between samples the reading stands, noise included.
-    if (i > 0 && k == last) {
+    const double sample_number = last_sample_number(times_s[i], sensor.sampling_s);
+    // Between samples the reading is held, noise included.
+    if (i > 0 && sample_number == last_sample) {
       result[i] = result[i - 1];
       continue;
     }
-    last = k;
-    const double at_s = k * sensor.sampling_s;
-    double T = sensor.lag_s > 0.0 ? lagged_node.T_C(at_s) : temperatures(run, at_s)[sensor.node];
+    last_sample = sample_number;
+    const double sample_time_s = sample_number * sensor.sampling_s;
+    double T = sensor.lag_s > 0.0 ? lagged_node.T_C(sample_time_s)
+                                  : temperatures(run, sample_time_s)[sensor.node];
     T += sensor.offset_K;
     if (sensor.noise_K > 0.0)
-      T += sensor.noise_K * normal_deviate(sensor.seed, std::uint64_t(std::int64_t(k)));
+      T += sensor.noise_K * normal_deviate(sensor.seed, std::uint64_t(std::int64_t(sample_number)));
     if (sensor.resolution_K > 0.0) T = std::round(T / sensor.resolution_K) * sensor.resolution_K;
     result[i] = T;
   }

@@ -10,11 +10,10 @@
 
 #include "errors/thermal_network.h"
 
-/// Heat in a machine: the run of its network over time, and the sensors that read it.
-
+/// Simulation of a thermal network over time, and the sensors that read its temperatures.
 namespace abbe::errors {
 
-/// Modes of a network with constant links: T - T_steady decays mode by mode.
+/// Modes of a network with constant links. Each mode of T - T_steady decays independently.
 struct ThermalModes {
   Eigen::VectorXd rate_per_s;  ///< (nodes) > 0
   Eigen::MatrixXd to_modes;    ///< (nodes x nodes) temperatures to modes
@@ -22,9 +21,9 @@ struct ThermalModes {
                                ///< to modes
 };
 
-/// Temperatures of a network at the knots of its activity, with all that is needed to compute them
-/// exactly at any instant between. Immutable: made by `simulate`. Memory is linear in the number of
-/// knots.
+/// Temperatures of a network at the knots of its activity, and the data from which they are
+/// computed exactly at any instant in between. Immutable; created by `simulate`. Memory is linear
+/// in the number of knots.
 struct ThermalRun {
   ThermalNetwork network;
   std::vector<Activity> knots;  ///< (n)
@@ -41,8 +40,8 @@ struct ThermalRun {
 ///         speed of an axis with friction is missing, or a number is not finite
 ThermalRun simulate(const ThermalNetwork& network, std::span<const Activity> knots);
 
-/// Returns the temperatures at an instant, (nodes) deg C: before the first knot those of the start,
-/// after the last knot as if its activity continued.
+/// Returns the temperatures at an instant, (nodes) deg C: before the first knot the start
+/// temperatures, after the last knot as if its activity continued.
 Eigen::VectorXd temperatures(const ThermalRun& run, double time_s);
 
 /// Returns the steady temperatures under a constant activity, (nodes) deg C; accurate to some ulp
@@ -56,7 +55,8 @@ struct HeatBalance {
   double stored_J = 0.0;
 };
 /// Returns the heat balance: generated = to_surroundings + stored to 1e-10 of the largest of them,
-/// or of the heat that flows between if they cancel. @throws std::out_of_range
+/// or, if they cancel, of the heat that flows between the knots.
+/// @throws std::out_of_range if the knots do not exist or are not in order
 HeatBalance heat_balance(const ThermalRun& run, std::size_t from_knot, std::size_t to_knot);
 
 /// A temperature sensor of the control.
@@ -68,7 +68,7 @@ struct TemperatureSensor {
   double resolution_K = 0.0;  ///< readings are rounded to its multiples; 0: not rounded
   double lag_s = 0.0;         ///< time constant of the sensor's own thermal mass
   double sampling_s = 1.0;    ///< > 0; the reading is held between samples
-  std::uint64_t seed = 0;     ///< of its noise: equal times give equal readings
+  std::uint64_t seed = 0;     ///< of its noise, which is the same for the same sample
 };
 
 /// Checks a sensor.
@@ -76,9 +76,9 @@ struct TemperatureSensor {
 ///         or lag, a sampling time that is not positive, a number that is not finite
 void validate(const TemperatureSensor& sensor, const ThermalNetwork& network);
 
-/// Returns the readings of a sensor at instants that do not decrease, (times) deg C. It samples at
-/// whole multiples of its sampling time, from time 0, and was at its node's temperature before the
-/// first knot. Its lag is solved in closed form, like the temperatures.
+/// Returns the readings of a sensor at instants that do not decrease, (times) deg C. The sensor
+/// samples at whole multiples of its sampling time, from time 0, and has its node's temperature
+/// until the first knot. Its lag is solved in closed form, like the temperatures.
 /// @throws std::invalid_argument if the sensor is not valid or time goes back
 Eigen::VectorXd readings(const TemperatureSensor& sensor, const ThermalRun& run,
                          const Eigen::VectorXd& times_s);

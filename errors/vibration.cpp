@@ -11,13 +11,13 @@
 namespace abbe::errors {
 namespace {
 
-void expect(const Vibration& vibration, bool holds, const char* what, double seen) {
+void require_number(const Vibration& vibration, bool holds, const char* expected, double seen) {
   if (holds) return;
-  throw std::invalid_argument(
-      fmt::format("vibration of {}: expected {}, seen {}", to_string(vibration.name), what, seen));
+  throw std::invalid_argument(fmt::format("vibration of {}: expected {}, seen {}",
+                                          to_string(vibration.name), expected, seen));
 }
 
-bool positive(double x) { return x > 0.0 && std::isfinite(x); }
+bool is_positive_number(double x) { return x > 0.0 && std::isfinite(x); }
 
 void check(const Vibration& v) {
   // A location element describes a constant position of an axis and cannot vibrate.
@@ -25,13 +25,16 @@ void check(const Vibration& v) {
     throw std::invalid_argument(fmt::format(
         "vibration of {}: expected an error motion, seen a location element", to_string(v.name)));
   }
-  expect(v, positive(v.order), "an order above 0", v.order);
-  expect(v, std::isfinite(v.amplitude), "a finite amplitude", v.amplitude);
-  expect(v, positive(v.reference_speed), "a reference speed above 0", v.reference_speed);
-  expect(v, v.exponent >= 0.0 && std::isfinite(v.exponent), "an exponent of 0 or more", v.exponent);
-  expect(v, std::isfinite(v.phase), "a finite phase", v.phase);
-  if (v.resonance) expect(v, positive(*v.resonance), "a resonance above 0", *v.resonance);
-  expect(v, positive(v.damping), "a damping above 0", v.damping);
+  require_number(v, is_positive_number(v.order), "an order above 0", v.order);
+  require_number(v, std::isfinite(v.amplitude), "a finite amplitude", v.amplitude);
+  require_number(v, is_positive_number(v.reference_speed), "a reference speed above 0",
+                 v.reference_speed);
+  require_number(v, v.exponent >= 0.0 && std::isfinite(v.exponent), "an exponent of 0 or more",
+                 v.exponent);
+  require_number(v, std::isfinite(v.phase), "a finite phase", v.phase);
+  if (v.resonance)
+    require_number(v, is_positive_number(*v.resonance), "a resonance above 0", *v.resonance);
+  require_number(v, is_positive_number(v.damping), "a damping above 0", v.damping);
 }
 
 }  // namespace
@@ -52,11 +55,11 @@ VibrationModel bind(const std::vector<Vibration>& vibrations, const kinematics::
 double amplitude(const Vibration& v, double spindle_speed) {
   // The amplitude is the same in both senses of rotation.
   const double n = std::abs(spindle_speed);
-  const double driven = v.amplitude * std::pow(n / v.reference_speed, v.exponent);
-  if (!v.resonance) return driven;
+  const double excitation = v.amplitude * std::pow(n / v.reference_speed, v.exponent);
+  if (!v.resonance) return excitation;
   const double r = v.order * n / *v.resonance;
   // Steady response of a one-mass oscillator driven at the order's frequency.
-  return driven / std::hypot(1.0 - r * r, 2.0 * v.damping * r);
+  return excitation / std::hypot(1.0 - r * r, 2.0 * v.damping * r);
 }
 
 std::vector<kinematics::JointDeviation> deviations(const VibrationModel& model,

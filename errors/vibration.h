@@ -23,7 +23,7 @@ struct Vibration {
   double damping = 0.05;            ///< fraction of critical damping, > 0
 };
 
-/// The vibrations bound to a chain. Immutable: made by `bind`.
+/// The vibrations bound to a chain. Immutable; created by `bind`.
 struct VibrationModel {
   struct Bound {
     int joint = 0;
@@ -39,11 +39,11 @@ struct VibrationModel {
 ///         element, a spindle's rotation about itself, a number that is not physical
 VibrationModel bind(const std::vector<Vibration>& vibrations, const kinematics::Chain& chain);
 
-/// Returns the amplitude at a spindle speed of either sense, mm or rad, with the sign of
-/// `amplitude`.
+/// Returns the amplitude at a spindle speed of either sense of rotation, mm or rad, with the sign
+/// of `amplitude`.
 double amplitude(const Vibration& vibration, double spindle_speed);
 
-/// Returns the vibration part of every joint's deviation, in the order of the chain.
+/// Returns the deviation of every joint by vibration, in the order of the chain.
 /// @param spindle_angle  rad, since the start of the program
 std::vector<kinematics::JointDeviation> deviations(const VibrationModel& model,
                                                    double spindle_speed, double spindle_angle);

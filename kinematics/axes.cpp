@@ -6,13 +6,13 @@ namespace abbe::kinematics {
 
 namespace {
 
-// A control character in a message would act on the terminal, so it is given as its code.
+// A control character in a message would act on the terminal, so its code is shown instead.
 std::string quoted(char c) {
   if (c >= ' ' && c <= '~') return {'\'', c, '\''};
   return "a character of code " + std::to_string(int(static_cast<unsigned char>(c)));
 }
 
-[[noreturn]] void refuse(const std::string& expected, const std::string& seen) {
+[[noreturn]] void throw_code_error(const std::string& expected, const std::string& seen) {
   throw std::invalid_argument("structural code: expected " + expected + ", seen " + seen);
 }
 
@@ -22,40 +22,43 @@ constexpr std::string_view axis_letters = "XYZUVWABCS";
 }  // namespace
 
 Topology parse_structural_code(std::string_view code) {
-  std::string marks;
+  std::string symbols;
   for (const char c : code)
-    if (c != ' ' && c != '\t') marks += c;
-  if (marks.empty()) refuse("w first", "nothing");
-  if (marks.front() != 'w') refuse("w first", quoted(marks.front()));
-  if (marks.size() < 2 || marks.back() != 't') refuse("t last", quoted(marks.back()));
+    if (c != ' ' && c != '\t') symbols += c;
+  if (symbols.empty()) throw_code_error("w first", "nothing");
+  if (symbols.front() != 'w') throw_code_error("w first", quoted(symbols.front()));
+  if (symbols.size() < 2 || symbols.back() != 't')
+    throw_code_error("t last", quoted(symbols.back()));
 
   Topology topology;
   bool is_past_bed = false;
-  for (std::size_t i = 1; i + 1 < marks.size(); ++i) {
-    const char c = marks[i];
+  for (std::size_t i = 1; i + 1 < symbols.size(); ++i) {
+    const char c = symbols[i];
     if (c == 'b') {
-      if (is_past_bed) refuse("one b", "a second");
+      if (is_past_bed) throw_code_error("one b", "a second");
       is_past_bed = true;
       continue;
     }
-    const bool nose = c == 's';
-    if (!nose && axis_letters.find(c) == std::string_view::npos)
-      refuse("an axis letter of " + std::string(axis_letters) + ", b or s", quoted(c));
+    const bool is_nose = c == 's';
+    if (!is_nose && axis_letters.find(c) == std::string_view::npos)
+      throw_code_error("an axis letter of " + std::string(axis_letters) + ", b or s", quoted(c));
     // A prime stands after its letter, so the letter is judged with the character that follows it.
-    const bool primed = marks[i + 1] == '\'';
-    if (nose && (!is_past_bed || i + 2 != marks.size())) refuse("s right before t", "it elsewhere");
-    if (!is_past_bed && !primed)
-      refuse("a prime after " + quoted(c) + ", which carries the workpiece", "none");
-    if (is_past_bed && primed)
-      refuse("no prime after " + quoted(c) + ", which carries the tool", "one");
+    const bool is_primed = symbols[i + 1] == '\'';
+    if (is_nose && (!is_past_bed || i + 2 != symbols.size()))
+      throw_code_error("s right before t", "it elsewhere");
+    if (!is_past_bed && !is_primed)
+      throw_code_error("a prime after " + quoted(c) + ", which carries the workpiece", "none");
+    if (is_past_bed && is_primed)
+      throw_code_error("no prime after " + quoted(c) + ", which carries the tool", "one");
     for (const CodeAxis& axis : topology)
-      if (axis.name == c) refuse("every letter once", quoted(c) + " twice");
+      if (axis.name == c) throw_code_error("every letter once", quoted(c) + " twice");
     topology.push_back({c, is_past_bed ? Side::Tool : Side::Workpiece});
-    if (primed) ++i;
+    if (is_primed) ++i;
   }
-  if (!is_past_bed) refuse("b for the bed", "none");
+  if (!is_past_bed) throw_code_error("b for the bed", "none");
   if (topology.size() > std::size_t(max_joints))
-    refuse("at most " + std::to_string(max_joints) + " joints", std::to_string(topology.size()));
+    throw_code_error("at most " + std::to_string(max_joints) + " joints",
+                     std::to_string(topology.size()));
   return topology;
 }
 

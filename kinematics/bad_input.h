@@ -18,11 +18,11 @@ std::string escaped(std::string_view text);
 /// Returns the escaped text with its line ends and tabs kept.
 std::string escaped_lines(std::string_view text);
 
-/// Throws std::invalid_argument with this text unless `holds` is true.
-inline void require(bool holds, const char* what) {
-  if (!holds) throw std::invalid_argument(what);
+/// Throws std::invalid_argument with this message unless `holds` is true.
+inline void require(bool holds, const char* message) {
+  if (!holds) throw std::invalid_argument(message);
 }
-inline void require(bool holds, const std::string& what) { require(holds, what.c_str()); }
+inline void require(bool holds, const std::string& message) { require(holds, message.c_str()); }
 
 /// Input error: location, what was expected and what was seen. `what()` reads "file:line:column:
 /// expected ..., seen ..." on one line, with external text escaped; the members hold the text
@@ -41,12 +41,12 @@ struct BadInput : std::runtime_error {
 /// after 200 errors a last entry says that more are not listed.
 class InputErrorList {
  public:
-  static constexpr std::size_t most = 200;
+  static constexpr std::size_t max_errors = 200;
 
-  void add(const BadInput& fault);
+  void add(const BadInput& error);
   const std::vector<BadInput>& list() const { return list_; }
   bool empty() const { return list_.empty(); }
-  bool full() const { return list_.size() > most; }
+  bool full() const { return list_.size() > max_errors; }
 
  private:
   std::vector<BadInput> list_;

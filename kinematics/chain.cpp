@@ -22,29 +22,30 @@ namespace {
 /// exact to the last bit, at a tenth of the cost of sine and cosine; angles of deviations are that
 /// small.
 [[gnu::always_inline]] inline Eigen::Matrix3d rotation_minus_identity(const Eigen::Vector3d& v) {
-  const double angle2 = v.squaredNorm();
-  if (!(angle2 < 1e-5)) return rotation(v) - Eigen::Matrix3d::Identity();
-  const double s = 1.0 - angle2 / 6.0 * (1.0 - angle2 / 20.0);           // sin(a) / a
-  const double c = 0.5 * (1.0 - angle2 / 12.0 * (1.0 - angle2 / 30.0));  // (1 - cos a) / a^2
+  const double squared_angle = v.squaredNorm();
+  if (!(squared_angle < 1e-5)) return rotation(v) - Eigen::Matrix3d::Identity();
+  const double s = 1.0 - squared_angle / 6.0 * (1.0 - squared_angle / 20.0);  // sin(a) / a
+  const double c =
+      0.5 * (1.0 - squared_angle / 12.0 * (1.0 - squared_angle / 30.0));  // (1 - cos a) / a^2
   const Eigen::Vector3d sv = s * v;
   const Eigen::Vector3d cv = c * v;
   Eigen::Matrix3d change;
-  change << cv.x() * v.x() - c * angle2, cv.x() * v.y() - sv.z(), cv.x() * v.z() + sv.y(),
-      cv.y() * v.x() + sv.z(), cv.y() * v.y() - c * angle2, cv.y() * v.z() - sv.x(),
-      cv.z() * v.x() - sv.y(), cv.z() * v.y() + sv.x(), cv.z() * v.z() - c * angle2;
+  change << cv.x() * v.x() - c * squared_angle, cv.x() * v.y() - sv.z(), cv.x() * v.z() + sv.y(),
+      cv.y() * v.x() + sv.z(), cv.y() * v.y() - c * squared_angle, cv.y() * v.z() - sv.x(),
+      cv.z() * v.x() - sv.y(), cv.z() * v.y() + sv.x(), cv.z() * v.z() - c * squared_angle;
   return change;
 }
 
 /// Returns T * motion(deviation, point).
-[[gnu::always_inline]] inline Frame displaced(const Frame& T, const Deviation& deviation,
-                                              const Eigen::Vector3d& point) {
+[[gnu::always_inline]] inline Frame apply_deviation(const Frame& T, const Deviation& deviation,
+                                                    const Eigen::Vector3d& point) {
   const Eigen::Matrix3d change = rotation_minus_identity(deviation.tail<3>());
   const Eigen::Vector3d shift = deviation.head<3>() - change * point;
-  return {T.x + turned(T, change.col(0)), T.y + turned(T, change.col(1)),
-          T.z + turned(T, change.col(2)), T.p + turned(T, shift)};
+  return {T.x + rotate(T, change.col(0)), T.y + rotate(T, change.col(1)),
+          T.z + rotate(T, change.col(2)), T.p + rotate(T, shift)};
 }
 
-bool is_none(const Deviation& E) {
+bool is_zero(const Deviation& E) {
   return E[0] == 0.0 && E[1] == 0.0 && E[2] == 0.0 && E[3] == 0.0 && E[4] == 0.0 && E[5] == 0.0;
 }
 
@@ -55,7 +56,7 @@ struct LocationDisplacements {
   Eigen::Vector3d axis = Eigen::Vector3d::Zero();  // rotation vector
 };
 
-LocationDisplacements parts(const Deviation& location, const LocationRule& rule) {
+LocationDisplacements split_location_error(const Deviation& location, const LocationRule& rule) {
   // The rule of most joints: the whole error displaces the frame, so nothing has to be split.
   constexpr LocationRule all_frame{};
   LocationDisplacements result;
@@ -80,41 +81,43 @@ LocationDisplacements parts(const Deviation& location, const LocationRule& rule)
 }
 
 /// Returns T * location * motion with the deviations in the order that the joint requires.
-[[gnu::always_inline]] inline Frame displaced(const Frame& T, const Joint& joint,
-                                              const LocationRule& rule, double travel,
-                                              const JointDeviation& deviation) {
+[[gnu::always_inline]] inline Frame apply_deviation(const Frame& T, const Joint& joint,
+                                                    const LocationRule& rule, double travel,
+                                                    const JointDeviation& deviation) {
   Frame result = T;
   Eigen::Vector3d direction = joint.direction_b;
   LocationDisplacements location;
-  if (!is_none(deviation.location)) {
-    location = parts(deviation.location, rule);
-    if (!is_none(location.frame)) result = displaced(result, location.frame, joint.point_b);
+  if (!is_zero(deviation.location)) {
+    location = split_location_error(deviation.location, rule);
+    if (!is_zero(location.frame)) result = apply_deviation(result, location.frame, joint.point_b);
     if (!location.axis.isZero(0.0)) direction += rotation_minus_identity(location.axis) * direction;
   }
   // ISO 230-7 states the error motion of a rotary axis along fixed axes, hence before the rotation.
   // A slide does not turn its axes, so there the order is free; after the motion the joint's point
   // is the one that has travelled.
-  const bool moves = !is_none(deviation.motion);
-  const bool before =
+  const bool has_error_motion = !is_zero(deviation.motion);
+  const bool is_before_motion =
       joint.motion == Motion::Rotary && joint.deviation_axes == DeviationAxes::Fixed;
-  if (moves && before) result = displaced(result, deviation.motion, joint.point_b);
-  result = moved(result, joint, direction, travel);
-  if (moves && !before) result = displaced(result, deviation.motion, joint.point_b);
-  if (!is_none(location.carried)) result = displaced(result, location.carried, joint.point_b);
+  if (has_error_motion && is_before_motion)
+    result = apply_deviation(result, deviation.motion, joint.point_b);
+  result = apply_motion(result, joint, direction, travel);
+  if (has_error_motion && !is_before_motion)
+    result = apply_deviation(result, deviation.motion, joint.point_b);
+  if (!is_zero(location.carried)) result = apply_deviation(result, location.carried, joint.point_b);
   return result;
 }
 
 /// Returns T moved by joint i, with its deviations if there are any.
-[[gnu::always_inline]] inline Frame carried(const Frame& T, const Chain& chain, int i,
-                                            double travel,
-                                            std::span<const JointDeviation> deviations) {
+[[gnu::always_inline]] inline Frame apply_joint(const Frame& T, const Chain& chain, int i,
+                                                double travel,
+                                                std::span<const JointDeviation> deviations) {
   const Joint& joint = chain.joints()[std::size_t(i)];
-  return deviations.empty()
-             ? moved(T, joint, joint.direction_b, travel)
-             : displaced(T, joint, chain.location_rule(i), travel, deviations[std::size_t(i)]);
+  return deviations.empty() ? apply_motion(T, joint, joint.direction_b, travel)
+                            : apply_deviation(T, joint, chain.location_rule(i), travel,
+                                              deviations[std::size_t(i)]);
 }
 
-/// Returns T_bw; `tool_frame` returns T_bt.
+/// Returns T_bw, the workpiece in the bed.
 Frame workpiece_frame(const Chain& chain, const AxisVector& q,
                       std::span<const JointDeviation> deviations) {
   assert(q.size() == chain.size() &&
@@ -123,10 +126,11 @@ Frame workpiece_frame(const Chain& chain, const AxisVector& q,
   Frame T_bw = identity_frame();
   for (int i = chain.size() - 1; i >= 0; --i)
     if (chain.joints()[std::size_t(i)].side == Side::Workpiece)
-      T_bw = carried(T_bw, chain, i, carriage_travel(Side::Workpiece, q[i]), deviations);
+      T_bw = apply_joint(T_bw, chain, i, carriage_travel(Side::Workpiece, q[i]), deviations);
   return T_bw * to_frame(chain.T_bw_home());
 }
 
+/// Returns T_bt, the tool in the bed.
 Frame tool_frame(const Chain& chain, const AxisVector& q,
                  std::span<const JointDeviation> deviations) {
   assert(q.size() == chain.size() &&
@@ -134,20 +138,22 @@ Frame tool_frame(const Chain& chain, const AxisVector& q,
   Frame T_bt = identity_frame();
   for (int i = 0; i < chain.size(); ++i)
     if (chain.joints()[std::size_t(i)].side == Side::Tool)
-      T_bt = carried(T_bt, chain, i, carriage_travel(Side::Tool, q[i]), deviations);
+      T_bt = apply_joint(T_bt, chain, i, carriage_travel(Side::Tool, q[i]), deviations);
   return T_bt * to_frame(chain.T_bt_home());
 }
 
-[[noreturn]] void refuse(const Joint& joint, const std::string& expected) {
+[[noreturn]] void throw_joint_error(const Joint& joint, const std::string& expected) {
   throw std::invalid_argument(std::string("axis ") + joint.name + ": expected " + expected);
 }
 
 // The conditions are written so that NaN fails them.
 void check(const Joint& joint) {
   // 1e-12: far above the rounding of a normalised vector (2e-16), far below any angle of interest.
-  if (!(std::abs(joint.direction_b.norm() - 1.0) <= 1e-12)) refuse(joint, "a unit direction");
-  if (!joint.point_b.allFinite()) refuse(joint, "a finite point");
-  if (!(joint.min <= joint.max)) refuse(joint, "the lower limit of travel below the upper");
+  if (!(std::abs(joint.direction_b.norm() - 1.0) <= 1e-12))
+    throw_joint_error(joint, "a unit direction");
+  if (!joint.point_b.allFinite()) throw_joint_error(joint, "a finite point");
+  if (!(joint.min <= joint.max))
+    throw_joint_error(joint, "the lower limit of travel below the upper");
 }
 
 void check(const Pose& T, const std::string& what) {
@@ -168,8 +174,8 @@ Chain::Chain(std::vector<Joint> joints, const Pose& T_bw_home, const Pose& T_bt_
   check(T_bt_home_, "tool at zero");
   for (std::size_t i = 0; i < joints_.size(); ++i) {
     check(joints_[i]);
-    // The check admits 1e-12; normalised here, so that rotations about it stay orthogonal to
-    // rounding.
+    // The check admits a length error of 1e-12; after normalisation, rotations about the direction
+    // are orthogonal to rounding.
     joints_[i].direction_b.normalize();
     for (std::size_t k = 0; k < i; ++k)
       if (joints_[k].name == joints_[i].name)
@@ -191,7 +197,7 @@ std::optional<int> Chain::find(char name) const {
 }
 
 Pose carriage_displacement(const Joint& joint, double travel) {
-  return to_pose(moved(identity_frame(), joint, joint.direction_b, travel));
+  return to_pose(apply_motion(identity_frame(), joint, joint.direction_b, travel));
 }
 
 Pose Chain::workpiece_in_bed(const AxisVector& q,
@@ -209,17 +215,18 @@ std::vector<Pose> carriage_poses(const Chain& chain, const AxisVector& q,
   assert(q.size() == n && (deviations.empty() || int(deviations.size()) == n));
   std::vector<Pose> T(std::size_t(n), Pose::Identity());
   const auto side = [&](int i) { return chain.joints()[std::size_t(i)].side; };
-  Frame last = identity_frame();
+  Frame T_carriage = identity_frame();
   for (int i = n - 1; i >= 0; --i) {
     if (side(i) != Side::Workpiece) continue;
-    last = carried(last, chain, i, carriage_travel(Side::Workpiece, q[i]), deviations);
-    T[std::size_t(i)] = to_pose(last);
+    T_carriage =
+        apply_joint(T_carriage, chain, i, carriage_travel(Side::Workpiece, q[i]), deviations);
+    T[std::size_t(i)] = to_pose(T_carriage);
   }
-  last = identity_frame();
+  T_carriage = identity_frame();
   for (int i = 0; i < n; ++i) {
     if (side(i) != Side::Tool) continue;
-    last = carried(last, chain, i, carriage_travel(Side::Tool, q[i]), deviations);
-    T[std::size_t(i)] = to_pose(last);
+    T_carriage = apply_joint(T_carriage, chain, i, carriage_travel(Side::Tool, q[i]), deviations);
+    T[std::size_t(i)] = to_pose(T_carriage);
   }
   return T;
 }
@@ -253,12 +260,12 @@ namespace {
 
 using MainSlides = std::array<std::optional<int>, 3>;
 
-// Order of rank of the letters (ISO 841 and the additional slides of a structural code): the first
-// that travels along a bed axis is the main slide of that axis.
+// Letters by rank (ISO 841 and the additional slides of a structural code): the first slide that
+// travels along a bed axis is the main slide of that axis.
 constexpr std::string_view slide_letters = "XYZUVWPQR";
-constexpr double min_axis_cosine =
-    0.5;                           // cosine: a slide within 60 degrees of a bed axis may be its own
-constexpr double is_along = 1e-9;  // sine of the angle below which two directions count as parallel
+constexpr double min_axis_cosine = 0.5;  // within 60 degrees of a bed axis a slide may be its main
+                                         // slide
+constexpr double min_axis_sine = 1e-9;   // directions at a smaller sine count as parallel
 
 // Returns the bed axis of which the joint is the main slide; empty for every other joint.
 std::optional<int> bed_axis_index(const MainSlides& slides, int joint) {
@@ -269,53 +276,56 @@ std::optional<int> bed_axis_index(const MainSlides& slides, int joint) {
 
 /// Returns the main slides that can measure a component of another joint, by rank: for an offset
 /// the slide along it, for an angle the two slides across it.
-std::vector<int> seen_by(const MainSlides& slides, int joint, int component) {
+std::vector<int> measuring_slides(const MainSlides& slides, int joint, int component) {
   std::vector<int> result;
   for (int k = 0; k < 3; ++k) {
     // Components 0 to 2 are offsets, 3 to 5 angles about the same bed axes.
-    const bool sees = component < 3 ? k == component : k != component - 3;
+    const bool can_measure = component < 3 ? k == component : k != component - 3;
     const std::optional<int> slide = slides[std::size_t(k)];
-    if (sees && slide && *slide != joint) result.push_back(*slide);
+    if (can_measure && slide && *slide != joint) result.push_back(*slide);
   }
   return result;
 }
 
-DisplacedPart displaces(std::span<const Joint> joints, int joint, int component,
-                        const std::vector<int>& seen) {
+/// @param slides  main slides that can measure the component
+DisplacedPart displaced_part(std::span<const Joint> joints, int joint, int component,
+                             const std::vector<int>& slides) {
   const bool is_angle = component >= 3;
   if (is_angle && joints[std::size_t(joint)].squareness == Squareness::Travel)
     return DisplacedPart::Axis;
-  // An axis that carries all slides by which it is located would show no error if its frame moved
-  // with them; one that carries some of them would show it partly, so its axis alone is turned.
-  const auto carried = std::count_if(seen.begin(), seen.end(),
-                                     [&](int slide) { return carries(joints, joint, slide); });
-  if (carried == 0) return DisplacedPart::Frame;
-  return carried == std::ptrdiff_t(seen.size()) ? DisplacedPart::Carried : DisplacedPart::Axis;
+  // If an axis carries all slides by which it is located, displacing its frame would move them too
+  // and show no error. If it carries some of them, the error would show only partly, so the axis
+  // alone is rotated.
+  const auto carried_slides =
+      std::ranges::count_if(slides, [&](int slide) { return carries(joints, joint, slide); });
+  if (carried_slides == 0) return DisplacedPart::Frame;
+  return carried_slides == std::ptrdiff_t(slides.size()) ? DisplacedPart::Carried
+                                                         : DisplacedPart::Axis;
 }
 
 }  // namespace
 
-bool carries(std::span<const Joint> joints, int one, int other) {
-  const Side side = joints[std::size_t(one)].side;
-  if (joints[std::size_t(other)].side != side) return false;
-  return side == Side::Tool ? one < other : one > other;
+bool carries(std::span<const Joint> joints, int carrier, int carried) {
+  const Side side = joints[std::size_t(carrier)].side;
+  if (joints[std::size_t(carried)].side != side) return false;
+  return side == Side::Tool ? carrier < carried : carrier > carried;
 }
 
 MainSlides main_slides(std::span<const Joint> joints) {
   MainSlides slides;
   for (const char letter : slide_letters) {
     const auto joint = std::find_if(joints.begin(), joints.end(),
-                                    [&](const Joint& one) { return one.name == letter; });
+                                    [&](const Joint& slide) { return slide.name == letter; });
     if (joint == joints.end() || joint->motion != Motion::Linear) continue;
     int best = -1;
-    double most = min_axis_cosine;
-    // The largest cosine wins, and an axis that is taken is skipped: every slide gets its own bed
-    // axis.
+    double max_cosine = min_axis_cosine;
+    // The largest cosine wins. Bed axes that already have a main slide are skipped, so every slide
+    // gets its own.
     for (int k = 0; k < 3; ++k) {
-      const double along = std::abs(joint->direction_b[k]);
-      if (slides[std::size_t(k)] || along <= most) continue;
+      const double cosine = std::abs(joint->direction_b[k]);
+      if (slides[std::size_t(k)] || cosine <= max_cosine) continue;
       best = k;
-      most = along;
+      max_cosine = cosine;
     }
     if (best >= 0) slides[std::size_t(best)] = int(joint - joints.begin());
   }
@@ -323,23 +333,25 @@ MainSlides main_slides(std::span<const Joint> joints) {
 }
 
 LocationElement location_element(std::span<const Joint> joints, int joint, int component) {
-  const Joint& one = joints[std::size_t(joint)];
+  const Joint& axis = joints[std::size_t(joint)];
   const MainSlides slides = main_slides(joints);
-  const std::vector<int> seen = seen_by(slides, joint, component);
+  const std::vector<int> references = measuring_slides(slides, joint, component);
   LocationElement element;
-  if (!seen.empty()) element.reference = seen.front();
+  if (!references.empty()) element.reference = references.front();
   const Eigen::Vector3d unit = Eigen::Vector3d::Unit(component % 3);
-  element.defined = !(unit.cross(one.direction_b).norm() < is_along);
-  // A slide has no position, only a direction; without a slide to compare with it has no angle.
-  if (one.motion == Motion::Linear)
-    element.defined = element.defined && component >= 3 && !seen.empty();
-  if (const auto own = bed_axis_index(slides, joint); own && element.defined) {
+  element.defined = !(unit.cross(axis.direction_b).norm() < min_axis_sine);
+  // A slide has no position, only a direction; without a reference slide it has no angle either.
+  if (axis.motion == Motion::Linear)
+    element.defined = element.defined && component >= 3 && !references.empty();
+  if (const auto bed_axis = bed_axis_index(slides, joint); bed_axis && element.defined) {
     // The angle of a pair of main slides belongs to the later one, as ISO 230-1 writes EC0Y.
-    element.defined = seen.size() == 1 && *bed_axis_index(slides, seen.front()) < *own;
-    if (!element.defined && seen.size() == 1) element.stating_slide = seen.front();
+    element.defined =
+        references.size() == 1 && *bed_axis_index(slides, references.front()) < *bed_axis;
+    if (!element.defined && references.size() == 1) element.stating_slide = references.front();
   }
-  const bool alone = component >= 3 && one.squareness == Squareness::Travel;
-  if (element.defined || alone) element.displaces = displaces(joints, joint, component, seen);
+  const bool rotates_travel_only = component >= 3 && axis.squareness == Squareness::Travel;
+  if (element.defined || rotates_travel_only)
+    element.displaces = displaced_part(joints, joint, component, references);
   return element;
 }
 

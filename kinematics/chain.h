@@ -13,13 +13,13 @@ namespace abbe::kinematics {
 
 /// Axes along which the error motion of a joint is stated.
 enum class DeviationAxes {
-  Fixed,    ///< they do not turn with the joint (ISO 230-7): the deviation is applied after the
-            ///< motion of a slide, before that of a rotary axis
-  Turning,  ///< they turn with the joint: the deviation is applied after the motion, as in most
-            ///< papers
+  Fixed,    ///< axes that do not turn with the joint (ISO 230-7): the deviation is applied after
+            ///< the motion of a slide, before that of a rotary axis
+  Turning,  ///< axes that turn with the joint: the deviation is applied after the motion, as in
+            ///< most papers
 };
 
-/// What the angles of a location error turn.
+/// Part of the machine that the angles of a location error rotate.
 enum class Squareness {
   Frame,   ///< the frame of the axis with all that it carries, or what the structural code requires
            ///< instead (see `location_element`)
@@ -75,10 +75,9 @@ class Chain {
   /// @param T_bt_home  tool tip in the bed with all axes at zero; its z axis is the tool axis, from
   ///                   the tip to the spindle
   /// @throws std::invalid_argument if a name occurs twice, a direction is not unit to 1e-12, a
-  /// limit
-  ///         is NaN, limits are reversed, a point or pose is not finite, a home pose is not rigid
-  ///         to 1e-12, a workpiece-side joint follows a tool-side one, or there are more than
-  ///         max_joints joints
+  ///         limit is NaN, limits are reversed, a point or pose is not finite, a home pose is not
+  ///         rigid to 1e-12, a workpiece-side joint follows a tool-side one, or there are more
+  ///         than max_joints joints
   Chain(std::vector<Joint> joints, const Pose& T_bw_home, const Pose& T_bt_home);
 
   const std::vector<Joint>& joints() const { return joints_; }
@@ -113,7 +112,7 @@ class Chain {
 Topology chain_topology(std::span<const Joint> joints);
 
 /// Returns the nominal displacement of a carriage, in the frame of its parent, from its position at
-/// zero. Identity for a spindle nose.
+/// zero; the identity for a spindle nose.
 /// @param travel  of the carriage itself, mm or rad
 Pose carriage_displacement(const Joint& joint, double travel);
 
@@ -124,7 +123,7 @@ constexpr double carriage_travel(Side side, double command) {
 }
 
 /// Returns the displacement of every carriage, in the bed frame, from its position with all axes at
-/// zero. It also places a body that the carriage carries.
+/// zero. A body that the carriage carries undergoes the same displacement.
 /// @return (joints)
 /// @param q, deviations  as for Chain::tool_in_workpiece
 std::vector<Pose> carriage_poses(const Chain& chain, const AxisVector& q,
@@ -134,13 +133,13 @@ std::vector<Pose> carriage_poses(const Chain& chain, const AxisVector& q,
 /// equation 4).
 Pose error_transform(const Pose& T_wt_nominal, const Pose& T_wt_actual);
 
-/// Returns true if joint `one` carries joint `other`, i.e. both are on the same side of the bed and
-/// `one` is nearer to it.
-bool carries(std::span<const Joint> joints, int one, int other);
+/// Returns true if joint `carrier` carries joint `carried`: both are on the same side of the bed
+/// and `carrier` is nearer to it.
+bool carries(std::span<const Joint> joints, int carrier, int carried);
 
-/// Returns the indices of the slides that define the frame of the machine, by the bed axis along
-/// which each mainly travels. Of two slides along the same axis the first of X Y Z U V W P Q R is
-/// taken. X is the primary axis, Y the secondary, Z the tertiary one.
+/// Returns, for each bed axis, the index of the slide that mainly travels along it; these slides
+/// define the frame of the machine. Of two slides along the same axis, the first in the order X Y Z
+/// U V W P Q R is chosen. X is the primary axis, Y the secondary, Z the tertiary one.
 std::array<std::optional<int>, 3> main_slides(std::span<const Joint> joints);
 
 /// Meaning of one component of the location error of a joint on a given machine.
@@ -148,8 +147,8 @@ struct LocationElement {
   DisplacedPart displaces = DisplacedPart::Frame;
   std::optional<int> reference;  ///< slide to which the location refers; empty if there is none for
                                  ///< this component
-  std::optional<int> stating_slide;  ///< the later slide of which this angle is stated instead;
-                                     ///< empty if it is stated of the joint itself
+  std::optional<int> stating_slide;  ///< the later slide for which this angle is stated instead;
+                                     ///< empty if it is stated for the joint itself
   bool defined = true;  ///< false for an offset of a slide, an angle about its own direction, and
                         ///< an angle without an earlier slide as reference; such a component
                         ///< displaces the frame
@@ -168,9 +167,9 @@ LocationElement location_element(std::span<const Joint> joints, int joint, int c
 
 /// Returns the letters of the joints in the order of the structural code, e.g. "CXYZAs".
 inline std::string letters(const std::vector<Joint>& joints) {
-  std::string all;
-  for (const Joint& joint : joints) all += joint.name;
-  return all;
+  std::string text;
+  for (const Joint& joint : joints) text += joint.name;
+  return text;
 }
 
 }  // namespace abbe::kinematics

@@ -12,9 +12,9 @@
 #include "kinematics/chain.h"
 
 /// Rigid transforms as four columns of four numbers (SIMD), for transforms composed by the million.
-/// Every number is summed in the order in which Eigen sums those of a Pose, so both give the same
-/// bits: of three products the upper two rows are accumulated one after another, fused where the
-/// processor supports it, the lowest row as a + (b + c).
+/// Sums are formed in the order in which Eigen forms them for a Pose, so that both give the same
+/// bits: the three products of the upper two rows are accumulated one after another, fused where
+/// the processor supports it; the lowest row is a + (b + c).
 namespace abbe::kinematics {
 
 namespace stdx = std::experimental;
@@ -26,8 +26,8 @@ struct Frame {
 };
 
 inline Vector4 vector4(double a, double b, double c, double d) {
-  const std::array<double, 4> all{a, b, c, d};
-  return Vector4([&](auto i) { return all[i]; });
+  const std::array<double, 4> elements{a, b, c, d};
+  return Vector4([&](auto i) { return elements[i]; });
 }
 
 inline Frame identity_frame() {
@@ -70,33 +70,33 @@ inline Eigen::Vector3d vector(const Vector4& v) { return {v[0], v[1], v[2]}; }
 #endif
 }
 
-/// Returns R * v.
-[[gnu::always_inline]] inline Vector4 turned(const Frame& T, double v_x, double v_y, double v_z) {
+/// Returns R * v, R the rotation of T.
+[[gnu::always_inline]] inline Vector4 rotate(const Frame& T, double v_x, double v_y, double v_z) {
   const Vector4 x = T.x * v_x;
   return blend_halves(fused(T.z, Vector4(v_z), fused(T.y, Vector4(v_y), x)),
                       x + (T.y * v_y + T.z * v_z));
 }
-inline Vector4 turned(const Frame& T, const Eigen::Vector3d& v) {
-  return turned(T, v.x(), v.y(), v.z());
+inline Vector4 rotate(const Frame& T, const Eigen::Vector3d& v) {
+  return rotate(T, v.x(), v.y(), v.z());
 }
 
 /// Returns T * point.
-inline Eigen::Vector3d placed(const Frame& T, const Eigen::Vector3d& point) {
+inline Eigen::Vector3d transform(const Frame& T, const Eigen::Vector3d& point) {
   const Vector4 sum =
       fused(T.z, Vector4(point.z()), fused(T.y, Vector4(point.y()), T.x * point.x()));
   return vector(sum + T.p);
 }
 
 inline Frame operator*(const Frame& a, const Frame& b) {
-  return {turned(a, b.x[0], b.x[1], b.x[2]), turned(a, b.y[0], b.y[1], b.y[2]),
-          turned(a, b.z[0], b.z[1], b.z[2]), turned(a, b.p[0], b.p[1], b.p[2]) + a.p};
+  return {rotate(a, b.x[0], b.x[1], b.x[2]), rotate(a, b.y[0], b.y[1], b.y[2]),
+          rotate(a, b.z[0], b.z[1], b.z[2]), rotate(a, b.p[0], b.p[1], b.p[2]) + a.p};
 }
 
 inline Frame inverse(const Frame& T) {
   const auto row = [&](int k) { return vector4(T.x[k], T.y[k], T.z[k], 0.0); };
   Frame result{row(0), row(1), row(2), Vector4(0.0)};
   const Frame negative{-result.x, -result.y, -result.z, Vector4(0.0)};
-  result.p = turned(negative, T.p[0], T.p[1], T.p[2]);
+  result.p = rotate(negative, T.p[0], T.p[1], T.p[2]);
   return result;
 }
 
@@ -104,20 +104,21 @@ inline Frame inverse(const Frame& T) {
 // chain.
 
 /// Returns T followed by a rotation about a line.
-[[gnu::always_inline]] inline Frame turned(const Frame& T, const Eigen::Vector3d& direction,
-                                           const Eigen::Vector3d& point, double angle) {
+[[gnu::always_inline]] inline Frame rotate_about_line(const Frame& T,
+                                                      const Eigen::Vector3d& direction,
+                                                      const Eigen::Vector3d& point, double angle) {
   const Eigen::Matrix3d R = Eigen::AngleAxisd(angle, direction).toRotationMatrix();
   const Eigen::Vector3d shift = point - R * point;
-  return {turned(T, R.col(0)), turned(T, R.col(1)), turned(T, R.col(2)), T.p + turned(T, shift)};
+  return {rotate(T, R.col(0)), rotate(T, R.col(1)), rotate(T, R.col(2)), T.p + rotate(T, shift)};
 }
 
 /// Returns T followed by the nominal motion of a joint along a direction.
 /// @param travel  of the carriage itself, mm or rad
-[[gnu::always_inline]] inline Frame moved(const Frame& T, const Joint& joint,
-                                          const Eigen::Vector3d& direction, double travel) {
-  if (joint.motion == Motion::Rotary) return turned(T, direction, joint.point_b, travel);
+[[gnu::always_inline]] inline Frame apply_motion(const Frame& T, const Joint& joint,
+                                                 const Eigen::Vector3d& direction, double travel) {
+  if (joint.motion == Motion::Rotary) return rotate_about_line(T, direction, joint.point_b, travel);
   Frame result = T;
-  if (joint.motion == Motion::Linear) result.p += turned(T, travel * direction);
+  if (joint.motion == Motion::Linear) result.p += rotate(T, travel * direction);
   return result;
 }
 

@@ -18,14 +18,15 @@ namespace {
 
 using Eigen::Vector3d;
 
-// A direction within this angle of an axis counts as parallel to it, one within this angle beyond
-// the reachable cone as reachable. Well above rounding (4e-16), and two of them stay below the
-// promised 1e-12 rad.
+// A direction within this angle of an axis counts as parallel to it; one at most this angle beyond
+// the reachable cone counts as reachable. Well above rounding (4e-16), and twice the angle is still
+// below the stated bound of 1e-12 rad.
 constexpr double angle_tolerance = 2e-13;  // rad
-// A slide at most this far beyond its limit is set on the limit; a fifth of the promised 1e-9 mm.
+// A slide at most this far beyond its limit is set to the limit; a fifth of the stated bound of
+// 1e-9 mm.
 constexpr double slide_tolerance = 2e-10;  // mm
 // Near a singular pose, and where two branches meet, rounding moves an axis far more than the tool
-// direction. A rotary axis at most this far beyond a limit is set on the limit if the direction
+// direction. A rotary axis at most this far beyond a limit is set to the limit if the direction
 // stays within `direction_tolerance`.
 constexpr double limit_slack = 1e-6;           // rad
 constexpr double direction_tolerance = 8e-13;  // rad
@@ -33,24 +34,25 @@ constexpr double direction_tolerance = 8e-13;  // rad
 constexpr double rounding = 1e-15;  // rad
 // Minimum volume spanned by the unit directions of the three slides (1 if square); below it they
 // count as dependent.
-constexpr double smallest_volume = 1e-9;
+constexpr double min_volume = 1e-9;
 
 // A rotary axis of the nominal chain.
-struct Rotary {
+struct RotaryAxis {
   int joint;
   Vector3d direction_b;
-  double kept;  // position while the axis is free
+  double free_position;  // position while the axis is free
 };
 
 // A rotary solution for the direction: a position for each rotary axis, empty where the axis is
 // free.
 using RotaryAngles = std::array<std::optional<double>, 2>;
 
-bool parallel(double angle) { return std::min(angle, pi - angle) <= angle_tolerance; }
+bool is_parallel(double angle) { return std::min(angle, pi - angle) <= angle_tolerance; }
 
-// Returns the rotation about `axis` from one direction to another. Both are projected first: near
-// the axis the cross product of the full vectors would be nothing but rounding.
-double rotation_between(const Vector3d& axis, const Vector3d& from, const Vector3d& to) {
+// Returns the rotation about `axis` that brings one direction as near as possible to another. Both
+// are projected first: near the axis the cross product of the full vectors would be nothing but
+// rounding.
+double rotation_about(const Vector3d& axis, const Vector3d& from, const Vector3d& to) {
   const Vector3d f = axis.cross(from);
   const Vector3d t = axis.cross(to);
   return std::atan2(axis.dot(f.cross(t)), f.dot(t));
@@ -59,96 +61,98 @@ double rotation_between(const Vector3d& axis, const Vector3d& from, const Vector
 // Returns the angle of a spherical triangle between the sides a and b, opposite to c; empty if the
 // sides form no triangle. Uses tan^2(angle/2) = sin(s-a) sin(s-b) / (sin s sin(s-c)), s half the
 // sum: the cosine rule loses half of the digits where the triangle collapses, as at singular poses.
-std::optional<double> corner(double a, double b, double c) {
+std::optional<double> triangle_angle(double a, double b, double c) {
   const double s_a = 0.5 * ((b - a) + c);
   const double s_b = 0.5 * ((a - b) + c);
   const double s_c = 0.5 * ((a - c) + b);
-  const double rest = 0.5 * (((pi - a) - b) + (pi - c));  // pi - s
-  if (std::min({s_a, s_b, s_c, rest}) < -0.5 * angle_tolerance) return std::nullopt;
+  const double s_pi = 0.5 * (((pi - a) - b) + (pi - c));  // pi - s
+  if (std::min({s_a, s_b, s_c, s_pi}) < -0.5 * angle_tolerance) return std::nullopt;
   const auto sine = [](double x) { return x < rounding ? 0.0 : std::sin(x); };
-  return 2.0 * std::atan2(std::sqrt(sine(s_a) * sine(s_b)), std::sqrt(sine(rest) * sine(s_c)));
+  return 2.0 * std::atan2(std::sqrt(sine(s_a) * sine(s_b)), std::sqrt(sine(s_pi) * sine(s_c)));
 }
 
-// Returns the rotation of one axis that brings `tool` to `wanted`: nullopt if there is none, an
-// engaged but empty optional if every rotation does, i.e. the tool lies along the axis.
+// Returns the rotation of one axis that brings `tool` to `target_b`: nullopt if there is none, an
+// optional that holds an empty one if every rotation does, i.e. the tool lies along the axis.
 std::optional<std::optional<double>> one_axis_solution(const Vector3d& axis, const Vector3d& tool,
-                                                       const Vector3d& wanted) {
+                                                       const Vector3d& target_b) {
   const double cone = angle_between(axis, tool);
-  if (std::abs(cone - angle_between(axis, wanted)) > angle_tolerance) return std::nullopt;
-  if (parallel(cone)) return std::optional<double>();
-  return rotation_between(axis, tool, wanted);
+  if (std::abs(cone - angle_between(axis, target_b)) > angle_tolerance) return std::nullopt;
+  if (is_parallel(cone)) return std::optional<double>();
+  return rotation_about(axis, tool, target_b);
 }
 
-// Solves R_0 R_1 tool = wanted (Paden and Kahan's second subproblem): R_1 brings the tool to the
-// angle that `wanted` makes with axis 0, R_0 turns it there. Up to two solutions.
-std::vector<RotaryAngles> two_axis_solutions(const std::array<Rotary, 2>& axes,
-                                             const Vector3d& tool, const Vector3d& wanted) {
+// Solves R_0 R_1 tool = target_b (Paden and Kahan's second subproblem): R_1 brings the tool to the
+// angle that `target_b` makes with axis 0, then R_0 turns it to `target_b`. Up to two solutions.
+std::vector<RotaryAngles> two_axis_solutions(const std::array<RotaryAxis, 2>& axes,
+                                             const Vector3d& tool, const Vector3d& target_b) {
   const Vector3d& outer = axes[0].direction_b;
   const Vector3d& inner = axes[1].direction_b;
-  const double between = angle_between(outer, inner);
+  const double axis_angle = angle_between(outer, inner);
   const double cone = angle_between(inner, tool);
-  double height = angle_between(outer, wanted);
+  double height = angle_between(outer, target_b);
 
   // The tool lies along the inner axis: only the outer one moves it.
-  if (parallel(cone)) {
-    const auto turn = one_axis_solution(outer, tool, wanted);
-    if (!turn) return {};
-    return {RotaryAngles{*turn, std::nullopt}};
+  if (is_parallel(cone)) {
+    const auto angle = one_axis_solution(outer, tool, target_b);
+    if (!angle) return {};
+    return {RotaryAngles{*angle, std::nullopt}};
   }
-  // Parallel axes act as one; the outer keeps its position and the inner does the rest.
-  if (parallel(between)) {
-    const Vector3d left = Eigen::AngleAxisd(-axes[0].kept, outer) * wanted;
-    const auto turn = one_axis_solution(inner, tool, left);
-    if (!turn) return {};
-    return {RotaryAngles{std::nullopt, *turn}};
+  // Parallel axes act as one: the outer keeps its position, the inner one makes the rotation.
+  if (is_parallel(axis_angle)) {
+    const Vector3d remaining_b = Eigen::AngleAxisd(-axes[0].free_position, outer) * target_b;
+    const auto angle = one_axis_solution(inner, tool, remaining_b);
+    if (!angle) return {};
+    return {RotaryAngles{std::nullopt, *angle}};
   }
-  // The wanted direction lies along the outer axis, which is then free. Snapped to 0 or pi: the
-  // rest of the angle is rounding.
-  const bool free = parallel(height);
-  if (free) height = height < 0.5 * pi ? 0.0 : pi;
-  const std::optional<double> opening = corner(between, cone, height);
-  if (!opening) return {};
+  // If the target direction lies along the outer axis, that axis is free. The angle is snapped to 0
+  // or pi, because the difference is only rounding.
+  const bool is_outer_free = is_parallel(height);
+  if (is_outer_free) height = height < 0.5 * pi ? 0.0 : pi;
+  const std::optional<double> half_opening = triangle_angle(axis_angle, cone, height);
+  if (!half_opening) return {};
 
-  const double middle = rotation_between(inner, tool, outer);
-  const auto with_inner_angle = [&](double turn) -> RotaryAngles {
-    const Vector3d raised = Eigen::AngleAxisd(turn, inner) * tool;
-    if (free) return {std::nullopt, turn};
-    return {rotation_between(outer, raised, wanted), turn};
+  const double middle_angle = rotation_about(inner, tool, outer);
+  const auto solution_at = [&](double angle) -> RotaryAngles {
+    const Vector3d tool_at_angle = Eigen::AngleAxisd(angle, inner) * tool;
+    if (is_outer_free) return {std::nullopt, angle};
+    return {rotation_about(outer, tool_at_angle, target_b), angle};
   };
   // A collapsed triangle has one solution; two equal branches would be listed twice.
-  if (*opening == 0.0 || *opening == pi) return {with_inner_angle(middle + *opening)};
-  return {with_inner_angle(middle + *opening), with_inner_angle(middle - *opening)};
+  if (*half_opening == 0.0 || *half_opening == pi)
+    return {solution_at(middle_angle + *half_opening)};
+  return {solution_at(middle_angle + *half_opening), solution_at(middle_angle - *half_opening)};
 }
 
-std::vector<RotaryAngles> rotary_solutions(const std::vector<Rotary>& axes, const Vector3d& tool,
-                                           const Vector3d& wanted) {
-  if (axes.size() == 2) return two_axis_solutions({axes[0], axes[1]}, tool, wanted);
+std::vector<RotaryAngles> rotary_solutions(const std::vector<RotaryAxis>& axes,
+                                           const Vector3d& tool, const Vector3d& target_b) {
+  if (axes.size() == 2) return two_axis_solutions({axes[0], axes[1]}, tool, target_b);
   if (axes.size() == 1) {
-    const auto turn = one_axis_solution(axes[0].direction_b, tool, wanted);
-    if (!turn) return {};
-    return {RotaryAngles{*turn, std::nullopt}};
+    const auto angle = one_axis_solution(axes[0].direction_b, tool, target_b);
+    if (!angle) return {};
+    return {RotaryAngles{*angle, std::nullopt}};
   }
-  if (angle_between(tool, wanted) <= angle_tolerance) return {RotaryAngles{}};
+  if (angle_between(tool, target_b) <= angle_tolerance) return {RotaryAngles{}};
   return {};
 }
 
-// Returns the angle plus whole turns that is within limits and nearest to `previous`; empty if
-// there is none. The small slack is tried first, so that the wide one moves an axis only where
-// nothing else helps.
+// Returns the angle plus full turns that is within limits and nearest to `previous`; empty if there
+// is none. The small slack is tried first, so that the wide one moves an axis only if no other
+// position is possible.
 std::optional<double> unwound(double angle, double previous, const Joint& joint) {
-  constexpr double turn = 2.0 * pi;
+  constexpr double full_turn = 2.0 * pi;
   for (const double slack : {angle_tolerance, limit_slack}) {
-    const double lowest = std::ceil((joint.min - slack - angle) / turn);
-    const double highest = std::floor((joint.max + slack - angle) / turn);
+    const double lowest = std::ceil((joint.min - slack - angle) / full_turn);
+    const double highest = std::floor((joint.max + slack - angle) / full_turn);
     if (!(lowest <= highest)) continue;
-    const double turns = std::clamp(std::round((previous - angle) / turn), lowest, highest);
-    return std::clamp(angle + turns * turn, joint.min, joint.max);
+    const double revolutions =
+        std::clamp(std::round((previous - angle) / full_turn), lowest, highest);
+    return std::clamp(angle + revolutions * full_turn, joint.min, joint.max);
   }
   return std::nullopt;
 }
 
-// Clamps slides that rounding has left just beyond a limit; returns false if one is really outside.
-bool slides_within_limits(const Chain& chain, AxisVector& q) {
+// Clamps slides that exceed a limit by rounding only; returns false if one is really outside.
+bool clamp_slides(const Chain& chain, AxisVector& q) {
   for (int i = 0; i < chain.size(); ++i) {
     const Joint& joint = chain.joints()[std::size_t(i)];
     if (joint.motion != Motion::Linear) continue;
@@ -158,27 +162,27 @@ bool slides_within_limits(const Chain& chain, AxisVector& q) {
   return true;
 }
 
-// Returns the directions of the slides in the workpiece frame, columns in the order of the code;
-// empty unless there are exactly three.
+// Returns the directions of the slides in the workpiece frame as columns, in the order of the
+// structural code; empty unless there are exactly three slides.
 std::optional<Eigen::Matrix3d> slide_direction_matrix(const Chain& chain, const AxisVector& q) {
-  Eigen::Matrix3d directions;
+  Eigen::Matrix3d slide_directions;
   int slides = 0;
-  Eigen::Matrix3d R = chain.T_bw_home().linear().transpose();  // rotation of the joints so far,
-                                                               // relative to w
+  Eigen::Matrix3d R = chain.T_bw_home().linear().transpose();  // rotation relative to w of the
+                                                               // joints visited so far
   for (int i = 0; i < chain.size(); ++i) {
     const Joint& joint = chain.joints()[std::size_t(i)];
     if (joint.motion == Motion::Rotary && q[i] != 0.0)
       R = R * Eigen::AngleAxisd(q[i], joint.direction_b);
     if (joint.motion != Motion::Linear) continue;
     if (slides == 3) return std::nullopt;
-    directions.col(slides++) = R * joint.direction_b;
+    slide_directions.col(slides++) = R * joint.direction_b;
   }
   if (slides != 3) return std::nullopt;
-  return directions;
+  return slide_directions;
 }
 
-std::vector<Rotary> rotary_axes(const Chain& chain, const AxisVector& previous) {
-  std::vector<Rotary> axes;
+std::vector<RotaryAxis> rotary_axes(const Chain& chain, const AxisVector& previous) {
+  std::vector<RotaryAxis> axes;
   for (int i = 0; i < chain.size(); ++i) {
     const Joint& joint = chain.joints()[std::size_t(i)];
     if (joint.motion == Motion::Rotary)
@@ -195,38 +199,42 @@ void check(const Chain& chain, const TipTarget& target, const AxisVector& previo
   if (!target.direction_w.allFinite() || target.direction_w.isZero(0.0))
     throw std::invalid_argument("expected a finite tool direction that is not zero");
   const auto slides = slide_direction_matrix(chain, AxisVector::Zero(chain.size()));
-  if (!slides || std::abs(slides->determinant()) < smallest_volume)
+  if (!slides || std::abs(slides->determinant()) < min_volume)
     throw std::invalid_argument("expected three independent slides");
 }
 
-double rotary_travel(const std::vector<Rotary>& axes, const AxisVector& from,
+double rotary_travel(const std::vector<RotaryAxis>& axes, const AxisVector& from,
                      const AxisVector& to) {
   double travel = 0.0;
-  for (const Rotary& axis : axes) travel += std::abs(to[axis.joint] - from[axis.joint]);
+  for (const RotaryAxis& axis : axes) travel += std::abs(to[axis.joint] - from[axis.joint]);
   return travel;
 }
 
-// Actual and wanted tool direction, bed frame at zero.
-struct Directions {
-  Vector3d tool_b;
-  Vector3d target_b;
-};
-
-bool gives_direction(const std::vector<Rotary>& axes, const AxisVector& q, const Directions& d) {
-  Vector3d turned = d.tool_b;
+// Returns true if the axes turn the tool to the target within `direction_tolerance`; both
+// directions in the bed frame, all axes at zero.
+bool reaches_direction(const std::vector<RotaryAxis>& axes, const AxisVector& q,
+                       const Vector3d& tool_b, const Vector3d& target_b) {
+  Vector3d direction = tool_b;
   for (auto axis = axes.rbegin(); axis != axes.rend(); ++axis)
-    turned = Eigen::AngleAxisd(q[axis->joint], axis->direction_b) * turned;
-  return angle_between(turned, d.target_b) <= direction_tolerance;
+    direction = Eigen::AngleAxisd(q[axis->joint], axis->direction_b) * direction;
+  return angle_between(direction, target_b) <= direction_tolerance;
+}
+
+// Returns the unit direction of the tool in the bed frame with all axes at zero.
+Vector3d tool_direction(const Chain& chain) {
+  return chain.T_bt_home().linear().col(2).normalized();
 }
 
 // Returns the rotary positions of one solution, unwound; empty if one is beyond its limits.
-std::optional<AxisVector> with_turns(const Chain& chain, const std::vector<Rotary>& axes,
-                                     const RotaryAngles& turns, const AxisVector& previous) {
+std::optional<AxisVector> unwound_positions(const Chain& chain, const std::vector<RotaryAxis>& axes,
+                                            const RotaryAngles& angles,
+                                            const AxisVector& previous) {
   AxisVector q = previous;
   for (std::size_t k = 0; k < axes.size(); ++k) {
     const int i = axes[k].joint;
-    const auto position = turns[k] ? unwound(*turns[k], previous[i], chain.joints()[std::size_t(i)])
-                                   : std::optional<double>(axes[k].kept);
+    const auto position = angles[k]
+                              ? unwound(*angles[k], previous[i], chain.joints()[std::size_t(i)])
+                              : std::optional<double>(axes[k].free_position);
     if (!position) return std::nullopt;
     q[i] = *position;
   }
@@ -238,13 +246,13 @@ std::optional<AxisVector> with_turns(const Chain& chain, const std::vector<Rotar
 std::optional<AxisVector> slides_for_tip(const Chain& chain, const AxisVector& q,
                                          const Eigen::Vector3d& tip_w) {
   const auto directions = slide_direction_matrix(chain, q);
-  if (!directions || !(std::abs(directions->determinant()) >= smallest_volume)) return std::nullopt;
-  const Eigen::Matrix3d solve = directions->inverse();
+  if (!directions || !(std::abs(directions->determinant()) >= min_volume)) return std::nullopt;
+  const Eigen::Matrix3d slide_travel = directions->inverse();  // per displacement of the tip
   AxisVector result = q;
   for (int i = 0; i < chain.size(); ++i)
     if (chain.joints()[std::size_t(i)].motion == Motion::Linear) result[i] = 0.0;
   for (int pass = 0; pass < 2; ++pass) {  // the second pass removes the rounding of the first
-    const Vector3d step = solve * (tip_w - chain.tool_in_workpiece(result).translation());
+    const Vector3d step = slide_travel * (tip_w - chain.tool_in_workpiece(result).translation());
     int slide = 0;
     for (int i = 0; i < chain.size(); ++i)
       if (chain.joints()[std::size_t(i)].motion == Motion::Linear) result[i] += step[slide++];
@@ -258,32 +266,33 @@ namespace {
 /// A solution of the rotary axes, without the slides.
 struct Branch {
   AxisVector q;
-  bool free = false;  ///< a rotary axis is free and keeps its position
+  bool is_free = false;  ///< a rotary axis is free and keeps its position
 };
 
-/// Returns the branches that give the direction within the limits of the rotary axes, least rotary
-/// travel first. A tie goes to the upper branch of the triangle, independent of rounding.
-/// @param reach  set to the reason if there are none
+/// Returns the branches that reach the direction within the limits of the rotary axes, least rotary
+/// travel first. Of branches with equal travel the upper one of the triangle comes first,
+/// independent of rounding.
+/// @param reach  set to the reason if there are no branches
 std::vector<Branch> rotary_branches(const Chain& chain, const TipTarget& target,
                                     const AxisVector& previous, Reach& reach) {
   check(chain, target, previous);
-  const std::vector<Rotary> axes = rotary_axes(chain, previous);
+  const std::vector<RotaryAxis> axes = rotary_axes(chain, previous);
   if (axes.size() > 2) throw std::invalid_argument("expected at most two rotary axes");
-  const Directions directions{
-      chain.T_bt_home().linear().col(2).normalized(),
-      (chain.T_bw_home().linear() * target.direction_w.stableNormalized()).normalized()};
+  const Vector3d tool_b = tool_direction(chain);
+  const Vector3d target_b =
+      (chain.T_bw_home().linear() * target.direction_w.stableNormalized()).normalized();
   std::vector<Branch> branches;
-  for (const RotaryAngles& turns : rotary_solutions(axes, directions.tool_b, directions.target_b)) {
-    const auto turned = with_turns(chain, axes, turns, previous);
-    if (!turned || !gives_direction(axes, *turned, directions)) {
+  for (const RotaryAngles& angles : rotary_solutions(axes, tool_b, target_b)) {
+    const auto q = unwound_positions(chain, axes, angles, previous);
+    if (!q || !reaches_direction(axes, *q, tool_b, target_b)) {
       reach = Reach::OutOfLimits;
       continue;
     }
     branches.push_back(
-        {*turned, std::any_of(turns.begin(), turns.begin() + std::ptrdiff_t(axes.size()),
-                              [](const auto& turn) { return !turn; })});
+        {*q, std::any_of(angles.begin(), angles.begin() + std::ptrdiff_t(axes.size()),
+                         [](const auto& angle) { return !angle; })});
   }
-  // 1e-9 rad: equal travels differ by rounding only, and must not swap from pose to pose.
+  // 1e-9 rad: equal travels differ by rounding only and must not swap branches from pose to pose.
   if (branches.size() == 2 && rotary_travel(axes, previous, branches[1].q) <
                                   rotary_travel(axes, previous, branches[0].q) - 1e-9)
     std::swap(branches[0], branches[1]);
@@ -294,18 +303,18 @@ std::vector<Branch> rotary_branches(const Chain& chain, const TipTarget& target,
 
 InverseSolution inverse(const Chain& chain, const TipTarget& target, const AxisVector& previous) {
   InverseSolution result;
-  bool free = false;
+  bool is_free = false;
   for (const Branch& branch : rotary_branches(chain, target, previous, result.reach)) {
     auto q = slides_for_tip(chain, branch.q, target.tip_w);
     if (!q) continue;
-    if (!slides_within_limits(chain, *q)) {
+    if (!clamp_slides(chain, *q)) {
       if (result.branches.empty()) result.reach = Reach::OutOfLimits;
       continue;
     }
-    if (result.branches.empty()) free = branch.free;
+    if (result.branches.empty()) is_free = branch.is_free;
     result.branches.push_back(*q);
   }
-  if (!result.branches.empty()) result.reach = free ? Reach::Singular : Reach::Reached;
+  if (!result.branches.empty()) result.reach = is_free ? Reach::Singular : Reach::Reached;
   return result;
 }
 
@@ -315,8 +324,8 @@ NearestPose nearest_inverse_solution(const Chain& chain, const TipTarget& target
   for (const Branch& branch : rotary_branches(chain, target, previous, nearest.reach)) {
     auto q = slides_for_tip(chain, branch.q, target.tip_w);
     if (!q) continue;
-    if (slides_within_limits(chain, *q))
-      return {branch.free ? Reach::Singular : Reach::Reached, *std::move(q)};
+    if (clamp_slides(chain, *q))
+      return {branch.is_free ? Reach::Singular : Reach::Reached, *std::move(q)};
     nearest.reach = Reach::OutOfLimits;
   }
   return nearest;
@@ -324,27 +333,20 @@ NearestPose nearest_inverse_solution(const Chain& chain, const TipTarget& target
 
 namespace {
 
-constexpr double one_line = 1e-9;  // rad, between two axes that count as parallel
+constexpr double min_line_angle = 1e-9;  // rad; two axes at a smaller angle count as parallel
 
-double between_lines(const Vector3d& a, const Vector3d& b) {
+double angle_between_lines(const Vector3d& a, const Vector3d& b) {
   const double angle = angle_between(a, b);
   return std::min(angle, pi - angle);
 }
 
-/// Returns the rotation about `axis` that brings one direction as near as possible to another.
-double turn_towards(const Vector3d& axis, const Vector3d& from, const Vector3d& to) {
-  const Vector3d f = axis.cross(from), t = axis.cross(to);
-  return std::atan2(axis.dot(f.cross(t)), f.dot(t));
-}
-
-/// Returns the first position at + k * step between two others; empty if there is none.
-std::optional<double> between(double a, double b, double at, double step) {
-  const double first = at + std::ceil((std::min(a, b) - at) / step) * step;
+/// Returns the lowest of the positions offset + k * step (k whole) between a and b; empty if none
+/// of them is.
+std::optional<double> first_between(double a, double b, double offset, double step) {
+  const double first = offset + std::ceil((std::min(a, b) - offset) / step) * step;
   if (first > std::max(a, b)) return std::nullopt;
   return first;
 }
-
-Vector3d tool_of(const Chain& chain) { return chain.T_bt_home().linear().col(2).normalized(); }
 
 }  // namespace
 
@@ -359,20 +361,21 @@ std::optional<Pole> nearest_pole(const Chain& chain, const AxisVector& from, con
   if (pole.other < 0) return std::nullopt;
   const Vector3d& outer = chain.joints()[std::size_t(pole.axis)].direction_b;
   const Vector3d& inner = chain.joints()[std::size_t(pole.other)].direction_b;
-  const Vector3d tool = tool_of(chain);
-  if (between_lines(inner, tool) < one_line || between_lines(inner, outer) < one_line)
+  const Vector3d tool = tool_direction(chain);
+  if (angle_between_lines(inner, tool) < min_line_angle ||
+      angle_between_lines(inner, outer) < min_line_angle)
     return std::nullopt;
-  pole.at = turn_towards(inner, tool, outer);
-  const auto angle_at = [&](double turn) {
-    return between_lines(outer, Eigen::AngleAxisd(turn, inner) * tool);
+  pole.at = rotation_about(inner, tool, outer);
+  const auto angle_at = [&](double position) {
+    return angle_between_lines(outer, Eigen::AngleAxisd(position, inner) * tool);
   };
   const double a = from[pole.other], b = to[pole.other];
   pole.angle = std::min(angle_at(a), angle_at(b));
-  // Along the move the angle is monotonic except at `at` and half a turn on, so the ends and these
-  // positions are enough.
+  // Along the move the angle is monotonic except at `at` and half a turn later, so the ends and
+  // these positions are sufficient.
   for (const double extreme : {pole.at, pole.at + pi})
-    if (const auto turn = between(a, b, extreme, 2.0 * pi))
-      pole.angle = std::min(pole.angle, angle_at(*turn));
+    if (const auto position = first_between(a, b, extreme, 2.0 * pi))
+      pole.angle = std::min(pole.angle, angle_at(*position));
   return pole;
 }
 
@@ -381,7 +384,8 @@ double nearest_rotary_position(const Chain& chain, const Pole& pole, const AxisV
   const Vector3d target_b = chain.T_bw_home().linear() * direction_w;
   const Vector3d& outer = chain.joints()[std::size_t(pole.axis)].direction_b;
   const Vector3d& inner = chain.joints()[std::size_t(pole.other)].direction_b;
-  return turn_towards(inner, tool_of(chain), Eigen::AngleAxisd(-q[pole.axis], outer) * target_b);
+  return rotation_about(inner, tool_direction(chain),
+                        Eigen::AngleAxisd(-q[pole.axis], outer) * target_b);
 }
 
 }  // namespace abbe::kinematics

@@ -41,13 +41,14 @@ struct InverseSolution {
 [[nodiscard]] InverseSolution inverse(const Chain& chain, const TipTarget& target,
                                       const AxisVector& previous);
 
-/// First branch of `inverse`, at lower cost.
+/// Axis positions of least rotary travel for a target.
 struct NearestPose {
   Reach reach = Reach::Unreachable;
   AxisVector q;  ///< empty unless reached
 };
 
-/// Returns the first branch of `inverse`, bit for bit; for long programs. @throws as `inverse`
+/// Returns the first branch of `inverse`, bit for bit, at lower cost; for long programs.
+/// @throws as `inverse`
 [[nodiscard]] NearestPose nearest_inverse_solution(const Chain& chain, const TipTarget& target,
                                                    const AxisVector& previous);
 
@@ -63,7 +64,7 @@ struct Pole {
   int axis = 0;        ///< joint that is free at the pole
   int other = 0;       ///< the other rotary joint, which alone leads to the pole and away from it
   double at = 0.0;     ///< rad, position of `other` at which the tool is nearest to the direction
-                       ///< of `axis`; half a turn on it is nearest to the opposite direction
+                       ///< of `axis`; half a turn later it is nearest to the opposite direction
   double angle = 0.0;  ///< rad, between the tool and the line of `axis`, 0 .. pi/2
 };
 
@@ -75,8 +76,8 @@ struct Pole {
 /// @param from, to  (size) only the rotary axes are used
 std::optional<Pole> nearest_pole(const Chain& chain, const AxisVector& from, const AxisVector& to);
 
-/// Returns the position of `pole.other` that turns the tool nearest to a direction while
-/// `pole.axis` stays.
+/// Returns the position of `pole.other` that turns the tool as near as possible to a direction
+/// while `pole.axis` does not move.
 /// @param q            (size) only `pole.axis` is used
 /// @param direction_w  of any length but zero
 double nearest_rotary_position(const Chain& chain, const Pole& pole, const AxisVector& q,

@@ -6,7 +6,8 @@
 
 namespace abbe::kinematics {
 
-/// One column per joint, in the order of the structural code.
+/// Jacobian of the tool with respect to the axis positions: a column per joint, in the order of the
+/// structural code.
 using AxisJacobian = Eigen::Matrix<double, 6, Eigen::Dynamic, Eigen::ColMajor, 6, max_joints>;
 
 /// Returns the change of the tool in the workpiece, [translation of the tip | rotation vector] in

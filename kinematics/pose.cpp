@@ -11,9 +11,9 @@ Eigen::Matrix3d cross_matrix(const Eigen::Vector3d& v) {
 }
 
 Eigen::Matrix3d rotation(const Eigen::Vector3d& v) {
-  const double angle2 = v.squaredNorm();
-  if (angle2 == 0.0) return Eigen::Matrix3d::Identity();
-  const double angle = std::sqrt(angle2);
+  const double squared_angle = v.squaredNorm();
+  if (squared_angle == 0.0) return Eigen::Matrix3d::Identity();
+  const double angle = std::sqrt(squared_angle);
   // Forms of sin(a)/a and (1 - cos a)/a^2 that lose no digits at small angles.
   const double half = std::sin(0.5 * angle) / (0.5 * angle);
   const double s = std::sin(angle) / angle;
@@ -23,8 +23,8 @@ Eigen::Matrix3d rotation(const Eigen::Vector3d& v) {
 }
 
 Eigen::Vector3d rotation_vector(const Eigen::Matrix3d& R) {
-  // Via the quaternion, which Eigen computes from its largest component: nothing is lost near half
-  // a turn, where the antisymmetric part of R vanishes.
+  // Via the quaternion, which Eigen computes from its largest component: no digits are lost near
+  // half a turn, where the antisymmetric part of R vanishes.
   const Eigen::Quaterniond quaternion(R);
   const Eigen::Vector3d axis = quaternion.vec();
   const double sine = axis.norm();
@@ -52,12 +52,12 @@ double angle_between(const Eigen::Vector3d& a, const Eigen::Vector3d& b) {
 }
 
 Eigen::Vector3d great_circle_point(const Eigen::Vector3d& from, const Eigen::Vector3d& to,
-                                   double part) {
+                                   double fraction) {
   const Eigen::Vector3d across = to - from.dot(to) * from;
   const double sine = across.norm();
   // 1e-14: sine of nearly equal or opposite vectors, whose plane is only rounding.
   if (sine < 1e-14) return from;
-  const double angle = part * std::atan2(sine, from.dot(to));
+  const double angle = fraction * std::atan2(sine, from.dot(to));
   return std::cos(angle) * from + std::sin(angle) * (across / sine);
 }
 
@@ -65,21 +65,23 @@ namespace {
 
 using Eigen::Vector3d;
 
-constexpr double small_turn = 1e-2;  // rad: below it the quotients lose digits, and three terms of
-                                     // the series are exact to 1e-15
+constexpr double min_direct_angle = 1e-2;  // rad; for smaller angles the quotients lose digits, and
+                                           // three terms of the series are exact to 1e-15
 
 /// Returns (angle - sin angle) / angle^3.
 double third_order_coefficient(double angle) {
-  const double square = angle * angle;
-  if (angle < small_turn) return 1.0 / 6 - square / 120 + square * square / 5040;
-  return (angle - std::sin(angle)) / (square * angle);
+  const double squared_angle = angle * angle;
+  if (angle < min_direct_angle)
+    return 1.0 / 6 - squared_angle / 120 + squared_angle * squared_angle / 5040;
+  return (angle - std::sin(angle)) / (squared_angle * angle);
 }
 
 /// Returns (1 - angle/2 cot(angle/2)) / angle^2.
 double inverse_coefficient(double angle) {
-  const double square = angle * angle;
-  if (angle < small_turn) return 1.0 / 12 + square / 720 + square * square / 30240;
-  return (1.0 - 0.5 * angle / std::tan(0.5 * angle)) / square;
+  const double squared_angle = angle * angle;
+  if (angle < min_direct_angle)
+    return 1.0 / 12 + squared_angle / 720 + squared_angle * squared_angle / 30240;
+  return (1.0 - 0.5 * angle / std::tan(0.5 * angle)) / squared_angle;
 }
 
 }  // namespace

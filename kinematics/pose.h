@@ -4,8 +4,8 @@
 
 namespace abbe::kinematics {
 
-/// Rigid transform. `T_bt` is the pose of frame t in frame b: p_b = T_bt * p_t. Names chain by
-/// matching letters, T_wt = T_wb * T_bt; w workpiece, b bed, s spindle nose, t tool tip.
+/// Rigid transform. `T_bt` is the pose of frame t in frame b: p_b = T_bt * p_t. In a product the
+/// adjacent letters cancel: T_wt = T_wb * T_bt; w workpiece, b bed, s spindle nose, t tool tip.
 using Pose = Eigen::Isometry3d;
 
 /// Small rigid displacement, actual minus nominal: [EX EY EZ | EA EB EC], mm and rad. The last
@@ -39,10 +39,10 @@ Eigen::Quaterniond rotation_between(const Eigen::Vector3d& from, const Eigen::Ve
 /// also near 0 and pi.
 double angle_between(const Eigen::Vector3d& a, const Eigen::Vector3d& b);
 
-/// Returns the unit vector at fraction `part` of the great circle from one unit vector to another;
+/// Returns the unit vector at a fraction of the great circle from one unit vector to another;
 /// `from` if they are equal or opposite.
 Eigen::Vector3d great_circle_point(const Eigen::Vector3d& from, const Eigen::Vector3d& to,
-                                   double part);
+                                   double fraction);
 
 /// A motion at a constant rate about and along one line: the motion of a single joint, and that of
 /// two joints together to second order. Its velocity is constant in the moving frame.
@@ -56,8 +56,8 @@ struct Screw {
 /// Returns the screw from one pose at u = 0 to another at u = 1, by at most half a turn.
 Screw screw_between(const Pose& from, const Pose& to);
 
-/// Returns the pose at u, which may be outside 0 to 1. Accurate to 1e-14 of the distances of the
-/// poses.
+/// Returns the pose at u, which may be outside 0 to 1. Accurate to 1e-14 of the distance between
+/// the poses.
 Pose pose_at(const Screw& screw, double u);
 
 /// Returns the maximum speed, mm per unit of u, of any point within `radius` of `centre`, both in

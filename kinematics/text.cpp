@@ -15,28 +15,29 @@ namespace abbe {
 
 namespace {
 
-constexpr std::size_t max_sample_bytes = std::size_t(1) << 16;  // bytes: enough for the statistics
-                                                                // of an encoding, and constant
-                                                                // effort for large files
+// 64 KiB suffice for the statistics of an encoding and keep the effort constant for large files.
+constexpr std::size_t max_sample_bytes = std::size_t(1) << 16;
 
 bool is_control(unsigned char c) { return (c < 0x20 && (c < 0x09 || c > 0x0d)) || c == 0x7f; }
 
 /// Returns true for a letter, digit, blank, line end or common punctuation mark of EBCDIC.
 bool is_ebcdic(unsigned char c) {
   const int low = c & 0x0f;
-  const bool letter = (c >= 0xc1 && c <= 0xe9 && low >= 1 && low <= 9) ||
-                      (c >= 0x81 && c <= 0xa9 && low >= 1 && low <= 9);
-  return letter || (c >= 0xf0 && c <= 0xf9) || c == 0x40 || c == 0x15 || c == 0x25 || c == 0x0d ||
-         c == 0x4b || c == 0x4d || c == 0x5d || c == 0x60 || c == 0x61 || c == 0x6b || c == 0x6c ||
-         c == 0x7b || c == 0x7e;
+  const bool is_letter = (c >= 0xc1 && c <= 0xe9 && low >= 1 && low <= 9) ||
+                         (c >= 0x81 && c <= 0xa9 && low >= 1 && low <= 9);
+  return is_letter || (c >= 0xf0 && c <= 0xf9) || c == 0x40 || c == 0x15 || c == 0x25 ||
+         c == 0x0d || c == 0x4b || c == 0x4d || c == 0x5d || c == 0x60 || c == 0x61 || c == 0x6b ||
+         c == 0x6c || c == 0x7b || c == 0x7e;
 }
 
-struct Counts {
+/// Numbers of bytes of a text by kind: NUL at even and at odd positions, control characters, EBCDIC
+/// characters, and bytes from 0x80 on.
+struct ByteCounts {
   std::size_t bytes = 0, even_nul = 0, odd_nul = 0, control = 0, ebcdic = 0, high = 0;
 };
 
-Counts counts_of(std::string_view text) {
-  Counts counts;
+ByteCounts count_bytes(std::string_view text) {
+  ByteCounts counts;
   counts.bytes = text.size();
   for (std::size_t i = 0; i < text.size(); ++i) {
     const auto c = static_cast<unsigned char>(text[i]);
@@ -61,7 +62,7 @@ std::optional<std::string> foreign_encoding(std::string_view text) {
   text = text.substr(begin - begin % 2, max_sample_bytes);
   const std::size_t last = text.find_last_not_of("\0\r"sv);
   text = text.substr(0, std::min(text.size(), (last / 2 + 1) * 2));
-  const Counts n = counts_of(text);
+  const ByteCounts n = count_bytes(text);
   const double half = 0.5 * double(n.bytes);
   // Latin text in UTF-16 has NUL in every other byte. 0.7 leaves room for other letters, 0.1 for a
   // stray NUL; fewer than 8 bytes prove nothing.
@@ -78,16 +79,16 @@ std::optional<std::string> foreign_encoding(std::string_view text) {
   return std::nullopt;
 }
 
-/// Returns the first CR between two tokens that has no LF beside it. A control reads such lines as
-/// one line, so neither splitting at the CR nor dropping it would move as the control does.
+/// Returns the position of the first CR between two tokens that has no adjacent LF. A control reads
+/// such lines as one line, so a program split at the CR, or without it, would move differently.
 std::optional<std::size_t> find_lone_cr(std::string_view text) {
   using namespace std::string_view_literals;
-  constexpr std::string_view moves = "\r\n\0"sv;
-  const std::size_t last = text.find_last_not_of(moves);
-  for (std::size_t at = std::min(text.find_first_not_of(moves), text.size());
+  constexpr std::string_view movement_bytes = "\r\n\0"sv;
+  const std::size_t last = text.find_last_not_of(movement_bytes);
+  for (std::size_t at = std::min(text.find_first_not_of(movement_bytes), text.size());
        (at = text.find('\r', at)) < last && last != std::string_view::npos;) {
-    const std::size_t begin = text.find_last_not_of(moves, at) + 1;
-    const std::size_t end = text.find_first_not_of(moves, at);
+    const std::size_t begin = text.find_last_not_of(movement_bytes, at) + 1;
+    const std::size_t end = text.find_first_not_of(movement_bytes, at);
     if (text.substr(begin, end - begin).find('\n') == std::string_view::npos) return at;
     at = end;
   }
@@ -99,12 +100,16 @@ std::optional<std::size_t> find_lone_cr(std::string_view text) {
 std::optional<std::size_t> find_invalid_utf8(std::string_view text) {
   for (std::size_t i = 0; i < text.size();) {
     const auto c = static_cast<unsigned char>(text[i]);
-    // 0xC0 and 0xC1 would only start overlong encodings; 4 marks an invalid first byte.
-    const std::size_t more = c < 0x80 ? 0 : c >= 0xf0 ? 3 : c >= 0xe0 ? 2 : c >= 0xc2 ? 1 : 4;
-    if (more == 4 || c > 0xf4 || i + more >= text.size()) return i;
-    for (std::size_t k = 1; k <= more; ++k)
+    // 0xC0 and 0xC1 could only start overlong encodings; 4 stands for an invalid first byte.
+    const std::size_t continuation_bytes = c < 0x80    ? 0
+                                           : c >= 0xf0 ? 3
+                                           : c >= 0xe0 ? 2
+                                           : c >= 0xc2 ? 1
+                                                       : 4;
+    if (continuation_bytes == 4 || c > 0xf4 || i + continuation_bytes >= text.size()) return i;
+    for (std::size_t k = 1; k <= continuation_bytes; ++k)
       if ((static_cast<unsigned char>(text[i + k]) & 0xc0) != 0x80) return i;
-    i += more + 1;
+    i += continuation_bytes + 1;
   }
   return std::nullopt;
 }
@@ -123,27 +128,27 @@ void check_encoding(std::string_view text, const std::string& file) {
 }
 
 std::string strip_tape_characters(std::string_view text) {
-  const auto moves = [](char c) { return c == '\r' || c == '\n' || c == '\0'; };
-  std::string plain;
-  plain.reserve(text.size());
+  const auto is_movement_byte = [](char c) { return c == '\r' || c == '\n' || c == '\0'; };
+  std::string result;
+  result.reserve(text.size());
   for (std::size_t at = 0; at < text.size();) {
-    if (!moves(text[at])) {
-      plain += text[at++];
+    if (!is_movement_byte(text[at])) {
+      result += text[at++];
       continue;
     }
     std::size_t end = at;
-    while (end < text.size() && moves(text[end])) ++end;
-    const std::string_view run = text.substr(at, end - at);
-    const auto lines = std::count(run.begin(), run.end(), '\n');
+    while (end < text.size() && is_movement_byte(text[end])) ++end;
+    const std::string_view movement_run = text.substr(at, end - at);
+    const auto lines = std::count(movement_run.begin(), movement_run.end(), '\n');
     // Within a line, NUL and CR separate tokens and are kept for `check_encoding`; at a line end
     // they are feed characters of the tape.
     if (lines > 0 || at == 0 || end == text.size())
-      plain.append(std::size_t(lines), '\n');
+      result.append(std::size_t(lines), '\n');
     else
-      plain += run;
+      result += movement_run;
     at = end;
   }
-  return plain;
+  return result;
 }
 
 std::string read_text(const std::filesystem::path& file, std::size_t max_bytes) {
@@ -181,14 +186,14 @@ std::optional<std::string_view> Lines::next() {
 
 std::string shown(std::string_view text) {
   // 40 bytes identify an entry and keep a message on one line.
-  std::string out;
+  std::string excerpt;
   for (const char c : text.substr(0, 40)) {
     if (c >= ' ' && c <= '~')
-      out += c;
+      excerpt += c;
     else
-      out += fmt::format("\\x{:02X}", static_cast<unsigned char>(c));
+      excerpt += fmt::format("\\x{:02X}", static_cast<unsigned char>(c));
   }
-  return text.size() > 40 ? out + "..." : out;
+  return text.size() > 40 ? excerpt + "..." : excerpt;
 }
 
 std::string in_quotes(std::string_view text) {
@@ -199,7 +204,7 @@ namespace {
 
 bool is_blank(char c) { return c == ' ' || c == '\t'; }
 
-Cell trimmed(std::string_view text, std::size_t at) {
+Cell trim_blanks(std::string_view text, std::size_t at) {
   while (!text.empty() && is_blank(text.front())) {
     text.remove_prefix(1);
     ++at;
@@ -217,17 +222,17 @@ char cell_separator(std::string_view line) {
   return ' ';
 }
 
-std::vector<Cell> cells_of(std::string_view line, char separator, std::size_t most) {
+std::vector<Cell> cells_of(std::string_view line, char separator, std::size_t max_cells) {
   std::vector<Cell> cells;
   std::size_t at = 0;
-  while (cells.size() <= most) {
+  while (cells.size() <= max_cells) {
     if (separator == ' ') {
       at = std::min(line.find_first_not_of(" \t", at), line.size());
       if (at == line.size()) break;
     }
     const std::size_t end = std::min(
         separator == ' ' ? line.find_first_of(" \t", at) : line.find(separator, at), line.size());
-    cells.push_back(trimmed(line.substr(at, end - at), at));
+    cells.push_back(trim_blanks(line.substr(at, end - at), at));
     if (end == line.size()) break;
     at = end + 1;
   }
@@ -238,8 +243,8 @@ std::optional<double> number_of(std::string_view text) {
   double x = 0.0;
   // std::from_chars accepts no plus sign.
   if (text.size() > 1 && text[0] == '+' && text[1] != '-') text.remove_prefix(1);
-  const auto [end, fault] = std::from_chars(text.data(), text.data() + text.size(), x);
-  if (fault != std::errc{} || end != text.data() + text.size() || !(std::abs(x) <= 1e9))
+  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), x);
+  if (error != std::errc{} || end != text.data() + text.size() || !(std::abs(x) <= 1e9))
     return std::nullopt;
   return x;
 }
@@ -256,7 +261,7 @@ std::optional<Line> TableLines::next() {
       if ((c < ' ' && c != '\t') || c == 0x7f)
         refuse(int(i) + 1, "plain text", fmt::format("a byte 0x{:02x}", c));
     }
-    const std::string_view content = trimmed(*text, 0).text;
+    const std::string_view content = trim_blanks(*text, 0).text;
     if (!content.empty() && content.front() != comment_) return Line{*text, number()};
   }
   return std::nullopt;
@@ -276,10 +281,10 @@ double TableLines::number_in(const Cell& cell) const {
   return *x;
 }
 
-int TableLines::whole_number_in(const Cell& cell, int least, int most) const {
+int TableLines::whole_number_in(const Cell& cell, int min, int max) const {
   const auto x = number_of(cell.text);
-  if (!x || *x != std::floor(*x) || *x < least || *x > most)
-    refuse(cell, fmt::format("a whole number from {} to {}", least, most));
+  if (!x || *x != std::floor(*x) || *x < min || *x > max)
+    refuse(cell, fmt::format("a whole number from {} to {}", min, max));
   return int(*x);
 }
 

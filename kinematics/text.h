@@ -8,7 +8,7 @@
 #include <string_view>
 #include <vector>
 
-/// Encodings of external text, and lines, cells and numbers of it.
+/// Encoding of external text, and its lines, table cells and numbers.
 namespace abbe {
 
 /// Returns the position of the first byte that is not valid UTF-8; empty if all are valid.
@@ -23,8 +23,8 @@ void check_encoding(std::string_view text, const std::string& file);
 /// either end of a line or of the text, and CR beside LF. Line numbers are unchanged.
 std::string strip_tape_characters(std::string_view text);
 
-// Nesting limit of external text. Parsers descend by recursion: without a limit a file of nothing
-// but brackets overflows the stack.
+// Nesting limit of external text. Parsers descend by recursion: without a limit, a file of brackets
+// alone would overflow the stack.
 
 /// Maximum number of nested brackets, signs, functions, parameters, tables or arrays.
 inline constexpr int max_nesting = 100;
@@ -43,8 +43,8 @@ class NestingLevel {
   int& depth_;
 };
 
-/// Returns the nesting depth of the brackets and braces of a JSON text, those within strings
-/// ignored. JSON values are copied, written and destroyed by recursion, so the depth is checked
+/// Returns the nesting depth of the brackets and braces of a JSON text; those within strings are
+/// ignored. JSON values are copied, written and destroyed by recursion, so callers check the depth
 /// before parsing.
 inline int json_depth(std::string_view text) {
   int depth = 0, deepest = 0;
@@ -80,7 +80,7 @@ class Lines {
 
 /// Returns at most the first 40 bytes of a text, non-printable ones as \xNN.
 std::string shown(std::string_view text);
-/// Returns that excerpt between quotes; "nothing" if the text is empty.
+/// Returns the same excerpt in quotes; "nothing" if the text is empty.
 std::string in_quotes(std::string_view text);
 
 /// A cell of a table row, without surrounding blanks.
@@ -93,15 +93,15 @@ struct Cell {
 /// tabs.
 char cell_separator(std::string_view line);
 
-/// Returns the cells of a line, at most one more than `most`, so that a line of nothing but
-/// separators costs nothing.
-std::vector<Cell> cells_of(std::string_view line, char separator, std::size_t most);
+/// Returns the cells of a line, at most `max_cells` + 1, so that a long line of separators costs
+/// neither time nor memory.
+std::vector<Cell> cells_of(std::string_view line, char separator, std::size_t max_cells);
 
-/// Returns the number if the whole text is one within +-1e9 (a larger one is a mistake, and sums of
-/// these stay finite); else empty.
+/// Returns the number if the whole text is one within +-1e9, else empty. A larger number is a
+/// mistake; with this limit, sums stay finite.
 std::optional<double> number_of(std::string_view text);
 
-/// A line with content.
+/// A line of a table that has content.
 struct Line {
   std::string_view text;
   int number = 0;
@@ -122,8 +122,8 @@ class TableLines {
 
   /// Returns the number in a cell. @throws BadInput unless it is a number within +-1e9
   double number_in(const Cell& cell) const;
-  /// Returns the whole number in a cell. @throws BadInput unless it is one from `least` to `most`
-  int whole_number_in(const Cell& cell, int least, int most) const;
+  /// Returns the whole number in a cell. @throws BadInput unless it is one from `min` to `max`
+  int whole_number_in(const Cell& cell, int min, int max) const;
 
  private:
   Lines lines_;
