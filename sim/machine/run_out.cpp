@@ -23,12 +23,13 @@ bool is_synchronous(const errors::Curve& curve) {
   const auto* fourier = std::get_if<errors::Fourier>(&curve.shape);
   if (fourier == nullptr) return false;
   // A Fourier curve is synchronous if a whole number of its periods fits into a turn.
-  const double a_turn = units::full_turn / fourier->period;
-  return a_turn > 0.5 && std::abs(a_turn - std::round(a_turn)) < 1e-9 * a_turn;
+  const double periods_per_turn = units::full_turn / fourier->period;
+  return periods_per_turn > 0.5 &&
+         std::abs(periods_per_turn - std::round(periods_per_turn)) < 1e-9 * periods_per_turn;
 }
 
-/// Returns the spindle that turns the tool, if S in an element name means it; null on a machine
-/// with an axis S, whose own elements those are.
+/// Returns the spindle that turns the tool; null on a machine with an axis S, because S in an
+/// element name then denotes that axis.
 const kinematics::Joint* tool_spindle(const MachineDescription& machine) {
   const kinematics::Joint* nose = nullptr;
   for (const kinematics::Joint& joint : machine.joints) {
@@ -38,40 +39,41 @@ const kinematics::Joint* tool_spindle(const MachineDescription& machine) {
   return nose;
 }
 
-/// Removes the run-out of the spindle from the elements and returns it.
-std::vector<errors::Element> taken_out(std::vector<errors::Element>& elements) {
-  std::vector<errors::Element> taken;
+/// Removes the curves of run-out of the spindle from the elements and returns them.
+std::vector<errors::Element> extract_run_out(std::vector<errors::Element>& elements) {
+  std::vector<errors::Element> run_out;
   for (errors::Element& element : elements) {
     if (element.name.axis != 'S' || element.name.location) continue;
-    const auto rest = std::stable_partition(element.curves.begin(), element.curves.end(),
-                                            [](const auto& curve) { return !is_run_out(curve); });
-    if (rest == element.curves.end()) continue;
-    // an element without curves stays, since its name is checked later
-    taken.push_back({element.name, {rest, element.curves.end()}});
-    element.curves.erase(rest, element.curves.end());
+    const auto first_run_out =
+        std::stable_partition(element.curves.begin(), element.curves.end(),
+                              [](const auto& curve) { return !is_run_out(curve); });
+    if (first_run_out == element.curves.end()) continue;
+    // An element without curves is kept, because its name is checked later.
+    run_out.push_back({element.name, {first_run_out, element.curves.end()}});
+    element.curves.erase(first_run_out, element.curves.end());
   }
-  return taken;
+  return run_out;
 }
 
 void check(const std::vector<errors::Element>& elements, const Scene& scene) {
   for (const errors::Element& element : elements) {
     try {
       for (const errors::Curve& curve : element.curves) errors::validate(curve);
-    } catch (const std::invalid_argument& fault) {
+    } catch (const std::invalid_argument& error) {
       throw BadInput(scene.file.string(), 0, 0, "errors that fit the machine",
-                     errors::to_string(element.name) + ": " + fault.what());
+                     errors::to_string(element.name) + ": " + error.what());
     }
   }
 }
 
-// The error motion of a spindle over its angle.
+/// The error motion of a spindle over its angle.
 struct SpindleMotion {
   std::vector<errors::Element> elements;
   double scale = 1.0;
 };
 
-kinematics::Deviation at_angle(const SpindleMotion& motion, double angle) {
-  // position and carriage both stand at the angle; error motion has no reversal
+kinematics::Deviation motion_at_angle(const SpindleMotion& motion, double angle) {
+  // The command and the carriage are both at the angle; error motion has no reversal.
   const errors::CurveState state{angle, angle, 1, 0, false};
   kinematics::Deviation deviation = kinematics::Deviation::Zero();
   for (const errors::Element& element : motion.elements)
@@ -87,29 +89,30 @@ bool is_synchronous(const SpindleMotion& motion) {
   });
 }
 
+/// Maximum displacement of the tool axis over the angle of the spindle.
 struct RunOut {
   double radial = 0.0;  ///< mm
   double axial = 0.0;   ///< mm
 };
 
-/// Returns the largest radial and axial run-out over the sampled angles.
-/// @param arm_b   mm, from the point of the nose to the point where run-out counts, axes at zero
+/// Returns the maximum radial and axial run-out over the sampled angles.
+/// @param arm_b   mm, from the point of the nose to the point of the cutter, axes at zero
 /// @param axis_b  unit, of the tool, towards the spindle
-RunOut most(const SpindleMotion& motion, const Vector3d& arm_b, const Vector3d& axis_b) {
-  // 65 536 angles: an order k is missed by at most (pi k / 65536)^2 / 2 = 1.2e-9 k^2 of its
-  // amplitude
-  constexpr int angles = 65536;
-  const double step = (is_synchronous(motion) ? 1.0 : 64.0) * units::full_turn / angles;
-  RunOut found;
-  for (int i = 0; i < angles; ++i) {
-    const kinematics::Deviation deviation = at_angle(motion, step * i);
-    const Vector3d moved = deviation.head<3>() + Vector3d(deviation.tail<3>()).cross(arm_b);
-    const double along = moved.dot(axis_b);
-    found.radial = std::max(found.radial, (moved - along * axis_b).norm());
-    // along the tool axis: only a motion away from the spindle lets the tool cut deeper
-    found.axial = std::max(found.axial, -along);
+RunOut max_run_out(const SpindleMotion& motion, const Vector3d& arm_b, const Vector3d& axis_b) {
+  // 65 536 angles: the error for order k is at most (pi k / 65536)^2 / 2 = 1.2e-9 k^2 of its
+  // amplitude.
+  constexpr int angle_count = 65536;
+  const double step = (is_synchronous(motion) ? 1.0 : 64.0) * units::full_turn / angle_count;
+  RunOut result;
+  for (int i = 0; i < angle_count; ++i) {
+    const kinematics::Deviation deviation = motion_at_angle(motion, step * i);
+    const Vector3d displacement = deviation.head<3>() + Vector3d(deviation.tail<3>()).cross(arm_b);
+    const double axial_displacement = displacement.dot(axis_b);
+    result.radial = std::max(result.radial, (displacement - axial_displacement * axis_b).norm());
+    // Along the axis, only a motion away from the spindle lets the tool cut deeper.
+    result.axial = std::max(result.axial, -axial_displacement);
   }
-  return found;
+  return result;
 }
 
 }  // namespace
@@ -119,21 +122,21 @@ Scene with_run_out(const Scene& scene) {
   const auto* cutter = std::get_if<cutting::Cutter>(&scene.tool.actual);
   if (spindle == nullptr || cutter == nullptr) return scene;
   Scene result = scene;
-  const SpindleMotion motion{taken_out(result.geometric.elements), scene.error_scale};
+  const SpindleMotion motion{extract_run_out(result.geometric.elements), scene.error_scale};
   if (motion.elements.empty()) return scene;
   check(motion.elements, scene);
 
   const Vector3d corner_s(0, 0, cutting::corner_height(*cutter) - scene.tool.actual_length);
-  const RunOut found = most(motion, scene.machine.T_bs * corner_s - spindle->point_b,
-                            scene.machine.T_bs.linear().col(2));
+  const RunOut run_out = max_run_out(motion, scene.machine.T_bs * corner_s - spindle->point_b,
+                                     scene.machine.T_bs.linear().col(2));
   try {
-    result.tool.actual = cutting::with_run_out(*cutter, found.radial, found.axial);
-  } catch (const std::invalid_argument& fault) {
+    result.tool.actual = cutting::with_run_out(*cutter, run_out.radial, run_out.axial);
+  } catch (const std::invalid_argument& error) {
     throw BadInput(
         scene.file.string(), 0, 0, "a tool that can run out",
-        fmt::format("{:.3g} um along the axis: {}", found.axial / units::um, fault.what()));
+        fmt::format("{:.3g} um along the axis: {}", run_out.axial / units::um, error.what()));
   }
-  result.tool.actual_length += found.axial;
+  result.tool.actual_length += run_out.axial;
   return result;
 }
 

@@ -10,27 +10,27 @@ namespace {
 
 using kinematics::Pose;
 
-/// Returns the pose of the tip relative to the nose: along the tool axis by the length; a turning
-/// tool may also be off centre.
+/// Returns the pose of the tip relative to the nose: displaced along the tool axis by the length
+/// and, for a turning tool, by its offset from the centre.
 Pose nose_to_tip_pose(double length, const Eigen::Vector2d& centring) {
   Pose T_st = Pose::Identity();
   T_st.translation() = Eigen::Vector3d(centring.x(), centring.y(), -length);
   return T_st;
 }
 
-/// Throws BadInput naming the scene.
-[[noreturn]] void refuse(const Scene& scene, const std::string& seen) {
+/// Throws an input error that names the scene.
+[[noreturn]] void throw_chain_error(const Scene& scene, const std::string& seen) {
   throw BadInput(scene.file.string(), 0, 0, "a machine that makes a chain", seen);
 }
 
 /// Returns the chain of the machine of a scene.
-/// @throws BadInput naming the scene if the joints make no chain
-kinematics::Chain chain_of(const Scene& scene, const std::vector<kinematics::Joint>& joints,
-                           const Pose& T_bw, const Pose& T_st) {
+/// @throws BadInput naming the scene if the joints do not form a chain
+kinematics::Chain make_chain(const Scene& scene, const std::vector<kinematics::Joint>& joints,
+                             const Pose& T_bw, const Pose& T_st) {
   try {
     return {joints, T_bw, scene.machine.T_bs * T_st};
-  } catch (const std::invalid_argument& fault) {
-    refuse(scene, fault.what());
+  } catch (const std::invalid_argument& error) {
+    throw_chain_error(scene, error.what());
   }
 }
 
@@ -39,19 +39,19 @@ kinematics::Chain chain_of(const Scene& scene, const std::vector<kinematics::Joi
 Machine compile(const Scene& scene) {
   const MachineDescription& machine = scene.machine;
   const double length = scene.tool.length;
-  const auto& believed = scene.control.joints.empty() ? machine.joints : scene.control.joints;
+  const auto& control_joints = scene.control.joints.empty() ? machine.joints : scene.control.joints;
   const Pose T_st = nose_to_tip_pose(length, {0.0, 0.0});
-  const Pose T_st_believed = nose_to_tip_pose(control_tool_length(scene, scene.tool), {0.0, 0.0});
-  Machine compiled{chain_of(scene, machine.joints, machine.T_bw, T_st),
-                   chain_of(scene, believed, machine.T_bw, T_st_believed), std::nullopt};
+  const Pose T_st_control = nose_to_tip_pose(control_tool_length(scene, scene.tool), {0.0, 0.0});
+  Machine result{make_chain(scene, machine.joints, machine.T_bw, T_st),
+                 make_chain(scene, control_joints, machine.T_bw, T_st_control), std::nullopt};
   if (std::holds_alternative<cutting::Nose>(scene.tool.nominal)) {
     // The sweep of a turning tool rotates the part about the first joint.
-    const auto& first = machine.joints.front();
-    if (first.name != 'S' || first.motion != kinematics::Motion::Rotary)
-      refuse(scene, "a turning tool needs the spindle S' right after w");
-    compiled.workpiece_spindle = 0;
+    const auto& first_joint = machine.joints.front();
+    if (first_joint.name != 'S' || first_joint.motion != kinematics::Motion::Rotary)
+      throw_chain_error(scene, "a turning tool needs the spindle S' right after w");
+    result.workpiece_spindle = 0;
   }
-  return compiled;
+  return result;
 }
 
 kinematics::Chain compile_actual(const Scene& scene) {
@@ -60,7 +60,7 @@ kinematics::Chain compile_actual(const Scene& scene) {
   const Pose T_st =
       nose_to_tip_pose(tool.actual_length, {tool.centring_offset, tool.centring_height});
   const Pose T_bw = machine.T_bw * kinematics::motion(scene.setup, Eigen::Vector3d::Zero());
-  return chain_of(scene, machine.joints, T_bw, T_st);
+  return make_chain(scene, machine.joints, T_bw, T_st);
 }
 
 namespace {
@@ -76,18 +76,19 @@ Eigen::VectorXd temperatures(const Truth& truth, double time_s) {
   return truth.heat ? errors::temperatures(truth.heat->run, time_s) : Eigen::VectorXd();
 }
 
-/// Throws BadInput if a temperature leaves the range that a scene may state: a wrong network shows
-/// by its temperatures.
-void refuse_beyond(const errors::ThermalRun& run, const Scene& scene) {
-  constexpr double least = ThermalDescription::min_T_C, most = ThermalDescription::max_T_C;
+/// Throws BadInput if a temperature leaves the range that a scene may state, which reveals a wrong
+/// thermal network.
+void check_temperatures(const errors::ThermalRun& run, const Scene& scene) {
+  constexpr double min_T_C = ThermalDescription::min_T_C, max_T_C = ThermalDescription::max_T_C;
   for (Eigen::Index i = 0; i < run.T_C.rows(); ++i)
     for (Eigen::Index k = 0; k < run.T_C.cols(); ++k)
-      if (const double T_C = run.T_C(i, k); !(T_C >= least && T_C <= most))
-        throw BadInput(scene.file.string(), 0, 0,
-                       fmt::format("a thermal network that stays within {} .. {} C", least, most),
-                       fmt::format("thermal.node.{} at {:.4g} C at {:.4g} s of the program",
-                                   run.network.nodes[std::size_t(k)].name, T_C,
-                                   run.knots[std::size_t(i)].time_s));
+      if (const double T_C = run.T_C(i, k); !(T_C >= min_T_C && T_C <= max_T_C))
+        throw BadInput(
+            scene.file.string(), 0, 0,
+            fmt::format("a thermal network that stays within {} .. {} C", min_T_C, max_T_C),
+            fmt::format("thermal.node.{} at {:.4g} C at {:.4g} s of the program",
+                        run.network.nodes[std::size_t(k)].name, T_C,
+                        run.knots[std::size_t(i)].time_s));
 }
 
 /// Returns the sum of all deviations.
@@ -95,7 +96,7 @@ void refuse_beyond(const errors::ThermalRun& run, const Scene& scene) {
 errors::ForceDeviations summed_deviations(const Truth& truth, const AxisState& state,
                                           const errors::Load& load, const Eigen::VectorXd& T_C) {
   errors::ForceDeviations sum;
-  // A source that does not act is left out of the sum, so that it does not change a bit.
+  // A source that does not act is omitted from the sum, so that it does not change a bit.
   if (truth.compliance && is_active(*truth.compliance, load)) {
     sum = errors::deviations(*truth.compliance, state, load);
     sum.joints = kinematics::sum(std::move(sum.joints), errors::deviations(truth.geometric, state));
@@ -128,21 +129,21 @@ Truth make_truth(const Scene& scene, const Machine& machine,
                                                 int(thermal.network.nodes.size())),
                                    thermal.scale),
                     errors::simulate(thermal.network, activity)};
-      refuse_beyond(truth.heat->run, scene);
+      check_temperatures(truth.heat->run, scene);
     }
     if (scene.compliance) truth.compliance = errors::bind(*scene.compliance, machine.nominal);
     if (!scene.vibrations.empty())
       truth.vibration = errors::bind(scene.vibrations, machine.nominal);
     return truth;
-  } catch (const std::invalid_argument& fault) {
-    throw BadInput(scene.file.string(), 0, 0, "errors that fit the machine", fault.what());
+  } catch (const std::invalid_argument& error) {
+    throw BadInput(scene.file.string(), 0, 0, "errors that fit the machine", error.what());
   }
 }
 
 Truth without_random(const Truth& truth) {
-  Truth known = truth;
-  known.geometric = errors::without_random(truth.geometric);
-  return known;
+  Truth result = truth;
+  result.geometric = errors::without_random(truth.geometric);
+  return result;
 }
 
 errors::ForceDeviations deviations(const Truth& truth, const AxisState& state,
@@ -152,8 +153,8 @@ errors::ForceDeviations deviations(const Truth& truth, const AxisState& state,
 
 Pose tool_in_workpiece(const Truth& truth, const AxisState& state, const errors::Load& load) {
   const Eigen::VectorXd T_C = temperatures(truth, state.time_s);
-  const errors::ForceDeviations all = summed_deviations(truth, state, load, T_C);
-  Pose T_wt = errors::tool_in_workpiece(truth.actual, state.q, all);
+  const errors::ForceDeviations summed = summed_deviations(truth, state, load, T_C);
+  Pose T_wt = errors::tool_in_workpiece(truth.actual, state.q, summed);
   if (truth.heat && truth.heat->model.workpiece)
     T_wt.translation() = errors::at_20_C(truth.heat->model, T_C, T_wt.translation());
   return T_wt;

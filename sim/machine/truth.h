@@ -14,17 +14,17 @@
 /// The true machine: its chain as built, with all injected errors.
 namespace abbe::sim {
 
-/// Compiles the nominal machine of a scene, with its tool mounted.
-/// @throws BadInput with the name of the scene if its description is not a valid chain
+/// Returns the nominal machine of a scene, with its tool mounted.
+/// @throws BadInput naming the scene if its description is not a valid chain
 Machine compile(const Scene& scene);
 
-/// Compiles the machine as built, with the actual tool and clamping of the part but without errors.
+/// Returns the machine as built, with the actual tool and clamping of the part but without errors.
 /// @throws BadInput as `compile`
 kinematics::Chain compile_actual(const Scene& scene);
 
-/// The actual behaviour of the machine, and the only place where injected errors act. The control
-/// loop and the virtual instruments read it; a compensator never does. The sources of errors add up
-/// element by element; one that the scene does not have changes no bit of the result.
+/// The actual behaviour of the machine; injected errors act only here. The control loop and the
+/// virtual instruments read it; a compensator never does. The sources of errors are added element
+/// by element; a source that the scene does not have changes no bit of the result.
 struct Truth {
   kinematics::Chain actual;  ///< as built, see `compile_actual`
   errors::GeometricModel geometric;
@@ -39,24 +39,24 @@ struct Truth {
 };
 
 /// Returns the truth of a scene.
-/// @param activity  what the machine does from the beginning of its thermal history to the end of
-///     the program; ignored without heat
-/// @throws BadInput with the name of the scene if an element does not fit the machine, or if a node
-///     of the thermal network leaves the range of temperatures that a scene may state
+/// @param activity  activity of the machine from the beginning of its thermal history to the end of
+///     the program; ignored if the scene has no thermal errors
+/// @throws BadInput naming the scene if an element does not fit the machine, or if a node of the
+///     thermal network leaves the range of temperatures that a scene may state
 Truth make_truth(const Scene& scene, const Machine& machine,
                  const std::vector<errors::Activity>& activity = {});
 
-/// Returns the truth without its random parts: the most that a `perfect` belief may know.
+/// Returns the truth without its random parts, i.e. the content of a `perfect` belief.
 Truth without_random(const Truth& truth);
 
-/// Returns the deviations from all sources together: of every joint, in the order of the chain, of
-/// the tool and of the workpiece.
+/// Returns the sums of the deviations from all sources, of every joint in the order of the chain,
+/// of the tool and of the workpiece.
 /// @throws std::out_of_range if a position lies outside an error table that does not extrapolate
 errors::ForceDeviations deviations(const Truth& truth, const kinematics::AxisState& state,
                                    const errors::Load& load = {});
 
-/// Returns the actual pose of the tool in the workpiece, T_wt; with heat, in the workpiece as it is
-/// once it has returned to 20 deg C.
+/// Returns the actual pose of the tool in the workpiece, T_wt; with heat, in the workpiece after it
+/// has returned to 20 deg C.
 /// @throws std::out_of_range if a position lies outside an error table that does not extrapolate
 kinematics::Pose tool_in_workpiece(const Truth& truth, const kinematics::AxisState& state,
                                    const errors::Load& load = {});

@@ -23,63 +23,65 @@ using kinematics::AxisState;
 using metrology::Bodies;
 using metrology::Readings;
 
-/// The machine of a scene with its heat simulated, shared by all instruments.
+/// The machine of a scene and its simulated heat, shared by all instruments.
 struct MeasuredMachine {
   Machine machine;
   Truth truth;
 };
 
-MeasuredMachine make_measured_machine(const Scene& scene) {
+MeasuredMachine simulate_machine(const Scene& scene) {
   Machine machine = compile(scene);
   Truth truth = make_truth(scene, machine, activity(scene, machine, {}, {}));
-  truth.actual = machine.nominal;  // the instrument takes the place of tool and part
+  truth.actual = machine.nominal;  // the instrument replaces tool and part
   return {std::move(machine), std::move(truth)};
 }
 
-// Returns the poses of workpiece and tool in the bed, with their deflections under weight.
-Bodies bodies_of(const Truth& truth, const AxisState& state) {
-  const errors::ForceDeviations all = deviations(truth, state);
+/// Returns the poses of workpiece and tool in the bed, with their deflections under weight.
+Bodies body_poses(const Truth& truth, const AxisState& state) {
+  const errors::ForceDeviations sums = deviations(truth, state);
   const kinematics::Pose identity = kinematics::Pose::Identity();
-  Bodies bodies{truth.actual.workpiece_in_bed(state.q, all.joints),
-                truth.actual.tool_in_bed(state.q, all.joints)};
+  Bodies bodies{truth.actual.workpiece_in_bed(state.q, sums.joints),
+                truth.actual.tool_in_bed(state.q, sums.joints)};
   // The deflections are small displacements in the frames of tool and workpiece.
-  if (!all.tool_t.isZero(0.0))
-    bodies.T_bt = bodies.T_bt * kinematics::motion(all.tool_t, identity.translation());
-  if (!all.workpiece_w.isZero(0.0))
-    bodies.T_bw = bodies.T_bw * kinematics::motion(all.workpiece_w, identity.translation());
+  if (!sums.tool_t.isZero(0.0))
+    bodies.T_bt = bodies.T_bt * kinematics::motion(sums.tool_t, identity.translation());
+  if (!sums.workpiece_w.isZero(0.0))
+    bodies.T_bw = bodies.T_bw * kinematics::motion(sums.workpiece_w, identity.translation());
   return bodies;
 }
 
-/// Returns the plans of all starts one after another, with new set-ups for each start.
-metrology::Plan plan_of(const InstrumentDescription& description,
-                        const kinematics::Chain& nominal) {
-  metrology::Plan all;
+/// Returns the plans of all starts joined in order of time, with new set-ups for each start.
+/// @throws std::invalid_argument if a start is before the end of the readings of the previous one
+metrology::Plan combined_plan(const InstrumentDescription& description,
+                              const kinematics::Chain& nominal) {
+  metrology::Plan combined;
   for (const double start_s : description.starts_s) {
     metrology::Instrument instrument = description.instrument;
     instrument.start_s = start_s;
-    metrology::Plan one = metrology::plan(instrument, nominal);
-    const double ended_s =
-        all.measurements.empty() ? start_s : all.measurements.back().state.time_s;
-    // a machine can do one measurement at a time
-    if (start_s < ended_s)
+    metrology::Plan start_plan = metrology::plan(instrument, nominal);
+    const double previous_end_s =
+        combined.measurements.empty() ? start_s : combined.measurements.back().state.time_s;
+    // A machine can make only one measurement at a time.
+    if (start_s < previous_end_s)
       throw std::invalid_argument(
           fmt::format("a start at {:.2f} h while the readings before it last until {:.2f} h",
-                      start_s / 3600.0, ended_s / 3600.0));
-    const int before = int(all.set_ups.size());
-    for (metrology::SetUp& set_up : one.set_ups) all.set_ups.push_back(std::move(set_up));
-    for (metrology::Measurement& measurement : one.measurements) {
-      measurement.set_up += before;
-      all.measurements.push_back(std::move(measurement));
+                      start_s / 3600.0, previous_end_s / 3600.0));
+    const int set_up_count = int(combined.set_ups.size());
+    for (metrology::SetUp& set_up : start_plan.set_ups)
+      combined.set_ups.push_back(std::move(set_up));
+    for (metrology::Measurement& measurement : start_plan.measurements) {
+      measurement.set_up += set_up_count;
+      combined.measurements.push_back(std::move(measurement));
     }
-    all.instrument = one.instrument;
-    all.kind = one.kind;
-    all.duration_s += one.duration_s;
+    combined.instrument = start_plan.instrument;
+    combined.kind = start_plan.kind;
+    combined.duration_s += start_plan.duration_s;
   }
-  return all;
+  return combined;
 }
 
-/// Logs the temperatures of the readings. Sensors have a lag and need times that do not decrease,
-/// while the order of an instrument may go back in time.
+/// Adds the readings of the temperature sensors. Sensors have a lag and need times that do not
+/// decrease, whereas the readings of an instrument may not be in order of time.
 void log_temperatures(Readings& readings, const Scene& scene, const Truth& truth) {
   if (!scene.thermal || !truth.heat) return;
   const auto& measurements = readings.plan.measurements;
@@ -99,32 +101,32 @@ void log_temperatures(Readings& readings, const Scene& scene, const Truth& truth
   }
 }
 
-Readings read_by(const InstrumentDescription& description, const Scene& scene,
-                 const MeasuredMachine& subject) {
+Readings read_instrument(const InstrumentDescription& description, const Scene& scene,
+                         const MeasuredMachine& subject) {
   const auto& [machine, truth] = subject;
   const std::string& name = description.instrument.name;
   try {
     Readings readings = metrology::measure(
-        // a set of readings may take minutes, so an interrupt is checked at each reading
-        plan_of(description, machine.nominal), machine.nominal,
+        // A set of readings may take minutes, so each reading checks for an interrupt.
+        combined_plan(description, machine.nominal), machine.nominal,
         [&truth = truth](const AxisState& state) {
           stop_if_interrupted();
-          return bodies_of(truth, state);
+          return body_poses(truth, state);
         },
         fnv_1a(name, scene.seed));
     log_temperatures(readings, scene, truth);
     return readings;
-  } catch (const std::invalid_argument& fault) {
+  } catch (const std::invalid_argument& error) {
     throw BadInput(scene.file.string(), 0, 0, "a machine that " + name + " can measure",
-                   fault.what());
-  } catch (const std::out_of_range& fault) {
+                   error.what());
+  } catch (const std::out_of_range& error) {
     throw BadInput(scene.file.string(), 0, 0, "errors that reach where " + name + " measures",
-                   fault.what());
+                   error.what());
   }
 }
 
-/// Returns the judged, cut surface of a case in the workpiece.
-metrology::PartSurface surface_of(const Job& job, const Cut& cut) {
+/// Returns the evaluated part of the cut surface, in the workpiece.
+metrology::PartSurface cut_surface(const Job& job, const Cut& cut) {
   const auto& status = cut.surface.status;
   std::vector<Eigen::Index> rows;
   for (std::size_t i = 0; i < status.size(); ++i)
@@ -134,57 +136,60 @@ metrology::PartSurface surface_of(const Job& job, const Cut& cut) {
           cut.surface.residual(rows)};
 }
 
-/// Returns about one point per square of the spacing, distributed as the vertices are.
-metrology::PartSurface thinned(const metrology::PartSurface& part, double spacing, double area) {
-  // three points at least, as a plane needs
-  const double wanted = std::max(3.0, area / (spacing * spacing));
-  const auto every =
-      std::max<Eigen::Index>(1, Eigen::Index(double(part.deviation.size()) / wanted));
+/// Returns about one point per square of the spacing, distributed like the vertices.
+metrology::PartSurface thin_points(const metrology::PartSurface& surface, double spacing,
+                                   double area) {
+  // At least three points, as required by a plane.
+  const double point_count = std::max(3.0, area / (spacing * spacing));
+  const auto stride =
+      std::max<Eigen::Index>(1, Eigen::Index(double(surface.deviation.size()) / point_count));
   std::vector<Eigen::Index> rows;
-  for (Eigen::Index i = every / 2; i < part.deviation.size(); i += every) rows.push_back(i);
-  return {part.points_w(rows, Eigen::all), part.normals_w(rows, Eigen::all), part.deviation(rows)};
+  for (Eigen::Index i = stride / 2; i < surface.deviation.size(); i += stride) rows.push_back(i);
+  return {surface.points_w(rows, Eigen::all), surface.normals_w(rows, Eigen::all),
+          surface.deviation(rows)};
 }
 
-// The part stays clamped as it was cut. The probe takes the place of the tool, and the control
-// measures from the datum from which it cut.
-metrology::PartReadings probed(const Job& job, const metrology::PartSurface& part,
-                               metrology::TouchProbe probe) {
+/// Returns the readings of a touch probe on the part, which is still clamped. The probe replaces
+/// the tool, and the control measures relative to the datum of the cut.
+metrology::PartReadings probe_part(const Job& job, const metrology::PartSurface& surface,
+                                   metrology::TouchProbe probe) {
   Truth truth = job.truth;
   truth.actual = kinematics::Chain(job.truth.actual.joints(), job.truth.actual.T_bw_home(),
                                    job.machine.nominal.T_bt_home());
-  // the probe starts when the program has ended
+  // The probe starts at the end of the program.
   if (!job.samples.states.empty()) probe.start_s += job.samples.states.back().time_s;
   const Eigen::Vector3d datum_w = control_datum_offset(job);
   // Shifting the commanded points by the datum shift, and the deviation back by its normal
   // component, makes the control measure relative to its own datum.
-  metrology::PartSurface commanded = part;
+  metrology::PartSurface commanded = surface;
   commanded.points_w.rowwise() += datum_w.transpose();
-  commanded.deviation -= part.normals_w * datum_w;
+  commanded.deviation -= surface.normals_w * datum_w;
   metrology::PartReadings readings = metrology::probe(
       commanded, job.machine.nominal,
-      [&](const AxisState& state) { return bodies_of(truth, state); }, probe);
-  readings.points_w = part.points_w;  // every point was cut, so every one was read
+      [&](const AxisState& state) { return body_poses(truth, state); }, probe);
+  readings.points_w = surface.points_w;  // every point was cut, so the probe has read each one
   return readings;
 }
 
 /// Throws BadInput if the surface has no readable point.
-void check_readable(const Job& job, const Cut& cut, const metrology::PartSurface& part,
+void check_readable(const Job& job, const Cut& cut, const metrology::PartSurface& surface,
                     const std::string& instrument) {
-  if (part.deviation.size() > 0) return;
+  if (surface.deviation.size() > 0) return;
   throw BadInput(job.scene.file.string(), 0, 0, "a part that " + instrument + " can measure",
                  fmt::format("none of its judged surface cut within {} mm of the design, {} "
                              "vertices gouged deeper",
                              job.scene.band, cut.surface.gouges.size()));
 }
 
-/// Returns the location of an instrument's table in the scene; empty if the instrument was only
-/// typed by the user.
-Place place_of_instrument(const Scene& scene, const std::string& name) {
+/// Returns the location of an instrument's table in the scene; empty if the instrument is given
+/// only on the command line.
+Place instrument_location(const Scene& scene, const std::string& name) {
   const Node* list = scene.tree ? scene.tree->find("instrument") : nullptr;
   if (!list || !list->array()) return {};
-  for (const Node& one : *list->array()) {
-    const Node* own = one.find("name") ? one.find("name") : one.find("kind");
-    if (own && own->text() && *own->text() == name) return one.place;
+  for (const Node& instrument : *list->array()) {
+    const Node* name_node =
+        instrument.find("name") ? instrument.find("name") : instrument.find("kind");
+    if (name_node && name_node->text() && *name_node->text() == name) return instrument.place;
   }
   return {};
 }
@@ -193,11 +198,11 @@ Place place_of_instrument(const Scene& scene, const std::string& name) {
 
 std::optional<PartInstrumentDescription> find_part_instrument(const Scene& scene,
                                                               const std::string& name) {
-  for (const PartInstrumentDescription& one : scene.part_instruments)
-    if (one.name == name) return one;
-  for (const InstrumentDescription& one : scene.instruments)
-    if (one.instrument.name == name) return std::nullopt;
-  // kinds that are not in the scene have typical figures
+  for (const PartInstrumentDescription& description : scene.part_instruments)
+    if (description.name == name) return description;
+  for (const InstrumentDescription& description : scene.instruments)
+    if (description.instrument.name == name) return std::nullopt;
+  // Kinds that are not in the scene get typical figures.
   if (name == "cmm") return PartInstrumentDescription{name, "", metrology::CoordinateMachine{}};
   if (name != "touch_probe") return std::nullopt;
   metrology::TouchProbe probe;
@@ -208,8 +213,8 @@ std::optional<PartInstrumentDescription> find_part_instrument(const Scene& scene
 PartReadingsFile measured_part(const Job& job, const Cut& cut,
                                const PartInstrumentDescription& instrument) {
   const Scene& scene = job.scene;
-  const metrology::PartSurface part = surface_of(job, cut);
-  check_readable(job, cut, part, instrument.name);
+  const metrology::PartSurface surface = cut_surface(job, cut);
+  check_readable(job, cut, surface, instrument.name);
   // Noise depends on the seed and the name, so that a new instrument does not change the others.
   const std::uint64_t seed = fnv_1a(instrument.name, scene.seed);
   PartReadingsFile file{instrument.name, "cmm", scene.title, {}};
@@ -219,44 +224,48 @@ PartReadingsFile measured_part(const Job& job, const Cut& cut,
       metrology::CoordinateMachine options = *machine;
       options.spacing = instrument.spacing;
       options.seed = seed;
-      file.readings = metrology::measure_coordinates(part, options);
+      file.readings = metrology::measure_coordinates(surface, options);
     } else {
       metrology::TouchProbe options = std::get<metrology::TouchProbe>(instrument.how);
       options.seed = seed;
       file.kind = "touch_probe";
-      file.readings =
-          probed(job, thinned(part, instrument.spacing, job.design_w.area.sum()), options);
+      file.readings = probe_part(
+          job, thin_points(surface, instrument.spacing, job.design_w.area.sum()), options);
     }
-  } catch (const std::invalid_argument& fault) {
-    const Place place = place_of_instrument(scene, instrument.name);
+  } catch (const std::invalid_argument& error) {
+    const Place place = instrument_location(scene, instrument.name);
     throw BadInput(place.file ? *place.file : scene.file.string(), place.line, place.column,
-                   "a part that " + instrument.name + " can measure", fault.what());
+                   "a part that " + instrument.name + " can measure", error.what());
   }
   return file;
 }
 
 InstrumentDescription find_instrument(const Scene& scene, const std::string& name) {
-  for (const InstrumentDescription& one : scene.instruments)
-    if (one.instrument.name == name) return one;
+  for (const InstrumentDescription& description : scene.instruments)
+    if (description.instrument.name == name) return description;
   if (const auto kind = metrology::kind_of(name)) return {metrology::typical(*kind), {0.0}};
   std::set<std::string> known{"cmm", "touch_probe"};
-  for (const InstrumentDescription& one : scene.instruments) known.insert(one.instrument.name);
+  for (const InstrumentDescription& description : scene.instruments)
+    known.insert(description.instrument.name);
   for (const metrology::Kind kind : metrology::all_kinds())
     known.insert(metrology::to_string(kind));
-  std::string list;
-  for (const std::string& one : known) list += (list.empty() ? "" : ", ") + one;
-  const auto meant = nearest(name, known);
-  throw BadInput(scene.file.string(), 0, 0, "an instrument of the scene or a kind (" + list + ")",
-                 "\"" + name + "\"" + (meant ? " (did you mean " + *meant + "?)" : ""));
+  std::string known_names;
+  for (const std::string& known_name : known)
+    known_names += (known_names.empty() ? "" : ", ") + known_name;
+  const auto suggestion = nearest(name, known);
+  throw BadInput(scene.file.string(), 0, 0,
+                 "an instrument of the scene or a kind (" + known_names + ")",
+                 "\"" + name + "\"" + (suggestion ? " (did you mean " + *suggestion + "?)" : ""));
 }
 
 std::vector<Readings> measured(const Scene& scene,
                                const std::vector<InstrumentDescription>& descriptions) {
-  std::vector<Readings> all;
-  if (descriptions.empty()) return all;
-  const MeasuredMachine subject = make_measured_machine(scene);
-  for (const InstrumentDescription& one : descriptions) all.push_back(read_by(one, scene, subject));
-  return all;
+  std::vector<Readings> result;
+  if (descriptions.empty()) return result;
+  const MeasuredMachine subject = simulate_machine(scene);
+  for (const InstrumentDescription& description : descriptions)
+    result.push_back(read_instrument(description, scene, subject));
+  return result;
 }
 
 Readings measured(const Scene& scene, const InstrumentDescription& description) {

@@ -11,26 +11,27 @@
 /// Virtual instruments on the machine of a scene and on a part that was cut.
 namespace abbe::sim {
 
-/// Returns an instrument by name: one of the scene, or else a typical one of that kind. Names of
-/// the scene come first.
-/// @throws BadInput naming the known instruments
+/// Returns an instrument by name: the one of the scene with that name, or else a typical instrument
+/// if the name is a kind of instrument.
+/// @throws BadInput with the list of known instruments
 InstrumentDescription find_instrument(const Scene& scene, const std::string& name);
 
-/// Returns the readings of an instrument on the machine of a scene, with the nominal tool in place
-/// and an empty table: geometric errors, heat at the time of each reading, weight. Before time 0
-/// the heat is that of the scene's history; after it the machine continues as in the last phase.
-/// Measuring itself warms nothing. Temperatures are those of the scene's sensors. Noise and
-/// misalignments are drawn from the seed of the scene and the name of the instrument.
+/// Returns the readings of an instrument on the machine of a scene, with the nominal tool and an
+/// empty table. They contain the geometric errors, the thermal errors at the time of each reading,
+/// and the effect of weight. Until time 0 the machine follows the thermal history of the scene;
+/// then it continues as in the last phase. Measuring itself generates no heat. Temperatures are
+/// those of the scene's sensors. Noise and misalignments are drawn from the seed of the scene and
+/// the name of the instrument.
 /// @throws BadInput naming the scene if the instrument cannot measure this machine, or a position
 ///     lies outside an error table
 errors::metrology::Readings measured(const Scene& scene, const InstrumentDescription& instrument);
 
-/// Returns the readings of several instruments, with one simulation of the heat for all.
+/// Returns the readings of several instruments, with a single simulation of the heat.
 std::vector<errors::metrology::Readings> measured(
     const Scene& scene, const std::vector<InstrumentDescription>& instruments);
 
-/// Returns an instrument that measures the part, by name; none if there is no such instrument of
-/// that name.
+/// Returns an instrument for parts by name: the one of the scene with that name, or else a typical
+/// one if the name is a kind; empty if there is none.
 std::optional<PartInstrumentDescription> find_part_instrument(const Scene& scene,
                                                               const std::string& name);
 

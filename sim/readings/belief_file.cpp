@@ -18,31 +18,32 @@ using errors::Curve;
 using errors::Element;
 using kinematics::Joint;
 
-/// Units in which an element is written.
+/// Units of the values and positions of an element in the file.
 struct Units {
   double value = units::um;
-  const char* value_word = "um";
+  const char* value_unit = "um";
   double position = 1.0;
-  const char* position_word = "mm";
+  const char* position_unit = "mm";
 };
 
-Units units_of(const errors::ElementName& name, const std::vector<Joint>& joints) {
+Units element_units(const errors::ElementName& name, const std::vector<Joint>& joints) {
   Units result;
   if (name.is_angle()) {
     result.value = units::urad;
-    result.value_word = "urad";
+    result.value_unit = "urad";
   }
   for (const Joint& joint : joints) {
-    const bool same = joint.name == name.axis || (joint.name == 's' && name.axis == 'S');
-    if (same && joint.motion != kinematics::Motion::Linear) {
+    const bool is_axis_of_element =
+        joint.name == name.axis || (joint.name == 's' && name.axis == 'S');
+    if (is_axis_of_element && joint.motion != kinematics::Motion::Linear) {
       result.position = units::deg;
-      result.position_word = "deg";
+      result.position_unit = "deg";
     }
   }
   return result;
 }
 
-std::string list(const VectorXd& numbers, double unit) {
+std::string to_toml_array(const VectorXd& numbers, double unit) {
   std::string text;
   for (const double x : numbers) text += fmt::format("{}{}", text.empty() ? "" : ", ", x / unit);
   return "[" + text + "]";
@@ -75,8 +76,8 @@ class ShapeKeys {
   }
   void operator()(const errors::DirectionalTables& shape) {
     kind("up_down");
-    // The tables for both directions are written as inline tables, so that each curve stays one
-    // TOML table.
+    // The tables of both directions are written as inline tables, so that each curve remains a
+    // single TOML table.
     const std::string outer = std::exchange(text_, {});
     rows(shape.up);
     const std::string up = std::exchange(text_, {});
@@ -89,7 +90,7 @@ class ShapeKeys {
 
  private:
   [[noreturn]] static void refuse() {
-    // chance cannot be corrected
+    // A random error cannot be compensated.
     throw std::invalid_argument("a belief cannot hold a curve that depends on chance");
   }
   static std::string to_single_line(std::string text) {
@@ -98,30 +99,30 @@ class ShapeKeys {
       text.replace(at, 1, ", ");
     return text;
   }
-  void line(const std::string& key, const std::string& shown) {
-    text_ += key + " = " + shown + "\n";
+  void line(const std::string& key, const std::string& value_text) {
+    text_ += key + " = " + value_text + "\n";
   }
-  void kind(const char* word) { line("kind", "\"" + std::string(word) + "\""); }
+  void kind(const char* kind_name) { line("kind", "\"" + std::string(kind_name) + "\""); }
   void value(const std::string& key, double x) {
-    line(key + "_" + unit_.value_word, fmt::format("{}", x / unit_.value));
+    line(key + "_" + unit_.value_unit, fmt::format("{}", x / unit_.value));
   }
   void values(const std::string& key, const VectorXd& x) {
-    line(key + "_" + unit_.value_word, list(x, unit_.value));
+    line(key + "_" + unit_.value_unit, to_toml_array(x, unit_.value));
   }
   void position(const std::string& key, double x) {
-    line(key + "_" + unit_.position_word, fmt::format("{}", x / unit_.position));
+    line(key + "_" + unit_.position_unit, fmt::format("{}", x / unit_.position));
   }
   template <typename Series>
-  void series(const char* word, const Series& shape) {
-    kind(word);
+  void series(const char* kind_name, const Series& shape) {
+    kind(kind_name);
     values("coefficients", shape.c);
     position("centre", shape.centre);
     position("half_range", shape.half_range);
   }
   void rows(const errors::Table& shape) {
-    line(std::string("q_") + unit_.position_word, list(shape.q, unit_.position));
+    line(std::string("q_") + unit_.position_unit, to_toml_array(shape.q, unit_.position));
     values("value", shape.value);
-    // defaults are not written
+    // Defaults are not written.
     if (shape.between == errors::Between::Spline) line("between", "\"spline\"");
     if (shape.outside == errors::Outside::Hold) line("outside", "\"hold\"");
   }
@@ -141,29 +142,29 @@ void write_curve(std::string& text, const Element& element, const Curve& curve, 
 
 void write_covariance(std::string& text, const errors::GeometricErrors& belief) {
   const errors::Covariance& covariance = belief.covariance;
-  const auto m = Eigen::Index(covariance.of.size());
-  if (m == 0) return;
-  // rounding may leave a tiny negative variance
+  const auto count = Eigen::Index(covariance.of.size());
+  if (count == 0) return;
+  // Rounding may leave a tiny negative variance.
   const VectorXd sigma = covariance.matrix.diagonal().cwiseMax(0.0).cwiseSqrt();
   text +=
       "\n# standard uncertainties in um and urad; correlation: lower triangle row by row\n"
       "[covariance]\nof = [";
   std::string uncertainties, correlation;
-  for (Eigen::Index i = 0; i < m; ++i) {
+  for (Eigen::Index i = 0; i < count; ++i) {
     const errors::Coefficient& number = covariance.of[std::size_t(i)];
-    const bool angle = belief.elements[std::size_t(number.element)].name.is_angle();
+    const bool is_angle = belief.elements[std::size_t(number.element)].name.is_angle();
     text += (i ? ", " : "") + to_toml_value(errors::name_of(number, belief.elements));
-    // correlations need no units, unlike covariances between um and urad
+    // Correlations have no units, unlike covariances between um and urad.
     uncertainties +=
-        fmt::format("{}{}", i ? ", " : "", sigma[i] / (angle ? units::urad : units::um));
+        fmt::format("{}{}", i ? ", " : "", sigma[i] / (is_angle ? units::urad : units::um));
     for (Eigen::Index k = 0; k < i; ++k) {
-      const double both = sigma[i] * sigma[k];
-      const double r = both > 0.0 ? covariance.matrix(i, k) / both : 0.0;
+      const double sigma_product = sigma[i] * sigma[k];
+      const double r = sigma_product > 0.0 ? covariance.matrix(i, k) / sigma_product : 0.0;
       correlation += fmt::format("{}{}", correlation.empty() ? "" : ", ", r);
     }
   }
   text += "]\nstandard_uncertainty_um_urad = [" + uncertainties + "]\n";
-  if (m > 1) text += "correlation = [" + correlation + "]\n";
+  if (count > 1) text += "correlation = [" + correlation + "]\n";
 }
 
 }  // namespace
@@ -172,17 +173,14 @@ std::string to_errors_file(const errors::GeometricErrors& belief, const std::vec
                            const std::vector<std::string>& comments) {
   std::string text;
   for (const std::string& comment : comments) text += "# " + comment + "\n";
-  // keys of the top level must come before the first table
-  std::string tables;
   for (const Element& element : belief.elements) {
-    const Units unit = units_of(element.name, joints);
-    for (const Curve& curve : element.curves) write_curve(tables, element, curve, unit);
+    const Units unit = element_units(element.name, joints);
+    for (const Curve& curve : element.curves) write_curve(text, element, curve, unit);
   }
   for (const errors::MeasuringLine& line : belief.measuring_lines)
-    tables += fmt::format("\n[measured.{}]\nat_mm = [{}, {}, {}]\nby = \"{}\"\n", line.axis,
-                          line.at_b.x(), line.at_b.y(), line.at_b.z(),
-                          line.by == errors::MeasuredBy::Tool ? "tool" : "carriage");
-  text += tables;
+    text += fmt::format("\n[measured.{}]\nat_mm = [{}, {}, {}]\nby = \"{}\"\n", line.axis,
+                        line.at_b.x(), line.at_b.y(), line.at_b.z(),
+                        line.by == errors::MeasuredBy::Tool ? "tool" : "carriage");
   write_covariance(text, belief);
   return text;
 }

@@ -11,9 +11,9 @@ namespace abbe::sim {
 
 /// Returns the text of an errors file, to which `errors = "..."` of a scene can refer: every
 /// element with its curves in um and urad, and the covariance if there is one (scenes/README.md).
-/// Numbers are read back to within one ulp.
+/// Numbers read back within one ulp.
 /// @param joints    joints of the machine, for the units of positions
-/// @param comments  lines that are written first, each after "# "
+/// @param comments  lines at the top of the file, each after "# "
 /// @throws std::invalid_argument for a random curve, which a belief cannot hold
 std::string to_errors_file(const errors::GeometricErrors& belief,
                            const std::vector<kinematics::Joint>& joints,

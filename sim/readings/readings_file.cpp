@@ -23,7 +23,7 @@ constexpr std::size_t width = 8;
 
 using Row = std::array<double, width>;
 
-// Reads a row of readings of a part.
+/// Reads a row of readings of a part.
 Row read_row(std::string_view line, int number, const std::string& file) {
   const std::vector<Cell> cells = cells_of(line, ',', width);
   const auto refuse = [&](int column, const std::string& expected, const std::string& seen) {
@@ -37,7 +37,7 @@ Row read_row(std::string_view line, int number, const std::string& file) {
     if (!x) refuse(cells[i].column, "a number within +-1e9", in_quotes(cells[i].text));
     row[i] = *x;
   }
-  // 1e-9: the normals are written with all their digits
+  // 1e-9: only rounding is tolerated, because normals are written with all their digits.
   if (std::abs(std::hypot(row[3], row[4], row[5]) - 1.0) > 1e-9)
     refuse(cells[3].column, "a normal of length 1", in_quotes(line));
   return row;
@@ -52,7 +52,7 @@ std::string to_text(const PartReadingsFile& file) {
       first_part_line, to_toml_value(file.instrument), to_toml_value(file.kind),
       to_toml_value(file.part), r.sigma / units::um, r.deviation.size(), columns);
   for (Eigen::Index i = 0; i < r.deviation.size(); ++i) {
-    // fmt writes a double with the fewest digits that read back to its bits
+    // fmt writes a double with the fewest digits that read back to the same bits.
     for (int k = 0; k < 3; ++k) text += fmt::format("{},", r.points_w(i, k));
     for (int k = 0; k < 3; ++k) text += fmt::format("{},", r.normals_w(i, k));
     text += fmt::format("{},{}\n", r.deviation[i] / units::um, r.time_s[i]);
@@ -65,17 +65,17 @@ bool is_part_readings_text(std::string_view text) { return text.starts_with(firs
 PartReadingsFile read_part_readings(std::string_view text, const std::string& file) {
   if (!is_part_readings_text(text))
     throw BadInput(file, 1, 1, "readings of a part", in_quotes(text.substr(0, text.find('\n'))));
-  std::string head;
+  std::string header;
   Lines lines(text);
   auto line = lines.next();
-  // Comment lines form the TOML head. A blank replaces each '#', so that columns in messages are
-  // those of the file.
+  // Comment lines form the TOML header. A blank replaces each '#', so that the columns in messages
+  // are those of the file.
   for (; line && line->starts_with('#'); line = lines.next())
-    head += " " + std::string(line->substr(1)) + "\n";
+    header += " " + std::string(line->substr(1)) + "\n";
   if (!line || *line != columns)
     throw BadInput(file, lines.number(), 1, "the columns " + std::string(columns),
                    line ? in_quotes(*line) : "the end of the file");
-  const Node node = parse_toml(head, file);
+  const Node node = parse_toml(header, file);
   InputErrors input_errors;
   TableReader reader(node, "", input_errors);
   reader.integer("abbe_part_readings", 1, 1, 1);
@@ -91,17 +91,17 @@ PartReadingsFile read_part_readings(std::string_view text, const std::string& fi
   while ((line = lines.next()))
     if (line->find_first_not_of(" \t") != std::string_view::npos)
       rows.push_back(read_row(*line, lines.number(), file));
-  // the number of rows in the head reveals a file that was cut off
+  // The number of rows in the header reveals a truncated file.
   if (stated_rows > 0 && rows.size() != std::size_t(stated_rows))
     throw BadInput(file, 0, 0, fmt::format("{} rows, as its head says in `rows`", stated_rows),
                    fmt::format("{}: the file was cut off or changed", rows.size()));
   errors::metrology::PartReadings& r = result.readings;
-  const auto n = Eigen::Index(rows.size());
-  r.points_w.resize(n, 3);
-  r.normals_w.resize(n, 3);
-  r.deviation.resize(n);
-  r.time_s.resize(n);
-  for (Eigen::Index i = 0; i < n; ++i) {
+  const auto count = Eigen::Index(rows.size());
+  r.points_w.resize(count, 3);
+  r.normals_w.resize(count, 3);
+  r.deviation.resize(count);
+  r.time_s.resize(count);
+  for (Eigen::Index i = 0; i < count; ++i) {
     const Row& row = rows[std::size_t(i)];
     for (int k = 0; k < 3; ++k) {
       r.points_w(i, k) = row[std::size_t(k)];
@@ -128,7 +128,7 @@ using metrology::Readings;
 using metrology::SetUp;
 
 constexpr std::string_view first_line = "# abbe_readings = 1";
-// Limits on size and counts keep a wrong file from using up the memory.
+// Limits on size and counts prevent a wrong file from exhausting the memory.
 constexpr std::size_t max_bytes = std::size_t(256) << 20;
 constexpr int max_rows = 1000000000;
 constexpr std::size_t max_set_ups = 10000, max_channels = 250000, max_sensors = 1000;
@@ -139,22 +139,23 @@ constexpr std::array quantities{
     std::pair{"length", Quantity::Length}, std::pair{"displacement", Quantity::Displacement},
     std::pair{"mirror", Quantity::Mirror}, std::pair{"angle", Quantity::Angle}};
 
+/// Returns the name of an enum value in the file.
 template <typename Words, typename T>
-const char* word_of(const Words& words, T value) {
-  for (const auto& [word, meaning] : words)
-    if (meaning == value) return word;
+const char* enum_name(const EnumNames& names, T value) {
+  for (const auto& [name, entry] : names)
+    if (entry == value) return name;
   return "";
 }
 
 bool is_slide(const Joint& joint) { return joint.motion == Motion::Linear; }
 double position_unit(const Joint& joint) { return is_slide(joint) ? 1.0 : units::deg; }
-const char* position_word(const Joint& joint) { return is_slide(joint) ? "mm" : "deg"; }
+const char* position_unit_name(const Joint& joint) { return is_slide(joint) ? "mm" : "deg"; }
 const char* reading_unit(const Channel& channel) { return channel.is_angle() ? "rad" : "mm"; }
 
 // Writing
 
-/// Writes the lines of the head.
-class Head {
+/// Writer of the lines of the header.
+class HeaderWriter {
  public:
   template <typename... Args>
   void line(fmt::format_string<Args...> format, Args&&... args) {
@@ -170,7 +171,7 @@ class Head {
   void vector(const char* key, const Vector3d& v) {
     line("{} = [{}, {}, {}]", key, v.x(), v.y(), v.z());
   }
-  void words(const char* key, const std::string& value) {
+  void string(const char* key, const std::string& value) {
     line("{} = {}", key, to_toml_value(value));
   }
   void pose(const char* key, const Pose& T) {
@@ -186,72 +187,74 @@ class Head {
   std::string text_;
 };
 
-void write_joint(Head& head, const Joint& joint) {
-  head.line("[[joint]]");
-  head.words("name", std::string(1, joint.name));
-  head.words("side", joint.side == kinematics::Side::Tool ? "tool" : "workpiece");
-  head.words("motion", joint.motion == Motion::Linear   ? "linear"
-                       : joint.motion == Motion::Rotary ? "rotary"
-                                                        : "spindle");
-  head.vector("direction", joint.direction_b);
-  head.vector("point_mm", joint.point_b);
+void write_joint(HeaderWriter& header, const Joint& joint) {
+  header.line("[[joint]]");
+  header.string("name", std::string(1, joint.name));
+  header.string("side", joint.side == kinematics::Side::Tool ? "tool" : "workpiece");
+  header.string("motion", joint.motion == Motion::Linear   ? "linear"
+                          : joint.motion == Motion::Rotary ? "rotary"
+                                                           : "spindle");
+  header.vector("direction", joint.direction_b);
+  header.vector("point_mm", joint.point_b);
   const double unit = position_unit(joint);
-  head.line("travel_{} = [{}, {}]", position_word(joint), joint.min / unit, joint.max / unit);
+  header.line("travel_{} = [{}, {}]", position_unit_name(joint), joint.min / unit,
+              joint.max / unit);
   if (joint.deviation_axes == kinematics::DeviationAxes::Turning)
-    head.words("deviation_axes", "turning");
-  if (joint.squareness == kinematics::Squareness::Travel) head.words("squareness", "travel");
+    header.string("deviation_axes", "turning");
+  if (joint.squareness == kinematics::Squareness::Travel) header.string("squareness", "travel");
 }
 
-void write_channel(Head& head, const Channel& channel) {
-  const bool angle = channel.is_angle();
-  head.line("[[set_up.channel]]");
-  head.words("name", channel.name);
-  head.words("quantity", word_of(quantities, channel.quantity));
-  head.words("of", word_of(bodies, channel.of));
-  head.words("in", word_of(bodies, channel.in));
-  head.vector("point_of_mm", channel.point_of);
-  head.vector("point_in_mm", channel.point_in);
-  head.vector("direction", channel.direction_in);
-  // only a mirror has a normal
-  if (channel.quantity == Quantity::Mirror) head.vector("normal", channel.normal_of);
-  head.put_nonzero_number(angle ? "noise_rad" : "noise_mm", channel.noise);
-  head.put_nonzero_number(angle ? "resolution_rad" : "resolution_mm", channel.resolution);
+void write_channel(HeaderWriter& header, const Channel& channel) {
+  const bool is_angle = channel.is_angle();
+  header.line("[[set_up.channel]]");
+  header.string("name", channel.name);
+  header.string("quantity", enum_name(quantities, channel.quantity));
+  header.string("of", enum_name(bodies, channel.of));
+  header.string("in", enum_name(bodies, channel.in));
+  header.vector("point_of_mm", channel.point_of);
+  header.vector("point_in_mm", channel.point_in);
+  header.vector("direction", channel.direction_in);
+  // Only a mirror has a normal.
+  if (channel.quantity == Quantity::Mirror) header.vector("normal", channel.normal_of);
+  header.put_nonzero_number(is_angle ? "noise_rad" : "noise_mm", channel.noise);
+  header.put_nonzero_number(is_angle ? "resolution_rad" : "resolution_mm", channel.resolution);
 }
 
-void write_set_up(Head& head, const SetUp& set_up) {
-  head.line("[[set_up]]");
-  head.words("name", set_up.name);
-  if (!set_up.zero_unknown) head.line("zero_unknown = false");
-  head.put_nonzero_number("rotation_sigma_rad", set_up.rotation_sigma);
-  head.put_nonzero_number("point_of_sigma_mm", set_up.point_of_sigma);
-  head.put_nonzero_number("point_in_sigma_mm", set_up.point_in_sigma);
-  head.put_nonzero_number("normal_sigma_rad", set_up.normal_sigma);
-  head.put_nonzero_number("eccentricity_sigma_mm", set_up.eccentricity_sigma);
-  head.put_nonzero_number("scale_sigma", set_up.scale_sigma);
-  head.put_nonzero_number("drift_sigma_per_s", set_up.drift_sigma);
-  head.put_nonzero_number("set_up_s", set_up.set_up_s);
-  for (const Channel& channel : set_up.channels) write_channel(head, channel);
+void write_set_up(HeaderWriter& header, const SetUp& set_up) {
+  header.line("[[set_up]]");
+  header.string("name", set_up.name);
+  if (!set_up.zero_unknown) header.line("zero_unknown = false");
+  header.put_nonzero_number("rotation_sigma_rad", set_up.rotation_sigma);
+  header.put_nonzero_number("point_of_sigma_mm", set_up.point_of_sigma);
+  header.put_nonzero_number("point_in_sigma_mm", set_up.point_in_sigma);
+  header.put_nonzero_number("normal_sigma_rad", set_up.normal_sigma);
+  header.put_nonzero_number("eccentricity_sigma_mm", set_up.eccentricity_sigma);
+  header.put_nonzero_number("scale_sigma", set_up.scale_sigma);
+  header.put_nonzero_number("drift_sigma_per_s", set_up.drift_sigma);
+  header.put_nonzero_number("set_up_s", set_up.set_up_s);
+  for (const Channel& channel : set_up.channels) write_channel(header, channel);
 }
 
-// The head holds everything needed to identify errors from the readings, and nothing of the truth.
-std::string head_of(const Readings& readings) {
-  Head head;
-  head.line("{}", first_line.substr(2));
-  head.words("instrument", readings.plan.instrument);
-  head.words("kind", readings.plan.kind);
-  head.number("duration_s", readings.plan.duration_s);
-  head.line("rows = {}", readings.plan.measurements.size());
-  head.pose("T_bw_mm", readings.nominal.T_bw_home());
-  head.pose("T_bt_mm", readings.nominal.T_bt_home());
-  for (const Joint& joint : readings.nominal.joints()) write_joint(head, joint);
-  for (const SetUp& set_up : readings.plan.set_ups) write_set_up(head, set_up);
-  return std::move(head).text();
+/// Returns the header: all data needed to identify errors from the readings, but no truth.
+std::string header_text(const Readings& readings) {
+  HeaderWriter header;
+  header.line("{}", first_line.substr(2));
+  header.string("instrument", readings.plan.instrument);
+  header.string("kind", readings.plan.kind);
+  header.number("duration_s", readings.plan.duration_s);
+  header.line("rows = {}", readings.plan.measurements.size());
+  header.pose("T_bw_mm", readings.nominal.T_bw_home());
+  header.pose("T_bt_mm", readings.nominal.T_bt_home());
+  for (const Joint& joint : readings.nominal.joints()) write_joint(header, joint);
+  for (const SetUp& set_up : readings.plan.set_ups) write_set_up(header, set_up);
+  return std::move(header).text();
 }
 
-std::string columns_of(const std::vector<Joint>& joints, const std::vector<std::string>& sensors) {
+std::string column_names(const std::vector<Joint>& joints,
+                         const std::vector<std::string>& sensors) {
   std::string text = "set_up,channel,run,target,time_s";
   for (const Joint& joint : joints)
-    text += fmt::format(",{0}_{1},{0}_way,{0}_stroke", joint.name, position_word(joint));
+    text += fmt::format(",{0}_{1},{0}_way,{0}_stroke", joint.name, position_unit_name(joint));
   text += ",spindle_rad_per_s,reading,unit";
   for (const std::string& sensor : sensors) text += "," + sensor + "_C";
   return text;
@@ -260,7 +263,7 @@ std::string columns_of(const std::vector<Joint>& joints, const std::vector<std::
 // Reading
 
 Pose read_pose(TableReader& reader, const std::string& key) {
-  // three rows of the pose; the fourth is 0 0 0 1
+  // The file has three rows of the matrix; the fourth is 0 0 0 1.
   const Eigen::VectorXd numbers = reader.numbers(key, 12);
   Pose T = Pose::Identity();
   if (numbers.size() == 12)
@@ -285,7 +288,7 @@ Joint read_joint(const Node& node, InputErrors& input_errors) {
   joint.direction_b = reader.vector("direction");
   joint.point_b = reader.vector("point_mm");
   const Eigen::VectorXd travel = reader.numbers(is_slide(joint) ? "travel_mm" : "travel_deg", 2);
-  // without two numbers the reader has already recorded the error
+  // Without two numbers the reader has already recorded the error.
   if (travel.size() == 2) {
     joint.min = travel[0];
     joint.max = travel[1];
@@ -323,7 +326,7 @@ Channel read_channel(const Node& node, InputErrors& input_errors) {
                                                           {"angle", Quantity::Angle}});
   channel.of = read_body(reader, "of");
   channel.in = read_body(reader, "in");
-  // a channel between two points of one body would read nothing
+  // A channel between two points of one body would always read zero.
   if (channel.of == channel.in) reader.refuse("in", "another body than that of `of`", "the same");
   channel.point_of = reader.vector("point_of_mm");
   channel.point_in = reader.vector("point_in_mm");
@@ -364,29 +367,29 @@ kinematics::Chain read_machine(TableReader& reader) {
   std::vector<Joint> joints;
   const Pose T_bw = read_pose(reader, "T_bw_mm"), T_bt = read_pose(reader, "T_bt_mm");
   for (const Node* node : reader.tables("joint"))
-    // one more than allowed, so that the chain reports the surplus
+    // One joint more than allowed is read, so that the chain reports the surplus.
     if (joints.size() <= kinematics::max_joints)
       joints.push_back(read_joint(*node, reader.input_errors()));
   if (reader.input_errors().empty()) {
     try {
       return kinematics::Chain(joints, T_bw, T_bt);
-    } catch (const std::invalid_argument& fault) {
-      reader.input_errors().add(reader.place(), "a machine that makes a chain", fault.what());
+    } catch (const std::invalid_argument& error) {
+      reader.input_errors().add(reader.place(), "a machine that makes a chain", error.what());
     }
   }
-  // after an error the chain is not used
+  // After an error the chain is not used.
   return kinematics::Chain({}, Pose::Identity(), Pose::Identity());
 }
 
-/// The head of a file, and the number of rows that it states; 0: none stated.
+/// Content of the header of a file.
 struct ReadingsHeader {
-  Readings readings;
-  int rows = 0;
+  Readings readings;  ///< without rows
+  int rows = 0;       ///< stated number of rows; 0: not stated
 };
 
-/// Reads the head, i.e. the leading lines with a #. Lines are kept, so that locations in messages
-/// are those of the file.
-ReadingsHeader read_head(std::string_view text, const std::string& file) {
+/// Reads the header, i.e. the leading lines with a #. Line numbers are kept, so that locations in
+/// messages are those of the file.
+ReadingsHeader read_header(std::string_view text, const std::string& file) {
   std::string toml;
   Lines lines(text);
   while (const auto line = lines.next()) {
@@ -416,49 +419,51 @@ ReadingsHeader read_head(std::string_view text, const std::string& file) {
   return {{std::move(plan), std::move(nominal), {}, {}, {}}, rows};
 }
 
-/// Reads the rows below the head.
-class Rows {
+/// Reader of the rows below the header.
+class RowReader {
  public:
-  Rows(std::string_view text, const std::string& file, Readings& readings)
+  RowReader(std::string_view text, const std::string& file, Readings& readings)
       : lines_(text, file), readings_(readings) {}
 
   void read() {
     read_columns();
-    while (next()) read_row();
+    while (next_line()) read_row();
     if (readings_.plan.measurements.empty()) lines_.refuse(0, "at least one reading", "none");
     readings_.value = Eigen::Map<Eigen::VectorXd>(values_.data(), Eigen::Index(values_.size()));
-    using ByRow = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
-    readings_.T_C = Eigen::Map<ByRow>(T_C_.data(), Eigen::Index(readings_.plan.measurements.size()),
-                                      Eigen::Index(readings_.sensors.size()));
+    using RowMajorMatrix = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
+    readings_.T_C =
+        Eigen::Map<RowMajorMatrix>(T_C_.data(), Eigen::Index(readings_.plan.measurements.size()),
+                                   Eigen::Index(readings_.sensors.size()));
   }
 
  private:
-  bool next() {
+  bool next_line() {
     const auto line = lines_.next();
     if (line) line_ = line->text;
     return line.has_value();
   }
 
   void read_columns() {
-    if (!next()) lines_.refuse(1, "a line with the names of the columns", "the end of the file");
+    if (!next_line())
+      lines_.refuse(1, "a line with the names of the columns", "the end of the file");
     const auto& joints = readings_.nominal.joints();
-    const std::string wanted = columns_of(joints, {});
-    // The columns of the axes are fixed by the head; only temperatures may follow.
-    if (!line_.starts_with(wanted))
-      lines_.refuse(1, "columns that begin with " + wanted, in_quotes(line_));
-    const std::string_view rest = line_.substr(wanted.size());
-    if (rest.empty()) return;
-    const std::vector<Cell> cells = cells_of(rest.substr(1), ',', max_sensors);
-    if (rest.front() != ',' || cells.size() > max_sensors)
-      lines_.refuse(int(wanted.size()) + 1, "columns of at most 1000 temperature sensors",
-                    in_quotes(rest));
+    const std::string expected = column_names(joints, {});
+    // The header determines the columns of the axes; only temperatures may follow.
+    if (!line_.starts_with(expected))
+      lines_.refuse(1, "columns that begin with " + expected, in_quotes(line_));
+    const std::string_view remaining_line = line_.substr(expected.size());
+    if (remaining_line.empty()) return;
+    const std::vector<Cell> cells = cells_of(remaining_line.substr(1), ',', max_sensors);
+    if (remaining_line.front() != ',' || cells.size() > max_sensors)
+      lines_.refuse(int(expected.size()) + 1, "columns of at most 1000 temperature sensors",
+                    in_quotes(remaining_line));
     for (const Cell& cell : cells) {
-      const int column = int(wanted.size()) + 1 + cell.column;
+      const int column = int(expected.size()) + 1 + cell.column;
       if (!cell.text.ends_with("_C") || cell.text.size() < 3)
         lines_.refuse(column, "the column of a temperature such as nut_C", in_quotes(cell.text));
       const std::string name(cell.text.substr(0, cell.text.size() - 2));
-      const auto& known = readings_.sensors;
-      if (std::find(known.begin(), known.end(), name) != known.end())
+      const auto& sensors = readings_.sensors;
+      if (std::find(sensors.begin(), sensors.end(), name) != sensors.end())
         lines_.refuse(column, "every sensor once", in_quotes(cell.text));
       readings_.sensors.push_back(name);
     }
@@ -466,53 +471,56 @@ class Rows {
 
   void read_row() {
     const auto& joints = readings_.nominal.joints();
-    const std::size_t n = joints.size(), width = 8 + 3 * n + readings_.sensors.size();
+    const std::size_t axis_count = joints.size(),
+                      width = 8 + 3 * axis_count + readings_.sensors.size();
     const std::vector<Cell> cells = cells_of(line_, ',', width);
-    const std::string wanted = fmt::format("{} cells, as the line of columns has", width);
+    const std::string expected = fmt::format("{} cells, as the line of columns has", width);
     if (cells.size() < width)
-      lines_.refuse(int(line_.size()) + 1, wanted, std::to_string(cells.size()));
-    if (cells.size() > width) lines_.refuse(cells[width].column, wanted, "more");
+      lines_.refuse(int(line_.size()) + 1, expected, std::to_string(cells.size()));
+    if (cells.size() > width) lines_.refuse(cells[width].column, expected, "more");
     const auto& set_ups = readings_.plan.set_ups;
     Measurement measurement;
     measurement.set_up = lines_.whole_number_in(cells[0], 0, int(set_ups.size()) - 1);
     const auto& channels = set_ups[std::size_t(measurement.set_up)].channels;
-    // a log of temperatures has a set-up without channels
+    // A log of temperatures has a set-up without channels.
     measurement.channel = channels.empty()
                               ? lines_.whole_number_in(cells[1], -1, -1)
                               : lines_.whole_number_in(cells[1], 0, int(channels.size()) - 1);
-    // limits of an int in the file, far above any real run
+    // The limits fit an int and are far above any real run.
     measurement.run = lines_.whole_number_in(cells[2], 0, 1000000);
     measurement.target = lines_.whole_number_in(cells[3], 0, 1000000000);
     measurement.state.time_s = lines_.number_in(cells[4]);
-    measurement.state.q.resize(Eigen::Index(n));
-    for (std::size_t j = 0; j < n; ++j) {
+    measurement.state.q.resize(Eigen::Index(axis_count));
+    for (std::size_t j = 0; j < axis_count; ++j) {
       measurement.state.q[Eigen::Index(j)] =
           lines_.number_in(cells[5 + 3 * j]) * position_unit(joints[j]);
-      // direction and stroke are kept, as reversal depends on them
+      // Reversal errors depend on direction and stroke.
       measurement.state.direction[j] = std::int8_t(lines_.whole_number_in(cells[6 + 3 * j], -1, 1));
       measurement.state.stroke[j] = lines_.whole_number_in(cells[7 + 3 * j], 0, 1000000000);
     }
-    const std::size_t at = 5 + 3 * n;
-    measurement.state.spindle_speed = lines_.number_in(cells[at]);
+    const std::size_t first_cell_after_axes = 5 + 3 * axis_count;
+    measurement.state.spindle_speed = lines_.number_in(cells[first_cell_after_axes]);
     read_value(
-        cells[at + 1], cells[at + 2],
+        cells[first_cell_after_axes + 1], cells[first_cell_after_axes + 2],
         measurement.channel < 0 ? "" : reading_unit(channels[std::size_t(measurement.channel)]));
-    for (std::size_t k = at + 3; k < width; ++k) T_C_.push_back(lines_.number_in(cells[k]));
+    for (std::size_t k = first_cell_after_axes + 3; k < width; ++k)
+      T_C_.push_back(lines_.number_in(cells[k]));
     readings_.plan.measurements.push_back(std::move(measurement));
   }
 
-  void read_value(const Cell& value, const Cell& unit, std::string_view wanted) {
-    const bool none = value.text.empty();
-    const bool first = readings_.plan.measurements.empty();
-    // either every row has a reading or none has
-    if (none != wanted.empty() || (!first && none != values_.empty()))
+  void read_value(const Cell& value, const Cell& unit, std::string_view expected) {
+    const bool is_empty = value.text.empty();
+    const bool is_first = readings_.plan.measurements.empty();
+    // Either every row has a reading or none has.
+    if (is_empty != expected.empty() || (!is_first && is_empty != values_.empty()))
       lines_.refuse(value.column, "a reading of every channel, or temperatures alone",
                     in_quotes(value.text));
-    if (unit.text != wanted)
-      lines_.refuse(unit.column,
-                    wanted.empty() ? "no unit" : fmt::format("{}, the unit of its channel", wanted),
-                    in_quotes(unit.text));
-    if (!none) values_.push_back(lines_.number_in(value));
+    if (unit.text != expected)
+      lines_.refuse(
+          unit.column,
+          expected.empty() ? "no unit" : fmt::format("{}, the unit of its channel", expected),
+          in_quotes(unit.text));
+    if (!is_empty) values_.push_back(lines_.number_in(value));
   }
 
   TableLines lines_;
@@ -524,9 +532,9 @@ class Rows {
 }  // namespace
 
 std::string to_text(const Readings& readings) {
-  std::string text = head_of(readings);
+  std::string text = header_text(readings);
   const auto& joints = readings.nominal.joints();
-  text += columns_of(joints, readings.sensors) + "\n";
+  text += column_names(joints, readings.sensors) + "\n";
   for (std::size_t i = 0; i < readings.plan.measurements.size(); ++i) {
     const Measurement& measurement = readings.plan.measurements[i];
     text += fmt::format("{},{},{},{},{}", measurement.set_up, measurement.channel, measurement.run,
@@ -555,13 +563,13 @@ Readings read_readings(std::string_view text, const std::string& file) {
   if (!is_readings_text(text))
     throw BadInput(file, 1, 1, "readings, whose first line is \"" + std::string(first_line) + "\"",
                    in_quotes(text.substr(0, text.find('\n'))));
-  ReadingsHeader head = read_head(text, file);
-  Rows(text, file, head.readings).read();
-  if (const std::size_t rows = head.readings.plan.measurements.size();
-      head.rows > 0 && rows != std::size_t(head.rows))
-    throw BadInput(file, 0, 0, fmt::format("{} rows, as its head says in `rows`", head.rows),
+  ReadingsHeader header = read_header(text, file);
+  RowReader(text, file, header.readings).read();
+  if (const std::size_t rows = header.readings.plan.measurements.size();
+      header.rows > 0 && rows != std::size_t(header.rows))
+    throw BadInput(file, 0, 0, fmt::format("{} rows, as its head says in `rows`", header.rows),
                    fmt::format("{}: the file was cut off or changed", rows));
-  return std::move(head.readings);
+  return std::move(header.readings);
 }
 
 Readings read_readings_file(const std::filesystem::path& file) {
