@@ -25,6 +25,7 @@ using Eigen::Vector3d;
 
 namespace {
 
+/// Encoding of the data of a PLY file: text, or binary with either byte order.
 enum class PlyForm { Ascii, Little, Big };
 
 struct PlyType {
@@ -37,15 +38,15 @@ struct PlyProperty {
   PlyType type;
   std::optional<PlyType> list_count;
 
-  /// Returns 0, 1, 2 for red, green, blue; nothing for any other property.
+  /// Returns 0, 1, 2 for red, green, blue; empty for any other property.
   std::optional<std::size_t> channel() const {
-    constexpr std::array<std::string_view, 3> names = {"red", "green", "blue"};
-    const auto found = std::ranges::find(names, name);
-    if (found == names.end() || list_count) return std::nullopt;
-    return std::size_t(found - names.begin());
+    constexpr std::array<std::string_view, 3> channel_names = {"red", "green", "blue"};
+    const auto name_position = std::ranges::find(channel_names, name);
+    if (name_position == channel_names.end() || list_count) return std::nullopt;
+    return std::size_t(name_position - channel_names.begin());
   }
   /// Returns true for the list of the vertices of a face.
-  bool is_corners() const { return name == "vertex_indices" || name == "vertex_index"; }
+  bool is_vertex_list() const { return name == "vertex_indices" || name == "vertex_index"; }
   bool is_group() const { return !list_count && type.kind != 'f' && !channel() && name != "alpha"; }
 };
 
@@ -69,71 +70,72 @@ struct PlyHeader {
   int lines = 0;
 };
 
-// PLY has two sets of names for the same types, an old one (char, float) and one with sizes.
-PlyType ply_type(const Words& words, const Word& word) {
+// PLY has two sets of names for the same types: the original one (char, float) and one with sizes.
+PlyType ply_type(const TokenReader& tokens, const Token& token) {
   static const std::map<std::string_view, PlyType> types = {
       {"char", {1, 'i'}},  {"int8", {1, 'i'}},    {"uchar", {1, 'u'}},  {"uint8", {1, 'u'}},
       {"short", {2, 'i'}}, {"int16", {2, 'i'}},   {"ushort", {2, 'u'}}, {"uint16", {2, 'u'}},
       {"int", {4, 'i'}},   {"int32", {4, 'i'}},   {"uint", {4, 'u'}},   {"uint32", {4, 'u'}},
       {"float", {4, 'f'}}, {"float32", {4, 'f'}}, {"double", {8, 'f'}}, {"float64", {8, 'f'}}};
-  const auto found = types.find(word.text);
-  if (found == types.end()) words.refuse("a PLY type (uchar, int, float, double ...)", word);
-  return found->second;
+  const auto type = types.find(token.text);
+  if (type == types.end()) tokens.refuse("a PLY type (uchar, int, float, double ...)", token);
+  return type->second;
 }
 
-PlyProperty ply_property(Words& words) {
+PlyProperty ply_property(TokenReader& tokens) {
   PlyProperty property;
-  Word word = words.next_in_line();
-  if (word.text == "list") {
-    property.list_count = ply_type(words, words.next_in_line());
+  Token token = tokens.next_in_line();
+  if (token.text == "list") {
+    property.list_count = ply_type(tokens, tokens.next_in_line());
     if (property.list_count->kind == 'f')
-      words.refuse("an integer type for the length of a list", word);
-    word = words.next_in_line();
+      tokens.refuse("an integer type for the length of a list", token);
+    token = tokens.next_in_line();
   }
-  property.type = ply_type(words, word);
-  property.name = std::string(words.next_in_line().text);
+  property.type = ply_type(tokens, token);
+  property.name = std::string(tokens.next_in_line().text);
   return property;
 }
 
-PlyForm ply_form(Words& words) {
-  words.expect("format");
-  const Word form = words.next_in_line();
-  words.expect("1.0", words.next_in_line());
+PlyForm ply_form(TokenReader& tokens) {
+  tokens.expect("format");
+  const Token form = tokens.next_in_line();
+  tokens.expect("1.0", tokens.next_in_line());
   if (form.text == "ascii") return PlyForm::Ascii;
   if (form.text == "binary_little_endian") return PlyForm::Little;
   if (form.text == "binary_big_endian") return PlyForm::Big;
-  words.refuse("'ascii', 'binary_little_endian' or 'binary_big_endian'", form);
+  tokens.refuse("'ascii', 'binary_little_endian' or 'binary_big_endian'", form);
 }
 
 std::size_t index_of(const MeshSource& source, const PlyHeader& header, std::string_view name) {
-  const auto found = std::ranges::find(header.elements, name, &PlyElement::name);
-  if (found == header.elements.end())
+  const auto element = std::ranges::find(header.elements, name, &PlyElement::name);
+  if (element == header.elements.end())
     source.refuse(fmt::format("element '{}'", name), "none", header.lines, 1);
-  return std::size_t(found - header.elements.begin());
+  return std::size_t(element - header.elements.begin());
 }
 
-/// Checks that coordinates and corners are present exactly once; all other properties are
+/// Checks that coordinates and vertex lists are present exactly once; all other properties are
 /// permitted.
 void check_properties(const MeshSource& source, const PlyElement& vertex, const PlyElement& face) {
   for (const std::string name : {"x", "y", "z"}) {
-    const auto& all = vertex.properties;
-    if (std::count_if(all.begin(), all.end(),
+    const auto& vertex_properties = vertex.properties;
+    if (std::count_if(vertex_properties.begin(), vertex_properties.end(),
                       [&](const auto& p) { return p.name == name && !p.list_count; }) != 1)
       source.refuse("vertices with one property " + name, "another number of them", vertex.line, 1);
   }
-  int lists = 0;
+  int vertex_lists = 0;
   for (const PlyProperty& p : face.properties) {
-    if (!p.is_corners()) continue;
+    if (!p.is_vertex_list()) continue;
     if (!p.list_count || p.type.kind == 'f')
       source.refuse("faces with one list of integers, vertex_indices", in_quotes(p.name), face.line,
                     1);
-    ++lists;
+    ++vertex_lists;
   }
-  if (lists != 1)
-    source.refuse("faces with one list vertex_indices", fmt::format("{}", lists), face.line, 1);
+  if (vertex_lists != 1)
+    source.refuse("faces with one list vertex_indices", fmt::format("{}", vertex_lists), face.line,
+                  1);
 }
 
-/// Checks that a colour is complete and written in one kind of number.
+/// Checks that a colour is complete, and that its channels are all integers or all fractions.
 void check_colour(const MeshSource& source, const PlyElement& element) {
   std::array<int, 3> count{};
   int fractions = 0;
@@ -152,45 +154,45 @@ void check_colour(const MeshSource& source, const PlyElement& element) {
 
 PlyHeader ply_header(const MeshSource& source) {
   // A PLY header has no comment character: `comment` is a keyword.
-  Words words(source, '\0');
-  words.expect("ply");
+  TokenReader tokens(source, '\0');
+  tokens.expect("ply");
   PlyHeader header;
-  header.form = ply_form(words);
+  header.form = ply_form(tokens);
   PlyElement* element = nullptr;
   for (;;) {
-    const Word word = words.next();
-    if (word.text == "end_header") break;
-    if (word.text == "element") {
-      const Word name = words.next_in_line();
-      const bool again =
+    const Token token = tokens.next();
+    if (token.text == "end_header") break;
+    if (token.text == "element") {
+      const Token name = tokens.next_in_line();
+      const bool is_repeated =
           std::ranges::find(header.elements, name.text, &PlyElement::name) != header.elements.end();
-      // The corners of faces are checked against the number of vertices, which must therefore be
-      // known.
-      const bool early =
+      // The corners of faces are checked against the number of vertices, so vertices must come
+      // first.
+      const bool is_before_vertices =
           name.text == "face" && std::ranges::find(header.elements, std::string_view("vertex"),
                                                    &PlyElement::name) == header.elements.end();
-      if (name.text.empty() || again || early)
-        words.refuse("element vertex, then face, once each", name);
+      if (name.text.empty() || is_repeated || is_before_vertices)
+        tokens.refuse("element vertex, then face, once each", name);
       element = &header.elements.emplace_back();
       element->name = std::string(name.text);
-      element->line = word.line;
+      element->line = token.line;
       // A count cannot exceed the bytes of the file, so a corrupt header cannot request absurd
       // memory.
-      const Word count = words.next_in_line();
-      element->count = words.integer(count, 0, static_cast<std::int64_t>(source.bytes.size()),
-                                     "a count that fits the size of the file");
-    } else if (word.text == "property") {
-      if (element == nullptr) words.refuse("an element before its properties", word);
-      element->properties.push_back(ply_property(words));
-    } else if (word.text != "comment" && word.text != "obj_info") {
-      words.refuse("a line of a PLY header", word);
+      const Token count = tokens.next_in_line();
+      element->count = tokens.integer(count, 0, static_cast<std::int64_t>(source.bytes.size()),
+                                      "a count that fits the size of the file");
+    } else if (token.text == "property") {
+      if (element == nullptr) tokens.refuse("an element before its properties", token);
+      element->properties.push_back(ply_property(tokens));
+    } else if (token.text != "comment" && token.text != "obj_info") {
+      tokens.refuse("a line of a PLY header", token);
     }
-    words.skip_line();
+    tokens.skip_line();
   }
-  words.skip_line();
+  tokens.skip_line();
   // Binary data begin right after the line break.
-  header.end = std::min(words.offset() + 1, source.bytes.size());
-  header.lines = words.line();
+  header.end = std::min(tokens.offset() + 1, source.bytes.size());
+  header.lines = tokens.line();
   header.vertex = index_of(source, header, "vertex");
   header.face = index_of(source, header, "face");
   const PlyElement& face = header.elements[header.face];
@@ -199,27 +201,27 @@ PlyHeader ply_header(const MeshSource& source) {
   return header;
 }
 
-/// The values of a PLY body in order, for all three forms.
+/// Reader of the values of a PLY body, for all three encodings.
 class PlyValues {
  public:
   PlyValues(const MeshSource& source, const PlyHeader& header)
       : source_(source),
         form_(header.form),
-        words_(source, '\0', header.end, header.lines + 1),
-        at_(header.end) {}
+        tokens_(source, '\0', header.end, header.lines + 1),
+        offset_(header.end) {}
 
   double next(const PlyType& type) {
-    if (form_ == PlyForm::Ascii) return words_.number(word_ = words_.next());
-    require(type.size);
+    if (form_ == PlyForm::Ascii) return tokens_.number(token_ = tokens_.next());
+    require_bytes(type.size);
     std::array<unsigned char, 8> raw{};
-    std::memcpy(raw.data(), source_.bytes.data() + at_, type.size);
-    at_ += type.size;
+    std::memcpy(raw.data(), source_.bytes.data() + offset_, type.size);
+    offset_ += type.size;
     const bool host_is_little = std::endian::native == std::endian::little;
     if ((form_ == PlyForm::Little) != host_is_little)
       std::reverse(raw.begin(), raw.begin() + static_cast<std::ptrdiff_t>(type.size));
     return value_of(raw, type);
   }
-  /// Skips a property that is not needed, whatever its values.
+  /// Skips a property; only the length of a list is checked.
   void skip(const PlyProperty& p) {
     double count = 1.0;
     if (p.list_count) {
@@ -228,27 +230,29 @@ class PlyValues {
         refuse("the length of a list", fmt::format("{}", count));
     }
     if (form_ != PlyForm::Ascii) {
-      // tested as a double first: a huge count would overflow the multiplication below
-      if (count > double(source_.bytes.size())) require(source_.bytes.size());
-      require(std::size_t(count) * p.type.size);
-      at_ += std::size_t(count) * p.type.size;
+      // Tested as a double first, because a huge count would overflow the multiplication below.
+      if (count > double(source_.bytes.size())) require_bytes(source_.bytes.size());
+      require_bytes(std::size_t(count) * p.type.size);
+      offset_ += std::size_t(count) * p.type.size;
       return;
     }
     for (; count > 0.0; --count)
-      if ((word_ = words_.next()).text.empty()) words_.refuse("data for all elements", word_);
+      if ((token_ = tokens_.next()).text.empty()) tokens_.refuse("data for all elements", token_);
   }
-  bool at_end() { return form_ == PlyForm::Ascii ? words_.at_end() : at_ == source_.bytes.size(); }
+  bool at_end() {
+    return form_ == PlyForm::Ascii ? tokens_.at_end() : offset_ == source_.bytes.size();
+  }
 
   [[noreturn]] void refuse(const std::string& expected, const std::string& seen) const {
-    const bool text = form_ == PlyForm::Ascii;
-    source_.refuse(expected, seen + (text ? "" : fmt::format(" before byte {}", at_)),
-                   text ? word_.line : 0, text ? word_.column : 0);
+    const bool is_text = form_ == PlyForm::Ascii;
+    source_.refuse(expected, seen + (is_text ? "" : fmt::format(" before byte {}", offset_)),
+                   is_text ? token_.line : 0, is_text ? token_.column : 0);
   }
-  int line() const { return word_.line; }
+  int line() const { return token_.line; }
 
  private:
-  void require(std::size_t bytes) const {
-    if (source_.bytes.size() - at_ < bytes)
+  void require_bytes(std::size_t bytes) const {
+    if (source_.bytes.size() - offset_ < bytes)
       source_.refuse("data for all elements of the header",
                      fmt::format("the end of the file at byte {}", source_.bytes.size()));
   }
@@ -268,37 +272,37 @@ class PlyValues {
 
   const MeshSource& source_;
   PlyForm form_;
-  Words words_;
-  Word word_;
-  std::size_t at_;
+  TokenReader tokens_;
+  Token token_;
+  std::size_t offset_;
 };
 
-/// Collects the channels of a colour in any order.
+/// Collector of the channels of a colour, in any order.
 struct PlyColour {
   std::optional<FaceColour> colour;
 
-  void take(const PlyValues& values, const PlyProperty& p, double value) {
+  void add(const PlyValues& values, const PlyProperty& p, double value) {
     if (!colour) colour = FaceColour{};
-    const bool fraction = p.type.kind == 'f';
-    if (!(value >= 0.0 && value <= (fraction ? 1.0 : 255.0)) ||
-        (!fraction && value != std::floor(value)))
-      values.refuse(fraction ? "a channel from 0 to 1" : "a channel, 0 .. 255",
+    const bool is_fraction = p.type.kind == 'f';
+    if (!(value >= 0.0 && value <= (is_fraction ? 1.0 : 255.0)) ||
+        (!is_fraction && value != std::floor(value)))
+      values.refuse(is_fraction ? "a channel from 0 to 1" : "a channel, 0 .. 255",
                     fmt::format("{} as {}", value, p.name));
-    colour->digits = fraction ? FaceColour::Digits::Fraction : FaceColour::Digits::EightBits;
-    colour->channels[*p.channel()] = int(std::lround(fraction ? 255.0 * value : value));
+    colour->digits = is_fraction ? FaceColour::Digits::Fraction : FaceColour::Digits::EightBits;
+    colour->channels[*p.channel()] = int(std::lround(is_fraction ? 255.0 * value : value));
   }
 };
 
-/// The reader of one file with the requested marks.
+/// Reader of a PLY file with the requested marks.
 class PlyReader {
  public:
-  PlyReader(const MeshSource& source, const MarkSelection& wanted)
+  PlyReader(const MeshSource& source, const MarkSelection& requested_marks)
       : source_(source),
-        wanted_(wanted),
+        requested_marks_(requested_marks),
         header_(ply_header(source)),
         values_(source, header_),
-        marker_(source) {
-    if (!wanted_.colours) return;
+        mark_collector_(source) {
+    if (!requested_marks_.colours) return;
     check_colour(source, face_);
     if (!face_.has_colour()) check_colour(source, vertex_);
   }
@@ -315,13 +319,14 @@ class PlyReader {
       }
     if (!values_.at_end())
       values_.refuse("the end of the file after the elements of its header", "more");
-    soup_.marks = marker_.marks();
+    soup_.marks = mark_collector_.marks();
     return std::move(soup_);
   }
 
  private:
   void add_vertex() {
-    const bool wants_colour = wanted_.colours && !face_.has_colour() && vertex_.has_colour();
+    const bool wants_colour =
+        requested_marks_.colours && !face_.has_colour() && vertex_.has_colour();
     Vector3d point = Vector3d::Zero();
     PlyColour colour;
     for (const PlyProperty& p : vertex_.properties) {
@@ -332,7 +337,7 @@ class PlyReader {
         continue;
       }
       const double value = values_.next(p.type);
-      if (is_colour) colour.take(values_, p, value);
+      if (is_colour) colour.add(values_, p, value);
       if (axis > 2) continue;
       if (!std::isfinite(value)) values_.refuse("finite numbers", fmt::format("{}", value));
       point[Eigen::Index(axis)] = value;
@@ -348,24 +353,24 @@ class PlyReader {
     const auto& properties = face_.properties;
     for (std::size_t k = 0; k < properties.size(); ++k) {
       const PlyProperty& p = properties[k];
-      if (p.is_corners()) {
+      if (p.is_vertex_list()) {
         face.corners = corners(p);
         continue;
       }
-      const bool is_colour = wanted_.colours && p.channel();
-      if (!is_colour && !(wanted_.groups && p.is_group())) {
+      const bool is_colour = requested_marks_.colours && p.channel();
+      if (!is_colour && !(requested_marks_.groups && p.is_group())) {
         values_.skip(p);
         continue;
       }
       const double value = values_.next(p.type);
-      if (is_colour) colour.take(values_, p, value);
-      if (wanted_.groups && p.is_group()) mark.names.push_back(group(k, value));
+      if (is_colour) colour.add(values_, p, value);
+      if (requested_marks_.groups && p.is_group()) mark.names.push_back(group(k, value));
     }
     if (header_.form == PlyForm::Ascii) face.line = values_.line();
-    soup_ = with_face(std::move(soup_), face, source_);
-    if (!wanted_.any()) return;
+    soup_ = append_face(std::move(soup_), face, source_);
+    if (!requested_marks_.any()) return;
     mark.colour = colour.colour ? colour.colour : common_corner_colour(colours_, face.corners);
-    marker_.mark(soup_.faces.size(), mark);
+    mark_collector_.mark(soup_.faces.size(), mark);
   }
 
   std::vector<int> corners(const PlyProperty& p) {
@@ -384,21 +389,21 @@ class PlyReader {
     return corners;
   }
 
-  /// Returns the set of names for a value of a property.
+  /// Returns the index of the set of names for a value of a property.
   int group(std::size_t property, double value) {
-    const auto [place, is_new] = groups_.emplace(std::pair(property, value), -1);
+    const auto [entry, is_new] = groups_.emplace(std::pair(property, value), -1);
     const std::string& name = face_.properties[property].name;
-    if (is_new) place->second = marker_.set_of({fmt::format("{} {}", name, value)});
-    return place->second;
+    if (is_new) entry->second = mark_collector_.name_set_index({fmt::format("{} {}", name, value)});
+    return entry->second;
   }
 
   const MeshSource& source_;
-  MarkSelection wanted_;
+  MarkSelection requested_marks_;
   PlyHeader header_;
   const PlyElement &vertex_ = header_.elements[header_.vertex],
                    &face_ = header_.elements[header_.face];
   PlyValues values_;
-  FaceMarkCollector marker_;
+  FaceMarkCollector mark_collector_;
   TriangleSoup soup_;
   std::vector<std::optional<FaceColour>> colours_;  // of the vertices, if faces have none
   std::map<std::pair<std::size_t, double>, int> groups_;
@@ -406,13 +411,14 @@ class PlyReader {
 
 }  // namespace
 
-TriangleSoup read_ply(const MeshSource& source, const MarkSelection& wanted) {
-  return PlyReader(source, wanted).read();
+TriangleSoup read_ply(const MeshSource& source, const MarkSelection& requested_marks) {
+  return PlyReader(source, requested_marks).read();
 }
 
 namespace {
 
-// 80 bytes of text and a count; 12 floats and an attribute of 16 bits
+// Sizes in bytes: the header has 80 bytes of text and a count, a facet 12 floats and an attribute
+// of 16 bits.
 constexpr std::size_t stl_header = 84, stl_facet = 50;
 
 std::uint64_t binary_stl_size(const std::string& bytes) {
@@ -421,29 +427,29 @@ std::uint64_t binary_stl_size(const std::string& bytes) {
   return stl_header + stl_facet * std::uint64_t{count};
 }
 
-// The size decides, because many binary files begin with "solid" as ascii ones do.
+// The size of the file decides, because many binary files begin with "solid" like ascii ones.
 bool is_binary_stl(const std::string& bytes) {
   return bytes.size() >= stl_header && bytes.size() == binary_stl_size(bytes);
 }
 
 void add_triangle(TriangleSoup& soup, const std::array<Vector3d, 3>& corners) {
-  const int first = static_cast<int>(soup.points.size());
+  const int first_point = static_cast<int>(soup.points.size());
   soup.points.insert(soup.points.end(), corners.begin(), corners.end());
-  soup.faces.push_back({first, first + 1, first + 2});
+  soup.faces.push_back({first_point, first_point + 1, first_point + 2});
 }
 
 /// The encoding of the colour of a facet in the 16 bits of its attribute.
 struct StlColours {
-  bool of_magics = false;  ///< blue is highest, and a set 16th bit means the colour of the header
-  std::optional<FaceColour> whole;  ///< colour of the header
+  bool is_magics = false;  ///< blue is highest, and a set 16th bit means the colour of the header
+  std::optional<FaceColour> header_colour;
 
   std::optional<FaceColour> of(std::uint16_t attribute) const {
     const bool is_set = (attribute & 0x8000) != 0;
     // VisCAM: a clear bit means no colour; Magics: a set bit means that of the header.
-    if (is_set == of_magics) return whole;
+    if (is_set == is_magics) return header_colour;
     const auto five_bits = [&](int shift) { return int(attribute >> shift) & 31; };
     Rgb channels = {five_bits(10), five_bits(5), five_bits(0)};
-    if (of_magics) std::swap(channels[0], channels[2]);
+    if (is_magics) std::swap(channels[0], channels[2]);
     return FaceColour{channels, FaceColour::Digits::FiveBits};
   }
 };
@@ -459,20 +465,20 @@ StlColours stl_colours(const MeshSource& source) {
                   fmt::format("its end after {}", rgba.size()));
   StlColours colours{true, FaceColour{}};
   for (std::size_t k = 0; k < 3; ++k)
-    colours.whole->channels[k] = static_cast<unsigned char>(rgba[k]);
+    colours.header_colour->channels[k] = static_cast<unsigned char>(rgba[k]);
   return colours;
 }
 
-TriangleSoup read_binary_stl(const MeshSource& source, const MarkSelection& wanted) {
+TriangleSoup read_binary_stl(const MeshSource& source, const MarkSelection& requested_marks) {
   const std::size_t count = (source.bytes.size() - stl_header) / stl_facet;
   source.check_triangles(static_cast<std::int64_t>(count));
-  const StlColours colours = wanted.colours ? stl_colours(source) : StlColours{};
-  FaceMarkCollector marker(source);
+  const StlColours colours = requested_marks.colours ? stl_colours(source) : StlColours{};
+  FaceMarkCollector collector(source);
   TriangleSoup soup;
   for (std::size_t t = 0; t < count; ++t) {
     std::array<float, 12> values;
     std::memcpy(values.data(), source.bytes.data() + stl_header + stl_facet * t, sizeof values);
-    // The normal, which comes first, is not needed; exporters write nan there.
+    // The normal at the beginning is ignored; some exporters write nan there.
     for (const float v : std::span(values).subspan(3))
       if (!std::isfinite(v))
         source.refuse("finite numbers", fmt::format("{} in facet {} (counted from 1)", v, t + 1));
@@ -481,69 +487,69 @@ TriangleSoup read_binary_stl(const MeshSource& source, const MarkSelection& want
       return Vector3d(values[i], values[i + 1], values[i + 2]);
     };
     add_triangle(soup, {corner(0), corner(1), corner(2)});
-    if (!wanted.colours) continue;
+    if (!requested_marks.colours) continue;
     std::array<unsigned char, 2> attribute;  // lower byte first
     std::memcpy(attribute.data(), source.bytes.data() + stl_header + stl_facet * (t + 1) - 2, 2);
-    marker.mark(soup.faces.size(),
-                {{}, colours.of(std::uint16_t(attribute[0] | attribute[1] << 8))});
+    collector.mark(soup.faces.size(),
+                   {{}, colours.of(std::uint16_t(attribute[0] | attribute[1] << 8))});
   }
-  soup.marks = marker.marks();
+  soup.marks = collector.marks();
   return soup;
 }
 
-/// Reads the rest of a facet after its first keyword.
-std::array<Vector3d, 3> ascii_facet(Words& words) {
-  words.expect("normal");
-  for (int k = 0; k < 3; ++k) words.next();
-  words.expect("outer");
-  words.expect("loop");
+/// Reads a facet after its first keyword.
+std::array<Vector3d, 3> ascii_facet(TokenReader& tokens) {
+  tokens.expect("normal");
+  for (int k = 0; k < 3; ++k) tokens.next();
+  tokens.expect("outer");
+  tokens.expect("loop");
   std::array<Vector3d, 3> corners;
   for (Vector3d& corner : corners) {
-    words.expect("vertex");
-    corner = words.point();
+    tokens.expect("vertex");
+    corner = tokens.point();
   }
-  words.expect("endloop");
-  words.expect("endfacet");
+  tokens.expect("endloop");
+  tokens.expect("endfacet");
   return corners;
 }
 
-TriangleSoup read_ascii_stl(const MeshSource& source, const MarkSelection& wanted) {
-  Words words(source, '\0');
-  FaceMarkCollector marker(source);
+TriangleSoup read_ascii_stl(const MeshSource& source, const MarkSelection& requested_marks) {
+  TokenReader tokens(source, '\0');
+  FaceMarkCollector collector(source);
   TriangleSoup soup;
   do {
-    words.expect("solid");
-    const std::string name(words.rest_of_line().text);
+    tokens.expect("solid");
+    const std::string name(tokens.remaining_line().text);
     FaceMark mark;
-    if (wanted.groups && !name.empty()) mark.names = {marker.set_of({name})};
+    if (requested_marks.groups && !name.empty()) mark.names = {collector.name_set_index({name})};
     for (;;) {
-      const Word word = words.next();
-      if (lower(word.text) == "endsolid") break;
-      if (lower(word.text) != "facet") words.refuse("'facet' or 'endsolid'", word);
-      add_triangle(soup, ascii_facet(words));
-      soup.line.push_back(word.line);
+      const Token token = tokens.next();
+      if (lower(token.text) == "endsolid") break;
+      if (lower(token.text) != "facet") tokens.refuse("'facet' or 'endsolid'", token);
+      add_triangle(soup, ascii_facet(tokens));
+      soup.line.push_back(token.line);
       source.check_triangles(static_cast<std::int64_t>(soup.faces.size()));
-      if (wanted.any()) marker.mark(soup.faces.size(), mark);
+      if (requested_marks.any()) collector.mark(soup.faces.size(), mark);
     }
-    words.skip_line();
-  } while (!words.at_end());
-  soup.marks = marker.marks();
+    tokens.skip_line();
+  } while (!tokens.at_end());
+  soup.marks = collector.marks();
   return soup;
 }
 
 }  // namespace
 
-TriangleSoup read_stl(const MeshSource& source, const MarkSelection& wanted) {
-  if (is_binary_stl(source.bytes)) return read_binary_stl(source, wanted);
-  Words words(source, '\0');
-  if (lower(words.next().text) == "solid") return read_ascii_stl(source, wanted);
+TriangleSoup read_stl(const MeshSource& source, const MarkSelection& requested_marks) {
+  if (is_binary_stl(source.bytes)) return read_binary_stl(source, requested_marks);
+  TokenReader tokens(source, '\0');
+  if (lower(tokens.next().text) == "solid") return read_ascii_stl(source, requested_marks);
   const std::string expected = "an ascii STL ('solid ...') or a binary one of 84 + 50 n bytes";
   if (source.bytes.size() < stl_header)
     source.refuse(expected, fmt::format("{} bytes that begin {}", source.bytes.size(),
                                         in_quotes(source.bytes)));
-  const std::uint64_t claimed = binary_stl_size(source.bytes);
-  source.refuse(expected + fmt::format(", {} by its header of n = {}", claimed,
-                                       (claimed - stl_header) / stl_facet),
+  const std::uint64_t expected_size = binary_stl_size(source.bytes);
+  source.refuse(expected + fmt::format(", {} by its header of n = {}", expected_size,
+                                       (expected_size - stl_header) / stl_facet),
                 fmt::format("{} bytes", source.bytes.size()));
 }
 

@@ -22,27 +22,14 @@ namespace abbe::cutting {
 
 using Eigen::Vector3d;
 
+namespace {
+
 /// An edge of a triangle from `from` to `to`; `across` is its third corner.
 struct HalfEdge {
   int from, to, across;
 };
 
-/// Returns all half-edges of a soup in the order of `from`, then `to`.
-std::vector<HalfEdge> half_edges(const TriangleSoup& soup);
-
-/// Returns true if every edge has exactly one triangle on either side.
-bool is_closed(const std::vector<HalfEdge>& edges);
-
-/// Checks that the triangles form a surface: no degenerate triangles, at most two at an edge and
-/// one fan at a vertex, consistent orientation, no rim unless `open`, and a closed body with
-/// outward orientation. OpenMesh must agree. Every point must be used.
-/// @param edges  those of `soup`
-/// @throws BadInput with the location
-void audit(const MeshSource& source, const TriangleSoup& soup, const std::vector<HalfEdge>& edges,
-           bool open);
-
-namespace {
-
+/// Checks that every triangle has an area and coordinates of a reasonable size.
 void check_triangles(const MeshSource& source, const TriangleSoup& soup) {
   if (soup.faces.empty()) source.refuse("a mesh of triangles", "none");
   for (std::size_t f = 0; f < soup.faces.size(); ++f) {
@@ -53,47 +40,51 @@ void check_triangles(const MeshSource& source, const TriangleSoup& soup) {
         std::max({(b - a).squaredNorm(), (c - b).squaredNorm(), (a - c).squaredNorm()});
     const double twice_area = (b - a).cross(c - a).norm();
     if (!std::isfinite(longest) || longest > 1e30)
-      source.refuse("coordinates below 1e15", place_text(a), soup.line.empty() ? 0 : soup.line[f],
+      source.refuse("coordinates below 1e15", point_text(a), soup.line.empty() ? 0 : soup.line[f],
                     1);
-    // 1e-7: single-precision coordinates cannot define the normal of a flatter triangle
+    // 1e-7: single-precision coordinates cannot define the normal of a flatter triangle.
     if (!(twice_area > 1e-7 * longest))
       source.refuse("triangles with an area (height above 1e-7 of the longest edge)",
-                    fmt::format("a degenerate one, number {}, at {}", f + 1, place_text(a)),
+                    fmt::format("a degenerate one, number {}, at {}", f + 1, point_text(a)),
                     soup.line.empty() ? 0 : soup.line[f], 1);
   }
 }
 
+/// Returns the range of half-edges from one vertex to another.
 auto range(const std::vector<HalfEdge>& edges, int from, int to) {
-  const auto before = [](const HalfEdge& a, const HalfEdge& b) {
+  const auto is_before = [](const HalfEdge& a, const HalfEdge& b) {
     return std::pair(a.from, a.to) < std::pair(b.from, b.to);
   };
-  return std::equal_range(edges.begin(), edges.end(), HalfEdge{from, to, 0}, before);
+  return std::equal_range(edges.begin(), edges.end(), HalfEdge{from, to, 0}, is_before);
 }
 
 /// Checks the edges of a surface; a rim is permitted if `open`. Returns its number of edges.
 std::size_t check_edges(const MeshSource& source, const TriangleSoup& soup,
                         const std::vector<HalfEdge>& edges, bool open) {
   std::size_t rim = 0;
-  const HalfEdge* first_of_rim = nullptr;
-  const auto place = [&](const HalfEdge& e) {
-    return place_text(soup.points[static_cast<std::size_t>(e.from)]) + " - " +
-           place_text(soup.points[static_cast<std::size_t>(e.to)]);
+  const HalfEdge* first_rim_edge = nullptr;
+  const auto edge_text = [&](const HalfEdge& e) {
+    return point_text(soup.points[static_cast<std::size_t>(e.from)]) + " - " +
+           point_text(soup.points[static_cast<std::size_t>(e.to)]);
   };
   for (const HalfEdge& edge : edges) {
-    const auto same = range(edges, edge.from, edge.to);
+    const auto same_direction = range(edges, edge.from, edge.to);
     const auto opposite = range(edges, edge.to, edge.from);
-    const auto along = same.second - same.first, against = opposite.second - opposite.first;
-    if (along + against > 2)
+    const auto same_count = same_direction.second - same_direction.first,
+               opposite_count = opposite.second - opposite.first;
+    if (same_count + opposite_count > 2)
       source.refuse("at most two triangles at an edge",
-                    fmt::format("{} at the edge {}: not manifold", along + against, place(edge)));
-    if (along == 2)
+                    fmt::format("{} at the edge {}: not manifold", same_count + opposite_count,
+                                edge_text(edge)));
+    if (same_count == 2)
       source.refuse("all triangles turned the same way",
-                    fmt::format("two that disagree at the edge {}", place(edge)));
-    if (against == 0 && rim++ == 0) first_of_rim = &edge;
+                    fmt::format("two that disagree at the edge {}", edge_text(edge)));
+    if (opposite_count == 0 && rim++ == 0) first_rim_edge = &edge;
   }
   if (rim > 0 && !open)
-    throw MeshWithRim(source.name, 0, 0, "a closed mesh",
-                      fmt::format("{} open edges, the first at {}", rim, place(*first_of_rim)));
+    throw MeshWithRim(
+        source.name, 0, 0, "a closed mesh",
+        fmt::format("{} open edges, the first at {}", rim, edge_text(*first_rim_edge)));
   return rim;
 }
 
@@ -104,23 +95,23 @@ void check_fans(const MeshSource& source, const TriangleSoup& soup,
     const int vertex = edges[first].from;
     std::size_t last = first;
     while (last < edges.size() && edges[last].from == vertex) ++last;
-    // Walk once around the vertex: across(v -> a) is the b of the next v -> b. At a rim begin with
-    // the edge that has no predecessor.
+    // The walk leads once around the vertex: across(v -> a) is the b of the next v -> b. At a rim
+    // it begins with the edge that has no predecessor.
     const auto next = [&](const HalfEdge& e) {
-      const auto found = range(edges, vertex, e.across);
-      return found.first == found.second ? nullptr : &*found.first;
+      const auto next_edges = range(edges, vertex, e.across);
+      return next_edges.first == next_edges.second ? nullptr : &*next_edges.first;
     };
     const HalfEdge* start = &edges[first];
     for (std::size_t i = first; i < last; ++i) {
-      const auto before = range(edges, edges[i].to, vertex);
-      if (before.first == before.second) start = &edges[i];
+      const auto previous_edges = range(edges, edges[i].to, vertex);
+      if (previous_edges.first == previous_edges.second) start = &edges[i];
     }
-    std::size_t walked = 1;
-    for (const HalfEdge* e = next(*start); e != nullptr && e != start; e = next(*e)) ++walked;
-    if (walked != last - first)
+    std::size_t edges_around = 1;
+    for (const HalfEdge* e = next(*start); e != nullptr && e != start; e = next(*e)) ++edges_around;
+    if (edges_around != last - first)
       source.refuse("one fan of triangles at a vertex",
                     fmt::format("two that touch at {}: not manifold",
-                                place_text(soup.points[static_cast<std::size_t>(vertex)])));
+                                point_text(soup.points[static_cast<std::size_t>(vertex)])));
     first = last;
   }
 }
@@ -128,11 +119,11 @@ void check_fans(const MeshSource& source, const TriangleSoup& soup,
 using HalfEdgeMesh = OpenMesh::TriMesh_ArrayKernelT<>;
 
 /// Builds the same surface as half-edges of OpenMesh, which must accept every triangle and count
-/// the same rim: an independent check of the edges and fans. OpenMesh's own readers are not used:
-/// they keep only floats, silently drop or double what is not manifold, and request absurd memory
-/// for valid files (an OFF with a comment under its first line).
+/// the same rim: an independent check of the edges and fans. OpenMesh's own readers are not used,
+/// because they keep only floats, silently drop or duplicate triangles that are not manifold, and
+/// request absurd memory for valid files (an OFF with a comment below its first line).
 void check_half_edge_mesh(const MeshSource& source, const TriangleSoup& soup, std::size_t rim) {
-  omerr().disable();  // its messages are replaced by the errors below, which have the location
+  omerr().disable();  // the errors below replace its messages and state the location
   HalfEdgeMesh mesh;
   mesh.reserve(soup.points.size(), soup.points.size() + soup.faces.size(), soup.faces.size());
   for (std::size_t i = 0; i < soup.points.size(); ++i) mesh.add_vertex({});
@@ -141,19 +132,19 @@ void check_half_edge_mesh(const MeshSource& source, const TriangleSoup& soup, st
     if (!mesh.add_face(handle(f[0]), handle(f[1]), handle(f[2])).is_valid())
       source.refuse("triangles that join to a surface",
                     fmt::format("one at {} that does not: not manifold",
-                                place_text(soup.points[static_cast<std::size_t>(f[0])])));
+                                point_text(soup.points[static_cast<std::size_t>(f[0])])));
   for (const auto v : mesh.vertices())
     if (!mesh.is_manifold(v))
       source.refuse("one fan of triangles at a vertex",
                     fmt::format("more at {}: not manifold",
-                                place_text(soup.points[static_cast<std::size_t>(v.idx())])));
+                                point_text(soup.points[static_cast<std::size_t>(v.idx())])));
   const auto open_edges = std::count_if(mesh.edges_begin(), mesh.edges_end(),
                                         [&](const auto& e) { return mesh.is_boundary(e); });
   if (static_cast<std::size_t>(open_edges) != rim)
     source.refuse(fmt::format("{} open edges", rim), fmt::format("{} in OpenMesh", open_edges));
 }
 
-// A connected component of a mesh.
+/// A connected component of a mesh.
 struct Shell {
   double volume = 0.0;  ///< signed
   Eigen::AlignedBox3d box;
@@ -164,18 +155,18 @@ std::vector<Shell> shells(const TriangleSoup& soup) {
   for (const TriangleSoup::Face& f : soup.faces)
     for (std::size_t k = 1; k < 3; ++k) sets.join(f[0], f[k]);
 
-  // relative to a point of the body, so that its distance from the origin does not cancel in the
-  // volume
+  // Relative to a point of the body, so that its distance from the origin causes no cancellation in
+  // the volume.
   const Vector3d origin = soup.points[static_cast<std::size_t>(soup.faces[0][0])];
-  std::vector<int> number(soup.points.size(), -1);
+  std::vector<int> shell_index(soup.points.size(), -1);
   std::vector<Shell> result;
   for (const TriangleSoup::Face& f : soup.faces) {
-    int& id = number[static_cast<std::size_t>(sets.name_of(f[0]))];
-    if (id < 0) {
-      id = static_cast<int>(result.size());
+    int& index = shell_index[static_cast<std::size_t>(sets.name_of(f[0]))];
+    if (index < 0) {
+      index = static_cast<int>(result.size());
       result.emplace_back();
     }
-    Shell& shell = result[static_cast<std::size_t>(id)];
+    Shell& shell = result[static_cast<std::size_t>(index)];
     std::array<Vector3d, 3> p;
     for (std::size_t k = 0; k < 3; ++k) {
       shell.box.extend(soup.points[static_cast<std::size_t>(f[k])]);
@@ -187,29 +178,28 @@ std::vector<Shell> shells(const TriangleSoup& soup) {
 }
 
 void check_outward(const MeshSource& source, const TriangleSoup& soup) {
-  const std::vector<Shell> all = shells(soup);
+  const std::vector<Shell> all_shells = shells(soup);
   double volume = 0.0;
-  for (const Shell& shell : all) volume += shell.volume;
+  for (const Shell& shell : all_shells) volume += shell.volume;
   const std::string expected =
       "triangles that are counter-clockwise seen from outside (volume above 0)";
   if (!(volume > 0.0))
     source.refuse(expected,
                   fmt::format("a flipped mesh, volume {:.6g} in units of the file", volume));
-  for (const Shell& cavity : all) {
-    // a shell of negative volume is a cavity, which must lie inside a body
+  for (const Shell& cavity : all_shells) {
+    // A shell of negative volume is a cavity, which must lie inside a body.
     if (cavity.volume > 0.0) continue;
-    const bool inside = std::any_of(all.begin(), all.end(), [&](const Shell& body) {
-      return body.volume > 0.0 && body.box.contains(cavity.box);
-    });
-    if (!inside)
+    const bool is_inside = std::any_of(
+        all_shells.begin(), all_shells.end(),
+        [&](const Shell& body) { return body.volume > 0.0 && body.box.contains(cavity.box); });
+    if (!is_inside)
       source.refuse(expected,
-                    fmt::format("a flipped shell between {} and {}", place_text(cavity.box.min()),
-                                place_text(cavity.box.max())));
+                    fmt::format("a flipped shell between {} and {}", point_text(cavity.box.min()),
+                                point_text(cavity.box.max())));
   }
 }
 
-}  // namespace
-
+/// Returns all half-edges of a soup in the order of `from`, then `to`.
 std::vector<HalfEdge> half_edges(const TriangleSoup& soup) {
   std::vector<HalfEdge> edges;
   edges.reserve(3 * soup.faces.size());
@@ -221,16 +211,23 @@ std::vector<HalfEdge> half_edges(const TriangleSoup& soup) {
   return edges;
 }
 
-bool is_closed(const std::vector<HalfEdge>& edges) {
+/// Returns true if every edge has exactly one triangle on either side.
+bool has_no_rim(const std::vector<HalfEdge>& edges) {
   return std::all_of(edges.begin(), edges.end(), [&](const HalfEdge& edge) {
-    const auto same = range(edges, edge.from, edge.to);
+    const auto same_direction = range(edges, edge.from, edge.to);
     const auto opposite = range(edges, edge.to, edge.from);
-    return same.second - same.first == 1 && opposite.second - opposite.first == 1;
+    return same_direction.second - same_direction.first == 1 &&
+           opposite.second - opposite.first == 1;
   });
 }
 
-void audit(const MeshSource& source, const TriangleSoup& soup, const std::vector<HalfEdge>& edges,
-           bool open) {
+/// Checks that the triangles form a surface: no degenerate triangles, at most two at an edge and
+/// one fan at a vertex, consistent orientation, no rim unless `open`, and a closed body with
+/// outward orientation. OpenMesh must agree. Every point must be used.
+/// @param edges  those of `soup`
+/// @throws BadInput with the location
+void check_surface(const MeshSource& source, const TriangleSoup& soup,
+                   const std::vector<HalfEdge>& edges, bool open) {
   check_triangles(source, soup);
   const std::size_t rim = check_edges(source, soup, edges, open);
   check_fans(source, soup, edges);
@@ -238,46 +235,45 @@ void audit(const MeshSource& source, const TriangleSoup& soup, const std::vector
   if (rim == 0) check_outward(source, soup);
 }
 
-namespace {
-
 void check_options(const ReadMeshOptions& options) {
-  const auto positive = [](double value) { return std::isfinite(value) && value > 0.0; };
-  if (!positive(options.unit_mm))
+  const auto is_positive = [](double value) { return std::isfinite(value) && value > 0.0; };
+  if (!is_positive(options.unit_mm))
     throw std::invalid_argument("read_mesh: unit_mm must be positive");
-  if (!positive(options.travel_ratio) || options.travel_ratio < 1.0)
+  if (!is_positive(options.travel_ratio) || options.travel_ratio < 1.0)
     throw std::invalid_argument("read_mesh: travel_ratio must be at least 1");
   if (options.travel && !(options.travel->allFinite() && options.travel->maxCoeff() > 0.0))
     throw std::invalid_argument("read_mesh: travel must be positive and finite");
 }
 
 TriangleSoup read_soup(const MeshSource& source, const std::string& kind,
-                       const MarkSelection& wanted) {
-  if (kind == "stl") return read_stl(source, wanted);
-  if (kind == "obj") return read_obj(source, wanted);
-  if (kind == "ply") return read_ply(source, wanted);
-  if (kind == "off") return read_off(source, wanted);
+                       const MarkSelection& requested_marks) {
+  if (kind == "stl") return read_stl(source, requested_marks);
+  if (kind == "obj") return read_obj(source, requested_marks);
+  if (kind == "ply") return read_ply(source, requested_marks);
+  if (kind == "off") return read_off(source, requested_marks);
   source.refuse("a mesh file ending in .stl, .obj, .ply or .off", in_quotes("." + kind));
 }
 
-/// Triangles with shared vertices. Equal points become one vertex, except in a body that is closed
-/// as it is indexed: touching bodies share points and are closed separately.
-struct Indexed {
+/// Triangles with shared vertices, and their half-edges.
+struct IndexedMesh {
   TriangleSoup soup;
   std::vector<HalfEdge> edges;
 };
 
-Indexed indexed(const TriangleSoup& as_written, const std::string& kind) {
+/// Returns the mesh with equal points merged to one vertex, except in a body that is closed as
+/// indexed in the file: touching bodies have common points but are closed separately.
+IndexedMesh share_vertices(const TriangleSoup& file_soup, const std::string& kind) {
   if (kind != "stl") {
-    TriangleSoup soup = drop_unused_points(as_written);
+    TriangleSoup soup = drop_unused_points(file_soup);
     std::vector<HalfEdge> edges = half_edges(soup);
-    if (is_closed(edges)) return {std::move(soup), std::move(edges)};
+    if (has_no_rim(edges)) return {std::move(soup), std::move(edges)};
   }
-  TriangleSoup soup = drop_unused_points(merged(as_written));
+  TriangleSoup soup = drop_unused_points(merge_equal_points(file_soup));
   std::vector<HalfEdge> edges = half_edges(soup);
   return {std::move(soup), std::move(edges)};
 }
 
-Design design_of(const MeshSource& source, const TriangleSoup& soup, double unit_mm) {
+Design to_design(const MeshSource& source, const TriangleSoup& soup, double unit_mm) {
   Design design;
   design.vertices.resize(static_cast<Eigen::Index>(soup.points.size()), 3);
   design.triangles.resize(static_cast<Eigen::Index>(soup.faces.size()), 3);
@@ -291,27 +287,27 @@ Design design_of(const MeshSource& source, const TriangleSoup& soup, double unit
   design.area = vertex_area(design.vertices, design.triangles);
   design.facet_error = facet_error(design.vertices, design.normals, design.triangles);
   design.judged.assign(soup.points.size(), 1);
-  // normals of opposite triangles cancel to zero; all others have length 1
+  // Normals of opposite triangles cancel to zero; all others have length 1.
   for (Eigen::Index i = 0; i < design.normals.rows(); ++i)
     if (!(design.normals.row(i).norm() > 0.5))
       source.refuse("a normal at every vertex",
-                    "triangles that cancel at " + place_text(design.vertices.row(i).transpose()));
+                    "triangles that cancel at " + point_text(design.vertices.row(i).transpose()));
   return design;
 }
 
 void check_size(const MeshSource& source, const Eigen::AlignedBox3d& box,
                 const ReadMeshOptions& options) {
   if (!options.travel) return;
-  const double part = box.sizes().maxCoeff();
+  const double part_size = box.sizes().maxCoeff();
   const double travel = options.travel->maxCoeff();
-  if (part <= options.travel_ratio * travel) return;
-  // the units that are confused most often, in the order of the search
+  if (part_size <= options.travel_ratio * travel) return;
+  // The units that are confused most often, in the order in which they are tried.
   static const std::array<std::pair<double, const char*>, 5> units = {
       {{1.0, "mm"}, {25.4, "inches"}, {10.0, "cm"}, {1e-3, "um"}, {1000.0, "m"}}};
   std::string guess = "no usual unit explains it";
   for (const auto& [unit_mm, name] : units)
-    if (const double other = part / options.unit_mm * unit_mm; other <= travel) {
-      guess = fmt::format("read in {} it would be {:.4g} mm long", name, other);
+    if (const double size_in_unit = part_size / options.unit_mm * unit_mm; size_in_unit <= travel) {
+      guess = fmt::format("read in {} it would be {:.4g} mm long", name, size_in_unit);
       break;
     }
   source.refuse(
@@ -329,18 +325,18 @@ Design read_mesh(const std::filesystem::path& file, const ReadMeshOptions& optio
 }
 
 MarkedMesh read_marked_mesh(const std::filesystem::path& file, const ReadMeshOptions& options,
-                            const MarkSelection& wanted) {
+                            const MarkSelection& requested_marks) {
   check_options(options);
   const std::string ending = lower(file.extension().string());
   const std::string kind = ending.empty() ? ending : ending.substr(1);
   // Three corners per triangle are counted in int.
-  const MeshSource source = mesh_source(file, options.max_bytes,
-                                        std::min<std::int64_t>(options.max_triangles, 700'000'000));
-  TriangleSoup as_written = read_soup(source, kind, wanted);
-  FaceMarks marks = std::exchange(as_written.marks, {});
-  const auto [soup, edges] = indexed(as_written, kind);
-  audit(source, soup, edges, options.open);
-  Design design = design_of(source, soup, options.unit_mm);
+  const MeshSource source = load_mesh_source(
+      file, options.max_bytes, std::min<std::int64_t>(options.max_triangles, 700'000'000));
+  TriangleSoup file_soup = read_soup(source, kind, requested_marks);
+  FaceMarks marks = std::exchange(file_soup.marks, {});
+  const auto [soup, edges] = share_vertices(file_soup, kind);
+  check_surface(source, soup, edges, options.open);
+  Design design = to_design(source, soup, options.unit_mm);
   Eigen::AlignedBox3d box;
   for (Eigen::Index i = 0; i < design.vertices.rows(); ++i)
     box.extend(design.vertices.row(i).transpose());

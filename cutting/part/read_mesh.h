@@ -17,9 +17,8 @@ struct ReadMeshOptions {
   std::uintmax_t max_bytes = std::uintmax_t{1} << 30;
   std::optional<Eigen::Vector3d> travel;  ///< mm, extents of the machine's travel; a part more than
                                           ///< `travel_ratio` times as large cannot be machined and
-                                          ///< is an input error. Leave it empty if the size is
-                                          ///< certain
-  double travel_ratio = 2.0;  ///< the part may protrude by half of its size on either side
+                                          ///< is an input error. Empty: the size is not checked
+  double travel_ratio = 2.0;  ///< 2: the part may protrude by half of the travel on either side
 };
 
 /// Error of a mesh with a rim where a closed one is expected.
@@ -29,11 +28,11 @@ struct MeshWithRim : BadInput {
 
 /// Reads a design surface from an STL (ascii, binary), PLY (ascii, binary), OBJ or OFF file, with
 /// the format given by the file extension.
-/// Faces of more than three corners are split by `triangulated`. Coordinates are taken as written
-/// (in double precision if the file has the digits). A corner of such a face that coincides with
-/// the one before is dropped, equal points become one vertex (except in bodies that are closed as
-/// they are indexed), unused vertices are dropped, and normals in the file are ignored.
-/// The file is checked against its own header and size before anything is stored. The mesh is then
+/// Faces of more than three corners are split by `triangulated`; corners of such a face that
+/// coincide with their predecessor are dropped. Coordinates keep all digits of the file, up to
+/// double precision. Equal points become one vertex (except in bodies that are closed as indexed in
+/// the file), unused vertices are dropped, and normals in the file are ignored.
+/// The header is checked against the size of the file before anything is stored. The mesh is then
 /// checked: finite numbers, no degenerate triangle (height under 1e-7 of the longest edge), at most
 /// two triangles at an edge and one fan at a vertex, one orientation (checked here, and OpenMesh's
 /// half-edges must agree), closed unless `open`, outward orientation (positive volume; a negative
@@ -49,11 +48,11 @@ struct MarkedMesh {
   FaceMarks marks;
 };
 
-/// Reads a design surface with the requested marks: groups by name are `g`, `o` and `usemtl` of an
-/// OBJ, the solids of an ascii STL and integers at the faces of a PLY; colours are in PLY, OFF,
-/// binary STL and the material library of an OBJ (`read_obj` and so on).
+/// Reads a design surface with the requested marks. Named groups are `g`, `o` and `usemtl` of an
+/// OBJ, the solids of an ascii STL and integer properties of faces of a PLY. Colours are in PLY,
+/// OFF, binary STL and the material library of an OBJ; see `read_obj` etc.
 /// @throws BadInput, std::invalid_argument as `read_mesh`, and for an invalid mark
 MarkedMesh read_marked_mesh(const std::filesystem::path& file, const ReadMeshOptions& options,
-                            const MarkSelection& wanted);
+                            const MarkSelection& requested_marks);
 
 }  // namespace abbe::cutting
