@@ -4,20 +4,20 @@
 
 namespace abbe::cutting {
 
-/// A compensated sum (Neumaier): the rounding of n terms is below 2 ulp of the result plus n^2
-/// ulp^2 of the sum of magnitudes. The result depends on the order of the terms.
+/// A compensated sum (Neumaier): the rounding error for n terms is below 2 ulp of the result plus
+/// n^2 ulp^2 of the sum of magnitudes. The result depends on the order of the terms.
 class Sum {
  public:
   void add(double term) {
-    const double next = sum_ + term;
-    lost_ += std::abs(sum_) >= std::abs(term) ? (sum_ - next) + term : (term - next) + sum_;
-    sum_ = next;
+    const double sum = sum_ + term;
+    lost_digits_ += std::abs(sum_) >= std::abs(term) ? (sum_ - sum) + term : (term - sum) + sum_;
+    sum_ = sum;
   }
-  double value() const { return sum_ + lost_; }
+  double value() const { return sum_ + lost_digits_; }
 
  private:
   double sum_ = 0.0;
-  double lost_ = 0.0;
+  double lost_digits_ = 0.0;
 };
 
 }  // namespace abbe::cutting

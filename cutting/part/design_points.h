@@ -29,17 +29,18 @@ class TriangleTree {
   struct Nearest {
     int triangle = -1;  ///< -1 if there is none
     Eigen::Vector3d point = Eigen::Vector3d::Zero();
-    Eigen::Vector3d weights = Eigen::Vector3d::Zero();  ///< barycentric, of the corners
+    Eigen::Vector3d weights = Eigen::Vector3d::Zero();  ///< barycentric coordinates
     double squared = 0.0;  ///< mm^2, squared distance from the query point
   };
-  /// Returns the nearest triangle; of equally near ones that with the lowest index, whatever the
-  /// guess.
-  /// @param guess  index of a triangle that is probably near, to speed up the search; -1: none
-  /// @param most   mm; triangles farther away are ignored
-  Nearest nearest(const Eigen::Vector3d& place, int guess = -1,
-                  double most = std::numeric_limits<double>::infinity()) const;
-  /// Returns all triangles within `distance` (mm) of a point, by ascending index.
-  std::vector<Nearest> within(const Eigen::Vector3d& place, double distance) const;
+  /// Returns the nearest triangle; of equally near ones the one of lowest index. The result does
+  /// not depend on the guess.
+  /// @param guess         index of a triangle that is probably near, to speed up the search;
+  ///                      -1: none
+  /// @param max_distance  mm; triangles farther away are ignored
+  Nearest nearest(const Eigen::Vector3d& point, int guess = -1,
+                  double max_distance = std::numeric_limits<double>::infinity()) const;
+  /// Returns all triangles within `distance` (mm) of a point, in ascending order of index.
+  std::vector<Nearest> within(const Eigen::Vector3d& point, double distance) const;
   /// The side from which a ray meets a triangle.
   enum class Side { Outer, Inner };
   /// The first triangle met by a ray.
@@ -47,12 +48,12 @@ class TriangleTree {
     double along = 0.0;  ///< mm along the ray
     int triangle = -1;
   };
-  /// Returns the first triangle that a ray meets from the given side within `most` (mm), if any.
-  /// Triangles whose plane contains the start (to 1e-9 mm) are ignored.
+  /// Returns the first triangle that a ray meets from the given side within `max_distance` (mm);
+  /// empty if there is none. Triangles whose plane contains the start (to 1e-9 mm) are ignored.
   /// @param direction  unit vector
-  std::optional<RayHit> first_hit(const Eigen::Vector3d& start, const Eigen::Vector3d& direction,
-                                  Side side,
-                                  double most = std::numeric_limits<double>::infinity()) const;
+  std::optional<RayHit> first_hit(
+      const Eigen::Vector3d& start, const Eigen::Vector3d& direction, Side side,
+      double max_distance = std::numeric_limits<double>::infinity()) const;
 
   const Points& vertices() const { return vertices_; }
   const Triangles& triangles() const { return corners_; }
@@ -64,10 +65,10 @@ class TriangleTree {
     int count = 0;   ///< number of triangles of a leaf; 0 for an inner node
     int second = 0;  ///< index of the second child; the first child is the next node
   };
-  void fill_node(int node, int first, int last, const Points& middles);
-  Nearest nearest_of(int triangle, const Eigen::Vector3d& place) const;
-  std::optional<double> met(int triangle, const Eigen::Vector3d& start,
-                            const Eigen::Vector3d& direction, Side side) const;
+  void fill_node(int node, int first, int last, const Points& centroids);
+  Nearest nearest_on_triangle(int triangle, const Eigen::Vector3d& point) const;
+  std::optional<double> ray_distance(int triangle, const Eigen::Vector3d& start,
+                                     const Eigen::Vector3d& direction, Side side) const;
 
   Points vertices_;
   Triangles corners_;
@@ -81,56 +82,56 @@ class Thickness {
  public:
   explicit Thickness(const Design& design);
 
-  /// Returns the distance, mm, from a point against its outward normal to the place where that line
-  /// leaves the part; empty if it does not within `most`, for instance behind an open surface.
-  /// Triangles whose plane contains the point (to 1e-9 mm) are ignored.
-  std::optional<double> behind(const Eigen::Vector3d& place, const Eigen::Vector3d& normal,
-                               double most) const;
+  /// Returns the distance, mm, from a point along its inward normal to the point where that line
+  /// leaves the part; empty if it does not leave the part within `max_distance`, for instance
+  /// behind an open surface. Triangles whose plane contains the point (to 1e-9 mm) are ignored.
+  std::optional<double> behind(const Eigen::Vector3d& point, const Eigen::Vector3d& normal,
+                               double max_distance) const;
 
-  /// Returns the distance of a point from the nearest triangle, but no more than `most`, mm.
-  double nearest(const Eigen::Vector3d& place, double most) const;
+  /// Returns the distance of a point from the nearest triangle, at most `max_distance`, mm.
+  double nearest(const Eigen::Vector3d& point, double max_distance) const;
 
   /// Returns true if a triangle lies within `distance` mm of a point.
-  bool comes_within(const Eigen::Vector3d& place, double distance) const;
+  bool comes_within(const Eigen::Vector3d& point, double distance) const;
 
  private:
   TriangleTree tree_;
 };
 
-/// A function that returns the point of a surface between two or three of its points; the weights
-/// sum to one.
+/// A function that interpolates between two or three points of a surface; the sum of the weights is
+/// one.
 using SurfaceInterpolator =
     std::function<Contact(std::span<const Contact> corners, std::span<const double> weights)>;
 
 /// Interpolates on a mesh whose facets are the surface itself. The normal is the weighted mean of
-/// those at the corners.
+/// the normals at the corners.
 Contact facet_point(std::span<const Contact> corners, std::span<const double> weights);
 
 /// Interpolates on a mesh whose vertices and normals sample a smooth surface: returns the point
-/// half way between the facet and the weighted mean of the tangent planes at its corners, as
-/// `surface_point_above` does. On a sphere of radius R with edges of length L the error is L^4 /
-/// (20 R^3), where that of the facet is L^2 / (8 R). Returns the point of the facet itself if a
-/// normal deviates from that of the facet by more than 30 degrees.
+/// half way between the facet and the weighted mean of the tangent planes at its corners, like
+/// `surface_point_above`. On a sphere of radius R with edges of length L the error is L^4 / (20
+/// R^3), whereas that of the facet is L^2 / (8 R). Returns the point of the facet itself if the
+/// normal at a corner deviates from that of the facet by more than 30 degrees.
 Contact smooth_facet_point(std::span<const Contact> corners, std::span<const double> weights);
 
-/// Returns an interpolator for a primitive with pose T: it returns the point of the primitive that
-/// is nearest to the point of the facet.
+/// Returns an interpolator for a primitive with pose T, which projects the point of the facet to
+/// the nearest point of the primitive.
 SurfaceInterpolator primitive_interpolator(const Primitive& primitive, const Eigen::Isometry3d& T);
 
-/// Returns the point of a primitive nearest to a given point, rims included, and its outward
-/// normal. Near a kink (within a hundredth of the size of the profile) the given normal decides
-/// which piece is meant. Exact to 1e-12 mm per metre of size for points nearer than a tenth of the
+/// Returns the point of a primitive, rims included, that is nearest to a given point, and its
+/// outward normal. Near a kink (within a hundredth of the size of the profile) the given normal
+/// selects the piece. Exact to 1e-12 mm per metre of size for points nearer than a tenth of the
 /// smallest radius of curvature.
 Contact nearest(const Primitive& primitive, const Eigen::Vector3d& point,
                 const Eigen::Vector3d& normal);
 
-/// Returns a design with additional vertices. Those of the original design come first and keep
+/// Returns a design with additional vertices. Vertices of the source design come first and keep
 /// their facet error, groups, faces and seams; new ones belong to the group of their triangles.
-/// @param places     all vertices
+/// @param contacts   all vertices
 /// @param triangles  (m x 3) indices of the vertices
 /// @param judged     (vertices) nonzero: the vertex is judged
-Design resampled_design(const Design& from, const std::vector<Contact>& places, Triangles triangles,
-                        std::vector<std::uint8_t> judged);
+Design resampled_design(const Design& source, const std::vector<Contact>& contacts,
+                        Triangles triangles, std::vector<std::uint8_t> judged);
 
 /// Returns a vertex of a design with its normal and face.
 Contact place_of(const Design& design, int vertex);
@@ -138,8 +139,8 @@ Contact place_of(const Design& design, int vertex);
 /// Returns the vertices of a design with their normals and faces.
 std::vector<Contact> places_of(const Design& design);
 
-/// Returns a design that consists of points alone, without triangles; all of them are judged.
-Design design_from_points(const std::vector<Contact>& places);
+/// Returns a design of points without triangles; all of them are judged.
+Design design_from_points(const std::vector<Contact>& contacts);
 
 /// The upward-facing triangles of a design, sorted into the cells of a grid in x and y. Immutable.
 class MeshContact {
@@ -168,13 +169,13 @@ class MeshContact {
 
 /// Returns the highest point of the smooth surface at (x, y) and its normal; empty if no triangle
 /// faces upwards there.
-/// Within a triangle the height is the mean of that of the flat triangle and that of the tangent
-/// planes at its corners, weighted by the barycentric coordinates of (x, y). This is exact if the
-/// height is quadratic in x and y and the vertex normals are exact; the flat triangle alone would
-/// be wrong by the facet error. The normal follows from the slope, which is linear in the triangle.
+/// Within a triangle the height is the mean of the height of the flat triangle and that of the
+/// tangent planes at its corners, weighted by the barycentric coordinates of (x, y). This is exact
+/// if the height is quadratic in x and y and the vertex normals are exact; the flat triangle alone
+/// would have the facet error. The normal follows from the slope, which is linear in the triangle.
 /// If a vertex normal deviates from that of the triangle by more than 30 degrees (a sharp edge),
 /// the flat triangle and its own normal are used. On a recognised face the result lies on the
-/// analytic surface to 1e-12 mm, unless that is within 1e-3 rad of vertical there.
+/// analytic surface to 1e-12 mm, unless the surface is within 1e-3 rad of vertical there.
 std::optional<Contact> surface_point_above(const MeshContact& mesh, double x, double y);
 
 }  // namespace abbe::cutting

@@ -7,7 +7,7 @@
 
 namespace abbe::cutting {
 
-/// Returns the values in rising order without duplicates.
+/// Returns the values in ascending order without duplicates.
 template <typename Value>
 std::vector<Value> sorted_unique(std::vector<Value> values) {
   std::sort(values.begin(), values.end());
@@ -15,19 +15,19 @@ std::vector<Value> sorted_unique(std::vector<Value> values) {
   return values;
 }
 
-/// Disjoint sets with union and find; a set is named by its least member.
+/// Disjoint sets (union-find). A set is identified by its smallest member.
 class DisjointSets {
  public:
   explicit DisjointSets(std::size_t n) : parent_(n) {
     std::iota(parent_.begin(), parent_.end(), 0);
   }
 
-  /// Returns the least member of the set of i.
+  /// Returns the smallest member of the set of i.
   int name_of(int i) {
     while (parent_[std::size_t(i)] != i) {
-      int& above = parent_[std::size_t(i)];
-      above = parent_[std::size_t(above)];
-      i = above;
+      int& parent = parent_[std::size_t(i)];
+      parent = parent_[std::size_t(parent)];
+      i = parent;
     }
     return i;
   }

@@ -13,7 +13,7 @@
 #include <Eigen/Geometry>
 
 /// The design surface as a mesh: vertices with normals, weights, groups and faces, the selection of
-/// the judged region, and the marks that a mesh file gives to its faces.
+/// the judged region, and the marks of faces in a mesh file.
 namespace abbe::cutting {
 
 using Points = Eigen::Matrix<double, Eigen::Dynamic, 3, Eigen::RowMajor>;  ///< (n x 3)
@@ -25,23 +25,23 @@ struct Segment {
 };
 
 /// Returns the distance from a point to the nearest point of a segment, mm.
-double distance(const Eigen::Vector3d& p, const Segment& s);
+double distance(const Eigen::Vector3d& point, const Segment& segment);
 
-/// Segments sorted into the cells of a cubic grid, so that a query tests only near segments.
+/// Segments sorted into the cells of a cubic grid, so that a query tests only nearby segments.
 class SegmentGrid {
  public:
   /// @param cell  mm, > 0; an upper limit for the radii of queries
   SegmentGrid(std::vector<Segment> segments, double cell);
 
   /// Returns true if a segment is nearer to the point than `radius`.
-  bool is_within(const Eigen::Vector3d& p, double radius) const;
+  bool is_within(const Eigen::Vector3d& point, double radius) const;
 
  private:
   using Cell = std::array<std::int64_t, 3>;
   struct Hash {
     std::size_t operator()(const Cell& c) const;
   };
-  Cell cell_of(const Eigen::Vector3d& p) const;
+  Cell cell_of(const Eigen::Vector3d& point) const;
 
   std::vector<Segment> segments_;
   double cell_;
@@ -60,8 +60,8 @@ struct Design {
   std::vector<std::uint8_t> judged;  ///< (n) 0 if the scene excludes the vertex (status 2)
   std::vector<int> face;   ///< (n) recognised face of each vertex, -1: none; empty: no faces
   std::vector<int> group;  ///< (n) group of all triangles at the vertex; empty: no groups
-  /// Pairs of vertices at one point, within the tolerance of recognition, that are separated by a
-  /// border between groups or between faces of a smooth patch. Such a border is no edge of the
+  /// Pairs of vertices at the same point, within the tolerance of recognition, that are separated
+  /// by a border between groups or between faces of a smooth patch. Such a border is no edge of the
   /// part.
   std::vector<std::array<int, 2>> seams;
 };
@@ -77,19 +77,19 @@ Eigen::VectorXd vertex_area(const Points& vertices, const Triangles& triangles);
 Points vertex_normals(const Points& vertices, const Triangles& triangles);
 
 /// Returns (n) the estimated sag of the edges at each vertex below the smooth surface through the
-/// vertices, mm: the largest L theta / 8 over its edges, where L is the length and theta the angle
-/// between the normals at the two ends (an arc of radius L / theta). On a sphere meshed by equal
-/// triangles the middle of a triangle sags 4/3 of that. At a sharp edge of the part it is the
-/// amount that a rounding would remove.
+/// vertices, mm: the maximum of L theta / 8 over its edges, where L is the length and theta the
+/// angle between the normals at the two ends (an arc of radius L / theta). On a sphere meshed with
+/// equal triangles the sag at the middle of a triangle is 4/3 of that. At a sharp edge of the part
+/// it is the amount that a rounding would remove.
 Eigen::VectorXd facet_error(const Points& vertices, const Points& normals,
                             const Triangles& triangles);
 
-/// A measure of how well the triangles of a design follow its surface in the judged region.
-/// Triangles that deviate from a vertex normal by more than 30 degrees are excluded, because an
-/// edge of the part is not an error of the mesh. Triangles of a recognised face are excluded
-/// because its surface is known between the vertices too.
+/// Deviation of the triangles of a design from its surface in the judged region. Triangles that
+/// deviate from a vertex normal by more than 30 degrees are excluded, because an edge of the part
+/// is not an error of the mesh. Triangles of a recognised face are excluded, because its surface is
+/// also known between the vertices.
 struct Coarseness {
-  double facet_error = 0.0;  ///< mm, largest L theta / 8 between judged vertices
+  double facet_error = 0.0;  ///< mm, maximum of L theta / 8 between judged vertices
   int judged = 0;            ///< number of judged vertices
   int sharp = 0;             ///< number of judged vertices at an excluded triangle
 };
@@ -98,20 +98,19 @@ Coarseness coarseness(const Design& design);
 
 /// Definition of the judged region of a closed body: its upward-facing top.
 struct JudgeTopOptions {
-  double min_normal_z = 0.5;  ///< a triangle belongs to the top if the z of its normal is at least
-                              ///< this
-  double margin = 0.0;        ///< mm, vertices nearer to the edge of the top than this are excluded
-  /// The edge of the top, if it is known from before the design was split and subdivided.
+  double min_normal_z = 0.5;  ///< minimum z component of the normal of a triangle of the top
+  double margin = 0.0;        ///< mm; vertices nearer to the edge of the top are excluded
+  /// The edge of the top, if it was determined before the design was split and subdivided.
   std::optional<std::vector<Segment>> rim = {};
 };
 
 /// Returns the edge of the top: sides of triangles of the top that no other triangle of the top
-/// shares. Borders between groups or faces are no edges, unless vertices were added on them.
+/// shares. Borders between groups or faces are not included, unless vertices were added on them.
 std::vector<Segment> top_rim(const Design& design, double min_normal_z);
 
 /// Returns the design with `judged` = 0 at every vertex that is not inside the top: vertices that
 /// touch a triangle outside the top (hence the rim itself) or lie within the margin of the rim.
-/// Vertices that were not judged before remain so.
+/// Vertices that were not judged before remain excluded.
 /// @throws std::invalid_argument if an option is not finite or the margin is negative
 Design judge_top(const Design& design, const JudgeTopOptions& options = {});
 
@@ -122,19 +121,19 @@ struct TriangleSide {
   bool same_edge(const TriangleSide& other) const { return low == other.low && high == other.high; }
 };
 
-/// Returns all sides, with those of the same edge adjacent: sorted by `low`, `high`, then
-/// `triangle`. They are first sorted into one bucket per lower vertex, which takes a third of the
-/// time of a full sort.
+/// Returns all sides, sorted by `low`, `high`, then `triangle`, so that sides of the same edge are
+/// adjacent. A first pass sorts them into a bucket for each lower vertex, which takes a third of
+/// the time of a full sort.
 /// @param triangles  (m x 3)
 std::vector<TriangleSide> sides_of(const Triangles& triangles);
 
 /// Returns (n) the estimated deviation of the interpolation between vertices (`smooth_facet_point`)
 /// from the true surface, mm, at each vertex on no recognised face; 0 elsewhere. If the curvature
-/// is k on one side of a vertex and k' on the other, over edges L and L', the middle of an edge is
-/// off by about |k - k'| L L' / 8. This is large for facets of a fillet beside a plane, for those
-/// next to a rim, whose normals come from one side only, and for a curve that is meshed coarsely
-/// for its bend. Within a factor of 2 of the largest error on fillets of 5 to 22.5 degrees per
-/// facet and on ellipsoids (tested).
+/// is k on one side of a vertex and k' on the other, over edges L and L', the error at the middle
+/// of an edge is about |k - k'| L L' / 8. It is large for facets of a fillet next to a plane, for
+/// facets at a rim, whose normals come from one side only, and for a curved surface with a coarse
+/// mesh. Within a factor of 2 of the largest error on fillets of 5 to 22.5 degrees per facet and on
+/// ellipsoids (tested).
 Eigen::VectorXd facet_uncertainty(const Design& design);
 
 /// Red, green and blue, 0 .. 255.
@@ -153,17 +152,17 @@ struct FaceColour {
   auto operator<=>(const FaceColour&) const = default;
 };
 
-/// Returns true if the colour may have been written in this form. Eight bits must be equal; five
-/// bits must be the eight either truncated (v / 8) or rounded (31 v / 255), since writers do
-/// either; a fraction must be within 1 / 255, which is the error of two digits.
+/// Returns true if the colour may have been written in this form. Eight bits must be equal. Five
+/// bits must be the eight bits either truncated (v / 8) or rounded (31 v / 255), since writers use
+/// both. A fraction must be within 1 / 255, which is the error of two digits.
 bool can_denote(const FaceColour& written, const Rgb& colour);
 
-/// Returns the colour on a scale of 0 .. 255; five bits are spread over the whole scale.
+/// Returns the colour on a scale of 0 .. 255; five bits are scaled to the whole range.
 Rgb spread(const FaceColour& written);
 
 /// Returns "#rrggbb".
 std::string hex_text(const Rgb& colour);
-/// Returns the colour of "#rrggbb", in upper or lower case; nothing for any other text.
+/// Returns the colour of "#rrggbb", in upper or lower case; empty for any other text.
 std::optional<Rgb> colour_of(const std::string& hex_text);
 
 /// The marks of a face in a mesh file.
