@@ -37,7 +37,7 @@ void check(const Element& element, const Chain& chain, int joint) {
   }
 }
 
-GeometricModel::Line bind_line(const MeasuringLine& line, const Chain& chain) {
+GeometricModel::BoundLine bind_line(const MeasuringLine& line, const Chain& chain) {
   const std::string who = std::string("measuring line of ") + line.axis;
   const int j = joint_of(line.axis, chain, who);
   const Joint& joint = chain.joints()[std::size_t(j)];
@@ -120,7 +120,8 @@ double curve_value(const GeometricModel& model, const GeometricModel::Term& term
 
 /// Moves the translations from the measured point M to the joint's point P: d(P) = d(M) - theta x
 /// (M - P).
-void carry_to_joint(const GeometricModel::Line& line, double travel, JointDeviation& deviation) {
+void carry_to_joint(const GeometricModel::BoundLine& line, double travel,
+                    JointDeviation& deviation) {
   Vector3d arm = line.arm_b;
   if (line.is_fixed_in_bed) arm -= travel * line.direction_b;  // P travels away from M
   const Vector3d theta = deviation.motion.tail<3>();
@@ -170,7 +171,7 @@ std::vector<JointDeviation> deviations(const GeometricModel& model, const AxisSt
         term.group < 0
             ? curve_value(model, term, state)
             : term.factor * series[std::size_t(term.group)][std::size_t(term.index_in_group)];
-  for (const GeometricModel::Line& line : model.lines)
+  for (const GeometricModel::BoundLine& line : model.lines)
     carry_to_joint(line, curve_state(model, state, line.joint).carriage,
                    result[std::size_t(line.joint)]);
   return result;

@@ -21,7 +21,7 @@ namespace abbe::cutting {
 namespace {
 
 using Eigen::Vector3d;
-using Row = kinematics::Deviation;
+using DisplacementRow = kinematics::Deviation;
 
 /// A cut vertex or the sample within a triangle.
 struct CutPoint {
@@ -31,12 +31,13 @@ struct CutPoint {
 };
 
 void check_map(const Surface& surface, const Design& design) {
-  const auto n = static_cast<std::size_t>(design.vertices.rows());
-  if (surface.status.size() != n || static_cast<std::size_t>(surface.residual.size()) != n ||
-      static_cast<std::size_t>(design.area.size()) != n ||
-      static_cast<std::size_t>(design.normals.rows()) != n)
+  const auto vertex_count = static_cast<std::size_t>(design.vertices.rows());
+  if (surface.status.size() != vertex_count ||
+      static_cast<std::size_t>(surface.residual.size()) != vertex_count ||
+      static_cast<std::size_t>(design.area.size()) != vertex_count ||
+      static_cast<std::size_t>(design.normals.rows()) != vertex_count)
     throw std::invalid_argument("aligned: the map and the design have different sizes");
-  for (std::size_t i = 0; i < n; ++i)
+  for (std::size_t i = 0; i < vertex_count; ++i)
     if (surface.status[i] == VertexStatus::Cut &&
         !std::isfinite(surface.residual[static_cast<Eigen::Index>(i)]))
       throw std::invalid_argument("aligned: a cut vertex without a residual");
@@ -61,33 +62,37 @@ std::vector<CutPoint> cut_points(const Surface& surface, const Design& design) {
 }
 
 /// The point at which the displacement is stated, and the length by which angles are multiplied.
-struct Gauge {
+struct DisplacementScale {
   Vector3d point = Vector3d::Zero();
   double length = 1.0;
 };
 
-Gauge gauge(const std::vector<CutPoint>& points) {
+DisplacementScale displacement_scale(const std::vector<CutPoint>& points) {
   Sum area;
   std::array<Sum, 3> moment;
-  for (const CutPoint& p : points) {
-    area.add(p.weight);
-    for (int k = 0; k < 3; ++k) moment[static_cast<std::size_t>(k)].add(p.weight * p.point[k]);
+  for (const CutPoint& cut_point : points) {
+    area.add(cut_point.weight);
+    for (int k = 0; k < 3; ++k)
+      moment[static_cast<std::size_t>(k)].add(cut_point.weight * cut_point.point[k]);
   }
   if (!(area.value() > 0.0)) return {};
-  Gauge g;
+  DisplacementScale scale;
   for (int k = 0; k < 3; ++k)
-    g.point[k] = moment[static_cast<std::size_t>(k)].value() / area.value();
-  Sum square;
-  for (const CutPoint& p : points) square.add(p.weight * (p.point - g.point).squaredNorm());
-  const double length = std::sqrt(square.value() / area.value());
-  if (length > 0.0) g.length = length;
-  return g;
+    scale.point[k] = moment[static_cast<std::size_t>(k)].value() / area.value();
+  Sum squared_distance;
+  for (const CutPoint& cut_point : points)
+    squared_distance.add(cut_point.weight * (cut_point.point - scale.point).squaredNorm());
+  const double length = std::sqrt(squared_distance.value() / area.value());
+  if (length > 0.0) scale.length = length;
+  return scale;
 }
 
-/// Returns the displacement along a normal for each component, with angles multiplied by g.length.
-Row row_of(const Vector3d& point, const Vector3d& normal, const Gauge& g) {
-  Row row;
-  row << normal, (point - g.point).cross(normal) / g.length;
+/// Returns the displacement along a normal per unit of each component, with angles multiplied by
+/// `scale.length`.
+DisplacementRow displacement_row(const Vector3d& point, const Vector3d& normal,
+                                 const DisplacementScale& scale) {
+  DisplacementRow row;
+  row << normal, (point - scale.point).cross(normal) / scale.length;
   return row;
 }
 
@@ -96,11 +101,12 @@ struct NormalEquations {
   Eigen::VectorXd b;
 };
 
-NormalEquations normal_equations(const std::vector<CutPoint>& points, const Gauge& g, int size) {
+NormalEquations normal_equations(const std::vector<CutPoint>& points,
+                                 const DisplacementScale& scale, int size) {
   std::array<Sum, 6> rhs;
   std::array<std::array<Sum, 6>, 6> lhs;
   for (const CutPoint& p : points) {
-    const Row row = row_of(p.point, p.normal, g);
+    const DisplacementRow row = displacement_row(p.point, p.normal, scale);
     for (int i = 0; i < size; ++i) {
       const auto a = static_cast<std::size_t>(i);
       rhs[a].add(p.weight * row[i] * p.residual);
@@ -108,18 +114,20 @@ NormalEquations normal_equations(const std::vector<CutPoint>& points, const Gaug
         lhs[a][static_cast<std::size_t>(j)].add(p.weight * row[i] * row[j]);
     }
   }
-  NormalEquations e{Eigen::MatrixXd(size, size), Eigen::VectorXd(size)};
+  NormalEquations equations{Eigen::MatrixXd(size, size), Eigen::VectorXd(size)};
   for (int i = 0; i < size; ++i) {
-    e.b[i] = rhs[static_cast<std::size_t>(i)].value();
+    equations.b[i] = rhs[static_cast<std::size_t>(i)].value();
     for (int j = 0; j <= i; ++j)
-      e.A(i, j) = e.A(j, i) = lhs[static_cast<std::size_t>(i)][static_cast<std::size_t>(j)].value();
+      equations.A(i, j) = equations.A(j, i) =
+          lhs[static_cast<std::size_t>(i)][static_cast<std::size_t>(j)].value();
   }
-  return e;
+  return equations;
 }
 
-/// Returns names for the null space. Its basis is brought to echelon form, so that each vector has
-/// as few components as possible, and is named after those above a hundredth.
-std::vector<std::string> names(Eigen::MatrixXd basis) {
+/// Returns the names of the undetermined components. The basis of the null space is brought to
+/// echelon form, so that each vector has as few components as possible; its name consists of those
+/// above a hundredth.
+std::vector<std::string> component_names(Eigen::MatrixXd basis) {
   static constexpr std::array component = {"EX", "EY", "EZ", "EA", "EB", "EC"};
   std::vector<std::string> result;
   for (Eigen::Index column = 0; column < basis.cols(); ++column) {
@@ -152,75 +160,77 @@ AlignmentResult aligned(const Surface& surface, const Design& design,
   if (points.empty()) return result;
 
   const int size = options.alignment == Alignment::Offset ? 3 : 6;
-  const Gauge g = gauge(points);
-  result.point = g.point;
-  const NormalEquations equations = normal_equations(points, g, size);
+  const DisplacementScale scale = displacement_scale(points);
+  result.point = scale.point;
+  const NormalEquations equations = normal_equations(points, scale, size);
   const Eigenvectors eigen = eigenvectors(equations.A);
-  const double largest = eigen.values[size - 1];
+  const double max_eigenvalue = eigen.values[size - 1];
   Eigen::VectorXd solution = Eigen::VectorXd::Zero(size);
-  int dropped = 0;
+  int omitted_count = 0;
   for (int k = 0; k < size; ++k) {
     const double value = eigen.values[k];
     const auto direction = eigen.vectors.col(k);
-    if (!(value > options.truncation * largest))
-      ++dropped;  // eigenvalues are in rising order
+    if (!(value > options.truncation * max_eigenvalue))
+      ++omitted_count;  // eigenvalues are in ascending order
     else
       solution += direction * (direction.dot(equations.b) / value);
   }
-  result.rank = size - dropped;
-  result.undetermined = names(eigen.vectors.leftCols(dropped));
-  Row scaled = Row::Zero();
+  result.rank = size - omitted_count;
+  result.undetermined = component_names(eigen.vectors.leftCols(omitted_count));
+  DisplacementRow scaled = DisplacementRow::Zero();
   scaled.head(size) = solution;
   for (Eigen::Index v = 0; v < surface.residual.size(); ++v)
     if (surface.status[std::size_t(v)] == VertexStatus::Cut)
       result.surface.residual[v] -=
-          row_of(design.vertices.row(v), design.normals.row(v), g).dot(scaled);
+          displacement_row(design.vertices.row(v), design.normals.row(v), scale).dot(scaled);
   for (Eigen::Index t = 0; t < surface.within.size(); ++t)
     result.surface.within[t] -=
-        row_of(value_at_place_within(surface.sampled_within, design.vertices, design.triangles, t),
-               value_at_place_within(surface.sampled_within, design.normals, design.triangles, t),
-               g)
+        displacement_row(
+            value_at_place_within(surface.sampled_within, design.vertices, design.triangles, t),
+            value_at_place_within(surface.sampled_within, design.normals, design.triangles, t),
+            scale)
             .dot(scaled);
   result.displacement = scaled;
-  result.displacement.tail<3>() /= g.length;
+  result.displacement.tail<3>() /= scale.length;
   return result;
 }
 
 namespace {
 
 std::vector<Eigen::Index> cut_vertices(const Design& design, const Surface& surface) {
-  const auto n = static_cast<std::size_t>(design.vertices.rows());
-  if (surface.status.size() != n || static_cast<std::size_t>(surface.residual.size()) != n ||
-      static_cast<std::size_t>(design.area.size()) != n ||
-      static_cast<std::size_t>(design.normals.rows()) != n)
+  const auto vertex_count = static_cast<std::size_t>(design.vertices.rows());
+  if (surface.status.size() != vertex_count ||
+      static_cast<std::size_t>(surface.residual.size()) != vertex_count ||
+      static_cast<std::size_t>(design.area.size()) != vertex_count ||
+      static_cast<std::size_t>(design.normals.rows()) != vertex_count)
     throw std::invalid_argument("form: the map and the design have different sizes");
   std::vector<Eigen::Index> cut;
-  for (std::size_t i = 0; i < n; ++i)
+  for (std::size_t i = 0; i < vertex_count; ++i)
     if (surface.status[i] == VertexStatus::Cut) cut.push_back(static_cast<Eigen::Index>(i));
   return cut;
 }
 
-/// Returns the residual at the cut vertices after removal of displacement and size. An orthogonal
-/// decomposition is used, because on a shallow cap size and height differ only by the square of the
-/// slope, which normal equations would square again.
+/// Returns the residual at the cut vertices after removal of displacement and size; empty if they
+/// do not suffice. An orthogonal decomposition is used, because on a shallow cap size and height
+/// differ only by the square of the slope, which normal equations would square again.
 std::optional<Eigen::VectorXd> form_residual(const Design& design, const Surface& surface,
                                              const std::vector<Eigen::Index>& cut) {
-  const auto n = static_cast<Eigen::Index>(cut.size());
-  // seven unknowns
-  if (n < 8) return std::nullopt;
-  Vector3d middle = Vector3d::Zero();
-  for (const Eigen::Index v : cut) middle += design.vertices.row(v).transpose() / double(n);
-  double reach = 0.0;
+  const auto count = static_cast<Eigen::Index>(cut.size());
+  // Seven unknowns need at least eight equations.
+  if (count < 8) return std::nullopt;
+  Vector3d centroid = Vector3d::Zero();
+  for (const Eigen::Index v : cut) centroid += design.vertices.row(v).transpose() / double(count);
+  double max_radius = 0.0;
   for (const Eigen::Index v : cut)
-    reach = std::max(reach, (design.vertices.row(v).transpose() - middle).norm());
-  if (!(reach > 0.0)) return std::nullopt;
+    max_radius = std::max(max_radius, (design.vertices.row(v).transpose() - centroid).norm());
+  if (!(max_radius > 0.0)) return std::nullopt;
 
-  Eigen::MatrixXd A(n, 7);
-  Eigen::VectorXd r(n), weight(n);
-  for (Eigen::Index i = 0; i < n; ++i) {
+  Eigen::MatrixXd A(count, 7);
+  Eigen::VectorXd r(count), weight(count);
+  for (Eigen::Index i = 0; i < count; ++i) {
     const Eigen::Index v = cut[static_cast<std::size_t>(i)];
     const Vector3d normal = design.normals.row(v);
-    const Vector3d arm = (design.vertices.row(v).transpose() - middle) / reach;
+    const Vector3d arm = (design.vertices.row(v).transpose() - centroid) / max_radius;
     A.row(i) << normal.transpose(), arm.cross(normal).transpose(), 1.0;
     r[i] = surface.residual[v];
     weight[i] = std::sqrt(design.area[v]);
@@ -239,30 +249,31 @@ double peak_to_valley(const Eigen::VectorXd& values) {
 /// A plane z = c0 + c1 x + c2 y, and half the width of the zone about it.
 using Zone = Eigen::Vector4d;
 
-/// Returns the smallest zone that contains a few points: tests every vertex of the linear program
-/// +-(z - plane) <= t, i.e. every four active constraints of two per point.
+/// Returns the smallest zone that contains a few points; empty if they do not determine it. Tests
+/// every vertex of the linear program +-(z - plane) <= t, i.e. every combination of four of the
+/// constraints, two per point.
 std::optional<Zone> smallest_zone(const std::vector<Vector3d>& points) {
-  const int m = 2 * static_cast<int>(points.size());
-  Eigen::MatrixXd C(m, 4);
-  Eigen::VectorXd d(m);
-  for (int i = 0; i < m; ++i) {
+  const int constraint_count = 2 * static_cast<int>(points.size());
+  Eigen::MatrixXd C(constraint_count, 4);
+  Eigen::VectorXd d(constraint_count);
+  for (int i = 0; i < constraint_count; ++i) {
     const Vector3d& p = points[static_cast<std::size_t>(i / 2)];
     const double sign = i % 2 == 0 ? 1.0 : -1.0;
     C.row(i) << sign, sign * p.x(), sign * p.y(), 1.0;
     d[i] = sign * p.z();
   }
   std::optional<Zone> best;
-  const double slack = 1e-12 * (1.0 + d.cwiseAbs().maxCoeff());
-  for (int i = 0; i < m; ++i)
-    for (int j = i + 1; j < m; ++j)
-      for (int k = j + 1; k < m; ++k)
-        for (int l = k + 1; l < m; ++l) {
+  const double tolerance = 1e-12 * (1.0 + d.cwiseAbs().maxCoeff());
+  for (int i = 0; i < constraint_count; ++i)
+    for (int j = i + 1; j < constraint_count; ++j)
+      for (int k = j + 1; k < constraint_count; ++k)
+        for (int l = k + 1; l < constraint_count; ++l) {
           Eigen::Matrix4d M;
           M << C.row(i), C.row(j), C.row(k), C.row(l);
           const Eigen::FullPivLU<Eigen::Matrix4d> lu(M);
           if (lu.rank() < 4) continue;
           const Zone zone = lu.solve(Eigen::Vector4d(d[i], d[j], d[k], d[l]));
-          if (((C * zone - d).array() < -slack).any()) continue;
+          if (((C * zone - d).array() < -tolerance).any()) continue;
           if (!best || zone[3] < (*best)[3]) best = zone;
         }
   return best;
@@ -272,67 +283,71 @@ double height(const Vector3d& p, const Zone& zone) {
   return p.z() - zone[0] - zone[1] * p.x() - zone[2] * p.y();
 }
 
-/// Returns the width of the smallest zone. The points that protrude most are added to a small set
-/// until no point protrudes from the zone of the set. The half width grows in every round, so the
-/// iteration ends.
+/// Returns the width of the smallest zone that contains all points. The points that protrude most
+/// are added to a small set of support points until no point protrudes from the zone of the set.
+/// The half width grows in every iteration, so the iteration ends.
 std::optional<double> minimum_zone(const std::vector<Vector3d>& points) {
-  std::vector<Vector3d> handful;
-  const auto add = [](std::vector<Vector3d>& to, const Vector3d& p) {
-    if (std::find(to.begin(), to.end(), p) == to.end()) to.push_back(p);
+  std::vector<Vector3d> support_points;
+  const auto add_distinct = [](std::vector<Vector3d>& points_to_extend, const Vector3d& p) {
+    if (std::find(points_to_extend.begin(), points_to_extend.end(), p) == points_to_extend.end())
+      points_to_extend.push_back(p);
   };
-  for (const auto& key :
+  for (const auto& direction :
        {Vector3d(1, 0, 0), Vector3d(0, 1, 0), Vector3d(1, 1, 0), Vector3d(1, -1, 0)}) {
     const auto [low, high] = std::minmax_element(
         points.begin(), points.end(),
-        [&](const Vector3d& a, const Vector3d& b) { return a.dot(key) < b.dot(key); });
-    add(handful, *low);
-    add(handful, *high);
+        [&](const Vector3d& a, const Vector3d& b) { return a.dot(direction) < b.dot(direction); });
+    add_distinct(support_points, *low);
+    add_distinct(support_points, *high);
   }
   std::optional<double> width;
-  for (int round = 0; round < 60; ++round) {
-    const auto zone = smallest_zone(handful);
+  for (int iteration = 0; iteration < 60; ++iteration) {
+    const auto zone = smallest_zone(support_points);
     if (!zone) break;
     const auto [low, high] = std::minmax_element(
         points.begin(), points.end(),
         [&](const Vector3d& a, const Vector3d& b) { return height(a, *zone) < height(b, *zone); });
-    const double seen = height(*high, *zone) - height(*low, *zone);
+    const double extent = height(*high, *zone) - height(*low, *zone);
     const double tilt = std::sqrt(1.0 + (*zone)[1] * (*zone)[1] + (*zone)[2] * (*zone)[2]);
-    width = width ? std::min(*width, seen / tilt) : seen / tilt;
-    if (seen <= 2.0 * (*zone)[3] + 1e-12) break;
+    width = width ? std::min(*width, extent / tilt) : extent / tilt;
+    if (extent <= 2.0 * (*zone)[3] + 1e-12) break;
     std::vector<Vector3d> active;
-    for (const Vector3d& p : handful)
+    for (const Vector3d& p : support_points)
       if (std::abs(height(p, *zone)) > (*zone)[3] - 1e-9 * (1.0 + (*zone)[3])) active.push_back(p);
-    // at most 8 points, so at most 1820 systems of four equations a round
+    // At most 8 points, hence at most 1820 systems of four equations per iteration.
     if (active.size() > 6) active.resize(6);
-    add(active, *low);
-    add(active, *high);
-    handful = std::move(active);
+    add_distinct(active, *low);
+    add_distinct(active, *high);
+    support_points = std::move(active);
   }
   return width;
 }
 
-/// Returns the machined points over a plane, with x and y scaled to order one.
-std::vector<Vector3d> over_plane(const Design& design, const std::vector<Eigen::Index>& cut,
-                                 const Eigen::VectorXd& residual) {
-  double reach = 1e-300;
+/// Returns the deviations of the cut vertices over a plane, with x and y scaled to at most one.
+std::vector<Vector3d> points_over_plane(const Design& design, const std::vector<Eigen::Index>& cut,
+                                        const Eigen::VectorXd& residual) {
+  double max_coordinate = 1e-300;
   for (const Eigen::Index v : cut)
-    reach = std::max(reach, design.vertices.row(v).head<2>().cwiseAbs().maxCoeff());
+    max_coordinate =
+        std::max(max_coordinate, design.vertices.row(v).head<2>().cwiseAbs().maxCoeff());
   std::vector<Vector3d> points;
   for (std::size_t i = 0; i < cut.size(); ++i)
-    points.emplace_back(design.vertices(cut[i], 0) / reach, design.vertices(cut[i], 1) / reach,
+    points.emplace_back(design.vertices(cut[i], 0) / max_coordinate,
+                        design.vertices(cut[i], 1) / max_coordinate,
                         residual[static_cast<Eigen::Index>(i)]);
   return points;
 }
 
 // Roundness.
 
+/// Returns the roundness of the ring of vertices nearest to a height; empty if it has fewer than 6.
 std::optional<double> roundness(const Design& design, const Surface& surface,
                                 const std::vector<Eigen::Index>& cut, double z_middle) {
-  double nearest = std::numeric_limits<double>::infinity(), z_ring = 0.0;
+  double min_distance = std::numeric_limits<double>::infinity(), z_ring = 0.0;
   for (const Eigen::Index v : cut) {
     const double z = design.vertices(v, 2);
-    if (std::abs(z - z_middle) >= nearest) continue;
-    nearest = std::abs(z - z_middle);
+    if (std::abs(z - z_middle) >= min_distance) continue;
+    min_distance = std::abs(z - z_middle);
     z_ring = z;
   }
   std::vector<Eigen::Vector2d> ring;
@@ -350,16 +365,16 @@ std::optional<double> roundness(const Design& design, const Surface& surface,
   return fit_circle(points).roundness;
 }
 
-/// The name of the `_lsq` number, and the height of the ring for roundness if there is one.
-struct Wanted {
-  std::string name;
-  bool flat = false;
-  std::optional<double> ring_height;
+/// The form numbers of a primitive.
+struct FormDescription {
+  std::string name;                   ///< of the `_lsq` number
+  bool is_flat = false;               ///< it has a minimum zone
+  std::optional<double> ring_height;  ///< of the ring for roundness
 };
 
-Wanted wanted(const Primitive& primitive) {
+FormDescription form_description(const Primitive& primitive) {
   return std::visit(
-      [](const auto& p) -> Wanted {
+      [](const auto& p) -> FormDescription {
         using Kind = std::decay_t<decltype(p)>;
         if constexpr (std::is_same_v<Kind, RectanglePlane> || std::is_same_v<Kind, Disc>)
           return {"flatness_lsq", true, {}};
@@ -367,7 +382,7 @@ Wanted wanted(const Primitive& primitive) {
           return {"cylindricity_lsq", false, 0.5 * p.height};
         else if constexpr (std::is_same_v<Kind, Cone>)
           return {"conicity_lsq", false,
-                  // above 45 degrees a displacement along the normal is mostly axial
+                  // Above 45 degrees a displacement along the normal is mostly axial.
                   p.half_apex_angle <= std::numbers::pi / 4 ? std::optional(0.5 * p.height)
                                                             : std::nullopt};
         else if constexpr (std::is_same_v<Kind, SphereCap>)
@@ -387,51 +402,51 @@ std::vector<FormNumber> form(const Primitive& primitive, const Design& design_m,
   const std::vector<Eigen::Index> cut = cut_vertices(design_m, surface);
   const auto residual = form_residual(design_m, surface, cut);
   if (!residual) return {};
-  const Wanted what = wanted(primitive);
-  std::vector<FormNumber> numbers{{what.name, peak_to_valley(*residual)}};
-  if (what.flat)
-    if (const auto zone = minimum_zone(over_plane(design_m, cut, *residual)))
+  const FormDescription description = form_description(primitive);
+  std::vector<FormNumber> numbers{{description.name, peak_to_valley(*residual)}};
+  if (description.is_flat)
+    if (const auto zone = minimum_zone(points_over_plane(design_m, cut, *residual)))
       numbers.push_back({"flatness_minimum_zone", *zone});
-  if (what.ring_height)
-    if (const auto value = roundness(design_m, surface, cut, *what.ring_height))
+  if (description.ring_height)
+    if (const auto value = roundness(design_m, surface, cut, *description.ring_height))
       numbers.push_back({"roundness_lsc", *value});
   return numbers;
 }
 
 Circle fit_circle(const Eigen::Matrix<double, Eigen::Dynamic, 2>& points) {
-  const Eigen::Index n = points.rows();
-  if (n < 3) throw std::invalid_argument("fit_circle: at least 3 points are needed");
+  const Eigen::Index count = points.rows();
+  if (count < 3) throw std::invalid_argument("fit_circle: at least 3 points are needed");
   if (!points.allFinite()) throw std::invalid_argument("fit_circle: a point is not finite");
-  const Eigen::RowVector2d middle = points.colwise().mean();
-  const Eigen::Matrix<double, Eigen::Dynamic, 2> q = points.rowwise() - middle;
-  const double scale = q.rowwise().norm().maxCoeff();
+  const Eigen::RowVector2d centroid = points.colwise().mean();
+  const Eigen::Matrix<double, Eigen::Dynamic, 2> centred = points.rowwise() - centroid;
+  const double scale = centred.rowwise().norm().maxCoeff();
 
-  // Start: the circle that is best in squared distances, which is linear in its unknowns.
-  Eigen::MatrixXd A(n, 3);
-  A << q / scale, Eigen::VectorXd::Ones(n);
-  const Eigen::VectorXd right = q.rowwise().squaredNorm() / scale;
-  const auto start = least_squares(A, right, 1e-10);
+  // The start is the best circle in terms of squared distances, a linear problem.
+  Eigen::MatrixXd A(count, 3);
+  A << centred / scale, Eigen::VectorXd::Ones(count);
+  const Eigen::VectorXd right_side = centred.rowwise().squaredNorm() / scale;
+  const auto start = least_squares(A, right_side, 1e-10);
   if (!(scale > 0.0) || start.rank < 3)
     throw std::invalid_argument("fit_circle: the points lie on a line");
   const Eigen::Vector3d c = start.x;
   Eigen::Vector2d centre = 0.5 * c.head<2>();
   double radius = std::sqrt(std::max(0.0, centre.squaredNorm() + c[2] * scale));
 
-  // Gauss-Newton for the geometric distances; the start is so close that few steps are needed
+  // Gauss-Newton for the geometric distances; few steps suffice, because the start is close.
   for (int i = 0; i < 50; ++i) {
-    const Eigen::Matrix<double, Eigen::Dynamic, 2> d = q.rowwise() - centre.transpose();
-    const Eigen::VectorXd distance = d.rowwise().norm();
+    const Eigen::Matrix<double, Eigen::Dynamic, 2> offsets = centred.rowwise() - centre.transpose();
+    const Eigen::VectorXd distance = offsets.rowwise().norm();
     if (!(distance.minCoeff() > 0.0)) break;
-    Eigen::MatrixX3d J(n, 3);
-    J << d.array().colwise() / distance.array(), Eigen::VectorXd::Ones(n);
-    const Eigen::VectorXd left = distance.array() - radius;
-    const Eigen::Vector3d step = least_squares(J, left).x;
+    Eigen::MatrixX3d J(count, 3);
+    J << offsets.array().colwise() / distance.array(), Eigen::VectorXd::Ones(count);
+    const Eigen::VectorXd deviation = distance.array() - radius;
+    const Eigen::Vector3d step = least_squares(J, deviation).x;
     centre += step.head<2>();
     radius += step[2];
     if (step.norm() < 1e-15 * scale) break;
   }
-  const Eigen::VectorXd distance = (q.rowwise() - centre.transpose()).rowwise().norm();
-  return {centre + middle.transpose(), radius, peak_to_valley(distance)};
+  const Eigen::VectorXd distance = (centred.rowwise() - centre.transpose()).rowwise().norm();
+  return {centre + centroid.transpose(), radius, peak_to_valley(distance)};
 }
 
 }  // namespace abbe::cutting

@@ -8,7 +8,7 @@
 #include "cutting/surface/surface.h"
 #include "kinematics/pose.h"
 
-/// The displacement of the whole part that is removed from a residual, and numbers of form.
+/// Removal of the displacement of the whole part from a residual, and numbers of form.
 namespace abbe::cutting {
 
 /// The displacement of the whole part that is removed from a residual.
@@ -21,13 +21,13 @@ enum class Alignment {
 struct AlignmentOptions {
   Alignment alignment = Alignment::None;
   double truncation = 1e-6;  ///< eigenvalues below this fraction of the largest are omitted: a
-                             ///< displacement that moves the surface along its normals a thousand
-                             ///< times less than another is not determined by them
+                             ///< displacement is not determined if it moves the surface along its
+                             ///< normals a thousand times less than another one
 };
 
-/// A residual after removal of the displacement.
+/// A residual after removal of a displacement.
 struct AlignmentResult {
-  Surface surface;  ///< the residual changed where the vertex is cut, all else unchanged
+  Surface surface;  ///< with changed residuals of cut vertices; all else is unchanged
   kinematics::Deviation displacement =
       kinematics::Deviation::Zero();                ///< of the machined part, stated
                                                     ///< at `point`; mm and rad
@@ -36,17 +36,17 @@ struct AlignmentResult {
   std::vector<std::string> undetermined;            ///< components that were omitted: "EX", "EA+EY"
 };
 
-/// Removes the displacement D that best fits r = n . (d + theta x (p - point)) over the cut
-/// vertices and samples within triangles, by least squares with their `weights`, truncated as in
-/// the options (the shortest solution, with angles multiplied by the root-mean-square distance from
-/// the point). First order: neglected are |theta|^2 L / 2 for a rotation theta over a distance L
-/// from the point (100 urad, 100 mm: 0.5 nm) and t^2 / 2R for a translation t along a curved
-/// surface (50 um on R 50 mm: 25 nm).
+/// Removes the displacement D = (d, theta) that best fits r = n . (d + theta x (p - point)) over
+/// the cut vertices and samples within triangles, by least squares with their `weights`, truncated
+/// as in the options (the shortest solution, with angles multiplied by the root-mean-square
+/// distance from the point). The terms of second order are neglected: |theta|^2 L / 2 for a
+/// rotation theta at a distance L from the point (100 urad, 100 mm: 0.5 nm) and t^2 / 2R for a
+/// translation t along a curved surface (50 um on R 50 mm: 25 nm).
 /// @throws std::invalid_argument if sizes differ, or a cut vertex has no finite residual
 AlignmentResult aligned(const Surface& surface, const Design& design,
                         const AlignmentOptions& options);
 
-/// A number of form, named after ISO 1101 with the method of fitting.
+/// A number of form; the name is that of ISO 1101 with the method of fitting.
 struct FormNumber {
   std::string name;
   double value_mm;
@@ -62,10 +62,10 @@ struct FormNumber {
 ///   torus            torus_form_lsq
 ///   profile          profile_form_lsq
 /// The `_lsq` numbers are max - min of the residual after removal of the best displacement of the
-/// whole and the best uniform allowance (the size), by least squares weighted by vertex area. First
-/// order in the displacement t: t^2 / 2R is neglected (20 um on R 50 mm: 4 nm). The minimum zone is
-/// the distance of the closest two parallel planes, an upper bound that the method closes to 1e-12
-/// mm. A number for which too few vertices are cut is omitted.
+/// whole and the best uniform allowance (the size), by least squares weighted by vertex area. They
+/// are of first order in the displacement t: t^2 / 2R is neglected (20 um on R 50 mm: 4 nm). The
+/// minimum zone is the distance between the closest two parallel planes, computed as an upper bound
+/// to within 1e-12 mm. A number for which too few vertices are cut is omitted.
 /// @param design_m  the design in the frame of the primitive
 /// @throws std::invalid_argument if sizes differ
 std::vector<FormNumber> form(const Primitive& primitive, const Design& design_m,

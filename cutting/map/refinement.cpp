@@ -22,88 +22,88 @@
 
 namespace abbe::cutting {
 
-/// The state of `refined`: rounds in which edges are probed, flipped and split.
+/// The iteration of `refined`: rounds in which edges are probed, flipped and split.
 class Refinement {
  public:
   Refinement(const Design& design, const SurfaceInterpolator& on_surface,
-             const SurfaceProber& sound, const RefineOptions& options);
+             const SurfaceProber& prober, const RefineOptions& options);
   RefinementResult run();
 
  private:
-  /// An edge with too large an error, and its ends when it was probed.
-  struct Waiting {
+  /// An edge with too large an error that is to be split, with its ends when it was probed.
+  struct PendingEdge {
     int edge;
     std::array<int, 2> ends;
     EdgeProbe probe;
-    std::array<int, 2> across = {-1, -1};  ///< corners between which a flip was tried
+    std::array<int, 2> across = {-1, -1};  ///< corners between which a flip was already tried
   };
-  /// A point of an edge to be probed.
-  struct ProbePlace {
+  /// A point of an edge that is to be probed.
+  struct ProbePosition {
     std::size_t edge;
     double u;
     bool is_crest = false;  ///< crossing of two passes, the best point for a split
   };
 
-  /// A point of a face to be probed.
-  struct Within {
+  /// A point of a face that is to be probed.
+  struct FaceProbe {
     int face = -1;
-    Contact place;
-    double plane = 0.0;        ///< mm, of the face at that point
-    bool is_doubtful = false;  ///< the slopes at its corners do not rule out an error
+    Contact contact;
+    double plane = 0.0;        ///< mm, residual by linear interpolation
+    bool is_doubtful = false;  ///< the slopes at the corners do not exclude an error
   };
   /// Result of probing faces.
-  struct SplitFaces {
-    std::vector<int> made;  ///< new edges
-    double missed = 0.0;    ///< fraction of the faces with too large an error, split or not
+  struct FaceSplits {
+    std::vector<int> new_edges;
+    double missed_fraction = 0.0;  ///< of the faces with too large an error, split or not
   };
 
-  std::vector<Knot> sounded(const std::vector<Contact>& places,
-                            std::vector<std::uint8_t> judged = {});
-  void probe(const std::vector<int>& edges, const std::vector<ProbePlace>& at,
+  std::vector<Knot> probe_points(const std::vector<Contact>& contacts,
+                                 std::vector<std::uint8_t> judged = {});
+  void probe(const std::vector<int>& edges, const std::vector<ProbePosition>& positions,
              std::vector<EdgeProbe>& probes);
-  std::vector<EdgeProbe> probed(const std::vector<int>& open);
-  std::vector<int> doubtful(const std::vector<int>& edges, bool all) const;
-  void defer(const std::vector<int>& edges, std::vector<EdgeProbe> probes);
-  void demand_split(std::vector<int> edges);
-  std::vector<int> edges_split_first(const Waiting& one, double level) const;
-  std::vector<char> ready(double level);
-  std::vector<int> split(double level, Eigen::Index most);
+  std::vector<EdgeProbe> probe_edges(const std::vector<int>& open);
+  std::vector<int> edges_to_probe(const std::vector<int>& edges, bool all) const;
+  void add_pending(const std::vector<int>& edges, std::vector<EdgeProbe> probes);
+  void require_split(std::vector<int> edges);
+  std::vector<int> longer_edges(const PendingEdge& pending, double level) const;
+  std::vector<char> ready_edges(double level);
+  std::vector<int> split_edges(double level, Eigen::Index max_vertices);
   void flip_edges(double level);
-  std::optional<EdgeProbe> across_probe(const Waiting& one, std::span<Knot> found) const;
-  void note_change(const std::vector<int>& edges);
+  std::optional<EdgeProbe> flipped_probe(const PendingEdge& pending, std::span<Knot> results) const;
+  void mark_changed(const std::vector<int>& edges);
   std::vector<int> faces_to_probe();
-  bool is_followed(const std::array<int, 3>& corners) const;
-  Within within(int face, int turn) const;
-  SplitFaces split_faces(Eigen::Index most, int turn);
-  double lower(double level) const;
+  bool is_near_parabola(const std::array<int, 3>& corners) const;
+  FaceProbe face_probe(int face, int face_pass) const;
+  FaceSplits split_faces(Eigen::Index max_vertices, int face_pass);
+  double next_level(double level) const;
   Design design() const;
   Surface surface() const;
 
   bool is_open(int edge) const;
   bool is_doubtful(int edge, double level) const;
-  bool is_missed_beside(int edge, const Knot& place, double level) const;
-  bool is_surely_met(int edge) const;
+  bool is_exceeded_near(int edge, const Knot& sample, double level) const;
+  bool is_surely_accurate(int edge) const;
   bool crosses_passes(const Knot& a, const Knot& b) const;
   bool can_flip(int edge) const;
   double jitter(int edge) const;
-  double share_of(int edge) const;
+  double probe_fraction(int edge) const;
   std::array<int, 2> across(int edge) const;
   Span span(int edge) const;
   double length(const std::array<int, 2>& ends) const;
   double tolerance() const;
   const Knot& knot(int i) const { return knots_[std::size_t(i)]; }
 
-  const Design& given_;
+  const Design& source_;
   const SurfaceInterpolator& on_surface_;
-  const SurfaceProber& sound_;
+  const SurfaceProber& prober_;
   const RefineOptions& options_;
   TriangleMesh mesh_;
   std::vector<Knot> knots_;
-  std::vector<Waiting> waiting_;
-  // (edges) temporary index into waiting_ while the ready ones are determined; or -1
-  std::vector<int> place_;
-  std::vector<int> changed_;  // faces changed since they were probed; with duplicates
-  bool all_changed_ = true;   // as at the beginning of every turn
+  std::vector<PendingEdge> pending_;
+  // (edges) temporary index into pending_ while the ready edges are determined; -1: not pending
+  std::vector<int> pending_index_;
+  std::vector<int> changed_;     // faces changed since they were probed; with duplicates
+  bool are_all_changed_ = true;  // true at the beginning of every pass over the faces
   Eigen::Index probed_ = 0;
 };
 
@@ -112,27 +112,28 @@ namespace {
 using Eigen::Index;
 using Eigen::Vector3d;
 
-// a round that adds fewer than 1/200 of the vertices ends its level
-constexpr std::size_t few_share = 200;
-// a round that adds fewer than 1/2000 of the vertices ends a turn
-constexpr std::size_t hardly_share = 2000;
-constexpr int turns = 4;                // largest number of points at which a face is probed
-constexpr double hardly_missed = 1e-3;  // of the faces in a turn: below it no other turn follows
-constexpr int last_rounds = 60;         // rounds at the bound itself; remaining errors are reported
-// fraction of the bound that is permitted at probed points, as a reserve for points between
-constexpr double inner = 0.7;
+// A round that adds fewer than 1/200 of the vertices ends its level.
+constexpr std::size_t round_divisor = 200;
+// A round that adds fewer than 1/2000 of the vertices ends a pass over the faces.
+constexpr std::size_t pass_divisor = 2000;
+constexpr int max_face_passes = 4;  // maximum number of points at which a face is probed
+// No other pass follows one with a smaller fraction of inaccurate faces.
+constexpr double min_missed_fraction = 1e-3;
+constexpr int max_final_rounds = 60;  // rounds at the bound itself; remaining errors are reported
+// Fraction of the bound that is permitted at probed points, as a reserve for the points in between.
+constexpr double probed_fraction_of_bound = 0.7;
 
 }  // namespace
 
 Refinement::Refinement(const Design& design, const SurfaceInterpolator& on_surface,
-                       const SurfaceProber& sound, const RefineOptions& options)
-    : given_(design),
+                       const SurfaceProber& prober, const RefineOptions& options)
+    : source_(design),
       on_surface_(on_surface),
-      sound_(sound),
+      prober_(prober),
       options_(options),
       mesh_(design.triangles, design.vertices.rows()) {}
 
-double Refinement::tolerance() const { return inner * options_.resolution; }
+double Refinement::tolerance() const { return probed_fraction_of_bound * options_.resolution; }
 
 double Refinement::length(const std::array<int, 2>& ends) const {
   return (knot(ends[0]).point - knot(ends[1]).point).norm();
@@ -140,12 +141,12 @@ double Refinement::length(const std::array<int, 2>& ends) const {
 
 Span Refinement::span(int edge) const {
   const auto [a, b] = mesh_.ends(edge);
-  return span_of(on_surface_, knot(a), knot(b));
+  return edge_span(on_surface_, knot(a), knot(b));
 }
 
 bool Refinement::is_open(int edge) const {
   const auto [a, b] = mesh_.ends(edge);
-  return knot(a).cut && knot(b).cut && length({a, b}) > 2.0 * options_.floor;
+  return knot(a).is_cut && knot(b).is_cut && length({a, b}) > 2.0 * options_.floor;
 }
 
 /// Returns a number -0.5 .. 0.5 that depends on the edge alone, so that no feed is commensurable
@@ -156,370 +157,380 @@ double Refinement::jitter(int edge) const {
 }
 
 /// Returns the fraction at which an edge is probed and split: at the corner between two blocks of
-/// the program, otherwise so that the pieces it is expected to need have equal lengths.
-double Refinement::share_of(int edge) const {
-  constexpr int max_pieces = 7;
-  // tangents of a smooth pass meet near the middle; farther from it the edge has a corner
-  constexpr double even = 0.1;
+/// the program, otherwise such that the expected number of segments has equal lengths.
+double Refinement::probe_fraction(int edge) const {
+  constexpr int max_segments = 7;
+  // The tangents of a smooth pass meet near the middle; farther from it the edge has a corner.
+  constexpr double middle_range = 0.1;
   const Span span = this->span(edge);
-  const double off = 0.2 * jitter(edge);
-  if (!span.one_pass || !(span.bend() > tolerance())) return 0.5 + off;
-  const double meet = span.tangents_meet();
-  if (std::abs(meet - 0.5) > even && meet > 0.1 && meet < 0.9) return meet;
-  // the error of linear interpolation is proportional to the square of the length
-  const int pieces =
-      int(std::min<double>(max_pieces, std::ceil(std::sqrt(span.bend() / tolerance()))));
-  const int before = off > 0.0 ? (pieces + 1) / 2 : pieces / 2;
-  return double(before) / pieces + 0.2 * off;
+  const double displacement = 0.2 * jitter(edge);
+  if (!span.has_one_pass || !(span.middle_deviation() > tolerance())) return 0.5 + displacement;
+  const double crossing = span.tangent_crossing();
+  if (std::abs(crossing - 0.5) > middle_range && crossing > 0.1 && crossing < 0.9) return crossing;
+  // The error of linear interpolation is proportional to the square of the length.
+  const int segments = int(
+      std::min<double>(max_segments, std::ceil(std::sqrt(span.middle_deviation() / tolerance()))));
+  const int segments_before = displacement > 0.0 ? (segments + 1) / 2 : segments / 2;
+  return double(segments_before) / segments + 0.2 * displacement;
 }
 
-std::vector<Knot> Refinement::sounded(const std::vector<Contact>& places,
-                                      std::vector<std::uint8_t> judged) {
-  Design at = design_from_points(places);
-  at.judged = std::move(judged);
-  probed_ += at.vertices.rows();
-  const SurfaceProbe found = sound_(at);
-  std::vector<Knot> knots(places.size());
-  tbb::parallel_for(std::size_t(0), places.size(), [&](std::size_t i) {
+std::vector<Knot> Refinement::probe_points(const std::vector<Contact>& surface_points,
+                                           std::vector<std::uint8_t> judged) {
+  Design design = design_from_points(surface_points);
+  design.judged = std::move(judged);
+  probed_ += design.vertices.rows();
+  const SurfaceProbe result = prober_(design);
+  std::vector<Knot> knots(surface_points.size());
+  tbb::parallel_for(std::size_t(0), surface_points.size(), [&](std::size_t i) {
     const auto v = Index(i);
-    const VertexStatus status = found.surface.status[i];
-    knots[i] = {places[i].point,
-                places[i].normal,
-                found.contacts.gradient.row(v),
-                found.surface.residual[v],
-                found.contacts.travel[v],
-                status == VertexStatus::Cut,
-                found.surface.cut_time_s[v],
-                found.surface.cut_line[i],
-                status,
-                places[i].face};
+    const VertexStatus status = result.surface.status[i];
+    knots[i] = {
+        surface_points[i].point,      surface_points[i].normal,   result.contacts.gradient.row(v),
+        result.surface.residual[v],   result.contacts.travel[v],  status == VertexStatus::Cut,
+        result.surface.cut_time_s[v], result.surface.cut_line[i], status,
+        surface_points[i].face};
   });
   return knots;
 }
 
-/// Probes the edges, each at the fraction `u` stated for it.
-void Refinement::probe(const std::vector<int>& edges, const std::vector<ProbePlace>& at,
+/// Probes edges at the given positions.
+void Refinement::probe(const std::vector<int>& edges, const std::vector<ProbePosition>& positions,
                        std::vector<EdgeProbe>& probes) {
-  std::vector<Contact> places(at.size());
-  tbb::parallel_for(std::size_t(0), at.size(), [&](std::size_t k) {
-    const auto [a, b] = mesh_.ends(edges[at[k].edge]);
-    places[k] = between(on_surface_, knot(a), knot(b), at[k].u);
+  std::vector<Contact> contacts(positions.size());
+  tbb::parallel_for(std::size_t(0), positions.size(), [&](std::size_t k) {
+    const auto [a, b] = mesh_.ends(edges[positions[k].edge]);
+    contacts[k] = between(on_surface_, knot(a), knot(b), positions[k].u);
   });
-  std::vector<Knot> found = sounded(places);
-  for (std::size_t k = 0; k < at.size(); ++k) {
-    const auto [a, b] = mesh_.ends(edges[at[k].edge]);
-    const double u = at[k].u;
-    const double error = found[k].cut ? std::abs(found[k].residual - on_line(knot(a), knot(b), u))
-                                      : std::numeric_limits<double>::infinity();
-    EdgeProbe& known = probes[at[k].edge];
-    const bool crest = at[k].is_crest && found[k].cut && error > tolerance();
-    if (crest || known.u == 0.0 || error > known.error)
-      known = {u, std::move(found[k]), std::max(error, known.error)};
+  std::vector<Knot> results = probe_points(contacts);
+  for (std::size_t k = 0; k < positions.size(); ++k) {
+    const auto [a, b] = mesh_.ends(edges[positions[k].edge]);
+    const double u = positions[k].u;
+    const double error =
+        results[k].is_cut
+            ? std::abs(results[k].residual - interpolate_linearly(knot(a), knot(b), u))
+            : std::numeric_limits<double>::infinity();
+    EdgeProbe& probe_result = probes[positions[k].edge];
+    const bool is_better_crest = positions[k].is_crest && results[k].is_cut && error > tolerance();
+    if (is_better_crest || probe_result.u == 0.0 || error > probe_result.error)
+      probe_result = {u, std::move(results[k]), std::max(error, probe_result.error)};
   }
 }
 
-/// Returns true if another pass begins between two points and matters at this tolerance.
+/// Returns true if another pass begins between two points and is relevant at the tolerance.
 bool Refinement::crosses_passes(const Knot& a, const Knot& b) const {
-  const Span span = span_of(on_surface_, a, b);
-  return !span.one_pass && span.most() > 0.5 * tolerance();
+  const Span span = edge_span(on_surface_, a, b);
+  return !span.has_one_pass && span.max_deviation() > 0.5 * tolerance();
 }
 
-/// Returns true if the slopes at the ends of an edge indicate more than the few points at which it
-/// was probed.
+/// Returns true if the slopes at the ends of an edge indicate a larger error than the few points at
+/// which it was probed.
 bool Refinement::is_doubtful(int edge, double level) const {
   const Span span = this->span(edge);
-  return span.most() > (span.one_pass ? level : 0.5 * tolerance());
+  return span.max_deviation() > (span.has_one_pass ? level : 0.5 * tolerance());
 }
 
-/// Returns the errors of the edges: probed near their middle; where that shows no error, but the
-/// slopes at the ends or the passes leave a doubt, near their quarters; and where two passes cross.
-std::vector<EdgeProbe> Refinement::probed(const std::vector<int>& open) {
-  std::vector<EdgeProbe> all(open.size());
-  std::vector<ProbePlace> middles, quarters, crests;
-  for (std::size_t i = 0; i < open.size(); ++i) middles.push_back({i, share_of(open[i])});
-  probe(open, middles, all);
-  std::vector<std::optional<double>> crest(open.size());
-  std::vector<char> doubtful(open.size(), 0), many(open.size(), 0);
-  tbb::parallel_for(std::size_t(0), open.size(), [&](std::size_t i) {
-    const auto [a, b] = mesh_.ends(open[i]);
-    const Span span = this->span(open[i]);
-    if (!span.one_pass) crest[i] = crest_of(on_surface_, knot(a), knot(b), all[i]);
-    many[i] = !span.one_pass && all[i].knot.cut && crosses_passes(knot(a), all[i].knot) &&
-              crosses_passes(all[i].knot, knot(b));
-    doubtful[i] = all[i].error <= tolerance() && !crest[i] &&
-                  (!span.one_pass || !(span.most() < tolerance()));
+/// Returns the errors of the edges. They are probed near their middle; near their quarters, if the
+/// middle shows no error but the slopes at the ends or the passes leave a doubt; and where two
+/// passes cross.
+std::vector<EdgeProbe> Refinement::probe_edges(const std::vector<int>& edges) {
+  std::vector<EdgeProbe> probes(edges.size());
+  std::vector<ProbePosition> middles, quarters, crests;
+  for (std::size_t i = 0; i < edges.size(); ++i) middles.push_back({i, probe_fraction(edges[i])});
+  probe(edges, middles, probes);
+  std::vector<std::optional<double>> crests_of_edges(edges.size());
+  std::vector<char> is_doubtful_edge(edges.size(), 0), has_many_passes(edges.size(), 0);
+  tbb::parallel_for(std::size_t(0), edges.size(), [&](std::size_t i) {
+    const auto [a, b] = mesh_.ends(edges[i]);
+    const Span span = this->span(edges[i]);
+    if (!span.has_one_pass)
+      crests_of_edges[i] = crest_fraction(on_surface_, knot(a), knot(b), probes[i]);
+    has_many_passes[i] = !span.has_one_pass && probes[i].knot.is_cut &&
+                         crosses_passes(knot(a), probes[i].knot) &&
+                         crosses_passes(probes[i].knot, knot(b));
+    is_doubtful_edge[i] = probes[i].error <= tolerance() && !crests_of_edges[i] &&
+                          (!span.has_one_pass || !(span.max_deviation() < tolerance()));
   });
-  for (std::size_t i = 0; i < open.size(); ++i) {
-    if (crest[i]) crests.push_back({i, *crest[i], true});
-    if (doubtful[i])
-      for (const double u : {0.26, 0.74}) quarters.push_back({i, u + 0.1 * jitter(open[i])});
+  for (std::size_t i = 0; i < edges.size(); ++i) {
+    if (crests_of_edges[i]) crests.push_back({i, *crests_of_edges[i], true});
+    if (is_doubtful_edge[i])
+      for (const double u : {0.26, 0.74}) quarters.push_back({i, u + 0.1 * jitter(edges[i])});
   }
-  probe(open, quarters, all);
-  probe(open, crests, all);
-  // Over several passes a few points show that there is texture but not how large it is.
-  for (std::size_t i = 0; i < open.size(); ++i)
-    if (many[i]) all[i].error = std::numeric_limits<double>::infinity();
-  return all;
+  probe(edges, quarters, probes);
+  probe(edges, crests, probes);
+  // Across several passes a few points show that there is texture but not its height.
+  for (std::size_t i = 0; i < edges.size(); ++i)
+    if (has_many_passes[i]) probes[i].error = std::numeric_limits<double>::infinity();
+  return probes;
 }
 
-/// Adds the edges whose error exceeds the tolerance to those that wait.
-void Refinement::defer(const std::vector<int>& edges, std::vector<EdgeProbe> probes) {
+/// Adds the edges whose error exceeds the tolerance to the pending ones.
+void Refinement::add_pending(const std::vector<int>& edges, std::vector<EdgeProbe> probes) {
   for (std::size_t i = 0; i < edges.size(); ++i)
     if (probes[i].error > tolerance())
-      waiting_.push_back({edges[i], mesh_.ends(edges[i]), std::move(probes[i]), {-1, -1}});
+      pending_.push_back({edges[i], mesh_.ends(edges[i]), std::move(probes[i]), {-1, -1}});
 }
 
-/// Returns the edges that must be probed: open ones, except those whose end slopes leave no doubt,
-/// unless all are requested.
-std::vector<int> Refinement::doubtful(const std::vector<int>& edges, bool all) const {
-  std::vector<char> is_asked(edges.size());
+/// Returns the edges that must be probed: all open ones or, unless `include_all`, only those whose
+/// slopes at the ends leave a doubt.
+std::vector<int> Refinement::edges_to_probe(const std::vector<int>& edges, bool include_all) const {
+  std::vector<char> is_selected(edges.size());
   tbb::parallel_for(std::size_t(0), edges.size(), [&](std::size_t i) {
-    is_asked[i] = is_open(edges[i]) && (all || !is_surely_met(edges[i]));
+    is_selected[i] = is_open(edges[i]) && (include_all || !is_surely_accurate(edges[i]));
   });
-  std::vector<int> asked;
+  std::vector<int> result;
   for (std::size_t i = 0; i < edges.size(); ++i)
-    if (is_asked[i]) asked.push_back(edges[i]);
-  return asked;
+    if (is_selected[i]) result.push_back(edges[i]);
+  return result;
 }
 
-bool Refinement::is_surely_met(int edge) const {
+bool Refinement::is_surely_accurate(int edge) const {
   const Span span = this->span(edge);
-  return span.one_pass && span.most() < 0.5 * tolerance();
+  return span.has_one_pass && span.max_deviation() < 0.5 * tolerance();
 }
 
-/// Makes edges wait whatever their error.
-void Refinement::demand_split(std::vector<int> edges) {
+/// Adds edges to the pending ones regardless of their error.
+void Refinement::require_split(std::vector<int> edges) {
   edges = sorted_unique(std::move(edges));
-  std::vector<EdgeProbe> probes = probed(edges);
+  std::vector<EdgeProbe> probes = probe_edges(edges);
   for (std::size_t i = 0; i < edges.size(); ++i) {
     probes[i].error = std::numeric_limits<double>::infinity();
-    // Marked as tried, since a flipped edge would be requested again.
-    waiting_.push_back({edges[i], mesh_.ends(edges[i]), std::move(probes[i]), across(edges[i])});
+    // Marked as already tried, because a flipped edge would be required again.
+    pending_.push_back({edges[i], mesh_.ends(edges[i]), std::move(probes[i]), across(edges[i])});
   }
 }
 
 Design Refinement::design() const {
-  std::vector<Contact> places;
-  for (const Knot& one : knots_) places.push_back(one.place());
-  std::vector<std::uint8_t> judged = given_.judged;
-  judged.resize(places.size(), 1);  // added between judged vertices
-  return resampled_design(given_, places, mesh_.triangles(), std::move(judged));
+  std::vector<Contact> contacts;
+  for (const Knot& knot : knots_) contacts.push_back(knot.contact());
+  std::vector<std::uint8_t> judged = source_.judged;
+  judged.resize(contacts.size(), 1);  // vertices are added only between judged vertices
+  return resampled_design(source_, contacts, mesh_.triangles(), std::move(judged));
 }
 
 Surface Refinement::surface() const {
-  const auto n = Index(knots_.size());
-  Surface surface{Eigen::VectorXd(n), Eigen::VectorXd(n), {}, {}};
-  for (Index i = 0; i < n; ++i) {
-    const Knot& one = knots_[std::size_t(i)];
-    surface.residual[i] = one.residual;
-    surface.cut_time_s[i] = one.cut_time_s;
-    surface.cut_line.push_back(one.cut_line);
-    surface.status.push_back(one.status);
+  const auto count = Index(knots_.size());
+  Surface surface{Eigen::VectorXd(count), Eigen::VectorXd(count), {}, {}};
+  for (Index i = 0; i < count; ++i) {
+    const Knot& knot = knots_[std::size_t(i)];
+    surface.residual[i] = knot.residual;
+    surface.cut_time_s[i] = knot.cut_time_s;
+    surface.cut_line.push_back(knot.cut_line);
+    surface.status.push_back(knot.status);
   }
   return surface;
 }
 
 /// Returns the error level to which all edges are reduced next: half of the last level or of the
-/// largest error that waits.
-double Refinement::lower(double level) const {
-  double most = 0.0;
-  for (const Waiting& one : waiting_)
-    if (std::isfinite(one.probe.error)) most = std::max(most, one.probe.error);
-  return std::max(tolerance(), 0.5 * std::min(level, most));
+/// largest pending error.
+double Refinement::next_level(double level) const {
+  double max_error = 0.0;
+  for (const PendingEdge& pending : pending_)
+    if (std::isfinite(pending.probe.error)) max_error = std::max(max_error, pending.probe.error);
+  return std::max(tolerance(), 0.5 * std::min(level, max_error));
 }
 
 RefinementResult Refinement::run() {
-  knots_ = sounded(places_of(given_), given_.judged);
-  std::vector<int> open(std::size_t(mesh_.edges()));
-  std::iota(open.begin(), open.end(), 0);
-  const Index most = std::max(options_.points, given_.vertices.rows());
+  knots_ = probe_points(places_of(source_), source_.judged);
+  std::vector<int> open_edges(std::size_t(mesh_.edges()));
+  std::iota(open_edges.begin(), open_edges.end(), 0);
+  const Index max_vertices = std::max(options_.points, source_.vertices.rows());
   double level = std::numeric_limits<double>::max();
-  int rounds_left = last_rounds, turn = 0;
-  double missed = 1.0;  // fraction of the faces when all of them were last probed
-  bool first = true;    // the given edges may be longer than slopes can describe
+  int rounds_left = max_final_rounds, face_pass = 0;
+  double missed_fraction = 1.0;  // of the faces when all of them were last probed
+  bool is_first = true;          // the original edges may be too long to judge by their slopes
   while (true) {
-    open = doubtful(open, std::exchange(first, false));
-    defer(open, probed(open));
-    if (rounds_left == 0 || Index(knots_.size()) >= most) break;
+    open_edges = edges_to_probe(open_edges, std::exchange(is_first, false));
+    add_pending(open_edges, probe_edges(open_edges));
+    if (rounds_left == 0 || Index(knots_.size()) >= max_vertices) break;
     if (options_.can_flip_edges) flip_edges(level);
-    std::vector<int> made = split(level, most);
-    const bool few = few_share * made.size() <= knots_.size();
+    std::vector<int> new_edges = split_edges(level, max_vertices);
+    const bool is_small_round = round_divisor * new_edges.size() <= knots_.size();
     if (level > tolerance()) {
-      if (few) level = lower(level);
+      if (is_small_round) level = next_level(level);
     } else {
       --rounds_left;
-      if (few) {
-        const bool of_all = all_changed_;
-        const SplitFaces faces = split_faces(most, turn);
-        made.insert(made.end(), faces.made.begin(), faces.made.end());
-        if (of_all) missed = faces.missed;
+      if (is_small_round) {
+        const bool includes_all = are_all_changed_;
+        const FaceSplits faces = split_faces(max_vertices, face_pass);
+        new_edges.insert(new_edges.end(), faces.new_edges.begin(), faces.new_edges.end());
+        if (includes_all) missed_fraction = faces.missed_fraction;
       }
-      if (waiting_.empty() && hardly_share * made.size() <= knots_.size()) {
-        if (++turn == turns || (turn > 1 && missed < hardly_missed)) break;
-        all_changed_ = true;
+      if (pending_.empty() && pass_divisor * new_edges.size() <= knots_.size()) {
+        if (++face_pass == max_face_passes ||
+            (face_pass > 1 && missed_fraction < min_missed_fraction))
+          break;
+        are_all_changed_ = true;
       }
     }
-    open = sorted_unique(std::move(made));
-    if (options_.progress) options_.progress(std::min(1.0, double(knots_.size()) / double(most)));
+    open_edges = sorted_unique(std::move(new_edges));
+    if (options_.progress)
+      options_.progress(std::min(1.0, double(knots_.size()) / double(max_vertices)));
   }
   double reached = options_.resolution;
-  Index left = 0;
-  for (const Waiting& one : waiting_) {
-    reached = std::max(reached, one.probe.error);
-    if (one.probe.error > options_.resolution) ++left;
+  Index unmet_edges = 0;
+  for (const PendingEdge& pending : pending_) {
+    reached = std::max(reached, pending.probe.error);
+    if (pending.probe.error > options_.resolution) ++unmet_edges;
   }
-  return {design(), surface(), reached, probed_, left};
+  return {design(), surface(), reached, probed_, unmet_edges};
 }
 
 double default_resolution(double pv) {
-  constexpr double share = 0.1, least = 5e-5;
-  return std::max(least, share * pv);
+  constexpr double fraction = 0.1, min_resolution = 5e-5;
+  return std::max(min_resolution, fraction * pv);
 }
 
 RefinementResult refined(const Design& design, const SurfaceInterpolator& on_surface,
-                         const SurfaceProber& sound, const RefineOptions& options) {
+                         const SurfaceProber& prober, const RefineOptions& options) {
   require(std::isfinite(options.resolution) && options.resolution > 0 && options.floor > 0,
           "refined: resolution and floor must be positive");
   require(design.normals.rows() == design.vertices.rows(), "refined: one normal a vertex");
-  return Refinement(design, on_surface, sound, options).run();
+  return Refinement(design, on_surface, prober, options).run();
 }
 
 namespace {
 
-// fractions of an edge at which the flipped edge is probed
-constexpr std::array<double, 2> turned_at = {0.31, 0.67};
-constexpr double much_longer = 1.5;  // than an edge to be split, which then waits
-constexpr double beside = 0.05;      // of the length of an edge: points nearer to it test the edge
-// of the bound, permitted deviation of a parabola from its triangle
-constexpr double followed = 0.8;
-// deviation at the middle of a parabola with three equal bends, for each of them
+// Fractions of an edge at which the flipped edge is probed.
+constexpr std::array<double, 2> flip_probe_fractions = {0.31, 0.67};
+// Ratio to the length of an edge to be split from which a doubtful longer edge is split first.
+constexpr double min_length_ratio = 1.5;
+constexpr double near_edge_fraction = 0.05;  // of its length; nearer points also test an edge
+// Permitted deviation of a parabola from its triangle, as a fraction of the bound.
+constexpr double max_parabola_fraction = 0.8;
+// Deviation at the middle of a triangle under a parabola, per deviation at the middle of each edge.
 constexpr double middle_of_three = 4.0 / 9.0;
-constexpr double thinnest = 0.05;  // smallest height by length of a triangle that a flip may make
+constexpr double min_thickness = 0.05;  // height by length of a triangle after a flip
 
-/// Returns the weights of the point at which a face is probed in a turn: near the middle, then
-/// towards each side.
-std::array<double, 3> place_in(const std::array<int, 3>& corners, int turn) {
+/// Returns the weights of the point at which a face is probed in a pass: near the middle in the
+/// first, then towards each side.
+std::array<double, 3> probe_weights(const std::array<int, 3>& corners, int face_pass) {
   const std::uint64_t bits = split_mix::mixed(std::uint64_t(corners[0]) << 32 | corners[1]);
   const double first = split_mix::unit(bits), second = split_mix::unit(split_mix::mixed(bits));
-  if (turn == 0) {
+  if (face_pass == 0) {
     const double a = 0.3 + 0.1 * first, b = 0.3 + 0.1 * second;
     return {a, b, 1.0 - a - b};
   }
   std::array<double, 3> weights{};
-  const double off = 0.02 + 0.16 * first, along = (1.0 - off) * (0.2 + 0.6 * second);
-  weights[std::size_t(turn) % 3] = off;
-  weights[std::size_t(turn + 1) % 3] = along;
-  weights[std::size_t(turn + 2) % 3] = 1.0 - off - along;
+  const double first_weight = 0.02 + 0.16 * first,
+               second_weight = (1.0 - first_weight) * (0.2 + 0.6 * second);
+  weights[std::size_t(face_pass) % 3] = first_weight;
+  weights[std::size_t(face_pass + 1) % 3] = second_weight;
+  weights[std::size_t(face_pass + 2) % 3] = 1.0 - first_weight - second_weight;
   return weights;
 }
 
 }  // namespace
 
-/// Returns the longer edges of the triangles at a waiting edge whose error also exceeds the level.
-std::vector<int> Refinement::edges_split_first(const Waiting& one, double level) const {
-  std::vector<int> found;
-  const double own = length(one.ends);
-  for (const int edge : mesh_.sides(one.edge)) {
-    const double long_by = length(mesh_.ends(edge)) / own;
-    if (!is_open(edge) || !(long_by > 1.0)) continue;
-    if (is_missed_beside(edge, one.probe.knot, level) ||
-        (long_by > much_longer && is_doubtful(edge, level)))
-      found.push_back(edge);
+/// Returns the longer edges of the triangles at a pending edge whose error also exceeds the level.
+std::vector<int> Refinement::longer_edges(const PendingEdge& pending, double level) const {
+  std::vector<int> result;
+  const double own_length = length(pending.ends);
+  for (const int edge : mesh_.adjacent_edges(pending.edge)) {
+    const double length_ratio = length(mesh_.ends(edge)) / own_length;
+    if (!is_open(edge) || !(length_ratio > 1.0)) continue;
+    if (is_exceeded_near(edge, pending.probe.knot, level) ||
+        (length_ratio > min_length_ratio && is_doubtful(edge, level)))
+      result.push_back(edge);
   }
-  return found;
+  return result;
 }
 
-/// Returns the waiting edges whose error exceeds a level, each with the longer edges of its
-/// triangles: a long edge left whole would get ever thinner triangles at its sides. A longer edge
-/// that seemed accurate, but crosses passes, waits from now on, and the shorter one with it.
-std::vector<char> Refinement::ready(double level) {
-  std::vector<std::vector<int>> first(waiting_.size());
-  tbb::parallel_for(std::size_t(0), waiting_.size(), [&](std::size_t i) {
-    if (waiting_[i].probe.error > level) first[i] = edges_split_first(waiting_[i], level);
+/// Returns for each pending edge if it can be split: its error exceeds the level, or it is a longer
+/// edge in a triangle of such an edge, because the triangles at an unsplit long edge would become
+/// thinner and thinner. A longer edge that seemed accurate but crosses passes is added to the
+/// pending ones, and the shorter one is split later.
+std::vector<char> Refinement::ready_edges(double level) {
+  std::vector<std::vector<int>> edges_before(pending_.size());
+  tbb::parallel_for(std::size_t(0), pending_.size(), [&](std::size_t i) {
+    if (pending_[i].probe.error > level) edges_before[i] = longer_edges(pending_[i], level);
   });
-  place_.resize(mesh_.edges(), -1);
-  std::vector<int> open;
-  std::vector<char> is_ready(waiting_.size(), 0);
-  std::vector<int> longer;
-  for (int i = 0; i < int(waiting_.size()); ++i) {
-    place_[std::size_t(waiting_[std::size_t(i)].edge)] = i;
-    if (!(waiting_[std::size_t(i)].probe.error > level)) continue;
+  pending_index_.resize(mesh_.edges(), -1);
+  std::vector<int> stack;
+  std::vector<char> is_ready(pending_.size(), 0);
+  std::vector<int> required_edges;
+  for (int i = 0; i < int(pending_.size()); ++i) {
+    pending_index_[std::size_t(pending_[std::size_t(i)].edge)] = i;
+    if (!(pending_[std::size_t(i)].probe.error > level)) continue;
     is_ready[std::size_t(i)] = 1;
-    open.push_back(i);
+    stack.push_back(i);
   }
-  while (!open.empty()) {
-    const int i = open.back();
-    open.pop_back();
-    for (const int edge : first[std::size_t(i)]) {
-      const int k = place_[std::size_t(edge)];
+  while (!stack.empty()) {
+    const int i = stack.back();
+    stack.pop_back();
+    for (const int edge : edges_before[std::size_t(i)]) {
+      const int k = pending_index_[std::size_t(edge)];
       if (k >= 0 && is_ready[std::size_t(k)]) continue;
       if (k >= 0) {
         is_ready[std::size_t(k)] = 1;
-        first[std::size_t(k)] = edges_split_first(waiting_[std::size_t(k)], level);
-        open.push_back(k);
+        edges_before[std::size_t(k)] = longer_edges(pending_[std::size_t(k)], level);
+        stack.push_back(k);
       } else {
-        longer.push_back(edge);
+        required_edges.push_back(edge);
         is_ready[std::size_t(i)] = 0;
       }
     }
   }
-  for (const Waiting& one : waiting_) place_[std::size_t(one.edge)] = -1;
-  demand_split(std::move(longer));
-  is_ready.resize(waiting_.size(), 1);
+  for (const PendingEdge& pending : pending_) pending_index_[std::size_t(pending.edge)] = -1;
+  require_split(std::move(required_edges));
+  is_ready.resize(pending_.size(), 1);
   return is_ready;
 }
 
-/// Splits the edges that are ready, as many as permitted, the longest first. @return the new edges
-std::vector<int> Refinement::split(double level, Index most) {
-  // An edge that was flipped since has other ends, and is probed again.
-  std::erase_if(waiting_, [&](const Waiting& one) { return one.ends != mesh_.ends(one.edge); });
-  const std::vector<char> is_ready = ready(level);
-  struct Next {
-    double length;
-    std::size_t waiting;
-  };
-  std::vector<Next> order;
-  for (std::size_t i = 0; i < waiting_.size(); ++i)
-    if (is_ready[i]) order.push_back({length(waiting_[i].ends), i});
-  tbb::parallel_sort(order.begin(), order.end(), [](const Next& a, const Next& b) {
-    return a.length != b.length ? a.length > b.length : a.waiting < b.waiting;
+/// Splits the edges that are ready, the longest first, up to a number of vertices.
+/// @return the new edges
+std::vector<int> Refinement::split_edges(double level, Index max_vertices) {
+  // An edge that was flipped in the meantime has other ends and is probed again.
+  std::erase_if(pending_, [&](const PendingEdge& pending) {
+    return pending.ends != mesh_.ends(pending.edge);
   });
-  const Index room = std::max<Index>(0, most - Index(knots_.size()));
-  if (Index(order.size()) > room) order.resize(std::size_t(room));
-  std::vector<int> made;
-  // One edge of a triangle at a time: the others may be flipped instead and then need no split.
-  std::vector<char> taken(options_.can_flip_edges ? mesh_.faces() : 0, 0);
-  const auto takes = [&](int edge) {
-    if (taken.empty()) return true;
+  const std::vector<char> is_ready = ready_edges(level);
+  struct Candidate {
+    double length;
+    std::size_t pending_index;
+  };
+  std::vector<Candidate> order;
+  for (std::size_t i = 0; i < pending_.size(); ++i)
+    if (is_ready[i]) order.push_back({length(pending_[i].ends), i});
+  tbb::parallel_sort(order.begin(), order.end(), [](const Candidate& a, const Candidate& b) {
+    return a.length != b.length ? a.length > b.length : a.pending_index < b.pending_index;
+  });
+  const Index remaining_vertices = std::max<Index>(0, max_vertices - Index(knots_.size()));
+  if (Index(order.size()) > remaining_vertices) order.resize(std::size_t(remaining_vertices));
+  std::vector<int> new_edges;
+  // Only one edge of a triangle per round, because the others may be flipped instead of split.
+  std::vector<char> is_used(options_.can_flip_edges ? mesh_.faces() : 0, 0);
+  const auto use_faces = [&](int edge) {
+    if (is_used.empty()) return true;
     const std::array<int, 2> faces = mesh_.faces_at(edge);
     for (const int face : faces)
-      if (face >= 0 && face < int(taken.size()) && taken[std::size_t(face)]) return false;
+      if (face >= 0 && face < int(is_used.size()) && is_used[std::size_t(face)]) return false;
     for (const int face : faces)
-      if (face >= 0 && face < int(taken.size())) taken[std::size_t(face)] = 1;
+      if (face >= 0 && face < int(is_used.size())) is_used[std::size_t(face)] = 1;
     return true;
   };
   for (const auto& [length, i] : order) {
-    if (waiting_[i].ends != mesh_.ends(waiting_[i].edge)) continue;  // it waited twice
-    if (!takes(waiting_[i].edge)) continue;
-    knots_.push_back(std::move(waiting_[i].probe.knot));
-    const std::vector<int> around = mesh_.split_edge(waiting_[i].edge);
-    note_change(around);
-    made.insert(made.end(), around.begin(), around.end());
-    waiting_[i].ends = {-1, -1};
+    if (pending_[i].ends != mesh_.ends(pending_[i].edge)) continue;  // it was pending twice
+    if (!use_faces(pending_[i].edge)) continue;
+    knots_.push_back(std::move(pending_[i].probe.knot));
+    const std::vector<int> edges_at_vertex = mesh_.split_edge(pending_[i].edge);
+    mark_changed(edges_at_vertex);
+    new_edges.insert(new_edges.end(), edges_at_vertex.begin(), edges_at_vertex.end());
+    pending_[i].ends = {-1, -1};
   }
-  std::erase_if(waiting_, [](const Waiting& one) { return one.ends[0] < 0; });
-  return made;
+  std::erase_if(pending_, [](const PendingEdge& pending) { return pending.ends[0] < 0; });
+  return new_edges;
 }
 
-/// Returns true if a point close to an edge shows that its error exceeds a level, although the
-/// points at which it was probed did not.
-bool Refinement::is_missed_beside(int edge, const Knot& place, double level) const {
-  if (!place.cut) return false;
+/// Returns true if the residual at a point near an edge shows that the error of the edge exceeds a
+/// level, although the points at which the edge was probed do not.
+bool Refinement::is_exceeded_near(int edge, const Knot& sample, double level) const {
+  if (!sample.is_cut) return false;
   const auto [a, b] = mesh_.ends(edge);
-  const Vector3d along = knot(b).point - knot(a).point, from = place.point - knot(a).point;
-  const double u = along.dot(from) / along.squaredNorm();
-  if ((from - u * along).norm() > beside * along.norm()) return false;
-  return u > 0.0 && u < 1.0 && std::abs(place.residual - on_line(knot(a), knot(b), u)) > level;
+  const Vector3d direction = knot(b).point - knot(a).point, offset = sample.point - knot(a).point;
+  const double u = direction.dot(offset) / direction.squaredNorm();
+  if ((offset - u * direction).norm() > near_edge_fraction * direction.norm()) return false;
+  return u > 0.0 && u < 1.0 &&
+         std::abs(sample.residual - interpolate_linearly(knot(a), knot(b), u)) > level;
 }
 
 /// Returns the corners of the two triangles at an edge that are not its ends; -1 at a rim.
@@ -533,66 +544,71 @@ bool Refinement::can_flip(int edge) const {
   if (!mesh_.can_flip(edge)) return false;
   const auto [a, b, c, d] = mesh_.quad(edge);
   for (const int v : {a, b, c, d})
-    if (!knot(v).cut) return false;
+    if (!knot(v).is_cut) return false;
   const Vector3d normal = (knot(a).normal + knot(b).normal + knot(c).normal + knot(d).normal);
-  const auto thickness = [&](int p, int q, int r) {  // signed height divided by the longest side
+  // Signed height of a triangle divided by its longest side.
+  const auto thickness = [&](int p, int q, int r) {
     const Vector3d pq = knot(q).point - knot(p).point, pr = knot(r).point - knot(p).point;
     return pq.cross(pr).dot(normal.normalized()) /
            std::max({pq.squaredNorm(), pr.squaredNorm(), (pq - pr).squaredNorm()});
   };
-  return thickness(c, d, b) > thinnest && thickness(d, c, a) > thinnest;
+  return thickness(c, d, b) > min_thickness && thickness(d, c, a) > min_thickness;
 }
 
-/// Returns the error of the other diagonal of a waiting edge at two points; nothing if it is longer
-/// and leaves its pass, because two points are then too few.
-std::optional<EdgeProbe> Refinement::across_probe(const Waiting& one, std::span<Knot> found) const {
-  const Knot &c = knot(one.across[0]), &d = knot(one.across[1]);
-  const double length = this->length(one.across);
-  bool one_pass = true;
+/// Returns the error of the other diagonal of a pending edge at two points; empty if the diagonal
+/// is longer and leaves its pass, because then two points do not suffice.
+std::optional<EdgeProbe> Refinement::flipped_probe(const PendingEdge& pending,
+                                                   std::span<Knot> results) const {
+  const Knot &c = knot(pending.across[0]), &d = knot(pending.across[1]);
+  const double length = this->length(pending.across);
+  bool has_one_pass = true;
   EdgeProbe worst;
-  for (std::size_t k = 0; k < turned_at.size(); ++k) {
-    const double u = turned_at[k];
-    if (!found[k].cut) return std::nullopt;
-    for (const Knot* end : {&c, &d}) one_pass = one_pass && is_one_pass(*end, found[k], length);
-    const double error = std::abs(found[k].residual - on_line(c, d, u));
-    if (worst.u == 0.0 || error > worst.error) worst = {u, found[k], error};
+  for (std::size_t k = 0; k < flip_probe_fractions.size(); ++k) {
+    const double u = flip_probe_fractions[k];
+    if (!results[k].is_cut) return std::nullopt;
+    for (const Knot* end : {&c, &d})
+      has_one_pass = has_one_pass && is_one_pass(*end, results[k], length);
+    const double error = std::abs(results[k].residual - interpolate_linearly(c, d, u));
+    if (worst.u == 0.0 || error > worst.error) worst = {u, results[k], error};
   }
-  if (!one_pass && !(length < this->length(one.ends))) return std::nullopt;
+  if (!has_one_pass && !(length < this->length(pending.ends))) return std::nullopt;
   return worst;
 }
 
-/// Flips waiting edges whose error exceeds a level if the other diagonal has less than half of it,
-/// so that triangles extend along the feed. The error halves with each flip, so the flips end.
+/// Flips pending edges whose error exceeds a level if the error of the other diagonal is less than
+/// half of it, so that triangles extend along the feed. Each flip halves the error, so the flips
+/// end.
 void Refinement::flip_edges(double level) {
-  std::vector<std::size_t> tried;
-  std::vector<Contact> places;
-  for (std::size_t i = 0; i < waiting_.size(); ++i) {
-    Waiting& one = waiting_[i];
-    if (!(one.probe.error > level) || one.ends != mesh_.ends(one.edge)) continue;
-    const std::array<int, 2> corners = across(one.edge);
-    if (corners == one.across) continue;
-    one.across = corners;
-    if (!can_flip(one.edge)) continue;
-    tried.push_back(i);
-    for (const double u : turned_at)
-      places.push_back(between(on_surface_, knot(corners[0]), knot(corners[1]), u));
+  std::vector<std::size_t> candidates;
+  std::vector<Contact> contacts;
+  for (std::size_t i = 0; i < pending_.size(); ++i) {
+    PendingEdge& pending = pending_[i];
+    if (!(pending.probe.error > level) || pending.ends != mesh_.ends(pending.edge)) continue;
+    const std::array<int, 2> corners = across(pending.edge);
+    if (corners == pending.across) continue;
+    pending.across = corners;
+    if (!can_flip(pending.edge)) continue;
+    candidates.push_back(i);
+    for (const double u : flip_probe_fractions)
+      contacts.push_back(between(on_surface_, knot(corners[0]), knot(corners[1]), u));
   }
-  std::vector<Knot> found = sounded(places);
-  for (std::size_t k = 0; k < tried.size(); ++k) {
-    Waiting& one = waiting_[tried[k]];
-    if (across(one.edge) != one.across || !can_flip(one.edge)) continue;
-    std::optional<EdgeProbe> turned = across_probe(one, std::span(found).subspan(2 * k, 2));
-    if (!turned || !(turned->error < 0.5 * one.probe.error)) continue;
-    mesh_.turn(one.edge);
-    note_change({one.edge});
-    one = {one.edge, mesh_.ends(one.edge), std::move(*turned), across(one.edge)};
+  std::vector<Knot> results = probe_points(contacts);
+  for (std::size_t k = 0; k < candidates.size(); ++k) {
+    PendingEdge& pending = pending_[candidates[k]];
+    if (across(pending.edge) != pending.across || !can_flip(pending.edge)) continue;
+    std::optional<EdgeProbe> flipped = flipped_probe(pending, std::span(results).subspan(2 * k, 2));
+    if (!flipped || !(flipped->error < 0.5 * pending.probe.error)) continue;
+    mesh_.flip(pending.edge);
+    mark_changed({pending.edge});
+    pending = {pending.edge, mesh_.ends(pending.edge), std::move(*flipped), across(pending.edge)};
   }
-  std::erase_if(waiting_, [&](const Waiting& one) { return !(one.probe.error > tolerance()); });
+  std::erase_if(pending_,
+                [&](const PendingEdge& pending) { return !(pending.probe.error > tolerance()); });
 }
 
 /// Marks the faces at edges for probing.
-void Refinement::note_change(const std::vector<int>& edges) {
-  if (all_changed_) return;
+void Refinement::mark_changed(const std::vector<int>& edges) {
+  if (are_all_changed_) return;
   for (const int edge : edges)
     for (const int face : mesh_.faces_at(edge))
       if (face >= 0) changed_.push_back(face);
@@ -601,91 +617,92 @@ void Refinement::note_change(const std::vector<int>& edges) {
 /// Returns the faces that changed since they were probed and are large enough.
 std::vector<int> Refinement::faces_to_probe() {
   std::vector<int> changed = sorted_unique(std::exchange(changed_, {}));
-  if (std::exchange(all_changed_, false)) {
+  if (std::exchange(are_all_changed_, false)) {
     changed.resize(std::size_t(mesh_.faces()));
     std::iota(changed.begin(), changed.end(), 0);
   }
-  std::vector<char> is_asked(changed.size());
+  std::vector<char> is_selected(changed.size());
   tbb::parallel_for(std::size_t(0), changed.size(), [&](std::size_t i) {
     const std::array<int, 3> corners = mesh_.corners(changed[i]);
-    is_asked[i] = 1;
+    is_selected[i] = 1;
     for (std::size_t k = 0; k < 3; ++k)
-      if (!knot(corners[k]).cut ||
+      if (!knot(corners[k]).is_cut ||
           !(length({corners[k], corners[(k + 1) % 3]}) > 2.0 * options_.floor))
-        is_asked[i] = 0;
+        is_selected[i] = 0;
   });
   std::vector<int> faces;
   for (std::size_t i = 0; i < changed.size(); ++i)
-    if (is_asked[i]) faces.push_back(changed[i]);
+    if (is_selected[i]) faces.push_back(changed[i]);
   return faces;
 }
 
-/// Returns true if one pass cut the corners of a face, and if their slopes and values agree with a
-/// parabola to which the face is close enough.
-bool Refinement::is_followed(const std::array<int, 3>& corners) const {
-  double off = 0.0;
+/// Returns true if one tool pass has cut the corners of a face and their slopes and values agree
+/// with a parabola that is near enough to the face.
+bool Refinement::is_near_parabola(const std::array<int, 3>& corners) const {
+  double deviation = 0.0;
   for (std::size_t k = 0; k < 3; ++k) {
     const Knot &a = knot(corners[k]), &b = knot(corners[(k + 1) % 3]);
     const Vector3d chord = b.point - a.point;
     if (!is_one_pass(a, b, chord.norm())) return false;
     const Span span{a.residual, b.residual, -a.gradient.dot(chord), -b.gradient.dot(chord), true};
-    off += middle_of_three * span.bend() + span.max_beside_bend();
+    deviation += middle_of_three * span.middle_deviation() + span.max_parabola_deviation();
   }
-  return off < followed * tolerance();
+  return deviation < max_parabola_fraction * tolerance();
 }
 
-/// Returns the point at which a face is probed in a turn.
-Refinement::Within Refinement::within(int face, int turn) const {
+/// Returns the point at which a face is probed in a pass.
+Refinement::FaceProbe Refinement::face_probe(int face, int face_pass) const {
   const std::array<int, 3> corners = mesh_.corners(face);
-  if (!options_.probe_all_triangles && is_followed(corners)) return {};
-  const std::array<double, 3> weights = place_in(corners, turn);
-  std::array<Contact, 3> at;
-  for (std::size_t k = 0; k < 3; ++k) at[k] = knot(corners[k]).place();
-  Within found{face, on_surface_(at, weights)};
-  for (std::size_t k = 0; k < 3; ++k) found.plane += weights[k] * knot(corners[k]).residual;
+  if (!options_.probe_all_triangles && is_near_parabola(corners)) return {};
+  const std::array<double, 3> weights = probe_weights(corners, face_pass);
+  std::array<Contact, 3> corner_contacts;
+  for (std::size_t k = 0; k < 3; ++k) corner_contacts[k] = knot(corners[k]).contact();
+  FaceProbe result{face, on_surface_(corner_contacts, weights)};
+  for (std::size_t k = 0; k < 3; ++k) result.plane += weights[k] * knot(corners[k]).residual;
   for (const int corner : corners) {
-    const double tangent =
-        knot(corner).residual - knot(corner).gradient.dot(found.place.point - knot(corner).point);
-    const bool is_met = std::abs(tangent - found.plane) < tolerance();
-    found.is_doubtful = found.is_doubtful || !is_met;
+    const double tangent = knot(corner).residual -
+                           knot(corner).gradient.dot(result.contact.point - knot(corner).point);
+    const bool is_close = std::abs(tangent - result.plane) < tolerance();
+    result.is_doubtful = result.is_doubtful || !is_close;
   }
-  return found;
+  return result;
 }
 
-/// Splits faces with too large an error inside at the probed point; if that would lie on a side
-/// with the same error, the side waits instead.
-Refinement::SplitFaces Refinement::split_faces(Index most, int turn) {
+/// Splits faces with too large an error at the probed point; if the point is near a side with the
+/// same error, the side is split instead.
+Refinement::FaceSplits Refinement::split_faces(Index max_vertices, int face_pass) {
   const std::vector<int> faces = faces_to_probe();
-  std::vector<Within> probes(faces.size());
+  std::vector<FaceProbe> probes(faces.size());
   tbb::parallel_for(std::size_t(0), faces.size(),
-                    [&](std::size_t i) { probes[i] = within(faces[i], turn); });
-  std::erase_if(probes, [](const Within& one) { return !one.is_doubtful; });
-  std::vector<Contact> places;
-  for (const Within& one : probes) places.push_back(one.place);
-  std::vector<Knot> found = sounded(places);
-  SplitFaces split;
-  std::vector<int> missed;
-  std::size_t count = 0;
+                    [&](std::size_t i) { probes[i] = face_probe(faces[i], face_pass); });
+  std::erase_if(probes, [](const FaceProbe& probe) { return !probe.is_doubtful; });
+  std::vector<Contact> contacts;
+  for (const FaceProbe& probe : probes) contacts.push_back(probe.contact);
+  std::vector<Knot> results = probe_points(contacts);
+  FaceSplits result;
+  std::vector<int> inaccurate_sides;
+  std::size_t exceeded_count = 0;
   for (std::size_t i = 0; i < probes.size(); ++i) {
-    if (!found[i].cut || !(std::abs(found[i].residual - probes[i].plane) > tolerance())) continue;
-    ++count;
-    if (Index(knots_.size()) >= most) break;
-    const std::array<int, 3> sides = mesh_.sides_of(probes[i].face);
+    if (!results[i].is_cut || !(std::abs(results[i].residual - probes[i].plane) > tolerance()))
+      continue;
+    ++exceeded_count;
+    if (Index(knots_.size()) >= max_vertices) break;
+    const std::array<int, 3> sides = mesh_.face_edges(probes[i].face);
     const auto side = std::find_if(sides.begin(), sides.end(), [&](int edge) {
-      return is_open(edge) && is_missed_beside(edge, found[i], tolerance());
+      return is_open(edge) && is_exceeded_near(edge, results[i], tolerance());
     });
     if (side != sides.end()) {
-      missed.push_back(*side);
+      inaccurate_sides.push_back(*side);
       continue;
     }
-    knots_.push_back(std::move(found[i]));
-    const std::vector<int> around = mesh_.split_face(probes[i].face);
-    note_change(around);
-    split.made.insert(split.made.end(), around.begin(), around.end());
+    knots_.push_back(std::move(results[i]));
+    const std::vector<int> edges_at_vertex = mesh_.split_face(probes[i].face);
+    mark_changed(edges_at_vertex);
+    result.new_edges.insert(result.new_edges.end(), edges_at_vertex.begin(), edges_at_vertex.end());
   }
-  demand_split(std::move(missed));
-  split.missed = double(count) / std::max<double>(1.0, double(faces.size()));
-  return split;
+  require_split(std::move(inaccurate_sides));
+  result.missed_fraction = double(exceeded_count) / std::max<double>(1.0, double(faces.size()));
+  return result;
 }
 
 }  // namespace abbe::cutting

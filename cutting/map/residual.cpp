@@ -18,22 +18,23 @@ namespace abbe::cutting {
 
 namespace {
 
-void check_sizes(const Surface& surface, std::size_t n) {
-  const bool equal = static_cast<std::size_t>(surface.residual.size()) == n &&
-                     static_cast<std::size_t>(surface.cut_time_s.size()) == n &&
-                     surface.cut_line.size() == n && surface.status.size() == n;
-  if (!equal) throw std::invalid_argument("residual map: arrays of different sizes");
+void check_sizes(const Surface& surface, std::size_t vertex_count) {
+  const bool are_equal = static_cast<std::size_t>(surface.residual.size()) == vertex_count &&
+                         static_cast<std::size_t>(surface.cut_time_s.size()) == vertex_count &&
+                         surface.cut_line.size() == vertex_count &&
+                         surface.status.size() == vertex_count;
+  if (!are_equal) throw std::invalid_argument("residual map: arrays of different sizes");
 }
 
 /// A residual, the area it represents, and its location.
-struct Weighted {
+struct WeightedResidual {
   double residual, area;
   int vertex = -1, triangle = -1;
 };
 
 /// Returns the cut samples: vertices, then samples within triangles.
-std::vector<Weighted> weighted(const Surface& surface, const Weights& weights) {
-  std::vector<Weighted> values;
+std::vector<WeightedResidual> weighted_residuals(const Surface& surface, const Weights& weights) {
+  std::vector<WeightedResidual> values;
   for (std::size_t i = 0; i < surface.status.size(); ++i)
     if (surface.status[i] == VertexStatus::Cut)
       values.push_back(
@@ -46,43 +47,44 @@ std::vector<Weighted> weighted(const Surface& surface, const Weights& weights) {
 
 /// Returns the mean of a function of the residual, weighted by area; `area` is the total.
 template <class F>
-double mean_of(const std::vector<Weighted>& values, double area, const F& f) {
+double weighted_mean(const std::vector<WeightedResidual>& values, double area, const F& f) {
   Sum sum;
-  for (const Weighted& one : values) sum.add(one.area * f(one.residual));
+  for (const WeightedResidual& sample : values) sum.add(sample.area * f(sample.residual));
   return sum.value() / area;
 }
 
-/// Returns the least magnitude such that residuals up to it make up the fraction `q` of the area.
-std::optional<double> quantile(std::vector<Weighted> values, double q) {
-  // Ties by area, so that the sums below do not depend on the sort.
-  tbb::parallel_sort(values.begin(), values.end(), [](const Weighted& a, const Weighted& b) {
-    const double x = std::abs(a.residual), y = std::abs(b.residual);
-    return x != y ? x < y : a.area < b.area;
-  });
-  Sum all, upto;
-  for (const Weighted& one : values) all.add(one.area);
-  if (!(all.value() > 0.0)) return std::nullopt;
-  for (const Weighted& one : values) {
-    upto.add(one.area);
-    if (upto.value() >= q * all.value()) return std::abs(one.residual);
+/// Returns the magnitude that residuals do not exceed on the fraction `q` of the area.
+std::optional<double> quantile(std::vector<WeightedResidual> values, double q) {
+  // Ties are sorted by area, so that the sums below do not depend on the sorting algorithm.
+  tbb::parallel_sort(values.begin(), values.end(),
+                     [](const WeightedResidual& a, const WeightedResidual& b) {
+                       const double x = std::abs(a.residual), y = std::abs(b.residual);
+                       return x != y ? x < y : a.area < b.area;
+                     });
+  Sum total_area, cumulative_area;
+  for (const WeightedResidual& sample : values) total_area.add(sample.area);
+  if (!(total_area.value() > 0.0)) return std::nullopt;
+  for (const WeightedResidual& sample : values) {
+    cumulative_area.add(sample.area);
+    if (cumulative_area.value() >= q * total_area.value()) return std::abs(sample.residual);
   }
   return std::abs(values.back().residual);
 }
 
-/// Returns the gouges of both maps at the vertices that are gouged in the difference, one per
-/// vertex, preferring the first map.
-std::vector<Gouge> joined(const Surface& a, const Surface& b,
-                          const std::vector<VertexStatus>& status) {
-  std::vector<Gouge> both;
-  const auto by_vertex = [](const Gouge& one, const Gouge& other) {
-    return one.vertex < other.vertex;
+/// Returns the gouges at the vertices that are gouged in the difference, one per vertex: that of
+/// the first map, or else that of the second.
+std::vector<Gouge> merge_gouges(const Surface& a, const Surface& b,
+                                const std::vector<VertexStatus>& status) {
+  std::vector<Gouge> result;
+  const auto by_vertex = [](const Gouge& gouge, const Gouge& other) {
+    return gouge.vertex < other.vertex;
   };
   std::set_union(a.gouges.begin(), a.gouges.end(), b.gouges.begin(), b.gouges.end(),
-                 std::back_inserter(both), by_vertex);
-  std::erase_if(both, [&](const Gouge& one) {
-    return status[static_cast<std::size_t>(one.vertex)] != VertexStatus::Gouged;
+                 std::back_inserter(result), by_vertex);
+  std::erase_if(result, [&](const Gouge& gouge) {
+    return status[static_cast<std::size_t>(gouge.vertex)] != VertexStatus::Gouged;
   });
-  return both;
+  return result;
 }
 
 using Limits = Eigen::RowVector2d;
@@ -91,8 +93,8 @@ bool is_limited(const Limits& limits) {
   return std::isfinite(limits[0]) || std::isfinite(limits[1]);
 }
 
-// Returns the widest limits of the corners of a triangle, so that a border between bands makes no
-// false alarm.
+/// Returns the widest limits of the corners of a triangle, so that a border between bands causes no
+/// false alarm.
 Limits widest_limits(const ToleranceBands& tolerance, const Eigen::RowVector3i& corners) {
   Limits widest = tolerance.row(corners[0]);
   for (const int corner : corners)
@@ -100,140 +102,147 @@ Limits widest_limits(const ToleranceBands& tolerance, const Eigen::RowVector3i& 
   return widest;
 }
 
-/// Returns by how much a residual is above its limits (+) or below them (-); 0 within.
-double beyond(double residual, const Limits& limits) {
-  const double high = residual - limits[1], low = limits[0] - residual;
-  return high > 0.0 ? high : low > 0.0 ? -low : 0.0;
+/// Returns the excess of a residual above the upper limit (+) or below the lower limit (-); 0 if it
+/// is within the limits.
+double signed_excess(double residual, const Limits& limits) {
+  const double above = residual - limits[1], below = limits[0] - residual;
+  return above > 0.0 ? above : below > 0.0 ? -below : 0.0;
 }
 
-/// Returns the conformance; nothing if no area is judged.
+/// Returns the conformance; empty if no judged area has limits.
 std::optional<Conformance> conformance(const Surface& surface, const Design& design,
                                        const Weights& weights, const ToleranceBands& tolerance) {
-  Conformance c;
-  Sum in, over, under, uncut;
-  const auto count = [&](double off, double area) {
-    (off > 0.0 ? over : off < 0.0 ? under : in).add(area);
+  Conformance result;
+  Sum area_in, area_over, area_under, area_uncut;
+  const auto add_area = [&](double excess_of_sample, double area) {
+    (excess_of_sample > 0.0 ? area_over : excess_of_sample < 0.0 ? area_under : area_in).add(area);
   };
-  struct Where {
+  struct SampleLocation {
     int vertex = -1, triangle = -1;
   };
-  const auto found_out = [&](const Where& at, double excess, bool further) {
-    if (++c.out_of_tolerance > 1 && excess <= c.excess) return;
-    c.vertex = at.vertex;
-    c.triangle = at.triangle;
-    c.excess = excess;
-    c.further = further;
+  const auto record_excess = [&](const SampleLocation& location, double excess,
+                                 bool is_lower_bound) {
+    if (++result.out_of_tolerance > 1 && excess <= result.excess) return;
+    result.vertex = location.vertex;
+    result.triangle = location.triangle;
+    result.excess = excess;
+    result.further = is_lower_bound;
   };
   for (std::size_t i = 0; i < surface.status.size(); ++i) {
     const auto v = static_cast<Eigen::Index>(i);
     if (!is_limited(tolerance.row(v))) continue;
     if (surface.status[i] == VertexStatus::Uncut) {
-      uncut.add(design.area[v]);
-      ++c.uncut_vertices;
+      area_uncut.add(design.area[v]);
+      ++result.uncut_vertices;
     }
     if (surface.status[i] != VertexStatus::Cut) continue;
-    const double off = beyond(surface.residual[v], tolerance.row(v));
-    count(off, weights.vertex[v]);
-    if (off != 0.0) found_out({.vertex = int(i)}, std::abs(off), false);
+    const double excess_of_sample = signed_excess(surface.residual[v], tolerance.row(v));
+    add_area(excess_of_sample, weights.vertex[v]);
+    if (excess_of_sample != 0.0)
+      record_excess({.vertex = int(i)}, std::abs(excess_of_sample), false);
   }
   for (Eigen::Index t = 0; t < weights.within.size(); ++t) {
     if (!(weights.within[t] > 0.0)) continue;
     const Limits limits = widest_limits(tolerance, design.triangles.row(t));
     if (!is_limited(limits)) continue;
-    const double off = beyond(surface.within[t], limits);
-    count(off, weights.within[t]);
-    if (off != 0.0) found_out({.triangle = int(t)}, std::abs(off), false);
+    const double excess_of_sample = signed_excess(surface.within[t], limits);
+    add_area(excess_of_sample, weights.within[t]);
+    if (excess_of_sample != 0.0)
+      record_excess({.triangle = int(t)}, std::abs(excess_of_sample), false);
   }
   for (const Gouge& gouge : surface.gouges) {
     if (!is_limited(tolerance.row(gouge.vertex))) continue;
-    under.add(design.area[gouge.vertex]);
+    area_under.add(design.area[gouge.vertex]);
     // Without a lower limit the gouge itself is the limit, and the excess is 0.
     const double lower = std::max(tolerance(gouge.vertex, 0), -gouge.depth);
-    found_out({.vertex = gouge.vertex}, lower + gouge.depth, gouge.deeper);
+    record_excess({.vertex = gouge.vertex}, lower + gouge.depth, gouge.deeper);
   }
-  const double all = in.value() + over.value() + under.value() + uncut.value();
-  if (!(all > 0.0)) return std::nullopt;
-  c.in = 100.0 * in.value() / all;
-  c.over = 100.0 * over.value() / all;
-  c.under = 100.0 * under.value() / all;
-  c.uncut = 100.0 * uncut.value() / all;
-  return c;
+  const double total_area =
+      area_in.value() + area_over.value() + area_under.value() + area_uncut.value();
+  if (!(total_area > 0.0)) return std::nullopt;
+  result.in = 100.0 * area_in.value() / total_area;
+  result.over = 100.0 * area_over.value() / total_area;
+  result.under = 100.0 * area_under.value() / total_area;
+  result.uncut = 100.0 * area_uncut.value() / total_area;
+  return result;
 }
 
 }  // namespace
 
 std::array<double, 3> place_within(Surface::Within within, Eigen::Index t) {
   if (within != Surface::Within::Random) return {1.0 / 3.0, 1.0 / 3.0, 1.0 / 3.0};
-  const auto chance = [&](std::uint64_t k) {
+  const auto random_number = [&](std::uint64_t k) {
     return split_mix::unit(split_mix::stream(k, std::uint64_t(t)));
   };
-  // the square root makes the samples uniform in area
-  const double root = std::sqrt(chance(0)), share = chance(1);
-  return {1.0 - root, root * (1.0 - share), root * share};
+  // The square root makes the samples uniform in area.
+  const double root = std::sqrt(random_number(0)), fraction = random_number(1);
+  return {1.0 - root, root * (1.0 - fraction), root * fraction};
 }
 
 Eigen::Vector3d value_at_place_within(Surface::Within within, const Points& rows,
                                       const Triangles& triangles, Eigen::Index t) {
-  const std::array<double, 3> share = place_within(within, t);
-  Eigen::Vector3d blend = Eigen::Vector3d::Zero();
+  const std::array<double, 3> fractions = place_within(within, t);
+  Eigen::Vector3d interpolated = Eigen::Vector3d::Zero();
   for (Eigen::Index k = 0; k < 3; ++k)
-    blend += share[std::size_t(k)] * rows.row(triangles(t, k)).transpose();
-  return blend;
+    interpolated += fractions[std::size_t(k)] * rows.row(triangles(t, k)).transpose();
+  return interpolated;
 }
 
 double value_at_place_within(Surface::Within within, const Eigen::VectorXd& values,
                              const Triangles& triangles, Eigen::Index t) {
-  const std::array<double, 3> share = place_within(within, t);
-  double blend = 0.0;
-  for (Eigen::Index k = 0; k < 3; ++k) blend += share[std::size_t(k)] * values[triangles(t, k)];
-  return blend;
+  const std::array<double, 3> fractions = place_within(within, t);
+  double interpolated = 0.0;
+  for (Eigen::Index k = 0; k < 3; ++k)
+    interpolated += fractions[std::size_t(k)] * values[triangles(t, k)];
+  return interpolated;
 }
 
 Weights weights(const Surface& surface, const Design& design) {
-  const auto n = static_cast<std::size_t>(design.vertices.rows());
-  check_sizes(surface, n);
-  const Eigen::Index m = surface.within.size();
-  if (static_cast<std::size_t>(design.area.size()) != n)
+  const auto vertex_count = static_cast<std::size_t>(design.vertices.rows());
+  check_sizes(surface, vertex_count);
+  const Eigen::Index sample_count = surface.within.size();
+  if (static_cast<std::size_t>(design.area.size()) != vertex_count)
     throw std::invalid_argument("statistics: the design has no area for every vertex");
-  if (m != 0 && m != design.triangles.rows())
+  if (sample_count != 0 && sample_count != design.triangles.rows())
     throw std::invalid_argument("statistics: one place within a triangle is needed, or none");
-  // three quarters for a sample in the middle: exact for a quadratic residual
-  const double share = surface.sampled_within == Surface::Within::Random ? 1.0 : 0.75;
-  Weights w{design.area, Eigen::VectorXd::Zero(m)};
-  for (std::size_t i = 0; i < n; ++i)
-    if (surface.status[i] != VertexStatus::Cut) w.vertex[static_cast<Eigen::Index>(i)] = 0.0;
-  Eigen::VectorXd area = Eigen::VectorXd::Zero(m);
-  tbb::parallel_for(Eigen::Index(0), m, [&](Eigen::Index t) {
+  // Three quarters for a sample in the middle is exact for a quadratic residual.
+  const double triangle_fraction = surface.sampled_within == Surface::Within::Random ? 1.0 : 0.75;
+  Weights result{design.area, Eigen::VectorXd::Zero(sample_count)};
+  for (std::size_t i = 0; i < vertex_count; ++i)
+    if (surface.status[i] != VertexStatus::Cut) result.vertex[static_cast<Eigen::Index>(i)] = 0.0;
+  Eigen::VectorXd area = Eigen::VectorXd::Zero(sample_count);
+  tbb::parallel_for(Eigen::Index(0), sample_count, [&](Eigen::Index t) {
     if (!std::isfinite(surface.within[t])) return;
     const Eigen::RowVector3i corners = design.triangles.row(t);
     const Eigen::Vector3d a = design.vertices.row(corners[0]), b = design.vertices.row(corners[1]),
                           c = design.vertices.row(corners[2]);
     area[t] = 0.5 * (b - a).cross(c - a).norm();
-    w.within[t] = share * area[t];
+    result.within[t] = triangle_fraction * area[t];
   });
-  for (Eigen::Index t = 0; t < m; ++t)
+  for (Eigen::Index t = 0; t < sample_count; ++t)
     if (area[t] > 0.0)
       for (const int corner : design.triangles.row(t))
-        w.vertex[corner] = std::max(0.0, w.vertex[corner] - share / 3.0 * area[t]);
-  return w;
+        result.vertex[corner] =
+            std::max(0.0, result.vertex[corner] - triangle_fraction / 3.0 * area[t]);
+  return result;
 }
 
 namespace {
 
 /// Returns the numbers of vertices by status.
-Statistics counted(const Surface& surface) {
-  Statistics s;
-  s.vertices = static_cast<int>(surface.status.size());
+Statistics count_vertices(const Surface& surface) {
+  Statistics result;
+  result.vertices = static_cast<int>(surface.status.size());
   const auto count = [&](VertexStatus status) {
     return static_cast<int>(std::count(surface.status.begin(), surface.status.end(), status));
   };
-  s.cut_vertices = count(VertexStatus::Cut);
-  s.uncut_vertices = count(VertexStatus::Uncut);
-  s.outside_vertices = count(VertexStatus::Outside);
-  s.gouged_vertices = count(VertexStatus::Gouged);
+  result.cut_vertices = count(VertexStatus::Cut);
+  result.uncut_vertices = count(VertexStatus::Uncut);
+  result.outside_vertices = count(VertexStatus::Outside);
+  result.gouged_vertices = count(VertexStatus::Gouged);
   for (const Gouge& gouge : surface.gouges)
-    if (!s.deepest || gouge.depth > s.deepest->depth) s.deepest = gouge;
-  return s;
+    if (!result.deepest || gouge.depth > result.deepest->depth) result.deepest = gouge;
+  return result;
 }
 
 }  // namespace
@@ -247,34 +256,34 @@ Surface at_vertices(Surface surface) {
 Statistics statistics(const Surface& surface, const Design& design,
                       const ToleranceBands& tolerance) {
   const Weights weights = cutting::weights(surface, design);
-  const auto n = static_cast<std::size_t>(design.vertices.rows());
-  if (tolerance.rows() != 0 && static_cast<std::size_t>(tolerance.rows()) != n)
+  const auto vertex_count = static_cast<std::size_t>(design.vertices.rows());
+  if (tolerance.rows() != 0 && static_cast<std::size_t>(tolerance.rows()) != vertex_count)
     throw std::invalid_argument("statistics: one band of tolerance a vertex is needed");
-  Statistics s = counted(surface);
-  const std::vector<Weighted> cut = weighted(surface, weights);
-  for (const Weighted& one : cut) {
-    if (!std::isfinite(one.residual))
+  Statistics result = count_vertices(surface);
+  const std::vector<WeightedResidual> residuals = weighted_residuals(surface, weights);
+  for (const WeightedResidual& sample : residuals) {
+    if (!std::isfinite(sample.residual))
       throw std::invalid_argument("statistics: a cut vertex without a residual");
-    const SampleValue value{one.vertex, one.triangle, one.residual};
-    if (!s.lowest || value.value < s.lowest->value) s.lowest = value;
-    if (!s.highest || value.value > s.highest->value) s.highest = value;
+    const SampleValue value{sample.vertex, sample.triangle, sample.residual};
+    if (!result.lowest || value.value < result.lowest->value) result.lowest = value;
+    if (!result.highest || value.value > result.highest->value) result.highest = value;
   }
-  if (tolerance.rows() > 0) s.conformance = conformance(surface, design, weights, tolerance);
-  if (cut.empty()) return s;
+  if (tolerance.rows() > 0) result.conformance = conformance(surface, design, weights, tolerance);
+  if (residuals.empty()) return result;
 
-  s.min = s.lowest->value;
-  s.max = s.highest->value;
-  s.pv = *s.max - *s.min;
-  s.p95_abs = quantile(cut, 0.95);
+  result.min = result.lowest->value;
+  result.max = result.highest->value;
+  result.pv = *result.max - *result.min;
+  result.p95_abs = quantile(residuals, 0.95);
   Sum sum;
-  for (const Weighted& one : cut) sum.add(one.area);
+  for (const WeightedResidual& sample : residuals) sum.add(sample.area);
   const double area = sum.value();
-  if (!(area > 0.0)) return s;
-  s.mean = mean_of(cut, area, [](double r) { return r; });
-  s.rms = std::sqrt(mean_of(cut, area, [](double r) { return r * r; }));
-  s.std_dev =
-      std::sqrt(mean_of(cut, area, [&](double r) { return (r - *s.mean) * (r - *s.mean); }));
-  return s;
+  if (!(area > 0.0)) return result;
+  result.mean = weighted_mean(residuals, area, [](double r) { return r; });
+  result.rms = std::sqrt(weighted_mean(residuals, area, [](double r) { return r * r; }));
+  result.std_dev = std::sqrt(weighted_mean(
+      residuals, area, [&](double r) { return (r - *result.mean) * (r - *result.mean); }));
+  return result;
 }
 
 const char* within_values_name(Surface::Within within) {
@@ -290,38 +299,39 @@ const char* within_values_name(Surface::Within within) {
 }
 
 VertexStatus worse(VertexStatus a, VertexStatus b) {
-  // From the worst to the best.
-  for (const VertexStatus one : {VertexStatus::Outside, VertexStatus::Gouged, VertexStatus::Uncut})
-    if (a == one || b == one) return one;
+  // In order from the worst to the best.
+  for (const VertexStatus status :
+       {VertexStatus::Outside, VertexStatus::Gouged, VertexStatus::Uncut})
+    if (a == status || b == status) return status;
   return VertexStatus::Cut;
 }
 
 Surface minus(const Surface& a, const Surface& b) {
-  const std::size_t n = a.status.size();
-  check_sizes(a, n);
-  check_sizes(b, n);
+  const std::size_t vertex_count = a.status.size();
+  check_sizes(a, vertex_count);
+  check_sizes(b, vertex_count);
   constexpr double nan = std::numeric_limits<double>::quiet_NaN();
-  Surface difference = a;
-  for (std::size_t i = 0; i < n; ++i) {
+  Surface result = a;
+  for (std::size_t i = 0; i < vertex_count; ++i) {
     const VertexStatus status = worse(a.status[i], b.status[i]);
     const auto v = static_cast<Eigen::Index>(i);
-    const bool cut = status == VertexStatus::Cut;
-    difference.status[i] = status;
-    difference.residual[v] = cut ? a.residual[v] - b.residual[v] : nan;
-    if (cut || (status == VertexStatus::Gouged && a.status[i] == status)) continue;
-    const bool second = status == VertexStatus::Gouged;
-    difference.cut_time_s[v] = second ? b.cut_time_s[v] : nan;
-    difference.cut_line[i] = second ? b.cut_line[i] : 0;
+    const bool is_cut = status == VertexStatus::Cut;
+    result.status[i] = status;
+    result.residual[v] = is_cut ? a.residual[v] - b.residual[v] : nan;
+    if (is_cut || (status == VertexStatus::Gouged && a.status[i] == status)) continue;
+    const bool is_second_gouge = status == VertexStatus::Gouged;
+    result.cut_time_s[v] = is_second_gouge ? b.cut_time_s[v] : nan;
+    result.cut_line[i] = is_second_gouge ? b.cut_line[i] : 0;
   }
-  difference.gouges = joined(a, b, difference.status);
+  result.gouges = merge_gouges(a, b, result.status);
   // Samples at different points have no difference.
   if (a.sampled_within == b.sampled_within && a.within.size() == b.within.size()) {
-    difference.within = a.within - b.within;
+    result.within = a.within - b.within;
   } else {
-    difference.sampled_within = Surface::Within::None;
-    difference.within.resize(0);
+    result.sampled_within = Surface::Within::None;
+    result.within.resize(0);
   }
-  return difference;
+  return result;
 }
 
 }  // namespace abbe::cutting

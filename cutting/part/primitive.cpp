@@ -19,22 +19,22 @@ using Eigen::Vector3d;
 using ProfilePiece = RevolvedProfile::Piece;
 using std::numbers::pi;
 
-constexpr double join_tolerance = 1e-9;    // mm; pieces that meet better than 1 pm are connected
+constexpr double join_tolerance = 1e-9;    // mm; pieces with a smaller gap are connected
 constexpr double smooth_tolerance = 1e-9;  // rad; normals at a join that differ by less are equal
 
 // Checks of dimensions.
 
-void demand(bool holds, const std::string& what, double seen) {
-  if (!holds) throw std::invalid_argument(fmt::format("{}, seen {}", what, seen));
+void require_value(bool holds, const std::string& message, double seen) {
+  if (!holds) throw std::invalid_argument(fmt::format("{}, seen {}", message, seen));
 }
 
 void require_positive(double value, const std::string& name) {
-  demand(std::isfinite(value) && value > 0.0, name + " must be positive and finite", value);
+  require_value(std::isfinite(value) && value > 0.0, name + " must be positive and finite", value);
 }
 
 double top_radius(const Cone& cone) {
   const double top = cone.base_radius - cone.height * std::tan(cone.half_apex_angle);
-  // 1e-12: a cone up to its apex must not keep a radius of rounding
+  // 1e-12: the radius at the apex of a complete cone must be 0 and not a rounding error.
   return std::abs(top) < 1e-12 * cone.base_radius ? 0.0 : top;
 }
 
@@ -44,8 +44,8 @@ void validate(const RectanglePlane& p) {
 }
 void validate(const Disc& p) {
   require_positive(p.radius, "radius of the disc");
-  demand(p.inner_radius >= 0.0 && p.inner_radius < p.radius,
-         "inner_radius of the disc must be from 0 to below its radius", p.inner_radius);
+  require_value(p.inner_radius >= 0.0 && p.inner_radius < p.radius,
+                "inner_radius of the disc must be from 0 to below its radius", p.inner_radius);
 }
 void validate(const Cylinder& p) {
   require_positive(p.radius, "radius of the cylinder");
@@ -54,20 +54,20 @@ void validate(const Cylinder& p) {
 void validate(const Cone& p) {
   require_positive(p.base_radius, "base_radius of the cone");
   require_positive(p.height, "height of the cone");
-  demand(p.half_apex_angle > 0.0 && p.half_apex_angle < pi / 2,
-         "half_apex_angle of the cone must be between 0 and pi/2", p.half_apex_angle);
-  demand(top_radius(p) >= 0.0, "height of the cone must end at or below its apex", p.height);
+  require_value(p.half_apex_angle > 0.0 && p.half_apex_angle < pi / 2,
+                "half_apex_angle of the cone must be between 0 and pi/2", p.half_apex_angle);
+  require_value(top_radius(p) >= 0.0, "height of the cone must end at or below its apex", p.height);
 }
 void validate(const SphereCap& p) {
   require_positive(p.radius, "radius of the sphere");
-  demand(p.rim_radius > 0.0 && p.rim_radius <= p.radius,
-         "rim_radius of the sphere must be above 0 and at most its radius", p.rim_radius);
+  require_value(p.rim_radius > 0.0 && p.rim_radius <= p.radius,
+                "rim_radius of the sphere must be above 0 and at most its radius", p.rim_radius);
 }
 void validate(const Torus& p) {
   require_positive(p.radius, "radius of the torus");
   require_positive(p.tube_radius, "tube_radius of the torus");
-  demand(p.tube_radius <= p.radius, "tube_radius of the torus must be at most its radius",
-         p.tube_radius);
+  require_value(p.tube_radius <= p.radius, "tube_radius of the torus must be at most its radius",
+                p.tube_radius);
 }
 void validate(const RevolvedProfile& p) {
   if (p.pieces.empty()) throw std::invalid_argument("profile must have at least one piece");
@@ -77,24 +77,26 @@ void validate(const RevolvedProfile& p) {
     if (!piece.from.allFinite() || !piece.to.allFinite() || !std::isfinite(piece.arc_radius))
       throw std::invalid_argument(name + " must have finite numbers only");
     const double chord = (piece.to - piece.from).norm();
-    demand(piece.from.x() >= 0.0, name + " must not start below r = 0", piece.from.x());
-    demand(piece.to.x() > 0.0, name + " must end above r = 0", piece.to.x());
-    demand(piece.to.x() >= piece.from.x(), name + " must not come back to the axis: r at its end",
-           piece.to.x());
-    demand(chord > join_tolerance, name + " must have a length", chord);
-    // 1e-12: half a circle may miss its chord by rounding.
-    demand(piece.arc_radius == 0.0 || 2.0 * std::abs(piece.arc_radius) >= chord * (1.0 - 1e-12),
-           name + fmt::format(" must have an arc radius of at least half its chord {}", chord),
-           piece.arc_radius);
+    require_value(piece.from.x() >= 0.0, name + " must not start below r = 0", piece.from.x());
+    require_value(piece.to.x() > 0.0, name + " must end above r = 0", piece.to.x());
+    require_value(piece.to.x() >= piece.from.x(),
+                  name + " must not come back to the axis: r at its end", piece.to.x());
+    require_value(chord > join_tolerance, name + " must have a length", chord);
+    // 1e-12: the diameter of a semicircle may differ from its chord by rounding.
+    require_value(
+        piece.arc_radius == 0.0 || 2.0 * std::abs(piece.arc_radius) >= chord * (1.0 - 1e-12),
+        name + fmt::format(" must have an arc radius of at least half its chord {}", chord),
+        piece.arc_radius);
     const Section s = section(piece);
-    // 1e-9: an arc that ends upright has a slope of rounding there.
-    const double least = std::min(s.tangent.x(), at(s, s.length).normal.y());
-    demand(least >= -1e-9, name + " must not bulge beyond its ends: cosine of its steepest slope",
-           least);
+    // 1e-9: the slope of an arc that ends vertically is affected by rounding.
+    const double min_upward = std::min(s.tangent.x(), at(s, s.length).normal.y());
+    require_value(min_upward >= -1e-9,
+                  name + " must not bulge beyond its ends: cosine of its steepest slope",
+                  min_upward);
     if (i > 0)
-      demand((piece.from - p.pieces[i - 1].to).norm() <= join_tolerance,
-             name + " must start where the one before ends: gap in mm",
-             (piece.from - p.pieces[i - 1].to).norm());
+      require_value((piece.from - p.pieces[i - 1].to).norm() <= join_tolerance,
+                    name + " must start where the one before ends: gap in mm",
+                    (piece.from - p.pieces[i - 1].to).norm());
   }
 }
 
@@ -104,26 +106,27 @@ void validate_any(const Primitive& primitive) {
 
 // Irregular spacing.
 
-double fraction(double x) { return x - std::floor(x); }
+double fractional_part(double x) { return x - std::floor(x); }
 
-/// Returns the position in [0, 1] of knot i of n intervals: golden-ratio jitter of a quarter
-/// interval either way on a slowly varying spacing, so that no two spacings are equal and no step
-/// of a program fits them all.
-double irregular(int i, int n) {
+/// Returns the position in [0, 1] of knot i of n intervals: a slowly varying spacing with a
+/// golden-ratio jitter of up to a quarter interval in either direction, so that no two spacings are
+/// equal and no step of a program fits all of them.
+double irregular_knot(int i, int n) {
   if (i <= 0) return 0.0;
   if (i >= n) return 1.0;
-  const double jitter = 0.5 * (fraction(i * 0.6180339887498949) - 0.5);
+  const double jitter = 0.5 * (fractional_part(i * 0.6180339887498949) - 0.5);
   const double x = (i + jitter) / n;
   return x + 0.1 * x * (1.0 - x);
 }
 
 // Surfaces of revolution.
 
+/// A ring of vertices of a surface of revolution.
 struct Ring {
   Station station;
-  int count = 0;        ///< vertices
-  int phase = 0;        ///< index of its azimuth offset; the two rings of a kink have the same
-  bool starts = false;  ///< true if there are no triangles to the ring before
+  int count = 0;  ///< vertices
+  int phase = 0;  ///< index of its azimuth offset; the two rings of a kink have the same
+  bool is_first_of_piece = false;  ///< true if there are no triangles to the ring before
 };
 
 int ring_count(double r, double spacing) {
@@ -136,91 +139,104 @@ std::vector<Ring> rings(const std::vector<Section>& sections, double spacing) {
   int phase = 0;
   for (std::size_t p = 0; p < sections.size(); ++p) {
     const Section& s = sections[p];
-    // An arc is never divided more coarsely than an eighth of a turn.
-    // 0.2501: an arc of exactly an eighth of a turn stays one interval.
-    const int least = 1 + static_cast<int>(std::abs(s.curvature) * s.length / (0.2501 * pi));
-    const int intervals = std::max(least, static_cast<int>(std::lround(s.length / spacing)));
-    bool kink = true;
+    // An interval of an arc is at most an eighth of a turn. 0.2501: an arc of exactly an eighth of
+    // a turn is one interval.
+    const int min_intervals =
+        1 + static_cast<int>(std::abs(s.curvature) * s.length / (0.2501 * pi));
+    const int intervals =
+        std::max(min_intervals, static_cast<int>(std::lround(s.length / spacing)));
+    bool is_kink = true;
     if (p > 0) {
-      const Vector2d before = result.back().station.normal;
-      kink = (at(s, 0.0).normal - before).norm() > smooth_tolerance;
+      const Vector2d previous_normal = result.back().station.normal;
+      is_kink = (at(s, 0.0).normal - previous_normal).norm() > smooth_tolerance;
     }
-    for (int i = kink ? 0 : 1; i <= intervals; ++i) {
-      Station here = at(s, i == intervals ? s.length : s.length * irregular(i, intervals));
+    for (int i = is_kink ? 0 : 1; i <= intervals; ++i) {
+      Station current = at(s, i == intervals ? s.length : s.length * irregular_knot(i, intervals));
       // An apex has no normal: the mesh starts slightly below it and is closed by a small flat.
-      if (i == 0 && here.point.x() == 0.0) {
-        if (std::abs(here.normal.x()) > smooth_tolerance)
-          here = at(s, 0.35 * s.length * irregular(1, intervals));
+      if (i == 0 && current.point.x() == 0.0) {
+        if (std::abs(current.normal.x()) > smooth_tolerance)
+          current = at(s, 0.35 * s.length * irregular_knot(1, intervals));
         else
-          here.normal = Vector2d(0.0, 1.0);
+          current.normal = Vector2d(0.0, 1.0);
       }
       if (!(p > 0 && i == 0)) ++phase;
-      result.push_back({here, ring_count(here.point.x(), spacing), phase, i == 0});
+      result.push_back({current, ring_count(current.point.x(), spacing), phase, i == 0});
     }
   }
   return result;
 }
 
-long total(const std::vector<Ring>& all) {
+long vertex_total(const std::vector<Ring>& rings) {
   long sum = 0;
-  for (const Ring& ring : all) sum += ring.count;
+  for (const Ring& ring : rings) sum += ring.count;
   return sum;
 }
 
 double true_area(const std::vector<Section>& sections) {
   double area = 0.0;
   for (const Section& s : sections) {
-    const double k = s.curvature;
-    const Vector2d n0 = left_of(s.tangent);
-    const Vector2d n1 = at(s, s.length).normal;
-    // Pappus; the mean radius over an arc is that of its centre plus the mean of the normal.
-    const double mean_r = k == 0.0
-                              ? 0.5 * (s.from.x() + s.to.x())
-                              : s.from.x() - n0.x() / k + (n0.y() - n1.y()) / (k * k * s.length);
+    const double curvature = s.curvature;
+    const Vector2d start_normal = left_of(s.tangent);
+    const Vector2d end_normal = at(s, s.length).normal;
+    // Theorem of Pappus; the mean radius over an arc is the radius of its centre plus the mean of
+    // the normal.
+    const double mean_r = curvature == 0.0 ? 0.5 * (s.from.x() + s.to.x())
+                                           : s.from.x() - start_normal.x() / curvature +
+                                                 (start_normal.y() - end_normal.y()) /
+                                                     (curvature * curvature * s.length);
     area += 2.0 * pi * mean_r * s.length;
   }
   return area;
 }
 
-// Returns the rings whose vertices come nearest to the wanted number. The count is proportional to
-// spacing^-2, hence the exponent 0.5; it is not continuous, so the later steps are damped.
-std::vector<Ring> rings_for(const std::vector<Section>& sections, int wanted) {
-  double spacing = std::sqrt(true_area(sections) / wanted);
+/// Returns the rings whose total number of vertices is nearest to the requested one. The number is
+/// proportional to spacing^-2, hence the exponent 0.5; it is not continuous, so the later steps are
+/// damped.
+std::vector<Ring> rings_for_count(const std::vector<Section>& sections, int vertex_count) {
+  double spacing = std::sqrt(true_area(sections) / vertex_count);
   std::vector<Ring> best = rings(sections, spacing);
   for (int i = 0; i < 30; ++i) {
-    const double ratio = double(total(best)) / wanted;
+    const double ratio = double(vertex_total(best)) / vertex_count;
     if (std::abs(ratio - 1.0) < 0.02) break;
     spacing *= std::pow(ratio, i < 10 ? 0.5 : 0.2);
-    std::vector<Ring> next = rings(sections, spacing);
-    if (std::abs(std::log(double(total(next)) / wanted)) < std::abs(std::log(ratio)) || i < 10)
-      best = std::move(next);
+    std::vector<Ring> candidate = rings(sections, spacing);
+    if (std::abs(std::log(double(vertex_total(candidate)) / vertex_count)) <
+            std::abs(std::log(ratio)) ||
+        i < 10)
+      best = std::move(candidate);
   }
   return best;
 }
 
 double vertex_azimuth(const Ring& ring, int k) {
-  return 2.0 * pi * (k + fraction(ring.phase * 0.6180339887498949)) / ring.count;
+  return 2.0 * pi * (k + fractional_part(ring.phase * 0.6180339887498949)) / ring.count;
 }
 
-/// Adds the triangles between two rings, always advancing on the ring whose next edge comes first
-/// in azimuth.
-void zip(const Ring& inner, int first_inner, const Ring& outer, int first_outer,
-         std::vector<Eigen::Vector3i>& triangles) {
-  const int n = inner.count, m = outer.count;
-  const auto inside = [&](int i) { return first_inner + ((i % n) + n) % n; };
-  const auto outside = [&](int j) { return first_outer + ((j % m) + m) % m; };
-  if (n == 1) {
-    for (int j = 0; j < m; ++j) triangles.push_back({first_inner, outside(j), outside(j + 1)});
+/// Adds the triangles between two rings, always advancing on the ring whose next edge has the
+/// smaller azimuth.
+void connect_rings(const Ring& inner, int first_inner, const Ring& outer, int first_outer,
+                   std::vector<Eigen::Vector3i>& triangles) {
+  const int inner_count = inner.count, outer_count = outer.count;
+  const auto inside = [&](int i) {
+    return first_inner + ((i % inner_count) + inner_count) % inner_count;
+  };
+  const auto outside = [&](int j) {
+    return first_outer + ((j % outer_count) + outer_count) % outer_count;
+  };
+  if (inner_count == 1) {
+    for (int j = 0; j < outer_count; ++j)
+      triangles.push_back({first_inner, outside(j), outside(j + 1)});
     return;
   }
   // The inner ring starts at the vertex nearest in azimuth to the first one of the outer ring.
-  const int start = static_cast<int>(std::lround(vertex_azimuth(outer, 0) / (2.0 * pi) * n -
-                                                 fraction(inner.phase * 0.6180339887498949)));
+  const int start =
+      static_cast<int>(std::lround(vertex_azimuth(outer, 0) / (2.0 * pi) * inner_count -
+                                   fractional_part(inner.phase * 0.6180339887498949)));
   int i = 0, j = 0;
-  while (i < n || j < m) {
+  while (i < inner_count || j < outer_count) {
     const double next_i = vertex_azimuth(inner, start + i) + vertex_azimuth(inner, start + i + 1);
     const double next_j = vertex_azimuth(outer, j) + vertex_azimuth(outer, j + 1);
-    if (j < m && (i >= n || next_j <= next_i)) {
+    if (j < outer_count && (i >= inner_count || next_j <= next_i)) {
       triangles.push_back({inside(start + i), outside(j), outside(j + 1)});
       ++j;
     } else {
@@ -230,7 +246,7 @@ void zip(const Ring& inner, int first_inner, const Ring& outer, int first_outer,
   }
 }
 
-Design finished(Points vertices, Points normals, const std::vector<Eigen::Vector3i>& triangles) {
+Design to_design(Points vertices, Points normals, const std::vector<Eigen::Vector3i>& triangles) {
   Design design;
   design.vertices = std::move(vertices);
   design.normals = std::move(normals);
@@ -243,53 +259,56 @@ Design finished(Points vertices, Points normals, const std::vector<Eigen::Vector
   return design;
 }
 
-Design tessellated(const RevolvedProfile& outline, int wanted) {
+Design tessellate_surface(const RevolvedProfile& outline, int vertex_count) {
   std::vector<Section> sections;
   for (const ProfilePiece& piece : outline.pieces) sections.push_back(section(piece));
-  const std::vector<Ring> all = rings_for(sections, wanted);
+  const std::vector<Ring> rings = rings_for_count(sections, vertex_count);
 
-  Points vertices(total(all), 3);
-  Points normals(total(all), 3);
+  Points vertices(vertex_total(rings), 3);
+  Points normals(vertex_total(rings), 3);
   std::vector<Eigen::Vector3i> triangles;
   int first = 0;
-  for (std::size_t k = 0; k < all.size(); ++k) {
-    const Ring& ring = all[k];
+  for (std::size_t k = 0; k < rings.size(); ++k) {
+    const Ring& ring = rings[k];
     const Station& s = ring.station;
     for (int i = 0; i < ring.count; ++i) {
       const double c = std::cos(vertex_azimuth(ring, i)), sine = std::sin(vertex_azimuth(ring, i));
       vertices.row(first + i) << s.point.x() * c, s.point.x() * sine, s.point.y();
       normals.row(first + i) << s.normal.x() * c, s.normal.x() * sine, s.normal.y();
     }
-    if (k > 0 && !ring.starts) zip(all[k - 1], first - all[k - 1].count, ring, first, triangles);
-    const bool apex = k == 0 && sections[0].from.x() == 0.0 && ring.count > 1;
-    if (apex)
+    if (k > 0 && !ring.is_first_of_piece)
+      connect_rings(rings[k - 1], first - rings[k - 1].count, ring, first, triangles);
+    const bool is_apex = k == 0 && sections[0].from.x() == 0.0 && ring.count > 1;
+    if (is_apex)
       for (int i = 1; i + 1 < ring.count; ++i)
         triangles.push_back({first, first + i, first + i + 1});
     first += ring.count;
   }
-  return finished(std::move(vertices), std::move(normals), triangles);
+  return to_design(std::move(vertices), std::move(normals), triangles);
 }
 
 // The rectangle.
 
-Design tessellated(const RectanglePlane& plane, int wanted) {
+Design tessellate_surface(const RectanglePlane& plane, int vertex_count) {
   const double aspect = plane.length_x / plane.length_y;
-  const int columns = std::max(2, static_cast<int>(std::lround(std::sqrt(wanted * aspect))));
-  const int rows = std::max(2, static_cast<int>(std::lround(double(wanted) / columns)));
+  const int columns = std::max(2, static_cast<int>(std::lround(std::sqrt(vertex_count * aspect))));
+  const int rows = std::max(2, static_cast<int>(std::lround(double(vertex_count) / columns)));
   Points vertices(static_cast<Eigen::Index>(columns) * rows, 3);
   Points normals(vertices.rows(), 3);
   normals.rowwise() = Eigen::RowVector3d::UnitZ();
   for (int j = 0; j < rows; ++j)
     for (int i = 0; i < columns; ++i) {
-      // Inner vertices are displaced from the lines of the grid too, by the plastic-number
-      // sequence; the corners stay.
+      // Inner vertices are displaced from the lines of the grid by the plastic-number sequence,
+      // those on the sides along the side only; the corners are fixed.
       const int index = j * columns + i;
-      const bool inner_x = i > 0 && i + 1 < columns;
-      const bool inner_y = j > 0 && j + 1 < rows;
-      const double u = (i + (inner_x ? 0.4 * (fraction(index * 0.7548776662466927) - 0.5) : 0.0)) /
-                       (columns - 1);
+      const bool is_inner_x = i > 0 && i + 1 < columns;
+      const bool is_inner_y = j > 0 && j + 1 < rows;
+      const double u =
+          (i + (is_inner_x ? 0.4 * (fractional_part(index * 0.7548776662466927) - 0.5) : 0.0)) /
+          (columns - 1);
       const double v =
-          (j + (inner_y ? 0.4 * (fraction(index * 0.5698402909980532) - 0.5) : 0.0)) / (rows - 1);
+          (j + (is_inner_y ? 0.4 * (fractional_part(index * 0.5698402909980532) - 0.5) : 0.0)) /
+          (rows - 1);
       vertices.row(index) << plane.length_x * (u - 0.5), plane.length_y * (v - 0.5), 0.0;
     }
   std::vector<Eigen::Vector3i> triangles;
@@ -306,34 +325,35 @@ Design tessellated(const RectanglePlane& plane, int wanted) {
         triangles.push_back({b, c, d});
       }
     }
-  return finished(std::move(vertices), std::move(normals), triangles);
+  return to_design(std::move(vertices), std::move(normals), triangles);
 }
 
 // Enlarged surfaces.
 
-/// Returns the radius to which a piece can be extended in the direction of `r`: an arc ends where
-/// it is upright.
-double reachable(const Section& s, double r) {
+/// Returns the radius nearest to `r` to which a piece can be extended: an arc ends where it is
+/// vertical.
+double reachable_radius(const Section& s, double r) {
   if (s.curvature == 0.0) return std::max(0.0, r);
-  const double n0 = left_of(s.tangent).x();
-  const double a = s.from.x() + (1.0 - n0) / s.curvature;
-  const double b = s.from.x() + (-1.0 - n0) / s.curvature;
+  const double start_normal_r = left_of(s.tangent).x();
+  const double a = s.from.x() + (1.0 - start_normal_r) / s.curvature;
+  const double b = s.from.x() + (-1.0 - start_normal_r) / s.curvature;
   return std::max(0.0, std::clamp(r, std::min(a, b), std::max(a, b)));
 }
 
-Vector2d continued(const Section& s, double arc, double by) {
+/// Returns the end of a section at an arc length, extended by a margin.
+Vector2d extended_end(const Section& s, double arc, double margin) {
   const Station end = at(s, arc);
-  const bool upright = std::abs(end.normal.y()) < 1e-9;
-  if (upright && s.curvature != 0.0) return end.point;
-  if (upright) return end.point + by * s.tangent;
-  return at_radius(s, reachable(s, end.point.x() + by)).point;
+  const bool is_vertical = std::abs(end.normal.y()) < 1e-9;
+  if (is_vertical && s.curvature != 0.0) return end.point;
+  if (is_vertical) return end.point + margin * s.tangent;
+  return at_radius(s, reachable_radius(s, end.point.x() + margin)).point;
 }
 
-RevolvedProfile continued(RevolvedProfile outline, double margin) {
+RevolvedProfile extended(RevolvedProfile outline, double margin) {
   const Section first = section(outline.pieces.front());
   const Section last = section(outline.pieces.back());
-  if (first.from.x() > 0.0) outline.pieces.front().from = continued(first, 0.0, -margin);
-  outline.pieces.back().to = continued(last, last.length, margin);
+  if (first.from.x() > 0.0) outline.pieces.front().from = extended_end(first, 0.0, -margin);
+  outline.pieces.back().to = extended_end(last, last.length, margin);
   return outline;
 }
 
@@ -341,29 +361,29 @@ RevolvedProfile continued(RevolvedProfile outline, double margin) {
 
 Design tessellate(const Primitive& primitive, const TessellateOptions& options) {
   validate_any(primitive);
-  demand(options.vertices >= 100 && options.vertices <= 50'000'000,
-         "number of vertices must be from 100 to 50 million", options.vertices);
+  require_value(options.vertices >= 100 && options.vertices <= 50'000'000,
+                "number of vertices must be from 100 to 50 million", options.vertices);
   if (const auto* plane = std::get_if<RectanglePlane>(&primitive))
-    return tessellated(*plane, options.vertices);
-  return tessellated(profile(primitive), options.vertices);
+    return tessellate_surface(*plane, options.vertices);
+  return tessellate_surface(profile(primitive), options.vertices);
 }
 
 std::optional<Contact> surface_point_above(const Primitive& primitive, double x, double y) {
   if (const auto* plane = std::get_if<RectanglePlane>(&primitive)) {
     validate(*plane);
-    const bool inside =
+    const bool is_inside =
         std::abs(x) <= 0.5 * plane->length_x && std::abs(y) <= 0.5 * plane->length_y;
-    if (!inside) return std::nullopt;
+    if (!is_inside) return std::nullopt;
     return Contact{Vector3d(x, y, 0.0), Vector3d::UnitZ()};
   }
   const double r = std::hypot(x, y);
   std::optional<Station> highest;
   for (const ProfilePiece& piece : profile(primitive).pieces) {
-    const bool upright = piece.to.x() == piece.from.x();
-    if (upright || !(r >= piece.from.x() && r <= piece.to.x())) continue;
-    const Station here = at_radius(section(piece), r);
-    // At a kink the first piece, nearer to the axis, is kept.
-    if (!highest || here.point.y() > highest->point.y() + join_tolerance) highest = here;
+    const bool is_vertical = piece.to.x() == piece.from.x();
+    if (is_vertical || !(r >= piece.from.x() && r <= piece.to.x())) continue;
+    const Station station = at_radius(section(piece), r);
+    // At a kink the first piece, which is nearer to the axis, is kept.
+    if (!highest || station.point.y() > highest->point.y() + join_tolerance) highest = station;
   }
   if (!highest) return std::nullopt;
   const Vector2d n = highest->normal;
@@ -372,7 +392,8 @@ std::optional<Contact> surface_point_above(const Primitive& primitive, double x,
 }
 
 Primitive enlarged(const Primitive& primitive, double margin) {
-  demand(std::isfinite(margin) && margin >= 0.0, "margin must be finite and not negative", margin);
+  require_value(std::isfinite(margin) && margin >= 0.0, "margin must be finite and not negative",
+                margin);
   validate_any(primitive);
   return std::visit(
       [&](const auto& p) -> Primitive {
@@ -386,7 +407,7 @@ Primitive enlarged(const Primitive& primitive, double margin) {
         else if constexpr (std::is_same_v<Kind, Torus>)
           return p;
         else
-          return continued(profile(p), margin);
+          return extended(profile(p), margin);
       },
       primitive);
 }
@@ -422,42 +443,44 @@ RevolvedProfile profile(const Primitive& primitive) {
 
 namespace {
 
-Vector2d turned(const Vector2d& v, double angle) {
+Vector2d rotated(const Vector2d& vector, double angle) {
   const double c = std::cos(angle), s = std::sin(angle);
-  return {c * v.x() - s * v.y(), s * v.x() + c * v.y()};
+  return {c * vector.x() - s * vector.y(), s * vector.x() + c * vector.y()};
 }
 
 }  // namespace
 
 Section section(const RevolvedProfile::Piece& piece) {
   const Vector2d chord = piece.to - piece.from;
-  const double c = chord.norm();
-  const Vector2d along = chord / c;
-  if (piece.arc_radius == 0.0) return {piece.from, piece.to, along, 0.0, c};
-  const double half = std::asin(std::min(1.0, c / (2.0 * std::abs(piece.arc_radius))));
+  const double chord_length = chord.norm();
+  const Vector2d chord_direction = chord / chord_length;
+  if (piece.arc_radius == 0.0) return {piece.from, piece.to, chord_direction, 0.0, chord_length};
+  const double half_angle =
+      std::asin(std::min(1.0, chord_length / (2.0 * std::abs(piece.arc_radius))));
   const double sign = piece.arc_radius > 0.0 ? 1.0 : -1.0;
-  return {piece.from, piece.to, turned(along, sign * half), 1.0 / piece.arc_radius,
-          2.0 * half * std::abs(piece.arc_radius)};
+  return {piece.from, piece.to, rotated(chord_direction, sign * half_angle), 1.0 / piece.arc_radius,
+          2.0 * half_angle * std::abs(piece.arc_radius)};
 }
 
 Station at(const Section& s, double arc) {
   const double angle = arc * s.curvature;
-  const Vector2d normal = left_of(turned(s.tangent, -angle));
+  const Vector2d normal = left_of(rotated(s.tangent, -angle));
   if (arc <= 0.0) return {s.from, normal};
   if (arc >= s.length) return {s.to, normal};
   if (s.curvature == 0.0) return {s.from + arc * s.tangent, normal};
   const double chord = 2.0 * std::sin(0.5 * angle) / s.curvature;
-  return {s.from + chord * turned(s.tangent, -0.5 * angle), normal};
+  return {s.from + chord * rotated(s.tangent, -0.5 * angle), normal};
 }
 
 Station at_radius(const Section& s, double r) {
-  const Vector2d n0 = left_of(s.tangent);
+  const Vector2d start_normal = left_of(s.tangent);
   const double dr = r - s.from.x();
-  const double n_r = std::clamp(n0.x() + s.curvature * dr, -1.0, 1.0);
+  const double n_r = std::clamp(start_normal.x() + s.curvature * dr, -1.0, 1.0);
   const double n_z = std::sqrt((1.0 - n_r) * (1.0 + n_r));
-  // The quotient below is the difference of two roots without its cancellation.
-  if (dr == 0.0) return {s.from, n0};
-  return {{r, s.from.y() - dr * (n_r + n0.x()) / (n_z + std::max(0.0, n0.y()))}, {n_r, n_z}};
+  // The quotient below is the difference of two roots in a form without cancellation.
+  if (dr == 0.0) return {s.from, start_normal};
+  return {{r, s.from.y() - dr * (n_r + start_normal.x()) / (n_z + std::max(0.0, start_normal.y()))},
+          {n_r, n_z}};
 }
 
 Vector2d left_of(const Vector2d& tangent) { return {-tangent.y(), tangent.x()}; }

@@ -10,8 +10,8 @@
 
 namespace abbe::cutting {
 
-// Declared analytic surfaces in the frame of the part; z is the axis of every surface of
-// revolution. Outward is +z, or away from the axis.
+// Analytic surfaces declared in a scene, in the frame of the part; z is the axis of every surface
+// of revolution. Outward is +z, or away from the axis.
 
 /// A rectangle at z = 0, centred at the origin; mm.
 struct RectanglePlane {
@@ -64,17 +64,17 @@ using Primitive =
     std::variant<RectanglePlane, Disc, Cylinder, Cone, SphereCap, Torus, RevolvedProfile>;
 
 struct TessellateOptions {
-  int vertices = 20000;  ///< requested number, 100 .. 50 million; the result is within a factor of
-                         ///< 1.2, unless the pieces of a profile alone need more
+  int vertices = 20000;  ///< requested number, 100 .. 50 million; the actual number is within a
+                         ///< factor of 1.2, unless the pieces of a profile alone need more
 };
 
 /// Returns a mesh whose vertices and normals are exact (to 1e-12 mm and 2e-15 at 1 m), so that
-/// faceting never shows as residual.
-/// Surfaces of revolution have a polar grid whose ring radii are irregular on purpose: no feed of a
-/// program can be commensurable with them. A kink of a profile has two rings of vertices, one for
-/// each normal, and no triangles between them. If the surface is smooth on the axis, one vertex
-/// stands there; an apex, which has no normal, is omitted: the first ring stands about a third of a
-/// spacing below it and is closed by a small flat.
+/// faceting never appears as residual.
+/// Surfaces of revolution have a polar grid with irregular ring radii, so that no feed of a program
+/// is commensurable with them. A kink of a profile has two rings of vertices, one for each normal,
+/// and no triangles between them. If the surface is smooth on the axis, there is a vertex on it. An
+/// apex, which has no normal, is omitted: the first ring is about a third of a spacing below it and
+/// is closed by a small flat.
 /// @throws std::invalid_argument naming the dimension that is not positive, finite or possible
 Design tessellate(const Primitive& primitive, const TessellateOptions& options = {});
 
@@ -85,15 +85,16 @@ struct Contact {
   int face = -1;  ///< recognised face of a mesh on which it lies; -1: none
 };
 
-/// Returns the surface point above (x, y) seen from +z, the rim included; nothing if there is none
-/// (an upright wall has no such point). At a kink the piece nearer to the axis is used; at an apex
-/// the normal is +z.
+/// Returns the highest surface point at (x, y), the rim included; empty if there is none (a
+/// vertical wall has no such point). At a kink the piece nearer to the axis is used; at an apex the
+/// normal is +z.
 std::optional<Contact> surface_point_above(const Primitive& primitive, double x, double y);
 
 /// Returns the surface extended beyond its rims, including inner ones, so that a program may
-/// overrun the edge: by `margin` mm of r (of x and y for a rectangle, of z for an upright wall).
-/// Lines are extended straight, arcs along their circle at most to where it is upright, and nothing
-/// across the axis. Cylinders, cones and profiles become profiles, because their z = 0 must remain.
+/// overrun the edge: by `margin` mm of r (of x and y for a rectangle, of z for a vertical wall).
+/// Lines are extended straight, arcs along their circle up to the point where it is vertical, and
+/// nothing is extended across the axis. Cylinders, cones and profiles become profiles, because
+/// their z = 0 must remain.
 /// @throws std::invalid_argument as `tessellate`, and for a margin that is negative or not finite
 Primitive enlarged(const Primitive& primitive, double margin);
 
@@ -101,7 +102,7 @@ Primitive enlarged(const Primitive& primitive, double margin);
 /// @throws std::invalid_argument for a rectangle, and as `tessellate`
 RevolvedProfile profile(const Primitive& primitive);
 
-/// A piece in the form in which it is evaluated. All quantities are relative to its start and not
+/// A piece of a profile prepared for evaluation. All quantities are relative to its start and not
 /// to the centre of its arc, so that a shallow arc of large radius loses no digits.
 struct Section {
   Eigen::Vector2d from, to;
@@ -110,7 +111,7 @@ struct Section {
   double length;            ///< mm, arc length
 };
 
-/// Returns a piece in that form.
+/// Returns the section of a piece.
 Section section(const RevolvedProfile::Piece& piece);
 
 /// A point of a profile with its normal.
@@ -119,14 +120,14 @@ struct Station {
   Eigen::Vector2d normal;  ///< outward
 };
 
-/// Returns the station at arc length `arc` (mm) from the start; beyond the section, that at the
-/// nearer end.
+/// Returns the station at arc length `arc` (mm) from the start, or at the nearer end if `arc` is
+/// beyond the section.
 Station at(const Section& s, double arc);
 
 /// Returns the station at radius r. Along a piece the r component of the normal is linear in r.
 Station at_radius(const Section& s, double r);
 
-/// Returns the direction a quarter turn to the left of a tangent, which is outward.
+/// Returns the direction a quarter turn to the left of a tangent, i.e. the outward normal.
 Eigen::Vector2d left_of(const Eigen::Vector2d& tangent);
 
 }  // namespace abbe::cutting

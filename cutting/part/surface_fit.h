@@ -22,14 +22,15 @@ struct AnalyticPatch {
                                                         ///< normal
   Eigen::Vector3d origin = Eigen::Vector3d::Zero();     ///< mm, on the axis or in the plane
   Eigen::VectorXd shape;  ///< mm: radius; cone: radius at the origin, then its growth per height;
-                          ///< torus: radius of the ring, then of its section; plane: empty
+                          ///< torus: radius of the ring, then that of the tube; plane: empty
   double sign = 1.0;      ///< -1 if the outward normal of the part points to the axis
   double area = 0.0;      ///< mm^2, of its triangles
   double off = 0.0;       ///< mm, distance of the farthest vertex from the surface
   Eigen::AlignedBox3d box;
 };
 
-/// Returns the signed distance of a point from the surface, mm; it increases along `outward`.
+/// Returns the signed distance of a point from the surface, mm; it increases in the direction of
+/// `outward`.
 double distance_of(const AnalyticPatch& surface, const Eigen::Vector3d& p);
 
 /// Returns the unit direction in which the distance increases.
@@ -43,52 +44,54 @@ struct FacetPatch {
   std::vector<int> vertices, triangles;
   Points points;            ///< (vertices)
   Points centres, normals;  ///< (triangles)
-  Points feet;  ///< (triangles) centres of their circumscribed circles, where a sphere or a surface
-                ///< of revolution that is divided into quadrangles has the normal of the facet
+  Points circumcentres;     ///< (triangles) where a sphere, or a surface of revolution divided into
+                            ///< quadrangles, has the normal of the facet
   Eigen::Vector3d middle = Eigen::Vector3d::Zero();  ///< mm
   double size = 1.0;                                 ///< mm
 };
-/// Returns the facets of triangles and vertices of a design in patch coordinates.
+/// Returns facets of a design in patch coordinates.
 FacetPatch facet_patch(const Design& design, std::vector<int> vertices, std::vector<int> triangles);
 
 /// Returns the number of parameters of a form.
-Eigen::Index numbers_of(Form form);
+Eigen::Index parameter_count(Form form);
 
-/// Converts a surface from mm to the coordinates of a patch, and back.
+/// Return the surface converted from mm to the coordinates of a patch, and back.
 AnalyticPatch to_patch_coordinates(const FacetPatch& patch, AnalyticPatch surface);
 AnalyticPatch from_patch_coordinates(const FacetPatch& patch, AnalyticPatch surface);
 
-/// Returns the distance of the farthest vertex of a patch from a surface in its coordinates, mm.
-double farthest(const FacetPatch& patch, const AnalyticPatch& surface);
+/// Returns the largest distance of the vertices of a patch from a surface in patch coordinates, mm.
+double max_vertex_distance(const FacetPatch& patch, const AnalyticPatch& surface);
 
-/// Returns the axis and origin of the line that the normals of the facets meet (Pottmann and
+/// Returns the axis of revolution, i.e. the line that meets the normals of the facets (Pottmann and
 /// Wallner 2001, Computational Line Geometry, 4.1).
 AnalyticPatch revolution_from_normals(const FacetPatch& patch);
 
-/// Returns a surface of the given form near the vertices of a patch, in its coordinates: a plane or
-/// a sphere by least squares, or a surface of revolution about the given axis.
-AnalyticPatch first_guess(Form form, const FacetPatch& patch, const AnalyticPatch& axis = {});
+/// Returns a surface of the given form near the vertices of a patch, in patch coordinates: a plane
+/// or a sphere by least squares, or a surface of revolution about the given axis.
+AnalyticPatch initial_surface(Form form, const FacetPatch& patch, const AnalyticPatch& axis = {});
 
-/// Returns the surface that minimises the squared distances by the Gauss-Newton method, for some
-/// 2000 evenly chosen vertices of the patch; both in the coordinates of the patch.
-/// @param rounds  largest number of iterations
-AnalyticPatch adjusted(AnalyticPatch surface, const FacetPatch& patch, int rounds = 30);
+/// Returns the surface that minimises the squared distances of about 2000 evenly chosen vertices of
+/// the patch, by the Gauss-Newton method; both surfaces in patch coordinates.
+/// @param surface         start of the iteration
+/// @param max_iterations  maximum number of iterations
+AnalyticPatch refine_fit(AnalyticPatch surface, const FacetPatch& patch, int max_iterations = 30);
 
-/// Returns true if the vertices stand on enough lines along a surface, or rings around it, to
-/// determine it. Three lines of a bend lie on a cylinder, and four of a symmetric one; two rings,
-/// such as those of any cylinder or cone, lie on a sphere; three rings of a chamfered shaft lie on
-/// a torus, and four of a symmetric one: that these fit proves nothing about the surface between
-/// them. A torus about a point is a sphere that was rejected. Planes are not tested.
-/// @param tangents  lines along which a cylinder or cone is known to continue in a plane: each
-///                  counts as a line of vertices
-bool is_determined(const AnalyticPatch& surface, const FacetPatch& patch, int tangents = 0);
+/// Returns true if the vertices lie on enough lines along a surface, or rings around it, to
+/// determine it. Any three lines of a bend lie on a cylinder, and so do four of a symmetric bend;
+/// any two rings, such as those of a cylinder or cone, lie on a sphere; three rings of a chamfered
+/// shaft lie on a torus, and so do four of a symmetric one. A fit through them proves nothing about
+/// the surface in between. A torus about a point is a sphere that was rejected. Planes are not
+/// tested.
+/// @param tangent_lines  number of lines along which a cylinder or cone is known to continue in a
+///                       plane; each counts as a line of vertices
+bool is_determined(const AnalyticPatch& surface, const FacetPatch& patch, int tangent_lines = 0);
 
-/// Returns true if there are at least `wanted` lines of vertices around the axis.
-bool has_lines(const AnalyticPatch& surface, const FacetPatch& patch, int wanted);
+/// Returns true if the vertices lie on at least `min_count` lines around the axis.
+bool has_lines(const AnalyticPatch& surface, const FacetPatch& patch, int min_count);
 
 /// Returns the plane, cylinder, cone, sphere or torus, tried in this order, on which the whole
-/// patch lies, in mm; nothing if there are too few vertices to determine it.
+/// patch lies, in mm; empty if there is none or the vertices do not determine it.
 /// @param tolerance  mm
-std::optional<AnalyticPatch> surface_of(const FacetPatch& patch, double tolerance);
+std::optional<AnalyticPatch> recognise_surface(const FacetPatch& patch, double tolerance);
 
 }  // namespace abbe::cutting
