@@ -47,8 +47,8 @@ std::string to_string(const ElementName& name) {
   return std::string("E") + name.direction + (name.location ? "0" : "") + name.axis;
 }
 
-void refuse(const std::string& who, const std::string& why) {
-  throw std::invalid_argument(who + ": " + why);
+void refuse(const std::string& who, const std::string& reason) {
+  throw std::invalid_argument(who + ": " + reason);
 }
 
 void expect_positive(double value, const std::string& who, const char* quantity) {
@@ -164,8 +164,8 @@ constexpr double max_oblique_sine = 0.02;
 
 std::vector<SquarenessContribution> squareness_contributions(
     const ElementName& straightness, double slope, std::span<const kinematics::Joint> joints) {
-  const auto throw_error = [&](const char* why) {
-    throw std::invalid_argument(to_string(straightness) + ": " + why);
+  const auto throw_error = [&](const char* reason) {
+    throw std::invalid_argument(to_string(straightness) + ": " + reason);
   };
   const auto slide = std::find_if(joints.begin(), joints.end(), [&](const auto& joint) {
     return joint.name == straightness.axis && joint.motion == kinematics::Motion::Linear;

@@ -39,7 +39,7 @@ struct Element {
 // Checks of the numbers in a description of errors. Each throws std::invalid_argument with a
 // message that begins with `who`, the name of the item to which the number belongs.
 
-[[noreturn]] void refuse(const std::string& who, const std::string& why);
+[[noreturn]] void refuse(const std::string& who, const std::string& reason);
 
 void expect_positive(double value, const std::string& who, const char* quantity);
 void expect_not_negative(double value, const std::string& who, const char* quantity);

@@ -142,9 +142,9 @@ ElementTable read_element_table(std::string_view text, const std::string& file,
   if (rows < 2) lines.refuse(0, "at least 2 rows", fmt::format("{}", rows));
   // The numbers were collected row by row, whereas Eigen matrices store columns by default.
   using Rows = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
-  const Eigen::Map<const Rows> all(numbers.data(), rows, width);
-  header.table.q = all.col(0);
-  header.table.values = all.rightCols(width - 1);
+  const Eigen::Map<const Rows> columns(numbers.data(), rows, width);
+  header.table.q = columns.col(0);
+  header.table.values = columns.rightCols(width - 1);
   return std::move(header.table);
 }
 

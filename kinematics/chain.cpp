@@ -156,11 +156,11 @@ void check(const Joint& joint) {
     throw_joint_error(joint, "the lower limit of travel below the upper");
 }
 
-void check(const Pose& T, const std::string& what) {
+void check(const Pose& T, const std::string& pose_name) {
   const Eigen::Matrix3d R = T.linear();
   const double skew = (R.transpose() * R - Eigen::Matrix3d::Identity()).cwiseAbs().maxCoeff();
   if (!T.matrix().allFinite() || !(skew <= 1e-12) || !(R.determinant() > 0.0))
-    throw std::invalid_argument(what + ": expected a rigid transform");
+    throw std::invalid_argument(pose_name + ": expected a rigid transform");
 }
 
 }  // namespace

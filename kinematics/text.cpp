@@ -118,9 +118,9 @@ void check_encoding(std::string_view text, const std::string& file) {
   if (auto seen = foreign_encoding(text))
     throw BadInput(file, 1, 1, "a text in ASCII or UTF-8", std::move(*seen));
   if (const auto at = find_lone_cr(text)) {
-    const std::string_view before = text.substr(0, *at);
-    const auto line = 1 + std::count(before.begin(), before.end(), '\n');
-    const std::size_t begin = before.rfind('\n');  // npos + 1 is 0
+    const std::string_view text_before = text.substr(0, *at);
+    const auto line = 1 + std::count(text_before.begin(), text_before.end(), '\n');
+    const std::size_t begin = text_before.rfind('\n');  // npos + 1 is 0
     throw BadInput(file, int(line), int(*at - (begin + 1)) + 1,
                    "lines that end in LF or CR LF, not in CR alone as on old Macintosh computers",
                    "a CR alone");

@@ -61,8 +61,8 @@ class Refinement {
                                  std::vector<std::uint8_t> judged = {});
   void probe(const std::vector<int>& edges, const std::vector<ProbePosition>& positions,
              std::vector<EdgeProbe>& probes);
-  std::vector<EdgeProbe> probe_edges(const std::vector<int>& open);
-  std::vector<int> edges_to_probe(const std::vector<int>& edges, bool all) const;
+  std::vector<EdgeProbe> probe_edges(const std::vector<int>& edges);
+  std::vector<int> edges_to_probe(const std::vector<int>& edges, bool include_all) const;
   void add_pending(const std::vector<int>& edges, std::vector<EdgeProbe> probes);
   void require_split(std::vector<int> edges);
   std::vector<int> longer_edges(const PendingEdge& pending, double level) const;

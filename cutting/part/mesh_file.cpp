@@ -303,7 +303,7 @@ TriangleSoup append_face(TriangleSoup soup, Polygon polygon, const MeshSource& s
         "faces with an area",
         fmt::format("a degenerate one, {} corners at {} places, one of them {}", corners_in_file,
                     polygon.corners.size(),
-                    point_text(soup.points[static_cast<std::size_t>(polygon.corners[0])])),
+                    coordinates_text(soup.points[static_cast<std::size_t>(polygon.corners[0])])),
         polygon.line, polygon.line > 0 ? 1 : 0);
   if (polygon.corners.size() == 3) {
     add_triangle(polygon.corners[0], polygon.corners[1], polygon.corners[2]);
@@ -377,7 +377,7 @@ TriangleSoup drop_unused_points(const TriangleSoup& soup) {
   return result;
 }
 
-std::string point_text(const Vector3d& p) {
+std::string coordinates_text(const Vector3d& p) {
   return fmt::format("({:.6g}, {:.6g}, {:.6g})", p.x(), p.y(), p.z());
 }
 

@@ -153,6 +153,6 @@ TriangleSoup merge_equal_points(const TriangleSoup& soup);
 TriangleSoup drop_unused_points(const TriangleSoup& soup);
 
 /// Returns "(x, y, z)" with six digits.
-std::string point_text(const Eigen::Vector3d& p);
+std::string coordinates_text(const Eigen::Vector3d& p);
 
 }  // namespace abbe::cutting

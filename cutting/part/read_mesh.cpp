@@ -40,12 +40,12 @@ void check_triangles(const MeshSource& source, const TriangleSoup& soup) {
         std::max({(b - a).squaredNorm(), (c - b).squaredNorm(), (a - c).squaredNorm()});
     const double twice_area = (b - a).cross(c - a).norm();
     if (!std::isfinite(longest) || longest > 1e30)
-      source.refuse("coordinates below 1e15", point_text(a), soup.line.empty() ? 0 : soup.line[f],
-                    1);
+      source.refuse("coordinates below 1e15", coordinates_text(a),
+                    soup.line.empty() ? 0 : soup.line[f], 1);
     // 1e-7: single-precision coordinates cannot define the normal of a flatter triangle.
     if (!(twice_area > 1e-7 * longest))
       source.refuse("triangles with an area (height above 1e-7 of the longest edge)",
-                    fmt::format("a degenerate one, number {}, at {}", f + 1, point_text(a)),
+                    fmt::format("a degenerate one, number {}, at {}", f + 1, coordinates_text(a)),
                     soup.line.empty() ? 0 : soup.line[f], 1);
   }
 }
@@ -64,8 +64,8 @@ std::size_t check_edges(const MeshSource& source, const TriangleSoup& soup,
   std::size_t rim = 0;
   const HalfEdge* first_rim_edge = nullptr;
   const auto edge_text = [&](const HalfEdge& e) {
-    return point_text(soup.points[static_cast<std::size_t>(e.from)]) + " - " +
-           point_text(soup.points[static_cast<std::size_t>(e.to)]);
+    return coordinates_text(soup.points[static_cast<std::size_t>(e.from)]) + " - " +
+           coordinates_text(soup.points[static_cast<std::size_t>(e.to)]);
   };
   for (const HalfEdge& edge : edges) {
     const auto same_direction = range(edges, edge.from, edge.to);
@@ -111,7 +111,7 @@ void check_fans(const MeshSource& source, const TriangleSoup& soup,
     if (edges_around != last - first)
       source.refuse("one fan of triangles at a vertex",
                     fmt::format("two that touch at {}: not manifold",
-                                point_text(soup.points[static_cast<std::size_t>(vertex)])));
+                                coordinates_text(soup.points[static_cast<std::size_t>(vertex)])));
     first = last;
   }
 }
@@ -132,12 +132,12 @@ void check_half_edge_mesh(const MeshSource& source, const TriangleSoup& soup, st
     if (!mesh.add_face(handle(f[0]), handle(f[1]), handle(f[2])).is_valid())
       source.refuse("triangles that join to a surface",
                     fmt::format("one at {} that does not: not manifold",
-                                point_text(soup.points[static_cast<std::size_t>(f[0])])));
+                                coordinates_text(soup.points[static_cast<std::size_t>(f[0])])));
   for (const auto v : mesh.vertices())
     if (!mesh.is_manifold(v))
       source.refuse("one fan of triangles at a vertex",
                     fmt::format("more at {}: not manifold",
-                                point_text(soup.points[static_cast<std::size_t>(v.idx())])));
+                                coordinates_text(soup.points[static_cast<std::size_t>(v.idx())])));
   const auto open_edges = std::count_if(mesh.edges_begin(), mesh.edges_end(),
                                         [&](const auto& e) { return mesh.is_boundary(e); });
   if (static_cast<std::size_t>(open_edges) != rim)
@@ -193,9 +193,9 @@ void check_outward(const MeshSource& source, const TriangleSoup& soup) {
         all_shells.begin(), all_shells.end(),
         [&](const Shell& body) { return body.volume > 0.0 && body.box.contains(cavity.box); });
     if (!is_inside)
-      source.refuse(expected,
-                    fmt::format("a flipped shell between {} and {}", point_text(cavity.box.min()),
-                                point_text(cavity.box.max())));
+      source.refuse(expected, fmt::format("a flipped shell between {} and {}",
+                                          coordinates_text(cavity.box.min()),
+                                          coordinates_text(cavity.box.max())));
   }
 }
 
@@ -290,8 +290,9 @@ Design to_design(const MeshSource& source, const TriangleSoup& soup, double unit
   // Normals of opposite triangles cancel to zero; all others have length 1.
   for (Eigen::Index i = 0; i < design.normals.rows(); ++i)
     if (!(design.normals.row(i).norm() > 0.5))
-      source.refuse("a normal at every vertex",
-                    "triangles that cancel at " + point_text(design.vertices.row(i).transpose()));
+      source.refuse(
+          "a normal at every vertex",
+          "triangles that cancel at " + coordinates_text(design.vertices.row(i).transpose()));
   return design;
 }
 

@@ -233,9 +233,10 @@ PartReadingsFile measured_part(const Job& job, const Cut& cut,
           job, thin_points(surface, instrument.spacing, job.design_w.area.sum()), options);
     }
   } catch (const std::invalid_argument& error) {
-    const Place place = instrument_location(scene, instrument.name);
-    throw BadInput(place.file ? *place.file : scene.file.string(), place.line, place.column,
-                   "a part that " + instrument.name + " can measure", error.what());
+    const Place location = instrument_location(scene, instrument.name);
+    throw BadInput(location.file ? *location.file : scene.file.string(), location.line,
+                   location.column, "a part that " + instrument.name + " can measure",
+                   error.what());
   }
   return file;
 }

@@ -106,8 +106,8 @@ TEST(Frame, TurnsPlacesAndInvertsAsAPose) {
     EXPECT_EQ(to_pose(to_frame(a)).matrix(), a.matrix());
     EXPECT_EQ(to_pose(to_frame(a) * to_frame(b)).matrix(), (a * b).matrix());
     EXPECT_EQ(to_pose(inverse(to_frame(a))).matrix(), a.inverse().matrix());
-    EXPECT_EQ(placed(to_frame(a), p), Vector3d(a * p));
-    EXPECT_EQ(vector(turned(to_frame(a), p)), Vector3d(a.linear() * p));
+    EXPECT_EQ(transform(to_frame(a), p), Vector3d(a * p));
+    EXPECT_EQ(vector(rotate(to_frame(a), p)), Vector3d(a.linear() * p));
   }
 }
 
