@@ -435,7 +435,7 @@ std::vector<double> series_coefficients(const Curve& curve) {
 
 }  // namespace
 
-bool SeriesBasis::shares(const SeriesBasis& other) const {
+bool SeriesBasis::has_same_functions(const SeriesBasis& other) const {
   return kind == other.kind && argument == other.argument && centre == other.centre &&
          range == other.range;
 }

@@ -187,7 +187,7 @@ struct SeriesBasis {
   int functions = 0;    ///< number used by the longest series
 
   /// Returns true if two series use the same functions, whatever their number.
-  bool shares(const SeriesBasis& other) const;
+  bool has_same_functions(const SeriesBasis& other) const;
 };
 
 /// Returns the basis of a Legendre or Fourier series; empty for another shape or a series of more

@@ -92,11 +92,11 @@ void check_squareness(const ElementName& name, const kinematics::Chain& chain, i
   if (element.defined) return;
   const std::string who = to_string(name);
   const char along = char('X' + (name.direction - 'A'));
-  if (element.stating_slide)
+  if (element.later_slide)
     refuse(who, fmt::format("{} is the reference of {}; write the angle of the two as E{}0{}, "
                             "which has the opposite sign",
-                            name.axis, letter(chain, *element.stating_slide), name.direction,
-                            letter(chain, *element.stating_slide)));
+                            name.axis, letter(chain, *element.later_slide), name.direction,
+                            letter(chain, *element.later_slide)));
   if (!element.reference)
     refuse(who, fmt::format("no other slide of this machine travels across {}, so there is none to "
                             "which {} could be square; its angle to a rotary axis is written as "
@@ -184,8 +184,8 @@ std::vector<SquarenessContribution> squareness_contributions(
     const char direction = char('A' + i);
     if (element.defined) {
       contributions.push_back({{direction, slide->name, true}, rotation[i] * slope});
-    } else if (element.stating_slide) {
-      contributions.push_back({{direction, joints[std::size_t(*element.stating_slide)].name, true},
+    } else if (element.later_slide) {
+      contributions.push_back({{direction, joints[std::size_t(*element.later_slide)].name, true},
                                -rotation[i] * slope});
     } else if (!element.reference || std::abs(rotation[i]) > max_oblique_sine) {
       throw_error("its slope is no angle to another slide of this machine");

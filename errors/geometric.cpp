@@ -59,7 +59,7 @@ double& deviation_component(std::vector<JointDeviation>& deviations,
 std::optional<int> find_or_add_group(GeometricModel& model, int joint, const SeriesBasis& basis) {
   const auto group =
       std::ranges::find_if(model.groups, [&](const GeometricModel::Group& candidate) {
-        return candidate.joint == joint && candidate.series.basis.shares(basis) &&
+        return candidate.joint == joint && candidate.series.basis.has_same_functions(basis) &&
                candidate.series.count < SeriesGroup::max_series;
       });
   if (group != model.groups.end()) return int(group - model.groups.begin());

@@ -347,7 +347,7 @@ LocationElement location_element(std::span<const Joint> joints, int joint, int c
     // The angle of a pair of main slides belongs to the later one, as ISO 230-1 writes EC0Y.
     element.defined =
         references.size() == 1 && *bed_axis_index(slides, references.front()) < *bed_axis;
-    if (!element.defined && references.size() == 1) element.stating_slide = references.front();
+    if (!element.defined && references.size() == 1) element.later_slide = references.front();
   }
   const bool rotates_travel_only = component >= 3 && axis.squareness == Squareness::Travel;
   if (element.defined || rotates_travel_only)

@@ -147,8 +147,8 @@ struct LocationElement {
   DisplacedPart displaces = DisplacedPart::Frame;
   std::optional<int> reference;  ///< slide to which the location refers; empty if there is none for
                                  ///< this component
-  std::optional<int> stating_slide;  ///< the later slide for which this angle is stated instead;
-                                     ///< empty if it is stated for the joint itself
+  std::optional<int> later_slide;  ///< the later slide for which this angle is stated instead;
+                                   ///< empty if it is stated for the joint itself
   bool defined = true;  ///< false for an offset of a slide, an angle about its own direction, and
                         ///< an angle without an earlier slide as reference; such a component
                         ///< displaces the frame

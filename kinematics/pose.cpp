@@ -94,7 +94,7 @@ Screw screw_between(const Pose& from, const Pose& to) {
 }
 
 Pose pose_at(const Screw& screw, double u) {
-  const Vector3d turn = u * screw.turn, travel = u * screw.travel;
+  const Vector3d turn = u * screw.rotation, travel = u * screw.travel;
   const double angle = turn.norm();
   if (angle == 0.0) return screw.start * Eigen::Translation3d(travel);
   const double half = std::sin(0.5 * angle) / angle;
@@ -105,7 +105,7 @@ Pose pose_at(const Screw& screw, double u) {
 }
 
 double fastest(const Screw& screw, const Vector3d& centre, double radius) {
-  return (screw.travel + screw.turn.cross(centre)).norm() + screw.turn.norm() * radius;
+  return (screw.travel + screw.rotation.cross(centre)).norm() + screw.rotation.norm() * radius;
 }
 
 }  // namespace abbe::kinematics

@@ -47,10 +47,10 @@ Eigen::Vector3d great_circle_point(const Eigen::Vector3d& from, const Eigen::Vec
 /// A motion at a constant rate about and along one line: the motion of a single joint, and that of
 /// two joints together to second order. Its velocity is constant in the moving frame.
 struct Screw {
-  Pose start = Pose::Identity();                     ///< at u = 0
-  Eigen::Vector3d turn = Eigen::Vector3d::Zero();    ///< rad, rotation vector of the whole motion
-  Eigen::Vector3d travel = Eigen::Vector3d::Zero();  ///< mm, velocity of the origin at u = 0 per
-                                                     ///< unit of u
+  Pose start = Pose::Identity();                       ///< at u = 0
+  Eigen::Vector3d rotation = Eigen::Vector3d::Zero();  ///< rad, rotation vector of the whole motion
+  Eigen::Vector3d travel = Eigen::Vector3d::Zero();    ///< mm, velocity of the origin at u = 0 per
+                                                       ///< unit of u
 };
 
 /// Returns the screw from one pose at u = 0 to another at u = 1, by at most half a turn.

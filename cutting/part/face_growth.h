@@ -135,7 +135,7 @@ class FaceGrowth {
   void mark_region(const Region& region);
   void add_corners(Region& region, int t);
   std::optional<AnalyticPatch> fit_surface(const FacetPatch& patch,
-                                           const AnalyticPatch& near) const;
+                                           const AnalyticPatch& start) const;
   AnalyticPatch refit_surface(const AnalyticPatch& surface, const Region& region) const;
   bool is_face(const AnalyticPatch& surface, const Region& region);
   AnalyticPatch with_extent(AnalyticPatch surface, const Region& region) const;
