@@ -115,6 +115,36 @@ VectorXd natural_spline(const VectorXd& q, const VectorXd& y) {
 
 // Shapes
 
+/// Recurrence of the Legendre polynomials P_0, P_1 ... at one argument.
+struct LegendreRecurrence {
+  double t;               ///< (q - centre) / half_range
+  double P_before = 0.0;  ///< P_{k-1}
+  double P = 1.0;         ///< P_k
+  int k = 0;
+
+  void next() {
+    const double P_after = (double(2 * k + 1) * t * P - double(k) * P_before) / double(k + 1);
+    P_before = P;
+    P = P_after;
+    ++k;
+  }
+};
+
+/// Recurrence of cosine and sine of multiples of an angle, without a library call for each.
+struct HarmonicRecurrence {
+  explicit HarmonicRecurrence(double angle)
+      : c(std::cos(angle)), s(std::sin(angle)), first_c(c), first_s(s) {}
+
+  double c, s;              ///< of the current harmonic
+  double first_c, first_s;  ///< of the angle itself
+
+  void next() {
+    const double c_next = c * first_c - s * first_s;
+    s = s * first_c + c * first_s;
+    c = c_next;
+  }
+};
+
 double shape_value(const Constant& shape, const CurveInput&) { return shape.value; }
 double shape_slope(const Constant&, const CurveInput&) { return 0.0; }
 
@@ -414,9 +444,6 @@ bool is_random(const Curve& curve) {
   return std::holds_alternative<Repeatability>(curve.shape) ||
          std::holds_alternative<Asynchronous>(curve.shape);
 }
-
-HarmonicRecurrence::HarmonicRecurrence(double angle)
-    : c(std::cos(angle)), s(std::sin(angle)), first_c(c), first_s(s) {}
 
 namespace {
 

@@ -142,35 +142,6 @@ bool is_random(const Curve& curve);
 /// same bits on every machine with IEEE arithmetic (only + - * / and square root are used).
 double normal_deviate(std::uint64_t seed, std::uint64_t counter);
 
-/// Recurrence of the Legendre polynomials P_0, P_1 ... at one argument.
-struct LegendreRecurrence {
-  double t;             ///< (q - centre) / half_range
-  double before = 0.0;  ///< P_{k-1}
-  double P = 1.0;       ///< P_k
-  int k = 0;
-
-  void next() {
-    const double after = (double(2 * k + 1) * t * P - double(k) * before) / double(k + 1);
-    before = P;
-    P = after;
-    ++k;
-  }
-};
-
-/// Recurrence of cosine and sine of multiples of an angle, without a library call for each.
-struct HarmonicRecurrence {
-  explicit HarmonicRecurrence(double angle);
-
-  double c, s;              ///< of the current harmonic
-  double first_c, first_s;  ///< of the angle itself
-
-  void next() {
-    const double c_next = c * first_c - s * first_s;
-    s = s * first_c + c * first_s;
-    c = c_next;
-  }
-};
-
 /// The functions that Legendre or Fourier series of the same argument and range have in common,
 /// whatever their coefficients.
 struct SeriesBasis {

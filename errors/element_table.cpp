@@ -128,9 +128,9 @@ std::vector<double> read_rows(TableLines& lines, const TableHeader& header) {
 }  // namespace
 
 ElementTable read_element_table(std::string_view text, const std::string& file,
-                                const ElementTableOptions& options) {
-  if (text.size() > options.max_bytes)
-    throw BadInput(file, 0, 0, fmt::format("at most {} bytes", options.max_bytes),
+                                std::size_t max_bytes) {
+  if (text.size() > max_bytes)
+    throw BadInput(file, 0, 0, fmt::format("at most {} bytes", max_bytes),
                    fmt::format("{}", text.size()));
   TableLines lines(text, file);
   const auto first = lines.next();
@@ -148,9 +148,8 @@ ElementTable read_element_table(std::string_view text, const std::string& file,
   return std::move(header.table);
 }
 
-ElementTable read_element_table_file(const std::filesystem::path& file,
-                                     const ElementTableOptions& options) {
-  return read_element_table(read_text(file, options.max_bytes), file.string(), options);
+ElementTable read_element_table_file(const std::filesystem::path& file, std::size_t max_bytes) {
+  return read_element_table(read_text(file, max_bytes), file.string(), max_bytes);
 }
 
 std::string write_element_table(const ElementTable& table, char separator) {

@@ -20,9 +20,8 @@ struct ElementTable {
   Eigen::MatrixXd values;             ///< (n x m) mm or rad
 };
 
-struct ElementTableOptions {
-  std::size_t max_bytes = std::size_t(64) << 20;  ///< longer texts are rejected without being read
-};
+/// Default limit of the size of an element table, 64 MiB.
+inline constexpr std::size_t max_element_table_bytes = std::size_t(64) << 20;
 
 /// Reads the table format of volumetric compensation: a header `X EXX EYX EZX EAX EBX ECX` (any of
 /// the six, in any order), then one row per position; cells separated by commas, semicolons, or
@@ -30,14 +29,15 @@ struct ElementTableOptions {
 /// header may state units: X_mm, C_deg, C_rad, EXX_mm, EXX_um, EAX_rad, EAX_urad. LF or CR LF; a
 /// byte order mark, empty lines and lines that begin with # are skipped.
 /// Source: ISG kernel / Beckhoff TF5280, volumetric compensation.
-/// @param file  name in input errors
+/// @param file       name in input errors
+/// @param max_bytes  longer texts are rejected without being read
 /// @throws BadInput with line and column, for anything else
 ElementTable read_element_table(std::string_view text, const std::string& file,
-                                const ElementTableOptions& options = {});
+                                std::size_t max_bytes = max_element_table_bytes);
 
 /// Reads such a table from a file. @throws BadInput also if the file is not a readable regular file
 ElementTable read_element_table_file(const std::filesystem::path& file,
-                                     const ElementTableOptions& options = {});
+                                     std::size_t max_bytes = max_element_table_bytes);
 
 /// Writes the table in the format of `read_element_table` with the default units and the fewest
 /// digits that read back to the same bits. A rotary position that no number of degrees represents

@@ -1,8 +1,9 @@
-#include "errors/workpiece_compliance.h"
+#include "errors/compliance.h"
 
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <limits>
 #include <numeric>
 #include <optional>
 #include <stdexcept>
@@ -11,7 +12,6 @@
 #include <Eigen/Eigenvalues>
 #include <Eigen/LU>
 
-#include "errors/compliance.h"
 #include "kinematics/bad_input.h"
 #include "kinematics/text.h"
 #include "kinematics/units.h"
@@ -156,6 +156,16 @@ using Eigen::Vector3d;
 
 constexpr int max_leaf_nodes = 8;  // ranges of up to this many nodes are searched linearly
 
+/// The five nodes nearest to a point, nearest first; at equal distance the one of lower index.
+struct NearestNodes {
+  struct Node {
+    double squared_distance = std::numeric_limits<double>::infinity();  ///< squared distance, mm^2
+    int index = std::numeric_limits<int>::max();  ///< index in the original field
+    int row = -1;                                 ///< row of the field; -1: none
+  };
+  std::array<Node, 5> nodes;
+};
+
 /// List of the five nearest of the nodes offered. At equal distance the node of lower index comes
 /// first, so that the result does not depend on the order of the search.
 class NearestNodeList {
@@ -237,8 +247,7 @@ class TreeSearch {
   NearestNodeList nearest_;
 };
 
-}  // namespace
-
+/// Returns the field as a balanced tree: the middle node of a range splits it along `split`.
 IndexedField build_tree(const WorkpieceField& field) {
   const int node_count = int(field.compliance_w.size());
   IndexedField tree;
@@ -256,6 +265,7 @@ IndexedField build_tree(const WorkpieceField& field) {
   return tree;
 }
 
+/// Returns the nodes nearest to a point, by exhaustive search.
 NearestNodes nearest_nodes(const WorkpieceField& field, const Vector3d& point_w) {
   NearestNodeList nearest;
   for (int i = 0; i < int(field.points_w.rows()); ++i)
@@ -263,10 +273,12 @@ NearestNodes nearest_nodes(const WorkpieceField& field, const Vector3d& point_w)
   return nearest.nodes();
 }
 
+/// Returns the same nodes by a search in the tree.
 NearestNodes nearest_nodes(const IndexedField& tree, const Vector3d& point_w) {
   return TreeSearch(tree, point_w).nodes();
 }
 
+/// Returns the weighted mean of the four nearest nodes, with the weights of `local_compliance`.
 Matrix3d interpolated_compliance(const WorkpieceField& field, const NearestNodes& nearest) {
   const auto& nodes = nearest.nodes;
   const auto C = [&](std::size_t i) -> const Matrix3d& {
@@ -291,6 +303,8 @@ Matrix3d interpolated_compliance(const WorkpieceField& field, const NearestNodes
   for (std::size_t i = 0; i < 5; ++i) sum += C(i) / 5.0;
   return sum;
 }
+
+}  // namespace
 
 double node_spacing(const WorkpieceField& field) {
   const IndexedField tree = build_tree(field);
@@ -355,6 +369,21 @@ void check(const WorkpiecePlate& plate) {
       fmt::format("a Poisson ratio above -1 and at most 0.5, seen {}", plate.poisson_ratio));
 }
 
+/// Returns the violated expectation of an invalid node, for a message; empty if the node is valid.
+std::string node_error(const Vector3d& point_w, const Matrix3d& C) {
+  if (!point_w.allFinite()) return "a finite point";
+  if (!C.allFinite()) return "a finite compliance";
+  const double largest = C.cwiseAbs().maxCoeff();
+  // 1e-6: finite-element solvers iterate to about this; a tighter bound would reject valid fields.
+  const double slack = 1e-6 * largest;
+  if ((C - C.transpose()).cwiseAbs().maxCoeff() > slack) return "a symmetric compliance";
+  if (largest == 0.0) return {};
+  Eigen::SelfAdjointEigenSolver<Matrix3d> solver;
+  solver.computeDirect(C / largest, Eigen::EigenvaluesOnly);
+  if (!(solver.eigenvalues()[0] >= -1e-6)) return "a compliance without negative eigenvalue";
+  return {};
+}
+
 void check(const WorkpieceField& field) {
   const std::size_t node_count = field.compliance_w.size();
   require_workpiece(node_count > 0 && std::size_t(field.points_w.rows()) == node_count,
@@ -414,20 +443,6 @@ double interpolate_ratio(const PlateTable& table, double s) {
 }
 
 }  // namespace
-
-std::string node_error(const Vector3d& point_w, const Matrix3d& C) {
-  if (!point_w.allFinite()) return "a finite point";
-  if (!C.allFinite()) return "a finite compliance";
-  const double largest = C.cwiseAbs().maxCoeff();
-  // 1e-6: finite-element solvers iterate to about this; a tighter bound would reject valid fields.
-  const double slack = 1e-6 * largest;
-  if ((C - C.transpose()).cwiseAbs().maxCoeff() > slack) return "a symmetric compliance";
-  if (largest == 0.0) return {};
-  Eigen::SelfAdjointEigenSolver<Matrix3d> solver;
-  solver.computeDirect(C / largest, Eigen::EigenvaluesOnly);
-  if (!(solver.eigenvalues()[0] >= -1e-6)) return "a compliance without negative eigenvalue";
-  return {};
-}
 
 void validate(const WorkpieceCompliance& workpiece) {
   std::visit([](const auto& kind) { check(kind); }, workpiece);

@@ -345,11 +345,12 @@ double form_at(const ReachedCells& reached_cells, const Vector3d& point, const V
   return reached_cells.reference + std::clamp(plane_value, reached_cells.low, reached_cells.high);
 }
 
-}  // namespace
-
+/// Returns the variance, in one direction, of the weights of the filter with a cut-off (mm), mm^2.
 double gaussian_variance(double cutoff) {
   return cutoff * cutoff * std::numbers::ln2 / (2.0 * std::numbers::pi * std::numbers::pi);
 }
+
+}  // namespace
 
 double filter_values(double cutoff, double density) {
   return 4.0 * std::numbers::pi * gaussian_variance(cutoff) * density;

@@ -6,9 +6,6 @@
 /// The areal Gaussian filter that separates form from texture.
 namespace abbe::cutting {
 
-/// Returns the variance, in one direction, of the weights of the filter with a cut-off (mm), mm^2.
-double gaussian_variance(double cutoff);
-
 /// Returns the effective number of values that contribute to a filtered value, for values of equal
 /// weight with a uniform `density` (1/mm^2): (sum of weights)^2 / sum of squared weights.
 double filter_values(double cutoff, double density);

@@ -330,6 +330,18 @@ Design tessellate_surface(const RectanglePlane& plane, int vertex_count) {
 
 // Enlarged surfaces.
 
+/// Returns the station at radius r. Along a piece the r component of the normal is linear in r.
+Station at_radius(const Section& s, double r) {
+  const Vector2d start_normal = left_of(s.tangent);
+  const double dr = r - s.from.x();
+  const double n_r = std::clamp(start_normal.x() + s.curvature * dr, -1.0, 1.0);
+  const double n_z = std::sqrt((1.0 - n_r) * (1.0 + n_r));
+  // The quotient below is the difference of two roots in a form without cancellation.
+  if (dr == 0.0) return {s.from, start_normal};
+  return {{r, s.from.y() - dr * (n_r + start_normal.x()) / (n_z + std::max(0.0, start_normal.y()))},
+          {n_r, n_z}};
+}
+
 /// Returns the radius nearest to `r` to which a piece can be extended: an arc ends where it is
 /// vertical.
 double reachable_radius(const Section& s, double r) {
@@ -470,17 +482,6 @@ Station at(const Section& s, double arc) {
   if (s.curvature == 0.0) return {s.from + arc * s.tangent, normal};
   const double chord = 2.0 * std::sin(0.5 * angle) / s.curvature;
   return {s.from + chord * rotated(s.tangent, -0.5 * angle), normal};
-}
-
-Station at_radius(const Section& s, double r) {
-  const Vector2d start_normal = left_of(s.tangent);
-  const double dr = r - s.from.x();
-  const double n_r = std::clamp(start_normal.x() + s.curvature * dr, -1.0, 1.0);
-  const double n_z = std::sqrt((1.0 - n_r) * (1.0 + n_r));
-  // The quotient below is the difference of two roots in a form without cancellation.
-  if (dr == 0.0) return {s.from, start_normal};
-  return {{r, s.from.y() - dr * (n_r + start_normal.x()) / (n_z + std::max(0.0, start_normal.y()))},
-          {n_r, n_z}};
 }
 
 Vector2d left_of(const Vector2d& tangent) { return {-tangent.y(), tangent.x()}; }

@@ -124,9 +124,6 @@ struct Station {
 /// beyond the section.
 Station at(const Section& s, double arc);
 
-/// Returns the station at radius r. Along a piece the r component of the normal is linear in r.
-Station at_radius(const Section& s, double r);
-
 /// Returns the direction a quarter turn to the left of a tangent, i.e. the outward normal.
 Eigen::Vector2d left_of(const Eigen::Vector2d& tangent);
 

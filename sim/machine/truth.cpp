@@ -54,6 +54,11 @@ Machine compile(const Scene& scene) {
   return result;
 }
 
+namespace {
+
+using kinematics::AxisState;
+
+/// Returns the machine as built, with the actual tool and clamping of the part but without errors.
 kinematics::Chain compile_actual(const Scene& scene) {
   const MachineDescription& machine = scene.machine;
   const ToolDescription& tool = scene.tool;
@@ -62,10 +67,6 @@ kinematics::Chain compile_actual(const Scene& scene) {
   const Pose T_bw = machine.T_bw * kinematics::motion(scene.setup, Eigen::Vector3d::Zero());
   return make_chain(scene, machine.joints, T_bw, T_st);
 }
-
-namespace {
-
-using kinematics::AxisState;
 
 bool is_active(const errors::ComplianceModel& model, const errors::Load& load) {
   return !load.on_tool_t.isZero(0.0) || model.gravity_b || model.inertia ||

@@ -18,15 +18,11 @@ namespace abbe::sim {
 /// @throws BadInput naming the scene if its description is not a valid chain
 Machine compile(const Scene& scene);
 
-/// Returns the machine as built, with the actual tool and clamping of the part but without errors.
-/// @throws BadInput as `compile`
-kinematics::Chain compile_actual(const Scene& scene);
-
 /// The actual behaviour of the machine; injected errors act only here. The control loop and the
 /// virtual instruments read it; a compensator never does. The sources of errors are added element
 /// by element; a source that the scene does not have changes no bit of the result.
 struct Truth {
-  kinematics::Chain actual;  ///< as built, see `compile_actual`
+  kinematics::Chain actual;  ///< as built, with the actual tool and clamping of the part
   errors::GeometricModel geometric;
   struct Heat {
     errors::ThermalModel model;

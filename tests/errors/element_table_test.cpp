@@ -164,8 +164,8 @@ TEST(ElementTable, EveryFaultIsRefusedAtItsPlace) {
 
 TEST(ElementTable, ATextOverTheCapIsRefusedUnread) {
   const std::string text = "X EXX\n0 1\n1 2\n";
-  EXPECT_NO_THROW(read_element_table(text, "x.csv", {.max_bytes = text.size()}));
-  EXPECT_THROW(read_element_table(text, "x.csv", {.max_bytes = text.size() - 1}), BadInput);
+  EXPECT_NO_THROW(read_element_table(text, "x.csv", text.size()));
+  EXPECT_THROW(read_element_table(text, "x.csv", text.size() - 1), BadInput);
 }
 
 TEST(ElementTable, ALineOfManyMillionSeparatorsIsRefused) {
@@ -231,7 +231,7 @@ TEST_F(ElementTableFile, AFileIsReadAsItsText) {
   const auto file = folder_ / "x.csv";
   std::ofstream(file) << "X EXX\n0 0.001\n1 0.002\n";
   EXPECT_EQ(read_element_table_file(file).values(1, 0), 0.002);
-  EXPECT_THROW(read_element_table_file(file, {.max_bytes = 5}), BadInput);
+  EXPECT_THROW(read_element_table_file(file, 5), BadInput);
   std::ofstream(file) << "X EXX\n0 0.001\n1 O.002\n";
   try {
     read_element_table_file(file);

@@ -9,7 +9,7 @@
 #include <gtest/gtest.h>
 #include <Eigen/Geometry>
 
-#include "errors/workpiece_compliance.h"
+#include "errors/compliance.h"
 #include "kinematics/units.h"
 #include "tests/errors/refusal.h"
 #include "tests/oracles/beam.h"
