@@ -62,6 +62,7 @@ void update_spline(Shape& shape) {
   }
 }
 
+/// Returns the part of a coefficient's name that identifies the number within its shape.
 std::string number_name(const Shape& shape, int number) {
   if (std::holds_alternative<Constant>(shape)) return "";
   if (std::holds_alternative<Backlash>(shape)) return " backlash";
@@ -76,6 +77,7 @@ std::string number_name(const Shape& shape, int number) {
   return fmt::format("[{}]", number);
 }
 
+/// Returns the name of a curve: the element and, among several curves, the curve.
 std::string curve_name(const Element& element, std::size_t curve, bool has_number) {
   std::string name = to_string(element.name);
   const Curve& c = element.curves[curve];

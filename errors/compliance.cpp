@@ -120,6 +120,7 @@ std::vector<int> carriers(const Chain& chain, Side side, std::optional<int> last
   return result;
 }
 
+/// Returns a mass with the joints that carry it.
 ComplianceModel::Mass bind(const MovingMass& mass, const Chain& chain) {
   const std::string who = fmt::format("mass on {}", mass.axis);
   if (!(mass.mass_kg >= 0.0) || !std::isfinite(mass.mass_kg))
@@ -167,6 +168,7 @@ struct MassPath {
   Vector3d centre_b;  ///< mm, current centre of the mass
 };
 
+/// Returns the frames of the joints that carry a mass, at positions q.
 MassPath mass_path(const Chain& chain, const ComplianceModel::Mass& mass,
                    const kinematics::AxisVector& q) {
   MassPath result;
@@ -204,6 +206,7 @@ Vector3d mass_acceleration(const MassPath& path, const Chain& chain,
   return a;
 }
 
+/// Adds the deviations by weight and inertia of a mass.
 void add_mass(const ComplianceModel& model, const ComplianceModel::Mass& mass,
               const kinematics::AxisState& state, const Load& load, ForceDeviations& result) {
   const Chain& chain = model.nominal;
@@ -230,6 +233,7 @@ void add_mass(const ComplianceModel& model, const ComplianceModel::Mass& mass,
 
 bool is_compliant(const Compliance& C) { return !C.isZero(0.0); }
 
+/// Adds the deviations by the cutting wrench.
 void add_cutting_deviations(const ComplianceModel& model, const kinematics::AxisState& state,
                             const Load& load, ForceDeviations& result) {
   const Pose T_wt = model.nominal.tool_in_workpiece(state.q);

@@ -46,6 +46,7 @@ struct TableSegment {
                                       table.q[table.q.size() - 1]));
 }
 
+/// Returns the row at or before a position, at most the last but one.
 Index row_before(const VectorXd& q, double x) {
   const Index last = q.size() - 2;
   // Most tables are evenly spaced, so the row is estimated first and searched only if the estimate
@@ -57,6 +58,7 @@ Index row_before(const VectorXd& q, double x) {
   return std::clamp<Index>(above - 1, 0, last);
 }
 
+/// Returns the segment at a position. Throws std::out_of_range outside a table that is not held.
 TableSegment table_segment(const Table& table, double q) {
   const double low = table.q[0];
   const double high = table.q[table.q.size() - 1];
@@ -230,6 +232,7 @@ double shape_slope(const DirectionalTables& shape, const CurveInput& input) {
 
 constexpr int wave_count = 32;
 
+/// One cosine of an asynchronous error motion.
 struct Wave {
   double order = 0.0;  ///< per rad of the spindle's angle: cosines per turn
   double phase = 0.0;  ///< rad

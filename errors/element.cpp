@@ -86,6 +86,7 @@ char letter(const kinematics::Chain& chain, int joint) {
   return chain.joints()[std::size_t(joint)].name;
 }
 
+/// Throws std::invalid_argument if the angle belongs to another slide or has no reference slide.
 void check_squareness(const ElementName& name, const kinematics::Chain& chain, int joint) {
   const kinematics::LocationElement element =
       kinematics::location_element(chain.joints(), joint, name.component());
@@ -107,6 +108,7 @@ void check_squareness(const ElementName& name, const kinematics::Chain& chain, i
                           name.axis, along));
 }
 
+/// Throws std::invalid_argument if a location element has no meaning for the axis.
 void check_location(const ElementName& name, const kinematics::Chain& chain, int joint) {
   const std::string who = to_string(name);
   const std::string motion = std::string("E") + name.direction + name.axis;

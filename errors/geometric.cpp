@@ -37,6 +37,7 @@ void check(const Element& element, const Chain& chain, int joint) {
   }
 }
 
+/// Returns a measuring line relative to the point of its joint.
 GeometricModel::BoundLine bind_line(const MeasuringLine& line, const Chain& chain) {
   const std::string who = std::string("measuring line of ") + line.axis;
   const int j = joint_of(line.axis, chain, who);
@@ -68,6 +69,7 @@ std::optional<int> find_or_add_group(GeometricModel& model, int joint, const Ser
   return int(model.groups.size()) - 1;
 }
 
+/// Adds the term of a curve; a series joins the group of its basis, if there is room.
 void add_term(GeometricModel& model, int element, int curve) {
   const GeometricModel::Bound& bound = model.elements[std::size_t(element)];
   const Curve& curve_to_add = bound.element.curves[std::size_t(curve)];
@@ -202,6 +204,7 @@ struct LargestDeviation {
   double position = 0.0;  // mm or rad
 };
 
+/// Returns the value of an element at commanded positions, moving in the positive direction.
 double value_at(const GeometricModel& model, const GeometricModel::Bound& bound,
                 const AxisVector& q) {
   kinematics::AxisState state;
@@ -213,6 +216,7 @@ double value_at(const GeometricModel& model, const GeometricModel::Bound& bound,
   return sum;
 }
 
+/// Returns the largest value of an element over the travel of its axis.
 LargestDeviation largest_deviation(const GeometricModel& model, const GeometricModel::Bound& bound,
                                    const AxisVector& min_q, const AxisVector& max_q) {
   // 128 intervals: more than two samples per period of every harmonic below the 64th of the travel.
@@ -325,6 +329,7 @@ std::string position_text(const ElementName& name, const LargestDeviation& large
                      is_slide_element(name) ? "mm" : "deg");
 }
 
+/// Returns the warning for an element that is implausibly large.
 std::string oversize_warning(const ElementName& name, const LargestDeviation& largest,
                              const ElementSource& source) {
   const std::string key = to_string(name);

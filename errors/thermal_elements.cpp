@@ -102,6 +102,7 @@ void check(const WorkpieceExpansion& workpiece, int nodes) {
     refuse(who, fmt::format("expected a growth below 1e-3 per K, seen {}", workpiece.per_K));
 }
 
+/// Appends the terms of the offset or the slope of an element.
 void append_terms(ThermalModel& model, int element, bool of_slope) {
   const ThermalElement& source_element = model.elements[std::size_t(element)].element;
   const ThermalFunction& function = of_slope ? source_element.slope : source_element.offset;
@@ -127,6 +128,7 @@ ThermalModel rebuild_terms(ThermalModel model) {
   return model;
 }
 
+/// Returns the value of a term at node temperatures, mm or rad, or per mm or rad for a slope.
 double term_value(const ThermalModel& model, const ThermalModel::Term& term, const VectorXd& T_C) {
   // A term without a node is the constant of its function.
   if (term.node < 0) return term.factor;

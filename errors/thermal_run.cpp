@@ -140,6 +140,7 @@ void check(std::span<const Activity> knots, const ThermalNetwork& network) {
   }
 }
 
+/// Returns the heat of all sources into each node, W.
 VectorXd node_heats_W(const ThermalNetwork& network, const Activity& activity) {
   VectorXd heats = VectorXd::Zero(Index(network.nodes.size()));
   for (const HeatSource& source : network.sources) heats[source.node] += heat_W(source, activity);
@@ -154,6 +155,7 @@ struct ConductanceMesh {
   VectorXd to_ground;  ///< (nodes) to the surroundings
 };
 
+/// Returns the conductances with the coolant on or off.
 ConductanceMesh conductance_mesh(const ThermalNetwork& network, bool coolant) {
   const Index n = Index(network.nodes.size());
   ConductanceMesh mesh{MatrixXd::Zero(n, n), VectorXd::Zero(n)};

@@ -189,6 +189,7 @@ class NearestNodeList {
   NearestNodes nearest_;
 };
 
+/// Sorts a range of nodes around their median, recursively.
 void split_range(IndexedField& tree, std::vector<int>& node_order, const WorkpieceField& field,
                  int begin, int end) {
   if (end - begin <= max_leaf_nodes) return;
@@ -396,6 +397,7 @@ void check(const WorkpieceField& field) {
   }
 }
 
+/// Returns the compliance of a bar across its direction.
 Matrix3d compliance_across(const WorkpieceBar& bar, const Vector3d& point_w) {
   const double arm = std::clamp(bar.direction_w.dot(point_w - bar.clamp_w), 0.0, bar.length);
   const double per_force = arm * arm * arm / (3.0 * bar.youngs_modulus * bar.second_moment);
@@ -415,6 +417,7 @@ Matrix3d compliance_across(const WorkpiecePlate& plate, double ratio) {
   return ratio * plate.height * plate.height / D * plate.normal_w * plate.normal_w.transpose();
 }
 
+/// Returns the compliance ratio of a plate, tabulated over its height.
 PlateTable tabulate_plate(const WorkpiecePlate& plate) {
   PlateTable table{plate, {}};
   table.ratio[0] = 0.25 / pi;  // the limit at the foot
@@ -531,6 +534,7 @@ class FieldReader {
   const std::string& file_;
 };
 
+/// Returns the columns of a file in their order. Throws BadInput if a required one is missing.
 std::vector<const Column*> read_header(const FieldReader& reader, char separator) {
   std::vector<const Column*> columns_in_file;
   for (const Cell& cell : reader.cells(separator)) {
@@ -558,6 +562,7 @@ double read_number(const FieldReader& reader, const Cell& cell) {
   return *x;
 }
 
+/// A row of a file: a node with its compliance, mm/N.
 struct NodeRow {
   Eigen::Vector3d point_w = Eigen::Vector3d::Zero();
   Eigen::Matrix3d C = Eigen::Matrix3d::Zero();

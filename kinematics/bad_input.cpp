@@ -19,6 +19,7 @@ struct Character {
   std::size_t bytes = 0;
 };
 
+/// Returns the first character of a text that is not empty.
 Character decode_first_character(std::string_view text) {
   // Smallest code point for each length: a longer encoding than needed is invalid UTF-8.
   constexpr std::array<std::uint32_t, 5> min_code{0, 0, 0x80, 0x800, 0x10000};
@@ -72,6 +73,7 @@ void append_escape(std::string& result, std::uint32_t code) {
   }
 }
 
+/// Returns the escaped text; line ends and tabs are kept if `keep_lines`.
 std::string escape(std::string_view text, bool keep_lines) {
   std::string result;
   result.reserve(text.size());

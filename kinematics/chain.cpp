@@ -56,6 +56,7 @@ struct LocationDisplacements {
   Eigen::Vector3d axis = Eigen::Vector3d::Zero();  // rotation vector
 };
 
+/// Returns a location error, divided according to the rule of its joint.
 LocationDisplacements split_location_error(const Deviation& location, const LocationRule& rule) {
   // The rule of most joints: the whole error displaces the frame, so nothing has to be split.
   constexpr LocationRule all_frame{};

@@ -123,6 +123,7 @@ std::vector<RotaryAngles> two_axis_solutions(const std::array<RotaryAxis, 2>& ax
   return {solution_at(middle_angle + *half_opening), solution_at(middle_angle - *half_opening)};
 }
 
+// Returns the rotary solutions for up to two axes.
 std::vector<RotaryAngles> rotary_solutions(const std::vector<RotaryAxis>& axes,
                                            const Vector3d& tool, const Vector3d& target_b) {
   if (axes.size() == 2) return two_axis_solutions({axes[0], axes[1]}, tool, target_b);
@@ -181,6 +182,7 @@ std::optional<Eigen::Matrix3d> slide_direction_matrix(const Chain& chain, const 
   return slide_directions;
 }
 
+// Returns the rotary axes in the order of the structural code; free ones keep their position.
 std::vector<RotaryAxis> rotary_axes(const Chain& chain, const AxisVector& previous) {
   std::vector<RotaryAxis> axes;
   for (int i = 0; i < chain.size(); ++i) {

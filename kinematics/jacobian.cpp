@@ -17,6 +17,7 @@ struct ChainFrames {
   Eigen::Vector3d tip_w;
 };
 
+// Returns the frames between the joints at positions q.
 ChainFrames chain_frames(const Chain& chain, const AxisVector& q) {
   ChainFrames result;
   Frame T = inverse(to_frame(chain.T_bw_home()));

@@ -36,6 +36,7 @@ struct ByteCounts {
   std::size_t bytes = 0, even_nul = 0, odd_nul = 0, control = 0, ebcdic = 0, high = 0;
 };
 
+/// Returns the numbers of bytes of a text by kind.
 ByteCounts count_bytes(std::string_view text) {
   ByteCounts counts;
   counts.bytes = text.size();

@@ -77,6 +77,7 @@ struct SampledValue {
   double residual, area;
 };
 
+/// Returns the value of a sample; the area of a vertex is at least `min_area`.
 SampledValue sampled_value(const Design& design, const Surface& surface, const Weights& weights,
                            Index sample) {
   const Index vertex_count = design.vertices.rows();
@@ -91,6 +92,7 @@ SampledValue sampled_value(const Design& design, const Surface& surface, const W
           surface.within[sample - vertex_count], weights.within[sample - vertex_count]};
 }
 
+/// Returns the cut samples of a map, combined in cells.
 SampleGrid make_grid(const Design& design, const Surface& surface, double cell_size) {
   const std::vector<int> patch = patches(design);
   const Weights weights = cutting::weights(surface, design);
@@ -244,6 +246,7 @@ std::vector<int> similar_cells_within(const CellColumns& cells_around, const Fil
   return indices;
 }
 
+/// Returns the cells within reach of a cell.
 ReachedCells reached_cells(const CellColumns& cells_around, const FilterCell& cell, double reach) {
   const std::vector<int> indices = similar_cells_within(cells_around, cell, reach);
   const auto count = Index(indices.size()), lanes = (count + lane_size - 1) / lane_size * lane_size;
@@ -282,6 +285,8 @@ struct PlaneSums {
   double squared_weights;  // sum, of the single values
 };
 
+/// Returns the sums around a point. Lanes are added up only at the end, so that their order is
+/// fixed.
 PlaneSums plane_sums(const ReachedCells& reached_cells, const Vector3d& point,
                      const Vector3d& normal, double two_variance) {
   const Vector3d first = normal.unitOrthogonal(), second = normal.cross(first);

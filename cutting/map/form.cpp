@@ -30,6 +30,7 @@ struct CutPoint {
   double weight;  ///< mm^2
 };
 
+/// Throws std::invalid_argument if sizes differ or a cut vertex has no finite residual.
 void check_map(const Surface& surface, const Design& design) {
   const auto vertex_count = static_cast<std::size_t>(design.vertices.rows());
   if (surface.status.size() != vertex_count ||
@@ -43,6 +44,7 @@ void check_map(const Surface& surface, const Design& design) {
       throw std::invalid_argument("aligned: a cut vertex without a residual");
 }
 
+/// Returns the cut vertices, then the samples within triangles.
 std::vector<CutPoint> cut_points(const Surface& surface, const Design& design) {
   const Weights weights = cutting::weights(surface, design);
   std::vector<CutPoint> points;
@@ -67,6 +69,7 @@ struct DisplacementScale {
   double length = 1.0;
 };
 
+/// Returns the centroid of the points and their root-mean-square distance from it.
 DisplacementScale displacement_scale(const std::vector<CutPoint>& points) {
   Sum area;
   std::array<Sum, 3> moment;
@@ -96,11 +99,13 @@ DisplacementRow displacement_row(const Vector3d& point, const Vector3d& normal,
   return row;
 }
 
+/// Normal equations A x = b of the best displacement.
 struct NormalEquations {
   Eigen::MatrixXd A;
   Eigen::VectorXd b;
 };
 
+/// Returns the normal equations for the first `size` components of the displacement.
 NormalEquations normal_equations(const std::vector<CutPoint>& points,
                                  const DisplacementScale& scale, int size) {
   std::array<Sum, 6> rhs;

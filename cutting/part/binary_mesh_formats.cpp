@@ -28,11 +28,13 @@ namespace {
 /// Encoding of the data of a PLY file: text, or binary with either byte order.
 enum class PlyForm { Ascii, Little, Big };
 
+/// Type of a number in a PLY file.
 struct PlyType {
   std::size_t size = 0;
   char kind = 'i';  ///< i signed, u unsigned, f floating point
 };
 
+/// Property of a PLY element: a number, or a list of numbers with the type of its length.
 struct PlyProperty {
   std::string name;
   PlyType type;
@@ -50,6 +52,7 @@ struct PlyProperty {
   bool is_group() const { return !list_count && type.kind != 'f' && !channel() && name != "alpha"; }
 };
 
+/// Element of a PLY file: a table of `count` rows.
 struct PlyElement {
   std::string name;
   std::int64_t count = 0;
@@ -62,6 +65,7 @@ struct PlyElement {
   }
 };
 
+/// Content of the header of a PLY file.
 struct PlyHeader {
   PlyForm form = PlyForm::Ascii;
   std::vector<PlyElement> elements;  ///< in the order of their data
@@ -454,6 +458,7 @@ struct StlColours {
   }
 };
 
+/// Returns the encoding of the colours of a binary STL file from its header.
 StlColours stl_colours(const MeshSource& source) {
   constexpr std::string_view begin = "COLOR=";
   const std::string_view header = std::string_view(source.bytes).substr(0, stl_header - 4);

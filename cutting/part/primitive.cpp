@@ -134,6 +134,7 @@ int ring_count(double r, double spacing) {
   return std::max(6, static_cast<int>(std::lround(2.0 * pi * r / spacing)));
 }
 
+/// Returns the rings of vertices of a profile at about the given spacing.
 std::vector<Ring> rings(const std::vector<Section>& sections, double spacing) {
   std::vector<Ring> result;
   int phase = 0;
@@ -172,6 +173,7 @@ long vertex_total(const std::vector<Ring>& rings) {
   return sum;
 }
 
+/// Returns the exact area of a surface of revolution, mm^2.
 double true_area(const std::vector<Section>& sections) {
   double area = 0.0;
   for (const Section& s : sections) {

@@ -150,6 +150,7 @@ struct Shell {
   Eigen::AlignedBox3d box;
 };
 
+/// Returns the connected components of a closed mesh.
 std::vector<Shell> shells(const TriangleSoup& soup) {
   DisjointSets sets(soup.points.size());
   for (const TriangleSoup::Face& f : soup.faces)
@@ -177,6 +178,7 @@ std::vector<Shell> shells(const TriangleSoup& soup) {
   return result;
 }
 
+/// Checks that all triangles of a closed mesh face outwards.
 void check_outward(const MeshSource& source, const TriangleSoup& soup) {
   const std::vector<Shell> all_shells = shells(soup);
   double volume = 0.0;
@@ -273,6 +275,7 @@ IndexedMesh share_vertices(const TriangleSoup& file_soup, const std::string& kin
   return {std::move(soup), std::move(edges)};
 }
 
+/// Returns the design in mm, with normals, areas and facet errors.
 Design to_design(const MeshSource& source, const TriangleSoup& soup, double unit_mm) {
   Design design;
   design.vertices.resize(static_cast<Eigen::Index>(soup.points.size()), 3);
@@ -296,6 +299,7 @@ Design to_design(const MeshSource& source, const TriangleSoup& soup, double unit
   return design;
 }
 
+/// Checks that the machine could produce the part; otherwise suggests the unit of the file.
 void check_size(const MeshSource& source, const Eigen::AlignedBox3d& box,
                 const ReadMeshOptions& options) {
   if (!options.travel) return;

@@ -50,6 +50,7 @@ std::vector<FaceRegion> whole_patches(const Design& design, double tolerance) {
   return result;
 }
 
+/// Returns the faces of a mesh: patches that lie on one surface, then faces within the others.
 TriangleFaces assign_faces(const Design& design, double tolerance) {
   std::vector<FaceRegion> regions = whole_patches(design, tolerance);
   std::vector<char> open(std::size_t(design.triangles.rows()), 1);

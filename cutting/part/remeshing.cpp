@@ -259,6 +259,7 @@ struct SplitDesign {
   Triangles triangles;
 };
 
+/// Gives every set of corners its own vertex; the first set at a vertex keeps it.
 SplitDesign split_at_corners(const Design& design, DisjointSets corners) {
   const auto vertex_count = std::size_t(design.vertices.rows());
   SplitDesign split{std::vector<int>(vertex_count), design.triangles};

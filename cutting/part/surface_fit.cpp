@@ -114,6 +114,7 @@ struct NormalLine {
   double definiteness = 0.0;  ///< second smallest eigenvalue relative to the largest
 };
 
+/// Returns the line nearest to the normals at the given points.
 NormalLine line_through_normals(const FacetPatch& patch, const Points& points) {
   Matrix3d directions = Matrix3d::Zero(), moments = Matrix3d::Zero(), mixed = Matrix3d::Zero();
   for (Index i = 0; i < patch.normals.rows(); ++i) {

@@ -87,6 +87,7 @@ std::vector<int> axes_by_rank(const Chain& chain) {
   return axes;
 }
 
+/// Returns the changed angles between all pairs of axes.
 std::vector<LocationEffect::Angle> angles(const Chain& chain,
                                           const std::vector<JointDeviation>& deviations) {
   const std::vector<int> axes = axes_by_rank(chain);
@@ -133,6 +134,7 @@ std::vector<double> ends(const Joint& joint) {
   return result;
 }
 
+/// Returns the displacement of the tip at zero and at the ends of travel of some axes.
 std::vector<LocationEffect::Tip> tip(const Chain& chain,
                                      const std::vector<JointDeviation>& deviations,
                                      const std::vector<int>& axes) {

@@ -55,6 +55,7 @@ std::vector<errors::Element> extract_run_out(std::vector<errors::Element>& eleme
   return run_out;
 }
 
+/// Throws BadInput naming the scene if a curve of the run-out is invalid.
 void check(const std::vector<errors::Element>& elements, const Scene& scene) {
   for (const errors::Element& element : elements) {
     try {
@@ -72,6 +73,7 @@ struct SpindleMotion {
   double scale = 1.0;
 };
 
+/// Returns the error motion at an angle of the spindle.
 kinematics::Deviation motion_at_angle(const SpindleMotion& motion, double angle) {
   // The command and the carriage are both at the angle; error motion has no reversal.
   const errors::CurveState state{angle, angle, 1, 0, false};

@@ -101,6 +101,7 @@ void log_temperatures(Readings& readings, const Scene& scene, const Truth& truth
   }
 }
 
+/// Returns the readings of one instrument on the simulated machine.
 Readings read_instrument(const InstrumentDescription& description, const Scene& scene,
                          const MeasuredMachine& subject) {
   const auto& [machine, truth] = subject;

@@ -26,6 +26,7 @@ struct Units {
   const char* position_unit = "mm";
 };
 
+/// Returns um and mm, with urad for an angle and deg for the positions of a rotary axis.
 Units element_units(const errors::ElementName& name, const std::vector<Joint>& joints) {
   Units result;
   if (name.is_angle()) {
@@ -140,6 +141,7 @@ void write_curve(std::string& text, const Element& element, const Curve& curve, 
   if (curve.scale != 1.0) text += fmt::format("scale = {}\n", curve.scale);
 }
 
+/// Writes standard uncertainties and correlations, if the belief has a covariance.
 void write_covariance(std::string& text, const errors::GeometricErrors& belief) {
   const errors::Covariance& covariance = belief.covariance;
   const auto count = Eigen::Index(covariance.of.size());

@@ -250,6 +250,7 @@ std::string header_text(const Readings& readings) {
   return std::move(header).text();
 }
 
+/// Returns the line with the names of the columns.
 std::string column_names(const std::vector<Joint>& joints,
                          const std::vector<std::string>& sensors) {
   std::string text = "set_up,channel,run,target,time_s";
@@ -363,6 +364,7 @@ SetUp read_set_up(const Node& node, InputErrors& input_errors) {
   return set_up;
 }
 
+/// Reads the nominal machine; after an error returns a chain without joints.
 kinematics::Chain read_machine(TableReader& reader) {
   std::vector<Joint> joints;
   const Pose T_bw = read_pose(reader, "T_bw_mm"), T_bt = read_pose(reader, "T_bt_mm");
