@@ -285,8 +285,7 @@ struct PlaneSums {
   double squared_weights;  // sum, of the single values
 };
 
-/// Returns the sums around a point. Lanes are added up only at the end, so that their order is
-/// fixed.
+/// Returns the sums of the values of cells around a point.
 PlaneSums plane_sums(const ReachedCells& reached_cells, const Vector3d& point,
                      const Vector3d& normal, double two_variance) {
   const Vector3d first = normal.unitOrthogonal(), second = normal.cross(first);
