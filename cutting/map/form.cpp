@@ -30,15 +30,17 @@ struct CutPoint {
   double weight;  ///< mm^2
 };
 
+bool have_equal_sizes(const Surface& surface, const Design& design) {
+  const Eigen::Index count = design.vertices.rows();
+  return Eigen::Index(surface.status.size()) == count && surface.residual.size() == count &&
+         design.area.size() == count && design.normals.rows() == count;
+}
+
 /// Throws std::invalid_argument if sizes differ or a cut vertex has no finite residual.
 void check_map(const Surface& surface, const Design& design) {
-  const auto vertex_count = static_cast<std::size_t>(design.vertices.rows());
-  if (surface.status.size() != vertex_count ||
-      static_cast<std::size_t>(surface.residual.size()) != vertex_count ||
-      static_cast<std::size_t>(design.area.size()) != vertex_count ||
-      static_cast<std::size_t>(design.normals.rows()) != vertex_count)
+  if (!have_equal_sizes(surface, design))
     throw std::invalid_argument("aligned: the map and the design have different sizes");
-  for (std::size_t i = 0; i < vertex_count; ++i)
+  for (std::size_t i = 0; i < surface.status.size(); ++i)
     if (surface.status[i] == VertexStatus::Cut &&
         !std::isfinite(surface.residual[static_cast<Eigen::Index>(i)]))
       throw std::invalid_argument("aligned: a cut vertex without a residual");
@@ -203,14 +205,10 @@ AlignmentResult aligned(const Surface& surface, const Design& design,
 namespace {
 
 std::vector<Eigen::Index> cut_vertices(const Design& design, const Surface& surface) {
-  const auto vertex_count = static_cast<std::size_t>(design.vertices.rows());
-  if (surface.status.size() != vertex_count ||
-      static_cast<std::size_t>(surface.residual.size()) != vertex_count ||
-      static_cast<std::size_t>(design.area.size()) != vertex_count ||
-      static_cast<std::size_t>(design.normals.rows()) != vertex_count)
+  if (!have_equal_sizes(surface, design))
     throw std::invalid_argument("form: the map and the design have different sizes");
   std::vector<Eigen::Index> cut;
-  for (std::size_t i = 0; i < vertex_count; ++i)
+  for (std::size_t i = 0; i < surface.status.size(); ++i)
     if (surface.status[i] == VertexStatus::Cut) cut.push_back(static_cast<Eigen::Index>(i));
   return cut;
 }

@@ -363,7 +363,7 @@ FaceGrowth::FaceGrowth(const Design& design, const std::vector<char>& open, doub
   for (Index t = 0; t < design.triangles.rows(); ++t) {
     if (open[std::size_t(t)]) face_[std::size_t(t)] = no_face;
     const auto corner = [&](int k) { return vertex(design.triangles(t, k)); };
-    const Vector3d cross = (corner(1) - corner(0)).cross(corner(2) - corner(0));
+    const Vector3d cross = triangle_cross_product(design.vertices, design.triangles, t);
     double longest_side = 0.0;
     for (int k = 0; k < 3; ++k)
       longest_side = std::max(longest_side, (corner((k + 1) % 3) - corner(k)).norm());

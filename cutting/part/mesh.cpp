@@ -76,8 +76,6 @@ SegmentGrid::Cell SegmentGrid::cell_of(const Vector3d& point) const {
   return cell;
 }
 
-namespace {
-
 Vector3d triangle_cross_product(const Points& vertices, const Triangles& triangles,
                                 Eigen::Index t) {
   const Vector3d a = vertices.row(triangles(t, 0));
@@ -85,6 +83,8 @@ Vector3d triangle_cross_product(const Points& vertices, const Triangles& triangl
   const Vector3d c = vertices.row(triangles(t, 2));
   return (b - a).cross(c - a);
 }
+
+namespace {
 
 /// Returns the sag of the edge between two vertices below the smooth surface.
 double sag(const Points& vertices, const Points& normals, int a, int b) {

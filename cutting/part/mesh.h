@@ -69,6 +69,10 @@ struct Design {
 /// Returns the design with vertices and normals transformed by T.
 Design transformed(const Design& design, const Eigen::Isometry3d& T);
 
+/// Returns the cross product of two sides of a triangle: its outward normal times twice its area.
+Eigen::Vector3d triangle_cross_product(const Points& vertices, const Triangles& triangles,
+                                       Eigen::Index t);
+
 /// Returns (n) a third of the area of the triangles around each vertex, mm^2.
 Eigen::VectorXd vertex_area(const Points& vertices, const Triangles& triangles);
 

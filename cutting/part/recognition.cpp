@@ -70,10 +70,7 @@ TriangleFaces assign_faces(const Design& design, double tolerance) {
 /// the vertex and their neighbours, which are the other halves of quadrangles.
 Eigen::VectorXd max_facet_angles(const Design& design) {
   const auto normal = [&](int t) {
-    const auto corner = [&](int k) -> Vector3d {
-      return design.vertices.row(design.triangles(t, k));
-    };
-    return (corner(1) - corner(0)).cross(corner(2) - corner(0)).eval();
+    return triangle_cross_product(design.vertices, design.triangles, t);
   };
   const auto count = int(design.triangles.rows());
   const std::vector<std::array<int, 3>> across = neighbours(design.triangles);
@@ -410,7 +407,7 @@ double FaceGrowth::width(const AnalyticPatch& surface, const Region& region) con
   double twice_area = 0.0, border_length = 0.0;
   for (const int t : region.triangles) {
     const auto corner = [&](int k) { return vertex(design_.triangles(t, k % 3)); };
-    twice_area += (corner(1) - corner(0)).cross(corner(2) - corner(0)).norm();
+    twice_area += triangle_cross_product(design_.vertices, design_.triangles, t).norm();
     for (int k = 0; k < 3; ++k) {
       const int neighbour = across_[std::size_t(t)][std::size_t(k)];
       if (neighbour < 0 || triangle_stamp_[std::size_t(neighbour)] != last_stamp_)
@@ -486,8 +483,7 @@ bool FaceGrowth::has_folded_border(const AnalyticPatch& plane, const Region& reg
 bool FaceGrowth::has_reliable_normals(const Region& region) const {
   double reliable_area = 0.0, total_area = 0.0;
   for (const int t : region.triangles) {
-    const auto corner = [&](int k) { return vertex(design_.triangles(t, k)); };
-    const double twice_area = (corner(1) - corner(0)).cross(corner(2) - corner(0)).norm();
+    const double twice_area = triangle_cross_product(design_.vertices, design_.triangles, t).norm();
     total_area += twice_area;
     if (height_[t] >= sliver_tolerances * tolerance_) reliable_area += twice_area;
   }

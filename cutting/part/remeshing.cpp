@@ -180,16 +180,12 @@ namespace {
 
 using Eigen::Vector3d;
 
-Vector3d triangle_normal(const Design& design, int triangle) {
-  const auto corner = [&](int k) -> Vector3d {
-    return design.vertices.row(design.triangles(triangle, k));
-  };
-  return (corner(1) - corner(0)).cross(corner(2) - corner(0));
-}
-
 /// Returns the angle between the normals of two triangles, rad.
 double fold_angle(const Design& design, int a, int b) {
-  return kinematics::angle_between(triangle_normal(design, a), triangle_normal(design, b));
+  const auto normal = [&](int t) {
+    return triangle_cross_product(design.vertices, design.triangles, t);
+  };
+  return kinematics::angle_between(normal(a), normal(b));
 }
 
 int corner_at(const Triangles& triangles, int triangle, int vertex) {
