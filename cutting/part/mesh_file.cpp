@@ -246,8 +246,8 @@ std::vector<std::array<int, 3>> triangulated(const std::vector<Vector3d>& corner
   if (!(twice_area_size > 0.0) || !std::isfinite(twice_area_size)) return {};
   const Vector3d normal = area / twice_area_size, across = normal.unitOrthogonal();
   // 1e-9 of the area: corners that are collinear except for rounding are not convex.
-  Outline outline{{}, std::vector<int>(corners.twice_area_size()), 1e-9 * twice_area_size};
-  for (const Vector3d& point : corners)
+  Outline outline{{}, std::vector<int>(corners.size()), 1e-9 * twice_area_size};
+  for (const Vector3d& p : corners)
     outline.points.emplace_back((p - corners[0]).dot(across),
                                 (p - corners[0]).dot(normal.cross(across)));
   std::iota(outline.remaining.begin(), outline.remaining.end(), 0);
