@@ -140,7 +140,7 @@ constexpr std::array quantities{
     std::pair{"mirror", Quantity::Mirror}, std::pair{"angle", Quantity::Angle}};
 
 /// Returns the name of an enum value in the file.
-template <typename Words, typename T>
+template <typename EnumNames, typename T>
 const char* enum_name(const EnumNames& names, T value) {
   for (const auto& [name, entry] : names)
     if (entry == value) return name;
