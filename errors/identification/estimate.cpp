@@ -129,8 +129,8 @@ bool iteration_ended(const VectorXd& step, const VectorXd& previous_step, const 
 constexpr double max_plausible_step = 1e3;  // mm or rad: a larger step is that of a diverging fit
 
 /// Fits all readings but those left out, by chord iteration: the factor at zero deviations is used
-/// throughout. Its relative error is the
-/// size of the deviations, about 1e-4, and every step reduces the error by that factor.
+/// throughout. Its relative error is the size of the deviations, about 1e-4, and every step reduces
+/// the error by that factor.
 Fit fit_readings(const Problem& problem, const std::vector<char>& is_out) {
   Fit fit{reduced_factor(problem, is_out), problem.first_guess, {}, 0, false};
   const std::vector<Index> rows = used_rows(is_out);

@@ -98,16 +98,14 @@ struct EstimateOptions {
 /// a first solution, and a second time at that solution, for the last steps and the covariance.
 /// Misalignments of the set-ups are unknowns with their stated priors. Readings without stated
 /// noise or rounding are weighted, and enter the covariance, with 1 nm or 1 nrad.
-/// Rank: where
-/// columns are dependent, some coefficients stay at their starting value: first constants of error
-/// motions, then slopes of straightness, then others from the end of the model, then location
-/// errors, and unknowns of set-ups only if nothing else is left. All are listed with the
-/// coefficients that hide them. A coefficient that only a prior determines is found with the
+/// Rank: where columns are dependent, some coefficients stay at their starting value: first
+/// constants of error motions, then slopes of straightness, then others from the end of the model,
+/// then location errors, and unknowns of set-ups only if nothing else is left. All are listed with
+/// the coefficients that hide them. A coefficient that only a prior determines is found with the
 /// uncertainty of the prior: a tilt of the nose that only the stated tilt of a set-up reveals has
-/// the uncertainty of that tilt. `weak_limit` leaves such coefficients out.
-/// The covariance is first order at the solution. It does not contain products of two misalignments
-/// that no reading determines: a square aligned to 500 urad in both tilts adds 0.25 urad to a
-/// squareness.
+/// the uncertainty of that tilt. `weak_limit` leaves such coefficients out. The covariance is first
+/// order at the solution. It does not contain products of two misalignments that no reading
+/// determines: a square aligned to 500 urad in both tilts adds 0.25 urad to a squareness.
 /// @param model     elements whose coefficients are identified; their values are the start. Its
 ///                  covariance is the prior: coefficients of zero variance stay unchanged, so a
 ///                  belief may be the model of the next readings
@@ -115,9 +113,9 @@ struct EstimateOptions {
 /// Bound: noise-free readings return coefficients of their own basis to 1e-9 of the largest of
 /// their kind if the rank is full.
 /// @throws std::invalid_argument if the model has no coefficient or the readings no value, readings
-/// times unknowns exceed 2e8
-///         (1.6 GB), the machines differ, an element does not fit the machine or is random, a
-///         value is not finite, or an option is out of range; std::out_of_range outside a table
+///         times unknowns exceed 2e8 (1.6 GB), the machines differ, an element does not fit the
+///         machine or is random, a value is not finite, or an option is out of range;
+///         std::out_of_range outside a table
 Estimate estimate(const GeometricErrors& model, std::span<const metrology::Readings> readings,
                   const EstimateOptions& options = {});
 

@@ -479,8 +479,7 @@ Score score(const OrderProblem& problem, const Training& fold, int element,
   return result;
 }
 
-/// Returns the smallest order within one standard error of the best.
-/// Errors common to all orders
+/// Returns the smallest order within one standard error of the best. Errors common to all orders
 /// carry no information about the order, so each order is compared with the best fold by fold, and
 /// the standard error is that of the difference.
 int smallest_sufficient_order(const std::vector<VectorXd>& mean_square_of_folds) {

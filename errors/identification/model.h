@@ -47,9 +47,8 @@ inline constexpr const char* pitch_name = "screw pitch";
 /// covariance gives them zero variance (for a spline the value at its first knot counts as its
 /// constant, and the value at its last knot as its slope). An element without any other coefficient
 /// is omitted.
-/// @throws std::invalid_argument for an unknown element, a slide without limits, or an option out
-/// of
-///         range (orders 0 to 60)
+/// @throws std::invalid_argument for an unknown element, a slide without limits, or an option
+///         out of range (orders 0 to 60)
 GeometricErrors model_of(const kinematics::Chain& nominal, const ModelOptions& options = {});
 
 /// Returns the name of the element to which a coefficient belongs: "EXX" for "EXX[2]" and for "EXX

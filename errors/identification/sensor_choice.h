@@ -122,8 +122,7 @@ struct SensorChoice {
 /// in the same manner (Yang: the best of each correlated group). The leaders are then screened down
 /// to `count`. Runs are concatenated for the degrees. With several errors, a sensor's degree is its
 /// highest with any of them, and a regression minimises the sum of their squares.
-/// Source: yang2012
-/// (grouping), chen2013 (ranking against the error).
+/// Source: yang2012 (grouping), chen2013 (ranking against the error).
 /// @param errors  (n >= 1) equal except for y
 /// @throws std::invalid_argument as `validate`, for options out of range, or a fixed sensor that
 ///         the data lack

@@ -20,8 +20,7 @@ namespace abbe::errors::identification {
 /// sum of its three legs is correct, the single legs are not. A misfit of the four equations per
 /// leg raises chi-square and gives a warning. Most angular errors cause no misfit; the elements are
 /// then wrong without a warning, and `caution` names these errors.
-/// Source: Wang 2000 (laser vector
-/// method); Yang 2012.
+/// Source: Wang 2000 (laser vector method); Yang 2012.
 struct StepDiagonal {
   /// 9 tables over the steps, and the squarenesses of travel EC0Y, EB0Z and EA0Z, with covariance.
   /// Positioning is 0 at its first row. Straightness is without its least-squares line, which

@@ -423,8 +423,7 @@ double largest_gap(const MatrixX2d& directions) {
 }
 
 /// Returns true if no centre gives a smaller width. A centre at distance t has a width of at least
-/// w
-/// + g t - t^2 / 2(m - t), by the contact points, and of at least 2 k t - w - t^2 / 2(m - t), by
+/// w + g t - t^2 / 2(m - t), by the contact points, and of at least 2 k t - w - t^2 / 2(m - t), by
 /// the points all around. w is the width, g the sharpness, m the inner radius, k the cosine of half
 /// the largest gap. The two bounds must exceed w for 0 < t < m / 2.
 bool proves_minimum(const Rays& r) {

@@ -34,11 +34,10 @@ struct MinimumZoneCircles {
 };
 
 /// Returns the minimum zone circles by successive uniform linear fits, to within 1e-9 of the
-/// circularity or 1e-14 of the radius. `proven` states a proof: the width grows
-/// away from the centre faster, by its contact points, than the curvature of the distances can
-/// lower it. It is true for full circles whose circularity is small compared with the radius. It is
-/// false for short arcs, for fewer than four points, and if the contact points do not fix the
-/// centre.
+/// circularity or 1e-14 of the radius. `proven` states a proof: the width grows away from the
+/// centre faster, by its contact points, than the curvature of the distances can lower it. It is
+/// true for full circles whose circularity is small compared with the radius. It is false for short
+/// arcs, for fewer than four points, and if the contact points do not fix the centre.
 /// Source: ISO 12181-1, minimum zone reference circles.
 /// @throws std::invalid_argument as `least_squares_circle`
 MinimumZoneCircles minimum_zone_circles(const Eigen::MatrixX2d& points);

@@ -145,8 +145,7 @@ class PlanBuilder {
   /// run. Every target is approached in the direction of motion.
   /// @param range             of the path's parameter
   /// @param moves_per_target  number of moves from target to target; on a curved path several, so
-  /// that
-  ///                          axes reverse where the path does
+  ///                          that axes reverse where the path does
   void read_both_directions(const Path& path, const Range& range, int moves_per_target = 1,
                             const std::vector<int>& channels = {});
 

@@ -30,10 +30,9 @@ struct PositionFileOptions {
 /// from 1.
 /// One row per target and direction: `target_mm,dir,j1,j2,j3`, where j1 .. are positions in
 /// the unit of the target, or `j1_um` .. deviations in any unit above.
-/// Both formats may have a
-/// column `set` (each set is a result, in the order of the file) and a column `pos` (the number of
-/// the target, ignored). Decimals have a point. Every run of a set has every target once. Lines
-/// that begin with # and empty lines are skipped.
+/// Both formats may have a column `set` (each set is a result, in the order of the file) and a
+/// column `pos` (the number of the target, ignored). Decimals have a point. Every run of a set has
+/// every target once. Lines that begin with # and empty lines are skipped.
 /// @param file  name in input errors
 /// @throws BadInput with line and column for anything else
 std::vector<PositionSet> read_position_csv(std::string_view text, const std::string& file,

@@ -48,8 +48,7 @@ struct Positioning {
 /// Returns accuracy and repeatability of positioning: R_i = max(2 s_i up + 2 s_i down + |B_i|, 4
 /// s_i up, 4 s_i down), with n - 1 degrees of freedom in s_i and the coverage factor 2. The order
 /// of the runs has no effect. The two directions may have different numbers of runs.
-/// Source: ISO
-/// 230-2:2014, clause 3.
+/// Source: ISO 230-2:2014, clause 3.
 /// @throws std::invalid_argument if there is no run, if sizes differ, if targets do not increase,
 ///         or for numbers that are not finite
 Positioning positioning(const PositionRuns& runs);

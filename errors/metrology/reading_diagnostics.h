@@ -21,14 +21,13 @@ struct ReadingDiagnostics {
 /// Errors: a channel that is constant in spite of its noise (probability below 1e-9); a length of 0
 /// or less; readings that depart from the nominal machine by 10 mm or 0.1 rad or more, plus five
 /// sigmas of the set-up's alignment; a temperature below absolute zero.
-/// Warnings: a departure of 1
-/// mm or 10 mrad or more; a channel that is constant and may be so; a sequence of at least 4 equal
-/// readings; 20 or more readings that scatter by less than a tenth of their noise (by second
-/// differences); positions beyond the travel; time that runs backwards; repeated rows; a direction
-/// of approach against the motion; a set-up that takes longer than the whole measurement; set-ups
-/// or channels without a reading; temperatures outside -40 .. 150 degrees, all above 45 degrees, or
-/// 25 K below the median; jumps of 10 K in two minutes; a sensor that is constant while others
-/// change.
+/// Warnings: a departure of 1 mm or 10 mrad or more; a channel that is constant and may be so; a
+/// sequence of at least 4 equal readings; 20 or more readings that scatter by less than a tenth of
+/// their noise (by second differences); positions beyond the travel; time that runs backwards;
+/// repeated rows; a direction of approach against the motion; a set-up that takes longer than the
+/// whole measurement; set-ups or channels without a reading; temperatures outside -40 .. 150
+/// degrees, all above 45 degrees, or 25 K below the median; jumps of 10 K in two minutes; a sensor
+/// that is constant while others change.
 ReadingDiagnostics diagnose(const Readings& readings);
 
 /// Returns errors and warnings for a part, whose deviations are expected within 1 mm.

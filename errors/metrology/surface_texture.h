@@ -21,11 +21,10 @@ struct Profile {
 /// one of N / 2 by 6.25 %, one of 2 N by 84.09 %. Within N of an end a line is fitted with these
 /// weights (ISO 16610-28, moments up to the first retained), so a straight line is unchanged up to
 /// the ends. Elsewhere the fit equals the weighted mean.
-/// Bound: N or more from the ends a wave of
-/// length N / r is transmitted to within 2^-(n - r)^2 + 2e-7 of the exact ratio if the nesting
-/// index has n > 2 r steps (15 pm of a wave of 1 um for r = 1, n = 5; 0.2 pm from n = 6).
-/// Cost: n
-/// (2 N / step + 1) multiplications, at most n^2.
+/// Bound: N or more from the ends a wave of length N / r is transmitted to within 2^-(n - r)^2 +
+/// 2e-7 of the exact ratio if the nesting index has n > 2 r steps (15 pm of a wave of 1 um for r =
+/// 1, n = 5; 0.2 pm from n = 6).
+/// Cost: n (2 N / step + 1) multiplications, at most n^2.
 /// @return (n) mm
 /// @throws std::invalid_argument for a step or nesting index that is not positive, or heights that
 ///         are not finite
@@ -78,10 +77,9 @@ struct ProfileParameters {
 /// neighbours. Elements extend from crossing to crossing, determined once from the left (the first
 /// crossing between a hill and a dale) and once from the right; sm is the mean of both. Gradients
 /// use seven points (order 6), without the ends of the profile.
-/// Bound: for a sine of amplitude A
-/// and m >= 10 points per wave, over whole waves, q is exact to rounding, a within 0.4 (pi / m)^2
-/// of 2 A / pi, relative; sm within a step / number of elements, dq within (2 pi / m)^6 / 140 of
-/// sqrt(2) pi A / wave, relative.
+/// Bound: for a sine of amplitude A and m >= 10 points per wave, over whole waves, q is exact to
+/// rounding, a within 0.4 (pi / m)^2 of 2 A / pi, relative; sm within a step / number of elements,
+/// dq within (2 pi / m)^6 / 140 of sqrt(2) pi A / wave, relative.
 /// @throws std::invalid_argument if a section has no point, or the length exceeds the profile
 ProfileParameters parameters(const Profile& profile, const EvaluationLength& evaluation);
 
