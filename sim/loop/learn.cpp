@@ -241,10 +241,10 @@ LearnedCorrection evidence_corrector(const ControlView& view, const MachineAcces
     return {machine_access.perfect(view, compensator), {}, {}, {}};
   compensation::MachineBelief belief = machine_belief(view, compensator, evidence);
   LearnedCorrection case_correction{{}, {}, belief.geometric, {}};
-  if (belief.thermal && belief.thermal->held > 0)
+  if (belief.thermal && belief.thermal->limited_rows > 0)
     case_correction.warnings.push_back(fmt::format(
         "thermal belief: {} of {} readings lay outside what it was trained with and were held",
-        belief.thermal->held, belief.thermal->time_s.size()));
+        belief.thermal->limited_rows, belief.thermal->time_s.size()));
   if (belief.thermal && view.belief.thermal)
     std::ranges::move(size_warnings(*view.belief.thermal, *belief.thermal),
                       std::back_inserter(case_correction.warnings));
