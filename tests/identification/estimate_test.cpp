@@ -98,9 +98,9 @@ double off_differences(const GeometricErrors& model, const std::vector<Readings>
     VectorXd up = x, down = x;
     up[j] += step;
     down[j] -= step;
-    const VectorXd difference =
-        (predicted_readings(model, readings, d, up) - predicted_readings(model, readings, d, down)) /
-        (2.0 * step);
+    const VectorXd difference = (predicted_readings(model, readings, d, up) -
+                                 predicted_readings(model, readings, d, down)) /
+                                (2.0 * step);
     const VectorXd column = d.A.col(j).cwiseProduct(d.sigma);
     const double size = std::max(1.0, column.cwiseAbs().maxCoeff());
     worst = std::max(worst, (difference - column).cwiseAbs().maxCoeff() / size);
