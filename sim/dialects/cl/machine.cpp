@@ -195,7 +195,7 @@ void Machine::unknown(const Statement& s, const Item& item, const std::string& e
   const std::string word = s.major + "/" + std::string(item.text);
   // The word may be on a continuation line, which the count of unknown words should name.
   if (item.line != canon_.line()) canon_.set_line(item.line);
-  run_.unknown({item.column, word}, expected);
+  run_.handle_unknown_word({item.column, word}, expected);
   canon_.set_line(s.line);
 }
 
@@ -211,7 +211,7 @@ void Machine::execute(Statement& s) {
     if (first.text.find('=', first.from) != std::string_view::npos)
       refuse(s.cause, "posted statements: an APT source with definitions is processed first",
              "a definition");
-    run_.unknown(s.cause, "a word of cutter locations");
+    run_.handle_unknown_word(s.cause, "a word of cutter locations");
     return;
   }
   if (fact->use == Use::Refused) refuse(s.cause, std::string(fact->sentence));
@@ -519,7 +519,7 @@ void Table::read_head(const std::vector<Cell>& cells) {
                          [&](std::string_view one) { return is(cells[c].text, one); });
     });
     if (named == names.end()) {
-      run_.unknown({cells[c].column, cells[c].text}, "a column x, y, z, i, j, k or feed");
+      run_.handle_unknown_word({cells[c].column, cells[c].text}, "a column x, y, z, i, j, k or feed");
       continue;
     }
     auto& column = columns[std::size_t(named - names.begin())];
@@ -615,7 +615,7 @@ void read_table(std::string_view text, ProgramRun& run) {
     if (run.is_aborted()) return;
     if (!is_not_blank(*line)) continue;
     run.canon.set_line(lines.number());
-    run.attempt([&] {
+    run.try_block([&] {
       run.count_block();
       table.row(*line, lines.number());
     });

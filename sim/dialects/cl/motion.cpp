@@ -71,7 +71,7 @@ void Machine::enter_tip_mode(const Cause& cause) {
   if (canon_.tip_mode() && canon_.coordinates() == program::Coordinates::Tip) return;
   if (tool_ < 0) {
     // Without LOADTL the only tool is assumed, and reported.
-    if (!canon_.options().tool_length.empty()) tool_ = run_.uncalled_tool(cause, "no LOADTL");
+    if (!canon_.options().tool_length.empty()) tool_ = run_.assume_only_tool(cause, "no LOADTL");
     canon_.select_length(tool_, cause);
   }
   canon_.set_tip_mode(true, cause);
@@ -149,7 +149,7 @@ void Machine::straight(const Location& to, const Cause& cause, bool stated, bool
   const std::uint32_t joints = stated ? every_joint : 0;
   if (rapid) return canon_.traverse({.end = std::move(end), .cause = cause, .stated = joints});
   check_feed(cause);
-  if (vector_lines_.on()) {
+  if (vector_lines_.is_active()) {
     // After a passage through a pole the rotary axes do not correspond to the vector: the next
     // point solves them again.
     if (!vector_lines_.straight_feed(canon_.chain(), {std::move(end), cause, false, joints}))

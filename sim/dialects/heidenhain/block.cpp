@@ -279,12 +279,12 @@ const ExpressionGrammar& grammar() {
 }
 
 // Functions need no brackets: SIN Q1 is the sine of Q1.
-std::optional<double> function_value(Cursor& cursor, Operands& parameters) {
+std::optional<double> function_value(Cursor& cursor, OperandParser& parameters) {
   const std::size_t from = cursor.at;
-  if (cursor.take_word("PI")) return pi;
+  if (cursor.accept_word("PI")) return pi;
   for (const Function& function : functions) {
-    if (!cursor.take_word(function.name)) continue;
-    const double argument = value(cursor, grammar(), parameters);
+    if (!cursor.accept_word(function.name)) continue;
+    const double argument = parse_value(cursor, grammar(), parameters);
     if (function.fault != nullptr)
       if (const char* wanted = function.fault(argument)) cursor.refuse(from, wanted);
     const double result = function.apply(argument);
@@ -347,8 +347,8 @@ BadInput relocate_error(const Block& block, const BadInput& fault) {
 std::string Words::name() {
   cursor.skip_blanks();
   std::string letters;
-  while (is_letter(cursor.here())) letters += upper(cursor.text[cursor.at++]);
-  if (!is_digit(cursor.here())) return letters;
+  while (is_letter(cursor.current())) letters += upper(cursor.text[cursor.at++]);
+  if (!is_digit(cursor.current())) return letters;
   // In X+Q1 the letters are those of the axis; in XQ1 the Q1 behind them is a parameter.
   for (const std::string_view parameter : {"Q", "QL", "QR", "QS"})
     if (letters.size() > parameter.size() && letters.ends_with(parameter)) {
@@ -362,14 +362,14 @@ std::string Words::name() {
 bool Words::has_value() const {
   Cursor ahead = cursor;
   ahead.skip_blanks();
-  while (ahead.here() == '+' || ahead.here() == '-') ++ahead.at;
-  return is_digit(ahead.here()) || ahead.here() == '.' || upper(ahead.here()) == 'Q';
+  while (ahead.current() == '+' || ahead.current() == '-') ++ahead.at;
+  return is_digit(ahead.current()) || ahead.current() == '.' || upper(ahead.current()) == 'Q';
 }
 
 double Words::value() {
   cursor.skip_blanks();
   if (!has_value()) cursor.refuse(cursor.at, "a number or a Q parameter");
-  return dialects::value(cursor, grammar(), parameters_);
+  return dialects::parse_value(cursor, grammar(), parameters_);
 }
 
 int Words::whole(int most) {
@@ -384,7 +384,7 @@ int Words::whole(int most) {
 std::string Words::label() {
   cursor.skip_blanks();
   const std::size_t from = cursor.at;
-  if (cursor.here() != '"') return fmt::format("{}", whole(65535));
+  if (cursor.current() != '"') return fmt::format("{}", whole(65535));
   const std::size_t end = cursor.text.find('"', from + 1);
   // The limit of 32 characters is that of the control.
   if (end == std::string_view::npos || end == from + 1 || end - from > 33)

@@ -55,12 +55,12 @@ BadInput relocate_error(const Block& block, const BadInput& fault);
 const ExpressionGrammar& grammar();
 /// Returns the value of the function of a formula at the cursor, applied to what follows; nothing
 /// if there is none.
-std::optional<double> function_value(Cursor& cursor, Operands& parameters);
+std::optional<double> function_value(Cursor& cursor, OperandParser& parameters);
 
 /// Parses the words of a block from left to right.
 class Words {
  public:
-  Words(Cursor cursor, Operands& parameters) : cursor(cursor), parameters_(parameters) {}
+  Words(Cursor cursor, OperandParser& parameters) : cursor(cursor), parameters_(parameters) {}
 
   bool at_end() {
     cursor.skip_blanks();
@@ -69,7 +69,7 @@ class Words {
   /// Returns the letters at the cursor in upper case, without a Q parameter that follows them;
   /// empty if there are none.
   std::string name();
-  bool take(std::string_view word) { return cursor.take_word(word); }
+  bool take(std::string_view word) { return cursor.accept_word(word); }
   /// Returns true if a number or a Q parameter follows.
   bool has_value() const;
   /// Returns the value that follows. Throws BadInput.
@@ -90,7 +90,7 @@ class Words {
   Cursor cursor;
 
  private:
-  Operands& parameters_;
+  OperandParser& parameters_;
 };
 
 }  // namespace abbe::sim::dialects::heidenhain

@@ -34,7 +34,7 @@ double cross_of(const Vector2d& a, const Vector2d& b) { return a.x() * b.y() - a
 
 void Contour::put(Element element, const std::array<int, 2>& plane, bool before_corner) {
   // The plane must not change while compensation is in force.
-  if (!beside_.on()) plane_ = plane;
+  if (!beside_.is_on()) plane_ = plane;
   element.line = canon_.line();
   element.file = canon_.file();
   element.feed = canon_.feed();
@@ -50,7 +50,7 @@ void Contour::put(Element element, const std::array<int, 2>& plane, bool before_
   } else {
     pass(std::move(element));
   }
-  moved_ = held_ || !entry_.empty() || beside_.on();
+  moved_ = held_ || !entry_.empty() || beside_.is_on();
   at_ = end;
 }
 
@@ -138,13 +138,13 @@ void Contour::set_side(std::optional<bool> left, double radius, const Cause& cau
     return;
   }
   emit_entry_moves();
-  if (beside_.on()) beside_.end();
+  if (beside_.is_on()) beside_.end();
   side_.reset();
 }
 
 void Contour::after(std::function<void()> action) {
-  if (beside_.on())
-    beside_.after(std::move(action));
+  if (beside_.is_on())
+    beside_.run_after_move(std::move(action));
   else
     action();
 }
@@ -158,7 +158,7 @@ void Contour::finish() {
   corner_.reset();
   if (held_) pass(*std::exchange(held_, std::nullopt));
   emit_entry_moves();
-  if (beside_.on()) beside_.end();
+  if (beside_.is_on()) beside_.end();
   side_.reset();
   moved_ = false;
 }
@@ -167,7 +167,7 @@ void Contour::finish() {
 // the contour.
 void Contour::pass(Element element) {
   if (!side_) return make(element);
-  if (beside_.on()) return go_beside(element);
+  if (beside_.is_on()) return go_beside(element);
   if (entry_.empty()) {
     if (element.round)
       canon_.refuse(element.cause, "a straight move as the first one under RL and RR");

@@ -32,7 +32,7 @@ struct Element {
 ///
 /// RL and RR begin with a straight move, which ends perpendicular to the beginning of the next move
 /// in the plane; R0 ends compensation perpendicular to the end of the last move. Corners are made
-/// as in `Compensation`.
+/// as in `CutterCompensation`.
 class Contour {
  public:
   explicit Contour(ProgramRun& run) : run_(run), canon_(run.canon), beside_(run) {}
@@ -82,7 +82,7 @@ class Contour {
 
   ProgramRun& run_;
   program::Canon& canon_;
-  Compensation beside_;
+  CutterCompensation beside_;
   std::array<int, 2> plane_{0, 1};
   bool moved_ = false;  ///< the programmed position is ahead of the axes
   kinematics::AxisVector at_;

@@ -27,7 +27,7 @@ namespace {
 // Reads at most five digits.
 int digits_at(Cursor& cursor) {
   int number = 0;
-  for (int n = 0; n < 5 && is_digit(cursor.here()); ++n)
+  for (int n = 0; n < 5 && is_digit(cursor.current()); ++n)
     number = 10 * number + (cursor.text[cursor.at++] - '0');
   return number;
 }
@@ -38,10 +38,10 @@ int digits_at(Cursor& cursor) {
 void Machine::cycle_definition(Words& words) {
   words.cursor.skip_blanks();
   const std::size_t from = words.cursor.at;
-  if (!is_digit(words.cursor.here())) words.refuse(from, "the number of a cycle");
+  if (!is_digit(words.cursor.current())) words.refuse(from, "the number of a cycle");
   const int number = digits_at(words.cursor);
   int part = -1;
-  if (words.cursor.here() == '.') {
+  if (words.cursor.current() == '.') {
     ++words.cursor.at;
     part = digits_at(words.cursor);
   }
@@ -50,10 +50,10 @@ void Machine::cycle_definition(Words& words) {
   const WordTableEntry* use = find_word(heidenhain_words(), name);
   if (use == nullptr) {
     cycle_ = {};  // calling a skipped cycle must not call the previous one
-    return run_.unknown(cause, "a cycle that is read");
+    return run_.handle_unknown_word(cause, "a cycle that is read");
   }
   if (use->use == Use::Refused) {
-    run_.doubt(the_cycle);
+    run_.mark_uncertain(the_cycle);
     refuse(cause, std::string(use->sentence));
   }
   // Block 7.0 of a new cycle ends a previous one.
@@ -85,7 +85,7 @@ void Machine::old_cycle(int number, int part, std::size_t from, Words& words) {
       if (!words.at_end()) words.refuse(words.cursor.at, "no axis: nothing is mirrored");
       return;
     case 9: {
-      if (!words.cursor.take("DWELL")) words.refuse(words.cursor.at, "DWELL and seconds");
+      if (!words.cursor.accept("DWELL")) words.refuse(words.cursor.at, "DWELL and seconds");
       const double seconds = words.value();
       words.ends();
       return canon_.dwell(seconds, words.cause(from));
@@ -94,7 +94,7 @@ void Machine::old_cycle(int number, int part, std::size_t from, Words& words) {
       return cycle_rotation(words);
     case 11: {
       if (words.at_end()) return;
-      if (!words.cursor.take("SCL")) words.refuse(words.cursor.at, "SCL and a factor");
+      if (!words.cursor.accept("SCL")) words.refuse(words.cursor.at, "SCL and a factor");
       const std::size_t at = words.cursor.at;
       if (words.value() != 1.0) words.refuse(at, "SCL 1: nothing is scaled");
       return words.ends();
@@ -110,7 +110,7 @@ void Machine::old_cycle(int number, int part, std::size_t from, Words& words) {
 void Machine::datum_shift(Words& words) {
   while (!words.at_end()) {
     const std::size_t from = words.cursor.at;
-    if (words.cursor.here() == '#')
+    if (words.cursor.current() == '#')
       words.refuse(from, "a shift in words: datum tables are not read");
     const std::string name = words.name();
     const bool step = name.size() == 2 && name[0] == 'I';
@@ -293,7 +293,7 @@ void Machine::new_cycle(int number, std::size_t from, Words& words) {
   while (!words.at_end()) {
     const std::size_t at = words.cursor.at;
     const std::string name = words.name();
-    if (name != "Q" || !is_digit(words.cursor.here())) {
+    if (name != "Q" || !is_digit(words.cursor.current())) {
       if (cycle.values.empty() && !name.empty()) continue;  // the name of the cycle
       words.refuse(at, "Q and a number");
     }
@@ -302,7 +302,7 @@ void Machine::new_cycle(int number, std::size_t from, Words& words) {
         std::find(fact->parameters.begin(), fact->parameters.end(), q) != fact->parameters.end() ||
         (number == 205 && q == 395);
     if (!known) words.refuse(at, fmt::format("a parameter of cycle {}", number));
-    if (!words.cursor.take("=")) words.refuse(words.cursor.at, "= after a parameter");
+    if (!words.cursor.accept("=")) words.refuse(words.cursor.at, "= after a parameter");
     const double value = cycle_word(q, cycle.per_turn, words);
     cycle.values[q] = value;
     if (on_parameter) on_parameter(q, value);

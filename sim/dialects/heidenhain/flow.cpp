@@ -53,7 +53,7 @@ Flow::Flow(std::string_view text, ProgramRun& run)
 }
 
 void Flow::run() {
-  run_.start([&](std::string_view code) {
+  run_.run_startup_code([&](std::string_view code) {
     read_block({code}, 0, block_);
     block();
   });
@@ -61,11 +61,11 @@ void Flow::run() {
     const Call& now = calls_.back();
     // END PGM is missing: the file ends the program.
     if (at_ >= now.source->lines.size()) {
-      run_.attempt([&] { end_program(); });
+      run_.try_block([&] { end_program(); });
       continue;
     }
     run_.canon.set_line(int(at_) + 1, now.source->file);
-    run_.attempt([&] {
+    run_.try_block([&] {
       read_block(now.source->lines, at_, block_);
       at_ += block_.lines;
       try {
@@ -83,7 +83,7 @@ void Flow::run() {
     });
     ended_ = ended_ || machine_.ended();
   }
-  run_.attempt([&] { machine_.finish(); });
+  run_.try_block([&] { machine_.finish(); });
   warn_unread();
 }
 
@@ -110,7 +110,7 @@ void Flow::warn_unread() {
     return section.first < lines.size() && first_word(lines[section.first]) == "LBL" &&
            named[label_at(lines[section.first])] > 1;
   });
-  run_.warn_unread(lines, sections);
+  run_.warn_of_unread_lines(lines, sections);
 }
 
 /// Returns true if the block that follows rounds or bevels the corner at the end of this one.
@@ -134,7 +134,7 @@ void Flow::block() {
   if (words.at_end() || block_.pieces.empty()) return;
   run_.count_block();
   // A skipped block is parsed for its extent but not executed.
-  if (block_.skipped && run_.skips(0)) return run_.discount_block();
+  if (block_.skipped && run_.skips_block(0)) return run_.discount_block();
   const std::size_t from = words.cursor.at;
   // A block that begins with a parameter is an assignment.
   if (const auto parameter = parameter_at(words.cursor)) return assign(words, *parameter);
@@ -206,7 +206,7 @@ std::size_t Flow::line_of(const std::string& label, const Words& words, std::siz
       read_block(source.lines, i, block);
       Words there({block.text, run_.canon.place(), block.pieces[0].offset}, *this);
       there.name();
-      if (!there.has_value() && there.cursor.here() != '"')
+      if (!there.has_value() && there.cursor.current() != '"')
         there.cursor.skip_blanks();  // a malformed label is reported where it is executed
       try {
         source.labels[there.label()].push_back(i);
@@ -253,9 +253,9 @@ void Flow::call_label(Words& words) {
     return;
   }
   if (words.name() != "REP") words.refuse(words.cursor.at, "REP or nothing after CALL LBL");
-  if (words.cursor.here() == '/') ++words.cursor.at;  // REP 2/2 of older controls
+  if (words.cursor.current() == '/') ++words.cursor.at;  // REP 2/2 of older controls
   const int times = words.whole(65534);
-  if (words.cursor.here() == '/') ++words.cursor.at, words.whole(65534);
+  if (words.cursor.current() == '/') ++words.cursor.at, words.whole(65534);
   words.ends();
   // A repeat goes back; a label behind it would be a jump.
   if (line >= at_) words.cursor.refuse(from, "a label before CALL LBL REP", "one behind it");
@@ -326,29 +326,29 @@ bool holds(const std::string& comparison, double a, double b) {
 
 std::optional<Flow::Parameter> Flow::parameter_at(Cursor& cursor) const {
   cursor.skip_blanks();
-  if (upper(cursor.here()) != 'Q') return std::nullopt;
+  if (upper(cursor.current()) != 'Q') return std::nullopt;
   Parameter parameter;
   parameter.from = cursor.at++;
   parameter.kind = "Q";
-  if (const char c = upper(cursor.here()); c == 'L' || c == 'R' || c == 'S') {
+  if (const char c = upper(cursor.current()); c == 'L' || c == 'R' || c == 'S') {
     parameter.kind += c;
     ++cursor.at;
   }
   const std::size_t digits = cursor.at;
-  while (is_digit(cursor.here()) && cursor.at < digits + 4)
+  while (is_digit(cursor.current()) && cursor.at < digits + 4)
     parameter.number = 10 * parameter.number + (cursor.text[cursor.at++] - '0');
   // Ranges of the control: Q0 to Q1999, QL and QR 0 to 499.
   const int most = parameter.kind == "Q" ? 1999 : 499;
   if (parameter.kind == "QS")
     cursor.refuse(parameter.from, "a parameter of numbers: texts in QS are not kept");
-  if (cursor.at == digits || is_digit(cursor.here()) || parameter.number > most)
+  if (cursor.at == digits || is_digit(cursor.current()) || parameter.number > most)
     cursor.refuse(parameter.from,
                   fmt::format("a number of 0 to {} after {}", most, parameter.kind));
   return parameter;
 }
 
-std::optional<double> Flow::operand(Cursor& cursor) {
-  if (upper(cursor.here()) == 'Q') {
+std::optional<double> Flow::parse_operand(Cursor& cursor) {
+  if (upper(cursor.current()) == 'Q') {
     const auto parameter = parameter_at(cursor);
     return read(*parameter, cursor);
   }
@@ -364,7 +364,7 @@ double Flow::read(const Parameter& parameter, const Cursor& cursor) const {
   } else if (parameter.kind == "QR") {
     known = variables_.number(10000 + parameter.number);
   } else {
-    known = variables_.number(parameter.number, Variables::Of::Call);
+    known = variables_.number(parameter.number, Variables::Scope::Call);
   }
   if (run_.is_uncertain()) run_.require_certain(parameter.name(), cursor.cause(parameter.from));
   if (!known) cursor.refuse(parameter.from, "a parameter that has been set");
@@ -381,9 +381,9 @@ void Flow::set(const Parameter& parameter, double value, const Words& words) {
   if (parameter.kind == "Q" && number >= 200 && number < 500 && machine_.has_cycle())
     run_.warn_once(
         "Q200 to Q499 are set outside of CYCL DEF: a cycle that is defined keeps its values");
-  if (!variables_.set(number, value, local ? Variables::Of::Call : Variables::Of::Program))
+  if (!variables_.set(number, value, local ? Variables::Scope::Call : Variables::Scope::Program))
     throw ProgramLimitExceeded(
-        words.cursor.place.file, words.cursor.place.line, 0,
+        words.cursor.location.file, words.cursor.location.line, 0,
         fmt::format("at most {} parameters", run_.options().limits.variables), "more");
 }
 
@@ -396,13 +396,13 @@ void Flow::set_cycle_parameter(int number, double value) {
 }
 
 void Flow::assign(Words& words, const Parameter& parameter) {
-  if (!words.cursor.take("=")) words.refuse(words.cursor.at, "= after a parameter");
+  if (!words.cursor.accept("=")) words.refuse(words.cursor.at, "= after a parameter");
   words.cursor.skip_blanks();
-  if (words.cursor.here() == '"')
+  if (words.cursor.current() == '"')
     words.refuse(words.cursor.at, "a number: texts in parameters are not kept");
   // A parameter whose assignment has an error is uncertain: its uses are not reported again.
   run_.define(parameter.name(), [&] {
-    const double value = expression(words.cursor, grammar(), *this);
+    const double value = parse_expression(words.cursor, grammar(), *this);
     words.ends();
     set(parameter, value, words);
   });
@@ -412,7 +412,7 @@ void Flow::fn(Words& words) {
   words.cursor.skip_blanks();
   const std::size_t from = words.cursor.at;
   const int number = words.whole(99);
-  if (!words.cursor.take(":")) words.refuse(words.cursor.at, ": after FN and its number");
+  if (!words.cursor.accept(":")) words.refuse(words.cursor.at, ": after FN and its number");
   // FN 9 to FN 12 are the four comparisons of IF.
   if (number >= 9 && number <= 12) return jump_if(words);
   const std::string name = fmt::format("FN\u00a0{}", number);
@@ -423,7 +423,7 @@ void Flow::fn(Words& words) {
   const auto parameter = parameter_at(words.cursor);
   if (!parameter) words.refuse(words.cursor.at, "a Q parameter");
   run_.define(parameter->name(), [&] {
-    if (!words.cursor.take("=")) words.refuse(words.cursor.at, "= after a parameter");
+    if (!words.cursor.accept("=")) words.refuse(words.cursor.at, "= after a parameter");
     set(*parameter, fn_result(number, words), words);
   });
 }
@@ -431,7 +431,7 @@ void Flow::fn(Words& words) {
 /// Returns the value behind = of FN 0 to FN 8 and FN 13.
 double Flow::fn_result(int number, Words& words) {
   const auto word = [&](std::string_view wanted) {
-    if (!words.cursor.take(wanted)) words.refuse(words.cursor.at, std::string(wanted));
+    if (!words.cursor.accept(wanted)) words.refuse(words.cursor.at, std::string(wanted));
   };
   if (number == 0 && words.take("SET"))
     words.refuse(words.cursor.at, "a number: parameters are not made undefined");

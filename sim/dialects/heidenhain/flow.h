@@ -25,12 +25,12 @@ struct Source {
 
 /// Executes the blocks of a program: Q parameters, jumps, labels and calls are handled here,
 /// everything else by the machine.
-class Flow : public Operands {
+class Flow : public OperandParser {
  public:
   Flow(std::string_view text, ProgramRun& run);
   void run();
 
-  std::optional<double> operand(Cursor& cursor) override;
+  std::optional<double> parse_operand(Cursor& cursor) override;
 
  private:
   /// A running program or label.

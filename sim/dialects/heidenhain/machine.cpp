@@ -101,7 +101,7 @@ void Machine::execute(const std::string& keyword, std::size_t from, Words& words
     return;
   // An unknown block without letters is quoted, up to 40 characters.
   const std::size_t end = std::min(words.cursor.text.size(), from + 40);
-  run_.unknown(keyword.empty() ? words.cursor.cause(from, end) : cause, "a block of Klartext");
+  run_.handle_unknown_word(keyword.empty() ? words.cursor.cause(from, end) : cause, "a block of Klartext");
 }
 
 bool Machine::execute_motion(const std::string& keyword, std::size_t from, Words& words,
@@ -183,7 +183,7 @@ void Machine::function_block(Words& words) {
 void Machine::preset(Words& words) {
   words.cursor.skip_blanks();
   const std::size_t from = words.cursor.at;
-  if (!words.take("SELECT") || !words.cursor.take("#"))
+  if (!words.take("SELECT") || !words.cursor.accept("#"))
     words.refuse(from, "SELECT and # with a number after PRESET");
   const int number = words.whole(9999);
   words.ends();
@@ -248,7 +248,7 @@ void Machine::tool_call(Words& words) {
   const std::size_t from = words.cursor.at;
   if (contour_.beside()) words.refuse(from, "R0 before TOOL CALL");
   std::optional<int> number;
-  if (words.cursor.here() == '"')
+  if (words.cursor.current() == '"')
     number = tool_of_name(words);
   else if (words.has_value())
     number = words.whole(32767);
@@ -292,7 +292,7 @@ void Machine::tool_call(Words& words) {
 void Machine::tool_def(Words& words) {
   words.cursor.skip_blanks();
   const std::size_t from = words.cursor.at;
-  if (words.cursor.here() == '"')
+  if (words.cursor.current() == '"')
     words.refuse(from, "a tool by its number: the scene has no tools of that name");
   const int number = words.whole(32767);
   while (!words.at_end()) {
@@ -362,7 +362,7 @@ void Machine::read_function(Words& words, std::size_t from, M& m) {
   m.cause = words.cause(from);
   const std::string name = fmt::format("M{}", m.number);
   refuse_if_named(name, m.cause);
-  if (find_word(heidenhain_words(), name) == nullptr) run_.unknown(m.cause, "an M word of a TNC");
+  if (find_word(heidenhain_words(), name) == nullptr) run_.handle_unknown_word(m.cause, "an M word of a TNC");
   const auto next_is = [&](std::string_view wanted) {
     Words ahead = words;
     if (ahead.name() != wanted) return false;

@@ -56,9 +56,9 @@ bool Machine::read_polar(const std::string& name, Words& words, std::size_t from
   }
   if (name == "DR") {
     words.cursor.skip_blanks();
-    const char sign = words.cursor.here();
+    const char sign = words.cursor.current();
     // DR+5 would be the tool radius of a TOOL CALL.
-    if ((sign != '+' && sign != '-') || is_digit(words.cursor.next()))
+    if ((sign != '+' && sign != '-') || is_digit(words.cursor.peek()))
       words.refuse(from, "DR+ or DR-");
     ++words.cursor.at;
     if (move.clockwise) words.refuse(from, "DR once in a block");
@@ -99,8 +99,8 @@ void Machine::read_side(const std::string& name, Words& words, std::size_t from,
   const bool had_side = move.side.has_value();
   if (name == "RL" || name == "RR") {
     move.side = name[1];
-  } else if (words.cursor.here() == '0' && !is_digit(words.cursor.next()) &&
-             words.cursor.next() != '.') {
+  } else if (words.cursor.current() == '0' && !is_digit(words.cursor.peek()) &&
+             words.cursor.peek() != '.') {
     // R0 is not a radius of 0: CR has no such radius.
     ++words.cursor.at;
     move.side = '0';
@@ -118,7 +118,7 @@ void Machine::read_side(const std::string& name, Words& words, std::size_t from,
 Machine::Move Machine::read_move(const std::string& keyword, std::size_t from, Words& words) {
   Move move;
   move.keyword = keyword;
-  move.cause = keyword.empty() ? Cause{int(from) + 1, words.cursor.cell(from)} : words.cause(from);
+  move.cause = keyword.empty() ? Cause{int(from) + 1, words.cursor.text_until_blank(from)} : words.cause(from);
   while (!words.at_end()) {
     const std::size_t at = words.cursor.at;
     const std::string name = words.name();
@@ -141,7 +141,7 @@ Machine::Move Machine::read_move(const std::string& keyword, std::size_t from, W
         words.refuse(at, "axis words before the M functions of a block: those behind are theirs");
     } else if (!read_polar(name, words, at, move)) {
       refuse_if_named(name, words.cause(at));
-      run_.unknown(words.cause(at), "a word of Klartext");
+      run_.handle_unknown_word(words.cause(at), "a word of Klartext");
       if (words.has_value()) words.value();
     }
   }
@@ -327,7 +327,7 @@ void Machine::move(Move move) {
     if (move.keyword.empty()) refuse(move.cause, "L before axes");
     // Before the first TOOL CALL only rapids and M91 need no tool.
     if (!tool_called_ && move.feed_word != FeedWord::Rapid && !move.machine) {
-      run_.uncalled_tool(move.cause, "no TOOL CALL");
+      run_.assume_only_tool(move.cause, "no TOOL CALL");
       tool_called_ = true;
     }
     double sweep = 0.0;

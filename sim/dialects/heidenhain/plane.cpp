@@ -298,7 +298,7 @@ constexpr double parallel = 1e-6;  // rad; below it the plane is not defined
 
 /// Returns the value behind a word that must follow, for example SPA+30.
 double Machine::word_value(Words& words, std::string_view name) const {
-  if (!words.cursor.take(name)) words.refuse(words.cursor.at, std::string(name));
+  if (!words.cursor.accept(name)) words.refuse(words.cursor.at, std::string(name));
   return words.value();
 }
 
@@ -334,7 +334,7 @@ Matrix3d Machine::plane_matrix(const std::string& kind, std::size_t from, Words&
   // RELATIV turns about an axis of the plane in force.
   const Matrix3d before = plane_.value_or(Matrix3d::Identity());
   for (int k = 0; k < 3; ++k)
-    if (const std::string name = std::string("SP") + char('A' + k); words.cursor.take(name)) {
+    if (const std::string name = std::string("SP") + char('A' + k); words.cursor.accept(name)) {
       require_certain_shift(words.cause(from));
       return before * about(k, words.value() * units::deg);
     }
@@ -360,7 +360,7 @@ bool Machine::read_positioning_word(const std::string& name, Words& words, Posit
   }
   if (name == "SEQ" || name == "SYM") {
     words.cursor.skip_blanks();
-    const char sign = words.cursor.here();
+    const char sign = words.cursor.current();
     if (sign != '+' && sign != '-') return false;
     ++words.cursor.at;
     how.sign = sign == '+' ? 1 : -1;
@@ -507,8 +507,8 @@ void Machine::tcpm(Words& words) {
     words.cursor.skip_blanks();
     const std::size_t from = words.cursor.at;
     for (const std::string_view other : refused)
-      if (words.cursor.take(other)) words.refuse(from, sentence);
-    if (!words.cursor.take(done)) words.refuse(from, std::string(done));
+      if (words.cursor.accept(other)) words.refuse(from, sentence);
+    if (!words.cursor.accept(done)) words.refuse(from, std::string(done));
   };
   while (!words.at_end()) {
     const std::size_t from = words.cursor.at;

@@ -82,8 +82,8 @@ constexpr std::size_t max_settings = 50;  // of parameters in a block
 std::string_view comment_at(Cursor& cursor) {
   const std::size_t open = cursor.at;
   for (++cursor.at; !cursor.at_end(); ++cursor.at) {
-    if (cursor.here() == ')') return cursor.text.substr(open + 1, cursor.at++ - open - 1);
-    if (cursor.here() == '(') cursor.refuse(cursor.at, ") before another ( in a comment", "(");
+    if (cursor.current() == ')') return cursor.text.substr(open + 1, cursor.at++ - open - 1);
+    if (cursor.current() == '(') cursor.refuse(cursor.at, ") before another ( in a comment", "(");
   }
   cursor.refuse(open, ") that ends the comment on its line", "none");
 }
@@ -113,9 +113,9 @@ int whole(const Cursor& cursor, std::size_t from, double value, int most) {
 std::string name_in_brackets(Cursor& cursor) {
   const std::size_t from = cursor.at;
   std::string name;
-  for (++cursor.at; cursor.here() != '>'; ++cursor.at) {
+  for (++cursor.at; cursor.current() != '>'; ++cursor.at) {
     if (cursor.at_end()) cursor.refuse(from, "> after a name", "the end of the line");
-    const char c = cursor.here();
+    const char c = cursor.current();
     // Names are compared without blanks and case, as rs274 reads every line.
     if (!is_blank(c)) name += c >= 'A' && c <= 'Z' ? char(c - 'A' + 'a') : c;
     if (name.size() > longest_name) cursor.refuse(from, "a name of at most 100 letters");
@@ -127,7 +127,7 @@ std::string name_in_brackets(Cursor& cursor) {
 
 class BlockReader {
  public:
-  BlockReader(Cursor& cursor, ProgramRun& run, Operands& operands, Block& block)
+  BlockReader(Cursor& cursor, ProgramRun& run, OperandParser& operands, Block& block)
       : cursor_(cursor), run_(run), operands_(operands), block_(block) {}
 
   void fill();
@@ -141,16 +141,16 @@ class BlockReader {
 
   Cursor& cursor_;
   ProgramRun& run_;
-  Operands& operands_;
+  OperandParser& operands_;
   Block& block_;
 };
 
 // A comment behind ; extends to the end of the line.
 void BlockReader::skip_blanks_and_comments() {
   for (cursor_.skip_blanks(); !cursor_.at_end(); cursor_.skip_blanks()) {
-    if (cursor_.here() == '(') {
+    if (cursor_.current() == '(') {
       block_.comments.push_back(comment_at(cursor_));
-    } else if (cursor_.here() == ';') {
+    } else if (cursor_.current() == ';') {
       block_.comments.push_back(cursor_.text.substr(cursor_.at + 1));
       cursor_.at = cursor_.text.size();
     } else {
@@ -165,15 +165,15 @@ void BlockReader::setting() {
   cursor_.skip_blanks();
   std::string name;
   int number = 0;
-  if (cursor_.here() == '<')
+  if (cursor_.current() == '<')
     name = name_in_brackets(cursor_);
   else
     // #1 to #5601 exist.
-    number = whole(cursor_, from, value(cursor_, grammar(), operands_), 5601);
+    number = whole(cursor_, from, parse_value(cursor_, grammar(), operands_), 5601);
   double result = 0.0;
   run_.define(name.empty() ? fmt::format("#{}", number) : fmt::format("#<{}>", name), [&] {
-    if (!cursor_.take("=")) cursor_.refuse(cursor_.at, "= after a parameter that begins a word");
-    result = value(cursor_, grammar(), operands_);
+    if (!cursor_.accept("=")) cursor_.refuse(cursor_.at, "= after a parameter that begins a word");
+    result = parse_value(cursor_, grammar(), operands_);
   });
   if (block_.numbers.size() + block_.names.size() == max_settings)
     cursor_.refuse(from, "at most 50 parameters set in a block");
@@ -189,9 +189,9 @@ void BlockReader::put_code(char letter, const NcWord& word) {
   const double tenths = std::round(scaled);
   const bool is_code = tenths >= 0 && tenths < 1e4 && std::abs(scaled - tenths) < 1e-3;
   const int code = is_code ? int(tenths) : -1;
-  const CodeEntry& fact = find_entry(letter, code);
+  const CodeProperties& fact = find_entry(letter, code);
   if (!fact.known) {
-    run_.unknown(word, fmt::format("a {} code of LinuxCNC", letter));
+    run_.handle_unknown_word(word, fmt::format("a {} code of LinuxCNC", letter));
     block_.skipped = word;
     return;
   }
@@ -213,14 +213,14 @@ void BlockReader::put_code(char letter, const NcWord& word) {
 
 void BlockReader::word(bool first) {
   const std::size_t from = cursor_.at;
-  const char letter = upper(cursor_.here());
+  const char letter = upper(cursor_.current());
   const bool sign = letter == '@' || letter == '^' || letter == '$';
   if (!is_letter(letter) && !sign) {
-    const char c = cursor_.here();
+    const char c = cursor_.current();
     cursor_.refuse(from, "a word (letter and number)",
                    c == ')'   ? ") without ("
                    : c == '[' ? "an expression ([)"
-                              : shown(cursor_.cell(from)));
+                              : shown(cursor_.text_until_blank(from)));
   }
   ++cursor_.at;
   NcWord word;
@@ -228,7 +228,7 @@ void BlockReader::word(bool first) {
   cursor_.skip_blanks();
   if (cursor_.at_end())
     cursor_.refuse(from, std::string("a number after ") + letter, "the end of the line");
-  word.value = value(cursor_, grammar(), operands_);
+  word.value = parse_value(cursor_, grammar(), operands_);
   word.text = cursor_.text.substr(from, cursor_.at - from);
   // A line number must be literal: it is not an expression.
   const std::size_t digits = word.text.find_first_not_of(" \t", 1);
@@ -245,21 +245,21 @@ void BlockReader::word(bool first) {
     run_.canon.refuse(word, std::string("one ") + letter + " in a block",
                       fmt::format("{} after {}", shown(word.text), shown(place.text)));
   static constexpr std::string_view known = "ABCDEFHIJKLNPQRSTUVWXYZ@^$";
-  if (known.find(letter) == std::string_view::npos) return run_.unknown(word, "a word of LinuxCNC");
+  if (known.find(letter) == std::string_view::npos) return run_.handle_unknown_word(word, "a word of LinuxCNC");
   if (letter == 'N') return;
   block_.words.put(index, word);
 }
 
 void BlockReader::fill() {
   cursor_.skip_blanks();
-  if (cursor_.here() == '%') {
+  if (cursor_.current() == '%') {
     ++cursor_.at;
     skip_blanks_and_comments();
     if (!cursor_.at_end()) cursor_.refuse(cursor_.at, "nothing after %");
     block_.percent = true;
     return;
   }
-  if (cursor_.here() == '/') {
+  if (cursor_.current() == '/') {
     ++cursor_.at;
     block_.deleted = true;
     // A skipped block is not parsed, so that errors in it do not matter.
@@ -267,7 +267,7 @@ void BlockReader::fill() {
   }
   bool first = true;
   for (skip_blanks_and_comments(); !cursor_.at_end(); skip_blanks_and_comments()) {
-    if (cursor_.here() == '#')
+    if (cursor_.current() == '#')
       setting();
     else
       word(first);
@@ -275,7 +275,7 @@ void BlockReader::fill() {
   }
 }
 
-void read_block(Cursor cursor, ProgramRun& run, Operands& operands, Block& block) {
+void read_block(Cursor cursor, ProgramRun& run, OperandParser& operands, Block& block) {
   block.clear();
   // A NUL is not visible in messages, so it is reported by name.
   if (const std::size_t nul = cursor.text.find('\0'); nul != std::string_view::npos)

@@ -77,13 +77,13 @@ struct Block {
 const ExpressionGrammar& grammar();
 
 /// Entry of a code in the word table of the dialect.
-using CodeEntry = dialects::CodeEntry<Group>;
+using CodeProperties = dialects::CodeProperties<Group>;
 /// Returns the table entry of a code. `letter` is G or M.
-const CodeEntry& find_entry(char letter, int tenths);
+const CodeProperties& find_entry(char letter, int tenths);
 
 /// Parses a line without O word into `block`, whose memory is reused. `operands` evaluates
 /// parameters and functions. Throws BadInput.
-void read_block(Cursor cursor, ProgramRun& run, Operands& operands, Block& block);
+void read_block(Cursor cursor, ProgramRun& run, OperandParser& operands, Block& block);
 
 /// Returns the whole number of an index or a code. Throws BadInput.
 int whole(const Cursor& cursor, std::size_t from, double value, int most);

@@ -26,24 +26,24 @@ Cursor Flow::cursor_at(const Source& source, std::size_t line) const {
 }
 
 void Flow::run() {
-  run_.start([&](std::string_view code) { block({code, run_.canon.place()}); });
+  run_.run_startup_code([&](std::string_view code) { block({code, run_.canon.place()}); });
   while (!ended_ && !run_.is_aborted()) {
     const Call& now = calls_.back();
     if (at_ >= now.source->lines.size()) {
       // Running over the end of the main file ends the program; of a subprogram file it is an
       // error.
       if (calls_.size() == 1) break;
-      run_.attempt([&] { finish_file(); });
+      run_.try_block([&] { finish_file(); });
       continue;
     }
     run_.canon.set_line(int(at_) + 1, now.source->file);
     const std::size_t before = at_;
     // After an error reading continues at the next line, unless the line itself moved on.
-    if (!run_.attempt([&] { ended_ = !line(); }) && at_ == before) ++at_;
+    if (!run_.try_block([&] { ended_ = !line(); }) && at_ == before) ++at_;
   }
-  run_.attempt([&] { machine_.finish(); });
+  run_.try_block([&] { machine_.finish(); });
   const std::vector<std::string_view>& lines = sources_.front()->lines;
-  run_.warn_unread(lines, {{0, lines.size()}});
+  run_.warn_of_unread_lines(lines, {{0, lines.size()}});
 }
 
 /// Executes a line. Returns false at the end of the program.
@@ -55,7 +55,7 @@ bool Flow::line() {
   if (text.find_first_of("oO") != std::string_view::npos)
     if (const auto o = o_word(cursor)) {
       // Counted as executed behind a /; a skipped line has no O word here.
-      if (text[text.find_first_not_of(" \t")] == '/') run_.skips(0);
+      if (text[text.find_first_not_of(" \t")] == '/') run_.skips_block(0);
       o_line(*o, cursor);
       return true;
     }
@@ -67,14 +67,14 @@ bool Flow::block(Cursor cursor) {
   try {
     read_block(cursor, run_, *this, block_);
   } catch (const BadInput&) {  // no parameter of the block is set
-    for (const auto& [number, value] : block_.numbers) run_.doubt(fmt::format("#{}", number));
-    for (const auto& [name, value] : block_.names) run_.doubt(fmt::format("#<{}>", name));
+    for (const auto& [number, value] : block_.numbers) run_.mark_uncertain(fmt::format("#{}", number));
+    for (const auto& [name, value] : block_.names) run_.mark_uncertain(fmt::format("#<{}>", name));
     throw;
   }
   // The second % of the main program ends it.
   if (block_.percent && calls_.size() == 1 && ++percents_ == 2) return false;
   if (block_.percent) return true;
-  if (block_.deleted && run_.skips(0)) {
+  if (block_.deleted && run_.skips_block(0)) {
     run_.discount_block();
     return true;
   }
@@ -105,7 +105,7 @@ void Flow::save_modes() {
 void Flow::set(const Block& block, const Cursor& cursor) {
   const auto too_many = [&] {
     throw ProgramLimitExceeded(
-        cursor.place.file, cursor.place.line, 0,
+        cursor.location.file, cursor.location.line, 0,
         fmt::format("at most {} parameters", run_.options().limits.variables), "more");
   };
   for (const auto& [number, value] : block.numbers) {
@@ -121,7 +121,7 @@ void Flow::set(const Block& block, const Cursor& cursor) {
     const bool global = name.front() == '_';
     if (global && machine_.named(name))
       cursor.refuse(0, "a parameter that can be set", "#<" + name + ">");
-    if (!variables_.set(name, value, global ? Variables::Of::Program : Variables::Of::Call))
+    if (!variables_.set(name, value, global ? Variables::Scope::Program : Variables::Scope::Call))
       too_many();
   }
 }
@@ -131,7 +131,7 @@ double Flow::named(const std::string& name, const Cursor& cursor, std::size_t fr
   if (run_.is_uncertain()) run_.require_certain(fmt::format("#<{}>", name), cursor.cause(from));
   const bool global = name.front() == '_';
   if (const auto own =
-          variables_.named(name, global ? Variables::Of::Program : Variables::Of::Call))
+          variables_.named(name, global ? Variables::Scope::Program : Variables::Scope::Call))
     return *own;
   if (global) {
     if (name == "_call_level") return double(calls_.size() - 1);
@@ -142,7 +142,7 @@ double Flow::named(const std::string& name, const Cursor& cursor, std::size_t fr
 
 bool Flow::exists(const std::string& name) const {
   const bool global = name.front() == '_';
-  return variables_.named(name, global ? Variables::Of::Program : Variables::Of::Call) ||
+  return variables_.named(name, global ? Variables::Scope::Program : Variables::Scope::Call) ||
          (global && machine_.named(name));
 }
 
@@ -150,28 +150,28 @@ bool Flow::exists(const std::string& name) const {
 double Flow::parameter(Cursor& cursor) {
   const std::size_t from = cursor.at++;
   cursor.skip_blanks();
-  if (cursor.here() == '<') return named(name_in_brackets(cursor), cursor, from);
-  const int number = whole(cursor, from, value(cursor, grammar(), *this), 5601);
+  if (cursor.current() == '<') return named(name_in_brackets(cursor), cursor, from);
+  const int number = whole(cursor, from, parse_value(cursor, grammar(), *this), 5601);
   if (number < 1) cursor.refuse(from, "a parameter of #1 to #5601", fmt::format("#{}", number));
   if (run_.is_uncertain()) run_.require_certain(fmt::format("#{}", number), cursor.cause(from));
   return number <= 30 ? calls_.back().locals[std::size_t(number)] : machine_.parameter(number);
 }
 
-std::optional<double> Flow::operand(Cursor& cursor) {
-  if (cursor.here() == '#') return parameter(cursor);
+std::optional<double> Flow::parse_operand(Cursor& cursor) {
+  if (cursor.current() == '#') return parameter(cursor);
   const std::size_t from = cursor.at;
   // ATAN[y]/[x] has two arguments and a range of +-180 degrees.
-  if (cursor.take("ATAN")) {
-    const double y = bracketed(cursor, grammar(), *this);
-    if (!cursor.take("/")) cursor.refuse(cursor.at, "/ after the first argument of ATAN");
-    const double x = bracketed(cursor, grammar(), *this);
+  if (cursor.accept("ATAN")) {
+    const double y = parse_bracketed(cursor, grammar(), *this);
+    if (!cursor.accept("/")) cursor.refuse(cursor.at, "/ after the first argument of ATAN");
+    const double x = parse_bracketed(cursor, grammar(), *this);
     return std::atan2(y, x) / units::deg;
   }
-  if (cursor.take("EXISTS")) {
-    if (!cursor.take("[") || !cursor.take("#") || (cursor.skip_blanks(), cursor.here() != '<'))
+  if (cursor.accept("EXISTS")) {
+    if (!cursor.accept("[") || !cursor.accept("#") || (cursor.skip_blanks(), cursor.current() != '<'))
       cursor.refuse(from, "[#<name>] after EXISTS");
     const bool is = exists(name_in_brackets(cursor));
-    if (!cursor.take("]")) cursor.refuse(cursor.at, "] after EXISTS");
+    if (!cursor.accept("]")) cursor.refuse(cursor.at, "] after EXISTS");
     return is ? 1.0 : 0.0;
   }
   return std::nullopt;
@@ -191,28 +191,28 @@ constexpr double max_repeats = 1e9;
 /// is none.
 std::optional<OWord> Flow::o_word(Cursor& cursor) {
   cursor.skip_blanks();
-  if (cursor.here() == '/') {
+  if (cursor.current() == '/') {
     if (run_.canon.options().block_skip.test(0)) return std::nullopt;
     ++cursor.at;
     cursor.skip_blanks();
   }
-  if (upper(cursor.here()) == 'N') {
+  if (upper(cursor.current()) == 'N') {
     ++cursor.at;
     cursor.number(false, true);
     cursor.skip_blanks();
   }
-  if (upper(cursor.here()) != 'O') return std::nullopt;
+  if (upper(cursor.current()) != 'O') return std::nullopt;
   OWord o;
   const std::size_t from = cursor.at++;
   cursor.skip_blanks();
-  if (cursor.here() == '<') {
+  if (cursor.current() == '<') {
     o.label = "<" + name_in_brackets(cursor) + ">";
   } else {
     const std::size_t number = cursor.at;
-    o.label = fmt::format("{}", whole(cursor, number, value(cursor, grammar(), *this), 1000000));
+    o.label = fmt::format("{}", whole(cursor, number, parse_value(cursor, grammar(), *this), 1000000));
   }
   cursor.skip_blanks();
-  while (is_letter(cursor.here())) o.word += char(upper(cursor.text[cursor.at++]) - 'A' + 'a');
+  while (is_letter(cursor.current())) o.word += char(upper(cursor.text[cursor.at++]) - 'A' + 'a');
   o.cause = cursor.cause(from);
   o.rest = cursor.at;
   return o;
@@ -250,7 +250,7 @@ std::size_t Flow::find_next(const OWord& o, std::initializer_list<std::string_vi
 }
 
 double Flow::condition(Cursor& cursor) {
-  const double result = bracketed(cursor, grammar(), *this);
+  const double result = parse_bracketed(cursor, grammar(), *this);
   ends(cursor);
   return result;
 }
@@ -258,7 +258,7 @@ double Flow::condition(Cursor& cursor) {
 /// Throws BadInput unless only a comment follows.
 void Flow::ends(Cursor& cursor) const {
   cursor.skip_blanks();
-  if (!cursor.at_end() && cursor.here() != '(' && cursor.here() != ';')
+  if (!cursor.at_end() && cursor.current() != '(' && cursor.current() != ';')
     cursor.refuse(cursor.at, "nothing more behind an O word");
 }
 
@@ -437,10 +437,10 @@ Flow::Sub Flow::find_sub(const OWord& o) {
 void Flow::call(const OWord& o, Cursor& cursor) {
   std::array<double, 31> arguments{};
   std::size_t n = 0;
-  for (cursor.skip_blanks(); cursor.here() == '['; cursor.skip_blanks()) {
+  for (cursor.skip_blanks(); cursor.current() == '['; cursor.skip_blanks()) {
     const std::size_t from = cursor.at;
     if (++n > 30) cursor.refuse(from, "at most 30 arguments", "more");
-    arguments[n] = bracketed(cursor, grammar(), *this);
+    arguments[n] = parse_bracketed(cursor, grammar(), *this);
   }
   ends(cursor);
   run_.check_depth(int(calls_.size()), o.cause);
@@ -460,7 +460,7 @@ void Flow::leave(const OWord& o, Cursor& cursor) {
     run_.canon.refuse(o.cause, fmt::format("o{} {}", calls_.back().name, o.word));
   cursor.skip_blanks();
   std::optional<double> result;
-  if (cursor.here() == '[') result = bracketed(cursor, grammar(), *this);
+  if (cursor.current() == '[') result = parse_bracketed(cursor, grammar(), *this);
   ends(cursor);
   const Call ended = calls_.back();
   at_ = ended.back;
@@ -479,8 +479,8 @@ void Flow::finish_file() {
   calls_.pop_back();
   variables_.leave();
   // Without endsub the end of the file leaves the call open.
-  const program::NcLocation place = run_.canon.place();
-  throw BadInput(place.file, place.line, 0, fmt::format("o{} endsub", ended.name),
+  const program::NcLocation location = run_.canon.place();
+  throw BadInput(location.file, location.line, 0, fmt::format("o{} endsub", ended.name),
                  "the end of the file");
 }
 

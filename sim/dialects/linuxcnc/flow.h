@@ -32,12 +32,12 @@ struct OWord {
 
 /// Executes the lines of a program: parameters, expressions and O words are handled here,
 /// everything else by the machine.
-class Flow : public Operands {
+class Flow : public OperandParser {
  public:
   Flow(std::string_view text, ProgramRun& run);
   void run();
 
-  std::optional<double> operand(Cursor& cursor) override;
+  std::optional<double> parse_operand(Cursor& cursor) override;
 
  private:
   /// A loop that is running.

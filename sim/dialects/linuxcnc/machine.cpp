@@ -114,11 +114,11 @@ void Machine::note_start_modes(const Block& block) {
                                                 {Group::FeedMode, StartMode::Feed},
                                                 {Group::WorkOffset, StartMode::WorkOffset}};
   for (const auto& [group, mode] : groups)
-    if (block[group]) run_.state(mode);
+    if (block[group]) run_.mark_stated(mode);
   if (block[Group::LatheDiameter]) diameter_stated_ = true;
   if (!first_axis_word(block)) return;
   // LinuxCNC begins in G8 on a lathe as well, unlike Fanuc and Siemens: worth reporting.
-  if (run_.turning() && block['X'] && !std::exchange(diameter_stated_, true) &&
+  if (run_.is_turning() && block['X'] && !std::exchange(diameter_stated_, true) &&
       run_.options().turning.x_words == XWordMeaning::FromControl)
     canon_.assume(
         {"X words are radii (G8): no word before says otherwise", "program.x_words", "--x-words"});
@@ -193,7 +193,7 @@ void Machine::check_words(const Block& block) const {
     if (!block[letter] || taken.find(letter) != std::string::npos) continue;
     // A letter beside a skipped code may belong to that code.
     if (block.skipped)
-      run_.unknown(block[letter], "a word of LinuxCNC");
+      run_.handle_unknown_word(block[letter], "a word of LinuxCNC");
     else
       refuse(block[letter], letter == 'P'   ? "G4 beside P"
                             : letter == 'H' ? "G43 or G43.4 beside H"
@@ -355,7 +355,7 @@ void Machine::set_modes(const Block& block) {
   call_tools(block);
   if (const Code& code = block[Group::OneBlock]; code.tenths == 40) dwell(block);
   if (const Code& code = block[Group::Plane]) {
-    if (compensation_.on()) refuse(code.word, "no change of the plane under G41 or G42");
+    if (compensation_.is_on()) refuse(code.word, "no change of the plane under G41 or G42");
     plane_ = code.tenths;
   }
   if (block[Group::CutterRadius]) set_compensation(block);
@@ -368,7 +368,7 @@ void Machine::set_modes(const Block& block) {
   }
   if (const Code& code = block[Group::WorkOffset]) {
     // The offset path was computed in the other system.
-    if (compensation_.on()) refuse(code.word, "no other coordinate system under G41 or G42");
+    if (compensation_.is_on()) refuse(code.word, "no other coordinate system under G41 or G42");
     choose_system(code.tenths <= 590 ? (code.tenths - 530) / 10 : code.tenths - 590 + 6);
   }
   if (const Code& code = block[Group::Distance]) incremental_ = code.tenths == 910;
@@ -381,7 +381,7 @@ void Machine::dwell(const Block& block) {
   if (!(p.value >= 0 && p.value <= 1e6))
     refuse(p, "0 to 1e6 seconds beside " + shown(block[Group::OneBlock].word.text));
   // A dwell behind a waiting move must follow it.
-  compensation_.after(
+  compensation_.run_after_move(
       [this, seconds = p.value, cause = Cause{p.column, {}}] { canon_.dwell(seconds, cause); });
 }
 
@@ -394,7 +394,7 @@ void Machine::note_after_motion(const Block& block) {
 
 void Machine::one_block(const Block& block) {
   const Code& code = block[Group::OneBlock];
-  if (compensation_.on()) refuse(code.word, "G40 before " + shown(code.word.text));
+  if (compensation_.is_on()) refuse(code.word, "G40 before " + shown(code.word.text));
   switch (code.tenths) {
     case 100:
       return store_data(block);
@@ -423,7 +423,7 @@ Modes Machine::modes() const {
           speed_,
           max_rpm_,
           canon_.spindle_speed(),
-          compensation_.on(),
+          compensation_.is_on(),
           tip_length_,
           tip_kinematics_,
           length_shift_};
@@ -436,9 +436,9 @@ void Machine::restore(const Modes& modes, const Cause& cause) {
       modes.length_shift.size() == length_shift_.size() && modes.length_shift == length_shift_;
   if (!same_length || modes.tip_length != tip_length_ || modes.tip_kinematics != tip_kinematics_)
     refuse(cause, "the tool length that was saved: it is not restored here", "another");
-  if (modes.compensated != compensation_.on())
+  if (modes.compensated != compensation_.is_on())
     refuse(cause, "G40, G41 or G42 as it was saved: it is not restored here", "another");
-  if (compensation_.on() && (modes.system != system_ || modes.plane != plane_))
+  if (compensation_.is_on() && (modes.system != system_ || modes.plane != plane_))
     refuse(cause, "no other plane and coordinate system under G41 or G42");
   canon_.set_inch(modes.inch);
   incremental_ = modes.incremental;
@@ -529,11 +529,11 @@ double Machine::parameter(int number) const {
   }
   if (number == 5400) return tool_;
   // The table value of the tool in the spindle, whatever length is in force.
-  if (number == 5403 && !run_.turning()) {
+  if (number == 5403 && !run_.is_turning()) {
     const auto length = length_.find(tool_);
     return length == length_.end() ? 0.0 : length->second;
   }
-  if (number >= 5401 && number <= 5409) return run_.turning() ? tool_shift(number - 5401) : 0.0;
+  if (number >= 5401 && number <= 5409) return run_.is_turning() ? tool_shift(number - 5401) : 0.0;
   if (number == 5410) {
     const auto radius = radius_.find(tool_);
     return radius == radius_.end() ? 0.0 : 2 * radius->second;
@@ -593,7 +593,7 @@ std::optional<double> Machine::named(std::string_view name) const {
       {"_selected_tool", std::max(selected_, 0)},
       {"_motion_mode", motion_},
       {"_plane", plane_},
-      {"_ccomp", compensation_.on() ? (compensation_.left() ? 410 : 420) : 400},
+      {"_ccomp", compensation_.is_on() ? (compensation_.is_left() ? 410 : 420) : 400},
       {"_line", canon_.line()},
       {"_task", 0},
       // The version decides which features a program tests for.

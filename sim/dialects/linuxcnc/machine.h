@@ -160,7 +160,7 @@ class Machine {
   std::vector<Pole> poles_;  ///< poles of G5.2 so far
   int order_ = 3;
   std::optional<Eigen::Vector2d> spline_arm_;  ///< P Q of the previous G5, from its end
-  Compensation compensation_;
+  CutterCompensation compensation_;
 };
 
 }  // namespace abbe::sim::dialects::linuxcnc

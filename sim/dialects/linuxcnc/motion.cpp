@@ -41,7 +41,7 @@ Target Machine::block_target(const Block& block, bool machine) const {
   }
   if (block.is_polar()) {
     // Under compensation the programmed position counts, not that of the offset tool.
-    const bool beside = compensation_.on() || compensation_.leaving();
+    const bool beside = compensation_.is_on() || compensation_.is_leaving();
     const AxisVector p = canon_.unplaced(beside ? compensation_.programmed() : canon_.position());
     const Eigen::Vector2d end = polar_end(block, {p[joint(0)], p[joint(1)]});
     const NcWord& word = block.radius() ? block.radius() : block.angle();
@@ -53,7 +53,7 @@ Target Machine::block_target(const Block& block, bool machine) const {
 
 void Machine::straight(const Block& block, AxisVector end, std::uint32_t stated, bool machine) {
   Straight move{std::move(end), cause_of(block), machine, stated};
-  if (compensation_.on()) {
+  if (compensation_.is_on()) {
     if (machine) refuse(move.cause, "G40 before G53");
     return compensation_.straight(std::move(move), motion_ == 0);
   }
@@ -61,7 +61,7 @@ void Machine::straight(const Block& block, AxisVector end, std::uint32_t stated,
 }
 
 void Machine::arc(const Block& block, AxisVector end, std::uint32_t stated) {
-  const bool beside = compensation_.on();
+  const bool beside = compensation_.is_on();
   ArcMove arc = program::arc_from_block(
       canon_, {.plane = plane_ / 10,
                .clockwise = motion_ == 20,
@@ -142,12 +142,12 @@ void Machine::move(const Block& block) {
   const bool machine = block.tenths(Group::OneBlock) == 530;
   if (machine) canon_.go_to(Coordinates::Axis, cause);
   const Target target = block_target(block, machine);
-  const bool beside = compensation_.on() || compensation_.leaving();
+  const bool beside = compensation_.is_on() || compensation_.is_leaving();
   AxisVector end =
       beside && !machine ? compensation_.end_of(target) : canon_.end_of(target, machine);
   // The first move after G40 leads from beside the contour back to the path, for which an arc has
   // no centre.
-  if (compensation_.leaving() && is_arc) refuse(cause, "a line as the first move after G40");
+  if (compensation_.is_leaving() && is_arc) refuse(cause, "a line as the first move after G40");
   compensation_.clear_leaving();
   if (is_arc)
     arc(block, std::move(end), target.stated());
@@ -248,7 +248,7 @@ std::vector<Vector2d> nurbs_points(std::vector<Eigen::Vector3d> poles, int order
 /// G5, G5.1, G5.2 and G5.3, in X Y.
 void Machine::spline(const Block& block) {
   const Cause cause = cause_of(block);
-  if (compensation_.on()) refuse(cause, "G40 before a spline");
+  if (compensation_.is_on()) refuse(cause, "G40 before a spline");
   if (plane_ != 170) refuse(cause, "G17 before a spline");
   const int x = joint(0), y = joint(1);
   if (x < 0 || y < 0) refuse(cause, "a machine with X and Y beside a spline");
@@ -332,7 +332,7 @@ void Machine::cycle(const Block& block) {
 /// Reads the words of a cycle. Words that are not programmed keep their values.
 void Machine::take_cycle(const Block& block) {
   const Cause cause = cause_of(block);
-  if (compensation_.on()) refuse(cause, "G40 before a canned cycle");
+  if (compensation_.is_on()) refuse(cause, "G40 before a canned cycle");
   // In inverse time each move would need an F of its own.
   if (canon_.feed_mode() == FeedMode::InverseTime) refuse(cause, "G94 or G95 beside a cycle");
   const int deep = plane_ == 170 ? 2 : plane_ == 180 ? 1 : 0;
@@ -555,7 +555,7 @@ class ThreadPasses {
 
 void Machine::thread(const Block& block) {
   const Cause cause = cause_of(block);
-  if (compensation_.on()) refuse(cause, "G40 before G76");
+  if (compensation_.is_on()) refuse(cause, "G40 before G76");
   if (plane_ != 180) refuse(cause, "G18 before G76");
   if (joint(0) < 0 || joint(2) < 0) refuse(cause, "a machine with X and Z beside G76");
   for (const char letter : {'P', 'Z', 'I', 'J', 'K'})

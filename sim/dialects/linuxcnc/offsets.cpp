@@ -97,7 +97,7 @@ double Machine::length_of(int tool, const Cause& cause) const {
 
 void Machine::set_tool_length(const Block& block) {
   const Code& code = block[Group::ToolLength];
-  if (compensation_.on()) refuse(code.word, "no other tool length under G41 or G42");
+  if (compensation_.is_on()) refuse(code.word, "no other tool length under G41 or G42");
   const NcWord& h = block['H'];
   if (h && (h.value < 0 || h.value != std::floor(h.value) || h.value > 1e9))
     refuse(h, "a whole tool number after H");
@@ -119,7 +119,7 @@ void Machine::set_tool_length(const Block& block) {
     return apply_length(code.word);
   }
   const int tool = h            ? int(h.value)
-                   : tool_ == 0 ? run_.uncalled_tool(code.word, "no tool called")
+                   : tool_ == 0 ? run_.assume_only_tool(code.word, "no tool called")
                                 : tool_;
   if (code.tenths == 432 && !h) refuse(code.word, "H (tool length) beside G43.2", "none");
   const double length = length_of(tool, h ? Cause(h) : Cause(code.word));
@@ -130,7 +130,7 @@ void Machine::set_tool_length(const Block& block) {
     if (code.tenths == 432 && length_shift_.size() > 0) shift = length_shift_;
     const kinematics::Chain* to_tip = chain_to_tip(canon_.options(), tool);
     // On a turning control the offset of a tool has X and Z.
-    if (run_.turning() && to_tip != nullptr && tool != 0)
+    if (run_.is_turning() && to_tip != nullptr && tool != 0)
       shift += measured_offset(canon_, *to_tip, code.word);
     else
       shift[z] += length;
@@ -318,7 +318,7 @@ void Machine::reference(const Block& block) {
 void Machine::set_compensation(const Block& block) {
   const Code& code = block[Group::CutterRadius];
   if (code.tenths == 400) return compensation_.end();
-  if (compensation_.on()) refuse(code.word, "G40 before another " + std::string("G41 or G42"));
+  if (compensation_.is_on()) refuse(code.word, "G40 before another " + std::string("G41 or G42"));
   const std::string_view plane = plane_ == 170 ? "XY" : plane_ == 180 ? "ZX" : "YZ";
   const int first = canon_.joint_of(plane[0]), second = canon_.joint_of(plane[1]);
   if (first < 0 || second < 0)
@@ -337,7 +337,7 @@ void Machine::set_compensation(const Block& block) {
     radius = 0.5 * d.value * unit();
   } else {
     const int tool = d            ? int(d.value)
-                     : tool_ == 0 ? run_.uncalled_tool(code.word, "no tool called")
+                     : tool_ == 0 ? run_.assume_only_tool(code.word, "no tool called")
                                   : tool_;
     if (d && (d.value < 0 || d.value != std::floor(d.value)))
       refuse(d, "a whole tool number after D");

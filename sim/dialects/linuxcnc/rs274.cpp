@@ -377,7 +377,7 @@ std::string tool_table(const NcOptions& control, const std::set<int>& called,
   };
   const auto length = [&](int tool) {
     const kinematics::Chain* to_tip = chain_to_tip(control, tool);
-    if (!run.turning() || to_tip == nullptr || !control.tool_length.contains(tool))
+    if (!run.is_turning() || to_tip == nullptr || !control.tool_length.contains(tool))
       return fmt::format("Z{:.17g}", known(control.tool_length, tool, linuxcnc::unknown_length));
     const kinematics::AxisVector offset = measured_offset(run.canon, *to_tip, {});
     std::string words;
@@ -481,17 +481,17 @@ BadInput rs274_error(const std::string& said, const NumberedProgram& program, Pr
     number = program.number_of(file, line);
   if (number > 0) {
     const linuxcnc::SourceLine place = program.place_of(number);
-    run.canon.set_line(place.line, place.file);
+    run.canon.set_line(location.line, location.file);
   }
-  const program::NcLocation place = run.canon.place();
-  return {place.file, place.line, 0, "a block that LinuxCNC's own interpreter takes", message};
+  const program::NcLocation location = run.canon.place();
+  return {location.file, location.line, 0, "a block that LinuxCNC's own interpreter takes", message};
 }
 
 void check_interpreter_exit(const InterpreterExit& end, const InterpreterLimits& limits,
                             const NumberedProgram& program, ProgramRun& run) {
   const auto add = [&](std::string expected, std::string seen) {
-    const program::NcLocation place = run.canon.place();
-    run.add(BadInput(place.file, place.line, 0, std::move(expected), std::move(seen)));
+    const program::NcLocation location = run.canon.place();
+    run.add_input_error(BadInput(location.file, location.line, 0, std::move(expected), std::move(seen)));
   };
   using ExitReason = InterpreterExit::ExitReason;
   if (end.why == ExitReason::Time)
@@ -509,7 +509,7 @@ void check_interpreter_exit(const InterpreterExit& end, const InterpreterLimits&
   else if (end.why == ExitReason::Exit && end.number == 127)
     add("that rs274 can be started", in_quotes(end.said));
   else if (end.why == ExitReason::Exit && end.number != 0)
-    run.add(rs274_error(end.said, program, run));
+    run.add_input_error(rs274_error(end.said, program, run));
 }
 
 fs::path packages_or_refuse(const ProgramRun& run) {
@@ -532,7 +532,7 @@ void read_by_linuxcnc(std::string_view text, const Recognised& found, ProgramRun
   const Eigen::Vector3d zero = run.canon.shift_correction();
   const PrivateFolder folder;
   fs::create_directory(folder.path() / "program");
-  run.attempt([&] {
+  run.try_block([&] {
     // The process finds everything that it needs of the program in the private folder.
     std::string before = lead_in(run.canon);
     if (!run.options().startup_code.empty()) before += run.options().startup_code + "\n";

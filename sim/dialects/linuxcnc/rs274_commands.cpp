@@ -278,7 +278,7 @@ std::string NumberedProgram::numbered(std::string_view line, int number, int fil
   const std::string_view whole = line.substr(std::min(line.size(), line.find_first_not_of(" \t")));
   if (whole.empty() || whole.front() == '%') return std::string(whole);
   // A skipped block becomes an empty line, so that line numbers in messages agree.
-  if (whole.front() == '/' && run_.skips(0)) return {};
+  if (whole.front() == '/' && run_.skips_block(0)) return {};
   const std::string_view block = unnumbered_block(line);
   if (block.size() > longest_for_rs274)
     run_.canon.refuse({},
@@ -450,7 +450,7 @@ void Commands::stand(const PrintedCommand& command) {
   if (command.number <= 0 || command.number == number_) return;
   number_ = command.number;
   const SourceLine place = program_.place_of(number_);
-  canon_.set_line(place.line, place.file);
+  canon_.set_line(location.line, location.file);
   codes_ = parse_codes(program_.text_of(number_));
   at_point_ = 0;
 }
@@ -463,7 +463,7 @@ bool Commands::take(std::string_view line) {
   const bool changes = command->name == "START_CHANGE" || command->name == "STOP_SPINDLE_TURNING" ||
                        command->name == "CHANGE_TOOL";
   if (pending_ && (!changes || pending_in_ != command->number)) end_pending_tool();
-  run_.attempt([&] {
+  run_.try_block([&] {
     stand(*command);
     // A block is reported once, even if a loop repeats it.
     if (faulty_.count(number_) > 0) {

@@ -82,8 +82,8 @@ bool is_longer_word(std::string_view text, std::size_t at) {
   static const std::string nowhere;
   for (const std::string_view op : {"DIV", "MOD", "AND", "XOR", "OR"}) {
     Cursor cursor{text, {nowhere, 0}, at};
-    if (!cursor.take(op)) continue;
-    return is_letter(cursor.here()) || cursor.here() == '_';
+    if (!cursor.accept(op)) continue;
+    return is_letter(cursor.current()) || cursor.current() == '_';
   }
   return false;
 }
@@ -103,8 +103,8 @@ double number_at(Cursor& cursor, Names& names) {
     if (is_blank(cursor.text[at - 1]) && is_letter(cursor.text[at]) &&
         is_longer_word(cursor.text, at))
       end = at;
-  Cursor part{cursor.text.substr(0, end), cursor.place, cursor.at};
-  const double value = expression(part, grammar(), names);
+  Cursor part{cursor.text.substr(0, end), cursor.location, cursor.at};
+  const double value = parse_expression(part, grammar(), names);
   // Trailing blanks do not belong to the expression, for messages.
   while (part.at > cursor.at && is_blank(part.text[part.at - 1])) --part.at;
   cursor.at = part.at;
@@ -137,7 +137,7 @@ void skip_brackets(Cursor& cursor, char open, char close) {
   const std::size_t from = cursor.at;
   int depth = 0;
   for (bool quoted = false; !cursor.at_end(); ++cursor.at) {
-    const char c = cursor.here();
+    const char c = cursor.current();
     if (c == '"') quoted = !quoted;
     if (quoted) continue;
     if (c == open) ++depth;
@@ -153,7 +153,7 @@ void skip_brackets(Cursor& cursor, char open, char close) {
 bool at_assignment(const Cursor& cursor) {
   Cursor ahead = cursor;
   ahead.skip_blanks();
-  return ahead.here() == '=' && ahead.next() != '=';
+  return ahead.current() == '=' && ahead.peek() != '=';
 }
 
 }  // namespace
@@ -172,8 +172,8 @@ void Block::clear() {
 std::string name_at(Cursor& cursor) {
   std::string name;
   const std::size_t from = cursor.at;
-  if (!is_letter(cursor.here()) && cursor.here() != '_') return name;
-  for (; is_name_byte(cursor.here()); ++cursor.at) name += upper(cursor.here());
+  if (!is_letter(cursor.current()) && cursor.current() != '_') return name;
+  for (; is_name_byte(cursor.current()); ++cursor.at) name += upper(cursor.current());
   if (name.size() > longest_name)
     cursor.refuse(from, "a name of at most 100 letters", "a longer one");
   return name;
@@ -182,9 +182,9 @@ std::string name_at(Cursor& cursor) {
 std::string quoted_at(Cursor& cursor) {
   const std::size_t from = cursor.at++;
   std::string text;
-  for (; cursor.here() != '"'; ++cursor.at) {
+  for (; cursor.current() != '"'; ++cursor.at) {
     if (cursor.at_end()) cursor.refuse(from, "\" that ends the text on its line", "none");
-    text += cursor.here();
+    text += cursor.current();
   }
   ++cursor.at;
   return text;
@@ -194,7 +194,7 @@ std::vector<Argument> arguments_at(Cursor& cursor, Names& names) {
   std::vector<Argument> all;
   const std::size_t open = cursor.at++;
   cursor.skip_blanks();
-  if (cursor.here() == ')') {
+  if (cursor.current() == ')') {
     ++cursor.at;
     return all;
   }
@@ -202,19 +202,19 @@ std::vector<Argument> arguments_at(Cursor& cursor, Names& names) {
     cursor.skip_blanks();
     const std::size_t from = cursor.at;
     Argument one;
-    if (cursor.here() == '"')
+    if (cursor.current() == '"')
       one.text = quoted_at(cursor);
     else if (auto text = names.text_variable(cursor))
       one.text = std::move(text);
     // An empty argument, as in CYCLE83(10,,2), keeps its position.
-    else if (cursor.here() != ',' && cursor.here() != ')')
+    else if (cursor.current() != ',' && cursor.current() != ')')
       one.number = number_at(cursor, names);
     one.cause = cursor.cause(from);
     all.push_back(std::move(one));
     if (all.size() > max_arguments) cursor.refuse(open, "at most 100 parameters", "more");
     cursor.skip_blanks();
-    if (cursor.here() == ')') break;
-    if (cursor.here() != ',') cursor.refuse(cursor.at, ", or ) behind a parameter");
+    if (cursor.current() == ')') break;
+    if (cursor.current() != ',') cursor.refuse(cursor.at, ", or ) behind a parameter");
     ++cursor.at;
   }
   ++cursor.at;
@@ -269,18 +269,18 @@ class SiemensBlockReader {
 /// Skips an unknown word with everything that belongs to it.
 void SiemensBlockReader::unknown(std::size_t from, const std::string& expected) {
   skip_value();
-  run_.unknown(cursor_.cause(from), expected);
+  run_.handle_unknown_word(cursor_.cause(from), expected);
 }
 
 /// Skips what may follow a skipped word: [...], (...), = and a value.
 void SiemensBlockReader::skip_value() {
-  if (cursor_.here() == '[') skip_brackets(cursor_, '[', ']');
+  if (cursor_.current() == '[') skip_brackets(cursor_, '[', ']');
   cursor_.skip_blanks();
-  if (cursor_.here() == '(') skip_brackets(cursor_, '(', ')');
+  if (cursor_.current() == '(') skip_brackets(cursor_, '(', ')');
   if (!at_assignment(cursor_)) return;
-  cursor_.take("=");
+  cursor_.accept("=");
   cursor_.skip_blanks();
-  if (cursor_.here() == '"')
+  if (cursor_.current() == '"')
     quoted_at(cursor_);
   else if (measure())
     skip_brackets(cursor_, '(', ')');
@@ -297,9 +297,9 @@ std::optional<Measure> SiemensBlockReader::measure() {
                                                                  {"DC", Measure::Shortest}};
   for (const auto& [name, one] : all) {
     const std::size_t before = cursor_.at;
-    if (!cursor_.take_word(name)) continue;
+    if (!cursor_.accept_word(name)) continue;
     cursor_.skip_blanks();
-    if (cursor_.here() == '(') return one;
+    if (cursor_.current() == '(') return one;
     cursor_.at = before;
   }
   return std::nullopt;
@@ -345,19 +345,19 @@ void SiemensBlockReader::code(std::size_t from, char letter) {
   const Cause cause = cursor_.cause(from);
   const bool is_code = *number == std::floor(*number) && *number < 10000;
   const WordEntry* fact = is_code ? find_entry(fmt::format("{}{}", letter, int(*number))) : nullptr;
-  if (fact == nullptr) return run_.unknown(cause, fmt::format("a {} code of Siemens", letter));
+  if (fact == nullptr) return run_.handle_unknown_word(cause, fmt::format("a {} code of Siemens", letter));
   put_entry(*fact, cause);
 }
 
 /// Parses a letter and its number without =, for example X10.5 or G1.
 void SiemensBlockReader::short_word(std::size_t from) {
-  const char letter = upper(cursor_.here());
+  const char letter = upper(cursor_.current());
   ++cursor_.at;
   if (letter == 'G' || letter == 'M') return code(from, letter);
   // L and a number is the name of a subprogram.
   if (letter == 'L') {
     std::string name = "L";
-    for (; is_digit(cursor_.here()); ++cursor_.at) name += cursor_.here();
+    for (; is_digit(cursor_.current()); ++cursor_.at) name += cursor_.current();
     if (name.size() > longest_name) cursor_.refuse(from, "a name of at most 100 letters", "longer");
     return call(from, name);
   }
@@ -366,7 +366,7 @@ void SiemensBlockReader::short_word(std::size_t from) {
   const auto address = find_address(std::string_view(&letter, 1));
   // H passes values to the PLC and moves nothing.
   if (letter == 'H') return;
-  if (!address) return run_.unknown(cursor_.cause(from), "a word of Siemens");
+  if (!address) return run_.handle_unknown_word(cursor_.cause(from), "a word of Siemens");
   put(from, *address, *number, Measure::Modal);
 }
 
@@ -374,7 +374,7 @@ void SiemensBlockReader::tool(std::size_t from) {
   // T and T="..." are one address.
   if (block_.tool_name || block_[Address::T])
     cursor_.refuse(from, "one word of an address in a block");
-  if (cursor_.here() == '"')
+  if (cursor_.current() == '"')
     block_.tool_name = quoted_at(cursor_);
   else
     block_.tool_name = names_.text_variable(cursor_);
@@ -386,7 +386,7 @@ void SiemensBlockReader::tool(std::size_t from) {
 
 void SiemensBlockReader::m_code(std::size_t from, double value) {
   const WordEntry* code = find_entry(fmt::format("M{}", value));
-  if (code == nullptr) return run_.unknown(cursor_.cause(from), "an M code of Siemens");
+  if (code == nullptr) return run_.handle_unknown_word(cursor_.cause(from), "an M code of Siemens");
   put_entry(*code, cursor_.cause(from));
 }
 
@@ -397,7 +397,7 @@ bool SiemensBlockReader::extended(std::size_t from, const std::string& name) {
   if (letters.find(name.front()) == std::string_view::npos) return false;
   const bool digits =
       name.size() > 1 && name.size() < 5 && std::all_of(name.begin() + 1, name.end(), is_digit);
-  const bool index = name.size() == 1 && cursor_.here() == '[';
+  const bool index = name.size() == 1 && cursor_.current() == '[';
   if (!digits && !index) return false;
   double number = 0.0;
   if (digits) {
@@ -405,13 +405,13 @@ bool SiemensBlockReader::extended(std::size_t from, const std::string& name) {
   } else {
     const std::size_t open = cursor_.at++;
     number = number_at(cursor_, names_);
-    if (!cursor_.take("]")) cursor_.refuse(cursor_.at, "] behind the number of a spindle");
+    if (!cursor_.accept("]")) cursor_.refuse(cursor_.at, "] behind the number of a spindle");
     if (!(number >= 0 && number <= 9999 && number == std::floor(number)))
       cursor_.refuse(open, "a whole number of 0 to 9999 as the extension of an address");
     if (!at_assignment(cursor_))
       cursor_.refuse(cursor_.at, "= behind an address with an extension");
   }
-  cursor_.take("=");
+  cursor_.accept("=");
   cursor_.skip_blanks();
   extended_value(from, name.front(), int(number));
   return true;
@@ -451,7 +451,7 @@ void SiemensBlockReader::extended_value(std::size_t from, char letter, int numbe
 void SiemensBlockReader::master(std::size_t from) {
   block_.master = 1;
   cursor_.skip_blanks();
-  if (cursor_.here() != '(') return;
+  if (cursor_.current() != '(') return;
   const std::vector<Argument> which = arguments_at(cursor_, names_);
   if (which.empty()) return;
   const double number = which[0].number.value_or(0.0);
@@ -469,23 +469,23 @@ void SiemensBlockReader::assigned(std::size_t from, const std::string& name) {
     skip_value();
     return put_entry(*fact, cursor_.cause(from));
   }
-  cursor_.take("=");
+  cursor_.accept("=");
   cursor_.skip_blanks();
   if (name == "M") return m_code(from, number_at(cursor_, names_));
   if (name == "T") return tool(from);
   const auto how = measure();
-  const double value = how ? bracketed(cursor_, grammar(), names_) : number_at(cursor_, names_);
+  const double value = how ? parse_bracketed(cursor_, grammar(), names_) : number_at(cursor_, names_);
   if (name == "H") return;
   // A variable whose definition has an error must not be reported as an unknown address.
   run_.require_certain(name, cursor_.cause(from));
-  if (!address) return run_.unknown(cursor_.cause(from), "an address or a variable");
+  if (!address) return run_.handle_unknown_word(cursor_.cause(from), "an address or a variable");
   put(from, *address, value, how.value_or(Measure::Modal));
 }
 
 void SiemensBlockReader::call(std::size_t from, const std::string& name) {
   ProgramCall call{name, {}, false, cursor_.cause(from)};
   cursor_.skip_blanks();
-  if (cursor_.here() == '(') {
+  if (cursor_.current() == '(') {
     call.arguments = arguments_at(cursor_, names_);
     call.in_brackets = true;
   }
@@ -498,12 +498,12 @@ void SiemensBlockReader::long_word(std::size_t from, const std::string& name) {
   const WordEntry* fact = find_entry(name);
   if (fact == nullptr) {
     // A bracket [ shows a variable; any other unknown word may be a subprogram.
-    if (cursor_.here() == '[') return unknown(from, "a variable that is defined");
+    if (cursor_.current() == '[') return unknown(from, "a variable that is defined");
     return call(from, name);
   }
   if (fact->use == Use::Read) {
     // TRAORI may state the number of its transformation; the machine has one.
-    if (name == "TRAORI" && cursor_.take("(")) {
+    if (name == "TRAORI" && cursor_.accept("(")) {
       --cursor_.at;
       const std::vector<Argument> which = arguments_at(cursor_, names_);
       if (which.size() > 1 || (which.size() == 1 && which[0].number != 1.0))
@@ -518,16 +518,16 @@ void SiemensBlockReader::long_word(std::size_t from, const std::string& name) {
 
 void SiemensBlockReader::word() {
   const std::size_t from = cursor_.at;
-  if (cursor_.here() == '$')
+  if (cursor_.current() == '$')
     cursor_.refuse(from, "words and variables of the program: system data are not written");
   // Assignments come first: R1=5 and COUNT=3 are no addresses.
   if (names_.set_variable(cursor_)) return;
-  const char first = cursor_.here(), second = cursor_.next();
+  const char first = cursor_.current(), second = cursor_.peek();
   if (!is_letter(first) && first != '_') cursor_.refuse(from, "a word (letter and number)");
   Cursor ahead = cursor_;
   const std::string name = name_at(ahead);
   // With = or [ the whole name is the address, without them a letter is enough.
-  if (at_assignment(ahead) || (name.size() == 1 && ahead.here() == '[')) {
+  if (at_assignment(ahead) || (name.size() == 1 && ahead.current() == '[')) {
     const std::size_t before = std::exchange(cursor_.at, ahead.at);
     if (extended(from, name)) return;
     if (at_assignment(cursor_)) return assigned(from, name);

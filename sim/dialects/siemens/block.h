@@ -168,7 +168,7 @@ struct Block {
 const ExpressionGrammar& grammar();
 
 /// The variables of a program, to which its expressions and assignments refer.
-class Names : public Operands {
+class Names : public OperandParser {
  public:
   /// Executes an assignment at the cursor, R1=..., COUNT=... or FIELD[2]=..., and advances past it.
   /// Returns false if none begins there.

@@ -50,7 +50,7 @@ void Machine::apply_frame() {
 // A compensation that is being left would end at a position in the other coordinates.
 void Machine::change_transformation(const Code& code) {
   const bool on = code.word == "TRAORI";
-  if (on && !turning_.possible())
+  if (on && !orientation_.is_possible())
     refuse(code.cause, "a machine with X Y Z and one or two rotary axes beside TRAORI",
            "one with " + canon_.letters());
   compensation_.clear_leaving();
@@ -193,12 +193,12 @@ void Machine::swivel(const ProgramCall& call) {
   if (!(frame.shift.cwiseAbs().maxCoeff() < 1e9)) refuse(call.cause, "a plane within 1e9 mm");
   const Vector3d normal_w = frame.rotation.col(2);
   // Without rotary axes only a plane parallel to X Y can be machined.
-  if (!turning_.possible() && (normal_w - Vector3d::UnitZ()).norm() > along_z)
+  if (!orientation_.is_possible() && (normal_w - Vector3d::UnitZ()).norm() > along_z)
     refuse(call.cause, "a machine with rotary axes for a plane that is tilted",
            "one with " + canon_.letters());
   if (manner != 0) retract(manner, words.number(14), call.cause);
   // _DIR 0 computes the plane without moving the axes.
-  const bool turns = direction != 0 && turning_.possible();
+  const bool turns = direction != 0 && orientation_.is_possible();
   if (turns) turn_to(normal_w, direction, tip_stays, call.cause);
   // A new CYCLE800 ends TRANS and ROT.
   programmable_ = {};
@@ -211,11 +211,11 @@ void Machine::swivel(const ProgramCall& call) {
 void Machine::retract(int manner, double by, const Cause& cause) {
   // _FR 5 retracts along the tool by _FR_I, 1 along Z, 2 along Z then X Y.
   if (manner == 5) {
-    if (!turning_.possible()) refuse(cause, "_FR 0 to 2 on a machine without rotary axes");
+    if (!orientation_.is_possible()) refuse(cause, "_FR 0 to 2 on a machine without rotary axes");
     if (!(by >= 0 && by * unit() <= 1e6)) refuse(cause, "_FR_I of 0 to 1e6 mm");
     canon_.go_to(Coordinates::Tip, cause);
     AxisVector end = canon_.position();
-    const Vector3d away = by * unit() * turning_.direction_w(end);
+    const Vector3d away = by * unit() * orientation_.direction_w(end);
     for (int k = 0; k < 3; ++k) end[joint(k)] += away[k];
     return canon_.traverse({.end = std::move(end), .cause = cause});
   }
@@ -243,21 +243,21 @@ void Machine::turn_to(const Vector3d& direction_w, int preference, bool tip_stay
                       const Cause& cause) {
   AxisVector near = canon_.position();
   // Solved from zero, which is where a free axis goes.
-  for (const int j : turning_.rotary()) near[j] = 0.0;
-  const std::vector<AxisVector> all = turning_.positions(direction_w, near);
+  for (const int j : orientation_.rotary_joints()) near[j] = 0.0;
+  const std::vector<AxisVector> all = orientation_.positions(direction_w, near);
   if (all.empty())
     refuse(cause, "a plane that the rotary axes reach",
            fmt::format("its normal ({:.6g}, {:.6g}, {:.6g})", direction_w.x(), direction_w.y(),
                        direction_w.z()));
-  const std::size_t number = std::abs(preference) == 2 && turning_.rotary().size() > 1 ? 1 : 0;
-  const int judged = turning_.rotary()[number];
+  const std::size_t number = std::abs(preference) == 2 && orientation_.rotary_joints().size() > 1 ? 1 : 0;
+  const int judged = orientation_.rotary_joints()[number];
   constexpr double alike = 1e-9;  // rad, below it two solutions count as equal
   const AxisVector* best = &all.front();
   for (const AxisVector& one : all)
     if ((one[judged] - (*best)[judged]) * preference > alike) best = &one;
   canon_.go_to(tip_stays ? Coordinates::Tip : Coordinates::Axis, cause);
   AxisVector end = canon_.position();
-  for (const int j : turning_.rotary()) end[j] = (*best)[j];
+  for (const int j : orientation_.rotary_joints()) end[j] = (*best)[j];
   canon_.traverse({.end = std::move(end), .cause = cause});
 }
 
@@ -544,7 +544,7 @@ bool Machine::is_cycle(std::string_view name) {
 
 bool Machine::cycle(const ProgramCall& call) {
   if (!is_cycle(call.name)) return false;
-  if (compensation_.on()) refuse(call.cause, "G40 before " + call.name);
+  if (compensation_.is_on()) refuse(call.cause, "G40 before " + call.name);
   compensation_.clear_leaving();
   if (call.name == "CYCLE800") {
     swivel(call);

@@ -143,14 +143,14 @@ Cursor Flow::cursor_at(std::size_t line) const {
 
 void Flow::run() {
   // The machine must know before the first block whether M6 changes tools.
-  run_.attempt([&] { machine_.emplace(run_, uses_m6()); });
+  run_.try_block([&] { machine_.emplace(run_, uses_m6()); });
   if (!machine_) return;
-  run_.start([&](std::string_view code) { block({code, run_.canon.place()}); });
+  run_.run_startup_code([&](std::string_view code) { block({code, run_.canon.place()}); });
   while (!ended_ && !run_.is_aborted()) {
     const Call& now = calls_.back();
     // A repeated part ends at a line, and not at a keyword.
     if (now.part && at_ == now.end) {
-      run_.attempt([&] {
+      run_.try_block([&] {
         run_.count_block();
         finish_part();
       });
@@ -158,7 +158,7 @@ void Flow::run() {
     }
     if (at_ >= now.program->lines.size()) {
       if (calls_.size() == 1) break;
-      run_.attempt([&] {
+      run_.try_block([&] {
         run_.count_block();
         leave();
       });
@@ -167,9 +167,9 @@ void Flow::run() {
     run_.canon.set_line(now.program->first_line + int(at_), now.program->file);
     const std::size_t before = at_, depth = calls_.size();
     // After an error reading continues at the next line, unless the line itself moved on.
-    if (!run_.attempt([&] { ended_ = !line(); }) && at_ == before && calls_.size() == depth) ++at_;
+    if (!run_.try_block([&] { ended_ = !line(); }) && at_ == before && calls_.size() == depth) ++at_;
   }
-  run_.attempt([&] { machine_->finish(); });
+  run_.try_block([&] { machine_->finish(); });
   warn_unread();
 }
 
@@ -185,7 +185,7 @@ bool Flow::line() {
   }
   const LineHead head = head_of(parts.block);
   Cursor cursor{parts.block, run_.canon.place(), head.at};
-  if (head.skip_level && run_.skips(*head.skip_level)) {
+  if (head.skip_level && run_.skips_block(*head.skip_level)) {
     run_.discount_block();
     ++at_;
     return true;
@@ -373,14 +373,14 @@ void Flow::count_up(Cursor& cursor, bool first) {
         return at;
     cursor.refuse(from, "FOR variable = first TO last");
   }();
-  Cursor setting{cursor.text.substr(0, to), cursor.place, from};
+  Cursor setting{cursor.text.substr(0, to), cursor.location, from};
   Cursor reading = setting;
   if (first) {
     if (!set_variable(setting)) cursor.refuse(from, "a variable that is defined behind FOR");
     ends(setting);
     reading.at = from;
   }
-  const auto counted = operand(reading);
+  const auto counted = parse_operand(reading);
   if (!counted) cursor.refuse(from, "a variable that is defined behind FOR");
   double now = *counted;
   // The counter may be any variable, so it is set by an assignment as text, with all digits.
@@ -388,10 +388,10 @@ void Flow::count_up(Cursor& cursor, bool first) {
     now += 1.0;
     const std::string text =
         std::string(reading.text.substr(from, reading.at - from)) + fmt::format("={:.17g}", now);
-    Cursor next{text, cursor.place};
+    Cursor next{text, cursor.location};
     set_variable(next);
   }
-  Cursor last{cursor.text, cursor.place, to + 3};
+  Cursor last{cursor.text, cursor.location, to + 3};
   const double limit = number_at(last, *this);
   ends(last);
   at_ = now <= limit ? at_ + 1 : partner(cursor, at_).line + 1;
@@ -401,7 +401,7 @@ void Flow::jump(Cursor& cursor, const std::string& how) {
   cursor.skip_blanks();
   const std::size_t from = cursor.at;
   std::string label;
-  while (is_name_char(cursor.here())) label += upper(cursor.text[cursor.at++]);
+  while (is_name_char(cursor.current())) label += upper(cursor.text[cursor.at++]);
   if (label.empty()) cursor.refuse(from, "a label or a line number behind " + how);
   const Cause cause = cursor.cause(from);
   ends(cursor);
@@ -440,12 +440,12 @@ std::size_t Flow::line_of(const std::string& label, const std::string& how, cons
 /// Example: CASE value OF 1 GOTOF A 2 GOTOB B DEFAULT GOTOF C.
 void Flow::one_of(Cursor& cursor) {
   const double chosen = number_at(cursor, *this);
-  if (!cursor.take_word("OF")) cursor.refuse(cursor.at, "OF behind the value of CASE");
+  if (!cursor.accept_word("OF")) cursor.refuse(cursor.at, "OF behind the value of CASE");
   bool is_default = false;
   while (true) {
     cursor.skip_blanks();
     if (cursor.at_end()) break;
-    is_default = cursor.take_word("DEFAULT");
+    is_default = cursor.accept_word("DEFAULT");
     const bool taken = is_default || number_at(cursor, *this) == chosen;
     cursor.skip_blanks();
     const std::size_t from = cursor.at;
@@ -453,9 +453,9 @@ void Flow::one_of(Cursor& cursor) {
     if (!is_jump(how)) cursor.refuse(from, "GOTOF, GOTOB or GOTO behind a value of CASE");
     cursor.skip_blanks();
     const std::size_t at_label = cursor.at;
-    while (is_name_char(cursor.here())) ++cursor.at;
+    while (is_name_char(cursor.current())) ++cursor.at;
     if (!taken) continue;
-    Cursor target{cursor.text.substr(0, cursor.at), cursor.place, at_label};
+    Cursor target{cursor.text.substr(0, cursor.at), cursor.location, at_label};
     return jump(target, how);
   }
   ++at_;

@@ -52,7 +52,7 @@ class Flow : public Names {
   Flow(std::string_view text, ProgramRun& run);
   void run();
 
-  std::optional<double> operand(Cursor& cursor) override;
+  std::optional<double> parse_operand(Cursor& cursor) override;
   bool set_variable(Cursor& cursor) override;
   std::optional<std::string> text_variable(Cursor& cursor) override;
 

@@ -108,13 +108,13 @@ bool is_arc(std::string_view motion) { return motion == "G2" || motion == "G3"; 
 Machine::Machine(ProgramRun& run, bool tool_changes_by_m6)
     : run_(run),
       canon_(run.canon),
-      turning_(canon_.options().control),
+      orientation_(canon_.options().control),
       changes_by_m6_(tool_changes_by_m6),
       programmable_turns_(AxisVector::Zero(canon_.position().size())),
       compensation_(run) {
   // Work offsets are points in the workpiece whether or not one is stated.
   canon_.count_from_workpiece();
-  if (run_.turning()) {
+  if (run_.is_turning()) {
     // A turning control starts in G18 with feed per revolution.
     plane_ = 18;
     canon_.set_feed_mode(FeedMode::PerRevolution);
@@ -125,7 +125,7 @@ Machine::Machine(ProgramRun& run, bool tool_changes_by_m6)
 
 /// Reports whether X words are taken as diameters or radii, if the program does not state it.
 void Machine::note_diameters(const Block& block) {
-  if (!run_.turning() || diameters_stated_ || !block[Address::X] || block[Group::Frame]) return;
+  if (!run_.is_turning() || diameters_stated_ || !block[Address::X] || block[Group::Frame]) return;
   diameters_stated_ = true;
   if (run_.options().turning.x_words != XWordMeaning::FromControl) return;
   const bool on = diameters_ == Diameters::On;
@@ -347,17 +347,17 @@ void Machine::dwell(const Block& block) {
   const Cause cause = seconds ? seconds.cause : turns.cause;
   if (!(time >= 0 && time <= 1e6)) refuse(cause, "0 to 1e6 seconds");
   // A dwell behind a waiting move must follow it.
-  compensation_.after([this, time, cause = Cause{cause.column, {}}] { canon_.dwell(time, cause); });
+  compensation_.run_after_move([this, time, cause = Cause{cause.column, {}}] { canon_.dwell(time, cause); });
 }
 
 /// Throws BadInput for words that are not possible under G41 and G42.
 void Machine::check_compensation(const Block& block) const {
-  if (!compensation_.on()) return;
+  if (!compensation_.is_on()) return;
   const Code& side = block[Group::CutterRadius];
   for (const Group group : {Group::Plane, Group::Units, Group::WorkOffset, Group::WithoutOffset,
                             Group::Transformation, Group::Pole, Group::Frame, Group::ToolChange})
     if (const Code& code = block[group]) refuse(code.cause, "G40 before " + shown(code.cause.text));
-  if (side && side.word != "G40" && (side.word == "G41") != compensation_.left())
+  if (side && side.word != "G40" && (side.word == "G41") != compensation_.is_left())
     refuse(side.cause, "G40 between G41 and G42");
   for (const Address address : {Address::T, Address::D, Address::A, Address::B, Address::C,
                                 Address::A3, Address::B3, Address::C3})
@@ -387,7 +387,7 @@ void Machine::note_start_modes(const Block& block) {
       {Group::SpeedMode, StartMode::Feed},       {Group::Motion, StartMode::Motion},
       {Group::WorkOffset, StartMode::WorkOffset}};
   for (const auto& [group, mode] : groups)
-    if (block[group]) run_.state(mode);
+    if (block[group]) run_.mark_stated(mode);
   if (first_axis_word(block) == nullptr || block[Group::Frame]) return;
   const std::string_view motion = block[Group::Motion] ? block.word(Group::Motion) : motion_;
   run_.assume_mode(StartMode::Units, "mm (G71)");
@@ -408,7 +408,7 @@ void Machine::note_start_modes(const Block& block) {
 // compensation.
 void Machine::set_modes(const Block& block) {
   if (const Code& code = block[Group::Diameters]) {
-    if (code.word != "DIAMOF" && !run_.turning())
+    if (code.word != "DIAMOF" && !run_.is_turning())
       refuse(code.cause,
              "a turning control (control = \"turning\", or a machine whose spindle turns the "
              "workpiece): X is no diameter on a milling control");
@@ -543,21 +543,21 @@ std::optional<double> Machine::nose_radius(int tool) const {
 
 /// mm, from the point of a turning tool that X Z lead to the centre of its nose.
 AxisVector Machine::programmed_nose_offset() const {
-  return nose_offset(canon_, run_.turning() ? run_.options().turning.tip : 0, nose_radius(tool_));
+  return nose_offset(canon_, run_.is_turning() ? run_.options().turning.tip : 0, nose_radius(tool_));
 }
 
 void Machine::set_compensation(const Code& code) {
   if (code.word == "G40") {
-    if (!compensation_.on()) return;
+    if (!compensation_.is_on()) return;
     compensation_.end();
-    if (!run_.turning()) return;
+    if (!run_.is_turning()) return;
     // The programmed point changes between tip and centre of the nose when compensation ends or
     // begins.
     apply_tool();
     return compensation_.shift_programmed(programmed_nose_offset());
   }
   const bool left = code.word == "G41";
-  if (compensation_.on()) return;
+  if (compensation_.is_on()) return;
   if (!length_counts_) refuse(code.cause, "D1 before " + shown(code.cause.text));
   const Plane in = plane(code.cause);
   const Eigen::Matrix3d R = total_rotation();
@@ -566,11 +566,11 @@ void Machine::set_compensation(const Code& code) {
   if (std::abs(R(across, across) - 1.0) > 1e-14)
     refuse(code.cause, "a path of the tool's centre in a plane that is tilted: no " +
                            std::string(code.word) + " in it");
-  const int tool = tool_ >= 0 ? tool_ : run_.uncalled_tool(code.cause, "no tool called");
+  const int tool = tool_ >= 0 ? tool_ : run_.assume_only_tool(code.cause, "no tool called");
   const auto radius = nose_radius(tool);
   if (!radius) refuse(code.cause, "a tool whose radius is known", fmt::format("T{}", tool));
   compensation_.begin(left, *radius, {in.first, in.second});
-  if (!run_.turning()) return;
+  if (!run_.is_turning()) return;
   apply_tool();  // under G41 and G42 the centre of the nose is led
   compensation_.shift_programmed(-programmed_nose_offset());
 }
@@ -583,17 +583,17 @@ void Machine::apply_tool() {
 }
 
 AxisVector Machine::active_tool_shift() const {
-  if (run_.turning()) {
+  if (run_.is_turning()) {
     const Chain* to_tip = chain_to_tip(canon_.options(), tool_);
     if (to_tip == nullptr || !length_counts_ || !knows_tool()) return {};
     AxisVector measured = measured_offset(canon_, *to_tip, {1, {}});
-    if (!compensation_.on()) measured += programmed_nose_offset();
+    if (!compensation_.is_on()) measured += programmed_nose_offset();
     return measured;
   }
   AxisVector shift = AxisVector::Zero(canon_.position().size());
   const auto& zero = canon_.zero();
   // Nose minus tip at zero is the length of the tool in all three directions.
-  if (zero && zero->places && turning_.possible()) {
+  if (zero && zero->places && orientation_.is_possible()) {
     const auto& options = canon_.options();
     const auto own = options.control_of_h.find(tool_);
     const Chain& chain = own == options.control_of_h.end() ? *options.control : own->second;
@@ -604,7 +604,7 @@ AxisVector Machine::active_tool_shift() const {
     return shift;
   }
   const int z = joint(2);
-  if (z < 0 || turning_.possible() || !length_counts_ || !knows_tool()) return {};
+  if (z < 0 || orientation_.is_possible() || !length_counts_ || !knows_tool()) return {};
   shift[z] = active_tool_length({1, {}});
   return shift;
 }

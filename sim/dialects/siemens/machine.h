@@ -118,7 +118,7 @@ class Machine {
   /// Return the programmed position, from which the tool may be offset: as axes, and in program
   /// coordinates.
   AxisVector here() const {
-    return compensation_.on() || compensation_.leaving() ? compensation_.programmed()
+    return compensation_.is_on() || compensation_.is_leaving() ? compensation_.programmed()
                                                          : canon_.position();
   }
   AxisVector programmed_here() const { return canon_.unplaced(here()); }
@@ -192,7 +192,7 @@ class Machine {
 
   ProgramRun& run_;
   program::Canon& canon_;
-  const OrientationKinematics turning_;
+  const OrientationKinematics orientation_;
   bool changes_by_m6_;
   std::string_view motion_ = "G1";
   int plane_ = 17;
@@ -225,7 +225,7 @@ class Machine {
     Eigen::Vector2d at = {0, 0};
     double radius = 0.0, angle_deg = 0.0;
   } pole_;
-  Compensation compensation_;
+  CutterCompensation compensation_;
 };
 
 }  // namespace abbe::sim::dialects::siemens

@@ -133,17 +133,17 @@ void Machine::check_motion(const Block& block) const {
       if (block[address]) refuse(block[address], "TRAORI or CYCLE800() before a rotary axis turns");
   // On a machine with rotary axes the length of the scene's tool is part of the coordinates, so
   // that the missing length matters with D0; on others with D1.
-  const bool length_matters = turning_.possible() ? !length_counts_ : length_counts_;
+  const bool length_matters = orientation_.is_possible() ? !length_counts_ : length_counts_;
   if (length_matters && !knows_tool() && joint(2) >= 0 && !canon_.options().tool_length.empty() &&
       motion_ != "G0")
     refuse(cause, "a tool (T) before a feed: those of the scene differ in length");
   // With one tool there is no doubt which one is meant.
   if (tool_ < 0 && motion_ != "G0" && length_counts_ && has_single_length())
-    run_.uncalled_tool(cause, "no tool called");
+    run_.assume_only_tool(cause, "no tool called");
 }
 
 void Machine::put_straight(Straight move, bool rapid) {
-  if (compensation_.on()) return compensation_.straight(std::move(move), rapid);
+  if (compensation_.is_on()) return compensation_.straight(std::move(move), rapid);
   compensation_.clear_leaving();
   canon_.straight(std::move(move), rapid);
 }
@@ -158,7 +158,7 @@ void Machine::point_tool(const Block& block, AxisVector& end) const {
   const Eigen::Vector3d direction(a.value, b.value, c.value);
   if (!(direction.norm() > 1e-6)) refuse(cause, "a direction of the tool that is not zero");
   // The direction is programmed in the frames in force.
-  const auto all = turning_.positions(total_rotation() * direction.normalized(), end);
+  const auto all = orientation_.positions(total_rotation() * direction.normalized(), end);
   if (all.empty())
     refuse(cause, "a direction that the rotary axes reach",
            fmt::format("({:.6g}, {:.6g}, {:.6g})", a.value, b.value, c.value));
@@ -174,10 +174,10 @@ void Machine::great_circle(Straight move) {
         "lines turn the tool on great circles, as ORIWKS does where a machine has no other rule: "
         "ORIAXES or ORIMKS moves its rotary axes in proportion");
   const auto pieces =
-      great_circle_segments(turning_, canon_.position(), move.end, great_circle_tolerance);
+      great_circle_segments(orientation_, canon_.position(), move.end, great_circle_tolerance);
   if (pieces.empty())
     refuse(move.cause, "ORIAXES before a turn of the tool that is no great circle of these axes");
-  feed_along_segments(canon_, turning_, pieces, move);
+  feed_along_segments(canon_, orientation_, pieces, move);
 }
 
 /// G53, G153, SUPA: machine coordinates. A tool length in force lies between Z and the tip.
@@ -194,7 +194,7 @@ void Machine::to_machine(const Block& block) {
   canon_.go_to(Coordinates::Axis, code.cause);
   Target target = block_target(block, true);
   // On a turning control the length in force has X and Z.
-  if (const AxisVector shift = active_tool_shift(); run_.turning() && shift.size() > 0) {
+  if (const AxisVector shift = active_tool_shift(); run_.is_turning() && shift.size() > 0) {
     for (const Address address : {Address::X, Address::Y, Address::Z})
       if (const Value& word = block[address]) {
         const int j = joint(int(address) - int(Address::X));
@@ -278,7 +278,7 @@ bool Machine::move(const Block& block) {
   Straight move{std::move(end), cause_of(block), false, target.stated()};
   bool turns = false;
   // Great circles apply to G1 only; rapids move the rotary axes in proportion.
-  for (const int j : turning_.rotary()) turns = turns || move.end[j] != canon_.position()[j];
+  for (const int j : orientation_.rotary_joints()) turns = turns || move.end[j] != canon_.position()[j];
   if (traori_ && turns && motion_ == "G1" && on_great_circle_.value_or(workpiece_frame_))
     great_circle(std::move(move));
   else
@@ -386,14 +386,14 @@ void Machine::arc(const Block& block, const Target& words) {
 
 void Machine::put_arc(const Block& block, ArcMove move) {
   // Compensation begins and ends with a line, whose direction defines the entry.
-  if (compensation_.leaving()) refuse(move.cause, "a line as the first move after G40");
-  if (compensation_.on()) {
-    if (!compensation_.entered()) refuse(move.cause, "a line as the first move after G41 and G42");
+  if (compensation_.is_leaving()) refuse(move.cause, "a line as the first move after G40");
+  if (compensation_.is_on()) {
+    if (!compensation_.has_entered()) refuse(move.cause, "a line as the first move after G41 and G42");
     return compensation_.arc(std::move(move));
   }
   const AxisVector start = canon_.position();
   point_tool(block, move.end);
-  for (const int j : turning_.rotary())
+  for (const int j : orientation_.rotary_joints())
     // An arc on which the tool turns on a great circle is not defined by its plane alone.
     if (traori_ && move.end[j] != start[j] && on_great_circle_.value_or(workpiece_frame_))
       refuse(move.cause, "ORIAXES before an arc that turns the tool");

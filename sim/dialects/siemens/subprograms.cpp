@@ -128,7 +128,7 @@ void Flow::call(const ProgramCall& called, long long times) {
   // A call of a name whose definition has an error is not reported again.
   run_.require_certain(called.name, called.cause);
   if (program == nullptr)
-    return run_.unknown(called.cause,
+    return run_.handle_unknown_word(called.cause,
                         fmt::format("a word of Siemens, or a subprogram {} in the program or in "
                                     "{}.SPF beside it",
                                     called.name, called.name));
@@ -169,8 +169,8 @@ void Flow::bind(Program& program, const std::vector<Argument>& arguments, const 
   cursor.skip_blanks();
   name_at(cursor);
   std::size_t n = 0;
-  if (cursor.take("(")) {
-    for (; !cursor.take(")"); ++n) {
+  if (cursor.accept("(")) {
+    for (; !cursor.accept(")"); ++n) {
       cursor.skip_blanks();
       const std::size_t from = cursor.at;
       const std::string type = name_at(cursor);
@@ -190,12 +190,12 @@ void Flow::bind(Program& program, const std::vector<Argument>& arguments, const 
       calls_.back().variables[name] = {kind->second, {}};
       // A parameter that is not passed has its default, or zero.
       double value = 0.0;
-      if (cursor.take("=")) value = number_at(cursor, *this);
+      if (cursor.accept("=")) value = number_at(cursor, *this);
       if (n < arguments.size() && arguments[n].text)
         run_.canon.refuse(arguments[n].cause, "a number for " + name);
       if (n < arguments.size() && arguments[n].number) value = *arguments[n].number;
       store(name, kind->second, value, cursor, at_name);
-      cursor.take(",");
+      cursor.accept(",");
     }
   }
   if (arguments.size() > n)
@@ -217,8 +217,8 @@ long long Flow::times_at(Cursor& cursor) {
   cursor.skip_blanks();
   if (cursor.at_end()) return 1;
   const std::size_t from = cursor.at;
-  if (!cursor.take("P")) cursor.refuse(from, "P, the number of repeats");
-  cursor.take("=");
+  if (!cursor.accept("P")) cursor.refuse(from, "P, the number of repeats");
+  cursor.accept("=");
   const double times = number_at(cursor, *this);
   if (!(times >= 1 && times <= 9999) || times != double((long long)(times)))
     cursor.refuse(from, "whole repeats P of 1 to 9999");
@@ -306,7 +306,7 @@ void Flow::warn_unread() {
       }
     sections.push_back(section);
   }
-  run_.warn_unread(lines, sections);
+  run_.warn_of_unread_lines(lines, sections);
 }
 
 // The number of repeats is counted down at the end of each pass.
@@ -352,7 +352,7 @@ void Flow::call_by_name(Cursor& cursor) {
   cursor.skip_blanks();
   const std::size_t from = cursor.at;
   std::optional<std::string> name;
-  if (cursor.here() == '"')
+  if (cursor.current() == '"')
     name = quoted_at(cursor);
   else
     name = text_variable(cursor);
@@ -378,7 +378,7 @@ constexpr double max_integer = 2147483647.0;
 bool begins_assignment(const Cursor& cursor) {
   Cursor ahead = cursor;
   ahead.skip_blanks();
-  return ahead.here() == '=' && ahead.next() != '=';
+  return ahead.current() == '=' && ahead.peek() != '=';
 }
 
 }  // namespace
@@ -394,13 +394,13 @@ Flow::Call& Flow::scope() {
 double Flow::r_parameter(Cursor& cursor, std::size_t from) {
   ++cursor.at;
   double number = 0.0;
-  if (cursor.here() == '[') {
+  if (cursor.current() == '[') {
     ++cursor.at;
     number = number_at(cursor, *this);
-    if (!cursor.take("]")) cursor.refuse(cursor.at, "] behind the number of a parameter");
+    if (!cursor.accept("]")) cursor.refuse(cursor.at, "] behind the number of a parameter");
   } else {
     // The limit keeps a hostile number of digits from growing without end.
-    while (is_digit(cursor.here()) && number < 1e9)
+    while (is_digit(cursor.current()) && number < 1e9)
       number = 10 * number + (cursor.text[cursor.at++] - '0');
   }
   if (!(number >= 0 && number <= max_r) || number != std::floor(number))
@@ -413,18 +413,18 @@ double Flow::r_parameter(Cursor& cursor, std::size_t from) {
 std::string Flow::element(Cursor& cursor, const std::string& name, const Variable& variable) {
   if (variable.sizes.empty()) return name;
   const std::size_t from = cursor.at;
-  if (cursor.here() != '[') cursor.refuse(from, "[ behind the name of a field");
+  if (cursor.current() != '[') cursor.refuse(from, "[ behind the name of a field");
   ++cursor.at;
   std::string all = name + "[";
   for (std::size_t k = 0; k < variable.sizes.size(); ++k) {
-    if (k > 0 && !cursor.take(",")) cursor.refuse(cursor.at, ", before the next index");
+    if (k > 0 && !cursor.accept(",")) cursor.refuse(cursor.at, ", before the next index");
     const double index = number_at(cursor, *this);
     if (!(index >= 0 && index < variable.sizes[k]) || index != std::floor(index))
       cursor.refuse(from, fmt::format("a whole index of 0 to {}", variable.sizes[k] - 1),
                     fmt::format("{}", index));
     all += fmt::format("{}{}", k > 0 ? "," : "", int(index));
   }
-  if (!cursor.take("]")) cursor.refuse(cursor.at, "] behind an index");
+  if (!cursor.accept("]")) cursor.refuse(cursor.at, "] behind an index");
   return all + "]";
 }
 
@@ -435,8 +435,8 @@ void Flow::store(const std::string& name, Kind kind, double value, const Cursor&
   if (kind == Kind::Truth) value = value != 0 ? 1.0 : 0.0;
   if (kind == Kind::Integer && !(std::abs(value) <= max_integer))
     cursor.refuse(from, "a whole number of 32 bits", fmt::format("{}", value));
-  if (!variables_.set(name, value, Variables::Of::Call))
-    throw ProgramLimitExceeded(cursor.place.file, cursor.place.line, 0,
+  if (!variables_.set(name, value, Variables::Scope::Call))
+    throw ProgramLimitExceeded(cursor.location.file, cursor.location.line, 0,
                                fmt::format("at most {} variables", run_.options().limits.variables),
                                "more");
 }
@@ -444,18 +444,18 @@ void Flow::store(const std::string& name, Kind kind, double value, const Cursor&
 bool Flow::set_variable(Cursor& cursor) {
   cursor.skip_blanks();
   const std::size_t from = cursor.at;
-  const char first = upper(cursor.here());
+  const char first = upper(cursor.current());
   Cursor ahead = cursor;
-  if (first == 'R' && (is_digit(cursor.next()) || cursor.next() == '[')) {
+  if (first == 'R' && (is_digit(cursor.peek()) || cursor.peek() == '[')) {
     const int number = int(r_parameter(ahead, from));
     if (!begins_assignment(ahead)) return false;
-    ahead.take("=");
+    ahead.accept("=");
     // A variable whose assignment has an error is uncertain: its uses are not reported again.
     run_.define(fmt::format("R{}", number), [&] {
       const double value = number_at(ahead, *this);
       if (!variables_.set(number, value))
         throw ProgramLimitExceeded(
-            cursor.place.file, cursor.place.line, 0,
+            cursor.location.file, cursor.location.line, 0,
             fmt::format("at most {} variables", run_.options().limits.variables), "more");
     });
     cursor.at = ahead.at;
@@ -469,11 +469,11 @@ bool Flow::set_variable(Cursor& cursor) {
   const Variable variable = found->second;
   const std::string place = element(ahead, name, variable);
   if (!begins_assignment(ahead)) return false;
-  ahead.take("=");
+  ahead.accept("=");
   if (variable.kind == Kind::Text) {
     ahead.skip_blanks();
     std::optional<std::string> text;
-    if (ahead.here() == '"')
+    if (ahead.current() == '"')
       text = quoted_at(ahead);
     else
       text = text_variable(ahead);
@@ -514,20 +514,20 @@ void Flow::define(Cursor& cursor) {
       std::find_if(kinds.begin(), kinds.end(), [&](const auto& one) { return one.first == type; });
   if (kind == kinds.end()) cursor.refuse(from, "REAL, INT, BOOL, CHAR or STRING behind DEF");
   // The length of a string does not matter here.
-  if (kind->second == Kind::Text && cursor.here() == '[') {
+  if (kind->second == Kind::Text && cursor.current() == '[') {
     ++cursor.at;
     number_at(cursor, *this);
-    if (!cursor.take("]")) cursor.refuse(cursor.at, "] behind the length of a text");
+    if (!cursor.accept("]")) cursor.refuse(cursor.at, "] behind the length of a text");
   }
   Cursor names = cursor;
   try {
     do define_one(cursor, kind->second);
-    while (cursor.take(","));
+    while (cursor.accept(","));
     ends(cursor);
     // All names of a definition with an error are uncertain, or each use would be reported.
   } catch (const BadInput&) {
     for (; !names.at_end(); ++names.at)
-      if (const std::string name = name_at(names); !name.empty()) run_.doubt(name);
+      if (const std::string name = name_at(names); !name.empty()) run_.mark_uncertain(name);
     throw;
   }
 }
@@ -541,7 +541,7 @@ void Flow::define_one(Cursor& cursor, Kind kind) {
       Machine::is_cycle(name))
     cursor.refuse(from, "a name of two letters or more that is no word of the control");
   Variable variable{kind, {}};
-  if (cursor.here() == '[') {
+  if (cursor.current() == '[') {
     if (kind == Kind::Text) cursor.refuse(cursor.at, "no fields of texts");
     // The number of elements is limited before any is stored.
     ++cursor.at;
@@ -553,24 +553,24 @@ void Flow::define_one(Cursor& cursor, Kind kind) {
       if (!(size >= 1 && all <= 1e6) || size != std::floor(size) || variable.sizes.size() == 3)
         cursor.refuse(at_size, "at most three sizes and 1e6 elements of a field");
       variable.sizes.push_back(int(size));
-    } while (cursor.take(","));
-    if (!cursor.take("]")) cursor.refuse(cursor.at, "] behind the size of a field");
+    } while (cursor.accept(","));
+    if (!cursor.accept("]")) cursor.refuse(cursor.at, "] behind the size of a field");
   }
   auto& variables = scope().variables;
   if (variables.size() >= run_.options().limits.variables)
-    throw ProgramLimitExceeded(cursor.place.file, cursor.place.line, 0,
+    throw ProgramLimitExceeded(cursor.location.file, cursor.location.line, 0,
                                fmt::format("at most {} variables", run_.options().limits.variables),
                                "more");
   variables[name] = variable;
   // Simple variables start at zero; elements of arrays are zero until they are set.
-  if (!cursor.take("=")) {
+  if (!cursor.accept("=")) {
     if (variable.sizes.empty() && kind != Kind::Text) store(name, kind, 0.0, cursor, from);
     return;
   }
   if (!variable.sizes.empty()) cursor.refuse(cursor.at, "no values of a whole field in DEF");
   if (kind == Kind::Text) {
     cursor.skip_blanks();
-    if (cursor.here() != '"') cursor.refuse(cursor.at, "a text in quotes");
+    if (cursor.current() != '"') cursor.refuse(cursor.at, "a text in quotes");
     scope().texts[name] = quoted_at(cursor);
   } else {
     store(name, kind, number_at(cursor, *this), cursor, from);
@@ -580,17 +580,17 @@ void Flow::define_one(Cursor& cursor, Kind kind) {
 /// Examples: 'HFF' or 'B1001'.
 double Flow::quoted_number(Cursor& cursor) {
   const std::size_t from = cursor.at++;
-  const char base = upper(cursor.here());
+  const char base = upper(cursor.current());
   ++cursor.at;
   const std::size_t digits = cursor.at;
-  while (!cursor.at_end() && cursor.here() != '\'') ++cursor.at;
+  while (!cursor.at_end() && cursor.current() != '\'') ++cursor.at;
   const std::string_view text = cursor.text.substr(std::min(digits, cursor.text.size()),
                                                    cursor.at - std::min(digits, cursor.at));
   std::uint32_t value = 0;
   const auto read =
       std::from_chars(text.data(), text.data() + text.size(), value, base == 'H' ? 16 : 2);
   const bool known = (base == 'H' || base == 'B') && read.ec == std::errc() &&
-                     read.ptr == text.data() + text.size() && cursor.here() == '\'';
+                     read.ptr == text.data() + text.size() && cursor.current() == '\'';
   if (!known) cursor.refuse(from, "a number as 'HFF' or 'B1001', of at most 32 bits");
   ++cursor.at;
   return double(value);
@@ -602,13 +602,13 @@ std::optional<double> Flow::system_variable(Cursor& cursor) {
   const std::string name = name_at(cursor);
   if (name == "PI") return pi;
   const bool in_workpiece = name == "AA_IW" || name == "P_EP";
-  if ((in_workpiece || name == "AA_IM") && cursor.take("[")) {
+  if ((in_workpiece || name == "AA_IM") && cursor.accept("[")) {
     cursor.skip_blanks();
     const std::size_t at_axis = cursor.at;
     const std::string axis = name_at(cursor);
     const auto value = axis.size() == 1 ? machine_->position(axis[0], !in_workpiece) : std::nullopt;
     if (!value) cursor.refuse(at_axis, "an axis of this machine (" + run_.canon.letters() + ")");
-    if (!cursor.take("]")) cursor.refuse(cursor.at, "] behind the name of an axis");
+    if (!cursor.accept("]")) cursor.refuse(cursor.at, "] behind the name of an axis");
     return value;
   }
   cursor.refuse(from, "$PI, $P_EP[axis], $AA_IW[axis] or $AA_IM[axis]: no other system variable");
@@ -622,14 +622,14 @@ std::optional<double> Flow::function_of_several(Cursor& cursor, const std::strin
   if (count == 0) return std::nullopt;
   cursor.skip_blanks();
   const std::size_t open = cursor.at;
-  if (!cursor.take("(")) cursor.refuse(open, "( behind " + name);
+  if (!cursor.accept("(")) cursor.refuse(open, "( behind " + name);
   std::array<double, 3> x{};
   for (std::size_t k = 0; k < count; ++k) {
-    if (k > 0 && !cursor.take(","))
+    if (k > 0 && !cursor.accept(","))
       cursor.refuse(cursor.at, fmt::format(", and {} numbers of {}", count, name));
-    x[k] = expression(cursor, grammar(), *this);
+    x[k] = parse_expression(cursor, grammar(), *this);
   }
-  if (!cursor.take(")"))
+  if (!cursor.accept(")"))
     cursor.refuse(cursor.at, fmt::format(") behind {} numbers of {}", count, name));
   if (name == "ATAN2") return std::atan2(x[0], x[1]) / units::deg;
   if (name == "MINVAL") return std::min(x[0], x[1]);
@@ -639,11 +639,11 @@ std::optional<double> Flow::function_of_several(Cursor& cursor, const std::strin
   return std::clamp(x[2], x[0], x[1]);
 }
 
-std::optional<double> Flow::operand(Cursor& cursor) {
+std::optional<double> Flow::parse_operand(Cursor& cursor) {
   cursor.skip_blanks();
   const std::size_t from = cursor.at;
-  const char first = upper(cursor.here());
-  if (first == 'R' && (is_digit(cursor.next()) || cursor.next() == '[')) {
+  const char first = upper(cursor.current());
+  if (first == 'R' && (is_digit(cursor.peek()) || cursor.peek() == '[')) {
     const int number = int(r_parameter(cursor, from));
     if (run_.is_uncertain()) run_.require_certain(fmt::format("R{}", number), cursor.cause(from));
     // An R parameter that was never set is zero.
@@ -661,7 +661,7 @@ std::optional<double> Flow::operand(Cursor& cursor) {
   if (name == "TRUE") return taken(1.0);
   if (name == "FALSE") return taken(0.0);
   if (name == "NOT" || name == "B_NOT") {
-    const double inner = value(ahead, grammar(), *this);
+    const double inner = parse_value(ahead, grammar(), *this);
     // B_NOT works on integers.
     return taken(name == "NOT" ? double(inner == 0) : double(~std::int64_t(inner)));
   }
@@ -674,7 +674,7 @@ std::optional<double> Flow::operand(Cursor& cursor) {
   if (found->second.kind == Kind::Text) cursor.refuse(from, "a number", "the text " + name);
   const std::string place = element(ahead, name, found->second);
   run_.require_certain(place, cursor.cause(from, ahead.at));
-  return taken(variables_.named(place, Variables::Of::Call).value_or(0.0));
+  return taken(variables_.named(place, Variables::Scope::Call).value_or(0.0));
 }
 
 }  // namespace abbe::sim::dialects::siemens

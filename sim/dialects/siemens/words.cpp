@@ -11,7 +11,7 @@ namespace abbe::sim::dialects {
 namespace siemens {
 namespace {
 
-using WordLine = CodeLine<Group>;
+using WordLine = CodeTableLine<Group>;
 
 // Short names, so that an entry fits its line.
 constexpr Use read = Use::Read, none = Use::WithoutEffect, refused = Use::Refused;
@@ -295,7 +295,7 @@ const WordEntry* find_entry(std::string_view word) {
 
 std::span<const WordTableEntry> siemens_words() {
   static const std::vector<WordTableEntry> all =
-      joined_words<siemens::WordLine>(siemens::word_lines, siemens::siemens_other_words);
+      word_table<siemens::WordLine>(siemens::word_lines, siemens::siemens_other_words);
   return all;
 }
 
