@@ -222,9 +222,9 @@ std::string_view word_sentence(std::string_view word) {
 }  // namespace fanuc
 
 std::span<const WordTableEntry> fanuc_words() {
-  static const std::vector<WordTableEntry> all =
+  static const std::vector<WordTableEntry> table =
       word_table<fanuc::Line>(fanuc::lines, fanuc::other_words);
-  return all;
+  return table;
 }
 
 namespace fanuc {
@@ -347,9 +347,9 @@ const CodeProperties& find_lathe_entry(char letter, int tenths) {
 }  // namespace fanuc
 
 std::span<const WordTableEntry> fanuc_lathe_words() {
-  static const std::vector<WordTableEntry> all =
+  static const std::vector<WordTableEntry> table =
       word_table<fanuc::LatheLine>(fanuc::lathe_lines, fanuc::other_lathe_words);
-  return all;
+  return table;
 }
 
 }  // namespace abbe::sim::dialects

@@ -172,9 +172,9 @@ const CodeProperties& find_entry(char letter, int tenths) {
 }  // namespace linuxcnc
 
 std::span<const WordTableEntry> linuxcnc_words() {
-  static const std::vector<WordTableEntry> all =
+  static const std::vector<WordTableEntry> table =
       word_table<linuxcnc::Line>(linuxcnc::lines, linuxcnc::other_words);
-  return all;
+  return table;
 }
 
 }  // namespace abbe::sim::dialects
