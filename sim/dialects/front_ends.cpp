@@ -35,7 +35,7 @@ void read_cl(std::string_view text, ProgramRun& run) {
   });
   cl::Statements statements(text);
   cl::Statement statement;
-  while (!machine.ended() && !run.is_aborted() && statements.next(statement))
+  while (!machine.has_ended() && !run.is_aborted() && statements.next(statement))
     run.try_block([&] {
       run.canon.set_line(statement.line);
       run.count_block();
@@ -43,7 +43,7 @@ void read_cl(std::string_view text, ProgramRun& run) {
     });
   machine.finish();
   // Without FINI the whole text has been read.
-  if (!machine.ended()) return;
+  if (!machine.has_ended()) return;
   const std::vector<std::string_view> lines = lines_of_text(text);
   run.warn_of_unread_lines(lines, {{0, lines.size()}});
 }
