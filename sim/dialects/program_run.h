@@ -80,7 +80,7 @@ class ProgramRun {
   /// Executes the startup code, if any, as the only line of a file of that name.
   void run_startup_code(const std::function<void(std::string_view code)>& block);
   /// Collects an error.
-  void add_input_error(const BadInput& input_error) { input_errors_.add_input_error(input_error); }
+  void add_input_error(const BadInput& input_error) { input_errors_.add(input_error); }
   /// Returns true if reading cannot usefully continue: 200 errors, or a limit exceeded.
   bool is_aborted() const { return is_aborted_ || input_errors_.full(); }
   const InputErrorList& input_errors() const { return input_errors_; }
@@ -136,7 +136,7 @@ class ProgramRun {
   std::vector<bool> line_was_read_;  ///< by line of the main file, from 1
   InputErrorList input_errors_;
   std::vector<SkippedWord> skipped_words_;
-  std::definition<std::string, std::less<>> uncertain_names_;
+  std::set<std::string, std::less<>> uncertain_names_;
   std::size_t line_count_, block_count_ = 0;
   /// Counts blocks behind a /.
   struct BlockSkipCount {

@@ -389,7 +389,7 @@ void Machine::load_tool(const Statement& statement) {
 void Machine::load(const Statement& statement) {
   if (statement.items.size() < 2 || !statement.items.front().is_word("TOOL"))
     refuse(statement.cause, "LOAD/TOOL and a number");
-  Statement loadtl = s;
+  Statement loadtl = statement;
   loadtl.items.erase(loadtl.items.begin());
   load_tool(loadtl);
 }

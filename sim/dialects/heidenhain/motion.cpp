@@ -600,7 +600,7 @@ void Machine::execute_corner(const std::string& keyword, WordReader& words) {
     const std::string name = words.read_name();
     if (name.starts_with('F')) {
       const FeedValue value = read_feed(name.substr(1), words, from);
-      if (value.letters == FeedKind::Rapid || value.letters == FeedKind::PerRevolution)
+      if (value.kind == FeedKind::Rapid || value.kind == FeedKind::PerRevolution)
         words.refuse(from, "a feed per minute for a corner");
       feed = program::Feed{value.value, canon_.inch() ? 0.1 * units::inch : 1.0};
     } else if (!size && name == (keyword == "RND" ? "R" : "")) {

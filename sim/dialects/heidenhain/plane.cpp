@@ -185,7 +185,7 @@ AxisVector Machine::fix_free_axis(AxisVector q, const Matrix3d& R,
     // 0.3 rad: any rotation far from zero and from half a turn shows if the axis changes the tool
     // direction.
     rotated[j] += 0.3;
-    if ((tool_rotation(turned).col(2) - tool_rotation(q).col(2)).norm() > direction_tolerance)
+    if ((tool_rotation(rotated).col(2) - tool_rotation(q).col(2)).norm() > direction_tolerance)
       continue;
     q[j] = canon_.frame().shift.size() > 0 ? canon_.frame().shift[j] : 0.0;
     if (!positioning.rotates_table) return q;

@@ -228,8 +228,8 @@ void Machine::check_words(const Block& block) const {
     if (!axis) refuse(one_block.word, "an axis word beside G53", "none");
     if (motion != 0 && motion != 10) refuse(one_block.word, "G0 or G1 beside G53");
   }
-  if (const NcWord& code_without_words = block.code_without_words; axis && wordless)
-    refuse(axis, fmt::format("no axis words beside {}, which takes none", shown(wordless.text)));
+  if (const NcWord& code = block.code_without_words; axis && code)
+    refuse(axis, fmt::format("no axis words beside {}, which takes none", shown(code.text)));
   // LinuxCNC moves by axis words beside these codes, which a program never intends.
   if (axis && (one_block.tenths % 10 == 1 || one_block.tenths == 922 || one_block.tenths == 923))
     refuse(axis,
@@ -573,7 +573,7 @@ std::optional<double> Machine::named_parameter(std::string_view name) const {
       return parameter(5420 + int(k));
   if (name.size() == 6 && name.starts_with("_abs_"))
     if (const auto k = axis_letters.find(upper(name[5])); k != std::string_view::npos)
-      return joint(int(k)) < 0 ? 0.0 : absolute(int(k)) / (k >= 3 && k <= 5 ? 1.0 : unit());
+      return joint(int(k)) < 0 ? 0.0 : axis_position(int(k)) / (k >= 3 && k <= 5 ? 1.0 : unit());
   const FeedMode mode = canon_.feed_mode();
   const std::pair<std::string_view, double> parameters[] = {
       {"_metric", !canon_.inch()},
