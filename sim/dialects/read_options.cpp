@@ -222,7 +222,7 @@ std::string_view name_of(Dialect dialect) {
   return "";
 }
 
-Recognised recognised(std::string_view text, std::string_view file) {
+DetectedDialect detect_dialect(std::string_view text, std::string_view file) {
   if (const auto dialect = dialect_by_extension(file))
     return {*dialect, "the file is named " + std::string(file.substr(file.rfind('.')))};
   Lines lines(text);

@@ -14,7 +14,7 @@ namespace abbe::sim::dialects {
 
 /// Languages of machining programs.
 enum class Dialect {
-  Auto,      ///< detected by `recognised`
+  Auto,      ///< detected by `detect_dialect`
   LinuxCnc,  ///< RS274/NGC as LinuxCNC reads it, and G43.4 of abbe's own programs
   Fanuc,
   Siemens,     ///< 840D
@@ -26,7 +26,7 @@ enum class Dialect {
 std::string_view name_of(Dialect dialect);
 
 /// A detected dialect and the sign by which it was detected, for example "line 3 has TRAORI".
-struct Recognised {
+struct DetectedDialect {
   Dialect dialect = Dialect::LinuxCnc;
   std::string sign;
   int line = 0;  ///< line of the sign; 0: the file name, or no sign
@@ -35,7 +35,7 @@ struct Recognised {
 /// Detects the dialect of a program by the signs that the README of this folder lists: the file
 /// name, then the first 2000 lines, of which the first that only one dialect can have decides.
 /// Without a sign the dialect is LinuxCNC's. Comments in brackets or behind ; are ignored.
-Recognised recognised(std::string_view text, std::string_view file);
+DetectedDialect detect_dialect(std::string_view text, std::string_view file);
 
 /// All input errors of a program at once. As a BadInput it is the first of them; `what()` has one
 /// line "file:line:column: expected ..., seen ..." for each.
@@ -55,7 +55,7 @@ enum class UnknownWordPolicy {
 };
 
 /// Limits of a program. Exceeding one is an input error at the line.
-struct Limits {
+struct ProgramLimits {
   std::size_t blocks = 20'000'000;  ///< executed blocks; a block of a loop counts each time
   int depth = 50;                   ///< nesting of calls
   std::size_t variables = 1'000'000;
@@ -122,7 +122,7 @@ struct ReadOptions {
   Dialect dialect = Dialect::Auto;
   UnknownWordPolicy on_unknown = UnknownWordPolicy::Refuse;
   std::string startup_code = {};  ///< block executed before the first line
-  Limits limits = {};
+  ProgramLimits limits = {};
   std::filesystem::path folder = {};  ///< folder of subprograms in files of their own; empty: none
   /// Receives the blocks while the program is read, up to `path_segment_blocks` at a time, so that
   /// none are kept in memory. Not called again after the first error.

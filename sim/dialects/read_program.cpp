@@ -133,7 +133,7 @@ std::vector<UsedWord> used_words(std::string_view text, Dialect dialect, bool tu
 namespace {
 
 // Throws BadInput if the dialect, which a scene may state, has no front end.
-const FrontEnd& find_front_end(const Recognised& detected, const std::string& file) {
+const FrontEnd& find_front_end(const DetectedDialect& detected, const std::string& file) {
   std::string known;
   for (const FrontEnd& front_end : front_ends()) {
     if (front_end.dialect == detected.dialect) return front_end;
@@ -215,7 +215,7 @@ std::optional<std::size_t> count_errors(const FrontEnd& front_end, std::string_v
 /// Returns an error that names the dialect which reads the file with the fewest errors. Returns
 /// nothing if no dialect reads it with fewer errors than the detected one, which had `errors`.
 std::optional<BadInput> suggest_dialect(std::string_view text, const std::string& file,
-                                        const ReadOptions& options, const Recognised& detected,
+                                        const ReadOptions& options, const DetectedDialect& detected,
                                         std::size_t errors) {
   // A dialect that the user stated is not questioned.
   if (options.dialect != Dialect::Auto || text.size() > max_trial_bytes) return std::nullopt;
@@ -280,8 +280,9 @@ ReadProgram read_program(std::string_view text, const std::string& file,
     if (plain.size() < text.size()) return read_program(plain, file, options);
   }
   ReadProgram result;
-  const Recognised detected =
-      options.dialect == Dialect::Auto ? recognised(text, file) : Recognised{options.dialect, {}};
+  const DetectedDialect detected = options.dialect == Dialect::Auto
+                                       ? detect_dialect(text, file)
+                                       : DetectedDialect{options.dialect, {}};
   result.dialect = detected.dialect;
   result.sign = detected.sign;
   check_pole_rule(options.pole.rule, detected.dialect, file);

@@ -532,7 +532,7 @@ fs::path require_packages(const ProgramRun& run) {
 
 }  // namespace
 
-void read_by_linuxcnc(std::string_view text, const Recognised& detected, ProgramRun& run) {
+void read_by_linuxcnc(std::string_view text, const DetectedDialect& detected, ProgramRun& run) {
   const std::string file = run.canon.place().file;
   if (detected.dialect != Dialect::LinuxCnc)
     throw BadInput(file, detected.line, 0,

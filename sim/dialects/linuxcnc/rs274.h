@@ -15,7 +15,7 @@ namespace abbe::sim::dialects {
 /// mm plus 1e-12 of the position. An error of rs274 is reported as one input error with its
 /// message. Words that it misinterprets or does not print are input errors; the README of this
 /// folder lists them. Throws BadInput if rs274 is not installed or `detected` is another dialect.
-void read_by_linuxcnc(std::string_view text, const Recognised& detected, ProgramRun& run);
+void read_by_linuxcnc(std::string_view text, const DetectedDialect& detected, ProgramRun& run);
 
 /// Returns the folder that contains LinuxCNC's interpreter as usr/bin/rs274: that of the
 /// environment variable ABBE_LINUXCNC, else `linuxcnc` next to the build (`./abbe setup
