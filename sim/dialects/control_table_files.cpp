@@ -473,13 +473,14 @@ void parse_offset(TableReading& reading, const AssignmentTarget& target, int sys
   line.skip_blanks();
   const std::size_t from = line.at;
   const double value = parse_table_number(line, target.name);
-  const std::string& part = target.index[2];
+  const std::string& component = target.index[2];
   const char axis = axis_letter(target.index[1], line, target.from);
-  if (part == "TR" || part == "FI") return add_to_offset(reading, system, axis, value, from, line);
-  if (part != "RT" && part != "SC" && part != "MI")
+  if (component == "TR" || component == "FI")
+    return add_to_offset(reading, system, axis, value, from, line);
+  if (component != "RT" && component != "SC" && component != "MI")
     line.refuse(target.from, "TR, FI, RT, SC or MI");
   // SC is a factor, so its neutral value is 1.
-  if (value != (part == "SC" ? 1.0 : 0.0))
+  if (value != (component == "SC" ? 1.0 : 0.0))
     line.refuse(from, "a work offset that is neither turned, scaled nor mirrored");
 }
 

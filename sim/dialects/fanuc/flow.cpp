@@ -181,10 +181,10 @@ void Flow::expect_end(Cursor& cursor) {
 
 int Flow::parse_whole_number(Cursor& cursor, int max, std::string_view name) {
   const std::size_t from = cursor.at;
-  const double found = parse_value(cursor, grammar(), *this);
+  const double value = parse_value(cursor, grammar(), *this);
   // The result of an expression carries rounding errors, so it is rounded; a vacant value is an
   // error.
-  const double rounded = is_vacant(found) ? -1.0 : std::round(found);
+  const double rounded = is_vacant(value) ? -1.0 : std::round(value);
   if (rounded < 0 || rounded > max) cursor.refuse(from, fmt::format("{} of 0 to {}", name, max));
   return int(rounded);
 }
@@ -509,8 +509,8 @@ Program* Flow::program_in_file(int number) {
 
 /// Returns a program of the main file, or else of a file named by its number. Throws BadInput.
 Program* Flow::find_program(int number, const Cause& cause) {
-  if (const auto known = programs_by_number_.find(number); known != programs_by_number_.end())
-    return known->second;
+  if (const auto entry = programs_by_number_.find(number); entry != programs_by_number_.end())
+    return entry->second;
   Program* program = nullptr;
   for (Program& candidate : sources_[0]->programs)
     if (candidate.number == number && number != 0 && program == nullptr) program = &candidate;

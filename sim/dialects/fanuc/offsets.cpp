@@ -130,8 +130,8 @@ void Machine::store_tool(const Block& block, int kind) {
   if (number < 1) refuse(p, "an offset of P1 to P999");
   Geometry& geometry = kind < 12 ? lengths_[number] : radii_[number];
   // L10 and L12 are geometry, L11 and L13 wear.
-  const double before = kind % 2 == 0 ? geometry.value.value_or(0.0) : geometry.wear;
-  const double value = length(r) + (is_incremental_ ? before : 0.0);
+  const double previous_value = kind % 2 == 0 ? geometry.value.value_or(0.0) : geometry.wear;
+  const double value = length(r) + (is_incremental_ ? previous_value : 0.0);
   if (kind % 2 == 0)
     geometry.value = value;
   else
@@ -311,9 +311,9 @@ void Machine::compare_zero_points(const Cause& cause) {
   for (int j = 0; j < n; ++j)
     if (!canon_.is_linear(j)) axes[j] = 0.0;
   const Eigen::Vector3d tip_position(axes[joint(0)], axes[joint(1)], axes[joint(2)]);
-  const Eigen::Vector3d more =
+  const Eigen::Vector3d zero_shift =
       program::offset_correction(canon_.zero(), program::Coordinates::Axis);
-  for (int k = 0; k < 3; ++k) axes[joint(k)] += more[k];
+  for (int k = 0; k < 3; ++k) axes[joint(k)] += zero_shift[k];
   axes[joint(2)] += tool_length(h_, cause);
   const Eigen::Vector3d difference =
       chain(cause).tool_in_workpiece(axes).translation() - tip_position;

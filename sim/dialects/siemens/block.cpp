@@ -113,11 +113,11 @@ double parse_number(Cursor& cursor, VariableParser& variables) {
     if (is_blank(cursor.text[at - 1]) && is_letter(cursor.text[at]) &&
         is_longer_word(cursor.text, at))
       end = at;
-  Cursor part{cursor.text.substr(0, end), cursor.location, cursor.at};
-  const double value = parse_expression(part, grammar(), variables);
+  Cursor expression{cursor.text.substr(0, end), cursor.location, cursor.at};
+  const double value = parse_expression(expression, grammar(), variables);
   // Messages quote the expression without the blanks behind it.
-  while (part.at > cursor.at && is_blank(part.text[part.at - 1])) --part.at;
-  cursor.at = part.at;
+  while (expression.at > cursor.at && is_blank(expression.text[expression.at - 1])) --expression.at;
+  cursor.at = expression.at;
   return value;
 }
 
@@ -213,13 +213,13 @@ std::vector<Argument> parse_arguments(Cursor& cursor, VariableParser& variables)
     const std::size_t from = cursor.at;
     Argument argument;
     if (cursor.current() == '"')
-      one.text = parse_quoted_text(cursor);
+      argument.text = parse_quoted_text(cursor);
     else if (auto text = variables.parse_text_variable(cursor))
-      one.text = std::move(text);
+      argument.text = std::move(text);
     // An empty argument, as in CYCLE83(10,,2), keeps its position.
     else if (cursor.current() != ',' && cursor.current() != ')')
-      one.number = parse_number(cursor, variables);
-    one.cause = cursor.cause(from);
+      argument.number = parse_number(cursor, variables);
+    argument.cause = cursor.cause(from);
     arguments.push_back(std::move(argument));
     if (arguments.size() > max_arguments) cursor.refuse(open, "at most 100 parameters", "more");
     cursor.skip_blanks();
@@ -330,7 +330,7 @@ void SiemensBlockReader::put_value(std::size_t from, Address address, double val
 void SiemensBlockReader::put_entry(const WordEntry& entry, const Cause& cause) {
   if (entry.use == Use::Refused) run_.canon.refuse(cause, std::string(entry.sentence));
   if (entry.word == "MCALL") {
-    block.is_modal = true;
+    block_.is_modal = true;
     block_.modal_cause = cause;
     return;
   }

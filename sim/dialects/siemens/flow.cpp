@@ -91,16 +91,16 @@ LineHead parse_line_head(std::string_view line) {
   };
   const auto peek = [&](std::size_t n = 0) { return at + n < line.size() ? line[at + n] : '\0'; };
   skip();
-  if (current_position() == '/') {
+  if (peek() == '/') {
     // / without a number is level 0.
     const bool has_level = is_digit(peek(1));
     head.skip_level = has_level ? peek(1) - '0' : 0;
     at += has_level ? 2 : 1;
     skip();
   }
-  if ((upper(current_position()) == 'N' || current_position() == ':') && is_digit(peek(1))) {
+  if ((upper(peek()) == 'N' || peek() == ':') && is_digit(peek(1))) {
     const std::size_t digits = ++at;
-    while (is_digit(current_position())) ++at;
+    while (is_digit(peek())) ++at;
     head.number = line.substr(digits, at - digits);
     skip();
   }
@@ -208,7 +208,7 @@ bool Flow::execute_block(Cursor cursor) {
   if (block_[Address::P] && !(count >= 1 && count <= 9999))
     run_.canon.refuse(block_[Address::P], "P of 1 to 9999");
   // MCALL with a name stores the modal call; MCALL alone ends it.
-  if (block.is_modal) {
+  if (block_.is_modal) {
     if (program_call && !Machine::is_cycle(program_call->name) &&
         find_program(program_call->name) == nullptr)
       run_.canon.refuse(program_call->cause, "a cycle or subprogram behind MCALL");

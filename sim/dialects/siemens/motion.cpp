@@ -354,7 +354,7 @@ void Machine::arc(const Block& block, const Target& words) {
     p[plane.first] = pole_.position.x();
     p[plane.second] = pole_.position.y();
   } else if (has_centre || (!radius && !angle)) {
-    p = arc_centre(block, in, cause);
+    p = arc_centre(block, plane, cause);
   }
   // AR with the centre: the end is the start rotated about the centre.
   if (angle && has_centre) {

@@ -25,7 +25,7 @@ std::string to_upper(std::string_view text) {
 
 /// Returns NAME of a header %_N_NAME_MPF or %_N_NAME_SPF, or nothing if the line is no header.
 std::optional<std::string> program_name_in_header(std::string_view line) {
-  const std::string text = to_capitals(line.substr(0, line.find_first_of(" \t;")));
+  const std::string text = to_upper(line.substr(0, line.find_first_of(" \t;")));
   if (!text.starts_with("%_N_")) return std::nullopt;
   const std::string name = text.substr(4);
   const bool has_type = name.ends_with("_MPF") || name.ends_with("_SPF");
