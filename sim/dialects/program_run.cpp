@@ -139,6 +139,11 @@ void ProgramRun::check_moves(double move_count, const program::Cause& cause) con
   if (!options_.on_path_segment) canon.check_memory(move_count, cause);
 }
 
+void ProgramRun::throw_variable_limit(const program::NcLocation& location, const char* noun) const {
+  throw ProgramLimitExceeded(location.file, location.line, 0,
+                             fmt::format("at most {} {}", options_.limits.variables, noun), "more");
+}
+
 void ProgramRun::check_depth(int depth, const program::Cause& cause, const char* what) const {
   if (depth <= options_.limits.depth) return;
   const program::NcLocation location = canon.place();

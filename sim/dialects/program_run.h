@@ -90,6 +90,9 @@ class ProgramRun {
   void check_moves(double move_count, const program::Cause& cause) const;
   /// Counts an executed block. Throws ProgramLimitExceeded.
   void count_block();
+  /// Throws ProgramLimitExceeded for too many variables; `noun` is the dialect's word for them.
+  [[noreturn]] void throw_variable_limit(const program::NcLocation& location,
+                                         const char* noun) const;
   /// Throws ProgramLimitExceeded if `depth` nested calls are too many.
   void check_depth(int depth, const program::Cause& cause, const char* what = "calls") const;
   std::size_t blocks_executed() const { return block_count_; }

@@ -235,9 +235,7 @@ void Flow::set_variable(int number, double value, const Cursor& cursor, std::siz
   // Assigning a vacant value clears the variable.
   if (is_vacant(value)) return variables_.unset(number, scope);
   if (!variables_.set(number, value, scope))
-    throw ProgramLimitExceeded(cursor.location.file, cursor.location.line, 0,
-                               fmt::format("at most {} variables", run_.options().limits.variables),
-                               "more");
+    run_.throw_variable_limit(cursor.location, "variables");
 }
 
 /// #3000 stops the control with an alarm of the program.

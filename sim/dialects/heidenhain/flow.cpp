@@ -385,17 +385,12 @@ void Flow::set_parameter(const Parameter& parameter, double value, const WordRea
     run_.warn_once(
         "Q200 to Q499 are set outside of CYCL DEF: a cycle that is defined keeps its values");
   if (!variables_.set(number, value, is_local ? Variables::Scope::Call : Variables::Scope::Program))
-    throw ProgramLimitExceeded(
-        words.cursor.location.file, words.cursor.location.line, 0,
-        fmt::format("at most {} parameters", run_.options().limits.variables), "more");
+    run_.throw_variable_limit(words.cursor.location, "parameters");
 }
 
 /// Sets a parameter of CYCL DEF or of a tilted plane for the machine.
 void Flow::set_cycle_parameter(int number, double value) {
-  if (!variables_.set(number, value))
-    throw ProgramLimitExceeded(
-        run_.canon.place().file, run_.canon.line(), 0,
-        fmt::format("at most {} parameters", run_.options().limits.variables), "more");
+  if (!variables_.set(number, value)) run_.throw_variable_limit(run_.canon.place(), "parameters");
 }
 
 void Flow::execute_assignment(WordReader& words, const Parameter& parameter) {

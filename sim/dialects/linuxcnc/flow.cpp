@@ -124,9 +124,7 @@ void Flow::set_parameters(const Block& block, const Cursor& cursor) {
       cursor.refuse(0, "a parameter that can be set", "#<" + name + ">");
     if (!variables_.set(name, value,
                         is_global ? Variables::Scope::Program : Variables::Scope::Call))
-      throw ProgramLimitExceeded(
-          cursor.location.file, cursor.location.line, 0,
-          fmt::format("at most {} parameters", run_.options().limits.variables), "more");
+      run_.throw_variable_limit(cursor.location, "parameters");
   }
 }
 

@@ -430,9 +430,7 @@ void Flow::store_value(const std::string& name, VariableKind kind, double value,
   if (kind == VariableKind::Integer && !(std::abs(value) <= max_integer))
     cursor.refuse(from, "a whole number of 32 bits", fmt::format("{}", value));
   if (!variables_.set(name, value, Variables::Scope::Call))
-    throw ProgramLimitExceeded(cursor.location.file, cursor.location.line, 0,
-                               fmt::format("at most {} variables", run_.options().limits.variables),
-                               "more");
+    run_.throw_variable_limit(cursor.location, "variables");
 }
 
 bool Flow::assign_variable(Cursor& cursor) {
@@ -447,10 +445,7 @@ bool Flow::assign_variable(Cursor& cursor) {
     // A variable whose assignment has an error is uncertain: its uses are not reported.
     run_.define(fmt::format("R{}", number), [&] {
       const double value = parse_number(ahead, *this);
-      if (!variables_.set(number, value))
-        throw ProgramLimitExceeded(
-            cursor.location.file, cursor.location.line, 0,
-            fmt::format("at most {} variables", run_.options().limits.variables), "more");
+      if (!variables_.set(number, value)) run_.throw_variable_limit(cursor.location, "variables");
     });
     cursor.at = ahead.at;
     return true;
@@ -562,9 +557,7 @@ void Flow::define_variable(Cursor& cursor, VariableKind kind) {
   }
   auto& variables = local_scope().variables;
   if (variables.size() >= run_.options().limits.variables)
-    throw ProgramLimitExceeded(cursor.location.file, cursor.location.line, 0,
-                               fmt::format("at most {} variables", run_.options().limits.variables),
-                               "more");
+    run_.throw_variable_limit(cursor.location, "variables");
   variables[name] = variable;
   // Simple variables start at zero; elements of arrays are zero until they are set.
   if (!cursor.accept("=")) {
