@@ -30,11 +30,11 @@ kinematics::AxisVector nose_offset(const program::Canon& canon, int tip,
 /// Rules for entering a contour and for detecting corners. The defaults are those of Fanuc (type
 /// A), Siemens (NORM) and Heidenhain.
 struct CompensationRules {
-  /// True: the entry ends perpendicular to the beginning of the next segment, one radius from it.
-  /// False, as in LinuxCNC: it ends beside its own direction, is at least as long as the radius,
-  /// and may be an arc.
+  /// True: the entry ends one radius from the beginning of the next segment, perpendicular to it.
+  /// False, as in LinuxCNC: the entry ends one radius from its programmed end, perpendicular to
+  /// itself; it is at least as long as the radius, and may be an arc.
   bool perpendicular_entry = true;
-  /// rad; a smaller corner counts as none. The tool then gouges the contour behind it by up to
+  /// rad; a smaller corner is ignored. The tool then gouges the contour behind it by up to
   /// radius * corner^2 / 2, 5 nm at 10 mm of radius.
   double min_corner = 1e-3;
 };

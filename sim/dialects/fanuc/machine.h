@@ -46,7 +46,7 @@ class Machine {
   struct AxisWord {
     int joint = 0;
     const Word* word = nullptr;
-    bool is_incremental = false;  ///< incremental: the value is added to the current position
+    bool is_incremental = false;  ///< the value is added to the current position
   };
   using Words = std::vector<AxisWord>;
   /// A tool offset and its wear.

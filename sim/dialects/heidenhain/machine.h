@@ -156,7 +156,7 @@ class Machine {
   void make_arc(const MotionBlock& move, const Target& target, double sweep);
   void make_tangent_arc(const MotionBlock& move, const Target& target);
   void make_radius_arc(const MotionBlock& move, const Target& target);
-  void store_arrival_direction(const std::array<int, 2>& plane, const Eigen::Vector2d& out,
+  void store_arrival_direction(const std::array<int, 2>& plane, const Eigen::Vector2d& radial,
                                bool clockwise);
   void execute_corner(const std::string& keyword, WordReader& words);
   void add_element(ContourElement element, const MotionBlock& move, std::uint32_t stated);

@@ -111,7 +111,7 @@ class Machine {
   void set_feed(const Block& block);
   void set_spindle(const Block& block);
   void select_master_spindle(int spindle, const Cause& cause);
-  void set_speed(double word, const Cause& cause);
+  void set_speed(double speed, const Cause& cause);
   void set_numbered_spindles(const Block& block);
   void call_tools(const Block& block);
   void note_coolant(const Block& block) const;
@@ -216,9 +216,9 @@ class Machine {
   int selected_ = -1, tool_ = -1;    ///< tool of the last T; tool in the spindle
   bool has_tool_length_ = true;      ///< D1
   int system_ = 0;                   ///< index of the work offset: 0 is G54; -1 is G500
-  bool is_traori_ = false;
-  bool turns_in_workpiece_ = true;       ///< ORIWKS
-  std::optional<bool> on_great_circle_;  ///< ORIVECT true, ORIAXES false; empty: not programmed
+  bool is_traori_ = false;           ///< TRAORI
+  bool turns_in_workpiece_ = true;   ///< ORIWKS
+  std::optional<bool> on_great_circle_;  ///< true: ORIVECT; false: ORIAXES; empty: not programmed
   CoordinateFrame programmable_frame_;
   AxisVector programmable_axis_shift_;  ///< (axes) of rotary and additional linear axes, rad, mm
   struct Swivel {
