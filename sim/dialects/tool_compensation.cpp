@@ -111,7 +111,7 @@ void CutterCompensation::begin(bool left, double radius, std::array<int, 2> plan
   rules_ = rules;
   is_on_ = true;
   // Controls compensate a negative radius on the other side.
-  left_ = radius >= 0 ? left : !left;
+  is_left_ = radius >= 0 ? left : !left;
   radius_ = std::abs(radius);
   plane_ = plane;
   // After `end` the tool is still offset, so the axes do not stand at the programmed position.

@@ -428,7 +428,7 @@ const std::unordered_map<std::size_t, std::size_t>& Flow::loop_lines() {
     if (begin == open.rend()) continue;
     program.loops->emplace(begin->second, i);
     program.loops->emplace(i, begin->second);
-    open.erase(std::prev(begin.total_offset()), open.end());
+    open.erase(std::prev(begin.base()), open.end());
   }
   return *program.loops;
 }
