@@ -89,7 +89,7 @@ class Machine {
   void apply_frame();
   void store_data(const Block& block);
   void store_system(const Block& block, int number, bool by_position);
-  void store_tool(const Block& block, int which);
+  void store_tool(const Block& block, int kind);
   void shift_origin(const Block& block);
   void move_to_reference(const Block& block);
   /// Returns the current position of an axis in program coordinates, mm or degrees.
