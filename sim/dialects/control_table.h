@@ -17,13 +17,13 @@ namespace abbe::sim::dialects {
 /// Content of a control table.
 enum class TableKind { Tools, Offsets };
 
-/// A tool of a control table, mm. Length and radius include the wear, which is also given
-/// separately. Empty if the table has no entry.
+/// A tool of a control table, mm. Length and radius include the wear and are empty if the table
+/// does not state them.
 struct TableTool {
   std::optional<double> length, radius;
   double length_wear = 0.0, radius_wear = 0.0;
   std::string name;
-  int line = 0;  ///< line of its first value
+  int line = 0;  ///< line of the first value
 };
 
 /// A work offset by axis letter, mm and degrees.
@@ -57,10 +57,10 @@ std::string offset_name(Dialect control, int system);
 
 /// Returns the warnings about a control table used with a program: its notes, a table of another
 /// control, and offsets that the program calls but the table does not have. `read_as` is the
-/// dialect of the program and how it was recognised; empty for a PVT table. `called` holds the
-/// offsets of the program's moves.
+/// dialect of the program and how it was recognised; empty for a PVT table. `called_offsets` holds
+/// the offsets of the program's moves.
 std::vector<std::string> table_warnings(const ControlTable& table, std::string_view read_as,
-                                        const std::set<int>& called);
+                                        const std::set<int>& called_offsets);
 
 // Functions shared by the readers of control tables.
 
@@ -68,33 +68,40 @@ std::vector<std::string> table_warnings(const ControlTable& table, std::string_v
 struct TableReading {
   std::string_view text;
   TableKind kind = TableKind::Tools;
-  std::optional<double> unit;  ///< mm per unit of length, from the scene or from the file
+  std::optional<double> unit;  ///< mm per unit of length, stated by the scene or by the file
   ControlTable table = {};
   InputErrorList input_errors = {};
-  std::map<std::string, std::size_t> unused = {};  ///< values without effect, by name
+  std::map<std::string, std::size_t> unused = {};  ///< number of values without effect, by name
   /// Offsets beyond the sixth that cannot be read and are therefore missing.
-  std::set<int> unread = {};
+  std::set<int> unreadable_offsets = {};
 
   /// Counts a non-zero value that has no effect.
-  void leave_out(const std::string& name);
-  /// Reads an offset beyond the sixth, which usually belongs to another job. On an error it is left
-  /// out instead of reported; calling it in a program is an error there.
-  void read_beyond(int system, const std::function<void()>& read);
-  /// Returns mm per unit. Throws BadInput at the cursor if neither the scene nor the file states
-  /// the unit.
-  double unit_at(const Cursor& cursor, std::size_t from) const;
-  /// Sets the unit stated by the file. Throws BadInput at the cursor if the scene states another.
-  void state_unit(double mm, const Cursor& cursor, std::size_t from);
+  void count_unused(const std::string& name);
+  /// Reads an offset beyond the sixth, which usually belongs to another job. If `read` throws
+  /// BadInput, the offset is left out and the error is not reported; a program that calls the
+  /// offset is then an input error.
+  void read_later_offset(int system, const std::function<void()>& read);
+  /// Returns mm per unit of length. Throws BadInput at byte `from` of the line if neither the scene
+  /// nor the file states the unit.
+  double require_unit(const Cursor& cursor, std::size_t from) const;
+  /// Returns the factor from the value of an axis to mm or degrees. Only lengths other than zero
+  /// need a unit; throws as `require_unit` does.
+  double axis_unit(char axis, double value, const Cursor& cursor, std::size_t from) const;
+  /// Sets the unit stated by the file. Throws BadInput at byte `from` of the line if the scene
+  /// states another.
+  void state_unit(double mm_per_unit, const Cursor& cursor, std::size_t from);
 };
 
-/// Calls `read` for every line until it returns false. Errors that it throws are collected, and
-/// reading continues with the next line.
-void each_line(TableReading& reading, const std::function<bool(Cursor&)>& read);
+/// Calls `read` for every line until it returns false. Collects the errors that it throws and
+/// continues with the next line.
+void for_each_line(TableReading& reading, const std::function<bool(Cursor&)>& read);
 
-/// Parses a number. Throws BadInput unless it is within 1e6 and followed by a blank or a delimiter.
-double table_number(Cursor& cursor, std::string_view what);
-/// Parses a whole number from `least` to `most`; the text that follows is not checked.
-int table_whole(Cursor& cursor, int least, int most, std::string_view what);
+/// Parses the number of the value `what`. Throws BadInput unless it is within 1e6 and followed by a
+/// blank or a delimiter.
+double parse_table_number(Cursor& cursor, std::string_view what);
+/// Parses a whole number from `min` to `max`; does not check the text that follows. Throws
+/// BadInput.
+int parse_table_integer(Cursor& cursor, int min, int max, std::string_view what);
 
 /// Reads a LinuxCNC table, a tool table or the parameters of a variables file, in the format
 /// described in control_table_files.h. Errors are collected in `reading`.

@@ -15,19 +15,18 @@
 
 namespace abbe::sim::dialects {
 
-/// Reads a table of Heidenhain in columns, as the header describes; errors are collected in
-/// `reading`.
+/// Reads a Heidenhain table, whose format the header describes. Collects errors in `reading`.
 void read_heidenhain_table(TableReading& reading);
 
-/// Reads the $TC_DP and $P_UIFR of a Siemens table, as the header describes; errors are collected
-/// in `reading`.
+/// Reads the $TC_DP and $P_UIFR of a Siemens table, whose format the header describes. Collects
+/// errors in `reading`.
 void read_siemens_table(TableReading& reading);
 
 namespace {
 
 constexpr std::size_t max_columns = 256;  // bounds memory
 
-/// A column: its name, and the bytes of every line that belong to it.
+/// A column: its name, and the range of bytes of every line that belongs to it.
 struct TableColumn {
   std::string name;
   std::size_t from = 0, to = 0;
@@ -37,75 +36,76 @@ struct TableColumn {
 std::string next_word(Cursor& line) {
   line.skip_blanks();
   std::string word;
-  while (!line.at_end() && !is_blank(line.here())) word += upper(line.text[line.at++]);
+  while (!line.at_end() && !is_blank(line.current())) word += upper(line.text[line.at++]);
   return word;
 }
 
-/// The first line, for example "BEGIN TOOL .T MM".
-void head_of_table(TableReading& reading, Cursor& line) {
-  const std::string_view wanted = reading.kind == TableKind::Tools ? ".T" : ".PR";
-  bool kind = false, unit = false;
+/// Checks the first line, for example "BEGIN TOOL .T MM", and reads its unit.
+void parse_table_header(TableReading& reading, Cursor& line) {
+  const std::string_view expected_name = reading.kind == TableKind::Tools ? ".T" : ".PR";
+  bool has_name = false, has_unit = false;
   if (next_word(line) != "BEGIN") line.refuse(0, "BEGIN, with which a table begins");
   for (line.skip_blanks(); !line.at_end(); line.skip_blanks()) {
     const std::size_t from = line.at;
     const std::string word = next_word(line);
-    kind = kind || word.ends_with(wanted);
+    has_name = has_name || word.ends_with(expected_name);
     if (word != "MM" && word != "INCH") continue;
-    unit = true;
+    has_unit = true;
     reading.state_unit(word == "MM" ? 1.0 : units::inch, line, from);
   }
-  if (!kind) line.refuse(0, fmt::format("a table named {}", wanted));
-  if (!unit) line.refuse(0, "MM or INCH in the first line of a table");
+  if (!has_name) line.refuse(0, fmt::format("a table named {}", expected_name));
+  if (!has_unit) line.refuse(0, "MM or INCH in the first line of a table");
+}
+
+bool has_column(const std::vector<TableColumn>& columns, std::string_view name) {
+  return std::ranges::any_of(columns,
+                             [&](const TableColumn& column) { return column.name == name; });
 }
 
 // A column extends from the beginning of its name to the beginning of the next name.
-std::vector<TableColumn> columns_of(TableReading& reading, Cursor& line) {
+std::vector<TableColumn> parse_columns(TableReading& reading, Cursor& line) {
   std::vector<TableColumn> columns;
   for (line.skip_blanks(); !line.at_end(); line.skip_blanks()) {
     const std::size_t from = line.at;
     const std::string name = next_word(line);
     if (!columns.empty()) columns.back().to = from;
-    const auto same = [&](const TableColumn& one) { return one.name == name; };
-    if (std::any_of(columns.begin(), columns.end(), same))
-      line.refuse(from, "columns of different names");
+    if (has_column(columns, name)) line.refuse(from, "columns of different names");
     columns.push_back({name, from, std::string_view::npos});
     if (columns.size() > max_columns) line.refuse(from, "at most 256 columns");
   }
   // Row numbers may be right-aligned and begin before their name.
   if (!columns.empty()) columns.front().from = 0;
-  const auto has = [&](std::string_view name) {
-    return std::any_of(columns.begin(), columns.end(),
-                       [&](const TableColumn& one) { return one.name == name; });
-  };
-  const bool tools = reading.kind == TableKind::Tools;
-  if (tools ? !has("T") || !has("L") || !has("R") : !has("NR") && !has("NO"))
-    line.refuse(0, tools ? "columns named T, L and R" : "a column named NR");
+  const auto has = [&](std::string_view name) { return has_column(columns, name); };
+  const bool is_tool_table = reading.kind == TableKind::Tools;
+  if (is_tool_table ? !has("T") || !has("L") || !has("R") : !has("NR") && !has("NO"))
+    line.refuse(0, is_tool_table ? "columns named T, L and R" : "a column named NR");
   return columns;
 }
 
 /// Returns a cursor at the cell of a column in a row, or nothing if the cell is blank.
-std::optional<Cursor> cell_in(const TableColumn& column, const Cursor& line) {
+std::optional<Cursor> cell_of_column(const TableColumn& column, const Cursor& line) {
   const std::string_view text = line.text;
-  const std::size_t to = std::min(column.to, text.size());
+  const std::size_t end = std::min(column.to, text.size());
   // A value that runs across the boundary of its column would be read as two numbers.
   if (column.from > 0 && column.from < text.size() && !is_blank(text[column.from]) &&
       !is_blank(text[column.from - 1]))
     line.refuse(column.from, "a blank before the column " + column.name);
-  if (column.from >= to) return std::nullopt;
-  Cursor cell{text.substr(0, to), line.place, column.from};
+  if (column.from >= end) return std::nullopt;
+  Cursor cell{text.substr(0, end), line.location, column.from};
   cell.skip_blanks();
   return cell.at_end() ? std::nullopt : std::optional(cell);
 }
 
 // Parses the whole cell as a number.
-double cell_number(Cursor cell, const std::string& name) {
-  const double value = table_number(cell, name);
+double parse_cell_number(Cursor cell, const std::string& name) {
+  const double value = parse_table_number(cell, name);
   cell.skip_blanks();
   if (!cell.at_end()) cell.refuse(cell.at, "nothing behind the value of " + name);
   return value;
 }
 
-/// Returns true for a cell other than blank, zero or -, which would have no effect unnoticed.
+/// Returns true for a cell other than blank, zero or -. If such a cell has no effect, the user must
+/// be told.
 bool has_content(const Cursor& cell) {
   return cell.text.substr(cell.at).find_first_not_of("+-0. ") != std::string_view::npos;
 }
@@ -113,113 +113,117 @@ bool has_content(const Cursor& cell) {
 // Values of a row of a tool table.
 struct ToolRow {
   std::optional<int> number;
-  bool indexed = false;
-  double length = 0.0, radius = 0.0, more_length = 0.0, more_radius = 0.0;
+  bool is_indexed = false;
+  double length = 0.0, radius = 0.0, delta_length = 0.0, delta_radius = 0.0;
   std::string name;
 };
 
-void tool_cell(TableReading& reading, const TableColumn& column, const Cursor& cell, ToolRow& row) {
+void parse_tool_cell(TableReading& reading, const TableColumn& column, const Cursor& cell,
+                     ToolRow& row) {
   const std::string& name = column.name;
-  double* const to = name == "L"    ? &row.length
-                     : name == "R"  ? &row.radius
-                     : name == "DL" ? &row.more_length
-                     : name == "DR" ? &row.more_radius
-                                    : nullptr;
-  if (to != nullptr) {
-    *to = cell_number(cell, name) * *reading.unit;
+  double* const value = name == "L"    ? &row.length
+                        : name == "R"  ? &row.radius
+                        : name == "DL" ? &row.delta_length
+                        : name == "DR" ? &row.delta_radius
+                                       : nullptr;
+  if (value != nullptr) {
+    *value = parse_cell_number(cell, name) * *reading.unit;
   } else if (name == "T") {
-    Cursor at = cell;
+    Cursor number = cell;
     // T 5.1 is an indexed tool: a second cutting edge of tool 5.
     const std::size_t point = cell.text.find('.', cell.at);
     if (point != std::string_view::npos) {
-      row.indexed = true;
-      at.text = at.text.substr(0, point);
+      row.is_indexed = true;
+      number.text = number.text.substr(0, point);
     }
-    row.number = table_whole(at, 0, 32'767, "T");
-    at.skip_blanks();
-    if (!at.at_end()) at.refuse(at.at, "nothing behind the number of the tool");
+    row.number = parse_table_integer(number, 0, 32'767, "T");
+    number.skip_blanks();
+    if (!number.at_end()) number.refuse(number.at, "nothing behind the number of the tool");
   } else if (name == "NAME") {
     std::string_view text = cell.text.substr(cell.at);
     text = text.substr(0, text.find_last_not_of(" \t") + 1);
     row.name = std::string(text);
   } else if (has_content(cell)) {
-    reading.leave_out(name);
+    reading.count_unused(name);
   }
 }
 
-void tool_row(TableReading& reading, const std::vector<TableColumn>& columns, const Cursor& line) {
+void parse_tool_row(TableReading& reading, const std::vector<TableColumn>& columns,
+                    const Cursor& line) {
   ToolRow row;
   for (const TableColumn& column : columns)
-    if (const auto cell = cell_in(column, line)) tool_cell(reading, column, *cell, row);
+    if (const auto cell = cell_of_column(column, line))
+      parse_tool_cell(reading, column, *cell, row);
   if (!row.number) line.refuse(0, "the number of a tool in the column T", "none");
-  // A scene has one length for each tool; index 0 is the tool itself.
-  if (row.indexed) return reading.leave_out("tools with an index, as 5.1");
+  // A scene has one length for each tool, that of index 0.
+  if (row.is_indexed) return reading.count_unused("tools with an index, as 5.1");
   // The control adds DL and DR to L and R.
-  const TableTool tool{row.length + row.more_length,
-                       row.radius + row.more_radius,
-                       row.more_length,
-                       row.more_radius,
+  const TableTool tool{row.length + row.delta_length,
+                       row.radius + row.delta_radius,
+                       row.delta_length,
+                       row.delta_radius,
                        row.name,
-                       line.place.line};
+                       line.location.line};
   if (!reading.table.tools.emplace(*row.number, tool).second)
     line.refuse(0, "a tool that the table does not have already", fmt::format("{}", *row.number));
 }
 
-void preset_cell(TableReading& reading, const TableColumn& column, const Cursor& cell,
-                 TableOffset& offset) {
+void parse_preset_cell(TableReading& reading, const TableColumn& column, const Cursor& cell,
+                       TableOffset& offset) {
   const std::string& name = column.name;
-  const bool axis =
+  const bool is_axis =
       name.size() == 1 && std::string_view("XYZABCUVW").find(name[0]) != std::string_view::npos;
-  const bool turned =
+  const bool is_rotation =
       name == "ROT" || name == "SPA" || name == "SPB" || name == "SPC" || name.ends_with("_OFFS");
   const std::string_view text = cell.text.substr(cell.at);
   // "-": the axis keeps the value of the active preset.
-  if (text.substr(0, text.find_last_not_of(' ') + 1) == "-") return;  // not set
-  if (axis) {
-    const bool turns = name[0] >= 'A' && name[0] <= 'C';
-    offset.axes[name[0]] = {cell_number(cell, name) * (turns ? 1.0 : *reading.unit),
-                            cell.place.line, int(cell.at) + 1};
-  } else if (turned && cell_number(cell, name) != 0.0) {
+  if (text.substr(0, text.find_last_not_of(' ') + 1) == "-") return;
+  if (is_axis) {
+    const bool is_rotary = name[0] >= 'A' && name[0] <= 'C';
+    offset.axes[name[0]] = {parse_cell_number(cell, name) * (is_rotary ? 1.0 : *reading.unit),
+                            cell.location.line, int(cell.at) + 1};
+  } else if (is_rotation && parse_cell_number(cell, name) != 0.0) {
     // A rotated preset or an axis offset would change what X Y Z mean; a scene has no such offset.
     cell.refuse(cell.at,
                 "0 for " + name + ": a preset that is not turned, without offsets of axes");
-  } else if (!turned && name != "DOC" && has_content(cell)) {
+  } else if (!is_rotation && name != "DOC" && has_content(cell)) {
     // DOC is a comment.
-    reading.leave_out(name);
+    reading.count_unused(name);
   }
 }
 
-int preset_number(Cursor cell, const std::string& name) {
-  const int number = table_whole(cell, 0, 99'999, name);
+int parse_preset_number(Cursor cell, const std::string& name) {
+  const int number = parse_table_integer(cell, 0, 99'999, name);
   cell.skip_blanks();
   if (!cell.at_end()) cell.refuse(cell.at, "nothing behind the number of the preset");
   return number;
 }
 
-void preset_row(TableReading& reading, const std::vector<TableColumn>& columns,
-                const Cursor& line) {
+void parse_preset_row(TableReading& reading, const std::vector<TableColumn>& columns,
+                      const Cursor& line) {
   std::optional<int> number;
-  // The number is needed first: it decides if an error in the row is reported.
+  // The number comes first, because errors in a row are reported only up to number 6.
   for (const TableColumn& column : columns)
-    if (auto cell = cell_in(column, line); cell && (column.name == "NR" || column.name == "NO"))
-      number = preset_number(*cell, column.name);
+    if (auto cell = cell_of_column(column, line);
+        cell && (column.name == "NR" || column.name == "NO"))
+      number = parse_preset_number(*cell, column.name);
   if (!number) line.refuse(0, "the number of a preset in the column NR", "none");
-  // Preset 0 is the active preset of the control.
+  // Preset 0 is the active preset of the control, not an entry of the table.
   if (*number < 1 || *number > max_preset)
-    return reading.leave_out(fmt::format("presets other than 1 to {}", max_preset));
+    return reading.count_unused(fmt::format("presets other than 1 to {}", max_preset));
   TableOffset offset;
   const int system = preset_system(*number);
   const auto read_cells = [&] {
     for (const TableColumn& column : columns)
-      if (const auto cell = cell_in(column, line);
+      if (const auto cell = cell_of_column(column, line);
           cell && column.name != "NR" && column.name != "NO")
-        preset_cell(reading, column, *cell, offset);
+        parse_preset_cell(reading, column, *cell, offset);
   };
+  // The first six are G54 to G59 of a scene and must be valid.
   if (*number <= 6)
     read_cells();
   else
-    reading.read_beyond(system, read_cells);
-  // The first six are G54 to G59 of a scene and must be valid.
+    reading.read_later_offset(system, read_cells);
   if (!reading.table.offsets.emplace(system, offset).second)
     line.refuse(0, "a preset that the table does not have already", fmt::format("{}", *number));
 }
@@ -228,124 +232,126 @@ void preset_row(TableReading& reading, const std::vector<TableColumn>& columns,
 
 void read_heidenhain_table(TableReading& reading) {
   std::vector<TableColumn> columns;
-  bool begun = false, ended = false, is_aborted = false;
-  int last = 1;
-  each_line(reading, [&](Cursor& line) {
-    last = line.place.line;
+  bool has_begun = false, has_ended = false, is_aborted = false;
+  int last_line = 1;
+  for_each_line(reading, [&](Cursor& line) {
+    last_line = line.location.line;
     line.skip_blanks();
     if (line.at_end()) return true;
     line.at = 0;
-    if (!begun) {
+    if (!has_begun) {
       // Without header or columns no row can be read: only the first error is reported.
-      begun = is_aborted = true;
-      head_of_table(reading, line);
+      has_begun = is_aborted = true;
+      parse_table_header(reading, line);
       is_aborted = false;
     } else if (is_aborted) {
       return false;
     } else if (columns.empty()) {
       is_aborted = true;
-      columns = columns_of(reading, line);
+      columns = parse_columns(reading, line);
       is_aborted = false;
-    } else if (line.take("[END]")) {
-      ended = true;
+    } else if (line.accept("[END]")) {
+      has_ended = true;
       return false;
     } else if (reading.kind == TableKind::Tools) {
-      tool_row(reading, columns, line);
+      parse_tool_row(reading, columns, line);
     } else {
-      preset_row(reading, columns, line);
+      parse_preset_row(reading, columns, line);
     }
     return true;
   });
   // A missing [END] shows that the file is truncated.
-  if (!ended && !is_aborted)
-    reading.input_errors.add(
-        BadInput(reading.table.file, last, 1, "[END] behind the last row", "the end of the file"));
+  if (!has_ended && !is_aborted)
+    reading.input_errors.add(BadInput(reading.table.file, last_line, 1, "[END] behind the last row",
+                                      "the end of the file"));
 }
 
 namespace {
 
-/// Values of a tool until all have been read: length and radius are sums.
-struct EdgeParts {
+/// Values of cutting edge 1 of a tool, mm. Its length and radius are sums of them.
+struct CuttingEdge {
   double length = 0.0, wear = 0.0, base = 0.0, radius = 0.0, radius_wear = 0.0;
   std::string name;
   int line = 0;
-  bool edge = false;  // set by a $TC_DP of cutting edge 1
+  bool is_defined = false;  // a $TC_DP of the edge has been read
 };
-using Edges = std::map<int, EdgeParts>;
+using CuttingEdges = std::map<int, CuttingEdge>;
 
-/// The left side of an assignment.
-struct Assigned {
+/// Left side of an assignment.
+struct AssignmentTarget {
   std::string name;                // for example $TC_DP3
   std::vector<std::string> index;  // for example 1, X, TR
   std::size_t from = 0;
 };
 
-Assigned assigned_in(Cursor& line) {
-  Assigned to{{}, {}, line.at};
-  while (!line.at_end() && line.here() != '[' && line.here() != '=' && !is_blank(line.here()))
-    to.name += upper(line.text[line.at++]);
+AssignmentTarget parse_assignment_target(Cursor& line) {
+  AssignmentTarget target{{}, {}, line.at};
+  while (!line.at_end() && line.current() != '[' && line.current() != '=' &&
+         !is_blank(line.current()))
+    target.name += upper(line.text[line.at++]);
   line.skip_blanks();
-  if (line.here() == '[') {
+  if (line.current() == '[') {
     const std::size_t close = line.text.find(']', line.at);
     if (close == std::string_view::npos) line.refuse(line.at, "a ] that closes the index");
-    to.index.emplace_back();
+    target.index.emplace_back();
     for (++line.at; line.at < close; ++line.at) {
-      const char c = line.here();
+      const char c = line.current();
       if (c == ',')
-        to.index.emplace_back();
+        target.index.emplace_back();
       else if (!is_blank(c))
-        to.index.back() += upper(c);
+        target.index.back() += upper(c);
     }
     line.at = close + 1;
   }
   line.skip_blanks();
-  if (line.here() != '=') line.refuse(line.at, "= behind " + to.name);
+  if (line.current() != '=') line.refuse(line.at, "= behind " + target.name);
   ++line.at;
-  return to;
+  return target;
 }
 
-int table_index(const Assigned& to, std::size_t i, int most, const Cursor& line) {
-  const std::string& text = i < to.index.size() ? to.index[i] : std::string();
+int table_index(const AssignmentTarget& target, std::size_t i, int max_index, const Cursor& line) {
+  const std::string& text = i < target.index.size() ? target.index[i] : std::string();
   int value = -1;
   // Eight digits keep std::stoi from overflowing.
   if (!text.empty() && text.size() <= 8 &&
       text.find_first_not_of("0123456789") == std::string::npos)
     value = std::stoi(text);
-  if (value < 0 || value > most)
-    line.refuse(to.from, fmt::format("an index from 0 to {} in {}", most, to.name));
+  if (value < 0 || value > max_index)
+    line.refuse(target.from, fmt::format("an index from 0 to {} in {}", max_index, target.name));
   return value;
 }
 
-/// Skips a value, a text or everything up to the next blank. Returns true if it is zero or empty.
-bool pass_value(Cursor& line) {
+/// Skips a value: a text in "", or everything up to the next blank. Returns true if the value is
+/// zero or empty.
+bool skip_value(Cursor& line) {
   line.skip_blanks();
   const std::size_t from = line.at;
-  if (line.here() == '"') {
+  if (line.current() == '"') {
     const std::size_t close = line.text.find('"', from + 1);
     if (close == std::string_view::npos) line.refuse(from, "a \" that closes the text");
     line.at = close + 1;
     return close == from + 1;
   }
-  while (!line.at_end() && !is_blank(line.here())) ++line.at;
+  while (!line.at_end() && !is_blank(line.current())) ++line.at;
   const std::string_view value = line.text.substr(from, line.at - from);
   if (value.empty()) line.refuse(from, "a value behind =");
   return value.find_first_not_of("+-0.") == std::string_view::npos;
 }
 
-std::string text_value(Cursor& line) {
+std::string parse_text(Cursor& line) {
   line.skip_blanks();
   const std::size_t from = line.at;
-  if (line.here() != '"') line.refuse(from, "a name in \"\"");
-  pass_value(line);
+  if (line.current() != '"') line.refuse(from, "a name in \"\"");
+  skip_value(line);
   return std::string(line.text.substr(from + 1, line.at - from - 2));
 }
 
-void edge_value(TableReading& reading, const Assigned& to, int parameter, EdgeParts& tool,
-                Cursor& line) {
+void parse_edge_value(TableReading& reading, const AssignmentTarget& target, int parameter,
+                      CuttingEdge& tool, Cursor& line) {
   const std::size_t from = line.at;
-  const double value = table_number(line, to.name);
-  const auto mm = [&] { return value == 0.0 ? 0.0 : value * reading.unit_at(line, from); };
-  tool.edge = true;
+  const double value = parse_table_number(line, target.name);
+  const auto mm = [&] { return value == 0.0 ? 0.0 : value * reading.require_unit(line, from); };
+  tool.is_defined = true;
   switch (parameter) {
     case 1:
       // Types 100 to 299 are mills and drills, whose length 1 lies along the tool in G17. Turning
@@ -379,7 +385,7 @@ void edge_value(TableReading& reading, const Assigned& to, int parameter, EdgePa
         line.refuse(from, "0 for length 2 and 3: the length of a tool lies along it");
       return;
     default:
-      if (value != 0.0) reading.leave_out(fmt::format("$TC_DP{}", parameter));
+      if (value != 0.0) reading.count_unused(fmt::format("$TC_DP{}", parameter));
   }
 }
 
@@ -392,25 +398,26 @@ std::optional<int> edge_parameter(const std::string& name) {
   return std::stoi(name.substr(head.size()));
 }
 
-void tool_value(TableReading& reading, const Assigned& to, Edges& edges, Cursor& line) {
-  const auto parameter = edge_parameter(to.name);
+void parse_tool_value(TableReading& reading, const AssignmentTarget& target, CuttingEdges& edges,
+                      Cursor& line) {
+  const auto parameter = edge_parameter(target.name);
   // $TC_TP2 is the name of the tool; other data of the magazine does not matter.
-  if (!parameter && to.name != "$TC_TP2") {
-    if (!pass_value(line)) reading.leave_out(to.name);
+  if (!parameter && target.name != "$TC_TP2") {
+    if (!skip_value(line)) reading.count_unused(target.name);
     return;
   }
-  const int number = table_index(to, 0, 999'999, line);
+  const int number = table_index(target, 0, 999'999, line);
   // A scene has one cutting edge for each tool.
-  if (parameter && table_index(to, 1, 12, line) != 1) {
-    if (!pass_value(line)) reading.leave_out("$TC_DP of cutting edges other than 1");
+  if (parameter && table_index(target, 1, 12, line) != 1) {
+    if (!skip_value(line)) reading.count_unused("$TC_DP of cutting edges other than 1");
     return;
   }
-  EdgeParts& tool = edges[number];
-  if (tool.line == 0) tool.line = line.place.line;
+  CuttingEdge& tool = edges[number];
+  if (tool.line == 0) tool.line = line.location.line;
   if (parameter)
-    edge_value(reading, to, *parameter, tool, line);
+    parse_edge_value(reading, target, *parameter, tool, line);
   else
-    tool.name = text_value(line);
+    tool.name = parse_text(line);
 }
 
 char axis_letter(const std::string& name, const Cursor& line, std::size_t from) {
@@ -422,123 +429,124 @@ char axis_letter(const std::string& name, const Cursor& line, std::size_t from) 
 // Coarse and fine values, TR and FI, add up.
 void add_to_offset(TableReading& reading, int system, char axis, double value, std::size_t from,
                    const Cursor& line) {
-  const bool turns = axis >= 'A' && axis <= 'C';
-  const double unit = turns || value == 0.0 ? 1.0 : reading.unit_at(line, from);
-  TableOffset::Value& to = reading.table.offsets[system].axes[axis];
-  to = {to.value + value * unit, line.place.line, int(from) + 1};
+  const double unit = reading.axis_unit(axis, value, line, from);
+  TableOffset::Value& sum = reading.table.offsets[system].axes[axis];
+  sum = {sum.value + value * unit, line.location.line, int(from) + 1};
 }
 
-/// The value of a frame, for example CTRANS(X,10,Y,20):CFINE(X,0.1).
-void frame_value(TableReading& reading, int system, Cursor& line) {
+/// Reads the value of a frame, for example CTRANS(X,10,Y,20):CFINE(X,0.1).
+void parse_frame(TableReading& reading, int system, Cursor& line) {
   while (true) {
     line.skip_blanks();
     const std::size_t from = line.at;
-    if (!line.take_word("CTRANS") && !line.take_word("CFINE"))
+    if (!line.accept_word("CTRANS") && !line.accept_word("CFINE"))
       line.refuse(from,
                   "CTRANS or CFINE: a work offset that is neither turned, scaled nor mirrored");
     line.skip_blanks();
-    if (line.here() != '(') line.refuse(line.at, "( and axes with their values");
+    if (line.current() != '(') line.refuse(line.at, "( and axes with their values");
     do {
       ++line.at;
       line.skip_blanks();
-      const std::size_t at = line.at;
+      const std::size_t axis_from = line.at;
       std::string name;
-      while (is_letter(line.here())) name += upper(line.text[line.at++]);
-      const char axis = axis_letter(name, line, at);
+      while (is_letter(line.current())) name += upper(line.text[line.at++]);
+      const char axis = axis_letter(name, line, axis_from);
       line.skip_blanks();
-      if (line.here() != ',') line.refuse(line.at, "a comma and the value of the axis");
+      if (line.current() != ',') line.refuse(line.at, "a comma and the value of the axis");
       ++line.at;
-      const double value = table_number(line, name);
-      add_to_offset(reading, system, axis, value, at, line);
+      const double value = parse_table_number(line, name);
+      add_to_offset(reading, system, axis, value, axis_from, line);
       line.skip_blanks();
-    } while (line.here() == ',');
-    if (line.here() != ')') line.refuse(line.at, "a ) that closes the frame");
+    } while (line.current() == ',');
+    if (line.current() != ')') line.refuse(line.at, "a ) that closes the frame");
     ++line.at;
     line.skip_blanks();
-    if (line.here() != ':') return;
+    if (line.current() != ':') return;
     ++line.at;
   }
 }
 
-void offset_value(TableReading& reading, const Assigned& to, int system, Cursor& line) {
-  if (to.index.size() == 1) return frame_value(reading, system, line);
-  if (to.index.size() != 3)
-    line.refuse(to.from, "an index of number, axis and TR, FI, RT, SC or MI");
+void parse_offset(TableReading& reading, const AssignmentTarget& target, int system, Cursor& line) {
+  if (target.index.size() == 1) return parse_frame(reading, system, line);
+  if (target.index.size() != 3)
+    line.refuse(target.from, "an index of number, axis and TR, FI, RT, SC or MI");
   line.skip_blanks();
   const std::size_t from = line.at;
-  const double value = table_number(line, to.name);
-  const std::string& part = to.index[2];
-  const char axis = axis_letter(to.index[1], line, to.from);
-  if (part == "TR" || part == "FI") return add_to_offset(reading, system, axis, value, from, line);
-  if (part != "RT" && part != "SC" && part != "MI") line.refuse(to.from, "TR, FI, RT, SC or MI");
+  const double value = parse_table_number(line, target.name);
+  const std::string& component = target.index[2];
+  const char axis = axis_letter(target.index[1], line, target.from);
+  if (component == "TR" || component == "FI")
+    return add_to_offset(reading, system, axis, value, from, line);
+  if (component != "RT" && component != "SC" && component != "MI")
+    line.refuse(target.from, "TR, FI, RT, SC or MI");
   // SC is a factor, so its neutral value is 1.
-  if (value != (part == "SC" ? 1.0 : 0.0))
+  if (value != (component == "SC" ? 1.0 : 0.0))
     line.refuse(from, "a work offset that is neither turned, scaled nor mirrored");
 }
 
-/// $P_UIFR[n]: an error in n up to 6 is reported, a frame beyond that is left out if it cannot be
-/// read.
-void numbered_offset(TableReading& reading, const Assigned& to, Cursor& line) {
-  const int number = table_index(to, 0, 99, line), system = 500 + number;
-  if (number <= 6) return offset_value(reading, to, number, line);
-  const std::size_t value = line.at;
-  reading.read_beyond(system, [&] { offset_value(reading, to, system, line); });
-  if (reading.unread.contains(system))  // the rejected value may continue in the line
-    line.at = std::min(line.text.find('$', value), line.text.size());
+/// Reads $P_UIFR[n]. Errors are reported for n up to 6; a later frame that cannot be read is left
+/// out.
+void parse_numbered_offset(TableReading& reading, const AssignmentTarget& target, Cursor& line) {
+  const int number = table_index(target, 0, 99, line), system = 500 + number;
+  if (number <= 6) return parse_offset(reading, target, number, line);
+  const std::size_t value_from = line.at;
+  reading.read_later_offset(system, [&] { parse_offset(reading, target, system, line); });
+  if (reading.unreadable_offsets.contains(system))  // the rejected value may continue in the line
+    line.at = std::min(line.text.find('$', value_from), line.text.size());
 }
 
-bool siemens_line(TableReading& reading, Edges& edges, Cursor& line) {
+bool parse_siemens_line(TableReading& reading, CuttingEdges& edges, Cursor& line) {
   line.skip_blanks();
-  if (line.here() == '%') return true;  // file names such as %_N_TO1_TOA
-  for (; !line.at_end() && line.here() != ';'; line.skip_blanks()) {
+  if (line.current() == '%') return true;  // file names such as %_N_TO1_TOA
+  for (; !line.at_end() && line.current() != ';'; line.skip_blanks()) {
     const std::size_t from = line.at;
-    const char c = upper(line.here());
+    const char c = upper(line.current());
     // Block numbers, and M17 or M30 at the end of the file.
-    if ((c == 'N' || c == 'M') && is_digit(line.next())) {
+    if ((c == 'N' || c == 'M') && is_digit(line.peek())) {
       ++line.at;
-      table_whole(line, 0, 1'000'000'000, "a block or M number");
+      parse_table_integer(line, 0, 1'000'000'000, "a block or M number");
       continue;
     }
-    if (line.take("CHANDATA(")) {
-      table_whole(line, 1, 99, "a channel");
-      if (line.here() != ')') line.refuse(from, "CHANDATA and a channel in ()");
+    if (line.accept("CHANDATA(")) {
+      parse_table_integer(line, 1, 99, "a channel");
+      if (line.current() != ')') line.refuse(from, "CHANDATA and a channel in ()");
       ++line.at;
       continue;
     }
     if (c != '$') line.refuse(from, "$ and the name of a value, as $TC_DP3[1,1]=");
-    const Assigned to = assigned_in(line);
-    const bool is_tool = to.name.starts_with("$TC_"), is_offset = to.name == "$P_UIFR";
+    const AssignmentTarget target = parse_assignment_target(line);
+    const bool is_tool = target.name.starts_with("$TC_"), is_offset = target.name == "$P_UIFR";
     if (is_tool && reading.kind == TableKind::Tools) {
-      tool_value(reading, to, edges, line);
+      parse_tool_value(reading, target, edges, line);
     } else if (is_offset && reading.kind == TableKind::Offsets) {
-      numbered_offset(reading, to, line);
+      parse_numbered_offset(reading, target, line);
     } else {
-      if (!pass_value(line)) reading.leave_out(to.name);
+      if (!skip_value(line)) reading.count_unused(target.name);
     }
   }
   return true;
 }
 
-/// G500 switches off work offsets; a scene has no offset for it.
+/// Reports values of $P_UIFR[0]: G500 switches work offsets off, so a scene has no offset for it.
 void check_g500(TableReading& reading) {
-  const auto found = reading.table.offsets.find(0);
-  if (found == reading.table.offsets.end()) return;
-  for (const auto& [axis, value] : found->second.axes)
+  const auto offset = reading.table.offsets.find(0);
+  if (offset == reading.table.offsets.end()) return;
+  for (const auto& [axis, value] : offset->second.axes)
     if (value.value != 0.0)
       reading.input_errors.add(BadInput(reading.table.file, value.line, value.column,
                                         "0 for $P_UIFR[0], which G500 calls",
                                         fmt::format("{}", value.value)));
-  reading.table.offsets.erase(found);
+  reading.table.offsets.erase(offset);
 }
 
 }  // namespace
 
 void read_siemens_table(TableReading& reading) {
-  Edges edges;
-  each_line(reading, [&](Cursor& line) { return siemens_line(reading, edges, line); });
+  CuttingEdges edges;
+  for_each_line(reading, [&](Cursor& line) { return parse_siemens_line(reading, edges, line); });
   // A tool without any $TC_DP of its first edge has only a name.
   for (const auto& [number, tool] : edges)
-    if (tool.edge)
+    if (tool.is_defined)
       reading.table.tools[number] = {tool.length + tool.wear + tool.base,
                                      tool.radius + tool.radius_wear,
                                      tool.wear,
@@ -552,15 +560,15 @@ namespace {
 
 // A listing of thousands of tools stays below 1 MB; 64 MiB bounds memory.
 constexpr std::size_t max_table_bytes = std::size_t(64) << 20;
-// Headers of files are a few lines long.
+// Headers of files are only a few lines long.
 constexpr int max_lines_for_sign = 2000;
 
 bool has_number_behind(std::string_view line, char letter) {
   return line.size() > 1 && upper(line[0]) == letter && is_digit(line[1]);
 }
 
-/// Returns the control whose tables have such a line.
-std::optional<Dialect> control_by_line(std::string_view line, TableKind kind) {
+/// Returns the control whose tables contain such a line, or nothing if the line has no sign.
+std::optional<Dialect> control_of_line(std::string_view line, TableKind kind) {
   if (line.starts_with("BEGIN ")) return Dialect::Heidenhain;
   for (const std::string_view sign : {"%_N_", "$TC_", "$P_UIFR"})
     if (line.find(sign) != std::string_view::npos) return Dialect::Siemens;
@@ -574,18 +582,18 @@ std::optional<Dialect> control_by_line(std::string_view line, TableKind kind) {
   return is_linuxcnc ? std::optional(Dialect::LinuxCnc) : std::nullopt;
 }
 
-std::optional<Dialect> control_of(std::string_view text, TableKind kind) {
+std::optional<Dialect> detect_control(std::string_view text, TableKind kind) {
   Lines lines(text);
   while (const auto line = lines.next()) {
     if (lines.number() > max_lines_for_sign) break;
     const std::size_t from = std::min(line->find_first_not_of(" \t"), line->size());
     if (from == line->size()) continue;
-    if (const auto found = control_by_line(line->substr(from), kind)) return found;
+    if (const auto control = control_of_line(line->substr(from), kind)) return control;
   }
   return std::nullopt;
 }
 
-std::string unused_text(const TableReading& reading) {
+std::string unused_values_note(const TableReading& reading) {
   std::string names;
   for (const auto& [name, count] : reading.unused)
     names += fmt::format("{}{} ({})", names.empty() ? "" : ", ", name, count);
@@ -593,7 +601,7 @@ std::string unused_text(const TableReading& reading) {
                      names);
 }
 
-void read_as(Dialect control, TableReading& reading) {
+void read_format(Dialect control, TableReading& reading) {
   reading.table.control = control;
   switch (control) {
     case Dialect::Fanuc:
@@ -611,7 +619,7 @@ void read_as(Dialect control, TableReading& reading) {
 
 std::string offset_name(Dialect control, int system) {
   if (control == Dialect::Heidenhain)
-    // Inverse of `preset_system`.
+    // The inverse of `preset_system`.
     return fmt::format("preset {}", system > 1000 ? system - 1000 : system);
   if (control == Dialect::Siemens && system > 4)
     // $P_UIFR[5] and [6] are called G505 and G506.
@@ -623,7 +631,7 @@ std::string offset_name(Dialect control, int system) {
 
 // A table of another control is only reported, since its offsets may still be intended.
 std::vector<std::string> table_warnings(const ControlTable& table, std::string_view read_as,
-                                        const std::set<int>& called) {
+                                        const std::set<int>& called_offsets) {
   std::vector<std::string> warnings = table.notes;
   const std::string_view control = name_of(table.control);
   if (read_as.empty()) {
@@ -636,43 +644,44 @@ std::vector<std::string> table_warnings(const ControlTable& table, std::string_v
                                    control, read_as));
     return warnings;
   }
-  std::string lacking;
-  // Only if the table states offsets at all.
-  for (const int system : called)
+  std::string missing_offsets;
+  // A file without offsets is a tool table, which is no reason for a warning.
+  for (const int system : called_offsets)
     if (!table.offsets.empty() && !table.offsets.contains(system))
-      lacking += (lacking.empty() ? "" : ", ") + offset_name(table.control, system);
-  if (!lacking.empty())
+      missing_offsets += (missing_offsets.empty() ? "" : ", ") + offset_name(table.control, system);
+  if (!missing_offsets.empty())
     warnings.push_back(
         fmt::format("{} has no {}, which the program calls: zero unless the program sets it",
-                    table.file, lacking));
+                    table.file, missing_offsets));
   return warnings;
 }
 
 ControlTable read_control_table(std::string_view text, const std::string& file, TableKind kind,
                                 std::optional<double> unit) {
-  const bool tools = kind == TableKind::Tools;
+  const bool is_tool_table = kind == TableKind::Tools;
   if (text.size() > max_table_bytes)
     throw BadProgram({BadInput(file, 0, 0, fmt::format("at most {} bytes", max_table_bytes),
                                fmt::format("{}", text.size()))});
-  const auto control = control_of(text, kind);
+  const auto control = detect_control(text, kind);
   if (!control)
-    throw BadProgram(
-        {BadInput(file, 1, 1,
-                  tools ? "a tool table of LinuxCNC (T1 Z D), Fanuc (G10), Siemens ($TC_DP) or "
-                          "Heidenhain (BEGIN)"
-                        : "work offsets of LinuxCNC (5221), Fanuc (G10), Siemens ($P_UIFR) or "
-                          "Heidenhain (BEGIN)",
-                  "no line that has a sign of one")});
+    throw BadProgram({BadInput(
+        file, 1, 1,
+        is_tool_table ? "a tool table of LinuxCNC (T1 Z D), Fanuc (G10), Siemens ($TC_DP) or "
+                        "Heidenhain (BEGIN)"
+                      : "work offsets of LinuxCNC (5221), Fanuc (G10), Siemens ($P_UIFR) or "
+                        "Heidenhain (BEGIN)",
+        "no line that has a sign of one")});
   TableReading reading{text, kind, unit};
   reading.table.file = file;
-  read_as(*control, reading);
+  read_format(*control, reading);
   // Offsets that could not be read must not count as zero.
-  for (const int system : reading.unread) reading.table.offsets.erase(system);
-  const bool empty = tools ? reading.table.tools.empty() : reading.table.offsets.empty();
-  if (empty && reading.input_errors.empty())
-    reading.input_errors.add(BadInput(file, 1, 1, tools ? "a tool" : "a work offset", "none"));
+  for (const int system : reading.unreadable_offsets) reading.table.offsets.erase(system);
+  const bool is_empty = is_tool_table ? reading.table.tools.empty() : reading.table.offsets.empty();
+  if (is_empty && reading.input_errors.empty())
+    reading.input_errors.add(
+        BadInput(file, 1, 1, is_tool_table ? "a tool" : "a work offset", "none"));
   if (!reading.input_errors.empty()) throw BadProgram(reading.input_errors.list());
-  if (!reading.unused.empty()) reading.table.notes.push_back(unused_text(reading));
+  if (!reading.unused.empty()) reading.table.notes.push_back(unused_values_note(reading));
   return std::move(reading.table);
 }
 

@@ -12,9 +12,9 @@
 namespace abbe::sim::dialects {
 
 namespace {
-// The same limit as that of the strict reader (nc_block.cpp): beyond any position or feed.
-constexpr double largest_number = 1e9;
-// A number needs no more; a hostile line could otherwise hold megabytes of digits.
+// The limit of the strict reader (nc_block.cpp) too: far beyond any position or feed.
+constexpr double max_number = 1e9;
+// No number needs more digits; a hostile line could hold megabytes of them.
 constexpr std::size_t max_digits = 200;
 }  // namespace
 
@@ -25,17 +25,17 @@ bool is_blank(char c) { return c == ' ' || c == '\t'; }
 
 std::vector<std::string_view> lines_of_text(std::string_view text) {
   std::vector<std::string_view> lines;
-  Lines all(text);
-  while (const auto line = all.next()) lines.push_back(*line);
+  Lines reader(text);
+  while (const auto line = reader.next()) lines.push_back(*line);
   return lines;
 }
 
-bool Cursor::take(std::string_view wanted) {
-  const std::size_t before = at;
+bool Cursor::accept(std::string_view expected_text) {
+  const std::size_t start = at;
   skip_blanks();
-  for (const char c : wanted) {
-    if (upper(here()) != c || at_end()) {
-      at = before;
+  for (const char c : expected_text) {
+    if (upper(current()) != c || at_end()) {
+      at = start;
       return false;
     }
     ++at;
@@ -44,72 +44,74 @@ bool Cursor::take(std::string_view wanted) {
 }
 
 // The whole word, so that "IF" does not match the beginning of "IFX".
-bool Cursor::take_word(std::string_view wanted) {
-  const std::size_t before = at;
-  if (take(wanted) && !is_letter(here()) && !is_digit(here()) && here() != '_') return true;
-  at = before;
+bool Cursor::accept_word(std::string_view expected_text) {
+  const std::size_t start = at;
+  if (accept(expected_text) && !is_letter(current()) && !is_digit(current()) && current() != '_')
+    return true;
+  at = start;
   return false;
 }
 
-std::string_view Cursor::cell(std::size_t from) const {
+std::string_view Cursor::text_until_blank(std::size_t from) const {
   std::size_t end = from;
   while (end < text.size() && !is_blank(text[end])) ++end;
   return text.substr(from, end - from);
 }
 
 void Cursor::refuse(std::size_t from, std::string expected, std::string seen) const {
-  throw BadInput(place.file, place.line, int(from) + 1, std::move(expected), std::move(seen));
+  throw BadInput(location.file, location.line, int(from) + 1, std::move(expected), std::move(seen));
 }
 
 void Cursor::refuse(std::size_t from, std::string expected) const {
   refuse(from, std::move(expected),
-         from < text.size() ? shown(cell(from)) : std::string("the end of the line"));
+         from < text.size() ? shown(text_until_blank(from)) : std::string("the end of the line"));
 }
 
 std::optional<double> Cursor::number(bool sign, bool blanks_within) {
-  const std::size_t before = at;
+  const std::size_t start = at;
   skip_blanks();
   const std::size_t from = at;
-  bool negative = false;
-  if (sign && (here() == '+' || here() == '-')) negative = text[at++] == '-';
+  bool is_negative = false;
+  if (sign && (current() == '+' || current() == '-')) is_negative = text[at++] == '-';
   if (blanks_within) skip_blanks();
-  const std::size_t digits = at;
+  const std::size_t digits_begin = at;
   int n_digits = 0, n_points = 0;
-  bool blanks = false;
+  bool has_blanks = false;
   // A second point ends the number: "1.2.3" is left to the caller to reject.
   for (; !at_end(); ++at) {
-    const char c = here();
+    const char c = current();
     if (is_digit(c)) {
       ++n_digits;
     } else if (c == '.' && n_points == 0) {
       ++n_points;
-    } else if (blanks_within && is_blank(c) && (is_digit(next()) || next() == '.')) {
-      blanks = true;
+    } else if (blanks_within && is_blank(c) && (is_digit(peek()) || peek() == '.')) {
+      has_blanks = true;
     } else {
       break;
     }
   }
   // Nothing is consumed, so that the caller can try something else at the same position.
   if (n_digits == 0) {
-    at = before;
+    at = start;
     return std::nullopt;
   }
-  std::string together;
-  std::string_view all = text.substr(digits, at - digits);
-  if (all.size() > max_digits) refuse(from, "a number of at most 200 digits");
+  std::string digits_without_blanks;
+  std::string_view digits = text.substr(digits_begin, at - digits_begin);
+  if (digits.size() > max_digits) refuse(from, "a number of at most 200 digits");
   // std::from_chars takes no blanks; the copy is made only if there are some.
-  if (blanks) {
-    for (const char c : all)
-      if (!is_blank(c)) together += c;
-    all = together;
+  if (has_blanks) {
+    for (const char c : digits)
+      if (!is_blank(c)) digits_without_blanks += c;
+    digits = digits_without_blanks;
   }
   // from_chars is independent of the locale: no decimal comma, no thousands separators.
   double value = 0.0;
-  const auto read =
-      std::from_chars(all.data(), all.data() + all.size(), value, std::chars_format::fixed);
-  if (read.ec != std::errc() || read.ptr != all.data() + all.size() || !(value <= largest_number))
+  const auto result = std::from_chars(digits.data(), digits.data() + digits.size(), value,
+                                      std::chars_format::fixed);
+  if (result.ec != std::errc() || result.ptr != digits.data() + digits.size() ||
+      !(value <= max_number))
     refuse(from, "a number of at most 1e9");
-  return negative ? -value : value;
+  return is_negative ? -value : value;
 }
 
 std::string_view name_of(Use use) {
@@ -124,12 +126,12 @@ std::string_view name_of(Use use) {
   return "";
 }
 
-// Linear search over at most a few hundred words.
+// A linear search is fast enough: tables have at most a few hundred words.
 const WordTableEntry* find_word(std::span<const WordTableEntry> table, std::string_view word) {
   for (const WordTableEntry& line : table) {
-    bool has = false;
-    each_word(line.word, [&](std::string_view one) { has = has || one == word; });
-    if (has) return &line;
+    bool is_match = false;
+    each_word(line.word, [&](std::string_view alias) { is_match = is_match || alias == word; });
+    if (is_match) return &line;
   }
   return nullptr;
 }

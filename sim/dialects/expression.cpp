@@ -15,87 +15,90 @@ void Variables::leave() {
   calls_.pop_back();
 }
 
-std::optional<double> Variables::number(int number, Of of) const {
-  const auto& numbers = table(of).numbers;
-  const auto found = numbers.find(number);
-  return found == numbers.end() ? std::nullopt : std::optional(found->second);
+std::optional<double> Variables::number(int number, Scope scope) const {
+  const auto& numbers = table(scope).numbers;
+  const auto entry = numbers.find(number);
+  return entry == numbers.end() ? std::nullopt : std::optional(entry->second);
 }
 
-std::optional<double> Variables::named(std::string_view name, Of of) const {
-  const auto& names = table(of).names;
-  const auto found = names.find(name);
-  return found == names.end() ? std::nullopt : std::optional(found->second);
+std::optional<double> Variables::named(std::string_view name, Scope scope) const {
+  const auto& names = table(scope).names;
+  const auto entry = names.find(name);
+  return entry == names.end() ? std::nullopt : std::optional(entry->second);
 }
 
-bool Variables::set(int number, double value, Of of) {
-  auto& numbers = table(of).numbers;
-  const auto found = numbers.find(number);
-  if (found != numbers.end()) {
-    found->second = value;
+bool Variables::set(int number, double value, Scope scope) {
+  auto& numbers = table(scope).numbers;
+  const auto entry = numbers.find(number);
+  if (entry != numbers.end()) {
+    entry->second = value;
     return true;
   }
   // Only a new variable can exceed the limit; setting an existing one always succeeds.
-  if (count_ == max_) return false;
+  if (count_ == max_variables_) return false;
   numbers.emplace(number, value);
   ++count_;
   return true;
 }
 
-bool Variables::set(std::string_view name, double value, Of of) {
-  auto& names = table(of).names;
-  const auto found = names.find(name);
-  if (found != names.end()) {
-    found->second = value;
+bool Variables::set(std::string_view name, double value, Scope scope) {
+  auto& names = table(scope).names;
+  const auto entry = names.find(name);
+  if (entry != names.end()) {
+    entry->second = value;
     return true;
   }
-  if (count_ == max_) return false;
+  if (count_ == max_variables_) return false;
   names.emplace(std::string(name), value);
   ++count_;
   return true;
 }
 
-void Variables::unset(int number, Of of) { count_ -= table(of).numbers.erase(number); }
+void Variables::unset(int number, Scope scope) { count_ -= table(scope).numbers.erase(number); }
 
 namespace {
 
 // Returns the operator at the cursor and advances past it, if its level is at least `min_level`.
 const Operator* operator_at(Cursor& cursor, const ExpressionGrammar& grammar, int min_level) {
-  for (const Operator& one : grammar.operators) {
-    const std::size_t before = cursor.at;
-    if (!cursor.take(one.text)) continue;
-    // An operator of a lower level belongs to an outer call of `climb`; the cursor stays before it.
-    if (one.level >= min_level) return &one;
-    cursor.at = before;
+  for (const Operator& binary_operator : grammar.operators) {
+    const std::size_t start = cursor.at;
+    if (!cursor.accept(binary_operator.text)) continue;
+    // An operator of a lower level belongs to an outer call of `parse_operators`; the cursor stays
+    // before it.
+    if (binary_operator.level >= min_level) return &binary_operator;
+    cursor.at = start;
     return nullptr;
   }
   return nullptr;
 }
 
-// Returns the result, or throws for infinity and NaN, which no axis position can be.
-double checked(double result, const Cursor& cursor, std::size_t from) {
+// Returns the result. Throws for infinity and NaN, because no axis can stand there.
+double require_finite(double result, const Cursor& cursor, std::size_t from) {
   if (!std::isfinite(result)) cursor.refuse(from, "a result that is a finite number");
   return result;
 }
 
 // Precedence climbing. The right operand is parsed with level + 1, so that operators of equal level
 // are evaluated from the left.
-double climb(Cursor& cursor, const ExpressionGrammar& grammar, Operands& operands, int min_level) {
-  double left = value(cursor, grammar, operands);
+double parse_operators(Cursor& cursor, const ExpressionGrammar& grammar, OperandParser& operands,
+                       int min_level) {
+  double left = parse_value(cursor, grammar, operands);
   while (true) {
     cursor.skip_blanks();
     const std::size_t from = cursor.at;
-    const Operator* one = operator_at(cursor, grammar, min_level);
-    if (one == nullptr) return left;
-    const double right = climb(cursor, grammar, operands, one->level + 1);
-    if (one->fault != nullptr)
-      if (const char* wanted = one->fault(left, right)) cursor.refuse(from, wanted);
-    left = checked(one->apply(left, right), cursor, from);
+    const Operator* binary_operator = operator_at(cursor, grammar, min_level);
+    if (binary_operator == nullptr) return left;
+    const double right = parse_operators(cursor, grammar, operands, binary_operator->level + 1);
+    if (binary_operator->operand_error != nullptr)
+      if (const char* expected = binary_operator->operand_error(left, right))
+        cursor.refuse(from, expected);
+    left = require_finite(binary_operator->apply(left, right), cursor, from);
   }
 }
 
 }  // namespace
 
-double value(Cursor& cursor, const ExpressionGrammar& grammar, Operands& operands) {
+double parse_value(Cursor& cursor, const ExpressionGrammar& grammar, OperandParser& operands) {
   cursor.skip_blanks();
   // All nesting passes through here: the limit protects the stack from hostile programs.
   const NestingLevel level(cursor.depth);
@@ -106,46 +109,46 @@ double value(Cursor& cursor, const ExpressionGrammar& grammar, Operands& operand
         "more");
   // A sign directly before digits belongs to the number, so that "-2" needs no level of nesting.
   if (const auto number = cursor.number(true, grammar.blanks_within_numbers)) return *number;
-  const char c = cursor.here();
+  const char c = cursor.current();
   if (c == '-' || c == '+') {
     ++cursor.at;
-    const double inner = value(cursor, grammar, operands);
+    const double inner = parse_value(cursor, grammar, operands);
     return c == '-' ? -inner : inner;
   }
-  if (c == grammar.open) return bracketed(cursor, grammar, operands);
+  if (c == grammar.open) return parse_bracketed(cursor, grammar, operands);
   const std::size_t from = cursor.at;
   // The dialect has precedence: its functions of several arguments may share a name with others.
-  if (const auto own = operands.operand(cursor)) return *own;
+  if (const auto operand = operands.parse_operand(cursor)) return *operand;
   for (const Function& function : grammar.functions) {
-    const std::size_t before = cursor.at;
-    if (!cursor.take(function.name)) continue;
+    const std::size_t start = cursor.at;
+    if (!cursor.accept(function.name)) continue;
     cursor.skip_blanks();
     // The name may be the beginning of a longer word, which is not a function call.
-    if (cursor.here() != grammar.open) {
-      cursor.at = before;
+    if (cursor.current() != grammar.open) {
+      cursor.at = start;
       continue;
     }
-    const double argument = bracketed(cursor, grammar, operands);
-    if (function.fault != nullptr)
-      if (const char* wanted = function.fault(argument)) cursor.refuse(from, wanted);
-    return checked(function.apply(argument), cursor, from);
+    const double argument = parse_bracketed(cursor, grammar, operands);
+    if (function.operand_error != nullptr)
+      if (const char* expected = function.operand_error(argument)) cursor.refuse(from, expected);
+    return require_finite(function.apply(argument), cursor, from);
   }
   cursor.refuse(cursor.at, "a number");
 }
 
-double expression(Cursor& cursor, const ExpressionGrammar& grammar, Operands& operands) {
-  return climb(cursor, grammar, operands, 0);
+double parse_expression(Cursor& cursor, const ExpressionGrammar& grammar, OperandParser& operands) {
+  return parse_operators(cursor, grammar, operands, 0);
 }
 
-double bracketed(Cursor& cursor, const ExpressionGrammar& grammar, Operands& operands) {
+double parse_bracketed(Cursor& cursor, const ExpressionGrammar& grammar, OperandParser& operands) {
   cursor.skip_blanks();
   const std::size_t open = cursor.at;
-  if (cursor.here() != grammar.open)
+  if (cursor.current() != grammar.open)
     cursor.refuse(open, std::string("an expression in ") + grammar.open + grammar.close);
   ++cursor.at;
-  const double inner = expression(cursor, grammar, operands);
+  const double inner = parse_expression(cursor, grammar, operands);
   cursor.skip_blanks();
-  if (cursor.here() != grammar.close)
+  if (cursor.current() != grammar.close)
     cursor.refuse(cursor.at, std::string(1, grammar.close) + " or an operator");
   ++cursor.at;
   return inner;

@@ -22,38 +22,36 @@ void read_heidenhain(std::string_view text, ProgramRun& run);
 void read_cl(std::string_view text, ProgramRun& run) {
   if (cl::is_table(text)) {
     // A table has no statements in which a startup code could be written.
-    run.start([&](std::string_view code) {
+    run.run_startup_code([&](std::string_view code) {
       run.canon.refuse({1, code}, "no startup code for a table of cutter locations");
     });
     return cl::read_table(text, run);
   }
   cl::Machine machine(run);
-  run.start([&](std::string_view code) {
+  run.run_startup_code([&](std::string_view code) {
     cl::Statements statements(code);
     cl::Statement statement;
     while (statements.next(statement)) machine.execute(statement);
   });
   cl::Statements statements(text);
   cl::Statement statement;
-  // Statements end at FINI, or where errors make further reading pointless.
-  while (!machine.ended() && !run.is_aborted() && statements.next(statement))
-    run.attempt([&] {
+  while (!machine.has_ended() && !run.is_aborted() && statements.next(statement))
+    run.try_block([&] {
       run.canon.set_line(statement.line);
       run.count_block();
       machine.execute(statement);
     });
   machine.finish();
   // Without FINI the whole text has been read.
-  if (!machine.ended()) return;
+  if (!machine.has_ended()) return;
   const std::vector<std::string_view> lines = lines_of_text(text);
-  run.warn_unread(lines, {{0, lines.size()}});
+  run.warn_of_unread_lines(lines, {{0, lines.size()}});
 }
 
 void read_fanuc(std::string_view text, ProgramRun& run) {
-  if (!run.turning())
+  if (!run.is_turning())
     if (const auto sign = fanuc::find_turning_sign(text, run.canon)) {
-      // Thrown alone: whatever else a milling control finds in it is a consequence of the wrong
-      // control.
+      // The only error that is reported: all others would be consequences of the wrong control.
       throw BadProgram({BadInput(
           run.canon.place().file, sign->line, sign->column,
           "a program of a milling control; control = \"turning\" (--control turning), or a machine "
@@ -69,9 +67,8 @@ void read_linuxcnc(std::string_view text, ProgramRun& run) { linuxcnc::Flow(text
 
 void read_siemens(std::string_view text, ProgramRun& run) { siemens::Flow(text, run).run(); }
 
-// In the order of the README.
 std::span<const FrontEnd> front_ends() {
-  static constexpr std::array all = {
+  static constexpr std::array table = {
       FrontEnd{Dialect::LinuxCnc, "LinuxCNC (RS274/NGC)", read_linuxcnc, linuxcnc_words},
       FrontEnd{Dialect::Cl, "CL (APT cutter locations, CSV)", read_cl, cl_words},
       FrontEnd{Dialect::Fanuc, "Fanuc (milling, custom macro B)", read_fanuc, fanuc_words,
@@ -80,7 +77,7 @@ std::span<const FrontEnd> front_ends() {
       FrontEnd{Dialect::Heidenhain, "Heidenhain (TNC 640, Klartext)", read_heidenhain,
                heidenhain_words},
   };
-  return all;
+  return table;
 }
 
 }  // namespace abbe::sim::dialects

@@ -19,12 +19,15 @@ void read_cl(std::string_view text, ProgramRun& run);
 /// Returns the word table of cutter locations.
 std::span<const WordTableEntry> cl_words();
 
-/// Reads programs of Fanuc controls (Series 16i to 30i), including custom macro B: of milling
-/// controls, or with `run.turning()` of turning controls with G-code system A.
+/// Reads programs of Fanuc controls (Series 16i to 30i), including custom macro B. With
+/// `run.is_turning()` they are programs of turning controls with G-code system A, else of milling
+/// controls.
 void read_fanuc(std::string_view text, ProgramRun& run);
 
-/// Return the word tables of Fanuc milling controls and of Fanuc turning controls.
+/// Returns the word table of Fanuc milling controls.
 std::span<const WordTableEntry> fanuc_words();
+
+/// Returns the word table of Fanuc turning controls.
 std::span<const WordTableEntry> fanuc_lathe_words();
 
 /// Reads RS274/NGC as LinuxCNC does, and in addition G43.4, which abbe's own programs use.

@@ -17,8 +17,8 @@ namespace {
 constexpr std::size_t max_skipped = 1000;
 constexpr std::size_t blocks_between_reports = 8192;  // rare enough to cost nothing beside parsing
 
-// Returns true for a turning control, stated or derived from a spindle that turns the workpiece.
-bool is_turning(const ReadOptions& options) {
+// Returns true for a turning control, stated or derived from a spindle that carries the workpiece.
+bool has_turning_control(const ReadOptions& options) {
   const ControlKind kind = options.turning.control;
   return kind == ControlKind::Turning ||
          (kind == ControlKind::FromMachine && program::turns_workpiece(options.control.axes));
@@ -29,11 +29,11 @@ bool is_turning(const ReadOptions& options) {
 bool is_x_radial(const program::NcOptions& control) {
   constexpr double right_angle = 1e-6;  // cosine of the angle
   if (!control.control) return true;
-  const auto spindle = control.control->find('S'), x = control.control->find('X');
-  if (!spindle || !x) return true;
+  const auto spindle = control.control->find('S'), x_axis = control.control->find('X');
+  if (!spindle || !x_axis) return true;
   const auto& joints = control.control->joints();
   return std::abs(joints[std::size_t(*spindle)].direction_b.dot(
-             joints[std::size_t(*x)].direction_b)) < right_angle;
+             joints[std::size_t(*x_axis)].direction_b)) < right_angle;
 }
 
 }  // namespace
@@ -43,40 +43,40 @@ ProgramRun::ProgramRun(const std::string& file, const ReadOptions& options, std:
       options_(options),
       file_(file),
       line_was_read_(lines + 2),  // lines are counted from 1, and the last one may lack its end
-      lines_(lines),
-      turning_(is_turning(options)) {}
+      line_count_(lines),
+      is_turning_(has_turning_control(options)) {}
 
 bool ProgramRun::has_initial_diameters(bool usual) const {
-  const XWordMeaning words = options_.turning.x_words;
-  if (words != XWordMeaning::FromControl) return words == XWordMeaning::Diameters;
-  return usual && turning_ && is_x_radial(options_.control);
+  const XWordMeaning meaning = options_.turning.x_words;
+  if (meaning != XWordMeaning::FromControl) return meaning == XWordMeaning::Diameters;
+  return usual && is_turning_ && is_x_radial(options_.control);
 }
 
-void ProgramRun::hand_over() {
+void ProgramRun::emit_segment() {
   if (!options_.on_path_segment) return;
-  program::Path piece = canon.hand_over();
+  program::Path segment = canon.hand_over();
   // After the first error the program has no valid continuation, so nothing more is passed on.
-  if (input_errors_.empty()) options_.on_path_segment(std::move(piece));
+  if (input_errors_.empty()) options_.on_path_segment(std::move(segment));
 }
 
-// Only the first cause is reported: errors that follow from an uncertain position are dropped.
-bool ProgramRun::attempt(const std::function<void()>& block) {
+// Only causes are reported: a user who corrects them need not read their consequences.
+bool ProgramRun::try_block(const std::function<void()>& block) {
   try {
     block();
     return true;
-  } catch (const ProgramLimitExceeded& fault) {
+  } catch (const ProgramLimitExceeded& input_error) {
     // A limit ends reading; otherwise every further block would report it again.
-    input_errors_.add(fault);
-    aborted_ = true;
+    input_errors_.add(input_error);
+    is_aborted_ = true;
   } catch (const program::FollowingError&) {
     // A consequence of a reported error: the position is still not what the program intended.
     canon.mark_position_uncertain();
-  } catch (const program::BadGeometry& fault) {
+  } catch (const program::BadGeometry& input_error) {
     // An arc with a wrong centre leaves the axes at its programmed end, so the position stays
     // certain.
-    if (!fault.is_uncertain) input_errors_.add(fault);
-  } catch (const BadInput& fault) {
-    input_errors_.add(fault);
+    if (!input_error.is_uncertain) input_errors_.add(input_error);
+  } catch (const BadInput& input_error) {
+    input_errors_.add(input_error);
     canon.mark_position_uncertain();
   }
   return false;
@@ -84,24 +84,24 @@ bool ProgramRun::attempt(const std::function<void()>& block) {
 
 void ProgramRun::require_certain(const std::string& name, const program::Cause& cause) const {
   if (uncertain_names_.empty() || !uncertain_names_.contains(name)) return;
-  const program::NcLocation place = canon.place();
-  throw program::FollowingError(place.file, place.line, cause.column,
+  const program::NcLocation location = canon.place();
+  throw program::FollowingError(location.file, location.line, cause.column,
                                 name + " without an input error", "one that is reported");
 }
 
 void ProgramRun::refuse_once(const std::string& name, const program::Cause& cause,
                              std::string expected, std::optional<std::string> seen) {
-  // A second search for the same name fails silently by `require_certain`.
+  // From the second use on `require_certain` throws an error that is not reported.
   require_certain(name, cause);
-  doubt(name);
+  mark_uncertain(name);
   canon.refuse(cause, std::move(expected), std::move(seen));
 }
 
-void ProgramRun::start(const std::function<void(std::string_view)>& block) {
+void ProgramRun::run_startup_code(const std::function<void(std::string_view)>& block) {
   if (options_.startup_code.empty()) return;
   // The startup code is a file of its own, so that messages do not point into the program.
   canon.set_line(1, canon.add_file("program.startup_code"));
-  attempt([&] { block(options_.startup_code); });
+  try_block([&] { block(options_.startup_code); });
 }
 
 bool has_words(std::string_view line) {
@@ -122,72 +122,79 @@ void ProgramRun::count_block() {
   // Only lines of the main file are tracked: warnings about unread lines are about that file.
   if (canon.file() == 0 && std::size_t(canon.line()) < line_was_read_.size())
     line_was_read_[std::size_t(canon.line())] = true;
-  if (canon.kept() >= path_segment_blocks) hand_over();
-  if (options_.progress && blocks_ % blocks_between_reports == 0 && lines_ > 0)
-    options_.progress(std::min(1.0, double(canon.line()) / double(lines_)));
-  if (++blocks_ <= options_.limits.blocks) return;
-  const program::NcLocation place = canon.place();
+  if (canon.kept() >= path_segment_blocks) emit_segment();
+  if (options_.progress && block_count_ % blocks_between_reports == 0 && line_count_ > 0)
+    options_.progress(std::min(1.0, double(canon.line()) / double(line_count_)));
+  if (++block_count_ <= options_.limits.blocks) return;
+  const program::NcLocation location = canon.place();
   throw ProgramLimitExceeded(
-      place.file, place.line, 0,
+      location.file, location.line, 0,
       fmt::format("at most {} blocks executed (max_moves)", options_.limits.blocks),
       "more: a loop without end, or too many repeats");
 }
 
-void ProgramRun::check_moves(double more, const program::Cause& cause) const {
-  canon.check_moves(more, cause);
+void ProgramRun::check_moves(double move_count, const program::Cause& cause) const {
+  canon.check_moves(move_count, cause);
   // Memory is checked only if the moves are kept.
-  if (!options_.on_path_segment) canon.check_memory(more, cause);
+  if (!options_.on_path_segment) canon.check_memory(move_count, cause);
+}
+
+void ProgramRun::throw_variable_limit(const program::NcLocation& location, const char* noun) const {
+  throw ProgramLimitExceeded(location.file, location.line, 0,
+                             fmt::format("at most {} {}", options_.limits.variables, noun), "more");
 }
 
 void ProgramRun::check_depth(int depth, const program::Cause& cause, const char* what) const {
   if (depth <= options_.limits.depth) return;
-  const program::NcLocation place = canon.place();
+  const program::NcLocation location = canon.place();
   throw ProgramLimitExceeded(
-      place.file, place.line, cause.column,
+      location.file, location.line, cause.column,
       fmt::format("at most {} {} within each other", options_.limits.depth, what),
       "more: " + shown(cause.text));
 }
 
-void ProgramRun::unknown(const program::Cause& word, const std::string& expected) {
+void ProgramRun::handle_unknown_word(const program::Cause& word, const std::string& expected) {
   if (options_.on_unknown == UnknownWordPolicy::Refuse) canon.refuse(word, expected);
-  const auto known = std::find_if(skipped_.begin(), skipped_.end(),
-                                  [&](const SkippedWord& one) { return one.word == word.text; });
-  if (known != skipped_.end()) {
-    ++known->count;
+  const auto entry =
+      std::find_if(skipped_words_.begin(), skipped_words_.end(),
+                   [&](const SkippedWord& skipped_word) { return skipped_word.word == word.text; });
+  if (entry != skipped_words_.end()) {
+    ++entry->count;
     return;
   }
-  if (skipped_.size() == max_skipped) {
-    const program::NcLocation place = canon.place();
-    throw ProgramLimitExceeded(place.file, place.line, word.column,
+  if (skipped_words_.size() == max_skipped) {
+    const program::NcLocation location = canon.place();
+    throw ProgramLimitExceeded(location.file, location.line, word.column,
                                "at most 1000 different unknown words", shown(word.text));
   }
-  skipped_.push_back({std::string(word.text.substr(0, 40)), 1, canon.line()});
+  skipped_words_.push_back({std::string(word.text.substr(0, 40)), 1, canon.line()});
 }
 
-bool ProgramRun::skips(int level) {
+bool ProgramRun::skips_block(int level) {
   const bool skipped = options_.control.block_skip.test(std::size_t(level));
-  // Blocks skipped and blocks executed behind a / are counted apart: both are assumptions.
-  BlockSkipCount& blocks = skipped ? left_out_ : executed_;
+  // Both counts are reported as assumptions, as the state of the operator's switch is unknown.
+  BlockSkipCount& blocks = skipped ? skipped_blocks_ : executed_blocks_;
   if (blocks.count++ == 0)
     blocks = {1, canon.line(), canon.file() > 0 ? canon.place().file : std::string()};
   return skipped;
 }
 
-void ProgramRun::assume_mode(StartMode mode, std::string_view taken) {
-  AssumedMode& known = modes_[std::size_t(mode)];
-  if (known.stated) return;
-  // Stated from here on, so that each mode is reported once.
-  known = {taken, true};
-  if (modes_line_ == 0) modes_line_ = canon.line();
+void ProgramRun::assume_mode(StartMode mode, std::string_view assumed_state) {
+  AssumedMode& assumed_mode = assumed_modes_[std::size_t(mode)];
+  if (assumed_mode.is_stated) return;
+  // From here on the mode counts as stated, so that it is reported once.
+  assumed_mode = {assumed_state, true};
+  if (first_assumption_line_ == 0) first_assumption_line_ = canon.line();
 }
 
-void ProgramRun::assume_offset(int system, std::string_view taken) {
+void ProgramRun::assume_offset(int system, std::string_view assumed_state) {
   const kinematics::AxisVector& offset = program::work_offset(canon.options(), system);
   // An offset of zero makes no difference, so nothing has been assumed.
-  if (offset.size() > 0 && !offset.isZero(0.0)) assume_mode(StartMode::WorkOffset, taken);
+  if (offset.size() > 0 && !offset.isZero(0.0)) assume_mode(StartMode::WorkOffset, assumed_state);
 }
 
-int ProgramRun::uncalled_tool(const program::Cause& cause, const std::string& missing_statement) {
+int ProgramRun::assume_only_tool(const program::Cause& cause,
+                                 const std::string& missing_statement) {
   const auto tool = program::only_tool(canon.options());
   if (!tool) canon.refuse(cause, "a tool that is called before it", missing_statement);
   canon.assume({missing_statement + ": the only tool is taken to be meant", "program.startup_code",
@@ -196,53 +203,54 @@ int ProgramRun::uncalled_tool(const program::Cause& cause, const std::string& mi
 }
 
 void ProgramRun::report_assumptions() {
-  const auto blocks = [&](const BlockSkipCount& marked, const char* text) {
-    if (marked.count > 0)
-      canon.assume({fmt::format("{} {} behind / {}", marked.count,
-                                marked.count == 1 ? "block" : "blocks", text),
-                    "program.block_skip", "--block-skip", marked.line, marked.file});
+  const auto add_assumption = [&](const BlockSkipCount& skip_count, const char* text) {
+    if (skip_count.count > 0)
+      canon.assume({fmt::format("{} {} behind / {}", skip_count.count,
+                                skip_count.count == 1 ? "block" : "blocks", text),
+                    "program.block_skip", "--block-skip", skip_count.line, skip_count.file});
   };
-  blocks(left_out_, "left out: block skip is on");
-  blocks(executed_, "executed: block skip is off");
-  std::string taken;
-  for (const AssumedMode& mode : modes_)
-    if (!mode.taken.empty()) taken += (taken.empty() ? "" : ", ") + std::string(mode.taken);
-  if (!taken.empty())
-    canon.assume({"no word before says otherwise: " + taken, "program.startup_code",
-                  "--startup-code", modes_line_});
+  add_assumption(skipped_blocks_, "left out: block skip is on");
+  add_assumption(executed_blocks_, "executed: block skip is off");
+  std::string assumed_state;
+  for (const AssumedMode& mode : assumed_modes_)
+    if (!mode.assumed_state.empty())
+      assumed_state += (assumed_state.empty() ? "" : ", ") + std::string(mode.assumed_state);
+  if (!assumed_state.empty())
+    canon.assume({"no word before says otherwise: " + assumed_state, "program.startup_code",
+                  "--startup-code", first_assumption_line_});
 }
 
-void ProgramRun::warn_unread(const std::vector<std::string_view>& lines,
-                             const std::vector<Section>& sections) {
-  const auto is_read = [&](std::size_t i) {
+void ProgramRun::warn_of_unread_lines(const std::vector<std::string_view>& lines,
+                                      const std::vector<Section>& sections) {
+  const auto was_read = [&](std::size_t i) {
     return i + 1 < line_was_read_.size() && line_was_read_[i + 1];
   };
-  std::size_t last = lines.size();  // last line read of the section
-  const auto find_last = [&](const Section& section) {
-    last = section.end;
+  std::size_t last_read_line = lines.size();  // in the section
+  const auto find_last_read = [&](const Section& section) {
+    last_read_line = section.end;
     for (std::size_t i = section.first; i < section.end; ++i)
-      if (is_read(i)) last = i;
-    return last < section.end;
+      if (was_read(i)) last_read_line = i;
+    return last_read_line < section.end;
   };
   const std::size_t end = std::size_t(std::max(canon.line(), 1)) - 1;
-  std::size_t first = lines.size(), count = 0;
+  std::size_t first_unread_line = lines.size(), count = 0;
   for (const Section& section : sections) {
-    // In the section where reading ended, lines behind the last one read are unread. Another
-    // section is reported only if none of its lines was read: a subprogram may end before its last
-    // line.
-    const bool ends_here = canon.file() == 0 && end >= section.first && end < section.end;
-    const bool any = find_last(section);
-    if (any && !ends_here) continue;
-    for (std::size_t i = any ? last + 1 : section.first; i < section.end; ++i) {
+    // A section other than the one where reading ended is reported only if none of its lines was
+    // read: a subprogram may end before its last line.
+    const bool ends_reading = canon.file() == 0 && end >= section.first && end < section.end;
+    const bool has_read_lines = find_last_read(section);
+    if (has_read_lines && !ends_reading) continue;
+    for (std::size_t i = has_read_lines ? last_read_line + 1 : section.first; i < section.end;
+         ++i) {
       if (!has_words(lines[i])) continue;
-      first = std::min(first, i);
+      first_unread_line = std::min(first_unread_line, i);
       ++count;
     }
   }
   if (count == 0) return;
   warn_once(fmt::format(
-      "{}:{}: {} from {} on {} not read: the program ends {}", file_, first + 1,
-      count == 1 ? "the line" : fmt::format("{} lines", count), in_quotes(lines[first]),
+      "{}:{}: {} from {} on {} not read: the program ends {}", file_, first_unread_line + 1,
+      count == 1 ? "the line" : fmt::format("{} lines", count), in_quotes(lines[first_unread_line]),
       count == 1 ? "is" : "are",
       canon.file() == 0 ? fmt::format("on line {}", end + 1) : "in " + canon.place().file));
 }

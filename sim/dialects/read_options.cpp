@@ -15,11 +15,12 @@ namespace abbe::sim::dialects {
 
 namespace {
 
-// Signs stand in the head of a file; searching millions of lines costs more than it tells.
-constexpr int most_lines = 2000;
-constexpr std::size_t longest = 300;  // bytes; signs stand at the beginning of a line
+// Signs stand at the head of a file; searching millions of further lines would only cost time.
+constexpr int max_searched_lines = 2000;
+// Bytes; signs stand at the beginning of a line.
+constexpr std::size_t max_searched_bytes = 300;
 
-// A text that only one dialect has.
+// A text that occurs in programs of one dialect only.
 struct Sign {
   Dialect dialect;
   std::string_view text;
@@ -75,14 +76,14 @@ constexpr Sign first_signs[] = {
     {Dialect::LinuxCnc, "O<"},
 };
 
-// A point counts, so that G68.2 is not taken for G68.
+// The point is included, so that G68.2 is not mistaken for G68.
 bool is_word_byte(char c) { return is_letter(c) || is_digit(c) || c == '_' || c == '.'; }
 
 /// Returns the line in upper case without comments, which all dialects but Heidenhain write in ( ).
-std::string bare(std::string_view line) {
+std::string without_comments(std::string_view line) {
   std::string text;
   bool inside = false;
-  for (const char c : line.substr(0, longest)) {
+  for (const char c : line.substr(0, max_searched_bytes)) {
     if (c == '(') inside = true;
     if (!inside) text += upper(c);
     if (c == ')') inside = false;
@@ -95,14 +96,15 @@ bool is_whole_word(std::string_view line, std::string_view word) {
   for (std::size_t at = line.find(word); at != std::string_view::npos;
        at = line.find(word, at + 1)) {
     const std::size_t end = at + word.size();
-    const bool before = at > 0 && is_letter(line[at - 1]);
-    const bool after = end < line.size() && is_word_byte(line[end]) && !is_letter(word.back()) &&
-                       (is_digit(line[end]) || line[end] == '.');
-    // Example: "G64 P".
-    const bool takes_number = word.size() > 1 && is_blank(word[word.size() - 2]);
-    const bool longer =
-        end < line.size() && is_letter(word.back()) && !takes_number && is_word_byte(line[end]);
-    if (!before && !after && !longer) return true;
+    const bool has_letter_before = at > 0 && is_letter(line[at - 1]);
+    const bool has_digit_after = end < line.size() && is_word_byte(line[end]) &&
+                                 !is_letter(word.back()) &&
+                                 (is_digit(line[end]) || line[end] == '.');
+    // A sign such as "G64 P" ends with the address of a number.
+    const bool expects_number = word.size() > 1 && is_blank(word[word.size() - 2]);
+    const bool is_longer_word =
+        end < line.size() && is_letter(word.back()) && !expects_number && is_word_byte(line[end]);
+    if (!has_letter_before && !has_digit_after && !is_longer_word) return true;
   }
   return false;
 }
@@ -131,8 +133,9 @@ bool is_o_word(std::string_view line) {
   static constexpr std::array<std::string_view, 15> words = {
       "SUB",   "ENDSUB",   "CALL", "RETURN", "IF",        "ELSEIF", "ELSE",    "ENDIF",
       "WHILE", "ENDWHILE", "DO",   "REPEAT", "ENDREPEAT", "BREAK",  "CONTINUE"};
-  const std::string_view rest = line.substr(at);
-  return std::ranges::any_of(words, [&](std::string_view word) { return rest.starts_with(word); });
+  const std::string_view keyword = line.substr(at);
+  return std::ranges::any_of(words,
+                             [&](std::string_view word) { return keyword.starts_with(word); });
 }
 
 /// Returns an assignment as only Siemens writes it: R1=..., X=..., T="...".
@@ -155,45 +158,47 @@ std::string_view strip_block_number(std::string_view line) {
   Cursor cursor{line, {nowhere, 0}};
   cursor.skip_blanks();
   const std::size_t start = cursor.at;
-  if (cursor.here() == 'N') ++cursor.at;
+  if (cursor.current() == 'N') ++cursor.at;
   const std::size_t digits = cursor.at;
-  while (is_digit(cursor.here())) ++cursor.at;
+  while (is_digit(cursor.current())) ++cursor.at;
   if (cursor.at == digits) cursor.at = start;
   cursor.skip_blanks();
   return line.substr(std::min(cursor.at, line.size()));
 }
 
-std::optional<Sign> find_dialect_sign(std::string_view line, std::string& seen) {
-  const std::string_view rest = strip_block_number(line);
+// `assignment_text` keeps the text of a sign that is an assignment, which the sign refers to.
+std::optional<Sign> find_dialect_sign(std::string_view line, std::string& assignment_text) {
+  const std::string_view statement = strip_block_number(line);
   // The most explicit signs come first.
   for (const Sign& sign : first_signs)
-    if (rest.starts_with(sign.text)) return sign;
-  if (is_o_word(rest)) return Sign{Dialect::LinuxCnc, "an O word"};
-  if (is_program_number(rest)) return Sign{Dialect::Fanuc, "a program number O"};
+    if (statement.starts_with(sign.text)) return sign;
+  if (is_o_word(statement)) return Sign{Dialect::LinuxCnc, "an O word"};
+  if (is_program_number(statement)) return Sign{Dialect::Fanuc, "a program number O"};
   for (const Sign& sign : word_signs)
-    if (is_whole_word(rest, sign.text)) return sign;
-  if (rest.find("#<") != std::string_view::npos) return Sign{Dialect::LinuxCnc, "#<"};
-  // Lines with #, Q or FN are assignments of Fanuc, LinuxCNC and Heidenhain.
-  if (rest.find('#') == std::string_view::npos && !rest.empty() && rest[0] != 'Q' &&
-      rest.find("FN") == std::string_view::npos)
-    if (auto words = assignment(rest)) {
-      seen = *words;
-      return Sign{Dialect::Siemens, seen};
+    if (is_whole_word(statement, sign.text)) return sign;
+  if (statement.find("#<") != std::string_view::npos) return Sign{Dialect::LinuxCnc, "#<"};
+  // Fanuc, LinuxCNC and Heidenhain assign in lines with #, Q or FN.
+  if (statement.find('#') == std::string_view::npos && !statement.empty() && statement[0] != 'Q' &&
+      statement.find("FN") == std::string_view::npos)
+    if (auto words = assignment(statement)) {
+      assignment_text = *words;
+      return Sign{Dialect::Siemens, assignment_text};
     }
   return std::nullopt;
 }
 
-// Only extensions that a single control uses; .nc, .ngc and .txt say nothing.
+// Only extensions that a single control uses; .nc, .ngc and .txt are common to several.
 std::optional<Dialect> dialect_by_extension(std::string_view file) {
   const std::size_t dot = file.rfind('.');
   if (dot == std::string_view::npos) return std::nullopt;
-  std::string ending;
-  for (const char c : file.substr(dot + 1)) ending += upper(c);
-  if (ending == "MPF" || ending == "SPF") return Dialect::Siemens;
-  if (ending == "H" || ending == "HH") return Dialect::Heidenhain;
-  if (ending == "CL" || ending == "CLS" || ending == "APT" || ending == "CLD" || ending == "NCL")
+  std::string extension;
+  for (const char c : file.substr(dot + 1)) extension += upper(c);
+  if (extension == "MPF" || extension == "SPF") return Dialect::Siemens;
+  if (extension == "H" || extension == "HH") return Dialect::Heidenhain;
+  if (extension == "CL" || extension == "CLS" || extension == "APT" || extension == "CLD" ||
+      extension == "NCL")
     return Dialect::Cl;
-  if (ending == "EIA" || ending == "FNC") return Dialect::Fanuc;
+  if (extension == "EIA" || extension == "FNC") return Dialect::Fanuc;
   return std::nullopt;
 }
 
@@ -217,15 +222,15 @@ std::string_view name_of(Dialect dialect) {
   return "";
 }
 
-Recognised recognised(std::string_view text, std::string_view file) {
+DetectedDialect detect_dialect(std::string_view text, std::string_view file) {
   if (const auto dialect = dialect_by_extension(file))
     return {*dialect, "the file is named " + std::string(file.substr(file.rfind('.')))};
   Lines lines(text);
-  std::string seen;
-  for (int n = 0; n < most_lines; ++n) {
+  std::string assignment_text;
+  for (int n = 0; n < max_searched_lines; ++n) {
     const auto line = lines.next();
     if (!line) break;
-    if (const auto sign = find_dialect_sign(bare(*line), seen))
+    if (const auto sign = find_dialect_sign(without_comments(*line), assignment_text))
       return {sign->dialect, fmt::format("line {} has {}", lines.number(), sign->text),
               lines.number()};
   }
@@ -234,8 +239,8 @@ Recognised recognised(std::string_view text, std::string_view file) {
 
 BadProgram::BadProgram(std::vector<BadInput> list)
     : BadInput(list.at(0)), input_errors(std::move(list)) {
-  for (const BadInput& fault : input_errors)
-    text += (text.empty() ? "" : "\n") + std::string(fault.what());
+  for (const BadInput& input_error : input_errors)
+    text += (text.empty() ? "" : "\n") + std::string(input_error.what());
 }
 
 }  // namespace abbe::sim::dialects

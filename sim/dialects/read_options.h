@@ -14,7 +14,7 @@ namespace abbe::sim::dialects {
 
 /// Languages of machining programs.
 enum class Dialect {
-  Auto,      ///< detected by `recognised`
+  Auto,      ///< detected by `detect_dialect`
   LinuxCnc,  ///< RS274/NGC as LinuxCNC reads it, and G43.4 of abbe's own programs
   Fanuc,
   Siemens,     ///< 840D
@@ -25,17 +25,17 @@ enum class Dialect {
 /// Returns the name used in scenes, "linuxcnc".
 std::string_view name_of(Dialect dialect);
 
-/// A dialect and how it was recognised, as "line 3 has TRAORI".
-struct Recognised {
+/// A detected dialect and the sign by which it was detected, for example "line 3 has TRAORI".
+struct DetectedDialect {
   Dialect dialect = Dialect::LinuxCnc;
   std::string sign;
   int line = 0;  ///< line of the sign; 0: the file name, or no sign
 };
 
 /// Detects the dialect of a program by the signs that the README of this folder lists: the file
-/// name, then the first of the first 2000 lines that only one dialect can have; else LinuxCNC's.
-/// Comments in brackets or behind ; are not considered.
-Recognised recognised(std::string_view text, std::string_view file);
+/// name, then the first 2000 lines, of which the first that only one dialect can have decides.
+/// Without a sign the dialect is LinuxCNC's. Comments in brackets or behind ; are ignored.
+DetectedDialect detect_dialect(std::string_view text, std::string_view file);
 
 /// All input errors of a program at once. As a BadInput it is the first of them; `what()` has one
 /// line "file:line:column: expected ..., seen ..." for each.
@@ -48,15 +48,15 @@ struct BadProgram : BadInput {
   std::string text;
 };
 
-/// Treatment of words that a dialect does not have.
+/// Treatment of words that the dialect does not have.
 enum class UnknownWordPolicy {
   Refuse,  ///< an unknown word is an input error
   Warn,    ///< an unknown word is skipped and counted
 };
 
 /// Limits of a program. Exceeding one is an input error at the line.
-struct Limits {
-  std::size_t blocks = 20'000'000;  ///< executed, those of loops and calls each time
+struct ProgramLimits {
+  std::size_t blocks = 20'000'000;  ///< executed blocks; a block of a loop counts each time
   int depth = 50;                   ///< nesting of calls
   std::size_t variables = 1'000'000;
 };
@@ -86,7 +86,8 @@ enum class PoleRule {
 /// Rule and parameters for tool vectors near a pole.
 struct PoleOptions {
   PoleRule rule = PoleRule::AsProgrammed;
-  double near = 0.0;  ///< rad, Fanuc parameter 19738: distance that counts as close; 0: never
+  double near =
+      0.0;  ///< rad, Fanuc parameter 19738: angle to the pole that counts as close; 0: none
   /// rad, Fanuc parameter 19739: largest rotation of the end of a block about the pole
   double max_change = 0.0;
 };
@@ -121,11 +122,11 @@ struct ReadOptions {
   Dialect dialect = Dialect::Auto;
   UnknownWordPolicy on_unknown = UnknownWordPolicy::Refuse;
   std::string startup_code = {};  ///< block executed before the first line
-  Limits limits = {};
+  ProgramLimits limits = {};
   std::filesystem::path folder = {};  ///< folder of subprograms in files of their own; empty: none
-  /// Receives the blocks as they are made, up to `path_segment_blocks` at a time, so that none are
-  /// kept; for programs of which only figures are wanted. Not called again after the first error.
-  std::function<void(program::Path piece)> on_path_segment = {};
+  /// Receives the blocks while the program is read, up to `path_segment_blocks` at a time, so that
+  /// none are kept in memory. Not called again after the first error.
+  std::function<void(program::Path segment)> on_path_segment = {};
   /// Called from time to time with the fraction of the file that has been read.
   std::function<void(double fraction)> progress = {};
   Interpreter interpreter = Interpreter::Abbe;
@@ -134,7 +135,7 @@ struct ReadOptions {
   TurningOptions turning = {};
 };
 
-/// The largest number of blocks of a segment passed on.
+/// Largest number of blocks of a segment that `on_path_segment` receives.
 inline constexpr std::size_t path_segment_blocks = 32768;
 
 /// An unknown word that was skipped.

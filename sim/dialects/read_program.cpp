@@ -20,12 +20,12 @@ namespace abbe::sim::dialects {
 
 namespace {
 
-constexpr std::size_t longest_word = 40;  // no word of any dialect is longer
+constexpr std::size_t max_word_bytes = 40;  // no word of any dialect is longer
 
 /// A word in upper case in a fixed buffer, so that no memory is allocated for each of a million
 /// words.
 struct Word {
-  std::array<char, longest_word> letters{};
+  std::array<char, max_word_bytes> letters{};
   std::size_t size = 0;
 
   void put(char c) {
@@ -35,44 +35,41 @@ struct Word {
 };
 
 /// Word table entries by their words.
-using Index = std::unordered_map<std::string_view, const WordTableEntry*>;
+using WordIndex = std::unordered_map<std::string_view, const WordTableEntry*>;
 
-Index index_of(std::span<const WordTableEntry> table) {
-  Index index;
-  for (const WordTableEntry& line : table)
-    for (std::size_t at = 0; at < line.word.size();) {
-      const std::size_t end = std::min(line.word.find(' ', at), line.word.size());
-      index.emplace(line.word.substr(at, end - at), &line);
-      at = end + 1;
-    }
+WordIndex index_words(std::span<const WordTableEntry> table) {
+  WordIndex index;
+  for (const WordTableEntry& entry : table)
+    each_word(entry.word, [&](std::string_view word) { index.emplace(word, &entry); });
   return index;
 }
 
-/// Counts the known words of a program.
-class Tally {
+/// Counter of the known words of a program.
+class WordCounter {
  public:
-  explicit Tally(Index index) : index_(std::move(index)) {}
+  explicit WordCounter(WordIndex index) : index_(std::move(index)) {}
 
+  /// Counts a word. Returns false if the dialect does not have it.
   bool add(std::string_view word, int line) {
-    const auto known = index_.find(word);
-    if (known == index_.end()) return false;
-    const auto [at, is_new] = places_.try_emplace(known->first, words_.size());
+    const auto entry = index_.find(word);
+    if (entry == index_.end()) return false;
+    const auto [slot, is_new] = slots_.try_emplace(entry->first, words_.size());
     if (is_new)
-      words_.push_back({std::string(word), known->second->use, known->second->sentence, 0, line});
-    ++words_[at->second].count;
+      words_.push_back({std::string(word), entry->second->use, entry->second->sentence, 0, line});
+    ++words_[slot->second].count;
     return true;
   }
   std::vector<UsedWord> take() { return std::move(words_); }
 
  private:
-  Index index_;
-  std::unordered_map<std::string_view, std::size_t> places_;
+  WordIndex index_;
+  std::unordered_map<std::string_view, std::size_t> slots_;  ///< index in `words_` by word
   std::vector<UsedWord> words_;
 };
 
-/// Counts a word and the number behind it: as the code G1 for G01 if there is such a code, else the
-/// word alone.
-void count_word(std::string_view line, std::size_t& at, int number, Tally& tally) {
+/// Counts the word at `at` and advances past it and its number. G01 counts as the code G1 if the
+/// dialect has that code; otherwise the letters count alone.
+void count_word(std::string_view line, std::size_t& at, int line_number, WordCounter& counter) {
   Word word;
   while (at < line.size() && (is_letter(line[at]) || line[at] == '_')) word.put(upper(line[at++]));
   Word code = word;
@@ -81,16 +78,12 @@ void count_word(std::string_view line, std::size_t& at, int number, Tally& tally
   while (from + 1 < line.size() && line[from] == '0' && is_digit(line[from + 1])) ++from;
   std::size_t end = from;
   while (end < line.size() && (is_digit(line[end]) || line[end] == '.')) code.put(line[end++]);
-  if (end > at && tally.add(code.text(), number)) {
-    at = end;
-    return;
-  }
-  tally.add(word.text(), number);
+  if (end == at || !counter.add(code.text(), line_number)) counter.add(word.text(), line_number);
   at = end;
 }
 
 /// Counts the words of a line. Text in ( ) or " " and behind ; is skipped.
-void count_line(std::string_view line, int number, Tally& tally) {
+void count_line(std::string_view line, int line_number, WordCounter& counter) {
   for (std::size_t at = 0; at < line.size();) {
     const char c = line[at];
     if (c == ';') return;
@@ -99,65 +92,65 @@ void count_line(std::string_view line, int number, Tally& tally) {
       if (end == std::string_view::npos) return;
       at = end + 1;
     } else if (is_letter(c)) {
-      count_word(line, at, number, tally);
+      count_word(line, at, line_number, counter);
     } else {
       ++at;
     }
   }
 }
 
-/// Counts a statement of cutter locations, i.e. its first word.
-void count_major(std::string_view line, int number, Tally& tally) {
+/// Counts the major word of an APT statement, which is its first word.
+void count_major_word(std::string_view line, int line_number, WordCounter& counter) {
   std::size_t at = 0;
   while (at < line.size() && is_blank(line[at])) ++at;
   Word word;
   while (at < line.size() &&
          (is_letter(line[at]) || is_digit(line[at]) || line[at] == '-' || line[at] == '_'))
     word.put(upper(line[at++]));
-  tally.add(word.text(), number);
+  counter.add(word.text(), line_number);
 }
 
 }  // namespace
 
 std::vector<UsedWord> used_words(std::string_view text, Dialect dialect, bool turning) {
-  for (const FrontEnd& one : front_ends()) {
-    if (one.dialect != dialect) continue;
-    const bool other = turning && one.turning_words != nullptr;
-    std::span<const WordTableEntry> words = other ? one.turning_words() : one.words();
-    Tally tally(index_of(words));
+  for (const FrontEnd& front_end : front_ends()) {
+    if (front_end.dialect != dialect) continue;
+    const bool has_turning_words = turning && front_end.turning_words != nullptr;
+    WordCounter counter(
+        index_words(has_turning_words ? front_end.turning_words() : front_end.words()));
     Lines lines(text);
     while (const auto line = lines.next()) {
       if (dialect == Dialect::Cl)
-        count_major(*line, lines.number(), tally);
+        count_major_word(*line, lines.number(), counter);
       else
-        count_line(*line, lines.number(), tally);
+        count_line(*line, lines.number(), counter);
     }
-    return tally.take();
+    return counter.take();
   }
   return {};
 }
 
 namespace {
 
-// The dialect may be given in a scene without being one that can be read.
-const FrontEnd& find_front_end(const Recognised& found, const std::string& file) {
+// Throws BadInput if the dialect, which a scene may state, has no front end.
+const FrontEnd& find_front_end(const DetectedDialect& detected, const std::string& file) {
   std::string known;
-  for (const FrontEnd& one : front_ends()) {
-    if (one.dialect == found.dialect) return one;
-    known += (known.empty() ? "" : ", ") + std::string(name_of(one.dialect));
+  for (const FrontEnd& front_end : front_ends()) {
+    if (front_end.dialect == detected.dialect) return front_end;
+    known += (known.empty() ? "" : ", ") + std::string(name_of(front_end.dialect));
   }
-  std::string seen(name_of(found.dialect));
-  if (!found.sign.empty()) seen += ", as " + found.sign;
-  throw BadInput(file, found.line, found.line > 0 ? 1 : 0, "a dialect that is read (" + known + ")",
-                 std::move(seen));
+  std::string seen(name_of(detected.dialect));
+  if (!detected.sign.empty()) seen += ", as " + detected.sign;
+  throw BadInput(file, detected.line, detected.line > 0 ? 1 : 0,
+                 "a dialect that is read (" + known + ")", std::move(seen));
 }
 
 /// Throws BadInput if the pole rule of one control is used with a program of another.
-void check_rule(PoleRule rule, Dialect dialect, const std::string& file) {
-  const auto check = [&](PoleRule one, const char* name, std::initializer_list<Dialect> fit,
-                         const char* why) {
-    if (rule != one || std::ranges::find(fit, dialect) != fit.end()) return;
-    throw BadInput(file, 0, 0, fmt::format("{}, beside pole = \"{}\"", why, name),
+void check_pole_rule(PoleRule rule, Dialect dialect, const std::string& file) {
+  const auto check = [&](PoleRule checked_rule, const char* name,
+                         std::initializer_list<Dialect> dialects, const char* expected) {
+    if (rule != checked_rule || std::ranges::find(dialects, dialect) != dialects.end()) return;
+    throw BadInput(file, 0, 0, fmt::format("{}, beside pole = \"{}\"", expected, name),
                    fmt::format("one of {}", name_of(dialect)));
   };
   check(PoleRule::LinuxCnc, "linuxcnc", {Dialect::LinuxCnc},
@@ -168,40 +161,40 @@ void check_rule(PoleRule rule, Dialect dialect, const std::string& file) {
         "a program of Siemens or cutter locations");
 }
 
-/// Merges errors at bytes of another encoding into one, however many lines contain such bytes.
+/// Merges the errors of all lines with bytes of another encoding into one error.
 std::vector<BadInput> merge_encoding_errors(const std::vector<BadInput>& input_errors,
                                             std::string_view text, const std::string& file) {
   if (!find_invalid_utf8(text)) return input_errors;
-  std::map<int, std::pair<int, unsigned char>> foreign;  // column and byte, by line
+  std::map<int, std::pair<int, unsigned char>> foreign_bytes;  // column and byte, by line
   Lines lines(text);
   while (const auto line = lines.next())
     if (const auto at = find_invalid_utf8(*line))
-      foreign[lines.number()] = {int(*at) + 1, static_cast<unsigned char>((*line)[*at])};
-  std::vector<BadInput> kept;
-  bool said = false;
-  for (const BadInput& fault : input_errors) {
+      foreign_bytes[lines.number()] = {int(*at) + 1, static_cast<unsigned char>((*line)[*at])};
+  std::vector<BadInput> merged_errors;
+  bool is_reported = false;
+  for (const BadInput& input_error : input_errors) {
     // Only errors in lines with such bytes are merged.
-    const auto byte = foreign.find(fault.line);
-    if (fault.file != file || byte == foreign.end()) {
-      kept.push_back(fault);
-    } else if (!std::exchange(said, true)) {
+    const auto byte = foreign_bytes.find(input_error.line);
+    if (input_error.file != file || byte == foreign_bytes.end()) {
+      merged_errors.push_back(input_error);
+    } else if (!std::exchange(is_reported, true)) {
       const auto [column, value] = byte->second;
-      kept.emplace_back(file, fault.line, column, "words in ASCII",
-                        fmt::format("a byte 0x{:02x}, as of Latin-1", value));
+      merged_errors.emplace_back(file, input_error.line, column, "words in ASCII",
+                                 fmt::format("a byte 0x{:02x}, as of Latin-1", value));
     }
   }
-  return kept;
+  return merged_errors;
 }
 
 // Bytes; a retry with every dialect must stay short.
-constexpr std::size_t max_tried = std::size_t(1) << 22;
-// Enough to tell the dialects apart.
+constexpr std::size_t max_trial_bytes = std::size_t(1) << 22;
+// Enough moves to tell the dialects apart.
 constexpr std::size_t max_trial_moves = 200'000;
 
 /// Returns the number of input errors when the text is read in a dialect, or nothing if it makes no
 /// move.
-std::optional<std::size_t> errors_in(const FrontEnd& front_end, std::string_view text,
-                                     const std::string& file, ReadOptions options) {
+std::optional<std::size_t> count_errors(const FrontEnd& front_end, std::string_view text,
+                                        const std::string& file, ReadOptions options) {
   options.dialect = front_end.dialect;
   // A trial must not pass on segments, report progress or fail on the pole rule of another control.
   options.on_path_segment = {};
@@ -219,35 +212,35 @@ std::optional<std::size_t> errors_in(const FrontEnd& front_end, std::string_view
   return run.input_errors().list().size();
 }
 
-/// Returns an error that names the dialect which reads the file with the fewest errors, if that is
-/// fewer than the detected dialect gave.
-std::optional<BadInput> other_dialect(std::string_view text, const std::string& file,
-                                      const ReadOptions& options, const Recognised& found,
-                                      std::size_t errors) {
-  // A dialect that the user has given is not questioned.
-  if (options.dialect != Dialect::Auto || text.size() > max_tried) return std::nullopt;
+/// Returns an error that names the dialect which reads the file with the fewest errors. Returns
+/// nothing if no dialect reads it with fewer errors than the detected one, which had `errors`.
+std::optional<BadInput> suggest_dialect(std::string_view text, const std::string& file,
+                                        const ReadOptions& options, const DetectedDialect& detected,
+                                        std::size_t errors) {
+  // A dialect that the user stated is not questioned.
+  if (options.dialect != Dialect::Auto || text.size() > max_trial_bytes) return std::nullopt;
   const FrontEnd* best = nullptr;
-  const std::size_t own = errors;
-  for (const FrontEnd& one : front_ends()) {
-    if (one.dialect == found.dialect) continue;
-    const auto seen = errors_in(one, text, file, options);
-    if (!seen || *seen >= errors) continue;
-    best = &one;
-    errors = *seen;
+  std::size_t min_errors = errors;
+  for (const FrontEnd& front_end : front_ends()) {
+    if (front_end.dialect == detected.dialect) continue;
+    const auto trial_errors = count_errors(front_end, text, file, options);
+    if (!trial_errors || *trial_errors >= min_errors) continue;
+    best = &front_end;
+    min_errors = *trial_errors;
   }
   if (best == nullptr) return std::nullopt;
   return BadInput(
       file, 0, 0,
       fmt::format("dialect {}, which reads the file with {}", name_of(best->dialect),
-                  errors == 0 ? "no input error" : fmt::format("{} input errors", errors)),
-      fmt::format("{}, as {}, with {}", name_of(found.dialect), found.sign, own));
+                  min_errors == 0 ? "no input error" : fmt::format("{} input errors", min_errors)),
+      fmt::format("{}, as {}, with {}", name_of(detected.dialect), detected.sign, errors));
 }
 
-/// Throws BadInput for turning options that the control in use does not have.
+/// Throws BadInput for options of a turning control that the control of this program does not have.
 void check_turning(const ReadOptions& options, Dialect dialect, const std::string& file) {
-  const bool by_linuxcnc = options.interpreter == Interpreter::LinuxCnc;
+  const bool uses_linuxcnc = options.interpreter == Interpreter::LinuxCnc;
   // rs274 has no option for diameters; G7 in the program does the same.
-  if (by_linuxcnc && options.turning.x_words == XWordMeaning::Diameters)
+  if (uses_linuxcnc && options.turning.x_words == XWordMeaning::Diameters)
     throw BadInput(file, 0, 0, "G7 in the program beside LinuxCNC's own interpreter",
                    "x_words = \"diameters\"");
   // Tips 0 and 9 are the centre of the nose, which every control can lead.
@@ -277,44 +270,45 @@ ReadProgram read_program(std::string_view text, const std::string& file,
                    fmt::format("{}", text.size()));
   try {
     check_encoding(text, file);
-    // Thrown as the only error: every line would fail for the same reason.
-  } catch (const BadInput& fault) {
-    throw BadProgram({fault});
+  } catch (const BadInput& input_error) {
+    // The only error that is reported: every line would fail for the same reason.
+    throw BadProgram({input_error});
   }
   if (text.find('\0') != std::string_view::npos) {
     // Only tape characters are removed; another NUL is an error at its line.
     const std::string plain = strip_tape_characters(text);
     if (plain.size() < text.size()) return read_program(plain, file, options);
   }
-  ReadProgram read;
-  const Recognised found =
-      options.dialect == Dialect::Auto ? recognised(text, file) : Recognised{options.dialect, {}};
-  read.dialect = found.dialect;
-  read.sign = found.sign;
-  check_rule(options.pole.rule, found.dialect, file);
-  check_turning(options, found.dialect, file);
+  ReadProgram result;
+  const DetectedDialect detected = options.dialect == Dialect::Auto
+                                       ? detect_dialect(text, file)
+                                       : DetectedDialect{options.dialect, {}};
+  result.dialect = detected.dialect;
+  result.sign = detected.sign;
+  check_pole_rule(options.pole.rule, detected.dialect, file);
+  check_turning(options, detected.dialect, file);
   ProgramRun run(file, options, std::size_t(std::count(text.begin(), text.end(), '\n')) + 1);
   if (options.interpreter == Interpreter::LinuxCnc)
-    read_by_linuxcnc(text, found, run);
+    read_by_linuxcnc(text, detected, run);
   else
-    find_front_end(found, file).read(text, run);
-  // Passes on the last, incomplete segment.
-  run.hand_over();
+    find_front_end(detected, file).read(text, run);
+  // The last, incomplete segment.
+  run.emit_segment();
   if (!run.input_errors().empty()) {
     std::vector<BadInput> errors = merge_encoding_errors(run.input_errors().list(), text, file);
     // The hint at another dialect comes last, behind the errors that led to it.
-    if (auto other = other_dialect(text, file, options, found, errors.size()))
-      errors.push_back(std::move(*other));
+    if (auto suggestion = suggest_dialect(text, file, options, detected, errors.size()))
+      errors.push_back(std::move(*suggestion));
     throw BadProgram(std::move(errors));
   }
   note_unlimited_speed(run);
   run.report_assumptions();
-  read.turning = run.turning();
-  read.skipped = run.skipped();
-  read.warnings = std::move(run.warnings);
-  read.blocks = run.blocks_executed();
-  read.path = run.canon.take();
-  return read;
+  result.turning = run.is_turning();
+  result.skipped = run.skipped();
+  result.warnings = std::move(run.warnings);
+  result.blocks = run.blocks_executed();
+  result.path = run.canon.take();
+  return result;
 }
 
 ReadProgram read_program_file(const std::filesystem::path& file, ReadOptions options) {

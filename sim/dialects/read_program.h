@@ -21,11 +21,11 @@ struct UsedWord {
   int line = 0;           ///< line of the first one
 };
 
-/// Returns the words of a program in the order of first use, comments and texts excluded; none for
-/// a table of cutter locations. `turning` selects the words of turning controls.
+/// Returns the words of a program in the order of first use, comments and texts excluded. A table
+/// of cutter locations has no words. `turning` selects the words of turning controls.
 std::vector<UsedWord> used_words(std::string_view text, Dialect dialect, bool turning = false);
 
-/// A program as read, with its dialect and warnings.
+/// The moves of a program, with its dialect and warnings.
 struct ReadProgram {
   program::Path path;
   Dialect dialect = Dialect::LinuxCnc;  ///< dialect that was used
@@ -43,7 +43,8 @@ struct ReadProgram {
 /// is not installed, or the program has another dialect.
 ReadProgram read_program(std::string_view text, const std::string& file,
                          const ReadOptions& options);
-/// Reads a program from a file; subprograms are searched next to it unless `folder` is stated.
+/// Reads a program from a file. Subprograms are searched in the folder of the file unless
+/// `options.folder` is set.
 ReadProgram read_program_file(const std::filesystem::path& file, ReadOptions options);
 
 }  // namespace abbe::sim::dialects

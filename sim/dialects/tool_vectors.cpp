@@ -22,37 +22,38 @@ using kinematics::Side;
 namespace {
 
 // A segment then turns by less than 0.05 deg.
-constexpr int max_pieces = 4096;
+constexpr int max_segments = 4096;
 
-// Returns the chain with unlimited slides if the machine can orient the tool: directions alone are
-// solved, and the tip must never limit them.
-std::optional<Chain> pointing_chain(const Chain& chain) {
+// Returns the chain with unlimited slides if the machine can orient the tool. Only directions are
+// solved for, and the slides must not limit them.
+std::optional<Chain> orientation_chain(const Chain& chain) {
   std::vector<kinematics::Joint> joints = chain.joints();
-  int slides = 0, turns = 0;
+  int slide_count = 0, rotary_count = 0;
   for (kinematics::Joint& joint : joints) {
-    if (joint.motion == Motion::Rotary && joint.name != 'S') ++turns;
+    if (joint.motion == Motion::Rotary && joint.name != 'S') ++rotary_count;
     if (joint.motion != Motion::Linear) continue;
-    ++slides;
+    ++slide_count;
     joint.min = -1e9;
     joint.max = 1e9;
   }
-  const bool xyz = chain.find('X') && chain.find('Y') && chain.find('Z');
+  const bool has_xyz = chain.find('X') && chain.find('Y') && chain.find('Z');
   // A turning spindle S makes the tool direction in the workpiece depend on its angle.
-  if (!xyz || slides != 3 || turns < 1 || turns > 2 || chain.find('S')) return std::nullopt;
+  if (!has_xyz || slide_count != 3 || rotary_count < 1 || rotary_count > 2 || chain.find('S'))
+    return std::nullopt;
   return Chain(std::move(joints), chain.T_bw_home(), chain.T_bt_home());
 }
 
 // The chain is ordered from the workpiece through the bed to the tool, so workpiece joints are
 // visited in reverse.
-std::vector<int> rotary_in_order(const Chain& chain) {
+std::vector<int> rotary_joints_in_order(const Chain& chain) {
   std::vector<int> joints;
   for (int j = 0; j < chain.size(); ++j)
-    if (const auto& one = chain.joints()[std::size_t(j)];
-        one.motion == Motion::Rotary && one.side == Side::Tool)
+    if (const auto& joint = chain.joints()[std::size_t(j)];
+        joint.motion == Motion::Rotary && joint.side == Side::Tool)
       joints.push_back(j);
   for (int j = chain.size() - 1; j >= 0; --j)
-    if (const auto& one = chain.joints()[std::size_t(j)];
-        one.motion == Motion::Rotary && one.side == Side::Workpiece)
+    if (const auto& joint = chain.joints()[std::size_t(j)];
+        joint.motion == Motion::Rotary && joint.side == Side::Workpiece)
       joints.push_back(j);
   return joints;
 }
@@ -69,28 +70,30 @@ struct GreatCircle {
 
 /// Returns the rotary axes at equal steps of the great circle, or an empty list if the axes cannot
 /// follow it or end in another solution.
-std::vector<AxisVector> on_the_way(const OrientationKinematics& turning, const GreatCircle& circle,
-                                   const AxisVector& from, const AxisVector& to, int pieces) {
+std::vector<AxisVector> positions_on_circle(const OrientationKinematics& orientation,
+                                            const GreatCircle& circle, const AxisVector& from,
+                                            const AxisVector& to, int segment_count) {
   constexpr double same_position = 1e-9;  // rad, rounding of the inverse kinematics
-  std::vector<AxisVector> way{from};
-  for (int i = 1; i <= pieces; ++i) {
-    const auto next = turning.positions(circle.at(double(i) / pieces), way.back());
-    if (next.empty()) return {};
-    way.push_back(next.front());
+  std::vector<AxisVector> positions{from};
+  for (int i = 1; i <= segment_count; ++i) {
+    const auto solutions =
+        orientation.positions(circle.at(double(i) / segment_count), positions.back());
+    if (solutions.empty()) return {};
+    positions.push_back(solutions.front());
   }
-  for (const int j : turning.rotary())
-    if (std::abs(way.back()[j] - to[j]) > same_position) return {};
+  for (const int j : orientation.rotary_joints())
+    if (std::abs(positions.back()[j] - to[j]) > same_position) return {};
   // Exactly the programmed end, so that no rounding accumulates over many lines.
-  way.back() = to;
-  return way;
+  positions.back() = to;
+  return positions;
 }
 
 }  // namespace
 
 OrientationKinematics::OrientationKinematics(const std::optional<Chain>& control) {
   if (!control) return;
-  free_ = pointing_chain(*control);
-  if (free_) rotary_ = rotary_in_order(*free_);
+  free_ = orientation_chain(*control);
+  if (free_) rotary_ = rotary_joints_in_order(*free_);
 }
 
 Vector3d OrientationKinematics::direction_w(const AxisVector& q) const {
@@ -99,79 +102,85 @@ Vector3d OrientationKinematics::direction_w(const AxisVector& q) const {
 
 std::vector<AxisVector> OrientationKinematics::positions(const Vector3d& direction_w,
                                                          const AxisVector& near) const {
-  // Slides do not influence the direction; zeros keep their programmed values out of the solution.
-  AxisVector here = near;
-  for (int j = 0; j < here.size(); ++j)
-    if (std::find(rotary_.begin(), rotary_.end(), j) == rotary_.end()) here[j] = 0.0;
-  const auto found = kinematics::inverse(*free_, {Vector3d::Zero(), direction_w}, here);
-  if (found.reach != kinematics::Reach::Reached && found.reach != kinematics::Reach::Singular)
+  // Slides do not influence the direction. At zero their programmed values cannot enter the
+  // solution.
+  AxisVector start = near;
+  for (int j = 0; j < start.size(); ++j)
+    if (std::find(rotary_.begin(), rotary_.end(), j) == rotary_.end()) start[j] = 0.0;
+  const auto solution = kinematics::inverse(*free_, {Vector3d::Zero(), direction_w}, start);
+  if (solution.reach != kinematics::Reach::Reached && solution.reach != kinematics::Reach::Singular)
     return {};
-  std::vector<AxisVector> all;
-  for (const AxisVector& branch : found.branches) {
+  std::vector<AxisVector> positions;
+  for (const AxisVector& branch : solution.branches) {
     AxisVector q = near;
     for (const int j : rotary_) q[j] = branch[j];
-    all.push_back(std::move(q));
+    positions.push_back(std::move(q));
   }
-  return all;
+  return positions;
 }
 
-std::vector<OrientationSegment> great_circle_segments(const OrientationKinematics& turning,
+std::vector<OrientationSegment> great_circle_segments(const OrientationKinematics& orientation,
                                                       const AxisVector& from, const AxisVector& to,
                                                       double tolerance) {
   GreatCircle circle;
-  circle.from = turning.direction_w(from).normalized();
-  const Vector3d end = turning.direction_w(to).normalized();
+  circle.from = orientation.direction_w(from).normalized();
+  const Vector3d end = orientation.direction_w(to).normalized();
   circle.angle = angle_between(circle.from, end);
-  // Below the tolerance no division is needed.
+  // Below the tolerance one segment is enough.
   if (circle.angle < tolerance) return {{1.0, to}};
   // Opposite vectors: their great circle is not defined.
   if (circle.angle > pi - 1e-6) return {};
   circle.across = (end - end.dot(circle.from) * circle.from).normalized();
-  for (int pieces = 1; pieces <= max_pieces;) {
-    const std::vector<AxisVector> way = on_the_way(turning, circle, from, to, pieces);
-    if (way.empty()) {
-      if (pieces > 1) return {};
-      pieces = 16;  // with few, distant points the nearest solution may be the wrong one
+  for (int segment_count = 1; segment_count <= max_segments;) {
+    const std::vector<AxisVector> positions =
+        positions_on_circle(orientation, circle, from, to, segment_count);
+    if (positions.empty()) {
+      if (segment_count > 1) return {};
+      segment_count = 16;  // with few, distant points the nearest solution may be the wrong one
       continue;
     }
-    double worst = 0.0;
-    for (int i = 0; i < pieces; ++i)
+    double max_deviation = 0.0;
+    for (int i = 0; i < segment_count; ++i)
       // The deviation of a segment vanishes at its ends, and is largest near its middle or
       // quarters.
-      for (const double within : {0.25, 0.5, 0.75}) {
+      for (const double segment_fraction : {0.25, 0.5, 0.75}) {
         const AxisVector q =
-            way[std::size_t(i)] + within * (way[std::size_t(i) + 1] - way[std::size_t(i)]);
-        worst = std::max(worst, angle_between(turning.direction_w(q).normalized(),
-                                              circle.at((i + within) / pieces)));
+            positions[std::size_t(i)] +
+            segment_fraction * (positions[std::size_t(i) + 1] - positions[std::size_t(i)]);
+        max_deviation = std::max(max_deviation,
+                                 angle_between(orientation.direction_w(q).normalized(),
+                                               circle.at((i + segment_fraction) / segment_count)));
       }
-    if (worst > tolerance) {  // the deviation falls with the square of their number
-      const int first = pieces;
-      do pieces *= 2;
-      while (worst > tolerance * pieces * pieces / (first * first));
+    if (max_deviation > tolerance) {  // the deviation falls with the square of their number
+      const int tried_count = segment_count;
+      do segment_count *= 2;
+      while (max_deviation >
+             tolerance * segment_count * segment_count / (tried_count * tried_count));
       continue;
     }
-    std::vector<OrientationSegment> all;
-    for (int i = 1; i <= pieces; ++i) all.push_back({double(i) / pieces, way[std::size_t(i)]});
-    return all;
+    std::vector<OrientationSegment> segments;
+    for (int i = 1; i <= segment_count; ++i)
+      segments.push_back({double(i) / segment_count, positions[std::size_t(i)]});
+    return segments;
   }
   return {};
 }
 
-void feed_along_segments(program::Canon& canon, const OrientationKinematics& turning,
-                         const std::vector<OrientationSegment>& pieces,
+void feed_along_segments(program::Canon& canon, const OrientationKinematics& orientation,
+                         const std::vector<OrientationSegment>& segments,
                          const program::Straight& move) {
   const AxisVector start = canon.position();
   const auto feed = canon.feed();
   // Inverse time counts for the whole block: n segments have n times the F each.
   if (feed && canon.feed_mode() == program::FeedMode::InverseTime)
-    canon.set_feed(program::Feed{feed->word * double(pieces.size()), feed->unit});
-  for (const OrientationSegment& piece : pieces) {
-    program::Straight part = move;
-    part.end = start + piece.fraction * (move.end - start);
-    for (const int j : turning.rotary()) part.end[j] = piece.q[j];
+    canon.set_feed(program::Feed{feed->word * double(segments.size()), feed->unit});
+  for (const OrientationSegment& segment : segments) {
+    program::Straight segment_move = move;
+    segment_move.end = start + segment.fraction * (move.end - start);
+    for (const int j : orientation.rotary_joints()) segment_move.end[j] = segment.q[j];
     // The last segment ends at the programmed values, bit for bit.
-    if (piece.fraction == 1.0) part.end = move.end;
-    canon.straight_feed(std::move(part));
+    if (segment.fraction == 1.0) segment_move.end = move.end;
+    canon.straight_feed(std::move(segment_move));
   }
   canon.set_feed(feed);
 }
@@ -188,23 +197,24 @@ using kinematics::Side;
 
 namespace {
 
-constexpr double same_turn = 1e-9;  // rad, below it two solutions count as equal
+constexpr double angle_tolerance = 1e-9;  // rad, below it two solutions count as equal
 // Cosine; larger deviations make the formula for the changed end wrong.
-constexpr double right_angles = 1e-9;
+constexpr double max_right_angle_cosine = 1e-9;
 
 /// Distance from zero modulo whole turns.
-double from_zero(double angle) { return std::abs(std::remainder(angle, 2 * pi)); }
+double distance_from_zero(double angle) { return std::abs(std::remainder(angle, 2 * pi)); }
 
 // Returns true if a is preferred to b: less travel axis by axis, then nearer to zero.
-bool before(const AxisVector& a, const AxisVector& b, const AxisVector& now,
-            const std::vector<int>& ranks) {
+bool is_preferred(const AxisVector& a, const AxisVector& b, const AxisVector& position,
+                  const std::vector<int>& ranks) {
   for (const int j : ranks)
-    if (const double less = std::abs(a[j] - now[j]) - std::abs(b[j] - now[j]);
-        std::abs(less) > same_turn)
-      return less < 0;
+    if (const double difference = std::abs(a[j] - position[j]) - std::abs(b[j] - position[j]);
+        std::abs(difference) > angle_tolerance)
+      return difference < 0;
   for (const int j : ranks)
-    if (const double less = from_zero(a[j]) - from_zero(b[j]); std::abs(less) > same_turn)
-      return less < 0;
+    if (const double difference = distance_from_zero(a[j]) - distance_from_zero(b[j]);
+        std::abs(difference) > angle_tolerance)
+      return difference < 0;
   return false;
 }
 
@@ -212,36 +222,39 @@ Vector3d tool_w(const Chain& chain, const AxisVector& q) {
   return chain.tool_in_workpiece(q).linear().col(2).normalized();
 }
 
-/// The pole that the great circle between two tool directions passes, and how closely.
-struct Passing {
-  Vector3d pole;       ///< unit, the end of the axis that the tool passes
-  double angle = 0.0;  ///< rad
+/// The pole that the great circle between two tool directions passes.
+struct PolePass {
+  Vector3d pole;          ///< unit, the end of the axis that the tool passes
+  double distance = 0.0;  ///< rad, between the pole and the great circle
 };
 
-/// Returns nothing if the closest point of the great circle is an end, or the plane is undefined.
-std::optional<Passing> passing(const Vector3d& from, const Vector3d& to, const Vector3d& axis) {
+/// Returns the pole of a rotary axis that the tool passes between two directions. Returns nothing
+/// if the closest point of the great circle is one of its ends, or the plane is undefined.
+std::optional<PolePass> closest_pole(const Vector3d& from, const Vector3d& to,
+                                     const Vector3d& axis) {
   const Vector3d normal = from.cross(to);
-  if (!(normal.norm() > same_turn)) return std::nullopt;
+  if (!(normal.norm() > angle_tolerance)) return std::nullopt;
   const Vector3d n = normal.normalized();
   for (const Vector3d& pole : {axis, Vector3d(-axis)}) {
-    // The closest point is the projection of the pole onto the plane; it must lie between both
-    // ends.
+    // The projection of the pole onto the plane must lie between both ends.
     const Vector3d foot = pole - pole.dot(n) * n;
     if (from.cross(foot).dot(n) > 0.0 && foot.cross(to).dot(n) > 0.0)
-      return Passing{pole, std::asin(std::min(1.0, std::abs(axis.dot(n))))};
+      return PolePass{pole, std::asin(std::min(1.0, std::abs(axis.dot(n))))};
   }
   return std::nullopt;
 }
 
-/// Returns the pole of a machine with perpendicular rotary axes. Throws std::invalid_argument for
-/// others.
+/// Returns the pole of the machine. Throws std::invalid_argument unless its rotary axes are at
+/// right angles to each other and to the tool.
 kinematics::Pole right_angled_pole(const Chain& chain, const AxisVector& q) {
   const auto pole = kinematics::nearest_pole(chain, q, q);
   const auto direction = [&](int j) { return chain.joints()[std::size_t(j)].direction_b; };
-  const bool right =
-      pole && std::abs(direction(pole->axis).dot(direction(pole->other))) < right_angles &&
-      std::abs(chain.T_bt_home().linear().col(2).dot(direction(pole->other))) < right_angles;
-  if (!right)
+  const bool is_right_angled =
+      pole &&
+      std::abs(direction(pole->axis).dot(direction(pole->other))) < max_right_angle_cosine &&
+      std::abs(chain.T_bt_home().linear().col(2).dot(direction(pole->other))) <
+          max_right_angle_cosine;
+  if (!is_right_angled)
     throw std::invalid_argument(
         "a machine with two rotary axes at right angles to each other and to the tool");
   return *pole;
@@ -260,11 +273,11 @@ std::vector<int> rotary_judgement_order(const Chain& chain) {
   return table;
 }
 
-const AxisVector& output_judgement(std::span<const AxisVector> branches, const AxisVector& now,
+const AxisVector& output_judgement(std::span<const AxisVector> branches, const AxisVector& position,
                                    const std::vector<int>& ranks) {
   const AxisVector* best = &branches.front();
-  for (const AxisVector& one : branches)
-    if (before(one, *best, now, ranks)) best = &one;
+  for (const AxisVector& branch : branches)
+    if (is_preferred(branch, *best, position, ranks)) best = &branch;
   return *best;
 }
 
@@ -274,26 +287,28 @@ std::optional<PolePassage> pole_passage(const Chain& chain, const AxisVector& fr
   const kinematics::Joint& other = chain.joints()[std::size_t(pole.other)];
   const Vector3d axis_w =
       chain.T_bw_home().linear().transpose() * chain.joints()[std::size_t(pole.axis)].direction_b;
-  const Vector3d wanted = tool_w(chain, to);
-  const auto passed = passing(tool_w(chain, from), wanted, axis_w);
-  if (!passed || passed->angle >= limits.near) return std::nullopt;
-  const double in_pole = passed->pole.dot(axis_w) > 0.0 ? pole.at : pole.at + pi;
-  // Inclination of the start relative to the pole: the sign tells on which side the axis continues.
-  const double lean = std::remainder(from[pole.other] - in_pole, 2 * pi);
-  const double singular = from[pole.other] - lean;
-  const double end = kinematics::angle_between(wanted, passed->pole);
-  // A start or an end in the pole is no passage.
-  if (std::abs(lean) < same_turn || end < same_turn) return std::nullopt;
-  PolePassage passage{to, passed->angle, 0.0, 0.0};
+  const Vector3d programmed_w = tool_w(chain, to);
+  const auto pass = closest_pole(tool_w(chain, from), programmed_w, axis_w);
+  if (!pass || pass->distance >= limits.near) return std::nullopt;
+  const double pole_position = pass->pole.dot(axis_w) > 0.0 ? pole.at : pole.at + pi;
+  // Inclination of the start relative to the pole; its sign gives the side to which the axis goes
+  // on.
+  const double inclination = std::remainder(from[pole.other] - pole_position, 2 * pi);
+  const double nearest_pole_position = from[pole.other] - inclination;
+  const double end = kinematics::angle_between(programmed_w, pass->pole);
+  // A block that begins or ends in the pole does not pass it.
+  if (std::abs(inclination) < angle_tolerance || end < angle_tolerance) return std::nullopt;
+  PolePassage passage{to, pass->distance, 0.0, 0.0};
   passage.end[pole.axis] = from[pole.axis];
-  // Beyond the pole by the angle of the end, so that the inclination of the tool is preserved.
-  passage.end[pole.other] = singular - std::copysign(end, lean);
-  const Vector3d reached = tool_w(chain, passage.end);
-  passage.turned = kinematics::angle_between(wanted.cross(axis_w), reached.cross(axis_w));
-  passage.off = kinematics::angle_between(wanted, reached);
+  // Beyond the pole by the angle of the programmed end, which keeps the inclination of the tool.
+  passage.end[pole.other] = nearest_pole_position - std::copysign(end, inclination);
+  const Vector3d changed_w = tool_w(chain, passage.end);
+  passage.end_rotation =
+      kinematics::angle_between(programmed_w.cross(axis_w), changed_w.cross(axis_w));
+  passage.vector_error = kinematics::angle_between(programmed_w, changed_w);
   const bool reachable =
       passage.end[pole.other] >= other.min && passage.end[pole.other] <= other.max;
-  if (passage.turned > limits.max_change || !reachable) return std::nullopt;
+  if (passage.end_rotation > limits.max_change || !reachable) return std::nullopt;
   return passage;
 }
 
@@ -301,72 +316,74 @@ std::optional<PolePassage> pole_passage(const Chain& chain, const AxisVector& fr
 
 namespace abbe::sim::dialects {
 
-const OrientationKinematics& VectorLines::turning_of(const Chain& chain) {
-  // Most programs use one chain throughout; it is analysed once.
+const OrientationKinematics& VectorLines::orientation_kinematics(const Chain& chain) {
+  // Most programs use one chain throughout, so one analysis is enough.
   if (chain_ != &chain) {
-    turning_.emplace(chain);
+    orientation_.emplace(chain);
     chain_ = &chain;
   }
-  return *turning_;
+  return *orientation_;
 }
 
 AxisVector VectorLines::fanuc_rotary_axes(const Chain& chain, const Eigen::Vector3d& direction_w,
                                           const program::Cause& cause) {
-  const OrientationKinematics& turning = turning_of(chain);
-  const AxisVector now = run_.canon.position();
-  // On a machine without rotary axes vectors are checked by the caller.
-  if (!turning.possible()) return now;
-  const auto all = turning.positions(direction_w.normalized(), now);
-  if (all.empty())
+  const OrientationKinematics& kinematics = orientation_kinematics(chain);
+  const AxisVector position = run_.canon.position();
+  // On a machine without rotary axes the caller checks the vector.
+  if (!kinematics.is_possible()) return position;
+  const auto solutions = kinematics.positions(direction_w.normalized(), position);
+  if (solutions.empty())
     run_.canon.refuse(
         cause, "a tool vector that the rotary axes reach",
         fmt::format("{:.6g} {:.6g} {:.6g}", direction_w.x(), direction_w.y(), direction_w.z()));
-  return fanuc::output_judgement(all, now, fanuc::rotary_judgement_order(chain));
+  return fanuc::output_judgement(solutions, position, fanuc::rotary_judgement_order(chain));
 }
 
 bool VectorLines::lead_through_pole(const Chain& chain, program::Straight& move) {
   std::optional<fanuc::PolePassage> passage;
   try {
     passage = fanuc::pole_passage(chain, run_.canon.position(), move.end, run_.options().pole);
-  } catch (const std::invalid_argument& fault) {
-    run_.canon.refuse(move.cause, std::string(fault.what()) + ", beside pole = \"fanuc\"",
+  } catch (const std::invalid_argument& error) {
+    run_.canon.refuse(move.cause, std::string(error.what()) + ", beside pole = \"fanuc\"",
                       "one with " + run_.canon.letters());
   }
   if (!passage) return false;
-  for (const int j : turning_of(chain).rotary()) move.end[j] = passage->end[j];
+  for (const int j : orientation_kinematics(chain).rotary_joints()) move.end[j] = passage->end[j];
   ++pole_passages_.blocks;
-  pole_passages_.turned = std::max(pole_passages_.turned, passage->turned);
-  if (pole_passages_.line == 0 || passage->off > pole_passages_.off)
+  pole_passages_.max_end_rotation =
+      std::max(pole_passages_.max_end_rotation, passage->end_rotation);
+  if (pole_passages_.line == 0 || passage->vector_error > pole_passages_.max_vector_error)
     pole_passages_.line = run_.canon.line();
-  pole_passages_.off = std::max(pole_passages_.off, passage->off);
+  pole_passages_.max_vector_error =
+      std::max(pole_passages_.max_vector_error, passage->vector_error);
   return true;
 }
 
 bool VectorLines::straight_feed(const Chain& chain, program::Straight move) {
-  const OrientationKinematics& turning = turning_of(chain);
+  const OrientationKinematics& kinematics = orientation_kinematics(chain);
   const AxisVector& start = run_.canon.position();
-  const bool turns =
-      std::ranges::any_of(turning.rotary(), [&](int j) { return move.end[j] != start[j]; });
-  // A move without rotation needs no segments.
-  if (!turns) return run_.canon.straight_feed(std::move(move)), true;
-  if (rule() == PoleRule::Fanuc && turning.rotary().size() == 2 && lead_through_pole(chain, move))
+  const bool is_rotating = std::ranges::any_of(kinematics.rotary_joints(),
+                                               [&](int j) { return move.end[j] != start[j]; });
+  if (!is_rotating) return run_.canon.straight_feed(std::move(move)), true;
+  if (rule() == PoleRule::Fanuc && kinematics.rotary_joints().size() == 2 &&
+      lead_through_pole(chain, move))
     return run_.canon.straight_feed(std::move(move)), false;
-  auto pieces = great_circle_segments(turning, start, move.end, great_circle_tolerance);
-  if (pieces.empty())  // the end may be reached by the other solution of the rotary axes
-    for (const AxisVector& q : turning.positions(turning.direction_w(move.end), start)) {
+  auto segments = great_circle_segments(kinematics, start, move.end, great_circle_tolerance);
+  if (segments.empty())  // the end may be reached by the other solution of the rotary axes
+    for (const AxisVector& q : kinematics.positions(kinematics.direction_w(move.end), start)) {
       AxisVector end = move.end;
-      for (const int j : turning.rotary()) end[j] = q[j];
-      pieces = great_circle_segments(turning, start, end, great_circle_tolerance);
-      if (pieces.empty()) continue;
+      for (const int j : kinematics.rotary_joints()) end[j] = q[j];
+      segments = great_circle_segments(kinematics, start, end, great_circle_tolerance);
+      if (segments.empty()) continue;
       move.end = std::move(end);
       break;
     }
-  if (pieces.empty())
+  if (segments.empty())
     run_.canon.refuse(move.cause,
                       "a turn of the tool on a great circle that the rotary axes follow, beside "
                       "pole = \"fanuc\" or \"siemens\"",
                       "opposite vectors, a pole on the way, or a way beyond their limits");
-  feed_along_segments(run_.canon, turning, pieces, move);
+  feed_along_segments(run_.canon, kinematics, segments, move);
   return true;
 }
 
@@ -377,7 +394,8 @@ void VectorLines::finish() {
       "control, parameters 19738 and 19739): their ends are turned about it by up to {:.3g} deg, "
       "and the tool is up to {:.3g} deg off its vector (line {})",
       pole_passages_.blocks, run_.options().pole.near / units::deg,
-      pole_passages_.turned / units::deg, pole_passages_.off / units::deg, pole_passages_.line));
+      pole_passages_.max_end_rotation / units::deg, pole_passages_.max_vector_error / units::deg,
+      pole_passages_.line));
 }
 
 }  // namespace abbe::sim::dialects

@@ -12,25 +12,25 @@
 
 namespace abbe::sim::dialects {
 
-/// Kinematics of the tool direction: which rotary positions give a direction, and vice versa.
+/// Kinematics of the tool direction: from rotary positions to a direction and back.
 class OrientationKinematics {
  public:
-  /// `control` is the chain of the control; empty: a machine without orientable tool.
+  /// `control` is the chain of the control; empty for a machine that cannot orient the tool.
   explicit OrientationKinematics(const std::optional<kinematics::Chain>& control);
 
-  /// Returns true if there are slides X Y Z and one or two rotary axes.
-  bool possible() const { return !rotary_.empty(); }
+  /// Returns true if the machine has slides X Y Z and one or two rotary axes.
+  bool is_possible() const { return !rotary_.empty(); }
   /// Returns the rotary joints in the order in which a control numbers them: those that carry the
   /// tool from the bed on, then those that carry the workpiece from the bed on.
-  const std::vector<int>& rotary() const { return rotary_; }
+  const std::vector<int>& rotary_joints() const { return rotary_; }
 
-  /// Returns the direction of the tool in the workpiece, unit, from the tip to the spindle. Of `q`
-  /// the rotary axes are used.
+  /// Returns the direction of the tool in the workpiece as a unit vector from the tip to the
+  /// spindle. Only the rotary axes of `q` are used.
   Eigen::Vector3d direction_w(const kinematics::AxisVector& q) const;
 
-  /// Returns `near` with rotary axes that give the direction, the nearest solution first; an axis
-  /// that does not matter keeps its position. Returns an empty list if limits or the machine do not
-  /// allow it. Bound: 1e-12 rad.
+  /// Returns copies of `near` whose rotary axes give the direction, the nearest solution first. An
+  /// axis without influence keeps its position. Returns an empty list if limits or the machine do
+  /// not allow the direction. Bound: 1e-12 rad.
   std::vector<kinematics::AxisVector> positions(const Eigen::Vector3d& direction_w,
                                                 const kinematics::AxisVector& near) const;
 
@@ -39,8 +39,8 @@ class OrientationKinematics {
   std::vector<int> rotary_;
 };
 
-/// A part of a line along which the tool direction changes: its end as a fraction of the line, and
-/// the rotary axes there.
+/// End of a segment of a line along which the tool direction changes: its position as a fraction of
+/// the line, and the rotary axes there.
 struct OrientationSegment {
   double fraction = 1.0;
   kinematics::AxisVector q;
@@ -48,11 +48,11 @@ struct OrientationSegment {
 
 /// Divides a great circle between two tool directions into equal segments in which the rotary axes
 /// move in proportion; their number is a power of two. At the quarters of each segment the
-/// direction is within `tolerance` rad of the uniformly traversed great circle. Of `from` and `to`
-/// the rotary axes are used. Returns an empty list if no great circle connects them: opposite
-/// directions, positions beyond limits, a pole that 4096 segments do not pass within the tolerance,
-/// or an end that the axes reach only in another solution.
-std::vector<OrientationSegment> great_circle_segments(const OrientationKinematics& turning,
+/// direction is within `tolerance` rad of the uniformly traversed great circle. Only the rotary
+/// axes of `from` and `to` are used. Returns an empty list if no great circle connects them:
+/// opposite directions, positions beyond limits, a pole that 4096 segments do not pass within the
+/// tolerance, or an end that the axes reach only in another solution.
+std::vector<OrientationSegment> great_circle_segments(const OrientationKinematics& orientation,
                                                       const kinematics::AxisVector& from,
                                                       const kinematics::AxisVector& to,
                                                       double tolerance);
@@ -62,8 +62,8 @@ inline constexpr double great_circle_tolerance = 1e-6;
 
 /// Issues a line at feed with changing tool direction in segments; under inverse time each segment
 /// gets its fraction of the time.
-void feed_along_segments(program::Canon& canon, const OrientationKinematics& turning,
-                         const std::vector<OrientationSegment>& pieces,
+void feed_along_segments(program::Canon& canon, const OrientationKinematics& orientation,
+                         const std::vector<OrientationSegment>& segments,
                          const program::Straight& move);
 
 }  // namespace abbe::sim::dialects
@@ -77,25 +77,26 @@ namespace abbe::sim::dialects::fanuc {
 std::vector<int> rotary_judgement_order(const kinematics::Chain& chain);
 
 /// Returns the solution chosen by the output judgement conditions: less travel of the first axis,
-/// then of the second, then nearer to zero. `branches` must not be empty; `now` is the current
-/// position.
+/// then of the second, then nearer to zero. `branches` must not be empty. `ranks` holds the joints
+/// in the judgement order.
 const kinematics::AxisVector& output_judgement(std::span<const kinematics::AxisVector> branches,
-                                               const kinematics::AxisVector& now,
+                                               const kinematics::AxisVector& position,
                                                const std::vector<int>& ranks);
 
-/// A block that is led through a pole which it would pass closely.
+/// A block that is led through a pole because it would otherwise pass it closely.
 struct PolePassage {
   kinematics::AxisVector end;  ///< (size) end of the block with changed rotary axes
-  double angle = 0.0;          ///< rad, distance at which it would have passed the pole
-  double turned = 0.0;         ///< rad, rotation of its end about the pole
-  double off = 0.0;  ///< rad, between the tool at the changed end and the programmed vector
+  double pole_distance = 0.0;  ///< rad, at which the programmed block would have passed the pole
+  double end_rotation = 0.0;   ///< rad, rotation of the end about the pole
+  double vector_error =
+      0.0;  ///< rad, between the tool at the changed end and the programmed vector
 };
 
 /// Tool posture control (FANUC A-79294E, "In the case that the tool posture is near singular
 /// posture"). If the plane of the two vectors passes a pole closer than `near`, the axis that is
 /// free at the pole stays and the other one continues beyond the pole, unless that rotates the end
-/// about the pole by more than `max_change`. An end at the pole itself is not changed. Of `from`
-/// and `to` the rotary axes are used. Returns nothing if the block is not changed. Throws
+/// about the pole by more than `max_change`. An end at the pole itself is not changed. Only the
+/// rotary axes of `from` and `to` are used. Returns nothing if the block is not changed. Throws
 /// std::invalid_argument unless the chain has two rotary axes at right angles to each other and the
 /// tool is at right angles to the second.
 std::optional<PolePassage> pole_passage(const kinematics::Chain& chain,
@@ -107,15 +108,15 @@ std::optional<PolePassage> pole_passage(const kinematics::Chain& chain,
 
 namespace abbe::sim::dialects {
 
-/// Lines at feed between two tool vectors, executed by the rule of a control (`ReadOptions::pole`):
-/// on great circles, and with Fanuc's rule through a pole that they would pass closely.
+/// Executes lines at feed between two tool vectors by the rule of a control (`ReadOptions::pole`):
+/// on great circles, and with Fanuc's rule through a pole that a line would pass closely.
 class VectorLines {
  public:
   explicit VectorLines(ProgramRun& run) : run_(run) {}
 
   PoleRule rule() const { return run_.options().pole.rule; }
   /// Returns true if a rule other than the dialect's own is selected.
-  bool on() const { return rule() == PoleRule::Fanuc || rule() == PoleRule::Siemens; }
+  bool is_active() const { return rule() == PoleRule::Fanuc || rule() == PoleRule::Siemens; }
 
   /// Returns the rotary axes for a tool direction as Fanuc's output judgement selects them, or the
   /// current ones on a machine that cannot orient the tool. `chain` must outlive the object, as in
@@ -133,16 +134,16 @@ class VectorLines {
   void finish();
 
  private:
-  const OrientationKinematics& turning_of(const kinematics::Chain& chain);
+  const OrientationKinematics& orientation_kinematics(const kinematics::Chain& chain);
   bool lead_through_pole(const kinematics::Chain& chain, program::Straight& move);
 
   ProgramRun& run_;
-  const kinematics::Chain* chain_ = nullptr;  ///< chain of `turning_`
-  std::optional<OrientationKinematics> turning_;
+  const kinematics::Chain* chain_ = nullptr;  ///< chain of `orientation_`
+  std::optional<OrientationKinematics> orientation_;
   struct PolePassageSummary {
     std::size_t blocks = 0;
-    double turned = 0.0, off = 0.0;  ///< rad, the largest values
-    int line = 0;                    ///< line of the largest `off`
+    double max_end_rotation = 0.0, max_vector_error = 0.0;  ///< rad
+    int line = 0;                                           ///< line of the largest `vector_error`
   } pole_passages_;
 };
 

@@ -22,10 +22,10 @@ constexpr Function functions[] = {
 };
 const ExpressionGrammar grammar{operators, functions};
 
-class NoOperands : public Operands {
+class NoOperands : public OperandParser {
  public:
-  std::optional<double> operand(Cursor& cursor) override {
-    if (!cursor.take("#1")) return std::nullopt;
+  std::optional<double> parse_operand(Cursor& cursor) override {
+    if (!cursor.accept("#1")) return std::nullopt;
     return 7.0;
   }
 };
@@ -34,7 +34,7 @@ double evaluated(std::string_view text) {
   const std::string file = "t";
   Cursor cursor{text, {file, 3}};
   NoOperands none;
-  const double result = bracketed(cursor, grammar, none);
+  const double result = parse_bracketed(cursor, grammar, none);
   EXPECT_TRUE(cursor.at_end()) << text;
   return result;
 }
@@ -74,15 +74,15 @@ TEST(Expression, RefusesWhatIsNone) {
 
 TEST(Variables, OfACallEndWithItAndTheirNumberIsLimited) {
   Variables variables(3);
-  ASSERT_TRUE(variables.set(1, 2.0, Variables::Of::Call));
+  ASSERT_TRUE(variables.set(1, 2.0, Variables::Scope::Call));
   variables.enter();
-  EXPECT_FALSE(variables.number(1, Variables::Of::Call));
-  ASSERT_TRUE(variables.set(1, 5.0, Variables::Of::Call));
+  EXPECT_FALSE(variables.number(1, Variables::Scope::Call));
+  ASSERT_TRUE(variables.set(1, 5.0, Variables::Scope::Call));
   ASSERT_TRUE(variables.set("x", 6.0));
   EXPECT_FALSE(variables.set(2, 1.0));
   EXPECT_TRUE(variables.set("x", 7.0));
   variables.leave();
-  EXPECT_EQ(variables.number(1, Variables::Of::Call), 2.0);
+  EXPECT_EQ(variables.number(1, Variables::Scope::Call), 2.0);
   EXPECT_EQ(variables.named("x"), 7.0);
   EXPECT_TRUE(variables.set(2, 1.0));
 }

@@ -94,8 +94,8 @@ TEST(FanucPosture, IsTheExampleOfTheManual) {
   ASSERT_TRUE(passage);
   EXPECT_NEAR(passage->end[a] / deg, -20.0, 1e-9);
   EXPECT_NEAR(passage->end[c] / deg, -150.0, 1e-9);
-  EXPECT_NEAR(passage->angle, 0.0, 1e-12);
-  EXPECT_NEAR(passage->turned, 0.0, 1e-9);
+  EXPECT_NEAR(passage->pole_distance, 0.0, 1e-12);
+  EXPECT_NEAR(passage->end_rotation, 0.0, 1e-9);
 }
 
 TEST(FanucPosture, LeadsABlockThroughThePoleThatItPassesCloseBy) {
@@ -105,15 +105,15 @@ TEST(FanucPosture, LeadsABlockThroughThePoleThatItPassesCloseBy) {
   ASSERT_TRUE(passage);
   EXPECT_EQ(passage->end[c], from[c]) << "the axis that is free at the pole stays";
   EXPECT_NEAR(passage->end[a] / deg, -8.0, 1e-9);
-  EXPECT_NEAR(passage->turned / deg, 5.0, 1e-9);
+  EXPECT_NEAR(passage->end_rotation / deg, 5.0, 1e-9);
   // two vectors that lean by 8 degrees, 5 degrees apart about the pole
-  EXPECT_NEAR(passage->off, 2 * std::asin(std::sin(8 * deg) * std::sin(2.5 * deg)), 1e-12);
+  EXPECT_NEAR(passage->vector_error, 2 * std::asin(std::sin(8 * deg) * std::sin(2.5 * deg)), 1e-12);
   double nearest = pi;
   for (const Vector3d& v : great_circle(tool(gantry, from), tool(gantry, to), 100'000))
     nearest = std::min(nearest, between(v, Vector3d::UnitZ()));
-  EXPECT_NEAR(passage->angle, nearest, 1e-7) << "by walking along the great circle";
-  std::cout << "passed by " << passage->angle / deg << " deg, end off by " << passage->off / deg
-            << " deg\n";
+  EXPECT_NEAR(passage->pole_distance, nearest, 1e-7) << "by walking along the great circle";
+  std::cout << "passed by " << passage->pole_distance / deg << " deg, end off by "
+            << passage->vector_error / deg << " deg\n";
 }
 
 TEST(FanucPosture, ChangesNothingWhereItShouldNot) {
@@ -146,11 +146,11 @@ TEST(FanucPosture, RandomBlocksPassThePoleAndKeepTheLean) {
     for (const Vector3d& v : great_circle(tool(gantry, from), tool(gantry, to), 300))
       nearest = std::min(nearest, between(v, Vector3d::UnitZ()));
     ++passed;
-    EXPECT_LT(passage->angle, 3 * deg) << "seed " << seed;
-    EXPECT_NEAR(passage->angle, nearest, 0.2 * deg);
+    EXPECT_LT(passage->pole_distance, 3 * deg) << "seed " << seed;
+    EXPECT_NEAR(passage->pole_distance, nearest, 0.2 * deg);
     EXPECT_LE(passage->end[a] * from[a], 0.0) << "beyond the pole";
     lean = std::max(lean, std::abs(std::abs(passage->end[a]) - std::abs(to[a])));
-    EXPECT_LE(passage->turned, 15 * deg);
+    EXPECT_LE(passage->end_rotation, 15 * deg);
   }
   std::cout << "seed " << seed << ": " << passed << " of 20000 led through\n";
   EXPECT_GT(passed, 200);

@@ -10,8 +10,8 @@ namespace abbe::sim::dialects {
 namespace {
 
 std::string taken(std::string_view text, std::string_view file = "part.nc") {
-  const Recognised found = recognised(text, file);
-  return std::string(name_of(found.dialect)) + ": " + found.sign;
+  const DetectedDialect detected = detect_dialect(text, file);
+  return std::string(name_of(detected.dialect)) + ": " + detected.sign;
 }
 
 TEST(Recognised, BySignsThatOneDialectAloneHas) {
@@ -82,8 +82,9 @@ TEST(Recognised, EveryProgramThatComesWithLinuxCncIsOneOfLinuxCnc) {
   int programs = 0;
   for (const auto& entry : std::filesystem::recursive_directory_iterator(*packages / "usr/share")) {
     if (entry.path().extension() != ".ngc" || !entry.is_regular_file()) continue;
-    const Recognised found = recognised(read_text(entry.path(), 1 << 28), entry.path().string());
-    EXPECT_EQ(name_of(found.dialect), "linuxcnc") << entry.path() << ": " << found.sign;
+    const DetectedDialect detected =
+        detect_dialect(read_text(entry.path(), 1 << 28), entry.path().string());
+    EXPECT_EQ(name_of(detected.dialect), "linuxcnc") << entry.path() << ": " << detected.sign;
     ++programs;
   }
   std::cout << programs << " programs\n";

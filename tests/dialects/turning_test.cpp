@@ -480,9 +480,10 @@ TEST(Turning, ProgramsOfTurningControlsAreOneErrorOnAMill) {
 }
 
 TEST(Turning, ProgramsWithoutANumberAreRecognised) {
-  EXPECT_EQ(recognised("%\nG21 G18\nG50 S2000\nT0101\n", "a.nc").dialect, Dialect::Fanuc);
-  EXPECT_EQ(recognised("G18 G95\nDIAMON\nT1 D1\n", "a.nc").dialect, Dialect::Siemens);
-  EXPECT_EQ(recognised("G7 G18\nG64 P0.01\nG96 D2000 S100\n", "a.nc").dialect, Dialect::LinuxCnc);
+  EXPECT_EQ(detect_dialect("%\nG21 G18\nG50 S2000\nT0101\n", "a.nc").dialect, Dialect::Fanuc);
+  EXPECT_EQ(detect_dialect("G18 G95\nDIAMON\nT1 D1\n", "a.nc").dialect, Dialect::Siemens);
+  EXPECT_EQ(detect_dialect("G7 G18\nG64 P0.01\nG96 D2000 S100\n", "a.nc").dialect,
+            Dialect::LinuxCnc);
 }
 
 TEST(Turning, AMachineWhoseXRunsAlongTheSpindleHasNoDiameters) {

@@ -21,10 +21,10 @@ using program::FeedMode;
 
 namespace {
 
-// Both limits bound the memory of a statement that is continued without end.
+// Limits of a statement, which bound its memory.
 constexpr std::size_t max_items = 1000;
-constexpr std::size_t most_lines = 200;  // of one statement
-// Statements whose items are text up to the end of the line, including any $.
+constexpr std::size_t max_lines = 200;
+// Major words of statements with text up to the end of the line, including any $.
 constexpr std::array<std::string_view, 9> text_words = {
     "PARTNO", "PPRINT", "REMARK", "INSERT", "TITLES", "LETTER", "PRINT", "TPRINT", "TOOL"};
 
@@ -36,30 +36,30 @@ std::size_t skip_blanks_from(std::string_view text, std::size_t at) {
   return at;
 }
 
-/// Reads the first word of a line into the statement. Returns the position behind it.
-std::size_t take_major(std::string_view line, std::size_t at, Statement& statement) {
+/// Reads the major word at `at` into the statement. Returns the position behind it.
+std::size_t read_major_word(std::string_view line, std::size_t at, Statement& statement) {
   const std::size_t from = at;
   statement.major.clear();
   if (at < line.size() && is_letter(line[at]))
     for (; at < line.size() && is_word_byte(line[at]); ++at) statement.major += upper(line[at]);
   statement.cause = {int(from) + 1, line.substr(from, at - from)};
-  // Without a word the rest of the line is the cause, for the message.
+  // Without a word the message quotes the whole line.
   if (statement.major.empty()) statement.cause.text = line.substr(from);
   return at;
 }
 
-bool takes_text(const std::string& major) {
+bool is_text_statement(const std::string& major) {
   return std::find(text_words.begin(), text_words.end(), major) != text_words.end();
 }
 
-/// Removes the comment of a line. Returns true if the statement continues on the next line: one $
-/// continues, $$ begins a comment.
-bool cut_comment(std::string_view& line) {
+/// Removes the comment of a line, which begins with $$. Returns true if a single $ continues the
+/// statement on the next line.
+bool remove_comment(std::string_view& line) {
   const std::size_t dollar = line.find('$');
   if (dollar == std::string_view::npos) return false;
-  const bool goes_on = dollar + 1 >= line.size() || line[dollar + 1] != '$';
+  const bool is_continued = dollar + 1 >= line.size() || line[dollar + 1] != '$';
   line = line.substr(0, dollar);
-  return goes_on;
+  return is_continued;
 }
 
 /// Returns the position behind "$$->" or "$$ ->", or npos.
@@ -71,16 +71,16 @@ std::size_t skip_arrow(std::string_view line, std::size_t at) {
 
 }  // namespace
 
-bool Item::is(std::string_view word) const {
+bool Item::is_word(std::string_view word) const {
   return text.size() == word.size() && std::equal(text.begin(), text.end(), word.begin(),
                                                   [](char a, char b) { return upper(a) == b; });
 }
 
 bool Statements::next(Statement& statement) {
   statement.items.clear();
-  statement.pieces.clear();
-  while (const auto whole = lines_.next()) {
-    std::string_view line = *whole;
+  statement.lines.clear();
+  while (const auto next_line = lines_.next()) {
+    std::string_view line = *next_line;
     std::size_t at = skip_blanks_from(line, 0);
     if (at == line.size()) continue;
     const std::size_t arrow = skip_arrow(line, at);
@@ -91,27 +91,26 @@ bool Statements::next(Statement& statement) {
       continue;
     }
     statement.line = lines_.number();
-    at = take_major(line, at, statement);
-    if (takes_text(statement.major)) {
-      statement.pieces.push_back({line, lines_.number(), at});
+    at = read_major_word(line, at, statement);
+    if (is_text_statement(statement.major)) {
+      statement.lines.push_back({line, lines_.number(), at});
       return true;
     }
-    bool goes_on = false;
     if (statement.in_comment && at >= line.size()) return true;
-    std::string_view rest = line.substr(at);
-    goes_on = cut_comment(rest);
-    line = line.substr(0, at + rest.size());
+    std::string_view item_text = line.substr(at);
+    bool is_continued = remove_comment(item_text);
+    line = line.substr(0, at + item_text.size());
     at = skip_blanks_from(line, at);
     // The slash may be missing, as in "GOTO 1,2,3".
     if (at < line.size() && line[at] == '/') ++at;
-    statement.pieces.push_back({line, lines_.number(), at});
-    while (goes_on) {
-      auto more = lines_.next();
-      if (!more) break;
-      goes_on = cut_comment(*more);
-      // Lines beyond the limit are read on but not stored; `read_items` reports them.
-      if (statement.pieces.size() <= most_lines)
-        statement.pieces.push_back({*more, lines_.number(), 0});
+    statement.lines.push_back({line, lines_.number(), at});
+    while (is_continued) {
+      auto continuation = lines_.next();
+      if (!continuation) break;
+      is_continued = remove_comment(*continuation);
+      // Lines beyond the limit are skipped; `read_items` reports them.
+      if (statement.lines.size() <= max_lines)
+        statement.lines.push_back({*continuation, lines_.number(), 0});
     }
     if (statement.major.empty() && statement.cause.text.starts_with('$')) continue;
     return true;
@@ -120,34 +119,34 @@ bool Statements::next(Statement& statement) {
 }
 
 void read_items(Statement& statement, const program::Canon& canon) {
-  if (statement.pieces.size() > most_lines)
+  if (statement.lines.size() > max_lines)
     canon.refuse(statement.cause, "a statement of at most 200 lines", "more");
-  bool separated = true;  // a comma, or no item yet
-  bool comma = false;
-  Item last;
-  for (const Statement::Piece& piece : statement.pieces)
-    for (std::size_t at = skip_blanks_from(piece.text, piece.from); at < piece.text.size();
-         at = skip_blanks_from(piece.text, at)) {
-      Item item{{}, {}, piece.line, int(at) + 1};
-      if (piece.text[at] == ',') {
-        item.text = piece.text.substr(at, 1);
-        // Blanks separate items as commas do, but an empty item between commas is an error.
-        if (separated) refuse(canon, item, "a value between the commas");
-        separated = comma = true;
-        last = item;
+  bool is_separated = true;  // behind a comma, or before the first item
+  bool is_behind_comma = false;
+  Item last_comma;
+  for (const Statement::StatementLine& line : statement.lines)
+    for (std::size_t at = skip_blanks_from(line.text, line.from); at < line.text.size();
+         at = skip_blanks_from(line.text, at)) {
+      Item item{{}, {}, line.line, int(at) + 1};
+      if (line.text[at] == ',') {
+        item.text = line.text.substr(at, 1);
+        // Blanks and commas separate items, but an empty item between commas is an error.
+        if (is_separated) refuse(canon, item, "a value between the commas");
+        is_separated = is_behind_comma = true;
+        last_comma = item;
         ++at;
         continue;
       }
-      const std::size_t end = std::min(piece.text.find_first_of(" \t,", at), piece.text.size());
-      item.text = piece.text.substr(at, end - at);
+      const std::size_t end = std::min(line.text.find_first_of(" \t,", at), line.text.size());
+      item.text = line.text.substr(at, end - at);
       item.number = number_of(item.text);
       if (statement.items.size() == max_items)
         refuse(canon, item, "at most 1000 values in a statement");
       statement.items.push_back(item);
-      separated = comma = false;
+      is_separated = is_behind_comma = false;
       at = end;
     }
-  if (comma) refuse(canon, last, "a value behind the last comma", "none");
+  if (is_behind_comma) refuse(canon, last_comma, "a value behind the last comma", "none");
 }
 
 // The item may be on another line than the statement.
@@ -159,183 +158,190 @@ void refuse(const program::Canon& canon, const Item& item, std::string expected,
 
 namespace {
 
-constexpr double smallest_feed = 1e-9;  // per minute; keeps every duration finite
+constexpr double min_feed = 1e-9;  // per minute; keeps every duration finite
 
-/// Text of a statement without blanks and comments, to compare two of them.
-std::string text_of(const Statement& s) {
+/// Returns the items of a statement as text, for comparisons.
+std::string item_text(const Statement& statement) {
   std::string text;
-  for (const Item& item : s.items) text += std::string(item.text) + ",";
+  for (const Item& item : statement.items) text += std::string(item.text) + ",";
   return text;
 }
 
 }  // namespace
 
-double Machine::unit() const { return inch_ ? units::inch : 1.0; }
+double Machine::unit() const { return is_inch_ ? units::inch : 1.0; }
 
-double Machine::number(const Statement& s, std::size_t i, const char* what) const {
-  if (i >= s.items.size())
-    refuse(s.cause, fmt::format("{} behind {}", what, s.major), "too few values");
-  if (!s.items[i].number) refuse(s.items[i], fmt::format("{}, a number within +-1e9", what));
-  return *s.items[i].number;
+double Machine::number(const Statement& statement, std::size_t i, const char* what) const {
+  if (i >= statement.items.size())
+    refuse(statement.cause, fmt::format("{} behind {}", what, statement.major), "too few values");
+  if (!statement.items[i].number)
+    refuse(statement.items[i], fmt::format("{}, a number within +-1e9", what));
+  return *statement.items[i].number;
 }
 
-Eigen::Vector3d Machine::vector(const Statement& s, std::size_t i, const char* what) const {
-  return {number(s, i, what), number(s, i + 1, what), number(s, i + 2, what)};
+Eigen::Vector3d Machine::vector(const Statement& statement, std::size_t i, const char* what) const {
+  return {number(statement, i, what), number(statement, i + 1, what),
+          number(statement, i + 2, what)};
 }
 
-int Machine::whole(const Item& item, int most, const char* what) const {
+int Machine::whole_number(const Item& item, int max, const char* what) const {
   const double value = item.number.value_or(-1.0);
-  if (!(value >= 0 && value <= most) || value != std::floor(value))
-    refuse(item, fmt::format("{}, a whole number of 0 to {}", what, most));
+  if (!(value >= 0 && value <= max) || value != std::floor(value))
+    refuse(item, fmt::format("{}, a whole number of 0 to {}", what, max));
   return int(value);
 }
 
-/// Handles a minor word that the statement does not have.
-void Machine::unknown(const Statement& s, const Item& item, const std::string& expected) {
-  const std::string word = s.major + "/" + std::string(item.text);
-  // The word may be on a continuation line, which the count of unknown words should name.
+/// Handles a minor word that the statement cannot have.
+void Machine::handle_unknown_item(const Statement& statement, const Item& item,
+                                  const std::string& expected) {
+  const std::string word = statement.major + "/" + std::string(item.text);
+  // The word, which may be on a continuation line, is counted at its own line.
   if (item.line != canon_.line()) canon_.set_line(item.line);
-  run_.unknown({item.column, word}, expected);
-  canon_.set_line(s.line);
+  run_.handle_unknown_word({item.column, word}, expected);
+  canon_.set_line(statement.line);
 }
 
-void Machine::execute(Statement& s) {
-  canon_.set_line(s.line);
-  // Creo writes the cutter behind "$$->"; everything else there is a comment.
-  if (s.in_comment && s.major != "CUTTER") return;
-  if (s.major.empty()) refuse(s.cause, "a word at the beginning of the statement");
-  const WordEntry* fact = find_entry(s.major);
-  if (fact == nullptr) {
-    const auto& first = s.pieces.front();
+void Machine::execute(Statement& statement) {
+  canon_.set_line(statement.line);
+  // Behind "$$->" Creo writes the cutter; everything else there is a comment.
+  if (statement.in_comment && statement.major != "CUTTER") return;
+  if (statement.major.empty()) refuse(statement.cause, "a word at the beginning of the statement");
+  const WordEntry* entry = find_entry(statement.major);
+  if (entry == nullptr) {
+    const auto& first = statement.lines.front();
     // A definition such as "L1 = LINE/..." is APT source that has not been processed.
     if (first.text.find('=', first.from) != std::string_view::npos)
-      refuse(s.cause, "posted statements: an APT source with definitions is processed first",
+      refuse(statement.cause,
+             "posted statements: an APT source with definitions is processed first",
              "a definition");
-    run_.unknown(s.cause, "a word of cutter locations");
+    run_.handle_unknown_word(statement.cause, "a word of cutter locations");
     return;
   }
-  if (fact->use == Use::Refused) refuse(s.cause, std::string(fact->sentence));
-  if (fact->does == nullptr) return;
-  read_items(s, canon_);
-  (this->*fact->does)(s);
+  if (entry->use == Use::Refused) refuse(statement.cause, std::string(entry->sentence));
+  if (entry->handler == nullptr) return;
+  read_items(statement, canon_);
+  (this->*entry->handler)(statement);
 }
 
-void Machine::fini(const Statement&) { ended_ = true; }
+void Machine::fini(const Statement&) { has_ended_ = true; }
 
-void Machine::units(const Statement& s) {
-  if (s.items.size() != 1) refuse(s.cause, "MM or INCHES behind UNITS/");
-  const Item& item = s.items.front();
-  if (item.is("INCHES") || item.is("INCH") || item.is("IN"))
-    inch_ = true;
-  else if (item.is("MM"))
-    inch_ = false;
+void Machine::units(const Statement& statement) {
+  if (statement.items.size() != 1) refuse(statement.cause, "MM or INCHES behind UNITS/");
+  const Item& item = statement.items.front();
+  if (item.is_word("INCHES") || item.is_word("INCH") || item.is_word("IN"))
+    is_inch_ = true;
+  else if (item.is_word("MM"))
+    is_inch_ = false;
   else
     refuse(item, "MM or INCHES");
-  units_stated_ = true;
-  // Also recorded for rewriting and for comments.
-  canon_.set_inch(inch_);
+  are_units_stated_ = true;
+  // The canon needs the unit for rewriting and for comments.
+  canon_.set_inch(is_inch_);
 }
 
-void Machine::multax(const Statement& s) {
-  if (s.items.empty() || s.items.front().is("ON")) {
-    upright_ = false;
-  } else if (s.items.front().is("OFF")) {
-    upright_ = true;
+void Machine::multax(const Statement& statement) {
+  if (statement.items.empty() || statement.items.front().is_word("ON")) {
+    is_upright_ = false;
+  } else if (statement.items.front().is_word("OFF")) {
+    is_upright_ = true;
     direction_ = Eigen::Vector3d::UnitZ();
   } else {
-    refuse(s.items.front(), "ON or OFF");
+    refuse(statement.items.front(), "ON or OFF");
   }
 }
 
-void Machine::rapid(const Statement& s) {
-  for (const Item& item : s.items) refuse(item, "nothing behind RAPID");
-  rapid_ = true;
+void Machine::rapid(const Statement& statement) {
+  for (const Item& item : statement.items) refuse(item, "nothing behind RAPID");
+  is_next_rapid_ = true;
 }
 
-/// Reads the feed in both orders, FEDRAT/250,MMPM and FEDRAT/MMPM,250.
-void Machine::feedrate(const Statement& s) {
+/// Sets the feed. Both orders occur: FEDRAT/250,MMPM and FEDRAT/MMPM,250.
+void Machine::feedrate(const Statement& statement) {
   std::optional<double> value;
   FeedMode mode = FeedMode::PerMinute;
   // Without IPM or MMPM the feed is in the unit of the program.
-  double mm = unit();
-  for (const Item& item : s.items) {
+  double unit_mm = unit();
+  for (const Item& item : statement.items) {
     if (item.number) {
       if (value) refuse(item, "one feed");
-      if (!(*item.number >= smallest_feed)) refuse(item, "a feed above zero");
+      if (!(*item.number >= min_feed)) refuse(item, "a feed above zero");
       value = item.number;
-    } else if (item.is("MMPM") || item.is("MMPR")) {
-      mm = 1.0;
-      if (item.is("MMPR")) mode = FeedMode::PerRevolution;
-    } else if (item.is("IPM") || item.is("IPR")) {
-      mm = units::inch;
-      inches_seen_ = true;
-      if (item.is("IPR")) mode = FeedMode::PerRevolution;
-    } else if (item.is("PERREV")) {
+    } else if (item.is_word("MMPM") || item.is_word("MMPR")) {
+      unit_mm = 1.0;
+      if (item.is_word("MMPR")) mode = FeedMode::PerRevolution;
+    } else if (item.is_word("IPM") || item.is_word("IPR")) {
+      unit_mm = units::inch;
+      has_inch_feed_ = true;
+      if (item.is_word("IPR")) mode = FeedMode::PerRevolution;
+    } else if (item.is_word("PERREV")) {
       mode = FeedMode::PerRevolution;
-    } else if (item.is("INVERS")) {
+    } else if (item.is_word("INVERS")) {
       mode = FeedMode::InverseTime;
-    } else if (!item.is("PERMIN")) {
-      unknown(s, item, "MMPM, MMPR, IPM, IPR, PERMIN, PERREV or INVERS");
+    } else if (!item.is_word("PERMIN")) {
+      handle_unknown_item(statement, item, "MMPM, MMPR, IPM, IPR, PERMIN, PERREV or INVERS");
     }
   }
-  if (!value) refuse(s.cause, "a feed behind FEDRAT/", "none");
+  if (!value) refuse(statement.cause, "a feed behind FEDRAT/", "none");
   canon_.set_feed_mode(mode);
-  canon_.set_feed(Feed{*value, mm});
+  canon_.set_feed(Feed{*value, unit_mm});
 }
 
-/// Reads a dwell in seconds, or in spindle turns with REV.
-void Machine::delay(const Statement& s) {
-  double seconds = number(s, 0, "the seconds of a dwell");
-  if (s.items.size() > 1) {
-    if (!s.items[1].is("REV")) return unknown(s, s.items[1], "REV, or nothing for seconds");
+/// Dwells for seconds, or with REV for spindle revolutions.
+void Machine::delay(const Statement& statement) {
+  double seconds = number(statement, 0, "the seconds of a dwell");
+  if (statement.items.size() > 1) {
+    if (!statement.items[1].is_word("REV"))
+      return handle_unknown_item(statement, statement.items[1], "REV, or nothing for seconds");
     if (canon_.spindle_direction() == 0 || !(canon_.spindle_speed() > 0))
-      refuse(s.items[1], "a spindle that turns beside REV", "one that stands");
+      refuse(statement.items[1], "a spindle that turns beside REV", "one that stands");
     seconds *= 60.0 / canon_.spindle_speed();
   }
-  canon_.dwell(seconds, s.items.front().cause());
+  canon_.dwell(seconds, statement.items.front().cause());
 }
 
-void Machine::stop(const Statement& s) { canon_.aside(s.major == "STOP" ? "M0" : "M1"); }
-
-/// Points count from the system in which the program was made. The position of a second system
-/// relative to the first one is not stated anywhere.
-void Machine::msys(const Statement& s) {
-  const std::string text = text_of(s);
-  if (system_ && *system_ != text)
-    refuse(s.cause, "one MSYS for the whole program: nothing says how the part lies in a second");
-  system_ = text;
+void Machine::stop(const Statement& statement) {
+  canon_.aside(statement.major == "STOP" ? "M0" : "M1");
 }
 
-void Machine::origin(const Statement& s) {
-  for (const Item& item : s.items)
+/// Checks that there is only one MSYS, the system in which the points count: nothing states the
+/// position of a second system relative to the first.
+void Machine::msys(const Statement& statement) {
+  const std::string text = item_text(statement);
+  if (msys_text_ && *msys_text_ != text)
+    refuse(statement.cause,
+           "one MSYS for the whole program: nothing says how the part lies in a second");
+  msys_text_ = text;
+}
+
+void Machine::origin(const Statement& statement) {
+  for (const Item& item : statement.items)
     if (item.number.value_or(1.0) != 0.0)
       refuse(item, "0,0,0: a work offset says where the points count from");
 }
 
-/// Accepts statements of which only OFF has no consequences.
-void Machine::require_off(const Statement& s) {
-  if (s.items.size() == 1 && s.items.front().is("OFF")) return;
-  refuse(s.cause, s.major == "CUTCOM"
-                      ? "CUTCOM/OFF, the points being those of the tip: paths that a control "
-                        "shifts by a radius are not read"
-                      : s.major + "/OFF, as nothing may be left out");
+/// Throws BadInput for CUTCOM and OPSKIP with anything but OFF, which would change the path.
+void Machine::require_off(const Statement& statement) {
+  if (statement.items.size() == 1 && statement.items.front().is_word("OFF")) return;
+  refuse(statement.cause,
+         statement.major == "CUTCOM"
+             ? "CUTCOM/OFF, the points being those of the tip: paths that a control "
+               "shifts by a radius are not read"
+             : statement.major + "/OFF, as nothing may be left out");
 }
 
-void Machine::auxiliary(const Statement& s) {
-  run_.warn_once(
-      fmt::format("AUXFUN/ (line {}) is an M code of the control: it does nothing here", s.line));
+void Machine::auxiliary(const Statement& statement) {
+  run_.warn_once(fmt::format("AUXFUN/ (line {}) is an M code of the control: it does nothing here",
+                             statement.line));
 }
 
 void Machine::finish() {
-  if (!units_stated_ && canon_.blocks() > 0)
-    // A feed in inches suggests that the points are inches too, so it gets a warning of its own.
-    run_.warn_once(inches_seen_ ? "the program states no UNITS/, and IPM or IPR as its feed: its "
-                                  "points are taken as mm all the same"
-                                : "the program states no UNITS/: its points are taken as mm");
+  if (!are_units_stated_ && canon_.blocks() > 0)
+    // A feed in inches suggests that the points are in inches too, so it has a warning of its own.
+    run_.warn_once(has_inch_feed_ ? "the program states no UNITS/, and IPM or IPR as its feed: its "
+                                    "points are taken as mm all the same"
+                                  : "the program states no UNITS/: its points are taken as mm");
   vector_lines_.finish();
-  // The threshold keeps the warning silent for deviations that no tool makes visible: 2 um at 20 mm
-  // above the tip.
-  if (axis_deviation_.angle > min_bulge)
+  if (axis_deviation_.angle > min_axis_deviation)
     run_.warn_once(fmt::format(
         "between two points the tool axis leaves the great circle of their vectors by up to {:.3g} "
         "deg (line {}), as the rotary axes turn in proportion: nearer points make it less",
@@ -345,119 +351,128 @@ void Machine::finish() {
 namespace {
 
 constexpr int max_tool = 1'000'000;
-constexpr double most_rpm = 1e7;
+constexpr double max_rpm = 1e7;
 
-/// Words beside a tool number that have no effect: the point is the tip whatever the length.
-constexpr std::array<std::string_view, 13> beside_tools = {
+/// Words beside a tool number. They have no effect, because points are the tip whatever the length.
+constexpr std::array<std::string_view, 13> tool_words = {
     "LENGTH", "OSETNO", "ADJUST", "RADIUS", "MANUAL", "AUTO",  "HOLDER",
     "MINUS",  "PLUS",   "LARGE",  "SMALL",  "CLW",    "MAGAZN"};
 
 template <typename List>
 bool is_one_of(const Item& item, const List& list) {
   return std::any_of(list.begin(), list.end(),
-                     [&](std::string_view word) { return item.is(word); });
+                     [&](std::string_view word) { return item.is_word(word); });
 }
 
 }  // namespace
 
-/// Example: LOADTL/n,LENGTH,l,OSETNO,k.
-void Machine::load_tool(const Statement& s) {
-  if (s.items.empty()) refuse(s.cause, "the number of a tool behind LOADTL/", "none");
-  const int tool = whole(s.items.front(), max_tool, "the number of a tool");
-  for (std::size_t i = 1; i < s.items.size(); ++i)
-    if (!s.items[i].number && !is_one_of(s.items[i], beside_tools))
-      unknown(s, s.items[i], "LENGTH, OSETNO, ADJUST, RADIUS, MANUAL, AUTO or HOLDER");
+/// Changes the tool, for example LOADTL/n,LENGTH,l,OSETNO,k.
+void Machine::load_tool(const Statement& statement) {
+  if (statement.items.empty())
+    refuse(statement.cause, "the number of a tool behind LOADTL/", "none");
+  const int tool = whole_number(statement.items.front(), max_tool, "the number of a tool");
+  for (std::size_t i = 1; i < statement.items.size(); ++i)
+    if (!statement.items[i].number && !is_one_of(statement.items[i], tool_words))
+      handle_unknown_item(statement, statement.items[i],
+                          "LENGTH, OSETNO, ADJUST, RADIUS, MANUAL, AUTO or HOLDER");
   canon_.call_tool(tool, true);
   canon_.aside(fmt::format("T{} M6", tool));
   const auto& lengths = canon_.options().tool_length;
   tool_ = tool;
-  // With one tool in the scene its only length applies, whatever its number in the program.
+  // The only length of the scene applies, whatever the number of the tool in the program.
   if (canon_.options().control_of_h.empty() && !lengths.count(tool) && !lengths.empty())
     tool_ = lengths.begin()->first;
-  canon_.select_length(tool_, s.cause);
+  canon_.select_length(tool_, statement.cause);
 }
 
-/// LOAD/TOOL,n is LOADTL/n.
-void Machine::load(const Statement& s) {
-  if (s.items.size() < 2 || !s.items.front().is("TOOL")) refuse(s.cause, "LOAD/TOOL and a number");
-  Statement rest = s;
-  rest.items.erase(rest.items.begin());
-  load_tool(rest);
+/// Changes the tool by LOAD/TOOL,n, which is the same as LOADTL/n.
+void Machine::load(const Statement& statement) {
+  if (statement.items.size() < 2 || !statement.items.front().is_word("TOOL"))
+    refuse(statement.cause, "LOAD/TOOL and a number");
+  Statement loadtl = statement;
+  loadtl.items.erase(loadtl.items.begin());
+  load_tool(loadtl);
 }
 
-/// SELECT/TOOL,n and SELCTL/n select the tool of the next change.
-void Machine::select(const Statement& s) {
-  const std::size_t i = !s.items.empty() && s.items.front().is("TOOL") ? 1 : 0;
-  if (i >= s.items.size()) refuse(s.cause, "the number of a tool", "none");
-  const int tool = whole(s.items[i], max_tool, "the number of a tool");
+/// Selects the tool of the next change: SELECT/TOOL,n or SELCTL/n.
+void Machine::select(const Statement& statement) {
+  const std::size_t i = !statement.items.empty() && statement.items.front().is_word("TOOL") ? 1 : 0;
+  if (i >= statement.items.size()) refuse(statement.cause, "the number of a tool", "none");
+  const int tool = whole_number(statement.items[i], max_tool, "the number of a tool");
   canon_.call_tool(tool, false);
   canon_.aside(fmt::format("T{}", tool));
 }
 
-/// Examples: SPINDL/1000,RPM,CLW, SPINDL/RPM,1000,CLW, SPINDL/ON and SPINDL/OFF.
-void Machine::spindle(const Statement& s) {
-  int turns = spindle_turns_;
-  for (std::size_t i = 0; i < s.items.size(); ++i) {
-    const Item& item = s.items[i];
-    const auto skip_value = [&] { i += i + 1 < s.items.size() && s.items[i + 1].number; };
+/// Sets the spindle, for example SPINDL/1000,RPM,CLW, SPINDL/RPM,1000,CLW, SPINDL/ON or SPINDL/OFF.
+void Machine::spindle(const Statement& statement) {
+  int direction = spindle_direction_;
+  for (std::size_t i = 0; i < statement.items.size(); ++i) {
+    const Item& item = statement.items[i];
+    const auto skip_value = [&] {
+      i += i + 1 < statement.items.size() && statement.items[i + 1].number;
+    };
     if (item.number) {
-      if (!(*item.number >= 0 && *item.number <= most_rpm))
+      if (!(*item.number >= 0 && *item.number <= max_rpm))
         refuse(item, "a spindle speed of 0 to 1e7 rpm");
       speed_rpm_ = *item.number;
-    } else if (item.is("CLW") || item.is("CCLW")) {
-      turns = spindle_turns_ = item.is("CLW") ? 1 : -1;
-    } else if (item.is("OFF") || item.is("STOP")) {
-      turns = 0;
-    } else if (item.is("SFM") || item.is("SMM") || item.is("SFPM")) {
+    } else if (item.is_word("CLW") || item.is_word("CCLW")) {
+      direction = spindle_direction_ = item.is_word("CLW") ? 1 : -1;
+    } else if (item.is_word("OFF") || item.is_word("STOP")) {
+      direction = 0;
+    } else if (item.is_word("SFM") || item.is_word("SMM") || item.is_word("SFPM")) {
       // A surface speed needs a diameter, which a milling tool path does not state.
       refuse(item, "a speed in RPM: surface speeds are not read");
-    } else if (item.is("RANGE") || item.is("MAXRPM")) {
+    } else if (item.is_word("RANGE") || item.is_word("MAXRPM")) {
       skip_value();
-    } else if (item.is("ORIENT")) {
+    } else if (item.is_word("ORIENT")) {
       return;
-    } else if (!item.is("RPM") && !item.is("ON") && !item.is("LOW") && !item.is("MEDIUM") &&
-               !item.is("HIGH")) {
-      unknown(s, item, "RPM, CLW, CCLW, ON, OFF, RANGE or ORIENT");
+    } else if (!item.is_word("RPM") && !item.is_word("ON") && !item.is_word("LOW") &&
+               !item.is_word("MEDIUM") && !item.is_word("HIGH")) {
+      handle_unknown_item(statement, item, "RPM, CLW, CCLW, ON, OFF, RANGE or ORIENT");
     }
   }
-  if (s.items.empty()) refuse(s.cause, "a speed, ON or OFF behind SPINDL/", "none");
+  if (statement.items.empty()) refuse(statement.cause, "a speed, ON or OFF behind SPINDL/", "none");
   canon_.set_spindle_speed(speed_rpm_);
-  canon_.turn_spindle(turns);
+  canon_.turn_spindle(direction);
 }
 
-void Machine::coolant(const Statement& s) {
-  if (s.items.empty()) refuse(s.cause, "ON, OFF, FLOOD, MIST or another coolant", "none");
-  const Item& item = s.items.front();
-  canon_.aside(item.is("OFF") ? "M9" : item.is("MIST") ? "M7" : "M8");
+void Machine::coolant(const Statement& statement) {
+  if (statement.items.empty())
+    refuse(statement.cause, "ON, OFF, FLOOD, MIST or another coolant", "none");
+  const Item& item = statement.items.front();
+  canon_.aside(item.is_word("OFF") ? "M9" : item.is_word("MIST") ? "M7" : "M8");
 }
 
-/// CUTTER/diameter,corner radius: compared with the tool of the scene.
-void Machine::cutter(const Statement& s) {
+/// Compares the cutter, CUTTER/diameter,corner radius, with the tool of the scene.
+void Machine::cutter(const Statement& statement) {
   CutterData words;
-  words.diameter = number(s, 0, "the diameter of a cutter") * unit();
+  words.diameter = number(statement, 0, "the diameter of a cutter") * unit();
   words.unit_mm = unit();
-  if (s.items.size() > 1) words.corner_radius = number(s, 1, "its corner radius") * unit();
+  if (statement.items.size() > 1)
+    words.corner_radius = number(statement, 1, "its corner radius") * unit();
   if (words.diameter > 0) canon_.cutter("CUTTER/", words);
 }
 
-/// TLDATA/MILL,diameter,corner radius. Data of other tool types is ignored.
-void Machine::tool_data(const Statement& s) {
-  if (s.items.empty() || !s.items.front().is("MILL")) return;
+/// Compares the cutter, TLDATA/MILL,diameter,corner radius, with the tool of the scene. Ignores
+/// other types of tools.
+void Machine::tool_data(const Statement& statement) {
+  if (statement.items.empty() || !statement.items.front().is_word("MILL")) return;
   CutterData words;
-  words.diameter = number(s, 1, "the diameter of a cutter") * unit();
+  words.diameter = number(statement, 1, "the diameter of a cutter") * unit();
   words.unit_mm = unit();
-  if (s.items.size() > 2) words.corner_radius = number(s, 2, "its corner radius") * unit();
+  if (statement.items.size() > 2)
+    words.corner_radius = number(statement, 2, "its corner radius") * unit();
   if (words.diameter > 0) canon_.cutter("TLDATA/MILL", words);
 }
 
 namespace {
 
-constexpr std::size_t n_columns = 7;
-// A table has seven columns of meaning; more cells are read only to report the width.
+constexpr std::size_t column_count = 7;
+// More cells than columns are read only to report the width of the table.
 constexpr std::size_t max_cells = 100;
 
-// Names that a header may give to x y z i j k and the feed.
-constexpr std::array<std::array<std::string_view, 4>, n_columns> names = {{
+// Names of x y z i j k and the feed in a header.
+constexpr std::array<std::array<std::string_view, 4>, column_count> column_names = {{
     {"X", "X_MM", "", ""},
     {"Y", "Y_MM", "", ""},
     {"Z", "Z_MM", "", ""},
@@ -473,31 +488,31 @@ bool is_not_blank(std::string_view line) {
   return at != std::string_view::npos && line[at] != '#';
 }
 
-bool is(std::string_view cell, std::string_view word) {
+bool is_same_word(std::string_view cell, std::string_view word) {
   return !word.empty() && cell.size() == word.size() &&
          std::equal(cell.begin(), cell.end(), word.begin(),
                     [](char a, char b) { return upper(a) == b; });
 }
 
-/// Column of each of x y z i j k feed.
-using Columns = std::array<std::optional<std::size_t>, n_columns>;
+/// Column indices of x y z i j k and the feed.
+using Columns = std::array<std::optional<std::size_t>, column_count>;
 
 Item make_item(const Cell& cell, int line) {
   return {cell.text, number_of(cell.text), line, cell.column};
 }
 
-/// A table of locations, with the columns that its header names or that its width implies.
+/// Reader of a table of locations. Its header names the columns, or its width implies them.
 class Table {
  public:
   explicit Table(ProgramRun& run) : run_(run), machine_(run) { machine_.assume_mm(); }
 
-  void row(std::string_view line, int number);
+  void read_row(std::string_view line, int line_number);
   void finish() { machine_.finish(); }
 
  private:
-  void read_head(const std::vector<Cell>& cells);
-  void take_order(const std::vector<Cell>& cells);
-  double number(const std::vector<Cell>& cells, std::size_t which) const;
+  void read_header(const std::vector<Cell>& cells);
+  void assume_columns(const std::vector<Cell>& cells);
+  double number(const std::vector<Cell>& cells, std::size_t column) const;
   void read_feed(const Cell& cell);
   [[noreturn]] void refuse(const Cell& cell, const std::string& expected) const {
     run_.canon.refuse({cell.column, cell.text}, expected, in_quotes(cell.text));
@@ -507,48 +522,50 @@ class Table {
   Machine machine_;
   std::optional<Columns> columns_;
   std::size_t width_ = 0;
-  bool arrived_ = false, head_refused_ = false;
+  bool has_first_location_ = false, is_header_invalid_ = false;
 };
 
-void Table::read_head(const std::vector<Cell>& cells) {
+void Table::read_header(const std::vector<Cell>& cells) {
   Columns columns;
   for (std::size_t c = 0; c < cells.size(); ++c) {
-    // Several names are accepted for each column; unknown columns are handled like unknown words.
-    const auto named = std::find_if(names.begin(), names.end(), [&](const auto& some) {
-      return std::any_of(some.begin(), some.end(),
-                         [&](std::string_view one) { return is(cells[c].text, one); });
+    // An unknown column is treated like an unknown word.
+    const auto names = std::ranges::find_if(column_names, [&](const auto& aliases) {
+      return std::ranges::any_of(
+          aliases, [&](std::string_view name) { return is_same_word(cells[c].text, name); });
     });
-    if (named == names.end()) {
-      run_.unknown({cells[c].column, cells[c].text}, "a column x, y, z, i, j, k or feed");
+    if (names == column_names.end()) {
+      run_.handle_unknown_word({cells[c].column, cells[c].text},
+                               "a column x, y, z, i, j, k or feed");
       continue;
     }
-    auto& column = columns[std::size_t(named - names.begin())];
+    auto& column = columns[std::size_t(names - column_names.begin())];
     if (column) refuse(cells[c], "each column once");
     column = c;
   }
   for (std::size_t i = 0; i < 3; ++i)
-    if (!columns[i]) run_.canon.refuse({1, {}}, fmt::format("a column {}", names[i][0]), "none");
+    if (!columns[i])
+      run_.canon.refuse({1, {}}, fmt::format("a column {}", column_names[i][0]), "none");
   // A vector needs all three components.
-  const int vectors =
+  const int component_count =
       int(columns[3].has_value()) + int(columns[4].has_value()) + int(columns[5].has_value());
-  if (vectors != 0 && vectors != 3)
+  if (component_count != 0 && component_count != 3)
     run_.canon.refuse({1, {}}, "columns i, j and k together", "some of them");
   columns_ = columns;
 }
 
-void Table::take_order(const std::vector<Cell>& cells) {
+void Table::assume_columns(const std::vector<Cell>& cells) {
   Columns columns;
-  const std::size_t n = cells.size();
-  if (n != 3 && n != 4 && n != 6 && n != 7)
+  const std::size_t width = cells.size();
+  if (width != 3 && width != 4 && width != 6 && width != 7)
     run_.canon.refuse({1, {}}, "a head, or 3, 4, 6 or 7 columns: x y z, feed, i j k",
-                      fmt::format("{} columns", n));
-  // Four columns are x y z feed, so the fourth one is the feed and not i.
-  for (std::size_t i = 0; i < n; ++i) columns[n == 4 && i == 3 ? 6 : i] = i;
+                      fmt::format("{} columns", width));
+  // Of four columns the fourth one is the feed and not i.
+  for (std::size_t i = 0; i < width; ++i) columns[width == 4 && i == 3 ? 6 : i] = i;
   columns_ = columns;
 }
 
-double Table::number(const std::vector<Cell>& cells, std::size_t which) const {
-  const Cell& cell = cells[*(*columns_)[which]];
+double Table::number(const std::vector<Cell>& cells, std::size_t column) const {
+  const Cell& cell = cells[*(*columns_)[column]];
   const auto value = number_of(cell.text);
   if (!value) refuse(cell, "a number within +-1e9, with a decimal point");
   return *value;
@@ -556,40 +573,41 @@ double Table::number(const std::vector<Cell>& cells, std::size_t which) const {
 
 void Table::read_feed(const Cell& cell) {
   if (cell.text.empty()) return;
-  if (is(cell.text, "RAPID")) return machine_.rapid_next();
+  if (is_same_word(cell.text, "RAPID")) return machine_.request_rapid();
   const auto value = number_of(cell.text);
   if (!value || !(*value > 0)) refuse(cell, "a feed above zero in mm/min, or rapid");
   machine_.set_feed({*value, 1.0});
 }
 
-void Table::row(std::string_view line, int number_of_line) {
+void Table::read_row(std::string_view line, int line_number) {
   const std::vector<Cell> cells = cells_of(line, cell_separator(line), max_cells);
   if (cells.size() > max_cells) run_.canon.refuse({1, {}}, "at most 100 columns", "more");
-  if (head_refused_) return;  // without a header the rows cannot be interpreted
+  // Rows have no meaning without a valid header.
+  if (is_header_invalid_) return;
   if (!columns_) {
     width_ = cells.size();
     if (!number_of(cells.front().text)) {
-      // Set while the header is read: if that throws, the flag stays.
-      head_refused_ = true;
-      read_head(cells);
-      head_refused_ = false;
+      // The flag stays set if `read_header` throws.
+      is_header_invalid_ = true;
+      read_header(cells);
+      is_header_invalid_ = false;
       return;
     }
-    take_order(cells);
+    assume_columns(cells);
   }
   if (cells.size() != width_)
     run_.canon.refuse({1, {}}, fmt::format("{} columns, as in the first row", width_),
                       fmt::format("{}", cells.size()));
   Location to{{number(cells, 0), number(cells, 1), number(cells, 2)}, machine_.direction()};
   if (const auto i = (*columns_)[3])
-    to.direction = machine_.direction_of(make_item(cells[*i], number_of_line),
-                                         {number(cells, 3), number(cells, 4), number(cells, 5)});
-  // The first row is reached at rapid, since nothing says where the tool comes from.
-  if (!arrived_) machine_.rapid_next();
+    to.direction = machine_.unit_direction(make_item(cells[*i], line_number),
+                                           {number(cells, 3), number(cells, 4), number(cells, 5)});
+  // The tool moves to the first row at rapid, because nothing states where it comes from.
+  if (!has_first_location_) machine_.request_rapid();
   if (const auto feed = (*columns_)[6]) read_feed(cells[*feed]);
   const Cell& first = cells[*(*columns_)[0]];
   machine_.go_to(to, {first.column, first.text}, true);
-  arrived_ = true;
+  has_first_location_ = true;
 }
 
 }  // namespace
@@ -598,11 +616,11 @@ bool is_table(std::string_view text) {
   Lines lines(text);
   while (const auto line = lines.next()) {
     if (!is_not_blank(*line)) continue;
-    const std::vector<Cell> cells = cells_of(*line, cell_separator(*line), n_columns);
+    const std::vector<Cell> cells = cells_of(*line, cell_separator(*line), column_count);
     return !cells.empty() &&
            (number_of(cells.front().text) ||
             (cells.size() > 1 && std::any_of(cells.begin(), cells.end(), [](const Cell& cell) {
-               return is(cell.text, "X") || is(cell.text, "X_MM");
+               return is_same_word(cell.text, "X") || is_same_word(cell.text, "X_MM");
              })));
   }
   return false;
@@ -615,9 +633,9 @@ void read_table(std::string_view text, ProgramRun& run) {
     if (run.is_aborted()) return;
     if (!is_not_blank(*line)) continue;
     run.canon.set_line(lines.number());
-    run.attempt([&] {
+    run.try_block([&] {
       run.count_block();
-      table.row(*line, lines.number());
+      table.read_row(*line, lines.number());
     });
   }
   table.finish();

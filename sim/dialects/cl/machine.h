@@ -25,32 +25,32 @@ struct Item {
   int line = 0, column = 0;      ///< from 1
 
   Cause cause() const { return {column, text}; }
-  /// Returns true if the item is this word, ignoring case.
-  bool is(std::string_view word) const;
+  /// Returns true if the item is the word, in either case.
+  bool is_word(std::string_view word) const;
 };
 
-/// A statement: a line, or several joined by $, without comments.
+/// A statement: one line, or several lines joined by $, without comments.
 struct Statement {
   std::string major;  ///< major word, upper case; may be empty
-  Cause cause;        ///< where the major word is
+  Cause cause;        ///< the major word
   int line = 0;
-  /// After "$$->", where Creo writes statements that postprocessors may ignore.
+  /// True behind "$$->", where Creo writes statements that postprocessors may ignore.
   bool in_comment = false;
   std::vector<Item> items;  ///< filled by `read_items`
 
-  struct Piece {
+  struct StatementLine {
     std::string_view text;
     int line = 0;
     std::size_t from = 0;  ///< byte at which the items begin
   };
-  std::vector<Piece> pieces;
+  std::vector<StatementLine> lines;
 };
 
-/// Iterates over the statements of a program.
+/// Iterator over the statements of a program.
 class Statements {
  public:
   explicit Statements(std::string_view text) : lines_(text) {}
-  /// Reads the next statement that is not blank, but not its items. Returns false at the end of the
+  /// Reads the next statement that is not blank, without its items. Returns false at the end of the
   /// text.
   bool next(Statement& statement);
 
@@ -68,12 +68,12 @@ void read_items(Statement& statement, const program::Canon& canon);
 
 class Machine;
 
-/// Major words with the same treatment and handler. The word table is made of these entries.
+/// Major words with the same treatment and handler: an entry of the word table.
 struct WordEntry {
   std::string_view words;
   Use use = Use::Read;
   std::string_view sentence;
-  void (Machine::*does)(const Statement&) = nullptr;
+  void (Machine::*handler)(const Statement&) = nullptr;
 };
 
 /// Returns the entry of a major word, or null if the dialect does not have it.
@@ -85,60 +85,61 @@ struct Location {
   Eigen::Vector3d direction;  ///< unit, from the tip to the spindle
 };
 
-/// The machine that executes statements: its modes, tools, cycles and moves of the tip.
+/// State of a machine that follows cutter locations: modes, tools and cycles. Executes statements
+/// and issues their moves to the canon.
 class Machine {
  public:
   explicit Machine(ProgramRun& run) : run_(run), canon_(run.canon), vector_lines_(run) {}
 
   /// Executes a statement whose items have not been read yet. Throws BadInput.
   void execute(Statement& statement);
-  bool ended() const { return ended_; }
+  bool has_ended() const { return has_ended_; }
   /// Issues warnings that concern the whole program.
   void finish();
 
-  // Used by the reader of tables of locations.
+  // For the reader of tables of locations.
   void set_feed(const program::Feed& feed) { canon_.set_feed(feed); }
-  /// Moves to a location as the modes require: straight, along a stated arc, or through a hole
-  /// cycle.
-  /// @param stated  the location is absolute, so that no axis is uncertain any more
+  /// Moves to a location as the modes require: straight, along a stated arc, or by a drill cycle.
+  /// If the location is `stated`, i.e. absolute, no axis is uncertain any more.
   void go_to(const Location& to, const Cause& cause, bool stated);
-  void rapid_next() { rapid_ = true; }
-  void assume_mm() { units_stated_ = true; }
-  /// Returns a normalised tool axis. Throws BadInput unless its length is 1 within a thousandth.
-  Eigen::Vector3d direction_of(const Item& first, const Eigen::Vector3d& ijk) const;
+  void request_rapid() { is_next_rapid_ = true; }
+  void assume_mm() { are_units_stated_ = true; }
+  /// Returns the tool axis with length 1. Throws BadInput at `first` unless its length is 1 within
+  /// a thousandth.
+  Eigen::Vector3d unit_direction(const Item& first, const Eigen::Vector3d& ijk) const;
   const Eigen::Vector3d& direction() const { return direction_; }
 
   // Statements without motion.
-  void fini(const Statement& s);
-  void units(const Statement& s);
-  void multax(const Statement& s);
-  void rapid(const Statement& s);
-  void feedrate(const Statement& s);
-  void delay(const Statement& s);
-  void stop(const Statement& s);
-  void msys(const Statement& s);
-  void origin(const Statement& s);
-  void require_off(const Statement& s);
-  void auxiliary(const Statement& s);
+  void fini(const Statement& statement);
+  void units(const Statement& statement);
+  void multax(const Statement& statement);
+  void rapid(const Statement& statement);
+  void feedrate(const Statement& statement);
+  void delay(const Statement& statement);
+  void stop(const Statement& statement);
+  void msys(const Statement& statement);
+  void origin(const Statement& statement);
+  void require_off(const Statement& statement);
+  void auxiliary(const Statement& statement);
   // Straight motion.
-  void go_to(const Statement& s);
-  void go_delta(const Statement& s);
-  void from(const Statement& s);
-  void go_home(const Statement& s);
-  void tool_axis(const Statement& s);
+  void go_to(const Statement& statement);
+  void go_delta(const Statement& statement);
+  void from(const Statement& statement);
+  void go_home(const Statement& statement);
+  void tool_axis(const Statement& statement);
   // Arcs.
-  void circle(const Statement& s);
-  void moving_arc(const Statement& s);
+  void circle(const Statement& statement);
+  void moving_arc(const Statement& statement);
   // Holes.
-  void cycle(const Statement& s);
+  void cycle(const Statement& statement);
   // Tools and spindle.
-  void load_tool(const Statement& s);
-  void load(const Statement& s);
-  void select(const Statement& s);
-  void spindle(const Statement& s);
-  void coolant(const Statement& s);
-  void cutter(const Statement& s);
-  void tool_data(const Statement& s);
+  void load_tool(const Statement& statement);
+  void load(const Statement& statement);
+  void select(const Statement& statement);
+  void spindle(const Statement& statement);
+  void coolant(const Statement& statement);
+  void cutter(const Statement& statement);
+  void tool_data(const Statement& statement);
 
  private:
   using AxisVector = kinematics::AxisVector;
@@ -151,15 +152,16 @@ class Machine {
     std::optional<double> sweep;  ///< rad, if it was stated
     /// True: it applies to the next point only; false: to all following points that lie on it.
     bool for_next_point_only = true;
-    bool sense_in_doubt = false;  ///< CAM systems disagree about the sign of the axis
+    bool is_sense_ambiguous = false;  ///< CAM systems disagree about the sign of the axis
     int line = 0;
-    std::string_view word;  ///< "CIRCLE/"
-    int arcs = 0;           ///< arcs made so far
-    double turned = 0.0;    ///< rad, sum of the sweeps of these arcs
+    std::string_view word;     ///< "CIRCLE/"
+    int arcs = 0;              ///< arcs made so far
+    double total_sweep = 0.0;  ///< rad, of these arcs
   };
-  /// The hole cycle in force.
-  struct Hole {
-    double depth = 0.0, clear = 0.0, back = 0.0;  ///< mm, from the point along the tool axis
+  /// The drill cycle in force.
+  struct DrillCycle {
+    /// Levels, mm from the point along the tool axis; the depth counts downwards.
+    double depth = 0.0, clearance = 0.0, return_level = 0.0;
     double dwell_s = 0.0;
     std::optional<program::Feed> feed;
     program::FeedMode mode = program::FeedMode::PerMinute;
@@ -173,54 +175,55 @@ class Machine {
                            std::optional<std::string> seen = {}) const {
     canon_.refuse(cause, std::move(expected), std::move(seen));
   }
-  void unknown(const Statement& s, const Item& item, const std::string& expected);
+  void handle_unknown_item(const Statement& statement, const Item& item,
+                           const std::string& expected);
   double unit() const;  ///< mm per programmed unit of length
-  double number(const Statement& s, std::size_t i, const char* what) const;
-  Eigen::Vector3d vector(const Statement& s, std::size_t i, const char* what) const;
-  int whole(const Item& item, int most, const char* what) const;
+  double number(const Statement& statement, std::size_t i, const char* what) const;
+  Eigen::Vector3d vector(const Statement& statement, std::size_t i, const char* what) const;
+  int whole_number(const Item& item, int max, const char* what) const;
 
   // Straight motion.
-  Location location(const Statement& s);
-  Location here() const;
+  Location parse_location(const Statement& statement);
+  Location current_location() const;
   void enter_tip_mode(const Cause& cause);
-  AxisVector axes_at(const Location& to, const Cause& cause);
-  AxisVector turned_axes(const Location& to, const Eigen::Vector3d& tip_w, const Cause& cause);
-  void note_turn(const AxisVector& end, const Eigen::Vector3d& direction);
+  AxisVector axes_for(const Location& to, const Cause& cause);
+  AxisVector solve_axes(const Location& to, const Eigen::Vector3d& tip_w, const Cause& cause);
+  void record_axis_deviation(const AxisVector& end, const Eigen::Vector3d& direction);
   void straight(const Location& to, const Cause& cause, bool stated, bool rapid);
   void check_feed(const Cause& cause) const;
-  Eigen::Vector3d shift() const;
+  Eigen::Vector3d offset_origin() const;
 
   // Arcs.
-  Circle stated_circle(const Statement& s, std::string_view word) const;
-  bool continues_arc(const Location& to);
+  Circle parse_circle(const Statement& statement, std::string_view word) const;
+  bool is_on_circle(const Location& to);
   void arc(const Location& to, const Cause& cause, bool stated);
   double sweep_to(const Eigen::Vector3d& to) const;
   void check_radii(const Eigen::Vector3d& to, const Cause& cause) const;
   void check_sense(double sweep, const Cause& cause);
 
   // Holes.
-  void hole(const Location& at, const Cause& cause);
-  Hole parse_hole(const Statement& s);
-  void go(const Location& to, const Cause& cause, bool rapid);
+  void make_hole(const Location& at, const Cause& cause);
+  DrillCycle parse_drill_cycle(const Statement& statement);
+  void move_to(const Location& to, const Cause& cause, bool rapid);
 
   ProgramRun& run_;
   program::Canon& canon_;
   VectorLines vector_lines_;
-  bool inch_ = false, units_stated_ = false, inches_seen_ = false;
-  bool ended_ = false, rapid_ = false, upright_ = false;
-  Eigen::Vector3d direction_ = Eigen::Vector3d::UnitZ();  ///< of the current point
-  /// Tool vector to which the rotary axes were turned; zero: none.
-  Eigen::Vector3d turned_to_ = Eigen::Vector3d::Zero();
+  bool is_inch_ = false, are_units_stated_ = false, has_inch_feed_ = false;
+  bool has_ended_ = false, is_next_rapid_ = false, is_upright_ = false;
+  Eigen::Vector3d direction_ = Eigen::Vector3d::UnitZ();  ///< tool axis at the current point
+  /// Tool vector for which the rotary axes have been solved; zero: none.
+  Eigen::Vector3d solved_direction_ = Eigen::Vector3d::Zero();
   std::optional<Location> home_;
   std::optional<Circle> circle_;
-  std::optional<Hole> hole_;
-  std::optional<std::string> system_;  ///< text of MSYS
-  int tool_ = -1;                      ///< tool that was loaded
+  std::optional<DrillCycle> drill_cycle_;
+  std::optional<std::string> msys_text_;  ///< text of MSYS
+  int tool_ = -1;                         ///< tool that was loaded
   double speed_rpm_ = 0.0;
-  int spindle_turns_ = 1;
-  static constexpr double min_bulge = 1e-4;  ///< rad; smaller deviations are not reported: 2 um at
-                                             ///< 20 mm above the tip
-  /// Largest deviation of the tool axis from the great circle between its ends, in mid-move.
+  int spindle_direction_ = 1;
+  /// rad; smaller deviations, below 2 um at 20 mm above the tip, are not reported.
+  static constexpr double min_axis_deviation = 1e-4;
+  /// Largest deviation of the tool axis from the great circle of a move, in the middle of the move.
   struct AxisDeviation {
     double angle = 0.0;  ///< rad
     int line = 0;

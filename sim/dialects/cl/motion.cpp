@@ -17,61 +17,62 @@ using program::FeedMode;
 
 namespace {
 
-constexpr double farthest = 1e6;  // mm, the limit of positions of the canon
-// Deviation from length 1; vectors of three decimals stay within it.
-constexpr double length_off = 1e-3;
-constexpr double upright_within = 1e-6;  // rad, rounding of a vector of seven digits
+constexpr double max_position = 1e6;  // mm, the limit of the canon
+// From 1; the length of vectors with three decimals stays within it.
+constexpr double max_length_deviation = 1e-3;
+constexpr double upright_tolerance = 1e-6;  // rad, rounding of a vector with seven digits
 // A stated point determines every axis.
 constexpr std::uint32_t every_joint = ~std::uint32_t(0);
 
-std::string text_of(const Eigen::Vector3d& v) {
+std::string vector_text(const Eigen::Vector3d& v) {
   return fmt::format("{:.6g} {:.6g} {:.6g}", v.x(), v.y(), v.z());
 }
 
 }  // namespace
 
-Eigen::Vector3d Machine::direction_of(const Item& first, const Eigen::Vector3d& ijk) const {
+Eigen::Vector3d Machine::unit_direction(const Item& first, const Eigen::Vector3d& ijk) const {
   const double length = ijk.norm();
-  if (!(std::abs(length - 1.0) <= length_off))
+  if (!(std::abs(length - 1.0) <= max_length_deviation))
     refuse(first, "a tool vector of length 1, within a thousandth",
-           fmt::format("{}, of length {:.6g}", text_of(ijk), length));
+           fmt::format("{}, of length {:.6g}", vector_text(ijk), length));
   return ijk / length;
 }
 
-// Displacement of the work offset: the programmed zero in the coordinates of the tip.
-Eigen::Vector3d Machine::shift() const {
+// Returns the programmed zero in the coordinates of the tip, which the work offset displaces.
+Eigen::Vector3d Machine::offset_origin() const {
   const AxisVector zero = canon_.placed(AxisVector::Zero(canon_.position().size()));
   return {zero[canon_.joint_of('X')], zero[canon_.joint_of('Y')], zero[canon_.joint_of('Z')]};
 }
 
-/// Reads x,y,z or x,y,z,i,j,k; without a vector the last one is kept.
-Location Machine::location(const Statement& s) {
-  const std::size_t n = s.items.size();
-  if (n != 3 && n != 6)
-    refuse(n > 6 ? s.items[6].cause() : s.cause, "x,y,z or x,y,z,i,j,k behind " + s.major,
-           fmt::format("{} values", n));
-  Location to{vector(s, 0, "a coordinate") * unit(), direction_};
-  if (n == 6) to.direction = direction_of(s.items[3], vector(s, 3, "a tool vector"));
-  // MULTAX/OFF promises upright vectors; a tilted one contradicts it.
-  if (upright_ &&
-      kinematics::angle_between(to.direction, Eigen::Vector3d::UnitZ()) > upright_within)
-    refuse(s.items[3], "MULTAX/ON before a tool vector that is not 0,0,1", text_of(to.direction));
+/// Parses x,y,z or x,y,z,i,j,k. Without a vector the current one stays.
+Location Machine::parse_location(const Statement& statement) {
+  const std::size_t count = statement.items.size();
+  if (count != 3 && count != 6)
+    refuse(count > 6 ? statement.items[6].cause() : statement.cause,
+           "x,y,z or x,y,z,i,j,k behind " + statement.major, fmt::format("{} values", count));
+  Location to{vector(statement, 0, "a coordinate") * unit(), direction_};
+  if (count == 6)
+    to.direction = unit_direction(statement.items[3], vector(statement, 3, "a tool vector"));
+  // A tilted vector contradicts MULTAX/OFF.
+  if (is_upright_ &&
+      kinematics::angle_between(to.direction, Eigen::Vector3d::UnitZ()) > upright_tolerance)
+    refuse(statement.items[3], "MULTAX/ON before a tool vector that is not 0,0,1",
+           vector_text(to.direction));
   return to;
 }
 
-Location Machine::here() const {
+Location Machine::current_location() const {
   const AxisVector& q = canon_.position();
   const Eigen::Vector3d tip_w(q[canon_.joint_of('X')], q[canon_.joint_of('Y')],
                               q[canon_.joint_of('Z')]);
-  return {tip_w - shift(), direction_};
+  return {tip_w - offset_origin(), direction_};
 }
 
-/// Switches to tip mode with the current tool, whose number the control must know.
+/// Switches to tip mode with the current tool. Throws BadInput if the control does not know it.
 void Machine::enter_tip_mode(const Cause& cause) {
   if (canon_.tip_mode() && canon_.coordinates() == program::Coordinates::Tip) return;
   if (tool_ < 0) {
-    // Without LOADTL the only tool is assumed, and reported.
-    if (!canon_.options().tool_length.empty()) tool_ = run_.uncalled_tool(cause, "no LOADTL");
+    if (!canon_.options().tool_length.empty()) tool_ = run_.assume_only_tool(cause, "no LOADTL");
     canon_.select_length(tool_, cause);
   }
   canon_.set_tip_mode(true, cause);
@@ -83,42 +84,43 @@ void Machine::enter_tip_mode(const Cause& cause) {
           "the tool in the workpiece");
 }
 
-// Positions are solved with travel limits first: a direction that is reachable only beyond them
-// gets a message of its own.
-kinematics::AxisVector Machine::turned_axes(const Location& to, const Eigen::Vector3d& tip_w,
-                                            const Cause& cause) {
-  kinematics::NearestPose found;
+// Solves with travel limits first, so that a direction that is reachable only beyond them has a
+// message of its own.
+kinematics::AxisVector Machine::solve_axes(const Location& to, const Eigen::Vector3d& tip_w,
+                                           const Cause& cause) {
+  kinematics::NearestPose pose;
   try {
-    found = kinematics::nearest_inverse_solution(canon_.chain(), {tip_w, to.direction},
-                                                 canon_.position());
-  } catch (const std::invalid_argument& fault) {
+    pose = kinematics::nearest_inverse_solution(canon_.chain(), {tip_w, to.direction},
+                                                canon_.position());
+  } catch (const std::invalid_argument& error) {
     refuse(cause, "a machine of three slides and at most two rotary axes for cutter locations",
-           fault.what());
+           error.what());
   }
-  if (found.reach == Reach::Unreachable)
+  if (pose.reach == Reach::Unreachable)
     refuse(cause, "a tool vector that the axes of the machine (" + canon_.letters() + ") reach",
-           text_of(to.direction));
-  if (found.q.size() == 0)
-    refuse(cause, "a location within the travel of the axes",
-           fmt::format("{} with the tool vector {}", text_of(to.tip), text_of(to.direction)));
-  // Fanuc's rule chooses among the solutions by travel axis by axis, not by total travel.
+           vector_text(to.direction));
+  if (pose.q.size() == 0)
+    refuse(
+        cause, "a location within the travel of the axes",
+        fmt::format("{} with the tool vector {}", vector_text(to.tip), vector_text(to.direction)));
+  // Fanuc's rule compares the travel axis by axis, not the total travel.
   if (vector_lines_.rule() == PoleRule::Fanuc)
     return vector_lines_.fanuc_rotary_axes(canon_.chain(), to.direction, cause);
-  return std::move(found.q);
+  return std::move(pose.q);
 }
 
-/// Returns the axes at a location. An equal vector keeps the rotary axes, so that rounding of the
-/// inverse does not move them.
-kinematics::AxisVector Machine::axes_at(const Location& to, const Cause& cause) {
-  if (!(to.tip.cwiseAbs().maxCoeff() <= farthest)) refuse(cause, "a position within 1e6 mm");
+/// Returns the axes for a location. The rotary axes stay if the vector is the same, so that
+/// rounding of the inverse does not move them.
+kinematics::AxisVector Machine::axes_for(const Location& to, const Cause& cause) {
+  if (!(to.tip.cwiseAbs().maxCoeff() <= max_position)) refuse(cause, "a position within 1e6 mm");
   enter_tip_mode(cause);
-  const Eigen::Vector3d tip_w = to.tip + shift();
+  const Eigen::Vector3d tip_w = to.tip + offset_origin();
   AxisVector end = canon_.position();
-  if (turned_to_ != to.direction) end = turned_axes(to, tip_w, cause);
+  if (solved_direction_ != to.direction) end = solve_axes(to, tip_w, cause);
   end[canon_.joint_of('X')] = tip_w.x();
   end[canon_.joint_of('Y')] = tip_w.y();
   end[canon_.joint_of('Z')] = tip_w.z();
-  turned_to_ = to.direction;
+  solved_direction_ = to.direction;
   return end;
 }
 
@@ -126,119 +128,131 @@ void Machine::check_feed(const Cause& cause) const {
   if (!canon_.feed()) refuse(cause, "FEDRAT/ before the first move at feed", "none");
 }
 
-/// Records how far the tool axis is from the great circle in the middle of the next move. Rotations
-/// of t rad in total bend the path of the axis, and the circle, by at most t^2, so their middles
-/// are within t^2 / 4: most moves are too short to need the exact value.
-void Machine::note_turn(const AxisVector& end, const Eigen::Vector3d& direction) {
+/// Records the deviation of the tool axis from the great circle in the middle of the next move. The
+/// second derivatives of the path of the axis and of the circle are at most t^2 for rotations of t
+/// rad in total, so the deviation is at most t^2 / 4; most moves are too short to need the exact
+/// value.
+void Machine::record_axis_deviation(const AxisVector& end, const Eigen::Vector3d& direction) {
   const AxisVector& start = canon_.position();
-  double turn = 0.0;
+  double rotation = 0.0;
   for (int j = 0; j < int(end.size()); ++j)
-    if (!canon_.is_linear(j)) turn += std::abs(end[j] - start[j]);
-  if (0.25 * turn * turn <= std::max(axis_deviation_.angle, min_bulge)) return;
-  const auto axis_at = [&](const AxisVector& q) -> Eigen::Vector3d {
+    if (!canon_.is_linear(j)) rotation += std::abs(end[j] - start[j]);
+  if (0.25 * rotation * rotation <= std::max(axis_deviation_.angle, min_axis_deviation)) return;
+  const auto tool_axis = [&](const AxisVector& q) -> Eigen::Vector3d {
     return canon_.chain().tool_in_workpiece(q).linear().col(2);
   };
-  const Eigen::Vector3d on_circle = kinematics::great_circle_point(axis_at(start), direction, 0.5);
-  const double angle = kinematics::angle_between(axis_at(0.5 * (start + end)), on_circle);
+  const Eigen::Vector3d circle_point =
+      kinematics::great_circle_point(tool_axis(start), direction, 0.5);
+  const double angle = kinematics::angle_between(tool_axis(0.5 * (start + end)), circle_point);
   if (angle > axis_deviation_.angle) axis_deviation_ = {angle, canon_.line()};
 }
 
 void Machine::straight(const Location& to, const Cause& cause, bool stated, bool rapid) {
-  AxisVector end = axes_at(to, cause);
+  AxisVector end = axes_for(to, cause);
   direction_ = to.direction;
   const std::uint32_t joints = stated ? every_joint : 0;
   if (rapid) return canon_.traverse({.end = std::move(end), .cause = cause, .stated = joints});
   check_feed(cause);
-  if (vector_lines_.on()) {
-    // After a passage through a pole the rotary axes do not correspond to the vector: the next
-    // point solves them again.
+  if (vector_lines_.is_active()) {
+    // A block led through a pole does not end with its vector, so the next point solves the rotary
+    // axes again.
     if (!vector_lines_.straight_feed(canon_.chain(), {std::move(end), cause, false, joints}))
-      turned_to_.setZero();
+      solved_direction_.setZero();
     return;
   }
-  note_turn(end, to.direction);
+  record_axis_deviation(end, to.direction);
   canon_.straight_feed({.end = std::move(end), .cause = cause, .stated = joints});
 }
 
 void Machine::go_to(const Location& to, const Cause& cause, bool stated) {
-  const bool rapid = rapid_;
-  rapid_ = false;
-  if (hole_) return hole(to, cause);
-  // RAPID between a circle and its first point makes no sense; behind the first arc it just ends
-  // the circle.
+  const bool rapid = is_next_rapid_;
+  is_next_rapid_ = false;
+  if (drill_cycle_) return make_hole(to, cause);
+  // Behind the first arc RAPID ends the circle; before it RAPID is an error.
   if (circle_ && rapid && circle_->arcs == 0)
     refuse(cause, "a point at feed behind " + std::string(circle_->word), "one at rapid");
-  if (circle_ && !rapid && continues_arc(to)) return arc(to, cause, stated);
+  if (circle_ && !rapid && is_on_circle(to)) return arc(to, cause, stated);
   circle_.reset();
   straight(to, cause, stated, rapid);
 }
 
-void Machine::go_to(const Statement& s) { go_to(location(s), s.cause, true); }
-
-/// Steps of x y z, or one step along the tool axis.
-void Machine::go_delta(const Statement& s) {
-  enter_tip_mode(s.cause);
-  Location to = here();
-  if (s.items.size() == 1)
-    to.tip += direction_ * number(s, 0, "a step along the tool axis") * unit();
-  else if (s.items.size() == 3)
-    to.tip += vector(s, 0, "a step") * unit();
-  else
-    refuse(s.cause, "dx,dy,dz or one step along the tool axis behind GODLTA/",
-           fmt::format("{} values", s.items.size()));
-  circle_.reset();
-  go_to(to, s.cause, false);
+void Machine::go_to(const Statement& statement) {
+  go_to(parse_location(statement), statement.cause, true);
 }
 
-/// FROM states where the tool is. If the axes are elsewhere, they move there at rapid.
-void Machine::from(const Statement& s) {
-  const Location to = location(s);
+/// Moves by steps of x y z, or by a step along the tool axis.
+void Machine::go_delta(const Statement& statement) {
+  enter_tip_mode(statement.cause);
+  Location to = current_location();
+  if (statement.items.size() == 1)
+    to.tip += direction_ * number(statement, 0, "a step along the tool axis") * unit();
+  else if (statement.items.size() == 3)
+    to.tip += vector(statement, 0, "a step") * unit();
+  else
+    refuse(statement.cause, "dx,dy,dz or one step along the tool axis behind GODLTA/",
+           fmt::format("{} values", statement.items.size()));
   circle_.reset();
-  const std::size_t before = canon_.blocks();
-  straight(to, s.cause, true, true);
+  go_to(to, statement.cause, false);
+}
+
+/// Executes FROM, which states the position of the tool. If the axes are elsewhere, they move there
+/// at rapid.
+void Machine::from(const Statement& statement) {
+  const Location to = parse_location(statement);
+  circle_.reset();
+  const std::size_t blocks_before = canon_.blocks();
+  straight(to, statement.cause, true, true);
   home_ = to;
-  if (canon_.blocks() > before)
-    run_.warn_once(
-        fmt::format("FROM on line {} is not where the axes stand: they go there at rapid", s.line));
+  if (canon_.blocks() > blocks_before)
+    run_.warn_once(fmt::format(
+        "FROM on line {} is not where the axes stand: they go there at rapid", statement.line));
 }
 
 /// Moves to the point of FROM, or to the initial axis positions.
-void Machine::go_home(const Statement& s) {
-  for (const Item& item : s.items) refuse(item, "nothing behind GOHOME");
+void Machine::go_home(const Statement& statement) {
+  for (const Item& item : statement.items) refuse(item, "nothing behind GOHOME");
   circle_.reset();
-  if (home_) return straight(*home_, s.cause, true, true);
-  enter_tip_mode(s.cause);
-  // Home is a position of the axes, not of the tip.
-  canon_.go_to(program::Coordinates::Axis, s.cause);
-  canon_.traverse({.end = start_of(canon_.options()), .cause = s.cause, .stated = every_joint});
-  canon_.go_to(program::Coordinates::Tip, s.cause);
+  if (home_) return straight(*home_, statement.cause, true, true);
+  enter_tip_mode(statement.cause);
+  // Without FROM home is a position of the axes, not of the tip.
+  canon_.go_to(program::Coordinates::Axis, statement.cause);
+  canon_.traverse(
+      {.end = start_of(canon_.options()), .cause = statement.cause, .stated = every_joint});
+  canon_.go_to(program::Coordinates::Tip, statement.cause);
   direction_ = canon_.chain().tool_in_workpiece(canon_.position()).linear().col(2);
-  turned_to_ = direction_;
+  solved_direction_ = direction_;
 }
 
-/// Sets the tool axis of points that state none.
-void Machine::tool_axis(const Statement& s) {
-  if (s.items.size() != 3) refuse(s.cause, "i,j,k behind TLAXIS/");
-  if (upright_) refuse(s.cause, "MULTAX/ON before TLAXIS/");
-  direction_ = direction_of(s.items.front(), vector(s, 0, "a tool vector"));
+/// Sets the tool axis for points without a vector.
+void Machine::tool_axis(const Statement& statement) {
+  if (statement.items.size() != 3) refuse(statement.cause, "i,j,k behind TLAXIS/");
+  if (is_upright_) refuse(statement.cause, "MULTAX/ON before TLAXIS/");
+  direction_ = unit_direction(statement.items.front(), vector(statement, 0, "a tool vector"));
 }
 
 namespace {
 
 // Tolerances of the canon for the radii at the ends of an arc, see the README of sim/program.
-constexpr double free_mm = 0.005, max_mm = 0.5, share = 1e-3;
-constexpr double one_point = 1e-8;         // mm, a circle closes
-constexpr double angle_allowed = 0.002;    // rad, for a stated sweep: rounding of the points
-constexpr double same_angle = 1e-6;        // rad, rounding of a sweep
-constexpr double bulge_warning_mm = 0.01;  // mm between chord and arc
-constexpr double along_axis = 1e-9;  // rad, an axis this close to X, Y or Z needs no rotated plane
+constexpr double min_radius_tolerance = 0.005, max_radius_tolerance = 0.5;  // mm
+constexpr double relative_radius_tolerance = 1e-3;
+constexpr double point_tolerance = 1e-8;   // mm, between the ends of a closed circle
+constexpr double sweep_tolerance = 0.002;  // rad, of a stated sweep, from rounding of the points
+constexpr double angle_tolerance = 1e-6;   // rad, rounding of a sweep
+constexpr double min_reported_sagitta = 0.01;  // mm
+constexpr double axis_tolerance = 1e-9;  // rad, an axis this close to X, Y or Z needs no rotation
 
-double allowed(double radius) { return std::max(free_mm, std::min(max_mm, share * radius)); }
+double radius_tolerance(double radius) {
+  return std::max(min_radius_tolerance,
+                  std::min(max_radius_tolerance, relative_radius_tolerance * radius));
+}
 
-// Component perpendicular to an axis.
-Vector3d across(const Vector3d& v, const Vector3d& axis) { return v - axis * axis.dot(v); }
+// Returns the component perpendicular to an axis.
+Vector3d perpendicular_part(const Vector3d& v, const Vector3d& axis) {
+  return v - axis * axis.dot(v);
+}
 
-/// Returns a rotation that maps z to the axis. The reference axis is not closer than 45 deg to it.
+/// Returns a rotation that maps z to the axis. X or Y, whichever is at least 45 deg from the axis,
+/// determines its x.
 Eigen::Matrix3d frame_about(const Vector3d& axis) {
   Eigen::Matrix3d R;
   R.col(2) = axis;
@@ -250,50 +264,54 @@ Eigen::Matrix3d frame_about(const Vector3d& axis) {
 
 }  // namespace
 
-/// Reads centre, vector and radius.
-Machine::Circle Machine::stated_circle(const Statement& s, std::string_view word) const {
+/// Parses centre, vector and radius of a circle.
+Machine::Circle Machine::parse_circle(const Statement& statement, std::string_view word) const {
   Circle circle;
-  circle.line = s.line;
+  circle.line = statement.line;
   circle.word = word;
-  circle.centre = vector(s, 0, "the centre of a circle") * unit();
-  circle.axis = direction_of(s.items.size() > 3 ? s.items[3] : s.items.front(),
-                             vector(s, 3, "the vector of a circle"));
-  circle.radius = number(s, 6, "the radius of a circle") * unit();
-  if (!(circle.radius > 0)) refuse(s.items[6], "a radius above zero");
+  circle.centre = vector(statement, 0, "the centre of a circle") * unit();
+  circle.axis =
+      unit_direction(statement.items.size() > 3 ? statement.items[3] : statement.items.front(),
+                     vector(statement, 3, "the vector of a circle"));
+  circle.radius = number(statement, 6, "the radius of a circle") * unit();
+  if (!(circle.radius > 0)) refuse(statement.items[6], "a radius above zero");
   return circle;
 }
 
-/// CIRCLE/x,y,z,i,j,k,r: counter-clockwise about the vector, for the points that lie on the circle.
-/// With t,f,d,e behind (NX): clockwise about the vector, for one point.
-void Machine::circle(const Statement& s) {
-  const std::size_t n = s.items.size();
-  if (n != 7 && n < 11)
-    refuse(s.cause, "x,y,z,i,j,k,r or x,y,z,i,j,k,r,t,f,d,e behind CIRCLE/",
-           fmt::format("{} values", n));
-  Circle circle = stated_circle(s, "CIRCLE/");
-  circle.for_next_point_only = n > 7;
-  circle.sense_in_doubt = n == 7;
-  // NX's clockwise arc is a counter-clockwise one about the opposite vector.
-  if (n > 7) circle.axis = -circle.axis;
-  for (std::size_t i = 7; i < n; ++i) {
+/// Executes CIRCLE/x,y,z,i,j,k,r: counter-clockwise about the vector, for all points on the circle.
+/// With t,f,d,e behind (NX) it is clockwise about the vector, for one point.
+void Machine::circle(const Statement& statement) {
+  const std::size_t count = statement.items.size();
+  if (count != 7 && count < 11)
+    refuse(statement.cause, "x,y,z,i,j,k,r or x,y,z,i,j,k,r,t,f,d,e behind CIRCLE/",
+           fmt::format("{} values", count));
+  Circle circle = parse_circle(statement, "CIRCLE/");
+  circle.for_next_point_only = count > 7;
+  circle.is_sense_ambiguous = count == 7;
+  // A clockwise arc is counter-clockwise about the opposite vector.
+  if (count > 7) circle.axis = -circle.axis;
+  for (std::size_t i = 7; i < count; ++i) {
     if (i < 11) {
-      number(s, i, "tolerance, its share, diameter and corner radius");
-    } else if (!s.items[i].is("TIMES") && s.items[i].number.value_or(2.0) > 1.0) {
-      refuse(s.items[i], "arcs of at most a whole turn: TIMES is not read");
+      number(statement, i, "tolerance, its share, diameter and corner radius");
+    } else if (!statement.items[i].is_word("TIMES") &&
+               statement.items[i].number.value_or(2.0) > 1.0) {
+      refuse(statement.items[i], "arcs of at most a whole turn: TIMES is not read");
     }
   }
   circle_ = circle;
 }
 
-/// MOVARC/x,y,z,i,j,k,r,ANGLE,degrees: counter-clockwise about the vector, to the next point.
-void Machine::moving_arc(const Statement& s) {
-  Circle circle = stated_circle(s, "MOVARC/");
+/// Executes MOVARC/x,y,z,i,j,k,r,ANGLE,degrees: counter-clockwise about the vector, to the next
+/// point.
+void Machine::moving_arc(const Statement& statement) {
+  Circle circle = parse_circle(statement, "MOVARC/");
   std::size_t i = 7;
-  if (i < s.items.size() && s.items[i].is("ANGLE")) ++i;
-  circle.sweep = number(s, i, "the degrees of an arc") * units::deg;
+  if (i < statement.items.size() && statement.items[i].is_word("ANGLE")) ++i;
+  circle.sweep = number(statement, i, "the degrees of an arc") * units::deg;
   // 1e6 rad keeps the number of turns within int.
-  if (!(*circle.sweep > 0 && *circle.sweep < 1e6)) refuse(s.items[i], "an angle of 0 to 5.7e7 deg");
-  if (i + 1 < s.items.size()) refuse(s.items[i + 1], "nothing behind the angle");
+  if (!(*circle.sweep > 0 && *circle.sweep < 1e6))
+    refuse(statement.items[i], "an angle of 0 to 5.7e7 deg");
+  if (i + 1 < statement.items.size()) refuse(statement.items[i + 1], "nothing behind the angle");
   circle_ = circle;
 }
 
@@ -301,35 +319,36 @@ void Machine::moving_arc(const Statement& s) {
 /// above 0 and up to a whole turn.
 double Machine::sweep_to(const Vector3d& to) const {
   const Vector3d& axis = circle_->axis;
-  const Vector3d a = across(here().tip - circle_->centre, axis);
-  const Vector3d b = across(to - circle_->centre, axis);
-  // Coinciding ends are a full circle; a straight line would have no length.
-  if ((a - b).norm() < one_point) return 2 * pi;
+  const Vector3d a = perpendicular_part(current_location().tip - circle_->centre, axis);
+  const Vector3d b = perpendicular_part(to - circle_->centre, axis);
+  // Coinciding ends are a full circle.
+  if ((a - b).norm() < point_tolerance) return 2 * pi;
   const double angle = std::atan2(axis.dot(a.cross(b)), a.dot(b));
   return angle > 0 ? angle : angle + 2 * pi;
 }
 
-/// Returns true if a point is the end of an arc of the stated circle. After the first arc of a
-/// circle for several points, a point off the circle is reached straight and ends it.
-bool Machine::continues_arc(const Location& to) {
+/// Returns true if a point is the end of an arc of the stated circle. Behind the first arc of a
+/// circle for several points, a line to a point off the circle ends the circle.
+bool Machine::is_on_circle(const Location& to) {
   if (circle_->for_next_point_only || circle_->arcs == 0) return true;
-  const Vector3d from_centre = across(to.tip - circle_->centre, circle_->axis);
-  if (std::abs(from_centre.norm() - circle_->radius) > free_mm) return false;
-  // Sagitta of the arc: how far a wrong guess would be off.
-  const double bulge = circle_->radius * (1 - std::cos(0.5 * sweep_to(to.tip)));
-  if (bulge > bulge_warning_mm)
+  const Vector3d from_centre = perpendicular_part(to.tip - circle_->centre, circle_->axis);
+  if (std::abs(from_centre.norm() - circle_->radius) > min_radius_tolerance) return false;
+  // The sagitta is the error if a line was intended.
+  const double sagitta = circle_->radius * (1 - std::cos(0.5 * sweep_to(to.tip)));
+  if (sagitta > min_reported_sagitta)
     run_.warn_once(fmt::format(
         "the point of line {} lies on the CIRCLE/ of line {}, too, and is taken as the end of "
         "another arc of it: a straight line would be up to {:.3g} mm beside",
-        canon_.line(), circle_->line, bulge));
+        canon_.line(), circle_->line, sagitta));
   return true;
 }
 
 void Machine::check_radii(const Vector3d& to, const Cause& cause) const {
   const Circle& circle = *circle_;
-  for (const auto& [point, name] : {std::pair{here().tip, "start"}, std::pair{to, "end"}}) {
-    const double radius = across(point - circle.centre, circle.axis).norm();
-    if (std::abs(radius - circle.radius) > allowed(circle.radius))
+  for (const auto& [point, name] :
+       {std::pair{current_location().tip, "start"}, std::pair{to, "end"}}) {
+    const double radius = perpendicular_part(point - circle.centre, circle.axis).norm();
+    if (std::abs(radius - circle.radius) > radius_tolerance(circle.radius))
       refuse(cause,
              fmt::format("the {} of the arc {:.6g} mm from the axis of {} of line {}", name,
                          circle.radius, circle.word, circle.line),
@@ -337,29 +356,30 @@ void Machine::check_radii(const Vector3d& to, const Cause& cause) const {
   }
 }
 
-// Checks the sweep against MOVARC's angle, modulo whole turns, and against one turn in total.
+/// Checks the sweep against the angle of MOVARC, modulo whole turns, and the total sweep of a
+/// circle against one turn.
 void Machine::check_sense(double sweep, const Cause& cause) {
   Circle& circle = *circle_;
   if (circle.sweep) {
     const double turns = (*circle.sweep - sweep) / (2 * pi);
-    if (std::abs(turns - std::round(turns)) * 2 * pi > angle_allowed)
+    if (std::abs(turns - std::round(turns)) * 2 * pi > sweep_tolerance)
       refuse(cause,
              fmt::format("the end of an arc of {:.6g} deg, as MOVARC/ of line {} says",
                          *circle.sweep / units::deg, circle.line),
              fmt::format("one of {:.6g} deg", sweep / units::deg));
   }
-  circle.turned += sweep;
-  // Points that exceed one turn in total show that the vector points the other way.
-  if (circle.turned > 2 * pi + same_angle && circle.arcs > 0)
+  circle.total_sweep += sweep;
+  // Points that exceed one turn in total show that the vector has the other sign.
+  if (circle.total_sweep > 2 * pi + angle_tolerance && circle.arcs > 0)
     refuse(cause,
            fmt::format("points that go once around the CIRCLE/ of line {} at most, "
                        "counter-clockwise about its vector",
                        circle.line),
            fmt::format("{:.4g} deg: the vector seems to point the other way",
-                       circle.turned / units::deg));
-  const bool whole = sweep > 2 * pi - same_angle;
-  // A sweep of more than half a turn is the sign of a vector with the opposite convention.
-  if (circle.sense_in_doubt && sweep > pi - same_angle && !whole)
+                       circle.total_sweep / units::deg));
+  const bool is_full_circle = sweep > 2 * pi - angle_tolerance;
+  // A sweep of more than half a turn suggests a vector of the opposite convention.
+  if (circle.is_sense_ambiguous && sweep > pi - angle_tolerance && !is_full_circle)
     run_.warn_once(
         fmt::format("the arc of line {} is taken counter-clockwise about the vector of its "
                     "CIRCLE/, {:.5g} deg; "
@@ -380,15 +400,15 @@ void Machine::arc(const Location& to, const Cause& cause, bool stated) {
     ++circle_->arcs;
 
   program::ArcMove move;
-  move.end = axes_at(to, cause);
+  move.end = axes_for(to, cause);
   direction_ = to.direction;
-  note_turn(move.end, to.direction);
+  record_axis_deviation(move.end, to.direction);
   move.cause = move.named = cause;
   move.stated = stated ? ~std::uint32_t(0) : 0;
-  // Whole turns beyond the sweep between the ends are additional turns of a helix.
+  // Whole turns beyond the sweep between the ends are turns of a helix.
   if (circle.sweep) move.turns = 1 + int(std::lround((*circle.sweep - sweep) / (2 * pi)));
   const int x = canon_.joint_of('X'), y = canon_.joint_of('Y'), z = canon_.joint_of('Z');
-  const Vector3d centre = circle.centre + shift();
+  const Vector3d centre = circle.centre + offset_origin();
   move.placed_centre = canon_.position();
   move.placed_centre[x] = centre.x();
   move.placed_centre[y] = centre.y();
@@ -396,7 +416,7 @@ void Machine::arc(const Location& to, const Cause& cause, bool stated) {
   // A circle about X, Y or Z lies in the plane of two axes, which needs no rotation.
   const std::array<std::array<int, 3>, 3> planes{{{y, z, x}, {z, x, y}, {x, y, z}}};
   for (int k = 0; k < 3; ++k)
-    if (std::abs(circle.axis[k]) > std::cos(along_axis)) {
+    if (std::abs(circle.axis[k]) > std::cos(axis_tolerance)) {
       move.first = planes[std::size_t(k)][0];
       move.second = planes[std::size_t(k)][1];
       move.clockwise = circle.axis[k] < 0;
@@ -404,135 +424,142 @@ void Machine::arc(const Location& to, const Cause& cause, bool stated) {
     }
   move.first = x;
   move.second = y;
-  // Otherwise the frame is rotated for this one arc; the frame in force is restored in any case.
-  const program::Frame upright = canon_.frame();
-  canon_.set_frame(0, {upright.shift, frame_about(circle.axis)});
+  // Otherwise the frame is rotated for this arc, and restored after errors too.
+  const program::Frame frame = canon_.frame();
+  canon_.set_frame(0, {frame.shift, frame_about(circle.axis)});
   try {
     canon_.arc(std::move(move));
   } catch (const BadInput&) {
-    canon_.set_frame(0, upright);
+    canon_.set_frame(0, frame);
     throw;
   }
-  canon_.set_frame(0, upright);
+  canon_.set_frame(0, frame);
 }
 
 namespace {
 
-/// Levels of CYCLE/DRILL read so far, mm from the point along the tool axis.
-struct HoleParameters {
-  std::optional<double> bottom, clear, back;
+/// Levels of CYCLE/DRILL, mm from the point along the tool axis.
+struct DrillLevels {
+  std::optional<double> bottom, clearance, return_level;
 };
 
 }  // namespace
 
-/// Reads CYCLE/DRILL, whose word and number pairs may be in any order.
-Machine::Hole Machine::parse_hole(const Statement& s) {
-  HoleParameters words;
-  Hole hole;
-  const auto one = [&](std::optional<double>& into, const Item& word, double value) {
-    if (into) refuse(word, "a distance once", std::string(word.text) + " besides");
-    into = value;
+/// Parses CYCLE/DRILL, whose pairs of word and number may be in any order.
+Machine::DrillCycle Machine::parse_drill_cycle(const Statement& statement) {
+  DrillLevels levels;
+  DrillCycle cycle;
+  const auto set_once = [&](std::optional<double>& level, const Item& word, double value) {
+    if (level) refuse(word, "a distance once", std::string(word.text) + " besides");
+    level = value;
   };
-  for (std::size_t i = 1; i < s.items.size(); ++i) {
-    const Item& word = s.items[i];
+  for (std::size_t i = 1; i < statement.items.size(); ++i) {
+    const Item& word = statement.items[i];
     // A number directly behind DRILL is the depth.
     if (word.number && i == 1) {
-      words.bottom = -*word.number * unit();
+      levels.bottom = -*word.number * unit();
       continue;
     }
     if (word.number) refuse(word, "a word before the number");
-    const bool feeds = word.is("MMPM") || word.is("IPM") || word.is("PERMIN") || word.is("MMPR") ||
-                       word.is("IPR") || word.is("PERREV");
-    const bool known = feeds || word.is("DEPTH") || word.is("FEDTO") || word.is("CLEAR") ||
-                       word.is("RAPTO") || word.is("RTRCTO") || word.is("RETURN") ||
-                       word.is("DWELL");
-    if (!known) {
-      unknown(s, word, "DEPTH, FEDTO, CLEAR, RAPTO, RTRCTO, RETURN, DWELL or a unit of feed");
+    const bool is_feed_unit = word.is_word("MMPM") || word.is_word("IPM") ||
+                              word.is_word("PERMIN") || word.is_word("MMPR") ||
+                              word.is_word("IPR") || word.is_word("PERREV");
+    const bool is_known = is_feed_unit || word.is_word("DEPTH") || word.is_word("FEDTO") ||
+                          word.is_word("CLEAR") || word.is_word("RAPTO") ||
+                          word.is_word("RTRCTO") || word.is_word("RETURN") || word.is_word("DWELL");
+    if (!is_known) {
+      handle_unknown_item(statement, word,
+                          "DEPTH, FEDTO, CLEAR, RAPTO, RTRCTO, RETURN, DWELL or a unit of feed");
       // The numbers of an unknown word belong to it.
-      while (i + 1 < s.items.size() && s.items[i + 1].number) ++i;
+      while (i + 1 < statement.items.size() && statement.items[i + 1].number) ++i;
       continue;
     }
-    // A word without a number names a level that only the control knows.
-    if (i + 1 < s.items.size() && !s.items[i + 1].number)
-      refuse(s.items[i + 1], fmt::format("a number behind {}: levels that a control chooses are "
-                                         "not known here",
-                                         word.text));
-    const double value = number(s, ++i, "a number");
-    if (feeds) {
-      if (!(value > 0)) refuse(s.items[i], "a feed above zero");
-      const bool inches = word.is("IPM") || word.is("IPR");
-      const bool own_unit = word.is("PERMIN") || word.is("PERREV");
-      hole.feed = Feed{value, own_unit ? unit() : inches ? units::inch : 1.0};
-      if (word.is("MMPR") || word.is("IPR") || word.is("PERREV"))
-        hole.mode = FeedMode::PerRevolution;
-    } else if (word.is("DEPTH") || word.is("FEDTO")) {
+    // A word without a number is a level that only the control knows.
+    if (i + 1 < statement.items.size() && !statement.items[i + 1].number)
+      refuse(statement.items[i + 1],
+             fmt::format("a number behind {}: levels that a control chooses are "
+                         "not known here",
+                         word.text));
+    const double value = number(statement, ++i, "a number");
+    if (is_feed_unit) {
+      if (!(value > 0)) refuse(statement.items[i], "a feed above zero");
+      const bool is_inch = word.is_word("IPM") || word.is_word("IPR");
+      const bool has_program_unit = word.is_word("PERMIN") || word.is_word("PERREV");
+      cycle.feed = Feed{value, has_program_unit ? unit() : is_inch ? units::inch : 1.0};
+      if (word.is_word("MMPR") || word.is_word("IPR") || word.is_word("PERREV"))
+        cycle.mode = FeedMode::PerRevolution;
+    } else if (word.is_word("DEPTH") || word.is_word("FEDTO")) {
       // DEPTH counts downwards, FEDTO is a position along the tool axis.
-      one(words.bottom, word, (word.is("DEPTH") ? -value : value) * unit());
-    } else if (word.is("CLEAR") || word.is("RAPTO")) {
-      one(words.clear, word, value * unit());
-    } else if (word.is("DWELL")) {
-      hole.dwell_s = value;
+      set_once(levels.bottom, word, (word.is_word("DEPTH") ? -value : value) * unit());
+    } else if (word.is_word("CLEAR") || word.is_word("RAPTO")) {
+      set_once(levels.clearance, word, value * unit());
+    } else if (word.is_word("DWELL")) {
+      cycle.dwell_s = value;
     } else {
-      one(words.back, word, value * unit());
+      set_once(levels.return_level, word, value * unit());
     }
   }
-  if (!words.bottom) refuse(s.cause, "DEPTH or FEDTO and a distance behind CYCLE/DRILL", "none");
-  if (!words.clear) refuse(s.cause, "CLEAR or RAPTO and a distance behind CYCLE/DRILL", "none");
-  hole.depth = -*words.bottom;
-  hole.clear = *words.clear;
-  hole.back = words.back.value_or(hole.clear);
-  // Moves are made in this order, so the levels must be in order too.
-  if (!(hole.clear > -hole.depth) || hole.back < hole.clear)
-    refuse(s.cause, "the bottom below the clearance, and that not above the return",
-           fmt::format("{:.6g}, {:.6g} and {:.6g} mm above the point", -hole.depth, hole.clear,
-                       hole.back));
-  return hole;
+  if (!levels.bottom)
+    refuse(statement.cause, "DEPTH or FEDTO and a distance behind CYCLE/DRILL", "none");
+  if (!levels.clearance)
+    refuse(statement.cause, "CLEAR or RAPTO and a distance behind CYCLE/DRILL", "none");
+  cycle.depth = -*levels.bottom;
+  cycle.clearance = *levels.clearance;
+  cycle.return_level = levels.return_level.value_or(cycle.clearance);
+  // The moves need the levels in this order.
+  if (!(cycle.clearance > -cycle.depth) || cycle.return_level < cycle.clearance)
+    refuse(statement.cause, "the bottom below the clearance, and that not above the return",
+           fmt::format("{:.6g}, {:.6g} and {:.6g} mm above the point", -cycle.depth,
+                       cycle.clearance, cycle.return_level));
+  return cycle;
 }
 
-void Machine::cycle(const Statement& s) {
+void Machine::cycle(const Statement& statement) {
   circle_.reset();
-  if (s.items.empty()) refuse(s.cause, "DRILL or OFF behind CYCLE/");
-  if (s.items.front().is("OFF")) {
-    hole_.reset();
+  if (statement.items.empty()) refuse(statement.cause, "DRILL or OFF behind CYCLE/");
+  if (statement.items.front().is_word("OFF")) {
+    drill_cycle_.reset();
     return;
   }
-  if (!s.items.front().is("DRILL"))
-    refuse(s.items.front(), "CYCLE/DRILL, or the moves themselves: other cycles are not expanded");
-  hole_ = parse_hole(s);
+  if (!statement.items.front().is_word("DRILL"))
+    refuse(statement.items.front(),
+           "CYCLE/DRILL, or the moves themselves: other cycles are not expanded");
+  drill_cycle_ = parse_drill_cycle(statement);
 }
 
-void Machine::go(const Location& to, const Cause& cause, bool rapid) {
+void Machine::move_to(const Location& to, const Cause& cause, bool rapid) {
   straight(to, cause, true, rapid);
 }
 
-/// Makes a hole: above it at the current level, or first up to the clearance; down at feed and back
-/// at rapid.
-void Machine::hole(const Location& at, const Cause& cause) {
-  const Hole& hole = *hole_;
+/// Makes a hole. The tool moves above it at the current level or, if that is below the clearance,
+/// first up to the clearance; then down at feed and back at rapid.
+void Machine::make_hole(const Location& point, const Cause& cause) {
+  const DrillCycle& cycle = *drill_cycle_;
   enter_tip_mode(cause);
   const auto above = [&](double height) {
-    return Location{at.tip + at.direction * height, at.direction};
+    return Location{point.tip + point.direction * height, point.direction};
   };
-  // A level is comparable only if the tool axis does not change.
-  if (at.direction == turned_to_) {
-    const Location now = here();
-    const double level = at.direction.dot(now.tip - at.tip);
-    if (level >= hole.clear)
-      go(above(level), cause, true);
+  // The current level is known only if the tool axis does not change.
+  if (point.direction == solved_direction_) {
+    const Location current = current_location();
+    const double level = point.direction.dot(current.tip - point.tip);
+    if (level >= cycle.clearance)
+      move_to(above(level), cause, true);
     else
-      go({now.tip + at.direction * (hole.clear - level), at.direction}, cause, true);
+      move_to({current.tip + point.direction * (cycle.clearance - level), point.direction}, cause,
+              true);
   }
-  go(above(hole.clear), cause, true);
-  // The feed of the cycle holds for the hole alone.
+  move_to(above(cycle.clearance), cause, true);
+  // The feed of the cycle holds only for the hole.
   const auto feed = canon_.feed();
   const FeedMode mode = canon_.feed_mode();
-  if (hole.feed) {
-    canon_.set_feed_mode(hole.mode);
-    canon_.set_feed(hole.feed);
+  if (cycle.feed) {
+    canon_.set_feed_mode(cycle.mode);
+    canon_.set_feed(cycle.feed);
   }
-  go(above(-hole.depth), cause, false);
-  canon_.dwell(hole.dwell_s, cause);
-  go(above(hole.back), cause, true);
+  move_to(above(-cycle.depth), cause, false);
+  canon_.dwell(cycle.dwell_s, cause);
+  move_to(above(cycle.return_level), cause, true);
   canon_.set_feed_mode(mode);
   canon_.set_feed(feed);
 }

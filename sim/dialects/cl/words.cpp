@@ -13,8 +13,8 @@ namespace {
 // Short names, so that an entry fits its line.
 constexpr Use read = Use::Read, none = Use::WithoutEffect, refused = Use::Refused;
 
-// The single source of the word table in the README, of the messages and of the dispatch.
-const WordEntry facts[] = {
+// The word table in the README, the messages and the dispatch of statements are made from it.
+const WordEntry entries[] = {
     {"GOTO", read,
      "x,y,z or x,y,z,i,j,k: the tip there, the tool axis along i,j,k, else as before. Straight at "
      "feed, or what RAPID, CIRCLE, MOVARC or CYCLE before it say. The slash may be missing",
@@ -94,28 +94,24 @@ const WordEntry facts[] = {
 }  // namespace
 
 const WordEntry* find_entry(std::string_view major) {
-  // Built once: every statement of the program is looked up.
-  static const std::unordered_map<std::string_view, const WordEntry*> by_word = [] {
-    std::unordered_map<std::string_view, const WordEntry*> found;
-    for (const WordEntry& fact : facts)
-      for (std::size_t at = 0; at < fact.words.size();) {
-        const std::size_t end = std::min(fact.words.find(' ', at), fact.words.size());
-        found.emplace(fact.words.substr(at, end - at), &fact);
-        at = end + 1;
-      }
-    return found;
+  // An index, because every statement of a program is looked up.
+  static const std::unordered_map<std::string_view, const WordEntry*> index = [] {
+    std::unordered_map<std::string_view, const WordEntry*> entries_by_word;
+    for (const WordEntry& entry : entries)
+      each_word(entry.words, [&](std::string_view word) { entries_by_word.emplace(word, &entry); });
+    return entries_by_word;
   }();
-  const auto fact = by_word.find(major);
-  return fact == by_word.end() ? nullptr : fact->second;
+  const auto entry = index.find(major);
+  return entry == index.end() ? nullptr : entry->second;
 }
 
 }  // namespace cl
 
 std::span<const WordTableEntry> cl_words() {
-  static const std::vector<WordTableEntry> all = [] {
+  static const std::vector<WordTableEntry> table = [] {
     std::vector<WordTableEntry> words;
-    for (const cl::WordEntry& fact : cl::facts)
-      words.push_back({fact.words, fact.use, fact.sentence});
+    for (const cl::WordEntry& entry : cl::entries)
+      words.push_back({entry.words, entry.use, entry.sentence});
     words.push_back({"$ $$", Use::Read,
                      "the statement goes on in the next line; the rest of the line is a comment"});
     words.push_back({"x y z i j k feed", Use::Read,
@@ -124,7 +120,7 @@ std::span<const WordTableEntry> cl_words() {
                      "columns in this order. The first row is reached at rapid"});
     return words;
   }();
-  return all;
+  return table;
 }
 
 }  // namespace abbe::sim::dialects

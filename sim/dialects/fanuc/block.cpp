@@ -12,91 +12,105 @@ namespace abbe::sim::dialects::fanuc {
 
 namespace {
 
-/// Returns zero for a vacant variable.
-double plain(double x) { return is_vacant(x) ? 0.0 : x; }
+// Functions that return the expectation which operands do not meet, or null.
 
-const char* not_zero(double, double b) {
-  return plain(b) == 0 ? "a divisor that is not zero" : nullptr;
+const char* require_nonzero(double, double b) {
+  return zero_if_vacant(b) == 0 ? "a divisor that is not zero" : nullptr;
 }
 
 // AND, OR, XOR and MOD work on whole numbers of 32 bits.
-const char* not_whole(double a, double b) {
-  const auto whole = [](double x) { return x == std::floor(x) && std::abs(x) < 2147483648.0; };
-  return whole(plain(a)) && whole(plain(b)) ? nullptr : "whole numbers of 32 bits on both sides";
+const char* require_integers(double a, double b) {
+  const auto is_integer = [](double x) { return x == std::floor(x) && std::abs(x) < 2147483648.0; };
+  return is_integer(zero_if_vacant(a)) && is_integer(zero_if_vacant(b))
+             ? nullptr
+             : "whole numbers of 32 bits on both sides";
 }
 
-const char* no_modulus(double a, double b) {
-  const char* zero = not_zero(a, b);
-  return zero != nullptr ? zero : not_whole(a, b);
+const char* require_modulus(double a, double b) {
+  const char* expected = require_nonzero(a, b);
+  return expected != nullptr ? expected : require_integers(a, b);
 }
 
-long long bits(double x) { return (long long)(plain(x)); }
+long long to_bits(double x) { return (long long)(zero_if_vacant(x)); }
 
-/// Vacant is EQ only to vacant.
-bool equal(double a, double b) { return is_vacant(a) == is_vacant(b) && plain(a) == plain(b); }
+// A vacant variable is equal (EQ) only to another one.
+bool are_equal(double a, double b) {
+  return is_vacant(a) == is_vacant(b) && zero_if_vacant(a) == zero_if_vacant(b);
+}
 
-// Levels of custom macro B: multiplication and AND first, then addition, OR and XOR, comparisons
-// last.
+// Levels of custom macro B: multiplication and AND bind most tightly, then addition, OR and XOR,
+// then comparisons.
 constexpr Operator operators[] = {
-    {"*", 3, [](double a, double b) { return plain(a) * plain(b); }},
-    {"/", 3, [](double a, double b) { return plain(a) / plain(b); }, not_zero},
-    {"MOD", 3, [](double a, double b) { return std::fmod(plain(a), plain(b)); }, no_modulus},
-    {"AND", 3, [](double a, double b) { return double(bits(a) & bits(b)); }, not_whole},
-    {"+", 2, [](double a, double b) { return plain(a) + plain(b); }},
-    {"-", 2, [](double a, double b) { return plain(a) - plain(b); }},
-    {"XOR", 2, [](double a, double b) { return double(bits(a) ^ bits(b)); }, not_whole},
-    {"OR", 2, [](double a, double b) { return double(bits(a) | bits(b)); }, not_whole},
-    {"EQ", 1, [](double a, double b) { return double(equal(a, b)); }},
-    {"NE", 1, [](double a, double b) { return double(!equal(a, b)); }},
-    {"GT", 1, [](double a, double b) { return double(plain(a) > plain(b)); }},
-    {"GE", 1, [](double a, double b) { return double(plain(a) >= plain(b)); }},
-    {"LT", 1, [](double a, double b) { return double(plain(a) < plain(b)); }},
-    {"LE", 1, [](double a, double b) { return double(plain(a) <= plain(b)); }},
+    {"*", 3, [](double a, double b) { return zero_if_vacant(a) * zero_if_vacant(b); }},
+    {"/", 3, [](double a, double b) { return zero_if_vacant(a) / zero_if_vacant(b); },
+     require_nonzero},
+    {"MOD", 3, [](double a, double b) { return std::fmod(zero_if_vacant(a), zero_if_vacant(b)); },
+     require_modulus},
+    {"AND", 3, [](double a, double b) { return double(to_bits(a) & to_bits(b)); },
+     require_integers},
+    {"+", 2, [](double a, double b) { return zero_if_vacant(a) + zero_if_vacant(b); }},
+    {"-", 2, [](double a, double b) { return zero_if_vacant(a) - zero_if_vacant(b); }},
+    {"XOR", 2, [](double a, double b) { return double(to_bits(a) ^ to_bits(b)); },
+     require_integers},
+    {"OR", 2, [](double a, double b) { return double(to_bits(a) | to_bits(b)); }, require_integers},
+    {"EQ", 1, [](double a, double b) { return double(are_equal(a, b)); }},
+    {"NE", 1, [](double a, double b) { return double(!are_equal(a, b)); }},
+    {"GT", 1, [](double a, double b) { return double(zero_if_vacant(a) > zero_if_vacant(b)); }},
+    {"GE", 1, [](double a, double b) { return double(zero_if_vacant(a) >= zero_if_vacant(b)); }},
+    {"LT", 1, [](double a, double b) { return double(zero_if_vacant(a) < zero_if_vacant(b)); }},
+    {"LE", 1, [](double a, double b) { return double(zero_if_vacant(a) <= zero_if_vacant(b)); }},
 };
 
-const char* beyond_one(double x) { return x < -1 || x > 1 ? "a number within -1 and 1" : nullptr; }
+const char* require_unit_range(double x) {
+  return x < -1 || x > 1 ? "a number within -1 and 1" : nullptr;
+}
 
 /// Arc sine from 270 over 0 to 90 degrees, as under parameter 6004.0 NAT = 0.
 double arc_sine(double x) {
-  const double angle = std::asin(plain(x)) / units::deg;
+  const double angle = std::asin(zero_if_vacant(x)) / units::deg;
   return angle < 0 ? angle + 360.0 : angle;
 }
 
-// ROUND, ATAN and POW take several arguments or depend on the address: Flow::operand parses them.
+// `Flow::parse_operand` handles ROUND, ATAN and POW, which take several arguments or depend on the
+// address.
 constexpr Function functions[] = {
-    {"ABS", [](double x) { return std::abs(plain(x)); }},
-    {"ACOS", [](double x) { return std::acos(plain(x)) / units::deg; }, beyond_one},
-    {"ASIN", arc_sine, beyond_one},
-    {"COS", [](double x) { return std::cos(plain(x) * units::deg); }},
-    {"EXP", [](double x) { return std::exp(plain(x)); }},
-    {"FIX", [](double x) { return std::trunc(plain(x)); }},
-    {"FUP", [](double x) { return plain(x) < 0 ? std::floor(x) : std::ceil(plain(x)); }},
+    {"ABS", [](double x) { return std::abs(zero_if_vacant(x)); }},
+    {"ACOS", [](double x) { return std::acos(zero_if_vacant(x)) / units::deg; },
+     require_unit_range},
+    {"ASIN", arc_sine, require_unit_range},
+    {"COS", [](double x) { return std::cos(zero_if_vacant(x) * units::deg); }},
+    {"EXP", [](double x) { return std::exp(zero_if_vacant(x)); }},
+    {"FIX", [](double x) { return std::trunc(zero_if_vacant(x)); }},
+    {"FUP",
+     [](double x) { return zero_if_vacant(x) < 0 ? std::floor(x) : std::ceil(zero_if_vacant(x)); }},
     {"LN", [](double x) { return std::log(x); },
-     [](double x) -> const char* { return plain(x) <= 0 ? "a number above zero" : nullptr; }},
-    {"SIN", [](double x) { return std::sin(plain(x) * units::deg); }},
-    {"SQRT", [](double x) { return std::sqrt(plain(x)); },
      [](double x) -> const char* {
-       return plain(x) < 0 ? "a number that is not below zero" : nullptr;
+       return zero_if_vacant(x) <= 0 ? "a number above zero" : nullptr;
      }},
-    {"TAN", [](double x) { return std::tan(plain(x) * units::deg); }},
+    {"SIN", [](double x) { return std::sin(zero_if_vacant(x) * units::deg); }},
+    {"SQRT", [](double x) { return std::sqrt(zero_if_vacant(x)); },
+     [](double x) -> const char* {
+       return zero_if_vacant(x) < 0 ? "a number that is not below zero" : nullptr;
+     }},
+    {"TAN", [](double x) { return std::tan(zero_if_vacant(x) * units::deg); }},
 };
 
 }  // namespace
 
 const ExpressionGrammar& grammar() {
-  static constexpr ExpressionGrammar all{operators, functions, '[', ']', false};
-  return all;
+  static constexpr ExpressionGrammar macro_grammar{operators, functions, '[', ']', false};
+  return macro_grammar;
 }
 
 namespace {
 
-constexpr std::string_view known_letters = "ABCDFGHIJKLMNPQRSTUVWXYZ";
+constexpr std::string_view address_letters = "ABCDFGHIJKLMNPQRSTUVWXYZ";
 constexpr std::size_t max_words = 100;  // bounds the memory of a hostile line
 
-std::string_view comment_at(Cursor& cursor) {
+std::string_view read_comment(Cursor& cursor) {
   const std::size_t open = cursor.at;
   for (++cursor.at; !cursor.at_end(); ++cursor.at)
-    if (cursor.here() == ')') return cursor.text.substr(open + 1, cursor.at++ - open - 1);
+    if (cursor.current() == ')') return cursor.text.substr(open + 1, cursor.at++ - open - 1);
   cursor.refuse(open, ") that ends the comment on its line", "none");
 }
 
@@ -106,49 +120,49 @@ void Block::clear() {
   words.clear();
   codes.clear();
   percent = false;
-  skipped = wordless = {};
+  skipped_code = code_without_words = {};
   arguments.clear();
   comments.clear();
 }
 
-int whole(const program::Canon& canon, const Word& word, int most) {
-  const double near = std::round(word.value);
-  // A literal must be whole as written; a computed value carries rounding and is rounded.
-  const bool written = word.text.find_first_of("#[") == std::string_view::npos;
-  if ((written && word.pointed) || near < 0 || near > most)
-    canon.refuse(word, fmt::format("a whole number of 0 to {} without a decimal point", most));
-  return int(near);
+int whole_number(const program::Canon& canon, const Word& word, int max) {
+  const double rounded = std::round(word.value);
+  // A literal must be a whole number; a computed value carries rounding errors, so it is rounded.
+  const bool is_literal = word.text.find_first_of("#[") == std::string_view::npos;
+  if ((is_literal && word.has_point) || rounded < 0 || rounded > max)
+    canon.refuse(word, fmt::format("a whole number of 0 to {} without a decimal point", max));
+  return int(rounded);
 }
 
 double min_increment(char letter, bool inch) {
-  // IS-B in inches: rotary axes keep 0.001 degrees.
+  // Increment system IS-B. In inches too, rotary axes count in 0.001 degrees.
   return inch && !(letter >= 'A' && letter <= 'C') ? 1e-4 : 1e-3;
 }
 
-int skip_level(Cursor& cursor) {
-  // /n is a level only if a digit follows directly; a plain / is level 1 on a Fanuc.
-  const bool numbered = is_digit(cursor.next());
-  const int level = numbered ? cursor.next() - '0' : 1;
-  cursor.at += numbered ? 2 : 1;
+int read_skip_level(Cursor& cursor) {
+  // The level follows directly; / alone is level 1.
+  const bool has_digit = is_digit(cursor.peek());
+  const int level = has_digit ? cursor.peek() - '0' : 1;
+  cursor.at += has_digit ? 2 : 1;
   return level;
 }
 
-void pass_comments(Cursor& cursor, std::vector<std::string_view>& comments) {
-  for (cursor.skip_blanks(); cursor.here() == '('; cursor.skip_blanks())
-    comments.push_back(comment_at(cursor));
+void collect_comments(Cursor& cursor, std::vector<std::string_view>& comments) {
+  for (cursor.skip_blanks(); cursor.current() == '('; cursor.skip_blanks())
+    comments.push_back(read_comment(cursor));
 }
 
-// Splits a block into words and codes.
+// Parser that splits a block into words and codes.
 class BlockReader {
  public:
   BlockReader(Cursor& cursor, ProgramRun& run, MacroOperands& operands, Block& block)
       : cursor_(cursor), run_(run), operands_(operands), block_(block) {}
 
-  void fill();
+  void read();
 
  private:
-  bool ends();
-  void word();
+  bool is_at_end();
+  void read_word();
   void put_code(const Word& word);
   void put_word(const Word& word);
 
@@ -158,20 +172,20 @@ class BlockReader {
   Block& block_;
 };
 
-/// Returns true at the end of the block: the end of the line, ; with nothing behind it, or / whose
-/// level is skipped.
-bool BlockReader::ends() {
-  pass_comments(cursor_, block_.comments);
+/// Returns true at the end of the block: at the end of the line, at ; and at a / whose level is
+/// skipped.
+bool BlockReader::is_at_end() {
+  collect_comments(cursor_, block_.comments);
   if (cursor_.at_end()) return true;
-  if (cursor_.here() == ';') {
+  if (cursor_.current() == ';') {
     ++cursor_.at;
-    pass_comments(cursor_, block_.comments);
-    // A second block on a line would be executed without a line number of its own.
+    collect_comments(cursor_, block_.comments);
+    // A second block on a line would have no line number of its own.
     if (!cursor_.at_end()) cursor_.refuse(cursor_.at, "the next block on a line of its own");
     return true;
   }
-  if (cursor_.here() != '/') return false;
-  return run_.skips(skip_level(cursor_)) || ends();
+  if (cursor_.current() != '/') return false;
+  return run_.skips_block(read_skip_level(cursor_)) || is_at_end();
 }
 
 void BlockReader::put_code(const Word& word) {
@@ -179,87 +193,89 @@ void BlockReader::put_code(const Word& word) {
   const double scaled = word.value * 10, tenths = std::round(scaled);
   const bool is_code = tenths >= 0 && tenths < 1e4 && std::abs(scaled - tenths) < 1e-3;
   const int code = is_code ? int(tenths) : -1;
-  const CodeEntry& fact =
-      run_.turning() ? find_lathe_entry(word.letter, code) : find_entry(word.letter, code);
-  if (!fact.known) {
-    run_.unknown(word, fmt::format("a {} code of Fanuc's {} controls", word.letter,
-                                   run_.turning() ? "turning" : "milling"));
-    block_.skipped = word;
+  const CodeProperties& properties =
+      run_.is_turning() ? find_lathe_entry(word.letter, code) : find_entry(word.letter, code);
+  if (!properties.known) {
+    run_.handle_unknown_word(word, fmt::format("a {} code of Fanuc's {} controls", word.letter,
+                                               run_.is_turning() ? "turning" : "milling"));
+    block_.skipped_code = word;
     return;
   }
-  if (fact.use == Use::Refused) run_.canon.refuse(word, std::string(fact.sentence));
-  if (fact.group == Group::None) block_.wordless = word;
-  if (fact.group == Group::None || fact.group == Group::Beside) return;
-  const Code& place = block_[fact.group];
-  // G codes of one modal group may be repeated, the last one counts; M codes may not.
-  const bool one = word.letter == 'M' ? fact.group != Group::Coolant : fact.group == Group::OneShot;
-  if (place && one)
+  if (properties.use == Use::Refused) run_.canon.refuse(word, std::string(properties.sentence));
+  if (properties.group == Group::None) block_.code_without_words = word;
+  if (properties.group == Group::None || properties.group == Group::WithMotion) return;
+  const Code& previous = block_[properties.group];
+  // Of several G codes of a modal group the last one counts; M codes may not be repeated.
+  const bool must_be_unique =
+      word.letter == 'M' ? properties.group != Group::Coolant : properties.group == Group::OneShot;
+  if (previous && must_be_unique)
     run_.canon.refuse(word, "one such code in a block",
-                      fmt::format("{} after {}", shown(word.text), shown(place.word.text)));
-  block_.codes.put(std::size_t(fact.group), {code, word});
+                      fmt::format("{} after {}", shown(word.text), shown(previous.word.text)));
+  block_.codes.put(std::size_t(properties.group), {code, word});
 }
 
 void BlockReader::put_word(const Word& word) {
-  const Word& place = block_[word.letter];
-  if (place)
+  const Word& previous = block_[word.letter];
+  if (previous)
     run_.canon.refuse(word, std::string("one ") + word.letter + " in a block",
-                      fmt::format("{} after {}", shown(word.text), shown(place.text)));
+                      fmt::format("{} after {}", shown(word.text), shown(previous.text)));
   block_.words.put(std::size_t(word.letter - 'A'), word);
 }
 
-void BlockReader::word() {
+void BlockReader::read_word() {
   const std::size_t from = cursor_.at;
   Word word;
-  word.letter = upper(cursor_.here());
-  // ,C and ,R insert chamfers and roundings between this block and the next one.
+  word.letter = upper(cursor_.current());
+  // ,C and ,R would insert a chamfer or a rounding before the next block.
   if (word.letter == ',')
     cursor_.refuse(from, "lines and arcs as they are: ,C and ,R of corners are not expanded");
   if (!is_letter(word.letter))
     cursor_.refuse(from, "a word (letter and number)",
-                   word.letter == ')' ? ") without (" : shown(cursor_.cell(from)));
+                   word.letter == ')' ? ") without (" : shown(cursor_.text_until_blank(from)));
   ++cursor_.at;
   word.column = int(from) + 1;
   cursor_.skip_blanks();
   if (cursor_.at_end())
     cursor_.refuse(from, std::string("a number after ") + word.letter, "the end of the line");
-  // ROUND[] rounds to the increment of the address it is written behind.
+  // ROUND[] rounds to the increment of the address before it.
   operands_.resolution = min_increment(word.letter, run_.canon.inch());
-  word.value = value(cursor_, grammar(), operands_);
+  word.value = parse_value(cursor_, grammar(), operands_);
   word.text = cursor_.text.substr(from, cursor_.at - from);
-  word.pointed = word.text.find_first_of(".#[") != std::string_view::npos;
-  // An address with a vacant variable is ignored by the control.
+  word.has_point = word.text.find_first_of(".#[") != std::string_view::npos;
+  // The control ignores an address with a vacant variable.
   if (is_vacant(word.value)) return;
   const int macro = block_.tenths(Group::Macro);
-  const bool calls = macro == 650 || macro == 660;
+  const bool is_macro_call = macro == 650 || macro == 660;
   if (word.letter == 'G') return put_code(word);
   if (word.letter == 'N') return run_.canon.refuse(word, "a sequence number first in its block");
   // Behind G65 and G66 letters are arguments, except L and P.
-  if (calls && std::string_view("LP").find(word.letter) == std::string_view::npos) {
+  if (is_macro_call && std::string_view("LP").find(word.letter) == std::string_view::npos) {
     if (block_.arguments.size() == max_words) cursor_.refuse(from, "at most 100 arguments");
     block_.arguments.push_back(word);
     return;
   }
   if (word.letter == 'M') return put_code(word);
-  if (known_letters.find(word.letter) == std::string_view::npos)
-    return run_.unknown(word, "a word of Fanuc's milling controls");
+  if (address_letters.find(word.letter) == std::string_view::npos)
+    return run_.handle_unknown_word(word, "a word of Fanuc's milling controls");
   put_word(word);
 }
 
-void BlockReader::fill() {
+void BlockReader::read() {
   cursor_.skip_blanks();
-  if (cursor_.here() == '%') {
-    block_.percent = true;  // what stands behind it is outside of the program
+  if (cursor_.current() == '%') {
+    block_.percent = true;  // the rest of the line is outside of the program
     return;
   }
-  while (!ends()) word();
+  while (!is_at_end()) read_word();
 }
 
 void read_block(Cursor cursor, ProgramRun& run, MacroOperands& operands, Block& block) {
   block.clear();
-  // A NUL is not visible in messages, so it is reported by name.
-  if (const std::size_t nul = cursor.text.find('\0'); nul != std::string_view::npos)
-    cursor.refuse(nul, "text", "a NUL byte");
-  BlockReader(cursor, run, operands, block).fill();
+  // A NUL is not visible in messages, so its name is reported.
+  if (const std::size_t nul_position = cursor.text.find('\0');
+      nul_position != std::string_view::npos)
+    cursor.refuse(nul_position, "text", "a NUL byte");
+  BlockReader(cursor, run, operands, block).read();
 }
 
 }  // namespace abbe::sim::dialects::fanuc

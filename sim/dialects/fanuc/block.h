@@ -19,17 +19,17 @@ using program::Target;
 /// A letter and its number.
 struct Word : program::NcWord {
   char letter = '\0';
-  /// Written with a decimal point, or as an expression: the number is not in increments.
-  bool pointed = false;
+  /// True for a decimal point or an expression: the number does not count increments.
+  bool has_point = false;
 };
 
-/// Groups of G and M codes. Of a modal group the last code of a block is in force, as on the
-/// control. A block has at most one code of group OneShot (00).
+/// Groups of G and M codes. Of several codes of a modal group in a block the last one is in force,
+/// as on the control. A block has at most one code of group OneShot (00).
 enum class Group {
-  None,       ///< rejected, or without effect and without axis words
-  Beside,     ///< without effect; axis words in its block belong to the motion in force
-  Alone,      ///< without effect, like all other words of its block
-  MirrorEnd,  ///< without effect, like the axis words of its block
+  None,        ///< rejected, or without effect and without axis words
+  WithMotion,  ///< without effect; axis words in its block belong to the motion in force
+  WholeBlock,  ///< without effect, like all other words of its block
+  MirrorEnd,   ///< without effect, like the axis words of its block
   OneShot,
   Motion,
   Plane,
@@ -64,8 +64,8 @@ struct Block {
   SparseSlots<Word, 26> words;  ///< by letter; G and M are in `codes`
   SparseSlots<Code, std::size_t(Group::Count)> codes;
   std::vector<Word> arguments;  ///< of G65 and G66, in program order
-  Word skipped;                 ///< an unknown code that was skipped
-  Word wordless;                ///< a code without effect beside which axis words are an error
+  Word skipped_code;            ///< an unknown code that was skipped
+  Word code_without_words;      ///< a code without effect beside which axis words are an error
   std::vector<std::string_view> comments;
   bool percent = false;
 
@@ -79,10 +79,12 @@ struct Block {
 /// Value of a variable that has not been set: it counts as zero in arithmetic, but is not EQ zero.
 inline constexpr double vacant = 4.9406564584124654e-324;  // smallest positive double
 inline bool is_vacant(double value) { return value == vacant || value == -vacant; }
+/// Returns the value that arithmetic uses: zero for a vacant variable.
+inline double zero_if_vacant(double value) { return is_vacant(value) ? 0.0 : value; }
 
-/// Operands of macro expressions: variables and functions. ROUND in a word rounds to the resolution
-/// of its address.
-class MacroOperands : public Operands {
+/// Parser of the operands of macro expressions: variables and functions. ROUND in a word rounds to
+/// the resolution of its address.
+class MacroOperands : public OperandParser {
  public:
   double resolution = 1.0;  ///< increment that ROUND rounds to
 };
@@ -91,11 +93,11 @@ class MacroOperands : public Operands {
 const ExpressionGrammar& grammar();
 
 /// Entry of a code in the word table of the dialect.
-using CodeEntry = dialects::CodeEntry<Group>;
+using CodeProperties = dialects::CodeProperties<Group>;
 /// Returns the table entry of a code. `letter` is G or M.
-const CodeEntry& find_entry(char letter, int tenths);
-/// Same for a turning control, G-code system A.
-const CodeEntry& find_lathe_entry(char letter, int tenths);
+const CodeProperties& find_entry(char letter, int tenths);
+/// Same as `find_entry` for a turning control, G-code system A.
+const CodeProperties& find_lathe_entry(char letter, int tenths);
 
 /// Returns the description of a word that is no code, such as "SETVN", which must be in the table.
 std::string_view word_sentence(std::string_view word);
@@ -107,14 +109,14 @@ double min_increment(char letter, bool inch);
 /// Throws BadInput.
 void read_block(Cursor cursor, ProgramRun& run, MacroOperands& operands, Block& block);
 
-/// Skips blanks and comments; the comments are collected.
-void pass_comments(Cursor& cursor, std::vector<std::string_view>& comments);
+/// Advances past blanks and comments, and appends the comments to `comments`.
+void collect_comments(Cursor& cursor, std::vector<std::string_view>& comments);
 
 /// Returns the block skip level at the cursor, 2 for /2 and 1 for /, and advances past it.
-int skip_level(Cursor& cursor);
+int read_skip_level(Cursor& cursor);
 
-/// Returns a whole number from 0 to `most`, rounded if it comes from an expression. Throws
-/// BadInput.
-int whole(const program::Canon& canon, const Word& word, int most);
+/// Returns the value of a word as a whole number from 0 to `max`, rounded if it comes from an
+/// expression. Throws BadInput.
+int whole_number(const program::Canon& canon, const Word& word, int max);
 
 }  // namespace abbe::sim::dialects::fanuc

@@ -15,7 +15,7 @@ namespace abbe::sim::dialects::fanuc {
 
 namespace {
 
-constexpr int last_local = 33;  // #1 to #33 are local to a macro call
+constexpr int last_local_variable = 33;  // #1 to #33 are local to a macro call
 
 // Common variables: #100 to #199 are lost at power off, #500 to #999 are kept; both belong to the
 // whole program here.
@@ -35,105 +35,108 @@ Flow::Flow(std::string_view text, ProgramRun& run)
 }
 
 void Flow::run() {
-  run_.start([&](std::string_view code) { block({code, run_.canon.place()}); });
-  while (!ended_ && !run_.is_aborted()) {
-    // Running over the end of the main program ends it; of a subprogram it is an error.
-    if (at_ >= calls_.back().program->end) {
+  run_.run_startup_code([&](std::string_view code) { execute_block({code, run_.canon.place()}); });
+  while (!has_ended_ && !run_.is_aborted()) {
+    // The end of the lines ends a main program; in a subprogram M99 is missing.
+    if (line_index_ >= calls_.back().program->end) {
       if (calls_.size() == 1) break;
-      run_.attempt([&] { end_of_program(); });
+      run_.try_block([&] { end_without_return(); });
       continue;
     }
-    run_.canon.set_line(int(at_) + 1, source().file);
-    const std::size_t before = at_, depth = calls_.size();
-    // After an error reading continues at the next line, unless the line itself moved on.
-    if (!run_.attempt([&] { ended_ = !line(); }) && at_ == before && calls_.size() == depth) ++at_;
+    run_.canon.set_line(int(line_index_) + 1, source().file);
+    const std::size_t line_before = line_index_, depth_before = calls_.size();
+    // After an error reading continues at the next line, unless the statement itself has moved on.
+    if (!run_.try_block([&] { has_ended_ = !execute_line(); }) && line_index_ == line_before &&
+        calls_.size() == depth_before)
+      ++line_index_;
   }
-  run_.attempt([&] { machine_.finish(); });
-  warn_unread();
+  run_.try_block([&] { machine_.finish(); });
+  warn_of_unread_lines();
 }
 
 /// Executes a line. Returns false at the end of the program.
-bool Flow::line() {
+bool Flow::execute_line() {
   run_.count_block();
-  const std::string_view text = source().lines[at_];
+  const std::string_view text = source().lines[line_index_];
   Cursor cursor{text, run_.canon.place()};
   cursor.skip_blanks();
-  if (cursor.here() == '/') {
-    if (run_.skips(skip_level(cursor))) {
+  if (cursor.current() == '/') {
+    if (run_.skips_block(read_skip_level(cursor))) {
       run_.discount_block();
-      ++at_;
+      ++line_index_;
       return true;
     }
   }
   block_.comments.clear();
-  pass_comments(cursor, block_.comments);
-  const char first = upper(cursor.here());
+  collect_comments(cursor, block_.comments);
+  const char first = upper(cursor.current());
   int sequence = -1;
   // O and : begin a program; their number has been read by `add_programs`.
-  if ((first == 'O' || first == ':') && is_digit(cursor.next())) {
+  if ((first == 'O' || first == ':') && is_digit(cursor.peek())) {
     ++cursor.at;
     cursor.number(false);
     cursor.skip_blanks();
   }
-  if (upper(cursor.here()) == 'N') {
+  if (upper(cursor.current()) == 'N') {
     const std::size_t from = cursor.at++;
     const auto number = cursor.number(false);
     if (!number) cursor.refuse(from, "a sequence number after N");
     sequence = int(std::min(*number, 99'999'999.0));
   }
   machine_.note_numbers(sequence, calls_.back().program->number);
-  pass_comments(cursor, block_.comments);
-  if (statement(cursor)) return true;
-  ++at_;
-  return block(cursor);
+  collect_comments(cursor, block_.comments);
+  if (execute_statement(cursor)) return true;
+  ++line_index_;
+  return execute_block(cursor);
 }
 
 /// Executes a statement of custom macro B. Returns false if none begins there.
-bool Flow::statement(Cursor& cursor) {
+bool Flow::execute_statement(Cursor& cursor) {
   const std::size_t from = cursor.at;
   // Outside of words ROUND rounds to whole numbers.
   resolution = 1.0;
-  // GOTO, DO and END only count with their operand: letters of words may begin like them.
-  const auto word_and = [&](std::string_view word, auto follows) {
-    if (cursor.take(word) && (cursor.skip_blanks(), follows(cursor.here()))) return true;
+  // GOTO, DO and END count only with their operand, because words may begin with the same letters.
+  const auto accept_statement = [&](std::string_view word, auto is_operand_start) {
+    if (cursor.accept(word) && (cursor.skip_blanks(), is_operand_start(cursor.current())))
+      return true;
     cursor.at = from;
     return false;
   };
-  const auto bracket = [](char c) { return c == '['; };
+  const auto is_open_bracket = [](char c) { return c == '['; };
   const auto number = [](char c) { return is_digit(c) || c == '#' || c == '['; };
-  if (cursor.here() == '#') {
-    ++at_;
-    assign(cursor);
-  } else if (word_and("IF", bracket)) {
-    branch(cursor);
-  } else if (word_and("GOTO", number)) {
-    const int target = whole_value(cursor, 99'999'999, "a sequence number");
-    ends(cursor);
+  if (cursor.current() == '#') {
+    ++line_index_;
+    execute_assignment(cursor);
+  } else if (accept_statement("IF", is_open_bracket)) {
+    execute_if(cursor);
+  } else if (accept_statement("GOTO", number)) {
+    const int target = parse_whole_number(cursor, 99'999'999, "a sequence number");
+    expect_end(cursor);
     jump(target, cursor.cause(from));
-  } else if (word_and("WHILE", bracket)) {
+  } else if (accept_statement("WHILE", is_open_bracket)) {
     begin_loop(cursor, from, true);
-  } else if (word_and("DO", is_digit)) {
+  } else if (accept_statement("DO", is_digit)) {
     begin_loop(cursor, from, false);
-  } else if (word_and("END", is_digit)) {
+  } else if (accept_statement("END", is_digit)) {
     end_loop(cursor, from);
-  } else if (cursor.take("ELSE") || cursor.take("ENDIF")) {
+  } else if (cursor.accept("ELSE") || cursor.accept("ENDIF")) {
     cursor.refuse(from, std::string(word_sentence("ELSE")));
-  } else if (cursor.take("SETVN")) {
+  } else if (cursor.accept("SETVN")) {
     cursor.refuse(from, std::string(word_sentence("SETVN")));
-  } else if (cursor.take("POPEN") || cursor.take("PCLOS") || cursor.take("DPRNT") ||
-             cursor.take("BPRNT")) {
-    ++at_;
+  } else if (cursor.accept("POPEN") || cursor.accept("PCLOS") || cursor.accept("DPRNT") ||
+             cursor.accept("BPRNT")) {
+    ++line_index_;
   } else {
     return false;
   }
   return true;
 }
 
-bool Flow::block(Cursor cursor) {
-  std::vector<std::string_view> before = std::move(block_.comments);
+bool Flow::execute_block(Cursor cursor) {
+  std::vector<std::string_view> leading_comments = std::move(block_.comments);
   read_block(cursor, run_, *this, block_);
-  block_.comments.insert(block_.comments.begin(), before.begin(), before.end());
-  // Text behind % is outside of the program, which may not have been intended.
+  block_.comments.insert(block_.comments.begin(), leading_comments.begin(), leading_comments.end());
+  // The user may have expected text behind % to be read.
   if (block_.percent && has_words(cursor.text))
     run_.warn_once(fmt::format("{}:{}: {} on the line of % is not read", run_.canon.place().file,
                                run_.canon.line(), in_quotes(cursor.text)));
@@ -147,65 +150,66 @@ bool Flow::block(Cursor cursor) {
     return true;
   }
   // G67 ends the modal call before its block moves.
-  if (macro.tenths == 670) modal_.reset();
+  if (macro.tenths == 670) modal_call_.reset();
   if (!machine_.execute(block_)) return false;
   if (block_[Group::Call]) {
     call_subprogram();
-    return !ended_;
+    return !has_ended_;
   }
   // A macro called by G66 does not call itself for its own moves.
-  const bool within =
-      std::any_of(calls_.begin(), calls_.end(), [](const Call& c) { return c.modal; });
-  if (modal_ && machine_.moved() && !within)
-    enter(find_program(modal_->program, modal_->cause),
-          {.back = at_,
-           .left = modal_->repeats - 1,
-           .macro = true,
-           .modal = true,
-           .arguments = modal_->arguments},
-          modal_->cause);
+  const bool is_inside_modal_call =
+      std::any_of(calls_.begin(), calls_.end(), [](const Call& c) { return c.is_modal; });
+  if (modal_call_ && machine_.has_moved() && !is_inside_modal_call)
+    enter_program(find_program(modal_call_->program, modal_call_->cause),
+                  {.return_line = line_index_,
+                   .remaining_repeats = modal_call_->repeats - 1,
+                   .has_locals = true,
+                   .is_modal = true,
+                   .arguments = modal_call_->arguments},
+                  modal_call_->cause);
   return true;
 }
 
 /// Throws BadInput unless only a comment follows.
-void Flow::ends(Cursor& cursor) {
+void Flow::expect_end(Cursor& cursor) {
   std::vector<std::string_view> comments;
-  pass_comments(cursor, comments);
-  if (cursor.here() == ';') ++cursor.at;
-  pass_comments(cursor, comments);
+  collect_comments(cursor, comments);
+  if (cursor.current() == ';') ++cursor.at;
+  collect_comments(cursor, comments);
   if (!cursor.at_end()) cursor.refuse(cursor.at, "nothing more in a block of a macro statement");
 }
 
-int Flow::whole_value(Cursor& cursor, int most, std::string_view what) {
+int Flow::parse_whole_number(Cursor& cursor, int max, std::string_view name) {
   const std::size_t from = cursor.at;
-  const double found = value(cursor, grammar(), *this);
-  // Expressions carry rounding, so the nearest whole number counts; a vacant value is none.
-  const double near = is_vacant(found) ? -1.0 : std::round(found);
-  if (near < 0 || near > most) cursor.refuse(from, fmt::format("{} of 0 to {}", what, most));
-  return int(near);
+  const double value = parse_value(cursor, grammar(), *this);
+  // The result of an expression carries rounding errors, so it is rounded; a vacant value is an
+  // error.
+  const double rounded = is_vacant(value) ? -1.0 : std::round(value);
+  if (rounded < 0 || rounded > max) cursor.refuse(from, fmt::format("{} of 0 to {}", name, max));
+  return int(rounded);
 }
 
 /// Parses #n or #[...] and returns the number of the variable.
-int Flow::variable_number(Cursor& cursor) {
+int Flow::parse_variable_number(Cursor& cursor) {
   const std::size_t from = cursor.at++;
-  if (cursor.here() == '_' || cursor.here() == '<' ||
-      (cursor.here() == '[' && cursor.next() == '#' && cursor.next(2) == '_'))
+  if (cursor.current() == '_' || cursor.current() == '<' ||
+      (cursor.current() == '[' && cursor.peek() == '#' && cursor.peek(2) == '_'))
     cursor.refuse(from, "a variable by its number: names of variables are not read");
-  if (cursor.here() != '[' && !is_digit(cursor.here()))
+  if (cursor.current() != '[' && !is_digit(cursor.current()))
     cursor.refuse(from, "a number, or [ ], after #");
   const double number =
-      cursor.here() == '[' ? bracketed(cursor, grammar(), *this) : *cursor.number(false);
-  const double near = is_vacant(number) ? 0.0 : std::round(number);
-  if (near < 0 || near > 99999) cursor.refuse(from, "a variable of #0 to #99999");
-  return int(near);
+      cursor.current() == '[' ? parse_bracketed(cursor, grammar(), *this) : *cursor.number(false);
+  const double rounded = is_vacant(number) ? 0.0 : std::round(number);
+  if (rounded < 0 || rounded > 99999) cursor.refuse(from, "a variable of #0 to #99999");
+  return int(rounded);
 }
 
-double Flow::read(int number, const Cursor& cursor, std::size_t from) {
+double Flow::read_variable(int number, const Cursor& cursor, std::size_t from) {
   // #0 is always vacant.
   if (number == 0) return vacant;
   if (run_.is_uncertain()) run_.require_certain(fmt::format("#{}", number), cursor.cause(from));
-  // An unset variable is vacant and not an error.
-  if (number <= last_local) return variables_.number(number, Variables::Of::Call).value_or(vacant);
+  if (number <= last_local_variable)
+    return variables_.number(number, Variables::Scope::Call).value_or(vacant);
   if (is_common(number)) return variables_.number(number).value_or(vacant);
   if (const auto system = machine_.variable(number)) return *system;
   cursor.refuse(from,
@@ -214,30 +218,28 @@ double Flow::read(int number, const Cursor& cursor, std::size_t from) {
                 fmt::format("#{}", number));
 }
 
-double Flow::variable(Cursor& cursor) {
+double Flow::parse_variable(Cursor& cursor) {
   const std::size_t from = cursor.at;
-  return read(variable_number(cursor), cursor, from);
+  return read_variable(parse_variable_number(cursor), cursor, from);
 }
 
-void Flow::set(int number, double value, const Cursor& cursor, std::size_t from) {
-  if (number == 3000) alarm(cursor, value);
-  const bool local = number >= 1 && number <= last_local;
-  if (!local && !is_common(number)) {
+void Flow::set_variable(int number, double value, const Cursor& cursor, std::size_t from) {
+  if (number == 3000) raise_alarm(cursor, value);
+  const bool is_local = number >= 1 && number <= last_local_variable;
+  if (!is_local && !is_common(number)) {
     if (number == 0 || !machine_.set_variable(number, is_vacant(value) ? 0.0 : value))
       cursor.refuse(from, "a variable that can be set", fmt::format("#{}", number));
     return;
   }
-  const Variables::Of of = local ? Variables::Of::Call : Variables::Of::Program;
+  const Variables::Scope scope = is_local ? Variables::Scope::Call : Variables::Scope::Program;
   // Assigning a vacant value clears the variable.
-  if (is_vacant(value)) return variables_.unset(number, of);
-  if (!variables_.set(number, value, of))
-    throw ProgramLimitExceeded(cursor.place.file, cursor.place.line, 0,
-                               fmt::format("at most {} variables", run_.options().limits.variables),
-                               "more");
+  if (is_vacant(value)) return variables_.unset(number, scope);
+  if (!variables_.set(number, value, scope))
+    run_.throw_variable_limit(cursor.location, "variables");
 }
 
 /// #3000 stops the control with an alarm of the program.
-void Flow::alarm(const Cursor& cursor, double number) {
+void Flow::raise_alarm(const Cursor& cursor, double number) {
   const std::size_t open = cursor.text.find('(', cursor.at);
   const std::size_t close = cursor.text.find(')', cursor.at);
   const std::string text = open != std::string_view::npos && close > open
@@ -246,66 +248,65 @@ void Flow::alarm(const Cursor& cursor, double number) {
   cursor.refuse(0, "no alarm of the program", fmt::format("#3000 = {:g}{}", number, text));
 }
 
-void Flow::assign(Cursor& cursor) {
+void Flow::execute_assignment(Cursor& cursor) {
   const std::size_t from = cursor.at;
-  const int number = variable_number(cursor);
+  const int number = parse_variable_number(cursor);
   // A variable whose assignment has an error is uncertain: its uses are not reported again.
   run_.define(fmt::format("#{}", number), [&] {
-    if (!cursor.take("=")) cursor.refuse(cursor.at, "= after a variable that begins a block");
-    const double result = expression(cursor, grammar(), *this);
-    set(number, result, cursor, from);
-    ends(cursor);
+    if (!cursor.accept("=")) cursor.refuse(cursor.at, "= after a variable that begins a block");
+    const double result = parse_expression(cursor, grammar(), *this);
+    set_variable(number, result, cursor, from);
+    expect_end(cursor);
   });
 }
 
-std::optional<double> Flow::operand(Cursor& cursor) {
-  if (cursor.here() == '#') return variable(cursor);
+std::optional<double> Flow::parse_operand(Cursor& cursor) {
+  if (cursor.current() == '#') return parse_variable(cursor);
   const std::size_t from = cursor.at;
-  const auto plain = [](double x) { return is_vacant(x) ? 0.0 : x; };
-  if (cursor.take("ROUND")) {
+  if (cursor.accept("ROUND")) {
     const double step = resolution;
-    const double x = plain(bracketed(cursor, grammar(), *this));
+    const double x = zero_if_vacant(parse_bracketed(cursor, grammar(), *this));
     return std::round(x / step) * step;
   }
-  // ATAN[y]/[x] has a range of 0 to 360 degrees; ATAN[y] alone that of the arc tangent.
-  if (cursor.take("ATAN")) {
-    const double y = plain(bracketed(cursor, grammar(), *this));
-    if (!cursor.take("/")) return std::atan(y) / units::deg;
-    const double x = plain(bracketed(cursor, grammar(), *this));
+  // ATAN[y]/[x] is within 0 to 360 degrees, ATAN[y] alone within -90 to 90 degrees.
+  if (cursor.accept("ATAN")) {
+    const double y = zero_if_vacant(parse_bracketed(cursor, grammar(), *this));
+    if (!cursor.accept("/")) return std::atan(y) / units::deg;
+    const double x = zero_if_vacant(parse_bracketed(cursor, grammar(), *this));
     const double angle = std::atan2(y, x) / units::deg;
     return angle < 0 ? angle + 360.0 : angle;
   }
-  if (cursor.take("POW")) {
-    if (!cursor.take("[")) cursor.refuse(cursor.at, "[base, exponent] after POW");
-    const double base = plain(expression(cursor, grammar(), *this));
-    if (!cursor.take(",")) cursor.refuse(cursor.at, ", between base and exponent");
-    const double power = std::pow(base, plain(expression(cursor, grammar(), *this)));
-    if (!cursor.take("]")) cursor.refuse(cursor.at, "] after POW");
+  if (cursor.accept("POW")) {
+    if (!cursor.accept("[")) cursor.refuse(cursor.at, "[base, exponent] after POW");
+    const double base = zero_if_vacant(parse_expression(cursor, grammar(), *this));
+    if (!cursor.accept(",")) cursor.refuse(cursor.at, ", between base and exponent");
+    const double power = std::pow(base, zero_if_vacant(parse_expression(cursor, grammar(), *this)));
+    if (!cursor.accept("]")) cursor.refuse(cursor.at, "] after POW");
     if (!std::isfinite(power)) cursor.refuse(from, "a result that is a finite number");
     return power;
   }
   for (const std::string_view word : {"BIN", "BCD", "ADP"})
-    if (cursor.take(word)) cursor.refuse(from, std::string(word_sentence(word)));
+    if (cursor.accept(word)) cursor.refuse(from, std::string(word_sentence(word)));
   return std::nullopt;
 }
 
 namespace {
 
-constexpr std::size_t max_file = std::size_t(1) << 26;  // bytes of a subprogram file
-// A directory of generated programs could otherwise use up all memory.
+constexpr std::size_t max_file_bytes = std::size_t(1) << 26;  // bytes of a subprogram file
+// Bounds memory for a folder of generated programs.
 constexpr std::size_t max_sources = 1000;
-// Eight digits, as the control accepts.
+// The control accepts eight digits.
 constexpr int max_repeats = 99'999'999;
 constexpr int max_loops = 3;  // DO 1 to DO 3
 
-/// Sequence number of a line, without leading blanks and block skip.
-struct Head {
+/// Beginning of a line: block skip and sequence number.
+struct LineHead {
   int sequence = -1;
-  std::size_t at = 0;  ///< position behind it
+  std::size_t at = 0;  ///< position of the first byte behind it
 };
 
-// Returns the position behind blanks and comments.
-std::size_t skip(std::string_view text, std::size_t at) {
+// Returns the position behind blanks and comments from `at` on.
+std::size_t skip_blanks_and_comments(std::string_view text, std::size_t at) {
   while (at < text.size() && (is_blank(text[at]) || text[at] == '(')) {
     if (text[at] == '(') at = std::min(text.find(')', at), text.size() - 1);
     ++at;
@@ -313,119 +314,117 @@ std::size_t skip(std::string_view text, std::size_t at) {
   return at;
 }
 
-// Returns the number at the position, or -1; the limit keeps it within int.
-int digits(std::string_view text, std::size_t& at) {
+// Parses the digits at the position. Returns -1 if there are none; the limit keeps the number
+// within int.
+int parse_digits(std::string_view text, std::size_t& at) {
   long long number = -1;
   for (; at < text.size() && is_digit(text[at]); ++at)
     number = std::min(10 * std::max(number, 0LL) + (text[at] - '0'), 100'000'000LL);
   return int(number);
 }
 
-Head head_of(std::string_view text) {
-  Head head{-1, skip(text, 0)};
+LineHead parse_line_head(std::string_view text) {
+  LineHead head{-1, skip_blanks_and_comments(text, 0)};
   if (head.at < text.size() && text[head.at] == '/') {
     ++head.at;
     if (head.at < text.size() && is_digit(text[head.at])) ++head.at;
-    head.at = skip(text, head.at);
+    head.at = skip_blanks_and_comments(text, head.at);
   }
   if (head.at >= text.size() || upper(text[head.at]) != 'N') return head;
   const std::size_t from = head.at++;
-  head.at = skip(text, head.at);
-  head.sequence = digits(text, head.at);
+  head.at = skip_blanks_and_comments(text, head.at);
+  head.sequence = parse_digits(text, head.at);
   if (head.sequence < 0) head.at = from;
-  head.at = skip(text, head.at);
+  head.at = skip_blanks_and_comments(text, head.at);
   return head;
 }
 
-/// Returns the number of the program that a line begins, or nothing.
-std::optional<int> program_of(std::string_view text) {
-  std::size_t at = skip(text, 0);
+/// Returns the number of the program that begins with a line, or nothing for any other line.
+std::optional<int> parse_program_number(std::string_view text) {
+  std::size_t at = skip_blanks_and_comments(text, 0);
   if (at >= text.size() || (upper(text[at]) != 'O' && text[at] != ':')) return std::nullopt;
-  const int number = digits(text, ++at);
+  const int number = parse_digits(text, ++at);
   return number < 0 ? std::nullopt : std::optional(number);
 }
 
 /// Returns n for a line with DO n, -n for END n, 0 for neither.
-int loop_mark(std::string_view text) {
+int loop_number(std::string_view text) {
   static const std::string nowhere;
-  Cursor cursor{text, {nowhere, 0}, head_of(text).at};
-  const bool ends = cursor.take("END");
+  Cursor cursor{text, {nowhere, 0}, parse_line_head(text).at};
+  const bool is_end = cursor.accept("END");
   // WHILE [...] DO n: a comment may contain brackets too.
-  if (!ends && cursor.take("WHILE")) {
+  if (!is_end && cursor.accept("WHILE")) {
     const std::size_t close = text.substr(0, text.find('(', cursor.at)).rfind(']');
     if (close == std::string_view::npos || close < cursor.at) return 0;
     cursor.at = close + 1;
   }
-  if (!ends && !cursor.take("DO")) return 0;
+  if (!is_end && !cursor.accept("DO")) return 0;
   cursor.skip_blanks();
-  const int number = digits(text, cursor.at);
-  return number < 1 ? 0 : ends ? -number : number;
+  const int number = parse_digits(text, cursor.at);
+  return number < 1 ? 0 : is_end ? -number : number;
 }
 
 }  // namespace
 
-/// Splits a file into programs. It ends at the first % behind words; several % before the first
-/// word are one beginning.
+/// Splits a file into programs. The file ends at the first % behind words; several % before the
+/// first word count as one beginning.
 void Flow::add_programs(std::size_t source) {
   Source& file = *sources_[source];
   std::size_t end = file.lines.size();
-  bool words = false;  // before this line
+  bool has_words_before = false;
   std::vector<Program> programs{{.source = source}};
-  bool numbered = false;
+  bool has_number = false;
   for (std::size_t i = 0; i < end; ++i) {
-    const std::size_t at = skip(file.lines[i], 0);
+    const std::size_t at = skip_blanks_and_comments(file.lines[i], 0);
     const bool percent = at < file.lines[i].size() && file.lines[i][at] == '%';
-    if (percent && words) end = i;
-    words = words || (!percent && has_words(file.lines[i]));
-    const auto number = program_of(file.lines[i]);
+    if (percent && has_words_before) end = i;
+    has_words_before = has_words_before || (!percent && has_words(file.lines[i]));
+    const auto number = parse_program_number(file.lines[i]);
     if (!number) continue;
     // Text before the first O number belongs to the first program.
-    if (numbered) {
+    if (has_number) {
       programs.back().end = i;
       programs.push_back({.source = source, .first = i});
     }
     programs.back().number = *number;
-    numbered = true;
+    has_number = true;
   }
   programs.back().end = end;
   file.end = end;
   file.programs = std::move(programs);
 }
 
-void Flow::branch(Cursor& cursor) {
-  const bool holds = [&] {
-    const double result = bracketed(cursor, grammar(), *this);
-    return !is_vacant(result) && result != 0.0;
-  }();
+void Flow::execute_if(Cursor& cursor) {
+  const double condition = parse_bracketed(cursor, grammar(), *this);
+  const bool is_true = !is_vacant(condition) && condition != 0.0;
   const std::size_t from = cursor.at;
-  if (cursor.take("GOTO")) {
-    const int number = whole_value(cursor, 99'999'999, "a sequence number");
-    ends(cursor);
-    if (holds) return jump(number, cursor.cause(from));
-    ++at_;
+  if (cursor.accept("GOTO")) {
+    const int number = parse_whole_number(cursor, 99'999'999, "a sequence number");
+    expect_end(cursor);
+    if (is_true) return jump(number, cursor.cause(from));
+    ++line_index_;
     return;
   }
-  if (!cursor.take("THEN")) cursor.refuse(cursor.at, "GOTO or THEN after a condition");
+  if (!cursor.accept("THEN")) cursor.refuse(cursor.at, "GOTO or THEN after a condition");
   cursor.skip_blanks();
-  if (cursor.here() != '#') cursor.refuse(cursor.at, "a variable that is set after THEN");
-  ++at_;
-  if (holds) assign(cursor);
+  if (cursor.current() != '#') cursor.refuse(cursor.at, "a variable that is set after THEN");
+  ++line_index_;
+  if (is_true) execute_assignment(cursor);
 }
 
-/// Returns the line of END for every DO and vice versa, built once for each program.
-const std::unordered_map<std::size_t, std::size_t>& Flow::loops() {
+/// Returns the line of END by the line of DO and vice versa, in the running program.
+const std::unordered_map<std::size_t, std::size_t>& Flow::loop_lines() {
   Program& program = *calls_.back().program;
   if (program.loops) return *program.loops;
   program.loops.emplace();
   std::vector<std::pair<int, std::size_t>> open;
   for (std::size_t i = program.first; i < program.end; ++i) {
-    const int mark = loop_mark(source().lines[i]);
-    if (mark > 0) open.emplace_back(mark, i);
-    if (mark >= 0) continue;
-    // The innermost open loop of that number matches; loops opened inside it without an END are
-    // dropped.
+    const int number = loop_number(source().lines[i]);
+    if (number > 0) open.emplace_back(number, i);
+    if (number >= 0) continue;
+    // END closes the innermost open loop of its number; open loops inside that one have no END.
     const auto begin = std::find_if(open.rbegin(), open.rend(),
-                                    [&](const auto& one) { return one.first == -mark; });
+                                    [&](const auto& loop) { return loop.first == -number; });
     if (begin == open.rend()) continue;
     program.loops->emplace(begin->second, i);
     program.loops->emplace(i, begin->second);
@@ -435,106 +434,105 @@ const std::unordered_map<std::size_t, std::size_t>& Flow::loops() {
 }
 
 void Flow::begin_loop(Cursor& cursor, std::size_t from, bool conditional) {
-  bool again = true;
+  bool is_repeated = true;
   if (conditional) {
-    const double result = bracketed(cursor, grammar(), *this);
-    again = !is_vacant(result) && result != 0.0;
-    if (!cursor.take("DO")) cursor.refuse(cursor.at, "DO after the condition of a loop");
+    const double result = parse_bracketed(cursor, grammar(), *this);
+    is_repeated = !is_vacant(result) && result != 0.0;
+    if (!cursor.accept("DO")) cursor.refuse(cursor.at, "DO after the condition of a loop");
   }
-  const int number = whole_value(cursor, max_loops, "a loop");
+  const int number = parse_whole_number(cursor, max_loops, "a loop");
   if (number < 1) cursor.refuse(from, "DO1, DO2 or DO3");
-  ends(cursor);
-  const auto end = loops().find(at_);
-  if (end == loops().end())
+  expect_end(cursor);
+  const auto end = loop_lines().find(line_index_);
+  if (end == loop_lines().end())
     run_.canon.refuse(cursor.cause(from), fmt::format("END{} behind it", number), "none");
-  at_ = again ? at_ + 1 : end->second + 1;
+  line_index_ = is_repeated ? line_index_ + 1 : end->second + 1;
 }
 
 void Flow::end_loop(Cursor& cursor, std::size_t from) {
-  const int number = whole_value(cursor, max_loops, "a loop");
-  ends(cursor);
-  const auto begin = loops().find(at_);
-  if (begin == loops().end())
+  const int number = parse_whole_number(cursor, max_loops, "a loop");
+  expect_end(cursor);
+  const auto begin = loop_lines().find(line_index_);
+  if (begin == loop_lines().end())
     run_.canon.refuse(cursor.cause(from), fmt::format("DO{} before it", number), "none");
-  at_ = begin->second;
+  line_index_ = begin->second;
 }
 
-/// Jumps to a sequence number: its next occurrence in the program, else the first one from the
-/// beginning.
+/// Jumps to the next line with a sequence number, or else to the first one in the program.
 void Flow::jump(int number, const Cause& cause) {
   Program& program = *calls_.back().program;
   if (!program.sequence) {
     program.sequence.emplace();
     for (std::size_t i = program.first; i < program.end; ++i)
-      if (const Head head = head_of(source().lines[i]); head.sequence >= 0)
+      if (const LineHead head = parse_line_head(source().lines[i]); head.sequence >= 0)
         program.sequence->emplace_back(head.sequence, i);
     // Sorted by number, then by line, so that the next occurrence is found by bisection.
     std::sort(program.sequence->begin(), program.sequence->end());
   }
-  const auto& all = *program.sequence;
-  auto found = std::upper_bound(all.begin(), all.end(), std::pair(number, at_));
-  if (found == all.end() || found->first != number)
-    found = std::lower_bound(all.begin(), all.end(), std::pair(number, std::size_t(0)));
-  if (found == all.end() || found->first != number)
+  const auto& sequence = *program.sequence;
+  auto target = std::upper_bound(sequence.begin(), sequence.end(), std::pair(number, line_index_));
+  if (target == sequence.end() || target->first != number)
+    target = std::lower_bound(sequence.begin(), sequence.end(), std::pair(number, std::size_t(0)));
+  if (target == sequence.end() || target->first != number)
     run_.refuse_once(fmt::format("N{} of O{}", number, program.number), cause,
                      fmt::format("N{} in the program", number), "none");
-  at_ = found->second;
+  line_index_ = target->second;
 }
 
-/// Searches a subprogram in a file of its own in the folder of the program.
+/// Returns a subprogram from a file of its own in the folder of the program, or null.
 Program* Flow::program_in_file(int number) {
   const std::filesystem::path& folder = run_.options().folder;
   if (folder.empty()) return nullptr;
   for (const std::string& stem : {fmt::format("O{:04}", number), fmt::format("O{}", number)})
-    for (const char* ending : {"", ".nc", ".NC"}) {
-      std::error_code failure;
-      const std::filesystem::path file = folder / (stem + ending);
-      if (!std::filesystem::is_regular_file(file, failure)) continue;
+    for (const char* extension : {"", ".nc", ".NC"}) {
+      std::error_code error;
+      const std::filesystem::path file = folder / (stem + extension);
+      if (!std::filesystem::is_regular_file(file, error)) continue;
       if (sources_.size() == max_sources)
         run_.canon.refuse({1, {}}, "at most 1000 files of subprograms", "more");
       auto source = std::make_unique<Source>();
-      source->text = read_text(file, max_file);
+      source->text = read_text(file, max_file_bytes);
       source->lines = lines_of_text(source->text);
       source->file = run_.canon.add_file(file.string());
       sources_.push_back(std::move(source));
       add_programs(sources_.size() - 1);
       std::vector<Program>& programs = sources_.back()->programs;
-      const auto own = std::find_if(programs.begin(), programs.end(),
-                                    [&](const Program& p) { return p.number == number; });
-      return own != programs.end()          ? &*own
+      const auto program = std::ranges::find(programs, number, &Program::number);
+      return program != programs.end()      ? &*program
              : programs.front().number == 0 ? &programs.front()
                                             : nullptr;
     }
   return nullptr;
 }
 
-/// Searches in the file of the main program, then in a file of the program's name.
+/// Returns a program of the main file, or else of a file named by its number. Throws BadInput.
 Program* Flow::find_program(int number, const Cause& cause) {
-  if (const auto known = found_.find(number); known != found_.end()) return known->second;
+  if (const auto entry = programs_by_number_.find(number); entry != programs_by_number_.end())
+    return entry->second;
   Program* program = nullptr;
-  for (Program& one : sources_[0]->programs)
-    if (one.number == number && number != 0 && program == nullptr) program = &one;
+  for (Program& candidate : sources_[0]->programs)
+    if (candidate.number == number && number != 0 && program == nullptr) program = &candidate;
   if (program == nullptr) program = program_in_file(number);
   if (program == nullptr)
     run_.refuse_once(
         fmt::format("O{}", number), cause,
         fmt::format("a program O{:04} in the file, or O{:04}.nc beside it", number, number),
         "none");
-  found_.emplace(number, program);
+  programs_by_number_.emplace(number, program);
   return program;
 }
 
-void Flow::enter(Program* program, Call call, const Cause& cause) {
+void Flow::enter_program(Program* program, Call call, const Cause& cause) {
   run_.check_depth(int(calls_.size()), cause);
   call.program = program;
-  if (call.macro) {
+  if (call.has_locals) {
     variables_.enter();
     for (const auto& [number, value] : call.arguments)
-      if (!variables_.set(number, value, Variables::Of::Call))
+      if (!variables_.set(number, value, Variables::Scope::Call))
         run_.canon.refuse(cause, "fewer variables", "too many");
   }
   calls_.push_back(std::move(call));
-  at_ = program->first;
+  line_index_ = program->first;
 }
 
 /// Executes M98 and M99.
@@ -543,19 +541,20 @@ void Flow::call_subprogram() {
   const Word &p = block_['P'], &l = block_['L'];
   if (code.tenths == 990) {
     const std::optional<int> to =
-        p ? std::optional(whole(run_.canon, p, 99'999'999)) : std::nullopt;
-    return leave(to, code.word);
+        p ? std::optional(whole_number(run_.canon, p, 99'999'999)) : std::nullopt;
+    return leave_program(to, code.word);
   }
   if (!p) run_.canon.refuse(code.word, "P (program) beside M98", "none");
-  int number = whole(run_.canon, p, 99'999'999);
-  int repeats = l ? whole(run_.canon, l, max_repeats) : 1;
-  // P of up to 8 digits without L: repeats, then the number of the program.
+  int number = whole_number(run_.canon, p, 99'999'999);
+  int repeats = l ? whole_number(run_.canon, l, max_repeats) : 1;
+  // Without L the digits before the last four are the number of repeats.
   if (number > 9999 && !l) {
     repeats = number / 10000;
     number %= 10000;
   }
   if (repeats < 1) return;
-  enter(find_program(number, p), {.back = at_, .left = repeats - 1}, p);
+  enter_program(find_program(number, p),
+                {.return_line = line_index_, .remaining_repeats = repeats - 1}, p);
 }
 
 /// Assigns arguments to local variables as the control does (argument assignment I and II): I J K
@@ -564,23 +563,24 @@ std::vector<std::pair<int, double>> Flow::macro_arguments(const Block& block) {
   static constexpr int local_variable_of_letter[26] = {
       1, 2, 3, 7, 8, 9, 0, 11, 4, 5, 6, 0, 13, 0, 0, 0, 17, 18, 19, 20, 21, 22, 23, 24, 25, 26};
   std::vector<std::pair<int, double>> values;
-  int set = 0, last = -1;
+  int set_index = 0, last_index = -1;
   for (const Word& word : block.arguments) {
-    int local = local_variable_of_letter[word.letter - 'A'];
-    if (local == 0) run_.canon.refuse(word, "an argument of A to F, H to K, M, Q to Z");
+    int variable = local_variable_of_letter[word.letter - 'A'];
+    if (variable == 0) run_.canon.refuse(word, "an argument of A to F, H to K, M, Q to Z");
     if (word.letter >= 'I' && word.letter <= 'K') {
       const int index = word.letter - 'I';
       // A letter that does not follow in the order I J K begins the next set.
-      if (index <= last) ++set;
-      last = index;
-      local = 4 + 3 * set + index;
-      if (set > 9) run_.canon.refuse(word, "I J K at most ten times");
+      if (index <= last_index) ++set_index;
+      last_index = index;
+      variable = 4 + 3 * set_index + index;
+      if (set_index > 9) run_.canon.refuse(word, "I J K at most ten times");
     }
-    // D H M S T are counts; other letters are lengths with their decimal point.
-    const bool counts = std::string_view("DHMST").find(word.letter) != std::string_view::npos;
-    if ((word.letter == 'E' || word.letter == 'F') && !word.pointed && word.value != 0.0)
+    // The numbers of D H M S T are taken as written; others count increments without a point.
+    const bool is_plain_number =
+        std::string_view("DHMST").find(word.letter) != std::string_view::npos;
+    if ((word.letter == 'E' || word.letter == 'F') && !word.has_point && word.value != 0.0)
       run_.canon.refuse(word, "a decimal point in an argument E or F");
-    values.emplace_back(local, counts ? word.value : machine_.argument(word));
+    values.emplace_back(variable, is_plain_number ? word.value : machine_.argument(word));
   }
   return values;
 }
@@ -590,98 +590,102 @@ void Flow::call_macro() {
   const Code& code = block_[Group::Macro];
   const Word &p = block_['P'], &l = block_['L'];
   if (!p) run_.canon.refuse(code.word, "P (program) beside " + shown(code.word.text), "none");
-  // Other codes of the block could be executed before or after the call.
+  // It would be open if other codes of the block are executed before or after the call.
   for (const Code& other : block_.codes)
     if (other && &other != &code)
       run_.canon.refuse(other.word, "a block of its own for " + shown(code.word.text));
-  const int number = whole(run_.canon, p, 99'999'999);
-  const int repeats = l ? whole(run_.canon, l, max_repeats) : 1;
+  const int number = whole_number(run_.canon, p, 99'999'999);
+  const int repeats = l ? whole_number(run_.canon, l, max_repeats) : 1;
   Program* program = find_program(number, p);
   auto arguments = macro_arguments(block_);
   if (code.tenths == 660) {
-    if (modal_) run_.canon.refuse(code.word, "G67 before another G66");
-    modal_ = Modal{number, repeats, std::move(arguments), p};
+    if (modal_call_) run_.canon.refuse(code.word, "G67 before another G66");
+    modal_call_ = ModalCall{number, repeats, std::move(arguments), p};
     return;
   }
   if (repeats < 1) return;
-  enter(program,
-        {.back = at_, .left = repeats - 1, .macro = true, .arguments = std::move(arguments)}, p);
+  enter_program(program,
+                {.return_line = line_index_,
+                 .remaining_repeats = repeats - 1,
+                 .has_locals = true,
+                 .arguments = std::move(arguments)},
+                p);
 }
 
-/// The arguments of G66 are set once: each call finds the local variables as the previous one left
-/// them.
-void Flow::store_locals() {
-  modal_->arguments.clear();
+/// Keeps the local variables for the next call of G66: its arguments are set only once, and each
+/// call begins with the variables that the previous one left.
+void Flow::keep_modal_arguments() {
+  modal_call_->arguments.clear();
   for (int number = 1; number <= 33; ++number)
-    if (const auto value = variables_.number(number, Variables::Of::Call))
-      modal_->arguments.emplace_back(number, *value);
+    if (const auto value = variables_.number(number, Variables::Scope::Call))
+      modal_call_->arguments.emplace_back(number, *value);
 }
 
-/// Executes M99, with or without the sequence number at which the caller continues.
-void Flow::leave(std::optional<int> to, const Cause& cause) {
+/// Executes M99. The caller continues at the sequence number `to`, or else behind its call.
+void Flow::leave_program(std::optional<int> to, const Cause& cause) {
   if (calls_.size() == 1) {
     if (to) return jump(*to, cause);
     // A control would repeat the main program forever.
     run_.warn_once("M99 ends the main program, which a control would begin once more");
-    ended_ = true;
+    has_ended_ = true;
     return;
   }
   Call& call = calls_.back();
-  if (call.left > 0 && !to) {
-    --call.left;
-    at_ = call.program->first;
+  if (call.remaining_repeats > 0 && !to) {
+    --call.remaining_repeats;
+    line_index_ = call.program->first;
     // M98 has no local variables, so its repeats need no new call.
-    if (!call.macro) return;
-    Call again = std::move(call);
-    if (again.modal && modal_) {
-      store_locals();
-      again.arguments = modal_->arguments;
+    if (!call.has_locals) return;
+    Call next_call = std::move(call);
+    if (next_call.is_modal && modal_call_) {
+      keep_modal_arguments();
+      next_call.arguments = modal_call_->arguments;
     }
     calls_.pop_back();
     variables_.leave();
-    Program* program = again.program;
-    return enter(program, std::move(again), cause);
+    Program* program = next_call.program;
+    return enter_program(program, std::move(next_call), cause);
   }
-  at_ = call.back;
-  if (call.modal && modal_) store_locals();
-  if (call.macro) variables_.leave();
+  line_index_ = call.return_line;
+  if (call.is_modal && modal_call_) keep_modal_arguments();
+  if (call.has_locals) variables_.leave();
   calls_.pop_back();
   if (to) jump(*to, cause);
 }
 
-/// Warns of programs that nothing calls, and of text behind the end of the main program. Blocks
-/// with a sequence number may be targets of a jump whose condition did not hold, so they are not
-/// reported.
-void Flow::warn_unread() {
+/// Warns of programs that nothing calls, and of text behind the end of the main program. In a
+/// program with jumps, blocks from a sequence number on are not reported: a jump whose condition
+/// did not hold may lead to them.
+void Flow::warn_of_unread_lines() {
   const Source& main = *sources_.front();
-  const bool jumps = std::ranges::any_of(main.lines, [](std::string_view line) {
-    const auto goto_at = std::ranges::search(line, std::string_view("GOTO"), {}, upper);
-    return !goto_at.empty();
+  const bool has_jumps = std::ranges::any_of(main.lines, [](std::string_view line) {
+    const auto jump = std::ranges::search(line, std::string_view("GOTO"), {}, upper);
+    return !jump.empty();
   });
   std::vector<Section> sections;
   for (const Program& program : main.programs) {
     Section section{program.first, program.end};
-    if (jumps && run_.canon.file() == 0)
+    if (has_jumps && run_.canon.file() == 0)
       for (std::size_t i = std::size_t(run_.canon.line()); i < program.end; ++i)
-        if (i >= program.first && head_of(main.lines[i]).sequence >= 0) {
+        if (i >= program.first && parse_line_head(main.lines[i]).sequence >= 0) {
           section.end = i;
           break;
         }
     sections.push_back(section);
   }
   sections.push_back({std::min(main.end + 1, main.lines.size()), main.lines.size()});
-  run_.warn_unread(main.lines, sections);
+  run_.warn_of_unread_lines(main.lines, sections);
 }
 
-void Flow::end_of_program() {
-  const Call ended = calls_.back();
-  at_ = ended.back;
+void Flow::end_without_return() {
+  const Call call = calls_.back();
+  line_index_ = call.return_line;
   calls_.pop_back();
-  if (ended.macro) variables_.leave();
+  if (call.has_locals) variables_.leave();
   // Without M99 the control does not know where to return.
-  const program::NcLocation place = run_.canon.place();
-  throw BadInput(place.file, place.line, 0, fmt::format("M99 of O{:04}", ended.program->number),
-                 "its end");
+  const program::NcLocation location = run_.canon.place();
+  throw BadInput(location.file, location.line, 0,
+                 fmt::format("M99 of O{:04}", call.program->number), "its end");
 }
 
 }  // namespace abbe::sim::dialects::fanuc

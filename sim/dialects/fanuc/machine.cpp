@@ -22,9 +22,9 @@ using program::FeedMode;
 
 namespace {
 
-constexpr double smallest_feed = 1e-9;  // per minute; keeps every duration finite
+constexpr double min_feed = 1e-9;  // per minute; keeps every duration finite
 
-// Returns the letters that a code of group 00 takes besides axis words.
+// Returns the letters other than axis words that belong to a code of group 00.
 std::string_view one_shot_letters(int code) {
   switch (code) {
     case 40:
@@ -43,24 +43,24 @@ std::string_view one_shot_letters(int code) {
 Machine::Machine(ProgramRun& run)
     : run_(run),
       canon_(run.canon),
-      turning_(run.turning()),
-      diameters_(run.has_initial_diameters(true)),
+      is_turning_(run.is_turning()),
+      has_diameters_(run.has_initial_diameters(true)),
       compensation_(run),
       vector_lines_(run),
       zero_(AxisVector::Zero(run.canon.position().size())) {
   const program::NcOptions& options = canon_.options();
   for (const auto& [h, mm] : options.tool_length) lengths_[h].value = mm;
   for (const auto& [d, mm] : options.tool_radius) radii_[d].value = mm;
-  const auto take_wear = [](Offsets& offsets, const std::map<int, double>& wear) {
+  const auto subtract_wear = [](Offsets& offsets, const std::map<int, double>& wear) {
     for (const auto& [number, mm] : wear) {
-      Geometry& one = offsets[number];
-      // Tables state values with wear included; the control adds it again, so it is taken off here.
-      if (one.value) one.value = *one.value - mm;
-      one.wear = mm;
+      Geometry& geometry = offsets[number];
+      // Tables state values including wear. It is subtracted because the control adds it again.
+      if (geometry.value) geometry.value = *geometry.value - mm;
+      geometry.wear = mm;
     }
   };
-  take_wear(lengths_, options.length_wear);
-  take_wear(radii_, options.radius_wear);
+  subtract_wear(lengths_, options.length_wear);
+  subtract_wear(radii_, options.radius_wear);
   for (std::size_t i = 0; i < options.work_offset.size(); ++i)
     systems_[int(i) + 1] = options.work_offset[i].size() > 0 ? options.work_offset[i] : zero_;
   external_ = g92_ = g52_ = zero_;
@@ -68,11 +68,10 @@ Machine::Machine(ProgramRun& run)
     if (number == 0) external_ = offset;
     if (number > 100) systems_[number] = offset;
   }
-  // Fanuc's tables are taken to roll over in the shorter direction (parameters 1008.0 ROA = 1,
-  // 1008.1 RAB = 0).
+  // Assumed parameters: tables roll over in the shorter direction (1008.0 ROA = 1, 1008.1 RAB = 0).
   canon_.enable_table_rollover();
   apply_frame();
-  if (!turning_) return;
+  if (!is_turning_) return;
   // A turning control starts in G18 and with feed per revolution (G99).
   plane_ = 180;
   canon_.set_feed_mode(FeedMode::PerRevolution);
@@ -83,20 +82,20 @@ Machine::Machine(ProgramRun& run)
 double Machine::unit() const { return canon_.inch() ? units::inch : 1.0; }
 
 double Machine::argument(const Word& word) {
-  return counted(word, min_increment(word.letter, canon_.inch()));
+  return apply_increment(word, min_increment(word.letter, canon_.inch()));
 }
 
 double Machine::angle_in_degrees(const Word& word) {
-  return counted(word, min_increment('A', false));
+  return apply_increment(word, min_increment('A', false));
 }
 
-/// Applies the increment: a number without a decimal point counts in least input increments.
-double Machine::counted(const Word& word, double increment) {
-  if (word.pointed || word.value == 0.0) return word.value;
+/// Returns the value of a word. Without a decimal point it counts least input increments.
+double Machine::apply_increment(const Word& word, double increment) {
+  if (word.has_point || word.value == 0.0) return word.value;
   const double value = word.value * increment;
-  // Reported once: CAM systems write points, hand-written programs may not, and the factor is 1000.
-  if (!warned_of_point_) {
-    warned_of_point_ = true;
+  // The warning is worth its line: hand-written programs may lack points, and the factor is 1000.
+  if (!has_warned_of_point_) {
+    has_warned_of_point_ = true;
     run_.warn_once(fmt::format(
         "{}:{}: {} has no decimal point and is {:g}: such numbers count in the least input "
         "increment, 0.001 mm, 0.001 degrees or 0.0001 inch (parameter 3401.0 DPI = 0, IS-B)",
@@ -107,8 +106,8 @@ double Machine::counted(const Word& word, double increment) {
 
 double Machine::axis_word(int j, const Word& word) {
   if (!canon_.is_linear(j)) return angle_in_degrees(word) * units::deg;
-  // Diameters are halved here, so that everything behind works with radii.
-  return length(word) * (diameters_ && j == joint(0) ? 0.5 : 1.0);
+  // Diameters are halved here, so that all other code works with radii.
+  return length(word) * (has_diameters_ && j == joint(0) ? 0.5 : 1.0);
 }
 
 Machine::Words Machine::axis_words(const Block& block) const {
@@ -120,15 +119,15 @@ Machine::Words Machine::axis_words(const Block& block) const {
 }
 
 const Word* Machine::first_axis_word(const Block& block) const {
-  const Word* first = nullptr;
+  const Word* first_word = nullptr;
   for (const char letter : word_letters())
-    if (const Word& word = block[letter]; word && (!first || word.column < first->column))
-      first = &word;
-  return first;
+    if (const Word& word = block[letter]; word && (!first_word || word.column < first_word->column))
+      first_word = &word;
+  return first_word;
 }
 
-// The word at which messages about a motion point.
-Cause Machine::cause_of(const Block& block) const {
+// Returns the word that messages about the motion of a block point at.
+Cause Machine::motion_cause(const Block& block) const {
   for (const Group group : {Group::Motion, Group::OneShot, Group::Cycle})
     if (const Code& code = block[group]) return code.word;
   if (const Word* axis = first_axis_word(block)) return *axis;
@@ -137,63 +136,64 @@ Cause Machine::cause_of(const Block& block) const {
   return {1, {}};
 }
 
-/// Returns the letters, beside axis words, that the codes of a block take.
-std::string Machine::letters_taken(const Block& block) const {
-  const int once = block.tenths(Group::OneShot);
-  std::string taken(one_shot_letters(once));
-  if (block[Group::MirrorEnd]) return taken;
+/// Returns the letters other than axis words that belong to the codes of a block.
+std::string Machine::allowed_letters(const Block& block) const {
+  const int one_shot = block.tenths(Group::OneShot);
+  std::string letters(one_shot_letters(one_shot));
+  if (block[Group::MirrorEnd]) return letters;
   const int rotation = block.tenths(Group::Rotation);
-  if (rotation == 682) return taken + "IJKP";
-  if (rotation == 680) return taken + "RIJK";
+  if (rotation == 682) return letters + "IJKP";
+  if (rotation == 680) return letters + "RIJK";
   const int code = block[Group::Motion] ? block.tenths(Group::Motion) : motion_;
   // A motion code in the block ends a cycle in force.
   const int cycle = block[Group::Motion]  ? 800
                     : block[Group::Cycle] ? block.tenths(Group::Cycle)
                                           : cycle_code_;
-  if (once < 0 && cycle != 800) taken += "RQPKL";
-  if (once < 0 && cycle == 800 && (code == 20 || code == 30)) taken += "IJKR";
-  if (once < 0 && turning_ && (code == 900 || code == 940)) taken += "R";
-  if (once == 100 && turning_) taken += "Q";
+  if (one_shot < 0 && cycle != 800) letters += "RQPKL";
+  if (one_shot < 0 && cycle == 800 && (code == 20 || code == 30)) letters += "IJKR";
+  if (one_shot < 0 && is_turning_ && (code == 900 || code == 940)) letters += "R";
+  if (one_shot == 100 && is_turning_) letters += "Q";
   const int length = block[Group::ToolLength] ? block.tenths(Group::ToolLength) : length_mode_;
-  if (once < 0 && length == 435) taken += "IJK";
+  if (one_shot < 0 && length == 435) letters += "IJK";
   const int offset = block.tenths(Group::WorkOffset);
-  if (offset == 540 || offset == 541) taken += "P";
-  if (block[Group::SpeedMode]) taken += "P";
-  if (block[Group::Call]) taken += "PL";
-  return taken;
+  if (offset == 540 || offset == 541) letters += "P";
+  if (block[Group::SpeedMode]) letters += "P";
+  if (block[Group::Call]) letters += "PL";
+  return letters;
 }
 
-/// Checks words that are valid only beside others.
+/// Checks that every word belongs to a code of its block. Throws BadInput.
 void Machine::check_words(const Block& block) const {
-  const Code& once = block[Group::OneShot];
-  if (turning_) check_corner_words(block);
+  const Code& one_shot = block[Group::OneShot];
+  if (is_turning_) check_corner_words(block);
   for (const char letter : word_letters())
-    if (const Word& word = block[letter]; word && joint_of_word(letter) < 0 &&
-                                          !(once.tenths == 40 && (letter == 'U' || letter == 'X')))
+    if (const Word& word = block[letter];
+        word && joint_of_word(letter) < 0 &&
+        !(one_shot.tenths == 40 && (letter == 'U' || letter == 'X')))
       refuse(word, "an axis of this machine (" + canon_.letters() + ")");
-  const std::string taken = letters_taken(block);
+  const std::string letters = allowed_letters(block);
   for (const char letter : {'I', 'J', 'K', 'L', 'P', 'Q', 'R'}) {
     const Word& word = block[letter];
-    if (!word || taken.find(letter) != std::string::npos) continue;
+    if (!word || letters.find(letter) != std::string::npos) continue;
     // A letter beside a skipped code may belong to that code.
-    if (block.skipped)
-      run_.unknown(word, "a word of Fanuc's milling controls");
+    if (block.skipped_code)
+      run_.handle_unknown_word(word, "a word of Fanuc's milling controls");
     else
       refuse(word, fmt::format("a code that takes {}", letter));
   }
   const Word* axis = first_axis_word(block);
-  if (axis && block.skipped.letter == 'G')
+  if (axis && block.skipped_code.letter == 'G')
     refuse(*axis, "no axis words beside a code that is skipped: what it makes of them is not known",
-           fmt::format("{} beside {}", shown(axis->text), shown(block.skipped.text)));
-  if (axis && block.wordless)
-    refuse(*axis,
-           fmt::format("no axis words beside {}, which takes none", shown(block.wordless.text)));
-  check_owners(block);
+           fmt::format("{} beside {}", shown(axis->text), shown(block.skipped_code.text)));
+  if (axis && block.code_without_words)
+    refuse(*axis, fmt::format("no axis words beside {}, which takes none",
+                              shown(block.code_without_words.text)));
+  check_axis_word_owners(block);
 }
 
-/// Axis words belong to at most one code of a block. A motion code beside a code of group 00 is in
-/// force from the next block on (B-63944EN, "G codes of different groups").
-void Machine::check_owners(const Block& block) const {
+/// Checks that the axis words of a block belong to at most one code. A motion code beside a code of
+/// group 00 is in force from the next block on (B-63944EN, "G codes of different groups").
+void Machine::check_axis_word_owners(const Block& block) const {
   const Code* owner = nullptr;
   for (const Group group : {Group::OneShot, Group::Rotation, Group::MirrorEnd}) {
     const Code& code = block[group];
@@ -211,7 +211,7 @@ void Machine::set_feed(const Block& block) {
     const FeedMode mode = code.tenths == 930                         ? FeedMode::InverseTime
                           : code.tenths == 940 || code.tenths == 980 ? FeedMode::PerMinute
                                                                      : FeedMode::PerRevolution;
-    // F has another meaning after a change of mode, so the old value must not survive.
+    // F has another unit in the new mode, so the old value must not survive.
     if (mode != canon_.feed_mode()) canon_.set_feed({});
     canon_.set_feed_mode(mode);
   }
@@ -219,11 +219,11 @@ void Machine::set_feed(const Block& block) {
   if (canon_.feed_mode() == FeedMode::InverseTime) canon_.set_feed({});
   const Word& f = block['F'];
   if (!f) return;
-  if (!(f.value >= smallest_feed)) refuse(f, "a feed above zero");
-  // Without a point F in inches or per turn depends on parameters of the control; in mm/min it does
-  // not.
-  if (!f.pointed && (canon_.inch() || canon_.feed_mode() != FeedMode::PerMinute))
-    refuse(f, turning_
+  if (!(f.value >= min_feed)) refuse(f, "a feed above zero");
+  // Parameters of the control decide about F without a point in inches or per turn, but not in
+  // mm/min.
+  if (!f.has_point && (canon_.inch() || canon_.feed_mode() != FeedMode::PerMinute))
+    refuse(f, is_turning_
                   ? "a decimal point in F under G20 and G99: where it is without one is a parameter"
                   : "a decimal point in F under G20, G93 and G95: where it is without one is a "
                     "parameter");
@@ -232,58 +232,59 @@ void Machine::set_feed(const Block& block) {
 
 void Machine::set_spindle(const Block& block) {
   const Word& s = block['S'];
-  const int once = block.tenths(Group::OneShot);
+  const int one_shot = block.tenths(Group::OneShot);
   // S beside G92 or G50 limits the spindle speed instead of setting it.
-  const bool limits = once == 920 || (turning_ && once == 500);
+  const bool sets_limit = one_shot == 920 || (is_turning_ && one_shot == 500);
   if (const Code& code = block[Group::SpeedMode]) {
-    const bool surface = code.tenths == 960;
-    if (surface && joint(0) < 0) refuse(code.word, "a machine with an X axis beside G96");
-    if (surface && !surface_m_per_min_ && (!s || limits))
+    const bool is_surface_speed = code.tenths == 960;
+    if (is_surface_speed && joint(0) < 0) refuse(code.word, "a machine with an X axis beside G96");
+    if (is_surface_speed && !surface_speed_m_per_min_ && (!s || sets_limit))
       refuse(code.word, "S (surface speed) beside G96", "none");
-    surface_speed_ = surface;
+    has_surface_speed_ = is_surface_speed;
   }
   if (s) {
-    const double speed = whole(canon_, s, 10'000'000);
-    if (limits) {
+    const double speed = whole_number(canon_, s, 10'000'000);
+    if (sets_limit) {
       max_rpm_ = speed;
     } else {
-      speed_ = speed;
-      if (surface_speed_)
-        surface_m_per_min_ = canon_.inch() ? speed * 0.3048 : speed;  // ft/min in inches
+      speed_word_ = speed;
+      if (has_surface_speed_)
+        surface_speed_m_per_min_ = canon_.inch() ? speed * 0.3048 : speed;  // ft/min in inches
       else
         canon_.set_spindle_speed(speed);
     }
   }
-  if (block[Group::RigidTap]) rigid_ = true;
+  if (block[Group::RigidTap]) is_rigid_tapping_ = true;
   if (const Code& code = block[Group::Spindle])
     canon_.turn_spindle(code.tenths == 30 ? 1 : code.tenths == 40 ? -1 : 0);
-  // Set in every block, because S and its limit may have changed.
-  if (surface_speed_)
-    canon_.set_surface_speed(program::SurfaceSpeed{surface_m_per_min_.value_or(0.0), max_rpm_});
+  // Every block sets the surface speed anew, because S and its limit may have changed.
+  if (has_surface_speed_)
+    canon_.set_surface_speed(
+        program::SurfaceSpeed{surface_speed_m_per_min_.value_or(0.0), max_rpm_});
   else
     canon_.set_surface_speed({});
 }
 
 void Machine::call_tools(const Block& block) {
-  if (turning_) call_tool_and_offset(block);
+  if (is_turning_) call_tool_and_offset(block);
   const bool changes(block[Group::ToolChange]);
   static const Word no_tool;
-  const Word& t = turning_ ? no_tool : block['T'];
-  if (t) selected_ = whole(canon_, t, 99'999'999);
-  // T selects, M6 changes: on a machining centre both may be in different blocks.
+  const Word& t = is_turning_ ? no_tool : block['T'];
+  if (t) selected_ = whole_number(canon_, t, 99'999'999);
+  // On a machining centre T selects a tool and M6, maybe in a later block, changes to it.
   if (changes && selected_ >= 0) tool_ = selected_;
   if (t || changes) canon_.call_tool(t ? selected_ : -1.0, changes);
   std::string text = t ? fmt::format("T{}", selected_) : "";
-  const auto add = [&](bool has, const char* word) {
-    if (has) text += std::string(text.empty() ? "" : " ") + word;
+  const auto add_word = [&](bool is_programmed, const char* word) {
+    if (is_programmed) text += std::string(text.empty() ? "" : " ") + word;
   };
-  add(changes, "M6");
-  add(block.tenths(Group::Coolant) == 70, "M7");
-  add(block.tenths(Group::Coolant) == 80, "M8");
+  add_word(changes, "M6");
+  add_word(block.tenths(Group::Coolant) == 70, "M7");
+  add_word(block.tenths(Group::Coolant) == 80, "M8");
   if (!text.empty()) canon_.aside(std::move(text));
 }
 
-/// Records the modes that a block states, then those that it depends on.
+/// Records the modes that a block states and those that it depends on.
 void Machine::note_start_modes(const Block& block) {
   const std::pair<Group, StartMode> groups[] = {
       {Group::Units, StartMode::Units},          {Group::Distance, StartMode::Distance},
@@ -291,11 +292,11 @@ void Machine::note_start_modes(const Block& block) {
       {Group::Motion, StartMode::Motion},        {Group::Cycle, StartMode::Motion},
       {Group::WorkOffset, StartMode::WorkOffset}};
   for (const auto& [group, mode] : groups)
-    if (block[group]) run_.state(mode);
+    if (block[group]) run_.mark_stated(mode);
   // A dwell and blocks without axis words depend on no mode.
   if (!first_axis_word(block) || block.tenths(Group::OneShot) == 40) return;
   run_.assume_mode(StartMode::Units, "mm (G21)");
-  if (!run_.turning()) run_.assume_mode(StartMode::Distance, "absolute (G90)");  // else U and W
+  if (!run_.is_turning()) run_.assume_mode(StartMode::Distance, "absolute (G90)");
   if (block[Group::OneShot]) return;
   const int motion = block[Group::Motion] ? block.tenths(Group::Motion) : motion_;
   run_.assume_mode(StartMode::Motion, "rapid (G0)");
@@ -306,72 +307,73 @@ void Machine::note_start_modes(const Block& block) {
   if (motion > 0)
     run_.assume_mode(StartMode::Feed,
                      canon_.feed_mode() == FeedMode::PerRevolution
-                         ? (turning_ ? "F per turn (G99)" : "F per turn (G95)")
-                         : (turning_ ? "F per minute (G98)" : "F per minute (G94)"));
+                         ? (is_turning_ ? "F per turn (G99)" : "F per turn (G95)")
+                         : (is_turning_ ? "F per minute (G98)" : "F per minute (G94)"));
   run_.assume_offset(system_, "work offset G54");
 }
 
-// Order of execution: units, feed, spindle, tool, then the modes that moves depend on.
+// The control executes units, feed, spindle and tool first, then the modes that moves depend on.
 void Machine::set_modes(const Block& block) {
   if (const Code& code = block[Group::Units]) canon_.set_inch(code.tenths == 200);
   set_feed(block);
   set_spindle(block);
   call_tools(block);
   if (const Code& code = block[Group::Plane]) {
-    if (compensation_.on() && code.tenths != plane_)
+    if (compensation_.is_on() && code.tenths != plane_)
       refuse(code.word, "no change of the plane under G41 or G42");
     plane_ = code.tenths;
   }
-  if (const Code& code = block[Group::Distance]) incremental_ = code.tenths == 910;
-  if (const Code& code = block[Group::ReturnLevel]) to_r_ = code.tenths == 990;
-  if (turning_) {
+  if (const Code& code = block[Group::Distance]) is_incremental_ = code.tenths == 910;
+  if (const Code& code = block[Group::ReturnLevel]) returns_to_r_ = code.tenths == 990;
+  if (is_turning_) {
     if (const Code& code = block[Group::CutterRadius]) set_nose_compensation(code);
     if (block['D']) refuse(block['D'], "T with four digits, tool and offset: no D on a lathe");
   } else if (block[Group::CutterRadius] || block['D']) {
     set_compensation(block);
   }
-  if (block[Group::WorkOffset]) choose_system(block);
-  if (!turning_ && (block[Group::ToolLength] || block['H'])) set_tool_length(block);
+  if (block[Group::WorkOffset]) select_work_offset(block);
+  if (!is_turning_ && (block[Group::ToolLength] || block['H'])) set_tool_length(block);
   if (const Code& code = block[Group::Polar]) {
-    polar_ = {.on = code.tenths == 160};
-    if (polar_.on && tilted_) refuse(code.word, "G69 before G16");
+    polar_ = {.is_on = code.tenths == 160};
+    if (polar_.is_on && is_tilted_) refuse(code.word, "G69 before G16");
   }
 }
 
 void Machine::dwell(const Block& block) {
   const Code& code = block[Group::OneShot];
-  const Word* time = nullptr;
+  const Word* time_word = nullptr;
   for (const char letter : {'X', 'U', 'P'})
     if (const Word& word = block[letter]) {
-      if (time) refuse(word, "one of X, U and P beside G4");
-      time = &word;
+      if (time_word) refuse(word, "one of X, U and P beside G4");
+      time_word = &word;
     }
-  if (!time) refuse(code.word, "X or U (seconds) or P (milliseconds) beside G4", "none");
+  if (!time_word) refuse(code.word, "X or U (seconds) or P (milliseconds) beside G4", "none");
   for (const char letter : axis_letters)
-    if (const Word& word = block[letter]; word && &word != time)
+    if (const Word& word = block[letter]; word && &word != time_word)
       refuse(word, "X or U (seconds) or P (milliseconds) as the only word beside G4");
   // A computed value has no written decimal point.
-  const bool worked_out = time->text.find_first_of("#[") != std::string_view::npos;
-  if (time->letter == 'P' && time->pointed && !worked_out)
-    refuse(*time, "milliseconds without a decimal point after P, or X in seconds");
-  // X and U of G4 without a point count in increments, 0.001 s.
-  const double seconds = time->letter == 'P' || !time->pointed ? time->value * 1e-3 : time->value;
-  if (!(seconds >= 0 && seconds <= 1e6)) refuse(*time, "0 to 1e6 seconds beside G4");
-  // A dwell behind a waiting move must follow it.
-  compensation_.after(
-      [this, seconds, cause = Cause{time->column, {}}] { canon_.dwell(seconds, cause); });
+  const bool is_computed = time_word->text.find_first_of("#[") != std::string_view::npos;
+  if (time_word->letter == 'P' && time_word->has_point && !is_computed)
+    refuse(*time_word, "milliseconds without a decimal point after P, or X in seconds");
+  // Without a point X and U of G4 count increments of 0.001 s.
+  const double seconds = time_word->letter == 'P' || !time_word->has_point ? time_word->value * 1e-3
+                                                                           : time_word->value;
+  if (!(seconds >= 0 && seconds <= 1e6)) refuse(*time_word, "0 to 1e6 seconds beside G4");
+  // The dwell must follow a move that compensation still postpones.
+  compensation_.run_after_move(
+      [this, seconds, cause = Cause{time_word->column, {}}] { canon_.dwell(seconds, cause); });
 }
 
-void Machine::one_shot(const Block& block) {
+void Machine::execute_one_shot(const Block& block) {
   const Code& code = block[Group::OneShot];
   if (code.tenths == 40) return dwell(block);
-  if (compensation_.on()) refuse(code.word, "G40 before " + shown(code.word.text));
+  if (compensation_.is_on()) refuse(code.word, "G40 before " + shown(code.word.text));
   switch (code.tenths) {
     case 100:
       return store_data(block);
     case 280:
     case 300:
-      return reference(block);
+      return move_to_reference(block);
     case 500:
     case 503:
     case 520:
@@ -379,15 +381,15 @@ void Machine::one_shot(const Block& block) {
     case 921:
       return shift_origin(block);
     case 530:
-      return to_axes(block);
+      return move_in_machine_coordinates(block);
     default:
-      return turn_to_plane(block);
+      return align_tool_with_plane(block);
   }
 }
 
 // The words of a cycle do not survive G80 or a motion code.
 void Machine::end_cycle() {
-  cycle_.begun = rigid_ = false;
+  cycle_.has_begun = is_rigid_tapping_ = false;
   cycle_.q = cycle_.dwell_s = 0.0;
   cycle_code_ = 800;
 }
@@ -401,29 +403,30 @@ void Machine::set_motion(const Block& block) {
   if (cycle && cycle.tenths != 800) cycle_code_ = cycle.tenths;
 }
 
-/// G5 and similar codes give the words of their block other meanings, so nothing else may stand
-/// there.
-void Machine::check_alone(const Block& block) const {
-  const std::string own = shown(block[Group::Alone].word.text);
+/// Checks a block with G5 or a similar code, which changes the meaning of the other words: no other
+/// code and no D F H S T may stand in it.
+void Machine::check_whole_block_code(const Block& block) const {
+  const std::string code_text = shown(block[Group::WholeBlock].word.text);
   for (const Code& code : block.codes)
-    if (code && &code != &block[Group::Alone]) refuse(code.word, "a block of its own for " + own);
+    if (code && &code != &block[Group::WholeBlock])
+      refuse(code.word, "a block of its own for " + code_text);
   for (const char letter : {'D', 'F', 'H', 'S', 'T'})
-    if (block[letter]) refuse(block[letter], "a block of its own for " + own);
+    if (block[letter]) refuse(block[letter], "a block of its own for " + code_text);
 }
 
 bool Machine::execute(const Block& block) {
-  moved_ = false;
+  has_moved_ = false;
   for (const std::string_view text : block.comments) canon_.comment(text);
-  if (block[Group::Alone]) return check_alone(block), true;
+  if (block[Group::WholeBlock]) return check_whole_block_code(block), true;
   check_words(block);
   note_start_modes(block);
   set_modes(block);
   set_motion(block);
   if (const Code& code = block[Group::Rotation]) {
-    if (compensation_.on()) refuse(code.word, "G40 before " + shown(code.word.text));
+    if (compensation_.is_on()) refuse(code.word, "G40 before " + shown(code.word.text));
     set_rotation(block);
   } else if (block[Group::OneShot]) {
-    one_shot(block);
+    execute_one_shot(block);
   } else if (!block[Group::MirrorEnd]) {
     move(block);
   }
@@ -436,34 +439,34 @@ bool Machine::execute(const Block& block) {
   return !(stop && (stop.tenths == 20 || stop.tenths == 300));
 }
 
-// Words that a turning control (G-code system A) interprets differently from a milling control.
+// Words that a turning control with G-code system A interprets differently from a milling control.
 
 namespace {
 
-constexpr int geometry_offsets = 10000;  // P of G10 from here on is geometry, below it wear
-constexpr int max_offset = 99;
+constexpr int first_geometry_offset = 10000;  // P of G10 from here on is geometry, below it wear
+constexpr int max_offset_number = 99;
 
-/// Words of a line as far as signs of turning controls need them.
+/// Words of a line, for the search of signs of turning controls.
 struct LineWords {
   std::array<double, 26> value{};
   std::array<int, 26> column{};           ///< 0: the line has no such word
   std::vector<std::pair<double, int>> g;  ///< codes with their columns
-  bool changes_tool = false;              ///< M6
+  bool has_m6 = false;
 
   bool has(char letter) const { return column[std::size_t(letter - 'A')] > 0; }
   double operator[](char letter) const { return value[std::size_t(letter - 'A')]; }
   /// Returns the column of a G code within a range, or 0.
-  int g_within(double first, double last) const {
+  int find_g_code(double min, double max) const {
     for (const auto& [code, at] : g)
-      if (code >= first && code <= last) return at;
+      if (code >= min && code <= max) return at;
     return 0;
   }
 };
 
-LineWords words_of_line(Cursor cursor) {
+LineWords parse_line_words(Cursor cursor) {
   LineWords words;
   while (!cursor.at_end()) {
-    const char letter = upper(cursor.here());
+    const char letter = upper(cursor.current());
     if (letter == '(') {
       const std::size_t close = cursor.text.find(')', cursor.at);
       if (close == std::string_view::npos) break;
@@ -483,7 +486,7 @@ LineWords words_of_line(Cursor cursor) {
     words.value[std::size_t(letter - 'A')] = *number;
     words.column[std::size_t(letter - 'A')] = column;
     if (letter == 'G') words.g.emplace_back(*number, column);
-    words.changes_tool = words.changes_tool || (letter == 'M' && *number == 6);
+    words.has_m6 = words.has_m6 || (letter == 'M' && *number == 6);
   }
   return words;
 }
@@ -491,36 +494,36 @@ LineWords words_of_line(Cursor cursor) {
 }  // namespace
 
 std::optional<TurningSign> find_turning_sign(std::string_view text, const program::Canon& canon) {
-  const bool has_u = canon.joint_of('U') >= 0 || canon.joint_of('W') >= 0;
+  const bool has_u_or_w = canon.joint_of('U') >= 0 || canon.joint_of('W') >= 0;
   std::optional<TurningSign> tool;
-  // T0101 is also a valid tool number on a mill, so it only counts together with G96 and without
-  // M6.
-  bool surface_speed = false, changes = false;
+  // T0101 is a valid tool number on a mill too, so it counts only together with G96 and without M6.
+  bool has_g96 = false, has_m6 = false;
   Lines lines(text);
   while (const auto line = lines.next()) {
-    const LineWords words = words_of_line({*line, canon.place()});
+    const LineWords words = parse_line_words({*line, canon.place()});
     const auto sign = [&](std::string_view what, int column) {
       return TurningSign{std::string(what), lines.number(), column};
     };
-    if (const int at = words.g_within(50, 50); at > 0 && words.has('S'))
+    if (const int at = words.find_g_code(50, 50); at > 0 && words.has('S'))
       return sign("G50 with S, the largest spindle speed of a turning control", at);
-    if (const int at = words.g_within(28, 30);
-        at > 0 && !has_u && (words.has('U') || words.has('W')))
+    if (const int at = words.find_g_code(28, 30);
+        at > 0 && !has_u_or_w && (words.has('U') || words.has('W')))
       return sign("G28 with U or W, increments of a turning control", at);
-    if (const int at = words.g_within(70, 73);
-        at > 0 && !has_u && words.has('P') && words.has('Q') && !words.has('R') && !words.has('Z'))
+    if (const int at = words.find_g_code(70, 73); at > 0 && !has_u_or_w && words.has('P') &&
+                                                  words.has('Q') && !words.has('R') &&
+                                                  !words.has('Z'))
       return sign("a cycle of a turning control with P and Q", at);
     if (!tool && words.has('T') && words['T'] >= 101 && words['T'] <= 9999)
       tool = sign("T with tool and offset beside G96, as turning controls have it",
                   words.column['T' - 'A']);
-    surface_speed = surface_speed || words.g_within(96, 96) > 0;
-    changes = changes || words.changes_tool;
+    has_g96 = has_g96 || words.find_g_code(96, 96) > 0;
+    has_m6 = has_m6 || words.has_m6;
   }
-  return surface_speed && !changes ? tool : std::nullopt;
+  return has_g96 && !has_m6 ? tool : std::nullopt;
 }
 
 bool Machine::is_increment(char letter) const {
-  return turning_ && std::string_view("UVWH").find(letter) != std::string_view::npos;
+  return is_turning_ && std::string_view("UVWH").find(letter) != std::string_view::npos;
 }
 
 int Machine::joint_of_word(char letter) const {
@@ -529,7 +532,7 @@ int Machine::joint_of_word(char letter) const {
   return canon_.joint_of(letter == 'H' ? 'C' : char(letter - 'U' + 'X'));
 }
 
-/// Reports what a program cannot state: which kind of control it was written for.
+/// Reports the assumptions about the control for which the program was written.
 void Machine::note_turning_control() {
   if (run_.options().turning.control == ControlKind::FromMachine)
     canon_.assume(
@@ -537,14 +540,14 @@ void Machine::note_turning_control() {
          "(Fanuc G-code system A): U V W H are increments, G98 and G99 feeds",
          "program.control", "--control"});
   if (run_.options().turning.x_words == XWordMeaning::FromControl)
-    canon_.assume({diameters_ ? "X and U words are diameters" : "X and U words are radii",
+    canon_.assume({has_diameters_ ? "X and U words are diameters" : "X and U words are radii",
                    "program.x_words", "--x-words"});
 }
 
-/// A feed before the first T is that of the only tool.
+/// Assumes the only tool for a feed before the first T.
 void Machine::note_uncalled_tool(const Cause& cause) {
-  if (!turning_ || tool_offset_.called || motion_ == 0) return;
-  run_.uncalled_tool(cause, "no T before the first feed");
+  if (!is_turning_ || tool_offset_.called || motion_ == 0) return;
+  run_.assume_only_tool(cause, "no T before the first feed");
   tool_offset_.called = true;
   tool_offset_.number = 1;
 }
@@ -565,15 +568,15 @@ void Machine::check_corner_words(const Block& block) const {
   }
 }
 
-/// Executes T0101: tool and offset. T0100 and T0 end the offset.
+/// Executes T with tool and offset, T0101. T0100 and T0 end the offset.
 void Machine::call_tool_and_offset(const Block& block) {
   const Word& t = block['T'];
   if (!t) return;
-  const int value = whole(canon_, t, 9999);
+  const int value = whole_number(canon_, t, 9999);
   // T1 to T99 could be a tool or an offset, depending on parameters.
-  if (value != 0 && value <= max_offset)
+  if (value != 0 && value <= max_offset_number)
     refuse(t, "T with four digits, tool and offset, such as T0101");
-  if (compensation_.on()) refuse(t, "G40 before another T");
+  if (compensation_.is_on()) refuse(t, "G40 before another T");
   const int tool = value / 100;
   if (!program::knows_tool(canon_.options(), tool)) refuse(t, "a tool of the tool table");
   tool_offset_.called = true;
@@ -587,28 +590,28 @@ void Machine::call_tool_and_offset(const Block& block) {
 }
 
 std::optional<double> Machine::nose_radius() const {
-  const auto known = radii_.find(tool_in_use());
-  if (known == radii_.end() || !known->second.value) return std::nullopt;
-  return *known->second.value;
+  const auto radius_entry = radii_.find(tool_in_use());
+  if (radius_entry == radii_.end() || !radius_entry->second.value) return std::nullopt;
+  return *radius_entry->second.value;
 }
 
 AxisVector Machine::programmed_nose_offset() const {
   return nose_offset(canon_, run_.options().turning.tip, nose_radius());
 }
 
-/// A tool offset in force is a measured one: X Z lead the tip of the tool, X0 on the spindle axis.
-/// Without it X Z are positions of the slides. Until a program calls a tool, the only one counts as
-/// called with its offset.
+/// Puts the tool offset in force. It is a measured one: X Z lead the tip of the tool, and X0 is on
+/// the spindle axis. Without an offset X Z are positions of the slides. Until a program calls a
+/// tool, the only tool counts as called with its offset.
 void Machine::apply_tool_offset(const Cause& cause) {
   const kinematics::Chain* chain = chain_to_tip(canon_.options(), tool_in_use());
-  const bool counts = tool_offset_.called ? tool_offset_.number != 0 : tool_in_use() != 0;
-  if (chain == nullptr || !counts) {
+  const bool has_offset = tool_offset_.called ? tool_offset_.number != 0 : tool_in_use() != 0;
+  if (chain == nullptr || !has_offset) {
     if (tool_ != 0) canon_.select_length(-1, cause);
     return canon_.set_tool_shift({});
   }
   AxisVector shift = measured_offset(canon_, *chain, cause);
   // Under nose compensation the centre of the nose is led, whatever the programmed tip.
-  if (!compensation_.on()) shift += programmed_nose_offset();
+  if (!compensation_.is_on()) shift += programmed_nose_offset();
   if (const auto wear = tool_offset_.wear.find(tool_offset_.number);
       wear != tool_offset_.wear.end()) {
     if (joint(0) >= 0) shift[joint(0)] += wear->second.x;
@@ -618,39 +621,39 @@ void Machine::apply_tool_offset(const Cause& cause) {
   canon_.set_tool_shift(std::move(shift));
 }
 
-/// G10 P X Z U W R sets wear. Geometry on the control is the scene's tool here.
+/// Executes G10 P X Z U W R, which sets wear. The geometry of a tool is that of the scene.
 void Machine::store_wear(const Block& block) {
   const Code& code = block[Group::OneShot];
   const Word& p = block['P'];
   if (block['L']) refuse(block['L'], "L2 L20, or no L, beside G10");
   if (!p) refuse(code.word, "P (number of the offset) beside G10", "none");
-  const int number = whole(canon_, p, 2 * geometry_offsets);
-  if (number < 1 || number > max_offset)
+  const int number = whole_number(canon_, p, 2 * first_geometry_offset);
+  if (number < 1 || number > max_offset_number)
     refuse(p, "wear, P1 to P99: the geometry of tools is that of the scene");
   if (block['Q']) refuse(block['Q'], "no Q: program.tip says which point of the tool X Z lead");
   ToolOffset::Wear& wear = tool_offset_.wear[number];
-  for (const auto& [j, word, step] : axis_words(block)) {
+  for (const auto& [j, word, is_incremental] : axis_words(block)) {
     if (j != joint(0) && j != joint(2)) refuse(*word, "X Z U W or R beside G10 of a tool");
     double& value = j == joint(0) ? wear.x : wear.z;
-    value = axis_word(j, *word) + (step ? value : 0.0);
+    value = axis_word(j, *word) + (is_incremental ? value : 0.0);
   }
   if (const Word& r = block['R']) wear.radius = length(r);
   if (number == tool_offset_.number) apply_tool_offset(code.word);
 }
 
-/// G41 and G42 lead the nose along the contour: its centre is offset by its radius.
+/// Executes G40 to G42. Nose compensation offsets the centre of the nose by its radius.
 void Machine::set_nose_compensation(const Code& code) {
-  cutter_ = code.tenths;
+  cutter_code_ = code.tenths;
   if (code.tenths == 400) {
-    if (!compensation_.on()) return;
+    if (!compensation_.is_on()) return;
     compensation_.end();
     // The programmed point changes between tip and centre of the nose when compensation ends or
     // begins.
     apply_tool_offset(code.word);
     return compensation_.shift_programmed(programmed_nose_offset());
   }
-  if (compensation_.on()) {
-    if (code.tenths == side_) return;  // posts say it again
+  if (compensation_.is_on()) {
+    if (code.tenths == side_) return;  // postprocessors repeat the code
     refuse(code.word, "G40 between G41 and G42");
   }
   side_ = code.tenths;
@@ -664,11 +667,11 @@ void Machine::set_nose_compensation(const Code& code) {
     refuse(code.word, "a tool whose nose radius is known",
            tool_ == 0 ? "none called" : fmt::format("T{:02}", tool_));
   const auto wear = tool_offset_.wear.find(tool_offset_.number);
-  const double worn = wear == tool_offset_.wear.end() ? 0.0 : wear->second.radius;
+  const double radius_wear = wear == tool_offset_.wear.end() ? 0.0 : wear->second.radius;
   run_.warn_once(
       "nose compensation arrives upright beside the start of the contour and goes around outside "
       "corners in arcs; a control goes around some of them in lines");
-  compensation_.begin(code.tenths == 410, *radius + worn, {first, second});
+  compensation_.begin(code.tenths == 410, *radius + radius_wear, {first, second});
   apply_tool_offset(code.word);
   compensation_.shift_programmed(-programmed_nose_offset());
 }
@@ -676,44 +679,44 @@ void Machine::set_nose_compensation(const Code& code) {
 /// Executes G90 (along Z) and G94 (along X): rapid to the cut, feed along it and out of it, rapid
 /// back. Values that a block does not state are kept from the previous one.
 void Machine::turning_cycle(const Block& block) {
-  const Cause cause = cause_of(block);
-  if (compensation_.on()) refuse(cause, "G40 before G90 and G94");
+  const Cause cause = motion_cause(block);
+  if (compensation_.is_on()) refuse(cause, "G40 before G90 and G94");
   note_uncalled_tool(cause);
   const int x = joint(0), z = joint(2);
   if (x < 0 || z < 0) refuse(cause, "a machine with X and Z beside G90 and G94");
   const AxisVector start = canon_.programmed();
   TurningCycle& cycle = turning_cycle_;
-  for (const auto& [j, word, step] : axis_words(block)) {
+  for (const auto& [j, word, is_incremental] : axis_words(block)) {
     if (j != x && j != z) refuse(*word, "X Z U W beside G90 and G94");
-    const double to = axis_word(j, *word) + (step ? start[j] : 0.0);
+    const double to = axis_word(j, *word) + (is_incremental ? start[j] : 0.0);
     (j == x ? cycle.x : cycle.z) = to;
     (j == x ? cycle.has_x : cycle.has_z) = true;
   }
   if (const Word& r = block['R']) cycle.taper = length(r);
   if (!cycle.has_x || !cycle.has_z)
     refuse(cause, "X and Z in the first block of G90 and G94", "one of them");
-  moved_ = true;
-  const auto go = [&](double to_x, double to_z, bool rapid) {
+  has_moved_ = true;
+  const auto move_to = [&](double to_x, double to_z, bool rapid) {
     AxisVector end = start;
     end[x] = to_x;
     end[z] = to_z;
     const AxisVector placed = canon_.placed(std::move(end));
-    AxisVector there = canon_.position();  // a spindle among the joints keeps turning
-    there[x] = placed[x];
-    there[z] = placed[z];
-    canon_.straight({.end = std::move(there), .cause = cause}, rapid);
+    AxisVector position = canon_.position();  // a spindle among the joints keeps turning
+    position[x] = placed[x];
+    position[z] = placed[z];
+    canon_.straight({.end = std::move(position), .cause = cause}, rapid);
   };
-  const bool along_z = motion_ == 900;
-  if (along_z)
-    go(cycle.x + cycle.taper, start[z], true);
+  const bool is_along_z = motion_ == 900;
+  if (is_along_z)
+    move_to(cycle.x + cycle.taper, start[z], true);
   else
-    go(start[x], cycle.z + cycle.taper, true);
-  go(cycle.x, cycle.z, false);
-  if (along_z)
-    go(start[x], cycle.z, false);
+    move_to(start[x], cycle.z + cycle.taper, true);
+  move_to(cycle.x, cycle.z, false);
+  if (is_along_z)
+    move_to(start[x], cycle.z, false);
   else
-    go(cycle.x, start[z], false);
-  go(start[x], start[z], true);
+    move_to(cycle.x, start[z], false);
+  move_to(start[x], start[z], true);
 }
 
 }  // namespace abbe::sim::dialects::fanuc

@@ -15,8 +15,8 @@ namespace abbe::sim::dialects::fanuc {
 
 inline constexpr std::string_view axis_letters = "XYZABCUVW";
 
-/// State of a Fanuc control as its words command it: modes, coordinate systems, tools, and the
-/// moves that they make on the canon.
+/// State of a Fanuc control: modes, coordinate systems and tools. Executes blocks and issues their
+/// moves to the canon.
 class Machine {
  public:
   explicit Machine(ProgramRun& run);
@@ -24,20 +24,20 @@ class Machine {
   /// Executes a block. Returns false at the end of the program.
   bool execute(const Block& block);
   /// Returns true if the last block moved axes, which triggers the call of G66.
-  bool moved() const { return moved_; }
-  /// Makes the moves that still wait at the end of the program.
+  bool has_moved() const { return has_moved_; }
+  /// Makes the moves that are still postponed at the end of the program.
   void finish() {
     compensation_.finish();
     vector_lines_.finish();
   }
 
-  /// Returns the number of an address in program units, with the decimal point applied.
+  /// Returns the value of a word in program units. Without a decimal point it counts increments.
   double argument(const Word& word);
   /// Returns the value of a system variable, or nothing if it cannot be read.
   std::optional<double> variable(int number);
   /// Sets a system variable. Returns false if it cannot be set.
   bool set_variable(int number, double value);
-  /// Records sequence and program number, for the variables that hold them.
+  /// Records sequence and program number for the system variables #4114 and #4115.
   void note_numbers(int sequence, int program);
 
  private:
@@ -46,7 +46,7 @@ class Machine {
   struct AxisWord {
     int joint = 0;
     const Word* word = nullptr;
-    bool step = false;  ///< incremental: the value is added to the current position
+    bool is_incremental = false;  ///< the value is added to the current position
   };
   using Words = std::vector<AxisWord>;
   /// A tool offset and its wear.
@@ -62,8 +62,8 @@ class Machine {
     canon_.refuse(cause, std::move(expected), std::move(seen));
   }
   void check_words(const Block& block) const;
-  void check_owners(const Block& block) const;
-  std::string letters_taken(const Block& block) const;
+  void check_axis_word_owners(const Block& block) const;
+  std::string allowed_letters(const Block& block) const;
   void note_start_modes(const Block& block);
   void set_modes(const Block& block);
   void set_feed(const Block& block);
@@ -71,32 +71,32 @@ class Machine {
   void call_tools(const Block& block);
   void end_cycle();
   void set_motion(const Block& block);
-  void check_alone(const Block& block) const;
-  void one_shot(const Block& block);
+  void check_whole_block_code(const Block& block) const;
+  void execute_one_shot(const Block& block);
   void dwell(const Block& block);
   const Word* first_axis_word(const Block& block) const;
-  Cause cause_of(const Block& block) const;
+  Cause motion_cause(const Block& block) const;
   double unit() const;
-  double counted(const Word& word, double increment);
+  double apply_increment(const Word& word, double increment);
   int joint(int k) const { return canon_.joint_of(axis_letters[std::size_t(k)]); }
-  /// Letters of axis words: on a turning control U V W H are increments of X Y Z C.
-  std::string_view word_letters() const { return turning_ ? "XYZABCUVWH" : axis_letters; }
+  /// Returns the letters of axis words. On a turning control U V W H are increments of X Y Z C.
+  std::string_view word_letters() const { return is_turning_ ? "XYZABCUVWH" : axis_letters; }
   bool is_increment(char letter) const;
   /// Returns the joint that a letter of `word_letters` moves; -1 if the machine has none.
   int joint_of_word(char letter) const;
-  /// Returns mm for an address that is a length.
+  /// Returns the value of a word that is a length, mm.
   double length(const Word& word) { return argument(word) * unit(); }
   double angle_in_degrees(const Word& word);
-  /// Returns mm or rad of an axis word.
+  /// Returns the value of an axis word, mm or rad.
   double axis_word(int j, const Word& word);
   /// Returns the axis words of a block with their joints.
   Words axis_words(const Block& block) const;
 
   // Coordinate systems and tool offsets.
-  const AxisVector& system(int number) const;
-  AxisVector base() const;
+  const AxisVector& work_offset(int number) const;
+  AxisVector total_offset() const;
   void apply_frame();
-  void choose_system(const Block& block);
+  void select_work_offset(const Block& block);
   void set_rotation(const Block& block);
   void store_data(const Block& block);
   void store_origin(const Block& block, bool additional);
@@ -104,11 +104,11 @@ class Machine {
   void shift_origin(const Block& block);
   void set_tool_length(const Block& block);
   void apply_length(const Cause& cause);
-  void compare_zeros(const Cause& cause);
-  void note_turned_table(const Cause& cause);
-  double length_of(int h, const Cause& cause) const;
+  void compare_zero_points(const Cause& cause);
+  void warn_of_rotated_table(const Cause& cause);
+  double tool_length(int h, const Cause& cause) const;
   void set_compensation(const Block& block);
-  void check_free(const Cause& cause) const;
+  void check_frame_change(const Cause& cause) const;
 
   // Turning controls only.
   void call_tool_and_offset(const Block& block);
@@ -124,15 +124,15 @@ class Machine {
   int tool_in_use() const;
 
   // Tilted planes and tool directions.
-  void tilt(const Block& block);
-  void turn_to_plane(const Block& block);
+  void set_tilted_plane(const Block& block);
+  void align_tool_with_plane(const Block& block);
   const kinematics::Chain& chain(const Cause& cause) const;
-  /// Returns the rotary positions, (axes), that give the direction; of two solutions the one of
-  /// Fanuc's rule.
+  /// Returns the position, (axes), whose rotary axes give the direction. Of two solutions Fanuc's
+  /// output judgement takes one.
   AxisVector rotary_positions(const Eigen::Vector3d& direction_w, const Cause& cause);
   AxisVector point_tool_along_direction(const Block& block, AxisVector end);
-  void check_tilted(const Target& target, const Cause& cause) const;
-  bool tip_words() const { return length_mode_ == 434 || length_mode_ == 435; }
+  void check_tilted_move(const Target& target, const Cause& cause) const;
+  bool has_tip_length_mode() const { return length_mode_ == 434 || length_mode_ == 435; }
 
   // Motion.
   void move(const Block& block);
@@ -140,52 +140,57 @@ class Machine {
   void polar_words(const Block& block, Target& target);
   void straight(const Block& block, AxisVector end, std::uint32_t stated);
   void arc(const Block& block, AxisVector end, std::uint32_t stated);
-  void reference(const Block& block);
-  void to_axes(const Block& block);
+  void move_to_reference(const Block& block);
+  void move_in_machine_coordinates(const Block& block);
   std::string_view plane_letters() const {
     return plane_ == 170 ? "XY" : plane_ == 180 ? "ZX" : "YZ";
   }
 
   // Canned cycles.
-  void cycle(const Block& block);
-  void take_cycle_words(const Block& block);
+  void execute_cycle(const Block& block);
+  void read_cycle_words(const Block& block);
   void warn_low_start();
-  void cycle_holes(const Block& block);
-  void hole(const AxisVector& place);
-  void bottom_of_hole();
-  void pecks();
-  void bore_from_behind();
-  void turn_for_tap(int direction);
-  void to_level(double level, bool rapid);
-  void shift_tool(double by);
+  void make_holes(const Block& block);
+  void make_hole(const AxisVector& position);
+  void finish_hole();
+  void make_pecks();
+  void back_bore();
+  void turn_tap(int direction);
+  void move_to_level(double level, bool rapid);
+  void shift_tool(double distance);
 
   // System variables.
-  std::optional<double> mode(int group) const;
+  std::optional<double> modal_code(int group) const;
   std::optional<double> modal_word(int number) const;
   struct OffsetVariable {
-    Offsets* of = nullptr;
+    Offsets* offsets = nullptr;
     int number = 0;
-    bool wear = false;
+    bool is_wear = false;
   };
-  OffsetVariable offset(int number);
-  AxisVector* origin(int number, int& k);
-  int axis_of(int k) const;
-  double shown_value(int j, const AxisVector& q) const;
+  OffsetVariable offset_variable(int number);
+  struct OriginVariable {
+    AxisVector* origin = nullptr;
+    int axis = 0;  ///< index as the control counts axes
+  };
+  OriginVariable origin_variable(int number);
+  int joint_of_index(int k) const;
+  double program_value(int j, const AxisVector& q) const;
 
   ProgramRun& run_;
   program::Canon& canon_;
-  const bool turning_;    ///< a turning control, G-code system A
-  const bool diameters_;  ///< X and U words are diameters
-  Compensation compensation_;
+  const bool is_turning_;     ///< a turning control, G-code system A
+  const bool has_diameters_;  ///< X and U words are diameters
+  CutterCompensation compensation_;
   VectorLines vector_lines_;
-  bool moved_ = false, warned_of_point_ = false;
+  bool has_moved_ = false, has_warned_of_point_ = false;
 
-  int motion_ = 0, plane_ = 170, cycle_code_ = 800, length_mode_ = 490, cutter_ = 400;
-  int side_ = 400;  ///< G41 or G42 as compensation began
-  bool incremental_ = false, to_r_ = false, surface_speed_ = false, rigid_ = false;
-  double speed_ = 0.0;                       ///< S as programmed
-  std::optional<double> surface_m_per_min_;  ///< S of G96
-  std::optional<double> max_rpm_;            ///< limit of G96
+  int motion_ = 0, plane_ = 170, cycle_code_ = 800, length_mode_ = 490, cutter_code_ = 400;
+  int side_ = 400;  ///< G41 or G42 at the begin of compensation
+  bool is_incremental_ = false, returns_to_r_ = false, has_surface_speed_ = false,
+       is_rigid_tapping_ = false;
+  double speed_word_ = 0.0;                        ///< S as programmed
+  std::optional<double> surface_speed_m_per_min_;  ///< S of G96
+  std::optional<double> max_rpm_;                  ///< limit of G96
   int tool_ = 0, selected_ = -1, h_ = 0, d_ = 0, last_m_ = 0, sequence_ = 0, program_ = 0;
 
   Offsets lengths_, radii_;
@@ -193,13 +198,13 @@ class Machine {
   std::map<int, AxisVector> systems_;  ///< (axes)
   AxisVector external_, g92_, g52_, zero_;
   std::optional<Eigen::Matrix3d> rotation_;  ///< of G68 or G68.2
-  Eigen::Vector3d centre_{0, 0, 0};          ///< of G68 its fixed point, of G68.2 the origin
-  bool tilted_ = false;
-  bool h_stated_ = false, d_stated_ = false;  ///< an H since G49; a D
-  bool seen_axis_length_ = false, seen_tip_length_ = false;
+  Eigen::Vector3d centre_{0, 0, 0};          ///< fixed point of G68, or origin of G68.2
+  bool is_tilted_ = false;
+  bool is_h_stated_ = false, is_d_stated_ = false;  ///< H since G49; D
+  bool had_axis_length_ = false, had_tip_length_ = false;
   std::optional<kinematics::Chain> free_slides_;  ///< chain in use with unlimited slides
-  const kinematics::Chain* free_slides_of_ = nullptr;
-  std::vector<int> ranks_;  ///< rotary joints of that chain
+  const kinematics::Chain* chain_of_free_slides_ = nullptr;
+  std::vector<int> rotary_order_;  ///< rotary joints of that chain
 
   /// Tool offset of a turning control.
   struct ToolOffset {
@@ -210,38 +215,38 @@ class Machine {
     };
     std::map<int, Wear> wear;  ///< by offset number
   } tool_offset_;
-  /// G90 and G94 of a turning control, whose words stay from block to block.
+  /// Words of G90 and G94 of a turning control; they stay in force from block to block.
   struct TurningCycle {
     double x = 0.0, z = 0.0, taper = 0.0;  ///< mm, program coordinates, X as a radius
     bool has_x = false, has_z = false;
   } turning_cycle_;
 
-  /// G16.
+  /// State of polar coordinates (G16).
   struct Polar {
-    bool on = false;
+    bool is_on = false;
     double radius = 0.0, angle = 0.0;  ///< mm, degrees
     Eigen::Vector2d centre{0, 0};
   } polar_;
 
-  /// Canned cycle in force.
+  /// State of the canned cycle in force.
   struct Cycle {
     /// Levels in program coordinates.
     double r = 0.0, bottom = 0.0, initial = 0.0, q = 0.0, dwell_s = 0.0;
-    bool begun = false;
-    AxisVector at;  ///< tool position in program coordinates
+    bool has_begun = false;
+    AxisVector position;  ///< tool position in program coordinates
     Cause cause;
   } cycle_;
 };
 
-/// A text that only a program for a turning control contains, and its location.
+/// A text that only programs of turning controls contain, and its location.
 struct TurningSign {
   std::string words;  ///< for example "G50 with S, the largest speed of a turning control"
   int line = 0, column = 0;
 };
 
-/// Returns the first sign that a program is made for a turning control: G50 with S; G28 with U or
-/// W, or G70 to G73 with P and Q, on a machine without axes U and W; four-digit tools together with
-/// G96 and without M6. Comments are skipped.
+/// Returns the first sign that a program is made for a turning control, comments excluded. Signs
+/// are G50 with S; on a machine without axes U and W also G28 with U or W, and G70 to G73 with P
+/// and Q; and four-digit tools together with G96 and without M6.
 std::optional<TurningSign> find_turning_sign(std::string_view text, const program::Canon& canon);
 
 }  // namespace abbe::sim::dialects::fanuc

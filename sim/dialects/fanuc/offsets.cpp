@@ -16,55 +16,55 @@ using program::FeedMode;
 
 namespace {
 // Limits of the control's memory.
-constexpr int max_additional = 300;   // G54.1 P
-constexpr int max_offsets = 999;      // D and H
-constexpr double same_length = 1e-9;  // mm, rounding of a length converted from inches
-constexpr double same_zero = 1e-6;    // mm, below anything that a scene states
-// 1 - cos = tilt^2 / 2, a tilt of 1.4e-7 rad: rotated about the normal of the plane only
-constexpr double one_plane = 1e-14;
+constexpr int max_additional_offset = 300;  // G54.1 P
+constexpr int max_offset_index = 999;       // D and H
+constexpr double length_tolerance = 1e-9;   // mm, rounding of a length converted from inches
+constexpr double zero_tolerance = 1e-6;     // mm, below anything that a scene states
+// 1 - cos(tilt) of a rotation about the normal of the plane; equals a tilt of 1.4e-7 rad
+constexpr double plane_tolerance = 1e-14;
 }  // namespace
 
-const AxisVector& Machine::system(int number) const {
-  const auto found = systems_.find(number);
-  return found == systems_.end() ? zero_ : found->second;
+const AxisVector& Machine::work_offset(int number) const {
+  const auto entry = systems_.find(number);
+  return entry == systems_.end() ? zero_ : entry->second;
 }
 
 // Offsets of a Fanuc add up in this order: external, G54 to G59, G92, G52.
-AxisVector Machine::base() const { return external_ + system(system_) + g92_ + g52_; }
+AxisVector Machine::total_offset() const { return external_ + work_offset(system_) + g92_ + g52_; }
 
-/// Sets the frame: rotated about the centre of G68 or into the plane of G68.2, then shifted.
+/// Sets the frame: a rotation about the centre of G68 or into the plane of G68.2, then a shift.
 void Machine::apply_frame() {
-  program::Frame frame{base(), rotation_};
+  program::Frame frame{total_offset(), rotation_};
   if (rotation_) {
     // A rotation about a centre leaves that centre fixed, which adds a shift.
-    const Eigen::Vector3d rest =
-        tilted_ ? centre_ : Eigen::Vector3d(centre_ - *rotation_ * centre_);
-    for (int k = 0; k < 3; ++k) frame.shift[joint(k)] += rest[k];
+    const Eigen::Vector3d centre_shift =
+        is_tilted_ ? centre_ : Eigen::Vector3d(centre_ - *rotation_ * centre_);
+    for (int k = 0; k < 3; ++k) frame.shift[joint(k)] += centre_shift[k];
   }
   canon_.set_frame(system_ - 1, std::move(frame));
 }
 
-/// Throws BadInput where a change of the coordinate system would be ambiguous: in a rotated system,
-/// and during cutter compensation.
-void Machine::check_free(const Cause& cause) const {
+/// Throws BadInput in a rotated system and during cutter compensation, where a change of the
+/// coordinate system would be ambiguous.
+void Machine::check_frame_change(const Cause& cause) const {
   if (rotation_) refuse(cause, "G69 before " + shown(cause.text));
-  if (compensation_.on()) refuse(cause, "G40 before " + shown(cause.text));
+  if (compensation_.is_on()) refuse(cause, "G40 before " + shown(cause.text));
 }
 
-void Machine::choose_system(const Block& block) {
+void Machine::select_work_offset(const Block& block) {
   const Code& code = block[Group::WorkOffset];
   const Word& p = block['P'];
   // G54 to G59 are systems 1 to 6; G54.1 Pn, also written G54 Pn, is 100 + n.
   int number = (code.tenths - 530) / 10;
   if (code.tenths == 541 || (code.tenths == 540 && p)) {
     if (!p) refuse(code.word, "P (number of the coordinate system) beside G54.1", "none");
-    number = whole(canon_, p, max_additional);
+    number = whole_number(canon_, p, max_additional_offset);
     if (number < 1) refuse(p, "a coordinate system of P1 to P300");
     number += 100;
   }
-  // Selecting the system in force again changes nothing, and is allowed anywhere.
+  // Repeating the system in force is allowed anywhere, because it changes nothing.
   if (number == system_) return;
-  check_free(code.word);
+  check_frame_change(code.word);
   system_ = number;
   apply_frame();
 }
@@ -73,7 +73,7 @@ void Machine::set_rotation(const Block& block) {
   const Code& code = block[Group::Rotation];
   if (code.tenths == 690) {
     rotation_.reset();
-    tilted_ = false;
+    is_tilted_ = false;
     apply_frame();
     // The end of G68.2 also ends the tip coordinates it needs.
     apply_length(code.word);
@@ -83,23 +83,23 @@ void Machine::set_rotation(const Block& block) {
     if (joint(k) < 0) refuse(code.word, "a machine with X Y Z beside " + shown(code.word.text));
   if (rotation_) refuse(code.word, "G69 before another " + shown(code.word.text));
   if (cycle_code_ != 800) refuse(code.word, "G80 before " + shown(code.word.text));
-  if (code.tenths == 682) return tilt(block);
+  if (code.tenths == 682) return set_tilted_plane(block);
   for (const char letter : {'I', 'J', 'K'})
     if (block[letter]) refuse(block[letter], "G68.2 for a coordinate system turned in space");
   const Word& r = block['R'];
   if (!r) refuse(code.word, "R (angle) beside G68", "none");
   const std::string_view plane = plane_letters();
   // A centre coordinate that is not programmed is the current position.
-  const AxisVector here = canon_.programmed();
+  const AxisVector current = canon_.programmed();
   for (int k = 0; k < 3; ++k) {
     const char letter = axis_letters[std::size_t(k)];
-    const bool inside = plane.find(letter) != std::string_view::npos;
-    if (block[letter] && !inside) refuse(block[letter], "a centre in the plane beside G68");
-    centre_[k] = !inside ? 0.0 : block[letter] ? length(block[letter]) : here[joint(k)];
+    const bool is_in_plane = plane.find(letter) != std::string_view::npos;
+    if (block[letter] && !is_in_plane) refuse(block[letter], "a centre in the plane beside G68");
+    centre_[k] = !is_in_plane ? 0.0 : block[letter] ? length(block[letter]) : current[joint(k)];
   }
-  Eigen::Vector3d across = Eigen::Vector3d::Zero();
-  across[plane_ == 170 ? 2 : plane_ == 180 ? 1 : 0] = 1.0;
-  rotation_ = Eigen::AngleAxisd(angle_in_degrees(r) * units::deg, across).toRotationMatrix();
+  Eigen::Vector3d normal_axis = Eigen::Vector3d::Zero();
+  normal_axis[plane_ == 170 ? 2 : plane_ == 180 ? 1 : 0] = 1.0;
+  rotation_ = Eigen::AngleAxisd(angle_in_degrees(r) * units::deg, normal_axis).toRotationMatrix();
   apply_frame();
 }
 
@@ -107,17 +107,17 @@ void Machine::store_origin(const Block& block, bool additional) {
   const Code& code = block[Group::OneShot];
   const Word& p = block['P'];
   if (!p) refuse(code.word, "P (coordinate system) beside G10", "none");
-  const int number = whole(canon_, p, additional ? max_additional : 6);
+  const int number = whole_number(canon_, p, additional ? max_additional_offset : 6);
   if (additional && number < 1) refuse(p, "a coordinate system of P1 to P300");
   if (block['R']) refuse(block['R'], "axis words beside G10 L2 and L20");
-  check_free(code.word);
+  check_frame_change(code.word);
   AxisVector& origin =
       // P0 of L2 is the external offset, which shifts all systems.
       !additional && number == 0
           ? external_
           : systems_.try_emplace(additional ? 100 + number : number, zero_).first->second;
-  for (const auto& [j, word, step] : axis_words(block))
-    origin[j] = axis_word(j, *word) + (incremental_ || step ? origin[j] : 0.0);
+  for (const auto& [j, word, is_incremental] : axis_words(block))
+    origin[j] = axis_word(j, *word) + (is_incremental_ || is_incremental ? origin[j] : 0.0);
   apply_frame();
 }
 
@@ -126,23 +126,23 @@ void Machine::store_tool(const Block& block, int kind) {
   const Word &p = block['P'], &r = block['R'];
   if (!p || !r) refuse(code.word, "P (number) and R (value) beside G10 of a tool", "one of them");
   if (const Word* axis = first_axis_word(block)) refuse(*axis, "R beside G10 of a tool");
-  const int number = whole(canon_, p, max_offsets);
+  const int number = whole_number(canon_, p, max_offset_index);
   if (number < 1) refuse(p, "an offset of P1 to P999");
-  Geometry& one = kind < 12 ? lengths_[number] : radii_[number];
+  Geometry& geometry = kind < 12 ? lengths_[number] : radii_[number];
   // L10 and L12 are geometry, L11 and L13 wear.
-  const double before = kind % 2 == 0 ? one.value.value_or(0.0) : one.wear;
-  const double value = length(r) + (incremental_ ? before : 0.0);
+  const double previous_value = kind % 2 == 0 ? geometry.value.value_or(0.0) : geometry.wear;
+  const double value = length(r) + (is_incremental_ ? previous_value : 0.0);
   if (kind % 2 == 0)
-    one.value = value;
+    geometry.value = value;
   else
-    one.wear = value;
+    geometry.wear = value;
 }
 
 void Machine::store_data(const Block& block) {
   const Word& l = block['L'];
   // On a turning control G10 without L sets wear.
-  if (turning_ && !(l && (l.value == 2.0 || l.value == 20.0))) return store_wear(block);
-  const int kind = l ? whole(canon_, l, 999) : -1;
+  if (is_turning_ && !(l && (l.value == 2.0 || l.value == 20.0))) return store_wear(block);
+  const int kind = l ? whole_number(canon_, l, 999) : -1;
   switch (kind) {
     case 2:
     case 20:
@@ -158,7 +158,7 @@ void Machine::store_data(const Block& block) {
   }
 }
 
-/// G52, G92 and G92.1; on a turning control G52, G50 and G50.3.
+/// Executes G52, G92 and G92.1, or on a turning control G52, G50 and G50.3.
 void Machine::shift_origin(const Block& block) {
   const Code& code = block[Group::OneShot];
   const Words words = axis_words(block);
@@ -167,17 +167,17 @@ void Machine::shift_origin(const Block& block) {
     if ((code.tenths == 920 || code.tenths == 500) && block['S']) return;
     refuse(code.word, "an axis word beside " + shown(code.word.text), "none");
   }
-  check_free(code.word);
-  if (code.tenths == 920 && tip_words()) refuse(code.word, "G49 before G92");
-  const AxisVector here = canon_.programmed();
-  for (const auto& [j, word, step] : words) {
-    const bool sets = code.tenths == 920 || code.tenths == 500;
+  check_frame_change(code.word);
+  if (code.tenths == 920 && has_tip_length_mode()) refuse(code.word, "G49 before G92");
+  const AxisVector current = canon_.programmed();
+  for (const auto& [j, word, is_incremental] : words) {
+    const bool sets_position = code.tenths == 920 || code.tenths == 500;
     const double value = axis_word(j, *word);
-    if (step && !sets) refuse(*word, "X Y Z C beside " + shown(code.word.text));
-    if (sets)
-      // G92 makes the current position read as programmed: the shift takes the difference. An
-      // increment (U, W) moves the zero by it.
-      g92_[j] += step ? -value : here[j] - value;
+    if (is_incremental && !sets_position) refuse(*word, "X Y Z C beside " + shown(code.word.text));
+    if (sets_position)
+      // G92 gives the current position the programmed values, so the difference is the shift. An
+      // increment (U, W) moves the zero by its value.
+      g92_[j] += is_incremental ? -value : current[j] - value;
     else
       g52_[j] = code.tenths == 520 ? value : 0.0;
     if (code.tenths == 921 || code.tenths == 503) g92_[j] = 0.0;
@@ -185,15 +185,16 @@ void Machine::shift_origin(const Block& block) {
   apply_frame();
 }
 
-double Machine::length_of(int h, const Cause& cause) const {
+double Machine::tool_length(int h, const Cause& cause) const {
   if (h == 0) return 0.0;
-  if (const auto found = lengths_.find(h); found != lengths_.end() && found->second.value)
-    return *found->second.value + found->second.wear;
-  std::string known;
-  for (const auto& [number, one] : lengths_)
-    if (one.value) known += fmt::format(" H{}", number);
+  if (const auto entry = lengths_.find(h); entry != lengths_.end() && entry->second.value)
+    return *entry->second.value + entry->second.wear;
+  std::string known_lengths;
+  for (const auto& [number, geometry] : lengths_)
+    if (geometry.value) known_lengths += fmt::format(" H{}", number);
   refuse(cause,
-         "a tool length that is known (" + (known.empty() ? "none is" : known.substr(1)) + ")",
+         "a tool length that is known (" +
+             (known_lengths.empty() ? "none is" : known_lengths.substr(1)) + ")",
          fmt::format("H{}", h));
 }
 
@@ -201,32 +202,32 @@ void Machine::set_tool_length(const Block& block) {
   const Code& code = block[Group::ToolLength];
   const Word& h = block['H'];
   if (h) {
-    h_ = whole(canon_, h, max_offsets);
-    h_stated_ = true;
+    h_ = whole_number(canon_, h, max_offset_index);
+    is_h_stated_ = true;
   }
   if (!code && length_mode_ == 490) return;
   const Cause cause = code ? Cause(code.word) : Cause(h);
-  if (compensation_.on()) refuse(cause, "no other tool length under G41 or G42");
+  if (compensation_.is_on()) refuse(cause, "no other tool length under G41 or G42");
   if (code) length_mode_ = code.tenths;
-  if (length_mode_ == 490) h_ = 0, h_stated_ = false;
-  // A tool that was never called: with one tool there is no doubt which one is meant.
-  if ((length_mode_ == 430 || length_mode_ == 440) && !h_stated_) {
-    h_ = run_.uncalled_tool(cause, "no H beside " + shown(code.word.text));
-    h_stated_ = true;
+  if (length_mode_ == 490) h_ = 0, is_h_stated_ = false;
+  // Without a stated H the only tool of the scene is meant.
+  if ((length_mode_ == 430 || length_mode_ == 440) && !is_h_stated_) {
+    h_ = run_.assume_only_tool(cause, "no H beside " + shown(code.word.text));
+    is_h_stated_ = true;
   }
   const int z = joint(2);
   if (z < 0) refuse(cause, "a machine with a Z axis");
-  const auto shift_of_z = [&] {
+  const auto z_shift = [&] {
     const AxisVector& shift = canon_.tool_shift();
     return shift.size() > 0 ? shift[z] : 0.0;
   };
-  const double before = shift_of_z();
-  const bool tip_before = canon_.tip_mode();
+  const double previous_shift = z_shift();
+  const bool was_tip_mode = canon_.tip_mode();
   apply_length(cause);
-  const double change = shift_of_z() - before;
-  // A Z word in the block moves the tip to where it is programmed, so nothing is left open.
-  if (change == 0.0 || tip_before || canon_.tip_mode() || block['Z']) return;
-  // G49 where Z stands at first is the usual safety block of a program: nothing to report.
+  const double change = z_shift() - previous_shift;
+  // A Z word in the block moves the tip to its programmed position with either parameter.
+  if (change == 0.0 || was_tip_mode || canon_.tip_mode() || block['Z']) return;
+  // G49 at the start position of Z is the usual safety block of a program, so it is not reported.
   const double reference = program::start_of(canon_.options())[z];
   if (length_mode_ == 490 && canon_.position()[z] == reference) return;
   run_.warn_once(
@@ -234,59 +235,63 @@ void Machine::set_tool_length(const Block& block) {
       "control with TOS = 0 moves Z by it");
 }
 
-/// Puts the tool length in force: as a shift of Z, or in the chain with which the tip is computed.
+/// Puts the tool length in force: as a shift of Z, or by the chain that computes the tip.
 void Machine::apply_length(const Cause& cause) {
-  const bool has = length_mode_ != 490 && h_ != 0;
-  const int h = has ? h_ : -1;
-  const double mm = has ? length_of(h, cause) : 0.0;
-  if (!tilted_ && !tip_words()) {
+  const bool has_length = length_mode_ != 490 && h_ != 0;
+  const int h = has_length ? h_ : -1;
+  const double length_mm = has_length ? tool_length(h, cause) : 0.0;
+  if (!is_tilted_ && !has_tip_length_mode()) {
     AxisVector shift;
-    if (has) {
+    if (has_length) {
       shift = zero_;
-      shift[joint(2)] = length_mode_ == 440 ? -mm : mm;
+      shift[joint(2)] = length_mode_ == 440 ? -length_mm : length_mm;
     }
     canon_.select_length(h, cause);
     canon_.set_tool_shift(std::move(shift));
     canon_.set_tip_mode(false, cause);
-    seen_axis_length_ = seen_axis_length_ || has;
-    return compare_zeros(cause);
+    had_axis_length_ = had_axis_length_ || has_length;
+    return compare_zero_points(cause);
   }
   if (length_mode_ == 440) refuse(cause, "G43 for a tool length in a tilted plane");
-  if (tip_words() && !has) refuse(cause, "H (tool length) beside G43.4 and G43.5", "none");
-  const auto& known = canon_.options().tool_length;
-  // The chain has the length of the scene's tool; another length would need a chain of its own.
-  const auto own = known.find(h);
-  if (has && (own == known.end() || std::abs(own->second - mm) > same_length))
+  if (has_tip_length_mode() && !has_length)
+    refuse(cause, "H (tool length) beside G43.4 and G43.5", "none");
+  const auto& scene_lengths = canon_.options().tool_length;
+  // The chain has the length of the scene's tool; another length would need another chain.
+  const auto scene_length = scene_lengths.find(h);
+  if (has_length && (scene_length == scene_lengths.end() ||
+                     std::abs(scene_length->second - length_mm) > length_tolerance))
     refuse(cause,
            "the length of the tool as the scene has it: the tip is counted with that chain, and "
            "G10 does not change it",
-           fmt::format("{} mm", mm));
-  const bool of_tool = canon_.options().control_of_h.contains(tool_);
+           fmt::format("{} mm", length_mm));
+  const bool has_tool_chain = canon_.options().control_of_h.contains(tool_);
   canon_.set_tool_shift({});
-  canon_.select_length(has ? h : of_tool ? tool_ : -1, cause);
-  // Only the begin of G43.4 depends on where the table stands.
-  const bool begins = !canon_.tip_mode();
+  canon_.select_length(has_length ? h : has_tool_chain ? tool_ : -1, cause);
+  // Only the begin of G43.4 depends on the position of the table.
+  const bool is_begin = !canon_.tip_mode();
   canon_.set_tip_mode(true, cause);
-  if (begins && tip_words()) note_turned_table(cause);
-  seen_tip_length_ = seen_tip_length_ || has;
-  compare_zeros(cause);
+  if (is_begin && has_tip_length_mode()) warn_of_rotated_table(cause);
+  had_tip_length_ = had_tip_length_ || has_length;
+  compare_zero_points(cause);
 }
 
-/// With parameter 19696.5 WKP = 0, X Y Z count in the workpiece coordinate system as it lies over
-/// the table at the block that begins G43.4 (FANUC A-79348E, "Explanation"): a rotation of the
-/// table up to then is not included. Here they count in the workpiece with the table at zero.
-void Machine::note_turned_table(const Cause& cause) {
-  constexpr double turned = 1e-6;  // rad, rounding of a position
-  const AxisVector offsets = base();
+/// Warns if G43.4 begins with a rotated table. With parameter 19696.5 WKP = 0, X Y Z count in the
+/// workpiece coordinate system as it lies over the table at that block (FANUC A-79348E,
+/// "Explanation"), so an earlier rotation of the table is not included. Here they count in the
+/// workpiece with the table at zero.
+void Machine::warn_of_rotated_table(const Cause& cause) {
+  constexpr double position_tolerance = 1e-6;  // rad, rounding of a position
+  const AxisVector offsets = total_offset();
   std::string tables;
   for (const kinematics::Joint& joint : chain(cause).joints()) {
     const int j = canon_.joint_of(joint.name);
     if (j < 0 || joint.side != kinematics::Side::Workpiece ||
         joint.motion != kinematics::Motion::Rotary)
       continue;
-    const double at = canon_.position()[j] - offsets[j];
-    if (std::abs(std::remainder(at, 2 * pi)) > turned)
-      tables += fmt::format("{}{}{:.6g}", tables.empty() ? "" : " ", joint.name, at / units::deg);
+    const double angle = canon_.position()[j] - offsets[j];
+    if (std::abs(std::remainder(angle, 2 * pi)) > position_tolerance)
+      tables +=
+          fmt::format("{}{}{:.6g}", tables.empty() ? "" : " ", joint.name, angle / units::deg);
   }
   if (tables.empty()) return;
   run_.warn_once(fmt::format(
@@ -296,48 +301,50 @@ void Machine::note_turned_table(const Cause& cause) {
       length_mode_ == 435 ? "G43.5" : "G43.4", canon_.line(), tables));
 }
 
-/// On a control words count from the same point under G43 and G43.4. Here they do not if the scene
-/// states no offset, or if the tool length differs from that of the chain.
-void Machine::compare_zeros(const Cause& cause) {
-  if (!seen_axis_length_ || !seen_tip_length_ || length_mode_ == 490 || h_ == 0) return;
-  AxisVector axes = base();
+/// Warns if words count from different points under G43 and G43.4, which they do not on a control.
+/// Here they do if the scene states no offset, or a tool length other than that of the chain.
+void Machine::compare_zero_points(const Cause& cause) {
+  if (!had_axis_length_ || !had_tip_length_ || length_mode_ == 490 || h_ == 0) return;
+  AxisVector axes = total_offset();
   const int n = int(axes.size());
-  // The comparison is made with rotary axes at zero, where both must agree.
+  // Both must agree with the rotary axes at zero.
   for (int j = 0; j < n; ++j)
     if (!canon_.is_linear(j)) axes[j] = 0.0;
-  const Eigen::Vector3d under_tip(axes[joint(0)], axes[joint(1)], axes[joint(2)]);
-  const Eigen::Vector3d more =
+  const Eigen::Vector3d tip_position(axes[joint(0)], axes[joint(1)], axes[joint(2)]);
+  const Eigen::Vector3d zero_shift =
       program::offset_correction(canon_.zero(), program::Coordinates::Axis);
-  for (int k = 0; k < 3; ++k) axes[joint(k)] += more[k];
-  axes[joint(2)] += length_of(h_, cause);
-  const Eigen::Vector3d apart = chain(cause).tool_in_workpiece(axes).translation() - under_tip;
-  if (apart.norm() <= same_zero) return;
+  for (int k = 0; k < 3; ++k) axes[joint(k)] += zero_shift[k];
+  axes[joint(2)] += tool_length(h_, cause);
+  const Eigen::Vector3d difference =
+      chain(cause).tool_in_workpiece(axes).translation() - tip_position;
+  if (difference.norm() <= zero_tolerance) return;
   run_.warn_once(fmt::format(
       "with the rotary axes at zero X Y Z under G43 H{} lead to a point {:.6g} {:.6g} {:.6g} mm "
       "from where they lead under G43.4 and G68.2: tool_length_mm of the program, or where the "
       "nose stands with the axes at zero, does not fit",
-      h_, apart.x(), apart.y(), apart.z()));
+      h_, difference.x(), difference.y(), difference.z()));
 }
 
 void Machine::set_compensation(const Block& block) {
   const Code& code = block[Group::CutterRadius];
   if (const Word& d = block['D']) {
-    const int number = whole(canon_, d, max_offsets);
+    const int number = whole_number(canon_, d, max_offset_index);
     // Another radius in the middle of a contour would leave the transition undefined.
-    if (compensation_.on() && number != d_ && code.tenths != 400) refuse(d, "G40 before another D");
+    if (compensation_.is_on() && number != d_ && code.tenths != 400)
+      refuse(d, "G40 before another D");
     d_ = number;
-    d_stated_ = true;
+    is_d_stated_ = true;
   }
   if (!code) return;
-  cutter_ = code.tenths;
+  cutter_code_ = code.tenths;
   if (code.tenths == 400) return compensation_.end();
-  if (compensation_.on()) {
-    if (code.tenths == side_) return;  // posts say it again
+  if (compensation_.is_on()) {
+    if (code.tenths == side_) return;  // postprocessors repeat the code
     refuse(code.word, "G40 between G41 and G42");
   }
-  if (!d_stated_) {
-    d_ = run_.uncalled_tool(code.word, "no D beside G41 and G42");
-    d_stated_ = true;
+  if (!is_d_stated_) {
+    d_ = run_.assume_only_tool(code.word, "no D beside G41 and G42");
+    is_d_stated_ = true;
   }
   const std::string_view plane = plane_letters();
   const int first = canon_.joint_of(plane[0]), second = canon_.joint_of(plane[1]);
@@ -345,17 +352,17 @@ void Machine::set_compensation(const Block& block) {
     refuse(code.word,
            fmt::format("a machine with the axes {} {} of the plane", plane[0], plane[1]));
   // Under G43.4 the plane of compensation would rotate with the table.
-  if (tip_words()) refuse(code.word, "G40 beside G43.4 and G43.5");
-  const int across = plane_ == 170 ? 2 : plane_ == 180 ? 1 : 0;
-  if (rotation_ && (*rotation_)(across, across) < 1.0 - one_plane)
+  if (has_tip_length_mode()) refuse(code.word, "G40 beside G43.4 and G43.5");
+  const int normal_axis = plane_ == 170 ? 2 : plane_ == 180 ? 1 : 0;
+  if (rotation_ && (*rotation_)(normal_axis, normal_axis) < 1.0 - plane_tolerance)
     refuse(code.word, "contours compensated beforehand in a tilted plane: no G41 and G42 there");
-  const auto known = radii_.find(d_);
-  const bool has = known != radii_.end() && known->second.value;
-  if (!has && d_ != 0)
+  const auto entry = radii_.find(d_);
+  const bool has_radius = entry != radii_.end() && entry->second.value;
+  if (!has_radius && d_ != 0)
     refuse(block['D'] ? Cause(block['D']) : Cause(code.word), "a tool whose radius is known",
            fmt::format("D{}", d_));
   // D0 is a radius of zero.
-  const double radius = has ? *known->second.value + known->second.wear : 0.0;
+  const double radius = has_radius ? *entry->second.value + entry->second.wear : 0.0;
   run_.warn_once(
       "cutter compensation ends its first move across the beginning of the next (type A, parameter "
       "5003.0 SUP = 0) and goes around outside corners in arcs (19607.2 CCC = 1): with type B a "
@@ -366,9 +373,9 @@ void Machine::set_compensation(const Block& block) {
 
 namespace {
 
-/// Returns the index of a variable within `most` numbers from `first` on, or -1.
-int within(int number, int first, int most) {
-  return number >= first && number < first + most ? number - first : -1;
+/// Returns the index of a variable among `count` numbers from `first` on, or -1.
+int index_in_range(int number, int first, int count) {
+  return number >= first && number < first + count ? number - first : -1;
 }
 
 }  // namespace
@@ -378,22 +385,23 @@ void Machine::note_numbers(int sequence, int program) {
   program_ = program;
 }
 
-/// Returns the joint of the k-th axis as the control counts them: X Y Z, then the others by letter.
-int Machine::axis_of(int k) const {
+/// Returns the joint of the k-th axis as the control counts axes: X Y Z, then the others by letter.
+/// Returns -1 beyond the last axis.
+int Machine::joint_of_index(int k) const {
   for (const char letter : axis_letters)
     if (const int j = canon_.joint_of(letter); j >= 0 && k-- == 0) return j;
   return -1;
 }
 
-/// Returns a position in program units: mm or inch, degrees; X as a diameter where words are.
-double Machine::shown_value(int j, const AxisVector& q) const {
+/// Returns a position in program units: mm or inch, degrees, and X as a diameter if X words are.
+double Machine::program_value(int j, const AxisVector& q) const {
   if (j < 0 || q.size() == 0) return 0.0;
-  if (diameters_ && j == joint(0)) return 2.0 * q[j] / unit();
+  if (has_diameters_ && j == joint(0)) return 2.0 * q[j] / unit();
   return canon_.is_linear(j) ? q[j] / unit() : q[j] / units::deg;
 }
 
-/// #4001 and following: the G codes in force, by group.
-std::optional<double> Machine::mode(int group) const {
+/// Returns the G code in force of a group, for #4001 and following.
+std::optional<double> Machine::modal_code(int group) const {
   const FeedMode feed = canon_.feed_mode();
   switch (group) {
     case 1:
@@ -401,37 +409,37 @@ std::optional<double> Machine::mode(int group) const {
     case 2:
       return plane_ / 10;
     case 3:
-      return incremental_ ? 91 : 90;
+      return is_incremental_ ? 91 : 90;
     case 5:
-      if (turning_) return feed == FeedMode::PerMinute ? 98 : 99;
+      if (is_turning_) return feed == FeedMode::PerMinute ? 98 : 99;
       return feed == FeedMode::InverseTime ? 93 : feed == FeedMode::PerMinute ? 94 : 95;
     case 6:
       return canon_.inch() ? 20 : 21;
     case 7:
-      return cutter_ / 10;
+      return cutter_code_ / 10;
     case 8:
       // G43.4 reads as 43.4.
       return length_mode_ / 10.0;
     case 9:
       return cycle_code_ / 10;
     case 10:
-      return to_r_ ? 99 : 98;
+      return returns_to_r_ ? 99 : 98;
     case 13:
-      return surface_speed_ ? 96 : 97;
+      return has_surface_speed_ ? 96 : 97;
     case 14:
       return system_ <= 6 ? 53.0 + system_ : 54.1;
     case 15:
       return 64;
     case 16:
-      return !rotation_ ? 69.0 : tilted_ ? 68.2 : 68.0;
+      return !rotation_ ? 69.0 : is_tilted_ ? 68.2 : 68.0;
     case 17:
-      return polar_.on ? 16 : 15;
+      return polar_.is_on ? 16 : 15;
     default:
       return std::nullopt;
   }
 }
 
-/// #4107 and following: words in force.
+/// Returns a word in force, for #4107 and following.
 std::optional<double> Machine::modal_word(int number) const {
   switch (number) {
     case 4107:
@@ -447,7 +455,7 @@ std::optional<double> Machine::modal_word(int number) const {
     case 4115:
       return program_;
     case 4119:
-      return speed_;
+      return speed_word_;
     case 4120:
       return std::max(selected_, 0);
     case 4130:
@@ -458,65 +466,65 @@ std::optional<double> Machine::modal_word(int number) const {
 }
 
 /// Returns the tool offset that a variable holds, in the layout of memory C.
-Machine::OffsetVariable Machine::offset(int number) {
-  if (turning_) return {};  // those of a turning control have other numbers
+Machine::OffsetVariable Machine::offset_variable(int number) {
+  if (is_turning_) return {};  // a turning control has other numbers for them
   const struct {
-    int first, most;
-    Offsets* of;
-    bool wear;
+    int first, count;
+    Offsets* offsets;
+    bool is_wear;
   } ranges[] = {{2001, 200, &lengths_, true},  {2201, 200, &lengths_, false},
                 {10001, 999, &lengths_, true}, {11001, 999, &lengths_, false},
                 {12001, 999, &radii_, true},   {13001, 999, &radii_, false}};
   for (const auto& range : ranges)
-    if (const int i = within(number, range.first, range.most); i >= 0)
-      return {range.of, i + 1, range.wear};
+    if (const int i = index_in_range(number, range.first, range.count); i >= 0)
+      return {range.offsets, i + 1, range.is_wear};
   return {};
 }
 
-/// Returns the coordinate system that a variable belongs to, and its axis: 20 numbers for each
-/// system, from #5201 the external offset and G54 to G59, from #7001 G54.1 P1 to P48.
-AxisVector* Machine::origin(int number, int& k) {
-  if (const int i = within(number, 5201, 140); i >= 0 && i % 20 < 9) {
-    k = i % 20;
-    return i / 20 == 0 ? &external_ : &systems_.try_emplace(i / 20, zero_).first->second;
+/// Returns the coordinate system and the axis of a variable, or null if it is none. Each system has
+/// 20 numbers: from #5201 on the external offset and G54 to G59, from #7001 on G54.1 P1 to P48.
+Machine::OriginVariable Machine::origin_variable(int number) {
+  if (const int i = index_in_range(number, 5201, 140); i >= 0 && i % 20 < 9) {
+    AxisVector* origin =
+        i / 20 == 0 ? &external_ : &systems_.try_emplace(i / 20, zero_).first->second;
+    return {origin, i % 20};
   }
-  if (const int i = within(number, 7001, 960); i >= 0 && i % 20 < 9) {
-    k = i % 20;
-    return &systems_.try_emplace(101 + i / 20, zero_).first->second;
+  if (const int i = index_in_range(number, 7001, 960); i >= 0 && i % 20 < 9) {
+    return {&systems_.try_emplace(101 + i / 20, zero_).first->second, i % 20};
   }
-  return nullptr;
+  return {};
 }
 
 std::optional<double> Machine::variable(int number) {
-  if (const OffsetVariable one = offset(number); one.of != nullptr) {
-    const auto found = one.of->find(one.number);
-    if (found == one.of->end()) return 0.0;
-    return (one.wear ? found->second.wear : found->second.value.value_or(0.0)) / unit();
+  if (const OffsetVariable variable = offset_variable(number); variable.offsets != nullptr) {
+    const auto entry = variable.offsets->find(variable.number);
+    if (entry == variable.offsets->end()) return 0.0;
+    return (variable.is_wear ? entry->second.wear : entry->second.value.value_or(0.0)) / unit();
   }
-  int k = 0;
-  if (const AxisVector* of = origin(number, k)) return shown_value(axis_of(k), *of);
-  if (const int group = within(number, 4001, 30); group >= 0) return mode(group + 1);
+  if (const OriginVariable variable = origin_variable(number); variable.origin != nullptr)
+    return program_value(joint_of_index(variable.axis), *variable.origin);
+  if (const int group = index_in_range(number, 4001, 30); group >= 0) return modal_code(group + 1);
   if (const auto word = modal_word(number)) return word;
   // Under compensation a program reads the programmed position, not that of the offset tool.
-  const bool beside = compensation_.on() || compensation_.leaving();
-  const AxisVector at = beside ? compensation_.programmed() : canon_.position();
-  if (const int i = within(number, 5001, 9); i >= 0)
-    return shown_value(axis_of(i), canon_.unplaced(at));
+  const bool is_compensated = compensation_.is_on() || compensation_.is_leaving();
+  const AxisVector position = is_compensated ? compensation_.programmed() : canon_.position();
+  if (const int i = index_in_range(number, 5001, 9); i >= 0)
+    return program_value(joint_of_index(i), canon_.unplaced(position));
   // #5041: position with tool length; #5021: machine coordinates.
-  if (const int i = within(number, 5041, 9); i >= 0) {
+  if (const int i = index_in_range(number, 5041, 9); i >= 0) {
     AxisVector with_length = canon_.unplaced(canon_.position());
     if (canon_.tool_shift().size() > 0) with_length += canon_.tool_shift();
-    return shown_value(axis_of(i), with_length);
+    return program_value(joint_of_index(i), with_length);
   }
-  if (const int i = within(number, 5021, 9); i >= 0) {
-    const program::Coordinates now = canon_.coordinates();
+  if (const int i = index_in_range(number, 5021, 9); i >= 0) {
+    const program::Coordinates coordinates = canon_.coordinates();
     canon_.go_to(program::Coordinates::Axis, {1, {}});
-    const double value = shown_value(axis_of(i), canon_.position());
-    canon_.go_to(now, {1, {}});
+    const double value = program_value(joint_of_index(i), canon_.position());
+    canon_.go_to(coordinates, {1, {}});
     return value;
   }
-  if (const int i = within(number, 5081, 9); i >= 0)
-    return shown_value(axis_of(i), canon_.tool_shift());
+  if (const int i = index_in_range(number, 5081, 9); i >= 0)
+    return program_value(joint_of_index(i), canon_.tool_shift());
   // #3003 and #3004 suppress single block and feed hold, which a virtual control does not have.
   if (number == 3003 || number == 3004) return 0.0;
   return std::nullopt;
@@ -524,21 +532,20 @@ std::optional<double> Machine::variable(int number) {
 
 bool Machine::set_variable(int number, double value) {
   if (number == 3003 || number == 3004 || number == 3006) return true;
-  if (const OffsetVariable one = offset(number); one.of != nullptr) {
-    Geometry& geometry = (*one.of)[one.number];
-    if (one.wear)
+  if (const OffsetVariable variable = offset_variable(number); variable.offsets != nullptr) {
+    Geometry& geometry = (*variable.offsets)[variable.number];
+    if (variable.is_wear)
       geometry.wear = value * unit();
     else
       geometry.value = value * unit();
     return true;
   }
-  int k = 0;
-  AxisVector* of = origin(number, k);
+  const OriginVariable variable = origin_variable(number);
+  const int j = joint_of_index(variable.axis);
   // A change of the system in a rotated frame or under compensation is ambiguous, as for G10.
-  if (of == nullptr || axis_of(k) < 0 || rotation_ || compensation_.on()) return false;
-  const int j = axis_of(k);
-  const double scale = diameters_ && j == joint(0) ? 0.5 : 1.0;
-  (*of)[j] = scale * value * (canon_.is_linear(j) ? unit() : units::deg);
+  if (variable.origin == nullptr || j < 0 || rotation_ || compensation_.is_on()) return false;
+  const double scale = has_diameters_ && j == joint(0) ? 0.5 : 1.0;
+  (*variable.origin)[j] = scale * value * (canon_.is_linear(j) ? unit() : units::deg);
   apply_frame();
   return true;
 }

@@ -8,7 +8,7 @@ namespace abbe::sim::dialects {
 namespace fanuc {
 namespace {
 
-using Line = CodeLine<Group>;
+using Line = CodeTableLine<Group>;
 
 // Short names, so that an entry fits its line.
 constexpr Use read = Use::Read, none = Use::WithoutEffect, refused = Use::Refused;
@@ -23,14 +23,14 @@ constexpr Line lines[] = {
     {"G2.4 G3.4", Group::None, refused,
      "lines, or arcs in a plane: a circle in space through a middle point is not read"},
     {"G4", Group::OneShot, read, "dwell, X or U in seconds, P in milliseconds, alone in its block"},
-    {"G5 G5.1 G8", Group::Alone, none,
+    {"G5 G5.1 G8", Group::WholeBlock, none,
      "contour control, smoothing and look-ahead: abbe cuts the exact path"},
     {"G7.1 G107 G12.1 G112", Group::None, refused,
      "X Y Z as they are: no interpolation on a cylinder or in polar coordinates"},
-    {"G9 G61", Group::Beside, none, "exact stop: abbe cuts the exact path"},
-    {"G62", Group::Beside, none, "slower feed in inside corners, which stays as programmed"},
-    {"G63", Group::Beside, none, "tapping mode: overrides, abbe runs at 100 %"},
-    {"G64", Group::Beside, none, "cutting mode: abbe cuts the exact path"},
+    {"G9 G61", Group::WithMotion, none, "exact stop: abbe cuts the exact path"},
+    {"G62", Group::WithMotion, none, "slower feed in inside corners, which stays as programmed"},
+    {"G63", Group::WithMotion, none, "tapping mode: overrides, abbe runs at 100 %"},
+    {"G64", Group::WithMotion, none, "cutting mode: abbe cuts the exact path"},
     {"G10", Group::OneShot, read,
      "L2 L20: origin of G54 to G59 (P0: of all) or of G54.1; L10 L11 L12 L13: length, its wear, "
      "radius, its wear of a tool; adds under G91"},
@@ -41,8 +41,8 @@ constexpr Line lines[] = {
      "end of, and polar coordinates: the first axis of the plane is a radius, the second an angle"},
     {"G17 G18 G19", Group::Plane, read, "plane X Y, Z X, Y Z"},
     {"G20 G21", Group::Units, read, "inch, mm"},
-    {"G22 G23", Group::Alone, none, "checks of stored strokes"},
-    {"G25 G26", Group::Alone, none, "checks of fluctuations of the spindle speed"},
+    {"G22 G23", Group::WholeBlock, none, "checks of stored strokes"},
+    {"G25 G26", Group::WholeBlock, none, "checks of fluctuations of the spindle speed"},
     {"G28 G30", Group::OneShot, read,
      "beside any code of motion, which is in force behind it: rapid over the point of the words to "
      "the reference position of these axes, `reference` of the machine, else where they stand at "
@@ -127,10 +127,10 @@ constexpr Line lines[] = {
     {"M3 M4 M5", Group::Spindle, read, "spindle clockwise, counter-clockwise, off"},
     {"M6", Group::ToolChange, read, "change to the tool of T"},
     {"M7 M8 M9 M88 M89", Group::Coolant, none, "coolant, M88 M89 through the tool"},
-    {"M10 M11", Group::Beside, none, "rotary axes clamped, free"},
-    {"M19", Group::Beside, none, "spindle orientation"},
+    {"M10 M11", Group::WithMotion, none, "rotary axes clamped, free"},
+    {"M19", Group::WithMotion, none, "spindle orientation"},
     {"M29", Group::RigidTap, read, "rigid tapping: the cycle turns the spindle itself"},
-    {"M48 M49", Group::Beside, none, "overrides: abbe runs at 100 %"},
+    {"M48 M49", Group::WithMotion, none, "overrides: abbe runs at 100 %"},
     {"M96 M97", Group::None, refused, "no interrupts: there is no signal"},
     {"M98", Group::Call, read,
      "calls program P, L times; P of up to 8 digits: repeats, then program"},
@@ -178,14 +178,14 @@ constexpr WordTableEntry other_words[] = {
 bool is_beside_motion(Group group) {
   switch (group) {
     case Group::None:
-    case Group::Alone:
+    case Group::WholeBlock:
     case Group::MirrorEnd:
     case Group::OneShot:
     case Group::Rotation:
     case Group::Macro:
     case Group::Count:
       return false;
-    case Group::Beside:
+    case Group::WithMotion:
     case Group::Motion:
     case Group::Plane:
     case Group::Distance:
@@ -210,7 +210,7 @@ bool is_beside_motion(Group group) {
 }
 
 // Tables are built at first use and indexed by tenths: every code of a program is looked up.
-const CodeEntry& find_entry(char letter, int tenths) {
+const CodeProperties& find_entry(char letter, int tenths) {
   static const CodeTable<Group> table(lines);
   return table.find_entry(letter, tenths);
 }
@@ -222,15 +222,15 @@ std::string_view word_sentence(std::string_view word) {
 }  // namespace fanuc
 
 std::span<const WordTableEntry> fanuc_words() {
-  static const std::vector<WordTableEntry> all =
-      joined_words<fanuc::Line>(fanuc::lines, fanuc::other_words);
-  return all;
+  static const std::vector<WordTableEntry> table =
+      word_table<fanuc::Line>(fanuc::lines, fanuc::other_words);
+  return table;
 }
 
 namespace fanuc {
 namespace {
 
-using LatheLine = CodeLine<Group>;
+using LatheLine = CodeTableLine<Group>;
 
 constexpr Use is_read = Use::Read, no_effect = Use::WithoutEffect, is_refused = Use::Refused;
 
@@ -243,12 +243,13 @@ constexpr LatheLine lathe_lines[] = {
     {"G4", Group::OneShot, is_read, "dwell, X or U in seconds, P in milliseconds"},
     {"G7.1 G107 G12.1 G112", Group::None, is_refused,
      "X Z as they are: no interpolation on a cylinder or in polar coordinates"},
-    {"G5 G5.1 G8", Group::Alone, no_effect,
+    {"G5 G5.1 G8", Group::WholeBlock, no_effect,
      "contour control, smoothing and look-ahead: abbe cuts the exact path"},
-    {"G9 G61", Group::Beside, no_effect, "exact stop: abbe cuts the exact path"},
-    {"G62", Group::Beside, no_effect, "slower feed in inside corners, which stays as programmed"},
-    {"G63", Group::Beside, no_effect, "tapping mode: overrides, abbe runs at 100 %"},
-    {"G64", Group::Beside, no_effect, "cutting mode: abbe cuts the exact path"},
+    {"G9 G61", Group::WithMotion, no_effect, "exact stop: abbe cuts the exact path"},
+    {"G62", Group::WithMotion, no_effect,
+     "slower feed in inside corners, which stays as programmed"},
+    {"G63", Group::WithMotion, no_effect, "tapping mode: overrides, abbe runs at 100 %"},
+    {"G64", Group::WithMotion, no_effect, "cutting mode: abbe cuts the exact path"},
     {"G10", Group::OneShot, is_read,
      "L2 L20: origin of G54 to G59 (P0: of all) or of G54.1, U W adding; without L: X Z U W R, "
      "wear "
@@ -257,8 +258,8 @@ constexpr LatheLine lathe_lines[] = {
      "end of what G10 and G12.1 begin; axis words beside them are refused"},
     {"G17 G18 G19", Group::Plane, is_read, "plane X Y, Z X, Y Z; G18 is in force at first"},
     {"G20 G21", Group::Units, is_read, "inch, mm"},
-    {"G22 G23", Group::Alone, no_effect, "checks of stored strokes"},
-    {"G25 G26", Group::Alone, no_effect, "checks of fluctuations of the spindle speed"},
+    {"G22 G23", Group::WholeBlock, no_effect, "checks of stored strokes"},
+    {"G25 G26", Group::WholeBlock, no_effect, "checks of fluctuations of the spindle speed"},
     {"G27 G29 G30.1", Group::None, is_refused, "moves to a reference position by G28 or G30"},
     {"G28 G30", Group::OneShot, is_read,
      "rapid over the point of the words, U0 W0: from where they stand, to the reference position "
@@ -309,13 +310,13 @@ constexpr LatheLine lathe_lines[] = {
     {"M0 M1", Group::Stop, no_effect, "stops"},
     {"M2 M30", Group::Stop, is_read, "end of the program"},
     {"M3 M4 M5", Group::Spindle, is_read, "spindle clockwise, counter-clockwise, off"},
-    {"M6", Group::Beside, no_effect, "the turret turns by T alone"},
+    {"M6", Group::WithMotion, no_effect, "the turret turns by T alone"},
     {"M7 M8 M9 M88 M89", Group::Coolant, no_effect, "coolant, M88 M89 through the tool"},
-    {"M10 M11", Group::Beside, no_effect, "chuck closed, open"},
-    {"M19", Group::Beside, no_effect, "spindle orientation"},
-    {"M40 M41 M42 M43 M44 M45", Group::Beside, no_effect, "gears of the spindle"},
-    {"M23 M24", Group::Beside, no_effect, "how a thread ends"},
-    {"M48 M49", Group::Beside, no_effect, "overrides: abbe runs at 100 %"},
+    {"M10 M11", Group::WithMotion, no_effect, "chuck closed, open"},
+    {"M19", Group::WithMotion, no_effect, "spindle orientation"},
+    {"M40 M41 M42 M43 M44 M45", Group::WithMotion, no_effect, "gears of the spindle"},
+    {"M23 M24", Group::WithMotion, no_effect, "how a thread ends"},
+    {"M48 M49", Group::WithMotion, no_effect, "overrides: abbe runs at 100 %"},
     {"M96 M97", Group::None, is_refused, "no interrupts: there is no signal"},
     {"M98", Group::Call, is_read,
      "calls program P, L times; P of up to 8 digits: repeats, then program"},
@@ -338,7 +339,7 @@ constexpr WordTableEntry other_lathe_words[] = {
 
 }  // namespace
 
-const CodeEntry& find_lathe_entry(char letter, int tenths) {
+const CodeProperties& find_lathe_entry(char letter, int tenths) {
   static const CodeTable<Group> table(lathe_lines);
   return table.find_entry(letter, tenths);
 }
@@ -346,9 +347,9 @@ const CodeEntry& find_lathe_entry(char letter, int tenths) {
 }  // namespace fanuc
 
 std::span<const WordTableEntry> fanuc_lathe_words() {
-  static const std::vector<WordTableEntry> all =
-      joined_words<fanuc::LatheLine>(fanuc::lathe_lines, fanuc::other_lathe_words);
-  return all;
+  static const std::vector<WordTableEntry> table =
+      word_table<fanuc::LatheLine>(fanuc::lathe_lines, fanuc::other_lathe_words);
+  return table;
 }
 
 }  // namespace abbe::sim::dialects

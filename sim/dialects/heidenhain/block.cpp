@@ -16,7 +16,7 @@ namespace {
 // Short names, so that an entry fits its line.
 constexpr Use read = Use::Read, none = Use::WithoutEffect, refused = Use::Refused;
 
-// Parts of one word are joined by no-break spaces, because blanks separate words of an entry.
+// No-break spaces join the parts of a word, because blanks separate the words of an entry.
 constexpr WordTableEntry words[] = {
     {"BEGIN\u00a0PGM END\u00a0PGM", read,
      "begin and end of a program, MM or INCH; a called one goes back at END PGM"},
@@ -177,80 +177,92 @@ namespace abbe::sim::dialects::heidenhain {
 
 namespace {
 
-constexpr std::size_t max_joined = 1000;  // lines of one block; bounds memory
+constexpr std::size_t max_lines = 1000;  // of one block; bounds memory
 
-// The part of a line that contains words.
-struct Taken {
-  std::size_t from = 0, to = 0;  ///< bytes of the line without comment and ~
-  std::size_t comment = std::string_view::npos;
-  bool goes_on = false;
+/// Layout of a line.
+struct LineLayout {
+  std::size_t words_end = 0;                     ///< first byte of the comment or ~
+  std::size_t comment = std::string_view::npos;  ///< first byte behind the semicolon
+  bool is_continued = false;                     ///< ~ at the end, behind any comment
 };
 
-/// Finds the words of a line. A ~ at its end stands behind the comment.
-Taken words_of(std::string_view line) {
-  Taken taken;
+LineLayout line_layout(std::string_view line) {
+  LineLayout layout;
   std::size_t end = line.size();
   while (end > 0 && is_blank(line[end - 1])) --end;
-  taken.goes_on = end > 0 && line[end - 1] == '~';
-  if (taken.goes_on) --end;
-  bool quoted = false;
+  layout.is_continued = end > 0 && line[end - 1] == '~';
+  if (layout.is_continued) --end;
+  bool is_quoted = false;
   for (std::size_t i = 0; i < end; ++i) {
-    // A ; inside a quoted name is no comment.
-    if (line[i] == '"') quoted = !quoted;
-    if (line[i] != ';' || quoted) continue;
-    taken.comment = i + 1;
+    // A semicolon inside a quoted name begins no comment.
+    if (line[i] == '"') is_quoted = !is_quoted;
+    if (line[i] != ';' || is_quoted) continue;
+    layout.comment = i + 1;
     end = i;
     break;
   }
-  taken.to = end;
-  return taken;
+  layout.words_end = end;
+  return layout;
 }
 
-/// Returns the position behind the block number, and behind a / before or after it.
-std::size_t skip_block_number(std::string_view line, bool& skipped) {
+/// Beginning of a block.
+struct BlockHead {
+  std::size_t end = 0;  ///< first byte behind the block number and /
+  bool is_skipped = false;
+};
+
+/// Parses a block number with a / before or after it.
+BlockHead parse_block_head(std::string_view line) {
   std::size_t at = 0;
-  const auto blanks = [&] {
+  bool is_skipped = false;
+  const auto skip_blanks = [&] {
     while (at < line.size() && is_blank(line[at])) ++at;
   };
-  blanks();
-  if (at < line.size() && line[at] == '/') skipped = true, ++at;
-  blanks();
+  const auto accept_slash = [&] {
+    if (at == line.size() || line[at] != '/') return;
+    is_skipped = true;
+    ++at;
+  };
+  skip_blanks();
+  accept_slash();
+  skip_blanks();
   const std::size_t digits = at;
   while (at < line.size() && is_digit(line[at])) ++at;
-  // Digits directly followed by other characters are no block number.
+  // Digits with other characters directly behind them are no block number.
   if (at > digits && at < line.size() && !is_blank(line[at]) && line[at] != '/' &&
       line[at] != '*' && line[at] != ';')
-    at = digits;  // no number of a block
-  blanks();
-  if (at < line.size() && line[at] == '/') skipped = true, ++at;
-  return at;
+    at = digits;
+  skip_blanks();
+  accept_slash();
+  return {at, is_skipped};
 }
 
-double modulo(double a, double b) { return std::fmod(a, b); }
+// Functions that return the expectation which operands do not meet, or null.
 
-const char* zero_divisor_error(double, double b) {
+const char* require_nonzero(double, double b) {
   return b == 0 ? "a divisor that is not zero" : nullptr;
 }
 
-const char* power_range_error(double a, double b) {
+const char* require_real_power(double a, double b) {
   if (a < 0 && std::floor(b) != b) return "a whole exponent of a number below zero";
   return a == 0 && b < 0 ? "an exponent of zero that is not below zero" : nullptr;
 }
 
-// Levels of Q formulas: ^ first, then * / %, then + -.
+// Levels of Q formulas: ^ binds most tightly, then * / %, then + -.
 constexpr Operator operators[] = {
-    {"^", 3, [](double a, double b) { return std::pow(a, b); }, power_range_error},
+    {"^", 3, [](double a, double b) { return std::pow(a, b); }, require_real_power},
     {"*", 2, [](double a, double b) { return a * b; }},
-    {"/", 2, [](double a, double b) { return a / b; }, zero_divisor_error},
-    {"%", 2, modulo, zero_divisor_error},
+    {"/", 2, [](double a, double b) { return a / b; }, require_nonzero},
+    {"%", 2, [](double a, double b) { return std::fmod(a, b); }, require_nonzero},
     {"+", 1, [](double a, double b) { return a + b; }},
     {"-", 1, [](double a, double b) { return a - b; }},
 };
 
-const char* beyond_one(double x) { return x < -1 || x > 1 ? "a number within -1 and 1" : nullptr; }
-const char* not_positive(double x) { return x <= 0 ? "a number above zero" : nullptr; }
+const char* require_unit_range(double x) {
+  return x < -1 || x > 1 ? "a number within -1 and 1" : nullptr;
+}
+const char* require_positive(double x) { return x <= 0 ? "a number above zero" : nullptr; }
 
-// SQRT before SQ, and longer names first where one begins another.
 constexpr Function functions[] = {
     {"SQRT", [](double x) { return std::sqrt(x); },
      [](double x) -> const char* { return x < 0 ? "a number that is not below zero" : nullptr; }},
@@ -258,12 +270,12 @@ constexpr Function functions[] = {
     {"SIN", [](double x) { return std::sin(x * units::deg); }},
     {"COS", [](double x) { return std::cos(x * units::deg); }},
     {"TAN", [](double x) { return std::tan(x * units::deg); }},
-    {"ASIN", [](double x) { return std::asin(x) / units::deg; }, beyond_one},
-    {"ACOS", [](double x) { return std::acos(x) / units::deg; }, beyond_one},
+    {"ASIN", [](double x) { return std::asin(x) / units::deg; }, require_unit_range},
+    {"ACOS", [](double x) { return std::acos(x) / units::deg; }, require_unit_range},
     {"ATAN", [](double x) { return std::atan(x) / units::deg; }},
     {"EXP", [](double x) { return std::exp(x); }},
-    {"LN", [](double x) { return std::log(x); }, not_positive},
-    {"LOG", [](double x) { return std::log10(x); }, not_positive},
+    {"LN", [](double x) { return std::log(x); }, require_positive},
+    {"LOG", [](double x) { return std::log10(x); }, require_positive},
     {"NEG", [](double x) { return -x; }},
     {"INT", [](double x) { return std::trunc(x); }},
     {"ABS", [](double x) { return std::abs(x); }},
@@ -274,19 +286,19 @@ constexpr Function functions[] = {
 }  // namespace
 
 const ExpressionGrammar& grammar() {
-  static constexpr ExpressionGrammar all{operators, {}, '(', ')', false};
-  return all;
+  static constexpr ExpressionGrammar klartext_grammar{operators, {}, '(', ')', false};
+  return klartext_grammar;
 }
 
-// Functions need no brackets: SIN Q1 is the sine of Q1.
-std::optional<double> function_value(Cursor& cursor, Operands& parameters) {
+// Functions need no brackets; SIN Q1 is the sine of Q1.
+std::optional<double> parse_function(Cursor& cursor, OperandParser& parameters) {
   const std::size_t from = cursor.at;
-  if (cursor.take_word("PI")) return pi;
+  if (cursor.accept_word("PI")) return pi;
   for (const Function& function : functions) {
-    if (!cursor.take_word(function.name)) continue;
-    const double argument = value(cursor, grammar(), parameters);
-    if (function.fault != nullptr)
-      if (const char* wanted = function.fault(argument)) cursor.refuse(from, wanted);
+    if (!cursor.accept_word(function.name)) continue;
+    const double argument = parse_value(cursor, grammar(), parameters);
+    if (function.operand_error != nullptr)
+      if (const char* expected = function.operand_error(argument)) cursor.refuse(from, expected);
     const double result = function.apply(argument);
     if (!std::isfinite(result)) cursor.refuse(from, "a result that is a finite number");
     return result;
@@ -295,61 +307,62 @@ std::optional<double> function_value(Cursor& cursor, Operands& parameters) {
 }
 
 void read_block(const std::vector<std::string_view>& lines, std::size_t at, Block& block) {
-  block.skipped = false;
   block.comment = {};
-  block.pieces.clear();
-  block.lines = 1;
+  block.block_lines.clear();
+  block.line_count = 1;
   const std::string_view line = lines[at];
-  const std::size_t begin = skip_block_number(line, block.skipped);
-  Taken taken = words_of(line);
+  const BlockHead head = parse_block_head(line);
+  block.is_skipped = head.is_skipped;
+  const std::size_t begin = head.end;
+  LineLayout layout = line_layout(line);
   std::size_t first = begin;
-  while (first < taken.to && is_blank(line[first])) ++first;
+  while (first < layout.words_end && is_blank(line[first])) ++first;
   // * begins a structure comment, which is a block without words.
   if (first < line.size() && line[first] == '*') {
     block.comment = line.substr(first + 1);
     block.text = {};
     return;
   }
-  if (first >= taken.to && taken.comment != std::string_view::npos)
-    block.comment = line.substr(taken.comment);
-  // A block of one line, as nearly all are, refers to the text of the file without copying it.
-  if (!taken.goes_on) {
-    block.text = line.substr(0, std::max(taken.to, begin));
-    block.pieces.push_back({begin, int(at) + 1, int(begin)});
+  if (first >= layout.words_end && layout.comment != std::string_view::npos)
+    block.comment = line.substr(layout.comment);
+  // Nearly all blocks have one line; they refer to the text of the file without copying it.
+  if (!layout.is_continued) {
+    block.text = line.substr(0, std::max(layout.words_end, begin));
+    block.block_lines.push_back({begin, int(at) + 1, int(begin)});
     return;
   }
   block.joined.clear();
   std::size_t from = begin;
   for (std::size_t i = at;; ++i) {
     const std::string_view text = lines[i];
-    block.pieces.push_back({block.joined.size(), int(i) + 1, int(from)});
-    block.joined += text.substr(from, taken.to > from ? taken.to - from : 0);
-    block.lines = i - at + 1;
-    if (!taken.goes_on || i + 1 >= lines.size() || block.lines == max_joined) break;
+    block.block_lines.push_back({block.joined.size(), int(i) + 1, int(from)});
+    block.joined += text.substr(from, layout.words_end > from ? layout.words_end - from : 0);
+    block.line_count = i - at + 1;
+    if (!layout.is_continued || i + 1 >= lines.size() || block.line_count == max_lines) break;
     block.joined += ' ';
-    taken = words_of(lines[i + 1]);
+    layout = line_layout(lines[i + 1]);
     from = 0;
   }
   block.text = block.joined;
 }
 
-BadInput relocate_error(const Block& block, const BadInput& fault) {
-  if (block.lines == 1 || fault.column < 1) return fault;
-  const std::size_t offset = std::size_t(fault.column - 1);
-  const Block::Piece* piece = &block.pieces.front();
-  // The piece that contains the offset gives line and column.
-  for (const Block::Piece& one : block.pieces)
-    if (one.offset <= offset) piece = &one;
-  return {fault.file, piece->line, int(offset - piece->offset) + piece->column + 1, fault.expected,
-          fault.seen};
+BadInput relocate_error(const Block& block, const BadInput& input_error) {
+  if (block.line_count == 1 || input_error.column < 1) return input_error;
+  const std::size_t offset = std::size_t(input_error.column - 1);
+  // The last line that begins at or before the offset contains it.
+  const Block::BlockLine* origin = &block.block_lines.front();
+  for (const Block::BlockLine& line : block.block_lines)
+    if (line.offset <= offset) origin = &line;
+  return {input_error.file, origin->line, int(offset - origin->offset) + origin->column + 1,
+          input_error.expected, input_error.seen};
 }
 
-std::string Words::name() {
+std::string WordReader::read_name() {
   cursor.skip_blanks();
   std::string letters;
-  while (is_letter(cursor.here())) letters += upper(cursor.text[cursor.at++]);
-  if (!is_digit(cursor.here())) return letters;
-  // In X+Q1 the letters are those of the axis; in XQ1 the Q1 behind them is a parameter.
+  while (is_letter(cursor.current())) letters += upper(cursor.text[cursor.at++]);
+  if (!is_digit(cursor.current())) return letters;
+  // In XQ1 the name is X, and Q1 is a parameter.
   for (const std::string_view parameter : {"Q", "QL", "QR", "QS"})
     if (letters.size() > parameter.size() && letters.ends_with(parameter)) {
       letters.resize(letters.size() - parameter.size());
@@ -359,41 +372,41 @@ std::string Words::name() {
   return letters;
 }
 
-bool Words::has_value() const {
+bool WordReader::has_value() const {
   Cursor ahead = cursor;
   ahead.skip_blanks();
-  while (ahead.here() == '+' || ahead.here() == '-') ++ahead.at;
-  return is_digit(ahead.here()) || ahead.here() == '.' || upper(ahead.here()) == 'Q';
+  while (ahead.current() == '+' || ahead.current() == '-') ++ahead.at;
+  return is_digit(ahead.current()) || ahead.current() == '.' || upper(ahead.current()) == 'Q';
 }
 
-double Words::value() {
+double WordReader::read_value() {
   cursor.skip_blanks();
   if (!has_value()) cursor.refuse(cursor.at, "a number or a Q parameter");
-  return dialects::value(cursor, grammar(), parameters_);
+  return dialects::parse_value(cursor, grammar(), parameters_);
 }
 
-int Words::whole(int most) {
+int WordReader::read_whole_number(int max) {
   cursor.skip_blanks();
   const std::size_t from = cursor.at;
-  const double number = value();
-  if (number < 0 || number > most || number != std::floor(number))
-    cursor.refuse(from, fmt::format("a whole number of 0 to {}", most));
+  const double number = read_value();
+  if (number < 0 || number > max || number != std::floor(number))
+    cursor.refuse(from, fmt::format("a whole number of 0 to {}", max));
   return int(number);
 }
 
-std::string Words::label() {
+std::string WordReader::read_label() {
   cursor.skip_blanks();
   const std::size_t from = cursor.at;
-  if (cursor.here() != '"') return fmt::format("{}", whole(65535));
+  if (cursor.current() != '"') return fmt::format("{}", read_whole_number(65535));
   const std::size_t end = cursor.text.find('"', from + 1);
-  // The limit of 32 characters is that of the control.
+  // The control allows 32 characters.
   if (end == std::string_view::npos || end == from + 1 || end - from > 33)
     cursor.refuse(from, "a name of 1 to 32 characters in quotes");
   cursor.at = end + 1;
   return std::string(cursor.text.substr(from, end + 1 - from));
 }
 
-void Words::ends() {
+void WordReader::expect_end() {
   if (!at_end()) cursor.refuse(cursor.at, "nothing more in the block");
 }
 

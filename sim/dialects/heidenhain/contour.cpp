@@ -17,209 +17,213 @@ using program::Cause;
 
 namespace {
 
-constexpr double same_point = 1e-9;  // mm
-constexpr double rounding = 1e-6;    // mm by which a corner may exceed a move
+constexpr double point_tolerance = 1e-9;   // mm
+constexpr double corner_tolerance = 1e-6;  // mm by which a corner may exceed a move
 // Bounds memory between RL and the first move in the plane.
-constexpr std::size_t max_waiting = 100;
+constexpr std::size_t max_entry_elements = 100;
 
-/// Returns the element with a cause that remains valid after the text of its block is gone.
-Element lasting(Element element) {
-  element.cause.text = element.round ? "an arc" : "a straight move";
+/// Returns the element with a cause that does not refer to the text of its block, which may be gone
+/// when the element is made.
+ContourElement with_lasting_cause(ContourElement element) {
+  element.cause.text = element.is_arc ? "an arc" : "a straight move";
   return element;
 }
 
-double cross_of(const Vector2d& a, const Vector2d& b) { return a.x() * b.y() - a.y() * b.x(); }
+double planar_cross(const Vector2d& a, const Vector2d& b) { return a.x() * b.y() - a.y() * b.x(); }
 
 }  // namespace
 
-void Contour::put(Element element, const std::array<int, 2>& plane, bool before_corner) {
-  // The plane must not change while compensation is in force.
-  if (!beside_.on()) plane_ = plane;
+void Contour::add(ContourElement element, const std::array<int, 2>& plane, bool before_corner) {
+  // The plane stays the same while compensation is in force.
+  if (!compensation_.is_on()) plane_ = plane;
   element.line = canon_.line();
   element.file = canon_.file();
   element.feed = canon_.feed();
   const AxisVector from = position(), end = element.end;
-  std::optional<AxisVector> after_corner;
-  if (corner_)
-    after_corner = cut_corner(element);
-  else if (held_)
-    pass(*std::exchange(held_, std::nullopt));  // RND or CHF had an error
+  std::optional<AxisVector> corner_end;
+  if (waiting_corner_)
+    corner_end = make_corner(element);
+  else if (waiting_element_)
+    // The block of RND or CHF had an error.
+    process(*std::exchange(waiting_element_, std::nullopt));
   if (before_corner) {
-    held_from_ = after_corner ? *after_corner : from;
-    held_ = lasting(std::move(element));
+    waiting_start_ = corner_end ? *corner_end : from;
+    waiting_element_ = with_lasting_cause(std::move(element));
   } else {
-    pass(std::move(element));
+    process(std::move(element));
   }
-  moved_ = held_ || !entry_.empty() || beside_.on();
-  at_ = end;
+  is_ahead_ = waiting_element_ || !entry_elements_.empty() || compensation_.is_on();
+  position_ = end;
 }
 
-// The corner is cut when the move behind it is known.
-void Contour::corner(bool round, double size, std::optional<program::Feed> feed,
-                     const Cause& cause) {
-  if (!held_) canon_.refuse(cause, "a straight move before RND and CHF", "none");
+// `make_corner` makes the corner when the move behind it is known.
+void Contour::add_corner(bool is_round, double size, std::optional<program::Feed> feed,
+                         const Cause& cause) {
+  if (!waiting_element_) canon_.refuse(cause, "a straight move before RND and CHF", "none");
   if (!(size > 0)) canon_.refuse(cause, "a radius or length above zero");
-  corner_ = Corner{round,         size,         feed, {cause.column, round ? "RND" : "CHF"},
-                   canon_.line(), canon_.file()};
+  waiting_corner_ = Corner{
+      is_round, size, feed, {cause.column, is_round ? "RND" : "CHF"}, canon_.line(), canon_.file()};
 }
 
-/// Makes the corner between the held straight move and the next one. Returns where the corner ends.
-AxisVector Contour::cut_corner(const Element& next) {
-  const Corner corner = *std::exchange(corner_, std::nullopt);
-  Element before = *std::exchange(held_, std::nullopt);
-  const AxisVector corner_end = before.end;
-  // On an error the held move is still made, so that the following moves start where they are
-  // programmed.
+/// Makes the corner between the waiting line and the next one. Returns the end of the corner.
+AxisVector Contour::make_corner(const ContourElement& next) {
+  const Corner corner = *std::exchange(waiting_corner_, std::nullopt);
+  ContourElement previous = *std::exchange(waiting_element_, std::nullopt);
+  const AxisVector corner_position = previous.end;
+  // On an error the waiting line is still made, so that later moves begin at their programmed
+  // start.
   const auto fail = [&](std::string expected, std::string seen) -> AxisVector {
-    pass(std::move(before));
+    process(std::move(previous));
     canon_.set_line(corner.line, corner.file);
     canon_.refuse(corner.cause, std::move(expected), std::move(seen));
   };
-  if (before.round || next.round)
+  if (previous.is_arc || next.is_arc)
     return fail("straight moves on both sides of RND and CHF", "an arc");
-  const Vector2d from = in_plane(held_from_), at = in_plane(before.end), to = in_plane(next.end);
-  // Both moves must be in the working plane: otherwise the corner would have no plane.
-  const auto flat = [&](AxisVector way) {
-    for (const int j : plane_) way[j] = 0.0;
-    return way.cwiseAbs().maxCoeff() < same_point;
+  const Vector2d from = in_plane(waiting_start_), at = in_plane(previous.end),
+                 to = in_plane(next.end);
+  // Both moves must be in the working plane, or the corner would have no plane.
+  const auto is_in_plane = [&](AxisVector displacement) {
+    for (const int j : plane_) displacement[j] = 0.0;
+    return displacement.cwiseAbs().maxCoeff() < point_tolerance;
   };
-  const double in = (at - from).norm(), out = (to - at).norm();
-  if (in < same_point || out < same_point || !flat(before.end - held_from_) ||
-      !flat(next.end - before.end))
+  const double length_before = (at - from).norm(), length_after = (to - at).norm();
+  if (length_before < point_tolerance || length_after < point_tolerance ||
+      !is_in_plane(previous.end - waiting_start_) || !is_in_plane(next.end - previous.end))
     return fail("moves in the working plane on both sides of RND and CHF", "others");
-  const Vector2d a = (at - from) / in, b = (to - at) / out;
-  const double turn = std::atan2(cross_of(a, b), a.dot(b));
-  const double half = std::abs(turn) / 2;
-  if (half < 1e-9) {  // rad: no corner
-    pass(std::move(before));
-    return corner_end;
+  const Vector2d a = (at - from) / length_before, b = (to - at) / length_after;
+  const double turn = std::atan2(planar_cross(a, b), a.dot(b));
+  const double half_angle = std::abs(turn) / 2;
+  if (half_angle < 1e-9) {  // rad, below it there is no corner
+    process(std::move(previous));
+    return corner_position;
   }
-  if (half > pi / 2 - 1e-6) return fail("a corner that is no way straight back", "one");
-  // Length cut off each side: R tan(turn/2) for an arc; for a bevel of length L, L / (2
-  // cos(turn/2)).
-  const double cut =
-      corner.round ? corner.size * std::tan(half) : corner.size / (2 * std::cos(half));
-  if (cut > in + rounding || cut > out + rounding)
+  if (half_angle > pi / 2 - 1e-6) return fail("a corner that is no way straight back", "one");
+  // Length cut off each side: R tan(turn/2) for an arc of radius R, L / (2 cos(turn/2)) for a bevel
+  // of length L.
+  const double cut = corner.is_round ? corner.size * std::tan(half_angle)
+                                     : corner.size / (2 * std::cos(half_angle));
+  if (cut > length_before + corner_tolerance || cut > length_after + corner_tolerance)
     return fail(fmt::format("moves as long as the corner takes, {:.6g} mm", cut),
-                fmt::format("{:.6g} and {:.6g} mm", in, out));
-  Element piece = next;
-  piece.rapid = false;
-  piece.round = corner.round;
-  piece.first = plane_[0];
-  piece.second = plane_[1];
-  piece.clockwise = turn < 0;
-  // Without an F of its own the corner has the feed of the move before it.
-  piece.feed = corner.feed ? corner.feed : before.feed;
-  piece.line = corner.line;
-  piece.file = corner.file;
-  piece.end = piece.centre = before.end;
+                fmt::format("{:.6g} and {:.6g} mm", length_before, length_after));
+  ContourElement corner_element = next;
+  corner_element.is_rapid = false;
+  corner_element.is_arc = corner.is_round;
+  corner_element.first = plane_[0];
+  corner_element.second = plane_[1];
+  corner_element.is_clockwise = turn < 0;
+  // Without F the corner has the feed of the move before it.
+  corner_element.feed = corner.feed ? corner.feed : previous.feed;
+  corner_element.line = corner.line;
+  corner_element.file = corner.file;
+  corner_element.end = corner_element.centre = previous.end;
   const Vector2d begin = at - cut * a, end = at + cut * b;
-  // The centre of the arc lies on the inner side of the corner.
-  const Vector2d side = turn > 0 ? Vector2d(-a.y(), a.x()) : Vector2d(a.y(), -a.x());
+  // The centre of the arc is on the inner side of the corner.
+  const Vector2d normal = turn > 0 ? Vector2d(-a.y(), a.x()) : Vector2d(a.y(), -a.x());
   for (int k = 0; k < 2; ++k) {
     const int j = plane_[std::size_t(k)];
-    before.end[j] = begin[k];
-    piece.end[j] = end[k];
-    piece.centre[j] = begin[k] + corner.size * side[k];
+    previous.end[j] = begin[k];
+    corner_element.end[j] = end[k];
+    corner_element.centre[j] = begin[k] + corner.size * normal[k];
   }
-  pass(std::move(before));
-  AxisVector behind = piece.end;
-  pass(std::move(piece));
-  return behind;
+  process(std::move(previous));
+  AxisVector corner_end = corner_element.end;
+  process(std::move(corner_element));
+  return corner_end;
 }
 
 void Contour::set_side(std::optional<bool> left, double radius, const Cause& cause) {
-  if (left == side_) return;
-  // A direct change of side would leave the offset point of the transition undefined.
-  if (left && side_) canon_.refuse(cause, "R0 between RL and RR");
+  if (left == is_left_) return;
+  // The offset point of a direct change of side would be undefined.
+  if (left && is_left_) canon_.refuse(cause, "R0 between RL and RR");
   if (left) {
-    side_ = left;
+    is_left_ = left;
     radius_ = radius;
     return;
   }
-  emit_entry_moves();
-  if (beside_.on()) beside_.end();
-  side_.reset();
+  issue_entry_moves();
+  if (compensation_.is_on()) compensation_.end();
+  is_left_.reset();
 }
 
-void Contour::after(std::function<void()> action) {
-  if (beside_.on())
-    beside_.after(std::move(action));
+void Contour::run_after_move(std::function<void()> action) {
+  if (compensation_.is_on())
+    compensation_.run_after_move(std::move(action));
   else
     action();
 }
 
-// Moves that were waiting for a contour that never came, at their programmed positions.
-void Contour::emit_entry_moves() {
-  for (const Element& element : std::exchange(entry_, {})) make(element);
+// No contour followed the entry elements, so they are made at their programmed ends.
+void Contour::issue_entry_moves() {
+  for (const ContourElement& element : std::exchange(entry_elements_, {})) issue(element);
 }
 
 void Contour::finish() {
-  corner_.reset();
-  if (held_) pass(*std::exchange(held_, std::nullopt));
-  emit_entry_moves();
-  if (beside_.on()) beside_.end();
-  side_.reset();
-  moved_ = false;
+  waiting_corner_.reset();
+  if (waiting_element_) process(*std::exchange(waiting_element_, std::nullopt));
+  issue_entry_moves();
+  if (compensation_.is_on()) compensation_.end();
+  is_left_.reset();
+  is_ahead_ = false;
 }
 
-// Without compensation a move is made at once; with it, the first move waits for the direction of
-// the contour.
-void Contour::pass(Element element) {
-  if (!side_) return make(element);
-  if (beside_.on()) return go_beside(element);
-  if (entry_.empty()) {
-    if (element.round)
+// Under compensation the first move waits for the direction of the contour.
+void Contour::process(ContourElement element) {
+  if (!is_left_) return issue(element);
+  if (compensation_.is_on()) return compensate(element);
+  if (entry_elements_.empty()) {
+    if (element.is_arc)
       canon_.refuse(element.cause, "a straight move as the first one under RL and RR");
-    entry_.push_back(lasting(std::move(element)));
+    entry_elements_.push_back(with_lasting_cause(std::move(element)));
     return;
   }
-  // Moves of other axes between RL and the contour wait as well.
-  if (!element.round && (in_plane(element.end) - in_plane(entry_.back().end)).norm() < same_point) {
-    if (entry_.size() == max_waiting)
+  // Moves of other axes between RL and the contour wait too.
+  if (!element.is_arc &&
+      (in_plane(element.end) - in_plane(entry_elements_.back().end)).norm() < point_tolerance) {
+    if (entry_elements_.size() == max_entry_elements)
       canon_.refuse(element.cause,
                     "at most 100 moves of other axes behind that which begins RL or RR", "more");
-    entry_.push_back(lasting(std::move(element)));
+    entry_elements_.push_back(with_lasting_cause(std::move(element)));
     return;
   }
-  enter(element);
-  go_beside(element);
+  enter_contour(element);
+  compensate(element);
 }
 
-/// Returns the unit direction in which an element leaves its start.
-Vector2d Contour::leaves(const Element& element, const AxisVector& start) const {
+/// Returns the unit direction of an element at its start.
+Vector2d Contour::start_direction(const ContourElement& element, const AxisVector& start) const {
   const Vector2d from = in_plane(start);
-  if (!element.round) return (in_plane(element.end) - from).normalized();
-  program::ArcGeometry words{from, in_plane(element.end), {}, element.clockwise};
-  words.centre = element.radius ? program::centre_by_radius(words, *element.radius, canon_.place(),
-                                                            element.cause)
-                                : in_plane(element.centre);
-  const Vector2d out = (from - words.centre).normalized();
-  return element.clockwise ? Vector2d(out.y(), -out.x()) : Vector2d(-out.y(), out.x());
+  if (!element.is_arc) return (in_plane(element.end) - from).normalized();
+  program::ArcGeometry geometry{from, in_plane(element.end), {}, element.is_clockwise};
+  geometry.centre = element.radius ? program::centre_by_radius(geometry, *element.radius,
+                                                               canon_.place(), element.cause)
+                                   : in_plane(element.centre);
+  const Vector2d radial = (from - geometry.centre).normalized();
+  return element.is_clockwise ? Vector2d(radial.y(), -radial.x())
+                              : Vector2d(-radial.y(), radial.x());
 }
 
 /// Moves to the point perpendicular to the beginning of the next move, one radius from it.
-void Contour::enter(const Element& next) {
-  const AxisVector begin = entry_.back().end;
-  const Vector2d d = leaves(next, begin);
-  const Vector2d side = *side_ ? Vector2d(-d.y(), d.x()) : Vector2d(d.y(), -d.x());
-  const Vector2d place = in_plane(begin) + radius_ * side;
+void Contour::enter_contour(const ContourElement& next) {
+  const AxisVector begin = entry_elements_.back().end;
+  const Vector2d d = start_direction(next, begin);
+  const Vector2d normal = *is_left_ ? Vector2d(-d.y(), d.x()) : Vector2d(d.y(), -d.x());
+  const Vector2d offset_point = in_plane(begin) + radius_ * normal;
   const auto feed = canon_.feed();
-  // All waiting moves end beside the contour.
-  for (Element element : std::exchange(entry_, {})) {
-    for (int k = 0; k < 2; ++k) element.end[plane_[std::size_t(k)]] = place[k];
-    make(element);
+  // All entry elements end at the offset point.
+  for (ContourElement element : std::exchange(entry_elements_, {})) {
+    for (int k = 0; k < 2; ++k) element.end[plane_[std::size_t(k)]] = offset_point[k];
+    issue(element);
   }
   canon_.set_feed(feed);
-  beside_.begin_at_offset(*side_, radius_, plane_, begin);
+  compensation_.begin_at_offset(*is_left_, radius_, plane_, begin);
 }
 
-// Feed and line are those of the element's own block, not of the current one.
-void Contour::go_beside(const Element& element) {
+// The element has the feed of its own block, not of the current one.
+void Contour::compensate(const ContourElement& element) {
   const auto feed = canon_.feed();
   canon_.set_feed(element.feed);
-  if (!element.round) {
-    beside_.straight({.end = element.end, .cause = element.cause}, element.rapid);
+  if (!element.is_arc) {
+    compensation_.straight({.end = element.end, .cause = element.cause}, element.is_rapid);
   } else {
     program::ArcMove arc{.first = element.first,
                          .second = element.second,
@@ -227,33 +231,33 @@ void Contour::go_beside(const Element& element) {
                          .centre = {0, 0},
                          .placed_centre = element.centre,
                          .radius = element.radius,
-                         .clockwise = element.clockwise,
-                         .turns = element.turns,
+                         .clockwise = element.is_clockwise,
+                         .turns = element.turn_count,
                          .cause = element.cause,
                          .named = element.cause};
-    beside_.arc(std::move(arc));
+    compensation_.arc(std::move(arc));
   }
   canon_.set_feed(feed);
 }
 
-void Contour::make(const Element& element) {
+void Contour::issue(const ContourElement& element) {
   const auto feed = canon_.feed();
   const int line = canon_.line(), file = canon_.file();
   canon_.set_feed(element.feed);
   canon_.set_line(element.line, element.file);
-  if (element.round)
+  if (element.is_arc)
     canon_.arc({.first = element.first,
                 .second = element.second,
                 .end = element.end,
                 .centre = {0, 0},
                 .placed_centre = element.centre,
                 .radius = element.radius,
-                .clockwise = element.clockwise,
-                .turns = element.turns,
+                .clockwise = element.is_clockwise,
+                .turns = element.turn_count,
                 .cause = element.cause,
                 .named = element.cause,
                 .stated = element.stated});
-  else if (element.rapid)
+  else if (element.is_rapid)
     canon_.traverse({.end = element.end, .cause = element.cause, .stated = element.stated});
   else
     canon_.straight_feed({.end = element.end, .cause = element.cause, .stated = element.stated});

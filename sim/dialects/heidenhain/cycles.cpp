@@ -24,131 +24,131 @@ using program::FeedMode;
 
 namespace {
 
-// Reads at most five digits.
-int digits_at(Cursor& cursor) {
+// Parses at most five digits.
+int parse_digits(Cursor& cursor) {
   int number = 0;
-  for (int n = 0; n < 5 && is_digit(cursor.here()); ++n)
+  for (int n = 0; n < 5 && is_digit(cursor.current()); ++n)
     number = 10 * number + (cursor.text[cursor.at++] - '0');
   return number;
 }
 
 }  // namespace
 
-/// Examples: CYCL DEF 7.1 X+10 or CYCL DEF 200 DRILLING Q200=2.
-void Machine::cycle_definition(Words& words) {
+/// Executes CYCL DEF, for example CYCL DEF 7.1 X+10 or CYCL DEF 200 DRILLING Q200=2.
+void Machine::execute_cycle_definition(WordReader& words) {
   words.cursor.skip_blanks();
   const std::size_t from = words.cursor.at;
-  if (!is_digit(words.cursor.here())) words.refuse(from, "the number of a cycle");
-  const int number = digits_at(words.cursor);
+  if (!is_digit(words.cursor.current())) words.refuse(from, "the number of a cycle");
+  const int number = parse_digits(words.cursor);
   int part = -1;
-  if (words.cursor.here() == '.') {
+  if (words.cursor.current() == '.') {
     ++words.cursor.at;
-    part = digits_at(words.cursor);
+    part = parse_digits(words.cursor);
   }
   const Cause cause = words.cause(from);
   const std::string name = fmt::format("CYCL\u00a0DEF\u00a0{}", number);
-  const WordTableEntry* use = find_word(heidenhain_words(), name);
-  if (use == nullptr) {
-    cycle_ = {};  // calling a skipped cycle must not call the previous one
-    return run_.unknown(cause, "a cycle that is read");
+  const WordTableEntry* entry = find_word(heidenhain_words(), name);
+  if (entry == nullptr) {
+    cycle_ = {};  // a call of the skipped cycle must not run the previous one
+    return run_.handle_unknown_word(cause, "a cycle that is read");
   }
-  if (use->use == Use::Refused) {
-    run_.doubt(the_cycle);
-    refuse(cause, std::string(use->sentence));
+  if (entry->use == Use::Refused) {
+    run_.mark_uncertain(cycle_name);
+    refuse(cause, std::string(entry->sentence));
   }
-  // Block 7.0 of a new cycle ends a previous one.
-  if (part <= 0) require_whole_cycle(cause);
-  if (use->use == Use::WithoutEffect) return;
+  // Block n.0 begins a new cycle, so the previous one must be complete.
+  if (part <= 0) require_complete_cycle(cause);
+  if (entry->use == Use::WithoutEffect) return;
   // A new definition ends the modal call of M89.
-  modal_cycle_ = false;
+  is_cycle_modal_ = false;
   if (part > 0 && (!old_cycle_ || old_cycle_->first != number))
     refuse(cause, fmt::format("CYCL DEF {}.0 in the block before", number));
   if (part >= 0) old_cycle_ = {number, part};
-  if (part >= 0) return old_cycle(number, part, from, words);
-  run_.define(the_cycle, [&] { new_cycle(number, from, words); });
+  if (part >= 0) return execute_old_cycle(number, part, from, words);
+  run_.define(cycle_name, [&] { define_q_cycle(number, from, words); });
 }
 
-/// Throws BadInput if the name of a cycle, CYCL DEF 7.0, was not followed by its values.
-void Machine::require_whole_cycle(const Cause& cause) {
-  const auto begun = std::exchange(old_cycle_, std::nullopt);
-  if (begun && begun->second == 0)
-    refuse(cause, fmt::format("CYCL DEF {0}.1 behind CYCL DEF {0}.0", begun->first));
+/// Throws BadInput if the block with the name of a cycle, CYCL DEF 7.0, has no block with values
+/// behind it.
+void Machine::require_complete_cycle(const Cause& cause) {
+  const auto cycle = std::exchange(old_cycle_, std::nullopt);
+  if (cycle && cycle->second == 0)
+    refuse(cause, fmt::format("CYCL DEF {0}.1 behind CYCL DEF {0}.0", cycle->first));
 }
 
-void Machine::old_cycle(int number, int part, std::size_t from, Words& words) {
-  if (part == 0) return;  // the name of the cycle
+void Machine::execute_old_cycle(int number, int part, std::size_t from, WordReader& words) {
+  if (part == 0) return;  // part 0 has only the name of the cycle
   switch (number) {
     case 7:
-      return datum_shift(words);
+      return execute_datum_shift(words);
     case 8:
-      // Values of mirror image and scaling are accepted only if they have no effect.
       if (!words.at_end()) words.refuse(words.cursor.at, "no axis: nothing is mirrored");
       return;
     case 9: {
-      if (!words.cursor.take("DWELL")) words.refuse(words.cursor.at, "DWELL and seconds");
-      const double seconds = words.value();
-      words.ends();
+      if (!words.cursor.accept("DWELL")) words.refuse(words.cursor.at, "DWELL and seconds");
+      const double seconds = words.read_value();
+      words.expect_end();
       return canon_.dwell(seconds, words.cause(from));
     }
     case 10:
-      return cycle_rotation(words);
+      return execute_rotation_cycle(words);
     case 11: {
       if (words.at_end()) return;
-      if (!words.cursor.take("SCL")) words.refuse(words.cursor.at, "SCL and a factor");
+      if (!words.cursor.accept("SCL")) words.refuse(words.cursor.at, "SCL and a factor");
       const std::size_t at = words.cursor.at;
-      if (words.value() != 1.0) words.refuse(at, "SCL 1: nothing is scaled");
-      return words.ends();
+      if (words.read_value() != 1.0) words.refuse(at, "SCL 1: nothing is scaled");
+      return words.expect_end();
     }
     case 19:
-      return cycle_plane(words);
+      return execute_plane_cycle(words);
     default:
       words.refuse(from, "CYCL DEF with Q parameters");
   }
 }
 
-/// Reads shifts of cycle 7 and of TRANS DATUM AXIS, for example X+10 IY-5.
-void Machine::datum_shift(Words& words) {
+/// Executes the shifts of cycle 7 and of TRANS DATUM AXIS, for example X+10 IY-5.
+void Machine::execute_datum_shift(WordReader& words) {
   while (!words.at_end()) {
     const std::size_t from = words.cursor.at;
-    if (words.cursor.here() == '#')
+    if (words.cursor.current() == '#')
       words.refuse(from, "a shift in words: datum tables are not read");
-    const std::string name = words.name();
-    const bool step = name.size() == 2 && name[0] == 'I';
-    if (name.size() != 1 && !step) words.refuse(from, "an axis and its shift");
-    const double number = words.value();
-    shift_axis(name.back(), number, step, words.cause(from));
+    const std::string name = words.read_name();
+    const bool is_incremental = name.size() == 2 && name[0] == 'I';
+    if (name.size() != 1 && !is_incremental) words.refuse(from, "an axis and its shift");
+    const double number = words.read_value();
+    set_axis_shift(name.back(), number, is_incremental, words.cause(from));
   }
   apply_frame({1, "CYCL DEF 7"});
 }
 
-/// Sets the shift of an axis. Of a shift from before the plane only its end is known, and that
+/// Sets the shift of an axis. Within a plane a shift from before the plane can only be ended, which
 /// takes effect when the plane ends.
-void Machine::shift_axis(char letter, double value, bool step, const Cause& cause) {
+void Machine::set_axis_shift(char letter, double value, bool is_incremental, const Cause& cause) {
   const int j = joint_of(letter, cause);
   value *= canon_.is_linear(j) ? unit() : units::deg;
-  const bool of_place = letter >= 'X' && letter <= 'Z';
-  if (of_place && plane_ && (outer_shift_.norm() > 0 || shift_doubt_ != 0)) {
+  const bool is_xyz = letter >= 'X' && letter <= 'Z';
+  if (is_xyz && plane_ && (outer_shift_.norm() > 0 || uncertain_shifts_ != 0)) {
     if (value != 0.0)
       refuse(cause,
              "0, or PLANE RESET before it: a datum shift from before the tilted plane is in force");
-    double& outer = outer_shift_[letter - 'X'];
-    if (step || outer == 0.0) return;
-    outer = 0.0;
-    shift_doubt_ |= shift_bit(letter);
+    double& outer_shift = outer_shift_[letter - 'X'];
+    if (is_incremental || outer_shift == 0.0) return;
+    outer_shift = 0.0;
+    uncertain_shifts_ |= shift_bit(letter);
     return;
   }
-  if (of_place && !plane_) {
+  if (is_xyz && !plane_) {
     // An increment of an uncertain shift would be uncertain too.
-    if (step && (shift_doubt_ & shift_bit(letter)))
+    if (is_incremental && (uncertain_shifts_ & shift_bit(letter)))
       refuse(cause, "an absolute shift behind PLANE RESET: that within the plane was another");
-    shift_doubt_ &= ~shift_bit(letter);
+    uncertain_shifts_ &= ~shift_bit(letter);
   }
-  datum_shift_[j] = step ? datum_shift_[j] + value : value;
+  datum_shift_[j] = is_incremental ? datum_shift_[j] + value : value;
 }
 
 /// Throws BadInput unless the origin of X Y Z is known.
 void Machine::require_certain_shift(const Cause& cause) const {
-  if (shift_doubt_ == 0) return;
+  if (uncertain_shifts_ == 0) return;
   if (plane_)
     refuse(
         cause,
@@ -157,40 +157,41 @@ void Machine::require_certain_shift(const Cause& cause) const {
          "those of the tilted plane that was reset");
 }
 
-void Machine::cycle_rotation(Words& words) {
+void Machine::execute_rotation_cycle(WordReader& words) {
   words.cursor.skip_blanks();
   const std::size_t from = words.cursor.at;
-  const std::string name = words.name();
+  const std::string name = words.read_name();
   if (name != "ROT" && name != "IROT") words.refuse(from, "ROT and an angle");
-  const double angle = words.value() * units::deg;
-  words.ends();
-  if (name == "IROT" && (shift_doubt_ & turn_bit)) words.refuse(from, "ROT behind PLANE RESET");
-  // Restored on an error, so that later blocks count from the old rotation.
-  const double before = turn_;
-  turn_ = name == "IROT" ? turn_ + angle : angle;
+  const double angle = words.read_value() * units::deg;
+  words.expect_end();
+  if (name == "IROT" && (uncertain_shifts_ & rotation_bit))
+    words.refuse(from, "ROT behind PLANE RESET");
+  // An error restores the rotation, so that later blocks count from it.
+  const double previous_rotation = rotation_;
+  rotation_ = name == "IROT" ? rotation_ + angle : angle;
   try {
     apply_frame(words.cause(from));
   } catch (const BadInput&) {
-    turn_ = before;
+    rotation_ = previous_rotation;
     throw;
   }
-  shift_doubt_ &= ~turn_bit;
+  uncertain_shifts_ &= ~rotation_bit;
   tangent_.reset();
 }
 
-/// Cycle 19: spatial angles; the axes are positioned by blocks behind it.
-void Machine::cycle_plane(Words& words) {
-  Positioning how;
-  how.cause = {1, "CYCL DEF 19"};
-  if (words.at_end()) return untilt(how);
+/// Executes cycle 19, which states spatial angles. Blocks behind it position the axes.
+void Machine::execute_plane_cycle(WordReader& words) {
+  RotaryPositioning positioning;
+  positioning.cause = {1, "CYCL DEF 19"};
+  if (words.at_end()) return reset_plane(positioning);
   std::array<double, 3> angles{};
   while (!words.at_end()) {
     const std::size_t from = words.cursor.at;
-    const std::string name = words.name();
+    const std::string name = words.read_name();
     if (name.size() == 1 && name[0] >= 'A' && name[0] <= 'C')
-      angles[std::size_t(name[0] - 'A')] = words.value() * units::deg;
+      angles[std::size_t(name[0] - 'A')] = words.read_value() * units::deg;
     else if (name == "F" || name == "DIST" || name == "ABST")
-      words.value();  // used by machines whose cycle positions the axes
+      words.read_value();  // for machines on which the cycle positions the axes
     else
       words.refuse(from, "A, B and C");
   }
@@ -199,41 +200,42 @@ void Machine::cycle_plane(Words& words) {
       "are the positions");
   if (angles == std::array<double, 3>{}) {
     plane_axes_ = {};
-    return untilt(how);
+    return reset_plane(positioning);
   }
   const Matrix3d R = (Eigen::AngleAxisd(angles[2], Vector3d::UnitZ()) *
                       Eigen::AngleAxisd(angles[1], Vector3d::UnitY()) *
                       Eigen::AngleAxisd(angles[0], Vector3d::UnitX()))
                          .toRotationMatrix();
-  tilt(R, how);
+  set_plane(R, positioning);
 }
 
-/// Examples: TRANS DATUM AXIS X+10 or TRANS DATUM RESET.
-void Machine::trans(Words& words) {
+/// Executes TRANS, for example TRANS DATUM AXIS X+10 or TRANS DATUM RESET.
+void Machine::execute_trans(WordReader& words) {
   words.cursor.skip_blanks();
   const std::size_t from = words.cursor.at;
-  if (contour_.beside()) words.refuse(from, "R0 before TRANS");
-  if (words.take("ROTATION")) {
-    if (words.take("RESET")) {
-      turn_ = 0.0;
-      shift_doubt_ &= ~turn_bit;
+  if (contour_.is_compensated()) words.refuse(from, "R0 before TRANS");
+  if (words.accept("ROTATION")) {
+    if (words.accept("RESET")) {
+      rotation_ = 0.0;
+      uncertain_shifts_ &= ~rotation_bit;
       return apply_frame(words.cause(from));
     }
-    return cycle_rotation(words);
+    return execute_rotation_cycle(words);
   }
-  if (!words.take("DATUM")) words.refuse(from, "DATUM or ROTATION after TRANS");
-  if (words.take("AXIS")) return datum_shift(words);
-  if (!words.take("RESET"))
+  if (!words.accept("DATUM")) words.refuse(from, "DATUM or ROTATION after TRANS");
+  if (words.accept("AXIS")) return execute_datum_shift(words);
+  if (!words.accept("RESET"))
     words.refuse(words.cursor.at, "AXIS or RESET: datum tables are not read");
-  words.ends();
+  words.expect_end();
   for (const char letter : std::string_view("XYZABCUVW"))
-    if (canon_.joint_of(letter) >= 0) shift_axis(letter, 0.0, false, words.cause(from));
+    if (canon_.joint_of(letter) >= 0) set_axis_shift(letter, 0.0, false, words.cause(from));
   apply_frame(words.cause(from));
 }
 
-/// Selects a preset: 1 to 6 may be G54 to G59 of the scene. Datum shift and rotation end.
-void Machine::choose_preset(int number, const Cause& cause) {
-  if (contour_.beside()) refuse(cause, "R0 before another preset");
+/// Selects a preset, which ends datum shift and rotation. Presets 1 to 6 are G54 to G59 of the
+/// scene.
+void Machine::select_preset(int number, const Cause& cause) {
+  if (contour_.is_compensated()) refuse(cause, "R0 before another preset");
   if (plane_) refuse(cause, "PLANE RESET before another preset");
   const bool is_preset = number >= 1 && number <= max_preset;
   if (!is_preset || (number > 6 && !canon_.options().more_offset.contains(preset_system(number))))
@@ -242,8 +244,8 @@ void Machine::choose_preset(int number, const Cause& cause) {
            "(`offsets`)");
   preset_ = preset_system(number) - 1;
   datum_shift_.setZero();
-  turn_ = 0.0;
-  shift_doubt_ = 0;
+  rotation_ = 0.0;
+  uncertain_shifts_ = 0;
   tangent_.reset();
   apply_frame(cause);
 }
@@ -252,15 +254,15 @@ void Machine::choose_preset(int number, const Cause& cause) {
 
 namespace {
 
-constexpr double rapid_feed = 99999.0;  // a feed of a cycle from here on is FMAX
-// Bounds a hole whose infeed is far below any chip.
+constexpr double min_rapid_feed = 99999.0;  // a feed of a cycle from here on is FMAX
+// Bounds the moves of a hole whose infeed is far below any chip thickness.
 constexpr int max_pecks = 100000;
 
 // Parameters of a cycle.
 struct CycleEntry {
   int number;
-  std::array<int, 16> parameters;  ///< the first `needed` ones are mandatory
-  int needed;
+  std::array<int, 16> parameters;  ///< the first `mandatory_count` ones are mandatory
+  int mandatory_count;
 };
 
 // Q200 set-up clearance, Q201 depth, Q203 surface, Q204 second set-up clearance, Q206 feed.
@@ -277,8 +279,8 @@ constexpr CycleEntry cycles[] = {
 };
 
 const CycleEntry* find_cycle_entry(int number) {
-  for (const CycleEntry& one : cycles)
-    if (one.number == number) return &one;
+  for (const CycleEntry& cycle : cycles)
+    if (cycle.number == number) return &cycle;
   return nullptr;
 }
 
@@ -286,99 +288,97 @@ bool is_feed_parameter(int number) { return (number >= 206 && number <= 208) || 
 
 }  // namespace
 
-void Machine::new_cycle(int number, std::size_t from, Words& words) {
-  const CycleEntry* fact = find_cycle_entry(number);
-  if (fact == nullptr) words.refuse(from, "a point and a part number, as CYCL DEF 7.1");
+void Machine::define_q_cycle(int number, std::size_t from, WordReader& words) {
+  const CycleEntry* entry = find_cycle_entry(number);
+  if (entry == nullptr) words.refuse(from, "a point and a part number, as CYCL DEF 7.1");
   Cycle cycle{.number = number, .line = canon_.line(), .values = {}};
   while (!words.at_end()) {
     const std::size_t at = words.cursor.at;
-    const std::string name = words.name();
-    if (name != "Q" || !is_digit(words.cursor.here())) {
+    const std::string name = words.read_name();
+    if (name != "Q" || !is_digit(words.cursor.current())) {
       if (cycle.values.empty() && !name.empty()) continue;  // the name of the cycle
       words.refuse(at, "Q and a number");
     }
-    const int q = words.whole(1999);
-    const bool known =
-        std::find(fact->parameters.begin(), fact->parameters.end(), q) != fact->parameters.end() ||
-        (number == 205 && q == 395);
-    if (!known) words.refuse(at, fmt::format("a parameter of cycle {}", number));
-    if (!words.cursor.take("=")) words.refuse(words.cursor.at, "= after a parameter");
-    const double value = cycle_word(q, cycle.per_turn, words);
+    const int q = words.read_whole_number(1999);
+    const bool is_parameter = std::ranges::find(entry->parameters, q) != entry->parameters.end() ||
+                              (number == 205 && q == 395);
+    if (!is_parameter) words.refuse(at, fmt::format("a parameter of cycle {}", number));
+    if (!words.cursor.accept("=")) words.refuse(words.cursor.at, "= after a parameter");
+    const double value = read_cycle_value(q, cycle.per_revolution, words);
     cycle.values[q] = value;
     if (on_parameter) on_parameter(q, value);
   }
-  for (int i = 0; i < fact->needed; ++i)
-    if (!cycle.values.contains(fact->parameters[std::size_t(i)]))
+  for (int i = 0; i < entry->mandatory_count; ++i)
+    if (!cycle.values.contains(entry->parameters[std::size_t(i)]))
       words.cursor.refuse(
-          from, fmt::format("Q{} of cycle {}", fact->parameters[std::size_t(i)], number), "none");
-  // Cycle 247 selects a preset and is executed at once.
+          from, fmt::format("Q{} of cycle {}", entry->parameters[std::size_t(i)], number), "none");
+  // Cycle 247 selects a preset at its definition.
   if (number == 247) {
     const double preset = cycle.values[339];
     const bool is_whole = preset == std::floor(preset) && preset >= 0.0 && preset <= max_preset;
-    return choose_preset(is_whole ? int(preset) : -1, words.cause(from));
+    return select_preset(is_whole ? int(preset) : -1, words.cause(from));
   }
   cycle_ = std::move(cycle);
   check_cycle(words.cause(from));
 }
 
-/// Returns the value of a parameter of a cycle; a feed may be written as in a block, with or
-/// without F.
-double Machine::cycle_word(int q, std::set<int>& per_turn, Words& words) const {
+/// Parses the value of a parameter of a cycle. A feed may be written as in a block, with or without
+/// F. Parameters that are feeds per revolution are added to `per_revolution`.
+double Machine::read_cycle_value(int q, std::set<int>& per_revolution, WordReader& words) const {
   words.cursor.skip_blanks();
   const std::size_t from = words.cursor.at;
-  Words ahead = words;
-  const std::string name = ahead.name();
-  if (!is_feed_parameter(q) || name.empty() || name.front() == 'Q') return words.value();
+  WordReader ahead = words;
+  const std::string name = ahead.read_name();
+  if (!is_feed_parameter(q) || name.empty() || name.front() == 'Q') return words.read_value();
   words.cursor.at = ahead.cursor.at;
-  const FeedValue feed = feed_value(name.substr(name.front() == 'F' ? 1 : 0), words, from);
-  if (feed.word == FeedWord::PerTurn) per_turn.insert(q);
-  return feed.word == FeedWord::Rapid ? 99999.9 : feed.value;
+  const FeedValue feed = read_feed(name.substr(name.front() == 'F' ? 1 : 0), words, from);
+  if (feed.kind == FeedKind::PerRevolution) per_revolution.insert(q);
+  return feed.kind == FeedKind::Rapid ? 99999.9 : feed.value;
 }
 
 /// Throws BadInput for settings of a cycle that are not supported, before it runs.
 void Machine::check_cycle(const Cause& cause) {
-  const auto only = [&](int q, double value, const char* sentence) {
+  const auto require = [&](int q, double value, const char* sentence) {
     if (cycle_value(q, value) == value) return;
-    // The cycle is discarded, so that calls report no further errors.
+    // Without a cycle number calls report no further errors.
     cycle_.number = 0;
     refuse(cause, sentence, fmt::format("Q{} = {:.6g}", q, cycle_.values[q]));
   };
-  only(395, 0, "Q395=0: depths are those of the tip, the angle of a drill is not known");
-  only(343, 0, "Q343=0: the depth by Q201, the angle of a drill is not known");
-  only(379, 0, "Q379=0: no deepened start");
+  require(395, 0, "Q395=0: depths are those of the tip, the angle of a drill is not known");
+  require(343, 0, "Q343=0: the depth by Q201, the angle of a drill is not known");
+  require(379, 0, "Q379=0: no deepened start");
   if (cycle_value(258, 0) != cycle_value(259, cycle_value(258, 0)))
-    only(259, cycle_value(258, 0), "Q259 as Q258: between them the distance is not known");
+    require(259, cycle_value(258, 0), "Q259 as Q258: between them the distance is not known");
   const double depth = cycle_value(201);
-  if (depth > 0) only(201, 0, "Q201 below zero");
-  const bool pecks = cycle_.number == 200 || cycle_.number == 203 || cycle_.number == 205;
-  if (pecks && !(cycle_value(202) > 0)) only(202, 1, "Q202 above zero");
-  if (cycle_.number == 207 && cycle_value(239) == 0) only(239, 1, "Q239 that is not zero");
-  for (const int q : {206})
-    if (cycle_.values.contains(q) && !(cycle_.values[q] > 0)) only(q, 1, "Q206 above zero");
+  if (depth > 0) require(201, 0, "Q201 below zero");
+  const bool has_infeeds = cycle_.number == 200 || cycle_.number == 203 || cycle_.number == 205;
+  if (has_infeeds && !(cycle_value(202) > 0)) require(202, 1, "Q202 above zero");
+  if (cycle_.number == 207 && cycle_value(239) == 0) require(239, 1, "Q239 that is not zero");
+  if (cycle_.values.contains(206) && !(cycle_.values[206] > 0)) require(206, 1, "Q206 above zero");
   for (const int q : {200, 204, 210, 211, 212, 213, 205, 256, 257, 258, 208})
-    if (cycle_value(q, 0) < 0) only(q, 0, "a value that is not below zero");
+    if (cycle_value(q, 0) < 0) require(q, 0, "a value that is not below zero");
 }
 
 double Machine::cycle_value(int number) const { return cycle_.values.at(number); }
 
-double Machine::cycle_value(int number, double otherwise) const {
-  const auto found = cycle_.values.find(number);
-  return found == cycle_.values.end() ? otherwise : found->second;
+double Machine::cycle_value(int number, double default_value) const {
+  const auto value = cycle_.values.find(number);
+  return value == cycle_.values.end() ? default_value : value->second;
 }
 
-/// Examples: CYCL CALL M3 or CYCL CALL POS X+10 Y+20 Z+0 FMAX.
-void Machine::cycle_call(Words& words) {
+/// Executes CYCL CALL, for example CYCL CALL M3 or CYCL CALL POS X+10 Y+20 Z+0 FMAX.
+void Machine::call_cycle(WordReader& words) {
   words.cursor.skip_blanks();
   const std::size_t from = words.cursor.at;
-  const bool at_place = words.take("POS");
-  if (words.take("PAT"))
+  const bool has_position = words.accept("POS");
+  if (words.accept("PAT"))
     words.refuse(from, "CYCL CALL, CYCL CALL POS or M99: patterns are not read");
-  Move move = read_move("", words.cursor.at, words);
-  move.cause = {int(from) + 1, at_place ? "CYCL CALL POS" : "CYCL CALL"};
+  MotionBlock move = read_move("", words.cursor.at, words);
+  move.cause = {int(from) + 1, has_position ? "CYCL CALL POS" : "CYCL CALL"};
   apply_functions_before_motion(move);
   set_feed(move);
   double surface = 0.0;
-  if (at_place) {
+  if (has_position) {
     const Target target = block_target(move);
     const int z = joint_of('Z', move.cause);
     for (const char letter : {'X', 'Y', 'Z'})
@@ -386,16 +386,16 @@ void Machine::cycle_call(Words& words) {
         refuse(move.cause, "X, Y and Z after CYCL CALL POS");
     surface = canon_.unplaced(canon_.end_of(target))[z];
     require_cycle(move.cause);
-    const double r = surface + (cycle_value(203) + cycle_value(200)) * unit();
-    Target plane;
+    const double clearance = surface + (cycle_value(203) + cycle_value(200)) * unit();
+    Target hole;
     for (const char letter : {'X', 'Y'}) {
       const int j = joint_of(letter, move.cause);
-      plane.to(j, canon_.unplaced(canon_.end_of(target))[j], move.cause);
+      hole.to(j, canon_.unplaced(canon_.end_of(target))[j], move.cause);
     }
-    // The tool first rises to the clearance, so that it does not move sideways through the part.
-    if (canon_.programmed()[z] < r) to_depth(r, true);
-    program::Straight straight{canon_.end_of(plane), move.cause, false, plane.stated()};
-    if (move.feed_word == FeedWord::Rapid)
+    // The tool first rises to the clearance, so that it cannot move sideways through the part.
+    if (canon_.programmed()[z] < clearance) move_to_depth(clearance, true);
+    program::Straight straight{canon_.end_of(hole), move.cause, false, hole.stated()};
+    if (move.feed_kind == FeedKind::Rapid)
       canon_.traverse(std::move(straight));
     else
       canon_.straight_feed(std::move(straight));
@@ -408,25 +408,26 @@ void Machine::cycle_call(Words& words) {
 }
 
 void Machine::require_cycle(const Cause& cause) const {
-  run_.require_certain(the_cycle, cause);
+  run_.require_certain(cycle_name, cause);
   if (cycle_.number == 0) refuse(cause, "CYCL DEF of a hole before it", "none");
 }
 
-/// Executes the cycle. `surface` is what the position of the call adds to Q203, mm.
+/// Executes the cycle. The position of the call adds `surface` to Q203, mm.
 void Machine::run_cycle(double surface, const Cause& cause) {
   require_cycle(cause);
   require_certain_shift(cause);
-  if (contour_.beside() || contour_.waits()) refuse(cause, "R0, and no corner, before a cycle");
+  if (contour_.is_compensated() || contour_.is_waiting())
+    refuse(cause, "R0, and no corner, before a cycle");
   joint_of('Z', cause);
   const double depth = cycle_value(201) * unit();
-  if (depth == 0.0) return;  // with a depth of zero the control does not run the cycle
+  if (depth == 0.0) return;  // the control does not run a cycle of depth zero
   surface += cycle_value(203) * unit();
-  const double r = surface + cycle_value(200) * unit();
+  const double clearance = surface + cycle_value(200) * unit();
   const auto feed = canon_.feed();
   const auto mode = canon_.feed_mode();
   // Feeds of cycles are per minute unless stated otherwise; the mode of the program is restored.
   canon_.set_feed_mode(FeedMode::PerMinute);
-  to_depth(r, true);
+  move_to_depth(clearance, true);
   switch (cycle_.number) {
     case 200:
       drill(surface, surface + depth);
@@ -448,13 +449,13 @@ void Machine::run_cycle(double surface, const Cause& cause) {
       ream(surface, surface + depth);
   }
   // The second clearance may be programmed below the first one.
-  to_depth(surface + std::max(cycle_value(204), cycle_value(200)) * unit(), true);
+  move_to_depth(surface + std::max(cycle_value(204), cycle_value(200)) * unit(), true);
   canon_.set_feed_mode(mode);
   canon_.set_feed(feed);
   tangent_.reset();
 }
 
-void Machine::to_depth(double z, bool rapid) {
+void Machine::move_to_depth(double z, bool rapid) {
   const int j = canon_.joint_of('Z');
   Target target;
   target.to(j, z, {1, {}});
@@ -465,167 +466,178 @@ void Machine::to_depth(double z, bool rapid) {
     canon_.straight_feed(std::move(straight));
 }
 
-/// Feeds to a level with the feed of a parameter, or of the other parameter if that is zero or not
-/// given.
-void Machine::feed_to(double z, int parameter, int otherwise) {
-  if (cycle_value(parameter, 0.0) == 0.0) parameter = otherwise;
+/// Feeds to a depth with the feed of a parameter, or with that of the default parameter if the
+/// first is zero or not programmed.
+void Machine::feed_to_depth(double z, int parameter, int default_parameter) {
+  if (cycle_value(parameter, 0.0) == 0.0) parameter = default_parameter;
   const double feed = cycle_value(parameter, 0.0);
-  if (feed >= rapid_feed) return to_depth(z, true);
-  if (cycle_.per_turn.contains(parameter)) {
+  if (feed >= min_rapid_feed) return move_to_depth(z, true);
+  if (cycle_.per_revolution.contains(parameter)) {
     canon_.set_feed_mode(FeedMode::PerRevolution);
     canon_.set_feed(Feed{feed, unit()});
   } else {
     canon_.set_feed(Feed{feed, canon_.inch() ? 0.1 * units::inch : 1.0});
   }
-  to_depth(z, false);
+  move_to_depth(z, false);
   canon_.set_feed_mode(FeedMode::PerMinute);
 }
 
-void Machine::wait(int parameter) { canon_.dwell(cycle_value(parameter, 0.0), {1, {}}); }
+void Machine::dwell(int parameter) { canon_.dwell(cycle_value(parameter, 0.0), {1, {}}); }
 
-/// Cycle 200: each infeed ends above the surface and begins one clearance above the last depth.
+/// Executes cycle 200: after each infeed the tool leaves the hole, and the next infeed begins one
+/// clearance above the last depth.
 void Machine::drill(double surface, double bottom) {
-  const double clear = cycle_value(200) * unit(), step = cycle_value(202) * unit();
-  check_infeeds(surface - bottom, step);
-  // 1e-9 mm: a remainder of rounding is no infeed.
-  for (double level = surface - step; level > bottom + 1e-9; level -= step) {
+  const double clearance = cycle_value(200) * unit(), infeed = cycle_value(202) * unit();
+  check_infeeds(surface - bottom, infeed);
+  // A remainder below 1e-9 mm is due to rounding and no infeed.
+  for (double level = surface - infeed; level > bottom + 1e-9; level -= infeed) {
     run_.count_block();
-    feed_to(level, 206, 206);
-    to_depth(surface + clear, true);
-    wait(210);
-    to_depth(level + clear, true);
+    feed_to_depth(level, 206, 206);
+    move_to_depth(surface + clearance, true);
+    dwell(210);
+    move_to_depth(level + clearance, true);
   }
-  feed_to(bottom, 206, 206);
-  wait(211);
+  feed_to_depth(bottom, 206, 206);
+  dwell(211);
 }
 
 void Machine::check_pecks(double pecks) const {
   if (!(pecks <= max_pecks)) refuse({1, {}}, "at most 1e5 infeeds in a hole", "more");
 }
 
-/// Checks the number of infeeds of constant depth before the first one is made.
-void Machine::check_infeeds(double depth, double step) const {
+/// Checks the number of equal infeeds before the first one is made.
+void Machine::check_infeeds(double depth, double infeed) const {
   constexpr double moves_per_infeed = 2.0;  // at least: in and out
-  check_pecks(depth / step);
-  run_.check_moves(moves_per_infeed * depth / step, {1, {}});
+  check_pecks(depth / infeed);
+  run_.check_moves(moves_per_infeed * depth / infeed, {1, {}});
 }
 
-/// Cycles 201 and 240.
+/// Executes cycles 201 and 240.
 void Machine::ream(double surface, double bottom) {
-  feed_to(bottom, 206, 206);
-  wait(211);
-  if (cycle_.number == 201) feed_to(surface + cycle_value(200) * unit(), 208, 206);
+  feed_to_depth(bottom, 206, 206);
+  dwell(211);
+  if (cycle_.number == 201) feed_to_depth(surface + cycle_value(200) * unit(), 208, 206);
 }
 
-/// Cycle 203: infeeds become smaller; chips are broken Q213 times before the tool leaves the hole.
+/// Executes cycle 203: infeeds become smaller, and chips are broken Q213 times before the tool
+/// leaves the hole.
 void Machine::peck_universal(double surface, double bottom) {
   // Without Q256 chips are broken by a retraction of 0.2 mm.
-  const double clear = cycle_value(200) * unit(), back = cycle_value(256, 0.2) * unit();
-  const double less = cycle_value(212, 0) * unit(), least = cycle_value(205, 0) * unit();
-  double step = cycle_value(202) * unit();
-  check_infeeds(surface - bottom, step);
-  int breaks = 0;
-  const int between = int(std::lround(std::min(cycle_value(213, 0), 1e6)));
+  const double clearance = cycle_value(200) * unit(), retraction = cycle_value(256, 0.2) * unit();
+  const double decrement = cycle_value(212, 0) * unit();
+  const double min_infeed = cycle_value(205, 0) * unit();
+  double infeed = cycle_value(202) * unit();
+  check_infeeds(surface - bottom, infeed);
+  int break_count = 0;
+  const int max_breaks = int(std::lround(std::min(cycle_value(213, 0), 1e6)));
   double level = surface;
   for (int pecks = 0;; ++pecks) {
     run_.count_block();
     check_pecks(pecks);
-    level = std::max(bottom, level - step);
-    feed_to(level, 206, 206);
+    level = std::max(bottom, level - infeed);
+    feed_to_depth(level, 206, 206);
     if (level <= bottom + 1e-9) break;
-    if (between > 0 && breaks < between) {
-      ++breaks;
-      feed_to(std::min(level + back, surface + clear), 208, 206);
+    if (max_breaks > 0 && break_count < max_breaks) {
+      ++break_count;
+      feed_to_depth(std::min(level + retraction, surface + clearance), 208, 206);
     } else {
-      breaks = 0;
-      feed_to(surface + clear, 208, 206);
-      wait(210);
-      to_depth(level + clear, true);
+      break_count = 0;
+      feed_to_depth(surface + clearance, 208, 206);
+      dwell(210);
+      move_to_depth(level + clearance, true);
     }
-    // Infeeds shrink by Q212 down to Q205.
-    if (less > 0) step = std::min(step, std::max(step - less, least));
-    if (!(step > 0)) refuse({1, {}}, "Q205 above zero beside Q212", "infeeds that come to nothing");
+    // Q212 reduces the infeeds down to Q205.
+    if (decrement > 0) infeed = std::min(infeed, std::max(infeed - decrement, min_infeed));
+    if (!(infeed > 0))
+      refuse({1, {}}, "Q205 above zero beside Q212", "infeeds that come to nothing");
   }
-  wait(211);
-  feed_to(surface + clear, 208, 206);
+  dwell(211);
+  feed_to_depth(surface + clearance, 208, 206);
 }
 
-/// Cycle 205: chips are broken every Q257, and the tool leaves the hole after every infeed.
+/// Executes cycle 205: chips are broken every Q257, and the tool leaves the hole after every
+/// infeed.
 void Machine::peck_deep(double surface, double bottom) {
-  const double clear = cycle_value(200) * unit(), back = cycle_value(256, 0.2) * unit();
-  const double less = cycle_value(212, 0) * unit(), least = cycle_value(205, 0) * unit();
-  const double chip = cycle_value(257, 0) * unit(), stop = cycle_value(258, 0.2) * unit();
-  double step = cycle_value(202) * unit(), level = surface;
-  check_infeeds(surface - bottom, step);
+  const double clearance = cycle_value(200) * unit(), retraction = cycle_value(256, 0.2) * unit();
+  const double decrement = cycle_value(212, 0) * unit();
+  const double min_infeed = cycle_value(205, 0) * unit();
+  const double break_infeed = cycle_value(257, 0) * unit();
+  const double stop_distance = cycle_value(258, 0.2) * unit();
+  double infeed = cycle_value(202) * unit(), level = surface;
+  check_infeeds(surface - bottom, infeed);
   for (int pecks = 0;; ++pecks) {
     check_pecks(pecks);
-    const double next = std::max(bottom, level - step);
-    if (chip > 0) {
-      check_infeeds(level - next, chip);
-      for (double part = level - chip; part > next + 1e-9; part -= chip) {
+    const double next_level = std::max(bottom, level - infeed);
+    if (break_infeed > 0) {
+      check_infeeds(level - next_level, break_infeed);
+      for (double break_level = level - break_infeed; break_level > next_level + 1e-9;
+           break_level -= break_infeed) {
         run_.count_block();
-        feed_to(part, 206, 206);
-        to_depth(part + back, true);
+        feed_to_depth(break_level, 206, 206);
+        move_to_depth(break_level + retraction, true);
       }
     }
     run_.count_block();
-    feed_to(next, 206, 206);
-    level = next;
+    feed_to_depth(next_level, 206, 206);
+    level = next_level;
     if (level <= bottom + 1e-9) break;
-    to_depth(surface + clear, true);
-    // Back at rapid to the stop distance above the last depth.
-    to_depth(std::min(level + stop, surface + clear), true);
-    if (less > 0) step = std::min(step, std::max(step - less, least));
-    if (!(step > 0)) refuse({1, {}}, "Q205 above zero beside Q212", "infeeds that come to nothing");
+    move_to_depth(surface + clearance, true);
+    // The tool returns at rapid to the stop distance above the last depth.
+    move_to_depth(std::min(level + stop_distance, surface + clearance), true);
+    if (decrement > 0) infeed = std::min(infeed, std::max(infeed - decrement, min_infeed));
+    if (!(infeed > 0))
+      refuse({1, {}}, "Q205 above zero beside Q212", "infeeds that come to nothing");
   }
-  wait(211);
-  feed_to(surface + clear, 208, 206);
+  dwell(211);
+  feed_to_depth(surface + clearance, 208, 206);
 }
 
-/// Cycle 202: out with the spindle at rest, 0.2 mm off the wall in the direction of Q214.
+/// Executes cycle 202: the tool leaves the hole with the spindle at rest, 0.2 mm off the wall in
+/// the direction of Q214.
 void Machine::bore(double surface, double bottom) {
-  feed_to(bottom, 206, 206);
-  wait(211);
-  const int turns = canon_.spindle_direction();
-  const double way = cycle_value(214, 0);
-  const int j = canon_.joint_of(way == 1 || way == 3 ? 'X' : 'Y');
-  const double off = way == 1 || way == 2 ? -0.2 : 0.2;  // mm
-  if (way != 0 && (j < 0 || (way != 1 && way != 2 && way != 3 && way != 4)))
+  feed_to_depth(bottom, 206, 206);
+  dwell(211);
+  const int spindle_direction = canon_.spindle_direction();
+  const double direction = cycle_value(214, 0);
+  const int j = canon_.joint_of(direction == 1 || direction == 3 ? 'X' : 'Y');
+  const double lift = direction == 1 || direction == 2 ? -0.2 : 0.2;  // mm
+  if (direction != 0 &&
+      (j < 0 || (direction != 1 && direction != 2 && direction != 3 && direction != 4)))
     refuse({1, {}}, "Q214 of 0 to 4");
-  const auto aside = [&](double by) {
-    if (way == 0) return;
+  const auto move_sideways = [&](double distance) {
+    if (direction == 0) return;
     Target target;
-    target.by(j, by, {1, {}});
+    target.by(j, distance, {1, {}});
     canon_.traverse({.end = canon_.end_of(target), .cause = {1, {}}});
   };
   canon_.turn_spindle(0);
-  aside(off);
-  feed_to(surface + cycle_value(200) * unit(), 208, 206);
-  aside(-off);
-  canon_.turn_spindle(turns);
+  move_sideways(lift);
+  feed_to_depth(surface + cycle_value(200) * unit(), 208, 206);
+  move_sideways(-lift);
+  canon_.turn_spindle(spindle_direction);
 }
 
-/// Cycle 207 at the feed of the pitch, cycle 206 at its own feed.
+/// Executes tapping: cycle 207 at the feed of the pitch, cycle 206 at its own feed.
 void Machine::tap(double surface, double bottom) {
-  const int turns = canon_.spindle_direction();
+  const int spindle_direction = canon_.spindle_direction();
   const double top = surface + cycle_value(200) * unit();
   if (cycle_.number == 207) {
     const double pitch = cycle_value(239);
     // A negative pitch is a left-hand thread.
-    const int in = pitch > 0 ? 1 : -1;
+    const int thread_direction = pitch > 0 ? 1 : -1;
     canon_.set_feed_mode(FeedMode::PerRevolution);
     canon_.set_feed(Feed{std::abs(pitch), unit()});
-    canon_.turn_spindle(in);
-    to_depth(bottom, false);
-    canon_.turn_spindle(-in);
-    to_depth(top, false);
+    canon_.turn_spindle(thread_direction);
+    move_to_depth(bottom, false);
+    canon_.turn_spindle(-thread_direction);
+    move_to_depth(top, false);
   } else {
-    feed_to(bottom, 206, 206);
-    canon_.turn_spindle(-turns);
-    wait(211);
-    feed_to(top, 206, 206);
+    feed_to_depth(bottom, 206, 206);
+    canon_.turn_spindle(-spindle_direction);
+    dwell(211);
+    feed_to_depth(top, 206, 206);
   }
-  canon_.turn_spindle(turns);
+  canon_.turn_spindle(spindle_direction);
 }
 
 }  // namespace abbe::sim::dialects::heidenhain

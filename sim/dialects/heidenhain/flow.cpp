@@ -18,26 +18,26 @@ namespace abbe::sim::dialects::heidenhain {
 
 namespace {
 
-/// Returns the first letters of a line behind its number, in upper case.
+/// Returns the first letters of a line behind its number in upper case. Returns "?" for a line that
+/// begins with another character, and an empty text for a line without words.
 std::string first_word(std::string_view line) {
   std::size_t at = 0;
   while (at < line.size() && (is_blank(line[at]) || is_digit(line[at]) || line[at] == '/')) ++at;
   std::string word;
   while (at < line.size() && is_letter(line[at]) && word.size() < 8) word += upper(line[at++]);
-  // A line that begins with another character is not empty.
   if (word.empty() && at < line.size() && line[at] != ';' && line[at] != '*') word = "?";
   return word;
 }
 
-/// Returns the label behind LBL in a line, as in CALL LBL 5 or GOTO LBL "END"; empty if there is
-/// none.
-std::string label_at(std::string_view line) {
+/// Returns the label behind LBL in a line, as in CALL LBL 5 or GOTO LBL "END". Returns an empty
+/// text if there is none.
+std::string find_label(std::string_view line) {
   std::size_t at = line.find("LBL");
   if (at == std::string_view::npos) return {};
   at += 3;
   while (at < line.size() && is_blank(line[at])) ++at;
-  const bool quoted = at < line.size() && line[at] == '"';
-  const std::size_t end = quoted ? line.find('"', at + 1) : line.find_first_of(" \t;~", at);
+  const bool is_quoted = at < line.size() && line[at] == '"';
+  const std::size_t end = is_quoted ? line.find('"', at + 1) : line.find_first_of(" \t;~", at);
   return std::string(line.substr(at, end == std::string_view::npos ? end : end - at));
 }
 
@@ -53,43 +53,42 @@ Flow::Flow(std::string_view text, ProgramRun& run)
 }
 
 void Flow::run() {
-  run_.start([&](std::string_view code) {
+  run_.run_startup_code([&](std::string_view code) {
     read_block({code}, 0, block_);
-    block();
+    execute_block();
   });
-  while (!ended_ && !run_.is_aborted()) {
-    const Call& now = calls_.back();
-    // END PGM is missing: the file ends the program.
-    if (at_ >= now.source->lines.size()) {
-      run_.attempt([&] { end_program(); });
+  while (!has_ended_ && !run_.is_aborted()) {
+    const Call& call = calls_.back();
+    // Without END PGM the end of the file ends the program.
+    if (line_index_ >= call.source->lines.size()) {
+      run_.try_block([&] { end_program(); });
       continue;
     }
-    run_.canon.set_line(int(at_) + 1, now.source->file);
-    run_.attempt([&] {
-      read_block(now.source->lines, at_, block_);
-      at_ += block_.lines;
+    run_.canon.set_line(int(line_index_) + 1, call.source->file);
+    run_.try_block([&] {
+      read_block(call.source->lines, line_index_, block_);
+      line_index_ += block_.line_count;
       try {
-        block();
-        // Limits and consequences of other errors keep their own location.
+        execute_block();
       } catch (const ProgramLimitExceeded&) {
+        // Limits and consequences of other errors have locations in the file already.
         throw;
       } catch (const program::BadGeometry&) {
         throw;
       } catch (const program::FollowingError&) {
         throw;
-      } catch (const BadInput& fault) {
-        throw relocate_error(block_, fault);
+      } catch (const BadInput& input_error) {
+        throw relocate_error(block_, input_error);
       }
     });
-    ended_ = ended_ || machine_.ended();
+    has_ended_ = has_ended_ || machine_.has_ended();
   }
-  run_.attempt([&] { machine_.finish(); });
-  warn_unread();
+  run_.try_block([&] { machine_.finish(); });
+  warn_of_unread_lines();
 }
 
-/// Warns of text behind the end of the program: subprograms that no CALL LBL or jump names, and
-/// everything behind END PGM.
-void Flow::warn_unread() {
+/// Warns of unread text: subprograms that no CALL LBL or jump names, and everything behind END PGM.
+void Flow::warn_of_unread_lines() {
   const std::vector<std::string_view>& lines = sources_.front()->lines;
   std::vector<Section> sections = {{}};
   for (std::size_t i = 0; i < lines.size(); ++i) {
@@ -97,62 +96,62 @@ void Flow::warn_unread() {
     sections.back().end = i;
     // A label begins a section, LBL 0 ends one.
     if (word == "LBL") {
-      const std::size_t first = label_at(lines[i]) == "0" ? i + 1 : i;
+      const std::size_t first = find_label(lines[i]) == "0" ? i + 1 : i;
       sections.push_back({first, first});
     }
     if (word == "END") sections.push_back({i + 1, i + 1});
   }
   sections.back().end = std::max(sections.back().first, lines.size());
-  std::map<std::string, int> named;
-  for (const std::string_view line : lines) ++named[label_at(line)];
-  // A label named more than once is called or jumped to somewhere.
+  std::map<std::string, int> label_counts;
+  for (const std::string_view line : lines) ++label_counts[find_label(line)];
+  // A label that occurs more than once is the target of a call or jump.
   std::erase_if(sections, [&](const Section& section) {
     return section.first < lines.size() && first_word(lines[section.first]) == "LBL" &&
-           named[label_at(lines[section.first])] > 1;
+           label_counts[find_label(lines[section.first])] > 1;
   });
-  run_.warn_unread(lines, sections);
+  run_.warn_of_unread_lines(lines, sections);
 }
 
-/// Returns true if the block that follows rounds or bevels the corner at the end of this one.
-bool Flow::before_corner(const Call& now, std::size_t line) const {
-  constexpr std::size_t furthest = 20;  // lines; comments may stand between them
-  for (std::size_t i = line; i < now.source->lines.size() && i < line + furthest; ++i) {
-    const std::string word = first_word(now.source->lines[i]);
+/// Returns true if the next block rounds or bevels the corner at the end of this one.
+bool Flow::is_corner_next(const Call& call, std::size_t line) const {
+  constexpr std::size_t max_searched_lines = 20;  // comments may stand between the blocks
+  const std::vector<std::string_view>& lines = call.source->lines;
+  for (std::size_t i = line; i < lines.size() && i < line + max_searched_lines; ++i) {
+    const std::string word = first_word(lines[i]);
     if (word.empty()) continue;
     return word == "RND" || word == "CHF";
   }
   return false;
 }
 
-void Flow::block() {
+void Flow::execute_block() {
   if (!block_.comment.empty()) run_.canon.comment(block_.comment);
-  Words words({block_.text, run_.canon.place(),
-               block_.pieces.empty() ? 0
-               : block_.lines == 1   ? block_.pieces[0].offset
-                                     : 0},
-              *this);
-  if (words.at_end() || block_.pieces.empty()) return;
+  WordReader words({block_.text, run_.canon.place(),
+                    block_.block_lines.empty() ? 0
+                    : block_.line_count == 1   ? block_.block_lines[0].offset
+                                               : 0},
+                   *this);
+  if (words.at_end() || block_.block_lines.empty()) return;
   run_.count_block();
-  // A skipped block is parsed for its extent but not executed.
-  if (block_.skipped && run_.skips(0)) return run_.discount_block();
+  if (block_.is_skipped && run_.skips_block(0)) return run_.discount_block();
   const std::size_t from = words.cursor.at;
   // A block that begins with a parameter is an assignment.
-  if (const auto parameter = parameter_at(words.cursor)) return assign(words, *parameter);
+  if (const auto parameter = parse_parameter(words.cursor))
+    return execute_assignment(words, *parameter);
   words.cursor.at = from;
-  const std::string keyword = words.name();
-  if (flow_block(keyword, words)) return;
-  machine_.execute(keyword, from, words, before_corner(calls_.back(), at_));
+  const std::string keyword = words.read_name();
+  if (execute_flow_statement(keyword, words)) return;
+  machine_.execute(keyword, from, words, is_corner_next(calls_.back(), line_index_));
 }
 
-// Keywords of the flow; all others belong to the machine.
-bool Flow::flow_block(const std::string& keyword, Words& words) {
-  if (keyword == "LBL") return label(words), true;
-  if (keyword == "CALL") return call(words), true;
-  if (keyword == "FN") return fn(words), true;
-  if (keyword == "IF") return jump_if(words), true;
+bool Flow::execute_flow_statement(const std::string& keyword, WordReader& words) {
+  if (keyword == "LBL") return execute_label(words), true;
+  if (keyword == "CALL") return execute_call(words), true;
+  if (keyword == "FN") return execute_fn(words), true;
+  if (keyword == "IF") return execute_if(words), true;
   if (keyword == "BEGIN") return begin_program(words), true;
   if (keyword == "END") {
-    if (!words.take("PGM")) words.refuse(words.cursor.at, "PGM after END");
+    if (!words.accept("PGM")) words.refuse(words.cursor.at, "PGM after END");
     machine_.end_of_program();
     end_program();
     return true;
@@ -160,23 +159,25 @@ bool Flow::flow_block(const std::string& keyword, Words& words) {
   return false;
 }
 
-void Flow::begin_program(Words& words) {
-  if (!words.take("PGM")) words.refuse(words.cursor.at, "PGM after BEGIN");
+void Flow::begin_program(WordReader& words) {
+  if (!words.accept("PGM")) words.refuse(words.cursor.at, "PGM after BEGIN");
   words.cursor.skip_blanks();
-  // MM or INCH is the last word; the name of the program may contain blanks.
-  const std::string_view rest = words.cursor.text.substr(words.cursor.at);
-  const std::size_t end = rest.find_last_not_of(" \t");
-  const std::size_t space = end == std::string_view::npos ? end : rest.find_last_of(" \t", end);
+  // The name of the program may contain blanks; MM or INCH is the last word.
+  const std::string_view name_and_unit = words.cursor.text.substr(words.cursor.at);
+  const std::size_t end = name_and_unit.find_last_not_of(" \t");
+  const std::size_t space =
+      end == std::string_view::npos ? end : name_and_unit.find_last_of(" \t", end);
   std::string unit;
   if (end != std::string_view::npos)
-    for (const char c : rest.substr(space == std::string_view::npos ? 0 : space + 1,
-                                    space == std::string_view::npos ? end + 1 : end - space))
+    for (const char c :
+         name_and_unit.substr(space == std::string_view::npos ? 0 : space + 1,
+                              space == std::string_view::npos ? end + 1 : end - space))
       unit += upper(c);
   if (unit != "MM" && unit != "INCH")
     words.refuse(words.cursor.at, "the name of the program and MM or INCH after BEGIN PGM");
   const auto program = std::find_if(calls_.rbegin(), calls_.rend(),
                                     [](const Call& call) { return call.is_program; });
-  if (std::exchange(program->begun, true))
+  if (std::exchange(program->has_begun, true))
     words.refuse(words.cursor.at, "END PGM before BEGIN PGM of another program");
   machine_.set_inch(unit == "INCH");
 }
@@ -185,93 +186,94 @@ void Flow::begin_program(Words& words) {
 void Flow::end_program() {
   while (!calls_.back().is_program) calls_.pop_back();
   if (calls_.size() == 1) {
-    ended_ = true;
+    has_ended_ = true;
     return;
   }
-  at_ = calls_.back().back;
-  // The unit of the caller is in force again.
-  machine_.set_inch(calls_.back().inch);
+  line_index_ = calls_.back().return_line;
+  machine_.set_inch(calls_.back().is_caller_inch);
   calls_.pop_back();
   variables_.leave();
 }
 
-std::size_t Flow::line_of(const std::string& label, const Words& words, std::size_t from) {
+std::size_t Flow::line_of_label(const std::string& label, const WordReader& words,
+                                std::size_t from) {
   // Labels are collected once for each file.
   Source& source = *calls_.back().source;
-  if (!source.labels_known) {
-    source.labels_known = true;
+  if (!source.are_labels_collected) {
+    source.are_labels_collected = true;
     for (std::size_t i = 0; i < source.lines.size(); ++i) {
       if (first_word(source.lines[i]) != "LBL") continue;
       Block block;
       read_block(source.lines, i, block);
-      Words there({block.text, run_.canon.place(), block.pieces[0].offset}, *this);
-      there.name();
-      if (!there.has_value() && there.cursor.here() != '"')
-        there.cursor.skip_blanks();  // a malformed label is reported where it is executed
+      WordReader label_words({block.text, run_.canon.place(), block.block_lines[0].offset}, *this);
+      label_words.read_name();
+      if (!label_words.has_value() && label_words.cursor.current() != '"')
+        label_words.cursor.skip_blanks();
       try {
-        source.labels[there.label()].push_back(i);
-      } catch (const BadInput&) {
+        source.labels[label_words.read_label()].push_back(i);
+      } catch (const BadInput&) {  // the block itself reports a malformed label
       }
     }
   }
-  const auto found = source.labels.find(label);
+  const auto entry = source.labels.find(label);
   const Cause cause = words.cursor.cause(from);
-  if (found == source.labels.end() || label == "0")
+  if (entry == source.labels.end() || label == "0")
     run_.refuse_once("LBL " + label, cause, "a label of this program", "LBL " + label);
-  // A label must be unique, as on the control.
-  if (found->second.size() > 1)
+  // As on the control, a label must be unique.
+  if (entry->second.size() > 1)
     run_.refuse_once("LBL " + label, cause, "a label that stands once",
-                     fmt::format("LBL {} in the lines {} and {}", label, found->second[0] + 1,
-                                 found->second[1] + 1));
-  return found->second.front();
+                     fmt::format("LBL {} in the lines {} and {}", label, entry->second[0] + 1,
+                                 entry->second[1] + 1));
+  return entry->second.front();
 }
 
-void Flow::label(Words& words) {
-  const std::string name = words.label();
-  words.ends();
-  // LBL 0 ends a subprogram; in the main program it has no effect.
+void Flow::execute_label(WordReader& words) {
+  const std::string name = words.read_label();
+  words.expect_end();
+  // LBL 0 ends a subprogram. In a program it has no effect.
   if (name != "0" || calls_.back().is_program) return;
-  at_ = calls_.back().back;
+  line_index_ = calls_.back().return_line;
   calls_.pop_back();
 }
 
-void Flow::call(Words& words) {
-  if (words.take("LBL")) return call_label(words);
-  if (words.take("PGM")) return call_program(words);
+void Flow::execute_call(WordReader& words) {
+  if (words.accept("LBL")) return call_label(words);
+  if (words.accept("PGM")) return call_program(words);
   words.refuse(words.cursor.at, "LBL or PGM after CALL");
 }
 
-void Flow::call_label(Words& words) {
+void Flow::call_label(WordReader& words) {
   words.cursor.skip_blanks();
   const std::size_t from = words.cursor.at;
-  const std::string name = words.label();
-  const std::size_t line = line_of(name, words, from);
+  const std::string name = words.read_label();
+  const std::size_t line = line_of_label(name, words, from);
   if (words.at_end()) {
     run_.check_depth(int(calls_.size()), words.cause(from));
-    calls_.push_back({.source = calls_.back().source, .back = at_, .is_program = false});
-    at_ = line + 1;
+    calls_.push_back(
+        {.source = calls_.back().source, .return_line = line_index_, .is_program = false});
+    line_index_ = line + 1;
     return;
   }
-  if (words.name() != "REP") words.refuse(words.cursor.at, "REP or nothing after CALL LBL");
-  if (words.cursor.here() == '/') ++words.cursor.at;  // REP 2/2 of older controls
-  const int times = words.whole(65534);
-  if (words.cursor.here() == '/') ++words.cursor.at, words.whole(65534);
-  words.ends();
-  // A repeat goes back; a label behind it would be a jump.
-  if (line >= at_) words.cursor.refuse(from, "a label before CALL LBL REP", "one behind it");
-  auto& left = calls_.back().left;
-  // The count is kept with the block, so that repeats may nest.
-  const auto begun = left.emplace(at_, times).first;
-  if (begun->second == 0) {
-    left.erase(begun);
+  if (words.read_name() != "REP") words.refuse(words.cursor.at, "REP or nothing after CALL LBL");
+  if (words.cursor.current() == '/') ++words.cursor.at;  // REP 2/2 of older controls
+  const int repeats = words.read_whole_number(65534);
+  if (words.cursor.current() == '/') ++words.cursor.at, words.read_whole_number(65534);
+  words.expect_end();
+  if (line >= line_index_)
+    words.cursor.refuse(from, "a label before CALL LBL REP", "one behind it");
+  // Each block has a count of its own, so that repeats may nest.
+  auto& remaining_repeats = calls_.back().remaining_repeats;
+  const auto count = remaining_repeats.emplace(line_index_, repeats).first;
+  if (count->second == 0) {
+    remaining_repeats.erase(count);
     return;
   }
-  --begun->second;
-  at_ = line + 1;
+  --count->second;
+  line_index_ = line + 1;
 }
 
-void Flow::call_program(Words& words) {
-  constexpr std::size_t longest = 100;
+void Flow::call_program(WordReader& words) {
+  constexpr std::size_t max_name_bytes = 100;
   words.cursor.skip_blanks();
   const std::size_t from = words.cursor.at;
   std::string name(words.cursor.text.substr(from));
@@ -279,17 +281,18 @@ void Flow::call_program(Words& words) {
   if (name.size() > 1 && name.front() == '"' && name.back() == '"')
     name = name.substr(1, name.size() - 2);
   // The name becomes a file name: a path could lead out of the folder of the program.
-  if (name.empty() || name.size() > longest || name.find_first_of("/\\:\"") != std::string::npos ||
-      name.starts_with('.'))
+  if (name.empty() || name.size() > max_name_bytes ||
+      name.find_first_of("/\\:\"") != std::string::npos || name.starts_with('.'))
     words.refuse(from, "the name of a program beside this one, without a path");
   run_.check_depth(int(calls_.size()), {int(from) + 1, words.cursor.text.substr(from)});
   const std::filesystem::path& folder = run_.options().folder;
-  for (const char* ending : {"", ".h", ".H"})
-    if (!folder.empty() && std::filesystem::is_regular_file(folder / (name + ending))) {
-      Source& source = load_source(folder / (name + ending));
-      calls_.push_back({.source = &source, .back = at_, .inch = machine_.inch()});
+  for (const char* extension : {"", ".h", ".H"})
+    if (!folder.empty() && std::filesystem::is_regular_file(folder / (name + extension))) {
+      Source& source = load_source(folder / (name + extension));
+      calls_.push_back(
+          {.source = &source, .return_line = line_index_, .is_caller_inch = machine_.inch()});
       variables_.enter();
-      at_ = 0;
+      line_index_ = 0;
       return;
     }
   run_.refuse_once("PGM " + name, words.cursor.cause(from),
@@ -297,190 +300,186 @@ void Flow::call_program(Words& words) {
 }
 
 Source& Flow::load_source(const std::filesystem::path& file) {
-  constexpr std::size_t max_file = std::size_t(1) << 26, max_files = 1000;
-  const auto known = files_.find(file.string());
-  if (known != files_.end()) return *known->second;
+  constexpr std::size_t max_file_bytes = std::size_t(1) << 26, max_files = 1000;
+  const auto entry = sources_by_file_.find(file.string());
+  if (entry != sources_by_file_.end()) return *entry->second;
   if (sources_.size() == max_files)
     run_.canon.refuse({1, {}}, "at most 1000 programs that are called", "more");
   auto source = std::make_unique<Source>();
-  source->text = read_text(file, max_file);
+  source->text = read_text(file, max_file_bytes);
   source->lines = lines_of_text(source->text);
   source->file = run_.canon.add_file(file.filename().string());
   sources_.push_back(std::move(source));
-  return *(files_[file.string()] = sources_.back().get());
+  return *(sources_by_file_[file.string()] = sources_.back().get());
 }
 
 // Q parameters.
 
 namespace {
 
-constexpr double equal = 1e-9;  // rounding of Q parameters
+constexpr double equality_tolerance = 1e-9;  // rounding of Q parameters
 
-bool holds(const std::string& comparison, double a, double b) {
-  if (comparison == "EQU") return std::abs(a - b) < equal;
-  if (comparison == "NE") return std::abs(a - b) >= equal;
+bool is_true(const std::string& comparison, double a, double b) {
+  if (comparison == "EQU") return std::abs(a - b) < equality_tolerance;
+  if (comparison == "NE") return std::abs(a - b) >= equality_tolerance;
   return comparison == "GT" ? a > b : a < b;
 }
 
 }  // namespace
 
-std::optional<Flow::Parameter> Flow::parameter_at(Cursor& cursor) const {
+std::optional<Flow::Parameter> Flow::parse_parameter(Cursor& cursor) const {
   cursor.skip_blanks();
-  if (upper(cursor.here()) != 'Q') return std::nullopt;
+  if (upper(cursor.current()) != 'Q') return std::nullopt;
   Parameter parameter;
   parameter.from = cursor.at++;
   parameter.kind = "Q";
-  if (const char c = upper(cursor.here()); c == 'L' || c == 'R' || c == 'S') {
+  if (const char c = upper(cursor.current()); c == 'L' || c == 'R' || c == 'S') {
     parameter.kind += c;
     ++cursor.at;
   }
   const std::size_t digits = cursor.at;
-  while (is_digit(cursor.here()) && cursor.at < digits + 4)
+  while (is_digit(cursor.current()) && cursor.at < digits + 4)
     parameter.number = 10 * parameter.number + (cursor.text[cursor.at++] - '0');
-  // Ranges of the control: Q0 to Q1999, QL and QR 0 to 499.
-  const int most = parameter.kind == "Q" ? 1999 : 499;
+  // The control has Q0 to Q1999, QL0 to QL499 and QR0 to QR499.
+  const int max_number = parameter.kind == "Q" ? 1999 : 499;
   if (parameter.kind == "QS")
     cursor.refuse(parameter.from, "a parameter of numbers: texts in QS are not kept");
-  if (cursor.at == digits || is_digit(cursor.here()) || parameter.number > most)
+  if (cursor.at == digits || is_digit(cursor.current()) || parameter.number > max_number)
     cursor.refuse(parameter.from,
-                  fmt::format("a number of 0 to {} after {}", most, parameter.kind));
+                  fmt::format("a number of 0 to {} after {}", max_number, parameter.kind));
   return parameter;
 }
 
-std::optional<double> Flow::operand(Cursor& cursor) {
-  if (upper(cursor.here()) == 'Q') {
-    const auto parameter = parameter_at(cursor);
-    return read(*parameter, cursor);
+std::optional<double> Flow::parse_operand(Cursor& cursor) {
+  if (upper(cursor.current()) == 'Q') {
+    const auto parameter = parse_parameter(cursor);
+    return read_parameter(*parameter, cursor);
   }
-  return function_value(cursor, *this);
+  return parse_function(cursor, *this);
 }
 
-double Flow::read(const Parameter& parameter, const Cursor& cursor) const {
-  std::optional<double> known;
-  // Q is shared by all programs, QL is local to one, QR is stored behind the others from 10000 on.
+double Flow::read_parameter(const Parameter& parameter, const Cursor& cursor) const {
+  std::optional<double> value;
+  // All programs share Q, QL is local to one program, and QR has the numbers from 10000 on.
   if (parameter.kind == "Q") {
-    known = variables_.number(parameter.number);
-    if (!known) known = machine_.preset_parameter(parameter.number);
+    value = variables_.number(parameter.number);
+    if (!value) value = machine_.preset_parameter(parameter.number);
   } else if (parameter.kind == "QR") {
-    known = variables_.number(10000 + parameter.number);
+    value = variables_.number(10000 + parameter.number);
   } else {
-    known = variables_.number(parameter.number, Variables::Of::Call);
+    value = variables_.number(parameter.number, Variables::Scope::Call);
   }
   if (run_.is_uncertain()) run_.require_certain(parameter.name(), cursor.cause(parameter.from));
-  if (!known) cursor.refuse(parameter.from, "a parameter that has been set");
-  return *known;
+  if (!value) cursor.refuse(parameter.from, "a parameter that has been set");
+  return *value;
 }
 
-void Flow::set(const Parameter& parameter, double value, const Words& words) {
-  const bool local = parameter.kind == "QL";
+void Flow::set_parameter(const Parameter& parameter, double value, const WordReader& words) {
+  const bool is_local = parameter.kind == "QL";
   const int number = parameter.kind == "QR" ? 10000 + parameter.number : parameter.number;
-  // Q100 to Q199 are set by the control itself.
+  // The control itself sets Q100 to Q199.
   if (parameter.kind == "Q" && number >= 100 && number < 200)
     words.cursor.refuse(parameter.from, "a parameter that the control does not set itself");
-  // Cycles copy their parameters at CYCL DEF, so a later assignment has no effect on them.
+  // Cycles copy their parameters at CYCL DEF, so later assignments have no effect.
   if (parameter.kind == "Q" && number >= 200 && number < 500 && machine_.has_cycle())
     run_.warn_once(
         "Q200 to Q499 are set outside of CYCL DEF: a cycle that is defined keeps its values");
-  if (!variables_.set(number, value, local ? Variables::Of::Call : Variables::Of::Program))
-    throw ProgramLimitExceeded(
-        words.cursor.place.file, words.cursor.place.line, 0,
-        fmt::format("at most {} parameters", run_.options().limits.variables), "more");
+  if (!variables_.set(number, value, is_local ? Variables::Scope::Call : Variables::Scope::Program))
+    run_.throw_variable_limit(words.cursor.location, "parameters");
 }
 
-/// Sets parameters on behalf of the machine: those of CYCL DEF and of tilted planes.
+/// Sets a parameter of CYCL DEF or of a tilted plane for the machine.
 void Flow::set_cycle_parameter(int number, double value) {
-  if (!variables_.set(number, value))
-    throw ProgramLimitExceeded(
-        run_.canon.place().file, run_.canon.line(), 0,
-        fmt::format("at most {} parameters", run_.options().limits.variables), "more");
+  if (!variables_.set(number, value)) run_.throw_variable_limit(run_.canon.place(), "parameters");
 }
 
-void Flow::assign(Words& words, const Parameter& parameter) {
-  if (!words.cursor.take("=")) words.refuse(words.cursor.at, "= after a parameter");
+void Flow::execute_assignment(WordReader& words, const Parameter& parameter) {
+  if (!words.cursor.accept("=")) words.refuse(words.cursor.at, "= after a parameter");
   words.cursor.skip_blanks();
-  if (words.cursor.here() == '"')
+  if (words.cursor.current() == '"')
     words.refuse(words.cursor.at, "a number: texts in parameters are not kept");
-  // A parameter whose assignment has an error is uncertain: its uses are not reported again.
+  // A parameter whose assignment has an error is uncertain: its uses are not reported.
   run_.define(parameter.name(), [&] {
-    const double value = expression(words.cursor, grammar(), *this);
-    words.ends();
-    set(parameter, value, words);
+    const double value = parse_expression(words.cursor, grammar(), *this);
+    words.expect_end();
+    set_parameter(parameter, value, words);
   });
 }
 
-void Flow::fn(Words& words) {
+void Flow::execute_fn(WordReader& words) {
   words.cursor.skip_blanks();
   const std::size_t from = words.cursor.at;
-  const int number = words.whole(99);
-  if (!words.cursor.take(":")) words.refuse(words.cursor.at, ": after FN and its number");
-  // FN 9 to FN 12 are the four comparisons of IF.
-  if (number >= 9 && number <= 12) return jump_if(words);
+  const int number = words.read_whole_number(99);
+  if (!words.cursor.accept(":")) words.refuse(words.cursor.at, ": after FN and its number");
+  // FN 9 to FN 12 are the comparisons of IF.
+  if (number >= 9 && number <= 12) return execute_if(words);
   const std::string name = fmt::format("FN\u00a0{}", number);
-  if (const WordTableEntry* use = find_word(heidenhain_words(), name);
-      use != nullptr && use->use == Use::Refused)
-    words.refuse(from, std::string(use->sentence));
+  if (const WordTableEntry* entry = find_word(heidenhain_words(), name);
+      entry != nullptr && entry->use == Use::Refused)
+    words.refuse(from, std::string(entry->sentence));
   if (number > 13) words.refuse(from, "FN 0 to FN 13");
-  const auto parameter = parameter_at(words.cursor);
+  const auto parameter = parse_parameter(words.cursor);
   if (!parameter) words.refuse(words.cursor.at, "a Q parameter");
   run_.define(parameter->name(), [&] {
-    if (!words.cursor.take("=")) words.refuse(words.cursor.at, "= after a parameter");
-    set(*parameter, fn_result(number, words), words);
+    if (!words.cursor.accept("=")) words.refuse(words.cursor.at, "= after a parameter");
+    set_parameter(*parameter, fn_result(number, words), words);
   });
 }
 
-/// Returns the value behind = of FN 0 to FN 8 and FN 13.
-double Flow::fn_result(int number, Words& words) {
-  const auto word = [&](std::string_view wanted) {
-    if (!words.cursor.take(wanted)) words.refuse(words.cursor.at, std::string(wanted));
+/// Parses the expression behind = of FN 0 to FN 8 and FN 13, and returns its value.
+double Flow::fn_result(int number, WordReader& words) {
+  const auto expect = [&](std::string_view word) {
+    if (!words.cursor.accept(word)) words.refuse(words.cursor.at, std::string(word));
   };
-  if (number == 0 && words.take("SET"))
+  if (number == 0 && words.accept("SET"))
     words.refuse(words.cursor.at, "a number: parameters are not made undefined");
-  if (number >= 5 && number <= 7) word(number == 5 ? "SQRT" : number == 6 ? "SIN" : "COS");
+  if (number >= 5 && number <= 7) expect(number == 5 ? "SQRT" : number == 6 ? "SIN" : "COS");
   words.cursor.skip_blanks();
   const std::size_t from = words.cursor.at;
-  const double a = words.value();
+  const double a = words.read_value();
   if (number == 5 && a < 0) words.refuse(from, "a number that is not below zero");
   double result = number == 5   ? std::sqrt(a)
                   : number == 6 ? std::sin(a * units::deg)
                   : number == 7 ? std::cos(a * units::deg)
                                 : a;
   if (number != 0 && (number < 5 || number > 7)) {
-    static constexpr std::string_view between[] = {"", "+", "-", "*", "DIV"};
-    word(number == 8 ? "LEN" : number == 13 ? "ANG" : between[number]);
+    static constexpr std::string_view operators[] = {"", "+", "-", "*", "DIV"};
+    expect(number == 8 ? "LEN" : number == 13 ? "ANG" : operators[number]);
     words.cursor.skip_blanks();
     const std::size_t second = words.cursor.at;
-    const double b = words.value();
+    const double b = words.read_value();
     if (number == 4 && b == 0) words.refuse(second, "a divisor that is not zero");
     if (number == 13 && a == 0 && b == 0) words.refuse(second, "two legs of an angle");
     double angle = std::atan2(a, b) / units::deg;
-    // ANG has a range of 0 to 360 degrees.
+    // ANG is within 0 to 360 degrees.
     if (angle < 0) angle += 360;
-    const double all[] = {0, a + b, a - b, a * b, number == 4 ? a / b : 0};
-    result = number == 8 ? std::hypot(a, b) : number == 13 ? angle : all[number];
+    const double results[] = {0, a + b, a - b, a * b, number == 4 ? a / b : 0};
+    result = number == 8 ? std::hypot(a, b) : number == 13 ? angle : results[number];
   }
-  words.ends();
+  words.expect_end();
   if (!std::isfinite(result)) words.refuse(from, "a result that is a finite number");
   return result;
 }
 
-/// Example: IF +Q1 EQU +Q2 GOTO LBL 5.
-void Flow::jump_if(Words& words) {
-  words.take("IF");
-  const double a = words.value();
+/// Executes IF, for example IF +Q1 EQU +Q2 GOTO LBL 5.
+void Flow::execute_if(WordReader& words) {
+  words.accept("IF");
+  const double a = words.read_value();
   words.cursor.skip_blanks();
   const std::size_t from = words.cursor.at;
-  const std::string comparison = words.name();
+  const std::string comparison = words.read_name();
   if (comparison != "EQU" && comparison != "NE" && comparison != "GT" && comparison != "LT")
     words.refuse(from, "EQU, NE, GT or LT");
-  const double b = words.value();
-  if (!words.take("GOTO") || !words.take("LBL")) words.refuse(words.cursor.at, "GOTO LBL");
+  const double b = words.read_value();
+  if (!words.accept("GOTO") || !words.accept("LBL")) words.refuse(words.cursor.at, "GOTO LBL");
   words.cursor.skip_blanks();
-  const std::size_t at = words.cursor.at;
-  const std::string label = words.label();
-  words.ends();
-  // The label is checked even if the condition does not hold: errors do not depend on parameters.
-  const std::size_t line = line_of(label, words, at);
-  if (holds(comparison, a, b)) at_ = line;
+  const std::size_t label_from = words.cursor.at;
+  const std::string label = words.read_label();
+  words.expect_end();
+  // The label is checked even if the condition is false, so that errors do not depend on
+  // parameters.
+  const std::size_t line = line_of_label(label, words, label_from);
+  if (is_true(comparison, a, b)) line_index_ = line;
 }
 
 }  // namespace abbe::sim::dialects::heidenhain

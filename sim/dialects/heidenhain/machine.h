@@ -18,84 +18,84 @@
 
 namespace abbe::sim::dialects::heidenhain {
 
-/// State of a TNC as its blocks command it: modes, datum, tilted planes, tools and cycles, and the
-/// moves that they make on the canon. Program coordinates are in mm and rad.
+/// State of a TNC: modes, datum, tilted planes, tools and cycles. Executes blocks and issues their
+/// moves to the canon. Program coordinates are in mm and rad.
 class Machine {
  public:
   explicit Machine(ProgramRun& run);
 
   /// Executes a block that is not part of the flow. `before_corner` is true if RND or CHF follows.
-  void execute(const std::string& keyword, std::size_t from, Words& words, bool before_corner);
+  void execute(const std::string& keyword, std::size_t from, WordReader& words, bool before_corner);
   void set_inch(bool inch);
   bool inch() const { return canon_.inch(); }
   /// Returns true after M2 or M30.
-  bool ended() const { return ended_; }
-  /// Ends a program (END PGM): compensation and corners in force end with it.
+  bool has_ended() const { return has_ended_; }
+  /// Ends a program (END PGM) together with compensation and corners in force.
   void end_of_program();
-  /// Makes the moves that still wait.
+  /// Makes all waiting moves.
   void finish();
 
   /// Returns a Q parameter that the control sets itself, for example Q108, the radius of the tool.
   std::optional<double> preset_parameter(int number) const;
   bool has_cycle() const { return cycle_.number > 0; }
-  /// Called for the parameters that CYCL DEF sets.
+  /// Called with number and value of each parameter that CYCL DEF sets.
   std::function<void(int, double)> on_parameter;
 
  private:
-  static constexpr const char* the_cycle = "CYCL DEF of a hole";
-  static constexpr unsigned turn_bit = 8;
+  static constexpr const char* cycle_name = "CYCL DEF of a hole";
+  static constexpr unsigned rotation_bit = 8;
   static unsigned shift_bit(char letter) { return 1u << (letter - 'X'); }
 
   using AxisVector = kinematics::AxisVector;
   using Vector3d = Eigen::Vector3d;
 
   /// Kinds of F values.
-  enum class FeedWord { None, Number, PerTurn, Rapid, OfTool };
+  enum class FeedKind { None, Number, PerRevolution, Rapid, OfTool };
   struct FeedValue {
-    FeedWord word = FeedWord::None;
+    FeedKind kind = FeedKind::None;
     double value = 0.0;  ///< not used by Rapid
   };
-  /// An M function and the values behind it.
-  struct M {
+  /// An M function and the values that belong to it.
+  struct MFunction {
     int number = 0;
     Cause cause;
-    std::optional<double> mb;  ///< of M140
-    bool mb_max = false;
-    std::optional<double> feed;  ///< F behind M128 and M140
-    bool rapid = false;
+    std::optional<double> retraction;  ///< MB of M140, mm
+    bool retracts_to_limit = false;    ///< MB MAX
+    std::optional<double> feed;        ///< F behind M128 and M140
+    bool is_rapid = false;
     char axis = '\0';  ///< axis behind M94
   };
-  /// A value of a word.
+  /// The value of a word.
   struct WordValue {
     double value = 0.0;
-    bool step = false;  ///< preceded by I
+    bool is_incremental = false;  ///< preceded by I
     Cause cause;
   };
   /// The words of a motion block.
-  struct Move {
+  struct MotionBlock {
     std::string keyword;
     Cause cause;
     std::array<std::optional<WordValue>, 26> axes;  ///< by letter, mm and rad
     std::optional<WordValue> pr, pa, radius;
-    std::optional<bool> clockwise;  ///< DR
+    std::optional<bool> is_clockwise;  ///< DR
     std::array<std::optional<double>, 3> normal, direction;
     std::optional<char> side;  ///< '0', 'L' or 'R'
     Cause side_cause;
-    FeedWord feed_word = FeedWord::None;
+    FeedKind feed_kind = FeedKind::None;
     double feed = 0.0;
-    std::vector<M> functions;
-    bool machine = false;  ///< M91
+    std::vector<MFunction> functions;
+    bool in_machine_coordinates = false;  ///< M91
     bool before_corner = false;
   };
-  /// The way rotary axes are moved to a plane.
-  struct Positioning {
+  /// How rotary axes move to a plane.
+  struct RotaryPositioning {
     enum class Kind { Stay, Turn, Move } kind = Kind::Stay;
-    bool rapid = false;
+    bool is_rapid = false;
     double feed = 0.0;  ///< as programmed, if not rapid
     std::optional<double> distance, retract;
     bool retract_to_end = false;
-    int sign = 0;  ///< of the master axis, SEQ or SYM
-    bool table = false;
+    int sign = 0;                ///< sign of the master axis, SEQ or SYM
+    bool rotates_table = false;  ///< TABLE ROT
     Cause cause;
   };
 
@@ -104,71 +104,79 @@ class Machine {
                            std::optional<std::string> seen = {}) const {
     canon_.refuse(cause, std::move(expected), std::move(seen));
   }
-  void refuse_if_named(const std::string& word, const Cause& cause) const;
+  void reject_unsupported(const std::string& word, const Cause& cause) const;
   double unit() const;  ///< mm per unit
   int joint_of(char letter, const Cause& cause) const;
-  bool execute_motion(const std::string& keyword, std::size_t from, Words& words,
+  bool execute_motion(const std::string& keyword, std::size_t from, WordReader& words,
                       bool before_corner);
-  bool execute_definition(const std::string& keyword, std::size_t from, Words& words);
-  void lone_function(std::size_t from, Words& words);
-  int tool_of_name(Words& words);
-  void tool_call(Words& words);
-  void tool_def(Words& words);
+  bool execute_definition(const std::string& keyword, std::size_t from, WordReader& words);
+  void execute_m_block(std::size_t from, WordReader& words);
+  int read_tool_name(WordReader& words);
+  void tool_call(WordReader& words);
+  void tool_def(WordReader& words);
   void select_tool(int number, const Cause& cause);
-  double length_of(int number, const Cause& cause);
-  void stop(Words& words);
-  void function_block(Words& words);
-  void preset(Words& words);
+  double tool_length(int number, const Cause& cause);
+  void stop(WordReader& words);
+  void execute_function(WordReader& words);
+  void execute_preset(WordReader& words);
 
   // M functions.
-  void read_function(Words& words, std::size_t from, M& m);
-  void apply_functions_before_motion(Move& move);
-  void apply_functions_after_motion(const Move& move);
-  void start_function(const M& m, Move& move);
-  void end_function(const M& m);
-  void reduce_turns(const M& m);
-  void retract(const M& m, const Move& move);
+  void read_m_function(WordReader& words, std::size_t from, MFunction& m);
+  void apply_functions_before_motion(MotionBlock& move);
+  void apply_functions_after_motion(const MotionBlock& move);
+  void start_m_function(const MFunction& m, MotionBlock& move);
+  void end_m_function(const MFunction& m);
+  void remove_whole_turns(const MFunction& m);
+  void execute_m140(const MFunction& m, const MotionBlock& move);
 
   // Motion.
-  Move read_move(const std::string& keyword, std::size_t from, Words& words);
-  bool read_axis(const std::string& name, Words& words, std::size_t from, Move& move);
-  bool read_polar(const std::string& name, Words& words, std::size_t from, Move& move);
-  /// Parses a feed: FMAX, F MAX, FAUTO, FU0.2 or F500; in a cycle also without F. `kind` holds the
-  /// letters behind F.
-  FeedValue feed_value(std::string kind, Words& words, std::size_t from) const;
-  void read_side(const std::string& name, Words& words, std::size_t from, Move& move);
-  void set_feed(const Move& move);
-  void set_side(const Move& move);
-  Target block_target(const Move& move) const;
-  void pole(Words& words);
-  void move(Move move);
-  void line(const Move& move, const Target& target);
-  void machine_line(const Move& move, const Target& target);
-  void turn_in_plane(const Move& move, const Target& target, bool rapid);
-  void vector_line(const Move& move);
-  Target polar_target(const Move& move, double& sweep) const;
-  void arc(const Move& move, const Target& target, double sweep);
-  void tangent_arc(const Move& move, const Target& target);
-  void radius_arc(const Move& move, const Target& target);
-  void arrive(const std::array<int, 2>& plane, const Eigen::Vector2d& out, bool clockwise);
-  void corner(const std::string& keyword, Words& words);
-  void element(Element element, const Move& move, std::uint32_t stated);
+  MotionBlock read_move(const std::string& keyword, std::size_t from, WordReader& words);
+  bool read_axis(const std::string& name, WordReader& words, std::size_t from, MotionBlock& move);
+  bool read_polar(const std::string& name, WordReader& words, std::size_t from, MotionBlock& move);
+  /// Parses a feed: FMAX, F MAX, FAUTO, FU0.2 or F500; in a cycle also without F. `letters` are
+  /// those behind F.
+  FeedValue read_feed(std::string letters, WordReader& words, std::size_t from) const;
+  void read_compensation_side(const std::string& name, WordReader& words, std::size_t from,
+                              MotionBlock& move);
+  void set_feed(const MotionBlock& move);
+  void set_side(const MotionBlock& move);
+  Target block_target(const MotionBlock& move) const;
+  void set_pole(WordReader& words);
+  void move(MotionBlock move);
+  void make_line(const MotionBlock& move, const Target& target);
+  void move_in_machine_coordinates(const MotionBlock& move, const Target& target);
+  void rotate_axes_in_plane(const MotionBlock& move, const Target& target, bool rapid);
+  void make_vector_line(const MotionBlock& move);
+  /// End of a move in polar coordinates.
+  struct PolarEnd {
+    Target target;
+    double sweep = 0.0;  ///< rad, of CP
+  };
+  PolarEnd polar_end(const MotionBlock& move) const;
+  void make_arc(const MotionBlock& move, const Target& target, double sweep);
+  void make_tangent_arc(const MotionBlock& move, const Target& target);
+  void make_radius_arc(const MotionBlock& move, const Target& target);
+  void store_arrival_direction(const std::array<int, 2>& plane, const Eigen::Vector2d& radial,
+                               bool clockwise);
+  void execute_corner(const std::string& keyword, WordReader& words);
+  void add_element(ContourElement element, const MotionBlock& move, std::uint32_t stated);
   double nearest_rotary_position(int joint, double end, double from) const;
   void require_pole(const Cause& cause) const;
   std::array<int, 2> working_plane(const Cause& cause) const;
 
   // Tilted planes.
-  void plane(Words& words);
-  Eigen::Matrix3d plane_matrix(const std::string& kind, std::size_t from, Words& words);
-  double word_value(Words& words, std::string_view name) const;
-  Positioning read_positioning(Words& words);
-  bool read_positioning_word(const std::string& name, Words& words, Positioning& how);
-  void tilt(const Eigen::Matrix3d& R, const Positioning& how);
-  void untilt(const Positioning& how);
-  void check_plane_is_free(const Cause& cause) const;
+  void execute_plane(WordReader& words);
+  Eigen::Matrix3d plane_matrix(const std::string& kind, std::size_t from, WordReader& words);
+  double read_word(WordReader& words, std::string_view name) const;
+  RotaryPositioning read_positioning(WordReader& words);
+  bool read_positioning_word(const std::string& name, WordReader& words,
+                             RotaryPositioning& positioning);
+  void set_plane(const Eigen::Matrix3d& R, const RotaryPositioning& positioning);
+  void reset_plane(const RotaryPositioning& positioning);
+  void check_plane_change(const Cause& cause) const;
   void require_certain_shift(const Cause& cause) const;
-  void position_axes(const Eigen::Matrix3d& R, const Positioning& how);
-  void tcpm(Words& words);
+  void move_to_plane(const Eigen::Matrix3d& R, const RotaryPositioning& positioning);
+  void execute_tcpm(WordReader& words);
 
   // Frames and rotary axes.
   void set_tcpm(bool on, const Cause& cause);
@@ -181,35 +189,36 @@ class Machine {
   bool is_rotary(int joint) const;
   /// Returns the rotation from program coordinates to the workpiece.
   Eigen::Matrix3d rotation() const;
-  AxisVector axes_now(const Cause& cause) const;
-  kinematics::InverseSolution solve(const Vector3d& direction, const AxisVector& previous,
-                                    const Cause& cause);
-  AxisVector axes_for(const Eigen::Matrix3d& R, const Positioning& how);
-  AxisVector with_free_axis(AxisVector q, const Eigen::Matrix3d& R, const Positioning& how);
+  AxisVector axis_position(const Cause& cause) const;
+  kinematics::InverseSolution solve_direction(const Vector3d& direction, const AxisVector& previous,
+                                              const Cause& cause);
+  AxisVector axes_for_plane(const Eigen::Matrix3d& R, const RotaryPositioning& positioning);
+  AxisVector fix_free_axis(AxisVector q, const Eigen::Matrix3d& R,
+                           const RotaryPositioning& positioning);
   AxisVector nearest_axes(const Vector3d& direction, const Cause& cause);
   void retract_by(double distance, bool to_end, bool rapid, const Cause& cause);
 
   // Cycles of coordinates.
-  void cycle_definition(Words& words);
-  void old_cycle(int number, int part, std::size_t from, Words& words);
-  void require_whole_cycle(const Cause& cause);
-  void datum_shift(Words& words);
-  void shift_axis(char letter, double value, bool step, const Cause& cause);
-  void cycle_rotation(Words& words);
-  void cycle_plane(Words& words);
-  void trans(Words& words);
-  void choose_preset(int number, const Cause& cause);
+  void execute_cycle_definition(WordReader& words);
+  void execute_old_cycle(int number, int part, std::size_t from, WordReader& words);
+  void require_complete_cycle(const Cause& cause);
+  void execute_datum_shift(WordReader& words);
+  void set_axis_shift(char letter, double value, bool is_incremental, const Cause& cause);
+  void execute_rotation_cycle(WordReader& words);
+  void execute_plane_cycle(WordReader& words);
+  void execute_trans(WordReader& words);
+  void select_preset(int number, const Cause& cause);
 
   // Cycles of holes.
-  void new_cycle(int number, std::size_t from, Words& words);
-  double cycle_word(int q, std::set<int>& per_turn, Words& words) const;
+  void define_q_cycle(int number, std::size_t from, WordReader& words);
+  double read_cycle_value(int q, std::set<int>& per_revolution, WordReader& words) const;
   void check_cycle(const Cause& cause);
   void check_pecks(double pecks) const;
-  void check_infeeds(double depth, double step) const;
+  void check_infeeds(double depth, double infeed) const;
   void require_cycle(const Cause& cause) const;
   double cycle_value(int number) const;
-  double cycle_value(int number, double otherwise) const;
-  void cycle_call(Words& words);
+  double cycle_value(int number, double default_value) const;
+  void call_cycle(WordReader& words);
   void run_cycle(double surface, const Cause& cause);
   void drill(double surface, double bottom);
   void peck_universal(double surface, double bottom);
@@ -217,32 +226,33 @@ class Machine {
   void ream(double surface, double bottom);
   void bore(double surface, double bottom);
   void tap(double surface, double bottom);
-  void to_depth(double z, bool rapid);
-  void feed_to(double z, int parameter, int otherwise);
-  void wait(int parameter);
+  void move_to_depth(double z, bool rapid);
+  void feed_to_depth(double z, int parameter, int default_parameter);
+  void dwell(int parameter);
 
   ProgramRun& run_;
   program::Canon& canon_;
   Contour contour_;
-  std::optional<program::Feed> feed_;  ///< the last F
-  bool per_turn_ = false, feed_per_turn_ = false;
-  bool ended_ = false, tool_called_ = false;
+  std::optional<program::Feed> feed_;   ///< the last F
+  bool is_feed_per_turn_ = false;       ///< M136
+  bool is_last_feed_per_turn_ = false;  ///< unit of the last F
+  bool has_ended_ = false, is_tool_called_ = false;
   std::map<int, double> length_, radius_;  ///< mm, of TOOL DEF
   int tool_ = -1;
-  /// mm by which the length in the control exceeds that of the chain: DL, TOOL DEF
-  double delta_ = 0.0;
+  /// mm by which the length in the control exceeds that of the chain, from DL and TOOL DEF
+  double extra_length_ = 0.0;
   double delta_radius_ = 0.0, tool_feed_ = 0.0, delta_length_ = 0.0;
   int preset_ = 0;                           ///< index of the work offset: 0 is G54
-  AxisVector datum_shift_;                   ///< cycle 7 in force, inside the plane if there is one
+  AxisVector datum_shift_;                   ///< cycle 7 in force, within the plane if there is one
   Vector3d outer_shift_ = Vector3d::Zero();  ///< cycle 7 from before the plane
-  double turn_ = 0.0;                        ///< rad, cycle 10
-  /// Bits of X Y Z and of the rotation: their origin is unknown until the plane ends or they are
+  double rotation_ = 0.0;                    ///< rad, cycle 10
+  /// Bits of X Y Z and of the rotation whose origin is unknown until the plane ends or they are
   /// programmed again.
-  unsigned shift_doubt_ = 0;
-  AxisVector turns_;                      ///< rad, whole turns removed by M94
+  unsigned uncertain_shifts_ = 0;
+  AxisVector removed_turns_;              ///< rad, whole turns removed by M94
   std::optional<Eigen::Matrix3d> plane_;  ///< rotation in the workpiece
   std::array<double, 3> plane_axes_{};    ///< deg, Q120 to Q122
-  bool tcpm_ = false, short_way_ = false, modal_cycle_ = false;
+  bool is_tcpm_ = false, takes_shortest_rotation_ = false, is_cycle_modal_ = false;
   std::optional<std::pair<int, int>> old_cycle_;  ///< previous block, CYCL DEF 7.1: 7 and 1
   std::optional<std::array<double, 3>> pole_;
   std::array<int, 2> pole_plane_{0, 1};
@@ -251,8 +261,8 @@ class Machine {
   struct Cycle {
     int number = 0;
     int line = 0;
-    std::map<int, double> values;  ///< as programmed; a feed of 99999 or more is FMAX
-    std::set<int> per_turn = {};   ///< feeds that are per spindle turn
+    std::map<int, double> values;       ///< as programmed; a feed of 99999 or more is FMAX
+    std::set<int> per_revolution = {};  ///< parameters that are feeds per revolution
   } cycle_;
   std::map<int, kinematics::Chain> free_chains_;  ///< by tool, with unlimited slides
 };

@@ -10,8 +10,7 @@
 #include "kinematics/units.h"
 #include "sim/dialects/heidenhain/machine.h"
 
-/// Position of program coordinates: datum, tool and tilted plane, and the rotary axes for a
-/// direction.
+/// Frames of program coordinates (datum, tool, tilted plane), and the rotary axes for a direction.
 namespace abbe::sim::dialects::heidenhain {
 
 using Eigen::AngleAxisd;
@@ -24,8 +23,8 @@ using program::Coordinates;
 
 namespace {
 
-constexpr double same_direction = 1e-9;  // rad
-constexpr double unlimited = 1e8;        // mm, travel of a slide without limits
+constexpr double direction_tolerance = 1e-9;  // rad
+constexpr double unlimited_travel = 1e8;      // mm, of a slide without limits
 
 bool is_identity(const Matrix3d& R) { return (R - Matrix3d::Identity()).norm() == 0.0; }
 
@@ -33,21 +32,21 @@ bool is_identity(const Matrix3d& R) { return (R - Matrix3d::Identity()).norm() =
 
 const Chain* Machine::known_chain() const {
   const auto& options = canon_.options();
-  const auto own = options.control_of_h.find(tool_);
-  if (own != options.control_of_h.end()) return &own->second;
+  const auto tool_chain = options.control_of_h.find(tool_);
+  if (tool_chain != options.control_of_h.end()) return &tool_chain->second;
   return options.control ? &*options.control : nullptr;
 }
 
 const Chain& Machine::chain(const Cause& cause) const {
-  const Chain* known = known_chain();
-  if (known == nullptr) refuse(cause, "a control that knows its kinematics");
-  return *known;
+  const Chain* chain = known_chain();
+  if (chain == nullptr) refuse(cause, "a control that knows its kinematics");
+  return *chain;
 }
 
-/// Returns the chain with unlimited slides, for directions alone.
+/// Returns the chain with unlimited slides, so that their positions cannot limit a direction.
 const Chain& Machine::free_chain(const Cause& cause) {
-  const auto made = free_chains_.find(tool_);
-  if (made != free_chains_.end()) return made->second;
+  const auto entry = free_chains_.find(tool_);
+  if (entry != free_chains_.end()) return entry->second;
   const Chain& limited = chain(cause);
   std::vector<kinematics::Joint> joints = limited.joints();
   for (kinematics::Joint& joint : joints)
@@ -59,156 +58,161 @@ const Chain& Machine::free_chain(const Cause& cause) {
       .first->second;
 }
 
-// A B C that turn; a C that is the spindle is no rotary axis.
+// Returns true for rotary axes A B C; a C that is the spindle is none.
 bool Machine::is_rotary(int joint) const {
   for (const char letter : {'A', 'B', 'C'})
     if (canon_.joint_of(letter) == joint) return !canon_.is_linear(joint);
   return false;
 }
 
-// Rotation of cycle 10 is inside the tilted plane.
+// The rotation of cycle 10 is within the tilted plane.
 Matrix3d Machine::rotation() const {
-  const Matrix3d in_plane = turn_ == 0.0
-                                ? Matrix3d(Matrix3d::Identity())
-                                : Eigen::AngleAxisd(turn_, Vector3d::UnitZ()).toRotationMatrix();
+  const Matrix3d in_plane =
+      rotation_ == 0.0 ? Matrix3d(Matrix3d::Identity())
+                       : Eigen::AngleAxisd(rotation_, Vector3d::UnitZ()).toRotationMatrix();
   return plane_ ? Matrix3d(*plane_ * in_plane) : in_plane;
 }
 
-/// Shift of the axes for the tool that the control has in force while the axes are commanded; on a
-/// machine with rotary axes that of its chain.
+/// Returns the shift, (axes) mm, for the tool in force in axis coordinates. On a machine with
+/// rotary axes it is that of the chain.
 AxisVector Machine::axis_shift(const Cause& cause) {
   AxisVector shift = AxisVector::Zero(canon_.position().size());
   const auto& zero = canon_.zero();
-  const Chain* known = known_chain();
+  const Chain* chain = known_chain();
   const auto tip_w =
-      zero && zero->places && known != nullptr ? program::tip_at_zero(*known) : std::nullopt;
+      zero && zero->places && chain != nullptr ? program::tip_at_zero(*chain) : std::nullopt;
   const int z = canon_.joint_of('Z');
   if (tip_w) {
-    // Nose minus tip at zero is the length of the tool in all three directions.
+    // With the axes at zero the vector from the tip to the nose is the length of the tool.
     for (int k = 0; k < 3; ++k) shift[canon_.joint_of("XYZ"[k])] = zero->nose_w[k] - (*tip_w)[k];
-    shift[z] += delta_;
+    shift[z] += extra_length_;
   } else if (z >= 0 && tool_ >= 0) {
-    shift[z] = length_of(tool_, cause) + delta_length_;
+    shift[z] = tool_length(tool_, cause) + delta_length_;
   }
   return shift;
 }
 
 void Machine::apply_frame(const Cause& cause) {
-  if (contour_.beside() || contour_.waits())
+  if (contour_.is_compensated() || contour_.is_waiting())
     refuse(cause, "R0, and no corner, where coordinates or tools change");
   const AxisVector& offset = program::work_offset(canon_.options(), preset_ + 1);
   const Matrix3d R = rotation();
   program::Frame frame;
-  frame.shift = datum_shift_ + turns_;
+  frame.shift = datum_shift_ + removed_turns_;
   const std::array<int, 3> xyz{canon_.joint_of('X'), canon_.joint_of('Y'), canon_.joint_of('Z')};
   if (!is_identity(R)) {
     for (const int j : xyz)
       if (j < 0) refuse(cause, "a machine with X Y Z for coordinates that are turned");
     frame.rotation = R;
   }
-  // Shifts: outer_shift_ in the workpiece, cycle 7 and the additional tool length in the plane.
+  // `outer_shift_` is in the workpiece; cycle 7 and the extra tool length are in the plane.
   if (plane_) {
-    const Vector3d inner(datum_shift_[xyz[0]], datum_shift_[xyz[1]], datum_shift_[xyz[2]]);
-    const Vector3d shift = outer_shift_ + *plane_ * (inner + delta_ * Vector3d::UnitZ());
+    const Vector3d inner_shift(datum_shift_[xyz[0]], datum_shift_[xyz[1]], datum_shift_[xyz[2]]);
+    const Vector3d shift =
+        outer_shift_ + *plane_ * (inner_shift + extra_length_ * Vector3d::UnitZ());
     for (int k = 0; k < 3; ++k) frame.shift[xyz[std::size_t(k)]] = shift[k];
   }
   if (offset.size() > 0) frame.shift += offset;
   canon_.set_frame(preset_, std::move(frame));
-  // In tip mode the chain contains the tool.
+  // In tip mode the chain contains the tool length.
   canon_.set_tool_shift(canon_.tip_mode() ? AxisVector{} : axis_shift(cause));
 }
 
 void Machine::update_tip_mode(const Cause& cause) {
-  if (contour_.beside() || contour_.waits())
+  if (contour_.is_compensated() || contour_.is_waiting())
     refuse(cause, "R0, and no corner, where coordinates or tools change");
-  // An additional length under M128 would have to follow the tool direction within a move.
-  if (tcpm_ && !plane_ && delta_ != 0.0)
+  // Under M128 an extra length would have to follow the tool direction within a move.
+  if (is_tcpm_ && !plane_ && extra_length_ != 0.0)
     refuse(cause, "a tool of the length that the scene has, without DL, under M128",
-           fmt::format("one that is {:.6g} mm longer", delta_));
-  canon_.set_tip_mode(tcpm_ || plane_, cause);
+           fmt::format("one that is {:.6g} mm longer", extra_length_));
+  canon_.set_tip_mode(is_tcpm_ || plane_, cause);
   apply_frame(cause);
 }
 
 void Machine::set_tcpm(bool on, const Cause& cause) {
-  if (tcpm_ == on) return;
-  tcpm_ = on;
+  if (is_tcpm_ == on) return;
+  is_tcpm_ = on;
   try {
     update_tip_mode(cause);
   } catch (const BadInput&) {
-    // On an error the mode stays as it was, so that later blocks are judged correctly.
-    tcpm_ = canon_.tip_mode() && !plane_;
+    // An error restores the mode, so that later blocks are read correctly.
+    is_tcpm_ = canon_.tip_mode() && !plane_;
     throw;
   }
 }
 
-AxisVector Machine::axes_now(const Cause& cause) const {
-  const AxisVector& at = canon_.position();
-  if (canon_.coordinates() == Coordinates::Axis) return at;
+AxisVector Machine::axis_position(const Cause& cause) const {
+  const AxisVector& position = canon_.position();
+  if (canon_.coordinates() == Coordinates::Axis) return position;
   const int x = canon_.joint_of('X'), y = canon_.joint_of('Y'), z = canon_.joint_of('Z');
-  // The slides are solved because the position is that of the tip.
-  const auto q = kinematics::slides_for_tip(chain(cause), at, {at[x], at[y], at[z]});
+  // The position is that of the tip, so the slides are solved for it.
+  const auto q =
+      kinematics::slides_for_tip(chain(cause), position, {position[x], position[y], position[z]});
   if (!q) refuse(cause, "slides that reach the tip", "a tip out of their reach");
   return *q;
 }
 
-// Reach of the direction alone: the position of the tip does not matter.
-kinematics::InverseSolution Machine::solve(const Vector3d& direction, const AxisVector& previous,
-                                           const Cause& cause) {
+/// Returns the solutions for a tool direction; the position of the tip does not matter.
+kinematics::InverseSolution Machine::solve_direction(const Vector3d& direction,
+                                                     const AxisVector& previous,
+                                                     const Cause& cause) {
   try {
-    auto found = kinematics::inverse(free_chain(cause), {Vector3d::Zero(), direction}, previous);
-    if (!found.branches.empty()) return found;
+    auto solution = kinematics::inverse(free_chain(cause), {Vector3d::Zero(), direction}, previous);
+    if (!solution.branches.empty()) return solution;
     refuse(cause, "a direction of the tool that the rotary axes reach",
            fmt::format("({:.6g}, {:.6g}, {:.6g}){}", direction.x(), direction.y(), direction.z(),
-                       found.reach == Reach::OutOfLimits ? " beyond their travel" : ""));
-  } catch (const std::invalid_argument& fault) {
-    refuse(cause, "a machine of three slides and at most two rotary axes", fault.what());
+                       solution.reach == Reach::OutOfLimits ? " beyond their travel" : ""));
+  } catch (const std::invalid_argument& error) {
+    refuse(cause, "a machine of three slides and at most two rotary axes", error.what());
   }
 }
 
 AxisVector Machine::nearest_axes(const Vector3d& direction, const Cause& cause) {
-  return solve(direction, axes_now(cause), cause).branches.front();
+  return solve_direction(direction, axis_position(cause), cause).branches.front();
 }
 
-/// Sets a rotary axis that turns about the tool's own direction to zero, or with TABLE ROT to where
-/// the machine's x is that of the plane.
-AxisVector Machine::with_free_axis(AxisVector q, const Matrix3d& R, const Positioning& how) {
-  const Chain& machine = chain(how.cause);
-  const auto pose = [&](const AxisVector& at) -> Matrix3d {
-    return machine.tool_in_workpiece(at).linear();
+/// Sets a free rotary axis, whose rotation does not change the tool direction, to zero, or with
+/// TABLE ROT to the position at which the machine's x lies along that of the plane.
+AxisVector Machine::fix_free_axis(AxisVector q, const Matrix3d& R,
+                                  const RotaryPositioning& positioning) {
+  const Chain& machine = chain(positioning.cause);
+  const auto tool_rotation = [&](const AxisVector& position) -> Matrix3d {
+    return machine.tool_in_workpiece(position).linear();
   };
   for (int j = 0; j < int(q.size()); ++j) {
     if (!is_rotary(j)) continue;
-    AxisVector turned = q;
-    // 0.3 rad: an arbitrary rotation, far from zero and from half a turn, that shows whether the
-    // axis changes the tool direction.
-    turned[j] += 0.3;
-    if ((pose(turned).col(2) - pose(q).col(2)).norm() > same_direction) continue;
+    AxisVector rotated = q;
+    // 0.3 rad: any rotation far from zero and from half a turn shows if the axis changes the tool
+    // direction.
+    rotated[j] += 0.3;
+    if ((tool_rotation(rotated).col(2) - tool_rotation(q).col(2)).norm() > direction_tolerance)
+      continue;
     q[j] = canon_.frame().shift.size() > 0 ? canon_.frame().shift[j] : 0.0;
-    if (!how.table) return q;
-    const Vector3d from = pose(q).col(0), to = R.col(0), about = R.col(2);
-    const double angle = std::atan2(from.cross(to).dot(about), from.dot(to));
+    if (!positioning.rotates_table) return q;
+    const Vector3d from = tool_rotation(q).col(0), to = R.col(0), normal = R.col(2);
+    const double angle = std::atan2(from.cross(to).dot(normal), from.dot(to));
     // The sign of the axis depends on the side that carries it.
-    for (const double way : {angle, -angle}) {
-      turned = q;
-      turned[j] += way;
-      if ((pose(turned).col(0) - to).norm() < same_direction) return turned;
+    for (const double rotation : {angle, -angle}) {
+      rotated = q;
+      rotated[j] += rotation;
+      if ((tool_rotation(rotated).col(0) - to).norm() < direction_tolerance) return rotated;
     }
-    refuse(how.cause, "COORD ROT: the free axis does not reach the plane's x");
+    refuse(positioning.cause, "COORD ROT: the free axis does not reach the plane's x");
   }
   return q;
 }
 
-/// Selects the rotary axes for a plane. SEQ and SYM choose the sign of the master axis, the rotary
-/// axis nearest to the tool.
-AxisVector Machine::axes_for(const Matrix3d& R, const Positioning& how) {
-  AxisVector previous = axes_now(how.cause);
-  auto found = solve(R.col(2), previous, how.cause);
-  // In a singular pose one axis is free: it is fixed first, and the other solved again.
-  if (found.reach == Reach::Singular) {
-    const AxisVector wanted = with_free_axis(found.branches.front(), R, how);
-    for (int j = 0; j < int(wanted.size()); ++j)
-      if (is_rotary(j)) previous[j] = wanted[j];
-    found = solve(R.col(2), previous, how.cause);
+/// Returns the rotary axes for a plane. SEQ and SYM select the sign of the master axis, which is
+/// the rotary axis nearest to the tool.
+AxisVector Machine::axes_for_plane(const Matrix3d& R, const RotaryPositioning& positioning) {
+  AxisVector previous = axis_position(positioning.cause);
+  auto solution = solve_direction(R.col(2), previous, positioning.cause);
+  // In a singular pose one axis is free. It is fixed first, then the other one is solved again.
+  if (solution.reach == Reach::Singular) {
+    const AxisVector fixed = fix_free_axis(solution.branches.front(), R, positioning);
+    for (int j = 0; j < int(fixed.size()); ++j)
+      if (is_rotary(j)) previous[j] = fixed[j];
+    solution = solve_direction(R.col(2), previous, positioning.cause);
   }
   int master = -1;
   // The last rotary joint is nearest to the tool.
@@ -222,51 +226,51 @@ AxisVector Machine::axes_for(const Matrix3d& R, const Positioning& how) {
     return sum;
   };
   const AxisVector* best = nullptr;
-  for (const AxisVector& q : found.branches) {
-    if (how.sign != 0 && q[master] * how.sign < -same_direction) continue;
-    // Shorter travel wins; of two equal ones the solution with a positive master axis.
-    const double more = best == nullptr ? -1.0 : travel(q) - travel(*best);
-    if (more < -same_direction || (more < same_direction && best != nullptr && q[master] > 0) ||
-        best == nullptr)
+  for (const AxisVector& q : solution.branches) {
+    if (positioning.sign != 0 && q[master] * positioning.sign < -direction_tolerance) continue;
+    // The solution with less travel is better; of two equal ones that with a positive master axis.
+    const double extra_travel = best == nullptr ? -1.0 : travel(q) - travel(*best);
+    if (extra_travel < -direction_tolerance ||
+        (extra_travel < direction_tolerance && best != nullptr && q[master] > 0) || best == nullptr)
       best = &q;
   }
   if (best == nullptr)
-    refuse(how.cause, fmt::format("a solution with SEQ{} within the travel of the rotary axes",
-                                  how.sign > 0 ? "+" : "-"));
+    refuse(positioning.cause,
+           fmt::format("a solution with SEQ{} within the travel of the rotary axes",
+                       positioning.sign > 0 ? "+" : "-"));
   return *best;
 }
 
-/// Moves along the tool direction with the slides alone.
+/// Retracts along the tool direction with the slides alone.
 void Machine::retract_by(double distance, bool to_end, bool rapid, const Cause& cause) {
   const int x = joint_of('X', cause), y = joint_of('Y', cause), z = joint_of('Z', cause);
-  const AxisVector q = axes_now(cause);
-  AxisVector way = AxisVector::Zero(q.size());
-  way[z] = 1.0;
+  const AxisVector q = axis_position(cause);
+  AxisVector unit_z = AxisVector::Zero(q.size());
+  unit_z[z] = 1.0;
   const Chain& machine = chain(cause);
   // Slides that move the tip by 1 mm along the tool.
   const auto T_wt = machine.tool_in_workpiece(q);
   const auto next =
       kinematics::slides_for_tip(machine, q, T_wt.translation() + T_wt.linear().col(2));
   if (!next) refuse(cause, "slides that follow the tool", "others");
-  const AxisVector along = *next - q;
-  // Without M128 and PLANE only the direction of an upright tool is certain: Z.
-  if (!canon_.tip_mode() && (along - way).norm() > 1e-6)
+  const AxisVector displacement = *next - q;
+  // Without M128 and PLANE the tool must be upright, or its direction is uncertain.
+  if (!canon_.tip_mode() && (displacement - unit_z).norm() > 1e-6)
     refuse(cause, "M128 or PLANE before MB where the tool leans");
-  way = along;
   // The nearest limit of any slide ends the retraction.
   if (to_end) {
-    distance = unlimited;
+    distance = unlimited_travel;
     for (const int j : {x, y, z}) {
       const kinematics::Joint& joint = machine.joints()[std::size_t(j)];
-      if (std::abs(way[j]) < 1e-12) continue;
-      const double limit = way[j] > 0 ? joint.max : joint.min;
-      distance = std::min(distance, (limit - q[j]) / way[j]);
+      if (std::abs(displacement[j]) < 1e-12) continue;
+      const double limit = displacement[j] > 0 ? joint.max : joint.min;
+      distance = std::min(distance, (limit - q[j]) / displacement[j]);
     }
-    if (distance >= unlimited) refuse(cause, "slides with limits beside MB MAX", "none");
+    if (distance >= unlimited_travel) refuse(cause, "slides with limits beside MB MAX", "none");
     distance = std::max(distance, 0.0);
   }
   canon_.go_to(Coordinates::Axis, cause);
-  program::Straight straight{q + distance * way, cause};
+  program::Straight straight{q + distance * displacement, cause};
   if (rapid)
     canon_.traverse(std::move(straight));
   else
@@ -278,7 +282,7 @@ void Machine::retract_by(double distance, bool to_end, bool rapid, const Cause& 
 
 namespace {
 
-Matrix3d about(int axis, double rad) {
+Matrix3d rotation_about(int axis, double rad) {
   return AngleAxisd(rad, Vector3d::Unit(axis)).toRotationMatrix();
 }
 
@@ -292,34 +296,35 @@ Matrix3d rotation_from_base_and_normal(const Vector3d& base, const Vector3d& nor
   return R;
 }
 
-constexpr double parallel = 1e-6;  // rad; below it the plane is not defined
+constexpr double min_plane_angle = 1e-6;  // rad, between the vectors that define a plane
 
 }  // namespace
 
-/// Returns the value behind a word that must follow, for example SPA+30.
-double Machine::word_value(Words& words, std::string_view name) const {
-  if (!words.cursor.take(name)) words.refuse(words.cursor.at, std::string(name));
-  return words.value();
+/// Parses a word that must follow, for example SPA+30, and returns its value.
+double Machine::read_word(WordReader& words, std::string_view name) const {
+  if (!words.cursor.accept(name)) words.refuse(words.cursor.at, std::string(name));
+  return words.read_value();
 }
 
-Matrix3d Machine::plane_matrix(const std::string& kind, std::size_t from, Words& words) {
-  const auto angle = [&](std::string_view name) { return word_value(words, name) * units::deg; };
+Matrix3d Machine::plane_matrix(const std::string& kind, std::size_t from, WordReader& words) {
+  const auto angle = [&](std::string_view name) { return read_word(words, name) * units::deg; };
   const auto vector = [&](const char* x, const char* y, const char* z) {
-    return Vector3d{word_value(words, x), word_value(words, y), word_value(words, z)};
+    return Vector3d{read_word(words, x), read_word(words, y), read_word(words, z)};
   };
   if (kind == "SPATIAL") {
     const double a = angle("SPA"), b = angle("SPB"), c = angle("SPC");
-    // Spatial angles turn about fixed axes, A first.
-    return about(2, c) * about(1, b) * about(0, a);
+    // Spatial angles rotate about fixed axes, A first.
+    return rotation_about(2, c) * rotation_about(1, b) * rotation_about(0, a);
   }
   if (kind == "EULER") {
-    const double precession = angle("EULPR"), nutation = angle("EULNU"), own = angle("EULROT");
-    // Euler angles turn about z, the new x and the new z.
-    return about(2, precession) * about(0, nutation) * about(2, own);
+    const double precession = angle("EULPR"), nutation = angle("EULNU"), rotation = angle("EULROT");
+    // Euler angles rotate about z, the new x and the new z.
+    return rotation_about(2, precession) * rotation_about(0, nutation) *
+           rotation_about(2, rotation);
   }
   if (kind == "VECTOR") {
     const Vector3d base = vector("BX", "BY", "BZ"), normal = vector("NX", "NY", "NZ");
-    if (!(base.cross(normal).norm() > parallel * base.norm() * normal.norm()))
+    if (!(base.cross(normal).norm() > min_plane_angle * base.norm() * normal.norm()))
       words.refuse(from, "a base vector and a normal that are not parallel");
     return rotation_from_base_and_normal(base, normal);
   }
@@ -327,104 +332,107 @@ Matrix3d Machine::plane_matrix(const std::string& kind, std::size_t from, Words&
     const Vector3d p1 = vector("P1X", "P1Y", "P1Z"), p2 = vector("P2X", "P2Y", "P2Z"),
                    p3 = vector("P3X", "P3Y", "P3Z");
     const Vector3d x = p2 - p1, normal = x.cross(p3 - p1);
-    if (!(normal.norm() > parallel * x.norm() * (p3 - p1).norm()))
+    if (!(normal.norm() > min_plane_angle * x.norm() * (p3 - p1).norm()))
       words.refuse(from, "three points that are not on one line");
     return rotation_from_base_and_normal(x, normal);
   }
-  // RELATIV turns about an axis of the plane in force.
-  const Matrix3d before = plane_.value_or(Matrix3d::Identity());
+  // RELATIV rotates about an axis of the plane in force.
+  const Matrix3d current = plane_.value_or(Matrix3d::Identity());
   for (int k = 0; k < 3; ++k)
-    if (const std::string name = std::string("SP") + char('A' + k); words.cursor.take(name)) {
+    if (const std::string name = std::string("SP") + char('A' + k); words.cursor.accept(name)) {
       require_certain_shift(words.cause(from));
-      return before * about(k, words.value() * units::deg);
+      return current * rotation_about(k, words.read_value() * units::deg);
     }
   words.refuse(words.cursor.at, "SPA, SPB or SPC after PLANE RELATIV");
 }
 
-bool Machine::read_positioning_word(const std::string& name, Words& words, Positioning& how) {
+bool Machine::read_positioning_word(const std::string& name, WordReader& words,
+                                    RotaryPositioning& positioning) {
   if (name.starts_with('F')) {
-    const FeedValue feed = feed_value(name.substr(1), words, words.cursor.at);
-    if (feed.word == FeedWord::PerTurn) refuse(how.cause, "a feed per minute beside TURN and MOVE");
-    how.rapid = feed.word == FeedWord::Rapid;
-    how.feed = feed.value;
+    const FeedValue feed = read_feed(name.substr(1), words, words.cursor.at);
+    if (feed.kind == FeedKind::PerRevolution)
+      refuse(positioning.cause, "a feed per minute beside TURN and MOVE");
+    positioning.is_rapid = feed.kind == FeedKind::Rapid;
+    positioning.feed = feed.value;
     return true;
   }
   if (name == "DIST" || name == "ABST") {
-    how.distance = words.value() * unit();
+    positioning.distance = words.read_value() * unit();
     return true;
   }
   if (name == "MB" || name == "MBMAX") {
-    how.retract_to_end = name == "MBMAX" || words.take("MAX");
-    if (!how.retract_to_end) how.retract = words.value() * unit();
+    positioning.retract_to_end = name == "MBMAX" || words.accept("MAX");
+    if (!positioning.retract_to_end) positioning.retract = words.read_value() * unit();
     return true;
   }
   if (name == "SEQ" || name == "SYM") {
     words.cursor.skip_blanks();
-    const char sign = words.cursor.here();
+    const char sign = words.cursor.current();
     if (sign != '+' && sign != '-') return false;
     ++words.cursor.at;
-    how.sign = sign == '+' ? 1 : -1;
+    positioning.sign = sign == '+' ? 1 : -1;
     return true;
   }
   if (name == "TABLE" || name == "COORD") {
-    how.table = name == "TABLE";
-    return words.take("ROT");
+    positioning.rotates_table = name == "TABLE";
+    return words.accept("ROT");
   }
   return false;
 }
 
-/// Reads STAY, or TURN and MOVE with a feed.
-Machine::Positioning Machine::read_positioning(Words& words) {
-  Positioning how;
+/// Parses STAY, or TURN and MOVE with a feed.
+Machine::RotaryPositioning Machine::read_positioning(WordReader& words) {
+  RotaryPositioning positioning;
   words.cursor.skip_blanks();
   const std::size_t from = words.cursor.at;
-  const std::string kind = words.name();
-  how.cause = words.cause(from);
+  const std::string kind = words.read_name();
+  positioning.cause = words.cause(from);
   if (kind != "STAY" && kind != "TURN" && kind != "MOVE") words.refuse(from, "STAY, TURN or MOVE");
-  how.kind = kind == "STAY"   ? Positioning::Kind::Stay
-             : kind == "TURN" ? Positioning::Kind::Turn
-                              : Positioning::Kind::Move;
+  positioning.kind = kind == "STAY"   ? RotaryPositioning::Kind::Stay
+                     : kind == "TURN" ? RotaryPositioning::Kind::Turn
+                                      : RotaryPositioning::Kind::Move;
   while (!words.at_end()) {
     const std::size_t at = words.cursor.at;
-    if (!read_positioning_word(words.name(), words, how))
+    if (!read_positioning_word(words.read_name(), words, positioning))
       words.refuse(at, "F, DIST, MB, SEQ, SYM, TABLE ROT or COORD ROT");
   }
-  if (how.kind != Positioning::Kind::Stay && !how.rapid && !(how.feed > 0))
-    refuse(how.cause, "F or FMAX beside TURN and MOVE", "none");
-  return how;
+  if (positioning.kind != RotaryPositioning::Kind::Stay && !positioning.is_rapid &&
+      !(positioning.feed > 0))
+    refuse(positioning.cause, "F or FMAX beside TURN and MOVE", "none");
+  return positioning;
 }
 
-void Machine::plane(Words& words) {
+void Machine::execute_plane(WordReader& words) {
   words.cursor.skip_blanks();
   const std::size_t from = words.cursor.at;
-  const std::string kind = words.name();
-  if (contour_.beside()) words.refuse(from, "R0 before PLANE");
-  refuse_if_named("PLANE\u00a0" + kind, words.cause(from));
-  if (kind == "RESET") return untilt(read_positioning(words));
+  const std::string kind = words.read_name();
+  if (contour_.is_compensated()) words.refuse(from, "R0 before PLANE");
+  reject_unsupported("PLANE\u00a0" + kind, words.cause(from));
+  if (kind == "RESET") return reset_plane(read_positioning(words));
   static constexpr std::string_view kinds[] = {"SPATIAL", "EULER", "VECTOR", "POINTS", "RELATIV"};
   if (std::find(std::begin(kinds), std::end(kinds), kind) == std::end(kinds))
     words.refuse(from, "SPATIAL, EULER, VECTOR, POINTS, RELATIV or RESET after PLANE");
   const Matrix3d R = plane_matrix(kind, from, words);
-  tilt(R, read_positioning(words));
+  set_plane(R, read_positioning(words));
 }
 
-/// Throws BadInput if something in force inside the plane would be moved by a change of plane.
-void Machine::check_plane_is_free(const Cause& cause) const {
+/// Throws BadInput if a change of plane would move a shift or rotation in force within the plane.
+void Machine::check_plane_change(const Cause& cause) const {
   if (!plane_) require_certain_shift(cause);
-  if (turn_ != 0.0) refuse(cause, "CYCL DEF 10 with ROT+0 before PLANE");
+  if (rotation_ != 0.0) refuse(cause, "CYCL DEF 10 with ROT+0 before PLANE");
   if (!plane_) return;
   for (const char letter : {'X', 'Y', 'Z'})
     if (datum_shift_[canon_.joint_of(letter)] != 0.0)
       refuse(cause, "the datum shift of the tilted plane at zero before PLANE");
 }
 
-void Machine::tilt(const Matrix3d& R, const Positioning& how) {
-  check_plane_is_free(how.cause);
-  for (const char letter : {'X', 'Y', 'Z'}) joint_of(letter, how.cause);
-  // DL lies along the tool, which STAY leaves at an angle to the plane.
-  if (delta_ != 0.0 && how.kind == Positioning::Kind::Stay)
-    refuse(how.cause, "TURN or MOVE beside a tool that is longer than the scene's, by DL");
-  if (delta_ != 0.0 && tcpm_) refuse(how.cause, "M129 before PLANE beside DL");
+void Machine::set_plane(const Matrix3d& R, const RotaryPositioning& positioning) {
+  check_plane_change(positioning.cause);
+  for (const char letter : {'X', 'Y', 'Z'}) joint_of(letter, positioning.cause);
+  // DL lies along the tool, but under STAY the tool is not along z of the plane.
+  if (extra_length_ != 0.0 && positioning.kind == RotaryPositioning::Kind::Stay)
+    refuse(positioning.cause, "TURN or MOVE beside a tool that is longer than the scene's, by DL");
+  if (extra_length_ != 0.0 && is_tcpm_) refuse(positioning.cause, "M129 before PLANE beside DL");
   // The datum shift from before the plane stays outside of it.
   if (!plane_)
     for (const char letter : {'X', 'Y', 'Z'}) {
@@ -433,97 +441,103 @@ void Machine::tilt(const Matrix3d& R, const Positioning& how) {
       shift = 0.0;
     }
   plane_ = R;
-  shift_doubt_ = 0;
-  update_tip_mode(how.cause);
-  position_axes(R, how);
+  uncertain_shifts_ = 0;
+  update_tip_mode(positioning.cause);
+  move_to_plane(R, positioning);
   tangent_.reset();
 }
 
-/// Ends the plane. A shift or rotation inside the plane has no known meaning outside: it is
-/// uncertain until it is programmed again.
-void Machine::untilt(const Positioning& how) {
-  if (how.kind != Positioning::Kind::Stay) {
-    if (!canon_.tip_mode()) canon_.set_tip_mode(true, how.cause);
-    position_axes(Matrix3d::Identity(), how);
+/// Ends the plane. A shift or rotation within the plane has no known meaning outside of it, so it
+/// is uncertain until it is programmed again.
+void Machine::reset_plane(const RotaryPositioning& positioning) {
+  if (positioning.kind != RotaryPositioning::Kind::Stay) {
+    if (!canon_.tip_mode()) canon_.set_tip_mode(true, positioning.cause);
+    move_to_plane(Matrix3d::Identity(), positioning);
   }
   if (plane_) {
-    shift_doubt_ = turn_ != 0.0 ? turn_bit : 0u;
+    uncertain_shifts_ = rotation_ != 0.0 ? rotation_bit : 0u;
     for (const char letter : {'X', 'Y', 'Z'}) {
       double& shift = datum_shift_[canon_.joint_of(letter)];
-      if (shift != 0.0) shift_doubt_ |= shift_bit(letter);
+      if (shift != 0.0) uncertain_shifts_ |= shift_bit(letter);
       shift = outer_shift_[letter - 'X'];
     }
   }
   plane_.reset();
   outer_shift_.setZero();
-  update_tip_mode(how.cause);
+  update_tip_mode(positioning.cause);
   tangent_.reset();
 }
 
-/// Moves the rotary axes so that the tool is along z of R. Tip mode must be on.
-void Machine::position_axes(const Matrix3d& R, const Positioning& how) {
-  const AxisVector q = axes_for(R, how);
+/// Moves the rotary axes so that the tool is along z of `R`. Tip mode must be on.
+void Machine::move_to_plane(const Matrix3d& R, const RotaryPositioning& positioning) {
+  const AxisVector q = axes_for_plane(R, positioning);
   // Q120 to Q122 are set even with STAY, for blocks that position the axes.
   for (const char letter : {'A', 'B', 'C'}) {
     const int j = canon_.joint_of(letter);
     plane_axes_[std::size_t(letter - 'A')] =
         j >= 0 ? (q[j] - canon_.frame().shift[j]) / units::deg : 0.0;
   }
-  if (how.kind == Positioning::Kind::Stay) return;
+  if (positioning.kind == RotaryPositioning::Kind::Stay) return;
   const auto feed = canon_.feed();
   const auto mode = canon_.feed_mode();
-  if (!how.rapid) {
+  if (!positioning.is_rapid) {
     canon_.set_feed_mode(program::FeedMode::PerMinute);
-    canon_.set_feed(program::Feed{how.feed, canon_.inch() ? 0.1 * units::inch : 1.0});
+    canon_.set_feed(program::Feed{positioning.feed, canon_.inch() ? 0.1 * units::inch : 1.0});
   }
-  if (how.retract || how.retract_to_end)
-    retract_by(how.retract.value_or(0.0), how.retract_to_end, how.rapid, how.cause);
-  const AxisVector before = axes_now(how.cause);
+  if (positioning.retract || positioning.retract_to_end)
+    retract_by(positioning.retract.value_or(0.0), positioning.retract_to_end, positioning.is_rapid,
+               positioning.cause);
+  const AxisVector start = axis_position(positioning.cause);
   // TURN moves the rotary axes with the slides at rest, MOVE with the tip at rest.
-  if (how.kind == Positioning::Kind::Turn) canon_.go_to(Coordinates::Axis, how.cause);
+  if (positioning.kind == RotaryPositioning::Kind::Turn)
+    canon_.go_to(Coordinates::Axis, positioning.cause);
   AxisVector end = canon_.position();
   for (int j = 0; j < int(end.size()); ++j)
     if (is_rotary(j)) end[j] = q[j];
-  // With DIST the point at that distance in front of the tip stays at rest.
-  if (how.kind == Positioning::Kind::Move && how.distance) {
-    const Vector3d moved =
-        *how.distance * (R.col(2) - chain(how.cause).tool_in_workpiece(before).linear().col(2));
-    for (const char letter : {'X', 'Y', 'Z'}) end[canon_.joint_of(letter)] += moved[letter - 'X'];
+  // With DIST the point at that distance from the tip stays at rest.
+  if (positioning.kind == RotaryPositioning::Kind::Move && positioning.distance) {
+    const Vector3d tip_displacement =
+        *positioning.distance *
+        (R.col(2) - chain(positioning.cause).tool_in_workpiece(start).linear().col(2));
+    for (const char letter : {'X', 'Y', 'Z'})
+      end[canon_.joint_of(letter)] += tip_displacement[letter - 'X'];
   }
-  if (how.rapid)
-    canon_.traverse({.end = std::move(end), .cause = how.cause});
+  if (positioning.is_rapid)
+    canon_.traverse({.end = std::move(end), .cause = positioning.cause});
   else
-    canon_.straight_feed({.end = std::move(end), .cause = how.cause});
-  canon_.go_to(Coordinates::Tip, how.cause);
+    canon_.straight_feed({.end = std::move(end), .cause = positioning.cause});
+  canon_.go_to(Coordinates::Tip, positioning.cause);
   canon_.set_feed(feed);
   canon_.set_feed_mode(mode);
 }
 
-/// Example: FUNCTION TCPM F TCP AXIS POS PATHCTRL AXIS REFPNT TIP-TIP.
-void Machine::tcpm(Words& words) {
+/// Executes FUNCTION TCPM, for example FUNCTION TCPM F TCP AXIS POS PATHCTRL AXIS REFPNT TIP-TIP.
+void Machine::execute_tcpm(WordReader& words) {
   const Cause cause{1, "FUNCTION TCPM"};
-  const auto one_of = [&](std::string_view done, std::initializer_list<std::string_view> refused,
-                          const char* sentence) {
+  const auto read_option = [&](std::string_view supported,
+                               std::initializer_list<std::string_view> rejected,
+                               const char* sentence) {
     words.cursor.skip_blanks();
     const std::size_t from = words.cursor.at;
-    for (const std::string_view other : refused)
-      if (words.cursor.take(other)) words.refuse(from, sentence);
-    if (!words.cursor.take(done)) words.refuse(from, std::string(done));
+    for (const std::string_view option : rejected)
+      if (words.cursor.accept(option)) words.refuse(from, sentence);
+    if (!words.cursor.accept(supported)) words.refuse(from, std::string(supported));
   };
   while (!words.at_end()) {
     const std::size_t from = words.cursor.at;
-    const std::string name = words.name();
+    const std::string name = words.read_name();
     if (name == "F" && words.has_value()) {
-      words.value();  // limits the feed of compensating moves
+      words.read_value();  // limits the feed of compensating moves
     } else if (name == "F") {
-      one_of("TCP", {"CONT"}, "F TCP: feeds are those of the tip");
+      read_option("TCP", {"CONT"}, "F TCP: feeds are those of the tip");
     } else if (name == "AXIS") {
-      one_of("POS", {"SPAT"}, "AXIS POS: rotary words are positions of the axes");
+      read_option("POS", {"SPAT"}, "AXIS POS: rotary words are positions of the axes");
     } else if (name == "PATHCTRL") {
-      one_of("AXIS", {"VECTOR"}, "PATHCTRL AXIS: rotary axes run in proportion, not in a plane");
+      read_option("AXIS", {"VECTOR"},
+                  "PATHCTRL AXIS: rotary axes run in proportion, not in a plane");
     } else if (name == "REFPNT") {
-      one_of("TIP-TIP", {"TIP-CENTER", "CENTER-CENTER"},
-             "REFPNT TIP-TIP: coordinates are those of the tip");
+      read_option("TIP-TIP", {"TIP-CENTER", "CENTER-CENTER"},
+                  "REFPNT TIP-TIP: coordinates are those of the tip");
     } else {
       words.refuse(from, "F TCP, AXIS POS, PATHCTRL AXIS or REFPNT TIP-TIP");
     }

@@ -12,31 +12,35 @@ namespace abbe::sim::dialects::linuxcnc {
 
 namespace {
 
-constexpr double equal = 1e-4;  // tolerance of EQ and NE, TOLERANCE_EQUAL of LinuxCNC
+constexpr double equality_tolerance = 1e-4;  // of EQ and NE, TOLERANCE_EQUAL of LinuxCNC
 
 // MOD of RS274 is never negative, unlike std::fmod.
 double modulo(double a, double b) {
-  const double rest = std::fmod(a, b);
-  return rest < 0 ? rest + std::abs(b) : rest;
+  const double remainder = std::fmod(a, b);
+  return remainder < 0 ? remainder + std::abs(b) : remainder;
 }
 
-const char* not_zero(double, double b) { return b == 0 ? "a divisor that is not zero" : nullptr; }
+// Functions that return the expectation which operands do not meet, or null.
 
-const char* power_range_error(double a, double b) {
+const char* require_nonzero(double, double b) {
+  return b == 0 ? "a divisor that is not zero" : nullptr;
+}
+
+const char* require_real_power(double a, double b) {
   if (a < 0 && std::floor(b) != b) return "a whole exponent of a number below zero";
   return a == 0 && b < 0 ? "an exponent of zero that is not below zero" : nullptr;
 }
 
-// Levels of RS274/NGC as the README lists them: ** first, logical operators last.
+// Levels of RS274/NGC as the README lists them: ** binds most tightly, logical operators least.
 constexpr Operator operators[] = {
-    {"**", 6, [](double a, double b) { return std::pow(a, b); }, power_range_error},
+    {"**", 6, [](double a, double b) { return std::pow(a, b); }, require_real_power},
     {"*", 5, [](double a, double b) { return a * b; }},
-    {"/", 5, [](double a, double b) { return a / b; }, not_zero},
-    {"MOD", 5, modulo, not_zero},
+    {"/", 5, [](double a, double b) { return a / b; }, require_nonzero},
+    {"MOD", 5, modulo, require_nonzero},
     {"+", 4, [](double a, double b) { return a + b; }},
     {"-", 4, [](double a, double b) { return a - b; }},
-    {"EQ", 3, [](double a, double b) { return double(std::abs(a - b) < equal); }},
-    {"NE", 3, [](double a, double b) { return double(std::abs(a - b) >= equal); }},
+    {"EQ", 3, [](double a, double b) { return double(std::abs(a - b) < equality_tolerance); }},
+    {"NE", 3, [](double a, double b) { return double(std::abs(a - b) >= equality_tolerance); }},
     {"GT", 3, [](double a, double b) { return double(a > b); }},
     {"GE", 3, [](double a, double b) { return double(a >= b); }},
     {"LT", 3, [](double a, double b) { return double(a < b); }},
@@ -46,13 +50,15 @@ constexpr Operator operators[] = {
     {"OR", 2, [](double a, double b) { return double(a != 0 || b != 0); }},
 };
 
-const char* beyond_one(double x) { return x < -1 || x > 1 ? "a number within -1 and 1" : nullptr; }
+const char* require_unit_range(double x) {
+  return x < -1 || x > 1 ? "a number within -1 and 1" : nullptr;
+}
 
-// ATAN takes two arguments and is parsed by Flow::operand.
+// `Flow::parse_operand` handles ATAN, which takes two arguments.
 constexpr Function functions[] = {
     {"ABS", [](double x) { return std::abs(x); }},
-    {"ACOS", [](double x) { return std::acos(x) / units::deg; }, beyond_one},
-    {"ASIN", [](double x) { return std::asin(x) / units::deg; }, beyond_one},
+    {"ACOS", [](double x) { return std::acos(x) / units::deg; }, require_unit_range},
+    {"ASIN", [](double x) { return std::asin(x) / units::deg; }, require_unit_range},
     {"COS", [](double x) { return std::cos(x * units::deg); }},
     {"EXP", [](double x) { return std::exp(x); }},
     {"FIX", [](double x) { return std::floor(x); }},
@@ -69,21 +75,21 @@ constexpr Function functions[] = {
 }  // namespace
 
 const ExpressionGrammar& grammar() {
-  static constexpr ExpressionGrammar all{operators, functions, '[', ']', true};
-  return all;
+  static constexpr ExpressionGrammar ngc_grammar{operators, functions, '[', ']', true};
+  return ngc_grammar;
 }
 
 namespace {
 
-// Both limits bound the memory of a hostile line; LinuxCNC allows 50 settings in a block too.
-constexpr std::size_t longest_name = 100;
-constexpr std::size_t max_settings = 50;  // of parameters in a block
+// Both limits bound the memory of a hostile line; LinuxCNC too allows 50 assignments in a block.
+constexpr std::size_t max_name_bytes = 100;
+constexpr std::size_t max_assignments = 50;
 
-std::string_view comment_at(Cursor& cursor) {
+std::string_view read_comment(Cursor& cursor) {
   const std::size_t open = cursor.at;
   for (++cursor.at; !cursor.at_end(); ++cursor.at) {
-    if (cursor.here() == ')') return cursor.text.substr(open + 1, cursor.at++ - open - 1);
-    if (cursor.here() == '(') cursor.refuse(cursor.at, ") before another ( in a comment", "(");
+    if (cursor.current() == ')') return cursor.text.substr(open + 1, cursor.at++ - open - 1);
+    if (cursor.current() == '(') cursor.refuse(cursor.at, ") before another ( in a comment", "(");
   }
   cursor.refuse(open, ") that ends the comment on its line", "none");
 }
@@ -96,61 +102,61 @@ void Block::clear() {
   words.clear();
   codes.clear();
   deleted = percent = false;
-  skipped = wordless = {};
+  skipped_code = code_without_words = {};
   comments.clear();
-  numbers.clear();
-  names.clear();
+  number_assignments.clear();
+  name_assignments.clear();
 }
 
-int whole(const Cursor& cursor, std::size_t from, double value, int most) {
-  const double near = std::round(value);
-  // An index may be computed; rs274 accepts it within 1e-4 of a whole number.
-  if (!(std::abs(value - near) < 1e-4) || near < 0 || near > most)
-    cursor.refuse(from, fmt::format("a whole number of 0 to {}", most), fmt::format("{}", value));
-  return int(near);
+int whole_number(const Cursor& cursor, std::size_t from, double value, int max) {
+  const double rounded = std::round(value);
+  // rs274 accepts a computed index within 1e-4 of a whole number.
+  if (!(std::abs(value - rounded) < 1e-4) || rounded < 0 || rounded > max)
+    cursor.refuse(from, fmt::format("a whole number of 0 to {}", max), fmt::format("{}", value));
+  return int(rounded);
 }
 
-std::string name_in_brackets(Cursor& cursor) {
+std::string parse_name(Cursor& cursor) {
   const std::size_t from = cursor.at;
   std::string name;
-  for (++cursor.at; cursor.here() != '>'; ++cursor.at) {
+  for (++cursor.at; cursor.current() != '>'; ++cursor.at) {
     if (cursor.at_end()) cursor.refuse(from, "> after a name", "the end of the line");
-    const char c = cursor.here();
-    // Names are compared without blanks and case, as rs274 reads every line.
+    const char c = cursor.current();
+    // Blanks and case do not matter, as in every line that rs274 reads.
     if (!is_blank(c)) name += c >= 'A' && c <= 'Z' ? char(c - 'A' + 'a') : c;
-    if (name.size() > longest_name) cursor.refuse(from, "a name of at most 100 letters");
+    if (name.size() > max_name_bytes) cursor.refuse(from, "a name of at most 100 letters");
   }
   ++cursor.at;
   if (name.empty()) cursor.refuse(from, "a name between < and >");
   return name;
 }
 
+// Parser that splits a block into words, codes and assignments.
 class BlockReader {
  public:
-  BlockReader(Cursor& cursor, ProgramRun& run, Operands& operands, Block& block)
+  BlockReader(Cursor& cursor, ProgramRun& run, OperandParser& operands, Block& block)
       : cursor_(cursor), run_(run), operands_(operands), block_(block) {}
 
-  void fill();
+  void read();
 
  private:
   void skip_blanks_and_comments();
-  void item(bool first);
-  void setting();
-  void word(bool first);
+  void read_assignment();
+  void read_word(bool is_first);
   void put_code(char letter, const NcWord& word);
 
   Cursor& cursor_;
   ProgramRun& run_;
-  Operands& operands_;
+  OperandParser& operands_;
   Block& block_;
 };
 
 // A comment behind ; extends to the end of the line.
 void BlockReader::skip_blanks_and_comments() {
   for (cursor_.skip_blanks(); !cursor_.at_end(); cursor_.skip_blanks()) {
-    if (cursor_.here() == '(') {
-      block_.comments.push_back(comment_at(cursor_));
-    } else if (cursor_.here() == ';') {
+    if (cursor_.current() == '(') {
+      block_.comments.push_back(read_comment(cursor_));
+    } else if (cursor_.current() == ';') {
       block_.comments.push_back(cursor_.text.substr(cursor_.at + 1));
       cursor_.at = cursor_.text.size();
     } else {
@@ -159,68 +165,69 @@ void BlockReader::skip_blanks_and_comments() {
   }
 }
 
-// Parameters are assigned after the whole block has been read: a block sees the old values.
-void BlockReader::setting() {
+// The flow executes the assignments after the whole block has been read, so that the block uses the
+// old values.
+void BlockReader::read_assignment() {
   const std::size_t from = cursor_.at++;
   cursor_.skip_blanks();
   std::string name;
   int number = 0;
-  if (cursor_.here() == '<')
-    name = name_in_brackets(cursor_);
+  if (cursor_.current() == '<')
+    name = parse_name(cursor_);
   else
-    // #1 to #5601 exist.
-    number = whole(cursor_, from, value(cursor_, grammar(), operands_), 5601);
+    number = whole_number(cursor_, from, parse_value(cursor_, grammar(), operands_), 5601);
   double result = 0.0;
   run_.define(name.empty() ? fmt::format("#{}", number) : fmt::format("#<{}>", name), [&] {
-    if (!cursor_.take("=")) cursor_.refuse(cursor_.at, "= after a parameter that begins a word");
-    result = value(cursor_, grammar(), operands_);
+    if (!cursor_.accept("=")) cursor_.refuse(cursor_.at, "= after a parameter that begins a word");
+    result = parse_value(cursor_, grammar(), operands_);
   });
-  if (block_.numbers.size() + block_.names.size() == max_settings)
+  if (block_.number_assignments.size() + block_.name_assignments.size() == max_assignments)
     cursor_.refuse(from, "at most 50 parameters set in a block");
   if (name.empty())
-    block_.numbers.emplace_back(number, result);
+    block_.number_assignments.emplace_back(number, result);
   else
-    block_.names.emplace_back(std::move(name), result);
+    block_.name_assignments.emplace_back(std::move(name), result);
 }
 
-// Classifies a code by its tenths: G59.1 is 591.
+// Puts a code into its group. Codes are identified by their tenths: G59.1 is 591.
 void BlockReader::put_code(char letter, const NcWord& word) {
   const double scaled = word.value * 10;
   const double tenths = std::round(scaled);
   const bool is_code = tenths >= 0 && tenths < 1e4 && std::abs(scaled - tenths) < 1e-3;
   const int code = is_code ? int(tenths) : -1;
-  const CodeEntry& fact = find_entry(letter, code);
-  if (!fact.known) {
-    run_.unknown(word, fmt::format("a {} code of LinuxCNC", letter));
-    block_.skipped = word;
+  const CodeProperties& properties = find_entry(letter, code);
+  if (!properties.known) {
+    run_.handle_unknown_word(word, fmt::format("a {} code of LinuxCNC", letter));
+    block_.skipped_code = word;
     return;
   }
-  if (fact.use == Use::Refused) run_.canon.refuse(word, std::string(fact.sentence));
-  const Group group = fact.group;
+  if (properties.use == Use::Refused) run_.canon.refuse(word, std::string(properties.sentence));
+  const Group group = properties.group;
   if (group == Group::None) {
-    block_.wordless = word;
+    block_.code_without_words = word;
     return;
   }
-  const Code& place = block_[group];
-  // rs274 accepts G80 beside another motion code, and obeys the other one.
-  const bool ends_cycle = group == Group::Motion && place && (code == 800) != (place.tenths == 800);
+  const Code& previous = block_[group];
+  // rs274 accepts G80 beside another motion code and executes the other one.
+  const bool ends_cycle =
+      group == Group::Motion && previous && (code == 800) != (previous.tenths == 800);
   if (ends_cycle && code == 800) return;
-  if (place && !ends_cycle)
+  if (previous && !ends_cycle)
     run_.canon.refuse(word, "one code of a modal group in a block",
-                      fmt::format("{} after {}", shown(word.text), shown(place.word.text)));
+                      fmt::format("{} after {}", shown(word.text), shown(previous.word.text)));
   block_.codes.put(std::size_t(group), {code, word});
 }
 
-void BlockReader::word(bool first) {
+void BlockReader::read_word(bool is_first) {
   const std::size_t from = cursor_.at;
-  const char letter = upper(cursor_.here());
-  const bool sign = letter == '@' || letter == '^' || letter == '$';
-  if (!is_letter(letter) && !sign) {
-    const char c = cursor_.here();
+  const char letter = upper(cursor_.current());
+  const bool is_sign = letter == '@' || letter == '^' || letter == '$';
+  if (!is_letter(letter) && !is_sign) {
+    const char c = cursor_.current();
     cursor_.refuse(from, "a word (letter and number)",
                    c == ')'   ? ") without ("
                    : c == '[' ? "an expression ([)"
-                              : shown(cursor_.cell(from)));
+                              : shown(cursor_.text_until_blank(from)));
   }
   ++cursor_.at;
   NcWord word;
@@ -228,59 +235,60 @@ void BlockReader::word(bool first) {
   cursor_.skip_blanks();
   if (cursor_.at_end())
     cursor_.refuse(from, std::string("a number after ") + letter, "the end of the line");
-  word.value = value(cursor_, grammar(), operands_);
+  word.value = parse_value(cursor_, grammar(), operands_);
   word.text = cursor_.text.substr(from, cursor_.at - from);
-  // A line number must be literal: it is not an expression.
+  // A line number must be digits, not an expression.
   const std::size_t digits = word.text.find_first_not_of(" \t", 1);
   if (letter == 'N' && (digits == std::string_view::npos || !is_digit(word.text[digits])))
     run_.canon.refuse(word, "a line number in digits");
   if (letter == 'G' || letter == 'M') return put_code(letter, word);
-  if (letter == 'N' && !first) run_.canon.refuse(word, "a line number first in its block");
+  if (letter == 'N' && !is_first) run_.canon.refuse(word, "a line number first in its block");
   const std::size_t index = letter == '@'   ? 26
                             : letter == '^' ? 27
                             : letter == '$' ? 28
                                             : std::size_t(letter - 'A');
-  const NcWord& place = block_.words[index];
-  if (place)
+  const NcWord& previous = block_.words[index];
+  if (previous)
     run_.canon.refuse(word, std::string("one ") + letter + " in a block",
-                      fmt::format("{} after {}", shown(word.text), shown(place.text)));
-  static constexpr std::string_view known = "ABCDEFHIJKLNPQRSTUVWXYZ@^$";
-  if (known.find(letter) == std::string_view::npos) return run_.unknown(word, "a word of LinuxCNC");
+                      fmt::format("{} after {}", shown(word.text), shown(previous.text)));
+  static constexpr std::string_view addresses = "ABCDEFHIJKLNPQRSTUVWXYZ@^$";
+  if (addresses.find(letter) == std::string_view::npos)
+    return run_.handle_unknown_word(word, "a word of LinuxCNC");
   if (letter == 'N') return;
   block_.words.put(index, word);
 }
 
-void BlockReader::fill() {
+void BlockReader::read() {
   cursor_.skip_blanks();
-  if (cursor_.here() == '%') {
+  if (cursor_.current() == '%') {
     ++cursor_.at;
     skip_blanks_and_comments();
     if (!cursor_.at_end()) cursor_.refuse(cursor_.at, "nothing after %");
     block_.percent = true;
     return;
   }
-  if (cursor_.here() == '/') {
+  if (cursor_.current() == '/') {
     ++cursor_.at;
     block_.deleted = true;
-    // A skipped block is not parsed, so that errors in it do not matter.
+    // A skipped block is not parsed, so that its errors do not matter.
     if (run_.canon.options().block_skip.test(0)) return;
   }
-  bool first = true;
+  bool is_first = true;
   for (skip_blanks_and_comments(); !cursor_.at_end(); skip_blanks_and_comments()) {
-    if (cursor_.here() == '#')
-      setting();
+    if (cursor_.current() == '#')
+      read_assignment();
     else
-      word(first);
-    first = false;
+      read_word(is_first);
+    is_first = false;
   }
 }
 
-void read_block(Cursor cursor, ProgramRun& run, Operands& operands, Block& block) {
+void read_block(Cursor cursor, ProgramRun& run, OperandParser& operands, Block& block) {
   block.clear();
-  // A NUL is not visible in messages, so it is reported by name.
+  // A NUL is not visible in messages, so its name is reported.
   if (const std::size_t nul = cursor.text.find('\0'); nul != std::string_view::npos)
     cursor.refuse(nul, "text", "a NUL byte");
-  BlockReader(cursor, run, operands, block).fill();
+  BlockReader(cursor, run, operands, block).read();
 }
 
 }  // namespace abbe::sim::dialects::linuxcnc

@@ -18,7 +18,7 @@ using program::Cause;
 using program::NcWord;
 using program::Target;
 
-/// Modal groups of G and M codes: a block has at most one code of each.
+/// Modal groups of G and M codes. A block has at most one code of each group.
 enum class Group {
   None,  ///< rejected, or without effect and without axis words
   OneBlock,
@@ -54,12 +54,12 @@ using Code = TenthsCode<NcWord>;
 struct Block {
   SparseSlots<NcWord, 29> words;  ///< by letter, then @ ^ $; G and M are in `codes`
   SparseSlots<Code, std::size_t(Group::Count)> codes;
-  NcWord skipped;   ///< an unknown code that was skipped
-  NcWord wordless;  ///< a code without effect beside which axis words are an error
+  NcWord skipped_code;        ///< an unknown code that was skipped
+  NcWord code_without_words;  ///< a code without effect beside which axis words are an error
   std::vector<std::string_view> comments;
-  /// #n = value, set after the whole block has been read
-  std::vector<std::pair<int, double>> numbers;
-  std::vector<std::pair<std::string, double>> names;  ///< #<name> = value
+  // Assignments, which are executed after the whole block has been read.
+  std::vector<std::pair<int, double>> number_assignments;        ///< #n = value
+  std::vector<std::pair<std::string, double>> name_assignments;  ///< #<name> = value
   bool deleted = false, percent = false;
 
   const NcWord& operator[](char letter) const { return words[std::size_t(letter - 'A')]; }
@@ -77,18 +77,20 @@ struct Block {
 const ExpressionGrammar& grammar();
 
 /// Entry of a code in the word table of the dialect.
-using CodeEntry = dialects::CodeEntry<Group>;
+using CodeProperties = dialects::CodeProperties<Group>;
 /// Returns the table entry of a code. `letter` is G or M.
-const CodeEntry& find_entry(char letter, int tenths);
+const CodeProperties& find_entry(char letter, int tenths);
 
 /// Parses a line without O word into `block`, whose memory is reused. `operands` evaluates
 /// parameters and functions. Throws BadInput.
-void read_block(Cursor cursor, ProgramRun& run, Operands& operands, Block& block);
+void read_block(Cursor cursor, ProgramRun& run, OperandParser& operands, Block& block);
 
-/// Returns the whole number of an index or a code. Throws BadInput.
-int whole(const Cursor& cursor, std::size_t from, double value, int most);
+/// Returns the whole number from 0 to `max` that a computed value stands for, within 1e-4. Throws
+/// BadInput at byte `from` of the line.
+int whole_number(const Cursor& cursor, std::size_t from, double value, int max);
 
-/// Returns the name in < > at the cursor, in lower case without blanks. Throws BadInput.
-std::string name_in_brackets(Cursor& cursor);
+/// Parses the name in < > at the cursor, and returns it in lower case without blanks. Throws
+/// BadInput.
+std::string parse_name(Cursor& cursor);
 
 }  // namespace abbe::sim::dialects::linuxcnc

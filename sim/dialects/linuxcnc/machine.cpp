@@ -17,14 +17,14 @@ using program::FeedMode;
 
 namespace {
 
-constexpr double smallest_feed = 1e-9;  // per minute; keeps every duration finite
+constexpr double min_feed = 1e-9;  // per minute; keeps every duration finite
 
-// Canned cycles: G73, G74 and G81 to G89.
+// Returns true for canned cycles: G73, G74 and G81 to G89.
 bool is_drilling(int motion) {
   return motion == 730 || motion == 740 || (motion >= 810 && motion <= 890);
 }
 
-/// Returns the letters, beside axis words, that a motion code takes.
+/// Returns the letters other than axis words that belong to a motion code.
 std::string_view motion_letters(int motion) {
   switch (motion) {
     case 20:
@@ -54,18 +54,18 @@ std::string_view motion_letters(int motion) {
 }
 
 /// Returns true for motion codes that are an error without axis words.
-bool needs_axes(int motion) {
+bool requires_axis_words(int motion) {
   return is_drilling(motion) || motion == 330 || motion == 331 || motion == 50 || motion == 51;
 }
 
-/// Returns the letters that codes of overrides and outputs take.
+/// Returns the letters that belong to codes of overrides and outputs.
 std::string_view override_letters(int code) {
   if (code >= 500 && code <= 530) return "P";
   if (code >= 620 && code <= 650) return "P";
   return code == 670 || code == 680 ? "EQ" : "";
 }
 
-// Returns the letters that a code of group 0 takes besides axis words.
+// Returns the letters other than axis words that belong to a code of group 0.
 std::string_view one_block_letters(int code) {
   switch (code) {
     case 40:
@@ -86,19 +86,19 @@ Machine::Machine(ProgramRun& run)
       length_(canon_.options().tool_length),
       radius_(canon_.options().tool_radius),
       compensation_(run) {
-  diameter_ = run.has_initial_diameters(false);
+  is_diameter_mode_ = run.has_initial_diameters(false);
   for (int system = 1; system <= int(system_changed_.size()); ++system) {
     const AxisVector& offset = program::work_offset(canon_.options(), system);
     for (int k = 0; k < 9 && offset.size() > 0; ++k)
       if (const int j = joint(k); j >= 0)
-        // Parameters of the coordinate systems, in mm and degrees as in the variables file.
+        // Parameters are in mm and degrees, as in the variables file.
         parameters_[5221 + 20 * std::size_t(system - 1) + std::size_t(k)] =
             canon_.is_linear(j) ? offset[j] : offset[j] / units::deg;
   }
-  take_origin(1);
+  load_origin(1);
   parameters_[5220] = 1;
   parameters_[5599] = 1;  // (debug,) comments are shown
-  // The reference position of the scene is what G28 and G30 have stored.
+  // G28 and G30 have stored the reference position of the scene.
   const AxisVector& reference = canon_.options().reference;
   for (int k = 0; k < 9 && reference.size() > 0; ++k)
     if (const int j = joint(k); j >= 0)
@@ -106,7 +106,7 @@ Machine::Machine(ProgramRun& run)
           canon_.is_linear(j) ? reference[j] : reference[j] / units::deg;
 }
 
-/// Records the modes that a block states, then those that it depends on.
+/// Records the modes that a block states and those that it depends on.
 void Machine::note_start_modes(const Block& block) {
   const std::pair<Group, StartMode> groups[] = {{Group::Units, StartMode::Units},
                                                 {Group::Distance, StartMode::Distance},
@@ -114,11 +114,11 @@ void Machine::note_start_modes(const Block& block) {
                                                 {Group::FeedMode, StartMode::Feed},
                                                 {Group::WorkOffset, StartMode::WorkOffset}};
   for (const auto& [group, mode] : groups)
-    if (block[group]) run_.state(mode);
-  if (block[Group::LatheDiameter]) diameter_stated_ = true;
+    if (block[group]) run_.mark_stated(mode);
+  if (block[Group::LatheDiameter]) is_diameter_mode_known_ = true;
   if (!first_axis_word(block)) return;
-  // LinuxCNC begins in G8 on a lathe as well, unlike Fanuc and Siemens: worth reporting.
-  if (run_.turning() && block['X'] && !std::exchange(diameter_stated_, true) &&
+  // The assumption is reported because LinuxCNC, unlike Fanuc and Siemens, begins a lathe in G8.
+  if (run_.is_turning() && block['X'] && !std::exchange(is_diameter_mode_known_, true) &&
       run_.options().turning.x_words == XWordMeaning::FromControl)
     canon_.assume(
         {"X words are radii (G8): no word before says otherwise", "program.x_words", "--x-words"});
@@ -138,27 +138,27 @@ void Machine::note_start_modes(const Block& block) {
 
 double Machine::unit() const { return canon_.inch() ? units::inch : 1.0; }
 
-// X under G7 is a diameter and halved here, so that everything behind works with radii.
+// X is a diameter under G7 and halved here, so that all other code works with radii.
 double Machine::axis_word(int k, const NcWord& word) const {
-  const bool turns = k >= 3 && k <= 5;
-  if (turns) return word.value;
-  return word.value * unit() * (k == 0 && diameter_ ? 0.5 : 1.0);
+  const bool is_rotary = k >= 3 && k <= 5;
+  if (is_rotary) return word.value;
+  return word.value * unit() * (k == 0 && is_diameter_mode_ ? 0.5 : 1.0);
 }
 
 const NcWord& Machine::first_axis_word(const Block& block) const {
   static const NcWord none;
   const NcWord* first = &none;
-  const auto look_at = [&](const NcWord& word) {
+  const auto consider = [&](const NcWord& word) {
     if (word && (!*first || word.column < first->column)) first = &word;
   };
-  for (const char letter : axis_letters) look_at(block[letter]);
-  look_at(block.radius());
-  look_at(block.angle());
+  for (const char letter : axis_letters) consider(block[letter]);
+  consider(block.radius());
+  consider(block.angle());
   return *first;
 }
 
-// The word at which messages about a motion point.
-Cause Machine::cause_of(const Block& block) const {
+// Returns the word that messages about the motion of a block point at.
+Cause Machine::motion_cause(const Block& block) const {
   if (const Code& code = block[Group::Motion]) return code.word;
   if (const NcWord& axis = first_axis_word(block)) return axis;
   for (const char letter : {'R', 'I', 'J', 'K', 'P'})
@@ -167,33 +167,34 @@ Cause Machine::cause_of(const Block& block) const {
   return {1, {}};
 }
 
-/// Checks words that are valid only beside others.
+/// Checks that every word belongs to a code of its block. Throws BadInput.
 void Machine::check_words(const Block& block) const {
   for (const char letter : axis_letters)
     if (const NcWord& word = block[letter]; word && canon_.joint_of(letter) < 0)
       refuse(word, "an axis of this machine (" + canon_.letters() + ")");
-  const Code& once = block[Group::OneBlock];
+  const Code& one_block = block[Group::OneBlock];
   const int motion = block[Group::Motion] ? block.tenths(Group::Motion) : motion_;
-  const bool takes_axes = once && once.tenths != 40 && once.tenths != 530;
-  std::string taken(one_block_letters(once.tenths));
+  const bool owns_axis_words = one_block && one_block.tenths != 40 && one_block.tenths != 530;
+  std::string letters(one_block_letters(one_block.tenths));
   const NcWord& axis = first_axis_word(block);
   const bool is_arc = motion == 20 || motion == 30;
-  const bool centre = is_arc && (block['I'] || block['J'] || block['K']);
+  const bool has_centre = is_arc && (block['I'] || block['J'] || block['K']);
   // Letters of the motion in force count only in blocks that move.
-  if (!takes_axes && (axis || block[Group::Motion] || centre)) taken += motion_letters(motion);
+  if (!owns_axis_words && (axis || block[Group::Motion] || has_centre))
+    letters += motion_letters(motion);
   const int length = block.tenths(Group::ToolLength);
-  if (length == 430 || length == 432 || length == 434) taken += 'H';
-  if (const int side = block.tenths(Group::CutterRadius); side > 400) taken += "DL";
-  if (block.tenths(Group::SpeedMode) == 960) taken += 'D';
-  if (block.tenths(Group::PathMode) == 640) taken += "PQ";
-  if (block[Group::Override]) taken += override_letters(block.tenths(Group::Override));
-  if (block.tenths(Group::ToolChange) == 610) taken += 'Q';
-  if (block.tenths(Group::Spindle) == 190) taken += "RQP";
+  if (length == 430 || length == 432 || length == 434) letters += 'H';
+  if (const int side = block.tenths(Group::CutterRadius); side > 400) letters += "DL";
+  if (block.tenths(Group::SpeedMode) == 960) letters += 'D';
+  if (block.tenths(Group::PathMode) == 640) letters += "PQ";
+  if (block[Group::Override]) letters += override_letters(block.tenths(Group::Override));
+  if (block.tenths(Group::ToolChange) == 610) letters += 'Q';
+  if (block.tenths(Group::Spindle) == 190) letters += "RQP";
   for (const char letter : {'D', 'E', 'H', 'I', 'J', 'K', 'L', 'P', 'Q', 'R'}) {
-    if (!block[letter] || taken.find(letter) != std::string::npos) continue;
+    if (!block[letter] || letters.find(letter) != std::string::npos) continue;
     // A letter beside a skipped code may belong to that code.
-    if (block.skipped)
-      run_.unknown(block[letter], "a word of LinuxCNC");
+    if (block.skipped_code)
+      run_.handle_unknown_word(block[letter], "a word of LinuxCNC");
     else
       refuse(block[letter], letter == 'P'   ? "G4 beside P"
                             : letter == 'H' ? "G43 or G43.4 beside H"
@@ -202,38 +203,41 @@ void Machine::check_words(const Block& block) const {
                                 : fmt::format("a code that takes {}", letter));
   }
   // An unknown G code may give the axis words another meaning; an unknown M code does not.
-  if (axis && upper(block.skipped.text.empty() ? 'M' : block.skipped.text.front()) == 'G')
+  if (axis && upper(block.skipped_code.text.empty() ? 'M' : block.skipped_code.text.front()) == 'G')
     refuse(axis, "no axis words beside a code that is skipped: what it makes of them is not known",
-           fmt::format("{} beside {}", shown(axis.text), shown(block.skipped.text)));
+           fmt::format("{} beside {}", shown(axis.text), shown(block.skipped_code.text)));
   if (block.is_polar()) {
     const NcWord& word = block.radius() ? block.radius() : block.angle();
     if (block['X'] || block['Y']) refuse(word, "either X Y or @ ^");
-    if (plane_ != 170 || takes_axes || joint(0) < 0 || joint(1) < 0)
+    if (plane_ != 170 || owns_axis_words || joint(0) < 0 || joint(1) < 0)
       refuse(word, "a move in the plane of X and Y beside @ and ^");
   }
-  if (once.tenths == 40 && !block['P']) refuse(once.word, "P (seconds) beside G4", "none");
+  if (one_block.tenths == 40 && !block['P'])
+    refuse(one_block.word, "P (seconds) beside G4", "none");
   check_motion(block);
   check_outputs(block);
-  const bool by_words = length == 431;
-  // Its motion code may be in the block with an error.
-  const bool follows = motion < 0 && !run_.input_errors().empty();
-  if (axis && !takes_axes && !by_words && follows)
+  const bool is_length_offset = length == 431;
+  // The motion code may be in a block with an error.
+  const bool is_consequence = motion < 0 && !run_.input_errors().empty();
+  if (axis && !owns_axis_words && !is_length_offset && is_consequence)
     throw program::FollowingError(canon_.place().file, canon_.line(), axis.column,
                                   "a code of motion", "none");
-  if (axis && !takes_axes && !by_words && (motion < 0 || motion == 800))
+  if (axis && !owns_axis_words && !is_length_offset && (motion < 0 || motion == 800))
     refuse(axis, "G0 G1 G2 or G3 before an axis word");
-  if (once.tenths == 530) {
-    if (!axis) refuse(once.word, "an axis word beside G53", "none");
-    if (motion != 0 && motion != 10) refuse(once.word, "G0 or G1 beside G53");
+  if (one_block.tenths == 530) {
+    if (!axis) refuse(one_block.word, "an axis word beside G53", "none");
+    if (motion != 0 && motion != 10) refuse(one_block.word, "G0 or G1 beside G53");
   }
-  if (const NcWord& wordless = block.wordless; axis && wordless)
-    refuse(axis, fmt::format("no axis words beside {}, which takes none", shown(wordless.text)));
-  // LinuxCNC moves by these axis words although the code takes them, which is never intended.
-  if (axis && (once.tenths % 10 == 1 || once.tenths == 922 || once.tenths == 923))
-    refuse(axis, fmt::format("no axis words beside {}, which takes none", shown(once.word.text)));
-  const bool stores = once.tenths % 10 == 1 || once.tenths == 922 || once.tenths == 923;
-  if (takes_axes && !stores && block[Group::Motion] && (axis || motion != 800))
-    refuse(block[Group::Motion].word, "no code of motion beside " + shown(once.word.text));
+  if (const NcWord& code = block.code_without_words; axis && code)
+    refuse(axis, fmt::format("no axis words beside {}, which takes none", shown(code.text)));
+  // LinuxCNC moves by axis words beside these codes, which a program never intends.
+  if (axis && (one_block.tenths % 10 == 1 || one_block.tenths == 922 || one_block.tenths == 923))
+    refuse(axis,
+           fmt::format("no axis words beside {}, which takes none", shown(one_block.word.text)));
+  const bool stores_position =
+      one_block.tenths % 10 == 1 || one_block.tenths == 922 || one_block.tenths == 923;
+  if (owns_axis_words && !stores_position && block[Group::Motion] && (axis || motion != 800))
+    refuse(block[Group::Motion].word, "no code of motion beside " + shown(one_block.word.text));
   if (const NcWord& tool = block['T'];
       tool && (tool.value < 0 || tool.value != std::floor(tool.value)))
     refuse(tool, "a whole tool number");
@@ -243,27 +247,28 @@ void Machine::check_words(const Block& block) const {
 void Machine::check_motion(const Block& block) const {
   const Code& code = block[Group::Motion];
   const bool is_arc = code.tenths == 20 || code.tenths == 30;
-  if (code && needs_axes(code.tenths) && !first_axis_word(block))
+  if (code && requires_axis_words(code.tenths) && !first_axis_word(block))
     refuse(code.word, "axis words beside " + shown(code.word.text), "none");
   if (code && is_arc && !block['I'] && !block['J'] && !block['K'] && !block['R'])
     refuse(code.word, "I J K or R beside " + shown(code.word.text), "none");
-  const bool incremental =
-      block[Group::Distance] ? block.tenths(Group::Distance) == 910 : incremental_;
-  if (const Code& once = block[Group::OneBlock]; once.tenths == 530 && incremental)
-    refuse(once.word, "G90 beside G53: positions of the axes are absolute", "G91");
+  const bool is_incremental =
+      block[Group::Distance] ? block.tenths(Group::Distance) == 910 : is_incremental_;
+  if (const Code& one_block = block[Group::OneBlock]; one_block.tenths == 530 && is_incremental)
+    refuse(one_block.word, "G90 beside G53: positions of the axes are absolute", "G91");
 }
 
 /// Throws BadInput for M19 and outputs without the words that they need in their block.
 void Machine::check_outputs(const Block& block) const {
   if (const Code& code = block[Group::Override]) {
-    const bool digital = code.tenths >= 620 && code.tenths <= 650;
-    const bool analog = code.tenths == 670 || code.tenths == 680;
-    if ((digital && !block['P']) || (analog && !block['E']))
+    const bool is_digital = code.tenths >= 620 && code.tenths <= 650;
+    const bool is_analog = code.tenths == 670 || code.tenths == 680;
+    if ((is_digital && !block['P']) || (is_analog && !block['E']))
       refuse(code.word,
-             fmt::format("{} (number of the output) beside {}", digital ? 'P' : 'E',
+             fmt::format("{} (number of the output) beside {}", is_digital ? 'P' : 'E',
                          shown(code.word.text)),
              "none");
-    if (const NcWord& output = block[digital ? 'P' : 'E']; (digital || analog) && output.value < 0)
+    if (const NcWord& output = block[is_digital ? 'P' : 'E'];
+        (is_digital || is_analog) && output.value < 0)
       refuse(output, "the number of an output, not below zero");
   }
   if (block.tenths(Group::Spindle) != 190) return;
@@ -278,44 +283,47 @@ void Machine::set_feed(const Block& block) {
     const FeedMode mode = code.tenths == 930   ? FeedMode::InverseTime
                           : code.tenths == 940 ? FeedMode::PerMinute
                                                : FeedMode::PerRevolution;
-    canon_.set_feed({});  // rs274 forgets F at each G94 and G95, even if the mode stays
+    // rs274 forgets F at each G94 and G95, even if the mode stays.
+    canon_.set_feed({});
     canon_.set_feed_mode(mode);
   }
   // Under G93 F holds for its own block only.
   if (canon_.feed_mode() == FeedMode::InverseTime) canon_.set_feed({});
   if (const NcWord& f = block['F']) {
-    if (!(f.value >= smallest_feed)) refuse(f, "a feed above zero");
+    if (!(f.value >= min_feed)) refuse(f, "a feed above zero");
     canon_.set_feed(Feed{f.value, unit()});
   }
 }
 
 void Machine::set_spindle(const Block& block) {
   if (const Code& code = block[Group::SpeedMode]) {
-    surface_speed_ = code.tenths == 960;
+    has_surface_speed_ = code.tenths == 960;
     // D belongs to its own G96.
     max_rpm_.reset();
-    if (const NcWord& d = block['D']; d && surface_speed_) {
+    if (const NcWord& d = block['D']; d && has_surface_speed_) {
       if (!(d.value > 0 && d.value <= 1e7)) refuse(d, "a largest speed of more than 0 to 1e7 rpm");
       max_rpm_ = d.value;
     }
-    if (surface_speed_ && joint(0) < 0) refuse(code.word, "a machine with an X axis beside G96");
-    if (surface_speed_ && !block['S']) refuse(code.word, "S (surface speed) beside G96", "none");
-    // G97 without S continues at the S of before.
-    if (!surface_speed_ && !block['S']) canon_.set_spindle_speed(speed_);
+    if (has_surface_speed_ && joint(0) < 0)
+      refuse(code.word, "a machine with an X axis beside G96");
+    if (has_surface_speed_ && !block['S'])
+      refuse(code.word, "S (surface speed) beside G96", "none");
+    // G97 without S continues at the last speed.
+    if (!has_surface_speed_ && !block['S']) canon_.set_spindle_speed(speed_);
   }
   if (const NcWord& s = block['S']) {
     if (s.value < 0 || s.value > 1e7) refuse(s, "a spindle speed of 0 to 1e7 rpm");
-    // Surface speed is in m/min in mm, in ft/min in inches.
-    speed_ = surface_speed_ && canon_.inch() ? s.value * 0.3048 : s.value;
-    if (!surface_speed_) canon_.set_spindle_speed(s.value);
+    // A surface speed is in m/min, or under G20 in ft/min.
+    speed_ = has_surface_speed_ && canon_.inch() ? s.value * 0.3048 : s.value;
+    if (!has_surface_speed_) canon_.set_spindle_speed(s.value);
   }
   if (const Code& code = block[Group::Spindle]; code && code.tenths != 190)
     canon_.turn_spindle(code.tenths == 30 ? 1 : code.tenths == 40 ? -1 : 0);
-  canon_.set_surface_speed(surface_speed_ ? std::optional(program::SurfaceSpeed{speed_, max_rpm_})
-                                          : std::nullopt);
+  canon_.set_surface_speed(
+      has_surface_speed_ ? std::optional(program::SurfaceSpeed{speed_, max_rpm_}) : std::nullopt);
 }
 
-// T selects, M6 changes: both may be in different blocks.
+// T selects a tool and M6, maybe in a later block, changes to it.
 void Machine::call_tools(const Block& block) {
   const Code& change = block[Group::ToolChange];
   const NcWord& t = block['T'];
@@ -323,7 +331,7 @@ void Machine::call_tools(const Block& block) {
   if (t) selected_ = int(std::min(t.value, 1e9));
   if (t && !program::knows_tool(canon_.options(), selected_)) refuse(t, "a tool of the tool table");
   if (changes && selected_ >= 0) tool_ = selected_;
-  // A control reads its axis positions anew after a tool change.
+  // After a tool change the control reads its axis positions anew.
   if (changes) compensation_.clear_leaving();
   if (t || changes) canon_.call_tool(t ? t.value : -1.0, changes);
   // M61 declares the tool in the spindle without a change.
@@ -336,65 +344,65 @@ void Machine::call_tools(const Block& block) {
     canon_.call_tool(q.value, true);
   }
   std::string text = t ? fmt::format("T{:.0f}", t.value) : "";
-  const auto add = [&](bool has, const char* word) {
-    if (has) text += std::string(text.empty() ? "" : " ") + word;
+  const auto add_word = [&](bool is_programmed, const char* word) {
+    if (is_programmed) text += std::string(text.empty() ? "" : " ") + word;
   };
-  add(changes, "M6");
-  add(block.tenths(Group::Coolant) == 70, "M7");
-  add(block.tenths(Group::Coolant) == 80, "M8");
+  add_word(changes, "M6");
+  add_word(block.tenths(Group::Coolant) == 70, "M7");
+  add_word(block.tenths(Group::Coolant) == 80, "M8");
   if (!text.empty()) canon_.aside(std::move(text));
 }
 
-// The order of execution of LinuxCNC: units, feed, spindle, tool, dwell, plane, compensation,
-// length, system, distance mode.
+// LinuxCNC executes units, feed, spindle, tool, dwell, plane, compensation, length, system and
+// distance mode in this order.
 void Machine::set_modes(const Block& block) {
   if (const Code& code = block[Group::Units]) canon_.set_inch(code.tenths == 200);
-  if (const Code& code = block[Group::LatheDiameter]) diameter_ = code.tenths == 70;
+  if (const Code& code = block[Group::LatheDiameter]) is_diameter_mode_ = code.tenths == 70;
   set_feed(block);
   set_spindle(block);
   call_tools(block);
   if (const Code& code = block[Group::OneBlock]; code.tenths == 40) dwell(block);
   if (const Code& code = block[Group::Plane]) {
-    if (compensation_.on()) refuse(code.word, "no change of the plane under G41 or G42");
+    if (compensation_.is_on()) refuse(code.word, "no change of the plane under G41 or G42");
     plane_ = code.tenths;
   }
   if (block[Group::CutterRadius]) set_compensation(block);
   if (block[Group::ToolLength]) set_tool_length(block);
   if (const Code& code = block[Group::Kinematics]) {
     // M429 also ends the tip mode of G43.4.
-    tip_kinematics_ = code.tenths == 4280;
-    tip_length_ = tip_length_ && tip_kinematics_;
+    has_tip_kinematics_ = code.tenths == 4280;
+    has_tip_length_ = has_tip_length_ && has_tip_kinematics_;
     apply_length(code.word);
   }
   if (const Code& code = block[Group::WorkOffset]) {
-    // The offset path was computed in the other system.
-    if (compensation_.on()) refuse(code.word, "no other coordinate system under G41 or G42");
-    choose_system(code.tenths <= 590 ? (code.tenths - 530) / 10 : code.tenths - 590 + 6);
+    // The offset path has been computed in the old system.
+    if (compensation_.is_on()) refuse(code.word, "no other coordinate system under G41 or G42");
+    select_work_offset(code.tenths <= 590 ? (code.tenths - 530) / 10 : code.tenths - 590 + 6);
   }
-  if (const Code& code = block[Group::Distance]) incremental_ = code.tenths == 910;
-  if (const Code& code = block[Group::ArcDistance]) absolute_centre_ = code.tenths == 901;
-  if (const Code& code = block[Group::ReturnLevel]) to_r_ = code.tenths == 990;
+  if (const Code& code = block[Group::Distance]) is_incremental_ = code.tenths == 910;
+  if (const Code& code = block[Group::ArcDistance]) has_absolute_centre_ = code.tenths == 901;
+  if (const Code& code = block[Group::ReturnLevel]) returns_to_r_ = code.tenths == 990;
 }
 
 void Machine::dwell(const Block& block) {
   const NcWord& p = block['P'];
   if (!(p.value >= 0 && p.value <= 1e6))
     refuse(p, "0 to 1e6 seconds beside " + shown(block[Group::OneBlock].word.text));
-  // A dwell behind a waiting move must follow it.
-  compensation_.after(
+  // The dwell must follow a move that compensation still postpones.
+  compensation_.run_after_move(
       [this, seconds = p.value, cause = Cause{p.column, {}}] { canon_.dwell(seconds, cause); });
 }
 
-/// Records what a control executes after the motion of the block: M0 M1 M9.
+/// Records the words that a control executes after the motion of the block: M0 M1 M9.
 void Machine::note_after_motion(const Block& block) {
   if (block[Group::Coolant].tenths == 90) canon_.aside("M9");
   if (const Code& stop = block[Group::Stop]; stop && stop.tenths <= 10)
     canon_.aside(fmt::format("M{}", stop.tenths / 10));
 }
 
-void Machine::one_block(const Block& block) {
+void Machine::execute_one_block(const Block& block) {
   const Code& code = block[Group::OneBlock];
-  if (compensation_.on()) refuse(code.word, "G40 before " + shown(code.word.text));
+  if (compensation_.is_on()) refuse(code.word, "G40 before " + shown(code.word.text));
   switch (code.tenths) {
     case 100:
       return store_data(block);
@@ -402,7 +410,7 @@ void Machine::one_block(const Block& block) {
     case 281:
     case 300:
     case 301:
-      return reference(block);
+      return move_to_reference(block);
     default:
       return shift_origin(block);
   }
@@ -410,74 +418,75 @@ void Machine::one_block(const Block& block) {
 
 Modes Machine::modes() const {
   return {canon_.inch(),
-          incremental_,
-          absolute_centre_,
-          diameter_,
-          to_r_,
+          is_incremental_,
+          has_absolute_centre_,
+          is_diameter_mode_,
+          returns_to_r_,
           plane_,
           system_,
           canon_.spindle_direction(),
           canon_.feed_mode(),
           canon_.feed(),
-          surface_speed_,
+          has_surface_speed_,
           speed_,
           max_rpm_,
           canon_.spindle_speed(),
-          compensation_.on(),
-          tip_length_,
-          tip_kinematics_,
+          compensation_.is_on(),
+          has_tip_length_,
+          has_tip_kinematics_,
           length_shift_};
 }
 
 void Machine::restore(const Modes& modes, const Cause& cause) {
-  // Tool length and compensation are not restored by LinuxCNC either; a difference shows an error
-  // of the program.
-  const bool same_length =
+  // LinuxCNC does not restore tool length and compensation either; a difference shows an error of
+  // the program.
+  const bool is_same_length =
       modes.length_shift.size() == length_shift_.size() && modes.length_shift == length_shift_;
-  if (!same_length || modes.tip_length != tip_length_ || modes.tip_kinematics != tip_kinematics_)
+  if (!is_same_length || modes.has_tip_length != has_tip_length_ ||
+      modes.has_tip_kinematics != has_tip_kinematics_)
     refuse(cause, "the tool length that was saved: it is not restored here", "another");
-  if (modes.compensated != compensation_.on())
+  if (modes.is_compensated != compensation_.is_on())
     refuse(cause, "G40, G41 or G42 as it was saved: it is not restored here", "another");
-  if (compensation_.on() && (modes.system != system_ || modes.plane != plane_))
+  if (compensation_.is_on() && (modes.system != system_ || modes.plane != plane_))
     refuse(cause, "no other plane and coordinate system under G41 or G42");
-  canon_.set_inch(modes.inch);
-  incremental_ = modes.incremental;
-  absolute_centre_ = modes.absolute_centre;
-  diameter_ = modes.diameter;
-  to_r_ = modes.to_r;
+  canon_.set_inch(modes.is_inch);
+  is_incremental_ = modes.is_incremental;
+  has_absolute_centre_ = modes.has_absolute_centre;
+  is_diameter_mode_ = modes.is_diameter_mode;
+  returns_to_r_ = modes.returns_to_r;
   plane_ = modes.plane;
   canon_.set_feed_mode(modes.feed_mode);
   canon_.set_feed(modes.feed);
-  surface_speed_ = modes.surface_speed;
+  has_surface_speed_ = modes.has_surface_speed;
   speed_ = modes.speed;
   max_rpm_ = modes.max_rpm;
   canon_.set_spindle_speed(modes.rpm);
-  canon_.set_surface_speed(surface_speed_ ? std::optional(program::SurfaceSpeed{speed_, max_rpm_})
-                                          : std::nullopt);
+  canon_.set_surface_speed(
+      has_surface_speed_ ? std::optional(program::SurfaceSpeed{speed_, max_rpm_}) : std::nullopt);
   canon_.turn_spindle(modes.spindle);
-  if (modes.system != system_) choose_system(modes.system);
+  if (modes.system != system_) select_work_offset(modes.system);
 }
 
-/// Removes words addressed to a spindle that the machine does not have.
+/// Returns the block without $, and without words for a spindle that the machine does not have.
 Block Machine::without_spindle(const Block& block) const {
-  const NcWord& which = block.spindle();
-  if (which.value < -1 || which.value > 7 || which.value != std::floor(which.value))
-    refuse(which, "a spindle of 0 to 7, or -1 for all");
-  Block own = block;
-  own.words.put(28, {});
-  // $0 and $-1 address the spindle of the machine.
-  if (which.value <= 0) return own;
-  // A synchronised motion follows the named spindle, so it cannot be ignored.
+  const NcWord& spindle = block.spindle();
+  if (spindle.value < -1 || spindle.value > 7 || spindle.value != std::floor(spindle.value))
+    refuse(spindle, "a spindle of 0 to 7, or -1 for all");
+  Block result = block;
+  result.words.put(28, {});
+  // $0 and $-1 address the only spindle of the machine.
+  if (spindle.value <= 0) return result;
+  // A synchronised motion follows its spindle, so the word cannot be ignored.
   if (const int motion = block.tenths(Group::Motion);
       motion == 330 || motion == 331 || motion == 760)
-    refuse(which, "spindle 0 beside a move that follows it");
+    refuse(spindle, "spindle 0 beside a move that follows it");
   run_.warn_once(
-      fmt::format("spindle {} turns nothing: the machine has spindle 0 ($0)", which.value));
-  own.words.put('S' - 'A', {});
+      fmt::format("spindle {} turns nothing: the machine has spindle 0 ($0)", spindle.value));
+  result.words.put('S' - 'A', {});
   for (const Group group : {Group::Spindle, Group::SpeedMode})
-    own.codes.put(std::size_t(group), {});
-  if (block[Group::SpeedMode]) own.words.put('D' - 'A', {});
-  return own;
+    result.codes.put(std::size_t(group), {});
+  if (block[Group::SpeedMode]) result.words.put('D' - 'A', {});
+  return result;
 }
 
 bool Machine::execute(const Block& block) {
@@ -486,31 +495,32 @@ bool Machine::execute(const Block& block) {
   check_words(block);
   note_start_modes(block);
   set_modes(block);
-  const Code& once = block[Group::OneBlock];
-  // rs274 keeps the motion mode that was in force before G5 and G5.1.
-  struct MotionBefore {
+  const Code& one_block = block[Group::OneBlock];
+  // As in rs274 the motion mode from before G5 and G5.1 is in force again after their block.
+  struct MotionRestorer {
     int& motion;
-    std::optional<int> before = {};
-    ~MotionBefore() {
-      if (before) motion = *before;
+    std::optional<int> previous = {};
+    ~MotionRestorer() {
+      if (previous) motion = *previous;
     }
-  } kept{motion_};
+  } restorer{motion_};
   if (const Code& code = block[Group::Motion]) {
-    if (code.tenths == 50 || code.tenths == 51) kept.before = motion_;
+    if (code.tenths == 50 || code.tenths == 51) restorer.previous = motion_;
     if (!is_drilling(code.tenths))
       cycle_ = {};
     else if (code.tenths != motion_)
-      cycle_ = {.p = cycle_.p, .initial = cycle_.initial};  // the dwell survives, as in LinuxCNC
-    // Poles of G5.2 are only kept until another motion code.
+      // As in LinuxCNC another cycle keeps the dwell.
+      cycle_ = {.p = cycle_.p, .initial = cycle_.initial};
+    // Another motion code discards the poles of G5.2.
     if (code.tenths != 52 && code.tenths != 53) poles_.clear();
     if (code.tenths != 50) spline_arm_.reset();
     motion_ = code.tenths;
   } else if (first_axis_word(block)) {
-    // Any other motion breaks the chain of G5.
+    // Any other motion interrupts a sequence of G5.
     spline_arm_.reset();
   }
-  if (once && once.tenths != 530 && once.tenths != 40)
-    one_block(block);
+  if (one_block && one_block.tenths != 530 && one_block.tenths != 40)
+    execute_one_block(block);
   else if (block.tenths(Group::ToolLength) != 431)
     move(block);
   note_after_motion(block);
@@ -518,22 +528,21 @@ bool Machine::execute(const Block& block) {
   return !(stop && (stop.tenths == 20 || stop.tenths == 300));
 }
 
-// A move that waits for its successor has none at the end.
 void Machine::finish() { compensation_.finish(); }
 
 double Machine::parameter(int number) const {
   if (number >= 5420 && number <= 5428) {
     const int k = number - 5420;
-    const bool turns = k >= 3 && k <= 5;
-    return joint(k) < 0 ? 0.0 : programmed(k) / (turns ? 1.0 : unit());
+    const bool is_rotary = k >= 3 && k <= 5;
+    return joint(k) < 0 ? 0.0 : programmed(k) / (is_rotary ? 1.0 : unit());
   }
   if (number == 5400) return tool_;
-  // The table value of the tool in the spindle, whatever length is in force.
-  if (number == 5403 && !run_.turning()) {
+  // #5403 is the table value of the tool in the spindle, whatever length is in force.
+  if (number == 5403 && !run_.is_turning()) {
     const auto length = length_.find(tool_);
     return length == length_.end() ? 0.0 : length->second;
   }
-  if (number >= 5401 && number <= 5409) return run_.turning() ? tool_shift(number - 5401) : 0.0;
+  if (number >= 5401 && number <= 5409) return run_.is_turning() ? tool_shift(number - 5401) : 0.0;
   if (number == 5410) {
     const auto radius = radius_.find(tool_);
     return radius == radius_.end() ? 0.0 : 2 * radius->second;
@@ -541,7 +550,6 @@ double Machine::parameter(int number) const {
   return parameters_[std::size_t(number)];
 }
 
-/// mm or degrees of the tool length in force along an axis.
 double Machine::tool_shift(int k) const {
   const int j = joint(k);
   const AxisVector& shift = canon_.tool_shift();
@@ -553,38 +561,37 @@ bool Machine::set_parameter(int number, double value) {
   // Position, tool data and version are read only.
   if (number == 5220 || (number >= 5400 && number <= 5428) || number >= 5600) return false;
   parameters_[std::size_t(number)] = value;
-  // The origin of a system is no longer that of the scene; it takes effect when the system is
-  // selected.
+  // The origin differs from that of the scene from the next selection of the system on.
   if (number >= 5221 && number < 5221 + 180)
     system_changed_[std::size_t((number - 5221) / 20)] = true;
   return true;
 }
 
-std::optional<double> Machine::named(std::string_view name) const {
+std::optional<double> Machine::named_parameter(std::string_view name) const {
   if (name.size() == 2 && name[0] == '_')
     if (const auto k = axis_letters.find(upper(name[1])); k != std::string_view::npos)
       return parameter(5420 + int(k));
   if (name.size() == 6 && name.starts_with("_abs_"))
     if (const auto k = axis_letters.find(upper(name[5])); k != std::string_view::npos)
-      return joint(int(k)) < 0 ? 0.0 : absolute(int(k)) / (k >= 3 && k <= 5 ? 1.0 : unit());
+      return joint(int(k)) < 0 ? 0.0 : axis_position(int(k)) / (k >= 3 && k <= 5 ? 1.0 : unit());
   const FeedMode mode = canon_.feed_mode();
-  const std::pair<std::string_view, double> all[] = {
+  const std::pair<std::string_view, double> parameters[] = {
       {"_metric", !canon_.inch()},
       {"_imperial", canon_.inch()},
-      {"_absolute", !incremental_},
-      {"_incremental", incremental_},
+      {"_absolute", !is_incremental_},
+      {"_incremental", is_incremental_},
       {"_inverse_time", mode == FeedMode::InverseTime},
       {"_units_per_minute", mode == FeedMode::PerMinute},
       {"_units_per_rev", mode == FeedMode::PerRevolution},
       {"_coord_system", system_ <= 6 ? 530 + 10 * system_ : 590 + system_ - 6},
       {"_tool_offset", canon_.tool_shift().size() > 0},
-      {"_retract_r_plane", to_r_},
-      {"_retract_old_z", !to_r_},
-      {"_spindle_rpm_mode", !surface_speed_},
-      {"_spindle_css_mode", surface_speed_},
-      {"_ijk_absolute_mode", absolute_centre_},
-      {"_lathe_diameter_mode", diameter_},
-      {"_lathe_radius_mode", !diameter_},
+      {"_retract_r_plane", returns_to_r_},
+      {"_retract_old_z", !returns_to_r_},
+      {"_spindle_rpm_mode", !has_surface_speed_},
+      {"_spindle_css_mode", has_surface_speed_},
+      {"_ijk_absolute_mode", has_absolute_centre_},
+      {"_lathe_diameter_mode", is_diameter_mode_},
+      {"_lathe_radius_mode", !is_diameter_mode_},
       {"_spindle_on", canon_.spindle_direction() != 0},
       {"_spindle_cw", canon_.spindle_direction() > 0},
       {"_feed", canon_.feed() ? canon_.feed()->word : 0.0},
@@ -593,15 +600,15 @@ std::optional<double> Machine::named(std::string_view name) const {
       {"_selected_tool", std::max(selected_, 0)},
       {"_motion_mode", motion_},
       {"_plane", plane_},
-      {"_ccomp", compensation_.on() ? (compensation_.left() ? 410 : 420) : 400},
+      {"_ccomp", compensation_.is_on() ? (compensation_.is_left() ? 410 : 420) : 400},
       {"_line", canon_.line()},
       {"_task", 0},
-      // The version decides which features a program tests for.
+      // Programs test the version before they use features.
       {"_vmajor", 2.9},
       {"_vminor", 0},
   };
-  for (const auto& [one, value] : all)
-    if (one == name) return value;
+  for (const auto& [parameter, value] : parameters)
+    if (parameter == name) return value;
   return std::nullopt;
 }
 

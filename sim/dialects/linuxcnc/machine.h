@@ -13,25 +13,26 @@
 namespace abbe::sim::dialects::linuxcnc {
 
 inline constexpr std::string_view axis_letters = "XYZABCUVW";
-/// One number for every axis letter, mm and degrees.
-using Nine = std::array<double, 9>;
+/// A value for every axis letter, mm and degrees.
+using NineAxes = std::array<double, 9>;
 
-/// Modes saved by M70: all except the motion mode.
+/// Modes that M70 saves: all except the motion mode.
 struct Modes {
-  bool inch = false, incremental = false, absolute_centre = false, diameter = false, to_r = true;
+  bool is_inch = false, is_incremental = false, has_absolute_centre = false;
+  bool is_diameter_mode = false, returns_to_r = true;
   int plane = 170, system = 1, spindle = 0;
   program::FeedMode feed_mode = program::FeedMode::PerMinute;
   std::optional<program::Feed> feed = {};
-  bool surface_speed = false;
+  bool has_surface_speed = false;
   double speed = 0.0;
   std::optional<double> max_rpm;
   double rpm = 0.0;
-  bool compensated = false, tip_length = false, tip_kinematics = false;
+  bool is_compensated = false, has_tip_length = false, has_tip_kinematics = false;
   kinematics::AxisVector length_shift = {};
 };
 
-/// State of a LinuxCNC control as its words command it: modes, coordinate systems, tools, and the
-/// moves that they make on the canon.
+/// State of a LinuxCNC control: modes, coordinate systems and tools. Executes blocks and issues
+/// their moves to the canon.
 class Machine {
  public:
   explicit Machine(ProgramRun& run);
@@ -42,16 +43,16 @@ class Machine {
   /// Restores saved modes. Throws BadInput if tool length or cutter compensation differ from those
   /// saved.
   void restore(const Modes& modes, const Cause& cause);
-  /// Makes the moves that still wait at the end of the program.
+  /// Makes the moves that are still postponed at the end of the program.
   void finish();
 
-  /// Returns a numbered parameter from 31 on, including those of the machine; 0 if it has not been
-  /// set.
+  /// Returns a numbered parameter from 31 on, including those of the machine, or 0 if it has not
+  /// been set.
   double parameter(int number) const;
   /// Sets a parameter. Returns false if it is read only.
   bool set_parameter(int number, double value);
   /// Returns a named parameter that the control itself defines, such as _x or _metric.
-  std::optional<double> named(std::string_view name) const;
+  std::optional<double> named_parameter(std::string_view name) const;
 
  private:
   using AxisVector = kinematics::AxisVector;
@@ -70,59 +71,62 @@ class Machine {
   void set_feed(const Block& block);
   void set_spindle(const Block& block);
   void call_tools(const Block& block);
-  void one_block(const Block& block);
+  void execute_one_block(const Block& block);
   void dwell(const Block& block);
   void note_after_motion(const Block& block);
   const NcWord& first_axis_word(const Block& block) const;
   double unit() const;
   int joint(int k) const { return canon_.joint_of(axis_letters[std::size_t(k)]); }
-  /// Returns mm or degrees of an axis word; under G7 X is a diameter.
+  /// Returns the value of an axis word, mm or degrees. X becomes a radius, also under G7.
   double axis_word(int k, const NcWord& word) const;
-  Cause cause_of(const Block& block) const;
+  Cause motion_cause(const Block& block) const;
 
   // Coordinate systems and tool offsets.
   void set_tool_length(const Block& block);
-  double length_of(int tool, const Cause& cause) const;
-  void choose_system(int number);
-  void take_origin(int number);
+  double tool_length(int tool, const Cause& cause) const;
+  void select_work_offset(int number);
+  void load_origin(int number);
   void apply_frame();
   void store_data(const Block& block);
   void store_system(const Block& block, int number, bool by_position);
-  void store_tool(const Block& block, int which);
+  void store_tool(const Block& block, int kind);
   void shift_origin(const Block& block);
-  void reference(const Block& block);
-  /// Return the current position in program coordinates and in those of the axes.
+  void move_to_reference(const Block& block);
+  /// Returns the current position of an axis in program coordinates, mm or degrees.
   double programmed(int k) const;
-  double absolute(int k) const;
-  double from_zero(int k) const;
+  /// Returns the current position of an axis without any offset, mm or degrees.
+  double axis_position(int k) const;
+  /// Returns the current position of an axis from the origin of the work offsets, mm or degrees.
+  double position_from_zero(int k) const;
+  /// Returns the tool length in force along an axis, mm or degrees.
   double tool_shift(int k) const;
   void apply_length(const Cause& cause);
 
   // Motion.
   void move(const Block& block);
   Target block_target(const Block& block, bool machine) const;
-  /// Returns the X and Y, mm, in program coordinates, that @ and ^ lead to.
+  /// Returns the X and Y of the end that @ and ^ state, mm, in program coordinates.
   Eigen::Vector2d polar_end(const Block& block, const Eigen::Vector2d& from) const;
   void straight(const Block& block, AxisVector end, std::uint32_t stated, bool machine);
   void arc(const Block& block, AxisVector end, std::uint32_t stated);
-  void feed_per_turn(const NcWord& pitch, const program::Straight& move);
-  void spindle_synchronised(const Block& block, AxisVector end);
-  void spline(const Block& block);
+  void make_line_per_revolution(const NcWord& pitch, const program::Straight& move);
+  void make_synchronised_line(const Block& block, AxisVector end);
+  void execute_spline(const Block& block);
 
   // Canned cycles.
-  void cycle(const Block& block);
-  void take_cycle(const Block& block);
-  void cycle_holes(const Block& block);
-  /// A hole in program coordinates: its position, the joint along it, its levels.
+  void execute_cycle(const Block& block);
+  void read_cycle_words(const Block& block);
+  void make_holes(const Block& block);
+  /// A hole in program coordinates.
   struct Hole {
-    AxisVector at;
-    int deep = 2;
-    double r = 0.0, bottom = 0.0, clear = 0.0;
+    AxisVector position;
+    int depth_joint = 2;                                  ///< joint along the hole
+    double r = 0.0, bottom = 0.0, clearance_level = 0.0;  ///< mm
   };
-  void hole(const Hole& hole);
-  int whole_word(const NcWord& word, int most) const;
-  void go(const AxisVector& end, bool rapid);
-  void thread(const Block& block);
+  void make_hole(const Hole& hole);
+  int whole_number(const NcWord& word, int max) const;
+  void move_to(const AxisVector& end, bool rapid);
+  void execute_thread(const Block& block);
 
   // Cutter compensation.
   void set_compensation(const Block& block);
@@ -134,17 +138,17 @@ class Machine {
   std::vector<double> parameters_;
   std::array<bool, 9> system_changed_{};   ///< changed from what the scene states
   int system_ = 1;                         ///< 1 .. 9
-  std::array<double, 10> origin_{};        ///< of the system in force: nine axes, then its rotation
-  Nine g92_{};                             ///< shift of G92 in force
+  std::array<double, 10> origin_{};        ///< of the system in force: nine axes, then rotation
+  NineAxes g92_{};                         ///< shift of G92 in force
   std::map<int, double> length_, radius_;  ///< mm, by tool
   int motion_ = -1;                        ///< ten times the G number; -1: none
   int plane_ = 170;
-  AxisVector length_shift_;  ///< (axes) of G43 and similar codes; empty: none
-  bool tip_length_ = false, tip_kinematics_ = false;  ///< G43.4; M428
-  bool incremental_ = false, absolute_centre_ = false, diameter_ = false;
-  bool diameter_stated_ = false;  ///< G7 or G8, or the assumption has been reported
-  bool to_r_ = true;              ///< G99, LinuxCNC's initial state
-  bool surface_speed_ = false;
+  AxisVector length_shift_;  ///< (axes) shift of G43 and similar codes; empty: none
+  bool has_tip_length_ = false, has_tip_kinematics_ = false;  ///< G43.4; M428
+  bool is_incremental_ = false, has_absolute_centre_ = false, is_diameter_mode_ = false;
+  bool is_diameter_mode_known_ = false;  ///< G7 or G8, or the assumption has been reported
+  bool returns_to_r_ = true;             ///< G99, LinuxCNC's initial state
+  bool has_surface_speed_ = false;
   double speed_ = 0.0;             ///< S as programmed; under G96 m/min
   std::optional<double> max_rpm_;  ///< limit of G96
   int tool_ = 0, selected_ = -1;
@@ -152,15 +156,15 @@ class Machine {
   struct Cycle {
     double r = 0.0, z = 0.0, q = 0.0, p = 0.0;
     std::optional<double> initial;  ///< level of G98
-    bool begun = false;
+    bool has_begun = false;
   } cycle_;
   struct Pole {
     double x = 0.0, y = 0.0, weight = 1.0;
   };
   std::vector<Pole> poles_;  ///< poles of G5.2 so far
   int order_ = 3;
-  std::optional<Eigen::Vector2d> spline_arm_;  ///< P Q of the previous G5, from its end
-  Compensation compensation_;
+  std::optional<Eigen::Vector2d> spline_arm_;  ///< P Q of the previous G5, relative to its end
+  CutterCompensation compensation_;
 };
 
 }  // namespace abbe::sim::dialects::linuxcnc

@@ -14,11 +14,11 @@ namespace abbe::sim::dialects::linuxcnc {
 
 namespace {
 
-// A B C are in degrees.
-bool turns(int k) { return k >= 3 && k <= 5; }
+// Returns true for A B C, which are in degrees.
+bool is_rotary(int k) { return k >= 3 && k <= 5; }
 
-// Parameters of a system: 20 numbers each, from #5221 on.
-std::size_t system_at(int number) { return 5221 + 20 * std::size_t(number - 1); }
+// Returns the first parameter of a coordinate system. From #5221 on each system has 20.
+std::size_t first_parameter(int number) { return 5221 + 20 * std::size_t(number - 1); }
 
 }  // namespace
 
@@ -29,81 +29,79 @@ double Machine::programmed(int k) const {
   return canon_.is_linear(j) ? p[j] : p[j] / units::deg;
 }
 
-// Position of the axes without any offset, mm or degrees.
-double Machine::absolute(int k) const {
+double Machine::axis_position(int k) const {
   const int j = joint(k);
   if (j < 0) return 0.0;
   return canon_.is_linear(j) ? canon_.position()[j] : canon_.position()[j] / units::deg;
 }
 
-/// Position of an axis from the origin of the work offsets.
-double Machine::from_zero(int k) const {
-  return absolute(k) - (k < 3 ? canon_.shift_correction()[k] : 0.0);
+double Machine::position_from_zero(int k) const {
+  return axis_position(k) - (k < 3 ? canon_.shift_correction()[k] : 0.0);
 }
 
-/// Sets the frame as LinuxCNC composes it: the shift of G92 or G52 first, then the rotation about
-/// Z, then the origin of the system. Unchanged offsets of the scene keep their bits.
+/// Sets the frame in the order of LinuxCNC: the shift of G92 or G52, then the rotation about Z,
+/// then the origin of the system. Offsets of the scene alone keep their bits.
 void Machine::apply_frame() {
-  const bool shifted = std::any_of(g92_.begin(), g92_.end(), [](double v) { return v != 0.0; });
+  const bool has_shift = std::any_of(g92_.begin(), g92_.end(), [](double v) { return v != 0.0; });
   const double angle = origin_[9];
   program::Frame frame;
-  if (!system_changed_[std::size_t(system_ - 1)] && !shifted) {
+  if (!system_changed_[std::size_t(system_ - 1)] && !has_shift) {
     frame.shift = program::work_offset(canon_.options(), system_);
     return canon_.set_frame(system_ - 1, std::move(frame));
   }
   frame.shift = AxisVector::Zero(canon_.position().size());
-  // G92 is inside the rotation, so its shift is rotated as well.
-  Nine first = g92_;
+  // The shift of G92 is within the rotation, so it is rotated too.
+  NineAxes shift = g92_;
   if (angle != 0.0) {
     for (const int k : {0, 1, 2})
       if (joint(k) < 0)
         canon_.refuse({1, {}}, "a machine with X Y Z for a coordinate system that is turned");
     const Eigen::Matrix3d R =
         Eigen::AngleAxisd(angle * units::deg, Eigen::Vector3d::UnitZ()).toRotationMatrix();
-    const Eigen::Vector3d moved = R * Eigen::Vector3d(first[0], first[1], first[2]);
-    for (int k = 0; k < 3; ++k) first[std::size_t(k)] = moved[k];
+    const Eigen::Vector3d rotated = R * Eigen::Vector3d(shift[0], shift[1], shift[2]);
+    for (int k = 0; k < 3; ++k) shift[std::size_t(k)] = rotated[k];
     frame.rotation = R;
   }
   for (int k = 0; k < 9; ++k)
     if (const int j = joint(k); j >= 0)
-      frame.shift[j] = (origin_[std::size_t(k)] + first[std::size_t(k)]) *
+      frame.shift[j] = (origin_[std::size_t(k)] + shift[std::size_t(k)]) *
                        (canon_.is_linear(j) ? 1.0 : units::deg);
   canon_.set_frame(system_ - 1, std::move(frame));
 }
 
-/// Selecting the system in force does not reload its parameters, as in rs274.
-void Machine::choose_system(int number) {
-  if (number != system_) take_origin(number);
+/// Selects a coordinate system. As in rs274 the system in force does not reload its parameters.
+void Machine::select_work_offset(int number) {
+  if (number != system_) load_origin(number);
   parameters_[5220] = number;
   apply_frame();
 }
 
-void Machine::take_origin(int number) {
+void Machine::load_origin(int number) {
   system_ = number;
-  std::copy_n(parameters_.begin() + std::ptrdiff_t(system_at(number)), origin_.size(),
+  std::copy_n(parameters_.begin() + std::ptrdiff_t(first_parameter(number)), origin_.size(),
               origin_.begin());
 }
 
-double Machine::length_of(int tool, const Cause& cause) const {
+double Machine::tool_length(int tool, const Cause& cause) const {
   const auto length = length_.find(tool);
   if (length != length_.end()) return length->second;
   if (tool == 0) return 0.0;
-  std::string known;
-  for (const auto& [number, mm] : length_) known += fmt::format(" H{}", number);
-  refuse(cause,
-         // An unknown H lists the known ones: usually the tool table is missing an entry.
-         "a tool length that is known (" + (known.empty() ? "none is" : known.substr(1)) + ")");
+  // Usually the tool table lacks an entry, so the message lists the known ones.
+  std::string known_lengths;
+  for (const auto& [number, mm] : length_) known_lengths += fmt::format(" H{}", number);
+  refuse(cause, "a tool length that is known (" +
+                    (known_lengths.empty() ? "none is" : known_lengths.substr(1)) + ")");
 }
 
 void Machine::set_tool_length(const Block& block) {
   const Code& code = block[Group::ToolLength];
-  if (compensation_.on()) refuse(code.word, "no other tool length under G41 or G42");
+  if (compensation_.is_on()) refuse(code.word, "no other tool length under G41 or G42");
   const NcWord& h = block['H'];
   if (h && (h.value < 0 || h.value != std::floor(h.value) || h.value > 1e9))
     refuse(h, "a whole tool number after H");
   if (code.tenths == 490) {
     length_shift_ = {};
-    tip_length_ = false;
+    has_tip_length_ = false;
     canon_.select_length(-1, code.word);
     return apply_length(code.word);
   }
@@ -115,14 +113,14 @@ void Machine::set_tool_length(const Block& block) {
         shift[joint(k)] = axis_word(k, word) * (canon_.is_linear(joint(k)) ? 1.0 : units::deg);
     if (!first_axis_word(block)) refuse(code.word, "axis words beside G43.1", "none");
     length_shift_ = std::move(shift);
-    tip_length_ = false;
+    has_tip_length_ = false;
     return apply_length(code.word);
   }
   const int tool = h            ? int(h.value)
-                   : tool_ == 0 ? run_.uncalled_tool(code.word, "no tool called")
+                   : tool_ == 0 ? run_.assume_only_tool(code.word, "no tool called")
                                 : tool_;
   if (code.tenths == 432 && !h) refuse(code.word, "H (tool length) beside G43.2", "none");
-  const double length = length_of(tool, h ? Cause(h) : Cause(code.word));
+  const double length = tool_length(tool, h ? Cause(h) : Cause(code.word));
   const int z = joint(2);
   if (code.tenths != 434) {
     if (z < 0) refuse(code.word, "a machine with a Z axis");
@@ -130,36 +128,36 @@ void Machine::set_tool_length(const Block& block) {
     if (code.tenths == 432 && length_shift_.size() > 0) shift = length_shift_;
     const kinematics::Chain* to_tip = chain_to_tip(canon_.options(), tool);
     // On a turning control the offset of a tool has X and Z.
-    if (run_.turning() && to_tip != nullptr && tool != 0)
+    if (run_.is_turning() && to_tip != nullptr && tool != 0)
       shift += measured_offset(canon_, *to_tip, code.word);
     else
       shift[z] += length;
   }
   // G43.2 does not change the tool whose tip is led.
   if (code.tenths != 432) canon_.select_length(tool, code.word);
-  tip_length_ = code.tenths == 434;
-  length_shift_ = tip_length_ ? AxisVector() : std::move(shift);
+  has_tip_length_ = code.tenths == 434;
+  length_shift_ = has_tip_length_ ? AxisVector() : std::move(shift);
   apply_length(code.word);
 }
 
-/// Puts the tool length in force: as a shift of the axes, or in the chain to the tip, which must
+/// Puts the tool length in force: as a shift of the axes, or by the chain to the tip, which must
 /// have the same length.
 void Machine::apply_length(const Cause& cause) {
-  const bool tip = tip_length_ || tip_kinematics_;
-  if (!tip || length_shift_.size() == 0) {
-    canon_.set_tool_shift(tip ? AxisVector() : length_shift_);
-    return canon_.set_tip_mode(tip, cause);
+  const bool is_tip_mode = has_tip_length_ || has_tip_kinematics_;
+  if (!is_tip_mode || length_shift_.size() == 0) {
+    canon_.set_tool_shift(is_tip_mode ? AxisVector() : length_shift_);
+    return canon_.set_tip_mode(is_tip_mode, cause);
   }
   canon_.set_tip_mode(true, cause);
   canon_.set_tool_shift({});
-  constexpr double same_length = 1e-9;  // mm, rounding of a length converted from inches
+  constexpr double length_tolerance = 1e-9;  // mm, rounding of a length converted from inches
   const auto zero = program::known_zero(canon_.options());
   const auto tip_w = program::tip_at_zero(canon_.chain());
-  // Without a known zero nothing can be compared.
+  // Without a known zero there is nothing to compare.
   if (!zero || !tip_w) return;
-  AxisVector beyond = length_shift_;
-  beyond[joint(2)] -= zero->nose_w.z() - tip_w->z();
-  if (beyond.cwiseAbs().maxCoeff() > same_length)
+  AxisVector difference = length_shift_;
+  difference[joint(2)] -= zero->nose_w.z() - tip_w->z();
+  if (difference.cwiseAbs().maxCoeff() > length_tolerance)
     refuse(cause,
            "the length of the tool as the scene has it beside M428, with which the tip is "
            "counted",
@@ -167,46 +165,47 @@ void Machine::apply_length(const Cause& cause) {
 }
 
 void Machine::store_system(const Block& block, int number, bool by_position) {
-  const std::size_t at = system_at(number);
+  const std::size_t first = first_parameter(number);
   const NcWord& r = block['R'];
-  if (r) parameters_[at + 9] = r.value;
+  if (r) parameters_[first + 9] = r.value;
   system_changed_[std::size_t(number - 1)] = true;
-  Nine words{};
+  NineAxes words{};
   for (int k = 0; k < 9; ++k)
     if (const NcWord& word = block[axis_letters[std::size_t(k)]])
       words[std::size_t(k)] = axis_word(k, word);
-  Nine origin = words;
+  NineAxes origin = words;
   if (by_position) {
     // absolute = R (p + g92) + origin + zero + tool, where p is the programmed value, or the
     // current one for axes that are not programmed.
-    const double angle = parameters_[at + 9] * units::deg;
+    const double angle = parameters_[first + 9] * units::deg;
     const double c = std::cos(angle), s = std::sin(angle);
-    Nine tool{}, rest{};
+    NineAxes tool{}, difference{};
     for (int k = 0; k < 9; ++k) {
       tool[std::size_t(k)] = tool_shift(k);
-      rest[std::size_t(k)] = from_zero(k) - tool[std::size_t(k)] - parameters_[at + std::size_t(k)];
+      difference[std::size_t(k)] =
+          position_from_zero(k) - tool[std::size_t(k)] - parameters_[first + std::size_t(k)];
     }
-    const double x = c * rest[0] + s * rest[1] - g92_[0];
-    const double y = c * rest[1] - s * rest[0] - g92_[1];
+    const double x = c * difference[0] + s * difference[1] - g92_[0];
+    const double y = c * difference[1] - s * difference[0] - g92_[1];
     const double p_x = (block['X'] ? words[0] : x) + g92_[0];
     const double p_y = (block['Y'] ? words[1] : y) + g92_[1];
-    origin[0] = from_zero(0) - tool[0] - (c * p_x - s * p_y);
-    origin[1] = from_zero(1) - tool[1] - (s * p_x + c * p_y);
+    origin[0] = position_from_zero(0) - tool[0] - (c * p_x - s * p_y);
+    origin[1] = position_from_zero(1) - tool[1] - (s * p_x + c * p_y);
     for (std::size_t k = 2; k < 9; ++k)
-      origin[k] = from_zero(int(k)) - tool[k] - g92_[k] - words[k];
+      origin[k] = position_from_zero(int(k)) - tool[k] - g92_[k] - words[k];
   }
   // In a rotated system X and Y depend on each other, so both origins change.
-  const bool both = by_position && parameters_[at + 9] != 0.0 && (block['X'] || block['Y']);
+  const bool sets_both = by_position && parameters_[first + 9] != 0.0 && (block['X'] || block['Y']);
   for (int k = 0; k < 9; ++k)
-    if (block[axis_letters[std::size_t(k)]] || (both && k < 2 && joint(k) >= 0))
-      parameters_[at + std::size_t(k)] = origin[std::size_t(k)];
-  // Another system than the one in force is only stored.
+    if (block[axis_letters[std::size_t(k)]] || (sets_both && k < 2 && joint(k) >= 0))
+      parameters_[first + std::size_t(k)] = origin[std::size_t(k)];
+  // A system that is not in force is only stored.
   if (number != system_) return;
-  take_origin(number);
+  load_origin(number);
   apply_frame();
 }
 
-void Machine::store_tool(const Block& block, int which) {
+void Machine::store_tool(const Block& block, int kind) {
   const NcWord& p = block['P'];
   const int tool = int(p.value);
   // A scene's tool has its length along Z only.
@@ -216,10 +215,10 @@ void Machine::store_tool(const Block& block, int which) {
   if (const NcWord& z = block['Z']) {
     const double word = axis_word(2, z);
     // L11 counts from system 9 (G59.3), L10 from the one in force.
-    const std::size_t at = system_at(which == 11 ? 9 : system_);
-    length_[tool] = which == 1
-                        ? word
-                        : from_zero(2) - word - parameters_[at + 2] - (which == 10 ? g92_[2] : 0.0);
+    const std::size_t first = first_parameter(kind == 11 ? 9 : system_);
+    length_[tool] = kind == 1 ? word
+                              : position_from_zero(2) - word - parameters_[first + 2] -
+                                    (kind == 10 ? g92_[2] : 0.0);
   }
   if (const NcWord& r = block['R']) radius_[tool] = r.value * unit();
 }
@@ -245,23 +244,23 @@ void Machine::store_data(const Block& block) {
   store_system(block, p.value == 0 ? system_ : int(p.value), kind == 20);
 }
 
-/// G92, its variants and G52.
+/// Executes G92, its variants and G52.
 void Machine::shift_origin(const Block& block) {
   const Code& code = block[Group::OneBlock];
   const auto stored = [&](int k) -> double& { return parameters_[5211 + std::size_t(k)]; };
   if (code.tenths == 920 || code.tenths == 520) {
     if (!first_axis_word(block))
       refuse(code.word, "an axis word beside " + shown(code.word.text), "none");
-    const Nine before = g92_;
+    const NineAxes previous = g92_;
     for (int k = 0; k < 9; ++k) {
       const NcWord& word = block[axis_letters[std::size_t(k)]];
       if (!word) continue;
-      // G52 sets the shift; G92 makes the current position read as programmed.
+      // G52 sets the shift; G92 gives the current position the programmed values.
       g92_[std::size_t(k)] = code.tenths == 520
                                  ? axis_word(k, word)
-                                 : programmed(k) + before[std::size_t(k)] - axis_word(k, word);
+                                 : programmed(k) + previous[std::size_t(k)] - axis_word(k, word);
     }
-    // G52 and G92 share one shift in LinuxCNC, and its parameters.
+    // In LinuxCNC G52 and G92 share one shift and its parameters.
     for (int k = 0; k < 9; ++k) stored(k) = g92_[std::size_t(k)];
     parameters_[5210] = 1;
   } else if (code.tenths == 923) {
@@ -277,54 +276,54 @@ void Machine::shift_origin(const Block& block) {
   apply_frame();
 }
 
-/// G28 and G30: over the programmed point to the stored position, of the programmed axes only if
-/// there are any.
-void Machine::reference(const Block& block) {
+/// Executes G28 and G30: a rapid over the programmed point to the stored position, for the
+/// programmed axes, or for all axes if none is programmed.
+void Machine::move_to_reference(const Block& block) {
   const Code& code = block[Group::OneBlock];
-  const std::size_t at = code.tenths < 300 ? 5161 : 5181;
+  const std::size_t first = code.tenths < 300 ? 5161 : 5181;
   // G28.1 and G30.1 store the current position.
   if (code.tenths % 10 == 1) {
-    for (int k = 0; k < 9; ++k) parameters_[at + std::size_t(k)] = absolute(k);
+    for (int k = 0; k < 9; ++k) parameters_[first + std::size_t(k)] = axis_position(k);
     return;
   }
-  const Target words = block_target(block, false);
-  if (!words.empty())
-    canon_.traverse({.end = canon_.end_of(words), .cause = code.word, .stated = words.stated()});
-  const bool tip = canon_.tip_mode();
+  const Target target = block_target(block, false);
+  if (!target.empty())
+    canon_.traverse({.end = canon_.end_of(target), .cause = code.word, .stated = target.stated()});
+  const bool is_tip_mode = canon_.tip_mode();
   canon_.go_to(program::Coordinates::Axis, code.word);
   AxisVector end = canon_.position();
   for (int k = 0; k < 9; ++k) {
     const int j = joint(k);
-    if (j < 0 || (!words.empty() && !words.has(j))) continue;
-    end[j] = parameters_[at + std::size_t(k)] * (turns(k) ? units::deg : 1.0);
+    if (j < 0 || (!target.empty() && !target.has(j))) continue;
+    end[j] = parameters_[first + std::size_t(k)] * (is_rotary(k) ? units::deg : 1.0);
   }
-  // Nine zeros are taken as nothing stored, which LinuxCNC cannot distinguish either.
-  const bool stored = std::any_of(parameters_.begin() + std::ptrdiff_t(at),
-                                  parameters_.begin() + std::ptrdiff_t(at) + 9,
-                                  [](double value) { return value != 0.0; });
-  if (!stored && canon_.options().reference.size() == 0)
+  // Nine zeros count as no stored position; LinuxCNC cannot distinguish the two either.
+  const bool is_stored = std::any_of(parameters_.begin() + std::ptrdiff_t(first),
+                                     parameters_.begin() + std::ptrdiff_t(first) + 9,
+                                     [](double value) { return value != 0.0; });
+  if (!is_stored && canon_.options().reference.size() == 0)
     canon_.assume(
         {fmt::format("the position that {} goes to is the zero of the axes, nothing being "
                      "stored in #{} to #{}",
-                     shown(code.word.text), at, at + 8),
+                     shown(code.word.text), first, first + 8),
          "machine.reference"});
   canon_.traverse({.end = std::move(end),
                    .cause = code.word,
                    .without_offset = true,
-                   .stated = words.empty() ? ~std::uint32_t(0) : words.given()});
-  if (tip) canon_.go_to(program::Coordinates::Tip, code.word);
+                   .stated = target.empty() ? ~std::uint32_t(0) : target.given()});
+  if (is_tip_mode) canon_.go_to(program::Coordinates::Tip, code.word);
 }
 
 void Machine::set_compensation(const Block& block) {
   const Code& code = block[Group::CutterRadius];
   if (code.tenths == 400) return compensation_.end();
-  if (compensation_.on()) refuse(code.word, "G40 before another " + std::string("G41 or G42"));
+  if (compensation_.is_on()) refuse(code.word, "G40 before another " + std::string("G41 or G42"));
   const std::string_view plane = plane_ == 170 ? "XY" : plane_ == 180 ? "ZX" : "YZ";
   const int first = canon_.joint_of(plane[0]), second = canon_.joint_of(plane[1]);
   if (first < 0 || second < 0)
     refuse(code.word,
            fmt::format("a machine with the axes {} {} of the plane", plane[0], plane[1]));
-  // A rotated XY system is not a rotation about the normal of ZX.
+  // The frame rotates about Z, which is not the normal of the plane Z X.
   if (plane_ == 180 && canon_.frame().rotation)
     refuse(code.word, "G17 beside cutter compensation in a coordinate system that is turned");
   if (plane_ == 190) refuse(code.word, "G17 or G18 beside cutter compensation");
@@ -337,18 +336,18 @@ void Machine::set_compensation(const Block& block) {
     radius = 0.5 * d.value * unit();
   } else {
     const int tool = d            ? int(d.value)
-                     : tool_ == 0 ? run_.uncalled_tool(code.word, "no tool called")
+                     : tool_ == 0 ? run_.assume_only_tool(code.word, "no tool called")
                                   : tool_;
     if (d && (d.value < 0 || d.value != std::floor(d.value)))
       refuse(d, "a whole tool number after D");
-    const auto known = radius_.find(tool);
-    if (known == radius_.end() && tool != 0)
+    const auto entry = radius_.find(tool);
+    if (entry == radius_.end() && tool != 0)
       refuse(d ? Cause(d) : Cause(code.word), "a tool whose radius is known",
              fmt::format("tool {}", tool));
-    radius = known == radius_.end() ? 0.0 : known->second;
+    radius = entry == radius_.end() ? 0.0 : entry->second;
   }
   const bool left = code.tenths / 10 == 41;
-  // Z X is the right-handed order of G18; left is seen against Y.
+  // The right-handed order of G18 is Z X; left counts in a view against Y.
   compensation_.begin(left, radius, {first, second}, linuxcnc_compensation);
 }
 

@@ -25,13 +25,13 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr std::size_t longest_for_rs274 = 252;  // bytes; rs274 rejects longer lines as "too long"
-constexpr std::size_t largest_sub = std::size_t(1) << 26;  // bytes of a subprogram file
-constexpr std::size_t max_subs = 1000;
-// lines: N words and int hold nine digits
-constexpr std::size_t max_numbered = 1'000'000'000;
+constexpr std::size_t max_line_bytes = 252;  // rs274 rejects longer lines as "too long"
+constexpr std::size_t max_subprogram_bytes = std::size_t(1) << 26;
+constexpr std::size_t max_subprograms = 1000;
+// N words and int hold nine digits.
+constexpr std::size_t max_lines = 1'000'000'000;
 
-/// Returns the line in capitals without blanks and comments, as RS274 reads it.
+/// Returns the line in upper case without blanks and comments, as RS274 reads it.
 std::string compact(std::string_view line) {
   std::string text;
   bool inside = false;
@@ -44,20 +44,21 @@ std::string compact(std::string_view line) {
   return text;
 }
 
-/// Parses a number without minus at `at` and advances `at` past it; empty if there is none.
-std::optional<double> literal(std::string_view text, std::size_t& at) {
+/// Parses a number without minus at `at` and advances `at` past it. Returns nothing if there is
+/// none.
+std::optional<double> parse_literal(std::string_view text, std::size_t& at) {
   double value = 0.0;
   const char* from = text.data() + at;
   if (from != text.data() + text.size() && *from == '+') ++from;
-  const auto [end, failure] =
+  const auto [end, error] =
       std::from_chars(from, text.data() + text.size(), value, std::chars_format::fixed);
-  if (failure != std::errc()) return std::nullopt;
+  if (error != std::errc()) return std::nullopt;
   at = std::size_t(end - text.data());
   return value;
 }
 
-/// Returns the position after the expression in [ ] or the name in < > that begins at `at`.
-std::size_t behind(std::string_view text, std::size_t at) {
+/// Returns the position behind the expression in [ ] or the name in < > that begins at `at`.
+std::size_t end_of_brackets(std::string_view text, std::size_t at) {
   const char open = text[at], close = open == '[' ? ']' : '>';
   int depth = 0;
   for (; at < text.size(); ++at) {
@@ -67,81 +68,81 @@ std::size_t behind(std::string_view text, std::size_t at) {
   return text.size();
 }
 
-/// The words of a line that decide how it is passed to rs274.
-struct Words {
+/// Words of a line that decide how it is passed to rs274.
+struct LineWords {
   LineCodes codes;
-  bool changes = false, changes_by_number = false, calls_number = false;
-  bool other_length = false;  ///< G43.1 or G43.2
+  bool has_m6 = false, has_m61 = false, has_m98 = false;
+  bool has_other_length = false;  ///< G43.1 or G43.2
   int p = -1, q = -1;
 };
 
-void note_code(Words& words, char letter, double value) {
-  // Tenths, plus 100000 for M, so that one integer identifies a code.
+void note_code(LineWords& words, char letter, double value) {
+  // Tenths of the number, plus 100000 for M, so that an integer identifies the code.
   const int code =
       int(std::lround(std::clamp(value, 0.0, 1e4) * 10)) + (letter == 'M' ? 100000 : 0);
   LineCodes& codes = words.codes;
-  codes.absolute |= code == 530;
-  codes.reference |= code == 280 || code == 281 || code == 300 || code == 301;
-  codes.length |= code == 430;
-  codes.no_length |= code == 490;
-  codes.radius |= code == 410 || code == 420;
-  codes.data |= code == 100;
-  codes.input |= code == 100660;
-  words.changes |= code == 100060;
-  words.other_length |= code == 431 || code == 432;
-  words.changes_by_number |= code == 100610;
-  words.calls_number |= code == 100980;
+  codes.has_g53 |= code == 530;
+  codes.has_reference |= code == 280 || code == 281 || code == 300 || code == 301;
+  codes.has_g43 |= code == 430;
+  codes.has_g49 |= code == 490;
+  codes.has_g41_g42 |= code == 410 || code == 420;
+  codes.has_g10 |= code == 100;
+  codes.has_m66 |= code == 100660;
+  words.has_m6 |= code == 100060;
+  words.has_other_length |= code == 431 || code == 432;
+  words.has_m61 |= code == 100610;
+  words.has_m98 |= code == 100980;
 }
 
-Words words_of(std::string_view line) {
+LineWords parse_words(std::string_view line) {
   const std::string text = compact(line);
-  Words words;
-  words.codes.assigns = text.find('=') != std::string::npos;
+  LineWords words;
+  words.codes.has_assignment = text.find('=') != std::string::npos;
   for (std::size_t at = 0; at < text.size();) {
     const char letter = text[at];
-    // Letters and numbers inside expressions and names do not form words.
+    // Letters and numbers in expressions and names form no words.
     if (letter == '[' || letter == '<') {
-      at = behind(text, at);
+      at = end_of_brackets(text, at);
       continue;
     }
     ++at;
-    if (letter == '#') {  // the number after # does not form a word
-      const auto number = literal(text, at);
-      words.codes.system |= number && *number >= 5221 && *number <= 5390;
+    if (letter == '#') {  // the number behind # forms no word
+      const auto number = parse_literal(text, at);
+      words.codes.has_system_parameter |= number && *number >= 5221 && *number <= 5390;
       continue;
     }
     if (!is_letter(letter) || at == text.size()) continue;
     const bool is_code = letter == 'G' || letter == 'M';
-    words.codes.computed |= is_code && (text[at] == '[' || text[at] == '#');
-    const auto value = literal(text, at);
+    words.codes.has_computed_code |= is_code && (text[at] == '[' || text[at] == '#');
+    const auto value = parse_literal(text, at);
     if (!value && letter == 'H') words.codes.h = not_literal;
     if (!value && letter == 'D') words.codes.d = not_literal;
     if (!value) continue;
     if (is_code) note_code(words, letter, *value);
-    const int whole = *value >= 0 && *value <= 1e9 ? int(*value) : -1;
-    words.codes.feed |= letter == 'F';
-    if (letter == 'H') words.codes.h = whole;
-    if (letter == 'D') words.codes.d = whole;
-    if (letter == 'L') words.codes.data_kind = whole;
-    if (letter == 'T') words.codes.tool = whole;
-    if (letter == 'P') words.p = whole;
-    if (letter == 'Q') words.q = whole;
+    const int number = *value >= 0 && *value <= 1e9 ? int(*value) : -1;
+    words.codes.has_f |= letter == 'F';
+    if (letter == 'H') words.codes.h = number;
+    if (letter == 'D') words.codes.d = number;
+    if (letter == 'L') words.codes.l = number;
+    if (letter == 'T') words.codes.tool = number;
+    if (letter == 'P') words.p = number;
+    if (letter == 'Q') words.q = number;
   }
-  // M61 names its tool by Q.
-  if (words.changes_by_number) words.codes.tool = words.q;
+  // M61 states its tool by Q.
+  if (words.has_m61) words.codes.tool = words.q;
   return words;
 }
 
 /// Returns the name, in lower case, of the subprogram that a line calls by a literal name or
-/// number; else empty.
-std::string called(std::string_view line, const Words& words) {
-  if (words.calls_number && words.p >= 0) return std::to_string(words.p);
+/// number. Returns an empty text for any other line.
+std::string called_subprogram(std::string_view line, const LineWords& words) {
+  if (words.has_m98 && words.p >= 0) return std::to_string(words.p);
   std::string text = compact(line);
   std::size_t at = text.starts_with("N") ? text.find_first_not_of("0123456789.", 1) : 0;
   if (at == std::string::npos || text[at] != 'O') return {};
   ++at;
   const std::size_t end = at < text.size() && text[at] == '<'
-                              ? behind(text, at)
+                              ? end_of_brackets(text, at)
                               : text.find_first_not_of("0123456789", at);
   if (end == std::string::npos || text.compare(end, 4, "CALL") != 0) return {};
   std::string name = text.substr(at, end - at);
@@ -150,13 +151,13 @@ std::string called(std::string_view line, const Words& words) {
   return name;
 }
 
-/// Splits a block into its words and comments; blanks stay with the word before them.
-std::vector<std::string_view> pieces_of(std::string_view block) {
-  std::vector<std::string_view> pieces;
+/// Splits a block into its words and comments. Blanks stay with the word before them.
+std::vector<std::string_view> split_words(std::string_view block) {
+  std::vector<std::string_view> words;
   std::size_t from = 0;
   bool has_number = false;
   const auto cut = [&](std::size_t at) {
-    if (at > from) pieces.push_back(block.substr(from, at - from));
+    if (at > from) words.push_back(block.substr(from, at - from));
     from = at;
     has_number = false;
   };
@@ -168,7 +169,7 @@ std::vector<std::string_view> pieces_of(std::string_view block) {
       at = close == std::string_view::npos ? block.size() : close + 1;
       cut(at);
     } else if (c == '[' || c == '<') {
-      at = behind(block, at);
+      at = end_of_brackets(block, at);
       has_number = true;
     } else {
       has_number |= is_digit(c);
@@ -176,28 +177,28 @@ std::vector<std::string_view> pieces_of(std::string_view block) {
     }
   }
   cut(block.size());
-  return pieces;
+  return words;
 }
 
 /// Returns true if the block changes both the tool and the tool length.
 bool changes_tool_and_length(std::string_view block) {
-  const Words words = words_of(block);
-  return words.changes && !words.codes.assigns &&
-         (words.codes.length || words.codes.no_length || words.other_length);
+  const LineWords words = parse_words(block);
+  return words.has_m6 && !words.codes.has_assignment &&
+         (words.codes.has_g43 || words.codes.has_g49 || words.has_other_length);
 }
 
-/// Splits a block that changes tool and tool length into T and M6, and the rest. In one block,
-/// rs274 without a control around it would read the axis positions again and omit the new length.
-std::pair<std::string, std::string> parted(std::string_view block) {
-  std::string change, rest;
-  for (const std::string_view piece : pieces_of(block)) {
-    const bool goes = upper(piece.front()) == 'T' || words_of(piece).changes;
-    (goes ? change : rest) += piece;
+/// Splits a block that changes tool and tool length: returns T and M6, then the other words. For
+/// one block rs274 without a control would read the axis positions again and omit the new length.
+std::pair<std::string, std::string> split_tool_change(std::string_view block) {
+  std::string tool_change, other_words;
+  for (const std::string_view word : split_words(block)) {
+    const bool changes_tool = upper(word.front()) == 'T' || parse_words(word).has_m6;
+    (changes_tool ? tool_change : other_words) += word;
   }
-  return {change, rest};
+  return {tool_change, other_words};
 }
 
-/// Returns true if a name is safe for a file in the private folder: no path, no leading dot or
+/// Returns true if a name is safe for a file in the private folder: no path and no leading dot or
 /// dash.
 bool is_plain_name(const std::string& name) {
   return !name.empty() && name.front() != '.' && name.front() != '-' && name.size() < 100 &&
@@ -207,18 +208,18 @@ bool is_plain_name(const std::string& name) {
 }
 
 /// Returns a line without leading blanks, block skip and line number.
-std::string_view unnumbered_block(std::string_view line) {
-  const auto skip = [&](std::string_view what) {
-    line.remove_prefix(std::min(line.size(), line.find_first_not_of(what)));
+std::string_view without_number(std::string_view line) {
+  const auto skip = [&](std::string_view characters) {
+    line.remove_prefix(std::min(line.size(), line.find_first_not_of(characters)));
   };
   skip(" \t");
   if (line.starts_with("/")) line.remove_prefix(1);
   skip(" \t");
   if (line.empty() || upper(line.front()) != 'N') return line;
-  const std::string_view whole = line;
+  const std::string_view block = line;
   line.remove_prefix(1);
   skip(" \t");
-  if (line.empty() || !is_digit(line.front())) return whole;
+  if (line.empty() || !is_digit(line.front())) return block;
   skip("0123456789");
   if (line.starts_with(".")) {
     line.remove_prefix(1);
@@ -229,7 +230,7 @@ std::string_view unnumbered_block(std::string_view line) {
 
 }  // namespace
 
-LineCodes parse_codes(std::string_view line) { return words_of(line).codes; }
+LineCodes parse_codes(std::string_view line) { return parse_words(line).codes; }
 
 NumberedProgram::NumberedProgram(std::string_view text, const std::string& file, std::string before,
                                  ProgramRun& run, const fs::path& folder)
@@ -237,61 +238,62 @@ NumberedProgram::NumberedProgram(std::string_view text, const std::string& file,
   name_ = fs::path(file).filename().string();
   if (!is_plain_name(name_)) name_ = "program.ngc";
   add(name_, 0, std::string(text));
-  // By index, since the list grows whenever a file calls a further subprogram.
+  // By index, because the list grows whenever a file calls another subprogram.
   for (std::size_t i = 0; i < files_.size(); ++i) write(files_[i], folder);
 }
 
-void NumberedProgram::add(const std::string& name, int of_canon, std::string text) {
-  File file{name, of_canon, std::move(text), {}, 1};
+void NumberedProgram::add(const std::string& name, int canon_file, std::string text) {
+  File file{name, canon_file, std::move(text), {}, 1};
   if (!files_.empty()) file.first = files_.back().first + int(files_.back().lines.size());
   files_.push_back(std::move(file));
-  File& kept = files_.back();
-  kept.lines = lines_of_text(kept.text);
-  if (std::size_t(kept.first) + kept.lines.size() > max_numbered)
-    throw BadInput(name, 0, 0, fmt::format("at most {} lines", max_numbered), "more");
+  File& added = files_.back();
+  added.lines = lines_of_text(added.text);
+  if (std::size_t(added.first) + added.lines.size() > max_lines)
+    throw BadInput(name, 0, 0, fmt::format("at most {} lines", max_lines), "more");
 }
 
-/// Throws BadInput for text with which a program could run code or read other files: rs274 executes
+/// Throws BadInput for text by which a program could run code or read other files: rs274 executes
 /// Python in comments and follows paths in the names of subprograms.
-void NumberedProgram::refuse_escapes(std::string_view line) const {
-  std::string tight;
+void NumberedProgram::check_escapes(std::string_view line) const {
+  std::string compact_line;
   for (const char c : line)
-    if (!is_blank(c)) tight += upper(c);
+    if (!is_blank(c)) compact_line += upper(c);
   for (const std::string_view python :
        {"(PY,", ";PY,", "(PYRUN", ";PYRUN", "(PYRELOAD", ";PYRELOAD"})
-    if (tight.find(python) != std::string::npos)
+    if (compact_line.find(python) != std::string::npos)
       run_.canon.refuse({0, line}, "no Python in a comment: a program starts nothing");
-  for (std::size_t at = 0; (at = tight.find("O<", at)) != std::string::npos; ++at) {
-    const std::string name = tight.substr(at, tight.find('>', at) - at);
+  for (std::size_t at = 0; (at = compact_line.find("O<", at)) != std::string::npos; ++at) {
+    const std::string name = compact_line.substr(at, compact_line.find('>', at) - at);
     if (name.find('/') != std::string::npos || name.find("..") != std::string::npos)
       run_.canon.refuse({0, line}, "a subprogram beside the program, its name without / and ..");
   }
 }
 
-/// Returns a line as it is passed to rs274: numbered, unless the number would make it too long, and
-/// split in two if rs274 would misread it in one.
-std::string NumberedProgram::numbered(std::string_view line, int number, int file, int at) const {
+/// Returns a line as it is passed to rs274. It gets its number unless that would make it too long,
+/// and is split in two if rs274 would misread it.
+std::string NumberedProgram::numbered_line(std::string_view line, int number, int file,
+                                           int at) const {
   run_.canon.set_line(at, file);
   if (const std::size_t nul = line.find('\0'); nul != std::string_view::npos)
     run_.canon.refuse({int(nul) + 1, {}}, "text", "a NUL byte");
-  refuse_escapes(line);
-  const std::string_view whole = line.substr(std::min(line.size(), line.find_first_not_of(" \t")));
-  if (whole.empty() || whole.front() == '%') return std::string(whole);
-  // A skipped block becomes an empty line, so that line numbers in messages agree.
-  if (whole.front() == '/' && run_.skips(0)) return {};
-  const std::string_view block = unnumbered_block(line);
-  if (block.size() > longest_for_rs274)
+  check_escapes(line);
+  const std::string_view text = line.substr(std::min(line.size(), line.find_first_not_of(" \t")));
+  if (text.empty() || text.front() == '%') return std::string(text);
+  // A skipped block becomes an empty line, so that the lines in messages of rs274 agree.
+  if (text.front() == '/' && run_.skips_block(0)) return {};
+  const std::string_view block = without_number(line);
+  if (block.size() > max_line_bytes)
     run_.canon.refuse({},
                       fmt::format("at most {} characters in a line for LinuxCNC's own interpreter",
-                                  longest_for_rs274),
+                                  max_line_bytes),
                       fmt::format("{}", block.size()));
-  const auto with_number = [&](std::string_view rest) {
-    std::string text = fmt::format("N{} {}", number, rest);
-    return text.size() > longest_for_rs274 ? std::string(rest) : text;
+  const auto with_number = [&](std::string_view words) {
+    std::string numbered = fmt::format("N{} {}", number, words);
+    return numbered.size() > max_line_bytes ? std::string(words) : numbered;
   };
   if (!changes_tool_and_length(block)) return with_number(block);
-  const auto [change, rest] = parted(block);
-  return with_number(change) + "\n" + with_number(rest);
+  const auto [tool_change, other_words] = split_tool_change(block);
+  return with_number(tool_change) + "\n" + with_number(other_words);
 }
 
 void NumberedProgram::write(const File& file, const fs::path& folder) {
@@ -299,50 +301,53 @@ void NumberedProgram::write(const File& file, const fs::path& folder) {
   std::string text;
   std::set<std::string> calls;
   for (std::size_t i = 0; i < lines.size(); ++i) {
-    const std::string line = numbered(lines[i], file.first + int(i), file.of_canon, int(i) + 1);
-    const bool mark = line.starts_with("%");
-    // The lines that run before the program follow a leading %, which must stay first.
-    if (!line.empty() && !mark) text += std::exchange(before_, {});
+    const std::string line =
+        numbered_line(lines[i], file.first + int(i), file.canon_file, int(i) + 1);
+    const bool is_percent = line.starts_with("%");
+    // A leading % must stay first, so the lines before the program follow it.
+    if (!line.empty() && !is_percent) text += std::exchange(before_, {});
     text += line + '\n';
-    if (mark) text += std::exchange(before_, {});
-    const Words words = words_of(lines[i]);
+    if (is_percent) text += std::exchange(before_, {});
+    const LineWords words = parse_words(lines[i]);
     if (words.codes.tool > 0) tools_.insert(words.codes.tool);
-    if (words.codes.input) {
-      run_.canon.set_line(int(i) + 1, file.of_canon);
+    if (words.codes.has_m66) {
+      run_.canon.set_line(int(i) + 1, file.canon_file);
       run_.canon.refuse({}, "no wait for an input: there is none to read", "M66");
     }
-    if (std::string call = called(lines[i], words); !call.empty()) calls.insert(std::move(call));
+    if (std::string call = called_subprogram(lines[i], words); !call.empty())
+      calls.insert(std::move(call));
   }
   std::ofstream out(folder / file.name, std::ios::binary);
   if (!out.write(text.data(), std::streamsize(text.size())).flush())
     throw BadInput((folder / file.name).string(), 0, 0, "a file that can be written", "a failure");
   for (const std::string& call : calls) {
-    const fs::path sub = run_.options().folder / (call + ".ngc");
-    // A subprogram is written once, however often it is called.
-    const bool known = std::any_of(files_.begin(), files_.end(), [&](const File& one) {
-      return one.name == sub.filename().string();
-    });
-    std::error_code failure;
-    if (known || run_.options().folder.empty() || !is_plain_name(call) ||
-        !fs::is_regular_file(sub, failure))
+    const fs::path path = run_.options().folder / (call + ".ngc");
+    // A subprogram is written only once.
+    const bool is_written = std::ranges::any_of(
+        files_, [&](const File& other) { return other.name == path.filename().string(); });
+    std::error_code error;
+    if (is_written || run_.options().folder.empty() || !is_plain_name(call) ||
+        !fs::is_regular_file(path, error))
       continue;
-    if (files_.size() > max_subs)
-      run_.canon.refuse({}, fmt::format("at most {} files of subprograms", max_subs), "more");
-    add(sub.filename().string(), run_.canon.add_file(sub.string()), read_text(sub, largest_sub));
+    if (files_.size() > max_subprograms)
+      run_.canon.refuse({}, fmt::format("at most {} files of subprograms", max_subprograms),
+                        "more");
+    add(path.filename().string(), run_.canon.add_file(path.string()),
+        read_text(path, max_subprogram_bytes));
   }
 }
 
-// The numbers of a file are consecutive and follow those of the file before it: bisection.
+// Bisection, because the numbers of a file are consecutive and follow those of the file before it.
 const NumberedProgram::File& NumberedProgram::file_of(int number) const {
-  const auto after = std::upper_bound(files_.begin(), files_.end(), number,
-                                      [](int n, const File& file) { return n < file.first; });
-  return after == files_.begin() ? files_.front() : *(after - 1);
+  const auto next = std::upper_bound(files_.begin(), files_.end(), number,
+                                     [](int n, const File& file) { return n < file.first; });
+  return next == files_.begin() ? files_.front() : *(next - 1);
 }
 
-SourceLine NumberedProgram::place_of(int number) const {
+SourceLine NumberedProgram::location_of(int number) const {
   const File& file = file_of(number);
-  const int last = int(file.lines.size());
-  return {file.of_canon, std::clamp(number - file.first + 1, 1, std::max(last, 1))};
+  const int line_count = int(file.lines.size());
+  return {file.canon_file, std::clamp(number - file.first + 1, 1, std::max(line_count, 1))};
 }
 
 std::string_view NumberedProgram::text_of(int number) const {
@@ -360,8 +365,8 @@ int NumberedProgram::number_of(const std::string& name, int line) const {
 
 namespace {
 
-/// Commands that do not affect the path.
-constexpr std::string_view without_effect[] = {
+/// Commands without effect on the path.
+constexpr std::string_view ignored_commands[] = {
     "SET_FEED_REFERENCE",
     "ON_RESET",
     "SET_MOTION_CONTROL_MODE",
@@ -401,33 +406,32 @@ constexpr std::string_view without_effect[] = {
 };
 
 bool is_without_effect(std::string_view name) {
-  return std::find(std::begin(without_effect), std::end(without_effect), name) !=
-             std::end(without_effect) ||
+  return std::ranges::find(ignored_commands, name) != std::end(ignored_commands) ||
          name.find("WAIT_ORIENT_COMPLETE") != std::string_view::npos;
 }
 
 /// Returns the text in quotes of an argument such as that of COMMENT("text").
-std::string_view between_quotes(std::string_view text) {
+std::string_view quoted_text(std::string_view text) {
   const std::size_t open = text.find('"'), close = text.rfind('"');
   return open == close ? std::string_view() : text.substr(open + 1, close - open - 1);
 }
 
 }  // namespace
 
-// A line has the form "12 N34 STRAIGHT_FEED(...)": running number, N word of the block, command.
-std::optional<PrintedCommand> printed_command(std::string_view line) {
-  const auto skip = [&](std::string_view what) {
-    line.remove_prefix(std::min(line.size(), line.find_first_not_of(what)));
+// A line has the form "12 N34 STRAIGHT_FEED(...)": a running number, the N word of the block, and
+// the command.
+std::optional<PrintedCommand> parse_command(std::string_view line) {
+  const auto skip = [&](std::string_view characters) {
+    line.remove_prefix(std::min(line.size(), line.find_first_not_of(characters)));
   };
   skip(" ");
-  const std::size_t before = line.size();
+  const std::size_t previous_size = line.size();
   skip("0123456789");
-  if (line.size() == before || !line.starts_with(" N")) return std::nullopt;
+  if (line.size() == previous_size || !line.starts_with(" N")) return std::nullopt;
   line.remove_prefix(2);
   PrintedCommand command;
-  const auto [end, failure] =
-      std::from_chars(line.data(), line.data() + line.size(), command.number);
-  if (failure == std::errc()) line.remove_prefix(std::size_t(end - line.data()));
+  const auto [end, error] = std::from_chars(line.data(), line.data() + line.size(), command.number);
+  if (error == std::errc()) line.remove_prefix(std::size_t(end - line.data()));
   skip(". ");
   const std::size_t open = line.find('('), close = line.rfind(')');
   if (open == std::string_view::npos || close == std::string_view::npos || close < open)
@@ -444,29 +448,30 @@ void Commands::refuse(std::string expected, std::optional<std::string> seen) con
   canon_.refuse({0, program_.text_of(number_)}, std::move(expected), std::move(seen));
 }
 
-/// Sets the current line to that of a command. Commands without a line number, such as those of
-/// M72, belong to the line before.
-void Commands::stand(const PrintedCommand& command) {
+/// Sets the current line to that of a command. A command without a line number, such as those of
+/// M72, belongs to the line before.
+void Commands::set_location(const PrintedCommand& command) {
   if (command.number <= 0 || command.number == number_) return;
   number_ = command.number;
-  const SourceLine place = program_.place_of(number_);
-  canon_.set_line(place.line, place.file);
+  const SourceLine location = program_.location_of(number_);
+  canon_.set_line(location.line, location.file);
   codes_ = parse_codes(program_.text_of(number_));
-  at_point_ = 0;
+  reference_moves_ = 0;
 }
 
-bool Commands::take(std::string_view line) {
-  if (ended_) return true;  // output after the end of the program
-  const auto command = printed_command(line);
+bool Commands::process(std::string_view line) {
+  if (has_ended_) return true;  // output behind the end of the program
+  const auto command = parse_command(line);
   if (!command) return true;
-  // T and M6 of one block arrive as separate commands. Any other command means that T was alone.
-  const bool changes = command->name == "START_CHANGE" || command->name == "STOP_SPINDLE_TURNING" ||
-                       command->name == "CHANGE_TOOL";
-  if (pending_ && (!changes || pending_in_ != command->number)) end_pending_tool();
-  run_.attempt([&] {
-    stand(*command);
-    // A block is reported once, even if a loop repeats it.
-    if (faulty_.count(number_) > 0) {
+  // T and M6 of one block are separate commands. Any other command shows that T was alone.
+  const bool is_tool_change = command->name == "START_CHANGE" ||
+                              command->name == "STOP_SPINDLE_TURNING" ||
+                              command->name == "CHANGE_TOOL";
+  if (pending_tool_ && (!is_tool_change || pending_block_ != command->number)) end_pending_tool();
+  run_.try_block([&] {
+    set_location(*command);
+    // The errors of a block are reported once, even if a loop repeats it.
+    if (faulty_blocks_.contains(number_)) {
       try {
         apply(*command);
       } catch (const ProgramLimitExceeded&) {
@@ -479,7 +484,7 @@ bool Commands::take(std::string_view line) {
     try {
       apply(*command);
     } catch (const BadInput&) {
-      faulty_.insert(number_);
+      faulty_blocks_.insert(number_);
       throw;
     }
   });
@@ -494,9 +499,10 @@ void Commands::apply(const PrintedCommand& command) {
   refuse("a canonical command that abbe knows", in_quotes(command.name));
 }
 
-// Throws BadInput unless all arguments are numbers and there are at least `least` of them.
-Commands::Numbers Commands::numbers(const PrintedCommand& command, std::size_t least) const {
-  Numbers all;
+// Throws BadInput unless all arguments are numbers and there are at least `min_count` of them.
+Commands::Numbers Commands::parse_numbers(const PrintedCommand& command,
+                                          std::size_t min_count) const {
+  Numbers result;
   const std::string_view text = command.arguments;
   for (std::size_t at = 0; at < text.size();) {
     if (text[at] == ',' || text[at] == ' ') {
@@ -504,73 +510,74 @@ Commands::Numbers Commands::numbers(const PrintedCommand& command, std::size_t l
       continue;
     }
     double value = 0.0;
-    const auto [end, failure] = std::from_chars(text.data() + at, text.data() + text.size(), value);
-    if (failure != std::errc() || !std::isfinite(value))
+    const auto [end, error] = std::from_chars(text.data() + at, text.data() + text.size(), value);
+    if (error != std::errc() || !std::isfinite(value))
       refuse("numbers in " + std::string(command.name), in_quotes(text));
-    all.push_back(value);
+    result.push_back(value);
     at = std::size_t(end - text.data());
   }
-  if (all.size() < least)
-    refuse(fmt::format("{} numbers in {}", least, command.name), in_quotes(text));
-  return all;
+  if (result.size() < min_count)
+    refuse(fmt::format("{} numbers in {}", min_count, command.name), in_quotes(text));
+  return result;
 }
 
-Commands::Six Commands::six(const Numbers& numbers, std::size_t from) const {
-  Six all;
-  std::copy_n(numbers.begin() + std::ptrdiff_t(from), 6, all.begin());
-  return all;
+Commands::SixAxes Commands::six_axes(const Numbers& numbers, std::size_t from) const {
+  SixAxes result;
+  std::copy_n(numbers.begin() + std::ptrdiff_t(from), 6, result.begin());
+  return result;
 }
 
-Commands::Six Commands::in_mm(Six lengths) const {
+Commands::SixAxes Commands::in_mm(SixAxes lengths) const {
   for (std::size_t k = 0; k < 3; ++k) lengths[k] *= unit_;
   return lengths;
 }
 
-/// Sets the frame in the order of LinuxCNC: first the shift of G92, then the rotation about Z, then
-/// the shift of the coordinate system.
+/// Sets the frame in the order of LinuxCNC: the shift of G92, then the rotation about Z, then the
+/// shift of the coordinate system.
 void Commands::apply_frame() {
   program::Frame frame;
   frame.shift = AxisVector::Zero(canon_.position().size());
-  Six first = g92_;
-  if (turned_ != 0.0) {
+  SixAxes shift = g92_;
+  if (rotation_ != 0.0) {
     for (const std::size_t k : {0, 1, 2})
       if (joint(k) < 0) refuse("a machine with X Y Z for a coordinate system that is turned");
     const Eigen::Matrix3d R =
-        Eigen::AngleAxisd(turned_, Eigen::Vector3d::UnitZ()).toRotationMatrix();
-    const Eigen::Vector3d moved = R * Eigen::Vector3d(first[0], first[1], first[2]);
-    for (int k = 0; k < 3; ++k) first[std::size_t(k)] = moved[k];
+        Eigen::AngleAxisd(rotation_, Eigen::Vector3d::UnitZ()).toRotationMatrix();
+    const Eigen::Vector3d rotated = R * Eigen::Vector3d(shift[0], shift[1], shift[2]);
+    for (int k = 0; k < 3; ++k) shift[std::size_t(k)] = rotated[k];
     frame.rotation = R;
   }
   for (std::size_t k = 0; k < 6; ++k) {
     const int j = joint(k);
-    // The origins that rs274 was given include `zero`, which the canon adds by itself.
-    const double on_top = k < 3 ? zero_[Eigen::Index(k)] : 0.0;
+    // The origins that rs274 was given include `zero_`, which the canon adds too.
+    const double zero = k < 3 ? zero_[Eigen::Index(k)] : 0.0;
     if (j >= 0)
-      frame.shift[j] = (g5x_[k] - on_top + first[k]) * (canon_.is_linear(j) ? 1.0 : units::deg);
+      frame.shift[j] = (g5x_[k] - zero + shift[k]) * (canon_.is_linear(j) ? 1.0 : units::deg);
   }
   canon_.set_frame(system_ - 1, std::move(frame));
 }
 
 void Commands::set_units(bool inch) {
-  if (number_ > 0 && inch != inch_ && canon_.feed() && codes_.feed)
+  if (number_ > 0 && inch != is_inch_ && canon_.feed() && codes_.has_f)
     // rs274 interprets F before it switches the unit.
     run_.warn_once(fmt::format(
         "{}:{}: F in a block that changes G20 and G21: LinuxCNC's own interpreter takes it in the "
         "unit before",
         canon_.place().file, canon_.line()));
-  inch_ = inch;
+  is_inch_ = inch;
   unit_ = inch ? units::inch : 1.0;
   canon_.set_inch(inch);
 }
 
 void Commands::check_length_unit(const char* word) const {
-  const bool has = std::any_of(length_.begin(), length_.end(), [](double v) { return v != 0.0; });
-  if (has && inch_ != length_in_inch_)
-    refuse(
-        fmt::format("no {} where G20 and G21 were switched under a tool length: rs274 takes "
-                    "the length in the wrong unit there; G49 and G43 around the switch",
-                    word),
-        codes_.computed ? std::optional<std::string>("a code that is worked out") : std::nullopt);
+  const bool has_length =
+      std::any_of(length_.begin(), length_.end(), [](double v) { return v != 0.0; });
+  if (has_length && is_inch_ != is_length_in_inch_)
+    refuse(fmt::format("no {} where G20 and G21 were switched under a tool length: rs274 takes "
+                       "the length in the wrong unit there; G49 and G43 around the switch",
+                       word),
+           codes_.has_computed_code ? std::optional<std::string>("a code that is worked out")
+                                    : std::nullopt);
 }
 
 bool Commands::apply_state(const PrintedCommand& command) {
@@ -578,39 +585,39 @@ bool Commands::apply_state(const PrintedCommand& command) {
   if (name == "USE_LENGTH_UNITS") {
     set_units(command.arguments.find("INCHES") != std::string_view::npos);
   } else if (name == "SET_G5X_OFFSET") {
-    const Numbers n = numbers(command, 7);
+    const Numbers n = parse_numbers(command, 7);
     system_ = int(std::clamp(n[0], 1.0, 9.0));
-    g5x_ = in_mm(six(n, 1));
+    g5x_ = in_mm(six_axes(n, 1));
     apply_frame();
   } else if (name == "SET_G92_OFFSET") {
-    // The first command that certainly contains zeros shows whether the preloaded library works:
-    // without it they are printed as 0.0000.
-    if (!digits_checked_ && command.arguments.find("0.0000") != std::string_view::npos)
+    // This is the first command that certainly contains zeros. They are printed as 0.0000 if the
+    // preloaded library does not work.
+    if (!are_digits_checked_ && command.arguments.find("0.0000") != std::string_view::npos)
       throw ProgramLimitExceeded("rs274", 0, 0, "numbers with all their digits",
                                  in_quotes(command.arguments));
-    digits_checked_ = true;
-    g92_ = in_mm(six(numbers(command, 6), 0));
+    are_digits_checked_ = true;
+    g92_ = in_mm(six_axes(parse_numbers(command, 6), 0));
     apply_frame();
   } else if (name == "SET_XY_ROTATION") {
-    turned_ = numbers(command, 1)[0] * units::deg;
+    rotation_ = parse_numbers(command, 1)[0] * units::deg;
     apply_frame();
   } else if (name == "SELECT_PLANE") {
-    const auto is = [&](const char* plane) {
+    const auto has_name = [&](const char* plane) {
       return command.arguments.find(plane) != std::string_view::npos;
     };
-    if (is("_XY")) plane_ = {0, 1, 2};
-    // rs274 calls the plane of G18 XZ, but in right-handed order its axes are Z X.
-    else if (is("_XZ"))
+    if (has_name("_XY")) plane_ = {0, 1, 2};
+    // rs274 calls the plane of G18 XZ, but the right-handed order of its axes is Z X.
+    else if (has_name("_XZ"))
       plane_ = {2, 0, 1};
-    else if (is("_YZ"))
+    else if (has_name("_YZ"))
       plane_ = {1, 2, 0};
     else
       refuse("a plane of X Y Z", in_quotes(command.arguments));
   } else if (name == "SET_FEED_MODE") {
-    canon_.set_feed_mode(numbers(command, 2)[1] == 1 ? FeedMode::PerRevolution
-                                                     : FeedMode::PerMinute);
+    canon_.set_feed_mode(parse_numbers(command, 2)[1] == 1 ? FeedMode::PerRevolution
+                                                           : FeedMode::PerMinute);
   } else if (name == "SET_FEED_RATE") {
-    const double rate = numbers(command, 1)[0];
+    const double rate = parse_numbers(command, 1)[0];
     // F0 means that no feed is set.
     canon_.set_feed(rate > 0 ? std::optional(Feed{rate, unit_}) : std::nullopt);
   } else {
@@ -621,30 +628,30 @@ bool Commands::apply_state(const PrintedCommand& command) {
 
 /// Handles comments of the program, and those of rs274 itself, which announce cutter compensation.
 void Commands::comment(std::string_view text) {
-  constexpr std::string_view own = "interpreter: ";
-  if (!text.starts_with(own)) return canon_.comment(text);
+  constexpr std::string_view prefix = "interpreter: ";
+  if (!text.starts_with(prefix)) return canon_.comment(text);
   if (!text.starts_with("interpreter: cutter radius compensation on")) return;
   run_.warn_once(
       "under G41 and G42 LinuxCNC's own interpreter puts out a move when it reads the next: the "
       "lines of such moves may be those of the block behind");
   // The tool table has a placeholder for every unknown radius, so rs274 cannot detect this error.
-  if (codes_.radius && codes_.d == -1 && tool_ <= 0)
+  if (codes_.has_g41_g42 && codes_.d == -1 && tool_ <= 0)
     refuse("T and M6 before G41 and G42", "no tool called");
   const int tool = codes_.d >= 0 ? codes_.d : tool_;
-  if (codes_.radius && codes_.d != not_literal && tool > 0 &&
-      run_.options().control.tool_radius.count(tool) == 0 && stored_.count(tool) == 0)
+  if (codes_.has_g41_g42 && codes_.d != not_literal && tool > 0 &&
+      run_.options().control.tool_radius.count(tool) == 0 && stored_tools_.count(tool) == 0)
     refuse("a tool whose radius is known", fmt::format("tool {}", tool));
 }
 
 bool Commands::apply_auxiliary_word(const PrintedCommand& command) {
   const std::string_view name = command.name;
   if (name == "COMMENT")
-    comment(between_quotes(command.arguments));
+    comment(quoted_text(command.arguments));
   else if (name == "MIST_ON")
     canon_.aside("M7");
   else if (name == "FLOOD_ON")
     canon_.aside("M8");
-  else if (name == "FLOOD_OFF")  // M9 prints MIST_OFF and FLOOD_OFF; one of them suffices
+  else if (name == "FLOOD_OFF")  // M9 prints MIST_OFF and FLOOD_OFF
     canon_.aside("M9");
   else if (name == "MIST_OFF")
     return true;
@@ -653,7 +660,7 @@ bool Commands::apply_auxiliary_word(const PrintedCommand& command) {
   else if (name == "OPTIONAL_PROGRAM_STOP")
     canon_.aside("M1");
   else if (name == "PROGRAM_END" || name == "FINISH")
-    ended_ = true;
+    has_ended_ = true;
   else
     return false;
   return true;

@@ -8,7 +8,7 @@ namespace abbe::sim::dialects {
 namespace linuxcnc {
 namespace {
 
-using Line = CodeLine<Group>;
+using Line = CodeTableLine<Group>;
 
 // Short names, so that most entries fit on a line.
 constexpr Use read = Use::Read, none = Use::WithoutEffect, refused = Use::Refused;
@@ -164,7 +164,7 @@ bool is_beside_motion(Group group) {
 }
 
 // Built once and indexed by tenths, because every code of a program is looked up.
-const CodeEntry& find_entry(char letter, int tenths) {
+const CodeProperties& find_entry(char letter, int tenths) {
   static const CodeTable<Group> table(lines);
   return table.find_entry(letter, tenths);
 }
@@ -172,9 +172,9 @@ const CodeEntry& find_entry(char letter, int tenths) {
 }  // namespace linuxcnc
 
 std::span<const WordTableEntry> linuxcnc_words() {
-  static const std::vector<WordTableEntry> all =
-      joined_words<linuxcnc::Line>(linuxcnc::lines, linuxcnc::other_words);
-  return all;
+  static const std::vector<WordTableEntry> table =
+      word_table<linuxcnc::Line>(linuxcnc::lines, linuxcnc::other_words);
+  return table;
 }
 
 }  // namespace abbe::sim::dialects

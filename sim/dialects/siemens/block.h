@@ -18,9 +18,9 @@ using program::Target;
 
 /// Groups of words. A block may have at most one word of each group.
 enum class Group {
-  None,    ///< rejected, or without effect and not to be combined with axis words
-  Beside,  ///< without effect; axis words of the block belong to the motion in force
-  Master,  ///< SETMS
+  None,           ///< rejected, or without effect and not to be combined with axis words
+  WithMotion,     ///< without effect; axis words of the block belong to the motion in force
+  MasterSpindle,  ///< SETMS
   Motion,
   Plane,
   Units,
@@ -33,7 +33,7 @@ enum class Group {
   WithoutOffset,
   Transformation,
   OrientationFrame,
-  OrientationWay,
+  OrientationPath,
   Pole,
   Dwell,
   Frame,
@@ -54,7 +54,7 @@ struct WordEntry {
   Use use = Use::Read;
   std::string_view sentence;
 };
-/// Returns the entry of a word; null if the control does not have it.
+/// Returns the entry of a word, or null if the control does not have it.
 /// @param word  upper case, a code without leading zeros
 const WordEntry* find_entry(std::string_view word);
 
@@ -94,23 +94,23 @@ enum class Address : std::uint8_t {
   Count
 };
 
-/// How the value of an axis word is meant.
-enum class Measure {
-  Modal,     ///< G90 or G91
-  Absolute,  ///< AC()
-  Step,      ///< IC()
-  Shortest,  ///< DC(): absolute, in the shorter direction of a rotary axis
-  Upwards,   ///< ACP(): absolute, rotary axis in positive direction
-  Downwards  ///< ACN(): absolute, rotary axis in negative direction
+/// Meaning of the value of an axis word.
+enum class PositionMode {
+  Modal,        ///< G90 or G91
+  Absolute,     ///< AC()
+  Incremental,  ///< IC()
+  Shortest,     ///< DC(): absolute, in the shorter direction of a rotary axis
+  Positive,     ///< ACP(): absolute, rotary axis in positive direction
+  Negative      ///< ACN(): absolute, rotary axis in negative direction
 };
 
 /// The programmed value of an address.
 struct Value {
   double value = 0.0;
   Cause cause;
-  Measure measure = Measure::Modal;
-  bool given = false;
-  explicit operator bool() const { return given; }
+  PositionMode mode = PositionMode::Modal;
+  bool is_programmed = false;
+  explicit operator bool() const { return is_programmed; }
   operator Cause() const { return cause; }
 };
 
@@ -150,12 +150,12 @@ struct Block {
   std::array<Value, std::size_t(Address::Count)> values;
   std::array<Code, std::size_t(Group::Count)> codes;
   std::vector<std::string_view> coolant;  ///< M7 M8 M9
-  std::optional<std::string> tool_name;   ///< of T="..."
+  std::optional<std::string> tool_name;   ///< T="..."
   std::vector<SpindleWord> spindles;      ///< S2=, M3=4
-  int master = 1;                         ///< argument of SETMS
-  Code wordless;  ///< a word without effect that must not be combined with axis words
+  int master_spindle = 1;                 ///< argument of SETMS
+  Code code_without_words;  ///< a word without effect that must not be combined with axis words
   std::optional<ProgramCall> call;
-  bool modal = false;  ///< MCALL, with `call` or alone
+  bool is_modal = false;  ///< MCALL, with `call` or alone
   Cause modal_cause;
 
   const Value& operator[](Address address) const { return values[std::size_t(address)]; }
@@ -167,40 +167,48 @@ struct Block {
 /// Returns the operators and functions in expressions of this control.
 const ExpressionGrammar& grammar();
 
-/// The variables of a program, to which its expressions and assignments refer.
-class Names : public Operands {
+/// Parser of the variables of a program in expressions and assignments.
+class VariableParser : public OperandParser {
  public:
   /// Executes an assignment at the cursor, R1=..., COUNT=... or FIELD[2]=..., and advances past it.
   /// Returns false if none begins there.
-  virtual bool set_variable(Cursor& cursor) = 0;
-  /// Returns the text of the string variable at the cursor and advances past it; nothing if there
-  /// is none.
-  virtual std::optional<std::string> text_variable(Cursor& cursor) = 0;
+  virtual bool assign_variable(Cursor& cursor) = 0;
+  /// Returns the text of the string variable at the cursor and advances past it. Returns nothing if
+  /// no string variable begins there.
+  virtual std::optional<std::string> parse_text_variable(Cursor& cursor) = 0;
 };
 
-/// Evaluates the expression at the cursor. A word that only begins like an operator (ORIWKS, DIVON)
-/// ends it.
-double number_at(Cursor& cursor, Names& names);
+/// Evaluates the expression at the cursor. It ends before a word that only begins like an operator
+/// (ORIWKS, DIVON).
+double parse_number(Cursor& cursor, VariableParser& variables);
 
-/// Returns the name at the cursor (letters, digits, _) in upper case and advances past it; empty if
-/// there is none.
-std::string name_at(Cursor& cursor);
+/// Returns true for a letter, a digit and _.
+bool is_name_char(char c);
+
+/// Returns the name at the cursor in upper case and advances past it. Returns an empty text if no
+/// name begins there.
+std::string parse_name(Cursor& cursor);
+
+/// Returns true if a single = follows; == is a comparison.
+bool is_before_assignment(const Cursor& cursor);
 
 /// Returns the text in quotes at the cursor. Throws BadInput if the closing quote is missing.
-std::string quoted_at(Cursor& cursor);
+std::string parse_quoted_text(Cursor& cursor);
 
 /// Parses (a, b, ...) at the cursor. Throws BadInput.
-std::vector<Argument> arguments_at(Cursor& cursor, Names& names);
+std::vector<Argument> parse_arguments(Cursor& cursor, VariableParser& variables);
 
-/// A line up to its comment, and the comment without the semicolon; empty if there is none.
+/// The block of a line and its comment.
 struct CommentSplit {
   std::string_view block;
-  std::optional<std::string_view> comment;
+  std::optional<std::string_view> comment;  ///< without the semicolon
 };
+
+/// Splits a line at the semicolon that begins its comment.
 CommentSplit split_comment(std::string_view line);
 
 /// Parses the words from the cursor to the end of the line into `block`, whose memory is reused.
 /// Throws BadInput.
-void read_block(Cursor cursor, ProgramRun& run, Names& names, Block& block);
+void read_block(Cursor cursor, ProgramRun& run, VariableParser& variables, Block& block);
 
 }  // namespace abbe::sim::dialects::siemens

@@ -20,51 +20,53 @@ using program::FeedMode;
 namespace {
 
 constexpr Address xyz_words[] = {Address::X, Address::Y, Address::Z};
-constexpr double along_z = 1e-12;  // rad, of a plane that is not tilted
+// rad; a smaller inclination counts as none.
+constexpr double min_tilt = 1e-12;
 
 }  // namespace
 
 Matrix3d Machine::total_rotation() const {
-  return swivel_ ? Matrix3d(swivel_->frame.rotation * programmable_.rotation)
-                 : programmable_.rotation;
+  return swivel_ ? Matrix3d(swivel_->frame.rotation * programmable_frame_.rotation)
+                 : programmable_frame_.rotation;
 }
 
-/// Sets the frame: programmable frame, then swivelled plane, then work offset. Unchanged offsets of
-/// the scene keep their bits.
+/// Sets the frame: the programmable frame within the swivelled plane within the work offset.
+/// Offsets of the scene alone keep their bits.
 void Machine::apply_frame() {
-  canon_.set_tip_mode(tip_mode(), {1, {}});
-  const Placement sum = swivel_ ? behind(swivel_->frame, programmable_) : programmable_;
+  canon_.set_tip_mode(is_tip_mode(), {1, {}});
+  const CoordinateFrame sum =
+      swivel_ ? compose(swivel_->frame, programmable_frame_) : programmable_frame_;
   program::Frame frame;
   if (system_ >= 0) frame.shift = program::work_offset(canon_.options(), system_ + 1);
   if (!sum.rotation.isIdentity(0.0)) frame.rotation = sum.rotation;
-  const bool turns = !programmable_turns_.isZero(0.0);
-  if (!sum.shift.isZero(0.0) || turns) {
+  const bool has_axis_shift = !programmable_axis_shift_.isZero(0.0);
+  if (!sum.shift.isZero(0.0) || has_axis_shift) {
     if (frame.shift.size() == 0) frame.shift = AxisVector::Zero(canon_.position().size());
-    if (turns) frame.shift += programmable_turns_;
+    if (has_axis_shift) frame.shift += programmable_axis_shift_;
     for (int k = 0; k < 3; ++k)
       if (const int j = joint(k); j >= 0) frame.shift[j] += sum.shift[k];
   }
   canon_.set_frame(system_, std::move(frame));
 }
 
-// A compensation that is being left would end at a position in the other coordinates.
+// The exit of a compensation is dropped, because it would end in the other coordinates.
 void Machine::change_transformation(const Code& code) {
-  const bool on = code.word == "TRAORI";
-  if (on && !turning_.possible())
+  const bool is_traori = code.word == "TRAORI";
+  if (is_traori && !orientation_.is_possible())
     refuse(code.cause, "a machine with X Y Z and one or two rotary axes beside TRAORI",
            "one with " + canon_.letters());
   compensation_.clear_leaving();
-  traori_ = on;
+  is_traori_ = is_traori;
   apply_tool();
 }
 
-/// Returns the shift or rotation that the words of a frame state.
-Placement Machine::frame_of_words(const Block& block) const {
+/// Returns the shift or rotation that a block with TRANS, ATRANS, ROT or AROT states.
+CoordinateFrame Machine::programmed_frame(const Block& block) const {
   const Code& code = block[Group::Frame];
-  Placement made;
+  CoordinateFrame frame;
   if (code.word == "TRANS" || code.word == "ATRANS") {
-    for (int k = 0; k < 3; ++k) made.shift[k] = block[xyz_words[k]].value * unit();
-    return made;
+    for (int k = 0; k < 3; ++k) frame.shift[k] = block[xyz_words[k]].value * unit();
+    return frame;
   }
   const Value& in_plane = block[Address::RPL];
   const Value* axis = first_axis_word(block);
@@ -73,54 +75,56 @@ Placement Machine::frame_of_words(const Block& block) const {
   for (int k = 0; k < 3; ++k)
     if (joint(k) < 0) refuse(code.cause, "a machine with X Y Z for a frame that is turned");
   if (in_plane) {
-    made.rotation = rotation_about(plane_ == 17 ? 2 : plane_ == 18 ? 1 : 0, in_plane.value);
-    return made;
+    frame.rotation = rotation_about(plane_ == 17 ? 2 : plane_ == 18 ? 1 : 0, in_plane.value);
+    return frame;
   }
   // ROT rotates about Z, then the new Y, then the new X (RPY angles, the default of the control).
-  made.rotation = rotation_about(2, block[Address::Z].value) *
-                  rotation_about(1, block[Address::Y].value) *
-                  rotation_about(0, block[Address::X].value);
-  return made;
+  frame.rotation = rotation_about(2, block[Address::Z].value) *
+                   rotation_about(1, block[Address::Y].value) *
+                   rotation_about(0, block[Address::X].value);
+  return frame;
 }
 
-void Machine::frame_words(const Block& block) {
+void Machine::execute_frame(const Block& block) {
   const Code& code = block[Group::Frame];
-  const bool shifts = code.word == "TRANS" || code.word == "ATRANS";
-  // AC() and the like have no meaning in a frame.
+  const bool is_shift = code.word == "TRANS" || code.word == "ATRANS";
+  // AC() and similar words have no meaning in a frame.
   for (const auto& value : block.values)
-    if (value && value.measure != Measure::Modal) refuse(value, "a number beside a frame");
-  AxisVector turns = AxisVector::Zero(programmable_turns_.size());
-  static constexpr std::pair<Address, char> others[] = {{Address::A, 'A'}, {Address::B, 'B'},
-                                                        {Address::C, 'C'}, {Address::U, 'U'},
-                                                        {Address::V, 'V'}, {Address::W, 'W'}};
-  for (const auto& [address, letter] : others) {
+    if (value && value.mode != PositionMode::Modal) refuse(value, "a number beside a frame");
+  AxisVector axis_shift = AxisVector::Zero(programmable_axis_shift_.size());
+  static constexpr std::pair<Address, char> other_axes[] = {{Address::A, 'A'}, {Address::B, 'B'},
+                                                            {Address::C, 'C'}, {Address::U, 'U'},
+                                                            {Address::V, 'V'}, {Address::W, 'W'}};
+  for (const auto& [address, letter] : other_axes) {
     const Value& word = block[address];
     if (!word) continue;
-    if (!shifts) refuse(word, "X Y Z beside " + shown(code.cause.text));
+    if (!is_shift) refuse(word, "X Y Z beside " + shown(code.cause.text));
     const int j = canon_.joint_of(letter);
-    turns[j] = word.value * (canon_.is_linear(j) ? unit() : units::deg);
+    axis_shift[j] = word.value * (canon_.is_linear(j) ? unit() : units::deg);
   }
   for (const Address address : xyz_words)
     if (const Value& word = block[address]; word && !(std::abs(word.value) <= 1e6))
       refuse(word, "a number within 1e6");
-  if (shifts && block[Address::X]) refuse_diameters(block[Address::X]);
-  const Placement made = frame_of_words(block);
+  if (is_shift && block[Address::X]) require_radius_words(block[Address::X]);
+  const CoordinateFrame frame = programmed_frame(block);
   // ATRANS and AROT add to the frame in force, TRANS and ROT replace it.
-  const bool on_top = code.word[0] == 'A';
-  programmable_ = on_top ? behind(programmable_, made) : made;
-  programmable_turns_ = on_top ? AxisVector(programmable_turns_ + turns) : turns;
-  // Additive shifts in a loop would otherwise grow without limit.
-  if (programmable_.shift.cwiseAbs().maxCoeff() > 1e9)
+  const bool is_additive = code.word[0] == 'A';
+  programmable_frame_ = is_additive ? compose(programmable_frame_, frame) : frame;
+  programmable_axis_shift_ =
+      is_additive ? AxisVector(programmable_axis_shift_ + axis_shift) : axis_shift;
+  // Bounds additive shifts in a loop.
+  if (programmable_frame_.shift.cwiseAbs().maxCoeff() > 1e9)
     refuse(code.cause, "shifts that add up to less than 1e9 mm");
   apply_frame();
 }
 
-void Machine::unswivel() {
-  // Reported because a program may rely on its frames after CYCLE800().
-  if (!programmable_.is_none()) run_.warn_once("TRANS and ROT in force at CYCLE800() end with it");
+void Machine::end_swivel() {
+  // A program may rely on its frames after CYCLE800(), so their end is reported.
+  if (!programmable_frame_.is_identity())
+    run_.warn_once("TRANS and ROT in force at CYCLE800() end with it");
   swivel_.reset();
-  programmable_ = {};
-  programmable_turns_.setZero();
+  programmable_frame_ = {};
+  programmable_axis_shift_.setZero();
   apply_tool();
 }
 
@@ -131,28 +135,29 @@ struct SwivelParameters {
   const ProgramCall& call;
   const program::Canon& canon;
 
-  double number(std::size_t i, double otherwise = 0.0) const {
-    if (i >= call.arguments.size() || call.arguments[i].empty()) return otherwise;
+  double number(std::size_t i, double default_value = 0.0) const {
+    if (i >= call.arguments.size() || call.arguments[i].empty()) return default_value;
     if (!call.arguments[i].number) canon.refuse(call.arguments[i].cause, "a number");
     return *call.arguments[i].number;
   }
-  int whole(std::size_t i, int otherwise, int least, int most) const {
-    const double value = number(i, otherwise);
-    if (value != std::floor(value) || value < least || value > most)
-      canon.refuse(call.arguments[i].cause, fmt::format("a whole number of {} to {}", least, most));
+  int integer(std::size_t i, int default_value, int min, int max) const {
+    const double value = number(i, default_value);
+    if (value != std::floor(value) || value < min || value > max)
+      canon.refuse(call.arguments[i].cause, fmt::format("a whole number of {} to {}", min, max));
     return int(value);
   }
-  Vector3d three(std::size_t i) const { return {number(i), number(i + 1), number(i + 2)}; }
+  Vector3d vector(std::size_t i) const { return {number(i), number(i + 1), number(i + 2)}; }
   [[noreturn]] void refuse(std::size_t i, const std::string& expected) const {
     canon.refuse(i < call.arguments.size() ? call.arguments[i].cause : call.cause, expected);
   }
 };
 
-/// Bits 7 and 6 of _MODE state how angles count, the pairs of bits below them the axes in order.
+/// Returns the rotation of the plane. Bits 7 and 6 of _MODE state the meaning of the angles, the
+/// pairs of bits below them the axes in their order.
 Matrix3d swivel_frame_rotation(const SwivelParameters& words) {
   // 57 = 0b111001 is X, Y, Z in this order, the default.
-  const int mode = words.whole(3, 57, 0, 255);
-  const Vector3d angles = words.three(7);
+  const int mode = words.integer(3, 57, 0, 255);
+  const Vector3d angles = words.vector(7);
   if (mode >= 128)
     words.refuse(3, mode >= 192 ? "angles of the plane: not positions of rotary axes (_MODE 192)"
                                 : "_MODE by axes or by solid angle: not projected angles");
@@ -168,102 +173,104 @@ Matrix3d swivel_frame_rotation(const SwivelParameters& words) {
 
 }  // namespace
 
-void Machine::swivel(const ProgramCall& call) {
+void Machine::execute_cycle800(const ProgramCall& call) {
   const SwivelParameters words{call, canon_};
   if (call.arguments.size() > 16) words.refuse(16, "at most 16 parameters of CYCLE800");
   // CYCLE800() and the swivel data "0" end the plane.
-  const bool ends =
+  const bool is_end =
       call.arguments.empty() || (call.arguments.size() > 1 && call.arguments[1].text == "0");
-  if (ends) return unswivel();
-  const int manner = words.whole(0, 0, 0, 8), status = words.whole(2, 0, 0, 299999);
-  const bool on_top = status % 10 == 1, tip_stays = status / 10 % 10 == 1;
+  if (is_end) return end_swivel();
+  const int retraction = words.integer(0, 0, 0, 8), status = words.integer(2, 0, 0, 299999);
+  const bool is_additive = status % 10 == 1, keeps_tip = status / 10 % 10 == 1;
   // Digits of _ST: new or additive, follow-up of the tip, and direction.
   if (status % 10 > 1 || status / 10 % 10 > 1 || status / 100 % 100 != 0 || status / 10000 % 10 > 1)
     words.refuse(2, "_ST of new or additive, with or without follow-up of the tip, and direction");
-  const int direction = status / 10000 % 10 == 1 ? 0 : words.whole(13, -1, -2, 2);
-  if (on_top && !programmable_.is_none())
+  const int direction = status / 10000 % 10 == 1 ? 0 : words.integer(13, -1, -2, 2);
+  if (is_additive && !programmable_frame_.is_identity())
     refuse(call.cause, "TRANS without words before an additive CYCLE800");
-  // The plane is built as on the control: to the reference point, rotated, shifted within the
-  // plane.
-  const Placement to_point{words.three(4) * unit(), Matrix3d::Identity()};
-  const Placement turned{Vector3d::Zero(), swivel_frame_rotation(words)};
-  const Placement in_plane{words.three(10) * unit(), Matrix3d::Identity()};
-  Placement frame = behind(behind(to_point, turned), in_plane);
-  if (on_top && swivel_) frame = behind(swivel_->frame, frame);
+  // As on the control the plane is shifted to the reference point, rotated, and shifted in itself.
+  const CoordinateFrame shift_before{words.vector(4) * unit(), Matrix3d::Identity()};
+  const CoordinateFrame rotation{Vector3d::Zero(), swivel_frame_rotation(words)};
+  const CoordinateFrame shift_after{words.vector(10) * unit(), Matrix3d::Identity()};
+  CoordinateFrame frame = compose(compose(shift_before, rotation), shift_after);
+  if (is_additive && swivel_) frame = compose(swivel_->frame, frame);
   if (!(frame.shift.cwiseAbs().maxCoeff() < 1e9)) refuse(call.cause, "a plane within 1e9 mm");
   const Vector3d normal_w = frame.rotation.col(2);
   // Without rotary axes only a plane parallel to X Y can be machined.
-  if (!turning_.possible() && (normal_w - Vector3d::UnitZ()).norm() > along_z)
+  if (!orientation_.is_possible() && (normal_w - Vector3d::UnitZ()).norm() > min_tilt)
     refuse(call.cause, "a machine with rotary axes for a plane that is tilted",
            "one with " + canon_.letters());
-  if (manner != 0) retract(manner, words.number(14), call.cause);
+  if (retraction != 0) retract(retraction, words.number(14), call.cause);
   // _DIR 0 computes the plane without moving the axes.
-  const bool turns = direction != 0 && turning_.possible();
-  if (turns) turn_to(normal_w, direction, tip_stays, call.cause);
+  const bool rotates = direction != 0 && orientation_.is_possible();
+  if (rotates) swivel_tool(normal_w, direction, keeps_tip, call.cause);
   // A new CYCLE800 ends TRANS and ROT.
-  programmable_ = {};
-  programmable_turns_.setZero();
-  swivel_ = Swivel{frame, turns};
+  programmable_frame_ = {};
+  programmable_axis_shift_.setZero();
+  swivel_ = Swivel{frame, rotates};
   apply_tool();
 }
 
 /// Retracts from the workpiece before the rotary axes move.
-void Machine::retract(int manner, double by, const Cause& cause) {
-  // _FR 5 retracts along the tool by _FR_I, 1 along Z, 2 along Z then X Y.
-  if (manner == 5) {
-    if (!turning_.possible()) refuse(cause, "_FR 0 to 2 on a machine without rotary axes");
-    if (!(by >= 0 && by * unit() <= 1e6)) refuse(cause, "_FR_I of 0 to 1e6 mm");
+void Machine::retract(int mode, double distance, const Cause& cause) {
+  // _FR 5 retracts along the tool by _FR_I, 1 along Z, 2 along Z and then along X Y.
+  if (mode == 5) {
+    if (!orientation_.is_possible()) refuse(cause, "_FR 0 to 2 on a machine without rotary axes");
+    if (!(distance >= 0 && distance * unit() <= 1e6)) refuse(cause, "_FR_I of 0 to 1e6 mm");
     canon_.go_to(Coordinates::Tip, cause);
     AxisVector end = canon_.position();
-    const Vector3d away = by * unit() * turning_.direction_w(end);
-    for (int k = 0; k < 3; ++k) end[joint(k)] += away[k];
+    const Vector3d displacement = distance * unit() * orientation_.direction_w(end);
+    for (int k = 0; k < 3; ++k) end[joint(k)] += displacement[k];
     return canon_.traverse({.end = std::move(end), .cause = cause});
   }
-  if (manner != 1 && manner != 2 && manner != 4)
-    refuse(cause, "_FR 0, 1, 2, 4 or 5", fmt::format("{}", manner));
+  if (mode != 1 && mode != 2 && mode != 4)
+    refuse(cause, "_FR 0, 1, 2, 4 or 5", fmt::format("{}", mode));
   const int z = joint(2);
   if (z < 0) refuse(cause, "a machine with a Z axis");
-  const AxisVector first = program::start_of(canon_.options());
-  canon_.assume({fmt::format("CYCLE800 retracts Z to {:.6g} mm, where it stood at first", first[z]),
+  const AxisVector start = program::start_of(canon_.options());
+  canon_.assume({fmt::format("CYCLE800 retracts Z to {:.6g} mm, where it stood at first", start[z]),
                  "machine.home"});
   canon_.go_to(Coordinates::Axis, cause);
   AxisVector end = canon_.position();
-  // Z must never move down for a retraction.
-  end[z] = std::max(end[z], first[z]);
+  // A retraction must never move Z down.
+  end[z] = std::max(end[z], start[z]);
   canon_.traverse({.end = end, .cause = cause});
-  if (manner != 2) return;
+  if (mode != 2) return;
   for (int k = 0; k < 2; ++k)
-    if (const int j = joint(k); j >= 0) end[j] = first[j];
+    if (const int j = joint(k); j >= 0) end[j] = start[j];
   canon_.traverse({.end = std::move(end), .cause = cause});
 }
 
-/// Selects, of the solutions for the tool direction, the one whose first (second) rotary axis is
-/// lower or higher; an axis that does not matter goes to zero.
-void Machine::turn_to(const Vector3d& direction_w, int preference, bool tip_stays,
-                      const Cause& cause) {
+/// Moves the rotary axes to the tool direction. Of the solutions `preference` selects the one whose
+/// first (-1, 1) or second (-2, 2) rotary axis is lower or higher. An axis without influence goes
+/// to zero.
+void Machine::swivel_tool(const Vector3d& direction_w, int preference, bool keeps_tip,
+                          const Cause& cause) {
   AxisVector near = canon_.position();
-  // Solved from zero, which is where a free axis goes.
-  for (const int j : turning_.rotary()) near[j] = 0.0;
-  const std::vector<AxisVector> all = turning_.positions(direction_w, near);
-  if (all.empty())
+  // The solution starts from zero, so that a free axis goes there.
+  for (const int j : orientation_.rotary_joints()) near[j] = 0.0;
+  const std::vector<AxisVector> solutions = orientation_.positions(direction_w, near);
+  if (solutions.empty())
     refuse(cause, "a plane that the rotary axes reach",
            fmt::format("its normal ({:.6g}, {:.6g}, {:.6g})", direction_w.x(), direction_w.y(),
                        direction_w.z()));
-  const std::size_t number = std::abs(preference) == 2 && turning_.rotary().size() > 1 ? 1 : 0;
-  const int judged = turning_.rotary()[number];
-  constexpr double alike = 1e-9;  // rad, below it two solutions count as equal
-  const AxisVector* best = &all.front();
-  for (const AxisVector& one : all)
-    if ((one[judged] - (*best)[judged]) * preference > alike) best = &one;
-  canon_.go_to(tip_stays ? Coordinates::Tip : Coordinates::Axis, cause);
+  const std::size_t axis_index =
+      std::abs(preference) == 2 && orientation_.rotary_joints().size() > 1 ? 1 : 0;
+  const int compared_joint = orientation_.rotary_joints()[axis_index];
+  constexpr double tolerance = 1e-9;  // rad, below it two solutions count as equal
+  const AxisVector* best = &solutions.front();
+  for (const AxisVector& solution : solutions)
+    if ((solution[compared_joint] - (*best)[compared_joint]) * preference > tolerance)
+      best = &solution;
+  canon_.go_to(keeps_tip ? Coordinates::Tip : Coordinates::Axis, cause);
   AxisVector end = canon_.position();
-  for (const int j : turning_.rotary()) end[j] = (*best)[j];
+  for (const int j : orientation_.rotary_joints()) end[j] = (*best)[j];
   canon_.traverse({.end = std::move(end), .cause = cause});
 }
 
 namespace {
 
-// Cycles whose moves are known; milling cycles are not expanded.
+// Cycles that are expanded into moves; milling cycles are not.
 constexpr std::string_view drilling_cycles[] = {"CYCLE81", "CYCLE82", "CYCLE83", "CYCLE84",
                                                 "CYCLE85", "CYCLE86", "CYCLE89"};
 
@@ -279,8 +286,8 @@ class CycleParameters {
   Cause cause(std::size_t i) const {
     return i < call_.arguments.size() ? call_.arguments[i].cause : call_.cause;
   }
-  double number(std::size_t i, double otherwise = 0.0) const {
-    if (!has(i)) return otherwise;
+  double number(std::size_t i, double default_value = 0.0) const {
+    if (!has(i)) return default_value;
     if (!call_.arguments[i].number) canon_.refuse(cause(i), "a number");
     return *call_.arguments[i].number;
   }
@@ -290,15 +297,15 @@ class CycleParameters {
       canon_.refuse(cause(i), fmt::format("{} above zero in {}", name, call_.name));
     return number(i);
   }
-  /// Throws BadInput if an argument that is not supported has a value other than zero.
-  void only_zero(std::size_t first, std::size_t last) const {
+  /// Throws BadInput if one of the unsupported arguments `first` to `last` is not zero.
+  void require_zero(std::size_t first, std::size_t last) const {
     for (std::size_t i = first; i <= last; ++i)
       if (number(i) != 0)
         canon_.refuse(cause(i),
                       fmt::format("nothing or 0 as parameter {} of {}", i + 1, call_.name));
   }
-  /// Throws BadInput for more arguments than are known; the last ones only describe the input mask.
-  void at_most(std::size_t count) const {
+  /// Throws BadInput for more than `count` arguments.
+  void require_at_most(std::size_t count) const {
     if (call_.arguments.size() > count)
       canon_.refuse(cause(count), fmt::format("at most {} parameters of {}", count, call_.name));
   }
@@ -311,17 +318,17 @@ class CycleParameters {
 
 }  // namespace
 
-/// A hole in program coordinates, from the current position of the axes.
+/// A hole that a drilling cycle makes at the current position of the axes.
 class Hole {
  public:
   Hole(Machine& machine, const ProgramCall& call)
       : machine_(machine),
         canon_(machine.canon_),
         call_(call),
-        words_(call, canon_, machine.unit()),
-        at_(canon_.programmed()),
-        deep_(machine.plane(call.cause).across) {
-    if (deep_ < 0) canon_.refuse(call.cause, "a machine with an axis across the plane");
+        parameters_(call, canon_, machine.unit()),
+        position_(canon_.programmed()),
+        depth_joint_(machine.arc_plane(call.cause).normal) {
+    if (depth_joint_ < 0) canon_.refuse(call.cause, "a machine with an axis across the plane");
     levels_ = levels();
   }
 
@@ -330,211 +337,222 @@ class Hole {
  private:
   HoleLevels levels() const;
   void check_parameters() const;
-  void to(double level, bool rapid) {
-    at_[deep_] = level;
-    go(rapid);
+  void move_to_level(double level, bool rapid) {
+    position_[depth_joint_] = level;
+    move_to_position(rapid);
   }
-  void go(bool rapid) {
-    machine_.put_straight({.end = canon_.placed(at_), .cause = call_.cause}, rapid);
+  void move_to_position(bool rapid) {
+    machine_.make_straight({.end = canon_.placed(position_), .cause = call_.cause}, rapid);
   }
-  /// Positive values are seconds, negative ones spindle turns.
-  void wait(double time) {
+  /// Dwells for a time in seconds, or for -time spindle revolutions if it is negative.
+  void dwell(double time) {
     if (time < 0 && !(canon_.spindle_speed() > 0))
       canon_.refuse(call_.cause, "a spindle that turns for a dwell in turns");
     canon_.dwell(time < 0 ? -time * 60.0 / canon_.spindle_speed() : time, call_.cause);
   }
-  void pecks();
+  void drill_pecks();
   void tap();
   void bore_and_lift();
-  void feed_at(double word) {
-    if (word > 0) canon_.set_feed(Feed{word, machine_.inch_feed_ ? Machine::inch_mm : 1.0});
+  void set_feed(double feed) {
+    if (feed > 0)
+      canon_.set_feed(Feed{feed, machine_.is_feed_in_inches_ ? Machine::mm_per_inch : 1.0});
   }
 
   Machine& machine_;
   program::Canon& canon_;
   const ProgramCall& call_;
-  CycleParameters words_;
-  AxisVector at_;
-  int deep_;
+  CycleParameters parameters_;
+  AxisVector position_;  ///< program coordinates
+  int depth_joint_;
   HoleLevels levels_;
 };
 
 HoleLevels Hole::levels() const {
   for (const std::size_t i : {0, 1})
-    if (!words_.has(std::size_t(i)))
+    if (!parameters_.has(std::size_t(i)))
       canon_.refuse(call_.cause, "the planes RTP and RFP in " + call_.name, "none");
-  if (!words_.has(3) && !words_.has(4))
+  if (!parameters_.has(3) && !parameters_.has(4))
     canon_.refuse(call_.cause, "the depth DP or DPR in " + call_.name, "none");
   HoleLevels levels;
-  levels.retract = words_.length(0);
-  const double reference = words_.length(1);
+  levels.retract = parameters_.length(0);
+  const double reference = parameters_.length(1);
   // The retraction plane lies on the side from which the hole is drilled.
   const double side = levels.retract >= reference ? 1.0 : -1.0;
   levels.reference = reference;
-  levels.start = reference + side * std::abs(words_.length(2));
-  // DPR counts from the reference plane; if both are given it has precedence.
-  const bool relative = words_.has(4) && words_.number(4) != 0;
-  levels.bottom =
-      relative || !words_.has(3) ? reference - side * std::abs(words_.length(4)) : words_.length(3);
+  levels.start = reference + side * std::abs(parameters_.length(2));
+  // DPR counts from the reference plane; it has precedence over DP.
+  const bool is_relative = parameters_.has(4) && parameters_.number(4) != 0;
+  levels.bottom = is_relative || !parameters_.has(3)
+                      ? reference - side * std::abs(parameters_.length(4))
+                      : parameters_.length(3);
   if (side * (reference - levels.bottom) <= 0)
-    canon_.refuse(words_.has(3) ? words_.cause(3) : words_.cause(4),
+    canon_.refuse(parameters_.has(3) ? parameters_.cause(3) : parameters_.cause(4),
                   "a depth beyond the reference plane, seen from the retraction plane",
                   fmt::format("reference {} mm, depth {} mm", reference, levels.bottom));
   return levels;
 }
 
-void Hole::pecks() {
-  PeckParameters words;
+void Hole::drill_pecks() {
+  PeckParameters pecks;
   // FDEP is absolute, FDPR counts from the reference plane and has precedence.
-  if (words_.has(5) && !(words_.has(6) && words_.number(6) != 0))
-    words.first = std::abs(levels_.reference - words_.length(5));
+  if (parameters_.has(5) && !(parameters_.has(6) && parameters_.number(6) != 0))
+    pecks.first = std::abs(levels_.reference - parameters_.length(5));
   else
-    words.first = std::abs(words_.length(6));
-  if (!(words.first > 0)) canon_.refuse(words_.cause(6), "the first depth FDEP or FDPR in CYCLE83");
+    pecks.first = std::abs(parameters_.length(6));
+  if (!(pecks.first > 0))
+    canon_.refuse(parameters_.cause(6), "the first depth FDEP or FDPR in CYCLE83");
   // A negative degression is a factor and has no unit.
-  words.degression = words_.number(7) >= 0 ? words_.length(7) : words_.number(7);
-  words.least = words_.length(13);
+  pecks.degression = parameters_.number(7) >= 0 ? parameters_.length(7) : parameters_.number(7);
+  pecks.min_peck = parameters_.length(13);
   const double total = std::abs(levels_.reference - levels_.bottom);
-  if (words.first > total)
-    canon_.refuse(words_.cause(words_.has(5) ? 5 : 6), "a first depth that is not beyond the whole",
-                  fmt::format("{} mm of {} mm", words.first, total));
-  const auto depths = peck_depths(total, words);
+  if (pecks.first > total)
+    canon_.refuse(parameters_.cause(parameters_.has(5) ? 5 : 6),
+                  "a first depth that is not beyond the whole",
+                  fmt::format("{} mm of {} mm", pecks.first, total));
+  const auto depths = peck_depths(total, pecks);
   if (depths.empty()) canon_.refuse(call_.cause, "at most 1e5 pecks in a hole", "more");
   constexpr double moves_per_peck = 5.0;  // at most, dwells included
   machine_.run_.check_moves(moves_per_peck * double(depths.size()), call_.cause);
   const double side = levels_.start >= levels_.bottom ? 1.0 : -1.0;
   // FRF scales the feed of the first peck.
-  const double factor = words_.has(10) && words_.number(10) > 0 ? words_.number(10) : 1.0;
-  const bool clears = words_.number(11) == 1;
-  if (words_.number(11) != 0 && !clears)
-    canon_.refuse(words_.cause(11), "VARI 0 or 1: chips broken or cleared");
-  // 1 mm is the default retraction of chip breaking.
-  const double lift = words_.number(14) > 0 ? words_.length(14) : 1.0;
-  const double before = words_.number(16) > 0 ? words_.length(16) : peck_stop_distance(total);
+  const double factor =
+      parameters_.has(10) && parameters_.number(10) > 0 ? parameters_.number(10) : 1.0;
+  const bool clears_chips = parameters_.number(11) == 1;
+  if (parameters_.number(11) != 0 && !clears_chips)
+    canon_.refuse(parameters_.cause(11), "VARI 0 or 1: chips broken or cleared");
+  // Chip breaking retracts by 1 mm unless VRT states another distance.
+  const double lift = parameters_.number(14) > 0 ? parameters_.length(14) : 1.0;
+  const double stop_distance =
+      parameters_.number(16) > 0 ? parameters_.length(16) : peck_stop_distance(total);
   const auto feed = canon_.feed();
-  const double last_wait =
-      words_.has(15) && words_.number(15) != 0 ? words_.number(15) : words_.number(8);
+  const double last_dwell = parameters_.has(15) && parameters_.number(15) != 0
+                                ? parameters_.number(15)
+                                : parameters_.number(8);
   for (std::size_t i = 0; i < depths.size(); ++i) {
-    // Counted as blocks, so that a limit stops endless holes.
+    // Each peck counts as a block, so that the limit of blocks bounds the pecks.
     machine_.run_.count_block();
     if (i == 0 && feed) canon_.set_feed(Feed{feed->word * factor, feed->unit});
-    to(levels_.reference - side * depths[i], false);
+    move_to_level(levels_.reference - side * depths[i], false);
     if (i == 0) canon_.set_feed(feed);
-    const bool last = i + 1 == depths.size();
-    wait(last ? last_wait : words_.number(8));
-    if (last) break;
-    if (clears) {
-      to(levels_.start, true);
-      wait(words_.number(9));
-      // The drill returns at rapid to just above the last depth.
-      const double above = levels_.reference - side * (depths[i] - before);
-      to(side * std::min(side * above, side * levels_.start), true);
+    const bool is_last = i + 1 == depths.size();
+    dwell(is_last ? last_dwell : parameters_.number(8));
+    if (is_last) break;
+    if (clears_chips) {
+      move_to_level(levels_.start, true);
+      dwell(parameters_.number(9));
+      // The drill returns at rapid to a level just above the last depth.
+      const double return_level = levels_.reference - side * (depths[i] - stop_distance);
+      move_to_level(side * std::min(side * return_level, side * levels_.start), true);
     } else {
-      to(levels_.reference - side * (depths[i] - lift), false);
+      move_to_level(levels_.reference - side * (depths[i] - lift), false);
     }
   }
-  to(levels_.retract, true);
+  move_to_level(levels_.retract, true);
 }
 
-/// Rigid tapping: down at the pitch, spindle reversed, and out.
+/// Executes CYCLE84, rigid tapping: down at the pitch, and out with the spindle reversed.
 void Hole::tap() {
-  const double metric = words_.number(7);
-  // MPIT gives the thread by its size, PIT by its pitch; the sign is the direction.
-  double pitch = metric != 0 ? coarse_pitch(std::abs(metric)) : words_.length(8);
-  if (metric != 0 && pitch == 0) canon_.refuse(words_.cause(7), "MPIT of 3 to 48, a coarse thread");
-  const bool left = metric < 0 || pitch < 0;
+  const double size = parameters_.number(7);
+  // MPIT states the thread by its size, PIT by its pitch; the sign is the direction.
+  double pitch = size != 0 ? coarse_pitch(std::abs(size)) : parameters_.length(8);
+  if (size != 0 && pitch == 0)
+    canon_.refuse(parameters_.cause(7), "MPIT of 3 to 48, a coarse thread");
+  const bool is_left_handed = size < 0 || pitch < 0;
   pitch = std::abs(pitch);
   if (!(pitch > 0 && pitch <= 1000))
-    canon_.refuse(words_.cause(8), "the pitch PIT or MPIT in CYCLE84");
-  const double speed = words_.positive(10, "SST (speed)");
-  const double speed_out = words_.number(11) > 0 ? words_.number(11) : speed;
-  if (words_.number(13) > 1) canon_.refuse(words_.cause(13), "a pitch in mm (_PITA 0 or 1)");
+    canon_.refuse(parameters_.cause(8), "the pitch PIT or MPIT in CYCLE84");
+  const double speed = parameters_.positive(10, "SST (speed)");
+  const double speed_out = parameters_.number(11) > 0 ? parameters_.number(11) : speed;
+  if (parameters_.number(13) > 1)
+    canon_.refuse(parameters_.cause(13), "a pitch in mm (_PITA 0 or 1)");
   const FeedMode mode = canon_.feed_mode();
   const auto feed = canon_.feed();
   const double rpm = canon_.spindle_speed();
-  const int after = int(words_.number(6));
+  const int spindle_code = int(parameters_.number(6));
   canon_.set_feed_mode(FeedMode::PerRevolution);
   canon_.set_feed(Feed{pitch, 1.0});
   canon_.set_spindle_speed(speed);
-  canon_.turn_spindle(left ? -1 : 1);
-  to(levels_.bottom, false);
-  if (words_.number(5) > 0) wait(words_.number(5));
+  canon_.turn_spindle(is_left_handed ? -1 : 1);
+  move_to_level(levels_.bottom, false);
+  if (parameters_.number(5) > 0) dwell(parameters_.number(5));
   canon_.set_spindle_speed(speed_out);
-  canon_.turn_spindle(left ? 1 : -1);
-  to(levels_.start, false);
+  canon_.turn_spindle(is_left_handed ? 1 : -1);
+  move_to_level(levels_.start, false);
   canon_.set_feed_mode(mode);
   canon_.set_feed(feed);
   canon_.set_spindle_speed(rpm);
   // SDAC states the spindle after the cycle.
-  canon_.turn_spindle(after == 3 ? 1 : after == 4 ? -1 : 0);
-  to(levels_.retract, true);
+  canon_.turn_spindle(spindle_code == 3 ? 1 : spindle_code == 4 ? -1 : 0);
+  move_to_level(levels_.retract, true);
 }
 
-// CYCLE86: the tool is lifted off the wall with the spindle at rest before it retracts.
+/// Executes CYCLE86: before the tool retracts, it is lifted off the wall with the spindle at rest.
 void Hole::bore_and_lift() {
-  const int direction = int(words_.number(6));
-  if (direction != 3 && direction != 4) canon_.refuse(words_.cause(6), "SDIR 3 or 4 in CYCLE86");
+  const int direction = int(parameters_.number(6));
+  if (direction != 3 && direction != 4)
+    canon_.refuse(parameters_.cause(6), "SDIR 3 or 4 in CYCLE86");
   canon_.turn_spindle(direction == 3 ? 1 : -1);
-  to(levels_.bottom, false);
-  wait(words_.number(5));
+  move_to_level(levels_.bottom, false);
+  dwell(parameters_.number(5));
   canon_.turn_spindle(0);
-  const AxisVector in_hole = at_;
-  const auto in = machine_.plane(call_.cause);
-  at_[in.first] += words_.length(7);
-  at_[in.second] += words_.length(8);
-  at_[deep_] += words_.length(9);
-  go(true);
-  to(levels_.start, true);
-  to(levels_.retract, true);
-  at_ = in_hole;
-  to(levels_.retract, true);
+  const AxisVector hole_position = position_;
+  const auto plane = machine_.arc_plane(call_.cause);
+  position_[plane.first] += parameters_.length(7);
+  position_[plane.second] += parameters_.length(8);
+  position_[depth_joint_] += parameters_.length(9);
+  move_to_position(true);
+  move_to_level(levels_.start, true);
+  move_to_level(levels_.retract, true);
+  position_ = hole_position;
+  move_to_level(levels_.retract, true);
 }
 
-/// Throws BadInput for arguments that would change what is cut and are not supported.
+/// Throws BadInput for unsupported arguments that would change the hole.
 void Hole::check_parameters() const {
   const std::string& name = call_.name;
   const bool has_axis = name == "CYCLE83" || name == "CYCLE84";
-  if (const double axis = has_axis ? words_.number(12) : 0.0; axis != 0) {
-    const int said = axis == 1   ? machine_.joint(0)
-                     : axis == 2 ? machine_.joint(1)
-                                 : machine_.joint(2);
-    if (said != deep_) canon_.refuse(words_.cause(12), "_AXN of the axis across the plane");
+  if (const double axis = has_axis ? parameters_.number(12) : 0.0; axis != 0) {
+    const int joint = axis == 1   ? machine_.joint(0)
+                      : axis == 2 ? machine_.joint(1)
+                                  : machine_.joint(2);
+    if (joint != depth_joint_)
+      canon_.refuse(parameters_.cause(12), "_AXN of the axis across the plane");
   }
-  // Ranges of arguments that must be zero, and their largest number.
-  struct Rest {
+  // Ranges of arguments that must be zero, and the number of arguments of a cycle. The last
+  // arguments only describe the input mask.
+  struct ArgumentLimits {
     std::string_view name;
-    std::size_t zero_first, zero_last, most;
+    std::size_t zero_first, zero_last, max_count;
   };
-  static constexpr Rest rests[] = {{"CYCLE81", 6, 6, 9},    {"CYCLE82", 6, 6, 9},
-                                   {"CYCLE83", 17, 17, 20}, {"CYCLE84", 15, 15, 26},
-                                   {"CYCLE85", 8, 8, 11},   {"CYCLE86", 11, 11, 14},
-                                   {"CYCLE89", 6, 6, 9}};
-  for (const Rest& rest : rests) {
-    if (rest.name != name) continue;
-    words_.at_most(rest.most);
-    words_.only_zero(rest.zero_first, rest.zero_last);
+  static constexpr ArgumentLimits all_limits[] = {{"CYCLE81", 6, 6, 9},    {"CYCLE82", 6, 6, 9},
+                                                  {"CYCLE83", 17, 17, 20}, {"CYCLE84", 15, 15, 26},
+                                                  {"CYCLE85", 8, 8, 11},   {"CYCLE86", 11, 11, 14},
+                                                  {"CYCLE89", 6, 6, 9}};
+  for (const ArgumentLimits& limits : all_limits) {
+    if (limits.name != name) continue;
+    parameters_.require_at_most(limits.max_count);
+    parameters_.require_zero(limits.zero_first, limits.zero_last);
   }
 }
 
 void Hole::make() {
   const std::string& name = call_.name;
-  // In inverse time each move would need an F of its own.
+  // Under inverse time each move would need an F of its own.
   if (canon_.feed_mode() == FeedMode::InverseTime)
     canon_.refuse(call_.cause, "G94 or G95 beside a cycle");
   check_parameters();
-  to(levels_.start, true);
-  if (name == "CYCLE83") return pecks();
+  move_to_level(levels_.start, true);
+  if (name == "CYCLE83") return drill_pecks();
   if (name == "CYCLE84") return tap();
   if (name == "CYCLE86") return bore_and_lift();
   const auto feed = canon_.feed();
-  if (name == "CYCLE85") feed_at(words_.positive(6, "FFR (feed)"));
-  to(levels_.bottom, false);
-  // CYCLE82 and others dwell at the bottom.
-  if (name != "CYCLE81" || words_.has(5)) wait(words_.number(5));
-  if (name == "CYCLE85") feed_at(words_.positive(7, "RFF (feed out)"));
-  if (name == "CYCLE85" || name == "CYCLE89") to(levels_.start, false);
+  if (name == "CYCLE85") set_feed(parameters_.positive(6, "FFR (feed)"));
+  move_to_level(levels_.bottom, false);
+  if (name != "CYCLE81" || parameters_.has(5)) dwell(parameters_.number(5));
+  if (name == "CYCLE85") set_feed(parameters_.positive(7, "RFF (feed out)"));
+  if (name == "CYCLE85" || name == "CYCLE89") move_to_level(levels_.start, false);
   canon_.set_feed(feed);
-  to(levels_.retract, true);
+  move_to_level(levels_.retract, true);
 }
 
 bool Machine::is_cycle(std::string_view name) {
@@ -542,17 +560,16 @@ bool Machine::is_cycle(std::string_view name) {
                                          name) != std::end(drilling_cycles);
 }
 
-bool Machine::cycle(const ProgramCall& call) {
+bool Machine::execute_cycle(const ProgramCall& call) {
   if (!is_cycle(call.name)) return false;
-  if (compensation_.on()) refuse(call.cause, "G40 before " + call.name);
+  if (compensation_.is_on()) refuse(call.cause, "G40 before " + call.name);
   compensation_.clear_leaving();
   if (call.name == "CYCLE800") {
-    swivel(call);
+    execute_cycle800(call);
     return true;
   }
   // Checks tool and plane as for a motion block.
-  Block nothing;
-  check_motion(nothing);
+  check_motion(Block{});
   Hole(*this, call).make();
   return true;
 }

@@ -19,27 +19,27 @@ using kinematics::Chain;
 using program::Feed;
 using program::FeedMode;
 
-// Quarter turns are made exactly, so that a frame of 90 deg leaves coordinates without rounding.
+// Quarter turns are exact, so that a frame of 90 deg does not round coordinates.
 Eigen::Matrix3d rotation_about(int axis, double angle_deg) {
   const double quarters = std::round(angle_deg / 90.0);
-  const double rest = (angle_deg - 90.0 * quarters) * units::deg;
-  double c = std::cos(rest), s = std::sin(rest);
-  const int turns = ((int(std::fmod(quarters, 4.0)) % 4) + 4) % 4;
-  for (int k = 0; k < turns; ++k) {
-    const double turned = -s;
+  const double remainder = (angle_deg - 90.0 * quarters) * units::deg;
+  double c = std::cos(remainder), s = std::sin(remainder);
+  const int quarter_turns = ((int(std::fmod(quarters, 4.0)) % 4) + 4) % 4;
+  for (int k = 0; k < quarter_turns; ++k) {
+    const double rotated_cosine = -s;
     s = c;
-    c = turned;
+    c = rotated_cosine;
   }
   Eigen::Matrix3d R = Eigen::Matrix3d::Identity();
   const int i = (axis + 1) % 3, k = (axis + 2) % 3;
-  // Adding zero turns -0 into +0.
+  // Adding zero changes -0 to +0.
   R(i, i) = R(k, k) = c + 0.0;
   R(k, i) = s + 0.0;
   R(i, k) = -s + 0.0;
   return R;
 }
 
-Placement behind(const Placement& first, const Placement& second) {
+CoordinateFrame compose(const CoordinateFrame& first, const CoordinateFrame& second) {
   return {first.rotation * second.shift + first.shift, first.rotation * second.rotation};
 }
 
@@ -51,30 +51,32 @@ Eigen::Matrix3d swivel_rotation(SwivelMode mode, const Eigen::Vector3i& order,
          rotation_about(order[2], angles_deg[2]);
 }
 
-std::vector<double> peck_depths(double total, const PeckParameters& words) {
+std::vector<double> peck_depths(double total, const PeckParameters& parameters) {
   constexpr std::size_t max_pecks = 100'000;
-  constexpr double nothing = 1e-9;  // mm, remainder of a rounded depth
+  constexpr double tolerance = 1e-9;  // mm, remainder of a rounded depth
   std::vector<double> depths;
-  double depth = 0.0, peck = words.first;
-  const double by = words.degression;
-  while (total - depth > nothing) {
+  double depth = 0.0, peck = parameters.first;
+  const double degression = parameters.degression;
+  while (total - depth > tolerance) {
     if (depths.size() == max_pecks) return {};
-    const double rest = total - depth;
-    // The last two pecks are of equal length if at most twice the degression remains.
-    const bool halves =
-        by > 0 && !depths.empty() && rest > peck + nothing && rest <= 2 * by + nothing;
-    if (halves) {
-      depths.push_back(depth + 0.5 * rest);
+    const double remaining = total - depth;
+    // The last two pecks have equal lengths if at most twice the degression remains.
+    const bool is_halved = degression > 0 && !depths.empty() && remaining > peck + tolerance &&
+                           remaining <= 2 * degression + tolerance;
+    if (is_halved) {
+      depths.push_back(depth + 0.5 * remaining);
       depths.push_back(total);
       return depths;
     }
-    depth = rest <= peck + nothing ? total : depth + peck;
+    depth = remaining <= peck + tolerance ? total : depth + peck;
     depths.push_back(depth);
     // The degression is also the shortest peck.
-    if (by > 0) peck = std::min(peck, std::max(peck - by, by));
-    // A negative degression is a factor below 1, and pecks do not become shorter than `least`.
-    if (by < 0) peck = std::max(peck * std::min(-by, 1.0), std::min(words.least, words.first));
-    if (!(peck > nothing)) return {};
+    if (degression > 0) peck = std::min(peck, std::max(peck - degression, degression));
+    // A negative degression is a factor of at most 1; pecks do not become shorter than `min_peck`.
+    if (degression < 0)
+      peck = std::max(peck * std::min(-degression, 1.0),
+                      std::min(parameters.min_peck, parameters.first));
+    if (!(peck > tolerance)) return {};
   }
   return depths;
 }
@@ -97,9 +99,6 @@ double coarse_pitch(double size) {
 namespace {
 
 constexpr double min_feed = 1e-9;  // per minute; keeps every duration finite
-constexpr std::pair<Address, char> axis_addresses[] = {
-    {Address::X, 'X'}, {Address::Y, 'Y'}, {Address::Z, 'Z'}, {Address::A, 'A'}, {Address::B, 'B'},
-    {Address::C, 'C'}, {Address::U, 'U'}, {Address::V, 'V'}, {Address::W, 'W'}};
 
 bool is_arc(std::string_view motion) { return motion == "G2" || motion == "G3"; }
 
@@ -108,42 +107,43 @@ bool is_arc(std::string_view motion) { return motion == "G2" || motion == "G3"; 
 Machine::Machine(ProgramRun& run, bool tool_changes_by_m6)
     : run_(run),
       canon_(run.canon),
-      turning_(canon_.options().control),
-      changes_by_m6_(tool_changes_by_m6),
-      programmable_turns_(AxisVector::Zero(canon_.position().size())),
+      orientation_(canon_.options().control),
+      m6_changes_tool_(tool_changes_by_m6),
+      programmable_axis_shift_(AxisVector::Zero(canon_.position().size())),
       compensation_(run) {
-  // Work offsets are points in the workpiece whether or not one is stated.
+  // Work offsets are points in the workpiece even if the scene states none.
   canon_.count_from_workpiece();
-  if (run_.turning()) {
+  if (run_.is_turning()) {
     // A turning control starts in G18 with feed per revolution.
     plane_ = 18;
     canon_.set_feed_mode(FeedMode::PerRevolution);
   }
-  if (run_.has_initial_diameters(true)) diameters_ = Diameters::On;
+  if (run_.has_initial_diameters(true)) diameter_mode_ = Diameters::On;
   apply_tool();
 }
 
-/// Reports whether X words are taken as diameters or radii, if the program does not state it.
+/// Reports the assumption that X words are diameters or radii, unless the program states it.
 void Machine::note_diameters(const Block& block) {
-  if (!run_.turning() || diameters_stated_ || !block[Address::X] || block[Group::Frame]) return;
-  diameters_stated_ = true;
+  if (!run_.is_turning() || is_diameter_mode_known_ || !block[Address::X] || block[Group::Frame])
+    return;
+  is_diameter_mode_known_ = true;
   if (run_.options().turning.x_words != XWordMeaning::FromControl) return;
-  const bool on = diameters_ == Diameters::On;
+  const bool are_diameters = diameter_mode_ == Diameters::On;
   canon_.assume({fmt::format("X words are {}: no word before says otherwise",
-                             on ? "diameters (DIAMON)" : "radii (DIAMOF)"),
+                             are_diameters ? "diameters (DIAMON)" : "radii (DIAMOF)"),
                  "program.x_words", "--x-words"});
 }
 
-double Machine::radius_of_x(bool absolute) const {
-  // DIAM90: only absolute positions are diameters.
-  const bool halves =
-      diameters_ == Diameters::On || (diameters_ == Diameters::Absolute && absolute);
-  return halves ? 0.5 : 1.0;
+double Machine::x_radius_factor(bool absolute) const {
+  // Under DIAM90 only absolute positions are diameters.
+  const bool is_diameter =
+      diameter_mode_ == Diameters::On || (diameter_mode_ == Diameters::Absolute && absolute);
+  return is_diameter ? 0.5 : 1.0;
 }
 
-/// Throws BadInput where it is not settled whether X is a diameter.
-void Machine::refuse_diameters(const Value& word) const {
-  if (diameters_ != Diameters::Off && word.value != 0.0)
+/// Throws BadInput for an X word that may or may not be a diameter, which no manual settles.
+void Machine::require_radius_words(const Value& word) const {
+  if (diameter_mode_ != Diameters::Off && word.value != 0.0)
     refuse(word, "DIAMOF before " + shown(word.cause.text) + " beside a frame, a pole or CIP");
 }
 
@@ -156,8 +156,8 @@ const Value* Machine::first_axis_word(const Block& block) const {
   return first;
 }
 
-// The word at which messages about a motion point.
-Cause Machine::cause_of(const Block& block) const {
+// Returns the word that messages about the motion of a block point at.
+Cause Machine::motion_cause(const Block& block) const {
   if (const Code& code = block[Group::Motion]) return code.cause;
   if (const Value* axis = first_axis_word(block)) return axis->cause;
   using enum Address;
@@ -166,42 +166,42 @@ Cause Machine::cause_of(const Block& block) const {
   return {1, {}};
 }
 
-/// Checks words that are valid only beside others.
+/// Checks that every word belongs to another word of its block. Throws BadInput.
 void Machine::check_words(const Block& block) const {
   using enum Address;
   for (const auto& [address, letter] : axis_addresses)
     if (const Value& word = block[address]; word && canon_.joint_of(letter) < 0)
       refuse(word, "an axis of this machine (" + canon_.letters() + ")");
   const std::string_view motion = block[Group::Motion] ? block.word(Group::Motion) : motion_;
-  const auto only_beside = [&](std::initializer_list<Address> addresses, bool beside,
-                               std::string_view what) {
+  const auto require = [&](std::initializer_list<Address> addresses, bool has_owner,
+                           std::string_view owner) {
     for (const Address address : addresses)
-      if (block[address] && !beside)
-        refuse(block[address], fmt::format("{} beside {}", what, shown(block[address].cause.text)));
+      if (block[address] && !has_owner)
+        refuse(block[address],
+               fmt::format("{} beside {}", owner, shown(block[address].cause.text)));
   };
-  const bool round = is_arc(motion) && !block[Group::Frame] && !block[Group::Dwell];
-  only_beside({I, J, K}, round || motion == "G33", "G2, G3 or G33");
-  only_beside({CR, AR, TURN}, round || (motion == "CIP" && block[TURN]), "G2 or G3");
-  only_beside({I1, J1, K1}, motion == "CIP", "CIP");
-  only_beside({RPL}, block.word(Group::Frame) == "ROT" || block.word(Group::Frame) == "AROT",
-              "ROT or AROT");
-  only_beside({A3, B3, C3}, traori_ || block.word(Group::Transformation) == "TRAORI", "TRAORI");
+  const bool makes_arc = is_arc(motion) && !block[Group::Frame] && !block[Group::Dwell];
+  require({I, J, K}, makes_arc || motion == "G33", "G2, G3 or G33");
+  require({CR, AR, TURN}, makes_arc || (motion == "CIP" && block[TURN]), "G2 or G3");
+  require({I1, J1, K1}, motion == "CIP", "CIP");
+  require({RPL}, block.word(Group::Frame) == "ROT" || block.word(Group::Frame) == "AROT",
+          "ROT or AROT");
+  require({A3, B3, C3}, is_traori_ || block.word(Group::Transformation) == "TRAORI", "TRAORI");
   const Value* position = first_axis_word(block);
-  for (const Address address : {AP, RP, A3, B3, C3})  // they move the axes as well
+  for (const Address address : {AP, RP, A3, B3, C3})  // these words move the axes too
     if (position == nullptr && block[address]) position = &block[address];
   if (position != nullptr) {
-    if (block.wordless)
+    if (block.code_without_words)
       refuse(*position, fmt::format("no axis words beside {}, which takes none",
-                                    shown(block.wordless.cause.text)));
-    // Subprograms and cycles stand in blocks of their own: their order with a motion is not
-    // defined.
-    if (block.call || block.modal)
+                                    shown(block.code_without_words.cause.text)));
+    // The order of a motion and a subprogram or cycle in one block is not defined.
+    if (block.call || block.is_modal)
       refuse(*position,
              fmt::format("{}, a cycle or subprogram, in a block of its own",
                          shown(block.call ? block.call->cause.text : block.modal_cause.text)));
   }
-  only_beside({LIMS}, true, "G96");
-  only_beside({P}, block.call.has_value(), "a subprogram");
+  require({LIMS}, true, "G96");
+  require({P}, block.call.has_value(), "a subprogram");
   if (const Value& offset = block[OFFN]; offset && offset.value != 0)
     refuse(offset, std::string(find_entry("OFFN")->sentence));
   if (const Value& t = block[T];
@@ -211,9 +211,9 @@ void Machine::check_words(const Block& block) const {
   if (const Value& d = block[D]; d && d.value != 0 && d.value != 1)
     refuse(d, "D0 or D1: a tool of the scene has one edge");
   for (const auto& value : block.values)
-    if (value && value.measure != Measure::Modal) {
+    if (value && value.mode != PositionMode::Modal) {
       const Address address = Address(&value - block.values.data());
-      // Addresses of axes and centres come first in the enumeration.
+      // Addresses of axes and centres, which come first in the enumeration, may have AC().
       if (address <= K1 || address == AP || address == RP) continue;
       refuse(value, "a number without AC() and the like");
     }
@@ -222,14 +222,14 @@ void Machine::check_words(const Block& block) const {
 void Machine::set_feed(const Block& block) {
   if (const Code& code = block[Group::Units]) {
     canon_.set_inch(code.word == "G70" || code.word == "G700");
-    // G70 leaves F in mm; G700 also takes it in inches.
-    inch_feed_ = code.word == "G700";
+    // Under G70 F stays in mm; under G700 it is in inches too.
+    is_feed_in_inches_ = code.word == "G700";
   }
   if (const Code& code = block[Group::FeedMode]) {
     const FeedMode mode = code.word == "G93"   ? FeedMode::InverseTime
                           : code.word == "G94" ? FeedMode::PerMinute
                                                : FeedMode::PerRevolution;
-    // F has another meaning after a change of mode, so the old value must not survive.
+    // F has another unit in the new mode, so the old value must not survive.
     if (mode != canon_.feed_mode()) canon_.set_feed({});
     canon_.set_feed_mode(mode);
   }
@@ -248,47 +248,47 @@ void Machine::set_feed(const Block& block) {
   if (canon_.feed_mode() == FeedMode::InverseTime) canon_.set_feed({});
   if (const Value& f = block[Address::F]) {
     if (!(f.value >= min_feed)) refuse(f, "a feed above zero");
-    canon_.set_feed(Feed{f.value, inch_feed_ ? inch_mm : 1.0});
+    canon_.set_feed(Feed{f.value, is_feed_in_inches_ ? mm_per_inch : 1.0});
   }
 }
 
-void Machine::choose_master(int spindle, const Cause& cause) {
-  if (spindle == master_) return;
-  if (surface_speed_) refuse(cause, "G97 before another master spindle");
-  // Speed and direction of the previous master spindle are kept for its return.
-  spindles_[master_] = {canon_.spindle_speed(), canon_.spindle_direction()};
-  master_ = spindle;
-  const Spindle chosen = spindles_[spindle];
-  speed_ = chosen.rpm;
-  canon_.set_spindle_speed(chosen.rpm);
-  canon_.turn_spindle(chosen.direction);
+void Machine::select_master_spindle(int spindle, const Cause& cause) {
+  if (spindle == master_spindle_) return;
+  if (has_surface_speed_) refuse(cause, "G97 before another master spindle");
+  // The previous master spindle keeps its speed and direction until it becomes the master again.
+  spindles_[master_spindle_] = {canon_.spindle_speed(), canon_.spindle_direction()};
+  master_spindle_ = spindle;
+  const Spindle state = spindles_[spindle];
+  speed_ = state.rpm;
+  canon_.set_spindle_speed(state.rpm);
+  canon_.turn_spindle(state.direction);
 }
 
-/// Sets the speed; `word` is in rpm, under G96 a surface speed.
-void Machine::set_speed(double word, const Cause& cause) {
-  if (!(word >= 0 && word <= 1e7)) refuse(cause, "a spindle speed of 0 to 1e7 rpm");
-  // Surface speed is in m/min in mm, in ft/min in inches.
-  speed_ = surface_speed_ && inch_feed_ ? word * 0.3048 : word;
-  if (!surface_speed_) canon_.set_spindle_speed(word);
+/// Sets the speed of the master spindle, rpm, or under G96 the surface speed.
+void Machine::set_speed(double speed, const Cause& cause) {
+  if (!(speed >= 0 && speed <= 1e7)) refuse(cause, "a spindle speed of 0 to 1e7 rpm");
+  // A surface speed is in m/min, or under G700 in ft/min.
+  speed_ = has_surface_speed_ && is_feed_in_inches_ ? speed * 0.3048 : speed;
+  if (!has_surface_speed_) canon_.set_spindle_speed(speed);
 }
 
-/// Executes S2=1000 and M2=3. The tool is in the master spindle; what others do is kept until
-/// SETMS.
+/// Executes S2=1000 and M2=3. The tool is in the master spindle; words of other spindles have no
+/// effect until SETMS.
 void Machine::set_numbered_spindles(const Block& block) {
   const auto direction = [](std::string_view m) { return m == "M3" ? 1 : m == "M4" ? -1 : 0; };
   for (const SpindleWord& word : block.spindles) {
     if (word.speed && block[Group::Dwell]) refuse(word.cause, "S beside G4");
-    if (word.spindle != master_) {
-      const auto [other, is_new] = spindles_.try_emplace(word.spindle);
-      if (word.speed) other->second.rpm = *word.speed;
-      if (!word.speed) other->second.direction = direction(word.direction);
-      // Reported once for each spindle: the program may be for a machine with another master.
+    if (word.spindle != master_spindle_) {
+      const auto [entry, is_new] = spindles_.try_emplace(word.spindle);
+      if (word.speed) entry->second.rpm = *word.speed;
+      if (!word.speed) entry->second.direction = direction(word.direction);
+      // The program may be for a machine with another master spindle.
       if (is_new)
         run_.warn_once(fmt::format(
             "{}:{}: {} is of spindle {} and has no effect: the tool is taken to be in the master "
             "spindle, {}; SETMS({}) says otherwise",
-            canon_.place().file, canon_.line(), shown(word.cause.text), word.spindle, master_,
-            word.spindle));
+            canon_.place().file, canon_.line(), shown(word.cause.text), word.spindle,
+            master_spindle_, word.spindle));
       continue;
     }
     if (word.speed && block[Address::S]) refuse(word.cause, "one speed of a spindle in a block");
@@ -302,30 +302,33 @@ void Machine::set_numbered_spindles(const Block& block) {
 }
 
 void Machine::set_spindle(const Block& block) {
-  if (const Value& most = block[Address::LIMS]) {
-    if (!(most.value > 0 && most.value <= 1e7)) refuse(most, "a speed of more than 0 to 1e7 rpm");
-    max_rpm_ = most.value;
+  if (const Value& limit = block[Address::LIMS]) {
+    if (!(limit.value > 0 && limit.value <= 1e7))
+      refuse(limit, "a speed of more than 0 to 1e7 rpm");
+    max_rpm_ = limit.value;
   }
   if (const Code& code = block[Group::SpeedMode]) {
-    const bool surface = code.word.starts_with("G96");
-    if (surface && joint(0) < 0) refuse(code.cause, "a machine with an X axis");
+    const bool is_surface_speed = code.word.starts_with("G96");
+    if (is_surface_speed && joint(0) < 0) refuse(code.cause, "a machine with an X axis");
     // The first G96 has no earlier surface speed to fall back on.
-    if (surface && !surface_speed_ && !block[Address::S])
+    if (is_surface_speed && !has_surface_speed_ && !block[Address::S])
       refuse(code.cause, "S (surface speed) beside " + shown(code.cause.text), "none");
-    // Speed and surface speed are different quantities; one must not become the other.
-    if (surface != surface_speed_) speed_ = surface ? 0.0 : canon_.spindle_speed();
-    surface_speed_ = surface;
+    // Speed and surface speed are different quantities, so a new mode must not take over the value.
+    if (is_surface_speed != has_surface_speed_)
+      speed_ = is_surface_speed ? 0.0 : canon_.spindle_speed();
+    has_surface_speed_ = is_surface_speed;
   }
   // S beside G25 and G26 is a limit, not a speed.
-  const bool limits = block[Group::Limits].word.size() > 0;
-  if (const Code& code = block[Group::Master]) choose_master(block.master, code.cause);
-  if (const Value& s = block[Address::S]; s && !block[Group::Dwell] && !limits)
+  const bool sets_limit = block[Group::Limits].word.size() > 0;
+  if (const Code& code = block[Group::MasterSpindle])
+    select_master_spindle(block.master_spindle, code.cause);
+  if (const Value& s = block[Address::S]; s && !block[Group::Dwell] && !sets_limit)
     set_speed(s.value, s);
-  if (!limits) set_numbered_spindles(block);
+  if (!sets_limit) set_numbered_spindles(block);
   if (const Code& code = block[Group::Spindle])
     canon_.turn_spindle(code.word == "M3" ? 1 : code.word == "M4" ? -1 : 0);
-  canon_.set_surface_speed(surface_speed_ ? std::optional(program::SurfaceSpeed{speed_, max_rpm_})
-                                          : std::nullopt);
+  canon_.set_surface_speed(
+      has_surface_speed_ ? std::optional(program::SurfaceSpeed{speed_, max_rpm_}) : std::nullopt);
 }
 
 void Machine::note_coolant(const Block& block) const {
@@ -337,27 +340,29 @@ void Machine::note_coolant(const Block& block) const {
 
 void Machine::dwell(const Block& block) {
   const Code& code = block[Group::Dwell];
-  const Value &seconds = block[Address::F], &turns = block[Address::S];
+  const Value &seconds = block[Address::F], &revolutions = block[Address::S];
   if (const Value* axis = first_axis_word(block))
     refuse(axis->cause, "no axis words beside G4, which takes none");
-  // G4 F is a time in seconds, G4 S a number of spindle turns.
-  if (bool(seconds) == bool(turns)) refuse(code.cause, "either F or S beside G4");
-  if (turns && !(canon_.spindle_speed() > 0)) refuse(turns, "a spindle that turns beside G4 S");
-  const double time = seconds ? seconds.value : turns.value * 60.0 / canon_.spindle_speed();
-  const Cause cause = seconds ? seconds.cause : turns.cause;
+  // G4 F is a time in seconds, G4 S a number of spindle revolutions.
+  if (bool(seconds) == bool(revolutions)) refuse(code.cause, "either F or S beside G4");
+  if (revolutions && !(canon_.spindle_speed() > 0))
+    refuse(revolutions, "a spindle that turns beside G4 S");
+  const double time = seconds ? seconds.value : revolutions.value * 60.0 / canon_.spindle_speed();
+  const Cause cause = seconds ? seconds.cause : revolutions.cause;
   if (!(time >= 0 && time <= 1e6)) refuse(cause, "0 to 1e6 seconds");
-  // A dwell behind a waiting move must follow it.
-  compensation_.after([this, time, cause = Cause{cause.column, {}}] { canon_.dwell(time, cause); });
+  // The dwell must follow a move that compensation still postpones.
+  compensation_.run_after_move(
+      [this, time, cause = Cause{cause.column, {}}] { canon_.dwell(time, cause); });
 }
 
 /// Throws BadInput for words that are not possible under G41 and G42.
-void Machine::check_compensation(const Block& block) const {
-  if (!compensation_.on()) return;
+void Machine::check_compensated_block(const Block& block) const {
+  if (!compensation_.is_on()) return;
   const Code& side = block[Group::CutterRadius];
   for (const Group group : {Group::Plane, Group::Units, Group::WorkOffset, Group::WithoutOffset,
                             Group::Transformation, Group::Pole, Group::Frame, Group::ToolChange})
     if (const Code& code = block[group]) refuse(code.cause, "G40 before " + shown(code.cause.text));
-  if (side && side.word != "G40" && (side.word == "G41") != compensation_.left())
+  if (side && side.word != "G40" && (side.word == "G41") != compensation_.is_left())
     refuse(side.cause, "G40 between G41 and G42");
   for (const Address address : {Address::T, Address::D, Address::A, Address::B, Address::C,
                                 Address::A3, Address::B3, Address::C3})
@@ -366,20 +371,20 @@ void Machine::check_compensation(const Block& block) const {
     refuse(code.cause, "G40 before " + shown(code.cause.text));
 }
 
-void Machine::choose_system(const Code& code) {
+void Machine::select_work_offset(const Code& code) {
   const int number = std::stoi(std::string(code.word.substr(1)));
   if (number > 506 && !canon_.options().more_offset.contains(number))
     refuse(code.cause,
            fmt::format("G54 to G57, G505 or G506, or an offset that the control's table has "
                        "(`offsets`): $P_UIFR[{}]",
                        number - 500));
-  // G54 to G57 are systems 1 to 4, G505 and G506 are 5 and 6, larger numbers are the same.
+  // G54 to G57 are indices 0 to 3, G505 and G506 are 4 and 5; G507 and beyond have index n - 1.
   const int first = number < 500 ? 54 : number > 506 ? 1 : 501;
   system_ = number - first;
   apply_frame();
 }
 
-/// Records the modes that a block states, then those that it depends on.
+/// Records the modes that a block states and those that it depends on.
 void Machine::note_start_modes(const Block& block) {
   const std::pair<Group, StartMode> groups[] = {
       {Group::Units, StartMode::Units},          {Group::Distance, StartMode::Distance},
@@ -387,7 +392,7 @@ void Machine::note_start_modes(const Block& block) {
       {Group::SpeedMode, StartMode::Feed},       {Group::Motion, StartMode::Motion},
       {Group::WorkOffset, StartMode::WorkOffset}};
   for (const auto& [group, mode] : groups)
-    if (block[group]) run_.state(mode);
+    if (block[group]) run_.mark_stated(mode);
   if (first_axis_word(block) == nullptr || block[Group::Frame]) return;
   const std::string_view motion = block[Group::Motion] ? block.word(Group::Motion) : motion_;
   run_.assume_mode(StartMode::Units, "mm (G71)");
@@ -404,30 +409,31 @@ void Machine::note_start_modes(const Block& block) {
   if (!block[Group::WithoutOffset]) run_.assume_offset(system_ + 1, "work offset G54");
 }
 
-// Order of execution: units and feed, spindle, plane, distance, tool, offset, transformation,
-// compensation.
+// The control executes units and feed first, then spindle, plane, distance, tool, offset,
+// transformation and compensation.
 void Machine::set_modes(const Block& block) {
   if (const Code& code = block[Group::Diameters]) {
-    if (code.word != "DIAMOF" && !run_.turning())
+    if (code.word != "DIAMOF" && !run_.is_turning())
       refuse(code.cause,
              "a turning control (control = \"turning\", or a machine whose spindle turns the "
              "workpiece): X is no diameter on a milling control");
-    diameters_ = code.word == "DIAMON"   ? Diameters::On
-                 : code.word == "DIAM90" ? Diameters::Absolute
-                                         : Diameters::Off;
-    diameters_stated_ = true;
+    diameter_mode_ = code.word == "DIAMON"   ? Diameters::On
+                     : code.word == "DIAM90" ? Diameters::Absolute
+                                             : Diameters::Off;
+    is_diameter_mode_known_ = true;
   }
   set_feed(block);
   set_spindle(block);
   note_diameters(block);
   if (const Code& code = block[Group::Plane])
     plane_ = code.word == "G17" ? 17 : code.word == "G18" ? 18 : 19;
-  if (const Code& code = block[Group::Distance]) incremental_ = code.word == "G91";
-  if (const Code& code = block[Group::OrientationFrame]) workpiece_frame_ = code.word == "ORIWKS";
-  if (const Code& code = block[Group::OrientationWay]) on_great_circle_ = code.word != "ORIAXES";
+  if (const Code& code = block[Group::Distance]) is_incremental_ = code.word == "G91";
+  if (const Code& code = block[Group::OrientationFrame])
+    turns_in_workpiece_ = code.word == "ORIWKS";
+  if (const Code& code = block[Group::OrientationPath]) on_great_circle_ = code.word != "ORIAXES";
   call_tools(block);
   if (const Code& code = block[Group::WorkOffset]) {
-    choose_system(code);
+    select_work_offset(code);
   }
   if (const Code& code = block[Group::Transformation]) change_transformation(code);
   if (const Code& code = block[Group::CutterRadius]) set_compensation(code);
@@ -435,42 +441,44 @@ void Machine::set_modes(const Block& block) {
 
 BlockResult Machine::execute(const Block& block) {
   check_words(block);
-  check_compensation(block);
+  check_compensated_block(block);
   note_start_modes(block);
   set_modes(block);
   note_coolant(block);
   const Code& stop = block[Group::Stop];
-  const bool ends = stop && (stop.word == "M2" || stop.word == "M30" || stop.word == "M17");
+  const bool is_program_end =
+      stop && (stop.word == "M2" || stop.word == "M30" || stop.word == "M17");
   if (const Code& code = block[Group::Motion]) motion_ = code.word;
-  BlockResult done{false, ends};
+  BlockResult result{false, is_program_end};
   if (block[Group::Frame])
-    frame_words(block);
+    execute_frame(block);
   else if (block[Group::Dwell])
     dwell(block);
   else if (block[Group::Pole])
     set_pole(block);
   else if (!block[Group::Limits])
-    done.moved = move(block);
-  if (stop && !ends) canon_.aside(stop.word == "M1" ? "M1" : "M0");
-  return done;
+    result.has_moved = move(block);
+  if (stop && !is_program_end) canon_.aside(stop.word == "M1" ? "M1" : "M0");
+  return result;
 }
 
-std::optional<double> Machine::position(char letter, bool of_the_axis) const {
+std::optional<double> Machine::position(char letter, bool in_machine) const {
   const int j = canon_.joint_of(letter);
   if (j < 0) return std::nullopt;
-  const double shown_x = j == joint(0) && !of_the_axis ? 1.0 / radius_of_x(true) : 1.0;
-  const double value = of_the_axis ? here()[j] : programmed_here()[j] * shown_x;
+  const double x_factor = j == joint(0) && !in_machine ? 1.0 / x_radius_factor(true) : 1.0;
+  const double value = in_machine ? current_position()[j] : programmed_position()[j] * x_factor;
   return canon_.is_linear(j) ? value / unit() : value / units::deg;
 }
 
-/// Returns the tool of the scene: by its number, by its name, or the only one.
-int Machine::number_of_tool(const Block& block) const {
+/// Returns the number of the tool of T, which may be a number, a name or the only tool of the
+/// scene.
+int Machine::tool_number(const Block& block) const {
   const Value& word = block[Address::T];
   if (!block.tool_name) return int(word.value);
   const std::string& name = *block.tool_name;
   const auto& numbers = canon_.options().tool_number;
-  if (const auto known = numbers.find(name); known != numbers.end()) return known->second;
-  // A name of digits is usually the number.
+  if (const auto entry = numbers.find(name); entry != numbers.end()) return entry->second;
+  // A name that consists of digits is usually the number.
   if (!name.empty() && name.size() < 9 && std::all_of(name.begin(), name.end(), is_digit))
     return std::stoi(name);
   if (canon_.options().control_of_h.empty() && !canon_.options().tool_length.empty() &&
@@ -478,133 +486,138 @@ int Machine::number_of_tool(const Block& block) const {
     canon_.assume({fmt::format("T={} is the scene's only tool", in_quotes(name)), "tool.name"});
     return canon_.options().tool_length.begin()->first;
   }
-  std::string known;
-  for (const auto& [one, number] : numbers) known += (known.empty() ? "" : ", ") + in_quotes(one);
-  refuse(word, "the name of a tool of the scene (" + (known.empty() ? "none has one" : known) + ")",
+  std::string names;
+  for (const auto& [tool_name, number] : numbers)
+    names += (names.empty() ? "" : ", ") + in_quotes(tool_name);
+  refuse(word, "the name of a tool of the scene (" + (names.empty() ? "none has one" : names) + ")",
          in_quotes(name));
 }
 
 void Machine::call_tools(const Block& block) {
   const Value &t = block[Address::T], &d = block[Address::D];
   const Code& change = block[Group::ToolChange];
-  if (t) selected_ = number_of_tool(block);
+  if (t) selected_ = tool_number(block);
   if (t && !program::knows_tool(canon_.options(), selected_))
     refuse(t.cause, "a tool of the tool table");
   // With M6 T only selects; without it T changes.
-  const bool changes = change || (t && !changes_by_m6_);
+  const bool changes = change || (t && !m6_changes_tool_);
   if (changes && selected_ >= 0) tool_ = selected_;
   if (t || change) canon_.call_tool(t ? double(selected_) : -1.0, bool(change));
   std::string text = t ? fmt::format("T{}", selected_) : "";
   if (change) text += text.empty() ? "M6" : " M6";
   if (!text.empty()) canon_.aside(std::move(text));
   if (!changes && !d) return;
-  compensation_.clear_leaving();  // a control reads its axis positions anew after a tool change
-  // A new tool is active with D1; T0 has no length.
-  if (changes) length_counts_ = true;
-  if (d) length_counts_ = d.value != 0;
-  if (changes && tool_ == 0) length_counts_ = false;
+  // After a tool change the control reads its axis positions anew.
+  compensation_.clear_leaving();
+  // A new tool comes with D1; T0 has no length.
+  if (changes) has_tool_length_ = true;
+  if (d) has_tool_length_ = d.value != 0;
+  if (changes && tool_ == 0) has_tool_length_ = false;
   if (tool_ >= 0)
-    canon_.select_length(length_counts_ ? tool_ : -1, t        ? t.cause
-                                                      : change ? change.cause
-                                                               : d.cause);
+    canon_.select_length(has_tool_length_ ? tool_ : -1, t        ? t.cause
+                                                        : change ? change.cause
+                                                                 : d.cause);
   apply_tool();
 }
 
-/// Returns true if the length is the same whichever tool is in the spindle.
+/// Returns true if all tools have the same length, so that the tool in the spindle does not matter.
 bool Machine::has_single_length() const {
   const auto& lengths = canon_.options().tool_length;
   return !lengths.empty() && canon_.options().control_of_h.empty() &&
          !canon_.options().tool_table &&
          std::all_of(lengths.begin(), lengths.end(),
-                     [&](const auto& one) { return one.second == lengths.begin()->second; });
+                     [&](const auto& entry) { return entry.second == lengths.begin()->second; });
 }
 
 double Machine::active_tool_length(const Cause& cause) const {
   const auto& lengths = canon_.options().tool_length;
-  const auto own = lengths.find(tool_);
-  if (own != lengths.end()) return own->second;
+  const auto length = lengths.find(tool_);
+  if (length != lengths.end()) return length->second;
   if (has_single_length()) return lengths.begin()->second;
-  std::string known;
-  for (const auto& [number, mm] : lengths) known += fmt::format(" T{}", number);
+  std::string tools;
+  for (const auto& [number, mm] : lengths) tools += fmt::format(" T{}", number);
   refuse(cause,
-         "a tool whose length is known (" + (known.empty() ? "none is" : known.substr(1)) +
+         "a tool whose length is known (" + (tools.empty() ? "none is" : tools.substr(1)) +
              ") in the spindle",
          tool_ < 0 ? "none called" : fmt::format("T{}", tool_));
 }
 
 std::optional<double> Machine::nose_radius(int tool) const {
   const auto& radii = canon_.options().tool_radius;
-  auto own = radii.find(tool);
-  if (own == radii.end())
-    // With one tool in the scene its radius applies whatever its number.
-    if (const auto only = program::only_tool(canon_.options())) own = radii.find(*only);
-  return own == radii.end() ? std::nullopt : std::optional(own->second);
+  auto radius = radii.find(tool);
+  if (radius == radii.end())
+    // The only tool of the scene is meant whatever its number.
+    if (const auto only = program::only_tool(canon_.options())) radius = radii.find(*only);
+  return radius == radii.end() ? std::nullopt : std::optional(radius->second);
 }
 
-/// mm, from the point of a turning tool that X Z lead to the centre of its nose.
+/// Returns the displacement, (axes) mm, from the point of a turning tool that X Z lead to the
+/// centre of its nose.
 AxisVector Machine::programmed_nose_offset() const {
-  return nose_offset(canon_, run_.turning() ? run_.options().turning.tip : 0, nose_radius(tool_));
+  return nose_offset(canon_, run_.is_turning() ? run_.options().turning.tip : 0,
+                     nose_radius(tool_));
 }
 
 void Machine::set_compensation(const Code& code) {
   if (code.word == "G40") {
-    if (!compensation_.on()) return;
+    if (!compensation_.is_on()) return;
     compensation_.end();
-    if (!run_.turning()) return;
-    // The programmed point changes between tip and centre of the nose when compensation ends or
-    // begins.
+    if (!run_.is_turning()) return;
+    // When compensation begins or ends, the programmed point changes between the tip and the centre
+    // of the nose.
     apply_tool();
     return compensation_.shift_programmed(programmed_nose_offset());
   }
   const bool left = code.word == "G41";
-  if (compensation_.on()) return;
-  if (!length_counts_) refuse(code.cause, "D1 before " + shown(code.cause.text));
-  const Plane in = plane(code.cause);
+  if (compensation_.is_on()) return;
+  if (!has_tool_length_) refuse(code.cause, "D1 before " + shown(code.cause.text));
+  const ArcPlane plane = arc_plane(code.cause);
   const Eigen::Matrix3d R = total_rotation();
-  const int across = plane_ == 17 ? 2 : plane_ == 18 ? 1 : 0;
-  // 1 - cos = tilt^2 / 2, a tilt of 1.4e-7 rad: rotated about the normal of the plane only.
-  if (std::abs(R(across, across) - 1.0) > 1e-14)
+  const int normal = plane_ == 17 ? 2 : plane_ == 18 ? 1 : 0;
+  // 1 - cos(tilt) below 1e-14, a tilt of 1.4e-7 rad, is a rotation about the normal of the plane.
+  if (std::abs(R(normal, normal) - 1.0) > 1e-14)
     refuse(code.cause, "a path of the tool's centre in a plane that is tilted: no " +
                            std::string(code.word) + " in it");
-  const int tool = tool_ >= 0 ? tool_ : run_.uncalled_tool(code.cause, "no tool called");
+  const int tool = tool_ >= 0 ? tool_ : run_.assume_only_tool(code.cause, "no tool called");
   const auto radius = nose_radius(tool);
   if (!radius) refuse(code.cause, "a tool whose radius is known", fmt::format("T{}", tool));
-  compensation_.begin(left, *radius, {in.first, in.second});
-  if (!run_.turning()) return;
-  apply_tool();  // under G41 and G42 the centre of the nose is led
+  compensation_.begin(left, *radius, {plane.first, plane.second});
+  if (!run_.is_turning()) return;
+  apply_tool();  // under G41 and G42 X Z lead the centre of the nose
   compensation_.shift_programmed(-programmed_nose_offset());
 }
 
-/// On a machine with rotary axes the tool length is that of its chain; on a turning control it is
-/// measured, so that X Z lead the tip; on others it is added to Z.
+/// Puts the tool length in force. On a machine with rotary axes it is that of the chain; on a
+/// turning control it is measured, so that X Z lead the tip; on other machines it is added to Z.
 void Machine::apply_tool() {
-  canon_.set_tool_shift(tip_mode() ? AxisVector() : active_tool_shift());
+  canon_.set_tool_shift(is_tip_mode() ? AxisVector() : active_tool_shift());
   apply_frame();
 }
 
 AxisVector Machine::active_tool_shift() const {
-  if (run_.turning()) {
+  if (run_.is_turning()) {
     const Chain* to_tip = chain_to_tip(canon_.options(), tool_);
-    if (to_tip == nullptr || !length_counts_ || !knows_tool()) return {};
+    if (to_tip == nullptr || !has_tool_length_ || !knows_tool()) return {};
     AxisVector measured = measured_offset(canon_, *to_tip, {1, {}});
-    if (!compensation_.on()) measured += programmed_nose_offset();
+    if (!compensation_.is_on()) measured += programmed_nose_offset();
     return measured;
   }
   AxisVector shift = AxisVector::Zero(canon_.position().size());
   const auto& zero = canon_.zero();
-  // Nose minus tip at zero is the length of the tool in all three directions.
-  if (zero && zero->places && turning_.possible()) {
+  // With the axes at zero the vector from the tip to the nose is the length of the tool.
+  if (zero && zero->places && orientation_.is_possible()) {
     const auto& options = canon_.options();
-    const auto own = options.control_of_h.find(tool_);
-    const Chain& chain = own == options.control_of_h.end() ? *options.control : own->second;
+    const auto tool_chain = options.control_of_h.find(tool_);
+    const Chain& chain =
+        tool_chain == options.control_of_h.end() ? *options.control : tool_chain->second;
     const auto tip_w = program::tip_at_zero(chain);
-    // D0 takes the length off, so that X Y Z lead the nose.
-    if (!tip_w || (!length_counts_ && knows_tool())) return {};
+    // Under D0 no length counts, so that X Y Z lead the nose.
+    if (!tip_w || (!has_tool_length_ && knows_tool())) return {};
     for (int k = 0; k < 3; ++k) shift[joint(k)] = zero->nose_w[k] - (*tip_w)[k];
     return shift;
   }
   const int z = joint(2);
-  if (z < 0 || turning_.possible() || !length_counts_ || !knows_tool()) return {};
+  if (z < 0 || orientation_.is_possible() || !has_tool_length_ || !knows_tool()) return {};
   shift[z] = active_tool_length({1, {}});
   return shift;
 }

@@ -11,7 +11,7 @@ namespace abbe::sim::dialects {
 namespace siemens {
 namespace {
 
-using WordLine = CodeLine<Group>;
+using WordLine = CodeTableLine<Group>;
 
 // Short names, so that an entry fits its line.
 constexpr Use read = Use::Read, none = Use::WithoutEffect, refused = Use::Refused;
@@ -58,8 +58,8 @@ constexpr WordLine word_lines[] = {
      "as turned; RPL= about the axis across the plane"},
     {"MIRROR AMIRROR SCALE ASCALE ROTS AROTS CROTS", Group::None, refused,
      "TRANS and ROT: no frame that mirrors or scales, none by solid angles"},
-    {"G60 G601 G602 G603 G9", Group::Beside, none, "exact stop: what abbe cuts anyway"},
-    {"G64 G641 G642 G643 G644 G645 ADIS ADISPOS", Group::Beside, none,
+    {"G60 G601 G602 G603 G9", Group::WithMotion, none, "exact stop: what abbe cuts anyway"},
+    {"G64 G641 G642 G643 G644 G645 ADIS ADISPOS", Group::WithMotion, none,
      "continuous path: abbe cuts the exact path, without the roundings of a real control"},
     {"G70 G700", Group::Units, read, "inch: lengths; lengths and F"},
     {"G71 G710", Group::Units, read, "mm: lengths; lengths and F"},
@@ -79,11 +79,11 @@ constexpr WordLine word_lines[] = {
      "lines and arcs: no approach that a control works out"},
     {"G290", Group::None, none, "the language of Siemens"},
     {"G291", Group::None, refused, "G290, or dialect = \"fanuc\": programs in ISO dialect mode"},
-    {"NORM G450", Group::Beside, none,
+    {"NORM G450", Group::WithMotion, none,
      "upright into and out of a contour, arcs around outside corners: what abbe does anyway"},
-    {"CUT2D CUT2DF", Group::Beside, none,
+    {"CUT2D CUT2DF", Group::WithMotion, none,
      "cutter compensation in the plane: what abbe does anyway"},
-    {"CFTCP CFC CFIN", Group::Beside, none,
+    {"CFTCP CFC CFIN", Group::WithMotion, none,
      "where F counts under G41 and G42: it is taken as that of the centre of the tool"},
     {"G451 KONT KONTC KONTT DISC", Group::None, refused,
      "G450 and NORM: no other way into a contour and around its corners"},
@@ -97,43 +97,44 @@ constexpr WordLine word_lines[] = {
     {"ORIWKS ORIMKS", Group::OrientationFrame, read,
      "a line turns the tool on a great circle, as chords within 1 urad; its rotary axes in "
      "proportion"},
-    {"ORIVECT ORIPLANE ORIAXES", Group::OrientationWay, read,
+    {"ORIVECT ORIPLANE ORIAXES", Group::OrientationPath, read,
      "the same as words of their own, which rule: great circle; rotary axes in proportion"},
     {"ORICONCW ORICONCCW ORICONIO ORICONTO ORICURVE ORIPATH ORIPATHS", Group::None, refused,
      "ORIVECT or ORIAXES: no orientation on cones, curves or along a path"},
-    {"ORIEULER ORIRPY ORIRPY2 ORIVIRT1 ORIVIRT2", Group::Beside, none,
+    {"ORIEULER ORIRPY ORIRPY2 ORIVIRT1 ORIVIRT2", Group::WithMotion, none,
      "how A2 B2 C2 count, which are refused"},
-    {"ORISON ORISOF", Group::Beside, none, "smoothing of orientation: abbe cuts as programmed"},
+    {"ORISON ORISOF", Group::WithMotion, none, "smoothing of orientation: abbe cuts as programmed"},
     {"TOROT TOFRAME PAROT TCARR TCOABS TCOFR", Group::None, refused,
      "CYCLE800 or TRAORI: no frames from a tool carrier"},
-    {"TOROTOF PAROTOF", Group::Beside, none, "no frame from a tool carrier"},
+    {"TOROTOF PAROTOF", Group::WithMotion, none, "no frame from a tool carrier"},
     {"ASPLINE BSPLINE CSPLINE POLY INVCW INVCCW", Group::None, refused,
      "lines and arcs: no splines, polynomials and involutes"},
     {"CHF CHR RND RNDM ANG", Group::None, refused,
      "the contour as it is: no chamfers, roundings and angles between blocks"},
-    {"COMPCAD COMPCURV COMPON COMPSURF COMPOF", Group::Beside, none,
+    {"COMPCAD COMPCURV COMPON COMPSURF COMPOF", Group::WithMotion, none,
      "compressor: abbe cuts the points as programmed"},
-    {"CTOL OTOL", Group::Beside, none,
+    {"CTOL OTOL", Group::WithMotion, none,
      "tolerances of contour and orientation: abbe cuts as programmed"},
-    {"SOFT BRISK DRIVE", Group::Beside, none, "how the axes accelerate"},
-    {"FFWON FFWOF", Group::Beside, none, "feedforward of the drives"},
-    {"JERKLIM VELOLIM ACC ACCLIMA", Group::Beside, none, "limits of jerk, speed and acceleration"},
-    {"CPRECON CPRECOF", Group::Beside, none, "contour accuracy by a lower feed"},
-    {"FIFOCTRL STARTFIFO STOPFIFO STOPRE", Group::Beside, none, "how blocks are prepared"},
-    {"SBLON SBLOF", Group::Beside, none, "single block"},
-    {"DISPLON DISPLOF", Group::Beside, none, "whether blocks are shown"},
-    {"SETMS", Group::Master, read,
+    {"SOFT BRISK DRIVE", Group::WithMotion, none, "how the axes accelerate"},
+    {"FFWON FFWOF", Group::WithMotion, none, "feedforward of the drives"},
+    {"JERKLIM VELOLIM ACC ACCLIMA", Group::WithMotion, none,
+     "limits of jerk, speed and acceleration"},
+    {"CPRECON CPRECOF", Group::WithMotion, none, "contour accuracy by a lower feed"},
+    {"FIFOCTRL STARTFIFO STOPFIFO STOPRE", Group::WithMotion, none, "how blocks are prepared"},
+    {"SBLON SBLOF", Group::WithMotion, none, "single block"},
+    {"DISPLON DISPLOF", Group::WithMotion, none, "whether blocks are shown"},
+    {"SETMS", Group::MasterSpindle, read,
      "the spindle whose S and M have no number: that of the number, without one spindle 1"},
-    {"UPATH SPATH", Group::Beside, none, "parameter of polynomials, of which there are none"},
-    {"RTLION RTLIOF", Group::Beside, none,
+    {"UPATH SPATH", Group::WithMotion, none, "parameter of polynomials, of which there are none"},
+    {"RTLION RTLIOF", Group::WithMotion, none,
      "rapids on a line or each axis on its own: abbe takes the line"},
-    {"FNORM", Group::Beside, none, "constant feed along a block: what abbe does anyway"},
-    {"WALIMON WALIMOF", Group::Beside, none, "limits of the working area"},
-    {"SPOS SPOSA", Group::Beside, none, "spindle orientation"},
-    {"SPCON SPCOF", Group::Beside, none, "position control of the spindle"},
-    {"FGROUP FGREF", Group::Beside, none,
+    {"FNORM", Group::WithMotion, none, "constant feed along a block: what abbe does anyway"},
+    {"WALIMON WALIMOF", Group::WithMotion, none, "limits of the working area"},
+    {"SPOS SPOSA", Group::WithMotion, none, "spindle orientation"},
+    {"SPCON SPCOF", Group::WithMotion, none, "position control of the spindle"},
+    {"FGROUP FGREF", Group::WithMotion, none,
      "axes of which F is the speed: abbe counts F along X Y Z, else in degrees of turns"},
-    {"FL", Group::Beside, none, "largest speed of an axis"},
+    {"FL", Group::WithMotion, none, "largest speed of an axis"},
     {"FLIN FCUB FPO FB FZ FRC FRCM", Group::None, refused, "F: no other feed"},
     {"DIAMON DIAM90 DIAMOF", Group::Diameters, read,
      "X words are diameters; absolute ones are; none is. I=AC() too, other I and CR= are radii. "
@@ -147,7 +148,7 @@ constexpr WordLine word_lines[] = {
     {"EXTERN", Group::None, none, "declaration of a subprogram; axis words beside it are refused"},
     {"PROTA PROTS", Group::None, none,
      "protection areas of the control; axis words beside them are refused"},
-    {"MSG", Group::Beside, none, "messages"},
+    {"MSG", Group::WithMotion, none, "messages"},
     {"WAITM WAITMC WAITE WAITP INIT START SETM CLEARM", Group::None, none,
      "other channels: abbe has one"},
     {"MEAS MEAW MEASA MEAWA MEAC", Group::None, refused,
@@ -173,9 +174,9 @@ constexpr WordLine word_lines[] = {
     {"M2 M30 M17", Group::Stop, read, "end of the program or subprogram"},
     {"M3 M4 M5", Group::Spindle, read, "spindle clockwise, counter-clockwise, off"},
     {"M6", Group::ToolChange, read, "change to the tool of T; without M6 in the program T changes"},
-    {"M7 M8 M9", Group::Beside, none, "coolant"},
-    {"M19", Group::Beside, none, "spindle orientation"},
-    {"M40 M41 M42 M43 M44 M45", Group::Beside, none, "gears of the spindle"},
+    {"M7 M8 M9", Group::WithMotion, none, "coolant"},
+    {"M19", Group::WithMotion, none, "spindle orientation"},
+    {"M40 M41 M42 M43 M44 M45", Group::WithMotion, none, "gears of the spindle"},
     {"M70", Group::None, refused, "M3, M4 or M5: the spindle is no axis"},
 };
 
@@ -243,12 +244,12 @@ constexpr WordTableEntry siemens_other_words[] = {
 
 // Built at first use: every word of a program is looked up.
 std::unordered_map<std::string_view, WordEntry> entries_by_word() {
-  std::unordered_map<std::string_view, WordEntry> facts;
+  std::unordered_map<std::string_view, WordEntry> entries;
   for (const WordLine& line : word_lines)
     each_word(line.words, [&](std::string_view word) {
-      facts[word] = {word, line.group, line.use, line.sentence};
+      entries[word] = {word, line.group, line.use, line.sentence};
     });
-  return facts;
+  return entries;
 }
 
 }  // namespace
@@ -262,8 +263,8 @@ bool is_beside_motion(Group group) {
     case Group::Limits:
     case Group::Count:
       return false;
-    case Group::Beside:
-    case Group::Master:
+    case Group::WithMotion:
+    case Group::MasterSpindle:
     case Group::Motion:
     case Group::Plane:
     case Group::Units:
@@ -276,7 +277,7 @@ bool is_beside_motion(Group group) {
     case Group::WithoutOffset:
     case Group::Transformation:
     case Group::OrientationFrame:
-    case Group::OrientationWay:
+    case Group::OrientationPath:
     case Group::Stop:
     case Group::ToolChange:
     case Group::Spindle:
@@ -286,17 +287,17 @@ bool is_beside_motion(Group group) {
 }
 
 const WordEntry* find_entry(std::string_view word) {
-  static const std::unordered_map<std::string_view, WordEntry> facts = entries_by_word();
-  const auto found = facts.find(word);
-  return found == facts.end() ? nullptr : &found->second;
+  static const std::unordered_map<std::string_view, WordEntry> entries = entries_by_word();
+  const auto entry = entries.find(word);
+  return entry == entries.end() ? nullptr : &entry->second;
 }
 
 }  // namespace siemens
 
 std::span<const WordTableEntry> siemens_words() {
-  static const std::vector<WordTableEntry> all =
-      joined_words<siemens::WordLine>(siemens::word_lines, siemens::siemens_other_words);
-  return all;
+  static const std::vector<WordTableEntry> table =
+      word_table<siemens::WordLine>(siemens::word_lines, siemens::siemens_other_words);
+  return table;
 }
 
 }  // namespace abbe::sim::dialects
