@@ -15,11 +15,11 @@ namespace {
 using Eigen::Index;
 using Eigen::Vector2d;
 
-constexpr int most_rows = 256;
+constexpr int max_rows = 256;
 constexpr int max_columns = 64;
-// Small tables get larger cells, so that they do not become strips.
+// Matrices up to these sizes get larger cells, so that the picture is no narrow strip.
 constexpr std::size_t few_rows = 6, few_columns = 8;
-constexpr double row_px = 36.0;  // of a picture 1600 px wide
+constexpr double row_px = 36.0;  // in a picture 1600 px wide
 
 struct ColourRange {
   double range = 1.0;
@@ -37,7 +37,7 @@ ColourRange colour_range(const HeatMap& map, const HeatMapOptions& options) {
   }
   ColourRange s;
   s.range = options.range.value_or(std::max(-low, high));
-  // A table of zeros needs a scale as well.
+  // A matrix of zeros needs a scale as well.
   if (!options.range && s.range == 0.0) s.range = 1.0;
   if (!(s.range > 0.0) || !std::isfinite(s.range))
     throw std::invalid_argument("heat map: the range must be positive");
@@ -48,19 +48,19 @@ ColourRange colour_range(const HeatMap& map, const HeatMapOptions& options) {
   return s;
 }
 
-Colour colour_of(double value, const ColourRange& s) {
-  // 511 is odd, so that zero has its own, neutral colour.
+Colour cell_colour(double value, const ColourRange& s) {
+  // The number is odd, so that zero has the neutral colour.
   static const std::vector<Colour> table = diverging(511);
   if (value > s.range) return colours::beyond_high;
   if (value < -s.range) return colours::beyond_low;
   return table[std::size_t(std::lround(255.0 + 255.0 * value / s.range))];
 }
 
-// Luma weights of Rec. 601: white text on dark cells, black on light ones.
+// Luma by the weights of Rec. 601; text is white on dark cells.
 bool is_dark(const Colour& c) { return 0.3 * c.r + 0.59 * c.g + 0.11 * c.b < 0.5; }
 
-/// Returns the decimals of all numbers, such that the largest has three digits.
-int decimals(const HeatMap& map, const HeatMapOptions& options) {
+/// Returns the number of decimals.
+int decimal_count(const HeatMap& map, const HeatMapOptions& options) {
   if (options.decimals >= 0) return options.decimals;
   double largest = 0.0;
   for (const double value : map.values.reshaped())
@@ -68,26 +68,26 @@ int decimals(const HeatMap& map, const HeatMapOptions& options) {
   return significant_decimals(largest);
 }
 
-std::string number(double value, int digits) {
+std::string number_text(double value, int digits) {
   return std::isfinite(value) ? fixed(value, digits) : "";
 }
 
-double widest(const std::vector<std::string>& texts, const TextStyle& style) {
-  double most = 0.0;
-  for (const std::string& text : texts) most = std::max(most, text_size(text, style).x());
-  return most;
+double max_text_width(const std::vector<std::string>& texts, const TextStyle& style) {
+  double max_width = 0.0;
+  for (const std::string& text : texts) max_width = std::max(max_width, text_size(text, style).x());
+  return max_width;
 }
 
-/// Sizes in px.
+/// Sizes of the elements, px.
 struct TableSizes {
   double unit = 1.0;
   TextStyle body;
-  double names = 0.0;  ///< width of the row names, including the gap
-  double cell = 0.0;   ///< width of a cell
-  double row = 0.0;
-  double heads = 0.0;  ///< height of the column names
-  bool turned = false;
-  int width = 0;  ///< width of the picture
+  double names = 0.0;   ///< width of the row names, including the gap
+  double cell = 0.0;    ///< width of a cell
+  double row = 0.0;     ///< height of a row
+  double heads = 0.0;   ///< height of the column names
+  bool turned = false;  ///< column names read upwards
+  int width = 0;        ///< width of the picture
 };
 
 TableSizes table_sizes(const HeatMap& map, const HeatMapOptions& options) {
@@ -95,26 +95,26 @@ TableSizes table_sizes(const HeatMap& map, const HeatMapOptions& options) {
   l.unit = options.width / 1600.0;
   l.body = {.size_px = 22.0 * l.unit};
   const double em = l.body.size_px, margins = 120.0 * l.unit;
-  const int digits = decimals(map, options);
-  const double names = std::max(widest(map.rows, l.body), text_size(options.row_label, l.body).x());
-  // Long names are cut, so that the cells keep most of the width.
+  const int digits = decimal_count(map, options);
+  const double names =
+      std::max(max_text_width(map.rows, l.body), text_size(options.row_label, l.body).x());
+  // Long names are shortened, so that the cells have most of the width.
   l.names = std::min(names, 0.4 * options.width) + 0.8 * em;
-  // A table of few rows should not be a strip.
   l.row = row_px * l.unit * (map.rows.size() <= few_rows ? 2.0 : 1.0);
   double number_px = 2.0 * em;
   for (const double value : map.values.reshaped())
-    number_px = std::max(number_px, text_size(number(value, digits), l.body).x());
-  const double room = (options.width - margins - l.names) / double(map.columns.size());
-  const double heads = widest(map.columns, l.body);
-  // Column names are horizontal if they fit, otherwise turned.
-  l.turned = heads + em > std::min(room, 9.0 * em);
-  const double least = map.columns.size() <= few_columns ? 7.0 * em : 0.0;
-  l.cell = std::min(room, std::max({number_px, l.turned ? 0.0 : heads, least}) + 1.2 * em);
+    number_px = std::max(number_px, text_size(number_text(value, digits), l.body).x());
+  const double max_cell = (options.width - margins - l.names) / double(map.columns.size());
+  const double heads = max_text_width(map.columns, l.body);
+  // Column names are horizontal if they fit.
+  l.turned = heads + em > std::min(max_cell, 9.0 * em);
+  const double min_cell = map.columns.size() <= few_columns ? 7.0 * em : 0.0;
+  l.cell = std::min(max_cell, std::max({number_px, l.turned ? 0.0 : heads, min_cell}) + 1.2 * em);
   l.heads = (l.turned ? std::min(heads, 16.0 * em) : line_height(l.body)) + 0.5 * em +
             (options.column_label.empty() ? 0.0 : 1.4 * em);
   const double legend = text_size(options.value_label, l.body).x() + 20.0 * em;
-  const double all = std::max(l.names + l.cell * double(map.columns.size()), legend) + margins;
-  l.width = int(std::lround(std::clamp(all, 0.6 * options.width, double(options.width))));
+  const double width = std::max(l.names + l.cell * double(map.columns.size()), legend) + margins;
+  l.width = int(std::lround(std::clamp(width, 0.6 * options.width, double(options.width))));
   return l;
 }
 
@@ -124,10 +124,10 @@ void draw_names(Canvas& canvas, const HeatMap& map, const HeatMapOptions& option
   TextStyle style = l.body;
   style.upward = 0.5;
   style.across = 1.0;
-  const double room = l.names - 0.7 * em;
+  const double name_width = l.names - 0.7 * em;
   for (std::size_t i = 0; i < map.rows.size(); ++i)
     canvas.text({box.x - 0.5 * em, box.y + box.height - (double(i) + 0.5) * l.row},
-                wrapped(map.rows[i], style, room, 1).front(), style);
+                wrapped(map.rows[i], style, name_width, 1).front(), style);
   style.across = l.turned ? 0.0 : 0.5;
   style.upward = l.turned ? 0.5 : 0.0;
   style.turned_left = l.turned;
@@ -139,13 +139,13 @@ void draw_names(Canvas& canvas, const HeatMap& map, const HeatMapOptions& option
   canvas.text({box.x, box.y + box.height + l.heads - 1.2 * em}, options.column_label, head);
   head.across = 1.0;
   canvas.text({box.x - 0.5 * em, box.y + box.height + 0.3 * em},
-              wrapped(options.row_label, head, room, 1).front(), head);
+              wrapped(options.row_label, head, name_width, 1).front(), head);
 }
 
 void draw_cells(Canvas& canvas, const HeatMap& map, const HeatMapOptions& options,
                 const TableSizes& l, const Rectangle& box) {
   const ColourRange s = colour_range(map, options);
-  const int digits = decimals(map, options);
+  const int digits = decimal_count(map, options);
   TextStyle style = l.body;
   style.across = style.upward = 0.5;
   for (Index i = 0; i < map.values.rows(); ++i)
@@ -159,17 +159,17 @@ void draw_cells(Canvas& canvas, const HeatMap& map, const HeatMapOptions& option
         canvas.text(middle, "–", style);
         continue;
       }
-      const Colour colour = colour_of(value, s);
+      const Colour colour = cell_colour(value, s);
       canvas.fill({cell.x + 1.0, cell.y + 1.0, cell.width - 2.0, cell.height - 2.0}, colour);
       style.colour = is_dark(colour) ? colours::white : colours::ink;
-      const std::string text = number(value, digits);
-      // A number that does not fit is omitted; its colour still shows it.
+      const std::string text = number_text(value, digits);
+      // A number that does not fit is omitted; the colour of its cell shows the value.
       if (text_size(text, style).x() < cell.width - 4.0) canvas.text(middle, text, style);
     }
 }
 
-void check(const HeatMap& map) {
-  if (map.values.size() == 0 || map.values.rows() > most_rows || map.values.cols() > max_columns)
+void check_sizes(const HeatMap& map) {
+  if (map.values.size() == 0 || map.values.rows() > max_rows || map.values.cols() > max_columns)
     throw std::invalid_argument("heat map: expected 1 to 256 rows and 1 to 64 columns");
   if (map.values.rows() != Index(map.rows.size()) || map.values.cols() != Index(map.columns.size()))
     throw std::invalid_argument("heat map: one name a row and a column is needed");
@@ -179,7 +179,7 @@ void check(const HeatMap& map) {
 
 void write_heat_map(const std::filesystem::path& path, const HeatMap& map,
                     const HeatMapOptions& options) {
-  check(map);
+  check_sizes(map);
   const ColourRange s = colour_range(map, options);
   const TableSizes l = table_sizes(map, options);
   const double em = l.body.size_px, foot = 2.6 * em;
@@ -196,9 +196,10 @@ void write_heat_map(const std::filesystem::path& path, const HeatMap& map,
   TextStyle name = p.body;
   name.upward = 0.5;
   canvas.text(legend, options.value_label, name);
-  const double beside =
+  const double label_width =
       options.value_label.empty() ? 0.0 : text_size(options.value_label, name).x() + 1.2 * em;
-  horizontal_colour_bar(canvas, {legend.x() + beside, legend.y() - 0.7 * em, 16.0 * em, 1.4 * em},
+  horizontal_colour_bar(canvas,
+                        {legend.x() + label_width, legend.y() - 0.7 * em, 16.0 * em, 1.4 * em},
                         {s.range, "", s.one_sided, s.low_end, s.high_end}, p.body);
   draw_page(canvas, p);
   canvas.write_png(path);

@@ -21,13 +21,13 @@ namespace abbe::render {
 namespace {
 
 constexpr double gap_px = 36.0;  // between cells
-constexpr double own_scale_ratio =
-    0.4;  // relative to the common scale: a map that needs less gets a second panel
+// A map that needs less than this fraction of the common scale gets a second panel.
+constexpr double own_scale_ratio = 0.4;
 
 /// A panel of a comparison.
 struct MapPanel {
-  std::size_t of = 0;  ///< index of the case
-  bool own = false;    ///< on its own scale, after the panel on the common scale
+  std::size_t case_index = 0;
+  bool own = false;  ///< on its own scale, after the panel on the common scale
   Span ends_um;
 };
 
@@ -40,34 +40,35 @@ struct Grid {
   std::vector<std::array<int, 2>> at;  ///< column and row of each panel
 };
 
-/// Returns a grid with the panels in order, the two of a case in one row.
-Grid filled(const std::vector<MapPanel>& panels, int columns) {
+/// Returns a grid with the panels in order; the two panels of a case are in the same row.
+Grid fill_grid(const std::vector<MapPanel>& panels, int columns) {
   Grid g;
   g.columns = columns;
-  int place = 0;
+  int cell = 0;
   for (std::size_t i = 0; i < panels.size(); ++i) {
     const bool is_first_of_pair = i + 1 < panels.size() && panels[i + 1].own;
-    // A pair would be split at the end of the row, so one cell remains empty.
-    if (is_first_of_pair && columns > 1 && place % columns == columns - 1) ++place;
-    g.at.push_back({place % columns, place / columns});
-    ++place;
+    // The last cell of a row remains empty if it would separate a pair.
+    if (is_first_of_pair && columns > 1 && cell % columns == columns - 1) ++cell;
+    g.at.push_back({cell % columns, cell / columns});
+    ++cell;
   }
   g.rows = g.at.back()[1] + 1;
   return g;
 }
 
-/// Returns the grid whose picture is closest to 4 : 3.
-Grid grid(const std::vector<MapPanel>& panels, double width, double aspect, double text_height) {
+/// Returns the grid whose picture is nearest to 4 : 3.
+Grid best_grid(const std::vector<MapPanel>& panels, double width, double aspect,
+               double text_height) {
   Grid best;
   double min_layout_cost = 0.0;
   for (int columns = 1; columns <= std::min(int(panels.size()), 4); ++columns) {
-    Grid g = filled(panels, columns);
+    Grid g = fill_grid(panels, columns);
     g.cell_width = (width - (columns - 1) * gap_px) / columns;
     g.map_height = std::round(g.cell_width * std::clamp(aspect, 0.3, 1.1));
     const double height = g.rows * (g.map_height + text_height + gap_px);
     const int empty = g.rows * columns - int(panels.size());
-    // 0.7: the width to height ratio with texts is aimed at 4 : 3; an empty cell costs as much as
-    // 15 % of distortion.
+    // The factor 0.7 accounts for the texts in the aspect ratio of 4 : 3. An empty cell costs as
+    // much as a deviation of 15 % from this ratio.
     const double layout_cost = std::abs(std::log(width / height * 0.7)) + 0.15 * empty;
     if (columns == 1 || layout_cost < min_layout_cost) {
       best = std::move(g);
@@ -93,29 +94,31 @@ std::vector<std::string> common_text(const std::vector<MapPicture>& cases,
                                      const std::vector<MapPanel>& panels,
                                      const std::vector<Tally>& counts,
                                      const ComparisonOptions& options) {
-  const bool two =
+  const bool has_own_scales =
       std::any_of(panels.begin(), panels.end(), [](const MapPanel& p) { return p.own; });
-  std::vector<std::string> lines{std::string("one scale for all maps") +
-                                 (two ? ", those that it hides again on their own  ·  " : "  ·  ") +
-                                 sign_convention};
+  std::vector<std::string> lines{
+      std::string("one scale for all maps") +
+      (has_own_scales ? ", those that it hides again on their own  ·  " : "  ·  ") +
+      sign_convention};
   const View view = fit_view({}, options.from, options.up, {});
-  const Tally& first = counts.front();
+  const Tally& first_counts = counts.front();
   std::string line = has_common_datum(cases)
                          ? fmt::format("datum {}  ·  alignment {}  ·  ", cases.front().datum,
                                        cases.front().alignment)
                          : std::string();
-  line += fmt::format("view {}  ·  {} vertices", view_description(view), grouped(first.vertices()));
+  line += fmt::format("view {}  ·  {} vertices", view_description(view),
+                      grouped(first_counts.vertices()));
   if (const auto& tolerance = cases.front().tolerance_um; tolerance.rows() > 0)
     line += "  ·  tolerance " + limits_text(tolerance);
   lines.push_back(line);
-  const bool beyond =
+  const bool exceeds_scale =
       std::any_of(counts.begin(), counts.end(), [](const Tally& t) { return t.beyond > 0; });
-  if (beyond) lines.push_back("arrow colours: beyond the scale of the map");
+  if (exceeds_scale) lines.push_back("arrow colours: beyond the scale of the map");
   lines.insert(lines.end(), options.caption.begin(), options.caption.end());
   return lines;
 }
 
-/// Widths for the text above and below a map, px.
+/// Available widths for the text above and below a map, px.
 struct TextWidths {
   double title, below;
 };
@@ -150,65 +153,67 @@ const TextStyle title_style{.size_px = 23.0, .bold = true};
 const TextStyle body_style{.size_px = 21.0};
 constexpr double margin_px = 36.0, bar_row_px = 34.0, triad_px = 44.0;
 
-double size_of(const Span& ends) { return std::max(std::abs(ends.lower), std::abs(ends.upper)); }
+double max_magnitude(const Span& ends) {
+  return std::max(std::abs(ends.lower), std::abs(ends.upper));
+}
 
-std::vector<MapPanel> panels_of(const std::vector<MapPicture>& cases,
-                                const ComparisonOptions& options) {
+std::vector<MapPanel> make_panels(const std::vector<MapPicture>& cases,
+                                  const ComparisonOptions& options) {
   if (options.range_um && (!(*options.range_um > 0.0) || !std::isfinite(*options.range_um)))
     throw std::invalid_argument("comparison: the range must be positive");
-  std::vector<Span> own;
-  for (const MapPicture& c : cases) own.push_back(fitted_ends_um(c.field));
+  std::vector<Span> own_ends;
+  for (const MapPicture& c : cases) own_ends.push_back(fitted_ends_um(c.field));
   const Span common =
-      options.range_um ? Span{-*options.range_um, *options.range_um} : common_ends(own);
+      options.range_um ? Span{-*options.range_um, *options.range_um} : common_ends(own_ends);
   std::vector<MapPanel> panels;
   for (std::size_t i = 0; i < cases.size(); ++i) {
     panels.push_back({i, false, common});
-    const bool any = tally(cases[i].field, common).cut > 0;
-    const double size = size_of(own[i]);
-    // Without cut vertices a scale of its own would show nothing.
-    if (any && size > min_range_um && size < own_scale_ratio * size_of(common))
-      panels.push_back({i, true, own[i]});
+    const bool has_cut_vertices = tally(cases[i].field, common).cut > 0;
+    const double own_range = max_magnitude(own_ends[i]);
+    if (has_cut_vertices && own_range > min_range_um &&
+        own_range < own_scale_ratio * max_magnitude(common))
+      panels.push_back({i, true, own_ends[i]});
   }
   return panels;
 }
 
-/// Returns the text of a panel. A second panel only states its scale; everything else is below the
-/// first.
-CellText text_of(const std::vector<MapPanel>& panels, std::size_t i, const MapPicture& c,
-                 const Tally& counts, bool with_datum, const Grid& cells) {
+/// Returns the text of a panel. The second panel of a case only states its scale.
+CellText panel_text(const std::vector<MapPanel>& panels, std::size_t i, const MapPicture& c,
+                    const Tally& counts, bool with_datum, const Grid& cells) {
   const double width = cells.cell_width;
   const bool side_by_side = cells.columns > 1;
   if (panels[i].own)
     return {wrapped(side_by_side ? "own scale" : c.title + ", own scale", title_style, width, 2),
             {}};
-  const bool two = side_by_side && i + 1 < panels.size() && panels[i + 1].own;
-  return cell_text(c, counts, with_datum, {width, two ? 2.0 * width + gap_px : width}, title_style,
-                   body_style);
+  const bool is_pair = side_by_side && i + 1 < panels.size() && panels[i + 1].own;
+  return cell_text(c, counts, with_datum, {width, is_pair ? 2.0 * width + gap_px : width},
+                   title_style, body_style);
 }
 
-Plan plan(const std::vector<MapPicture>& cases, const ComparisonOptions& options) {
+Plan make_plan(const std::vector<MapPicture>& cases, const ComparisonOptions& options) {
   Plan p;
-  p.panels = panels_of(cases, options);
+  p.panels = make_panels(cases, options);
   for (const MapPanel& panel : p.panels)
-    p.counts.push_back(tally(cases[panel.of].field, panel.ends_um));
+    p.counts.push_back(tally(cases[panel.case_index].field, panel.ends_um));
   const double width = options.width - 2.0 * margin_px;
-  double shape = 0.0;
+  double max_aspect = 0.0;
   for (const MapPicture& c : cases)
-    shape = std::max(shape, aspect(c.field.design.vertices, options.from, options.up));
+    max_aspect = std::max(max_aspect, aspect(c.field.design.vertices, options.from, options.up));
   const bool with_datum = !has_common_datum(cases);
-  p.cells = grid(p.panels, width, shape, 4.0 * line_height(body_style) + bar_row_px);
-  std::size_t below = 0;
+  p.cells = best_grid(p.panels, width, max_aspect, 4.0 * line_height(body_style) + bar_row_px);
+  std::size_t lines_below = 0;
   for (std::size_t i = 0; i < p.panels.size(); ++i) {
-    p.text.push_back(text_of(p.panels, i, cases[p.panels[i].of], p.counts[i], with_datum, p.cells));
+    p.text.push_back(
+        panel_text(p.panels, i, cases[p.panels[i].case_index], p.counts[i], with_datum, p.cells));
     p.title_lines = std::max(p.title_lines, p.text.back().title.size());
-    below = std::max(below, p.text.back().below.size());
+    lines_below = std::max(lines_below, p.text.back().below.size());
   }
   p.text_height = static_cast<double>(p.title_lines) * line_height(title_style) +
-                  static_cast<double>(below) * line_height(body_style) + bar_row_px + 18.0;
+                  static_cast<double>(lines_below) * line_height(body_style) + bar_row_px + 18.0;
   return p;
 }
 
-/// A panel in its cell, not yet drawn.
+/// The scene and the view of a panel, before it is drawn.
 struct Cell {
   double x = 0.0, y = 0.0;  ///< upper left corner, px
   Rectangle box;            ///< of the map
@@ -222,8 +227,8 @@ double titles_height(const Plan& p) {
 }
 
 /// @param top  upper edge of the first row
-Cell cell_of(const Plan& p, std::size_t i, const MapPicture& c, const ComparisonOptions& options,
-             double top) {
+Cell make_cell(const Plan& p, std::size_t i, const MapPicture& c, const ComparisonOptions& options,
+               double top) {
   const auto [column, row] = p.cells.at[i];
   Cell cell;
   cell.x = margin_px + column * (p.cells.cell_width + gap_px);
@@ -241,8 +246,8 @@ void draw_cell(Canvas& canvas, const Plan& p, std::size_t i, const Cell& cell) {
   const double titles = titles_height(p);
   const Span& ends = p.panels[i].ends_um;
   canvas.scene(view, scene.solids, scene.wires);
-  const double own = static_cast<double>(p.text[i].title.size()) * line_height(title_style);
-  paragraph(canvas, {x, y - titles + own}, p.text[i].title, title_style);
+  const double title = static_cast<double>(p.text[i].title.size()) * line_height(title_style);
+  paragraph(canvas, {x, y - titles + title}, p.text[i].title, title_style);
   const Tally& counts = p.counts[i];
   horizontal_colour_bar(
       canvas, {x, box.y - bar_row_px, std::min(p.cells.cell_width, 460.0), bar_row_px - 6.0},
@@ -256,7 +261,7 @@ void write_comparison(const std::filesystem::path& path, const std::vector<MapPi
                       const ComparisonOptions& options) {
   if (cases.empty()) throw std::invalid_argument("comparison: at least one case is needed");
   for (const MapPicture& c : cases) check(c.field);
-  const Plan p = plan(cases, options);
+  const Plan p = make_plan(cases, options);
 
   const double text_width = options.width - 2.0 * margin_px - 4.0 * triad_px;
   std::vector<std::string> lines;
@@ -272,16 +277,16 @@ void write_comparison(const std::filesystem::path& path, const std::vector<MapPi
   const double cells = p.cells.rows * (p.text_height + p.cells.map_height + gap_px);
   const int height = static_cast<int>(std::ceil(head + cells + foot));
 
-  std::vector<Cell> drawn(p.panels.size());
-  // Scenes are built in parallel, before the canvas exists; drawing itself is serial in OpenGL.
-  tbb::parallel_for(std::size_t(0), drawn.size(), [&](std::size_t i) {
-    drawn[i] = cell_of(p, i, cases[p.panels[i].of], options, height - head);
+  std::vector<Cell> panel_cells(p.panels.size());
+  // The scenes are built in parallel; OpenGL then draws them one after the other.
+  tbb::parallel_for(std::size_t(0), panel_cells.size(), [&](std::size_t i) {
+    panel_cells[i] = make_cell(p, i, cases[p.panels[i].case_index], options, height - head);
   });
 
   Canvas canvas(options.width, height);
   paragraph(canvas, {margin_px, height - 0.7 * margin_px}, title, head_style);
-  for (std::size_t i = 0; i < drawn.size(); ++i) draw_cell(canvas, p, i, drawn[i]);
-  const View& view = drawn.back().view;
+  for (std::size_t i = 0; i < panel_cells.size(); ++i) draw_cell(canvas, p, i, panel_cells[i]);
+  const View& view = panel_cells.back().view;
   triad(canvas, view, {options.width - margin_px - 1.6 * triad_px, margin_px + 1.4 * triad_px},
         triad_px, body_style);
   scale_bar(canvas, view, {margin_px, foot - 26.0}, 0.4 * p.cells.cell_width, body_style);
@@ -293,31 +298,33 @@ namespace {
 
 using Eigen::Vector2d;
 
-constexpr Eigen::Index max_drawn = 3000000;  // vertices of all maps together, about 350 bytes each
+// Largest number of vertices of all maps together, about 350 bytes each.
+constexpr Eigen::Index max_total_vertices = 3000000;
 
-/// Some vertices of a design, and the remaining triangles between them.
-struct Drawn {
+/// A design with some of its vertices.
+struct DecimatedDesign {
   cutting::Design design;
-  std::vector<Eigen::Index> vertices;  ///< rows of the whole design, one for each vertex
+  std::vector<Eigen::Index> vertices;  ///< (vertices) rows in the whole design
 };
 
-/// Returns the first vertex of every cell of a grid.
-Drawn decimate_by_cells(const cutting::Design& whole, double cell_mm) {
-  Drawn d;
+/// Returns the design with the first vertex of each cell of a grid.
+DecimatedDesign decimate_by_cells(const cutting::Design& whole, double cell_mm) {
+  DecimatedDesign d;
   std::map<std::array<long long, 3>, int> cells;
   std::vector<int> representative;
   for (Eigen::Index i = 0; i < whole.vertices.rows(); ++i) {
     std::array<long long, 3> cell{};
     for (int k = 0; k < 3; ++k) cell[k] = std::llround(whole.vertices(i, k) / cell_mm);
-    const auto [place, is_new] = cells.emplace(cell, int(d.vertices.size()));
+    const auto [entry, is_new] = cells.emplace(cell, int(d.vertices.size()));
     if (is_new) d.vertices.push_back(i);
-    representative.push_back(place->second);
+    representative.push_back(entry->second);
   }
   std::vector<int> corners;
   for (const auto& t : whole.triangles.rowwise()) {
-    const std::array<int, 3> now{representative[t[0]], representative[t[1]], representative[t[2]]};
-    if (now[0] != now[1] && now[1] != now[2] && now[2] != now[0])
-      corners.insert(corners.end(), now.begin(), now.end());
+    const std::array<int, 3> triangle{representative[t[0]], representative[t[1]],
+                                      representative[t[2]]};
+    if (triangle[0] != triangle[1] && triangle[1] != triangle[2] && triangle[2] != triangle[0])
+      corners.insert(corners.end(), triangle.begin(), triangle.end());
   }
   d.design.vertices = whole.vertices(d.vertices, Eigen::all);
   if (whole.normals.rows() == whole.vertices.rows())
@@ -329,17 +336,19 @@ Drawn decimate_by_cells(const cutting::Design& whole, double cell_mm) {
   return d;
 }
 
-Drawn drawn(const cutting::Design& whole, std::size_t maps) {
-  const Eigen::Index n = whole.vertices.rows(), most = max_drawn / Eigen::Index(maps);
-  Drawn d{whole, {}};
+/// Returns the design with so few vertices that `maps` maps of it can be drawn.
+DecimatedDesign decimate_design(const cutting::Design& whole, std::size_t maps) {
+  const Eigen::Index n = whole.vertices.rows();
+  const Eigen::Index max_vertices = max_total_vertices / Eigen::Index(maps);
+  DecimatedDesign d{whole, {}};
   for (Eigen::Index i = 0; i < n; ++i) d.vertices.push_back(i);
-  if (n <= most) return d;
+  if (n <= max_vertices) return d;
   const Eigen::Vector3d size =
       whole.vertices.colwise().maxCoeff() - whole.vertices.colwise().minCoeff();
-  // Cells grow by a fifth until few enough vertices are left; the start is about their mean
-  // distance.
+  // Starting at about the mean distance of vertices, cells grow by a fifth until few enough
+  // vertices remain.
   for (double cell = std::max(size.norm(), 1e-6) / std::sqrt(double(n));
-       Eigen::Index(d.vertices.size()) > most; cell *= 1.2)
+       Eigen::Index(d.vertices.size()) > max_vertices; cell *= 1.2)
     d = decimate_by_cells(whole, cell);
   return d;
 }
@@ -350,14 +359,14 @@ struct MapScale {
   Tally counts;
 };
 
-Field field_of(const cutting::Design& design, const SheetMap& map) {
+Field make_field(const cutting::Design& design, const SheetMap& map) {
   Field f;
   f.design = design;
   f.deviation_um = map.values_um;
   const bool all_judged = design.judged.size() != std::size_t(design.vertices.rows());
   for (Eigen::Index i = 0; i < map.values_um.size(); ++i) {
-    const bool judged = all_judged || design.judged[std::size_t(i)] != 0;
-    f.status.push_back(!judged ? 2 : (std::isfinite(map.values_um[i]) ? 0 : 1));
+    const bool is_judged = all_judged || design.judged[std::size_t(i)] != 0;
+    f.status.push_back(!is_judged ? 2 : (std::isfinite(map.values_um[i]) ? 0 : 1));
   }
   check(f);
   return f;
@@ -369,25 +378,26 @@ Span widest_ends(const std::vector<MapScale>& maps) {
   return common_ends(ends);
 }
 
-std::vector<MapScale> scales(const cutting::Design& design, const std::vector<SheetMap>& maps,
-                             bool common_range) {
-  std::vector<MapScale> all;
+std::vector<MapScale> fit_scales(const cutting::Design& design, const std::vector<SheetMap>& maps,
+                                 bool common_range) {
+  std::vector<MapScale> scales;
   for (const SheetMap& map : maps) {
     if (map.range_um && (!(*map.range_um > 0.0) || !std::isfinite(*map.range_um)))
       throw std::invalid_argument("sheet: a range must be positive");
-    const Field field = field_of(design, map);
-    all.push_back({map.range_um ? Span{-*map.range_um, *map.range_um} : fitted_ends_um(field), {}});
+    const Field field = make_field(design, map);
+    scales.push_back(
+        {map.range_um ? Span{-*map.range_um, *map.range_um} : fitted_ends_um(field), {}});
   }
-  const Span common = widest_ends(all);
-  for (std::size_t i = 0; i < all.size(); ++i) {
-    if (common_range) all[i].ends_um = common;
-    all[i].counts = tally(field_of(design, maps[i]), all[i].ends_um);
+  const Span common = widest_ends(scales);
+  for (std::size_t i = 0; i < scales.size(); ++i) {
+    if (common_range) scales[i].ends_um = common;
+    scales[i].counts = tally(make_field(design, maps[i]), scales[i].ends_um);
   }
-  return all;
+  return scales;
 }
 
-/// Rows and columns, and the sizes of a cell.
-struct Layout {
+/// Rows and columns of a sheet, and the sizes of a cell, px.
+struct SheetLayout {
   int columns = 1;
   int rows = 1;
   double width = 0.0;
@@ -398,8 +408,9 @@ struct Layout {
   std::size_t title_lines = 1;
 };
 
-Layout lay_out_grid(int columns, const std::vector<SheetMap>& maps, double width, double shape) {
-  Layout l;
+SheetLayout lay_out_grid(int columns, const std::vector<SheetMap>& maps, double width,
+                         double shape) {
+  SheetLayout l;
   l.columns = columns;
   l.rows = (int(maps.size()) + columns - 1) / columns;
   l.width = width / columns;
@@ -415,23 +426,24 @@ Layout lay_out_grid(int columns, const std::vector<SheetMap>& maps, double width
   return l;
 }
 
-Layout layout(const std::vector<SheetMap>& maps, const SheetOptions& options, double width,
-              double shape) {
-  const int most = int(maps.size());
-  if (options.columns > 0) return lay_out_grid(std::min(options.columns, most), maps, width, shape);
-  int best = 1;
-  double least = 0.0;
-  for (int columns = 1; columns <= std::min(most, 16); ++columns) {
-    // Estimate of lay_out_grid(), without measuring every title.
-    const int rows = (most + columns - 1) / columns;
+SheetLayout sheet_layout(const std::vector<SheetMap>& maps, const SheetOptions& options,
+                         double width, double shape) {
+  const int map_count = int(maps.size());
+  if (options.columns > 0)
+    return lay_out_grid(std::min(options.columns, map_count), maps, width, shape);
+  int best_columns = 1;
+  double min_cost = 0.0;
+  for (int columns = 1; columns <= std::min(map_count, 16); ++columns) {
+    // The height is estimated, because lay_out_grid() would measure all titles each time.
+    const int rows = (map_count + columns - 1) / columns;
     const double height = rows * (width / columns) * (std::clamp(shape, 0.25, 1.2) + 0.35);
-    const double layout_cost =
-        std::abs(std::log(width / height * 0.75)) + 0.3 * (rows * columns - most) / most;
-    if (columns > 1 && layout_cost >= least) continue;
-    best = columns;
-    least = layout_cost;
+    const double cost =
+        std::abs(std::log(width / height * 0.75)) + 0.3 * (rows * columns - map_count) / map_count;
+    if (columns > 1 && cost >= min_cost) continue;
+    best_columns = columns;
+    min_cost = cost;
   }
-  return lay_out_grid(best, maps, width, shape);
+  return lay_out_grid(best_columns, maps, width, shape);
 }
 
 /// Contents of one cell.
@@ -442,7 +454,7 @@ struct SheetCell {
   Vector2d corner;  ///< lower left corner
 };
 
-View draw_cell(Canvas& canvas, const Layout& l, const SheetCell& cell,
+View draw_cell(Canvas& canvas, const SheetLayout& l, const SheetCell& cell,
                const SheetOptions& options) {
   const double em = l.title.size_px, width = l.width - 1.2 * em;
   const Vector2d top_left = cell.corner + Vector2d(0.6 * em, l.height - 0.3 * em);
@@ -482,14 +494,14 @@ std::vector<std::string> common_text(const std::vector<MapScale>& maps, const Sh
       fmt::format("view {}  ·  {} vertices", view_description(view), grouped(vertices)));
   if (drawn_vertices < vertices)
     lines.back() += fmt::format(", drawn on {} of them", grouped(drawn_vertices));
-  const bool beyond =
+  const bool exceeds_scale =
       std::any_of(maps.begin(), maps.end(), [](const MapScale& s) { return s.counts.beyond > 0; });
-  if (beyond) lines.back() += "  ·  arrow colours: beyond the scale of the map";
+  if (exceeds_scale) lines.back() += "  ·  arrow colours: beyond the scale of the map";
   lines.insert(lines.end(), options.caption.begin(), options.caption.end());
   return lines;
 }
 
-/// Draws scale bar, swatches and axes below the maps.
+/// Draws axes, scale bar and the legend below the maps.
 void draw_foot(Canvas& canvas, const Page& p, double height, const View& view,
                const std::vector<MapScale>& maps) {
   const double em = p.body.size_px;
@@ -498,12 +510,13 @@ void draw_foot(Canvas& canvas, const Page& p, double height, const View& view,
   at.x() += 1.5 * em;
   scale_bar(canvas, view, at, 0.7 * view.area.width, p.body);
   at.x() += 0.7 * view.area.width + 8.0 * em;
-  const auto any = [&](std::size_t Tally::*kind) {
+  const auto has_vertices = [&](std::size_t Tally::*kind) {
     return std::any_of(maps.begin(), maps.end(),
                        [&](const MapScale& s) { return s.counts.*kind > 0; });
   };
-  if (any(&Tally::uncut)) at.x() += swatch(canvas, at, colours::uncut, "no value", p.body) + em;
-  if (any(&Tally::outside))
+  if (has_vertices(&Tally::uncut))
+    at.x() += swatch(canvas, at, colours::uncut, "no value", p.body) + em;
+  if (has_vertices(&Tally::outside))
     swatch(canvas, at, colours::outside, "outside the judged region", p.body);
 }
 
@@ -513,14 +526,15 @@ void write_sheet(const std::filesystem::path& path, const cutting::Design& desig
                  const std::vector<SheetMap>& maps, const SheetOptions& options) {
   if (maps.empty() || maps.size() > max_sheet_maps)
     throw std::invalid_argument("sheet: expected 1 to 256 maps");
-  const std::vector<MapScale> shown = scales(design, maps, options.common_range);
+  const std::vector<MapScale> scales = fit_scales(design, maps, options.common_range);
   const double unit = options.width / 2400.0, foot = 110.0 * unit;
-  const Drawn d = drawn(design, maps.size());
+  const DecimatedDesign d = decimate_design(design, maps.size());
   const std::vector<std::string> caption =
-      common_text(shown, options, std::size_t(design.vertices.rows()), d.vertices.size());
+      common_text(scales, options, std::size_t(design.vertices.rows()), d.vertices.size());
   const double margins = page_margins(options.width, options.title, caption, unit);
   const double width = page(options.width, 1000, options.title, caption, unit).inner.width;
-  const Layout l = layout(maps, options, width, aspect(design.vertices, options.from, options.up));
+  const SheetLayout l =
+      sheet_layout(maps, options, width, aspect(design.vertices, options.from, options.up));
   const double height = std::ceil(l.rows * l.height + foot + margins + 0.6 * l.title.size_px);
   if (!(height <= longest_side))
     throw std::invalid_argument("sheet: the picture would be higher than 16384 px");
@@ -533,9 +547,9 @@ void write_sheet(const std::filesystem::path& path, const cutting::Design& desig
     const Vector2d corner(p.inner.x + column * l.width,
                           p.inner.y + foot + (l.rows - 1 - row) * l.height);
     const SheetMap map{maps[i].title, maps[i].figures, maps[i].values_um(d.vertices), {}};
-    view = draw_cell(canvas, l, {field_of(d.design, map), map, shown[i], corner}, options);
+    view = draw_cell(canvas, l, {make_field(d.design, map), map, scales[i], corner}, options);
   }
-  draw_foot(canvas, p, foot, view, shown);
+  draw_foot(canvas, p, foot, view, scales);
   draw_page(canvas, p);
   canvas.write_png(path);
 }

@@ -80,7 +80,7 @@ void make_data_files_absolute(Node& node, const path& folder, InputErrors& input
 // may happen in another folder.
 void make_section_files_absolute(Node& set, const path& folder, InputErrors& input_errors) {
   for (const auto& [dotted, kind] : sections_in_files) {
-    Node* section = at_path(set, dotted);
+    Node* section = find_path(set, dotted);
     if (!section) continue;
     make_absolute(*section, kind, folder, input_errors);
     if (Node::Array* list = section->array()) {
@@ -131,7 +131,7 @@ void read_section_file(Node& section, const char* kind, const path& folder,
 
 void read_section_files(Node& tree, const path& folder, InputErrors& input_errors) {
   for (const auto& [dotted, kind] : sections_in_files) {
-    Node* section = at_path(tree, dotted);
+    Node* section = find_path(tree, dotted);
     if (!section) continue;
     if (section->text()) read_section_file(*section, kind, folder, input_errors);
     const std::string_view name = last_component(dotted);
@@ -146,7 +146,7 @@ void read_section_files(Node& tree, const path& folder, InputErrors& input_error
 
 // Makes the files of plug-ins absolute. A case whose name has a dot or slash is such a file.
 void make_plug_ins_absolute(Node& tree, const path& folder) {
-  Node* cases = at_path(tree, "compare.cases");
+  Node* cases = find_path(tree, "compare.cases");
   if (!cases || !cases->array()) return;
   for (Node& node : *cases->array())
     if (std::string* name = std::get_if<std::string>(&node.value))

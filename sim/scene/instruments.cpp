@@ -358,7 +358,7 @@ void read_instrument_axes(TableReader& reader, Instrument& instrument) {
   const Node* list = reader.accept_key("axes");
   if (!list) return;
   // The list replaces the axes of the kind and does not add to them.
-  one.axes.clear();
+  instrument.axes.clear();
   if (!list->array())
     reader.refuse("axes", "a list of letters such as [\"X\", \"Y\"]", shown(*list));
   for (const Node& letter : list->array() ? *list->array() : Node::Array{}) {

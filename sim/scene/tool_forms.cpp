@@ -34,10 +34,10 @@ Fields<AptForm> apt_fields(Asked asked) {
               "of a bull nose, at most the radius; R of APT")
       .number(
           left_out(asked, KeyName("corner_offset_mm").otherwise("such that the corner is tangent")),
-          &AptForm::radial, corner_place, "E of APT: of the corner's middle from the axis")
+          &AptForm::radial, corner_position, "E of APT: of the corner's middle from the axis")
       .number(
           left_out(asked, KeyName("corner_height_mm").otherwise("such that the corner is tangent")),
-          &AptForm::axial, corner_place, "F of APT: of the corner's middle above the tip")
+          &AptForm::axial, corner_position, "F of APT: of the corner's middle above the tip")
       .number(left_out(asked, "bottom_deg"), numbers_member<&Apt::bottom>, bottom_angle,
               "alpha of APT: by which the bottom rises outwards")
       .number(left_out(asked, "flank_deg"), numbers_member<&Apt::flank>, flank_angle,
