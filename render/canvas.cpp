@@ -82,8 +82,9 @@ std::recursive_mutex canvas_mutex;  // VTK has one font cache and one OpenGL sta
 /// Returns the lower left corner of a text of `size` whose anchor is at `at`. It is rounded to
 /// whole pixels, because letters between pixels are blurred.
 Vector2d anchored_corner(const Vector2d& at, const Vector2d& size, const TextStyle& style) {
-  Vector2d shift(style.across * size.x(), style.upward * size.y());
-  if (style.turned_left) shift = {-(style.upward * size.y()), style.across * size.x()};
+  Vector2d shift(style.horizontal_anchor * size.x(), style.vertical_anchor * size.y());
+  if (style.turned_left)
+    shift = {-(style.vertical_anchor * size.y()), style.horizontal_anchor * size.x()};
   return (at - shift).array().round();
 }
 
@@ -137,7 +138,7 @@ vtkSmartPointer<vtkActor> solid_actor(const Solid& solid) {
   property.SetColor(solid.colour.r, solid.colour.g, solid.colour.b);
   property.SetOpacity(solid.opacity);
   // Without shading, every face has the exact colour of the colour bar.
-  look.SetAmbient(1.0 - solid.shade);
+  property.SetAmbient(1.0 - solid.shade);
   property.SetDiffuse(solid.shade);
   property.SetSpecular(0.0);
   if (solid.shade == 0.0) property.LightingOff();
@@ -342,10 +343,10 @@ vtkSmartPointer<vtkActor> wire_actor(const Wire& wire) {
   return result;
 }
 
-void look(vtkRenderer& scene, const View& view) {
+void set_camera(vtkRenderer& scene, const View& view) {
   vtkCamera& camera = *scene.GetActiveCamera();
   // From a distance of twice the depth, the whole scene is between the clipping planes.
-  const Eigen::Vector3d eye = view.centre + 2.0 * view.depth * view.toward;
+  const Eigen::Vector3d eye = view.centre + 2.0 * view.depth * view.toward_eye;
   camera.ParallelProjectionOn();
   camera.SetFocalPoint(view.centre.data());
   camera.SetPosition(eye.data());
@@ -360,7 +361,7 @@ void Canvas::add(vtkRenderer& scene, const View& view) {
   scene.SetViewport(area.x / sheet_->width, area.y / sheet_->height,
                     (area.x + area.width) / sheet_->width, (area.y + area.height) / sheet_->height);
   scene.SetLayer(1);
-  look(scene, view);
+  set_camera(scene, view);
   sheet_->window->AddRenderer(&scene);
 }
 
@@ -370,7 +371,7 @@ void Canvas::scene(const View& view, const std::vector<Solid>& solids,
   for (const Solid& solid : solids) renderer->AddActor(solid_actor(solid));
   // Lines on a surface are moved towards the eye, so that the surface does not hide half of them.
   // In a parallel projection this does not change their position in the picture.
-  const Eigen::Vector3d offset = 2.0 * view.mm_per_px * view.toward;
+  const Eigen::Vector3d offset = 2.0 * view.mm_per_px * view.toward_eye;
   for (const Wire& wire : wires) {
     const auto lines = wire_actor(wire);
     lines->GetProperty()->SetLineWidth(float(sheet_->oversampling * wire.width_px));
@@ -380,7 +381,7 @@ void Canvas::scene(const View& view, const std::vector<Solid>& solids,
   add(*renderer, view);
 }
 
-void Canvas::wipe() {
+void Canvas::clear_flat_elements() {
   sheet_->flat->strokes.clear();
   sheet_->marks.clear();
 }

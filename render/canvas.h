@@ -27,9 +27,9 @@ struct TextStyle {
   double size_px = 24.0;  ///< height of the font's em
   bool bold = false;
   Colour colour = colours::ink;
-  double across = 0.0;       ///< horizontal anchor: 0 left edge, 0.5 centre, 1 right edge
-  double upward = 0.0;       ///< vertical anchor: 0 lower edge, 0.5 centre, 1 upper edge
-  bool turned_left = false;  ///< rotated to read upwards, together with its anchor
+  double horizontal_anchor = 0.0;  ///< 0 left edge, 0.5 centre, 1 right edge
+  double vertical_anchor = 0.0;    ///< 0 lower edge, 0.5 centre, 1 upper edge
+  bool turned_left = false;        ///< rotated to read upwards, together with its anchor
 };
 
 enum class PictureFormat {
@@ -67,11 +67,10 @@ struct Wire {
 /// destroyed, so a thread must not nest two of them.
 class Canvas {
  public:
-  /// @param oversampling  samples per pixel in each direction, 1 to 4. Their mean makes edges
-  /// smooth. The
-  ///               number is reduced if the samples would exceed longest_side.
-  /// @throws std::invalid_argument unless both sizes are in 64 .. longest_side and oversampling in
-  /// 1 .. 4
+  /// @param oversampling  samples per pixel in each direction, 1 to 4, whose mean makes edges
+  ///                      smooth; reduced if the samples would exceed longest_side
+  /// @throws std::invalid_argument unless both sizes are in 64 .. longest_side and oversampling is
+  ///         in 1 .. 4
   /// @throws std::runtime_error if no software or hardware OpenGL is available
   Canvas(int width, int height, int oversampling = supersampling);
   ~Canvas();
@@ -93,7 +92,7 @@ class Canvas {
   void add(vtkRenderer& scene, const View& view);
 
   /// Removes all flat elements but no scenes.
-  void wipe();
+  void clear_flat_elements();
   /// Returns the picture as drawn so far.
   Pixels pixels();
 
@@ -112,7 +111,7 @@ class Canvas {
 vtkSmartPointer<vtkActor> wire_actor(const Wire& wire);
 
 /// Sets the camera of a scene according to the view.
-void look(vtkRenderer& scene, const View& view);
+void set_camera(vtkRenderer& scene, const View& view);
 
 // Vector files, whose flat elements are sharp at any size. Letters are written as outlines, so that
 // no font is needed.

@@ -48,8 +48,8 @@ std::vector<double> histogram_fractions(const Eigen::VectorXd& values,
   return sums;
 }
 
-void colour_bar(Canvas& canvas, const Rectangle& box, const ColourBar& bar,
-                const TextStyle& style) {
+void draw_colour_bar(Canvas& canvas, const Rectangle& box, const ColourBar& bar,
+                     const TextStyle& style) {
   const double bottom = std::round(box.y);
   const double rows = std::round(box.height);
   // Every row of pixels has one colour, so that the bar has the exact colours of the map.
@@ -63,12 +63,12 @@ void colour_bar(Canvas& canvas, const Rectangle& box, const ColourBar& bar,
   if (bar.low_end)
     canvas.fill({{box.x, bottom}, {middle, bottom - arrow}, {box.x + box.width, bottom}},
                 bar.scale.below);
-  draw_histogram(canvas, {box.x, bottom, box.width, rows}, bar.shares, bar.histogram_px);
+  draw_histogram(canvas, {box.x, bottom, box.width, rows}, bar.histogram, bar.histogram_px);
   const LengthUnit unit = length_unit(std::max(std::abs(bar.scale.low), std::abs(bar.scale.high)));
   const double low = bar.scale.low * unit.per_um, high = bar.scale.high * unit.per_um;
   TextStyle label = style;
-  label.across = 0.0;
-  label.upward = 0.5;
+  label.horizontal_anchor = 0.0;
+  label.vertical_anchor = 0.5;
   const Ticks ticks = round_ticks(low, high, 11);
   const double right = box.x + box.width;
   for (const double value : ticks.values) {
@@ -89,14 +89,14 @@ void colour_bar(Canvas& canvas, const Rectangle& box, const ColourBar& bar,
   canvas.text({box.x, top + arrow + 0.5 * style.size_px}, unit.name, head);
 }
 
-void tolerance_bar(Canvas& canvas, const Rectangle& box, const ToleranceBar& bar,
-                   const TextStyle& style) {
+void draw_tolerance_bar(Canvas& canvas, const Rectangle& box, const ToleranceBar& bar,
+                        const TextStyle& style) {
   // The middle half of the bar is the tolerance, with a quarter above and a quarter below it.
   const double quarter = std::round(0.25 * box.height), bottom = std::round(box.y);
   const double right = box.x + box.width, label_x = right + 0.65 * style.size_px;
   TextStyle head = style, figure_style = style;
   head.bold = true;
-  figure_style.upward = 1.0;
+  figure_style.vertical_anchor = 1.0;
   struct Band {
     const char* name;
     Colour colour;
@@ -110,9 +110,10 @@ void tolerance_bar(Canvas& canvas, const Rectangle& box, const ToleranceBar& bar
     canvas.text({label_x, y + 2.0}, band.name, head);
     canvas.text({label_x, y - 2.0}, percent_text(band.percent), figure_style);
   }
-  draw_histogram(canvas, {box.x, bottom, box.width, 4.0 * quarter}, bar.shares, bar.histogram_px);
+  draw_histogram(canvas, {box.x, bottom, box.width, 4.0 * quarter}, bar.histogram,
+                 bar.histogram_px);
   TextStyle label = style;
-  label.upward = 0.5;
+  label.vertical_anchor = 0.5;
   for (const int upper : {0, 1}) {
     const double y = bottom + (upper ? 3.0 : 1.0) * quarter;
     canvas.line({{box.x, y}, {right + 0.35 * style.size_px, y}}, style.colour, 2.0);
@@ -126,8 +127,8 @@ void tolerance_bar(Canvas& canvas, const Rectangle& box, const ToleranceBar& bar
   canvas.text({box.x, bottom + 4.0 * quarter + 0.5 * style.size_px}, "tolerance", head);
 }
 
-void horizontal_colour_bar(Canvas& canvas, const Rectangle& box, const ColourBar& bar,
-                           const TextStyle& style) {
+void draw_horizontal_colour_bar(Canvas& canvas, const Rectangle& box, const ColourBar& bar,
+                                const TextStyle& style) {
   const LengthUnit unit = length_unit(std::max(std::abs(bar.scale.low), std::abs(bar.scale.high)));
   const int digits =
       std::max(0, significant_decimals((bar.scale.high - bar.scale.low) * unit.per_um) - 1);
@@ -137,8 +138,8 @@ void horizontal_colour_bar(Canvas& canvas, const Rectangle& box, const ColourBar
   const std::string low_text = end_text(bar.scale.low);
   const std::string high_text = end_text(bar.scale.high) + " " + unit.name;
   TextStyle label = style;
-  label.across = 0.0;
-  label.upward = 0.5;
+  label.horizontal_anchor = 0.0;
+  label.vertical_anchor = 0.5;
   const double gap = 0.9 * style.size_px, y = box.y + 0.5 * box.height;
   const double left = std::round(box.x + text_size(low_text, label).x() + gap);
   // The bar takes the width that the labels at both ends leave.
@@ -156,8 +157,8 @@ void horizontal_colour_bar(Canvas& canvas, const Rectangle& box, const ColourBar
     canvas.fill({{left, y - half}, {left, y + half}, {left - arrow, y}}, bar.scale.below);
 }
 
-void horizontal_colour_bar(Canvas& canvas, const Rectangle& box, const HorizontalBar& bar,
-                           const TextStyle& style) {
+void draw_horizontal_colour_bar(Canvas& canvas, const Rectangle& box, const HorizontalBar& bar,
+                                const TextStyle& style) {
   // Ranges have two significant digits.
   const int digits = std::max(0, significant_decimals(bar.range) - 1);
   const std::string low_text = bar.one_sided ? "0" : fixed(-bar.range, digits);
@@ -165,8 +166,8 @@ void horizontal_colour_bar(Canvas& canvas, const Rectangle& box, const Horizonta
       bar.one_sided ? fixed(bar.range, digits) : signed_fixed(bar.range, digits);
   if (!bar.unit.empty()) high_text += " " + bar.unit;
   TextStyle label = style;
-  label.across = 0.0;
-  label.upward = 0.5;
+  label.horizontal_anchor = 0.0;
+  label.vertical_anchor = 0.5;
   const double gap = 0.9 * style.size_px, y = box.y + 0.5 * box.height;
   const double left = std::round(box.x + text_size(low_text, label).x() + gap);
   const double width = box.x + box.width - text_size(high_text, label).x() - gap - left;

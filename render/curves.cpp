@@ -108,8 +108,8 @@ PanelGeometry panel_geometry(const Panel& panel, const Rectangle& cell, const Ex
   const bool has_marks = std::any_of(panel.series.begin(), panel.series.end(),
                                      [](const Series& s) { return s.mark != Mark::Line; });
   // Marks at the edge of the axes would be cut in half.
-  if (has_marks || p.axes.x.lower == p.axes.x.upper) p.axes.x = padded(p.axes.x);
-  p.axes.y = padded(y);
+  if (has_marks || p.axes.x.lower == p.axes.x.upper) p.axes.x = pad_span(p.axes.x);
+  p.axes.y = pad_span(y);
   const double em = style.body.size_px;
   // Space for the tick labels and for the axis label below them.
   const double below = (panel.x_label.empty() ? 1.9 : 3.4) * em;
@@ -132,15 +132,15 @@ void draw_axes(Canvas& canvas, const Panel& panel, const PanelGeometry& p,
   const double em = style.body.size_px, thin = 1.5 * style.unit;
   const Vector2d right(a.box.width, 0.0), up(0.0, a.box.height);
   TextStyle tick = style.body;
-  tick.across = 0.5;
-  tick.upward = 1.0;
+  tick.horizontal_anchor = 0.5;
+  tick.vertical_anchor = 1.0;
   for (const double value : p.x.values) {
     const Vector2d tick_end(at(a, value, a.y.lower).x(), a.box.y);
     canvas.line({tick_end, tick_end + up}, colours::rule, thin);
     canvas.text(tick_end - Vector2d(0.0, 0.4 * em), x_tick_label(panel, p, value), tick);
   }
-  tick.across = 1.0;
-  tick.upward = 0.5;
+  tick.horizontal_anchor = 1.0;
+  tick.vertical_anchor = 0.5;
   for (const double value : p.y.values) {
     const Vector2d tick_end(a.box.x, at(a, a.x.lower, value).y());
     // A tick is a multiple of the step and may miss zero by rounding.
@@ -149,11 +149,11 @@ void draw_axes(Canvas& canvas, const Panel& panel, const PanelGeometry& p,
     canvas.text(tick_end - Vector2d(0.5 * em, 0.0), fixed(value, p.y.decimals), tick);
   }
   TextStyle label = style.body;
-  label.across = 0.5;
-  label.upward = 1.0;
+  label.horizontal_anchor = 0.5;
+  label.vertical_anchor = 1.0;
   canvas.text({a.box.x + 0.5 * a.box.width, a.box.y - 1.9 * em}, panel.x_label, label);
   label.turned_left = true;
-  label.upward = 0.0;
+  label.vertical_anchor = 0.0;
   const double label_x = a.box.x - style.ticks_px - 1.1 * em;
   canvas.text({label_x, a.box.y + 0.5 * a.box.height}, panel.y_label, label);
   canvas.frame(a.box, colours::faint_ink, thin);
@@ -192,7 +192,7 @@ void draw_series(Canvas& canvas, const Axes& a, const Series& s, int colour, dou
   std::vector<Vector2d> points;
   const auto flush = [&] {
     // Thinning to columns of pixels bounds the cost and does not change the picture.
-    if (s.mark != Mark::Points) stroke(canvas, thinned(points), colour, 3.0 * unit);
+    if (s.mark != Mark::Points) draw_series_line(canvas, thinned(points), colour, 3.0 * unit);
     if (s.mark != Mark::Line) {
       constexpr std::size_t max_marks = 20000;
       for (const Vector2d& p : points.size() > max_marks ? thinned(points) : points)
@@ -255,8 +255,8 @@ Axes draw_panel(Canvas& canvas, const Panel& panel, const Rectangle& cell, const
   const double top = p.axes.box.y + p.axes.box.height;
   // The title may extend beyond the axes, because the legend is lower.
   const double title_width = cell.x + cell.width - p.axes.box.x;
-  paragraph(canvas, {p.axes.box.x, top + line_height(style.title) + 0.1 * style.title.size_px},
-            wrapped(panel.title, style.title, title_width, 1), style.title);
+  draw_paragraph(canvas, {p.axes.box.x, top + line_height(style.title) + 0.1 * style.title.size_px},
+                 wrapped(panel.title, style.title, title_width, 1), style.title);
   return p.axes;
 }
 
@@ -352,7 +352,7 @@ void write_grid(const std::filesystem::path& path, const std::vector<Panel>& pan
         draw_panel(canvas, panels[i], page_cell(inner, columns, rows, i), extents[i], style);
     TextStyle note = style.body;
     note.colour = colours::faint_ink;
-    note.across = 1.0;
+    note.horizontal_anchor = 1.0;
     const double top = a.box.y + a.box.height + 0.35 * em;
     const double note_width = a.box.width - text_size(panels[i].title, style.title).x() - em;
     std::string text;
@@ -438,8 +438,8 @@ void draw_dial(Canvas& canvas, const Dial& d, const PolarOptions& options, const
     const double angle = 0.25 * pi * i;
     canvas.line({d.at(angle, -outermost), d.at(angle, outermost)}, colours::rule, 1.5 * unit);
     TextStyle label = body;
-    label.across = 0.5 - 0.5 * std::cos(angle);
-    label.upward = 0.5 - 0.5 * std::sin(angle);
+    label.horizontal_anchor = 0.5 - 0.5 * std::cos(angle);
+    label.vertical_anchor = 0.5 - 0.5 * std::sin(angle);
     label.bold = i % 2 == 0;
     if (i % 2 == 1) label.colour = colours::faint_ink;
     canvas.text(
@@ -455,7 +455,7 @@ void draw_dial(Canvas& canvas, const Dial& d, const PolarOptions& options, const
 void draw_scale(Canvas& canvas, const Dial& d, const TextStyle& body) {
   TextStyle style = body;
   style.size_px = 0.85 * body.size_px;
-  style.across = style.upward = 0.5;
+  style.horizontal_anchor = style.vertical_anchor = 0.5;
   const double spacing = d.px_per_um * d.division_um;
   const int stride = spacing > 1.3 * style.size_px ? 1 : (spacing > 0.7 * style.size_px ? 2 : 5);
   const int decimals = round_decimals(d.division_um);
@@ -474,7 +474,7 @@ void draw_scale(Canvas& canvas, const Dial& d, const TextStyle& body) {
 void draw_trace(Canvas& canvas, const Dial& d, const PolarTrace& trace, int index, double width) {
   std::vector<Vector2d> points;
   const auto flush = [&] {
-    stroke(canvas, points, index, width);
+    draw_series_line(canvas, points, index, width);
     points.clear();
   };
   for (Index i = 0; i < trace.angle.size(); ++i) {

@@ -110,7 +110,7 @@ Series outline(const Histogram& h, const Bins& b, int colour) {
 void draw_outline(Canvas& canvas, const Axes& a, const Series& s, double width_px) {
   std::vector<Vector2d> points;
   for (Eigen::Index i = 0; i < s.x.size(); ++i) points.push_back(at(a, s.x[i], s.y[i]));
-  stroke(canvas, points, s.colour.value_or(0), width_px);
+  draw_series_line(canvas, points, s.colour.value_or(0), width_px);
 }
 
 void draw_histogram_bars(Canvas& canvas, const Axes& a, const Histogram& h, const Bins& b,
@@ -150,7 +150,7 @@ void draw_limit(Canvas& canvas, const Axes& a, const DistributionOptions& option
   const std::string text = options.limit_label + (is_within ? "" : ", beyond the axis");
   TextStyle style = body;
   style.colour = limit_colour;
-  style.across = 0.5;
+  style.horizontal_anchor = 0.5;
   const double half_width = 0.5 * text_size(text, style).x();
   const double centre = std::clamp(x, a.box.x + std::min(half_width, 0.5 * a.box.width),
                                    a.box.x + a.box.width - std::min(half_width, 0.5 * a.box.width));
@@ -193,15 +193,15 @@ void draw_table(Canvas& canvas, const std::vector<DistributionSeries>& series,
     double x = box.x + key + name_width;
     if (!is_head) {
       const Vector2d left(box.x, y - 0.62 * body.size_px);
-      stroke(canvas, {left, left + Vector2d(2.0 * body.size_px, 0.0)}, int(row) - 1,
-             0.16 * body.size_px);
+      draw_series_line(canvas, {left, left + Vector2d(2.0 * body.size_px, 0.0)}, int(row) - 1,
+                       0.16 * body.size_px);
       TextStyle name = body;
-      name.upward = 1.0;
+      name.vertical_anchor = 1.0;
       canvas.text({box.x + key, y},
                   wrapped(series[row - 1].name, body, name_width + 1.0, 1).front(), name);
     }
     TextStyle cell = style;
-    cell.across = cell.upward = 1.0;
+    cell.horizontal_anchor = cell.vertical_anchor = 1.0;
     if (is_head) cell.colour = colours::faint_ink;
     for (std::size_t j = 0; j < column_widths.size(); ++j) {
       x += shrink * (column_widths[j] + 1.6 * body.size_px);

@@ -113,7 +113,7 @@ BodyActors body_actors(const FilmBody& body, double edge_px) {
 /// part.
 View to_bed_frame(View view, const Pose& T_bw) {
   view.centre = T_bw * view.centre;
-  for (Vector3d* axis : {&view.right, &view.up, &view.toward}) *axis = T_bw.linear() * *axis;
+  for (Vector3d* axis : {&view.right, &view.up, &view.toward_eye}) *axis = T_bw.linear() * *axis;
   return view;
 }
 
@@ -180,8 +180,9 @@ class PartActor {
  public:
   /// @param cell  mm, edge length of the cells for decimation
   PartActor(const std::vector<FilmSetting::Named>& looks, double cell) : cell_(cell) {
-    for (const FilmSetting::Named& look : looks)
-      colours_.push_back({to_byte(look.colour.r), to_byte(look.colour.g), to_byte(look.colour.b)});
+    for (const FilmSetting::Named& entry : looks)
+      colours_.push_back(
+          {to_byte(entry.colour.r), to_byte(entry.colour.g), to_byte(entry.colour.b)});
     colour_actor(*actor, {1.0, 1.0, 1.0}, 0.5);
   }
 
@@ -305,30 +306,31 @@ void Film::Stage::update_scenes(const FilmState& state) {
   const View view = to_bed_frame(part_view, state.T_bw);
   Pose path_pose = state.T_bw;
   // Paths on the surface are moved towards the eye by two pixels, so that they remain visible.
-  path_pose.translation() += 2.0 * view.mm_per_px * view.toward;
+  path_pose.translation() += 2.0 * view.mm_per_px * view.toward_eye;
   for (const Wire& wire : state.paths) {
     if (wire.segments.empty()) continue;
     paths.push_back(wire_actor(wire));
     paths.back()->SetUserMatrix(vtk_matrix(path_pose));
     part->AddActor(paths.back());
   }
-  look(*part, view);
+  set_camera(*part, view);
 }
 
 void Film::Stage::draw_legend() {
-  const TextStyle small{.size_px = 0.85 * layout.type.body};
+  const TextStyle small_text{.size_px = 0.85 * layout.type.body};
   Vector2d at(layout.part.x, layout.part.y + layout.part.height + 0.35 * layout.heading);
   for (const auto* entries : {&setting.looks, &setting.lines})
     for (const FilmSetting::Named& entry : *entries)
       if (!entry.name.empty())
-        at.x() += swatch(canvas, at, entry.colour, entry.name, small) + 1.2 * small.size_px;
+        at.x() += draw_swatch(canvas, at, entry.colour, entry.name, small_text) +
+                  1.2 * small_text.size_px;
 }
 
 void Film::Stage::draw_values(const FilmState& state) {
   const double y = layout.foot - 2.35 * layout.type.body;
   const TextStyle label{
-      .size_px = 0.8 * layout.type.body, .colour = colours::faint_ink, .upward = 1.0};
-  const TextStyle value{.size_px = layout.type.body, .bold = true, .upward = 1.0};
+      .size_px = 0.8 * layout.type.body, .colour = colours::faint_ink, .vertical_anchor = 1.0};
+  const TextStyle value{.size_px = layout.type.body, .bold = true, .vertical_anchor = 1.0};
   double total_share = 0.0, x = layout.margin;
   for (const FilmSetting::Label& column : setting.labels) total_share += column.share;
   for (std::size_t i = 0; i < setting.labels.size(); ++i) {
@@ -343,31 +345,34 @@ void Film::Stage::draw_values(const FilmState& state) {
 }
 
 void Film::Stage::draw_flat_elements(const FilmState& state) {
-  canvas.wipe();
+  canvas.clear_flat_elements();
   const double margin = layout.margin, room = setting.width - 2.0 * margin;
   const TypeSizes& type = layout.type;
-  const TextStyle title{.size_px = type.title, .bold = true, .upward = 1.0};
-  const TextStyle beside{.size_px = type.body, .across = 1.0, .upward = 1.0};
-  const TextStyle heading{.size_px = type.body, .colour = colours::faint_ink, .upward = 0.5};
+  const TextStyle title{.size_px = type.title, .bold = true, .vertical_anchor = 1.0};
+  const TextStyle subtitle_style{
+      .size_px = type.body, .horizontal_anchor = 1.0, .vertical_anchor = 1.0};
+  const TextStyle heading{
+      .size_px = type.body, .colour = colours::faint_ink, .vertical_anchor = 0.5};
   const double top = setting.height - 0.8 * margin;
-  const double right = text_size(setting.subtitle, beside).x();
+  const double right = text_size(setting.subtitle, subtitle_style).x();
   canvas.text({margin, top}, wrapped(setting.title, title, room - right - margin, 1).front(),
               title);
-  canvas.text({setting.width - margin, top - 0.25 * type.title}, setting.subtitle, beside);
+  canvas.text({setting.width - margin, top - 0.25 * type.title}, setting.subtitle, subtitle_style);
   for (const auto& [area, name] :
        {std::pair(layout.machine, setting.machine_name), std::pair(layout.part, setting.part_name)})
     canvas.text({area.x, area.y + area.height + 0.8 * layout.heading},
                 wrapped(name, heading, area.width, 1).front(), heading);
   draw_legend();
-  const TextStyle small{.size_px = 0.85 * type.body};
+  const TextStyle small_text{.size_px = 0.85 * type.body};
   for (const auto& [view, area] :
        {std::pair(&machine_view, layout.machine), std::pair(&part_view, layout.part)})
-    scale_bar(canvas, *view, {area.x, layout.foot + 0.9 * type.body}, 0.3 * area.width, small);
-  triad(canvas, machine_view,
-        {layout.machine.x + layout.machine.width - 2.6 * type.body,
-         layout.machine.y + layout.machine.height - 2.6 * type.body},
-        1.5 * type.body, small);
-  const TextStyle program{.size_px = type.body, .upward = 0.5};
+    draw_scale_bar(canvas, *view, {area.x, layout.foot + 0.9 * type.body}, 0.3 * area.width,
+                   small_text);
+  draw_triad(canvas, machine_view,
+             {layout.machine.x + layout.machine.width - 2.6 * type.body,
+              layout.machine.y + layout.machine.height - 2.6 * type.body},
+             1.5 * type.body, small_text);
+  const TextStyle program{.size_px = type.body, .vertical_anchor = 0.5};
   canvas.line({{margin, layout.foot}, {setting.width - margin, layout.foot}}, colours::rule, 1.0);
   canvas.text({margin, layout.foot - 1.2 * type.body},
               wrapped(state.text, program, room, 1).front(), program);

@@ -122,14 +122,14 @@ void draw_names(Canvas& canvas, const HeatMap& map, const HeatMapOptions& option
                 const TableSizes& l, const Rectangle& box) {
   const double em = l.body.size_px;
   TextStyle style = l.body;
-  style.upward = 0.5;
-  style.across = 1.0;
+  style.vertical_anchor = 0.5;
+  style.horizontal_anchor = 1.0;
   const double name_width = l.names - 0.7 * em;
   for (std::size_t i = 0; i < map.rows.size(); ++i)
     canvas.text({box.x - 0.5 * em, box.y + box.height - (double(i) + 0.5) * l.row},
                 wrapped(map.rows[i], style, name_width, 1).front(), style);
-  style.across = l.turned ? 0.0 : 0.5;
-  style.upward = l.turned ? 0.5 : 0.0;
+  style.horizontal_anchor = l.turned ? 0.0 : 0.5;
+  style.vertical_anchor = l.turned ? 0.5 : 0.0;
   style.turned_left = l.turned;
   for (std::size_t j = 0; j < map.columns.size(); ++j)
     canvas.text({box.x + (double(j) + 0.5) * l.cell, box.y + box.height + 0.3 * em},
@@ -137,7 +137,7 @@ void draw_names(Canvas& canvas, const HeatMap& map, const HeatMapOptions& option
   TextStyle head = l.body;
   head.colour = colours::faint_ink;
   canvas.text({box.x, box.y + box.height + l.heads - 1.2 * em}, options.column_label, head);
-  head.across = 1.0;
+  head.horizontal_anchor = 1.0;
   canvas.text({box.x - 0.5 * em, box.y + box.height + 0.3 * em},
               wrapped(options.row_label, head, name_width, 1).front(), head);
 }
@@ -147,7 +147,7 @@ void draw_cells(Canvas& canvas, const HeatMap& map, const HeatMapOptions& option
   const ColourRange s = colour_range(map, options);
   const int digits = decimal_count(map, options);
   TextStyle style = l.body;
-  style.across = style.upward = 0.5;
+  style.horizontal_anchor = style.vertical_anchor = 0.5;
   for (Index i = 0; i < map.values.rows(); ++i)
     for (Index j = 0; j < map.values.cols(); ++j) {
       const double value = map.values(i, j);
@@ -194,13 +194,13 @@ void write_heat_map(const std::filesystem::path& path, const HeatMap& map,
   draw_names(canvas, map, options, l, box);
   const Vector2d legend(p.inner.x + 0.5 * em, p.inner.y + 1.2 * em);
   TextStyle name = p.body;
-  name.upward = 0.5;
+  name.vertical_anchor = 0.5;
   canvas.text(legend, options.value_label, name);
   const double label_width =
       options.value_label.empty() ? 0.0 : text_size(options.value_label, name).x() + 1.2 * em;
-  horizontal_colour_bar(canvas,
-                        {legend.x() + label_width, legend.y() - 0.7 * em, 16.0 * em, 1.4 * em},
-                        {s.range, "", s.one_sided, s.low_end, s.high_end}, p.body);
+  draw_horizontal_colour_bar(canvas,
+                             {legend.x() + label_width, legend.y() - 0.7 * em, 16.0 * em, 1.4 * em},
+                             {s.range, "", s.one_sided, s.low_end, s.high_end}, p.body);
   draw_page(canvas, p);
   canvas.write_png(path);
 }

@@ -101,13 +101,13 @@ std::vector<std::string> wrapped(const std::string& text, const TextStyle& style
 // The usual line spacing of DejaVu Sans is 1.38 of its size.
 double line_height(const TextStyle& style) { return std::round(1.38 * style.size_px); }
 
-double paragraph(Canvas& canvas, const Vector2d& top_left, const std::vector<std::string>& lines,
-                 const TextStyle& style) {
-  TextStyle hung = style;
-  hung.upward = 1.0;
+double draw_paragraph(Canvas& canvas, const Vector2d& top_left,
+                      const std::vector<std::string>& lines, const TextStyle& style) {
+  TextStyle top_anchored = style;
+  top_anchored.vertical_anchor = 1.0;
   double y = top_left.y();
   for (const std::string& line : lines) {
-    canvas.text({top_left.x(), y}, line, hung);
+    canvas.text({top_left.x(), y}, line, top_anchored);
     y -= line_height(style);
   }
   return top_left.y() - y;
@@ -119,8 +119,8 @@ std::string grouped(std::size_t count) {
   return digits;
 }
 
-void scale_bar(Canvas& canvas, const View& view, const Vector2d& left, double longest_px,
-               const TextStyle& style) {
+void draw_scale_bar(Canvas& canvas, const View& view, const Vector2d& left, double longest_px,
+                    const TextStyle& style) {
   const double longest = longest_px * view.mm_per_px;
   double length = round_up_125(longest);
   if (length > longest) length = round_up_125(0.39 * length);  // the next smaller of 1, 2, 5
@@ -132,18 +132,18 @@ void scale_bar(Canvas& canvas, const View& view, const Vector2d& left, double lo
     canvas.line({left + Vector2d(x, -tick), left + Vector2d(x, tick)}, style.colour, width);
   }
   TextStyle label_style = style;
-  label_style.across = 0.0;
-  label_style.upward = 0.5;
+  label_style.horizontal_anchor = 0.0;
+  label_style.vertical_anchor = 0.5;
   canvas.text(left + Vector2d(px + 0.6 * style.size_px, 0),
               fixed(length, round_decimals(length)) + " mm", label_style);
 }
 
-void triad(Canvas& canvas, const View& view, const Vector2d& centre, double radius,
-           const TextStyle& style) {
+void draw_triad(Canvas& canvas, const View& view, const Vector2d& centre, double radius,
+                const TextStyle& style) {
   constexpr std::array<const char*, 3> names{"X", "Y", "Z"};
   const double width = std::max(2.0, style.size_px / 9.0);
   TextStyle centred = style;
-  centred.across = centred.upward = 0.5;
+  centred.horizontal_anchor = centred.vertical_anchor = 0.5;
   for (int i = 0; i < 3; ++i) {
     const Eigen::Vector3d axis = Eigen::Vector3d::Unit(i);
     const Vector2d projected_axis(axis.dot(view.right), axis.dot(view.up));
@@ -166,13 +166,13 @@ void triad(Canvas& canvas, const View& view, const Vector2d& centre, double radi
   }
 }
 
-double swatch(Canvas& canvas, const Vector2d& left, const Colour& colour, const std::string& label,
-              const TextStyle& style) {
+double draw_swatch(Canvas& canvas, const Vector2d& left, const Colour& colour,
+                   const std::string& label, const TextStyle& style) {
   const double side = 0.9 * style.size_px;
   canvas.fill({left.x(), std::round(left.y() - 0.5 * side), side, side}, colour);
   TextStyle label_style = style;
-  label_style.across = 0.0;
-  label_style.upward = 0.5;
+  label_style.horizontal_anchor = 0.0;
+  label_style.vertical_anchor = 0.5;
   canvas.text(left + Vector2d(side + 0.45 * style.size_px, 0), label, label_style);
   return side + 0.45 * style.size_px + text_size(label, style).x();
 }
@@ -201,7 +201,7 @@ void widen(Span& span, double value) {
   span.upper = std::max(span.upper, value);
 }
 
-Span padded(Span span) {
+Span pad_span(Span span) {
   const double size = span.upper - span.lower;
   // For a constant series the margin is a tenth of its value.
   const double margin = size > 0.0 ? 0.06 * size : std::max(1e-6, 0.1 * std::abs(span.lower));
@@ -229,7 +229,8 @@ std::vector<Vector2d> thinned(const std::vector<Vector2d>& points) {
   return result;
 }
 
-void stroke(Canvas& canvas, const std::vector<Vector2d>& points, int index, double width_px) {
+void draw_series_line(Canvas& canvas, const std::vector<Vector2d>& points, int index,
+                      double width_px) {
   const Dash dash = series_dash(index);
   if (dash.drawn == 0.0) {
     canvas.line(points, series_colour(index), width_px);
@@ -280,7 +281,7 @@ void draw_symbol(Canvas& canvas, const Vector2d& left, const LegendEntry& entry,
   if (entry.band)
     canvas.fill({left.x(), left.y() - 0.4 * size, 2.0 * size, 0.8 * size},
                 series_colour(entry.colour), 0.2);
-  if (entry.line) stroke(canvas, {left, right}, entry.colour, 0.16 * size);
+  if (entry.line) draw_series_line(canvas, {left, right}, entry.colour, 0.16 * size);
   if (entry.points) draw_mark(canvas, 0.5 * (left + right), entry.colour, 0.5 * size);
 }
 
@@ -311,9 +312,9 @@ double page_margins(int width, const std::string& title, const std::vector<std::
 
 void draw_page(Canvas& canvas, const Page& p) {
   const double m = side_margin * p.unit;
-  paragraph(canvas, {m, p.height - 0.5 * m}, p.title_lines, p.title);
-  paragraph(canvas, {m, 0.5 * m + double(p.caption_lines.size()) * line_height(p.body)},
-            p.caption_lines, p.body);
+  draw_paragraph(canvas, {m, p.height - 0.5 * m}, p.title_lines, p.title);
+  draw_paragraph(canvas, {m, 0.5 * m + double(p.caption_lines.size()) * line_height(p.body)},
+                 p.caption_lines, p.body);
 }
 
 void draw_mark(Canvas& canvas, const Vector2d& at, int colour, double size_px) {
@@ -338,26 +339,26 @@ double draw_legend_column(Canvas& canvas, const Vector2d& top_left, double width
   Vector2d at = top_left;
   for (const LegendEntry& entry : entries) {
     draw_symbol(canvas, at - Vector2d(0.0, 0.62 * style.size_px), entry, style.size_px);
-    at.y() -= paragraph(canvas, at + Vector2d(indent, 0.0),
-                        wrapped(entry.name, style, width - indent, 3), style) +
+    at.y() -= draw_paragraph(canvas, at + Vector2d(indent, 0.0),
+                             wrapped(entry.name, style, width - indent, 3), style) +
               0.3 * style.size_px;
   }
   if (!entries.empty() && !note.empty()) at.y() -= 0.6 * style.size_px;
   for (const std::string& line : note)
-    at.y() -= paragraph(canvas, at, wrapped(line, style, width, 3), style);
+    at.y() -= draw_paragraph(canvas, at, wrapped(line, style, width, 3), style);
   return top_left.y() - at.y();
 }
 
 double draw_legend_row(Canvas& canvas, const Vector2d& left,
                        const std::vector<LegendEntry>& entries, const TextStyle& style) {
-  TextStyle beside = style;
-  beside.upward = 0.5;
+  TextStyle label_style = style;
+  label_style.vertical_anchor = 0.5;
   Vector2d at = left;
   for (const LegendEntry& entry : entries) {
     draw_symbol(canvas, at, entry, style.size_px);
     at.x() += 2.6 * style.size_px;
-    canvas.text(at, entry.name, beside);
-    at.x() += text_size(entry.name, beside).x() + 1.8 * style.size_px;
+    canvas.text(at, entry.name, label_style);
+    at.x() += text_size(entry.name, label_style).x() + 1.8 * style.size_px;
   }
   return at.x() - left.x();
 }

@@ -27,8 +27,8 @@ std::vector<std::string> wrapped(const std::string& text, const TextStyle& style
 
 /// Draws lines of text downwards from `top_left`; `style` has the horizontal anchor.
 /// @return the height used, px
-double paragraph(Canvas& canvas, const Eigen::Vector2d& top_left,
-                 const std::vector<std::string>& lines, const TextStyle& style);
+double draw_paragraph(Canvas& canvas, const Eigen::Vector2d& top_left,
+                      const std::vector<std::string>& lines, const TextStyle& style);
 /// Returns the distance of two lines of text, px.
 double line_height(const TextStyle& style);
 
@@ -36,17 +36,17 @@ double line_height(const TextStyle& style);
 std::string grouped(std::size_t count);
 
 /// Draws a scale bar of a round length in mm, at most `longest_px`, with its label to the right.
-void scale_bar(Canvas& canvas, const View& view, const Eigen::Vector2d& left, double longest_px,
-               const TextStyle& style);
+void draw_scale_bar(Canvas& canvas, const View& view, const Eigen::Vector2d& left,
+                    double longest_px, const TextStyle& style);
 
 /// Draws arrows along X, Y and Z of a view, within `radius` px of the centre, with labels beyond.
-void triad(Canvas& canvas, const View& view, const Eigen::Vector2d& centre, double radius,
-           const TextStyle& style);
+void draw_triad(Canvas& canvas, const View& view, const Eigen::Vector2d& centre, double radius,
+                const TextStyle& style);
 
 /// Draws a coloured square and its label.
 /// @return the width used, px
-double swatch(Canvas& canvas, const Eigen::Vector2d& left, const Colour& colour,
-              const std::string& label, const TextStyle& style);
+double draw_swatch(Canvas& canvas, const Eigen::Vector2d& left, const Colour& colour,
+                   const std::string& label, const TextStyle& style);
 
 // Coordinates and lines common to all plots.
 
@@ -59,7 +59,7 @@ struct Span {
 void widen(Span& span, double value);
 
 /// Returns the span with a margin at both ends; it is never empty.
-Span padded(Span span);
+Span pad_span(Span span);
 
 /// The rectangle of a plot and the values at its edges.
 struct Axes {
@@ -76,7 +76,8 @@ Eigen::Vector2d at(const Axes& axes, double x, double y);
 std::vector<Eigen::Vector2d> thinned(const std::vector<Eigen::Vector2d>& points);
 
 /// Draws a line in the colour and dash pattern of a series.
-void stroke(Canvas& canvas, const std::vector<Eigen::Vector2d>& points, int index, double width_px);
+void draw_series_line(Canvas& canvas, const std::vector<Eigen::Vector2d>& points, int index,
+                      double width_px);
 
 /// A page with a title above, a caption below and a rectangle for the content.
 struct Page {

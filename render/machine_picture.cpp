@@ -203,15 +203,15 @@ std::vector<Callout> callouts(const MachinePicture& picture, const View& view) {
   for (const Body& body : picture.bodies) {
     if (body.label.empty()) continue;
     // The corner farthest to the right is rarely hidden.
-    Vector2d point = projected(view, body.T * shell(body).points.front());
+    Vector2d point = project(view, body.T * shell(body).points.front());
     for (const Vector3d& p : shell(body).points) {
-      const Vector2d projected_point = projected(view, body.T * p);
+      const Vector2d projected_point = project(view, body.T * p);
       if (projected_point.x() > point.x()) point = projected_point;
     }
     list.push_back({body.label, point});
   }
   for (const Frame& frame : picture.frames) {
-    if (!frame.name.empty()) list.push_back({frame.name, projected(view, frame.T.translation())});
+    if (!frame.name.empty()) list.push_back({frame.name, project(view, frame.T.translation())});
   }
   // In the order of height, so that the leader lines do not cross.
   std::stable_sort(list.begin(), list.end(),
@@ -264,7 +264,7 @@ void draw_callouts(Canvas& canvas, const std::vector<Callout>& callouts, const R
   const TextStyle style = fit_style(body_style, callouts.size(), column.height);
   const std::vector<double> y = label_heights(callouts, column, line_height(style));
   TextStyle label_style = style;
-  label_style.upward = 0.5;
+  label_style.vertical_anchor = 0.5;
   for (std::size_t i = 0; i < callouts.size(); ++i) {
     const Vector2d& point = callouts[i].point;
     const double leader_end = column.x - 0.4 * style.size_px;
@@ -281,7 +281,7 @@ void draw_callouts(Canvas& canvas, const std::vector<Callout>& callouts, const R
 void draw_frame(Canvas& canvas, const View& view, const Frame& frame, double length_px) {
   constexpr std::array<Colour, 3> colour{
       {{0.75, 0.15, 0.12}, {0.12, 0.50, 0.18}, {0.13, 0.27, 0.70}}};
-  const Vector2d origin = projected(view, frame.T.translation());
+  const Vector2d origin = project(view, frame.T.translation());
   for (int i = 0; i < 3; ++i) {
     const Vector3d axis = frame.T.linear().col(i);
     const Vector2d tip = origin + length_px * Vector2d(axis.dot(view.right), axis.dot(view.up));
@@ -297,7 +297,7 @@ double draw_legend(Canvas& canvas, const MachinePicture& picture, Vector2d at,
   const auto entry = [&](const Colour& colour, const std::string& name) {
     if (name.empty()) return;
     at.y() -= line_height(style);
-    swatch(canvas, at, colour, name, style);
+    draw_swatch(canvas, at, colour, name, style);
   };
   if (picture.part_triangles.rows() > 0) entry(picture.part_colour, picture.part_name);
   for (const Polyline& path : picture.paths) entry(path.colour, path.name);
@@ -341,12 +341,12 @@ void write_machine(const std::filesystem::path& path, const MachinePicture& pict
                         text_width - left_width - 40.0 * u, height};
 
   Canvas canvas(options.width, options.height);
-  const double title_height = paragraph(canvas, {margin, options.height - 30.0 * u},
-                                        wrapped(picture.title, title, text_width, 1), title);
+  const double title_height = draw_paragraph(canvas, {margin, options.height - 30.0 * u},
+                                             wrapped(picture.title, title, text_width, 1), title);
   if (picture.magnification != 1.0) {
-    paragraph(canvas, {margin, options.height - 30.0 * u - title_height},
-              {fmt::format("errors magnified {} ×", figure(picture.magnification))},
-              {.size_px = type.figures});
+    draw_paragraph(canvas, {margin, options.height - 30.0 * u - title_height},
+                   {fmt::format("errors magnified {} ×", figure(picture.magnification))},
+                   {.size_px = type.figures});
   }
   const double leader_px = 36.0 * u;  // width of the leader lines between the machine and the names
   const double names_px =
@@ -362,9 +362,9 @@ void write_machine(const std::filesystem::path& path, const MachinePicture& pict
       {machine_area.x + machine_area.width + leader_px, left.y, names_px - leader_px, left.height},
       body);
   if (!picture.bodies.empty()) {
-    triad(canvas, view, {left.x + left.width - 90.0 * u, foot + 0.4 * strip}, 40.0 * u, body);
+    draw_triad(canvas, view, {left.x + left.width - 90.0 * u, foot + 0.4 * strip}, 40.0 * u, body);
   }
-  scale_bar(canvas, view, {left.x, foot + 0.5 * strip}, 0.3 * left.width, body);
+  draw_scale_bar(canvas, view, {left.x, foot + 0.5 * strip}, 0.3 * left.width, body);
 
   const Rectangle& legend_area = has_detail ? right : left;
   const double legend_height =
@@ -374,9 +374,9 @@ void write_machine(const std::filesystem::path& path, const MachinePicture& pict
                                 right.height - legend_height - 16.0 * u};
     const View detail_view = fit_view(detail.points, options.from, options.up, detail_area);
     canvas.scene(detail_view, detail.solids, detail.wires);
-    scale_bar(canvas, detail_view, {right.x, foot + 0.5 * strip}, 0.4 * right.width, body);
+    draw_scale_bar(canvas, detail_view, {right.x, foot + 0.5 * strip}, 0.4 * right.width, body);
   }
-  paragraph(canvas, {margin, foot}, lines, body);
+  draw_paragraph(canvas, {margin, foot}, lines, body);
   canvas.write_png(path);
 }
 

@@ -27,7 +27,7 @@ constexpr double own_scale_ratio = 0.4;
 /// A panel of a comparison.
 struct MapPanel {
   std::size_t case_index = 0;
-  bool own = false;  ///< on its own scale, after the panel on the common scale
+  bool has_own_scale = false;  ///< on its own scale, after the panel on the common scale
   Span ends_um;
 };
 
@@ -46,7 +46,7 @@ Grid fill_grid(const std::vector<MapPanel>& panels, int columns) {
   g.columns = columns;
   int cell = 0;
   for (std::size_t i = 0; i < panels.size(); ++i) {
-    const bool is_first_of_pair = i + 1 < panels.size() && panels[i + 1].own;
+    const bool is_first_of_pair = i + 1 < panels.size() && panels[i + 1].has_own_scale;
     // The last cell of a row remains empty if it would separate a pair.
     if (is_first_of_pair && columns > 1 && cell % columns == columns - 1) ++cell;
     g.at.push_back({cell % columns, cell / columns});
@@ -59,7 +59,7 @@ Grid fill_grid(const std::vector<MapPanel>& panels, int columns) {
 /// Returns the grid whose picture is nearest to 4 : 3.
 Grid best_grid(const std::vector<MapPanel>& panels, double width, double aspect,
                double text_height) {
-  Grid best;
+  Grid result;
   double min_layout_cost = 0.0;
   for (int columns = 1; columns <= std::min(int(panels.size()), 4); ++columns) {
     Grid g = fill_grid(panels, columns);
@@ -71,11 +71,11 @@ Grid best_grid(const std::vector<MapPanel>& panels, double width, double aspect,
     // much as a deviation of 15 % from this ratio.
     const double layout_cost = std::abs(std::log(width / height * 0.7)) + 0.15 * empty;
     if (columns == 1 || layout_cost < min_layout_cost) {
-      best = std::move(g);
+      result = std::move(g);
       min_layout_cost = layout_cost;
     }
   }
-  return best;
+  return result;
 }
 
 /// Text of a case, wrapped to the width of its cell.
@@ -95,7 +95,7 @@ std::vector<std::string> common_text(const std::vector<MapPicture>& cases,
                                      const std::vector<Tally>& counts,
                                      const ComparisonOptions& options) {
   const bool has_own_scales =
-      std::any_of(panels.begin(), panels.end(), [](const MapPanel& p) { return p.own; });
+      std::any_of(panels.begin(), panels.end(), [](const MapPanel& p) { return p.has_own_scale; });
   std::vector<std::string> lines{
       std::string("one scale for all maps") +
       (has_own_scales ? ", those that it hides again on their own  ·  " : "  ·  ") +
@@ -182,10 +182,10 @@ CellText panel_text(const std::vector<MapPanel>& panels, std::size_t i, const Ma
                     const Tally& counts, bool with_datum, const Grid& cells) {
   const double width = cells.cell_width;
   const bool side_by_side = cells.columns > 1;
-  if (panels[i].own)
+  if (panels[i].has_own_scale)
     return {wrapped(side_by_side ? "own scale" : c.title + ", own scale", title_style, width, 2),
             {}};
-  const bool is_pair = side_by_side && i + 1 < panels.size() && panels[i + 1].own;
+  const bool is_pair = side_by_side && i + 1 < panels.size() && panels[i + 1].has_own_scale;
   return cell_text(c, counts, with_datum, {width, is_pair ? 2.0 * width + gap_px : width},
                    title_style, body_style);
 }
@@ -237,7 +237,7 @@ Cell make_cell(const Plan& p, std::size_t i, const MapPicture& c, const Comparis
               p.cells.map_height};
   cell.view = fit_view(c.field.design.vertices, options.from, options.up, cell.box);
   cell.colours = colour_scale(p.panels[i].ends_um.lower, p.panels[i].ends_um.upper);
-  cell.scene = surface_scene(c.field, c.field.deviation_um, cell.colours, cell.view.toward);
+  cell.scene = surface_scene(c.field, c.field.deviation_um, cell.colours, cell.view.toward_eye);
   return cell;
 }
 
@@ -247,12 +247,12 @@ void draw_cell(Canvas& canvas, const Plan& p, std::size_t i, const Cell& cell) {
   const Span& ends = p.panels[i].ends_um;
   canvas.scene(view, scene.solids, scene.wires);
   const double title = static_cast<double>(p.text[i].title.size()) * line_height(title_style);
-  paragraph(canvas, {x, y - titles + title}, p.text[i].title, title_style);
+  draw_paragraph(canvas, {x, y - titles + title}, p.text[i].title, title_style);
   const Tally& counts = p.counts[i];
-  horizontal_colour_bar(
+  draw_horizontal_colour_bar(
       canvas, {x, box.y - bar_row_px, std::min(p.cells.cell_width, 460.0), bar_row_px - 6.0},
       ColourBar{colours, counts.lowest_um<ends.lower, counts.highest_um> ends.upper}, body_style);
-  paragraph(canvas, {x, box.y - bar_row_px - 6.0}, p.text[i].below, body_style);
+  draw_paragraph(canvas, {x, box.y - bar_row_px - 6.0}, p.text[i].below, body_style);
 }
 
 }  // namespace
@@ -260,7 +260,7 @@ void draw_cell(Canvas& canvas, const Plan& p, std::size_t i, const Cell& cell) {
 void write_comparison(const std::filesystem::path& path, const std::vector<MapPicture>& cases,
                       const ComparisonOptions& options) {
   if (cases.empty()) throw std::invalid_argument("comparison: at least one case is needed");
-  for (const MapPicture& c : cases) check(c.field);
+  for (const MapPicture& c : cases) check_field(c.field);
   const Plan p = make_plan(cases, options);
 
   const double text_width = options.width - 2.0 * margin_px - 4.0 * triad_px;
@@ -284,13 +284,13 @@ void write_comparison(const std::filesystem::path& path, const std::vector<MapPi
   });
 
   Canvas canvas(options.width, height);
-  paragraph(canvas, {margin_px, height - 0.7 * margin_px}, title, head_style);
+  draw_paragraph(canvas, {margin_px, height - 0.7 * margin_px}, title, head_style);
   for (std::size_t i = 0; i < panel_cells.size(); ++i) draw_cell(canvas, p, i, panel_cells[i]);
   const View& view = panel_cells.back().view;
-  triad(canvas, view, {options.width - margin_px - 1.6 * triad_px, margin_px + 1.4 * triad_px},
-        triad_px, body_style);
-  scale_bar(canvas, view, {margin_px, foot - 26.0}, 0.4 * p.cells.cell_width, body_style);
-  paragraph(canvas, {margin_px, foot - 56.0}, lines, body_style);
+  draw_triad(canvas, view, {options.width - margin_px - 1.6 * triad_px, margin_px + 1.4 * triad_px},
+             triad_px, body_style);
+  draw_scale_bar(canvas, view, {margin_px, foot - 26.0}, 0.4 * p.cells.cell_width, body_style);
+  draw_paragraph(canvas, {margin_px, foot - 56.0}, lines, body_style);
   canvas.write_png(path);
 }
 
@@ -368,7 +368,7 @@ Field make_field(const cutting::Design& design, const SheetMap& map) {
     const bool is_judged = all_judged || design.judged[std::size_t(i)] != 0;
     f.status.push_back(!is_judged ? 2 : (std::isfinite(map.values_um[i]) ? 0 : 1));
   }
-  check(f);
+  check_field(f);
   return f;
 }
 
@@ -460,10 +460,10 @@ View draw_cell(Canvas& canvas, const SheetLayout& l, const SheetCell& cell,
   const Vector2d top_left = cell.corner + Vector2d(0.6 * em, l.height - 0.3 * em);
   const std::vector<std::string> title = wrapped(cell.map.title, l.title, width, 2);
   double y = top_left.y() - double(l.title_lines - title.size()) * line_height(l.title);
-  y -= paragraph(canvas, {top_left.x(), y}, title, l.title);
+  y -= draw_paragraph(canvas, {top_left.x(), y}, title, l.title);
   TextStyle faint = l.body;
   faint.colour = colours::faint_ink;
-  paragraph(canvas, {top_left.x(), y}, wrapped(cell.map.figures, faint, width, 1), faint);
+  draw_paragraph(canvas, {top_left.x(), y}, wrapped(cell.map.figures, faint, width, 1), faint);
   const Rectangle box{std::round(top_left.x()),
                       std::round(y - line_height(l.body) - 0.3 * em - l.map_height), width,
                       l.map_height};
@@ -471,9 +471,9 @@ View draw_cell(Canvas& canvas, const SheetLayout& l, const SheetCell& cell,
   const MapScale& s = cell.scale;
   const ColourScale colours = colour_scale(s.ends_um.lower, s.ends_um.upper);
   const SurfaceScene scene =
-      surface_scene(cell.field, cell.field.deviation_um, colours, view.toward);
+      surface_scene(cell.field, cell.field.deviation_um, colours, view.toward_eye);
   canvas.scene(view, scene.solids, scene.wires);
-  horizontal_colour_bar(
+  draw_horizontal_colour_bar(
       canvas, {box.x, box.y - 0.2 * em - line_height(l.body), width, line_height(l.body)},
       ColourBar{colours, s.counts.lowest_um<s.ends_um.lower, s.counts.highest_um> s.ends_um.upper},
       l.body);
@@ -506,18 +506,18 @@ void draw_foot(Canvas& canvas, const Page& p, double height, const View& view,
                const std::vector<MapScale>& maps) {
   const double em = p.body.size_px;
   Vector2d at(p.inner.x + 4.2 * em, p.inner.y + 0.5 * height);
-  triad(canvas, view, {p.inner.x + 2.0 * em, at.y() - 0.2 * em}, 1.6 * em, p.body);
+  draw_triad(canvas, view, {p.inner.x + 2.0 * em, at.y() - 0.2 * em}, 1.6 * em, p.body);
   at.x() += 1.5 * em;
-  scale_bar(canvas, view, at, 0.7 * view.area.width, p.body);
+  draw_scale_bar(canvas, view, at, 0.7 * view.area.width, p.body);
   at.x() += 0.7 * view.area.width + 8.0 * em;
   const auto has_vertices = [&](std::size_t Tally::*kind) {
     return std::any_of(maps.begin(), maps.end(),
                        [&](const MapScale& s) { return s.counts.*kind > 0; });
   };
   if (has_vertices(&Tally::uncut))
-    at.x() += swatch(canvas, at, colours::uncut, "no value", p.body) + em;
+    at.x() += draw_swatch(canvas, at, colours::uncut, "no value", p.body) + em;
   if (has_vertices(&Tally::outside))
-    swatch(canvas, at, colours::outside, "outside the judged region", p.body);
+    draw_swatch(canvas, at, colours::outside, "outside the judged region", p.body);
 }
 
 }  // namespace

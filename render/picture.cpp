@@ -107,9 +107,9 @@ using Eigen::Vector3d;
 
 /// Returns the unit vector of `up` across the line of sight. If `up` is parallel to it, Y or X is
 /// used instead.
-Vector3d upward_direction(const Vector3d& toward, const Vector3d& up) {
+Vector3d upward_direction(const Vector3d& toward_eye, const Vector3d& up) {
   for (const Vector3d& candidate : {up, Vector3d(Vector3d::UnitY()), Vector3d(Vector3d::UnitX())}) {
-    const Vector3d projected_candidate = candidate - candidate.dot(toward) * toward;
+    const Vector3d projected_candidate = candidate - candidate.dot(toward_eye) * toward_eye;
     if (projected_candidate.norm() > 1e-6 * std::max(candidate.norm(), 1e-300))
       return projected_candidate.normalized();
   }
@@ -122,13 +122,13 @@ View fit_view(const cutting::Points& points, const Vector3d& from, const Vector3
               const Rectangle& area) {
   View view;
   view.area = area;
-  view.toward = from.norm() > 0.0 ? Vector3d(from.normalized()) : Vector3d(Vector3d::UnitZ());
-  view.up = upward_direction(view.toward, up);
-  view.right = view.up.cross(view.toward);
+  view.toward_eye = from.norm() > 0.0 ? Vector3d(from.normalized()) : Vector3d(Vector3d::UnitZ());
+  view.up = upward_direction(view.toward_eye, up);
+  view.right = view.up.cross(view.toward_eye);
   if (points.rows() == 0) return view;
 
   Eigen::Matrix3d to_view;
-  to_view << view.right.transpose(), view.up.transpose(), view.toward.transpose();
+  to_view << view.right.transpose(), view.up.transpose(), view.toward_eye.transpose();
   const cutting::Points view_points = points * to_view.transpose();
   const Vector3d lower = view_points.colwise().minCoeff();
   const Vector3d upper = view_points.colwise().maxCoeff();
@@ -149,7 +149,7 @@ double aspect(const cutting::Points& points, const Vector3d& from, const Vector3
   return height / width;
 }
 
-Eigen::Vector2d projected(const View& view, const Vector3d& p) {
+Eigen::Vector2d project(const View& view, const Vector3d& p) {
   const Vector3d d = (p - view.centre) / view.mm_per_px;
   return {view.area.x + 0.5 * view.area.width + d.dot(view.right),
           view.area.y + 0.5 * view.area.height + d.dot(view.up)};
@@ -159,12 +159,12 @@ std::string view_description(const View& view) {
   constexpr std::array<const char*, 3> positive{"+X", "+Y", "+Z"};
   constexpr std::array<const char*, 3> negative{"−X", "−Y", "−Z"};
   for (int i = 0; i < 3; ++i) {
-    if (std::abs(view.toward[i]) > 1.0 - 1e-9) {
-      return std::string("from ") + (view.toward[i] > 0.0 ? positive[i] : negative[i]);
+    if (std::abs(view.toward_eye[i]) > 1.0 - 1e-9) {
+      return std::string("from ") + (view.toward_eye[i] > 0.0 ? positive[i] : negative[i]);
     }
   }
-  return "from (" + fixed(view.toward.x(), 2) + ", " + fixed(view.toward.y(), 2) + ", " +
-         fixed(view.toward.z(), 2) + ")";
+  return "from (" + fixed(view.toward_eye.x(), 2) + ", " + fixed(view.toward_eye.y(), 2) + ", " +
+         fixed(view.toward_eye.z(), 2) + ")";
 }
 
 namespace {

@@ -78,7 +78,7 @@ struct Rectangle {
 struct View {
   Eigen::Vector3d right = Eigen::Vector3d::UnitX();
   Eigen::Vector3d up = Eigen::Vector3d::UnitY();
-  Eigen::Vector3d toward = Eigen::Vector3d::UnitZ();
+  Eigen::Vector3d toward_eye = Eigen::Vector3d::UnitZ();
   Eigen::Vector3d centre = Eigen::Vector3d::Zero();  ///< mm, shown in the middle of the rectangle
   double mm_per_px = 1.0;
   double depth = 1.0;  ///< mm, clipping distance in front of and behind the centre
@@ -96,7 +96,7 @@ double aspect(const cutting::Points& points, const Eigen::Vector3d& from,
               const Eigen::Vector3d& up);
 
 /// Returns the pixel of a point p in a view.
-Eigen::Vector2d projected(const View& view, const Eigen::Vector3d& p);
+Eigen::Vector2d project(const View& view, const Eigen::Vector3d& p);
 
 /// Returns the name of a view: "from +Z", "from (−0.35, −0.70, 0.63)".
 std::string view_description(const View& view);

@@ -55,16 +55,16 @@ void draw_grid(Canvas& canvas, const DiagramSheet& s, const Labels& labels) {
   const Axes& a = s.axes;
   const double u = s.type.unit;
   TextStyle tick = s.body;
-  tick.across = 0.5;
-  tick.upward = 1.0;
+  tick.horizontal_anchor = 0.5;
+  tick.vertical_anchor = 1.0;
   const Ticks x = round_ticks(a.x.lower, a.x.upper, 10);
   for (const double value : x.values) {
     const double px = at(a, value, a.y.lower).x();
     canvas.line({{px, a.box.y}, {px, a.box.y + a.box.height}}, colours::rule, 1.5 * u);
     canvas.text({px, a.box.y - 10.0 * u}, fixed(value, x.decimals), tick);
   }
-  tick.across = 1.0;
-  tick.upward = 0.5;
+  tick.horizontal_anchor = 1.0;
+  tick.vertical_anchor = 0.5;
   const Ticks y = round_ticks(a.y.lower, a.y.upper, 7);
   for (const double value : y.values) {
     const double py = at(a, a.x.lower, value).y();
@@ -72,8 +72,8 @@ void draw_grid(Canvas& canvas, const DiagramSheet& s, const Labels& labels) {
     canvas.text({a.box.x - 12.0 * u, py}, fixed(value, y.decimals), tick);
   }
   TextStyle name = s.body;
-  name.across = 0.5;
-  name.upward = 1.0;
+  name.horizontal_anchor = 0.5;
+  name.vertical_anchor = 1.0;
   canvas.text({a.box.x + 0.5 * a.box.width, a.box.y - 48.0 * u}, labels.x, name);
   name.turned_left = true;
   canvas.text({34.0 * u, a.box.y + 0.5 * a.box.height}, labels.y, name);
@@ -83,11 +83,12 @@ void draw_text(Canvas& canvas, const DiagramSheet& s, const Labels& labels, int 
   const double u = s.type.unit;
   const TextStyle title{.size_px = s.type.title, .bold = true};
   double y = height - 30.0 * u;
-  y -= paragraph(canvas, {40.0 * u, y}, wrapped(labels.title, title, width - 80.0 * u, 1), title);
-  paragraph(canvas, {40.0 * u, y}, labels.below_title, {.size_px = s.type.figures});
-  paragraph(canvas,
-            {40.0 * u, 24.0 * u + static_cast<double>(s.caption.size()) * line_height(s.body)},
-            s.caption, s.body);
+  y -= draw_paragraph(canvas, {40.0 * u, y}, wrapped(labels.title, title, width - 80.0 * u, 1),
+                      title);
+  draw_paragraph(canvas, {40.0 * u, y}, labels.below_title, {.size_px = s.type.figures});
+  draw_paragraph(canvas,
+                 {40.0 * u, 24.0 * u + static_cast<double>(s.caption.size()) * line_height(s.body)},
+                 s.caption, s.body);
 }
 
 /// Finite deviations in ascending order, with their weights.
@@ -167,12 +168,12 @@ void draw_vertical_line(Canvas& canvas, const DiagramSheet& s, double x, const C
   TextStyle style = s.body;
   style.colour = colour;
   style.turned_left = true;
-  style.across = 1.0;
-  style.upward = 0.0;
+  style.horizontal_anchor = 1.0;
+  style.vertical_anchor = 0.0;
   // The label is to the left of the line, except near the left edge, where it would cover the tick
   // labels.
   const bool is_near_left = low.x() - a.box.x < 1.5 * style.size_px;
-  if (is_near_left) style.upward = 1.0;
+  if (is_near_left) style.vertical_anchor = 1.0;
   canvas.text({low.x() + (is_near_left ? 6.0 : -6.0) * u, high.y() - 8.0 * u}, label, style);
 }
 
@@ -255,7 +256,7 @@ void draw_series(Canvas& canvas, const DiagramSheet& s, const ProfileSeries& ser
   std::vector<Vector2d> points;
   const auto flush = [&] {
     // Thinning to columns of pixels bounds the cost and does not change the picture.
-    stroke(canvas, thinned(points), index, 3.0 * s.type.unit);
+    draw_series_line(canvas, thinned(points), index, 3.0 * s.type.unit);
     points.clear();
   };
   for (Eigen::Index i = 0; i < series.x.size(); ++i) {
@@ -275,8 +276,8 @@ void draw_legend(Canvas& canvas, const DiagramSheet& s,
   double y = s.axes.box.y + s.axes.box.height;
   for (std::size_t i = 0; i < names.size(); ++i) {
     const double middle = y - 0.65 * s.body.size_px;
-    stroke(canvas, {{x, middle}, {x + 44.0 * u, middle}}, static_cast<int>(i), 4.0 * u);
-    y -= paragraph(canvas, {x + 58.0 * u, y}, names[i], s.body) + 8.0 * u;
+    draw_series_line(canvas, {{x, middle}, {x + 44.0 * u, middle}}, static_cast<int>(i), 4.0 * u);
+    y -= draw_paragraph(canvas, {x + 58.0 * u, y}, names[i], s.body) + 8.0 * u;
   }
 }
 
@@ -305,8 +306,8 @@ void write_profile(const std::filesystem::path& path, const std::vector<ProfileS
   }
   const Labels labels{options.title, {}, options.x_label, options.y_label, options.caption};
   // With a single position the axis would have no length.
-  if (x.lower == x.upper) x = padded(x);
-  DiagramSheet s = make_sheet(options.width, options.height, labels, x, padded(y));
+  if (x.lower == x.upper) x = pad_span(x);
+  DiagramSheet s = make_sheet(options.width, options.height, labels, x, pad_span(y));
   const double legend_width = 330.0 * s.type.unit;
   s.axes.box.width -= legend_width - 30.0 * s.type.unit;
   std::vector<std::vector<std::string>> names;
@@ -361,7 +362,7 @@ Span axis_range(const std::vector<Bar>& bars, const BarsOptions& options) {
   // If all bars are zero, the axis needs some length.
   if (!span || (span->lower == 0.0 && span->upper == 0.0)) return {0.0, 1.0};
   // Bars start at zero, so an end at zero gets no margin.
-  Span range = padded(*span);
+  Span range = pad_span(*span);
   if (span->lower == 0.0) range.lower = 0.0;
   if (span->upper == 0.0) range.upper = 0.0;
   return range;
@@ -412,7 +413,7 @@ void draw_running_sum(Canvas& canvas, const Axes& a, const std::vector<Bar>& bar
   for (std::size_t i = 0; i < sums.size(); ++i)
     points.emplace_back(at(a, sums[i], 0.0).x(),
                         a.box.y + a.box.height - (double(i) + 0.5) * row_px);
-  stroke(canvas, points, running_sum_colour, 3.0 * unit);
+  draw_series_line(canvas, points, running_sum_colour, 3.0 * unit);
   for (const Vector2d& p : points) draw_mark(canvas, p, running_sum_colour, 11.0 * unit);
 }
 
@@ -425,7 +426,8 @@ void draw_legend(Canvas& canvas, const BarsOptions& options, Vector2d left, cons
     const Colour c = series_colour(int(i));
     // The colour of a bar, which is drawn with this opacity on white.
     const auto blend = [](double component) { return 1.0 - bar_opacity * (1.0 - component); };
-    left.x() += swatch(canvas, left, {blend(c.r), blend(c.g), blend(c.b)}, options.legend[i], body);
+    left.x() +=
+        draw_swatch(canvas, left, {blend(c.r), blend(c.g), blend(c.b)}, options.legend[i], body);
     left.x() += 1.8 * body.size_px;
   }
   if (!options.running_sum.empty())
@@ -448,8 +450,8 @@ double max_value_width(const std::vector<Bar>& bars, const TextStyle& style) {
 void draw_scale(Canvas& canvas, const Axes& a, const BarsOptions& options, const TextStyle& body) {
   const double unit = body.size_px / 22.0;
   TextStyle tick = body;
-  tick.across = 0.5;
-  tick.upward = 1.0;
+  tick.horizontal_anchor = 0.5;
+  tick.vertical_anchor = 1.0;
   const Ticks ticks = round_ticks(a.x.lower, a.x.upper, 7);
   for (const double value : ticks.values) {
     const double x = at(a, value, 0.0).x();
@@ -471,7 +473,7 @@ void draw_reference(Canvas& canvas, const Axes& a, const BarsOptions& options,
   TextStyle style = body;
   style.colour = reference_colour;
   // The label extends towards the middle, so that it remains in the picture.
-  style.across = x > a.box.x + 0.5 * a.box.width ? 1.0 : 0.0;
+  style.horizontal_anchor = x > a.box.x + 0.5 * a.box.width ? 1.0 : 0.0;
   canvas.text({x, top + 0.1 * body.size_px}, options.reference_label, style);
 }
 
@@ -503,9 +505,9 @@ void write_bars(const std::filesystem::path& path, const std::vector<Bar>& bars,
     const double y = a.box.y + a.box.height - (double(i) + 0.5) * bar_px * unit;
     draw_bar(canvas, a, bars[i], y, p.body);
     TextStyle label = p.body;
-    label.upward = 0.5;
+    label.vertical_anchor = 0.5;
     canvas.text({a.box.x + a.box.width + em, y}, value_text(bars[i]), label);
-    label.across = 1.0;
+    label.horizontal_anchor = 1.0;
     canvas.text({left - 0.7 * em, y}, wrapped(bars[i].label, label, names + 1.0, 1).front(), label);
   }
   if (!options.running_sum.empty()) draw_running_sum(canvas, a, bars, bar_px * unit, unit);

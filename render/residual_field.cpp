@@ -161,7 +161,7 @@ struct DataBlock {
 std::string_view required_attribute(const VtkFile& source, const VtkTag& tag,
                                     std::string_view name) {
   if (!tag.attributes.contains(name))
-    source.refuse(tag.at, fmt::format("attribute {} of {}", name, tag.name), "none");
+    source.throw_error_at(tag.at, fmt::format("attribute {} of {}", name, tag.name), "none");
   return tag.attributes.at(name);
 }
 
@@ -169,7 +169,8 @@ void expect_attribute(const VtkFile& source, const VtkTag& tag, std::string_view
                       std::string_view value) {
   const std::string_view seen = required_attribute(source, tag, name);
   if (seen != value) {
-    source.refuse(tag.at, fmt::format("{}=\"{}\" in {}", name, value, tag.name), shown(seen));
+    source.throw_error_at(tag.at, fmt::format("{}=\"{}\" in {}", name, value, tag.name),
+                          shown(seen));
   }
 }
 
@@ -178,8 +179,8 @@ void expect_attribute(const VtkFile& source, const VtkTag& tag, std::string_view
 std::size_t item_count(const VtkFile& source, const VtkTag& tag, std::string_view name) {
   const std::size_t value = whole_number(source, tag, name);
   if (value / 8 > source.text().size()) {
-    source.refuse(tag.at, fmt::format("{} that the file has room for", name),
-                  fmt::format("{}", value));
+    source.throw_error_at(tag.at, fmt::format("{} that the file has room for", name),
+                          fmt::format("{}", value));
   }
   return value;
 }
@@ -200,11 +201,11 @@ ResidualFileLayout read_residual_layout(const VtkFile& source, std::string_view 
   std::string section;
   // In XML there is no text before the first tag.
   if (head.find_first_not_of(xml_blank) != head.find('<'))
-    source.refuse(0, "a tag of a VTK XML file", shown(head));
+    source.throw_error_at(0, "a tag of a VTK XML file", shown(head));
   VtkTags tags(source, head);
   while (const std::optional<VtkTag> tag = tags.next()) {
     if (tag->inner.find_first_not_of(xml_blank) != std::string_view::npos)
-      source.refuse(tag->at, "a tag of a VTK XML file", shown(tag->inner));
+      source.throw_error_at(tag->at, "a tag of a VTK XML file", shown(tag->inner));
     if (tag->name == "VTKFile") {
       vtk_file = true;
       // Only the form that write_residual() gives is read.
@@ -230,7 +231,7 @@ ResidualFileLayout read_residual_layout(const VtkFile& source, std::string_view 
       const DataBlock block{required_attribute(source, *tag, "type"),
                             item_count(source, *tag, "offset"), tag->at};
       if (!result.blocks.emplace(name, block).second) {
-        source.refuse(tag->at, "every array once", shown(name));
+        source.throw_error_at(tag->at, "every array once", shown(name));
       }
     } else if (!tag->name.starts_with('/')) {
       section = tag->name;
@@ -294,7 +295,7 @@ class AppendedData {
     if (entry == layout_.blocks.end()) source_.throw_file_error("array " + name, "none");
     const DataBlock& block = entry->second;
     if (block.type != type) {
-      source_.refuse(block.at, fmt::format("{} of type {}", name, type), shown(block.type));
+      source_.throw_error_at(block.at, fmt::format("{} of type {}", name, type), shown(block.type));
     }
     const std::uint64_t size = n * sizeof(T);
     if (layout_.compressed) return values<T>(uncompress_blocks(name, block, size), n);
@@ -303,8 +304,8 @@ class AppendedData {
     std::uint64_t stated_size = 0;
     std::memcpy(&stated_size, bytes.data(), sizeof stated_size);
     if (stated_size != size)
-      source_.refuse(block.at, fmt::format("{} with {} bytes of data", name, size),
-                     fmt::format("{} bytes", stated_size));
+      source_.throw_error_at(block.at, fmt::format("{} with {} bytes of data", name, size),
+                             fmt::format("{} bytes", stated_size));
     return values<T>(bytes.substr(sizeof stated_size), n);
   }
 
@@ -340,10 +341,10 @@ class AppendedData {
     const std::string expected = fmt::format("{} with {} bytes of data", name, size);
     // The difference cannot overflow, whereas the sum of offset and length could.
     if (offset > text_.size() || length > text_.size() - offset)
-      source_.refuse(block.at, expected, "the end of the data");
+      source_.throw_error_at(block.at, expected, "the end of the data");
     if (encoding_ == Encoding::Raw) return std::string(text_.substr(offset, length));
     std::optional<std::string> bytes = decode_base64(text_.substr(offset, length), size);
-    if (!bytes) source_.refuse(block.at, expected, "data of another length or not base64");
+    if (!bytes) source_.throw_error_at(block.at, expected, "data of another length or not base64");
     return *std::move(bytes);
   }
 
@@ -353,8 +354,8 @@ class AppendedData {
   std::string uncompress_blocks(const std::string& name, const DataBlock& block,
                                 std::uint64_t size) const {
     const auto throw_block_error = [&](const char* seen) {
-      source_.refuse(block.at,
-                     fmt::format("{} with {} bytes of data in blocks of zlib", name, size), seen);
+      source_.throw_error_at(
+          block.at, fmt::format("{} with {} bytes of data in blocks of zlib", name, size), seen);
     };
     constexpr std::size_t word = sizeof(std::uint64_t);
     if (size == 0) return {};
@@ -402,24 +403,25 @@ class AppendedData {
 };
 
 /// Returns the appended data, between the underscore and the closing tags.
-std::string_view data_text(const VtkFile& source, std::string_view tail, Encoding encoding) {
-  const std::size_t start = tail.find_first_not_of(xml_blank);
-  if (start == std::string_view::npos || tail[start] != '_') {
-    source.throw_file_error("an underscore before the data", shown(tail));
+std::string_view data_text(const VtkFile& source, std::string_view remaining_text,
+                           Encoding encoding) {
+  const std::size_t start = remaining_text.find_first_not_of(xml_blank);
+  if (start == std::string_view::npos || remaining_text[start] != '_') {
+    source.throw_file_error("an underscore before the data", shown(remaining_text));
   }
-  tail.remove_prefix(start + 1);
+  remaining_text.remove_prefix(start + 1);
   // Raw data may contain any byte, so their end is searched for from the end of the file.
-  const std::size_t data_end =
-      encoding == Encoding::Raw ? tail.rfind("</AppendedData>") : tail.find_first_of(" \t\r\n<");
-  const std::size_t end = std::min(data_end, tail.size());
+  const std::size_t data_end = encoding == Encoding::Raw ? remaining_text.rfind("</AppendedData>")
+                                                         : remaining_text.find_first_of(" \t\r\n<");
+  const std::size_t end = std::min(data_end, remaining_text.size());
   std::string closing;
-  for (const char c : tail.substr(end, 200)) {
+  for (const char c : remaining_text.substr(end, 200)) {
     if (xml_blank.find(c) == std::string_view::npos) closing += c;
   }
   if (closing != "</AppendedData></VTKFile>") {
     source.throw_file_error("</AppendedData></VTKFile> after the data", shown(closing));
   }
-  return tail.substr(0, end);
+  return remaining_text.substr(0, end);
 }
 
 Eigen::VectorXd to_vector(const std::vector<double>& values) {
@@ -512,13 +514,13 @@ Field read_residual(const std::filesystem::path& path) {
     source.throw_file_error("a residual.vtp with appended data", shown(source.text()));
   }
   const ResidualFileLayout layout = read_residual_layout(source, source.text().substr(0, head_end));
-  std::string_view tail = source.text().substr(head_end + appended_data_tag.size());
-  const Encoding encoding = tail.starts_with("raw\">") ? Encoding::Raw : Encoding::Base64;
+  std::string_view remaining_text = source.text().substr(head_end + appended_data_tag.size());
+  const Encoding encoding = remaining_text.starts_with("raw\">") ? Encoding::Raw : Encoding::Base64;
   const std::string_view encoding_name = encoding == Encoding::Raw ? "raw\">" : "base64\">";
-  if (!tail.starts_with(encoding_name))
-    source.refuse(head_end, "data encoded as raw or base64", shown(tail));
-  tail.remove_prefix(encoding_name.size());
-  const AppendedData data(source, data_text(source, tail, encoding), encoding, layout);
+  if (!remaining_text.starts_with(encoding_name))
+    source.throw_error_at(head_end, "data encoded as raw or base64", shown(remaining_text));
+  remaining_text.remove_prefix(encoding_name.size());
+  const AppendedData data(source, data_text(source, remaining_text, encoding), encoding, layout);
 
   Field field;
   const std::size_t n = layout.points;

@@ -26,8 +26,8 @@ struct Field {
   cutting::Surface::Within sampled_within = cutting::Surface::Within::None;
   Eigen::VectorXd within_um = {};  ///< (m) deviation at the sample point of each triangle, NaN
                                    ///< where not cut; empty without sample points
-  Eigen::VectorXd form_um = {};  ///< (n) deviation after the areal filter, NaN where not cut;
-                                 ///< empty if it was not filtered
+  Eigen::VectorXd form_um = {};    ///< (n) deviation after the areal filter, NaN where not cut;
+                                   ///< empty if it was not filtered
   cutting::ToleranceBands tolerance_um = {};  ///< (n) limits of each vertex; no rows if all
                                               ///< vertices have the same
 };

@@ -53,21 +53,22 @@ MapPage map_page(const MapOptions& options, const TypeSizes& type, std::size_t t
 void draw_head(Canvas& canvas, const MapPage& p, const std::vector<std::string>& title,
                const Figures& figures, const TypeSizes& type) {
   const double title_height =
-      paragraph(canvas, {p.margin, p.title_top}, title, {.size_px = type.title, .bold = true});
-  paragraph(canvas, {p.margin, p.title_top - title_height}, {figures_text(figures)},
-            {.size_px = type.figures});
+      draw_paragraph(canvas, {p.margin, p.title_top}, title, {.size_px = type.title, .bold = true});
+  draw_paragraph(canvas, {p.margin, p.title_top - title_height}, {figures_text(figures)},
+                 {.size_px = type.figures});
 }
 
 void draw_strip(Canvas& canvas, const MapPage& p, const View& view, const Tally& counts,
                 const TextStyle& body) {
   const double y = p.strip.y + 0.5 * p.strip.height;
-  scale_bar(canvas, view, {p.strip.x, y}, 0.22 * p.map.width, body);
+  draw_scale_bar(canvas, view, {p.strip.x, y}, 0.22 * p.map.width, body);
   double x = p.strip.x + 0.42 * p.map.width;
   const double gap = 1.6 * body.size_px;
-  if (counts.uncut > 0) x += swatch(canvas, {x, y}, colours::uncut, "uncut", body) + gap;
-  if (counts.gouged > 0) x += swatch(canvas, {x, y}, colours::gouged, "gouged deeper", body) + gap;
+  if (counts.uncut > 0) x += draw_swatch(canvas, {x, y}, colours::uncut, "uncut", body) + gap;
+  if (counts.gouged > 0)
+    x += draw_swatch(canvas, {x, y}, colours::gouged, "gouged deeper", body) + gap;
   if (counts.outside > 0) {
-    swatch(canvas, {x, y}, colours::outside, "outside the judged region", body);
+    draw_swatch(canvas, {x, y}, colours::outside, "outside the judged region", body);
   }
 }
 
@@ -148,7 +149,7 @@ std::vector<Flag> extreme_vertex_flags(const View& view, const Field& field) {
     const double value = field.deviation_um[vertex] * unit.per_um;
     const Eigen::Vector3d p = field.design.vertices.row(vertex);
     const bool hidden = is_hidden(view, field.design, p);
-    flags.push_back({projected(view, p),
+    flags.push_back({project(view, p),
                      signed_fixed(value, significant_decimals(pv * unit.per_um)) + " " + unit.name +
                          (hidden ? ", behind" : ""),
                      hidden});
@@ -177,19 +178,19 @@ void draw_scale(Canvas& canvas, const MapPage& p, const MapPicture& picture,
   if (options.colours == MapColours::Tolerance) {
     const ToleranceShares s =
         picture.shares.value_or(tolerance_shares(field, picture.tolerance_um));
-    tolerance_bar(canvas, p.bar,
-                  {s.over, s.in, s.under, common_limits(picture.tolerance_um),
-                   area_histogram(field, map, {-0.5, 1.5}, bins), histogram},
-                  body);
+    draw_tolerance_bar(canvas, p.bar,
+                       {s.over, s.in, s.under, common_limits(picture.tolerance_um),
+                        area_histogram(field, map, {-0.5, 1.5}, bins), histogram},
+                       body);
     return;
   }
   ColourBar bar{map.scale,
                 counts.lowest_um<map.ends_um.lower, counts.highest_um> map.ends_um.upper};
   if (const auto limits = common_limits(picture.tolerance_um))
     bar.marks = {limits->lower, limits->upper};
-  bar.shares = area_histogram(field, map, map.ends_um, bins);
+  bar.histogram = area_histogram(field, map, map.ends_um, bins);
   bar.histogram_px = histogram;
-  colour_bar(canvas, p.bar, bar, body);
+  draw_colour_bar(canvas, p.bar, bar, body);
 }
 
 /// Returns a quantile of the magnitudes of the finite deviations; empty if there are none.
@@ -282,14 +283,14 @@ namespace {
 /// @param finish  takes the canvas with the map
 void draw_map(const MapPicture& picture, const MapOptions& options,
               const std::function<void(Canvas&)>& finish) {
-  check(picture.field);
+  check_field(picture.field);
   const ColouredMap map = colour_map(picture, options);
   const Tally counts = tally(picture.field, map.ends_um);
   const TypeSizes type = type_sizes(options.width, options.height);
   const TextStyle body{.size_px = type.body};
   const View direction = fit_view({}, options.from, options.up, {});
   // The scene is built first, because measuring text waits while another thread draws a picture.
-  SurfaceScene scene = surface_scene(picture.field, map.values, map.scale, direction.toward);
+  SurfaceScene scene = surface_scene(picture.field, map.values, map.scale, direction.toward_eye);
   if (options.isolines) scene.wires.push_back(isolines(picture.field, map.values, map.levels));
   std::vector<std::string> lines;
   const double width = options.width - 80.0 * type.unit;
@@ -311,9 +312,9 @@ void draw_map(const MapPicture& picture, const MapOptions& options,
   draw_head(canvas, p, title, picture.figures, type);
   draw_strip(canvas, p, view, counts, body);
   draw_scale(canvas, p, picture, options, map, counts, body);
-  triad(canvas, view, p.triad, 46.0 * type.unit, body);
+  draw_triad(canvas, view, p.triad, 46.0 * type.unit, body);
   draw_flags(canvas, flags, p.map, body);
-  paragraph(canvas, {p.margin, p.strip.y}, lines, body);
+  draw_paragraph(canvas, {p.margin, p.strip.y}, lines, body);
   finish(canvas);
 }
 

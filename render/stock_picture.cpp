@@ -170,7 +170,7 @@ std::vector<Flag> mark_flags(const StockPicture& picture, const View& view,
     const StockPicture::Mark& mark = picture.marks[i];
     if (selected[i] != 0)
       flags.push_back(
-          {projected(view, at[i]), mark.text + (hidden[i] != 0 ? ", behind" : ""), hidden[i] != 0});
+          {project(view, at[i]), mark.text + (hidden[i] != 0 ? ", behind" : ""), hidden[i] != 0});
   }
   return flags;
 }
@@ -205,27 +205,27 @@ void write_stock_picture(const std::filesystem::path& path, const StockPicture& 
   Canvas canvas(picture.width, picture.height);
   const View view = fit_view(field.design.vertices, picture.from, picture.up, map);
   canvas.scene(view, skin_solids(field, scale), {});
-  paragraph(canvas, {margin, picture.height - 30.0 * u}, head, title);
+  draw_paragraph(canvas, {margin, picture.height - 30.0 * u}, head, title);
   const double middle = strip + 32.0 * u;
-  scale_bar(canvas, view, {margin, middle}, 0.22 * map.width, body);
+  draw_scale_bar(canvas, view, {margin, middle}, 0.22 * map.width, body);
   if (std::ranges::find(field.status, std::uint8_t(2)) != field.status.end())
-    swatch(canvas, {margin + 0.42 * map.width, middle}, colours::outside,
-           "not compared with the design", body);
+    draw_swatch(canvas, {margin + 0.42 * map.width, middle}, colours::outside,
+                "not compared with the design", body);
   if (has_compared_vertices(field)) {
     const double lowest =
         field.deviation_um.array().isFinite().select(field.deviation_um, ends.lower).minCoeff();
     const double highest =
         field.deviation_um.array().isFinite().select(field.deviation_um, ends.upper).maxCoeff();
     ColourBar side_bar{scale, lowest<ends.lower, highest> ends.upper};
-    side_bar.shares = histogram_fractions(field.deviation_um, field.design.area, ends,
-                                          std::max(8, int(bar.height / 7.0)));
+    side_bar.histogram = histogram_fractions(field.deviation_um, field.design.area, ends,
+                                             std::max(8, int(bar.height / 7.0)));
     side_bar.histogram_px = 74.0 / 38.0 * bar.width;
-    colour_bar(canvas, bar, side_bar, body);
+    draw_colour_bar(canvas, bar, side_bar, body);
   }
-  triad(canvas, view, {picture.width - margin - 0.5 * side + 30.0 * u, bottom + 62.0 * u}, 46.0 * u,
-        body);
+  draw_triad(canvas, view, {picture.width - margin - 0.5 * side + 30.0 * u, bottom + 62.0 * u},
+             46.0 * u, body);
   draw_flags(canvas, mark_flags(picture, view, field.design), map, body);
-  paragraph(canvas, {margin, strip}, lines, body);
+  draw_paragraph(canvas, {margin, strip}, lines, body);
   canvas.write_png(path);
 }
 

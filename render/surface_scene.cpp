@@ -121,7 +121,7 @@ struct MapOutline {
   std::vector<int> folds;  ///< sharp edges and silhouettes, two vertices each
 };
 
-MapOutline map_outline(const cutting::Design& design, const Vector3d& toward) {
+MapOutline map_outline(const cutting::Design& design, const Vector3d& toward_eye) {
   constexpr double sharp_cosine = 0.866;  // 30 degrees
   // Ratio of height to length of a triangle; the normal of a thinner one is inaccurate.
   constexpr double min_aspect = 0.05;
@@ -153,7 +153,7 @@ MapOutline map_outline(const cutting::Design& design, const Vector3d& toward) {
     const Vector3d a = triangle_normals.row(triangle);
     const Vector3d b = triangle_normals.row(sides[i + 1].triangle);
     // At the silhouette one triangle faces the eye and the other does not.
-    if (a.dot(b) < sharp_cosine || a.dot(toward) * b.dot(toward) < 0.0)
+    if (a.dot(b) < sharp_cosine || a.dot(toward_eye) * b.dot(toward_eye) < 0.0)
       outline.folds.insert(outline.folds.end(), {low, high});
   }
   outline.rims = Rims(design, vertex_normals, std::move(outline.rims)).edges_without_seams();
@@ -184,7 +184,7 @@ std::size_t triangle_appearance(const Field& field, const Eigen::RowVector3i& t)
 
 }  // namespace
 
-void check(const Field& field) {
+void check_field(const Field& field) {
   const Eigen::Index n = field.design.vertices.rows();
   require(field.deviation_um.size() == n, "map: one deviation a vertex is needed");
   require(field.status.size() == static_cast<std::size_t>(n), "map: one status a vertex is needed");
@@ -199,7 +199,7 @@ void check(const Field& field) {
 }
 
 SurfaceScene surface_scene(const Field& field, const Eigen::VectorXd& values,
-                           const ColourScale& scale, const Eigen::Vector3d& toward) {
+                           const ColourScale& scale, const Eigen::Vector3d& toward_eye) {
   std::array<std::vector<int>, 4> corners;
   for (const auto& t : field.design.triangles.rowwise()) {
     auto& list = corners[triangle_appearance(field, t)];
@@ -226,7 +226,7 @@ SurfaceScene surface_scene(const Field& field, const Eigen::VectorXd& values,
     }
     scene.solids.push_back(std::move(solid));
   }
-  const MapOutline lines = map_outline(field.design, toward);
+  const MapOutline lines = map_outline(field.design, toward_eye);
   scene.wires.push_back(make_wire(field.design.vertices, lines.folds, {0.55, 0.56, 0.58}, 1.2));
   scene.wires.push_back(make_wire(field.design.vertices, lines.rims, {0.3, 0.31, 0.33}, 2.0));
   return scene;
@@ -309,8 +309,8 @@ int overlap_cost(const Rectangle& box, const std::vector<Rectangle>& labels,
 Rectangle place_label(const Vector2d& point, const Vector2d& size,
                       const std::vector<Rectangle>& labels, const std::vector<Vector2d>& points,
                       const Rectangle& area, double em) {
-  Rectangle best = shift_into({point.x() + em, point.y() + em, size.x(), size.y()}, area);
-  int min_cost = overlap_cost(best, labels, points, em);
+  Rectangle best_box = shift_into({point.x() + em, point.y() + em, size.x(), size.y()}, area);
+  int min_cost = overlap_cost(best_box, labels, points, em);
   // Twelve directions are tried at growing distances until a position has no overlap.
   for (const double distance : {1.6, 3.0, 5.0, 8.0}) {
     for (int k = 0; k < 12 && min_cost > 0; ++k) {
@@ -324,11 +324,11 @@ Rectangle place_label(const Vector2d& point, const Vector2d& size,
       if (!is_within(box, area)) continue;
       const int cost = overlap_cost(box, labels, points, em);
       if (cost >= min_cost) continue;
-      best = box;
+      best_box = box;
       min_cost = cost;
     }
   }
-  return best;
+  return best_box;
 }
 
 /// Returns the point of a rectangle that is nearest to another point.
@@ -348,7 +348,7 @@ void draw_disc(Canvas& canvas, const Vector2d& middle, double radius, const Colo
 
 bool is_hidden(const View& view, const cutting::Design& design, const Vector3d& point) {
   Eigen::Matrix3d to_view;
-  to_view << view.right.transpose(), view.up.transpose(), view.toward.transpose();
+  to_view << view.right.transpose(), view.up.transpose(), view.toward_eye.transpose();
   const Vector3d p = to_view * point;
   // The surface around the point itself does not hide it.
   const double min_distance = 3.0 * view.mm_per_px;
@@ -391,7 +391,7 @@ void draw_flags(Canvas& canvas, const std::vector<Flag>& flags, const Rectangle&
   for (std::size_t i = 0; i < flags.size(); ++i)
     canvas.line({flags[i].at, nearest_point(boxes[i], flags[i].at)}, colours::ink, em / 11.0);
   TextStyle centred = style;
-  centred.across = centred.upward = 0.5;
+  centred.horizontal_anchor = centred.vertical_anchor = 0.5;
   for (std::size_t i = 0; i < flags.size(); ++i) {
     draw_disc(canvas, flags[i].at, 0.34 * em, colours::white);
     draw_disc(canvas, flags[i].at, 0.26 * em, colours::ink);

@@ -13,7 +13,7 @@ namespace abbe::render {
 /// Checks a field.
 /// @throws std::invalid_argument if array sizes do not match, a triangle refers to a missing vertex
 ///         or a cut vertex has no finite deviation
-void check(const Field& field);
+void check_field(const Field& field);
 
 /// A design coloured by values, with its rims, sharp edges and silhouette. Triangles with a corner
 /// that is not cut are grey. The surface is shown smooth, without facets, also if the field has no
@@ -23,9 +23,9 @@ struct SurfaceScene {
   std::vector<Wire> wires;
 };
 /// @param values  (n) values in the unit of the scale; ignored where not cut
-/// @param toward  unit vector towards the eye, for the silhouette
+/// @param toward_eye  unit vector, for the silhouette
 SurfaceScene surface_scene(const Field& field, const Eigen::VectorXd& values,
-                           const ColourScale& scale, const Eigen::Vector3d& toward);
+                           const ColourScale& scale, const Eigen::Vector3d& toward_eye);
 
 /// Returns the lines of equal value on the triangles that are cut.
 Wire isolines(const Field& field, const Eigen::VectorXd& values, const std::vector<double>& levels);

@@ -250,7 +250,7 @@ std::vector<Key> curve_keys() {
   // The manual describes curves of angles and of lengths together, so every key appears with both
   // units.
   const std::vector<Key> keys = curve_fields({}, {"_um", "_mm"}, 0).keys();
-  return with_other_unit(with_other_unit(keys, "um", "urad"), "mm", "deg");
+  return allow_other_unit(allow_other_unit(keys, "um", "urad"), "mm", "deg");
 }
 
 namespace {

@@ -68,8 +68,8 @@ double in_unit(double value, double unit) {
   return quotient;
 }
 
-std::vector<Key> with_other_unit(std::vector<Key> keys, const std::string& unit,
-                                 const std::string& other) {
+std::vector<Key> allow_other_unit(std::vector<Key> keys, const std::string& unit,
+                                  const std::string& other) {
   const std::string either_unit = "_(" + unit + "|" + other + ")_";
   for (Key& key : keys) {
     std::string names = "_" + (key.pattern.empty() ? key.name : key.pattern) + "_";
@@ -77,8 +77,8 @@ std::vector<Key> with_other_unit(std::vector<Key> keys, const std::string& unit,
       names.replace(at, unit.size() + 2, either_unit);
       key.pattern = names.substr(1, names.size() - 2);
     }
-    key.keys = with_other_unit(std::move(key.keys), unit, other);
-    for (Word& word : key.words) word.keys = with_other_unit(std::move(word.keys), unit, other);
+    key.keys = allow_other_unit(std::move(key.keys), unit, other);
+    for (Word& word : key.words) word.keys = allow_other_unit(std::move(word.keys), unit, other);
   }
   return keys;
 }
@@ -146,9 +146,9 @@ void FieldList::read_into(TableReader& reader, void* target) const {
   for (const Field& field : fields_) field.read(reader, target);
 }
 
-void FieldList::read_table_into(const Node& table, const std::string& where,
+void FieldList::read_table_into(const Node& table, const std::string& section_name,
                                 InputErrors& input_errors, void* target) const {
-  TableReader reader(table, where, input_errors);
+  TableReader reader(table, section_name, input_errors);
   read_into(reader, target);
   reader.close();
 }
@@ -178,10 +178,10 @@ void FieldList::add_number(const KeyName& name, Member member, const NumberAcces
   add(
       {*key},
       [key, member, access, unit](TableReader& reader, void* target) {
-        const auto written = reader.number_as_written(key->name, key->range);
+        const auto stated_value = reader.number_as_written(key->name, key->range);
         if (key->required && !reader.has(key->name)) reader.missing(key->name, "a number");
-        if (written)
-          access.set(member(target), *written * unit);
+        if (stated_value)
+          access.set(member(target), *stated_value * unit);
         else if (key->required)
           // One is harmless as a factor, a divisor and a length, so reading can continue.
           access.set(member(target), 1.0);

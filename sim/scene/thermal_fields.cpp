@@ -208,7 +208,7 @@ void read_elements(TableReader& reader, ThermalDescription& thermal,
   }
 }
 
-Node::Array written_elements(const ThermalDescription& thermal, const ThermalSetting& setting) {
+Node::Array elements_to_tables(const ThermalDescription& thermal, const ThermalSetting& setting) {
   Node::Array elements;
   for (const errors::ThermalElement& element : thermal.errors.elements)
     elements.push_back(Node{{}, element_fields(element.name, setting).written(element)});
@@ -266,7 +266,7 @@ void read_axes(TableReader& reader, ThermalDescription& thermal, const ThermalSe
   if (!setting.machine.joints.empty()) axes_reader.close();
 }
 
-Node::Table written_axes(const ThermalDescription& thermal, const ThermalSetting& setting) {
+Node::Table axes_to_table(const ThermalDescription& thermal, const ThermalSetting& setting) {
   Node::Table axes;
   for (const errors::AxisExpansion& axis : thermal.errors.expansions)
     put(axes, std::string(1, axis.axis), axis_expansion_fields(setting.nodes).written(axis));
@@ -308,7 +308,7 @@ void read_workpiece(TableReader& reader, ThermalDescription& thermal,
 
 Fields<ThermalDescription> thermal_effect_fields(const ThermalSetting& setting) {
   Key elements = make_key("element", Key::Kind::Tables, "what heat adds to an element, each once");
-  elements.keys = with_other_unit(element_fields({}, setting).keys(), "um", "urad");
+  elements.keys = allow_other_unit(element_fields({}, setting).keys(), "um", "urad");
   Key workpiece = make_key("workpiece", Key::Kind::Table,
                            "growth of the workpiece, which is judged at 20 deg C (ISO 1), whatever "
                            "`reference_C` is");
@@ -320,7 +320,7 @@ Fields<ThermalDescription> thermal_effect_fields(const ThermalSetting& setting) 
             read_elements(reader, thermal, setting);
           },
           [&setting](const ThermalDescription& thermal, Node::Table& table) {
-            Node::Array elements = written_elements(thermal, setting);
+            Node::Array elements = elements_to_tables(thermal, setting);
             if (!elements.empty()) put(table, "element", std::move(elements));
           })
       .custom(
@@ -329,7 +329,7 @@ Fields<ThermalDescription> thermal_effect_fields(const ThermalSetting& setting) 
             read_axes(reader, thermal, setting);
           },
           [&setting](const ThermalDescription& thermal, Node::Table& table) {
-            Node::Table axes = written_axes(thermal, setting);
+            Node::Table axes = axes_to_table(thermal, setting);
             if (!axes.empty()) put(table, "axis", std::move(axes));
           })
       .custom(
@@ -357,9 +357,9 @@ std::uint64_t sensor_seed(std::uint64_t scene_seed, const std::string& name) {
 
 // ---- sensors
 
-/// @param taken  names of the preceding sensors
+/// @param used_names  names of the preceding sensors
 Fields<errors::TemperatureSensor> sensor_fields(const ThermalSetting& setting,
-                                                const std::vector<std::string>& taken) {
+                                                const std::vector<std::string>& used_names) {
   using errors::TemperatureSensor;
   constexpr std::int64_t max_seed = std::numeric_limits<std::int64_t>::max();
   const std::uint64_t scene_seed = setting.seed;
@@ -368,8 +368,8 @@ Fields<errors::TemperatureSensor> sensor_fields(const ThermalSetting& setting,
   seed_key.range = {0.0, double(max_seed)};
   return Fields<TemperatureSensor>()
       .text(must("name"), &TemperatureSensor::name, "of the sensor, each once")
-      .check([taken](TableReader& reader, TemperatureSensor& sensor) {
-        check_name_is_free(reader, sensor.name, taken, "every sensor once");
+      .check([used_names](TableReader& reader, TemperatureSensor& sensor) {
+        check_name_is_free(reader, sensor.name, used_names, "every sensor once");
       })
       .all_of(std::identity{},
               node_fields<TemperatureSensor>(must("node"), &TemperatureSensor::node, setting.nodes,
@@ -380,7 +380,7 @@ Fields<errors::TemperatureSensor> sensor_fields(const ThermalSetting& setting,
       .number("resolution_K", &TemperatureSensor::resolution_K, non_negative, "0: not rounded")
       .number("lag_s", &TemperatureSensor::lag_s, non_negative,
               "time constant of the sensor's own mass")
-      .number("sampling_s", &TemperatureSensor::sampling_s, {1e-4, longest_s},
+      .number("sampling_s", &TemperatureSensor::sampling_s, {1e-4, max_time_s},
               "between samples, between which the last reading stands")
       .custom(
           {seed_key},
@@ -495,7 +495,7 @@ Fields<Plot> plot_fields(const ThermalSetting& setting, const std::vector<Plot>&
               })
       .check(report_repeated_name)
       .custom(
-          with_other_unit({range}, "mm", "deg"),
+          allow_other_unit({range}, "mm", "deg"),
           [&setting](TableReader& reader, Plot& plot) { read_range(reader, plot, setting); },
           [&setting](const Plot& plot, Node::Table& table) { write_range(plot, table, setting); });
 }
@@ -539,7 +539,7 @@ Fields<ThermalDescription> state_fields() {
       .boolean("powered", &Thermal::powered, "the machine is switched on while the program runs")
       .boolean("coolant", &Thermal::coolant, "the coolant flows while the program runs")
       .number("coolant_C", &Thermal::coolant_T_C, temperature_range, "temperature of the coolant")
-      .number("interval_s", &Thermal::interval, {1e-3, longest_s},
+      .number("interval_s", &Thermal::interval, {1e-3, max_time_s},
               "in the program speeds and cutting power are averaged over stretches of this length");
 }
 

@@ -46,8 +46,8 @@ void check_binding(const errors::ThermalErrors& effect, const ThermalSetting& se
 }
 
 void check_name_is_free(TableReader& reader, const std::string& name,
-                        const std::vector<std::string>& taken, const char* expected) {
-  if (!name.empty() && std::find(taken.begin(), taken.end(), name) != taken.end())
+                        const std::vector<std::string>& used_names, const char* expected) {
+  if (!name.empty() && std::find(used_names.begin(), used_names.end(), name) != used_names.end())
     reader.refuse("name", expected, name + " again");
 }
 
@@ -72,7 +72,7 @@ std::optional<std::string> time_key(TableReader& reader, const std::string& stem
   return std::nullopt;
 }
 
-int node_of(TableReader& reader, const std::string& key, const std::vector<std::string>& nodes) {
+int read_node(TableReader& reader, const std::string& key, const std::vector<std::string>& nodes) {
   const std::string name = reader.text(key);
   // A missing name is reported already; 0 is a valid index.
   if (name.empty()) return 0;
@@ -213,7 +213,7 @@ std::vector<Key> axis_speed_keys() {
 }
 
 Range duration_range(const std::string& key) {
-  return {0.0, longest_s / unit_of(key), true, false};
+  return {0.0, max_time_s / unit_of(key), true, false};
 }
 
 Fields<ThermalPhase> phase_fields(const ThermalSetting& setting) {
@@ -299,14 +299,14 @@ struct ThermalNodeEntry {
   std::optional<double> start_T_C;
 };
 
-Fields<ThermalNodeEntry> node_table_fields(const std::vector<std::string>& taken) {
+Fields<ThermalNodeEntry> node_table_fields(const std::vector<std::string>& used_names) {
   using errors::ThermalNode;
-  const auto check_name = [taken](TableReader& reader, ThermalNode& node) {
+  const auto check_name = [used_names](TableReader& reader, ThermalNode& node) {
     // Links denote the surroundings by these names.
     if (node.name == "room" || node.name == "coolant")
       reader.refuse("name", "a node not named room or coolant, which links know already",
                     node.name);
-    check_name_is_free(reader, node.name, taken, "every node once");
+    check_name_is_free(reader, node.name, used_names, "every node once");
   };
   const auto node = Fields<ThermalNode>()
                         .text(must("name"), &ThermalNode::name, "not `room` or `coolant`")
@@ -438,8 +438,8 @@ void read_links(TableReader& reader, errors::ThermalNetwork& network,
   }
 }
 
-Node::Array written_links(const errors::ThermalNetwork& network,
-                          const std::vector<std::string>& nodes) {
+Node::Array links_to_tables(const errors::ThermalNetwork& network,
+                            const std::vector<std::string>& nodes) {
   Node::Array links;
   const auto add = [&](const End& a, const End& b, double conductance) {
     links.push_back(Node{{}, link_fields(nodes).written({std::array{a, b}, conductance})});
@@ -581,7 +581,7 @@ Fields<ThermalDescription> thermal_link_fields(const std::vector<std::string>& n
         read_links(reader, thermal.network, nodes);
       },
       [&nodes](const ThermalDescription& thermal, Node::Table& table) {
-        put(table, "link", written_links(thermal.network, nodes));
+        put(table, "link", links_to_tables(thermal.network, nodes));
       });
 }
 

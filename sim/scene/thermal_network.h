@@ -15,7 +15,7 @@
 namespace abbe::sim {
 
 inline constexpr Range temperature_range{ThermalDescription::min_T_C, ThermalDescription::max_T_C};
-inline constexpr double longest_s = 1e10;  // three centuries
+inline constexpr double max_time_s = 1e10;  // three centuries
 
 /// The parts of the scene that reading `[thermal]` needs.
 struct ThermalSetting {
@@ -36,10 +36,10 @@ void check_binding(const errors::ThermalErrors& effect, const ThermalSetting& se
                    const Place& place, InputErrors& input_errors);
 
 /// Reports a name that another table of the list has.
-/// @param taken  names of the other tables
+/// @param used_names  names of the other tables
 /// @param expected  text of the message
 void check_name_is_free(TableReader& reader, const std::string& name,
-                        const std::vector<std::string>& taken, const char* expected);
+                        const std::vector<std::string>& used_names, const char* expected);
 
 /// Returns the keys of a time, or of a list of times, in h, min and s, of which a table has one.
 std::vector<Key> time_keys(const std::string& stem, Key::Kind kind, const char* sentence);
@@ -48,7 +48,7 @@ std::vector<Key> time_keys(const std::string& stem, Key::Kind kind, const char* 
 std::optional<std::string> time_key(TableReader& reader, const std::string& stem);
 
 /// Returns the index of the node that a key names. If there is none, reports it and returns 0.
-int node_of(TableReader& reader, const std::string& key, const std::vector<std::string>& nodes);
+int read_node(TableReader& reader, const std::string& key, const std::vector<std::string>& nodes);
 /// Reports a node that is not in the network.
 void report_unknown_node(const Place& place, const std::string& expected, const std::string& name,
                          const std::vector<std::string>& nodes, InputErrors& input_errors);
@@ -63,7 +63,7 @@ Fields<T> node_fields(const KeyName& name, M member, const std::vector<std::stri
       {key},
       [key, member, &nodes](TableReader& reader, T& target) {
         if (key.required || reader.accept_key(key.name))
-          std::invoke(member, target) = node_of(reader, key.name, nodes);
+          std::invoke(member, target) = read_node(reader, key.name, nodes);
       },
       [key, member, &nodes](const T& source, Node::Table& table) {
         const std::optional<int> node = std::invoke(member, source);

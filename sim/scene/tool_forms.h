@@ -14,11 +14,11 @@ namespace abbe::sim {
 
 /// Makes a key required for the nominal tool (`must`), or optional for the actual one
 /// (`optional_actual`).
-using Asked = KeyName (*)(KeyName);
+using ToolKeyFunction = KeyName (*)(KeyName);
 KeyName optional_actual(KeyName key);
 /// Returns a key that is optional for both tools; that of the actual tool defaults to the nominal
 /// value.
-KeyName left_out(Asked asked, const KeyName& key);
+KeyName optional_for_both(ToolKeyFunction tool_key, const KeyName& key);
 
 /// Returns true if all required keys are present.
 bool has_all_keys(const TableReader& reader, const std::vector<Key>& keys);
@@ -27,7 +27,7 @@ bool has_all_keys(const TableReader& reader, const std::vector<Key>& keys);
 struct FormSelector {
   ToolForm ToolDescription::*form;
   ToolShape ToolDescription::*shape;
-  Asked asked;
+  ToolKeyFunction tool_key;
 };
 inline constexpr FormSelector nominal_selector{&ToolDescription::nominal_form,
                                                &ToolDescription::nominal, must};

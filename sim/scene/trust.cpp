@@ -138,16 +138,16 @@ Scene read_trusted_scene(const fs::path& file, const std::vector<Override>& over
   return scene;
 }
 
-void trust(Scene& scene, const CaseDescription& typed) {
-  if (typed.plug_in.empty()) return;
-  scene.trusted.push_back(typed.plug_in);
+void trust(Scene& scene, const CaseDescription& compensator) {
+  if (compensator.plug_in.empty()) return;
+  scene.trusted.push_back(compensator.plug_in);
   // Results must not overwrite the program, so it becomes a file of the scene.
-  scene.files.push_back(typed.plug_in);
+  scene.files.push_back(compensator.plug_in);
 }
 
-void trust(Scene& scene, const std::string& typed_case) {
+void trust(Scene& scene, const std::string& case_name) {
   // A name with a dot or slash denotes a plug-in file.
-  if (typed_case.find_first_of("./") != std::string::npos) trust(scene, plug_in_case(typed_case));
+  if (case_name.find_first_of("./") != std::string::npos) trust(scene, plug_in_case(case_name));
 }
 
 void check_trusted(const Scene& scene, const fs::path& program) {

@@ -42,8 +42,8 @@ Scene read_trusted_scene(const std::filesystem::path& file, const std::vector<Ov
                          const Permissions& permissions);
 
 /// Adds a compensator from the command line to the trusted programs, if it is a program.
-void trust(Scene& scene, const CaseDescription& typed);
-void trust(Scene& scene, const std::string& typed_case);
+void trust(Scene& scene, const CaseDescription& compensator);
+void trust(Scene& scene, const std::string& case_name);
 
 /// Checks a program immediately before its start.
 /// @throws BadInput if the scene may not run it
