@@ -19,10 +19,10 @@ namespace {
 using Eigen::Index;
 using Eigen::Vector2d;
 
-void check_sizes(const Series& s) {
-  const bool has_band = s.lower.size() > 0 || s.upper.size() > 0;
-  if (s.x.size() != s.y.size() ||
-      (has_band && (s.lower.size() != s.x.size() || s.upper.size() != s.x.size())))
+void check_sizes(const Series& series) {
+  const bool has_band = series.lower.size() > 0 || series.upper.size() > 0;
+  if (series.x.size() != series.y.size() || (has_band && (series.lower.size() != series.x.size() ||
+                                                          series.upper.size() != series.x.size())))
     throw std::invalid_argument("curves: x, y and both edges of a band need one size");
 }
 
@@ -30,7 +30,7 @@ void check_panels(const std::vector<Panel>& panels) {
   if (panels.empty()) throw std::invalid_argument("curves: at least one panel is needed");
   for (const Panel& panel : panels) {
     if (panel.series.empty()) throw std::invalid_argument("curves: a panel needs a series");
-    for (const Series& s : panel.series) check_sizes(s);
+    for (const Series& series : panel.series) check_sizes(series);
   }
 }
 
@@ -41,14 +41,14 @@ void include(std::optional<Span>& span, double value) {
   widen(*span, value);
 }
 
-void include(Extent& extent, const Series& s) {
-  for (Index i = 0; i < s.x.size(); ++i) {
-    if (!std::isfinite(s.x[i])) continue;
-    include(extent.x, s.x[i]);
-    include(extent.y, s.y[i]);
-    if (s.lower.size() == 0) continue;
-    include(extent.y, s.lower[i]);
-    include(extent.y, s.upper[i]);
+void include(Extent& extent, const Series& series) {
+  for (Index i = 0; i < series.x.size(); ++i) {
+    if (!std::isfinite(series.x[i])) continue;
+    include(extent.x, series.x[i]);
+    include(extent.y, series.y[i]);
+    if (series.lower.size() == 0) continue;
+    include(extent.y, series.lower[i]);
+    include(extent.y, series.upper[i]);
   }
 }
 
@@ -95,72 +95,75 @@ Ticks named_ticks(const std::vector<std::string>& names, const Axes& axes, const
   return ticks;
 }
 
-std::string x_tick_label(const Panel& panel, const PanelGeometry& p, double value) {
-  return panel.x_names.empty() ? fixed(value, p.x.decimals)
+std::string x_tick_label(const Panel& panel, const PanelGeometry& geometry, double value) {
+  return panel.x_names.empty() ? fixed(value, geometry.x.decimals)
                                : panel.x_names[std::size_t(std::lround(value))];
 }
 
 PanelGeometry panel_geometry(const Panel& panel, const Rectangle& cell, const Extent& extent,
                              const PanelStyle& style) {
-  PanelGeometry p;
-  p.axes.x = extent.x.value_or(Span{});
+  PanelGeometry geometry;
+  geometry.axes.x = extent.x.value_or(Span{});
   const Span y = extent.y.value_or(Span{});
-  const bool has_marks = std::any_of(panel.series.begin(), panel.series.end(),
-                                     [](const Series& s) { return s.mark != Mark::Line; });
+  const bool has_marks =
+      std::any_of(panel.series.begin(), panel.series.end(),
+                  [](const Series& series) { return series.mark != Mark::Line; });
   // Marks at the edge of the axes would be cut in half.
-  if (has_marks || p.axes.x.lower == p.axes.x.upper) p.axes.x = pad_span(p.axes.x);
-  p.axes.y = pad_span(y);
+  if (has_marks || geometry.axes.x.lower == geometry.axes.x.upper)
+    geometry.axes.x = pad_span(geometry.axes.x);
+  geometry.axes.y = pad_span(y);
   const double em = style.body.size_px;
   // Space for the tick labels and for the axis label below them.
   const double below = (panel.x_label.empty() ? 1.9 : 3.4) * em;
   const double above = panel.title.empty() ? 0.8 * em : line_height(style.title) + 0.6 * em;
-  p.axes.box.y = cell.y + below;
-  p.axes.box.height = cell.height - below - above;
-  p.y = fitting_ticks(p.axes.y, p.axes.box.height, style.body, AxisDirection::Y);
+  geometry.axes.box.y = cell.y + below;
+  geometry.axes.box.height = cell.height - below - above;
+  geometry.y =
+      fitting_ticks(geometry.axes.y, geometry.axes.box.height, style.body, AxisDirection::Y);
   const double left = style.ticks_px + (panel.y_label.empty() ? 1.4 : 3.0) * em;
-  p.axes.box.x = cell.x + left;
-  p.axes.box.width = cell.width - left - style.side_px - 1.2 * em;
-  p.x = panel.x_names.empty()
-            ? fitting_ticks(p.axes.x, p.axes.box.width, style.body, AxisDirection::X)
-            : named_ticks(panel.x_names, p.axes, style.body);
-  return p;
+  geometry.axes.box.x = cell.x + left;
+  geometry.axes.box.width = cell.width - left - style.side_px - 1.2 * em;
+  geometry.x = panel.x_names.empty() ? fitting_ticks(geometry.axes.x, geometry.axes.box.width,
+                                                     style.body, AxisDirection::X)
+                                     : named_ticks(panel.x_names, geometry.axes, style.body);
+  return geometry;
 }
 
-void draw_axes(Canvas& canvas, const Panel& panel, const PanelGeometry& p,
+void draw_axes(Canvas& canvas, const Panel& panel, const PanelGeometry& geometry,
                const PanelStyle& style) {
-  const Axes& a = p.axes;
+  const Axes& axes = geometry.axes;
   const double em = style.body.size_px, thin = 1.5 * style.unit;
-  const Vector2d right(a.box.width, 0.0), up(0.0, a.box.height);
+  const Vector2d right(axes.box.width, 0.0), up(0.0, axes.box.height);
   TextStyle tick = style.body;
   tick.horizontal_anchor = 0.5;
   tick.vertical_anchor = 1.0;
-  for (const double value : p.x.values) {
-    const Vector2d tick_end(at(a, value, a.y.lower).x(), a.box.y);
+  for (const double value : geometry.x.values) {
+    const Vector2d tick_end(at(axes, value, axes.y.lower).x(), axes.box.y);
     canvas.line({tick_end, tick_end + up}, colours::rule, thin);
-    canvas.text(tick_end - Vector2d(0.0, 0.4 * em), x_tick_label(panel, p, value), tick);
+    canvas.text(tick_end - Vector2d(0.0, 0.4 * em), x_tick_label(panel, geometry, value), tick);
   }
   tick.horizontal_anchor = 1.0;
   tick.vertical_anchor = 0.5;
-  for (const double value : p.y.values) {
-    const Vector2d tick_end(a.box.x, at(a, a.x.lower, value).y());
+  for (const double value : geometry.y.values) {
+    const Vector2d tick_end(axes.box.x, at(axes, axes.x.lower, value).y());
     // A tick is a multiple of the step and may miss zero by rounding.
-    const bool is_zero = std::abs(value) < 1e-9 * (a.y.upper - a.y.lower);
+    const bool is_zero = std::abs(value) < 1e-9 * (axes.y.upper - axes.y.lower);
     canvas.line({tick_end, tick_end + right}, is_zero ? colours::faint_ink : colours::rule, thin);
-    canvas.text(tick_end - Vector2d(0.5 * em, 0.0), fixed(value, p.y.decimals), tick);
+    canvas.text(tick_end - Vector2d(0.5 * em, 0.0), fixed(value, geometry.y.decimals), tick);
   }
   TextStyle label = style.body;
   label.horizontal_anchor = 0.5;
   label.vertical_anchor = 1.0;
-  canvas.text({a.box.x + 0.5 * a.box.width, a.box.y - 1.9 * em}, panel.x_label, label);
+  canvas.text({axes.box.x + 0.5 * axes.box.width, axes.box.y - 1.9 * em}, panel.x_label, label);
   label.turned_left = true;
   label.vertical_anchor = 0.0;
-  const double label_x = a.box.x - style.ticks_px - 1.1 * em;
-  canvas.text({label_x, a.box.y + 0.5 * a.box.height}, panel.y_label, label);
-  canvas.frame(a.box, colours::faint_ink, thin);
+  const double label_x = axes.box.x - style.ticks_px - 1.1 * em;
+  canvas.text({label_x, axes.box.y + 0.5 * axes.box.height}, panel.y_label, label);
+  canvas.frame(axes.box, colours::faint_ink, thin);
 }
 
-void draw_band(Canvas& canvas, const Axes& a, const Series& s, int colour) {
-  if (s.lower.size() == 0) return;
+void draw_band(Canvas& canvas, const Axes& axes, const Series& series, int colour) {
+  if (series.lower.size() == 0) return;
   std::vector<Vector2d> low, high;
   // A canvas fills convex polygons only, so the band is filled as quadrilaterals.
   const auto flush = [&] {
@@ -169,13 +172,14 @@ void draw_band(Canvas& canvas, const Axes& a, const Series& s, int colour) {
     low.clear();
     high.clear();
   };
-  for (Index i = 0; i < s.x.size(); ++i) {
-    if (!std::isfinite(s.x[i]) || !std::isfinite(s.lower[i]) || !std::isfinite(s.upper[i])) {
+  for (Index i = 0; i < series.x.size(); ++i) {
+    if (!std::isfinite(series.x[i]) || !std::isfinite(series.lower[i]) ||
+        !std::isfinite(series.upper[i])) {
       flush();
       continue;
     }
-    const Vector2d below = at(a, s.x[i], std::min(s.lower[i], s.upper[i]));
-    const Vector2d above = at(a, s.x[i], std::max(s.lower[i], s.upper[i]));
+    const Vector2d below = at(axes, series.x[i], std::min(series.lower[i], series.upper[i]));
+    const Vector2d above = at(axes, series.x[i], std::max(series.lower[i], series.upper[i]));
     if (!low.empty() && std::abs(below.x() - low.back().x()) < 0.5) {  // same column of pixels
       low.back().y() = std::min(low.back().y(), below.y());
       high.back().y() = std::max(high.back().y(), above.y());
@@ -188,21 +192,21 @@ void draw_band(Canvas& canvas, const Axes& a, const Series& s, int colour) {
 }
 
 // A value that is not finite interrupts the curve.
-void draw_series(Canvas& canvas, const Axes& a, const Series& s, int colour, double unit) {
+void draw_series(Canvas& canvas, const Axes& axes, const Series& series, int colour, double unit) {
   std::vector<Vector2d> points;
   const auto flush = [&] {
     // Thinning to columns of pixels bounds the cost and does not change the picture.
-    if (s.mark != Mark::Points) draw_series_line(canvas, thinned(points), colour, 3.0 * unit);
-    if (s.mark != Mark::Line) {
+    if (series.mark != Mark::Points) draw_series_line(canvas, thinned(points), colour, 3.0 * unit);
+    if (series.mark != Mark::Line) {
       constexpr std::size_t max_marks = 20000;
       for (const Vector2d& p : points.size() > max_marks ? thinned(points) : points)
         draw_mark(canvas, p, colour, 10.0 * unit);
     }
     points.clear();
   };
-  for (Index i = 0; i < s.x.size(); ++i) {
-    if (std::isfinite(s.x[i]) && std::isfinite(s.y[i]))
-      points.push_back(at(a, s.x[i], s.y[i]));
+  for (Index i = 0; i < series.x.size(); ++i) {
+    if (std::isfinite(series.x[i]) && std::isfinite(series.y[i]))
+      points.push_back(at(axes, series.x[i], series.y[i]));
     else
       flush();
   }
@@ -217,10 +221,10 @@ int colour_index(const Panel& panel, std::size_t i) {
 std::vector<LegendEntry> legend(const Panel& panel) {
   std::vector<LegendEntry> entries;
   for (std::size_t i = 0; i < panel.series.size(); ++i) {
-    const Series& s = panel.series[i];
-    if (s.name.empty()) continue;
-    entries.push_back({s.name, colour_index(panel, i), s.mark != Mark::Points, s.mark != Mark::Line,
-                       s.lower.size() > 0});
+    const Series& series = panel.series[i];
+    if (series.name.empty()) continue;
+    entries.push_back({series.name, colour_index(panel, i), series.mark != Mark::Points,
+                       series.mark != Mark::Line, series.lower.size() > 0});
   }
   return entries;
 }
@@ -229,7 +233,7 @@ std::vector<LegendEntry> legend(const Panel& panel) {
 
 Extent extent(const Panel& panel) {
   Extent result;
-  for (const Series& s : panel.series) include(result, s);
+  for (const Series& series : panel.series) include(result, series);
   return result;
 }
 
@@ -237,27 +241,28 @@ double ticks_px(const std::vector<Panel>& panels, const Rectangle& cell_size,
                 const std::vector<Extent>& extents, const PanelStyle& style) {
   double max_width = 0.0;
   for (std::size_t i = 0; i < panels.size(); ++i) {
-    const PanelGeometry p = panel_geometry(panels[i], cell_size, extents[i], style);
-    for (const double value : p.y.values)
-      max_width = std::max(max_width, text_size(fixed(value, p.y.decimals), style.body).x());
+    const PanelGeometry geometry = panel_geometry(panels[i], cell_size, extents[i], style);
+    for (const double value : geometry.y.values)
+      max_width = std::max(max_width, text_size(fixed(value, geometry.y.decimals), style.body).x());
   }
   return max_width;
 }
 
 Axes draw_panel(Canvas& canvas, const Panel& panel, const Rectangle& cell, const Extent& extent,
                 const PanelStyle& style) {
-  const PanelGeometry p = panel_geometry(panel, cell, extent, style);
-  draw_axes(canvas, panel, p, style);
+  const PanelGeometry geometry = panel_geometry(panel, cell, extent, style);
+  draw_axes(canvas, panel, geometry, style);
   for (std::size_t i = 0; i < panel.series.size(); ++i)
-    draw_band(canvas, p.axes, panel.series[i], colour_index(panel, i));
+    draw_band(canvas, geometry.axes, panel.series[i], colour_index(panel, i));
   for (std::size_t i = 0; i < panel.series.size(); ++i)
-    draw_series(canvas, p.axes, panel.series[i], colour_index(panel, i), style.unit);
-  const double top = p.axes.box.y + p.axes.box.height;
+    draw_series(canvas, geometry.axes, panel.series[i], colour_index(panel, i), style.unit);
+  const double top = geometry.axes.box.y + geometry.axes.box.height;
   // The title may extend beyond the axes, because the legend is lower.
-  const double title_width = cell.x + cell.width - p.axes.box.x;
-  draw_paragraph(canvas, {p.axes.box.x, top + line_height(style.title) + 0.1 * style.title.size_px},
+  const double title_width = cell.x + cell.width - geometry.axes.box.x;
+  draw_paragraph(canvas,
+                 {geometry.axes.box.x, top + line_height(style.title) + 0.1 * style.title.size_px},
                  wrapped(panel.title, style.title, title_width, 1), style.title);
-  return p.axes;
+  return geometry.axes;
 }
 
 namespace {
@@ -269,7 +274,7 @@ std::vector<Extent> panel_extents(const std::vector<Panel>& panels, bool common_
   Extent total;
   for (const Panel& panel : panels) {
     extents.push_back(extent(panel));
-    for (const Series& s : panel.series) include(total, s);
+    for (const Series& series : panel.series) include(total, series);
   }
   for (Extent& panel_extent : extents)
     if (common_y) panel_extent.y = total.y;
@@ -314,9 +319,10 @@ void write_curves(const std::filesystem::path& path, const std::vector<Panel>& p
   style.ticks_px = ticks_px(panels, page_cell(p.inner, columns, rows, 0), extents, style);
   Canvas canvas(p.width, p.height);
   for (std::size_t i = 0; i < panels.size(); ++i) {
-    const Axes a =
+    const Axes axes =
         draw_panel(canvas, panels[i], page_cell(p.inner, columns, rows, i), extents[i], style);
-    const Vector2d corner(a.box.x + a.box.width + p.body.size_px, a.box.y + a.box.height);
+    const Vector2d corner(axes.box.x + axes.box.width + p.body.size_px,
+                          axes.box.y + axes.box.height);
     draw_legend_column(canvas, corner, style.side_px - p.body.size_px, legend(panels[i]),
                        panels[i].note, p.body);
   }
@@ -348,18 +354,19 @@ void write_grid(const std::filesystem::path& path, const std::vector<Panel>& pan
   style.ticks_px = ticks_px(panels, page_cell(inner, columns, rows, 0), extents, style);
   Canvas canvas(p.width, p.height);
   for (std::size_t i = 0; i < panels.size(); ++i) {
-    const Axes a =
+    const Axes axes =
         draw_panel(canvas, panels[i], page_cell(inner, columns, rows, i), extents[i], style);
     TextStyle note = style.body;
     note.colour = colours::faint_ink;
     note.horizontal_anchor = 1.0;
-    const double top = a.box.y + a.box.height + 0.35 * em;
-    const double note_width = a.box.width - text_size(panels[i].title, style.title).x() - em;
+    const double top = axes.box.y + axes.box.height + 0.35 * em;
+    const double note_width = axes.box.width - text_size(panels[i].title, style.title).x() - em;
     std::string text;
     for (const std::string& line : panels[i].note) text += (text.empty() ? "" : ", ") + line;
     // The note is omitted if the title leaves no space for it.
     if (!text.empty() && note_width > 2.0 * em)
-      canvas.text({a.box.x + a.box.width, top}, wrapped(text, note, note_width, 1).front(), note);
+      canvas.text({axes.box.x + axes.box.width, top}, wrapped(text, note, note_width, 1).front(),
+                  note);
   }
   draw_legend_row(canvas, {40.0 * unit, inner.y + inner.height + 0.5 * legend_height},
                   legend(panels.front()), p.body);

@@ -63,13 +63,13 @@ Bins fit_bins(const std::vector<std::vector<double>>& series) {
   const double largest = std::max(std::abs(span.lower), std::abs(span.upper));
   // Twelve bins across the narrowest series, but 40 to 300 in total.
   const double width = std::clamp(min_spread / 12.0, range / 300.0, range / 40.0);
-  Bins b;
+  Bins bins;
   // The rounding errors of the bin edges are below 1e-7 of the largest value.
-  b.width = round_up_125(std::max({width, 1e-7 * largest, 1e-9}));
-  const double first = std::floor(span.lower / b.width) - 1.0;
-  b.first = first * b.width;
-  b.count = std::size_t(std::floor(span.upper / b.width) - first) + 2;
-  return b;
+  bins.width = round_up_125(std::max({width, 1e-7 * largest, 1e-9}));
+  const double first = std::floor(span.lower / bins.width) - 1.0;
+  bins.first = first * bins.width;
+  bins.count = std::size_t(std::floor(span.upper / bins.width) - first) + 2;
+  return bins;
 }
 
 struct Histogram {
@@ -77,11 +77,11 @@ struct Histogram {
   std::size_t beyond = 0;  ///< number of values beyond the axis
 };
 
-Histogram histogram(const std::vector<double>& values, const Bins& b) {
-  Histogram h{std::vector<double>(b.count, 0.0), 0};
+Histogram histogram(const std::vector<double>& values, const Bins& bins) {
+  Histogram h{std::vector<double>(bins.count, 0.0), 0};
   for (const double value : values) {
-    const double bin = std::floor(value / b.width) - std::round(b.first / b.width);
-    if (bin >= 0.0 && bin < double(b.count))
+    const double bin = std::floor(value / bins.width) - std::round(bins.first / bins.width);
+    if (bin >= 0.0 && bin < double(bins.count))
       h.percent[std::size_t(bin)] += 100.0 / double(values.size());
     else
       ++h.beyond;
@@ -90,45 +90,49 @@ Histogram histogram(const std::vector<double>& values, const Bins& b) {
 }
 
 /// Returns the outline of a histogram, from the first non-empty bin to the last.
-Series outline(const Histogram& h, const Bins& b, int colour) {
+Series outline(const Histogram& histogram, const Bins& bins, int colour) {
   const auto is_filled = [](double percent) { return percent > 0.0; };
-  const auto first = std::find_if(h.percent.begin(), h.percent.end(), is_filled);
-  const auto last = std::find_if(h.percent.rbegin(), h.percent.rend(), is_filled).base();
-  Series s;
-  s.colour = colour;
+  const auto first = std::find_if(histogram.percent.begin(), histogram.percent.end(), is_filled);
+  const auto last =
+      std::find_if(histogram.percent.rbegin(), histogram.percent.rend(), is_filled).base();
+  Series series;
+  series.colour = colour;
   // All values of a series may be beyond the axis.
-  if (first == h.percent.end()) return s;
+  if (first == histogram.percent.end()) return series;
   const auto n = Eigen::Index(last - first);
-  s.x.resize(2 * n + 2);
-  s.y.setZero(2 * n + 2);
-  const double left = b.first + double(first - h.percent.begin()) * b.width;
-  for (Eigen::Index i = 0; i <= n; ++i) s.x[2 * i] = s.x[2 * i + 1] = left + double(i) * b.width;
-  for (Eigen::Index i = 0; i < n; ++i) s.y[2 * i + 1] = s.y[2 * i + 2] = first[i];
-  return s;
+  series.x.resize(2 * n + 2);
+  series.y.setZero(2 * n + 2);
+  const double left = bins.first + double(first - histogram.percent.begin()) * bins.width;
+  for (Eigen::Index i = 0; i <= n; ++i)
+    series.x[2 * i] = series.x[2 * i + 1] = left + double(i) * bins.width;
+  for (Eigen::Index i = 0; i < n; ++i) series.y[2 * i + 1] = series.y[2 * i + 2] = first[i];
+  return series;
 }
 
-void draw_outline(Canvas& canvas, const Axes& a, const Series& s, double width_px) {
+void draw_outline(Canvas& canvas, const Axes& axes, const Series& series, double width_px) {
   std::vector<Vector2d> points;
-  for (Eigen::Index i = 0; i < s.x.size(); ++i) points.push_back(at(a, s.x[i], s.y[i]));
-  draw_series_line(canvas, points, s.colour.value_or(0), width_px);
+  for (Eigen::Index i = 0; i < series.x.size(); ++i)
+    points.push_back(at(axes, series.x[i], series.y[i]));
+  draw_series_line(canvas, points, series.colour.value_or(0), width_px);
 }
 
-void draw_histogram_bars(Canvas& canvas, const Axes& a, const Histogram& h, const Bins& b,
-                         int colour) {
-  for (std::size_t i = 0; i < b.count; ++i) {
-    if (h.percent[i] <= 0.0) continue;
-    const double left = b.first + double(i) * b.width;
-    const Vector2d low = at(a, left, 0.0), high = at(a, left + b.width, h.percent[i]);
+void draw_histogram_bars(Canvas& canvas, const Axes& axes, const Histogram& histogram,
+                         const Bins& bins, int colour) {
+  for (std::size_t i = 0; i < bins.count; ++i) {
+    if (histogram.percent[i] <= 0.0) continue;
+    const double left = bins.first + double(i) * bins.width;
+    const Vector2d low = at(axes, left, 0.0),
+                   high = at(axes, left + bins.width, histogram.percent[i]);
     canvas.fill({low.x(), low.y(), high.x() - low.x(), high.y() - low.y()}, series_colour(colour),
                 0.22);
   }
 }
 
 /// Draws a regular polygon in the strip between zero and the lower edge of the axes.
-void draw_marker(Canvas& canvas, const Axes& a, double x, int corners, int colour, double size) {
+void draw_marker(Canvas& canvas, const Axes& axes, double x, int corners, int colour, double size) {
   // The negated comparison is true for NaN as well.
-  if (!(x >= a.x.lower && x <= a.x.upper)) return;
-  const Vector2d middle(at(a, x, 0.0).x(), 0.5 * (a.box.y + at(a, x, 0.0).y()));
+  if (!(x >= axes.x.lower && x <= axes.x.upper)) return;
+  const Vector2d middle(at(axes, x, 0.0).x(), 0.5 * (axes.box.y + at(axes, x, 0.0).y()));
   std::vector<Vector2d> shape;
   for (int i = 0; i < corners; ++i) {
     const double angle = pi * (0.5 + 2.0 * i / corners);
@@ -139,21 +143,22 @@ void draw_marker(Canvas& canvas, const Axes& a, double x, int corners, int colou
 
 constexpr int disc = 16, triangle = 3;
 
-void draw_limit(Canvas& canvas, const Axes& a, const DistributionOptions& options,
+void draw_limit(Canvas& canvas, const Axes& axes, const DistributionOptions& options,
                 const TextStyle& body) {
   if (!options.limit) return;
-  const bool is_within = *options.limit >= a.x.lower && *options.limit <= a.x.upper;
-  const double x = at(a, std::clamp(*options.limit, a.x.lower, a.x.upper), 0.0).x();
-  const double top = a.box.y + a.box.height;
+  const bool is_within = *options.limit >= axes.x.lower && *options.limit <= axes.x.upper;
+  const double x = at(axes, std::clamp(*options.limit, axes.x.lower, axes.x.upper), 0.0).x();
+  const double top = axes.box.y + axes.box.height;
   const Colour limit_colour{0.2, 0.45, 0.2};
-  if (is_within) canvas.line({{x, a.box.y}, {x, top}}, limit_colour, 3.0 * body.size_px / 22.0);
+  if (is_within) canvas.line({{x, axes.box.y}, {x, top}}, limit_colour, 3.0 * body.size_px / 22.0);
   const std::string text = options.limit_label + (is_within ? "" : ", beyond the axis");
   TextStyle style = body;
   style.colour = limit_colour;
   style.horizontal_anchor = 0.5;
   const double half_width = 0.5 * text_size(text, style).x();
-  const double centre = std::clamp(x, a.box.x + std::min(half_width, 0.5 * a.box.width),
-                                   a.box.x + a.box.width - std::min(half_width, 0.5 * a.box.width));
+  const double centre =
+      std::clamp(x, axes.box.x + std::min(half_width, 0.5 * axes.box.width),
+                 axes.box.x + axes.box.width - std::min(half_width, 0.5 * axes.box.width));
   canvas.text({centre, top + 0.25 * body.size_px}, text, style);
 }
 
@@ -221,10 +226,10 @@ void check_series(const std::vector<DistributionSeries>& series,
 }
 
 std::vector<std::string> caption(const std::vector<DistributionSeries>& series,
-                                 const std::vector<Histogram>& histograms, const Bins& b,
+                                 const std::vector<Histogram>& histograms, const Bins& bins,
                                  const DistributionOptions& options) {
   std::vector<std::string> lines{fmt::format("bins of {} {}  ·  disc: mean, triangle: P95",
-                                             fixed(b.width, round_decimals(b.width)),
+                                             fixed(bins.width, round_decimals(bins.width)),
                                              options.unit)};
   std::string beyond;
   for (std::size_t i = 0; i < series.size(); ++i)
@@ -257,18 +262,18 @@ void write_distribution(const std::filesystem::path& path,
   check_series(series, options);
   std::vector<std::vector<double>> sorted_values;
   for (const DistributionSeries& s : series) sorted_values.push_back(sort_finite(s.values));
-  const Bins b = fit_bins(sorted_values);
+  const Bins bins = fit_bins(sorted_values);
   Panel panel{{}, options.x_label, "share of the machines / %", {}, {}, {}};
   std::vector<Histogram> histograms;
   for (std::size_t i = 0; i < series.size(); ++i) {
-    histograms.push_back(histogram(sorted_values[i], b));
-    panel.series.push_back(outline(histograms.back(), b, int(i)));
+    histograms.push_back(histogram(sorted_values[i], bins));
+    panel.series.push_back(outline(histograms.back(), bins, int(i)));
   }
   const double unit = options.width / 1600.0;
   const TextStyle body{.size_px = 22.0 * unit};
   const double table = table_height(series.size(), body);
   const Page p = page(options.width, int(std::lround(options.height * 1.0 + table)), options.title,
-                      caption(series, histograms, b, options), unit);
+                      caption(series, histograms, bins, options), unit);
   const double em = body.size_px;
   PanelStyle style{p.body, {.size_px = 26.0 * unit, .bold = true}, unit};
   const Rectangle cell{p.inner.x, p.inner.y + table, p.inner.width,
@@ -276,16 +281,16 @@ void write_distribution(const std::filesystem::path& path,
   const Extent extent = extent_with_limit(panel, options);
   style.ticks_px = ticks_px({panel}, cell, {extent}, style);
   Canvas canvas(p.width, p.height);
-  const Axes a = draw_panel(canvas, panel, cell, extent, style);
+  const Axes axes = draw_panel(canvas, panel, cell, extent, style);
   for (std::size_t i = 0; i < series.size(); ++i)
-    draw_histogram_bars(canvas, a, histograms[i], b, int(i));
+    draw_histogram_bars(canvas, axes, histograms[i], bins, int(i));
   for (std::size_t i = 0; i < series.size(); ++i) {
     // Drawn again, because the bars of other series may hide the outline.
-    draw_outline(canvas, a, panel.series[i], 3.0 * unit);
-    if (series[i].mean) draw_marker(canvas, a, *series[i].mean, disc, int(i), 13.0 * unit);
-    if (series[i].p95) draw_marker(canvas, a, *series[i].p95, triangle, int(i), 17.0 * unit);
+    draw_outline(canvas, axes, panel.series[i], 3.0 * unit);
+    if (series[i].mean) draw_marker(canvas, axes, *series[i].mean, disc, int(i), 13.0 * unit);
+    if (series[i].p95) draw_marker(canvas, axes, *series[i].p95, triangle, int(i), 17.0 * unit);
   }
-  draw_limit(canvas, a, options, p.body);
+  draw_limit(canvas, axes, options, p.body);
   draw_table(canvas, series, options, {p.inner.x + em, p.inner.y, p.inner.width - 2.0 * em, table},
              p.body);
   draw_page(canvas, p);

@@ -42,18 +42,18 @@ struct Grid {
 
 /// Returns a grid with the panels in order; the two panels of a case are in the same row.
 Grid fill_grid(const std::vector<MapPanel>& panels, int columns) {
-  Grid g;
-  g.columns = columns;
+  Grid grid;
+  grid.columns = columns;
   int cell = 0;
   for (std::size_t i = 0; i < panels.size(); ++i) {
     const bool is_first_of_pair = i + 1 < panels.size() && panels[i + 1].has_own_scale;
     // The last cell of a row remains empty if it would separate a pair.
     if (is_first_of_pair && columns > 1 && cell % columns == columns - 1) ++cell;
-    g.at.push_back({cell % columns, cell / columns});
+    grid.at.push_back({cell % columns, cell / columns});
     ++cell;
   }
-  g.rows = g.at.back()[1] + 1;
-  return g;
+  grid.rows = grid.at.back()[1] + 1;
+  return grid;
 }
 
 /// Returns the grid whose picture is nearest to 4 : 3.
@@ -62,16 +62,16 @@ Grid best_grid(const std::vector<MapPanel>& panels, double width, double aspect,
   Grid result;
   double min_layout_cost = 0.0;
   for (int columns = 1; columns <= std::min(int(panels.size()), 4); ++columns) {
-    Grid g = fill_grid(panels, columns);
-    g.cell_width = (width - (columns - 1) * gap_px) / columns;
-    g.map_height = std::round(g.cell_width * std::clamp(aspect, 0.3, 1.1));
-    const double height = g.rows * (g.map_height + text_height + gap_px);
-    const int empty = g.rows * columns - int(panels.size());
+    Grid grid = fill_grid(panels, columns);
+    grid.cell_width = (width - (columns - 1) * gap_px) / columns;
+    grid.map_height = std::round(grid.cell_width * std::clamp(aspect, 0.3, 1.1));
+    const double height = grid.rows * (grid.map_height + text_height + gap_px);
+    const int empty = grid.rows * columns - int(panels.size());
     // The factor 0.7 accounts for the texts in the aspect ratio of 4 : 3. An empty cell costs as
     // much as a deviation of 15 % from this ratio.
     const double layout_cost = std::abs(std::log(width / height * 0.7)) + 0.15 * empty;
     if (columns == 1 || layout_cost < min_layout_cost) {
-      result = std::move(g);
+      result = std::move(grid);
       min_layout_cost = layout_cost;
     }
   }

@@ -33,36 +33,37 @@ struct MapPage {
 MapPage map_page(const MapOptions& options, const TypeSizes& type, std::size_t title_lines,
                  double text_height) {
   const double u = type.unit;
-  MapPage p{};
-  p.margin = 40.0 * u;
-  p.title_top = options.height - 30.0 * u;
+  MapPage page{};
+  page.margin = 40.0 * u;
+  page.title_top = options.height - 30.0 * u;
   const double head =
       30.0 * u + 1.38 * (double(title_lines) * type.title + type.figures) + 22.0 * u;
   const double side = 270.0 * u;
-  p.strip = {p.margin, p.margin * 0.7 + text_height, options.width - 2.0 * p.margin, 64.0 * u};
-  const double map_bottom = p.strip.y + p.strip.height;
-  p.map = {p.margin, map_bottom, options.width - 2.0 * p.margin - side,
-           options.height - head - map_bottom};
+  page.strip = {page.margin, page.margin * 0.7 + text_height, options.width - 2.0 * page.margin,
+                64.0 * u};
+  const double map_bottom = page.strip.y + page.strip.height;
+  page.map = {page.margin, map_bottom, options.width - 2.0 * page.margin - side,
+              options.height - head - map_bottom};
   const double bar_bottom = map_bottom + 190.0 * u;
-  p.bar = {options.width - p.margin - side + 116.0 * u, bar_bottom, 38.0 * u,
-           p.map.y + p.map.height - 72.0 * u - bar_bottom};
-  p.triad = {options.width - p.margin - 0.5 * side + 30.0 * u, map_bottom + 62.0 * u};
-  return p;
+  page.bar = {options.width - page.margin - side + 116.0 * u, bar_bottom, 38.0 * u,
+              page.map.y + page.map.height - 72.0 * u - bar_bottom};
+  page.triad = {options.width - page.margin - 0.5 * side + 30.0 * u, map_bottom + 62.0 * u};
+  return page;
 }
 
-void draw_head(Canvas& canvas, const MapPage& p, const std::vector<std::string>& title,
+void draw_head(Canvas& canvas, const MapPage& page, const std::vector<std::string>& title,
                const Figures& figures, const TypeSizes& type) {
-  const double title_height =
-      draw_paragraph(canvas, {p.margin, p.title_top}, title, {.size_px = type.title, .bold = true});
-  draw_paragraph(canvas, {p.margin, p.title_top - title_height}, {figures_text(figures)},
+  const double title_height = draw_paragraph(canvas, {page.margin, page.title_top}, title,
+                                             {.size_px = type.title, .bold = true});
+  draw_paragraph(canvas, {page.margin, page.title_top - title_height}, {figures_text(figures)},
                  {.size_px = type.figures});
 }
 
-void draw_strip(Canvas& canvas, const MapPage& p, const View& view, const Tally& counts,
+void draw_strip(Canvas& canvas, const MapPage& page, const View& view, const Tally& counts,
                 const TextStyle& body) {
-  const double y = p.strip.y + 0.5 * p.strip.height;
-  draw_scale_bar(canvas, view, {p.strip.x, y}, 0.22 * p.map.width, body);
-  double x = p.strip.x + 0.42 * p.map.width;
+  const double y = page.strip.y + 0.5 * page.strip.height;
+  draw_scale_bar(canvas, view, {page.strip.x, y}, 0.22 * page.map.width, body);
+  double x = page.strip.x + 0.42 * page.map.width;
   const double gap = 1.6 * body.size_px;
   if (counts.uncut > 0) x += draw_swatch(canvas, {x, y}, colours::uncut, "uncut", body) + gap;
   if (counts.gouged > 0)
@@ -169,16 +170,16 @@ std::vector<double> area_histogram(const Field& field, const ColouredMap& map, c
   return sums;
 }
 
-void draw_scale(Canvas& canvas, const MapPage& p, const MapPicture& picture,
+void draw_scale(Canvas& canvas, const MapPage& page, const MapPicture& picture,
                 const MapOptions& options, const ColouredMap& map, const Tally& counts,
                 const TextStyle& body) {
-  const int bins = std::max(8, int(p.bar.height / 7.0));
-  const double histogram = 74.0 / 38.0 * p.bar.width;
+  const int bins = std::max(8, int(page.bar.height / 7.0));
+  const double histogram = 74.0 / 38.0 * page.bar.width;
   const Field& field = picture.field;
   if (options.colours == MapColours::Tolerance) {
     const ToleranceShares s =
         picture.shares.value_or(tolerance_shares(field, picture.tolerance_um));
-    draw_tolerance_bar(canvas, p.bar,
+    draw_tolerance_bar(canvas, page.bar,
                        {s.over, s.in, s.under, common_limits(picture.tolerance_um),
                         area_histogram(field, map, {-0.5, 1.5}, bins), histogram},
                        body);
@@ -190,7 +191,7 @@ void draw_scale(Canvas& canvas, const MapPage& p, const MapPicture& picture,
     bar.marks = {limits->lower, limits->upper};
   bar.histogram = area_histogram(field, map, map.ends_um, bins);
   bar.histogram_px = histogram;
-  draw_colour_bar(canvas, p.bar, bar, body);
+  draw_colour_bar(canvas, page.bar, bar, body);
 }
 
 /// Returns a quantile of the magnitudes of the finite deviations; empty if there are none.
@@ -302,19 +303,19 @@ void draw_map(const MapPicture& picture, const MapOptions& options,
   const double text_height = static_cast<double>(lines.size()) * line_height(body);
   const std::vector<std::string> title =
       wrapped(picture.title, {.size_px = type.title, .bold = true}, width, 2);
-  const MapPage p = map_page(options, type, title.size(), text_height);
-  const View view = fit_view(picture.field.design.vertices, options.from, options.up, p.map);
+  const MapPage page = map_page(options, type, title.size(), text_height);
+  const View view = fit_view(picture.field.design.vertices, options.from, options.up, page.map);
   const std::vector<Flag> flags = extreme_vertex_flags(view, picture.field);
 
   // Only one canvas exists at a time in the process, so everything else is done before.
   Canvas canvas(options.width, options.height);
   canvas.scene(view, scene.solids, scene.wires);
-  draw_head(canvas, p, title, picture.figures, type);
-  draw_strip(canvas, p, view, counts, body);
-  draw_scale(canvas, p, picture, options, map, counts, body);
-  draw_triad(canvas, view, p.triad, 46.0 * type.unit, body);
-  draw_flags(canvas, flags, p.map, body);
-  draw_paragraph(canvas, {p.margin, p.strip.y}, lines, body);
+  draw_head(canvas, page, title, picture.figures, type);
+  draw_strip(canvas, page, view, counts, body);
+  draw_scale(canvas, page, picture, options, map, counts, body);
+  draw_triad(canvas, view, page.triad, 46.0 * type.unit, body);
+  draw_flags(canvas, flags, page.map, body);
+  draw_paragraph(canvas, {page.margin, page.strip.y}, lines, body);
   finish(canvas);
 }
 
@@ -424,8 +425,8 @@ std::vector<std::string> map_text(const MapPicture& picture, const Tally& counts
   if (counts.outside > 0) numbers += fmt::format(", {} outside", grouped(counts.outside));
   lines.push_back(fmt::format("datum {}  ·  alignment {}  ·  view {}  ·  {}", picture.datum,
                               picture.alignment, view, numbers));
-  if (const std::string beyond = outlier_text(counts, range_um); !beyond.empty()) {
-    lines.push_back(beyond);
+  if (const std::string outliers = outlier_text(counts, range_um); !outliers.empty()) {
+    lines.push_back(outliers);
   }
   lines.insert(lines.end(), picture.caption.begin(), picture.caption.end());
   return lines;

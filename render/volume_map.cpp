@@ -185,16 +185,16 @@ VolumeLayout volume_layout(const Page& page, double figures_height) {
   const Rectangle inner{page.inner.x + margin, page.inner.y + margin,
                         page.inner.width - 2.0 * margin, page.inner.height - margin};
   const double left = std::round(0.64 * inner.width);
-  VolumeLayout p;
+  VolumeLayout layout;
   const double height = inner.height - figures_height - foot;
-  p.main = {inner.x, inner.y + foot, left, height};
-  p.main_foot = {inner.x, inner.y, left, foot};
+  layout.main = {inner.x, inner.y + foot, left, height};
+  layout.main_foot = {inner.x, inner.y, left, foot};
   const double x = inner.x + left + gap, width = inner.width - left - gap;
   for (int i = 0; i < 3; ++i)
-    p.components[std::size_t(i)] = {x, inner.y + foot + (2 - i) * height / 3.0, width,
-                                    height / 3.0};
-  p.component_foot = {x, inner.y, width, foot};
-  return p;
+    layout.components[std::size_t(i)] = {x, inner.y + foot + (2 - i) * height / 3.0, width,
+                                         height / 3.0};
+  layout.component_foot = {x, inner.y, width, foot};
+  return layout;
 }
 
 View draw_main(Canvas& canvas, const VolumePicture& picture, double magnification,
@@ -233,7 +233,7 @@ void draw_main_foot(Canvas& canvas, const Rectangle& foot, const View& view, dou
   canvas.text({x + 2.6 * em, y}, "where it should be", label_style);
 }
 
-void draw_components(Canvas& canvas, const VolumePicture& picture, const VolumeLayout& p,
+void draw_components(Canvas& canvas, const VolumePicture& picture, const VolumeLayout& layout,
                      const Vector3d& from, const TextStyle& body) {
   const double range = scale_end(picture.displacement_um.cwiseAbs().maxCoeff());
   const LengthUnit unit = length_unit(range);
@@ -243,7 +243,7 @@ void draw_components(Canvas& canvas, const VolumePicture& picture, const VolumeL
   const double title = 1.5 * line_height(body);
   for (int i = 0; i < 3; ++i) {
     const Eigen::VectorXd values = picture.displacement_um.col(i);
-    const Rectangle& box = p.components[std::size_t(i)];
+    const Rectangle& box = layout.components[std::size_t(i)];
     const Rectangle area{box.x, box.y + 8.0, box.width, box.height - title - 8.0};
     const View view = fit_view(picture.points, from, Vector3d::UnitZ(), area);
     Wire outline{picture.points, {}, {0.25, 0.26, 0.28}, 1.0};
@@ -266,7 +266,7 @@ void draw_components(Canvas& canvas, const VolumePicture& picture, const VolumeL
         fmt::format("{} … {} {}", signed_fixed(low, digits), signed_fixed(high, digits), unit.name),
         style);
   }
-  const Rectangle& foot = p.component_foot;
+  const Rectangle& foot = layout.component_foot;
   draw_horizontal_colour_bar(canvas,
                              {foot.x, foot.y + 0.55 * foot.height, foot.width, 1.6 * body.size_px},
                              ColourBar{colour_scale(-range, range)}, body);

@@ -17,16 +17,16 @@ std::array<std::string, 3> in_time_units(const std::string& stem) {
 
 }  // namespace
 
-ThermalSetting thermal_setting(const MachineDescription& machine,
+ThermalContext thermal_context(const MachineDescription& machine,
                                const errors::ThermalNetwork& network, std::uint64_t seed) {
-  ThermalSetting setting{machine, std::nullopt, {}, seed};
-  for (const errors::ThermalNode& node : network.nodes) setting.nodes.push_back(node.name);
+  ThermalContext context{machine, std::nullopt, {}, seed};
+  for (const errors::ThermalNode& node : network.nodes) context.nodes.push_back(node.name);
   try {
-    if (!machine.joints.empty()) setting.chain.emplace(machine.joints, machine.T_bw, machine.T_bs);
+    if (!machine.joints.empty()) context.chain.emplace(machine.joints, machine.T_bw, machine.T_bs);
   } catch (const std::invalid_argument&) {
     // The invalid machine is reported with its own section.
   }
-  return setting;
+  return context;
 }
 
 std::string named_table_path(const std::string& list, const Node& table) {
@@ -34,12 +34,12 @@ std::string named_table_path(const std::string& list, const Node& table) {
   return "thermal." + list + (name && name->text() ? "." + *name->text() : "");
 }
 
-void check_binding(const errors::ThermalErrors& effect, const ThermalSetting& setting,
+void check_binding(const errors::ThermalErrors& effect, const ThermalContext& context,
                    const Place& place, InputErrors& input_errors) {
   // If the machine or the nodes are invalid, which is reported already, every binding would fail.
-  if (!setting.chain || setting.nodes.empty()) return;
+  if (!context.chain || context.nodes.empty()) return;
   try {
-    errors::bind(effect, *setting.chain, int(setting.nodes.size()));
+    errors::bind(effect, *context.chain, int(context.nodes.size()));
   } catch (const std::invalid_argument& error) {
     input_errors.add(place, "thermal errors that fit the machine", error.what());
   }
@@ -167,15 +167,15 @@ constexpr std::array speed_keys{
              "mean speeds of axes that turn to and fro, `{ A = 100 }`"}};
 
 void read_axis_speeds(TableReader& phase, kinematics::AxisVector& speeds,
-                      const ThermalSetting& setting) {
+                      const ThermalContext& context) {
   // Axes without a stated speed are at rest.
-  if (setting.chain) speeds.setZero(setting.chain->size());
+  if (context.chain) speeds.setZero(context.chain->size());
   for (const SpeedKey& key : speed_keys) {
     const Node* section = phase.section(key.name);
-    if (!section || !setting.chain) continue;
+    if (!section || !context.chain) continue;
     TableReader reader(*section, std::string("thermal.history.") + key.name, phase.input_errors());
-    for (int j = 0; j < setting.chain->size(); ++j) {
-      const Joint& joint = setting.chain->joints()[std::size_t(j)];
+    for (int j = 0; j < context.chain->size(); ++j) {
+      const Joint& joint = context.chain->joints()[std::size_t(j)];
       if (joint.motion != key.motion) continue;
       const auto speed = reader.number_as_written(std::string(1, joint.name), axis_speed);
       // The unit is in the key of the table and not in those of the axes.
@@ -186,11 +186,11 @@ void read_axis_speeds(TableReader& phase, kinematics::AxisVector& speeds,
 }
 
 void write_axis_speeds(const kinematics::AxisVector& speeds, Node::Table& table,
-                       const ThermalSetting& setting) {
+                       const ThermalContext& context) {
   for (const SpeedKey& key : speed_keys) {
     Node::Table axes;
     for (int j = 0; j < int(speeds.size()); ++j) {
-      const Joint& joint = setting.chain->joints()[std::size_t(j)];
+      const Joint& joint = context.chain->joints()[std::size_t(j)];
       if (joint.motion == key.motion && speeds[j] != 0.0)
         put(axes, std::string(1, joint.name), speeds[j] / unit_of(key.name));
     }
@@ -216,14 +216,11 @@ Range duration_range(const std::string& key) {
   return {0.0, max_time_s / unit_of(key), true, false};
 }
 
-Fields<ThermalPhase> phase_fields(const ThermalSetting& setting) {
+Fields<ThermalPhase> phase_fields(const ThermalContext& context) {
   std::vector<Key> durations = time_keys("duration", Key::Kind::Number, "how long it lasts");
   for (Key& key : durations) key.range = duration_range(key.name);
   return Fields<ThermalPhase>()
-      .custom(
-          {make_key("name", Key::Kind::Text, "of the phase, for people")},
-          [](TableReader& reader, ThermalPhase&) { reader.text("name", ""); },
-          [](const ThermalPhase&, Node::Table&) {})
+      .remark("name", "of the phase, for people")
       .custom(
           durations,
           [](TableReader& reader, ThermalPhase& phase) {
@@ -236,24 +233,24 @@ Fields<ThermalPhase> phase_fields(const ThermalSetting& setting) {
       .number("speed_rpm", &ThermalPhase::spindle_speed, phase_spindle_rpm, "of the spindle")
       .custom(
           axis_speed_keys(),
-          [&setting](TableReader& reader, ThermalPhase& phase) {
-            read_axis_speeds(reader, phase.axis_speed, setting);
+          [&context](TableReader& reader, ThermalPhase& phase) {
+            read_axis_speeds(reader, phase.axis_speed, context);
           },
-          [&setting](const ThermalPhase& phase, Node::Table& table) {
-            write_axis_speeds(phase.axis_speed, table, setting);
+          [&context](const ThermalPhase& phase, Node::Table& table) {
+            write_axis_speeds(phase.axis_speed, table, context);
           })
       .boolean("powered", &ThermalPhase::powered, "the machine is switched on")
       .boolean("coolant", &ThermalPhase::coolant, "the coolant flows");
 }
 
-void read_history(TableReader& reader, ThermalDescription& thermal, const ThermalSetting& setting) {
+void read_history(TableReader& reader, ThermalDescription& thermal, const ThermalContext& context) {
   const auto phases = reader.tables("history");
   if (phases.size() > max_rows) {
     reader.refuse("history", fmt::format("at most {} phases", max_rows),
                   fmt::format("{}", phases.size()));
     return;
   }
-  const Fields<ThermalPhase> fields = phase_fields(setting);
+  const Fields<ThermalPhase> fields = phase_fields(context);
   for (const Node* table : phases)
     thermal.history.push_back(
         fields.read_table(*table, named_table_path("history", *table), reader.input_errors()));
@@ -274,12 +271,12 @@ Fields<ThermalDescription> room_fields() {
   return Fields<ThermalDescription>().custom({constant, room}, read_room, write_room);
 }
 
-Fields<ThermalDescription> history_fields(const ThermalSetting& setting) {
+Fields<ThermalDescription> history_fields(const ThermalContext& context) {
   return Fields<ThermalDescription>().tables(
-      "history", &ThermalDescription::history, phase_fields(setting),
+      "history", &ThermalDescription::history, phase_fields(context),
       "stretch of time before the program, in order; at most 10 000",
-      [&setting](TableReader& reader, ThermalDescription& thermal) {
-        read_history(reader, thermal, setting);
+      [&context](TableReader& reader, ThermalDescription& thermal) {
+        read_history(reader, thermal, context);
       });
 }
 
@@ -462,9 +459,9 @@ Fields<errors::AxisHeat> friction_fields(bool is_slide) {
               is_slide ? "of a slide" : "of an axis that turns");
 }
 
-std::optional<errors::AxisHeat> read_axis_heat(TableReader& reader, const ThermalSetting& setting) {
+std::optional<errors::AxisHeat> read_axis_heat(TableReader& reader, const ThermalContext& context) {
   const std::string name = reader.text("axis");
-  const auto& joints = setting.machine.joints;
+  const auto& joints = context.machine.joints;
   const auto joint_position = std::find_if(joints.begin(), joints.end(), [&](const Joint& joint) {
     return name == std::string(1, joint.name) && joint.motion != Motion::Spindle;
   });
@@ -478,7 +475,7 @@ std::optional<errors::AxisHeat> read_axis_heat(TableReader& reader, const Therma
     reader.missing(coulomb, "a number, or " + viscous + ",");
   if (joint_position == joints.end()) {
     // If the machine is invalid, every axis is unknown.
-    if (!name.empty() && setting.chain) reader.refuse("axis", "an axis of the machine", name);
+    if (!name.empty() && context.chain) reader.refuse("axis", "an axis of the machine", name);
     return std::nullopt;
   }
   // The heat of a spindle is a kind of its own.
@@ -490,20 +487,20 @@ std::optional<errors::AxisHeat> read_axis_heat(TableReader& reader, const Therma
   return heat;
 }
 
-Alternative<Law> axis_heat_alternative(const ThermalSetting& setting) {
+Alternative<Law> axis_heat_alternative(const ThermalContext& context) {
   Word choice{"axis",
               "friction of an axis, (coulomb + viscous |v|) |v|",
               {make_key(must("axis"), Key::Kind::Text, "its letter")}};
   for (const bool is_slide : {true, false})
     for (const Key& key : friction_fields(is_slide).keys()) choice.keys.push_back(key);
-  const auto read = [&setting](TableReader& reader) {
-    const auto heat = read_axis_heat(reader, setting);
+  const auto read = [&context](TableReader& reader) {
+    const auto heat = read_axis_heat(reader, context);
     return heat ? Law(*heat) : Law();
   };
-  const auto write = [&setting](const Law& law, Node::Table& table) {
+  const auto write = [&context](const Law& law, Node::Table& table) {
     const auto* heat = std::get_if<errors::AxisHeat>(&law);
     if (!heat) return false;
-    const Joint& joint = setting.machine.joints.at(std::size_t(heat->joint));
+    const Joint& joint = context.machine.joints.at(std::size_t(heat->joint));
     put(table, "axis", std::string(1, joint.name));
     append_entries(table, friction_fields(joint.motion == Motion::Linear).written(*heat));
     return true;
@@ -511,7 +508,7 @@ Alternative<Law> axis_heat_alternative(const ThermalSetting& setting) {
   return {std::move(choice), read, write};
 }
 
-Fields<errors::HeatSource> law_fields(const ThermalSetting& setting) {
+Fields<errors::HeatSource> law_fields(const ThermalContext& context) {
   using errors::CuttingHeat, errors::PowerOnHeat, errors::SpindleHeat, errors::HeatSource;
   const auto spindle =
       Fields<SpindleHeat>()
@@ -526,7 +523,7 @@ Fields<errors::HeatSource> law_fields(const ThermalSetting& setting) {
   return Fields<HeatSource>().variant(
       must("kind"), &HeatSource::law,
       {alternative<Law>("spindle", spindle, "bearings and motor, power_W (n / at_rpm)^exponent"),
-       axis_heat_alternative(setting),
+       axis_heat_alternative(context),
        alternative<Law>("power_on", power_on, "motors and cabinets"),
        alternative<Law>("cutting", cutting, "a share of the cutting power")},
       "what makes the heat");
@@ -544,11 +541,11 @@ bool has_kind(TableReader& reader, const Fields<errors::HeatSource>& law) {
   return false;
 }
 
-void read_sources(TableReader& list, ThermalDescription& thermal, const ThermalSetting& setting) {
-  const Fields<errors::HeatSource> law = law_fields(setting);
+void read_sources(TableReader& list, ThermalDescription& thermal, const ThermalContext& context) {
+  const Fields<errors::HeatSource> law = law_fields(context);
   for (const Node* table : list.tables("source")) {
     TableReader reader(*table, "thermal.source", list.input_errors());
-    errors::HeatSource source = source_node_fields(setting.nodes).read(reader);
+    errors::HeatSource source = source_node_fields(context.nodes).read(reader);
     // Which other keys exist depends on the kind, so without one nothing more can be checked.
     if (!has_kind(reader, law)) continue;
     thermal.network.sources.push_back(law.read(reader, source));
@@ -585,13 +582,13 @@ Fields<ThermalDescription> thermal_link_fields(const std::vector<std::string>& n
       });
 }
 
-Fields<ThermalDescription> thermal_source_fields(const ThermalSetting& setting) {
+Fields<ThermalDescription> thermal_source_fields(const ThermalContext& context) {
   return Fields<ThermalDescription>().tables(
       "source", [](auto& thermal) -> auto& { return thermal.network.sources; },
-      source_node_fields(setting.nodes).all_of(std::identity{}, law_fields(setting)),
+      source_node_fields(context.nodes).all_of(whole_struct, law_fields(context)),
       "heat that goes into a node",
-      [&setting](TableReader& reader, ThermalDescription& thermal) {
-        read_sources(reader, thermal, setting);
+      [&context](TableReader& reader, ThermalDescription& thermal) {
+        read_sources(reader, thermal, context);
       });
 }
 

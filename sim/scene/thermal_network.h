@@ -18,13 +18,13 @@ inline constexpr Range temperature_range{ThermalDescription::min_T_C, ThermalDes
 inline constexpr double max_time_s = 1e10;  // three centuries
 
 /// The parts of the scene that reading `[thermal]` needs.
-struct ThermalSetting {
+struct ThermalContext {
   MachineDescription machine;
   std::optional<kinematics::Chain> chain;  ///< none if the machine is invalid
   std::vector<std::string> nodes;          ///< node names of the network
   std::uint64_t seed = 0;
 };
-ThermalSetting thermal_setting(const MachineDescription& machine,
+ThermalContext thermal_context(const MachineDescription& machine,
                                const errors::ThermalNetwork& network, std::uint64_t seed);
 
 /// Returns the path of a table in a list by its name, such as "thermal.node.column", as --set takes
@@ -32,7 +32,7 @@ ThermalSetting thermal_setting(const MachineDescription& machine,
 std::string named_table_path(const std::string& list, const Node& table);
 
 /// Checks that a single thermal effect fits the machine, and reports an error at its position.
-void check_binding(const errors::ThermalErrors& effect, const ThermalSetting& setting,
+void check_binding(const errors::ThermalErrors& effect, const ThermalContext& context,
                    const Place& place, InputErrors& input_errors);
 
 /// Reports a name that another table of the list has.
@@ -77,8 +77,8 @@ Fields<T> node_fields(const KeyName& name, M member, const std::vector<std::stri
 Fields<ThermalDescription> room_fields();
 
 /// Returns the field `history`.
-/// @param setting  must outlive the fields
-Fields<ThermalDescription> history_fields(const ThermalSetting& setting);
+/// @param context  must outlive the fields
+Fields<ThermalDescription> history_fields(const ThermalContext& context);
 
 // The network: nodes, links and sources.
 
@@ -93,8 +93,8 @@ bool has_too_many_nodes(TableReader& reader);
 Fields<ThermalDescription> thermal_link_fields(const std::vector<std::string>& nodes);
 
 /// Returns the field `source`.
-/// @param setting  must outlive the fields
-Fields<ThermalDescription> thermal_source_fields(const ThermalSetting& setting);
+/// @param context  must outlive the fields
+Fields<ThermalDescription> thermal_source_fields(const ThermalContext& context);
 
 /// Reports a network that cannot be simulated although each of its keys is valid.
 void check_network(const errors::ThermalNetwork& network, TableReader& reader);

@@ -402,8 +402,8 @@ KeyName optional_for_both(ToolKeyFunction tool_key, const KeyName& key) {
 }
 
 bool has_all_keys(const TableReader& reader, const std::vector<Key>& keys) {
-  return std::ranges::all_of(keys,
-                             [&](const Key& key) { return !key.required || reader.has(key.name); });
+  return std::ranges::none_of(
+      keys, [&](const Key& key) { return key.required && !reader.has(key.name); });
 }
 
 std::vector<ToolDescription> read_tools(const Node& section, InputErrors& input_errors) {
