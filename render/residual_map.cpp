@@ -73,6 +73,21 @@ void draw_strip(Canvas& canvas, const MapPage& page, const View& view, const Tal
   }
 }
 
+/// Bound of the numerical error of the surface computation. Extremes of a smaller residual are not
+/// flagged.
+constexpr double numerical_floor_um = 1e-4;
+
+/// Returns the limits if all vertices have the same; empty if they differ or without a tolerance.
+std::optional<Span> common_limits(const cutting::ToleranceBands& tolerance_um) {
+  if (tolerance_um.rows() == 0) return std::nullopt;
+  const Eigen::RowVector2d first_limits = tolerance_um.row(0);
+  // Regions may have different limits.
+  if (!first_limits.allFinite() ||
+      (tolerance_um.rowwise() - first_limits).cwiseAbs().maxCoeff() > 0.0)
+    return std::nullopt;
+  return Span{first_limits[0], first_limits[1]};
+}
+
 /// The values of a field that colours show, and their scale.
 struct ColouredMap {
   Eigen::VectorXd values;
@@ -356,17 +371,6 @@ std::string figures_text(const Figures& figures, Mean mean) {
   return parts.empty() ? "nothing was cut" : fmt::format("{}", fmt::join(parts, "    "));
 }
 
-std::string outlier_text(const Tally& counts, double range_um) {
-  if (counts.beyond == 0) return {};
-  const LengthUnit unit = length_unit(range_um);
-  const double percent =
-      100.0 * static_cast<double>(counts.beyond) / static_cast<double>(counts.cut);
-  return fmt::format("{} % of the cut vertices lie beyond the scale; values from {} to {} {}",
-                     percent < 0.01 ? "less than 0.01" : figure(percent),
-                     figure(counts.lowest_um * unit.per_um),
-                     figure(counts.highest_um * unit.per_um), unit.name);
-}
-
 std::vector<std::string> excluded_text(const Tally& counts) {
   std::vector<std::string> parts;
   if (counts.uncut > 0)
@@ -375,16 +379,6 @@ std::vector<std::string> excluded_text(const Tally& counts) {
   if (counts.gouged > 0)
     parts.push_back(fmt::format("{} gouged deeper than the band", grouped(counts.gouged)));
   return parts;
-}
-
-std::optional<Span> common_limits(const cutting::ToleranceBands& tolerance_um) {
-  if (tolerance_um.rows() == 0) return std::nullopt;
-  const Eigen::RowVector2d first_limits = tolerance_um.row(0);
-  // Regions may have different limits.
-  if (!first_limits.allFinite() ||
-      (tolerance_um.rowwise() - first_limits).cwiseAbs().maxCoeff() > 0.0)
-    return std::nullopt;
-  return Span{first_limits[0], first_limits[1]};
 }
 
 std::string limits_text(const cutting::ToleranceBands& tolerance_um) {
@@ -412,6 +406,23 @@ std::string verdict_text(const MapPicture& picture) {
     if (percent > 0.0) text += fmt::format(", {} {}", name, percent_text(percent));
   return text;
 }
+
+namespace {
+
+/// Returns e.g. "0.31 % of the cut vertices lie beyond the scale; values from −31.2 to 40.0 µm";
+/// empty if no vertex is beyond the scale.
+std::string outlier_text(const Tally& counts, double range_um) {
+  if (counts.beyond == 0) return {};
+  const LengthUnit unit = length_unit(range_um);
+  const double percent =
+      100.0 * static_cast<double>(counts.beyond) / static_cast<double>(counts.cut);
+  return fmt::format("{} % of the cut vertices lie beyond the scale; values from {} to {} {}",
+                     percent < 0.01 ? "less than 0.01" : figure(percent),
+                     figure(counts.lowest_um * unit.per_um),
+                     figure(counts.highest_um * unit.per_um), unit.name);
+}
+
+}  // namespace
 
 std::vector<std::string> map_text(const MapPicture& picture, const Tally& counts, double range_um,
                                   const std::string& view) {

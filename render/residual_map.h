@@ -54,10 +54,6 @@ struct MapOptions {
   Eigen::Vector3d up = Eigen::Vector3d::UnitZ();
 };
 
-/// Bound of the numerical error of the surface computation. Extremes of a smaller residual are not
-/// flagged.
-inline constexpr double numerical_floor_um = 1e-4;
-
 /// Least half range of a fitted scale, on which the numerical error is nearly white.
 inline constexpr double min_range_um = 1e-3;
 
@@ -99,10 +95,6 @@ enum class Mean { Stated, Omitted };
 /// that are NaN are omitted.
 std::string figures_text(const Figures& figures, Mean mean = Mean::Stated);
 
-/// Returns e.g. "0.31 % of the cut vertices lie beyond the scale; values from −31.2 to 40.0 µm";
-/// empty if no vertex is beyond the scale.
-std::string outlier_text(const Tally& counts, double range_um);
-
 /// Returns texts about the judged vertices that the figures exclude: "12 uncut (3.1 %)", "4 gouged
 /// deeper than the band".
 std::vector<std::string> excluded_text(const Tally& counts);
@@ -113,9 +105,6 @@ std::string limits_text(const cutting::ToleranceBands& tolerance_um);
 /// Returns e.g. "FAIL by 3.2 µm at ...  ·  92.1 % of the area in tolerance, over 5.2 %, under 2.7
 /// %"; percentages are of the judged area.
 std::string verdict_text(const MapPicture& picture);
-
-/// Returns the limits if all vertices have the same; empty if they differ or without a tolerance.
-std::optional<Span> common_limits(const cutting::ToleranceBands& tolerance_um);
 
 /// Returns the lines of text below a map.
 std::vector<std::string> map_text(const MapPicture& picture, const Tally& counts, double range_um,

@@ -132,6 +132,7 @@ namespace {
 
 static_assert(std::endian::native == std::endian::little);
 
+constexpr std::uintmax_t max_vtu_bytes = std::uintmax_t(512) << 20;
 constexpr std::size_t max_compression_ratio = 1100;  // of zlib and lz4
 
 /// Position and encoding of the points and the tensors.

@@ -83,8 +83,6 @@ struct PointTensors {
   std::vector<Eigen::Matrix3d> tensors;                              ///< (n)
 };
 
-inline constexpr std::uintmax_t max_vtu_bytes = std::uintmax_t(512) << 20;
-
 /// Reads the points of a VTK XML unstructured grid and a point array with 9 components (row by row)
 /// or 6 (xx yy zz xy yz xz, symmetric). Cells are ignored. The data may be Float32 or Float64,
 /// little endian, in one piece, as ascii, base64 or appended data (base64 or raw), plain or

@@ -371,32 +371,6 @@ Override make_override(const Change& change) {
           std::make_shared<const Place>(change.value.place)};
 }
 
-std::vector<SectionFileReference> section_files(const Node& as_written, const path& folder,
-                                                InputErrors& input_errors) {
-  std::vector<SectionFileReference> references;
-  const auto add = [&](const SectionFile& section_file, const Node& name) {
-    if (name.text())
-      references.push_back(
-          {section_file.dotted, name.place,
-           locate_file({*name.text(), name.place, section_file.kind}, folder, input_errors)});
-  };
-  // find_path() needs a mutable tree.
-  Node tree = as_written;
-  for (const SectionFile& section_file : sections_in_files) {
-    const Node* section = find_path(tree, section_file.dotted);
-    if (!section) continue;
-    add(section_file, *section);
-    if (section->array())
-      for (const Node& element : *section->array()) add(section_file, element);
-  }
-  for (const SectionFile& section_file :
-       {SectionFile{"part.file", "parts"}, SectionFile{"program.file", "programs"},
-        SectionFile{"program.tools.file", "programs"},
-        SectionFile{"program.offsets.file", "programs"}})
-    if (const Node* name = find_path(tree, section_file.dotted)) add(section_file, *name);
-  return references;
-}
-
 std::vector<Change> changes_from_set(const Node& set) {
   std::vector<Change> changes;
   if (set.table()) append_changes(set, "", changes);
@@ -462,6 +436,42 @@ std::string replace_file_name(std::string text, const Place& place, const std::s
   // The quotes may be single or double; both ends have the same.
   const std::size_t end = text.find(text.at(begin), begin + 1);
   return text.replace(begin + 1, end - begin - 1, name);
+}
+
+/// A section of a scene that is stored in a file of its own.
+struct SectionFileReference {
+  std::string section;  ///< dotted: "belief.identified"; "part.file" for a mesh or a program
+  Place place;          ///< position of the file name
+  std::filesystem::path file;
+};
+
+/// Returns the sections, mesh and program that a scene takes from files.
+/// @param as_written  the scene file alone, without the contents of its section files
+/// @param folder  folder of the scene
+std::vector<SectionFileReference> section_files(const Node& as_written, const path& folder,
+                                                InputErrors& input_errors) {
+  std::vector<SectionFileReference> references;
+  const auto add = [&](const SectionFile& section_file, const Node& name) {
+    if (name.text())
+      references.push_back(
+          {section_file.dotted, name.place,
+           locate_file({*name.text(), name.place, section_file.kind}, folder, input_errors)});
+  };
+  // find_path() needs a mutable tree.
+  Node tree = as_written;
+  for (const SectionFile& section_file : sections_in_files) {
+    const Node* section = find_path(tree, section_file.dotted);
+    if (!section) continue;
+    add(section_file, *section);
+    if (section->array())
+      for (const Node& element : *section->array()) add(section_file, element);
+  }
+  for (const SectionFile& section_file :
+       {SectionFile{"part.file", "parts"}, SectionFile{"program.file", "programs"},
+        SectionFile{"program.tools.file", "programs"},
+        SectionFile{"program.offsets.file", "programs"}})
+    if (const Node* name = find_path(tree, section_file.dotted)) add(section_file, *name);
+  return references;
 }
 
 /// Returns the file name of a section in the copy, such as "machine.toml"; further files of the

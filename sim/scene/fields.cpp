@@ -83,14 +83,6 @@ std::vector<Key> allow_other_unit(std::vector<Key> keys, const std::string& unit
   return keys;
 }
 
-void accept_keys(TableReader& reader, const std::vector<Word>& words) {
-  for (const Word& word : words)
-    for (const Key& key : word.keys) {
-      reader.accept_key(key.name);
-      accept_keys(reader, key.words);
-    }
-}
-
 void put_numbers(Node::Table& table, const std::string& key, const Eigen::VectorXd& values,
                  double unit) {
   Node::Array numbers;
@@ -102,6 +94,20 @@ void append_entries(Node::Table& table, Node::Table entries) {
   for (Node::Entry& entry : entries) table.push_back(std::move(entry));
 }
 
+namespace fields_detail {
+namespace {
+
+/// Marks the keys of all enum values as known, so that they are not reported as unknown.
+void accept_keys(TableReader& reader, const std::vector<Word>& words) {
+  for (const Word& word : words)
+    for (const Key& key : word.keys) {
+      reader.accept_key(key.name);
+      accept_keys(reader, key.words);
+    }
+}
+
+/// Returns a default for documents, with 12 digits and in the unit of its key; empty if it is
+/// infinite.
 std::string default_text(double value) {
   // Unlimited members hold the largest double and not infinity.
   return std::abs(value) < 1e300 ? fmt::format("{:.12g}", value) : "";
@@ -112,9 +118,6 @@ std::string default_text(const Eigen::VectorXd& values) {
   for (const double value : values) text += (text.empty() ? "" : ", ") + default_text(value);
   return "[" + text + "]";
 }
-
-namespace fields_detail {
-namespace {
 
 // The functions that read and write a nested struct share its fields, since `std::function` would
 // copy them.

@@ -60,9 +60,6 @@ void append_entries(Node::Table& table, Node::Table entries);
 /// Selects the whole struct where `Fields` takes a member.
 inline constexpr auto whole_struct = [](auto& value) -> auto& { return value; };
 
-/// Marks the keys of all enum values as known, so that they are not reported as unknown.
-void accept_keys(TableReader& reader, const std::vector<Word>& words);
-
 /// Returns the enum values of a key.
 std::set<std::string> words_of(const Key& key);
 
@@ -70,11 +67,6 @@ std::set<std::string> words_of(const Key& key);
 /// pattern of "value_um" becomes "value_(um|urad)".
 std::vector<Key> allow_other_unit(std::vector<Key> keys, const std::string& unit,
                                   const std::string& other);
-
-/// Returns a default for documents, with 12 digits and in the unit of its key; empty if it is
-/// infinite.
-std::string default_text(double value);
-std::string default_text(const Eigen::VectorXd& values);
 
 /// One alternative of a variant V: the enum value that selects it, and its keys.
 template <typename V>

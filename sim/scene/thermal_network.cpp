@@ -15,6 +15,17 @@ std::array<std::string, 3> in_time_units(const std::string& stem) {
   return {stem + "_h", stem + "_min", stem + "_s"};
 }
 
+/// Reports a node that is not in the network.
+void report_unknown_node(const Place& place, const std::string& expected, const std::string& name,
+                         const std::vector<std::string>& nodes, InputErrors& input_errors) {
+  std::set<std::string> names(nodes.begin(), nodes.end());
+  // A node without a name has an empty one, which must not be suggested.
+  names.erase("");
+  const auto suggestion = nearest(name, names);
+  input_errors.add(place, expected,
+                   "\"" + name + "\"" + (suggestion ? " (nearest: \"" + *suggestion + "\")" : ""));
+}
+
 }  // namespace
 
 ThermalContext thermal_context(const MachineDescription& machine,
@@ -81,16 +92,6 @@ int read_node(TableReader& reader, const std::string& key, const std::vector<std
   report_unknown_node(reader.accept_key(key)->place, "a node of the thermal network for " + key,
                       name, nodes, reader.input_errors());
   return 0;
-}
-
-void report_unknown_node(const Place& place, const std::string& expected, const std::string& name,
-                         const std::vector<std::string>& nodes, InputErrors& input_errors) {
-  std::set<std::string> names(nodes.begin(), nodes.end());
-  // A node without a name has an empty one, which must not be suggested.
-  names.erase("");
-  const auto suggestion = nearest(name, names);
-  input_errors.add(place, expected,
-                   "\"" + name + "\"" + (suggestion ? " (nearest: \"" + *suggestion + "\")" : ""));
 }
 
 namespace {

@@ -49,10 +49,6 @@ std::optional<std::string> time_key(TableReader& reader, const std::string& stem
 
 /// Returns the index of the node that a key names. If there is none, reports it and returns 0.
 int read_node(TableReader& reader, const std::string& key, const std::vector<std::string>& nodes);
-/// Reports a node that is not in the network.
-void report_unknown_node(const Place& place, const std::string& expected, const std::string& name,
-                         const std::vector<std::string>& nodes, InputErrors& input_errors);
-
 /// Returns the field of a key that names a node.
 /// @param nodes  must outlive the fields
 template <typename T, typename M>

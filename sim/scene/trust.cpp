@@ -56,6 +56,14 @@ std::optional<fs::path> environment_folder(const char* variable) {
   return fs::path(value);
 }
 
+/// Returns the user's trust file: $XDG_CONFIG_HOME/abbe/trust, else ~/.config/abbe/trust; empty if
+/// neither variable is an absolute path. Each line has one absolute folder; # begins a comment.
+fs::path trust_file() {
+  if (const auto folder = environment_folder("XDG_CONFIG_HOME")) return *folder / "abbe" / "trust";
+  if (const auto home = environment_folder("HOME")) return *home / ".config" / "abbe" / "trust";
+  return {};
+}
+
 BadInput untrusted_program_error(const NamedProgram& program) {
   const fs::path listing_file = trust_file();
   return BadInput(
@@ -67,12 +75,6 @@ BadInput untrusted_program_error(const NamedProgram& program) {
 }
 
 }  // namespace
-
-fs::path trust_file() {
-  if (const auto folder = environment_folder("XDG_CONFIG_HOME")) return *folder / "abbe" / "trust";
-  if (const auto home = environment_folder("HOME")) return *home / ".config" / "abbe" / "trust";
-  return {};
-}
 
 std::vector<fs::path> trusted_folders(const fs::path& file) {
   std::error_code error_code;
