@@ -309,24 +309,24 @@ void write_curves(const std::filesystem::path& path, const std::vector<Panel>& p
       options.panel_height > 0 ? options.panel_height : (rows == 1 ? 700.0 : 520.0) * unit;
   const int height = checked_height(
       row_height * rows + page_margins(options.width, options.title, options.caption, unit));
-  const Page p = page(options.width, height, options.title, options.caption, unit);
+  const Page sheet = page(options.width, height, options.title, options.caption, unit);
   const bool has_side_text = std::any_of(panels.begin(), panels.end(), [](const Panel& panel) {
     return !legend(panel).empty() || !panel.note.empty();
   });
-  PanelStyle style{p.body, {.size_px = 26.0 * unit, .bold = true}, unit};
+  PanelStyle style{sheet.body, {.size_px = 26.0 * unit, .bold = true}, unit};
   if (has_side_text) style.side_px = (columns == 1 ? 340.0 : 250.0) * unit;
   const std::vector<Extent> extents = panel_extents(panels, options.common_y);
-  style.ticks_px = ticks_px(panels, page_cell(p.inner, columns, rows, 0), extents, style);
-  Canvas canvas(p.width, p.height);
+  style.ticks_px = ticks_px(panels, page_cell(sheet.inner, columns, rows, 0), extents, style);
+  Canvas canvas(sheet.width, sheet.height);
   for (std::size_t i = 0; i < panels.size(); ++i) {
     const Axes axes =
-        draw_panel(canvas, panels[i], page_cell(p.inner, columns, rows, i), extents[i], style);
-    const Vector2d corner(axes.box.x + axes.box.width + p.body.size_px,
+        draw_panel(canvas, panels[i], page_cell(sheet.inner, columns, rows, i), extents[i], style);
+    const Vector2d corner(axes.box.x + axes.box.width + sheet.body.size_px,
                           axes.box.y + axes.box.height);
-    draw_legend_column(canvas, corner, style.side_px - p.body.size_px, legend(panels[i]),
-                       panels[i].note, p.body);
+    draw_legend_column(canvas, corner, style.side_px - sheet.body.size_px, legend(panels[i]),
+                       panels[i].note, sheet.body);
   }
-  draw_page(canvas, p);
+  draw_page(canvas, sheet);
   canvas.write_png(path);
 }
 
@@ -345,14 +345,14 @@ void write_grid(const std::filesystem::path& path, const std::vector<Panel>& pan
   const int height =
       checked_height(row_height * rows + legend_height +
                      page_margins(options.width, options.title, options.caption, unit));
-  const Page p = page(options.width, height, options.title, options.caption, unit);
+  const Page sheet = page(options.width, height, options.title, options.caption, unit);
   const double em = std::clamp(options.width / columns / 24.0, 12.0 * unit, 22.0 * unit);
   PanelStyle style{{.size_px = em}, {.size_px = 1.1 * em, .bold = true}, 0.6 * unit};
-  Rectangle inner = p.inner;
+  Rectangle inner = sheet.inner;
   inner.height -= legend_height;
   const std::vector<Extent> extents = panel_extents(panels, options.common_y);
   style.ticks_px = ticks_px(panels, page_cell(inner, columns, rows, 0), extents, style);
-  Canvas canvas(p.width, p.height);
+  Canvas canvas(sheet.width, sheet.height);
   for (std::size_t i = 0; i < panels.size(); ++i) {
     const Axes axes =
         draw_panel(canvas, panels[i], page_cell(inner, columns, rows, i), extents[i], style);
@@ -369,8 +369,8 @@ void write_grid(const std::filesystem::path& path, const std::vector<Panel>& pan
                   note);
   }
   draw_legend_row(canvas, {40.0 * unit, inner.y + inner.height + 0.5 * legend_height},
-                  legend(panels.front()), p.body);
-  draw_page(canvas, p);
+                  legend(panels.front()), sheet.body);
+  draw_page(canvas, sheet);
   canvas.write_png(path);
 }
 
@@ -403,23 +403,23 @@ double max_deviation_um(const std::vector<PolarTrace>& traces) {
 }
 
 Dial make_dial(const Vector2d& centre, double radius_px, double largest_um, double division_um) {
-  Dial d;
-  d.centre = centre;
+  Dial dial;
+  dial.centre = centre;
   // About four divisions on either side are readable. The -1e-9 keeps an exact multiple of the
   // division from adding another one.
-  d.division_um = division_um > 0.0 ? division_um : round_up_125(largest_um / 4.0);
-  if (!(d.division_um > 0.0)) d.division_um = 1.0;
-  d.divisions = std::clamp(int(std::ceil(largest_um / d.division_um - 1e-9)), 2, 20);
-  d.nominal_px = nominal_radius_ratio * radius_px;
-  d.px_per_um = (radius_px - d.nominal_px) / (d.divisions * d.division_um);
-  return d;
+  dial.division_um = division_um > 0.0 ? division_um : round_up_125(largest_um / 4.0);
+  if (!(dial.division_um > 0.0)) dial.division_um = 1.0;
+  dial.divisions = std::clamp(int(std::ceil(largest_um / dial.division_um - 1e-9)), 2, 20);
+  dial.nominal_px = nominal_radius_ratio * radius_px;
+  dial.px_per_um = (radius_px - dial.nominal_px) / (dial.divisions * dial.division_um);
+  return dial;
 }
 
-void draw_circle(Canvas& canvas, const Dial& d, double deviation_um, const Colour& colour,
+void draw_circle(Canvas& canvas, const Dial& dial, double deviation_um, const Colour& colour,
                  double width) {
   std::vector<Vector2d> points;
   // With one segment per degree the chord error is below 0.1 px at a radius of 1000 px.
-  for (int i = 0; i <= 360; ++i) points.push_back(d.at(2.0 * pi * i / 360.0, deviation_um));
+  for (int i = 0; i <= 360; ++i) points.push_back(dial.at(2.0 * pi * i / 360.0, deviation_um));
   canvas.line(points, colour, width);
 }
 
@@ -438,39 +438,40 @@ std::string axis_label(const PolarOptions& options, int eighth) {
   }
 }
 
-void draw_dial(Canvas& canvas, const Dial& d, const PolarOptions& options, const TextStyle& body) {
+void draw_dial(Canvas& canvas, const Dial& dial, const PolarOptions& options,
+               const TextStyle& body) {
   const double unit = body.size_px / 22.0;
-  const double outermost = d.divisions * d.division_um;
+  const double outermost = dial.divisions * dial.division_um;
   for (int i = 0; i < 8; ++i) {
     const double angle = 0.25 * pi * i;
-    canvas.line({d.at(angle, -outermost), d.at(angle, outermost)}, colours::rule, 1.5 * unit);
+    canvas.line({dial.at(angle, -outermost), dial.at(angle, outermost)}, colours::rule, 1.5 * unit);
     TextStyle label = body;
     label.horizontal_anchor = 0.5 - 0.5 * std::cos(angle);
     label.vertical_anchor = 0.5 - 0.5 * std::sin(angle);
     label.bold = i % 2 == 0;
     if (i % 2 == 1) label.colour = colours::faint_ink;
     canvas.text(
-        d.at(angle, outermost) + 0.6 * body.size_px * Vector2d(std::cos(angle), std::sin(angle)),
+        dial.at(angle, outermost) + 0.6 * body.size_px * Vector2d(std::cos(angle), std::sin(angle)),
         axis_label(options, i), label);
   }
-  for (int k = -d.divisions; k <= d.divisions; ++k)
-    draw_circle(canvas, d, k * d.division_um, k == 0 ? colours::faint_ink : colours::rule,
+  for (int k = -dial.divisions; k <= dial.divisions; ++k)
+    draw_circle(canvas, dial, k * dial.division_um, k == 0 ? colours::faint_ink : colours::rule,
                 (k == 0 ? 3.0 : 1.5) * unit);
 }
 
 /// Draws the labels of the circles; of close circles only every second or fifth.
-void draw_scale(Canvas& canvas, const Dial& d, const TextStyle& body) {
+void draw_scale(Canvas& canvas, const Dial& dial, const TextStyle& body) {
   TextStyle style = body;
   style.size_px = 0.85 * body.size_px;
   style.horizontal_anchor = style.vertical_anchor = 0.5;
-  const double spacing = d.px_per_um * d.division_um;
+  const double spacing = dial.px_per_um * dial.division_um;
   const int stride = spacing > 1.3 * style.size_px ? 1 : (spacing > 0.7 * style.size_px ? 2 : 5);
-  const int decimals = round_decimals(d.division_um);
-  for (int k = -d.divisions; k <= d.divisions; ++k) {
+  const int decimals = round_decimals(dial.division_um);
+  for (int k = -dial.divisions; k <= dial.divisions; ++k) {
     if (k % stride != 0) continue;
     // The labels are at 67.5 degrees, midway between two spokes.
-    const Vector2d p = d.at(0.375 * pi, k * d.division_um);
-    const std::string text = signed_fixed(k * d.division_um, decimals);
+    const Vector2d p = dial.at(0.375 * pi, k * dial.division_um);
+    const std::string text = signed_fixed(k * dial.division_um, decimals);
     const Vector2d size = text_size(text, style) + Vector2d(6.0, 2.0);
     canvas.fill({p.x() - 0.5 * size.x(), p.y() - 0.5 * size.y(), size.x(), size.y()},
                 colours::white, 0.85);
@@ -478,7 +479,8 @@ void draw_scale(Canvas& canvas, const Dial& d, const TextStyle& body) {
   }
 }
 
-void draw_trace(Canvas& canvas, const Dial& d, const PolarTrace& trace, int index, double width) {
+void draw_trace(Canvas& canvas, const Dial& dial, const PolarTrace& trace, int index,
+                double width) {
   std::vector<Vector2d> points;
   const auto flush = [&] {
     draw_series_line(canvas, points, index, width);
@@ -486,7 +488,7 @@ void draw_trace(Canvas& canvas, const Dial& d, const PolarTrace& trace, int inde
   };
   for (Index i = 0; i < trace.angle.size(); ++i) {
     if (std::isfinite(trace.angle[i]) && std::isfinite(trace.deviation_um[i]))
-      points.push_back(d.at(trace.angle[i], trace.deviation_um[i]));
+      points.push_back(dial.at(trace.angle[i], trace.deviation_um[i]));
     else
       flush();
   }
@@ -502,28 +504,28 @@ void write_polar(const std::filesystem::path& path, const std::vector<PolarTrace
     if (t.angle.size() != t.deviation_um.size())
       throw std::invalid_argument("polar: angles and deviations of a trace need one size");
   const double unit = std::max(0.4, std::min(options.width / 1500.0, options.height / 1200.0));
-  const Page p = page(options.width, options.height, options.title, options.caption, unit);
-  const double em = p.body.size_px, side = 380.0 * unit;
-  const double dial_width = p.inner.width - side;
+  const Page sheet = page(options.width, options.height, options.title, options.caption, unit);
+  const double em = sheet.body.size_px, side = 380.0 * unit;
+  const double dial_width = sheet.inner.width - side;
   const double radius =
-      std::max(20.0, 0.5 * std::min(dial_width - 6.0 * em, p.inner.height - 4.5 * em));
-  const Vector2d centre(p.inner.x + 0.5 * dial_width, p.inner.y + 0.5 * p.inner.height);
-  const Dial d = make_dial(centre, radius, max_deviation_um(traces), options.division_um);
-  Canvas canvas(p.width, p.height);
-  draw_dial(canvas, d, options, p.body);
+      std::max(20.0, 0.5 * std::min(dial_width - 6.0 * em, sheet.inner.height - 4.5 * em));
+  const Vector2d centre(sheet.inner.x + 0.5 * dial_width, sheet.inner.y + 0.5 * sheet.inner.height);
+  const Dial dial = make_dial(centre, radius, max_deviation_um(traces), options.division_um);
+  Canvas canvas(sheet.width, sheet.height);
+  draw_dial(canvas, dial, options, sheet.body);
   std::vector<LegendEntry> entries;
   for (std::size_t i = 0; i < traces.size(); ++i) {
-    draw_trace(canvas, d, traces[i], int(i), 3.0 * unit);
+    draw_trace(canvas, dial, traces[i], int(i), 3.0 * unit);
     if (!traces[i].name.empty()) entries.push_back({traces[i].name, int(i), true, false, false});
   }
-  draw_scale(canvas, d, p.body);
+  draw_scale(canvas, dial, sheet.body);
   std::vector<std::string> note{
-      fmt::format("{} µm per division", fixed(d.division_um, round_decimals(d.division_um))),
+      fmt::format("{} µm per division", fixed(dial.division_um, round_decimals(dial.division_um))),
       "radial deviation, + outwards", ""};
   note.insert(note.end(), options.note.begin(), options.note.end());
-  draw_legend_column(canvas, {p.inner.x + dial_width, p.inner.y + p.inner.height - em}, side - em,
-                     entries, note, p.body);
-  draw_page(canvas, p);
+  draw_legend_column(canvas, {sheet.inner.x + dial_width, sheet.inner.y + sheet.inner.height - em},
+                     side - em, entries, note, sheet.body);
+  draw_page(canvas, sheet);
   canvas.write_png(path);
 }
 

@@ -272,15 +272,15 @@ void write_distribution(const std::filesystem::path& path,
   const double unit = options.width / 1600.0;
   const TextStyle body{.size_px = 22.0 * unit};
   const double table = table_height(series.size(), body);
-  const Page p = page(options.width, int(std::lround(options.height * 1.0 + table)), options.title,
-                      caption(series, histograms, bins, options), unit);
+  const Page sheet = page(options.width, int(std::lround(options.height * 1.0 + table)),
+                          options.title, caption(series, histograms, bins, options), unit);
   const double em = body.size_px;
-  PanelStyle style{p.body, {.size_px = 26.0 * unit, .bold = true}, unit};
-  const Rectangle cell{p.inner.x, p.inner.y + table, p.inner.width,
-                       p.inner.height - table - 1.2 * em};
+  PanelStyle style{sheet.body, {.size_px = 26.0 * unit, .bold = true}, unit};
+  const Rectangle cell{sheet.inner.x, sheet.inner.y + table, sheet.inner.width,
+                       sheet.inner.height - table - 1.2 * em};
   const Extent extent = extent_with_limit(panel, options);
   style.ticks_px = ticks_px({panel}, cell, {extent}, style);
-  Canvas canvas(p.width, p.height);
+  Canvas canvas(sheet.width, sheet.height);
   const Axes axes = draw_panel(canvas, panel, cell, extent, style);
   for (std::size_t i = 0; i < series.size(); ++i)
     draw_histogram_bars(canvas, axes, histograms[i], bins, int(i));
@@ -290,10 +290,10 @@ void write_distribution(const std::filesystem::path& path,
     if (series[i].mean) draw_marker(canvas, axes, *series[i].mean, disc, int(i), 13.0 * unit);
     if (series[i].p95) draw_marker(canvas, axes, *series[i].p95, triangle, int(i), 17.0 * unit);
   }
-  draw_limit(canvas, axes, options, p.body);
-  draw_table(canvas, series, options, {p.inner.x + em, p.inner.y, p.inner.width - 2.0 * em, table},
-             p.body);
-  draw_page(canvas, p);
+  draw_limit(canvas, axes, options, sheet.body);
+  draw_table(canvas, series, options,
+             {sheet.inner.x + em, sheet.inner.y, sheet.inner.width - 2.0 * em, table}, sheet.body);
+  draw_page(canvas, sheet);
   canvas.write_png(path);
 }
 

@@ -289,19 +289,19 @@ void draw_symbol(Canvas& canvas, const Vector2d& left, const LegendEntry& entry,
 
 Page page(int width, int height, const std::string& title, const std::vector<std::string>& caption,
           double unit) {
-  Page p;
-  p.width = width;
-  p.height = height;
-  p.unit = unit;
-  p.title = {.size_px = 36.0 * unit, .bold = true};
-  p.body = {.size_px = 22.0 * unit};
+  Page sheet;
+  sheet.width = width;
+  sheet.height = height;
+  sheet.unit = unit;
+  sheet.title = {.size_px = 36.0 * unit, .bold = true};
+  sheet.body = {.size_px = 22.0 * unit};
   const double m = side_margin * unit;
-  if (!title.empty()) p.title_lines = wrapped(title, p.title, width - 2.0 * m, 2);
-  p.caption_lines = caption_lines(width, caption, p.body, unit);
-  const double above = 0.6 * m + double(p.title_lines.size()) * line_height(p.title);
-  const double below = 0.6 * m + double(p.caption_lines.size()) * line_height(p.body);
-  p.inner = {0.5 * m, below, width - m, height - above - below};
-  return p;
+  if (!title.empty()) sheet.title_lines = wrapped(title, sheet.title, width - 2.0 * m, 2);
+  sheet.caption_lines = caption_lines(width, caption, sheet.body, unit);
+  const double above = 0.6 * m + double(sheet.title_lines.size()) * line_height(sheet.title);
+  const double below = 0.6 * m + double(sheet.caption_lines.size()) * line_height(sheet.body);
+  sheet.inner = {0.5 * m, below, width - m, height - above - below};
+  return sheet;
 }
 
 double page_margins(int width, const std::string& title, const std::vector<std::string>& caption,
@@ -310,11 +310,11 @@ double page_margins(int width, const std::string& title, const std::vector<std::
   return height - page(width, height, title, caption, unit).inner.height;
 }
 
-void draw_page(Canvas& canvas, const Page& p) {
-  const double m = side_margin * p.unit;
-  draw_paragraph(canvas, {m, p.height - 0.5 * m}, p.title_lines, p.title);
-  draw_paragraph(canvas, {m, 0.5 * m + double(p.caption_lines.size()) * line_height(p.body)},
-                 p.caption_lines, p.body);
+void draw_page(Canvas& canvas, const Page& page) {
+  const double m = side_margin * page.unit;
+  draw_paragraph(canvas, {m, page.height - 0.5 * m}, page.title_lines, page.title);
+  draw_paragraph(canvas, {m, 0.5 * m + double(page.caption_lines.size()) * line_height(page.body)},
+                 page.caption_lines, page.body);
 }
 
 void draw_mark(Canvas& canvas, const Vector2d& at, int colour, double size_px) {

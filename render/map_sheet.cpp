@@ -85,8 +85,8 @@ struct CellText {
 };
 
 bool has_common_datum(const std::vector<MapPicture>& cases) {
-  return std::all_of(cases.begin(), cases.end(), [&](const MapPicture& c) {
-    return c.datum == cases.front().datum && c.alignment == cases.front().alignment;
+  return std::all_of(cases.begin(), cases.end(), [&](const MapPicture& picture) {
+    return picture.datum == cases.front().datum && picture.alignment == cases.front().alignment;
   });
 }
 
@@ -123,14 +123,15 @@ struct TextWidths {
   double title, below;
 };
 
-CellText cell_text(const MapPicture& c, const Tally& counts, bool with_datum, TextWidths width,
-                   const TextStyle& title, const TextStyle& body) {
+CellText cell_text(const MapPicture& picture, const Tally& counts, bool with_datum,
+                   TextWidths width, const TextStyle& title, const TextStyle& body) {
   CellText text;
-  text.title = wrapped(c.title, title, width.title, 2);
-  std::vector<std::string> lines{figures_text(c.figures, Mean::Omitted)};
-  if (c.tolerance_um.rows() > 0) lines.push_back(verdict_text(c));
-  lines.insert(lines.end(), c.caption.begin(), c.caption.end());
-  if (with_datum) lines.push_back(fmt::format("datum {}, alignment {}", c.datum, c.alignment));
+  text.title = wrapped(picture.title, title, width.title, 2);
+  std::vector<std::string> lines{figures_text(picture.figures, Mean::Omitted)};
+  if (picture.tolerance_um.rows() > 0) lines.push_back(verdict_text(picture));
+  lines.insert(lines.end(), picture.caption.begin(), picture.caption.end());
+  if (with_datum)
+    lines.push_back(fmt::format("datum {}, alignment {}", picture.datum, picture.alignment));
   for (std::string& line : excluded_text(counts)) lines.push_back(std::move(line));
   for (const std::string& line : lines) {
     for (const std::string& part : wrapped(line, body, width.below, 4)) text.below.push_back(part);
@@ -162,7 +163,7 @@ std::vector<MapPanel> make_panels(const std::vector<MapPicture>& cases,
   if (options.range_um && (!(*options.range_um > 0.0) || !std::isfinite(*options.range_um)))
     throw std::invalid_argument("comparison: the range must be positive");
   std::vector<Span> own_ends;
-  for (const MapPicture& c : cases) own_ends.push_back(fitted_ends_um(c.field));
+  for (const MapPicture& picture : cases) own_ends.push_back(fitted_ends_um(picture.field));
   const Span common =
       options.range_um ? Span{-*options.range_um, *options.range_um} : common_ends(own_ends);
   std::vector<MapPanel> panels;
@@ -178,39 +179,42 @@ std::vector<MapPanel> make_panels(const std::vector<MapPicture>& cases,
 }
 
 /// Returns the text of a panel. The second panel of a case only states its scale.
-CellText panel_text(const std::vector<MapPanel>& panels, std::size_t i, const MapPicture& c,
+CellText panel_text(const std::vector<MapPanel>& panels, std::size_t i, const MapPicture& picture,
                     const Tally& counts, bool with_datum, const Grid& cells) {
   const double width = cells.cell_width;
   const bool side_by_side = cells.columns > 1;
   if (panels[i].has_own_scale)
-    return {wrapped(side_by_side ? "own scale" : c.title + ", own scale", title_style, width, 2),
-            {}};
+    return {
+        wrapped(side_by_side ? "own scale" : picture.title + ", own scale", title_style, width, 2),
+        {}};
   const bool is_pair = side_by_side && i + 1 < panels.size() && panels[i + 1].has_own_scale;
-  return cell_text(c, counts, with_datum, {width, is_pair ? 2.0 * width + gap_px : width},
+  return cell_text(picture, counts, with_datum, {width, is_pair ? 2.0 * width + gap_px : width},
                    title_style, body_style);
 }
 
 Plan make_plan(const std::vector<MapPicture>& cases, const ComparisonOptions& options) {
-  Plan p;
-  p.panels = make_panels(cases, options);
-  for (const MapPanel& panel : p.panels)
-    p.counts.push_back(tally(cases[panel.case_index].field, panel.ends_um));
+  Plan plan;
+  plan.panels = make_panels(cases, options);
+  for (const MapPanel& panel : plan.panels)
+    plan.counts.push_back(tally(cases[panel.case_index].field, panel.ends_um));
   const double width = options.width - 2.0 * margin_px;
   double max_aspect = 0.0;
-  for (const MapPicture& c : cases)
-    max_aspect = std::max(max_aspect, aspect(c.field.design.vertices, options.from, options.up));
+  for (const MapPicture& picture : cases)
+    max_aspect =
+        std::max(max_aspect, aspect(picture.field.design.vertices, options.from, options.up));
   const bool with_datum = !has_common_datum(cases);
-  p.cells = best_grid(p.panels, width, max_aspect, 4.0 * line_height(body_style) + bar_row_px);
+  plan.cells =
+      best_grid(plan.panels, width, max_aspect, 4.0 * line_height(body_style) + bar_row_px);
   std::size_t lines_below = 0;
-  for (std::size_t i = 0; i < p.panels.size(); ++i) {
-    p.text.push_back(
-        panel_text(p.panels, i, cases[p.panels[i].case_index], p.counts[i], with_datum, p.cells));
-    p.title_lines = std::max(p.title_lines, p.text.back().title.size());
-    lines_below = std::max(lines_below, p.text.back().below.size());
+  for (std::size_t i = 0; i < plan.panels.size(); ++i) {
+    plan.text.push_back(panel_text(plan.panels, i, cases[plan.panels[i].case_index], plan.counts[i],
+                                   with_datum, plan.cells));
+    plan.title_lines = std::max(plan.title_lines, plan.text.back().title.size());
+    lines_below = std::max(lines_below, plan.text.back().below.size());
   }
-  p.text_height = static_cast<double>(p.title_lines) * line_height(title_style) +
-                  static_cast<double>(lines_below) * line_height(body_style) + bar_row_px + 18.0;
-  return p;
+  plan.text_height = static_cast<double>(plan.title_lines) * line_height(title_style) +
+                     static_cast<double>(lines_below) * line_height(body_style) + bar_row_px + 18.0;
+  return plan;
 }
 
 /// The scene and the view of a panel, before it is drawn.
@@ -222,37 +226,38 @@ struct Cell {
   SurfaceScene scene;
 };
 
-double titles_height(const Plan& p) {
-  return static_cast<double>(p.title_lines) * line_height(title_style);
+double titles_height(const Plan& plan) {
+  return static_cast<double>(plan.title_lines) * line_height(title_style);
 }
 
 /// @param top  upper edge of the first row
-Cell make_cell(const Plan& p, std::size_t i, const MapPicture& c, const ComparisonOptions& options,
-               double top) {
-  const auto [column, row] = p.cells.at[i];
+Cell make_cell(const Plan& plan, std::size_t i, const MapPicture& picture,
+               const ComparisonOptions& options, double top) {
+  const auto [column, row] = plan.cells.at[i];
   Cell cell;
-  cell.x = margin_px + column * (p.cells.cell_width + gap_px);
-  cell.y = top - row * (p.text_height + p.cells.map_height + gap_px);
-  cell.box = {cell.x, cell.y - titles_height(p) - 8.0 - p.cells.map_height, p.cells.cell_width,
-              p.cells.map_height};
-  cell.view = fit_view(c.field.design.vertices, options.from, options.up, cell.box);
-  cell.colours = colour_scale(p.panels[i].ends_um.lower, p.panels[i].ends_um.upper);
-  cell.scene = surface_scene(c.field, c.field.deviation_um, cell.colours, cell.view.toward_eye);
+  cell.x = margin_px + column * (plan.cells.cell_width + gap_px);
+  cell.y = top - row * (plan.text_height + plan.cells.map_height + gap_px);
+  cell.box = {cell.x, cell.y - titles_height(plan) - 8.0 - plan.cells.map_height,
+              plan.cells.cell_width, plan.cells.map_height};
+  cell.view = fit_view(picture.field.design.vertices, options.from, options.up, cell.box);
+  cell.colours = colour_scale(plan.panels[i].ends_um.lower, plan.panels[i].ends_um.upper);
+  cell.scene =
+      surface_scene(picture.field, picture.field.deviation_um, cell.colours, cell.view.toward_eye);
   return cell;
 }
 
-void draw_cell(Canvas& canvas, const Plan& p, std::size_t i, const Cell& cell) {
+void draw_cell(Canvas& canvas, const Plan& plan, std::size_t i, const Cell& cell) {
   const auto& [x, y, box, view, colours, scene] = cell;
-  const double titles = titles_height(p);
-  const Span& ends = p.panels[i].ends_um;
+  const double titles = titles_height(plan);
+  const Span& ends = plan.panels[i].ends_um;
   canvas.scene(view, scene.solids, scene.wires);
-  const double title = static_cast<double>(p.text[i].title.size()) * line_height(title_style);
-  draw_paragraph(canvas, {x, y - titles + title}, p.text[i].title, title_style);
-  const Tally& counts = p.counts[i];
+  const double title = static_cast<double>(plan.text[i].title.size()) * line_height(title_style);
+  draw_paragraph(canvas, {x, y - titles + title}, plan.text[i].title, title_style);
+  const Tally& counts = plan.counts[i];
   draw_horizontal_colour_bar(
-      canvas, {x, box.y - bar_row_px, std::min(p.cells.cell_width, 460.0), bar_row_px - 6.0},
+      canvas, {x, box.y - bar_row_px, std::min(plan.cells.cell_width, 460.0), bar_row_px - 6.0},
       ColourBar{colours, counts.lowest_um<ends.lower, counts.highest_um> ends.upper}, body_style);
-  draw_paragraph(canvas, {x, box.y - bar_row_px - 6.0}, p.text[i].below, body_style);
+  draw_paragraph(canvas, {x, box.y - bar_row_px - 6.0}, plan.text[i].below, body_style);
 }
 
 }  // namespace
@@ -260,12 +265,12 @@ void draw_cell(Canvas& canvas, const Plan& p, std::size_t i, const Cell& cell) {
 void write_comparison(const std::filesystem::path& path, const std::vector<MapPicture>& cases,
                       const ComparisonOptions& options) {
   if (cases.empty()) throw std::invalid_argument("comparison: at least one case is needed");
-  for (const MapPicture& c : cases) check_field(c.field);
-  const Plan p = make_plan(cases, options);
+  for (const MapPicture& picture : cases) check_field(picture.field);
+  const Plan plan = make_plan(cases, options);
 
   const double text_width = options.width - 2.0 * margin_px - 4.0 * triad_px;
   std::vector<std::string> lines;
-  for (const std::string& text : common_text(cases, p.panels, p.counts, options)) {
+  for (const std::string& text : common_text(cases, plan.panels, plan.counts, options)) {
     for (const std::string& line : wrapped(text, body_style, text_width)) lines.push_back(line);
   }
   const double foot =
@@ -274,22 +279,22 @@ void write_comparison(const std::filesystem::path& path, const std::vector<MapPi
   const std::vector<std::string> title =
       wrapped(options.title, head_style, options.width - 2.0 * margin_px, 2);
   const double head = double(title.size()) * line_height(head_style) + margin_px;
-  const double cells = p.cells.rows * (p.text_height + p.cells.map_height + gap_px);
+  const double cells = plan.cells.rows * (plan.text_height + plan.cells.map_height + gap_px);
   const int height = static_cast<int>(std::ceil(head + cells + foot));
 
-  std::vector<Cell> panel_cells(p.panels.size());
+  std::vector<Cell> panel_cells(plan.panels.size());
   // The scenes are built in parallel; OpenGL then draws them one after the other.
   tbb::parallel_for(std::size_t(0), panel_cells.size(), [&](std::size_t i) {
-    panel_cells[i] = make_cell(p, i, cases[p.panels[i].case_index], options, height - head);
+    panel_cells[i] = make_cell(plan, i, cases[plan.panels[i].case_index], options, height - head);
   });
 
   Canvas canvas(options.width, height);
   draw_paragraph(canvas, {margin_px, height - 0.7 * margin_px}, title, head_style);
-  for (std::size_t i = 0; i < panel_cells.size(); ++i) draw_cell(canvas, p, i, panel_cells[i]);
+  for (std::size_t i = 0; i < panel_cells.size(); ++i) draw_cell(canvas, plan, i, panel_cells[i]);
   const View& view = panel_cells.back().view;
   draw_triad(canvas, view, {options.width - margin_px - 1.6 * triad_px, margin_px + 1.4 * triad_px},
              triad_px, body_style);
-  draw_scale_bar(canvas, view, {margin_px, foot - 26.0}, 0.4 * p.cells.cell_width, body_style);
+  draw_scale_bar(canvas, view, {margin_px, foot - 26.0}, 0.4 * plan.cells.cell_width, body_style);
   draw_paragraph(canvas, {margin_px, foot - 56.0}, lines, body_style);
   canvas.write_png(path);
 }
@@ -309,14 +314,14 @@ struct DecimatedDesign {
 
 /// Returns the design with the first vertex of each cell of a grid.
 DecimatedDesign decimate_by_cells(const cutting::Design& whole, double cell_mm) {
-  DecimatedDesign d;
+  DecimatedDesign decimated;
   std::map<std::array<long long, 3>, int> cells;
   std::vector<int> representative;
   for (Eigen::Index i = 0; i < whole.vertices.rows(); ++i) {
     std::array<long long, 3> cell{};
     for (int k = 0; k < 3; ++k) cell[k] = std::llround(whole.vertices(i, k) / cell_mm);
-    const auto [entry, is_new] = cells.emplace(cell, int(d.vertices.size()));
-    if (is_new) d.vertices.push_back(i);
+    const auto [entry, is_new] = cells.emplace(cell, int(decimated.vertices.size()));
+    if (is_new) decimated.vertices.push_back(i);
     representative.push_back(entry->second);
   }
   std::vector<int> corners;
@@ -326,31 +331,32 @@ DecimatedDesign decimate_by_cells(const cutting::Design& whole, double cell_mm) 
     if (triangle[0] != triangle[1] && triangle[1] != triangle[2] && triangle[2] != triangle[0])
       corners.insert(corners.end(), triangle.begin(), triangle.end());
   }
-  d.design.vertices = whole.vertices(d.vertices, Eigen::all);
+  decimated.design.vertices = whole.vertices(decimated.vertices, Eigen::all);
   if (whole.normals.rows() == whole.vertices.rows())
-    d.design.normals = whole.normals(d.vertices, Eigen::all);
-  d.design.triangles = Eigen::Map<const cutting::Triangles>(
+    decimated.design.normals = whole.normals(decimated.vertices, Eigen::all);
+  decimated.design.triangles = Eigen::Map<const cutting::Triangles>(
       corners.data(), static_cast<Eigen::Index>(corners.size() / 3), 3);
   if (whole.judged.size() == std::size_t(whole.vertices.rows()))
-    for (const Eigen::Index i : d.vertices) d.design.judged.push_back(whole.judged[std::size_t(i)]);
-  return d;
+    for (const Eigen::Index i : decimated.vertices)
+      decimated.design.judged.push_back(whole.judged[std::size_t(i)]);
+  return decimated;
 }
 
 /// Returns the design with so few vertices that `maps` maps of it can be drawn.
 DecimatedDesign decimate_design(const cutting::Design& whole, std::size_t maps) {
   const Eigen::Index n = whole.vertices.rows();
   const Eigen::Index max_vertices = max_total_vertices / Eigen::Index(maps);
-  DecimatedDesign d{whole, {}};
-  for (Eigen::Index i = 0; i < n; ++i) d.vertices.push_back(i);
-  if (n <= max_vertices) return d;
+  DecimatedDesign decimated{whole, {}};
+  for (Eigen::Index i = 0; i < n; ++i) decimated.vertices.push_back(i);
+  if (n <= max_vertices) return decimated;
   const Eigen::Vector3d size =
       whole.vertices.colwise().maxCoeff() - whole.vertices.colwise().minCoeff();
   // Starting at about the mean distance of vertices, cells grow by a fifth until few enough
   // vertices remain.
   for (double cell = std::max(size.norm(), 1e-6) / std::sqrt(double(n));
-       Eigen::Index(d.vertices.size()) > max_vertices; cell *= 1.2)
-    d = decimate_by_cells(whole, cell);
-  return d;
+       Eigen::Index(decimated.vertices.size()) > max_vertices; cell *= 1.2)
+    decimated = decimate_by_cells(whole, cell);
+  return decimated;
 }
 
 /// The scale of a map.
@@ -360,16 +366,16 @@ struct MapScale {
 };
 
 Field make_field(const cutting::Design& design, const SheetMap& map) {
-  Field f;
-  f.design = design;
-  f.deviation_um = map.values_um;
+  Field field;
+  field.design = design;
+  field.deviation_um = map.values_um;
   const bool all_judged = design.judged.size() != std::size_t(design.vertices.rows());
   for (Eigen::Index i = 0; i < map.values_um.size(); ++i) {
     const bool is_judged = all_judged || design.judged[std::size_t(i)] != 0;
-    f.status.push_back(!is_judged ? 2 : (std::isfinite(map.values_um[i]) ? 0 : 1));
+    field.status.push_back(!is_judged ? 2 : (std::isfinite(map.values_um[i]) ? 0 : 1));
   }
-  check_field(f);
-  return f;
+  check_field(field);
+  return field;
 }
 
 Span widest_ends(const std::vector<MapScale>& maps) {
@@ -410,20 +416,20 @@ struct SheetLayout {
 
 SheetLayout lay_out_grid(int columns, const std::vector<SheetMap>& maps, double width,
                          double shape) {
-  SheetLayout l;
-  l.columns = columns;
-  l.rows = (int(maps.size()) + columns - 1) / columns;
-  l.width = width / columns;
-  const double em = std::clamp(l.width / 17.0, 11.0 * width / 2400.0, 24.0 * width / 2400.0);
-  l.title = {.size_px = em, .bold = true};
-  l.body = {.size_px = 0.92 * em};
-  l.map_height = std::round((l.width - 1.2 * em) * std::clamp(shape, 0.25, 1.2));
+  SheetLayout layout;
+  layout.columns = columns;
+  layout.rows = (int(maps.size()) + columns - 1) / columns;
+  layout.width = width / columns;
+  const double em = std::clamp(layout.width / 17.0, 11.0 * width / 2400.0, 24.0 * width / 2400.0);
+  layout.title = {.size_px = em, .bold = true};
+  layout.body = {.size_px = 0.92 * em};
+  layout.map_height = std::round((layout.width - 1.2 * em) * std::clamp(shape, 0.25, 1.2));
   for (const SheetMap& map : maps)
-    l.title_lines =
-        std::max(l.title_lines, wrapped(map.title, l.title, l.width - 1.2 * em, 2).size());
-  l.height = l.map_height + double(l.title_lines) * line_height(l.title) +
-             2.0 * line_height(l.body) + 2.2 * em;
-  return l;
+    layout.title_lines = std::max(
+        layout.title_lines, wrapped(map.title, layout.title, layout.width - 1.2 * em, 2).size());
+  layout.height = layout.map_height + double(layout.title_lines) * line_height(layout.title) +
+                  2.0 * line_height(layout.body) + 2.2 * em;
+  return layout;
 }
 
 SheetLayout sheet_layout(const std::vector<SheetMap>& maps, const SheetOptions& options,
@@ -454,29 +460,31 @@ struct SheetCell {
   Vector2d corner;  ///< lower left corner
 };
 
-View draw_cell(Canvas& canvas, const SheetLayout& l, const SheetCell& cell,
+View draw_cell(Canvas& canvas, const SheetLayout& layout, const SheetCell& cell,
                const SheetOptions& options) {
-  const double em = l.title.size_px, width = l.width - 1.2 * em;
-  const Vector2d top_left = cell.corner + Vector2d(0.6 * em, l.height - 0.3 * em);
-  const std::vector<std::string> title = wrapped(cell.map.title, l.title, width, 2);
-  double y = top_left.y() - double(l.title_lines - title.size()) * line_height(l.title);
-  y -= draw_paragraph(canvas, {top_left.x(), y}, title, l.title);
-  TextStyle faint = l.body;
+  const double em = layout.title.size_px, width = layout.width - 1.2 * em;
+  const Vector2d top_left = cell.corner + Vector2d(0.6 * em, layout.height - 0.3 * em);
+  const std::vector<std::string> title = wrapped(cell.map.title, layout.title, width, 2);
+  double y = top_left.y() - double(layout.title_lines - title.size()) * line_height(layout.title);
+  y -= draw_paragraph(canvas, {top_left.x(), y}, title, layout.title);
+  TextStyle faint = layout.body;
   faint.colour = colours::faint_ink;
   draw_paragraph(canvas, {top_left.x(), y}, wrapped(cell.map.figures, faint, width, 1), faint);
   const Rectangle box{std::round(top_left.x()),
-                      std::round(y - line_height(l.body) - 0.3 * em - l.map_height), width,
-                      l.map_height};
+                      std::round(y - line_height(layout.body) - 0.3 * em - layout.map_height),
+                      width, layout.map_height};
   const View view = fit_view(cell.field.design.vertices, options.from, options.up, box);
-  const MapScale& s = cell.scale;
-  const ColourScale colours = colour_scale(s.ends_um.lower, s.ends_um.upper);
+  const MapScale& scale = cell.scale;
+  const ColourScale colours = colour_scale(scale.ends_um.lower, scale.ends_um.upper);
   const SurfaceScene scene =
       surface_scene(cell.field, cell.field.deviation_um, colours, view.toward_eye);
   canvas.scene(view, scene.solids, scene.wires);
   draw_horizontal_colour_bar(
-      canvas, {box.x, box.y - 0.2 * em - line_height(l.body), width, line_height(l.body)},
-      ColourBar{colours, s.counts.lowest_um<s.ends_um.lower, s.counts.highest_um> s.ends_um.upper},
-      l.body);
+      canvas, {box.x, box.y - 0.2 * em - line_height(layout.body), width, line_height(layout.body)},
+      ColourBar{
+          colours,
+          scale.counts.lowest_um<scale.ends_um.lower, scale.counts.highest_um> scale.ends_um.upper},
+      layout.body);
   return view;
 }
 
@@ -494,30 +502,30 @@ std::vector<std::string> common_text(const std::vector<MapScale>& maps, const Sh
       fmt::format("view {}  ·  {} vertices", view_description(view), grouped(vertices)));
   if (drawn_vertices < vertices)
     lines.back() += fmt::format(", drawn on {} of them", grouped(drawn_vertices));
-  const bool exceeds_scale =
-      std::any_of(maps.begin(), maps.end(), [](const MapScale& s) { return s.counts.beyond > 0; });
+  const bool exceeds_scale = std::any_of(
+      maps.begin(), maps.end(), [](const MapScale& scale) { return scale.counts.beyond > 0; });
   if (exceeds_scale) lines.back() += "  ·  arrow colours: beyond the scale of the map";
   lines.insert(lines.end(), options.caption.begin(), options.caption.end());
   return lines;
 }
 
 /// Draws axes, scale bar and the legend below the maps.
-void draw_foot(Canvas& canvas, const Page& p, double height, const View& view,
+void draw_foot(Canvas& canvas, const Page& sheet, double height, const View& view,
                const std::vector<MapScale>& maps) {
-  const double em = p.body.size_px;
-  Vector2d at(p.inner.x + 4.2 * em, p.inner.y + 0.5 * height);
-  draw_triad(canvas, view, {p.inner.x + 2.0 * em, at.y() - 0.2 * em}, 1.6 * em, p.body);
+  const double em = sheet.body.size_px;
+  Vector2d at(sheet.inner.x + 4.2 * em, sheet.inner.y + 0.5 * height);
+  draw_triad(canvas, view, {sheet.inner.x + 2.0 * em, at.y() - 0.2 * em}, 1.6 * em, sheet.body);
   at.x() += 1.5 * em;
-  draw_scale_bar(canvas, view, at, 0.7 * view.area.width, p.body);
+  draw_scale_bar(canvas, view, at, 0.7 * view.area.width, sheet.body);
   at.x() += 0.7 * view.area.width + 8.0 * em;
   const auto has_vertices = [&](std::size_t Tally::*kind) {
     return std::any_of(maps.begin(), maps.end(),
-                       [&](const MapScale& s) { return s.counts.*kind > 0; });
+                       [&](const MapScale& scale) { return scale.counts.*kind > 0; });
   };
   if (has_vertices(&Tally::uncut))
-    at.x() += draw_swatch(canvas, at, colours::uncut, "no value", p.body) + em;
+    at.x() += draw_swatch(canvas, at, colours::uncut, "no value", sheet.body) + em;
   if (has_vertices(&Tally::outside))
-    draw_swatch(canvas, at, colours::outside, "outside the judged region", p.body);
+    draw_swatch(canvas, at, colours::outside, "outside the judged region", sheet.body);
 }
 
 }  // namespace
@@ -528,29 +536,31 @@ void write_sheet(const std::filesystem::path& path, const cutting::Design& desig
     throw std::invalid_argument("sheet: expected 1 to 256 maps");
   const std::vector<MapScale> scales = fit_scales(design, maps, options.common_range);
   const double unit = options.width / 2400.0, foot = 110.0 * unit;
-  const DecimatedDesign d = decimate_design(design, maps.size());
+  const DecimatedDesign decimated = decimate_design(design, maps.size());
   const std::vector<std::string> caption =
-      common_text(scales, options, std::size_t(design.vertices.rows()), d.vertices.size());
+      common_text(scales, options, std::size_t(design.vertices.rows()), decimated.vertices.size());
   const double margins = page_margins(options.width, options.title, caption, unit);
   const double width = page(options.width, 1000, options.title, caption, unit).inner.width;
-  const SheetLayout l =
+  const SheetLayout layout =
       sheet_layout(maps, options, width, aspect(design.vertices, options.from, options.up));
-  const double height = std::ceil(l.rows * l.height + foot + margins + 0.6 * l.title.size_px);
+  const double height =
+      std::ceil(layout.rows * layout.height + foot + margins + 0.6 * layout.title.size_px);
   if (!(height <= longest_side))
     throw std::invalid_argument("sheet: the picture would be higher than 16384 px");
-  const Page p = page(options.width, int(height), options.title, caption, unit);
+  const Page sheet = page(options.width, int(height), options.title, caption, unit);
 
-  Canvas canvas(p.width, p.height);
+  Canvas canvas(sheet.width, sheet.height);
   View view;
   for (std::size_t i = 0; i < maps.size(); ++i) {
-    const int column = int(i) % l.columns, row = int(i) / l.columns;
-    const Vector2d corner(p.inner.x + column * l.width,
-                          p.inner.y + foot + (l.rows - 1 - row) * l.height);
-    const SheetMap map{maps[i].title, maps[i].figures, maps[i].values_um(d.vertices), {}};
-    view = draw_cell(canvas, l, {make_field(d.design, map), map, scales[i], corner}, options);
+    const int column = int(i) % layout.columns, row = int(i) / layout.columns;
+    const Vector2d corner(sheet.inner.x + column * layout.width,
+                          sheet.inner.y + foot + (layout.rows - 1 - row) * layout.height);
+    const SheetMap map{maps[i].title, maps[i].figures, maps[i].values_um(decimated.vertices), {}};
+    view = draw_cell(canvas, layout, {make_field(decimated.design, map), map, scales[i], corner},
+                     options);
   }
-  draw_foot(canvas, p, foot, view, scales);
-  draw_page(canvas, p);
+  draw_foot(canvas, sheet, foot, view, scales);
+  draw_page(canvas, sheet);
   canvas.write_png(path);
 }
 

@@ -500,32 +500,35 @@ void write_bars(const std::filesystem::path& path, const std::vector<Bar>& bars,
   const double margins = page_margins(options.width, options.title, options.caption, unit);
   const int height =
       int(std::lround(double(bars.size()) * bar_px * unit + above + below + margins));
-  const Page p = page(options.width, std::max(height, 64), options.title, options.caption, unit);
-  const double em = p.body.size_px;
+  const Page sheet =
+      page(options.width, std::max(height, 64), options.title, options.caption, unit);
+  const double em = sheet.body.size_px;
   // Long labels are shortened, so that the bars have most of the width.
-  const double names = std::min(max_label_width(bars, p.body), 0.4 * p.width);
-  const double values = max_value_width(bars, p.body);
-  const double left = p.inner.x + names + 1.5 * em;
-  const Axes axes{{left, p.inner.y + below, p.inner.x + p.inner.width - left - values - 2.0 * em,
-                   double(bars.size()) * bar_px * unit},
-                  axis_range(bars, options),
-                  {}};
-  Canvas canvas(p.width, p.height);
-  draw_scale(canvas, axes, options, p.body);
+  const double names = std::min(max_label_width(bars, sheet.body), 0.4 * sheet.width);
+  const double values = max_value_width(bars, sheet.body);
+  const double left = sheet.inner.x + names + 1.5 * em;
+  const Axes axes{
+      {left, sheet.inner.y + below, sheet.inner.x + sheet.inner.width - left - values - 2.0 * em,
+       double(bars.size()) * bar_px * unit},
+      axis_range(bars, options),
+      {}};
+  Canvas canvas(sheet.width, sheet.height);
+  draw_scale(canvas, axes, options, sheet.body);
   for (std::size_t i = 0; i < bars.size(); ++i) {
     const double y = axes.box.y + axes.box.height - (double(i) + 0.5) * bar_px * unit;
-    draw_bar(canvas, axes, bars[i], y, p.body);
-    TextStyle label = p.body;
+    draw_bar(canvas, axes, bars[i], y, sheet.body);
+    TextStyle label = sheet.body;
     label.vertical_anchor = 0.5;
     canvas.text({axes.box.x + axes.box.width + em, y}, value_text(bars[i]), label);
     label.horizontal_anchor = 1.0;
     canvas.text({left - 0.7 * em, y}, wrapped(bars[i].label, label, names + 1.0, 1).front(), label);
   }
   if (!options.running_sum.empty()) draw_running_sum(canvas, axes, bars, bar_px * unit, unit);
-  draw_reference(canvas, axes, options, p.body);
-  draw_legend(canvas, options, {p.inner.x + 0.5 * em, p.inner.y + p.inner.height - 0.5 * legend},
-              p.body);
-  draw_page(canvas, p);
+  draw_reference(canvas, axes, options, sheet.body);
+  draw_legend(canvas, options,
+              {sheet.inner.x + 0.5 * em, sheet.inner.y + sheet.inner.height - 0.5 * legend},
+              sheet.body);
+  draw_page(canvas, sheet);
   canvas.write_png(path);
 }
 

@@ -300,20 +300,21 @@ void write_volume_map(const std::filesystem::path& path, const VolumePicture& pi
                   view_description(fit_view({}, from, Vector3d::UnitZ(), {})))};
   caption.insert(caption.end(), picture.caption.begin(), picture.caption.end());
   const double unit = type_sizes(options.width, options.height).unit;
-  const Page p = page(options.width, options.height, picture.title, caption, unit);
+  const Page sheet = page(options.width, options.height, picture.title, caption, unit);
   const TextStyle figures{.size_px = 26.0 * unit};
   const double figures_height = picture.figures.empty() ? 0.0 : 1.9 * line_height(figures);
-  const VolumeLayout layout = volume_layout(p, figures_height);
+  const VolumeLayout layout = volume_layout(sheet, figures_height);
 
-  Canvas canvas(p.width, p.height);
+  Canvas canvas(sheet.width, sheet.height);
   const View view = draw_main(canvas, picture, magnification, layout.main, from, range);
-  draw_main_foot(canvas, layout.main_foot, view, range, p.body);
-  draw_components(canvas, picture, layout, from, p.body);
+  draw_main_foot(canvas, layout.main_foot, view, range, sheet.body);
+  draw_components(canvas, picture, layout, from, sheet.body);
   if (!picture.figures.empty())
-    draw_paragraph(
-        canvas, {p.inner.x + 20.0 * unit, p.inner.y + p.inner.height - 0.15 * line_height(figures)},
-        wrapped(picture.figures, figures, p.inner.width - 40.0 * unit, 1), figures);
-  draw_page(canvas, p);
+    draw_paragraph(canvas,
+                   {sheet.inner.x + 20.0 * unit,
+                    sheet.inner.y + sheet.inner.height - 0.15 * line_height(figures)},
+                   wrapped(picture.figures, figures, sheet.inner.width - 40.0 * unit, 1), figures);
+  draw_page(canvas, sheet);
   canvas.write_png(path);
 }
 
