@@ -53,12 +53,12 @@ class vtkTextProperty;
 
 namespace abbe::render {
 
-inline constexpr int dots_per_inch = 72;  // one point of a font is then one pixel
+inline constexpr int dots_per_inch = 72;  // at which one point of a font is one pixel
 
 /// Sets font, size and colour of a text.
 void apply_style(const TextStyle& style, const std::string& text, vtkTextProperty& property);
 
-/// All flat elements, painted in the order in which they were drawn.
+/// The flat elements as an item of VTK, painted in the order in which they were drawn.
 class FlatItem : public vtkContextItem {
  public:
   static FlatItem* New();
@@ -77,13 +77,14 @@ namespace {
 
 using Eigen::Vector2d;
 
-std::recursive_mutex canvas_mutex;  // VTK's font cache and OpenGL state belong to the whole process
+std::recursive_mutex canvas_mutex;  // VTK has one font cache and one OpenGL state per process
 
-/// Returns the lower left corner of a text of `size` such that the anchor of its style is at `at`;
-/// rounded to whole pixels, since letters between pixels are blurred.
-Vector2d corner(const Vector2d& at, const Vector2d& size, const TextStyle& style) {
-  Vector2d shift(style.across * size.x(), style.upward * size.y());
-  if (style.turned_left) shift = {-(style.upward * size.y()), style.across * size.x()};
+/// Returns the lower left corner of a text of `size` whose anchor is at `at`. It is rounded to
+/// whole pixels, because letters between pixels are blurred.
+Vector2d anchored_corner(const Vector2d& at, const Vector2d& size, const TextStyle& style) {
+  Vector2d shift(style.horizontal_anchor * size.x(), style.vertical_anchor * size.y());
+  if (style.turned_left)
+    shift = {-(style.vertical_anchor * size.y()), style.horizontal_anchor * size.x()};
   return (at - shift).array().round();
 }
 
@@ -92,7 +93,8 @@ vtkSmartPointer<vtkLookupTable> lookup_table(const ColourScale& scale) {
   table->SetNumberOfTableValues(static_cast<vtkIdType>(scale.colours.size()));
   table->SetTableRange(scale.low, scale.high);
   vtkIdType i = 0;
-  for (const Colour& c : scale.colours) table->SetTableValue(i++, c.r, c.g, c.b);
+  for (const Colour& colour : scale.colours)
+    table->SetTableValue(i++, colour.r, colour.g, colour.b);
   table->SetBelowRangeColor(scale.below.r, scale.below.g, scale.below.b, 1.0);
   table->SetAboveRangeColor(scale.above.r, scale.above.g, scale.above.b, 1.0);
   table->UseBelowRangeColorOn();
@@ -100,7 +102,7 @@ vtkSmartPointer<vtkLookupTable> lookup_table(const ColourScale& scale) {
   return table;
 }
 
-vtkSmartPointer<vtkActor> actor(const Solid& solid) {
+vtkSmartPointer<vtkActor> solid_actor(const Solid& solid) {
   const auto data = poly_data(solid.points);
   data->SetPolys(cells(solid.triangles.data(), solid.triangles.rows(), 3));
   // Normals are needed for shading only.
@@ -125,51 +127,52 @@ vtkSmartPointer<vtkActor> actor(const Solid& solid) {
     data->GetPointData()->SetScalars(values);
     mapper->SetLookupTable(lookup_table(solid.scale));
     mapper->UseLookupTableScalarRangeOn();
-    // Values are interpolated, not colours: halfway between blue and red is grey, never purple.
+    // Values and not colours are interpolated: between blue and red is grey, never purple.
     mapper->InterpolateScalarsBeforeMappingOn();
     mapper->ScalarVisibilityOn();
   }
   mapper->SetInputData(data);
   auto result = vtkSmartPointer<vtkActor>::New();
   result->SetMapper(mapper);
-  vtkProperty& look = *result->GetProperty();
-  look.SetColor(solid.colour.r, solid.colour.g, solid.colour.b);
-  look.SetOpacity(solid.opacity);
-  // Without shading a colour equals that of the colour bar, whatever the direction of its face.
-  look.SetAmbient(1.0 - solid.shade);
-  look.SetDiffuse(solid.shade);
-  look.SetSpecular(0.0);
-  if (solid.shade == 0.0) look.LightingOff();
-  if (solid.normals.rows() == 0) look.SetInterpolationToFlat();
+  vtkProperty& property = *result->GetProperty();
+  property.SetColor(solid.colour.r, solid.colour.g, solid.colour.b);
+  property.SetOpacity(solid.opacity);
+  // Without shading, every face has the exact colour of the colour bar.
+  property.SetAmbient(1.0 - solid.shade);
+  property.SetDiffuse(solid.shade);
+  property.SetSpecular(0.0);
+  if (solid.shade == 0.0) property.LightingOff();
+  if (solid.normals.rows() == 0) property.SetInterpolationToFlat();
   return result;
 }
 
-/// Rendered pixels, three bytes each, the lowest row first.
-struct Drawn {
-  int width, height, finer;  // samples per pixel in each direction
-  vtkSmartPointer<vtkUnsignedCharArray> bytes;
+/// The rendered samples of a picture.
+struct SampledPicture {
+  int width, height;                            // px
+  int oversampling;                             // samples per pixel in each direction
+  vtkSmartPointer<vtkUnsignedCharArray> bytes;  // three per sample, the bottom row first
 };
 
-/// Returns the picture in which each pixel is the mean of `finer` x `finer` samples, the upper row
-/// first.
-Pixels averaged(const Drawn& all) {
-  const auto& [width, height, finer, bytes] = all;
-  const unsigned char* const drawn = bytes->GetPointer(0);
+/// Returns the picture whose pixels are the means of `oversampling` x `oversampling` samples.
+Pixels average_samples(const SampledPicture& samples) {
+  const auto& [width, height, oversampling, bytes] = samples;
+  const unsigned char* const first_sample = bytes->GetPointer(0);
   Pixels pixels{width, height, {}};
-  const std::size_t row = 3 * std::size_t(width), supersampled_row = row * std::size_t(finer);
+  const std::size_t row = 3 * std::size_t(width),
+                    supersampled_row = row * std::size_t(oversampling);
   pixels.rgb.reserve(row * std::size_t(height));
   std::vector<unsigned> sums(row);
-  const auto points = unsigned(finer * finer);
-  for (int y = finer * height - 1; y >= 0;) {
+  const auto samples_per_pixel = unsigned(oversampling * oversampling);
+  for (int y = oversampling * height - 1; y >= 0;) {
     // Starting at half of the divisor rounds the mean to the nearest value.
-    std::ranges::fill(sums, points / 2);
-    for (int k = 0; k < finer; ++k, --y) {
-      const unsigned char* from = drawn + supersampled_row * std::size_t(y);
+    std::ranges::fill(sums, samples_per_pixel / 2);
+    for (int k = 0; k < oversampling; ++k, --y) {
+      const unsigned char* sample = first_sample + supersampled_row * std::size_t(y);
       for (std::size_t x = 0; x < row; x += 3)
-        for (int j = 0; j < finer; ++j, from += 3)
-          for (std::size_t c = 0; c < 3; ++c) sums[x + c] += from[c];
+        for (int j = 0; j < oversampling; ++j, sample += 3)
+          for (std::size_t c = 0; c < 3; ++c) sums[x + c] += sample[c];
     }
-    for (const unsigned sum : sums) pixels.rgb.push_back(char(sum / points));
+    for (const unsigned sum : sums) pixels.rgb.push_back(char(sum / samples_per_pixel));
   }
   return pixels;
 }
@@ -184,7 +187,7 @@ void apply_style(const TextStyle& style, const std::string& text, vtkTextPropert
     property.SetFontFamily(VTK_FONT_FILE);
     property.SetFontFile(file.c_str());
   }
-  // A font file has its own bold face; only the built-in font is emboldened by VTK.
+  // The bold face is a font file of its own; VTK emboldens only its built-in font.
   property.SetFontSize(static_cast<int>(std::lround(style.size_px)));
   property.SetBold(style.bold && file.empty());
   property.SetColor(style.colour.r, style.colour.g, style.colour.b);
@@ -192,31 +195,30 @@ void apply_style(const TextStyle& style, const std::string& text, vtkTextPropert
 }
 
 struct Canvas::Sheet {
-  std::unique_lock<std::recursive_mutex> alone{canvas_mutex};
+  std::unique_lock<std::recursive_mutex> lock{canvas_mutex};
   HeadlessContext context;
   int width;
   int height;
-  int finer;
+  int oversampling;
   vtkNew<vtkGenericOpenGLRenderWindow> window;
   vtkNew<FlatItem> flat;
   std::vector<FlatMark> marks;  ///< flat elements, for formats that keep them as vectors
   bool has_scene = false;
 
-  Sheet(int width_px, int height_px, int points_each_way);
+  Sheet(int width_px, int height_px, int samples_per_side);
   ~Sheet() { window->Finalize(); }
-  Drawn draw();
+  SampledPicture draw();
 };
 
-Canvas::Sheet::Sheet(int width_px, int height_px, int points_each_way)
-    : width(width_px), height(height_px), finer(points_each_way) {
+Canvas::Sheet::Sheet(int width_px, int height_px, int samples_per_side)
+    : width(width_px), height(height_px), oversampling(samples_per_side) {
   window->SetOwnContext(0);
-  window->SetSize(finer * width, finer * height);
-  window->SetDPI(finer * dots_per_inch);
-  // Multisampling costs several times as much with a software driver, and averaging samples is
-  // already done here.
+  window->SetSize(oversampling * width, oversampling * height);
+  window->SetDPI(oversampling * dots_per_inch);
+  // The canvas averages samples itself; multisampling by a software driver is several times slower.
   window->SetMultiSamples(0);
   window->SetUseOffScreenBuffers(true);
-  // The context exists and is current, so VTK need not look for a display.
+  // The OpenGL context exists and is current, so VTK must not search for a display.
   window->SetShowWindow(false);
   window->SetReadyForRendering(true);
   window->SetSupportsOpenGL(1);
@@ -233,33 +235,33 @@ Canvas::Sheet::Sheet(int width_px, int height_px, int points_each_way)
 
   vtkNew<vtkRenderer> front;
   front->SetLayer(2);
-  vtkNew<vtkContextActor> actor;
-  actor->GetScene()->AddItem(flat);
-  actor->GetScene()->SetRenderer(front);
-  front->AddActor(actor);
+  vtkNew<vtkContextActor> solid_actor;
+  solid_actor->GetScene()->AddItem(flat);
+  solid_actor->GetScene()->SetRenderer(front);
+  front->AddActor(solid_actor);
   window->AddRenderer(front);
 }
 
-Canvas::Canvas(int width, int height, int finer) {
-  const auto possible = [](int size) { return size >= 64 && size <= longest_side; };
-  if (!possible(width) || !possible(height)) {
+Canvas::Canvas(int width, int height, int oversampling) {
+  const auto is_valid_size = [](int size) { return size >= 64 && size <= longest_side; };
+  if (!is_valid_size(width) || !is_valid_size(height)) {
     throw std::invalid_argument("a picture is 64 to 16384 pixels wide and high");
   }
-  if (finer < 1 || finer > 4)
+  if (oversampling < 1 || oversampling > 4)
     throw std::invalid_argument("a pixel is the mean of 1 to 4 points each way");
-  // A large picture gets fewer samples, since the buffer is limited to longest_side as well.
+  // The buffer of the samples is limited to longest_side as well.
   sheet_ = std::make_unique<Sheet>(width, height,
-                                   std::min(finer, longest_side / std::max(width, height)));
+                                   std::min(oversampling, longest_side / std::max(width, height)));
 }
 
 Canvas::~Canvas() = default;
 
 Vector2d text_size(const std::string& text, const TextStyle& style) {
-  const std::lock_guard<std::recursive_mutex> alone(canvas_mutex);
+  const std::lock_guard<std::recursive_mutex> lock(canvas_mutex);
   vtkNew<vtkTextProperty> property;
   apply_style(style, text, *property);
   int box[4] = {0, -1, 0, -1};
-  // Measured at the resolution at which it is drawn, since letters end at whole samples.
+  // Measured at the resolution of the samples, because letters end at whole samples.
   vtkTextRenderer::GetInstance()->GetBoundingBox(property, text, box,
                                                  supersampling * dots_per_inch);
   return Vector2d(box[1] - box[0] + 1.0, box[3] - box[2] + 1.0) / supersampling;
@@ -267,9 +269,9 @@ Vector2d text_size(const std::string& text, const TextStyle& style) {
 
 void Canvas::text(const Vector2d& at, const std::string& text, const TextStyle& style) {
   if (text.empty()) return;
-  const Vector2d position = corner(at, text_size(text, style), style);
+  const Vector2d position = anchored_corner(at, text_size(text, style), style);
   sheet_->marks.emplace_back(FlatText{position, text, style});
-  const Vector2d device_position = sheet_->finer * position;
+  const Vector2d device_position = sheet_->oversampling * position;
   sheet_->flat->strokes.emplace_back([=](vtkContext2D& painter) {
     apply_style(style, text, *painter.GetTextProp());
     painter.GetTextProp()->SetOrientation(style.turned_left ? 90.0 : 0.0);
@@ -281,12 +283,11 @@ void Canvas::text(const Vector2d& at, const std::string& text, const TextStyle& 
 }
 
 void Canvas::line(const std::vector<Vector2d>& points, const Colour& colour, double width_px) {
-  // Each segment is its own rectangle, extended to close the joints: wide lines of OpenGL differ
-  // between drivers.
+  // Each segment is filled as a rectangle, because wide lines of OpenGL differ between drivers.
   for (std::size_t i = 1; i < points.size(); ++i) {
     const Vector2d d = points[i] - points[i - 1];
     if (!(d.norm() > 0.0)) continue;
-    // 0.3 of the width closes joints of up to about 60 degrees without visible ends.
+    // Extending the rectangles by 0.3 of the width closes joints of up to about 60 degrees.
     const Vector2d along = d.normalized() * (points.size() > 2 ? 0.3 * width_px : 0.0);
     const Vector2d across = Vector2d(-d.y(), d.x()).normalized() * (0.5 * width_px);
     fill({points[i - 1] - along - across, points[i] + along - across, points[i] + along + across,
@@ -299,8 +300,8 @@ void Canvas::fill(const std::vector<Vector2d>& corners, const Colour& colour, do
   sheet_->marks.emplace_back(FlatPolygon{corners, colour, opacity});
   std::vector<float> xy;
   for (const Vector2d& c : corners) {
-    xy.push_back(static_cast<float>(sheet_->finer * c.x()));
-    xy.push_back(static_cast<float>(sheet_->finer * c.y()));
+    xy.push_back(static_cast<float>(sheet_->oversampling * c.x()));
+    xy.push_back(static_cast<float>(sheet_->oversampling * c.y()));
   }
   sheet_->flat->strokes.emplace_back([=](vtkContext2D& painter) mutable {
     painter.GetPen()->SetLineType(vtkPen::NO_PEN);
@@ -342,10 +343,10 @@ vtkSmartPointer<vtkActor> wire_actor(const Wire& wire) {
   return result;
 }
 
-void look(vtkRenderer& scene, const View& view) {
+void set_camera(vtkRenderer& scene, const View& view) {
   vtkCamera& camera = *scene.GetActiveCamera();
-  // Twice the depth away, the whole scene lies between the clipping planes.
-  const Eigen::Vector3d eye = view.centre + 2.0 * view.depth * view.toward;
+  // From a distance of twice the depth, the whole scene is between the clipping planes.
+  const Eigen::Vector3d eye = view.centre + 2.0 * view.depth * view.toward_eye;
   camera.ParallelProjectionOn();
   camera.SetFocalPoint(view.centre.data());
   camera.SetPosition(eye.data());
@@ -360,60 +361,61 @@ void Canvas::add(vtkRenderer& scene, const View& view) {
   scene.SetViewport(area.x / sheet_->width, area.y / sheet_->height,
                     (area.x + area.width) / sheet_->width, (area.y + area.height) / sheet_->height);
   scene.SetLayer(1);
-  look(scene, view);
+  set_camera(scene, view);
   sheet_->window->AddRenderer(&scene);
 }
 
 void Canvas::scene(const View& view, const std::vector<Solid>& solids,
                    const std::vector<Wire>& wires) {
   vtkNew<vtkRenderer> renderer;
-  for (const Solid& solid : solids) renderer->AddActor(actor(solid));
-  // Lines are moved towards the eye, which does not change their position in the picture, so that
-  // no surface hides half of a line on it.
-  const Eigen::Vector3d nearer = 2.0 * view.mm_per_px * view.toward;
+  for (const Solid& solid : solids) renderer->AddActor(solid_actor(solid));
+  // Lines on a surface are moved towards the eye, so that the surface does not hide half of them.
+  // In a parallel projection this does not change their position in the picture.
+  const Eigen::Vector3d offset = 2.0 * view.mm_per_px * view.toward_eye;
   for (const Wire& wire : wires) {
     const auto lines = wire_actor(wire);
-    lines->GetProperty()->SetLineWidth(float(sheet_->finer * wire.width_px));
-    lines->SetPosition(nearer.x(), nearer.y(), nearer.z());
+    lines->GetProperty()->SetLineWidth(float(sheet_->oversampling * wire.width_px));
+    lines->SetPosition(offset.x(), offset.y(), offset.z());
     renderer->AddActor(lines);
   }
   add(*renderer, view);
 }
 
-void Canvas::wipe() {
+void Canvas::clear_flat_elements() {
   sheet_->flat->strokes.clear();
   sheet_->marks.clear();
 }
 
-Drawn Canvas::Sheet::draw() {
+SampledPicture Canvas::Sheet::draw() {
   window->Render();
   const auto bytes = vtkSmartPointer<vtkUnsignedCharArray>::New();
-  window->GetPixelData(0, 0, finer * width - 1, finer * height - 1, 0, bytes.Get(), 0);
-  return {width, height, finer, bytes};
+  window->GetPixelData(0, 0, oversampling * width - 1, oversampling * height - 1, 0, bytes.Get(),
+                       0);
+  return {width, height, oversampling, bytes};
 }
 
-Pixels Canvas::pixels() { return averaged(sheet_->draw()); }
+Pixels Canvas::pixels() { return average_samples(sheet_->draw()); }
 
 void Canvas::write_png(const std::filesystem::path& path) { write(path, PictureFormat::Png); }
 
 void Canvas::write(const std::filesystem::path& path, PictureFormat format) {
-  const bool keeps_flat_apart = format != PictureFormat::Png;
-  // In SVG and PDF flat elements are vectors, so the raster behind them contains scenes only.
-  if (keeps_flat_apart) sheet_->flat->strokes.clear();
+  const bool is_vector_format = format != PictureFormat::Png;
+  // In SVG and PDF the flat elements are vectors, so the raster image contains scenes only.
+  if (is_vector_format) sheet_->flat->strokes.clear();
   const int width = sheet_->width, height = sheet_->height;
   const std::vector<FlatMark> marks = std::move(sheet_->marks);
-  std::optional<Drawn> drawn;
-  if (!keeps_flat_apart || sheet_->has_scene) drawn = sheet_->draw();
-  sheet_.reset();  // releases the lock, so that the next canvas is drawn while this one is
-                   // compressed
+  std::optional<SampledPicture> samples;
+  if (!is_vector_format || sheet_->has_scene) samples = sheet_->draw();
+  // Releases the lock, so that the next canvas can be drawn while this one is compressed.
+  sheet_.reset();
   Raster raster;
-  if (drawn) {
-    const Pixels picture = averaged(*drawn);
+  if (samples) {
+    const Pixels picture = average_samples(*samples);
     raster.png = png_file(picture);
     if (format == PictureFormat::Pdf) raster.rgb = picture.rgb;
   }
-  std::unique_lock<std::recursive_mutex> alone(canvas_mutex, std::defer_lock);
-  if (keeps_flat_apart) alone.lock();  // letters are outlined by VTK's fonts
+  std::unique_lock<std::recursive_mutex> lock(canvas_mutex, std::defer_lock);
+  if (is_vector_format) lock.lock();  // the outlines of letters come from VTK's font cache
   write_bytes(path, format == PictureFormat::Png   ? raster.png
                     : format == PictureFormat::Svg ? svg_document(width, height, marks, raster)
                                                    : pdf_document(width, height, marks, raster));
@@ -421,14 +423,15 @@ void Canvas::write(const std::filesystem::path& path, PictureFormat format) {
 
 namespace {
 
-/// A segment of an outline: M move to a point, L line, C cubic curve, Z close.
-struct Piece {
+/// A segment of an outline, as in SVG: M move to a point, L line, C cubic curve, Z close.
+struct PathSegment {
   char kind = 'M';
   std::array<Vector2d, 3> to;
 };
 
-/// VTK 9.1 drops non-ASCII characters unless it is called through its older interface.
-void to_path(const std::string& text, vtkTextProperty& property, vtkPath& path) {
+/// Converts a text to outlines. VTK 9.1 drops non-ASCII characters unless it is called through its
+/// older interface.
+void outline_text(const std::string& text, vtkTextProperty& property, vtkPath& path) {
 #if VTK_VERSION_NUMBER < VTK_VERSION_CHECK(9, 2, 0)
 #pragma GCC diagnostic push
 #pragma GCC diagnostic ignored "-Wdeprecated-declarations"
@@ -441,104 +444,107 @@ void to_path(const std::string& text, vtkTextProperty& property, vtkPath& path) 
 }
 
 /// Returns the outlines of the letters of a text, in px of the picture.
-std::vector<Piece> outlines(const FlatText& text) {
+std::vector<PathSegment> outlines(const FlatText& text) {
   vtkNew<vtkTextProperty> property;
   apply_style(text.style, text.text, *property);
   property->SetJustificationToLeft();
   property->SetVerticalJustificationToBottom();
   vtkNew<vtkPath> path;
-  to_path(text.text, *property, *path);
-  const auto place = [&](vtkIdType i) -> Vector2d {
+  outline_text(text.text, *property, *path);
+  const auto position = [&](vtkIdType i) -> Vector2d {
     const double* p = path->GetPoints()->GetPoint(i);
     return text.style.turned_left ? text.at + Vector2d(-p[1], p[0])
                                   : text.at + Vector2d(p[0], p[1]);
   };
-  std::vector<Piece> pieces;
-  Vector2d last(0.0, 0.0);
+  std::vector<PathSegment> segments;
+  Vector2d start(0.0, 0.0);
   const vtkIdType n = path->GetCodes()->GetNumberOfValues();
   for (vtkIdType i = 0; i < n;) {
     const int code = path->GetCodes()->GetValue(i);
-    const Vector2d first = place(i);
+    const Vector2d first = position(i);
     if (code == vtkPath::MOVE_TO) {
-      if (!pieces.empty()) pieces.push_back({'Z', {}});
-      pieces.push_back({'M', {first, first, first}});
-      last = first;
+      if (!segments.empty()) segments.push_back({'Z', {}});
+      segments.push_back({'M', {first, first, first}});
+      start = first;
       i += 1;
     } else if (code == vtkPath::LINE_TO) {
-      pieces.push_back({'L', {first, first, first}});
-      last = first;
+      segments.push_back({'L', {first, first, first}});
+      start = first;
       i += 1;
-      // A quadratic curve as a cubic one: control points at two thirds towards its own.
     } else if (code == vtkPath::CONIC_CURVE) {
-      const Vector2d end = place(i + 1);
-      pieces.push_back(
-          {'C', {last + (first - last) * (2.0 / 3.0), end + (first - end) * (2.0 / 3.0), end}});
-      last = end;
+      // As a cubic curve, whose control points lie two thirds of the way to the quadratic one.
+      const Vector2d end = position(i + 1);
+      segments.push_back(
+          {'C', {start + (first - start) * (2.0 / 3.0), end + (first - end) * (2.0 / 3.0), end}});
+      start = end;
       i += 2;
     } else {
-      const Vector2d end = place(i + 2);
-      pieces.push_back({'C', {first, place(i + 1), end}});
-      last = end;
+      const Vector2d end = position(i + 2);
+      segments.push_back({'C', {first, position(i + 1), end}});
+      start = end;
       i += 3;
     }
   }
-  if (!pieces.empty()) pieces.push_back({'Z', {}});
-  return pieces;
+  if (!segments.empty()) segments.push_back({'Z', {}});
+  return segments;
 }
 
 std::string base64(const std::string& bytes) {
   constexpr const char* digits = "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
   std::string text;
   for (std::size_t i = 0; i < bytes.size(); i += 3) {
-    std::uint32_t word = 0;
+    std::uint32_t group = 0;
     for (std::size_t k = 0; k < 3; ++k)
-      word = (word << 8) | (i + k < bytes.size() ? std::uint8_t(bytes[i + k]) : 0u);
+      group = (group << 8) | (i + k < bytes.size() ? std::uint8_t(bytes[i + k]) : 0u);
     for (std::size_t k = 0; k < 4; ++k)
-      text += i + k <= bytes.size() ? digits[(word >> (18 - 6 * k)) & 63] : '=';
+      text += i + k <= bytes.size() ? digits[(group >> (18 - 6 * k)) & 63] : '=';
   }
   return text;
 }
 
-std::string hex(const Colour& c) {
-  const auto byte = [](double part) {
-    return int(std::lround(255.0 * std::clamp(part, 0.0, 1.0)));
+std::string hex_colour(const Colour& c) {
+  const auto byte = [](double component) {
+    return int(std::lround(255.0 * std::clamp(component, 0.0, 1.0)));
   };
   return fmt::format("#{:02x}{:02x}{:02x}", byte(c.r), byte(c.g), byte(c.b));
 }
 
-/// Returns the path of a mark in SVG, whose y axis points downwards.
+/// Returns the path of a flat element in SVG, whose y axis points downwards.
 std::string svg_path(const FlatMark& mark, double height) {
-  // Hundredths of a pixel: finer digits would only lengthen the file.
+  // Hundredths of a pixel; more digits would only make the file longer.
   const auto xy = [&](const Vector2d& p) {
     return fmt::format("{:.2f} {:.2f}", p.x(), height - p.y());
   };
-  std::string d;
+  std::string path;
   if (const auto* polygon = std::get_if<FlatPolygon>(&mark)) {
-    for (const Vector2d& corner : polygon->corners) d += (d.empty() ? "M" : "L") + xy(corner);
-    return d + "Z";
+    for (const Vector2d& anchored_corner : polygon->corners)
+      path += (path.empty() ? "M" : "L") + xy(anchored_corner);
+    return path + "Z";
   }
-  for (const Piece& piece : outlines(std::get<FlatText>(mark))) {
-    d += piece.kind;
-    if (piece.kind == 'C') d += xy(piece.to[0]) + " " + xy(piece.to[1]) + " ";
-    if (piece.kind != 'Z') d += xy(piece.to[2]);
+  for (const PathSegment& segment : outlines(std::get<FlatText>(mark))) {
+    path += segment.kind;
+    if (segment.kind == 'C') path += xy(segment.to[0]) + " " + xy(segment.to[1]) + " ";
+    if (segment.kind != 'Z') path += xy(segment.to[2]);
   }
-  return d;
+  return path;
 }
 
 std::string pdf_path(const FlatMark& mark) {
   const auto xy = [](const Vector2d& p) { return fmt::format("{:.2f} {:.2f} ", p.x(), p.y()); };
-  std::string d;
+  std::string path;
   if (const auto* polygon = std::get_if<FlatPolygon>(&mark)) {
-    for (const Vector2d& corner : polygon->corners) d += xy(corner) + (d.empty() ? "m " : "l ");
-    return d + "h f\n";
+    for (const Vector2d& anchored_corner : polygon->corners)
+      path += xy(anchored_corner) + (path.empty() ? "m " : "l ");
+    return path + "h f\n";
   }
-  for (const Piece& piece : outlines(std::get<FlatText>(mark))) {
-    if (piece.kind == 'Z') d += "h ";
-    if (piece.kind == 'C') d += xy(piece.to[0]) + xy(piece.to[1]) + xy(piece.to[2]) + "c ";
-    if (piece.kind == 'M' || piece.kind == 'L')
-      d += xy(piece.to[2]) + (piece.kind == 'M' ? "m " : "l ");
+  for (const PathSegment& segment : outlines(std::get<FlatText>(mark))) {
+    if (segment.kind == 'Z') path += "h ";
+    if (segment.kind == 'C')
+      path += xy(segment.to[0]) + xy(segment.to[1]) + xy(segment.to[2]) + "c ";
+    if (segment.kind == 'M' || segment.kind == 'L')
+      path += xy(segment.to[2]) + (segment.kind == 'M' ? "m " : "l ");
   }
-  return d + "f\n";
+  return path + "f\n";
 }
 
 struct Ink {
@@ -546,6 +552,7 @@ struct Ink {
   double opacity;
 };
 
+/// Returns the colour and opacity of a flat element.
 Ink mark_ink(const FlatMark& mark) {
   if (const auto* polygon = std::get_if<FlatPolygon>(&mark))
     return {polygon->colour, polygon->opacity};
@@ -562,13 +569,14 @@ std::string deflate_bytes(const std::string& bytes) {
   return packed;
 }
 
-std::string stream(const std::string& entries, const std::string& bytes) {
+/// Returns a compressed stream object of PDF.
+std::string pdf_stream(const std::string& entries, const std::string& bytes) {
   const std::string packed = deflate_bytes(bytes);
   return fmt::format("<< {}/Filter /FlateDecode /Length {} >>\nstream\n", entries, packed.size()) +
          packed + "\nendstream";
 }
 
-/// Returns the file of objects 1, 2 ... with the table of their offsets.
+/// Returns a PDF file of the objects 1, 2 ... with the table of their offsets.
 std::string pdf_file(const std::vector<std::string>& objects) {
   std::string file = "%PDF-1.5\n%\xE2\xE3\xCF\xD3\n";
   std::string table = fmt::format("xref\n0 {}\n0000000000 65535 f \n", objects.size() + 1);
@@ -598,7 +606,7 @@ std::string svg_document(int width, int height, const std::vector<FlatMark>& mar
     const Ink ink = mark_ink(mark);
     const std::string opacity =
         ink.opacity < 1.0 ? fmt::format(" fill-opacity=\"{:.2f}\"", ink.opacity) : "";
-    svg += fmt::format("<path fill=\"{}\"{} d=\"{}\"/>\n", hex(ink.colour), opacity,
+    svg += fmt::format("<path fill=\"{}\"{} d=\"{}\"/>\n", hex_colour(ink.colour), opacity,
                        svg_path(mark, height));
   }
   return svg + "</svg>\n";
@@ -606,11 +614,11 @@ std::string svg_document(int width, int height, const std::vector<FlatMark>& mar
 
 std::string pdf_document(int width, int height, const std::vector<FlatMark>& marks,
                          const Raster& behind) {
-  constexpr double point_per_px = 0.5;  // 1600 px are 28 cm
+  constexpr double point_per_px = 0.5;  // 1600 px are then 28 cm
   std::string page = fmt::format("{0} 0 0 {0} 0 0 cm\n", point_per_px);
   if (!behind.rgb.empty()) page += fmt::format("q {} 0 0 {} 0 0 cm /Im Do Q\n", width, height);
   std::string states;
-  // PDF takes opacity from a graphics state: 21 states in steps of 5 %.
+  // In PDF, opacity belongs to a graphics state; there are 21 states in steps of 5 %.
   for (int i = 0; i <= 20; ++i) states += fmt::format("/G{} << /ca {:.2f} >> ", i, i / 20.0);
   for (const FlatMark& mark : marks) {
     const Ink ink = mark_ink(mark);
@@ -624,9 +632,9 @@ std::string pdf_document(int width, int height, const std::vector<FlatMark>& mar
                   "/Resources << /ExtGState << {}>> {}>> >>",
                   point_per_px * width, point_per_px * height, states,
                   behind.rgb.empty() ? "" : "/XObject << /Im 5 0 R >> "),
-      stream("", page)};
+      pdf_stream("", page)};
   if (!behind.rgb.empty())
-    objects.push_back(stream(
+    objects.push_back(pdf_stream(
         fmt::format("/Type /XObject /Subtype /Image /Width {} /Height {} /ColorSpace /DeviceRGB "
                     "/BitsPerComponent 8 ",
                     width, height),

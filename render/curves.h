@@ -6,10 +6,10 @@
 #include "render/layout.h"
 #include "render/plot.h"
 
-/// A diagram in a picture, alone or among others.
+/// Draws one panel of curves in its cell of a page.
 namespace abbe::render {
 
-/// Range of the finite values; empty if there are none.
+/// The ranges of the finite values of a panel; empty if there are none.
 struct Extent {
   std::optional<Span> x;
   std::optional<Span> y;
@@ -19,17 +19,18 @@ Extent extent(const Panel& panel);
 struct PanelStyle {
   TextStyle body;
   TextStyle title;
-  double unit = 1.0;
+  double unit = 1.0;      ///< px of this picture per px of the reference size
   double side_px = 0.0;   ///< width at the right, reserved for legend and note
-  double ticks_px = 0.0;  ///< width at the left, for the labels of y
+  double ticks_px = 0.0;  ///< width at the left, reserved for the tick labels of y
 };
 
-/// Returns the width for the labels of y that suits all panels, so that their axes are aligned.
+/// Returns the largest width of the tick labels of y in all panels, so that their axes can be
+/// aligned.
 double ticks_px(const std::vector<Panel>& panels, const Rectangle& cell_size,
-                const std::vector<Extent>& seen, const PanelStyle& look);
+                const std::vector<Extent>& extents, const PanelStyle& style);
 
-/// Draws axes and curves in their cell of a page; the legend is left to the caller.
-Axes draw_panel(Canvas& canvas, const Panel& panel, const Rectangle& cell, const Extent& seen,
-                const PanelStyle& look);
+/// Draws axes and curves of a panel without its legend, and returns the axes.
+Axes draw_panel(Canvas& canvas, const Panel& panel, const Rectangle& cell, const Extent& extent,
+                const PanelStyle& style);
 
 }  // namespace abbe::render

@@ -18,10 +18,10 @@ namespace {
 using Eigen::Vector2d;
 
 constexpr std::size_t max_series = 24;
-constexpr double beyond_share =
-    0.001;  // fraction of the values, at either end, that may lie beyond the axis
+// Fraction of the values that may be beyond the axis at either end.
+constexpr double beyond_fraction = 0.001;
 
-std::vector<double> sorted(const Eigen::VectorXd& values) {
+std::vector<double> sort_finite(const Eigen::VectorXd& values) {
   std::vector<double> finite;
   for (const double value : values)
     if (std::isfinite(value)) finite.push_back(value);
@@ -29,11 +29,11 @@ std::vector<double> sorted(const Eigen::VectorXd& values) {
   return finite;
 }
 
-double rank_value(const std::vector<double>& rising, double share) {
-  return rising[std::size_t(std::lround(share * double(rising.size() - 1)))];
+double quantile(const std::vector<double>& sorted_values, double fraction) {
+  return sorted_values[std::size_t(std::lround(fraction * double(sorted_values.size() - 1)))];
 }
 
-/// Bins of equal width, from `first` on.
+/// Bins of equal width, starting at `first`.
 struct Bins {
   double first = 0.0;
   double width = 1.0;
@@ -41,47 +41,47 @@ struct Bins {
 };
 
 /// Returns bins that resolve the narrowest series and contain nearly all values of all series.
-Bins bins(const std::vector<std::vector<double>>& series) {
-  std::vector<double> all;
-  double narrowest = std::numeric_limits<double>::infinity();
-  for (const std::vector<double>& one : series) {
-    all.insert(all.end(), one.begin(), one.end());
-    // A single value has no width.
-    if (one.size() < 2) continue;
-    // The central 98 %, so that outliers do not widen the bins.
-    const double core = rank_value(one, 0.99) - rank_value(one, 0.01);
-    if (core > 0.0) narrowest = std::min(narrowest, core);
+Bins fit_bins(const std::vector<std::vector<double>>& series) {
+  std::vector<double> all_values;
+  double min_spread = std::numeric_limits<double>::infinity();
+  for (const std::vector<double>& values : series) {
+    all_values.insert(all_values.end(), values.begin(), values.end());
+    if (values.size() < 2) continue;
+    // The spread of the central 98 %, so that outliers do not widen the bins.
+    const double spread = quantile(values, 0.99) - quantile(values, 0.01);
+    if (spread > 0.0) min_spread = std::min(min_spread, spread);
   }
-  if (all.empty()) return {};
-  std::sort(all.begin(), all.end());
-  Span span{all.front(), all.back()};
-  const Span most{rank_value(all, beyond_share), rank_value(all, 1.0 - beyond_share)};
-  // The axis is cut only if that gains a third of its length.
-  if (span.upper - span.lower > 1.5 * (most.upper - most.lower) && most.upper > most.lower)
-    span = most;
+  if (all_values.empty()) return {};
+  std::sort(all_values.begin(), all_values.end());
+  Span span{all_values.front(), all_values.back()};
+  const Span inner{quantile(all_values, beyond_fraction),
+                   quantile(all_values, 1.0 - beyond_fraction)};
+  // The axis is shortened only if that gains a third of its length.
+  if (span.upper - span.lower > 1.5 * (inner.upper - inner.lower) && inner.upper > inner.lower)
+    span = inner;
   const double range = span.upper - span.lower;
   const double largest = std::max(std::abs(span.lower), std::abs(span.upper));
-  // Twelve bins across the narrowest series, but 40 to 300 in all.
-  const double wanted = std::clamp(narrowest / 12.0, range / 300.0, range / 40.0);
-  Bins b;
-  // 1e-7 of the largest value keeps bins above the rounding of their edges.
-  b.width = round_up_125(std::max({wanted, 1e-7 * largest, 1e-9}));
-  const double first = std::floor(span.lower / b.width) - 1.0;
-  b.first = first * b.width;
-  b.count = std::size_t(std::floor(span.upper / b.width) - first) + 2;
-  return b;
+  // Twelve bins across the narrowest series, but 40 to 300 in total.
+  const double width = std::clamp(min_spread / 12.0, range / 300.0, range / 40.0);
+  Bins bins;
+  // The rounding errors of the bin edges are below 1e-7 of the largest value.
+  bins.width = round_up_125(std::max({width, 1e-7 * largest, 1e-9}));
+  const double first = std::floor(span.lower / bins.width) - 1.0;
+  bins.first = first * bins.width;
+  bins.count = std::size_t(std::floor(span.upper / bins.width) - first) + 2;
+  return bins;
 }
 
 struct Histogram {
   std::vector<double> percent;
-  std::size_t beyond = 0;  ///< number of values
+  std::size_t beyond = 0;  ///< number of values beyond the axis
 };
 
-Histogram histogram(const std::vector<double>& values, const Bins& b) {
-  Histogram h{std::vector<double>(b.count, 0.0), 0};
+Histogram histogram(const std::vector<double>& values, const Bins& bins) {
+  Histogram h{std::vector<double>(bins.count, 0.0), 0};
   for (const double value : values) {
-    const double bin = std::floor(value / b.width) - std::round(b.first / b.width);
-    if (bin >= 0.0 && bin < double(b.count))
+    const double bin = std::floor(value / bins.width) - std::round(bins.first / bins.width);
+    if (bin >= 0.0 && bin < double(bins.count))
       h.percent[std::size_t(bin)] += 100.0 / double(values.size());
     else
       ++h.beyond;
@@ -90,44 +90,49 @@ Histogram histogram(const std::vector<double>& values, const Bins& b) {
 }
 
 /// Returns the outline of a histogram, from the first non-empty bin to the last.
-Series outline(const Histogram& h, const Bins& b, int colour) {
-  const auto holds = [](double percent) { return percent > 0.0; };
-  const auto first = std::find_if(h.percent.begin(), h.percent.end(), holds);
-  const auto last = std::find_if(h.percent.rbegin(), h.percent.rend(), holds).base();
-  Series s;
-  s.colour = colour;
-  // A series may lie entirely beyond the axis.
-  if (first == h.percent.end()) return s;
+Series outline(const Histogram& histogram, const Bins& bins, int colour) {
+  const auto is_filled = [](double percent) { return percent > 0.0; };
+  const auto first = std::find_if(histogram.percent.begin(), histogram.percent.end(), is_filled);
+  const auto last =
+      std::find_if(histogram.percent.rbegin(), histogram.percent.rend(), is_filled).base();
+  Series series;
+  series.colour = colour;
+  // All values of a series may be beyond the axis.
+  if (first == histogram.percent.end()) return series;
   const auto n = Eigen::Index(last - first);
-  s.x.resize(2 * n + 2);
-  s.y.setZero(2 * n + 2);
-  const double left = b.first + double(first - h.percent.begin()) * b.width;
-  for (Eigen::Index i = 0; i <= n; ++i) s.x[2 * i] = s.x[2 * i + 1] = left + double(i) * b.width;
-  for (Eigen::Index i = 0; i < n; ++i) s.y[2 * i + 1] = s.y[2 * i + 2] = first[i];
-  return s;
+  series.x.resize(2 * n + 2);
+  series.y.setZero(2 * n + 2);
+  const double left = bins.first + double(first - histogram.percent.begin()) * bins.width;
+  for (Eigen::Index i = 0; i <= n; ++i)
+    series.x[2 * i] = series.x[2 * i + 1] = left + double(i) * bins.width;
+  for (Eigen::Index i = 0; i < n; ++i) series.y[2 * i + 1] = series.y[2 * i + 2] = first[i];
+  return series;
 }
 
-void draw_outline(Canvas& canvas, const Axes& a, const Series& s, double width_px) {
+void draw_outline(Canvas& canvas, const Axes& axes, const Series& series, double width_px) {
   std::vector<Vector2d> points;
-  for (Eigen::Index i = 0; i < s.x.size(); ++i) points.push_back(at(a, s.x[i], s.y[i]));
-  stroke(canvas, points, s.colour.value_or(0), width_px);
+  for (Eigen::Index i = 0; i < series.x.size(); ++i)
+    points.push_back(at(axes, series.x[i], series.y[i]));
+  draw_series_line(canvas, points, series.colour.value_or(0), width_px);
 }
 
-void draw_bodies(Canvas& canvas, const Axes& a, const Histogram& h, const Bins& b, int colour) {
-  for (std::size_t i = 0; i < b.count; ++i) {
-    if (h.percent[i] <= 0.0) continue;
-    const double left = b.first + double(i) * b.width;
-    const Vector2d low = at(a, left, 0.0), high = at(a, left + b.width, h.percent[i]);
+void draw_histogram_bars(Canvas& canvas, const Axes& axes, const Histogram& histogram,
+                         const Bins& bins, int colour) {
+  for (std::size_t i = 0; i < bins.count; ++i) {
+    if (histogram.percent[i] <= 0.0) continue;
+    const double left = bins.first + double(i) * bins.width;
+    const Vector2d low = at(axes, left, 0.0),
+                   high = at(axes, left + bins.width, histogram.percent[i]);
     canvas.fill({low.x(), low.y(), high.x() - low.x(), high.y() - low.y()}, series_colour(colour),
                 0.22);
   }
 }
 
-/// Draws a regular polygon at a position in the strip below zero.
-void draw_marker(Canvas& canvas, const Axes& a, double x, int corners, int colour, double size) {
-  // The negated comparison also skips NaN.
-  if (!(x >= a.x.lower && x <= a.x.upper)) return;
-  const Vector2d middle(at(a, x, 0.0).x(), 0.5 * (a.box.y + at(a, x, 0.0).y()));
+/// Draws a regular polygon in the strip between zero and the lower edge of the axes.
+void draw_marker(Canvas& canvas, const Axes& axes, double x, int corners, int colour, double size) {
+  // The negated comparison is true for NaN as well.
+  if (!(x >= axes.x.lower && x <= axes.x.upper)) return;
+  const Vector2d middle(at(axes, x, 0.0).x(), 0.5 * (axes.box.y + at(axes, x, 0.0).y()));
   std::vector<Vector2d> shape;
   for (int i = 0; i < corners; ++i) {
     const double angle = pi * (0.5 + 2.0 * i / corners);
@@ -138,21 +143,22 @@ void draw_marker(Canvas& canvas, const Axes& a, double x, int corners, int colou
 
 constexpr int disc = 16, triangle = 3;
 
-void draw_limit(Canvas& canvas, const Axes& a, const DistributionOptions& options,
+void draw_limit(Canvas& canvas, const Axes& axes, const DistributionOptions& options,
                 const TextStyle& body) {
   if (!options.limit) return;
-  const bool within = *options.limit >= a.x.lower && *options.limit <= a.x.upper;
-  const double x = at(a, std::clamp(*options.limit, a.x.lower, a.x.upper), 0.0).x();
-  const double top = a.box.y + a.box.height;
-  const Colour green{0.2, 0.45, 0.2};
-  if (within) canvas.line({{x, a.box.y}, {x, top}}, green, 3.0 * body.size_px / 22.0);
-  const std::string text = options.limit_label + (within ? "" : ", beyond the axis");
+  const bool is_within = *options.limit >= axes.x.lower && *options.limit <= axes.x.upper;
+  const double x = at(axes, std::clamp(*options.limit, axes.x.lower, axes.x.upper), 0.0).x();
+  const double top = axes.box.y + axes.box.height;
+  const Colour limit_colour{0.2, 0.45, 0.2};
+  if (is_within) canvas.line({{x, axes.box.y}, {x, top}}, limit_colour, 3.0 * body.size_px / 22.0);
+  const std::string text = options.limit_label + (is_within ? "" : ", beyond the axis");
   TextStyle style = body;
-  style.colour = green;
-  style.across = 0.5;
-  const double half = 0.5 * text_size(text, style).x();
-  const double centre = std::clamp(x, a.box.x + std::min(half, 0.5 * a.box.width),
-                                   a.box.x + a.box.width - std::min(half, 0.5 * a.box.width));
+  style.colour = limit_colour;
+  style.horizontal_anchor = 0.5;
+  const double half_width = 0.5 * text_size(text, style).x();
+  const double centre =
+      std::clamp(x, axes.box.x + std::min(half_width, 0.5 * axes.box.width),
+                 axes.box.x + axes.box.width - std::min(half_width, 0.5 * axes.box.width));
   canvas.text({centre, top + 0.25 * body.size_px}, text, style);
 }
 
@@ -161,53 +167,57 @@ double table_height(std::size_t rows, const TextStyle& body) {
   return double(rows + 1) * line_height(body) + 1.2 * body.size_px;
 }
 
-/// Draws names with the colours of their series, and figures in columns below their heads.
+/// Draws a table with a row for each series: its line, its name and its figures.
 void draw_table(Canvas& canvas, const std::vector<DistributionSeries>& series,
                 const DistributionOptions& options, const Rectangle& box, const TextStyle& body) {
-  std::vector<double> widths;
-  double all = 0.0;
+  std::vector<double> column_widths;
+  double total_width = 0.0;
   for (std::size_t j = 0; j < options.heads.size(); ++j) {
     double width = text_size(options.heads[j], body).x();
     for (const DistributionSeries& s : series)
       if (!s.figures.empty()) width = std::max(width, text_size(s.figures[j], body).x());
-    widths.push_back(width);
-    all += width;
+    column_widths.push_back(width);
+    total_width += width;
   }
   TextStyle style = body;
-  double longest = 0.0;
+  double max_name_width = 0.0;
   for (const DistributionSeries& s : series)
-    longest = std::max(longest, text_size(s.name, body).x());
-  const double key = 2.8 * body.size_px;  // the colour before a name
-  const double gaps = double(widths.size()) * 1.6 * body.size_px;
-  // Names give way to the figures, down to a quarter of the width; then the figures shrink.
-  const double names = std::clamp(box.width - all - gaps - key, 0.25 * box.width - key, longest);
-  const double shrink = std::min(1.0, (box.width - names - key) / std::max(all + gaps, 1.0));
+    max_name_width = std::max(max_name_width, text_size(s.name, body).x());
+  const double key = 2.8 * body.size_px;  // width of the line before a name
+  const double gaps = double(column_widths.size()) * 1.6 * body.size_px;
+  // The names are shortened to at least a quarter of the width; if that does not suffice, the
+  // figures shrink.
+  const double name_width =
+      std::clamp(box.width - total_width - gaps - key, 0.25 * box.width - key, max_name_width);
+  const double shrink =
+      std::min(1.0, (box.width - name_width - key) / std::max(total_width + gaps, 1.0));
   style.size_px *= shrink;
   double y = box.y + box.height - 0.6 * body.size_px;
   for (std::size_t row = 0; row <= series.size(); ++row, y -= line_height(body)) {
-    const bool head = row == 0;
-    double x = box.x + key + names;
-    if (!head) {
+    const bool is_head = row == 0;
+    double x = box.x + key + name_width;
+    if (!is_head) {
       const Vector2d left(box.x, y - 0.62 * body.size_px);
-      stroke(canvas, {left, left + Vector2d(2.0 * body.size_px, 0.0)}, int(row) - 1,
-             0.16 * body.size_px);
+      draw_series_line(canvas, {left, left + Vector2d(2.0 * body.size_px, 0.0)}, int(row) - 1,
+                       0.16 * body.size_px);
       TextStyle name = body;
-      name.upward = 1.0;
-      canvas.text({box.x + key, y}, wrapped(series[row - 1].name, body, names + 1.0, 1).front(),
-                  name);
+      name.vertical_anchor = 1.0;
+      canvas.text({box.x + key, y},
+                  wrapped(series[row - 1].name, body, name_width + 1.0, 1).front(), name);
     }
     TextStyle cell = style;
-    cell.across = cell.upward = 1.0;
-    if (head) cell.colour = colours::faint_ink;
-    for (std::size_t j = 0; j < widths.size(); ++j) {
-      x += shrink * (widths[j] + 1.6 * body.size_px);
-      if (head || !series[row - 1].figures.empty())
-        canvas.text({x, y}, head ? options.heads[j] : series[row - 1].figures[j], cell);
+    cell.horizontal_anchor = cell.vertical_anchor = 1.0;
+    if (is_head) cell.colour = colours::faint_ink;
+    for (std::size_t j = 0; j < column_widths.size(); ++j) {
+      x += shrink * (column_widths[j] + 1.6 * body.size_px);
+      if (is_head || !series[row - 1].figures.empty())
+        canvas.text({x, y}, is_head ? options.heads[j] : series[row - 1].figures[j], cell);
     }
   }
 }
 
-void check(const std::vector<DistributionSeries>& series, const DistributionOptions& options) {
+void check_series(const std::vector<DistributionSeries>& series,
+                  const DistributionOptions& options) {
   if (series.empty() || series.size() > max_series)
     throw std::invalid_argument("distribution: expected 1 to 24 series");
   for (const DistributionSeries& s : series)
@@ -216,10 +226,10 @@ void check(const std::vector<DistributionSeries>& series, const DistributionOpti
 }
 
 std::vector<std::string> caption(const std::vector<DistributionSeries>& series,
-                                 const std::vector<Histogram>& histograms, const Bins& b,
+                                 const std::vector<Histogram>& histograms, const Bins& bins,
                                  const DistributionOptions& options) {
   std::vector<std::string> lines{fmt::format("bins of {} {}  ·  disc: mean, triangle: P95",
-                                             fixed(b.width, round_decimals(b.width)),
+                                             fixed(bins.width, round_decimals(bins.width)),
                                              options.unit)};
   std::string beyond;
   for (std::size_t i = 0; i < series.size(); ++i)
@@ -231,14 +241,15 @@ std::vector<std::string> caption(const std::vector<DistributionSeries>& series,
   return lines;
 }
 
-/// Returns the range of the outlines, including a limit that is not too far away.
-Extent seen(const Panel& panel, const DistributionOptions& options) {
+/// Returns the ranges of the outlines, extended to the limit unless that is too far away.
+Extent extent_with_limit(const Panel& panel, const DistributionOptions& options) {
   Extent e = extent(panel);
   if (e.x && options.limit) {
     const double range = e.x->upper - e.x->lower;
-    const double away = std::max(*options.limit - e.x->upper, e.x->lower - *options.limit);
-    // A limit beyond 1.5 times the range would squeeze the histogram; it is then named at the edge.
-    if (away < 1.5 * range) widen(*e.x, *options.limit + (away > 0.0 ? 0.03 * range : 0.0));
+    const double excess = std::max(*options.limit - e.x->upper, e.x->lower - *options.limit);
+    // A limit farther away than 1.5 times the range would compress the histogram; it is named at
+    // the edge instead.
+    if (excess < 1.5 * range) widen(*e.x, *options.limit + (excess > 0.0 ? 0.03 * range : 0.0));
   }
   return e;
 }
@@ -248,39 +259,41 @@ Extent seen(const Panel& panel, const DistributionOptions& options) {
 void write_distribution(const std::filesystem::path& path,
                         const std::vector<DistributionSeries>& series,
                         const DistributionOptions& options) {
-  check(series, options);
-  std::vector<std::vector<double>> rising;
-  for (const DistributionSeries& s : series) rising.push_back(sorted(s.values));
-  const Bins b = bins(rising);
+  check_series(series, options);
+  std::vector<std::vector<double>> sorted_values;
+  for (const DistributionSeries& s : series) sorted_values.push_back(sort_finite(s.values));
+  const Bins bins = fit_bins(sorted_values);
   Panel panel{{}, options.x_label, "share of the machines / %", {}, {}, {}};
   std::vector<Histogram> histograms;
   for (std::size_t i = 0; i < series.size(); ++i) {
-    histograms.push_back(histogram(rising[i], b));
-    panel.series.push_back(outline(histograms.back(), b, int(i)));
+    histograms.push_back(histogram(sorted_values[i], bins));
+    panel.series.push_back(outline(histograms.back(), bins, int(i)));
   }
   const double unit = options.width / 1600.0;
   const TextStyle body{.size_px = 22.0 * unit};
   const double table = table_height(series.size(), body);
-  const Page p = page(options.width, int(std::lround(options.height * 1.0 + table)), options.title,
-                      caption(series, histograms, b, options), unit);
+  const Page sheet = page(options.width, int(std::lround(options.height * 1.0 + table)),
+                          options.title, caption(series, histograms, bins, options), unit);
   const double em = body.size_px;
-  PanelStyle look{p.body, {.size_px = 26.0 * unit, .bold = true}, unit};
-  const Rectangle cell{p.inner.x, p.inner.y + table, p.inner.width,
-                       p.inner.height - table - 1.2 * em};
-  const Extent shown = seen(panel, options);
-  look.ticks_px = ticks_px({panel}, cell, {shown}, look);
-  Canvas canvas(p.width, p.height);
-  const Axes a = draw_panel(canvas, panel, cell, shown, look);
-  for (std::size_t i = 0; i < series.size(); ++i) draw_bodies(canvas, a, histograms[i], b, int(i));
+  PanelStyle style{sheet.body, {.size_px = 26.0 * unit, .bold = true}, unit};
+  const Rectangle cell{sheet.inner.x, sheet.inner.y + table, sheet.inner.width,
+                       sheet.inner.height - table - 1.2 * em};
+  const Extent extent = extent_with_limit(panel, options);
+  style.ticks_px = ticks_px({panel}, cell, {extent}, style);
+  Canvas canvas(sheet.width, sheet.height);
+  const Axes axes = draw_panel(canvas, panel, cell, extent, style);
+  for (std::size_t i = 0; i < series.size(); ++i)
+    draw_histogram_bars(canvas, axes, histograms[i], bins, int(i));
   for (std::size_t i = 0; i < series.size(); ++i) {
-    draw_outline(canvas, a, panel.series[i], 3.0 * unit);  // once more: no body may hide it
-    if (series[i].mean) draw_marker(canvas, a, *series[i].mean, disc, int(i), 13.0 * unit);
-    if (series[i].p95) draw_marker(canvas, a, *series[i].p95, triangle, int(i), 17.0 * unit);
+    // Drawn again, because the bars of other series may hide the outline.
+    draw_outline(canvas, axes, panel.series[i], 3.0 * unit);
+    if (series[i].mean) draw_marker(canvas, axes, *series[i].mean, disc, int(i), 13.0 * unit);
+    if (series[i].p95) draw_marker(canvas, axes, *series[i].p95, triangle, int(i), 17.0 * unit);
   }
-  draw_limit(canvas, a, options, p.body);
-  draw_table(canvas, series, options, {p.inner.x + em, p.inner.y, p.inner.width - 2.0 * em, table},
-             p.body);
-  draw_page(canvas, p);
+  draw_limit(canvas, axes, options, sheet.body);
+  draw_table(canvas, series, options,
+             {sheet.inner.x + em, sheet.inner.y, sheet.inner.width - 2.0 * em, table}, sheet.body);
+  draw_page(canvas, sheet);
   canvas.write_png(path);
 }
 

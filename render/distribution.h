@@ -9,30 +9,30 @@
 
 namespace abbe::render {
 
-/// The values of one configuration of a study.
+/// The values of one configuration of a study, drawn as a histogram.
 struct DistributionSeries {
   std::string name;
-  Eigen::VectorXd values;        ///< (n); values that are not finite are excluded
-  std::optional<double> mean{};  ///< marked at the axis
-  std::optional<double> p95{};
-  std::vector<std::string> figures{};  ///< table row, one figure per head
+  Eigen::VectorXd values;              ///< (n); values that are not finite are excluded
+  std::optional<double> mean{};        ///< marked at the axis
+  std::optional<double> p95{};         ///< marked at the axis
+  std::vector<std::string> figures{};  ///< row of the table, one text for each head
 };
 
 struct DistributionOptions {
   std::string title{};
   std::string x_label = "value";
-  std::string unit = "µm";        ///< of the values, for the bins
+  std::string unit = "µm";        ///< unit of the values, stated with the bin width
   std::optional<double> limit{};  ///< drawn as a vertical line
   std::string limit_label = "limit";
-  std::vector<std::string> heads{};  ///< of the table: "mean / µm", "P95 / µm", "Cpk"
+  std::vector<std::string> heads{};  ///< heads of the table: "mean / µm", "P95 / µm", "Cpk"
   int width = 1600;                  ///< px
   int height = 900;                  ///< px, without the table
   std::vector<std::string> caption{};
 };
 
-/// Draws histograms of all series, overlaid, with bins of one round width, mean (disc) and P95
-/// (triangle) at the axis, and a table of figures that is the legend. If a few values would squeeze
-/// the rest, the axis spans 99.8 % of them and the picture states how many lie beyond.
+/// Draws the overlaid histograms of all series, with bins of one round width, the mean (disc) and
+/// P95 (triangle) at the axis, and a table that is also the legend. If outliers would compress the
+/// histograms, the axis covers 99.8 % of the values and the picture states how many are beyond.
 /// @throws std::invalid_argument for no series, more than 24, or figures that do not match the
 ///         heads
 /// @throws std::system_error with the path if the file cannot be written

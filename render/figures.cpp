@@ -11,19 +11,18 @@ namespace abbe::render {
 std::string fixed(double value, int decimals) {
   std::string text = fmt::format("{:.{}f}", std::abs(value), decimals);
   // A value that rounds to zero must not show a minus sign.
-  const bool zero = text.find_first_not_of("0.") == std::string::npos;
-  return value < 0.0 && !zero ? "−" + text : text;
+  const bool is_zero = text.find_first_not_of("0.") == std::string::npos;
+  return value < 0.0 && !is_zero ? "−" + text : text;
 }
 
 std::string signed_fixed(double value, int decimals) {
   std::string text = fixed(value, decimals);
-  const bool zero = text.find_first_not_of("0.") == std::string::npos;
-  return value > 0.0 && !zero ? "+" + text : text;
+  const bool is_zero = text.find_first_not_of("0.") == std::string::npos;
+  return value > 0.0 && !is_zero ? "+" + text : text;
 }
 
 int significant_decimals(double value) {
   if (value == 0.0 || !std::isfinite(value)) return 0;
-  // Three significant digits, with at most six decimals.
   return std::clamp(2 - static_cast<int>(std::floor(std::log10(std::abs(value)))), 0, 6);
 }
 
@@ -32,7 +31,7 @@ std::string figure(double value) {
 }
 
 int round_decimals(double value) {
-  // 1e-9: a power of ten may come out of log10 just below its whole number.
+  // By rounding, log10 of a power of ten may be just below the integer.
   return std::max(0, -static_cast<int>(std::floor(std::log10(value) + 1e-9)));
 }
 
@@ -40,7 +39,7 @@ double round_up_125(double value) {
   if (!(value > 0.0)) return 0.0;
   const double decade = std::pow(10.0, std::floor(std::log10(value)));
   for (const double step : {1.0, 2.0, 5.0}) {
-    // 1e-12: a value that is a round number but for rounding is not raised to the next.
+    // The tolerance of 1e-12 keeps a round number with a rounding error from becoming the next one.
     if (step * decade >= value * (1.0 - 1e-12)) return step * decade;
   }
   return 10.0 * decade;
@@ -54,12 +53,12 @@ double round_up_range(double value) {
   return 10.0 * decade;
 }
 
-Ticks round_ticks(double lower, double upper, int wanted) {
+Ticks round_ticks(double lower, double upper, int count) {
   Ticks ticks;
   const double span = upper - lower;
-  if (!(span > 0.0) || !std::isfinite(span) || wanted < 1) return ticks;
-  // 0.999 avoids the next larger step where the range is a multiple of the step.
-  const double step = round_up_125(span / wanted * 0.999);
+  if (!(span > 0.0) || !std::isfinite(span) || count < 1) return ticks;
+  // The factor 0.999 avoids the next larger step if the range is a multiple of the step.
+  const double step = round_up_125(span / count * 0.999);
   ticks.decimals = round_decimals(step);
   const auto first = static_cast<long long>(std::ceil(lower / step - 1e-9));
   const auto last = static_cast<long long>(std::floor(upper / step + 1e-9));
@@ -77,7 +76,7 @@ std::string signed_figure(double value) {
 }
 
 std::string percent_text(double percent) {
-  // Rounding must not turn a small fraction into none, or an almost complete one into all.
+  // A small fraction must not be rounded to none, nor an almost complete one to all.
   if (percent > 0.0 && percent < 0.01) return "< 0.01 %";
   if (percent < 100.0 && percent > 99.99) return "> 99.99 %";
   return fixed(percent, percent == 0.0 || percent == 100.0 ? 0
@@ -104,14 +103,14 @@ Figures figures(const Eigen::VectorXd& deviation_um, const Eigen::VectorXd& weig
   double lowest = std::numeric_limits<double>::infinity();
   double highest = -lowest;
   for (Eigen::Index i = 0; i < deviation_um.size(); ++i) {
-    const double d = deviation_um[i];
+    const double deviation = deviation_um[i];
     // Vertices that are uncut or not judged have no deviation.
-    if (!std::isfinite(d)) continue;
+    if (!std::isfinite(deviation)) continue;
     total += weights[i];
-    sum += weights[i] * d;
-    squares += weights[i] * d * d;
-    lowest = std::min(lowest, d);
-    highest = std::max(highest, d);
+    sum += weights[i] * deviation;
+    squares += weights[i] * deviation * deviation;
+    lowest = std::min(lowest, deviation);
+    highest = std::max(highest, deviation);
   }
   if (highest >= lowest) result.pv_um = highest - lowest;
   if (total > 0.0) {

@@ -33,11 +33,11 @@ using Eigen::Vector3d;
 using kinematics::Pose;
 
 constexpr Colour body_edge{0.35, 0.37, 0.40};
-// FXAA smooths the edges of a film, at a fraction of the cost of supersampling.
-constexpr int points_each_way = 1;
-constexpr double finest_px = 1.5;  // smallest size of the triangles of a part, px
+// FXAA smooths the edges of a film at a fraction of the cost of supersampling.
+constexpr int samples_per_pixel_side = 1;
+constexpr double min_triangle_px = 1.5;  // size of the triangles of a decimated part
 
-/// Positions of the elements of a frame, px.
+/// Positions and sizes of the elements of a frame, px.
 struct FilmLayout {
   TypeSizes type;
   double margin = 0.0;
@@ -62,7 +62,7 @@ FilmLayout film_layout(int width, int height) {
   return layout;
 }
 
-vtkSmartPointer<vtkMatrix4x4> matrix_of(const Pose& T) {
+vtkSmartPointer<vtkMatrix4x4> vtk_matrix(const Pose& T) {
   auto matrix = vtkSmartPointer<vtkMatrix4x4>::New();
   for (int i = 0; i < 4; ++i)
     for (int k = 0; k < 4; ++k) matrix->SetElement(i, k, T.matrix()(i, k));
@@ -70,14 +70,15 @@ vtkSmartPointer<vtkMatrix4x4> matrix_of(const Pose& T) {
 }
 
 void colour_actor(vtkActor& actor, const Colour& colour, double shade) {
-  vtkProperty& look = *actor.GetProperty();
-  look.SetColor(colour.r, colour.g, colour.b);
-  look.SetAmbient(1.0 - shade);
-  look.SetDiffuse(shade);
-  look.SetSpecular(0.0);
+  vtkProperty& property = *actor.GetProperty();
+  property.SetColor(colour.r, colour.g, colour.b);
+  property.SetAmbient(1.0 - shade);
+  property.SetDiffuse(shade);
+  property.SetSpecular(0.0);
 }
 
-/// Returns a mapper that moves surfaces back slightly, so that lines on them are not half hidden.
+/// Returns a mapper that moves surfaces back slightly, so that they do not hide half of the lines
+/// on them.
 vtkSmartPointer<vtkPolyDataMapper> surface_mapper(vtkPolyData* data) {
   auto mapper = vtkSmartPointer<vtkPolyDataMapper>::New();
   mapper->SetInputData(data);
@@ -101,29 +102,30 @@ BodyActors body_actors(const FilmBody& body, double edge_px) {
   actors.faces->SetMapper(mapper);
   colour_actor(*actors.faces, body.colour, 0.4);
   actors.faces->GetProperty()->SetOpacity(body.opacity);
-  // Bodies have sharp edges, which smooth shading would blur.
+  // Smooth shading would blur the sharp edges of bodies.
   actors.faces->GetProperty()->SetInterpolationToFlat();
   actors.edges =
       wire_actor({body.vertices, sharp_edges(body.vertices, body.triangles), body_edge, edge_px});
   return actors;
 }
 
-/// Returns a view given in the workpiece frame, in the bed frame: the eye moves with the part.
-View carried(View view, const Pose& T_bw) {
+/// Transforms a view from the workpiece frame to the bed frame, so that the eye moves with the
+/// part.
+View to_bed_frame(View view, const Pose& T_bw) {
   view.centre = T_bw * view.centre;
-  for (Vector3d* axis : {&view.right, &view.up, &view.toward}) *axis = T_bw.linear() * *axis;
+  for (Vector3d* axis : {&view.right, &view.up, &view.toward_eye}) *axis = T_bw.linear() * *axis;
   return view;
 }
 
-/// A mesh with at most one vertex in every cell of a grid.
+/// A mesh with at most one vertex in each cell of a grid.
 struct DecimatedMesh {
   FilmMesh mesh;
-  std::vector<Eigen::Index> kept;  ///< (vertices) rows of the original mesh
+  std::vector<Eigen::Index> original_rows;  ///< (vertices) rows in the original mesh
 };
 
 /// Returns the mean edge length of a mesh, from a sample of its triangles.
 double mean_edge(const FilmMesh& mesh) {
-  // About a thousand triangles are enough for a mean.
+  // About a thousand triangles are enough.
   const Eigen::Index step = std::max<Eigen::Index>(1, mesh.triangles.rows() / 1000);
   double sum = 0.0;
   Eigen::Index count = 0;
@@ -133,52 +135,54 @@ double mean_edge(const FilmMesh& mesh) {
   return count > 0 ? sum / double(count) : 0.0;
 }
 
-/// Returns the mesh decimated to cells: details smaller than a cell are invisible and cost as much
-/// time as visible ones.
-DecimatedMesh thinned(const FilmMesh& mesh, double cell) {
-  // A mesh that is coarser than the grid would lose nothing but time by the decimation.
+/// Returns the mesh with one vertex per cell of a grid. Details smaller than a cell are invisible
+/// but cost time to render.
+/// @param cell  mm, edge length of the cells
+DecimatedMesh decimate(const FilmMesh& mesh, double cell) {
+  // A mesh that is coarser than the grid remains as it is.
   if (mean_edge(mesh) >= cell) {
-    DecimatedMesh whole{mesh, std::vector<Eigen::Index>(std::size_t(mesh.vertices.rows()))};
-    std::iota(whole.kept.begin(), whole.kept.end(), Eigen::Index(0));
-    return whole;
+    DecimatedMesh result{mesh, std::vector<Eigen::Index>(std::size_t(mesh.vertices.rows()))};
+    std::iota(result.original_rows.begin(), result.original_rows.end(), Eigen::Index(0));
+    return result;
   }
   std::unordered_map<std::uint64_t, int> vertex_of_cell;
   std::vector<int> number(std::size_t(mesh.vertices.rows()));
-  DecimatedMesh made;
+  DecimatedMesh result;
   const Eigen::RowVector3d low = mesh.vertices.colwise().minCoeff();
   for (Eigen::Index i = 0; i < mesh.vertices.rows(); ++i) {
-    const Eigen::Array3d at = ((mesh.vertices.row(i) - low) / cell).array().floor();
-    // Three coordinates of 21 bits fill one 64-bit key.
-    constexpr double most = double(1 << 21) - 1.0;
+    const Eigen::Array3d cell_index = ((mesh.vertices.row(i) - low) / cell).array().floor();
+    // Three indices of 21 bits fit into a key of 64 bits.
+    constexpr double max_index = double(1 << 21) - 1.0;
     std::uint64_t key = 0;
-    for (int k = 0; k < 3; ++k) key = key << 21 | std::uint64_t(std::min(at[k], most));
-    const auto [met, is_new] = vertex_of_cell.try_emplace(key, int(made.kept.size()));
-    if (is_new) made.kept.push_back(i);
-    number[std::size_t(i)] = met->second;
+    for (int k = 0; k < 3; ++k) key = key << 21 | std::uint64_t(std::min(cell_index[k], max_index));
+    const auto [entry, is_new] = vertex_of_cell.try_emplace(key, int(result.original_rows.size()));
+    if (is_new) result.original_rows.push_back(i);
+    number[std::size_t(i)] = entry->second;
   }
   std::vector<std::array<int, 3>> triangles;
   for (const auto& t : mesh.triangles.rowwise()) {
     const std::array<int, 3> corners{number[std::size_t(t[0])], number[std::size_t(t[1])],
                                      number[std::size_t(t[2])]};
-    // Triangles whose corners merged have no area.
+    // A triangle with two corners in one cell has no area.
     if (corners[0] != corners[1] && corners[1] != corners[2] && corners[2] != corners[0])
       triangles.push_back(corners);
   }
-  made.mesh.vertices = mesh.vertices(made.kept, Eigen::all);
-  if (mesh.normals.rows() > 0) made.mesh.normals = mesh.normals(made.kept, Eigen::all);
-  made.mesh.triangles.resize(Eigen::Index(triangles.size()), 3);
+  result.mesh.vertices = mesh.vertices(result.original_rows, Eigen::all);
+  if (mesh.normals.rows() > 0) result.mesh.normals = mesh.normals(result.original_rows, Eigen::all);
+  result.mesh.triangles.resize(Eigen::Index(triangles.size()), 3);
   for (std::size_t i = 0; i < triangles.size(); ++i)
-    made.mesh.triangles.row(Eigen::Index(i)) << triangles[i][0], triangles[i][1], triangles[i][2];
-  return made;
+    result.mesh.triangles.row(Eigen::Index(i)) << triangles[i][0], triangles[i][1], triangles[i][2];
+  return result;
 }
 
-/// The part in its current shape, in one view.
+/// The part in one view, decimated to the resolution of this view.
 class PartActor {
  public:
-  /// @param cell  mm, of the grid for decimation
+  /// @param cell  mm, edge length of the cells for decimation
   PartActor(const std::vector<FilmSetting::Named>& looks, double cell) : cell_(cell) {
-    for (const FilmSetting::Named& look : looks)
-      colours_.push_back({to_byte(look.colour.r), to_byte(look.colour.g), to_byte(look.colour.b)});
+    for (const FilmSetting::Named& entry : looks)
+      colours_.push_back(
+          {to_byte(entry.colour.r), to_byte(entry.colour.g), to_byte(entry.colour.b)});
     colour_actor(*actor, {1.0, 1.0, 1.0}, 0.5);
   }
 
@@ -189,21 +193,21 @@ class PartActor {
     if (state.part != mesh_) reshape(state.part);
     vtkNew<vtkUnsignedCharArray> rgb;
     rgb->SetNumberOfComponents(3);
-    rgb->SetNumberOfTuples(vtkIdType(thinned_.kept.size()));
-    unsigned char* to = rgb->GetPointer(0);
-    for (const Eigen::Index i : thinned_.kept)
-      to = std::ranges::copy(colours_.at(state.looks[std::size_t(i)]), to).out;
+    rgb->SetNumberOfTuples(vtkIdType(decimated_.original_rows.size()));
+    unsigned char* byte = rgb->GetPointer(0);
+    for (const Eigen::Index i : decimated_.original_rows)
+      byte = std::ranges::copy(colours_.at(state.looks[std::size_t(i)]), byte).out;
     data_->GetPointData()->SetScalars(rgb);
-    actor->SetUserMatrix(matrix_of(state.T_bw));
+    actor->SetUserMatrix(vtk_matrix(state.T_bw));
   }
 
   vtkNew<vtkActor> actor;
 
  private:
-  void reshape(const std::shared_ptr<const FilmMesh>& given) {
-    mesh_ = given;
-    thinned_ = thinned(*given, cell_);
-    const FilmMesh& mesh = thinned_.mesh;
+  void reshape(const std::shared_ptr<const FilmMesh>& new_mesh) {
+    mesh_ = new_mesh;
+    decimated_ = decimate(*new_mesh, cell_);
+    const FilmMesh& mesh = decimated_.mesh;
     data_ = poly_data(mesh.vertices);
     data_->SetPolys(cells(mesh.triangles.data(), mesh.triangles.rows(), 3));
     if (mesh.normals.rows() > 0) {
@@ -216,8 +220,8 @@ class PartActor {
     } else {
       actor->GetProperty()->SetInterpolationToFlat();
     }
-    // The rear faces of a closed mesh are never visible, but an open one shows both sides.
-    actor->GetProperty()->SetBackfaceCulling(given->closed);
+    // The inner side of a closed mesh is never visible.
+    actor->GetProperty()->SetBackfaceCulling(new_mesh->closed);
     if (mapper_ == nullptr) {
       mapper_ = surface_mapper(data_);
       actor->SetMapper(mapper_);
@@ -228,29 +232,30 @@ class PartActor {
   double cell_;
   std::vector<std::array<unsigned char, 3>> colours_;
   std::shared_ptr<const FilmMesh> mesh_;
-  DecimatedMesh thinned_;
+  DecimatedMesh decimated_;
   vtkSmartPointer<vtkPolyData> data_;
   vtkSmartPointer<vtkPolyDataMapper> mapper_;
 };
 
 void check_state(const FilmSetting& setting, const FilmState& state) {
-  const bool fits =
+  const bool has_matching_sizes =
       state.T_b.size() == setting.bodies.size() && state.values.size() == setting.labels.size() &&
       (state.part == nullptr || state.looks.size() == std::size_t(state.part->vertices.rows()));
-  const bool named = std::ranges::all_of(
-      state.looks, [&](std::uint8_t look) { return look < setting.looks.size(); });
-  if (!fits || !named) throw std::invalid_argument("a state that fits the setting of its film");
+  const bool are_colours_known = std::ranges::all_of(
+      state.looks, [&](std::uint8_t index) { return index < setting.looks.size(); });
+  if (!has_matching_sizes || !are_colours_known)
+    throw std::invalid_argument("a state that fits the setting of its film");
 }
 
 }  // namespace
 
 struct Film::Stage {
-  explicit Stage(FilmSetting given);
+  explicit Stage(FilmSetting film_setting);
 
-  void place(const FilmState& state);
-  void write(const FilmState& state);
-  void write_values(const FilmState& state);
-  void write_legend();
+  void update_scenes(const FilmState& state);
+  void draw_flat_elements(const FilmState& state);
+  void draw_values(const FilmState& state);
+  void draw_legend();
 
   FilmSetting setting;
   FilmLayout layout;
@@ -262,15 +267,15 @@ struct Film::Stage {
   std::vector<vtkSmartPointer<vtkActor>> paths;
 };
 
-Film::Stage::Stage(FilmSetting given)
-    : setting(std::move(given)),
+Film::Stage::Stage(FilmSetting film_setting)
+    : setting(std::move(film_setting)),
       layout(film_layout(setting.width, setting.height)),
-      canvas(setting.width, setting.height, points_each_way),
+      canvas(setting.width, setting.height, samples_per_pixel_side),
       machine_view(fit_view(setting.machine_b, setting.from_b, Vector3d::UnitZ(), layout.machine)),
       part_view(fit_view(setting.part_w, setting.from_w, setting.up_w, layout.part)),
-      part_far(setting.looks, finest_px * machine_view.mm_per_px),
-      part_near(setting.looks, finest_px * part_view.mm_per_px) {
-  // The tool above the part must not be cut off by the clipping plane.
+      part_far(setting.looks, min_triangle_px * machine_view.mm_per_px),
+      part_near(setting.looks, min_triangle_px * part_view.mm_per_px) {
+  // The clipping planes must not cut off the tool above the part.
   part_view.depth = std::max(part_view.depth, setting.part_depth);
   for (const FilmBody& body : setting.bodies) {
     bodies.push_back(body_actors(body, std::max(1.0, 1.6 * layout.type.unit)));
@@ -279,96 +284,99 @@ Film::Stage::Stage(FilmSetting given)
       if (body.close) part->AddActor(actor);
     }
   }
+  // Each view has its own actor of the part, decimated to the resolution of the view.
   machine->AddActor(part_far.actor);
   part->AddActor(part_near.actor);
-  // One actor per scene, since each view decimates the part to its own pixels.
   for (vtkRenderer* scene : {machine.Get(), part.Get()}) scene->UseFXAAOn();
   canvas.add(*machine, machine_view);
   canvas.add(*part, part_view);
 }
 
-void Film::Stage::place(const FilmState& state) {
+void Film::Stage::update_scenes(const FilmState& state) {
   for (std::size_t i = 0; i < bodies.size(); ++i)
     for (vtkActor* actor : {bodies[i].faces.Get(), bodies[i].edges.Get()}) {
-      // A body without a pose is hidden in this frame.
       actor->SetVisibility(state.T_b[i].has_value());
-      if (state.T_b[i]) actor->SetUserMatrix(matrix_of(*state.T_b[i]));
+      if (state.T_b[i]) actor->SetUserMatrix(vtk_matrix(*state.T_b[i]));
     }
   part_far.show(state);
   part_near.show(state);
   // Paths change in every frame, so their actors are replaced.
   for (const auto& path : paths) part->RemoveActor(path);
   paths.clear();
-  const View eye = carried(part_view, state.T_bw);
-  Pose nearer = state.T_bw;
-  // Paths lie on the surface, so they are moved two pixels towards the eye to stay visible.
-  nearer.translation() += 2.0 * eye.mm_per_px * eye.toward;
+  const View view = to_bed_frame(part_view, state.T_bw);
+  Pose path_pose = state.T_bw;
+  // Paths on the surface are moved towards the eye by two pixels, so that they remain visible.
+  path_pose.translation() += 2.0 * view.mm_per_px * view.toward_eye;
   for (const Wire& wire : state.paths) {
     if (wire.segments.empty()) continue;
     paths.push_back(wire_actor(wire));
-    paths.back()->SetUserMatrix(matrix_of(nearer));
+    paths.back()->SetUserMatrix(vtk_matrix(path_pose));
     part->AddActor(paths.back());
   }
-  look(*part, eye);
+  set_camera(*part, view);
 }
 
-void Film::Stage::write_legend() {
-  const TextStyle small{.size_px = 0.85 * layout.type.body};
+void Film::Stage::draw_legend() {
+  const TextStyle small_text{.size_px = 0.85 * layout.type.body};
   Vector2d at(layout.part.x, layout.part.y + layout.part.height + 0.35 * layout.heading);
-  for (const auto* names : {&setting.looks, &setting.lines})
-    for (const FilmSetting::Named& one : *names)
-      if (!one.name.empty())
-        at.x() += swatch(canvas, at, one.colour, one.name, small) + 1.2 * small.size_px;
+  for (const auto* entries : {&setting.looks, &setting.lines})
+    for (const FilmSetting::Named& entry : *entries)
+      if (!entry.name.empty())
+        at.x() += draw_swatch(canvas, at, entry.colour, entry.name, small_text) +
+                  1.2 * small_text.size_px;
 }
 
-void Film::Stage::write_values(const FilmState& state) {
+void Film::Stage::draw_values(const FilmState& state) {
   const double y = layout.foot - 2.35 * layout.type.body;
   const TextStyle label{
-      .size_px = 0.8 * layout.type.body, .colour = colours::faint_ink, .upward = 1.0};
-  const TextStyle value{.size_px = layout.type.body, .bold = true, .upward = 1.0};
-  double shares = 0.0, x = layout.margin;
-  for (const FilmSetting::Label& one : setting.labels) shares += one.share;
+      .size_px = 0.8 * layout.type.body, .colour = colours::faint_ink, .vertical_anchor = 1.0};
+  const TextStyle value{.size_px = layout.type.body, .bold = true, .vertical_anchor = 1.0};
+  double total_share = 0.0, x = layout.margin;
+  for (const FilmSetting::Label& column : setting.labels) total_share += column.share;
   for (std::size_t i = 0; i < setting.labels.size(); ++i) {
-    const double room = (setting.width - 2.0 * layout.margin) * setting.labels[i].share / shares;
-    const double kept = room - 0.5 * layout.type.body;
+    const double column_width =
+        (setting.width - 2.0 * layout.margin) * setting.labels[i].share / total_share;
+    const double text_width = column_width - 0.5 * layout.type.body;
     canvas.text({x, y}, setting.labels[i].name, label);
-    canvas.text({x, y - 1.15 * layout.type.body}, wrapped(state.values[i], value, kept, 1).front(),
-                value);
-    x += room;
+    canvas.text({x, y - 1.15 * layout.type.body},
+                wrapped(state.values[i], value, text_width, 1).front(), value);
+    x += column_width;
   }
 }
 
-void Film::Stage::write(const FilmState& state) {
-  // The canvas is used again for every frame.
-  canvas.wipe();
+void Film::Stage::draw_flat_elements(const FilmState& state) {
+  canvas.clear_flat_elements();
   const double margin = layout.margin, room = setting.width - 2.0 * margin;
   const TypeSizes& type = layout.type;
-  const TextStyle title{.size_px = type.title, .bold = true, .upward = 1.0};
-  const TextStyle beside{.size_px = type.body, .across = 1.0, .upward = 1.0};
-  const TextStyle heading{.size_px = type.body, .colour = colours::faint_ink, .upward = 0.5};
+  const TextStyle title{.size_px = type.title, .bold = true, .vertical_anchor = 1.0};
+  const TextStyle subtitle_style{
+      .size_px = type.body, .horizontal_anchor = 1.0, .vertical_anchor = 1.0};
+  const TextStyle heading{
+      .size_px = type.body, .colour = colours::faint_ink, .vertical_anchor = 0.5};
   const double top = setting.height - 0.8 * margin;
-  const double right = text_size(setting.subtitle, beside).x();
+  const double right = text_size(setting.subtitle, subtitle_style).x();
   canvas.text({margin, top}, wrapped(setting.title, title, room - right - margin, 1).front(),
               title);
-  canvas.text({setting.width - margin, top - 0.25 * type.title}, setting.subtitle, beside);
+  canvas.text({setting.width - margin, top - 0.25 * type.title}, setting.subtitle, subtitle_style);
   for (const auto& [area, name] :
        {std::pair(layout.machine, setting.machine_name), std::pair(layout.part, setting.part_name)})
     canvas.text({area.x, area.y + area.height + 0.8 * layout.heading},
                 wrapped(name, heading, area.width, 1).front(), heading);
-  write_legend();
-  const TextStyle small{.size_px = 0.85 * type.body};
+  draw_legend();
+  const TextStyle small_text{.size_px = 0.85 * type.body};
   for (const auto& [view, area] :
        {std::pair(&machine_view, layout.machine), std::pair(&part_view, layout.part)})
-    scale_bar(canvas, *view, {area.x, layout.foot + 0.9 * type.body}, 0.3 * area.width, small);
-  triad(canvas, machine_view,
-        {layout.machine.x + layout.machine.width - 2.6 * type.body,
-         layout.machine.y + layout.machine.height - 2.6 * type.body},
-        1.5 * type.body, small);
-  const TextStyle program{.size_px = type.body, .upward = 0.5};
+    draw_scale_bar(canvas, *view, {area.x, layout.foot + 0.9 * type.body}, 0.3 * area.width,
+                   small_text);
+  draw_triad(canvas, machine_view,
+             {layout.machine.x + layout.machine.width - 2.6 * type.body,
+              layout.machine.y + layout.machine.height - 2.6 * type.body},
+             1.5 * type.body, small_text);
+  const TextStyle program{.size_px = type.body, .vertical_anchor = 0.5};
   canvas.line({{margin, layout.foot}, {setting.width - margin, layout.foot}}, colours::rule, 1.0);
   canvas.text({margin, layout.foot - 1.2 * type.body},
               wrapped(state.text, program, room, 1).front(), program);
-  write_values(state);
+  draw_values(state);
   const double height = 0.3 * type.body, y = 0.5 * margin;
   canvas.fill({margin, y, room, height}, colours::rule);
   canvas.fill({margin, y, std::clamp(state.done, 0.0, 1.0) * room, height}, series_colour(0));
@@ -380,8 +388,8 @@ Film::~Film() = default;
 
 Pixels Film::frame(const FilmState& state) {
   check_state(stage_->setting, state);
-  stage_->place(state);
-  stage_->write(state);
+  stage_->update_scenes(state);
+  stage_->draw_flat_elements(state);
   return stage_->canvas.pixels();
 }
 

@@ -20,18 +20,18 @@ struct FilmBody {
   cutting::Triangles triangles;  ///< (m x 3)
   Colour colour{0.80, 0.83, 0.87};
   double opacity = 1.0;
-  bool close = false;  ///< also shown in the close-up of the part
+  bool close = false;  ///< also shown in the close-up view of the part
 };
 
-/// The shape of a part.
+/// The shape of the part in a frame.
 struct FilmMesh {
   cutting::Points vertices;      ///< (n x 3) mm, workpiece frame
   cutting::Points normals;       ///< (n x 3) unit; empty: flat shading
   cutting::Triangles triangles;  ///< (m x 3)
-  bool closed = false;           ///< a closed mesh, all triangles counter-clockwise from outside
+  bool closed = false;           ///< closed, all triangles counter-clockwise seen from outside
 };
 
-/// Settings that stay the same in all frames of a film.
+/// The settings of a film, common to all frames.
 struct FilmSetting {
   int width = 1280;  ///< px
   int height = 720;  ///< px
@@ -41,38 +41,37 @@ struct FilmSetting {
     std::string name;
     Colour colour;
   };
-  std::vector<Named> looks;    ///< legend of the part: what its vertices may look like, by index
+  std::vector<Named> looks;    ///< colours of the vertices of the part, by index; also its legend
   std::vector<Named> lines;    ///< legend of the paths
-  cutting::Points machine_b;   ///< (n x 3) mm, bed frame: points that the picture of the machine
-                               ///< must contain
-  cutting::Points part_w;      ///< (n x 3) mm, workpiece frame: points that the picture of the part
-                               ///< must contain
-  double part_depth = 1000.0;  ///< mm; anything farther off, in front or behind, is clipped
+  cutting::Points machine_b;   ///< (n x 3) mm, bed frame: points that the machine view must contain
+  cutting::Points part_w;      ///< (n x 3) mm, workpiece frame: points that the part view must
+                               ///< contain
+  double part_depth = 1000.0;  ///< mm, clipping distance in front of and behind the part
   Eigen::Vector3d from_b{-0.5, -1.0, 0.6};  ///< direction from the machine to the eye
-  Eigen::Vector3d from_w{-0.5, -1.0, 0.9};  ///< direction from the part to the eye; this eye
-                                            ///< moves with the part
+  Eigen::Vector3d from_w{-0.5, -1.0, 0.9};  ///< direction from the part to the eye, which moves
+                                            ///< with the part
   Eigen::Vector3d up_w = Eigen::Vector3d::UnitZ();
   struct Label {
     std::string name;
-    double share = 1.0;  ///< fraction of the width
+    double share = 1.0;  ///< relative width of its column
   };
-  std::vector<Label> labels;  ///< names of the values shown below the pictures
+  std::vector<Label> labels;  ///< names of the values shown below the views
 };
 
 /// The state of one frame.
 struct FilmState {
   std::vector<std::optional<kinematics::Pose>> T_b;  ///< (bodies) body in the bed; empty: not shown
   kinematics::Pose T_bw = kinematics::Pose::Identity();  ///< workpiece in the bed
-  std::shared_ptr<const FilmMesh> part;  ///< while the pointer is the same, so is the shape
+  std::shared_ptr<const FilmMesh> part;  ///< an unchanged pointer means an unchanged shape
   std::vector<std::uint8_t> looks;       ///< (vertices of the part) index in FilmSetting::looks
   std::vector<Wire> paths;               ///< workpiece frame; shown only in the close-up
   std::string text;                      ///< line of the program
   std::vector<std::string> values;       ///< (labels) as text
-  double done = 0.0;                     ///< progress, 0 .. 1
+  double done = 0.0;                     ///< progress bar, 0 .. 1
 };
 
-/// A film: set up once, then rendered frame by frame. It owns the one canvas that may exist at a
-/// time. The same settings and states give the same pixels.
+/// Renders a film frame by frame. It owns a canvas, and only one canvas may exist at a time. The
+/// same settings and states give the same pixels.
 class Film {
  public:
   /// @throws the exceptions of the constructor of Canvas

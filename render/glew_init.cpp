@@ -9,9 +9,9 @@ constexpr unsigned no_glx_display = 4;  // GLEW_ERROR_NO_GLX_DISPLAY
 
 }  // namespace
 
-// GLEW ends with "no GLX display" on a context from EGL, although it has loaded every function by
-// then; VTK would treat that as a failure. This function is in the executable, which precedes the
-// library in the symbol order, and ignores that one code.
+// With a context from EGL, glewInit() of GLEW loads every function but then returns "no GLX
+// display", which VTK takes for a failure. This function replaces it, because the symbols of the
+// executable precede those of libraries, and turns this error code into success.
 extern "C" unsigned glewInit() {
   using Init = unsigned (*)();
   static const auto library_init = reinterpret_cast<Init>(::dlsym(RTLD_NEXT, "glewInit"));

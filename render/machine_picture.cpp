@@ -18,24 +18,23 @@ namespace abbe::render {
 std::vector<std::array<int, 2>> sharp_edges(const cutting::Points& points,
                                             const cutting::Triangles& triangles) {
   using Eigen::Vector3d;
-  constexpr double facet = 0.9;  // cosine of the largest angle between facets of one smooth face
-                                 // (26 degrees)
-  // An edge that is still open at the end has one triangle only: it is a rim.
-  std::map<std::array<int, 2>, Vector3d> open;
+  constexpr double min_cosine = 0.9;  // of the angle between facets of a smooth face (26 degrees)
+  // Normals of the triangles at edges with one triangle so far.
+  std::map<std::array<int, 2>, Vector3d> open_edges;
   std::vector<std::array<int, 2>> sharp;
   for (const auto& t : triangles.rowwise()) {
     const Vector3d a = points.row(t[0]), b = points.row(t[1]), c = points.row(t[2]);
     const Vector3d normal = (b - a).cross(c - a).normalized();
     for (int k = 0; k < 3; ++k) {
       const auto [low, high] = std::minmax({t[k], t[(k + 1) % 3]});
-      const auto [seen, first] = open.try_emplace({low, high}, normal);
-      // The first triangle at an edge only leaves its normal for the second.
-      if (first) continue;
-      if (seen->second.dot(normal) < facet) sharp.push_back({low, high});
-      open.erase(seen);
+      const auto [entry, is_first_triangle] = open_edges.try_emplace({low, high}, normal);
+      if (is_first_triangle) continue;
+      if (entry->second.dot(normal) < min_cosine) sharp.push_back({low, high});
+      open_edges.erase(entry);
     }
   }
-  for (const auto& [edge, normal] : open) sharp.push_back(edge);
+  // The remaining edges have one triangle only; the surface ends there.
+  for (const auto& [edge, normal] : open_edges) sharp.push_back(edge);
   return sharp;
 }
 
@@ -46,7 +45,7 @@ using Eigen::Vector3d;
 
 constexpr Colour edge_colour{0.35, 0.37, 0.40};
 
-/// A body as points, faces and edges, in its own frame.
+/// The shape of a body as points, faces and edges, in its own frame.
 struct Shell {
   std::vector<Vector3d> points;
   std::vector<std::array<int, 3>> triangles;
@@ -69,7 +68,7 @@ Shell shell(const BlockShape& block) {
 }
 
 Shell shell(const CylinderShape& cylinder) {
-  // 64 sides look round at the size of a machine in a picture.
+  // With 64 sides a cylinder looks round at the size of a picture.
   constexpr int sides = 64;
   Shell s;
   s.middle = {0.0, 0.0, 0.5 * cylinder.height};
@@ -108,20 +107,21 @@ Shell shell(const Body& body) {
   return std::visit([](const auto& shape) { return shell(shape); }, body.shape);
 }
 
-/// Solids and wires, and all points that a view must contain.
-struct Stage {
+/// The solids and lines of a view, and all points that the view must contain.
+struct MachineScene {
   std::vector<Solid> solids;
   std::vector<Wire> wires;
   cutting::Points points{0, 3};
 };
 
-void hold(Stage& stage, const cutting::Points& points) {
-  const Eigen::Index n = stage.points.rows();
-  stage.points.conservativeResize(n + points.rows(), 3);
-  stage.points.bottomRows(points.rows()) = points;
+/// Adds points that the view must contain.
+void add_view_points(MachineScene& scene, const cutting::Points& points) {
+  const Eigen::Index n = scene.points.rows();
+  scene.points.conservativeResize(n + points.rows(), 3);
+  scene.points.bottomRows(points.rows()) = points;
 }
 
-void add(Stage& stage, const Body& body) {
+void add(MachineScene& scene, const Body& body) {
   const Shell s = shell(body);
   cutting::Points points(static_cast<Eigen::Index>(s.points.size()), 3);
   for (std::size_t i = 0; i < s.points.size(); ++i) {
@@ -134,57 +134,57 @@ void add(Stage& stage, const Body& body) {
   solid.colour = body.colour;
   solid.opacity = body.opacity;
   solid.shade = 0.4;
-  stage.solids.push_back(std::move(solid));
-  stage.wires.push_back({points, s.edges, edge_colour, 1.5});
-  hold(stage, points);
+  scene.solids.push_back(std::move(solid));
+  scene.wires.push_back({points, s.edges, edge_colour, 1.5});
+  add_view_points(scene, points);
 }
 
-/// Returns the points without those closer together than can be seen: segments shorter than a pixel
-/// leave gaps in a line.
-cutting::Points apart(const cutting::Points& points) {
+/// Returns the points of a path without those that are too close to the previous one. Segments
+/// shorter than a pixel would leave gaps in a line.
+cutting::Points spaced_points(const cutting::Points& points) {
   const Eigen::RowVector3d size = points.colwise().maxCoeff() - points.colwise().minCoeff();
   // A two-hundredth of the path is a few pixels in a picture of usual size.
-  const double least = size.norm() / 200.0;
-  std::vector<Eigen::Index> kept;
+  const double min_distance = size.norm() / 200.0;
+  std::vector<Eigen::Index> rows;
   for (Eigen::Index i = 0; i < points.rows(); ++i)
-    if (kept.empty() || i + 1 == points.rows() ||
-        (points.row(i) - points.row(kept.back())).norm() >= least)
-      kept.push_back(i);
-  return points(kept, Eigen::all);
+    if (rows.empty() || i + 1 == points.rows() ||
+        (points.row(i) - points.row(rows.back())).norm() >= min_distance)
+      rows.push_back(i);
+  return points(rows, Eigen::all);
 }
 
-void add(Stage& stage, const Polyline& path) {
+void add(MachineScene& scene, const Polyline& path) {
   if (path.points.rows() == 0) return;
-  Wire wire{apart(path.points), {}, path.colour, path.width_px};
+  Wire wire{spaced_points(path.points), {}, path.colour, path.width_px};
   for (int i = 1; i < static_cast<int>(wire.points.rows()); ++i)
     wire.segments.push_back({i - 1, i});
-  stage.wires.push_back(std::move(wire));
-  hold(stage, path.points);
+  scene.wires.push_back(std::move(wire));
+  add_view_points(scene, path.points);
 }
 
-void add_part(Stage& stage, const MachinePicture& picture) {
+void add_part(MachineScene& scene, const MachinePicture& picture) {
   if (picture.part_triangles.rows() == 0) return;
   Solid solid;
   solid.points = picture.part_vertices;
   solid.triangles = picture.part_triangles;
   solid.colour = picture.part_colour;
   solid.shade = 0.35;
-  hold(stage, solid.points);
-  stage.solids.push_back(std::move(solid));
+  add_view_points(scene, solid.points);
+  scene.solids.push_back(std::move(solid));
 }
 
-void check(const MachinePicture& picture) {
-  const auto require = [](bool good, const char* what) {
-    if (!good) throw std::invalid_argument(std::string("machine picture: ") + what);
+void check_picture(const MachinePicture& picture) {
+  const auto require = [](bool condition, const char* message) {
+    if (!condition) throw std::invalid_argument(std::string("machine picture: ") + message);
   };
-  bool finite = picture.part_vertices.allFinite() && std::isfinite(picture.magnification);
+  bool is_finite = picture.part_vertices.allFinite() && std::isfinite(picture.magnification);
   for (const Body& body : picture.bodies) {
-    finite = finite && body.T.matrix().allFinite();
-    for (const Vector3d& p : shell(body).points) finite = finite && p.allFinite();
+    is_finite = is_finite && body.T.matrix().allFinite();
+    for (const Vector3d& p : shell(body).points) is_finite = is_finite && p.allFinite();
   }
-  for (const Polyline& path : picture.paths) finite = finite && path.points.allFinite();
-  for (const Frame& frame : picture.frames) finite = finite && frame.T.matrix().allFinite();
-  require(finite, "every number must be finite");
+  for (const Polyline& path : picture.paths) is_finite = is_finite && path.points.allFinite();
+  for (const Frame& frame : picture.frames) is_finite = is_finite && frame.T.matrix().allFinite();
+  require(is_finite, "every number must be finite");
   const auto& t = picture.part_triangles;
   require(t.size() == 0 || (t.minCoeff() >= 0 && t.maxCoeff() < picture.part_vertices.rows()),
           "a triangle names a vertex that is not there");
@@ -192,42 +192,43 @@ void check(const MachinePicture& picture) {
           "there is nothing to draw");
 }
 
-/// A name in the column beside the machine, and the point to which its leader points.
+/// A name in the column beside the machine, and the point to which its leader line leads.
 struct Callout {
   std::string text;
   Vector2d point;
 };
 
 std::vector<Callout> callouts(const MachinePicture& picture, const View& view) {
-  std::vector<Callout> result;
+  std::vector<Callout> list;
   for (const Body& body : picture.bodies) {
     if (body.label.empty()) continue;
-    // The rightmost corner is rarely hidden.
-    Vector2d point = projected(view, body.T * shell(body).points.front());
+    // The corner farthest to the right is rarely hidden.
+    Vector2d point = project(view, body.T * shell(body).points.front());
     for (const Vector3d& p : shell(body).points) {
-      const Vector2d seen = projected(view, body.T * p);
-      if (seen.x() > point.x()) point = seen;
+      const Vector2d projected_point = project(view, body.T * p);
+      if (projected_point.x() > point.x()) point = projected_point;
     }
-    result.push_back({body.label, point});
+    list.push_back({body.label, point});
   }
   for (const Frame& frame : picture.frames) {
-    if (!frame.name.empty()) result.push_back({frame.name, projected(view, frame.T.translation())});
+    if (!frame.name.empty()) list.push_back({frame.name, project(view, frame.T.translation())});
   }
-  // Sorted by height, so that the leaders do not cross.
-  std::stable_sort(result.begin(), result.end(),
+  // In the order of height, so that the leader lines do not cross.
+  std::stable_sort(list.begin(), list.end(),
                    [](const Callout& a, const Callout& b) { return a.point.y() > b.point.y(); });
-  return result;
+  return list;
 }
 
-/// Returns the heights of labels, from above, as near to their points as possible and at least
-/// `pitch` apart.
-std::vector<double> spread(const std::vector<Callout>& all, const Rectangle& column, double pitch) {
+/// Returns the heights of labels from top to bottom, near to their points and at least `pitch`
+/// apart.
+std::vector<double> label_heights(const std::vector<Callout>& callouts, const Rectangle& column,
+                                  double pitch) {
   std::vector<double> y;
-  for (const Callout& one : all) {
-    const double free = y.empty() ? column.y + column.height - 0.5 * pitch : y.back() - pitch;
-    y.push_back(std::min(one.point.y(), free));
+  for (const Callout& callout : callouts) {
+    const double highest = y.empty() ? column.y + column.height - 0.5 * pitch : y.back() - pitch;
+    y.push_back(std::min(callout.point.y(), highest));
   }
-  // The first pass pushes labels down, the second pushes those back up that left the column.
+  // The first pass pushes labels down; the second one pushes those up that are below the column.
   double lowest = column.y + 0.5 * pitch;
   for (std::size_t i = y.size(); i-- > 0;) {
     y[i] = std::max(y[i], lowest);
@@ -236,49 +237,51 @@ std::vector<double> spread(const std::vector<Callout>& all, const Rectangle& col
   return y;
 }
 
-/// Returns the width of the names beside the machine, px, at most `most`; longer names are cut.
-double column_width(const std::vector<std::string>& names, const TextStyle& style, double most) {
+/// Returns the width of the column of names, px. Names that do not fit are shortened.
+double column_width(const std::vector<std::string>& names, const TextStyle& style,
+                    double max_width) {
   double width = 5.0 * style.size_px;
   for (const std::string& name : names) width = std::max(width, text_size(name, style).x() + 1.0);
-  return std::min(width, most);
+  return std::min(width, max_width);
 }
 
-std::vector<std::string> names_of(const MachinePicture& picture) {
+std::vector<std::string> body_and_frame_names(const MachinePicture& picture) {
   std::vector<std::string> names;
   for (const Body& body : picture.bodies) names.push_back(body.label);
   for (const Frame& frame : picture.frames) names.push_back(frame.name);
   return names;
 }
 
-/// Returns the style, reduced if so many names would not fit one above the other.
-TextStyle fitting(TextStyle style, std::size_t count, double height) {
-  const double needed = double(count) * line_height(style);
-  if (needed > height) style.size_px *= 0.98 * height / needed;
+/// Returns the style, in a smaller size if so many lines would not fit into the height.
+TextStyle fit_style(TextStyle style, std::size_t line_count, double height) {
+  const double required_height = double(line_count) * line_height(style);
+  if (required_height > height) style.size_px *= 0.98 * height / required_height;
   return style;
 }
 
-void draw_callouts(Canvas& canvas, const std::vector<Callout>& all, const Rectangle& column,
-                   const TextStyle& usual) {
-  const TextStyle style = fitting(usual, all.size(), column.height);
-  const std::vector<double> y = spread(all, column, line_height(style));
-  TextStyle beside = style;
-  beside.upward = 0.5;
-  for (std::size_t i = 0; i < all.size(); ++i) {
-    const double knee = column.x - 0.4 * style.size_px;
-    canvas.line({all[i].point, {knee - style.size_px, y[i]}, {knee, y[i]}}, colours::faint_ink,
+void draw_callouts(Canvas& canvas, const std::vector<Callout>& callouts, const Rectangle& column,
+                   const TextStyle& body_style) {
+  const TextStyle style = fit_style(body_style, callouts.size(), column.height);
+  const std::vector<double> y = label_heights(callouts, column, line_height(style));
+  TextStyle label_style = style;
+  label_style.vertical_anchor = 0.5;
+  for (std::size_t i = 0; i < callouts.size(); ++i) {
+    const Vector2d& point = callouts[i].point;
+    const double leader_end = column.x - 0.4 * style.size_px;
+    canvas.line({point, {leader_end - style.size_px, y[i]}, {leader_end, y[i]}}, colours::faint_ink,
                 1.5);
     const double dot = 0.12 * style.size_px;
-    canvas.fill({all[i].point.x() - dot, all[i].point.y() - dot, 2.0 * dot, 2.0 * dot},
-                colours::faint_ink);
-    canvas.text({column.x, y[i]}, wrapped(all[i].text, beside, column.width, 1).front(), beside);
+    canvas.fill({point.x() - dot, point.y() - dot, 2.0 * dot, 2.0 * dot}, colours::faint_ink);
+    canvas.text({column.x, y[i]}, wrapped(callouts[i].text, label_style, column.width, 1).front(),
+                label_style);
   }
 }
 
-/// Draws arrows along the axes of a frame; X red, Y green, Z blue.
+/// Draws the axes of a frame: X red, Y green, Z blue.
 void draw_frame(Canvas& canvas, const View& view, const Frame& frame, double length_px) {
   constexpr std::array<Colour, 3> colour{
       {{0.75, 0.15, 0.12}, {0.12, 0.50, 0.18}, {0.13, 0.27, 0.70}}};
-  const Vector2d origin = projected(view, frame.T.translation());
+  const Vector2d origin = project(view, frame.T.translation());
   for (int i = 0; i < 3; ++i) {
     const Vector3d axis = frame.T.linear().col(i);
     const Vector2d tip = origin + length_px * Vector2d(axis.dot(view.right), axis.dot(view.up));
@@ -286,13 +289,15 @@ void draw_frame(Canvas& canvas, const View& view, const Frame& frame, double len
   }
 }
 
-/// Draws colours and names of the paths and the part; returns the height used.
-double legend(Canvas& canvas, const MachinePicture& picture, Vector2d at, const TextStyle& style) {
+/// Draws colours and names of the part and the paths.
+/// @return the height used, px
+double draw_legend(Canvas& canvas, const MachinePicture& picture, Vector2d at,
+                   const TextStyle& style) {
   const double top = at.y();
   const auto entry = [&](const Colour& colour, const std::string& name) {
     if (name.empty()) return;
     at.y() -= line_height(style);
-    swatch(canvas, at, colour, name, style);
+    draw_swatch(canvas, at, colour, name, style);
   };
   if (picture.part_triangles.rows() > 0) entry(picture.part_colour, picture.part_name);
   for (const Polyline& path : picture.paths) entry(path.colour, path.name);
@@ -303,7 +308,7 @@ double legend(Canvas& canvas, const MachinePicture& picture, Vector2d at, const 
 
 void write_machine(const std::filesystem::path& path, const MachinePicture& picture,
                    const MachineOptions& options) {
-  check(picture);
+  check_picture(picture);
   const TypeSizes type = type_sizes(options.width, options.height * 6 / 5);
   const double u = type.unit;
   const TextStyle title{.size_px = type.title, .bold = true};
@@ -318,55 +323,60 @@ void write_machine(const std::filesystem::path& path, const MachinePicture& pict
   const double strip = picture.bodies.empty() ? 84.0 * u : 140.0 * u;
   const double head = 30.0 * u + 1.38 * (type.title + type.figures) + 16.0 * u;
 
-  Stage detail;
+  MachineScene detail;
   add_part(detail, picture);
   for (const Polyline& line : picture.paths) add(detail, line);
-  // The detailed view has no bodies yet, and those near the part are added to it afterwards.
-  Stage whole = detail;
-  for (const Body& one : picture.bodies) add(whole, one);
-  for (const Frame& frame : picture.frames) hold(whole, frame.T.translation().transpose());
-  for (const Body& one : picture.bodies)
-    if (one.close) add(detail, one);
+  MachineScene whole = detail;
+  for (const Body& machine_body : picture.bodies) add(whole, machine_body);
+  for (const Frame& frame : picture.frames)
+    add_view_points(whole, frame.T.translation().transpose());
+  for (const Body& machine_body : picture.bodies)
+    if (machine_body.close) add(detail, machine_body);
 
-  const bool both = detail.points.rows() > 0 && !picture.bodies.empty();
+  const bool has_detail = detail.points.rows() > 0 && !picture.bodies.empty();
   const double height = options.height - head - foot - strip;
-  const double left_width = both ? 0.54 * text_width : text_width;
+  const double left_width = has_detail ? 0.54 * text_width : text_width;
   const Rectangle left{margin, foot + strip, left_width, height};
   const Rectangle right{margin + left_width + 40.0 * u, foot + strip,
                         text_width - left_width - 40.0 * u, height};
 
   Canvas canvas(options.width, options.height);
-  const double used = paragraph(canvas, {margin, options.height - 30.0 * u},
-                                wrapped(picture.title, title, text_width, 1), title);
+  const double title_height = draw_paragraph(canvas, {margin, options.height - 30.0 * u},
+                                             wrapped(picture.title, title, text_width, 1), title);
   if (picture.magnification != 1.0) {
-    paragraph(canvas, {margin, options.height - 30.0 * u - used},
-              {fmt::format("errors magnified {} ×", figure(picture.magnification))},
-              {.size_px = type.figures});
+    draw_paragraph(canvas, {margin, options.height - 30.0 * u - title_height},
+                   {fmt::format("errors magnified {} ×", figure(picture.magnification))},
+                   {.size_px = type.figures});
   }
-  const double lines_px = 36.0 * u;  // between the machine and the names
-  const double names = picture.bodies.empty() && picture.frames.empty()
-                           ? 0.0
-                           : lines_px + column_width(names_of(picture), body, 0.4 * left.width);
-  const Rectangle stage{left.x, left.y, left.width - names, left.height};
-  const View view = fit_view(whole.points, options.from, options.up, stage);
+  const double leader_px = 36.0 * u;  // width of the leader lines between the machine and the names
+  const double names_px =
+      picture.bodies.empty() && picture.frames.empty()
+          ? 0.0
+          : leader_px + column_width(body_and_frame_names(picture), body, 0.4 * left.width);
+  const Rectangle machine_area{left.x, left.y, left.width - names_px, left.height};
+  const View view = fit_view(whole.points, options.from, options.up, machine_area);
   canvas.scene(view, whole.solids, whole.wires);
   for (const Frame& frame : picture.frames) draw_frame(canvas, view, frame, 1.6 * body.size_px);
-  draw_callouts(canvas, callouts(picture, view),
-                {stage.x + stage.width + lines_px, left.y, names - lines_px, left.height}, body);
+  draw_callouts(
+      canvas, callouts(picture, view),
+      {machine_area.x + machine_area.width + leader_px, left.y, names_px - leader_px, left.height},
+      body);
   if (!picture.bodies.empty()) {
-    triad(canvas, view, {left.x + left.width - 90.0 * u, foot + 0.4 * strip}, 40.0 * u, body);
+    draw_triad(canvas, view, {left.x + left.width - 90.0 * u, foot + 0.4 * strip}, 40.0 * u, body);
   }
-  scale_bar(canvas, view, {left.x, foot + 0.5 * strip}, 0.3 * left.width, body);
+  draw_scale_bar(canvas, view, {left.x, foot + 0.5 * strip}, 0.3 * left.width, body);
 
-  const Rectangle& beside = both ? right : left;
-  const double legend_height = legend(canvas, picture, {beside.x, beside.y + beside.height}, body);
-  if (both) {
-    const Rectangle rest{right.x, right.y, right.width, right.height - legend_height - 16.0 * u};
-    const View close = fit_view(detail.points, options.from, options.up, rest);
-    canvas.scene(close, detail.solids, detail.wires);
-    scale_bar(canvas, close, {right.x, foot + 0.5 * strip}, 0.4 * right.width, body);
+  const Rectangle& legend_area = has_detail ? right : left;
+  const double legend_height =
+      draw_legend(canvas, picture, {legend_area.x, legend_area.y + legend_area.height}, body);
+  if (has_detail) {
+    const Rectangle detail_area{right.x, right.y, right.width,
+                                right.height - legend_height - 16.0 * u};
+    const View detail_view = fit_view(detail.points, options.from, options.up, detail_area);
+    canvas.scene(detail_view, detail.solids, detail.wires);
+    draw_scale_bar(canvas, detail_view, {right.x, foot + 0.5 * strip}, 0.4 * right.width, body);
   }
-  paragraph(canvas, {margin, foot}, lines, body);
+  draw_paragraph(canvas, {margin, foot}, lines, body);
   canvas.write_png(path);
 }
 

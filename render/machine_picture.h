@@ -15,8 +15,8 @@
 
 namespace abbe::render {
 
-/// Returns the edges at which a surface bends by more than the angle between facets, or ends: pairs
-/// of rows of `points`.
+/// Returns the edges of a surface at which it bends by more than 26 degrees or ends, as pairs of
+/// rows of `points`.
 std::vector<std::array<int, 2>> sharp_edges(const cutting::Points& points,
                                             const cutting::Triangles& triangles);
 
@@ -30,23 +30,23 @@ struct CylinderShape {
   double height = 100.0;  ///< mm
 };
 
-/// An arbitrary closed surface.
+/// Any closed surface.
 struct SolidShape {
   cutting::Points vertices;      ///< (n x 3) mm
   cutting::Triangles triangles;  ///< (m x 3)
 };
 
-/// A carriage, the bed or a tool: drawn as a plain solid with its edges.
+/// A rigid body such as a carriage, the bed or a tool, drawn with its edges.
 struct Body {
-  std::string label;                                  ///< written beside it; may be empty
+  std::string label;                                  ///< written beside the machine; may be empty
   kinematics::Pose T = kinematics::Pose::Identity();  ///< in the frame of the picture
   std::variant<BlockShape, CylinderShape, SolidShape> shape;
   Colour colour{0.80, 0.83, 0.87};
   double opacity = 1.0;
-  bool close = false;  ///< also drawn in the right half
+  bool close = false;  ///< also drawn in the detail view at the right
 };
 
-/// A polyline: a tool path, nominal or actual.
+/// A tool path, nominal or actual, as a polyline.
 struct Polyline {
   std::string name;  ///< for the legend; empty: not listed
   cutting::Points points;
@@ -54,7 +54,7 @@ struct Polyline {
   double width_px = 2.0;
 };
 
-/// A frame drawn as its three axes: X red, Y green, Z blue.
+/// A coordinate frame, drawn as three axes: X red, Y green, Z blue.
 struct Frame {
   std::string name;
   kinematics::Pose T = kinematics::Pose::Identity();
@@ -69,7 +69,7 @@ struct MachinePicture {
   cutting::Triangles part_triangles;
   std::vector<Polyline> paths;
   std::vector<Frame> frames;
-  double magnification = 1.0;  ///< magnification of the errors in the paths; printed
+  double magnification = 1.0;  ///< by which the errors in the paths are magnified; stated
   std::vector<std::string> caption;
 };
 
@@ -81,8 +81,8 @@ struct MachineOptions {
   Eigen::Vector3d up = Eigen::Vector3d::UnitZ();
 };
 
-/// Draws the whole machine with part and paths at the left, and part, paths and close bodies alone
-/// at the right, each with a scale bar, and states the magnification of the errors.
+/// Draws the whole machine with part and paths at the left, and a detail view of part, paths and
+/// close bodies at the right, each with a scale bar. States the magnification of the errors.
 /// @throws std::invalid_argument if there is nothing to draw, a number is not finite, or a triangle
 ///         refers to a missing vertex
 /// @throws std::system_error with the path if the file cannot be written

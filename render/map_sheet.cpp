@@ -21,13 +21,13 @@ namespace abbe::render {
 namespace {
 
 constexpr double gap_px = 36.0;  // between cells
-constexpr double own_scale_ratio =
-    0.4;  // relative to the common scale: a map that needs less gets a second panel
+// A map that needs less than this fraction of the common scale gets a second panel.
+constexpr double own_scale_ratio = 0.4;
 
 /// A panel of a comparison.
 struct MapPanel {
-  std::size_t of = 0;  ///< index of the case
-  bool own = false;    ///< on its own scale, after the panel on the common scale
+  std::size_t case_index = 0;
+  bool has_own_scale = false;  ///< on its own scale, after the panel on the common scale
   Span ends_um;
 };
 
@@ -40,41 +40,42 @@ struct Grid {
   std::vector<std::array<int, 2>> at;  ///< column and row of each panel
 };
 
-/// Returns a grid with the panels in order, the two of a case in one row.
-Grid filled(const std::vector<MapPanel>& panels, int columns) {
-  Grid g;
-  g.columns = columns;
-  int place = 0;
+/// Returns a grid with the panels in order; the two panels of a case are in the same row.
+Grid fill_grid(const std::vector<MapPanel>& panels, int columns) {
+  Grid grid;
+  grid.columns = columns;
+  int cell = 0;
   for (std::size_t i = 0; i < panels.size(); ++i) {
-    const bool is_first_of_pair = i + 1 < panels.size() && panels[i + 1].own;
-    // A pair would be split at the end of the row, so one cell remains empty.
-    if (is_first_of_pair && columns > 1 && place % columns == columns - 1) ++place;
-    g.at.push_back({place % columns, place / columns});
-    ++place;
+    const bool is_first_of_pair = i + 1 < panels.size() && panels[i + 1].has_own_scale;
+    // The last cell of a row remains empty if it would separate a pair.
+    if (is_first_of_pair && columns > 1 && cell % columns == columns - 1) ++cell;
+    grid.at.push_back({cell % columns, cell / columns});
+    ++cell;
   }
-  g.rows = g.at.back()[1] + 1;
-  return g;
+  grid.rows = grid.at.back()[1] + 1;
+  return grid;
 }
 
-/// Returns the grid whose picture is closest to 4 : 3.
-Grid grid(const std::vector<MapPanel>& panels, double width, double aspect, double text_height) {
-  Grid best;
+/// Returns the grid whose picture is nearest to 4 : 3.
+Grid best_grid(const std::vector<MapPanel>& panels, double width, double aspect,
+               double text_height) {
+  Grid result;
   double min_layout_cost = 0.0;
   for (int columns = 1; columns <= std::min(int(panels.size()), 4); ++columns) {
-    Grid g = filled(panels, columns);
-    g.cell_width = (width - (columns - 1) * gap_px) / columns;
-    g.map_height = std::round(g.cell_width * std::clamp(aspect, 0.3, 1.1));
-    const double height = g.rows * (g.map_height + text_height + gap_px);
-    const int empty = g.rows * columns - int(panels.size());
-    // 0.7: the width to height ratio with texts is aimed at 4 : 3; an empty cell costs as much as
-    // 15 % of distortion.
+    Grid grid = fill_grid(panels, columns);
+    grid.cell_width = (width - (columns - 1) * gap_px) / columns;
+    grid.map_height = std::round(grid.cell_width * std::clamp(aspect, 0.3, 1.1));
+    const double height = grid.rows * (grid.map_height + text_height + gap_px);
+    const int empty = grid.rows * columns - int(panels.size());
+    // The factor 0.7 accounts for the texts in the aspect ratio of 4 : 3. An empty cell costs as
+    // much as a deviation of 15 % from this ratio.
     const double layout_cost = std::abs(std::log(width / height * 0.7)) + 0.15 * empty;
     if (columns == 1 || layout_cost < min_layout_cost) {
-      best = std::move(g);
+      result = std::move(grid);
       min_layout_cost = layout_cost;
     }
   }
-  return best;
+  return result;
 }
 
 /// Text of a case, wrapped to the width of its cell.
@@ -84,8 +85,8 @@ struct CellText {
 };
 
 bool has_common_datum(const std::vector<MapPicture>& cases) {
-  return std::all_of(cases.begin(), cases.end(), [&](const MapPicture& c) {
-    return c.datum == cases.front().datum && c.alignment == cases.front().alignment;
+  return std::all_of(cases.begin(), cases.end(), [&](const MapPicture& picture) {
+    return picture.datum == cases.front().datum && picture.alignment == cases.front().alignment;
   });
 }
 
@@ -93,41 +94,44 @@ std::vector<std::string> common_text(const std::vector<MapPicture>& cases,
                                      const std::vector<MapPanel>& panels,
                                      const std::vector<Tally>& counts,
                                      const ComparisonOptions& options) {
-  const bool two =
-      std::any_of(panels.begin(), panels.end(), [](const MapPanel& p) { return p.own; });
-  std::vector<std::string> lines{std::string("one scale for all maps") +
-                                 (two ? ", those that it hides again on their own  ·  " : "  ·  ") +
-                                 sign_convention};
+  const bool has_own_scales =
+      std::any_of(panels.begin(), panels.end(), [](const MapPanel& p) { return p.has_own_scale; });
+  std::vector<std::string> lines{
+      std::string("one scale for all maps") +
+      (has_own_scales ? ", those that it hides again on their own  ·  " : "  ·  ") +
+      sign_convention};
   const View view = fit_view({}, options.from, options.up, {});
-  const Tally& first = counts.front();
+  const Tally& first_counts = counts.front();
   std::string line = has_common_datum(cases)
                          ? fmt::format("datum {}  ·  alignment {}  ·  ", cases.front().datum,
                                        cases.front().alignment)
                          : std::string();
-  line += fmt::format("view {}  ·  {} vertices", view_description(view), grouped(first.vertices()));
+  line += fmt::format("view {}  ·  {} vertices", view_description(view),
+                      grouped(first_counts.vertices()));
   if (const auto& tolerance = cases.front().tolerance_um; tolerance.rows() > 0)
     line += "  ·  tolerance " + limits_text(tolerance);
   lines.push_back(line);
-  const bool beyond =
+  const bool exceeds_scale =
       std::any_of(counts.begin(), counts.end(), [](const Tally& t) { return t.beyond > 0; });
-  if (beyond) lines.push_back("arrow colours: beyond the scale of the map");
+  if (exceeds_scale) lines.push_back("arrow colours: beyond the scale of the map");
   lines.insert(lines.end(), options.caption.begin(), options.caption.end());
   return lines;
 }
 
-/// Widths for the text above and below a map, px.
+/// Available widths for the text above and below a map, px.
 struct TextWidths {
   double title, below;
 };
 
-CellText cell_text(const MapPicture& c, const Tally& counts, bool with_datum, TextWidths width,
-                   const TextStyle& title, const TextStyle& body) {
+CellText cell_text(const MapPicture& picture, const Tally& counts, bool with_datum,
+                   TextWidths width, const TextStyle& title, const TextStyle& body) {
   CellText text;
-  text.title = wrapped(c.title, title, width.title, 2);
-  std::vector<std::string> lines{figures_text(c.figures, Mean::Omitted)};
-  if (c.tolerance_um.rows() > 0) lines.push_back(verdict_text(c));
-  lines.insert(lines.end(), c.caption.begin(), c.caption.end());
-  if (with_datum) lines.push_back(fmt::format("datum {}, alignment {}", c.datum, c.alignment));
+  text.title = wrapped(picture.title, title, width.title, 2);
+  std::vector<std::string> lines{figures_text(picture.figures, Mean::Omitted)};
+  if (picture.tolerance_um.rows() > 0) lines.push_back(verdict_text(picture));
+  lines.insert(lines.end(), picture.caption.begin(), picture.caption.end());
+  if (with_datum)
+    lines.push_back(fmt::format("datum {}, alignment {}", picture.datum, picture.alignment));
   for (std::string& line : excluded_text(counts)) lines.push_back(std::move(line));
   for (const std::string& line : lines) {
     for (const std::string& part : wrapped(line, body, width.below, 4)) text.below.push_back(part);
@@ -150,65 +154,70 @@ const TextStyle title_style{.size_px = 23.0, .bold = true};
 const TextStyle body_style{.size_px = 21.0};
 constexpr double margin_px = 36.0, bar_row_px = 34.0, triad_px = 44.0;
 
-double size_of(const Span& ends) { return std::max(std::abs(ends.lower), std::abs(ends.upper)); }
+double max_magnitude(const Span& ends) {
+  return std::max(std::abs(ends.lower), std::abs(ends.upper));
+}
 
-std::vector<MapPanel> panels_of(const std::vector<MapPicture>& cases,
-                                const ComparisonOptions& options) {
+std::vector<MapPanel> make_panels(const std::vector<MapPicture>& cases,
+                                  const ComparisonOptions& options) {
   if (options.range_um && (!(*options.range_um > 0.0) || !std::isfinite(*options.range_um)))
     throw std::invalid_argument("comparison: the range must be positive");
-  std::vector<Span> own;
-  for (const MapPicture& c : cases) own.push_back(fitted_ends_um(c.field));
+  std::vector<Span> own_ends;
+  for (const MapPicture& picture : cases) own_ends.push_back(fitted_ends_um(picture.field));
   const Span common =
-      options.range_um ? Span{-*options.range_um, *options.range_um} : common_ends(own);
+      options.range_um ? Span{-*options.range_um, *options.range_um} : common_ends(own_ends);
   std::vector<MapPanel> panels;
   for (std::size_t i = 0; i < cases.size(); ++i) {
     panels.push_back({i, false, common});
-    const bool any = tally(cases[i].field, common).cut > 0;
-    const double size = size_of(own[i]);
-    // Without cut vertices a scale of its own would show nothing.
-    if (any && size > min_range_um && size < own_scale_ratio * size_of(common))
-      panels.push_back({i, true, own[i]});
+    const bool has_cut_vertices = tally(cases[i].field, common).cut > 0;
+    const double own_range = max_magnitude(own_ends[i]);
+    if (has_cut_vertices && own_range > min_range_um &&
+        own_range < own_scale_ratio * max_magnitude(common))
+      panels.push_back({i, true, own_ends[i]});
   }
   return panels;
 }
 
-/// Returns the text of a panel. A second panel only states its scale; everything else is below the
-/// first.
-CellText text_of(const std::vector<MapPanel>& panels, std::size_t i, const MapPicture& c,
-                 const Tally& counts, bool with_datum, const Grid& cells) {
+/// Returns the text of a panel. The second panel of a case only states its scale.
+CellText panel_text(const std::vector<MapPanel>& panels, std::size_t i, const MapPicture& picture,
+                    const Tally& counts, bool with_datum, const Grid& cells) {
   const double width = cells.cell_width;
   const bool side_by_side = cells.columns > 1;
-  if (panels[i].own)
-    return {wrapped(side_by_side ? "own scale" : c.title + ", own scale", title_style, width, 2),
-            {}};
-  const bool two = side_by_side && i + 1 < panels.size() && panels[i + 1].own;
-  return cell_text(c, counts, with_datum, {width, two ? 2.0 * width + gap_px : width}, title_style,
-                   body_style);
+  if (panels[i].has_own_scale)
+    return {
+        wrapped(side_by_side ? "own scale" : picture.title + ", own scale", title_style, width, 2),
+        {}};
+  const bool is_pair = side_by_side && i + 1 < panels.size() && panels[i + 1].has_own_scale;
+  return cell_text(picture, counts, with_datum, {width, is_pair ? 2.0 * width + gap_px : width},
+                   title_style, body_style);
 }
 
-Plan plan(const std::vector<MapPicture>& cases, const ComparisonOptions& options) {
-  Plan p;
-  p.panels = panels_of(cases, options);
-  for (const MapPanel& panel : p.panels)
-    p.counts.push_back(tally(cases[panel.of].field, panel.ends_um));
+Plan make_plan(const std::vector<MapPicture>& cases, const ComparisonOptions& options) {
+  Plan plan;
+  plan.panels = make_panels(cases, options);
+  for (const MapPanel& panel : plan.panels)
+    plan.counts.push_back(tally(cases[panel.case_index].field, panel.ends_um));
   const double width = options.width - 2.0 * margin_px;
-  double shape = 0.0;
-  for (const MapPicture& c : cases)
-    shape = std::max(shape, aspect(c.field.design.vertices, options.from, options.up));
+  double max_aspect = 0.0;
+  for (const MapPicture& picture : cases)
+    max_aspect =
+        std::max(max_aspect, aspect(picture.field.design.vertices, options.from, options.up));
   const bool with_datum = !has_common_datum(cases);
-  p.cells = grid(p.panels, width, shape, 4.0 * line_height(body_style) + bar_row_px);
-  std::size_t below = 0;
-  for (std::size_t i = 0; i < p.panels.size(); ++i) {
-    p.text.push_back(text_of(p.panels, i, cases[p.panels[i].of], p.counts[i], with_datum, p.cells));
-    p.title_lines = std::max(p.title_lines, p.text.back().title.size());
-    below = std::max(below, p.text.back().below.size());
+  plan.cells =
+      best_grid(plan.panels, width, max_aspect, 4.0 * line_height(body_style) + bar_row_px);
+  std::size_t lines_below = 0;
+  for (std::size_t i = 0; i < plan.panels.size(); ++i) {
+    plan.text.push_back(panel_text(plan.panels, i, cases[plan.panels[i].case_index], plan.counts[i],
+                                   with_datum, plan.cells));
+    plan.title_lines = std::max(plan.title_lines, plan.text.back().title.size());
+    lines_below = std::max(lines_below, plan.text.back().below.size());
   }
-  p.text_height = static_cast<double>(p.title_lines) * line_height(title_style) +
-                  static_cast<double>(below) * line_height(body_style) + bar_row_px + 18.0;
-  return p;
+  plan.text_height = static_cast<double>(plan.title_lines) * line_height(title_style) +
+                     static_cast<double>(lines_below) * line_height(body_style) + bar_row_px + 18.0;
+  return plan;
 }
 
-/// A panel in its cell, not yet drawn.
+/// The scene and the view of a panel, before it is drawn.
 struct Cell {
   double x = 0.0, y = 0.0;  ///< upper left corner, px
   Rectangle box;            ///< of the map
@@ -217,37 +226,38 @@ struct Cell {
   SurfaceScene scene;
 };
 
-double titles_height(const Plan& p) {
-  return static_cast<double>(p.title_lines) * line_height(title_style);
+double titles_height(const Plan& plan) {
+  return static_cast<double>(plan.title_lines) * line_height(title_style);
 }
 
 /// @param top  upper edge of the first row
-Cell cell_of(const Plan& p, std::size_t i, const MapPicture& c, const ComparisonOptions& options,
-             double top) {
-  const auto [column, row] = p.cells.at[i];
+Cell make_cell(const Plan& plan, std::size_t i, const MapPicture& picture,
+               const ComparisonOptions& options, double top) {
+  const auto [column, row] = plan.cells.at[i];
   Cell cell;
-  cell.x = margin_px + column * (p.cells.cell_width + gap_px);
-  cell.y = top - row * (p.text_height + p.cells.map_height + gap_px);
-  cell.box = {cell.x, cell.y - titles_height(p) - 8.0 - p.cells.map_height, p.cells.cell_width,
-              p.cells.map_height};
-  cell.view = fit_view(c.field.design.vertices, options.from, options.up, cell.box);
-  cell.colours = colour_scale(p.panels[i].ends_um.lower, p.panels[i].ends_um.upper);
-  cell.scene = surface_scene(c.field, c.field.deviation_um, cell.colours, cell.view.toward);
+  cell.x = margin_px + column * (plan.cells.cell_width + gap_px);
+  cell.y = top - row * (plan.text_height + plan.cells.map_height + gap_px);
+  cell.box = {cell.x, cell.y - titles_height(plan) - 8.0 - plan.cells.map_height,
+              plan.cells.cell_width, plan.cells.map_height};
+  cell.view = fit_view(picture.field.design.vertices, options.from, options.up, cell.box);
+  cell.colours = colour_scale(plan.panels[i].ends_um.lower, plan.panels[i].ends_um.upper);
+  cell.scene =
+      surface_scene(picture.field, picture.field.deviation_um, cell.colours, cell.view.toward_eye);
   return cell;
 }
 
-void draw_cell(Canvas& canvas, const Plan& p, std::size_t i, const Cell& cell) {
+void draw_cell(Canvas& canvas, const Plan& plan, std::size_t i, const Cell& cell) {
   const auto& [x, y, box, view, colours, scene] = cell;
-  const double titles = titles_height(p);
-  const Span& ends = p.panels[i].ends_um;
+  const double titles = titles_height(plan);
+  const Span& ends = plan.panels[i].ends_um;
   canvas.scene(view, scene.solids, scene.wires);
-  const double own = static_cast<double>(p.text[i].title.size()) * line_height(title_style);
-  paragraph(canvas, {x, y - titles + own}, p.text[i].title, title_style);
-  const Tally& counts = p.counts[i];
-  horizontal_colour_bar(
-      canvas, {x, box.y - bar_row_px, std::min(p.cells.cell_width, 460.0), bar_row_px - 6.0},
+  const double title = static_cast<double>(plan.text[i].title.size()) * line_height(title_style);
+  draw_paragraph(canvas, {x, y - titles + title}, plan.text[i].title, title_style);
+  const Tally& counts = plan.counts[i];
+  draw_horizontal_colour_bar(
+      canvas, {x, box.y - bar_row_px, std::min(plan.cells.cell_width, 460.0), bar_row_px - 6.0},
       ColourBar{colours, counts.lowest_um<ends.lower, counts.highest_um> ends.upper}, body_style);
-  paragraph(canvas, {x, box.y - bar_row_px - 6.0}, p.text[i].below, body_style);
+  draw_paragraph(canvas, {x, box.y - bar_row_px - 6.0}, plan.text[i].below, body_style);
 }
 
 }  // namespace
@@ -255,12 +265,12 @@ void draw_cell(Canvas& canvas, const Plan& p, std::size_t i, const Cell& cell) {
 void write_comparison(const std::filesystem::path& path, const std::vector<MapPicture>& cases,
                       const ComparisonOptions& options) {
   if (cases.empty()) throw std::invalid_argument("comparison: at least one case is needed");
-  for (const MapPicture& c : cases) check(c.field);
-  const Plan p = plan(cases, options);
+  for (const MapPicture& picture : cases) check_field(picture.field);
+  const Plan plan = make_plan(cases, options);
 
   const double text_width = options.width - 2.0 * margin_px - 4.0 * triad_px;
   std::vector<std::string> lines;
-  for (const std::string& text : common_text(cases, p.panels, p.counts, options)) {
+  for (const std::string& text : common_text(cases, plan.panels, plan.counts, options)) {
     for (const std::string& line : wrapped(text, body_style, text_width)) lines.push_back(line);
   }
   const double foot =
@@ -269,23 +279,23 @@ void write_comparison(const std::filesystem::path& path, const std::vector<MapPi
   const std::vector<std::string> title =
       wrapped(options.title, head_style, options.width - 2.0 * margin_px, 2);
   const double head = double(title.size()) * line_height(head_style) + margin_px;
-  const double cells = p.cells.rows * (p.text_height + p.cells.map_height + gap_px);
+  const double cells = plan.cells.rows * (plan.text_height + plan.cells.map_height + gap_px);
   const int height = static_cast<int>(std::ceil(head + cells + foot));
 
-  std::vector<Cell> drawn(p.panels.size());
-  // Scenes are built in parallel, before the canvas exists; drawing itself is serial in OpenGL.
-  tbb::parallel_for(std::size_t(0), drawn.size(), [&](std::size_t i) {
-    drawn[i] = cell_of(p, i, cases[p.panels[i].of], options, height - head);
+  std::vector<Cell> panel_cells(plan.panels.size());
+  // The scenes are built in parallel; OpenGL then draws them one after the other.
+  tbb::parallel_for(std::size_t(0), panel_cells.size(), [&](std::size_t i) {
+    panel_cells[i] = make_cell(plan, i, cases[plan.panels[i].case_index], options, height - head);
   });
 
   Canvas canvas(options.width, height);
-  paragraph(canvas, {margin_px, height - 0.7 * margin_px}, title, head_style);
-  for (std::size_t i = 0; i < drawn.size(); ++i) draw_cell(canvas, p, i, drawn[i]);
-  const View& view = drawn.back().view;
-  triad(canvas, view, {options.width - margin_px - 1.6 * triad_px, margin_px + 1.4 * triad_px},
-        triad_px, body_style);
-  scale_bar(canvas, view, {margin_px, foot - 26.0}, 0.4 * p.cells.cell_width, body_style);
-  paragraph(canvas, {margin_px, foot - 56.0}, lines, body_style);
+  draw_paragraph(canvas, {margin_px, height - 0.7 * margin_px}, title, head_style);
+  for (std::size_t i = 0; i < panel_cells.size(); ++i) draw_cell(canvas, plan, i, panel_cells[i]);
+  const View& view = panel_cells.back().view;
+  draw_triad(canvas, view, {options.width - margin_px - 1.6 * triad_px, margin_px + 1.4 * triad_px},
+             triad_px, body_style);
+  draw_scale_bar(canvas, view, {margin_px, foot - 26.0}, 0.4 * plan.cells.cell_width, body_style);
+  draw_paragraph(canvas, {margin_px, foot - 56.0}, lines, body_style);
   canvas.write_png(path);
 }
 
@@ -293,55 +303,60 @@ namespace {
 
 using Eigen::Vector2d;
 
-constexpr Eigen::Index max_drawn = 3000000;  // vertices of all maps together, about 350 bytes each
+// Largest number of vertices of all maps together, about 350 bytes each.
+constexpr Eigen::Index max_total_vertices = 3000000;
 
-/// Some vertices of a design, and the remaining triangles between them.
-struct Drawn {
+/// A design with some of its vertices.
+struct DecimatedDesign {
   cutting::Design design;
-  std::vector<Eigen::Index> vertices;  ///< rows of the whole design, one for each vertex
+  std::vector<Eigen::Index> vertices;  ///< (vertices) rows in the whole design
 };
 
-/// Returns the first vertex of every cell of a grid.
-Drawn decimate_by_cells(const cutting::Design& whole, double cell_mm) {
-  Drawn d;
+/// Returns the design with the first vertex of each cell of a grid.
+DecimatedDesign decimate_by_cells(const cutting::Design& whole, double cell_mm) {
+  DecimatedDesign decimated;
   std::map<std::array<long long, 3>, int> cells;
   std::vector<int> representative;
   for (Eigen::Index i = 0; i < whole.vertices.rows(); ++i) {
     std::array<long long, 3> cell{};
     for (int k = 0; k < 3; ++k) cell[k] = std::llround(whole.vertices(i, k) / cell_mm);
-    const auto [place, is_new] = cells.emplace(cell, int(d.vertices.size()));
-    if (is_new) d.vertices.push_back(i);
-    representative.push_back(place->second);
+    const auto [entry, is_new] = cells.emplace(cell, int(decimated.vertices.size()));
+    if (is_new) decimated.vertices.push_back(i);
+    representative.push_back(entry->second);
   }
   std::vector<int> corners;
   for (const auto& t : whole.triangles.rowwise()) {
-    const std::array<int, 3> now{representative[t[0]], representative[t[1]], representative[t[2]]};
-    if (now[0] != now[1] && now[1] != now[2] && now[2] != now[0])
-      corners.insert(corners.end(), now.begin(), now.end());
+    const std::array<int, 3> triangle{representative[t[0]], representative[t[1]],
+                                      representative[t[2]]};
+    if (triangle[0] != triangle[1] && triangle[1] != triangle[2] && triangle[2] != triangle[0])
+      corners.insert(corners.end(), triangle.begin(), triangle.end());
   }
-  d.design.vertices = whole.vertices(d.vertices, Eigen::all);
+  decimated.design.vertices = whole.vertices(decimated.vertices, Eigen::all);
   if (whole.normals.rows() == whole.vertices.rows())
-    d.design.normals = whole.normals(d.vertices, Eigen::all);
-  d.design.triangles = Eigen::Map<const cutting::Triangles>(
+    decimated.design.normals = whole.normals(decimated.vertices, Eigen::all);
+  decimated.design.triangles = Eigen::Map<const cutting::Triangles>(
       corners.data(), static_cast<Eigen::Index>(corners.size() / 3), 3);
   if (whole.judged.size() == std::size_t(whole.vertices.rows()))
-    for (const Eigen::Index i : d.vertices) d.design.judged.push_back(whole.judged[std::size_t(i)]);
-  return d;
+    for (const Eigen::Index i : decimated.vertices)
+      decimated.design.judged.push_back(whole.judged[std::size_t(i)]);
+  return decimated;
 }
 
-Drawn drawn(const cutting::Design& whole, std::size_t maps) {
-  const Eigen::Index n = whole.vertices.rows(), most = max_drawn / Eigen::Index(maps);
-  Drawn d{whole, {}};
-  for (Eigen::Index i = 0; i < n; ++i) d.vertices.push_back(i);
-  if (n <= most) return d;
+/// Returns the design with so few vertices that `maps` maps of it can be drawn.
+DecimatedDesign decimate_design(const cutting::Design& whole, std::size_t maps) {
+  const Eigen::Index n = whole.vertices.rows();
+  const Eigen::Index max_vertices = max_total_vertices / Eigen::Index(maps);
+  DecimatedDesign decimated{whole, {}};
+  for (Eigen::Index i = 0; i < n; ++i) decimated.vertices.push_back(i);
+  if (n <= max_vertices) return decimated;
   const Eigen::Vector3d size =
       whole.vertices.colwise().maxCoeff() - whole.vertices.colwise().minCoeff();
-  // Cells grow by a fifth until few enough vertices are left; the start is about their mean
-  // distance.
+  // Starting at about the mean distance of vertices, cells grow by a fifth until few enough
+  // vertices remain.
   for (double cell = std::max(size.norm(), 1e-6) / std::sqrt(double(n));
-       Eigen::Index(d.vertices.size()) > most; cell *= 1.2)
-    d = decimate_by_cells(whole, cell);
-  return d;
+       Eigen::Index(decimated.vertices.size()) > max_vertices; cell *= 1.2)
+    decimated = decimate_by_cells(whole, cell);
+  return decimated;
 }
 
 /// The scale of a map.
@@ -350,17 +365,17 @@ struct MapScale {
   Tally counts;
 };
 
-Field field_of(const cutting::Design& design, const SheetMap& map) {
-  Field f;
-  f.design = design;
-  f.deviation_um = map.values_um;
+Field make_field(const cutting::Design& design, const SheetMap& map) {
+  Field field;
+  field.design = design;
+  field.deviation_um = map.values_um;
   const bool all_judged = design.judged.size() != std::size_t(design.vertices.rows());
   for (Eigen::Index i = 0; i < map.values_um.size(); ++i) {
-    const bool judged = all_judged || design.judged[std::size_t(i)] != 0;
-    f.status.push_back(!judged ? 2 : (std::isfinite(map.values_um[i]) ? 0 : 1));
+    const bool is_judged = all_judged || design.judged[std::size_t(i)] != 0;
+    field.status.push_back(!is_judged ? 2 : (std::isfinite(map.values_um[i]) ? 0 : 1));
   }
-  check(f);
-  return f;
+  check_field(field);
+  return field;
 }
 
 Span widest_ends(const std::vector<MapScale>& maps) {
@@ -369,25 +384,26 @@ Span widest_ends(const std::vector<MapScale>& maps) {
   return common_ends(ends);
 }
 
-std::vector<MapScale> scales(const cutting::Design& design, const std::vector<SheetMap>& maps,
-                             bool common_range) {
-  std::vector<MapScale> all;
+std::vector<MapScale> fit_scales(const cutting::Design& design, const std::vector<SheetMap>& maps,
+                                 bool common_range) {
+  std::vector<MapScale> scales;
   for (const SheetMap& map : maps) {
     if (map.range_um && (!(*map.range_um > 0.0) || !std::isfinite(*map.range_um)))
       throw std::invalid_argument("sheet: a range must be positive");
-    const Field field = field_of(design, map);
-    all.push_back({map.range_um ? Span{-*map.range_um, *map.range_um} : fitted_ends_um(field), {}});
+    const Field field = make_field(design, map);
+    scales.push_back(
+        {map.range_um ? Span{-*map.range_um, *map.range_um} : fitted_ends_um(field), {}});
   }
-  const Span common = widest_ends(all);
-  for (std::size_t i = 0; i < all.size(); ++i) {
-    if (common_range) all[i].ends_um = common;
-    all[i].counts = tally(field_of(design, maps[i]), all[i].ends_um);
+  const Span common = widest_ends(scales);
+  for (std::size_t i = 0; i < scales.size(); ++i) {
+    if (common_range) scales[i].ends_um = common;
+    scales[i].counts = tally(make_field(design, maps[i]), scales[i].ends_um);
   }
-  return all;
+  return scales;
 }
 
-/// Rows and columns, and the sizes of a cell.
-struct Layout {
+/// Rows and columns of a sheet, and the sizes of a cell, px.
+struct SheetLayout {
   int columns = 1;
   int rows = 1;
   double width = 0.0;
@@ -398,40 +414,42 @@ struct Layout {
   std::size_t title_lines = 1;
 };
 
-Layout lay_out_grid(int columns, const std::vector<SheetMap>& maps, double width, double shape) {
-  Layout l;
-  l.columns = columns;
-  l.rows = (int(maps.size()) + columns - 1) / columns;
-  l.width = width / columns;
-  const double em = std::clamp(l.width / 17.0, 11.0 * width / 2400.0, 24.0 * width / 2400.0);
-  l.title = {.size_px = em, .bold = true};
-  l.body = {.size_px = 0.92 * em};
-  l.map_height = std::round((l.width - 1.2 * em) * std::clamp(shape, 0.25, 1.2));
+SheetLayout lay_out_grid(int columns, const std::vector<SheetMap>& maps, double width,
+                         double shape) {
+  SheetLayout layout;
+  layout.columns = columns;
+  layout.rows = (int(maps.size()) + columns - 1) / columns;
+  layout.width = width / columns;
+  const double em = std::clamp(layout.width / 17.0, 11.0 * width / 2400.0, 24.0 * width / 2400.0);
+  layout.title = {.size_px = em, .bold = true};
+  layout.body = {.size_px = 0.92 * em};
+  layout.map_height = std::round((layout.width - 1.2 * em) * std::clamp(shape, 0.25, 1.2));
   for (const SheetMap& map : maps)
-    l.title_lines =
-        std::max(l.title_lines, wrapped(map.title, l.title, l.width - 1.2 * em, 2).size());
-  l.height = l.map_height + double(l.title_lines) * line_height(l.title) +
-             2.0 * line_height(l.body) + 2.2 * em;
-  return l;
+    layout.title_lines = std::max(
+        layout.title_lines, wrapped(map.title, layout.title, layout.width - 1.2 * em, 2).size());
+  layout.height = layout.map_height + double(layout.title_lines) * line_height(layout.title) +
+                  2.0 * line_height(layout.body) + 2.2 * em;
+  return layout;
 }
 
-Layout layout(const std::vector<SheetMap>& maps, const SheetOptions& options, double width,
-              double shape) {
-  const int most = int(maps.size());
-  if (options.columns > 0) return lay_out_grid(std::min(options.columns, most), maps, width, shape);
-  int best = 1;
-  double least = 0.0;
-  for (int columns = 1; columns <= std::min(most, 16); ++columns) {
-    // Estimate of lay_out_grid(), without measuring every title.
-    const int rows = (most + columns - 1) / columns;
+SheetLayout sheet_layout(const std::vector<SheetMap>& maps, const SheetOptions& options,
+                         double width, double shape) {
+  const int map_count = int(maps.size());
+  if (options.columns > 0)
+    return lay_out_grid(std::min(options.columns, map_count), maps, width, shape);
+  int best_columns = 1;
+  double min_cost = 0.0;
+  for (int columns = 1; columns <= std::min(map_count, 16); ++columns) {
+    // The height is estimated, because lay_out_grid() would measure all titles each time.
+    const int rows = (map_count + columns - 1) / columns;
     const double height = rows * (width / columns) * (std::clamp(shape, 0.25, 1.2) + 0.35);
-    const double layout_cost =
-        std::abs(std::log(width / height * 0.75)) + 0.3 * (rows * columns - most) / most;
-    if (columns > 1 && layout_cost >= least) continue;
-    best = columns;
-    least = layout_cost;
+    const double cost =
+        std::abs(std::log(width / height * 0.75)) + 0.3 * (rows * columns - map_count) / map_count;
+    if (columns > 1 && cost >= min_cost) continue;
+    best_columns = columns;
+    min_cost = cost;
   }
-  return lay_out_grid(best, maps, width, shape);
+  return lay_out_grid(best_columns, maps, width, shape);
 }
 
 /// Contents of one cell.
@@ -442,29 +460,31 @@ struct SheetCell {
   Vector2d corner;  ///< lower left corner
 };
 
-View draw_cell(Canvas& canvas, const Layout& l, const SheetCell& cell,
+View draw_cell(Canvas& canvas, const SheetLayout& layout, const SheetCell& cell,
                const SheetOptions& options) {
-  const double em = l.title.size_px, width = l.width - 1.2 * em;
-  const Vector2d top_left = cell.corner + Vector2d(0.6 * em, l.height - 0.3 * em);
-  const std::vector<std::string> title = wrapped(cell.map.title, l.title, width, 2);
-  double y = top_left.y() - double(l.title_lines - title.size()) * line_height(l.title);
-  y -= paragraph(canvas, {top_left.x(), y}, title, l.title);
-  TextStyle faint = l.body;
+  const double em = layout.title.size_px, width = layout.width - 1.2 * em;
+  const Vector2d top_left = cell.corner + Vector2d(0.6 * em, layout.height - 0.3 * em);
+  const std::vector<std::string> title = wrapped(cell.map.title, layout.title, width, 2);
+  double y = top_left.y() - double(layout.title_lines - title.size()) * line_height(layout.title);
+  y -= draw_paragraph(canvas, {top_left.x(), y}, title, layout.title);
+  TextStyle faint = layout.body;
   faint.colour = colours::faint_ink;
-  paragraph(canvas, {top_left.x(), y}, wrapped(cell.map.figures, faint, width, 1), faint);
+  draw_paragraph(canvas, {top_left.x(), y}, wrapped(cell.map.figures, faint, width, 1), faint);
   const Rectangle box{std::round(top_left.x()),
-                      std::round(y - line_height(l.body) - 0.3 * em - l.map_height), width,
-                      l.map_height};
+                      std::round(y - line_height(layout.body) - 0.3 * em - layout.map_height),
+                      width, layout.map_height};
   const View view = fit_view(cell.field.design.vertices, options.from, options.up, box);
-  const MapScale& s = cell.scale;
-  const ColourScale colours = colour_scale(s.ends_um.lower, s.ends_um.upper);
+  const MapScale& scale = cell.scale;
+  const ColourScale colours = colour_scale(scale.ends_um.lower, scale.ends_um.upper);
   const SurfaceScene scene =
-      surface_scene(cell.field, cell.field.deviation_um, colours, view.toward);
+      surface_scene(cell.field, cell.field.deviation_um, colours, view.toward_eye);
   canvas.scene(view, scene.solids, scene.wires);
-  horizontal_colour_bar(
-      canvas, {box.x, box.y - 0.2 * em - line_height(l.body), width, line_height(l.body)},
-      ColourBar{colours, s.counts.lowest_um<s.ends_um.lower, s.counts.highest_um> s.ends_um.upper},
-      l.body);
+  draw_horizontal_colour_bar(
+      canvas, {box.x, box.y - 0.2 * em - line_height(layout.body), width, line_height(layout.body)},
+      ColourBar{
+          colours,
+          scale.counts.lowest_um<scale.ends_um.lower, scale.counts.highest_um> scale.ends_um.upper},
+      layout.body);
   return view;
 }
 
@@ -482,29 +502,30 @@ std::vector<std::string> common_text(const std::vector<MapScale>& maps, const Sh
       fmt::format("view {}  ·  {} vertices", view_description(view), grouped(vertices)));
   if (drawn_vertices < vertices)
     lines.back() += fmt::format(", drawn on {} of them", grouped(drawn_vertices));
-  const bool beyond =
-      std::any_of(maps.begin(), maps.end(), [](const MapScale& s) { return s.counts.beyond > 0; });
-  if (beyond) lines.back() += "  ·  arrow colours: beyond the scale of the map";
+  const bool exceeds_scale = std::any_of(
+      maps.begin(), maps.end(), [](const MapScale& scale) { return scale.counts.beyond > 0; });
+  if (exceeds_scale) lines.back() += "  ·  arrow colours: beyond the scale of the map";
   lines.insert(lines.end(), options.caption.begin(), options.caption.end());
   return lines;
 }
 
-/// Draws scale bar, swatches and axes below the maps.
-void draw_foot(Canvas& canvas, const Page& p, double height, const View& view,
+/// Draws axes, scale bar and the legend below the maps.
+void draw_foot(Canvas& canvas, const Page& sheet, double height, const View& view,
                const std::vector<MapScale>& maps) {
-  const double em = p.body.size_px;
-  Vector2d at(p.inner.x + 4.2 * em, p.inner.y + 0.5 * height);
-  triad(canvas, view, {p.inner.x + 2.0 * em, at.y() - 0.2 * em}, 1.6 * em, p.body);
+  const double em = sheet.body.size_px;
+  Vector2d at(sheet.inner.x + 4.2 * em, sheet.inner.y + 0.5 * height);
+  draw_triad(canvas, view, {sheet.inner.x + 2.0 * em, at.y() - 0.2 * em}, 1.6 * em, sheet.body);
   at.x() += 1.5 * em;
-  scale_bar(canvas, view, at, 0.7 * view.area.width, p.body);
+  draw_scale_bar(canvas, view, at, 0.7 * view.area.width, sheet.body);
   at.x() += 0.7 * view.area.width + 8.0 * em;
-  const auto any = [&](std::size_t Tally::*kind) {
+  const auto has_vertices = [&](std::size_t Tally::*kind) {
     return std::any_of(maps.begin(), maps.end(),
-                       [&](const MapScale& s) { return s.counts.*kind > 0; });
+                       [&](const MapScale& scale) { return scale.counts.*kind > 0; });
   };
-  if (any(&Tally::uncut)) at.x() += swatch(canvas, at, colours::uncut, "no value", p.body) + em;
-  if (any(&Tally::outside))
-    swatch(canvas, at, colours::outside, "outside the judged region", p.body);
+  if (has_vertices(&Tally::uncut))
+    at.x() += draw_swatch(canvas, at, colours::uncut, "no value", sheet.body) + em;
+  if (has_vertices(&Tally::outside))
+    draw_swatch(canvas, at, colours::outside, "outside the judged region", sheet.body);
 }
 
 }  // namespace
@@ -513,30 +534,33 @@ void write_sheet(const std::filesystem::path& path, const cutting::Design& desig
                  const std::vector<SheetMap>& maps, const SheetOptions& options) {
   if (maps.empty() || maps.size() > max_sheet_maps)
     throw std::invalid_argument("sheet: expected 1 to 256 maps");
-  const std::vector<MapScale> shown = scales(design, maps, options.common_range);
+  const std::vector<MapScale> scales = fit_scales(design, maps, options.common_range);
   const double unit = options.width / 2400.0, foot = 110.0 * unit;
-  const Drawn d = drawn(design, maps.size());
+  const DecimatedDesign decimated = decimate_design(design, maps.size());
   const std::vector<std::string> caption =
-      common_text(shown, options, std::size_t(design.vertices.rows()), d.vertices.size());
+      common_text(scales, options, std::size_t(design.vertices.rows()), decimated.vertices.size());
   const double margins = page_margins(options.width, options.title, caption, unit);
   const double width = page(options.width, 1000, options.title, caption, unit).inner.width;
-  const Layout l = layout(maps, options, width, aspect(design.vertices, options.from, options.up));
-  const double height = std::ceil(l.rows * l.height + foot + margins + 0.6 * l.title.size_px);
+  const SheetLayout layout =
+      sheet_layout(maps, options, width, aspect(design.vertices, options.from, options.up));
+  const double height =
+      std::ceil(layout.rows * layout.height + foot + margins + 0.6 * layout.title.size_px);
   if (!(height <= longest_side))
     throw std::invalid_argument("sheet: the picture would be higher than 16384 px");
-  const Page p = page(options.width, int(height), options.title, caption, unit);
+  const Page sheet = page(options.width, int(height), options.title, caption, unit);
 
-  Canvas canvas(p.width, p.height);
+  Canvas canvas(sheet.width, sheet.height);
   View view;
   for (std::size_t i = 0; i < maps.size(); ++i) {
-    const int column = int(i) % l.columns, row = int(i) / l.columns;
-    const Vector2d corner(p.inner.x + column * l.width,
-                          p.inner.y + foot + (l.rows - 1 - row) * l.height);
-    const SheetMap map{maps[i].title, maps[i].figures, maps[i].values_um(d.vertices), {}};
-    view = draw_cell(canvas, l, {field_of(d.design, map), map, shown[i], corner}, options);
+    const int column = int(i) % layout.columns, row = int(i) / layout.columns;
+    const Vector2d corner(sheet.inner.x + column * layout.width,
+                          sheet.inner.y + foot + (layout.rows - 1 - row) * layout.height);
+    const SheetMap map{maps[i].title, maps[i].figures, maps[i].values_um(decimated.vertices), {}};
+    view = draw_cell(canvas, layout, {make_field(decimated.design, map), map, scales[i], corner},
+                     options);
   }
-  draw_foot(canvas, p, foot, view, shown);
-  draw_page(canvas, p);
+  draw_foot(canvas, sheet, foot, view, scales);
+  draw_page(canvas, sheet);
   canvas.write_png(path);
 }
 

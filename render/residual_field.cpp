@@ -40,13 +40,14 @@ void check_sizes(const Field& field) {
   require(field.cut_line.size() == count, "residual: one program line a vertex is needed");
 }
 
-cutting::Surface surface_of(const Field& field) {
+/// Returns the surface of a field, for the statistics. The depths of gouges are unknown.
+cutting::Surface make_surface(const Field& field) {
   cutting::Surface surface{field.deviation_um * units::um, field.cut_time_s, field.cut_line, {}};
   for (const std::uint8_t status : field.status) {
     const auto vertex = int(surface.status.size());
     surface.status.push_back(cutting::VertexStatus(status));
     if (surface.status.back() == cutting::VertexStatus::Gouged)
-      surface.gouges.push_back({vertex, 0.0, true});  // its depth is not in the file
+      surface.gouges.push_back({vertex, 0.0, true});
   }
   surface.sampled_within = field.sampled_within;
   surface.within = field.within_um * units::um;
@@ -68,11 +69,11 @@ Field field(const cutting::Design& design, const cutting::Surface& surface) {
 }
 
 cutting::Statistics statistics(const Field& field, const cutting::ToleranceBands& tolerance) {
-  return cutting::statistics(surface_of(field), field.design, tolerance);
+  return cutting::statistics(make_surface(field), field.design, tolerance);
 }
 
 cutting::Weights weights(const Field& field) {
-  return cutting::weights(surface_of(field), field.design);
+  return cutting::weights(make_surface(field), field.design);
 }
 
 void write_residual(const std::filesystem::path& path, const Field& field, const Facts& facts) {
@@ -85,7 +86,7 @@ void write_residual(const std::filesystem::path& path, const Field& field, const
                                     {"cut_time_s", view(field.cut_time_s)},
                                     {"cut_line", std::span(field.cut_line)},
                                     {"area_mm2", view(field.design.area)}};
-  // Derived values are for viewing only: seven digits suffice.
+  // The texture is derived and for viewing only, so single precision suffices.
   Eigen::VectorXf texture_um;
   if (field.form_um.size() > 0) {
     texture_um = (field.deviation_um - field.form_um).cast<float>();
@@ -102,7 +103,7 @@ void write_residual(const std::filesystem::path& path, const Field& field, const
   }
   const Eigen::Matrix<float, Eigen::Dynamic, 3, Eigen::RowMajor> normals =
       field.design.normals.cast<float>();
-  // Normals are optional, and viewers shade without them.
+  // Normals are optional.
   if (normals.rows() == field.design.vertices.rows())
     arrays.push_back(
         {"Normals", std::span<const float>(normals.data(), std::size_t(normals.size())), 3});
@@ -145,87 +146,92 @@ namespace {
 
 static_assert(std::endian::native == std::endian::little);
 
-constexpr std::string_view appended = "<AppendedData encoding=\"";
+constexpr std::string_view appended_data_tag = "<AppendedData encoding=\"";
 
-/// Encoding of the appended data: raw bytes, or base64.
+/// Encoding of the appended data.
 enum class Encoding { Raw, Base64 };
 
-struct Block {
+/// The appended data of an array.
+struct DataBlock {
   std::string_view type;
-  std::size_t offset = 0;  ///< of its data
-  std::size_t at = 0;      ///< of its tag
+  std::size_t offset = 0;  ///< of the data
+  std::size_t at = 0;      ///< position of the tag, for input errors
 };
 
-std::string_view required(const VtkFile& source, const VtkTag& tag, std::string_view name) {
+std::string_view required_attribute(const VtkFile& source, const VtkTag& tag,
+                                    std::string_view name) {
   if (!tag.attributes.contains(name))
-    source.refuse(tag.at, fmt::format("attribute {} of {}", name, tag.name), "none");
+    source.throw_error_at(tag.at, fmt::format("attribute {} of {}", name, tag.name), "none");
   return tag.attributes.at(name);
 }
 
-void expect(const VtkFile& source, const VtkTag& tag, std::string_view name,
-            std::string_view value) {
-  const std::string_view seen = required(source, tag, name);
+void expect_attribute(const VtkFile& source, const VtkTag& tag, std::string_view name,
+                      std::string_view value) {
+  const std::string_view seen = required_attribute(source, tag, name);
   if (seen != value) {
-    source.refuse(tag.at, fmt::format("{}=\"{}\" in {}", name, value, tag.name), shown(seen));
+    source.throw_error_at(tag.at, fmt::format("{}=\"{}\" in {}", name, value, tag.name),
+                          shown(seen));
   }
 }
 
-/// Returns a number of items, each of which takes at least a bit of the file, even if compressed: a
-/// larger claim is rejected before memory is allocated.
-std::size_t count(const VtkFile& source, const VtkTag& tag, std::string_view name) {
+/// Returns the attribute that states a number of items. Each item takes at least one bit of the
+/// file, even if compressed, so a larger number is an error and no memory is allocated for it.
+std::size_t item_count(const VtkFile& source, const VtkTag& tag, std::string_view name) {
   const std::size_t value = whole_number(source, tag, name);
   if (value / 8 > source.text().size()) {
-    source.refuse(tag.at, fmt::format("{} that the file has room for", name),
-                  fmt::format("{}", value));
+    source.throw_error_at(tag.at, fmt::format("{} that the file has room for", name),
+                          fmt::format("{}", value));
   }
   return value;
 }
 
-struct FileParts {
+struct ResidualFileLayout {
   std::size_t points = 0;
   std::size_t triangles = 0;
-  bool compressed = false;              ///< by zlib
-  std::map<std::string, Block> blocks;  ///< "PointData/deviation_um"
+  bool compressed = false;                  ///< by zlib
+  std::map<std::string, DataBlock> blocks;  ///< by names such as "PointData/deviation_um"
 };
 
-/// Returns the layout of the file. @param head  the text up to the data
-FileParts file_parts(const VtkFile& source, std::string_view head) {
-  FileParts result;
+/// Reads the layout of the file.
+/// @param head  the text before the appended data
+ResidualFileLayout read_residual_layout(const VtkFile& source, std::string_view head) {
+  ResidualFileLayout result;
   int pieces = 0;
   bool vtk_file = false;
   std::string section;
-  // Text before the first tag means that the file is not XML.
+  // In XML there is no text before the first tag.
   if (head.find_first_not_of(xml_blank) != head.find('<'))
-    source.refuse(0, "a tag of a VTK XML file", shown(head));
+    source.throw_error_at(0, "a tag of a VTK XML file", shown(head));
   VtkTags tags(source, head);
   while (const std::optional<VtkTag> tag = tags.next()) {
     if (tag->inner.find_first_not_of(xml_blank) != std::string_view::npos)
-      source.refuse(tag->at, "a tag of a VTK XML file", shown(tag->inner));
+      source.throw_error_at(tag->at, "a tag of a VTK XML file", shown(tag->inner));
     if (tag->name == "VTKFile") {
       vtk_file = true;
-      // Only the form that this program writes is read, and every other is rejected by its first
-      // difference.
-      expect(source, *tag, "type", "PolyData");
-      expect(source, *tag, "byte_order", "LittleEndian");
-      expect(source, *tag, "header_type", "UInt64");
+      // Only the form that write_residual() gives is read.
+      expect_attribute(source, *tag, "type", "PolyData");
+      expect_attribute(source, *tag, "byte_order", "LittleEndian");
+      expect_attribute(source, *tag, "header_type", "UInt64");
       if (tag->attributes.contains("compressor")) {
-        expect(source, *tag, "compressor", "vtkZLibDataCompressor");
+        expect_attribute(source, *tag, "compressor", "vtkZLibDataCompressor");
         result.compressed = true;
       }
     } else if (tag->name == "Piece") {
       ++pieces;
-      result.points = count(source, *tag, "NumberOfPoints");
-      result.triangles = count(source, *tag, "NumberOfPolys");
+      result.points = item_count(source, *tag, "NumberOfPoints");
+      result.triangles = item_count(source, *tag, "NumberOfPolys");
       for (const char* other : {"NumberOfVerts", "NumberOfLines", "NumberOfStrips"}) {
-        expect(source, *tag, other, "0");
+        expect_attribute(source, *tag, other, "0");
       }
     } else if (tag->name == "DataArray") {
-      expect(source, *tag, "format", "appended");
-      const std::string name = section + "/" + std::string(required(source, *tag, "Name"));
-      if (name == "Points/Points") expect(source, *tag, "NumberOfComponents", "3");
-      const Block block{required(source, *tag, "type"), count(source, *tag, "offset"), tag->at};
+      expect_attribute(source, *tag, "format", "appended");
+      const std::string name =
+          section + "/" + std::string(required_attribute(source, *tag, "Name"));
+      if (name == "Points/Points") expect_attribute(source, *tag, "NumberOfComponents", "3");
+      const DataBlock block{required_attribute(source, *tag, "type"),
+                            item_count(source, *tag, "offset"), tag->at};
       if (!result.blocks.emplace(name, block).second) {
-        source.refuse(tag->at, "every array once", shown(name));
+        source.throw_error_at(tag->at, "every array once", shown(name));
       }
     } else if (!tag->name.starts_with('/')) {
       section = tag->name;
@@ -236,7 +242,8 @@ FileParts file_parts(const VtkFile& source, std::string_view head) {
   return result;
 }
 
-constexpr std::array<std::int8_t, 256> sextets() {
+/// Returns the value of each base64 letter; -1 for other bytes.
+constexpr std::array<std::int8_t, 256> base64_values() {
   constexpr std::string_view letters =
       "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
   std::array<std::int8_t, 256> table{};
@@ -247,10 +254,11 @@ constexpr std::array<std::int8_t, 256> sextets() {
   return table;
 }
 
-/// Returns exactly `size` bytes from base64 text of matching length; empty if it is invalid.
-std::optional<std::string> decoded(std::string_view text, std::size_t size) {
-  static constexpr std::array<std::int8_t, 256> table = sextets();
-  // Three bytes take four letters, with padding at the end.
+/// Decodes base64 text to `size` bytes. Returns nothing if the text is invalid or has another
+/// length.
+std::optional<std::string> decode_base64(std::string_view text, std::size_t size) {
+  static constexpr std::array<std::int8_t, 256> table = base64_values();
+  // Three bytes take four letters; the last group is padded.
   if (text.size() != (size + 2) / 3 * 4) return std::nullopt;
   std::string bytes;
   bytes.reserve(size + 2);
@@ -258,10 +266,10 @@ std::optional<std::string> decoded(std::string_view text, std::size_t size) {
   for (std::size_t i = 0; i < text.size(); i += 4) {
     std::uint32_t group = 0;
     for (std::size_t k = 0; k < 4; ++k) {
-      const std::size_t at = i + k;
-      int sextet = table[static_cast<unsigned char>(text[at])];
-      // The padding must consist of exactly the expected equals signs.
-      if (at + padding >= text.size()) sextet = text[at] == '=' ? 0 : -1;
+      const std::size_t position = i + k;
+      int sextet = table[static_cast<unsigned char>(text[position])];
+      // The padding consists of equals signs.
+      if (position + padding >= text.size()) sextet = text[position] == '=' ? 0 : -1;
       if (sextet < 0) return std::nullopt;
       group = (group << 6u) | static_cast<std::uint32_t>(sextet);
     }
@@ -273,149 +281,154 @@ std::optional<std::string> decoded(std::string_view text, std::size_t size) {
   return bytes;
 }
 
-class Data {
+/// Reads the arrays in the appended data of a file.
+class AppendedData {
  public:
-  Data(const VtkFile& source, std::string_view text, Encoding encoding, const FileParts& parts)
-      : source_(source), text_(text), encoding_(encoding), parts_(parts) {}
+  AppendedData(const VtkFile& source, std::string_view text, Encoding encoding,
+               const ResidualFileLayout& layout)
+      : source_(source), text_(text), encoding_(encoding), layout_(layout) {}
 
-  /// Returns the `n` numbers of a named array, whose stated VTK type must be `type`.
+  /// Returns the `n` numbers of an array, whose VTK type must be `type`.
   template <class T>
   std::vector<T> array(const std::string& name, std::string_view type, std::size_t n) const {
-    const auto found = parts_.blocks.find(name);
-    if (found == parts_.blocks.end()) source_.throw_file_error("array " + name, "none");
-    const Block& block = found->second;
+    const auto entry = layout_.blocks.find(name);
+    if (entry == layout_.blocks.end()) source_.throw_file_error("array " + name, "none");
+    const DataBlock& block = entry->second;
     if (block.type != type) {
-      source_.refuse(block.at, fmt::format("{} of type {}", name, type), shown(block.type));
+      source_.throw_error_at(block.at, fmt::format("{} of type {}", name, type), shown(block.type));
     }
     const std::uint64_t size = n * sizeof(T);
-    if (parts_.compressed) return values<T>(inflated(name, block, size), n);
+    if (layout_.compressed) return values<T>(uncompress_blocks(name, block, size), n);
     const std::string bytes = bytes_at(name, block, block.offset, sizeof size + size);
     // VTK writes the length in front of the data.
-    std::uint64_t stated = 0;
-    std::memcpy(&stated, bytes.data(), sizeof stated);
-    if (stated != size)
-      source_.refuse(block.at, fmt::format("{} with {} bytes of data", name, size),
-                     fmt::format("{} bytes", stated));
-    return values<T>(bytes.substr(sizeof stated), n);
+    std::uint64_t stated_size = 0;
+    std::memcpy(&stated_size, bytes.data(), sizeof stated_size);
+    if (stated_size != size)
+      source_.throw_error_at(block.at, fmt::format("{} with {} bytes of data", name, size),
+                             fmt::format("{} bytes", stated_size));
+    return values<T>(bytes.substr(sizeof stated_size), n);
   }
 
-  /// Returns whole numbers of 32 bits, or of 64 bits as in earlier files.
+  /// Returns integers of 32 bits, or of 64 bits as in files of earlier versions.
   std::vector<std::int64_t> indices(const std::string& name, std::size_t n) const {
-    const auto found = parts_.blocks.find(name);
-    if (found != parts_.blocks.end() && found->second.type == "Int64")
+    const auto entry = layout_.blocks.find(name);
+    if (entry != layout_.blocks.end() && entry->second.type == "Int64")
       return array<std::int64_t>(name, "Int64", n);
-    const auto narrow = array<std::int32_t>(name, "Int32", n);
-    return {narrow.begin(), narrow.end()};
+    const auto indices_32 = array<std::int32_t>(name, "Int32", n);
+    return {indices_32.begin(), indices_32.end()};
   }
 
-  bool has(const std::string& name) const { return parts_.blocks.contains(name); }
+  bool has(const std::string& name) const { return layout_.blocks.contains(name); }
 
  private:
   template <class T>
   static std::vector<T> values(const std::string& bytes, std::size_t n) {
     std::vector<T> values(n);
-    // memcpy() must not be called with null pointers, even for no bytes.
+    // An empty vector may have a null pointer, with which memcpy() must not be called.
     if (n > 0) std::memcpy(values.data(), bytes.data(), n * sizeof(T));
     return values;
   }
 
-  /// Returns the length of so many bytes in the file.
-  std::size_t decoded_size(std::size_t size) const {
+  /// Returns the length in the file of a number of bytes.
+  std::size_t encoded_size(std::size_t size) const {
     return encoding_ == Encoding::Raw ? size : (size + 2) / 3 * 4;
   }
 
-  /// Returns the bytes at a position of the data.
-  std::string bytes_at(const std::string& name, const Block& block, std::size_t at,
+  /// Returns `size` bytes at an offset of the data.
+  std::string bytes_at(const std::string& name, const DataBlock& block, std::size_t offset,
                        std::size_t size) const {
-    const std::size_t length = decoded_size(size);
+    const std::size_t length = encoded_size(size);
     const std::string expected = fmt::format("{} with {} bytes of data", name, size);
-    // The subtraction in this order cannot overflow.
-    if (at > text_.size() || length > text_.size() - at)
-      source_.refuse(block.at, expected, "the end of the data");
-    if (encoding_ == Encoding::Raw) return std::string(text_.substr(at, length));
-    std::optional<std::string> bytes = decoded(text_.substr(at, length), size);
-    if (!bytes) source_.refuse(block.at, expected, "data of another length or not base64");
+    // The difference cannot overflow, whereas the sum of offset and length could.
+    if (offset > text_.size() || length > text_.size() - offset)
+      source_.throw_error_at(block.at, expected, "the end of the data");
+    if (encoding_ == Encoding::Raw) return std::string(text_.substr(offset, length));
+    std::optional<std::string> bytes = decode_base64(text_.substr(offset, length), size);
+    if (!bytes) source_.throw_error_at(block.at, expected, "data of another length or not base64");
     return *std::move(bytes);
   }
 
-  /// Returns an array compressed by zlib in blocks: the number of blocks, the size of one and of
-  /// the last (0 if it is full), the compressed size of each; then the blocks.
-  std::string inflated(const std::string& name, const Block& block, std::uint64_t size) const {
-    const auto refuse = [&](const char* seen) {
-      source_.refuse(block.at,
-                     fmt::format("{} with {} bytes of data in blocks of zlib", name, size), seen);
+  /// Returns the bytes of an array that is compressed by zlib in blocks. In front of the blocks are
+  /// their number, the size of a full block, that of the last one (0 if it is full), and the
+  /// compressed size of each.
+  std::string uncompress_blocks(const std::string& name, const DataBlock& block,
+                                std::uint64_t size) const {
+    const auto throw_block_error = [&](const char* seen) {
+      source_.throw_error_at(
+          block.at, fmt::format("{} with {} bytes of data in blocks of zlib", name, size), seen);
     };
     constexpr std::size_t word = sizeof(std::uint64_t);
     if (size == 0) return {};
     std::array<std::uint64_t, 3> head{};
-    // Three words are sixteen groups of base64 without padding, however many follow.
+    // In base64, three words are whole groups without padding, so they can be decoded separately.
     std::memcpy(head.data(), bytes_at(name, block, block.offset, 3 * word).data(), 3 * word);
-    const auto [blocks, whole, last] = head;
-    // Every claim is checked against the text present before memory is allocated for it.
-    if (blocks == 0 || blocks > text_.size() || whole == 0 || last >= whole)
-      refuse("another head of them");
-    if (whole > size && blocks > 1) refuse("blocks larger than that");
-    const std::uint64_t last_block_size = last == 0 ? whole : last;
-    if ((blocks - 1) > size / whole || (blocks - 1) * whole + last_block_size != size)
-      refuse("blocks of another size together");
+    const auto [blocks, full_size, partial_size] = head;
+    // Every stated size is checked before memory is allocated for it.
+    if (blocks == 0 || blocks > text_.size() || full_size == 0 || partial_size >= full_size)
+      throw_block_error("another head of them");
+    if (full_size > size && blocks > 1) throw_block_error("blocks larger than that");
+    const std::uint64_t last_block_size = partial_size == 0 ? full_size : partial_size;
+    if ((blocks - 1) > size / full_size || (blocks - 1) * full_size + last_block_size != size)
+      throw_block_error("blocks of another size together");
     const std::size_t head_size = (3 + blocks) * word;
     const std::string sizes = bytes_at(name, block, block.offset, head_size);
-    std::vector<std::uint64_t> packed(blocks);
-    std::memcpy(packed.data(), sizes.data() + 3 * word, blocks * word);
+    std::vector<std::uint64_t> compressed_sizes(blocks);
+    std::memcpy(compressed_sizes.data(), sizes.data() + 3 * word, blocks * word);
     std::uint64_t sum = 0;
-    for (const std::uint64_t one : packed) {
-      if (one > text_.size() - sum) refuse("the end of the data");
-      sum += one;
+    for (const std::uint64_t compressed_size : compressed_sizes) {
+      if (compressed_size > text_.size() - sum) throw_block_error("the end of the data");
+      sum += compressed_size;
     }
     const std::string data =
-        bytes_at(name, block, block.offset + decoded_size(head_size), std::size_t(sum));
-    std::string all(size, '\0');
-    std::uint64_t from = 0, to = 0;
+        bytes_at(name, block, block.offset + encoded_size(head_size), std::size_t(sum));
+    std::string result(size, '\0');
+    std::uint64_t source_offset = 0, target_offset = 0;
     for (std::size_t i = 0; i < blocks; ++i) {
-      uLongf room = uLongf(i + 1 < blocks ? whole : last_block_size);
-      const uLongf wanted = room;
-      const int failed =
-          ::uncompress(reinterpret_cast<Bytef*>(all.data() + to), &room,
-                       reinterpret_cast<const Bytef*>(data.data() + from), uLong(packed[i]));
-      if (failed != Z_OK || room != wanted) refuse("a block that is none");
-      from += packed[i];
-      to += wanted;
+      const uLongf expected_size = uLongf(i + 1 < blocks ? full_size : last_block_size);
+      uLongf block_size = expected_size;
+      const int status = ::uncompress(
+          reinterpret_cast<Bytef*>(result.data() + target_offset), &block_size,
+          reinterpret_cast<const Bytef*>(data.data() + source_offset), uLong(compressed_sizes[i]));
+      if (status != Z_OK || block_size != expected_size) throw_block_error("a block that is none");
+      source_offset += compressed_sizes[i];
+      target_offset += expected_size;
     }
-    return all;
+    return result;
   }
 
   const VtkFile& source_;
   std::string_view text_;
   Encoding encoding_;
-  const FileParts& parts_;
+  const ResidualFileLayout& layout_;
 };
 
-/// Returns the text between the underscore and the closing tags.
-std::string_view data_text(const VtkFile& source, std::string_view tail, Encoding encoding) {
-  const std::size_t start = tail.find_first_not_of(xml_blank);
-  if (start == std::string_view::npos || tail[start] != '_') {
-    source.throw_file_error("an underscore before the data", shown(tail));
+/// Returns the appended data, between the underscore and the closing tags.
+std::string_view data_text(const VtkFile& source, std::string_view remaining_text,
+                           Encoding encoding) {
+  const std::size_t start = remaining_text.find_first_not_of(xml_blank);
+  if (start == std::string_view::npos || remaining_text[start] != '_') {
+    source.throw_file_error("an underscore before the data", shown(remaining_text));
   }
-  tail.remove_prefix(start + 1);
-  // Raw data may contain any byte, so their end is found from the end of the file.
-  const std::size_t found =
-      encoding == Encoding::Raw ? tail.rfind("</AppendedData>") : tail.find_first_of(" \t\r\n<");
-  const std::size_t end = std::min(found, tail.size());
+  remaining_text.remove_prefix(start + 1);
+  // Raw data may contain any byte, so their end is searched for from the end of the file.
+  const std::size_t data_end = encoding == Encoding::Raw ? remaining_text.rfind("</AppendedData>")
+                                                         : remaining_text.find_first_of(" \t\r\n<");
+  const std::size_t end = std::min(data_end, remaining_text.size());
   std::string closing;
-  for (const char c : tail.substr(end, 200)) {
+  for (const char c : remaining_text.substr(end, 200)) {
     if (xml_blank.find(c) == std::string_view::npos) closing += c;
   }
   if (closing != "</AppendedData></VTKFile>") {
     source.throw_file_error("</AppendedData></VTKFile> after the data", shown(closing));
   }
-  return tail.substr(0, end);
+  return remaining_text.substr(0, end);
 }
 
-Eigen::VectorXd vector(const std::vector<double>& values) {
+Eigen::VectorXd to_vector(const std::vector<double>& values) {
   return Eigen::Map<const Eigen::VectorXd>(values.data(), static_cast<Eigen::Index>(values.size()));
 }
 
-cutting::Points vertices(const VtkFile& source, const Data& data, std::size_t n) {
+cutting::Points read_vertices(const VtkFile& source, const AppendedData& data, std::size_t n) {
   const auto xyz = data.array<double>("Points/Points", "Float64", 3 * n);
   for (std::size_t i = 0; i < xyz.size(); ++i) {
     if (!std::isfinite(xyz[i])) {
@@ -425,14 +438,14 @@ cutting::Points vertices(const VtkFile& source, const Data& data, std::size_t n)
   return Eigen::Map<const cutting::Points>(xyz.data(), static_cast<Eigen::Index>(n), 3);
 }
 
-/// Returns no rows if the file has no normals.
-cutting::Points normals(const VtkFile& source, const Data& data, std::size_t n) {
+/// Reads the normals; no rows if the file has none.
+cutting::Points read_normals(const VtkFile& source, const AppendedData& data, std::size_t n) {
   if (!data.has("PointData/Normals")) return cutting::Points(0, 3);
   const auto xyz = data.array<float>("PointData/Normals", "Float32", 3 * n);
   cutting::Points result(static_cast<Eigen::Index>(n), 3);
   for (std::size_t i = 0; i < n; ++i) {
     const Eigen::RowVector3d normal(xyz[3 * i], xyz[3 * i + 1], xyz[3 * i + 2]);
-    // 1e-3: normals are stored in single precision; a larger error is no normal.
+    // Normals have single precision, so a deviation of 1e-3 is no rounding error.
     if (!(std::abs(normal.norm() - 1.0) < 1e-3))
       source.throw_file_error("normals of length 1",
                               fmt::format("{} at vertex {}", normal.norm(), i));
@@ -441,14 +454,15 @@ cutting::Points normals(const VtkFile& source, const Data& data, std::size_t n) 
   return result;
 }
 
-cutting::Triangles triangles(const VtkFile& source, const Data& data, const FileParts& parts) {
-  const std::size_t m = parts.triangles;
+cutting::Triangles read_triangles(const VtkFile& source, const AppendedData& data,
+                                  const ResidualFileLayout& layout) {
+  const std::size_t m = layout.triangles;
   const auto corner = data.indices("Polys/connectivity", 3 * m);
   const auto end = data.indices("Polys/offsets", m);
   cutting::Triangles result(static_cast<Eigen::Index>(m), 3);
   for (std::size_t i = 0; i < 3 * m; ++i) {
-    if (corner[i] < 0 || static_cast<std::uint64_t>(corner[i]) >= parts.points) {
-      source.throw_file_error(fmt::format("vertex numbers below {}", parts.points),
+    if (corner[i] < 0 || static_cast<std::uint64_t>(corner[i]) >= layout.points) {
+      source.throw_file_error(fmt::format("vertex numbers below {}", layout.points),
                               fmt::format("{} in triangle {}", corner[i], i / 3));
     }
     if (i < m && end[i] != static_cast<std::int64_t>(3 * (i + 1))) {
@@ -459,13 +473,13 @@ cutting::Triangles triangles(const VtkFile& source, const Data& data, const File
   return result;
 }
 
-Eigen::VectorXd vertex_area(const cutting::Points& points, const cutting::Triangles& triangles) {
+Eigen::VectorXd vertex_areas(const cutting::Points& points, const cutting::Triangles& triangles) {
   Eigen::VectorXd area = Eigen::VectorXd::Zero(points.rows());
   for (const auto& t : triangles.rowwise()) {
     const Eigen::Vector3d a = points.row(t[0]);
     const Eigen::Vector3d b = points.row(t[1]);
     const Eigen::Vector3d c = points.row(t[2]);
-    // Each corner gets a third of its triangle, as in the statistics.
+    // As in the statistics, each corner has a third of the area of its triangle.
     const double third = (b - a).cross(c - a).norm() / 6.0;
     for (const int corner : t) area[corner] += third;
   }
@@ -480,11 +494,11 @@ void check_values(const VtkFile& source, const Field& field) {
       source.throw_file_error("a status of 0, 1, 2 or 3",
                               fmt::format("{} at vertex {}", status, i));
     }
-    // A vertex outside the judged region may or may not have been cut.
-    const bool fits = status == 0   ? std::isfinite(deviation)
-                      : status == 2 ? !std::isinf(deviation)
-                                    : std::isnan(deviation);
-    if (!fits) {
+    // A vertex outside the judged region may be cut or uncut.
+    const bool is_consistent = status == 0   ? std::isfinite(deviation)
+                               : status == 2 ? !std::isinf(deviation)
+                                             : std::isnan(deviation);
+    if (!is_consistent) {
       source.throw_file_error("a finite deviation where cut, NaN where uncut or gouged",
                               fmt::format("{} with status {} at vertex {}", deviation, status, i));
     }
@@ -495,44 +509,44 @@ void check_values(const VtkFile& source, const Field& field) {
 
 Field read_residual(const std::filesystem::path& path) {
   const VtkFile source(path, "a residual file");
-  const std::size_t head_end = source.text().find(appended);
+  const std::size_t head_end = source.text().find(appended_data_tag);
   if (head_end == std::string_view::npos) {
     source.throw_file_error("a residual.vtp with appended data", shown(source.text()));
   }
-  const FileParts parts = file_parts(source, source.text().substr(0, head_end));
-  std::string_view tail = source.text().substr(head_end + appended.size());
-  const Encoding encoding = tail.starts_with("raw\">") ? Encoding::Raw : Encoding::Base64;
-  const std::string_view named = encoding == Encoding::Raw ? "raw\">" : "base64\">";
-  if (!tail.starts_with(named))
-    source.refuse(head_end, "data encoded as raw or base64", shown(tail));
-  tail.remove_prefix(named.size());
-  const Data data(source, data_text(source, tail, encoding), encoding, parts);
+  const ResidualFileLayout layout = read_residual_layout(source, source.text().substr(0, head_end));
+  std::string_view remaining_text = source.text().substr(head_end + appended_data_tag.size());
+  const Encoding encoding = remaining_text.starts_with("raw\">") ? Encoding::Raw : Encoding::Base64;
+  const std::string_view encoding_name = encoding == Encoding::Raw ? "raw\">" : "base64\">";
+  if (!remaining_text.starts_with(encoding_name))
+    source.throw_error_at(head_end, "data encoded as raw or base64", shown(remaining_text));
+  remaining_text.remove_prefix(encoding_name.size());
+  const AppendedData data(source, data_text(source, remaining_text, encoding), encoding, layout);
 
   Field field;
-  const std::size_t n = parts.points;
-  field.design.vertices = vertices(source, data, n);
-  field.design.triangles = triangles(source, data, parts);
-  field.deviation_um = vector(data.array<double>("PointData/deviation_um", "Float64", n));
+  const std::size_t n = layout.points;
+  field.design.vertices = read_vertices(source, data, n);
+  field.design.triangles = read_triangles(source, data, layout);
+  field.deviation_um = to_vector(data.array<double>("PointData/deviation_um", "Float64", n));
   field.status = data.array<std::uint8_t>("PointData/status", "UInt8", n);
-  field.cut_time_s = vector(data.array<double>("PointData/cut_time_s", "Float64", n));
+  field.cut_time_s = to_vector(data.array<double>("PointData/cut_time_s", "Float64", n));
   field.cut_line = data.array<int>("PointData/cut_line", "Int32", n);
   check_values(source, field);
   if (data.has("PointData/form_um"))
-    field.form_um = vector(data.array<double>("PointData/form_um", "Float64", n));
+    field.form_um = to_vector(data.array<double>("PointData/form_um", "Float64", n));
   if (data.has("PointData/lower_um")) {
     field.tolerance_um.resize(Eigen::Index(n), 2);
-    field.tolerance_um.col(0) = vector(data.array<double>("PointData/lower_um", "Float64", n));
-    field.tolerance_um.col(1) = vector(data.array<double>("PointData/upper_um", "Float64", n));
+    field.tolerance_um.col(0) = to_vector(data.array<double>("PointData/lower_um", "Float64", n));
+    field.tolerance_um.col(1) = to_vector(data.array<double>("PointData/upper_um", "Float64", n));
   }
   for (const auto within : {cutting::Surface::Within::Middle, cutting::Surface::Within::Random}) {
     const std::string name = std::string("CellData/") + cutting::within_values_name(within);
     if (!data.has(name)) continue;
     field.sampled_within = within;
-    field.within_um = vector(data.array<double>(name, "Float64", parts.triangles));
+    field.within_um = to_vector(data.array<double>(name, "Float64", layout.triangles));
   }
 
-  field.design.normals = normals(source, data, n);
-  field.design.area = vertex_area(field.design.vertices, field.design.triangles);
+  field.design.normals = read_normals(source, data, n);
+  field.design.area = vertex_areas(field.design.vertices, field.design.triangles);
   field.design.facet_error = Eigen::VectorXd::Zero(static_cast<Eigen::Index>(n));
   for (const std::uint8_t status : field.status) field.design.judged.push_back(status != 2);
   return field;

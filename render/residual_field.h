@@ -12,11 +12,10 @@
 #include "cutting/surface/surface.h"
 #include "render/vtk_writer.h"
 
-/// Residuals of a design on its vertices, and the files that ParaView opens. No display is needed;
-/// VTK is used in the .cpp files only.
+/// Residuals on the vertices of a design, and their files for ParaView. No display is needed.
 namespace abbe::render {
 
-/// A residual in micrometres on the vertices of its design.
+/// The residual in micrometres on the vertices of a design.
 struct Field {
   cutting::Design design;            ///< mm; a field read from a file has no facet error
   Eigen::VectorXd deviation_um;      ///< (n) + material left, - gouged; NaN where not cut
@@ -25,22 +24,23 @@ struct Field {
   Eigen::VectorXd cut_time_s;        ///< (n) NaN where not cut or gouged
   std::vector<int> cut_line;         ///< (n) program line; 0 where not cut or gouged
   cutting::Surface::Within sampled_within = cutting::Surface::Within::None;
-  Eigen::VectorXd within_um = {};  ///< (m) deviation at the sample point of every triangle, NaN
-                                   ///< where not cut; empty without samples
+  Eigen::VectorXd within_um = {};  ///< (m) deviation at the sample point of each triangle, NaN
+                                   ///< where not cut; empty without sample points
   Eigen::VectorXd form_um = {};    ///< (n) deviation after the areal filter, NaN where not cut;
                                    ///< empty if it was not filtered
-  cutting::ToleranceBands tolerance_um = {};  ///< of each vertex, if they differ; else no rows
+  cutting::ToleranceBands tolerance_um = {};  ///< (n) limits of each vertex; no rows if all
+                                              ///< vertices have the same
 };
 
-/// Returns the field of a machined surface. @throws std::invalid_argument if the sizes do not match
+/// Returns the field of a machined surface.
+/// @throws std::invalid_argument if the sizes do not match
 Field field(const cutting::Design& design, const cutting::Surface& surface);
 
 /// Returns the statistics of a field, mm.
 /// @throws std::invalid_argument if the sizes do not match
 cutting::Statistics statistics(const Field& field, const cutting::ToleranceBands& tolerance = {});
 
-/// Returns the areas, mm^2, that vertices and sample points of triangles represent, as used in
-/// `statistics`.
+/// Returns the areas, mm^2, that vertices and sample points of triangles represent in `statistics`.
 /// @throws std::invalid_argument if the sizes do not match
 cutting::Weights weights(const Field& field);
 
@@ -56,15 +56,15 @@ void write_residual(const std::filesystem::path& path, const Field& field, const
 void write_residual(const std::filesystem::path& path, const cutting::Design& design,
                     const cutting::Surface& surface);
 
-/// A machined body compared with its design, at the vertices of its mesh.
+/// The comparison of a machined body with its design, at the vertices of the body's mesh.
 struct StockField {
   cutting::StockMesh mesh;
-  Eigen::VectorXd deviation_um;        ///< (n) + material left, - gouged; NaN where not compared
-  Eigen::VectorXd largest_um;          ///< (n) largest deviation in the vertex's cell; NaN likewise
-  std::vector<std::uint8_t> compared;  ///< (n) as cutting::SkinStatus
-  std::vector<int> finding;        ///< (n) number of the rest material or gouge to which the vertex
-                                   ///< belongs; 0: none
-  std::vector<int> undercut;       ///< (n) number of the undercut
+  Eigen::VectorXd deviation_um;  ///< (n) + material left, - gouged; NaN where not compared
+  Eigen::VectorXd largest_um;    ///< (n) largest deviation in the cell of the vertex; NaN where
+                                 ///< not compared
+  std::vector<std::uint8_t> compared;  ///< (n) cutting::SkinStatus
+  std::vector<int> finding;   ///< (n) number of the rest material or gouge at the vertex; 0: none
+  std::vector<int> undercut;  ///< (n) number of the undercut at the vertex; 0: none
   std::vector<std::uint8_t> kind;  ///< (n) 0 no finding, 1 rest material, 2 gouge, 3 undercut only
 };
 
@@ -77,13 +77,14 @@ struct StockField {
 void write_stock(const std::filesystem::path& path, const StockField& stock,
                  const Facts& facts = {});
 
-/// Reads a file of `write_residual`, compressed or not, bit for bit; vertex areas are computed from
-/// the triangles, normals are normalised again, texture and field data are ignored. Memory stays
-/// within a few times the file's size whatever the file claims.
-/// @throws BadInput for anything else: a missing or truncated file, another layout, arrays missing
-///         or of another type or length, vertices not finite, indices out of range, a status beyond
-///         3, a deviation that is not finite where the status is 0 or a number where it is 1 or 3,
-///         or a normal of another length than 1
+/// Reads a file of `write_residual`, compressed or not, with identical bits. Vertex areas are
+/// computed from the triangles, normals are normalised again, texture and field data are ignored.
+/// The memory used is at most a few times the size of the file, whatever sizes the file states.
+/// @throws BadInput if the file is missing, truncated or of another layout, if an array is missing
+/// or
+///         has another type or length, if a vertex is not finite, an index out of range, a status
+///         beyond 3, or a normal not of length 1, or if a deviation is not finite at status 0 or
+///         finite at status 1 or 3
 Field read_residual(const std::filesystem::path& path);
 
 }  // namespace abbe::render

@@ -20,12 +20,12 @@ namespace {
 
 using Eigen::Vector2d;
 
-/// Positions of the elements, from the lower left corner.
+/// Positions of the elements, px from the lower left corner.
 struct MapPage {
   double margin;
   double title_top;
   Rectangle map;
-  Rectangle strip;  ///< scale bar and swatches, between map and text
+  Rectangle strip;  ///< scale bar and legend, between map and text
   Rectangle bar;
   Vector2d triad;
 };
@@ -33,74 +33,92 @@ struct MapPage {
 MapPage map_page(const MapOptions& options, const TypeSizes& type, std::size_t title_lines,
                  double text_height) {
   const double u = type.unit;
-  MapPage p{};
-  p.margin = 40.0 * u;
-  p.title_top = options.height - 30.0 * u;
+  MapPage page{};
+  page.margin = 40.0 * u;
+  page.title_top = options.height - 30.0 * u;
   const double head =
       30.0 * u + 1.38 * (double(title_lines) * type.title + type.figures) + 22.0 * u;
   const double side = 270.0 * u;
-  p.strip = {p.margin, p.margin * 0.7 + text_height, options.width - 2.0 * p.margin, 64.0 * u};
-  const double map_bottom = p.strip.y + p.strip.height;
-  p.map = {p.margin, map_bottom, options.width - 2.0 * p.margin - side,
-           options.height - head - map_bottom};
+  page.strip = {page.margin, page.margin * 0.7 + text_height, options.width - 2.0 * page.margin,
+                64.0 * u};
+  const double map_bottom = page.strip.y + page.strip.height;
+  page.map = {page.margin, map_bottom, options.width - 2.0 * page.margin - side,
+              options.height - head - map_bottom};
   const double bar_bottom = map_bottom + 190.0 * u;
-  p.bar = {options.width - p.margin - side + 116.0 * u, bar_bottom, 38.0 * u,
-           p.map.y + p.map.height - 72.0 * u - bar_bottom};
-  p.triad = {options.width - p.margin - 0.5 * side + 30.0 * u, map_bottom + 62.0 * u};
-  return p;
+  page.bar = {options.width - page.margin - side + 116.0 * u, bar_bottom, 38.0 * u,
+              page.map.y + page.map.height - 72.0 * u - bar_bottom};
+  page.triad = {options.width - page.margin - 0.5 * side + 30.0 * u, map_bottom + 62.0 * u};
+  return page;
 }
 
-void draw_head(Canvas& canvas, const MapPage& p, const std::vector<std::string>& title,
+void draw_head(Canvas& canvas, const MapPage& page, const std::vector<std::string>& title,
                const Figures& figures, const TypeSizes& type) {
-  const double used =
-      paragraph(canvas, {p.margin, p.title_top}, title, {.size_px = type.title, .bold = true});
-  paragraph(canvas, {p.margin, p.title_top - used}, {figures_text(figures)},
-            {.size_px = type.figures});
+  const double title_height = draw_paragraph(canvas, {page.margin, page.title_top}, title,
+                                             {.size_px = type.title, .bold = true});
+  draw_paragraph(canvas, {page.margin, page.title_top - title_height}, {figures_text(figures)},
+                 {.size_px = type.figures});
 }
 
-void draw_strip(Canvas& canvas, const MapPage& p, const View& view, const Tally& counts,
+void draw_strip(Canvas& canvas, const MapPage& page, const View& view, const Tally& counts,
                 const TextStyle& body) {
-  const double y = p.strip.y + 0.5 * p.strip.height;
-  scale_bar(canvas, view, {p.strip.x, y}, 0.22 * p.map.width, body);
-  double x = p.strip.x + 0.42 * p.map.width;
+  const double y = page.strip.y + 0.5 * page.strip.height;
+  draw_scale_bar(canvas, view, {page.strip.x, y}, 0.22 * page.map.width, body);
+  double x = page.strip.x + 0.42 * page.map.width;
   const double gap = 1.6 * body.size_px;
-  if (counts.uncut > 0) x += swatch(canvas, {x, y}, colours::uncut, "uncut", body) + gap;
-  if (counts.gouged > 0) x += swatch(canvas, {x, y}, colours::gouged, "gouged deeper", body) + gap;
+  if (counts.uncut > 0) x += draw_swatch(canvas, {x, y}, colours::uncut, "uncut", body) + gap;
+  if (counts.gouged > 0)
+    x += draw_swatch(canvas, {x, y}, colours::gouged, "gouged deeper", body) + gap;
   if (counts.outside > 0) {
-    swatch(canvas, {x, y}, colours::outside, "outside the judged region", body);
+    draw_swatch(canvas, {x, y}, colours::outside, "outside the judged region", body);
   }
 }
 
-/// Coloured values of a field, and their scale.
+/// Bound of the numerical error of the surface computation. Extremes of a smaller residual are not
+/// flagged.
+constexpr double numerical_floor_um = 1e-4;
+
+/// Returns the limits if all vertices have the same; empty if they differ or without a tolerance.
+std::optional<Span> common_limits(const cutting::ToleranceBands& tolerance_um) {
+  if (tolerance_um.rows() == 0) return std::nullopt;
+  const Eigen::RowVector2d first_limits = tolerance_um.row(0);
+  // Regions may have different limits.
+  if (!first_limits.allFinite() ||
+      (tolerance_um.rowwise() - first_limits).cwiseAbs().maxCoeff() > 0.0)
+    return std::nullopt;
+  return Span{first_limits[0], first_limits[1]};
+}
+
+/// The values of a field that colours show, and their scale.
 struct ColouredMap {
   Eigen::VectorXd values;
   Eigen::VectorXd within;  ///< values at the sample points of triangles; may be empty
   ColourScale scale;
   Span ends_um;                ///< a vertex outside these ends is beyond the scale
-  std::vector<double> levels;  ///< of isolines
+  std::vector<double> levels;  ///< values of isolines
 };
 
-/// Returns deviations scaled such that their limits (one row each) become 0 and 1.
-Eigen::VectorXd within_band(const Eigen::VectorXd& deviation_um,
-                            const cutting::ToleranceBands& bands) {
+/// Scales deviations linearly so that their limits become 0 and 1.
+/// @param bands  (n) limits of each deviation
+Eigen::VectorXd scale_to_bands(const Eigen::VectorXd& deviation_um,
+                               const cutting::ToleranceBands& bands) {
   Eigen::VectorXd values(deviation_um.size());
   for (Eigen::Index i = 0; i < values.size(); ++i) {
     const double width = bands(i, 1) - bands(i, 0);
-    // Without limits a vertex is in tolerance, i.e. in the middle of the band.
+    // A vertex without limits is in tolerance; it gets the middle of the band.
     values[i] = std::isfinite(width) ? (deviation_um[i] - bands(i, 0)) / width : 0.5;
   }
   return values;
 }
 
-/// Returns the limits at the sample points of triangles: the mean of those of their corners.
-cutting::ToleranceBands bands_at_centroids(const Field& field,
-                                           const cutting::ToleranceBands& bands) {
-  cutting::ToleranceBands found(field.within_um.size(), 2);
-  for (Eigen::Index t = 0; t < found.rows(); ++t) {
+/// Returns the limits at the sample points of triangles, the means of the limits at their corners.
+cutting::ToleranceBands bands_at_sample_points(const Field& field,
+                                               const cutting::ToleranceBands& bands) {
+  cutting::ToleranceBands result(field.within_um.size(), 2);
+  for (Eigen::Index t = 0; t < result.rows(); ++t) {
     const Eigen::RowVector3i corners = field.design.triangles.row(t);
-    found.row(t) = (bands.row(corners[0]) + bands.row(corners[1]) + bands.row(corners[2])) / 3.0;
+    result.row(t) = (bands.row(corners[0]) + bands.row(corners[1]) + bands.row(corners[2])) / 3.0;
   }
-  return found;
+  return result;
 }
 
 ColouredMap colour_map(const MapPicture& picture, const MapOptions& options) {
@@ -112,13 +130,13 @@ ColouredMap colour_map(const MapPicture& picture, const MapOptions& options) {
   if (options.colours == MapColours::Tolerance) {
     if (picture.tolerance_um.rows() == 0)
       throw std::invalid_argument("map: colours of a tolerance need one");
-    // No deviation is beyond the scale of a tolerance.
-    const double huge = std::numeric_limits<double>::max();
+    // On the scale of a tolerance no deviation is beyond the ends.
+    const double max_double = std::numeric_limits<double>::max();
     const cutting::ToleranceBands& bands = picture.tolerance_um;
-    return {within_band(field.deviation_um, bands),
-            within_band(field.within_um, bands_at_centroids(field, bands)),
+    return {scale_to_bands(field.deviation_um, bands),
+            scale_to_bands(field.within_um, bands_at_sample_points(field, bands)),
             tolerance_scale(),
-            {-huge, huge},
+            {-max_double, max_double},
             {0.0, 1.0}};
   }
   const Span ends =
@@ -129,8 +147,8 @@ ColouredMap colour_map(const MapPicture& picture, const MapOptions& options) {
           round_ticks(ends.lower, ends.upper, 11).values};
 }
 
-/// Returns flags at the highest and the lowest vertex that is cut.
-std::vector<Flag> flags(const View& view, const Field& field) {
+/// Returns flags at the highest and the lowest cut vertex.
+std::vector<Flag> extreme_vertex_flags(const View& view, const Field& field) {
   Eigen::Index low = -1, high = -1;
   for (Eigen::Index i = 0; i < field.deviation_um.size(); ++i) {
     if (!std::isfinite(field.deviation_um[i]) || field.status[std::size_t(i)] != 0) continue;
@@ -139,74 +157,73 @@ std::vector<Flag> flags(const View& view, const Field& field) {
   }
   if (low < 0) return {};
   const double pv = field.deviation_um[high] - field.deviation_um[low];
-  // Below this value the extremes are rounding, and flags would only mislead.
+  // Below the numerical floor the extremes are computation errors, and flags would mislead.
   if (!(pv > numerical_floor_um)) return {};
   const LengthUnit unit = length_unit(pv);
-  std::vector<Flag> both;
+  std::vector<Flag> flags;
   for (const Eigen::Index vertex : {high, low}) {
     const double value = field.deviation_um[vertex] * unit.per_um;
     const Eigen::Vector3d p = field.design.vertices.row(vertex);
     const bool hidden = is_hidden(view, field.design, p);
-    both.push_back({projected(view, p),
-                    signed_fixed(value, significant_decimals(pv * unit.per_um)) + " " + unit.name +
-                        (hidden ? ", behind" : ""),
-                    hidden});
+    flags.push_back({project(view, p),
+                     signed_fixed(value, significant_decimals(pv * unit.per_um)) + " " + unit.name +
+                         (hidden ? ", behind" : ""),
+                     hidden});
   }
-  return both;
+  return flags;
 }
 
-/// Returns the histogram of the coloured values, by the areas of the statistics.
-std::vector<double> shares_of(const Field& field, const ColouredMap& what, const Span& ends,
-                              int bins) {
+/// Returns the histogram of the coloured values, weighted by the areas of the statistics.
+std::vector<double> area_histogram(const Field& field, const ColouredMap& map, const Span& ends,
+                                   int bins) {
   // Without areas every vertex has the same weight.
-  if (field.design.area.size() == 0) return histogram_fractions(what.values, {}, ends, bins);
+  if (field.design.area.size() == 0) return histogram_fractions(map.values, {}, ends, bins);
   const cutting::Weights w = weights(field);
-  std::vector<double> shares = histogram_fractions(what.values, w.vertex, ends, bins);
-  const std::vector<double> within = histogram_fractions(what.within, w.within, ends, bins);
-  std::transform(shares.begin(), shares.end(), within.begin(), shares.begin(), std::plus<>());
-  return shares;
+  std::vector<double> sums = histogram_fractions(map.values, w.vertex, ends, bins);
+  const std::vector<double> within = histogram_fractions(map.within, w.within, ends, bins);
+  std::transform(sums.begin(), sums.end(), within.begin(), sums.begin(), std::plus<>());
+  return sums;
 }
 
-void draw_scale(Canvas& canvas, const MapPage& p, const MapPicture& picture,
-                const MapOptions& options, const ColouredMap& what, const Tally& counts,
+void draw_scale(Canvas& canvas, const MapPage& page, const MapPicture& picture,
+                const MapOptions& options, const ColouredMap& map, const Tally& counts,
                 const TextStyle& body) {
-  const int bins = std::max(8, int(p.bar.height / 7.0));
-  const double histogram = 74.0 / 38.0 * p.bar.width;
+  const int bins = std::max(8, int(page.bar.height / 7.0));
+  const double histogram = 74.0 / 38.0 * page.bar.width;
   const Field& field = picture.field;
   if (options.colours == MapColours::Tolerance) {
     const ToleranceShares s =
         picture.shares.value_or(tolerance_shares(field, picture.tolerance_um));
-    tolerance_bar(canvas, p.bar,
-                  {s.over, s.in, s.under, common_limits(picture.tolerance_um),
-                   shares_of(field, what, {-0.5, 1.5}, bins), histogram},
-                  body);
+    draw_tolerance_bar(canvas, page.bar,
+                       {s.over, s.in, s.under, common_limits(picture.tolerance_um),
+                        area_histogram(field, map, {-0.5, 1.5}, bins), histogram},
+                       body);
     return;
   }
-  ColourBar bar{what.scale,
-                counts.lowest_um<what.ends_um.lower, counts.highest_um> what.ends_um.upper};
+  ColourBar bar{map.scale,
+                counts.lowest_um<map.ends_um.lower, counts.highest_um> map.ends_um.upper};
   if (const auto limits = common_limits(picture.tolerance_um))
     bar.marks = {limits->lower, limits->upper};
-  bar.shares = shares_of(field, what, what.ends_um, bins);
+  bar.histogram = area_histogram(field, map, map.ends_um, bins);
   bar.histogram_px = histogram;
-  colour_bar(canvas, p.bar, bar, body);
+  draw_colour_bar(canvas, page.bar, bar, body);
 }
 
-/// Returns the magnitude below which the given fraction of the cut vertices lies; empty without
-/// any.
-std::optional<double> magnitude_um(const Field& field, double share) {
-  std::vector<double> size;
+/// Returns a quantile of the magnitudes of the finite deviations; empty if there are none.
+std::optional<double> magnitude_quantile_um(const Field& field, double fraction) {
+  std::vector<double> magnitudes;
   for (Eigen::Index i = 0; i < field.deviation_um.size(); ++i) {
-    if (std::isfinite(field.deviation_um[i])) size.push_back(std::abs(field.deviation_um[i]));
+    if (std::isfinite(field.deviation_um[i])) magnitudes.push_back(std::abs(field.deviation_um[i]));
   }
-  if (size.empty()) return std::nullopt;
+  if (magnitudes.empty()) return std::nullopt;
   const auto rank =
-      static_cast<std::ptrdiff_t>(std::ceil(share * static_cast<double>(size.size()))) - 1;
-  // Only one rank is needed, so a full sort would be wasted.
-  std::nth_element(size.begin(), size.begin() + rank, size.end());
-  return size[std::size_t(rank)];
+      static_cast<std::ptrdiff_t>(std::ceil(fraction * static_cast<double>(magnitudes.size()))) - 1;
+  std::nth_element(magnitudes.begin(), magnitudes.begin() + rank, magnitudes.end());
+  return magnitudes[std::size_t(rank)];
 }
 
-/// Returns a scale about zero, with a nearly empty side cut short.
+/// Returns the symmetric scale with a side shortened if its values are small.
+/// @param largest_below, largest_above  largest magnitudes below and above zero
 Span trim_minor_side(const Span& ends, double largest_below, double largest_above) {
   constexpr double min_side_ratio = 0.25;
   const double range = ends.upper, step = round_up_125(range / 12.0);
@@ -221,97 +238,100 @@ constexpr double scale_quantile = 0.995;  // of the cut vertices
 }  // namespace
 
 double fitted_range_um(const Field& field) {
-  const std::optional<double> size = magnitude_um(field, scale_quantile);
-  return size ? std::max(round_up_range(*size), min_range_um) : 1.0;
+  const std::optional<double> magnitude = magnitude_quantile_um(field, scale_quantile);
+  return magnitude ? std::max(round_up_range(*magnitude), min_range_um) : 1.0;
 }
 
 Span fitted_ends_um(const Field& field) {
   const double range = fitted_range_um(field);
-  const Tally all = tally(field, range);
-  // Both signs need a scale about zero; without any deviation the usual scale is kept.
-  if (all.cut == 0 || (all.lowest_um == 0.0 && all.highest_um == 0.0)) return {-range, range};
-  if (all.lowest_um < 0.0 && all.highest_um > 0.0)
-    return trim_minor_side({-range, range}, -all.lowest_um, all.highest_um);
-  const bool positive = all.lowest_um >= 0.0;
-  const double least = positive ? all.lowest_um : -all.highest_um;
-  const double most = *magnitude_um(field, scale_quantile);
+  const Tally counts = tally(field, range);
+  if (counts.cut == 0 || (counts.lowest_um == 0.0 && counts.highest_um == 0.0))
+    return {-range, range};
+  if (counts.lowest_um < 0.0 && counts.highest_um > 0.0)
+    return trim_minor_side({-range, range}, -counts.lowest_um, counts.highest_um);
+  const bool is_positive = counts.lowest_um >= 0.0;
+  const double min_um = is_positive ? counts.lowest_um : -counts.highest_um;
+  const double max_um = *magnitude_quantile_um(field, scale_quantile);
   Span ends{0.0, range};
-  // Values far from zero with little spread would all have the same colour on a scale from zero.
-  if (least > 0.4 * most && most - least > 1e-3 * most) {
-    const double step = round_up_125((most - least) / 10.0);
-    ends = {step * std::floor(least / step), step * std::ceil(most / step)};
+  // On a scale from zero, values far from zero with little spread would all have the same colour.
+  if (min_um > 0.4 * max_um && max_um - min_um > 1e-3 * max_um) {
+    const double step = round_up_125((max_um - min_um) / 10.0);
+    ends = {step * std::floor(min_um / step), step * std::ceil(max_um / step)};
   }
-  return positive ? ends : Span{-ends.upper, -ends.lower};
+  return is_positive ? ends : Span{-ends.upper, -ends.lower};
 }
 
 Span common_ends(const std::vector<Span>& ends_um) {
-  Span all{0.0, 0.0};
-  for (const Span& one : ends_um) {
-    widen(all, one.lower);
-    widen(all, one.upper);
+  Span total{0.0, 0.0};
+  for (const Span& ends : ends_um) {
+    widen(total, ends.lower);
+    widen(total, ends.upper);
   }
-  const double range = std::max(-all.lower, all.upper);
-  return all.lower == 0.0 || all.upper == 0.0
-             ? all
-             : trim_minor_side({-range, range}, -all.lower, all.upper);
+  const double range = std::max(-total.lower, total.upper);
+  return total.lower == 0.0 || total.upper == 0.0
+             ? total
+             : trim_minor_side({-range, range}, -total.lower, total.upper);
 }
 
 ToleranceShares tolerance_shares(const Field& field, const cutting::ToleranceBands& tolerance_um) {
   ToleranceShares s;
-  double all = 0.0;
+  double total_area = 0.0;
   for (Eigen::Index i = 0; i < field.deviation_um.size(); ++i) {
     const auto status = cutting::VertexStatus(field.status[std::size_t(i)]);
-    // Vertices outside of the judged area have no verdict.
+    // Vertices outside the judged region have no verdict.
     if (status == cutting::VertexStatus::Outside) continue;
     const double area = field.design.area.size() > 0 ? field.design.area[i] : 1.0;
-    const double d = field.deviation_um[i];
-    all += area;
+    const double deviation = field.deviation_um[i];
+    total_area += area;
     (status == cutting::VertexStatus::Uncut    ? s.uncut
      : status == cutting::VertexStatus::Gouged ? s.under
-     : d > tolerance_um(i, 1)                  ? s.over
-     : d < tolerance_um(i, 0)                  ? s.under
+     : deviation > tolerance_um(i, 1)          ? s.over
+     : deviation < tolerance_um(i, 0)          ? s.under
                                                : s.in) += area;
   }
-  const double percent = all > 0.0 ? 100.0 / all : 0.0;
+  const double percent = total_area > 0.0 ? 100.0 / total_area : 0.0;
   return {percent * s.in, percent * s.over, percent * s.under, percent * s.uncut};
 }
 
 namespace {
 
+/// Draws a map on a canvas of its own.
+/// @param finish  takes the canvas with the map
 void draw_map(const MapPicture& picture, const MapOptions& options,
-              const std::function<void(Canvas&)>& use) {
-  check(picture.field);
-  const ColouredMap what = colour_map(picture, options);
-  const Tally counts = tally(picture.field, what.ends_um);
+              const std::function<void(Canvas&)>& finish) {
+  check_field(picture.field);
+  const ColouredMap map = colour_map(picture, options);
+  const Tally counts = tally(picture.field, map.ends_um);
   const TypeSizes type = type_sizes(options.width, options.height);
   const TextStyle body{.size_px = type.body};
-  const View named = fit_view({}, options.from, options.up, {});
-  // Before any text is measured, which waits while another picture is drawn.
-  SurfaceScene scene = surface_scene(picture.field, what.values, what.scale, named.toward);
-  if (options.isolines) scene.wires.push_back(isolines(picture.field, what.values, what.levels));
+  const View direction = fit_view({}, options.from, options.up, {});
+  // The scene is built first, because measuring text waits while another thread draws a picture.
+  SurfaceScene scene = surface_scene(picture.field, map.values, map.scale, direction.toward_eye);
+  if (options.isolines) scene.wires.push_back(isolines(picture.field, map.values, map.levels));
   std::vector<std::string> lines;
   const double width = options.width - 80.0 * type.unit;
-  const double size = std::max(std::abs(counts.lowest_um), std::abs(counts.highest_um));
-  for (const std::string& text : map_text(picture, counts, size, view_description(named))) {
+  const double magnitude = std::max(std::abs(counts.lowest_um), std::abs(counts.highest_um));
+  for (const std::string& text :
+       map_text(picture, counts, magnitude, view_description(direction))) {
     for (const std::string& line : wrapped(text, body, width)) lines.push_back(line);
   }
   const double text_height = static_cast<double>(lines.size()) * line_height(body);
   const std::vector<std::string> title =
       wrapped(picture.title, {.size_px = type.title, .bold = true}, width, 2);
-  const MapPage p = map_page(options, type, title.size(), text_height);
-  const View view = fit_view(picture.field.design.vertices, options.from, options.up, p.map);
-  const std::vector<Flag> flagged = flags(view, picture.field);
+  const MapPage page = map_page(options, type, title.size(), text_height);
+  const View view = fit_view(picture.field.design.vertices, options.from, options.up, page.map);
+  const std::vector<Flag> flags = extreme_vertex_flags(view, picture.field);
 
-  // Only one canvas exists at a time in the whole program, so everything else is done before.
+  // Only one canvas exists at a time in the process, so everything else is done before.
   Canvas canvas(options.width, options.height);
   canvas.scene(view, scene.solids, scene.wires);
-  draw_head(canvas, p, title, picture.figures, type);
-  draw_strip(canvas, p, view, counts, body);
-  draw_scale(canvas, p, picture, options, what, counts, body);
-  triad(canvas, view, p.triad, 46.0 * type.unit, body);
-  draw_flags(canvas, flagged, p.map, body);
-  paragraph(canvas, {p.margin, p.strip.y}, lines, body);
-  use(canvas);
+  draw_head(canvas, page, title, picture.figures, type);
+  draw_strip(canvas, page, view, counts, body);
+  draw_scale(canvas, page, picture, options, map, counts, body);
+  draw_triad(canvas, view, page.triad, 46.0 * type.unit, body);
+  draw_flags(canvas, flags, page.map, body);
+  draw_paragraph(canvas, {page.margin, page.strip.y}, lines, body);
+  finish(canvas);
 }
 
 }  // namespace
@@ -331,7 +351,7 @@ std::string figures_text(const Figures& figures, Mean mean) {
   const LengthUnit unit = length_unit(std::isfinite(figures.pv_um) ? figures.pv_um : 0.0);
   std::vector<std::string> parts;
   const auto add = [&](const char* name, double um, int decimals) {
-    constexpr double min_um = 1e-6;  // below it figures are rounding
+    constexpr double min_um = 1e-6;  // smaller figures are rounding errors
     const std::string length =
         um < min_um ? "under 0.001 nm"
                     : fmt::format("{} {}", fixed(um * unit.per_um, decimals), unit.name);
@@ -343,22 +363,12 @@ std::string figures_text(const Figures& figures, Mean mean) {
   }
   if (std::isfinite(figures.rms_um)) add("RMS", figures.rms_um, rms_decimals);
   if (std::isfinite(figures.mean_um) && mean == Mean::Stated) {
-    // No more digits than the RMS: a mean near zero is rounding.
+    // The mean has the decimals of the RMS, because more digits of a mean near zero are rounding
+    // errors.
     parts.push_back(fmt::format(
         "mean {} {}", signed_fixed(figures.mean_um * unit.per_um, rms_decimals), unit.name));
   }
   return parts.empty() ? "nothing was cut" : fmt::format("{}", fmt::join(parts, "    "));
-}
-
-std::string outlier_text(const Tally& counts, double range_um) {
-  if (counts.beyond == 0) return {};
-  const LengthUnit unit = length_unit(range_um);
-  const double percent =
-      100.0 * static_cast<double>(counts.beyond) / static_cast<double>(counts.cut);
-  return fmt::format("{} % of the cut vertices lie beyond the scale; values from {} to {} {}",
-                     percent < 0.01 ? "less than 0.01" : figure(percent),
-                     figure(counts.lowest_um * unit.per_um),
-                     figure(counts.highest_um * unit.per_um), unit.name);
 }
 
 std::vector<std::string> excluded_text(const Tally& counts) {
@@ -371,27 +381,19 @@ std::vector<std::string> excluded_text(const Tally& counts) {
   return parts;
 }
 
-std::optional<Span> common_limits(const cutting::ToleranceBands& tolerance_um) {
-  if (tolerance_um.rows() == 0) return std::nullopt;
-  const Eigen::RowVector2d first = tolerance_um.row(0);
-  // Limits that differ between regions cannot be stated as a single pair.
-  if (!first.allFinite() || (tolerance_um.rowwise() - first).cwiseAbs().maxCoeff() > 0.0)
-    return std::nullopt;
-  return Span{first[0], first[1]};
-}
-
 std::string limits_text(const cutting::ToleranceBands& tolerance_um) {
-  const auto common = common_limits(tolerance_um);
-  if (!common) return "by region";
-  const LengthUnit unit = length_unit(std::max(std::abs(common->lower), std::abs(common->upper)));
-  const auto end = [&](double um) {
+  const auto limits = common_limits(tolerance_um);
+  if (!limits) return "by region";
+  const LengthUnit unit = length_unit(std::max(std::abs(limits->lower), std::abs(limits->upper)));
+  const auto limit_text = [&](double um) {
     return fmt::format("{}{:.4g}",
                        um < 0.0   ? "−"
                        : um > 0.0 ? "+"
                                   : "",
                        std::abs(um * unit.per_um));
   };
-  return fmt::format("{} to {} {}", end(common->lower), end(common->upper), unit.name);
+  return fmt::format("{} to {} {}", limit_text(limits->lower), limit_text(limits->upper),
+                     unit.name);
 }
 
 std::string verdict_text(const MapPicture& picture) {
@@ -405,6 +407,23 @@ std::string verdict_text(const MapPicture& picture) {
   return text;
 }
 
+namespace {
+
+/// Returns e.g. "0.31 % of the cut vertices lie beyond the scale; values from −31.2 to 40.0 µm";
+/// empty if no vertex is beyond the scale.
+std::string outlier_text(const Tally& counts, double range_um) {
+  if (counts.beyond == 0) return {};
+  const LengthUnit unit = length_unit(range_um);
+  const double percent =
+      100.0 * static_cast<double>(counts.beyond) / static_cast<double>(counts.cut);
+  return fmt::format("{} % of the cut vertices lie beyond the scale; values from {} to {} {}",
+                     percent < 0.01 ? "less than 0.01" : figure(percent),
+                     figure(counts.lowest_um * unit.per_um),
+                     figure(counts.highest_um * unit.per_um), unit.name);
+}
+
+}  // namespace
+
 std::vector<std::string> map_text(const MapPicture& picture, const Tally& counts, double range_um,
                                   const std::string& view) {
   std::vector<std::string> lines{sign_convention};
@@ -412,13 +431,13 @@ std::vector<std::string> map_text(const MapPicture& picture, const Tally& counts
     lines.push_back(fmt::format("tolerance {}  ·  {}", limits_text(picture.tolerance_um),
                                 verdict_text(picture)));
   std::string numbers = fmt::format("{} vertices, ", grouped(counts.vertices()));
-  const std::vector<std::string> left_out = excluded_text(counts);
-  numbers += left_out.empty() ? "0 uncut" : fmt::format("{}", fmt::join(left_out, ", "));
+  const std::vector<std::string> excluded = excluded_text(counts);
+  numbers += excluded.empty() ? "0 uncut" : fmt::format("{}", fmt::join(excluded, ", "));
   if (counts.outside > 0) numbers += fmt::format(", {} outside", grouped(counts.outside));
   lines.push_back(fmt::format("datum {}  ·  alignment {}  ·  view {}  ·  {}", picture.datum,
                               picture.alignment, view, numbers));
-  if (const std::string beyond = outlier_text(counts, range_um); !beyond.empty()) {
-    lines.push_back(beyond);
+  if (const std::string outliers = outlier_text(counts, range_um); !outliers.empty()) {
+    lines.push_back(outliers);
   }
   lines.insert(lines.end(), picture.caption.begin(), picture.caption.end());
   return lines;

@@ -16,68 +16,67 @@
 
 namespace abbe::render {
 
-/// Percentages of the judged area of a field in, over and under tolerance and uncut.
+/// Percentages of the judged area that are in, over and under tolerance, and uncut.
 struct ToleranceShares {
   double in = 0.0, over = 0.0, under = 0.0, uncut = 0.0;
 };
-/// A residual map and all information printed with it.
+/// A residual map with the information stated beside it.
 struct MapPicture {
   std::string title;
   Field field;
-  Figures figures;  ///< of this field
+  Figures figures;  ///< PV, RMS and mean of the field
   std::string datum = "none";
   std::string alignment = "none";
   std::vector<std::string> caption;         ///< further lines
   std::string verdict{};                    ///< "FAIL by 3.2 µm at ..."; empty without a tolerance
   std::optional<ToleranceShares> shares{};  ///< by default those of the field
-  cutting::ToleranceBands tolerance_um{};   ///< of each vertex; no rows: no tolerance
+  cutting::ToleranceBands tolerance_um{};   ///< (n) limits of each vertex; no rows: no tolerance
 };
 
-/// Returns the percentages of a field; if it has no areas, all vertices count the same.
+/// Returns the percentages of a field. Vertices are weighted by their area, or equally if the field
+/// has no areas.
 ToleranceShares tolerance_shares(const Field& field, const cutting::ToleranceBands& tolerance_um);
 
 enum class MapColours {
   Diverging,
   Cividis,
-  Tolerance,  ///< in, over, under
+  Tolerance,  ///< one colour each for in, over and under tolerance
 };
 
 struct MapOptions {
   int width = 1600;                ///< px
   int height = 1200;               ///< px
-  std::optional<double> range_um;  ///< scale is -range .. +range; by default fitted
+  std::optional<double> range_um;  ///< the scale is -range .. +range; by default fitted
   MapColours colours = MapColours::Diverging;
   PictureFormat format = PictureFormat::Png;
-  bool isolines = false;  ///< at the ticks of the scale, or at the limits of the tolerance
+  bool isolines = false;  ///< draws isolines at the ticks of the scale or the tolerance limits
   Eigen::Vector3d from = Eigen::Vector3d(-0.5, -1.0, 0.9);  ///< direction from the part to the eye
   Eigen::Vector3d up = Eigen::Vector3d::UnitZ();
 };
 
-/// Numerical floor: below it a residual is rounding, as bounded by the surface engine, and is not
-/// flagged.
-inline constexpr double numerical_floor_um = 1e-4;
-
-/// Minimum half range of a fitted scale; on it the floor is nearly white.
+/// Least half range of a fitted scale, on which the numerical error is nearly white.
 inline constexpr double min_range_um = 1e-3;
 
-/// Returns the half range of the symmetric scale that contains 99.5 % of the cut vertices, rounded
-/// up to 1, 1.5, 2, 3, 4, 5, 6 or 8 x 10^k, at least `min_range_um`; micrometres.
+/// Returns the half range, micrometres, of the symmetric scale that contains 99.5 % of the cut
+/// vertices, rounded up to 1, 1.5, 2, 3, 4, 5, 6 or 8 x 10^k; at least `min_range_um`.
 double fitted_range_um(const Field& field);
 
-/// Returns the ends of a scale fitted likewise: -range .. +range if values have both signs, with a
-/// side cut short that reaches less than a quarter of it; if all have one sign it begins at zero,
-/// or near the smallest if that exceeds 40 % of the largest.
+/// Returns the ends of a scale fitted to the values. If values have both signs, the ends are
+/// -range and +range; a side with values below a quarter of the range is shortened. If all values
+/// have one sign, the scale starts at zero, or near the smallest magnitude if that exceeds 40 % of
+/// the largest.
 Span fitted_ends_um(const Field& field);
 
-/// Returns ends that contain all of these: about zero, a side cut short as above, or from zero if
-/// none crosses it.
+/// Returns the ends of a scale that contains several others. It is about zero, with a side
+/// shortened as above, or starts at zero if all values have one sign.
 Span common_ends(const std::vector<Span>& ends_um);
 
-/// Draws the map: the design fills the picture in a parallel projection, coloured by deviation on a
-/// diverging scale symmetric about zero (for values of one sign on the whole scale), equal values
-/// in equal colours, uncut grey, with colour bar and histogram, flags at the highest and lowest
-/// vertex, figures, percentages in tolerance, sign convention, datum, alignment, view, scale bar
-/// and the number of vertices. In nm if the scale ends below 0.1 µm.
+/// Draws a residual map. The design fills the picture in a parallel projection; its colours show
+/// the deviation, and equal values have equal colours. The scale is diverging about zero, or from
+/// light to dark for values of one sign; uncut areas are grey. Beside the map are a colour bar with
+/// histogram, flags at the highest and lowest vertex, figures, percentages in tolerance, sign
+/// convention, datum, alignment, view, scale bar and the number of vertices. The unit is nm if the
+/// scale ends below 0.1 µm.
 /// @throws std::invalid_argument if sizes do not match, the range is not positive, or the colours
 ///         of a tolerance are requested without one
 /// @throws std::system_error with the path if the file cannot be written
@@ -88,36 +87,26 @@ void write_map(const std::filesystem::path& path, const MapPicture& picture,
 /// @throws std::invalid_argument as `write_map`
 Pixels map_pixels(const MapPicture& picture, const MapOptions& options = {});
 
-// Texts of a map.
-
 inline constexpr const char* sign_convention =
     "+ material left, − gouged; along the outward design normal";
 
-/// Returns "PV 12.3 µm   RMS 2.34 µm   mean +0.12 µm", in nm if all of it is below 0.1 µm; NaN is
-/// omitted.
 enum class Mean { Stated, Omitted };
+/// Returns e.g. "PV 12.3 µm   RMS 2.34 µm   mean +0.12 µm", in nm if all are below 0.1 µm. Figures
+/// that are NaN are omitted.
 std::string figures_text(const Figures& figures, Mean mean = Mean::Stated);
 
-/// Returns e.g. "0.31 % of the cut vertices lie beyond the scale, from −31.2 to +40.0 µm"; empty if
-/// none does.
-std::string outlier_text(const Tally& counts, double range_um);
-
-/// Returns the judged vertices that the figures exclude: "12 uncut (3.1 %)", "4 gouged deeper than
-/// the band".
+/// Returns texts about the judged vertices that the figures exclude: "12 uncut (3.1 %)", "4 gouged
+/// deeper than the band".
 std::vector<std::string> excluded_text(const Tally& counts);
 
 /// Returns e.g. "−2 to +8 µm", or "by region" if vertices have different limits.
 std::string limits_text(const cutting::ToleranceBands& tolerance_um);
 
 /// Returns e.g. "FAIL by 3.2 µm at ...  ·  92.1 % of the area in tolerance, over 5.2 %, under 2.7
-/// %", of the judged area.
+/// %"; percentages are of the judged area.
 std::string verdict_text(const MapPicture& picture);
 
-/// Returns the limits that all vertices have in common; empty if they differ, or without a
-/// tolerance.
-std::optional<Span> common_limits(const cutting::ToleranceBands& tolerance_um);
-
-/// Returns the lines below a map.
+/// Returns the lines of text below a map.
 std::vector<std::string> map_text(const MapPicture& picture, const Tally& counts, double range_um,
                                   const std::string& view);
 

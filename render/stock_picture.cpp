@@ -21,8 +21,12 @@ namespace {
 
 using Eigen::Vector2d;
 
-/// Returns the deviation as a map of the skin: compared vertices as cut, all others as outside.
-Field skin_field(const StockField& stock, bool include_cut_off) {
+/// Values cut off at the band, in a field of the skin.
+enum class CutOffValues { Included, Excluded };
+
+/// Returns the deviations as a field on the skin of the body. Compared vertices have the status
+/// cut, all others the status outside.
+Field skin_field(const StockField& stock, CutOffValues cut_off_values) {
   Field field;
   field.design.vertices = stock.mesh.vertices_w;
   field.design.triangles = stock.mesh.triangles;
@@ -31,49 +35,51 @@ Field skin_field(const StockField& stock, bool include_cut_off) {
   field.deviation_um = stock.deviation_um;
   for (Eigen::Index i = 0; i < stock.deviation_um.size(); ++i) {
     const auto status = cutting::SkinStatus(stock.compared[std::size_t(i)]);
-    const bool shows = status == cutting::SkinStatus::Compared ||
-                       (include_cut_off && status == cutting::SkinStatus::CutOff);
-    field.status.push_back(shows ? 0 : 2);
-    // A value cut off at the band lies beyond it and gets the colour beyond the scale.
+    const bool is_shown =
+        status == cutting::SkinStatus::Compared ||
+        (cut_off_values == CutOffValues::Included && status == cutting::SkinStatus::CutOff);
+    field.status.push_back(is_shown ? 0 : 2);
+    // A value cut off at the band is increased, so that it gets the colour beyond the scale.
     if (status == cutting::SkinStatus::CutOff) field.deviation_um[i] *= 1.01;
-    if (!shows) field.deviation_um[i] = std::numeric_limits<double>::quiet_NaN();
+    if (!is_shown) field.deviation_um[i] = std::numeric_limits<double>::quiet_NaN();
   }
   return field;
 }
 
-bool has_compared(const Field& field) {
+bool has_compared_vertices(const Field& field) {
   return std::ranges::find(field.status, std::uint8_t(0)) != field.status.end();
 }
 
-/// Returns ends with zero and most of the compared values, at least 1 µm, the resolution of the
-/// dexels where an axis turns.
+/// Returns the ends of a scale that contains zero and most of the compared values. Its length is at
+/// least 1 µm, the resolution of the dexels where an axis turns.
 Span scale_ends(const Field& field) {
   constexpr double min_um = 1.0;
-  if (!has_compared(field)) return {-min_um, min_um};
+  if (!has_compared_vertices(field)) return {-min_um, min_um};
   Span ends = fitted_ends_um(field);
   widen(ends, 0.0);
   return ends.upper - ends.lower < min_um ? Span{-min_um, min_um} : ends;
 }
 
-/// Returns the values for drawing: a value at an end of the scale is shown within it, not in the
-/// colour beyond.
+/// Returns the values for drawing. Values at an end of the scale are moved inside, so that they do
+/// not get the colour beyond it.
 Eigen::VectorXd drawn_values(const Eigen::VectorXd& deviation_um, const ColourScale& scale) {
-  const double least = 1e-3 * (scale.high - scale.low);
+  const double margin = 1e-3 * (scale.high - scale.low);
   Eigen::VectorXd values = deviation_um.array().isFinite().select(deviation_um, scale.low);
   for (double& value : values) {
-    if (std::abs(value - scale.high) < 1e-6 * least) value = scale.high - least;
-    if (std::abs(value - scale.low) < 1e-6 * least) value = scale.low + least;
+    if (std::abs(value - scale.high) < 1e-6 * margin) value = scale.high - margin;
+    if (std::abs(value - scale.low) < 1e-6 * margin) value = scale.low + margin;
   }
   return values;
 }
 
-/// Returns the triangles with a deviation at every corner, and those without, as two solids.
+/// Returns two solids: the triangles with a deviation at every corner, and the others.
 std::vector<Solid> skin_solids(const Field& field, const ColourScale& scale) {
   std::vector<int> corners[2];
   for (const auto& t : field.design.triangles.rowwise()) {
-    bool shows = true;
-    for (const int corner : t) shows = shows && field.status[std::size_t(corner)] == 0;
-    std::vector<int>& list = corners[shows ? 0 : 1];
+    bool has_deviation = true;
+    for (const int corner : t)
+      has_deviation = has_deviation && field.status[std::size_t(corner)] == 0;
+    std::vector<int>& list = corners[has_deviation ? 0 : 1];
     list.insert(list.end(), t.begin(), t.end());
   }
   std::vector<Solid> solids;
@@ -95,8 +101,8 @@ std::vector<Solid> skin_solids(const Field& field, const ColourScale& scale) {
   return solids;
 }
 
-/// Returns the vertices of a finding, from its middle outwards.
-std::vector<Eigen::Index> vertices_of(const StockField& field, int number) {
+/// Returns the vertices of a finding in the order of their distance from its middle.
+std::vector<Eigen::Index> finding_vertices(const StockField& field, int number) {
   std::vector<Eigen::Index> vertices;
   Eigen::RowVector3d middle = Eigen::RowVector3d::Zero();
   for (std::size_t v = 0; v < field.finding.size(); ++v) {
@@ -111,58 +117,60 @@ std::vector<Eigen::Index> vertices_of(const StockField& field, int number) {
   return vertices;
 }
 
-/// Returns a visible point of a finding, nearly its deepest if that is visible; empty if all points
-/// tried are hidden.
+/// Returns a visible point of a finding, preferably near its largest depth. Returns nothing if all
+/// candidates are hidden.
 std::optional<Eigen::Vector3d> visible_point(const StockField& field, int number, const View& view,
                                              const cutting::Design& design) {
-  // 16 tries: each tests all triangles of the body.
-  constexpr std::size_t max_tried = 16;
-  // Within 80 % of the largest depth one point represents the finding as well as another.
-  constexpr double about = 0.8;
+  // Each candidate is tested against all triangles of the body, which takes time.
+  constexpr std::size_t max_candidates = 16;
+  // Points with at least 80 % of the largest depth represent the finding equally well.
+  constexpr double min_depth_ratio = 0.8;
   const auto depth = [&](Eigen::Index v) {
     const double um = std::abs(field.deviation_um[v]);
     return std::isfinite(um) ? um : 0.0;
   };
-  const std::vector<Eigen::Index> all = vertices_of(field, number);
-  if (all.empty()) return std::nullopt;
-  const double least = about * std::ranges::max(all | std::views::transform(depth));
-  std::vector<Eigen::Index> deep;
-  std::ranges::copy_if(all, std::back_inserter(deep), [&](auto v) { return depth(v) >= least; });
-  for (const std::vector<Eigen::Index>& tried : {deep, all})
-    for (std::size_t i = 0; i < tried.size(); i += 1 + tried.size() / max_tried) {
-      const Eigen::Vector3d place = field.mesh.vertices_w.row(tried[i]);
-      if (!is_hidden(view, design, place)) return place;
+  const std::vector<Eigen::Index> vertices = finding_vertices(field, number);
+  if (vertices.empty()) return std::nullopt;
+  const double min_depth =
+      min_depth_ratio * std::ranges::max(vertices | std::views::transform(depth));
+  std::vector<Eigen::Index> deep_vertices;
+  std::ranges::copy_if(vertices, std::back_inserter(deep_vertices),
+                       [&](auto v) { return depth(v) >= min_depth; });
+  for (const std::vector<Eigen::Index>& candidates : {deep_vertices, vertices})
+    for (std::size_t i = 0; i < candidates.size(); i += 1 + candidates.size() / max_candidates) {
+      const Eigen::Vector3d point = field.mesh.vertices_w.row(candidates[i]);
+      if (!is_hidden(view, design, point)) return point;
     }
   return std::nullopt;
 }
 
-/// Returns the marks to be shown, in their order.
-std::vector<Flag> extreme_flags(const StockPicture& picture, const View& view,
-                                const cutting::Design& design) {
-  std::vector<char> hidden, shown(picture.marks.size(), 0);
+/// Returns flags for the marks to be drawn, in the order of the marks.
+std::vector<Flag> mark_flags(const StockPicture& picture, const View& view,
+                             const cutting::Design& design) {
+  std::vector<char> hidden, selected(picture.marks.size(), 0);
   std::vector<Eigen::Vector3d> at;
   for (const StockPicture::Mark& mark : picture.marks) {
     at.push_back(mark.at);
     hidden.push_back(is_hidden(view, design, mark.at));
     if (hidden.back() == 0 || mark.number == 0) continue;
-    const auto other = visible_point(picture.field, mark.number, view, design);
-    hidden.back() = !other;
-    at.back() = other.value_or(mark.at);
+    const auto point = visible_point(picture.field, mark.number, view, design);
+    hidden.back() = !point;
+    at.back() = point.value_or(mark.at);
   }
-  // Visible marks first; hidden ones only fill the remaining places of their kind.
+  // Visible marks are selected first; hidden ones only if their kind has fewer than the maximum.
   std::map<int, int> count;  // by kind
-  for (const char wanted : {0, 1})
+  for (const char hidden_value : {0, 1})
     for (std::size_t i = 0; i < hidden.size(); ++i)
-      if (hidden[i] == wanted && count[picture.marks[i].kind] < picture.max_marks_per_kind) {
+      if (hidden[i] == hidden_value && count[picture.marks[i].kind] < picture.max_marks_per_kind) {
         ++count[picture.marks[i].kind];
-        shown[i] = 1;
+        selected[i] = 1;
       }
   std::vector<Flag> flags;
   for (std::size_t i = 0; i < hidden.size(); ++i) {
     const StockPicture::Mark& mark = picture.marks[i];
-    if (shown[i] != 0)
+    if (selected[i] != 0)
       flags.push_back(
-          {projected(view, at[i]), mark.text + (hidden[i] != 0 ? ", behind" : ""), hidden[i] != 0});
+          {project(view, at[i]), mark.text + (hidden[i] != 0 ? ", behind" : ""), hidden[i] != 0});
   }
   return flags;
 }
@@ -175,8 +183,8 @@ void write_stock_picture(const std::filesystem::path& path, const StockPicture& 
   require(stock.mesh.triangles.rows() > 0, "stock: there is nothing to draw");
   require(std::size_t(stock.deviation_um.size()) == n && stock.compared.size() == n,
           "stock: one deviation a vertex is needed");
-  const Field field = skin_field(stock, true), within = skin_field(stock, false);
-  const Span ends = scale_ends(within);
+  const Field field = skin_field(stock, CutOffValues::Included);
+  const Span ends = scale_ends(skin_field(stock, CutOffValues::Excluded));
   const ColourScale scale = colour_scale(ends.lower, ends.upper);
 
   const TypeSizes type = type_sizes(picture.width, picture.height);
@@ -197,27 +205,27 @@ void write_stock_picture(const std::filesystem::path& path, const StockPicture& 
   Canvas canvas(picture.width, picture.height);
   const View view = fit_view(field.design.vertices, picture.from, picture.up, map);
   canvas.scene(view, skin_solids(field, scale), {});
-  paragraph(canvas, {margin, picture.height - 30.0 * u}, head, title);
+  draw_paragraph(canvas, {margin, picture.height - 30.0 * u}, head, title);
   const double middle = strip + 32.0 * u;
-  scale_bar(canvas, view, {margin, middle}, 0.22 * map.width, body);
+  draw_scale_bar(canvas, view, {margin, middle}, 0.22 * map.width, body);
   if (std::ranges::find(field.status, std::uint8_t(2)) != field.status.end())
-    swatch(canvas, {margin + 0.42 * map.width, middle}, colours::outside,
-           "not compared with the design", body);
-  if (has_compared(field)) {
+    draw_swatch(canvas, {margin + 0.42 * map.width, middle}, colours::outside,
+                "not compared with the design", body);
+  if (has_compared_vertices(field)) {
     const double lowest =
         field.deviation_um.array().isFinite().select(field.deviation_um, ends.lower).minCoeff();
     const double highest =
         field.deviation_um.array().isFinite().select(field.deviation_um, ends.upper).maxCoeff();
     ColourBar side_bar{scale, lowest<ends.lower, highest> ends.upper};
-    side_bar.shares = histogram_fractions(field.deviation_um, field.design.area, ends,
-                                          std::max(8, int(bar.height / 7.0)));
+    side_bar.histogram = histogram_fractions(field.deviation_um, field.design.area, ends,
+                                             std::max(8, int(bar.height / 7.0)));
     side_bar.histogram_px = 74.0 / 38.0 * bar.width;
-    colour_bar(canvas, bar, side_bar, body);
+    draw_colour_bar(canvas, bar, side_bar, body);
   }
-  triad(canvas, view, {picture.width - margin - 0.5 * side + 30.0 * u, bottom + 62.0 * u}, 46.0 * u,
-        body);
-  draw_flags(canvas, extreme_flags(picture, view, field.design), map, body);
-  paragraph(canvas, {margin, strip}, lines, body);
+  draw_triad(canvas, view, {picture.width - margin - 0.5 * side + 30.0 * u, bottom + 62.0 * u},
+             46.0 * u, body);
+  draw_flags(canvas, mark_flags(picture, view, field.design), map, body);
+  draw_paragraph(canvas, {margin, strip}, lines, body);
   canvas.write_png(path);
 }
 

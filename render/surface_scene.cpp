@@ -28,9 +28,9 @@ constexpr std::uint8_t status_cut = static_cast<std::uint8_t>(cutting::VertexSta
 constexpr std::uint8_t status_uncut = static_cast<std::uint8_t>(cutting::VertexStatus::Uncut);
 constexpr std::uint8_t status_gouged = static_cast<std::uint8_t>(cutting::VertexStatus::Gouged);
 
-/// Returns unit normals of the vertices: those of the design, or the area-weighted mean of the
-/// adjacent triangles.
-cutting::Points normals(const cutting::Design& design) {
+/// Returns unit normals of the vertices: those of the design, or the area-weighted means of the
+/// normals of adjacent triangles.
+cutting::Points unit_normals(const cutting::Design& design) {
   if (design.normals.rows() == design.vertices.rows()) return design.normals;
   cutting::Points sum = cutting::Points::Zero(design.vertices.rows(), 3);
   for (const auto& t : design.triangles.rowwise()) {
@@ -42,55 +42,55 @@ cutting::Points normals(const cutting::Design& design) {
   }
   for (auto row : sum.rowwise()) {
     const double length = row.norm();
-    // A vertex without triangles has no normal, and any unit vector serves.
+    // A vertex without triangles is not drawn, so its normal does not matter.
     row = length > 0.0 ? Eigen::RowVector3d(row / length) : Eigen::RowVector3d(0.0, 0.0, 1.0);
   }
   return sum;
 }
 
-/// Rims, indexed by the cells of a grid that they pass.
+/// The rim edges of a design in a grid of cells, for finding edges that coincide.
 class Rims {
  public:
   Rims(const cutting::Design& design, const cutting::Points& normals, std::vector<int> ends)
       : ends_(std::move(ends)), design_(design), normals_(normals) {
     double length = 0.0;
     for (std::size_t i = 0; i < ends_.size(); i += 2) length += (at(i) - at(i + 1)).norm();
-    // Twice the mean length of a rim: few rims per cell, and few cells per rim.
+    // With cells of twice the mean edge length, a cell has few edges and an edge is in few cells.
     cell_ = std::max(2.0 * length / std::max<double>(1.0, double(ends_.size())), 1e-6);
     for (std::size_t i = 0; i < ends_.size(); i += 2) {
       const int steps = 1 + int(std::min(1e4, 2.0 * (at(i) - at(i + 1)).norm() / cell_));
       for (int k = 0; k <= steps; ++k) {
-        std::vector<std::size_t>& here =
+        std::vector<std::size_t>& cell_edges =
             cells_[cell_of(at(i) + (double(k) / steps) * (at(i + 1) - at(i)))];
-        if (here.empty() || here.back() != i) here.push_back(i);
+        if (cell_edges.empty() || cell_edges.back() != i) cell_edges.push_back(i);
       }
     }
   }
 
-  /// Returns the rims without another one beside them that has the same normals: there two faces
-  /// meet smoothly.
-  std::vector<int> merged_rims() const {
-    std::vector<int> kept;
+  /// Returns the rim edges that are no seams, two vertices each.
+  std::vector<int> edges_without_seams() const {
+    std::vector<int> edges;
     for (std::size_t i = 0; i < ends_.size(); i += 2)
-      if (!is_seam(i)) kept.insert(kept.end(), {ends_[i], ends_[i + 1]});
-    return kept;
+      if (!is_seam(i)) edges.insert(edges.end(), {ends_[i], ends_[i + 1]});
+    return edges;
   }
 
  private:
   using Cell = std::array<std::int64_t, 3>;
 
-  // A mesh may have its faces joined by position only, so a seam appears as two coincident rims.
+  /// Returns true if another rim edge coincides with this one and has the same normal. There two
+  /// faces meet smoothly that share positions but no vertices.
   bool is_seam(std::size_t i) const {
-    constexpr double near = 1e-3, same = 0.99;  // mm, cosine
+    constexpr double max_distance = 1e-3, min_cosine = 0.99;  // mm
     const Vector3d middle = 0.5 * (at(i) + at(i + 1));
     const Cell home = cell_of(middle);
     for (std::int64_t k = 0; k < 27; ++k) {
-      const auto found =
+      const auto cell =
           cells_.find({home[0] + k % 3 - 1, home[1] + k / 3 % 3 - 1, home[2] + k / 9 - 1});
-      if (found == cells_.end()) continue;
-      for (const std::size_t other : found->second)
-        if (other != i && normal(i).dot(normal(other)) > same &&
-            cutting::distance(middle, {at(other), at(other + 1)}) < near)
+      if (cell == cells_.end()) continue;
+      for (const std::size_t other : cell->second)
+        if (other != i && normal(i).dot(normal(other)) > min_cosine &&
+            cutting::distance(middle, {at(other), at(other + 1)}) < max_distance)
           return true;
     }
     return false;
@@ -100,10 +100,11 @@ class Rims {
     return (normals_.row(ends_[i]) + normals_.row(ends_[i + 1])).transpose().normalized();
   }
   Cell cell_of(const Vector3d& p) const {
-    constexpr double most = 1e15;
+    constexpr double max_index = 1e15;  // well within 64 bits
     Cell cell{};
     for (int k = 0; k < 3; ++k)
-      cell[std::size_t(k)] = std::int64_t(std::clamp(std::floor(p[k] / cell_), -most, most));
+      cell[std::size_t(k)] =
+          std::int64_t(std::clamp(std::floor(p[k] / cell_), -max_index, max_index));
     return cell;
   }
 
@@ -114,73 +115,76 @@ class Rims {
   std::map<Cell, std::vector<std::size_t>> cells_;
 };
 
-/// Rims, and in a lighter line sharp edges and silhouettes.
+/// The edges of a design that are drawn as lines.
 struct MapOutline {
-  std::vector<int> rims, folds;  ///< two vertices each
+  std::vector<int> rims;   ///< two vertices each
+  std::vector<int> folds;  ///< sharp edges and silhouettes, two vertices each
 };
 
-MapOutline map_outline(const cutting::Design& design, const Vector3d& toward) {
-  constexpr double sharp = 0.866;  // cosine of 30 degrees
-  constexpr double thin = 0.05;    // height by length: the normal of a thinner triangle is
-                                   // inaccurate
-  const cutting::Points smooth = normals(design);
-  cutting::Points facing(design.triangles.rows(), 3);
+MapOutline map_outline(const cutting::Design& design, const Vector3d& toward_eye) {
+  constexpr double sharp_cosine = 0.866;  // 30 degrees
+  // Ratio of height to length of a triangle; the normal of a thinner one is inaccurate.
+  constexpr double min_aspect = 0.05;
+  const cutting::Points vertex_normals = unit_normals(design);
+  cutting::Points triangle_normals(design.triangles.rows(), 3);
   const auto normal = [&](Eigen::Index triangle) -> Vector3d {
     const auto t = design.triangles.row(triangle);
     const Vector3d a = design.vertices.row(t[0]);
     const Vector3d b = design.vertices.row(t[1]);
     const Vector3d c = design.vertices.row(t[2]);
     const Vector3d twice_area = (b - a).cross(c - a);
-    const double longest =
+    const double max_squared_side =
         std::max({(b - a).squaredNorm(), (c - b).squaredNorm(), (a - c).squaredNorm()});
-    if (twice_area.norm() > thin * longest) return twice_area.normalized();
-    return (smooth.row(t[0]) + smooth.row(t[1]) + smooth.row(t[2])).normalized();
+    if (twice_area.norm() > min_aspect * max_squared_side) return twice_area.normalized();
+    return (vertex_normals.row(t[0]) + vertex_normals.row(t[1]) + vertex_normals.row(t[2]))
+        .normalized();
   };
-  tbb::parallel_for(Eigen::Index(0), facing.rows(),
-                    [&](Eigen::Index t) { facing.row(t) = normal(t).transpose(); });
+  tbb::parallel_for(Eigen::Index(0), triangle_normals.rows(),
+                    [&](Eigen::Index t) { triangle_normals.row(t) = normal(t).transpose(); });
   const std::vector<cutting::TriangleSide> sides = cutting::sides_of(design.triangles);
-  MapOutline found;
+  MapOutline outline;
   for (std::size_t i = 0, next = 0; i < sides.size(); i = next) {
     for (next = i + 1; next < sides.size() && sides[next].same_edge(sides[i]);) ++next;
     const auto [low, high, triangle, corner] = sides[i];
-    // A side without a partner is a rim; with more than two triangles an edge is not a manifold
-    // one.
-    if (next == i + 1) found.rims.insert(found.rims.end(), {low, high});
+    // An edge with one triangle is a rim; an edge with more than two is not manifold and is not
+    // drawn.
+    if (next == i + 1) outline.rims.insert(outline.rims.end(), {low, high});
     if (next != i + 2) continue;
-    const Vector3d a = facing.row(triangle), b = facing.row(sides[i + 1].triangle);
-    // Sharp, or one face visible and the other not: the silhouette.
-    if (a.dot(b) < sharp || a.dot(toward) * b.dot(toward) < 0.0)
-      found.folds.insert(found.folds.end(), {low, high});
+    const Vector3d a = triangle_normals.row(triangle);
+    const Vector3d b = triangle_normals.row(sides[i + 1].triangle);
+    // At the silhouette one triangle faces the eye and the other does not.
+    if (a.dot(b) < sharp_cosine || a.dot(toward_eye) * b.dot(toward_eye) < 0.0)
+      outline.folds.insert(outline.folds.end(), {low, high});
   }
-  found.rims = Rims(design, smooth, std::move(found.rims)).merged_rims();
-  return found;
+  outline.rims = Rims(design, vertex_normals, std::move(outline.rims)).edges_without_seams();
+  return outline;
 }
 
-Wire wire_of(const cutting::Points& points, const std::vector<int>& ends, const Colour& colour,
-             double width_px) {
+Wire make_wire(const cutting::Points& points, const std::vector<int>& ends, const Colour& colour,
+               double width_px) {
   Wire w{points(ends, Eigen::all), {}, colour, width_px};
   for (int i = 0; i < static_cast<int>(ends.size()); i += 2) w.segments.push_back({i, i + 1});
   return w;
 }
 
-/// Returns the appearance of a triangle: 0 by deviation, 1 outside, 2 uncut, 3 gouged; the worst of
-/// its corners.
-std::size_t look(const Field& field, const Eigen::RowVector3i& t) {
-  std::size_t worst = 0;
+/// Returns the appearance of a triangle, the highest of its corners: 0 coloured by deviation,
+/// 1 outside the judged region, 2 uncut, 3 gouged.
+std::size_t triangle_appearance(const Field& field, const Eigen::RowVector3i& t) {
+  std::size_t highest = 0;
   for (const int corner : t) {
     const std::uint8_t status = field.status[corner];
-    const std::size_t one = status == status_cut      ? 0
-                            : status == status_uncut  ? 2
-                            : status == status_gouged ? 3
-                                                      : 1;
-    worst = std::max(worst, one);
+    const std::size_t appearance = status == status_cut      ? 0
+                                   : status == status_uncut  ? 2
+                                   : status == status_gouged ? 3
+                                                             : 1;
+    highest = std::max(highest, appearance);
   }
-  return worst;
+  return highest;
 }
 
 }  // namespace
 
-void check(const Field& field) {
+void check_field(const Field& field) {
   const Eigen::Index n = field.design.vertices.rows();
   require(field.deviation_um.size() == n, "map: one deviation a vertex is needed");
   require(field.status.size() == static_cast<std::size_t>(n), "map: one status a vertex is needed");
@@ -195,53 +199,53 @@ void check(const Field& field) {
 }
 
 SurfaceScene surface_scene(const Field& field, const Eigen::VectorXd& values,
-                           const ColourScale& scale, const Eigen::Vector3d& toward) {
+                           const ColourScale& scale, const Eigen::Vector3d& toward_eye) {
   std::array<std::vector<int>, 4> corners;
   for (const auto& t : field.design.triangles.rowwise()) {
-    auto& list = corners[look(field, t)];
+    auto& list = corners[triangle_appearance(field, t)];
     list.insert(list.end(), t.begin(), t.end());
   }
   SurfaceScene scene;
   constexpr std::array<Colour, 4> colour{colours::white, colours::outside, colours::uncut,
                                          colours::gouged};
-  const cutting::Points unit_normals = normals(field.design);
+  const cutting::Points normals = unit_normals(field.design);
   for (std::size_t kind = 0; kind < corners.size(); ++kind) {
     if (corners[kind].empty()) continue;
     Solid solid;
     solid.points = field.design.vertices;
-    solid.normals = unit_normals;
+    solid.normals = normals;
     solid.triangles = Eigen::Map<const cutting::Triangles>(
         corners[kind].data(), static_cast<Eigen::Index>(corners[kind].size() / 3), 3);
     solid.colour = colour[kind];
     if (kind == 0) {
       solid.scale = scale;
-      // Shading would change the colours that encode the deviation.
+      // Shading would change the colours that show the deviation.
       solid.shade = 0.0;
-      // A value that is not finite would spoil the interpolation; its triangles are not drawn by
-      // value.
+      // Values that are not finite are replaced; these triangles do not use them.
       solid.values = values.array().isFinite().select(values, scale.low);
     }
     scene.solids.push_back(std::move(solid));
   }
-  const MapOutline lines = map_outline(field.design, toward);
-  scene.wires.push_back(wire_of(field.design.vertices, lines.folds, {0.55, 0.56, 0.58}, 1.2));
-  scene.wires.push_back(wire_of(field.design.vertices, lines.rims, {0.3, 0.31, 0.33}, 2.0));
+  const MapOutline lines = map_outline(field.design, toward_eye);
+  scene.wires.push_back(make_wire(field.design.vertices, lines.folds, {0.55, 0.56, 0.58}, 1.2));
+  scene.wires.push_back(make_wire(field.design.vertices, lines.rims, {0.3, 0.31, 0.33}, 2.0));
   return scene;
 }
 
 Wire isolines(const Field& field, const Eigen::VectorXd& values,
               const std::vector<double>& levels) {
-  // Linear in each triangle: a level crosses none or two of its sides, so points come in pairs.
+  // Values are linear in each triangle, so a level crosses none or two of its sides, and points
+  // come in pairs.
   std::vector<Vector3d> points;
   for (const auto& t : field.design.triangles.rowwise()) {
-    if (look(field, t) != 0) continue;
+    if (triangle_appearance(field, t) != 0) continue;
     for (const double level : levels) {
       for (int i = 0; i < 3; ++i) {
         const int a = t[i], b = t[(i + 1) % 3];
         if ((values[a] < level) == (values[b] < level)) continue;
-        const double part = (level - values[a]) / (values[b] - values[a]);
-        points.emplace_back((1.0 - part) * field.design.vertices.row(a) +
-                            part * field.design.vertices.row(b));
+        const double fraction = (level - values[a]) / (values[b] - values[a]);
+        points.emplace_back((1.0 - fraction) * field.design.vertices.row(a) +
+                            fraction * field.design.vertices.row(b));
       }
     }
   }
@@ -263,11 +267,11 @@ Tally tally(const Field& field, const Span& ends_um) {
     else if (field.status[i] > status_uncut)
       ++result.outside;
     if (field.status[i] != status_cut) continue;
-    const double d = field.deviation_um[i];
-    result.lowest_um = result.cut == 0 ? d : std::min(result.lowest_um, d);
-    result.highest_um = result.cut == 0 ? d : std::max(result.highest_um, d);
+    const double deviation = field.deviation_um[i];
+    result.lowest_um = result.cut == 0 ? deviation : std::min(result.lowest_um, deviation);
+    result.highest_um = result.cut == 0 ? deviation : std::max(result.highest_um, deviation);
     ++result.cut;
-    if (d < ends_um.lower || d > ends_um.upper) ++result.beyond;
+    if (deviation < ends_um.lower || deviation > ends_um.upper) ++result.beyond;
   }
   return result;
 }
@@ -284,48 +288,51 @@ bool is_within(const Rectangle& inner, const Rectangle& outer) {
          inner.y + inner.height <= outer.y + outer.height;
 }
 
-Rectangle shift_into(Rectangle box, const Rectangle& room) {
-  box.x = std::max(room.x, std::min(box.x, room.x + room.width - box.width));
-  box.y = std::max(room.y, std::min(box.y, room.y + room.height - box.height));
+Rectangle shift_into(Rectangle box, const Rectangle& area) {
+  box.x = std::max(area.x, std::min(box.x, area.x + area.width - box.width));
+  box.y = std::max(area.y, std::min(box.y, area.y + area.height - box.height));
   return box;
 }
 
-/// Returns the number of collisions of a position with labels and points; 0: free.
-int collisions(const Rectangle& box, const std::vector<Rectangle>& taken,
-               const std::vector<Vector2d>& points, double em) {
-  int count = 0;
-  for (const Rectangle& one : taken) count += overlap(box, one) ? 2 : 0;
+/// Returns the cost of a label's position: 2 for each label and 1 for each point that it overlaps.
+int overlap_cost(const Rectangle& box, const std::vector<Rectangle>& labels,
+                 const std::vector<Vector2d>& points, double em) {
+  int cost = 0;
+  for (const Rectangle& label : labels) cost += overlap(box, label) ? 2 : 0;
   for (const Vector2d& p : points)
-    count += overlap(box, {p.x() - 0.5 * em, p.y() - 0.5 * em, em, em}) ? 1 : 0;
-  return count;
+    cost += overlap(box, {p.x() - 0.5 * em, p.y() - 0.5 * em, em, em}) ? 1 : 0;
+  return cost;
 }
 
-Rectangle label_box(const Vector2d& point, const Vector2d& size,
-                    const std::vector<Rectangle>& taken, const std::vector<Vector2d>& points,
-                    const Rectangle& room, double em) {
-  Rectangle best = shift_into({point.x() + em, point.y() + em, size.x(), size.y()}, room);
-  int least = collisions(best, taken, points, em);
-  // Twelve directions at growing distances, in letter heights; the first free position is taken.
-  for (const double reach : {1.6, 3.0, 5.0, 8.0}) {
-    for (int k = 0; k < 12 && least > 0; ++k) {
+/// Returns the rectangle of a label.
+/// @param labels  rectangles of the labels placed before
+Rectangle place_label(const Vector2d& point, const Vector2d& size,
+                      const std::vector<Rectangle>& labels, const std::vector<Vector2d>& points,
+                      const Rectangle& area, double em) {
+  Rectangle best_box = shift_into({point.x() + em, point.y() + em, size.x(), size.y()}, area);
+  int min_cost = overlap_cost(best_box, labels, points, em);
+  // Twelve directions are tried at growing distances until a position has no overlap.
+  for (const double distance : {1.6, 3.0, 5.0, 8.0}) {
+    for (int k = 0; k < 12 && min_cost > 0; ++k) {
       const double angle = pi / 4.0 + k * pi / 6.0;
-      const Vector2d d(std::cos(angle), std::sin(angle));
-      const Vector2d middle = point + reach * em * d + 0.5 * d.cwiseProduct(size);
+      const Vector2d direction(std::cos(angle), std::sin(angle));
+      const Vector2d middle =
+          point + distance * em * direction + 0.5 * direction.cwiseProduct(size);
       const Rectangle box{middle.x() - 0.5 * size.x(), middle.y() - 0.5 * size.y(), size.x(),
                           size.y()};
-      // A label outside of the map would cover other elements.
-      if (!is_within(box, room)) continue;
-      const int count = collisions(box, taken, points, em);
-      if (count >= least) continue;
-      best = box;
-      least = count;
+      // A label outside the map would cover other elements.
+      if (!is_within(box, area)) continue;
+      const int cost = overlap_cost(box, labels, points, em);
+      if (cost >= min_cost) continue;
+      best_box = box;
+      min_cost = cost;
     }
   }
-  return best;
+  return best_box;
 }
 
 /// Returns the point of a rectangle that is nearest to another point.
-Vector2d nearest(const Rectangle& box, const Vector2d& p) {
+Vector2d nearest_point(const Rectangle& box, const Vector2d& p) {
   return {std::clamp(p.x(), box.x, box.x + box.width),
           std::clamp(p.y(), box.y, box.y + box.height)};
 }
@@ -341,36 +348,38 @@ void draw_disc(Canvas& canvas, const Vector2d& middle, double radius, const Colo
 
 bool is_hidden(const View& view, const cutting::Design& design, const Vector3d& point) {
   Eigen::Matrix3d to_view;
-  to_view << view.right.transpose(), view.up.transpose(), view.toward.transpose();
+  to_view << view.right.transpose(), view.up.transpose(), view.toward_eye.transpose();
   const Vector3d p = to_view * point;
-  const double nearer = 3.0 * view.mm_per_px;  // the surface around the point itself does not count
+  // The surface around the point itself does not hide it.
+  const double min_distance = 3.0 * view.mm_per_px;
   for (const auto& t : design.triangles.rowwise()) {
     const Vector3d a = to_view * design.vertices.row(t[0]).transpose();
     const Vector3d b = to_view * design.vertices.row(t[1]).transpose();
     const Vector3d c = to_view * design.vertices.row(t[2]).transpose();
     // A triangle behind the point cannot hide it.
-    if (std::max({a.z(), b.z(), c.z()}) < p.z() + nearer) continue;
-    const auto side = [&](const Vector3d& from, const Vector3d& to) {
+    if (std::max({a.z(), b.z(), c.z()}) < p.z() + min_distance) continue;
+    const auto twice_area = [&](const Vector3d& from, const Vector3d& to) {
       return (to.x() - from.x()) * (p.y() - from.y()) - (to.y() - from.y()) * (p.x() - from.x());
     };
-    const double u = side(b, c), v = side(c, a), w = side(a, b), all = u + v + w;
-    // The signed areas are barycentric coordinates, all positive inside of the triangle.
-    if (all == 0.0 || u / all < 0.0 || v / all < 0.0 || w / all < 0.0) continue;
-    if ((u * a.z() + v * b.z() + w * c.z()) / all > p.z() + nearer) return true;
+    // Signed areas are barycentric coordinates; inside the triangle they have the same sign.
+    const double u = twice_area(b, c), v = twice_area(c, a), w = twice_area(a, b);
+    const double sum = u + v + w;
+    if (sum == 0.0 || u / sum < 0.0 || v / sum < 0.0 || w / sum < 0.0) continue;
+    if ((u * a.z() + v * b.z() + w * c.z()) / sum > p.z() + min_distance) return true;
   }
   return false;
 }
 
 std::vector<Rectangle> place_labels(const std::vector<Vector2d>& points,
-                                    const std::vector<Vector2d>& sizes, const Rectangle& room,
+                                    const std::vector<Vector2d>& sizes, const Rectangle& area,
                                     double em) {
   std::vector<Rectangle> boxes;
   for (std::size_t i = 0; i < points.size(); ++i)
-    boxes.push_back(label_box(points[i], sizes[i], boxes, points, room, em));
+    boxes.push_back(place_label(points[i], sizes[i], boxes, points, area, em));
   return boxes;
 }
 
-void draw_flags(Canvas& canvas, const std::vector<Flag>& flags, const Rectangle& room,
+void draw_flags(Canvas& canvas, const std::vector<Flag>& flags, const Rectangle& area,
                 const TextStyle& style) {
   const double em = style.size_px;
   std::vector<Vector2d> points, sizes;
@@ -378,11 +387,11 @@ void draw_flags(Canvas& canvas, const std::vector<Flag>& flags, const Rectangle&
     points.push_back(flag.at);
     sizes.push_back(text_size(flag.text, style) + Vector2d(0.8 * em, 0.5 * em));
   }
-  const std::vector<Rectangle> boxes = place_labels(points, sizes, room, em);
+  const std::vector<Rectangle> boxes = place_labels(points, sizes, area, em);
   for (std::size_t i = 0; i < flags.size(); ++i)
-    canvas.line({flags[i].at, nearest(boxes[i], flags[i].at)}, colours::ink, em / 11.0);
+    canvas.line({flags[i].at, nearest_point(boxes[i], flags[i].at)}, colours::ink, em / 11.0);
   TextStyle centred = style;
-  centred.across = centred.upward = 0.5;
+  centred.horizontal_anchor = centred.vertical_anchor = 0.5;
   for (std::size_t i = 0; i < flags.size(); ++i) {
     draw_disc(canvas, flags[i].at, 0.34 * em, colours::white);
     draw_disc(canvas, flags[i].at, 0.26 * em, colours::ink);

@@ -21,13 +21,13 @@ using Eigen::Vector3d;
 using Size = std::array<int, 3>;
 
 constexpr double mm_per_um = 1e-3;
-constexpr int most_lines = 24;  // number of grid lines drawn along each direction
+constexpr int max_lines = 24;  // largest number of grid lines drawn along each direction
 constexpr Colour outline_colour{0.30, 0.45, 0.62};
 
-void check(const VolumePicture& picture, double magnification) {
+void check_picture(const VolumePicture& picture, double magnification) {
   const Size& s = picture.size;
   require(s[0] > 0 && s[1] > 0 && s[2] > 0, "volume map: every size must be positive");
-  // A line of points has no hull to colour.
+  // A line of points has no surface to colour.
   require(int(s[0] > 1) + int(s[1] > 1) + int(s[2] > 1) >= 2,
           "volume map: two sizes must be above 1");
   require(Eigen::Index(s[0]) * s[1] * s[2] == picture.points.rows() &&
@@ -39,75 +39,80 @@ void check(const VolumePicture& picture, double magnification) {
           "volume map: the magnification must be positive");
 }
 
-int index(const Size& size, const Size& at) { return at[0] + size[0] * (at[1] + size[1] * at[2]); }
+/// Returns the row of a grid point.
+int point_index(const Size& size, const Size& at) {
+  return at[0] + size[0] * (at[1] + size[1] * at[2]);
+}
 
-/// A face of the hull: directions `u` and `v` span it, the third is constant.
+/// A face of the grid, spanned by the directions `u` and `v`.
 struct Face {
   int u, v;
-  Size origin;
+  Size origin;  ///< grid point at its corner
 };
 
-std::vector<Face> faces(const Size& size) {
-  std::vector<Face> all;
+std::vector<Face> grid_faces(const Size& size) {
+  std::vector<Face> faces;
   for (int w = 0; w < 3; ++w) {
     const int u = w == 0 ? 1 : 0, v = w == 2 ? 1 : 2;
     // A flat grid has a single face.
     if (size[std::size_t(u)] < 2 || size[std::size_t(v)] < 2) continue;
     Size origin{0, 0, 0};
-    all.push_back({u, v, origin});
+    faces.push_back({u, v, origin});
     origin[std::size_t(w)] = size[std::size_t(w)] - 1;
-    if (size[std::size_t(w)] > 1) all.push_back({u, v, origin});
+    if (size[std::size_t(w)] > 1) faces.push_back({u, v, origin});
   }
-  return all;
+  return faces;
 }
 
-int index(const Size& size, const Face& face, int i, int k) {
+/// Returns the row of a point of a face.
+int point_index(const Size& size, const Face& face, int i, int k) {
   Size at = face.origin;
   at[std::size_t(face.u)] = i;
   at[std::size_t(face.v)] = k;
-  return index(size, at);
+  return point_index(size, at);
 }
 
+/// Returns the triangles of all faces.
 cutting::Triangles hull(const Size& size) {
   std::vector<int> corners;
-  for (const Face& face : faces(size))
+  for (const Face& face : grid_faces(size))
     for (int k = 0; k + 1 < size[std::size_t(face.v)]; ++k)
       for (int i = 0; i + 1 < size[std::size_t(face.u)]; ++i) {
         // Each cell of a face is split into two triangles.
-        const int a = index(size, face, i, k), b = index(size, face, i + 1, k);
-        const int c = index(size, face, i + 1, k + 1), d = index(size, face, i, k + 1);
+        const int a = point_index(size, face, i, k), b = point_index(size, face, i + 1, k);
+        const int c = point_index(size, face, i + 1, k + 1), d = point_index(size, face, i, k + 1);
         corners.insert(corners.end(), {a, b, c, a, c, d});
       }
   return Eigen::Map<const cutting::Triangles>(corners.data(), Eigen::Index(corners.size() / 3), 3);
 }
 
-/// Returns evenly spaced indices of n, about most_lines of them, including the first and the last.
-std::vector<int> some_of(int n) {
-  const int step = (n - 2) / most_lines + 1;
-  std::vector<int> some;
-  for (int i = 0; i < n - 1; i += step) some.push_back(i);
-  some.push_back(n - 1);
-  return some;
+/// Returns evenly spaced indices from 0 to n - 1, at most about max_lines of them.
+std::vector<int> line_indices(int n) {
+  const int step = (n - 2) / max_lines + 1;
+  std::vector<int> indices;
+  for (int i = 0; i < n - 1; i += step) indices.push_back(i);
+  indices.push_back(n - 1);
+  return indices;
 }
 
-/// Returns the grid lines on the hull.
+/// Returns the segments of the grid lines on the faces.
 std::vector<std::array<int, 2>> hull_lines(const Size& size) {
   std::vector<std::array<int, 2>> lines;
-  for (const Face& face : faces(size)) {
+  for (const Face& face : grid_faces(size)) {
     const int nu = size[std::size_t(face.u)], nv = size[std::size_t(face.v)];
-    for (const int k : some_of(nv))
+    for (const int k : line_indices(nv))
       for (int i = 0; i + 1 < nu; ++i)
-        lines.push_back({index(size, face, i, k), index(size, face, i + 1, k)});
-    for (const int i : some_of(nu))
+        lines.push_back({point_index(size, face, i, k), point_index(size, face, i + 1, k)});
+    for (const int i : line_indices(nu))
       for (int k = 0; k + 1 < nv; ++k)
-        lines.push_back({index(size, face, i, k), index(size, face, i, k + 1)});
+        lines.push_back({point_index(size, face, i, k), point_index(size, face, i, k + 1)});
   }
   return lines;
 }
 
-/// Returns the edges of the block: lines along one direction with the others at an end.
-std::vector<std::vector<int>> edges(const Size& size) {
-  std::vector<std::vector<int>> all;
+/// Returns the edges of the grid, each as the points along it.
+std::vector<std::vector<int>> grid_edges(const Size& size) {
+  std::vector<std::vector<int>> edges;
   for (int u = 0; u < 3; ++u) {
     if (size[std::size_t(u)] < 2) continue;
     const int v = (u + 1) % 3, w = (u + 2) % 3;
@@ -115,47 +120,49 @@ std::vector<std::vector<int>> edges(const Size& size) {
       Size at{0, 0, 0};
       if ((ends & 1) != 0) at[std::size_t(v)] = size[std::size_t(v)] - 1;
       if ((ends & 2) != 0) at[std::size_t(w)] = size[std::size_t(w)] - 1;
-      // With a size of 1 both ends coincide, and the edge would appear twice.
+      // With a size of 1, both ends of a direction are the same edge.
       if (((ends & 1) != 0 && size[std::size_t(v)] == 1) ||
           ((ends & 2) != 0 && size[std::size_t(w)] == 1))
         continue;
-      all.emplace_back();
+      edges.emplace_back();
       for (int i = 0; i < size[std::size_t(u)]; ++i) {
         at[std::size_t(u)] = i;
-        all.back().push_back(index(size, at));
+        edges.back().push_back(point_index(size, at));
       }
     }
   }
-  return all;
+  return edges;
 }
 
-cutting::Points displaced(const VolumePicture& picture, double magnification) {
+cutting::Points displaced_points(const VolumePicture& picture, double magnification) {
   return picture.points + (mm_per_um * magnification) * picture.displacement_um;
 }
 
-/// Returns the normal of a flat grid, so that it is seen undistorted: from +Z, -Y or +X if it is in
-/// a plane of the axes.
-std::optional<Vector3d> normal(const VolumePicture& picture) {
+/// Returns the normal of a flat grid: +Z, -Y or +X if the grid is parallel to two axes. Empty if
+/// the grid is not flat.
+std::optional<Vector3d> flat_grid_normal(const VolumePicture& picture) {
   const Size& s = picture.size;
   if (s[0] > 1 && s[1] > 1 && s[2] > 1) return std::nullopt;
   const Eigen::RowVector3d middle = picture.points.colwise().mean();
-  const cutting::Points about = picture.points.rowwise() - middle;
-  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> spread(about.transpose() * about);
-  // 1e-12 of the variance: a grid counts as flat within 1e-6 of its size.
-  if (spread.eigenvalues()[0] > 1e-12 * spread.eigenvalues()[2]) return std::nullopt;
-  Vector3d n = spread.eigenvectors().col(0);
+  const cutting::Points centred = picture.points.rowwise() - middle;
+  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> principal_axes(centred.transpose() *
+                                                                      centred);
+  // A grid is flat if its thickness is below 1e-6 of its size; eigenvalues are squares of lengths.
+  if (principal_axes.eigenvalues()[0] > 1e-12 * principal_axes.eigenvalues()[2])
+    return std::nullopt;
+  Vector3d n = principal_axes.eigenvectors().col(0);
   for (double& x : n)
     if (std::abs(x) < 1e-9) x = 0.0;
-  // The sign of an eigenvector is arbitrary, so it is chosen towards a usual side.
-  const Vector3d wanted(1.0, -2.0, 4.0);
-  return n.dot(wanted) < 0.0 ? Vector3d(-n) : n;
+  // The sign of an eigenvector is arbitrary; this direction selects +Z, -Y or +X.
+  const Vector3d preferred_side(1.0, -2.0, 4.0);
+  return n.dot(preferred_side) < 0.0 ? Vector3d(-n) : n;
 }
 
-/// Returns the end of a scale: at least 1 nm, so that a grid without displacement has one.
+/// Returns the end of a scale, at least 1 nm, so that a grid without displacements has a scale.
 double scale_end(double largest_um) { return std::max(round_up_range(largest_um), 1e-3); }
 
-Solid solid(const cutting::Points& points, const cutting::Triangles& triangles,
-            const Eigen::VectorXd& values, const ColourScale& scale) {
+Solid make_solid(const cutting::Points& points, const cutting::Triangles& triangles,
+                 const Eigen::VectorXd& values, const ColourScale& scale) {
   Solid result;
   result.points = points;
   result.triangles = triangles;
@@ -165,46 +172,46 @@ Solid solid(const cutting::Points& points, const cutting::Triangles& triangles,
   return result;
 }
 
-/// Positions of the elements.
-struct Places {
+/// Areas of the elements, px.
+struct VolumeLayout {
   Rectangle main, main_foot;
   std::array<Rectangle, 3> components;
   Rectangle component_foot;
 };
 
-Places places(const Page& page, double figures_height) {
+VolumeLayout volume_layout(const Page& page, double figures_height) {
   const double u = page.unit, gap = 36.0 * u, foot = 112.0 * u;
   const double margin = 20.0 * u;
   const Rectangle inner{page.inner.x + margin, page.inner.y + margin,
                         page.inner.width - 2.0 * margin, page.inner.height - margin};
   const double left = std::round(0.64 * inner.width);
-  Places p;
+  VolumeLayout layout;
   const double height = inner.height - figures_height - foot;
-  p.main = {inner.x, inner.y + foot, left, height};
-  p.main_foot = {inner.x, inner.y, left, foot};
+  layout.main = {inner.x, inner.y + foot, left, height};
+  layout.main_foot = {inner.x, inner.y, left, foot};
   const double x = inner.x + left + gap, width = inner.width - left - gap;
   for (int i = 0; i < 3; ++i)
-    p.components[std::size_t(i)] = {x, inner.y + foot + (2 - i) * height / 3.0, width,
-                                    height / 3.0};
-  p.component_foot = {x, inner.y, width, foot};
-  return p;
+    layout.components[std::size_t(i)] = {x, inner.y + foot + (2 - i) * height / 3.0, width,
+                                         height / 3.0};
+  layout.component_foot = {x, inner.y, width, foot};
+  return layout;
 }
 
 View draw_main(Canvas& canvas, const VolumePicture& picture, double magnification,
                const Rectangle& area, const Vector3d& from, double range) {
-  const cutting::Points moved = displaced(picture, magnification);
+  const cutting::Points displaced = displaced_points(picture, magnification);
   // The view contains the displaced and the undisplaced grid.
-  cutting::Points both(2 * moved.rows(), 3);
-  both << moved, picture.points;
-  const View view = fit_view(both, from, Vector3d::UnitZ(), area);
-  const Wire lines{moved, hull_lines(picture.size), {0.25, 0.26, 0.28}, 1.0};
+  cutting::Points view_points(2 * displaced.rows(), 3);
+  view_points << displaced, picture.points;
+  const View view = fit_view(view_points, from, Vector3d::UnitZ(), area);
+  const Wire lines{displaced, hull_lines(picture.size), {0.25, 0.26, 0.28}, 1.0};
   canvas.scene(view,
-               {solid(moved, hull(picture.size), picture.displacement_um.rowwise().norm(),
-                      colour_scale(0.0, range))},
+               {make_solid(displaced, hull(picture.size), picture.displacement_um.rowwise().norm(),
+                           colour_scale(0.0, range))},
                {lines});
-  for (const std::vector<int>& edge : edges(picture.size)) {
+  for (const std::vector<int>& edge : grid_edges(picture.size)) {
     std::vector<Vector2d> line;
-    for (const int i : edge) line.push_back(projected(view, picture.points.row(i).transpose()));
+    for (const int i : edge) line.push_back(project(view, picture.points.row(i).transpose()));
     canvas.line(line, outline_colour, 2.0);
   }
   return view;
@@ -213,20 +220,20 @@ View draw_main(Canvas& canvas, const VolumePicture& picture, double magnificatio
 void draw_main_foot(Canvas& canvas, const Rectangle& foot, const View& view, double range,
                     const TextStyle& body) {
   const double em = body.size_px;
-  horizontal_colour_bar(
+  draw_horizontal_colour_bar(
       canvas, {foot.x + 5.0 * em, foot.y + 0.55 * foot.height, foot.width - 5.0 * em, 1.6 * em},
       ColourBar{colour_scale(0.0, range)}, body);
-  triad(canvas, view, {foot.x + 1.9 * em, foot.y + 0.5 * foot.height}, 1.5 * em, body);
+  draw_triad(canvas, view, {foot.x + 1.9 * em, foot.y + 0.5 * foot.height}, 1.5 * em, body);
   const double y = foot.y + 0.22 * foot.height;
-  scale_bar(canvas, view, {foot.x + 5.0 * em, y}, 0.25 * foot.width, body);
+  draw_scale_bar(canvas, view, {foot.x + 5.0 * em, y}, 0.25 * foot.width, body);
   const double x = foot.x + 0.55 * foot.width;
   canvas.line({{x, y}, {x + 2.0 * em, y}}, outline_colour, 2.0);
-  TextStyle beside = body;
-  beside.upward = 0.5;
-  canvas.text({x + 2.6 * em, y}, "where it should be", beside);
+  TextStyle label_style = body;
+  label_style.vertical_anchor = 0.5;
+  canvas.text({x + 2.6 * em, y}, "where it should be", label_style);
 }
 
-void draw_components(Canvas& canvas, const VolumePicture& picture, const Places& p,
+void draw_components(Canvas& canvas, const VolumePicture& picture, const VolumeLayout& layout,
                      const Vector3d& from, const TextStyle& body) {
   const double range = scale_end(picture.displacement_um.cwiseAbs().maxCoeff());
   const LengthUnit unit = length_unit(range);
@@ -236,33 +243,33 @@ void draw_components(Canvas& canvas, const VolumePicture& picture, const Places&
   const double title = 1.5 * line_height(body);
   for (int i = 0; i < 3; ++i) {
     const Eigen::VectorXd values = picture.displacement_um.col(i);
-    const Rectangle& box = p.components[std::size_t(i)];
+    const Rectangle& box = layout.components[std::size_t(i)];
     const Rectangle area{box.x, box.y + 8.0, box.width, box.height - title - 8.0};
     const View view = fit_view(picture.points, from, Vector3d::UnitZ(), area);
     Wire outline{picture.points, {}, {0.25, 0.26, 0.28}, 1.0};
-    for (const std::vector<int>& edge : edges(picture.size))
+    for (const std::vector<int>& edge : grid_edges(picture.size))
       for (std::size_t k = 1; k < edge.size(); ++k)
         outline.segments.push_back({edge[k - 1], edge[k]});
-    canvas.scene(view, {solid(picture.points, triangles, values, colour_scale(-range, range))},
+    canvas.scene(view, {make_solid(picture.points, triangles, values, colour_scale(-range, range))},
                  {outline});
     const double low = values.minCoeff() * unit.per_um, high = values.maxCoeff() * unit.per_um;
     const int digits = significant_decimals(std::max(std::abs(low), std::abs(high)));
     const std::string name = fmt::format("in {}", "XYZ"[i]);
     const double y = box.y + box.height - 0.2 * line_height(body);
-    TextStyle hung = head;
-    hung.upward = 1.0;
-    canvas.text({box.x, y}, name, hung);
-    hung.bold = false;
-    hung.across = 1.0;
+    TextStyle style = head;
+    style.vertical_anchor = 1.0;
+    canvas.text({box.x, y}, name, style);
+    style.bold = false;
+    style.horizontal_anchor = 1.0;
     canvas.text(
         {box.x + box.width, y},
         fmt::format("{} … {} {}", signed_fixed(low, digits), signed_fixed(high, digits), unit.name),
-        hung);
+        style);
   }
-  const Rectangle& foot = p.component_foot;
-  horizontal_colour_bar(canvas,
-                        {foot.x, foot.y + 0.55 * foot.height, foot.width, 1.6 * body.size_px},
-                        ColourBar{colour_scale(-range, range)}, body);
+  const Rectangle& foot = layout.component_foot;
+  draw_horizontal_colour_bar(canvas,
+                             {foot.x, foot.y + 0.55 * foot.height, foot.width, 1.6 * body.size_px},
+                             ColourBar{colour_scale(-range, range)}, body);
 }
 
 }  // namespace
@@ -272,20 +279,19 @@ double fitted_magnification(const VolumePicture& picture) {
   const double largest = mm_per_um * picture.displacement_um.rowwise().norm().maxCoeff();
   const Eigen::RowVector3d extent =
       picture.points.colwise().maxCoeff() - picture.points.colwise().minCoeff();
-  // Without displacement or extent no magnification can be derived.
   if (!(largest > 0.0) || !(extent.norm() > 0.0)) return 1.0;
-  // The largest displacement is drawn as about a twelfth of the grid.
-  const double wanted = extent.norm() / 12.0 / largest;
-  // Rounded down to 1, 2, 5: rounding up could make displacements cross the grid.
-  const double above = round_up_125(wanted);
-  return std::max(above > wanted ? round_up_125(0.39 * above) : above, 1e-9);
+  const double exact = extent.norm() / 12.0 / largest;
+  // Rounded down to 1, 2 or 5 x 10^k, because larger displacements could cross the grid.
+  const double rounded_up = round_up_125(exact);
+  return std::max(rounded_up > exact ? round_up_125(0.39 * rounded_up) : rounded_up, 1e-9);
 }
 
 void write_volume_map(const std::filesystem::path& path, const VolumePicture& picture,
                       const VolumeOptions& options) {
   const double magnification = options.magnification.value_or(fitted_magnification(picture));
-  check(picture, magnification);
-  const Vector3d from = options.from.value_or(normal(picture).value_or(Vector3d(-0.5, -1.0, 0.6)));
+  check_picture(picture, magnification);
+  const Vector3d from =
+      options.from.value_or(flat_grid_normal(picture).value_or(Vector3d(-0.5, -1.0, 0.6)));
   const double range = scale_end(picture.displacement_um.rowwise().norm().maxCoeff());
   std::vector<std::string> caption{
       fmt::format("displacements magnified {} ×, coloured by their length at the left, by their "
@@ -294,20 +300,21 @@ void write_volume_map(const std::filesystem::path& path, const VolumePicture& pi
                   view_description(fit_view({}, from, Vector3d::UnitZ(), {})))};
   caption.insert(caption.end(), picture.caption.begin(), picture.caption.end());
   const double unit = type_sizes(options.width, options.height).unit;
-  const Page p = page(options.width, options.height, picture.title, caption, unit);
+  const Page sheet = page(options.width, options.height, picture.title, caption, unit);
   const TextStyle figures{.size_px = 26.0 * unit};
   const double figures_height = picture.figures.empty() ? 0.0 : 1.9 * line_height(figures);
-  const Places where = places(p, figures_height);
+  const VolumeLayout layout = volume_layout(sheet, figures_height);
 
-  Canvas canvas(p.width, p.height);
-  const View view = draw_main(canvas, picture, magnification, where.main, from, range);
-  draw_main_foot(canvas, where.main_foot, view, range, p.body);
-  draw_components(canvas, picture, where, from, p.body);
+  Canvas canvas(sheet.width, sheet.height);
+  const View view = draw_main(canvas, picture, magnification, layout.main, from, range);
+  draw_main_foot(canvas, layout.main_foot, view, range, sheet.body);
+  draw_components(canvas, picture, layout, from, sheet.body);
   if (!picture.figures.empty())
-    paragraph(canvas,
-              {p.inner.x + 20.0 * unit, p.inner.y + p.inner.height - 0.15 * line_height(figures)},
-              wrapped(picture.figures, figures, p.inner.width - 40.0 * unit, 1), figures);
-  draw_page(canvas, p);
+    draw_paragraph(canvas,
+                   {sheet.inner.x + 20.0 * unit,
+                    sheet.inner.y + sheet.inner.height - 0.15 * line_height(figures)},
+                   wrapped(picture.figures, figures, sheet.inner.width - 40.0 * unit, 1), figures);
+  draw_page(canvas, sheet);
   canvas.write_png(path);
 }
 

@@ -25,17 +25,16 @@ struct HeadlessContext::Handles {
     eglMakeCurrent(display, EGL_NO_SURFACE, EGL_NO_SURFACE, EGL_NO_CONTEXT);
     if (context != EGL_NO_CONTEXT) eglDestroyContext(display, context);
     if (surface != EGL_NO_SURFACE) eglDestroySurface(display, surface);
-    // EGL frees its per-thread state when the thread ends; a pool thread ends after EGL is gone.
+    // The state of this thread is freed here, because threads of a pool end after EGL is unloaded.
     eglReleaseThread();
-    // The display is shared by the process and stays initialised: GLEW keeps pointers into its
-    // driver.
+    // The display remains initialised, because GLEW keeps pointers into its driver.
   }
 };
 
 namespace {
 
-void require_step(bool done, const char* step) {
-  if (!done) {
+void require_step(bool succeeded, const char* step) {
+  if (!succeeded) {
     throw std::runtime_error(fmt::format("no picture can be drawn: {} failed (EGL error 0x{:x})",
                                          step, static_cast<unsigned>(eglGetError())));
   }
@@ -50,29 +49,30 @@ HeadlessContext::HeadlessContext() : handles_(std::make_unique<Handles>()) {
   require_step(eglInitialize(h.display, nullptr, nullptr) == EGL_TRUE, "eglInitialize");
   require_step(eglBindAPI(EGL_OPENGL_API) == EGL_TRUE, "binding desktop OpenGL");
 
-  constexpr std::array<EGLint, 11> wanted{EGL_SURFACE_TYPE,
-                                          EGL_PBUFFER_BIT,
-                                          EGL_RENDERABLE_TYPE,
-                                          EGL_OPENGL_BIT,
-                                          EGL_RED_SIZE,
-                                          8,
-                                          EGL_GREEN_SIZE,
-                                          8,
-                                          EGL_BLUE_SIZE,
-                                          8,
-                                          EGL_NONE};
+  constexpr std::array<EGLint, 11> config_attributes{EGL_SURFACE_TYPE,
+                                                     EGL_PBUFFER_BIT,
+                                                     EGL_RENDERABLE_TYPE,
+                                                     EGL_OPENGL_BIT,
+                                                     EGL_RED_SIZE,
+                                                     8,
+                                                     EGL_GREEN_SIZE,
+                                                     8,
+                                                     EGL_BLUE_SIZE,
+                                                     8,
+                                                     EGL_NONE};
   EGLConfig config = nullptr;
-  EGLint found = 0;
+  EGLint config_count = 0;
   require_step(
-      eglChooseConfig(h.display, wanted.data(), &config, 1, &found) == EGL_TRUE && found == 1,
+      eglChooseConfig(h.display, config_attributes.data(), &config, 1, &config_count) == EGL_TRUE &&
+          config_count == 1,
       "eglChooseConfig");
 
-  // VTK draws into its own buffers; a context merely needs some surface to be current.
+  // A context needs some surface to be current, although VTK draws into its own buffers.
   constexpr std::array<EGLint, 5> pbuffer_attributes{EGL_WIDTH, 1, EGL_HEIGHT, 1, EGL_NONE};
   h.surface = eglCreatePbufferSurface(h.display, config, pbuffer_attributes.data());
   require_step(h.surface != EGL_NO_SURFACE, "eglCreatePbufferSurface");
 
-  // OpenGL 3.2 core is the minimum of VTK.
+  // VTK needs at least OpenGL 3.2 core.
   constexpr std::array<EGLint, 7> version{EGL_CONTEXT_MAJOR_VERSION,
                                           3,
                                           EGL_CONTEXT_MINOR_VERSION,
@@ -90,7 +90,7 @@ HeadlessContext::~HeadlessContext() = default;
 
 namespace {
 
-/// A font of Debian, and its package.
+/// Files of a font in Debian, and its package.
 struct Font {
   const char* regular;
   const char* bold;
@@ -99,12 +99,12 @@ struct Font {
 
 constexpr Font western{"/usr/share/fonts/truetype/dejavu/DejaVuSans.ttf",
                        "/usr/share/fonts/truetype/dejavu/DejaVuSans-Bold.ttf", "fonts-dejavu-core"};
-// Without a bold face.
+// This font has no bold face.
 constexpr Font eastern{"/usr/share/fonts/truetype/wqy/wqy-microhei.ttc",
                        "/usr/share/fonts/truetype/wqy/wqy-microhei.ttc", "fonts-wqy-microhei"};
 
 /// Returns true if a text contains Chinese, Japanese or Korean characters (U+2E80 to U+D7FF and the
-/// wide forms), judged by the first two bytes in UTF-8.
+/// wide forms). The first two bytes in UTF-8 suffice to recognise them.
 bool is_eastern(const std::string& text) {
   for (std::size_t i = 0; i + 1 < text.size(); ++i) {
     const auto first = static_cast<std::uint8_t>(text[i]);
@@ -118,9 +118,9 @@ bool is_eastern(const std::string& text) {
 
 const Font& font_for(const std::string& text) { return is_eastern(text) ? eastern : western; }
 
-bool is_there(const char* file) {
-  std::error_code none;
-  return std::filesystem::is_regular_file(file, none);
+bool is_installed(const char* file) {
+  std::error_code error_code;
+  return std::filesystem::is_regular_file(file, error_code);
 }
 
 }  // namespace
@@ -128,12 +128,12 @@ bool is_there(const char* file) {
 std::string font_file(const std::string& text, bool bold) {
   const Font& font = font_for(text);
   const char* file = bold ? font.bold : font.regular;
-  return is_there(file) ? file : "";
+  return is_installed(file) ? file : "";
 }
 
 std::string missing_font_package(const std::string& text) {
   const Font& font = font_for(text);
-  return is_there(font.regular) && is_there(font.bold) ? "" : font.package;
+  return is_installed(font.regular) && is_installed(font.bold) ? "" : font.package;
 }
 
 }  // namespace abbe::render

@@ -26,10 +26,10 @@ namespace abbe::render {
 VtkFile::VtkFile(const std::filesystem::path& path, const std::string& kind,
                  std::uintmax_t max_bytes)
     : path_(path.string()) {
-  std::error_code failure;
-  if (!std::filesystem::is_regular_file(path, failure)) throw_file_error(kind, "no such file");
-  const std::uintmax_t size = std::filesystem::file_size(path, failure);
-  if (failure || size > max_bytes)
+  std::error_code error_code;
+  if (!std::filesystem::is_regular_file(path, error_code)) throw_file_error(kind, "no such file");
+  const std::uintmax_t size = std::filesystem::file_size(path, error_code);
+  if (error_code || size > max_bytes)
     throw_file_error(fmt::format("at most {} MiB", max_bytes >> 20), fmt::format("{} bytes", size));
   std::ifstream stream(path, std::ios::binary);
   text_.assign(std::istreambuf_iterator<char>(stream), {});
@@ -40,8 +40,9 @@ void VtkFile::throw_file_error(const std::string& expected, const std::string& s
   throw BadInput(path_, 0, 0, expected, seen);
 }
 
-void VtkFile::refuse(std::size_t at, const std::string& expected, const std::string& seen) const {
-  const auto end = text_.begin() + std::ptrdiff_t(std::min(at, text_.size()));
+void VtkFile::throw_error_at(std::size_t position, const std::string& expected,
+                             const std::string& seen) const {
+  const auto end = text_.begin() + std::ptrdiff_t(std::min(position, text_.size()));
   throw BadInput(path_, 1 + int(std::count(text_.begin(), end, '\n')), 0, expected, seen);
 }
 
@@ -60,10 +61,10 @@ std::optional<VtkTag> VtkTags::next() {
 }
 
 void VtkTags::skip_to(std::string_view end) {
-  const std::size_t found = text_.find(end, at_);
-  if (found == std::string_view::npos)
-    source_.refuse(at_, "the end of a comment", shown(text_.substr(at_)));
-  at_ = found + end.size();
+  const std::size_t position = text_.find(end, at_);
+  if (position == std::string_view::npos)
+    source_.throw_error_at(at_, "the end of a comment", shown(text_.substr(at_)));
+  at_ = position + end.size();
 }
 
 VtkTag VtkTags::tag() {
@@ -81,39 +82,41 @@ VtkTag VtkTags::tag() {
 
 bool VtkTags::read_attribute(VtkTag& tag) {
   at_ = text_.find_first_not_of(" \t\r\n/?", at_);
-  if (at_ == std::string_view::npos) source_.refuse(tag.at, "the end of a tag", "the file's end");
+  if (at_ == std::string_view::npos)
+    source_.throw_error_at(tag.at, "the end of a tag", "the file's end");
   if (text_[at_] == '>') {
     ++at_;
     return false;
   }
   const std::size_t equals = text_.find_first_of("=>", at_);
-  const bool quoted = equals != std::string_view::npos && text_[equals] == '=' &&
-                      equals + 1 < text_.size() &&
-                      (text_[equals + 1] == '"' || text_[equals + 1] == '\'');
+  const bool is_quoted = equals != std::string_view::npos && text_[equals] == '=' &&
+                         equals + 1 < text_.size() &&
+                         (text_[equals + 1] == '"' || text_[equals + 1] == '\'');
   const std::size_t end =
-      quoted ? text_.find(text_[equals + 1], equals + 2) : std::string_view::npos;
+      is_quoted ? text_.find(text_[equals + 1], equals + 2) : std::string_view::npos;
   if (end == std::string_view::npos)
-    source_.refuse(tag.at, "attributes as name=\"value\"", shown(text_.substr(at_)));
+    source_.throw_error_at(tag.at, "attributes as name=\"value\"", shown(text_.substr(at_)));
   const std::string_view name = text_.substr(at_, equals - at_);
-  // A limit, since attributes are kept in a map: noise must not fill it.
-  if (tag.attributes.size() > 100) source_.refuse(tag.at, "at most 100 attributes", "more");
+  // Attributes are kept in a map, so invalid data must not add any number of them.
+  if (tag.attributes.size() > 100) source_.throw_error_at(tag.at, "at most 100 attributes", "more");
   if (!tag.attributes.emplace(name, text_.substr(equals + 2, end - equals - 2)).second)
-    source_.refuse(tag.at, "every attribute once", shown(name));
+    source_.throw_error_at(tag.at, "every attribute once", shown(name));
   at_ = end + 1;
   return true;
 }
 
-std::string_view attribute(const VtkTag& tag, std::string_view name, std::string_view otherwise) {
-  const auto found = tag.attributes.find(name);
-  return found == tag.attributes.end() ? otherwise : found->second;
+std::string_view attribute(const VtkTag& tag, std::string_view name, std::string_view fallback) {
+  const auto entry = tag.attributes.find(name);
+  return entry == tag.attributes.end() ? fallback : entry->second;
 }
 
 std::size_t whole_number(const VtkFile& source, const VtkTag& tag, std::string_view name) {
   const std::string_view text = attribute(tag, name, "");
   std::size_t value = 0;
-  const auto [end, fault] = std::from_chars(text.data(), text.data() + text.size(), value);
-  if (fault != std::errc{} || end != text.data() + text.size())
-    source.refuse(tag.at, fmt::format("a whole number as {} of {}", name, tag.name), shown(text));
+  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
+  if (error != std::errc{} || end != text.data() + text.size())
+    source.throw_error_at(tag.at, fmt::format("a whole number as {} of {}", name, tag.name),
+                          shown(text));
   return value;
 }
 
@@ -123,31 +126,33 @@ std::string shown(std::string_view text) {
   return "\"" + printable + (text.size() > 40 ? "...\"" : "\"");
 }
 
-// VTK contributes only the decoders, each called with the bytes that are present.
-
 namespace {
+
+// The decoders are those of VTK; they are called only with bytes that are present.
 
 static_assert(std::endian::native == std::endian::little);
 
-constexpr std::size_t max_deflation = 1100;  // largest compression ratio of zlib and lz4
+constexpr std::uintmax_t max_vtu_bytes = std::uintmax_t(512) << 20;
+constexpr std::size_t max_compression_ratio = 1100;  // of zlib and lz4
 
-/// Position and encoding of the two arrays.
+/// Position and encoding of the points and the tensors.
 struct FileLayout {
-  std::size_t header_bytes = 4;  ///< size of a number before binary data
+  std::size_t header_bytes = 4;  ///< size of the numbers in front of binary data
   enum class Packing { None, ZLib, Lz4 } packing = Packing::None;
   std::size_t nodes = 0;
   std::optional<VtkTag> points, tensors;
-  std::string_view appended;  ///< after the underscore
+  std::string_view appended;  ///< appended data after the underscore
   bool appended_raw = false;
 };
 
 void read_file_tag(const VtkFile& source, const VtkTag& tag, FileLayout& layout) {
   const auto expect = [&](std::string_view name, std::string_view value) {
     const std::string_view seen = attribute(tag, name, value);
-    if (seen != value) source.refuse(tag.at, fmt::format("{}=\"{}\"", name, value), shown(seen));
+    if (seen != value)
+      source.throw_error_at(tag.at, fmt::format("{}=\"{}\"", name, value), shown(seen));
   };
   if (!tag.attributes.contains("type"))
-    source.refuse(tag.at, "type=\"UnstructuredGrid\"", "no type");
+    source.throw_error_at(tag.at, "type=\"UnstructuredGrid\"", "no type");
   expect("type", "UnstructuredGrid");
   expect("byte_order", "LittleEndian");
   const std::string_view header = attribute(tag, "header_type", "UInt32");
@@ -159,20 +164,20 @@ void read_file_tag(const VtkFile& source, const VtkTag& tag, FileLayout& layout)
   } else if (packing == "vtkLZ4DataCompressor") {
     layout.packing = FileLayout::Packing::Lz4;
   } else if (!packing.empty()) {
-    source.refuse(tag.at, "no compressor, vtkZLibDataCompressor or vtkLZ4DataCompressor",
-                  shown(packing));
+    source.throw_error_at(tag.at, "no compressor, vtkZLibDataCompressor or vtkLZ4DataCompressor",
+                          shown(packing));
   }
 }
 
 void read_appended(const VtkFile& source, const VtkTag& tag, FileLayout& layout) {
   const std::string_view encoding = attribute(tag, "encoding", "");
   if (encoding != "base64" && encoding != "raw")
-    source.refuse(tag.at, "appended data as base64 or raw", shown(encoding));
+    source.throw_error_at(tag.at, "appended data as base64 or raw", shown(encoding));
   layout.appended_raw = encoding == "raw";
   const std::size_t start = tag.inner.find_first_not_of(xml_blank);
   if (start == std::string_view::npos || tag.inner[start] != '_')
-    source.refuse(tag.at, "an underscore before the appended data", shown(tag.inner));
-  // Raw data may contain any byte, so they extend to the end of the file.
+    source.throw_error_at(tag.at, "an underscore before the appended data", shown(tag.inner));
+  // Raw data may contain any byte, so their end is not searched for.
   layout.appended =
       source.text().substr(std::size_t(tag.inner.data() - source.text().data()) + start + 1);
 }
@@ -181,22 +186,22 @@ FileLayout read_layout(const VtkFile& source, const std::string& array) {
   FileLayout layout;
   VtkTags tags(source, source.text());
   std::string_view section;
-  std::string seen;
-  bool vtk_file = false;
+  std::string other_names;
+  bool has_file_tag = false;
   int pieces = 0;
   while (const std::optional<VtkTag> tag = tags.next()) {
     if (tag->name == "VTKFile") {
-      vtk_file = true;
+      has_file_tag = true;
       read_file_tag(source, *tag, layout);
     } else if (tag->name == "Piece") {
-      if (++pieces > 1) source.refuse(tag->at, "a grid in one piece", "another Piece");
+      if (++pieces > 1) source.throw_error_at(tag->at, "a grid in one piece", "another Piece");
       layout.nodes = whole_number(source, *tag, "NumberOfPoints");
     } else if (tag->name == "DataArray") {
       const std::string_view name = attribute(*tag, "Name", "");
       if (section == "Points") layout.points = *tag;
       if (section == "PointData" && name == array) layout.tensors = *tag;
-      // The names found are listed in the message if the wanted one is missing.
-      if (section == "PointData" && seen.size() < 200) seen += " " + shown(name);
+      // If the array is missing, the message lists the names of the others.
+      if (section == "PointData" && other_names.size() < 200) other_names += " " + shown(name);
     } else if (tag->name == "AppendedData") {
       read_appended(source, *tag, layout);
       break;
@@ -206,40 +211,42 @@ FileLayout read_layout(const VtkFile& source, const std::string& array) {
       section = {};
     }
   }
-  if (!vtk_file) source.throw_file_error("a VTK XML file", "no VTKFile tag");
+  if (!has_file_tag) source.throw_file_error("a VTK XML file", "no VTKFile tag");
   if (pieces == 0 || layout.nodes == 0) source.throw_file_error("a grid with points", "none");
   if (!layout.points) source.throw_file_error("an array of Points", "none");
   if (!layout.tensors)
     source.throw_file_error("a point array \"" + array + "\"",
-                            seen.empty() ? "none" : "only" + seen);
+                            other_names.empty() ? "none" : "only" + other_names);
   return layout;
 }
 
 std::size_t base64_length(std::size_t bytes) { return (bytes + 2) / 3 * 4; }
 
-/// Binary data of one array, in any encoding, as a stream of bytes.
-class Stream {
+/// The binary data of an array, in any encoding, as a stream of bytes.
+class ByteStream {
  public:
-  Stream(const VtkFile& source, const VtkTag& tag, const FileLayout& layout)
+  ByteStream(const VtkFile& source, const VtkTag& tag, const FileLayout& layout)
       : source_(source), tag_(tag), raw_(false) {
     if (attribute(tag, "format", "") == "binary") {
-      // Binary data stand inside of the tag, after blanks.
+      // Binary data are inside the tag, after blanks.
       text_ = tag.inner.substr(std::min(tag.inner.find_first_not_of(xml_blank), tag.inner.size()));
       return;
     }
     raw_ = layout.appended_raw;
     const std::size_t offset = whole_number(source, tag, "offset");
     if (offset > layout.appended.size())
-      source.refuse(tag.at, "an offset within the appended data", fmt::format("{}", offset));
+      source.throw_error_at(tag.at, "an offset within the appended data",
+                            fmt::format("{}", offset));
     text_ = layout.appended.substr(offset);
   }
 
-  /// Returns the next bytes; the following ones are a separate base64 group, as VTK writes them
+  /// Returns the next bytes. In base64 the bytes after them start a new group, as VTK writes them
   /// after a header.
   std::string take(std::size_t bytes) {
-    // First compared with the text present, so that no claim is trusted and nothing overflows.
+    // The first comparison keeps base64_length() from overflowing.
     if (bytes > text_.size() || (!raw_ && base64_length(bytes) > text_.size()))
-      source_.refuse(tag_.at, fmt::format("{} bytes of data", bytes), "the end of the data");
+      source_.throw_error_at(tag_.at, fmt::format("{} bytes of data", bytes),
+                             "the end of the data");
     if (raw_) {
       std::string result(text_.substr(0, bytes));
       text_.remove_prefix(bytes);
@@ -251,14 +258,15 @@ class Stream {
         reinterpret_cast<const unsigned char*>(encoded.data()), encoded.size(),
         reinterpret_cast<unsigned char*>(result.data()), result.size());
     if (decoded < bytes)
-      source_.refuse(tag_.at, fmt::format("{} bytes of data", bytes), "data that is not base64");
+      source_.throw_error_at(tag_.at, fmt::format("{} bytes of data", bytes),
+                             "data that is not base64");
     result.resize(bytes);
     text_.remove_prefix(encoded.size());
     return result;
   }
 
   /// Returns the next bytes without advancing.
-  std::string peek(std::size_t bytes) const { return Stream(*this).take(bytes); }
+  std::string peek(std::size_t bytes) const { return ByteStream(*this).take(bytes); }
 
  private:
   const VtkFile& source_;
@@ -269,70 +277,80 @@ class Stream {
 
 std::uint64_t header_number(const std::string& bytes, std::size_t index, std::size_t width) {
   std::uint64_t value = 0;
-  // The file and the machine are little-endian, so a narrower number fills the low bytes.
+  // File and processor are little-endian, so a narrower number fills the low bytes.
   std::memcpy(&value, bytes.data() + index * width, width);
   return value;
 }
 
-std::string plain_bytes(const VtkFile& source, const VtkTag& tag, const FileLayout& layout,
-                        std::size_t bytes) {
-  Stream stream(source, tag, layout);
+std::string read_plain(const VtkFile& source, const VtkTag& tag, const FileLayout& layout,
+                       std::size_t bytes) {
+  ByteStream stream(source, tag, layout);
   const std::size_t width = layout.header_bytes;
-  const std::uint64_t stated = header_number(stream.peek(width), 0, width);
-  if (stated != bytes)
-    source.refuse(tag.at, fmt::format("{} bytes of data", bytes), fmt::format("{} stated", stated));
+  const std::uint64_t stated_size = header_number(stream.peek(width), 0, width);
+  if (stated_size != bytes)
+    source.throw_error_at(tag.at, fmt::format("{} bytes of data", bytes),
+                          fmt::format("{} stated", stated_size));
   return stream.take(width + bytes).substr(width);
 }
 
-bool unpack(FileLayout::Packing packing, const std::string& from, char* to, std::size_t bytes) {
-  // With an observer VTK does not print its own messages about the data.
-  vtkNew<vtkCallbackCommand> quiet;
-  const auto run = [&](vtkDataCompressor& compressor) {
-    compressor.AddObserver(vtkCommand::ErrorEvent, quiet);
-    return compressor.Uncompress(reinterpret_cast<const unsigned char*>(from.data()), from.size(),
-                                 reinterpret_cast<unsigned char*>(to), bytes);
+/// Uncompresses a block. Returns true if it gives exactly `bytes` bytes.
+bool uncompress_block(FileLayout::Packing packing, const std::string& block, char* target,
+                      std::size_t bytes) {
+  // With an observer, VTK does not print messages about invalid data.
+  vtkNew<vtkCallbackCommand> silent_observer;
+  const auto uncompress = [&](vtkDataCompressor& compressor) {
+    compressor.AddObserver(vtkCommand::ErrorEvent, silent_observer);
+    return compressor.Uncompress(reinterpret_cast<const unsigned char*>(block.data()), block.size(),
+                                 reinterpret_cast<unsigned char*>(target), bytes);
   };
-  if (packing == FileLayout::Packing::ZLib) return run(*vtkNew<vtkZLibDataCompressor>()) == bytes;
-  return run(*vtkNew<vtkLZ4DataCompressor>()) == bytes;
+  if (packing == FileLayout::Packing::ZLib)
+    return uncompress(*vtkNew<vtkZLibDataCompressor>()) == bytes;
+  return uncompress(*vtkNew<vtkLZ4DataCompressor>()) == bytes;
 }
 
-/// Returns data in blocks: their number, the size of a full one and of a last one that is not full
-/// (else 0), the packed size of each; then the blocks.
-std::string packed_bytes(const VtkFile& source, const VtkTag& tag, const FileLayout& layout,
-                         std::size_t bytes) {
-  Stream stream(source, tag, layout);
+/// Reads compressed data. In front of the blocks are their number, the size of a full block, that
+/// of the last one (0 if it is full), and the compressed size of each.
+std::string read_compressed(const VtkFile& source, const VtkTag& tag, const FileLayout& layout,
+                            std::size_t bytes) {
+  ByteStream stream(source, tag, layout);
   const std::size_t width = layout.header_bytes;
-  const auto refuse = [&](const std::string& expected, std::uint64_t seen) {
-    source.refuse(tag.at, expected, fmt::format("{}", seen));
+  const auto throw_number_error = [&](const std::string& expected, std::uint64_t seen) {
+    source.throw_error_at(tag.at, expected, fmt::format("{}", seen));
   };
   const std::uint64_t blocks = header_number(stream.peek(width), 0, width);
-  if (blocks == 0 || blocks > bytes) refuse("a number of blocks that the data can have", blocks);
+  if (blocks == 0 || blocks > bytes)
+    throw_number_error("a number of blocks that the data can have", blocks);
   const std::string header = stream.take((3 + blocks) * width);
-  const std::uint64_t full = header_number(header, 1, width);
-  const std::uint64_t last = header_number(header, 2, width);
-  if (full == 0 || (blocks > 1 && full > bytes) || last > full)
-    refuse("a size of blocks that the data has", full);
-  const std::uint64_t stated = (blocks - 1) * full + (last > 0 ? last : full);
-  if (stated != bytes) refuse(fmt::format("{} bytes of data", bytes), stated);
-  std::uint64_t packed = 0;
+  const std::uint64_t full_size = header_number(header, 1, width);
+  const std::uint64_t partial_size = header_number(header, 2, width);
+  if (full_size == 0 || (blocks > 1 && full_size > bytes) || partial_size > full_size)
+    throw_number_error("a size of blocks that the data has", full_size);
+  const std::uint64_t stated_size =
+      (blocks - 1) * full_size + (partial_size > 0 ? partial_size : full_size);
+  if (stated_size != bytes) throw_number_error(fmt::format("{} bytes of data", bytes), stated_size);
+  std::uint64_t compressed_bytes = 0;
   for (std::size_t i = 0; i < blocks; ++i) {
     const std::uint64_t size = header_number(header, 3 + i, width);
     // Each size is checked before the sum, which could overflow otherwise.
-    if (size > source.text().size()) refuse("packed data that the file has room for", size);
-    packed += size;
+    if (size > source.text().size())
+      throw_number_error("packed data that the file has room for", size);
+    compressed_bytes += size;
   }
-  // Stated sizes beyond the best possible compression would only allocate memory.
-  if (bytes / max_deflation > packed) refuse("packed data of a likely size", packed);
-  const std::string data = stream.take(packed);
+  // No memory is allocated for more data than the best compression could give.
+  if (bytes / max_compression_ratio > compressed_bytes)
+    throw_number_error("packed data of a likely size", compressed_bytes);
+  const std::string data = stream.take(compressed_bytes);
   std::string result(bytes, '\0');
-  std::size_t from = 0;
+  std::size_t source_offset = 0;
   for (std::size_t i = 0; i < blocks; ++i) {
     const std::size_t size = header_number(header, 3 + i, width);
-    const std::size_t to = i * full;
-    if (!unpack(layout.packing, data.substr(from, size), result.data() + to,
-                std::min<std::size_t>(full, bytes - to)))
-      source.refuse(tag.at, "data that can be unpacked", fmt::format("a broken block {}", i + 1));
-    from += size;
+    const std::size_t target_offset = i * full_size;
+    if (!uncompress_block(layout.packing, data.substr(source_offset, size),
+                          result.data() + target_offset,
+                          std::min<std::size_t>(full_size, bytes - target_offset)))
+      source.throw_error_at(tag.at, "data that can be unpacked",
+                            fmt::format("a broken block {}", i + 1));
+    source_offset += size;
   }
   return result;
 }
@@ -345,65 +363,63 @@ std::vector<double> ascii_numbers(const VtkFile& source, const VtkTag& tag, std:
     if (text.empty()) break;
     double x = 0.0;
     const std::size_t end = std::min(text.find_first_of(xml_blank), text.size());
-    const auto [stop, fault] = std::from_chars(text.data(), text.data() + end, x);
-    if (fault != std::errc{} || stop != text.data() + end)
-      source.refuse(tag.at, "numbers", shown(text.substr(0, end)));
+    const auto [number_end, error] = std::from_chars(text.data(), text.data() + end, x);
+    if (error != std::errc{} || number_end != text.data() + end)
+      source.throw_error_at(tag.at, "numbers", shown(text.substr(0, end)));
     numbers.push_back(x);
     text.remove_prefix(end);
   }
   if (numbers.size() != n)
-    source.refuse(tag.at, fmt::format("{} numbers", n), fmt::format("{}", numbers.size()));
+    source.throw_error_at(tag.at, fmt::format("{} numbers", n), fmt::format("{}", numbers.size()));
   return numbers;
 }
 
 template <typename T>
-std::vector<double> numbers_of(const std::string& bytes) {
+std::vector<double> bytes_to_numbers(const std::string& bytes) {
   std::vector<T> values(bytes.size() / sizeof(T));
   std::memcpy(values.data(), bytes.data(), bytes.size());
   return {values.begin(), values.end()};
 }
 
-/// Returns all numbers of an array, `components` at each node.
-std::vector<double> numbers(const VtkFile& source, const VtkTag& tag, const FileLayout& layout,
-                            std::size_t components) {
+/// Reads all numbers of an array, `components` at each node.
+std::vector<double> read_numbers(const VtkFile& source, const VtkTag& tag, const FileLayout& layout,
+                                 std::size_t components) {
   const std::string_view type = attribute(tag, "type", "");
   if (type != "Float32" && type != "Float64")
-    source.refuse(tag.at, "numbers of type Float32 or Float64", shown(type));
-  // Every node takes at least one packed byte; this also guards the products below against
-  // overflow.
-  if (layout.nodes > source.text().size() * max_deflation)
-    source.refuse(tag.at, "as many points as the file has room for",
-                  fmt::format("{}", layout.nodes));
+    source.throw_error_at(tag.at, "numbers of type Float32 or Float64", shown(type));
+  // Every node takes at least one compressed byte. This also keeps the products below from
+  // overflowing.
+  if (layout.nodes > source.text().size() * max_compression_ratio)
+    source.throw_error_at(tag.at, "as many points as the file has room for",
+                          fmt::format("{}", layout.nodes));
   const std::size_t n = layout.nodes * components;
   const std::string_view format = attribute(tag, "format", "");
   if (format == "ascii") return ascii_numbers(source, tag, n);
   if (format != "binary" && format != "appended")
-    source.refuse(tag.at, "a format ascii, binary or appended", shown(format));
+    source.throw_error_at(tag.at, "a format ascii, binary or appended", shown(format));
   const std::size_t bytes = n * (type == "Float32" ? 4 : 8);
   const std::string data = layout.packing == FileLayout::Packing::None
-                               ? plain_bytes(source, tag, layout, bytes)
-                               : packed_bytes(source, tag, layout, bytes);
-  return type == "Float32" ? numbers_of<float>(data) : numbers_of<double>(data);
+                               ? read_plain(source, tag, layout, bytes)
+                               : read_compressed(source, tag, layout, bytes);
+  return type == "Float32" ? bytes_to_numbers<float>(data) : bytes_to_numbers<double>(data);
 }
 
 void check_finite(const VtkFile& source, const VtkTag& tag, const std::vector<double>& values,
                   std::size_t components) {
-  const auto bad =
+  const auto invalid =
       std::find_if(values.begin(), values.end(), [](double x) { return !std::isfinite(x); });
-  if (bad == values.end()) return;
-  // Nodes are counted from 1 in messages.
-  const std::size_t node = std::size_t(bad - values.begin()) / components + 1;
-  source.refuse(tag.at, "finite numbers", fmt::format("{} at node {}", *bad, node));
+  if (invalid == values.end()) return;
+  // Messages count nodes from 1.
+  const std::size_t node = std::size_t(invalid - values.begin()) / components + 1;
+  source.throw_error_at(tag.at, "finite numbers", fmt::format("{} at node {}", *invalid, node));
 }
 
-Eigen::Matrix3d tensor(const double* v, std::size_t components) {
+Eigen::Matrix3d make_tensor(const double* v, std::size_t components) {
   Eigen::Matrix3d T;
-  if (components == 9) {
+  if (components == 9)
     T << v[0], v[1], v[2], v[3], v[4], v[5], v[6], v[7], v[8];
-    // Six components in VTK's order: xx yy zz xy yz xz.
-  } else {
+  else  // six components in the order of VTK: xx yy zz xy yz xz
     T << v[0], v[3], v[5], v[3], v[1], v[4], v[5], v[4], v[2];
-  }
   return T;
 }
 
@@ -415,13 +431,13 @@ PointTensors read_vtu(const std::filesystem::path& path, const std::string& arra
   const VtkTag& points = *layout.points;
   const VtkTag& tensors = *layout.tensors;
   if (whole_number(source, points, "NumberOfComponents") != 3)
-    source.refuse(points.at, "three coordinates a point", "another number");
+    source.throw_error_at(points.at, "three coordinates a point", "another number");
   const std::size_t components = whole_number(source, tensors, "NumberOfComponents");
   if (components != 9 && components != 6)
-    source.refuse(tensors.at, fmt::format("9 or 6 components of \"{}\"", array),
-                  fmt::format("{}", components));
-  const std::vector<double> xyz = numbers(source, points, layout, 3);
-  const std::vector<double> values = numbers(source, tensors, layout, components);
+    source.throw_error_at(tensors.at, fmt::format("9 or 6 components of \"{}\"", array),
+                          fmt::format("{}", components));
+  const std::vector<double> xyz = read_numbers(source, points, layout, 3);
+  const std::vector<double> values = read_numbers(source, tensors, layout, components);
   check_finite(source, points, xyz, 3);
   check_finite(source, tensors, values, components);
   PointTensors result;
@@ -429,7 +445,7 @@ PointTensors read_vtu(const std::filesystem::path& path, const std::string& arra
       Eigen::Map<const decltype(result.points)>(xyz.data(), Eigen::Index(layout.nodes), 3);
   result.tensors.reserve(layout.nodes);
   for (std::size_t i = 0; i < layout.nodes; ++i)
-    result.tensors.push_back(tensor(values.data() + i * components, components));
+    result.tensors.push_back(make_tensor(values.data() + i * components, components));
   return result;
 }
 

@@ -12,21 +12,23 @@
 
 #include <Eigen/Core>
 
-/// Robust reading of VTK's XML files. VTK's own readers allocate whatever a file claims and abort
-/// on noise; here no claim is trusted that the bytes present do not support.
+/// Robust readers of VTK's XML files. The readers of VTK allocate whatever size a file states and
+/// abort on invalid data; these check every stated size against the bytes that are present.
 namespace abbe::render {
 
-/// The text of a file. Input errors name the file and the line of a position.
+/// The text of a file, with functions that throw input errors for it.
 class VtkFile {
  public:
-  /// @param kind  name of such a file in input errors
-  /// @throws BadInput if there is no such regular file, or if it is too long or cannot be read
+  /// @param kind  expected kind of file, for input errors
+  /// @throws BadInput if the file does not exist, is too long or cannot be read
   VtkFile(const std::filesystem::path& path, const std::string& kind,
           std::uintmax_t max_bytes = std::numeric_limits<std::uintmax_t>::max());
 
+  /// Throws BadInput for the file as a whole.
   [[noreturn]] void throw_file_error(const std::string& expected, const std::string& seen) const;
-  [[noreturn]] void refuse(std::size_t at, const std::string& expected,
-                           const std::string& seen) const;
+  /// Throws BadInput with the line of a position in the text.
+  [[noreturn]] void throw_error_at(std::size_t position, const std::string& expected,
+                                   const std::string& seen) const;
   std::string_view text() const { return text_; }
 
  private:
@@ -34,6 +36,7 @@ class VtkFile {
   std::string text_;
 };
 
+/// A tag of a VTK XML file.
 struct VtkTag {
   std::string_view name;  ///< closing tags begin with '/'
   std::map<std::string_view, std::string_view> attributes;
@@ -41,14 +44,15 @@ struct VtkTag {
   std::string_view inner;  ///< text up to the next tag
 };
 
-/// Iterator over tags; comments and declarations are skipped.
+/// Iterates over the tags of a file. Comments and declarations are skipped.
 class VtkTags {
  public:
-  /// @param text  of the file, from its beginning
+  /// @param text  text of the file, from its beginning
   VtkTags(const VtkFile& source, std::string_view text) : source_(source), text_(text) {}
 
   /// Returns the next tag; empty at the end.
-  /// @throws BadInput for a tag without end, or attributes other than name="value", each once
+  /// @throws BadInput for a tag without end, a repeated attribute or an attribute that is not
+  ///         name="value"
   std::optional<VtkTag> next();
 
  private:
@@ -61,31 +65,31 @@ class VtkTags {
   std::size_t at_ = 0;
 };
 
-std::string_view attribute(const VtkTag& tag, std::string_view name, std::string_view otherwise);
+/// Returns an attribute, or the fallback if the tag does not have it.
+std::string_view attribute(const VtkTag& tag, std::string_view name, std::string_view fallback);
 
-/// Returns the attribute as a whole number. @throws BadInput unless it is one
+/// Returns an attribute that is a non-negative integer.
+/// @throws BadInput if it is missing or no such number
 std::size_t whole_number(const VtkFile& source, const VtkTag& tag, std::string_view name);
 
 inline constexpr std::string_view xml_blank = " \t\r\n";
 
-/// Returns at most the first 40 bytes of a text, in quotes.
+/// Returns at most the first 40 bytes of a text in quotes, for input errors.
 std::string shown(std::string_view text);
 
-/// A tensor at each of several points.
+/// Points with a tensor at each.
 struct PointTensors {
   Eigen::Matrix<double, Eigen::Dynamic, 3, Eigen::RowMajor> points;  ///< (n x 3)
   std::vector<Eigen::Matrix3d> tensors;                              ///< (n)
 };
 
-inline constexpr std::uintmax_t max_vtu_bytes = std::uintmax_t(512) << 20;
-
-/// Reads the points of a VTK XML unstructured grid and the point array of that name, with 9
-/// components (row by row) or 6 (xx yy zz xy yz xz, symmetric); cells are ignored. Float32 or
-/// Float64, little endian, in one piece; ascii, base64 or appended (base64 or raw), plain or
-/// compressed by zlib or lz4: the formats of VTK, ParaView and meshio. Memory stays within a few
-/// times what the bytes present can hold, whatever the file claims.
-/// @throws BadInput naming the file and what was expected for anything else, a number that is not
-///         finite, or more than 512 MiB
+/// Reads the points of a VTK XML unstructured grid and a point array with 9 components (row by row)
+/// or 6 (xx yy zz xy yz xz, symmetric). Cells are ignored. The data may be Float32 or Float64,
+/// little endian, in one piece, as ascii, base64 or appended data (base64 or raw), plain or
+/// compressed by zlib or lz4; these are the formats of VTK, ParaView and meshio. The memory used is
+/// at most a few times what the bytes present can hold, whatever sizes the file states.
+/// @param array  name of the point array
+/// @throws BadInput if the file has another form or more than 512 MiB, or if a number is not finite
 PointTensors read_vtu(const std::filesystem::path& path, const std::string& array);
 
 }  // namespace abbe::render

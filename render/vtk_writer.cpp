@@ -32,19 +32,19 @@
 namespace abbe::render {
 
 void write_bytes(const std::filesystem::path& path, std::string_view bytes) {
-  const auto fail = [&](int reason) {
+  const auto throw_system_error = [&](int reason) {
     throw std::system_error(reason, std::generic_category(), path.string());
   };
   std::FILE* stream = std::fopen(path.c_str(), "wb");
-  if (stream == nullptr) fail(errno);
-  // fwrite() need not set errno, so an old value must not appear as the reason.
+  if (stream == nullptr) throw_system_error(errno);
+  // fwrite() may fail without setting errno, and an old value must not be reported.
   errno = 0;
-  const bool written = std::fwrite(bytes.data(), 1, bytes.size(), stream) == bytes.size();
+  const bool is_written = std::fwrite(bytes.data(), 1, bytes.size(), stream) == bytes.size();
   const int reason = errno;
-  // A full disk may only be reported when the buffer is flushed.
-  const bool closed = std::fclose(stream) == 0;
-  if (!written) fail(reason != 0 ? reason : EIO);
-  if (!closed) fail(errno);
+  // A full disk may be reported only when the buffer is flushed.
+  const bool is_closed = std::fclose(stream) == 0;
+  if (!is_written) throw_system_error(reason != 0 ? reason : EIO);
+  if (!is_closed) throw_system_error(errno);
 }
 
 vtkSmartPointer<vtkPolyData> poly_data(const cutting::Points& points) {
@@ -64,7 +64,7 @@ vtkSmartPointer<vtkCellArray> cells(const int* indices, Eigen::Index count, int 
   vtkNew<vtkTypeInt32Array> connectivity;
   offsets->SetNumberOfValues(count + 1);
   connectivity->SetNumberOfValues(count * corners);
-  // VTK stores the start of each cell and the end of the last.
+  // VTK stores the start of each cell and the end of the last one.
   for (Eigen::Index i = 0; i <= count; ++i) offsets->SetValue(i, vtkTypeInt32(i * corners));
   std::copy(indices, indices + count * corners, connectivity->GetPointer(0));
   auto array = vtkSmartPointer<vtkCellArray>::New();
@@ -75,26 +75,30 @@ vtkSmartPointer<vtkCellArray> cells(const int* indices, Eigen::Index count, int 
 namespace {
 
 template <class Array, class Data>
-void add_array(vtkDataSetAttributes& to, const PointArray& named, const Data& data) {
+void add_array(vtkDataSetAttributes& attributes, const PointArray& point_array, const Data& data) {
   vtkNew<Array> array;
-  array->SetName(named.name.c_str());
-  array->SetNumberOfComponents(named.components);
+  array->SetName(point_array.name.c_str());
+  array->SetNumberOfComponents(point_array.components);
   array->SetNumberOfValues(static_cast<vtkIdType>(data.size()));
   std::copy(data.begin(), data.end(), array->GetPointer(0));
-  to.AddArray(array);
+  attributes.AddArray(array);
 }
 
-void add(vtkDataSetAttributes& to, const PointArray& named, std::span<const double> values) {
-  add_array<vtkDoubleArray>(to, named, values);
+void add(vtkDataSetAttributes& attributes, const PointArray& point_array,
+         std::span<const double> values) {
+  add_array<vtkDoubleArray>(attributes, point_array, values);
 }
-void add(vtkDataSetAttributes& to, const PointArray& named, std::span<const float> values) {
-  add_array<vtkFloatArray>(to, named, values);
+void add(vtkDataSetAttributes& attributes, const PointArray& point_array,
+         std::span<const float> values) {
+  add_array<vtkFloatArray>(attributes, point_array, values);
 }
-void add(vtkDataSetAttributes& to, const PointArray& named, std::span<const std::uint8_t> values) {
-  add_array<vtkUnsignedCharArray>(to, named, values);
+void add(vtkDataSetAttributes& attributes, const PointArray& point_array,
+         std::span<const std::uint8_t> values) {
+  add_array<vtkUnsignedCharArray>(attributes, point_array, values);
 }
-void add(vtkDataSetAttributes& to, const PointArray& named, std::span<const int> values) {
-  add_array<vtkIntArray>(to, named, values);
+void add(vtkDataSetAttributes& attributes, const PointArray& point_array,
+         std::span<const int> values) {
+  add_array<vtkIntArray>(attributes, point_array, values);
 }
 
 void write_poly_data(const std::filesystem::path& path, vtkPolyData& mesh) {
@@ -103,11 +107,11 @@ void write_poly_data(const std::filesystem::path& path, vtkPolyData& mesh) {
   writer->SetByteOrderToLittleEndian();
   writer->SetHeaderTypeToUInt64();
   writer->SetDataModeToAppended();
-  // Raw bytes instead of base64 make the file smaller by a quarter.
+  // Raw bytes make the file smaller by a quarter than base64.
   writer->EncodeAppendedDataOff();
   writer->SetCompressorTypeToZLib();
-  writer->SetCompressionLevel(1);  // half the time of VTK's default 5, and hardly larger
-  // VTK reports success on a full disk, so it only fills a string and the file is written here.
+  writer->SetCompressionLevel(1);  // half the time of the default level 5, and hardly larger
+  // On a full disk VTK reports success, so it only fills a string, and write_bytes() writes it.
   writer->WriteToOutputStringOn();
   if (writer->Write() == 0 || writer->GetErrorCode() != vtkErrorCode::NoError) {
     throw std::runtime_error(
@@ -117,7 +121,7 @@ void write_poly_data(const std::filesystem::path& path, vtkPolyData& mesh) {
   write_bytes(path, writer->GetOutputString());
 }
 
-/// Returns a name that is valid in XML; VTK writes names unescaped.
+/// Replaces characters of a name that are invalid in XML, because VTK does not escape them.
 std::string escape_xml(std::string name) {
   for (char& c : name)
     if (static_cast<unsigned char>(c) < 0x20 ||
@@ -135,20 +139,20 @@ void add_facts(vtkPolyData& mesh, const Facts& facts) {
   }
 }
 
-/// Returns the arrays with valid names. Throws if sizes do not match or names coincide.
-std::vector<PointArray> checked(std::vector<PointArray> arrays, Eigen::Index count) {
+/// Returns the arrays with names that are valid in XML.
+/// @throws std::invalid_argument if a size does not match or two names are equal
+std::vector<PointArray> validated(std::vector<PointArray> arrays, Eigen::Index count) {
   std::set<std::string> names;
-  for (PointArray& one : arrays) {
+  for (PointArray& array : arrays) {
     const std::size_t size =
-        std::visit([](const auto& values) { return values.size(); }, one.values);
-    // VTK itself would read past the end of a shorter array.
-    if (size != static_cast<std::size_t>(count) * std::size_t(one.components))
+        std::visit([](const auto& values) { return values.size(); }, array.values);
+    if (size != static_cast<std::size_t>(count) * std::size_t(array.components))
       throw std::invalid_argument(fmt::format("point data: {} values each of {} are needed in {}",
-                                              one.components, count, one.name));
-    one.name = escape_xml(one.name);
-    // Two names may become equal by the escape, and VTK would then replace one array by the other.
-    if (!names.insert(one.name).second)
-      throw std::invalid_argument(fmt::format("point data: two arrays are called {}", one.name));
+                                              array.components, count, array.name));
+    array.name = escape_xml(array.name);
+    // Replaced characters may make two names equal; VTK would keep only one of the arrays.
+    if (!names.insert(array.name).second)
+      throw std::invalid_argument(fmt::format("point data: two arrays are called {}", array.name));
   }
   return arrays;
 }
@@ -158,15 +162,17 @@ std::vector<PointArray> checked(std::vector<PointArray> arrays, Eigen::Index cou
 void write_point_data(const std::filesystem::path& path, const cutting::Points& vertices,
                       const cutting::Triangles& triangles, const std::vector<PointArray>& arrays,
                       const Facts& facts, const std::vector<PointArray>& triangle_arrays) {
-  const std::vector<PointArray> named = checked(arrays, vertices.rows());
+  const std::vector<PointArray> vertex_arrays = validated(arrays, vertices.rows());
   const auto mesh = poly_data(vertices);
   mesh->SetPolys(cells(triangles.data(), triangles.rows(), 3));
-  for (const PointArray& one : named)
-    std::visit([&](const auto& values) { add(*mesh->GetPointData(), one, values); }, one.values);
-  for (const PointArray& one : checked(triangle_arrays, triangles.rows()))
-    std::visit([&](const auto& values) { add(*mesh->GetCellData(), one, values); }, one.values);
-  // Viewers open the file coloured by the active scalars.
-  if (!named.empty()) mesh->GetPointData()->SetActiveScalars(named.front().name.c_str());
+  for (const PointArray& array : vertex_arrays)
+    std::visit([&](const auto& values) { add(*mesh->GetPointData(), array, values); },
+               array.values);
+  for (const PointArray& array : validated(triangle_arrays, triangles.rows()))
+    std::visit([&](const auto& values) { add(*mesh->GetCellData(), array, values); }, array.values);
+  // Viewers colour the mesh by the active scalars.
+  if (!vertex_arrays.empty())
+    mesh->GetPointData()->SetActiveScalars(vertex_arrays.front().name.c_str());
   add_facts(*mesh, facts);
   write_poly_data(path, *mesh);
 }
@@ -184,26 +190,26 @@ void write_point_data(const std::filesystem::path& path, const cutting::Design& 
 
 namespace {
 
-void require_grid(bool good, const std::string& what) {
-  if (!good) throw std::invalid_argument("structured grid: " + what);
+void require_grid(bool condition, const std::string& message) {
+  if (!condition) throw std::invalid_argument("structured grid: " + message);
 }
 
-void check(const cutting::Points& points, const std::array<int, 3>& size,
-           const std::vector<GridArray>& arrays) {
+void check_grid(const cutting::Points& points, const std::array<int, 3>& size,
+                const std::vector<GridArray>& arrays) {
   require_grid(size[0] > 0 && size[1] > 0 && size[2] > 0, "every size must be positive");
   require_grid(Eigen::Index(size[0]) * size[1] * size[2] == points.rows(),
                "sizes must say how many points there are");
   std::set<std::string> names;
-  for (const GridArray& one : arrays) {
-    require_grid(one.values.rows() == points.rows() && one.values.cols() > 0,
-                 "one row a point is needed in " + one.name);
-    require_grid(names.insert(one.name).second, "two arrays are called " + one.name);
-    require_grid(!one.name.empty() && one.name.find_first_of("\"'<>&") == std::string::npos,
+  for (const GridArray& array : arrays) {
+    require_grid(array.values.rows() == points.rows() && array.values.cols() > 0,
+                 "one row a point is needed in " + array.name);
+    require_grid(names.insert(array.name).second, "two arrays are called " + array.name);
+    require_grid(!array.name.empty() && array.name.find_first_of("\"'<>&") == std::string::npos,
                  "a name that XML can hold is needed");
   }
 }
 
-vtkNew<vtkDoubleArray> array(const double* values, Eigen::Index rows, Eigen::Index columns) {
+vtkNew<vtkDoubleArray> double_array(const double* values, Eigen::Index rows, Eigen::Index columns) {
   vtkNew<vtkDoubleArray> result;
   result->SetNumberOfComponents(int(columns));
   result->SetNumberOfTuples(rows);
@@ -215,25 +221,25 @@ vtkNew<vtkDoubleArray> array(const double* values, Eigen::Index rows, Eigen::Ind
 
 void write_structured_grid(const std::filesystem::path& path, const cutting::Points& points,
                            const std::array<int, 3>& size, const std::vector<GridArray>& arrays) {
-  check(points, size, arrays);
+  check_grid(points, size, arrays);
   vtkNew<vtkStructuredGrid> grid;
   grid->SetDimensions(size[0], size[1], size[2]);
-  vtkNew<vtkPoints> places;
-  places->SetData(array(points.data(), points.rows(), 3));
-  grid->SetPoints(places);
+  vtkNew<vtkPoints> grid_points;
+  grid_points->SetData(double_array(points.data(), points.rows(), 3));
+  grid->SetPoints(grid_points);
   vtkPointData& data = *grid->GetPointData();
-  for (const GridArray& one : arrays) {
-    const auto values = array(one.values.data(), one.values.rows(), one.values.cols());
-    values->SetName(one.name.c_str());
+  for (const GridArray& array : arrays) {
+    const auto values = double_array(array.values.data(), array.values.rows(), array.values.cols());
+    values->SetName(array.name.c_str());
     data.AddArray(values);
   }
   if (!arrays.empty()) {
-    const std::string& first = arrays.front().name;
-    // Viewers select the active array, and glyphs need it to be marked as vectors.
+    const std::string& first_name = arrays.front().name;
+    // Viewers show the active array; for glyphs it must be set as vectors.
     if (arrays.front().values.cols() == 3)
-      data.SetActiveVectors(first.c_str());
+      data.SetActiveVectors(first_name.c_str());
     else
-      data.SetActiveScalars(first.c_str());
+      data.SetActiveScalars(first_name.c_str());
   }
   vtkNew<vtkXMLStructuredGridWriter> writer;
   writer->SetInputData(grid);
@@ -242,7 +248,7 @@ void write_structured_grid(const std::filesystem::path& path, const cutting::Poi
   writer->SetDataModeToAppended();
   writer->EncodeAppendedDataOn();
   writer->SetCompressorTypeToNone();
-  // VTK reports success on a full disk, so it only fills a string and the file is written here.
+  // On a full disk VTK reports success, so it only fills a string, and write_bytes() writes it.
   writer->WriteToOutputStringOn();
   if (writer->Write() == 0 || writer->GetErrorCode() != vtkErrorCode::NoError)
     throw std::runtime_error(

@@ -48,10 +48,10 @@ constexpr TokenTable<Channel, 7> channels{{{"ideal", Channel::Ideal},
 /// @param kind  noun for the message, such as "belief"
 /// @throws std::invalid_argument with the values the token may take
 template <typename T, std::size_t n>
-T parse_token(const TokenTable<T, n>& words, const std::string& token, const char* kind) {
+T parse_token(const TokenTable<T, n>& table, const std::string& token, const char* kind) {
   std::string choices;
   std::set<std::string> names;
-  for (const auto& [name, value] : words) {
+  for (const auto& [name, value] : table) {
     if (token == name) return value;
     choices += (choices.empty() ? "" : ", ") + std::string(name);
     names.insert(name);
@@ -115,11 +115,11 @@ CaseDescription plug_in_case(const std::filesystem::path& file) {
   return description;
 }
 
-CaseDescription parse_plug_in_method(const std::string& words) {
-  const std::vector<std::string> tokens = split_case_name(words);
+CaseDescription parse_plug_in_method(const std::string& text) {
+  const std::vector<std::string> tokens = split_case_name(text);
   if (tokens.size() != 2)
     throw std::invalid_argument(
-        fmt::format("expected strategy-channel such as iterated-ideal, seen \"{}\"", words));
+        fmt::format("expected strategy-channel such as iterated-ideal, seen \"{}\"", text));
   CaseDescription method;
   method.strategy = parse_token(strategies, tokens[0], "strategy");
   method.channel = parse_token(channels, tokens[1], "channel");

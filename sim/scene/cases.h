@@ -54,7 +54,7 @@ CaseDescription plug_in_case(const std::filesystem::path& file);
 /// Converts the strategy and channel of a plug-in's corrections, such as "iterated-pulses", from
 /// and to text.
 /// @throws std::invalid_argument naming the token and the values it may take; also for tables
-CaseDescription parse_plug_in_method(const std::string& words);
+CaseDescription parse_plug_in_method(const std::string& text);
 std::string plug_in_method(const CaseDescription& plug_in);
 
 struct Key;

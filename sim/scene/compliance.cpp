@@ -218,8 +218,8 @@ Compliance read_matrix(TableReader& reader) {
   const auto numbers = reader.maybe_numbers("matrix", 36);
   if (!numbers) return Compliance::Zero();
   // A matrix in a wrong unit gets a clearer message here than from the test of its eigenvalues.
-  if (numbers->cwiseAbs().maxCoeff() > max_softness) {
-    reader.refuse("matrix", fmt::format("entries of at most {} for matrix", max_softness),
+  if (numbers->cwiseAbs().maxCoeff() > max_compliance) {
+    reader.refuse("matrix", fmt::format("entries of at most {} for matrix", max_compliance),
                   fmt::format("{}", numbers->cwiseAbs().maxCoeff()));
     return Compliance::Zero();
   }
@@ -237,9 +237,10 @@ Compliance read_matrix(TableReader& reader) {
 /// Reads a compliance, stated either by `stiffness_N_per_um` and `turning_stiffness_Nm_per_urad`
 /// along axes turned by `turn_deg`, or by `matrix`.
 Compliance read_stiffness(TableReader& reader) {
-  const Eigen::Vector3d linear = softness(reader, "stiffness_N_per_um", min_stiffness_N_per_um);
+  const Eigen::Vector3d linear =
+      read_inverse_stiffness(reader, "stiffness_N_per_um", min_stiffness_N_per_um);
   const Eigen::Vector3d angular =
-      softness(reader, "turning_stiffness_Nm_per_urad", min_stiffness_Nm_per_urad);
+      read_inverse_stiffness(reader, "turning_stiffness_Nm_per_urad", min_stiffness_Nm_per_urad);
   const bool has_stiffness =
       reader.has("stiffness_N_per_um") || reader.has("turning_stiffness_Nm_per_urad");
   if (has_stiffness && reader.has("matrix"))

@@ -80,7 +80,7 @@ void make_data_files_absolute(Node& node, const path& folder, InputErrors& input
 // may happen in another folder.
 void make_section_files_absolute(Node& set, const path& folder, InputErrors& input_errors) {
   for (const auto& [dotted, kind] : sections_in_files) {
-    Node* section = at_path(set, dotted);
+    Node* section = find_path(set, dotted);
     if (!section) continue;
     make_absolute(*section, kind, folder, input_errors);
     if (Node::Array* list = section->array()) {
@@ -131,7 +131,7 @@ void read_section_file(Node& section, const char* kind, const path& folder,
 
 void read_section_files(Node& tree, const path& folder, InputErrors& input_errors) {
   for (const auto& [dotted, kind] : sections_in_files) {
-    Node* section = at_path(tree, dotted);
+    Node* section = find_path(tree, dotted);
     if (!section) continue;
     if (section->text()) read_section_file(*section, kind, folder, input_errors);
     const std::string_view name = last_component(dotted);
@@ -146,7 +146,7 @@ void read_section_files(Node& tree, const path& folder, InputErrors& input_error
 
 // Makes the files of plug-ins absolute. A case whose name has a dot or slash is such a file.
 void make_plug_ins_absolute(Node& tree, const path& folder) {
-  Node* cases = at_path(tree, "compare.cases");
+  Node* cases = find_path(tree, "compare.cases");
   if (!cases || !cases->array()) return;
   for (Node& node : *cases->array())
     if (std::string* name = std::get_if<std::string>(&node.value))
@@ -371,32 +371,6 @@ Override make_override(const Change& change) {
           std::make_shared<const Place>(change.value.place)};
 }
 
-std::vector<SectionFileReference> section_files(const Node& as_written, const path& folder,
-                                                InputErrors& input_errors) {
-  std::vector<SectionFileReference> references;
-  const auto add = [&](const SectionFile& section_file, const Node& name) {
-    if (name.text())
-      references.push_back(
-          {section_file.dotted, name.place,
-           locate_file({*name.text(), name.place, section_file.kind}, folder, input_errors)});
-  };
-  // find_path() needs a mutable tree.
-  Node tree = as_written;
-  for (const SectionFile& section_file : sections_in_files) {
-    const Node* section = find_path(tree, section_file.dotted);
-    if (!section) continue;
-    add(section_file, *section);
-    if (section->array())
-      for (const Node& element : *section->array()) add(section_file, element);
-  }
-  for (const SectionFile& section_file :
-       {SectionFile{"part.file", "parts"}, SectionFile{"program.file", "programs"},
-        SectionFile{"program.tools.file", "programs"},
-        SectionFile{"program.offsets.file", "programs"}})
-    if (const Node* name = find_path(tree, section_file.dotted)) add(section_file, *name);
-  return references;
-}
-
 std::vector<Change> changes_from_set(const Node& set) {
   std::vector<Change> changes;
   if (set.table()) append_changes(set, "", changes);
@@ -462,6 +436,42 @@ std::string replace_file_name(std::string text, const Place& place, const std::s
   // The quotes may be single or double; both ends have the same.
   const std::size_t end = text.find(text.at(begin), begin + 1);
   return text.replace(begin + 1, end - begin - 1, name);
+}
+
+/// A section of a scene that is stored in a file of its own.
+struct SectionFileReference {
+  std::string section;  ///< dotted: "belief.identified"; "part.file" for a mesh or a program
+  Place place;          ///< position of the file name
+  std::filesystem::path file;
+};
+
+/// Returns the sections, mesh and program that a scene takes from files.
+/// @param as_written  the scene file alone, without the contents of its section files
+/// @param folder  folder of the scene
+std::vector<SectionFileReference> section_files(const Node& as_written, const path& folder,
+                                                InputErrors& input_errors) {
+  std::vector<SectionFileReference> references;
+  const auto add = [&](const SectionFile& section_file, const Node& name) {
+    if (name.text())
+      references.push_back(
+          {section_file.dotted, name.place,
+           locate_file({*name.text(), name.place, section_file.kind}, folder, input_errors)});
+  };
+  // find_path() needs a mutable tree.
+  Node tree = as_written;
+  for (const SectionFile& section_file : sections_in_files) {
+    const Node* section = find_path(tree, section_file.dotted);
+    if (!section) continue;
+    add(section_file, *section);
+    if (section->array())
+      for (const Node& element : *section->array()) add(section_file, element);
+  }
+  for (const SectionFile& section_file :
+       {SectionFile{"part.file", "parts"}, SectionFile{"program.file", "programs"},
+        SectionFile{"program.tools.file", "programs"},
+        SectionFile{"program.offsets.file", "programs"}})
+    if (const Node* name = find_path(tree, section_file.dotted)) add(section_file, *name);
+  return references;
 }
 
 /// Returns the file name of a section in the copy, such as "machine.toml"; further files of the

@@ -55,20 +55,6 @@ Override make_override(const Change& change);
 /// file. Returns nothing if the scene file itself is invalid.
 std::optional<Node> read_tree(const std::filesystem::path& file, InputErrors& input_errors);
 
-/// A section of a scene that is stored in a file of its own.
-struct SectionFileReference {
-  std::string section;  ///< dotted: "belief.identified"; "part.file" for a mesh or a program
-  Place place;          ///< position of the file name
-  std::filesystem::path file;
-};
-
-/// Returns the sections, mesh and program that a scene takes from files.
-/// @param as_written  the scene file alone, without the contents of its section files
-/// @param folder  folder of the scene
-std::vector<SectionFileReference> section_files(const Node& as_written,
-                                                const std::filesystem::path& folder,
-                                                InputErrors& input_errors);
-
 /// Returns the tree after the changes, applied in order, with the files that they name read in.
 /// Below a list, a path continues with an index, with the `name` of one of its tables, or directly
 /// with a key; the latter changes every table of the list.

@@ -151,7 +151,7 @@ Fields<errors::Asynchronous> asynchronous_fields(const ElementName& name, const 
   using errors::Asynchronous;
   return Fields<Asynchronous>()
       .number(must("rms" + unit.value), &Asynchronous::rms, non_negative, "over many turns")
-      .all_of(std::identity{}, seed_fields<Asynchronous>(seed))
+      .all_of(whole_struct, seed_fields<Asynchronous>(seed))
       .number("lowest_order", &Asynchronous::lowest_order, positive, "of the cosines, per turn")
       .number("highest_order", &Asynchronous::highest_order, positive,
               "of the cosines, per turn; at most 10000")
@@ -196,7 +196,7 @@ std::vector<Alternative<Shape>> shape_alternatives(const ElementName& name,
                          Fields<errors::Repeatability>()
                              .number(must("sigma" + unit.value), &errors::Repeatability::sigma,
                                      non_negative, "standard deviation")
-                             .all_of(std::identity{}, seed_fields<errors::Repeatability>(seed)),
+                             .all_of(whole_struct, seed_fields<errors::Repeatability>(seed)),
                          "chance, one draw a stroke"),
       alternative<Shape>(
           "asynchronous", asynchronous_fields(name, unit, seed),
@@ -234,7 +234,7 @@ Fields<CurveEntry> curve_fields(const ElementName& name, const ElementUnits& uni
   using errors::Curve;
   const auto curve = Fields<Curve>()
                          .text("name", &Curve::name, "of the curve, for reports")
-                         .all_of(std::identity{}, argument_fields<Curve>())
+                         .all_of(whole_struct, argument_fields<Curve>())
                          .number("scale", &Curve::scale, any_number, "factor of the curve")
                          .variant(must("kind"), &Curve::shape,
                                   shape_alternatives(name, units, seed), "shape of the curve");
@@ -250,7 +250,7 @@ std::vector<Key> curve_keys() {
   // The manual describes curves of angles and of lengths together, so every key appears with both
   // units.
   const std::vector<Key> keys = curve_fields({}, {"_um", "_mm"}, 0).keys();
-  return with_other_unit(with_other_unit(keys, "um", "urad"), "mm", "deg");
+  return allow_other_unit(allow_other_unit(keys, "um", "urad"), "mm", "deg");
 }
 
 namespace {

@@ -313,12 +313,12 @@ struct WholeTable {
 
 Fields<WholeTable> whole_table_fields() {
   const auto use = interpolation_fields<errors::TableUse>()
-                       .all_of(std::identity{}, argument_fields<errors::TableUse>())
+                       .all_of(whole_struct, argument_fields<errors::TableUse>())
                        .text("name", &errors::TableUse::name, "of every curve, for reports");
   return Fields<WholeTable>()
       .all_of(&WholeTable::use, use)
       .number("scale", &WholeTable::scale, any_number, "factor of every curve")
-      .all_of(std::identity{}, detrend_fields<WholeTable>())
+      .all_of(whole_struct, detrend_fields<WholeTable>())
       .custom(
           {table_file_key()},
           [](TableReader& reader, WholeTable& whole) { whole.table = read_table_file(reader); },

@@ -68,8 +68,8 @@ double in_unit(double value, double unit) {
   return quotient;
 }
 
-std::vector<Key> with_other_unit(std::vector<Key> keys, const std::string& unit,
-                                 const std::string& other) {
+std::vector<Key> allow_other_unit(std::vector<Key> keys, const std::string& unit,
+                                  const std::string& other) {
   const std::string either_unit = "_(" + unit + "|" + other + ")_";
   for (Key& key : keys) {
     std::string names = "_" + (key.pattern.empty() ? key.name : key.pattern) + "_";
@@ -77,18 +77,10 @@ std::vector<Key> with_other_unit(std::vector<Key> keys, const std::string& unit,
       names.replace(at, unit.size() + 2, either_unit);
       key.pattern = names.substr(1, names.size() - 2);
     }
-    key.keys = with_other_unit(std::move(key.keys), unit, other);
-    for (Word& word : key.words) word.keys = with_other_unit(std::move(word.keys), unit, other);
+    key.keys = allow_other_unit(std::move(key.keys), unit, other);
+    for (Word& word : key.words) word.keys = allow_other_unit(std::move(word.keys), unit, other);
   }
   return keys;
-}
-
-void accept_keys(TableReader& reader, const std::vector<Word>& words) {
-  for (const Word& word : words)
-    for (const Key& key : word.keys) {
-      reader.accept_key(key.name);
-      accept_keys(reader, key.words);
-    }
 }
 
 void put_numbers(Node::Table& table, const std::string& key, const Eigen::VectorXd& values,
@@ -102,6 +94,20 @@ void append_entries(Node::Table& table, Node::Table entries) {
   for (Node::Entry& entry : entries) table.push_back(std::move(entry));
 }
 
+namespace fields_detail {
+namespace {
+
+/// Marks the keys of all enum values as known, so that they are not reported as unknown.
+void accept_keys(TableReader& reader, const std::vector<Word>& words) {
+  for (const Word& word : words)
+    for (const Key& key : word.keys) {
+      reader.accept_key(key.name);
+      accept_keys(reader, key.words);
+    }
+}
+
+/// Returns a default for documents, with 12 digits and in the unit of its key; empty if it is
+/// infinite.
 std::string default_text(double value) {
   // Unlimited members hold the largest double and not infinity.
   return std::abs(value) < 1e300 ? fmt::format("{:.12g}", value) : "";
@@ -112,9 +118,6 @@ std::string default_text(const Eigen::VectorXd& values) {
   for (const double value : values) text += (text.empty() ? "" : ", ") + default_text(value);
   return "[" + text + "]";
 }
-
-namespace fields_detail {
-namespace {
 
 // The functions that read and write a nested struct share its fields, since `std::function` would
 // copy them.
@@ -146,9 +149,9 @@ void FieldList::read_into(TableReader& reader, void* target) const {
   for (const Field& field : fields_) field.read(reader, target);
 }
 
-void FieldList::read_table_into(const Node& table, const std::string& where,
+void FieldList::read_table_into(const Node& table, const std::string& section_name,
                                 InputErrors& input_errors, void* target) const {
-  TableReader reader(table, where, input_errors);
+  TableReader reader(table, section_name, input_errors);
   read_into(reader, target);
   reader.close();
 }
@@ -178,10 +181,10 @@ void FieldList::add_number(const KeyName& name, Member member, const NumberAcces
   add(
       {*key},
       [key, member, access, unit](TableReader& reader, void* target) {
-        const auto written = reader.number_as_written(key->name, key->range);
+        const auto stated_value = reader.number_as_written(key->name, key->range);
         if (key->required && !reader.has(key->name)) reader.missing(key->name, "a number");
-        if (written)
-          access.set(member(target), *written * unit);
+        if (stated_value)
+          access.set(member(target), *stated_value * unit);
         else if (key->required)
           // One is harmless as a factor, a divisor and a length, so reading can continue.
           access.set(member(target), 1.0);

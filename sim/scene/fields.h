@@ -60,21 +60,13 @@ void append_entries(Node::Table& table, Node::Table entries);
 /// Selects the whole struct where `Fields` takes a member.
 inline constexpr auto whole_struct = [](auto& value) -> auto& { return value; };
 
-/// Marks the keys of all enum values as known, so that they are not reported as unknown.
-void accept_keys(TableReader& reader, const std::vector<Word>& words);
-
 /// Returns the enum values of a key.
 std::set<std::string> words_of(const Key& key);
 
 /// Allows every key with `unit` in its name, nested keys included, to have `other` instead: the
 /// pattern of "value_um" becomes "value_(um|urad)".
-std::vector<Key> with_other_unit(std::vector<Key> keys, const std::string& unit,
-                                 const std::string& other);
-
-/// Returns a default for documents, with 12 digits and in the unit of its key; empty if it is
-/// infinite.
-std::string default_text(double value);
-std::string default_text(const Eigen::VectorXd& values);
+std::vector<Key> allow_other_unit(std::vector<Key> keys, const std::string& unit,
+                                  const std::string& other);
 
 /// One alternative of a variant V: the enum value that selects it, and its keys.
 template <typename V>
@@ -307,8 +299,8 @@ class FieldList {
 
   const void* initial() const { return initial_.get(); }
   void read_into(TableReader& reader, void* target) const;
-  void read_table_into(const Node& table, const std::string& where, InputErrors& input_errors,
-                       void* target) const;
+  void read_table_into(const Node& table, const std::string& section_name,
+                       InputErrors& input_errors, void* target) const;
   Node::Table written_from(const void* source) const;
 
   /// @param write  may be empty
@@ -519,12 +511,13 @@ class Fields : public fields_detail::FieldList {
     return start;
   }
   /// Reads a whole table and reports unknown keys.
-  T read_table(const Node& table, const std::string& where, InputErrors& input_errors) const {
-    return read_table(table, where, input_errors, initial_value());
+  T read_table(const Node& table, const std::string& section_name,
+               InputErrors& input_errors) const {
+    return read_table(table, section_name, input_errors, initial_value());
   }
-  T read_table(const Node& table, const std::string& where, InputErrors& input_errors,
+  T read_table(const Node& table, const std::string& section_name, InputErrors& input_errors,
                T start) const {
-    read_table_into(table, where, input_errors, std::addressof(start));
+    read_table_into(table, section_name, input_errors, std::addressof(start));
     return start;
   }
   /// Returns the table from which `read` gives this value, without the keys of empty members.

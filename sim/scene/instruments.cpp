@@ -79,7 +79,7 @@ const Fields<SignalsDescription>& signals_fields() {
 namespace {
 
 using namespace errors::identification;
-using SelectionMethod = SensorChoiceDescription::Way;
+using Method = SensorChoiceDescription::Way;
 
 /// An enum value of the key `likeness`.
 struct SimilarityName {
@@ -163,37 +163,36 @@ std::vector<std::string> read_names(TableReader& reader, const std::string& key)
 }
 
 template <typename M>
-void add_names(Fields<SelectionMethod>& fields, const KeyName& name, M member,
-               const char* sentence) {
+void add_names(Fields<Method>& fields, const KeyName& name, M member, const char* sentence) {
   const Key key = make_key(name, Key::Kind::Texts, sentence);
   fields.custom(
       {key},
-      [key, member](TableReader& reader, SelectionMethod& method) {
+      [key, member](TableReader& reader, Method& method) {
         std::invoke(member, method) = read_names(reader, key.name);
       },
-      [key, member](const SelectionMethod& method, Node::Table& table) {
+      [key, member](const Method& method, Node::Table& table) {
         Node::Array names;
         for (const std::string& name : std::invoke(member, method)) names.push_back(Node{{}, name});
         if (!names.empty()) put(table, key.name, std::move(names));
       });
 }
 
-Fields<SelectionMethod> method_fields() {
-  Fields<SelectionMethod> fields;
-  fields.text(must("name"), &SelectionMethod::name, "of this way");
+Fields<Method> method_fields() {
+  Fields<Method> fields;
+  fields.text(must("name"), &Method::name, "of this way");
   add_names(
       fields, "sensors", [](auto& method) -> auto& { return method.choice.fixed; },
       "names that are taken as they are; then nothing is chosen");
-  add_names(fields, KeyName("for").otherwise("all"), &SelectionMethod::drifts,
+  add_names(fields, KeyName("for").otherwise("all"), &Method::drifts,
             "displacements to choose for: [\"Z\"]");
   return fields.custom(
       selection_fields().keys(),
-      [](TableReader& reader, SelectionMethod& method) {
+      [](TableReader& reader, Method& method) {
         // With fixed sensors nothing is selected; the keys of the selection are then unknown.
         if (method.choice.fixed.empty())
           method.choice = selection_fields().read(reader, method.choice);
       },
-      [](const SelectionMethod& method, Node::Table& table) {
+      [](const Method& method, Node::Table& table) {
         if (!method.choice.fixed.empty()) return;
         append_entries(table, selection_fields().written(method.choice));
       });
@@ -214,16 +213,16 @@ void read_methods(TableReader& reader, SensorChoiceDescription& description) {
 
 void put_methods(const SensorChoiceDescription& description, Node::Table& table) {
   Node::Array methods;
-  for (const SelectionMethod& method : description.beside)
+  for (const Method& method : description.beside)
     methods.push_back(Node{{}, method_fields().written(method)});
   if (!methods.empty()) put(table, "beside", std::move(methods));
 }
 
 Key methods_key() {
-  Key beside = make_key("beside", Key::Kind::Tables,
-                        "other ways to choose, graded beside by the same model");
-  beside.keys = method_fields().keys();
-  return beside;
+  Key key = make_key("beside", Key::Kind::Tables,
+                     "other ways to choose, graded beside by the same model");
+  key.keys = method_fields().keys();
+  return key;
 }
 
 const Fields<SensorChoiceDescription>& sensor_choice_fields() {
@@ -358,7 +357,7 @@ void read_instrument_axes(TableReader& reader, Instrument& instrument) {
   const Node* list = reader.accept_key("axes");
   if (!list) return;
   // The list replaces the axes of the kind and does not add to them.
-  one.axes.clear();
+  instrument.axes.clear();
   if (!list->array())
     reader.refuse("axes", "a list of letters such as [\"X\", \"Y\"]", shown(*list));
   for (const Node& letter : list->array() ? *list->array() : Node::Array{}) {
@@ -411,9 +410,9 @@ void add_targets(Fields<Instrument>& fields) {
 
 void check_interval(TableReader& reader, Instrument& instrument) {
   // Only these two kinds use the interval and the duration.
-  const bool reads_over_time =
+  const bool is_time_series =
       instrument.kind == Kind::Drift || instrument.kind == Kind::Temperature;
-  if (reads_over_time && instrument.interval_s > instrument.duration_s)
+  if (is_time_series && instrument.interval_s > instrument.duration_s)
     reader.refuse(
         "interval_s",
         "an instrument.interval_s of at most instrument.duration_h, so that "

@@ -94,11 +94,6 @@ std::vector<std::string> fixture_names(const std::vector<BodyDescription>& fixtu
   return names;
 }
 
-void check_body_names(TableReader& reader, const MachineDescription& machine) {
-  check_unique_names(reader.input_errors(), listed_tables(reader.accept_key("body")),
-                     machine_body_names(machine), "a body of the machine", {});
-}
-
 void check_fixture_names(TableReader& scene, const MachineDescription& machine,
                          const std::vector<BodyDescription>& fixtures) {
   std::map<std::string, std::string> owners;
@@ -418,7 +413,8 @@ void read_bodies(TableReader& reader, MachineDescription& machine) {
   for (const Node* node : reader.tables("body"))
     machine.bodies.push_back(
         fields.read_table(*node, reader.name_of("body"), reader.input_errors()));
-  check_body_names(reader, machine);
+  check_unique_names(reader.input_errors(), listed_tables(reader.accept_key("body")),
+                     machine_body_names(machine), "a body of the machine", {});
 }
 
 void put_bodies(const MachineDescription& machine, Node::Table& table) {

@@ -80,11 +80,6 @@ std::vector<std::string> machine_body_names(const MachineDescription& machine);
 /// there are several such fixtures.
 std::vector<std::string> fixture_names(const std::vector<BodyDescription>& fixtures);
 
-/// Reports every body of a machine that has the name of another body or a name reserved for part,
-/// stock and tool.
-/// @param reader  reader of the table `machine`
-void check_body_names(TableReader& reader, const MachineDescription& machine);
-
 /// Reports every fixture that has the name of another body or a reserved name.
 /// @param scene  reader of the scene
 void check_fixture_names(TableReader& scene, const MachineDescription& machine,

@@ -197,11 +197,11 @@ std::string list_text(const std::set<std::string>& words) {
 
 }  // namespace
 
-TableReader::TableReader(const Node& table, std::string where, InputErrors& input_errors)
-    : table_(table), where_(std::move(where)), input_errors_(input_errors) {}
+TableReader::TableReader(const Node& table, std::string section_name, InputErrors& input_errors)
+    : table_(table), section_name_(std::move(section_name)), input_errors_(input_errors) {}
 
 std::string TableReader::name_of(const std::string& key) const {
-  return where_.empty() ? key : where_ + "." + key;
+  return section_name_.empty() ? key : section_name_ + "." + key;
 }
 
 const Node* TableReader::accept_key(const std::string& key) {
@@ -460,7 +460,8 @@ void TableReader::close() {
       // An unknown key within two edits is a misspelling; the missing key is not reported as well.
       if (edit_distance(entry.key, *suggestion) <= 2) misspelled.insert(*suggestion);
     } else {
-      input_errors_.add(entry.place, where_.empty() ? "a known key" : "a known key of " + where_,
+      input_errors_.add(entry.place,
+                        section_name_.empty() ? "a known key" : "a known key of " + section_name_,
                         entry.key);
     }
   }

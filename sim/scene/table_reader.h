@@ -62,8 +62,8 @@ inline constexpr Range non_negative{0.0, std::numeric_limits<double>::max(), fal
 class TableReader {
  public:
   /// Creates a reader. `table` and `input_errors` must outlive it.
-  /// @param where  name of the section for messages, such as "part"; empty for the top level
-  TableReader(const Node& table, std::string where, InputErrors& input_errors);
+  /// @param section_name  for messages, such as "part"; empty for the top level
+  TableReader(const Node& table, std::string section_name, InputErrors& input_errors);
 
   bool has(const std::string& key) const { return table_.find(key) != nullptr; }
   const Node& node() const { return table_; }
@@ -105,14 +105,14 @@ class TableReader {
   std::optional<std::string> word(const std::string& key, const std::set<std::string>& words,
                                   bool required);
   template <typename T>
-  using Words = std::initializer_list<std::pair<const char*, T>>;
+  using NamedValues = std::initializer_list<std::pair<const char*, T>>;
   template <typename T>
-  T choice(const std::string& key, Words<T> words, T fallback) {
-    return choice_of(key, words, std::optional<T>(fallback));
+  T choice(const std::string& key, NamedValues<T> named_values, T fallback) {
+    return choice_of(key, named_values, std::optional<T>(fallback));
   }
   template <typename T>
-  T choice(const std::string& key, Words<T> words) {  ///< required
-    return choice_of(key, words, std::optional<T>());
+  T choice(const std::string& key, NamedValues<T> named_values) {  ///< required
+    return choice_of(key, named_values, std::optional<T>());
   }
 
   /// Returns a section; null if the key is missing, or if it is no table, which is reported.
@@ -133,19 +133,19 @@ class TableReader {
 
  private:
   template <typename T>
-  T choice_of(const std::string& key, Words<T> words, const std::optional<T>& fallback) {
+  T choice_of(const std::string& key, NamedValues<T> named_values,
+              const std::optional<T>& fallback) {
     std::set<std::string> names;
-    for (const auto& word : words) names.insert(word.first);
+    for (const auto& [name, value] : named_values) names.insert(name);
     const std::optional<std::string> seen = word(key, names, !fallback);
-    for (const auto& word : words) {
-      if (seen == word.first) return word.second;
-    }
-    return fallback.value_or(words.begin()->second);
+    for (const auto& [name, value] : named_values)
+      if (seen == name) return value;
+    return fallback.value_or(named_values.begin()->second);
   }
   std::optional<double> finite_number(const Node& node, const std::string& key);
 
   const Node& table_;
-  std::string where_;
+  std::string section_name_;
   InputErrors& input_errors_;
   std::set<std::string> known_;
   std::vector<std::pair<std::string, std::string>> missing_;  ///< key, kind

@@ -16,8 +16,8 @@ namespace abbe::sim {
 // ---- effects of heat: elements, expanding axes and an expanding workpiece
 
 /// Returns the fields `element`, `axis` and `workpiece`.
-/// @param setting  must outlive the fields
-Fields<ThermalDescription> thermal_effect_fields(const ThermalSetting& setting);
+/// @param context  must outlive the fields
+Fields<ThermalDescription> thermal_effect_fields(const ThermalContext& context);
 
 namespace {
 
@@ -102,7 +102,7 @@ Fields<errors::ThermalFunction::Term> term_fields(const std::string& unit, const
   keys.front().either = "law";
   return node_fields<Term>(must("node"), &Term::node, nodes,
                            "on whose temperature it depends, less the reference")
-      .all_of(std::identity{},
+      .all_of(whole_struct,
               node_fields<Term>("minus", &Term::minus, nodes,
                                 "dT is then the difference to this node, as a tilt takes it"))
       .custom(keys, read, write);
@@ -145,7 +145,7 @@ void report_slope_error(TableReader& reader, const std::string& unit) {
 }
 
 Fields<errors::ThermalElement> element_fields(const ElementName& name,
-                                              const ThermalSetting& setting) {
+                                              const ThermalContext& context) {
   using errors::ThermalElement;
   const std::string unit = name.is_angle() ? "urad" : "um";
   Fields<ThermalElement> fields;
@@ -160,19 +160,19 @@ Fields<errors::ThermalElement> element_fields(const ElementName& name,
             put(table, "name", to_string(element.name));
           })
       .check([name](TableReader& reader, ThermalElement&) { report_wrong_unit(reader, name); })
-      .all_of(&ThermalElement::offset, function_fields("offset", unit, setting.nodes));
+      .all_of(&ThermalElement::offset, function_fields("offset", unit, context.nodes));
   // Location elements and the spindle have no position along which a slope would act.
-  if (!is_slide(name, setting.machine))
+  if (!is_slide(name, context.machine))
     return fields.check(
         [unit](TableReader& reader, ThermalElement&) { report_slope_error(reader, unit); });
   return fields
-      .all_of(&ThermalElement::slope, function_fields("slope", unit + "_per_m", setting.nodes))
+      .all_of(&ThermalElement::slope, function_fields("slope", unit + "_per_m", context.nodes))
       .number("fixed_mm", &ThermalElement::fixed, any_number,
               "commanded position where the slope adds nothing; slopes are of error motions of "
               "slides");
 }
 
-std::optional<errors::ThermalElement> read_element(const Node& table, const ThermalSetting& setting,
+std::optional<errors::ThermalElement> read_element(const Node& table, const ThermalContext& context,
                                                    InputErrors& input_errors) {
   TableReader reader(table, named_table_path("element", table), input_errors);
   const std::size_t error_count = input_errors.list().size();
@@ -183,17 +183,17 @@ std::optional<errors::ThermalElement> read_element(const Node& table, const Ther
     reader.refuse("name", "the name of an element for thermal.element.name", error.what());
     return std::nullopt;  // the other keys depend on the name
   }
-  element = element_fields(element.name, setting).read(reader, element);
+  element = element_fields(element.name, context).read(reader, element);
   reader.close();
   if (input_errors.list().size() != error_count) return std::nullopt;
   return element;
 }
 
 void read_elements(TableReader& reader, ThermalDescription& thermal,
-                   const ThermalSetting& setting) {
+                   const ThermalContext& context) {
   auto& elements = thermal.errors.elements;
   for (const Node* table : reader.tables("element")) {
-    const auto element = read_element(*table, setting, reader.input_errors());
+    const auto element = read_element(*table, context, reader.input_errors());
     if (!element) continue;
     const Place& place = table->find("name")->place;
     if (std::any_of(elements.begin(), elements.end(),
@@ -203,15 +203,15 @@ void read_elements(TableReader& reader, ThermalDescription& thermal,
       continue;
     }
     // Each element is bound separately, so that an error is reported at its position.
-    check_binding({{*element}, {}, std::nullopt, 20.0}, setting, place, reader.input_errors());
+    check_binding({{*element}, {}, std::nullopt, 20.0}, context, place, reader.input_errors());
     elements.push_back(*element);
   }
 }
 
-Node::Array written_elements(const ThermalDescription& thermal, const ThermalSetting& setting) {
+Node::Array elements_to_tables(const ThermalDescription& thermal, const ThermalContext& context) {
   Node::Array elements;
   for (const errors::ThermalElement& element : thermal.errors.elements)
-    elements.push_back(Node{{}, element_fields(element.name, setting).written(element)});
+    elements.push_back(Node{{}, element_fields(element.name, context).written(element)});
   return elements;
 }
 
@@ -241,12 +241,12 @@ Fields<errors::AxisExpansion> axis_expansion_fields(const Nodes& nodes) {
              "moves the carriage itself away from the end that stays");
 }
 
-void read_axes(TableReader& reader, ThermalDescription& thermal, const ThermalSetting& setting) {
+void read_axes(TableReader& reader, ThermalDescription& thermal, const ThermalContext& context) {
   const Node* section = reader.section("axis");
   if (!section) return;
   InputErrors& input_errors = reader.input_errors();
   TableReader axes_reader(*section, "thermal.axis", input_errors);
-  for (const Joint& joint : setting.machine.joints) {
+  for (const Joint& joint : context.machine.joints) {
     // Only slides have a screw and a scale.
     if (joint.motion != Motion::Linear) continue;
     const std::string name(1, joint.name);
@@ -256,20 +256,20 @@ void read_axes(TableReader& reader, ThermalDescription& thermal, const ThermalSe
     errors::AxisExpansion default_axis;
     default_axis.axis = joint.name;
     const auto axis =
-        axis_expansion_fields(setting.nodes)
+        axis_expansion_fields(context.nodes)
             .read_table(*table, axes_reader.name_of(name), input_errors, default_axis);
     if (input_errors.list().size() == error_count)
-      check_binding({{}, {axis}, std::nullopt, 20.0}, setting, table->place, input_errors);
+      check_binding({{}, {axis}, std::nullopt, 20.0}, context, table->place, input_errors);
     thermal.errors.expansions.push_back(axis);
   }
   // If the machine is invalid, there are no joints, and every axis would be reported as unknown.
-  if (!setting.machine.joints.empty()) axes_reader.close();
+  if (!context.machine.joints.empty()) axes_reader.close();
 }
 
-Node::Table written_axes(const ThermalDescription& thermal, const ThermalSetting& setting) {
+Node::Table axes_to_table(const ThermalDescription& thermal, const ThermalContext& context) {
   Node::Table axes;
   for (const errors::AxisExpansion& axis : thermal.errors.expansions)
-    put(axes, std::string(1, axis.axis), axis_expansion_fields(setting.nodes).written(axis));
+    put(axes, std::string(1, axis.axis), axis_expansion_fields(context.nodes).written(axis));
   return axes;
 }
 
@@ -292,55 +292,55 @@ Fields<errors::WorkpieceExpansion> workpiece_expansion_fields(const Nodes& nodes
 }
 
 void read_workpiece(TableReader& reader, ThermalDescription& thermal,
-                    const ThermalSetting& setting) {
+                    const ThermalContext& context) {
   const Node* table = reader.section("workpiece");
   if (!table) return;
   InputErrors& input_errors = reader.input_errors();
   const std::size_t error_count = input_errors.list().size();
-  const auto workpiece = workpiece_expansion_fields(setting.nodes)
+  const auto workpiece = workpiece_expansion_fields(context.nodes)
                              .read_table(*table, "thermal.workpiece", input_errors);
   if (input_errors.list().size() == error_count)
-    check_binding({{}, {}, workpiece, 20.0}, setting, table->place, input_errors);
+    check_binding({{}, {}, workpiece, 20.0}, context, table->place, input_errors);
   thermal.errors.workpiece = workpiece;
 }
 
 }  // namespace
 
-Fields<ThermalDescription> thermal_effect_fields(const ThermalSetting& setting) {
+Fields<ThermalDescription> thermal_effect_fields(const ThermalContext& context) {
   Key elements = make_key("element", Key::Kind::Tables, "what heat adds to an element, each once");
-  elements.keys = with_other_unit(element_fields({}, setting).keys(), "um", "urad");
+  elements.keys = allow_other_unit(element_fields({}, context).keys(), "um", "urad");
   Key workpiece = make_key("workpiece", Key::Kind::Table,
                            "growth of the workpiece, which is judged at 20 deg C (ISO 1), whatever "
                            "`reference_C` is");
-  workpiece.keys = workpiece_expansion_fields(setting.nodes).keys();
+  workpiece.keys = workpiece_expansion_fields(context.nodes).keys();
   return Fields<ThermalDescription>()
       .custom(
           {elements},
-          [&setting](TableReader& reader, ThermalDescription& thermal) {
-            read_elements(reader, thermal, setting);
+          [&context](TableReader& reader, ThermalDescription& thermal) {
+            read_elements(reader, thermal, context);
           },
-          [&setting](const ThermalDescription& thermal, Node::Table& table) {
-            Node::Array elements = written_elements(thermal, setting);
+          [&context](const ThermalDescription& thermal, Node::Table& table) {
+            Node::Array elements = elements_to_tables(thermal, context);
             if (!elements.empty()) put(table, "element", std::move(elements));
           })
       .custom(
-          {axes_key(setting.nodes)},
-          [&setting](TableReader& reader, ThermalDescription& thermal) {
-            read_axes(reader, thermal, setting);
+          {axes_key(context.nodes)},
+          [&context](TableReader& reader, ThermalDescription& thermal) {
+            read_axes(reader, thermal, context);
           },
-          [&setting](const ThermalDescription& thermal, Node::Table& table) {
-            Node::Table axes = written_axes(thermal, setting);
+          [&context](const ThermalDescription& thermal, Node::Table& table) {
+            Node::Table axes = axes_to_table(thermal, context);
             if (!axes.empty()) put(table, "axis", std::move(axes));
           })
       .custom(
           {workpiece},
-          [&setting](TableReader& reader, ThermalDescription& thermal) {
-            read_workpiece(reader, thermal, setting);
+          [&context](TableReader& reader, ThermalDescription& thermal) {
+            read_workpiece(reader, thermal, context);
           },
-          [&setting](const ThermalDescription& thermal, Node::Table& table) {
+          [&context](const ThermalDescription& thermal, Node::Table& table) {
             if (const auto& expansion = thermal.errors.workpiece)
               put(table, "workpiece",
-                  workpiece_expansion_fields(setting.nodes).written(*expansion));
+                  workpiece_expansion_fields(context.nodes).written(*expansion));
           });
 }
 
@@ -357,22 +357,22 @@ std::uint64_t sensor_seed(std::uint64_t scene_seed, const std::string& name) {
 
 // ---- sensors
 
-/// @param taken  names of the preceding sensors
-Fields<errors::TemperatureSensor> sensor_fields(const ThermalSetting& setting,
-                                                const std::vector<std::string>& taken) {
+/// @param used_names  names of the preceding sensors
+Fields<errors::TemperatureSensor> sensor_fields(const ThermalContext& context,
+                                                const std::vector<std::string>& used_names) {
   using errors::TemperatureSensor;
   constexpr std::int64_t max_seed = std::numeric_limits<std::int64_t>::max();
-  const std::uint64_t scene_seed = setting.seed;
+  const std::uint64_t scene_seed = context.seed;
   Key seed_key = make_key(KeyName("seed").otherwise("from the scene's and the name"),
                           Key::Kind::Whole, "of its noise");
   seed_key.range = {0.0, double(max_seed)};
   return Fields<TemperatureSensor>()
       .text(must("name"), &TemperatureSensor::name, "of the sensor, each once")
-      .check([taken](TableReader& reader, TemperatureSensor& sensor) {
-        check_name_is_free(reader, sensor.name, taken, "every sensor once");
+      .check([used_names](TableReader& reader, TemperatureSensor& sensor) {
+        check_name_is_free(reader, sensor.name, used_names, "every sensor once");
       })
-      .all_of(std::identity{},
-              node_fields<TemperatureSensor>(must("node"), &TemperatureSensor::node, setting.nodes,
+      .all_of(whole_struct,
+              node_fields<TemperatureSensor>(must("node"), &TemperatureSensor::node, context.nodes,
                                              "whose temperature it reads"))
       .number("offset_K", &TemperatureSensor::offset_K, any_number, "reading minus truth")
       .number("noise_K", &TemperatureSensor::noise_K, non_negative,
@@ -380,7 +380,7 @@ Fields<errors::TemperatureSensor> sensor_fields(const ThermalSetting& setting,
       .number("resolution_K", &TemperatureSensor::resolution_K, non_negative, "0: not rounded")
       .number("lag_s", &TemperatureSensor::lag_s, non_negative,
               "time constant of the sensor's own mass")
-      .number("sampling_s", &TemperatureSensor::sampling_s, {1e-4, longest_s},
+      .number("sampling_s", &TemperatureSensor::sampling_s, {1e-4, max_time_s},
               "between samples, between which the last reading stands")
       .custom(
           {seed_key},
@@ -395,11 +395,11 @@ Fields<errors::TemperatureSensor> sensor_fields(const ThermalSetting& setting,
           });
 }
 
-void read_sensors(TableReader& reader, ThermalDescription& thermal, const ThermalSetting& setting) {
+void read_sensors(TableReader& reader, ThermalDescription& thermal, const ThermalContext& context) {
   std::vector<std::string> names;
   for (const Node* table : reader.tables("sensor")) {
     thermal.sensors.push_back(
-        sensor_fields(setting, names)
+        sensor_fields(context, names)
             .read_table(*table, named_table_path("sensor", *table), reader.input_errors()));
     names.push_back(thermal.sensors.back().name);
   }
@@ -407,8 +407,8 @@ void read_sensors(TableReader& reader, ThermalDescription& thermal, const Therma
 
 // ---- plots
 
-const Joint* find_joint_by_letter(char axis, const ThermalSetting& setting) {
-  for (const Joint& joint : setting.machine.joints)
+const Joint* find_joint_by_letter(char axis, const ThermalContext& context) {
+  for (const Joint& joint : context.machine.joints)
     if (joint.name == axis) return &joint;
   return nullptr;
 }
@@ -437,8 +437,8 @@ void read_plot_times(TableReader& reader, Plot& plot) {
                   fmt::format("{}", plot.time_s.size()));
 }
 
-void read_range(TableReader& reader, Plot& plot, const ThermalSetting& setting) {
-  const Joint* joint = find_joint_by_letter(plot.element.axis, setting);
+void read_range(TableReader& reader, Plot& plot, const ThermalContext& context) {
+  const Joint* joint = find_joint_by_letter(plot.element.axis, context);
   if (!joint) {  // check_binding() reports the unknown axis
     reader.accept_key("range_mm");
     reader.accept_key("range_deg");
@@ -459,15 +459,15 @@ void read_range(TableReader& reader, Plot& plot, const ThermalSetting& setting) 
                 fmt::format("{} .. {}", min / unit, max / unit));
 }
 
-void write_range(const Plot& plot, Node::Table& table, const ThermalSetting& setting) {
-  const Joint* joint = find_joint_by_letter(plot.element.axis, setting);
+void write_range(const Plot& plot, Node::Table& table, const ThermalContext& context) {
+  const Joint* joint = find_joint_by_letter(plot.element.axis, context);
   if (!plot.range || !joint) return;
   const std::string key = range_key(*joint);
   put_numbers(table, key, Eigen::Vector2d(plot.range->front(), plot.range->back()), unit_of(key));
 }
 
 /// @param other_plots  preceding plots, which must be of other elements
-Fields<Plot> plot_fields(const ThermalSetting& setting, const std::vector<Plot>& other_plots) {
+Fields<Plot> plot_fields(const ThermalContext& context, const std::vector<Plot>& other_plots) {
   Key range = make_key(
       KeyName("range_mm").otherwise("all of the travel, at most 2000 mm or a turn either way"),
       Key::Kind::Numbers, "`[from, to]` within the travel over which the curve is drawn");
@@ -495,19 +495,19 @@ Fields<Plot> plot_fields(const ThermalSetting& setting, const std::vector<Plot>&
               })
       .check(report_repeated_name)
       .custom(
-          with_other_unit({range}, "mm", "deg"),
-          [&setting](TableReader& reader, Plot& plot) { read_range(reader, plot, setting); },
-          [&setting](const Plot& plot, Node::Table& table) { write_range(plot, table, setting); });
+          allow_other_unit({range}, "mm", "deg"),
+          [&context](TableReader& reader, Plot& plot) { read_range(reader, plot, context); },
+          [&context](const Plot& plot, Node::Table& table) { write_range(plot, table, context); });
 }
 
-void read_plots(TableReader& reader, ThermalDescription& thermal, const ThermalSetting& setting) {
+void read_plots(TableReader& reader, ThermalDescription& thermal, const ThermalContext& context) {
   InputErrors& input_errors = reader.input_errors();
   for (const Node* table : reader.tables("plot")) {
     const std::size_t error_count = input_errors.list().size();
     const Plot plot =
-        plot_fields(setting, thermal.plots).read_table(*table, "thermal.plot", input_errors);
+        plot_fields(context, thermal.plots).read_table(*table, "thermal.plot", input_errors);
     if (input_errors.list().size() != error_count) continue;
-    check_binding({{{plot.element, {}, {}, 0.0}}, {}, std::nullopt, 20.0}, setting,
+    check_binding({{{plot.element, {}, {}, 0.0}}, {}, std::nullopt, 20.0}, context,
                   table->find("element")->place, input_errors);
     thermal.plots.push_back(plot);
   }
@@ -517,12 +517,8 @@ void read_plots(TableReader& reader, ThermalDescription& thermal, const ThermalS
 
 /// Returns the fields that are read before the links, which refer to nodes by name.
 Fields<ThermalDescription> room_and_node_fields() {
-  const auto whole_struct = std::identity{};
   return Fields<ThermalDescription>()
-      .custom(
-          {make_key("name", Key::Kind::Text, "of the table, for people")},
-          [](TableReader& reader, ThermalDescription&) { reader.text("name", ""); },
-          [](const ThermalDescription&, Node::Table&) {})
+      .remark("name", "of the table, for people")
       .all_of(whole_struct, room_fields())
       .all_of(whole_struct, thermal_node_fields());
 }
@@ -539,37 +535,35 @@ Fields<ThermalDescription> state_fields() {
       .boolean("powered", &Thermal::powered, "the machine is switched on while the program runs")
       .boolean("coolant", &Thermal::coolant, "the coolant flows while the program runs")
       .number("coolant_C", &Thermal::coolant_T_C, temperature_range, "temperature of the coolant")
-      .number("interval_s", &Thermal::interval, {1e-3, longest_s},
+      .number("interval_s", &Thermal::interval, {1e-3, max_time_s},
               "in the program speeds and cutting power are averaged over stretches of this length");
 }
 
 /// Returns the fields that are read after the links.
-/// @param setting  must outlive the fields
-Fields<ThermalDescription> source_and_effect_fields(const ThermalSetting& setting) {
+/// @param context  must outlive the fields
+Fields<ThermalDescription> source_and_effect_fields(const ThermalContext& context) {
   using Thermal = ThermalDescription;
-  const auto whole_struct = std::identity{};
   return Fields<Thermal>()
-      .all_of(whole_struct, thermal_source_fields(setting))
-      .all_of(whole_struct, thermal_effect_fields(setting))
-      .tables("sensor", &Thermal::sensors, sensor_fields(setting, {}),
+      .all_of(whole_struct, thermal_source_fields(context))
+      .all_of(whole_struct, thermal_effect_fields(context))
+      .tables("sensor", &Thermal::sensors, sensor_fields(context, {}),
               "temperature sensor of the control",
-              [&setting](TableReader& reader, Thermal& thermal) {
-                read_sensors(reader, thermal, setting);
+              [&context](TableReader& reader, Thermal& thermal) {
+                read_sensors(reader, thermal, context);
               })
-      .all_of(whole_struct, history_fields(setting))
-      .tables("plot", &Thermal::plots, plot_fields(setting, {}),
+      .all_of(whole_struct, history_fields(context))
+      .tables("plot", &Thermal::plots, plot_fields(context, {}),
               "picture of what heat does to an element",
-              [&setting](TableReader& reader, Thermal& thermal) {
-                read_plots(reader, thermal, setting);
+              [&context](TableReader& reader, Thermal& thermal) {
+                read_plots(reader, thermal, context);
               })
       .all_of(whole_struct, state_fields());
 }
 
-Fields<ThermalDescription> thermal_fields(const ThermalSetting& setting) {
-  const auto whole_struct = std::identity{};
+Fields<ThermalDescription> thermal_fields(const ThermalContext& context) {
   return room_and_node_fields()
-      .all_of(whole_struct, thermal_link_fields(setting.nodes))
-      .all_of(whole_struct, source_and_effect_fields(setting));
+      .all_of(whole_struct, thermal_link_fields(context.nodes))
+      .all_of(whole_struct, source_and_effect_fields(context));
 }
 
 }  // namespace
@@ -581,11 +575,11 @@ ThermalDescription read_thermal(const Node& table, const MachineDescription& mac
   ThermalDescription thermal = room_and_node_fields().read(reader);
   // Too many nodes are not read, so the links would refer to unknown nodes.
   if (has_too_many_nodes(reader)) return thermal;
-  const ThermalSetting setting = thermal_setting(machine, thermal.network, seed);
-  thermal = thermal_link_fields(setting.nodes).read(reader, std::move(thermal));
+  const ThermalContext context = thermal_context(machine, thermal.network, seed);
+  thermal = thermal_link_fields(context.nodes).read(reader, std::move(thermal));
   // After an input error the network is incomplete and cannot be checked.
   const bool is_complete = input_errors.list().size() == error_count && reader.has("node");
-  thermal = source_and_effect_fields(setting).read(reader, std::move(thermal));
+  thermal = source_and_effect_fields(context).read(reader, std::move(thermal));
   reader.close();
   if (is_complete) check_network(thermal.network, reader);
   return thermal;
@@ -593,13 +587,13 @@ ThermalDescription read_thermal(const Node& table, const MachineDescription& mac
 
 Node::Table written_thermal(const ThermalDescription& thermal, const MachineDescription& machine,
                             std::uint64_t seed) {
-  const ThermalSetting setting = thermal_setting(machine, thermal.network, seed);
-  return thermal_fields(setting).written(thermal);
+  const ThermalContext context = thermal_context(machine, thermal.network, seed);
+  return thermal_fields(context).written(thermal);
 }
 
 std::vector<Key> thermal_keys() {
-  const ThermalSetting setting;
-  return thermal_fields(setting).keys();
+  const ThermalContext context;
+  return thermal_fields(context).keys();
 }
 
 }  // namespace abbe::sim

@@ -15,18 +15,29 @@ std::array<std::string, 3> in_time_units(const std::string& stem) {
   return {stem + "_h", stem + "_min", stem + "_s"};
 }
 
+/// Reports a node that is not in the network.
+void report_unknown_node(const Place& place, const std::string& expected, const std::string& name,
+                         const std::vector<std::string>& nodes, InputErrors& input_errors) {
+  std::set<std::string> names(nodes.begin(), nodes.end());
+  // A node without a name has an empty one, which must not be suggested.
+  names.erase("");
+  const auto suggestion = nearest(name, names);
+  input_errors.add(place, expected,
+                   "\"" + name + "\"" + (suggestion ? " (nearest: \"" + *suggestion + "\")" : ""));
+}
+
 }  // namespace
 
-ThermalSetting thermal_setting(const MachineDescription& machine,
+ThermalContext thermal_context(const MachineDescription& machine,
                                const errors::ThermalNetwork& network, std::uint64_t seed) {
-  ThermalSetting setting{machine, std::nullopt, {}, seed};
-  for (const errors::ThermalNode& node : network.nodes) setting.nodes.push_back(node.name);
+  ThermalContext context{machine, std::nullopt, {}, seed};
+  for (const errors::ThermalNode& node : network.nodes) context.nodes.push_back(node.name);
   try {
-    if (!machine.joints.empty()) setting.chain.emplace(machine.joints, machine.T_bw, machine.T_bs);
+    if (!machine.joints.empty()) context.chain.emplace(machine.joints, machine.T_bw, machine.T_bs);
   } catch (const std::invalid_argument&) {
     // The invalid machine is reported with its own section.
   }
-  return setting;
+  return context;
 }
 
 std::string named_table_path(const std::string& list, const Node& table) {
@@ -34,20 +45,20 @@ std::string named_table_path(const std::string& list, const Node& table) {
   return "thermal." + list + (name && name->text() ? "." + *name->text() : "");
 }
 
-void check_binding(const errors::ThermalErrors& effect, const ThermalSetting& setting,
+void check_binding(const errors::ThermalErrors& effect, const ThermalContext& context,
                    const Place& place, InputErrors& input_errors) {
   // If the machine or the nodes are invalid, which is reported already, every binding would fail.
-  if (!setting.chain || setting.nodes.empty()) return;
+  if (!context.chain || context.nodes.empty()) return;
   try {
-    errors::bind(effect, *setting.chain, int(setting.nodes.size()));
+    errors::bind(effect, *context.chain, int(context.nodes.size()));
   } catch (const std::invalid_argument& error) {
     input_errors.add(place, "thermal errors that fit the machine", error.what());
   }
 }
 
 void check_name_is_free(TableReader& reader, const std::string& name,
-                        const std::vector<std::string>& taken, const char* expected) {
-  if (!name.empty() && std::find(taken.begin(), taken.end(), name) != taken.end())
+                        const std::vector<std::string>& used_names, const char* expected) {
+  if (!name.empty() && std::find(used_names.begin(), used_names.end(), name) != used_names.end())
     reader.refuse("name", expected, name + " again");
 }
 
@@ -72,7 +83,7 @@ std::optional<std::string> time_key(TableReader& reader, const std::string& stem
   return std::nullopt;
 }
 
-int node_of(TableReader& reader, const std::string& key, const std::vector<std::string>& nodes) {
+int read_node(TableReader& reader, const std::string& key, const std::vector<std::string>& nodes) {
   const std::string name = reader.text(key);
   // A missing name is reported already; 0 is a valid index.
   if (name.empty()) return 0;
@@ -81,16 +92,6 @@ int node_of(TableReader& reader, const std::string& key, const std::vector<std::
   report_unknown_node(reader.accept_key(key)->place, "a node of the thermal network for " + key,
                       name, nodes, reader.input_errors());
   return 0;
-}
-
-void report_unknown_node(const Place& place, const std::string& expected, const std::string& name,
-                         const std::vector<std::string>& nodes, InputErrors& input_errors) {
-  std::set<std::string> names(nodes.begin(), nodes.end());
-  // A node without a name has an empty one, which must not be suggested.
-  names.erase("");
-  const auto suggestion = nearest(name, names);
-  input_errors.add(place, expected,
-                   "\"" + name + "\"" + (suggestion ? " (nearest: \"" + *suggestion + "\")" : ""));
 }
 
 namespace {
@@ -167,15 +168,15 @@ constexpr std::array speed_keys{
              "mean speeds of axes that turn to and fro, `{ A = 100 }`"}};
 
 void read_axis_speeds(TableReader& phase, kinematics::AxisVector& speeds,
-                      const ThermalSetting& setting) {
+                      const ThermalContext& context) {
   // Axes without a stated speed are at rest.
-  if (setting.chain) speeds.setZero(setting.chain->size());
+  if (context.chain) speeds.setZero(context.chain->size());
   for (const SpeedKey& key : speed_keys) {
     const Node* section = phase.section(key.name);
-    if (!section || !setting.chain) continue;
+    if (!section || !context.chain) continue;
     TableReader reader(*section, std::string("thermal.history.") + key.name, phase.input_errors());
-    for (int j = 0; j < setting.chain->size(); ++j) {
-      const Joint& joint = setting.chain->joints()[std::size_t(j)];
+    for (int j = 0; j < context.chain->size(); ++j) {
+      const Joint& joint = context.chain->joints()[std::size_t(j)];
       if (joint.motion != key.motion) continue;
       const auto speed = reader.number_as_written(std::string(1, joint.name), axis_speed);
       // The unit is in the key of the table and not in those of the axes.
@@ -186,11 +187,11 @@ void read_axis_speeds(TableReader& phase, kinematics::AxisVector& speeds,
 }
 
 void write_axis_speeds(const kinematics::AxisVector& speeds, Node::Table& table,
-                       const ThermalSetting& setting) {
+                       const ThermalContext& context) {
   for (const SpeedKey& key : speed_keys) {
     Node::Table axes;
     for (int j = 0; j < int(speeds.size()); ++j) {
-      const Joint& joint = setting.chain->joints()[std::size_t(j)];
+      const Joint& joint = context.chain->joints()[std::size_t(j)];
       if (joint.motion == key.motion && speeds[j] != 0.0)
         put(axes, std::string(1, joint.name), speeds[j] / unit_of(key.name));
     }
@@ -213,17 +214,14 @@ std::vector<Key> axis_speed_keys() {
 }
 
 Range duration_range(const std::string& key) {
-  return {0.0, longest_s / unit_of(key), true, false};
+  return {0.0, max_time_s / unit_of(key), true, false};
 }
 
-Fields<ThermalPhase> phase_fields(const ThermalSetting& setting) {
+Fields<ThermalPhase> phase_fields(const ThermalContext& context) {
   std::vector<Key> durations = time_keys("duration", Key::Kind::Number, "how long it lasts");
   for (Key& key : durations) key.range = duration_range(key.name);
   return Fields<ThermalPhase>()
-      .custom(
-          {make_key("name", Key::Kind::Text, "of the phase, for people")},
-          [](TableReader& reader, ThermalPhase&) { reader.text("name", ""); },
-          [](const ThermalPhase&, Node::Table&) {})
+      .remark("name", "of the phase, for people")
       .custom(
           durations,
           [](TableReader& reader, ThermalPhase& phase) {
@@ -236,24 +234,24 @@ Fields<ThermalPhase> phase_fields(const ThermalSetting& setting) {
       .number("speed_rpm", &ThermalPhase::spindle_speed, phase_spindle_rpm, "of the spindle")
       .custom(
           axis_speed_keys(),
-          [&setting](TableReader& reader, ThermalPhase& phase) {
-            read_axis_speeds(reader, phase.axis_speed, setting);
+          [&context](TableReader& reader, ThermalPhase& phase) {
+            read_axis_speeds(reader, phase.axis_speed, context);
           },
-          [&setting](const ThermalPhase& phase, Node::Table& table) {
-            write_axis_speeds(phase.axis_speed, table, setting);
+          [&context](const ThermalPhase& phase, Node::Table& table) {
+            write_axis_speeds(phase.axis_speed, table, context);
           })
       .boolean("powered", &ThermalPhase::powered, "the machine is switched on")
       .boolean("coolant", &ThermalPhase::coolant, "the coolant flows");
 }
 
-void read_history(TableReader& reader, ThermalDescription& thermal, const ThermalSetting& setting) {
+void read_history(TableReader& reader, ThermalDescription& thermal, const ThermalContext& context) {
   const auto phases = reader.tables("history");
   if (phases.size() > max_rows) {
     reader.refuse("history", fmt::format("at most {} phases", max_rows),
                   fmt::format("{}", phases.size()));
     return;
   }
-  const Fields<ThermalPhase> fields = phase_fields(setting);
+  const Fields<ThermalPhase> fields = phase_fields(context);
   for (const Node* table : phases)
     thermal.history.push_back(
         fields.read_table(*table, named_table_path("history", *table), reader.input_errors()));
@@ -274,12 +272,12 @@ Fields<ThermalDescription> room_fields() {
   return Fields<ThermalDescription>().custom({constant, room}, read_room, write_room);
 }
 
-Fields<ThermalDescription> history_fields(const ThermalSetting& setting) {
+Fields<ThermalDescription> history_fields(const ThermalContext& context) {
   return Fields<ThermalDescription>().tables(
-      "history", &ThermalDescription::history, phase_fields(setting),
+      "history", &ThermalDescription::history, phase_fields(context),
       "stretch of time before the program, in order; at most 10 000",
-      [&setting](TableReader& reader, ThermalDescription& thermal) {
-        read_history(reader, thermal, setting);
+      [&context](TableReader& reader, ThermalDescription& thermal) {
+        read_history(reader, thermal, context);
       });
 }
 
@@ -299,14 +297,14 @@ struct ThermalNodeEntry {
   std::optional<double> start_T_C;
 };
 
-Fields<ThermalNodeEntry> node_table_fields(const std::vector<std::string>& taken) {
+Fields<ThermalNodeEntry> node_table_fields(const std::vector<std::string>& used_names) {
   using errors::ThermalNode;
-  const auto check_name = [taken](TableReader& reader, ThermalNode& node) {
+  const auto check_name = [used_names](TableReader& reader, ThermalNode& node) {
     // Links denote the surroundings by these names.
     if (node.name == "room" || node.name == "coolant")
       reader.refuse("name", "a node not named room or coolant, which links know already",
                     node.name);
-    check_name_is_free(reader, node.name, taken, "every node once");
+    check_name_is_free(reader, node.name, used_names, "every node once");
   };
   const auto node = Fields<ThermalNode>()
                         .text(must("name"), &ThermalNode::name, "not `room` or `coolant`")
@@ -438,8 +436,8 @@ void read_links(TableReader& reader, errors::ThermalNetwork& network,
   }
 }
 
-Node::Array written_links(const errors::ThermalNetwork& network,
-                          const std::vector<std::string>& nodes) {
+Node::Array links_to_tables(const errors::ThermalNetwork& network,
+                            const std::vector<std::string>& nodes) {
   Node::Array links;
   const auto add = [&](const End& a, const End& b, double conductance) {
     links.push_back(Node{{}, link_fields(nodes).written({std::array{a, b}, conductance})});
@@ -462,9 +460,9 @@ Fields<errors::AxisHeat> friction_fields(bool is_slide) {
               is_slide ? "of a slide" : "of an axis that turns");
 }
 
-std::optional<errors::AxisHeat> read_axis_heat(TableReader& reader, const ThermalSetting& setting) {
+std::optional<errors::AxisHeat> read_axis_heat(TableReader& reader, const ThermalContext& context) {
   const std::string name = reader.text("axis");
-  const auto& joints = setting.machine.joints;
+  const auto& joints = context.machine.joints;
   const auto joint_position = std::find_if(joints.begin(), joints.end(), [&](const Joint& joint) {
     return name == std::string(1, joint.name) && joint.motion != Motion::Spindle;
   });
@@ -478,7 +476,7 @@ std::optional<errors::AxisHeat> read_axis_heat(TableReader& reader, const Therma
     reader.missing(coulomb, "a number, or " + viscous + ",");
   if (joint_position == joints.end()) {
     // If the machine is invalid, every axis is unknown.
-    if (!name.empty() && setting.chain) reader.refuse("axis", "an axis of the machine", name);
+    if (!name.empty() && context.chain) reader.refuse("axis", "an axis of the machine", name);
     return std::nullopt;
   }
   // The heat of a spindle is a kind of its own.
@@ -490,20 +488,20 @@ std::optional<errors::AxisHeat> read_axis_heat(TableReader& reader, const Therma
   return heat;
 }
 
-Alternative<Law> axis_heat_alternative(const ThermalSetting& setting) {
+Alternative<Law> axis_heat_alternative(const ThermalContext& context) {
   Word choice{"axis",
               "friction of an axis, (coulomb + viscous |v|) |v|",
               {make_key(must("axis"), Key::Kind::Text, "its letter")}};
   for (const bool is_slide : {true, false})
     for (const Key& key : friction_fields(is_slide).keys()) choice.keys.push_back(key);
-  const auto read = [&setting](TableReader& reader) {
-    const auto heat = read_axis_heat(reader, setting);
+  const auto read = [&context](TableReader& reader) {
+    const auto heat = read_axis_heat(reader, context);
     return heat ? Law(*heat) : Law();
   };
-  const auto write = [&setting](const Law& law, Node::Table& table) {
+  const auto write = [&context](const Law& law, Node::Table& table) {
     const auto* heat = std::get_if<errors::AxisHeat>(&law);
     if (!heat) return false;
-    const Joint& joint = setting.machine.joints.at(std::size_t(heat->joint));
+    const Joint& joint = context.machine.joints.at(std::size_t(heat->joint));
     put(table, "axis", std::string(1, joint.name));
     append_entries(table, friction_fields(joint.motion == Motion::Linear).written(*heat));
     return true;
@@ -511,7 +509,7 @@ Alternative<Law> axis_heat_alternative(const ThermalSetting& setting) {
   return {std::move(choice), read, write};
 }
 
-Fields<errors::HeatSource> law_fields(const ThermalSetting& setting) {
+Fields<errors::HeatSource> law_fields(const ThermalContext& context) {
   using errors::CuttingHeat, errors::PowerOnHeat, errors::SpindleHeat, errors::HeatSource;
   const auto spindle =
       Fields<SpindleHeat>()
@@ -526,7 +524,7 @@ Fields<errors::HeatSource> law_fields(const ThermalSetting& setting) {
   return Fields<HeatSource>().variant(
       must("kind"), &HeatSource::law,
       {alternative<Law>("spindle", spindle, "bearings and motor, power_W (n / at_rpm)^exponent"),
-       axis_heat_alternative(setting),
+       axis_heat_alternative(context),
        alternative<Law>("power_on", power_on, "motors and cabinets"),
        alternative<Law>("cutting", cutting, "a share of the cutting power")},
       "what makes the heat");
@@ -544,11 +542,11 @@ bool has_kind(TableReader& reader, const Fields<errors::HeatSource>& law) {
   return false;
 }
 
-void read_sources(TableReader& list, ThermalDescription& thermal, const ThermalSetting& setting) {
-  const Fields<errors::HeatSource> law = law_fields(setting);
+void read_sources(TableReader& list, ThermalDescription& thermal, const ThermalContext& context) {
+  const Fields<errors::HeatSource> law = law_fields(context);
   for (const Node* table : list.tables("source")) {
     TableReader reader(*table, "thermal.source", list.input_errors());
-    errors::HeatSource source = source_node_fields(setting.nodes).read(reader);
+    errors::HeatSource source = source_node_fields(context.nodes).read(reader);
     // Which other keys exist depends on the kind, so without one nothing more can be checked.
     if (!has_kind(reader, law)) continue;
     thermal.network.sources.push_back(law.read(reader, source));
@@ -581,17 +579,17 @@ Fields<ThermalDescription> thermal_link_fields(const std::vector<std::string>& n
         read_links(reader, thermal.network, nodes);
       },
       [&nodes](const ThermalDescription& thermal, Node::Table& table) {
-        put(table, "link", written_links(thermal.network, nodes));
+        put(table, "link", links_to_tables(thermal.network, nodes));
       });
 }
 
-Fields<ThermalDescription> thermal_source_fields(const ThermalSetting& setting) {
+Fields<ThermalDescription> thermal_source_fields(const ThermalContext& context) {
   return Fields<ThermalDescription>().tables(
       "source", [](auto& thermal) -> auto& { return thermal.network.sources; },
-      source_node_fields(setting.nodes).all_of(std::identity{}, law_fields(setting)),
+      source_node_fields(context.nodes).all_of(whole_struct, law_fields(context)),
       "heat that goes into a node",
-      [&setting](TableReader& reader, ThermalDescription& thermal) {
-        read_sources(reader, thermal, setting);
+      [&context](TableReader& reader, ThermalDescription& thermal) {
+        read_sources(reader, thermal, context);
       });
 }
 

@@ -15,16 +15,16 @@
 namespace abbe::sim {
 
 inline constexpr Range temperature_range{ThermalDescription::min_T_C, ThermalDescription::max_T_C};
-inline constexpr double longest_s = 1e10;  // three centuries
+inline constexpr double max_time_s = 1e10;  // three centuries
 
 /// The parts of the scene that reading `[thermal]` needs.
-struct ThermalSetting {
+struct ThermalContext {
   MachineDescription machine;
   std::optional<kinematics::Chain> chain;  ///< none if the machine is invalid
   std::vector<std::string> nodes;          ///< node names of the network
   std::uint64_t seed = 0;
 };
-ThermalSetting thermal_setting(const MachineDescription& machine,
+ThermalContext thermal_context(const MachineDescription& machine,
                                const errors::ThermalNetwork& network, std::uint64_t seed);
 
 /// Returns the path of a table in a list by its name, such as "thermal.node.column", as --set takes
@@ -32,14 +32,14 @@ ThermalSetting thermal_setting(const MachineDescription& machine,
 std::string named_table_path(const std::string& list, const Node& table);
 
 /// Checks that a single thermal effect fits the machine, and reports an error at its position.
-void check_binding(const errors::ThermalErrors& effect, const ThermalSetting& setting,
+void check_binding(const errors::ThermalErrors& effect, const ThermalContext& context,
                    const Place& place, InputErrors& input_errors);
 
 /// Reports a name that another table of the list has.
-/// @param taken  names of the other tables
+/// @param used_names  names of the other tables
 /// @param expected  text of the message
 void check_name_is_free(TableReader& reader, const std::string& name,
-                        const std::vector<std::string>& taken, const char* expected);
+                        const std::vector<std::string>& used_names, const char* expected);
 
 /// Returns the keys of a time, or of a list of times, in h, min and s, of which a table has one.
 std::vector<Key> time_keys(const std::string& stem, Key::Kind kind, const char* sentence);
@@ -48,11 +48,7 @@ std::vector<Key> time_keys(const std::string& stem, Key::Kind kind, const char* 
 std::optional<std::string> time_key(TableReader& reader, const std::string& stem);
 
 /// Returns the index of the node that a key names. If there is none, reports it and returns 0.
-int node_of(TableReader& reader, const std::string& key, const std::vector<std::string>& nodes);
-/// Reports a node that is not in the network.
-void report_unknown_node(const Place& place, const std::string& expected, const std::string& name,
-                         const std::vector<std::string>& nodes, InputErrors& input_errors);
-
+int read_node(TableReader& reader, const std::string& key, const std::vector<std::string>& nodes);
 /// Returns the field of a key that names a node.
 /// @param nodes  must outlive the fields
 template <typename T, typename M>
@@ -63,7 +59,7 @@ Fields<T> node_fields(const KeyName& name, M member, const std::vector<std::stri
       {key},
       [key, member, &nodes](TableReader& reader, T& target) {
         if (key.required || reader.accept_key(key.name))
-          std::invoke(member, target) = node_of(reader, key.name, nodes);
+          std::invoke(member, target) = read_node(reader, key.name, nodes);
       },
       [key, member, &nodes](const T& source, Node::Table& table) {
         const std::optional<int> node = std::invoke(member, source);
@@ -77,8 +73,8 @@ Fields<T> node_fields(const KeyName& name, M member, const std::vector<std::stri
 Fields<ThermalDescription> room_fields();
 
 /// Returns the field `history`.
-/// @param setting  must outlive the fields
-Fields<ThermalDescription> history_fields(const ThermalSetting& setting);
+/// @param context  must outlive the fields
+Fields<ThermalDescription> history_fields(const ThermalContext& context);
 
 // The network: nodes, links and sources.
 
@@ -93,8 +89,8 @@ bool has_too_many_nodes(TableReader& reader);
 Fields<ThermalDescription> thermal_link_fields(const std::vector<std::string>& nodes);
 
 /// Returns the field `source`.
-/// @param setting  must outlive the fields
-Fields<ThermalDescription> thermal_source_fields(const ThermalSetting& setting);
+/// @param context  must outlive the fields
+Fields<ThermalDescription> thermal_source_fields(const ThermalContext& context);
 
 /// Reports a network that cannot be simulated although each of its keys is valid.
 void check_network(const errors::ThermalNetwork& network, TableReader& reader);

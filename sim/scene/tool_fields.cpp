@@ -28,23 +28,23 @@ void check_cutter(TableReader& reader, const Cutter& cutter) {
   }
 }
 
-Fields<Cutter> dimension_fields(const std::string& kind, Asked asked) {
+Fields<Cutter> dimension_fields(const std::string& kind, ToolKeyFunction tool_key) {
   Fields<Cutter> fields;
-  fields.number(asked("radius_mm"), &Cutter::radius, tool_size, "of the cutter");
+  fields.number(tool_key("radius_mm"), &Cutter::radius, tool_size, "of the cutter");
   // The corner radius of a ball or flat end follows from its kind.
   if (kind == "ball") fields.derive([](Cutter& cutter) { cutter.corner_radius = cutter.radius; });
   if (kind == "flat") fields.derive([](Cutter& cutter) { cutter.corner_radius = 0.0; });
   if (kind == "bull")
-    fields.number(asked("corner_radius_mm"), &Cutter::corner_radius, positive,
+    fields.number(tool_key("corner_radius_mm"), &Cutter::corner_radius, positive,
                   "of a bull nose, at most the radius");
-  return fields.number(asked("flank_length_mm"), &Cutter::flank_length, tool_size,
+  return fields.number(tool_key("flank_length_mm"), &Cutter::flank_length, tool_size,
                        "of a cutter: its cutting length above the tip; from there its radius goes "
                        "on as a shank");
 }
 
 /// Returns the fields of the dimensions and a check that they fit each other.
-Fields<Cutter> cutter_fields(const std::string& kind, Asked asked) {
-  const Fields<Cutter> dimensions = dimension_fields(kind, asked);
+Fields<Cutter> cutter_fields(const std::string& kind, ToolKeyFunction tool_key) {
+  const Fields<Cutter> dimensions = dimension_fields(kind, tool_key);
   return Fields<Cutter>().custom(
       dimensions.keys(),
       [dimensions](TableReader& reader, Cutter& cutter) {
@@ -60,8 +60,8 @@ Fields<Cutter> cutter_fields(const std::string& kind, Asked asked) {
       });
 }
 
-Fields<Nose> nose_fields(Asked asked) {
-  return Fields<Nose>().number(asked("radius_mm"), &Nose::radius, tool_size,
+Fields<Nose> nose_fields(ToolKeyFunction tool_key) {
+  return Fields<Nose>().number(tool_key("radius_mm"), &Nose::radius, tool_size,
                                "of the edge of a turning tool");
 }
 
@@ -219,7 +219,7 @@ void check_shank(TableReader& reader, ToolDescription& tool) {
 
 /// Checks that a flank is not longer than its tool.
 /// @param table  table of the nominal or the actual tool
-void check_flank(TableReader& reader, const Node& table, const std::string& where,
+void check_flank(TableReader& reader, const Node& table, const std::string& section_name,
                  const ToolShape& shape, double length) {
   const auto* cutter = std::get_if<Cutter>(&shape);
   if (!cutter || length >= cutter->flank_length) return;
@@ -230,9 +230,9 @@ void check_flank(TableReader& reader, const Node& table, const std::string& wher
   reader.input_errors().add(
       reported_node->place,
       flank ? fmt::format("at most the length of the tool, {:g} mm, for {}.flank_length_mm", length,
-                          where)
+                          section_name)
             : fmt::format("at least the length of the flank, {:g} mm, for {}.length_mm",
-                          cutter->flank_length, where),
+                          cutter->flank_length, section_name),
       fmt::format("{:g}", flank ? cutter->flank_length : length));
 }
 
@@ -397,11 +397,13 @@ void report_point_error(TableReader& reader, const PointKeys& keys,
       message.seen);
 }
 
-KeyName left_out(Asked asked, const KeyName& key) { return asked == must ? key : asked(key); }
+KeyName optional_for_both(ToolKeyFunction tool_key, const KeyName& key) {
+  return tool_key == must ? key : tool_key(key);
+}
 
 bool has_all_keys(const TableReader& reader, const std::vector<Key>& keys) {
-  return std::ranges::all_of(keys,
-                             [&](const Key& key) { return !key.required || reader.has(key.name); });
+  return std::ranges::none_of(
+      keys, [&](const Key& key) { return key.required && !reader.has(key.name); });
 }
 
 std::vector<ToolDescription> read_tools(const Node& section, InputErrors& input_errors) {

@@ -17,32 +17,66 @@ constexpr Range corner_position{-10'000.0, 10'000.0};
 constexpr Range bottom_angle{0.0, 90.0, false, true};  // deg
 constexpr Range flank_angle{-90.0, 90.0, true, true};
 
+/// Returns the fields of a form. Reading also makes the shape of the tool from the form, unless
+/// there are input errors.
+/// @param make_shape  throws std::invalid_argument if no shape has this form
+/// @param report_error  reports such an error
+template <class Form, class Shape>
+Fields<ToolDescription> form_fields(const FormSelector& selector, const Fields<Form>& form_members,
+                                    Shape (*make_shape)(const Form&),
+                                    void (*report_error)(TableReader& reader, const Form& form,
+                                                         const std::invalid_argument& error)) {
+  return Fields<ToolDescription>().custom(
+      form_members.keys(),
+      [=](TableReader& reader, ToolDescription& tool) {
+        const std::size_t error_count = reader.input_errors().list().size();
+        // The actual tool starts from the nominal form, if its kind is the same.
+        const Form* initial = std::get_if<Form>(&(tool.*selector.form));
+        const Form form = form_members.read(reader, initial ? *initial : Form{});
+        tool.*selector.form = form;
+        if (!std::holds_alternative<Shape>(tool.*selector.shape)) tool.*selector.shape = Shape{};
+        if (reader.input_errors().list().size() != error_count ||
+            !has_all_keys(reader, form_members.keys()))
+          return;
+        try {
+          tool.*selector.shape = make_shape(form);
+        } catch (const std::invalid_argument& error) {
+          report_error(reader, form, error);
+        }
+      },
+      [=](const ToolDescription& tool, Node::Table& table) {
+        append_entries(table, form_members.written(std::get<Form>(tool.*selector.form)));
+      });
+}
+
 /// Accessor of a member of `AptForm::numbers`.
 template <auto member>
 constexpr auto numbers_member = [](auto& form) -> auto& {
   return form.numbers.*member;
 };
 
-Fields<AptForm> apt_fields(Asked asked) {
+Fields<AptForm> apt_fields(ToolKeyFunction tool_key) {
   using Apt = cutting::AptCutter;
   return Fields<AptForm>()
-      .number(left_out(asked, KeyName("diameter_mm")
-                                  .otherwise("a ball: the corner's middle is on "
-                                             "the axis")),
+      .number(optional_for_both(tool_key, KeyName("diameter_mm")
+                                              .otherwise("a ball: the corner's middle is on "
+                                                         "the axis")),
               &AptForm::diameter, form_size, "D of APT: where the lines of bottom and flank meet")
-      .number(left_out(asked, "corner_radius_mm"), numbers_member<&Apt::corner>, corner_size,
-              "of a bull nose, at most the radius; R of APT")
+      .number(optional_for_both(tool_key, "corner_radius_mm"), numbers_member<&Apt::corner>,
+              corner_size, "of a bull nose, at most the radius; R of APT")
       .number(
-          left_out(asked, KeyName("corner_offset_mm").otherwise("such that the corner is tangent")),
-          &AptForm::radial, corner_place, "E of APT: of the corner's middle from the axis")
+          optional_for_both(
+              tool_key, KeyName("corner_offset_mm").otherwise("such that the corner is tangent")),
+          &AptForm::radial, corner_position, "E of APT: of the corner's middle from the axis")
       .number(
-          left_out(asked, KeyName("corner_height_mm").otherwise("such that the corner is tangent")),
-          &AptForm::axial, corner_place, "F of APT: of the corner's middle above the tip")
-      .number(left_out(asked, "bottom_deg"), numbers_member<&Apt::bottom>, bottom_angle,
+          optional_for_both(
+              tool_key, KeyName("corner_height_mm").otherwise("such that the corner is tangent")),
+          &AptForm::axial, corner_position, "F of APT: of the corner's middle above the tip")
+      .number(optional_for_both(tool_key, "bottom_deg"), numbers_member<&Apt::bottom>, bottom_angle,
               "alpha of APT: by which the bottom rises outwards")
-      .number(left_out(asked, "flank_deg"), numbers_member<&Apt::flank>, flank_angle,
+      .number(optional_for_both(tool_key, "flank_deg"), numbers_member<&Apt::flank>, flank_angle,
               "beta of APT: by which the flank leans outwards, upwards")
-      .number(asked("flank_length_mm"), numbers_member<&Apt::height>, form_size,
+      .number(tool_key("flank_length_mm"), numbers_member<&Apt::height>, form_size,
               "H of APT: of the flank's upper end above the tip")
       .check([](TableReader& reader, AptForm& form) {
         // Without a diameter the cutter is a ball, which only its corner radius describes.
@@ -55,24 +89,26 @@ Fields<AptForm> apt_fields(Asked asked) {
       });
 }
 
-Fields<OutlineForm> outline_fields(Asked asked) {
+Fields<OutlineForm> outline_fields(ToolKeyFunction tool_key) {
   return Fields<OutlineForm>()
-      .numbers(asked("radii_mm"), &OutlineForm::radii, 0,
+      .numbers(tool_key("radii_mm"), &OutlineForm::radii, 0,
                "of the points of the outline from the tip up; flat below the first")
-      .numbers(asked("heights_mm"), &OutlineForm::heights, 0,
+      .numbers(tool_key("heights_mm"), &OutlineForm::heights, 0,
                "of the same points above the tip; the first is 0")
-      .numbers(left_out(asked, KeyName("arc_radii_mm").otherwise("straight")), &OutlineForm::arcs,
-               0, "radius of the arc that bulges out on the way to each point; 0: straight");
+      .numbers(optional_for_both(tool_key, KeyName("arc_radii_mm").otherwise("straight")),
+               &OutlineForm::arcs, 0,
+               "radius of the arc that bulges out on the way to each point; 0: straight");
 }
 
-Fields<ProfileForm> profile_form_fields(Asked asked) {
+Fields<ProfileForm> profile_form_fields(ToolKeyFunction tool_key) {
   return Fields<ProfileForm>()
-      .numbers(asked("radii_mm"), &ProfileForm::radii, 0,
+      .numbers(tool_key("radii_mm"), &ProfileForm::radii, 0,
                "of the points of the outline from the tip up; flat below the first")
-      .numbers(asked("heights_mm"), &ProfileForm::heights, 0,
+      .numbers(tool_key("heights_mm"), &ProfileForm::heights, 0,
                "of the same points above the tip; the first is 0, none is below the one before")
       .numbers(
-          left_out(asked, KeyName("arc_radii_mm").otherwise("straight")), &ProfileForm::arcs, 0,
+          optional_for_both(tool_key, KeyName("arc_radii_mm").otherwise("straight")),
+          &ProfileForm::arcs, 0,
           "radius of the arc on the way to each point; 0: straight; below 0: it bulges in, and "
           "is cut as chords inside of it, by which the tool is up to 1 um larger");
 }
@@ -168,12 +204,12 @@ double chord_sag(const ToolForm& form) {
 
 Fields<ToolDescription> form_cutter_fields(const std::string& kind, const FormSelector& selector) {
   if (kind == "apt")
-    return form_fields(selector, apt_fields(selector.asked), make_cutter<AptForm>,
+    return form_fields(selector, apt_fields(selector.tool_key), make_cutter<AptForm>,
                        report_apt_error);
   if (kind == "profile")
-    return form_fields(selector, profile_form_fields(selector.asked), make_cutter<ProfileForm>,
+    return form_fields(selector, profile_form_fields(selector.tool_key), make_cutter<ProfileForm>,
                        report_form_error<ProfileForm>);
-  return form_fields(selector, outline_fields(selector.asked), make_cutter<OutlineForm>,
+  return form_fields(selector, outline_fields(selector.tool_key), make_cutter<OutlineForm>,
                      report_outline_error);
 }
 
@@ -187,18 +223,18 @@ using Points = std::vector<OutlinePoint>;
 constexpr Range edge_size{0.0, 10'000.0, true, false};  // mm
 constexpr Range edge_angle{0.0, 179.0};                 // deg
 
-Fields<Insert> insert_dimension_fields(Asked asked) {
+Fields<Insert> insert_dimension_fields(ToolKeyFunction tool_key) {
   return Fields<Insert>()
-      .number(asked("radius_mm"), &Insert::radius, edge_size, "of the nose")
-      .number(asked("cutting_edge_angle_deg"), &Insert::major, edge_angle,
+      .number(tool_key("radius_mm"), &Insert::radius, edge_size, "of the nose")
+      .number(tool_key("cutting_edge_angle_deg"), &Insert::major, edge_angle,
               "ISO 3002-1 κr, from the feed -x to the edge ahead, upwards")
-      .number(asked("minor_edge_angle_deg"), &Insert::minor, edge_angle,
+      .number(tool_key("minor_edge_angle_deg"), &Insert::minor, edge_angle,
               "κr', from +x to the edge behind, upwards; with κr 1 to 179 deg")
-      .number(asked("cutting_edge_mm"), &Insert::major_length, edge_size,
+      .number(tool_key("cutting_edge_mm"), &Insert::major_length, edge_size,
               "length of the edge ahead, from the nose")
-      .number(asked("minor_edge_mm"), &Insert::minor_length, edge_size,
+      .number(tool_key("minor_edge_mm"), &Insert::minor_length, edge_size,
               "length of the edge behind, from nose or wiper")
-      .number(left_out(asked, "wiper_mm"), &Insert::wiper, non_negative,
+      .number(optional_for_both(tool_key, "wiper_mm"), &Insert::wiper, non_negative,
               "b_s, a flat along x from below the centre of the nose to the minor edge");
 }
 
@@ -220,19 +256,19 @@ Points read_edge(TableReader& reader) {
   return points;
 }
 
-Fields<Points> edge_fields(Asked asked) {
+Fields<Points> edge_fields(ToolKeyFunction tool_key) {
   const std::vector<Key> keys{
       make_numbers_key(
-          asked("x_mm"), 0,
+          tool_key("x_mm"), 0,
           "of points around the edge, counter-clockwise from x to z, the centre inside"),
-      make_numbers_key(asked("z_mm"), 0, "of the same points"),
-      make_numbers_key(left_out(asked, "arc_radii_mm"), 0,
+      make_numbers_key(tool_key("z_mm"), 0, "of the same points"),
+      make_numbers_key(optional_for_both(tool_key, "arc_radii_mm"), 0,
                        "of the arcs to them from the points before, that to the first from the "
                        "last; 0: a line")};
   return Fields<Points>().custom(
       keys,
-      [asked](TableReader& reader, Points& points) {
-        const bool required = asked("x_mm").required;
+      [tool_key](TableReader& reader, Points& points) {
+        const bool required = tool_key("x_mm").required;
         for (const char* key : {"x_mm", "z_mm"})
           // The actual tool may omit all lists but not a single one.
           if (!reader.has(key) &&
@@ -279,9 +315,9 @@ void report_edge_error(TableReader& reader, const Points& points,
 
 Fields<ToolDescription> insert_fields(const std::string& kind, const FormSelector& selector) {
   if (kind == "insert")
-    return form_fields(selector, insert_dimension_fields(selector.asked), make_insert_nose,
+    return form_fields(selector, insert_dimension_fields(selector.tool_key), make_insert_nose,
                        report_insert_error);
-  return form_fields(selector, edge_fields(selector.asked), make_edge_nose, report_edge_error);
+  return form_fields(selector, edge_fields(selector.tool_key), make_edge_nose, report_edge_error);
 }
 
 }  // namespace abbe::sim

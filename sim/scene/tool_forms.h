@@ -1,7 +1,6 @@
 #pragma once
 
 #include <array>
-#include <stdexcept>
 #include <string>
 #include <vector>
 
@@ -14,11 +13,11 @@ namespace abbe::sim {
 
 /// Makes a key required for the nominal tool (`must`), or optional for the actual one
 /// (`optional_actual`).
-using Asked = KeyName (*)(KeyName);
+using ToolKeyFunction = KeyName (*)(KeyName);
 KeyName optional_actual(KeyName key);
 /// Returns a key that is optional for both tools; that of the actual tool defaults to the nominal
 /// value.
-KeyName left_out(Asked asked, const KeyName& key);
+KeyName optional_for_both(ToolKeyFunction tool_key, const KeyName& key);
 
 /// Returns true if all required keys are present.
 bool has_all_keys(const TableReader& reader, const std::vector<Key>& keys);
@@ -27,7 +26,7 @@ bool has_all_keys(const TableReader& reader, const std::vector<Key>& keys);
 struct FormSelector {
   ToolForm ToolDescription::*form;
   ToolShape ToolDescription::*shape;
-  Asked asked;
+  ToolKeyFunction tool_key;
 };
 inline constexpr FormSelector nominal_selector{&ToolDescription::nominal_form,
                                                &ToolDescription::nominal, must};
@@ -60,37 +59,5 @@ using PointKeys = std::array<const char*, 3>;
 void report_point_error(TableReader& reader, const PointKeys& keys,
                         const std::vector<cutting::OutlinePoint>& points,
                         const cutting::OutlineError& error);
-
-/// Returns the fields of a form. Reading also makes the shape of the tool from the form, unless
-/// there are input errors.
-/// @param make_shape  throws std::invalid_argument if no shape has this form
-/// @param report_error  reports such an error
-template <class Form, class Shape>
-Fields<ToolDescription> form_fields(const FormSelector& selector, const Fields<Form>& form_members,
-                                    Shape (*make_shape)(const Form&),
-                                    void (*report_error)(TableReader& reader, const Form& form,
-                                                         const std::invalid_argument& error)) {
-  return Fields<ToolDescription>().custom(
-      form_members.keys(),
-      [=](TableReader& reader, ToolDescription& tool) {
-        const std::size_t error_count = reader.input_errors().list().size();
-        // The actual tool starts from the nominal form, if its kind is the same.
-        const Form* initial = std::get_if<Form>(&(tool.*selector.form));
-        const Form form = form_members.read(reader, initial ? *initial : Form{});
-        tool.*selector.form = form;
-        if (!std::holds_alternative<Shape>(tool.*selector.shape)) tool.*selector.shape = Shape{};
-        if (reader.input_errors().list().size() != error_count ||
-            !has_all_keys(reader, form_members.keys()))
-          return;
-        try {
-          tool.*selector.shape = make_shape(form);
-        } catch (const std::invalid_argument& error) {
-          report_error(reader, form, error);
-        }
-      },
-      [=](const ToolDescription& tool, Node::Table& table) {
-        append_entries(table, form_members.written(std::get<Form>(tool.*selector.form)));
-      });
-}
 
 }  // namespace abbe::sim

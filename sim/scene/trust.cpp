@@ -56,6 +56,14 @@ std::optional<fs::path> environment_folder(const char* variable) {
   return fs::path(value);
 }
 
+/// Returns the user's trust file: $XDG_CONFIG_HOME/abbe/trust, else ~/.config/abbe/trust; empty if
+/// neither variable is an absolute path. Each line has one absolute folder; # begins a comment.
+fs::path trust_file() {
+  if (const auto folder = environment_folder("XDG_CONFIG_HOME")) return *folder / "abbe" / "trust";
+  if (const auto home = environment_folder("HOME")) return *home / ".config" / "abbe" / "trust";
+  return {};
+}
+
 BadInput untrusted_program_error(const NamedProgram& program) {
   const fs::path listing_file = trust_file();
   return BadInput(
@@ -67,12 +75,6 @@ BadInput untrusted_program_error(const NamedProgram& program) {
 }
 
 }  // namespace
-
-fs::path trust_file() {
-  if (const auto folder = environment_folder("XDG_CONFIG_HOME")) return *folder / "abbe" / "trust";
-  if (const auto home = environment_folder("HOME")) return *home / ".config" / "abbe" / "trust";
-  return {};
-}
 
 std::vector<fs::path> trusted_folders(const fs::path& file) {
   std::error_code error_code;
@@ -138,16 +140,16 @@ Scene read_trusted_scene(const fs::path& file, const std::vector<Override>& over
   return scene;
 }
 
-void trust(Scene& scene, const CaseDescription& typed) {
-  if (typed.plug_in.empty()) return;
-  scene.trusted.push_back(typed.plug_in);
+void trust(Scene& scene, const CaseDescription& compensator) {
+  if (compensator.plug_in.empty()) return;
+  scene.trusted.push_back(compensator.plug_in);
   // Results must not overwrite the program, so it becomes a file of the scene.
-  scene.files.push_back(typed.plug_in);
+  scene.files.push_back(compensator.plug_in);
 }
 
-void trust(Scene& scene, const std::string& typed_case) {
+void trust(Scene& scene, const std::string& case_name) {
   // A name with a dot or slash denotes a plug-in file.
-  if (typed_case.find_first_of("./") != std::string::npos) trust(scene, plug_in_case(typed_case));
+  if (case_name.find_first_of("./") != std::string::npos) trust(scene, plug_in_case(case_name));
 }
 
 void check_trusted(const Scene& scene, const fs::path& program) {

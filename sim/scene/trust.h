@@ -12,10 +12,6 @@
 /// on the command line (--compensator, --case, --set) are trusted.
 namespace abbe::sim {
 
-/// Returns the user's trust file: $XDG_CONFIG_HOME/abbe/trust, else ~/.config/abbe/trust; empty if
-/// neither variable is an absolute path. Each line has one absolute folder; # begins a comment.
-std::filesystem::path trust_file();
-
 /// Returns the folders of a trust file, with links resolved; none if there is no such file.
 /// @throws BadInput if the file or its folder belongs to another user, or can be written by others
 ///         than its owner or root, or if a line is no absolute path
@@ -42,8 +38,8 @@ Scene read_trusted_scene(const std::filesystem::path& file, const std::vector<Ov
                          const Permissions& permissions);
 
 /// Adds a compensator from the command line to the trusted programs, if it is a program.
-void trust(Scene& scene, const CaseDescription& typed);
-void trust(Scene& scene, const std::string& typed_case);
+void trust(Scene& scene, const CaseDescription& compensator);
+void trust(Scene& scene, const std::string& case_name);
 
 /// Checks a program immediately before its start.
 /// @throws BadInput if the scene may not run it
