@@ -50,7 +50,7 @@ auto number_pointers(SomeShape& shape) {
 
 /// Recomputes the second derivatives of a spline after its values have changed.
 void update_spline(Table& table) {
-  if (table.between == Between::Spline)
+  if (table.between == TableInterpolation::Spline)
     table = make_table(table.q, table.value, table.between, table.outside);
 }
 

@@ -136,7 +136,7 @@ ComplianceModel::Mass bind(const MovingMass& mass, const Chain& chain) {
   if (bound.on_tool || bound.on_part) {
     bound.joints = carriers(chain, bound.on_tool ? Side::Tool : Side::Workpiece, std::nullopt);
   } else {
-    const int joint = joint_of(mass.axis, chain, who);
+    const int joint = axis_joint(mass.axis, chain, who);
     bound.joints = carriers(chain, chain.joints()[std::size_t(joint)].side, joint);
   }
   return bound;
@@ -237,7 +237,7 @@ bool is_compliant(const Compliance& C) { return !C.isZero(0.0); }
 void add_cutting_deviations(const ComplianceModel& model, const kinematics::AxisState& state,
                             const Load& load, ForceDeviations& result) {
   const Pose T_wt = model.nominal.tool_in_workpiece(state.q);
-  const Wrench on_tool_w = rotate_wrench(T_wt.linear(), load.on_tool_t);
+  const Wrench on_tool_w = rotate_wrench(T_wt.linear(), load.tool_wrench_t);
   if (std::any_of(model.joints.begin(), model.joints.end(), is_compliant)) {
     const Eigen::MatrixXd J = kinematics::motion_jacobian(model.nominal, state.q);
     // C J' W: by virtual work the transposed Jacobian transforms the wrench at the tip to the point
@@ -248,7 +248,7 @@ void add_cutting_deviations(const ComplianceModel& model, const kinematics::Axis
           model.joints[i] * (J.middleCols<6>(6 * Eigen::Index(i)).transpose() * on_tool_w);
     }
   }
-  result.tool_t += model.tool * load.on_tool_t;
+  result.tool_t += model.tool * load.tool_wrench_t;
   Wrench on_part_w = -on_tool_w;
   // The wrench is stated at the tip, the compliance of the fixture at the origin of w.
   on_part_w.tail<3>() -= T_wt.translation().cross(on_tool_w.head<3>());
@@ -286,7 +286,7 @@ ComplianceModel bind(const ComplianceErrors& errors, const Chain& nominal) {
   std::vector<char> seen(n, 0);
   for (const JointCompliance& joint : errors.joints) {
     const std::string who = fmt::format("compliance of axis {}", joint.axis);
-    const std::size_t i = std::size_t(joint_of(joint.axis, nominal, who));
+    const std::size_t i = std::size_t(axis_joint(joint.axis, nominal, who));
     if (seen[i]) throw std::invalid_argument(who + ": expected every axis once, seen it twice");
     seen[i] = 1;
     validate(joint.C, who);
@@ -314,7 +314,7 @@ ForceDeviations deviations(const ComplianceModel& model, const kinematics::AxisS
   sum.joints.resize(model.joints.size());
   // The clamping wrench loads the fixture at all times, not only during a cut.
   sum.workpiece_w = model.fixture * model.clamping_w;
-  if (!load.on_tool_t.isZero(0.0)) add_cutting_deviations(model, state, load, sum);
+  if (!load.tool_wrench_t.isZero(0.0)) add_cutting_deviations(model, state, load, sum);
   if (model.gravity_b || (model.inertia && load.acceleration.size() > 0)) {
     for (const ComplianceModel::Mass& mass : model.masses) add_mass(model, mass, state, load, sum);
   }

@@ -91,7 +91,7 @@ Eigen::Matrix3d local_compliance(const WorkpieceCompliance& workpiece,
 double cantilever_plate(double s, double poisson_ratio);
 
 /// A field with a k-d tree over its nodes.
-struct IndexedField {
+struct FieldTree {
   WorkpieceField field;            ///< nodes in the order of the tree
   std::vector<int> node;           ///< (n) index of each node in the original field
   std::vector<std::int8_t> split;  ///< (n) coordinate along which a node splits the nodes around it
@@ -103,7 +103,7 @@ struct PlateTable {
   std::array<double, intervals + 1> ratio{};  ///< cantilever_plate / s^2 at s = (1 - cos(pi i/n))/2
 };
 /// A workpiece compliance prepared for many evaluations. Immutable.
-using PreparedWorkpiece = std::variant<WorkpieceBar, PlateTable, IndexedField>;
+using PreparedWorkpiece = std::variant<WorkpieceBar, PlateTable, FieldTree>;
 
 /// Returns the prepared compliance. @throws std::invalid_argument as `validate`
 PreparedWorkpiece prepare(const WorkpieceCompliance& workpiece);
@@ -128,8 +128,8 @@ double node_spacing(const WorkpieceField& field);
 
 /// Returns the largest distance from any of the points to its nearest node of a field, mm; 0 if
 /// there are no points. A large distance reveals a field of another mesh.
-double coverage(const WorkpieceField& field,
-                const Eigen::Matrix<double, Eigen::Dynamic, 3, Eigen::RowMajor>& points_w);
+double max_node_distance(const WorkpieceField& field,
+                         const Eigen::Matrix<double, Eigen::Dynamic, 3, Eigen::RowMajor>& points_w);
 
 /// A moving point mass, for gravity and inertia.
 struct MovingMass {
@@ -187,9 +187,9 @@ ComplianceModel bind(const ComplianceErrors& errors, const kinematics::Chain& no
 
 /// Load on the machine at an instant of the cut.
 struct Load {
-  kinematics::Wrench on_tool_t = kinematics::Wrench::Zero();  ///< cutting wrench on the tool at the
-                                                              ///< tip, frame t
-  Eigen::Vector3d contact_t = Eigen::Vector3d::Zero();        ///< mm, contact point, frame t
+  kinematics::Wrench tool_wrench_t = kinematics::Wrench::Zero();  ///< cutting wrench on the tool at
+                                                                  ///< the tip, frame t
+  Eigen::Vector3d contact_t = Eigen::Vector3d::Zero();  ///< mm, contact point, frame t
   kinematics::AxisVector acceleration;  ///< (joints) mm/s^2, rad/s^2; may be empty: none
 };
 

@@ -64,7 +64,8 @@ TableSegment table_segment(const Table& table, double q) {
   const double high = table.q[table.q.size() - 1];
   TableSegment p;
   if (!(q >= low && q <= high)) {
-    if (table.outside == Outside::Refuse || std::isnan(q)) throw_position_error(table, q);
+    if (table.outside == TableExtrapolation::Refuse || std::isnan(q))
+      throw_position_error(table, q);
     p.is_outside = true;
     q = std::clamp(q, low, high);
   }
@@ -79,7 +80,7 @@ double shape_value(const Table& table, double q) {
   const double b = p.t;
   const double a = 1.0 - b;  // this form is exact at both rows
   const double line = a * table.value[p.i] + b * table.value[p.i + 1];
-  if (table.between == Between::Linear) return line;
+  if (table.between == TableInterpolation::Linear) return line;
   return line + ((a * a * a - a) * table.second[p.i] + (b * b * b - b) * table.second[p.i + 1]) *
                     (p.h * p.h / 6.0);
 }
@@ -88,7 +89,7 @@ double shape_slope(const Table& table, double q) {
   const TableSegment p = table_segment(table, q);
   if (p.is_outside) return 0.0;
   const double chord = (table.value[p.i + 1] - table.value[p.i]) / p.h;
-  if (table.between == Between::Linear) return chord;
+  if (table.between == TableInterpolation::Linear) return chord;
   const double b = p.t;
   const double a = 1.0 - b;
   return chord +
@@ -301,7 +302,7 @@ void check(const Table& table) {
                                               i + 1, table.q[i - 1], table.q[i]));
   }
   expect(std::isfinite(table.q[table.q.size() - 1] - table.q[0]), "a table of finite length");
-  if (table.between == Between::Spline) {
+  if (table.between == TableInterpolation::Spline) {
     expect(table.second.size() == table.q.size() && table.second.allFinite(),
            "the second derivatives of a spline, as make_table leaves them");
   }
@@ -412,11 +413,12 @@ void validate(const Curve& curve) {
   std::visit([](const auto& s) { check(s); }, curve.shape);
 }
 
-Table make_table(VectorXd q, VectorXd value, Between between, Outside outside) {
-  Table table{std::move(q), std::move(value), Between::Linear, outside, {}};
+Table make_table(VectorXd q, VectorXd value, TableInterpolation between,
+                 TableExtrapolation outside) {
+  Table table{std::move(q), std::move(value), TableInterpolation::Linear, outside, {}};
   check(table);
   table.between = between;
-  if (between == Between::Spline) table.second = natural_spline(table.q, table.value);
+  if (between == TableInterpolation::Spline) table.second = natural_spline(table.q, table.value);
   check(table);
   return table;
 }
@@ -438,7 +440,7 @@ DetrendedTable detrend(const Table& table, Detrend how) {
   return result;
 }
 
-double max_bend(const Curve& curve) {
+double second_derivative_bound(const Curve& curve) {
   return std::abs(curve.scale) *
          std::visit([](const auto& s) { return max_second_derivative(s); }, curve.shape);
 }
@@ -470,7 +472,7 @@ bool SeriesBasis::has_same_functions(const SeriesBasis& other) const {
          range == other.range;
 }
 
-std::optional<SeriesBasis> basis_of(const Curve& curve) {
+std::optional<SeriesBasis> series_basis(const Curve& curve) {
   SeriesBasis basis;
   basis.argument = curve.argument;
   Eigen::Index functions = 0;

@@ -45,13 +45,16 @@ struct Fourier {
   Eigen::VectorXd b;    ///< (n)
   double period = 1.0;  ///< mm or rad, > 0: a screw pitch, or 2 pi
 };
-enum class Between { Linear, Spline };  ///< between rows: linear, or a natural cubic spline
-enum class Outside { Refuse, Hold };    ///< beyond the ends: an error, or the last value
+enum class TableInterpolation {
+  Linear,
+  Spline
+};  ///< between rows: linear, or a natural cubic spline
+enum class TableExtrapolation { Refuse, Hold };  ///< beyond the ends: an error, or the last value
 struct Table {
   Eigen::VectorXd q;      ///< (n) strictly increasing, n >= 2
   Eigen::VectorXd value;  ///< (n)
-  Between between = Between::Linear;
-  Outside outside = Outside::Refuse;
+  TableInterpolation between = TableInterpolation::Linear;
+  TableExtrapolation outside = TableExtrapolation::Refuse;
   Eigen::VectorXd second;  ///< (n) second derivatives of the spline, set by `make_table`
 };
 /// Reversal error: +half while moving up, -half while moving down, 0 before the first motion. A
@@ -98,7 +101,7 @@ struct Curve {
 
 /// Returns the value at a state, mm or rad.
 /// @throws std::out_of_range, naming the position and the range, outside a table with
-///         `Outside::Refuse`
+///         `TableExtrapolation::Refuse`
 double value(const Curve& curve, const CurveState& state);
 
 /// Returns the derivative with respect to the commanded position, per mm or rad (of a table at a
@@ -113,8 +116,9 @@ void validate(const Curve& curve);
 /// Returns a table, with its spline prepared.
 /// @throws std::invalid_argument unless q is strictly increasing and finite with at least 2 rows of
 ///         finite values
-Table make_table(Eigen::VectorXd q, Eigen::VectorXd value, Between between = Between::Linear,
-                 Outside outside = Outside::Refuse);
+Table make_table(Eigen::VectorXd q, Eigen::VectorXd value,
+                 TableInterpolation between = TableInterpolation::Linear,
+                 TableExtrapolation outside = TableExtrapolation::Refuse);
 
 /// The straight line that is removed from a table.
 enum class Detrend {
@@ -132,7 +136,7 @@ DetrendedTable detrend(const Table& table, Detrend how);
 /// Returns a bound of the second derivative of harmonics (Fourier and asynchronous) with respect to
 /// the argument, per mm^2 or rad^2; 0 for every other shape. If the curve is sampled in steps d,
 /// the error of linear interpolation is at most the bound times d^2 / 8.
-double max_bend(const Curve& curve);
+double second_derivative_bound(const Curve& curve);
 
 /// Returns true if the curve is random. A curve that depends on the direction of approach, such as
 /// backlash, is not random: it can be identified.
@@ -163,7 +167,7 @@ struct SeriesBasis {
 
 /// Returns the basis of a Legendre or Fourier series; empty for another shape or a series of more
 /// than max_functions.
-std::optional<SeriesBasis> basis_of(const Curve& curve);
+std::optional<SeriesBasis> series_basis(const Curve& curve);
 
 /// Series of one basis, evaluated together.
 struct SeriesGroup {

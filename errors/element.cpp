@@ -51,22 +51,22 @@ void refuse(const std::string& who, const std::string& reason) {
   throw std::invalid_argument(who + ": " + reason);
 }
 
-void expect_positive(double value, const std::string& who, const char* quantity) {
+void require_positive_value(double value, const std::string& who, const char* quantity) {
   if (!(value > 0.0) || !std::isfinite(value))
     refuse(who, fmt::format("expected a {} above 0, seen {}", quantity, value));
 }
 
-void expect_not_negative(double value, const std::string& who, const char* quantity) {
+void require_not_negative(double value, const std::string& who, const char* quantity) {
   if (!(value >= 0.0) || !std::isfinite(value))
     refuse(who, fmt::format("expected a {} of 0 or more, seen {}", quantity, value));
 }
 
-void expect_finite(double value, const std::string& who, const char* quantity) {
+void require_finite(double value, const std::string& who, const char* quantity) {
   if (!std::isfinite(value))
     refuse(who, fmt::format("expected a finite {}, seen {}", quantity, value));
 }
 
-void expect_node(int node, int nodes, const std::string& who) {
+void require_node(int node, int nodes, const std::string& who) {
   if (node < 0 || node >= nodes)
     refuse(who, fmt::format("expected a node 0 .. {}, seen {}", nodes - 1, node));
 }
@@ -124,7 +124,7 @@ void check_location(const ElementName& name, const kinematics::Chain& chain, int
 
 }  // namespace
 
-int joint_of(char axis, const kinematics::Chain& chain, const std::string& who) {
+int axis_joint(char axis, const kinematics::Chain& chain, const std::string& who) {
   if (const auto joint = chain.find(axis)) return *joint;
   // Descriptions write S for the spindle; a chain names a workpiece spindle S and the nose s.
   if (const auto nose = chain.find('s'); nose && axis == 'S') return *nose;
@@ -164,7 +164,7 @@ std::string meaning(const ElementName& name, const kinematics::Chain& chain, int
 // loses at most 4e-4 of the slope.
 constexpr double max_oblique_sine = 0.02;
 
-std::vector<SquarenessContribution> squareness_contributions(
+std::vector<SquarenessContribution> to_squareness_errors(
     const ElementName& straightness, double slope, std::span<const kinematics::Joint> joints) {
   const auto throw_error = [&](const char* reason) {
     throw std::invalid_argument(to_string(straightness) + ": " + reason);

@@ -41,11 +41,11 @@ struct Element {
 
 [[noreturn]] void refuse(const std::string& who, const std::string& reason);
 
-void expect_positive(double value, const std::string& who, const char* quantity);
-void expect_not_negative(double value, const std::string& who, const char* quantity);
-void expect_finite(double value, const std::string& who, const char* quantity);
+void require_positive_value(double value, const std::string& who, const char* quantity);
+void require_not_negative(double value, const std::string& who, const char* quantity);
+void require_finite(double value, const std::string& who, const char* quantity);
 /// Throws unless `node` is the index of one of the `nodes` nodes of a thermal network.
-void expect_node(int node, int nodes, const std::string& who);
+void require_node(int node, int nodes, const std::string& who);
 
 // Binding of an element to a chain, common to all sources of errors.
 
@@ -53,7 +53,7 @@ void expect_node(int node, int nodes, const std::string& who);
 /// carries the workpiece) if the chain has one, else the nose s.
 /// @param who  text with which an error message begins
 /// @throws std::invalid_argument if the chain lacks the axis
-int joint_of(char axis, const kinematics::Chain& chain, const std::string& who);
+int axis_joint(char axis, const kinematics::Chain& chain, const std::string& who);
 
 /// Checks that an element has a meaning for a joint.
 /// @param joint  index of the axis in the chain
@@ -81,7 +81,8 @@ struct SquarenessContribution {
 /// @param joints  all joints of the machine
 /// @throws std::invalid_argument unless the element is a straightness of a slide of the machine
 ///         that forms an angle with another
-std::vector<SquarenessContribution> squareness_contributions(
-    const ElementName& straightness, double slope, std::span<const kinematics::Joint> joints);
+std::vector<SquarenessContribution> to_squareness_errors(const ElementName& straightness,
+                                                         double slope,
+                                                         std::span<const kinematics::Joint> joints);
 
 }  // namespace abbe::errors

@@ -41,11 +41,11 @@ struct TableHeader {
 /// Parser of the header cells: one axis, then its elements.
 class HeaderReader {
  public:
-  HeaderReader(const TableLines& lines, const Line& line) : lines_(lines), line_(line) {}
+  HeaderReader(const TableLineReader& lines, const Line& line) : lines_(lines), line_(line) {}
 
   TableHeader read() {
     header_.separator = cell_separator(line_.text);
-    const std::vector<Cell> cells = cells_of(line_.text, header_.separator, max_cells);
+    const std::vector<Cell> cells = split_cells(line_.text, header_.separator, max_cells);
     read_axis(cells.front());
     for (std::size_t i = 1; i < cells.size(); ++i) read_element(cells[i]);
     if (cells.size() < 2) refuse({"", int(line_.text.size()) + 1}, "an element after the axis");
@@ -100,17 +100,17 @@ class HeaderReader {
     }
   }
 
-  const TableLines& lines_;
+  const TableLineReader& lines_;
   const Line& line_;
   TableHeader header_;
 };
 
 /// Reads the rows: 1 + m numbers each, converted to mm and rad.
-std::vector<double> read_rows(TableLines& lines, const TableHeader& header) {
+std::vector<double> read_rows(TableLineReader& lines, const TableHeader& header) {
   const std::size_t width = header.units.size();
   std::vector<double> numbers;
   while (const auto line = lines.next()) {
-    const std::vector<Cell> cells = cells_of(line->text, header.separator, max_cells);
+    const std::vector<Cell> cells = split_cells(line->text, header.separator, max_cells);
     for (std::size_t i = 0; i < std::min(cells.size(), width); ++i)
       numbers.push_back(lines.number_in(cells[i]) * header.units[i]);
     const std::string expected_cells = fmt::format("{} cells, as the head has", width);
@@ -132,7 +132,7 @@ ElementTable read_element_table(std::string_view text, const std::string& file,
   if (text.size() > max_bytes)
     throw BadInput(file, 0, 0, fmt::format("at most {} bytes", max_bytes),
                    fmt::format("{}", text.size()));
-  TableLines lines(text, file);
+  TableLineReader lines(text, file);
   const auto first = lines.next();
   if (!first) throw BadInput(file, 1, 1, "a head such as X EXX EYX", "an empty table");
   TableHeader header = HeaderReader(lines, *first).read();
@@ -168,7 +168,7 @@ std::string write_element_table(const ElementTable& table, char separator) {
   return text + "\n";
 }
 
-std::vector<Element> elements_of(const ElementTable& table, const TableUse& use) {
+std::vector<Element> to_elements(const ElementTable& table, const ElementTableUse& use) {
   std::vector<Element> elements;
   for (std::size_t k = 0; k < table.elements.size(); ++k) {
     Table shape = make_table(table.q, table.values.col(Eigen::Index(k)), use.between, use.outside);

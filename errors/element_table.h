@@ -46,15 +46,15 @@ ElementTable read_element_table_file(const std::filesystem::path& file,
 std::string write_element_table(const ElementTable& table, char separator = ',');
 
 /// Options for using the columns of a table as elements.
-struct TableUse {
-  Between between = Between::Linear;
-  Outside outside = Outside::Refuse;
+struct ElementTableUse {
+  TableInterpolation between = TableInterpolation::Linear;
+  TableExtrapolation outside = TableExtrapolation::Refuse;
   Argument argument = Argument::Command;  ///< quantity of the positions
   bool negate = false;                    ///< true if the values count in the opposite direction
   std::string name;                       ///< name of every curve, for reports
 };
 
 /// Returns one element per column, each of one curve. @throws std::invalid_argument as make_table
-std::vector<Element> elements_of(const ElementTable& table, const TableUse& use = {});
+std::vector<Element> to_elements(const ElementTable& table, const ElementTableUse& use = {});
 
 }  // namespace abbe::errors

@@ -40,7 +40,7 @@ void check(const Element& element, const Chain& chain, int joint) {
 /// Returns a measuring line relative to the point of its joint.
 GeometricModel::BoundLine bind_line(const MeasuringLine& line, const Chain& chain) {
   const std::string who = std::string("measuring line of ") + line.axis;
-  const int j = joint_of(line.axis, chain, who);
+  const int j = axis_joint(line.axis, chain, who);
   const Joint& joint = chain.joints()[std::size_t(j)];
   if (joint.motion != kinematics::Motion::Linear) refuse(who, "expected a slide");
   if (!line.at_b.allFinite()) refuse(who, "expected a finite point");
@@ -74,7 +74,7 @@ void add_term(GeometricModel& model, int element, int curve) {
   const GeometricModel::Bound& bound = model.elements[std::size_t(element)];
   const Curve& curve_to_add = bound.element.curves[std::size_t(curve)];
   GeometricModel::Term term{bound.joint, bound.component, element, curve};
-  const std::optional<SeriesBasis> basis = basis_of(curve_to_add);
+  const std::optional<SeriesBasis> basis = series_basis(curve_to_add);
   if (const auto group = basis ? find_or_add_group(model, bound.joint, *basis) : std::nullopt) {
     term.group = *group;
     term.index_in_group = add(curve_to_add, model.groups[std::size_t(*group)].series);
@@ -125,7 +125,7 @@ double curve_value(const GeometricModel& model, const GeometricModel::Term& term
 void carry_to_joint(const GeometricModel::BoundLine& line, double travel,
                     JointDeviation& deviation) {
   Vector3d arm = line.arm_b;
-  if (line.is_fixed_in_bed) arm -= travel * line.direction_b;  // P travels away from M
+  if (line.is_point_fixed_in_bed) arm -= travel * line.direction_b;  // P travels away from M
   const Vector3d theta = deviation.motion.tail<3>();
   deviation.motion.head<3>() -= theta.cross(arm);
 }
@@ -138,7 +138,7 @@ GeometricModel bind(const GeometricErrors& errors, const Chain& chain) {
     model.is_joint_primed.push_back(joint.side == kinematics::Side::Workpiece);
   for (const Element& element : errors.elements) {
     const std::string who = to_string(element.name);
-    const int joint = joint_of(element.name.axis, chain, who);
+    const int joint = axis_joint(element.name.axis, chain, who);
     for (const GeometricModel::Bound& other : model.elements)
       if (other.element.name == element.name) refuse(who, "comes twice");
     check(element, chain, joint);
@@ -180,7 +180,7 @@ std::vector<JointDeviation> deviations(const GeometricModel& model, const AxisSt
 }
 
 // Constants and terms depend on all curves, so they are rebuilt rather than edited.
-GeometricModel without_random(const GeometricModel& model) {
+GeometricModel remove_random(const GeometricModel& model) {
   GeometricModel result = model;
   for (GeometricModel::Bound& bound : result.elements)
     std::erase_if(bound.element.curves, is_random);
@@ -254,7 +254,7 @@ double position_in_half_ranges(const Curve& curve, double q) {
 /// Returns the distance of a position beyond the ends of a table that holds its last value, in
 /// lengths of the table; 0 within it.
 double excess_in_lengths(const Table& table, double q) {
-  if (table.outside != Outside::Hold) return 0.0;
+  if (table.outside != TableExtrapolation::Hold) return 0.0;
   const double low = table.q[0], high = table.q[table.q.size() - 1];
   return std::max({0.0, low - q, q - high}) / (high - low);
 }

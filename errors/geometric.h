@@ -48,7 +48,8 @@ struct GeometricModel {
     int joint = 0;
     Eigen::Vector3d arm_b;  ///< measured point minus joint point at zero
     Eigen::Vector3d direction_b = Eigen::Vector3d::Zero();  ///< of the joint, unit
-    bool is_fixed_in_bed = false;  ///< the joint's point travels relative to the measured point
+    bool is_point_fixed_in_bed =
+        false;  ///< the joint's point travels relative to the measured point
   };
   std::vector<BoundLine> lines;
   std::vector<char> is_joint_primed;  ///< (chain size) 1 where the carriage travels by -command
@@ -91,7 +92,7 @@ std::vector<kinematics::JointDeviation> deviations(const GeometricModel& model,
                                                    const kinematics::AxisState& state);
 
 /// Returns the model without its random curves, i.e. the result of a perfect identification.
-GeometricModel without_random(const GeometricModel& model);
+GeometricModel remove_random(const GeometricModel& model);
 
 /// Returns the model with the values of all elements multiplied by `factor`.
 GeometricModel scaled(const GeometricModel& model, double factor);

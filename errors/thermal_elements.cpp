@@ -19,11 +19,11 @@ using kinematics::JointDeviation;
 constexpr double length_reference_T_C = 20.0;  // ISO 1
 
 void check(const ThermalFunction& function, int nodes, const std::string& who) {
-  expect_finite(function.constant, who, "constant");
+  require_finite(function.constant, who, "constant");
   for (const ThermalFunction::Term& term : function.terms) {
-    expect_node(term.node, nodes, who);
-    if (term.minus) expect_node(*term.minus, nodes, who);
-    expect_finite(term.per_K, who, "value per K");
+    require_node(term.node, nodes, who);
+    if (term.minus) require_node(*term.minus, nodes, who);
+    require_finite(term.per_K, who, "value per K");
     if (!term.table) continue;
     try {
       validate(Curve{*term.table});
@@ -46,13 +46,13 @@ void check(const ThermalElement& element, const Chain& chain, int joint, int nod
     refuse(who, "a location or spindle element has no slope along an axis");
   check(element.offset, nodes, who);
   check(element.slope, nodes, who);
-  expect_finite(element.fixed, who, "fixed position");
+  require_finite(element.fixed, who, "fixed position");
 }
 
 void check(const Expansion& expansion, int nodes, const std::string& who) {
-  expect_node(expansion.node, nodes, who);
-  expect_finite(expansion.per_K, who, "growth per K");
-  expect_finite(expansion.fixed, who, "fixed position");
+  require_node(expansion.node, nodes, who);
+  require_finite(expansion.per_K, who, "growth per K");
+  require_finite(expansion.fixed, who, "fixed position");
 }
 
 /// Returns the expansion that is visible at the given feedback.
@@ -74,7 +74,7 @@ const Expansion& visible_expansion(const AxisExpansion& axis, int nodes) {
 std::vector<ThermalModel::Bound> bind_expansion(const AxisExpansion& axis, const Chain& chain,
                                                 int nodes) {
   const std::string who = std::string("expansion of ") + axis.axis;
-  const int j = joint_of(axis.axis, chain, who);
+  const int j = axis_joint(axis.axis, chain, who);
   const Joint& joint = chain.joints()[std::size_t(j)];
   if (joint.motion != kinematics::Motion::Linear) refuse(who, "expected a slide");
   const Expansion& growth = visible_expansion(axis, nodes);
@@ -94,8 +94,8 @@ std::vector<ThermalModel::Bound> bind_expansion(const AxisExpansion& axis, const
 
 void check(const WorkpieceExpansion& workpiece, int nodes) {
   const std::string who = "workpiece";
-  expect_node(workpiece.node, nodes, who);
-  expect_finite(workpiece.per_K, who, "growth per K");
+  require_node(workpiece.node, nodes, who);
+  require_finite(workpiece.per_K, who, "growth per K");
   if (!workpiece.fixed_w.allFinite()) refuse(who, "expected a finite fixed point");
   // 1e-3 per K is a hundred times the value of steel: such a number is in um/(m K) or per cent.
   if (!(std::abs(workpiece.per_K) < 1e-3))
@@ -159,12 +159,12 @@ void scale(ThermalFunction& function, double factor) {
 
 ThermalModel bind(const ThermalErrors& errors, const Chain& chain, int nodes) {
   ThermalModel model;
-  expect_finite(errors.reference_T_C, "thermal errors", "reference temperature");
+  require_finite(errors.reference_T_C, "thermal errors", "reference temperature");
   model.reference_T_C = errors.reference_T_C;
   model.joints = chain.size();
   for (const ThermalElement& element : errors.elements) {
     const std::string who = to_string(element.name);
-    const int joint = joint_of(element.name.axis, chain, who);
+    const int joint = axis_joint(element.name.axis, chain, who);
     for (const ThermalModel::Bound& other : model.elements)
       if (other.element.name == element.name) refuse(who, "comes twice");
     check(element, chain, joint, nodes);

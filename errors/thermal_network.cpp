@@ -30,25 +30,26 @@ void check_nodes(const ThermalNetwork& network) {
     const std::string who = node_name(network, i);
     // Links and sensors refer to nodes by name.
     if (!names.insert(node.name).second) refuse(who, "comes twice");
-    expect_positive(node.capacity_J_per_K, who, "heat capacity");
-    expect_finite(network.start_T_C[i], who, "start temperature");
+    require_positive_value(node.capacity_J_per_K, who, "heat capacity");
+    require_finite(network.start_T_C[i], who, "start temperature");
   }
 }
 
 void check_links(const ThermalNetwork& network) {
   const int nodes = int(network.nodes.size());
   for (const ThermalLink& link : network.links) {
-    expect_node(link.a, nodes, "link");
-    expect_node(link.b, nodes, "link");
+    require_node(link.a, nodes, "link");
+    require_node(link.b, nodes, "link");
     if (link.a == link.b) refuse(node_name(network, link.a), "is linked to itself");
-    expect_positive(link.conductance_W_per_K,
-                    "link of " + node_name(network, link.a) + " and " + node_name(network, link.b),
-                    "conductance");
+    require_positive_value(
+        link.conductance_W_per_K,
+        "link of " + node_name(network, link.a) + " and " + node_name(network, link.b),
+        "conductance");
   }
   for (const SurroundingsLink& link : network.surroundings) {
     const char* surroundings_name = link.to == Surroundings::Room ? "room" : "coolant";
-    expect_node(link.node, nodes, fmt::format("link to the {}", surroundings_name));
-    expect_positive(
+    require_node(link.node, nodes, fmt::format("link to the {}", surroundings_name));
+    require_positive_value(
         link.conductance_W_per_K,
         fmt::format("link of {} to the {}", node_name(network, link.node), surroundings_name),
         "conductance");
@@ -56,19 +57,19 @@ void check_links(const ThermalNetwork& network) {
 }
 
 void check(const SpindleHeat& heat, const std::string& who) {
-  expect_not_negative(heat.power_W, who, "power");
-  expect_positive(heat.reference_speed, who, "reference speed");
-  expect_not_negative(heat.exponent, who, "exponent");
+  require_not_negative(heat.power_W, who, "power");
+  require_positive_value(heat.reference_speed, who, "reference speed");
+  require_not_negative(heat.exponent, who, "exponent");
 }
 void check(const AxisHeat& heat, const std::string& who) {
   if (heat.joint < 0 || heat.joint >= kinematics::max_joints)
     refuse(who, fmt::format("expected a joint 0 .. {}, seen {}", kinematics::max_joints - 1,
                             heat.joint));
-  expect_not_negative(heat.coulomb, who, "Coulomb friction");
-  expect_not_negative(heat.viscous, who, "viscous friction");
+  require_not_negative(heat.coulomb, who, "Coulomb friction");
+  require_not_negative(heat.viscous, who, "viscous friction");
 }
 void check(const PowerOnHeat& heat, const std::string& who) {
-  expect_not_negative(heat.power_W, who, "power");
+  require_not_negative(heat.power_W, who, "power");
 }
 void check(const CuttingHeat& heat, const std::string& who) {
   if (!(heat.share >= 0.0 && heat.share <= 1.0))
@@ -80,7 +81,7 @@ void check_sources(const ThermalNetwork& network) {
   for (std::size_t i = 0; i < network.sources.size(); ++i) {
     const HeatSource& source = network.sources[i];
     const std::string who = fmt::format("heat source {}", i + 1);
-    expect_node(source.node, nodes, who);
+    require_node(source.node, nodes, who);
     const std::string source_name = who + " at " + node_name(network, source.node);
     std::visit([&](const auto& law) { check(law, source_name); }, source.law);
   }

@@ -120,7 +120,7 @@ void check(const Activity& activity, const ThermalNetwork& network) {
   const std::string who = fmt::format("activity at {} s", activity.time_s);
   for (const double number : {activity.time_s, activity.spindle_speed, activity.cutting_power_W,
                               activity.room_T_C, activity.coolant_T_C})
-    expect_finite(number, who, "number");
+    require_finite(number, who, "number");
   if (!activity.axis_speed.allFinite()) refuse(who, "expected finite axis speeds");
   if (activity.axis_speed.size() == 0) return;
   for (const HeatSource& source : network.sources)
@@ -435,12 +435,12 @@ void check_times(const VectorXd& times_s, const TemperatureSensor& sensor) {
 
 void validate(const TemperatureSensor& sensor, const ThermalNetwork& network) {
   const std::string who = "sensor " + sensor.name;
-  expect_node(sensor.node, int(network.nodes.size()), who);
-  expect_finite(sensor.offset_K, who, "offset");
-  expect_not_negative(sensor.noise_K, who, "noise");
-  expect_not_negative(sensor.resolution_K, who, "resolution");
-  expect_not_negative(sensor.lag_s, who, "lag");
-  expect_positive(sensor.sampling_s, who, "sampling time");
+  require_node(sensor.node, int(network.nodes.size()), who);
+  require_finite(sensor.offset_K, who, "offset");
+  require_not_negative(sensor.noise_K, who, "noise");
+  require_not_negative(sensor.resolution_K, who, "resolution");
+  require_not_negative(sensor.lag_s, who, "lag");
+  require_positive_value(sensor.sampling_s, who, "sampling time");
 }
 
 VectorXd readings(const TemperatureSensor& sensor, const ThermalRun& run, const VectorXd& times_s) {

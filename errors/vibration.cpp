@@ -45,7 +45,7 @@ VibrationModel bind(const std::vector<Vibration>& vibrations, const kinematics::
   for (const Vibration& vibration : vibrations) {
     check(vibration);
     const std::string who = "vibration of " + to_string(vibration.name);
-    const int joint = joint_of(vibration.name.axis, chain, who);
+    const int joint = axis_joint(vibration.name.axis, chain, who);
     check_meaning(vibration.name, chain, joint);
     model.harmonics.push_back({joint, vibration.name.component(), vibration});
   }

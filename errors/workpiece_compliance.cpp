@@ -190,7 +190,7 @@ class NearestNodeList {
 };
 
 /// Sorts a range of nodes around their median, recursively.
-void split_range(IndexedField& tree, std::vector<int>& node_order, const WorkpieceField& field,
+void split_range(FieldTree& tree, std::vector<int>& node_order, const WorkpieceField& field,
                  int begin, int end) {
   if (end - begin <= max_leaf_nodes) return;
   RowVector3d min_point = field.points_w.row(node_order[std::size_t(begin)]), max_point = min_point;
@@ -214,7 +214,7 @@ void split_range(IndexedField& tree, std::vector<int>& node_order, const Workpie
 /// Search for the nodes nearest to a point in the tree of a field.
 class TreeSearch {
  public:
-  TreeSearch(const IndexedField& tree, const Vector3d& point_w) : tree_(tree), point_w_(point_w) {
+  TreeSearch(const FieldTree& tree, const Vector3d& point_w) : tree_(tree), point_w_(point_w) {
     search_range(0, int(tree.node.size()));
   }
   const NearestNodes& nodes() const { return nearest_.nodes(); }
@@ -243,15 +243,15 @@ class TreeSearch {
                    tree_.node[std::size_t(i)], i);
   }
 
-  const IndexedField& tree_;
+  const FieldTree& tree_;
   const Vector3d& point_w_;
   NearestNodeList nearest_;
 };
 
 /// Returns the field as a balanced tree: the middle node of a range splits it along `split`.
-IndexedField build_tree(const WorkpieceField& field) {
+FieldTree build_tree(const WorkpieceField& field) {
   const int node_count = int(field.compliance_w.size());
-  IndexedField tree;
+  FieldTree tree;
   tree.node.resize(std::size_t(node_count));
   std::iota(tree.node.begin(), tree.node.end(), 0);
   tree.split.assign(std::size_t(node_count), 0);
@@ -275,7 +275,7 @@ NearestNodes nearest_nodes(const WorkpieceField& field, const Vector3d& point_w)
 }
 
 /// Returns the same nodes by a search in the tree.
-NearestNodes nearest_nodes(const IndexedField& tree, const Vector3d& point_w) {
+NearestNodes nearest_nodes(const FieldTree& tree, const Vector3d& point_w) {
   return TreeSearch(tree, point_w).nodes();
 }
 
@@ -308,7 +308,7 @@ Matrix3d interpolated_compliance(const WorkpieceField& field, const NearestNodes
 }  // namespace
 
 double node_spacing(const WorkpieceField& field) {
-  const IndexedField tree = build_tree(field);
+  const FieldTree tree = build_tree(field);
   // About 1000 nodes give the median to a few per cent, whatever the size of the field.
   const Eigen::Index n = field.points_w.rows(), stride = std::max<Eigen::Index>(1, n / 1000);
   std::vector<double> squared_distances;
@@ -322,9 +322,10 @@ double node_spacing(const WorkpieceField& field) {
   return std::isfinite(median) ? std::sqrt(median) : 0.0;
 }
 
-double coverage(const WorkpieceField& field,
-                const Eigen::Matrix<double, Eigen::Dynamic, 3, Eigen::RowMajor>& points_w) {
-  const IndexedField tree = build_tree(field);
+double max_node_distance(
+    const WorkpieceField& field,
+    const Eigen::Matrix<double, Eigen::Dynamic, 3, Eigen::RowMajor>& points_w) {
+  const FieldTree tree = build_tree(field);
   double max_squared = 0.0;
   for (const auto& point : points_w.rowwise())
     max_squared =
@@ -476,7 +477,7 @@ Matrix3d local_compliance(const PreparedWorkpiece& workpiece, const Vector3d& po
     return compliance_across(table->plate,
                              interpolate_ratio(*table, relative_height(table->plate, point_w)));
   }
-  const auto& tree = std::get<IndexedField>(workpiece);
+  const auto& tree = std::get<FieldTree>(workpiece);
   return interpolated_compliance(tree.field, nearest_nodes(tree, point_w));
 }
 
@@ -525,11 +526,11 @@ class FieldReader {
 
   std::string_view line() const { return line_; }
   std::vector<Cell> cells(char separator) const {
-    return cells_of(line_, separator, columns.size());
+    return split_cells(line_, separator, columns.size());
   }
 
  private:
-  Lines lines_;
+  LineReader lines_;
   std::string_view line_;
   const std::string& file_;
 };
@@ -542,10 +543,10 @@ std::vector<const Column*> read_header(const FieldReader& reader, char separator
                                      [&](const Column& c) { return c.name == cell.text; });
     if (column == columns.end())
       reader.refuse(cell.column, fmt::format("a column of a head such as {}", expected_header),
-                    in_quotes(cell.text));
+                    quoted_excerpt(cell.text));
     if (std::find(columns_in_file.begin(), columns_in_file.end(), &*column) !=
         columns_in_file.end())
-      reader.refuse(cell.column, "every column once", in_quotes(cell.text));
+      reader.refuse(cell.column, "every column once", quoted_excerpt(cell.text));
     columns_in_file.push_back(&*column);
   }
   for (const Column& column : columns) {
@@ -558,7 +559,7 @@ std::vector<const Column*> read_header(const FieldReader& reader, char separator
 
 double read_number(const FieldReader& reader, const Cell& cell) {
   const std::optional<double> x = number_of(cell.text);
-  if (!x) reader.refuse(cell.column, "a number within +-1e9", in_quotes(cell.text));
+  if (!x) reader.refuse(cell.column, "a number within +-1e9", quoted_excerpt(cell.text));
   return *x;
 }
 
@@ -589,7 +590,7 @@ NodeRow read_row(const FieldReader& reader, const std::vector<const Column*>& co
     }
   }
   const std::string violation = node_error(node.point_w, node.C);
-  if (!violation.empty()) reader.refuse(1, violation, in_quotes(reader.line()));
+  if (!violation.empty()) reader.refuse(1, violation, quoted_excerpt(reader.line()));
   return node;
 }
 

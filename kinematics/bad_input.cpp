@@ -95,7 +95,7 @@ std::string escape(std::string_view text, bool keep_lines) {
 }  // namespace
 
 std::string escaped(std::string_view text) { return escape(text, false); }
-std::string escaped_lines(std::string_view text) { return escape(text, true); }
+std::string escape_keeping_lines(std::string_view text) { return escape(text, true); }
 
 namespace {
 

@@ -16,7 +16,7 @@ namespace abbe {
 std::string escaped(std::string_view text);
 
 /// Returns the escaped text with its line ends and tabs kept.
-std::string escaped_lines(std::string_view text);
+std::string escape_keeping_lines(std::string_view text);
 
 /// Throws std::invalid_argument with this message unless `holds` is true.
 inline void require(bool holds, const char* message) {

@@ -245,8 +245,8 @@ std::optional<AxisVector> unwound_positions(const Chain& chain, const std::vecto
 
 }  // namespace
 
-std::optional<AxisVector> slides_for_tip(const Chain& chain, const AxisVector& q,
-                                         const Eigen::Vector3d& tip_w) {
+std::optional<AxisVector> solve_slides(const Chain& chain, const AxisVector& q,
+                                       const Eigen::Vector3d& tip_w) {
   const auto directions = slide_direction_matrix(chain, q);
   if (!directions || !(std::abs(directions->determinant()) >= min_volume)) return std::nullopt;
   const Eigen::Matrix3d slide_travel = directions->inverse();  // per displacement of the tip
@@ -276,7 +276,7 @@ struct Branch {
 /// independent of rounding.
 /// @param reach  set to the reason if there are no branches
 std::vector<Branch> rotary_branches(const Chain& chain, const TipTarget& target,
-                                    const AxisVector& previous, Reach& reach) {
+                                    const AxisVector& previous, Reachability& reach) {
   check(chain, target, previous);
   const std::vector<RotaryAxis> axes = rotary_axes(chain, previous);
   if (axes.size() > 2) throw std::invalid_argument("expected at most two rotary axes");
@@ -287,7 +287,7 @@ std::vector<Branch> rotary_branches(const Chain& chain, const TipTarget& target,
   for (const RotaryAngles& angles : rotary_solutions(axes, tool_b, target_b)) {
     const auto q = unwound_positions(chain, axes, angles, previous);
     if (!q || !reaches_direction(axes, *q, tool_b, target_b)) {
-      reach = Reach::OutOfLimits;
+      reach = Reachability::OutOfLimits;
       continue;
     }
     branches.push_back(
@@ -307,28 +307,29 @@ InverseSolution inverse(const Chain& chain, const TipTarget& target, const AxisV
   InverseSolution result;
   bool is_free = false;
   for (const Branch& branch : rotary_branches(chain, target, previous, result.reach)) {
-    auto q = slides_for_tip(chain, branch.q, target.tip_w);
+    auto q = solve_slides(chain, branch.q, target.tip_w);
     if (!q) continue;
     if (!clamp_slides(chain, *q)) {
-      if (result.branches.empty()) result.reach = Reach::OutOfLimits;
+      if (result.branches.empty()) result.reach = Reachability::OutOfLimits;
       continue;
     }
     if (result.branches.empty()) is_free = branch.is_free;
     result.branches.push_back(*q);
   }
-  if (!result.branches.empty()) result.reach = is_free ? Reach::Singular : Reach::Reached;
+  if (!result.branches.empty())
+    result.reach = is_free ? Reachability::Singular : Reachability::Reached;
   return result;
 }
 
-NearestPose nearest_inverse_solution(const Chain& chain, const TipTarget& target,
-                                     const AxisVector& previous) {
+NearestPose solve_nearest_pose(const Chain& chain, const TipTarget& target,
+                               const AxisVector& previous) {
   NearestPose nearest;
   for (const Branch& branch : rotary_branches(chain, target, previous, nearest.reach)) {
-    auto q = slides_for_tip(chain, branch.q, target.tip_w);
+    auto q = solve_slides(chain, branch.q, target.tip_w);
     if (!q) continue;
     if (clamp_slides(chain, *q))
-      return {branch.is_free ? Reach::Singular : Reach::Reached, *std::move(q)};
-    nearest.reach = Reach::OutOfLimits;
+      return {branch.is_free ? Reachability::Singular : Reachability::Reached, *std::move(q)};
+    nearest.reach = Reachability::OutOfLimits;
   }
   return nearest;
 }

@@ -7,7 +7,7 @@
 
 namespace abbe::kinematics {
 
-enum class Reach {
+enum class Reachability {
   Reached,
   Singular,     ///< reached, but a rotary axis is free and keeps its previous position
   OutOfLimits,  ///< every branch that gives the direction exceeds the limits of travel
@@ -22,7 +22,7 @@ struct TipTarget {
 };
 
 struct InverseSolution {
-  Reach reach = Reach::Unreachable;
+  Reachability reach = Reachability::Unreachable;
   std::vector<AxisVector> branches;  ///< solutions within limits, rotary axes unwound towards
                                      ///< `previous`; first the one of least rotary travel
 };
@@ -43,20 +43,20 @@ struct InverseSolution {
 
 /// Axis positions of least rotary travel for a target.
 struct NearestPose {
-  Reach reach = Reach::Unreachable;
+  Reachability reach = Reachability::Unreachable;
   AxisVector q;  ///< empty unless reached
 };
 
 /// Returns the first branch of `inverse`, bit for bit, at lower cost; for long programs.
 /// @throws as `inverse`
-[[nodiscard]] NearestPose nearest_inverse_solution(const Chain& chain, const TipTarget& target,
-                                                   const AxisVector& previous);
+[[nodiscard]] NearestPose solve_nearest_pose(const Chain& chain, const TipTarget& target,
+                                             const AxisVector& previous);
 
 /// Returns q with its slides set such that the tip is at `tip_w`; rotary axes are unchanged and
 /// limits are not checked. This is what a control does under G43.4. Empty if there are not three
 /// slides, independent at q, or if a number is not finite.
-[[nodiscard]] std::optional<AxisVector> slides_for_tip(const Chain& chain, const AxisVector& q,
-                                                       const Eigen::Vector3d& tip_w);
+[[nodiscard]] std::optional<AxisVector> solve_slides(const Chain& chain, const AxisVector& q,
+                                                     const Eigen::Vector3d& tip_w);
 
 /// The pole of a chain of two rotary axes: the tool lies along the axis that is nearer to the
 /// workpiece in the structural code, so turning that axis does not turn the tool.

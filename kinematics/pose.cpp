@@ -104,7 +104,7 @@ Pose pose_at(const Screw& screw, double u) {
   return screw.start * Eigen::Translation3d(p) * Pose(rotation(turn));
 }
 
-double fastest(const Screw& screw, const Vector3d& centre, double radius) {
+double max_speed(const Screw& screw, const Vector3d& centre, double radius) {
   return (screw.travel + screw.rotation.cross(centre)).norm() + screw.rotation.norm() * radius;
 }
 

@@ -62,6 +62,6 @@ Pose pose_at(const Screw& screw, double u);
 
 /// Returns the maximum speed, mm per unit of u, of any point within `radius` of `centre`, both in
 /// the moving frame.
-double fastest(const Screw& screw, const Eigen::Vector3d& centre, double radius);
+double max_speed(const Screw& screw, const Eigen::Vector3d& centre, double radius);
 
 }  // namespace abbe::kinematics

@@ -169,11 +169,11 @@ std::string read_text(const std::filesystem::path& file, std::size_t max_bytes) 
   return text;
 }
 
-Lines::Lines(std::string_view text) : rest_(text) {
+LineReader::LineReader(std::string_view text) : rest_(text) {
   if (rest_.starts_with("\xEF\xBB\xBF")) rest_.remove_prefix(3);
 }
 
-std::optional<std::string_view> Lines::next() {
+std::optional<std::string_view> LineReader::next() {
   if (rest_.empty()) return std::nullopt;
   ++number_;
   const std::size_t end = rest_.find('\n');
@@ -197,7 +197,7 @@ std::string shown(std::string_view text) {
   return text.size() > 40 ? excerpt + "..." : excerpt;
 }
 
-std::string in_quotes(std::string_view text) {
+std::string quoted_excerpt(std::string_view text) {
   return text.empty() ? "nothing" : "'" + shown(text) + "'";
 }
 
@@ -223,7 +223,7 @@ char cell_separator(std::string_view line) {
   return ' ';
 }
 
-std::vector<Cell> cells_of(std::string_view line, char separator, std::size_t max_cells) {
+std::vector<Cell> split_cells(std::string_view line, char separator, std::size_t max_cells) {
   std::vector<Cell> cells;
   std::size_t at = 0;
   while (cells.size() <= max_cells) {
@@ -250,12 +250,13 @@ std::optional<double> number_of(std::string_view text) {
   return x;
 }
 
-TableLines::TableLines(std::string_view text, std::string file, std::optional<char> comment)
+TableLineReader::TableLineReader(std::string_view text, std::string file,
+                                 std::optional<char> comment)
     : lines_(text), file_(std::move(file)), comment_(comment) {
   check_encoding(text, file_);
 }
 
-std::optional<Line> TableLines::next() {
+std::optional<Line> TableLineReader::next() {
   while (const auto text = lines_.next()) {
     for (std::size_t i = 0; i < text->size(); ++i) {
       const auto c = static_cast<unsigned char>((*text)[i]);
@@ -268,21 +269,22 @@ std::optional<Line> TableLines::next() {
   return std::nullopt;
 }
 
-void TableLines::refuse(int column, const std::string& expected, const std::string& seen) const {
+void TableLineReader::refuse(int column, const std::string& expected,
+                             const std::string& seen) const {
   throw BadInput(file_, number(), column, expected, seen);
 }
 
-void TableLines::refuse(const Cell& cell, const std::string& expected) const {
-  refuse(cell.column, expected, in_quotes(cell.text));
+void TableLineReader::refuse(const Cell& cell, const std::string& expected) const {
+  refuse(cell.column, expected, quoted_excerpt(cell.text));
 }
 
-double TableLines::number_in(const Cell& cell) const {
+double TableLineReader::number_in(const Cell& cell) const {
   const auto x = number_of(cell.text);
   if (!x) refuse(cell, "a number within +-1e9");
   return *x;
 }
 
-int TableLines::whole_number_in(const Cell& cell, int min, int max) const {
+int TableLineReader::read_whole_number(const Cell& cell, int min, int max) const {
   const auto x = number_of(cell.text);
   if (!x || *x != std::floor(*x) || *x < min || *x > max)
     refuse(cell, fmt::format("a whole number from {} to {}", min, max));

@@ -67,9 +67,9 @@ inline int json_depth(std::string_view text) {
 std::string read_text(const std::filesystem::path& file, std::size_t max_bytes);
 
 /// Iterator over the lines of a text, without byte order mark and without the CR of CR LF.
-class Lines {
+class LineReader {
  public:
-  explicit Lines(std::string_view text);
+  explicit LineReader(std::string_view text);
   std::optional<std::string_view> next();
   int number() const { return number_; }  ///< of the last line returned, from 1
 
@@ -81,7 +81,7 @@ class Lines {
 /// Returns at most the first 40 bytes of a text, non-printable ones as \xNN.
 std::string shown(std::string_view text);
 /// Returns the same excerpt in quotes; "nothing" if the text is empty.
-std::string in_quotes(std::string_view text);
+std::string quoted_excerpt(std::string_view text);
 
 /// A cell of a table row, without surrounding blanks.
 struct Cell {
@@ -95,7 +95,7 @@ char cell_separator(std::string_view line);
 
 /// Returns the cells of a line, at most `max_cells` + 1, so that a long line of separators costs
 /// neither time nor memory.
-std::vector<Cell> cells_of(std::string_view line, char separator, std::size_t max_cells);
+std::vector<Cell> split_cells(std::string_view line, char separator, std::size_t max_cells);
 
 /// Returns the number if the whole text is one within +-1e9, else empty. A larger number is a
 /// mistake; with this limit, sums stay finite.
@@ -109,9 +109,9 @@ struct Line {
 
 /// Iterator over the lines of a table that have content: empty lines and lines that begin with
 /// `comment` are skipped. Input errors name the file and the last line returned.
-class TableLines {
+class TableLineReader {
  public:
-  TableLines(std::string_view text, std::string file, std::optional<char> comment = '#');
+  TableLineReader(std::string_view text, std::string file, std::optional<char> comment = '#');
 
   /// Returns the next line; empty at the end. @throws BadInput for a control byte
   std::optional<Line> next();
@@ -123,10 +123,10 @@ class TableLines {
   /// Returns the number in a cell. @throws BadInput unless it is a number within +-1e9
   double number_in(const Cell& cell) const;
   /// Returns the whole number in a cell. @throws BadInput unless it is one from `min` to `max`
-  int whole_number_in(const Cell& cell, int min, int max) const;
+  int read_whole_number(const Cell& cell, int min, int max) const;
 
  private:
-  Lines lines_;
+  LineReader lines_;
   std::string file_;
   std::optional<char> comment_;
 };

@@ -243,7 +243,7 @@ Canvas::Sheet::Sheet(int width_px, int height_px, int samples_per_side)
 }
 
 Canvas::Canvas(int width, int height, int oversampling) {
-  const auto is_valid_size = [](int size) { return size >= 64 && size <= longest_side; };
+  const auto is_valid_size = [](int size) { return size >= 64 && size <= max_side_px; };
   if (!is_valid_size(width) || !is_valid_size(height)) {
     throw std::invalid_argument("a picture is 64 to 16384 pixels wide and high");
   }
@@ -251,7 +251,7 @@ Canvas::Canvas(int width, int height, int oversampling) {
     throw std::invalid_argument("a pixel is the mean of 1 to 4 points each way");
   // The buffer of the samples is limited to longest_side as well.
   sheet_ = std::make_unique<Sheet>(width, height,
-                                   std::min(oversampling, longest_side / std::max(width, height)));
+                                   std::min(oversampling, max_side_px / std::max(width, height)));
 }
 
 Canvas::~Canvas() = default;

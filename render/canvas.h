@@ -19,8 +19,8 @@ class vtkSmartPointer;
 
 namespace abbe::render {
 
-inline constexpr int longest_side = 16384;  ///< px, largest width and height of a picture
-inline constexpr int supersampling = 2;     ///< default samples per pixel in each direction
+inline constexpr int max_side_px = 16384;  ///< px, largest width and height of a picture
+inline constexpr int supersampling = 2;    ///< default samples per pixel in each direction
 
 /// Font, colour and anchor of a text.
 struct TextStyle {

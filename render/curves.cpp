@@ -107,7 +107,7 @@ PanelGeometry panel_geometry(const Panel& panel, const Rectangle& cell, const Ex
   const Span y = extent.y.value_or(Span{});
   const bool has_marks =
       std::any_of(panel.series.begin(), panel.series.end(),
-                  [](const Series& series) { return series.mark != Mark::Line; });
+                  [](const Series& series) { return series.curve_style != CurveStyle::Line; });
   // Marks at the edge of the axes would be cut in half.
   if (has_marks || geometry.axes.x.lower == geometry.axes.x.upper)
     geometry.axes.x = pad_span(geometry.axes.x);
@@ -196,10 +196,11 @@ void draw_series(Canvas& canvas, const Axes& axes, const Series& series, int col
   std::vector<Vector2d> points;
   const auto flush = [&] {
     // Thinning to columns of pixels bounds the cost and does not change the picture.
-    if (series.mark != Mark::Points) draw_series_line(canvas, thinned(points), colour, 3.0 * unit);
-    if (series.mark != Mark::Line) {
+    if (series.curve_style != CurveStyle::Points)
+      draw_series_line(canvas, decimate_curve(points), colour, 3.0 * unit);
+    if (series.curve_style != CurveStyle::Line) {
       constexpr std::size_t max_marks = 20000;
-      for (const Vector2d& p : points.size() > max_marks ? thinned(points) : points)
+      for (const Vector2d& p : points.size() > max_marks ? decimate_curve(points) : points)
         draw_mark(canvas, p, colour, 10.0 * unit);
     }
     points.clear();
@@ -223,8 +224,9 @@ std::vector<LegendEntry> legend(const Panel& panel) {
   for (std::size_t i = 0; i < panel.series.size(); ++i) {
     const Series& series = panel.series[i];
     if (series.name.empty()) continue;
-    entries.push_back({series.name, colour_index(panel, i), series.mark != Mark::Points,
-                       series.mark != Mark::Line, series.lower.size() > 0});
+    entries.push_back({series.name, colour_index(panel, i),
+                       series.curve_style != CurveStyle::Points,
+                       series.curve_style != CurveStyle::Line, series.lower.size() > 0});
   }
   return entries;
 }
@@ -261,7 +263,7 @@ Axes draw_panel(Canvas& canvas, const Panel& panel, const Rectangle& cell, const
   const double title_width = cell.x + cell.width - geometry.axes.box.x;
   draw_paragraph(canvas,
                  {geometry.axes.box.x, top + line_height(style.title) + 0.1 * style.title.size_px},
-                 wrapped(panel.title, style.title, title_width, 1), style.title);
+                 wrap_text(panel.title, style.title, title_width, 1), style.title);
   return geometry.axes;
 }
 
@@ -291,7 +293,7 @@ Rectangle page_cell(const Rectangle& inner, int columns, int rows, std::size_t i
 int row_count(std::size_t panels, int columns) { return (int(panels) + columns - 1) / columns; }
 
 int checked_height(double height) {
-  if (!(height <= longest_side))
+  if (!(height <= max_side_px))
     throw std::invalid_argument("curves: the picture would be higher than 16384 px");
   return int(std::lround(height));
 }
@@ -365,7 +367,7 @@ void write_grid(const std::filesystem::path& path, const std::vector<Panel>& pan
     for (const std::string& line : panels[i].note) text += (text.empty() ? "" : ", ") + line;
     // The note is omitted if the title leaves no space for it.
     if (!text.empty() && note_width > 2.0 * em)
-      canvas.text({axes.box.x + axes.box.width, top}, wrapped(text, note, note_width, 1).front(),
+      canvas.text({axes.box.x + axes.box.width, top}, wrap_text(text, note, note_width, 1).front(),
                   note);
   }
   draw_legend_row(canvas, {40.0 * unit, inner.y + inner.height + 0.5 * legend_height},

@@ -172,8 +172,8 @@ void draw_table(Canvas& canvas, const std::vector<DistributionSeries>& series,
                 const DistributionOptions& options, const Rectangle& box, const TextStyle& body) {
   std::vector<double> column_widths;
   double total_width = 0.0;
-  for (std::size_t j = 0; j < options.heads.size(); ++j) {
-    double width = text_size(options.heads[j], body).x();
+  for (std::size_t j = 0; j < options.headings.size(); ++j) {
+    double width = text_size(options.headings[j], body).x();
     for (const DistributionSeries& s : series)
       if (!s.figures.empty()) width = std::max(width, text_size(s.figures[j], body).x());
     column_widths.push_back(width);
@@ -203,7 +203,7 @@ void draw_table(Canvas& canvas, const std::vector<DistributionSeries>& series,
       TextStyle name = body;
       name.vertical_anchor = 1.0;
       canvas.text({box.x + key, y},
-                  wrapped(series[row - 1].name, body, name_width + 1.0, 1).front(), name);
+                  wrap_text(series[row - 1].name, body, name_width + 1.0, 1).front(), name);
     }
     TextStyle cell = style;
     cell.horizontal_anchor = cell.vertical_anchor = 1.0;
@@ -211,7 +211,7 @@ void draw_table(Canvas& canvas, const std::vector<DistributionSeries>& series,
     for (std::size_t j = 0; j < column_widths.size(); ++j) {
       x += shrink * (column_widths[j] + 1.6 * body.size_px);
       if (is_head || !series[row - 1].figures.empty())
-        canvas.text({x, y}, is_head ? options.heads[j] : series[row - 1].figures[j], cell);
+        canvas.text({x, y}, is_head ? options.headings[j] : series[row - 1].figures[j], cell);
     }
   }
 }
@@ -221,7 +221,7 @@ void check_series(const std::vector<DistributionSeries>& series,
   if (series.empty() || series.size() > max_series)
     throw std::invalid_argument("distribution: expected 1 to 24 series");
   for (const DistributionSeries& s : series)
-    if (!s.figures.empty() && s.figures.size() != options.heads.size())
+    if (!s.figures.empty() && s.figures.size() != options.headings.size())
       throw std::invalid_argument("distribution: one figure a head is needed");
 }
 
@@ -234,8 +234,8 @@ std::vector<std::string> caption(const std::vector<DistributionSeries>& series,
   std::string beyond;
   for (std::size_t i = 0; i < series.size(); ++i)
     if (histograms[i].beyond > 0)
-      beyond += fmt::format("{}{} of {}", beyond.empty() ? "" : ", ", grouped(histograms[i].beyond),
-                            series[i].name);
+      beyond += fmt::format("{}{} of {}", beyond.empty() ? "" : ", ",
+                            group_digits(histograms[i].beyond), series[i].name);
   if (!beyond.empty()) lines.push_back("beyond the axis: " + beyond);
   lines.insert(lines.end(), options.caption.begin(), options.caption.end());
   return lines;

@@ -24,9 +24,9 @@ struct DistributionOptions {
   std::string unit = "µm";        ///< unit of the values, stated with the bin width
   std::optional<double> limit{};  ///< drawn as a vertical line
   std::string limit_label = "limit";
-  std::vector<std::string> heads{};  ///< heads of the table: "mean / µm", "P95 / µm", "Cpk"
-  int width = 1600;                  ///< px
-  int height = 900;                  ///< px, without the table
+  std::vector<std::string> headings{};  ///< heads of the table: "mean / µm", "P95 / µm", "Cpk"
+  int width = 1600;                     ///< px
+  int height = 900;                     ///< px, without the table
   std::vector<std::string> caption{};
 };
 

@@ -179,8 +179,8 @@ DecimatedMesh decimate(const FilmMesh& mesh, double cell) {
 class PartActor {
  public:
   /// @param cell  mm, edge length of the cells for decimation
-  PartActor(const std::vector<FilmSetting::Named>& looks, double cell) : cell_(cell) {
-    for (const FilmSetting::Named& entry : looks)
+  PartActor(const std::vector<FilmSettings::Named>& vertex_styles, double cell) : cell_(cell) {
+    for (const FilmSettings::Named& entry : vertex_styles)
       colours_.push_back(
           {to_byte(entry.colour.r), to_byte(entry.colour.g), to_byte(entry.colour.b)});
     colour_actor(*actor, {1.0, 1.0, 1.0}, 0.5);
@@ -196,7 +196,7 @@ class PartActor {
     rgb->SetNumberOfTuples(vtkIdType(decimated_.original_rows.size()));
     unsigned char* byte = rgb->GetPointer(0);
     for (const Eigen::Index i : decimated_.original_rows)
-      byte = std::ranges::copy(colours_.at(state.looks[std::size_t(i)]), byte).out;
+      byte = std::ranges::copy(colours_.at(state.vertex_styles[std::size_t(i)]), byte).out;
     data_->GetPointData()->SetScalars(rgb);
     actor->SetUserMatrix(vtk_matrix(state.T_bw));
   }
@@ -237,12 +237,14 @@ class PartActor {
   vtkSmartPointer<vtkPolyDataMapper> mapper_;
 };
 
-void check_state(const FilmSetting& setting, const FilmState& state) {
+void check_state(const FilmSettings& setting, const FilmState& state) {
   const bool has_matching_sizes =
       state.T_b.size() == setting.bodies.size() && state.values.size() == setting.labels.size() &&
-      (state.part == nullptr || state.looks.size() == std::size_t(state.part->vertices.rows()));
-  const bool are_colours_known = std::ranges::all_of(
-      state.looks, [&](std::uint8_t index) { return index < setting.looks.size(); });
+      (state.part == nullptr ||
+       state.vertex_styles.size() == std::size_t(state.part->vertices.rows()));
+  const bool are_colours_known = std::ranges::all_of(state.vertex_styles, [&](std::uint8_t index) {
+    return index < setting.vertex_styles.size();
+  });
   if (!has_matching_sizes || !are_colours_known)
     throw std::invalid_argument("a state that fits the setting of its film");
 }
@@ -250,14 +252,14 @@ void check_state(const FilmSetting& setting, const FilmState& state) {
 }  // namespace
 
 struct Film::Stage {
-  explicit Stage(FilmSetting film_setting);
+  explicit Stage(FilmSettings film_setting);
 
   void update_scenes(const FilmState& state);
   void draw_flat_elements(const FilmState& state);
   void draw_values(const FilmState& state);
   void draw_legend();
 
-  FilmSetting setting;
+  FilmSettings setting;
   FilmLayout layout;
   Canvas canvas;
   View machine_view, part_view;
@@ -267,21 +269,21 @@ struct Film::Stage {
   std::vector<vtkSmartPointer<vtkActor>> paths;
 };
 
-Film::Stage::Stage(FilmSetting film_setting)
+Film::Stage::Stage(FilmSettings film_setting)
     : setting(std::move(film_setting)),
       layout(film_layout(setting.width, setting.height)),
       canvas(setting.width, setting.height, samples_per_pixel_side),
       machine_view(fit_view(setting.machine_b, setting.from_b, Vector3d::UnitZ(), layout.machine)),
       part_view(fit_view(setting.part_w, setting.from_w, setting.up_w, layout.part)),
-      part_far(setting.looks, min_triangle_px * machine_view.mm_per_px),
-      part_near(setting.looks, min_triangle_px * part_view.mm_per_px) {
+      part_far(setting.vertex_styles, min_triangle_px * machine_view.mm_per_px),
+      part_near(setting.vertex_styles, min_triangle_px * part_view.mm_per_px) {
   // The clipping planes must not cut off the tool above the part.
   part_view.depth = std::max(part_view.depth, setting.part_depth);
   for (const FilmBody& body : setting.bodies) {
     bodies.push_back(body_actors(body, std::max(1.0, 1.6 * layout.type.unit)));
     for (vtkActor* actor : {bodies.back().faces.Get(), bodies.back().edges.Get()}) {
       machine->AddActor(actor);
-      if (body.close) part->AddActor(actor);
+      if (body.in_close_up) part->AddActor(actor);
     }
   }
   // Each view has its own actor of the part, decimated to the resolution of the view.
@@ -319,8 +321,8 @@ void Film::Stage::update_scenes(const FilmState& state) {
 void Film::Stage::draw_legend() {
   const TextStyle small_text{.size_px = 0.85 * layout.type.body};
   Vector2d at(layout.part.x, layout.part.y + layout.part.height + 0.35 * layout.heading);
-  for (const auto* entries : {&setting.looks, &setting.lines})
-    for (const FilmSetting::Named& entry : *entries)
+  for (const auto* entries : {&setting.vertex_styles, &setting.lines})
+    for (const FilmSettings::Named& entry : *entries)
       if (!entry.name.empty())
         at.x() += draw_swatch(canvas, at, entry.colour, entry.name, small_text) +
                   1.2 * small_text.size_px;
@@ -332,14 +334,14 @@ void Film::Stage::draw_values(const FilmState& state) {
       .size_px = 0.8 * layout.type.body, .colour = colours::faint_ink, .vertical_anchor = 1.0};
   const TextStyle value{.size_px = layout.type.body, .bold = true, .vertical_anchor = 1.0};
   double total_share = 0.0, x = layout.margin;
-  for (const FilmSetting::Label& column : setting.labels) total_share += column.share;
+  for (const FilmSettings::Label& column : setting.labels) total_share += column.relative_width;
   for (std::size_t i = 0; i < setting.labels.size(); ++i) {
     const double column_width =
-        (setting.width - 2.0 * layout.margin) * setting.labels[i].share / total_share;
+        (setting.width - 2.0 * layout.margin) * setting.labels[i].relative_width / total_share;
     const double text_width = column_width - 0.5 * layout.type.body;
     canvas.text({x, y}, setting.labels[i].name, label);
     canvas.text({x, y - 1.15 * layout.type.body},
-                wrapped(state.values[i], value, text_width, 1).front(), value);
+                wrap_text(state.values[i], value, text_width, 1).front(), value);
     x += column_width;
   }
 }
@@ -355,13 +357,13 @@ void Film::Stage::draw_flat_elements(const FilmState& state) {
       .size_px = type.body, .colour = colours::faint_ink, .vertical_anchor = 0.5};
   const double top = setting.height - 0.8 * margin;
   const double right = text_size(setting.subtitle, subtitle_style).x();
-  canvas.text({margin, top}, wrapped(setting.title, title, room - right - margin, 1).front(),
+  canvas.text({margin, top}, wrap_text(setting.title, title, room - right - margin, 1).front(),
               title);
   canvas.text({setting.width - margin, top - 0.25 * type.title}, setting.subtitle, subtitle_style);
   for (const auto& [area, name] :
        {std::pair(layout.machine, setting.machine_name), std::pair(layout.part, setting.part_name)})
     canvas.text({area.x, area.y + area.height + 0.8 * layout.heading},
-                wrapped(name, heading, area.width, 1).front(), heading);
+                wrap_text(name, heading, area.width, 1).front(), heading);
   draw_legend();
   const TextStyle small_text{.size_px = 0.85 * type.body};
   for (const auto& [view, area] :
@@ -375,14 +377,14 @@ void Film::Stage::draw_flat_elements(const FilmState& state) {
   const TextStyle program{.size_px = type.body, .vertical_anchor = 0.5};
   canvas.line({{margin, layout.foot}, {setting.width - margin, layout.foot}}, colours::rule, 1.0);
   canvas.text({margin, layout.foot - 1.2 * type.body},
-              wrapped(state.text, program, room, 1).front(), program);
+              wrap_text(state.text, program, room, 1).front(), program);
   draw_values(state);
   const double height = 0.3 * type.body, y = 0.5 * margin;
   canvas.fill({margin, y, room, height}, colours::rule);
-  canvas.fill({margin, y, std::clamp(state.done, 0.0, 1.0) * room, height}, series_colour(0));
+  canvas.fill({margin, y, std::clamp(state.progress, 0.0, 1.0) * room, height}, series_colour(0));
 }
 
-Film::Film(FilmSetting setting) : stage_(std::make_unique<Stage>(std::move(setting))) {}
+Film::Film(FilmSettings setting) : stage_(std::make_unique<Stage>(std::move(setting))) {}
 
 Film::~Film() = default;
 

@@ -20,7 +20,7 @@ struct FilmBody {
   cutting::Triangles triangles;  ///< (m x 3)
   Colour colour{0.80, 0.83, 0.87};
   double opacity = 1.0;
-  bool close = false;  ///< also shown in the close-up view of the part
+  bool in_close_up = false;  ///< also shown in the close-up view of the part
 };
 
 /// The shape of the part in a frame.
@@ -32,7 +32,7 @@ struct FilmMesh {
 };
 
 /// The settings of a film, common to all frames.
-struct FilmSetting {
+struct FilmSettings {
   int width = 1280;  ///< px
   int height = 720;  ///< px
   std::string title, subtitle, machine_name = "machine", part_name = "part and tool";
@@ -41,7 +41,8 @@ struct FilmSetting {
     std::string name;
     Colour colour;
   };
-  std::vector<Named> looks;    ///< colours of the vertices of the part, by index; also its legend
+  std::vector<Named>
+      vertex_styles;           ///< colours of the vertices of the part, by index; also its legend
   std::vector<Named> lines;    ///< legend of the paths
   cutting::Points machine_b;   ///< (n x 3) mm, bed frame: points that the machine view must contain
   cutting::Points part_w;      ///< (n x 3) mm, workpiece frame: points that the part view must
@@ -53,7 +54,7 @@ struct FilmSetting {
   Eigen::Vector3d up_w = Eigen::Vector3d::UnitZ();
   struct Label {
     std::string name;
-    double share = 1.0;  ///< relative width of its column
+    double relative_width = 1.0;  ///< relative width of its column
   };
   std::vector<Label> labels;  ///< names of the values shown below the views
 };
@@ -62,12 +63,12 @@ struct FilmSetting {
 struct FilmState {
   std::vector<std::optional<kinematics::Pose>> T_b;  ///< (bodies) body in the bed; empty: not shown
   kinematics::Pose T_bw = kinematics::Pose::Identity();  ///< workpiece in the bed
-  std::shared_ptr<const FilmMesh> part;  ///< an unchanged pointer means an unchanged shape
-  std::vector<std::uint8_t> looks;       ///< (vertices of the part) index in FilmSetting::looks
-  std::vector<Wire> paths;               ///< workpiece frame; shown only in the close-up
-  std::string text;                      ///< line of the program
-  std::vector<std::string> values;       ///< (labels) as text
-  double done = 0.0;                     ///< progress bar, 0 .. 1
+  std::shared_ptr<const FilmMesh> part;     ///< an unchanged pointer means an unchanged shape
+  std::vector<std::uint8_t> vertex_styles;  ///< (vertices of the part) index in FilmSetting::looks
+  std::vector<Wire> paths;                  ///< workpiece frame; shown only in the close-up
+  std::string text;                         ///< line of the program
+  std::vector<std::string> values;          ///< (labels) as text
+  double progress = 0.0;                    ///< progress bar, 0 .. 1
 };
 
 /// Renders a film frame by frame. It owns a canvas, and only one canvas may exist at a time. The
@@ -75,7 +76,7 @@ struct FilmState {
 class Film {
  public:
   /// @throws the exceptions of the constructor of Canvas
-  explicit Film(FilmSetting setting);
+  explicit Film(FilmSettings setting);
   ~Film();
   Film(const Film&) = delete;
   Film& operator=(const Film&) = delete;

@@ -129,20 +129,20 @@ void draw_names(Canvas& canvas, const HeatMap& map, const HeatMapOptions& option
   const double name_width = sizes.names - 0.7 * em;
   for (std::size_t i = 0; i < map.rows.size(); ++i)
     canvas.text({box.x - 0.5 * em, box.y + box.height - (double(i) + 0.5) * sizes.row},
-                wrapped(map.rows[i], style, name_width, 1).front(), style);
+                wrap_text(map.rows[i], style, name_width, 1).front(), style);
   style.horizontal_anchor = sizes.turned ? 0.0 : 0.5;
   style.vertical_anchor = sizes.turned ? 0.5 : 0.0;
   style.turned_left = sizes.turned;
   for (std::size_t j = 0; j < map.columns.size(); ++j)
     canvas.text({box.x + (double(j) + 0.5) * sizes.cell, box.y + box.height + 0.3 * em},
-                wrapped(map.columns[j], style, sizes.turned ? 16.0 * em : sizes.cell, 1).front(),
+                wrap_text(map.columns[j], style, sizes.turned ? 16.0 * em : sizes.cell, 1).front(),
                 style);
   TextStyle head = sizes.body;
   head.colour = colours::faint_ink;
   canvas.text({box.x, box.y + box.height + sizes.heads - 1.2 * em}, options.column_label, head);
   head.horizontal_anchor = 1.0;
   canvas.text({box.x - 0.5 * em, box.y + box.height + 0.3 * em},
-              wrapped(options.row_label, head, name_width, 1).front(), head);
+              wrap_text(options.row_label, head, name_width, 1).front(), head);
 }
 
 void draw_cells(Canvas& canvas, const HeatMap& map, const HeatMapOptions& options,

@@ -71,8 +71,8 @@ TypeSizes type_sizes(int width, int height) {
   return {36.0 * unit, 28.0 * unit, 22.0 * unit, unit};
 }
 
-std::vector<std::string> wrapped(const std::string& text, const TextStyle& style, double width,
-                                 std::size_t max_lines) {
+std::vector<std::string> wrap_text(const std::string& text, const TextStyle& style, double width,
+                                   std::size_t max_lines) {
   const auto fits = [&](const std::string& line) { return text_size(line, style).x() <= width; };
   if (fits(text)) return {text};
   std::vector<std::string> lines(1);
@@ -113,7 +113,7 @@ double draw_paragraph(Canvas& canvas, const Vector2d& top_left,
   return top_left.y() - y;
 }
 
-std::string grouped(std::size_t count) {
+std::string group_digits(std::size_t count) {
   std::string digits = std::to_string(count);
   for (int i = static_cast<int>(digits.size()) - 3; i > 0; i -= 3) digits.insert(i, " ");
   return digits;
@@ -210,7 +210,7 @@ Span pad_span(Span span) {
 
 // The first, lowest, highest and last point in a column of pixels give the same picture as all of
 // its points.
-std::vector<Vector2d> thinned(const std::vector<Vector2d>& points) {
+std::vector<Vector2d> decimate_curve(const std::vector<Vector2d>& points) {
   std::vector<Vector2d> result;
   for (std::size_t i = 0; i < points.size();) {
     const double column = std::floor(points[i].x());
@@ -270,7 +270,7 @@ std::vector<std::string> caption_lines(int width, const std::vector<std::string>
                                        const TextStyle& body, double unit) {
   std::vector<std::string> lines;
   for (const std::string& line : caption)
-    for (const std::string& part : wrapped(line, body, width - 2.0 * side_margin * unit))
+    for (const std::string& part : wrap_text(line, body, width - 2.0 * side_margin * unit))
       lines.push_back(part);
   return lines;
 }
@@ -296,7 +296,7 @@ Page page(int width, int height, const std::string& title, const std::vector<std
   sheet.title = {.size_px = 36.0 * unit, .bold = true};
   sheet.body = {.size_px = 22.0 * unit};
   const double m = side_margin * unit;
-  if (!title.empty()) sheet.title_lines = wrapped(title, sheet.title, width - 2.0 * m, 2);
+  if (!title.empty()) sheet.title_lines = wrap_text(title, sheet.title, width - 2.0 * m, 2);
   sheet.caption_lines = caption_lines(width, caption, sheet.body, unit);
   const double above = 0.6 * m + double(sheet.title_lines.size()) * line_height(sheet.title);
   const double below = 0.6 * m + double(sheet.caption_lines.size()) * line_height(sheet.body);
@@ -340,12 +340,12 @@ double draw_legend_column(Canvas& canvas, const Vector2d& top_left, double width
   for (const LegendEntry& entry : entries) {
     draw_symbol(canvas, at - Vector2d(0.0, 0.62 * style.size_px), entry, style.size_px);
     at.y() -= draw_paragraph(canvas, at + Vector2d(indent, 0.0),
-                             wrapped(entry.name, style, width - indent, 3), style) +
+                             wrap_text(entry.name, style, width - indent, 3), style) +
               0.3 * style.size_px;
   }
   if (!entries.empty() && !note.empty()) at.y() -= 0.6 * style.size_px;
   for (const std::string& line : note)
-    at.y() -= draw_paragraph(canvas, at, wrapped(line, style, width, 3), style);
+    at.y() -= draw_paragraph(canvas, at, wrap_text(line, style, width, 3), style);
   return top_left.y() - at.y();
 }
 

@@ -22,8 +22,8 @@ TypeSizes type_sizes(int width, int height);
 
 /// Breaks `text` into lines of at most `width` px, at spaces and after hyphens. A word that is too
 /// long, or the last of `max_lines` lines, is shortened and ends in "…".
-std::vector<std::string> wrapped(const std::string& text, const TextStyle& style, double width,
-                                 std::size_t max_lines = 4);
+std::vector<std::string> wrap_text(const std::string& text, const TextStyle& style, double width,
+                                   std::size_t max_lines = 4);
 
 /// Draws lines of text downwards from `top_left`; `style` has the horizontal anchor.
 /// @return the height used, px
@@ -33,7 +33,7 @@ double draw_paragraph(Canvas& canvas, const Eigen::Vector2d& top_left,
 double line_height(const TextStyle& style);
 
 /// Returns a count with its digits in groups of three, e.g. "12 345".
-std::string grouped(std::size_t count);
+std::string group_digits(std::size_t count);
 
 /// Draws a scale bar of a round length in mm, at most `longest_px`, with its label to the right.
 void draw_scale_bar(Canvas& canvas, const View& view, const Eigen::Vector2d& left,
@@ -73,7 +73,7 @@ Eigen::Vector2d at(const Axes& axes, double x, double y);
 
 /// Returns a curve that looks the same but has at most four points for each passage through a
 /// column of pixels.
-std::vector<Eigen::Vector2d> thinned(const std::vector<Eigen::Vector2d>& points);
+std::vector<Eigen::Vector2d> decimate_curve(const std::vector<Eigen::Vector2d>& points);
 
 /// Draws a line in the colour and dash pattern of a series.
 void draw_series_line(Canvas& canvas, const std::vector<Eigen::Vector2d>& points, int index,

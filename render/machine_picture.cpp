@@ -272,7 +272,7 @@ void draw_callouts(Canvas& canvas, const std::vector<Callout>& callouts, const R
                 1.5);
     const double dot = 0.12 * style.size_px;
     canvas.fill({point.x() - dot, point.y() - dot, 2.0 * dot, 2.0 * dot}, colours::faint_ink);
-    canvas.text({column.x, y[i]}, wrapped(callouts[i].text, label_style, column.width, 1).front(),
+    canvas.text({column.x, y[i]}, wrap_text(callouts[i].text, label_style, column.width, 1).front(),
                 label_style);
   }
 }
@@ -317,7 +317,7 @@ void write_machine(const std::filesystem::path& path, const MachinePicture& pict
   const double text_width = options.width - 2.0 * margin;
   std::vector<std::string> lines;
   for (const std::string& text : picture.caption) {
-    for (const std::string& line : wrapped(text, body, text_width)) lines.push_back(line);
+    for (const std::string& line : wrap_text(text, body, text_width)) lines.push_back(line);
   }
   const double foot = 0.7 * margin + static_cast<double>(lines.size()) * line_height(body);
   const double strip = picture.bodies.empty() ? 84.0 * u : 140.0 * u;
@@ -331,7 +331,7 @@ void write_machine(const std::filesystem::path& path, const MachinePicture& pict
   for (const Frame& frame : picture.frames)
     add_view_points(whole, frame.T.translation().transpose());
   for (const Body& machine_body : picture.bodies)
-    if (machine_body.close) add(detail, machine_body);
+    if (machine_body.in_close_up) add(detail, machine_body);
 
   const bool has_detail = detail.points.rows() > 0 && !picture.bodies.empty();
   const double height = options.height - head - foot - strip;
@@ -342,7 +342,7 @@ void write_machine(const std::filesystem::path& path, const MachinePicture& pict
 
   Canvas canvas(options.width, options.height);
   const double title_height = draw_paragraph(canvas, {margin, options.height - 30.0 * u},
-                                             wrapped(picture.title, title, text_width, 1), title);
+                                             wrap_text(picture.title, title, text_width, 1), title);
   if (picture.magnification != 1.0) {
     draw_paragraph(canvas, {margin, options.height - 30.0 * u - title_height},
                    {fmt::format("errors magnified {} ×", figure(picture.magnification))},

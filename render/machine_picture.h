@@ -43,7 +43,7 @@ struct Body {
   std::variant<BlockShape, CylinderShape, SolidShape> shape;
   Colour colour{0.80, 0.83, 0.87};
   double opacity = 1.0;
-  bool close = false;  ///< also drawn in the detail view at the right
+  bool in_close_up = false;  ///< also drawn in the detail view at the right
 };
 
 /// A tool path, nominal or actual, as a polyline.

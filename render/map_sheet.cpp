@@ -92,7 +92,7 @@ bool has_common_datum(const std::vector<MapPicture>& cases) {
 
 std::vector<std::string> common_text(const std::vector<MapPicture>& cases,
                                      const std::vector<MapPanel>& panels,
-                                     const std::vector<Tally>& counts,
+                                     const std::vector<VertexCounts>& counts,
                                      const ComparisonOptions& options) {
   const bool has_own_scales =
       std::any_of(panels.begin(), panels.end(), [](const MapPanel& p) { return p.has_own_scale; });
@@ -101,18 +101,18 @@ std::vector<std::string> common_text(const std::vector<MapPicture>& cases,
       (has_own_scales ? ", those that it hides again on their own  ·  " : "  ·  ") +
       sign_convention};
   const View view = fit_view({}, options.from, options.up, {});
-  const Tally& first_counts = counts.front();
+  const VertexCounts& first_counts = counts.front();
   std::string line = has_common_datum(cases)
                          ? fmt::format("datum {}  ·  alignment {}  ·  ", cases.front().datum,
                                        cases.front().alignment)
                          : std::string();
   line += fmt::format("view {}  ·  {} vertices", view_description(view),
-                      grouped(first_counts.vertices()));
+                      group_digits(first_counts.vertices()));
   if (const auto& tolerance = cases.front().tolerance_um; tolerance.rows() > 0)
     line += "  ·  tolerance " + limits_text(tolerance);
   lines.push_back(line);
-  const bool exceeds_scale =
-      std::any_of(counts.begin(), counts.end(), [](const Tally& t) { return t.beyond > 0; });
+  const bool exceeds_scale = std::any_of(counts.begin(), counts.end(),
+                                         [](const VertexCounts& t) { return t.beyond_scale > 0; });
   if (exceeds_scale) lines.push_back("arrow colours: beyond the scale of the map");
   lines.insert(lines.end(), options.caption.begin(), options.caption.end());
   return lines;
@@ -123,10 +123,10 @@ struct TextWidths {
   double title, below;
 };
 
-CellText cell_text(const MapPicture& picture, const Tally& counts, bool with_datum,
+CellText cell_text(const MapPicture& picture, const VertexCounts& counts, bool with_datum,
                    TextWidths width, const TextStyle& title, const TextStyle& body) {
   CellText text;
-  text.title = wrapped(picture.title, title, width.title, 2);
+  text.title = wrap_text(picture.title, title, width.title, 2);
   std::vector<std::string> lines{figures_text(picture.figures, Mean::Omitted)};
   if (picture.tolerance_um.rows() > 0) lines.push_back(verdict_text(picture));
   lines.insert(lines.end(), picture.caption.begin(), picture.caption.end());
@@ -134,7 +134,8 @@ CellText cell_text(const MapPicture& picture, const Tally& counts, bool with_dat
     lines.push_back(fmt::format("datum {}, alignment {}", picture.datum, picture.alignment));
   for (std::string& line : excluded_text(counts)) lines.push_back(std::move(line));
   for (const std::string& line : lines) {
-    for (const std::string& part : wrapped(line, body, width.below, 4)) text.below.push_back(part);
+    for (const std::string& part : wrap_text(line, body, width.below, 4))
+      text.below.push_back(part);
   }
   return text;
 }
@@ -142,7 +143,7 @@ CellText cell_text(const MapPicture& picture, const Tally& counts, bool with_dat
 /// The layout of a comparison, computed before drawing.
 struct Plan {
   std::vector<MapPanel> panels;
-  std::vector<Tally> counts;  ///< of the panels
+  std::vector<VertexCounts> counts;  ///< of the panels
   Grid cells;
   std::vector<CellText> text;  ///< of the panels
   std::size_t title_lines = 1;
@@ -169,7 +170,7 @@ std::vector<MapPanel> make_panels(const std::vector<MapPicture>& cases,
   std::vector<MapPanel> panels;
   for (std::size_t i = 0; i < cases.size(); ++i) {
     panels.push_back({i, false, common});
-    const bool has_cut_vertices = tally(cases[i].field, common).cut > 0;
+    const bool has_cut_vertices = count_vertices(cases[i].field, common).cut > 0;
     const double own_range = max_magnitude(own_ends[i]);
     if (has_cut_vertices && own_range > min_range_um &&
         own_range < own_scale_ratio * max_magnitude(common))
@@ -180,13 +181,13 @@ std::vector<MapPanel> make_panels(const std::vector<MapPicture>& cases,
 
 /// Returns the text of a panel. The second panel of a case only states its scale.
 CellText panel_text(const std::vector<MapPanel>& panels, std::size_t i, const MapPicture& picture,
-                    const Tally& counts, bool with_datum, const Grid& cells) {
+                    const VertexCounts& counts, bool with_datum, const Grid& cells) {
   const double width = cells.cell_width;
   const bool side_by_side = cells.columns > 1;
   if (panels[i].has_own_scale)
-    return {
-        wrapped(side_by_side ? "own scale" : picture.title + ", own scale", title_style, width, 2),
-        {}};
+    return {wrap_text(side_by_side ? "own scale" : picture.title + ", own scale", title_style,
+                      width, 2),
+            {}};
   const bool is_pair = side_by_side && i + 1 < panels.size() && panels[i + 1].has_own_scale;
   return cell_text(picture, counts, with_datum, {width, is_pair ? 2.0 * width + gap_px : width},
                    title_style, body_style);
@@ -196,7 +197,7 @@ Plan make_plan(const std::vector<MapPicture>& cases, const ComparisonOptions& op
   Plan plan;
   plan.panels = make_panels(cases, options);
   for (const MapPanel& panel : plan.panels)
-    plan.counts.push_back(tally(cases[panel.case_index].field, panel.ends_um));
+    plan.counts.push_back(count_vertices(cases[panel.case_index].field, panel.ends_um));
   const double width = options.width - 2.0 * margin_px;
   double max_aspect = 0.0;
   for (const MapPicture& picture : cases)
@@ -253,7 +254,7 @@ void draw_cell(Canvas& canvas, const Plan& plan, std::size_t i, const Cell& cell
   canvas.scene(view, scene.solids, scene.wires);
   const double title = static_cast<double>(plan.text[i].title.size()) * line_height(title_style);
   draw_paragraph(canvas, {x, y - titles + title}, plan.text[i].title, title_style);
-  const Tally& counts = plan.counts[i];
+  const VertexCounts& counts = plan.counts[i];
   draw_horizontal_colour_bar(
       canvas, {x, box.y - bar_row_px, std::min(plan.cells.cell_width, 460.0), bar_row_px - 6.0},
       ColourBar{colours, counts.lowest_um<ends.lower, counts.highest_um> ends.upper}, body_style);
@@ -271,13 +272,13 @@ void write_comparison(const std::filesystem::path& path, const std::vector<MapPi
   const double text_width = options.width - 2.0 * margin_px - 4.0 * triad_px;
   std::vector<std::string> lines;
   for (const std::string& text : common_text(cases, plan.panels, plan.counts, options)) {
-    for (const std::string& line : wrapped(text, body_style, text_width)) lines.push_back(line);
+    for (const std::string& line : wrap_text(text, body_style, text_width)) lines.push_back(line);
   }
   const double foot =
       std::max(static_cast<double>(lines.size()) * line_height(body_style) + 56.0 + margin_px,
                margin_px + 3.4 * triad_px);
   const std::vector<std::string> title =
-      wrapped(options.title, head_style, options.width - 2.0 * margin_px, 2);
+      wrap_text(options.title, head_style, options.width - 2.0 * margin_px, 2);
   const double head = double(title.size()) * line_height(head_style) + margin_px;
   const double cells = plan.cells.rows * (plan.text_height + plan.cells.map_height + gap_px);
   const int height = static_cast<int>(std::ceil(head + cells + foot));
@@ -362,7 +363,7 @@ DecimatedDesign decimate_design(const cutting::Design& whole, std::size_t maps) 
 /// The scale of a map.
 struct MapScale {
   Span ends_um;
-  Tally counts;
+  VertexCounts counts;
 };
 
 Field make_field(const cutting::Design& design, const SheetMap& map) {
@@ -397,7 +398,7 @@ std::vector<MapScale> fit_scales(const cutting::Design& design, const std::vecto
   const Span common = widest_ends(scales);
   for (std::size_t i = 0; i < scales.size(); ++i) {
     if (common_range) scales[i].ends_um = common;
-    scales[i].counts = tally(make_field(design, maps[i]), scales[i].ends_um);
+    scales[i].counts = count_vertices(make_field(design, maps[i]), scales[i].ends_um);
   }
   return scales;
 }
@@ -426,7 +427,7 @@ SheetLayout lay_out_grid(int columns, const std::vector<SheetMap>& maps, double 
   layout.map_height = std::round((layout.width - 1.2 * em) * std::clamp(shape, 0.25, 1.2));
   for (const SheetMap& map : maps)
     layout.title_lines = std::max(
-        layout.title_lines, wrapped(map.title, layout.title, layout.width - 1.2 * em, 2).size());
+        layout.title_lines, wrap_text(map.title, layout.title, layout.width - 1.2 * em, 2).size());
   layout.height = layout.map_height + double(layout.title_lines) * line_height(layout.title) +
                   2.0 * line_height(layout.body) + 2.2 * em;
   return layout;
@@ -464,12 +465,12 @@ View draw_cell(Canvas& canvas, const SheetLayout& layout, const SheetCell& cell,
                const SheetOptions& options) {
   const double em = layout.title.size_px, width = layout.width - 1.2 * em;
   const Vector2d top_left = cell.corner + Vector2d(0.6 * em, layout.height - 0.3 * em);
-  const std::vector<std::string> title = wrapped(cell.map.title, layout.title, width, 2);
+  const std::vector<std::string> title = wrap_text(cell.map.title, layout.title, width, 2);
   double y = top_left.y() - double(layout.title_lines - title.size()) * line_height(layout.title);
   y -= draw_paragraph(canvas, {top_left.x(), y}, title, layout.title);
   TextStyle faint = layout.body;
   faint.colour = colours::faint_ink;
-  draw_paragraph(canvas, {top_left.x(), y}, wrapped(cell.map.figures, faint, width, 1), faint);
+  draw_paragraph(canvas, {top_left.x(), y}, wrap_text(cell.map.figures, faint, width, 1), faint);
   const Rectangle box{std::round(top_left.x()),
                       std::round(y - line_height(layout.body) - 0.3 * em - layout.map_height),
                       width, layout.map_height};
@@ -499,11 +500,12 @@ std::vector<std::string> common_text(const std::vector<MapScale>& maps, const Sh
   }
   if (!first.empty()) lines.push_back(first);
   lines.push_back(
-      fmt::format("view {}  ·  {} vertices", view_description(view), grouped(vertices)));
+      fmt::format("view {}  ·  {} vertices", view_description(view), group_digits(vertices)));
   if (drawn_vertices < vertices)
-    lines.back() += fmt::format(", drawn on {} of them", grouped(drawn_vertices));
-  const bool exceeds_scale = std::any_of(
-      maps.begin(), maps.end(), [](const MapScale& scale) { return scale.counts.beyond > 0; });
+    lines.back() += fmt::format(", drawn on {} of them", group_digits(drawn_vertices));
+  const bool exceeds_scale = std::any_of(maps.begin(), maps.end(), [](const MapScale& scale) {
+    return scale.counts.beyond_scale > 0;
+  });
   if (exceeds_scale) lines.back() += "  ·  arrow colours: beyond the scale of the map";
   lines.insert(lines.end(), options.caption.begin(), options.caption.end());
   return lines;
@@ -518,13 +520,13 @@ void draw_foot(Canvas& canvas, const Page& sheet, double height, const View& vie
   at.x() += 1.5 * em;
   draw_scale_bar(canvas, view, at, 0.7 * view.area.width, sheet.body);
   at.x() += 0.7 * view.area.width + 8.0 * em;
-  const auto has_vertices = [&](std::size_t Tally::*kind) {
+  const auto has_vertices = [&](std::size_t VertexCounts::*kind) {
     return std::any_of(maps.begin(), maps.end(),
                        [&](const MapScale& scale) { return scale.counts.*kind > 0; });
   };
-  if (has_vertices(&Tally::uncut))
+  if (has_vertices(&VertexCounts::uncut))
     at.x() += draw_swatch(canvas, at, colours::uncut, "no value", sheet.body) + em;
-  if (has_vertices(&Tally::outside))
+  if (has_vertices(&VertexCounts::outside))
     draw_swatch(canvas, at, colours::outside, "outside the judged region", sheet.body);
 }
 
@@ -545,7 +547,7 @@ void write_sheet(const std::filesystem::path& path, const cutting::Design& desig
       sheet_layout(maps, options, width, aspect(design.vertices, options.from, options.up));
   const double height =
       std::ceil(layout.rows * layout.height + foot + margins + 0.6 * layout.title.size_px);
-  if (!(height <= longest_side))
+  if (!(height <= max_side_px))
     throw std::invalid_argument("sheet: the picture would be higher than 16384 px");
   const Page sheet = page(options.width, int(height), options.title, caption, unit);
 

@@ -38,7 +38,7 @@ DiagramSheet make_sheet(int width, int height, const Labels& labels, const Span&
   const double u = sheet.type.unit;
   sheet.body.size_px = sheet.type.body;
   for (const std::string& line : labels.caption) {
-    for (const std::string& part : wrapped(line, sheet.body, width - 80.0 * u))
+    for (const std::string& part : wrap_text(line, sheet.body, width - 80.0 * u))
       sheet.caption.push_back(part);
   }
   const double left = 150.0 * u;
@@ -84,7 +84,7 @@ void draw_text(Canvas& canvas, const DiagramSheet& sheet, const Labels& labels, 
   const double u = sheet.type.unit;
   const TextStyle title{.size_px = sheet.type.title, .bold = true};
   double y = height - 30.0 * u;
-  y -= draw_paragraph(canvas, {40.0 * u, y}, wrapped(labels.title, title, width - 80.0 * u, 1),
+  y -= draw_paragraph(canvas, {40.0 * u, y}, wrap_text(labels.title, title, width - 80.0 * u, 1),
                       title);
   draw_paragraph(canvas, {40.0 * u, y}, labels.below_title, {.size_px = sheet.type.figures});
   draw_paragraph(
@@ -263,7 +263,7 @@ void draw_series(Canvas& canvas, const DiagramSheet& sheet, const ProfileSeries&
   std::vector<Vector2d> points;
   const auto flush = [&] {
     // Thinning to columns of pixels bounds the cost and does not change the picture.
-    draw_series_line(canvas, thinned(points), index, 3.0 * sheet.type.unit);
+    draw_series_line(canvas, decimate_curve(points), index, 3.0 * sheet.type.unit);
     points.clear();
   };
   for (Eigen::Index i = 0; i < series.x.size(); ++i) {
@@ -319,7 +319,7 @@ void write_profile(const std::filesystem::path& path, const std::vector<ProfileS
   sheet.axes.box.width -= legend_width - 30.0 * sheet.type.unit;
   std::vector<std::vector<std::string>> names;
   for (const ProfileSeries& curve : series) {
-    names.push_back(wrapped(curve.name, sheet.body, legend_width - 100.0 * sheet.type.unit, 3));
+    names.push_back(wrap_text(curve.name, sheet.body, legend_width - 100.0 * sheet.type.unit, 3));
   }
 
   Canvas canvas(options.width, options.height);
@@ -362,7 +362,7 @@ Span axis_range(const std::vector<Bar>& bars, const BarsOptions& options) {
     include_value(bar.value);
     include_value(bar.value - bar.u.value_or(0.0));
     include_value(bar.value + bar.u.value_or(0.0));
-    if (bar.other) include_value(*bar.other);
+    if (bar.second_value) include_value(*bar.second_value);
   }
   if (!options.running_sum.empty())
     for (const double sum : running_sums(bars)) include_value(sum);
@@ -380,7 +380,7 @@ Span axis_range(const std::vector<Bar>& bars, const BarsOptions& options) {
 /// is one.
 std::string value_text(const Bar& bar) {
   if (!bar.text.empty()) return bar.text;
-  if (bar.other) return figure(bar.value) + " / " + figure(*bar.other);
+  if (bar.second_value) return figure(bar.value) + " / " + figure(*bar.second_value);
   if (!bar.u || !(*bar.u > 0.0) || !std::isfinite(bar.value)) return figure(bar.value);
   // The uncertainty has two significant digits, and the value as many decimals.
   const int decimals = std::clamp(1 - int(std::floor(std::log10(*bar.u))), 0, 6);
@@ -401,10 +401,11 @@ void draw_bar(Canvas& canvas, const Axes& axes, const Bar& bar, double y, const 
   const double unit = body.size_px / 22.0;
   const double half = 0.34 * bar_px * unit;
   // Two bars of the same sign would hide each other, so each takes half of the row.
-  const bool is_row_divided = bar.other && bar.value * *bar.other > 0.0;
+  const bool is_row_divided = bar.second_value && bar.value * *bar.second_value > 0.0;
   draw_body(canvas, axes, bar.value, {is_row_divided ? y : y - half, y + half}, bar.colour);
-  if (bar.other)
-    draw_body(canvas, axes, *bar.other, {y - half, is_row_divided ? y : y + half}, bar.colour + 1);
+  if (bar.second_value)
+    draw_body(canvas, axes, *bar.second_value, {y - half, is_row_divided ? y : y + half},
+              bar.colour + 1);
   if (!bar.u || !std::isfinite(bar.value)) return;
   const double low = at(axes, bar.value - *bar.u, 0.0).x(),
                high = at(axes, bar.value + *bar.u, 0.0).x();
@@ -521,7 +522,8 @@ void write_bars(const std::filesystem::path& path, const std::vector<Bar>& bars,
     label.vertical_anchor = 0.5;
     canvas.text({axes.box.x + axes.box.width + em, y}, value_text(bars[i]), label);
     label.horizontal_anchor = 1.0;
-    canvas.text({left - 0.7 * em, y}, wrapped(bars[i].label, label, names + 1.0, 1).front(), label);
+    canvas.text({left - 0.7 * em, y}, wrap_text(bars[i].label, label, names + 1.0, 1).front(),
+                label);
   }
   if (!options.running_sum.empty()) draw_running_sum(canvas, axes, bars, bar_px * unit, unit);
   draw_reference(canvas, axes, options, sheet.body);

@@ -57,7 +57,7 @@ struct ProfileOptions {
 void write_profile(const std::filesystem::path& path, const std::vector<ProfileSeries>& series,
                    const ProfileOptions& options = {});
 
-enum class Mark { Line, Points, LineAndPoints };
+enum class CurveStyle { Line, Points, LineAndPoints };
 
 /// A series of a panel; a point that is not finite is a gap.
 struct Series {
@@ -66,7 +66,7 @@ struct Series {
   Eigen::VectorXd y;
   Eigen::VectorXd lower;  ///< lower edge of a shaded band around the curve; empty: no band
   Eigen::VectorXd upper;  ///< upper edge of the band
-  Mark mark = Mark::Line;
+  CurveStyle curve_style = CurveStyle::Line;
   std::optional<int> colour{};  ///< index of a series colour; by default the index in the panel
 };
 
@@ -142,8 +142,8 @@ struct Bar {
   std::optional<double> u{};  ///< half length of the whisker at the end of the bar
   int colour = 0;             ///< index of a series colour
   std::optional<double>
-      other{};  ///< value of a second bar in the same row, in the next colour, as in a tornado
-                ///< diagram; bars of the same sign take half of the row each
+      second_value{};  ///< value of a second bar in the same row, in the next colour, as in a
+                       ///< tornado diagram; bars of the same sign take half of the row each
   std::string text{};  ///< text at the right, instead of the value
 };
 

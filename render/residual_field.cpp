@@ -49,7 +49,7 @@ cutting::Surface make_surface(const Field& field) {
     if (surface.status.back() == cutting::VertexStatus::Gouged)
       surface.gouges.push_back({vertex, 0.0, true});
   }
-  surface.sampled_within = field.sampled_within;
+  surface.interior_sample = field.interior_sample;
   surface.within = field.within_um * units::um;
   return surface;
 }
@@ -62,7 +62,7 @@ Field field(const cutting::Design& design, const cutting::Surface& surface) {
   for (const cutting::VertexStatus s : surface.status) {
     result.status.push_back(static_cast<std::uint8_t>(s));
   }
-  result.sampled_within = surface.sampled_within;
+  result.interior_sample = surface.interior_sample;
   result.within_um = surface.within / units::um;
   check_sizes(result);
   return result;
@@ -110,7 +110,7 @@ void write_residual(const std::filesystem::path& path, const Field& field, const
   std::vector<PointArray> triangle_arrays;
   if (field.within_um.size() > 0)
     triangle_arrays.push_back(
-        {cutting::within_values_name(field.sampled_within), view(field.within_um)});
+        {cutting::sample_values_name(field.interior_sample), view(field.within_um)});
   write_point_data(path, field.design.vertices, field.design.triangles, arrays, facts,
                    triangle_arrays);
 }
@@ -538,10 +538,11 @@ Field read_residual(const std::filesystem::path& path) {
     field.tolerance_um.col(0) = to_vector(data.array<double>("PointData/lower_um", "Float64", n));
     field.tolerance_um.col(1) = to_vector(data.array<double>("PointData/upper_um", "Float64", n));
   }
-  for (const auto within : {cutting::Surface::Within::Middle, cutting::Surface::Within::Random}) {
-    const std::string name = std::string("CellData/") + cutting::within_values_name(within);
+  for (const auto within :
+       {cutting::Surface::InteriorSample::Middle, cutting::Surface::InteriorSample::Random}) {
+    const std::string name = std::string("CellData/") + cutting::sample_values_name(within);
     if (!data.has(name)) continue;
-    field.sampled_within = within;
+    field.interior_sample = within;
     field.within_um = to_vector(data.array<double>(name, "Float64", layout.triangles));
   }
 

@@ -23,7 +23,7 @@ struct Field {
                                      ///< deeper than the band
   Eigen::VectorXd cut_time_s;        ///< (n) NaN where not cut or gouged
   std::vector<int> cut_line;         ///< (n) program line; 0 where not cut or gouged
-  cutting::Surface::Within sampled_within = cutting::Surface::Within::None;
+  cutting::Surface::InteriorSample interior_sample = cutting::Surface::InteriorSample::None;
   Eigen::VectorXd within_um = {};  ///< (m) deviation at the sample point of each triangle, NaN
                                    ///< where not cut; empty without sample points
   Eigen::VectorXd form_um = {};    ///< (n) deviation after the areal filter, NaN where not cut;

@@ -59,7 +59,7 @@ void draw_head(Canvas& canvas, const MapPage& page, const std::vector<std::strin
                  {.size_px = type.figures});
 }
 
-void draw_strip(Canvas& canvas, const MapPage& page, const View& view, const Tally& counts,
+void draw_strip(Canvas& canvas, const MapPage& page, const View& view, const VertexCounts& counts,
                 const TextStyle& body) {
   const double y = page.strip.y + 0.5 * page.strip.height;
   draw_scale_bar(canvas, view, {page.strip.x, y}, 0.22 * page.map.width, body);
@@ -186,14 +186,14 @@ std::vector<double> area_histogram(const Field& field, const ColouredMap& map, c
 }
 
 void draw_scale(Canvas& canvas, const MapPage& page, const MapPicture& picture,
-                const MapOptions& options, const ColouredMap& map, const Tally& counts,
+                const MapOptions& options, const ColouredMap& map, const VertexCounts& counts,
                 const TextStyle& body) {
   const int bins = std::max(8, int(page.bar.height / 7.0));
   const double histogram = 74.0 / 38.0 * page.bar.width;
   const Field& field = picture.field;
   if (options.colours == MapColours::Tolerance) {
-    const ToleranceShares s =
-        picture.shares.value_or(tolerance_shares(field, picture.tolerance_um));
+    const TolerancePercentages s =
+        picture.percentages.value_or(tolerance_percentages(field, picture.tolerance_um));
     draw_tolerance_bar(canvas, page.bar,
                        {s.over, s.in, s.under, common_limits(picture.tolerance_um),
                         area_histogram(field, map, {-0.5, 1.5}, bins), histogram},
@@ -244,7 +244,7 @@ double fitted_range_um(const Field& field) {
 
 Span fitted_ends_um(const Field& field) {
   const double range = fitted_range_um(field);
-  const Tally counts = tally(field, range);
+  const VertexCounts counts = count_vertices(field, range);
   if (counts.cut == 0 || (counts.lowest_um == 0.0 && counts.highest_um == 0.0))
     return {-range, range};
   if (counts.lowest_um < 0.0 && counts.highest_um > 0.0)
@@ -273,8 +273,9 @@ Span common_ends(const std::vector<Span>& ends_um) {
              : trim_minor_side({-range, range}, -total.lower, total.upper);
 }
 
-ToleranceShares tolerance_shares(const Field& field, const cutting::ToleranceBands& tolerance_um) {
-  ToleranceShares s;
+TolerancePercentages tolerance_percentages(const Field& field,
+                                           const cutting::ToleranceBands& tolerance_um) {
+  TolerancePercentages s;
   double total_area = 0.0;
   for (Eigen::Index i = 0; i < field.deviation_um.size(); ++i) {
     const auto status = cutting::VertexStatus(field.status[std::size_t(i)]);
@@ -301,7 +302,7 @@ void draw_map(const MapPicture& picture, const MapOptions& options,
               const std::function<void(Canvas&)>& finish) {
   check_field(picture.field);
   const ColouredMap map = colour_map(picture, options);
-  const Tally counts = tally(picture.field, map.ends_um);
+  const VertexCounts counts = count_vertices(picture.field, map.ends_um);
   const TypeSizes type = type_sizes(options.width, options.height);
   const TextStyle body{.size_px = type.body};
   const View direction = fit_view({}, options.from, options.up, {});
@@ -313,11 +314,11 @@ void draw_map(const MapPicture& picture, const MapOptions& options,
   const double magnitude = std::max(std::abs(counts.lowest_um), std::abs(counts.highest_um));
   for (const std::string& text :
        map_text(picture, counts, magnitude, view_description(direction))) {
-    for (const std::string& line : wrapped(text, body, width)) lines.push_back(line);
+    for (const std::string& line : wrap_text(text, body, width)) lines.push_back(line);
   }
   const double text_height = static_cast<double>(lines.size()) * line_height(body);
   const std::vector<std::string> title =
-      wrapped(picture.title, {.size_px = type.title, .bold = true}, width, 2);
+      wrap_text(picture.title, {.size_px = type.title, .bold = true}, width, 2);
   const MapPage page = map_page(options, type, title.size(), text_height);
   const View view = fit_view(picture.field.design.vertices, options.from, options.up, page.map);
   const std::vector<Flag> flags = extreme_vertex_flags(view, picture.field);
@@ -371,13 +372,13 @@ std::string figures_text(const Figures& figures, Mean mean) {
   return parts.empty() ? "nothing was cut" : fmt::format("{}", fmt::join(parts, "    "));
 }
 
-std::vector<std::string> excluded_text(const Tally& counts) {
+std::vector<std::string> excluded_text(const VertexCounts& counts) {
   std::vector<std::string> parts;
   if (counts.uncut > 0)
-    parts.push_back(fmt::format("{} uncut ({:.3g} %)", grouped(counts.uncut),
+    parts.push_back(fmt::format("{} uncut ({:.3g} %)", group_digits(counts.uncut),
                                 100.0 * double(counts.uncut) / double(counts.judged())));
   if (counts.gouged > 0)
-    parts.push_back(fmt::format("{} gouged deeper than the band", grouped(counts.gouged)));
+    parts.push_back(fmt::format("{} gouged deeper than the band", group_digits(counts.gouged)));
   return parts;
 }
 
@@ -397,8 +398,8 @@ std::string limits_text(const cutting::ToleranceBands& tolerance_um) {
 }
 
 std::string verdict_text(const MapPicture& picture) {
-  const ToleranceShares s =
-      picture.shares.value_or(tolerance_shares(picture.field, picture.tolerance_um));
+  const TolerancePercentages s =
+      picture.percentages.value_or(tolerance_percentages(picture.field, picture.tolerance_um));
   std::string text = picture.verdict.empty() ? "" : picture.verdict + "  ·  ";
   text += percent_text(s.in) + " of the area in tolerance";
   for (const auto& [name, percent] :
@@ -411,11 +412,11 @@ namespace {
 
 /// Returns e.g. "0.31 % of the cut vertices lie beyond the scale; values from −31.2 to 40.0 µm";
 /// empty if no vertex is beyond the scale.
-std::string outlier_text(const Tally& counts, double range_um) {
-  if (counts.beyond == 0) return {};
+std::string outlier_text(const VertexCounts& counts, double range_um) {
+  if (counts.beyond_scale == 0) return {};
   const LengthUnit unit = length_unit(range_um);
   const double percent =
-      100.0 * static_cast<double>(counts.beyond) / static_cast<double>(counts.cut);
+      100.0 * static_cast<double>(counts.beyond_scale) / static_cast<double>(counts.cut);
   return fmt::format("{} % of the cut vertices lie beyond the scale; values from {} to {} {}",
                      percent < 0.01 ? "less than 0.01" : figure(percent),
                      figure(counts.lowest_um * unit.per_um),
@@ -424,16 +425,16 @@ std::string outlier_text(const Tally& counts, double range_um) {
 
 }  // namespace
 
-std::vector<std::string> map_text(const MapPicture& picture, const Tally& counts, double range_um,
-                                  const std::string& view) {
+std::vector<std::string> map_text(const MapPicture& picture, const VertexCounts& counts,
+                                  double range_um, const std::string& view) {
   std::vector<std::string> lines{sign_convention};
   if (picture.tolerance_um.rows() > 0)
     lines.push_back(fmt::format("tolerance {}  ·  {}", limits_text(picture.tolerance_um),
                                 verdict_text(picture)));
-  std::string numbers = fmt::format("{} vertices, ", grouped(counts.vertices()));
+  std::string numbers = fmt::format("{} vertices, ", group_digits(counts.vertices()));
   const std::vector<std::string> excluded = excluded_text(counts);
   numbers += excluded.empty() ? "0 uncut" : fmt::format("{}", fmt::join(excluded, ", "));
-  if (counts.outside > 0) numbers += fmt::format(", {} outside", grouped(counts.outside));
+  if (counts.outside > 0) numbers += fmt::format(", {} outside", group_digits(counts.outside));
   lines.push_back(fmt::format("datum {}  ·  alignment {}  ·  view {}  ·  {}", picture.datum,
                               picture.alignment, view, numbers));
   if (const std::string outliers = outlier_text(counts, range_um); !outliers.empty()) {

@@ -17,7 +17,7 @@
 namespace abbe::render {
 
 /// Percentages of the judged area that are in, over and under tolerance, and uncut.
-struct ToleranceShares {
+struct TolerancePercentages {
   double in = 0.0, over = 0.0, under = 0.0, uncut = 0.0;
 };
 /// A residual map with the information stated beside it.
@@ -27,15 +27,16 @@ struct MapPicture {
   Figures figures;  ///< PV, RMS and mean of the field
   std::string datum = "none";
   std::string alignment = "none";
-  std::vector<std::string> caption;         ///< further lines
-  std::string verdict{};                    ///< "FAIL by 3.2 µm at ..."; empty without a tolerance
-  std::optional<ToleranceShares> shares{};  ///< by default those of the field
-  cutting::ToleranceBands tolerance_um{};   ///< (n) limits of each vertex; no rows: no tolerance
+  std::vector<std::string> caption;  ///< further lines
+  std::string verdict{};             ///< "FAIL by 3.2 µm at ..."; empty without a tolerance
+  std::optional<TolerancePercentages> percentages{};  ///< by default those of the field
+  cutting::ToleranceBands tolerance_um{};  ///< (n) limits of each vertex; no rows: no tolerance
 };
 
 /// Returns the percentages of a field. Vertices are weighted by their area, or equally if the field
 /// has no areas.
-ToleranceShares tolerance_shares(const Field& field, const cutting::ToleranceBands& tolerance_um);
+TolerancePercentages tolerance_percentages(const Field& field,
+                                           const cutting::ToleranceBands& tolerance_um);
 
 enum class MapColours {
   Diverging,
@@ -97,7 +98,7 @@ std::string figures_text(const Figures& figures, Mean mean = Mean::Stated);
 
 /// Returns texts about the judged vertices that the figures exclude: "12 uncut (3.1 %)", "4 gouged
 /// deeper than the band".
-std::vector<std::string> excluded_text(const Tally& counts);
+std::vector<std::string> excluded_text(const VertexCounts& counts);
 
 /// Returns e.g. "−2 to +8 µm", or "by region" if vertices have different limits.
 std::string limits_text(const cutting::ToleranceBands& tolerance_um);
@@ -107,7 +108,7 @@ std::string limits_text(const cutting::ToleranceBands& tolerance_um);
 std::string verdict_text(const MapPicture& picture);
 
 /// Returns the lines of text below a map.
-std::vector<std::string> map_text(const MapPicture& picture, const Tally& counts, double range_um,
-                                  const std::string& view);
+std::vector<std::string> map_text(const MapPicture& picture, const VertexCounts& counts,
+                                  double range_um, const std::string& view);
 
 }  // namespace abbe::render

@@ -193,8 +193,8 @@ void write_stock_picture(const std::filesystem::path& path, const StockPicture& 
   const double text_width = picture.width - 2.0 * margin, side = 270.0 * u;
   std::vector<std::string> lines;
   for (const std::string& text : picture.caption)
-    for (const std::string& line : wrapped(text, body, text_width)) lines.push_back(line);
-  const std::vector<std::string> head = wrapped(picture.title, title, text_width, 2);
+    for (const std::string& line : wrap_text(text, body, text_width)) lines.push_back(line);
+  const std::vector<std::string> head = wrap_text(picture.title, title, text_width, 2);
   const double head_height = 30.0 * u + 1.38 * double(head.size()) * type.title + 22.0 * u;
   const double strip = 0.7 * margin + double(lines.size()) * line_height(body),
                bottom = strip + 64.0 * u;

@@ -141,7 +141,7 @@ MapOutline map_outline(const cutting::Design& design, const Vector3d& toward_eye
   };
   tbb::parallel_for(Eigen::Index(0), triangle_normals.rows(),
                     [&](Eigen::Index t) { triangle_normals.row(t) = normal(t).transpose(); });
-  const std::vector<cutting::TriangleSide> sides = cutting::sides_of(design.triangles);
+  const std::vector<cutting::TriangleSide> sides = cutting::triangle_sides(design.triangles);
   MapOutline outline;
   for (std::size_t i = 0, next = 0; i < sides.size(); i = next) {
     for (next = i + 1; next < sides.size() && sides[next].same_edge(sides[i]);) ++next;
@@ -256,10 +256,12 @@ Wire isolines(const Field& field, const Eigen::VectorXd& values,
   return w;
 }
 
-Tally tally(const Field& field, double range_um) { return tally(field, Span{-range_um, range_um}); }
+VertexCounts count_vertices(const Field& field, double range_um) {
+  return count_vertices(field, Span{-range_um, range_um});
+}
 
-Tally tally(const Field& field, const Span& ends_um) {
-  Tally result;
+VertexCounts count_vertices(const Field& field, const Span& ends_um) {
+  VertexCounts result;
   for (Eigen::Index i = 0; i < field.deviation_um.size(); ++i) {
     if (field.status[i] == status_uncut) ++result.uncut;
     if (field.status[i] == status_gouged)
@@ -271,7 +273,7 @@ Tally tally(const Field& field, const Span& ends_um) {
     result.lowest_um = result.cut == 0 ? deviation : std::min(result.lowest_um, deviation);
     result.highest_um = result.cut == 0 ? deviation : std::max(result.highest_um, deviation);
     ++result.cut;
-    if (deviation < ends_um.lower || deviation > ends_um.upper) ++result.beyond;
+    if (deviation < ends_um.lower || deviation > ends_um.upper) ++result.beyond_scale;
   }
   return result;
 }

@@ -31,22 +31,22 @@ SurfaceScene surface_scene(const Field& field, const Eigen::VectorXd& values,
 Wire isolines(const Field& field, const Eigen::VectorXd& values, const std::vector<double>& levels);
 
 /// Numbers of vertices by status, and the range of the deviation.
-struct Tally {
+struct VertexCounts {
   std::size_t cut = 0;
   std::size_t uncut = 0;
   std::size_t outside = 0;
-  std::size_t gouged = 0;   ///< deeper than the band
-  std::size_t beyond = 0;   ///< cut, with a deviation beyond the ends of the scale
-  double lowest_um = 0.0;   ///< least deviation of a cut vertex
-  double highest_um = 0.0;  ///< largest deviation of a cut vertex
+  std::size_t gouged = 0;        ///< deeper than the band
+  std::size_t beyond_scale = 0;  ///< cut, with a deviation beyond the ends of the scale
+  double lowest_um = 0.0;        ///< least deviation of a cut vertex
+  double highest_um = 0.0;       ///< largest deviation of a cut vertex
 
   std::size_t vertices() const { return cut + uncut + outside + gouged; }
   std::size_t judged() const { return cut + uncut + gouged; }
 };
 /// Count the vertices.
 /// @param ends_um  ends of the scale
-Tally tally(const Field& field, const Span& ends_um);
-Tally tally(const Field& field, double range_um);
+VertexCounts count_vertices(const Field& field, const Span& ends_um);
+VertexCounts count_vertices(const Field& field, double range_um);
 
 /// A marked point of a map with its label.
 struct Flag {

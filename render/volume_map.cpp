@@ -313,7 +313,8 @@ void write_volume_map(const std::filesystem::path& path, const VolumePicture& pi
     draw_paragraph(canvas,
                    {sheet.inner.x + 20.0 * unit,
                     sheet.inner.y + sheet.inner.height - 0.15 * line_height(figures)},
-                   wrapped(picture.figures, figures, sheet.inner.width - 40.0 * unit, 1), figures);
+                   wrap_text(picture.figures, figures, sheet.inner.width - 40.0 * unit, 1),
+                   figures);
   draw_page(canvas, sheet);
   canvas.write_png(path);
 }

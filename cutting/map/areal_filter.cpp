@@ -85,8 +85,7 @@ SampledValue sampled_value(const Design& design, const Surface& surface, const W
     return {design.vertices.row(sample), design.normals.row(sample), surface.residual[sample],
             std::max(weights.vertex[sample], min_area)};
   const auto value_in_triangle = [&](const Points& rows) {
-    return value_at_place_within(surface.sampled_within, rows, design.triangles,
-                                 sample - vertex_count);
+    return value_at_sample(surface.interior_sample, rows, design.triangles, sample - vertex_count);
   };
   return {value_in_triangle(design.vertices), value_in_triangle(design.normals),
           surface.within[sample - vertex_count], weights.within[sample - vertex_count]};
@@ -356,12 +355,12 @@ double gaussian_variance(double cutoff) {
 
 }  // namespace
 
-double filter_values(double cutoff, double density) {
+double effective_value_count(double cutoff, double density) {
   return 4.0 * std::numbers::pi * gaussian_variance(cutoff) * density;
 }
 
 bool resolves_form(const Design& design, double cutoff) {
-  return filter_values(cutoff, double(design.triangles.rows()) / design.area.sum()) >=
+  return effective_value_count(cutoff, double(design.triangles.rows()) / design.area.sum()) >=
          min_filter_values;
 }
 

@@ -8,7 +8,7 @@ namespace abbe::cutting {
 
 /// Returns the effective number of values that contribute to a filtered value, for values of equal
 /// weight with a uniform `density` (1/mm^2): (sum of weights)^2 / sum of squared weights.
-double filter_values(double cutoff, double density);
+double effective_value_count(double cutoff, double density);
 
 /// Minimum effective number of values for which a slope is fitted; with fewer values the form is
 /// their weighted mean.

@@ -59,8 +59,8 @@ std::vector<CutPoint> cut_points(const Surface& surface, const Design& design) {
   for (Eigen::Index t = 0; t < weights.within.size(); ++t)
     if (weights.within[t] > 0.0)
       points.push_back(
-          {value_at_place_within(surface.sampled_within, design.vertices, design.triangles, t),
-           value_at_place_within(surface.sampled_within, design.normals, design.triangles, t),
+          {value_at_sample(surface.interior_sample, design.vertices, design.triangles, t),
+           value_at_sample(surface.interior_sample, design.normals, design.triangles, t),
            surface.within[t], weights.within[t]});
   return points;
 }
@@ -73,8 +73,8 @@ struct DisplacementScale {
 
 /// Returns the centroid of the points and their root-mean-square distance from it.
 DisplacementScale displacement_scale(const std::vector<CutPoint>& points) {
-  Sum area;
-  std::array<Sum, 3> moment;
+  CompensatedSum area;
+  std::array<CompensatedSum, 3> moment;
   for (const CutPoint& cut_point : points) {
     area.add(cut_point.weight);
     for (int k = 0; k < 3; ++k)
@@ -84,7 +84,7 @@ DisplacementScale displacement_scale(const std::vector<CutPoint>& points) {
   DisplacementScale scale;
   for (int k = 0; k < 3; ++k)
     scale.point[k] = moment[static_cast<std::size_t>(k)].value() / area.value();
-  Sum squared_distance;
+  CompensatedSum squared_distance;
   for (const CutPoint& cut_point : points)
     squared_distance.add(cut_point.weight * (cut_point.point - scale.point).squaredNorm());
   const double length = std::sqrt(squared_distance.value() / area.value());
@@ -110,8 +110,8 @@ struct NormalEquations {
 /// Returns the normal equations for the first `size` components of the displacement.
 NormalEquations normal_equations(const std::vector<CutPoint>& points,
                                  const DisplacementScale& scale, int size) {
-  std::array<Sum, 6> rhs;
-  std::array<std::array<Sum, 6>, 6> lhs;
+  std::array<CompensatedSum, 6> rhs;
+  std::array<std::array<CompensatedSum, 6>, 6> lhs;
   for (const CutPoint& p : points) {
     const DisplacementRow row = displacement_row(p.point, p.normal, scale);
     for (int i = 0; i < size; ++i) {
@@ -193,9 +193,8 @@ AlignmentResult aligned(const Surface& surface, const Design& design,
   for (Eigen::Index t = 0; t < surface.within.size(); ++t)
     result.surface.within[t] -=
         displacement_row(
-            value_at_place_within(surface.sampled_within, design.vertices, design.triangles, t),
-            value_at_place_within(surface.sampled_within, design.normals, design.triangles, t),
-            scale)
+            value_at_sample(surface.interior_sample, design.vertices, design.triangles, t),
+            value_at_sample(surface.interior_sample, design.normals, design.triangles, t), scale)
             .dot(scaled);
   result.displacement = scaled;
   result.displacement.tail<3>() /= scale.length;

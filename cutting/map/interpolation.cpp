@@ -89,13 +89,14 @@ bool are_all_cut(const Surface& surface, const Eigen::RowVector3i& corners) {
 
 }  // namespace
 
-Surface sample_within_triangles(Surface surface, const Design& design, Surface::Within within,
+Surface sample_within_triangles(Surface surface, const Design& design,
+                                Surface::InteriorSample within,
                                 const SurfaceInterpolator& on_surface,
                                 const std::function<Surface(const Design&)>& surface_at) {
   require(surface.residual.size() == design.vertices.rows(), "with_places_within: sizes differ");
-  surface.sampled_within = within;
+  surface.interior_sample = within;
   surface.within.resize(0);
-  if (within == Surface::Within::None) return surface;
+  if (within == Surface::InteriorSample::None) return surface;
   std::vector<Index> triangles;
   for (Index t = 0; t < design.triangles.rows(); ++t)
     if (are_all_cut(surface, design.triangles.row(t))) triangles.push_back(t);
@@ -103,8 +104,9 @@ Surface sample_within_triangles(Surface surface, const Design& design, Surface::
   tbb::parallel_for(std::size_t(0), triangles.size(), [&](std::size_t i) {
     const Eigen::RowVector3i corners = design.triangles.row(triangles[i]);
     std::array<Contact, 3> corner_contacts;
-    for (Index k = 0; k < 3; ++k) corner_contacts[std::size_t(k)] = place_of(design, corners[k]);
-    contacts[i] = on_surface(corner_contacts, place_within(within, triangles[i]));
+    for (Index k = 0; k < 3; ++k)
+      corner_contacts[std::size_t(k)] = vertex_contact(design, corners[k]);
+    contacts[i] = on_surface(corner_contacts, sample_weights(within, triangles[i]));
   });
   surface.within =
       Eigen::VectorXd::Constant(design.triangles.rows(), std::numeric_limits<double>::quiet_NaN());
@@ -155,7 +157,7 @@ InterpolationError interpolation_error(const Design& design, const Surface& surf
     double interpolated = 0.0;
     for (std::size_t k = 0; k < 3; ++k) {
       const int v = corners[Index(k)];
-      corner_contacts[k] = place_of(design, v);
+      corner_contacts[k] = vertex_contact(design, v);
       interpolated += weight[k] * surface.residual[v];
     }
     contacts.push_back(on_surface(corner_contacts, weight));

@@ -82,7 +82,8 @@ std::optional<double> crest_fraction(const SurfaceInterpolator& on_surface, cons
 /// Returns the map with a sample within every triangle whose corners are cut, at its
 /// `place_within`.
 /// @param surface_at  computes the surface at the vertices of a design
-Surface sample_within_triangles(Surface surface, const Design& design, Surface::Within within,
+Surface sample_within_triangles(Surface surface, const Design& design,
+                                Surface::InteriorSample within,
                                 const SurfaceInterpolator& on_surface,
                                 const std::function<Surface(const Design&)>& surface_at);
 

@@ -330,7 +330,7 @@ double Refinement::next_level(double level) const {
 }
 
 RefinementResult Refinement::run() {
-  knots_ = probe_points(places_of(source_), source_.judged);
+  knots_ = probe_points(vertex_contacts(source_), source_.judged);
   std::vector<int> open_edges(std::size_t(mesh_.edges()));
   std::iota(open_edges.begin(), open_edges.end(), 0);
   const Index max_vertices = std::max(options_.points, source_.vertices.rows());

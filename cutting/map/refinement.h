@@ -42,8 +42,8 @@ struct RefinementResult {
   double reached = 0.0;  ///< mm, the error bound that all edges meet: that of the options, a larger
                          ///< one if the number of vertices did not suffice, or infinity if passes
                          ///< are not separated
-  Eigen::Index sounded = 0;  ///< number of probed points
-  Eigen::Index left = 0;     ///< number of edges that do not meet the bound of the options
+  Eigen::Index probed_points = 0;  ///< number of probed points
+  Eigen::Index left = 0;           ///< number of edges that do not meet the bound of the options
 };
 
 /// Adds vertices to a design where the error of linear interpolation of its residual exceeds the

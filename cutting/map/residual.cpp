@@ -48,7 +48,7 @@ std::vector<WeightedResidual> weighted_residuals(const Surface& surface, const W
 /// Returns the mean of a function of the residual, weighted by area; `area` is the total.
 template <class F>
 double weighted_mean(const std::vector<WeightedResidual>& values, double area, const F& f) {
-  Sum sum;
+  CompensatedSum sum;
   for (const WeightedResidual& sample : values) sum.add(sample.area * f(sample.residual));
   return sum.value() / area;
 }
@@ -61,7 +61,7 @@ std::optional<double> quantile(std::vector<WeightedResidual> values, double q) {
                        const double x = std::abs(a.residual), y = std::abs(b.residual);
                        return x != y ? x < y : a.area < b.area;
                      });
-  Sum total_area, cumulative_area;
+  CompensatedSum total_area, cumulative_area;
   for (const WeightedResidual& sample : values) total_area.add(sample.area);
   if (!(total_area.value() > 0.0)) return std::nullopt;
   for (const WeightedResidual& sample : values) {
@@ -113,7 +113,7 @@ double signed_excess(double residual, const Limits& limits) {
 std::optional<Conformance> conformance(const Surface& surface, const Design& design,
                                        const Weights& weights, const ToleranceBands& tolerance) {
   Conformance result;
-  Sum area_in, area_over, area_under, area_uncut;
+  CompensatedSum area_in, area_over, area_under, area_uncut;
   const auto add_area = [&](double excess_of_sample, double area) {
     (excess_of_sample > 0.0 ? area_over : excess_of_sample < 0.0 ? area_under : area_in).add(area);
   };
@@ -169,8 +169,8 @@ std::optional<Conformance> conformance(const Surface& surface, const Design& des
 
 }  // namespace
 
-std::array<double, 3> place_within(Surface::Within within, Eigen::Index t) {
-  if (within != Surface::Within::Random) return {1.0 / 3.0, 1.0 / 3.0, 1.0 / 3.0};
+std::array<double, 3> sample_weights(Surface::InteriorSample within, Eigen::Index t) {
+  if (within != Surface::InteriorSample::Random) return {1.0 / 3.0, 1.0 / 3.0, 1.0 / 3.0};
   const auto random_number = [&](std::uint64_t k) {
     return split_mix::unit(split_mix::stream(k, std::uint64_t(t)));
   };
@@ -179,18 +179,18 @@ std::array<double, 3> place_within(Surface::Within within, Eigen::Index t) {
   return {1.0 - root, root * (1.0 - fraction), root * fraction};
 }
 
-Eigen::Vector3d value_at_place_within(Surface::Within within, const Points& rows,
-                                      const Triangles& triangles, Eigen::Index t) {
-  const std::array<double, 3> fractions = place_within(within, t);
+Eigen::Vector3d value_at_sample(Surface::InteriorSample within, const Points& rows,
+                                const Triangles& triangles, Eigen::Index t) {
+  const std::array<double, 3> fractions = sample_weights(within, t);
   Eigen::Vector3d interpolated = Eigen::Vector3d::Zero();
   for (Eigen::Index k = 0; k < 3; ++k)
     interpolated += fractions[std::size_t(k)] * rows.row(triangles(t, k)).transpose();
   return interpolated;
 }
 
-double value_at_place_within(Surface::Within within, const Eigen::VectorXd& values,
-                             const Triangles& triangles, Eigen::Index t) {
-  const std::array<double, 3> fractions = place_within(within, t);
+double value_at_sample(Surface::InteriorSample within, const Eigen::VectorXd& values,
+                       const Triangles& triangles, Eigen::Index t) {
+  const std::array<double, 3> fractions = sample_weights(within, t);
   double interpolated = 0.0;
   for (Eigen::Index k = 0; k < 3; ++k)
     interpolated += fractions[std::size_t(k)] * values[triangles(t, k)];
@@ -206,7 +206,8 @@ Weights weights(const Surface& surface, const Design& design) {
   if (sample_count != 0 && sample_count != design.triangles.rows())
     throw std::invalid_argument("statistics: one place within a triangle is needed, or none");
   // Three quarters for a sample in the middle is exact for a quadratic residual.
-  const double triangle_fraction = surface.sampled_within == Surface::Within::Random ? 1.0 : 0.75;
+  const double triangle_fraction =
+      surface.interior_sample == Surface::InteriorSample::Random ? 1.0 : 0.75;
   Weights result{design.area, Eigen::VectorXd::Zero(sample_count)};
   for (std::size_t i = 0; i < vertex_count; ++i)
     if (surface.status[i] != VertexStatus::Cut) result.vertex[static_cast<Eigen::Index>(i)] = 0.0;
@@ -247,8 +248,8 @@ Statistics count_vertices(const Surface& surface) {
 
 }  // namespace
 
-Surface at_vertices(Surface surface) {
-  surface.sampled_within = Surface::Within::None;
+Surface without_triangle_samples(Surface surface) {
+  surface.interior_sample = Surface::InteriorSample::None;
   surface.within.resize(0);
   return surface;
 }
@@ -275,7 +276,7 @@ Statistics statistics(const Surface& surface, const Design& design,
   result.max = result.highest->value;
   result.pv = *result.max - *result.min;
   result.p95_abs = quantile(residuals, 0.95);
-  Sum sum;
+  CompensatedSum sum;
   for (const WeightedResidual& sample : residuals) sum.add(sample.area);
   const double area = sum.value();
   if (!(area > 0.0)) return result;
@@ -286,19 +287,19 @@ Statistics statistics(const Surface& surface, const Design& design,
   return result;
 }
 
-const char* within_values_name(Surface::Within within) {
+const char* sample_values_name(Surface::InteriorSample within) {
   switch (within) {
-    case Surface::Within::None:
+    case Surface::InteriorSample::None:
       return "";
-    case Surface::Within::Middle:
+    case Surface::InteriorSample::Middle:
       return "middle_um";
-    case Surface::Within::Random:
+    case Surface::InteriorSample::Random:
       return "random_um";
   }
   return "";
 }
 
-VertexStatus worse(VertexStatus a, VertexStatus b) {
+VertexStatus worse_status(VertexStatus a, VertexStatus b) {
   // In order from the worst to the best.
   for (const VertexStatus status :
        {VertexStatus::Outside, VertexStatus::Gouged, VertexStatus::Uncut})
@@ -313,7 +314,7 @@ Surface minus(const Surface& a, const Surface& b) {
   constexpr double nan = std::numeric_limits<double>::quiet_NaN();
   Surface result = a;
   for (std::size_t i = 0; i < vertex_count; ++i) {
-    const VertexStatus status = worse(a.status[i], b.status[i]);
+    const VertexStatus status = worse_status(a.status[i], b.status[i]);
     const auto v = static_cast<Eigen::Index>(i);
     const bool is_cut = status == VertexStatus::Cut;
     result.status[i] = status;
@@ -325,10 +326,10 @@ Surface minus(const Surface& a, const Surface& b) {
   }
   result.gouges = merge_gouges(a, b, result.status);
   // Samples at different points have no difference.
-  if (a.sampled_within == b.sampled_within && a.within.size() == b.within.size()) {
+  if (a.interior_sample == b.interior_sample && a.within.size() == b.within.size()) {
     result.within = a.within - b.within;
   } else {
-    result.sampled_within = Surface::Within::None;
+    result.interior_sample = Surface::InteriorSample::None;
     result.within.resize(0);
   }
   return result;

@@ -55,17 +55,17 @@ struct Weights {
 Weights weights(const Surface& surface, const Design& design);
 
 /// Returns the name of the residuals within triangles, in um, in files; empty if there are none.
-const char* within_values_name(Surface::Within within);
+const char* sample_values_name(Surface::InteriorSample within);
 
 /// Returns the barycentric coordinates of the sample within triangle t. For `Random` they are
 /// reproducible and uniform in area.
-std::array<double, 3> place_within(Surface::Within within, Eigen::Index t);
+std::array<double, 3> sample_weights(Surface::InteriorSample within, Eigen::Index t);
 
 /// Return rows or values of the vertices, interpolated at the sample of triangle t.
-Eigen::Vector3d value_at_place_within(Surface::Within within, const Points& rows,
-                                      const Triangles& triangles, Eigen::Index t);
-double value_at_place_within(Surface::Within within, const Eigen::VectorXd& values,
-                             const Triangles& triangles, Eigen::Index t);
+Eigen::Vector3d value_at_sample(Surface::InteriorSample within, const Points& rows,
+                                const Triangles& triangles, Eigen::Index t);
+double value_at_sample(Surface::InteriorSample within, const Eigen::VectorXd& values,
+                       const Triangles& triangles, Eigen::Index t);
 
 /// Statistics of a residual map. Vertices that are uncut, gouged beyond the band or outside the
 /// judged region are counted but excluded from all numbers except the conformance. A number without
@@ -98,11 +98,11 @@ Statistics statistics(const Surface& surface, const Design& design,
                       const ToleranceBands& tolerance = {});
 
 /// Returns the map without the samples within triangles.
-Surface at_vertices(Surface surface);
+Surface without_triangle_samples(Surface surface);
 
 /// Returns the status of a vertex in a difference of two maps: outside if it is outside in either
 /// map, else gouged, else uncut, else cut.
-VertexStatus worse(VertexStatus a, VertexStatus b);
+VertexStatus worse_status(VertexStatus a, VertexStatus b);
 
 /// Returns the first map minus the second at the vertices that are cut in both; elsewhere the
 /// status is the worse of the two. Cut times, lines and gouges are those of the first map; a gouge

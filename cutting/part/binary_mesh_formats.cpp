@@ -130,8 +130,8 @@ void check_properties(const MeshSource& source, const PlyElement& vertex, const 
   for (const PlyProperty& p : face.properties) {
     if (!p.is_vertex_list()) continue;
     if (!p.list_count || p.type.kind == 'f')
-      source.refuse("faces with one list of integers, vertex_indices", in_quotes(p.name), face.line,
-                    1);
+      source.refuse("faces with one list of integers, vertex_indices", quoted_excerpt(p.name),
+                    face.line, 1);
     ++vertex_lists;
   }
   if (vertex_lists != 1)
@@ -551,7 +551,7 @@ TriangleSoup read_stl(const MeshSource& source, const MarkSelection& requested_m
   const std::string expected = "an ascii STL ('solid ...') or a binary one of 84 + 50 n bytes";
   if (source.bytes.size() < stl_header)
     source.refuse(expected, fmt::format("{} bytes that begin {}", source.bytes.size(),
-                                        in_quotes(source.bytes)));
+                                        quoted_excerpt(source.bytes)));
   const std::uint64_t expected_size = binary_stl_size(source.bytes);
   source.refuse(expected + fmt::format(", {} by its header of n = {}", expected_size,
                                        (expected_size - stl_header) / stl_facet),

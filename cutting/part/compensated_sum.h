@@ -6,7 +6,7 @@ namespace abbe::cutting {
 
 /// A compensated sum (Neumaier): the rounding error for n terms is below 2 ulp of the result plus
 /// n^2 ulp^2 of the sum of magnitudes. The result depends on the order of the terms.
-class Sum {
+class CompensatedSum {
  public:
   void add(double term) {
     const double sum = sum_ + term;

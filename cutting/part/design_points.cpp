@@ -109,7 +109,8 @@ void TriangleTree::fill_node(int node, int first, int last, const Points& centro
   }
 }
 
-TriangleTree::Nearest TriangleTree::nearest_on_triangle(int triangle, const Vector3d& point) const {
+TriangleTree::NearestPoint TriangleTree::nearest_on_triangle(int triangle,
+                                                             const Vector3d& point) const {
   // The Voronoi region that contains the point decides (Ericson, Real-Time Collision Detection,
   // 5.1.5).
   const Vector3d a = vertices_.row(corners_(triangle, 0)), b = vertices_.row(corners_(triangle, 1)),
@@ -120,7 +121,7 @@ TriangleTree::Nearest TriangleTree::nearest_on_triangle(int triangle, const Vect
                                    : v == 1.0 ? b
                                    : w == 1.0 ? c
                                               : Vector3d(a + v * ab + w * ac);
-    return Nearest{triangle, nearest_point, {u, v, w}, (point - nearest_point).squaredNorm()};
+    return NearestPoint{triangle, nearest_point, {u, v, w}, (point - nearest_point).squaredNorm()};
   };
   const double d1 = ab.dot(ap), d2 = ac.dot(ap), d3 = ab.dot(bp), d4 = ac.dot(bp), d5 = ab.dot(cp),
                d6 = ac.dot(cp);
@@ -146,31 +147,31 @@ TriangleTree::Nearest TriangleTree::nearest_on_triangle(int triangle, const Vect
   return nearest_at(va / sum, vb / sum, vc / sum);
 }
 
-TriangleTree::Nearest TriangleTree::nearest(const Vector3d& point, int guess,
-                                            double max_distance) const {
-  Nearest best;
-  best.squared = max_distance * max_distance;
+TriangleTree::NearestPoint TriangleTree::nearest(const Vector3d& point, int guess,
+                                                 double max_distance) const {
+  NearestPoint best;
+  best.squared_distance = max_distance * max_distance;
   if (nodes_.empty()) return best;
   // The distance of a triangle without an area may be NaN, which fails the comparison.
   if (guess >= 0)
-    if (const Nearest candidate = nearest_on_triangle(guess, point);
-        candidate.squared <= best.squared)
+    if (const NearestPoint candidate = nearest_on_triangle(guess, point);
+        candidate.squared_distance <= best.squared_distance)
       best = candidate;
   struct PendingNode {
     int node;
-    double squared;
+    double squared_distance;
   };
   std::array<PendingNode, 64> pending;  // twice the height of a tree of 2^31 triangles
   int top = 0;
   pending[std::size_t(top++)] = {0, nodes_[0].box.squaredExteriorDistance(point)};
   while (top > 0) {
     const PendingNode next = pending[std::size_t(--top)];
-    if (next.squared > best.squared) continue;
+    if (next.squared_distance > best.squared_distance) continue;
     const Node& node = nodes_[std::size_t(next.node)];
     for (int i = node.first; i < node.first + node.count; ++i) {
-      const Nearest candidate = nearest_on_triangle(order_[std::size_t(i)], point);
-      if (candidate.squared < best.squared ||
-          (candidate.squared == best.squared &&
+      const NearestPoint candidate = nearest_on_triangle(order_[std::size_t(i)], point);
+      if (candidate.squared_distance < best.squared_distance ||
+          (candidate.squared_distance == best.squared_distance &&
            (best.triangle < 0 || candidate.triangle < best.triangle)))
         best = candidate;
     }
@@ -180,16 +181,16 @@ TriangleTree::Nearest TriangleTree::nearest(const Vector3d& point, int guess,
     PendingNode far{node.second,
                     nodes_[std::size_t(node.second)].box.squaredExteriorDistance(point)};
     // The nearer child is pushed last, so that it is visited first.
-    if (far.squared < near.squared) std::swap(near, far);
-    if (far.squared <= best.squared) pending[std::size_t(top++)] = far;
-    if (near.squared <= best.squared) pending[std::size_t(top++)] = near;
+    if (far.squared_distance < near.squared_distance) std::swap(near, far);
+    if (far.squared_distance <= best.squared_distance) pending[std::size_t(top++)] = far;
+    if (near.squared_distance <= best.squared_distance) pending[std::size_t(top++)] = near;
   }
   return best;
 }
 
-std::vector<TriangleTree::Nearest> TriangleTree::within(const Vector3d& point,
-                                                        double distance) const {
-  std::vector<Nearest> result;
+std::vector<TriangleTree::NearestPoint> TriangleTree::within(const Vector3d& point,
+                                                             double distance) const {
+  std::vector<NearestPoint> result;
   const double max_squared_distance = distance * distance;
   for (std::vector<int> pending(nodes_.empty() ? 0 : 1, 0); !pending.empty();) {
     const int node_index = pending.back();
@@ -201,11 +202,11 @@ std::vector<TriangleTree::Nearest> TriangleTree::within(const Vector3d& point,
       pending.push_back(node_index + 1);
     }
     for (int i = node.first; i < node.first + node.count; ++i) {
-      const Nearest candidate = nearest_on_triangle(order_[std::size_t(i)], point);
-      if (candidate.squared <= max_squared_distance) result.push_back(candidate);
+      const NearestPoint candidate = nearest_on_triangle(order_[std::size_t(i)], point);
+      if (candidate.squared_distance <= max_squared_distance) result.push_back(candidate);
     }
   }
-  std::ranges::sort(result, {}, &Nearest::triangle);
+  std::ranges::sort(result, {}, &NearestPoint::triangle);
   return result;
 }
 
@@ -249,22 +250,22 @@ std::optional<TriangleTree::RayHit> TriangleTree::first_hit(const Vector3d& star
   return hit.triangle >= 0 ? std::optional(hit) : std::nullopt;
 }
 
-Thickness::Thickness(const Design& design) : tree_(design.vertices, design.triangles) {}
+WallThickness::WallThickness(const Design& design) : tree_(design.vertices, design.triangles) {}
 
-std::optional<double> Thickness::behind(const Vector3d& point, const Vector3d& normal,
-                                        double max_distance) const {
+std::optional<double> WallThickness::behind(const Vector3d& point, const Vector3d& normal,
+                                            double max_distance) const {
   const auto hit = tree_.first_hit(point, -normal, TriangleTree::Side::Inner, max_distance);
   return hit ? std::optional(hit->along) : std::nullopt;
 }
 
-double Thickness::nearest(const Vector3d& point, double max_distance) const {
-  const TriangleTree::Nearest nearest_triangle = tree_.nearest(point, -1, max_distance);
+double WallThickness::nearest(const Vector3d& point, double max_distance) const {
+  const TriangleTree::NearestPoint nearest_triangle = tree_.nearest(point, -1, max_distance);
   return nearest_triangle.triangle < 0
              ? max_distance
-             : std::min(max_distance, std::sqrt(nearest_triangle.squared));
+             : std::min(max_distance, std::sqrt(nearest_triangle.squared_distance));
 }
 
-bool Thickness::comes_within(const Vector3d& point, double distance) const {
+bool WallThickness::comes_within(const Vector3d& point, double distance) const {
   return tree_.nearest(point, -1, distance).triangle >= 0;
 }
 
@@ -394,15 +395,16 @@ Design resampled_design(const Design& source, const std::vector<Contact>& contac
   return design;
 }
 
-Contact place_of(const Design& design, int vertex) {
+Contact vertex_contact(const Design& design, int vertex) {
   return {design.vertices.row(vertex), design.normals.row(vertex),
           design.face.empty() ? -1 : design.face[std::size_t(vertex)]};
 }
 
-std::vector<Contact> places_of(const Design& design) {
+std::vector<Contact> vertex_contacts(const Design& design) {
   std::vector<Contact> contacts;
   contacts.reserve(std::size_t(design.vertices.rows()));
-  for (int i = 0; i < int(design.vertices.rows()); ++i) contacts.push_back(place_of(design, i));
+  for (int i = 0; i < int(design.vertices.rows()); ++i)
+    contacts.push_back(vertex_contact(design, i));
   return contacts;
 }
 
@@ -497,7 +499,7 @@ std::optional<Contact> face_above(const AnalyticPatch& face, Vector3d p) {
 
 }  // namespace
 
-MeshContact::MeshContact(Design design, std::vector<AnalyticPatch> faces)
+MeshHeightMap::MeshHeightMap(Design design, std::vector<AnalyticPatch> faces)
     : design_(std::move(design)), faces_(std::move(faces)) {
   for (const AnalyticPatch& face : faces_) gap_ = std::max(gap_, 2.0 * face.off);
   if (!design_.vertices.allFinite() || !design_.normals.allFinite())
@@ -536,15 +538,15 @@ MeshContact::MeshContact(Design design, std::vector<AnalyticPatch> faces)
       [&](std::size_t cell, int t) { triangles_[static_cast<std::size_t>(fill[cell]++)] = t; });
 }
 
-int MeshContact::column(double x) const {
+int MeshHeightMap::column(double x) const {
   return static_cast<int>(std::clamp((x - lower_.x()) / cell_, 0.0, double(columns_ - 1)));
 }
 
-int MeshContact::row(double y) const {
+int MeshHeightMap::row(double y) const {
   return static_cast<int>(std::clamp((y - lower_.y()) / cell_, 0.0, double(rows_ - 1)));
 }
 
-std::optional<Contact> surface_point_above(const MeshContact& mesh, double x, double y) {
+std::optional<Contact> highest_surface_point(const MeshHeightMap& mesh, double x, double y) {
   if (mesh.triangles_.empty() || !std::isfinite(x) || !std::isfinite(y)) return std::nullopt;
   const auto cell =
       static_cast<std::size_t>(mesh.row(y)) * static_cast<std::size_t>(mesh.columns_) +
@@ -556,7 +558,7 @@ std::optional<Contact> surface_point_above(const MeshContact& mesh, double x, do
     const auto w = weights(c, {x, y}, mesh.gap_);
     if (!w) continue;
     Contact contact = smooth_point(mesh.design_, triangle, c, {x, y}, *w);
-    const int face = place_of(mesh.design_, mesh.design_.triangles(triangle, 0)).face;
+    const int face = vertex_contact(mesh.design_, mesh.design_.triangles(triangle, 0)).face;
     if (face >= 0 && !mesh.faces_.empty())
       contact = face_above(mesh.faces_[std::size_t(face)], contact.point).value_or(contact);
     if (!highest || contact.point.z() > highest->point.z()) highest = contact;

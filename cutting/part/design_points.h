@@ -26,21 +26,21 @@ class TriangleTree {
   TriangleTree(Points vertices, Triangles triangles);
 
   /// The point of a triangle that is nearest to a query point.
-  struct Nearest {
+  struct NearestPoint {
     int triangle = -1;  ///< -1 if there is none
     Eigen::Vector3d point = Eigen::Vector3d::Zero();
     Eigen::Vector3d weights = Eigen::Vector3d::Zero();  ///< barycentric coordinates
-    double squared = 0.0;  ///< mm^2, squared distance from the query point
+    double squared_distance = 0.0;  ///< mm^2, squared distance from the query point
   };
   /// Returns the nearest triangle; of equally near ones the one of lowest index. The result does
   /// not depend on the guess.
   /// @param guess         index of a triangle that is probably near, to speed up the search;
   ///                      -1: none
   /// @param max_distance  mm; triangles farther away are ignored
-  Nearest nearest(const Eigen::Vector3d& point, int guess = -1,
-                  double max_distance = std::numeric_limits<double>::infinity()) const;
+  NearestPoint nearest(const Eigen::Vector3d& point, int guess = -1,
+                       double max_distance = std::numeric_limits<double>::infinity()) const;
   /// Returns all triangles within `distance` (mm) of a point, in ascending order of index.
-  std::vector<Nearest> within(const Eigen::Vector3d& point, double distance) const;
+  std::vector<NearestPoint> within(const Eigen::Vector3d& point, double distance) const;
   /// The side from which a ray meets a triangle.
   enum class Side { Outer, Inner };
   /// The first triangle met by a ray.
@@ -66,7 +66,7 @@ class TriangleTree {
     int second = 0;  ///< index of the second child; the first child is the next node
   };
   void fill_node(int node, int first, int last, const Points& centroids);
-  Nearest nearest_on_triangle(int triangle, const Eigen::Vector3d& point) const;
+  NearestPoint nearest_on_triangle(int triangle, const Eigen::Vector3d& point) const;
   std::optional<double> ray_distance(int triangle, const Eigen::Vector3d& start,
                                      const Eigen::Vector3d& direction, Side side) const;
 
@@ -78,9 +78,9 @@ class TriangleTree {
 
 /// Wall thickness of a part behind points of its surface, and distance of points from it.
 /// Immutable.
-class Thickness {
+class WallThickness {
  public:
-  explicit Thickness(const Design& design);
+  explicit WallThickness(const Design& design);
 
   /// Returns the distance, mm, from a point along its inward normal to the point where that line
   /// leaves the part; empty if it does not leave the part within `max_distance`, for instance
@@ -109,7 +109,7 @@ Contact facet_point(std::span<const Contact> corners, std::span<const double> we
 
 /// Interpolates on a mesh whose vertices and normals sample a smooth surface: returns the point
 /// half way between the facet and the weighted mean of the tangent planes at its corners, like
-/// `surface_point_above`. On a sphere of radius R with edges of length L the error is L^4 / (20
+/// `highest_surface_point`. On a sphere of radius R with edges of length L the error is L^4 / (20
 /// R^3), whereas that of the facet is L^2 / (8 R). Returns the point of the facet itself if the
 /// normal at a corner deviates from that of the facet by more than 30 degrees.
 Contact smooth_facet_point(std::span<const Contact> corners, std::span<const double> weights);
@@ -134,25 +134,26 @@ Design resampled_design(const Design& source, const std::vector<Contact>& contac
                         Triangles triangles, std::vector<std::uint8_t> judged);
 
 /// Returns a vertex of a design with its normal and face.
-Contact place_of(const Design& design, int vertex);
+Contact vertex_contact(const Design& design, int vertex);
 
 /// Returns the vertices of a design with their normals and faces.
-std::vector<Contact> places_of(const Design& design);
+std::vector<Contact> vertex_contacts(const Design& design);
 
 /// Returns a design of points without triangles; all of them are judged.
 Design design_from_points(const std::vector<Contact>& contacts);
 
 /// The upward-facing triangles of a design, sorted into the cells of a grid in x and y. Immutable.
-class MeshContact {
+class MeshHeightMap {
  public:
   /// @param faces  recognised analytic faces, indexed by `Design::face`
   /// @throws std::invalid_argument if a vertex or a normal is not finite
-  explicit MeshContact(Design design, std::vector<AnalyticPatch> faces = {});
+  explicit MeshHeightMap(Design design, std::vector<AnalyticPatch> faces = {});
 
   const Design& design() const { return design_; }
 
  private:
-  friend std::optional<Contact> surface_point_above(const MeshContact& mesh, double x, double y);
+  friend std::optional<Contact> highest_surface_point(const MeshHeightMap& mesh, double x,
+                                                      double y);
 
   int column(double x) const;
   int row(double y) const;
@@ -176,6 +177,6 @@ class MeshContact {
 /// If a vertex normal deviates from that of the triangle by more than 30 degrees (a sharp edge),
 /// the flat triangle and its own normal are used. On a recognised face the result lies on the
 /// analytic surface to 1e-12 mm, unless the surface is within 1e-3 rad of vertical there.
-std::optional<Contact> surface_point_above(const MeshContact& mesh, double x, double y);
+std::optional<Contact> highest_surface_point(const MeshHeightMap& mesh, double x, double y);
 
 }  // namespace abbe::cutting

@@ -364,11 +364,11 @@ FaceGrowth::FaceGrowth(const Design& design, const std::vector<char>& open, doub
     if (open[std::size_t(t)]) face_[std::size_t(t)] = no_face;
     const auto corner = [&](int k) { return vertex(design.triangles(t, k)); };
     const Vector3d cross = triangle_cross_product(design.vertices, design.triangles, t);
-    double longest_side = 0.0;
+    double max_side_px = 0.0;
     for (int k = 0; k < 3; ++k)
-      longest_side = std::max(longest_side, (corner((k + 1) % 3) - corner(k)).norm());
+      max_side_px = std::max(max_side_px, (corner((k + 1) % 3) - corner(k)).norm());
     normals_.row(t) = cross.normalized();
-    height_[t] = longest_side > 0.0 ? cross.norm() / longest_side : 0.0;
+    height_[t] = max_side_px > 0.0 ? cross.norm() / max_side_px : 0.0;
   }
   find_flats(open);
 }

@@ -261,7 +261,7 @@ Design judge_top(const Design& design, const JudgeTopOptions& options) {
   return result;
 }
 
-std::vector<TriangleSide> sides_of(const Triangles& triangles) {
+std::vector<TriangleSide> triangle_sides(const Triangles& triangles) {
   if (triangles.rows() == 0) return {};
   const auto side = [&](int t, int k) -> TriangleSide {
     const auto [low, high] = std::minmax(triangles(t, k), triangles(t, (k + 1) % 3));
@@ -347,7 +347,7 @@ bool can_denote(const FaceColour& written, const Rgb& colour) {
 }
 
 // In integer arithmetic, rounded to the nearest.
-Rgb spread(const FaceColour& written) {
+Rgb to_eight_bits(const FaceColour& written) {
   if (written.digits != FaceColour::Digits::FiveBits) return written.channels;
   Rgb colour;
   for (std::size_t k = 0; k < 3; ++k)
@@ -361,7 +361,7 @@ std::string hex_text(const Rgb& colour) {
 }
 
 // Strict, so that every colour has a single spelling, apart from case.
-std::optional<Rgb> colour_of(const std::string& hex_text) {
+std::optional<Rgb> parse_hex_colour(const std::string& hex_text) {
   if (hex_text.size() != 7 || hex_text[0] != '#') return std::nullopt;
   Rgb colour;
   for (std::size_t k = 0; k < 3; ++k) {

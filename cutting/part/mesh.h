@@ -129,7 +129,7 @@ struct TriangleSide {
 /// adjacent. A first pass sorts them into a bucket for each lower vertex, which takes a third of
 /// the time of a full sort.
 /// @param triangles  (m x 3)
-std::vector<TriangleSide> sides_of(const Triangles& triangles);
+std::vector<TriangleSide> triangle_sides(const Triangles& triangles);
 
 /// Returns (n) the estimated deviation of the interpolation between vertices (`smooth_facet_point`)
 /// from the true surface, mm, at each vertex on no recognised face; 0 elsewhere. If the curvature
@@ -162,12 +162,12 @@ struct FaceColour {
 bool can_denote(const FaceColour& written, const Rgb& colour);
 
 /// Returns the colour on a scale of 0 .. 255; five bits are scaled to the whole range.
-Rgb spread(const FaceColour& written);
+Rgb to_eight_bits(const FaceColour& written);
 
 /// Returns "#rrggbb".
 std::string hex_text(const Rgb& colour);
 /// Returns the colour of "#rrggbb", in upper or lower case; empty for any other text.
-std::optional<Rgb> colour_of(const std::string& hex_text);
+std::optional<Rgb> parse_hex_colour(const std::string& hex_text);
 
 /// The marks of a face in a mesh file.
 struct FaceMark {
@@ -180,8 +180,8 @@ struct FaceMark {
 struct FaceMarks {
   std::vector<std::vector<std::string>> names;  ///< distinct sets of names
   std::vector<FaceMark> marks;                  ///< distinct marks
-  std::vector<int> of_face;  ///< (triangles) index of the mark of each; empty if no marks were
-                             ///< requested
+  std::vector<int> mark_of_face;  ///< (triangles) index of the mark of each; empty if no marks were
+                                  ///< requested
 };
 
 /// The requested kinds of marks.

@@ -133,7 +133,7 @@ std::int64_t TokenReader::integer(const Token& token, std::int64_t min, std::int
 }
 
 void TokenReader::refuse(const std::string& expected, const Token& token) const {
-  source_.refuse(expected, token.text.empty() ? "the end" : in_quotes(token.text), token.line,
+  source_.refuse(expected, token.text.empty() ? "the end" : quoted_excerpt(token.text), token.line,
                  token.column);
 }
 
@@ -173,14 +173,14 @@ int FaceMarkCollector::name_set_index(const std::vector<std::string>& names) {
 }
 
 void FaceMarkCollector::mark(std::size_t count, const FaceMark& mark) {
-  std::vector<int>& of_face = marks_.of_face;
-  if (!of_face.empty() && marks_.marks[std::size_t(of_face.back())] == mark) {
-    of_face.resize(count, of_face.back());  // consecutive faces mostly have the same mark
+  std::vector<int>& mark_of_face = marks_.mark_of_face;
+  if (!mark_of_face.empty() && marks_.marks[std::size_t(mark_of_face.back())] == mark) {
+    mark_of_face.resize(count, mark_of_face.back());  // consecutive faces mostly have the same mark
     return;
   }
   const auto [entry, is_new] = numbers_.emplace(mark, int(marks_.marks.size()));
   if (is_new) marks_.marks.push_back(mark);
-  of_face.resize(count, entry->second);
+  mark_of_face.resize(count, entry->second);
 }
 
 std::optional<FaceColour> common_corner_colour(
@@ -240,7 +240,7 @@ struct Outline {
 
 }  // namespace
 
-std::vector<std::array<int, 3>> triangulated(const std::vector<Vector3d>& corners) {
+std::vector<std::array<int, 3>> triangulate(const std::vector<Vector3d>& corners) {
   const Vector3d area = twice_area(corners);
   const double twice_area_size = area.norm();
   if (!(twice_area_size > 0.0) || !std::isfinite(twice_area_size)) return {};
@@ -311,7 +311,7 @@ TriangleSoup append_face(TriangleSoup soup, Polygon polygon, const MeshSource& s
     std::vector<Vector3d> points;
     for (const int corner : polygon.corners)
       points.push_back(soup.points[static_cast<std::size_t>(corner)]);
-    const std::vector<TriangleSoup::Face> triangles = triangulated(points);
+    const std::vector<TriangleSoup::Face> triangles = triangulate(points);
     if (triangles.empty())
       source.refuse("a face whose outline does not cross itself",
                     fmt::format("one of {} corners that no triangles fill", points.size()),

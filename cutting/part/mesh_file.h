@@ -122,7 +122,7 @@ std::optional<FaceColour> common_corner_colour(
 /// along its shorter diagonal that lies inside. The polygon need be neither convex nor flat. Empty
 /// if the outline crosses itself or has no area.
 /// @param corners  (n >= 3)
-std::vector<std::array<int, 3>> triangulated(const std::vector<Eigen::Vector3d>& corners);
+std::vector<std::array<int, 3>> triangulate(const std::vector<Eigen::Vector3d>& corners);
 
 /// The triangles of a file. Operations on a soup keep the order of the triangles, so that its
 /// marks, which `merge_equal_points` and `drop_unused_points` do not copy, remain valid.

@@ -382,7 +382,7 @@ Design tessellate(const Primitive& primitive, const TessellateOptions& options) 
   return tessellate_surface(profile(primitive), options.vertices);
 }
 
-std::optional<Contact> surface_point_above(const Primitive& primitive, double x, double y) {
+std::optional<Contact> highest_surface_point(const Primitive& primitive, double x, double y) {
   if (const auto* plane = std::get_if<RectanglePlane>(&primitive)) {
     validate(*plane);
     const bool is_inside =
@@ -405,7 +405,7 @@ std::optional<Contact> surface_point_above(const Primitive& primitive, double x,
   return Contact{Vector3d(x, y, highest->point.y()), Vector3d(n.x() * x / r, n.x() * y / r, n.y())};
 }
 
-Primitive enlarged(const Primitive& primitive, double margin) {
+Primitive enlarge(const Primitive& primitive, double margin) {
   require_value(std::isfinite(margin) && margin >= 0.0, "margin must be finite and not negative",
                 margin);
   validate_any(primitive);

@@ -88,7 +88,7 @@ struct Contact {
 /// Returns the highest surface point at (x, y), the rim included; empty if there is none (a
 /// vertical wall has no such point). At a kink the piece nearer to the axis is used; at an apex the
 /// normal is +z.
-std::optional<Contact> surface_point_above(const Primitive& primitive, double x, double y);
+std::optional<Contact> highest_surface_point(const Primitive& primitive, double x, double y);
 
 /// Returns the surface extended beyond its rims, including inner ones, so that a program may
 /// overrun the edge: by `margin` mm of r (of x and y for a rectangle, of z for a vertical wall).
@@ -96,7 +96,7 @@ std::optional<Contact> surface_point_above(const Primitive& primitive, double x,
 /// nothing is extended across the axis. Cylinders, cones and profiles become profiles, because
 /// their z = 0 must remain.
 /// @throws std::invalid_argument as `tessellate`, and for a margin that is negative or not finite
-Primitive enlarged(const Primitive& primitive, double margin);
+Primitive enlarge(const Primitive& primitive, double margin);
 
 /// Returns the profile of a surface of revolution in its half plane, from the axis outwards.
 /// @throws std::invalid_argument for a rectangle, and as `tessellate`

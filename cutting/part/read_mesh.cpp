@@ -253,7 +253,7 @@ TriangleSoup read_soup(const MeshSource& source, const std::string& kind,
   if (kind == "obj") return read_obj(source, requested_marks);
   if (kind == "ply") return read_ply(source, requested_marks);
   if (kind == "off") return read_off(source, requested_marks);
-  source.refuse("a mesh file ending in .stl, .obj, .ply or .off", in_quotes("." + kind));
+  source.refuse("a mesh file ending in .stl, .obj, .ply or .off", quoted_excerpt("." + kind));
 }
 
 /// Triangles with shared vertices, and their half-edges.
@@ -326,11 +326,11 @@ void check_size(const MeshSource& source, const Eigen::AlignedBox3d& box,
 }  // namespace
 
 Design read_mesh(const std::filesystem::path& file, const ReadMeshOptions& options) {
-  return read_marked_mesh(file, options, {}).design;
+  return read_mesh_with_marks(file, options, {}).design;
 }
 
-MarkedMesh read_marked_mesh(const std::filesystem::path& file, const ReadMeshOptions& options,
-                            const MarkSelection& requested_marks) {
+MarkedMesh read_mesh_with_marks(const std::filesystem::path& file, const ReadMeshOptions& options,
+                                const MarkSelection& requested_marks) {
   check_options(options);
   const std::string ending = lower(file.extension().string());
   const std::string kind = ending.empty() ? ending : ending.substr(1);

@@ -52,7 +52,7 @@ struct MarkedMesh {
 /// OBJ, the solids of an ascii STL and integer properties of faces of a PLY. Colours are in PLY,
 /// OFF, binary STL and the material library of an OBJ; see `read_obj` etc.
 /// @throws BadInput, std::invalid_argument as `read_mesh`, and for an invalid mark
-MarkedMesh read_marked_mesh(const std::filesystem::path& file, const ReadMeshOptions& options,
-                            const MarkSelection& requested_marks);
+MarkedMesh read_mesh_with_marks(const std::filesystem::path& file, const ReadMeshOptions& options,
+                                const MarkSelection& requested_marks);
 
 }  // namespace abbe::cutting

@@ -116,7 +116,7 @@ void adopt_face_normals(Design& design, const std::vector<AnalyticPatch>& faces)
         const int face = design.face[std::size_t(other)];
         if (face < 0) continue;
         const Vector3d face_normal =
-            dropped(faces[std::size_t(face)], design.vertices.row(v)).normal;
+            project_to_surface(faces[std::size_t(face)], design.vertices.row(v)).normal;
         if (!(kinematics::angle_between(own_normal, face_normal) < min_angle)) continue;
         min_angle = kinematics::angle_between(own_normal, face_normal);
         design.normals.row(v) = face_normal;
@@ -139,7 +139,8 @@ Recognised recognised(const Design& design, double tolerance) {
     const int face = mesh.face[std::size_t(i)];
     if (face < 0) continue;
     result.patches[std::size_t(face)].area += mesh.area[i];
-    const Contact contact = dropped(result.patches[std::size_t(face)], mesh.vertices.row(i));
+    const Contact contact =
+        project_to_surface(result.patches[std::size_t(face)], mesh.vertices.row(i));
     mesh.vertices.row(i) = contact.point;
     mesh.normals.row(i) = contact.normal;
   }
@@ -160,7 +161,7 @@ SurfaceInterpolator patch_interpolator(const std::vector<AnalyticPatch>& patches
       return smooth_facet_point(corners, weights);
     Vector3d facet_point = Vector3d::Zero();
     for (std::size_t i = 0; i < corners.size(); ++i) facet_point += weights[i] * corners[i].point;
-    const Contact contact = dropped(patches[std::size_t(face)], back * facet_point);
+    const Contact contact = project_to_surface(patches[std::size_t(face)], back * facet_point);
     return Contact{T * contact.point, T.linear() * contact.normal, face};
   };
 }

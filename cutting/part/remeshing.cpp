@@ -145,12 +145,12 @@ struct LongEdge {
 
 }  // namespace
 
-Design subdivided(const Design& design, const SurfaceInterpolator& on_surface,
-                  const SubdivideOptions& options) {
+Design subdivide(const Design& design, const SurfaceInterpolator& on_surface,
+                 const SubdivideOptions& options) {
   require(std::isfinite(options.spacing) && options.spacing > 0.0,
           "subdivided: the spacing must be positive");
   TriangleMesh mesh(design.triangles, design.vertices.rows());
-  std::vector<Contact> contacts = places_of(design);
+  std::vector<Contact> contacts = vertex_contacts(design);
   std::vector<std::uint8_t> judged = design.judged;
   judged.resize(contacts.size(), 1);
   std::priority_queue<LongEdge> queue;
@@ -200,7 +200,7 @@ int corner_at(const Triangles& triangles, int triangle, int vertex) {
 template <typename Joined>
 DisjointSets joined_corners(const Design& design, const Joined& are_joined) {
   DisjointSets corners(3 * std::size_t(design.triangles.rows()));
-  const std::vector<TriangleSide> sides = sides_of(design.triangles);
+  const std::vector<TriangleSide> sides = triangle_sides(design.triangles);
   for (std::size_t i = 0; i + 1 < sides.size(); ++i) {
     const TriangleSide &side = sides[i], &other = sides[i + 1];
     if (!side.same_edge(other) || !are_joined(side.triangle, other.triangle)) continue;
@@ -319,7 +319,7 @@ Design split_at_edges(const Design& design, double angle) {
 }
 
 int count_edges_near_angle(const Design& design, double angle, double max_difference) {
-  const std::vector<TriangleSide> sides = sides_of(design.triangles);
+  const std::vector<TriangleSide> sides = triangle_sides(design.triangles);
   int count = 0;
   for (std::size_t i = 0; i + 1 < sides.size(); ++i)
     if (sides[i].same_edge(sides[i + 1]))
@@ -339,7 +339,7 @@ Design split_at_faces(const Design& design, const std::vector<int>& face) {
 
 std::vector<std::array<int, 3>> neighbours(const Triangles& triangles) {
   std::vector<std::array<int, 3>> across(std::size_t(triangles.rows()), {-1, -1, -1});
-  const std::vector<TriangleSide> sides = sides_of(triangles);
+  const std::vector<TriangleSide> sides = triangle_sides(triangles);
   for (std::size_t i = 0; i + 1 < sides.size(); ++i) {
     const TriangleSide &side = sides[i], &other = sides[i + 1];
     if (!side.same_edge(other)) continue;
@@ -383,7 +383,7 @@ std::vector<int> patches(const Design& design) {
 std::vector<Segment> sharp_edges(const Design& design) {
   const std::vector<int> first_vertex = first_vertex_at_point(design.vertices);
   std::map<std::pair<int, int>, int> unshared_sides;
-  const std::vector<TriangleSide> sides = sides_of(design.triangles);
+  const std::vector<TriangleSide> sides = triangle_sides(design.triangles);
   for (std::size_t i = 0; i < sides.size(); ++i) {
     const bool is_shared = (i > 0 && sides[i].same_edge(sides[i - 1])) ||
                            (i + 1 < sides.size() && sides[i].same_edge(sides[i + 1]));
@@ -399,7 +399,7 @@ std::vector<Segment> sharp_edges(const Design& design) {
   return edges;
 }
 
-Design judge_off_edges(const Design& design, std::vector<Segment> edges, double margin) {
+Design exclude_near_edges(const Design& design, std::vector<Segment> edges, double margin) {
   if (!std::isfinite(margin) || margin < 0.0)
     throw std::invalid_argument("judge_off_edges: the margin must be finite and not negative");
   if (margin == 0.0 || edges.empty()) return design;
@@ -459,15 +459,18 @@ struct BorderChord {
 
   Vector3d middle() const { return 0.5 * (a + b); }
   /// Returns the unit vector across the border and tangential to the faces.
-  Vector3d across() const { return dropped(first, middle()).normal.cross(b - a).normalized(); }
+  Vector3d across() const {
+    return project_to_surface(first, middle()).normal.cross(b - a).normalized();
+  }
   /// Returns the component across the border of the difference of both normals at a point; it is 0
   /// on the border of tangential faces.
   double normal_difference(const Vector3d& p) const {
-    return (dropped(first, p).normal - dropped(second, p).normal).dot(across());
+    return (project_to_surface(first, p).normal - project_to_surface(second, p).normal)
+        .dot(across());
   }
   /// Returns the distance between both surfaces near a point, mm.
   double surface_gap(const Vector3d& p) const {
-    return distance_of(second, dropped(first, p).point);
+    return distance_of(second, project_to_surface(first, p).point);
   }
   /// Returns the error of the sliver that the chord assigns to the wrong face, mm: the distance
   /// between both surfaces at the middle of the chord, less the mean of those at its ends, where
@@ -485,14 +488,14 @@ std::optional<Vector3d> nearest_border_point(const BorderChord& chord) {
   constexpr double min_edge_angle = 0.05;  // rad; a larger angle at an end is an edge of the part
   const double length = (chord.b - chord.a).norm();
   for (const Vector3d& end : {chord.a, chord.b})
-    if ((dropped(chord.first, end).normal - dropped(chord.second, end).normal).norm() >
-        min_edge_angle)
+    if ((project_to_surface(chord.first, end).normal - project_to_surface(chord.second, end).normal)
+            .norm() > min_edge_angle)
       return std::nullopt;
   const Vector3d across = chord.across();
   double offset = 0.0;
   for (int iteration = 0; iteration < max_iterations; ++iteration) {
     const auto point_at = [&](double s) {
-      return dropped(chord.first, chord.middle() + s * across).point;
+      return project_to_surface(chord.first, chord.middle() + s * across).point;
     };
     const double difference = chord.normal_difference(point_at(offset));
     const double step = step_fraction * length;
@@ -501,7 +504,7 @@ std::optional<Vector3d> nearest_border_point(const BorderChord& chord) {
     offset -= difference / slope;
     if (!(std::abs(offset) < max_fraction * length)) return std::nullopt;
   }
-  return dropped(chord.first, chord.middle() + offset * across).point;
+  return project_to_surface(chord.first, chord.middle() + offset * across).point;
 }
 
 }  // namespace
@@ -514,7 +517,7 @@ Design refine_round_borders(const Design& design, const std::vector<AnalyticPatc
   if (design.face.empty()) return design;
   std::vector<BorderEdge> pending = face_borders(design);
   TriangleMesh mesh(design.triangles, design.vertices.rows());
-  std::vector<Contact> contacts = places_of(design);
+  std::vector<Contact> contacts = vertex_contacts(design);
   std::map<std::pair<int, int>, int> edge_at;
   const auto register_edge = [&](int edge) {
     edge_at[{mesh.ends(edge)[0], mesh.ends(edge)[1]}] = edge;
@@ -538,7 +541,7 @@ Design refine_round_borders(const Design& design, const std::vector<AnalyticPatc
     std::array<int, 2> new_vertices{};
     for (std::size_t side = 0; side < 2; ++side) {
       const auto [a, b] = border.ends[side];
-      Contact contact = dropped(face(side), *border_point);
+      Contact contact = project_to_surface(face(side), *border_point);
       contact.face = contacts[std::size_t(a)].face;
       new_vertices[side] = int(contacts.size());
       contacts.push_back(contact);

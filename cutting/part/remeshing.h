@@ -62,8 +62,8 @@ struct SubdivideOptions {
 /// Returns the design with its judged edges halved, longest first, until none is longer than the
 /// spacing or the maximum number of vertices is reached.
 /// @throws std::invalid_argument if the spacing is not positive
-Design subdivided(const Design& design, const SurfaceInterpolator& on_surface,
-                  const SubdivideOptions& options = {});
+Design subdivide(const Design& design, const SurfaceInterpolator& on_surface,
+                 const SubdivideOptions& options = {});
 
 /// Returns the design with a separate vertex and normal for every smooth patch that meets at a
 /// point: triangles belong to one patch across an edge if their normals differ by at most `angle`.
@@ -111,7 +111,7 @@ int count_edges_near_angle(const Design& design, double angle, double max_differ
 /// Returns the design with `judged` = 0 at every vertex nearer than `margin` mm to an edge. A
 /// margin of 0 changes nothing.
 /// @throws std::invalid_argument if the margin is negative or not finite
-Design judge_off_edges(const Design& design, std::vector<Segment> edges, double margin);
+Design exclude_near_edges(const Design& design, std::vector<Segment> edges, double margin);
 
 /// Returns a design of recognised faces with vertices added where two faces meet along a curve
 /// without an edge, such as a floor and the torus around a boss: a chord of the curve cuts a sliver

@@ -413,7 +413,7 @@ std::optional<AnalyticPatch> recognise_surface(const FacetPatch& patch, double t
   return std::nullopt;
 }
 
-Contact dropped(const AnalyticPatch& surface, const Vector3d& point) {
+Contact project_to_surface(const AnalyticPatch& surface, const Vector3d& point) {
   const Vector3d normal = outward(surface, point);
   return {point - distance_of(surface, point) * normal, surface.sign * normal};
 }

@@ -37,7 +37,7 @@ double distance_of(const AnalyticPatch& surface, const Eigen::Vector3d& p);
 Eigen::Vector3d outward(const AnalyticPatch& surface, const Eigen::Vector3d& p);
 
 /// Returns the nearest point of the surface to a nearby point, with the normal of the part.
-Contact dropped(const AnalyticPatch& surface, const Eigen::Vector3d& p);
+Contact project_to_surface(const AnalyticPatch& surface, const Eigen::Vector3d& p);
 
 /// Facets in coordinates relative to the mean of their vertices, scaled to size 1.
 struct FacetPatch {

@@ -129,7 +129,7 @@ std::vector<std::pair<std::filesystem::path, Token>> libraries(TokenReader& toke
   const Token line = tokens.remaining_line();
   if (is_file(file_beside_obj(obj, line.text))) return {{file_beside_obj(obj, line.text), line}};
   std::vector<std::pair<std::filesystem::path, Token>> files;
-  for (const Cell& cell : cells_of(line.text, ' ', line.text.size())) {
+  for (const Cell& cell : split_cells(line.text, ' ', line.text.size())) {
     const Token token{cell.text, line.line, line.column + cell.column - 1};
     if (!cell.text.empty()) files.emplace_back(file_beside_obj(obj, cell.text), token);
   }
@@ -178,7 +178,7 @@ class ObjMarks {
   int group_set(TokenReader& tokens) {
     const Token line = tokens.remaining_line();
     std::vector<std::string> names;
-    for (const Cell& cell : cells_of(line.text, ' ', line.text.size()))
+    for (const Cell& cell : split_cells(line.text, ' ', line.text.size()))
       if (!cell.text.empty()) names.emplace_back(cell.text);
     if (names.size() > 1) names.emplace_back(line.text);  // a single name that contains blanks
     if (names.empty()) names.emplace_back("default");

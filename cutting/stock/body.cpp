@@ -123,7 +123,7 @@ ClosedMesh extruded_mesh(const Eigen::MatrixX2d& outline, double height) {
     twice_area += a.x() * b.y() - a.y() * b.x();
     corners.emplace_back(a.x(), a.y(), 0.0);
   }
-  const std::vector<std::array<int, 3>> top = triangulated(corners);
+  const std::vector<std::array<int, 3>> top = triangulate(corners);
   require(!top.empty() && twice_area > 0.0,
           "extrusion: the outline must run counter-clockwise and not cross itself");
   std::vector<Vector3d> vertices = corners;
@@ -146,8 +146,8 @@ namespace {
 /// Returns the profile of a form cutter with every arc replaced by a polygon of its tangents, which
 /// contains the arc.
 Eigen::MatrixX2d circumscribed_profile(const ToolOutline& outline, double sag) {
-  std::vector<Eigen::Vector2d> points{outline.pieces.front().from};
-  for (const OutlinePiece& segment : outline.pieces) {
+  std::vector<Eigen::Vector2d> points{outline.segments.front().from};
+  for (const OutlineSegment& segment : outline.segments) {
     const double arc_angle =
         std::acos(std::clamp(segment.normal_from.dot(segment.normal_to), -1.0, 1.0));
     const int sides = segment.radius > 0.0 ? side_count(segment.radius, sag) : 1;
@@ -201,7 +201,7 @@ ClosedMesh cutter_mesh(const Cutter& cutter, double sag) {
   return revolved_mesh(profile, tangent_count > 0 ? 0.5 * sag : sag);
 }
 
-std::vector<ClosedMesh> cutter_pieces(const Cutter& cutter, double sag) {
+std::vector<ClosedMesh> cutter_meshes(const Cutter& cutter, double sag) {
   check_cutter(cutter);
   if (is_hollow(cutter)) {
     std::vector<ClosedMesh> meshes;
@@ -233,7 +233,7 @@ std::vector<ClosedMesh> cutter_pieces(const Cutter& cutter, double sag) {
   return meshes;
 }
 
-ClosedMesh moved(ClosedMesh mesh, const kinematics::Pose& T) {
+ClosedMesh transformed_mesh(ClosedMesh mesh, const kinematics::Pose& T) {
   mesh.vertices = (mesh.vertices * T.linear().transpose()).rowwise() + T.translation().transpose();
   return mesh;
 }
@@ -352,9 +352,9 @@ struct VertexDepth {
   bool deeper = false;  ///< the ray ends inside the shank
 };
 
-ShankContact summarize(const std::vector<VertexDepth>& depths, double passed) {
+ShankContact summarize(const std::vector<VertexDepth>& depths, double tolerated_depth) {
   ShankContact contact;
-  contact.passed = passed;
+  contact.tolerated_depth = tolerated_depth;
   for (const VertexDepth& vertex : depths) {
     if (vertex.depth <= 0.0) continue;
     contact.deeper |= vertex.deeper;
@@ -393,8 +393,8 @@ class ShankCheck {
  public:
   /// @param passed  mm, tolerated depth
   ShankCheck(const Design& design_w, const Cutter& shank, const CutterMotion& path,
-             const ChunkedMoves& moves, double passed)
-      : design_(design_w), shank_(shank), path_(path), moves_(moves), passed_(passed) {}
+             const ChunkedMoves& moves, double tolerated_depth)
+      : design_(design_w), shank_(shank), path_(path), moves_(moves), passed_(tolerated_depth) {}
 
   /// Returns the depth along the normal of a vertex, at most the band (mm).
   VertexDepth depth(Index v, double band) const {
@@ -407,7 +407,7 @@ class ShankCheck {
   }
 
   /// Returns the depth of a contact below the nearest point of the part; zero outside the part.
-  VertexDepth depth_inside_part(const Thickness& part, Index v, VertexDepth contact,
+  VertexDepth depth_inside_part(const WallThickness& part, Index v, VertexDepth contact,
                                 double band) const {
     const Vector3d point = design_.vertices.row(v), normal = design_.normals.row(v);
     // A shank that passes behind a thin part does not touch it.
@@ -431,7 +431,7 @@ class ShankCheck {
 
 }  // namespace
 
-std::vector<NonCuttingSection> non_cutting_pieces(const Eigen::MatrixX2d& profile) {
+std::vector<NonCuttingSection> non_cutting_sections(const Eigen::MatrixX2d& profile) {
   std::vector<NonCuttingSection> sections;
   for (Index i = 0; i + 1 < profile.rows(); ++i) {
     const double height = profile(i + 1, 1) - profile(i, 1);
@@ -493,7 +493,7 @@ std::optional<ShankContact> non_cutting_contact(const Design& design_w,
   if (std::ranges::none_of(section_depths,
                            [&](const auto& d) { return std::ranges::any_of(d, is_contact); }))
     return std::nullopt;
-  const Thickness thickness(design_w);
+  const WallThickness thickness(design_w);
   visit_vertices([&](Index v, const ShankCheck& check, VertexDepth& depth) {
     if (is_contact(depth)) depth = check.depth_inside_part(thickness, v, depth, band);
   });

@@ -54,10 +54,10 @@ ClosedMesh cutter_mesh(const Cutter& cutter, double sag);
 /// Returns the meshes whose union is the cutter. The end is a disc, or a point, with the corner as
 /// skin, so that a ball end is exact; the flank is a cylinder. A form cutter is a single mesh, as
 /// in `cutter_mesh`; a hollow one has a mesh for each convex part.
-std::vector<ClosedMesh> cutter_pieces(const Cutter& cutter, double sag);
+std::vector<ClosedMesh> cutter_meshes(const Cutter& cutter, double sag);
 
 /// Returns the mesh transformed by T.
-ClosedMesh moved(ClosedMesh mesh, const kinematics::Pose& T);
+ClosedMesh transformed_mesh(ClosedMesh mesh, const kinematics::Pose& T);
 
 struct BodySearch;
 
@@ -93,7 +93,7 @@ double extent(const Body& body, const Eigen::Vector3d& direction);
 
 /// Returns an upper bound of the displacement of a body's points between two poses, mm: that of the
 /// ball around the body.
-double farthest(const kinematics::Pose& from, const kinematics::Pose& to, const Body& body);
+double max_displacement(const kinematics::Pose& from, const kinematics::Pose& to, const Body& body);
 
 /// A convex section of the shank, the collet or the holder of a tool, which must not cut.
 struct NonCuttingSection {
@@ -103,12 +103,12 @@ struct NonCuttingSection {
 
 /// Returns the sections of a profile of revolution: a cone from each point to the next.
 /// @param profile  (n x 2) mm, radius and height above the tip, rising
-std::vector<NonCuttingSection> non_cutting_pieces(const Eigen::MatrixX2d& profile);
+std::vector<NonCuttingSection> non_cutting_sections(const Eigen::MatrixX2d& profile);
 
 /// The contact of the non-cutting parts of a tool with the design.
 struct ShankContact {
-  int vertices = 0;     ///< number of vertices with a contact deeper than `passed`
-  double passed = 0.0;  ///< mm, tolerated depth below the design
+  int vertices = 0;  ///< number of vertices with a contact deeper than `tolerated_depth`
+  double tolerated_depth = 0.0;  ///< mm, tolerated depth below the design
   double deepest =
       0.0;  ///< mm, maximum depth below the nearest point of the design, at most the band
   bool deeper = false;  ///< true if the search ended inside the tool: the depth is a lower bound

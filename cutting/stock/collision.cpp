@@ -264,7 +264,7 @@ double extent(const Body& body, const Vector3d& direction) {
   return direction.dot(support_vertex(body, direction));
 }
 
-double farthest(const Pose& from, const Pose& to, const Body& body) {
+double max_displacement(const Pose& from, const Pose& to, const Body& body) {
   // The norm is 2 sqrt(2) sin(angle / 2), so this is the chord of a unit circle.
   const double rotation_chord = (to.linear() - from.linear()).norm() / std::numbers::sqrt2;
   return (to * body.centre - from * body.centre).norm() + rotation_chord * body.radius;
@@ -684,23 +684,24 @@ Approach approach(const Body& a, const Body& b, const kinematics::Screw& b_in_a,
                   const ApproachOptions& options) {
   require(options.resolution > 0.0 && options.within > 0.0 && options.share >= 0.0,
           "approach: resolution and within must be positive, the share not negative");
-  require(options.rough == 0.0 || (options.rough > 0.0 && options.rough < options.share),
+  require(options.query_error == 0.0 ||
+              (options.query_error > 0.0 && options.query_error < options.share),
           "approach: distances must be less rough than the share");
-  const double speed = kinematics::fastest(b_in_a, b.centre, b.radius);
+  const double speed = kinematics::max_speed(b_in_a, b.centre, b.radius);
   Approach nearest;
   nearest.gap.distance = std::numeric_limits<double>::infinity();
   const auto sample = [&](double u) -> DistanceSample {
-    GapOptions gap_options{options.rough};
+    GapOptions gap_options{options.query_error};
     // A distance that b cannot cover until the end need not be exact.
     if (options.contact_only)
       gap_options.max_distance =
-          (1.0 + options.rough) * speed * (1.0 - u) + 2.0 * options.resolution;
+          (1.0 + options.query_error) * speed * (1.0 - u) + 2.0 * options.resolution;
     const Gap current_gap =
         gap(a, Pose::Identity(), b, kinematics::pose_at(b_in_a, u), gap_options);
     ++nearest.queries;
     if (current_gap.distance < nearest.gap.distance)
       nearest = {current_gap.distance <= options.resolution, u, current_gap, nearest.queries};
-    return {u, current_gap.distance / (1.0 + options.rough)};
+    return {u, current_gap.distance / (1.0 + options.query_error)};
   };
   const auto has_larger_bound = [](const TimeSegment& first, const TimeSegment& second) {
     return first.min_distance > second.min_distance;
@@ -727,10 +728,11 @@ Approach approach(const Body& a, const Body& b, const kinematics::Screw& b_in_a,
   return nearest;
 }
 
-std::optional<double> comes_within(const Body& a, const Body& b, const kinematics::Screw& b_in_a,
-                                   double distance, double tolerance) {
+std::optional<double> first_time_within(const Body& a, const Body& b,
+                                        const kinematics::Screw& b_in_a, double distance,
+                                        double tolerance) {
   require(tolerance > 0.0, "comes_within: the tolerance must be positive");
-  const double speed = kinematics::fastest(b_in_a, b.centre, b.radius);
+  const double speed = kinematics::max_speed(b_in_a, b.centre, b.radius);
   for (double u = 0.0;;) {
     const GapOptions gap_options{0.0, speed * (1.0 - u) + distance + 2.0 * tolerance};
     const Gap current_gap =

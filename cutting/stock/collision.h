@@ -84,7 +84,7 @@ struct ApproachOptions {
   double resolution = 5e-3;   ///< mm, a smaller distance is contact
   double within = 1e-2;       ///< mm, absolute tolerance of the least distance
   double share = 1e-2;        ///< relative tolerance; the larger of the two tolerances counts
-  double rough = 0.0;         ///< permitted relative error of every single distance, below `share`
+  double query_error = 0.0;   ///< permitted relative error of every single distance, below `share`
   bool contact_only = false;  ///< true if no distance is needed without contact
 };
 
@@ -104,7 +104,7 @@ struct Approach {
 /// most the larger tolerance.
 /// @param b_in_a  motion of b in the frame of a
 /// @throws std::invalid_argument for a resolution or `within` that is not positive, a negative
-///         share, or a `rough` that is not below the share
+///         share, or a `query_error` that is not below the share
 Approach approach(const Body& a, const Body& b, const kinematics::Screw& b_in_a,
                   const ApproachOptions& options = {});
 
@@ -114,7 +114,8 @@ Approach approach(const Body& a, const Body& b, const kinematics::Screw& b_in_a,
 /// the tolerance may count.
 /// @param distance, tolerance  mm
 /// @throws std::invalid_argument for a tolerance that is not positive
-std::optional<double> comes_within(const Body& a, const Body& b, const kinematics::Screw& b_in_a,
-                                   double distance, double tolerance);
+std::optional<double> first_time_within(const Body& a, const Body& b,
+                                        const kinematics::Screw& b_in_a, double distance,
+                                        double tolerance);
 
 }  // namespace abbe::cutting

@@ -27,8 +27,8 @@ using kinematics::Pose;
 
 /// The nearest approach of a pair within a segment.
 struct NearestApproach {
-  double at_least = std::numeric_limits<double>::infinity();  ///< mm, lower bound
-  double distance = std::numeric_limits<double>::infinity();  ///< mm, smallest computed
+  double min_clearance = std::numeric_limits<double>::infinity();  ///< mm, lower bound
+  double distance = std::numeric_limits<double>::infinity();       ///< mm, smallest computed
   bool contact = false;
   Moment moment;
   Vector3d place = Vector3d::Zero();
@@ -129,10 +129,10 @@ class ChunkSearch {
   /// @param first, last  segments, the second excluded
   ChunkSearch(const EncounterSearch& search, std::size_t first, std::size_t last)
       : search_(search) {
-    begin_ = search.motion.stretches[first];
+    begin_ = search.motion.segments[first];
     // The interval between two segments belongs to the second.
     if (begin_ > 0) --begin_;
-    const std::size_t end = end_of(search.motion, last - 1);
+    const std::size_t end = segment_end(search.motion, last - 1);
     for (std::size_t i = begin_; i < end; ++i) poses_.push_back(search.poses(i, 0.0));
     compute_travels();
     initialize_states();
@@ -160,7 +160,7 @@ class ChunkSearch {
     Pose previous = relative_pose(pair, 0);
     for (std::size_t i = 1; i < poses_.size(); ++i) {
       const Pose current = relative_pose(pair, i);
-      const double step = farthest(previous, current, body);
+      const double step = max_displacement(previous, current, body);
       travel[i] = travel[i - 1] + (step > 0.0 ? step + search_.motion.bulge[begin_ + i - 1] : 0.0);
       previous = current;
     }
@@ -328,14 +328,14 @@ class ChunkSearch {
     // No motion requires 30 halvings; the limit only ends the recursion on a jump.
     constexpr int max_depth = 30;
     if (depth < max_depth &&
-        farthest(kinematics::pose_at(screw, 0.5), T, b) > 0.2 * search_.options.resolution)
+        max_displacement(kinematics::pose_at(screw, 0.5), T, b) > 0.2 * search_.options.resolution)
       return search_interval(pair, i, u0, T0, middle_u, T, nearest, depth + 1) ||
              search_interval(pair, i, middle_u, T, u1, T1, nearest, depth + 1);
     ApproachOptions options;
     options.resolution = search_.options.resolution;
     options.within = clearance_accuracy;
     options.share = search_.options.share;
-    options.rough = query_error_fraction * search_.options.share;
+    options.query_error = query_error_fraction * search_.options.share;
     options.contact_only = search_.pairs[std::size_t(pair)].contact_only;
     const Approach nearest_approach = approach(a, b, screw, options);
     result.queries += std::size_t(nearest_approach.queries);
@@ -343,8 +343,8 @@ class ChunkSearch {
     record(pair, moment, nearest_approach.gap, nearest);
     const double tolerance =
         std::max(options.within, options.share * nearest_approach.gap.distance);
-    nearest.at_least =
-        std::min(nearest.at_least, std::max(0.0, nearest_approach.gap.distance - tolerance));
+    nearest.min_clearance =
+        std::min(nearest.min_clearance, std::max(0.0, nearest_approach.gap.distance - tolerance));
     return nearest_approach.contact;
   }
 
@@ -353,7 +353,7 @@ class ChunkSearch {
                     NearestApproach& nearest) {
     const double min_distance = 0.5 * (d0 + d1 - relative_travel(std::size_t(pair), i0, i1));
     if (min_distance >= needed_distance(pair, nearest.distance) && search_.options.accelerated) {
-      nearest.at_least = std::min(nearest.at_least, min_distance);
+      nearest.min_clearance = std::min(nearest.min_clearance, min_distance);
       return false;
     }
     if (i1 - i0 == 1) return search_interval(pair, i0, nearest);
@@ -473,12 +473,12 @@ class ChunkSearch {
         relative_travel(std::size_t(pair), i0, i1) + 2.0 * search_.options.resolution;
     PairState& state = states_[std::size_t(pair)];
     if (!state.is_in_contact && i0 < i1 && is_contact_free(pair, i0, i1)) {
-      nearest.at_least = search_.options.resolution;
+      nearest.min_clearance = search_.options.resolution;
       return nearest;
     }
     if (state.is_in_contact || i0 == i1) sample(pair, i0, max_needed, nearest);
     if (!nearest.contact && i0 < i1) state.is_in_contact = search_contact(pair, i0, i1, nearest);
-    nearest.at_least = nearest.contact ? 0.0 : search_.options.resolution;
+    nearest.min_clearance = nearest.contact ? 0.0 : search_.options.resolution;
     return nearest;
   }
 
@@ -490,26 +490,26 @@ class ChunkSearch {
         relative_travel(std::size_t(pair), i0, i1) + 2.0 * search_.options.resolution;
     const double d0 = sample(pair, i0, max_needed, nearest);
     if (nearest.contact) {
-      nearest.at_least = 0.0;
+      nearest.min_clearance = 0.0;
       return nearest;
     }
     if (i0 == i1) {
-      nearest.at_least = d0;
+      nearest.min_clearance = d0;
       return nearest;
     }
     const double min_distance = d0 - relative_travel(std::size_t(pair), i0, i1);
     if (min_distance >= needed_distance(pair, nearest.distance) && search_.options.accelerated) {
-      nearest.at_least = min_distance;
+      nearest.min_clearance = min_distance;
       return nearest;
     }
     const double d1 = sample(pair, i1, max_needed, nearest);
-    if (search_range(pair, i0, d0, i1, d1, nearest)) nearest.at_least = 0.0;
+    if (search_range(pair, i0, d0, i1, d1, nearest)) nearest.min_clearance = 0.0;
     return nearest;
   }
 
   void follow(std::size_t segment) {
-    const std::size_t first = search_.motion.stretches[segment],
-                      end = end_of(search_.motion, segment);
+    const std::size_t first = search_.motion.segments[segment],
+                      end = segment_end(search_.motion, segment);
     const std::size_t i0 = std::max(first, begin_ + 1) - 1 - begin_, i1 = end - 1 - begin_;
     const std::size_t count = search_.pairs.size();
     std::vector<double> low(count, infinity);
@@ -543,7 +543,7 @@ class ChunkSearch {
           search_.pairs[next_pair].contact_only && search_.options.accelerated;
       const NearestApproach nearest = contact_only ? contact_search(int(next_pair), i0, i1)
                                                    : nearest_search(int(next_pair), i0, i1);
-      low[next_pair] = nearest.contact ? 0.0 : std::min(nearest.at_least, nearest.distance);
+      low[next_pair] = nearest.contact ? 0.0 : std::min(nearest.min_clearance, nearest.distance);
       if (search_.pairs[next_pair].contact_only && !nearest.contact) continue;
       if (!search_.pairs[next_pair].contact_only)
         min_distance_ = std::min(min_distance_, nearest.distance);
@@ -556,7 +556,7 @@ class ChunkSearch {
     SegmentClearance clearance;
     for (std::size_t p = 0; p < count; ++p)
       if (search_.is_followed[p] != 0 && !search_.pairs[p].contact_only &&
-          (clearance.pair < 0 || low[p] < clearance.at_least))
+          (clearance.pair < 0 || low[p] < clearance.min_clearance))
         clearance = {low[p], int(p)};
     result.clearances.push_back(clearance);
   }
@@ -578,10 +578,10 @@ void check(const std::vector<CarrierBody>& bodies, const std::vector<BodyPair>& 
           "encounters: resolution, share and chunk must be positive, the share below 1, the "
           "clearance not negative");
   require(motion.instants > 0 && motion.bulge.size() + 1 == motion.instants &&
-              !motion.stretches.empty() && motion.stretches.front() == 0 &&
-              motion.stretches.back() < motion.instants &&
-              std::ranges::adjacent_find(motion.stretches, std::greater_equal<>{}) ==
-                  motion.stretches.end(),
+              !motion.segments.empty() && motion.segments.front() == 0 &&
+              motion.segments.back() < motion.instants &&
+              std::ranges::adjacent_find(motion.segments, std::greater_equal<>{}) ==
+                  motion.segments.end(),
           "encounters: instants, bulges and stretches must fit each other");
   for (const CarrierBody& body : bodies)
     require(body.carrier >= 0 && body.carrier < motion.carriers && body.body.search != nullptr,
@@ -595,10 +595,9 @@ void check(const std::vector<CarrierBody>& bodies, const std::vector<BodyPair>& 
 /// Returns the first segments of the chunks, followed by the number of segments.
 std::vector<std::size_t> chunk_starts(const CarrierMotion& motion, std::size_t size) {
   std::vector<std::size_t> first{0};
-  for (std::size_t segment = 1; segment < motion.stretches.size(); ++segment)
-    if (motion.stretches[segment] - motion.stretches[first.back()] >= size)
-      first.push_back(segment);
-  first.push_back(motion.stretches.size());
+  for (std::size_t segment = 1; segment < motion.segments.size(); ++segment)
+    if (motion.segments[segment] - motion.segments[first.back()] >= size) first.push_back(segment);
+  first.push_back(motion.segments.size());
   return first;
 }
 
@@ -638,16 +637,16 @@ Moment near_miss_begin(const EncounterSearch& search, const Encounter& near_miss
     const std::vector<Pose> T = search.poses(i, 0.0);
     return Pose(T[std::size_t(a.carrier)].inverse() * T[std::size_t(b.carrier)]);
   };
-  const std::size_t first = search.motion.stretches[near_miss.first_segment];
-  const std::size_t end =
-      std::min(end_of(search.motion, near_miss.first_segment) - 1, near_miss.moment.instant + 1);
+  const std::size_t first = search.motion.segments[near_miss.first_segment];
+  const std::size_t end = std::min(segment_end(search.motion, near_miss.first_segment) - 1,
+                                   near_miss.moment.instant + 1);
   const std::size_t begin = std::max<std::size_t>(first, 1) - 1;
   Pose previous = relative_pose(begin);
   for (std::size_t i = begin; i < end; ++i) {
     const Pose next = relative_pose(i + 1);
     const std::optional<double> u =
-        comes_within(a.body, b.body, kinematics::screw_between(previous, next),
-                     search.options.clearance, search.options.resolution);
+        first_time_within(a.body, b.body, kinematics::screw_between(previous, next),
+                          search.options.clearance, search.options.resolution);
     if (u) return {i, *u};
     previous = next;
   }
@@ -692,9 +691,9 @@ class EncounterJoiner {
 
 }  // namespace
 
-std::size_t end_of(const CarrierMotion& motion, std::size_t segment) {
+std::size_t segment_end(const CarrierMotion& motion, std::size_t segment) {
   const std::size_t next = segment + 1;
-  return next < motion.stretches.size() ? motion.stretches[next] : motion.instants;
+  return next < motion.segments.size() ? motion.segments[next] : motion.instants;
 }
 
 Encounters encounters(const std::vector<CarrierBody>& bodies, const std::vector<BodyPair>& pairs,
@@ -741,8 +740,7 @@ Encounters encounters(const std::vector<CarrierBody>& bodies, const std::vector<
   EncounterJoiner joiner(pairs.size());
   for (const EncounterSearchResult& chunk : chunks) {
     result.queries += chunk.queries;
-    result.stretches.insert(result.stretches.end(), chunk.clearances.begin(),
-                            chunk.clearances.end());
+    result.segments.insert(result.segments.end(), chunk.clearances.begin(), chunk.clearances.end());
     for (std::size_t p = 0; p < pairs.size(); ++p) {
       const NearestApproach& best = chunk.best[p];
       if (search.is_followed[p] != 0 && best.distance < result.pairs[p].distance)

@@ -34,11 +34,11 @@ struct CarrierMotion {
   std::vector<double> bulge;
   /// (segments) first instant of each segment of the program for which a clearance is computed,
   /// such as a block; ascending from 0.
-  std::vector<std::size_t> stretches;
+  std::vector<std::size_t> segments;
 };
 
 /// Returns the first instant after a segment.
-std::size_t end_of(const CarrierMotion& motion, std::size_t stretch);
+std::size_t segment_end(const CarrierMotion& motion, std::size_t stretch);
 
 struct EncounterOptions {
   double resolution = 5e-3;  ///< mm, a smaller distance is contact
@@ -77,17 +77,17 @@ struct PairClearance {
 
 /// The smallest clearance of a segment.
 struct SegmentClearance {
-  double at_least = 0.0;  ///< mm, a lower bound; the clearance is at most that / (1 - share), or
-                          ///< 0.01 mm more
-  int pair = -1;          ///< the pair with that clearance; -1 if no pair is searched
+  double min_clearance = 0.0;  ///< mm, a lower bound; the clearance is at most that / (1 - share),
+                               ///< or 0.01 mm more
+  int pair = -1;  ///< the pair with that clearance; -1 if no pair is searched
 };
 
 /// Result of `encounters`.
 struct Encounters {
-  std::vector<Encounter> list;              ///< in the order of the program, then of pairs
-  std::vector<PairClearance> pairs;         ///< (pairs)
-  std::vector<SegmentClearance> stretches;  ///< (segments)
-  std::size_t queries = 0;                  ///< number of distances computed
+  std::vector<Encounter> list;             ///< in the order of the program, then of pairs
+  std::vector<PairClearance> pairs;        ///< (pairs)
+  std::vector<SegmentClearance> segments;  ///< (segments)
+  std::size_t queries = 0;                 ///< number of distances computed
 };
 
 /// Searches the pairs for contacts and near misses during a motion. Between two instants a body

@@ -54,7 +54,7 @@ class CutterOutline {
  public:
   explicit CutterOutline(const Cutter& cutter) {
     if (cutter.outline) {
-      for (const OutlinePiece& segment : cutter.outline->pieces) add(segment);
+      for (const OutlineSegment& segment : cutter.outline->segments) add(segment);
       elements_.pop_back();  // the flat at the top
       return;
     }
@@ -76,7 +76,7 @@ class CutterOutline {
     const double begin = elements_.empty() ? 0.0 : elements_.back().end;
     elements_.push_back({begin, begin + length, from, kappa, radius});
   }
-  void add(const OutlinePiece& segment) {
+  void add(const OutlineSegment& segment) {
     const auto kappa = [](const Vector2d& normal) { return std::atan2(normal.x(), -normal.y()); };
     const double arc_angle = kappa(segment.normal_to) - kappa(segment.normal_from);
     const double length =

@@ -103,12 +103,12 @@ struct EngagedEdge {
 /// The chip thickness is the length of material from the middle of the segment towards the centre
 /// of the nose, at most to the centre; so the sum of length times chip equals the area of the chip
 /// with a relative error of chip / (2 nose radius). Every line and arc of an insert is divided into
-/// parts as long as two nodes of the stock, at most `pieces`, and the chip is measured along the
+/// parts as long as two nodes of the stock, at most `segments`, and the chip is measured along the
 /// inward normal of the edge, at most to the other side of the insert.
 /// @throws std::invalid_argument for a pose that is not finite, an impossible nose, or fewer than 3
-///         `pieces`
+///         `segments`
 std::vector<EngagedEdge> engagement(const TurnedStock& stock, const Nose& nose,
-                                    const Eigen::Isometry3d& T_slow, int pieces = 200);
+                                    const Eigen::Isometry3d& T_slow, int segments = 200);
 
 /// Removes one revolution from the stock: cuts every node back to the lowest point of the edge
 /// during a linear motion between two slow poses, to 1e-9 of the radius of the circle that contains

@@ -153,8 +153,8 @@ class LoadSum {
   void add(const EdgeSlice& slice, const CuttingEdge& cutting_edge) {
     const Forces F = forces(slice, cutting_edge.length, edge_means(cutting_edge.arc));
     const double r = slice.radius, z = cutting_edge.height;
-    load_.on_tool_t.head<3>() += to_frame_t(F.radial, F.around, F.axial[0]);
-    load_.on_tool_t.tail<3>() +=
+    load_.tool_wrench_t.head<3>() += to_frame_t(F.radial, F.around, F.axial[0]);
+    load_.tool_wrench_t.tail<3>() +=
         to_frame_t(-z * F.around, z * F.radial - r * F.axial, r * F.around[0]);
     load_.torque += rotation_sign_ * r * F.around[0];
     load_.chip_volume += units::full_turn * r * F.chip;
@@ -163,7 +163,7 @@ class LoadSum {
     if (cutting_edge.rise == 0.0) return;
     const Forces moment =
         forces(slice, cutting_edge.rise * cutting_edge.length, edge_moments(cutting_edge.arc));
-    load_.on_tool_t.tail<3>() += to_frame_t(-moment.around, moment.radial, 0.0);
+    load_.tool_wrench_t.tail<3>() += to_frame_t(-moment.around, moment.radial, 0.0);
     load_.contact_t.z() += moment.weights[0];
   }
 
@@ -302,8 +302,9 @@ CuttingLoad mean_force(const Engagement& engagement, const CuttingCoefficients& 
   return sum.load();
 }
 
-CuttingLoad force_at(const Engagement& engagement, const CuttingCoefficients& coefficients,
-                     const Flutes& flutes, double feed_per_tooth, double spindle_angle) {
+CuttingLoad instantaneous_force(const Engagement& engagement,
+                                const CuttingCoefficients& coefficients, const Flutes& flutes,
+                                double feed_per_tooth, double spindle_angle) {
   check_milling(coefficients, flutes, feed_per_tooth);
   expect(std::isfinite(spindle_angle), "a finite spindle angle", spindle_angle);
   double radius = 0.0;
@@ -362,8 +363,8 @@ CuttingLoad turning_force(const std::vector<EngagedEdge>& edges, const Nose& nos
     const double tangential = (K.K_tc * edge.chip + K.K_te) * edge.length;
     const double radial = (K.K_rc * edge.chip + K.K_re) * edge.length;
     const Vector3d force = -tangential * Vector3d::UnitY() - radial * normal;
-    load.on_tool_t.head<3>() += force;
-    load.on_tool_t.tail<3>() += point.cross(force);
+    load.tool_wrench_t.head<3>() += force;
+    load.tool_wrench_t.tail<3>() += point.cross(force);
     load.torque += tangential * work_radius;
     load.chip_volume += units::full_turn * work_radius * edge.chip * edge.length;
     load.contact_t += (tangential + radial) * point;

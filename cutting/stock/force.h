@@ -38,7 +38,7 @@ void validate(const Flutes& flutes);
 
 /// The forces of a cut on the tool.
 struct CuttingLoad {
-  kinematics::Wrench on_tool_t = kinematics::Wrench::Zero();  ///< at the tip, frame t
+  kinematics::Wrench tool_wrench_t = kinematics::Wrench::Zero();  ///< at the tip, frame t
   Eigen::Vector3d contact_t = Eigen::Vector3d::Zero();  ///< mm, centroid weighted by |F_t| + |F_r|
                                                         ///< + |F_a|; 0 without forces
   double torque = 0.0;       ///< N mm on the spindle, > 0 against its rotation
@@ -66,8 +66,9 @@ CuttingLoad mean_force(const Engagement& engagement, const CuttingCoefficients& 
 /// the slices are frustums (order 2). The mean over all angles is `mean_force` (with run-out only
 /// if every tooth has a chip). Source and exceptions as for `mean_force`.
 /// @param spindle_angle  rad, counter-clockwise; a clockwise spindle counts down
-CuttingLoad force_at(const Engagement& engagement, const CuttingCoefficients& coefficients,
-                     const Flutes& flutes, double feed_per_tooth, double spindle_angle);
+CuttingLoad instantaneous_force(const Engagement& engagement,
+                                const CuttingCoefficients& coefficients, const Flutes& flutes,
+                                double feed_per_tooth, double spindle_angle);
 
 /// Returns the load of turning with the same coefficients: tangential along -y of frame t (the work
 /// moves down on the rake face), radial against the edge's normal; axial coefficients are not used.

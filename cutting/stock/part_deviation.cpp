@@ -105,7 +105,7 @@ DesignDistance::PseudoNormal DesignDistance::pseudo_normal(const Vector3d& point
   PseudoNormal result{Vector3d::Zero()};
   std::vector<Wedge> wedges;
   bool is_inside_triangle = false;
-  for (const TriangleTree::Nearest& nearest : tree_.within(point, options_.joint)) {
+  for (const TriangleTree::NearestPoint& nearest : tree_.within(point, options_.joint)) {
     const Vector3d normal = facet_normals_.row(nearest.triangle);
     if (!(normal.squaredNorm() > 0.5)) continue;  // a triangle without area has no normal
     const Eigen::RowVector3i c = design_.triangles.row(nearest.triangle);
@@ -125,7 +125,7 @@ DesignDistance::PseudoNormal DesignDistance::pseudo_normal(const Vector3d& point
 }
 
 /// Returns the height of the smooth surface above the facet, mm.
-double DesignDistance::sag(const TriangleTree::Nearest& nearest) const {
+double DesignDistance::sag(const TriangleTree::NearestPoint& nearest) const {
   const Eigen::RowVector3i c = design_.triangles.row(nearest.triangle);
   std::array<Contact, 3> corners;
   for (int k = 0; k < 3; ++k)
@@ -140,14 +140,14 @@ DesignDistance::PointDistance DesignDistance::at(const Vector3d& query_point, in
   // With a smaller weight of a corner the nearest point is on a side.
   constexpr double max_side_weight = 1e-9;
   PointDistance result;
-  const TriangleTree::Nearest nearest = tree_.nearest(query_point, guess, max_distance);
+  const TriangleTree::NearestPoint nearest = tree_.nearest(query_point, guess, max_distance);
   result.triangle = nearest.triangle;
   if (nearest.triangle < 0) {
     result.value = std::numeric_limits<double>::quiet_NaN();
     return result;
   }
   const Vector3d displacement = query_point - nearest.point;
-  const double distance = std::sqrt(nearest.squared);
+  const double distance = std::sqrt(nearest.squared_distance);
   PseudoNormal pseudo_normal_here{facet_normals_.row(nearest.triangle)};
   if (nearest.weights.minCoeff() < max_side_weight)
     pseudo_normal_here = pseudo_normal(nearest.point);
@@ -193,7 +193,7 @@ Cubes far_cubes(const StockSkin& skin, const std::vector<DesignDistance::PointDi
     if (distances[i].triangle >= 0) continue;
     GridCube cube{};
     for (std::size_t k = 0; k < 3; ++k)
-      cube[k] = std::int64_t(std::floor(skin.places_w(Index(i), Index(k)) / (0.5 * band)));
+      cube[k] = std::int64_t(std::floor(skin.points_w(Index(i), Index(k)) / (0.5 * band)));
     cubes[cube].push_back(i);
   }
   return cubes;
@@ -225,7 +225,7 @@ std::vector<DesignDistance::PointDistance> point_distances(const StockSkin& skin
       tbb::blocked_range<std::size_t>(0, distances.size(), block_size), [&](const auto& range) {
         int guess = -1;
         for (std::size_t i = range.begin(); i < range.end(); ++i) {
-          distances[i] = design.at(skin.places_w.row(Index(i)).transpose(), guess, band);
+          distances[i] = design.at(skin.points_w.row(Index(i)).transpose(), guess, band);
           guess = distances[i].triangle;
         }
       });
@@ -237,7 +237,7 @@ std::vector<DesignDistance::PointDistance> point_distances(const StockSkin& skin
                       [&](std::size_t i) { visit(cube_list[i]->first, cube_list[i]->second); });
   };
   const auto exact_distance = [&](std::size_t i) {
-    return design.at(skin.places_w.row(Index(i)).transpose());
+    return design.at(skin.points_w.row(Index(i)).transpose());
   };
   visit_cubes([&](const GridCube&, const std::vector<std::size_t>& points) {
     distances[points.front()] = exact_distance(points.front());
@@ -290,7 +290,7 @@ PartDeviation part_deviation(const StockSkin& skin, const DesignDistance& design
       ++count;
       if (std::abs(value) <= max_magnitude) continue;
       max_magnitude = std::abs(value);
-      result.largest[i] = value;
+      result.max_deviation[i] = value;
       result.at[v] = point;
     }
     if (count == 0) return;

@@ -53,7 +53,7 @@ class DesignDistance {
   };
   PseudoNormal pseudo_normal(const Eigen::Vector3d& point) const;
   bool has_border() const;
-  double sag(const TriangleTree::Nearest& nearest) const;
+  double sag(const TriangleTree::NearestPoint& nearest) const;
 
   Design design_;
   TriangleTree tree_;
@@ -80,7 +80,7 @@ struct PartDeviation {
   /// (n) mm, deviation of maximum magnitude among the points, as exact as `DesignDistance` and the
   /// point. This value is compared with limits, since a mean would hide extremes. NaN if not
   /// compared.
-  Eigen::VectorXd largest;
+  Eigen::VectorXd max_deviation;
   std::vector<int> at;  ///< (n) index of the point with that deviation; -1 if not compared
   std::vector<SkinStatus> status;  ///< (n)
 };

@@ -23,7 +23,7 @@ namespace {
 struct VertexContribution {
   double volume = 0.0;  // of an undercut
   double depth = 0.0;
-  Vector3d place_w = Vector3d::Zero();
+  Vector3d position_w = Vector3d::Zero();
   std::int32_t line = 0;  // as in DexelRun
   bool is_cut_off = false;
 };
@@ -31,7 +31,7 @@ struct VertexContribution {
 /// A region with the sums over its vertices.
 struct RegionAccumulator {
   Finding finding;
-  Sum volume, area;
+  CompensatedSum volume, area;
   std::int32_t line = 0;
 };
 
@@ -73,11 +73,11 @@ std::vector<RegionAccumulator> collect_regions(const StockSkin& skin,
     ++finding.vertices;
     region.volume.add(contribution.volume);
     region.area.add(area[Index(i)]);
-    finding.extent_w.extend(contribution.place_w);
+    finding.extent_w.extend(contribution.position_w);
     finding.is_at_least = finding.is_at_least || contribution.is_cut_off;
     if (finding.vertices > 1 && contribution.depth <= finding.depth) continue;
     finding.depth = contribution.depth;
-    finding.place_w = contribution.place_w;
+    finding.position_w = contribution.position_w;
     region.line = contribution.line;
   }
   for (RegionAccumulator& region : regions) {
@@ -93,7 +93,7 @@ std::vector<RegionAccumulator> collect_regions(const StockSkin& skin,
 void list_regions(const std::vector<RegionAccumulator>& regions, const std::vector<int>& region_of,
                   std::size_t max_count, Findings& findings, std::vector<int>& numbers) {
   std::vector<int> order;
-  Sum volume, area, unlisted, speckles;
+  CompensatedSum volume, area, unlisted, speckles;
   for (std::size_t i = 0; i < regions.size(); ++i)
     // Smaller regions are counted as speckles below.
     if (regions[i].finding.vertices >= min_vertices) order.push_back(int(i));
@@ -140,12 +140,12 @@ VertexSelection vertices_beyond_limit(const StockSkin& skin, const PartDeviation
                             std::vector<char>(n, 0), std::vector<VertexContribution>(n)};
   for (std::size_t i = 0; i < n; ++i) {
     const Index v = Index(i);
-    if (part.at[i] < 0 || !(sign * part.largest[v] > limit)) continue;
+    if (part.at[i] < 0 || !(sign * part.max_deviation[v] > limit)) continue;
     const std::int32_t line = skin.line[std::size_t(part.at[i])];
     if (sign < 0 && line == 0) continue;  // skin of a blank that is too small
     selection.is_selected[i] = 1;
-    selection.contributions[i] = {0.0, sign * part.largest[v], skin.places_w.row(part.at[i]), line,
-                                  part.status[i] == SkinStatus::CutOff};
+    selection.contributions[i] = {0.0, sign * part.max_deviation[v], skin.points_w.row(part.at[i]),
+                                  line, part.status[i] == SkinStatus::CutOff};
   }
   return selection;
 }
@@ -156,7 +156,7 @@ SkinRegions skin_regions(const StockSkin& skin, const PartDeviation& part,
   SkinRegions result{std::move(region_of), 0, limit};
   for (std::size_t i = 0; i < result.region.size(); ++i) {
     result.count = std::max(result.count, result.region[i] + 1);
-    const bool is_blank = sign < 0.0 && part.at[i] >= 0 && part.largest[Index(i)] < -limit &&
+    const bool is_blank = sign < 0.0 && part.at[i] >= 0 && part.max_deviation[Index(i)] < -limit &&
                           skin.line[std::size_t(part.at[i])] == 0;
     if (part.at[i] < 0 || is_blank) result.region[i] = SkinRegions::excluded;
   }
@@ -188,7 +188,7 @@ VertexSelection undercut_vertices(const StockSkin& skin, const Points& area,
 
 void sum_areas(const StockSkin& skin, const PartDeviation& part, const Eigen::VectorXd& area,
                double gouge, Findings& findings) {
-  Sum compared, cut_off, no_design, unresolved, too_small;
+  CompensatedSum compared, cut_off, no_design, unresolved, too_small;
   for (std::size_t i = 0; i < part.status.size(); ++i) {
     const double vertex_area = area[Index(i)];
     switch (part.status[i]) {
@@ -198,7 +198,7 @@ void sum_areas(const StockSkin& skin, const PartDeviation& part, const Eigen::Ve
         [[fallthrough]];
       case SkinStatus::Compared:
         compared.add(vertex_area);
-        if (part.largest[Index(i)] < -gouge && skin.line[std::size_t(part.at[i])] == 0)
+        if (part.max_deviation[Index(i)] < -gouge && skin.line[std::size_t(part.at[i])] == 0)
           too_small.add(vertex_area);
         break;
       case SkinStatus::NoDesign:
@@ -239,14 +239,14 @@ Findings findings(const StockSkin& skin, const PartDeviation& part, const Design
         volumes_between(skin, design, skin_regions(skin, part, region_of, sign, limit),
                         sign > 0.0 ? DeviationSide::Excess : DeviationSide::Missing);
     for (std::size_t i = 0; i < regions.size(); ++i) regions[i].finding.volume = volumes[i];
-    list_regions(regions, region_of, options.most, result, result.number);
+    list_regions(regions, region_of, options.max_listed, result, result.number);
   };
   find_regions(1.0, options.rest);
   find_regions(-1.0, options.gouge);
   if (options.undercut_along && n > 0) {
     const std::vector<RegionAccumulator> regions = collect_regions(
         skin, undercut_vertices(skin, directed, *options.undercut_along), area, region_of);
-    list_regions(regions, region_of, options.most, result, result.undercut);
+    list_regions(regions, region_of, options.max_listed, result, result.undercut);
   }
   sum_areas(skin, part, area, options.gouge, result);
   return result;

@@ -23,7 +23,7 @@ struct FindingOptions {
   /// Unit vector towards the tool: cut skin with other material above it in this direction is
   /// undercut. Empty: no search for undercuts.
   std::optional<Eigen::Vector3d> undercut_along = Eigen::Vector3d::UnitZ();
-  std::size_t most = 100;  ///< maximum number of listed regions of each kind
+  std::size_t max_listed = 100;  ///< maximum number of listed regions of each kind
 };
 
 /// A connected region of the skin that exceeds a limit.
@@ -34,7 +34,7 @@ struct Finding {
   double area = 0.0;    ///< mm^2 of skin
   /// mm, maximum deviation, limited to the band; for an undercut its maximum height
   double depth = 0.0;
-  Eigen::Vector3d place_w = Eigen::Vector3d::Zero();  ///< mm, position of that depth
+  Eigen::Vector3d position_w = Eigen::Vector3d::Zero();  ///< mm, position of that depth
   int line = 0;           ///< program line that cut the skin there; 0: never cut
   bool by_crash = false;  ///< true if a rapid move or the shank cut it
   Eigen::AlignedBox3d extent_w;

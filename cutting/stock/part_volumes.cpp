@@ -129,8 +129,8 @@ class SkinLattice {
     return {low, high};
   }
 
-  Vector3d lattice_coordinates(const Vector3d& place_w) const {
-    const Vector3d p = T_kw_ * place_w;
+  Vector3d lattice_coordinates(const Vector3d& position_w) const {
+    const Vector3d p = T_kw_ * position_w;
     return is_profile() ? Vector3d(std::hypot(p.x(), p.y()), std::atan2(p.y(), p.x()), p.z()) : p;
   }
 
@@ -191,7 +191,7 @@ class RegionVolume {
     });
     std::map<LatticeLine, std::size_t> followed_counts;  // segments of a line that were followed
     while (!front.empty()) front = follow_segments(front, followed_counts);
-    Sum sum;
+    CompensatedSum sum;
     for (const auto& [line, measured] : lines_)
       for (const DeviationSegment& segment : measured.segments)
         if (segment.is_counted)

@@ -498,11 +498,12 @@ Vector3d shortest_translation(const Overlap& overlap) {
 
 }  // namespace
 
-WayOut way_out(const Body& a, const Pose& T_a, const Body& b, const Pose& T_b, double resolution) {
+Penetration penetration(const Body& a, const Pose& T_a, const Body& b, const Pose& T_b,
+                        double resolution) {
   require(resolution > 0.0, "way_out: the resolution must be positive");
   const Overlap overlap{a, b, T_a.inverse() * T_b, 0.5 * resolution};
   const Vector3d translation = shortest_translation(overlap);
-  WayOut result;
+  Penetration result;
   result.depth = translation.norm();
   if (result.depth > 0.0) result.direction = T_a.linear() * translation / result.depth;
   return result;

@@ -29,7 +29,7 @@ double plane_distance(const PartingPlane& plane, std::span<const Ball> hull_b,
                       const kinematics::Pose& T_ab);
 
 /// A short translation of b out of an overlap.
-struct WayOut {
+struct Penetration {
   double depth = 0.0;  ///< mm, its length
   Eigen::Vector3d direction = Eigen::Vector3d::UnitZ();
 };
@@ -46,7 +46,7 @@ struct WayOut {
 ///                    face is longer by that much, one out of a corner by the amount needed for
 ///                    that distance from each wall
 /// @throws std::invalid_argument for a resolution that is not positive
-WayOut way_out(const Body& a, const kinematics::Pose& T_a, const Body& b,
-               const kinematics::Pose& T_b, double resolution = 1e-3);
+Penetration penetration(const Body& a, const kinematics::Pose& T_a, const Body& b,
+                        const kinematics::Pose& T_b, double resolution = 1e-3);
 
 }  // namespace abbe::cutting

@@ -187,7 +187,7 @@ void skin_depths(const Stock& stock, const int* cell, float* inside) {
 }  // namespace
 
 double volume(const Stock& stock) {
-  Sum length;
+  CompensatedSum length;
   for (const DexelField& field : stock.fields)
     for (const DexelLine& line : field.lines) length.add(line.length());
   return length.value() * stock.spacing * stock.spacing /

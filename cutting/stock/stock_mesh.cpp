@@ -86,7 +86,7 @@ class SkinMesher {
   StockSkin skin() {
     StockSkin result;
     result.mesh = mesh();
-    result.places_w = in_workpiece(points_);
+    result.points_w = in_workpiece(points_);
     result.line = std::move(point_lines_);
     result.first = std::move(first_);
     result.first.push_back(int(point_indices_.size()));
@@ -357,15 +357,16 @@ StockSkin stock_skin(const Stock& stock) {
 
 namespace {
 
-constexpr double max_bend = 1e-3;  // mm; a profile that bends by less is replaced by a line
+constexpr double second_derivative_bound =
+    1e-3;  // mm; a profile that bends by less is replaced by a line
 
 double position(const TurnedStock& stock, Eigen::Index node) {
   return stock.first + stock.spacing * double(node);
 }
 
-/// Returns the nodes of a polyline within `max_bend` of the profile, ends included. A single pass
-/// suffices: the slopes that keep all nodes since the last vertex within `max_bend` form an
-/// interval, which narrows from node to node.
+/// Returns the nodes of a polyline within `second_derivative_bound` of the profile, ends included.
+/// A single pass suffices: the slopes that keep all nodes since the last vertex within
+/// `second_derivative_bound` form an interval, which narrows from node to node.
 std::vector<Eigen::Index> thinned_nodes(const TurnedStock& stock) {
   std::vector<Eigen::Index> nodes{0};
   const Eigen::Index n = stock.radius.size();
@@ -379,12 +380,12 @@ std::vector<Eigen::Index> thinned_nodes(const TurnedStock& stock) {
     };
     if (slope < min_slope || slope > max_slope || surface_kind(i) != surface_kind(i - 1)) {
       if (nodes.back() != i - 1) nodes.push_back(i - 1);
-      min_slope = stock.radius[i] - stock.radius[i - 1] - max_bend;
-      max_slope = stock.radius[i] - stock.radius[i - 1] + max_bend;
+      min_slope = stock.radius[i] - stock.radius[i - 1] - second_derivative_bound;
+      max_slope = stock.radius[i] - stock.radius[i - 1] + second_derivative_bound;
       continue;
     }
-    min_slope = std::max(min_slope, slope - max_bend / node_distance);
-    max_slope = std::min(max_slope, slope + max_bend / node_distance);
+    min_slope = std::max(min_slope, slope - second_derivative_bound / node_distance);
+    max_slope = std::min(max_slope, slope + second_derivative_bound / node_distance);
   }
   if (nodes.back() != n - 1) nodes.push_back(n - 1);
   return nodes;
@@ -471,7 +472,7 @@ StockSkin stock_skin(const TurnedStock& stock, int vertices_per_ring) {
   skin.T_wk = axis_frame(stock);
   if (stock.radius.size() >= 2)
     skin.mesh = ring_mesh(stock, dense_rings(stock, max_rings), vertices_per_ring);
-  skin.places_w = skin.mesh.vertices_w;
+  skin.points_w = skin.mesh.vertices_w;
   skin.line = skin.mesh.line;
   skin.first.resize(skin.line.size() + 1);
   std::iota(skin.first.begin(), skin.first.end(), 0);

@@ -122,7 +122,7 @@ SweepInterval translated_line_interval(const Cutter& cutter, const RuledLine& ru
 
 /// Returns the core of a tool whose contact is a crash; empty for a form cutter that may cut.
 InsetCutter crash_core(const Cutter& cutter, bool may_not_cut) {
-  return may_not_cut || !cutter.outline ? shrunk(cutter, rubbing) : InsetCutter{};
+  return may_not_cut || !cutter.outline ? inset_cutter(cutter, rubbing) : InsetCutter{};
 }
 
 /// Removal of one tool section's sweep from single lines.

@@ -29,7 +29,7 @@ double frustum_volume(double a, double b, double height) {
 
 /// Returns the volume between nodes from and to, mm^3.
 double volume(const TurnedStock& stock, Index from, Index to) {
-  Sum sum;
+  CompensatedSum sum;
   for (Index i = from; i < to; ++i)
     sum.add(frustum_volume(stock.radius[i], stock.radius[i + 1], stock.spacing));
   return sum.value();
@@ -157,8 +157,8 @@ class EdgeInStock {
 /// A segment of an insert's edge in a stock, parameterised by the fraction of its length.
 class SegmentInStock {
  public:
-  SegmentInStock(const TurnedStock& stock, const EdgeProfile& profile, const OutlinePiece& segment,
-                 const Eigen::Isometry3d& T_slow)
+  SegmentInStock(const TurnedStock& stock, const EdgeProfile& profile,
+                 const OutlineSegment& segment, const Eigen::Isometry3d& T_slow)
       : profile_(profile),
         segment_(segment),
         angle_(std::acos(std::clamp(segment.normal_from.dot(segment.normal_to), -1.0, 1.0))),
@@ -192,7 +192,7 @@ class SegmentInStock {
   }
 
   const EdgeProfile& profile_;
-  const OutlinePiece& segment_;
+  const OutlineSegment& segment_;
   double angle_;  // rad, of an arc
   Meridian meridian_;
 };
@@ -236,10 +236,10 @@ void append_engaged(const SegmentInStock& segment, double spacing, int max_parts
 }
 
 std::vector<EngagedEdge> profile_engagement(const TurnedStock& stock, const EdgeProfile& profile,
-                                            const Eigen::Isometry3d& T_slow, int pieces) {
+                                            const Eigen::Isometry3d& T_slow, int segments) {
   std::vector<EngagedEdge> engaged;
-  for (const OutlinePiece& segment : profile.pieces)
-    append_engaged({stock, profile, segment, T_slow}, stock.spacing, pieces, engaged);
+  for (const OutlineSegment& segment : profile.segments)
+    append_engaged({stock, profile, segment, T_slow}, stock.spacing, segments, engaged);
   return engaged;
 }
 
@@ -299,19 +299,19 @@ TurnedStock make_turned_stock(const Eigen::Matrix<double, Eigen::Dynamic, 2>& pr
 }
 
 std::vector<EngagedEdge> engagement(const TurnedStock& stock, const Nose& nose,
-                                    const Eigen::Isometry3d& T_slow, int pieces) {
+                                    const Eigen::Isometry3d& T_slow, int segments) {
   check(T_slow);
   const NoseEdge validated_edge(nose);
-  if (pieces < 3) throw std::invalid_argument("nose edge: expected 3 or more pieces");
+  if (segments < 3) throw std::invalid_argument("nose edge: expected 3 or more pieces");
   std::vector<EngagedEdge> result;
   if (stock.radius.size() < 2) return result;
-  if (nose.profile) return profile_engagement(stock, *nose.profile, T_slow, pieces);
+  if (nose.profile) return profile_engagement(stock, *nose.profile, T_slow, segments);
   const EdgeInStock edge(stock, nose, T_slow);
-  const double step = 2.0 * std::numbers::pi / pieces;
+  const double step = 2.0 * std::numbers::pi / segments;
   double depth_before = edge.signed_depth(0.0);
-  for (int i = 0; i < pieces; ++i) {
+  for (int i = 0; i < segments; ++i) {
     double begin = i * step, end = (i + 1) * step;
-    const double depth_after = edge.signed_depth(i + 1 < pieces ? end : 0.0);
+    const double depth_after = edge.signed_depth(i + 1 < segments ? end : 0.0);
     if (depth_before > 0.0 || depth_after > 0.0) {
       if (depth_before <= 0.0) begin = profile_crossing(edge, begin, end);
       if (depth_after <= 0.0) end = profile_crossing(edge, end, begin);

@@ -257,7 +257,8 @@ std::vector<CompetingPass> competing_passes_along(const MilledSweep& sweep, cons
   std::vector<Pass> passes = split_passes(sweep, removals);
   std::stable_sort(passes.begin(), passes.end(),
                    [](const Pass& a, const Pass& b) { return a.nearest.s < b.nearest.s; });
-  if (passes.size() > std::size_t(options.most)) passes.resize(std::size_t(options.most));
+  if (passes.size() > std::size_t(options.max_passes))
+    passes.resize(std::size_t(options.max_passes));
   std::vector<CompetingPass> competing_passes;
   for (const Pass& pass : passes)
     competing_passes.push_back(competing_pass_at(sweep, pass, ray, options.stencil));
@@ -377,7 +378,8 @@ std::vector<CompetingPass> competing_passes_along(const TurnedSweep& sweep, cons
   const double limit = std::min(first_cut->s + sweep.options.reach, ray.band);
   std::vector<NoseCut> cuts =
       nearest_per_revolution(sweep.cut_search, sweep.cut_search.within(ray, limit));
-  if (cuts.size() > std::size_t(sweep.options.most)) cuts.resize(std::size_t(sweep.options.most));
+  if (cuts.size() > std::size_t(sweep.options.max_passes))
+    cuts.resize(std::size_t(sweep.options.max_passes));
   std::vector<CompetingPass> competing_passes;
   for (const NoseCut& cut : cuts) competing_passes.push_back(competing_pass_at(sweep, cut, ray));
   return competing_passes;

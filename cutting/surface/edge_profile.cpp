@@ -19,9 +19,9 @@ namespace {
 /// Returns the radius, mm, of the smallest circle about the origin that contains the segments. On
 /// an arc the farthest point may lie between the ends, where the normal points away from the
 /// origin.
-double max_radius(const std::vector<OutlinePiece>& pieces) {
+double max_radius(const std::vector<OutlineSegment>& segments) {
   double result = 0.0;
-  for (const OutlinePiece& segment : pieces) {
+  for (const OutlineSegment& segment : segments) {
     result = std::max(result, segment.to.norm());
     if (!segment.is_arc) continue;
     const Vector2d centre = segment.from - segment.radius * segment.normal_from;
@@ -32,19 +32,19 @@ double max_radius(const std::vector<OutlinePiece>& pieces) {
 }
 
 /// Returns the profile of a closed loop of consecutive segments.
-EdgeProfile closed_profile(const std::vector<OutlinePiece>& pieces) {
-  require(pieces.size() >= 2, "edge profile: expected two pieces or more, seen fewer");
-  EdgeProfile profile{with_corners(pieces, pieces.back().normal_to)};
+EdgeProfile closed_profile(const std::vector<OutlineSegment>& segments) {
+  require(segments.size() >= 2, "edge profile: expected two pieces or more, seen fewer");
+  EdgeProfile profile{with_corners(segments, segments.back().normal_to)};
   double total_turn = 0.0;
-  for (const OutlinePiece& segment : profile.pieces)
+  for (const OutlineSegment& segment : profile.segments)
     total_turn += std::atan2(cross2d(segment.normal_from, segment.normal_to),
                              segment.normal_from.dot(segment.normal_to));
   // One turn is 2 pi and two are 4 pi, so 3 pi separates them whatever the rounding.
   require(total_turn < 3.0 * std::numbers::pi,
           fmt::format("edge profile: expected one that goes around once, seen {:.0f} turns",
                       total_turn / (2.0 * std::numbers::pi)));
-  profile.outer_radius = max_radius(profile.pieces);
-  profile.radius = -distance(profile.pieces, Vector2d::Zero()).value;
+  profile.outer_radius = max_radius(profile.segments);
+  profile.radius = -distance(profile.segments, Vector2d::Zero()).value;
   require(profile.radius > coincidence_tolerance,
           fmt::format("edge profile: expected the origin inside, seen it {:.3g} mm outside",
                       -profile.radius));
@@ -100,7 +100,7 @@ Chord within_circle(const Vector2d& v, const Vector2d& step, double radius) {
 /// Returns the part of a chord inside a region bounded by an arc and the tangents at its ends. On
 /// the inner side of the arc's chord the region is the wedge between the tangents, beyond it the
 /// circle.
-Chord within_arc(const Chord& chord, const OutlinePiece& arc, const Vector2d& point,
+Chord within_arc(const Chord& chord, const OutlineSegment& arc, const Vector2d& point,
                  const Vector2d& step) {
   const Vector2d from_start = point - arc.from, from_end = point - arc.to;
   const Vector2d chord_normal = line_segment(arc.from, arc.to).normal_from;
@@ -137,13 +137,13 @@ EdgeProfile insert_profile(const Insert& insert) {
   const double sine = cross2d(minor_direction, major_direction);
   const double s = cross2d(minor_direction, major_end - minor_end) / sine;
   const Vector2d rear_corner = minor_end + s * major_direction;
-  std::vector<OutlinePiece> pieces{line_segment(major_end, major_begin)};
-  pieces.push_back(arc_segment_about(major_begin, arc_end, r, Vector2d::Zero()));
-  if (has_wiper) pieces.push_back(line_segment(lowest, minor_begin));
-  pieces.push_back(line_segment(minor_begin, minor_end));
-  pieces.push_back(line_segment(minor_end, rear_corner));
-  pieces.push_back(line_segment(rear_corner, major_end));
-  EdgeProfile profile = closed_profile(pieces);
+  std::vector<OutlineSegment> segments{line_segment(major_end, major_begin)};
+  segments.push_back(arc_segment_about(major_begin, arc_end, r, Vector2d::Zero()));
+  if (has_wiper) segments.push_back(line_segment(lowest, minor_begin));
+  segments.push_back(line_segment(minor_begin, minor_end));
+  segments.push_back(line_segment(minor_end, rear_corner));
+  segments.push_back(line_segment(rear_corner, major_end));
+  EdgeProfile profile = closed_profile(segments);
   require(profile.radius > r - coincidence_tolerance,
           fmt::format("insert: expected edges so long that the body behind holds the circle of the "
                       "nose, seen that it ends {:.3g} mm inside of it",
@@ -154,7 +154,7 @@ EdgeProfile insert_profile(const Insert& insert) {
 
 EdgeProfile edge_profile_from_points(const std::vector<OutlinePoint>& points) {
   require(points.size() >= 2, "edge profile: expected two points or more, seen fewer");
-  std::vector<OutlinePiece> pieces;
+  std::vector<OutlineSegment> segments;
   double area = 0.0;  // mm^2, twice the area of the polygon of the points, + if counter-clockwise
   Vector2d previous = points.back().at;
   for (const OutlinePoint& point : points) {
@@ -171,14 +171,14 @@ EdgeProfile edge_profile_from_points(const std::vector<OutlinePoint>& points) {
                       point.at.x(), point.at.y()),
           point.at);
     area += cross2d(previous, point.at);
-    pieces.push_back(point.radius > 0.0 ? arc_segment(previous, point.at, point.radius)
-                                        : line_segment(previous, point.at));
+    segments.push_back(point.radius > 0.0 ? arc_segment(previous, point.at, point.radius)
+                                          : line_segment(previous, point.at));
     previous = point.at;
   }
   // Two points joined by a line and an arc enclose no polygon, so an area of 0 is permitted.
   require(area > -coincidence_tolerance * coincidence_tolerance,
           "edge profile: expected points counter-clockwise, from x to z, seen them clockwise");
-  return closed_profile(pieces);
+  return closed_profile(segments);
 }
 
 EdgeProfile without_overhang(const EdgeProfile& profile, const Vector2d& away) {
@@ -186,26 +186,26 @@ EdgeProfile without_overhang(const EdgeProfile& profile, const Vector2d& away) {
   // normals from -x over -y to x.
   const Eigen::Matrix2d rotation =
       (Eigen::Matrix2d() << away.y(), -away.x(), away.x(), away.y()).finished();
-  std::vector<OutlinePiece> pieces = profile.pieces;
+  std::vector<OutlineSegment> segments = profile.segments;
   const auto faces_part = [](const Vector2d& normal) { return normal.y() <= 0.0; };
   double top = -infinity;
-  for (OutlinePiece& segment : pieces) {
+  for (OutlineSegment& segment : segments) {
     for (Vector2d* v : {&segment.from, &segment.to, &segment.normal_from, &segment.normal_to})
       *v = rotation * *v;
     top = std::max({top, segment.from.y(), segment.to.y()});
   }
-  const auto first_facing = std::ranges::find_if(pieces, [&](const OutlinePiece& segment) {
+  const auto first_facing = std::ranges::find_if(segments, [&](const OutlineSegment& segment) {
     return !faces_part(segment.normal_from) && faces_part(segment.normal_to);
   });
-  if (first_facing == pieces.end()) return profile;
-  std::ranges::rotate(pieces, first_facing);
+  if (first_facing == segments.end()) return profile;
+  std::ranges::rotate(segments, first_facing);
 
   std::vector<OutlinePoint> points;
   const auto append = [&](const Vector2d& at, double radius = 0.0) {
     if (points.empty() || (points.back().at - at).norm() > coincidence_tolerance)
       points.push_back({at, radius});
   };
-  for (OutlinePiece segment : pieces) {
+  for (OutlineSegment segment : segments) {
     const Vector2d centre = segment.from - segment.radius * segment.normal_from;
     if (!faces_part(segment.normal_from) && !faces_part(segment.normal_to)) continue;
     // An arc that overhangs is cut where its tangent is along `away`.
@@ -227,7 +227,7 @@ double edge_height(const EdgeProfile& profile, const Vector2d& away, const Vecto
   const double max_overhang = std::sin(15.0 * units::deg);
   const double lowest = extreme_point(profile, -away).dot(away);
   double highest = lowest;
-  for (const OutlinePiece& segment : profile.pieces) {
+  for (const OutlineSegment& segment : profile.segments) {
     const bool is_edge =
         std::max(segment.normal_from.dot(away), segment.normal_to.dot(away)) <= max_overhang &&
         (segment.normal_from + segment.normal_to).dot(side) > 0.0;
@@ -239,7 +239,7 @@ double edge_height(const EdgeProfile& profile, const Vector2d& away, const Vecto
 std::optional<Chord> chord(const EdgeProfile& profile, const Vector2d& point,
                            const Vector2d& step) {
   Chord inside{-infinity, infinity};
-  for (const OutlinePiece& segment : profile.pieces) {
+  for (const OutlineSegment& segment : profile.segments) {
     if (!segment.is_arc)
       inside = within_half_plane(inside, point - segment.from, step, segment.normal_from);
     else if (segment.radius > 0.0)
@@ -250,7 +250,7 @@ std::optional<Chord> chord(const EdgeProfile& profile, const Vector2d& point,
 }
 
 Vector2d extreme_point(const EdgeProfile& profile, const Vector2d& direction) {
-  return extreme_point(profile.pieces, direction);
+  return extreme_point(profile.segments, direction);
 }
 
 double max_separation(const EdgeProfile& a, const EdgeProfile& b) {
@@ -269,7 +269,7 @@ double max_separation(const EdgeProfile& a, const EdgeProfile& b) {
 EdgePoint edge_point(const EdgeProfile& profile, double psi) {
   const Vector2d direction(std::cos(psi), std::sin(psi));
   const Vector2d point = chord(profile, Vector2d::Zero(), direction)->end * direction;
-  return {point, distance(profile.pieces, point).gradient};
+  return {point, distance(profile.segments, point).gradient};
 }
 
 }  // namespace abbe::cutting

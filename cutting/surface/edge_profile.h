@@ -15,7 +15,8 @@ namespace abbe::cutting {
 
 /// The region inside an edge; it contains the origin of frame t. Immutable once constructed.
 struct EdgeProfile {
-  std::vector<OutlinePiece> pieces;  ///< counter-clockwise from x to z, closed, with sharp corners
+  std::vector<OutlineSegment>
+      segments;  ///< counter-clockwise from x to z, closed, with sharp corners
   /// mm, of the nose; for a free edge, of the largest circle about the origin inside it
   double radius = 0.0;
   double outer_radius = 0.0;  ///< mm, of the circle about the origin that contains it

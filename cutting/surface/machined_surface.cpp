@@ -438,7 +438,7 @@ MeshNeighbours mesh_neighbours(const Design& design) {
 }  // namespace
 
 std::vector<std::uint8_t> corner_leftover(const Design& design, const Surface& surface,
-                                          const Thickness& part, double radius) {
+                                          const WallThickness& part, double radius) {
   std::vector<std::uint8_t> is_leftover(surface.status.size(), 0);
   if (!(radius > 0.0)) return is_leftover;
   tbb::parallel_for(std::size_t(0), is_leftover.size(), [&](std::size_t i) {

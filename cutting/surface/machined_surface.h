@@ -57,7 +57,7 @@ Surface combined_surface(const Design& design_w, const std::vector<SurfaceFuncti
 /// @param part    in the frame of design and surface
 /// @param radius  mm, of the corner
 std::vector<std::uint8_t> corner_leftover(const Design& design, const Surface& surface,
-                                          const Thickness& part, double radius);
+                                          const WallThickness& part, double radius);
 
 /// Returns (n) 1 at the cut vertices of a lead-out, where the sweep ends beside a region that it
 /// does not cut and the tool leaves the round of its corner, up to the band. From such a vertex the

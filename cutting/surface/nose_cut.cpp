@@ -244,7 +244,7 @@ void RaySearch<Collector>::visit_node(int index, double node_bound) {
   if (collector_.is_complete(ray_.from)) return;
   const NoseNode& node = sweep_.nodes[std::size_t(index)];
   if (node.count == 1) {
-    search_segment(sweep_.pieces[std::size_t(node.first)], node_bound);
+    search_segment(sweep_.segments[std::size_t(node.first)], node_bound);
     return;
   }
   // The nearer child comes first, since its cut may rule out the other.
@@ -529,11 +529,12 @@ double NoseCutSearch::spindle_travel(const NoseCut& cut) const {
 }
 
 int NoseCutSearch::segment_index(const NoseCut& cut) const {
-  const auto next = std::upper_bound(
-      sweep_.pieces.begin(), sweep_.pieces.end(), cut, [](const NoseCut& c, const NoseSegment& p) {
-        return std::tie(c.interval, c.u) < std::tie(p.interval, p.u0);
-      });
-  return std::max(0, int(next - sweep_.pieces.begin()) - 1);
+  const auto next =
+      std::upper_bound(sweep_.segments.begin(), sweep_.segments.end(), cut,
+                       [](const NoseCut& c, const NoseSegment& p) {
+                         return std::tie(c.interval, c.u) < std::tie(p.interval, p.u0);
+                       });
+  return std::max(0, int(next - sweep_.segments.begin()) - 1);
 }
 
 std::optional<NoseCut> NoseCutSearch::first_in_window(const Ray& ray_w, const NoseCut& other,
@@ -545,9 +546,9 @@ std::optional<NoseCut> NoseCutSearch::first_in_window(const Ray& ray_w, const No
   const int start = segment_index(other);
   int begin = start;
   int end = start + 1;
-  const auto segment = [&](int i) -> const NoseSegment& { return sweep_.pieces[std::size_t(i)]; };
+  const auto segment = [&](int i) -> const NoseSegment& { return sweep_.segments[std::size_t(i)]; };
   while (begin > 0 && angle_offset(segment(begin).interval, segment(begin).u0) > -window) --begin;
-  while (end < int(sweep_.pieces.size()) &&
+  while (end < int(sweep_.segments.size()) &&
          angle_offset(segment(end).interval, segment(end).u0) < window)
     ++end;
   const BoundedSweep bounded_sweep{sweep_, edge_, bound_ ? &*bound_ : nullptr};

@@ -50,7 +50,7 @@ class NoseEdge {
 
   /// Returns an upper bound of the distance of a point outside the edge, mm; negative inside.
   double distance_bound(const Eigen::Vector2d& point) const {
-    return nose_.profile ? distance(nose_.profile->pieces, point).value
+    return nose_.profile ? distance(nose_.profile->segments, point).value
                          : point.norm() - outer_radius();
   }
 

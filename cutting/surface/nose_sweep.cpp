@@ -115,15 +115,15 @@ void append_segments(NoseSweep& sweep, int index, double& angle) {
     const double u1 = double(i + 1) / segment_count;
     const RakePlane end =
         rake_plane(interval, u1, start.angle + interval.angle_step / segment_count);
-    sweep.pieces.push_back({index, u0, u1, start.angle, end.angle, start.height, end.height,
-                            start.tilt, end.tilt, start.is_undefined || end.is_undefined});
+    sweep.segments.push_back({index, u0, u1, start.angle, end.angle, start.height, end.height,
+                              start.tilt, end.tilt, start.is_undefined || end.is_undefined});
     start = end;
   }
   angle = start.angle;
 }
 
 NoseNode bounds(const NoseSweep& sweep, int first) {
-  const NoseSegment& segment = sweep.pieces[std::size_t(first)];
+  const NoseSegment& segment = sweep.segments[std::size_t(first)];
   const NoseInterval& interval = sweep.intervals[std::size_t(segment.interval)];
   const Vector3d a = interval.centre + segment.u0 * interval.centre_step;
   const Vector3d b = interval.centre + segment.u1 * interval.centre_step;
@@ -205,8 +205,8 @@ NoseSweep nose_sweep(const NoseMotion& motion) {
   }
   double angle = sweep.intervals.front().angle;
   for (int i = 0; i < int(sweep.intervals.size()); ++i) append_segments(sweep, i, angle);
-  sweep.nodes.reserve(2 * sweep.pieces.size());
-  append_nodes(sweep, 0, int(sweep.pieces.size()));
+  sweep.nodes.reserve(2 * sweep.segments.size());
+  append_nodes(sweep, 0, int(sweep.segments.size()));
   append_faces(sweep);
   return sweep;
 }
@@ -301,7 +301,7 @@ ProfileBound::ProfileBound(const EdgeProfile& profile, const NoseSweep& sweep)
   };
   // rad; the tangents of an arc then depart from it by 1 % of its radius.
   constexpr double tangent_spacing = 0.25;
-  for (const OutlinePiece& segment : profile.pieces) {
+  for (const OutlineSegment& segment : profile.segments) {
     if (!segment.is_arc) add_side(segment.normal_from);
     if (!segment.is_arc || segment.radius == 0.0) continue;
     const double angle =
@@ -318,7 +318,7 @@ ProfileBound::ProfileBound(const EdgeProfile& profile, const NoseSweep& sweep)
   for (std::size_t i = sweep.nodes.size(); i-- > 0;) {  // children come after their parents
     const NoseNode& node = sweep.nodes[i];
     if (node.count == 1) {
-      extents_[i] = segment_extent(sweep, sweep.pieces[std::size_t(node.first)]);
+      extents_[i] = segment_extent(sweep, sweep.segments[std::size_t(node.first)]);
       continue;
     }
     const Extent &a = extents_[i + 1], &b = extents_[std::size_t(node.right)];

@@ -59,7 +59,7 @@ struct NoseSweep {
   Eigen::Matrix3d R_ws;  ///< rotation from spindle axes to the workpiece
   Eigen::Vector3d p_ws;  ///< mm, origin of the spindle axes in the workpiece
   std::vector<NoseInterval> intervals;
-  std::vector<NoseSegment> pieces;
+  std::vector<NoseSegment> segments;
   /// binary tree over the segments in the order of time, root first; may be empty
   std::vector<NoseNode> nodes;
   /// An instant at which the whole disc inside the edge is part of the sweep's skin.

@@ -22,9 +22,9 @@ constexpr double normal_tolerance = 1e-7;  // rad; rounding of the input may tur
 
 }  // namespace
 
-ToolOutline closed_outline(const std::vector<OutlinePiece>& pieces) {
-  ToolOutline outline{with_corners(pieces, {0, -1})};
-  for (const OutlinePiece& segment : outline.pieces) {
+ToolOutline closed_outline(const std::vector<OutlineSegment>& segments) {
+  ToolOutline outline{with_corners(segments, {0, -1})};
+  for (const OutlineSegment& segment : outline.segments) {
     if (!(segment.normal_from.x() >= -normal_tolerance &&
           segment.normal_to.x() >= -normal_tolerance))
       throw OutlineError(
@@ -40,7 +40,7 @@ ToolOutline closed_outline(const std::vector<OutlinePiece>& pieces) {
           outline.radius, segment.from.x() + segment.radius * (1.0 - segment.normal_from.x()));
     outline.height = std::max(outline.height, segment.to.y());
   }
-  for (const OutlinePiece& segment : outline.pieces)
+  for (const OutlineSegment& segment : outline.segments)
     outline.is_sharp |= segment.is_arc && segment.radius == 0.0 &&
                         segment.from.y() < outline.height - coincidence_tolerance;
   return outline;
@@ -120,12 +120,12 @@ ToolOutline apt_outline(const AptCutter& cutter) {
       fmt::format("APT cutter: expected the corner between the axis and the top, {:g} mm above the "
                   "tip, seen it from a radius of {:g} mm to {:g} mm above the tip",
                   height, arc_start.x(), arc_end.y()));
-  std::vector<OutlinePiece> pieces;
-  if (arc_start.norm() > coincidence_tolerance) pieces.push_back(line_segment({0, 0}, arc_start));
-  pieces.push_back(arc_segment_about(arc_start, arc_end, corner, centre));
-  pieces.push_back(line_segment(arc_end, at_height(height)));
-  pieces.push_back(line_segment(at_height(height), {0, height}));
-  return closed_outline(pieces);
+  std::vector<OutlineSegment> segments;
+  if (arc_start.norm() > coincidence_tolerance) segments.push_back(line_segment({0, 0}, arc_start));
+  segments.push_back(arc_segment_about(arc_start, arc_end, corner, centre));
+  segments.push_back(line_segment(arc_end, at_height(height)));
+  segments.push_back(line_segment(at_height(height), {0, height}));
+  return closed_outline(segments);
 }
 
 // Positions on an arc are computed relative to its first point, so that large radii cost no digits.
@@ -133,7 +133,7 @@ ToolOutline apt_outline(const AptCutter& cutter) {
 double support(const ToolOutline& outline, double rise, double across) {
   const Vector2d direction(across, rise);
   double reach = rise * bottom(outline);
-  for (const OutlinePiece& segment : outline.pieces) {
+  for (const OutlineSegment& segment : outline.segments) {
     reach = std::max(reach, direction.dot(segment.to));
     const double sine = cross2d(segment.normal_from, direction);
     if (segment.is_arc && sine > 0.0 && cross2d(direction, segment.normal_to) > 0.0)
@@ -145,12 +145,12 @@ double support(const ToolOutline& outline, double rise, double across) {
 }
 
 // The extreme point is a corner, or the point of an arc whose normal is the direction.
-Vector2d extreme_point(const std::vector<OutlinePiece>& pieces, const Vector2d& direction) {
-  Vector2d extreme = pieces.front().from;
+Vector2d extreme_point(const std::vector<OutlineSegment>& segments, const Vector2d& direction) {
+  Vector2d extreme = segments.front().from;
   const auto update = [&](const Vector2d& point) {
     if (direction.dot(point) > direction.dot(extreme)) extreme = point;
   };
-  for (const OutlinePiece& segment : pieces) {
+  for (const OutlineSegment& segment : segments) {
     update(segment.to);
     if (segment.is_arc && cross2d(segment.normal_from, direction) > 0.0 &&
         cross2d(direction, segment.normal_to) > 0.0)
@@ -160,13 +160,13 @@ Vector2d extreme_point(const std::vector<OutlinePiece>& pieces, const Vector2d& 
 }
 
 Vector2d support_point(const ToolOutline& outline, double rise, double across) {
-  return extreme_point(outline.pieces, {across, rise});
+  return extreme_point(outline.segments, {across, rise});
 }
 
-double top_radius(const ToolOutline& outline) { return outline.pieces.back().from.x(); }
+double top_radius(const ToolOutline& outline) { return outline.segments.back().from.x(); }
 
 double corner_height(const ToolOutline& outline) {
-  for (const OutlinePiece& segment : outline.pieces) {
+  for (const OutlineSegment& segment : outline.segments) {
     const double centre_height = segment.from.y() - segment.radius * segment.normal_from.y();
     if (segment.radius > 0.0 && centre_height >= 0.0 && centre_height <= outline.height)
       return centre_height;
@@ -192,7 +192,7 @@ InsetOutline inset_convex(const ToolOutline& outline, double margin) {
     }
     corners = std::move(clipped);
   };
-  for (const OutlinePiece& segment : outline.pieces) {
+  for (const OutlineSegment& segment : outline.segments) {
     if (!segment.is_arc) clip_to_half_plane(segment.normal_from, segment.from);
     if (segment.radius == 0.0) continue;
     const double arc_angle = std::atan2(cross2d(segment.normal_from, segment.normal_to),
@@ -240,13 +240,13 @@ double max_separation(const ToolOutline& a, const ToolOutline& b) {
   }
   if (!is_hollow(a) && !is_hollow(b)) return max_difference;
   for (const auto& [first, second] : {std::pair(&a, &b), std::pair(&b, &a)})
-    for (const OutlinePiece& segment : first->pieces)
+    for (const OutlineSegment& segment : first->segments)
       max_difference = std::max(max_difference, std::abs(distance(*second, segment.to).value));
   return max_difference;
 }
 
 OutlineDistance distance(const ToolOutline& outline, const Vector2d& point) {
-  if (!is_hollow(outline)) return distance(outline.pieces, point);
+  if (!is_hollow(outline)) return distance(outline.segments, point);
   OutlineDistance nearest{std::numeric_limits<double>::infinity(), Vector2d::Zero()};
   for (const ToolOutline& part : outline.parts) {
     const OutlineDistance part_distance = distance(part, point);
@@ -256,12 +256,12 @@ OutlineDistance distance(const ToolOutline& outline, const Vector2d& point) {
 }
 
 // The largest of the distances to the tangents, which is convex.
-OutlineDistance distance(const std::vector<OutlinePiece>& pieces, const Vector2d& point) {
+OutlineDistance distance(const std::vector<OutlineSegment>& segments, const Vector2d& point) {
   OutlineDistance largest{-1e300, {0, -1}};
   const auto update = [&](double value, const Vector2d& gradient) {
     if (value > largest.value) largest = {value, gradient};
   };
-  for (const OutlinePiece& segment : pieces) {
+  for (const OutlineSegment& segment : segments) {
     const Vector2d v = point - segment.from, w = point - segment.to;
     const double offset = segment.normal_from.dot(v);
     if (segment.is_arc && cross2d(segment.normal_from, v) >= 0.0 &&
@@ -285,10 +285,10 @@ namespace {
 
 /// Appends a segment. Splits an arc of more than a right angle in two, since the sine decides only
 /// within half a revolution whether a direction is within the range of an arc.
-void append_split(std::vector<OutlinePiece>& pieces, const OutlinePiece& segment) {
+void append_split(std::vector<OutlineSegment>& segments, const OutlineSegment& segment) {
   const Vector2d& start_normal = segment.normal_from;
   if (!segment.is_arc || start_normal.dot(segment.normal_to) >= 0.0) {
-    pieces.push_back(segment);
+    segments.push_back(segment);
     return;
   }
   // For half a circle the two normals cancel, and the term of 1e-9 decides the side.
@@ -296,25 +296,26 @@ void append_split(std::vector<OutlinePiece>& pieces, const OutlinePiece& segment
       (start_normal + segment.normal_to + 1e-9 * Vector2d(-start_normal.y(), start_normal.x()))
           .normalized();
   const Vector2d split_point = segment.from + segment.radius * (middle_normal - start_normal);
-  pieces.push_back({true, segment.from, split_point, start_normal, middle_normal, segment.radius});
-  pieces.push_back(
+  segments.push_back(
+      {true, segment.from, split_point, start_normal, middle_normal, segment.radius});
+  segments.push_back(
       {true, split_point, segment.to, middle_normal, segment.normal_to, segment.radius});
 }
 
 }  // namespace
 
-OutlinePiece line_segment(const Vector2d& from, const Vector2d& to) {
+OutlineSegment line_segment(const Vector2d& from, const Vector2d& to) {
   const Vector2d along = (to - from).normalized();
   const Vector2d normal(along.y(), -along.x());
   return {false, from, to, normal, normal};
 }
 
-OutlinePiece arc_segment_about(const Vector2d& from, const Vector2d& to, double radius,
-                               const Vector2d& centre) {
+OutlineSegment arc_segment_about(const Vector2d& from, const Vector2d& to, double radius,
+                                 const Vector2d& centre) {
   return {true, from, to, (from - centre).normalized(), (to - centre).normalized(), radius};
 }
 
-OutlinePiece arc_segment(const Vector2d& from, const Vector2d& to, double radius) {
+OutlineSegment arc_segment(const Vector2d& from, const Vector2d& to, double radius) {
   const Vector2d chord = to - from;
   const double half = 0.5 * chord.norm();
   if (!(radius >= half))
@@ -328,9 +329,9 @@ OutlinePiece arc_segment(const Vector2d& from, const Vector2d& to, double radius
                            0.5 * (from + to) + std::sqrt(radius * radius - half * half) * inward);
 }
 
-std::vector<OutlinePiece> segments_from_points(const std::vector<OutlinePoint>& points) {
+std::vector<OutlineSegment> segments_from_points(const std::vector<OutlinePoint>& points) {
   require(!points.empty(), "outline: expected a point and more, seen none");
-  std::vector<OutlinePiece> pieces;
+  std::vector<OutlineSegment> segments;
   Vector2d previous = Vector2d::Zero();
   const auto append = [&](const OutlinePoint& point) {
     const bool has_radius = std::isfinite(point.radius) && point.radius >= 0.0;
@@ -341,8 +342,8 @@ std::vector<OutlinePiece> segments_from_points(const std::vector<OutlinePoint>& 
                       point.at.x(), point.at.y(), point.radius),
           point.at, has_radius ? OutlineError::Number::First : OutlineError::Number::Radius);
     if ((point.at - previous).norm() > coincidence_tolerance)
-      pieces.push_back(point.radius > 0.0 ? arc_segment(previous, point.at, point.radius)
-                                          : line_segment(previous, point.at));
+      segments.push_back(point.radius > 0.0 ? arc_segment(previous, point.at, point.radius)
+                                            : line_segment(previous, point.at));
     previous = point.at;
   };
   if (!(std::abs(points.front().at.y()) <= coincidence_tolerance))
@@ -359,23 +360,23 @@ std::vector<OutlinePiece> segments_from_points(const std::vector<OutlinePoint>& 
         previous.x() > coincidence_tolerance ? OutlineError::Number::Second
                                              : OutlineError::Number::First);
   append({{0.0, previous.y()}});
-  return pieces;
+  return segments;
 }
 
-double inward_bend(const OutlinePiece& previous, const OutlinePiece& segment) {
+double inward_bend(const OutlineSegment& previous, const OutlineSegment& segment) {
   return -cross2d(previous.normal_to, segment.normal_from);
 }
 
-std::vector<OutlinePiece> with_corners(const std::vector<OutlinePiece>& pieces,
-                                       const Vector2d& normal_before) {
-  std::vector<OutlinePiece> result;
-  for (const OutlinePiece& segment : pieces) {
+std::vector<OutlineSegment> with_corners(const std::vector<OutlineSegment>& segments,
+                                         const Vector2d& normal_before) {
+  std::vector<OutlineSegment> result;
+  for (const OutlineSegment& segment : segments) {
     const Vector2d previous_normal = result.empty() ? normal_before : result.back().normal_to;
     const double bend = cross2d(previous_normal, segment.normal_from);
     // The sine is near 0 also where the outline turns back on itself; only the cosine tells.
     const bool turns_back = previous_normal.dot(segment.normal_from) < 0.0;
     if (!(bend > -bend_tolerance) || (turns_back && bend <= bend_tolerance))
-      throw InwardBend(
+      throw InwardBendError(
           fmt::format("outline: expected a convex one, seen that it bends inwards by {:.3g} deg at "
                       "({:g}, {:g}) mm",
                       std::atan2(-bend, previous_normal.dot(segment.normal_from)) / units::deg,

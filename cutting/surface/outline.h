@@ -26,7 +26,7 @@ struct OutlineError : std::invalid_argument {
 };
 
 /// Error about a point at which an outline that must be convex bends inwards.
-struct InwardBend : OutlineError {
+struct InwardBendError : OutlineError {
   using OutlineError::OutlineError;
 };
 
@@ -34,20 +34,20 @@ struct InwardBend : OutlineError {
 
 /// A line, or an arc that bulges outwards; the tool is on the left of its direction. A sharp corner
 /// is an arc of radius 0.
-struct OutlinePiece {
+struct OutlineSegment {
   bool is_arc;
   Eigen::Vector2d from, to;
   Eigen::Vector2d normal_from, normal_to;  ///< unit, outward, at the two ends
   double radius = 0.0;                     ///< mm, of an arc
 
-  bool operator==(const OutlinePiece&) const = default;
+  bool operator==(const OutlineSegment&) const = default;
 };
 
 /// An outline from the axis at the bottom to the axis at the top, closed. Immutable once
 /// constructed. The bottom is at the tip, except for a part of a hollow outline, which may begin
 /// above it.
 struct ToolOutline {
-  std::vector<OutlinePiece> pieces;
+  std::vector<OutlineSegment> segments;
   double radius = 0.0;                  ///< mm, the largest
   double height = 0.0;                  ///< mm, of the top
   bool is_sharp = false;                ///< true if it has sharp corners below the top
@@ -60,7 +60,7 @@ inline bool is_hollow(const ToolOutline& outline) { return !outline.parts.empty(
 
 /// Returns the height of the bottom above the tip, mm: 0 except for a part of a hollow outline.
 inline double bottom(const ToolOutline& outline) {
-  const double height = outline.pieces.front().from.y();
+  const double height = outline.segments.front().from.y();
   return height > 1e-9 ? height : 0.0;  // 1e-9 mm: the start of an arc may miss the tip by rounding
 }
 
@@ -82,7 +82,7 @@ ToolOutline outline_from_points(const std::vector<OutlinePoint>& points);
 /// Returns the convex outline of lines and arcs from the axis at the bottom to the axis at the top.
 /// Inserts the sharp corners between them.
 /// @throws std::invalid_argument as outline_from_points
-ToolOutline closed_outline(const std::vector<OutlinePiece>& pieces);
+ToolOutline closed_outline(const std::vector<OutlineSegment>& segments);
 
 /// The APT cutter, defined by seven parameters.
 struct AptCutter {
@@ -145,11 +145,11 @@ struct OutlineDistance {
 /// Returns the signed distance of a point from an outline.
 OutlineDistance distance(const ToolOutline& outline, const Eigen::Vector2d& point);
 /// Overload for the boundary of a convex region.
-OutlineDistance distance(const std::vector<OutlinePiece>& pieces, const Eigen::Vector2d& point);
+OutlineDistance distance(const std::vector<OutlineSegment>& segments, const Eigen::Vector2d& point);
 
 /// Returns the point of the segments' hull that lies farthest in a direction, which may have any
 /// length.
-Eigen::Vector2d extreme_point(const std::vector<OutlinePiece>& pieces,
+Eigen::Vector2d extreme_point(const std::vector<OutlineSegment>& segments,
                               const Eigen::Vector2d& direction);
 
 /// Returns the cross product of two vectors: the sine of the angle from a to b, times their
@@ -159,22 +159,22 @@ inline double cross2d(const Eigen::Vector2d& a, const Eigen::Vector2d& b) {
 }
 
 /// Returns the line from one point to another.
-OutlinePiece line_segment(const Eigen::Vector2d& from, const Eigen::Vector2d& to);
+OutlineSegment line_segment(const Eigen::Vector2d& from, const Eigen::Vector2d& to);
 
 /// Returns the arc that bulges outwards, half a circle or less.
 /// @throws std::invalid_argument if the radius is below half the chord
-OutlinePiece arc_segment(const Eigen::Vector2d& from, const Eigen::Vector2d& to, double radius);
+OutlineSegment arc_segment(const Eigen::Vector2d& from, const Eigen::Vector2d& to, double radius);
 
 /// Returns the arc about a given centre.
-OutlinePiece arc_segment_about(const Eigen::Vector2d& from, const Eigen::Vector2d& to,
-                               double radius, const Eigen::Vector2d& centre);
+OutlineSegment arc_segment_about(const Eigen::Vector2d& from, const Eigen::Vector2d& to,
+                                 double radius, const Eigen::Vector2d& centre);
 
 /// Returns the lines and arcs from the tip through the points to the axis at the top, without sharp
 /// corners.
 /// @throws std::invalid_argument if a number is negative or not finite, if the outline does not
 ///         start at height 0 or does not end above the tip and off the axis, or if an arc is too
 ///         small for its chord
-std::vector<OutlinePiece> segments_from_points(const std::vector<OutlinePoint>& points);
+std::vector<OutlineSegment> segments_from_points(const std::vector<OutlinePoint>& points);
 
 /// Points nearer to each other than this are the same point, mm.
 inline constexpr double coincidence_tolerance = 1e-9;
@@ -184,14 +184,14 @@ inline constexpr double bend_tolerance = 1e-7;
 
 /// Returns the sine of the angle by which an outline bends inwards at the start of a segment; not
 /// positive if it does not bend inwards.
-double inward_bend(const OutlinePiece& previous, const OutlinePiece& segment);
+double inward_bend(const OutlineSegment& previous, const OutlineSegment& segment);
 
 /// Returns consecutive segments with the sharp corners inserted between them. Splits arcs of more
 /// than a right angle in two.
 /// @param normal_before  outward normal at the end of the segment before the first one
 /// @throws std::invalid_argument if a joint bends inwards; the message gives the point and the
 /// angle
-std::vector<OutlinePiece> with_corners(const std::vector<OutlinePiece>& pieces,
-                                       const Eigen::Vector2d& normal_before);
+std::vector<OutlineSegment> with_corners(const std::vector<OutlineSegment>& segments,
+                                         const Eigen::Vector2d& normal_before);
 
 }  // namespace abbe::cutting

@@ -105,7 +105,7 @@ bool is_on_rim(const Cutter& cutter, const Eigen::Vector2d& point) {
   if (!cutter.outline)
     return cutter.corner_radius == 0.0 && std::abs(point.y()) < rim_width &&
            std::abs(point.x() - cutter.radius) < rim_width;
-  return std::ranges::any_of(cutter.outline->pieces, [&](const OutlinePiece& piece) {
+  return std::ranges::any_of(cutter.outline->segments, [&](const OutlineSegment& piece) {
     return piece.is_arc && piece.radius == 0.0 &&
            (point - piece.from).cwiseAbs().maxCoeff() < rim_width;
   });
@@ -142,7 +142,7 @@ std::optional<Vector3d> skin_normal(const Cutter& cutter, const CutterPose& pose
 Vector3d edge_normal(const EdgeProfile& profile, const Eigen::Matrix3d& R,
                      const Vector3d& from_origin) {
   const Eigen::Vector2d point(R.col(0).dot(from_origin), R.col(2).dot(from_origin));
-  const Eigen::Vector2d outward = distance(profile.pieces, point).gradient;
+  const Eigen::Vector2d outward = distance(profile.segments, point).gradient;
   return outward.x() * R.col(0) + outward.y() * R.col(2);
 }
 
@@ -180,7 +180,7 @@ PassGradients contact_gradients(const Design& design, const Surface& surface,
 
 }  // namespace
 
-Eigen::VectorXd way_of(const CutterMotion& motion, double initial_length) {
+Eigen::VectorXd path_lengths(const CutterMotion& motion, double initial_length) {
   const Index samples = motion.tip.rows();
   Eigen::VectorXd lengths = Eigen::VectorXd::Constant(samples, initial_length);
   for (Index i = 1; i < samples; ++i)
@@ -192,7 +192,7 @@ PassGradients milled_gradients(const Design& design_w, const Surface& surface, c
                                const CutterMotion& motion, double initial_length) {
   check_cutter(cutter);
   const Index samples = motion.tip.rows();
-  const Eigen::VectorXd path_length = way_of(motion, initial_length);
+  const Eigen::VectorXd path_length = path_lengths(motion, initial_length);
   return contact_gradients(design_w, surface, [&](Index v, const Vector3d& contact) {
     const auto [interval, u] = locate_instant(motion.time_s, surface.cut_time_s[v]);
     const Move move = move_after(motion, interval);

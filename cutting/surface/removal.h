@@ -59,7 +59,7 @@ PassGradients milled_gradients(const Design& design_w, const Surface& surface, c
 
 /// Returns the path length of the tip until each sample, (n) mm.
 /// @param initial_length  mm, path length before the first sample
-Eigen::VectorXd way_of(const CutterMotion& motion, double initial_length = 0.0);
+Eigen::VectorXd path_lengths(const CutterMotion& motion, double initial_length = 0.0);
 
 /// Returns the gradients of a surface computed by `turned_surface`; the travel is that of the
 /// vertex about the spindle line. The gradient neglects the waves of the nose, which causes an

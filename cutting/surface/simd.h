@@ -76,7 +76,7 @@ struct OutlineDistance8 {
     stdx::where(is_larger, largest.axial) = axial;
     stdx::where(is_larger, largest.curvature) = curvature;
   };
-  for (const OutlinePiece& segment : outline.pieces) {
+  for (const OutlineSegment& segment : outline.segments) {
     const float nx = float(segment.normal_from.x()), ny = float(segment.normal_from.y());
     const Float8 vx = x - float(segment.from.x()), vy = y - float(segment.from.y());
     const Float8 off = nx * vx + ny * vy;
@@ -118,7 +118,7 @@ struct Reach {
   const Float8 length = stdx::sqrt(across * across + rise * rise + tiny);
   const float base = float(bottom(outline));
   Reach reach{Float8(base * rise), Float8(0.0f), Float8(base)};
-  for (const OutlinePiece& segment : outline.pieces) {
+  for (const OutlineSegment& segment : outline.segments) {
     const float tx = float(segment.to.x()), ty = float(segment.to.y());
     const Float8 at_end = tx * across + ty * rise;
     const auto is_larger = at_end > reach.value;

@@ -39,7 +39,7 @@ struct NoseMotion {
   Eigen::Vector3d spindle_direction = Eigen::Vector3d::UnitX();  ///< unit, workpiece frame
 };
 
-class Thickness;
+class WallThickness;
 
 /// Status of the surface at a vertex.
 enum class VertexStatus : std::uint8_t {
@@ -56,8 +56,8 @@ struct SurfaceOptions {
   double band = 2.0;                     ///< mm, the ray is searched from -band (inside) to +band
   std::function<void(double)> progress;  ///< called from time to time with the finished fraction,
                                          ///< from any thread
-  std::shared_ptr<const Thickness> body = {};  ///< the part behind the design; if null, the design
-                                               ///< itself
+  std::shared_ptr<const WallThickness> body = {};  ///< the part behind the design; if null, the
+                                                   ///< design itself
 };
 
 /// The removal below the band at a vertex that is Gouged.
@@ -72,7 +72,7 @@ struct Gouge {
 /// outward normal.
 struct Surface {
   /// Positions of additional samples of a map within its triangles.
-  enum class Within : std::uint8_t {
+  enum class InteriorSample : std::uint8_t {
     None,
     Middle,  ///< the middle of a triangle, for a map that its vertices resolve
     Random,  ///< a random point of each triangle, so that waves finer than the triangles do not
@@ -85,9 +85,9 @@ struct Surface {
   std::vector<VertexStatus> status;  ///< (n)
   std::vector<Gouge> gouges = {};    ///< of the vertices with status Gouged, in the order of the
                                      ///< vertices
-  Within sampled_within = Within::None;
+  InteriorSample interior_sample = InteriorSample::None;
   Eigen::VectorXd within = {};  ///< (m) mm, residual at the sample within each triangle; NaN where
-                                ///< it or a corner is not cut; empty if `sampled_within` is None
+                                ///< it or a corner is not cut; empty if `interior_sample` is None
 };
 
 /// Returns the surface left by a milling cutter: on each normal the first point, from inside the
@@ -168,7 +168,7 @@ struct CompetingPass {
 
 struct CompetingPassOptions {
   double reach = 0.05;  ///< mm, passes this much farther than the nearest are included
-  int most = 6;         ///< maximum number of passes per vertex, nearest first; sufficient up to a
+  int max_passes = 6;   ///< maximum number of passes per vertex, nearest first; sufficient up to a
                         ///< displacement of (most - 1) / 2 pitches
   double stencil = 0.01;  ///< mm, step of the differences that give gradient and curvature
   double band = 2.0;      ///< mm, as for the surface
@@ -182,7 +182,7 @@ struct CompetingPassOptions {
 /// minimum of the distance; two runs without a crest of at least 1e-6 mm between them count as one
 /// pass. The result does not depend on the number of threads.
 /// @throws std::invalid_argument as milled_surface, or if an option is not finite, `reach` is
-///         negative, `most` below 1 or `stencil` not positive, or if the cutter is hollow
+///         negative, `max_passes` below 1 or `stencil` not positive, or if the cutter is hollow
 std::vector<CompetingPass> milled_competing_passes(const Design& design_w, const Cutter& cutter,
                                                    const CutterMotion& motion,
                                                    const CompetingPassOptions& options = {});

@@ -136,7 +136,7 @@ void check_turning_input(const Design& design, double band) {
 void check_pass_options(const CompetingPassOptions& options) {
   require(std::isfinite(options.reach) && options.reach >= 0,
           "rivals: expected a reach of 0 or more");
-  require(options.most >= 1, "rivals: expected one or more of a vertex");
+  require(options.max_passes >= 1, "rivals: expected one or more of a vertex");
   require(std::isfinite(options.stencil) && options.stencil > 0,
           "rivals: expected a positive length of the stencil");
 }
@@ -210,7 +210,7 @@ ShiftedRay normal_segment(const Design& design, Index vertex, double from, doubl
 
 /// Returns true if a point removed below an intact skin is nearer, by a tenth, to another point of
 /// the part, from where it was then cut.
-bool is_cut_from_elsewhere(const Design& design, const Thickness& thickness, Index vertex,
+bool is_cut_from_elsewhere(const Design& design, const WallThickness& thickness, Index vertex,
                            double s) {
   constexpr double nearer_fraction = 0.9;
   const Eigen::Vector3d point = design.vertices.row(vertex) + s * design.normals.row(vertex);
@@ -239,7 +239,8 @@ struct SearchResult {
 
 /// Decides the status of a vertex from the first cut along its ray.
 SearchResult decide_status(const GougeSearch& search, const Design& design,
-                           const Thickness& thickness, double band, std::optional<FirstCut> cut) {
+                           const WallThickness& thickness, double band,
+                           std::optional<FirstCut> cut) {
   const auto& [vertex, starts_removed, is_thin, max_depth] = search;
   if (!cut && starts_removed && !is_thin)  // to rounding, the removed material begins at -band
     return {VertexStatus::Gouged, {-band, 0.0, 0}, {vertex, band, false}};
@@ -266,7 +267,7 @@ bool needs_second_search(VertexStatus status) {
 /// Returns the searches of all uncut or gouged vertices, in the order of the vertices. Omits an
 /// uncut vertex of a thin part, which has no unsearched material behind it.
 std::vector<GougeSearch> gouge_searches(const Surface& surface, const Design& design,
-                                        const Thickness& body, double band) {
+                                        const WallThickness& body, double band) {
   std::vector<GougeSearch> searches;
   for (std::size_t i = 0; i < surface.status.size(); ++i)
     if (needs_second_search(surface.status[i]))
@@ -287,8 +288,8 @@ std::vector<GougeSearch> gouge_searches(const Surface& surface, const Design& de
 /// Returns the surface after the second search, which sets vertices to Gouged, Uncut or, where the
 /// part is thin, Cut.
 /// @param cuts  first cuts along the rays of the searches
-Surface with_gouge_status(Surface surface, const Design& design, const Thickness& body, double band,
-                          const std::vector<GougeSearch>& searches,
+Surface with_gouge_status(Surface surface, const Design& design, const WallThickness& body,
+                          double band, const std::vector<GougeSearch>& searches,
                           const std::vector<std::optional<FirstCut>>& cuts) {
   std::vector<SearchResult> results(searches.size());
   parallel_for_each(searches.size(), [&](std::size_t k) {
@@ -332,7 +333,7 @@ Surface complete_gouges(Surface surface, const Design& design, const SurfaceOpti
 Surface complete_gouges(Surface surface, const Design& design, const SurfaceOptions& options,
                         const FirstCutsFunction& first_cuts) {
   if (std::ranges::none_of(surface.status, needs_second_search)) return surface;
-  const auto body = options.body ? options.body : std::make_shared<const Thickness>(design);
+  const auto body = options.body ? options.body : std::make_shared<const WallThickness>(design);
   const std::vector<GougeSearch> searches = gouge_searches(surface, design, *body, options.band);
   if (searches.empty()) return surface;
   const auto cuts = first_cuts(searches.size(), [&](std::size_t k) {

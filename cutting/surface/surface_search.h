@@ -74,7 +74,7 @@ class ThinPartRays {
   const Design& design_;
   double band_;
   mutable std::once_flag once_;
-  mutable std::optional<Thickness> thickness_;
+  mutable std::optional<WallThickness> thickness_;
 };
 
 /// Returns the surface completed by its gouges: searches the ray of every Gouged or Uncut vertex

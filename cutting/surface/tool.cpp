@@ -17,7 +17,7 @@ using Eigen::Vector2d;
 
 namespace {
 
-using Segments = std::vector<OutlinePiece>;
+using Segments = std::vector<OutlineSegment>;
 using Number = OutlineError::Number;
 
 // Limits the convex parts of a hollow tool, each of which is searched by itself.
@@ -34,7 +34,7 @@ void check_rise(double previous_height, const Vector2d& point) {
                        point, Number::Second);
 }
 
-void check_arc_heights(const OutlinePiece& segment, double min_normal_x, const Vector2d& end) {
+void check_arc_heights(const OutlineSegment& segment, double min_normal_x, const Vector2d& end) {
   if (!(min_normal_x >= -bend_tolerance))
     throw OutlineError(
         fmt::format("outline: expected an arc that keeps between the heights of its ends, seen "
@@ -47,7 +47,7 @@ void check_arc_heights(const OutlinePiece& segment, double min_normal_x, const V
 
 /// Returns the arc traversed backwards: an arc that bulges inwards then bulges outwards, as an
 /// OutlinePiece must.
-OutlinePiece reversed_arc(const Vector2d& from, const Vector2d& to, double radius) {
+OutlineSegment reversed_arc(const Vector2d& from, const Vector2d& to, double radius) {
   const double half_chord = 0.5 * (to - from).norm();
   if (!(radius >= half_chord))
     throw OutlineError(
@@ -56,7 +56,7 @@ OutlinePiece reversed_arc(const Vector2d& from, const Vector2d& to, double radiu
                     half_chord, to.x(), to.y(), radius),
         to, Number::Radius);
   check_rise(from.y(), to);
-  const OutlinePiece reversed = arc_segment(to, from, radius);
+  const OutlineSegment reversed = arc_segment(to, from, radius);
   check_arc_heights(reversed, -std::max(reversed.normal_from.x(), reversed.normal_to.x()), to);
   const bool has_minimum = reversed.normal_from.y() > 0.0 && reversed.normal_to.y() < 0.0;
   const double min_distance = reversed.from.x() - radius * (1.0 + reversed.normal_from.x());
@@ -70,7 +70,7 @@ OutlinePiece reversed_arc(const Vector2d& from, const Vector2d& to, double radiu
 
 /// An arc that bulges inwards, and the smallest number of chords that keeps within `max_chord_sag`.
 struct InwardArc {
-  OutlinePiece reversed;
+  OutlineSegment reversed;
   double arc_angle;  // rad
   int chord_count;
 
@@ -133,9 +133,9 @@ std::vector<OutlinePoint> replace_inward_arcs(const std::vector<OutlinePoint>& p
 
 // The convex parts of a hollow outline.
 
-void check_heights(const Segments& pieces) {
-  for (std::size_t i = 0; i + 1 < pieces.size(); ++i) {
-    const OutlinePiece& segment = pieces[i];
+void check_heights(const Segments& segments) {
+  for (std::size_t i = 0; i + 1 < segments.size(); ++i) {
+    const OutlineSegment& segment = segments[i];
     check_rise(segment.from.y(), segment.to);
     check_arc_heights(segment, std::min(segment.normal_from.x(), segment.normal_to.x()),
                       segment.to);
@@ -147,22 +147,22 @@ void check_heights(const Segments& pieces) {
   }
 }
 
-void check_turns(const Segments& pieces) {
-  for (std::size_t i = 1; i < pieces.size(); ++i) {
-    const Vector2d &before = pieces[i - 1].normal_to, &after = pieces[i].normal_from;
+void check_turns(const Segments& segments) {
+  for (std::size_t i = 1; i < segments.size(); ++i) {
+    const Vector2d &before = segments[i - 1].normal_to, &after = segments[i].normal_from;
     if (before.dot(after) < 0.0 && std::abs(cross2d(before, after)) <= bend_tolerance)
       throw OutlineError(
           fmt::format("outline: expected it to go on, seen that it turns back on itself at "
                       "({:g}, {:g}) mm",
-                      pieces[i].from.x(), pieces[i].from.y()),
-          pieces[i].from);
+                      segments[i].from.x(), segments[i].from.y()),
+          segments[i].from);
   }
 }
 
 /// Returns the convex runs of an outline, split at the corners that bend inwards.
-std::vector<Segments> split_at_inward_corners(const Segments& pieces) {
+std::vector<Segments> split_at_inward_corners(const Segments& segments) {
   std::vector<Segments> runs(1);
-  for (const OutlinePiece& segment : pieces) {
+  for (const OutlineSegment& segment : segments) {
     if (!runs.back().empty() && inward_bend(runs.back().back(), segment) > bend_tolerance)
       runs.emplace_back();
     runs.back().push_back(segment);
@@ -172,19 +172,19 @@ std::vector<Segments> split_at_inward_corners(const Segments& pieces) {
 
 /// Returns the convex outline of a run, closed by a flat bottom and a flat top.
 ToolOutline run_outline(const Segments& run) {
-  Segments pieces;
+  Segments segments;
   const Vector2d low = run.front().from, high = run.back().to;
-  if (low.x() > coincidence_tolerance) pieces.push_back(line_segment({0.0, low.y()}, low));
-  pieces.insert(pieces.end(), run.begin(), run.end());
-  if (high.x() > coincidence_tolerance) pieces.push_back(line_segment(high, {0.0, high.y()}));
-  return closed_outline(pieces);
+  if (low.x() > coincidence_tolerance) segments.push_back(line_segment({0.0, low.y()}, low));
+  segments.insert(segments.end(), run.begin(), run.end());
+  if (high.x() > coincidence_tolerance) segments.push_back(line_segment(high, {0.0, high.y()}));
+  return closed_outline(segments);
 }
 
 /// Returns the midpoint of that part of a line from a corner which lies inside a convex outline.
 /// The part ends at half the corner's distance from the axis.
 Vector2d inner_midpoint(const ToolOutline& outline, const Vector2d& corner, const Vector2d& line) {
   if (std::abs(line.y()) <= bend_tolerance) return corner;
-  const double end_height = line.y() > 0.0 ? outline.height : outline.pieces.front().from.y();
+  const double end_height = line.y() > 0.0 ? outline.height : outline.segments.front().from.y();
   double outside_distance = (end_height - corner.y()) / line.y(), inside_distance = 0.0;
   if (line.x() < 0.0) outside_distance = std::min(outside_distance, -0.5 * corner.x() / line.x());
   const auto is_inside = [&](double offset) {
@@ -201,7 +201,7 @@ Vector2d inner_midpoint(const ToolOutline& outline, const Vector2d& corner, cons
 
 /// Extends a run at its lower end to a point on its end line.
 void extend_start(Segments& run, const Vector2d& start) {
-  OutlinePiece& first_segment = run.front();
+  OutlineSegment& first_segment = run.front();
   if ((first_segment.from - start).norm() <= coincidence_tolerance) return;
   const Vector2d normal = first_segment.normal_from, corner = first_segment.from;
   if (first_segment.is_arc)
@@ -212,7 +212,7 @@ void extend_start(Segments& run, const Vector2d& start) {
 
 /// Extends a run at its upper end to a point on its end line.
 void extend_end(Segments& run, const Vector2d& end) {
-  OutlinePiece& last_segment = run.back();
+  OutlineSegment& last_segment = run.back();
   if ((last_segment.to - end).norm() <= coincidence_tolerance) return;
   const Vector2d normal = last_segment.normal_to, corner = last_segment.to;
   if (last_segment.is_arc)
@@ -223,16 +223,16 @@ void extend_end(Segments& run, const Vector2d& end) {
 
 /// Returns the outline, hollow if it has more than one convex run.
 /// @param pieces  from the tip to the axis at the top, without sharp corners
-ToolOutline outline_from_runs(const Segments& pieces) {
-  const std::vector<Segments> runs = split_at_inward_corners(pieces);
-  if (runs.size() == 1) return closed_outline(pieces);
+ToolOutline outline_from_runs(const Segments& segments) {
+  const std::vector<Segments> runs = split_at_inward_corners(segments);
+  if (runs.size() == 1) return closed_outline(segments);
   std::vector<ToolOutline> cores;
   for (const Segments& run : runs) cores.push_back(run_outline(run));
   ToolOutline outline;
   for (std::size_t k = 0; k < runs.size(); ++k) {
     const Vector2d previous_normal = k == 0 ? Vector2d(0, -1) : runs[k].front().normal_from;
     const Segments run_boundary = with_corners(runs[k], previous_normal);
-    outline.pieces.insert(outline.pieces.end(), run_boundary.begin(), run_boundary.end());
+    outline.segments.insert(outline.segments.end(), run_boundary.begin(), run_boundary.end());
     Segments extended_run = runs[k];
     if (k > 0)
       extend_start(extended_run, inner_midpoint(cores[k - 1], extended_run.front().from,
@@ -252,7 +252,7 @@ ToolOutline outline_from_runs(const Segments& pieces) {
 
 /// Moves the end of one line and the start of the next to their intersection, after a displacement
 /// opened the inward corner between them.
-void join_lines(OutlinePiece& lower, OutlinePiece& upper, const Vector2d& corner) {
+void join_lines(OutlineSegment& lower, OutlineSegment& upper, const Vector2d& corner) {
   const Vector2d u = along(lower.normal_to), v = along(upper.normal_from);
   const double offset = cross2d(upper.from - lower.from, v) / cross2d(u, v);
   const Vector2d intersection = lower.from + offset * u;
@@ -266,10 +266,10 @@ void join_lines(OutlinePiece& lower, OutlinePiece& upper, const Vector2d& corner
 
 /// Returns the segment, or the two parts of an arc below and above its widest point: axial run-out
 /// displaces the two differently.
-Segments split_at_widest(const OutlinePiece& segment) {
+Segments split_at_widest(const OutlineSegment& segment) {
   if (!segment.is_arc || (segment.normal_from.y() <= 0.0) == (segment.normal_to.y() <= 0.0))
     return {segment};
-  OutlinePiece below = segment, above = segment;
+  OutlineSegment below = segment, above = segment;
   below.to = above.from = segment.from + segment.radius * (Vector2d::UnitX() - segment.normal_from);
   below.normal_to = above.normal_from = Vector2d::UnitX();
   return {below, above};
@@ -280,7 +280,7 @@ Segments split_at_widest(const OutlinePiece& segment) {
 /// Returns the segments of an outline without the flats at tip and top.
 Segments side_segments(const ToolOutline& outline) {
   Segments sides;
-  for (const OutlinePiece& segment : outline.pieces) {
+  for (const OutlineSegment& segment : outline.segments) {
     const bool is_flat = std::abs(segment.to.y() - segment.from.y()) <= coincidence_tolerance;
     if (!is_flat || std::min(segment.from.x(), segment.to.x()) > coincidence_tolerance)
       sides.push_back(segment);
@@ -288,7 +288,7 @@ Segments side_segments(const ToolOutline& outline) {
   return sides;
 }
 
-double radius_at(const OutlinePiece& segment, double height) {
+double radius_at(const OutlineSegment& segment, double height) {
   const double rise = segment.to.y() - segment.from.y();
   if (rise <= coincidence_tolerance) return std::min(segment.from.x(), segment.to.x());
   if (!segment.is_arc)
@@ -304,7 +304,7 @@ double radius_at(const OutlinePiece& segment, double height) {
 /// narrower between them.
 double min_radius(const Segments& sides, double low, double high) {
   double result = std::numeric_limits<double>::infinity();
-  for (const OutlinePiece& segment : sides) {
+  for (const OutlineSegment& segment : sides) {
     const double from = std::max(low, segment.from.y()), to = std::min(high, segment.to.y());
     if (from <= to) result = std::min({result, radius_at(segment, from), radius_at(segment, to)});
   }
@@ -368,14 +368,14 @@ InsetOutline inset_hollow(const ToolOutline& outline, double margin) {
   std::vector<OutlinePoint> points;
   for (const Vector2d& sample : lower_polyline({first, last}, 0.05 * margin))
     points.push_back({{sample.x(), sample.y() - tip_rise}});
-  return {profile_from_points(points), tip_rise};
+  return {tool_outline_from_points(points), tip_rise};
 }
 
-ToolOutline profile_from_points(const std::vector<OutlinePoint>& points) {
-  const Segments pieces = segments_from_points(replace_inward_arcs(points));
-  check_heights(pieces);
-  check_turns(pieces);
-  return outline_from_runs(pieces);
+ToolOutline tool_outline_from_points(const std::vector<OutlinePoint>& points) {
+  const Segments segments = segments_from_points(replace_inward_arcs(points));
+  check_heights(segments);
+  check_turns(segments);
+  return outline_from_runs(segments);
 }
 
 double chord_sag(const std::vector<OutlinePoint>& points) {
@@ -386,9 +386,9 @@ double chord_sag(const std::vector<OutlinePoint>& points) {
   return max_sag;
 }
 
-ToolOutline widened(const ToolOutline& outline, double radial, double axial) {
+ToolOutline run_out_envelope(const ToolOutline& outline, double radial, double axial) {
   Segments boundary;
-  const auto append = [&](OutlinePiece segment) {
+  const auto append = [&](OutlineSegment segment) {
     const Vector2d displacement(
         radial, segment.normal_from.y() + segment.normal_to.y() <= 0.0 ? 0.0 : 2.0 * axial);
     const Vector2d corner = segment.from;
@@ -403,9 +403,9 @@ ToolOutline widened(const ToolOutline& outline, double radial, double axial) {
     }
     boundary.push_back(segment);
   };
-  for (const OutlinePiece& segment : outline.pieces)
+  for (const OutlineSegment& segment : outline.segments)
     if (!segment.is_arc || segment.radius > 0.0)
-      for (const OutlinePiece& half : split_at_widest(segment)) append(half);
+      for (const OutlineSegment& half : split_at_widest(segment)) append(half);
   boundary.back().to.x() = 0.0;
   return outline_from_runs(boundary);
 }
@@ -415,7 +415,7 @@ Cutter form_cutter(ToolOutline outline) {
   return {radius, 0.0, height, std::make_shared<const ToolOutline>(std::move(outline))};
 }
 
-Nose nose_of(EdgeProfile profile) {
+Nose profile_nose(EdgeProfile profile) {
   Nose nose{profile.radius, {}};
   nose.profile = std::make_shared<const EdgeProfile>(std::move(profile));
   return nose;
@@ -437,7 +437,7 @@ std::vector<Cutter> convex_parts(const Cutter& cutter) {
   return parts;
 }
 
-InsetCutter shrunk(const Cutter& cutter, double margin) {
+InsetCutter inset_cutter(const Cutter& cutter, double margin) {
   const double offset = std::min(margin, 0.25 * cutter.radius);
   if (cutter.outline) {
     const double depth = std::min(offset, 0.25 * cutter.flank_length);
@@ -464,7 +464,7 @@ Cutter with_run_out(const Cutter& cutter, double radial, double axial) {
   check_cutter(cutter);
   check_run_out("radial", radial);
   check_run_out("axial", axial);
-  if (cutter.outline) return form_cutter(widened(*cutter.outline, radial, axial));
+  if (cutter.outline) return form_cutter(run_out_envelope(*cutter.outline, radial, axial));
   Cutter result = cutter;
   result.radius += radial;
   result.flank_length += 2.0 * axial;

@@ -26,7 +26,7 @@ inline constexpr double max_chord_sag = 1e-3;
 /// @throws std::invalid_argument as outline_from_points, or if a height falls, or if the outline
 ///         turns back on itself, reaches the axis or requires more than 200 chords; the message
 ///         gives the point
-ToolOutline profile_from_points(const std::vector<OutlinePoint>& points);
+ToolOutline tool_outline_from_points(const std::vector<OutlinePoint>& points);
 
 /// Returns the maximum distance, mm, by which chords make the outline through these points larger
 /// than its arcs that bulge inwards; 0 without such an arc.
@@ -38,7 +38,7 @@ double chord_sag(const std::vector<OutlinePoint>& points);
 /// @throws std::invalid_argument for a hollow outline with axial displacement, if a corner that
 ///         bends inwards is the end of an arc or if the groove beside it is lower than the
 ///         displacement
-ToolOutline widened(const ToolOutline& outline, double radial, double axial);
+ToolOutline run_out_envelope(const ToolOutline& outline, double radial, double axial);
 
 /// Returns the interior of a hollow outline at a margin, bounded by lines. Its distance from the
 /// outline is at least the margin and at most twice the margin plus a five-hundredth of the height.
@@ -100,7 +100,7 @@ struct InsetCutter {
 /// @param margin  mm; limited to a quarter of the radius and, for a form cutter, of the height; the
 ///                arcs of a form cutter become polygons (`inset_convex` in outline.h,
 ///                `inset_hollow` for a hollow one)
-InsetCutter shrunk(const Cutter& cutter, double margin);
+InsetCutter inset_cutter(const Cutter& cutter, double margin);
 
 /// Harmonic form error of a nose: the edge protrudes by amplitude cos(order psi + phase).
 struct NoseWave {
@@ -119,7 +119,7 @@ struct Nose {
 };
 
 /// Returns the nose of an insert.
-Nose nose_of(EdgeProfile profile);
+Nose profile_nose(EdgeProfile profile);
 
 /// Returns the cutter that represents a cutter with spindle run-out: the flat, and with it the
 /// radius, grows by `radial`; the corner is unchanged. The tip lies `axial` below the tip of the
@@ -134,10 +134,10 @@ Nose nose_of(EdgeProfile profile);
 /// - radial and axial run-out locked in phase reach their maxima together at one angle only; the
 ///   union equals the hull if every height occurs at every angle.
 /// For a convex form cutter the result is the hull of its displaced outline, with the same limits;
-/// for a hollow one see `widened`.
+/// for a hollow one see `run_out_envelope`.
 /// @param radial  mm, radius of the circle on which the axis runs, >= 0
 /// @param axial   mm, amplitude up and down, >= 0
-/// @throws std::invalid_argument naming the number, or as `widened`
+/// @throws std::invalid_argument naming the number, or as `run_out_envelope`
 Cutter with_run_out(const Cutter& cutter, double radial, double axial);
 
 }  // namespace abbe::cutting

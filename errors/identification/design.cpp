@@ -152,7 +152,7 @@ using Eigen::MatrixXd;
 using kinematics::AxisState;
 using kinematics::Deviation;
 using kinematics::JointDeviation;
-using metrology::Bodies;
+using metrology::BodyPoses;
 
 constexpr double cancellation_limit = 1e-12;  // relative to the column without cancellation
 
@@ -178,7 +178,7 @@ struct BodyTwists {
 /// Returns the Jacobian of the body in the bed, from that of the tool in the workpiece. Columns of
 /// workpiece joints change sign: a workpiece that moves one way appears as a tool that moves the
 /// other way.
-MatrixXd in_bed(const MatrixXd& J_wt, const Chain& chain, const Bodies& bodies) {
+MatrixXd in_bed(const MatrixXd& J_wt, const Chain& chain, const BodyPoses& bodies) {
   const Eigen::Matrix3d R_bw = bodies.T_bw.linear();
   const Eigen::Matrix3d tip_b = kinematics::cross_matrix(bodies.T_bt.translation());
   MatrixXd result(6, J_wt.cols());
@@ -190,7 +190,7 @@ MatrixXd in_bed(const MatrixXd& J_wt, const Chain& chain, const Bodies& bodies) 
   return result;
 }
 
-BodyTwists body_twists(const Chain& chain, const AxisState& state, const Bodies& bodies) {
+BodyTwists body_twists(const Chain& chain, const AxisState& state, const BodyPoses& bodies) {
   return {in_bed(kinematics::motion_jacobian(chain, state.q), chain, bodies),
           in_bed(kinematics::location_jacobian(chain, state.q), chain, bodies)};
 }
@@ -235,7 +235,7 @@ struct SensitivityRow {
 
 /// Returns the change of a reading per unit of every coefficient, at zero deviations.
 SensitivityRow sensitivity_row(const DesignInputs& inputs, const metrology::Channel& channel,
-                               const AxisState& state, const Bodies& bodies, Index count) {
+                               const AxisState& state, const BodyPoses& bodies, Index count) {
   const metrology::ReadingGradient gradient = metrology::gradient(channel, bodies);
   const BodyTwists twist = body_twists(inputs.chain, state, bodies);
   SensitivityRow row{VectorXd::Zero(count), VectorXd::Zero(count)};
@@ -363,7 +363,7 @@ Design design(const GeometricErrors& model, std::span<const Readings> readings) 
     const Measurement& measurement = r.plan.measurements[std::size_t(row.measurement)];
     const metrology::SetUp& set_up = r.plan.set_ups[std::size_t(measurement.set_up)];
     const metrology::Channel& channel = set_up.channels[std::size_t(measurement.channel)];
-    const Bodies bodies = metrology::nominal_bodies(chain, measurement.state.q);
+    const BodyPoses bodies = metrology::nominal_bodies(chain, measurement.state.q);
     const double weight = 1.0 / weighting_sigma(channel);
     result.sigma[i] = 1.0 / weight;
     const SensitivityRow sensitivity =
@@ -428,13 +428,13 @@ struct RowReading {
   const Measurement& measurement;
   const metrology::SetUp& set_up;
   double since_s;
-  Bodies nominal;
+  BodyPoses nominal;
 
-  Bodies bodies(const std::vector<JointDeviation>& D) const {
+  BodyPoses bodies(const std::vector<JointDeviation>& D) const {
     return {chain.workpiece_in_bed(measurement.state.q, D),
             chain.tool_in_bed(measurement.state.q, D)};
   }
-  double operator()(const Bodies& actual, const metrology::Misalignment& m) const {
+  double operator()(const BodyPoses& actual, const metrology::Misalignment& m) const {
     return metrology::reading(set_up, measurement.channel, m, actual, nominal,
                               metrology::spindle_angle(chain, measurement.state), since_s);
   }
@@ -469,7 +469,7 @@ VectorXd predicted_readings(const GeometricErrors& model, std::span<const Readin
   for (Index i = 0; i < result.size(); ++i) {
     const Row& row = design.rows[std::size_t(i)];
     const RowReading reading = row_reading(machine, row);
-    const Bodies actual = reading.bodies(deviations(machine.bound, reading.measurement.state));
+    const BodyPoses actual = reading.bodies(deviations(machine.bound, reading.measurement.state));
     result[i] = reading(actual, misalignments[set_up_index(machine, row)]);
   }
   return result;
@@ -483,9 +483,9 @@ constexpr double difference_step =
 
 /// Returns the poses of the bodies with one joint's deviation changed. Only the body on the joint's
 /// side of the bed is computed anew.
-Bodies bodies_with_deviation(const RowReading& reading, Bodies actual,
-                             std::vector<JointDeviation> D, int joint, const JointDeviation& unit,
-                             double amount) {
+BodyPoses bodies_with_deviation(const RowReading& reading, BodyPoses actual,
+                                std::vector<JointDeviation> D, int joint,
+                                const JointDeviation& unit, double amount) {
   JointDeviation& changed = D[std::size_t(joint)];
   changed.motion += amount * unit.motion;
   changed.location += amount * unit.location;
@@ -507,7 +507,7 @@ bool is_any_sought(const std::vector<char>& is_sought, Index first, Index count)
 VectorXd coefficient_sensitivities(const DesignInputs& inputs, const Design& design,
                                    const RowReading& reading, const std::vector<JointDeviation>& D,
                                    const metrology::Misalignment& m) {
-  const Bodies actual = reading.bodies(D);
+  const BodyPoses actual = reading.bodies(D);
   VectorXd change = VectorXd::Zero(Index(design.unknowns.coefficients.size()));
   Index index = 0;
   for (std::size_t e = 0; e < inputs.elements.size(); ++e) {
@@ -536,7 +536,7 @@ VectorXd coefficient_sensitivities(const DesignInputs& inputs, const Design& des
 /// Returns the change of one reading per unit of each unknown of its set-up.
 VectorXd set_up_sensitivities(const RowReading& reading, const std::vector<JointDeviation>& D,
                               const VectorXd& values) {
-  const Bodies actual = reading.bodies(D);
+  const BodyPoses actual = reading.bodies(D);
   VectorXd change(values.size());
   for (Index k = 0; k < values.size(); ++k) {
     const auto reading_at = [&](double amount) {

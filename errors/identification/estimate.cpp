@@ -29,7 +29,7 @@ enum Preference { ConstantOfMotion, SlopeOfStraightness, OtherNumber, Location, 
 
 bool is_straightness(const ElementName& name, const kinematics::Chain& chain) {
   const kinematics::Joint& joint =
-      chain.joints()[std::size_t(joint_of(name.axis, chain, to_string(name)))];
+      chain.joints()[std::size_t(axis_joint(name.axis, chain, to_string(name)))];
   Index along = 0;
   joint.direction_b.cwiseAbs().maxCoeff(&along);
   return joint.motion == kinematics::Motion::Linear && !name.is_angle() &&
@@ -156,7 +156,7 @@ struct Solution {
   std::vector<int> determined;  ///< columns
   VectorXd x;                   ///< (n) all unknowns
   bool converged = false;
-  std::vector<Confounded> confounded_list;
+  std::vector<ConfoundedCoefficient> confounded_list;
 };
 
 /// Returns the index, among those found, of the coefficient with the largest uncertainty relative
@@ -174,7 +174,7 @@ std::optional<Index> weakest_coefficient(const Problem& problem, const Solution&
     // The limit is relative to the element, not to the coefficient: a curve may need high orders,
     // however small they usually are.
     const double typical =
-        typical_deviation(element_of_number(problem.design.unknowns.names[column]));
+        typical_deviation(coefficient_element(problem.design.unknowns.names[column]));
     const double ratio = deviation / (problem.options.weak_limit * typical);
     if (ratio < max_ratio || std::abs(change) >= min_significance * deviation) continue;
     max_ratio = ratio;
@@ -191,7 +191,7 @@ void leave_out(Index i, const Problem& problem, Solution& solution, MatrixXd& co
   // Change of all coefficients found, per unit of this one.
   const VectorXd unit_changes = -covariance.col(i) / variance;
   const std::string& name = problem.design.unknowns.names[std::size_t(column)];
-  Confounded entry{name, {}, std::sqrt(variance)};
+  ConfoundedCoefficient entry{name, {}, std::sqrt(variance)};
   const auto name_at = [&](std::size_t k) {
     return problem.design.unknowns.names[std::size_t(solution.determined[k])];
   };
@@ -205,7 +205,7 @@ void leave_out(Index i, const Problem& problem, Solution& solution, MatrixXd& co
     if (Index(k) != i && std::abs(unit_change) > min_named_amount * deviation_ratio)
       entry.with.emplace_back(name_at(k), unit_change);
   }
-  for (Confounded& other : solution.confounded_list) {
+  for (ConfoundedCoefficient& other : solution.confounded_list) {
     const auto hidden_entry =
         std::ranges::find(other.with, name, &std::pair<std::string, double>::first);
     if (hidden_entry == other.with.end()) continue;
@@ -234,7 +234,7 @@ void leave_out(Index i, const Problem& problem, Solution& solution, MatrixXd& co
 /// machines. They are removed one by one, since a coefficient may be well determined once the one
 /// that hides it is held.
 Solution leave_out_weak(const Problem& problem, const Fit& first,
-                        std::vector<Confounded> confounded_list) {
+                        std::vector<ConfoundedCoefficient> confounded_list) {
   Solution solution{first.factor.determined, first.x, first.converged, std::move(confounded_list)};
   if (problem.options.weak_limit == 0.0) return solution;
   MatrixXd covariance_matrix = covariance(first.factor);
@@ -312,9 +312,9 @@ VectorXd mistake_effect(Mistake mistake, const VectorXd& departure) {
       return -2.0 * departure;
     case Mistake::Reversed:
       return departure.reverse() - departure;
-    case Mistake::TimesThousand:
+    case Mistake::MultipliedByThousand:
       return 999.0 * departure;
-    case Mistake::OverThousand:
+    case Mistake::DividedByThousand:
       return -0.999 * departure;
   }
   return {};
@@ -333,8 +333,8 @@ std::vector<Alternative> mistake_alternatives(const Problem& problem, const Fit&
   for (int readings = 0; readings < int(problem.readings.size()); ++readings) {
     const auto channels = constant_channels(problem, readings, nominal);
     if (channels.empty()) continue;
-    for (const Mistake mistake :
-         {Mistake::Negated, Mistake::Reversed, Mistake::TimesThousand, Mistake::OverThousand}) {
+    for (const Mistake mistake : {Mistake::Negated, Mistake::Reversed,
+                                  Mistake::MultipliedByThousand, Mistake::DividedByThousand}) {
       VectorXd misfit = fit.misfit;
       for (const std::vector<Index>& channel : channels)
         misfit(channel) += mistake_effect(mistake, problem.observed(channel) - nominal(channel))
@@ -409,15 +409,15 @@ Fit fit_without_outliers(const Problem& problem, std::vector<char>& is_out) {
 }
 
 /// Returns the unknowns that the readings cannot separate, with those that hide them.
-std::vector<Confounded> confounded(const Problem& problem, const Factor& factor) {
+std::vector<ConfoundedCoefficient> confounded(const Problem& problem, const Factor& factor) {
   const Design& design = problem.design;
-  std::vector<Confounded> result;
+  std::vector<ConfoundedCoefficient> result;
   for (int j = 0; j < design.unknowns.size(); ++j) {
     const std::string& name = design.unknowns.names[std::size_t(j)];
     if (design.is_unobservable[std::size_t(j)]) result.push_back({name, {}, {}});
     const auto left_column = std::find(factor.left_out.begin(), factor.left_out.end(), j);
     if (left_column == factor.left_out.end()) continue;
-    Confounded entry{name, {}, {}};
+    ConfoundedCoefficient entry{name, {}, {}};
     const auto column = factor.hidden.col(left_column - factor.left_out.begin());
     for (Index i = 0; i < column.size(); ++i)
       if (column[i] != 0.0)
@@ -603,7 +603,7 @@ struct CurveInputs {
   std::vector<bool> is_outlier;  ///< (rows)
 
   int joint(std::size_t e) const {
-    return joint_of(estimate.belief.elements[e].name.axis, readings.front().nominal, "a belief");
+    return axis_joint(estimate.belief.elements[e].name.axis, readings.front().nominal, "a belief");
   }
   VectorXd basis(std::size_t e, const kinematics::AxisState& state) const {
     return element_basis(estimate.belief.elements[e], ranges[e].count,

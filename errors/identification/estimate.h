@@ -18,7 +18,7 @@ namespace abbe::errors::identification {
 /// A coefficient that the readings cannot separate from others. It stays at its starting value. A
 /// unit of it has the same effect on the readings as the given amounts of the others together,
 /// which therefore absorb the error of its start in these amounts.
-struct Confounded {
+struct ConfoundedCoefficient {
   std::string name;
   /// Other coefficients and unknowns of set-ups with their amounts; contributions below 1e-6 of the
   /// coefficient's own effect are omitted. Empty: no reading depends on the coefficient at all.
@@ -37,7 +37,7 @@ struct FitQuality {
 
 /// Mistakes in recorded readings that the nominal machine cannot reveal: they concern channels that
 /// read a constant value on the nominal machine.
-enum class Mistake { Negated, Reversed, TimesThousand, OverThousand };
+enum class Mistake { Negated, Reversed, MultipliedByThousand, DividedByThousand };
 
 /// Hypothetical fit of all readings, as if one set of them had been recorded with a mistake.
 struct Alternative {
@@ -54,7 +54,7 @@ struct Estimate {
                                    ///< have no covariance
   std::vector<std::string> names;  ///< (p) of all coefficients of the model
   Eigen::VectorXd value;           ///< (p) mm or rad
-  std::vector<Confounded> confounded;
+  std::vector<ConfoundedCoefficient> confounded;
   std::vector<metrology::Misalignment> set_ups;  ///< of every set-up, in the order of the readings
   Eigen::VectorXd fit_residual;  ///< (measurements without temperatures) reading minus model, in
                                  ///< standard deviations

@@ -80,8 +80,8 @@ void add_spline(ElementModel& p, double low, double high, int order, const Line&
   const VectorXd q = VectorXd::LinSpaced(order + 1, low, high);
   if (!line.constant) p.held.emplace_back(curve, 0);
   if (!line.slope) p.held.emplace_back(curve, order);
-  p.element.curves.push_back(
-      {make_table(q, VectorXd::Zero(order + 1), Between::Spline, Outside::Hold)});
+  p.element.curves.push_back({make_table(q, VectorXd::Zero(order + 1), TableInterpolation::Spline,
+                                         TableExtrapolation::Hold)});
 }
 
 void add_fourier(ElementModel& p, int order, double period) {
@@ -237,7 +237,7 @@ void check_element_names(const std::string& name, const std::vector<ElementModel
 
 }  // namespace
 
-GeometricErrors model_of(const Chain& nominal, const ModelOptions& options) {
+GeometricErrors error_model(const Chain& nominal, const ModelOptions& options) {
   check_order("order of slides", options.order);
   check_order("harmonics of rotary axes", options.harmonics);
   check_order("harmonics of the nose", options.spindle_harmonics);
@@ -272,18 +272,18 @@ GeometricErrors model_of(const Chain& nominal, const ModelOptions& options) {
   return model;
 }
 
-std::string element_of_number(const std::string& coefficient_name) {
+std::string coefficient_element(const std::string& coefficient_name) {
   return coefficient_name.substr(0, coefficient_name.find_first_of(" ["));
 }
 
-double shown_unit(const std::string& coefficient_name) {
-  return parse_element_name(element_of_number(coefficient_name)).is_angle() ? units::urad
-                                                                            : units::um;
+double display_unit(const std::string& coefficient_name) {
+  return parse_element_name(coefficient_element(coefficient_name)).is_angle() ? units::urad
+                                                                              : units::um;
 }
 
 double typical_deviation(const std::string& coefficient_name) {
-  const ElementName name = parse_element_name(element_of_number(coefficient_name));
-  const double unit = shown_unit(coefficient_name);
+  const ElementName name = parse_element_name(coefficient_element(coefficient_name));
+  const double unit = display_unit(coefficient_name);
   // Half of the tolerances of ISO 10791-1 and -2, as listed in the header.
   if (name.location) return 20.0 * unit;
   const double element_deviation =
@@ -531,8 +531,8 @@ OrderChoice choose_orders(std::span<const Readings> readings, const ModelOptions
   check(model, options);
   if (readings.empty()) throw std::invalid_argument("there are no readings");
   const GeometricErrors highest =
-      model_of(readings.front().nominal,
-               with_highest_orders(model, readings.front().nominal, options.max_order));
+      error_model(readings.front().nominal,
+                  with_highest_orders(model, readings.front().nominal, options.max_order));
   const OrderProblem problem = order_problem(highest, readings, options.folds);
   std::vector<Training> folds;
   for (int f = 0; f < options.folds; ++f) folds.push_back(training(problem, f));

@@ -49,11 +49,11 @@ inline constexpr const char* pitch_name = "screw pitch";
 /// is omitted.
 /// @throws std::invalid_argument for an unknown element, a slide without limits, or an option
 ///         out of range (orders 0 to 60)
-GeometricErrors model_of(const kinematics::Chain& nominal, const ModelOptions& options = {});
+GeometricErrors error_model(const kinematics::Chain& nominal, const ModelOptions& options = {});
 
 /// Returns the name of the element to which a coefficient belongs: "EXX" for "EXX[2]" and for "EXX
 /// screw pitch cos 1".
-std::string element_of_number(const std::string& coefficient);
+std::string coefficient_element(const std::string& coefficient);
 
 /// Returns the typical standard deviation of a coefficient ("EXX[2]", "EXC cos 1", "EC0Y") on
 /// well-made machine tools, mm or rad: half of the tolerances of ISO 10791-1 and -2 for new
@@ -65,7 +65,7 @@ double typical_deviation(const std::string& coefficient);
 
 /// Returns the display unit of a coefficient, 1 um or 1 urad, in mm or rad.
 /// @throws std::invalid_argument if the text does not begin with the name of an element
-double shown_unit(const std::string& coefficient);
+double display_unit(const std::string& coefficient);
 
 /// Orders of the elements, chosen by cross-validation.
 struct OrderChoice {
@@ -88,7 +88,7 @@ struct OrderOptions {
 /// more harmonics are tried than the model has. First order in the deviations. A direction that the
 /// remaining targets do not determine stays at its start (1e-11 is added to the diagonal of the
 /// normal equations of unit columns): it does not affect a prediction.
-/// @throws std::invalid_argument as `estimate` and `model_of`, for a spline (its orders are not
+/// @throws std::invalid_argument as `estimate` and `error_model`, for a spline (its orders are not
 ///         nested), fewer than 2 folds, or fewer targets than folds
 OrderChoice choose_orders(std::span<const metrology::Readings> readings,
                           const ModelOptions& model = {}, const OrderOptions& options = {});

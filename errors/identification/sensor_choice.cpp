@@ -52,7 +52,7 @@ NormalisedSeries normalise(const MatrixXd& series, Image image) {
       if (divisor == 0) result.status = GreyStatus::MeanIsZero;
     } else if (image == Image::Interval) {
       divisor = x.maxCoeff() - x.minCoeff();
-      if (divisor == 0) result.status = GreyStatus::StandsStill;
+      if (divisor == 0) result.status = GreyStatus::ConstantSeries;
       x.array() -= x.minCoeff();
     }
     if (result.status == GreyStatus::Ok)
@@ -164,7 +164,7 @@ const char* to_string(GreyStatus status) {
       return "a series that starts at zero has no initial image";
     case GreyStatus::MeanIsZero:
       return "a series of mean zero has no mean image";
-    case GreyStatus::StandsStill:
+    case GreyStatus::ConstantSeries:
       return "a series that stands still has no interval image";
   }
   return "";
@@ -383,10 +383,10 @@ SensorChoice choose_sensors(std::span<const ThermalData> errors,
   SensorChoice choice;
   const std::vector<int> inputs = varying_inputs(errors.front());
   for (int j = 0; j < errors.front().T.cols(); ++j)
-    if (!std::ranges::count(inputs, j)) choice.still.push_back(j);
+    if (!std::ranges::count(inputs, j)) choice.constant_inputs.push_back(j);
   if (inputs.empty()) {
-    choice.status = GreyStatus::StandsStill;
-    choice.input = choice.still.front();
+    choice.status = GreyStatus::ConstantSeries;
+    choice.input = choice.constant_inputs.front();
     return choice;
   }
   if (!options.fixed.empty()) {
@@ -404,7 +404,8 @@ SensorChoice choose_sensors(std::span<const ThermalData> errors,
   choice.mutual = std::move(degrees.mutual);
 
   std::vector<int> by_degree = ranking(choice.degree);
-  std::erase_if(by_degree, [&](int j) { return std::ranges::count(choice.still, j) > 0; });
+  std::erase_if(by_degree,
+                [&](int j) { return std::ranges::count(choice.constant_inputs, j) > 0; });
   const std::size_t group_count =
       std::min(static_cast<std::size_t>(std::max(options.groups, options.count)), by_degree.size());
   choice.threshold = options.threshold ? *options.threshold
@@ -486,7 +487,8 @@ ChoiceSpread choice_spread(std::span<const ThermalData> errors, const SensorChoi
     if (draw_choice.status != GreyStatus::Ok) continue;  // from this start row there is no degree
     ++result.draws;
     for (const int input : draw_choice.chosen) result.chosen[input] += 1.0;
-    result.same += in_ascending_order(draw_choice.chosen) == in_ascending_order(choice.chosen);
+    result.same_fraction +=
+        in_ascending_order(draw_choice.chosen) == in_ascending_order(choice.chosen);
     const std::vector<int> ranks = degree_ranks(draw_choice.degree);
     for (std::size_t j = 0; j < ranks.size(); ++j) {
       int &best = result.best_rank[j], &worst = result.worst_rank[j];
@@ -496,7 +498,7 @@ ChoiceSpread choice_spread(std::span<const ThermalData> errors, const SensorChoi
   }
   if (result.draws > 0) {
     result.chosen /= result.draws;
-    result.same /= result.draws;
+    result.same_fraction /= result.draws;
   }
   return result;
 }
@@ -568,7 +570,7 @@ RandomChoices random_choices(const ChoiceEvaluation& evaluation, const ThermalSt
                              const ThermalStudy& study) {
   std::vector<int> usable;
   for (int j = 0; j < evaluation.training.front().T.cols(); ++j)
-    if (!std::ranges::count(study.choice.still, j)) usable.push_back(j);
+    if (!std::ranges::count(study.choice.constant_inputs, j)) usable.push_back(j);
   const auto subsets =
       random_subsets(static_cast<int>(usable.size()), static_cast<int>(study.choice.chosen.size()),
                      options.random_subsets, options.seed);
@@ -584,7 +586,7 @@ RandomChoices random_choices(const ChoiceEvaluation& evaluation, const ThermalSt
     if (rms)
       result.rms_over_range.push_back(*rms);
     else
-      ++result.unfitted_count;
+      ++result.failed_fit_count;
   std::vector<double>& ratios = result.rms_over_range;
   std::ranges::sort(ratios);
   result.p05 = percentile(ratios, 0.05);
@@ -620,7 +622,7 @@ ErrorStudy study_error(const ChoiceEvaluation& evaluation, std::size_t error,
       with_features(select_inputs(evaluation.training[error], chosen), evaluation.recipe.features);
   study.fitted = fit(training_data, model);
   if (!study.fitted.model) return study;
-  study.in_cycle = spread(training_data.y - values(*study.fitted.model, training_data.T));
+  study.training_residual = spread(training_data.y - values(*study.fitted.model, training_data.T));
   if (runs(training_data).size() >= 2) study.left_out = cross_validate(training_data, model);
   study.test = evaluation.validation(error, chosen);
   if (study.drift_range > 0) study.rms_over_range = study.test.overall.rms / study.drift_range;

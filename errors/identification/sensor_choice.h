@@ -37,7 +37,7 @@ struct GreyOptions {
   double rho = 0.5;    ///< of Deng, in (0, 1]
   double theta = 0.5;  ///< of the comprehensive degree, in [0, 1]
 };
-enum class GreyStatus { Ok, StartsAtZero, MeanIsZero, StandsStill };
+enum class GreyStatus { Ok, StartsAtZero, MeanIsZero, ConstantSeries };
 
 /// Degrees of several series with a reference.
 struct GreyDegrees {
@@ -105,11 +105,11 @@ bool is_divided_by_start(const SensorChoiceOptions& options);
 /// Chosen sensors, with the degrees and groups on which the choice is based.
 struct SensorChoice {
   GreyStatus status = GreyStatus::Ok;
-  int input = -1;          ///< input without image if the status is not Ok; -1: the error
-  std::vector<int> still;  ///< constant inputs, which cannot be chosen
-  Eigen::VectorXd degree;  ///< (m) with the error; 0 for constant inputs
-  Eigen::MatrixXd mutual;  ///< (m x m); 0 for constant inputs
-  double threshold = 0.0;  ///< threshold used
+  int input = -1;                    ///< input without image if the status is not Ok; -1: the error
+  std::vector<int> constant_inputs;  ///< constant inputs, which cannot be chosen
+  Eigen::VectorXd degree;            ///< (m) with the error; 0 for constant inputs
+  Eigen::MatrixXd mutual;            ///< (m x m); 0 for constant inputs
+  double threshold = 0.0;            ///< threshold used
   std::vector<std::vector<int>> groups;  ///< by descending degree of their leaders; leader first
   std::vector<int> chosen;               ///< at most `count`, in the order of selection
   std::vector<std::optional<int>> first_row;  ///< (errors) first row of a degree that divides by
@@ -139,7 +139,7 @@ struct ChoiceSpread {
   std::vector<int> best_rank;   ///< (m) best rank of its degree over the draws, from 1; 0: no draw
                                 ///< had one
   std::vector<int> worst_rank;  ///< (m)
-  double same = 0.0;            ///< fraction of the draws that choose the same set
+  double same_fraction = 0.0;   ///< fraction of the draws that choose the same set
 };
 /// Options of the variability of a choice.
 struct ChoiceSpreadOptions {
@@ -180,7 +180,7 @@ struct ThermalStudyOptions {
 /// RMS on the test data over the drift range, for random choices of sensors, with percentiles.
 struct RandomChoices {
   std::vector<double> rms_over_range;  ///< ascending; of those that could be fitted
-  int unfitted_count = 0;
+  int failed_fit_count = 0;
   double p05 = 0, p25 = 0, p50 = 0, p75 = 0, p95 = 0;
   double fraction_beaten = 0.0;  ///< fraction of the random choices that are worse than the choice
 };
@@ -188,7 +188,7 @@ struct RandomChoices {
 /// Prediction of one error from the chosen sensors.
 struct ErrorStudy {
   ThermalFit fitted;                   ///< on all training runs
-  Spread in_cycle;                     ///< on the training runs
+  Spread training_residual;            ///< on the training runs
   std::optional<Validation> left_out;  ///< each training run predicted from the others; empty for a
                                        ///< single run
   Validation test;                     ///< on the test runs, which were not used for choice or fit

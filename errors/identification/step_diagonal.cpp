@@ -282,7 +282,7 @@ Curves curves(const StepPath& path, const LinearEstimator& estimator, const Chai
         rows -= (q.array() - q.mean()).matrix() * slope;
         rows.rowwise() -= mean;
         for (const SquarenessContribution& contribution :
-             squareness_contributions(axis_element(component, axis), 1.0, chain.joints()))
+             to_squareness_errors(axis_element(component, axis), 1.0, chain.joints()))
           for (std::size_t s = 0; s < 3; ++s)
             if (identified_squarenesses[s] == contribution.name)
               result.squareness.row(Index(s)) += contribution.value * travel * slope;

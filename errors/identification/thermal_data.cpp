@@ -43,7 +43,7 @@ class LogReader {
   void read_heads(std::string_view line, int number) {
     std::set<std::string, std::less<>> head_names;
     separator_ = cell_separator(line);
-    const std::vector<Cell> cells = cells_of(line, separator_, max_inputs);
+    const std::vector<Cell> cells = split_cells(line, separator_, max_inputs);
     if (cells.size() > max_inputs)
       throw_input_error(number, cells.back().column, fmt::format("at most {} columns", max_inputs),
                         "more");
@@ -51,7 +51,7 @@ class LogReader {
       const std::string name(cell.text);
       if (name.empty() || !head_names.insert(name).second)
         throw_input_error(number, cell.column, "a head that no other column has",
-                          in_quotes(cell.text));
+                          quoted_excerpt(cell.text));
       const auto index = static_cast<int>(kinds_.size());
       const bool ignored = std::ranges::count(columns_.ignored, name) > 0;
       if (name == columns_.run)
@@ -71,7 +71,7 @@ class LogReader {
   }
 
   void read_row(std::string_view line, int number) {
-    const std::vector<Cell> cells = cells_of(line, separator_, kinds_.size());
+    const std::vector<Cell> cells = split_cells(line, separator_, kinds_.size());
     if (cells.size() != kinds_.size())
       throw_input_error(number, cells.back().column,
                         fmt::format("{} cells, as the head has", kinds_.size()),
@@ -109,13 +109,14 @@ class LogReader {
 
   double finite_number(const Cell& cell, int line) const {
     const std::optional<double> value = number_of(cell.text);
-    if (!value) throw_input_error(line, cell.column, "a number within +-1e9", in_quotes(cell.text));
+    if (!value)
+      throw_input_error(line, cell.column, "a number within +-1e9", quoted_excerpt(cell.text));
     return *value;
   }
 
   void add_run_label(double value, const Cell& cell, int line) {
     if (value != std::floor(value) || std::abs(value) > 1e9)
-      throw_input_error(line, cell.column, "a whole number for the run", in_quotes(cell.text));
+      throw_input_error(line, cell.column, "a whole number for the run", quoted_excerpt(cell.text));
     const int label = static_cast<int>(value);
     // The rows of a run must be contiguous, since lags and start values are computed along them.
     if (run_of_row_.empty() || run_of_row_.back() != label)
@@ -176,7 +177,7 @@ ThermalData select_inputs(const ThermalData& data, const std::vector<int>& input
   return result;
 }
 
-ThermalData thinned(const ThermalData& data, int every) {
+ThermalData thin_runs(const ThermalData& data, int every) {
   require(every >= 1, "thinning keeps every first row or fewer");
   std::vector<Index> rows;
   // Counting restarts with every run, so the first row of each run is kept.
@@ -198,7 +199,7 @@ Spread spread(const Eigen::VectorXd& values) {
 ThermalData read_thermal_data(std::string_view text, const std::string& file,
                               const ThermalColumns& columns) {
   LogReader reader(file, columns);
-  Lines lines(text);
+  LineReader lines(text);
   bool has_heads = false;
   while (const auto line = lines.next()) {
     const std::size_t first = line->find_first_not_of(" \t");

@@ -134,7 +134,7 @@ SetUp difference_set_up(SetUp set_up, bool is_permanent) {
        {&set_up.rotation_sigma, &set_up.point_of_sigma, &set_up.point_in_sigma,
         &set_up.normal_sigma, &set_up.eccentricity_sigma, &set_up.scale_sigma, &set_up.drift_sigma})
     *sigma *= repeat_factor;
-  if (is_permanent) set_up.zero_unknown = false;
+  if (is_permanent) set_up.is_zero_unknown = false;
   return set_up;
 }
 
@@ -176,7 +176,7 @@ Readings readings_since_first(const DayLog& log, const Epoch& epoch, const Means
 
 }  // namespace
 
-std::vector<int> start_numbers(const metrology::Plan& plan) {
+std::vector<int> start_indices(const metrology::Plan& plan) {
   std::vector<int> starts;
   std::map<std::string, int> occurrences;
   // A set-up of the same name appears once per start, so its occurrences number the starts.
@@ -185,7 +185,7 @@ std::vector<int> start_numbers(const metrology::Plan& plan) {
 }
 
 std::vector<Readings> split_by_start(const Readings& readings) {
-  const std::vector<int> start = start_numbers(readings.plan);
+  const std::vector<int> start = start_indices(readings.plan);
   const metrology::Plan& plan = readings.plan;
   std::vector<Readings> result;
   std::vector<int> index_in_start;  // (set-ups)
@@ -234,7 +234,7 @@ MatrixXd temperature_rise_K(std::span<const Readings> readings,
 }
 
 DayLog day_log(const Readings& readings) {
-  DayLog log{&readings, start_numbers(readings.plan), 1};
+  DayLog log{&readings, start_indices(readings.plan), 1};
   for (const int start : log.start) log.starts = std::max(log.starts, start + 1);
   return log;
 }
@@ -249,8 +249,8 @@ std::vector<Epoch> split_into_epochs(const std::vector<DayLog>& logs) {
   return epochs;
 }
 
-std::vector<std::vector<Readings>> changes_of(const std::vector<DayLog>& logs,
-                                              const std::vector<Epoch>& epochs) {
+std::vector<std::vector<Readings>> changes_since_first(const std::vector<DayLog>& logs,
+                                                       const std::vector<Epoch>& epochs) {
   std::vector<std::vector<Readings>> changes(epochs.size());
   for (const DayLog& log : logs) {
     if (log.readings->value.size() == 0) continue;
@@ -369,9 +369,9 @@ Regression fit_slope(const CompositeRun& run, const VectorXd& geometric, bool fr
 /// Regresses the slopes of all runs that are not cold on the temperatures.
 void fit_temperatures(const std::vector<CompositeRun>& runs, const CompositeOptions& options,
                       CompositeFit& fit) {
-  MatrixXd dT(static_cast<Index>(fit.later.size()), runs.front().dT_K.size());
+  MatrixXd dT(static_cast<Index>(fit.later_runs.size()), runs.front().dT_K.size());
   for (Index i = 0; i < dT.rows(); ++i)
-    dT.row(i) = runs[static_cast<std::size_t>(fit.later[static_cast<std::size_t>(i)])].dT_K;
+    dT.row(i) = runs[static_cast<std::size_t>(fit.later_runs[static_cast<std::size_t>(i)])].dT_K;
   RegressionOptions regression;
   regression.constant = options.slope_constant;
   fit.slope_fit = fit_regression(dT, fit.slope, regression);
@@ -386,9 +386,9 @@ void fit_temperatures(const std::vector<CompositeRun>& runs, const CompositeOpti
 /// Returns the RMS residual of all readings about the composite law with offsets.
 double composite_rms(const std::vector<CompositeRun>& runs, const CompositeFit& fit) {
   double squares = 0;
-  Index rows = 0, later = 0;
+  Index rows = 0, later_runs = 0;
   for (const CompositeRun& run : runs) {
-    const double offset = run.cold ? 0.0 : fit.offset(later++);
+    const double offset = run.cold ? 0.0 : fit.offset(later_runs++);
     for (Index i = 0; i < run.p.size(); ++i) {
       // A cold run has dT = 0, and a constant of the slope belongs to the later runs only.
       const double thermal = run.cold ? 0.0 : fit.thermal_constant + fit.thermal.dot(run.dT_K);
@@ -406,17 +406,17 @@ CompositeStatus check(const std::vector<CompositeRun>& runs, CompositeFit& fit) 
   bool has_cold_run = false;
   for (std::size_t i = 0; i < runs.size(); ++i) {
     if (!runs[i].cold) {
-      fit.later.push_back(static_cast<int>(i));
+      fit.later_runs.push_back(static_cast<int>(i));
       continue;
     }
     has_cold_run = true;
     if (!runs[i].dT_K.isZero(0)) {
       fit.run = static_cast<int>(i);
-      return CompositeStatus::ColdRunWarm;
+      return CompositeStatus::ColdRunNotCold;
     }
   }
   if (!has_cold_run) return CompositeStatus::NoColdRun;
-  return fit.later.empty() ? CompositeStatus::NoLaterRun : CompositeStatus::Ok;
+  return fit.later_runs.empty() ? CompositeStatus::NoLaterRun : CompositeStatus::Ok;
 }
 
 }  // namespace
@@ -430,10 +430,10 @@ CompositeFit fit_composite(const std::vector<CompositeRun>& runs, const Composit
     fit.status = CompositeStatus::CurveNotDetermined;
     return fit;
   }
-  const auto count = static_cast<Index>(fit.later.size());
-  fit.slope = fit.slope_error = fit.offset = VectorXd::Zero(count);
+  const auto count = static_cast<Index>(fit.later_runs.size());
+  fit.slope = fit.slope_standard_error = fit.offset = VectorXd::Zero(count);
   for (Index i = 0; i < count; ++i) {
-    const int index = fit.later[static_cast<std::size_t>(i)];
+    const int index = fit.later_runs[static_cast<std::size_t>(i)];
     const Regression line =
         fit_slope(runs[static_cast<std::size_t>(index)], fit.geometric, options.free_offset);
     if (line.status != RegressionStatus::Ok) {
@@ -442,7 +442,7 @@ CompositeFit fit_composite(const std::vector<CompositeRun>& runs, const Composit
       return fit;
     }
     fit.slope(i) = line.beta(0);
-    fit.slope_error(i) = line.standard_error(line.standard_error.size() - 1);
+    fit.slope_standard_error(i) = line.standard_error(line.standard_error.size() - 1);
     fit.offset(i) = line.constant;
   }
   fit_temperatures(runs, options, fit);

@@ -15,7 +15,7 @@ namespace abbe::errors::identification {
 
 /// Returns the index of the start of every set-up, from 0: the number of earlier set-ups of the
 /// same name. (set-ups)
-std::vector<int> start_numbers(const metrology::Plan& plan);
+std::vector<int> start_indices(const metrology::Plan& plan);
 
 /// Returns the readings of every start separately (starts). The plan of a start has no duration, as
 /// it is not known.
@@ -68,8 +68,8 @@ std::vector<Epoch> split_into_epochs(const std::vector<DayLog>& logs);
 /// set-up cancel. Those of a repeated set-up count twice, and its zeros stay unknown.
 /// @return (epochs), each (instruments)
 /// @throws std::invalid_argument naming an instrument that does not read in every epoch
-std::vector<std::vector<metrology::Readings>> changes_of(const std::vector<DayLog>& logs,
-                                                         const std::vector<Epoch>& epochs);
+std::vector<std::vector<metrology::Readings>> changes_since_first(const std::vector<DayLog>& logs,
+                                                                  const std::vector<Epoch>& epochs);
 
 /// Returns the sensors that every file logged. @throws std::invalid_argument if there are none
 std::vector<std::string> common_sensors(const std::vector<DayLog>& logs);
@@ -108,7 +108,7 @@ struct CompositeOptions {
 enum class CompositeStatus {
   Ok,
   NoColdRun,           ///< no run is marked as cold
-  ColdRunWarm,         ///< a cold run has a dT other than 0
+  ColdRunNotCold,      ///< a cold run has a dT other than 0
   NoLaterRun,          ///< all runs are cold
   CurveNotDetermined,  ///< too few positions for the degree; `curve` has the details
   SlopeNotDetermined,  ///< the temperatures do not separate the slopes; `slope_fit` has the details
@@ -120,14 +120,14 @@ struct CompositeFit {
   Eigen::VectorXd geometric;  ///< (degree + 1) delta_G = sum_k geometric[k] p^k
   Eigen::VectorXd thermal;    ///< (m) delta_T = thermal_constant + thermal . dT_K, per K
   double thermal_constant = 0.0;
-  Regression curve;             ///< of the cold runs, in powers of p / `curve_scale`
-  double curve_scale = 1.0;     ///< mm or rad
-  Regression slope_fit;         ///< of the slopes on the temperatures
-  std::vector<int> later;       ///< indices of the runs that are not cold
-  Eigen::VectorXd slope;        ///< (later) of each such run minus the cold curve
-  Eigen::VectorXd slope_error;  ///< (later) standard error
-  Eigen::VectorXd offset;       ///< (later) 0 unless free_offset
-  double rms = 0.0;             ///< residual of all readings about the law, offsets included
+  Regression curve;                      ///< of the cold runs, in powers of p / `curve_scale`
+  double curve_scale = 1.0;              ///< mm or rad
+  Regression slope_fit;                  ///< of the slopes on the temperatures
+  std::vector<int> later_runs;           ///< indices of the runs that are not cold
+  Eigen::VectorXd slope;                 ///< (later) of each such run minus the cold curve
+  Eigen::VectorXd slope_standard_error;  ///< (later) standard error
+  Eigen::VectorXd offset;                ///< (later) 0 unless free_offset
+  double rms = 0.0;  ///< residual of all readings about the law, offsets included
 };
 /// Fits the composite element: the cold polynomial to the cold runs, then a straight line to each
 /// later run minus that polynomial, then a regression of its slope on the temperatures. The slope

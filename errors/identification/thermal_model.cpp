@@ -45,7 +45,7 @@ MatrixXd scale_inputs(const Scaling& s, const MatrixXd& T) {
 /// Returns every k-th row, so that at most `max_rows` remain (at least one per run).
 ThermalData thin_to(const ThermalData& data, int max_rows) {
   const auto n = static_cast<int>(data.y.size());
-  return n <= max_rows ? data : thinned(data, (n + max_rows - 1) / max_rows);
+  return n <= max_rows ? data : thin_runs(data, (n + max_rows - 1) / max_rows);
 }
 
 ThermalFit fit_linear(const ThermalData& data, ThermalModel model) {
@@ -258,7 +258,7 @@ Validation summary(const std::vector<ValidationPart>& parts, bool has_equal_weig
     weight += part_weight;
     sum_rms += part_spread.rms;
     result.run.push_back(part.run);
-    result.of_run.push_back(part_spread);
+    result.run_spread.push_back(part_spread);
     result.overall.max = std::max(result.overall.max, part_spread.max);
     result.rows += static_cast<int>(part.residual.size());
     result.outside += part.outside;
@@ -312,7 +312,7 @@ RecipeChoice choose_recipe(const ThermalData& data, const std::vector<Recipe>& r
                            const ChoiceOptions& options) {
   RecipeChoice choice;
   for (const Recipe& recipe : recipes) {
-    const ThermalData featured = thinned(with_features(data, recipe.features), options.every);
+    const ThermalData featured = thin_runs(with_features(data, recipe.features), options.every);
     choice.validation.push_back(cross_validate(featured, recipe.model, options.split));
     const Validation& latest = choice.validation.back();
     if (latest.status != FitStatus::Ok) continue;
@@ -422,7 +422,7 @@ class Reader {
     if (!line) throw_input_error(fmt::format("a line \"{} ...\"", keyword), "the end");
     if (line->substr(0, keyword.size()) != keyword ||
         (line->size() > keyword.size() && (*line)[keyword.size()] != ' '))
-      throw_input_error(fmt::format("a line \"{} ...\"", keyword), in_quotes(*line));
+      throw_input_error(fmt::format("a line \"{} ...\"", keyword), quoted_excerpt(*line));
     line_ = *line;
     return line->substr(std::min(line->size(), keyword.size() + 1));
   }
@@ -431,18 +431,20 @@ class Reader {
     std::string_view remaining = value_text(keyword);
     // Checked before memory is allocated for the values.
     if (static_cast<Index>(remaining.size()) < size)
-      throw_input_error(fmt::format("{} finite numbers", size), in_quotes(remaining));
+      throw_input_error(fmt::format("{} finite numbers", size), quoted_excerpt(remaining));
     VectorXd values(size);
     for (Index i = 0; i < size; ++i) {
       while (!remaining.empty() && remaining.front() == ' ') remaining.remove_prefix(1);
       const auto [end, error] =
           std::from_chars(remaining.data(), remaining.data() + remaining.size(), values(i));
       if (error != std::errc() || !std::isfinite(values(i)))
-        throw_input_error(fmt::format("{} finite numbers", size), in_quotes(remaining), remaining);
+        throw_input_error(fmt::format("{} finite numbers", size), quoted_excerpt(remaining),
+                          remaining);
       remaining.remove_prefix(static_cast<std::size_t>(end - remaining.data()));
     }
     if (!remaining.empty())
-      throw_input_error(fmt::format("{} finite numbers", size), in_quotes(remaining), remaining);
+      throw_input_error(fmt::format("{} finite numbers", size), quoted_excerpt(remaining),
+                        remaining);
     return values;
   }
   double number(std::string_view keyword) { return vector(keyword, 1)(0); }
@@ -476,7 +478,7 @@ class Reader {
   }
   void finish() {
     while (const auto line = lines_.next())
-      if (!line->empty()) throw_input_error("the end", in_quotes(*line));
+      if (!line->empty()) throw_input_error("the end", quoted_excerpt(*line));
   }
 
   [[noreturn]] void throw_input_error(const std::string& expected, const std::string& seen,
@@ -486,7 +488,7 @@ class Reader {
   }
 
  private:
-  Lines lines_;
+  LineReader lines_;
   std::string_view line_;
   std::string file_;
 };
@@ -495,7 +497,7 @@ ModelKind read_kind(Reader& reader) {
   const std::string_view keyword = reader.value_text("kind");
   for (const ModelKind kind : model_kinds)
     if (keyword == to_string(kind)) return kind;
-  reader.throw_input_error("a kind of model", in_quotes(keyword));
+  reader.throw_input_error("a kind of model", quoted_excerpt(keyword));
 }
 
 LinearLaw read_linear(Reader& reader, Index m) {
@@ -552,7 +554,7 @@ std::vector<std::string> read_names(Reader& reader, int count) {
   for (int i = 0; i < count; ++i) {
     const std::string_view name = reader.value_text("input");
     if (!earlier_names.insert(name).second)
-      reader.throw_input_error("a name that no other input has", in_quotes(name));
+      reader.throw_input_error("a name that no other input has", quoted_excerpt(name));
     names.emplace_back(name);
   }
   return names;
@@ -578,7 +580,7 @@ std::string to_text(const ThermalModel& model) {
 ThermalModel parse_thermal_model(std::string_view text, const std::string& file) {
   Reader reader(text, file);
   if (const std::string_view head = reader.value_text("abbe"); head != "thermal model 1")
-    reader.throw_input_error("a first line \"abbe thermal model 1\"", in_quotes(head));
+    reader.throw_input_error("a first line \"abbe thermal model 1\"", quoted_excerpt(head));
   ThermalModel model;
   model.kind = read_kind(reader);
   const int m = reader.integer("inputs", 1, max_model_size);

@@ -123,7 +123,7 @@ struct Validation {
   FitStatus status = FitStatus::Ok;  ///< first outcome of a fit other than Ok; all other members
                                      ///< are then empty
   std::vector<int> run;              ///< labels; for Forward: the last run of the training
-  std::vector<Spread> of_run;        ///< residuals of that run
+  std::vector<Spread> run_spread;    ///< residuals of that run
   Spread overall;         ///< RMS over all rows left out (Forward: over all k), and largest
   double mean_rms = 0.0;  ///< mean of the RMS of the runs
   int rows = 0;           ///< number of predicted rows

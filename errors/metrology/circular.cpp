@@ -330,12 +330,12 @@ Solution solution(const Deviations& model, Index causes) {
 
 }  // namespace
 
-Circular circular(const CircularRuns& runs, const CircularOptions& options) {
+CircularResult circular(const CircularRuns& runs, const CircularOptions& options) {
   check(runs);
   const CircularPath anticlockwise = path_points(runs.anticlockwise),
                      clockwise = path_points(runs.clockwise);
   const CircularPath both_senses = concatenate(anticlockwise, clockwise);
-  Circular result;
+  CircularResult result;
   result.circle = least_squares_circle(both_senses.points, both_senses.weights);
   // ISO 230-4 allows the least-squares centre for full circles only.
   const bool is_full =

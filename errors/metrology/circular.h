@@ -71,7 +71,7 @@ struct CircularFigures {
 /// Results by ISO 230-4. `both` contains G(b) by its two definitions and the extremes of F over
 /// both senses. In least squares every reading has the weight of its arc: a first position that is
 /// read again at the end counts once, and both senses have equal weight.
-struct Circular {
+struct CircularResult {
   std::optional<CircularFigures> anticlockwise;
   std::optional<CircularFigures> clockwise;
   std::optional<CircularFigures> both;               ///< bidirectional; requires both senses
@@ -87,7 +87,7 @@ struct Circular {
 /// Evaluates a circular test.
 /// @throws std::invalid_argument if no sense is measured, sizes differ, a sense has fewer than 3
 ///         points, its angles do not run in that sense, or a number is not finite or not positive
-Circular circular(const CircularRuns& runs, const CircularOptions& options = {});
+CircularResult circular(const CircularRuns& runs, const CircularOptions& options = {});
 
 /// Value estimated by least squares.
 struct EstimatedValue {

@@ -118,7 +118,7 @@ std::vector<DriftRange> drift(const DriftLog& log, const std::vector<DriftInterv
   return result;
 }
 
-VectorXd worst_drift(const DriftLog& log, double window_s) {
+VectorXd max_window_drift(const DriftLog& log, double window_s) {
   check(log);
   const double length = log.time_s[log.time_s.size() - 1] - log.time_s[0];
   if (!(window_s > 0.0) || !(window_s <= length))

@@ -24,10 +24,10 @@ struct DriftInterval {
 /// Thermal drift over one interval.
 struct DriftRange {
   DriftInterval interval;
-  Eigen::VectorXd range;      ///< (c) largest minus smallest value within the interval
-  Eigen::VectorXd change;     ///< (c) value at the end minus value at the start
-  Eigen::VectorXd rate_peak;  ///< (c) largest |change| per second between two samples in the
-                              ///< interval
+  Eigen::VectorXd range;     ///< (c) largest minus smallest value within the interval
+  Eigen::VectorXd change;    ///< (c) value at the end minus value at the start
+  Eigen::VectorXd max_rate;  ///< (c) largest |change| per second between two samples in the
+                             ///< interval
 };
 
 /// Returns the range of every column over every interval. The log is interpolated linearly between
@@ -39,7 +39,7 @@ std::vector<DriftRange> drift(const DriftLog& log, const std::vector<DriftInterv
 /// Returns the largest range of every column (c) in any interval of `window_s` seconds within the
 /// log: the environmental temperature variation error of a test that may begin at any time.
 /// @throws std::invalid_argument as `drift`
-Eigen::VectorXd worst_drift(const DriftLog& log, double window_s);
+Eigen::VectorXd max_window_drift(const DriftLog& log, double window_s);
 
 /// Returns the intervals that ISO 230-3 reports for a spindle or an axis that runs from `start_s`
 /// to `stop_s`: the first hour of running, the whole running time, and the time after it.

@@ -521,7 +521,7 @@ MinimumZoneCircles minimum_zone_circles(const MatrixX2d& points) {
   circles.outer = s.size * r.length.maxCoeff();
   circles.circularity = s.size * r.width();
   circles.gap = s.size * zone.gap();
-  circles.proven =
+  circles.is_proven =
       points.rows() > 3 && circles.gap <= 1e-8 * circles.circularity && proves_minimum(r);
   return circles;
 }
@@ -564,7 +564,7 @@ MinimumZonePlanes minimum_zone_planes(const MatrixX3d& points) {
   planes.flatness = size * w;
   planes.gap = size * zone.gap();
   // Planes tilted by a slope t are (w + g t) / sqrt(1 + t^2) apart, so g > w is sufficient.
-  planes.proven =
+  planes.is_proven =
       !(w > 0.0) || (planes.gap <= 1e-8 * planes.flatness &&
                      zone_sharpness(local.leftCols<2>(), local.col(2), w) > 1.000001 * w);
   return planes;

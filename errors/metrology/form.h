@@ -28,13 +28,13 @@ struct MinimumZoneCircles {
   double inner = 0.0;                                ///< mm
   double outer = 0.0;                                ///< mm
   double circularity = 0.0;                          ///< mm, outer - inner
-  double gap = 0.0;     ///< mm; to first order no neighbouring centre is better by more
-  bool proven = false;  ///< true: no centre within half of `inner` is better by 1e-7 of the
-                        ///< circularity
+  double gap = 0.0;        ///< mm; to first order no neighbouring centre is better by more
+  bool is_proven = false;  ///< true: no centre within half of `inner` is better by 1e-7 of the
+                           ///< circularity
 };
 
 /// Returns the minimum zone circles by successive uniform linear fits, to within 1e-9 of the
-/// circularity or 1e-14 of the radius. `proven` states a proof: the width grows away from the
+/// circularity or 1e-14 of the radius. `is_proven` states a proof: the width grows away from the
 /// centre faster, by its contact points, than the curvature of the distances can lower it. It is
 /// true for full circles whose circularity is small compared with the radius. It is false for short
 /// arcs, for fewer than four points, and if the contact points do not fix the centre.
@@ -65,14 +65,14 @@ struct MinimumZonePlanes {
   double lower = 0.0;                                 ///< mm
   double upper = 0.0;                                 ///< mm
   double flatness = 0.0;                              ///< mm, upper - lower
-  double gap = 0.0;     ///< mm; to first order no planes of nearly the same direction are better by
-                        ///< more
-  bool proven = false;  ///< true: no direction is better by 1e-7 of the flatness
+  double gap = 0.0;  ///< mm; to first order no planes of nearly the same direction are better by
+                     ///< more
+  bool is_proven = false;  ///< true: no direction is better by 1e-7 of the flatness
 };
 
 /// Returns the minimum zone planes (the width of the convex hull) by successive uniform linear
-/// fits, to within 1e-9 of the flatness or 1e-14 of the size. `proven` is false if the points are
-/// as thick as they are wide, or if the contact points do not fix the tilt of the planes.
+/// fits, to within 1e-9 of the flatness or 1e-14 of the size. `is_proven` is false if the points
+/// are as thick as they are wide, or if the contact points do not fix the tilt of the planes.
 /// Source: ISO 12781-1, minimum zone reference planes.
 /// @throws std::invalid_argument as `least_squares_plane`
 MinimumZonePlanes minimum_zone_planes(const Eigen::MatrixX3d& points);

@@ -61,13 +61,13 @@ void set_sensor_nest(Instrument& i) {
 
 void set_volume_grid(Instrument& i) {
   i.targets = 5;
-  i.both_ways = false;
+  i.bidirectional = false;
   i.dwell_s = 3.0;
 }
 
 }  // namespace
 
-Instrument typical(Kind kind) {
+Instrument typical_instrument(Kind kind) {
   Instrument i;
   i.kind = kind;
   i.name = to_string(kind);
@@ -100,7 +100,7 @@ Instrument typical(Kind kind) {
       set_interferometer(i);
       i.targets = 10;
       i.runs = 3;
-      i.both_ways = false;
+      i.bidirectional = false;
       i.set_up_s = 1800.0;
       break;
     case Kind::BallBar:
@@ -116,7 +116,7 @@ Instrument typical(Kind kind) {
       i.rotation_sigma = 0.0;  // the slides themselves measure, so no sensor is misaligned
       i.position_sigma = 2.0_um;
       i.targets = 7;
-      i.both_ways = false;
+      i.bidirectional = false;
       i.dwell_s = 40.0;
       break;
     case Kind::Tracker:  // interferometer 0.5 um/m, encoders 1.5 urad after averaging

@@ -36,7 +36,7 @@ enum class Kind {
 /// Return the name of a kind in scenes and files, e.g. "step_diagonal", and the kind of that name,
 /// or nothing if there is none.
 std::string to_string(Kind kind);
-std::optional<Kind> kind_of(std::string_view name);
+std::optional<Kind> find_kind(std::string_view name);
 /// Returns all kinds, in the order above.
 std::span<const Kind> all_kinds();
 
@@ -56,15 +56,15 @@ struct Instrument {
   std::vector<char> axes;       ///< axes to be measured; empty: all suitable ones (planes and
                                 ///< diagonals: those between these axes)
   int runs = 1;
-  int targets = 11;       ///< number along an axis, around a circle, per diagonal or per grid line;
-                          ///< steps of a step diagonal, readings per turn of a spindle
-  double scatter = 0.0;   ///< relative to the spacing: deviation of inner targets from equal
-                          ///< spacing, so that they reveal periodic errors of any pitch (ISO 230-2)
-  bool both_ways = true;  ///< bidirectional; circles also clockwise
-  double margin = 0.02;   ///< fraction of the travel left free at both ends
-  std::optional<Eigen::Vector3d> at_w;  ///< mm: position of balls at the tool, nests, circle
-                                        ///< centres and a tracker in the workpiece; by default
-                                        ///< within the travel
+  int targets = 11;      ///< number along an axis, around a circle, per diagonal or per grid line;
+                         ///< steps of a step diagonal, readings per turn of a spindle
+  double scatter = 0.0;  ///< relative to the spacing: deviation of inner targets from equal
+                         ///< spacing, so that they reveal periodic errors of any pitch (ISO 230-2)
+  bool bidirectional = true;                  ///< bidirectional; circles also clockwise
+  double margin = 0.02;                       ///< fraction of the travel left free at both ends
+  std::optional<Eigen::Vector3d> location_w;  ///< mm: position of balls at the tool, nests, circle
+                                              ///< centres and a tracker in the workpiece; by
+                                              ///< default within the travel
   Eigen::Vector3d reflector_t = Eigen::Vector3d::Zero();  ///< mm, from the tip to the reflector
   double radius = 100.0;  ///< mm: of circles, length of the bar, distance of a ball from a rotary
                           ///< axis
@@ -85,7 +85,7 @@ struct Instrument {
 
 /// Returns an instrument of a kind as usually bought and used. The .cpp gives the source or the
 /// reason of every number. `name` is the name of the kind.
-Instrument typical(Kind kind);
+Instrument typical_instrument(Kind kind);
 
 /// Returns the measuring plan of an instrument on a machine: targets within the travel, approached
 /// as the standards require, in the order in which an operator takes them, with times. Slides that

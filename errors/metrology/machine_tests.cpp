@@ -63,7 +63,7 @@ Targets path_targets(const ChannelSeries& series, const VectorXd& along) {
 }
 
 /// Returns the nominal poses of the bodies at a measurement.
-Bodies nominal_bodies_at(const ChannelSeries& series, std::size_t i) {
+BodyPoses nominal_bodies_at(const ChannelSeries& series, std::size_t i) {
   return nominal_bodies(series.readings.nominal, series.measurement(i).state.q);
 }
 
@@ -71,7 +71,7 @@ Bodies nominal_bodies_at(const ChannelSeries& series, std::size_t i) {
 VectorXd deviations(const ChannelSeries& series) {
   VectorXd result(Index(series.measurements.size()));
   for (std::size_t i = 0; i < series.measurements.size(); ++i) {
-    const Bodies nominal = nominal_bodies_at(series, i);
+    const BodyPoses nominal = nominal_bodies_at(series, i);
     result[Index(i)] = series.readings.value[Index(series.measurements[i])] -
                        reading(series.optics(), series.channel, {}, nominal, nominal,
                                spindle_angle(series.readings.nominal, series.measurement(i).state));
@@ -81,7 +81,7 @@ VectorXd deviations(const ChannelSeries& series) {
 
 /// Returns the nominal position of the measured point in the workpiece.
 Eigen::Vector3d measured_point_w(const ChannelSeries& series, const kinematics::AxisVector& q) {
-  const Bodies nominal = nominal_bodies(series.readings.nominal, q);
+  const BodyPoses nominal = nominal_bodies(series.readings.nominal, q);
   return nominal.T_bw.inverse() * (nominal.T_bt * series.sensor().point_of);
 }
 
@@ -133,7 +133,7 @@ std::optional<PositionRuns> position_runs(const ChannelSeries& series, const Vec
 
 /// Returns the direction of a channel in the bed at its first measurement.
 Eigen::Vector3d sensor_direction_b(const ChannelSeries& series) {
-  const Bodies nominal = nominal_bodies_at(series, 0);
+  const BodyPoses nominal = nominal_bodies_at(series, 0);
   const Channel& sensor = series.sensor();
   if (sensor.in == Body::Bed) return sensor.direction_in;
   return (sensor.in == Body::Workpiece ? nominal.T_bw : nominal.T_bt).linear() *
@@ -202,7 +202,7 @@ std::optional<AxisTest> axis_test(const ChannelSeries& series, int joint) {
     // 0.7: cosine of 45 degrees, between axial and radial.
     test.axial = std::abs(sensor_direction_b(series).dot(axis.direction_b)) > 0.7;
   }
-  test.what = classify_axis_test(series, joint, test);
+  test.test_kind = classify_axis_test(series, joint, test);
   test.runs = std::move(*runs);
   return test;
 }
@@ -210,7 +210,7 @@ std::optional<AxisTest> axis_test(const ChannelSeries& series, int joint) {
 }  // namespace
 
 bool is_hidden_by_centring(const AxisTest& test) {
-  if (test.what != AxisTest::TestKind::ErrorMotion || test.axial) return false;
+  if (test.test_kind != AxisTest::TestKind::ErrorMotion || test.axial) return false;
   Eigen::MatrixX2d coordinates(test.runs.target.size(), 2);
   coordinates << test.runs.target.array().cos(), test.runs.target.array().sin();
   // The sum of the weights is the number of distinct positions. Three positions are fitted exactly
@@ -218,17 +218,17 @@ bool is_hidden_by_centring(const AxisTest& test) {
   return position_weights(coordinates, 1e-9).sum() < 3.5;
 }
 
-PositionRuns form_of(const AxisTest& test) {
+PositionRuns form_runs(const AxisTest& test) {
   PositionRuns runs = test.runs;
   const VectorXd& t = runs.target;
   Eigen::MatrixXd set_up = Eigen::MatrixXd::Ones(t.size(), 1);
   VectorXd root_of_weight = VectorXd::Ones(t.size());
   // The set-up contributes the line of the optics to a straightness, the eccentricity of the
   // artefact to a radial error motion, and the zero to an axial one.
-  if (test.what == AxisTest::TestKind::Straightness) {
+  if (test.test_kind == AxisTest::TestKind::Straightness) {
     set_up.conservativeResize(Eigen::NoChange, 2);
     set_up.col(1) = t.array() - t.mean();
-  } else if (test.what != AxisTest::TestKind::ErrorMotion) {
+  } else if (test.test_kind != AxisTest::TestKind::ErrorMotion) {
     return runs;
   } else {
     root_of_weight = arc_weights(t).cwiseSqrt();
@@ -240,7 +240,7 @@ PositionRuns form_of(const AxisTest& test) {
   }
   const Eigen::MatrixXd weighted = root_of_weight.asDiagonal() * set_up;
   const VectorXd set_up_contribution =
-      set_up * least_squares(weighted, VectorXd(root_of_weight.cwiseProduct(mean_of(runs)))).x;
+      set_up * least_squares(weighted, VectorXd(root_of_weight.cwiseProduct(run_mean(runs)))).x;
   runs.up.colwise() -= set_up_contribution;
   runs.down.colwise() -= set_up_contribution;
   return runs;
@@ -345,7 +345,7 @@ std::vector<CircleTest> circle_tests(const ChannelSeries& series, const std::vec
     for (const int joint : *slides)
       test.plane += series.readings.nominal.joints()[std::size_t(joint)].name;
     test.runs.nominal_radius = radius;
-    test.zero_known = !series.optics().zero_unknown;
+    test.is_zero_known = !series.optics().is_zero_unknown;
     result.push_back(std::move(test));
   }
   return result;
@@ -401,7 +401,7 @@ std::optional<DiagonalTest> diagonal_test(const ChannelSeries& series,
   Eigen::VectorXd along(Index(series.measurements.size()));
   std::vector<bool> from_below;
   for (std::size_t i = 0; i < series.measurements.size(); ++i) {
-    const Bodies nominal = nominal_bodies_at(series, i);
+    const BodyPoses nominal = nominal_bodies_at(series, i);
     along[Index(i)] = reading(series.optics(), series.channel, {}, nominal, nominal);
     from_below.push_back(sign * series.measurement(i).state.direction[std::size_t(leading)] >= 0);
   }
@@ -485,7 +485,7 @@ void join_single_readings(std::vector<OtherTest>& tests) {
 }
 
 /// Adds the tests of one set-up.
-void sort_set_up(const std::vector<ChannelSeries>& channels, Tests& tests) {
+void sort_set_up(const std::vector<ChannelSeries>& channels, MachineTests& tests) {
   std::vector<AxisTest> axis_tests;
   std::set<char> axes;
   // Readings without any motion are a drift test for every instrument.
@@ -522,8 +522,8 @@ void sort_set_up(const std::vector<ChannelSeries>& channels, Tests& tests) {
     tests.others.push_back(other_test(series));
   }
   const bool is_square_test = axis_tests.size() == 2 && axes.size() == 2 &&
-                              axis_tests[0].what == AxisTest::TestKind::Straightness &&
-                              axis_tests[1].what == AxisTest::TestKind::Straightness;
+                              axis_tests[0].test_kind == AxisTest::TestKind::Straightness &&
+                              axis_tests[1].test_kind == AxisTest::TestKind::Straightness;
   if (is_square_test)
     tests.squares.push_back({channels.front().optics().name, axis_tests[0], axis_tests[1]});
   for (AxisTest& line : axis_tests) tests.axes.push_back(std::move(line));
@@ -531,8 +531,8 @@ void sort_set_up(const std::vector<ChannelSeries>& channels, Tests& tests) {
 
 }  // namespace
 
-Tests classify_readings(const Readings& readings) {
-  Tests tests;
+MachineTests classify_readings(const Readings& readings) {
+  MachineTests tests;
   const auto& plan = readings.plan;
   std::vector<std::vector<ChannelSeries>> set_ups(plan.set_ups.size());
   for (std::size_t s = 0; s < set_ups.size(); ++s)

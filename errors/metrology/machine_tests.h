@@ -27,7 +27,7 @@ struct AxisTest {
     Straightness,
     Angle,
     ErrorMotion
-  } what = TestKind::Positioning;
+  } test_kind = TestKind::Positioning;
   PositionRuns runs;  ///< reading minus nominal value
 };
 
@@ -35,7 +35,7 @@ struct AxisTest {
 /// straightness, the component once per turn of a radial error motion (centring of the artefact),
 /// the mean of an axial error motion. Runs of other tests are unchanged. Angles have the weight of
 /// their arc, so that 0 and 360 degrees together count as one position.
-PositionRuns form_of(const AxisTest& test);
+PositionRuns form_runs(const AxisTest& test);
 
 /// Returns true if a radial error motion was read at too few positions, three or less, to separate
 /// it from the centring of the artefact.
@@ -43,9 +43,9 @@ bool is_hidden_by_centring(const AxisTest& test);
 
 /// Lengths read while two slides move around a point.
 struct CircleTest {
-  std::string name;        ///< of set-up and channel, and of the run if there are several
-  std::string plane;       ///< "XY": letters of the first and the second direction
-  bool zero_known = true;  ///< false: the bar measures changes of its length only
+  std::string name;           ///< of set-up and channel, and of the run if there are several
+  std::string plane;          ///< "XY": letters of the first and the second direction
+  bool is_zero_known = true;  ///< false: the bar measures changes of its length only
   CircularRuns runs;
 };
 
@@ -77,7 +77,7 @@ struct OtherTest {
 };
 
 /// Readings of a machine, sorted into the tests that the standards evaluate.
-struct Tests {
+struct MachineTests {
   std::vector<AxisTest> axes;
   std::vector<SquareTest> squares;
   std::vector<DiagonalTest> diagonals;
@@ -88,6 +88,6 @@ struct Tests {
 
 /// Sorts readings into tests by their geometry and the axes that moved, not by the name of the
 /// instrument, in the order of the set-ups. Runs that lack a target become other tests.
-Tests classify_readings(const Readings& readings);
+MachineTests classify_readings(const Readings& readings);
 
 }  // namespace abbe::errors::metrology

@@ -128,7 +128,7 @@ double ProbingMachine::touch(const Vector3d& point_w, const Vector3d& normal_w, 
   for (int k = 0; k < 60; ++k) {
     AxisState at_contact = state_after_move(at_clearance, axis_positions(centre_w(height)));
     at_contact.time_s = at_clearance.time_s + approach_s;
-    const Bodies actual = machine(at_contact);
+    const BodyPoses actual = machine(at_contact);
     const Vector3d ball_w = actual.T_bw.inverse() * (actual.T_bt * options.centre_t);
     const double gap = normal_w.dot(ball_w - point_w) - options.radius - deviation;
     height -= gap;
@@ -143,7 +143,7 @@ double ProbingMachine::touch(const Vector3d& point_w, const Vector3d& normal_w, 
                   options.clearance, point_w.x(), point_w.y(), point_w.z()));
 }
 
-void check(const CoordinateMachine& options) {
+void check(const CoordinateMeasuringMachine& options) {
   expect(options.spacing > 0.0 && std::isfinite(options.spacing), "a spacing above 0 mm",
          options.spacing);
   const double not_negative[] = {options.noise, options.resolution, options.alignment_sigma,
@@ -191,7 +191,7 @@ std::vector<Index> grid_points(const PartSurface& part, double spacing) {
 }
 
 /// Returns the stated displacement of the part, or a random one.
-kinematics::Deviation random_alignment(const CoordinateMachine& options) {
+kinematics::Deviation random_alignment(const CoordinateMeasuringMachine& options) {
   if (options.alignment) return *options.alignment;
   kinematics::Deviation D;
   for (int k = 0; k < 6; ++k)
@@ -252,7 +252,7 @@ PartReadings probe(const PartSurface& part, const Chain& nominal, const MachineU
     const double height =
         prober.touch(point_w, normal_w, part.deviation[point_indices[std::size_t(i)]]) +
         options.noise * normal_deviate(options.seed, std::uint64_t(i));
-    r.deviation[i] = rounded(height, options.resolution);
+    r.deviation[i] = round_to_resolution(height, options.resolution);
     r.time_s[i] = prober.state.time_s;
     prober.move_to(
         prober.axis_positions(point_w + (options.radius + options.clearance) * normal_w));
@@ -260,7 +260,8 @@ PartReadings probe(const PartSurface& part, const Chain& nominal, const MachineU
   return r;
 }
 
-PartReadings measure_coordinates(const PartSurface& part, const CoordinateMachine& options) {
+PartReadings measure_coordinates(const PartSurface& part,
+                                 const CoordinateMeasuringMachine& options) {
   check(part);
   check(options);
   const std::vector<Index> point_indices = grid_points(part, options.spacing);
@@ -278,7 +279,7 @@ PartReadings measure_coordinates(const PartSurface& part, const CoordinateMachin
     const Vector3d actual_normal = displacement.linear() * normal;
     const double height = actual_normal.dot(actual_point - point) / actual_normal.dot(normal) +
                           options.noise * normal_deviate(options.seed, std::uint64_t(i));
-    r.deviation[i] = rounded(height, options.resolution);
+    r.deviation[i] = round_to_resolution(height, options.resolution);
     r.time_s[i] = options.start_s + double(i) * options.interval_s;
   }
   if (options.best_fit) r.deviation = best_fit_deviation(r, middle_w);

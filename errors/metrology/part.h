@@ -56,7 +56,7 @@ PartReadings probe(const PartSurface& part, const kinematics::Chain& nominal,
                    const MachineUnderTest& machine, const TouchProbe& options);
 
 /// Settings of a coordinate measuring machine.
-struct CoordinateMachine {
+struct CoordinateMeasuringMachine {
   double spacing = 5.0;     ///< mm, of the grid: one point per cell and side, nearest to its centre
   double noise = 0.5e-3;    ///< mm
   double resolution = 0.0;  ///< mm
@@ -76,6 +76,7 @@ struct CoordinateMachine {
 /// error is t^2 / 2R.
 /// @throws std::invalid_argument for shapes that differ, normals that are not unit to 1e-9, or
 ///         options out of range
-PartReadings measure_coordinates(const PartSurface& part, const CoordinateMachine& options);
+PartReadings measure_coordinates(const PartSurface& part,
+                                 const CoordinateMeasuringMachine& options);
 
 }  // namespace abbe::errors::metrology

@@ -361,7 +361,7 @@ void PlanBuilder::read_both_directions(const Path& path, const Range& range, int
   for (int run = 0; run < instrument_.runs; ++run) {
     move_to(below);
     for (int i = 0; i < count; ++i) read_at(run, i);
-    if (!instrument_.both_ways) continue;
+    if (!instrument_.bidirectional) continue;
     move_to(above);
     for (int i = count - 1; i >= 0; --i) read_at(run, i);
   }
@@ -377,7 +377,7 @@ void PlanBuilder::visit(const std::vector<AxisVector>& positions,
   const int count = int(positions.size());
   for (int run = 0; run < instrument_.runs; ++run) {
     for (int i = 0; i < count; ++i) read_at(run, i);
-    if (!instrument_.both_ways) continue;
+    if (!instrument_.bidirectional) continue;
     for (int i = count - 1; i >= 0; --i) read_at(run, i);
   }
 }

@@ -89,7 +89,8 @@ void check_numbers(const Instrument& i) {
          i.duration_s / i.interval_s);
   expect(std::isfinite(i.start_s), "a finite start", i.start_s);
   expect(i.reflector_t.allFinite(), "a finite place of the reflector", i.reflector_t.norm());
-  if (i.at_w) expect(i.at_w->allFinite(), "a finite place in the workpiece", i.at_w->norm());
+  if (i.location_w)
+    expect(i.location_w->allFinite(), "a finite place in the workpiece", i.location_w->norm());
   expect(std::abs(i.up_b.norm() - 1.0) <= 1e-12, "a unit direction up, of length", i.up_b.norm());
 }
 
@@ -114,7 +115,7 @@ void check_axes(const Instrument& instrument, const Chain& nominal) {
 
 std::string to_string(Kind kind) { return kind_entry(kind).name; }
 
-std::optional<Kind> kind_of(std::string_view name) {
+std::optional<Kind> find_kind(std::string_view name) {
   for (const KindEntry& entry : entries)
     if (name == entry.name) return entry.kind;
   return std::nullopt;
@@ -574,8 +575,8 @@ Plan spindle(const Instrument& instrument, const Chain& nominal) {
 Plan drift(const Instrument& instrument, const Chain& nominal) {
   const ParkedMachine parked = park(instrument, nominal);
   AxisVector q = parked.q;
-  if (instrument.at_w) {
-    const auto q_at_position = slides_for_reflector(instrument, nominal, q, *instrument.at_w);
+  if (instrument.location_w) {
+    const auto q_at_position = slides_for_reflector(instrument, nominal, q, *instrument.location_w);
     if (!q_at_position) throw_input_error(instrument, "expected a place that the slides reach");
     q = *q_at_position;
   }
@@ -608,7 +609,7 @@ Plan temperature(const Instrument& instrument, const Chain& nominal) {
   PlanBuilder builder(instrument, nominal, parked.q);
   SetUp log;
   log.name = "temperatures";
-  log.zero_unknown = false;
+  log.is_zero_unknown = false;
   builder.set_up(log);
   for (int i = 0; i < readings_over_time(instrument); ++i) {
     if (i > 0) builder.wait(instrument.interval_s);

@@ -124,7 +124,7 @@ struct Column {
 /// Parser of the header of a table.
 class HeaderReader {
  public:
-  HeaderReader(const TableLines& lines, const Line& line) : lines_(lines), line_(line) {}
+  HeaderReader(const TableLineReader& lines, const Line& line) : lines_(lines), line_(line) {}
 
   struct Head {
     std::vector<Column> columns;
@@ -134,7 +134,7 @@ class HeaderReader {
 
   Head read() {
     head_.separator = line_.text.find(';') != std::string_view::npos ? ';' : ',';
-    const std::vector<Cell> cells = cells_of(line_.text, head_.separator, max_cells - 1);
+    const std::vector<Cell> cells = split_cells(line_.text, head_.separator, max_cells - 1);
     if (cells.size() == max_cells)
       lines_.refuse(cells.back(), fmt::format("at most {} runs", max_runs));
     for (const Cell& cell : cells) add(cell);
@@ -219,7 +219,7 @@ class HeaderReader {
     }
   }
 
-  const TableLines& lines_;
+  const TableLineReader& lines_;
   const Line& line_;
   Head head_;
   int run_column_count_ = 0;
@@ -227,7 +227,7 @@ class HeaderReader {
 
 using Head = HeaderReader::Head;
 
-bool is_up(const TableLines& lines, const Cell& cell) {
+bool is_up(const TableLineReader& lines, const Cell& cell) {
   if (cell.text == "up" || cell.text == "+") return true;
   if (cell.text != "down" && cell.text != "-") lines.refuse(cell, "up, down, + or -");
   return false;
@@ -239,8 +239,8 @@ struct Row {
   std::vector<PositionReading> readings;
 };
 
-Row read_row(const TableLines& lines, const Line& line, const Head& head) {
-  const std::vector<Cell> cells = cells_of(line.text, head.separator, head.columns.size());
+Row read_row(const TableLineReader& lines, const Line& line, const Head& head) {
+  const std::vector<Cell> cells = split_cells(line.text, head.separator, head.columns.size());
   const std::string expected = fmt::format("{} cells, as the head has", head.columns.size());
   if (cells.size() < head.columns.size())
     lines.refuse(int(line.text.size()) + 1, expected, fmt::format("{}", cells.size()));
@@ -252,7 +252,7 @@ Row read_row(const TableLines& lines, const Line& line, const Head& head) {
     const Column& column = head.columns[i];
     if (column.role == Role::Set) row.set = std::string(cells[i].text);
     if (column.role == Role::Direction) common.up = is_up(lines, cells[i]);
-    if (column.role == Role::Run) common.run = lines.whole_number_in(cells[i], 1, max_runs);
+    if (column.role == Role::Run) common.run = lines.read_whole_number(cells[i], 1, max_runs);
     if (column.role == Role::Target) common.target = lines.number_in(cells[i]);
   }
   // The column of the target may be right of the readings, so its unit is determined first.
@@ -290,7 +290,7 @@ struct NamedReadings {
 std::vector<PositionSet> read_position_csv(std::string_view text, const std::string& file,
                                            const PositionFileOptions& options) {
   check_size(text, file, options);
-  TableLines lines(text, file);
+  TableLineReader lines(text, file);
   const auto first = lines.next();
   if (!first) lines.refuse(0, "a head such as target_mm,direction,run,deviation_um", "nothing");
   const Head head = HeaderReader(lines, *first).read();
@@ -397,7 +397,7 @@ class RtlReader {
     for (; in_section(); line_ = lines_.next()) {
       const auto e = entry();
       if (!e) throw_line_error(count == 0 ? "a line key: value" : fmt::format("{} targets", count));
-      if (e->key == "Target-count") count = lines_.whole_number_in(e->value, 2, 100000);
+      if (e->key == "Target-count") count = lines_.read_whole_number(e->value, 2, 100000);
       if (e->key == "Flags") read_flags(e->value);
       if (e->key != "Targets") continue;
       if (count == 0) throw_line_error("Target-count before Targets");
@@ -411,7 +411,7 @@ class RtlReader {
     while (int(targets_.size()) < count) {
       line_ = lines_.next();
       if (!in_section()) throw_line_error(fmt::format("{} targets", count));
-      for (const Cell& number : cells_of(line_->text, ' ', std::size_t(count))) {
+      for (const Cell& number : split_cells(line_->text, ' ', std::size_t(count))) {
         if (int(targets_.size()) == count) lines_.refuse(number, fmt::format("{} targets", count));
         targets_.push_back(lines_.number_in(number));
       }
@@ -419,7 +419,7 @@ class RtlReader {
   }
 
   void read_flags(const Cell& cell) {
-    const std::vector<Cell> flags = cells_of(cell.text, ' ', 1);
+    const std::vector<Cell> flags = split_cells(cell.text, ' ', 1);
     is_one_directional_ = flags.size() == 2 && flags[1].text == "1";
   }
 
@@ -435,7 +435,7 @@ class RtlReader {
   void read_runs() {
     for (; in_section(); line_ = lines_.next()) {
       const auto e = entry();
-      if (e && e->key == "Run-count") runs_ = lines_.whole_number_in(e->value, 1, max_runs);
+      if (e && e->key == "Run-count") runs_ = lines_.read_whole_number(e->value, 1, max_runs);
     }
     if (runs_ == 0) throw_line_error("Run-count in the section RUNS::");
     if (std::size_t(runs_) * targets_.size() > options_.max_readings)
@@ -463,10 +463,10 @@ class RtlReader {
 
   /// Reads one row. `last_target` has the last target of each run, `direction` its direction.
   void add_reading(std::vector<int>& last_target, std::vector<int>& direction) {
-    const std::vector<Cell> cells = cells_of(line_->text, ' ', 3);
+    const std::vector<Cell> cells = split_cells(line_->text, ' ', 3);
     if (cells.size() != 3) throw_line_error("a row: run, target, deviation");
-    const int run = lines_.whole_number_in(cells[0], 1, runs_);
-    const int target = lines_.whole_number_in(cells[1], 1, int(targets_.size()));
+    const int run = lines_.read_whole_number(cells[0], 1, runs_);
+    const int target = lines_.read_whole_number(cells[1], 1, int(targets_.size()));
     const std::size_t i = std::size_t(run - 1);
     const double position = targets_[std::size_t(target - 1)];
     if (last_target[i] >= 0) {
@@ -495,7 +495,7 @@ class RtlReader {
                       readings_.end());
   }
 
-  TableLines lines_;
+  TableLineReader lines_;
   const std::string& file_;
   const PositionFileOptions& options_;
   std::optional<Line> line_;

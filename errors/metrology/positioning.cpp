@@ -27,9 +27,9 @@ void check(const PositionRuns& runs) {
 }
 
 /// Returns the results for one direction of approach, or nothing if it was not measured.
-std::optional<OneWayPositioning> evaluate_direction(const MatrixXd& x) {
+std::optional<UnidirectionalPositioning> evaluate_direction(const MatrixXd& x) {
   if (x.cols() == 0) return std::nullopt;
-  OneWayPositioning result;
+  UnidirectionalPositioning result;
   result.mean = x.rowwise().mean();
   result.E = range(result.mean);
   // A single run has no standard deviation, so R and A remain empty.
@@ -44,7 +44,7 @@ std::optional<OneWayPositioning> evaluate_direction(const MatrixXd& x) {
 }
 
 /// Adds the bidirectional repeatability and accuracy.
-void add_repeatability(const OneWayPositioning& up, const OneWayPositioning& down,
+void add_repeatability(const UnidirectionalPositioning& up, const UnidirectionalPositioning& down,
                        Positioning& both) {
   // ISO 230-2: the bidirectional repeatability is never smaller than that of either direction.
   both.repeatability = (2.0 * up.s + 2.0 * down.s + both.reversal.cwiseAbs())
@@ -79,7 +79,7 @@ Positioning positioning(const PositionRuns& runs) {
   return result;
 }
 
-VectorXd mean_of(const PositionRuns& runs) {
+VectorXd run_mean(const PositionRuns& runs) {
   VectorXd sum = VectorXd::Zero(runs.target.size());
   if (runs.up.cols() > 0) sum += runs.up.rowwise().sum();
   if (runs.down.cols() > 0) sum += runs.down.rowwise().sum();

@@ -18,7 +18,7 @@ struct PositionRuns {
 };
 
 /// Results for one direction of approach, in the unit of the readings.
-struct OneWayPositioning {
+struct UnidirectionalPositioning {
   Eigen::VectorXd mean;           ///< (m) mean deviation at each target
   Eigen::VectorXd s;              ///< (m) standard deviation of one approach; (0) for a single run
   Eigen::VectorXd repeatability;  ///< (m) R_i = 4 s_i; (0) for a single run
@@ -31,18 +31,18 @@ struct OneWayPositioning {
 /// empty: those of a direction that was not measured, R and A of a single run, and all
 /// bidirectional quantities if one direction is missing.
 struct Positioning {
-  Eigen::VectorXd target;                 ///< (m)
-  std::optional<OneWayPositioning> up;    ///< positive direction of approach
-  std::optional<OneWayPositioning> down;  ///< negative direction of approach
-  Eigen::VectorXd reversal;               ///< (m) B_i = mean up - mean down; (0) for one direction
-  Eigen::VectorXd mean;                   ///< (m) of both directions; (0) for one direction
-  Eigen::VectorXd repeatability;          ///< (m) R_i of both directions; (0) if not determined
-  std::optional<double> B;                ///< largest |B_i|
-  std::optional<double> B_mean;           ///< mean of B_i, with its sign
-  std::optional<double> M;                ///< range of the bidirectional mean
-  std::optional<double> E;                ///< systematic deviation, both directions
-  std::optional<double> R;                ///< largest R_i; requires two runs in each direction
-  std::optional<double> A;                ///< accuracy; requires two runs in each direction
+  Eigen::VectorXd target;                         ///< (m)
+  std::optional<UnidirectionalPositioning> up;    ///< positive direction of approach
+  std::optional<UnidirectionalPositioning> down;  ///< negative direction of approach
+  Eigen::VectorXd reversal;       ///< (m) B_i = mean up - mean down; (0) for one direction
+  Eigen::VectorXd mean;           ///< (m) of both directions; (0) for one direction
+  Eigen::VectorXd repeatability;  ///< (m) R_i of both directions; (0) if not determined
+  std::optional<double> B;        ///< largest |B_i|
+  std::optional<double> B_mean;   ///< mean of B_i, with its sign
+  std::optional<double> M;        ///< range of the bidirectional mean
+  std::optional<double> E;        ///< systematic deviation, both directions
+  std::optional<double> R;        ///< largest R_i; requires two runs in each direction
+  std::optional<double> A;        ///< accuracy; requires two runs in each direction
 };
 
 /// Returns accuracy and repeatability of positioning: R_i = max(2 s_i up + 2 s_i down + |B_i|, 4
@@ -57,7 +57,7 @@ Positioning positioning(const PositionRuns& runs);
 double range(const Eigen::VectorXd& values);
 
 /// Returns the mean of all runs of both directions (m).
-Eigen::VectorXd mean_of(const PositionRuns& runs);
+Eigen::VectorXd run_mean(const PositionRuns& runs);
 
 /// Runs along one diagonal of the work zone, with targets counted from its start. The signs give
 /// its direction: {1, 1, 1} rises in X, Y and Z, {-1, 1, 1} falls in X; a face diagonal has one

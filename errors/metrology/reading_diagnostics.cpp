@@ -120,7 +120,7 @@ struct ChannelReadings {
 /// subtracted, which a few wrong readings do not change.
 VectorXd departure_from_nominal(const ChannelReadings& readings, const VectorXd& value) {
   VectorXd departure = value - readings.nominal;
-  if (readings.set_up->zero_unknown && departure.size() > 0) {
+  if (readings.set_up->is_zero_unknown && departure.size() > 0) {
     VectorXd sorted = departure;
     std::sort(sorted.begin(), sorted.end());
     departure.array() -= sorted[sorted.size() / 2];
@@ -390,7 +390,7 @@ VectorXd nominal_values(const Readings& readings) {
   for (std::size_t i = 0; i < readings.plan.measurements.size(); ++i) {
     const Measurement& measurement = readings.plan.measurements[i];
     if (measurement.channel < 0) continue;
-    const Bodies bodies = nominal_bodies(readings.nominal, measurement.state.q);
+    const BodyPoses bodies = nominal_bodies(readings.nominal, measurement.state.q);
     nominal[Index(i)] =
         reading(readings.plan.set_ups[std::size_t(measurement.set_up)], measurement.channel, {},
                 bodies, bodies, spindle_angle(readings.nominal, measurement.state));

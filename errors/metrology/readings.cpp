@@ -19,7 +19,7 @@ using Eigen::Vector3d;
 using kinematics::Deviation;
 using kinematics::Pose;
 
-Pose body_pose(Body body, const Bodies& bodies) {
+Pose body_pose(Body body, const BodyPoses& bodies) {
   if (body == Body::Bed) return Pose::Identity();
   return body == Body::Workpiece ? bodies.T_bw : bodies.T_bt;
 }
@@ -102,7 +102,7 @@ SightLine nominal_sight(const Channel& channel, const Pose& T_of_in) {
           T_of_in.linear() * channel.normal_of};
 }
 
-Pose relative_pose(const Channel& channel, const Bodies& bodies) {
+Pose relative_pose(const Channel& channel, const BodyPoses& bodies) {
   return body_pose(channel.in, bodies).inverse() * body_pose(channel.of, bodies);
 }
 
@@ -121,7 +121,7 @@ UnknownOffsets unknown_offsets(const SetUp& set_up) {
     offsets.size += count;
     return first;
   };
-  offsets.zero = allocate(set_up.zero_unknown, int(set_up.channels.size()));
+  offsets.zero = allocate(set_up.is_zero_unknown, int(set_up.channels.size()));
   offsets.rotation = allocate(set_up.rotation_sigma > 0.0, 3);
   offsets.point_of = allocate(set_up.point_of_sigma > 0.0, 3);
   offsets.point_in = allocate(set_up.point_in_sigma > 0.0, 3);
@@ -135,8 +135,8 @@ UnknownOffsets unknown_offsets(const SetUp& set_up) {
 /// Returns the rotation vector of the body from its nominal pose. An angle is its component along
 /// the instrument's direction. At nominal poses it is zero, so a misaligned direction has no
 /// first-order effect.
-Vector3d rotation_from_nominal(const Channel& channel, const Bodies& actual,
-                               const Bodies& nominal) {
+Vector3d rotation_from_nominal(const Channel& channel, const BodyPoses& actual,
+                               const BodyPoses& nominal) {
   const Matrix3d R_actual = relative_pose(channel, actual).linear();
   const Matrix3d R_nominal = relative_pose(channel, nominal).linear();
   return kinematics::rotation_vector(R_actual * R_nominal.transpose());
@@ -152,7 +152,8 @@ Eigen::Matrix<double, 3, 2> perpendicular_basis(const Vector3d& normal) {
 }
 
 double reading(const SetUp& set_up, int channel, const Misalignment& misalignment,
-               const Bodies& actual, const Bodies& nominal, double spindle_angle, double since_s) {
+               const BodyPoses& actual, const BodyPoses& nominal, double spindle_angle,
+               double since_s) {
   assert(channel >= 0 && channel < int(set_up.channels.size()));
   const Channel& c = set_up.channels[std::size_t(channel)];
   const Vector3d direction_in = kinematics::rotation(misalignment.rotation) * c.direction_in;
@@ -171,7 +172,7 @@ double reading(const SetUp& set_up, int channel, const Misalignment& misalignmen
   return value + misalignment.scale * value + zero + misalignment.drift * since_s;
 }
 
-ReadingGradient gradient(const Channel& channel, const Bodies& nominal) {
+ReadingGradient gradient(const Channel& channel, const BodyPoses& nominal) {
   const Pose T_b_of = body_pose(channel.of, nominal);
   const Pose T_b_in = body_pose(channel.in, nominal);
   const Matrix3d R_b_in = T_b_in.linear();
@@ -203,7 +204,7 @@ std::vector<SetUpUnknown> unknowns(const SetUp& set_up) {
     if (!(sigma > 0.0)) return;
     for (const char* name : names) result.push_back({name, sigma});
   };
-  if (set_up.zero_unknown)
+  if (set_up.is_zero_unknown)
     for (const Channel& channel : set_up.channels)
       result.push_back({"zero of " + channel.name, std::numeric_limits<double>::infinity()});
   add(set_up.rotation_sigma, {"rotation about A", "rotation about B", "rotation about C"});
@@ -250,7 +251,7 @@ Eigen::VectorXd values(const SetUp& set_up, const Misalignment& misalignment) {
   return result;
 }
 
-Eigen::VectorXd unknowns_gradient(const SetUp& set_up, int channel, const Bodies& nominal,
+Eigen::VectorXd unknowns_gradient(const SetUp& set_up, int channel, const BodyPoses& nominal,
                                   double spindle_angle, double since_s) {
   const Channel& c = set_up.channels[std::size_t(channel)];
   const UnknownOffsets offsets = unknown_offsets(set_up);
@@ -347,13 +348,13 @@ std::vector<SetUpState> draw_set_ups(const Plan& plan, std::uint64_t seed) {
 
 /// Returns the value on the instrument's display, without noise, and sets a counter at its first
 /// reading.
-double displayed_value(SetUpState& state, const SetUp& set_up, int channel, const Bodies& actual,
-                       const Bodies& nominal, double spindle_angle, double since_s) {
+double displayed_value(SetUpState& state, const SetUp& set_up, int channel, const BodyPoses& actual,
+                       const BodyPoses& nominal, double spindle_angle, double since_s) {
   const auto reading_with = [&](const Misalignment& m) {
     return reading(set_up, channel, m, actual, nominal, spindle_angle, since_s);
   };
   char& is_zero_set = state.is_zero_set[std::size_t(channel)];
-  if (set_up.zero_unknown && !is_zero_set) {  // the counter is set to its nominal value
+  if (set_up.is_zero_unknown && !is_zero_set) {  // the counter is set to its nominal value
     state.misalignment.zero[channel] =
         reading(set_up, channel, {}, nominal, nominal) - reading_with(state.misalignment);
     is_zero_set = 1;
@@ -363,7 +364,7 @@ double displayed_value(SetUpState& state, const SetUp& set_up, int channel, cons
 
 }  // namespace
 
-double rounded(double value, double resolution) {
+double round_to_resolution(double value, double resolution) {
   return resolution > 0.0 ? std::round(value / resolution) * resolution : value;
 }
 
@@ -376,7 +377,7 @@ Readings measure(const Plan& plan, const kinematics::Chain& nominal,
   std::vector<SetUpState> set_up_states = draw_set_ups(plan, seed);
   const Eigen::VectorXd since_s = time_since_set_up(plan);
   readings.value.setZero(Eigen::Index(plan.measurements.size()));
-  Bodies actual, nominal_poses;
+  BodyPoses actual, nominal_poses;
   for (std::size_t i = 0; i < plan.measurements.size(); ++i) {
     const Measurement& measurement = plan.measurements[i];
     // The machine is evaluated once for channels that are read together.
@@ -395,12 +396,12 @@ Readings measure(const Plan& plan, const kinematics::Chain& nominal,
     if (!std::isfinite(value))
       throw std::invalid_argument(fmt::format("reading {} of {} ({}): expected a finite number",
                                               i + 1, plan.instrument, channel.name));
-    readings.value[Eigen::Index(i)] = rounded(value, channel.resolution);
+    readings.value[Eigen::Index(i)] = round_to_resolution(value, channel.resolution);
   }
   return readings;
 }
 
-Bodies nominal_bodies(const kinematics::Chain& nominal, const kinematics::AxisVector& q) {
+BodyPoses nominal_bodies(const kinematics::Chain& nominal, const kinematics::AxisVector& q) {
   return {nominal.workpiece_in_bed(q), nominal.tool_in_bed(q)};
 }
 

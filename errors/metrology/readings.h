@@ -18,7 +18,7 @@ namespace abbe::errors::metrology {
 enum class Body { Bed, Workpiece, Tool };
 
 /// Poses of workpiece and tool in the bed.
-struct Bodies {
+struct BodyPoses {
   kinematics::Pose T_bw = kinematics::Pose::Identity();
   kinematics::Pose T_bt = kinematics::Pose::Identity();
 };
@@ -70,7 +70,7 @@ struct Misalignment {
 struct SetUp {
   std::string name;  ///< "X positioning"
   std::vector<Channel> channels;
-  bool zero_unknown = true;  ///< readings count from an arbitrary zero, one for each channel
+  bool is_zero_unknown = true;  ///< readings count from an arbitrary zero, one for each channel
   /// Standard deviations of the unknowns; 0: known exactly, neither drawn nor estimated.
   double rotation_sigma = 0.0;      ///< rad, each of three
   double point_of_sigma = 0.0;      ///< mm, each of three
@@ -90,7 +90,7 @@ struct SetUp {
 /// from the origins of their bodies (1e-12 mm if each is 500 mm), for a mirror divided by n u;
 /// 1e-15 rad for an angle below 3 mrad.
 double reading(const SetUp& set_up, int channel, const Misalignment& misalignment,
-               const Bodies& actual, const Bodies& nominal, double spindle_angle = 0.0,
+               const BodyPoses& actual, const BodyPoses& nominal, double spindle_angle = 0.0,
                double since_s = 0.0);
 
 /// Gradient of a reading in a perfect set-up: its first-order change per unit of a small motion
@@ -99,7 +99,7 @@ struct ReadingGradient {
   kinematics::Deviation workpiece = kinematics::Deviation::Zero();
   kinematics::Deviation tool = kinematics::Deviation::Zero();
 };
-ReadingGradient gradient(const Channel& channel, const Bodies& nominal);
+ReadingGradient gradient(const Channel& channel, const BodyPoses& nominal);
 
 /// Unknown of a set-up.
 struct SetUpUnknown {
@@ -118,7 +118,7 @@ Eigen::Matrix<double, 3, 2> perpendicular_basis(const Eigen::Vector3d& normal);
 
 /// Returns the change of a reading per unit of each unknown of its set-up (unknowns), for a perfect
 /// set-up.
-Eigen::VectorXd unknowns_gradient(const SetUp& set_up, int channel, const Bodies& nominal,
+Eigen::VectorXd unknowns_gradient(const SetUp& set_up, int channel, const BodyPoses& nominal,
                                   double spindle_angle = 0.0, double since_s = 0.0);
 
 /// Reading of a plan: its channel, and the commanded state with direction of approach.
@@ -149,7 +149,7 @@ struct Readings {
 };
 
 /// Machine under test: returns the actual poses of the bodies at a state.
-using MachineUnderTest = std::function<Bodies(const kinematics::AxisState&)>;
+using MachineUnderTest = std::function<BodyPoses(const kinematics::AxisState&)>;
 
 /// Simulates set-ups and readings. Misalignments and noise are drawn from the seed, the same on
 /// every computer. A counter with an unknown zero is set at its first reading to the value of the
@@ -160,13 +160,13 @@ Readings measure(const Plan& plan, const kinematics::Chain& nominal,
                  const MachineUnderTest& machine, std::uint64_t seed);
 
 /// Returns the nominal poses of the bodies.
-Bodies nominal_bodies(const kinematics::Chain& nominal, const kinematics::AxisVector& q);
+BodyPoses nominal_bodies(const kinematics::Chain& nominal, const kinematics::AxisVector& q);
 
 /// Returns the standard deviation of one reading by noise and rounding, mm or rad.
 double standard_deviation(const Channel& channel);
 
 /// Returns a reading rounded to a resolution; 0: unchanged.
-double rounded(double value, double resolution);
+double round_to_resolution(double value, double resolution);
 
 /// Returns the rotation of an eccentric ball at a state: the angle of the nose `s`, 0 without a
 /// nose.

@@ -131,8 +131,8 @@ BallPosition ball_position(const Instrument& instrument, const Chain& nominal,
                            const ParkedMachine& parked, const AxisDirection& rotary) {
   BallPosition ball;
   ball.radial_w = radial_direction(nominal, parked, rotary);
-  if (instrument.at_w) {
-    ball.position_w = *instrument.at_w;
+  if (instrument.location_w) {
+    ball.position_w = *instrument.location_w;
     const Vector3d arm_w =
         ball.position_w - nearest_axis_point(nominal, parked.q, rotary.joint, ball.position_w);
     if (is_table(nominal, rotary) && arm_w.norm() > 1e-3) ball.radial_w = arm_w.normalized();
@@ -205,7 +205,7 @@ Plan ball_bar(const Instrument& instrument, const Chain& nominal) {
   const ParkedMachine parked = park(instrument, nominal);
   expect_slides(instrument, parked, 2);
   const Vector3d centre_w =
-      instrument.at_w ? *instrument.at_w : reflector_w(instrument, nominal, parked.q);
+      instrument.location_w ? *instrument.location_w : reflector_w(instrument, nominal, parked.q);
   const AxisVector at_centre = reach_with_slides(instrument, nominal, parked.q, centre_w);
   const Range range = whole_turn_range(
       instrument, {instrument.from_rad, instrument.to_rad,
@@ -216,7 +216,7 @@ Plan ball_bar(const Instrument& instrument, const Chain& nominal) {
     c.point_in = centre_w;
     SetUp bar = set_up(instrument, fmt::format("{}{} circle", pair[0].name, pair[1].name), {c});
     bar.point_in_sigma = instrument.position_sigma;
-    bar.zero_unknown = false;  // its length is calibrated to the sigma of the scale
+    bar.is_zero_unknown = false;  // its length is calibrated to the sigma of the scale
     builder.set_up(bar);
     builder.read_both_directions(circle(instrument, nominal, at_centre, centre_w, pair), range,
                                  moves_to_target(instrument, range));
@@ -341,8 +341,8 @@ Plan tracker(const Instrument& instrument, const Chain& nominal) {
   const ParkedMachine parked = park(instrument, nominal);
   check(instrument, parked);
   const std::vector<AxisVector> positions = travel_grid(instrument, nominal, parked);
-  const Vector3d station_w = instrument.at_w
-                                 ? *instrument.at_w
+  const Vector3d station_w = instrument.location_w
+                                 ? *instrument.location_w
                                  : box_point(box(instrument, nominal, parked), -2.5, -2.0, 0.4);
   std::vector<Channel> channels = {
       channel(instrument, "range", Quantity::Length, Vector3d::UnitX())};
@@ -363,7 +363,7 @@ Plan tracker(const Instrument& instrument, const Chain& nominal) {
     }
   }
   SetUp station = set_up(instrument, "station", std::move(channels));
-  station.zero_unknown = false;  // the range counts from the centre of the station
+  station.is_zero_unknown = false;  // the range counts from the centre of the station
   station.point_in_sigma = instrument.position_sigma;
   PlanBuilder builder(instrument, nominal, parked.q);
   builder.set_up(station);

@@ -339,14 +339,14 @@ VectorXd heights_above_plane(const Eigen::MatrixX2d& xy, const VectorXd& z,
 
 }  // namespace
 
-Areal areal(const Eigen::MatrixX2d& xy, const VectorXd& z, const VectorXd& weights,
-            const ArealOptions& options) {
+ArealParameters areal(const Eigen::MatrixX2d& xy, const VectorXd& z, const VectorXd& weights,
+                      const ArealOptions& options) {
   check(xy, z, weights);
   const VectorXd relative_weights = weights / weights.sum();
   VectorXd h = z;
   if (options.reference == ArealReference::Plane) h = heights_above_plane(xy, z, relative_weights);
   if (options.reference == ArealReference::Mean) h.array() -= relative_weights.dot(z);
-  Areal result;
+  ArealParameters result;
   result.Sa = relative_weights.dot(h.cwiseAbs());
   result.Sq = std::sqrt(relative_weights.dot(h.cwiseAbs2()));
   result.Sp = h.maxCoeff();

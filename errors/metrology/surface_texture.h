@@ -129,7 +129,7 @@ struct ArealOptions {
 };
 
 /// Height parameters of ISO 25178-2, mm except Ssk and Sku.
-struct Areal {
+struct ArealParameters {
   double Sa = 0.0;            ///< mean of |z|
   double Sq = 0.0;            ///< root of the mean of z^2
   double Sp = 0.0;            ///< highest point above the reference
@@ -146,7 +146,7 @@ struct Areal {
 /// @param weights  (n) >= 0, not all 0
 /// @throws std::invalid_argument if sizes differ, for numbers that are not finite, or if the points
 ///         do not determine a required plane
-Areal areal(const Eigen::MatrixX2d& xy, const Eigen::VectorXd& z, const Eigen::VectorXd& weights,
-            const ArealOptions& options = {});
+ArealParameters areal(const Eigen::MatrixX2d& xy, const Eigen::VectorXd& z,
+                      const Eigen::VectorXd& weights, const ArealOptions& options = {});
 
 }  // namespace abbe::errors::metrology

@@ -99,12 +99,12 @@ FigureGroup cause_figures(const CircleTest& test) {
 /// that measures only changes of its length gives neither radius nor F.
 /// @throws std::invalid_argument as `circular`
 TestResult circle_result(const CircleTest& test) {
-  const Circular c = circular(test.runs);
+  const CircularResult c = circular(test.runs);
   const auto absolute_only = [&](double value) {
-    return test.zero_known ? std::optional(value) : std::nullopt;
+    return test.is_zero_known ? std::optional(value) : std::nullopt;
   };
   Figure radius{"radius", "mm", {}};
-  if (test.zero_known) radius.value = c.circle.radius;
+  if (test.is_zero_known) radius.value = c.circle.radius;
   TestResult result{test.name, "ISO 230-4:2005 circular test", {}, {cause_figures(test)}};
   std::vector<Figure>& f = result.figures;
   f = {{"plane", "", test.plane},
@@ -146,7 +146,7 @@ TestResult positioning_result(const std::string& name, const PositionRuns& runs,
        {"runs_down", "", runs.down.cols()},
        figure("A", p.A, angle)};
   const auto add_direction = [&](const std::string& label,
-                                 const std::optional<OneWayPositioning>& direction) {
+                                 const std::optional<UnidirectionalPositioning>& direction) {
     if (!direction) return;
     f.push_back(figure("A_" + label, direction->A, angle));
     f.push_back(figure("E_" + label, direction->E, angle));
@@ -165,12 +165,12 @@ TestResult positioning_result(const std::string& name, const PositionRuns& runs,
 /// Returns the slope of the least-squares line through the mean of all runs.
 double mean_slope(const PositionRuns& runs) {
   const VectorXd from_middle = runs.target.array() - runs.target.mean();
-  return from_middle.dot(mean_of(runs)) / from_middle.squaredNorm();
+  return from_middle.dot(run_mean(runs)) / from_middle.squaredNorm();
 }
 
 /// Returns the range of the mean of all runs about the line through its ends.
 double end_line_range(const PositionRuns& runs) {
-  const VectorXd mean = mean_of(runs), &t = runs.target;
+  const VectorXd mean = run_mean(runs), &t = runs.target;
   const Index last = t.size() - 1;
   return range(mean - (mean[last] - mean[0]) / (t[last] - t[0]) * t);
 }
@@ -181,7 +181,7 @@ TestResult error_motion_result(const AxisTest& test) {
                          : test.axial  ? "ISO 230-7:2015 axial error motion"
                                        : "ISO 230-7:2015 radial error motion";
   std::optional<double> synchronous, asynchronous;
-  if (!is_hidden_by_centring(test)) synchronous = range(mean_of(form_of(test)));
+  if (!is_hidden_by_centring(test)) synchronous = range(run_mean(form_runs(test)));
   for (const Eigen::MatrixXd* runs : {&test.runs.up, &test.runs.down})
     if (runs->cols() > 1)
       asynchronous = std::max(asynchronous.value_or(0.0),
@@ -194,22 +194,22 @@ TestResult error_motion_result(const AxisTest& test) {
 }
 
 TestResult axis_result(const AxisTest& test) {
-  if (test.what == AxisTest::TestKind::ErrorMotion) return error_motion_result(test);
-  if (test.what == AxisTest::TestKind::Positioning)
+  if (test.test_kind == AxisTest::TestKind::ErrorMotion) return error_motion_result(test);
+  if (test.test_kind == AxisTest::TestKind::Positioning)
     return positioning_result(test.name, test.runs, test.angle);
   const Positioning p = positioning(test.runs);
-  const bool is_straightness = test.what == AxisTest::TestKind::Straightness;
+  const bool is_straightness = test.test_kind == AxisTest::TestKind::Straightness;
   TestResult result{
       test.name,
       is_straightness ? "ISO 230-1:2012 straightness" : "ISO 230-1:2012 angular error motion",
       {{"targets", "", test.runs.target.size()}}};
   std::vector<Figure>& f = result.figures;
   if (is_straightness) {
-    f.push_back(figure("straightness_lsq", range(mean_of(form_of(test))), test.angle));
+    f.push_back(figure("straightness_lsq", range(run_mean(form_runs(test))), test.angle));
     f.push_back(figure("straightness_ends", end_line_range(test.runs), test.angle));
     f.push_back({"slope", "urad", mean_slope(test.runs) / units::urad});
   } else {
-    f.push_back(figure("range", range(mean_of(test.runs)), test.angle));
+    f.push_back(figure("range", range(run_mean(test.runs)), test.angle));
   }
   f.push_back(figure("R", p.R ? p.R : p.up ? p.up->R : p.down->R, test.angle));
   f.push_back(figure("B", p.B, test.angle));
@@ -294,7 +294,7 @@ TestResult other_result(const OtherTest& test) {
 
 }  // namespace
 
-std::vector<TestResult> standard_results(const Tests& tests) {
+std::vector<TestResult> standard_results(const MachineTests& tests) {
   std::vector<TestResult> results;
   for (const AxisTest& test : tests.axes) results.push_back(axis_result(test));
   for (const SquareTest& test : tests.squares) results.push_back(square_result(test));
@@ -326,7 +326,7 @@ TestResult flatness_result(const PartReadings& r, const VectorXd& weights) {
           {{"points", "", points.rows()},
            figure("flatness_lsq", least_squares_plane(points, weights).flatness),
            figure("flatness_minimum_zone", zone.flatness),
-           {"minimum_zone_proven", "", zone.proven}}};
+           {"minimum_zone_proven", "", zone.is_proven}}};
 }
 
 /// Returns the axis of a cylinder or a ring: the direction perpendicular to all normals, or nothing
@@ -390,7 +390,7 @@ std::optional<TestResult> circularity_result(const PartReadings& r, const std::v
                      {"radius", "mm", circle.radius},
                      figure("circularity_lsq", circle.circularity),
                      figure("circularity_minimum_zone", zone.circularity),
-                     {"minimum_zone_proven", "", zone.proven}}};
+                     {"minimum_zone_proven", "", zone.is_proven}}};
 }
 
 Figure shape(const char* name, const std::optional<double>& value) {
@@ -404,8 +404,9 @@ Figure shape(const char* name, const std::optional<double>& value) {
 TestResult heights_result(const PartReadings& r, const VectorXd& weights, bool is_plane) {
   ArealOptions options;
   options.reference = is_plane ? ArealReference::Plane : ArealReference::Mean;
-  const Areal heights = areal(r.points_w * perpendicular_basis(Vector3d(r.normals_w.row(0))),
-                              r.deviation, weights, options);
+  const ArealParameters heights =
+      areal(r.points_w * perpendicular_basis(Vector3d(r.normals_w.row(0))), r.deviation, weights,
+            options);
   return {"heights",
           "ISO 25178-2:2021 height parameters, unfiltered",
           {{"reference", "", is_plane ? "least-squares plane" : "mean, along the design's normals"},

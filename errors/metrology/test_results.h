@@ -47,7 +47,7 @@ struct TestResult {
 /// squareness (230-1), error motion (230-7), diagonals (230-6), circles (230-4) and drift (230-3).
 /// For other readings it returns their range and RMS.
 /// @throws std::invalid_argument for runs that the standard cannot evaluate
-std::vector<TestResult> standard_results(const Tests& tests);
+std::vector<TestResult> standard_results(const MachineTests& tests);
 
 /// Returns the results of a measured part: flatness (ISO 12781-1) if its normals agree,
 /// circularity, centre and radius of each ring of points around one axis (ISO 12181-1), heights

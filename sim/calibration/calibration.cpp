@@ -29,9 +29,9 @@ namespace {
 namespace metrology = errors::metrology;
 
 /// Returns the readings of position files as tests of axes.
-metrology::Tests position_tests(const std::vector<metrology::PositionSet>& sets,
-                                const std::string& stem) {
-  metrology::Tests tests;
+metrology::MachineTests position_tests(const std::vector<metrology::PositionSet>& sets,
+                                       const std::string& stem) {
+  metrology::MachineTests tests;
   for (const metrology::PositionSet& set : sets) {
     metrology::AxisTest test;
     test.name = set.name.empty() ? stem : set.name;
@@ -175,9 +175,9 @@ std::vector<Readings> read_all_readings(const Files& files, bool accepts_logs,
 }
 
 /// Returns a result with the sources and the files of the belief, for any method.
-Identified initial_result(const Files& files, const std::vector<Readings>& readings,
-                          const IdentifyOptions& options) {
-  Identified result{
+IdentificationResult initial_result(const Files& files, const std::vector<Readings>& readings,
+                                    const IdentificationOptions& options) {
+  IdentificationResult result{
       belief_files(options), {}, readings.front().nominal, {}, {}, {}, {}, {}, {}, {}};
   for (std::size_t i = 0; i < files.size(); ++i) {
     const errors::metrology::Plan& plan = readings[i].plan;
@@ -296,9 +296,9 @@ const char* mistake_phrase(identification::Mistake mistake) {
       return "with the other sign";
     case Mistake::Reversed:
       return "in reversed order";
-    case Mistake::TimesThousand:
+    case Mistake::MultipliedByThousand:
       return "a thousand times as large";
-    case Mistake::OverThousand:
+    case Mistake::DividedByThousand:
       return "a thousandth as large";
   }
   return "";
@@ -402,7 +402,7 @@ std::vector<std::string> unchecked_assumptions(const Files& files, const Estimat
   for (const identification::Alternative& alternative : estimate.alternatives) {
     // Readings divided by a thousand agree with any model, so that alternative is not informative.
     if (alternative.chi_square > estimate.chi_square + significant_increase ||
-        alternative.mistake == Mistake::OverThousand)
+        alternative.mistake == Mistake::DividedByThousand)
       continue;
     add(alternative.mistake == Mistake::Negated    ? signs
         : alternative.mistake == Mistake::Reversed ? orders
@@ -439,7 +439,8 @@ std::vector<std::string> size_warnings(const errors::GeometricErrors& belief,
 
 /// Returns warnings about the scatter, the outliers and weakly determined coefficients of a fit.
 std::vector<std::string> fit_warnings(const Files& files, const std::vector<Readings>& readings,
-                                      const Estimate& estimate, const IdentifyOptions& options) {
+                                      const Estimate& estimate,
+                                      const IdentificationOptions& options) {
   std::vector<std::string> warnings = scatter_warnings(files, readings, estimate);
   if (!warnings.empty()) warnings.back() += mistake_text(files, estimate);
   if (has_excess_scatter(estimate)) {
@@ -508,7 +509,7 @@ std::size_t count_positions(const std::vector<Readings>& readings, int joint) {
 /// Returns warnings about slides whose curves have at least as many coefficients as there are
 /// positions. Such curves are undetermined between the positions.
 std::vector<std::string> order_warnings(const std::vector<Readings>& readings,
-                                        const IdentifyOptions& options) {
+                                        const IdentificationOptions& options) {
   std::vector<std::string> warnings;
   const auto& joints = readings.front().nominal.joints();
   for (std::size_t j = 0; j < joints.size(); ++j) {
@@ -523,9 +524,9 @@ std::vector<std::string> order_warnings(const std::vector<Readings>& readings,
   return warnings;
 }
 
-Identified identify_by_chain(const Files& files, const std::vector<Readings>& readings,
-                             IdentifyOptions options, const Progress& progress) {
-  Identified result = initial_result(files, readings, options);
+IdentificationResult identify_by_chain(const Files& files, const std::vector<Readings>& readings,
+                                       IdentificationOptions options, const Progress& progress) {
+  IdentificationResult result = initial_result(files, readings, options);
   ChainFit fit;
   if (progress) options.orders.progress = [&](double fraction) { progress("orders", fraction); };
   if (options.choose_orders)
@@ -535,7 +536,7 @@ Identified identify_by_chain(const Files& files, const std::vector<Readings>& re
   // Warnings and assumptions need the alternatives.
   options.estimate.compare_mistakes = true;
   Estimate estimate = identification::estimate(
-      identification::model_of(result.nominal, options.model), readings, options.estimate);
+      identification::error_model(result.nominal, options.model), readings, options.estimate);
   if (!estimate.converged)
     throw std::runtime_error(
         fmt::format("{}: the fit did not converge in {} iterations, nothing was written: readings "
@@ -555,7 +556,7 @@ Identified identify_by_chain(const Files& files, const std::vector<Readings>& re
   fit.residual_sd = file_residuals(readings, estimate);
   result.fit = std::move(fit);
   result.confounded = estimate.confounded;
-  result.unidentified = undetermined_elements(estimate);
+  result.undetermined_curves = undetermined_elements(estimate);
   result.assumptions = unchecked_assumptions(files, estimate);
   result.warnings = fit_warnings(files, readings, estimate, options);
   std::ranges::move(pitch_warnings(options.model.pitch), std::back_inserter(result.warnings));
@@ -564,8 +565,9 @@ Identified identify_by_chain(const Files& files, const std::vector<Readings>& re
   return result;
 }
 
-Identified identify_by_step_diagonal(const Files& files, const std::vector<Readings>& readings,
-                                     const IdentifyOptions& options) {
+IdentificationResult identify_by_step_diagonal(const Files& files,
+                                               const std::vector<Readings>& readings,
+                                               const IdentificationOptions& options) {
   if (readings.size() != 1)
     throw BadInput(file_names(files), 0, 0, "one file of step diagonals",
                    std::to_string(readings.size()));
@@ -573,7 +575,7 @@ Identified identify_by_step_diagonal(const Files& files, const std::vector<Readi
   std::vector<identification::StepDiagonal> results;
   for (const Readings& start : starts) results.push_back(identification::step_diagonal(start));
   const identification::StepDiagonal& first = results.front();
-  Identified result = initial_result(files, readings, options);
+  IdentificationResult result = initial_result(files, readings, options);
   result.belief = first.belief;
   result.warnings = first.warnings;
   if (!first.caution.empty()) result.warnings.push_back(first.caution);
@@ -597,14 +599,15 @@ Identified identify_by_step_diagonal(const Files& files, const std::vector<Readi
   return result;
 }
 
-Identified identify_by_composite(const Files& files, const std::vector<Readings>& readings,
-                                 const IdentifyOptions& options) {
+IdentificationResult identify_by_composite(const Files& files,
+                                           const std::vector<Readings>& readings,
+                                           const IdentificationOptions& options) {
   if (readings.size() != 1)
     throw BadInput(file_names(files), 0, 0, "one file of positioning from several starts",
                    std::to_string(readings.size()));
   Composite composite =
       identify_composite(readings.front(), {options.sensors, options.model.order, options.margin});
-  Identified result = initial_result(files, readings, options);
+  IdentificationResult result = initial_result(files, readings, options);
   result.belief = std::move(composite.cold);
   result.thermal = std::move(composite.thermal);
   result.fit = CompositeFits{options.sensors, std::move(composite.axes)};
@@ -612,11 +615,11 @@ Identified identify_by_composite(const Files& files, const std::vector<Readings>
   return result;
 }
 
-Identified identify_by_thermal(const Files& files, const std::vector<Readings>& readings,
-                               const IdentifyOptions& options) {
+IdentificationResult identify_by_thermal(const Files& files, const std::vector<Readings>& readings,
+                                         const IdentificationOptions& options) {
   ThermalIdentificationResult thermal_result =
       identify_thermal(readings, thermal_identification(options));
-  Identified result = initial_result(files, readings, options);
+  IdentificationResult result = initial_result(files, readings, options);
   result.thermal = std::move(thermal_result.belief);
   result.fit = std::move(thermal_result.day);
   result.confounded = std::move(thermal_result.confounded);
@@ -626,7 +629,7 @@ Identified identify_by_thermal(const Files& files, const std::vector<Readings>& 
 
 }  // namespace
 
-ThermalIdentification thermal_identification(const IdentifyOptions& options) {
+ThermalIdentification thermal_identification(const IdentificationOptions& options) {
   ThermalIdentification day;
   day.elements = options.model.only;
   day.sensors = options.sensors;
@@ -637,28 +640,29 @@ ThermalIdentification thermal_identification(const IdentifyOptions& options) {
   return day;
 }
 
-BeliefFiles belief_files(const IdentifyOptions& options) {
+BeliefFiles belief_files(const IdentificationOptions& options) {
   const std::filesystem::path& out = options.out;
   BeliefFiles files{out, out, out, {}};
   files.report.replace_extension(".json");
   files.picture.replace_extension(".png");
-  if (options.method == IdentifyOptions::Method::Composite)
+  if (options.method == IdentificationOptions::Method::Composite)
     files.thermal = out.parent_path() / (out.stem().string() + "_thermal.txt");
   return files;
 }
 
 namespace {
 
-Identified identify_by_method(const Files& files, const std::vector<Readings>& readings,
-                              const IdentifyOptions& options, const Progress& progress) {
+IdentificationResult identify_by_method(const Files& files, const std::vector<Readings>& readings,
+                                        const IdentificationOptions& options,
+                                        const Progress& progress) {
   switch (options.method) {
-    case IdentifyOptions::Method::StepDiagonal:
+    case IdentificationOptions::Method::StepDiagonal:
       return identify_by_step_diagonal(files, readings, options);
-    case IdentifyOptions::Method::Composite:
+    case IdentificationOptions::Method::Composite:
       return identify_by_composite(files, readings, options);
-    case IdentifyOptions::Method::Thermal:
+    case IdentificationOptions::Method::Thermal:
       return identify_by_thermal(files, readings, options);
-    case IdentifyOptions::Method::Chain:
+    case IdentificationOptions::Method::Chain:
       break;
   }
   return identify_by_chain(files, readings, options, progress);
@@ -666,15 +670,15 @@ Identified identify_by_method(const Files& files, const std::vector<Readings>& r
 
 }  // namespace
 
-Identified identified(const Files& files, const IdentifyOptions& options,
-                      const Progress& progress) {
+IdentificationResult identified(const Files& files, const IdentificationOptions& options,
+                                const Progress& progress) {
   const std::vector<Readings> readings =
-      read_all_readings(files, options.method == IdentifyOptions::Method::Thermal, progress);
+      read_all_readings(files, options.method == IdentificationOptions::Method::Thermal, progress);
   std::vector<std::string> warnings = diagnose(files, readings);
   // The chain method reports its own stages.
-  if (progress && options.method != IdentifyOptions::Method::Chain) progress("fit", 0.0);
+  if (progress && options.method != IdentificationOptions::Method::Chain) progress("fit", 0.0);
   try {
-    Identified result = identify_by_method(files, readings, options, progress);
+    IdentificationResult result = identify_by_method(files, readings, options, progress);
     std::ranges::move(size_warnings(result.belief, result.nominal), std::back_inserter(warnings));
     result.warnings.insert(result.warnings.begin(), warnings.begin(), warnings.end());
     return result;

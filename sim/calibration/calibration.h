@@ -31,7 +31,7 @@ struct Evaluation {
     double min_C = 0.0, max_C = 0.0;
   };
   std::vector<Temperatures> temperatures;  ///< ranges of all sensors
-  errors::metrology::Tests tests;          ///< evaluated tests of a machine
+  errors::metrology::MachineTests tests;   ///< evaluated tests of a machine
   std::optional<PartReadingsFile> part;    ///< readings of a part
   std::vector<std::string> warnings;       ///< about doubtful readings
 };
@@ -45,7 +45,7 @@ struct Evaluation {
 Evaluation evaluate_readings(const std::filesystem::path& readings);
 
 /// Options of an identification.
-struct IdentifyOptions {
+struct IdentificationOptions {
   /// Excludes elements equivalent to the position of the workpiece on a rotary table, which no
   /// reading determines.
   errors::identification::ModelOptions model = {.placement = false};
@@ -74,7 +74,7 @@ struct IdentifyOptions {
 };
 
 /// Returns the options of the thermal method.
-ThermalIdentification thermal_identification(const IdentifyOptions& options);
+ThermalIdentification thermal_identification(const IdentificationOptions& options);
 
 /// Files that an identification writes next to each other.
 struct BeliefFiles {
@@ -84,7 +84,7 @@ struct BeliefFiles {
   std::optional<std::filesystem::path> thermal;  ///< NAME_thermal.txt, for the composite method
 };
 /// Returns the files that an identification with these options writes.
-BeliefFiles belief_files(const IdentifyOptions& options);
+BeliefFiles belief_files(const IdentificationOptions& options);
 
 /// File of readings.
 struct ReadingsSource {
@@ -129,7 +129,7 @@ struct CompositeFits {
 };
 
 /// Result of an identification, before it is written.
-struct Identified {
+struct IdentificationResult {
   BeliefFiles files;
   std::vector<ReadingsSource> sources;
   kinematics::Chain nominal;
@@ -137,10 +137,10 @@ struct Identified {
                                    ///< thermal method
   compensation::ThermalBelief thermal;  ///< of the composite and thermal methods, otherwise empty
   std::variant<ChainFit, StepDiagonalFit, CompositeFits, ThermalDay> fit;
-  std::vector<errors::identification::Confounded> confounded;
+  std::vector<errors::identification::ConfoundedCoefficient> confounded;
   /// Curves at zero, without any determined coefficient. The coefficients of `confounded` belong to
   /// these curves or to the belief.
-  std::vector<errors::Element> unidentified;
+  std::vector<errors::Element> undetermined_curves;
   std::vector<std::string> assumptions;  ///< about signs, orders and units of readings that no
                                          ///< other reading checks
   std::vector<std::string> warnings;
@@ -154,7 +154,8 @@ struct Identified {
 /// @throws BadInput, BadScene; BadInput naming the files if they are of different machines;
 ///     BadScene naming each channel that no working instrument can produce; std::runtime_error if
 ///     the fit does not converge
-Identified identified(const std::vector<std::filesystem::path>& files,
-                      const IdentifyOptions& options, const Progress& progress = {});
+IdentificationResult identified(const std::vector<std::filesystem::path>& files,
+                                const IdentificationOptions& options,
+                                const Progress& progress = {});
 
 }  // namespace abbe::sim

@@ -47,7 +47,7 @@ DriftDay drift_day(const DayReadings& day) {
   const errors::metrology::Readings& readings = day.readings;
   if (readings.sensors.size() < 2)
     throw BadInput(day.file.string(), 0, 0, "at least 2 temperature sensors", "fewer");
-  errors::metrology::Tests tests = classify_readings(readings);
+  errors::metrology::MachineTests tests = classify_readings(readings);
   DriftDay log{day.name,
                std::move(tests.drifts.at(0)),
                drift_noise(readings),
@@ -136,7 +136,7 @@ ChannelGrade grade_channel(const std::vector<DriftDay>& days, Index c,
                        {}};
   if (!channel.fitted.model) return channel;
   // Residual of the fit on its own training data.
-  channel.in_cycle = identification::spread(
+  channel.training_residual = identification::spread(
       training_features.y - identification::values(*channel.fitted.model, training_features.T));
   for (std::size_t d = 1; d < days.size(); ++d) {
     const ThermalData test =
@@ -187,7 +187,7 @@ void append_series(std::vector<DriftSeries>& list, const std::vector<DriftDay>& 
   }
 }
 
-using Method = SensorChoiceDescription::Way;
+using Method = SensorChoiceDescription::SelectionMethod;
 
 /// Returns true if the similarity compares areas, which depend on the unit of the drift.
 bool uses_area_comparison(const identification::SensorChoiceOptions& choice) {
@@ -284,11 +284,11 @@ void add_chance_warnings(const SensorChoiceGrade& grade, std::vector<std::string
   // than 75 % of the random choices.
   constexpr double min_same_fraction = 0.9, min_fraction_beaten = 0.75;
   const std::string name = grade.way.name.empty() ? "the choice" : grade.way.name;
-  if (grade.spread && grade.spread->draws > 0 && grade.spread->same < min_same_fraction)
+  if (grade.spread && grade.spread->draws > 0 && grade.spread->same_fraction < min_same_fraction)
     warnings.push_back(fmt::format(
         "{}: {:.0f} % of {} draws of start row (0 to {}) and noise choose these sensors; their "
         "order is one of chance",
-        name, 100.0 * grade.spread->same, grade.spread->draws, grade.spread->last_start));
+        name, 100.0 * grade.spread->same_fraction, grade.spread->draws, grade.spread->last_start));
   if (grade.random && grade.random->fraction_beaten < min_fraction_beaten)
     warnings.push_back(fmt::format(
         "{}: on days unseen it leaves {:.1f} % of the range, random choices of {} sensors {:.1f} % "
@@ -299,18 +299,19 @@ void add_chance_warnings(const SensorChoiceGrade& grade, std::vector<std::string
 
 }  // namespace
 
-ThermalChoice thermal_choice(const std::vector<DayReadings>& days,
-                             const SensorChoiceDescription& description) {
+ThermalSensorChoice choose_thermal_sensors(const std::vector<DayReadings>& days,
+                                           const SensorChoiceDescription& description) {
   std::vector<DriftDay> logs;
   for (const DayReadings& day : days) logs.push_back(drift_day(day));
   identification::ThermalStudyOptions options = description.study;
   // Drift and temperatures refer to the start of the day, not to that of each cycle.
   const bool since_start = std::exchange(options.features.since_start, false);
   const DriftDay& training = logs.front();
-  ThermalChoice result{
+  ThermalSensorChoice result{
       training.day, training.drift.log.time_s.size(), training.sensors, {}, {}, {}};
   std::vector<Method> methods{{"", options.choice, {}}};
-  methods.insert(methods.end(), description.beside.begin(), description.beside.end());
+  methods.insert(methods.end(), description.compared_methods.begin(),
+                 description.compared_methods.end());
   try {
     for (const Method& method : methods) {
       result.ways.push_back(

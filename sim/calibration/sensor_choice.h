@@ -50,7 +50,7 @@ struct ChannelGrade {
   bool angle = false;
   double training_range = 0.0;                ///< mm or rad, highest minus lowest
   errors::identification::ThermalFit fitted;  ///< the members below are empty if it has no model
-  errors::identification::Spread in_cycle;    ///< mm or rad, residual on the first day
+  errors::identification::Spread training_residual;  ///< mm or rad, residual on the first day
   std::vector<DayGrade> other_days;
 };
 
@@ -68,7 +68,7 @@ struct DegreeStart {
 
 /// Grade of a selection method and of the sensors that it chooses on the first day.
 struct SensorChoiceGrade {
-  SensorChoiceDescription::Way way;
+  SensorChoiceDescription::SelectionMethod way;
   bool since_start = false;                     ///< temperatures refer to the start of the day
   errors::identification::SensorChoice choice;  ///< indices of the logged sensors
   std::vector<std::string> chosen;              ///< names, in the order of choice
@@ -83,7 +83,7 @@ struct SensorChoiceGrade {
 };
 
 /// Chosen sensors and the grades of their models.
-struct ThermalChoice {
+struct ThermalSensorChoice {
   std::string training_day;
   Eigen::Index rows = 0;  ///< number of rows of the training day
   std::vector<std::string> sensors;
@@ -101,7 +101,7 @@ struct ThermalChoice {
 /// with temperatures in deg C as read.
 /// @param days  (n >= 1) of one machine; a single day gives no grade on other days
 /// @throws BadInput naming the scene if the instrument or the sensors do not suffice
-ThermalChoice thermal_choice(const std::vector<DayReadings>& days,
-                             const SensorChoiceDescription& description);
+ThermalSensorChoice choose_thermal_sensors(const std::vector<DayReadings>& days,
+                                           const SensorChoiceDescription& description);
 
 }  // namespace abbe::sim

@@ -65,16 +65,16 @@ std::map<char, AxisRuns> axis_runs(const Readings& readings, const Sensors& sens
   std::map<char, AxisRuns> axes;
   using errors::metrology::AxisTest;
   for (const Readings& start : identification::split_by_start(readings)) {
-    const errors::metrology::Tests tests = classify_readings(start);
+    const errors::metrology::MachineTests tests = classify_readings(start);
     for (const AxisTest& test : tests.axes) {
-      if (test.what != AxisTest::TestKind::Positioning || test.rotary) continue;
+      if (test.test_kind != AxisTest::TestKind::Positioning || test.rotary) continue;
       AxisRuns& axis = axes[test.axis];
       const bool cold = axis.runs.empty();
       axis.T_C.push_back(mean_temperatures_C(start, test.set_up, sensors));
       axis.time_s.push_back(set_up_start_s(start, test.set_up));
       // The first run of an axis is the cold one, to which temperature changes refer.
       axis.runs.push_back(
-          {test.runs.target, mean_of(test.runs), axis.T_C.back() - axis.T_C.front(), cold});
+          {test.runs.target, run_mean(test.runs), axis.T_C.back() - axis.T_C.front(), cold});
     }
   }
   if (axes.empty()) throw std::invalid_argument("expected the positioning of slides");
@@ -162,10 +162,11 @@ identification::ThermalModel slope_model(const AxisRuns& axis, const CompositeFi
 /// Returns the regression of the slopes with an additional constant: the slope at dT = 0 that the
 /// temperatures do not explain. Returns nothing if there are too few starts.
 std::optional<Regression> with_constant(const AxisRuns& axis, const CompositeFit& fit) {
-  const auto n = Index(fit.later.size()), m = fit.thermal.size();
+  const auto n = Index(fit.later_runs.size()), m = fit.thermal.size();
   if (n < m + 2) return std::nullopt;
   MatrixXd dT(n, m);
-  for (Index i = 0; i < n; ++i) dT.row(i) = axis.runs[std::size_t(fit.later[std::size_t(i)])].dT_K;
+  for (Index i = 0; i < n; ++i)
+    dT.row(i) = axis.runs[std::size_t(fit.later_runs[std::size_t(i)])].dT_K;
   Regression regression = identification::fit_regression(dT, fit.slope);
   if (regression.status != identification::RegressionStatus::Ok) return std::nullopt;
   return regression;
@@ -230,7 +231,7 @@ constexpr double mm_per_m = 1000.0;  // slopes are in mm or rad over a metre or 
 /// positions has an offset and a slope.
 errors::Element thermal_element(const errors::ElementName& name, const Chain& nominal,
                                 const std::vector<DayLog>& logs) {
-  const int joint_index = errors::joint_of(name.axis, nominal, to_string(name));
+  const int joint_index = errors::axis_joint(name.axis, nominal, to_string(name));
   const Joint& joint = nominal.joints()[std::size_t(joint_index)];
   errors::check_meaning(name, nominal, joint_index);
   Index along = 0;
@@ -294,7 +295,7 @@ errors::GeometricErrors thermal_model(const Chain& nominal, const std::vector<Da
 struct CoefficientSeries {
   MatrixXd value;  ///< (epochs x p) mm or rad; slopes over a metre
   MatrixXd sigma;  ///< (epochs x p) 0: not identified at that epoch
-  std::vector<identification::Confounded> confounded;  ///< at the last epoch
+  std::vector<identification::ConfoundedCoefficient> confounded;  ///< at the last epoch
 
   bool is_determined(Index coefficient) const {
     return (sigma.col(coefficient).array() > 0.0).all();
@@ -393,7 +394,7 @@ TermCoefficient term_coefficient(const errors::Coefficient& coefficient, Index c
   term.column = column;
   const Joint& joint =
       nominal
-          .joints()[std::size_t(errors::joint_of(term.name.axis, nominal, to_string(term.name)))];
+          .joints()[std::size_t(errors::axis_joint(term.name.axis, nominal, to_string(term.name)))];
   if (term.slope) {
     term.per_unit = 1.0 / mm_per_m;
     // Half of the travel is the largest distance from its middle.
@@ -516,7 +517,7 @@ ThermalIdentificationResult identify_thermal(std::span<const Readings> readings,
   ThermalIdentificationResult result;
   ThermalDay& day = result.day;
   day.epochs = identification::split_into_epochs(logs);
-  const auto changes = identification::changes_of(logs, day.epochs);
+  const auto changes = identification::changes_since_first(logs, day.epochs);
   const errors::GeometricErrors model = thermal_model(nominal, logs, options.elements);
   const CoefficientSeries series = options.elements.empty()
                                        ? significant_series(model, changes, options.min_signal)

@@ -103,7 +103,7 @@ struct ThermalDay {
 struct ThermalIdentificationResult {
   compensation::ThermalBelief belief;  ///< linear in changes of temperature since the first epoch
   ThermalDay day;
-  std::vector<errors::identification::Confounded> confounded;
+  std::vector<errors::identification::ConfoundedCoefficient> confounded;
   std::vector<std::string> warnings;
 };
 

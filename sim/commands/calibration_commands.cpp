@@ -58,10 +58,10 @@ struct PartMeasurement {
 /// Cuts the part in the case that the instrument names, and measures it.
 PartMeasurement cut_and_measure(const Scene& scene, const PartInstrumentDescription& instrument,
                                 const Progress& progress = {}) {
-  const Job job = placed(prepare(scene, progress));
+  const Job job = check_placement(prepare(scene, progress));
   const Cut finished_cut = cut_named_case(job, instrument.case_name, progress);
   check_cuts_part(job, finished_cut);
-  return {measured_part(job, finished_cut, instrument), warnings_of(job, finished_cut)};
+  return {measure_cut_part(job, finished_cut, instrument), warnings_of(job, finished_cut)};
 }
 
 /// Returns the stages of measuring. The machine takes a moment, a part the time of a cut.
@@ -80,7 +80,8 @@ std::vector<Stage> measuring_stages(const Scene& scene, const InstrumentSelectio
 }
 
 /// Returns `file` unchanged. Throws BadInput if it has no readings.
-Measured require_readings(Measured file, const Scene& scene, const std::string& instrument) {
+MeasuredFile require_readings(MeasuredFile file, const Scene& scene,
+                              const std::string& instrument) {
   if (file.readings == 0)
     throw BadInput(scene.file.string(), 0, 0, "readings of " + instrument, "none");
   return file;
@@ -88,11 +89,12 @@ Measured require_readings(Measured file, const Scene& scene, const std::string& 
 
 }  // namespace
 
-PartReadingsFile measured_part(const Scene& scene, const PartInstrumentDescription& instrument) {
+PartReadingsFile measure_cut_part(const Scene& scene, const PartInstrumentDescription& instrument) {
   return cut_and_measure(scene, instrument).file;
 }
 
-std::vector<Measured> measure(const std::filesystem::path& file, const MeasureOptions& options) {
+std::vector<MeasuredFile> measure(const std::filesystem::path& file,
+                                  const MeasureOptions& options) {
   const Scene scene = read_trusted_scene(file, options.overrides, options.permissions);
   const InstrumentSelection instruments = select_instruments(scene, options.instruments);
   if (instruments.machine_instruments.empty() && instruments.part_instruments.empty())
@@ -103,11 +105,11 @@ std::vector<Measured> measure(const std::filesystem::path& file, const MeasureOp
     check_file(folder / (description.instrument.name + ".csv"));
   for (const PartInstrumentDescription& description : instruments.part_instruments)
     check_file(folder / (description.name + ".csv"));
-  std::vector<Measured> measurements;
+  std::vector<MeasuredFile> measurements;
   ProgressLine progress(measuring_stages(scene, instruments));
   if (!instruments.machine_instruments.empty()) progress.begin("machine");
   const std::vector<Readings> readings_of_machine =
-      measured(scene, instruments.machine_instruments);
+      measure_machine(scene, instruments.machine_instruments);
   for (std::size_t i = 0; i < readings_of_machine.size(); ++i) {
     const Readings& readings = readings_of_machine[i];
     const InstrumentDescription& description = instruments.machine_instruments[i];
@@ -143,10 +145,10 @@ Exit print_measurements(const CommonOptions& common, const std::vector<std::stri
   options.instruments = instruments;
   options.folder = result_folder(common) / (common.out.empty() ? "readings" : "");
   options.permissions = common.permissions;
-  const std::vector<Measured> files = measure(common.scene, options);
+  const std::vector<MeasuredFile> files = measure(common.scene, options);
   nlohmann::ordered_json json = nlohmann::ordered_json::array();
   double hours = 0.0;
-  for (const Measured& measured_file : files) {
+  for (const MeasuredFile& measured_file : files) {
     json.push_back({{"file", measured_file.file.string()},
                     {"readings", measured_file.readings},
                     {"set_ups", measured_file.set_ups},
@@ -156,11 +158,11 @@ Exit print_measurements(const CommonOptions& common, const std::vector<std::stri
     hours += measured_file.duration_s / 3600.0;
   }
   if (common.json) {
-    print("{}", Lines(json_text(json)));
+    print("{}", MultilineText(json_text(json)));
     return Exit::Ok;
   }
   print("{:>10} {:>9} {:>9}   file\n", "readings", "set-ups", "hours");
-  for (const Measured& measured_file : files)
+  for (const MeasuredFile& measured_file : files)
     print("{:>10} {:>9} {:>9.2f}   {}\n", measured_file.readings, measured_file.set_ups,
           measured_file.duration_s / 3600.0, measured_file.file.string());
   print("\n{:.1f} hours on a real machine, setting up included\n", hours);
@@ -198,7 +200,7 @@ std::vector<std::filesystem::path> output_files(const BeliefFiles& files) {
 /// Returns the stages of an identification. They are predicted from the size of the files, with
 /// about 60 bytes a row.
 std::vector<Stage> identification_stages(const std::vector<std::filesystem::path>& files,
-                                         const IdentifyOptions& options) {
+                                         const IdentificationOptions& options) {
   // Times on an average computer; the progress line corrects them by measurement.
   constexpr double read_s_per_row = 1e-5, fit_s_per_row = 4e-4, order_s_per_row = 2e-4;
   double rows = 0.0;
@@ -217,21 +219,21 @@ std::vector<Stage> identification_stages(const std::vector<std::filesystem::path
 
 }  // namespace
 
-Identified identify(const std::vector<std::filesystem::path>& files, const IdentifyOptions& options,
-                    const Progress& observer) {
+IdentificationResult identify(const std::vector<std::filesystem::path>& files,
+                              const IdentificationOptions& options, const Progress& observer) {
   const Writer writer{options.permissions, files};  // readings are never overwritten
   const BeliefFiles outputs = belief_files(options);
   // All outputs are checked before a long fit begins.
   for (const std::filesystem::path& file : output_files(outputs)) check_file(file, writer);
   ProgressLine progress(identification_stages(files, options), observer);
   progress.begin("identify");
-  Identified result = identified(files, options, to(progress));
+  IdentificationResult result = identified(files, options, to(progress));
   progress.begin("write");
   progress.report("draw", 0.0);
-  write_table(result_file(outputs.belief, writer), belief_text(result));
+  write_table(result_file(outputs.belief, writer), belief_file_text(result));
   write_json(result_file(outputs.report, writer), to_json(result));
   if (outputs.thermal)
-    write_table(result_file(*outputs.thermal, writer), thermal_half_text(result));
+    write_table(result_file(*outputs.thermal, writer), thermal_half_file_text(result));
   // Only the chain method fits curves.
   const auto* fit = std::get_if<ChainFit>(&result.fit);
   if (!fit || fit->curves.empty()) return result;
@@ -247,7 +249,7 @@ struct IdentifyArguments {
   std::string basis = "legendre";
   std::string method = "chain";
   std::vector<std::string> pitch;
-  IdentifyOptions options;
+  IdentificationOptions options;
   bool report = false;
   std::string language = "en";
 };
@@ -263,8 +265,8 @@ std::pair<char, double> parse_pitch(const std::string& text) {
 
 /// Throws BadUsage for an option that the method would ignore.
 void check_options(const IdentifyArguments& arguments) {
-  const IdentifyOptions defaults;
-  const IdentifyOptions& options = arguments.options;
+  const IdentificationOptions defaults;
+  const IdentificationOptions& options = arguments.options;
   const auto require_method = [&](bool is_given, const char* option, std::string_view methods) {
     if (is_given && methods.find(arguments.method) == std::string_view::npos)
       throw BadUsage(option,
@@ -293,12 +295,12 @@ Exit print_identification(const CommonOptions& common, IdentifyArguments argumen
   // --constants frees the constants of error motions and the placement of the workpiece. Each of
   // them is indistinguishable from a zero or a position of a set-up.
   arguments.options.model.placement = arguments.options.model.constants;
-  arguments.options.method = arguments.method == "step_diagonal"
-                                 ? IdentifyOptions::Method::StepDiagonal
-                             : arguments.method == "composite" ? IdentifyOptions::Method::Composite
-                             : arguments.method == "thermal"   ? IdentifyOptions::Method::Thermal
-                                                               : IdentifyOptions::Method::Chain;
-  const bool is_thermal = arguments.options.method == IdentifyOptions::Method::Thermal;
+  arguments.options.method =
+      arguments.method == "step_diagonal" ? IdentificationOptions::Method::StepDiagonal
+      : arguments.method == "composite"   ? IdentificationOptions::Method::Composite
+      : arguments.method == "thermal"     ? IdentificationOptions::Method::Thermal
+                                          : IdentificationOptions::Method::Chain;
+  const bool is_thermal = arguments.options.method == IdentificationOptions::Method::Thermal;
   arguments.options.out = output_file(common.out.empty() ? "out" : common.out,
                                       is_thermal ? "belief_thermal.txt" : "belief.toml");
   // The report and the picture have the name of the belief file with these extensions.
@@ -320,9 +322,9 @@ Exit print_identification(const CommonOptions& common, IdentifyArguments argumen
       std::filesystem::path(arguments.options.out).replace_extension(".html");
   const Writer writer{common.permissions, arguments.readings};
   if (arguments.report) check_file(page, writer);
-  const Identified identified = identify(arguments.readings, arguments.options);
+  const IdentificationResult identified = identify(arguments.readings, arguments.options);
   if (arguments.report) {
-    FiguresPage figures = identify_page(identified);
+    FiguresPage figures = identification_page(identified);
     figures.language = arguments.language;
     figures.command = common.permissions.command;
     write_file(result_file(page, writer), page_html(figures));
@@ -330,22 +332,23 @@ Exit print_identification(const CommonOptions& common, IdentifyArguments argumen
     remove_file(result_file(page, writer));  // a page of an earlier identification would describe
                                              // another belief
   }
-  print("{}", Lines(common.json ? json_text(to_json(identified)) : identify_text(identified)));
+  print("{}", MultilineText(common.json ? json_text(to_json(identified))
+                                        : identification_text(identified)));
   return Exit::Ok;
 }
 
 /// Returns the options of the command. Values that need no parsing are stored directly in the
 /// options of the identification.
 std::vector<Option> identify_options(CommonOptions& common, IdentifyArguments& arguments) {
-  IdentifyOptions& options = arguments.options;
+  IdentificationOptions& options = arguments.options;
   return {
       {"READINGS", &arguments.readings, "files that measure wrote"},
       {"--basis", &arguments.basis, "curves of the slides (legendre)",
        OneOf{{"legendre", "polynomial", "spline"}}},
-      {"--order", &options.model.order, "of those curves (4)", Between{0, 60}},
-      {"--harmonics", &options.model.harmonics, "of rotary axes, per turn (3)", Between{0, 60}},
+      {"--order", &options.model.order, "of those curves (4)", NumberRange{0, 60}},
+      {"--harmonics", &options.model.harmonics, "of rotary axes, per turn (3)", NumberRange{0, 60}},
       {"--choose-orders", &options.choose_orders, "choose every order by cross-validation"},
-      {"--most", &options.orders.max_order, "highest order that is tried (10)", Between{1, 60}},
+      {"--most", &options.orders.max_order, "highest order that is tried (10)", NumberRange{1, 60}},
       {"--elements", &options.model.only, "find these alone: EXX,EYX,EC0Y", CommaSeparated{}},
       {"--pitch", &arguments.pitch,
        "pitch of screws, mm: X=16,Y=16; two harmonics in the positioning", CommaSeparated{}},
@@ -353,7 +356,8 @@ std::vector<Option> identify_options(CommonOptions& common, IdentifyArguments& a
        "constants of error motions too, and what only places the workpiece on a table: "
        "each hides in a zero or a place"},
       {"--outliers", &options.estimate.outlier_limit,
-       "leave out readings beyond this many standard deviations (0: none)", Between{0, 1000000}},
+       "leave out readings beyond this many standard deviations (0: none)",
+       NumberRange{0, 1000000}},
       {"--method", &arguments.method,
        "chain: any readings, on the exact machine; step_diagonal: the published one; "
        "composite: positioning from several starts, a cold curve and NAME_thermal.txt; "
@@ -364,10 +368,10 @@ std::vector<Option> identify_options(CommonOptions& common, IdentifyArguments& a
        "these (thermal: a choice)",
        CommaSeparated{}},
       {"--sensor-count", &options.sensor_count,
-       "with thermal: how many sensors are chosen where none are named (4)", Between{1, 100}},
+       "with thermal: how many sensors are chosen where none are named (4)", NumberRange{1, 100}},
       {"--margin", &options.margin,
        "with thermal or composite: part of its trained range by which a sensor may leave it (0.1)",
-       Between{0, 2}},
+       NumberRange{0, 2}},
       json_option(common),
       {"--out", &common.out,
        "belief file, or folder for it (out/belief.toml; thermal: out/belief_thermal.txt; composite "
@@ -410,7 +414,7 @@ EvaluationOutcome evaluate(const std::filesystem::path& file, const EvaluateOpti
                                           // readings
     return outcome;
   }
-  FiguresPage page = evaluate_page(evaluation);
+  FiguresPage page = evaluation_page(evaluation);
   page.language = options.report_language;
   page.command = options.permissions.command;
   write_file(folder / "report.html", page_html(page));
@@ -433,8 +437,8 @@ Exit print_evaluation(const CommonOptions& common, const EvaluateArguments& argu
   options.folder = common.out.empty() ? std::filesystem::path("out") / readings.stem() : common.out;
   options.permissions = common.permissions;
   const EvaluationOutcome outcome = evaluate(readings, options);
-  print("{}", Lines(common.json ? json_text(to_json(outcome.evaluation, outcome.pictures))
-                                : to_text(outcome.evaluation, outcome.pictures)));
+  print("{}", MultilineText(common.json ? json_text(to_json(outcome.evaluation, outcome.pictures))
+                                        : to_text(outcome.evaluation, outcome.pictures)));
   return Exit::Ok;
 }
 

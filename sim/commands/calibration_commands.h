@@ -14,7 +14,7 @@ namespace abbe::sim {
 
 /// Cuts the part of a scene in the case that the instrument names, and measures it.
 /// @throws BadInput naming the scene if it cannot be cut or measured
-PartReadingsFile measured_part(const Scene& scene, const PartInstrumentDescription& instrument);
+PartReadingsFile measure_cut_part(const Scene& scene, const PartInstrumentDescription& instrument);
 
 /// Options of `abbe measure`.
 struct MeasureOptions {
@@ -25,7 +25,7 @@ struct MeasureOptions {
 };
 
 /// A file of readings that was written.
-struct Measured {
+struct MeasuredFile {
   std::filesystem::path file;
   std::size_t readings = 0;
   std::size_t set_ups = 0;
@@ -35,7 +35,8 @@ struct Measured {
 
 /// Measures and writes the readings.
 /// @throws BadScene, BadInput, OutputFailure; BadInput if an instrument would read nothing
-std::vector<Measured> measure(const std::filesystem::path& scene, const MeasureOptions& options);
+std::vector<MeasuredFile> measure(const std::filesystem::path& scene,
+                                  const MeasureOptions& options);
 
 /// Returns the command `abbe measure`.
 Command measure_command(CommonOptions& common);
@@ -47,8 +48,8 @@ Command measure_command(CommonOptions& common);
 /// @param instead  called instead of the progress display on stderr
 /// @throws BadInput, BadScene, OutputFailure; BadInput naming the files if they are of different
 /// machines
-Identified identify(const std::vector<std::filesystem::path>& files, const IdentifyOptions& options,
-                    const Progress& observer = {});
+IdentificationResult identify(const std::vector<std::filesystem::path>& files,
+                              const IdentificationOptions& options, const Progress& observer = {});
 
 /// Returns the command `abbe identify`.
 Command identify_command(CommonOptions& common);

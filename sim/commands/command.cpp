@@ -44,7 +44,7 @@ Exit exit_code(const std::function<Exit()>& program) {
     print(stderr, "abbe: {}\n", stop.what());
     return Exit::LimitExceeded;
   } catch (const compensation::PlugInFailure& failure) {
-    print(stderr, "abbe: {}\n", Lines(failure.what()));
+    print(stderr, "abbe: {}\n", MultilineText(failure.what()));
     return Exit::PlugIn;
   } catch (const OutputFailure& failure) {
     print(stderr, "abbe: {}\n", failure.what());
@@ -64,11 +64,11 @@ Option set_option(CommonOptions& common, const std::string& help) {
 }
 
 Option seed_option(CommonOptions& common, const std::string& help) {
-  return {"--seed", &common.seed, help, Between{0, std::numeric_limits<std::int64_t>::max()}};
+  return {"--seed", &common.seed, help, NumberRange{0, std::numeric_limits<std::int64_t>::max()}};
 }
 
 Option threads_option(CommonOptions& common, const std::string& help) {
-  return {"--threads", &common.threads, help, Between{1, 1024}};
+  return {"--threads", &common.threads, help, NumberRange{1, 1024}};
 }
 
 Option memory_option(CommonOptions& common) {
@@ -76,7 +76,7 @@ Option memory_option(CommonOptions& common) {
       "--memory-gb", &common.memory_gb,
       "memory to plan for (all of the computer): `run` holds fewer samples of the program at once; "
       "what would take more still is refused with an estimate before it begins",
-      Between{0, 1'000'000}};
+      NumberRange{0, 1'000'000}};
 }
 
 Option json_option(CommonOptions& common) {
@@ -179,7 +179,7 @@ bool is_file(const Option& option) {
 
 std::vector<Option> named_options(const Command& command) {
   std::vector<Option> named;
-  for (const std::vector<Option>& options : {command.options, command.where})
+  for (const std::vector<Option>& options : {command.options, command.required_choice})
     for (const Option& option : options)
       if (has_dashes(option)) named.push_back(option);
   named.push_back({"--help", static_cast<bool*>(nullptr), "say what the command takes"});
@@ -195,14 +195,14 @@ std::vector<Option> positional_options(const Command& command) {
 
 bool is_flag(const Option& option) { return holds_one_of<bool*>(option.target); }
 
-std::vector<std::string> words_of(const Option& option) {
+std::vector<std::string> possible_values(const Option& option) {
   const OneOf* rule = find_rule<OneOf>(option);
   return rule ? rule->values : std::vector<std::string>{};
 }
 
 // The order matters: an option for a file that enumerates values must offer the values.
 CompletionKind completion_kind(const Option& option) {
-  if (!words_of(option).empty()) return CompletionKind::Words;
+  if (!possible_values(option).empty()) return CompletionKind::Words;
   if (option.name == "--case") return CompletionKind::Cases;
   if (option.name == "--set") return CompletionKind::Settings;
   if (option.name == "KEY") return CompletionKind::Keys;

@@ -49,7 +49,7 @@ using Target = std::variant<bool*, int*, double*, std::string*, std::filesystem:
 
 // Rules of an option. Options that a rule names must precede it in the list.
 /// The value is in this range.
-struct Between {
+struct NumberRange {
   std::int64_t min_value, max_value;
 };
 /// The value is one of these.
@@ -57,7 +57,7 @@ struct OneOf {
   std::vector<std::string> values;
 };
 struct CommaSeparated {};  ///< several values may be stated at once: a,b,c
-struct Bare {};            ///< the value may be omitted; it is then an empty text
+struct OptionalValue {};   ///< the value may be omitted; it is then an empty text
 /// The option must not be combined with these.
 struct Excludes {
   std::vector<std::string> options;
@@ -71,8 +71,8 @@ struct TypeName {
   std::string name;
 };
 struct OptionalArgument {};  ///< a positional argument that may be omitted
-using Rule = std::variant<std::monostate, Between, OneOf, CommaSeparated, Bare, Excludes,
-                          RequiresOption, TypeName, OptionalArgument>;
+using Rule = std::variant<std::monostate, NumberRange, OneOf, CommaSeparated, OptionalValue,
+                          Excludes, RequiresOption, TypeName, OptionalArgument>;
 
 /// An option of a command.
 struct Option {
@@ -92,7 +92,7 @@ struct Command {
   std::vector<Option> options;
   std::function<Exit()> run;  ///< called after its options are parsed
   std::string footer = {};
-  std::vector<Option> where = {};  ///< further options, of which exactly one is required
+  std::vector<Option> required_choice = {};  ///< further options, of which exactly one is required
 };
 
 /// Values of the options that several commands have.
@@ -155,7 +155,7 @@ std::vector<Option> positional_options(const Command& command);
 bool is_flag(const Option& option);
 
 /// Returns the possible values of an option; an empty list if they are not enumerated.
-std::vector<std::string> words_of(const Option& option);
+std::vector<std::string> possible_values(const Option& option);
 
 /// Kind of completion that a shell offers for a value.
 enum class CompletionKind { Nothing, Words, Cases, Settings, Keys, Files };

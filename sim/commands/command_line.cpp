@@ -94,7 +94,7 @@ struct RuleApplier {
 
   // Without a rule there is nothing to apply.
   void operator()(std::monostate) const {}
-  void operator()(const Between& rule) const {
+  void operator()(const NumberRange& rule) const {
     if (std::holds_alternative<double*>(option.target))
       parser_option.check(CLI::Range(double(rule.min_value), double(rule.max_value)));
     else
@@ -109,7 +109,7 @@ struct RuleApplier {
     parser_option.check(validate, "{" + comma_separated(rule.values) + "}");
   }
   void operator()(const CommaSeparated&) const { parser_option.delimiter(',')->allow_extra_args(); }
-  void operator()(const Bare&) const { parser_option.expected(0, 1); }
+  void operator()(const OptionalValue&) const { parser_option.expected(0, 1); }
   void operator()(const Excludes& rule) const {
     for (const std::string& other : rule.options) parser_option.excludes(parser_options.at(other));
   }
@@ -139,9 +139,9 @@ void add(CLI::App& app, const Command& command) {
   CLI::App& sub = *app.add_subcommand(command.name, command.summary);
   ParserOptions parser_options;
   add(sub, command.options, parser_options);
-  if (!command.where.empty()) {
+  if (!command.required_choice.empty()) {
     CLI::Option_group& where_group = *sub.add_option_group("where", "one of these");
-    add(where_group, command.where, parser_options);
+    add(where_group, command.required_choice, parser_options);
     where_group.require_option(1);
   }
   std::string footer = "Examples:\n";
@@ -174,7 +174,7 @@ std::string unknown_command(const std::vector<Command>& commands,
 /// the command; an empty text if there is none.
 std::string unknown_option(const Command& command, int argc, char** argv) {
   std::set<std::string> words{"-h", "--help"};
-  for (const std::vector<Option>& options : {command.options, command.where})
+  for (const std::vector<Option>& options : {command.options, command.required_choice})
     for (const Option& option : options)
       if (option.name.starts_with('-')) words.insert(option.name);
   if (words.contains(out_name)) words.insert("-o");
@@ -209,7 +209,7 @@ Exit run_global_option(const GlobalOption& global_option, int argc, char** argv)
 Exit print_help(const CLI::App& app, const CLI::Success& help) {
   std::ostringstream out, errors;
   app.exit(help, out, errors);
-  print("{}", Lines(out.str()));
+  print("{}", MultilineText(out.str()));
   return Exit::Ok;
 }
 

@@ -38,7 +38,7 @@ std::string next_key_part(const std::string& table, const std::string& prefix) {
 /// Returns true if a key has the name, also among keys that values enable.
 bool has_key(const std::vector<Key>& keys, const std::string& name) {
   return std::ranges::any_of(keys, [&](const Key& key) {
-    return key.name == name || std::ranges::any_of(key.words, [&](const Word& word) {
+    return key.name == name || std::ranges::any_of(key.choices, [&](const EnumChoice& word) {
              return has_key(word.keys, name);
            });
   });
@@ -72,7 +72,7 @@ std::vector<std::string> key_paths(const std::vector<Key>& keys, const std::stri
     std::string below = path + ".";
     if (key.kind == Key::Kind::Tables) below += table_selector(key, below, prefix);
     append(key_paths(key.keys, below, prefix));
-    for (const Word& word : key.words) append(key_paths(word.keys, table, prefix));
+    for (const EnumChoice& word : key.choices) append(key_paths(word.keys, table, prefix));
   }
   return paths;
 }
@@ -211,7 +211,7 @@ std::string topic_list(const std::string& commands) {
 /// Prints a topic; without a valid name the list. Names of commands never arrive here.
 Exit print_help(const std::string& name, const std::string& commands) {
   const auto topic = std::ranges::find(help_topics(), name, &HelpTopic::name);
-  print("{}", Lines(topic == help_topics().end() ? topic_list(commands) : topic->text));
+  print("{}", MultilineText(topic == help_topics().end() ? topic_list(commands) : topic->text));
   return Exit::Ok;
 }
 
@@ -240,7 +240,7 @@ namespace {
 /// @throws BadUsage with the nearest key
 Exit print_explanation(const std::string& question) {
   const std::vector<Key> keys = all_keys();
-  const std::vector<KeyRow> rows = explained(keys, question);
+  const std::vector<KeyRow> rows = matching_key_rows(keys, question);
   if (rows.empty()) {
     std::set<std::string> known;
     // A query without dots is compared with bare names, because paths would always be far from it.
@@ -251,7 +251,7 @@ Exit print_explanation(const std::string& question) {
     throw BadUsage("KEY", fmt::format("expected a key of a scene or study{}, seen {}",
                                       meant ? " (nearest: " + *meant + ")" : "", question));
   }
-  print("{}", Lines(to_text(rows)));
+  print("{}", MultilineText(to_text(rows)));
   return Exit::Ok;
 }
 
@@ -272,7 +272,7 @@ namespace {
 /// Prints the schema of a scene, a study or a section.
 Exit print_schema(const std::string& section) {
   const std::vector<Key> keys = section == "scene" ? scene_keys() : keys_of(section);
-  print("{}", Lines(json_text(schema(keys, "abbe: " + section))));
+  print("{}", MultilineText(json_text(schema(keys, "abbe: " + section))));
   return Exit::Ok;
 }
 

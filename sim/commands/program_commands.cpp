@@ -144,9 +144,9 @@ void print_result(const CommonOptions& common, const ProgramInspection& inspecti
       json["written"] = {{"file", written.program->string()},
                          {"bytes", inspection.converted.size()},
                          {"notes", inspection.notes}};
-    print("{}", Lines(json_text(json)));
+    print("{}", MultilineText(json_text(json)));
   } else {
-    print("{}", Lines(to_text(inspection)));
+    print("{}", MultilineText(to_text(inspection)));
     if (written.picture) print("picture   {}\n", written.picture->string());
     if (written.program)
       print("written   {}, {} bytes\n", written.program->string(), inspection.converted.size());
@@ -183,7 +183,7 @@ Exit inspect(const CommonOptions& common, ProgramArguments arguments) {
   arguments.options.trace = arguments.picture;
   const bool has_output = arguments.picture || arguments.options.to;
   const std::filesystem::path folder = output_folder(common, arguments);
-  const Writer writer{common.permissions, inputs_of(arguments.file, arguments.options)};
+  const Writer writer{common.permissions, inspection_inputs(arguments.file, arguments.options)};
   if (has_output) check_folder(folder, writer);  // before a long program is read
   std::error_code size_error;
   const double bytes = double(std::filesystem::file_size(arguments.file, size_error));
@@ -215,9 +215,9 @@ Command program_command(CommonOptions& common) {
        {"--machine", &arguments->options.machine,
         "a machine file, or a name of the library (library:gantry_cxyza)", TypeName{"NAME"}},
        {"--tool-length", &arguments->options.tool_length,
-        "mm from the nose to the tip, of every tool", Between{0, 10000}},
+        "mm from the nose to the tip, of every tool", NumberRange{0, 10000}},
        {"--tool-radius", &arguments->tool_radius, "mm, for cutter compensation; none unless given",
-        Between{0, 10000}},
+        NumberRange{0, 10000}},
        {"--offset", &arguments->options.offset,
         "of G54 to G59 each, mm and degrees: \"X=10 Z=-50\" (zero)", TypeName{"WORDS"}},
        {"--tools", &arguments->options.tools,
@@ -242,25 +242,25 @@ Command program_command(CommonOptions& common) {
         OneOf{{"of_control", "diameters", "radii"}}},
        {"--tip", &arguments->options.turning.tip,
         "point of a turning tool that X and Z lead, 0 to 9 (0: the centre of its nose)",
-        Between{0, 9}},
+        NumberRange{0, 9}},
        {"--interpreter", &arguments->interpreter,
         "what reads a program of LinuxCNC: abbe, or LinuxCNC's own rs274 (./abbe setup --linuxcnc)",
         OneOf{{"abbe", "linuxcnc"}}},
        {"--interpreter-seconds", &arguments->options.interpreter_limits.seconds,
-        "after which LinuxCNC's own interpreter is ended (120)", Between{1, 1000000}},
+        "after which LinuxCNC's own interpreter is ended (120)", NumberRange{1, 1000000}},
        {"--interpreter-mb", &arguments->options.interpreter_limits.megabytes,
-        "of its commands, about 120 bytes a move (4000)", Between{1, 1000000}},
+        "of its commands, about 120 bytes a move (4000)", NumberRange{1, 1000000}},
        {"--max-moves", &arguments->options.max_moves,
         "those of loops and cycles each time; more is an input error (20000000)",
-        Between{1, 2000000000}},
+        NumberRange{1, 2000000000}},
        {"--pole", &arguments->pole, "the control's rule for vectors of the tool and near a pole",
         OneOf{{"as_programmed", "linuxcnc", "fanuc", "siemens"}}},
        {"--pole-near", &arguments->pole_near_deg, "deg, parameter 19738, of --pole fanuc",
-        Between{0, 45}},
+        NumberRange{0, 45}},
        {"--pole-change", &arguments->pole_change_deg, "deg, parameter 19739, of --pole fanuc",
-        Between{0, 90}},
+        NumberRange{0, 90}},
        {"--pole-warning", &arguments->pole_warning_deg,
-        "deg from a pole: nearer is warned of (2; 0: never)", Between{0, 45}},
+        "deg from a pole: nearer is warned of (2; 0: never)", NumberRange{0, 45}},
        {"--skip-unknown", &arguments->skip_unknown,
         "words that the dialect has not: skip and count"},
        {"--picture", &arguments->picture, "draw machine and path"},
@@ -268,7 +268,7 @@ Command program_command(CommonOptions& common) {
         "write it as cutter locations (APT or CSV), RS274/NGC or times and velocities",
         OneOf{{"cl", "nc", "pvt", "csv"}}},
        {"--tolerance-um", &arguments->tolerance_um,
-        "of points of what the format has no word for, um", Between{0, 1000000}},
+        "of points of what the format has no word for, um", NumberRange{0, 1000000}},
        {"--out", &common.out, "folder for picture and program (out/NAME)"},
        json_option(common),
        force_option(common)},
@@ -361,7 +361,7 @@ RewriteOutcome rewrite(const std::filesystem::path& file, const ProgramRewriteOp
   progress.begin("prepare");
   const Job job = prepare(scene, to(progress));
   const ResultFile output = output_file_of_rewrite(job, options);
-  progress.replan(remaining_stages(size_of(job)));
+  progress.replan(remaining_stages(work_size(job)));
   progress.begin(compensator.name);
   const Commands commands = compensate(job, compensator, to(progress));
   // A corrected program may leave the travel of an axis, and the control would then reject it.
@@ -392,8 +392,8 @@ RewriteOutcome rewrite(const std::filesystem::path& file, const ProgramRewriteOp
           change,
           path_tolerance(scene.compensation, job.path),
           word_resolution,
-          commands.point_left,
-          commands.direction_left,
+          commands.remaining_point_error,
+          commands.remaining_direction_error,
           std::move(warnings)};
 }
 
@@ -414,8 +414,8 @@ ordered_json to_json(const RewriteOutcome& outcome) {
           {"correction_urad", spread_json(outcome.correction.direction, units::urad)},
           {"path_tolerance_um", outcome.path_tolerance / units::um},
           {"words", word_resolution},
-          {"left_um", outcome.point_left / units::um},
-          {"left_urad", outcome.direction_left / units::urad},
+          {"left_um", outcome.remaining_point_error / units::um},
+          {"left_urad", outcome.remaining_direction_error / units::urad},
           {"warnings", outcome.warnings}};
 }
 
@@ -443,7 +443,7 @@ Exit print_rewrite(const CommonOptions& common, const std::string& case_name) {
   options.permissions = common.permissions;
   const RewriteOutcome outcome = rewrite(common.scene, options);
   print_warnings(outcome.warnings);
-  print("{}", Lines(common.json ? json_text(to_json(outcome)) : to_text(outcome)));
+  print("{}", MultilineText(common.json ? json_text(to_json(outcome)) : to_text(outcome)));
   return Exit::Ok;
 }
 
@@ -471,16 +471,16 @@ using compensation::ControlFormat;
 
 /// Returns the files of a control. The volumetric compensation of ISG takes deviations, all other
 /// controls take tables of corrections.
-compensation::Export export_files(const Job& job, const LearnedCorrection& learned_correction,
-                                  ControlFormat format) {
+compensation::ControlExport export_files(const Job& job, const LearnedCorrection& learn_correction,
+                                         ControlFormat format) {
   const kinematics::Chain& control = job.machine.control;
   try {
     if (format != ControlFormat::Isg)
       return compensation::to_control(
-          tables_of(make_control_view(job), learned_correction.corrector), control, format);
-    if (!learned_correction.geometric)
+          correction_tables(make_control_view(job), learn_correction.corrector), control, format);
+    if (!learn_correction.geometric)
       throw std::invalid_argument("expected geometric errors that are identified, seen none");
-    return compensation::to_volumetric(*learned_correction.geometric, control,
+    return compensation::to_volumetric(*learn_correction.geometric, control,
                                        table_options(make_control_view(job)));
   } catch (const std::logic_error& error) {  // including out_of_range: a table of the belief is too
                                              // short
@@ -504,15 +504,15 @@ ExportOutcome export_tables(const std::filesystem::path& file, const ExportOptio
                         remaining_stages(expected_size(scene)));
   progress.begin("prepare");
   const Job job = prepare(scene, to(progress));
-  progress.replan(remaining_stages(size_of(job)));
+  progress.replan(remaining_stages(work_size(job)));
   progress.begin(compensator.name);
   const ControlFormat format =
       options.format.value_or(scene.compensation.table.format.value_or(ControlFormat::LinuxCnc));
-  const LearnedCorrection correction = learned_correction(job, compensator, to(progress));
+  const LearnedCorrection correction = learn_correction(job, compensator, to(progress));
   progress.begin("write");
   progress.report("tables", 0.0);
-  const compensation::Export output = export_files(job, correction, format);
-  ExportOutcome outcome{scene.title, options.case_name, format, {}, output.left_out, output.notes};
+  const compensation::ControlExport output = export_files(job, correction, format);
+  ExportOutcome outcome{scene.title, options.case_name, format, {}, output.omissions, output.notes};
   for (const compensation::ControlFile& control_file : output.files) {
     write_file(folder / control_file.name, control_file.text);
     outcome.files.push_back((folder / control_file.name).path());
@@ -529,7 +529,7 @@ nlohmann::ordered_json to_json(const ExportOutcome& outcome) {
           {"case", outcome.case_name},
           {"format", compensation::to_string(outcome.format)},
           {"files", files},
-          {"left_out", outcome.left_out},
+          {"left_out", outcome.omissions},
           {"notes", outcome.notes}};
 }
 
@@ -552,12 +552,12 @@ Exit print_export(const CommonOptions& common, ExportArguments arguments) {
   check_case(arguments.options.case_name);
   const ExportOutcome outcome = export_tables(common.scene, arguments.options);
   if (common.json) {
-    print("{}", Lines(json_text(to_json(outcome))));
+    print("{}", MultilineText(json_text(to_json(outcome))));
     return Exit::Ok;
   }
   for (const std::filesystem::path& file : outcome.files) print("{}\n", file.string());
   for (const std::string& note : outcome.notes) print("{}\n", note);
-  for (const std::string& omission : outcome.left_out)
+  for (const std::string& omission : outcome.omissions)
     print(stderr, "abbe: warning: left out: {}\n", omission);
   return Exit::Ok;
 }

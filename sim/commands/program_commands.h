@@ -46,9 +46,9 @@ struct RewriteOutcome {
   struct Words {
     double mm = 0.0, deg = 0.0;
   };
-  std::optional<Words> words;   ///< resolution of the NC words; empty for PVT
-  double point_left = 0.0;      ///< mm, largest error that the corrections do not remove
-  double direction_left = 0.0;  ///< rad
+  std::optional<Words> words;              ///< resolution of the NC words; empty for PVT
+  double remaining_point_error = 0.0;      ///< mm, largest error that the corrections do not remove
+  double remaining_direction_error = 0.0;  ///< rad
   std::vector<std::string> warnings;
 };
 
@@ -74,7 +74,7 @@ struct ExportOutcome {
   std::string scene, case_name;
   compensation::ControlFormat format{};
   std::vector<std::filesystem::path> files;
-  std::vector<std::string> left_out, notes;
+  std::vector<std::string> omissions, notes;
 };
 
 /// Writes the tables of a compensator of the scene in the layout of a control. The channel `table`

@@ -46,8 +46,8 @@ struct ReportArguments {
 Exit print_report_file(const CommonOptions& common, const std::filesystem::path& file,
                        std::size_t bytes, const std::vector<std::string>& warnings) {
   if (common.json)
-    print("{}",
-          Lines(json_text({{"file", file.string()}, {"bytes", bytes}, {"warnings", warnings}})));
+    print("{}", MultilineText(json_text(
+                    {{"file", file.string()}, {"bytes", bytes}, {"warnings", warnings}})));
   else
     print("{}: {:.2f} MB\n", file.string(), double(bytes) * 1e-6);
   print_warnings(warnings);
@@ -76,9 +76,9 @@ HtmlReport result_page(const std::filesystem::path& results, const ReportArgumen
   if (std::filesystem::is_directory(results) && study::has_study(results))
     return study::study_page(results, arguments.language);
   if (std::filesystem::is_directory(results) && has_saved_cases(results))
-    return saved_page(results, arguments.language);
+    return saved_results_page(results, arguments.language);
   const bool is_evaluation = std::filesystem::is_directory(results);
-  FiguresPage page = is_evaluation ? evaluate_page(results) : identify_page(results);
+  FiguresPage page = is_evaluation ? evaluation_page(results) : identification_page(results);
   page.language = arguments.language;
   page.command =
       is_evaluation ? "abbe evaluate READINGS --report" : "abbe identify READINGS --report";
@@ -88,7 +88,7 @@ HtmlReport result_page(const std::filesystem::path& results, const ReportArgumen
 /// Returns the input files of a page, which it must not replace.
 std::vector<std::filesystem::path> page_inputs(const std::filesystem::path& results) {
   if (!std::filesystem::is_directory(results)) return {results};
-  std::vector<std::filesystem::path> files = saved_files(results);
+  std::vector<std::filesystem::path> files = files_below(results);
   std::erase_if(files, [](const auto& file) { return file.extension() == ".html"; });
   return files;
 }
@@ -259,9 +259,9 @@ void print_render(const RenderOutcome& outcome, bool json) {
     for (const std::filesystem::path& file : outcome.files)
       json_object["files"].push_back(file.string());
     if (outcome.texture) json_object["profile"] = to_json(*outcome.texture);
-    print("{}", Lines(json_text(json_object)));
+    print("{}", MultilineText(json_text(json_object)));
   } else {
-    if (outcome.texture) print("{}\n", Lines(to_text(*outcome.texture)));
+    if (outcome.texture) print("{}\n", MultilineText(to_text(*outcome.texture)));
     print("picture in {}\n", outcome.picture.string());
     for (const std::filesystem::path& file : outcome.files) print("file in {}\n", file.string());
   }
@@ -292,7 +292,7 @@ Command render_command(CommonOptions& common) {
         "nesting index Nis of that line, below which all is smoothed (that of the setting class)",
         TypeName{"UM"}, RequiresOption{"--line"}},
        {"--sections", &arguments->sections,
-        "section lengths of Nic over which roughness is evaluated (5)", Between{1, 1000},
+        "section lengths of Nic over which roughness is evaluated (5)", NumberRange{1, 1000},
         RequiresOption{"--line"}},
        {"--view", &arguments->view, "where the eye is: +x ... -z, iso or a direction 1,-1,0.5",
         TypeName{"FROM"}},
@@ -423,7 +423,7 @@ AnimateOptions parse_animate_options(const AnimateArguments& arguments) {
 
 /// Returns the interval to film. Throws if the program has no block in it.
 FilmInterval film_interval(const program::Path& path, const AnimateOptions& options) {
-  if (const auto interval = interval_of_lines(path, options.lines)) return *interval;
+  if (const auto interval = line_time_interval(path, options.lines)) return *interval;
   if (!options.lines)
     throw BadInput(path.file, 0, 0, "a program that moves", "one without a block");
   throw BadUsage("--lines", fmt::format("expected lines with blocks of {}, seen {}:{}", path.file,
@@ -456,12 +456,12 @@ void print_film(const FilmOutcome& outcome, bool json) {
                                           {"count", outcome.count}};
     json_object["film"] = outcome.film ? nlohmann::ordered_json(outcome.film->string())
                                        : nlohmann::ordered_json(nullptr);
-    print("{}", Lines(json_text(json_object)));
+    print("{}", MultilineText(json_text(json_object)));
   } else {
     print("{} frames in {}\n", outcome.count, outcome.frames.string());
     if (outcome.film) print("film in {}\n", outcome.film->string());
   }
-  if (!outcome.notice.empty()) print(stderr, "abbe: {}\n", Lines(outcome.notice));
+  if (!outcome.notice.empty()) print(stderr, "abbe: {}\n", MultilineText(outcome.notice));
 }
 
 /// Films a case. All input errors are reported before the cut.
@@ -482,7 +482,7 @@ Exit animate(const CommonOptions& common, const AnimateArguments& arguments) {
   const WorkSize expected = expected_size(scene);
   ProgressLine line(scene_preparation_stages("prepare", expected) + remaining_stages(expected));
   line.begin("prepare");
-  const Job job = placed(prepare(scene, to(line)));
+  const Job job = check_placement(prepare(scene, to(line)));
   film_interval(job.path, options);  // reports input errors before anything is cut
   line.replan(remaining_stages(size_of(job)));
   line.begin(arguments.case_name);

@@ -139,7 +139,7 @@ RunOptions run_options(const CommonOptions& common,
 Exit print_limits_and_failures(const std::vector<std::string>& exceeded_limits,
                                const std::vector<std::string>& failed) {
   for (const std::string& limit : exceeded_limits) print(stderr, "abbe: {}\n", limit);
-  for (const std::string& failure : failed) print(stderr, "abbe: {}\n", Lines(failure));
+  for (const std::string& failure : failed) print(stderr, "abbe: {}\n", MultilineText(failure));
   // A failed plug-in takes precedence over an exceeded limit, because the result is incomplete.
   if (!failed.empty()) return Exit::PlugIn;
   return exceeded_limits.empty() ? Exit::Ok : Exit::LimitExceeded;
@@ -149,14 +149,15 @@ Exit print_outcome(const CommonOptions& common, const RunOptions& options, const
   const bool is_comparison = std::holds_alternative<Comparison>(outcome.figures);
   std::visit(
       [&](const auto& figures) {
-        print("{}", Lines(common.json ? json_text(to_json(figures)) : to_text(figures)));
+        print("{}", MultilineText(common.json ? json_text(to_json(figures)) : to_text(figures)));
       },
       outcome.figures);
   if (!common.json)
-    print("{}files in {}{}\n", Lines(is_comparison ? "\n" : ""), options.folder.string(),
+    print("{}files in {}{}\n", MultilineText(is_comparison ? "\n" : ""), options.folder.string(),
           is_comparison && can_draw_pictures() ? "; comparison.png shows all cases on one scale"
                                                : "");
-  if (!common.json && outcome.sensors) print("{}", Lines(sensor_choices_text(*outcome.sensors)));
+  if (!common.json && outcome.sensors)
+    print("{}", MultilineText(sensor_choices_text(*outcome.sensors)));
   std::visit(
       [](const auto& figures) {
         print_assumptions(figures.assumptions);
@@ -274,7 +275,7 @@ Exit print_slurm_script(const CommonOptions& common, const StudyArguments& argum
   job.trust = common.permissions.trust;
   // Input errors of the study are reported here, not by every shard.
   study::read_trusted_study(common.scene, options.overrides, common.permissions);
-  print("{}", Lines(study::slurm_script(job)));
+  print("{}", MultilineText(study::slurm_script(job)));
   return Exit::Ok;
 }
 
@@ -290,9 +291,9 @@ Exit run_study_command(const CommonOptions& common, const StudyArguments& argume
   if (arguments.slurm) return print_slurm_script(common, arguments, options);
   const auto print_text = [&](const study::StudyResult& result) {
     if (common.json)
-      print("{}", Lines(json_text(result.json)));
+      print("{}", MultilineText(json_text(result.json)));
     else
-      print("{}", Lines(result.text));
+      print("{}", MultilineText(result.text));
     print_warnings(result.warnings);
     return Exit::Ok;
   };
@@ -342,9 +343,9 @@ Command study_command(CommonOptions& common, int& argc, char**& argv) {
        language_option(arguments->language),
        {"--slurm", &arguments->slurm, "print a script for Slurm that runs the study as a job array",
         Excludes{{"--shard", "--merge", "--show", "--report"}}},
-       {"--shards", &job.shards, "with --slurm: jobs of the array (8)", Between{1, 100000},
+       {"--shards", &job.shards, "with --slurm: jobs of the array (8)", NumberRange{1, 100000},
         RequiresOption{"--slurm"}},
-       {"--cpus", &job.cpus, "with --slurm: processors of each (4)", Between{1, 1024},
+       {"--cpus", &job.cpus, "with --slurm: processors of each (4)", NumberRange{1, 1024},
         RequiresOption{"--slurm"}},
        {"--time", &job.time, "with --slurm: limit of each (24:00:00)", RequiresOption{"--slurm"}}},
       [arguments, &common, &argc, &argv] {

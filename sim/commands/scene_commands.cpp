@@ -181,7 +181,7 @@ struct NewArguments {
 
 Exit print_list(const CommonOptions& common) {
   const LibraryList list = library_list(new_kinds());
-  print("{}", Lines(common.json ? json_text(to_json(list)) : to_text(list)));
+  print("{}", MultilineText(common.json ? json_text(to_json(list)) : to_text(list)));
   return Exit::Ok;
 }
 
@@ -252,7 +252,7 @@ Commands case_commands(const Job& job, const std::string& case_name, const Progr
 
 /// Searches for collisions along the program of a case.
 Collisions find_collisions(const Job& job, const std::string& case_name) {
-  const WorkSize size = size_of(job);
+  const WorkSize size = work_size(job);
   std::vector<Stage> stages = collision_stages(case_name, size);
   if (case_name != "uncompensated")
     stages = command_stages(case_name, size, job.scene, parse_case(case_name)) + std::move(stages);
@@ -277,9 +277,9 @@ Exit check_scene(const CommonOptions& common, const CheckArguments& arguments) {
   Description description = describe(job);
   std::vector<std::string>& warnings = description.warnings;
   warnings.insert(warnings.end(), part_placement.warnings.begin(), part_placement.warnings.end());
-  if (std::string text = not_searched_text(job); !text.empty() && !arguments.collisions)
+  if (std::string text = proximity_warning(job); !text.empty() && !arguments.collisions)
     warnings.push_back(std::move(text));
-  description.programs = judged(scene.programs, common.permissions);
+  description.programs = assess_trust(scene.programs, common.permissions);
   std::optional<Collisions> found_collisions;
   if (arguments.collisions) {
     found_collisions =
@@ -300,11 +300,11 @@ Exit check_scene(const CommonOptions& common, const CheckArguments& arguments) {
   if (common.json) {
     nlohmann::ordered_json json = to_json(description);
     if (found_collisions) json["collisions"] = to_json(*found_collisions);
-    print("{}", Lines(json_text(json)));
+    print("{}", MultilineText(json_text(json)));
   } else {
     const std::string text =
         (found_collisions ? to_text(*found_collisions) + "\n" : "") + to_text(description);
-    print("{}", Lines(arguments.all ? text : first_lines(text)));
+    print("{}", MultilineText(arguments.all ? text : first_lines(text)));
   }
   print_assumptions(description.assumptions);
   print_warnings(warnings);
@@ -359,7 +359,7 @@ constexpr std::size_t min_progress_poses = 20000;  // about 0.2 s of computing
 /// Prints one pose.
 void print_pose(const Scene& scene, const PoseArguments& arguments) {
   const PoseResult pose = pose_at(scene, arguments.at, arguments.request);
-  print("{}", Lines(arguments.json ? json_text(to_json(pose)) : to_text(pose)));
+  print("{}", MultilineText(arguments.json ? json_text(to_json(pose)) : to_text(pose)));
   print_warnings(pose.warnings);
 }
 
@@ -393,9 +393,9 @@ void print_pose_table(const IdleMachine& idle, const PoseArguments& arguments) {
   if (arguments.json) {
     const ordered_json json{
         {"file", arguments.out.string()}, {"summary", to_json(s, poses)}, {"warnings", warnings}};
-    print("{}", Lines(json_text(json)));
+    print("{}", MultilineText(json_text(json)));
   } else {
-    print("{}file              {}\n", Lines(to_text(s, poses)), arguments.out.string());
+    print("{}file              {}\n", MultilineText(to_text(s, poses)), arguments.out.string());
   }
 }
 
@@ -435,9 +435,9 @@ void print_work_space(const IdleMachine& idle, const PoseArguments& arguments) {
   write_json(folder / "volumetric.json", json);
   print_warnings(warnings);
   if (arguments.json)
-    print("{}", Lines(json_text(json)));
+    print("{}", MultilineText(json_text(json)));
   else
-    print("{}files in {}\n", Lines(to_text(idle, map, s)), folder.path().string());
+    print("{}files in {}\n", MultilineText(to_text(idle, map, s)), folder.path().string());
 }
 
 /// Prints the poses that --at, --at-file or --grid requests.
@@ -495,7 +495,7 @@ Command pose_command(CommonOptions& common) {
            {"--grid", &arguments->grid,
             "the work space: from:to:count of axes that run, places of others, such as "
             "\"X=-100:100:9 Z=::5 A=30\"; slides left out run over their travel",
-            Bare{}}}};
+            OptionalValue{}}}};
 }
 
 }  // namespace abbe::sim

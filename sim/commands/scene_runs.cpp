@@ -61,7 +61,7 @@ Cut cut_named_case(const Job& job, const std::string& case_name, const Progress&
   return cut(job, parse_compensator(case_name), progress, retention);
 }
 
-DayReadings measured_day(const std::string& name, const Scene& scene) {
+DayReadings measure_day(const std::string& name, const Scene& scene) {
   const auto throw_input_error = [&](const std::string& expected, const std::string& seen) {
     throw BadInput(scene.file.string(), 0, 0, expected, seen);
   };
@@ -70,12 +70,15 @@ DayReadings measured_day(const std::string& name, const Scene& scene) {
     throw_input_error("an instrument of kind drift for sensor_choice",
                       errors::metrology::to_string(description.instrument.kind));
   // The day on which sensors are chosen is the history of the machine before the program.
-  const double history = history_s(*scene.thermal);
+  const double history = history_duration(*scene.thermal);
   if (history <= 0.0) throw_input_error("a [[history]] over which sensors are chosen", "none");
   description.starts_s = {-history};
   description.instrument.duration_s = history;
-  DayReadings day{
-      name, scene.file, cycle_starts(*scene.thermal, history), measured(scene, description), {}};
+  DayReadings day{name,
+                  scene.file,
+                  cycle_starts(*scene.thermal, history),
+                  measure_machine(scene, description),
+                  {}};
   day.sensor_noise_K = Eigen::VectorXd::Zero(Eigen::Index(day.readings.sensors.size()));
   for (const errors::TemperatureSensor& sensor : scene.thermal->sensors)
     if (const auto sensor_name = std::ranges::find(day.readings.sensors, sensor.name);
@@ -86,13 +89,13 @@ DayReadings measured_day(const std::string& name, const Scene& scene) {
   return day;
 }
 
-std::optional<ThermalChoice> choose_sensors(const ResultFolder& folder, const Scene& scene,
-                                            const std::vector<Scene>& variants) {
+std::optional<ThermalSensorChoice> choose_sensors(const ResultFolder& folder, const Scene& scene,
+                                                  const std::vector<Scene>& variants) {
   if (!scene.sensor_choice || !scene.thermal) return std::nullopt;
-  std::vector<DayReadings> days{measured_day("its own day", scene)};
+  std::vector<DayReadings> days{measure_day("its own day", scene)};
   for (std::size_t i = 0; i < variants.size(); ++i)
-    days.push_back(measured_day(scene.variants[i].name, variants[i]));
-  ThermalChoice choice = thermal_choice(days, *scene.sensor_choice);
+    days.push_back(measure_day(scene.variants[i].name, variants[i]));
+  ThermalSensorChoice choice = choose_thermal_sensors(days, *scene.sensor_choice);
   write_json(folder / "thermal.json", to_json(choice));
   write_thermal_picture(folder / "thermal.png", choice);
   return choice;
@@ -105,10 +108,10 @@ namespace {
 /// @param windows_obstacle  see `check_memory`
 Job sample_job(Job job, const CaseRequest& request, ProgressLine& progress,
                const std::string& windows_obstacle = {}) {
-  check_memory(job.scene, {size_of(job)}, request, windows_obstacle);
-  if (std::string text = not_searched_text(job); !text.empty())
+  check_memory(job.scene, {work_size(job)}, request, windows_obstacle);
+  if (std::string text = proximity_warning(job); !text.empty())
     job.warnings.push_back(std::move(text));
-  return sampled(placed(std::move(job)), to(progress));
+  return sampled(check_placement(std::move(job)), to(progress));
 }
 
 /// Reports the memory of the cuts if it is large, and throws if it does not fit.
@@ -122,7 +125,7 @@ void check_cut_memory(const Scene& scene, const std::vector<WorkSize>& sizes,
 
 /// Returns the data to keep of a cut. A report needs the track of the tool.
 Retention retention_of_run(const RunOptions& options) {
-  return options.report_language.empty() ? retention_for(options.formats) : Retention::Track;
+  return options.report_language.empty() ? required_retention(options.formats) : Retention::Track;
 }
 
 /// Adds the memory for pictures and for the track of the tool.
@@ -195,7 +198,7 @@ void cut_cases(const VariantJob& variant_job, CaseResults& results, Retention re
          }
        }}};
   std::vector<CaseAttempt> cases(1 + compensators.size());
-  const WorkSize size = size_of(variant_job.job);
+  const WorkSize size = work_size(variant_job.job);
   for (std::size_t i = 0; i < cases.size(); ++i) {
     const auto compensator = i == 0 ? std::nullopt : std::optional(compensators[i - 1]);
     tasks.push_back({folder_name(compensator ? compensator->name : "uncompensated"),
@@ -203,9 +206,9 @@ void cut_cases(const VariantJob& variant_job, CaseResults& results, Retention re
                        cases[i] = attempt_case(variant_job, compensator, retention,
                                                error_free_verdict, line);
                      },
-                     seconds_of(cut_stages("", size, variant_job.job.scene, compensator))});
+                     total_seconds(cut_stages("", size, variant_job.job.scene, compensator))});
   }
-  run_tasks(tasks, are_independent(compensators) ? results.at_once : 1, progress);
+  run_tasks(tasks, are_independent(compensators) ? results.max_parallel : 1, progress);
   if (variant_job.prefix.empty())
     results.cases.push_back({std::move(*error_free), &variant_job.job, std::nullopt});
   const std::size_t uncompensated = results.cases.size();
@@ -271,10 +274,10 @@ void append_exceeded_limits(std::vector<std::string>& texts, const Limits& limit
 
 /// Returns texts about exceeded limits. If there are compensators, only their cases are judged,
 /// because the uncompensated machine is expected to fail.
-std::vector<std::string> violated_limits(const std::vector<Compared>& cases) {
+std::vector<std::string> violated_limits(const std::vector<ComparedCase>& cases) {
   const bool has_compensators =
       std::any_of(cases.begin(), cases.end(),
-                  [](const Compared& compared) { return compared.uncompensated.has_value(); });
+                  [](const ComparedCase& compared) { return compared.uncompensated.has_value(); });
   std::vector<std::string> limits;
   for (std::size_t i = 0; i < cases.size(); ++i)
     if (has_compensators ? cases[i].uncompensated.has_value() : i > 0)
@@ -391,11 +394,12 @@ CaseResults cut_all_cases(const RequestedScenes& requested, const RunOptions& op
     progress.begin(preparation_name(i));
     variant_jobs.push_back({i == 0 ? "" : scene.variants[i - 1].name,
                             sample_job(prepare(scenes[i], to(progress)), request, progress)});
-    sizes[i] = size_of(variant_jobs.back().job);
+    sizes[i] = work_size(variant_jobs.back().job);
   }
   // A caller with its own progress function, such as Python, may be able to interrupt only from the
   // calling thread, so its cases run one at a time.
-  if (!options.progress) request.at_once = results.at_once = cases_at_once(sizes, request);
+  if (!options.progress)
+    request.max_parallel = results.max_parallel = cases_at_once(sizes, request);
   check_cut_memory(scene, sizes, request, progress);
   progress.replan(comparison_plan(scene, variants, sizes));
   for (const VariantJob& variant_job : variant_jobs)
@@ -405,7 +409,7 @@ CaseResults cut_all_cases(const RequestedScenes& requested, const RunOptions& op
 }
 
 /// Compares the machined body of a case with the design. Returns its warnings.
-std::vector<std::string> check_stock(Compared& compared) {
+std::vector<std::string> check_stock(ComparedCase& compared) {
   compared.verdict.stock = stock_check(*compared.job, compared.verdict);
   std::vector<std::string> warnings;
   if (!compared.verdict.stock) return warnings;
@@ -422,7 +426,7 @@ std::vector<std::string> write_cases(const ResultFolder& folder, CaseResults& re
   std::vector<Task> tasks;
   for (std::size_t i = 0; i < results.cases.size(); ++i) {
     const auto write = [&, i](const Progress& line) {
-      Compared& compared = results.cases[i];
+      ComparedCase& compared = results.cases[i];
       warnings[i] = check_stock(compared);
       write_case(folder.inside(compared.verdict.cut.name), *compared.job, compared.verdict, formats,
                  line);
@@ -430,7 +434,7 @@ std::vector<std::string> write_cases(const ResultFolder& folder, CaseResults& re
     };
     tasks.push_back({"write " + results.cases[i].verdict.cut.name, write});
   }
-  run_tasks(tasks, results.at_once, progress);
+  run_tasks(tasks, results.max_parallel, progress);
   std::vector<std::string> all_warnings;
   for (const std::vector<std::string>& case_warnings : warnings)
     all_warnings.insert(all_warnings.end(), case_warnings.begin(), case_warnings.end());
@@ -444,7 +448,7 @@ std::vector<std::string> failure_texts(const std::vector<FailedCase>& failed) {
 }
 
 /// Writes the page of cases that were cut.
-ReportOutcome write_report(const ResultFile& file, const std::vector<Compared>& cases,
+ReportOutcome write_report(const ResultFile& file, const std::vector<ComparedCase>& cases,
                            const Comparison& comparison_figures, const RunOptions& options) {
   const HtmlReport page =
       html_report(cases, comparison_figures, {options.report_language, options.command});
@@ -500,8 +504,8 @@ Outcome run(const std::filesystem::path& file, const RunOptions& options) {
     };
   const Job job = sample_job(prepare(scene, to(progress), memory_budget), request, progress,
                              memory_budget.windows_obstacle);
-  check_cut_memory(scene, {size_of(job)}, request, progress, memory_budget.windows_obstacle);
-  progress.replan(remaining_stages(size_of(job)));
+  check_cut_memory(scene, {work_size(job)}, request, progress, memory_budget.windows_obstacle);
+  progress.replan(remaining_stages(work_size(job)));
   progress.begin(shown_name);
   Cut result = cut_named_case(job, shown_name, to(progress), retention_of_run(options));
   check_cuts_part(job, result);
@@ -514,7 +518,7 @@ Outcome run(const std::filesystem::path& file, const RunOptions& options) {
   add_warnings(write_or_remove_report(
                    folder, options,
                    [&](const ResultFile& page) {
-                     const std::vector<Compared> single_case{{verdict, &job, std::nullopt}};
+                     const std::vector<ComparedCase> single_case{{verdict, &job, std::nullopt}};
                      return write_report(page, single_case, comparison(job, single_case), options);
                    }),
                figures.warnings);
@@ -536,7 +540,7 @@ Outcome compare(const std::filesystem::path& file, const RunOptions& options) {
   CaseResults results = cut_all_cases(requested, options, line);
   ProgressLine& progress = *line;
   const std::vector<VariantJob>& variant_jobs = results.variant_jobs;
-  std::vector<Compared>& cases = results.cases;
+  std::vector<ComparedCase>& cases = results.cases;
   Comparison& comparison_figures = results.comparison;
   Outcome outcome;
   outcome.failed = failure_texts(results.failed);
@@ -582,7 +586,7 @@ CaseResults cut_scene_cases(const std::filesystem::path& scene, const RunOptions
   const RequestedScenes requested = read_requested_scenes(scene, options);
   std::optional<ProgressLine> line;
   CaseResults results = cut_all_cases(requested, options, line);
-  for (Compared& compared : results.cases) {
+  for (ComparedCase& compared : results.cases) {
     add_warnings(check_stock(compared), results.comparison.warnings);
     compared.verdict.stock.reset();  // tens of MB, no longer needed
   }
@@ -598,7 +602,7 @@ Job job_of(const std::filesystem::path& file, const RunOptions& options) {
   progress.begin("prepare");
   const CaseRequest request = add_output_options(run_case_request(std::nullopt), options);
   Job job = sample_job(prepare(scene, to(progress)), request, progress);
-  check_cut_memory(scene, {size_of(job)}, request, progress);
+  check_cut_memory(scene, {work_size(job)}, request, progress);
   return job;
 }
 

@@ -28,22 +28,22 @@ Cut cut_named_case(const Job& job, const std::string& case_name, const Progress&
 
 /// Measures the readings of a day, from which sensors are chosen.
 /// @throws BadInput naming the scene if its instrument reads no drift or there is no history
-DayReadings measured_day(const std::string& name, const Scene& scene);
+DayReadings measure_day(const std::string& name, const Scene& scene);
 
 /// Chooses sensors on the day of the scene, grades them on the days of its variants, and writes
 /// `thermal.json` and `thermal.png`.
 /// @param variants  in the order of the scene
 /// @return nothing if the scene requests no choice
 /// @throws BadInput, OutputFailure
-std::optional<ThermalChoice> choose_sensors(const ResultFolder& folder, const Scene& scene,
-                                            const std::vector<Scene>& variants);
+std::optional<ThermalSensorChoice> choose_sensors(const ResultFolder& folder, const Scene& scene,
+                                                  const std::vector<Scene>& variants);
 
 /// Options of `run`, `compare` and `report`.
 struct RunOptions {
   std::vector<Override> overrides;
   std::filesystem::path folder;  ///< for all files
   Permissions permissions;
-  std::vector<std::string> formats = usual_map_formats();  ///< formats in which maps are saved
+  std::vector<std::string> formats = default_map_formats();  ///< formats in which maps are saved
   /// For `run`: error_free, uncompensated or a compensator; empty: the case that the scene names,
   /// or else uncompensated.
   std::string case_name;
@@ -59,8 +59,8 @@ struct RunOptions {
 struct Outcome {
   std::variant<Summary, Comparison> figures;  ///< Summary from `run`, Comparison from `compare`
   std::vector<std::string> exceeded_limits;   ///< acceptance limits that a judged case exceeds
-  std::vector<std::string> failed;       ///< messages about failed plug-ins; other cases are valid
-  std::optional<ThermalChoice> sensors;  ///< if the scene requests a choice
+  std::vector<std::string> failed;  ///< messages about failed plug-ins; other cases are valid
+  std::optional<ThermalSensorChoice> sensors;  ///< if the scene requests a choice
 };
 
 /// Cuts one case of a scene and writes all its files.
@@ -81,10 +81,10 @@ struct VariantJob {
 /// All cases of a scene and its variants.
 struct CaseResults {
   std::vector<VariantJob> variant_jobs;
-  std::vector<Compared> cases;  ///< they refer to the jobs
+  std::vector<ComparedCase> cases;  ///< they refer to the jobs
   std::vector<FailedCase> failed;
   Comparison comparison;
-  int at_once = 1;  ///< number of cases that fit into memory at the same time
+  int max_parallel = 1;  ///< number of cases that fit into memory at the same time
 };
 
 /// Cuts the cases as `compare` does, but writes nothing.

@@ -107,7 +107,9 @@ complete -c abbe -f -a '(__abbe_complete)'
 )FISH";
 
 Exit print_script(const std::string& shell) {
-  print("{}", Lines(shell == "bash" ? bash_script : shell == "zsh" ? zsh_script : fish_script));
+  print("{}", MultilineText(shell == "bash"  ? bash_script
+                            : shell == "zsh" ? zsh_script
+                                             : fish_script));
   return Exit::Ok;
 }
 
@@ -200,7 +202,8 @@ void add_values(Completions& completions, const CompletionTask& task, const Opti
                 const Command& command) {
   switch (completion_kind(option)) {
     case CompletionKind::Words:
-      for (const std::string& word : words_of(option)) add_candidate(completions, task, word);
+      for (const std::string& word : possible_values(option))
+        add_candidate(completions, task, word);
       break;
     case CompletionKind::Cases:
       for (const std::string& name : cases_on_line(task)) add_candidate(completions, task, name);

@@ -138,7 +138,7 @@ struct SeriesSegment {
 
 /// Adds knots between the ends of a line until the loop follows steadily.
 void add_settling_knots(const SeriesSegment& line, const Loop& loop, const Transient& initial,
-                        Knots& knots) {
+                        TimeSeriesBuilder& knots) {
   const VectorXd slope = line.rise / line.length_s();
   const VectorXd lag = loop.lag_s() * slope;
   const Transient start{initial.offset + lag, initial.rate - slope};
@@ -162,7 +162,7 @@ TimeSeries loop_response(const TimeSeries& input, const PositionLoop& loop,
   const Loop validated = validated_loop(loop, options);
 
   const Index n = input.time_s.size(), columns = input.value.cols();
-  Knots knots(columns);
+  TimeSeriesBuilder knots(columns);
   VectorXd position = input.value.row(0).transpose();
   VectorXd speed = VectorXd::Zero(columns);
   knots.add(input.time_s[0], position);
@@ -224,7 +224,7 @@ TimeSeries sample_and_hold(const TimeSeries& input, double cycle_s, double delay
   const long cycles = cycles_until(input.time_s[input.time_s.size() - 1], start_s, cycle_s);
   TimeSeriesReader reader(input);
   VectorXd current = shape(input.value.row(0).transpose());
-  Knots knots(current.size());
+  TimeSeriesBuilder knots(current.size());
   knots.add(start_s, current);
   for (long k = 0; k <= cycles; ++k) {
     const double read_s = start_s + double(k) * cycle_s;
@@ -254,7 +254,7 @@ struct Approach {
 TimeSeries limit_rate(const TimeSeries& steps, double rate) {
   const Index n = steps.time_s.size();
   VectorXd current = steps.value.row(0).transpose();
-  Knots knots(current.size());
+  TimeSeriesBuilder knots(current.size());
   knots.add(steps.time_s[0], current);
   for (Index i = 0; i < n; ++i) {
     const double start_s = steps.time_s[i];
@@ -278,13 +278,13 @@ TimeSeries limit_rate(const TimeSeries& steps, double rate) {
 
 }  // namespace
 
-TimeSeries through(const TimeSeries& correction, const OpenControl& open) {
+TimeSeries apply_channel(const TimeSeries& correction, const OpenControl& open) {
   return sample_and_hold(correction, open.cycle_s, open.delay_s,
                          [](const VectorXd& row) { return row; });
 }
 
-TimeSeries through(const TimeSeries& correction, const OriginShift& origin,
-                   std::span<const kinematics::Joint> joints) {
+TimeSeries apply_channel(const TimeSeries& correction, const OriginShift& origin,
+                         std::span<const kinematics::Joint> joints) {
   require_for_channel(Index(joints.size()) == correction.value.cols(), "a joint for each column");
   require_for_channel(is_not_negative(origin.increment), "an increment that is not negative");
   require_for_channel(is_not_negative(origin.rate), "a rate that is not negative");
@@ -300,7 +300,7 @@ TimeSeries through(const TimeSeries& correction, const OriginShift& origin,
   return origin.rate > 0.0 ? limit_rate(steps, origin.rate) : steps;
 }
 
-TimeSeries through(const TimeSeries& displacement_t, const Piezo& piezo) {
+TimeSeries apply_channel(const TimeSeries& displacement_t, const Piezo& piezo) {
   require_for_channel(displacement_t.value.cols() == 3, "three columns for a piezo");
   require_for_channel(std::abs(piezo.direction_t.norm() - 1.0) <= 1e-9,
                       "a unit direction of the piezo");

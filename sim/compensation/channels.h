@@ -42,7 +42,7 @@ struct LoopOptions {
 TimeSeries loop_response(const TimeSeries& input, const PositionLoop& loop,
                          const LoopOptions& options = {});
 
-// Each channel has its own cycle and limits. The overloads of `through` take the requested
+// Each channel has its own cycle and limits. The overloads of `apply_channel` take the requested
 // correction and return the one that arrives at the axes; cycles count from the first knot of the
 // request. All throw std::invalid_argument if a series is not valid, a setting is outside its
 // range, or a series is too long for its cycle (2e8 cycles, or more knots than `Knots` takes).
@@ -50,7 +50,7 @@ TimeSeries loop_response(const TimeSeries& input, const PositionLoop& loop,
 /// Insertion of counts into the encoder signals (Guo 2016, Chen and Wang 2013). It moves an axis by
 /// whole counts only, and the position of the zero within a count is unknown. A count is one signal
 /// period, whether the control evaluates one edge of it or all four.
-struct Pulses {
+struct PulseInsertion {
   Eigen::VectorXd
       count;  ///< (joints) mm or rad per count (signal period); 0: joint without channel
   double cycle_s = 1e-3;  ///< > 0, cycle of the computer that inserts
@@ -79,7 +79,8 @@ double zero_phase(std::uint64_t seed, int joint);
 /// @param motion  (joints) axis positions over time, which determine when A and B are low
 /// @return steps; joints without a channel stay at 0
 /// @throws std::invalid_argument also for positions or corrections beyond 1e15 counts
-TimeSeries through(const TimeSeries& correction, const Pulses& pulses, const TimeSeries& motion);
+TimeSeries apply_channel(const TimeSeries& correction, const PulseInsertion& pulses,
+                         const TimeSeries& motion);
 
 /// Correction of the set-points in every servo cycle; the value is held until the next one.
 struct OpenControl {
@@ -88,7 +89,7 @@ struct OpenControl {
 };
 /// Returns the correction through an open control. It starts on the first value and ends with the
 /// last one.
-TimeSeries through(const TimeSeries& correction, const OpenControl& open);
+TimeSeries apply_channel(const TimeSeries& correction, const OpenControl& open);
 
 /// Shift of the external work zero by the PLC, for linear axes only, in whole increments (Guo 2016,
 /// Yang 2012). Between cycles the control moves to the new offset at the rate that it allows.
@@ -102,8 +103,8 @@ struct OriginShift {
 /// with the last one; columns of rotary axes and spindles are zero.
 /// The error of a ramp of `slope` mm/s is slope sqrt(T^2/3 + T D + D^2) RMS, with the cycle T and
 /// the delay D; the increment adds its square over 12 to the mean square.
-TimeSeries through(const TimeSeries& correction, const OriginShift& origin,
-                   std::span<const kinematics::Joint> joints);
+TimeSeries apply_channel(const TimeSeries& correction, const OriginShift& origin,
+                         std::span<const kinematics::Joint> joints);
 
 /// An actuator that moves the tool along one direction of its own frame (Yang 2012: slow,
 /// compliant).
@@ -120,7 +121,7 @@ struct Piezo {
 /// overshoot it.
 /// @param displacement_t  (3 columns) mm, correcting displacement of the tip in frame t
 /// @return one column, mm along the direction
-TimeSeries through(const TimeSeries& displacement_t, const Piezo& piezo);
+TimeSeries apply_channel(const TimeSeries& displacement_t, const Piezo& piezo);
 
 /// Returns the deflection of the piezo, mm, to be added to the stroke: a force on the tool along
 /// its direction (N, + along the direction) moves the tool by force / stiffness.

@@ -155,7 +155,7 @@ std::string read_available(Descriptor& file) {
 /// Returns a text about the unfinished line in the output of a child, for an error message.
 std::string unfinished_line_text(const std::string& output) {
   if (output.empty() || output.find('\n') != std::string::npos) return {};
-  return "the beginning of a line, " + in_quotes(output) + ", then ";
+  return "the beginning of a line, " + quoted_excerpt(output) + ", then ";
 }
 
 std::string exit_text(int status) {
@@ -214,7 +214,7 @@ std::string ChildProcess::exchange(std::string_view text, const LineLimits& limi
     searched = end == std::string::npos ? received_.size() : end;
     if (searched > limits.max_bytes)
       throw ChildProcessError(fmt::format("a line of at most {} bytes", limits.max_bytes),
-                              "more, beginning with " + in_quotes(received_));
+                              "more, beginning with " + quoted_excerpt(received_));
     if (!out_.is_open()) {
       // The output ends shortly before the process, whose exit code explains why.
       const std::string exit_description = wait_for_exit(after(1.0));
@@ -250,7 +250,7 @@ void ChildProcess::finish(std::string_view text, double seconds) {
     received_ += chunk;
   }
   if (received_.find_first_not_of(" \t\r\n") != std::string::npos)
-    throw ChildProcessError("nothing after the last answer", in_quotes(received_));
+    throw ChildProcessError("nothing after the last answer", quoted_excerpt(received_));
   const std::string exit_description = wait_for_exit(deadline);
   if (exit_description.empty())
     throw ChildProcessError(fmt::format("its end within {} s after the last answer", seconds),

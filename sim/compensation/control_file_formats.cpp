@@ -55,8 +55,8 @@ struct Setting {
 std::optional<Setting> parse_setting(std::string_view line) {
   const std::size_t equals = line.find('=');
   if (equals == std::string_view::npos) return std::nullopt;
-  const std::vector<Cell> key = cells_of(line.substr(0, equals), '=', 1);
-  std::vector<Cell> value = cells_of(line.substr(equals + 1), '\n', 1);
+  const std::vector<Cell> key = split_cells(line.substr(0, equals), '=', 1);
+  std::vector<Cell> value = split_cells(line.substr(equals + 1), '\n', 1);
   if (key.empty() || value.empty()) return std::nullopt;
   value[0].column += int(equals) + 1;
   return Setting{std::string(key[0].text), value[0]};
@@ -89,9 +89,9 @@ class IniReader {
     if (!in_joint_) return;
     const std::size_t end = text.find(']');
     if (end == std::string_view::npos)
-      lines_.refuse(column, "a section such as [JOINT_0]", in_quotes(text));
+      lines_.refuse(column, "a section such as [JOINT_0]", quoted_excerpt(text));
     const Cell number{text.substr(header.size(), end - header.size()), column + int(header.size())};
-    const int index = lines_.whole_number_in(number, 0, 15);
+    const int index = lines_.read_whole_number(number, 0, 15);
     if (index >= int(joints_.size()))
       lines_.refuse(number, fmt::format("a joint from 0 to {}", int(joints_.size()) - 1));
     const int joint = joints_[std::size_t(index)];
@@ -114,11 +114,11 @@ class IniReader {
     }
     if (setting->key == "COMP_FILE_TYPE") {
       if (entry.type) lines_.refuse(setting->value, "one COMP_FILE_TYPE a joint");
-      entry.type = lines_.whole_number_in(setting->value, 0, 1);
+      entry.type = lines_.read_whole_number(setting->value, 0, 1);
     }
   }
 
-  TableLines lines_;
+  TableLineReader lines_;
   std::vector<int> joints_;
   std::vector<JointEntry> entries_;
   bool in_joint_ = false;
@@ -129,7 +129,7 @@ double to_single_precision(double trim) { return double(float(trim)); }
 
 /// Reads a COMP_FILE. Type 0 states positions, type 1 states trims.
 AxisTable read_comp(const ControlFile& file, int joint, int type, const Chain& chain) {
-  TableLines lines(file.text, file.name, std::nullopt);
+  TableLineReader lines(file.text, file.name, std::nullopt);
   std::vector<double> numbers;
   int last_line = 0;
   // LinuxCNC silently stops reading at the first line that it does not understand. Here such a line
@@ -143,7 +143,7 @@ AxisTable read_comp(const ControlFile& file, int joint, int type, const Chain& c
                    "more");
     if (numbers.size() == 3 * std::size_t(max_lines))
       lines.refuse(1, fmt::format("at most {} lines", max_lines), "more");
-    const std::vector<Cell> cells = cells_of(line->text, ' ', 3);
+    const std::vector<Cell> cells = split_cells(line->text, ' ', 3);
     for (std::size_t i = 0; i < std::min<std::size_t>(cells.size(), 3); ++i)
       numbers.push_back(lines.number_in(cells[i]));
     if (cells.size() < 3)
@@ -183,7 +183,7 @@ int joint_of_file_name(const ControlFile& file, const Chain& chain) {
   throw BadInput(file.name, 0, 0,
                  fmt::format("an INI file that names it, or the letter of an axis ({}) as its name",
                              movable_letters(chain)),
-                 in_quotes(file.name));
+                 quoted_excerpt(file.name));
 }
 
 /// Reads the tables that an INI file assigns to joints. Every other file must be named in it.
@@ -200,7 +200,7 @@ void read_ini(const ControlFile& ini, std::span<const ControlFile> files, const 
     });
     if (file == files.end())
       throw BadInput(ini.name, entry.file_line, entry.file_column, "a file that is there",
-                     in_quotes(entry.file));
+                     quoted_excerpt(entry.file));
     loaded_files.push_back(&*file);
     tables.tables.push_back(read_comp(*file, entry.joint, *entry.type, chain));
   }
@@ -211,21 +211,21 @@ void read_ini(const ControlFile& ini, std::span<const ControlFile> files, const 
 
 }  // namespace
 
-Export to_linuxcnc(const ParameterTables& tables, const Chain& chain) {
-  Export result;
-  result.left_out = offsets_left_out(tables, chain);
+ControlExport to_linuxcnc(const ParameterTables& tables, const Chain& chain) {
+  ControlExport result;
+  result.omissions = offsets_left_out(tables, chain);
   const std::vector<int> joints = numbered_joints(chain);
   std::string ini;
   for (const AxisTable& table : summed(tables.tables)) {
     const auto joint = std::find(joints.begin(), joints.end(), table.argument_joint);
     if (table.argument_joint != table.corrected_joint || joint == joints.end()) {
-      result.left_out.push_back(relation(table, chain) +
-                                (joint == joints.end() ? ": no axis of LinuxCNC"
-                                                       : ": a COMP_FILE holds the own axis only"));
+      result.omissions.push_back(relation(table, chain) +
+                                 (joint == joints.end() ? ": no axis of LinuxCNC"
+                                                        : ": a COMP_FILE holds the own axis only"));
       continue;
     }
     const FittedTable fitted = fit_table(table, chain, {max_lines, 1e-6});
-    if (fitted.left_out) result.left_out.push_back(*fitted.left_out);
+    if (fitted.omissions) result.omissions.push_back(*fitted.omissions);
     const std::string name =
         std::string(1, chain.joints()[std::size_t(table.argument_joint)].name) + ".comp";
     result.files.push_back({name, linuxcnc_rows(fitted.table, chain)});
@@ -289,7 +289,7 @@ std::string grid_text(const std::string& name, const TextGrid& grid) {
 /// Returns all tables over one axis, resampled at common positions within the capacity of a .COM.
 /// Appends notes on the differences to `result`.
 std::vector<AxisTable> tables_over(const std::vector<AxisTable>& sums, int argument_joint,
-                                   const Chain& chain, Export& result) {
+                                   const Chain& chain, ControlExport& result) {
   std::vector<AxisTable> selected;
   for (const AxisTable& table : sums)
     if (table.argument_joint == argument_joint) selected.push_back(table);
@@ -301,7 +301,7 @@ std::vector<AxisTable> tables_over(const std::vector<AxisTable>& sums, int argum
   const Eigen::VectorXd positions = summed(pair_tables).front().position;
   for (AxisTable& table : selected) {
     const FittedTable fitted = fit_table(at_positions(table, positions), chain, capacity);
-    if (fitted.left_out) result.left_out.push_back(*fitted.left_out);
+    if (fitted.omissions) result.omissions.push_back(*fitted.omissions);
     table = fitted.table;
   }
   return selected;
@@ -343,11 +343,11 @@ class GridReader {
  public:
   explicit GridReader(const ControlFile& file) : lines_(file.text, file.name, std::nullopt) {
     const Line first_line = line("BEGIN name MM");
-    const std::vector<Cell> first_cells = cells_of(first_line.text, ' ', 3);
+    const std::vector<Cell> first_cells = split_cells(first_line.text, ' ', 3);
     if (first_cells.size() != 3 || first_cells[0].text != "BEGIN")
-      lines_.refuse(1, "BEGIN name MM", in_quotes(first_line.text));
+      lines_.refuse(1, "BEGIN name MM", quoted_excerpt(first_line.text));
     if (first_cells[2].text != "MM") lines_.refuse(first_cells[2], "MM");
-    headers_ = cells_of(line("a head such as NR AXISPOS X").text, ' ', max_columns);
+    headers_ = split_cells(line("a head such as NR AXISPOS X").text, ' ', max_columns);
     if (headers_.size() > max_columns)
       lines_.refuse(headers_.back(), fmt::format("at most {} columns", max_columns));
     if (headers_.front().text != "NR") lines_.refuse(headers_.front(), "NR as the first column");
@@ -357,7 +357,7 @@ class GridReader {
   }
 
   const std::vector<Cell>& headers() const { return headers_; }
-  const TableLines& lines() const { return lines_; }
+  const TableLineReader& lines() const { return lines_; }
 
   /// Returns the cells of the next row, one for each column; nothing after the last row.
   std::optional<std::vector<Cell>> next() {
@@ -373,13 +373,13 @@ class GridReader {
           i + 1 < headers_.size() ? std::size_t(headers_[i + 1].column) - 1 : row.text.size();
       Cell cell{"", int(start) + 1};
       if (start < row.text.size() && start < end) {
-        const std::vector<Cell> content = cells_of(row.text.substr(start, end - start), '\n', 1);
+        const std::vector<Cell> content = split_cells(row.text.substr(start, end - start), '\n', 1);
         if (!content.empty()) cell = {content[0].text, int(start) + content[0].column};
       }
       cells.push_back(cell);
     }
     // Rows are numbered, so a missing one can be detected.
-    if (lines_.whole_number_in(cells[0], 0, 9999) != rows_)
+    if (lines_.read_whole_number(cells[0], 0, 9999) != rows_)
       lines_.refuse(cells[0], fmt::format("{}", rows_));
     ++rows_;
     return cells;
@@ -392,7 +392,7 @@ class GridReader {
     return *next;
   }
 
-  TableLines lines_;
+  TableLineReader lines_;
   std::vector<Cell> headers_;
   int rows_ = 0;
 };
@@ -515,14 +515,14 @@ int axis_of_file_name(const ControlFile& file, const Chain& chain) {
   throw BadInput(file.name, 0, 0,
                  fmt::format("a .CMA that names it, or the letter of an axis ({}) as its name",
                              movable_letters(chain)),
-                 in_quotes(file.name));
+                 quoted_excerpt(file.name));
 }
 
 }  // namespace
 
-Export to_heidenhain(const ParameterTables& tables, const Chain& chain) {
-  Export result;
-  result.left_out = offsets_left_out(tables, chain);
+ControlExport to_heidenhain(const ParameterTables& tables, const Chain& chain) {
+  ControlExport result;
+  result.omissions = offsets_left_out(tables, chain);
   const std::vector<AxisTable> sums = summed(tables.tables);
   TextGrid cma{{"NR"}, {{"0"}}};
   for (int argument_joint = 0; argument_joint < chain.size(); ++argument_joint) {
@@ -530,8 +530,8 @@ Export to_heidenhain(const ParameterTables& tables, const Chain& chain) {
     if (axis_tables.empty()) continue;
     for (const AxisTable& table : axis_tables)
       if (table.corrected_joint != argument_joint && !is_direction_independent(table))
-        result.left_out.push_back(relation(table, chain) +
-                                  ": the direction of motion; its mean is written");
+        result.omissions.push_back(relation(table, chain) +
+                                   ": the direction of motion; its mean is written");
     const std::string name = std::string(1, axis_letter(chain, argument_joint)) + ".COM";
     result.files.push_back({name, grid_text(name, com_grid(axis_tables, chain))});
     cma.names.emplace_back(1, axis_letter(chain, argument_joint));
@@ -568,7 +568,7 @@ ParameterTables read_heidenhain_tables(std::span<const ControlFile> files, const
     });
     if (file == files.end())
       throw BadInput(cma->name, assignment.line, assignment.column, "a file that is there",
-                     in_quotes(assignment.file));
+                     quoted_excerpt(assignment.file));
     add(*file, assignment.argument_joint);
   }
   return tables;

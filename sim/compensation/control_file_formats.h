@@ -21,13 +21,13 @@ inline constexpr std::size_t max_files = 64;                         ///< in one
 
 // Writers and readers of the formats that hold corrections; parameter_tables.h describes the
 // formats.
-Export to_linuxcnc(const ParameterTables& tables, const kinematics::Chain& chain);
+ControlExport to_linuxcnc(const ParameterTables& tables, const kinematics::Chain& chain);
 ParameterTables read_linuxcnc_tables(std::span<const ControlFile> files,
                                      const kinematics::Chain& chain);
-Export to_siemens(const ParameterTables& tables, const kinematics::Chain& chain);
+ControlExport to_siemens(const ParameterTables& tables, const kinematics::Chain& chain);
 ParameterTables read_siemens_tables(std::span<const ControlFile> files,
                                     const kinematics::Chain& chain);
-Export to_heidenhain(const ParameterTables& tables, const kinematics::Chain& chain);
+ControlExport to_heidenhain(const ParameterTables& tables, const kinematics::Chain& chain);
 ParameterTables read_heidenhain_tables(std::span<const ControlFile> files,
                                        const kinematics::Chain& chain);
 
@@ -62,7 +62,7 @@ struct Capacity {
 /// A table that a format can hold: the original, or one resampled at equidistant positions.
 struct FittedTable {
   AxisTable table;
-  std::optional<std::string> left_out;  ///< note on the difference, if there is one
+  std::optional<std::string> omissions;  ///< note on the difference, if there is one
 };
 /// Returns a table that fits the capacity of a format.
 FittedTable fit_table(const AxisTable& table, const kinematics::Chain& chain,

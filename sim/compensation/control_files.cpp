@@ -228,8 +228,8 @@ const char* to_string(ControlFormat format) {
   return "?";
 }
 
-Export to_control(const ParameterTables& tables, const kinematics::Chain& chain,
-                  ControlFormat format) {
+ControlExport to_control(const ParameterTables& tables, const kinematics::Chain& chain,
+                         ControlFormat format) {
   validate(tables, chain);
   switch (format) {
     case ControlFormat::LinuxCnc:
@@ -374,7 +374,7 @@ std::vector<std::string> position_notes(const std::vector<JointDeviation>& devia
 /// so that its lines keep their numbers.
 std::vector<std::string> split_blocks(const ControlFile& file) {
   std::vector<std::string> blocks(1);
-  Lines lines(file.text);
+  LineReader lines(file.text);
   while (const auto line = lines.next()) {
     const std::string_view text = line->substr(0, line->find("//"));
     const std::size_t start = text.find_first_not_of(" \t");
@@ -404,11 +404,11 @@ class VolumetricReader {
 
  private:
   void read_block(const std::string& block, const std::string& file) {
-    TableLines lines(block, file, std::nullopt);
+    TableLineReader lines(block, file, std::nullopt);
     const auto header = lines.next();
     if (!header) return;
     const char separator = cell_separator(header->text);
-    const std::vector<Cell> cells = cells_of(header->text, separator, 64);
+    const std::vector<Cell> cells = split_cells(header->text, separator, 64);
     // Only names of position errors, such as C0Y, contain the digit 0.
     if (cells.front().text.find('0') != std::string_view::npos)
       read_position_errors(lines, cells, separator);
@@ -416,21 +416,23 @@ class VolumetricReader {
       read_component_errors(lines, cells.front(), errors::read_element_table(block, file));
   }
 
-  void read_component_errors(const TableLines& lines, const Cell& axis, const ElementTable& table) {
+  void read_component_errors(const TableLineReader& lines, const Cell& axis,
+                             const ElementTable& table) {
     check_axis(lines, axis, table.axis);
-    errors::TableUse use;
+    errors::ElementTableUse use;
     // parameter_tables.h assumes that values hold outside the rows.
-    use.outside = errors::Outside::Hold;
-    for (Element& element : errors::elements_of(table, use)) add(lines, axis, std::move(element));
+    use.outside = errors::TableExtrapolation::Hold;
+    for (Element& element : errors::to_elements(table, use)) add(lines, axis, std::move(element));
   }
 
   /// Reads the names and the single row of a block of position errors.
-  void read_position_errors(TableLines& lines, const std::vector<Cell>& headers, char separator) {
+  void read_position_errors(TableLineReader& lines, const std::vector<Cell>& headers,
+                            char separator) {
     std::vector<ElementName> names;
     for (const Cell& header : headers) names.push_back(location_name(lines, header));
     const auto row = lines.next();
     if (!row) lines.refuse(0, "a row of values", "none");
-    const std::vector<Cell> cells = cells_of(row->text, separator, headers.size());
+    const std::vector<Cell> cells = split_cells(row->text, separator, headers.size());
     if (cells.size() != headers.size())
       lines.refuse(1, fmt::format("{} cells, as the head has", headers.size()),
                    cells.size() > headers.size() ? "more" : fmt::format("{}", cells.size()));
@@ -439,10 +441,10 @@ class VolumetricReader {
       if (value != 0.0) add(lines, cells[i], {names[i], {{errors::Constant{value}}}});
     }
     if (const auto next_row = lines.next())
-      lines.refuse(1, "one row of position errors", in_quotes(next_row->text));
+      lines.refuse(1, "one row of position errors", quoted_excerpt(next_row->text));
   }
 
-  ElementName location_name(const TableLines& lines, const Cell& header) const {
+  ElementName location_name(const TableLineReader& lines, const Cell& header) const {
     try {
       const ElementName name = errors::parse_element_name(header.text);
       if (name.location) {
@@ -454,13 +456,13 @@ class VolumetricReader {
     lines.refuse(header, "a position error such as C0Y");
   }
 
-  void check_axis(const TableLines& lines, const Cell& cell, char axis) const {
+  void check_axis(const TableLineReader& lines, const Cell& cell, char axis) const {
     if (!is_isg_axis(axis) || !control::movable(axis, chain_))
       lines.refuse(cell,
                    fmt::format("an axis of the machine ({})", control::movable_letters(chain_)));
   }
 
-  void add(const TableLines& lines, const Cell& cell, Element element) {
+  void add(const TableLineReader& lines, const Cell& cell, Element element) {
     for (const Element& other : errors_.elements)
       if (other.name == element.name)
         lines.refuse(cell, fmt::format("{} once", to_string(element.name)));
@@ -478,12 +480,12 @@ class VolumetricReader {
 
 }  // namespace
 
-Export to_volumetric(const GeometricModel& believed, const Chain& chain,
-                     const TableOptions& options) {
-  Export result;
+ControlExport to_volumetric(const GeometricModel& believed, const Chain& chain,
+                            const TableOptions& options) {
+  ControlExport result;
   // A table cannot hold random errors; they are listed as left out.
-  result.left_out = omission_notes(believed, chain);
-  const GeometricModel model = errors::without_random(believed);
+  result.omissions = omission_notes(believed, chain);
+  const GeometricModel model = errors::remove_random(believed);
   const AxisState state = middle_state(chain, options);
   for (int i = 0; i < chain.size(); ++i) {
     const char axis = chain.joints()[std::size_t(i)].name;
@@ -491,7 +493,7 @@ Export to_volumetric(const GeometricModel& believed, const Chain& chain,
     if (!is_isg_axis(axis) || positions.size() == 0) continue;
     const SampledDeviations samples = sample_deviations(model, chain, i, state, positions);
     if (samples.depends_on_direction)
-      result.left_out.push_back(
+      result.omissions.push_back(
           fmt::format("{}: the direction of motion; its mean is written", axis));
     if ((samples.table.values.array() == 0.0).all()) continue;
     result.files.push_back({fmt::format("{}.csv", axis),

@@ -18,8 +18,8 @@ namespace abbe::sim::compensation {
 /// points.
 /// @throws std::invalid_argument for tables that `validate` rejects, and for ControlFormat::Isg,
 ///     which holds deviations and not corrections
-Export to_control(const ParameterTables& tables, const kinematics::Chain& chain,
-                  ControlFormat format);
+ControlExport to_control(const ParameterTables& tables, const kinematics::Chain& chain,
+                         ControlFormat format);
 
 /// Returns the correction that a control with these files applies. It is the inverse of
 /// `to_control` up to omissions and half a unit of the last written digit: 1e-8 mm or degrees
@@ -34,8 +34,8 @@ ParameterTables read_control_tables(std::span<const ControlFile> files,
 /// written.
 /// @throws std::out_of_range if a position lies outside a table of the belief
 /// @throws std::invalid_argument as `table_positions`
-Export to_volumetric(const errors::GeometricModel& believed, const kinematics::Chain& chain,
-                     const TableOptions& options = {});
+ControlExport to_volumetric(const errors::GeometricModel& believed, const kinematics::Chain& chain,
+                            const TableOptions& options = {});
 /// Reads deviations of a volumetric compensation. Throws BadInput with file, line and column.
 errors::GeometricErrors read_volumetric_deviations(std::span<const ControlFile> files,
                                                    const kinematics::Chain& chain);

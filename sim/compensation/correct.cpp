@@ -102,7 +102,7 @@ CorrectableJoints correctable_joints(const Chain& chain, const AxisVector& q, co
   CorrectableJoints joints;
   joints.across = T_wt.linear().leftCols<2>().transpose();
   for (int i = 0; i < chain.size(); ++i) {
-    if (options.still[std::size_t(i)]) continue;
+    if (options.fixed_joints[std::size_t(i)]) continue;
     const Motion motion = chain.joints()[std::size_t(i)].motion;
     if (motion == Motion::Linear) joints.slides.add({i, J.col(i).head<3>(), Vector3d::Zero()});
     if (motion == Motion::Rotary && options.strategy != Strategy::Position) {
@@ -140,7 +140,7 @@ PrincipalAxes principal_axes(const Matrix2d& G) {
 /// correction fades out towards the pole; any other is corrected in full.
 RotaryCorrections distribute_tilt(const JointList<RotaryJoint>& rotary_joints,
                                   std::bitset<max_joints> at_bound, const Vector2d& tilt,
-                                  double singular_sine) {
+                                  double min_tilt_ratio) {
   Matrix2d G = Matrix2d::Zero();
   for (int k = 0; k < rotary_joints.count; ++k) {
     const Vector2d& direction = rotary_joints.items[std::size_t(k)].direction;
@@ -149,7 +149,7 @@ RotaryCorrections distribute_tilt(const JointList<RotaryJoint>& rotary_joints,
   const PrincipalAxes principal = principal_axes(G);
   RotaryCorrections c = RotaryCorrections::Zero();
   for (int i = 0; i < 2; ++i) {
-    const double damping = std::max(singular_sine - std::sqrt(principal.value[i]), 0.0);
+    const double damping = std::max(min_tilt_ratio - std::sqrt(principal.value[i]), 0.0);
     const double damped_value = principal.value[i] + damping * damping;
     // 1e-14 is the rounding of G: a smaller eigenvalue means that there is no second direction.
     if (!(damped_value > 1e-14 * principal.value[0]) || damped_value == 0.0) continue;
@@ -175,7 +175,7 @@ RotaryCorrections next_rotations(const JointList<RotaryJoint>& rotary_joints, co
   std::bitset<max_joints> at_bound;
   for (;;) {
     const RotaryCorrections requested =
-        distribute_tilt(rotary_joints, at_bound, tilt, options.singular_sine);
+        distribute_tilt(rotary_joints, at_bound, tilt, options.min_tilt_ratio);
     Eigen::Index largest = 0;
     const bool is_exceeded = requested.cwiseAbs().maxCoeff(&largest) > options.rotary_bound;
     if (!is_exceeded || at_bound[std::size_t(largest)]) return bounded + requested;
@@ -261,7 +261,7 @@ Correction correct(const Chain& control, const Belief& belief, const Pose& T_wt,
     const ToolPlacement believed = tool_placement(belief(state), height);
     const ToolPlacement error{believed.point_w - target.point_w, believed.axis_w - target.axis_w};
     Correction result{state.q, error.point_w.norm(), error.axis_w.norm(), !is_iterated};
-    if (!std::isfinite(result.point_left + result.direction_left))
+    if (!std::isfinite(result.remaining_point_error + result.remaining_direction_error))
       return unchanged_command(command.q);
     if (!is_iterated && steps == max_steps) return result;
     const CorrectionStep step = next_step(joints, error, rotations, options);

@@ -27,22 +27,22 @@ struct CorrectOptions {
   /// A direction of tilt in which the rotary axes move the tool by less than this, rad per rad, is
   /// damped: its correction fades out towards the pole, and no rotary correction exceeds 1.21 times
   /// the tilt divided by this.
-  double singular_sine = 0.02;
+  double min_tilt_ratio = 0.02;
   /// mm, height above the tip of the point that the slides restore if directions are corrected too:
   /// the centre of a ball or of a corner.
   double functional_height = 0.0;
   /// Joints that are never corrected: the workpiece spindle, and those that the channel cannot
   /// move.
-  std::bitset<kinematics::max_joints> still;
+  std::bitset<kinematics::max_joints> fixed_joints;
   int max_iterations = 30;
 };
 
 /// A corrected command and its remaining errors, by the belief at that command.
 struct Correction {
-  kinematics::AxisVector q;     ///< (joints)
-  double point_left = 0.0;      ///< mm, from the functional point to its nominal position
-  double direction_left = 0.0;  ///< rad, between the tool axis and its nominal direction
-  bool converged = true;        ///< if iterated: the next step is below 0.01 nm and 1e-12 rad
+  kinematics::AxisVector q;            ///< (joints)
+  double remaining_point_error = 0.0;  ///< mm, from the functional point to its nominal position
+  double remaining_direction_error = 0.0;  ///< rad, between the tool axis and its nominal direction
+  bool converged = true;  ///< if iterated: the next step is below 0.01 nm and 1e-12 rad
 };
 
 /// Returns the command that brings the believed tool to its nominal pose. The rotary axes restore

@@ -75,17 +75,18 @@ errors::Load load_at(const LoadSeries& series, double time_s) {
   const double u = length > 0.0 ? (time_s - t[before]) / length : 1.0;
   const errors::Load &a = series.loads[std::size_t(before)], &b = series.loads[std::size_t(after)];
   errors::Load load;
-  load.on_tool_t = a.on_tool_t + u * (b.on_tool_t - a.on_tool_t);
+  load.tool_wrench_t = a.tool_wrench_t + u * (b.tool_wrench_t - a.tool_wrench_t);
   load.contact_t = a.contact_t + u * (b.contact_t - a.contact_t);
   return load;
 }
 
-LoadSeries load_of_dynamometer(const ControlLog& log, double smoothing_s) {
+LoadSeries dynamometer_load(const ControlLog& log, double smoothing_s) {
   LoadSeries series{log.time_s, std::vector<errors::Load>(std::size_t(log.time_s.size()))};
   const char* const names[] = {"FX_dynamometer_N", "FY_dynamometer_N", "FZ_dynamometer_N"};
   for (Index k = 0; k < 3; ++k) {
     const VectorXd force = smoothed(column(log, names[k]), log.time_s, smoothing_s);
-    for (Index i = 0; i < force.size(); ++i) series.loads[std::size_t(i)].on_tool_t[k] = force[i];
+    for (Index i = 0; i < force.size(); ++i)
+      series.loads[std::size_t(i)].tool_wrench_t[k] = force[i];
   }
   return series;
 }
@@ -119,7 +120,7 @@ CurrentLaw fit_current_law(const ControlLog& log, const CurrentTraining& part, d
   return law;
 }
 
-TimeSeries bending(const CurrentLaw& law, const ControlLog& log) {
+TimeSeries current_deflection(const CurrentLaw& law, const ControlLog& log) {
   const VectorXd current = smoothed(column(log, "current_A"), log.time_s, law.smoothing_s);
   TimeSeries series{log.time_s, Eigen::MatrixXd(current.size(), 1)};
   for (Index i = 0; i < current.size(); ++i) {
@@ -220,7 +221,7 @@ ThermalBelief::Term read_term(BeliefReader& reader, const ThermalBelief& belief)
   const std::string_view line = reader.next(expected);
   const std::size_t blank = line.rfind(' ');
   if (!line.starts_with(term_prefix) || blank < term_prefix.size())
-    reader.throw_input_error(expected, in_quotes(line));
+    reader.throw_input_error(expected, quoted_excerpt(line));
   const std::string_view kind = line.substr(blank + 1);
   ThermalBelief::Term term;
   try {
@@ -230,10 +231,10 @@ ThermalBelief::Term read_term(BeliefReader& reader, const ThermalBelief& belief)
     reader.throw_input_error(expected, error.what());
   }
   term.slope = kind == "slope";
-  if (!term.slope && kind != "offset") reader.throw_input_error(expected, in_quotes(line));
+  if (!term.slope && kind != "offset") reader.throw_input_error(expected, quoted_excerpt(line));
   if (term.slope && !can_have_slope(term.name))
-    reader.throw_input_error("a slope of an axis that travels", in_quotes(line));
-  if (contains_term(belief, term)) reader.throw_input_error("each term once", in_quotes(line));
+    reader.throw_input_error("a slope of an axis that travels", quoted_excerpt(line));
+  if (contains_term(belief, term)) reader.throw_input_error("each term once", quoted_excerpt(line));
   term.model = read_model(reader.model(), reader.file());
   return term;
 }
@@ -268,7 +269,7 @@ ModelInputs model_inputs(const ThermalModel& model, const ControlLog& log, bool 
 
 ThermalSeries::Term bind_term(const ThermalBelief::Term& term, const kinematics::Chain& chain) {
   const std::string element_name = errors::to_string(term.name);
-  const int joint = errors::joint_of(term.name.axis, chain, element_name);
+  const int joint = errors::axis_joint(term.name.axis, chain, element_name);
   const kinematics::Joint& axis = chain.joints()[std::size_t(joint)];
   errors::check_meaning(term.name, chain, joint);
   if (term.slope && !can_have_slope(term.name))
@@ -298,15 +299,15 @@ std::string to_text(const ThermalBelief& belief, const std::vector<std::string>&
 ThermalBelief parse_thermal_belief(std::string_view text, const std::string& file) {
   if (text.starts_with("\xEF\xBB\xBF")) text.remove_prefix(3);
   BeliefReader reader(text, file);
-  const std::string first_line = "a first line " + in_quotes(header);
+  const std::string first_line = "a first line " + quoted_excerpt(header);
   while (reader.peek() && (reader.peek()->empty() || reader.peek()->starts_with('#')))
     reader.next(first_line);
   if (const std::string_view line = reader.next(first_line); line != header)
-    reader.throw_input_error(first_line, in_quotes(line));
+    reader.throw_input_error(first_line, quoted_excerpt(line));
   const std::string flag = "\"since_start 1\" or \"since_start 0\"";
   const std::string_view line = reader.next(flag);
   if (line != "since_start 0" && line != "since_start 1")
-    reader.throw_input_error(flag, in_quotes(line));
+    reader.throw_input_error(flag, quoted_excerpt(line));
   ThermalBelief belief;
   belief.since_start = line.ends_with('1');
   while (reader.peek()) {
@@ -503,7 +504,7 @@ DisplacementNode extrapolate_node(const DisplacementNode& node, const Displaceme
 }
 
 void append_segment(std::vector<DisplacementNode>& series, const SortedDeviations& part,
-                    const RowRange& segment, const MirrorOptions& options) {
+                    const RowRange& segment, const DisplacementOptions& options) {
   std::vector<DisplacementNode> nodes;
   for (const RowRange& group :
        split_groups(segment, part.time_s, std::size_t(std::max(1, options.group_size))))
@@ -536,7 +537,8 @@ VectorXd interpolate_readings(const MatrixX3d& read_at, const VectorXd& deviatio
   return values;
 }
 
-DisplacementSeries explain_deviation(const PartDeviations& part, const MirrorOptions& options) {
+DisplacementSeries displacement_from_deviations(const PartDeviations& part,
+                                                const DisplacementOptions& options) {
   const SortedDeviations sorted_part = sort_by_time(part);
   std::vector<DisplacementNode> nodes;
   for (const RowRange& segment :
@@ -597,8 +599,9 @@ Pose tool_in_workpiece(const MachineBelief& belief, const AxisState& state,
                                    : std::move(joints);
   Pose T_wt = errors::tool_in_workpiece(belief.chain, state.q, deviations_of_force);
   // The tool yields along its axis, away from the part.
-  if (belief.bending)
-    T_wt.translation() += value_at(*belief.bending, state.time_s)[0] * T_wt.linear().col(2);
+  if (belief.current_deflection)
+    T_wt.translation() +=
+        value_at(*belief.current_deflection, state.time_s)[0] * T_wt.linear().col(2);
   if (belief.part)
     T_wt.translation() +=
         rotate_with_spindle(belief, state, displacement_at(*belief.part, state.time_s));

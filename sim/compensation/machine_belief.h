@@ -30,7 +30,7 @@ errors::Load load_at(const LoadSeries& series, double time_s);
 /// Returns the force on the tool by a dynamometer; it is assumed to act at the tip.
 /// @param smoothing_s  duration of the moving mean that ends at each row; 0: no mean
 /// @throws std::invalid_argument naming a column that the log lacks
-LoadSeries load_of_dynamometer(const ControlLog& log, double smoothing_s = 0.0);
+LoadSeries dynamometer_load(const ControlLog& log, double smoothing_s = 0.0);
 
 /// A law for the deflection of a machine in a cut from the spindle current at one speed (Yang
 /// 2012), fitted to a part that was cut and measured: d = c1 x + c2 x^2, where x is the current
@@ -58,7 +58,7 @@ CurrentLaw fit_current_law(const ControlLog& log, const CurrentTraining& part,
 
 /// Evaluates the law for a log.
 /// @return one column, mm
-TimeSeries bending(const CurrentLaw& law, const ControlLog& log);
+TimeSeries current_deflection(const CurrentLaw& law, const ControlLog& log);
 
 /// The believed effect of heat on the error elements, from the temperatures that a control reads:
 /// delta(p, T) = offset(T) + slope(T) p (Yang 2012, thermal part of the composite law).
@@ -138,8 +138,8 @@ struct DisplacementSeries {
   Eigen::MatrixX3d move;   ///< (m x 3) mm
 };
 
-/// Options of `explain_deviation`.
-struct MirrorOptions {
+/// Options of `displacement_from_deviations`.
+struct DisplacementOptions {
   int group_size = 8;     ///< number of neighbours in time that get one displacement
   double damping = 0.02;  ///< of the least squares: no motion in directions that no normal contains
 };
@@ -148,7 +148,8 @@ struct MirrorOptions {
 /// time. It is extrapolated linearly to the ends of each segment. A deviation that is linear in
 /// time along a segment is met up to the damping, including the ends. A new segment begins with
 /// another pass, or after a gap of more than ten times the median interval of a group of points.
-DisplacementSeries explain_deviation(const PartDeviations& part, const MirrorOptions& options = {});
+DisplacementSeries displacement_from_deviations(const PartDeviations& part,
+                                                const DisplacementOptions& options = {});
 
 /// Returns the displacement at a time, mm.
 Eigen::Vector3d displacement_at(const DisplacementSeries& series, double time_s);
@@ -165,7 +166,8 @@ struct MachineBelief {
     LoadSeries load;
   };
   std::optional<Force> force;
-  std::optional<TimeSeries> bending;  ///< one column, mm: deflection of the tool along its axis z_t
+  std::optional<TimeSeries>
+      current_deflection;  ///< one column, mm: deflection of the tool along its axis z_t
   std::optional<DisplacementSeries> part;
 };
 

@@ -58,7 +58,7 @@ struct AxisSweep {
 };
 
 /// Evaluates the correction along one axis in both directions of motion.
-AxisSweep sweep_axis(const CorrectionAt& correction, const AxisState& reference, int joint,
+AxisSweep sweep_axis(const CorrectionFunction& correction, const AxisState& reference, int joint,
                      const Eigen::VectorXd& positions) {
   const AxisVector reference_correction = correction(reference);
   AxisSweep sweep{Eigen::MatrixXd(positions.size(), reference_correction.size()),
@@ -142,7 +142,7 @@ Eigen::VectorXd table_positions(const Chain& chain, int joint, const TableOption
                                     range->lower, range->upper);
 }
 
-ParameterTables tabulate(const CorrectionAt& correction, const Chain& chain,
+ParameterTables tabulate(const CorrectionFunction& correction, const Chain& chain,
                          const AxisVector& reference, const TableOptions& options) {
   if (reference.size() != chain.size())
     throw_table_error(
@@ -167,7 +167,7 @@ ParameterTables tabulate(const CorrectionAt& correction, const Chain& chain,
       if (argument_joint != corrected_joint && !options.cross) continue;
       AxisTable table{argument_joint, corrected_joint, positions, sweep.upward.col(corrected_joint),
                       sweep.downward.col(corrected_joint)};
-      if (!options.both_ways)
+      if (!options.has_direction_columns)
         table.upward = table.downward = (0.5 * (table.upward + table.downward)).eval();
       if (!is_zero(table)) tables.tables.push_back(std::move(table));
     }

@@ -44,7 +44,7 @@ kinematics::AxisVector correction(const ParameterTables& tables,
 void validate(const ParameterTables& tables, const kinematics::Chain& chain);
 
 /// Returns the correction of a compensator at a state; `tabulate` makes tables of it.
-using CorrectionAt = std::function<kinematics::AxisVector(const kinematics::AxisState&)>;
+using CorrectionFunction = std::function<kinematics::AxisVector(const kinematics::AxisState&)>;
 
 /// Options of `tabulate`.
 struct TableOptions {
@@ -52,8 +52,9 @@ struct TableOptions {
   double spacing = 5.0;         ///< mm between points of a slide; wider if `max_points` requires it
   double spacing_rad = 0.0873;  ///< rad between points of a rotary axis
   bool cross = true;            ///< includes tables of one axis over another (straightness, sag)
-  bool both_ways = true;        ///< a column for each direction (backlash); false: the mean of both
-  bool constant = true;         ///< includes the tool and origin offset
+  bool has_direction_columns =
+      true;              ///< a column for each direction (backlash); false: the mean of both
+  bool constant = true;  ///< includes the tool and origin offset
   /// Rows lower, upper. A joint whose range has no width is corrected but is no argument of tables.
   /// Empty: the travel, without joints that have no limits (|limit| >= 1e9, the workpiece spindle).
   std::optional<Eigen::Matrix<double, 2, kinematics::max_joints>> range;
@@ -72,7 +73,7 @@ Eigen::VectorXd table_positions(const kinematics::Chain& chain, int joint,
 /// tool spindle are omitted.
 /// @throws std::invalid_argument if `max_points` is below 2, a spacing is not above 0, a range is
 ///     not finite or reversed, or the reference does not have the size of the chain
-ParameterTables tabulate(const CorrectionAt& correction, const kinematics::Chain& chain,
+ParameterTables tabulate(const CorrectionFunction& correction, const kinematics::Chain& chain,
                          const kinematics::AxisVector& reference, const TableOptions& options = {});
 
 // Layouts of the compensation tables of real controls. Lengths are mm, angles of rotary axes
@@ -121,10 +122,10 @@ struct ControlFile {
 };
 
 /// Files for a control.
-struct Export {
+struct ControlExport {
   std::vector<ControlFile> files;
-  std::vector<std::string> left_out;  ///< parts of the correction that the files cannot hold
-  std::vector<std::string> notes;     ///< required settings of the control, and assumptions
+  std::vector<std::string> omissions;  ///< parts of the correction that the files cannot hold
+  std::vector<std::string> notes;      ///< required settings of the control, and assumptions
 };
 
 }  // namespace abbe::sim::compensation

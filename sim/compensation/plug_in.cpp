@@ -75,7 +75,7 @@ NumberTable parse_table(std::string_view line, const std::string& key) {
     } else {
       const auto [next, error_code] = std::from_chars(position, end, table.emplace_back());
       if (error_code != std::errc())
-        throw ChildProcessError("numbers under " + key, in_quotes({position, 1}));
+        throw ChildProcessError("numbers under " + key, quoted_excerpt({position, 1}));
       position = next;
     }
   }
@@ -327,7 +327,7 @@ class Conversation {
   }
 
   Eigen::MatrixXd ask_batch(const PlugInQuestion& question, Samples samples,
-                            const Expected& expected) {
+                            const ResponseRequirements& expected) {
     return run_step(batch_label(expected.id, samples), [&] {
       const std::string line = ask_line(make_batch(expected.task, question, samples), expected.id);
       const auto numbers = samples.count * columns(expected.answers, expected.task);
@@ -367,20 +367,20 @@ Eigen::MatrixXd ask_in_batches(const PlugInTask& task, const PlugInQuestion& que
   for (Samples batch; batch.first < samples; batch.first += batch.count) {
     batch.count = std::min<Eigen::Index>(options.batch, samples - batch.first);
     all_rows.middleRows(batch.first, batch.count) =
-        rows(batch, Expected{++id, answers, batch.count, task, options});
+        rows(batch, ResponseRequirements{++id, answers, batch.count, task, options});
   }
   return all_rows;
 }
 
 /// Throws ChildProcessError unless the answer of a function has the expected size and values.
-void check_response(const Eigen::MatrixXd& rows, const Expected& expected) {
+void check_response(const Eigen::MatrixXd& rows, const ResponseRequirements& expected) {
   const Eigen::Index column_count = columns(expected.answers, expected.task);
   if (rows.rows() != expected.samples || rows.cols() != column_count)
     throw ChildProcessError(fmt::format("{} rows of {} numbers", expected.samples, column_count),
                             fmt::format("{} of {}", rows.rows(), rows.cols()));
   for (Eigen::Index i = 0; i < rows.rows(); ++i)
     for (Eigen::Index j = 0; j < column_count; ++j)
-      if (const auto requirement = value_violation(rows(i, j), expected, j))
+      if (const auto requirement = violated_requirement(rows(i, j), expected, j))
         throw ChildProcessError(*requirement, fmt::format("{} in row {}, {}", rows(i, j), i + 1,
                                                           column_name(expected, j)));
 }
@@ -395,17 +395,17 @@ PlugInResponse ask(const fs::path& plug_in, const PlugInTask& task, const PlugIn
       conversation.exchange_handshake(task, Eigen::Index(question.commands.size()));
   PlugInResponse response{replace_invalid_utf8(handshake.name), handshake.answers, {}, {}};
   response.rows = ask_in_batches(task, question, options, handshake.answers,
-                                 [&](Samples batch, const Expected& expected) {
+                                 [&](Samples batch, const ResponseRequirements& expected) {
                                    return conversation.ask_batch(question, batch, expected);
                                  });
-  response.said = conversation.finish();
+  response.stderr_text = conversation.finish();
   return response;
 }
 
 PlugInResponse ask(const std::string& name, const PlugInFunction& function, const PlugInTask& task,
                    const PlugInQuestion& question, const PlugInOptions& options) {
   check_question(question, options);
-  const auto rows = [&](Samples batch, const Expected& expected) {
+  const auto rows = [&](Samples batch, const ResponseRequirements& expected) {
     // A function can be interrupted between batches, as a process can.
     if (options.waiting) options.waiting();
     Eigen::MatrixXd response = function.rows(task, make_batch(task, question, batch));

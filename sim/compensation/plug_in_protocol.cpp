@@ -19,7 +19,7 @@ using Eigen::Index;
 constexpr std::array<const char*, 6> deviation_columns = {"EX", "EY", "EZ", "EA", "EB", "EC"};
 constexpr double rpm_per_rad_per_s = 9.549296585513721;  // 30 / pi
 
-bool is_angle(const Expected& expected, Index column) {
+bool is_angle(const ResponseRequirements& expected, Index column) {
   if (expected.answers == PlugInOutput::Deviation) return column >= 3;
   return expected.task.joints[std::size_t(column)].motion != kinematics::Motion::Linear;
 }
@@ -52,12 +52,13 @@ Index columns(PlugInOutput answers, const PlugInTask& task) {
   return answers == PlugInOutput::Deviation ? 6 : Index(task.joints.size());
 }
 
-std::string column_name(const Expected& expected, Index column) {
+std::string column_name(const ResponseRequirements& expected, Index column) {
   if (expected.answers == PlugInOutput::Deviation) return deviation_columns[std::size_t(column)];
   return std::string(1, expected.task.joints[std::size_t(column)].name);
 }
 
-std::optional<std::string> value_violation(double number, const Expected& expected, Index column) {
+std::optional<std::string> violated_requirement(double number, const ResponseRequirements& expected,
+                                                Index column) {
   if (!std::isfinite(number)) return "a finite number";
   // A larger value probably has the wrong unit, such as um instead of mm.
   const bool is_angle_column = is_angle(expected, column);
@@ -127,7 +128,7 @@ ordered_json joint_message(const kinematics::Joint& joint) {
 
 json parse_message(const std::string& line) {
   const auto throw_input_error = [&](const char* why) {
-    throw ChildProcessError("a JSON object on one line", in_quotes(line) + why);
+    throw ChildProcessError("a JSON object on one line", quoted_excerpt(line) + why);
   };
   // The parser recurses, so deep nesting would exhaust the stack.
   if (json_depth(line) > max_nesting) throw_input_error(" that nests too deeply");
@@ -158,7 +159,7 @@ std::string shown_value(const json& object, const char* key) {
   return shown(value->dump(-1, ' ', true, json::error_handler_t::replace));
 }
 
-double read_number(const json& value, const Expected& expected, Eigen::Index row,
+double read_number(const json& value, const ResponseRequirements& expected, Eigen::Index row,
                    Eigen::Index column) {
   const auto throw_input_error = [&](const std::string& requirement) {
     throw ChildProcessError(
@@ -168,7 +169,7 @@ double read_number(const json& value, const Expected& expected, Eigen::Index row
   };
   if (!value.is_number()) throw_input_error("a finite number");
   const double number = value.get<double>();
-  if (const auto requirement = value_violation(number, expected, column))
+  if (const auto requirement = violated_requirement(number, expected, column))
     throw_input_error(*requirement);
   return number;
 }
@@ -257,7 +258,7 @@ Handshake read_handshake(const std::string& line) {
   return handshake;
 }
 
-Eigen::MatrixXd read_response(const std::string& line, const Expected& expected) {
+Eigen::MatrixXd read_response(const std::string& line, const ResponseRequirements& expected) {
   const json message = parse_message(line);
   if (shown_value(message, "id") != std::to_string(expected.id))
     throw ChildProcessError(fmt::format("\"id\":{}", expected.id), shown_value(message, "id"));

@@ -79,7 +79,7 @@ struct PlugInResponse {
   /// 6) deviations [EX EY EZ EA EB EC], actual minus nominal in the nominal tool frame, mm and rad;
   /// finite, within `max_mm` and `max_rad`
   Eigen::MatrixXd rows;
-  std::string said;  ///< the last lines written to stderr
+  std::string stderr_text;  ///< the last lines written to stderr
 };
 
 /// A compensator in this process: a function that is called with batches in the order of time.
@@ -98,7 +98,7 @@ Eigen::Index readings(const PlugInTask& task);
 PlugInBatch make_batch(const PlugInTask& task, const PlugInQuestion& question, Samples samples);
 
 /// The requirements on an answer.
-struct Expected {
+struct ResponseRequirements {
   long id = 0;
   PlugInOutput answers = PlugInOutput::Correction;
   Eigen::Index samples = 0;
@@ -110,11 +110,11 @@ struct Expected {
 Eigen::Index columns(PlugInOutput answers, const PlugInTask& task);
 
 /// Returns the name of a column of an answer, such as "X" or "EX".
-std::string column_name(const Expected& expected, Eigen::Index column);
+std::string column_name(const ResponseRequirements& expected, Eigen::Index column);
 
 /// Returns the requirement that a number of an answer violates; nothing if it is acceptable.
-std::optional<std::string> value_violation(double number, const Expected& expected,
-                                           Eigen::Index column);
+std::optional<std::string> violated_requirement(double number, const ResponseRequirements& expected,
+                                                Eigen::Index column);
 
 /// Returns a text such as "batch 3 (samples 2001 to 3000)".
 std::string batch_label(long id, Samples samples);
@@ -146,6 +146,6 @@ Handshake read_handshake(const std::string& line);
 /// Parses an answer.
 /// @return (samples x columns), finite and within the bounds of the options
 /// @throws ChildProcessError unless the line is a valid answer
-Eigen::MatrixXd read_response(const std::string& line, const Expected& expected);
+Eigen::MatrixXd read_response(const std::string& line, const ResponseRequirements& expected);
 
 }  // namespace abbe::sim::compensation

@@ -184,8 +184,9 @@ struct TimeSpan {
 };
 
 /// Appends the steps of one joint in the order of time. Returns its correction at the start.
-double add_joint_steps(const TimeSeries& requested, const Pulses& pulses, const TimeSeries& motion,
-                       int joint, const TimeSpan& span, std::vector<TimedStep>& steps) {
+double add_joint_steps(const TimeSeries& requested, const PulseInsertion& pulses,
+                       const TimeSeries& motion, int joint, const TimeSpan& span,
+                       std::vector<TimedStep>& steps) {
   const CountRounder rounder{pulses.count[joint], zero_phase(pulses.phase_seed, joint)};
   WindowFinder finder(pulse_windows(motion, joint, rounder.count, rounder.phase, pulses.pulse_s));
   TimeSeriesReader reader(requested);
@@ -209,7 +210,7 @@ double add_joint_steps(const TimeSeries& requested, const Pulses& pulses, const 
   return rounder.value(initial);
 }
 
-void validate(const TimeSeries& requested, const Pulses& pulses, const TimeSeries& motion) {
+void validate(const TimeSeries& requested, const PulseInsertion& pulses, const TimeSeries& motion) {
   validate(requested, "pulse insertion");
   validate(motion, "pulse insertion");
   const Index joints = requested.value.cols();
@@ -224,7 +225,7 @@ void validate(const TimeSeries& requested, const Pulses& pulses, const TimeSerie
 /// Converts the steps of all joints, sorted by time, to a series.
 TimeSeries pulse_series(const std::vector<TimedStep>& steps, VectorXd current,
                         const TimeSpan& span) {
-  Knots knots(current.size());
+  TimeSeriesBuilder knots(current.size());
   knots.add(span.start_s, current);
   for (std::size_t i = 0; i < steps.size();) {
     const double time_s = steps[i].time_s;
@@ -249,7 +250,8 @@ double zero_phase(std::uint64_t seed, int joint) {
   return double(bits >> 11) * 0x1p-53 - 0.5;
 }
 
-TimeSeries through(const TimeSeries& requested, const Pulses& pulses, const TimeSeries& motion) {
+TimeSeries apply_channel(const TimeSeries& requested, const PulseInsertion& pulses,
+                         const TimeSeries& motion) {
   validate(requested, pulses, motion);
   const auto last = [](const TimeSeries& series) {
     return series.time_s[series.time_s.size() - 1];

@@ -125,7 +125,7 @@ class ProgramReader {
       const std::string_view text = line->text.substr(0, line->text.find(';'));
       const std::size_t start = text.find_first_not_of(" \t");
       if (start == std::string_view::npos) continue;
-      const Cell statement = cells_of(text, '\n', 1).front();
+      const Cell statement = split_cells(text, '\n', 1).front();
       if (has_ended) lines_.refuse(statement, "nothing after M17");
       if (statement.text.front() == '$')
         store_assignment(parse_assignment(text, statement));
@@ -146,16 +146,16 @@ class ProgramReader {
         equals == std::string_view::npos || close < open || equals < close)
       lines_.refuse(statement, "an assignment such as $AN_CEC[0,0]=0");
     Assignment result;
-    result.name = cells_of(text.substr(0, open), '\n', 1).front();
-    result.index = cells_of(text.substr(open + 1, close - open - 1), ',', 4);
+    result.name = split_cells(text.substr(0, open), '\n', 1).front();
+    result.index = split_cells(text.substr(open + 1, close - open - 1), ',', 4);
     for (Cell& cell : result.index) cell.column += int(open) + 1;
     const std::vector<Cell> middle_cells =
-        cells_of(text.substr(close + 1, equals - close - 1), ' ', 1);
+        split_cells(text.substr(close + 1, equals - close - 1), ' ', 1);
     if (!middle_cells.empty())
       lines_.refuse(int(close) + 1 + middle_cells.front().column, "= after the index",
-                    in_quotes(middle_cells.front().text));
+                    quoted_excerpt(middle_cells.front().text));
     const std::string_view value_text = text.substr(equals + 1);
-    result.value = value_text.empty() ? Cell{"", 1} : cells_of(value_text, '\n', 1).front();
+    result.value = value_text.empty() ? Cell{"", 1} : split_cells(value_text, '\n', 1).front();
     result.value.column += int(equals) + 1;
     return result;
   }
@@ -181,7 +181,7 @@ class ProgramReader {
   /// Stores an assignment to $AA_ENC_COMP; `suffix` is the rest of its name.
   void assign_encoder(const Assignment& assignment, std::string_view suffix) {
     check_index_count(assignment, suffix.empty() ? 3 : 2);
-    lines_.whole_number_in(assignment.index.front(), 0, 0);  // the first measuring system
+    lines_.read_whole_number(assignment.index.front(), 0, 0);  // the first measuring system
     const int joint = parse_axis(assignment.index.back());
     TableDraft& draft = program_.encoder[joint];
     record_first_line(draft);
@@ -196,7 +196,7 @@ class ProgramReader {
   void assign_cross(const Assignment& assignment, std::string_view suffix) {
     check_index_count(assignment, suffix.empty() ? 2 : 1);
     TableDraft& draft =
-        program_.cross[lines_.whole_number_in(assignment.index.front(), 0, max_tables - 1)];
+        program_.cross[lines_.read_whole_number(assignment.index.front(), 0, max_tables - 1)];
     record_first_line(draft);
     if (suffix.empty())
       set_value(draft, assignment.index[1], assignment.value);
@@ -205,9 +205,9 @@ class ProgramReader {
     else if (suffix == "_OUTPUT_AXIS")
       set(draft.corrected_joint, parse_axis(without_brackets(assignment.value)), assignment);
     else if (suffix == "_DIRECTION")
-      set(draft.direction, lines_.whole_number_in(assignment.value, -1, 1), assignment);
+      set(draft.direction, lines_.read_whole_number(assignment.value, -1, 1), assignment);
     else if (suffix == "_MULT_BY_TABLE")
-      set(draft.product, lines_.whole_number_in(assignment.value, 0, 0), assignment);
+      set(draft.product, lines_.read_whole_number(assignment.value, 0, 0), assignment);
     else
       set_common(draft, assignment, suffix);
   }
@@ -224,7 +224,7 @@ class ProgramReader {
     else if (suffix == "_MAX")
       set(draft.max, lines_.number_in(assignment.value), assignment);
     else if (suffix == "_IS_MODULO")
-      set(draft.modulo, lines_.whole_number_in(assignment.value, 0, 0), assignment);
+      set(draft.modulo, lines_.read_whole_number(assignment.value, 0, 0), assignment);
     else
       lines_.refuse(assignment.name, "a variable of a compensation table");
   }
@@ -236,7 +236,7 @@ class ProgramReader {
   }
 
   void set_value(TableDraft& draft, const Cell& index, const Cell& value) const {
-    const auto k = std::size_t(lines_.whole_number_in(index, 0, max_rows - 1));
+    const auto k = std::size_t(lines_.read_whole_number(index, 0, max_rows - 1));
     if (draft.values.size() <= k) draft.values.resize(k + 1);
     if (draft.values[k]) lines_.refuse(index, "every point once");
     draft.values[k] = lines_.number_in(value);
@@ -255,7 +255,7 @@ class ProgramReader {
     lines_.refuse(cell, fmt::format("a machine axis such as X1 ({})", movable_letters(chain_)));
   }
 
-  TableLines lines_;
+  TableLineReader lines_;
   const Chain& chain_;
   Program program_;
 };
@@ -362,17 +362,17 @@ void check_new_tables(const Program& program, const std::vector<Program>& earlie
 
 }  // namespace
 
-Export to_siemens(const ParameterTables& tables, const Chain& chain) {
-  Export result;
-  result.left_out = offsets_left_out(tables, chain);
+ControlExport to_siemens(const ParameterTables& tables, const Chain& chain) {
+  ControlExport result;
+  result.omissions = offsets_left_out(tables, chain);
   std::string encoder, cross;
   int index = 0;
   for (const AxisTable& table : summed(tables.tables)) {
     const FittedTable fitted = fit_table(table, chain, {max_rows, 1e-6});
-    if (fitted.left_out) result.left_out.push_back(*fitted.left_out);
+    if (fitted.omissions) result.omissions.push_back(*fitted.omissions);
     // Siemens tables state only their first position and step.
     const FittedTable even_fitted = equidistant(fitted.table, chain);
-    if (even_fitted.left_out) result.left_out.push_back(*even_fitted.left_out);
+    if (even_fitted.omissions) result.omissions.push_back(*even_fitted.omissions);
     const bool is_symmetric = is_direction_independent(even_fitted.table);
     if (is_symmetric && table.argument_joint == table.corrected_joint) {
       // An encoder table has one value for both directions.

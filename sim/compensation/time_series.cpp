@@ -110,7 +110,7 @@ VectorXd TimeSeriesReader::at(double time_s) {
   return interpolate_row(*series_, next_, time_s);
 }
 
-TimeSeries thinned(const TimeSeries& series, const VectorXd& tolerance) {
+TimeSeries thin_out(const TimeSeries& series, const VectorXd& tolerance) {
   validate(series, "thinned");
   if (tolerance.size() != series.value.cols() || !(tolerance.array() > 0.0).all())
     throw std::invalid_argument("thinned: expected a tolerance above 0 for each column");
@@ -145,7 +145,7 @@ TimeSeries thinned(const TimeSeries& series, const VectorXd& tolerance) {
   return select_knots(series, kept_knots);
 }
 
-void Knots::add(double time_s, const Eigen::Ref<const VectorXd>& value) {
+void TimeSeriesBuilder::add(double time_s, const Eigen::Ref<const VectorXd>& value) {
   if (rows_.size() + std::size_t(columns_) > max_numbers)
     throw std::invalid_argument(
         "a channel would need more than 5e7 numbers: the course is too long for its cycle or "
@@ -154,7 +154,7 @@ void Knots::add(double time_s, const Eigen::Ref<const VectorXd>& value) {
   rows_.insert(rows_.end(), value.data(), value.data() + columns_);
 }
 
-TimeSeries Knots::series() const {
+TimeSeries TimeSeriesBuilder::series() const {
   using RowMajor = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
   TimeSeries series;
   series.time_s = Eigen::Map<const VectorXd>(time_s_.data(), size());

@@ -48,12 +48,12 @@ class TimeSeriesReader {
 /// the tolerance allows. Cost is linear in the knots.
 /// @param tolerance  (joints) mm and rad, above 0
 /// @throws std::invalid_argument if the series is not valid or a tolerance is not above 0
-TimeSeries thinned(const TimeSeries& series, const Eigen::VectorXd& tolerance);
+TimeSeries thin_out(const TimeSeries& series, const Eigen::VectorXd& tolerance);
 
 /// Builds a series knot by knot.
-class Knots {
+class TimeSeriesBuilder {
  public:
-  explicit Knots(Eigen::Index columns) : columns_(columns) {}
+  explicit TimeSeriesBuilder(Eigen::Index columns) : columns_(columns) {}
 
   /// Adds a knot. Throws std::invalid_argument beyond 5e7 numbers (0.4 GB), which a cycle time or
   /// bandwidth causes that does not fit the duration of the series.

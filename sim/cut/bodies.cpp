@@ -91,7 +91,7 @@ std::vector<int> positions_in_chain(const kinematics::Chain& chain) {
 ClosedMesh raise(const ClosedMesh& mesh, double height) {
   Pose T = Pose::Identity();
   T.translation().z() = height;
-  return cutting::moved(mesh, T);
+  return cutting::transformed_mesh(mesh, T);
 }
 
 /// Builds cutter, shank and holder of a tool.
@@ -122,12 +122,12 @@ class ToolBodies {
     const double sag = facet_sag(cutter.radius);
     Meshes core;
     if (skin_ > 0.0) {
-      const cutting::InsetCutter inner = cutting::shrunk(cutter, skin_);
-      for (const ClosedMesh& piece : cutting::cutter_pieces(inner.cutter, sag))
+      const cutting::InsetCutter inner = cutting::inset_cutter(cutter, skin_);
+      for (const ClosedMesh& piece : cutting::cutter_meshes(inner.cutter, sag))
         core.push_back(raise(piece, inner.raised));
     }
     add(SolidBody::Kind::Cutter, "cutter", cutting::cutter_mesh(cutter, sag),
-        cutting::cutter_pieces(cutter, sag), std::move(core));
+        cutting::cutter_meshes(cutter, sag), std::move(core));
   }
 
   /// Adds the shank, from the end of the flank to the holder, or to the spindle nose if there is no
@@ -174,8 +174,8 @@ std::vector<Pose> carrier_poses(const kinematics::Chain& chain, const kinematics
   return T;
 }
 
-ClosedMesh mesh_of(const BodyDescription& body, const MeshUse& use) {
-  return cutting::moved(std::visit(ShapeMesher{use}, body.shape), body.T);
+ClosedMesh body_mesh(const BodyDescription& body, const MeshUse& use) {
+  return cutting::transformed_mesh(std::visit(ShapeMesher{use}, body.shape), body.T);
 }
 
 std::vector<SolidBody> machine_bodies(const MachineDescription& machine) {
@@ -189,7 +189,7 @@ std::vector<SolidBody> machine_bodies(const MachineDescription& machine) {
                        : std::string("b");
     body.frame = machine_body.joint ? carriers.carriage(*machine_body.joint) : Carriers::bed;
     body.name = names[bodies.size()];
-    body.mesh = mesh_of(machine_body.body, body_mesh_use(SolidBody::Kind::Machine, body.name));
+    body.mesh = body_mesh(machine_body.body, body_mesh_use(SolidBody::Kind::Machine, body.name));
     bodies.push_back(std::move(body));
   }
   return bodies;
@@ -206,7 +206,7 @@ std::vector<SolidBody> fixture_bodies(const Scene& scene) {
   for (std::size_t i = 0; i < names.size(); ++i)
     bodies.push_back(
         {SolidBody::Kind::Fixture, names[i], "w", frame,
-         mesh_of(scene.fixtures[i], body_mesh_use(SolidBody::Kind::Fixture, names[i]))});
+         body_mesh(scene.fixtures[i], body_mesh_use(SolidBody::Kind::Fixture, names[i]))});
   return bodies;
 }
 
@@ -239,7 +239,7 @@ std::vector<std::string> inside_fixture_warnings(const std::vector<SolidBody>& b
   for (const SolidBody& fixture : bodies) {
     if (fixture.kind != SolidBody::Kind::Fixture || !part_box.contains(bounding_box(fixture)))
       continue;
-    const cutting::Body part_body = searched(*part), fixture_body = searched(fixture);
+    const cutting::Body part_body = search_body(*part), fixture_body = search_body(fixture);
     const Pose identity = Pose::Identity();
     // `is_inside` holds only for surfaces that do not intersect, so the distance is tested first.
     if (cutting::gap(part_body, identity, fixture_body, identity).distance > 0.0 &&
@@ -284,7 +284,8 @@ std::vector<std::string> body_warnings(const Job& part, const std::vector<SolidB
   for (std::size_t i = 0; i < descriptions.size(); ++i) {
     const auto* mesh = std::get_if<MeshShape>(&descriptions[i]->shape);
     if (mesh == nullptr) continue;
-    const ClosedMesh file_mesh = cutting::moved(bodies[i].mesh, descriptions[i]->T.inverse());
+    const ClosedMesh file_mesh =
+        cutting::transformed_mesh(bodies[i].mesh, descriptions[i]->T.inverse());
     std::string text = mesh_size_warning(mesh->mesh, body_mesh_use(bodies[i].kind, bodies[i].name),
                                          extents(file_mesh.vertices));
     if (!text.empty()) warnings.push_back(std::move(text));
@@ -293,12 +294,12 @@ std::vector<std::string> body_warnings(const Job& part, const std::vector<SolidB
   return warnings;
 }
 
-cutting::Body searched(const SolidBody& solid) {
+cutting::Body search_body(const SolidBody& solid) {
   return solid.pieces.empty() ? cutting::make_body(solid.mesh) : cutting::make_body(solid.pieces);
 }
 
 cutting::Body search_core(const SolidBody& solid) {
-  return solid.core.empty() ? searched(solid) : cutting::make_body(solid.core);
+  return solid.core.empty() ? search_body(solid) : cutting::make_body(solid.core);
 }
 
 bool is_ignored(const IgnoredPairs& ignored, const std::string& a, const std::string& b) {
@@ -307,9 +308,9 @@ bool is_ignored(const IgnoredPairs& ignored, const std::string& a, const std::st
   });
 }
 
-std::vector<cutting::BodyPair> pairs_of(const kinematics::Chain& chain,
-                                        const std::vector<SolidBody>& bodies,
-                                        const std::vector<CollisionDescription::Pair>& ignored) {
+std::vector<cutting::BodyPair> collision_pairs(
+    const kinematics::Chain& chain, const std::vector<SolidBody>& bodies,
+    const std::vector<CollisionDescription::Pair>& ignored) {
   using Kind = SolidBody::Kind;
   const std::vector<int> position = positions_in_chain(chain);
   std::vector<cutting::BodyPair> pairs;
@@ -368,7 +369,7 @@ Collision collision_at(const ActualMotion& actual_motion, const cutting::Moment&
   Collision event;
   event.first = event.worst = event.last = actual_motion.place(moment);
   event.place_b = place_b;
-  event.place_w = T[std::size_t(carriers.workpiece())].inverse() * place_b;
+  event.position_w = T[std::size_t(carriers.workpiece())].inverse() * place_b;
   event.state = actual_motion.state(moment);
   event.rapid = actual_motion.is_rapid(moment);
   return event;

@@ -51,14 +51,14 @@ struct SolidBody {
 /// at most 5 um or a ten-thousandth of the radius, whichever is more.
 /// @param use  name of the body in messages
 /// @throws BadInput if a mesh file cannot be read or is not closed
-cutting::ClosedMesh mesh_of(const BodyDescription& body, const MeshUse& use = {"a body", "body"});
+cutting::ClosedMesh body_mesh(const BodyDescription& body, const MeshUse& use = {"a body", "body"});
 
 /// Returns the fixtures of a scene.
-/// @throws BadInput as `mesh_of`
+/// @throws BadInput as `body_mesh`
 std::vector<SolidBody> fixture_bodies(const Scene& scene);
 
 /// Returns the bodies of the machine, each on its carriage or on the bed.
-/// @throws BadInput as `mesh_of`
+/// @throws BadInput as `body_mesh`
 std::vector<SolidBody> machine_bodies(const MachineDescription& machine);
 
 /// Returns cutter, shank and holder of the actual tool of a part of a job.
@@ -68,7 +68,7 @@ std::vector<SolidBody> tool_bodies(const Job& part, double skin);
 
 /// Returns every body of a part of a job: machine, fixtures, part, and cutter, shank and holder of
 /// the actual tool.
-/// @throws BadInput as `mesh_of`
+/// @throws BadInput as `body_mesh`
 std::vector<SolidBody> job_bodies(const Job& part);
 
 /// Returns warnings about the bodies of a job, such as no bodies at all, a tiny mesh, or a fixture
@@ -76,7 +76,7 @@ std::vector<SolidBody> job_bodies(const Job& part);
 std::vector<std::string> body_warnings(const Job& part, const std::vector<SolidBody>& bodies);
 
 /// Returns the body for the collision search.
-cutting::Body searched(const SolidBody& solid);
+cutting::Body search_body(const SolidBody& solid);
 /// Returns the core of a body for the collision search, or the whole body if it has no core.
 cutting::Body search_core(const SolidBody& solid);
 
@@ -87,9 +87,9 @@ bool is_ignored(const std::vector<CollisionDescription::Pair>& ignored, const st
 /// Returns the pairs of bodies that may collide, by their numbers: not those on the same carriage,
 /// nor those of machine bodies with only one axis between them.
 /// @param ignored  further pairs to leave out
-std::vector<cutting::BodyPair> pairs_of(const kinematics::Chain& chain,
-                                        const std::vector<SolidBody>& bodies,
-                                        const std::vector<CollisionDescription::Pair>& ignored);
+std::vector<cutting::BodyPair> collision_pairs(
+    const kinematics::Chain& chain, const std::vector<SolidBody>& bodies,
+    const std::vector<CollisionDescription::Pair>& ignored);
 
 /// The motion of a part of a job under its commands on the machine with errors. Holds references to
 /// its arguments.

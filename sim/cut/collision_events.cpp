@@ -13,21 +13,23 @@ namespace abbe::sim {
 
 namespace {
 
-std::string range_text(const Collision& event, const std::vector<std::string>& more_files) {
-  const std::string first = program::line_text(more_files, event.first.line, event.first.file);
+std::string range_text(const Collision& event, const std::vector<std::string>& subprogram_files) {
+  const std::string first =
+      program::line_label(subprogram_files, event.first.line, event.first.file);
   const bool is_one_line =
       event.first.line == event.last.line && event.first.file == event.last.file;
-  return is_one_line
-             ? first
-             : first + " to " + program::line_text(more_files, event.last.line, event.last.file);
+  return is_one_line ? first
+                     : first + " to " +
+                           program::line_label(subprogram_files, event.last.line, event.last.file);
 }
 
 /// Returns the text of the depth of a contact or of the distance of a near miss.
 std::string worst_text(const Collision& event, const Collisions& result) {
   const auto worst_location_text = [&] {
-    return fmt::format("at {}, {:.3f} s",
-                       program::line_text(result.more_files, event.worst.line, event.worst.file),
-                       event.worst.time_s);
+    return fmt::format(
+        "at {}, {:.3f} s",
+        program::line_label(result.subprogram_files, event.worst.line, event.worst.file),
+        event.worst.time_s);
   };
   if (!event.contact)
     return fmt::format("come within {:.3g} mm {}", event.distance, worst_location_text());
@@ -41,7 +43,7 @@ std::string worst_text(const Collision& event, const Collisions& result) {
 
 std::string event_text(const Collision& event, const Collisions& result) {
   return fmt::format("{} and {} {}: {}, from {:.3f} s{}", escaped(event.a), escaped(event.b),
-                     worst_text(event, result), range_text(event, result.more_files),
+                     worst_text(event, result), range_text(event, result.subprogram_files),
                      event.first.time_s, event.rapid ? ", on a rapid" : "");
 }
 

@@ -27,20 +27,20 @@ struct ProgramLocation {
 /// Two bodies that touch or come nearer than the clearance.
 struct Collision {
   std::string a, b;
-  bool contact = true;      ///< false: a near miss
-  bool rapid = false;       ///< true if the event begins on a rapid
-  ProgramLocation first;    ///< where the contact begins, or the distance falls below the clearance
-  ProgramLocation worst;    ///< of the largest sampled depth, or of the smallest distance
-  ProgramLocation last;     ///< end of the block in which the bodies part again
-  double distance = 0.0;    ///< smallest distance of a near miss, mm
-  double depth = 0.0;       ///< penetration depth of a contact, mm: the largest, over the sampled
-                            ///< moments, of the shortest displacement that separates the bodies
-  std::size_t depths = 0;   ///< number of moments at which the depth was sampled
+  bool contact = true;    ///< false: a near miss
+  bool rapid = false;     ///< true if the event begins on a rapid
+  ProgramLocation first;  ///< where the contact begins, or the distance falls below the clearance
+  ProgramLocation worst;  ///< of the largest sampled depth, or of the smallest distance
+  ProgramLocation last;   ///< end of the block in which the bodies part again
+  double distance = 0.0;  ///< smallest distance of a near miss, mm
+  double depth = 0.0;     ///< penetration depth of a contact, mm: the largest, over the sampled
+                          ///< moments, of the shortest displacement that separates the bodies
+  std::size_t depth_samples = 0;  ///< number of moments at which the depth was sampled
   bool below_mesh = false;  ///< true for a contact without depth, which is too shallow for the mesh
                             ///< of the stock to show
   Eigen::Vector3d place_b = Eigen::Vector3d::Zero();  ///< contact point in the bed frame, mm, at
                                                       ///< the first contact or the nearest moment
-  Eigen::Vector3d place_w = Eigen::Vector3d::Zero();  ///< the same in the workpiece frame, mm
+  Eigen::Vector3d position_w = Eigen::Vector3d::Zero();  ///< the same in the workpiece frame, mm
   std::size_t part = 0;         ///< number of the part of the job, which sets the tool
   kinematics::AxisState state;  ///< axes at the first contact, or at the nearest moment
   std::shared_ptr<const cutting::ClosedMesh>
@@ -70,15 +70,15 @@ struct Clearance {
 struct BlockClearance {
   ProgramLocation place;  ///< start of the block
   double end_s = 0.0;
-  double at_least = 0.0;  ///< lower bound of the clearance, mm, which is larger by 5 % or 0.01 mm
-                          ///< at most; 0 for contact
-  int pair = -1;          ///< index in `clearances`; -1: no pair is searched
+  double min_clearance = 0.0;  ///< lower bound of the clearance, mm, which is larger by 5 % or 0.01
+                               ///< mm at most; 0 for contact
+  int pair = -1;  ///< index in `clearances`; -1: no pair is searched
 };
 
 /// The result of a collision search over a program.
 struct Collisions {
-  std::string commands;                 ///< name of the case whose commands were followed
-  std::vector<std::string> more_files;  ///< further files of the program, as in Path
+  std::string commands;                       ///< name of the case whose commands were followed
+  std::vector<std::string> subprogram_files;  ///< further files of the program, as in Path
   struct NamedBody {
     std::string name, carrier;
     Eigen::Index triangles = 0;

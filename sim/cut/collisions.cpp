@@ -27,7 +27,7 @@ using cutting::BodyPair;
 using cutting::CarrierBody;
 using cutting::CarrierMotion;
 using cutting::Encounter;
-using cutting::end_of;
+using cutting::segment_end;
 using Eigen::Vector3d;
 using kinematics::AxisState;
 using kinematics::AxisVector;
@@ -43,7 +43,8 @@ double reach(const ActualMotion& actual_motion, const std::vector<SolidBody>& bo
   const std::vector<Pose> T = carrier_poses(chain, kinematics::AxisVector::Zero(chain.size()), {});
   double radius = 0.0, slide_travel = 0.0;
   for (const SolidBody& body : bodies) {
-    const cutting::ClosedMesh mesh_b = cutting::moved(body.mesh, T[std::size_t(body.frame)]);
+    const cutting::ClosedMesh mesh_b =
+        cutting::transformed_mesh(body.mesh, T[std::size_t(body.frame)]);
     for (const Joint& joint : chain.joints()) {
       if (joint.motion != Motion::Rotary) continue;
       radius = std::max(
@@ -93,7 +94,7 @@ CarrierMotion carrier_motion(const ActualMotion& actual_motion, double reach) {
   motion.bulge = chord_heights(actual_motion, reach);
   for (std::size_t i = 0; i < motion.instants; ++i)
     if (i == 0 || actual_motion.samples.block[i] != actual_motion.samples.block[i - 1])
-      motion.stretches.push_back(i);
+      motion.segments.push_back(i);
   return motion;
 }
 
@@ -108,7 +109,7 @@ SearchSetup collision_search(const std::vector<SolidBody>& bodies,
                              const std::vector<BodyPair>& pairs) {
   SearchSetup search;
   std::vector<int> core(bodies.size());
-  for (const SolidBody& body : bodies) search.bodies.push_back({searched(body), body.frame});
+  for (const SolidBody& body : bodies) search.bodies.push_back({search_body(body), body.frame});
   for (std::size_t i = 0; i < bodies.size(); ++i) {
     core[i] = int(i);
     if (bodies[i].core.empty()) continue;
@@ -136,8 +137,8 @@ class PartSearch {
         number_(number),
         result_(result),
         bodies_(job_bodies(actual_motion.part)),
-        pairs_(pairs_of(actual_motion.part.truth.actual, bodies_,
-                        actual_motion.part.scene.collision.ignore)),
+        pairs_(collision_pairs(actual_motion.part.truth.actual, bodies_,
+                               actual_motion.part.scene.collision.ignore)),
         search_(collision_search(bodies_, pairs_)),
         motion_(carrier_motion(actual_motion, reach(actual_motion, bodies_))) {}
 
@@ -184,13 +185,14 @@ class PartSearch {
                                     : search_.pairs[p].contact_only ? ClearanceScope::WhenInContact
                                                                     : ClearanceScope::Always});
     }
-    for (std::size_t s = 0; s < encounters.stretches.size(); ++s) {
-      const cutting::SegmentClearance& clearance = encounters.stretches[s];
-      const std::size_t first = motion_.stretches[s], last = end_of(motion_, s) - 1;
+    for (std::size_t s = 0; s < encounters.segments.size(); ++s) {
+      const cutting::SegmentClearance& clearance = encounters.segments[s];
+      const std::size_t first = motion_.segments[s], last = segment_end(motion_, s) - 1;
       ProgramLocation begin = actual_motion_.place({first, 0.0});
       // The interval between two blocks belongs to the second.
       if (first > 0) begin.time_s = actual_motion_.state({first - 1, 0.0}).time_s;
-      result_.blocks.push_back({begin, actual_motion_.state({last, 0.0}).time_s, clearance.at_least,
+      result_.blocks.push_back({begin, actual_motion_.state({last, 0.0}).time_s,
+                                clearance.min_clearance,
                                 clearance.pair < 0 ? -1 : pairs_before + clearance.pair});
     }
   }
@@ -221,21 +223,21 @@ class PartSearch {
     const auto pair = std::ranges::find(stock_clearances, proximity.body, &Clearance::a) -
                       stock_clearances.begin();
     const auto block_of = [&](std::size_t sample) {
-      return std::size_t(std::ranges::upper_bound(motion_.stretches, sample) -
-                         motion_.stretches.begin()) -
+      return std::size_t(std::ranges::upper_bound(motion_.segments, sample) -
+                         motion_.segments.begin()) -
              1;
     };
     for (std::size_t s = block_of(proximity.first); s <= block_of(proximity.last); ++s)
-      lower_clearance(s, proximity.at_least, int(result_.clearances.size()) + int(pair));
+      lower_clearance(s, proximity.min_clearance, int(result_.clearances.size()) + int(pair));
   }
 
   /// Lowers the clearance of a block if a pair comes nearer than the previous ones.
   /// @param block_number  in this part
   /// @param pair          index in the clearances of the result
-  void lower_clearance(std::size_t block_number, double at_least, int pair) {
+  void lower_clearance(std::size_t block_number, double min_clearance, int pair) {
     BlockClearance& block = result_.blocks[first_block_ + block_number];
-    if (block.pair >= 0 && block.at_least <= at_least) return;
-    block.at_least = at_least;
+    if (block.pair >= 0 && block.min_clearance <= min_clearance) return;
+    block.min_clearance = min_clearance;
     block.pair = pair;
   }
 
@@ -247,7 +249,7 @@ class PartSearch {
     event.contact = encounter.contact;
     event.first = actual_motion_.place(encounter.begin);
     event.rapid = actual_motion_.is_rapid(encounter.begin);
-    event.last = actual_motion_.place({end_of(motion_, encounter.last_segment) - 1, 0.0});
+    event.last = actual_motion_.place({segment_end(motion_, encounter.last_segment) - 1, 0.0});
     event.distance = encounter.distance;
     event.part = number_;
     if (search_.pairs[std::size_t(encounter.pair)].contact_only)
@@ -271,20 +273,21 @@ class PartSearch {
     };
     const std::size_t first =
         divisions * contact.moment.instant + std::size_t(double(divisions) * contact.moment.u);
-    const std::size_t last = divisions * (end_of(motion_, contact.last_segment) - 1);
+    const std::size_t last = divisions * (segment_end(motion_, contact.last_segment) - 1);
     std::vector<std::size_t> block_ends;
     for (std::size_t s = contact.first_segment; s <= contact.last_segment; ++s)
-      block_ends.push_back(divisions * (end_of(motion_, s) - 1));
+      block_ends.push_back(divisions * (segment_end(motion_, s) - 1));
     const auto depth_at = [&](std::size_t eighth) {
       const std::vector<Pose> T = actual_motion_.carriers(moment(eighth));
-      return cutting::way_out(a.body, T[std::size_t(a.carrier)], b.body, T[std::size_t(b.carrier)])
+      return cutting::penetration(a.body, T[std::size_t(a.carrier)], b.body,
+                                  T[std::size_t(b.carrier)])
           .depth;
     };
     const DeepestSample deepest =
         // `first` exceeds `last` if the contact begins in the last step of its last block.
         deepest_sample(first, std::max(first, last) + 1, block_ends, depth_at);
     collision.depth = deepest.depth;
-    collision.depths = deepest.sample_count;
+    collision.depth_samples = deepest.sample_count;
     collision.worst = actual_motion_.place(moment(deepest.moment));
   }
 
@@ -319,10 +322,10 @@ Collisions collisions(const Job& job, const Commands& commands, const std::strin
   result.resolution = job.scene.collision.resolution;
   result.clearance = job.scene.collision.clearance;
   result.gouge = job.scene.collision.gouge;
-  const auto parts = parts_of(job);
+  const auto parts = job_parts(job);
   for (std::size_t i = 0; i < parts.size(); ++i) {
-    const ActualMotion actual_motion{parts[i], of_part(commands, i)};
-    if (i == 0) result.more_files = actual_motion.path.more_files;
+    const ActualMotion actual_motion{parts[i], part_commands(commands, i)};
+    if (i == 0) result.subprogram_files = actual_motion.path.subprogram_files;
     try {
       // One error is reported, and the search goes on, so that the user sees the collisions too.
       check_travel(parts[i].machine, actual_motion.path, actual_motion.samples);
@@ -384,7 +387,7 @@ BoxedBody boxed(const SolidBody& solid) {
   const Vector3d low = solid.mesh.vertices.colwise().minCoeff();
   const Vector3d high = solid.mesh.vertices.colwise().maxCoeff();
   const Vector3d half = 0.5 * (high - low);
-  return {solid.name, solid.frame, searched(solid), 0.5 * (low + high), half, half.norm()};
+  return {solid.name, solid.frame, search_body(solid), 0.5 * (low + high), half, half.norm()};
 }
 
 /// Returns a lower bound of the distance between two boxes, mm: the widest gap along their sides
@@ -594,7 +597,8 @@ Proximity near_bodies_in(const Job& part) {
   for (const SolidBody& solid : solids) bodies.push_back(boxed(solid));
   const AxisMotion motion(part.machine, part.samples);
   NearSearch search(part.scene, part.machine, motion);
-  for (const BodyPair& pair : pairs_of(part.machine.nominal, solids, part.scene.collision.ignore))
+  for (const BodyPair& pair :
+       collision_pairs(part.machine.nominal, solids, part.scene.collision.ignore))
     if (auto near = search.first_near(bodies[std::size_t(pair.a)], bodies[std::size_t(pair.b)]))
       proximity.near.push_back(std::move(*near));
   proximity.is_complete = !search.is_exhausted();
@@ -608,7 +612,7 @@ Proximity find_near_bodies(const Job& job) {
   result.is_complete = !job.windows;
   if (job.windows) return result;
   // A pair is listed once, for the first tool with which it is near.
-  for (const Job& part : parts_of(job)) {
+  for (const Job& part : job_parts(job)) {
     Proximity proximity = near_bodies_in(part);
     result.is_complete = result.is_complete && proximity.is_complete;
     for (BodyProximity& pair : proximity.near)
@@ -622,8 +626,8 @@ Proximity find_near_bodies(const Job& job) {
 
 }  // namespace
 
-std::string not_searched_text(const Job& job) {
-  if (job.scene.collision.on) return {};
+std::string proximity_warning(const Job& job) {
+  if (job.scene.collision.is_enabled) return {};
   const Proximity proximity = find_near_bodies(job);
   const std::vector<BodyProximity>& near = proximity.near;
   if (near.empty() && proximity.is_complete) return {};

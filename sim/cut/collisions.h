@@ -19,6 +19,6 @@ Collisions collisions(const Job& job, const Commands& commands, const std::strin
 
 /// Returns the warning for a job whose collisions are not searched; empty if nothing comes near.
 /// @throws BadInput as `machine_bodies` and `fixture_bodies`
-std::string not_searched_text(const Job& job);
+std::string proximity_warning(const Job& job);
 
 }  // namespace abbe::sim

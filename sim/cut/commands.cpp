@@ -111,7 +111,7 @@ std::vector<AxisState> commanded(const kinematics::Chain& control, const program
                                  const Eigen::Vector3d& offset_w) {
   std::vector<AxisState> states = samples.states;
   // Without a shift the same chain would give the same commands, but not the same bits.
-  if (same(control, sampled_by) && offset_w.isZero(0.0)) return states;
+  if (have_same_poses(control, sampled_by) && offset_w.isZero(0.0)) return states;
   const AxisVector slides = slide_offset(control, offset_w);
   tbb::parallel_for(std::size_t(0), states.size(), [&](std::size_t i) {
     const program::Block& block = path.blocks[std::size_t(samples.block[i])];
@@ -122,7 +122,7 @@ std::vector<AxisState> commanded(const kinematics::Chain& control, const program
     }
     const Eigen::Vector3d tip_w =
         sampled_by.tool_in_workpiece(states[i].q).translation() + offset_w;
-    const auto q = kinematics::slides_for_tip(control, states[i].q, tip_w);
+    const auto q = kinematics::solve_slides(control, states[i].q, tip_w);
     if (!q)
       throw BadInput(path.file, samples.line[i], 0, "a tip that the control's slides reach",
                      "another");
@@ -146,8 +146,10 @@ Commands joined(std::vector<Commands> parts) {
     const auto& states = part.samples.states;
     job_commands.samples.states.insert(job_commands.samples.states.end(), states.begin(),
                                        states.end());
-    job_commands.point_left = std::max(job_commands.point_left, part.point_left);
-    job_commands.direction_left = std::max(job_commands.direction_left, part.direction_left);
+    job_commands.remaining_point_error =
+        std::max(job_commands.remaining_point_error, part.remaining_point_error);
+    job_commands.remaining_direction_error =
+        std::max(job_commands.remaining_direction_error, part.remaining_direction_error);
     job_commands.not_converged += part.not_converged;
     for (const std::string& warning : part.warnings)
       if (std::ranges::find(job_commands.warnings, warning) == job_commands.warnings.end())
@@ -157,7 +159,7 @@ Commands joined(std::vector<Commands> parts) {
   return job_commands;
 }
 
-const Commands& of_part(const Commands& commands, std::size_t part) {
+const Commands& part_commands(const Commands& commands, std::size_t part) {
   return commands.stretches.empty() ? commands : commands.stretches[part];
 }
 

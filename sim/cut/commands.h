@@ -22,9 +22,9 @@ namespace abbe::sim {
 /// Corrected commands, and the errors that the corrector knows it could not remove.
 struct CorrectedCommands {
   std::vector<kinematics::AxisState> states;
-  double point_left = 0.0;        ///< largest position error left, mm
-  double direction_left = 0.0;    ///< largest direction error left, rad
-  std::size_t not_converged = 0;  ///< number of corrections that did not converge
+  double remaining_point_error = 0.0;      ///< largest position error left, mm
+  double remaining_direction_error = 0.0;  ///< largest direction error left, rad
+  std::size_t not_converged = 0;           ///< number of corrections that did not converge
 };
 
 /// Corrects commands so that the tool reaches T_wt_nominal. Both are (samples), in order of time.
@@ -75,9 +75,9 @@ struct Commands {
   std::vector<kinematics::AxisVector>
       correction;  ///< (samples) added by a channel of the axes; empty without one
   std::optional<PiezoMotion> piezo;
-  double point_left = 0.0;      ///< largest position error known to the compensator that it could
-                                ///< not remove, mm
-  double direction_left = 0.0;  ///< the same for the direction, rad
+  double remaining_point_error = 0.0;  ///< largest position error known to the compensator that it
+                                       ///< could not remove, mm
+  double remaining_direction_error = 0.0;  ///< the same for the direction, rad
   std::size_t not_converged = 0;
   std::string rewritten_program;
   std::vector<std::string> warnings;
@@ -91,7 +91,7 @@ Commands joined(std::vector<Commands> parts);
 
 /// Returns the commands of a part of a job.
 /// @param part  its number in `parts_of`
-const Commands& of_part(const Commands& commands, std::size_t part);
+const Commands& part_commands(const Commands& commands, std::size_t part);
 
 /// Returns the commands of a control for a program that was sampled with the chain `sampled_by`.
 /// The control reaches a programmed tip by its own kinematics, and shifts every position by the

@@ -97,7 +97,7 @@ double target_resolution(const Job& job, const cutting::Surface& surface) {
 std::string form_advice(const cutting::Design& design, double cutoff) {
   if (cutting::resolves_form(design, cutoff)) return "judge by form_um, or";
   const double values =
-      cutting::filter_values(cutoff, double(design.triangles.rows()) / design.area.sum());
+      cutting::effective_value_count(cutoff, double(design.triangles.rows()) / design.area.sum());
   return fmt::format(
       "form_um is no better, with {:.2g} values within its cut-off of {:.3g} mm ({:.3g} would do);",
       values, cutoff, cutting::min_filter_values);
@@ -185,7 +185,7 @@ CutMap cut_map(const Job& job, const CutInputs& inputs) {
   add_warnings(surface_warnings(map.surface, inputs.path, job.scene.band), map.warnings);
   if (job.sampled) {
     const double resolution = target_resolution(job, map.surface);
-    const cutting::SurfaceInterpolator interpolator = on_surface(job);
+    const cutting::SurfaceInterpolator interpolator = surface_interpolator(job);
     map.surface = cutting::sample_within_triangles(
         std::move(map.surface), job.design_w, job.sampled->within, interpolator, sweep.surface);
     map.interpolation =
@@ -290,12 +290,12 @@ std::span<const double> piezo_stroke(const Commands& commands) {
 }
 
 /// Returns the number of the first sample that a part does not share with the part before.
-std::size_t first_new_sample(const Job& part) { return part.sampling.goes_on ? 1 : 0; }
+std::size_t first_new_sample(const Job& part) { return part.sampling.continued_from ? 1 : 0; }
 
 /// The motion of one part of a job on the machine with errors.
 struct SegmentMotion {
   std::vector<Pose> T_wt;
-  std::deque<WornSegment> worn;  ///< swept instead of T_wt if the radius of the tool wears
+  std::deque<WornSegment> worn_cutter;  ///< swept instead of T_wt if the radius of the tool wears
   Process process;
   Signals signals;
   PoseErrors pose_errors;
@@ -327,7 +327,7 @@ SegmentMotion segment_motion(const Job& job, const Commands& commands, const Pro
   // The window before has counted a shared sample.
   motion.pose_errors = pose_errors(motion.T_wt, run.T_wt_target, first_new_sample(job));
   if (!run.wear.empty() && job.scene.tool.wear->radius > 0.0)
-    motion.worn = worn_segments(job.scene.tool, run.wear, commands.samples, motion.T_wt);
+    motion.worn_cutter = worn_segments(job.scene.tool, run.wear, commands.samples, motion.T_wt);
   timing_s["poses"] += watch.lap();
   return motion;
 }
@@ -338,9 +338,9 @@ void add_sweeps(const Job& part, const program::Samples& samples, const SegmentM
                 std::vector<ToolSweep>& sweeps) {
   const auto& chain = part.truth.actual;
   const std::optional<int> spindle = part.machine.workpiece_spindle;
-  for (const WornSegment& segment : motion.worn)
+  for (const WornSegment& segment : motion.worn_cutter)
     sweeps.push_back({segment.tool, segment.samples, segment.T_wt, chain, spindle});
-  if (motion.worn.empty())
+  if (motion.worn_cutter.empty())
     sweeps.push_back({part.scene.tool.actual, samples, motion.T_wt, chain, spindle});
 }
 
@@ -375,14 +375,14 @@ Cut cut_error_free(const Job& job, const Progress& progress, Retention keep) {
   const SweepVisitor visit_sweeps = [&](const std::function<void(const ToolSweep&)>& use) {
     visit_parts(job, [&](const Job& part) { use(segment_error_free_sweep(part)); });
   };
-  CutMap map = cut_map(job, {error_free_sweep(job, options_of(job, progress)), visit_sweeps,
+  CutMap map = cut_map(job, {error_free_sweep(job, surface_options(job, progress)), visit_sweeps,
                              job.path, [] { return 0.0; }, error_free_surface(job)});
   result.surface = std::move(map.surface);
   result.interpolation = map.interpolation;
   result.process = job.nominal_process;
   if (keep == Retention::Track) {
     std::vector<TrackedPart> parts;
-    for (const Job& part : parts_of(job))
+    for (const Job& part : job_parts(job))
       parts.push_back({part.samples, part.T_wt_nominal, part.T_wt_nominal});
     result.track = join_tracks(parts);
   }
@@ -393,10 +393,10 @@ Cut cut_error_free(const Job& job, const Progress& progress, Retention keep) {
 }
 
 void check_travel(const Job& job, const Commands& commands) {
-  const auto parts = parts_of(job);
+  const auto parts = job_parts(job);
   for (std::size_t i = 0; i < parts.size(); ++i)
-    check_travel(parts[i].machine, path_of(parts[i], of_part(commands, i)),
-                 of_part(commands, i).samples);
+    check_travel(parts[i].machine, path_of(parts[i], part_commands(commands, i)),
+                 part_commands(commands, i).samples);
 }
 
 Process cut_process(const Job& job, const Commands& commands, const Progress& progress) {
@@ -423,8 +423,8 @@ void stop_at_collision(const Collisions& collisions) {
 Cut cut(const Job& job, const Commands& commands, const Progress& progress, Retention keep) {
   Cut result;
   result.name = result.case_name = "uncompensated";
-  result.point_left = commands.point_left;
-  result.direction_left = commands.direction_left;
+  result.remaining_point_error = commands.remaining_point_error;
+  result.remaining_direction_error = commands.remaining_direction_error;
   result.rewritten_program = commands.rewritten_program;
   result.warnings = commands.warnings;
   if (commands.not_converged > 0)
@@ -432,18 +432,18 @@ Cut cut(const Job& job, const Commands& commands, const Progress& progress, Rete
         not_converged_text(commands.not_converged, commands.samples.states.size()));
   // The travel is checked first, since collisions, poses and surface take most of the time.
   check_travel(job, commands);
-  if (job.scene.collision.on) {
+  if (job.scene.collision.is_enabled) {
     result.collisions = collisions(job, commands, result.name, progress);
     result.timing_s["collisions"] = result.collisions->seconds;
     if (job.scene.collision.stop) stop_at_collision(*result.collisions);
     add_warnings(collision_warnings(*result.collisions), result.warnings);
   }
-  const auto parts = parts_of(job);
+  const auto parts = job_parts(job);
   std::vector<SegmentMotion> motions;
   double samples = 0.0, max_explained = 0.0;
   for (std::size_t i = 0; i < parts.size(); ++i) {
-    motions.push_back(segment_motion(parts[i], of_part(commands, i), progress, result.timing_s,
-                                     default_interval_count));
+    motions.push_back(segment_motion(parts[i], part_commands(commands, i), progress,
+                                     result.timing_s, default_interval_count));
     max_explained = std::max(max_explained, explained_gouge(parts[i], motions.back().pose_errors));
     const auto n = double(motions.back().T_wt.size());
     add(motions.back(), n, samples, result);
@@ -454,18 +454,19 @@ Cut cut(const Job& job, const Commands& commands, const Progress& progress, Rete
   if (keep == Retention::Track) {
     std::vector<TrackedPart> tracked;
     for (std::size_t i = 0; i < parts.size(); ++i)
-      tracked.push_back({of_part(commands, i).samples, target_poses(parts[i], of_part(commands, i)),
-                         motions[i].T_wt});
+      tracked.push_back({part_commands(commands, i).samples,
+                         target_poses(parts[i], part_commands(commands, i)), motions[i].T_wt});
     result.track = join_tracks(tracked);
   }
   Stopwatch watch;
   if (progress) progress("surface", 0.0);  // shown while the moves are sorted
   std::vector<ToolSweep> sweeps;
   for (std::size_t i = 0; i < parts.size(); ++i)
-    add_sweeps(parts[i], of_part(commands, i).samples, motions[i], sweeps);
+    add_sweeps(parts[i], part_commands(commands, i).samples, motions[i], sweeps);
   result.wear = worn_tools(tool_runs(job));
-  CutMap map = cut_map(job, {sweep_of(sweeps, options_of(job, progress)), sweep_visitor(sweeps),
-                             path_of(job, commands), [max_explained] { return max_explained; }});
+  CutMap map =
+      cut_map(job, {make_sweep(sweeps, surface_options(job, progress)), sweep_visitor(sweeps),
+                    path_of(job, commands), [max_explained] { return max_explained; }});
   result.surface = std::move(map.surface);
   result.interpolation = map.interpolation;
   add_warnings(std::move(map.warnings), result.warnings);
@@ -532,8 +533,10 @@ void WindowedCut::report(const Job& part, const Commands& commands, SegmentMotio
   const double n = double(motion.T_wt.size()) - double(first_new_sample(part));
   add(motion, n, samples_, result_);
   samples_ += n;
-  result_.point_left = std::max(result_.point_left, commands.point_left);
-  result_.direction_left = std::max(result_.direction_left, commands.direction_left);
+  result_.remaining_point_error =
+      std::max(result_.remaining_point_error, commands.remaining_point_error);
+  result_.remaining_direction_error =
+      std::max(result_.remaining_direction_error, commands.remaining_direction_error);
   not_converged_ += commands.not_converged;
   for (const std::string& warning : commands.warnings)
     if (std::ranges::find(result_.warnings, warning) == result_.warnings.end())
@@ -549,8 +552,9 @@ Cut cut_in_windows(const Job& job, const CommandSource& command_source, const Pr
   WindowedCut run(job, command_source, result);
   if (progress) progress("surface", 0.0);
   const auto window = [&run](std::size_t number) { return run.at(number); };
-  const Sweep sweep = sweep_in_windows(std::get<cutting::Cutter>(job.scene.tool.actual),
-                                       job.windows->all.size(), window, options_of(job, progress));
+  const Sweep sweep =
+      sweep_in_windows(std::get<cutting::Cutter>(job.scene.tool.actual), job.windows->all.size(),
+                       window, surface_options(job, progress));
   CutMap motion = cut_map(job, {sweep, [&run](const auto& use) { run.visit_sweeps(use); }, job.path,
                                 [&run] { return run.explained_gouge(); }});
   result.surface = std::move(motion.surface);

@@ -28,16 +28,16 @@ struct Cut {
   std::string case_name;  ///< argument of `run --case`
   cutting::Surface surface;
   std::optional<cutting::InterpolationError> interpolation;  ///< only after `sampled`
-  Spread tip_error;               ///< mm, actual against nominal position of the tip
-  Spread direction_error;         ///< rad
-  ChordError chord_error;         ///< without intervals in the error-free case
-  double point_left = 0.0;        ///< largest position error known to the compensator that it could
-                                  ///< not remove, mm
-  double direction_left = 0.0;    ///< the same for the direction, rad
-  Process process;                ///< forces and stock as simulated; empty without [cutting]
-  Signals signals;                ///< empty without heat, force or channels
-  std::vector<WornTool> wear;     ///< of the tools that wear, at the end of the program
-  std::string rewritten_program;  ///< text of the program channel; empty for other channels
+  Spread tip_error;                    ///< mm, actual against nominal position of the tip
+  Spread direction_error;              ///< rad
+  ChordError chord_error;              ///< without intervals in the error-free case
+  double remaining_point_error = 0.0;  ///< largest position error known to the compensator that it
+                                       ///< could not remove, mm
+  double remaining_direction_error = 0.0;  ///< the same for the direction, rad
+  Process process;                       ///< forces and stock as simulated; empty without [cutting]
+  Signals signals;                       ///< empty without heat, force or channels
+  std::vector<WornTool> wear;            ///< of the tools that wear, at the end of the program
+  std::string rewritten_program;         ///< text of the program channel; empty for other channels
   std::optional<Collisions> collisions;  ///< if the scene requests them
   std::optional<ToolTrack> track;        ///< if requested by `Retention::Track`
   std::vector<std::string> warnings;

@@ -24,7 +24,7 @@ using kinematics::Motion;
 
 IdleMachine idle_machine(const Scene& described) {
   Scene scene = with_run_out(described);
-  Machine machine = compile(scene);
+  Machine machine = make_machine(scene);
   Truth truth = make_truth(scene, machine, activity(scene, machine, {}, {}));
   return {std::move(scene), std::move(machine), std::move(truth)};
 }
@@ -213,12 +213,13 @@ std::vector<ErrorSource> select_sources(std::vector<ErrorSource> sources,
   for (const std::string& name : names) {
     const auto has_name = [&](const ErrorSource& source) { return source.name == name; };
     if (std::ranges::any_of(selection, has_name))
-      throw BadInput("--elements", 0, 0, "every name once", in_quotes(name) + " again");
+      throw BadInput("--elements", 0, 0, "every name once", quoted_excerpt(name) + " again");
     const auto source = std::ranges::find_if(sources, has_name);
     if (source == sources.end()) {
       std::string known = "all";
       for (const ErrorSource& available : sources) known += " " + available.name;
-      throw BadInput("--elements", 0, 0, "what this machine has (" + known + ")", in_quotes(name));
+      throw BadInput("--elements", 0, 0, "what this machine has (" + known + ")",
+                     quoted_excerpt(name));
     }
     selection.push_back(*source);
   }
@@ -311,7 +312,7 @@ class PoseReader {
   void read_head(const Line& line) {
     separator_ = cell_separator(line.text);
     const std::size_t max_cells = std::size_t(chain_.size()) + 1;
-    const std::vector<Cell> cells = cells_of(line.text, separator_, max_cells);
+    const std::vector<Cell> cells = split_cells(line.text, separator_, max_cells);
     for (const Cell& cell : cells) {
       PoseList::Column new_column = column(cell);
       for (const PoseList::Column& listed : list_.columns)
@@ -329,7 +330,7 @@ class PoseReader {
     const auto line = lines_.next();
     if (!line) return false;
     const std::size_t width = list_.columns.size();
-    const std::vector<Cell> cells = cells_of(line->text, separator_, width);
+    const std::vector<Cell> cells = split_cells(line->text, separator_, width);
     const auto expected = [&] { return fmt::format("{} cells, as the head has", width); };
     if (cells.size() < width)
       lines_.refuse(int(line->text.size()) + 1, expected(), fmt::format("{}", cells.size()));
@@ -353,7 +354,7 @@ class PoseReader {
     return value;
   }
 
-  TableLines lines_;
+  TableLineReader lines_;
   const Chain& chain_;
   PoseList list_;
   char separator_ = ',';

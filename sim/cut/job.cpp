@@ -50,7 +50,8 @@ double spindle_curvature(const Scene& scene, const Machine& machine) {
   for (const errors::Element& element : scene.geometric.elements) {
     if (element.name.axis != 'S' || !machine.workpiece_spindle) continue;
     for (const errors::Curve& curve : element.curves)
-      curvature += lever_length(element.name) * scene.error_scale * errors::max_bend(curve);
+      curvature +=
+          lever_length(element.name) * scene.error_scale * errors::second_derivative_bound(curve);
   }
   for (const errors::Vibration& vibration : scene.vibrations) {
     double speed = vibration.reference_speed;
@@ -77,7 +78,7 @@ void check_field(const Scene& scene, const cutting::Design& design_w) {
   // In a square grid no point is farther than 0.71 spacings from a node; 1.5 allows for irregular
   // meshes.
   const double max_distance = 1.5 * errors::node_spacing(*field);
-  const double distance = errors::coverage(*field, design_w.vertices);
+  const double distance = errors::max_node_distance(*field, design_w.vertices);
   if (distance > max_distance)
     throw_field_error(
         fmt::format("a node within {:.3g} mm of every vertex, 1.5 of its spacings", max_distance),
@@ -120,8 +121,9 @@ std::vector<std::string> error_size_warnings(const Job& job) {
 /// change the sampling in no other respect.
 bool is_as_dense(const program::SampleOptions& existing, const program::SampleOptions& required) {
   if (existing.max_spindle_turn > required.max_spindle_turn) return false;
-  return !required.max_nose_turn ||
-         (existing.max_nose_turn && *existing.max_nose_turn <= *required.max_nose_turn);
+  return !required.max_tool_spindle_turn ||
+         (existing.max_tool_spindle_turn &&
+          *existing.max_tool_spindle_turn <= *required.max_tool_spindle_turn);
 }
 
 }  // namespace
@@ -138,7 +140,7 @@ program::SampleOptions sample_options(const Scene& scene, const Machine& machine
     // The sagitta of a chord over an angle is curvature angle^2 / 8.
     const double turn = std::sqrt(8 * scene.chord_tolerance / curvature);
     options.max_spindle_turn = std::min(options.max_spindle_turn, turn);
-    if (!scene.vibrations.empty()) options.max_nose_turn = turn;
+    if (!scene.vibrations.empty()) options.max_tool_spindle_turn = turn;
   }
   return options;
 }
@@ -172,10 +174,11 @@ program::Samples sample_program(const Scene& scene, const program::Path& path,
   }
 }
 
-std::vector<program::Window> divide_into_windows(const Scene& scene, const program::Path& path,
-                                                 const Machine& machine,
-                                                 const program::SampleOptions& options,
-                                                 const Progress& progress) {
+std::vector<program::SampleWindow> divide_into_windows(const Scene& scene,
+                                                       const program::Path& path,
+                                                       const Machine& machine,
+                                                       const program::SampleOptions& options,
+                                                       const Progress& progress) {
   try {
     // A window ends with the block that exceeds half of the limit, which leaves the other half for
     // that block.
@@ -187,7 +190,7 @@ std::vector<program::Window> divide_into_windows(const Scene& scene, const progr
     throw too_many_samples_error(
         scene, excess,
         fmt::format("at most {:.0f} samples of the program, {} of them in a block",
-                    program::max_in_windows, options.max_samples / 2));
+                    program::max_samples_in_windows, options.max_samples / 2));
   }
 }
 
@@ -221,7 +224,7 @@ JobSegment make_segment(Scene scene, Machine machine, program::Path path,
 /// @param before  axis state before the program, for directions of approach
 JobSegment make_segment(Scene scene, program::Path path, const AxisState& last_state,
                         const std::string& windows_obstacle = {}) {
-  Machine machine = compile(scene);
+  Machine machine = make_machine(scene);
   program::SampleOptions sampling = sample_options(scene, machine);
   sampling.before = last_state;
   program::Samples samples = sample_program(scene, path, machine, sampling, windows_obstacle);
@@ -236,12 +239,12 @@ std::vector<JobSegment> make_tool_segments(const Scene& described, const program
   std::vector<JobSegment> segments;
   AxisState last_state;
   for (const ToolSegment& tool_segment : use.stretches) {
-    Scene scene = with_run_out(with_tool(described, *tools[tool_segment.tool].number));
+    Scene scene = with_run_out(select_tool(described, *tools[tool_segment.tool].number));
     // The thermal history precedes the first segment only.
     if (!segments.empty()) scene.signals.history_interval = 0.0;
-    segments.push_back(
-        make_segment(std::move(scene),
-                     program::stretch_of(path, tool_segment.first, tool_segment.last), last_state));
+    segments.push_back(make_segment(
+        std::move(scene), program::path_segment(path, tool_segment.first, tool_segment.last),
+        last_state));
     if (!segments.back().samples.states.empty()) last_state = segments.back().samples.states.back();
   }
   return segments;
@@ -250,7 +253,7 @@ std::vector<JobSegment> make_tool_segments(const Scene& described, const program
 /// Joins the segments of several tools into one program, under the first tool of the scene.
 JobSegment joined(const Scene& scene, program::Path path, const std::vector<JobSegment>& segments,
                   const ToolUse& use) {
-  JobSegment whole{scene, compile(scene), std::move(path), segments.front().sampling, {}, {}};
+  JobSegment whole{scene, make_machine(scene), std::move(path), segments.front().sampling, {}, {}};
   for (std::size_t i = 0; i < segments.size(); ++i) {
     const program::Samples& part_samples = segments[i].samples;
     program::Samples& all_samples = whole.samples;
@@ -308,17 +311,17 @@ struct JobSegments {
 JobSegments prepare_windows(const Scene& scene, const program::Path& path,
                             const cutting::Design& design_w, std::size_t held,
                             const Progress& progress) {
-  const Machine machine = compile(scene);
+  const Machine machine = make_machine(scene);
   program::SampleOptions sampling = sample_options(scene, machine);
   // The first window stays in memory while another is cut.
   sampling.max_samples = held / 2;
   Windows windows{divide_into_windows(scene, path, machine, sampling, progress), 0, 0, {}, {}};
   std::optional<JobSegment> first;
   ShankContacts all_contacts;
-  for (const program::Window& window : windows.all) {
+  for (const program::SampleWindow& window : windows.all) {
     program::Path blocks = path_of(path, window);
     if (progress) progress("sample", double(window.first) / double(path.blocks.size()));
-    sampling.goes_on = window.goes_on;
+    sampling.continued_from = window.continued_from;
     program::Samples samples = sample(blocks, machine.nominal, sampling);
     if (!first) windows.lower = windows.upper = samples.states.front().q;
     for (const AxisState& state : samples.states) {
@@ -353,7 +356,7 @@ JobSegments prepare_single_tool(const Scene& scene, const program::Path& path,
           : 0;
   if (max_samples == 0)
     return {make_segment(scene, path, {}, memory_budget.windows_obstacle), {}, {}};
-  Machine machine = compile(scene);
+  Machine machine = make_machine(scene);
   program::SampleOptions sampling = sample_options(scene, machine);
   sampling.max_samples = max_samples;
   try {
@@ -404,14 +407,14 @@ JobSegments prepare_segments(const Scene& described, const Program& program,
 
 }  // namespace
 
-std::span<const Job> parts_of(const Job& job) {
+std::span<const Job> job_parts(const Job& job) {
   if (job.windows) throw std::logic_error("the parts of a job in windows are not held");
   return job.stretches.empty() ? std::span(&job, 1) : std::span<const Job>(job.stretches);
 }
 
 void visit_parts(const Job& job, const std::function<void(const Job& part)>& visit) {
   if (!job.windows) {
-    std::ranges::for_each(parts_of(job), visit);
+    std::ranges::for_each(job_parts(job), visit);
     return;
   }
   for (std::size_t i = 0; i < job.windows->all.size(); ++i) visit(make_window(job, i));
@@ -419,11 +422,11 @@ void visit_parts(const Job& job, const std::function<void(const Job& part)>& vis
 
 Job make_window(const Job& job, std::size_t number) {
   stop_if_interrupted();
-  const program::Window& window = job.windows->all[number];
+  const program::SampleWindow& window = job.windows->all[number];
   JobSegment segment{job.scene, job.machine, path_of(job.path, window), job.sampling, {}, {}};
   // The thermal history precedes the first window only.
   if (number > 0) segment.scene.signals.history_interval = 0.0;
-  segment.sampling.goes_on = window.goes_on;
+  segment.sampling.continued_from = window.continued_from;
   segment.samples = sample(segment.path, segment.machine.nominal, segment.sampling);
   segment.T_wt = nominal_poses(segment.machine, segment.samples);
   return make_job(std::move(segment), job.truth, {}, job.body_m, {});
@@ -438,13 +441,13 @@ const std::vector<Pose>& target_poses(const Job& part, const Commands& commands)
 }
 
 ToolRun tool_run(const Job& part) {
-  return {part.scene.tool, part.path, part.samples, part.T_wt_nominal, part.cut_before};
+  return {part.scene.tool, part.path, part.samples, part.T_wt_nominal, part.previous_use};
 }
 
 std::vector<ToolRun> tool_runs(const Job& job) {
   std::vector<ToolRun> runs;
   if (job.windows) return runs;  // a scene with wear is never prepared in windows
-  for (const Job& part : parts_of(job)) runs.push_back(tool_run(part));
+  for (const Job& part : job_parts(job)) runs.push_back(tool_run(part));
   return runs;
 }
 
@@ -453,12 +456,12 @@ namespace {
 /// Throws BadInput if a scene needs too many points or too much memory, and reports its work.
 void check_expected_work(const Scene& scene, const Part& part, const MemoryBudget& memory_budget,
                          const Progress& progress) {
-  const Work estimate = estimate_work(scene, part);
+  const WorkEstimate estimate = estimate_work(scene, part);
   const bool uses_windows =
       memory_budget.samples && memory_budget.samples(0, std::size_t(estimate.vertices)) > 0;
-  const Work work = uses_windows ? windowed_work(estimate) : estimate;
+  const WorkEstimate work = uses_windows ? windowed_work(estimate) : estimate;
   check_work(scene, work);
-  if (const std::string text = remark(work); progress && !text.empty()) progress(text, -1.0);
+  if (const std::string text = work_remark(work); progress && !text.empty()) progress(text, -1.0);
 }
 
 /// Simulates the cut of a program on the rigid, error-free machine.
@@ -487,7 +490,7 @@ Job prepare(const Scene& described, const Progress& progress, const MemoryBudget
   const double part_s = watch.lap();
   check_expected_work(scene, part, memory_budget, progress);
   report_begin("program");
-  Program program = load_program(scene, compile(scene), part);
+  Program program = load_program(scene, make_machine(scene), part);
   const double program_s = watch.lap();
   report_begin("sample");
   JobSegments segments =
@@ -514,9 +517,9 @@ Job prepare(const Scene& described, const Progress& progress, const MemoryBudget
     job.stretches.push_back(make_part_job(std::move(segment), {}));
   const std::vector<FeedUse> previous_uses_by_part = previous_uses(tool_runs(job));
   for (std::size_t i = 0; i < job.stretches.size(); ++i)
-    job.stretches[i].cut_before = previous_uses_by_part[i];
+    job.stretches[i].previous_use = previous_uses_by_part[i];
   job.windows = std::move(segments.windows);
-  job.body_w = std::make_shared<const cutting::Thickness>(part.design_w);
+  job.body_w = std::make_shared<const cutting::WallThickness>(part.design_w);
   if (progress && job.windows)
     progress(fmt::format("{} samples are not held at once: run in {} windows", job.windows->samples,
                          job.windows->all.size()),
@@ -546,13 +549,13 @@ namespace {
 /// Returns the job of one tool with the errors of another scene.
 /// @param activities  heat sources of the whole program
 Job with_errors(Job job, Scene scene, const std::vector<errors::Activity>& activities) {
-  Machine machine = compile(scene);
+  Machine machine = make_machine(scene);
   const auto require = [&](bool is_equal, const char* what) {
     if (!is_equal)
       throw BadInput(scene.file.string(), 0, 0, fmt::format("the {} of every other case", what),
                      "another one");
   };
-  require(same(machine.nominal, job.machine.nominal), "nominal machine");
+  require(have_same_poses(machine.nominal, job.machine.nominal), "nominal machine");
   require(is_as_dense(job.sampling, sample_options(scene, machine)), "density of samples");
   Truth truth = make_truth(scene, machine, activities);
   job.scene = std::move(scene);
@@ -566,9 +569,9 @@ Job with_errors(Job job, Scene scene, const std::vector<errors::Activity>& activ
 Job replace_errors(Job job, const Scene& described) {
   const Scene scene = with_run_out(described);
   const std::vector<errors::Activity> activities =
-      activity(scene, compile(scene), job.samples, job.nominal_process);
+      activity(scene, make_machine(scene), job.samples, job.nominal_process);
   for (Job& segment : job.stretches) {
-    Scene tool_scene = with_run_out(with_tool(described, *segment.scene.tool.number));
+    Scene tool_scene = with_run_out(select_tool(described, *segment.scene.tool.number));
     segment = with_errors(std::move(segment), std::move(tool_scene), activities);
   }
   return with_errors(std::move(job), scene, activities);
@@ -582,7 +585,7 @@ Eigen::Vector3d control_datum_offset(const Job& job, const Corrector& corrector)
     return datum_offset(job.scene.datum, job.machine, actual_pose, corrector);
   } catch (const std::out_of_range& range_error) {  // of an error table without extrapolation
     const Node* datum = job.scene.tree ? job.scene.tree->find("datum") : nullptr;
-    const Place place = datum ? datum->place : Place{};
+    const SourcePosition place = datum ? datum->place : SourcePosition{};
     throw BadInput(place.file ? *place.file : job.scene.file.string(), place.line, place.column,
                    "errors that reach to where the datum is found", range_error.what());
   }
@@ -590,7 +593,7 @@ Eigen::Vector3d control_datum_offset(const Job& job, const Corrector& corrector)
 
 Commands uncompensated_commands(const Job& job) {
   std::vector<Commands> parts;
-  for (const Job& part : parts_of(job))
+  for (const Job& part : job_parts(job))
     parts.push_back(
         uncompensated_commands(part.machine, part.path, part.samples, control_datum_offset(part)));
   return joined(std::move(parts));

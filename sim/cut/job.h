@@ -25,12 +25,13 @@ namespace abbe::sim {
 
 /// Area, mm^2, that the scene would judge but the program does not intend to cut, by reason.
 struct ExcludedArea {
-  double unreached = 0.0;  ///< the error-free tool does not come within the band
-  double corner = 0.0;     ///< the corner of the tool does not fit into the design
-  double lead_out = 0.0;   ///< where the sweep leaves the part beside the other two
-  double max_left = 0.0;   ///< largest height of material left at corner and lead-out, mm
-  double radius = 0.0;     ///< of the corner, mm
-  double area() const { return unreached + corner + lead_out; }
+  double unreached = 0.0;      ///< the error-free tool does not come within the band
+  double corner = 0.0;         ///< the corner of the tool does not fit into the design
+  double lead_out_area = 0.0;  ///< where the sweep leaves the part beside the other two
+  double max_remaining_height =
+      0.0;              ///< largest height of material left at corner and lead-out, mm
+  double radius = 0.0;  ///< of the corner, mm
+  double area() const { return unreached + corner + lead_out_area; }
 };
 
 /// The choice of the vertices at which a part is judged.
@@ -38,8 +39,9 @@ struct SampledSurface {
   Eigen::Index given = 0;   ///< number of vertices of the design as loaded
   double resolution = 0.0;  ///< requested error of linear interpolation, mm
   double reached = 0.0;     ///< that error with the points available, mm; 0 if not refined
-  cutting::Surface::Within within =
-      cutting::Surface::Within::None;  ///< additional samples within triangles, in every case
+  cutting::Surface::InteriorSample within =
+      cutting::Surface::InteriorSample::None;  ///< additional samples within triangles, in every
+                                               ///< case
   /// The error-free surface that was cut to choose the vertices.
   std::shared_ptr<const cutting::Surface> error_free = {};
   double judged_area = 0.0;  ///< mm^2
@@ -48,7 +50,7 @@ struct SampledSurface {
 
 /// The division of a program into windows, if its samples exceed the memory.
 struct Windows {
-  std::vector<program::Window> all;
+  std::vector<program::SampleWindow> all;
   std::size_t samples = 0;              ///< of all windows
   std::size_t max_window_samples = 0;   ///< of the longest window
   kinematics::AxisVector lower, upper;  ///< range in which the axes move
@@ -59,13 +61,13 @@ struct Job {
   Scene scene;
   Machine machine;
   Truth truth;
-  cutting::Design design_w;                          ///< in the workpiece frame, where it is judged
-  std::shared_ptr<const cutting::Design> body_m;     ///< the design as loaded, part frame; a blank
-                                                     ///< may be its offset
-  std::shared_ptr<const cutting::Thickness> body_w;  ///< thickness of the part, which ends rays
-                                                     ///< through it
-  std::vector<cutting::AnalyticPatch> recognised;    ///< surfaces recognised in a mesh, part frame
-  double recognised_fraction = 0.0;                  ///< fraction of the mesh area
+  cutting::Design design_w;                       ///< in the workpiece frame, where it is judged
+  std::shared_ptr<const cutting::Design> body_m;  ///< the design as loaded, part frame; a blank
+                                                  ///< may be its offset
+  std::shared_ptr<const cutting::WallThickness> body_w;  ///< thickness of the part, which ends rays
+                                                         ///< through it
+  std::vector<cutting::AnalyticPatch> recognised;  ///< surfaces recognised in a mesh, part frame
+  double recognised_fraction = 0.0;                ///< fraction of the mesh area
   Eigen::VectorXd facet_uncertainty;      ///< (first vertices of the design) mm, of a mesh, as by
                                           ///< `cutting::facet_uncertainty`
   std::optional<SampledSurface> sampled;  ///< set by `sampled`
@@ -78,14 +80,14 @@ struct Job {
       accelerations;         ///< (samples) empty unless the compliance has inertia
   std::string program_text;  ///< text of a generated program, else empty; its name is path.file
   std::map<std::string, double> timing_s;
-  program::Unreached unreached;       ///< passes that the generator had to leave out
-  std::vector<std::string> warnings;  ///< about the scene and its program, before anything is cut
+  program::UnreachedPoints unreached;  ///< passes that the generator had to leave out
+  std::vector<std::string> warnings;   ///< about the scene and its program, before anything is cut
   /// Jobs of the segments of a program with several tools, in the order of the program. Each has
   /// its tool, the machine to the tip of that tool, and its blocks and samples. Scene, machine and
   /// truth of the outer job are those of the first tool of the scene. Empty with one tool.
   std::vector<Job> stretches = {};
   FaceGroups face_groups = {};  ///< of a mesh, for the regions of the part
-  FeedUse cut_before = {};      ///< of a segment: use of its tool in earlier segments
+  FeedUse previous_use = {};    ///< of a segment: use of its tool in earlier segments
   /// Windows of a program of one milling tool whose samples exceed the memory. `samples` and
   /// `T_wt_nominal` then have only the first window.
   std::shared_ptr<const Windows> windows = {};
@@ -94,7 +96,7 @@ struct Job {
 /// Returns the jobs that are cut one after another: the segments of a job, or the job itself. The
 /// result refers to the job.
 /// @throws std::logic_error for a job in windows, whose parts are not held in memory
-std::span<const Job> parts_of(const Job& job);
+std::span<const Job> job_parts(const Job& job);
 
 /// Calls `visit` for each part of a job in order. Windows are made one at a time.
 void visit_parts(const Job& job, const std::function<void(const Job& part)>& visit);

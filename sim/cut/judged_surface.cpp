@@ -150,13 +150,13 @@ int flank_gouge_count(const ProgramGouge& gouge, const Surface& surface,
 namespace {
 
 /// Reason why the program does not intend to cut a vertex, with part.judged = "cut".
-enum class ExclusionReason : std::uint8_t { NotExcluded, Unreached, Corner, LeadOut };
+enum class ExclusionReason : std::uint8_t { NotExcluded, UnreachedPoints, Corner, LeadOut };
 
 /// Returns the smallest corner radius, mm, of the tools of a job: no tool fits into a corner into
 /// which that one does not. A turning tool counts as 0, since only its edge touches the part.
 double smallest_corner(const Job& job) {
   double smallest_radius = std::numeric_limits<double>::infinity();
-  for (const Job& part : job.windows ? std::span(&job, 1) : parts_of(job)) {
+  for (const Job& part : job.windows ? std::span(&job, 1) : job_parts(job)) {
     const auto* cutter = std::get_if<cutting::Cutter>(&part.scene.tool.nominal);
     smallest_radius = std::min(smallest_radius, cutter != nullptr ? cutter->corner_radius : 0.0);
   }
@@ -168,12 +168,12 @@ double smallest_corner(const Job& job) {
 std::vector<ExclusionReason> exclusion_reasons(const Job& job, const Surface& nominal) {
   const double radius = smallest_corner(job);
   const auto corner = cutting::corner_leftover(job.design_w, nominal, *job.body_w, radius);
-  const auto lead_out = cutting::lead_out_leftover(job.design_w, nominal, radius, corner);
+  const auto lead_out_area = cutting::lead_out_leftover(job.design_w, nominal, radius, corner);
   std::vector<ExclusionReason> reasons(nominal.status.size(), ExclusionReason::NotExcluded);
   for (std::size_t i = 0; i < reasons.size(); ++i) {
-    if (nominal.status[i] == VertexStatus::Uncut) reasons[i] = ExclusionReason::Unreached;
+    if (nominal.status[i] == VertexStatus::Uncut) reasons[i] = ExclusionReason::UnreachedPoints;
     if (corner[i]) reasons[i] = ExclusionReason::Corner;
-    if (lead_out[i]) reasons[i] = ExclusionReason::LeadOut;
+    if (lead_out_area[i]) reasons[i] = ExclusionReason::LeadOut;
   }
   return reasons;
 }
@@ -212,7 +212,8 @@ std::vector<ExclusionReason> exclude_unintended(Job& job, Surface& nominal,
   for (std::size_t i = 0; i < vertices; ++i) {
     if (reasons[i] == ExclusionReason::NotExcluded) continue;
     previous[i] = reasons[i];
-    excluded_area.max_left = std::max(excluded_area.max_left, exclude(job, nominal, i));
+    excluded_area.max_remaining_height =
+        std::max(excluded_area.max_remaining_height, exclude(job, nominal, i));
   }
   return previous;
 }
@@ -227,21 +228,22 @@ struct JudgedAreas {
 JudgedAreas judged_areas(const Job& job, const Surface& nominal,
                          const std::vector<ExclusionReason>& reasons) {
   JudgedAreas areas{0.0, job.sampled->excluded_area};
-  areas.excluded_area.unreached = areas.excluded_area.corner = areas.excluded_area.lead_out = 0.0;
+  areas.excluded_area.unreached = areas.excluded_area.corner = areas.excluded_area.lead_out_area =
+      0.0;
   for (std::size_t i = 0; i < reasons.size(); ++i) {
     const double area = job.design_w.area[Eigen::Index(i)];
     switch (reasons[i]) {
       case ExclusionReason::NotExcluded:
         if (nominal.status[i] != VertexStatus::Outside) areas.judged += area;
         break;
-      case ExclusionReason::Unreached:
+      case ExclusionReason::UnreachedPoints:
         areas.excluded_area.unreached += area;
         break;
       case ExclusionReason::Corner:
         areas.excluded_area.corner += area;
         break;
       case ExclusionReason::LeadOut:
-        areas.excluded_area.lead_out += area;
+        areas.excluded_area.lead_out_area += area;
         break;
     }
   }
@@ -264,9 +266,9 @@ std::string exclusion_text(const SampledSurface& sampled) {
   add(excluded_area.unreached, "that it does not come to");
   add(excluded_area.corner,
       fmt::format("into which the tool's corner of {:.4g} mm does not fit", excluded_area.radius));
-  add(excluded_area.lead_out, "beside those, where its sweep runs out");
-  if (excluded_area.max_left > 0.0)
-    text += fmt::format(", up to {:.3g} mm above the design", excluded_area.max_left);
+  add(excluded_area.lead_out_area, "beside those, where its sweep runs out");
+  if (excluded_area.max_remaining_height > 0.0)
+    text += fmt::format(", up to {:.3g} mm above the design", excluded_area.max_remaining_height);
   return text + " (part.judged = \"all\" judges all)";
 }
 
@@ -277,15 +279,15 @@ using cutting::Design;
 /// Returns the additional samples that the triangles need. Adaptive vertices lie on crests and do
 /// not represent their surroundings, so the middle of each triangle is added. Samples are random if
 /// the vertices do not resolve the map, which regular samples would alias.
-cutting::Surface::Within samples_within(const Job& job, const Sweep& sweep,
-                                        const cutting::Surface& nominal) {
+cutting::Surface::InteriorSample samples_within(const Job& job, const Sweep& sweep,
+                                                const cutting::Surface& nominal) {
   const cutting::InterpolationError error =
-      cutting::interpolation_error(job.design_w, nominal, on_surface(job), sweep.surface,
+      cutting::interpolation_error(job.design_w, nominal, surface_interpolator(job), sweep.surface,
                                    {.seed = job.scene.seed, .resolution = job.sampled->resolution});
-  if (error.unresolved > max_unresolved_fraction) return cutting::Surface::Within::Random;
+  if (error.unresolved > max_unresolved_fraction) return cutting::Surface::InteriorSample::Random;
   return job.scene.part.sampling.kind == PartSampling::Kind::Adaptive
-             ? cutting::Surface::Within::Middle
-             : cutting::Surface::Within::None;
+             ? cutting::Surface::InteriorSample::Middle
+             : cutting::Surface::InteriorSample::None;
 }
 
 /// Returns the gouges of a surface from its statuses. Only gouged vertices are cut again.
@@ -304,7 +306,7 @@ cutting::RefinementResult refine_part(const Job& job, const Sweep& sweep, Sample
   const PartSampling& part_sampling = job.scene.part.sampling;
   cutting::RefineOptions options;
   options.resolution = sampled.resolution;
-  options.floor = part_sampling.finest;
+  options.floor = part_sampling.min_edge_length;
   options.points = part_sampling.points;
   // Edges may be flipped only if the vertices lie on a known surface, as those of a mesh do that is
   // recognised almost completely.
@@ -313,7 +315,7 @@ cutting::RefinementResult refine_part(const Job& job, const Sweep& sweep, Sample
                            job.recognised_fraction > nearly_all;
   if (progress) options.progress = [&](double fraction) { progress("sampling", fraction); };
   cutting::RefinementResult result = cutting::refined(
-      job.design_w, on_surface(job),
+      job.design_w, surface_interpolator(job),
       [&](const Design& candidates) {
         cutting::Surface surface = sweep.surface(candidates);
         cutting::PassGradients contacts = sweep.contacts(candidates, surface);
@@ -375,13 +377,13 @@ double trimmed_range(const cutting::Surface& surface, const Design& design) {
   return high - low;
 }
 
-cutting::SurfaceInterpolator on_surface(const Job& job) {
+cutting::SurfaceInterpolator surface_interpolator(const Job& job) {
   return surface_between_vertices(job.scene.part, job.recognised, job.scene.part.T_wm);
 }
 
 Job sampled(Job job, const Progress& progress) {
   Stopwatch watch;
-  const Sweep sweep = error_free_sweep(job, options_of(job, {}));
+  const Sweep sweep = error_free_sweep(job, surface_options(job, {}));
   job.sampled = SampledSurface{.given = job.design_w.vertices.rows()};
   if (job.design_w.judged.empty())
     job.design_w.judged.assign(std::size_t(job.design_w.vertices.rows()), 1);
@@ -396,8 +398,8 @@ Job sampled(Job job, const Progress& progress) {
     nominal = std::move(refinement.surface);
   }
   if (part_sampling.kind == PartSampling::Kind::Spacing) {
-    job.design_w = cutting::subdivided(job.design_w, on_surface(job),
-                                       {part_sampling.spacing, part_sampling.points});
+    job.design_w = cutting::subdivide(job.design_w, surface_interpolator(job),
+                                      {part_sampling.spacing, part_sampling.points});
     if (std::string text = spacing_text(job.design_w, part_sampling); !text.empty())
       job.warnings.push_back(std::move(text));
     nominal = sweep.surface(job.design_w);

@@ -43,7 +43,7 @@ inline constexpr double max_unresolved_fraction = 0.02;
 
 /// Returns the surface of the part between its vertices, workpiece frame: the declared surface, or
 /// that of a mesh.
-cutting::SurfaceInterpolator on_surface(const Job& job);
+cutting::SurfaceInterpolator surface_interpolator(const Job& job);
 
 /// Returns the range of the residual, mm, without a hundredth of the area at either end, so that a
 /// corner into which no tool fits does not set the scale.

@@ -31,9 +31,9 @@ cutting::MarkedMesh read_named_mesh(const MeshFile& mesh, const MeshUse& use,
   options.unit_mm *= mesh.unit;
   options.open = mesh.open;
   try {
-    return cutting::read_marked_mesh(mesh.file, options, wanted);
+    return cutting::read_mesh_with_marks(mesh.file, options, wanted);
   } catch (const cutting::MeshWithRim& rim) {
-    const Place& at = mesh.place;
+    const SourcePosition& at = mesh.place;
     throw BadInput(
         at.file ? *at.file : mesh.file.string(), at.line, at.column,
         fmt::format("a closed mesh for {}{}", use.what,
@@ -62,7 +62,7 @@ std::string mesh_size_warning(const MeshFile& mesh, const MeshUse& use,
                               const Eigen::Vector3d& size) {
   // A mesh in metres that is read as mm is usually smaller than 1 mm.
   constexpr double min_size = 1.0;  // mm
-  if (mesh.any_size) return {};
+  if (mesh.is_size_intended) return {};
   const bool is_large = use.travel && size.maxCoeff() > *use.travel;
   if (!is_large && !(size.maxCoeff() < min_size)) return {};
   const std::string label = unit_label(mesh.unit);
@@ -76,7 +76,7 @@ std::string mesh_size_warning(const MeshFile& mesh, const MeshUse& use,
       use.table);
 }
 
-std::string unreached_text(const program::Unreached& unreached) {
+std::string unreached_text(const program::UnreachedPoints& unreached) {
   if (unreached.points == 0) return {};
   return fmt::format(
       "the machine does not reach {} of {} points of the program ({:.3g} %), which leaves out {} "
@@ -87,7 +87,7 @@ std::string unreached_text(const program::Unreached& unreached) {
       unreached.points, unreached.all_points, 100.0 * unreached.points / unreached.all_points,
       unreached.passes, unreached.all_passes, unreached.broken_passes, unreached.first_pass,
       unreached.tip_w.x(), unreached.tip_w.y(), unreached.tip_w.z(),
-      unreached.why == kinematics::Reach::OutOfLimits
+      unreached.why == kinematics::Reachability::OutOfLimits
           ? "an axis would leave its travel"
           : "no position of its axes gives the direction");
 }
@@ -149,9 +149,9 @@ Part load_primitive(const Scene& scene, const cutting::Primitive& primitive) {
     part.design_m = part.body_m = cutting::tessellate(primitive, {scene.part.vertices});
     // A raster continues beyond the rim, so its contacts lie on an enlarged surface.
     const auto enlarged_surface =
-        std::make_shared<const cutting::Primitive>(cutting::enlarged(primitive, overrun(scene)));
+        std::make_shared<const cutting::Primitive>(cutting::enlarge(primitive, overrun(scene)));
     part.contact = [enlarged_surface](double x, double y) {
-      return cutting::surface_point_above(*enlarged_surface, x, y);
+      return cutting::highest_surface_point(*enlarged_surface, x, y);
     };
   } catch (const std::invalid_argument& error) {
     throw BadInput(scene.file.string(), 0, 0, "a part that can be", error.what());
@@ -212,12 +212,12 @@ Design refine_borders(const PartDescription& described, const Part& part, const 
   constexpr double tolerance_fraction = 0.1;  // fraction of the recognition tolerance
   if (part.recognised.empty()) return faces;
   return cutting::refine_round_borders(faces, part.recognised,
-                                       tolerance_fraction * described.recognise);
+                                       tolerance_fraction * described.recognition_tolerance);
 }
 
-program::ContactField contact_on(cutting::MeshContact contact) {
-  const auto surface = std::make_shared<const cutting::MeshContact>(std::move(contact));
-  return [surface](double x, double y) { return cutting::surface_point_above(*surface, x, y); };
+program::ContactField contact_on(cutting::MeshHeightMap contact) {
+  const auto surface = std::make_shared<const cutting::MeshHeightMap>(std::move(contact));
+  return [surface](double x, double y) { return cutting::highest_surface_point(*surface, x, y); };
 }
 
 /// Returns the warning about a search for surfaces that was stopped, since the mesh is close to a
@@ -229,23 +229,23 @@ std::string unfinished_recognition_text(const PartDescription& described,
       "given up: too many places are nearly one. {} of its {} triangles are on no surface, and "
       "judged as the mesh shows them; planes or cylinders may be among them. Set "
       "part.recognise_um to the accuracy of the mesh, or to 0 if it is a free form",
-      described.recognise / units::um, recognition.unexamined_triangles,
+      described.recognition_tolerance / units::um, recognition.unexamined_triangles,
       recognition.design.triangles.rows());
 }
 
 /// Returns the faces on their recognised surfaces. A generated program then follows those surfaces
 /// instead of the facets.
 Design recognise_faces(const PartDescription& described, Part& part, const Design& faces) {
-  if (described.flat_facets || !(described.recognise > 0.0)) return faces;
-  cutting::Recognised recognition = cutting::recognised(faces, described.recognise);
+  if (described.flat_facets || !(described.recognition_tolerance > 0.0)) return faces;
+  cutting::Recognised recognition = cutting::recognised(faces, described.recognition_tolerance);
   part.recognised = std::move(recognition.patches);
   for (const auto& patch : part.recognised)
     part.recognised_fraction += patch.area / recognition.area;
   if (recognition.unexamined_triangles > 0)
     part.warnings.push_back(unfinished_recognition_text(described, recognition));
   if (!part.recognised.empty())
-    part.contact = contact_on(
-        cutting::MeshContact(refine_borders(described, part, recognition.design), part.recognised));
+    part.contact = contact_on(cutting::MeshHeightMap(
+        refine_borders(described, part, recognition.design), part.recognised));
   return std::move(recognition.design);
 }
 
@@ -291,11 +291,11 @@ Design separate_faces(const PartDescription& described, Part& part, const std::v
   if (described.sampling.kind != PartSampling::Kind::Vertices) {
     const double spacing = std::sqrt(faces.area.sum() / min_vertices);
     faces = refine_borders(described, part, faces);
-    faces = cutting::subdivided(
+    faces = cutting::subdivide(
         faces, surface_between_vertices(described, part.recognised, kinematics::Pose::Identity()),
         {spacing, faces.vertices.rows() + Eigen::Index(max_added_vertices)});
   }
-  Design judged_faces = cutting::judge_off_edges(faces, std::move(edges), margin);
+  Design judged_faces = cutting::exclude_near_edges(faces, std::move(edges), margin);
   if (std::string text = excluded_text(faces, judged_faces, margin); !text.empty())
     part.warnings.push_back(std::move(text));
   return top_options ? cutting::judge_top(judged_faces, *top_options) : judged_faces;
@@ -303,9 +303,9 @@ Design separate_faces(const PartDescription& described, Part& part, const std::v
 
 Part load_mesh(const Scene& scene, const MeshFile& mesh) {
   cutting::ReadMeshOptions options;
-  if (!mesh.any_size) options.travel = travel_box(scene.machine);
+  if (!mesh.is_size_intended) options.travel = travel_box(scene.machine);
   Part part;
-  const cutting::MarkSelection selection = wanted_marks(scene.part);
+  const cutting::MarkSelection selection = required_marks(scene.part);
   const MeshUse use = part_mesh_use(scene);
   cutting::MarkedMesh marked_mesh = read_named_mesh(mesh, use, options, selection);
   part.body_m = std::move(marked_mesh.design);
@@ -315,7 +315,7 @@ Part load_mesh(const Scene& scene, const MeshFile& mesh) {
   if (selection.any()) grouping = grouped_faces(scene.part, marked_mesh.marks);
   part.face_groups = std::move(grouping.groups);
   // The contacts follow the facets unless surfaces are recognised.
-  part.contact = contact_on(cutting::MeshContact(part.body_m));
+  part.contact = contact_on(cutting::MeshHeightMap(part.body_m));
   part.design_m = separate_faces(scene.part, part, grouping.group_of_triangle, edge_margin(scene));
   return part;
 }
@@ -326,7 +326,7 @@ bool is_pvt(const ProgramDescription::File& description) {
   return description.dialect != dialects::Dialect::Cl && (suffix == ".csv" || suffix == ".pvt");
 }
 
-std::string skipped_text(const dialects::ReadProgram& program_read) {
+std::string skipped_text(const dialects::ParsedProgram& program_read) {
   std::size_t count = 0;
   std::string list;
   for (const dialects::SkippedWord& skipped : program_read.skipped) {
@@ -350,7 +350,7 @@ Program read_file(const ProgramDescription::File& description, const program::Nc
                                      .turning = description.turning};
   read_options.limits.blocks = read_options.control.max_moves = std::size_t(description.max_moves);
   read_options.control.max_move_bytes = max_move_bytes();
-  dialects::ReadProgram program_read =
+  dialects::ParsedProgram program_read =
       dialects::read_program_file(description.file, std::move(read_options));
   Program program{std::move(program_read.path), {}, {}};
   program.warnings = std::move(program_read.warnings);
@@ -388,7 +388,7 @@ std::string travels_text(const Scene& scene) {
 struct GeneratedProgram {
   std::string text;
   std::string extension;  ///< ".ngc" or ".csv"
-  program::Unreached unreached = {};
+  program::UnreachedPoints unreached = {};
 };
 
 GeneratedProgram generate(const Scene& scene, const Machine& machine, const Part& part) {
@@ -501,10 +501,11 @@ void enter_tool_table(program::NcOptions& options, const Scene& scene) {
     if (tool.radius_wear != 0.0) options.radius_wear.emplace(number, tool.radius_wear);
     if (!tool.name.empty()) options.tool_number.emplace(tool.name, number);
   }
-  options.control_of_h.clear();
+  options.control_by_h.clear();
   for (const ToolDescription& tool : all_tools(scene))
     if (tool.number && options.tool_length.contains(*tool.number))
-      options.control_of_h.emplace(*tool.number, compile(with_tool(scene, *tool.number)).control);
+      options.control_by_h.emplace(*tool.number,
+                                   make_machine(select_tool(scene, *tool.number)).control);
 }
 
 void enter_offset_table(program::NcOptions& options, const dialects::ControlTable& table) {
@@ -520,7 +521,7 @@ void enter_offset_table(program::NcOptions& options, const dialects::ControlTabl
     if (number >= 1 && number <= 6)
       options.work_offset[std::size_t(number - 1)] = std::move(shift);
     else
-      options.more_offset.emplace(number, std::move(shift));
+      options.extra_offsets.emplace(number, std::move(shift));
   }
 }
 
@@ -556,12 +557,13 @@ program::NcOptions nc_options(const Scene& scene, const Machine& machine) {
     if (!tool.name.empty()) options.tool_number.emplace(tool.name, tool.number.value_or(1));
   if (!scene.additional_tools.empty())
     for (const ToolDescription& tool : all_tools(scene))
-      options.control_of_h.emplace(*tool.number, compile(with_tool(scene, *tool.number)).control);
+      options.control_by_h.emplace(*tool.number,
+                                   make_machine(select_tool(scene, *tool.number)).control);
   if (scene.program.tools) enter_tool_table(options, scene);
   options.work_offset = scene.program.work_offset;
   if (scene.program.offsets) enter_offset_table(options, scene.program.offsets->table);
   options.rapid_speed = scene.machine.rapid_speed;
-  options.rapid_turn = scene.machine.rapid_turn;
+  options.rapid_rotation_speed = scene.machine.rapid_rotation_speed;
   if (scene.machine.max_spindle_speed)
     options.max_spindle_rpm = *scene.machine.max_spindle_speed / units::rpm;
   return options;

@@ -46,7 +46,7 @@ std::string mesh_size_warning(const MeshFile& mesh, const MeshUse& use,
 std::string unit_label(double unit_mm);
 
 /// Returns the warning about passes that a generator had to leave out; empty if there are none.
-std::string unreached_text(const program::Unreached& unreached);
+std::string unreached_text(const program::UnreachedPoints& unreached);
 
 /// The loaded design of a scene.
 struct Part {
@@ -83,7 +83,7 @@ Part load_part(const Scene& scene);
 struct Program {
   program::Path path;
   std::string text;
-  program::Unreached unreached;            ///< passes that a generator had to leave out
+  program::UnreachedPoints unreached;      ///< passes that a generator had to leave out
   std::vector<std::string> warnings = {};  ///< of the reader
 };
 

@@ -74,7 +74,7 @@ int max_channel_difference(const cutting::Rgb& a, const cutting::Rgb& b) {
   std::optional<cutting::Rgb> nearest;
   for (const FaceMark& mark : marks.marks) {
     if (!mark.colour) continue;
-    const cutting::Rgb colour = cutting::spread(*mark.colour);
+    const cutting::Rgb colour = cutting::to_eight_bits(*mark.colour);
     colours.insert(cutting::hex_text(colour));
     const int difference = max_channel_difference(colour, *region.colour);
     if (difference <= max_near_difference &&
@@ -139,7 +139,7 @@ std::vector<bool> marks_allowed_in(const PartRegion& region, const FaceMarks& ma
 
 }  // namespace
 
-cutting::MarkSelection wanted_marks(const PartDescription& part) {
+cutting::MarkSelection required_marks(const PartDescription& part) {
   cutting::MarkSelection selection;
   for (const PartRegion& region : part.regions) {
     selection.groups = selection.groups || !region.group.empty();
@@ -162,7 +162,7 @@ GroupedFaces grouped_faces(const PartDescription& part, const FaceMarks& marks) 
     if (is_new) result.groups.can_contain.push_back(std::move(regions));
     group_of_mark.push_back(entry->second);
   }
-  for (const int mark : marks.of_face)
+  for (const int mark : marks.mark_of_face)
     result.group_of_triangle.push_back(group_of_mark[std::size_t(mark)]);
   return result;
 }
@@ -210,12 +210,12 @@ std::vector<RegionCoverage> region_coverage(const PartDescription& part, const F
     for (std::size_t r = coverages.size(); r-- > 0;) {
       if (!holds(part, r, groups, point)) continue;
       coverages[r].area += design_m.area[i];
-      if (!std::exchange(is_decided, true)) coverages[r].decides += design_m.area[i];
+      if (!std::exchange(is_decided, true)) coverages[r].deciding_fraction += design_m.area[i];
     }
   }
   for (RegionCoverage& region : coverages) {
-    region.share = region.area / total_area;
-    region.decides /= total_area;
+    region.area_fraction = region.area / total_area;
+    region.deciding_fraction /= total_area;
   }
   return coverages;
 }
@@ -226,7 +226,7 @@ std::vector<std::string> region_warnings(const std::vector<RegionCoverage>& cove
     if (!(coverage.area > 0.0))
       warnings.push_back(fmt::format(
           "the region \"{}\" holds nothing: no vertex of the part lies in it", coverage.name));
-    else if (!(coverage.decides > 0.0))
+    else if (!(coverage.deciding_fraction > 0.0))
       warnings.push_back(fmt::format(
           "the region \"{}\" decides nothing: regions after it hold all of its {:.4g} mm^2",
           coverage.name, coverage.area));

@@ -19,7 +19,7 @@ struct FaceGroups {
 };
 
 /// Returns the kinds of marks that the regions of a part need from its mesh file.
-cutting::MarkSelection wanted_marks(const PartDescription& part);
+cutting::MarkSelection required_marks(const PartDescription& part);
 
 /// The groups of a mesh, and the group of each triangle.
 struct GroupedFaces {
@@ -28,7 +28,7 @@ struct GroupedFaces {
 };
 
 /// Groups the faces of a mesh by the regions of the part.
-/// @param marks  of the kinds of `wanted_marks`
+/// @param marks  of the kinds of `required_marks`
 /// @throws BadInput at the region if it names a group or a colour that no face has
 GroupedFaces grouped_faces(const PartDescription& part, const cutting::FaceMarks& marks);
 
@@ -51,9 +51,10 @@ const PartRegion* region_at(const PartDescription& part, const FaceGroups& group
 /// The area of a part that a region contains.
 struct RegionCoverage {
   std::string name;
-  double area = 0.0;     ///< of the vertices in the region, mm^2
-  double share = 0.0;    ///< fraction of the area of the part
-  double decides = 0.0;  ///< that fraction without the area that is also in a later region
+  double area = 0.0;           ///< of the vertices in the region, mm^2
+  double area_fraction = 0.0;  ///< fraction of the area of the part
+  double deciding_fraction =
+      0.0;  ///< that fraction without the area that is also in a later region
 };
 
 /// Returns the coverage of each region, with vertices weighted by their area.

@@ -74,7 +74,7 @@ std::string unit_advice(const Job& job, double ratio) {
 std::string unit_warning(const Job& job, const ReachableArea& reach) {
   const MeshFile* mesh = mesh_file(job.scene);
   if (!std::holds_alternative<ProgramDescription::File>(job.scene.program.source)) return {};
-  if ((mesh && mesh->any_size) || reach.reached_fraction >= max_suspect_fraction) return {};
+  if ((mesh && mesh->is_size_intended) || reach.reached_fraction >= max_suspect_fraction) return {};
   const double part_size = extents(job.design_w.vertices).maxCoeff();  // with vertices not judged
   const double path_size = largest_size(swept_spans(job).tip);
   const cutting::Design thinned_w = thin_out(job.design_w);
@@ -129,7 +129,7 @@ struct Contact {
 
 TouchSurface touch_surface(std::string name, const cutting::ClosedMesh& mesh,
                            const kinematics::Pose& T) {
-  cutting::ClosedMesh mesh_w = cutting::moved(mesh, T);
+  cutting::ClosedMesh mesh_w = cutting::transformed_mesh(mesh, T);
   return {std::move(name), TriangleTree(std::move(mesh_w.vertices), std::move(mesh_w.triangles))};
 }
 
@@ -140,7 +140,7 @@ void add_blank(const Job& job, std::vector<TouchSurface>& surfaces) {
   const auto add_shape = [&](const BodyShape& shape, const Vector3d& position_m) {
     BodyDescription body{"blank", shape};
     body.T.translation() = position_m;
-    surfaces.push_back(touch_surface("the blank", mesh_of(body, {"the blank", "cutting"}), T_wm));
+    surfaces.push_back(touch_surface("the blank", body_mesh(body, {"the blank", "cutting"}), T_wm));
   };
   const auto& blank = job.scene.cutting->blank;
   if (const auto* box = std::get_if<cutting::BoxBlank>(&blank))
@@ -220,7 +220,7 @@ std::string seen_text(const Contact& best) {
 }
 
 /// Returns the location of a touch in the scene.
-Place location_of_touch(const Scene& scene, std::size_t number) {
+SourcePosition location_of_touch(const Scene& scene, std::size_t number) {
   const Node* node = scene.tree ? scene.tree->find("datum") : nullptr;
   const Node* touches = node ? node->find("touch") : nullptr;
   if (touches == nullptr) return {};
@@ -243,7 +243,7 @@ std::optional<BadInput> touch_error(const Job& job) {
       if (contact.is_better_than(best_contact)) best_contact = contact;
     }
     if (best_contact.within_band && best_contact.lean <= max_touch_angle) continue;
-    const Place place = location_of_touch(scene, i);
+    const SourcePosition place = location_of_touch(scene, i);
     return BadInput(
         place.file ? *place.file : scene.file.string(), place.line, place.column,
         fmt::format("a touch of the part, its blank, a fixture or the table within {} mm "
@@ -418,7 +418,7 @@ Placement placement(const Job& job) {
   return {distance_error(job, nearest.line, "nothing cut; " + nearest_text(nearest, within)), {}};
 }
 
-Job placed(Job job) {
+Job check_placement(Job job) {
   Placement result = placement(job);
   if (result.fault) throw *result.fault;
   job.warnings.insert(job.warnings.end(), result.warnings.begin(), result.warnings.end());

@@ -29,7 +29,7 @@ Placement placement(const Job& job);
 
 /// Checks the placement of a job and returns the job with the warnings.
 /// @throws BadInput if nothing can be cut, or a datum touches nothing
-Job placed(Job job);
+Job check_placement(Job job);
 
 /// Throws BadInput if nothing of a map is cut or gouged; the message states where the program cuts.
 void check_cuts_part(const Job& job, const Cut& cut);

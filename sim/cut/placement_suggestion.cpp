@@ -85,7 +85,7 @@ std::optional<double> feed_height(const Job& job, const cutting::Design& thinned
   rays.vertices.rowwise() += shift_w.transpose();
   rays.normals.rowwise() = job.scene.part.T_wm.linear().col(2).transpose();
   std::optional<double> height;
-  for (const Job& part : parts_of(job)) {
+  for (const Job& part : job_parts(job)) {
     const cutting::CutterMotion motion =
         has_feed ? feed_motion(part) : cutter_motion(part.T_wt_nominal, part.samples);
     if (motion.tip.rows() == 0) continue;
@@ -227,7 +227,8 @@ std::optional<ShiftedScene> shift_offsets(const Job& job, const Displacement& di
   const program::NcOptions control = nc_options(job.scene, job.machine);
   // A stated offset counts from another point than an omitted one; the difference is subtracted
   // below.
-  const auto zero = program::program_zero(control) ? std::nullopt : program::known_zero(control);
+  const auto zero =
+      program::program_zero(control) ? std::nullopt : program::workpiece_zero(control);
   std::set<int> visited;
   for (std::size_t i = 0; i < job.samples.block.size(); ++i) {
     const program::Block& block = job.path.blocks[std::size_t(job.samples.block[i])];
@@ -389,13 +390,13 @@ cutting::Surface ProgramShift::surface(const Vector3d& shift) const {
   }
   if (shift.isZero(0.0)) return sweep_.surface(thinned_w_);
   std::vector<std::vector<Pose>> poses;
-  for (const Job& part : parts_of(job_)) {
+  for (const Job& part : job_parts(job_)) {
     poses.push_back(part.T_wt_nominal);
     for (std::size_t i = 0; i < poses.back().size(); ++i)
       poses.back()[i].translation() += displacement_.at(part, i, shift);
   }
   std::vector<ToolSweep> sweeps;
-  for (const Job& part : parts_of(job_))
+  for (const Job& part : job_parts(job_))
     sweeps.push_back({part.scene.tool.nominal, part.samples, poses[sweeps.size()],
                       part.machine.nominal, part.machine.workpiece_spindle});
   return machined_surface(thinned_w_, sweeps, {.band = search_band_, .progress = {}});

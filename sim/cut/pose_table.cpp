@@ -29,9 +29,10 @@ constexpr std::size_t poses_per_block = 64, blocks_at_once = 64;
 constexpr const char* jacobian_rows[] = {"dx", "dy", "dz", "da", "db", "dc"};
 constexpr const char* coordinates = "xyz";
 
-void add_heads(std::vector<std::string>& heads, const std::string& quantity, const char* unit) {
+void add_heads(std::vector<std::string>& column_names, const std::string& quantity,
+               const char* unit) {
   for (int i = 0; i < 3; ++i)
-    heads.push_back(fmt::format("{}_{}_{}", quantity, coordinates[i], unit));
+    column_names.push_back(fmt::format("{}_{}_{}", quantity, coordinates[i], unit));
 }
 
 /// Returns the columns of a Jacobian whose error element exists on a chain by ISO 230-1, and
@@ -87,20 +88,20 @@ void append_csv(std::string& text, const PoseList& poses, std::size_t i,
 }
 
 void append_json(std::string& text, const PoseList& poses, std::size_t i,
-                 const std::vector<double>& numbers, const std::vector<std::string>& heads) {
+                 const std::vector<double>& numbers, const std::vector<std::string>& column_names) {
   text += fmt::format("{}    {{\"pose\": {}", i > 0 ? ",\n" : "", i + 1);
   const std::size_t width = poses.columns.size();
   for (std::size_t k = 0; k < width; ++k)
     text += fmt::format(", \"{}\": {}", poses.columns[k].head, poses.numbers[i * width + k]);
   for (std::size_t k = 0; k < numbers.size(); ++k)
-    text += fmt::format(", \"{}\": {}", heads[k], numbers[k]);
+    text += fmt::format(", \"{}\": {}", column_names[k], numbers[k]);
   text += '}';
 }
 
 std::string csv_head(const PoseTable& table, const PoseList& poses) {
   std::string text = "pose";
   for (const PoseList::Column& column : poses.columns) text += "," + column.head;
-  for (const std::string& head : table.heads()) text += "," + head;
+  for (const std::string& head : table.column_names()) text += "," + head;
   return text + "\n";
 }
 
@@ -123,7 +124,7 @@ PoseBlock compute_block(const PoseTable& table, const PoseList& poses, TableForm
       if (format == TableFormat::Csv)
         append_csv(result.text, poses, i, row.numbers);
       else
-        append_json(result.text, poses, i, row.numbers, table.heads());
+        append_json(result.text, poses, i, row.numbers, table.column_names());
     } catch (const std::out_of_range& range_error) {
       result.error_pose = i;
       result.error = range_error.what();
@@ -303,10 +304,11 @@ PoseResult pose_at(const Scene& scene, const std::string& positions, const PoseR
   kinematics::AxisState state;
   state.q = parse_positions(positions, idle.machine.nominal, "--at", Within::Travel);
   const auto requested_part = [](const auto& columns) {
-    return std::vector(columns.begin() + std::ptrdiff_t(PoseTable::always), columns.end());
+    return std::vector(columns.begin() + std::ptrdiff_t(PoseTable::fixed_column_count),
+                       columns.end());
   };
   try {
-    return {tip_pose(idle, state), table.requested_columns(), requested_part(table.heads()),
+    return {tip_pose(idle, state), table.requested_columns(), requested_part(table.column_names()),
             requested_part(table.row(state).numbers), pose_warnings(idle, state.q, state.q)};
   } catch (const std::out_of_range& range_error) {
     throw BadInput("--at", 1, 0, "positions inside the tables of the errors", range_error.what());
@@ -337,7 +339,7 @@ double number_at(const Cell& cell) {
   const auto number = number_of(cell.text);
   if (!number)
     throw_grid_error(std::size_t(cell.column) - 1, "a number in mm or degrees",
-                     in_quotes(cell.text));
+                     quoted_excerpt(cell.text));
   return *number;
 }
 
@@ -346,7 +348,7 @@ int count_at(const Cell& cell) {
   if (!number || *number != std::floor(*number) || *number < 2 || *number > max_grid_poses)
     throw_grid_error(std::size_t(cell.column) - 1,
                      fmt::format("a count of 2 .. {} points", max_grid_poses),
-                     in_quotes(cell.text));
+                     quoted_excerpt(cell.text));
   return int(*number);
 }
 
@@ -355,7 +357,7 @@ int count_at(const Cell& cell) {
 AxisRange parse_range(std::string_view text, std::size_t column) {
   AxisRange range;
   range.column = column;
-  std::vector<Cell> cells = cells_of(text, ':', 3);
+  std::vector<Cell> cells = split_cells(text, ':', 3);
   for (Cell& cell : cells) cell.column += int(column);
   if (cells.size() > 3) throw_grid_error(std::size_t(cells[3].column) - 1, "from:to:count", "more");
   if (cells.size() == 1) {
@@ -380,12 +382,12 @@ std::vector<std::optional<AxisRange>> parse_grid(const Chain& chain, const std::
     const auto joint = chain.find(text[i]);
     if (!joint || !is_positioned(chain.joints()[std::size_t(*joint)]))
       throw_grid_error(i, "an axis of this machine (" + axis_names(chain) + ")",
-                       in_quotes(std::string(1, text[i])));
+                       quoted_excerpt(std::string(1, text[i])));
     auto& range = ranges[std::size_t(*joint)];
-    if (range) throw_grid_error(i, "every axis once", in_quotes(text.substr(i, 1)) + " again");
+    if (range) throw_grid_error(i, "every axis once", quoted_excerpt(text.substr(i, 1)) + " again");
     if (i + 1 == text.size() || text[i + 1] != '=')
       throw_grid_error(i + 1, "= after the axis, such as X=0:400:9",
-                       i + 1 == text.size() ? "nothing" : in_quotes(text.substr(i + 1, 1)));
+                       i + 1 == text.size() ? "nothing" : quoted_excerpt(text.substr(i + 1, 1)));
     const std::size_t start = i + 2;
     for (i = start; i < text.size() && !is_gap(i);) ++i;
     range = parse_range(std::string_view(text).substr(start, i - start), start);

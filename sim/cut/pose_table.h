@@ -42,8 +42,9 @@ class PoseTable {
   /// Returns the column names: tip_x_mm ..., deviation_x_um ..., deviation_um, direction_x_urad
   /// ..., direction_urad; for a source EXX_x_um ..., EXX_x_urad ...; the remainder that the
   /// requested sources leave, rest_x_um ...; then the Jacobians.
-  const std::vector<std::string>& heads() const { return heads_; }
-  static constexpr std::size_t always = 11;  ///< number of columns before the requested ones
+  const std::vector<std::string>& column_names() const { return heads_; }
+  static constexpr std::size_t fixed_column_count =
+      11;  ///< number of columns before the requested ones
 
   /// The six columns of a requested quantity.
   struct ColumnGroup {
@@ -105,8 +106,8 @@ PoseStatistics write_poses(const PoseTable& table, const PoseList& poses, TableF
 struct PoseResult {
   TipPose pose;
   std::vector<PoseTable::ColumnGroup> requested_columns;  ///< quantities in addition to the pose
-  std::vector<std::string> heads;  ///< (6 x requested) as in a table of poses
-  std::vector<double> numbers;     ///< (heads)
+  std::vector<std::string> column_names;  ///< (6 x requested) as in a table of poses
+  std::vector<double> numbers;            ///< (heads)
   std::vector<std::string> warnings;
 };
 

@@ -16,16 +16,16 @@ using errors::Load;
 ProcessTotals totals(const Process& process) {
   ProcessTotals sums;
   for (const ProcessStep& step : process.steps) {
-    const double force = step.load.on_tool_t.head<3>().norm();
+    const double force = step.load.tool_wrench_t.head<3>().norm();
     sums.removed += step.removed;
-    sums.force_max = std::max(sums.force_max, force);
-    sums.torque_max = std::max(sums.torque_max, step.torque);
-    sums.power_max_W = std::max(sums.power_max_W, step.power_W);
-    sums.iterations_max = std::max(sums.iterations_max, step.iterations);
-    sums.contraction_max = std::max(sums.contraction_max, step.contraction);
+    sums.max_force = std::max(sums.max_force, force);
+    sums.max_torque = std::max(sums.max_torque, step.torque);
+    sums.max_power_W = std::max(sums.max_power_W, step.power_W);
+    sums.max_iterations = std::max(sums.max_iterations, step.iterations);
+    sums.max_contraction = std::max(sums.max_contraction, step.contraction);
     if (force > 0.0) {
       sums.force_sum += force;
-      ++sums.loaded;
+      ++sums.loaded_steps;
     }
     if (step.converged) continue;
     ++sums.open;
@@ -46,11 +46,11 @@ Load load_at(const Process& process, double time_s) {
   const double fraction =
       (time_s - previous_step.time_s) / (next_step->time_s - previous_step.time_s);
   Load load;
-  load.on_tool_t =
-      (1 - fraction) * previous_step.load.on_tool_t + fraction * next_step->load.on_tool_t;
+  load.tool_wrench_t =
+      (1 - fraction) * previous_step.load.tool_wrench_t + fraction * next_step->load.tool_wrench_t;
   // An unloaded step has no contact point.
-  const bool is_loaded_before = !previous_step.load.on_tool_t.isZero(0.0),
-             is_loaded_after = !next_step->load.on_tool_t.isZero(0.0);
+  const bool is_loaded_before = !previous_step.load.tool_wrench_t.isZero(0.0),
+             is_loaded_after = !next_step->load.tool_wrench_t.isZero(0.0);
   if (is_loaded_before && is_loaded_after)
     load.contact_t =
         (1 - fraction) * previous_step.load.contact_t + fraction * next_step->load.contact_t;
@@ -154,7 +154,7 @@ std::optional<RevolutionSwing> revolution_swing(const Process& process) {
   if (!process.turned) return std::nullopt;
   std::vector<double> force;
   for (const ProcessStep& step : process.steps)
-    force.push_back(step.load.on_tool_t.head<3>().norm());
+    force.push_back(step.load.tool_wrench_t.head<3>().norm());
   if (const auto swing = find_alternating_swing(process, force)) return swing;
   // Forces that alternate do not leap: the tool leaves the work only in a stronger swing.
   return find_leaping_swing(process, force);
@@ -355,7 +355,7 @@ std::vector<Activity> activity(const Scene& scene, const Machine& machine,
   std::vector<Activity> knots;
   if (!scene.thermal) return knots;
   const ThermalDescription& thermal = *scene.thermal;
-  double time_s = -history_s(thermal);
+  double time_s = -history_duration(thermal);
   for (const ThermalPhase& phase : thermal.history) {
     // The last phase ends exactly at the start of the program; a sum of durations is rounded.
     const double end_s = &phase == &thermal.history.back() ? 0.0 : time_s + phase.duration;

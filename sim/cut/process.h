@@ -46,14 +46,14 @@ struct Process {
 
 /// Sums and largest values over the steps of a process.
 struct ProcessTotals {
-  double removed = 0.0;     ///< mm^3
-  double force_max = 0.0;   ///< N
-  double force_sum = 0.0;   ///< N, over the loaded steps
-  std::size_t loaded = 0;   ///< number of steps with a force
-  double torque_max = 0.0;  ///< N mm
-  double power_max_W = 0.0;
-  int iterations_max = 0;
-  double contraction_max = 0.0;
+  double removed = 0.0;          ///< mm^3
+  double max_force = 0.0;        ///< N
+  double force_sum = 0.0;        ///< N, over the loaded steps
+  std::size_t loaded_steps = 0;  ///< number of steps with a force
+  double max_torque = 0.0;       ///< N mm
+  double max_power_W = 0.0;
+  int max_iterations = 0;
+  double max_contraction = 0.0;
   std::size_t open = 0;           ///< number of steps that did not converge
   double max_disagreement = 0.0;  ///< mm, largest of those steps
 };

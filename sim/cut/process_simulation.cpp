@@ -213,7 +213,7 @@ bool ForceLoop::evaluate(const Load& load) {
   const Pose T_wt_next = pose_(sample_, cut_.load);
   // An unloaded tool has no contact point, so that of the assumed load is used.
   const Eigen::Vector3d contact_t =
-      cut_.load.on_tool_t.isZero(0.0) ? load.contact_t : cut_.load.contact_t;
+      cut_.load.tool_wrench_t.isZero(0.0) ? load.contact_t : cut_.load.contact_t;
   step_.disagreement = (T_wt_next * contact_t - T_wt_ * contact_t).norm();
   step_.load = cut_.load;
   return step_.disagreement <= description_.tolerance;
@@ -228,7 +228,7 @@ bool ForceLoop::iterate(Load load) {
   while (step_.iterations < description_.max_iterations) {
     if (evaluate(load)) return true;
     const double change = step_.disagreement;
-    const kinematics::Wrench difference = cut_.load.on_tool_t - load.on_tool_t;
+    const kinematics::Wrench difference = cut_.load.tool_wrench_t - load.tool_wrench_t;
     // Changes below a hundred tolerances come from the grid of the stock at the ends of arcs, and
     // their ratio is not that of the loop.
     if (last_change > 100 * description_.tolerance && relaxation == 1.0)
@@ -242,8 +242,8 @@ bool ForceLoop::iterate(Load load) {
           std::clamp(-relaxation * last_difference.head<3>().dot(difference_change.head<3>()) /
                          difference_change.head<3>().squaredNorm(),
                      0.05, 2.0);
-    load.on_tool_t += relaxation * difference;
-    if (!cut_.load.on_tool_t.isZero(0.0)) load.contact_t = cut_.load.contact_t;
+    load.tool_wrench_t += relaxation * difference;
+    if (!cut_.load.tool_wrench_t.isZero(0.0)) load.contact_t = cut_.load.contact_t;
     last_difference = difference;
     last_change = change;
   }
@@ -258,22 +258,22 @@ bool ForceLoop::bracket() {
   constexpr int max_directions = 8, max_halvings = 60;  // 60 exhaust the digits of a double
   evaluate({});
   Load rigid = cut_.load;
-  if (rigid.on_tool_t.isZero(0.0)) return true;
+  if (rigid.tool_wrench_t.isZero(0.0)) return true;
   for (int direction = 0; direction < max_directions; ++direction) {
     double low = 0.0, high = 1.0;  // the load of the cut is above `low` and below `high`
     Load load = rigid, larger_load = rigid;
     for (int i = 0; i < max_halvings; ++i) {
       const double fraction = 0.5 * (low + high);
       load = rigid;
-      load.on_tool_t *= fraction;
+      load.tool_wrench_t *= fraction;
       if (evaluate(load)) return true;
-      const bool is_larger = cut_.load.on_tool_t.head<3>().dot(rigid.on_tool_t.head<3>()) >
-                             fraction * rigid.on_tool_t.head<3>().squaredNorm();
+      const bool is_larger = cut_.load.tool_wrench_t.head<3>().dot(rigid.tool_wrench_t.head<3>()) >
+                             fraction * rigid.tool_wrench_t.head<3>().squaredNorm();
       if (is_larger) larger_load = cut_.load;
       (is_larger ? low : high) = fraction;
       const Pose T_other_end = pose_(sample_, [&] {
         Load bracket_end = rigid;
-        bracket_end.on_tool_t *= is_larger ? high : low;
+        bracket_end.tool_wrench_t *= is_larger ? high : low;
         return bracket_end;
       }());
       // The deflections at both ends of the bracket agree although the loads differ: the force
@@ -283,20 +283,20 @@ bool ForceLoop::bracket() {
         break;
     }
     // The deflection is now known for the assumed direction; the cut may push in another one.
-    const double magnitude = load.on_tool_t.head<3>().norm();
+    const double magnitude = load.tool_wrench_t.head<3>().norm();
     const kinematics::Wrench new_wrench =
-        larger_load.on_tool_t * (magnitude / larger_load.on_tool_t.head<3>().norm());
+        larger_load.tool_wrench_t * (magnitude / larger_load.tool_wrench_t.head<3>().norm());
     Load new_load = larger_load;
-    new_load.on_tool_t = new_wrench;
+    new_load.tool_wrench_t = new_wrench;
     const Pose T_new = pose_(sample_, new_load);
     const double change = (T_new * rigid.contact_t - T_wt_ * rigid.contact_t).norm();
     step_.load = load;
     step_.disagreement = change;
     if (change <= description_.tolerance) return true;
     // The next bisection starts from the magnitude of the rigid load in the new direction.
-    const double rigid_magnitude = rigid.on_tool_t.head<3>().norm();
+    const double rigid_magnitude = rigid.tool_wrench_t.head<3>().norm();
     rigid = new_load;
-    rigid.on_tool_t = new_wrench * (rigid_magnitude / magnitude);
+    rigid.tool_wrench_t = new_wrench * (rigid_magnitude / magnitude);
   }
   return false;
 }
@@ -308,7 +308,7 @@ ProcessStep ForceLoop::solve(const Load& guess) {
   step_.engaged = cut_.engaged;
   step_.beyond_edge = cut_.beyond_edge;
   step_.chip = cut_.chip;
-  if (!step_.load.on_tool_t.allFinite()) {
+  if (!step_.load.tool_wrench_t.allFinite()) {
     step_.load = {};
     step_.converged = false;
   }
@@ -321,7 +321,7 @@ using kinematics::AxisState;
 ProcessSample process_sample(const cutting::CuttingLoad& cut) {
   ProcessSample result;
   result.cut = cut;
-  result.load.on_tool_t = cut.on_tool_t;
+  result.load.tool_wrench_t = cut.tool_wrench_t;
   result.load.contact_t = cut.contact_t;
   return result;
 }

@@ -45,7 +45,7 @@ std::filesystem::path find_machine_file(const std::string& name) {
   const bool is_file = std::filesystem::is_regular_file(name, error);
   const std::string library_name = is_name && !is_file ? std::string(library_prefix) + name : name;
   InputErrors input_errors;
-  const Place place{std::make_shared<const std::string>("--machine"), 0, 0, true};
+  const SourcePosition place{std::make_shared<const std::string>("--machine"), 0, 0, true};
   std::filesystem::path file = locate_file({library_name, place, "machines"}, ".", input_errors);
   if (!input_errors.empty()) throw BadScene(input_errors.list());
   return file;
@@ -59,15 +59,15 @@ Scene make_scene(const std::filesystem::path& file, const ProgramInspectionOptio
   scene.machine = read_machine(read_toml_file(file), input_errors);
   if (!input_errors.empty()) throw BadScene(input_errors.list());
   scene.tool.length = options.tool_length;
-  const auto read_table = [&](const std::filesystem::path& file, dialects::TableKind kind) {
+  const auto read_table = [&](const std::filesystem::path& file, dialects::ControlTableKind kind) {
     return ControlTableFile{file, options.table_unit,
                             dialects::read_control_table_file(file, kind, options.table_unit)};
   };
   if (!options.tools.empty())
-    scene.program.tools = read_table(options.tools, dialects::TableKind::Tools);
+    scene.program.tools = read_table(options.tools, dialects::ControlTableKind::Tools);
   if (!options.offsets.empty()) {
-    scene.program.offsets = read_table(options.offsets, dialects::TableKind::Offsets);
-    check_axes(scene.program.offsets->table, scene.machine.joints, input_errors);
+    scene.program.offsets = read_table(options.offsets, dialects::ControlTableKind::Offsets);
+    check_offset_axes(scene.program.offsets->table, scene.machine.joints, input_errors);
     if (!input_errors.empty()) throw BadScene(input_errors.list());
   }
   for (int h = 1; h <= max_tool_number; ++h) scene.program.tool_length[h] = options.tool_length;
@@ -84,9 +84,9 @@ program::NcOptions make_control(const Scene& scene, const Machine& machine,
   if (scene.program.tools) {
     // G43.4 with the H of a tool needs the control's chain to the tip of that tool.
     for (const auto& [number, length] : control.tool_length) {
-      Scene with_tool = scene;
-      with_tool.tool.number = number;
-      control.control_of_h.emplace(number, compile(with_tool).control);
+      Scene select_tool = scene;
+      select_tool.tool.number = number;
+      control.control_by_h.emplace(number, make_machine(select_tool).control);
     }
     return control;
   }
@@ -101,7 +101,7 @@ bool is_pvt(const std::filesystem::path& file, std::string_view text,
             const ProgramInspectionOptions& options) {
   if (options.dialect != dialects::Dialect::Auto) return false;
   if (file.extension() == ".pvt") return true;
-  Lines lines(text);
+  LineReader lines(text);
   while (const auto line = lines.next())
     if (!line->empty() && line->front() != '#') return line->starts_with("time_s");
   return false;
@@ -170,26 +170,27 @@ void add_machine_warnings(const ProgramInspectionOptions& options, ProgramInspec
   for (int j = 0; j < inspection.machine.control.size(); ++j) {
     const kinematics::Joint& joint = inspection.machine.control.joints()[std::size_t(j)];
     const program::AxisFigures& axis = inspection.figures.axes[std::size_t(j)];
-    if (!axis.positioned || axis.left >= -tolerance) continue;
+    if (!axis.has_position || axis.remaining_travel >= -tolerance) continue;
     inspection.beyond_travel = true;
     const double unit = joint.motion == kinematics::Motion::Rotary ? units::deg : 1.0;
-    const program::ValueAtLine& extreme = axis.least.value < joint.min ? axis.least : axis.most;
+    const program::ValueAtLine& extreme =
+        axis.lowest.value < joint.min ? axis.lowest : axis.highest;
     inspection.warnings.push_back(
         fmt::format("{} leaves its travel of {:.6g} to {:.6g} {} by {:.6g}, on line {} with {:.6g}",
                     joint.name, joint.min / unit, joint.max / unit, unit == 1.0 ? "mm" : "deg",
-                    -axis.left / unit, extreme.line, extreme.value / unit));
+                    -axis.remaining_travel / unit, extreme.line, extreme.value / unit));
   }
   if (const auto& pole = inspection.figures.pole)
     if (std::string text = pole_text(*pole, inspection.machine.control, options.pole_warning,
-                                     inspection.more_files);
+                                     inspection.subprogram_files);
         !text.empty())
       inspection.warnings.push_back(std::move(text));
-  if (inspection.figures.slowed > 0)
+  if (inspection.figures.slowed_moves > 0)
     inspection.warnings.push_back(
         fmt::format("{} moves at feed are beyond the speed of an axis, by {:.3g} times on line {}: "
                     "a control slows them down",
-                    inspection.figures.slowed, inspection.figures.max_slowed.value,
-                    inspection.figures.max_slowed.line));
+                    inspection.figures.slowed_moves, inspection.figures.max_slow_down.value,
+                    inspection.figures.max_slow_down.line));
 }
 
 /// Converts a path to the requested format.
@@ -200,12 +201,12 @@ void convert(const program::Path& path, const program::NcOptions& control,
         program::convert_to_pvt(path, inspection.machine.control, {.within = options.within});
     std::vector<int> columns;
     for (int j = 0; j < inspection.machine.control.size(); ++j)
-      if (inspection.figures.axes[std::size_t(j)].positioned) columns.push_back(j);
+      if (inspection.figures.axes[std::size_t(j)].has_position) columns.push_back(j);
     inspection.converted = program::write_pvt(pvt.rows, control.axes, columns);
     inspection.notes.push_back(
         fmt::format("{} rows, {:.3g} um from the path at most (a rotary axis "
                     "counts with 100 mm); the spindle is left out",
-                    pvt.rows.size(), pvt.off * 1e3));
+                    pvt.rows.size(), pvt.max_deviation * 1e3));
     return;
   }
   std::vector<std::vector<program::CorrectedPoint>> points(path.blocks.size());
@@ -226,10 +227,10 @@ void convert(const program::Path& path, const program::NcOptions& control,
   // The written positions contain the offsets, so the control must add none.
   program::NcOptions without_offsets = control;
   without_offsets.work_offset = {};
-  without_offsets.more_offset.clear();
-  inspection.converted = program::rewritten(path, points, without_offsets,
-                                            // finer than any control reads
-                                            {.word_mm = 1e-6, .word_rad = 1e-6 * units::deg})
+  without_offsets.extra_offsets.clear();
+  inspection.converted = program::rewrite_program(path, points, without_offsets,
+                                                  // finer than any control reads
+                                                  {.word_mm = 1e-6, .word_rad = 1e-6 * units::deg})
                              .text;
   if (chords > 0)
     inspection.notes.push_back(
@@ -241,8 +242,8 @@ void convert(const program::Path& path, const program::NcOptions& control,
 
 }  // namespace
 
-std::vector<std::filesystem::path> inputs_of(const std::filesystem::path& program,
-                                             const ProgramInspectionOptions& options) {
+std::vector<std::filesystem::path> inspection_inputs(const std::filesystem::path& program,
+                                                     const ProgramInspectionOptions& options) {
   std::vector<std::filesystem::path> files{program, find_machine_file(options.machine)};
   for (const std::filesystem::path& table : {options.tools, options.offsets})
     if (!table.empty()) files.push_back(table);
@@ -257,9 +258,9 @@ class ProgramMeter {
   ProgramMeter(ProgramInspection& inspection, const program::NcOptions& control,
                const ProgramInspectionOptions& options)
       : meter_(inspection.machine.control,
-               {inspection.description.rapid_speed, inspection.description.rapid_turn,
+               {inspection.description.rapid_speed, inspection.description.rapid_rotation_speed,
                 options.pole_warning},
-               &control.control_of_h),
+               &control.control_by_h),
         tracer_(inspection.trace) {
     if (options.trace)
       meter_.on_tip_point = [this](const Eigen::Vector3d& tip_w, bool rapid) {
@@ -342,11 +343,11 @@ void read_and_measure(const std::string& text, const program::NcOptions& control
         meter.add_in_background(std::move(segment));
       };
     if (progress) read_options.progress = [&](double fraction) { progress("read", fraction); };
-    dialects::ReadProgram result =
+    dialects::ParsedProgram result =
         dialects::read_program(text, inspection.file.string(), read_options);
     if (needs_path) meter.add(result.path);
     inspection.dialect = name_of(result.dialect);
-    inspection.sign = result.sign;
+    inspection.dialect_evidence = result.dialect_evidence;
     inspection.turning = result.turning;
     inspection.executed = result.blocks;
     inspection.skipped = std::move(result.skipped);
@@ -356,7 +357,7 @@ void read_and_measure(const std::string& text, const program::NcOptions& control
     path = std::move(result.path);
   }
   meter.finish(inspection);
-  inspection.more_files = path.more_files;
+  inspection.subprogram_files = path.subprogram_files;
   inspection.assumptions = path.assumptions;
   inspection.tools = program_tools(path.tool_calls, inspection.figures.blocks);
   inspection.tool_comments = path.tool_comments;
@@ -370,13 +371,13 @@ ProgramInspection inspect_program(const std::filesystem::path& program,
                                   const Progress& progress) {
   const std::filesystem::path machine_file = find_machine_file(options.machine);
   const Scene scene = make_scene(machine_file, options);
-  const Machine machine = compile(scene);
+  const Machine machine = make_machine(scene);
   const program::NcOptions control = make_control(scene, machine, options);
   if (progress) progress("read", 0.0);
   const std::string text = read_text(program, control.max_bytes);
   ProgramInspection inspection{.file = program,
                                .dialect = {},
-                               .sign = {},
+                               .dialect_evidence = {},
                                .interpreter = options.interpreter,
                                .machine_name = scene.machine.name,
                                .machine_file = machine_file,

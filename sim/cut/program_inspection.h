@@ -65,8 +65,8 @@ struct TipTrace {
 /// The result of inspecting a program.
 struct ProgramInspection {
   std::filesystem::path file;
-  std::string dialect, sign;  ///< `sign` is the evidence for the dialect; the dialect of a table of
-                              ///< times is "pvt"
+  std::string dialect, dialect_evidence;  ///< `dialect_evidence` is the evidence for the dialect;
+                                          ///< the dialect of a table of times is "pvt"
   dialects::Interpreter interpreter = dialects::Interpreter::Abbe;
   bool turning = false;  ///< true if read as by a turning control
   std::string machine_name;
@@ -78,7 +78,7 @@ struct ProgramInspection {
   Machine machine;
   std::size_t lines = 0, bytes = 0;
   std::size_t executed = 0;  ///< number of executed blocks; those of loops count each time
-  std::vector<std::string> more_files = {};
+  std::vector<std::string> subprogram_files = {};
   program::PathFigures figures = {};
   std::vector<dialects::UsedWord> words = {};
   std::vector<dialects::SkippedWord> skipped = {};
@@ -93,8 +93,8 @@ struct ProgramInspection {
 };
 
 /// Returns the files that an inspection reads.
-std::vector<std::filesystem::path> inputs_of(const std::filesystem::path& program,
-                                             const ProgramInspectionOptions& options);
+std::vector<std::filesystem::path> inspection_inputs(const std::filesystem::path& program,
+                                                     const ProgramInspectionOptions& options);
 
 /// Inspects a program. Its blocks are not kept unless the conversion needs them.
 /// @param progress  stages "read" and "words"

@@ -88,17 +88,17 @@ WorkSize expected_size(const Scene& scene) {
   size.blocks = file ? estimated_blocks(file->file) : 3e4;
   size.samples = 8.0 * size.blocks;
   size.stock = scene.cutting.has_value();
-  size.collisions = scene.collision.on;
+  size.collisions = scene.collision.is_enabled;
   return size;
 }
 
-WorkSize size_of(const Job& job) {
+WorkSize work_size(const Job& job) {
   return {double(job.design_w.vertices.rows()),
           double(job.path.blocks.size()),
           double(job.windows ? job.windows->samples : job.samples.states.size()),
           job.scene.cutting.has_value(),
           !job.program_text.empty(),
-          job.scene.collision.on,
+          job.scene.collision.is_enabled,
           job.windows ? double(job.windows->max_window_samples) : 0.0};
 }
 
@@ -183,7 +183,7 @@ std::vector<Stage> film_stages(const std::string& part, const WorkSize& size, do
           {part, "encode", seconds_per_file + frames * seconds_per_pixel_encoded * pixels}};
 }
 
-double seconds_of(const std::vector<Stage>& stages) {
+double total_seconds(const std::vector<Stage>& stages) {
   double seconds = 0.0;
   for (const Stage& stage : stages) seconds += stage.seconds;
   return seconds;

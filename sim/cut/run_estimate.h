@@ -25,7 +25,7 @@ struct WorkSize {
 /// Returns a rough size of a scene before it is prepared.
 WorkSize expected_size(const Scene& scene);
 /// Returns the size of a prepared job.
-WorkSize size_of(const Job& job);
+WorkSize work_size(const Job& job);
 
 /// Returns the stages of preparing a scene.
 /// @param part  name in front of the stages
@@ -61,7 +61,7 @@ std::vector<Stage> film_stages(const std::string& part, const WorkSize& size, do
 std::vector<Stage> comparison_stages(const std::string& part, const WorkSize& size, double maps);
 
 /// Returns the sum of the seconds of stages.
-double seconds_of(const std::vector<Stage>& stages);
+double total_seconds(const std::vector<Stage>& stages);
 /// Returns the stages of both, one after the other.
 std::vector<Stage> operator+(std::vector<Stage> first, std::vector<Stage> second);
 

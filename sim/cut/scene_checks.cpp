@@ -50,7 +50,7 @@ std::string rounded_count(double count) {
 
 /// Returns the keys that set the largest fraction of the memory: those of the vertices of the part,
 /// or those of the program.
-std::vector<std::string> dominant_byte_keys(const Scene& scene, const Work& work) {
+std::vector<std::string> dominant_byte_keys(const Scene& scene, const WorkEstimate& work) {
   const double vertex_bytes = bytes_per_vertex * work.vertices;
   if (!work.by.empty() && vertex_bytes < 0.5 * work.bytes) return work.by;
   return {std::holds_alternative<MeshFile>(scene.part.shape) ? "part.file" : "part.vertices"};
@@ -60,15 +60,16 @@ std::vector<std::string> dominant_byte_keys(const Scene& scene, const Work& work
 
 BadInput scene_limit_error(const Scene& scene, const std::vector<std::string>& keys,
                            const std::string& expected, const std::string& seen) {
-  const Place* place = nullptr;
+  const SourcePosition* place = nullptr;
   double smallest_value = 0.0;
   for (const std::string& key : keys) {
     const Node* node = scene.tree ? find_node(*scene.tree, key) : nullptr;
     if (!node) continue;
     const double value = node_number(*node);
     // A typed key is what the user has just changed.
-    const bool is_preferred = !place || (node->place.typed && !place->typed) ||
-                              (node->place.typed == place->typed && value < smallest_value);
+    const bool is_preferred =
+        !place || (node->place.from_command_line && !place->from_command_line) ||
+        (node->place.from_command_line == place->from_command_line && value < smallest_value);
     if (!is_preferred) continue;
     place = &node->place;
     smallest_value = value;
@@ -93,8 +94,8 @@ std::size_t max_program_samples() {
   return std::size_t(std::min(50e6, 0.8 * memory_bytes() / bytes_per_sample));
 }
 
-Work estimate_work(const Scene& scene, const Part& part) {
-  Work work;
+WorkEstimate estimate_work(const Scene& scene, const Part& part) {
+  WorkEstimate work;
   work.vertices = double(part.design_m.vertices.rows());
   const Eigen::Vector2d range = work.range = part.upper - part.lower;
   if (const auto* raster = std::get_if<program::Raster>(&scene.program.source)) {
@@ -122,13 +123,13 @@ Work estimate_work(const Scene& scene, const Part& part) {
   return work;
 }
 
-Work windowed_work(Work work) {
+WorkEstimate windowed_work(WorkEstimate work) {
   work.bytes -= bytes_per_sample * work.samples;
   work.samples = 0.0;
   return work;
 }
 
-void check_work(const Scene& scene, const Work& work) {
+void check_work(const Scene& scene, const WorkEstimate& work) {
   if (work.points > max_points)
     throw scene_limit_error(
         scene, work.by, fmt::format("a program of at most {} points", rounded_count(max_points)),
@@ -153,7 +154,7 @@ void check_work(const Scene& scene, const Work& work) {
                     rounded_count(work.vertices)));
 }
 
-std::string remark(const Work& work) {
+std::string work_remark(const WorkEstimate& work) {
   if (work.points < max_unreported_points && work.vertices < max_unreported_vertices) return "";
   return fmt::format("about {} points of the program in {} passes, {} vertices, at least {:.1f} GB",
                      rounded_count(work.points), rounded_count(work.passes),
@@ -330,8 +331,8 @@ std::vector<std::string> feed_warnings(const Scene& scene, const Machine& machin
   return warnings;
 }
 
-std::string pole_text(const program::NearPole& pole, const kinematics::Chain& chain, double within,
-                      const std::vector<std::string>& more_files) {
+std::string pole_text(const program::PoleApproach& pole, const kinematics::Chain& chain,
+                      double within, const std::vector<std::string>& subprogram_files) {
   if (pole.turned < min_reported_pole_turn) return {};
   const auto axis_name = [&](int joint) { return chain.joints()[std::size_t(joint)].name; };
   return fmt::format(
@@ -339,7 +340,7 @@ std::string pole_text(const program::NearPole& pole, const kinematics::Chain& ch
       "by {:.3g} deg ({}; the pole is at {} {:.4g}): nearer than {:.4g} deg {} turns by "
       "{:.4g} deg in all, at up to {:.4g} deg/min as programmed",
       axis_name(pole.axis), axis_name(pole.axis), pole.angle / units::deg,
-      program::line_text(more_files, pole.line, pole.file), axis_name(pole.other),
+      program::line_label(subprogram_files, pole.line, pole.file), axis_name(pole.other),
       // Adding 0.0 removes the sign of -0.
       pole.at / units::deg + 0.0, within / units::deg, axis_name(pole.axis),
       pole.turned / units::deg, pole.fastest / units::deg * 60.0);
@@ -356,13 +357,14 @@ std::vector<std::string> pole_warnings(const Scene& scene, const Machine& machin
   const program::NcOptions control = nc_options(scene, machine);
   program::PathMeter meter(machine.control,
                            {.rapid_speed = scene.machine.rapid_speed,
-                            .rapid_turn = scene.machine.rapid_turn,
+                            .rapid_rotation_speed = scene.machine.rapid_rotation_speed,
                             .pole = program_file->pole_warning},
-                           &control.control_of_h);
+                           &control.control_by_h);
   meter.add(path);
   const auto pole = meter.figures().pole;
   if (!pole) return {};
-  std::string text = pole_text(*pole, machine.control, program_file->pole_warning, path.more_files);
+  std::string text =
+      pole_text(*pole, machine.control, program_file->pole_warning, path.subprogram_files);
   if (text.empty()) return {};
   return {std::move(text)};
 }
@@ -510,7 +512,7 @@ bool is_sparse(const JudgedVertices& judged, const ToolDescription& tool) {
 
 std::vector<std::string> program_warnings(const Scene& scene, const cutting::Design& design_w,
                                           const program::Path& path,
-                                          const program::Unreached& unreached) {
+                                          const program::UnreachedPoints& unreached) {
   std::vector<std::string> warnings = tool_comment_warnings(path, all_tools(scene));
   for (std::string text :
        {unreached_text(unreached), no_feed_text(path), unit_change_text(path),
@@ -534,7 +536,7 @@ ShankContacts shank_contacts(const Scene& scene, const cutting::Design& design_w
       {.length = scene.tool.length, .band = scene.band, .radius = shank_radius(scene, *cutter)});
   if (scene.tool.holder)
     contacts.holder = cutting::non_cutting_contact(
-        design_w, cutting::non_cutting_pieces(*scene.tool.holder), motion, scene.band);
+        design_w, cutting::non_cutting_sections(*scene.tool.holder), motion, scene.band);
   return contacts;
 }
 
@@ -561,7 +563,7 @@ std::vector<std::string> shank_warnings(const Scene& scene, const ShankContacts&
     warnings.push_back(fmt::format(
         "{} goes more than {:.4g} mm into the design at {} vertices{}, {} {:.3f} mm deep (line {}, "
         "first line {})",
-        what, contact->passed, contact->vertices, contacts.in_windows ? " or more" : "",
+        what, contact->tolerated_depth, contact->vertices, contacts.in_windows ? " or more" : "",
         contact->deeper ? "at least" : "up to", contact->deepest, contact->line,
         contact->first_line));
   };

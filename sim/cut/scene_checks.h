@@ -35,7 +35,7 @@ std::string windows_obstacle_text(const std::string& windows_obstacle);
 std::size_t max_program_samples();
 
 /// Estimated size of what is generated and judged.
-struct Work {
+struct WorkEstimate {
   double passes = 0.0;
   double points = 0.0;   ///< on the passes; 0 for a program from a file
   double samples = 0.0;  ///< on the passes, lower bound
@@ -45,17 +45,17 @@ struct Work {
   std::vector<std::string> by;                      ///< keys that set passes, points and samples
 };
 /// Estimates the size of a scene's program and part; points are 0 for a program from a file.
-Work estimate_work(const Scene& scene, const Part& part);
+WorkEstimate estimate_work(const Scene& scene, const Part& part);
 
 /// Returns the work of a program in windows, without the samples, which are not all in memory.
-Work windowed_work(Work work);
+WorkEstimate windowed_work(WorkEstimate work);
 
 /// Throws BadInput naming the keys and the figures if there are more than 5 million points or the
 /// memory is too small.
-void check_work(const Scene& scene, const Work& work);
+void check_work(const Scene& scene, const WorkEstimate& work);
 
 /// Returns a line about the work for the user; empty if it takes only a moment.
-std::string remark(const Work& work);
+std::string work_remark(const WorkEstimate& work);
 
 /// Returns warnings about feeds that no operator would allow, a sentence each with the first line:
 /// with the spindle at rest or turning against the teeth, at less than 5 mm/min or 0.5 um a
@@ -69,8 +69,8 @@ std::vector<std::string> feed_warnings(const Scene& scene, const Machine& machin
 /// and the turn and speed of the free axis. Empty if that turns by less than 10 degrees.
 /// @param within      distance that counts as near, rad
 /// @param more_files  as in Path
-std::string pole_text(const program::NearPole& pole, const kinematics::Chain& chain, double within,
-                      const std::vector<std::string>& more_files);
+std::string pole_text(const program::PoleApproach& pole, const kinematics::Chain& chain,
+                      double within, const std::vector<std::string>& subprogram_files);
 
 /// Returns the same warnings for a scene with a program from a file.
 /// @param machine  compiled from the scene
@@ -106,7 +106,7 @@ std::optional<double> narrowest_half_width(const PartDescription& part);
 /// spindle.
 std::vector<std::string> program_warnings(const Scene& scene, const cutting::Design& design_w,
                                           const program::Path& path,
-                                          const program::Unreached& unreached);
+                                          const program::UnreachedPoints& unreached);
 
 /// Contacts of shank and holder of the scene's tool with the design.
 struct ShankContacts {

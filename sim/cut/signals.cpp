@@ -210,7 +210,7 @@ ProcessRows process_rows(const Process& process, const VectorXd& time_s) {
   ProcessRows rows{Eigen::MatrixXd::Zero(row_count, 3), zero, zero, zero, zero, zero};
   std::size_t next_step = 0;
   for (Eigen::Index i = 0; i < row_count; ++i) {
-    rows.force.row(i) = load_at(process, time_s[i]).on_tool_t.head<3>().transpose();
+    rows.force.row(i) = load_at(process, time_s[i]).tool_wrench_t.head<3>().transpose();
     for (; next_step < process.steps.size() && process.steps[next_step].time_s <= time_s[i];
          ++next_step)
       rows.removed[i] += process.steps[next_step].removed;

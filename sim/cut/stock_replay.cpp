@@ -166,7 +166,7 @@ class StockSearch {
       if ((body.kind == Kind::Cutter || (body.kind == Kind::Shank && !has_own_radius(body))) &&
           !is_ignored_body(body.name))
         tool_bodies_.push_back(
-            {body.kind, body.name, body.frame, searched(body), search_core(body)});
+            {body.kind, body.name, body.frame, search_body(body), search_core(body)});
   }
 
   StockCollisions result;
@@ -242,7 +242,8 @@ class StockSearch {
     if (body.kind == Kind::Cutter || (is_shank && !has_own_radius(body))) return;
     if (is_ignored_body(body.name)) return;
     // The clearance of a neck tells nothing, since it moves along the wall that its cutter cuts.
-    watched_bodies_.push_back({body.name, body.frame, is_shank ? search_core(body) : searched(body),
+    watched_bodies_.push_back({body.name, body.frame,
+                               is_shank ? search_core(body) : search_body(body),
                                is_shank ? 0.0 : options().clearance});
   }
 
@@ -337,9 +338,10 @@ class StockSearch {
     const Pose &from = poses_[std::size_t(watched.frame)],
                &to = next_poses[std::size_t(watched.frame)];
     // The last distance minus the motion since then is a lower bound.
-    const double motion = cutting::farthest(from, to, watched.body);
+    const double motion = cutting::max_displacement(from, to, watched.body);
     const auto is_far = [&] {
-      return watched.distance - cutting::farthest(watched.T_w, from, watched.body) - motion >
+      return watched.distance - cutting::max_displacement(watched.T_w, from, watched.body) -
+                 motion >
              relevant_distance(watched);
     };
     if (is_far()) return;
@@ -363,7 +365,7 @@ class StockSearch {
     approach_options.within = approach_tolerance;
     approach_options.share = approach_fraction;
     // The queries take half of the tolerance, the search along the step the other half.
-    approach_options.rough = 0.5 * approach_fraction;
+    approach_options.query_error = 0.5 * approach_fraction;
     const cutting::Approach closest = cutting::approach(
         mesh_, watched.body, kinematics::screw_between(from, to), approach_options);
     result.queries += std::size_t(closest.queries);
@@ -392,9 +394,9 @@ class StockSearch {
     watched.is_touching = closest.contact;
     if (closest.contact) begin_contact(watched, event, k, closest.u);
     // A near miss begins where the body comes within the clearance, not where it is nearest.
-    else if (const auto u =
-                 cutting::comes_within(mesh_, watched.body, kinematics::screw_between(from, to),
-                                       watched.clearance, options().resolution)) {
+    else if (const auto u = cutting::first_time_within(mesh_, watched.body,
+                                                       kinematics::screw_between(from, to),
+                                                       watched.clearance, options().resolution)) {
       event.first = actual_motion_.place(moment_in_step(k, *u));
       event.rapid = actual_motion_.is_rapid(moment_in_step(k, *u));
     }
@@ -430,10 +432,10 @@ class StockSearch {
     return {sample, position - double(sample)};
   }
 
-  Collision event(const cutting::Moment& moment, const Vector3d& place_w) const {
+  Collision event(const cutting::Moment& moment, const Vector3d& position_w) const {
     const Carriers carriers{actual_motion_.part.truth.actual.size()};
     const std::vector<Pose> T = actual_motion_.carriers(moment);
-    return collision_at(actual_motion_, moment, T[std::size_t(carriers.workpiece())] * place_w);
+    return collision_at(actual_motion_, moment, T[std::size_t(carriers.workpiece())] * position_w);
   }
 
   /// Samples the depth of a contact at fraction u of step k.
@@ -443,8 +445,8 @@ class StockSearch {
     ++depth_samples_;
     watched.last_sample.T_w = pose(watched.frame, k, u);
     watched.last_sample.depth =
-        cutting::way_out(mesh_, Pose::Identity(), watched.body, watched.last_sample.T_w).depth;
-    ++event.depths;
+        cutting::penetration(mesh_, Pose::Identity(), watched.body, watched.last_sample.T_w).depth;
+    ++event.depth_samples;
     if (watched.last_sample.depth < event.depth) return;
     event.depth = watched.last_sample.depth;
     event.worst = actual_motion_.place(moment_in_step(k, u));
@@ -457,7 +459,7 @@ class StockSearch {
   bool is_probe_needed(const WatchedBody& watched, const Collision& event, std::size_t k,
                        const Pose& to) const {
     constexpr double min_increase = 0.02, samples_per_path = 24;
-    const double motion = cutting::farthest(watched.last_sample.T_w, to, watched.body);
+    const double motion = cutting::max_displacement(watched.last_sample.T_w, to, watched.body);
     if (watched.last_sample.depth + motion <=
         std::max((1.0 + min_increase) * event.depth, event.depth + options().resolution))
       return false;
@@ -485,7 +487,7 @@ class StockSearch {
     // A near miss that becomes a contact stays one event.
     if (!event.contact && (closest.contact || closest.gap.distance < event.distance))
       replace_near_miss(watched, event, k, closest);
-    watched.last_sample.path_length += cutting::farthest(from, to, watched.body);
+    watched.last_sample.path_length += cutting::max_displacement(from, to, watched.body);
     if (watched.is_touching && is_probe_needed(watched, event, k, to))
       measure(watched, event, k, 1.0);
     if (!watched.is_touching && watched.distance > watched.clearance) watched.event_index.reset();
@@ -591,12 +593,12 @@ class StockSearch {
         line_ends.push_back(divisions * i + divisions - 1);
     const DeepestSample deepest =
         deepest_sample(divisions * begin, divisions * end, line_ends, [&](std::size_t division) {
-          return cutting::way_out(mesh_, Pose::Identity(), body.body,
-                                  pose(body.frame, crashes_[division / divisions], u(division)))
+          return cutting::penetration(mesh_, Pose::Identity(), body.body,
+                                      pose(body.frame, crashes_[division / divisions], u(division)))
               .depth;
         });
     event.depth = deepest.depth;
-    event.depths = deepest.sample_count;
+    event.depth_samples = deepest.sample_count;
     event.worst = actual_motion_.place(
         moment_in_step(crashes_[deepest.moment / divisions], u(deepest.moment)));
   }

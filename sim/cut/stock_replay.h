@@ -65,7 +65,7 @@ bool has_tracked_stock(const Job& part);
 struct StockProximity {
   std::size_t first = 0, last = 0;  ///< range of samples
   std::string body;
-  double at_least = 0.0;  ///< mm; 0 for contact
+  double lower_bound = 0.0;  ///< mm; 0 for contact
 };
 
 /// The collisions with the stock of a part.

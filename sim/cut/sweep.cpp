@@ -98,7 +98,7 @@ PassGradients joined_contacts(const Design& design_w, const Surface& surface,
 
 }  // namespace
 
-Sweep sweep_of(std::vector<ToolSweep> sweeps, const SurfaceOptions& options) {
+Sweep make_sweep(std::vector<ToolSweep> sweeps, const SurfaceOptions& options) {
   if (sweeps.size() == 1) return single_tool_sweep(sweeps.front(), options);
   std::vector<Sweep> tool_sweeps;
   for (std::size_t i = 0; i < sweeps.size(); ++i) {
@@ -129,7 +129,7 @@ Sweep sweep_of(std::vector<ToolSweep> sweeps, const SurfaceOptions& options) {
 
 cutting::Surface machined_surface(const Design& design_w, const std::vector<ToolSweep>& sweeps,
                                   const SurfaceOptions& options) {
-  return sweep_of(sweeps, options).surface(design_w);
+  return make_sweep(sweeps, options).surface(design_w);
 }
 
 Sweep sweep_in_windows(const Cutter& cutter, std::size_t windows,
@@ -158,7 +158,7 @@ Sweep sweep_in_windows(const Cutter& cutter, std::size_t windows,
           cutting::milled_gradients(design_w, window_surface, cutter, motion, previous_travel),
           0.0);
       // Path lengths continue from window to window, as in a sweep of the whole program.
-      previous_travel = cutting::way_of(motion, previous_travel).tail(1).value();
+      previous_travel = cutting::path_lengths(motion, previous_travel).tail(1).value();
     }
     return merged;
   };
@@ -174,7 +174,7 @@ ToolSweep segment_error_free_sweep(const Job& part) {
 }
 
 Sweep error_free_sweep(const Job& job, const SurfaceOptions& options) {
-  if (!job.windows) return sweep_of(error_free_sweeps(job), options);
+  if (!job.windows) return make_sweep(error_free_sweeps(job), options);
   return sweep_in_windows(
       std::get<Cutter>(job.scene.tool.nominal), job.windows->all.size(),
       [&job](std::size_t number) {
@@ -186,11 +186,11 @@ Sweep error_free_sweep(const Job& job, const SurfaceOptions& options) {
 
 std::vector<ToolSweep> error_free_sweeps(const Job& job) {
   std::vector<ToolSweep> sweeps;
-  for (const Job& part : parts_of(job)) sweeps.push_back(segment_error_free_sweep(part));
+  for (const Job& part : job_parts(job)) sweeps.push_back(segment_error_free_sweep(part));
   return sweeps;
 }
 
-SurfaceOptions options_of(const Job& job, const Progress& progress) {
+SurfaceOptions surface_options(const Job& job, const Progress& progress) {
   SurfaceOptions options{.band = job.scene.band, .progress = {}, .body = job.body_w};
   if (progress) options.progress = [progress](double fraction) { progress("surface", fraction); };
   return options;

@@ -36,7 +36,7 @@ struct Sweep {
 
 /// Prepares the sweeps of tools.
 /// @param sweeps  at least one, in order of time; their references must outlive the result
-Sweep sweep_of(std::vector<ToolSweep> sweeps, const cutting::SurfaceOptions& options);
+Sweep make_sweep(std::vector<ToolSweep> sweeps, const cutting::SurfaceOptions& options);
 
 /// Returns the surface that sweeps leave on one design.
 cutting::Surface machined_surface(const cutting::Design& design_w,
@@ -68,7 +68,7 @@ ToolSweep segment_error_free_sweep(const Job& part);
 Sweep error_free_sweep(const Job& job, const cutting::SurfaceOptions& options);
 
 /// Returns the options with the band of the scene, and progress as stage "surface".
-cutting::SurfaceOptions options_of(const Job& job, const Progress& progress);
+cutting::SurfaceOptions surface_options(const Job& job, const Progress& progress);
 
 // Extents of tool and part are compared in x y z of the part frame; those of a turned part along
 // the spindle and radially.

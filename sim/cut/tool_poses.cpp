@@ -25,7 +25,7 @@ Pose actual_pose(const ActualRun& run, std::size_t sample, errors::Load load) {
     T_wt.translation() += run.wear[sample] * run.job.scene.tool.wear->length * T_wt.linear().col(2);
   if (const auto& piezo = run.commands.piezo) {
     const Eigen::Vector3d& along_t = piezo->piezo.direction_t;
-    const double force = along_t.dot(load.on_tool_t.head<3>());
+    const double force = along_t.dot(load.tool_wrench_t.head<3>());
     T_wt.translation() += (piezo->stroke[Eigen::Index(sample)] +
                            compensation::piezo_deflection(piezo->piezo, force)) *
                           (T_wt.linear() * along_t);
@@ -206,7 +206,7 @@ ChordError chord_error(const Job& job, const Commands& commands, std::size_t max
        random_subset(feed_ends(samples, path_of(job, commands)), max_intervals, job.scene.seed)) {
     const AxisState &from = samples.states[i - 1], &to = samples.states[i];
     const double deviation = chord_deviation(sampler, from, to);
-    ++result.looked_at;
+    ++result.interval_count;
     result.exceeding_count += deviation > result.tolerance;
     result.rms += deviation * deviation;
     if (!(deviation > result.max)) continue;
@@ -216,15 +216,15 @@ ChordError chord_error(const Job& job, const Commands& commands, std::size_t max
                    nominal.tool_in_workpiece(from.q).translation())
                       .norm();
   }
-  result.rms = std::sqrt(result.rms / std::max<double>(1.0, double(result.looked_at)));
+  result.rms = std::sqrt(result.rms / std::max<double>(1.0, double(result.interval_count)));
   return result;
 }
 
 ChordError joined(const ChordError& a, const ChordError& b) {
-  if (a.looked_at == 0) return b;
+  if (a.interval_count == 0) return b;
   ChordError result = a.max >= b.max ? a : b;
-  const auto n_a = double(a.looked_at), n_b = double(b.looked_at);
-  result.looked_at = a.looked_at + b.looked_at;
+  const auto n_a = double(a.interval_count), n_b = double(b.interval_count);
+  result.interval_count = a.interval_count + b.interval_count;
   result.exceeding_count = a.exceeding_count + b.exceeding_count;
   result.rms = std::sqrt((n_a * a.rms * a.rms + n_b * b.rms * b.rms) / (n_a + n_b));
   return result;
@@ -242,8 +242,8 @@ std::vector<std::string> chord_error_warnings(const ChordError& chord_error, dou
       "of {} intervals looked at",
       chord_error.max / units::um, chord_error.line, chord_error.step, chord_error.rms / units::um,
       chord_error.tolerance / units::um,
-      100.0 * double(chord_error.exceeding_count) / double(chord_error.looked_at),
-      chord_error.looked_at);
+      100.0 * double(chord_error.exceeding_count) / double(chord_error.interval_count),
+      chord_error.interval_count);
   // While the step is shorter than the waves, the chord error grows with its square. 0.9 leaves a
   // margin.
   const double step = 0.9 * chord_error.step * std::sqrt(chord_error.tolerance / chord_error.max);

@@ -84,7 +84,7 @@ ToolTrack in_part_frame(ToolTrack track, const kinematics::Pose& T_wm);
 /// The deviation of the actual path between samples from the straight lines that the sweep uses.
 /// Samples are as dense as the commanded path requires; the errors of the machine may require more.
 struct ChordError {
-  std::size_t looked_at = 0;        ///< number of sampled intervals in feed
+  std::size_t interval_count = 0;   ///< number of sampled intervals in feed
   std::size_t exceeding_count = 0;  ///< number of those that deviate by more than the tolerance
   double tolerance = 0.0;           ///< mm: the chord tolerance, at least 2 nm
   double rms = 0.0;                 ///< mm

@@ -233,7 +233,7 @@ using kinematics::Pose;
 
 // Returns the wear after a use as a fraction of the stated wear, by time or by path length.
 double wear_fraction(const ToolWear& wear, const FeedUse& use) {
-  return wear.time_s ? use.time_s / *wear.time_s : use.way / *wear.way;
+  return wear.time_s ? use.time_s / *wear.time_s : use.distance / *wear.distance;
 }
 
 /// Returns a pose between two others: the tip on a line, the axis on a great circle.
@@ -285,7 +285,7 @@ class WearSegmenter {
 
   void begin(double loss) {
     // The cutter in the middle of the segment differs from the worn one by half a step at most.
-    segments_.push_back({worn(cutter_, loss + 0.5 * step_), {}, {}});
+    segments_.push_back({worn_cutter(cutter_, loss + 0.5 * step_), {}, {}});
     end_ = loss + step_;
   }
   void append(const Entry& entry) {
@@ -315,7 +315,7 @@ std::vector<FeedUse> feed_use(const ToolRun& part) {
   for (std::size_t i = 1; i < uses.size(); ++i) {
     if (program::is_feed(part.path.blocks[std::size_t(part.samples.block[i])])) {
       use.time_s += part.samples.states[i].time_s - part.samples.states[i - 1].time_s;
-      use.way += (part.T_wt[i].translation() - part.T_wt[i - 1].translation()).norm();
+      use.distance += (part.T_wt[i].translation() - part.T_wt[i - 1].translation()).norm();
     }
     uses[i] = use;
   }
@@ -326,7 +326,7 @@ std::vector<FeedUse> feed_use(const ToolRun& part) {
 /// @param loss  of radius over the whole sweep, mm
 double wear_step(double loss) {
   // A segment has the cutter of its middle, which differs by half of its loss from both ends.
-  return std::max(wear_tolerance, 0.5 * loss / double(max_wear_pieces));
+  return std::max(wear_tolerance, 0.5 * loss / double(max_wear_segments));
 }
 
 }  // namespace
@@ -366,7 +366,7 @@ std::vector<double> wear_fractions(const ToolRun& part, const program::Samples& 
   return fractions;
 }
 
-cutting::Cutter worn(const cutting::Cutter& cutter, double loss) {
+cutting::Cutter worn_cutter(const cutting::Cutter& cutter, double loss) {
   cutting::Cutter result = cutter;
   // A sweep needs a cutter, however much wear is stated.
   result.radius = std::max(cutter.radius - loss, 0.25 * cutter.radius);
@@ -421,10 +421,10 @@ std::vector<std::string> wear_warnings(const std::vector<WornTool>& tools) {
         "and {:.6g} mm of the tip at feed, in proportion; stock and force are those of the fresh "
         "cutter",
         worn_tool.tool, worn_tool.radius / units::um, worn_tool.length / units::um,
-        worn_tool.use.time_s / 60.0, worn_tool.use.way);
+        worn_tool.use.time_s / 60.0, worn_tool.use.distance);
     if (worn_tool.within > wear_tolerance)
       text += fmt::format("; its sweep follows the worn radius within {:.3g} um, in {} pieces",
-                          worn_tool.within / units::um, max_wear_pieces);
+                          worn_tool.within / units::um, max_wear_segments);
     warnings.push_back(std::move(text));
   }
   return warnings;

@@ -58,12 +58,12 @@ std::vector<std::string> tool_comment_warnings(const program::Path& path,
 inline constexpr double wear_tolerance = 25e-6;
 /// Largest number of segments of a sweep. If more would be needed, they are coarser, with a
 /// warning.
-inline constexpr int max_wear_pieces = 400;
+inline constexpr int max_wear_segments = 400;
 
 /// The use of a tool in feed.
 struct FeedUse {
   double time_s = 0.0;
-  double way = 0.0;  ///< path length of the tip in the workpiece, mm
+  double distance = 0.0;  ///< path length of the tip in the workpiece, mm
 };
 
 /// The cut of one tool on the error-free machine. Holds references to its arguments.
@@ -85,7 +85,7 @@ std::vector<double> wear_fractions(const ToolRun& part, const program::Samples& 
 
 /// Returns the cutter with its radius reduced by `loss`, mm, but by three quarters at most. A ball
 /// stays a ball, and a corner radius never exceeds the radius.
-cutting::Cutter worn(const cutting::Cutter& cutter, double loss);
+cutting::Cutter worn_cutter(const cutting::Cutter& cutter, double loss);
 
 /// A segment of a sweep, with the cutter used for it.
 struct WornSegment {

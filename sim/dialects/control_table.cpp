@@ -18,13 +18,13 @@ namespace {
 constexpr std::size_t max_unused_names = 200;
 }  // namespace
 
-void TableReading::count_unused(const std::string& name) {
+void ControlTableReading::count_unused(const std::string& name) {
   const bool has_own_count = unused.contains(name) || unused.size() < max_unused_names;
   ++unused[has_own_count ? name : "others"];
 }
 
 // Siemens and Heidenhain tables hold offsets of other jobs, which must not stop this one.
-void TableReading::read_later_offset(int system, const std::function<void()>& read) {
+void ControlTableReading::read_later_offset(int system, const std::function<void()>& read) {
   try {
     read();
   } catch (const BadInput&) {
@@ -33,35 +33,36 @@ void TableReading::read_later_offset(int system, const std::function<void()>& re
   }
 }
 
-double TableReading::require_unit(const Cursor& cursor, std::size_t from) const {
+double ControlTableReading::require_unit(const Cursor& cursor, std::size_t from) const {
   if (!unit)
-    cursor.refuse(from, "a unit beside the name of the file, which does not say it", "none");
+    cursor.throw_input_error(from, "a unit beside the name of the file, which does not say it",
+                             "none");
   return *unit;
 }
 
-double TableReading::axis_unit(char axis, double value, const Cursor& cursor,
-                               std::size_t from) const {
+double ControlTableReading::axis_unit(char axis, double value, const Cursor& cursor,
+                                      std::size_t from) const {
   const bool is_rotary = axis >= 'A' && axis <= 'C';
   return is_rotary || value == 0.0 ? 1.0 : require_unit(cursor, from);
 }
 
-void TableReading::state_unit(double mm_per_unit, const Cursor& cursor, std::size_t from) {
+void ControlTableReading::state_unit(double mm_per_unit, const Cursor& cursor, std::size_t from) {
   const auto unit_name = [](double length_mm) { return length_mm == 1.0 ? "mm" : "inch"; };
   if (unit && *unit != mm_per_unit)
-    cursor.refuse(from,
-                  fmt::format("a table in {}, as is stated beside its name", unit_name(*unit)),
-                  unit_name(mm_per_unit));
+    cursor.throw_input_error(
+        from, fmt::format("a table in {}, as is stated beside its name", unit_name(*unit)),
+        unit_name(mm_per_unit));
   unit = mm_per_unit;
 }
 
-void for_each_line(TableReading& reading, const std::function<bool(Cursor&)>& read) {
+void for_each_line(ControlTableReading& reading, const std::function<bool(Cursor&)>& read) {
   try {
     check_encoding(reading.text, reading.table.file);
   } catch (const BadInput& input_error) {
     reading.input_errors.add(input_error);
     return;
   }
-  Lines lines(reading.text);
+  LineReader lines(reading.text);
   while (const auto line = lines.next()) {
     Cursor cursor{*line, {reading.table.file, lines.number()}};
     try {
@@ -69,7 +70,7 @@ void for_each_line(TableReading& reading, const std::function<bool(Cursor&)>& re
       for (std::size_t i = 0; i < line->size(); ++i) {
         const auto c = static_cast<unsigned char>((*line)[i]);
         if ((c < ' ' && c != '\t') || c == 0x7f)
-          cursor.refuse(i, "plain text", fmt::format("a byte 0x{:02x}", c));
+          cursor.throw_input_error(i, "plain text", fmt::format("a byte 0x{:02x}", c));
       }
       if (!read(cursor)) return;
     } catch (const BadInput& input_error) {
@@ -85,12 +86,12 @@ double parse_table_number(Cursor& cursor, std::string_view what) {
   const std::size_t from = cursor.at;
   const auto value = cursor.number();
   if (!value || !(std::abs(*value) <= max_value))
-    cursor.refuse(from, fmt::format("a number within 1e6 for {}", what));
+    cursor.throw_input_error(from, fmt::format("a number within 1e6 for {}", what));
   // Delimiters of all formats: comments, CTRANS lists and their closing bracket.
   const bool is_delimited = cursor.at_end() || is_blank(cursor.current()) ||
                             cursor.current() == ';' || cursor.current() == ',' ||
                             cursor.current() == ')';
-  if (!is_delimited) cursor.refuse(from, fmt::format("a number for {}", what));
+  if (!is_delimited) cursor.throw_input_error(from, fmt::format("a number for {}", what));
   return *value;
 }
 
@@ -99,7 +100,8 @@ int parse_table_integer(Cursor& cursor, int min, int max_value, std::string_view
   const std::size_t from = cursor.at;
   const auto value = cursor.number();
   if (!value || *value != std::floor(*value) || *value < min || *value > max_value)
-    cursor.refuse(from, fmt::format("a whole number from {} to {} for {}", min, max_value, what));
+    cursor.throw_input_error(
+        from, fmt::format("a whole number from {} to {} for {}", min, max_value, what));
   return int(*value);
 }
 
@@ -115,18 +117,19 @@ constexpr int shift_state_parameter = 5210, first_shift_parameter = 5211,
               active_system_parameter = 5220;
 
 /// Reads a line of a tool table, for example "T1 P1 Z+0.511 D0.125 ;a comment".
-bool parse_tool_line(TableReading& reading, Cursor& line) {
+bool parse_tool_line(ControlTableReading& reading, Cursor& line) {
   std::optional<int> number;
   // LinuxCNC treats missing values as zero.
-  TableTool tool{0.0, 0.0, 0.0, 0.0, {}, line.location.line};
+  ControlTableTool tool{0.0, 0.0, 0.0, 0.0, {}, line.location.line};
   std::string seen_letters;
   for (line.skip_blanks(); !line.at_end() && line.current() != ';'; line.skip_blanks()) {
     const std::size_t from = line.at;
     const char letter = upper(line.current());
     if (std::string_view("TPDXYZABCUVWIJQ").find(letter) == std::string_view::npos)
-      line.refuse(from, "a word T P D X Y Z A B C U V W I J or Q of a tool, or ; and a comment");
+      line.throw_input_error(
+          from, "a word T P D X Y Z A B C U V W I J or Q of a tool, or ; and a comment");
     if (seen_letters.find(letter) != std::string::npos)
-      line.refuse(from, fmt::format("{} once in the line of a tool", letter));
+      line.throw_input_error(from, fmt::format("{} once in the line of a tool", letter));
     seen_letters += letter;
     ++line.at;
     if (letter == 'T') {
@@ -141,19 +144,21 @@ bool parse_tool_line(TableReading& reading, Cursor& line) {
     // An offset across the tool axis would need a chain of its own, which the scene describes
     // instead.
     else if (letter != 'P' && value != 0.0 && table_axes.find(letter) != std::string_view::npos)
-      line.refuse(from, fmt::format("0 for {}: the length of a tool lies along Z", letter));
+      line.throw_input_error(from,
+                             fmt::format("0 for {}: the length of a tool lies along Z", letter));
     else if (letter != 'P' && value != 0.0)
       reading.count_unused(std::string(1, letter));
   }
   if (seen_letters.empty()) return true;
-  if (!number) line.refuse(0, "T (number of the tool)", "none");
+  if (!number) line.throw_input_error(0, "T (number of the tool)", "none");
   if (!reading.table.tools.emplace(*number, tool).second)
-    line.refuse(0, "a tool that the table does not have already", fmt::format("T{}", *number));
+    line.throw_input_error(0, "a tool that the table does not have already",
+                           fmt::format("T{}", *number));
   return true;
 }
 
 /// Counts a parameter without effect: one that is no work offset but has a value.
-void count_other_parameter(TableReading& reading, int number, double value) {
+void count_other_parameter(ControlTableReading& reading, int number, double value) {
   if (value == 0.0 || number == shift_state_parameter) return;
   // A program begins in G54, system 1, whatever the control had in force before.
   if (number == active_system_parameter) {
@@ -176,7 +181,7 @@ struct G92Shift {
 };
 
 /// Reads a line of a parameter file: number, tab, value.
-bool parse_parameter_line(TableReading& reading, Cursor& line, G92Shift& shift) {
+bool parse_parameter_line(ControlTableReading& reading, Cursor& line, G92Shift& shift) {
   line.skip_blanks();
   if (line.at_end() || line.current() == ';' || line.current() == '#') return true;
   const int number = parse_table_integer(line, 1, 99'999, "the number of a parameter");
@@ -184,7 +189,7 @@ bool parse_parameter_line(TableReading& reading, Cursor& line, G92Shift& shift) 
   const std::size_t from = line.at;
   const double value = parse_table_number(line, "a parameter");
   line.skip_blanks();
-  if (!line.at_end()) line.refuse(line.at, "the end of the line behind a parameter");
+  if (!line.at_end()) line.throw_input_error(line.at, "the end of the line behind a parameter");
   if (number == shift_state_parameter) shift.in_force = value != 0.0;
   if (number >= first_shift_parameter && number < first_shift_parameter + 9 && value != 0.0)
     shift.input_errors[std::size_t(number - first_shift_parameter)] = BadInput(
@@ -198,24 +203,26 @@ bool parse_parameter_line(TableReading& reading, Cursor& line, G92Shift& shift) 
     return true;
   }
   if (axis_index == system_rotation_index) {
-    if (value != 0.0) line.refuse(from, "0 for the rotation of a coordinate system");
+    if (value != 0.0) line.throw_input_error(from, "0 for the rotation of a coordinate system");
     return true;
   }
-  TableOffset& offset = reading.table.offsets[system + 1];
+  ControlTableOffset& offset = reading.table.offsets[system + 1];
   const char axis = table_axes[std::size_t(axis_index)];
   const double unit = reading.axis_unit(axis, value, line, from);
   if (!offset.axes
-           .emplace(axis, TableOffset::Value{value * unit, line.location.line, int(from) + 1})
+           .emplace(axis,
+                    ControlTableOffset::Value{value * unit, line.location.line, int(from) + 1})
            .second)
     // LinuxCNC would take the last value; a duplicate usually shows that two files were merged.
-    line.refuse(0, "a parameter that the file does not have already", fmt::format("{}", number));
+    line.throw_input_error(0, "a parameter that the file does not have already",
+                           fmt::format("{}", number));
   return true;
 }
 
 }  // namespace
 
-void read_linuxcnc_table(TableReading& reading) {
-  if (reading.kind == TableKind::Tools)
+void read_linuxcnc_table(ControlTableReading& reading) {
+  if (reading.kind == ControlTableKind::Tools)
     return for_each_line(reading, [&](Cursor& line) { return parse_tool_line(reading, line); });
   G92Shift shift;
   for_each_line(reading, [&](Cursor& line) { return parse_parameter_line(reading, line, shift); });
@@ -246,7 +253,7 @@ std::vector<G10Word> parse_words(Cursor& line) {
     if (c == '(') {
       const std::size_t closing_bracket = line.text.find(')', from);
       if (closing_bracket == std::string_view::npos)
-        line.refuse(from, "a ) that closes the comment");
+        line.throw_input_error(from, "a ) that closes the comment");
       line.at = closing_bracket + 1;
       continue;
     }
@@ -255,14 +262,14 @@ std::vector<G10Word> parse_words(Cursor& line) {
       ++line.at;
       continue;
     }
-    if (!is_letter(c)) line.refuse(from, "a letter and a number");
+    if (!is_letter(c)) line.throw_input_error(from, "a letter and a number");
     ++line.at;
     const auto value = line.number();
-    if (!value) line.refuse(from, "a number behind the letter");
+    if (!value) line.throw_input_error(from, "a number behind the letter");
     const bool has_point =
         line.text.substr(from, line.at - from).find('.') != std::string_view::npos;
     words.push_back({c, *value, has_point, from});
-    if (words.size() > max_words) line.refuse(from, "at most 64 words in a block");
+    if (words.size() > max_words) line.throw_input_error(from, "at most 64 words in a block");
   }
   return words;
 }
@@ -275,12 +282,13 @@ struct G10Block {
 };
 
 void set_once(std::optional<G10Word>& target, const G10Word& word, const Cursor& line) {
-  if (target) line.refuse(word.from, fmt::format("{} once in a block", word.letter));
+  if (target) line.throw_input_error(word.from, fmt::format("{} once in a block", word.letter));
   target = word;
 }
 
 // G11 ends G10, and controls write G90 into their listings; neither changes a value.
-void apply_g_code(TableReading& reading, const G10Word& word, const Cursor& line, G10Block& block) {
+void apply_g_code(ControlTableReading& reading, const G10Word& word, const Cursor& line,
+                  G10Block& block) {
   if (word.value == 10.0)
     block.has_g10 = true;
   else if (word.value == 20.0)
@@ -288,10 +296,10 @@ void apply_g_code(TableReading& reading, const G10Word& word, const Cursor& line
   else if (word.value == 21.0)
     reading.state_unit(1.0, line, word.from);
   else if (word.value != 11.0 && word.value != 90.0)
-    line.refuse(word.from, "G10 G11 G20 G21 or G90 in a listing of a control's memory");
+    line.throw_input_error(word.from, "G10 G11 G20 G21 or G90 in a listing of a control's memory");
 }
 
-G10Block parse_g10_block(TableReading& reading, Cursor& line) {
+G10Block parse_g10_block(ControlTableReading& reading, Cursor& line) {
   G10Block block;
   for (const G10Word& word : parse_words(line)) {
     if (word.letter == 'G')
@@ -306,14 +314,14 @@ G10Block parse_g10_block(TableReading& reading, Cursor& line) {
       block.axes.push_back(word);
     // Program, sequence and M numbers frame the listing.
     else if (word.letter != 'O' && word.letter != 'N' && word.letter != 'M')
-      line.refuse(word.from, "G10 with L, P, and R or axis words");
+      line.throw_input_error(word.from, "G10 with L, P, and R or axis words");
   }
   return block;
 }
 
 int whole_number(const G10Word& word, int min, int max_value, const Cursor& line) {
   if (word.value != int(word.value) || word.value < min || word.value > max_value)
-    line.refuse(word.from, fmt::format("{} from {} to {}", word.letter, min, max_value));
+    line.throw_input_error(word.from, fmt::format("{} from {} to {}", word.letter, min, max_value));
   return int(word.value);
 }
 
@@ -321,18 +329,21 @@ int whole_number(const G10Word& word, int min, int max_value, const Cursor& line
 // others), which the listing does not state.
 void check_value(const G10Word& word, const Cursor& line) {
   if (!word.has_point && word.value != 0.0)
-    line.refuse(word.from, "a value with a decimal point: without one it counts increments");
-  if (!(word.value <= 1e6 && word.value >= -1e6)) line.refuse(word.from, "a value within 1e6");
+    line.throw_input_error(word.from,
+                           "a value with a decimal point: without one it counts increments");
+  if (!(word.value <= 1e6 && word.value >= -1e6))
+    line.throw_input_error(word.from, "a value within 1e6");
 }
 
-void set_tool(TableReading& reading, const G10Block& block, int kind, const Cursor& line) {
+void set_tool(ControlTableReading& reading, const G10Block& block, int kind, const Cursor& line) {
   const G10Word& r = *block.r;
-  if (!block.axes.empty()) line.refuse(block.axes.front().from, "R beside G10 of a tool");
+  if (!block.axes.empty())
+    line.throw_input_error(block.axes.front().from, "R beside G10 of a tool");
   const int number = whole_number(*block.p, 1, 999, line);
-  if (reading.kind != TableKind::Tools) return reading.count_unused("G10 L10 to L13");
+  if (reading.kind != ControlTableKind::Tools) return reading.count_unused("G10 L10 to L13");
   check_value(r, line);
   const double length_mm = r.value == 0.0 ? 0.0 : r.value * reading.require_unit(line, r.from);
-  TableTool& tool = reading.table.tools.try_emplace(number).first->second;
+  ControlTableTool& tool = reading.table.tools.try_emplace(number).first->second;
   if (tool.line == 0) tool.line = line.location.line;
   // Wear may be listed before or after its geometry, so the sum is formed at the end.
   if (kind == 10) tool.length = length_mm;
@@ -341,12 +352,14 @@ void set_tool(TableReading& reading, const G10Block& block, int kind, const Curs
   if (kind == 13) tool.radius_wear = length_mm;
 }
 
-void set_offset(TableReading& reading, const G10Block& block, bool additional, const Cursor& line) {
-  if (block.r) line.refuse(block.r->from, "axis words beside G10 L2 and L20");
+void set_offset(ControlTableReading& reading, const G10Block& block, bool additional,
+                const Cursor& line) {
+  if (block.r) line.throw_input_error(block.r->from, "axis words beside G10 L2 and L20");
   const int system_number = whole_number(*block.p, additional ? 1 : 0, additional ? 300 : 6, line);
-  if (reading.kind != TableKind::Offsets) return reading.count_unused("G10 L2 and L20");
+  if (reading.kind != ControlTableKind::Offsets) return reading.count_unused("G10 L2 and L20");
   // Keys as `program::NcOptions::more_offset`: 0 is the external offset, 100 + P those of G54.1.
-  TableOffset& offset = reading.table.offsets[additional ? 100 + system_number : system_number];
+  ControlTableOffset& offset =
+      reading.table.offsets[additional ? 100 + system_number : system_number];
   for (const G10Word& word : block.axes) {
     check_value(word, line);
     const double unit = reading.axis_unit(word.letter, word.value, line, word.from);
@@ -354,33 +367,33 @@ void set_offset(TableReading& reading, const G10Block& block, bool additional, c
   }
 }
 
-bool parse_listing_line(TableReading& reading, Cursor& line) {
+bool parse_listing_line(ControlTableReading& reading, Cursor& line) {
   const G10Block block = parse_g10_block(reading, line);
   const bool is_empty = !block.l && !block.p && !block.r && block.axes.empty();
   if (!block.has_g10) {
-    if (!is_empty) line.refuse(0, "G10 in a block that sets something", "none");
+    if (!is_empty) line.throw_input_error(0, "G10 in a block that sets something", "none");
     return true;
   }
   if (is_empty) return true;
-  if (!block.l) line.refuse(0, "L2 L10 L11 L12 L13 or L20 beside G10", "none");
-  if (!block.p) line.refuse(0, "P (number) beside G10", "none");
+  if (!block.l) line.throw_input_error(0, "L2 L10 L11 L12 L13 or L20 beside G10", "none");
+  if (!block.p) line.throw_input_error(0, "P (number) beside G10", "none");
   const int kind = int(block.l->value);
   if (kind != block.l->value || (kind != 2 && kind != 20 && (kind < 10 || kind > 13)))
-    line.refuse(block.l->from, "L2 L10 L11 L12 L13 or L20 beside G10");
+    line.throw_input_error(block.l->from, "L2 L10 L11 L12 L13 or L20 beside G10");
   if (kind == 2 || kind == 20) {
     set_offset(reading, block, kind == 20, line);
     return true;
   }
-  if (!block.r) line.refuse(0, "R (value) beside G10 of a tool", "none");
+  if (!block.r) line.throw_input_error(0, "R (value) beside G10 of a tool", "none");
   set_tool(reading, block, kind, line);
   return true;
 }
 
 }  // namespace
 
-void read_fanuc_table(TableReading& reading) {
+void read_fanuc_table(ControlTableReading& reading) {
   for_each_line(reading, [&](Cursor& line) { return parse_listing_line(reading, line); });
-  // `TableTool` states length and radius including wear.
+  // `ControlTableTool` states length and radius including wear.
   for (auto& [number, tool] : reading.table.tools) {
     if (tool.length) *tool.length += tool.length_wear;
     if (tool.radius) *tool.radius += tool.radius_wear;

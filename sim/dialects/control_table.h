@@ -15,11 +15,11 @@
 namespace abbe::sim::dialects {
 
 /// Content of a control table.
-enum class TableKind { Tools, Offsets };
+enum class ControlTableKind { Tools, Offsets };
 
 /// A tool of a control table, mm. Length and radius include the wear and are empty if the table
 /// does not state them.
-struct TableTool {
+struct ControlTableTool {
   std::optional<double> length, radius;
   double length_wear = 0.0, radius_wear = 0.0;
   std::string name;
@@ -27,7 +27,7 @@ struct TableTool {
 };
 
 /// A work offset by axis letter, mm and degrees.
-struct TableOffset {
+struct ControlTableOffset {
   struct Value {
     double value = 0.0;
     int line = 0, column = 0;
@@ -38,11 +38,11 @@ struct TableOffset {
 /// A tool table or a table of work offsets, as read from a file.
 struct ControlTable {
   std::string file;
-  Dialect control = Dialect::LinuxCnc;  ///< control whose format the file has
-  std::map<int, TableTool> tools;       ///< by T, or by H and D on Fanuc
+  Dialect control = Dialect::LinuxCnc;    ///< control whose format the file has
+  std::map<int, ControlTableTool> tools;  ///< by T, or by H and D on Fanuc
   /// 1 to 6 are G54 to G59, presets 1 to 6 of Heidenhain, or G54 to G57, G505 and G506 of Siemens;
   /// other keys are those of `program::NcOptions::more_offset`.
-  std::map<int, TableOffset> offsets;
+  std::map<int, ControlTableOffset> offsets;
   std::vector<std::string> notes;  ///< values of the file that have no effect, with counts
 };
 
@@ -65,9 +65,9 @@ std::vector<std::string> table_warnings(const ControlTable& table, std::string_v
 // Functions shared by the readers of control tables.
 
 /// State while a table is read.
-struct TableReading {
+struct ControlTableReading {
   std::string_view text;
-  TableKind kind = TableKind::Tools;
+  ControlTableKind kind = ControlTableKind::Tools;
   std::optional<double> unit;  ///< mm per unit of length, stated by the scene or by the file
   ControlTable table = {};
   InputErrorList input_errors = {};
@@ -94,7 +94,7 @@ struct TableReading {
 
 /// Calls `read` for every line until it returns false. Collects the errors that it throws and
 /// continues with the next line.
-void for_each_line(TableReading& reading, const std::function<bool(Cursor&)>& read);
+void for_each_line(ControlTableReading& reading, const std::function<bool(Cursor&)>& read);
 
 /// Parses the number of the value `what`. Throws BadInput unless it is within 1e6 and followed by a
 /// blank or a delimiter.
@@ -105,10 +105,10 @@ int parse_table_integer(Cursor& cursor, int min, int max, std::string_view what)
 
 /// Reads a LinuxCNC table, a tool table or the parameters of a variables file, in the format
 /// described in control_table_files.h. Errors are collected in `reading`.
-void read_linuxcnc_table(TableReading& reading);
+void read_linuxcnc_table(ControlTableReading& reading);
 
 /// Reads a Fanuc table, a listing of G10 blocks, in the format described in control_table_files.h.
 /// Errors are collected in `reading`.
-void read_fanuc_table(TableReading& reading);
+void read_fanuc_table(ControlTableReading& reading);
 
 }  // namespace abbe::sim::dialects

@@ -16,11 +16,11 @@
 namespace abbe::sim::dialects {
 
 /// Reads a Heidenhain table, whose format the header describes. Collects errors in `reading`.
-void read_heidenhain_table(TableReading& reading);
+void read_heidenhain_table(ControlTableReading& reading);
 
 /// Reads the $TC_DP and $P_UIFR of a Siemens table, whose format the header describes. Collects
 /// errors in `reading`.
-void read_siemens_table(TableReading& reading);
+void read_siemens_table(ControlTableReading& reading);
 
 namespace {
 
@@ -41,10 +41,10 @@ std::string next_word(Cursor& line) {
 }
 
 /// Checks the first line, for example "BEGIN TOOL .T MM", and reads its unit.
-void parse_table_header(TableReading& reading, Cursor& line) {
-  const std::string_view expected_name = reading.kind == TableKind::Tools ? ".T" : ".PR";
+void parse_table_header(ControlTableReading& reading, Cursor& line) {
+  const std::string_view expected_name = reading.kind == ControlTableKind::Tools ? ".T" : ".PR";
   bool has_name = false, has_unit = false;
-  if (next_word(line) != "BEGIN") line.refuse(0, "BEGIN, with which a table begins");
+  if (next_word(line) != "BEGIN") line.throw_input_error(0, "BEGIN, with which a table begins");
   for (line.skip_blanks(); !line.at_end(); line.skip_blanks()) {
     const std::size_t from = line.at;
     const std::string word = next_word(line);
@@ -53,8 +53,8 @@ void parse_table_header(TableReading& reading, Cursor& line) {
     has_unit = true;
     reading.state_unit(word == "MM" ? 1.0 : units::inch, line, from);
   }
-  if (!has_name) line.refuse(0, fmt::format("a table named {}", expected_name));
-  if (!has_unit) line.refuse(0, "MM or INCH in the first line of a table");
+  if (!has_name) line.throw_input_error(0, fmt::format("a table named {}", expected_name));
+  if (!has_unit) line.throw_input_error(0, "MM or INCH in the first line of a table");
 }
 
 bool has_column(const std::vector<TableColumn>& columns, std::string_view name) {
@@ -63,22 +63,22 @@ bool has_column(const std::vector<TableColumn>& columns, std::string_view name) 
 }
 
 // A column extends from the beginning of its name to the beginning of the next name.
-std::vector<TableColumn> parse_columns(TableReading& reading, Cursor& line) {
+std::vector<TableColumn> parse_columns(ControlTableReading& reading, Cursor& line) {
   std::vector<TableColumn> columns;
   for (line.skip_blanks(); !line.at_end(); line.skip_blanks()) {
     const std::size_t from = line.at;
     const std::string name = next_word(line);
     if (!columns.empty()) columns.back().to = from;
-    if (has_column(columns, name)) line.refuse(from, "columns of different names");
+    if (has_column(columns, name)) line.throw_input_error(from, "columns of different names");
     columns.push_back({name, from, std::string_view::npos});
-    if (columns.size() > max_columns) line.refuse(from, "at most 256 columns");
+    if (columns.size() > max_columns) line.throw_input_error(from, "at most 256 columns");
   }
   // Row numbers may be right-aligned and begin before their name.
   if (!columns.empty()) columns.front().from = 0;
   const auto has = [&](std::string_view name) { return has_column(columns, name); };
-  const bool is_tool_table = reading.kind == TableKind::Tools;
+  const bool is_tool_table = reading.kind == ControlTableKind::Tools;
   if (is_tool_table ? !has("T") || !has("L") || !has("R") : !has("NR") && !has("NO"))
-    line.refuse(0, is_tool_table ? "columns named T, L and R" : "a column named NR");
+    line.throw_input_error(0, is_tool_table ? "columns named T, L and R" : "a column named NR");
   return columns;
 }
 
@@ -89,7 +89,7 @@ std::optional<Cursor> cell_of_column(const TableColumn& column, const Cursor& li
   // A value that runs across the boundary of its column would be read as two numbers.
   if (column.from > 0 && column.from < text.size() && !is_blank(text[column.from]) &&
       !is_blank(text[column.from - 1]))
-    line.refuse(column.from, "a blank before the column " + column.name);
+    line.throw_input_error(column.from, "a blank before the column " + column.name);
   if (column.from >= end) return std::nullopt;
   Cursor cell{text.substr(0, end), line.location, column.from};
   cell.skip_blanks();
@@ -100,7 +100,7 @@ std::optional<Cursor> cell_of_column(const TableColumn& column, const Cursor& li
 double parse_cell_number(Cursor cell, const std::string& name) {
   const double value = parse_table_number(cell, name);
   cell.skip_blanks();
-  if (!cell.at_end()) cell.refuse(cell.at, "nothing behind the value of " + name);
+  if (!cell.at_end()) cell.throw_input_error(cell.at, "nothing behind the value of " + name);
   return value;
 }
 
@@ -118,7 +118,7 @@ struct ToolRow {
   std::string name;
 };
 
-void parse_tool_cell(TableReading& reading, const TableColumn& column, const Cursor& cell,
+void parse_tool_cell(ControlTableReading& reading, const TableColumn& column, const Cursor& cell,
                      ToolRow& row) {
   const std::string& name = column.name;
   double* const value = name == "L"    ? &row.length
@@ -138,7 +138,8 @@ void parse_tool_cell(TableReading& reading, const TableColumn& column, const Cur
     }
     row.number = parse_table_integer(number, 0, 32'767, "T");
     number.skip_blanks();
-    if (!number.at_end()) number.refuse(number.at, "nothing behind the number of the tool");
+    if (!number.at_end())
+      number.throw_input_error(number.at, "nothing behind the number of the tool");
   } else if (name == "NAME") {
     std::string_view text = cell.text.substr(cell.at);
     text = text.substr(0, text.find_last_not_of(" \t") + 1);
@@ -148,28 +149,29 @@ void parse_tool_cell(TableReading& reading, const TableColumn& column, const Cur
   }
 }
 
-void parse_tool_row(TableReading& reading, const std::vector<TableColumn>& columns,
+void parse_tool_row(ControlTableReading& reading, const std::vector<TableColumn>& columns,
                     const Cursor& line) {
   ToolRow row;
   for (const TableColumn& column : columns)
     if (const auto cell = cell_of_column(column, line))
       parse_tool_cell(reading, column, *cell, row);
-  if (!row.number) line.refuse(0, "the number of a tool in the column T", "none");
+  if (!row.number) line.throw_input_error(0, "the number of a tool in the column T", "none");
   // A scene has one length for each tool, that of index 0.
   if (row.is_indexed) return reading.count_unused("tools with an index, as 5.1");
   // The control adds DL and DR to L and R.
-  const TableTool tool{row.length + row.delta_length,
-                       row.radius + row.delta_radius,
-                       row.delta_length,
-                       row.delta_radius,
-                       row.name,
-                       line.location.line};
+  const ControlTableTool tool{row.length + row.delta_length,
+                              row.radius + row.delta_radius,
+                              row.delta_length,
+                              row.delta_radius,
+                              row.name,
+                              line.location.line};
   if (!reading.table.tools.emplace(*row.number, tool).second)
-    line.refuse(0, "a tool that the table does not have already", fmt::format("{}", *row.number));
+    line.throw_input_error(0, "a tool that the table does not have already",
+                           fmt::format("{}", *row.number));
 }
 
-void parse_preset_cell(TableReading& reading, const TableColumn& column, const Cursor& cell,
-                       TableOffset& offset) {
+void parse_preset_cell(ControlTableReading& reading, const TableColumn& column, const Cursor& cell,
+                       ControlTableOffset& offset) {
   const std::string& name = column.name;
   const bool is_axis =
       name.size() == 1 && std::string_view("XYZABCUVW").find(name[0]) != std::string_view::npos;
@@ -184,8 +186,8 @@ void parse_preset_cell(TableReading& reading, const TableColumn& column, const C
                             cell.location.line, int(cell.at) + 1};
   } else if (is_rotation && parse_cell_number(cell, name) != 0.0) {
     // A rotated preset or an axis offset would change what X Y Z mean; a scene has no such offset.
-    cell.refuse(cell.at,
-                "0 for " + name + ": a preset that is not turned, without offsets of axes");
+    cell.throw_input_error(
+        cell.at, "0 for " + name + ": a preset that is not turned, without offsets of axes");
   } else if (!is_rotation && name != "DOC" && has_content(cell)) {
     // DOC is a comment.
     reading.count_unused(name);
@@ -195,11 +197,11 @@ void parse_preset_cell(TableReading& reading, const TableColumn& column, const C
 int parse_preset_number(Cursor cell, const std::string& name) {
   const int number = parse_table_integer(cell, 0, 99'999, name);
   cell.skip_blanks();
-  if (!cell.at_end()) cell.refuse(cell.at, "nothing behind the number of the preset");
+  if (!cell.at_end()) cell.throw_input_error(cell.at, "nothing behind the number of the preset");
   return number;
 }
 
-void parse_preset_row(TableReading& reading, const std::vector<TableColumn>& columns,
+void parse_preset_row(ControlTableReading& reading, const std::vector<TableColumn>& columns,
                       const Cursor& line) {
   std::optional<int> number;
   // The number comes first, because errors in a row are reported only up to number 6.
@@ -207,11 +209,11 @@ void parse_preset_row(TableReading& reading, const std::vector<TableColumn>& col
     if (auto cell = cell_of_column(column, line);
         cell && (column.name == "NR" || column.name == "NO"))
       number = parse_preset_number(*cell, column.name);
-  if (!number) line.refuse(0, "the number of a preset in the column NR", "none");
+  if (!number) line.throw_input_error(0, "the number of a preset in the column NR", "none");
   // Preset 0 is the active preset of the control, not an entry of the table.
   if (*number < 1 || *number > max_preset)
     return reading.count_unused(fmt::format("presets other than 1 to {}", max_preset));
-  TableOffset offset;
+  ControlTableOffset offset;
   const int system = preset_system(*number);
   const auto read_cells = [&] {
     for (const TableColumn& column : columns)
@@ -225,12 +227,13 @@ void parse_preset_row(TableReading& reading, const std::vector<TableColumn>& col
   else
     reading.read_later_offset(system, read_cells);
   if (!reading.table.offsets.emplace(system, offset).second)
-    line.refuse(0, "a preset that the table does not have already", fmt::format("{}", *number));
+    line.throw_input_error(0, "a preset that the table does not have already",
+                           fmt::format("{}", *number));
 }
 
 }  // namespace
 
-void read_heidenhain_table(TableReading& reading) {
+void read_heidenhain_table(ControlTableReading& reading) {
   std::vector<TableColumn> columns;
   bool has_begun = false, has_ended = false, is_aborted = false;
   int last_line = 1;
@@ -253,7 +256,7 @@ void read_heidenhain_table(TableReading& reading) {
     } else if (line.accept("[END]")) {
       has_ended = true;
       return false;
-    } else if (reading.kind == TableKind::Tools) {
+    } else if (reading.kind == ControlTableKind::Tools) {
       parse_tool_row(reading, columns, line);
     } else {
       parse_preset_row(reading, columns, line);
@@ -292,7 +295,8 @@ AssignmentTarget parse_assignment_target(Cursor& line) {
   line.skip_blanks();
   if (line.current() == '[') {
     const std::size_t close = line.text.find(']', line.at);
-    if (close == std::string_view::npos) line.refuse(line.at, "a ] that closes the index");
+    if (close == std::string_view::npos)
+      line.throw_input_error(line.at, "a ] that closes the index");
     target.index.emplace_back();
     for (++line.at; line.at < close; ++line.at) {
       const char c = line.current();
@@ -304,7 +308,7 @@ AssignmentTarget parse_assignment_target(Cursor& line) {
     line.at = close + 1;
   }
   line.skip_blanks();
-  if (line.current() != '=') line.refuse(line.at, "= behind " + target.name);
+  if (line.current() != '=') line.throw_input_error(line.at, "= behind " + target.name);
   ++line.at;
   return target;
 }
@@ -317,7 +321,8 @@ int table_index(const AssignmentTarget& target, std::size_t i, int max_index, co
       text.find_first_not_of("0123456789") == std::string::npos)
     value = std::stoi(text);
   if (value < 0 || value > max_index)
-    line.refuse(target.from, fmt::format("an index from 0 to {} in {}", max_index, target.name));
+    line.throw_input_error(target.from,
+                           fmt::format("an index from 0 to {} in {}", max_index, target.name));
   return value;
 }
 
@@ -328,25 +333,25 @@ bool skip_value(Cursor& line) {
   const std::size_t from = line.at;
   if (line.current() == '"') {
     const std::size_t close = line.text.find('"', from + 1);
-    if (close == std::string_view::npos) line.refuse(from, "a \" that closes the text");
+    if (close == std::string_view::npos) line.throw_input_error(from, "a \" that closes the text");
     line.at = close + 1;
     return close == from + 1;
   }
   while (!line.at_end() && !is_blank(line.current())) ++line.at;
   const std::string_view value = line.text.substr(from, line.at - from);
-  if (value.empty()) line.refuse(from, "a value behind =");
+  if (value.empty()) line.throw_input_error(from, "a value behind =");
   return value.find_first_not_of("+-0.") == std::string_view::npos;
 }
 
 std::string parse_text(Cursor& line) {
   line.skip_blanks();
   const std::size_t from = line.at;
-  if (line.current() != '"') line.refuse(from, "a name in \"\"");
+  if (line.current() != '"') line.throw_input_error(from, "a name in \"\"");
   skip_value(line);
   return std::string(line.text.substr(from + 1, line.at - from - 2));
 }
 
-void parse_edge_value(TableReading& reading, const AssignmentTarget& target, int parameter,
+void parse_edge_value(ControlTableReading& reading, const AssignmentTarget& target, int parameter,
                       CuttingEdge& tool, Cursor& line) {
   const std::size_t from = line.at;
   const double value = parse_table_number(line, target.name);
@@ -357,7 +362,7 @@ void parse_edge_value(TableReading& reading, const AssignmentTarget& target, int
       // Types 100 to 299 are mills and drills, whose length 1 lies along the tool in G17. Turning
       // tools (500 to 599) have other axes.
       if (value != 0.0 && !(value >= 100.0 && value < 300.0))
-        line.refuse(from, "a milling cutter or drill, of type 100 to 299");
+        line.throw_input_error(from, "a milling cutter or drill, of type 100 to 299");
       return;
     case 3:
       tool.length = mm();
@@ -382,7 +387,7 @@ void parse_edge_value(TableReading& reading, const AssignmentTarget& target, int
     case 22:
     case 23:
       if (value != 0.0)
-        line.refuse(from, "0 for length 2 and 3: the length of a tool lies along it");
+        line.throw_input_error(from, "0 for length 2 and 3: the length of a tool lies along it");
       return;
     default:
       if (value != 0.0) reading.count_unused(fmt::format("$TC_DP{}", parameter));
@@ -398,8 +403,8 @@ std::optional<int> edge_parameter(const std::string& name) {
   return std::stoi(name.substr(head.size()));
 }
 
-void parse_tool_value(TableReading& reading, const AssignmentTarget& target, CuttingEdges& edges,
-                      Cursor& line) {
+void parse_tool_value(ControlTableReading& reading, const AssignmentTarget& target,
+                      CuttingEdges& edges, Cursor& line) {
   const auto parameter = edge_parameter(target.name);
   // $TC_TP2 is the name of the tool; other data of the magazine does not matter.
   if (!parameter && target.name != "$TC_TP2") {
@@ -422,28 +427,28 @@ void parse_tool_value(TableReading& reading, const AssignmentTarget& target, Cut
 
 char axis_letter(const std::string& name, const Cursor& line, std::size_t from) {
   if (name.size() != 1 || std::string_view("XYZABCUVW").find(name[0]) == std::string_view::npos)
-    line.refuse(from, "an axis X Y Z A B C U V or W", name.empty() ? "none" : name);
+    line.throw_input_error(from, "an axis X Y Z A B C U V or W", name.empty() ? "none" : name);
   return name[0];
 }
 
 // Coarse and fine values, TR and FI, add up.
-void add_to_offset(TableReading& reading, int system, char axis, double value, std::size_t from,
-                   const Cursor& line) {
+void add_to_offset(ControlTableReading& reading, int system, char axis, double value,
+                   std::size_t from, const Cursor& line) {
   const double unit = reading.axis_unit(axis, value, line, from);
-  TableOffset::Value& sum = reading.table.offsets[system].axes[axis];
+  ControlTableOffset::Value& sum = reading.table.offsets[system].axes[axis];
   sum = {sum.value + value * unit, line.location.line, int(from) + 1};
 }
 
 /// Reads the value of a frame, for example CTRANS(X,10,Y,20):CFINE(X,0.1).
-void parse_frame(TableReading& reading, int system, Cursor& line) {
+void parse_frame(ControlTableReading& reading, int system, Cursor& line) {
   while (true) {
     line.skip_blanks();
     const std::size_t from = line.at;
     if (!line.accept_word("CTRANS") && !line.accept_word("CFINE"))
-      line.refuse(from,
-                  "CTRANS or CFINE: a work offset that is neither turned, scaled nor mirrored");
+      line.throw_input_error(
+          from, "CTRANS or CFINE: a work offset that is neither turned, scaled nor mirrored");
     line.skip_blanks();
-    if (line.current() != '(') line.refuse(line.at, "( and axes with their values");
+    if (line.current() != '(') line.throw_input_error(line.at, "( and axes with their values");
     do {
       ++line.at;
       line.skip_blanks();
@@ -452,13 +457,14 @@ void parse_frame(TableReading& reading, int system, Cursor& line) {
       while (is_letter(line.current())) name += upper(line.text[line.at++]);
       const char axis = axis_letter(name, line, axis_from);
       line.skip_blanks();
-      if (line.current() != ',') line.refuse(line.at, "a comma and the value of the axis");
+      if (line.current() != ',')
+        line.throw_input_error(line.at, "a comma and the value of the axis");
       ++line.at;
       const double value = parse_table_number(line, name);
       add_to_offset(reading, system, axis, value, axis_from, line);
       line.skip_blanks();
     } while (line.current() == ',');
-    if (line.current() != ')') line.refuse(line.at, "a ) that closes the frame");
+    if (line.current() != ')') line.throw_input_error(line.at, "a ) that closes the frame");
     ++line.at;
     line.skip_blanks();
     if (line.current() != ':') return;
@@ -466,10 +472,11 @@ void parse_frame(TableReading& reading, int system, Cursor& line) {
   }
 }
 
-void parse_offset(TableReading& reading, const AssignmentTarget& target, int system, Cursor& line) {
+void parse_offset(ControlTableReading& reading, const AssignmentTarget& target, int system,
+                  Cursor& line) {
   if (target.index.size() == 1) return parse_frame(reading, system, line);
   if (target.index.size() != 3)
-    line.refuse(target.from, "an index of number, axis and TR, FI, RT, SC or MI");
+    line.throw_input_error(target.from, "an index of number, axis and TR, FI, RT, SC or MI");
   line.skip_blanks();
   const std::size_t from = line.at;
   const double value = parse_table_number(line, target.name);
@@ -478,15 +485,16 @@ void parse_offset(TableReading& reading, const AssignmentTarget& target, int sys
   if (component == "TR" || component == "FI")
     return add_to_offset(reading, system, axis, value, from, line);
   if (component != "RT" && component != "SC" && component != "MI")
-    line.refuse(target.from, "TR, FI, RT, SC or MI");
+    line.throw_input_error(target.from, "TR, FI, RT, SC or MI");
   // SC is a factor, so its neutral value is 1.
   if (value != (component == "SC" ? 1.0 : 0.0))
-    line.refuse(from, "a work offset that is neither turned, scaled nor mirrored");
+    line.throw_input_error(from, "a work offset that is neither turned, scaled nor mirrored");
 }
 
 /// Reads $P_UIFR[n]. Errors are reported for n up to 6; a later frame that cannot be read is left
 /// out.
-void parse_numbered_offset(TableReading& reading, const AssignmentTarget& target, Cursor& line) {
+void parse_numbered_offset(ControlTableReading& reading, const AssignmentTarget& target,
+                           Cursor& line) {
   const int number = table_index(target, 0, 99, line), system = 500 + number;
   if (number <= 6) return parse_offset(reading, target, number, line);
   const std::size_t value_from = line.at;
@@ -495,7 +503,7 @@ void parse_numbered_offset(TableReading& reading, const AssignmentTarget& target
     line.at = std::min(line.text.find('$', value_from), line.text.size());
 }
 
-bool parse_siemens_line(TableReading& reading, CuttingEdges& edges, Cursor& line) {
+bool parse_siemens_line(ControlTableReading& reading, CuttingEdges& edges, Cursor& line) {
   line.skip_blanks();
   if (line.current() == '%') return true;  // file names such as %_N_TO1_TOA
   for (; !line.at_end() && line.current() != ';'; line.skip_blanks()) {
@@ -509,16 +517,16 @@ bool parse_siemens_line(TableReading& reading, CuttingEdges& edges, Cursor& line
     }
     if (line.accept("CHANDATA(")) {
       parse_table_integer(line, 1, 99, "a channel");
-      if (line.current() != ')') line.refuse(from, "CHANDATA and a channel in ()");
+      if (line.current() != ')') line.throw_input_error(from, "CHANDATA and a channel in ()");
       ++line.at;
       continue;
     }
-    if (c != '$') line.refuse(from, "$ and the name of a value, as $TC_DP3[1,1]=");
+    if (c != '$') line.throw_input_error(from, "$ and the name of a value, as $TC_DP3[1,1]=");
     const AssignmentTarget target = parse_assignment_target(line);
     const bool is_tool = target.name.starts_with("$TC_"), is_offset = target.name == "$P_UIFR";
-    if (is_tool && reading.kind == TableKind::Tools) {
+    if (is_tool && reading.kind == ControlTableKind::Tools) {
       parse_tool_value(reading, target, edges, line);
-    } else if (is_offset && reading.kind == TableKind::Offsets) {
+    } else if (is_offset && reading.kind == ControlTableKind::Offsets) {
       parse_numbered_offset(reading, target, line);
     } else {
       if (!skip_value(line)) reading.count_unused(target.name);
@@ -528,7 +536,7 @@ bool parse_siemens_line(TableReading& reading, CuttingEdges& edges, Cursor& line
 }
 
 /// Reports values of $P_UIFR[0]: G500 switches work offsets off, so a scene has no offset for it.
-void check_g500(TableReading& reading) {
+void check_g500(ControlTableReading& reading) {
   const auto offset = reading.table.offsets.find(0);
   if (offset == reading.table.offsets.end()) return;
   for (const auto& [axis, value] : offset->second.axes)
@@ -541,7 +549,7 @@ void check_g500(TableReading& reading) {
 
 }  // namespace
 
-void read_siemens_table(TableReading& reading) {
+void read_siemens_table(ControlTableReading& reading) {
   CuttingEdges edges;
   for_each_line(reading, [&](Cursor& line) { return parse_siemens_line(reading, edges, line); });
   // A tool without any $TC_DP of its first edge has only a name.
@@ -568,7 +576,7 @@ bool has_number_behind(std::string_view line, char letter) {
 }
 
 /// Returns the control whose tables contain such a line, or nothing if the line has no sign.
-std::optional<Dialect> control_of_line(std::string_view line, TableKind kind) {
+std::optional<Dialect> control_of_line(std::string_view line, ControlTableKind kind) {
   if (line.starts_with("BEGIN ")) return Dialect::Heidenhain;
   for (const std::string_view sign : {"%_N_", "$TC_", "$P_UIFR"})
     if (line.find(sign) != std::string_view::npos) return Dialect::Siemens;
@@ -578,12 +586,12 @@ std::optional<Dialect> control_of_line(std::string_view line, TableKind kind) {
     return Dialect::Fanuc;
   // Last, because a bare number is the weakest sign.
   const bool is_linuxcnc =
-      kind == TableKind::Tools ? has_number_behind(line, 'T') : is_digit(line[0]);
+      kind == ControlTableKind::Tools ? has_number_behind(line, 'T') : is_digit(line[0]);
   return is_linuxcnc ? std::optional(Dialect::LinuxCnc) : std::nullopt;
 }
 
-std::optional<Dialect> detect_control(std::string_view text, TableKind kind) {
-  Lines lines(text);
+std::optional<Dialect> detect_control(std::string_view text, ControlTableKind kind) {
+  LineReader lines(text);
   while (const auto line = lines.next()) {
     if (lines.number() > max_lines_for_sign) break;
     const std::size_t from = std::min(line->find_first_not_of(" \t"), line->size());
@@ -593,7 +601,7 @@ std::optional<Dialect> detect_control(std::string_view text, TableKind kind) {
   return std::nullopt;
 }
 
-std::string unused_values_note(const TableReading& reading) {
+std::string unused_values_note(const ControlTableReading& reading) {
   std::string names;
   for (const auto& [name, count] : reading.unused)
     names += fmt::format("{}{} ({})", names.empty() ? "" : ", ", name, count);
@@ -601,7 +609,7 @@ std::string unused_values_note(const TableReading& reading) {
                      names);
 }
 
-void read_format(Dialect control, TableReading& reading) {
+void read_format(Dialect control, ControlTableReading& reading) {
   reading.table.control = control;
   switch (control) {
     case Dialect::Fanuc:
@@ -656,9 +664,9 @@ std::vector<std::string> table_warnings(const ControlTable& table, std::string_v
   return warnings;
 }
 
-ControlTable read_control_table(std::string_view text, const std::string& file, TableKind kind,
-                                std::optional<double> unit) {
-  const bool is_tool_table = kind == TableKind::Tools;
+ControlTable read_control_table(std::string_view text, const std::string& file,
+                                ControlTableKind kind, std::optional<double> unit) {
+  const bool is_tool_table = kind == ControlTableKind::Tools;
   if (text.size() > max_table_bytes)
     throw BadProgram({BadInput(file, 0, 0, fmt::format("at most {} bytes", max_table_bytes),
                                fmt::format("{}", text.size()))});
@@ -671,7 +679,7 @@ ControlTable read_control_table(std::string_view text, const std::string& file, 
                       : "work offsets of LinuxCNC (5221), Fanuc (G10), Siemens ($P_UIFR) or "
                         "Heidenhain (BEGIN)",
         "no line that has a sign of one")});
-  TableReading reading{text, kind, unit};
+  ControlTableReading reading{text, kind, unit};
   reading.table.file = file;
   read_format(*control, reading);
   // Offsets that could not be read must not count as zero.
@@ -685,7 +693,7 @@ ControlTable read_control_table(std::string_view text, const std::string& file, 
   return std::move(reading.table);
 }
 
-ControlTable read_control_table_file(const std::filesystem::path& file, TableKind kind,
+ControlTable read_control_table_file(const std::filesystem::path& file, ControlTableKind kind,
                                      std::optional<double> unit) {
   return read_control_table(read_text(file, max_table_bytes), file.string(), kind, unit);
 }

@@ -35,10 +35,10 @@ namespace abbe::sim::dialects {
 /// `unit` is mm per unit of length; it must be given if the file does not state the unit, and agree
 /// with the file if it does. Throws BadProgram with all errors, up to 200, each with line and
 /// column.
-ControlTable read_control_table(std::string_view text, const std::string& file, TableKind kind,
-                                std::optional<double> unit = {});
+ControlTable read_control_table(std::string_view text, const std::string& file,
+                                ControlTableKind kind, std::optional<double> unit = {});
 /// Reads a table from a file.
-ControlTable read_control_table_file(const std::filesystem::path& file, TableKind kind,
+ControlTable read_control_table_file(const std::filesystem::path& file, ControlTableKind kind,
                                      std::optional<double> unit = {});
 
 }  // namespace abbe::sim::dialects

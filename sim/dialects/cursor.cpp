@@ -25,7 +25,7 @@ bool is_blank(char c) { return c == ' ' || c == '\t'; }
 
 std::vector<std::string_view> lines_of_text(std::string_view text) {
   std::vector<std::string_view> lines;
-  Lines reader(text);
+  LineReader reader(text);
   while (const auto line = reader.next()) lines.push_back(*line);
   return lines;
 }
@@ -58,13 +58,14 @@ std::string_view Cursor::text_until_blank(std::size_t from) const {
   return text.substr(from, end - from);
 }
 
-void Cursor::refuse(std::size_t from, std::string expected, std::string seen) const {
+void Cursor::throw_input_error(std::size_t from, std::string expected, std::string seen) const {
   throw BadInput(location.file, location.line, int(from) + 1, std::move(expected), std::move(seen));
 }
 
-void Cursor::refuse(std::size_t from, std::string expected) const {
-  refuse(from, std::move(expected),
-         from < text.size() ? shown(text_until_blank(from)) : std::string("the end of the line"));
+void Cursor::throw_input_error(std::size_t from, std::string expected) const {
+  throw_input_error(
+      from, std::move(expected),
+      from < text.size() ? shown(text_until_blank(from)) : std::string("the end of the line"));
 }
 
 std::optional<double> Cursor::number(bool sign, bool blanks_within) {
@@ -97,7 +98,7 @@ std::optional<double> Cursor::number(bool sign, bool blanks_within) {
   }
   std::string digits_without_blanks;
   std::string_view digits = text.substr(digits_begin, at - digits_begin);
-  if (digits.size() > max_digits) refuse(from, "a number of at most 200 digits");
+  if (digits.size() > max_digits) throw_input_error(from, "a number of at most 200 digits");
   // std::from_chars takes no blanks; the copy is made only if there are some.
   if (has_blanks) {
     for (const char c : digits)
@@ -110,17 +111,17 @@ std::optional<double> Cursor::number(bool sign, bool blanks_within) {
                                       std::chars_format::fixed);
   if (result.ec != std::errc() || result.ptr != digits.data() + digits.size() ||
       !(value <= max_number))
-    refuse(from, "a number of at most 1e9");
+    throw_input_error(from, "a number of at most 1e9");
   return is_negative ? -value : value;
 }
 
-std::string_view name_of(Use use) {
+std::string_view name_of(WordTreatment use) {
   switch (use) {
-    case Use::Read:
+    case WordTreatment::Read:
       return "read";
-    case Use::WithoutEffect:
+    case WordTreatment::WithoutEffect:
       return "without effect";
-    case Use::Refused:
+    case WordTreatment::Refused:
       return "refused";
   }
   return "";

@@ -49,9 +49,10 @@ struct Cursor {
   }
   program::Cause cause(std::size_t from) const { return cause(from, at); }
   /// Throws BadInput at a byte of the line.
-  [[noreturn]] void refuse(std::size_t from, std::string expected, std::string seen) const;
+  [[noreturn]] void throw_input_error(std::size_t from, std::string expected,
+                                      std::string seen) const;
   /// Throws BadInput at a byte of the line and quotes the text there, or the end of the line.
-  [[noreturn]] void refuse(std::size_t from, std::string expected) const;
+  [[noreturn]] void throw_input_error(std::size_t from, std::string expected) const;
 
   /// Parses a number with at most one decimal point, and with a sign if `sign`. Returns nothing and
   /// stays if there is none. With `blanks_within` blanks inside the number are ignored, as in
@@ -60,7 +61,7 @@ struct Cursor {
 };
 
 /// Treatment of a word by a dialect.
-enum class Use {
+enum class WordTreatment {
   Read,
   WithoutEffect,  ///< read, but without effect on the motion
   Refused,        ///< an input error whose message names the word
@@ -71,7 +72,7 @@ enum class Use {
 struct WordTableEntry {
   /// The word as a program has it, "G64"; several words with one meaning together, "G54 G55".
   std::string_view word;
-  Use use = Use::Read;
+  WordTreatment use = WordTreatment::Read;
   std::string_view sentence;  ///< its meaning, or for a rejected word the alternative
   /// True if axis words in its block belong to the motion in force. Axis words beside any other
   /// word belong to that word: they have no effect, or are an error.
@@ -79,7 +80,7 @@ struct WordTableEntry {
 };
 
 /// Returns the name of a treatment, for example "without effect".
-std::string_view name_of(Use use);
+std::string_view name_of(WordTreatment use);
 
 /// Calls `act(word)` for every word of an entry such as "G54 G55".
 template <typename Act>
@@ -104,7 +105,7 @@ template <typename Group>
 struct CodeTableLine {
   std::string_view words;
   Group group;
-  Use use;
+  WordTreatment use;
   std::string_view sentence;
   bool beside_motion = false;  ///< as in `WordTableEntry`, whatever the group says
 };
@@ -114,7 +115,7 @@ template <typename Group>
 struct CodeProperties {
   bool known = false;
   Group group = {};
-  Use use = Use::Read;
+  WordTreatment use = WordTreatment::Read;
   std::string_view sentence;
 };
 

@@ -74,7 +74,7 @@ const Operator* operator_at(Cursor& cursor, const ExpressionGrammar& grammar, in
 
 // Returns the result. Throws for infinity and NaN, because no axis can stand there.
 double require_finite(double result, const Cursor& cursor, std::size_t from) {
-  if (!std::isfinite(result)) cursor.refuse(from, "a result that is a finite number");
+  if (!std::isfinite(result)) cursor.throw_input_error(from, "a result that is a finite number");
   return result;
 }
 
@@ -91,7 +91,7 @@ double parse_operators(Cursor& cursor, const ExpressionGrammar& grammar, Operand
     const double right = parse_operators(cursor, grammar, operands, binary_operator->level + 1);
     if (binary_operator->operand_error != nullptr)
       if (const char* expected = binary_operator->operand_error(left, right))
-        cursor.refuse(from, expected);
+        cursor.throw_input_error(from, expected);
     left = require_finite(binary_operator->apply(left, right), cursor, from);
   }
 }
@@ -103,7 +103,7 @@ double parse_value(Cursor& cursor, const ExpressionGrammar& grammar, OperandPars
   // All nesting passes through here: the limit protects the stack from hostile programs.
   const NestingLevel level(cursor.depth);
   if (level.too_deep())
-    cursor.refuse(
+    cursor.throw_input_error(
         cursor.at,
         fmt::format("at most {} brackets, signs and functions within each other", max_nesting),
         "more");
@@ -130,10 +130,11 @@ double parse_value(Cursor& cursor, const ExpressionGrammar& grammar, OperandPars
     }
     const double argument = parse_bracketed(cursor, grammar, operands);
     if (function.operand_error != nullptr)
-      if (const char* expected = function.operand_error(argument)) cursor.refuse(from, expected);
+      if (const char* expected = function.operand_error(argument))
+        cursor.throw_input_error(from, expected);
     return require_finite(function.apply(argument), cursor, from);
   }
-  cursor.refuse(cursor.at, "a number");
+  cursor.throw_input_error(cursor.at, "a number");
 }
 
 double parse_expression(Cursor& cursor, const ExpressionGrammar& grammar, OperandParser& operands) {
@@ -144,12 +145,12 @@ double parse_bracketed(Cursor& cursor, const ExpressionGrammar& grammar, Operand
   cursor.skip_blanks();
   const std::size_t open = cursor.at;
   if (cursor.current() != grammar.open)
-    cursor.refuse(open, std::string("an expression in ") + grammar.open + grammar.close);
+    cursor.throw_input_error(open, std::string("an expression in ") + grammar.open + grammar.close);
   ++cursor.at;
   const double inner = parse_expression(cursor, grammar, operands);
   cursor.skip_blanks();
   if (cursor.current() != grammar.close)
-    cursor.refuse(cursor.at, std::string(1, grammar.close) + " or an operator");
+    cursor.throw_input_error(cursor.at, std::string(1, grammar.close) + " or an operator");
   ++cursor.at;
   return inner;
 }

@@ -23,7 +23,7 @@ void read_cl(std::string_view text, ProgramRun& run) {
   if (cl::is_table(text)) {
     // A table has no statements in which a startup code could be written.
     run.run_startup_code([&](std::string_view code) {
-      run.canon.refuse({1, code}, "no startup code for a table of cutter locations");
+      run.canon.throw_input_error({1, code}, "no startup code for a table of cutter locations");
     });
     return cl::read_table(text, run);
   }

@@ -54,7 +54,7 @@ bool ProgramRun::has_initial_diameters(bool usual) const {
 
 void ProgramRun::emit_segment() {
   if (!options_.on_path_segment) return;
-  program::Path segment = canon.hand_over();
+  program::Path segment = canon.take_kept_blocks();
   // After the first error the program has no valid continuation, so nothing more is passed on.
   if (input_errors_.empty()) options_.on_path_segment(std::move(segment));
 }
@@ -94,7 +94,7 @@ void ProgramRun::refuse_once(const std::string& name, const program::Cause& caus
   // From the second use on `require_certain` throws an error that is not reported.
   require_certain(name, cause);
   mark_uncertain(name);
-  canon.refuse(cause, std::move(expected), std::move(seen));
+  canon.throw_input_error(cause, std::move(expected), std::move(seen));
 }
 
 void ProgramRun::run_startup_code(const std::function<void(std::string_view)>& block) {
@@ -154,7 +154,7 @@ void ProgramRun::check_depth(int depth, const program::Cause& cause, const char*
 }
 
 void ProgramRun::handle_unknown_word(const program::Cause& word, const std::string& expected) {
-  if (options_.on_unknown == UnknownWordPolicy::Refuse) canon.refuse(word, expected);
+  if (options_.on_unknown == UnknownWordPolicy::Refuse) canon.throw_input_error(word, expected);
   const auto entry =
       std::find_if(skipped_words_.begin(), skipped_words_.end(),
                    [&](const SkippedWord& skipped_word) { return skipped_word.word == word.text; });
@@ -196,7 +196,7 @@ void ProgramRun::assume_offset(int system, std::string_view assumed_state) {
 int ProgramRun::assume_only_tool(const program::Cause& cause,
                                  const std::string& missing_statement) {
   const auto tool = program::only_tool(canon.options());
-  if (!tool) canon.refuse(cause, "a tool that is called before it", missing_statement);
+  if (!tool) canon.throw_input_error(cause, "a tool that is called before it", missing_statement);
   canon.assume({missing_statement + ": the only tool is taken to be meant", "program.startup_code",
                 "--startup-code"});
   return *tool;
@@ -250,8 +250,8 @@ void ProgramRun::warn_of_unread_lines(const std::vector<std::string_view>& lines
   if (count == 0) return;
   warn_once(fmt::format(
       "{}:{}: {} from {} on {} not read: the program ends {}", file_, first_unread_line + 1,
-      count == 1 ? "the line" : fmt::format("{} lines", count), in_quotes(lines[first_unread_line]),
-      count == 1 ? "is" : "are",
+      count == 1 ? "the line" : fmt::format("{} lines", count),
+      quoted_excerpt(lines[first_unread_line]), count == 1 ? "is" : "are",
       canon.file() == 0 ? fmt::format("on line {}", end + 1) : "in " + canon.place().file));
 }
 

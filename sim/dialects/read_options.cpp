@@ -225,7 +225,7 @@ std::string_view name_of(Dialect dialect) {
 DetectedDialect detect_dialect(std::string_view text, std::string_view file) {
   if (const auto dialect = dialect_by_extension(file))
     return {*dialect, "the file is named " + std::string(file.substr(file.rfind('.')))};
-  Lines lines(text);
+  LineReader lines(text);
   std::string assignment_text;
   for (int n = 0; n < max_searched_lines; ++n) {
     const auto line = lines.next();

@@ -89,7 +89,7 @@ struct PoleOptions {
   double near =
       0.0;  ///< rad, Fanuc parameter 19738: angle to the pole that counts as close; 0: none
   /// rad, Fanuc parameter 19739: largest rotation of the end of a block about the pole
-  double max_change = 0.0;
+  double max_rotation_about_pole = 0.0;
 };
 
 /// Machine type of a control. Turning and milling controls of one maker interpret the same words

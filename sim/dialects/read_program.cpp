@@ -118,7 +118,7 @@ std::vector<UsedWord> used_words(std::string_view text, Dialect dialect, bool tu
     const bool has_turning_words = turning && front_end.turning_words != nullptr;
     WordCounter counter(
         index_words(has_turning_words ? front_end.turning_words() : front_end.words()));
-    Lines lines(text);
+    LineReader lines(text);
     while (const auto line = lines.next()) {
       if (dialect == Dialect::Cl)
         count_major_word(*line, lines.number(), counter);
@@ -166,7 +166,7 @@ std::vector<BadInput> merge_encoding_errors(const std::vector<BadInput>& input_e
                                             std::string_view text, const std::string& file) {
   if (!find_invalid_utf8(text)) return input_errors;
   std::map<int, std::pair<int, unsigned char>> foreign_bytes;  // column and byte, by line
-  Lines lines(text);
+  LineReader lines(text);
   while (const auto line = lines.next())
     if (const auto at = find_invalid_utf8(*line))
       foreign_bytes[lines.number()] = {int(*at) + 1, static_cast<unsigned char>((*line)[*at])};
@@ -263,8 +263,8 @@ void note_unlimited_speed(ProgramRun& run) {
 
 }  // namespace
 
-ReadProgram read_program(std::string_view text, const std::string& file,
-                         const ReadOptions& options) {
+ParsedProgram read_program(std::string_view text, const std::string& file,
+                           const ReadOptions& options) {
   if (text.size() > options.control.max_bytes)
     throw BadInput(file, 0, 0, fmt::format("at most {} bytes", options.control.max_bytes),
                    fmt::format("{}", text.size()));
@@ -279,7 +279,7 @@ ReadProgram read_program(std::string_view text, const std::string& file,
     const std::string plain = strip_tape_characters(text);
     if (plain.size() < text.size()) return read_program(plain, file, options);
   }
-  ReadProgram result;
+  ParsedProgram result;
   const DetectedDialect detected = options.dialect == Dialect::Auto
                                        ? detect_dialect(text, file)
                                        : DetectedDialect{options.dialect, {}};
@@ -311,7 +311,7 @@ ReadProgram read_program(std::string_view text, const std::string& file,
   return result;
 }
 
-ReadProgram read_program_file(const std::filesystem::path& file, ReadOptions options) {
+ParsedProgram read_program_file(const std::filesystem::path& file, ReadOptions options) {
   if (options.folder.empty())
     options.folder = file.has_parent_path() ? file.parent_path() : std::filesystem::path(".");
   return read_program(read_text(file, options.control.max_bytes), file.string(), options);

@@ -15,7 +15,7 @@ namespace abbe::sim::dialects {
 /// A word used by a program that is in the word table of its dialect.
 struct UsedWord {
   std::string word;  ///< as in the table, "G1" for G01
-  Use use = Use::Read;
+  WordTreatment use = WordTreatment::Read;
   std::string_view sentence;
   std::size_t count = 0;  ///< occurrences in the file, not executions
   int line = 0;           ///< line of the first one
@@ -26,7 +26,7 @@ struct UsedWord {
 std::vector<UsedWord> used_words(std::string_view text, Dialect dialect, bool turning = false);
 
 /// The moves of a program, with its dialect and warnings.
-struct ReadProgram {
+struct ParsedProgram {
   program::Path path;
   Dialect dialect = Dialect::LinuxCnc;  ///< dialect that was used
   bool turning = false;                 ///< read as for a turning control
@@ -41,10 +41,10 @@ struct ReadProgram {
 /// Reads a machining program. Throws BadProgram with all errors, up to 200: unknown words, words
 /// rejected by name, endless loops. Throws BadInput if options.interpreter is LinuxCNC's own and it
 /// is not installed, or the program has another dialect.
-ReadProgram read_program(std::string_view text, const std::string& file,
-                         const ReadOptions& options);
+ParsedProgram read_program(std::string_view text, const std::string& file,
+                           const ReadOptions& options);
 /// Reads a program from a file. Subprograms are searched in the folder of the file unless
 /// `options.folder` is set.
-ReadProgram read_program_file(const std::filesystem::path& file, ReadOptions options);
+ParsedProgram read_program_file(const std::filesystem::path& file, ReadOptions options);
 
 }  // namespace abbe::sim::dialects

@@ -23,8 +23,8 @@ using program::Straight;
 using program::Target;
 
 const Chain* chain_to_tip(const program::NcOptions& control, int tool) {
-  if (const auto tool_chain = control.control_of_h.find(tool);
-      tool_chain != control.control_of_h.end())
+  if (const auto tool_chain = control.control_by_h.find(tool);
+      tool_chain != control.control_by_h.end())
     return &tool_chain->second;
   return control.control ? &*control.control : nullptr;
 }
@@ -32,7 +32,8 @@ const Chain* chain_to_tip(const program::NcOptions& control, int tool) {
 AxisVector measured_offset(const program::Canon& canon, const Chain& chain,
                            const program::Cause& cause) {
   auto shift = program::tip_shift(chain);
-  if (!shift) canon.refuse(cause, "slides at right angles beside the offset of a turning tool");
+  if (!shift)
+    canon.throw_input_error(cause, "slides at right angles beside the offset of a turning tool");
   // Subtracted because the canon adds the origin of the work offsets to every tool shift.
   const Eigen::Vector3d origin = canon.shift_correction();
   for (int k = 0; k < 3; ++k)
@@ -135,12 +136,12 @@ void CutterCompensation::end() {
 const AxisVector& CutterCompensation::programmed() const { return programmed_; }
 
 AxisVector CutterCompensation::end_of(const Target& target) const {
-  return canon_.end_from(programmed_, target, false);
+  return canon_.target_position_from(programmed_, target, false);
 }
 
 Vector2d CutterCompensation::arc_centre(const ArcMove& move) const {
   if (!move.radius)
-    return move.placed_centre.size() > 0 ? in_plane(move.placed_centre) : move.centre;
+    return move.centre_with_offsets.size() > 0 ? in_plane(move.centre_with_offsets) : move.centre;
   const program::ArcGeometry ends{in_plane(programmed_), in_plane(move.end), {}, move.clockwise};
   return program::centre_by_radius(ends, *move.radius, canon_.place(), move.named);
 }
@@ -152,7 +153,8 @@ Vector2d CutterCompensation::offset_vector(const Vector2d& direction) const {
 // Under inverse time the arc inserted at an outside corner would have no defined duration.
 void CutterCompensation::check_feed(const Cause& cause) const {
   if (canon_.feed_mode() == FeedMode::InverseTime)
-    canon_.refuse(cause, "G94 beside G41 and G42: an outside corner has no time of its own");
+    canon_.throw_input_error(cause,
+                             "G94 beside G41 and G42: an outside corner has no time of its own");
 }
 
 void CutterCompensation::straight(Straight move, bool rapid) {
@@ -180,9 +182,9 @@ void CutterCompensation::straight(Straight move, bool rapid) {
   segment.is_entry = !has_entered_;
   // A rule of LinuxCNC; other controls accept shorter entries.
   if (segment.is_entry && !rules_.perpendicular_entry && length < radius_)
-    canon_.refuse(move.cause,
-                  fmt::format("an entry move of at least the radius of the tool, {} mm", radius_),
-                  fmt::format("{} mm", length));
+    canon_.throw_input_error(
+        move.cause, fmt::format("an entry move of at least the radius of the tool, {} mm", radius_),
+        fmt::format("{} mm", length));
   segment.programmed_end = std::move(move.end);
   segment.cause = move.cause;
   join_segment(std::move(segment));
@@ -191,12 +193,12 @@ void CutterCompensation::straight(Straight move, bool rapid) {
 void CutterCompensation::arc(ArcMove move) {
   check_feed(move.cause);
   if (move.first != plane_[0] || move.second != plane_[1])
-    canon_.refuse(move.cause, "an arc in the plane of the cutter compensation");
+    canon_.throw_input_error(move.cause, "an arc in the plane of the cutter compensation");
   move.centre = arc_centre(move);
   const program::ArcGeometry programmed_ends{in_plane(programmed_), in_plane(move.end), move.centre,
                                              move.clockwise};
   const program::Arc arc =
-      program::checked_arc(programmed_ends, move.turns, canon_.place(), move.named);
+      program::validated_arc(programmed_ends, move.turns, canon_.place(), move.named);
   // With the tool on the side of the centre the offset arc is smaller by the tool radius.
   const bool is_inside = is_left_ != move.clockwise;
   OffsetSegment segment;
@@ -206,9 +208,9 @@ void CutterCompensation::arc(ArcMove move) {
   segment.centre = move.centre;
   segment.radius = arc.radius + (is_inside ? -radius_ : radius_);
   if (is_inside && segment.radius < position_tolerance)
-    canon_.refuse(move.named,
-                  fmt::format("an arc of more than the radius of the tool, {} mm", radius_),
-                  fmt::format("{} mm", arc.radius));
+    canon_.throw_input_error(
+        move.named, fmt::format("an arc of more than the radius of the tool, {} mm", radius_),
+        fmt::format("{} mm", arc.radius));
   const Vector2d start_normal = (programmed_ends.start - move.centre).normalized();
   const Vector2d end_normal = (programmed_ends.end - move.centre).normalized();
   segment.start = move.centre + segment.radius * start_normal;
@@ -232,8 +234,9 @@ void CutterCompensation::enter_by_arc(OffsetSegment& segment, const Vector2d& ou
   const Vector2d from = in_plane(programmed_) - segment.end;
   const double along = from.dot(outwards);
   if (from.norm() < radius_ || !(along < 0))
-    canon_.refuse(cause, fmt::format("an entry arc that a tool of {} mm of radius can go", radius_),
-                  "one too small");
+    canon_.throw_input_error(
+        cause, fmt::format("an entry arc that a tool of {} mm of radius can go", radius_),
+        "one too small");
   segment.radius = -from.squaredNorm() / (2 * along);
   segment.centre = segment.end - segment.radius * outwards;
   segment.start = in_plane(programmed_);
@@ -308,9 +311,9 @@ void CutterCompensation::trim_inside_corner(OffsetSegment& next, const Vector2d&
     waiting_segment_->end = *intersection;
     next.start = *intersection;
   } else {
-    canon_.refuse(next.cause,
-                  fmt::format("an inside corner that a tool of {} mm of radius reaches", radius_),
-                  "one too narrow");
+    canon_.throw_input_error(
+        next.cause, fmt::format("an inside corner that a tool of {} mm of radius reaches", radius_),
+        "one too narrow");
   }
 }
 

@@ -108,7 +108,8 @@ std::vector<AxisVector> OrientationKinematics::positions(const Vector3d& directi
   for (int j = 0; j < start.size(); ++j)
     if (std::find(rotary_.begin(), rotary_.end(), j) == rotary_.end()) start[j] = 0.0;
   const auto solution = kinematics::inverse(*free_, {Vector3d::Zero(), direction_w}, start);
-  if (solution.reach != kinematics::Reach::Reached && solution.reach != kinematics::Reach::Singular)
+  if (solution.reach != kinematics::Reachability::Reached &&
+      solution.reach != kinematics::Reachability::Singular)
     return {};
   std::vector<AxisVector> positions;
   for (const AxisVector& branch : solution.branches) {
@@ -308,7 +309,7 @@ std::optional<PolePassage> pole_passage(const Chain& chain, const AxisVector& fr
   passage.vector_error = kinematics::angle_between(programmed_w, changed_w);
   const bool reachable =
       passage.end[pole.other] >= other.min && passage.end[pole.other] <= other.max;
-  if (passage.end_rotation > limits.max_change || !reachable) return std::nullopt;
+  if (passage.end_rotation > limits.max_rotation_about_pole || !reachable) return std::nullopt;
   return passage;
 }
 
@@ -333,7 +334,7 @@ AxisVector VectorLines::fanuc_rotary_axes(const Chain& chain, const Eigen::Vecto
   if (!kinematics.is_possible()) return position;
   const auto solutions = kinematics.positions(direction_w.normalized(), position);
   if (solutions.empty())
-    run_.canon.refuse(
+    run_.canon.throw_input_error(
         cause, "a tool vector that the rotary axes reach",
         fmt::format("{:.6g} {:.6g} {:.6g}", direction_w.x(), direction_w.y(), direction_w.z()));
   return fanuc::output_judgement(solutions, position, fanuc::rotary_judgement_order(chain));
@@ -344,8 +345,9 @@ bool VectorLines::lead_through_pole(const Chain& chain, program::Straight& move)
   try {
     passage = fanuc::pole_passage(chain, run_.canon.position(), move.end, run_.options().pole);
   } catch (const std::invalid_argument& error) {
-    run_.canon.refuse(move.cause, std::string(error.what()) + ", beside pole = \"fanuc\"",
-                      "one with " + run_.canon.letters());
+    run_.canon.throw_input_error(move.cause,
+                                 std::string(error.what()) + ", beside pole = \"fanuc\"",
+                                 "one with " + run_.canon.letters());
   }
   if (!passage) return false;
   for (const int j : orientation_kinematics(chain).rotary_joints()) move.end[j] = passage->end[j];
@@ -379,10 +381,11 @@ bool VectorLines::straight_feed(const Chain& chain, program::Straight move) {
       break;
     }
   if (segments.empty())
-    run_.canon.refuse(move.cause,
-                      "a turn of the tool on a great circle that the rotary axes follow, beside "
-                      "pole = \"fanuc\" or \"siemens\"",
-                      "opposite vectors, a pole on the way, or a way beyond their limits");
+    run_.canon.throw_input_error(
+        move.cause,
+        "a turn of the tool on a great circle that the rotary axes follow, beside "
+        "pole = \"fanuc\" or \"siemens\"",
+        "opposite vectors, a pole on the way, or a way beyond their limits");
   feed_along_segments(run_.canon, kinematics, segments, move);
   return true;
 }

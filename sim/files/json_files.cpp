@@ -37,7 +37,7 @@ void read_saved_json(
   }
 }
 
-std::vector<std::filesystem::path> saved_files(const std::filesystem::path& folder) {
+std::vector<std::filesystem::path> files_below(const std::filesystem::path& folder) {
   constexpr auto skip_denied = std::filesystem::directory_options::skip_permission_denied;
   std::vector<std::filesystem::path> files;
   for (const auto& entry : std::filesystem::recursive_directory_iterator(folder, skip_denied))

@@ -32,6 +32,6 @@ void read_saved_json(
 
 /// Returns all regular files in a folder and its subfolders; folders without read permission are
 /// skipped.
-std::vector<std::filesystem::path> saved_files(const std::filesystem::path& folder);
+std::vector<std::filesystem::path> files_below(const std::filesystem::path& folder);
 
 }  // namespace abbe::sim

@@ -117,8 +117,8 @@ std::optional<FileChecksum> file_checksum(const fs::path& file) {
   return in.bad() ? std::nullopt : std::optional(checksum);
 }
 
-Mark read_manifest(const fs::path& folder) {
-  Mark manifest;
+Manifest read_manifest(const fs::path& folder) {
+  Manifest manifest;
   const fs::path file = folder / manifest_name;
   std::error_code ignored_error;
   if (!is_plain_file(file) || fs::file_size(file, ignored_error) > max_manifest_bytes)
@@ -136,25 +136,25 @@ Mark read_manifest(const fs::path& folder) {
   return manifest;
 }
 
-std::optional<std::string> writing_command(const Mark& manifest, const fs::path& file) {
+std::optional<std::string> writing_command(const Manifest& manifest, const fs::path& file) {
   const auto entries = manifest.files.find(escaped(file.filename().string()));
   if (entries == manifest.files.end()) return std::nullopt;
   const std::optional<FileChecksum> checksum = file_checksum(file);
   if (!checksum) return std::nullopt;
   const auto latest = std::find_if(
-      entries->second.rbegin(), entries->second.rend(), [&](const Mark::Entry& candidate) {
+      entries->second.rbegin(), entries->second.rend(), [&](const Manifest::Entry& candidate) {
         return candidate.checksum ? *candidate.checksum == *checksum
                                   : checksum->size == 0 || is_database(file);
       });
   return latest == entries->second.rend() ? std::nullopt : std::optional(latest->by);
 }
 
-bool is_latest_entry(const Mark& manifest, const FileEntry& entry) {
+bool is_latest_entry(const Manifest& manifest, const FileEntry& entry) {
   const auto entries = manifest.files.find(escaped(entry.name));
   if (entries == manifest.files.end()) return false;
   const auto latest = std::find_if(
       entries->second.rbegin(), entries->second.rend(),
-      [&](const Mark::Entry& candidate) { return candidate.checksum == entry.checksum; });
+      [&](const Manifest::Entry& candidate) { return candidate.checksum == entry.checksum; });
   return latest != entries->second.rend() && latest->by == entry.by;
 }
 
@@ -265,7 +265,7 @@ bool has_foreign_files(const fs::path& folder);
 
 /// Returns true if an entry of a folder with this manifest is not abbe's. Files listed with their
 /// present checksum, journals, and folders whose files are all abbe's belong to abbe.
-bool is_foreign_entry(const Mark& manifest, const fs::directory_entry& entry) {
+bool is_foreign_entry(const Manifest& manifest, const fs::directory_entry& entry) {
   std::error_code ignored_error;
   if (entry.path().filename() == manifest_name && !manifest.files.empty()) return false;
   if (is_hidden(entry) || is_journal_file(entry.path())) return false;
@@ -277,7 +277,7 @@ bool is_foreign_entry(const Mark& manifest, const fs::directory_entry& entry) {
 /// Returns true if a folder holds files that are not abbe's. A failed run may leave empty folders
 /// without a manifest; they hold nothing that a later run could damage.
 bool has_foreign_files(const fs::path& folder) {
-  const Mark manifest = read_manifest(folder);
+  const Manifest manifest = read_manifest(folder);
   if (manifest.is_whole_result) return false;
   std::error_code read_error;
   const fs::directory_iterator entries(folder, read_error);
@@ -295,7 +295,7 @@ struct ForeignFiles {
 ForeignFiles find_foreign_files(const fs::path& folder) {
   ForeignFiles foreign;
   std::error_code ignored_error;
-  const Mark manifest = read_manifest(folder);
+  const Manifest manifest = read_manifest(folder);
   for (const auto& entry : fs::directory_iterator(folder, ignored_error)) {
     if (!is_foreign_entry(manifest, entry)) continue;
     const std::string name = entry.path().filename().string();
@@ -438,7 +438,7 @@ void check_file(const ResultFile& file) {
     throw_output_failure(
         path, "this run reads it, and what is read is never written over; choose another --out");
   if (directory.writer.permissions.force || is_journal(path)) return;
-  const Mark manifest =
+  const Manifest manifest =
       read_manifest(directory.folder);  // read again: other processes may have changed it
   if (writing_command(manifest, path)) return;
   throw_output_failure(
@@ -497,7 +497,7 @@ void write_file(const ResultFile& file, std::string_view text) {
 }
 
 void write_table(const ResultFile& file, std::string_view text) {
-  write_file(file, escaped_lines(text));
+  write_file(file, escape_keeping_lines(text));
 }
 
 void write_json(const ResultFile& file, const nlohmann::ordered_json& json) {
@@ -518,7 +518,8 @@ void remove_file(const ResultFile& file) {
 }
 
 std::string json_text(const nlohmann::ordered_json& json) {
-  return escaped_lines(json.dump(2, ' ', false, nlohmann::ordered_json::error_handler_t::replace)) +
+  return escape_keeping_lines(
+             json.dump(2, ' ', false, nlohmann::ordered_json::error_handler_t::replace)) +
          "\n";
 }
 

@@ -45,7 +45,7 @@ struct FileChecksum {
 std::optional<FileChecksum> file_checksum(const std::filesystem::path& file);
 
 /// The contents of the manifest of a folder.
-struct Mark {
+struct Manifest {
   struct Entry {
     std::optional<FileChecksum> checksum;  ///< empty for the journal of a study, which grows
     std::string by;                        ///< command that wrote the file
@@ -55,12 +55,13 @@ struct Mark {
 };
 /// Returns the manifest of a folder; an empty one if there is none, or if it is a link, which could
 /// lead to any file.
-Mark read_manifest(const std::filesystem::path& folder);
+Manifest read_manifest(const std::filesystem::path& folder);
 
 /// Returns the command that wrote `file` in its present state; nothing if abbe did not write it. A
 /// file listed without a checksum counts as abbe's while it is empty or a database; the reader of
 /// the database checks further.
-std::optional<std::string> writing_command(const Mark& manifest, const std::filesystem::path& file);
+std::optional<std::string> writing_command(const Manifest& manifest,
+                                           const std::filesystem::path& file);
 
 /// Returns the subcommand of a command line, for example "run" for "abbe run scene.toml".
 std::string subcommand_name(const std::string& command_line);
@@ -71,7 +72,7 @@ struct FileEntry {
   std::optional<FileChecksum> checksum;
 };
 /// Returns true if `entry` is the latest entry of the manifest for a file of this name and content.
-bool is_latest_entry(const Mark& manifest, const FileEntry& entry);
+bool is_latest_entry(const Manifest& manifest, const FileEntry& entry);
 
 /// An entry of a manifest for the folder.
 struct FolderDeclaration {

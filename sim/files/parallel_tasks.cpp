@@ -133,16 +133,17 @@ class TaskRunner {
 
 }  // namespace
 
-void run_tasks(const std::vector<Task>& tasks, int at_once, ProgressLine& line) {
+void run_tasks(const std::vector<Task>& tasks, int max_parallel, ProgressLine& line) {
   TaskRunner runner(tasks, line);
-  if (at_once > 1) {
+  if (max_parallel > 1) {
     runner.start_longest_first();
     // Isolated: a thread that waits for nested parallel work must not pick up another task
     // meanwhile.
     const auto worker = [&](int) {
       tbb::this_task_arena::isolate([&] { runner.run_waiting_tasks(); });
     };
-    tbb::parallel_for(0, std::min(at_once, int(tasks.size())), worker, tbb::simple_partitioner());
+    tbb::parallel_for(0, std::min(max_parallel, int(tasks.size())), worker,
+                      tbb::simple_partitioner());
   } else {
     runner.run_waiting_tasks();
   }

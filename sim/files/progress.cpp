@@ -156,7 +156,7 @@ void end_after_interruption() {
   while (::sem_wait(&interruption) != 0) continue;
   std::this_thread::sleep_for(stop_grace_period);
   remove_own_unfinished_files();
-  print(stderr, "{}abbe: interrupted\n", Lines(::isatty(STDERR_FILENO) != 0 ? "\n" : ""));
+  print(stderr, "{}abbe: interrupted\n", MultilineText(::isatty(STDERR_FILENO) != 0 ? "\n" : ""));
   ::_exit(130);
 }
 

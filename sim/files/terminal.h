@@ -17,26 +17,26 @@ namespace abbe::sim {
 
 /// A text that abbe composed of several lines. Texts from elsewhere in it must be escaped to one
 /// line each (single_lined, escaped). Of its control characters only newlines and tabs are printed.
-struct Lines {
+struct MultilineText {
   std::string text;
 };
 
 /// Returns an argument in the form in which `print` shows it.
 template <typename Argument>
 auto shown(const Argument& argument) {
-  if constexpr (std::is_same_v<Argument, Lines>)
-    return escaped_lines(argument.text);
+  if constexpr (std::is_same_v<Argument, MultilineText>)
+    return escape_keeping_lines(argument.text);
   else if constexpr (std::is_convertible_v<const Argument&, std::string_view>)
     return escaped(std::string_view(argument));
   else
     return argument;
 }
 template <typename Argument>
-using Shown = decltype(shown(std::declval<const std::remove_cvref_t<Argument>&>()));
+using PrintedType = decltype(shown(std::declval<const std::remove_cvref_t<Argument>&>()));
 
 /// Prints a formatted text to a stream.
 template <typename... Arguments>
-void print(std::FILE* stream, fmt::format_string<Shown<Arguments>...> format,
+void print(std::FILE* stream, fmt::format_string<PrintedType<Arguments>...> format,
            const Arguments&... arguments) {
   const std::string text = fmt::format(format, shown(arguments)...);
   std::fwrite(text.data(), 1, text.size(), stream);
@@ -44,7 +44,7 @@ void print(std::FILE* stream, fmt::format_string<Shown<Arguments>...> format,
 
 /// Prints a formatted text to standard output.
 template <typename... Arguments>
-void print(fmt::format_string<Shown<Arguments>...> format, const Arguments&... arguments) {
+void print(fmt::format_string<PrintedType<Arguments>...> format, const Arguments&... arguments) {
   sim::print(stdout, format, arguments...);
 }
 
@@ -59,6 +59,6 @@ void flush_output();
 
 /// Returns the JSON with every string and key escaped to one line, so that no text from elsewhere
 /// can begin a line in a report.
-nlohmann::ordered_json single_lined(const nlohmann::ordered_json& json);
+nlohmann::ordered_json escape_lines(const nlohmann::ordered_json& json);
 
 }  // namespace abbe::sim

@@ -34,7 +34,7 @@ Process without_stock(const Process& process) { return {process.steps, {}, {}, {
 }  // namespace
 
 compensation::Belief perfect_belief(const Job& job, PredictedRun run) {
-  return [expected_truth = without_random(job.truth), &job,
+  return [expected_truth = remove_random(job.truth), &job,
           run = std::move(run)](const AxisState& state) {
     return tool_in_workpiece(expected_truth, state, predicted_load(job.samples, run, state.time_s));
   };
@@ -101,7 +101,7 @@ MeasuredPart cut_and_measure(const Job& job, const Commands& commands, int pass)
       part_instrument(job.scene, job.scene.belief.part->instrument);
   // The name seeds the noise. With the index of the pass in it, each pass has noise of its own.
   instrument.name += fmt::format(" {}", pass + 1);
-  return {measured_part(job, cut(job, commands), instrument).readings, instrument.spacing};
+  return {measure_cut_part(job, cut(job, commands), instrument).readings, instrument.spacing};
 }
 
 /// Cuts and measures the training part of a force belief.
@@ -115,7 +115,7 @@ TrainingRun training_run(const BeliefDescription::Force& force,
   // The times are those of the error-free cut, since a control knows only the nominal program.
   const VectorXd cut_time_s = cut_error_free(job).surface.cut_time_s;
   const errors::metrology::PartReadings part =
-      measured_part(job, training_cut, instrument).readings;
+      measure_cut_part(job, training_cut, instrument).readings;
   compensation::CurrentTraining training{VectorXd(part.deviation.size()), part.deviation};
   for (Index i = 0; i < part.deviation.size(); ++i)
     training.time_s[i] = cut_time_s[nearest_vertex(job.design_w.vertices, part.points_w.row(i))];
@@ -200,7 +200,7 @@ MachineAccess make_machine_access(const Job& job) {
   machine_access.run = [&job](const Commands& commands, bool through_blank) {
     return control_log(job, commands, through_blank ? cut_process(job, commands) : Process{});
   };
-  machine_access.measured_part = [&job](const Commands& commands, int pass) {
+  machine_access.measure_cut_part = [&job](const Commands& commands, int pass) {
     return cut_and_measure(job, commands, pass);
   };
   machine_access.training = [&job] {
@@ -249,19 +249,18 @@ compensation::ControlLog control_log(const Job& job, const Commands& commands,
   return log;
 }
 
-LearnedCorrection learned_correction(const Job& job, const CaseDescription& compensator,
-                                     const Progress& progress) {
+LearnedCorrection learn_correction(const Job& job, const CaseDescription& compensator,
+                                   const Progress& progress) {
   require_single_tool(job, compensator, true, "what tables hold, for the tip of one tool");
-  return learned_correction(make_control_view(job), make_machine_access(job), compensator,
-                            progress);
+  return learn_correction(make_control_view(job), make_machine_access(job), compensator, progress);
 }
 
 Commands compensate(const Job& job, const CaseDescription& compensator, const Progress& progress) {
   check_tool_count(job, compensator);
   std::vector<Commands> part_commands;
-  for (const Job& job_part : parts_of(job))
-    part_commands.push_back(compensated(make_control_view(job_part), make_machine_access(job_part),
-                                        compensator, progress));
+  for (const Job& job_part : job_parts(job))
+    part_commands.push_back(compensated_commands(
+        make_control_view(job_part), make_machine_access(job_part), compensator, progress));
   return joined(std::move(part_commands));
 }
 
@@ -271,12 +270,12 @@ namespace {
 Cut cut_in_windows(const Job& job, const CaseDescription& compensator, const Progress& progress) {
   const ControlView view = make_control_view(job);
   const LearnedCorrection correction =
-      learned_correction(view, make_machine_access(job), compensator, progress);
+      learn_correction(view, make_machine_access(job), compensator, progress);
   Cut result = cut_in_windows(
       job,
       [&](const Job& job_part) {
-        return compensated(make_control_view(job_part), make_machine_access(job_part), compensator,
-                           correction);
+        return compensated_commands(make_control_view(job_part), make_machine_access(job_part),
+                                    compensator, correction);
       },
       progress);
   result.name = result.case_name = compensator.name;
@@ -294,7 +293,7 @@ std::string find_windows_obstacle(const Scene& scene,
   if (!scene.additional_tools.empty()) return "several tools";
   if (scene.cutting) return "[cutting]";
   if (scene.thermal) return "[thermal]";
-  if (scene.collision.on) return "[collision]";
+  if (scene.collision.is_enabled) return "[collision]";
   if (scene.tool.wear) return "a tool that wears";
   if (scene.compliance) return "[compliance]";
   if (scene.sensor_choice) return "a choice of sensors";

@@ -38,12 +38,12 @@ compensation::ControlLog control_log(const Job& job, const Commands& commands,
                                      const Process& process);
 
 /// Learns the correction of the program of a case.
-/// @throws BadInput, PlugInFailure  as `learned_correction` with a control view
-LearnedCorrection learned_correction(const Job& job, const CaseDescription& compensator,
-                                     const Progress& progress = {});
+/// @throws BadInput, PlugInFailure  as `learn_correction` with a control view
+LearnedCorrection learn_correction(const Job& job, const CaseDescription& compensator,
+                                   const Progress& progress = {});
 
 /// Returns the commands of the program, corrected by a compensator.
-/// @throws BadInput, PlugInFailure  as `learned_correction`
+/// @throws BadInput, PlugInFailure  as `learn_correction`
 Commands compensate(const Job& job, const CaseDescription& compensator,
                     const Progress& progress = {});
 

@@ -73,7 +73,7 @@ struct MachineAccess {
   /// Runs commands in air or through the blank. Returns the signals that the control reads.
   std::function<compensation::ControlLog(const Commands&, bool through_blank)> run;
   /// Cuts a part with commands and measures it with the instrument of the belief `part`.
-  std::function<MeasuredPart(const Commands&, int pass)> measured_part;
+  std::function<MeasuredPart(const Commands&, int pass)> measure_cut_part;
   /// Cuts and measures the training part of the belief `force`.
   std::function<TrainingRun()> training;
   /// Returns the part as the error-free machine cuts it.

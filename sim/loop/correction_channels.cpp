@@ -105,11 +105,11 @@ program::ThinOptions thin_options(const ControlView& view, const std::vector<Axi
 /// times of the two programs differ slightly.
 std::vector<Pose> rewritten_target_poses(const ControlView& view, const program::Path& path,
                                          const program::Samples& samples,
-                                         const std::vector<program::Stretch>& of_line) {
+                                         const std::vector<program::LineOrigin>& line_origins) {
   std::vector<Pose> target_poses(samples.states.size());
   tbb::parallel_for(std::size_t(0), target_poses.size(), [&](std::size_t i) {
     const program::Block& block = path.blocks[std::size_t(samples.block[i])];
-    const program::Stretch& segment = of_line.at(std::size_t(block.line) - 1);
+    const program::LineOrigin& segment = line_origins.at(std::size_t(block.line) - 1);
     const double duration = block.end_s - block.start_s;
     const double fraction =
         duration > 0.0 ? (samples.states[i].time_s - block.start_s) / duration : 1.0;
@@ -143,7 +143,7 @@ AxisVector nominal_axes(const Machine& machine, const program::Path& path,
   const AxisVector q = program::position(path, block, u);
   if (block.coordinates == program::Coordinates::Axis) return q;
   const auto [x, y, z] = tip_axes(machine.nominal);
-  return kinematics::slides_for_tip(machine.nominal, q, {q[x], q[y], q[z]}).value();
+  return kinematics::solve_slides(machine.nominal, q, {q[x], q[y], q[z]}).value();
 }
 
 // The path is corrected with the shift that the corrector expects. It is run with the shift that
@@ -156,26 +156,27 @@ Commands apply_program_channel(const ControlView& view, const Corrector& correct
       commanded(control, view.path, view.samples, view.machine.nominal, expected_w);
   const CorrectedCommands ideal = corrector(uncorrected, view.T_wt_nominal);
   const program::CorrectedPath points =
-      program::thinned(view.path, dense_points(view, ideal.states, expected_w), view.control,
-                       thin_options(view, uncorrected));
-  program::RewrittenProgram rewritten =
-      program::rewritten(view.path, points, view.control,
-                         {view.compensation.word_resolution, view.compensation.angle_resolution});
+      program::thin_out(view.path, dense_points(view, ideal.states, expected_w), view.control,
+                        thin_options(view, uncorrected));
+  program::RewrittenProgram rewrite_program = program::rewrite_program(
+      view.path, points, view.control,
+      {view.compensation.word_resolution, view.compensation.angle_resolution});
 
   // A corrector with jumps would give a program of unlimited length. The limit of 20 times the
   // original samples stops it before the memory is exhausted.
   program::SampleOptions options = view.sampling;
   options.max_samples = std::max<std::size_t>(1'000'000, 20 * view.samples.states.size());
   Commands result;
-  result.path = is_pvt(view.path) ? program::read_pvt(rewritten.text, "rewritten.csv", view.control)
-                                  : program::read_nc(rewritten.text, "rewritten.ngc", view.control);
-  result.rewritten_program = std::move(rewritten.text);
+  result.path = is_pvt(view.path)
+                    ? program::read_pvt(rewrite_program.text, "rewritten.csv", view.control)
+                    : program::read_nc(rewrite_program.text, "rewritten.ngc", view.control);
+  result.rewritten_program = std::move(rewrite_program.text);
   result.samples = program::sample(*result.path, control, options);
   result.samples.states = commanded(control, *result.path, result.samples, control, measured_w);
   result.T_wt_nominal =
-      rewritten_target_poses(view, *result.path, result.samples, rewritten.of_line);
-  result.point_left = ideal.point_left;
-  result.direction_left = ideal.direction_left;
+      rewritten_target_poses(view, *result.path, result.samples, rewrite_program.line_origins);
+  result.remaining_point_error = ideal.remaining_point_error;
+  result.remaining_direction_error = ideal.remaining_direction_error;
   result.not_converged = ideal.not_converged;
   return result;
 }
@@ -204,7 +205,7 @@ TimeSeries state_series(const std::vector<AxisState>& states, Index columns, con
 /// correction, which receives no pulses.
 VectorXd axis_counts(const ControlView& view, const TimeSeries& ideal_correction) {
   const auto& joints = view.machine.control.joints();
-  const CompensationDescription::Pulses& pulses = view.compensation.pulses;
+  const CompensationDescription::PulseInsertion& pulses = view.compensation.pulses;
   VectorXd counts = VectorXd::Zero(Index(joints.size()));
   for (int i = 0; i < view.machine.control.size(); ++i) {
     const bool is_slide = joints[std::size_t(i)].motion == kinematics::Motion::Linear;
@@ -222,17 +223,18 @@ TimeSeries transmitted_correction(const ControlView& view, Channel channel,
                                   const TimeSeries& ideal_correction,
                                   const std::vector<AxisState>& commanded) {
   const CompensationDescription& limits = view.compensation;
-  if (channel == Channel::Open) return compensation::through(ideal_correction, limits.open);
+  if (channel == Channel::Open) return compensation::apply_channel(ideal_correction, limits.open);
   if (channel == Channel::Origin)
-    return compensation::through(ideal_correction, limits.origin, view.machine.control.joints());
+    return compensation::apply_channel(ideal_correction, limits.origin,
+                                       view.machine.control.joints());
   // Pulses are inserted between the edges of the encoder signals, so they depend on the commanded
   // positions as well.
-  compensation::Pulses pulses;
+  compensation::PulseInsertion pulses;
   pulses.count = axis_counts(view, ideal_correction);
   pulses.cycle_s = limits.pulses.cycle_s;
   pulses.pulse_s = limits.pulses.pulse_s;
   pulses.phase_seed = view.seed;
-  return compensation::through(
+  return compensation::apply_channel(
       ideal_correction, pulses,
       state_series(commanded, ideal_correction.value.cols(),
                    [&](std::size_t i) -> VectorXd { return commanded[i].q; }));
@@ -321,8 +323,8 @@ TimeSeries ideal_tool_displacement(const ControlView& view, const std::vector<Ax
 Commands apply_piezo_channel(const ControlView& view, const std::vector<AxisState>& commanded,
                              const std::vector<AxisState>& ideal) {
   const compensation::Piezo& piezo = view.compensation.piezo;
-  const TimeSeries stroke = compensation::thinned(
-      compensation::through(ideal_tool_displacement(view, commanded, ideal), piezo),
+  const TimeSeries stroke = compensation::thin_out(
+      compensation::apply_channel(ideal_tool_displacement(view, commanded, ideal), piezo),
       // A tenth of the chord tolerance: thinning the stroke then adds little to the chord error.
       VectorXd::Constant(1, 0.1 * view.chord_tolerance));
   MergedSamples merged = merge_samples(view, commanded, stroke.time_s);
@@ -347,10 +349,10 @@ Commands apply_axis_channel(const ControlView& view, Channel channel,
     if (view.machine.control.joints()[std::size_t(i)].motion != kinematics::Motion::Linear)
       tolerance[i] /= lever_arm;
   const TimeSeries series =
-      compensation::thinned(compensation::loop_response(
-                                transmitted_correction(view, channel, ideal_correction, commanded),
-                                view.compensation.loop),
-                            tolerance);
+      compensation::thin_out(compensation::loop_response(
+                                 transmitted_correction(view, channel, ideal_correction, commanded),
+                                 view.compensation.loop),
+                             tolerance);
   MergedSamples merged = merge_samples(view, commanded, series.time_s);
   compensation::TimeSeriesReader reader(series);
   std::vector<AxisVector> correction(merged.knot.size());

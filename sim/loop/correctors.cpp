@@ -49,14 +49,15 @@ void add_force(compensation::MachineBelief& belief, const ControlView& view,
   using ForceSource = BeliefDescription::Force::From;
   const BeliefDescription::Force& force = *view.belief.force;
   if (force.from == ForceSource::Current) {
-    if (evidence.law) belief.bending = compensation::bending(*evidence.law, evidence.log);
+    if (evidence.law)
+      belief.current_deflection = compensation::current_deflection(*evidence.law, evidence.log);
     return;
   }
   compensation::LoadSeries load;
   if (force.from == ForceSource::Model)
     load = evidence.model_load.value_or(compensation::LoadSeries{});
   else
-    load = compensation::load_of_dynamometer(evidence.log, force.smoothing_s);
+    load = compensation::dynamometer_load(evidence.log, force.smoothing_s);
   belief.force = {errors::bind(force.compliance, view.machine.control), std::move(load)};
 }
 
@@ -122,8 +123,8 @@ compensation::MachineBelief machine_belief(const ControlView& view,
     throw_input_error(view, "a belief that fits the machine and what it reads", exception.what());
   }
   // A fused belief contains all kinds that the scene has. It needs at least one.
-  if (!belief.geometric && !belief.thermal && !belief.force && !belief.bending && !belief.part &&
-      compensator.belief == Kind::Fused && !beliefs.part)
+  if (!belief.geometric && !belief.thermal && !belief.force && !belief.current_deflection &&
+      !belief.part && compensator.belief == Kind::Fused && !beliefs.part)
     throw_input_error(view, "something to believe in [belief] for the case " + compensator.name,
                       "nothing");
   return belief;
@@ -160,7 +161,7 @@ compensation::DisplacementSeries part_series(const ControlView& view,
     for (Index i = 0; i < part.time_s.size(); ++i)
       part.normals.row(i) =
           part.normals.row(i) * spindle_rotation(view, part.time_s[i]).transpose();
-  return compensation::explain_deviation(part);
+  return compensation::displacement_from_deviations(part);
 }
 
 namespace {
@@ -191,7 +192,7 @@ compensation::CorrectOptions correct_options(const ControlView& view,
     const bool is_rotary =
         view.machine.control.joints()[std::size_t(i)].motion != kinematics::Motion::Linear;
     if (is_spindle(view.machine, i) || (slides_only && is_rotary))
-      options.still.set(std::size_t(i));
+      options.fixed_joints.set(std::size_t(i));
   }
   return options;
 }
@@ -213,8 +214,10 @@ CorrectedCommands corrected(const kinematics::Chain& control,
   CorrectedCommands result{commanded, 0.0, 0.0, 0};
   for (std::size_t i = 0; i < commanded.size(); ++i) {
     result.states[i].q = corrections[i].q;
-    result.point_left = std::max(result.point_left, corrections[i].point_left);
-    result.direction_left = std::max(result.direction_left, corrections[i].direction_left);
+    result.remaining_point_error =
+        std::max(result.remaining_point_error, corrections[i].remaining_point_error);
+    result.remaining_direction_error =
+        std::max(result.remaining_direction_error, corrections[i].remaining_direction_error);
     if (!corrections[i].converged) ++result.not_converged;
   }
   return result;
@@ -326,7 +329,8 @@ compensation::TableOptions table_options(const ControlView& view) {
   return options;
 }
 
-compensation::ParameterTables tables_of(const ControlView& view, const Corrector& corrector) {
+compensation::ParameterTables correction_tables(const ControlView& view,
+                                                const Corrector& corrector) {
   const auto correction = [&](const AxisState& state) -> AxisVector {
     AxisState at_start = state;
     // Tables do not depend on time, so they are made for the start of the program.
@@ -350,21 +354,21 @@ TableCorrector table_corrector(const ControlView& view, const Corrector& correct
   const CompensationDescription::Table& table = view.compensation.table;
   const kinematics::Chain& control = view.machine.control;
   try {
-    if (!table.format) return {apply_tables(tables_of(view, corrector)), {}};
+    if (!table.format) return {apply_tables(correction_tables(view, corrector)), {}};
     if (*table.format != compensation::ControlFormat::Isg) {
       // The tables are read back from the control's files, so that rounding and limits of the
       // format have their effect.
-      compensation::Export exported =
-          compensation::to_control(tables_of(view, corrector), control, *table.format);
+      compensation::ControlExport exported =
+          compensation::to_control(correction_tables(view, corrector), control, *table.format);
       return {
           apply_tables(compensation::read_control_tables(exported.files, control, *table.format)),
-          std::move(exported.left_out)};
+          std::move(exported.omissions)};
     }
     // A volumetric table contains deviations of the axes, from which the control corrects the
     // position.
     if (!believed)
       throw std::invalid_argument("geometric errors that are identified, for a volumetric table");
-    compensation::Export exported =
+    compensation::ControlExport exported =
         compensation::to_volumetric(*believed, control, table_options(view));
     CaseDescription position;
     position.strategy = compensation::Strategy::Position;
@@ -380,7 +384,7 @@ TableCorrector table_corrector(const ControlView& view, const Corrector& correct
                              [table_belief](const AxisState& state) {
                                return tool_in_workpiece(table_belief, state);
                              }),
-            std::move(exported.left_out)};
+            std::move(exported.omissions)};
   } catch (const std::logic_error&
                exception) {  // including out_of_range, if a table of the belief ends too soon
     throw_tables_error(view, exception);

@@ -57,7 +57,7 @@ Corrector plug_in_corrector(const ControlView& view, const CaseDescription& comp
 /// Corrector by tables, after they were written and read back in the format of the scene's control.
 struct TableCorrector {
   Corrector corrector;
-  std::vector<std::string> left_out;  ///< corrections that the format cannot represent
+  std::vector<std::string> omissions;  ///< corrections that the format cannot represent
 };
 /// Converts a corrector into tables.
 /// @param believed  errors for a volumetric format, which contains deviations instead of
@@ -73,6 +73,7 @@ compensation::TableOptions table_options(const ControlView& view);
 
 /// Returns the correction of a corrector as tables over the axes.
 /// @throws BadInput naming the scene if the correction cannot be tabulated
-compensation::ParameterTables tables_of(const ControlView& view, const Corrector& corrector);
+compensation::ParameterTables correction_tables(const ControlView& view,
+                                                const Corrector& corrector);
 
 }  // namespace abbe::sim

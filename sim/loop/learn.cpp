@@ -58,7 +58,7 @@ Commands deliver_correction(const ControlView& view, const MachineAccess& machin
         table_corrector(view, case_correction.corrector, case_correction.geometric);
     case_correction.corrector = std::move(tables.corrector);
     case_correction.at_datum = {};  // tables are always active
-    for (const std::string& omission : tables.left_out)
+    for (const std::string& omission : tables.omissions)
       case_correction.warnings.push_back("table: " + omission);
   }
   const Corrector& corrector = case_correction.corrector;
@@ -88,8 +88,8 @@ Commands deliver_correction(const ControlView& view, const MachineAccess& machin
     } else {
       result = apply_real_time_channel(view, compensator.channel, targets.commanded, ideal.states);
     }
-    result.point_left = ideal.point_left;
-    result.direction_left = ideal.direction_left;
+    result.remaining_point_error = ideal.remaining_point_error;
+    result.remaining_direction_error = ideal.remaining_direction_error;
     result.not_converged = ideal.not_converged;
   }
   result.warnings = std::move(case_correction.warnings);
@@ -196,7 +196,7 @@ void CorrectionLearner::read(const Commands& commands) {
 
 void CorrectionLearner::measure_part(const Commands& commands, int pass) {
   if (!error_free_) error_free_ = machine_access_.error_free();
-  const auto [readings, spacing] = machine_access_.measured_part(commands, pass);
+  const auto [readings, spacing] = machine_access_.measure_cut_part(commands, pass);
   // Cusps are intended, and corrections of the tool cannot remove them.
   const Eigen::VectorXd machine_deviation =
       readings.deviation - program_residuals(view_, *error_free_, readings.points_w);
@@ -274,8 +274,8 @@ CaseDescription with_plug_in_settings(const ControlView& view, CaseDescription c
 
 }  // namespace
 
-LearnedCorrection learned_correction(const ControlView& view, const MachineAccess& machine_access,
-                                     const CaseDescription& description, const Progress& progress) {
+LearnedCorrection learn_correction(const ControlView& view, const MachineAccess& machine_access,
+                                   const CaseDescription& description, const Progress& progress) {
   const CaseDescription compensator = with_plug_in_settings(view, description);
   CorrectionLearner learner(view, machine_access, compensator);
   const auto current_corrector = [&] {
@@ -322,17 +322,18 @@ auto with_input_errors(const ControlView& view, const CaseDescription& descripti
 
 }  // namespace
 
-Commands compensated(const ControlView& view, const MachineAccess& machine_access,
-                     const CaseDescription& description, const Progress& progress) {
+Commands compensated_commands(const ControlView& view, const MachineAccess& machine_access,
+                              const CaseDescription& description, const Progress& progress) {
   const LearnedCorrection correction = with_input_errors(view, description, [&] {
-    return learned_correction(view, machine_access, description, progress);
+    return learn_correction(view, machine_access, description, progress);
   });
   if (progress) progress("correct", 0.0);
-  return compensated(view, machine_access, description, correction);
+  return compensated_commands(view, machine_access, description, correction);
 }
 
-Commands compensated(const ControlView& view, const MachineAccess& machine_access,
-                     const CaseDescription& description, const LearnedCorrection& case_correction) {
+Commands compensated_commands(const ControlView& view, const MachineAccess& machine_access,
+                              const CaseDescription& description,
+                              const LearnedCorrection& case_correction) {
   return with_input_errors(view, description, [&] {
     return deliver_correction(view, machine_access, with_plug_in_settings(view, description),
                               case_correction);

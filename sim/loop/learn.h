@@ -19,18 +19,19 @@ struct LearnedCorrection {
 /// Learns the correction of a case from runs and measured parts.
 /// @throws BadInput if the scene lacks what the case needs
 /// @throws compensation::PlugInFailure if a plug-in fails
-LearnedCorrection learned_correction(const ControlView& view, const MachineAccess& machine_access,
-                                     const CaseDescription& compensator,
-                                     const Progress& progress = {});
+LearnedCorrection learn_correction(const ControlView& view, const MachineAccess& machine_access,
+                                   const CaseDescription& compensator,
+                                   const Progress& progress = {});
 
 /// Learns the correction of a case and returns its commands through its channel.
-/// @throws BadInput, compensation::PlugInFailure  as `learned_correction`
-Commands compensated(const ControlView& view, const MachineAccess& machine_access,
-                     const CaseDescription& compensator, const Progress& progress = {});
+/// @throws BadInput, compensation::PlugInFailure  as `learn_correction`
+Commands compensated_commands(const ControlView& view, const MachineAccess& machine_access,
+                              const CaseDescription& compensator, const Progress& progress = {});
 
 /// Returns the commands of a case with a given correction.
 /// @throws BadInput if the correction does not cover the program
-Commands compensated(const ControlView& view, const MachineAccess& machine_access,
-                     const CaseDescription& compensator, const LearnedCorrection& correction);
+Commands compensated_commands(const ControlView& view, const MachineAccess& machine_access,
+                              const CaseDescription& compensator,
+                              const LearnedCorrection& correction);
 
 }  // namespace abbe::sim

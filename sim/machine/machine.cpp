@@ -25,7 +25,7 @@ std::optional<int> find_spindle(const Machine& machine) {
   return std::nullopt;
 }
 
-bool same(const kinematics::Chain& a, const kinematics::Chain& b) {
+bool have_same_poses(const kinematics::Chain& a, const kinematics::Chain& b) {
   if (a.size() != b.size()) return false;
   if (a.T_bt_home().matrix() != b.T_bt_home().matrix()) return false;
   if (a.T_bw_home().matrix() != b.T_bw_home().matrix()) return false;

@@ -26,7 +26,7 @@ bool is_spindle(const Machine& machine, int joint);
 std::optional<int> find_spindle(const Machine& machine);
 
 /// Returns true if two chains bring the tool to the same pose for the same commands, bit for bit.
-bool same(const kinematics::Chain& a, const kinematics::Chain& b);
+bool have_same_poses(const kinematics::Chain& a, const kinematics::Chain& b);
 
 /// The effect of one location element on a machine.
 struct LocationEffect {
@@ -43,8 +43,8 @@ struct LocationEffect {
   /// parallel directions increases the angle between them.
   std::vector<Angle> angles;
   struct Tip {
-    std::string at;           ///< "zero", "X -400 mm"
-    Eigen::Vector3d moved_w;  ///< mm, displacement of the tip in the workpiece from nominal
+    std::string at;                  ///< "zero", "X -400 mm"
+    Eigen::Vector3d displacement_w;  ///< mm, displacement of the tip in the workpiece from nominal
   };
   /// Tips with all axes at zero, then at the ends of travel of the axis and of its reference slide;
   /// the travel of a rotary axis is limited to half a turn.

@@ -36,7 +36,7 @@ kinematics::Chain make_chain(const Scene& scene, const std::vector<kinematics::J
 
 }  // namespace
 
-Machine compile(const Scene& scene) {
+Machine make_machine(const Scene& scene) {
   const MachineDescription& machine = scene.machine;
   const double length = scene.tool.length;
   const auto& control_joints = scene.control.joints.empty() ? machine.joints : scene.control.joints;
@@ -69,7 +69,7 @@ kinematics::Chain compile_actual(const Scene& scene) {
 }
 
 bool is_active(const errors::ComplianceModel& model, const errors::Load& load) {
-  return !load.on_tool_t.isZero(0.0) || model.gravity_b || model.inertia ||
+  return !load.tool_wrench_t.isZero(0.0) || model.gravity_b || model.inertia ||
          !model.clamping_w.isZero(0.0);
 }
 
@@ -141,9 +141,9 @@ Truth make_truth(const Scene& scene, const Machine& machine,
   }
 }
 
-Truth without_random(const Truth& truth) {
+Truth remove_random(const Truth& truth) {
   Truth result = truth;
-  result.geometric = errors::without_random(truth.geometric);
+  result.geometric = errors::remove_random(truth.geometric);
   return result;
 }
 

@@ -16,7 +16,7 @@ namespace abbe::sim {
 
 /// Returns the nominal machine of a scene, with its tool mounted.
 /// @throws BadInput naming the scene if its description is not a valid chain
-Machine compile(const Scene& scene);
+Machine make_machine(const Scene& scene);
 
 /// The actual behaviour of the machine; injected errors act only here. The control loop and the
 /// virtual instruments read it; a compensator never does. The sources of errors are added element
@@ -43,7 +43,7 @@ Truth make_truth(const Scene& scene, const Machine& machine,
                  const std::vector<errors::Activity>& activity = {});
 
 /// Returns the truth without its random parts, i.e. the content of a `perfect` belief.
-Truth without_random(const Truth& truth);
+Truth remove_random(const Truth& truth);
 
 /// Returns the sums of the deviations from all sources, of every joint in the order of the chain,
 /// of the tool and of the workpiece.

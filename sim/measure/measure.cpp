@@ -20,7 +20,7 @@ namespace {
 
 namespace metrology = errors::metrology;
 using kinematics::AxisState;
-using metrology::Bodies;
+using metrology::BodyPoses;
 using metrology::Readings;
 
 /// The machine of a scene and its simulated heat, shared by all instruments.
@@ -30,18 +30,18 @@ struct MeasuredMachine {
 };
 
 MeasuredMachine simulate_machine(const Scene& scene) {
-  Machine machine = compile(scene);
+  Machine machine = make_machine(scene);
   Truth truth = make_truth(scene, machine, activity(scene, machine, {}, {}));
   truth.actual = machine.nominal;  // the instrument replaces tool and part
   return {std::move(machine), std::move(truth)};
 }
 
 /// Returns the poses of workpiece and tool in the bed, with their deflections under weight.
-Bodies body_poses(const Truth& truth, const AxisState& state) {
+BodyPoses body_poses(const Truth& truth, const AxisState& state) {
   const errors::ForceDeviations sums = deviations(truth, state);
   const kinematics::Pose identity = kinematics::Pose::Identity();
-  Bodies bodies{truth.actual.workpiece_in_bed(state.q, sums.joints),
-                truth.actual.tool_in_bed(state.q, sums.joints)};
+  BodyPoses bodies{truth.actual.workpiece_in_bed(state.q, sums.joints),
+                   truth.actual.tool_in_bed(state.q, sums.joints)};
   // The deflections are small displacements in the frames of tool and workpiece.
   if (!sums.tool_t.isZero(0.0))
     bodies.T_bt = bodies.T_bt * kinematics::motion(sums.tool_t, identity.translation());
@@ -184,7 +184,7 @@ void check_readable(const Job& job, const Cut& cut, const metrology::PartSurface
 
 /// Returns the location of an instrument's table in the scene; empty if the instrument is given
 /// only on the command line.
-Place instrument_location(const Scene& scene, const std::string& name) {
+SourcePosition instrument_location(const Scene& scene, const std::string& name) {
   const Node* list = scene.tree ? scene.tree->find("instrument") : nullptr;
   if (!list || !list->array()) return {};
   for (const Node& instrument : *list->array()) {
@@ -204,15 +204,16 @@ std::optional<PartInstrumentDescription> find_part_instrument(const Scene& scene
   for (const InstrumentDescription& description : scene.instruments)
     if (description.instrument.name == name) return std::nullopt;
   // Kinds that are not in the scene get typical figures.
-  if (name == "cmm") return PartInstrumentDescription{name, "", metrology::CoordinateMachine{}};
+  if (name == "cmm")
+    return PartInstrumentDescription{name, "", metrology::CoordinateMeasuringMachine{}};
   if (name != "touch_probe") return std::nullopt;
   metrology::TouchProbe probe;
   probe.q = kinematics::AxisVector::Zero(Eigen::Index(scene.machine.joints.size()));
   return PartInstrumentDescription{name, "", probe};
 }
 
-PartReadingsFile measured_part(const Job& job, const Cut& cut,
-                               const PartInstrumentDescription& instrument) {
+PartReadingsFile measure_cut_part(const Job& job, const Cut& cut,
+                                  const PartInstrumentDescription& instrument) {
   const Scene& scene = job.scene;
   const metrology::PartSurface surface = cut_surface(job, cut);
   check_readable(job, cut, surface, instrument.name);
@@ -221,20 +222,20 @@ PartReadingsFile measured_part(const Job& job, const Cut& cut,
   PartReadingsFile file{instrument.name, "cmm", scene.title, {}};
   if (!instrument.case_name.empty()) file.part += ", " + instrument.case_name;
   try {
-    if (auto machine = std::get_if<metrology::CoordinateMachine>(&instrument.how)) {
-      metrology::CoordinateMachine options = *machine;
+    if (auto machine = std::get_if<metrology::CoordinateMeasuringMachine>(&instrument.device)) {
+      metrology::CoordinateMeasuringMachine options = *machine;
       options.spacing = instrument.spacing;
       options.seed = seed;
       file.readings = metrology::measure_coordinates(surface, options);
     } else {
-      metrology::TouchProbe options = std::get<metrology::TouchProbe>(instrument.how);
+      metrology::TouchProbe options = std::get<metrology::TouchProbe>(instrument.device);
       options.seed = seed;
       file.kind = "touch_probe";
       file.readings = probe_part(
           job, thin_points(surface, instrument.spacing, job.design_w.area.sum()), options);
     }
   } catch (const std::invalid_argument& error) {
-    const Place location = instrument_location(scene, instrument.name);
+    const SourcePosition location = instrument_location(scene, instrument.name);
     throw BadInput(location.file ? *location.file : scene.file.string(), location.line,
                    location.column, "a part that " + instrument.name + " can measure",
                    error.what());
@@ -245,7 +246,8 @@ PartReadingsFile measured_part(const Job& job, const Cut& cut,
 InstrumentDescription find_instrument(const Scene& scene, const std::string& name) {
   for (const InstrumentDescription& description : scene.instruments)
     if (description.instrument.name == name) return description;
-  if (const auto kind = metrology::kind_of(name)) return {metrology::typical(*kind), {0.0}};
+  if (const auto kind = metrology::find_kind(name))
+    return {metrology::typical_instrument(*kind), {0.0}};
   std::set<std::string> known{"cmm", "touch_probe"};
   for (const InstrumentDescription& description : scene.instruments)
     known.insert(description.instrument.name);
@@ -260,8 +262,8 @@ InstrumentDescription find_instrument(const Scene& scene, const std::string& nam
                  "\"" + name + "\"" + (suggestion ? " (did you mean " + *suggestion + "?)" : ""));
 }
 
-std::vector<Readings> measured(const Scene& scene,
-                               const std::vector<InstrumentDescription>& descriptions) {
+std::vector<Readings> measure_machine(const Scene& scene,
+                                      const std::vector<InstrumentDescription>& descriptions) {
   std::vector<Readings> result;
   if (descriptions.empty()) return result;
   const MeasuredMachine subject = simulate_machine(scene);
@@ -270,8 +272,8 @@ std::vector<Readings> measured(const Scene& scene,
   return result;
 }
 
-Readings measured(const Scene& scene, const InstrumentDescription& description) {
-  return measured(scene, std::vector{description}).front();
+Readings measure_machine(const Scene& scene, const InstrumentDescription& description) {
+  return measure_machine(scene, std::vector{description}).front();
 }
 
 }  // namespace abbe::sim

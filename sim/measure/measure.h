@@ -24,10 +24,11 @@ InstrumentDescription find_instrument(const Scene& scene, const std::string& nam
 /// the name of the instrument.
 /// @throws BadInput naming the scene if the instrument cannot measure this machine, or a position
 ///     lies outside an error table
-errors::metrology::Readings measured(const Scene& scene, const InstrumentDescription& instrument);
+errors::metrology::Readings measure_machine(const Scene& scene,
+                                            const InstrumentDescription& instrument);
 
 /// Returns the readings of several instruments, with a single simulation of the heat.
-std::vector<errors::metrology::Readings> measured(
+std::vector<errors::metrology::Readings> measure_machine(
     const Scene& scene, const std::vector<InstrumentDescription>& instruments);
 
 /// Returns an instrument for parts by name: the one of the scene with that name, or else a typical
@@ -38,7 +39,7 @@ std::optional<PartInstrumentDescription> find_part_instrument(const Scene& scene
 /// Returns the readings of an instrument on a cut part. A touch probe starts at the end of the
 /// program, on the machine that cut the part, with the part still clamped.
 /// @throws BadInput naming the scene if the part cannot be measured
-PartReadingsFile measured_part(const Job& job, const Cut& cut,
-                               const PartInstrumentDescription& instrument);
+PartReadingsFile measure_cut_part(const Job& job, const Cut& cut,
+                                  const PartInstrumentDescription& instrument);
 
 }  // namespace abbe::sim

@@ -136,8 +136,8 @@ Vector2d centre_by_radius(const ArcGeometry& ends, double r, const NcLocation& l
   return ends.start + 0.5 * chord + (centre_is_left ? height : -height) * left;
 }
 
-Arc checked_arc(const ArcGeometry& geometry, int turns, const NcLocation& location,
-                const Cause& cause) {
+Arc validated_arc(const ArcGeometry& geometry, int turns, const NcLocation& location,
+                  const Cause& cause) {
   Arc arc = arc_through(geometry);
   if (turns > 1) arc.sweep += std::copysign(2 * pi * (turns - 1), arc.sweep);
   const double end_radius = (geometry.end - geometry.centre).norm();
@@ -154,7 +154,7 @@ Arc checked_arc(const ArcGeometry& geometry, int turns, const NcLocation& locati
 
 AxisVector axes_for_tip(const Path& path, const Block& block, const Chain& control,
                         const AxisVector& programmed, const Eigen::Vector3d& tip_w) {
-  const auto q = slides_for_tip(control, programmed, tip_w);
+  const auto q = solve_slides(control, programmed, tip_w);
   if (!q)
     throw BadInput(path.file, block.line, 0, "slides that reach the tip",
                    "a tip out of their reach");
@@ -204,7 +204,7 @@ double rotary_lever_sum(const Chain& chain, const AxisVector& q) {
 
 }  // namespace
 
-double rotary_turn_sum(const Path& path, const Block& block, const Chain& control) {
+double total_rotation(const Path& path, const Block& block, const Chain& control) {
   double rotation = 0.0;
   for (int j = 0; j < control.size(); ++j)
     if (is_positioning_rotary(control.joints()[std::size_t(j)]))
@@ -214,7 +214,7 @@ double rotary_turn_sum(const Path& path, const Block& block, const Chain& contro
 
 std::size_t chords_of(const Path& path, const Block& block, const Chain& control,
                       double tolerance) {
-  const double rotation = rotary_turn_sum(path, block, control);
+  const double rotation = total_rotation(path, block, control);
   double travel = 0.0, second_derivative = 0.0;
   for (int j = 0; j < control.size(); ++j) {
     if (control.joints()[std::size_t(j)].motion != Motion::Linear) continue;

@@ -58,8 +58,8 @@ Eigen::Vector2d centre_by_radius(const ArcGeometry& ends, double r, const NcLoca
 /// begun turns: 1 means at most one whole turn. Throws BadGeometry at `cause` if the centre is at
 /// an end of the arc, the radius exceeds 1e6 mm, or the radii at start and end differ by more than
 /// the README of this folder allows.
-Arc checked_arc(const ArcGeometry& geometry, int turns, const NcLocation& location,
-                const Cause& cause);
+Arc validated_arc(const ArcGeometry& geometry, int turns, const NcLocation& location,
+                  const Cause& cause);
 
 // Axis positions within a block.
 
@@ -84,7 +84,7 @@ DerivativeBounds derivative_bounds(const Path& path, const Block& block, int j);
 
 /// Returns the sum of the rotations of the positioned rotary axes in a block, rad; for a cubic an
 /// upper bound.
-double rotary_turn_sum(const Path& path, const Block& block, const kinematics::Chain& control);
+double total_rotation(const Path& path, const Block& block, const kinematics::Chain& control);
 
 /// Limit on the number of chords of a block; more would take longer than about 10 s.
 inline constexpr double max_chords = 2e7;

@@ -44,7 +44,7 @@ Canon::Canon(const std::string& file, const NcOptions& options)
       joint_of_(joints_by_letter(options.axes)),
       spindle_(find_spindle(options.axes)),
       xyz_{joint_of('X'), joint_of('Y'), joint_of('Z')},
-      position_(start_of(options)),
+      position_(initial_position(options)),
       chain_(options.control ? &*options.control : nullptr),
       zero_(program_zero(options)) {
   path_.file = file;
@@ -56,9 +56,9 @@ Canon::Canon(const std::string& file, const NcOptions& options)
 }
 
 int Canon::add_file(const std::string& file) {
-  path_.more_files.push_back(file);
+  path_.subprogram_files.push_back(file);
   more_files_.push_back(file);
-  return int(path_.more_files.size());
+  return int(path_.subprogram_files.size());
 }
 
 void Canon::set_line(int line, int file) {
@@ -72,9 +72,9 @@ void Canon::set_frame(int number, Frame frame) {
 }
 
 // An origin of slide positions is dropped, because it is not a point of the workpiece.
-void Canon::count_from_workpiece() {
+void Canon::refer_offsets_to_workpiece() {
   if (zero_) return;
-  zero_ = known_zero(options_);
+  zero_ = workpiece_zero(options_);
   if (zero_ && !zero_->places) zero_.reset();
 }
 
@@ -91,8 +91,8 @@ void Canon::go_to(Coordinates coordinates, const Cause& cause) {
     position_[y] = tip_w.y();
     position_[z] = tip_w.z();
   } else {
-    const auto q = slides_for_tip(*chain_, position_, {position_[x], position_[y], position_[z]});
-    if (!q) refuse(cause, "slides that reach the tip", "a tip out of their reach");
+    const auto q = solve_slides(*chain_, position_, {position_[x], position_[y], position_[z]});
+    if (!q) throw_input_error(cause, "slides that reach the tip", "a tip out of their reach");
     position_ = *q;
   }
 }
@@ -101,8 +101,8 @@ void Canon::go_to(Coordinates coordinates, const Cause& cause) {
 // positions by the old chain.
 void Canon::select_length(int number, const Cause& cause) {
   length_number_ = number;
-  const auto tool_chain = options_.control_of_h.find(number);
-  if (tool_chain == options_.control_of_h.end() || chain_ == &tool_chain->second) return;
+  const auto tool_chain = options_.control_by_h.find(number);
+  if (tool_chain == options_.control_by_h.end() || chain_ == &tool_chain->second) return;
   go_to(Coordinates::Axis, cause);
   chain_ = &tool_chain->second;
 }
@@ -113,17 +113,17 @@ void Canon::set_tip_mode(bool on, const Cause& cause) {
         std::string(cause.text.empty() ? "the tip mode" : shown(cause.text));
     for (const int joint : xyz_)
       if (joint < 0)
-        refuse(cause, "a machine with the axes X Y Z beside " + tip_mode_name,
-               "one with " + letters());
+        throw_input_error(cause, "a machine with the axes X Y Z beside " + tip_mode_name,
+                          "one with " + letters());
     if (chain_ == nullptr)
-      refuse(cause, "a control that knows its kinematics beside " + tip_mode_name);
+      throw_input_error(cause, "a control that knows its kinematics beside " + tip_mode_name);
   }
   tip_mode_ = on;
   go_to(on ? Coordinates::Tip : Coordinates::Axis, cause);
 }
 
 // Undoes the operations of `placed` in reverse order.
-AxisVector Canon::unplaced(AxisVector p) const {
+AxisVector Canon::without_offsets(AxisVector p) const {
   if (tool_shift_.size() > 0) p -= tool_shift_;
   const auto [x, y, z] = xyz_;
   if (zero_) {
@@ -227,13 +227,14 @@ void Canon::record_machine_zero_assumption(const Target& target) {
 
 // Joints that are neither programmed nor rotated keep their bits, and the sum of offsets is always
 // formed in the same order; otherwise equal programs would differ in the last digit.
-AxisVector Canon::end_from(const AxisVector& start, const Target& target, bool machine) {
+AxisVector Canon::target_position_from(const AxisVector& start, const Target& target,
+                                       bool machine) {
   if (machine) record_machine_zero_assumption(target);
   AxisVector end = start;
   const bool is_rotated = frame_.rotation && !machine &&
                           (target.has(xyz_[0]) || target.has(xyz_[1]) || target.has(xyz_[2]));
   if (is_rotated) {
-    AxisVector p = unplaced(start);
+    AxisVector p = without_offsets(start);
     for (const int j : xyz_)
       if (target.has(j)) p[j] = target.is_step(j) ? p[j] + target.value(j) : target.value(j);
     p = placed(std::move(p));
@@ -261,8 +262,8 @@ AxisVector Canon::end_from(const AxisVector& start, const Target& target, bool m
     if (!is_linear(j) && !target.is_step(j) && !target.is_decided(j))
       end[j] = apply_rollover(j, start[j], target, end[j]);
     if (!(std::abs(end[j]) <= (is_linear(j) ? max_position_mm : max_position_rad)))
-      refuse(target.cause(j),
-             is_linear(j) ? "a position within 1e6 mm" : "a position within 1e7 rad");
+      throw_input_error(target.cause(j),
+                        is_linear(j) ? "a position within 1e6 mm" : "a position within 1e7 rad");
   }
   return end;
 }
@@ -319,7 +320,7 @@ void Canon::append(Block block, double seconds) {
 }
 
 void Canon::dwell(double seconds, const Cause& cause) {
-  if (!(seconds >= 0.0 && seconds <= max_dwell_s)) refuse(cause, "0 to 1e6 seconds");
+  if (!(seconds >= 0.0 && seconds <= max_dwell_s)) throw_input_error(cause, "0 to 1e6 seconds");
   if (seconds == 0.0) return;
   Block dwell_block;
   dwell_block.interpolation = Interpolation::Dwell;
@@ -335,10 +336,10 @@ double Canon::duration(const Block& block, const Cause& cause) const {
     const SquaredDistance distance = squared_distances(options_.axes, block.start, block.end);
     const double mm = std::sqrt(distance.xyz + distance.uvw);
     return mm > 0.0 ? mm / options_.rapid_speed
-                    : std::sqrt(distance.rotation) / options_.rapid_turn;
+                    : std::sqrt(distance.rotation) / options_.rapid_rotation_speed;
   }
   const auto throw_error = [&](bool is_consequence, const char* expected, const char* seen) {
-    if (!is_consequence) refuse(cause, expected, seen);
+    if (!is_consequence) throw_input_error(cause, expected, seen);
     throw FollowingError(file_name(), line_, cause.column, expected, seen);
   };
   if (!feed_)
@@ -437,8 +438,9 @@ void Canon::record_known_positions(const Block& block, std::uint32_t stated) {
     if (axis.motion == kinematics::Motion::Rotary && block.end[at] != block.start[at])
       known_ |= 1u << j;
     if ((known_ >> j) & 1u || joint_of(axis.name) < 0) continue;
-    positions += fmt::format(" {}{:.6g}", axis.name,
-                             start_of(options_)[at] / (is_linear(int(j)) ? 1.0 : units::deg) + 0.0);
+    positions +=
+        fmt::format(" {}{:.6g}", axis.name,
+                    initial_position(options_)[at] / (is_linear(int(j)) ? 1.0 : units::deg) + 0.0);
   }
   // Rapids before the first feed may still bring the axes to known positions.
   if (has_fed_ || block.interpolation == Interpolation::Rapid) return;
@@ -459,7 +461,7 @@ void Canon::straight_feed(Straight move) { add_straight(std::move(move), Interpo
 
 // The rotation of the frame is permuted into the order of the joints of the arc.
 std::optional<Eigen::Matrix3d> Canon::arc_plane_rotation(const ArcMove& move, int third) const {
-  const bool turns = move.radius || move.placed_centre.size() > 0;
+  const bool turns = move.radius || move.centre_with_offsets.size() > 0;
   if (!frame_.rotation || !turns) return std::nullopt;
   const std::array<int, 3> order{move.first, move.second, third};
   Eigen::Matrix3d R;
@@ -486,9 +488,9 @@ Arc Canon::compute_arc(const ArcMove& move) {
   ArcGeometry geometry{in_plane(position_), in_plane(move.end), move.centre, move.clockwise};
   if (move.radius)
     geometry.centre = centre_by_radius(geometry, *move.radius, place(), move.named);
-  else if (move.placed_centre.size() > 0)
-    geometry.centre = in_plane(move.placed_centre);
-  Arc arc = checked_arc(geometry, move.turns, place(), move.named);
+  else if (move.centre_with_offsets.size() > 0)
+    geometry.centre = in_plane(move.centre_with_offsets);
+  Arc arc = validated_arc(geometry, move.turns, place(), move.named);
   arc.first = move.first;
   arc.second = move.second;
   if (!turn) return arc;
@@ -566,16 +568,16 @@ void Canon::set_inch(bool inch) {
     if (!comment.words.unit_mm) comment.words = in_mm(comment.words, unit_of(unit_word));
 }
 
-void Canon::call_tool(double number, bool changes) {
+void Canon::record_tool_call(double number, bool changes) {
   if (number >= 0) tool_ = int(std::min(number, 1e9));  // keeps the conversion to int defined
   path_.tool_calls.push_back({line_, tool_, changes, blocks()});
 }
 
 // Block numbers of auxiliary words count within the path that is handed over.
-Path Canon::hand_over() {
+Path Canon::take_kept_blocks() {
   Path segment;
   segment.file = path_.file;
-  segment.more_files = path_.more_files;
+  segment.subprogram_files = path_.subprogram_files;
   segment.motion_blocks = std::exchange(path_.motion_blocks, 0);
   segment.auxiliary_words.swap(path_.auxiliary_words);
   for (AuxiliaryWord& auxiliary_word : segment.auxiliary_words)
@@ -587,7 +589,7 @@ Path Canon::hand_over() {
   return segment;
 }
 
-void Canon::aside(std::string text) {
+void Canon::record_auxiliary_word(std::string text) {
   path_.auxiliary_words.push_back({blocks(), std::move(text)});
 }
 

@@ -30,7 +30,7 @@ class Target {
   void by(int joint, double value, const Cause& cause) { set_value(joint, value, cause, true); }
   /// Sets an absolute value of a rotary axis whose direction of rotation is already decided, so
   /// that no roll-over rule applies.
-  void turn_to(int joint, double value, const Cause& cause) {
+  void rotate_to(int joint, double value, const Cause& cause) {
     to(joint, value, cause);
     decided_ |= 1u << joint;
   }
@@ -93,7 +93,7 @@ struct ArcMove {
   Eigen::Vector2d centre = {0, 0};  ///< mm, offsets included, in the plane of the joints
   /// Alternative to `centre`, as `Canon::placed` returns it: the plane is then rotated with the
   /// frame.
-  kinematics::AxisVector placed_centre = {};
+  kinematics::AxisVector centre_with_offsets = {};
   /// Alternative to `centre`, mm: positive for at most half a turn, negative for more. The plane is
   /// rotated with the frame.
   std::optional<double> radius = {};
@@ -124,9 +124,9 @@ class Canon {
   int line() const { return line_; }
   int file() const { return file_; }
   NcLocation place() const { return {file_name(), line_}; }
-  [[noreturn]] void refuse(const Cause& cause, std::string expected,
-                           std::optional<std::string> seen = {}) const {
-    program::refuse(place(), cause, std::move(expected), std::move(seen));
+  [[noreturn]] void throw_input_error(const Cause& cause, std::string expected,
+                                      std::optional<std::string> seen = {}) const {
+    program::throw_input_error(place(), cause, std::move(expected), std::move(seen));
   }
 
   /// Returns the joint that a letter addresses. Returns -1 if the machine has no such axis or the
@@ -168,7 +168,7 @@ class Canon {
   const std::optional<ProgramZero>& zero() const { return zero_; }
   /// From here on, treats offsets as points in the workpiece on a machine with rotary axes, even if
   /// the scene states no offset.
-  void count_from_workpiece();
+  void refer_offsets_to_workpiece();
   /// Returns the correction, mm, that the origin adds to a shift of X Y Z in the current
   /// coordinates.
   Eigen::Vector3d shift_correction() const { return offset_correction(zero_, coordinates_); }
@@ -199,20 +199,20 @@ class Canon {
   /// Returns the current position, (axes) in the current coordinates, spindles included.
   const kinematics::AxisVector& position() const { return position_; }
   /// Returns the current position in program coordinates, without frame and tool length.
-  kinematics::AxisVector programmed() const { return unplaced(position_); }
+  kinematics::AxisVector programmed() const { return without_offsets(position_); }
   /// Converts coordinates of the axes or the tip to program coordinates.
-  kinematics::AxisVector unplaced(kinematics::AxisVector position) const;
+  kinematics::AxisVector without_offsets(kinematics::AxisVector position) const;
   /// Converts program coordinates to coordinates of the axes or the tip, by frame and tool length.
   kinematics::AxisVector placed(kinematics::AxisVector programmed) const;
   /// Returns the end of a move from the current position, with frame and tool length applied. If
   /// `machine` is true, the values are axis positions. Throws BadInput at a value that leads beyond
   /// 1e6 mm or 1e7 rad.
   kinematics::AxisVector end_of(const Target& target, bool machine = false) {
-    return end_from(position_, target, machine);
+    return target_position_from(position_, target, machine);
   }
   /// Returns the end of a move from `start`.
-  kinematics::AxisVector end_from(const kinematics::AxisVector& start, const Target& target,
-                                  bool machine);
+  kinematics::AxisVector target_position_from(const kinematics::AxisVector& start,
+                                              const Target& target, bool machine);
   double time_s() const { return time_s_; }
 
   /// Adds a rapid or a straight feed.
@@ -227,10 +227,10 @@ class Canon {
   void dwell(double seconds, const Cause& cause);
 
   /// Records a word that causes no motion (T, M0 M1 M6 M7 M8 M9), for rewriting.
-  void aside(std::string text);
+  void record_auxiliary_word(std::string text);
   /// Records T, with M6 if `changes` is true; number -1 means M6 alone, with the tool of the last
   /// T.
-  void call_tool(double number, bool changes);
+  void record_tool_call(double number, bool changes);
   /// Records a comment if it gives the diameter of a tool. Without a unit the diameter is in the
   /// unit of the program.
   void comment(std::string_view text);
@@ -259,7 +259,7 @@ class Canon {
   std::size_t kept() const { return path_.blocks.size(); }
   /// Moves the kept blocks into a path, with their arcs and auxiliary words. Tool calls stay here;
   /// their block numbers count from the start of the whole program.
-  Path hand_over();
+  Path take_kept_blocks();
   Path take() { return std::move(path_); }
 
  private:

@@ -16,7 +16,7 @@ namespace {
 
 using kinematics::AxisVector;
 using kinematics::Motion;
-using kinematics::Reach;
+using kinematics::Reachability;
 
 /// Writes passes as NC text and counts the poses that the machine cannot reach.
 class MillingTextWriter {
@@ -37,8 +37,8 @@ class MillingTextWriter {
   MillingProgram program();
 
  private:
-  Reach reach(const CutterPose& pose);
-  void record_unreached(const CutterPose& pose, Reach why);
+  Reachability reach(const CutterPose& pose);
+  void record_unreached(const CutterPose& pose, Reachability why);
   AxisVector axis_words(const Eigen::Vector3d& tip_w) const;
   void rapid(const Eigen::Vector3d& tip_w) {
     items_.push_back(NcMove{true, axis_words(tip_w), 0.0});
@@ -65,17 +65,17 @@ class MillingTextWriter {
   std::optional<Eigen::Vector3d> rest_point_w_;
   bool has_cut_ = false;
   std::vector<NcItem> items_;
-  Unreached unreached_;
+  UnreachedPoints unreached_;
 };
 
-Reach MillingTextWriter::reach(const CutterPose& pose) {
+Reachability MillingTextWriter::reach(const CutterPose& pose) {
   const auto result = kinematics::inverse(context_.control, {pose.tip_w, pose.direction_w}, axes_);
   if (!result.branches.empty()) axes_ = result.branches.front();
   return result.reach;
 }
 
 // Only the first unreached pose is recorded in full, for the message.
-void MillingTextWriter::record_unreached(const CutterPose& pose, Reach why) {
+void MillingTextWriter::record_unreached(const CutterPose& pose, Reachability why) {
   if (options_.must_reach_all)
     throw std::invalid_argument(fmt::format(
         "a pass with a pose that it does not reach, at ({:.3f}, {:.3f}, {:.3f}) mm of the "
@@ -96,7 +96,7 @@ AxisVector MillingTextWriter::axis_words(const Eigen::Vector3d& tip_w) const {
     q[*context_.control.find('Z')] = tip_w.z();
     return q;
   }
-  const auto slides = kinematics::slides_for_tip(context_.control, q, tip_w);
+  const auto slides = kinematics::solve_slides(context_.control, q, tip_w);
   if (!slides) throw std::invalid_argument("expected a machine with three independent slides");
   return *slides;
 }
@@ -135,8 +135,8 @@ void MillingTextWriter::pass(const Pass& pass) {
   int reached_points = 0;
   for (const CutterPose& pose : pass) {
     const AxisVector axes_before = axes_;
-    const Reach pose_reach = reach(pose);
-    if (pose_reach == Reach::OutOfLimits || pose_reach == Reach::Unreachable) {
+    const Reachability pose_reach = reach(pose);
+    if (pose_reach == Reachability::OutOfLimits || pose_reach == Reachability::Unreachable) {
       record_unreached(pose, pose_reach);
       if (last_pose) leave(*last_pose);
       last_pose = nullptr;

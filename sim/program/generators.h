@@ -71,21 +71,22 @@ struct GeneratorContext {
 
 /// The passes and points of a tool path that a generator omitted because the machine cannot reach
 /// them.
-struct Unreached {
+struct UnreachedPoints {
   int passes = 0;         ///< passes omitted completely
   int broken_passes = 0;  ///< passes of which some points are omitted
   int all_passes = 0;     ///< planned passes
   int points = 0;         ///< omitted points of all passes
   int all_points = 0;     ///< planned points of all passes
   int first_pass = 0;     ///< first incomplete pass, from 1; 0: all are complete
-  kinematics::Reach why = kinematics::Reach::Reached;  ///< reason at the first omitted point
-  Eigen::Vector3d tip_w = Eigen::Vector3d::Zero();     ///< mm, tip at that point
+  kinematics::Reachability why =
+      kinematics::Reachability::Reached;            ///< reason at the first omitted point
+  Eigen::Vector3d tip_w = Eigen::Vector3d::Zero();  ///< mm, tip at that point
 };
 
 /// A generated program, and the points that it omits because the machine cannot reach them.
 struct MillingProgram {
   std::string text;
-  Unreached unreached;
+  UnreachedPoints unreached;
 };
 
 /// Returns the program of a raster for any cutter: five-axis NC text with tip coordinates (G43.4),
@@ -130,9 +131,9 @@ struct MillingTextOptions {
 
 /// Thrown if the machine cannot reach any point of the passes.
 struct NoReachablePose : std::invalid_argument {
-  explicit NoReachablePose(const Unreached& all)
+  explicit NoReachablePose(const UnreachedPoints& all)
       : std::invalid_argument("no pose that the machine can reach"), unreached(all) {}
-  Unreached unreached;
+  UnreachedPoints unreached;
 };
 
 /// Returns NC text of passes: tip coordinates (G43.4) on a machine with rotary axes, slide

@@ -9,8 +9,8 @@
 
 namespace abbe::sim::program {
 
-void refuse(const NcLocation& location, const Cause& cause, std::string expected,
-            std::optional<std::string> seen) {
+void throw_input_error(const NcLocation& location, const Cause& cause, std::string expected,
+                       std::optional<std::string> seen) {
   throw BadInput(location.file, location.line, cause.column, std::move(expected),
                  seen ? *std::move(seen) : shown(cause.text));
 }

@@ -24,8 +24,8 @@ struct Cause {
 };
 
 /// Throws BadInput at `cause`. `seen` defaults to the text of the cause.
-[[noreturn]] void refuse(const NcLocation& location, const Cause& cause, std::string expected,
-                         std::optional<std::string> seen = {});
+[[noreturn]] void throw_input_error(const NcLocation& location, const Cause& cause,
+                                    std::string expected, std::optional<std::string> seen = {});
 
 // Input errors that readers handle differently from others.
 

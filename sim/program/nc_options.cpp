@@ -136,11 +136,11 @@ const AxisVector& work_offset(const NcOptions& options, int system) {
   static const AxisVector none;
   if (system >= 1 && system <= int(options.work_offset.size()))
     return options.work_offset[std::size_t(system - 1)];
-  const auto offset = options.more_offset.find(system);
-  return offset == options.more_offset.end() ? none : offset->second;
+  const auto offset = options.extra_offsets.find(system);
+  return offset == options.extra_offsets.end() ? none : offset->second;
 }
 
-bool knows_tool(const NcOptions& options, int number) {
+bool is_known_tool(const NcOptions& options, int number) {
   return !options.tool_table || number == 0 || options.tool_length.contains(number);
 }
 
@@ -148,12 +148,12 @@ std::optional<int> only_tool(const NcOptions& options) {
   const std::map<int, double>& lengths = options.tool_length;
   if (options.tool_table)
     return lengths.size() == 1 ? std::optional(lengths.begin()->first) : std::nullopt;
-  if (!options.control_of_h.empty() || lengths.empty()) return std::nullopt;
+  if (!options.control_by_h.empty() || lengths.empty()) return std::nullopt;
   // Without a tool table the lengths are registers of one tool; H1 is its usual one.
   return lengths.contains(1) ? 1 : lengths.begin()->first;
 }
 
-AxisVector start_of(const NcOptions& options) {
+AxisVector initial_position(const NcOptions& options) {
   const Eigen::Index n = Eigen::Index(options.axes.size());
   if (options.start.size() == 0) return AxisVector::Zero(n);
   if (options.start.size() != n)
@@ -161,8 +161,8 @@ AxisVector start_of(const NcOptions& options) {
   return options.start;
 }
 
-AxisVector reference_of(const NcOptions& options) {
-  return options.reference.size() > 0 ? options.reference : start_of(options);
+AxisVector reference_position(const NcOptions& options) {
+  return options.reference.size() > 0 ? options.reference : initial_position(options);
 }
 
 std::optional<Vector3d> tip_at_zero(const Chain& chain) {
@@ -210,11 +210,11 @@ std::optional<AxisVector> tip_shift(const Chain& chain) {
 
 // G43 adds the length along Z, so the nose lies above the tip by that much in Z, whatever the
 // direction of the tool with all axes at zero.
-std::optional<ProgramZero> known_zero(const NcOptions& options) {
-  const bool has_tool_chains = !options.control_of_h.empty();
+std::optional<ProgramZero> workpiece_zero(const NcOptions& options) {
+  const bool has_tool_chains = !options.control_by_h.empty();
   if (!has_tool_chains && !options.control) return std::nullopt;
-  const Chain& chain = has_tool_chains ? options.control_of_h.begin()->second : *options.control;
-  auto length = options.tool_length.find(has_tool_chains ? options.control_of_h.begin()->first : 1);
+  const Chain& chain = has_tool_chains ? options.control_by_h.begin()->second : *options.control;
+  auto length = options.tool_length.find(has_tool_chains ? options.control_by_h.begin()->first : 1);
   // H1 is the usual register of the only tool; without it the first one counts.
   if (length == options.tool_length.end()) length = options.tool_length.begin();
   const auto tip_w = tip_at_zero(chain);
@@ -229,10 +229,10 @@ std::optional<ProgramZero> known_zero(const NcOptions& options) {
 
 std::optional<ProgramZero> program_zero(const NcOptions& options) {
   const auto& offsets = options.work_offset;
-  const bool has_offsets = !options.more_offset.empty() ||
+  const bool has_offsets = !options.extra_offsets.empty() ||
                            std::any_of(offsets.begin(), offsets.end(),
                                        [](const AxisVector& offset) { return offset.size() > 0; });
-  return has_offsets ? known_zero(options) : std::nullopt;
+  return has_offsets ? workpiece_zero(options) : std::nullopt;
 }
 
 Vector3d offset_correction(const std::optional<ProgramZero>& zero, Coordinates coordinates) {

@@ -95,15 +95,16 @@ struct NcOptions {
   /// Further offsets of a control: 7 to 9 are G59.1 to G59.3 of LinuxCNC; 0 is the external offset
   /// and 100 + n G54.1 Pn of Fanuc; 507 to 599 are G507 to G599 of Siemens; 1000 + n is preset n of
   /// Heidenhain.
-  std::map<int, kinematics::AxisVector> more_offset;
-  double rapid_speed = 10000.0 / 60.0;                       ///< mm/s along the path
-  double rapid_turn = 3600.0 / 60.0 * 0.017453292519943295;  ///< rad/s of a block that only rotates
-  std::optional<double> max_spindle_rpm;                     ///< empty: unlimited
+  std::map<int, kinematics::AxisVector> extra_offsets;
+  double rapid_speed = 10000.0 / 60.0;  ///< mm/s along the path
+  double rapid_rotation_speed =
+      3600.0 / 60.0 * 0.017453292519943295;  ///< rad/s of a block that only rotates
+  std::optional<double> max_spindle_rpm;     ///< empty: unlimited
   /// The control's model of the machine, which gives the tip position for G43.4; without it G43.4
   /// is an input error.
   std::optional<kinematics::Chain> control;
   /// With several tools: the control's model to the tip of each, by H number.
-  std::map<int, kinematics::Chain> control_of_h;
+  std::map<int, kinematics::Chain> control_by_h;
   BlockSkip block_skip = BlockSkip().set();  ///< blocks with a / of these levels are skipped
   kinematics::AxisVector reference;          ///< (axes) reference position of G28; empty: `start`
   /// (axes) origin of G53, M91 and SUPA; empty: the zero of the axes.
@@ -115,11 +116,11 @@ struct NcOptions {
 };
 
 /// Returns the offset of a coordinate system, (axes); empty if it is not stated. `system` is 1 to 6
-/// for G54 to G59, or a key of `more_offset`.
+/// for G54 to G59, or a key of `extra_offsets`.
 const kinematics::AxisVector& work_offset(const NcOptions& options, int system);
 
 /// Returns true if a tool can be called: tool 0 and the tools of the table; without a table, any.
-bool knows_tool(const NcOptions& options, int number);
+bool is_known_tool(const NcOptions& options, int number);
 
 /// Returns the number of the tool if there is exactly one: the tool of the scene, or that of a tool
 /// table with one line.
@@ -127,10 +128,10 @@ std::optional<int> only_tool(const NcOptions& options);
 
 /// Returns the initial axis positions: zero unless stated. Throws std::invalid_argument if `start`
 /// does not have one number for each axis.
-kinematics::AxisVector start_of(const NcOptions& options);
+kinematics::AxisVector initial_position(const NcOptions& options);
 
 /// Returns the reference position, (axes): the initial position unless it is stated.
-kinematics::AxisVector reference_of(const NcOptions& options);
+kinematics::AxisVector reference_position(const NcOptions& options);
 
 // Program zero: the point to which X Y Z of a work offset refer.
 
@@ -161,7 +162,7 @@ std::optional<ProgramZero> program_zero(const NcOptions& options);
 
 /// Returns the origin of `program_zero` even if the scene states no offset, for controls on which
 /// offsets always have this origin.
-std::optional<ProgramZero> known_zero(const NcOptions& options);
+std::optional<ProgramZero> workpiece_zero(const NcOptions& options);
 
 /// Returns the correction, mm, that has to be added to a work offset under these coordinates.
 Eigen::Vector3d offset_correction(const std::optional<ProgramZero>& zero, Coordinates coordinates);

@@ -74,14 +74,14 @@ void find_centre(const Canon& canon, const ArcBlock& block, const PlaneLetters& 
                  ArcMove& arc) {
   const auto first = block.word(letters.centre[0]), second = block.word(letters.centre[1]);
   if (const auto normal_offset = block.word(letters.centre[2]))
-    canon.refuse(normal_offset->cause,
-                 fmt::format("{} in the plane of G{}", letters.pair, block.plane));
+    canon.throw_input_error(normal_offset->cause,
+                            fmt::format("{} in the plane of G{}", letters.pair, block.plane));
   if (!first && !second)
-    canon.refuse(block.cause,
-                 fmt::format("{} or R beside {}", letters.pair, block.clockwise ? "G2" : "G3"),
-                 "none");
+    canon.throw_input_error(
+        block.cause, fmt::format("{} or R beside {}", letters.pair, block.clockwise ? "G2" : "G3"),
+        "none");
   if (block.absolute_centre && (!first || !second))
-    canon.refuse(block.cause, fmt::format("both {} under G90.1", letters.pair), "one");
+    canon.throw_input_error(block.cause, fmt::format("both {} under G90.1", letters.pair), "one");
   const Vector2d centre_words(first ? first->mm : 0.0, second ? second->mm : 0.0);
   const auto in_plane = [&](const AxisVector& q) { return Vector2d(q[arc.first], q[arc.second]); };
   // Without rotation the centre is computed from joint positions directly. The conversion to
@@ -91,11 +91,11 @@ void find_centre(const Canon& canon, const ArcBlock& block, const PlaneLetters& 
     arc.centre = centre_words + in_plane(block.absolute_centre ? canon.placed(zero) : block.from);
     return;
   }
-  AxisVector p = canon.unplaced(block.from);
+  AxisVector p = canon.without_offsets(block.from);
   p[arc.first] = (block.absolute_centre ? 0.0 : p[arc.first]) + centre_words.x();
   p[arc.second] = (block.absolute_centre ? 0.0 : p[arc.second]) + centre_words.y();
-  arc.placed_centre = canon.placed(std::move(p));
-  arc.centre = in_plane(arc.placed_centre);
+  arc.centre_with_offsets = canon.placed(std::move(p));
+  arc.centre = in_plane(arc.centre_with_offsets);
 }
 
 }  // namespace
@@ -112,15 +112,16 @@ ArcMove arc_from_block(const Canon& canon, const ArcBlock& block) {
               .named = block.cause,
               .stated = block.stated};
   if (arc.first < 0 || arc.second < 0)
-    canon.refuse(block.cause, fmt::format("a machine with the axes {} {} of the plane",
-                                          letters.axes[0], letters.axes[1]));
+    canon.throw_input_error(block.cause, fmt::format("a machine with the axes {} {} of the plane",
+                                                     letters.axes[0], letters.axes[1]));
   const auto radius = block.word('R');
   if (!radius) {
     find_centre(canon, block, letters, arc);
     return arc;
   }
   for (const char letter : {'I', 'J', 'K'})
-    if (const auto word = block.word(letter)) canon.refuse(word->cause, "either R or I J K");
+    if (const auto word = block.word(letter))
+      canon.throw_input_error(word->cause, "either R or I J K");
   arc.radius = radius->mm;
   arc.named = radius->cause;
   return arc;
@@ -234,12 +235,12 @@ Codes parse_codes(const NcBlock& block, const NcLocation& location) {
   Codes codes;
   const auto add_code = [&](const NcWord& word, std::optional<CodeGroup> group,
                             std::string_view known_codes) {
-    if (!group) refuse(location, word, std::string(known_codes));
+    if (!group) throw_input_error(location, word, std::string(known_codes));
     Codes::Code& code = codes.by_group[std::size_t(*group)];
     if (code)
-      refuse(location, word,
-             fmt::format("one code in a block {}", group_names[std::size_t(*group)]),
-             fmt::format("{} after {}", shown(word.text), shown(code.word.text)));
+      throw_input_error(location, word,
+                        fmt::format("one code in a block {}", group_names[std::size_t(*group)]),
+                        fmt::format("{} after {}", shown(word.text), shown(code.word.text)));
     code = {parse_tenths(word), word};
   };
   for (const NcWord& word : block.g) add_code(word, g_group(parse_tenths(word)), g_codes);
@@ -261,9 +262,9 @@ class NcInterpreter {
   void read_comments(const NcBlock& block);
 
  private:
-  [[noreturn]] void refuse(const Cause& word, std::string expected,
-                           std::optional<std::string> seen = {}) const {
-    canon_.refuse(word, std::move(expected), std::move(seen));
+  [[noreturn]] void throw_input_error(const Cause& word, std::string expected,
+                                      std::optional<std::string> seen = {}) const {
+    canon_.throw_input_error(word, std::move(expected), std::move(seen));
   }
 
   void check_letters(const NcBlock& block) const;
@@ -301,8 +302,9 @@ void NcInterpreter::check_letters(const NcBlock& block) const {
     if (!word || other_letters.find(letter) != std::string_view::npos) continue;
     if (canon_.joint_of(letter) >= 0) continue;
     if (axis_letters.find(letter) != std::string_view::npos)
-      refuse(word, "an axis of this machine (" + canon_.letters() + ")");
-    refuse(word, "a word of this control (N G " + canon_.letters() + " I J K R F S T M H P)");
+      throw_input_error(word, "an axis of this machine (" + canon_.letters() + ")");
+    throw_input_error(word,
+                      "a word of this control (N G " + canon_.letters() + " I J K R F S T M H P)");
   }
 }
 
@@ -324,29 +326,31 @@ void NcInterpreter::check_companions(const NcBlock& block, const Codes& codes) c
   const int motion = codes[CodeGroup::Motion] ? codes[CodeGroup::Motion].tenths : motion_;
   const bool is_dwell = one_block_code && one_block_code.tenths == 40;
   const bool is_arc = !is_dwell && (motion == 20 || motion == 30);
-  if (is_dwell && axis) refuse(axis, "no axis word beside G4");
-  if (is_dwell && !block['P']) refuse(one_block_code.word, "P (seconds) beside G4", "none");
-  if (block['P'] && !is_dwell) refuse(block['P'], "G4 beside P");
+  if (is_dwell && axis) throw_input_error(axis, "no axis word beside G4");
+  if (is_dwell && !block['P'])
+    throw_input_error(one_block_code.word, "P (seconds) beside G4", "none");
+  if (block['P'] && !is_dwell) throw_input_error(block['P'], "G4 beside P");
   for (const char letter : {'I', 'J', 'K', 'R'})
-    if (block[letter] && !is_arc) refuse(block[letter], "G2 or G3 beside I J K R");
+    if (block[letter] && !is_arc) throw_input_error(block[letter], "G2 or G3 beside I J K R");
   const Codes::Code& length = codes[CodeGroup::ToolLength];
   const bool calls_length = length && length.tenths != 490;
   if (calls_length && !block['H'])
-    refuse(length.word, "H (tool length) beside " + shown(length.word.text), "none");
-  if (block['H'] && !calls_length) refuse(block['H'], "G43 or G43.4 beside H");
-  if (axis && (motion < 0 || motion == 800)) refuse(axis, "G0 G1 G2 or G3 before an axis word");
+    throw_input_error(length.word, "H (tool length) beside " + shown(length.word.text), "none");
+  if (block['H'] && !calls_length) throw_input_error(block['H'], "G43 or G43.4 beside H");
+  if (axis && (motion < 0 || motion == 800))
+    throw_input_error(axis, "G0 G1 G2 or G3 before an axis word");
   if (one_block_code && one_block_code.tenths == 530) {
-    if (!axis) refuse(one_block_code.word, "an axis word beside G53", "none");
-    if (is_arc) refuse(one_block_code.word, "G0 or G1 beside G53");
+    if (!axis) throw_input_error(one_block_code.word, "an axis word beside G53", "none");
+    if (is_arc) throw_input_error(one_block_code.word, "G0 or G1 beside G53");
   }
   if (const NcWord& tool = block['T'];
       tool && (tool.value < 0 || tool.value != std::floor(tool.value)))
-    refuse(tool, "a whole tool number");
+    throw_input_error(tool, "a whole tool number");
 }
 
 void NcInterpreter::set_spindle(const NcBlock& block, const Codes& codes) {
   if (const NcWord& s = block['S']) {
-    if (s.value < 0 || s.value > 1e7) refuse(s, "a spindle speed of 0 to 1e7 rpm");
+    if (s.value < 0 || s.value > 1e7) throw_input_error(s, "a spindle speed of 0 to 1e7 rpm");
     canon_.set_spindle_speed(s.value);
   }
   if (const Codes::Code& code = codes[CodeGroup::Spindle])
@@ -363,7 +367,7 @@ void NcInterpreter::set_feed(const NcBlock& block, const Codes& codes) {
   // Under G93 F holds for its own block only.
   if (canon_.feed_mode() == FeedMode::InverseTime) canon_.set_feed({});
   if (const NcWord& f = block['F']) {
-    if (!(f.value >= min_feed_word)) refuse(f, "a feed above zero");
+    if (!(f.value >= min_feed_word)) throw_input_error(f, "a feed above zero");
     canon_.set_feed(Feed{f.value, unit()});
   }
 }
@@ -384,14 +388,14 @@ void NcInterpreter::set_tool_length(const NcBlock& block, const Codes& codes) {
   if (length == lengths.end()) {
     std::string known_lengths;
     for (const auto& [number, mm] : lengths) known_lengths += fmt::format(" H{}", number);
-    refuse(h, "a tool length that is known (" +
-                  (known_lengths.empty() ? "none is" : known_lengths.substr(1)) + ")");
+    throw_input_error(h, "a tool length that is known (" +
+                             (known_lengths.empty() ? "none is" : known_lengths.substr(1)) + ")");
   }
   canon_.select_length(length->first, code.word);
   AxisVector shift;
   if (code.tenths == 430) {
     const int z = canon_.joint_of('Z');
-    if (z < 0) refuse(code.word, "a machine with a Z axis");
+    if (z < 0) throw_input_error(code.word, "a machine with a Z axis");
     shift = AxisVector::Zero(canon_.position().size());
     shift[z] = length->second;
   }
@@ -417,25 +421,26 @@ void NcInterpreter::set_modes(const NcBlock& block, const Codes& codes) {
 void NcInterpreter::record_words_before_motion(const NcBlock& block, const Codes& codes) {
   const bool changes = bool(codes[CodeGroup::ToolChange]);
   const NcWord& tool = block['T'];
-  if (tool || changes) canon_.call_tool(tool ? tool.value : -1.0, changes);
+  if (tool || changes) canon_.record_tool_call(tool ? tool.value : -1.0, changes);
   std::string text = tool ? fmt::format("T{:.0f}", tool.value) : "";
   for (const CodeGroup group : {CodeGroup::ToolChange, CodeGroup::Coolant})
     if (const Codes::Code& code = codes[group]; code && code.tenths != 90)
       text += fmt::format("{}M{}", text.empty() ? "" : " ", code.tenths / 10);
-  if (!text.empty()) canon_.aside(std::move(text));
+  if (!text.empty()) canon_.record_auxiliary_word(std::move(text));
 }
 
 /// Records the words that a control executes after the motion of the block: M0 M1 M9.
 void NcInterpreter::record_words_after_motion(const Codes& codes) {
   const Codes::Code &stop = codes[CodeGroup::Stop], &coolant = codes[CodeGroup::Coolant];
-  if (coolant && coolant.tenths == 90) canon_.aside("M9");
-  if (stop && stop.tenths <= 10) canon_.aside(fmt::format("M{}", stop.tenths / 10));
+  if (coolant && coolant.tenths == 90) canon_.record_auxiliary_word("M9");
+  if (stop && stop.tenths <= 10) canon_.record_auxiliary_word(fmt::format("M{}", stop.tenths / 10));
 }
 
 // Canon checks the range too, but only here can the message name G4.
 void NcInterpreter::dwell(const NcBlock& block, const NcWord& g4) {
   const NcWord& p = block['P'];
-  if (p.value < 0 || p.value > max_dwell_s) refuse(p, "0 to 1e6 seconds beside " + shown(g4.text));
+  if (p.value < 0 || p.value > max_dwell_s)
+    throw_input_error(p, "0 to 1e6 seconds beside " + shown(g4.text));
   canon_.dwell(p.value, p);
 }
 
@@ -527,7 +532,7 @@ Path read_nc(std::string_view text, const std::string& file, const NcOptions& op
 
 void read_nc(std::string_view text, Canon& canon) {
   NcInterpreter interpreter(canon);
-  Lines lines(text);
+  LineReader lines(text);
   NcBlock block;
   int percent_marks = 0;
   while (const auto line = lines.next()) {

@@ -32,7 +32,7 @@ const std::string length_pattern =
     "([0-9]+-[0-9]+/[0-9]+|[0-9]+/[0-9]+|[0-9]+\\.?[0-9]*|\\.[0-9]+)";
 const std::string unit_pattern = "(MM|INCHES|INCH|IN\\b|\")";
 
-std::regex compile(const std::string& text) { return std::regex(text, std::regex::optimize); }
+std::regex make_machine(const std::string& text) { return std::regex(text, std::regex::optimize); }
 
 std::optional<Match> first_match(const std::string& text, const std::regex& regex) {
   Match match;
@@ -66,9 +66,9 @@ std::optional<double> parse_unit(const std::string& text) {
 
 /// Returns the number after T or TOOL.
 std::optional<int> find_tool_number(const std::string& text) {
-  static const std::regex t_word = compile("\\bT ?0*([0-9]{1,6})\\b");
+  static const std::regex t_word = make_machine("\\bT ?0*([0-9]{1,6})\\b");
   static const std::regex tool_word =
-      compile("\\bTOOL *(?:NO\\.?|NUMBER|#)? *[-:=#]? *-? *0*([0-9]{1,6})\\b(?![./])");
+      make_machine("\\bTOOL *(?:NO\\.?|NUMBER|#)? *[-:=#]? *-? *0*([0-9]{1,6})\\b(?![./])");
   for (const std::regex* regex : {&t_word, &tool_word})
     if (const auto match = first_match(text, *regex)) return std::stoi((*match)[1].str());
   return std::nullopt;
@@ -77,10 +77,10 @@ std::optional<int> find_tool_number(const std::string& text) {
 /// Returns the number after a bare D. It is a diameter only if the comment mentions a tool and no
 /// register.
 std::optional<double> bare_diameter(const std::string& text, const std::optional<int>& number) {
-  static const std::regex bare_d = compile("(?:^|[^A-Z0-9])D ?([0-9]+\\.?[0-9]*)(?![0-9A-Z])");
-  static const std::regex register_word = compile("\\bH ?[0-9]|\\||\\bOFF|\\bCOMP|\\bWEAR");
+  static const std::regex bare_d = make_machine("(?:^|[^A-Z0-9])D ?([0-9]+\\.?[0-9]*)(?![0-9A-Z])");
+  static const std::regex register_word = make_machine("\\bH ?[0-9]|\\||\\bOFF|\\bCOMP|\\bWEAR");
   static const std::regex tool_word =
-      compile("\\bT ?[0-9]|TOOL|MILL|CUTTER|BALL|FLAT|BULL|^ *D ?[0-9.]+ *$");
+      make_machine("\\bT ?[0-9]|TOOL|MILL|CUTTER|BALL|FLAT|BULL|^ *D ?[0-9.]+ *$");
   const auto match = first_match(text, bare_d);
   if (!match || has_match(text, register_word) || !has_match(text, tool_word)) return std::nullopt;
   const double length = parse_length((*match)[1].str());
@@ -92,20 +92,20 @@ std::optional<double> bare_diameter(const std::string& text, const std::optional
 /// Adds the diameter to `data`, with the unit and corner radius stated beside it; returns nothing
 /// if the text gives no diameter. The patterns are tried from the most explicit to the vaguest.
 std::optional<CutterData> add_diameter(const std::string& text, CutterData data) {
-  static const std::regex d_letter = compile("\\bD *[=:] *" + length_pattern);
-  static const std::regex dia_word = compile("\\bDIA(?:M(?:ETER)?)?\\b\\.? *[-=:]? *D?" +
-                                             length_pattern + " *" + unit_pattern + "?");
+  static const std::regex d_letter = make_machine("\\bD *[=:] *" + length_pattern);
+  static const std::regex dia_word = make_machine("\\bDIA(?:M(?:ETER)?)?\\b\\.? *[-=:]? *D?" +
+                                                  length_pattern + " *" + unit_pattern + "?");
   static const std::regex diameter_sign =
-      compile("(?:\xC3\x98|\xC3\xB8|\xE2\x8C\x80) ?" + length_pattern);
+      make_machine("(?:\xC3\x98|\xC3\xB8|\xE2\x8C\x80) ?" + length_pattern);
   static const std::regex d_and_r =
-      compile("(?:^|[^A-Z0-9])D ?" + length_pattern + "[ _-]?R ?" + length_pattern);
+      make_machine("(?:^|[^A-Z0-9])D ?" + length_pattern + "[ _-]?R ?" + length_pattern);
   static const std::regex before_mill =
-      compile(length_pattern + " *" + unit_pattern +
-              " *(?:[A-Z0-9]+ +){0,2}?(?:END ?-?MILL|BALL|FLAT|BULL|MILL\\b|CUTTER)");
-  static const std::regex before_shape = compile(
+      make_machine(length_pattern + " *" + unit_pattern +
+                   " *(?:[A-Z0-9]+ +){0,2}?(?:END ?-?MILL|BALL|FLAT|BULL|MILL\\b|CUTTER)");
+  static const std::regex before_shape = make_machine(
       length_pattern + " +(?:FLAT|BALL|BULL|SQUARE)[A-Z]* *(?:NOSED?|END)? *-?(?:END)? *-?MILL");
   static const std::regex braced =
-      compile("MILL.*\\{ *" + length_pattern + " *" + unit_pattern + " *\\}");
+      make_machine("MILL.*\\{ *" + length_pattern + " *" + unit_pattern + " *\\}");
   if (const auto match = first_match(text, d_and_r)) {
     data.diameter = parse_length((*match)[1].str());
     data.corner_radius = parse_length((*match)[2].str());
@@ -126,15 +126,16 @@ std::optional<CutterData> add_diameter(const std::string& text, CutterData data)
 }
 
 std::optional<double> find_corner_radius(const std::string& text) {
-  static const std::regex radius = compile("\\b(?:CR|R|(?:TIP|CORNER) *RAD(?:IUS)?) *[=:] *" +
-                                           length_pattern + "|\\bR ?" + length_pattern);
+  static const std::regex radius = make_machine("\\b(?:CR|R|(?:TIP|CORNER) *RAD(?:IUS)?) *[=:] *" +
+                                                length_pattern + "|\\bR ?" + length_pattern);
   const auto match = first_match(text, radius);
   if (!match) return std::nullopt;
   return parse_length((*match)[(*match)[1].matched ? 1 : 2].str());
 }
 
 CutterData::End find_end(const std::string& text) {
-  static const std::regex ball = compile("\\bBALL"), flat = compile("\\bFLAT\\b|\\bSQUARE\\b");
+  static const std::regex ball = make_machine("\\bBALL"),
+                          flat = make_machine("\\bFLAT\\b|\\bSQUARE\\b");
   if (has_match(text, ball)) return CutterData::End::Ball;
   return has_match(text, flat) ? CutterData::End::Flat : CutterData::End::Unspecified;
 }
@@ -294,10 +295,10 @@ void copy_shape(Path& segment, Block& block, const Path& path) {
 
 }  // namespace
 
-Path stretch_of(const Path& path, std::size_t first, std::size_t last) {
+Path path_segment(const Path& path, std::size_t first, std::size_t last) {
   Path segment;
   segment.file = path.file;
-  segment.more_files = path.more_files;
+  segment.subprogram_files = path.subprogram_files;
   segment.blocks.assign(path.blocks.begin() + std::ptrdiff_t(first),
                         path.blocks.begin() + std::ptrdiff_t(last));
   // Auxiliary words are sorted by block. Those after the last block belong to the segment only if

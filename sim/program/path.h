@@ -159,7 +159,7 @@ struct UnitWord {
 struct Path {
   std::string file;
   std::string read_as = {};  ///< dialect and the reason it was recognised; empty: nothing to report
-  std::vector<std::string> more_files = {};  ///< files of subprograms outside the main file
+  std::vector<std::string> subprogram_files = {};  ///< files of subprograms outside the main file
   std::vector<Block> blocks;
   std::vector<Arc> arcs;
   std::vector<Eigen::Matrix3d> plane_rotations = {};  ///< of arc planes that no two joints span
@@ -173,7 +173,7 @@ struct Path {
 };
 
 /// Returns a path of blocks `first` to `last` - 1 and the auxiliary words that precede them.
-Path stretch_of(const Path& path, std::size_t first, std::size_t last);
+Path path_segment(const Path& path, std::size_t first, std::size_t last);
 
 /// Returns the programmed coordinates at fraction u in [0, 1] of the block's time. The values at u
 /// = 0 and u = 1 are the block's start and end, bit for bit.

@@ -50,9 +50,9 @@ std::size_t extreme_search_parts(const Path& path, const Block& block, const Cha
 }  // namespace
 
 PathMeter::PathMeter(const Chain& control, const AxisLimits& limits,
-                     const std::map<int, Chain>* control_of_h)
+                     const std::map<int, Chain>* control_by_h)
     : control_(&control),
-      control_of_h_(control_of_h),
+      control_of_h_(control_by_h),
       limits_(limits),
       spindle_(find_spindle(controlled_axes(control))) {
   figures_.axes.resize(std::size_t(control.size()));
@@ -76,16 +76,18 @@ void PathMeter::record_radius() {
 }
 
 double PathMeter::limit(int j) const {
-  return motion(j) == Motion::Linear ? limits_.rapid_speed : limits_.rapid_turn;
+  return motion(j) == Motion::Linear ? limits_.rapid_speed : limits_.rapid_rotation_speed;
 }
 
 void PathMeter::record_position(const Block& block, const AxisVector& q) {
   for (int j = 0; j < control_->size(); ++j) {
     if (is_spindle(j)) continue;
     AxisFigures& axis = figures_.axes[std::size_t(j)];
-    if (!axis.positioned || q[j] < axis.least.value) axis.least = {q[j], block.line, block.file};
-    if (!axis.positioned || q[j] > axis.most.value) axis.most = {q[j], block.line, block.file};
-    axis.positioned = true;
+    if (!axis.has_position || q[j] < axis.lowest.value)
+      axis.lowest = {q[j], block.line, block.file};
+    if (!axis.has_position || q[j] > axis.highest.value)
+      axis.highest = {q[j], block.line, block.file};
+    axis.has_position = true;
   }
 }
 
@@ -106,8 +108,9 @@ void PathMeter::record_speeds(const Block& block, const AxisVector& step, double
 void PathMeter::record_slow_down(const Block& block, double factor) {
   constexpr double rounding = 1e-9;  // relative; a move at exactly the limit is not slowed
   if (!(factor > 1.0 + rounding)) return;
-  ++figures_.slowed;
-  if (factor > figures_.max_slowed.value) figures_.max_slowed = {factor, block.line, block.file};
+  ++figures_.slowed_moves;
+  if (factor > figures_.max_slow_down.value)
+    figures_.max_slow_down = {factor, block.line, block.file};
 }
 
 MoveFigures& PathMeter::figures_of_type(const Block& block) {
@@ -170,8 +173,8 @@ PathMeter::SampledPoint PathMeter::point_at(const Path& path, const Block& block
 
 void PathMeter::record_point(const Block& block, const SampledPoint& point) {
   record_position(block, point.q);
-  figures_.all_w.extend(point.tip_w);
-  if (block.interpolation != Interpolation::Rapid) figures_.feed_w.extend(point.tip_w);
+  figures_.tip_extent_w.extend(point.tip_w);
+  if (block.interpolation != Interpolation::Rapid) figures_.feed_extent_w.extend(point.tip_w);
 }
 
 double PathMeter::coordinate(const SampledPoint& point, int k) const {
@@ -207,12 +210,12 @@ bool PathMeter::can_be_new_extreme(const Block& block, double value, int k, doub
   };
   if (k < control_->size()) {
     const AxisFigures& axis = figures_.axes[std::size_t(k)];
-    return !is_spindle(k) && exceeds(axis.least.value, axis.most.value);
+    return !is_spindle(k) && exceeds(axis.lowest.value, axis.highest.value);
   }
   const int i = k - control_->size();
   const bool feeds = block.interpolation != Interpolation::Rapid;
-  return exceeds(figures_.all_w.min()[i], figures_.all_w.max()[i]) ||
-         (feeds && exceeds(figures_.feed_w.min()[i], figures_.feed_w.max()[i]));
+  return exceeds(figures_.tip_extent_w.min()[i], figures_.tip_extent_w.max()[i]) ||
+         (feeds && exceeds(figures_.feed_extent_w.min()[i], figures_.feed_extent_w.max()[i]));
 }
 
 /// Searches the extreme of every coordinate whose middle point of three is beyond both others.
@@ -267,13 +270,13 @@ void PathMeter::search_all_extremes(const Path& path, const Block& block, std::s
 
 void PathMeter::move(const Path& path, const Block& block) {
   const bool rapid = block.interpolation == Interpolation::Rapid;
-  const double rotation = rotary_turn_sum(path, block, *control_);
+  const double rotation = total_rotation(path, block, *control_);
   const std::size_t n = extreme_search_parts(path, block, *control_);
   const double seconds = (block.end_s - block.start_s) / double(n);
   MoveFigures& moves = figures_of_type(block);
   double limited_s = 0.0;
-  figures_.all_w.extend(tip_w_);
-  if (!rapid) figures_.feed_w.extend(tip_w_);
+  figures_.tip_extent_w.extend(tip_w_);
+  if (!rapid) figures_.feed_extent_w.extend(tip_w_);
   if (!rapid) record_radius();
   for (std::size_t k = 1; k <= n; ++k) {
     const AxisVector q = axes_at(path, block, *control_, k == n ? 1.0 : double(k) / double(n));
@@ -287,11 +290,11 @@ void PathMeter::move(const Path& path, const Block& block) {
     if (!rapid && limits_.pole > 0.0) record_pole(block, q, seconds);
     q_ = q;
     const Vector3d tip_w = tip_position(path, block, q, k == n ? 1.0 : double(k) / double(n));
-    moves.way += (tip_w - tip_w_).norm();
+    moves.path_length += (tip_w - tip_w_).norm();
     tip_w_ = tip_w;
     record_position(block, q);
-    figures_.all_w.extend(tip_w);
-    if (!rapid) figures_.feed_w.extend(tip_w);
+    figures_.tip_extent_w.extend(tip_w);
+    if (!rapid) figures_.feed_extent_w.extend(tip_w);
     if (!rapid) record_radius();
     if (on_tip_point) on_tip_point(tip_w, rapid);
   }
@@ -314,8 +317,8 @@ void PathMeter::record_pole(const Block& block, const AxisVector& to, double sec
   const auto pole = kinematics::nearest_pole(*control_, q_, to);
   if (!pole || pole->angle >= limits_.pole) return;
   const double turned = std::abs(to[pole->axis] - q_[pole->axis]);
-  if (!figures_.pole) figures_.pole = NearPole{limits_.pole, pole->axis, pole->other};
-  NearPole& closest = *figures_.pole;
+  if (!figures_.pole) figures_.pole = PoleApproach{limits_.pole, pole->axis, pole->other};
+  PoleApproach& closest = *figures_.pole;
   if (pole->angle < closest.angle) {
     closest.angle = pole->angle;
     // Poles repeat every half turn of the other axis; the one next to the programmed position is
@@ -402,14 +405,15 @@ PathFigures PathMeter::figures() const {
   for (int j = 0; j < control_->size(); ++j) {
     const kinematics::Joint& joint = control_->joints()[std::size_t(j)];
     AxisFigures& axis = figures.axes[std::size_t(j)];
-    axis.left = std::min(axis.least.value - joint.min, joint.max - axis.most.value);
+    axis.remaining_travel = std::min(axis.lowest.value - joint.min, joint.max - axis.highest.value);
   }
   return figures;
 }
 
-std::string line_text(const std::vector<std::string>& more_files, int line, std::uint16_t file) {
+std::string line_label(const std::vector<std::string>& subprogram_files, int line,
+                       std::uint16_t file) {
   const std::string text = "line " + std::to_string(line);
-  return file == 0 ? text : text + " of " + more_files[std::size_t(file) - 1];
+  return file == 0 ? text : text + " of " + subprogram_files[std::size_t(file) - 1];
 }
 
 }  // namespace abbe::sim::program

@@ -20,7 +20,7 @@ namespace abbe::sim::program {
 /// machine has no accelerations.
 struct AxisLimits {
   double rapid_speed = 10000.0 / 60.0;  ///< mm/s of every linear axis
-  double rapid_turn = 1.0;              ///< rad/s of every rotary axis
+  double rapid_rotation_speed = 1.0;    ///< rad/s of every rotary axis
   double pole = 0.0;  ///< rad; an approach to a pole below this angle is recorded; 0: none is
 };
 
@@ -33,10 +33,10 @@ struct ValueAtLine {
 
 /// Range, speed and remaining travel of one axis, mm or rad.
 struct AxisFigures {
-  bool positioned = false;  ///< the axis is no spindle and the program has blocks
-  ValueAtLine least, most;  ///< extreme positions
-  ValueAtLine fastest;      ///< mm/s or rad/s, in moves at feed
-  double left = 0.0;        ///< mm or rad to the nearer travel limit; negative beyond it
+  bool has_position = false;      ///< the axis is no spindle and the program has blocks
+  ValueAtLine lowest, highest;    ///< extreme positions
+  ValueAtLine fastest;            ///< mm/s or rad/s, in moves at feed
+  double remaining_travel = 0.0;  ///< mm or rad to the nearer travel limit; negative beyond it
 };
 
 /// The pose nearest to a singularity in which a move at feed turns rotary axes.
@@ -51,7 +51,7 @@ struct SingularPose {
 
 /// The closest approach to a pole at feed under a tip mode. At a pole the position of one axis, the
 /// free axis, does not change the tool direction.
-struct NearPole {
+struct PoleApproach {
   double angle = 0.0;    ///< rad, smallest angle between the tool and that axis
   int axis = 0;          ///< the free axis, a joint
   int other = 0;         ///< the other rotary joint
@@ -65,9 +65,9 @@ struct NearPole {
 /// Distances and times of the moves of one type.
 struct MoveFigures {
   std::size_t count = 0;
-  double seconds = 0.0;    ///< as programmed; rapids along their path at the rapid speed
-  double limited_s = 0.0;  ///< s, if no axis exceeds its speed limit
-  double way = 0.0;        ///< mm, path length of the tip in the workpiece
+  double seconds = 0.0;      ///< as programmed; rapids along their path at the rapid speed
+  double limited_s = 0.0;    ///< s, if no axis exceeds its speed limit
+  double path_length = 0.0;  ///< mm, path length of the tip in the workpiece
 };
 
 /// The results of `PathMeter`.
@@ -75,16 +75,16 @@ struct PathFigures {
   std::size_t blocks = 0;
   MoveFigures rapids, lines, arcs, cubics, dwells;
   std::vector<AxisFigures> axes;  ///< (joints)
-  std::size_t slowed = 0;         ///< moves at feed in which an axis would exceed its speed limit
-  ValueAtLine max_slowed;         ///< largest factor by which a move is slowed
+  std::size_t slowed_moves = 0;   ///< moves at feed in which an axis would exceed its speed limit
+  ValueAtLine max_slow_down;      ///< largest factor by which a move is slowed
   int fastest_axis = -1;  ///< joint that comes nearest to its speed limit or exceeds it most
-  Eigen::AlignedBox3d feed_w, all_w;  ///< extents of the tip in the workpiece, mm
+  Eigen::AlignedBox3d feed_extent_w, tip_extent_w;  ///< extents of the tip in the workpiece, mm
   /// Smallest and largest distance of the tip from the axis of the workpiece spindle, at feed, mm.
   /// Empty if the machine has no such spindle.
   std::optional<std::array<double, 2>> radius_at_feed;
   std::optional<SingularPose> singular;  ///< empty if no move at feed turns a pair of rotary axes
   /// Empty if the tool is never near a pole or nothing rotates there.
-  std::optional<NearPole> pole;
+  std::optional<PoleApproach> pole;
   std::map<int, std::size_t> offsets;  ///< blocks by `Block::work_offset`
   std::map<int, std::size_t> lengths;  ///< blocks by `Block::tool_length`
   std::size_t tip_blocks = 0;          ///< blocks under a tip mode
@@ -103,10 +103,10 @@ inline constexpr double path_meter_tolerance = 0.01;
 /// large at each end.
 class PathMeter {
  public:
-  /// `control` must outlive the object; its limits are the travel limits. `control_of_h`, which
+  /// `control` must outlive the object; its limits are the travel limits. `control_by_h`, which
   /// must outlive it too, holds the chains to the tips of other tools, by H number.
   PathMeter(const kinematics::Chain& control, const AxisLimits& limits,
-            const std::map<int, kinematics::Chain>* control_of_h = nullptr);
+            const std::map<int, kinematics::Chain>* control_by_h = nullptr);
 
   /// Processes the next blocks. Throws BadInput at the line where the slides do not reach a tip.
   void add(const Path& path);
@@ -171,7 +171,8 @@ class PathMeter {
 };
 
 /// Returns "line 12" for the first file of a program, "line 12 of FILE" for the others.
-/// `more_files` is Path::more_files.
-std::string line_text(const std::vector<std::string>& more_files, int line, std::uint16_t file);
+/// `subprogram_files` is Path::more_files.
+std::string line_label(const std::vector<std::string>& subprogram_files, int line,
+                       std::uint16_t file);
 
 }  // namespace abbe::sim::program

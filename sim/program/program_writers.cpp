@@ -139,7 +139,7 @@ bool LocationWriter::is_straight(const Path& path, const Block& block) const {
   if (block.interpolation != Interpolation::Line && block.interpolation != Interpolation::Rapid)
     return false;
   return block.coordinates == Coordinates::Tip ||
-         rotary_turn_sum(path, block, control_) < max_still_rotation;
+         total_rotation(path, block, control_) < max_still_rotation;
 }
 
 void LocationWriter::write_auxiliary_words(const Path& path, std::size_t block_index,
@@ -229,7 +229,7 @@ void LocationWriter::write_line(const Path& path, const Block& block, double fro
 bool LocationWriter::arc(const Path& path, const Block& block) {
   const Arc& arc = path.arcs[block.shape];
   const bool has_rotation = block.coordinates == Coordinates::Axis &&
-                            rotary_turn_sum(path, block, control_) >= max_still_rotation;
+                            total_rotation(path, block, control_) >= max_still_rotation;
   if (is_table() || has_rotation || std::abs(arc.growth) > max_radius_difference) return false;
   const double sweep = std::abs(arc.sweep);
   // An arc that bends by less than a thousandth of the tolerance is a line.

@@ -36,7 +36,7 @@ struct Column {
 class PvtReader {
  public:
   PvtReader(const std::string& file, const NcOptions& options)
-      : options_(options), start_(start_of(options)) {
+      : options_(options), start_(initial_position(options)) {
     path_.file = file;
   }
 
@@ -129,7 +129,7 @@ double PvtReader::number(const Cell& cell) const {
 void PvtReader::read_row(std::string_view text) {
   // Axes without columns stay at their start.
   PvtRow row{0.0, start_, AxisVector::Zero(start_.size())};
-  const std::vector<Cell> cells = cells_of(text, ',', columns_.size());
+  const std::vector<Cell> cells = split_cells(text, ',', columns_.size());
   if (cells.size() != columns_.size())
     throw BadInput(path_.file, line_, cells.back().column,
                    fmt::format("{} numbers", columns_.size()),
@@ -180,7 +180,7 @@ void PvtReader::read_line(std::string_view text, int line) {
   const std::size_t first_character = text.find_first_not_of(" \t");
   if (first_character == std::string_view::npos || text[first_character] == '#') return;
   if (columns_.empty())
-    read_header(cells_of(text, ',', 1 + 2 * options_.axes.size()));
+    read_header(split_cells(text, ',', 1 + 2 * options_.axes.size()));
   else
     read_row(text);
 }
@@ -238,7 +238,7 @@ Path read_pvt(std::string_view text, const std::string& file, const NcOptions& o
                    fmt::format("{}", text.size()));
   check_encoding(text, file);
   PvtReader reader(file, options);
-  Lines lines(text);
+  LineReader lines(text);
   while (const auto line = lines.next()) reader.read_line(*line, lines.number());
   return reader.finish(lines.number());
 }
@@ -388,9 +388,10 @@ PvtConversion convert_to_pvt(const Path& path, const Chain& control,
     for (const double u : {0.25, 0.5, 0.75}) {
       const double time_s = a.time_s + u * (b.time_s - a.time_s);
       const double block_fraction = (time_s - block.start_s) / (block.end_s - block.start_s);
-      conversion.off = std::max(
-          conversion.off, weighted_distance(control, axes_at(path, block, control, block_fraction),
-                                            hermite_position(a, b, u), options.lever));
+      conversion.max_deviation =
+          std::max(conversion.max_deviation,
+                   weighted_distance(control, axes_at(path, block, control, block_fraction),
+                                     hermite_position(a, b, u), options.lever));
     }
   }
   return conversion;

@@ -56,7 +56,7 @@ struct PvtConversionOptions {
 struct PvtConversion {
   std::vector<PvtRow> rows;
   /// mm, largest deviation of the cubics from the path, sampled at three instants of each cubic
-  double off = 0.0;
+  double max_deviation = 0.0;
 };
 
 /// Converts a path to positions, velocities and times. Rows are close to both sides of each corner,

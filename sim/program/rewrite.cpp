@@ -289,8 +289,8 @@ CorrectedPath thinned_cubics(const Path& path, std::span<const Points> dense,
 
 }  // namespace
 
-CorrectedPath thinned(const Path& path, std::span<const Points> dense, const NcOptions& control,
-                      const ThinOptions& options) {
+CorrectedPath thin_out(const Path& path, std::span<const Points> dense, const NcOptions& control,
+                       const ThinOptions& options) {
   check_dense(path, dense);
   if (!(options.tolerance >= 0.0) || !(options.word_mm >= 0.0))
     throw std::invalid_argument("expected a tolerance and words of at least zero");
@@ -362,7 +362,7 @@ RewrittenProgram rewritten_pvt(const Path& path,
                                std::span<const std::vector<CorrectedPoint>> corrected,
                                const NcOptions& control) {
   RewrittenProgram program;
-  program.of_line.emplace_back();  // the head
+  program.line_origins.emplace_back();  // the head
   std::vector<PvtRow> nominal, correction;
   const auto add = [&](int index, double u, const CorrectedPoint* point) {
     const Block& block = path.blocks[std::size_t(index)];
@@ -374,8 +374,8 @@ RewrittenProgram rewritten_pvt(const Path& path,
         {time_s,
          point ? AxisVector(point->at - nominal_position) : AxisVector(0 * nominal_position),
          point ? point->rate : AxisVector()});
-    const Stretch& previous = program.of_line.back();
-    program.of_line.push_back({index, previous.block == index ? previous.to : 0.0, u});
+    const LineOrigin& previous = program.line_origins.back();
+    program.line_origins.push_back({index, previous.block == index ? previous.to : 0.0, u});
   };
   for (int i = 0; i < int(path.blocks.size()); ++i) {
     const std::vector<CorrectedPoint>& points = corrected[std::size_t(i)];
@@ -425,9 +425,9 @@ class NcRewriter {
   void write_units_and_feed_mode(const Block& block);
   void write_coordinates(const Block& block);
   void write_spindle(const Block& block);
-  void write_dwell(double seconds, const Stretch& origin);
+  void write_dwell(double seconds, const LineOrigin& origin);
   void write_moves(int index, const std::vector<CorrectedPoint>& points);
-  void write_move(const Block& block, const Point& to, double seconds, const Stretch& origin);
+  void write_move(const Block& block, const Point& to, double seconds, const LineOrigin& origin);
   std::optional<Arc> rounded_arc(const Block& block, const Point& to) const;
   std::vector<CorrectedPoint> chord_points(const Block& block) const;
   std::vector<CorrectedPoint> half_turn_points(const Block& block) const;
@@ -467,7 +467,7 @@ NcRewriter::NcRewriter(const Path& path, const NcOptions& control, const Rewrite
 
 void NcRewriter::write_text(std::string line) {
   items_.push_back(std::move(line));
-  program_.of_line.emplace_back();
+  program_.line_origins.emplace_back();
 }
 
 void NcRewriter::write_auxiliary_words(std::size_t before) {
@@ -493,8 +493,8 @@ void NcRewriter::write_coordinates(const Block& block) {
   if (coordinates_ == Coordinates::Axis) return write_text("G49");
   if (control_.tool_length.empty())
     throw std::invalid_argument("expected a tool length for G43.4 H");
-  const bool has_one_chain = control_.control_of_h.size() == 1;  // of a tool table with many tools
-  write_text(fmt::format("G43.4 H{}", has_one_chain ? control_.control_of_h.begin()->first
+  const bool has_one_chain = control_.control_by_h.size() == 1;  // of a tool table with many tools
+  write_text(fmt::format("G43.4 H{}", has_one_chain ? control_.control_by_h.begin()->first
                                                     : control_.tool_length.begin()->first));
 }
 
@@ -510,10 +510,10 @@ void NcRewriter::write_spindle(const Block& block) {
                         : fmt::format("S{} M{}", nc_number(std::abs(rpm), 6), rpm > 0 ? 3 : 4));
 }
 
-void NcRewriter::write_dwell(double seconds, const Stretch& origin) {
+void NcRewriter::write_dwell(double seconds, const LineOrigin& origin) {
   if (!(seconds > 0.0)) return;
   write_text("G4 P" + nc_number(seconds));
-  program_.of_line.back() = origin;
+  program_.line_origins.back() = origin;
 }
 
 /// Returns the resolution of a word, mm (in an inch program too) or rad.
@@ -602,7 +602,7 @@ std::optional<Arc> NcRewriter::rounded_arc(const Block& block, const Point& to) 
 }
 
 void NcRewriter::write_move(const Block& block, const Point& to, double seconds,
-                            const Stretch& origin) {
+                            const LineOrigin& origin) {
   NcMove move{block.interpolation == Interpolation::Rapid, in_program_units(to.words), 0.0, {}};
   const std::optional<Arc> arc = rounded_arc(block, to);
   if (arc) {
@@ -623,7 +623,7 @@ void NcRewriter::write_move(const Block& block, const Point& to, double seconds,
     move.feed = feed_word(distance, seconds);
   }
   items_.push_back(std::move(move));
-  program_.of_line.push_back(origin);
+  program_.line_origins.push_back(origin);
   current_words_ = to.words;
 }
 
@@ -637,7 +637,7 @@ void NcRewriter::write_moves(int index, const std::vector<CorrectedPoint>& point
   for (std::size_t k = 0; k < points.size(); ++k) {
     const Point to{points[k].u, rounded_words(points[k].at), points[k].centre};
     const bool is_still = is_at_words(to.words);
-    const Stretch origin{index, u, to.u};
+    const LineOrigin origin{index, u, to.u};
     if (to.u == u && !rapid) {
       if (is_still) continue;
       // A jump takes at most half of the time to the next point, so that some is left for the
@@ -735,8 +735,9 @@ RewrittenProgram NcRewriter::program() {
 
 }  // namespace
 
-RewrittenProgram rewritten(const Path& path, std::span<const std::vector<CorrectedPoint>> corrected,
-                           const NcOptions& control, const RewriteOptions& options) {
+RewrittenProgram rewrite_program(const Path& path,
+                                 std::span<const std::vector<CorrectedPoint>> corrected,
+                                 const NcOptions& control, const RewriteOptions& options) {
   check_corrected(path, corrected);
   // Only eleven decimals are written, so a finer resolution could not be represented.
   if (!(options.word_mm >= 1e-9) || !(options.word_rad >= 1e-9 * units::deg))

@@ -44,11 +44,11 @@ struct ThinOptions {
 /// an empty one if nothing is corrected. Of two points at one u the second is the target of a jump
 /// (an axis reverses). A block that does not begin at the end of the previous one begins with a
 /// jump. Jumps within the tolerance are smoothed, and in cubics every jump is spread to the next
-/// point. The result is the input of `rewritten`: it has points at u = 0 only for a jump, in the
-/// first block, and after a change of coordinates. Throws std::invalid_argument if a list does not
-/// fit its block.
-CorrectedPath thinned(const Path& path, std::span<const std::vector<CorrectedPoint>> dense,
-                      const NcOptions& control, const ThinOptions& options = {});
+/// point. The result is the input of `rewrite_program`: it has points at u = 0 only for a jump, in
+/// the first block, and after a change of coordinates. Throws std::invalid_argument if a list does
+/// not fit its block.
+CorrectedPath thin_out(const Path& path, std::span<const std::vector<CorrectedPoint>> dense,
+                       const NcOptions& control, const ThinOptions& options = {});
 
 /// Resolution of the words of a rewritten program.
 struct RewriteOptions {
@@ -59,7 +59,7 @@ struct RewriteOptions {
 };
 
 /// The part of an original block from which one line of the rewritten program comes.
-struct Stretch {
+struct LineOrigin {
   int block = -1;  ///< -1 for a line without motion
   double from = 0.0;
   double to = 0.0;  ///< fractions of the block's time
@@ -68,7 +68,7 @@ struct Stretch {
 /// The text of the rewritten program and the origin of its lines.
 struct RewrittenProgram {
   std::string text;
-  std::vector<Stretch> of_line;  ///< indexed by line - 1
+  std::vector<LineOrigin> line_origins;  ///< indexed by line - 1
 };
 
 /// Writes the program with corrected positions, as NC or as PVT like the source.
@@ -84,7 +84,8 @@ struct RewrittenProgram {
 /// the end of the block. `control` must be the options with which the program was read. Throws
 /// std::invalid_argument if a list does not fit its block, the resolution is below 1e-9, G43.4 has
 /// no H, or cubics and other blocks are mixed.
-RewrittenProgram rewritten(const Path& path, std::span<const std::vector<CorrectedPoint>> corrected,
-                           const NcOptions& control, const RewriteOptions& options = {});
+RewrittenProgram rewrite_program(const Path& path,
+                                 std::span<const std::vector<CorrectedPoint>> corrected,
+                                 const NcOptions& control, const RewriteOptions& options = {});
 
 }  // namespace abbe::sim::program

@@ -287,7 +287,8 @@ int BlockSampler::steps(double ua, double ub, const AxisVector& qa, const AxisVe
     if (options_.workpiece_spindle == j) {
       n = std::max(n, programmed / options_.max_spindle_turn);
     } else if (motion(j) == Motion::Spindle) {
-      if (options_.max_nose_turn) n = std::max(n, programmed / *options_.max_nose_turn);
+      if (options_.max_tool_spindle_turn)
+        n = std::max(n, programmed / *options_.max_tool_spindle_turn);
     } else if (is_slide(j) && is_tip_mode_) {
       n = std::max(n, (std::abs(qb[j] - qa[j]) + (is_straight_ ? 0.0 : slide_bend)) /
                           options_.max_axis_step);
@@ -312,7 +313,7 @@ class SampleRecorder {
  public:
   SampleRecorder(const Path& path, const kinematics::Chain& control, const SampleOptions& options)
       : path_(path), control_(control), options_(options) {
-    if (options.goes_on) continue_from(*options.goes_on, 0);
+    if (options.continued_from) continue_from(*options.continued_from, 0);
   }
 
   void start(const AxisVector& q, double time_s, int block);
@@ -504,24 +505,24 @@ void check_axis_count(const Path& path, const kinematics::Chain& control) {
 Samples sample(const Path& path, const kinematics::Chain& control, const SampleOptions& options) {
   check_axis_count(path, control);
   SampleRecorder recorder(path, control, options);
-  for (int i = options.goes_on ? 1 : 0; i < int(path.blocks.size()); ++i)
+  for (int i = options.continued_from ? 1 : 0; i < int(path.blocks.size()); ++i)
     sample_block(path, i, control, options, recorder);
   Samples samples = recorder.take();
   if (const auto spindle = find_sampled_spindle(control, options))
-    set_spindle_speeds(samples, *spindle, !options.goes_on);
+    set_spindle_speeds(samples, *spindle, !options.continued_from);
   return samples;
 }
 
-std::vector<Window> windows(const Path& path, const kinematics::Chain& control,
-                            const SampleOptions& options, std::size_t max_samples_per_window,
-                            const std::function<void(double part)>& progress) {
+std::vector<SampleWindow> windows(const Path& path, const kinematics::Chain& control,
+                                  const SampleOptions& options, std::size_t max_samples_per_window,
+                                  const std::function<void(double part)>& progress) {
   check_axis_count(path, control);
-  check_sample_count(path, control, options, max_in_windows);
+  check_sample_count(path, control, options, max_samples_in_windows);
   // The samples are computed here only to find the ends of the windows, and dropped window by
   // window.
   const std::optional<int> spindle = find_sampled_spindle(control, options);
   SampleRecorder recorder(path, control, options);
-  std::vector<Window> result{{0, 0}};
+  std::vector<SampleWindow> result{{0, 0}};
   for (std::size_t i = 0; i < path.blocks.size(); ++i) {
     sample_block(path, int(i), control, options, recorder);
     // Reports are rare enough to cost nothing beside sampling.
@@ -541,8 +542,8 @@ std::vector<Window> windows(const Path& path, const kinematics::Chain& control,
   return result;
 }
 
-Path path_of(const Path& path, const Window& window) {
-  return stretch_of(path, window.goes_on ? window.first - 1 : window.first, window.last);
+Path path_of(const Path& path, const SampleWindow& window) {
+  return path_segment(path, window.continued_from ? window.first - 1 : window.first, window.last);
 }
 
 }  // namespace abbe::sim::program

@@ -30,14 +30,14 @@ struct SampleOptions {
   double max_axis_step = 1.0;
   double max_spindle_turn = 6.283185307179586;  ///< rad of the workpiece spindle between samples
   /// rad of a tool spindle between samples, if its rotation is to be resolved
-  std::optional<double> max_nose_turn;
+  std::optional<double> max_tool_spindle_turn;
   /// Joint whose rotation is excluded from the chord error (turning).
   std::optional<int> workpiece_spindle;
   /// Directions and stroke counts of the axes at the start, for a path that continues another one.
   kinematics::AxisState before = {};
   /// State to continue from if the first block is already sampled; of that block only the last
   /// sample is repeated.
-  std::optional<SamplingState> goes_on = {};
+  std::optional<SamplingState> continued_from = {};
   /// More samples are an input error, which is raised before memory is allocated.
   std::size_t max_samples = 50'000'000;
 };
@@ -53,9 +53,9 @@ struct Samples {
 };
 
 /// A range of blocks of a path that is sampled at once.
-struct Window {
-  std::size_t first = 0, last = 0;            ///< first block, and one past the last
-  std::optional<SamplingState> goes_on = {};  ///< empty for the first window
+struct SampleWindow {
+  std::size_t first = 0, last = 0;                   ///< first block, and one past the last
+  std::optional<SamplingState> continued_from = {};  ///< empty for the first window
 };
 
 /// Thrown for more samples than the options allow, at the line where the limit is exceeded.
@@ -70,19 +70,19 @@ Samples sample(const Path& path, const kinematics::Chain& control,
                const SampleOptions& options = {});
 
 /// Limit on the samples of a path in windows; more would take days.
-inline constexpr double max_in_windows = 1e9;
+inline constexpr double max_samples_in_windows = 1e9;
 
 /// Splits a path into windows, each ending with the block that brings it to
 /// `max_samples_per_window` samples. Together the windows have the samples of the whole path, bit
 /// for bit, with the last sample of each repeated as the first of the next. Needs the memory of one
 /// window and 300 bytes for each window. Throws as `sample` does, and TooManySamples if one window
-/// has more than options.max_samples or all together more than `max_in_windows`.
-std::vector<Window> windows(const Path& path, const kinematics::Chain& control,
-                            const SampleOptions& options, std::size_t max_samples_per_window,
-                            const std::function<void(double part)>& progress = {});
+/// has more than options.max_samples or all together more than `max_samples_in_windows`.
+std::vector<SampleWindow> windows(const Path& path, const kinematics::Chain& control,
+                                  const SampleOptions& options, std::size_t max_samples_per_window,
+                                  const std::function<void(double part)>& progress = {});
 
 /// Returns the blocks of a window as a path. Except for the first window it begins with the
 /// preceding block.
-Path path_of(const Path& path, const Window& window);
+Path path_of(const Path& path, const SampleWindow& window);
 
 }  // namespace abbe::sim::program

@@ -45,7 +45,7 @@ struct PythonComparison {
   std::shared_ptr<const sim::CaseResults> cases;
   py::dict by_name() const {
     py::dict cases_by_name;
-    for (const sim::Compared& compared : cases->cases)
+    for (const sim::ComparedCase& compared : cases->cases)
       cases_by_name[py::str(compared.verdict.cut.name)] = Result{
           {cases, compared.job}, {cases, &compared.verdict}};  // every result keeps all cases alive
     return cases_by_name;
@@ -69,7 +69,7 @@ void save(const Result& result, const std::filesystem::path& folder,
                                         fmt::join(known_formats, ", "), format));
   const bool is_tracked = result.verdict->cut.track.has_value();
   // Checked before the folder is created.
-  if (sim::retention_for(formats) == Retention::Track && !is_tracked)
+  if (sim::required_retention(formats) == Retention::Track && !is_tracked)
     throw py::value_error("expected a result cut with track=True to save its track");
   // Other Python threads can run while files are written.
   const py::gil_scoped_release release;
@@ -152,7 +152,7 @@ void define_result(py::module_& module) {
       .def_property_readonly(
           "form_mm",
           [](const py::object& self) {
-            return view(self.cast<const Result&>().verdict->filtered, self);
+            return view(self.cast<const Result&>().verdict->form_map, self);
           },
           "(n) the residual through the areal Gaussian filter")
       .def_property_readonly(
@@ -192,7 +192,7 @@ void define_result(py::module_& module) {
       .def_property_readonly(
           "warnings", [](const Result& r) { return sim::warnings_of(*r.job, r.verdict->cut); })
       .def_property_readonly("timing_s", [](const Result& r) { return r.verdict->cut.timing_s; })
-      .def("save", save, py::arg("folder"), py::arg("formats") = sim::usual_map_formats(),
+      .def("save", save, py::arg("folder"), py::arg("formats") = sim::default_map_formats(),
            py::arg("force") = false,
            "Writes the files of the case, as `abbe run` does, with its map in these formats.")
       .def("picture", picture, py::arg("width") = picture_width, "The map as a PNG file, bytes.")
@@ -359,7 +359,7 @@ py::object compare(const std::filesystem::path& scene, const py::object& set,
                    const std::vector<py::object>& compensators, const std::string& answers,
                    bool track, bool trust, const py::object& callback) {
   sim::RunOptions options = make_run_options(set, trust, callback);
-  if (track) options.formats.emplace_back(sim::saved_track);
+  if (track) options.formats.emplace_back(sim::track_format);
   for (const py::object& compensator : compensators) {
     // A path is a plug-in; any other object must be a function.
     if (py::isinstance<py::str>(compensator) || py::hasattr(compensator, "__fspath__"))
@@ -468,7 +468,7 @@ void define_jobs(py::module_& module) {
 
 namespace {
 
-using Method = sim::IdentifyOptions::Method;
+using Method = sim::IdentificationOptions::Method;
 
 Method parse_method(const std::string& name) {
   const std::map<std::string, Method> methods = {{"chain", Method::Chain},
@@ -489,7 +489,7 @@ py::object identify(const std::vector<path>& readings, const std::string& method
                     const std::vector<std::string>& sensors, const std::optional<path>& out,
                     const py::object& callback) {
   if (readings.empty()) throw py::value_error("readings: expected one file at least");
-  sim::IdentifyOptions options;
+  sim::IdentificationOptions options;
   options.method = parse_method(method);
   if (order) options.model.order = *order;
   options.choose_orders = choose_orders;

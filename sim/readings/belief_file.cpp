@@ -124,8 +124,8 @@ class ShapeKeys {
     line(std::string("q_") + unit_.position_unit, to_toml_array(shape.q, unit_.position));
     values("value", shape.value);
     // Defaults are not written.
-    if (shape.between == errors::Between::Spline) line("between", "\"spline\"");
-    if (shape.outside == errors::Outside::Hold) line("outside", "\"hold\"");
+    if (shape.between == errors::TableInterpolation::Spline) line("between", "\"spline\"");
+    if (shape.outside == errors::TableExtrapolation::Hold) line("outside", "\"hold\"");
   }
 
   std::string& text_;

@@ -25,7 +25,7 @@ using Row = std::array<double, width>;
 
 /// Reads a row of readings of a part.
 Row read_row(std::string_view line, int number, const std::string& file) {
-  const std::vector<Cell> cells = cells_of(line, ',', width);
+  const std::vector<Cell> cells = split_cells(line, ',', width);
   const auto refuse = [&](int column, const std::string& expected, const std::string& seen) {
     throw BadInput(file, number, column, expected, seen);
   };
@@ -34,12 +34,12 @@ Row read_row(std::string_view line, int number, const std::string& file) {
   Row row{};
   for (std::size_t i = 0; i < width; ++i) {
     const auto x = number_of(cells[i].text);
-    if (!x) refuse(cells[i].column, "a number within +-1e9", in_quotes(cells[i].text));
+    if (!x) refuse(cells[i].column, "a number within +-1e9", quoted_excerpt(cells[i].text));
     row[i] = *x;
   }
   // 1e-9: only rounding is tolerated, because normals are written with all their digits.
   if (std::abs(std::hypot(row[3], row[4], row[5]) - 1.0) > 1e-9)
-    refuse(cells[3].column, "a normal of length 1", in_quotes(line));
+    refuse(cells[3].column, "a normal of length 1", quoted_excerpt(line));
   return row;
 }
 
@@ -64,9 +64,10 @@ bool is_part_readings_text(std::string_view text) { return text.starts_with(firs
 
 PartReadingsFile read_part_readings(std::string_view text, const std::string& file) {
   if (!is_part_readings_text(text))
-    throw BadInput(file, 1, 1, "readings of a part", in_quotes(text.substr(0, text.find('\n'))));
+    throw BadInput(file, 1, 1, "readings of a part",
+                   quoted_excerpt(text.substr(0, text.find('\n'))));
   std::string header;
-  Lines lines(text);
+  LineReader lines(text);
   auto line = lines.next();
   // Comment lines form the TOML header. A blank replaces each '#', so that the columns in messages
   // are those of the file.
@@ -74,7 +75,7 @@ PartReadingsFile read_part_readings(std::string_view text, const std::string& fi
     header += " " + std::string(line->substr(1)) + "\n";
   if (!line || *line != columns)
     throw BadInput(file, lines.number(), 1, "the columns " + std::string(columns),
-                   line ? in_quotes(*line) : "the end of the file");
+                   line ? quoted_excerpt(*line) : "the end of the file");
   const Node node = parse_toml(header, file);
   InputErrors input_errors;
   TableReader reader(node, "", input_errors);
@@ -223,7 +224,7 @@ void write_channel(HeaderWriter& header, const Channel& channel) {
 void write_set_up(HeaderWriter& header, const SetUp& set_up) {
   header.line("[[set_up]]");
   header.string("name", set_up.name);
-  if (!set_up.zero_unknown) header.line("zero_unknown = false");
+  if (!set_up.is_zero_unknown) header.line("zero_unknown = false");
   header.put_nonzero_number("rotation_sigma_rad", set_up.rotation_sigma);
   header.put_nonzero_number("point_of_sigma_mm", set_up.point_of_sigma);
   header.put_nonzero_number("point_in_sigma_mm", set_up.point_in_sigma);
@@ -280,7 +281,7 @@ Joint read_joint(const Node& node, InputErrors& input_errors) {
   if (name.size() == 1)
     joint.name = name.front();
   else if (!name.empty())
-    reader.refuse("name", "one letter", in_quotes(name));
+    reader.refuse("name", "one letter", quoted_excerpt(name));
   joint.side = reader.choice<kinematics::Side>(
       "side", {{"tool", kinematics::Side::Tool}, {"workpiece", kinematics::Side::Workpiece}});
   joint.motion = reader.choice<Motion>(
@@ -344,7 +345,7 @@ SetUp read_set_up(const Node& node, InputErrors& input_errors) {
   TableReader reader(node, "set_up", input_errors);
   SetUp set_up;
   set_up.name = reader.text("name");
-  set_up.zero_unknown = reader.boolean("zero_unknown", true);
+  set_up.is_zero_unknown = reader.boolean("zero_unknown", true);
   set_up.rotation_sigma = reader.number("rotation_sigma_rad", non_negative, 0.0);
   set_up.point_of_sigma = reader.number("point_of_sigma_mm", non_negative, 0.0);
   set_up.point_in_sigma = reader.number("point_in_sigma_mm", non_negative, 0.0);
@@ -393,7 +394,7 @@ struct ReadingsHeader {
 /// messages are those of the file.
 ReadingsHeader read_header(std::string_view text, const std::string& file) {
   std::string toml;
-  Lines lines(text);
+  LineReader lines(text);
   while (const auto line = lines.next()) {
     if (!line->starts_with('#')) break;
     toml += " ";
@@ -452,21 +453,22 @@ class RowReader {
     const std::string expected = column_names(joints, {});
     // The header determines the columns of the axes; only temperatures may follow.
     if (!line_.starts_with(expected))
-      lines_.refuse(1, "columns that begin with " + expected, in_quotes(line_));
+      lines_.refuse(1, "columns that begin with " + expected, quoted_excerpt(line_));
     const std::string_view remaining_line = line_.substr(expected.size());
     if (remaining_line.empty()) return;
-    const std::vector<Cell> cells = cells_of(remaining_line.substr(1), ',', max_sensors);
+    const std::vector<Cell> cells = split_cells(remaining_line.substr(1), ',', max_sensors);
     if (remaining_line.front() != ',' || cells.size() > max_sensors)
       lines_.refuse(int(expected.size()) + 1, "columns of at most 1000 temperature sensors",
-                    in_quotes(remaining_line));
+                    quoted_excerpt(remaining_line));
     for (const Cell& cell : cells) {
       const int column = int(expected.size()) + 1 + cell.column;
       if (!cell.text.ends_with("_C") || cell.text.size() < 3)
-        lines_.refuse(column, "the column of a temperature such as nut_C", in_quotes(cell.text));
+        lines_.refuse(column, "the column of a temperature such as nut_C",
+                      quoted_excerpt(cell.text));
       const std::string name(cell.text.substr(0, cell.text.size() - 2));
       const auto& sensors = readings_.sensors;
       if (std::find(sensors.begin(), sensors.end(), name) != sensors.end())
-        lines_.refuse(column, "every sensor once", in_quotes(cell.text));
+        lines_.refuse(column, "every sensor once", quoted_excerpt(cell.text));
       readings_.sensors.push_back(name);
     }
   }
@@ -475,30 +477,31 @@ class RowReader {
     const auto& joints = readings_.nominal.joints();
     const std::size_t axis_count = joints.size(),
                       width = 8 + 3 * axis_count + readings_.sensors.size();
-    const std::vector<Cell> cells = cells_of(line_, ',', width);
+    const std::vector<Cell> cells = split_cells(line_, ',', width);
     const std::string expected = fmt::format("{} cells, as the line of columns has", width);
     if (cells.size() < width)
       lines_.refuse(int(line_.size()) + 1, expected, std::to_string(cells.size()));
     if (cells.size() > width) lines_.refuse(cells[width].column, expected, "more");
     const auto& set_ups = readings_.plan.set_ups;
     Measurement measurement;
-    measurement.set_up = lines_.whole_number_in(cells[0], 0, int(set_ups.size()) - 1);
+    measurement.set_up = lines_.read_whole_number(cells[0], 0, int(set_ups.size()) - 1);
     const auto& channels = set_ups[std::size_t(measurement.set_up)].channels;
     // A log of temperatures has a set-up without channels.
     measurement.channel = channels.empty()
-                              ? lines_.whole_number_in(cells[1], -1, -1)
-                              : lines_.whole_number_in(cells[1], 0, int(channels.size()) - 1);
+                              ? lines_.read_whole_number(cells[1], -1, -1)
+                              : lines_.read_whole_number(cells[1], 0, int(channels.size()) - 1);
     // The limits fit an int and are far above any real run.
-    measurement.run = lines_.whole_number_in(cells[2], 0, 1000000);
-    measurement.target = lines_.whole_number_in(cells[3], 0, 1000000000);
+    measurement.run = lines_.read_whole_number(cells[2], 0, 1000000);
+    measurement.target = lines_.read_whole_number(cells[3], 0, 1000000000);
     measurement.state.time_s = lines_.number_in(cells[4]);
     measurement.state.q.resize(Eigen::Index(axis_count));
     for (std::size_t j = 0; j < axis_count; ++j) {
       measurement.state.q[Eigen::Index(j)] =
           lines_.number_in(cells[5 + 3 * j]) * position_unit(joints[j]);
       // Reversal errors depend on direction and stroke.
-      measurement.state.direction[j] = std::int8_t(lines_.whole_number_in(cells[6 + 3 * j], -1, 1));
-      measurement.state.stroke[j] = lines_.whole_number_in(cells[7 + 3 * j], 0, 1000000000);
+      measurement.state.direction[j] =
+          std::int8_t(lines_.read_whole_number(cells[6 + 3 * j], -1, 1));
+      measurement.state.stroke[j] = lines_.read_whole_number(cells[7 + 3 * j], 0, 1000000000);
     }
     const std::size_t first_cell_after_axes = 5 + 3 * axis_count;
     measurement.state.spindle_speed = lines_.number_in(cells[first_cell_after_axes]);
@@ -516,16 +519,16 @@ class RowReader {
     // Either every row has a reading or none has.
     if (is_empty != expected.empty() || (!is_first && is_empty != values_.empty()))
       lines_.refuse(value.column, "a reading of every channel, or temperatures alone",
-                    in_quotes(value.text));
+                    quoted_excerpt(value.text));
     if (unit.text != expected)
       lines_.refuse(
           unit.column,
           expected.empty() ? "no unit" : fmt::format("{}, the unit of its channel", expected),
-          in_quotes(unit.text));
+          quoted_excerpt(unit.text));
     if (!is_empty) values_.push_back(lines_.number_in(value));
   }
 
-  TableLines lines_;
+  TableLineReader lines_;
   Readings& readings_;
   std::string_view line_;
   std::vector<double> values_, T_C_;
@@ -564,7 +567,7 @@ Readings read_readings(std::string_view text, const std::string& file) {
   check_encoding(text, file);
   if (!is_readings_text(text))
     throw BadInput(file, 1, 1, "readings, whose first line is \"" + std::string(first_line) + "\"",
-                   in_quotes(text.substr(0, text.find('\n'))));
+                   quoted_excerpt(text.substr(0, text.find('\n'))));
   ReadingsHeader header = read_header(text, file);
   RowReader(text, file, header.readings).read();
   if (const std::size_t rows = header.readings.plan.measurements.size();

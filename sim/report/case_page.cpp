@@ -60,7 +60,7 @@ constexpr double ms = 1e-3;
 /// Returns the time intervals in which the program executes each line.
 LineIntervals line_intervals(const Job& job) {
   LineIntervals intervals;
-  for (const Job& segment : parts_of(job)) {
+  for (const Job& segment : job_parts(job)) {
     const program::Samples& samples = segment.samples;
     for (std::size_t k = 0; k < samples.line.size(); ++k) {
       if (k > 0 && samples.line[k] == samples.line[k - 1]) continue;
@@ -109,7 +109,7 @@ ordered_json region_statistics(const cutting::Statistics& s) {
 }
 
 /// Adds the region of every vertex, and the figures of every region for the cases on the page.
-void add_regions(PartMaps& maps, const std::vector<const Compared*>& cases,
+void add_regions(PartMaps& maps, const std::vector<const ComparedCase*>& cases,
                  const cutting::Design& design) {
   const Job& job = *cases.front()->job;
   const auto& regions = job.scene.part.regions;
@@ -121,7 +121,7 @@ void add_regions(PartMaps& maps, const std::vector<const Compared*>& cases,
   }
   for (std::size_t r = 0; r < regions.size(); ++r) {
     ordered_json figures = ordered_json::object();
-    for (const Compared* compared : cases)
+    for (const ComparedCase* compared : cases)
       figures[compared->verdict.cut.name] = region_statistics(cutting::statistics(
           region_map(compared->verdict.aligned.surface, design.triangles, numbers, int(r) + 1),
           compared->job->design_w, compared->verdict.tolerance));
@@ -140,9 +140,9 @@ void add_regions(PartMaps& maps, const std::vector<const Compared*>& cases,
 /// intervals of the first case's program.
 /// @param cases    at least one
 /// @param figures  of the cases, as in comparison.json
-PartMaps compared_maps(const std::vector<Compared>& cases, const ordered_json& figures) {
+PartMaps compared_maps(const std::vector<ComparedCase>& cases, const ordered_json& figures) {
   PartMaps maps;
-  std::vector<const Compared*> mapped_cases;
+  std::vector<const ComparedCase*> mapped_cases;
   for (std::size_t i = 0; i < cases.size(); ++i) {
     ResultMap map = result_map(*cases[i].job, cases[i].verdict);
     CaseMap case_map{map.facts.case_name,     std::move(map.residual_um),
@@ -165,16 +165,16 @@ std::string plain_text(const ordered_json& value) {
 }
 
 /// Adds the time series of every case that has a map on the page.
-void add_time_series(PageData& data, const std::vector<Compared>& cases) {
+void add_time_series(PageData& data, const std::vector<ComparedCase>& cases) {
   for (std::size_t number = 0; number < data.index["cases"].size(); ++number)
-    for (const Compared& compared : cases)
+    for (const ComparedCase& compared : cases)
       if (compared.verdict.cut.name == data.index["cases"][number].at("name"))
         add_case_time_series(data, compared, number);
 }
 
 /// Returns the section with a still picture of every map, for printing and for browsers without
 /// WebGL.
-std::string pictures_section(const std::vector<Compared>& cases) {
+std::string pictures_section(const std::vector<ComparedCase>& cases) {
   constexpr int width_px = 900;
   std::vector<std::string> png(cases.size());
   // Drawing is serial, but other pictures can be prepared and compressed meanwhile.
@@ -193,9 +193,9 @@ std::string pictures_section(const std::vector<Compared>& cases) {
 }
 
 /// Returns a list of the tolerance verdicts and of the limits that cases exceed.
-std::string verdict_list(const std::vector<Compared>& cases) {
+std::string verdict_list(const std::vector<ComparedCase>& cases) {
   std::vector<std::string> lines;
-  for (const Compared& compared : cases) {
+  for (const ComparedCase& compared : cases) {
     const std::string verdict =
         tolerance_verdict(compared.verdict.residual.conformance, compared.verdict.worst);
     if (!verdict.empty()) lines.push_back(compared.verdict.cut.name + ": " + verdict);
@@ -220,7 +220,7 @@ std::string machine_section(const Job& job) {
 
 /// Returns the text below the maps: request, axes, verdicts, warnings, versions and the command
 /// that reproduces the page.
-std::string details_section(const std::vector<Compared>& cases, const ordered_json& json,
+std::string details_section(const std::vector<ComparedCase>& cases, const ordered_json& json,
                             const std::vector<std::string>& omissions, const PageOptions& options) {
   const Job& job = *cases.front().job;
   std::string text = label("asked", "h2") + "<dl>";
@@ -254,7 +254,7 @@ std::string details_section(const std::vector<Compared>& cases, const ordered_js
 }  // namespace
 
 /// Draws the pictures and packs the maps in parallel: both take seconds and only read the cases.
-HtmlReport html_report(const std::vector<Compared>& cases, const Comparison& comparison,
+HtmlReport html_report(const std::vector<ComparedCase>& cases, const Comparison& comparison,
                        const PageOptions& options) {
   const Job& job = *cases.front().job;
   const ordered_json json = to_json(comparison);
@@ -418,8 +418,8 @@ ordered_json saved_figures_block(const std::vector<SavedCase>& cases) {
     const ordered_json& figures = saved_case.figures;
     ordered_json row = ordered_json::array();
     row.push_back(figures.at("name").get<std::string>());
-    for (const char* key : keys) row.push_back(figure_in(figures.at("residual_um").at(key)));
-    row.push_back(figure_in(figures.at("uncut_percent")));
+    for (const char* key : keys) row.push_back(require_figure(figures.at("residual_um").at(key)));
+    row.push_back(require_figure(figures.at("uncut_percent")));
     rows.push_back(row);
   }
   return table_block("figures", label_text("figures"), columns, rows);
@@ -427,7 +427,7 @@ ordered_json saved_figures_block(const std::vector<SavedCase>& cases) {
 
 /// Returns the pictures of the folder and of its cases, the picture of the comparison first.
 std::vector<path> saved_pictures(const path& folder) {
-  std::vector<path> files = saved_files(folder);
+  std::vector<path> files = files_below(folder);
   std::erase_if(files, [](const path& file) { return file.extension() != ".png"; });
   // Paths with fewer parts come first.
   std::ranges::sort(files, {}, [](const path& file) {
@@ -443,7 +443,7 @@ FiguresPage saved_page_header(const ordered_json& json) {
   page.title = json.at("scene").get<std::string>();
   for (const char* key :
        {"scene", "seed", "vertices", "moves", "datum", "alignment", "tolerance_um"}) {
-    page.asked.push_back({key, plain_text(json.at(key))});
+    page.request.push_back({key, plain_text(json.at(key))});
   }
   for (const ordered_json& warning : json.at("warnings"))
     page.warnings.push_back(warning.get<std::string>());
@@ -533,7 +533,7 @@ std::string maps_page_html(const SavedResults& saved, PageData data, const order
 
 bool has_saved_cases(const path& folder) { return std::filesystem::exists(figures_file(folder)); }
 
-HtmlReport saved_page(const path& folder, const std::string& language) {
+HtmlReport saved_results_page(const path& folder, const std::string& language) {
   SavedResults saved = read_saved_results(folder);
   FiguresPage& page = saved.page;
   page.language = language;

@@ -26,7 +26,7 @@ struct HtmlReport {
 /// steps of 2 nm or less (maps_page.h).
 /// @param cases  at least one; a case is left out of the maps if the part of its variant has other
 /// vertices than that of the first case
-HtmlReport html_report(const std::vector<Compared>& cases, const Comparison& comparison,
+HtmlReport html_report(const std::vector<ComparedCase>& cases, const Comparison& comparison,
                        const PageOptions& options);
 
 /// Returns true if `run` or `compare` wrote the folder.
@@ -36,6 +36,6 @@ bool has_saved_cases(const std::filesystem::path& folder);
 /// figures of every case, its map if residual.vtp exists, its pictures and its scene. The motion of
 /// the machine is not saved; a warning on the page says so.
 /// @throws BadInput that names the file, what was expected and what was found
-HtmlReport saved_page(const std::filesystem::path& folder, const std::string& language);
+HtmlReport saved_results_page(const std::filesystem::path& folder, const std::string& language);
 
 }  // namespace abbe::sim

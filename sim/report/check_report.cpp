@@ -29,7 +29,7 @@ std::string measured_line(const errors::GeometricModel& model,
     if (line.joint == bound.joint && !bound.element.name.is_angle()) {
       const Eigen::Vector3d point = joint.point_b + line.arm_b;
       text = fmt::format("line through {:.6g} {:.6g} {:.6g}, measured by the {}", point.x(),
-                         point.y(), point.z(), line.is_fixed_in_bed ? "tool" : "carriage");
+                         point.y(), point.z(), line.is_point_fixed_in_bed ? "tool" : "carriage");
     }
   return text;
 }
@@ -94,7 +94,7 @@ Description::Heat heat_description(const Truth::Heat& truth, const ThermalDescri
     add_nodes(element.nodes, error.slope, network);
     if (error.name.location)
       element.meaning =
-          errors::meaning(error.name, chain, errors::joint_of(error.name.axis, chain, ""));
+          errors::meaning(error.name, chain, errors::axis_joint(error.name.axis, chain, ""));
     heat.elements.push_back(std::move(element));
   }
   for (const errors::AxisExpansion& axis : thermal.errors.expansions) {
@@ -116,7 +116,7 @@ std::array<std::optional<double>, 3> stiffness_N_per_um(const Job& job) {
   constexpr double force = 1.0;  // N
   const auto tip = [&](int axis, double newton) {
     errors::Load load;
-    load.on_tool_t[axis] = newton;
+    load.tool_wrench_t[axis] = newton;
     return tool_in_workpiece(job.truth, state, load);
   };
   std::array<std::optional<double>, 3> stiffness;
@@ -229,7 +229,7 @@ ordered_json location_json(const errors::ElementName& name, const LocationEffect
   for (const LocationEffect::Angle& angle : effect.angles)
     angles[angle.between] = angle.change / units::urad;
   for (const LocationEffect::Tip& point : effect.tip)
-    tip.push_back({{"at", point.at}, {"um", numbers(point.moved_w / units::um)}});
+    tip.push_back({{"at", point.at}, {"um", numbers(point.displacement_w / units::um)}});
   return {{"meaning", effect.meaning},
           {"displaces", displaces[int(effect.displaces)]},
           {"bodies", effect.bodies},
@@ -288,7 +288,7 @@ ordered_json cut_json(const Description::NominalCut& cut) {
           {"spacing_mm", cut.spacing},
           {"steps", cut.steps},
           {"removed_mm3", cut.totals.removed},
-          {"force_max_N", cut.totals.force_max},
+          {"force_max_N", cut.totals.max_force},
           {"crash_lines", cut.crash_lines}};
 }
 
@@ -360,9 +360,9 @@ std::string location_text(const errors::ElementName& name, const LocationEffect&
     return std::abs(mm / units::um) < 1e-6 ? 0.0 : mm / units::um;
   };
   for (const LocationEffect::Tip& point : effect.tip)
-    tip +=
-        fmt::format("{} {:.4g} {:.4g} {:.4g} at {}", tip.empty() ? "" : ",", um(point.moved_w.x()),
-                    um(point.moved_w.y()), um(point.moved_w.z()), point.at);
+    tip += fmt::format("{} {:.4g} {:.4g} {:.4g} at {}", tip.empty() ? "" : ",",
+                       um(point.displacement_w.x()), um(point.displacement_w.y()),
+                       um(point.displacement_w.z()), point.at);
   return fmt::format("{:<8} {}{} by {:+.4g} {} {} {}{}\n         tip um{}\n",
                      errors::to_string(name), name.is_angle() ? "turns" : "moves", bodies,
                      effect.amount / element_unit(name), element_unit_name(name),
@@ -399,7 +399,7 @@ std::string cut_text(const Description::NominalCut& cut) {
       "\ncut      {}, stock followed every {:.3g} mm; nominal: {:.5g} mm^3 removed in {} steps, at "
       "most {:.4g} N\n",
       cut.material ? escaped(cut.material->name) : "stock alone", cut.spacing, cut.totals.removed,
-      cut.steps, cut.totals.force_max);
+      cut.steps, cut.totals.max_force);
   if (!cut.crash_lines.empty())
     text += fmt::format("         a rapid or the shank meets material on {} lines, first line {}\n",
                         cut.crash_lines.size(), cut.crash_lines.front());
@@ -412,9 +412,10 @@ std::string part_text(const Description::Part& part) {
                                  part.vertices, part.area);
   for (const RegionCoverage& region : part.regions) {
     text += fmt::format("         region {}: {:.4g} mm^2, {:.4g} % of it", escaped(region.name),
-                        region.area, 100.0 * region.share);
-    if (region.decides < region.share)
-      text += fmt::format(", {:.4g} % where no later region holds", 100.0 * region.decides);
+                        region.area, 100.0 * region.area_fraction);
+    if (region.deciding_fraction < region.area_fraction)
+      text +=
+          fmt::format(", {:.4g} % where no later region holds", 100.0 * region.deciding_fraction);
     text += "\n";
   }
   return text;
@@ -469,8 +470,8 @@ ordered_json to_json(const Description& d) {
   for (const RegionCoverage& region : d.part.regions)
     json["part"]["regions"].push_back({{"name", region.name},
                                        {"area_mm2", region.area},
-                                       {"area_percent", 100.0 * region.share},
-                                       {"decides_percent", 100.0 * region.decides}});
+                                       {"area_percent", 100.0 * region.area_fraction},
+                                       {"decides_percent", 100.0 * region.deciding_fraction}});
   json["program"] = {{"moves", d.program.moves},
                      {"samples", d.program.samples},
                      {"time_s", d.program.time_s},

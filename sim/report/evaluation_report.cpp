@@ -89,7 +89,7 @@ std::string line(const Figure& figure, const std::string& label) {
     return fmt::format("{:<40} {:>12}\n", label, escaped(*text));
   if (std::holds_alternative<std::monostate>(figure.value))
     return fmt::format("{:<40} {:>12}\n", label, "-");
-  return fmt::format("{:<40} {:>12}\n", label, single_lined(value_json(figure)).dump());
+  return fmt::format("{:<40} {:>12}\n", label, escape_lines(value_json(figure)).dump());
 }
 
 /// Returns figures and, indented, groups of figures as lines of text.
@@ -164,11 +164,11 @@ std::string figure_text(const char* name, const std::optional<double>& value, bo
 /// Adds the mean of one direction of approach with its 2 s band, and the single runs.
 void add_approach(render::Panel& panel, const char* name, const VectorXd& target,
                   const Eigen::MatrixXd& runs,
-                  const std::optional<metrology::OneWayPositioning>& positioning, double unit,
-                  int colour) {
+                  const std::optional<metrology::UnidirectionalPositioning>& positioning,
+                  double unit, int colour) {
   if (!positioning) return;
-  render::Series mean{name,  target, positioning->mean / unit, {}, {}, render::Mark::LineAndPoints,
-                      colour};
+  render::Series mean{
+      name, target, positioning->mean / unit, {}, {}, render::CurveStyle::LineAndPoints, colour};
   if (positioning->s.size() > 0) {
     mean.lower = (positioning->mean - 2.0 * positioning->s) / unit;
     mean.upper = (positioning->mean + 2.0 * positioning->s) / unit;
@@ -179,7 +179,7 @@ void add_approach(render::Panel& panel, const char* name, const VectorXd& target
     x.segment(k * runs.rows(), runs.rows()) = target;
     y.segment(k * runs.rows(), runs.rows()) = runs.col(k) / unit;
   }
-  panel.series.push_back({"", x, y, {}, {}, render::Mark::Points, colour});
+  panel.series.push_back({"", x, y, {}, {}, render::CurveStyle::Points, colour});
 }
 
 /// Returns the panel of a positioning test with its figures by ISO 230-2.
@@ -201,21 +201,21 @@ render::Panel position_picture_panel(const std::string& name, const metrology::P
 
 /// Returns the name of a test and the component that was subtracted from it.
 std::string panel_title(const metrology::AxisTest& test) {
-  if (test.what == metrology::AxisTest::TestKind::Straightness)
+  if (test.test_kind == metrology::AxisTest::TestKind::Straightness)
     return test.name + ", less its line";
-  if (test.what == metrology::AxisTest::TestKind::ErrorMotion && !test.axial &&
+  if (test.test_kind == metrology::AxisTest::TestKind::ErrorMotion && !test.axial &&
       !is_hidden_by_centring(test))
     return test.name + ", less order 1";
   return test.name;
 }
 
 /// Returns a panel for every axis test and every diagonal.
-std::vector<render::Panel> line_panels(const metrology::Tests& tests) {
+std::vector<render::Panel> line_panels(const metrology::MachineTests& tests) {
   std::vector<render::Panel> panels;
   for (const metrology::AxisTest& test : tests.axes)
     panels.push_back(
-        position_picture_panel(panel_title(test), form_of(test), test.angle,
-                               test.what == metrology::AxisTest::TestKind::Positioning,
+        position_picture_panel(panel_title(test), form_runs(test), test.angle,
+                               test.test_kind == metrology::AxisTest::TestKind::Positioning,
                                fmt::format("{} / {}", test.axis, test.rotary ? "deg" : "mm"),
                                test.rotary ? units::deg : 1.0));
   for (const metrology::DiagonalTest& test : tests.diagonals)
@@ -246,7 +246,7 @@ render::PolarTrace polar_trace(const char* name, const metrology::CircularTrace&
 /// Draws both senses of rotation of a circular test about the centre that its standard prescribes.
 void write_circle(const std::filesystem::path& file, const metrology::CircleTest& test,
                   const std::string& from) {
-  const metrology::Circular circle = metrology::circular(test.runs);
+  const metrology::CircularResult circle = metrology::circular(test.runs);
   std::vector<render::PolarTrace> traces;
   if (circle.anticlockwise)
     traces.push_back(
@@ -265,7 +265,7 @@ void write_circle(const std::filesystem::path& file, const metrology::CircleTest
   options.caption = {from};
   options.note = {figure_text("G", figures->G_lsq, false)};
   if (circle.H) options.note.push_back(figure_text("H", circle.H, false));
-  if (test.zero_known) {
+  if (test.is_zero_known) {
     options.note.push_back(figure_text("F max", figures->F_max, false));
     options.note.push_back(figure_text("F min", figures->F_min, false));
   }
@@ -310,7 +310,7 @@ std::string file_name_part(std::string name) {
 }  // namespace
 
 std::vector<std::filesystem::path> write_test_pictures(const ResultFolder& folder,
-                                                       const metrology::Tests& tests,
+                                                       const metrology::MachineTests& tests,
                                                        const std::string& from) {
   std::vector<std::filesystem::path> files;
   const auto add = [&](const std::string& name, const auto& draw) {
@@ -360,7 +360,8 @@ std::vector<std::filesystem::path> write_part_picture(const ResultFolder&, const
                                                       const std::string&) {
   return {};
 }
-std::vector<std::filesystem::path> write_test_pictures(const ResultFolder&, const metrology::Tests&,
+std::vector<std::filesystem::path> write_test_pictures(const ResultFolder&,
+                                                       const metrology::MachineTests&,
                                                        const std::string&) {
   return {};
 }
@@ -465,8 +466,8 @@ void add_temperatures(ordered_json& blocks, const ordered_json& evaluation) {
   for (const auto& [sensor, range] : evaluation.at("temperatures").items()) {
     ordered_json row = ordered_json::array();
     row.push_back(sensor);
-    row.push_back(figure_in(range.at("min_C")));
-    row.push_back(figure_in(range.at("max_C")));
+    row.push_back(require_figure(range.at("min_C")));
+    row.push_back(require_figure(range.at("max_C")));
     rows.push_back(row);
   }
   blocks.push_back(table_block("temperatures", label_text("temperatures"),
@@ -479,11 +480,11 @@ void add_temperatures(ordered_json& blocks, const ordered_json& evaluation) {
 /// Adds one direction of approach: its mean with the 2 s band, and every run as points.
 void add_approach_series(ordered_json& panel, const char* name, const VectorXd& target,
                          const Eigen::MatrixXd& runs,
-                         const std::optional<metrology::OneWayPositioning>& positioning,
+                         const std::optional<metrology::UnidirectionalPositioning>& positioning,
                          double unit, int colour) {
   if (!positioning) return;
-  ordered_json mean =
-      series_of(label_text(name), json_list(target), json_list(positioning->mean / unit), "both");
+  ordered_json mean = chart_series(label_text(name), json_list(target),
+                                   json_list(positioning->mean / unit), "both");
   mean["colour"] = colour;
   if (positioning->s.size() > 0) {
     mean["low"] = json_list((positioning->mean - 2.0 * positioning->s) / unit);
@@ -491,8 +492,8 @@ void add_approach_series(ordered_json& panel, const char* name, const VectorXd& 
   }
   panel["series"].push_back(mean);
   ordered_json points =
-      series_of(label_text("single_runs"), json_list(target.replicate(runs.cols(), 1)),
-                json_list(runs.reshaped() / unit), "points");
+      chart_series(label_text("single_runs"), json_list(target.replicate(runs.cols(), 1)),
+                   json_list(runs.reshaped() / unit), "points");
   points["colour"] = colour;
   panel["series"].push_back(points);
 }
@@ -513,14 +514,14 @@ ordered_json position_panel(const std::string& name, const metrology::PositionRu
 }
 
 /// Adds the panels of all axis tests and diagonals.
-void add_positions(ordered_json& blocks, const metrology::Tests& tests) {
+void add_positions(ordered_json& blocks, const metrology::MachineTests& tests) {
   ordered_json block = page_block("panels", "positions", label_text("over_position"));
   block["note"] = label_text("over_position_note");
   block["columns"] = 2;
   block["panels"] = ordered_json::array();
   for (const metrology::AxisTest& test : tests.axes)
     block["panels"].push_back(
-        position_panel(test.name, form_of(test), test.angle,
+        position_panel(test.name, form_runs(test), test.angle,
                        fmt::format("{} / {}", test.axis, test.rotary ? "°" : "mm"),
                        test.rotary ? units::deg : 1.0));
   for (const metrology::DiagonalTest& test : tests.diagonals)
@@ -548,12 +549,12 @@ ordered_json circle_series(const char* name, const metrology::CircularTrace& tra
 }
 
 /// Adds the circular tests as polar charts.
-void add_circles(ordered_json& blocks, const metrology::Tests& tests) {
+void add_circles(ordered_json& blocks, const metrology::MachineTests& tests) {
   ordered_json block = page_block("polar", "circles", label_text("circles"));
   block["unit"] = "µm";
   block["panels"] = ordered_json::array();
   for (const metrology::CircleTest& test : tests.circles) {
-    const metrology::Circular circle = metrology::circular(test.runs);
+    const metrology::CircularResult circle = metrology::circular(test.runs);
     ordered_json panel;
     panel["title"] = test.name;
     panel["axes"] = {test.plane.substr(0, 1), test.plane.substr(1, 1)};
@@ -574,7 +575,7 @@ void add_circles(ordered_json& blocks, const metrology::Tests& tests) {
 }
 
 /// Adds the drift tests over time. A log may have thousands of readings, so only a subset is drawn.
-void add_drifts(ordered_json& blocks, const metrology::Tests& tests) {
+void add_drifts(ordered_json& blocks, const metrology::MachineTests& tests) {
   ordered_json block = page_block("panels", "drifts", label_text("drifts"));
   block["columns"] = 2;
   block["panels"] = ordered_json::array();
@@ -590,7 +591,7 @@ void add_drifts(ordered_json& blocks, const metrology::Tests& tests) {
       panel["series"] = ordered_json::array();
       for (std::size_t c = 0; c < test.log.names.size(); ++c)
         if (test.angle[c] == is_angle) {
-          ordered_json line = series_of(
+          ordered_json line = chart_series(
               test.log.names[c], json_list(hours(subset)),
               json_list(test.log.values.col(Index(c))(subset) / chart_unit(is_angle)), "line");
           line["colour"] = c;  // the same sensor has the same colour in both panels
@@ -621,7 +622,7 @@ void add_part(ordered_json& blocks, const PartReadingsFile& part) {
 FiguresPage evaluation_document(const ordered_json& evaluation) {
   FiguresPage page;
   page.title = evaluation.at("file").get<std::string>();
-  page.asked = {{"file", page.title}, {"kind", evaluation.at("kind").get<std::string>()}};
+  page.request = {{"file", page.title}, {"kind", evaluation.at("kind").get<std::string>()}};
   add_standards(page.blocks, evaluation.at("tests"));
   add_temperatures(page.blocks, evaluation);
   if (evaluation.contains("warnings"))
@@ -642,7 +643,7 @@ std::vector<std::filesystem::path> png_files(const std::filesystem::path& folder
 
 }  // namespace
 
-FiguresPage evaluate_page(const Evaluation& evaluation) {
+FiguresPage evaluation_page(const Evaluation& evaluation) {
   const ordered_json json = to_json(evaluation, {});
   FiguresPage page = evaluation_document(json);
   add_positions(page.blocks, evaluation.tests);
@@ -655,7 +656,7 @@ FiguresPage evaluate_page(const Evaluation& evaluation) {
   return page;
 }
 
-FiguresPage evaluate_page(const std::filesystem::path& folder) {
+FiguresPage evaluation_page(const std::filesystem::path& folder) {
   FiguresPage page;
   read_saved_json(
       folder / "evaluation.json", "an evaluation as abbe evaluate writes it",

@@ -30,7 +30,7 @@ std::string to_text(const Evaluation& evaluation,
 /// @return the files written
 /// @throws OutputFailure
 std::vector<std::filesystem::path> write_test_pictures(const ResultFolder& folder,
-                                                       const errors::metrology::Tests& tests,
+                                                       const errors::metrology::MachineTests& tests,
                                                        const std::string& from);
 
 /// Writes `part.png`, the histogram of the deviations of a part's points. Returns the file; nothing
@@ -42,12 +42,12 @@ std::vector<std::filesystem::path> write_part_picture(const ResultFolder& folder
 /// Returns the page of an evaluation: a table for each standard, deviations over position with 2 s
 /// bands and single runs, circles, drifts, and the deviations of a part.
 /// @throws BadInput if the readings cannot be read again
-FiguresPage evaluate_page(const Evaluation& evaluation);
+FiguresPage evaluation_page(const Evaluation& evaluation);
 
 /// Returns the page of the evaluation.json in a folder, with the pictures of that folder. Without
 /// the readings there are no charts; a warning on the page says so.
 /// @throws BadInput if it is not an evaluation; names the file, what was expected and what was
 /// found
-FiguresPage evaluate_page(const std::filesystem::path& folder);
+FiguresPage evaluation_page(const std::filesystem::path& folder);
 
 }  // namespace abbe::sim

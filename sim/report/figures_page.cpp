@@ -28,7 +28,7 @@ PageText phrase(const std::vector<PageText>& texts) {
   return list;
 }
 
-const ordered_json& figure_in(const ordered_json& json) {
+const ordered_json& require_figure(const ordered_json& json) {
   const auto is_number = [](const ordered_json& value) {
     return value.is_number() || value.is_null();
   };
@@ -83,8 +83,8 @@ ReadingSubset reading_subset(const std::string& title, Eigen::Index count, Eigen
   return subset;
 }
 
-ordered_json series_of(const PageText& name, const ordered_json& x, const ordered_json& y,
-                       const std::string& mark) {
+ordered_json chart_series(const PageText& name, const ordered_json& x, const ordered_json& y,
+                          const std::string& mark) {
   ordered_json series;
   series["name"] = name;
   series["x"] = x;
@@ -126,7 +126,7 @@ std::string closing_section(const FiguresPage& page) {
   using namespace html;
   const ordered_json all_versions = versions();
   std::string text = label("asked", "h2") + "<dl>";
-  for (const auto& [key, value] : page.asked) text += row(key.c_str(), value);
+  for (const auto& [key, value] : page.request) text += row(key.c_str(), value);
   text +=
       "</dl>" + label("warnings", "h2") + list(page.warnings) + label("versions", "h2") + "<dl>";
   for (const auto& [name, version] : all_versions.items())
@@ -143,7 +143,7 @@ std::string page_html(const FiguresPage& page) {
   std::set<std::string> known_labels;
   for (const ReportLabel& label : labels) known_labels.insert(std::string(label.key));
   check_labels(page.blocks, known_labels);
-  for (const auto& [key, value] : page.asked) check_labels({{"label", key}}, known_labels);
+  for (const auto& [key, value] : page.request) check_labels({{"label", key}}, known_labels);
   return html::filled(charts_page(),
                       {{"language", page.language},
                        {"title", html::html_escaped(page.title)},

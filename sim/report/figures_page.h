@@ -22,7 +22,7 @@ PageText phrase(const std::vector<PageText>& texts);
 
 /// Returns the figure unchanged.
 /// @throws std::invalid_argument if it is not a figure
-const nlohmann::ordered_json& figure_in(const nlohmann::ordered_json& json);
+const nlohmann::ordered_json& require_figure(const nlohmann::ordered_json& json);
 
 /// Returns a block with the members that all blocks have.
 /// @param group  group of blocks of which the page shows one at a time; empty: always shown
@@ -58,8 +58,8 @@ ReadingSubset reading_subset(const std::string& title, Eigen::Index count, Eigen
 
 /// Returns a series of a panel.
 /// @param mark  "line", "points" or "both"
-nlohmann::ordered_json series_of(const PageText& name, const nlohmann::ordered_json& x,
-                                 const nlohmann::ordered_json& y, const std::string& mark);
+nlohmann::ordered_json chart_series(const PageText& name, const nlohmann::ordered_json& x,
+                                    const nlohmann::ordered_json& y, const std::string& mark);
 
 /// A file that a page offers for download.
 struct PageFile {
@@ -71,7 +71,7 @@ struct PageFile {
 struct FiguresPage {
   std::string title;
   nlohmann::ordered_json blocks = nlohmann::ordered_json::array();  ///< made by the functions above
-  std::vector<std::pair<std::string, std::string>> asked;           ///< label of the request, value
+  std::vector<std::pair<std::string, std::string>> request;         ///< label of the request, value
   std::vector<std::string> warnings;
   std::string command;          ///< command that reproduces the results
   std::vector<PageFile> files;  ///< input files of the command, and the complete figures

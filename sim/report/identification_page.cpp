@@ -28,7 +28,7 @@ using errors::identification::CurveReadings;
 render::Panel curve_picture_panel(const CurveReadings& curve, const kinematics::Chain& nominal) {
   const bool is_rotational = curve.element.is_angle();
   const double unit = is_rotational ? units::urad : units::um;
-  const int joint = errors::joint_of(curve.element.axis, nominal, "a belief");
+  const int joint = errors::axis_joint(curve.element.axis, nominal, "a belief");
   const bool is_slide = nominal.joints()[std::size_t(joint)].motion == kinematics::Motion::Linear;
   const double position_unit = is_slide ? 1.0 : units::deg;
   render::Panel panel{to_string(curve.element),
@@ -42,11 +42,11 @@ render::Panel curve_picture_panel(const CurveReadings& curve, const kinematics::
                             curve.reading / unit,
                             {},
                             {},
-                            render::Mark::Points,
+                            render::CurveStyle::Points,
                             1});
   panel.series.push_back({"identified, 95 % band", curve.q / position_unit, curve.value / unit,
                           (curve.value - 1.96 * curve.sigma) / unit,
-                          (curve.value + 1.96 * curve.sigma) / unit, render::Mark::Line, 0});
+                          (curve.value + 1.96 * curve.sigma) / unit, render::CurveStyle::Line, 0});
   return panel;
 }
 
@@ -119,7 +119,7 @@ ordered_json findings_block(const ordered_json& report) {
     if (!report.contains(key)) continue;
     ordered_json row = ordered_json::array();
     row.push_back(label_text("fit_" + std::string(key)));
-    row.push_back(figure_in(report.at(key)));
+    row.push_back(require_figure(report.at(key)));
     rows.push_back(row);
   }
   return table_block("fit", label_text("fit_title"),
@@ -142,7 +142,7 @@ ordered_json sources_block(const ordered_json& report, const ChainFit* fit) {
     for (const char* key : {"file", "instrument", "kind"})
       row.push_back(source.at(key).get<std::string>());
     for (const char* key : {"readings", "set_ups", "hours"})
-      row.push_back(figure_in(source.at(key)));
+      row.push_back(require_figure(source.at(key)));
     if (fit) {
       const Eigen::VectorXd& residual = fit->residual_sd[file];
       const bool has_residuals = residual.size() > 0;
@@ -178,8 +178,8 @@ ordered_json numbers_block(const ordered_json& report) {
   };
   ordered_json rows = ordered_json::array();
   for (const ordered_json& coefficient : report.at("numbers")) {
-    const ordered_json &value = figure_in(coefficient.at("value")),
-                       &u = figure_in(coefficient.at("standard_uncertainty"));
+    const ordered_json &value = require_figure(coefficient.at("value")),
+                       &u = require_figure(coefficient.at("standard_uncertainty"));
     ordered_json row = ordered_json::array();
     row.push_back(coefficient.at("name").get<std::string>());
     row.push_back(page_unit(coefficient.at("unit").get<std::string>()));
@@ -229,8 +229,8 @@ ordered_json outliers_block(const ordered_json& report) {
   for (const ordered_json& outlier : report.at("outliers")) {
     ordered_json row = ordered_json::array();
     row.push_back(outlier.at("file").get<std::string>());
-    row.push_back(figure_in(outlier.at("row")));
-    row.push_back(figure_in(outlier.at("residual_sd")));
+    row.push_back(require_figure(outlier.at("row")));
+    row.push_back(require_figure(outlier.at("residual_sd")));
     rows.push_back(row);
   }
   return table_block(
@@ -245,7 +245,7 @@ ordered_json orders_block(const ordered_json& report) {
   for (const auto& [name, order] : report.at("orders").items()) {
     ordered_json row = ordered_json::array();
     row.push_back(name);
-    row.push_back(figure_in(order));
+    row.push_back(require_figure(order));
     rows.push_back(row);
   }
   return table_block("orders", label_text("orders"),
@@ -262,8 +262,8 @@ void add_slopes(ordered_json& rows, const PageText& name, const std::string& uni
     row.push_back(name);
     row.push_back(sensor);
     row.push_back(unit);
-    row.push_back(figure_in(value));
-    row.push_back(uncertainties.contains(sensor) ? figure_in(uncertainties.at(sensor))
+    row.push_back(require_figure(value));
+    row.push_back(uncertainties.contains(sensor) ? require_figure(uncertainties.at(sensor))
                                                  : ordered_json());
     rows.push_back(row);
   }
@@ -318,7 +318,7 @@ ordered_json starts_block(const ordered_json& report) {
       low.push_back(value - band);
       high.push_back(value + band);
     }
-    ordered_json panel, series = series_of(label_text("slope_with_band"), x, y, "both");
+    ordered_json panel, series = chart_series(label_text("slope_with_band"), x, y, "both");
     series["low"] = low;
     series["high"] = high;
     panel["title"] = axis.at("axis").get<std::string>();
@@ -346,7 +346,7 @@ ordered_json day_block(const ordered_json& report) {
     panel["y"] = page_unit(term.at("unit").get<std::string>());
     panel["series"] = ordered_json::array();
     panel["series"].push_back(
-        series_of(term.at("name"), day.at("epochs_h"), term.at("at_epochs"), "both"));
+        chart_series(term.at("name"), day.at("epochs_h"), term.at("at_epochs"), "both"));
     block["panels"].push_back(panel);
   }
   return block;
@@ -356,7 +356,7 @@ ordered_json day_block(const ordered_json& report) {
 ordered_json curve_panel(const CurveReadings& curve, const kinematics::Chain& nominal) {
   const bool is_angle = curve.element.is_angle();
   const double unit = is_angle ? units::urad : units::um;
-  const int joint = errors::joint_of(curve.element.axis, nominal, "a belief");
+  const int joint = errors::axis_joint(curve.element.axis, nominal, "a belief");
   const bool is_slide = nominal.joints()[std::size_t(joint)].motion == kinematics::Motion::Linear;
   const double position_unit = is_slide ? 1.0 : units::deg;
   ordered_json panel;
@@ -365,8 +365,8 @@ ordered_json curve_panel(const CurveReadings& curve, const kinematics::Chain& no
   panel["y"] = is_angle ? "µrad" : "µm";
   panel["series"] = ordered_json::array();
   ordered_json line =
-      series_of(label_text("identified_band"), rounded_list(curve.q / position_unit),
-                rounded_list(curve.value / unit), "line");
+      chart_series(label_text("identified_band"), rounded_list(curve.q / position_unit),
+                   rounded_list(curve.value / unit), "line");
   line["low"] = rounded_list((curve.value - 1.96 * curve.sigma) / unit);
   line["high"] = rounded_list((curve.value + 1.96 * curve.sigma) / unit);
   panel["series"].push_back(line);
@@ -375,9 +375,9 @@ ordered_json curve_panel(const CurveReadings& curve, const kinematics::Chain& no
         reading_subset(to_string(curve.element), curve.reading_q.size(), max_curve_readings);
     const auto subset = Eigen::seq(0, Eigen::indexing::last, readings.every);
     panel["title"] = readings.title;
-    panel["series"].push_back(series_of(label_text("readings"),
-                                        rounded_list(curve.reading_q(subset) / position_unit),
-                                        rounded_list(curve.reading(subset) / unit), "points"));
+    panel["series"].push_back(chart_series(label_text("readings"),
+                                           rounded_list(curve.reading_q(subset) / position_unit),
+                                           rounded_list(curve.reading(subset) / unit), "points"));
   }
   return panel;
 }
@@ -424,7 +424,8 @@ ordered_json residuals_block(const ChainFit& fit, const ordered_json& report) {
 }
 
 /// Returns the page of a report, with curves and residuals if `identified` is not null.
-FiguresPage identification_document(const ordered_json& report, const Identified* identified) {
+FiguresPage identification_document(const ordered_json& report,
+                                    const IdentificationResult* identified) {
   const ChainFit* fit = identified ? std::get_if<ChainFit>(&identified->fit) : nullptr;
   FiguresPage page;
   page.title = report.at("machine").get<std::string>();
@@ -442,7 +443,7 @@ FiguresPage identification_document(const ordered_json& report, const Identified
   if (fit) add(residuals_block(*fit, report));
   add(outliers_block(report));
   add(orders_block(report));
-  page.asked = {{"machine_name", page.title}, {"method", report.at("method").get<std::string>()}};
+  page.request = {{"machine_name", page.title}, {"method", report.at("method").get<std::string>()}};
   for (const ordered_json& warning : report.at("warnings"))
     page.warnings.push_back(warning.get<std::string>());
   for (const ordered_json& assumption : report.value("assumptions", ordered_json::array()))
@@ -458,7 +459,7 @@ void add_file(FiguresPage& page, const std::filesystem::path& file) {
 
 }  // namespace
 
-FiguresPage identify_page(const Identified& identified) {
+FiguresPage identification_page(const IdentificationResult& identified) {
   const ordered_json report = to_json(identified);
   FiguresPage page = identification_document(report, &identified);
   for (const ReadingsSource& source : identified.sources) add_file(page, source.file);
@@ -468,7 +469,7 @@ FiguresPage identify_page(const Identified& identified) {
   return page;
 }
 
-FiguresPage identify_page(const std::filesystem::path& file) {
+FiguresPage identification_page(const std::filesystem::path& file) {
   FiguresPage page;
   read_saved_json(
       file, "the report of an identification as abbe identify writes it, NAME.json",

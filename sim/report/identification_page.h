@@ -26,12 +26,12 @@ void write_curves_picture(const ResultFile& file,
 /// element with its 95 % band and readings, residuals, and confounded coefficients. The belief
 /// files must have been written, because the page offers them for download.
 /// @throws BadInput if the belief cannot be read
-FiguresPage identify_page(const Identified& identified);
+FiguresPage identification_page(const IdentificationResult& identified);
 
 /// Returns the page of an identification's report NAME.json. The report has no curves and
 /// residuals; a warning on the page says so.
 /// @throws BadInput if it is not the report of an identification; names the file, what was expected
 /// and what was found
-FiguresPage identify_page(const std::filesystem::path& report);
+FiguresPage identification_page(const std::filesystem::path& report);
 
 }  // namespace abbe::sim

@@ -67,29 +67,29 @@ struct TrendEstimate {
 };
 
 /// Returns the structural code of the machine: "w b X Y Z C A s t".
-std::string machine_code(const Identified& identified) {
+std::string machine_code(const IdentificationResult& identified) {
   return kinematics::to_string(kinematics::chain_topology(identified.nominal.joints()));
 }
 
 /// Returns a short description of the method.
-std::string method_text(const Identified& identified) {
+std::string method_text(const IdentificationResult& identified) {
   constexpr std::array names{
       "least squares on the exact chain", "step diagonal as published: 12 elements of translation",
       "composite: cold curve, and slopes regressed on temperatures",
       "thermal: elements at every start on the exact chain, regressed on temperatures"};
-  static_assert(names.size() == std::variant_size_v<decltype(Identified::fit)>);
+  static_assert(names.size() == std::variant_size_v<decltype(IdentificationResult::fit)>);
   return names.at(identified.fit.index());
 }
 
 /// Returns the number of readings of all files.
-std::size_t reading_count(const Identified& identified) {
+std::size_t reading_count(const IdentificationResult& identified) {
   std::size_t count = 0;
   for (const ReadingsSource& source : identified.sources) count += source.readings;
   return count;
 }
 
 /// Returns the time that the readings take on a real machine.
-double machine_hours(const Identified& identified) {
+double machine_hours(const IdentificationResult& identified) {
   double hours = 0.0;
   for (const ReadingsSource& source : identified.sources) hours += source.duration_s / 3600.0;
   return hours;
@@ -158,7 +158,7 @@ std::vector<TrendEstimate> trend_estimates(const StepDiagonalFit& fit) {
   return estimates;
 }
 
-using errors::identification::element_of_number;
+using errors::identification::coefficient_element;
 
 /// Returns a line for every element with its coefficients and their standard uncertainties.
 std::string numbers_text(const errors::GeometricErrors& belief) {
@@ -181,7 +181,7 @@ std::string numbers_text(const errors::GeometricErrors& belief) {
 
 /// Returns the coefficients that hide another one. Unknowns of set-ups (zeros and positions) are
 /// only counted.
-std::string confounders_text(const errors::identification::Confounded& coefficient) {
+std::string confounders_text(const errors::identification::ConfoundedCoefficient& coefficient) {
   std::string text;
   std::set<std::string> set_ups;  // several starts use the same names
   for (const auto& [other, amount] : coefficient.with) {
@@ -198,24 +198,25 @@ std::string confounders_text(const errors::identification::Confounded& coefficie
 
 /// Returns the standard uncertainty of a coefficient and, in brackets, the typical deviation of
 /// machines: "ECS cos 1 to 500 urad (10)".
-std::string weak_parameter_text(const errors::identification::Confounded& coefficient) {
-  const double unit = errors::identification::shown_unit(coefficient.name);
+std::string weak_parameter_text(const errors::identification::ConfoundedCoefficient& coefficient) {
+  const double unit = errors::identification::display_unit(coefficient.name);
   return fmt::format(
       "{} to {:.2g} {} ({:.2g})", escaped(coefficient.name), *coefficient.standard_deviation / unit,
       unit == units::um ? "um" : "urad",
-      errors::identification::typical_deviation(element_of_number(coefficient.name)) / unit);
+      errors::identification::typical_deviation(coefficient_element(coefficient.name)) / unit);
 }
 
 /// Returns the coefficients that were not identified: first those hidden by others, then those
 /// determined too poorly, then, counted by element, those on which no reading depends.
-std::string confounded_text(const std::vector<errors::identification::Confounded>& confounded) {
+std::string confounded_text(
+    const std::vector<errors::identification::ConfoundedCoefficient>& confounded) {
   std::map<std::string, int> unobservable;
   std::string text, weak;
   for (const auto& coefficient : confounded)
     if (coefficient.standard_deviation)
       weak += (weak.empty() ? "" : ", ") + weak_parameter_text(coefficient);
     else if (coefficient.with.empty())
-      ++unobservable[element_of_number(escaped(coefficient.name))];
+      ++unobservable[coefficient_element(escaped(coefficient.name))];
     else
       text += fmt::format("\n{} is left at 0: a unit of it reads the same as {}",
                           escaped(coefficient.name), confounders_text(coefficient));
@@ -244,8 +245,8 @@ std::string composite_axis_text(const CompositeAxis& axis,
                         escaped(sensors[k]));
   for (Index i = 0; i < fit.slope.size(); ++i)
     text += fmt::format("  slope from start {:<11} {:>9.4f} ({:.2g}) um/m\n",
-                        fit.later[std::size_t(i)] + 1, fit.slope[i] / um_per_m,
-                        fit.slope_error[i] / um_per_m);
+                        fit.later_runs[std::size_t(i)] + 1, fit.slope[i] / um_per_m,
+                        fit.slope_standard_error[i] / um_per_m);
   for (std::size_t k = 0; k < sensors.size(); ++k)
     text += fmt::format("  {:<28} {:>9.4f} ({:.2g}) um/m/K\n", escaped(sensors[k]),
                         fit.thermal[Index(k)] / um_per_m,
@@ -258,7 +259,7 @@ std::string composite_axis_text(const CompositeAxis& axis,
 }
 
 /// Returns the results of a composite belief and the scene keys for its two files.
-std::string fit_text(const Identified& identified, const CompositeFits& fit) {
+std::string fit_text(const IdentificationResult& identified, const CompositeFits& fit) {
   std::string text;
   for (const CompositeAxis& axis : fit.axes) text += composite_axis_text(axis, fit.sensors);
   return text + fmt::format("[belief] identified: {}\n[belief] thermal: {}\n",
@@ -267,7 +268,7 @@ std::string fit_text(const Identified& identified, const CompositeFits& fit) {
 }
 
 /// Returns the thermal terms of a day with the trained range of every sensor.
-std::string fit_text(const Identified&, const ThermalDay& day) {
+std::string fit_text(const IdentificationResult&, const ThermalDay& day) {
   std::string text = fmt::format("\nwhat heat adds, from {} epochs\n", day.epochs.size());
   for (const RegressedTerm& term : day.terms) {
     const TermEstimate estimate = term_estimate(term);
@@ -338,12 +339,12 @@ std::string trends_text(const StepDiagonalFit& fit) {
 }
 
 /// Returns the trends and the chi-square of a step diagonal.
-std::string fit_text(const Identified&, const StepDiagonalFit& fit) {
+std::string fit_text(const IdentificationResult&, const StepDiagonalFit& fit) {
   return trends_text(fit) + fmt::format("\nreduced chi-square {:.3f}", fit.reduced_chi_square);
 }
 
 /// Returns the number of outliers and the chi-square of a fit on the exact chain.
-std::string fit_text(const Identified&, const ChainFit& fit) {
+std::string fit_text(const IdentificationResult&, const ChainFit& fit) {
   std::string text;
   if (!fit.outliers.empty())
     text = fmt::format("\n{} readings left out as outliers; they are in the report",
@@ -353,7 +354,7 @@ std::string fit_text(const Identified&, const ChainFit& fit) {
 
 }  // namespace
 
-std::string identify_text(const Identified& identified) {
+std::string identification_text(const IdentificationResult& identified) {
   std::string text = fmt::format("machine {}\n\n{:>10} {:>9} {:>9}   file\n",
                                  escaped(machine_code(identified)), "readings", "set-ups", "hours");
   for (const ReadingsSource& source : identified.sources)
@@ -389,7 +390,7 @@ Json numbers_json(const errors::GeometricErrors& belief) {
 }
 
 /// Returns the coefficients that were not identified, with those that hide them.
-Json confounded_json(const std::vector<errors::identification::Confounded>& confounded) {
+Json confounded_json(const std::vector<errors::identification::ConfoundedCoefficient>& confounded) {
   Json list = Json::array();
   for (const auto& coefficient : confounded) {
     Json hidden_by = Json::object();
@@ -397,19 +398,19 @@ Json confounded_json(const std::vector<errors::identification::Confounded>& conf
     list.push_back({{"name", coefficient.name}, {"hidden_by", hidden_by}});
     if (coefficient.standard_deviation)
       list.back()["standard_deviation"] =
-          *coefficient.standard_deviation / errors::identification::shown_unit(coefficient.name);
+          *coefficient.standard_deviation / errors::identification::display_unit(coefficient.name);
   }
   return list;
 }
 
 /// Adds the results that all methods have: confounded coefficients and all estimates.
-void add_common_results(Json& report, const Identified& identified) {
+void add_common_results(Json& report, const IdentificationResult& identified) {
   report["confounded"] = confounded_json(identified.confounded);
   report["numbers"] = numbers_json(identified.belief);
 }
 
 /// Adds the results of a fit on the exact chain.
-void add(Json& report, const Identified& identified, const ChainFit& fit) {
+void add(Json& report, const IdentificationResult& identified, const ChainFit& fit) {
   if (fit.orders) report["orders"] = *fit.orders;
   report["method"] = method_text(identified);
   report["unknowns"] = fit.unknowns;
@@ -429,7 +430,7 @@ void add(Json& report, const Identified& identified, const ChainFit& fit) {
 }
 
 /// Adds the results of the published step-diagonal method.
-void add(Json& report, const Identified& identified, const StepDiagonalFit& fit) {
+void add(Json& report, const IdentificationResult& identified, const StepDiagonalFit& fit) {
   report["method"] = method_text(identified);
   report["found"] = identified.belief.covariance.of.size();
   report["reduced_chi_square"] = fit.reduced_chi_square;
@@ -458,9 +459,9 @@ Json composite_axis_json(const CompositeAxis& axis, const std::vector<std::strin
   Json slopes = Json::array(), per_K = Json::object(), error = Json::object(),
        cold_C = Json::object();
   for (Index i = 0; i < fit.slope.size(); ++i)
-    slopes.push_back({{"start", fit.later[std::size_t(i)] + 1},
+    slopes.push_back({{"start", fit.later_runs[std::size_t(i)] + 1},
                       {"slope_um_per_m", fit.slope[i] / um_per_m},
-                      {"standard_error", fit.slope_error[i] / um_per_m},
+                      {"standard_error", fit.slope_standard_error[i] / um_per_m},
                       {"offset_um", fit.offset[i] / units::um}});
   for (std::size_t k = 0; k < sensors.size(); ++k) {
     per_K[sensors[k]] = fit.thermal[Index(k)] / um_per_m;
@@ -484,7 +485,7 @@ Json composite_axis_json(const CompositeAxis& axis, const std::vector<std::strin
 }
 
 /// Adds the results of a composite belief with its two files.
-void add(Json& report, const Identified& identified, const CompositeFits& fit) {
+void add(Json& report, const IdentificationResult& identified, const CompositeFits& fit) {
   report["method"] = method_text(identified);
   add_common_results(report, identified);
   report["composite"] = Json::array();
@@ -533,7 +534,7 @@ Json day_json(const ThermalDay& day) {
 }
 
 /// Adds the results of an identification over a day.
-void add(Json& report, const Identified& identified, const ThermalDay& day) {
+void add(Json& report, const IdentificationResult& identified, const ThermalDay& day) {
   report["method"] = method_text(identified);
   add_common_results(report, identified);
   report["thermal"] = day_json(day);
@@ -542,7 +543,7 @@ void add(Json& report, const Identified& identified, const ThermalDay& day) {
 
 }  // namespace
 
-Json to_json(const Identified& identified) {
+Json to_json(const IdentificationResult& identified) {
   Json sources = Json::array();
   for (const ReadingsSource& source : identified.sources)
     sources.push_back({{"file", source.file.string()},
@@ -561,26 +562,26 @@ Json to_json(const Identified& identified) {
 
 namespace {
 
-using errors::identification::shown_unit;
+using errors::identification::display_unit;
 using Comments = std::vector<std::string>;
 
 std::string origin_text() { return "identified from readings by abbe " + version() + "."; }
 
 /// Returns machine, number of readings and method as a sentence for the head of a belief file.
-std::string basis_text(const Identified& identified) {
+std::string basis_text(const IdentificationResult& identified) {
   return fmt::format("Machine {}, {} readings; {}.", machine_code(identified),
                      reading_count(identified), method_text(identified));
 }
 
-void add_sources(Comments& comments, const Identified& identified) {
+void add_sources(Comments& comments, const IdentificationResult& identified) {
   for (const ReadingsSource& source : identified.sources)
     comments.push_back("from " + to_toml_value(source.file.string()));
 }
 
 /// Returns the belief with the unidentified curves, whose values are zero, appended.
-errors::GeometricErrors completed(const Identified& identified) {
+errors::GeometricErrors completed(const IdentificationResult& identified) {
   errors::GeometricErrors errors = identified.belief;
-  for (const errors::Element& element : identified.unidentified) {
+  for (const errors::Element& element : identified.undetermined_curves) {
     const auto same = std::ranges::find(errors.elements, element.name, &errors::Element::name);
     if (same == errors.elements.end())
       errors.elements.push_back(element);
@@ -592,7 +593,7 @@ errors::GeometricErrors completed(const Identified& identified) {
 
 /// Returns the unidentified coefficients with those that hide them. Unknowns of set-ups are left
 /// out, since they are not properties of the machine.
-std::vector<UnidentifiedNumber> unidentified_numbers(const Identified& identified) {
+std::vector<UnidentifiedNumber> unidentified_numbers(const IdentificationResult& identified) {
   std::vector<UnidentifiedNumber> numbers;
   for (const auto& confounded : identified.confounded) {
     if (confounded.name.find(": ") != std::string::npos) continue;
@@ -600,7 +601,7 @@ std::vector<UnidentifiedNumber> unidentified_numbers(const Identified& identifie
     for (const auto& [other, amount] : confounded.with)
       if (other.find(": ") == std::string::npos)
         number.hidden_by.emplace_back(other,
-                                      amount * shown_unit(confounded.name) / shown_unit(other));
+                                      amount * display_unit(confounded.name) / display_unit(other));
     numbers.push_back(std::move(number));
   }
   return numbers;
@@ -608,7 +609,7 @@ std::vector<UnidentifiedNumber> unidentified_numbers(const Identified& identifie
 
 /// Returns the errors file of a belief. Its head lists the coefficients that were not identified,
 /// so that their zeros are not mistaken for results.
-std::string geometric_text(const Identified& identified) {
+std::string geometric_text(const IdentificationResult& identified) {
   Comments comments{"Belief about a machine, " + origin_text(), basis_text(identified)};
   add_sources(comments, identified);
   for (const auto& coefficient : identified.confounded)
@@ -624,7 +625,7 @@ std::string geometric_text(const Identified& identified) {
 
 /// Returns the thermal belief of a day. Its head states the trained range, outside of which the
 /// belief is held constant.
-std::string day_text(const Identified& identified, const ThermalDay& day) {
+std::string day_text(const IdentificationResult& identified, const ThermalDay& day) {
   Comments comments{"What heat does to a machine, by temperatures; " + origin_text(),
                     basis_text(identified),
                     "Changes of temperature count from the first row that a control reads."};
@@ -644,12 +645,12 @@ std::string day_text(const Identified& identified, const ThermalDay& day) {
 
 }  // namespace
 
-std::string belief_text(const Identified& identified) {
+std::string belief_file_text(const IdentificationResult& identified) {
   const auto* day = std::get_if<ThermalDay>(&identified.fit);
   return day ? day_text(identified, *day) : geometric_text(identified);
 }
 
-std::string thermal_half_text(const Identified& composite) {
+std::string thermal_half_file_text(const IdentificationResult& composite) {
   const auto& fit = std::get<CompositeFits>(composite.fit);
   Comments comments{
       "Slopes of positioning by temperatures, the thermal half of a composite belief; " +

@@ -30,7 +30,7 @@ std::string range_text(const Range& range) {
 }
 
 /// Returns quoted values joined by "or": "a", "b" or "c".
-std::string or_joined(const std::vector<Word>& values) {
+std::string or_joined(const std::vector<EnumChoice>& values) {
   std::string text;
   for (std::size_t i = 0; i < values.size(); ++i) {
     text += i == 0 ? "" : i + 1 == values.size() ? " or " : ", ";
@@ -54,7 +54,7 @@ std::string allowed_values(const Key& key) {
     case Kind::Boolean:
       return "true or false";
     case Kind::Text:
-      return key.words.empty() ? "text" : or_joined(key.words);
+      return key.choices.empty() ? "text" : or_joined(key.choices);
     case Kind::Numbers:
       return key.size > 0 ? fmt::format("{} numbers", key.size) : "list of numbers";
     case Kind::NumberOrNumbers:
@@ -75,13 +75,13 @@ std::string allowed_values(const Key& key) {
 std::string key_unit(const Key& key) {
   const bool is_numeric = key.kind == Key::Kind::Number || key.kind == Key::Kind::Numbers ||
                           key.kind == Key::Kind::NumberOrNumbers;
-  return is_numeric && key_stem(key.name) != key.name ? unit_name(key.name) : "";
+  return is_numeric && key_without_unit(key.name) != key.name ? unit_name(key.name) : "";
 }
 
 /// Returns the descriptions of the values of a key; empty if there are none.
 std::string value_descriptions(const Key& key) {
   std::string text;
-  for (const Word& word : key.words)
+  for (const EnumChoice& word : key.choices)
     if (!word.sentence.empty())
       text += fmt::format("{}\"{}\": {}", text.empty() ? "" : "; ", word.word, word.sentence);
   return text;
@@ -108,7 +108,7 @@ bool are_equivalent(const std::vector<Key>& a, const std::vector<Key>& b) {
 /// Returns the values of a key, grouped by the keys that they enable.
 std::vector<ValueGroup> value_groups(const Key& key) {
   std::vector<ValueGroup> groups;
-  for (const Word& word : key.words) {
+  for (const EnumChoice& word : key.choices) {
     const auto match = std::find_if(groups.begin(), groups.end(), [&](const ValueGroup& group) {
       return are_equivalent(group.keys, word.keys);
     });
@@ -123,8 +123,8 @@ std::vector<ValueGroup> value_groups(const Key& key) {
 /// Returns the condition that enables the keys of a group: `kind = "a" or "b"`, or `kind other than
 /// "c"` if fewer values are excluded. Empty if all values enable them.
 std::string condition_text(const Key& key, const ValueGroup& group) {
-  std::vector<Word> included, excluded;
-  for (const Word& word : key.words) {
+  std::vector<EnumChoice> included, excluded;
+  for (const EnumChoice& word : key.choices) {
     const bool is_member =
         std::find(group.values.begin(), group.values.end(), word.word) != group.values.end();
     (is_member ? included : excluded).push_back({word.word, "", {}});
@@ -147,13 +147,13 @@ class RowBuilder {
 
   void add(const Key& key, const std::string& path, const std::string& condition) {
     const std::string own_path = key_path(path, key.name);
-    const bool has_value_rows = key.words.size() > max_values;
+    const bool has_value_rows = key.choices.size() > max_values;
     const std::string descriptions = has_value_rows ? "" : value_descriptions(key);
     std::string sentence = key.sentence;
     if (!descriptions.empty()) sentence += (sentence.empty() ? "" : ": ") + descriptions;
     rows.push_back({own_path, condition, key.required, key_unit(key),
                     has_value_rows ? "a word" : allowed_values(key), key.fallback, sentence});
-    for (const Word& word : key.words)
+    for (const EnumChoice& word : key.choices)
       if (has_value_rows)
         rows.push_back(
             {own_path + " = \"" + word.word + "\"", condition, false, "", "", "", word.sentence});
@@ -193,7 +193,7 @@ void find_named(const std::vector<Key>& keys, const std::string& name, const Key
                 std::vector<KeyMatch>& matches) {
   for (const Key& key : keys) {
     if (has_key_name(key, name)) matches.push_back({key, table.path, table.condition});
-    for (const Word& word : key.words)
+    for (const EnumChoice& word : key.choices)
       find_named(word.keys, name, {{}, table.path, fmt::format("{} = \"{}\"", key.name, word.word)},
                  matches);
   }
@@ -222,7 +222,7 @@ void find_anywhere(const std::vector<Key>& keys, const std::string& name, const 
   for (const Key& key : keys) {
     if (has_key_name(key, name)) matches.push_back({key, table.path, table.condition});
     find_anywhere(key.keys, name, {{}, key_path(table.path, key.name), ""}, matches);
-    for (const Word& word : key.words)
+    for (const EnumChoice& word : key.choices)
       find_anywhere(word.keys, name,
                     {{}, table.path, fmt::format("{} = \"{}\"", key.name, word.word)}, matches);
   }
@@ -256,7 +256,7 @@ std::vector<Key> keys_at(const std::vector<Key>& keys, std::string_view path) {
   return {};
 }
 
-std::vector<KeyRow> explained(const std::vector<Key>& keys, std::string_view query) {
+std::vector<KeyRow> matching_key_rows(const std::vector<Key>& keys, std::string_view query) {
   std::vector<KeyMatch> matches = matches_at(keys, query);
   // A name without dots that is not a key at the top level may be one at a lower level.
   if (matches.empty() && query.find('.') == std::string_view::npos)
@@ -303,7 +303,7 @@ void add_range(Json& schema, const Range& range) {
 /// Returns the schema of an enumeration with the descriptions of its values.
 Json enumeration_schema(const Key& key) {
   Json values = Json::array(), sentences = Json::array();
-  for (const Word& word : key.words) {
+  for (const EnumChoice& word : key.choices) {
     values.push_back(word.word);
     sentences.push_back(word.sentence);
   }
@@ -350,7 +350,7 @@ Json schema_type(const Key& key) {
     case Kind::Boolean:
       return {{"type", "boolean"}};
     case Kind::Text:
-      return key.words.empty() ? text : enumeration_schema(key);
+      return key.choices.empty() ? text : enumeration_schema(key);
     case Kind::Numbers:
       return number_list_schema(key);
     case Kind::NumberOrNumbers:
@@ -380,7 +380,7 @@ std::vector<const Key*> all_table_keys(const std::vector<Key>& keys) {
   std::vector<const Key*> list;
   for (const Key& key : keys) {
     list.push_back(&key);
-    for (const Word& word : key.words) {
+    for (const EnumChoice& word : key.choices) {
       const std::vector<const Key*> enabled = all_table_keys(word.keys);
       list.insert(list.end(), enabled.begin(), enabled.end());
     }
@@ -430,14 +430,14 @@ void add_requirements(Json& schema, const std::vector<Key>& keys,
   std::map<std::string, Json> alternatives;
   for (const Key& key : keys) {
     if (key.required && key.pattern.empty()) required.push_back(key.name);
-    if (!key.either.empty())
-      alternatives.try_emplace(key.either, Json::array())
+    if (!key.exclusive_group.empty())
+      alternatives.try_emplace(key.exclusive_group, Json::array())
           .first->second.push_back(schema_presence(key));
     std::set<std::string> dependent;  // keys that some value enables
-    for (const Word& word : key.words)
+    for (const EnumChoice& word : key.choices)
       for (const Key* enabled : all_table_keys(word.keys))
         if (enabled->pattern.empty()) dependent.insert(enabled->name);
-    for (const Word& word : key.words) {
+    for (const EnumChoice& word : key.choices) {
       if (dependent.empty()) break;
       std::set<std::string> allowed = shared;
       for (const Key& sibling : keys) allowed.insert(sibling.name);

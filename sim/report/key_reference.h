@@ -29,7 +29,7 @@ std::vector<KeyRow> key_rows(const std::vector<Key>& keys, const std::string& pa
 /// Returns the rows that match a query: a dotted path from the top level ("part.ring.name"), which
 /// may contain list indices, or the name of a key at any level. A table matches together with its
 /// keys. Empty if nothing matches.
-std::vector<KeyRow> explained(const std::vector<Key>& keys, std::string_view query);
+std::vector<KeyRow> matching_key_rows(const std::vector<Key>& keys, std::string_view query);
 
 /// Returns rows as `abbe explain` prints them: key, unit, range, default, description.
 std::string to_text(const std::vector<KeyRow>& rows);

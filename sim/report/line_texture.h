@@ -27,7 +27,7 @@ ProfileLine parse_profile_line(const std::string& name);
 struct ProfiledMap {
   const cutting::Design& design;    ///< mm
   const Eigen::VectorXd& residual;  ///< (n) NaN where not cut
-  cutting::Surface::Within sampled_within = cutting::Surface::Within::None;
+  cutting::Surface::InteriorSample interior_sample = cutting::Surface::InteriorSample::None;
   const Eigen::VectorXd& within;  ///< (m) at the sampled point inside every triangle; may be empty
 };
 

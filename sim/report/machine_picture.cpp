@@ -342,7 +342,7 @@ Trace segment_trace(const Job& segment) {
 /// Returns the trace of all segments of a job.
 Trace job_trace(const Job& job) {
   Trace total;
-  for (const Job& segment : parts_of(job)) {
+  for (const Job& segment : job_parts(job)) {
     Trace trace = segment_trace(segment);
     std::move(trace.passes.begin(), trace.passes.end(), std::back_inserter(total.passes));
     total.pass_count += trace.pass_count;
@@ -492,8 +492,8 @@ render::MachinePicture machine_picture(const ProgramInspection& inspection) {
   AxisVector q = AxisVector::Zero(inspection.machine.control.size());
   if (inspection.description.home.size() == q.size()) q = inspection.description.home;
   const Pose T_bw = inspection.machine.control.workpiece_in_bed(q);
-  Eigen::AlignedBox3d box = inspection.figures.feed_w;
-  if (box.isEmpty()) box = inspection.figures.all_w;
+  Eigen::AlignedBox3d box = inspection.figures.feed_extent_w;
+  if (box.isEmpty()) box = inspection.figures.tip_extent_w;
   const double size = std::max(box.diagonal().norm(), 1.0);
   const Vector3d below(box.center().x(), box.center().y(), box.min().z());
 

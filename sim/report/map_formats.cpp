@@ -38,9 +38,9 @@ ResultMap result_map(const Job& job, const Verdict& verdict) {
   map.facts.tolerance = job.scene.part.tolerance;
   map.design = cutting::transformed(job.design_w, job.scene.part.T_wm.inverse());
   map.residual_um = surface.residual / units::um;
-  map.sampled_within = surface.sampled_within;
+  map.interior_sample = surface.interior_sample;
   map.within_um = surface.within / units::um;
-  map.form_um = verdict.filtered / units::um;
+  map.form_um = verdict.form_map / units::um;
   map.texture_um = map.residual_um - map.form_um;
   if (std::ranges::any_of(job.scene.part.regions,
                           [](const PartRegion& region) { return region.tolerance.has_value(); }))
@@ -324,7 +324,7 @@ std::string to_npz(const ResultMap& map) {
                                   {"cut_line.npy", npy_column("<i4", map.cut_line)},
                                   {"meta.npy", npy_facts(map.facts)}};
   if (map.within_um.size() > 0)
-    arrays.push_back({std::string(cutting::within_values_name(map.sampled_within)) + ".npy",
+    arrays.push_back({std::string(cutting::sample_values_name(map.interior_sample)) + ".npy",
                       npy_column("<f8", map.within_um)});
   if (map.tolerance_um.rows() > 0) {
     arrays.push_back({"lower_um.npy", npy_column("<f8", Eigen::VectorXd(map.tolerance_um.col(0)))});

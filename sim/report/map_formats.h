@@ -26,7 +26,7 @@ struct ResultMap {
   MapFacts facts;
   cutting::Design design;       ///< mm
   Eigen::VectorXd residual_um;  ///< (n) + material left, - gouged; NaN where not cut
-  cutting::Surface::Within sampled_within = cutting::Surface::Within::None;
+  cutting::Surface::InteriorSample interior_sample = cutting::Surface::InteriorSample::None;
   Eigen::VectorXd within_um;   ///< (m) the residual at the sampled point of every triangle
   Eigen::VectorXd form_um;     ///< (n) the residual through the areal filter; NaN where not cut
   Eigen::VectorXd texture_um;  ///< (n) residual minus form

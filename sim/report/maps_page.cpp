@@ -250,7 +250,7 @@ bool is_tool_body(const SolidBody& body) {
 /// Adds the bodies of the machine and of every tool.
 void add_bodies(PageData& data, const Job& job) {
   data.index["machine"]["bodies"] = ordered_json::array();
-  const std::span<const Job> segments = parts_of(job);
+  const std::span<const Job> segments = job_parts(job);
   for (std::size_t tool = 0; tool < segments.size(); ++tool)
     for (const SolidBody& body : job_bodies(segments[tool]))
       if (is_tool_body(body))
@@ -262,10 +262,10 @@ void add_bodies(PageData& data, const Job& job) {
 /// Returns the commanded axis positions along a job, in mm and degrees.
 TimeSeries axis_motion(const Job& job) {
   Eigen::Index count = 0, row = 0;
-  for (const Job& segment : parts_of(job)) count += Eigen::Index(segment.samples.states.size());
+  for (const Job& segment : job_parts(job)) count += Eigen::Index(segment.samples.states.size());
   const kinematics::Chain& chain = job.machine.nominal;
   TimeSeries series{Eigen::VectorXd(count), Eigen::MatrixXd(count, chain.size())};
-  for (const Job& segment : parts_of(job))
+  for (const Job& segment : job_parts(job))
     for (const kinematics::AxisState& state : segment.samples.states) {
       series.time_s[row] = state.time_s;
       for (int j = 0; j < chain.size(); ++j) {
@@ -283,7 +283,7 @@ void add_motion(PageData& data, const Job& job) {
   Eigen::VectorXd tolerance = Eigen::VectorXd::Constant(motion.value.cols(), motion_tolerance);
   for (int j = 0; j < int(tolerance.size()); ++j)
     if (is_spindle(job.machine, j)) tolerance[j] = spindle_tolerance;
-  TimeSeries thinned_motion = compensation::thinned(motion, tolerance);
+  TimeSeries thinned_motion = compensation::thin_out(motion, tolerance);
   // A spindle makes thousands of turns, for which the step of the axes is too fine to be packed.
   const Eigen::VectorXd step_ratio = tolerance / motion_tolerance;
   for (Eigen::Index j = 0; j < thinned_motion.value.cols(); ++j)
@@ -300,7 +300,7 @@ void add_motion(PageData& data, const Job& job) {
 /// Returns the tools with the time of their change and their pose at the home position.
 ordered_json tools_json(const Job& job) {
   ordered_json tools = ordered_json::array();
-  for (const Job& segment : parts_of(job)) {
+  for (const Job& segment : job_parts(job)) {
     if (segment.samples.states.empty()) continue;
     const auto& number = segment.scene.tool.number;
     tools.push_back(
@@ -317,7 +317,7 @@ void add_signal(PageData& data, std::size_t number, const std::string& name,
   if (time_s.size() < 2) return;
   const double span = value.maxCoeff() - value.minCoeff();
   if (!(span > 0.0) || !std::isfinite(span)) return;
-  const TimeSeries thinned_signal = compensation::thinned(
+  const TimeSeries thinned_signal = compensation::thin_out(
       TimeSeries{time_s, value}, Eigen::VectorXd::Constant(1, signal_fraction * span / 2.0));
   ordered_json& signals = data.index["cases"][number]["signals"];
   const std::string key = fmt::format("signal{}_{}", number, signals.size());
@@ -346,10 +346,10 @@ void add_signals(PageData& data, const Signals& signals, std::size_t number) {
 void add_clearance(PageData& data, const Collisions& collisions, std::size_t number) {
   std::vector<double> time, value;
   for (const BlockClearance& block : collisions.blocks) {
-    if (block.pair < 0 || !std::isfinite(block.at_least)) continue;
+    if (block.pair < 0 || !std::isfinite(block.min_clearance)) continue;
     for (const double t : {block.place.time_s, block.end_s}) {
       time.push_back(t);
-      value.push_back(block.at_least);
+      value.push_back(block.min_clearance);
     }
   }
   const auto count = Eigen::Index(time.size());
@@ -370,7 +370,7 @@ void add_track(PageData& data, const ToolTrack& track, std::size_t number) {
   Eigen::VectorXd tolerance(6);
   tolerance << Eigen::Vector3d::Constant(tip_tolerance),
       Eigen::Vector3d::Constant(direction_tolerance);
-  const TimeSeries thinned_deviation = compensation::thinned(deviation, tolerance);
+  const TimeSeries thinned_deviation = compensation::thin_out(deviation, tolerance);
   const std::string key = fmt::format("track{}", number);
   add(data, "t:" + key, pack_values(thinned_deviation.time_s, time_step_s));
   add(data, key + "_tip", pack_values(thinned_deviation.value.leftCols(3), tip_tolerance / 10.0));
@@ -383,7 +383,7 @@ void add_track(PageData& data, const ToolTrack& track, std::size_t number) {
 
 std::vector<std::string> add_machine(PageData& data, const Job& job) {
   std::size_t sample_count = 0;
-  for (const Job& segment : parts_of(job)) sample_count += segment.samples.states.size();
+  for (const Job& segment : job_parts(job)) sample_count += segment.samples.states.size();
   if (sample_count < 2)
     return {
         fmt::format("the motion of the machine is left out of the report: its program has {} "
@@ -411,7 +411,7 @@ std::vector<std::string> add_machine(PageData& data, const Job& job) {
   return {};
 }
 
-void add_case_time_series(PageData& data, const Compared& compared, std::size_t number) {
+void add_case_time_series(PageData& data, const ComparedCase& compared, std::size_t number) {
   const Cut& cut = compared.verdict.cut;
   data.index["cases"][number]["signals"] = ordered_json::array();
   if (cut.track && cut.track->time_s.size() > 1 && !compared.job->machine.workpiece_spindle)

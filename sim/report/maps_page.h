@@ -67,7 +67,7 @@ std::vector<std::string> add_machine(PageData& data, const Job& job);
 /// if its track was kept, to within 1/50 of its largest value or 50 nm; the signals from the start
 /// of the program and the clearance of every block to within 1/500 of their range.
 /// @param number  of the case in the index of the page
-void add_case_time_series(PageData& data, const Compared& compared, std::size_t number);
+void add_case_time_series(PageData& data, const ComparedCase& compared, std::size_t number);
 
 /// Contents of a page of maps (render/report/viewer.js).
 struct MapsPage {

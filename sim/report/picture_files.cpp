@@ -34,7 +34,7 @@ cutting::Design design_m(const Job& job) {
 /// Returns the map with its form.
 render::Field map_field(const Job& job, const Verdict& verdict) {
   render::Field field = render::field(design_m(job), verdict.aligned.surface);
-  field.form_um = verdict.filtered / units::um;
+  field.form_um = verdict.form_map / units::um;
   return field;
 }
 
@@ -80,10 +80,11 @@ bool is_finer_than_pixel(const Job& job, double pixel_mm) {
 /// many points, so the error falls with the square root of their number.
 double form_noise(const Job& job, const Verdict& verdict) {
   const cutting::Surface& surface = verdict.aligned.surface;
-  if (surface.sampled_within != cutting::Surface::Within::Random || !verdict.texture) return 0.0;
+  if (surface.interior_sample != cutting::Surface::InteriorSample::Random || !verdict.texture)
+    return 0.0;
   const double density = double(job.design_w.triangles.rows()) / job.design_w.area.sum();
   return verdict.texture->Sq /
-         std::sqrt(cutting::filter_values(job.scene.part.form_cutoff, density));
+         std::sqrt(cutting::effective_value_count(job.scene.part.form_cutoff, density));
 }
 
 /// Returns the caption of a map that shows only the form.
@@ -125,7 +126,7 @@ render::MapPicture map_picture(const Job& job, const Verdict& verdict, double pi
   picture.figures = figures(verdict.residual);
   if (shows_form_map(job, verdict)) {
     replace_by_form(picture.field);
-    picture.figures = figures(*verdict.form_part);
+    picture.figures = figures(*verdict.form_statistics);
     picture.caption.push_back(form_caption(job, verdict));
   } else if (is_coarse(verdict)) {
     picture.caption.push_back("waves finer than the vertices: what shows of them is by chance");
@@ -138,9 +139,9 @@ render::MapPicture map_picture(const Job& job, const Verdict& verdict, double pi
   picture.datum = name_of(job.scene.datum.kind);
   picture.alignment = name_of(job.scene.alignment);
   picture.tolerance_um = verdict.tolerance / units::um;
-  if (const auto& c = verdict.residual.conformance) picture.shares = shares(*c);
+  if (const auto& c = verdict.residual.conformance) picture.percentages = percentages(*c);
   picture.verdict = typeset_verdict(tolerance_verdict(verdict.residual.conformance, verdict.worst));
-  if (const program::Unreached& u = job.unreached; u.points > 0)
+  if (const program::UnreachedPoints& u = job.unreached; u.points > 0)
     picture.caption.push_back(
         fmt::format("not reached by the machine: {} of {} passes, parts of {}", u.passes,
                     u.all_passes, u.broken_passes));
@@ -149,7 +150,7 @@ render::MapPicture map_picture(const Job& job, const Verdict& verdict, double pi
 
 /// Returns the change of the machine's contribution to the map by a compensator; empty for a case
 /// without one.
-std::string reduction_text(const Compared& compared, const std::vector<Compared>& cases) {
+std::string reduction_text(const ComparedCase& compared, const std::vector<ComparedCase>& cases) {
   if (!compared.uncompensated) return "";
   const auto& before = cases[*compared.uncompensated].verdict.machine;
   const auto& after = compared.verdict.machine;
@@ -162,10 +163,10 @@ std::string reduction_text(const Compared& compared, const std::vector<Compared>
 
 /// Returns form and texture of a case; empty if its caption already states them.
 std::string form_texture_line(const Job& job, const Verdict& verdict) {
-  if (shows_form_map(job, verdict) || !verdict.form_part || !verdict.form_part->pv ||
+  if (shows_form_map(job, verdict) || !verdict.form_statistics || !verdict.form_statistics->pv ||
       !verdict.texture)
     return "";
-  const std::string form = "form PV " + length_text(*verdict.form_part->pv);
+  const std::string form = "form PV " + length_text(*verdict.form_statistics->pv);
   return is_finer_than_pixel(job, panel_pixel_mm(job))
              ? form
              : form + ", texture Sz " + texture_height(verdict);
@@ -399,10 +400,10 @@ void write_source_pictures(const ResultFolder& folder, const Job& job, const Ver
 }
 
 void write_comparison_picture(const ResultFile& file, const Scene& scene,
-                              const std::vector<Compared>& cases, const Progress& progress) {
+                              const std::vector<ComparedCase>& cases, const Progress& progress) {
   if (progress) progress("compare", 0.0);
   std::vector<render::MapPicture> pictures;
-  for (const Compared& compared : cases) {
+  for (const ComparedCase& compared : cases) {
     const Job& job = *compared.job;
     pictures.push_back(map_picture(job, compared.verdict, panel_pixel_mm(job)));
     for (const std::string& line :
@@ -467,7 +468,7 @@ std::string font_warning(const std::string&) { return ""; }
 void write_case_pictures(const ResultFolder&, const Job&, const Verdict&, const Progress&) {}
 std::string map_png(const Job&, const Verdict&, int) { return {}; }
 void write_source_pictures(const ResultFolder&, const Job&, const Verdict&) {}
-void write_comparison_picture(const ResultFile&, const Scene&, const std::vector<Compared>&,
+void write_comparison_picture(const ResultFile&, const Scene&, const std::vector<ComparedCase>&,
                               const Progress&) {}
 void write_check_picture(const ResultFile& file, const Job&) {
   throw BadInput(file.path().string(), 0, 0, "a program built with -DABBE_RENDER=ON",

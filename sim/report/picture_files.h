@@ -37,7 +37,8 @@ void write_source_pictures(const ResultFolder& folder, const Job& job, const Ver
 /// Draws the maps of all cases with their figures on a common symmetric colour scale.
 /// @param progress  shows one stage, "compare"
 void write_comparison_picture(const ResultFile& file, const Scene& scene,
-                              const std::vector<Compared>& cases, const Progress& progress = {});
+                              const std::vector<ComparedCase>& cases,
+                              const Progress& progress = {});
 
 /// Writes the picture of `abbe check --picture`: machine, part and path with magnified errors.
 /// @throws BadInput, OutputFailure

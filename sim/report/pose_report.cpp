@@ -54,8 +54,8 @@ kinematics::Pose pose_error(const TipPose& pose) {
 
 ordered_json to_json(const PoseResult& result) {
   ordered_json columns = ordered_json::object();
-  for (std::size_t i = 0; i < result.heads.size(); ++i)
-    columns[result.heads[i]] = result.numbers[i];
+  for (std::size_t i = 0; i < result.column_names.size(); ++i)
+    columns[result.column_names[i]] = result.numbers[i];
   return {{"T_wt_nominal", pose_rows(result.pose.nominal)},
           {"T_wt_actual", pose_rows(result.pose.actual)},
           {"deviation_mm", numbers(result.pose.deviation())},

@@ -14,8 +14,8 @@
 
 namespace abbe::sim {
 
-std::optional<FilmInterval> interval_of_lines(const program::Path& path,
-                                              const std::optional<LineRange>& lines) {
+std::optional<FilmInterval> line_time_interval(const program::Path& path,
+                                               const std::optional<LineRange>& lines) {
   std::optional<FilmInterval> interval;
   for (const program::Block& block : path.blocks) {
     if (lines && (block.file != 0 || block.line < lines->first || block.line > lines->last))
@@ -93,7 +93,7 @@ ProgramText::ProgramText(const Job& job, const Commands& commands) {
   } else {
     files_.emplace_back();
   }
-  for (const std::string& subprogram : path_of(job, commands).more_files)
+  for (const std::string& subprogram : path_of(job, commands).subprogram_files)
     files_.push_back(read_program_lines(subprogram));
 }
 
@@ -138,12 +138,12 @@ enum StockStyle : std::uint8_t { raw_style, fresh_style, crash_style };
 
 /// Returns the program that a segment of the job executes in this case.
 const program::Path& segment_path(const FilmSource& source, std::size_t segment) {
-  return path_of(parts_of(source.job)[segment], of_part(source.commands, segment));
+  return path_of(job_parts(source.job)[segment], part_commands(source.commands, segment));
 }
 
 /// Returns the target poses of a segment of the job.
 const std::vector<Pose>& nominal_poses(const FilmSource& source, std::size_t segment) {
-  return target_poses(parts_of(source.job)[segment], of_part(source.commands, segment));
+  return target_poses(job_parts(source.job)[segment], part_commands(source.commands, segment));
 }
 
 /// Returns the pose of the tool relative to a workpiece spindle that does not rotate.
@@ -160,12 +160,12 @@ std::size_t sample_index_at(const program::Samples& samples, double time_s) {
   return std::size_t(std::max<std::ptrdiff_t>(next - samples.states.begin(), 1) - 1);
 }
 
-/// Returns the style of a body; `close` bodies also appear in the view of the part.
-render::FilmBody film_body(const render::Colour& colour, double opacity, bool close) {
+/// Returns the style of a body; `in_close_up` bodies also appear in the view of the part.
+render::FilmBody film_body(const render::Colour& colour, double opacity, bool in_close_up) {
   render::FilmBody body;
   body.colour = colour;
   body.opacity = opacity;
-  body.close = close;
+  body.in_close_up = in_close_up;
   return body;
 }
 
@@ -185,7 +185,7 @@ Eigen::MatrixX2d outline_corners(const cutting::EdgeProfile& profile) {
   // 16 chords of a nose of 180 degrees deviate by 0.5 % of its radius.
   constexpr int chord_count = 16;
   std::vector<Eigen::Vector2d> corners;
-  for (const cutting::OutlinePiece& piece : profile.pieces) {
+  for (const cutting::OutlineSegment& piece : profile.pieces) {
     if (piece.is_arc && piece.radius == 0.0) continue;
     corners.push_back(piece.from);
     for (int i = 1; piece.is_arc && i < chord_count; ++i) {
@@ -259,30 +259,30 @@ ProgramFilm::ProgramFilm(const FilmSource& source, FilmPlan plan, const FilmOpti
 }
 
 void ProgramFilm::add_frame_samples() {
-  const auto segments = parts_of(source_.job);
+  const auto segments = job_parts(source_.job);
   std::vector<std::vector<std::size_t>> sample_indices(segments.size());
   for (const double time : plan_.time_s) {
     std::size_t segment = 0;  // the last segment that has begun; segments may have no samples
     for (std::size_t i = 0; i < segments.size(); ++i) {
-      const auto& states = of_part(source_.commands, i).samples.states;
+      const auto& states = part_commands(source_.commands, i).samples.states;
       if (!states.empty() && (states.front().time_s <= time || i == 0)) segment = i;
     }
     FrameSample frame_sample;
     frame_sample.segment = segment;
-    frame_sample.sample = sample_index_at(of_part(source_.commands, segment).samples, time);
+    frame_sample.sample = sample_index_at(part_commands(source_.commands, segment).samples, time);
     sample_indices[segment].push_back(frame_sample.sample);
     frame_samples_.push_back(std::move(frame_sample));
   }
   std::vector<std::vector<Pose>> T_wt(segments.size());
   for (std::size_t i = 0; i < segments.size(); ++i)
     if (!sample_indices[i].empty())
-      T_wt[i] =
-          tool_poses(segments[i], of_part(source_.commands, i), source_.process, sample_indices[i]);
+      T_wt[i] = tool_poses(segments[i], part_commands(source_.commands, i), source_.process,
+                           sample_indices[i]);
   std::vector<std::size_t> next_pose(segments.size(), 0);
   for (FrameSample& frame_sample : frame_samples_) {
     const Job& job = segments[frame_sample.segment];
     kinematics::AxisState state =
-        of_part(source_.commands, frame_sample.segment).samples.states[frame_sample.sample];
+        part_commands(source_.commands, frame_sample.segment).samples.states[frame_sample.sample];
     const Pose& actual = T_wt[frame_sample.segment][next_pose[frame_sample.segment]++];
     const Pose& nominal = nominal_poses(source_, frame_sample.segment)[frame_sample.sample];
     frame_sample.error = (actual.translation() - nominal.translation()).norm();
@@ -305,7 +305,7 @@ void ProgramFilm::add_body(const cutting::ClosedMesh& mesh, const Attachment& at
 
 void ProgramFilm::add_tool(std::size_t segment, const std::vector<SolidBody>& solids) {
   using Kind = SolidBody::Kind;
-  const Job& job = parts_of(source_.job)[segment];
+  const Job& job = job_parts(source_.job)[segment];
   const Attachment attachment{Carriers{job.truth.actual.size()}.tool(), segment};
   Attachment cutting_part = attachment;
   cutting_part.is_cutting_part = true;
@@ -325,9 +325,9 @@ void ProgramFilm::add_tool(std::size_t segment, const std::vector<SolidBody>& so
 }
 
 void ProgramFilm::add_bodies() {
-  const Job& first = parts_of(source_.job).front();
+  const Job& first = job_parts(source_.job).front();
   const auto& joints = first.machine.nominal.joints();
-  const auto segments = parts_of(source_.job);
+  const auto segments = job_parts(source_.job);
   for (std::size_t segment = 0; segment < segments.size(); ++segment) {
     const std::vector<SolidBody> solids = job_bodies(segments[segment]);
     for (const SolidBody& solid : solids) {
@@ -355,12 +355,12 @@ void ProgramFilm::add_bodies() {
 void ProgramFilm::add_part() {
   const Job& job = source_.job;
   const bool has_stock = source_.process.stock || source_.process.turned;
-  setting_.looks = {{has_stock ? "raw material" : "not yet cut", raw_colour},
-                    {"cut", fresh_colour}};
+  setting_.vertex_styles = {{has_stock ? "raw material" : "not yet cut", raw_colour},
+                            {"cut", fresh_colour}};
   if (has_stock) {
-    stock_.emplace(job, of_part(source_.commands, 0), source_.process);
+    stock_.emplace(job, part_commands(source_.commands, 0), source_.process);
     const std::string name = source_.process.crash_lines.empty() ? "" : "cut by a crash";
-    setting_.looks.push_back({name, crash_colour});
+    setting_.vertex_styles.push_back({name, crash_colour});
     return;
   }
   design_ = std::make_shared<const render::FilmMesh>(
@@ -379,13 +379,13 @@ double ProgramFilm::part_size() const {
 }
 
 Vector3d ProgramFilm::nominal_tip(std::size_t segment, std::size_t sample) const {
-  const AxisVector& q = of_part(source_.commands, segment).samples.states[sample].q;
-  return pose_at_rest(parts_of(source_.job)[segment], q, nominal_poses(source_, segment)[sample])
+  const AxisVector& q = part_commands(source_.commands, segment).samples.states[sample].q;
+  return pose_at_rest(job_parts(source_.job)[segment], q, nominal_poses(source_, segment)[sample])
       .translation();
 }
 
 ProgramFilm::TracedSamples ProgramFilm::traced_path_samples(std::size_t segment) {
-  const program::Samples& samples = of_part(source_.commands, segment).samples;
+  const program::Samples& samples = part_commands(source_.commands, segment).samples;
   // 1/300 of the part is one or two pixels of a frame. A pass is divided when it becomes longer
   // than the part, because whole passes are left out if there are too many.
   const double size = part_size(), step = size / 300.0, max_length = 1.2 * size;
@@ -422,9 +422,9 @@ ProgramFilm::TracedSamples ProgramFilm::traced_path_samples(std::size_t segment)
 }
 
 void ProgramFilm::add_trace() {
-  const auto segments = parts_of(source_.job);
+  const auto segments = job_parts(source_.job);
   for (std::size_t segment = 0; segment < segments.size(); ++segment) {
-    const Commands& commands = of_part(source_.commands, segment);
+    const Commands& commands = part_commands(source_.commands, segment);
     const TracedSamples traced = traced_path_samples(segment);
     if (traced.sample.empty()) continue;
     const std::vector<Pose> T_wt =
@@ -451,7 +451,7 @@ kinematics::Pose ProgramFilm::tool_pose(const FrameSample& frame_sample) const {
 }
 
 const Pose& ProgramFilm::workpiece_in_bed(const FrameSample& frame_sample) const {
-  const Carriers carriers{parts_of(source_.job)[frame_sample.segment].truth.actual.size()};
+  const Carriers carriers{job_parts(source_.job)[frame_sample.segment].truth.actual.size()};
   return frame_sample.carriers_b[std::size_t(carriers.workpiece())];
 }
 
@@ -464,15 +464,15 @@ double ProgramFilm::max_error() const {
 
 double ProgramFilm::end_s() const {
   double end = 0.0;
-  for (std::size_t i = 0; i < parts_of(source_.job).size(); ++i) {
-    const auto& states = of_part(source_.commands, i).samples.states;
+  for (std::size_t i = 0; i < job_parts(source_.job).size(); ++i) {
+    const auto& states = part_commands(source_.commands, i).samples.states;
     if (!states.empty()) end = std::max(end, states.back().time_s);
   }
   return end;
 }
 
 bool ProgramFilm::is_feeding(const FrameSample& frame_sample) const {
-  const program::Samples& samples = of_part(source_.commands, frame_sample.segment).samples;
+  const program::Samples& samples = part_commands(source_.commands, frame_sample.segment).samples;
   return is_feed(segment_path(source_, frame_sample.segment)
                      .blocks[std::size_t(samples.block[frame_sample.sample])]);
 }
@@ -539,8 +539,8 @@ void ProgramFilm::set_captions() {
 }
 
 std::vector<std::string> ProgramFilm::values(const FrameSample& frame_sample, double time_s) const {
-  const Job& job = parts_of(source_.job)[frame_sample.segment];
-  const program::Samples& samples = of_part(source_.commands, frame_sample.segment).samples;
+  const Job& job = job_parts(source_.job)[frame_sample.segment];
+  const program::Samples& samples = part_commands(source_.commands, frame_sample.segment).samples;
   const program::Block& block = segment_path(source_, frame_sample.segment)
                                     .blocks[std::size_t(samples.block[frame_sample.sample])];
   const auto& states = samples.states;
@@ -602,16 +602,16 @@ void ProgramFilm::show_part(double time_s, render::FilmState& state) {
           render::FilmMesh{std::move(mesh.vertices_w), {}, std::move(mesh.triangles), true});
     }
     state.part = stock_mesh_;
-    state.looks = stock_styles_;
+    state.vertex_styles = stock_styles_;
     return;
   }
   state.part = design_;
-  state.looks.assign(std::size_t(design_->vertices.rows()), raw_style);
+  state.vertex_styles.assign(std::size_t(design_->vertices.rows()), raw_style);
   if (source_.surface == nullptr) return;
   const auto& cut_times_s = source_.surface->cut_time_s;
   for (Eigen::Index i = 0; i < cut_times_s.size(); ++i)
     if (cut_times_s[i] <= time_s)
-      state.looks[std::size_t(i)] = fresh_style;  // false for NaN: never cut
+      state.vertex_styles[std::size_t(i)] = fresh_style;  // false for NaN: never cut
 }
 
 render::FilmState ProgramFilm::state(std::size_t frame) {
@@ -627,13 +627,13 @@ render::FilmState ProgramFilm::state(std::size_t frame) {
     else
       state.T_b.emplace_back(std::nullopt);
   }
-  const program::Samples& samples = of_part(source_.commands, frame_sample.segment).samples;
+  const program::Samples& samples = part_commands(source_.commands, frame_sample.segment).samples;
   state.text = program_text_.line(segment_path(source_, frame_sample.segment)
                                       .blocks[std::size_t(samples.block[frame_sample.sample])]);
   state.values = values(frame_sample, time_s);
   if (!trace_.points.empty()) state.paths = paths(time_s);
   show_part(time_s, state);
-  state.done = end_s() > 0.0 ? time_s / end_s() : 1.0;
+  state.progress = end_s() > 0.0 ? time_s / end_s() : 1.0;
   return state;
 }
 

@@ -29,8 +29,8 @@ struct FilmInterval {
 /// Returns the time interval in which these lines of the main program run, from the start of their
 /// first block to the end of their last one, or that of the whole program without `lines`. Empty if
 /// the lines have no block.
-std::optional<FilmInterval> interval_of_lines(const program::Path& path,
-                                              const std::optional<LineRange>& lines);
+std::optional<FilmInterval> line_time_interval(const program::Path& path,
+                                               const std::optional<LineRange>& lines);
 
 /// Frames of a film.
 struct FilmPlan {
@@ -89,7 +89,7 @@ class ProgramFilm {
   /// @throws BadInput as `job_bodies`, or if an axis leaves a table of the errors
   ProgramFilm(const FilmSource& source, FilmPlan plan, const FilmOptions& options = {});
 
-  const render::FilmSetting& setting() const { return setting_; }
+  const render::FilmSettings& setting() const { return setting_; }
   std::size_t frames() const { return plan_.time_s.size(); }
 
   /// Returns one frame. In a scene with [cutting] frames must be requested in ascending order.
@@ -158,7 +158,7 @@ class ProgramFilm {
   std::optional<StockReplay> stock_;
   std::shared_ptr<const render::FilmMesh> design_, stock_mesh_;
   std::vector<std::uint8_t> stock_styles_;
-  render::FilmSetting setting_;
+  render::FilmSettings setting_;
 };
 
 }  // namespace abbe::sim

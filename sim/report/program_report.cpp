@@ -18,7 +18,7 @@ namespace abbe::sim {
 
 namespace {
 
-using dialects::Use;
+using dialects::WordTreatment;
 using kinematics::Motion;
 using nlohmann::ordered_json;
 using program::AxisFigures;
@@ -41,7 +41,7 @@ const char* axis_unit_name(const kinematics::Joint& joint) {
 /// Returns the maximum speed of an axis, mm/s or rad/s.
 double max_axis_speed(const ProgramInspection& inspection, const kinematics::Joint& joint) {
   return joint.motion == Motion::Linear ? inspection.description.rapid_speed
-                                        : inspection.description.rapid_turn;
+                                        : inspection.description.rapid_rotation_speed;
 }
 
 bool has_limits(const kinematics::Joint& joint) {
@@ -57,7 +57,7 @@ MoveFigures feed_totals(const program::PathFigures& figures) {
     sum.count += moves->count;
     sum.seconds += moves->seconds;
     sum.limited_s += moves->limited_s;
-    sum.way += moves->way;
+    sum.path_length += moves->path_length;
   }
   return sum;
 }
@@ -87,7 +87,7 @@ std::string offsets_text(const ProgramInspection& inspection) {
 
 /// Returns the program line of an extreme value, with the file if it is a subprogram.
 std::string line_reference(const ProgramInspection& inspection, const ValueAtLine& extreme) {
-  return program::line_text(inspection.more_files, extreme.line, extreme.file);
+  return program::line_label(inspection.subprogram_files, extreme.line, extreme.file);
 }
 
 /// Returns the programmed time, and the time if every axis is limited to its maximum speed.
@@ -102,7 +102,7 @@ std::string times_text(const ProgramInspection& inspection) {
       "way       {:.6g} mm at feed, {:.6g} mm at rapid, of the tip in the workpiece\n",
       feed.seconds + figures.rapids.seconds + dwell, feed.seconds, figures.rapids.seconds, dwell,
       feed.limited_s + figures.rapids.limited_s + dwell, feed.limited_s, figures.rapids.limited_s,
-      feed.way, figures.rapids.way);
+      feed.path_length, figures.rapids.path_length);
 }
 
 /// Returns a line with the extents of a box; empty for an empty box. Adding 0.0 turns -0 into 0.
@@ -129,15 +129,17 @@ std::string axes_text(const ProgramInspection& inspection) {
       "\naxis  from          to            travel left   fastest at feed, share of its limit\n";
   for (int j = 0; j < inspection.machine.control.size(); ++j) {
     const AxisFigures& axis = inspection.figures.axes[std::size_t(j)];
-    if (!axis.positioned) continue;
+    if (!axis.has_position) continue;
     const kinematics::Joint& joint = control_joint(inspection, j);
     const double unit = axis_unit(joint);
     const std::string remaining =
-        has_limits(joint) ? fmt::format("{:.5g} {}", axis.left / unit, axis_unit_name(joint)) : "-";
+        has_limits(joint)
+            ? fmt::format("{:.5g} {}", axis.remaining_travel / unit, axis_unit_name(joint))
+            : "-";
     // Adding 0.0 turns -0 into 0.
     text += fmt::format("{:<5} {:<13} {:<13} {:<13} ", joint.name,
-                        fmt::format("{:.7g}", axis.least.value / unit + 0.0),
-                        fmt::format("{:.7g}", axis.most.value / unit + 0.0), remaining);
+                        fmt::format("{:.7g}", axis.lowest.value / unit + 0.0),
+                        fmt::format("{:.7g}", axis.highest.value / unit + 0.0), remaining);
     if (axis.fastest.value > 0)
       text += fmt::format("{:.5g} {}/min, {:.3g} % on {}", axis.fastest.value / unit * 60,
                           axis_unit_name(joint),
@@ -162,9 +164,9 @@ std::string singular_text(const ProgramInspection& inspection) {
     if (control_joint(inspection, j).motion == Motion::Rotary)
       positions += fmt::format(" {} {:.5g}", control_joint(inspection, j).name,
                                pose.q[j] / units::deg + 0.0);
-  return fmt::format("singular  nearest pose {:.4g} deg away, on {}:{} deg\n",
-                     pose.angle / units::deg,
-                     program::line_text(inspection.more_files, pose.line, pose.file), positions);
+  return fmt::format(
+      "singular  nearest pose {:.4g} deg away, on {}:{} deg\n", pose.angle / units::deg,
+      program::line_label(inspection.subprogram_files, pose.line, pose.file), positions);
 }
 
 /// Returns the called tools, the comments of the program on their diameters, and the work offsets.
@@ -193,7 +195,7 @@ std::string tools_text(const ProgramInspection& inspection) {
 }
 
 /// Returns a line with the NC words of one kind of use and their counts.
-std::string words_text(const ProgramInspection& inspection, Use use, const char* name) {
+std::string words_text(const ProgramInspection& inspection, WordTreatment use, const char* name) {
   std::string text;
   for (const dialects::UsedWord& word : inspection.words)
     if (word.use == use) text += fmt::format(" {} {}", word.word, word.count);
@@ -215,7 +217,9 @@ std::string to_text(const ProgramInspection& inspection) {
   const bool by_linuxcnc = inspection.interpreter == dialects::Interpreter::LinuxCnc;
   return fmt::format("program   {}, {} lines, read as {}{}{}\n", escaped(inspection.file.string()),
                      inspection.lines, inspection.dialect,
-                     inspection.sign.empty() ? "" : ", as " + escaped(inspection.sign),
+                     inspection.dialect_evidence.empty()
+                         ? ""
+                         : ", as " + escaped(inspection.dialect_evidence),
                      by_linuxcnc ? ", by LinuxCNC's own interpreter" : "") +
          (inspection.tool_table.empty()
               ? fmt::format("machine   {}, tool length {:.6g} mm\n", inspection.machine_name,
@@ -229,11 +233,11 @@ std::string to_text(const ProgramInspection& inspection) {
              figures.arcs.count,
              figures.cubics.count > 0 ? fmt::format(", {} cubics", figures.cubics.count) : "",
              figures.dwells.count, figures.tip_blocks) +
-         times_text(inspection) + box_text("feed", figures.feed_w) +
-         box_text("all", figures.all_w) + radius_text(inspection) + axes_text(inspection) + "\n" +
-         singular_text(inspection) + tools_text(inspection) +
-         words_text(inspection, Use::Read, "words") +
-         words_text(inspection, Use::WithoutEffect, "ignored") + skipped_text(inspection);
+         times_text(inspection) + box_text("feed", figures.feed_extent_w) +
+         box_text("all", figures.tip_extent_w) + radius_text(inspection) + axes_text(inspection) +
+         "\n" + singular_text(inspection) + tools_text(inspection) +
+         words_text(inspection, WordTreatment::Read, "words") +
+         words_text(inspection, WordTreatment::WithoutEffect, "ignored") + skipped_text(inspection);
 }
 
 namespace {
@@ -242,7 +246,7 @@ ordered_json to_json(const MoveFigures& moves) {
   return {{"count", moves.count},
           {"time_s", moves.seconds},
           {"time_by_axis_limits_s", moves.limited_s},
-          {"way_mm", moves.way}};
+          {"way_mm", moves.path_length}};
 }
 
 /// Returns the extents of a box by axis; null for an empty box.
@@ -258,17 +262,17 @@ ordered_json axes_json(const ProgramInspection& inspection) {
   ordered_json axes;
   for (int j = 0; j < inspection.machine.control.size(); ++j) {
     const AxisFigures& axis = inspection.figures.axes[std::size_t(j)];
-    if (!axis.positioned) continue;
+    if (!axis.has_position) continue;
     const kinematics::Joint& joint = control_joint(inspection, j);
     const double unit = axis_unit(joint);
     ordered_json remaining;
-    if (has_limits(joint)) remaining = axis.left / unit;
+    if (has_limits(joint)) remaining = axis.remaining_travel / unit;
     axes[std::string(1, joint.name)] = {
         {"unit", axis_unit_name(joint)},
-        {"from", axis.least.value / unit + 0.0},
-        {"from_line", axis.least.line},
-        {"to", axis.most.value / unit + 0.0},
-        {"to_line", axis.most.line},
+        {"from", axis.lowest.value / unit + 0.0},
+        {"from_line", axis.lowest.line},
+        {"to", axis.highest.value / unit + 0.0},
+        {"to_line", axis.highest.line},
         {"travel_left", remaining},
         {"fastest_per_min", axis.fastest.value / unit * 60},
         {"fastest_line", axis.fastest.line},
@@ -291,7 +295,7 @@ ordered_json singular_json(const ProgramInspection& inspection) {
 /// Returns the closest approach to a pole, where a rotary axis turns fast; null if there is none.
 ordered_json pole_json(const ProgramInspection& inspection) {
   if (!inspection.figures.pole) return nullptr;
-  const program::NearPole& pole = *inspection.figures.pole;
+  const program::PoleApproach& pole = *inspection.figures.pole;
   return {{"angle_deg", pole.angle / units::deg},
           {"line", pole.line},
           {"axis", std::string(1, control_joint(inspection, pole.axis).name)},
@@ -349,7 +353,7 @@ ordered_json to_json(const ProgramInspection& inspection) {
   return {
       {"program", inspection.file.string()},
       {"dialect", inspection.dialect},
-      {"sign", inspection.sign},
+      {"sign", inspection.dialect_evidence},
       {"interpreter",
        inspection.interpreter == dialects::Interpreter::LinuxCnc ? "linuxcnc" : "abbe"},
       {"control", inspection.turning ? "turning" : "milling"},
@@ -367,10 +371,10 @@ ordered_json to_json(const ProgramInspection& inspection) {
       {"dwells", {{"count", figures.dwells.count}, {"time_s", figures.dwells.seconds}}},
       {"time_s", feed.seconds + figures.rapids.seconds + figures.dwells.seconds},
       {"time_by_axis_limits_s", feed.limited_s + figures.rapids.limited_s + figures.dwells.seconds},
-      {"slowed_moves", figures.slowed},
+      {"slowed_moves", figures.slowed_moves},
       {"tip_mode_blocks", figures.tip_blocks},
-      {"extent_at_feed_mm", to_json(figures.feed_w)},
-      {"extent_mm", to_json(figures.all_w)},
+      {"extent_at_feed_mm", to_json(figures.feed_extent_w)},
+      {"extent_mm", to_json(figures.tip_extent_w)},
       {"radius_at_feed_mm",
        figures.radius_at_feed ? ordered_json(*figures.radius_at_feed) : ordered_json()},
       {"axes", axes_json(inspection)},
@@ -392,27 +396,27 @@ constexpr std::size_t max_pairs = 12;   // in the text
 
 /// Returns line, time and, for a subprogram, the file.
 ordered_json position_json(const ProgramLocation& location,
-                           const std::vector<std::string>& more_files) {
+                           const std::vector<std::string>& subprogram_files) {
   ordered_json json = {{"line", location.line}, {"time_s", location.time_s}};
-  if (location.file > 0) json["file"] = more_files[std::size_t(location.file) - 1];
+  if (location.file > 0) json["file"] = subprogram_files[std::size_t(location.file) - 1];
   return json;
 }
 
 /// Returns a contact or near miss. The depth is null if it was not computed.
-ordered_json event_json(const Collision& event, const std::vector<std::string>& more_files) {
+ordered_json event_json(const Collision& event, const std::vector<std::string>& subprogram_files) {
   ordered_json json = {{"kind", event.contact ? "contact" : "near_miss"},
                        {"a", event.a},
                        {"b", event.b},
                        {"rapid", event.rapid},
-                       {"first", position_json(event.first, more_files)},
-                       {"last", position_json(event.last, more_files)},
+                       {"first", position_json(event.first, subprogram_files)},
+                       {"last", position_json(event.last, subprogram_files)},
                        {"distance_mm", event.distance}};
-  if (!event.contact || event.depths > 0)
-    json[event.contact ? "deepest" : "nearest"] = position_json(event.worst, more_files);
+  if (!event.contact || event.depth_samples > 0)
+    json[event.contact ? "deepest" : "nearest"] = position_json(event.worst, subprogram_files);
   if (event.contact)
-    json["depth_mm"] = event.depths > 0 ? ordered_json(event.depth) : ordered_json();
+    json["depth_mm"] = event.depth_samples > 0 ? ordered_json(event.depth) : ordered_json();
   json["at_bed_mm"] = numbers(event.place_b);
-  json["at_workpiece_mm"] = numbers(event.place_w);
+  json["at_workpiece_mm"] = numbers(event.position_w);
   return json;
 }
 
@@ -458,20 +462,20 @@ ordered_json to_json(const Collisions& collisions) {
     bodies.push_back(
         {{"name", body.name}, {"carried_by", body.carrier}, {"triangles", body.triangles}});
   for (const Collision& event : collisions.list)
-    events.push_back(event_json(event, collisions.more_files));
+    events.push_back(event_json(event, collisions.subprogram_files));
   // A pair that overlaps at the start, such as a carriage and its guide, has no clearance.
   for (const Clearance& pair : collisions.clearances) {
     ordered_json json = {{"a", pair.a}, {"b", pair.b}, {"overlap_at_start", pair.overlap_at_start}};
     if (std::isfinite(pair.distance) && !pair.overlap_at_start) {
       json["clearance_mm"] = pair.distance;
-      json["at"] = position_json(pair.place, collisions.more_files);
+      json["at"] = position_json(pair.place, collisions.subprogram_files);
     }
     json["in_blocks"] = scope_name(pair.in_blocks);
     pairs.push_back(std::move(json));
   }
   for (const BlockClearance& block : collisions.blocks)
     blocks.push_back({block.place.line, block.place.time_s,
-                      block.pair < 0 ? ordered_json() : ordered_json(block.at_least),
+                      block.pair < 0 ? ordered_json() : ordered_json(block.min_clearance),
                       block.pair < 0 ? ordered_json() : ordered_json(block.pair)});
   return {{"case", collisions.commands},
           {"contacts", contacts(collisions)},
@@ -503,7 +507,7 @@ std::string to_text(const Collisions& collisions) {
     const Collision& event = collisions.list[i];
     text += fmt::format("{} {}\n          {} at {} of the workpiece, {} of the bed\n",
                         event.contact ? "COLLISION" : "near miss", event_text(event, collisions),
-                        event.contact ? "first" : "nearest", position_text(event.place_w),
+                        event.contact ? "first" : "nearest", position_text(event.position_w),
                         position_text(event.place_b));
   }
   if (collisions.list.size() > max_events)
@@ -516,10 +520,10 @@ std::string to_text(const Collisions& collisions) {
   if (!nearest.empty()) text += "nearest   ";
   bool is_first = true;
   for (const Clearance& pair : nearest) {
-    text +=
-        fmt::format("{}{:>8.3f} mm  {} - {}, {}\n", is_first ? "" : "          ", pair.distance,
-                    escaped(pair.a), escaped(pair.b),
-                    program::line_text(collisions.more_files, pair.place.line, pair.place.file));
+    text += fmt::format(
+        "{}{:>8.3f} mm  {} - {}, {}\n", is_first ? "" : "          ", pair.distance,
+        escaped(pair.a), escaped(pair.b),
+        program::line_label(collisions.subprogram_files, pair.place.line, pair.place.file));
     is_first = false;
   }
   if (!nearest.empty())

@@ -41,13 +41,13 @@ render::Field difference(render::Field a, const render::Field& b,
                    "other vertices");
   a.deviation_um -= b.deviation_um;
   for (std::size_t i = 0; i < a.status.size(); ++i)
-    a.status[i] = std::uint8_t(
-        cutting::worse(cutting::VertexStatus(a.status[i]), cutting::VertexStatus(b.status[i])));
+    a.status[i] = std::uint8_t(cutting::worse_status(cutting::VertexStatus(a.status[i]),
+                                                     cutting::VertexStatus(b.status[i])));
   // Points inside triangles can be subtracted only if both maps sampled the same points.
-  if (a.sampled_within == b.sampled_within && a.within_um.size() == b.within_um.size()) {
+  if (a.interior_sample == b.interior_sample && a.within_um.size() == b.within_um.size()) {
     a.within_um -= b.within_um;
   } else {
-    a.sampled_within = cutting::Surface::Within::None;
+    a.interior_sample = cutting::Surface::InteriorSample::None;
     a.within_um.resize(0);
   }
   if (a.form_um.size() == b.form_um.size())
@@ -286,7 +286,7 @@ render::MapOptions map_options(const RenderOptions& options, const ResultFacts& 
 /// @throws BadInput if nothing is cut along the line
 LineTexture result_texture(const RenderOptions& options, const std::filesystem::path& source,
                            const render::Field& field, const ResultFacts& facts) {
-  const ProfiledMap map{field.design, field.deviation_um, field.sampled_within, field.within_um};
+  const ProfiledMap map{field.design, field.deviation_um, field.interior_sample, field.within_um};
   std::optional<LineTrace> trace = line_trace(map, parse_profile_line(*options.line));
   if (!trace)
     throw BadInput(source.string(), 0, 0, "a part that is cut along " + *options.line,
@@ -389,7 +389,7 @@ RenderOutcome render_result(const RenderOptions& options) {
   if (picture.tolerance_um.rows() > 0) {
     const auto conformance =
         render::statistics(field, picture.tolerance_um * units::um).conformance;
-    if (conformance) picture.shares = shares(*conformance);
+    if (conformance) picture.percentages = percentages(*conformance);
   }
   picture.field = std::move(field);
   const render::MapOptions map = map_options(options, facts, picture.tolerance_um.rows() > 0);

@@ -33,7 +33,7 @@ struct SaveRequest {
 
 /// Returns the file name of a format.
 std::string map_file_name(const std::string& format) {
-  return format == saved_track ? "track.npz" : "residual." + format;
+  return format == track_format ? "track.npz" : "residual." + format;
 }
 
 /// Returns the facts, the figures of the map, and the list of its files.
@@ -79,7 +79,7 @@ const std::map<std::string, FormatWriter>& format_writers() {
          render::write_residual(
              path,
              {map.design, map.residual_um, map.status, map.cut_time_s, map.cut_line,
-              map.sampled_within, map.within_um, map.form_um, map.tolerance_um},
+              map.interior_sample, map.within_um, map.form_um, map.tolerance_um},
              fact_texts(map.facts));
        });
      }},
@@ -94,7 +94,7 @@ const std::map<std::string, FormatWriter>& format_writers() {
                const SaveRequest& request) { write_file(file, to_npz(request.map)); }},
     {"json", [](const ResultFile& file,
                 const SaveRequest& request) { write_json(file, map_metadata_json(request)); }},
-    {saved_track,
+    {track_format,
      [](const ResultFile& file, const SaveRequest& request) {
        const Job& job = request.job;
        write_file(file,
@@ -109,19 +109,19 @@ const std::map<std::string, FormatWriter>& format_writers() {
 
 std::vector<std::string> map_formats() {
   std::vector<std::string> names;
-  for (const char* name : {"vtp", "ply", "stl", "csv", "npz", "json", saved_track})
+  for (const char* name : {"vtp", "ply", "stl", "csv", "npz", "json", track_format})
     if (format_writers().contains(name)) names.emplace_back(name);
   return names;
 }
 
-std::vector<std::string> usual_map_formats() {
+std::vector<std::string> default_map_formats() {
   return format_writers().contains("vtp") ? std::vector<std::string>{"vtp"}
                                           : std::vector<std::string>{};
 }
 
-Retention retention_for(const std::vector<std::string>& formats) {
-  return std::ranges::find(formats, saved_track) == formats.end() ? Retention::Map
-                                                                  : Retention::Track;
+Retention required_retention(const std::vector<std::string>& formats) {
+  return std::ranges::find(formats, track_format) == formats.end() ? Retention::Map
+                                                                   : Retention::Track;
 }
 
 void write_map_files(const ResultFolder& folder, const Job& job, const Verdict& verdict,
@@ -181,7 +181,7 @@ void write_case(const ResultFolder& folder, const Job& job, const Verdict& verdi
   write_source_pictures(folder, job, verdict);
   write_or_remove(folder / "signals.csv", verdict.cut.signals.columns.empty()
                                               ? ""
-                                              : escaped_lines(to_csv(verdict.cut.signals)));
+                                              : escape_keeping_lines(to_csv(verdict.cut.signals)));
   write_file(folder / "scene.toml",
              "case = " + to_toml_value(verdict.cut.case_name) + "\n" + job.scene.resolved);
   const ResultFile rewritten_file =

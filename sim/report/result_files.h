@@ -11,17 +11,17 @@ namespace abbe::sim {
 
 /// Name of the format of the tool's track, saved as `track.npz`. The cut must have retained the
 /// track.
-inline constexpr const char* saved_track = "track";
+inline constexpr const char* track_format = "track";
 
 /// Returns the formats in which a map can be saved, as `--save` names them; "vtp" only if the
 /// program was built with VTK.
 std::vector<std::string> map_formats();
 
 /// Returns the formats that are saved by default.
-std::vector<std::string> usual_map_formats();
+std::vector<std::string> default_map_formats();
 
 /// Returns the data that must be kept of a cut for these formats.
-Retention retention_for(const std::vector<std::string>& formats);
+Retention required_retention(const std::vector<std::string>& formats);
 
 /// Writes `residual.FORMAT` for each format, and removes the files of other formats that an earlier
 /// run left.

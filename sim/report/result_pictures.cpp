@@ -18,7 +18,7 @@ render::StockField stock_field(const StockCheck& check) {
   render::StockField field;
   field.mesh = check.skin.mesh;
   field.deviation_um = check.part.deviation / units::um;
-  field.largest_um = check.part.largest / units::um;
+  field.largest_um = check.part.max_deviation / units::um;
   for (const cutting::SkinStatus status : check.part.status)
     field.compared.push_back(std::uint8_t(status));
   field.finding = check.findings.number;
@@ -55,7 +55,7 @@ std::string sum_text(const StockCheck& check, FindingKind kind) {
   const cutting::Findings::Sums& sums = check.findings.sums[std::size_t(kind)];
   if (sums.regions == 0) return fmt::format("no {}", name_of(kind));
   return fmt::format("{} {} mm³ in {}", name_of(kind), volume_text(sums.volume),
-                     location_count_text(sums.regions));
+                     place_count_text(sums.regions));
 }
 
 /// Returns the depth of a finding; remaining material is positive.
@@ -100,7 +100,7 @@ render::StockPicture stock_picture(const Job& job, const Verdict& verdict, const
   for (std::size_t i = 0; i < check.findings.list.size(); ++i) {
     const Finding& finding = check.findings.list[i];
     if (mark_count[std::size_t(finding.kind)]++ >= max_marks) continue;
-    picture.marks.push_back({T_mw * finding.place_w,
+    picture.marks.push_back({T_mw * finding.position_w,
                              fmt::format("{}: {}", i + 1, depth_text(finding)), int(finding.kind),
                              int(i) + 1});
   }
@@ -142,7 +142,7 @@ const Collision* first_event(const Collisions& collisions) {
 
 render::MachinePicture collision_picture(const Job& job, const Collisions& collisions,
                                          const Collision& event) {
-  const Job& segment = parts_of(job)[event.part];
+  const Job& segment = job_parts(job)[event.part];
   const std::vector<kinematics::Pose> T = carrier_poses(
       segment.truth.actual, event.state.q, deviations(segment.truth, event.state).joints);
   render::MachinePicture picture;
@@ -166,10 +166,10 @@ render::MachinePicture collision_picture(const Job& job, const Collisions& colli
     body.colour = is_involved ? red : grey;
     body.opacity = is_involved ? 1.0 : 0.35;
     // The close view shows the two bodies and the whole tool.
-    body.close = is_involved || solid.frame == Carriers{segment.truth.actual.size()}.tool();
+    body.in_close_up = is_involved || solid.frame == Carriers{segment.truth.actual.size()}.tool();
     picture.bodies.push_back(std::move(body));
   }
-  const Eigen::Vector3d &w = event.place_w, &b = event.place_b;
+  const Eigen::Vector3d &w = event.position_w, &b = event.place_b;
   picture.caption = {
       fmt::format("{}, case {}; the two in red", event_text(event, collisions),
                   collisions.commands),
@@ -189,7 +189,7 @@ std::vector<int> plotted_pairs(const std::vector<BlockClearance>& blocks) {
       counts_by_pair;  // number of contacts, number of blocks
   for (const BlockClearance& block : blocks) {
     if (block.pair < 0) continue;
-    counts_by_pair[block.pair].first += block.at_least == 0.0;
+    counts_by_pair[block.pair].first += block.min_clearance == 0.0;
     ++counts_by_pair[block.pair].second;
   }
   std::vector<int> pairs;
@@ -210,7 +210,7 @@ render::Series clearance_steps(const std::vector<BlockClearance>& blocks, int pa
     const BlockClearance& block = blocks[std::size_t(i)];
     series.x.segment<2>(2 * i) << block.place.time_s, block.end_s;
     series.y.segment<2>(2 * i).setConstant(
-        block.pair == pair ? block.at_least : std::numeric_limits<double>::quiet_NaN());
+        block.pair == pair ? block.min_clearance : std::numeric_limits<double>::quiet_NaN());
   }
   return series;
 }
@@ -219,7 +219,7 @@ render::Series clearance_steps(const std::vector<BlockClearance>& blocks, int pa
 render::Series contact_points(const std::vector<BlockClearance>& blocks, int pair) {
   std::vector<double> middle;
   for (const BlockClearance& block : blocks)
-    if (block.pair == pair && block.at_least == 0.0)
+    if (block.pair == pair && block.min_clearance == 0.0)
       middle.push_back(0.5 * (block.place.time_s + block.end_s));
   render::Series series;
   series.mark = render::Mark::Points;

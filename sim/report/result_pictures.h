@@ -24,7 +24,7 @@ inline render::Figures figures(const cutting::Statistics& s) {
 }
 
 /// Returns the percentages of the judged area in, over and under the tolerance, and not cut.
-inline render::ToleranceShares shares(const cutting::Conformance& c) {
+inline render::TolerancePercentages percentages(const cutting::Conformance& c) {
   return {c.in, c.over, c.under, c.uncut};
 }
 

@@ -51,7 +51,7 @@ const char* enum_value(identification::Screening screening) {
 
 /// Returns the settings of a method. Settings that its measure does not use are null.
 Json method_json(const SensorChoiceGrade& grade) {
-  const SensorChoiceDescription::Way& method = grade.way;
+  const SensorChoiceDescription::SelectionMethod& method = grade.way;
   const identification::SensorChoiceOptions& options = method.choice;
   if (!options.fixed.empty()) return {{"fixed", true}};
   const bool is_deng = options.similarity_measure == identification::SimilarityMeasure::Grey &&
@@ -122,7 +122,7 @@ Json channel_json(const ChannelGrade& channel, bool with_model) {
   if (with_model) json["training_range"] = channel.training_range / unit;
   if (!channel.fitted.model) return json;
   if (with_model) json["model"] = model_json(channel.fitted, unit);
-  json["in_cycle"] = spread_json(channel.in_cycle, unit);
+  json["in_cycle"] = spread_json(channel.training_residual, unit);
   json["cross_day"] = other_days_json(channel.other_days, unit);
   return json;
 }
@@ -160,7 +160,7 @@ Json choice_spread_json(const SensorChoiceGrade& grade, const std::vector<std::s
   }
   return {{"draws", spread.draws},
           {"start_rows", {0, spread.last_start}},
-          {"same_sensors_percent", 100.0 * spread.same},
+          {"same_sensors_percent", 100.0 * spread.same_fraction},
           {"chosen_percent", chosen},
           {"rank_from_to", ranks}};
 }
@@ -181,12 +181,12 @@ Json strategy_json(const SensorChoiceGrade& grade, const std::vector<std::string
 
 }  // namespace
 
-Json to_json(const ThermalChoice& choice) {
+Json to_json(const ThermalSensorChoice& choice) {
   const SensorChoiceGrade& first_grade = choice.ways.front();
   Json json{
       {"training_day", choice.training_day}, {"rows", choice.rows}, {"sensors", choice.sensors}};
   json.update(choice_json(first_grade.choice, choice.sensors));
-  json["standing_still"] = selected_names(first_grade.choice.still, choice.sensors);
+  json["standing_still"] = selected_names(first_grade.choice.constant_inputs, choice.sensors);
   json["chosen"] = first_grade.chosen;
   if (first_grade.random)
     json["random_choices_rms_over_range"] =
@@ -208,7 +208,7 @@ Json choice_json(const identification::SensorChoice& choice,
   return {{"degree", degree}, {"threshold", choice.threshold}, {"groups", groups}};
 }
 
-std::string name_of(const SensorChoiceDescription::Way& method) {
+std::string name_of(const SensorChoiceDescription::SelectionMethod& method) {
   if (!method.name.empty()) return method.name;
   return fmt::format("{}, {} screening", enum_value(method.choice),
                      enum_value(method.choice.screening));
@@ -231,7 +231,7 @@ std::string start_time_text(const DegreeStart& start) {
 std::string displacement_text(const ChannelGrade& channel) {
   if (!channel.fitted.model || channel.angle) return "";
   std::string text = fmt::format("    {}: {:.3f} um on the day that chose", escaped(channel.name),
-                                 channel.in_cycle.rms / units::um);
+                                 channel.training_residual.rms / units::um);
   for (const DayGrade& day : channel.other_days)
     text += fmt::format(", {:.3f} of {:.1f} um on {}", day.left.rms / units::um,
                         day.drift_range / units::um, escaped(day.day));
@@ -257,7 +257,7 @@ std::string spread_text(const SensorChoiceGrade& grade, const std::vector<std::s
   }
   return fmt::format(
       "    over start rows 0 to {} and noise, {} draws: {}; the same sensors in {:.0f} %\n",
-      spread.last_start, spread.draws, text, 100.0 * spread.same);
+      spread.last_start, spread.draws, text, 100.0 * spread.same_fraction);
 }
 
 /// Returns the results of one method.
@@ -284,7 +284,7 @@ std::string strategy_text(const SensorChoiceGrade& grade, const std::vector<std:
 
 }  // namespace
 
-std::string sensor_choices_text(const ThermalChoice& choice) {
+std::string sensor_choices_text(const ThermalSensorChoice& choice) {
   std::string text = "\nsensors chosen, and RMS of the drift that their model leaves\n";
   for (const SensorChoiceGrade& grade : choice.ways) text += strategy_text(grade, choice.sensors);
   for (const std::string& warning : choice.warnings)
@@ -293,7 +293,7 @@ std::string sensor_choices_text(const ThermalChoice& choice) {
 }
 
 #if ABBE_RENDER
-void write_thermal_picture(const ResultFile& file, const ThermalChoice& choice) {
+void write_thermal_picture(const ResultFile& file, const ThermalSensorChoice& choice) {
   std::vector<render::Panel> panels;
   std::size_t days = 1;
   for (const DriftSeries& drift : choice.series) {
@@ -308,8 +308,8 @@ void write_thermal_picture(const ResultFile& file, const ThermalChoice& choice) 
                      is_training ? "trained" : "never seen"),
          "time / h",
          drift.angle ? "drift / µrad" : "drift / µm",
-         {{"read", drift.hours, drift.read / unit, {}, {}, render::Mark::Line, 1},
-          {"predicted", drift.hours, drift.predicted / unit, {}, {}, render::Mark::Line, 0}},
+         {{"read", drift.hours, drift.read / unit, {}, {}, render::CurveStyle::Line, 1},
+          {"predicted", drift.hours, drift.predicted / unit, {}, {}, render::CurveStyle::Line, 0}},
          {fmt::format("RMS {:.2f} {}", rms, drift.angle ? "µrad" : "µm")}});
   }
   if (panels.empty()) return;
@@ -325,7 +325,7 @@ void write_thermal_picture(const ResultFile& file, const ThermalChoice& choice) 
   });
 }
 #else
-void write_thermal_picture(const ResultFile&, const ThermalChoice&) {}
+void write_thermal_picture(const ResultFile&, const ThermalSensorChoice&) {}
 #endif
 
 }  // namespace abbe::sim

@@ -80,7 +80,7 @@ std::string kind_text(const StockCheck& check, FindingKind kind) {
                : fmt::format("{}: none of a size{}\n", name_of(kind), speckle_text(sums));
   const std::vector<std::size_t> rows = finding_indices(check, kind);
   std::string text = fmt::format("{}: {} mm^3 in {}, {} {}{}\n", name_of(kind),
-                                 volume_text(sums.volume), location_count_text(sums.regions),
+                                 volume_text(sums.volume), place_count_text(sums.regions),
                                  kind == FindingKind::Undercut ? "highest" : "deepest",
                                  finding_text(*deepest_finding(check, kind)), speckle_text(sums));
   if (rows.size() < 2) return text;
@@ -124,7 +124,7 @@ std::vector<std::string> omitted_effects(const Job& job, const Verdict& verdict)
   std::vector<std::string> effects;
   const Process& process = verdict.cut.process;
   const bool is_loaded = std::ranges::any_of(
-      process.steps, [](const ProcessStep& step) { return !step.load.on_tool_t.isZero(0.0); });
+      process.steps, [](const ProcessStep& step) { return !step.load.tool_wrench_t.isZero(0.0); });
   const bool is_compliant = job.truth.compliance && verdict.cut.case_name != "error_free";
   if (process.stock && is_loaded && is_compliant)
     effects.push_back(fmt::format(
@@ -142,7 +142,7 @@ ordered_json finding_json(const Finding& finding, std::size_t number) {
           {"area_mm2", finding.area},
           {"depth_mm", finding.depth},
           {"is_at_least", finding.is_at_least},
-          {"at_mm", numbers(finding.place_w)},
+          {"at_mm", numbers(finding.position_w)},
           {"line", finding.line},
           {"by_crash", finding.by_crash},
           {"extent_mm", {numbers(finding.extent_w.min()), numbers(finding.extent_w.max())}},
@@ -178,12 +178,12 @@ std::string volume_text(double mm3) {
   return mm3 < 1000.0 ? fmt::format("{:.3g}", mm3) : fmt::format("{:.0f}", mm3);
 }
 
-std::string location_count_text(std::size_t count) {
+std::string place_count_text(std::size_t count) {
   return fmt::format("{} {}", count, count == 1 ? "place" : "places");
 }
 
 std::string finding_text(const Finding& finding) {
-  const Eigen::Vector3d& p = finding.place_w;
+  const Eigen::Vector3d& p = finding.position_w;
   return fmt::format(
       "{}{:.3g} mm at ({:.2f}, {:.2f}, {:.2f}) of the workpiece, {}",
       finding.is_at_least ? "at least " : "", finding.depth, p.x(), p.y(), p.z(),
@@ -259,10 +259,9 @@ ordered_json to_json(const StockCheck& check) {
 std::vector<std::string> warnings_of(const StockCheck& check) {
   std::vector<std::string> warnings;
   if (const Finding* gouge = deepest_finding(check, FindingKind::Gouge))
-    warnings.push_back(
-        fmt::format("the machined body is gouged in {}, deepest {}",
-                    location_count_text(finding_sums(check, FindingKind::Gouge).regions),
-                    finding_text(*gouge)));
+    warnings.push_back(fmt::format(
+        "the machined body is gouged in {}, deepest {}",
+        place_count_text(finding_sums(check, FindingKind::Gouge).regions), finding_text(*gouge)));
   const Findings& f = check.findings;
   if (f.compared == 0.0 && f.no_design + f.unresolved > 0.0)
     warnings.push_back(

@@ -37,7 +37,7 @@ const char* name_of(cutting::FindingKind kind);
 std::string volume_text(double mm3);
 
 /// Returns "1 place" or, for example, "4 places".
-std::string location_count_text(std::size_t count);
+std::string place_count_text(std::size_t count);
 
 /// Returns depth, position and program line, such as "0.41 mm at (12.1, -4.0, 80.2), line 120".
 std::string finding_text(const cutting::Finding& finding);

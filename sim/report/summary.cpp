@@ -26,11 +26,11 @@ CaseStatistics case_statistics(const Job& job, const Verdict& verdict) {
   const cutting::Surface& surface = verdict.aligned.surface;
   // The figures of the vertices are reported separately, because the program may have been
   // generated to pass exactly over them.
-  if (surface.sampled_within == cutting::Surface::Within::Random)
-    result.at_vertices =
-        cutting::statistics(cutting::at_vertices(surface), job.design_w, verdict.tolerance);
+  if (surface.interior_sample == cutting::Surface::InteriorSample::Random)
+    result.without_triangle_samples = cutting::statistics(
+        cutting::without_triangle_samples(surface), job.design_w, verdict.tolerance);
   result.machine = verdict.machine;
-  result.form = verdict.form_part;
+  result.form = verdict.form_statistics;
   result.texture = verdict.texture;
   result.form_cutoff = job.scene.part.form_cutoff;
   result.interpolation = verdict.cut.interpolation;
@@ -116,8 +116,8 @@ Summary summary(const Job& job, const Verdict& verdict) {
   s.tolerance = job.scene.part.tolerance;
   s.sampling = job.sampled;
   s.recognised = job.recognised;
-  s.point_left = cut.point_left;
-  s.direction_left = cut.direction_left;
+  s.remaining_point_error = cut.remaining_point_error;
+  s.remaining_direction_error = cut.remaining_direction_error;
   s.facet_error = facet_error(job.design_w);
   s.datum = job.scene.datum.kind;
   s.alignment = job.scene.alignment;
@@ -140,7 +140,7 @@ Summary summary(const Job& job, const Verdict& verdict) {
   return s;
 }
 
-Comparison comparison(const Job& job, const std::vector<Compared>& cases,
+Comparison comparison(const Job& job, const std::vector<ComparedCase>& cases,
                       const std::vector<FailedCase>& failed) {
   Comparison result{job.scene.title,
                     job.scene.seed,
@@ -154,7 +154,7 @@ Comparison comparison(const Job& job, const std::vector<Compared>& cases,
                     failed,
                     {},
                     program_assumptions(job)};
-  for (const Compared& compared : cases) {
+  for (const ComparedCase& compared : cases) {
     const Verdict& verdict = compared.verdict;
     // Warnings that variants share are reported once.
     for (const std::string& warning : compared.job->warnings)
@@ -169,7 +169,7 @@ Comparison comparison(const Job& job, const std::vector<Compared>& cases,
     CaseStatistics& figures = result.cases.back();
     figures.residual_reduction = reduction(before.residual, verdict.residual);
     figures.machine_reduction = reduction(before.machine, verdict.machine);
-    figures.form_reduction = reduction(before.form_part, verdict.form_part);
+    figures.form_reduction = reduction(before.form_statistics, verdict.form_statistics);
     figures.texture_reduction = texture_reduction(before, verdict);
   }
   return result;
@@ -202,11 +202,11 @@ ordered_json tolerance_um(const std::optional<Tolerance>& tolerance) {
 }
 
 /// Returns an extreme point; null if there is none.
-ordered_json point_json(const std::optional<Verdict::Place>& point) {
+ordered_json point_json(const std::optional<Verdict::ExtremePoint>& point) {
   if (!point) return {};
   return {{"residual_um", point->residual / units::um},
-          {"is_bound", point->bound},
-          {"at_mm", numbers(point->at_m)},
+          {"is_bound", point->is_bound},
+          {"at_mm", numbers(point->position_m)},
           {"line", point->line}};
 }
 
@@ -247,7 +247,7 @@ ordered_json vertex_counts(const cutting::Statistics& s) {
 
 /// Returns the numbers of unreached passes and points of a generated program; null if all are
 /// reached.
-ordered_json unreached(const program::Unreached& u) {
+ordered_json unreached(const program::UnreachedPoints& u) {
   if (u.points == 0) return {};
   return {{"passes", u.passes},
           {"broken_passes", u.broken_passes},
@@ -266,13 +266,14 @@ ordered_json cut_json(const CutStatistics& cut) {
   // The mean force is that of the steps with a load.
   return {{"steps", cut.steps},
           {"removed_mm3", total.removed},
-          {"force_max_N", total.force_max},
-          {"force_mean_N", total.loaded > 0 ? ordered_json(total.force_sum / double(total.loaded))
-                                            : ordered_json()},
-          {"torque_max_Nm", total.torque_max * 1e-3},
-          {"power_max_W", total.power_max_W},
-          {"iterations_max", total.iterations_max},
-          {"contraction_max", total.contraction_max},
+          {"force_max_N", total.max_force},
+          {"force_mean_N", total.loaded_steps > 0
+                               ? ordered_json(total.force_sum / double(total.loaded_steps))
+                               : ordered_json()},
+          {"torque_max_Nm", total.max_torque * 1e-3},
+          {"power_max_W", total.max_power_W},
+          {"iterations_max", total.max_iterations},
+          {"contraction_max", total.max_contraction},
           {"not_converged", total.open},
           {"crash_lines", cut.crash_lines}};
 }
@@ -285,7 +286,7 @@ ordered_json alignment_json(const Summary::RemovedAlignment& alignment) {
 }
 
 /// Returns the height parameters of ISO 25178-2 for wavelengths below the cut-off.
-ordered_json texture_um(const std::optional<errors::metrology::Areal>& t) {
+ordered_json texture_um(const std::optional<errors::metrology::ArealParameters>& t) {
   if (!t) return {};
   return {{"Sa", t->Sa / units::um}, {"Sq", t->Sq / units::um}, {"Sz", t->Sz / units::um},
           {"Sp", t->Sp / units::um}, {"Sv", t->Sv / units::um}, {"Ssk", number(t->Ssk)},
@@ -306,8 +307,8 @@ ordered_json interpolation(const std::optional<cutting::InterpolationError>& err
 /// Returns the deviation of the actual path from the chords between samples, along which the tool
 /// cuts.
 ordered_json chord_error(const ChordError& error) {
-  if (error.looked_at == 0) return {};
-  return {{"intervals", error.looked_at},
+  if (error.interval_count == 0) return {};
+  return {{"intervals", error.interval_count},
           {"max_nm", error.max / units::nm},
           {"rms_nm", error.rms / units::nm},
           {"line", error.line},
@@ -325,7 +326,7 @@ ordered_json sampling(const SampledSurface& sampled) {
           {"unmeant_area_mm2", sampled.excluded_area.area()},
           {"unreached_area_mm2", sampled.excluded_area.unreached},
           {"corner_area_mm2", sampled.excluded_area.corner},
-          {"run_out_area_mm2", sampled.excluded_area.lead_out}};
+          {"run_out_area_mm2", sampled.excluded_area.lead_out_area}};
 }
 
 /// Returns the analytic surfaces that were recognised as faces of a mesh, with their deviations.
@@ -363,7 +364,7 @@ ordered_json reduction_percent(const CaseStatistics& figures) {
 ordered_json case_json(const CaseStatistics& figures) {
   ordered_json json = {{"name", figures.name},
                        {"residual_um", statistics_um(figures.residual)},
-                       {"at_vertices_um", statistics_um(figures.at_vertices)},
+                       {"at_vertices_um", statistics_um(figures.without_triangle_samples)},
                        {"machine_um", statistics_um(figures.machine)},
                        {"form_cutoff_mm", figures.form_cutoff},
                        {"form_um", statistics_um(figures.form)},
@@ -402,8 +403,8 @@ std::string residual_line(const CaseStatistics& figures) {
 
 /// Returns a row for the vertices alone; empty if the map has no random points between them.
 std::string vertices_line(const CaseStatistics& figures) {
-  if (!figures.at_vertices) return {};
-  const cutting::Statistics& s = *figures.at_vertices;
+  if (!figures.without_triangle_samples) return {};
+  const cutting::Statistics& s = *figures.without_triangle_samples;
   return fmt::format("{:<36} {:>12} {:>12} {:>12} {:>12}\n",
                      fmt::format("  at its {} vertices alone", s.vertices - s.outside_vertices),
                      um_text(s.pv), um_text(s.rms), um_text(s.min), um_text(s.max));
@@ -418,15 +419,16 @@ std::string form_texture_table(const std::vector<CaseStatistics>& cases) {
       fmt::format("{:<36} {:>12} {:>12} {:>12} {:>12} {:>12} {:>10}\n", "form and texture in um",
                   "form PV", "form RMS", "texture Sa", "Sq", "Sz", "cut-off mm");
   for (const CaseStatistics& figures : cases) {
-    const auto texture_um_text = [&](double errors::metrology::Areal::*figure) {
+    const auto texture_um_text = [&](double errors::metrology::ArealParameters::*figure) {
       return figures.texture ? um_text((*figures.texture).*figure) : "-";
     };
-    using errors::metrology::Areal;
+    using errors::metrology::ArealParameters;
     text +=
         fmt::format("{:<36} {:>12} {:>12} {:>12} {:>12} {:>12} {:>10.4g}", escaped(figures.name),
                     figures.form ? um_text(figures.form->pv) : "-",
-                    figures.form ? um_text(figures.form->rms) : "-", texture_um_text(&Areal::Sa),
-                    texture_um_text(&Areal::Sq), texture_um_text(&Areal::Sz), figures.form_cutoff);
+                    figures.form ? um_text(figures.form->rms) : "-",
+                    texture_um_text(&ArealParameters::Sa), texture_um_text(&ArealParameters::Sq),
+                    texture_um_text(&ArealParameters::Sz), figures.form_cutoff);
     if (figures.form_reduction && figures.form_reduction->rms)
       text += fmt::format("   form RMS {:+.2f} %", -*figures.form_reduction->rms);
     if (figures.texture_reduction && figures.texture_reduction->Sq)
@@ -438,7 +440,7 @@ std::string form_texture_table(const std::vector<CaseStatistics>& cases) {
 
 /// Returns a line on the passes of a generated program that the machine does not reach; empty if
 /// all are reached.
-std::string unreached_line(const program::Unreached& u) {
+std::string unreached_line(const program::UnreachedPoints& u) {
   if (u.points == 0) return {};
   return fmt::format("not reached by the machine: {} of {} passes, parts of {}\n", u.passes,
                      u.all_passes, u.broken_passes);
@@ -476,7 +478,7 @@ ordered_json wear_json(const std::vector<WornTool>& tools) {
         {{"tool", worn.tool},
          {"assumed", "linear in what it cuts at feed; stock and force of a fresh cutter"},
          {"cut_min", worn.use.time_s / 60.0},
-         {"way_mm", worn.use.way},
+         {"way_mm", worn.use.distance},
          {"radius_lost_um", worn.radius / units::um},
          {"length_lost_um", worn.length / units::um},
          {"followed_within_nm", worn.within / units::nm}});
@@ -498,7 +500,7 @@ ordered_json to_json(const Summary& s) {
       {"samples", s.samples},
       {"unreached", unreached(s.unreached)},
       {"residual_um", statistics_um(s.figures.residual)},
-      {"at_vertices_um", statistics_um(s.figures.at_vertices)},
+      {"at_vertices_um", statistics_um(s.figures.without_triangle_samples)},
       {"machine_um", statistics_um(s.figures.machine)},
       {"form_cutoff_mm", s.figures.form_cutoff},
       {"form_um", statistics_um(s.figures.form)},
@@ -513,8 +515,8 @@ ordered_json to_json(const Summary& s) {
       {"lowest", point_json(s.figures.lowest)},
       {"tolerance_um", tolerance_um(s.tolerance)},
       {"conformance", conformance(s.figures)},
-      {"point_left_um", s.point_left / units::um},
-      {"direction_left_urad", s.direction_left / units::urad},
+      {"point_left_um", s.remaining_point_error / units::um},
+      {"direction_left_urad", s.remaining_direction_error / units::urad},
       {"facet_error_um", s.facet_error ? spread(*s.facet_error, units::um) : ordered_json()},
       {"datum", name_of(s.datum)},
       {"alignment", name_of(s.alignment)},

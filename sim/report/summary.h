@@ -16,17 +16,18 @@ namespace abbe::sim {
 struct CaseStatistics {
   std::string name;
   cutting::Statistics residual;
-  std::optional<cutting::Statistics> at_vertices;   ///< of the vertices alone, if the map also has
-                                                    ///< random points between them
-  std::optional<cutting::Statistics> machine;       ///< of the residual minus the error-free map
-  std::optional<cutting::Statistics> form;          ///< of the residual through the areal filter
-  std::optional<errors::metrology::Areal> texture;  ///< of the residual minus its form
-  double form_cutoff = 0.0;                         ///< mm, cut-off of the areal filter
+  std::optional<cutting::Statistics>
+      without_triangle_samples;                ///< of the vertices alone, if the map also has
+                                               ///< random points between them
+  std::optional<cutting::Statistics> machine;  ///< of the residual minus the error-free map
+  std::optional<cutting::Statistics> form;     ///< of the residual through the areal filter
+  std::optional<errors::metrology::ArealParameters> texture;  ///< of the residual minus its form
+  double form_cutoff = 0.0;                                   ///< mm, cut-off of the areal filter
   std::optional<cutting::InterpolationError> interpolation;
   Spread tip_error;        ///< mm
   Spread direction_error;  ///< rad
   ChordError chord_error;
-  std::optional<Verdict::Place> highest, lowest, worst;  ///< as in Verdict
+  std::optional<Verdict::ExtremePoint> highest, lowest, worst;  ///< as in Verdict
   /// Reductions of figures in percent; empty if the uncompensated figure is zero or missing.
   struct Reduction {
     std::optional<double> pv, rms;
@@ -52,14 +53,15 @@ struct Summary {
   std::uint64_t seed = 0;
   int moves = 0;
   std::size_t samples = 0;
-  program::Unreached unreached;
+  program::UnreachedPoints unreached;
   CaseStatistics figures;
   std::optional<Tolerance> tolerance;              ///< of the part, if no region has its own
   std::vector<cutting::AnalyticPatch> recognised;  ///< faces recognised in a mesh
   std::optional<SampledSurface> sampling;          ///< choice of the judged points
-  double point_left = 0.0;  ///< mm, largest error that the compensator knew it could not correct
-  double direction_left = 0.0;        ///< rad, the same for the direction
-  std::optional<Spread> facet_error;  ///< mm, of the design's own mesh; empty if there is none
+  double remaining_point_error =
+      0.0;  ///< mm, largest error that the compensator knew it could not correct
+  double remaining_direction_error = 0.0;  ///< rad, the same for the direction
+  std::optional<Spread> facet_error;       ///< mm, of the design's own mesh; empty if there is none
   DatumDescription::Kind datum = {};
   Alignment alignment = {};
   ViewDescription view;  ///< for the pictures
@@ -100,7 +102,7 @@ struct Comparison {
   std::uint64_t seed = 0;
   Eigen::Index vertices = 0;
   int moves = 0;
-  program::Unreached unreached;
+  program::UnreachedPoints unreached;
   DatumDescription::Kind datum = {};
   Alignment alignment = {};
   std::optional<Tolerance> tolerance;
@@ -110,7 +112,7 @@ struct Comparison {
   std::vector<program::Assumption> assumptions;
 };
 /// Compares all cases.
-Comparison comparison(const Job& job, const std::vector<Compared>& cases,
+Comparison comparison(const Job& job, const std::vector<ComparedCase>& cases,
                       const std::vector<FailedCase>& failed = {});
 
 /// Return `summary.json` of a case and `comparison.json` of all cases. Their keys are stable, so

@@ -21,20 +21,19 @@ namespace {
 
 /// Returns the texture parameters of the residual minus its form. Vertices and sampled points are
 /// weighted by the area that they represent. Empty if nothing is cut.
-std::optional<errors::metrology::Areal> areal_texture(const cutting::Design& design,
-                                                      const cutting::Surface& surface,
-                                                      const Eigen::VectorXd& filtered) {
+std::optional<errors::metrology::ArealParameters> areal_texture(const cutting::Design& design,
+                                                                const cutting::Surface& surface,
+                                                                const Eigen::VectorXd& form_map) {
   const cutting::Weights weights = cutting::weights(surface, design);
   std::vector<double> texture, area;
-  for (Eigen::Index i = 0; i < filtered.size(); ++i) {
-    if (!std::isfinite(filtered[i])) continue;
-    texture.push_back(surface.residual[i] - filtered[i]);
+  for (Eigen::Index i = 0; i < form_map.size(); ++i) {
+    if (!std::isfinite(form_map[i])) continue;
+    texture.push_back(surface.residual[i] - form_map[i]);
     area.push_back(weights.vertex[i]);
   }
   Eigen::VectorXd within = surface.within;
   tbb::parallel_for(Eigen::Index(0), within.size(), [&](Eigen::Index t) {
-    within[t] -=
-        cutting::value_at_place_within(surface.sampled_within, filtered, design.triangles, t);
+    within[t] -= cutting::value_at_sample(surface.interior_sample, form_map, design.triangles, t);
   });
   for (Eigen::Index t = 0; t < weights.within.size(); ++t) {
     if (!(weights.within[t] > 0.0)) continue;
@@ -53,17 +52,17 @@ std::optional<errors::metrology::Areal> areal_texture(const cutting::Design& des
 FormTextureSplit split_form_texture(const Job& job, const cutting::Surface& surface,
                                     const cutting::ToleranceBands& tolerance) {
   FormTextureSplit split;
-  split.filtered = cutting::gaussian_form(job.design_w, surface, job.scene.part.form_cutoff);
+  split.form_map = cutting::gaussian_form(job.design_w, surface, job.scene.part.form_cutoff);
   cutting::Surface form = surface;
-  form.residual = split.filtered;
-  form.sampled_within = cutting::Surface::Within::None;
+  form.residual = split.form_map;
+  form.interior_sample = cutting::Surface::InteriorSample::None;
   form.within.resize(0);  // the form is smooth, so its vertices suffice
   split.form = cutting::statistics(form, job.design_w, tolerance);
   // With too few random points the filter compares each with distant ones, so that their texture
   // would be meaningless.
-  if (surface.sampled_within != cutting::Surface::Within::Random ||
+  if (surface.interior_sample != cutting::Surface::InteriorSample::Random ||
       cutting::resolves_form(job.design_w, job.scene.part.form_cutoff))
-    split.texture = areal_texture(job.design_w, surface, split.filtered);
+    split.texture = areal_texture(job.design_w, surface, split.form_map);
   return split;
 }
 
@@ -71,25 +70,26 @@ namespace {
 
 /// Returns a vertex in the part frame. If it is gouged, its residual is the negative depth of the
 /// gouge.
-Verdict::Place vertex_point(const Job& job, const cutting::Surface& surface, int vertex) {
+Verdict::ExtremePoint vertex_point(const Job& job, const cutting::Surface& surface, int vertex) {
   const Eigen::Vector3d p_w = job.design_w.vertices.row(vertex);
-  Verdict::Place point{surface.residual[vertex], job.scene.part.T_wm.inverse() * p_w,
-                       surface.cut_line[std::size_t(vertex)], false};
+  Verdict::ExtremePoint point{surface.residual[vertex], job.scene.part.T_wm.inverse() * p_w,
+                              surface.cut_line[std::size_t(vertex)], false};
   for (const cutting::Gouge& gouge : surface.gouges) {
     if (gouge.vertex != vertex) continue;
     point.residual = -gouge.depth;
-    point.bound = gouge.deeper;
+    point.is_bound = gouge.deeper;
   }
   return point;
 }
 
 /// Returns the sampled point of a triangle in the part frame. Its program line is that of the
 /// nearest corner.
-Verdict::Place triangle_point(const Job& job, const cutting::Surface& surface, int triangle) {
+Verdict::ExtremePoint triangle_point(const Job& job, const cutting::Surface& surface,
+                                     int triangle) {
   const cutting::Triangles& triangles = job.design_w.triangles;
-  const Eigen::Vector3d p_w = cutting::value_at_place_within(
-      surface.sampled_within, job.design_w.vertices, triangles, triangle);
-  const auto weights = cutting::place_within(surface.sampled_within, triangle);
+  const Eigen::Vector3d p_w =
+      cutting::value_at_sample(surface.interior_sample, job.design_w.vertices, triangles, triangle);
+  const auto weights = cutting::sample_weights(surface.interior_sample, triangle);
   const auto nearest = std::max_element(weights.begin(), weights.end()) - weights.begin();
   const int corner = triangles(triangle, nearest);
   return {surface.within[triangle], job.scene.part.T_wm.inverse() * p_w,
@@ -97,8 +97,8 @@ Verdict::Place triangle_point(const Job& job, const cutting::Surface& surface, i
 }
 
 /// Returns the vertex or sampled point of a sample in the part frame.
-Verdict::Place sample_point(const Job& job, const cutting::Surface& surface,
-                            const cutting::SampleValue& sample) {
+Verdict::ExtremePoint sample_point(const Job& job, const cutting::Surface& surface,
+                                   const cutting::SampleValue& sample) {
   return sample.vertex >= 0 ? vertex_point(job, surface, sample.vertex)
                             : triangle_point(job, surface, sample.triangle);
 }
@@ -175,7 +175,8 @@ std::vector<Verdict::Ring> ring_results(const Job& job, const cutting::Surface& 
       add(part.vertices(v, 2), weights.vertex[v], radius(v, surface.residual[v]));
     for (Eigen::Index t = 0; t < weights.within.size(); ++t) {
       if (!(weights.within[t] > 0.0)) continue;
-      const std::array<double, 3> corner_weights = cutting::place_within(surface.sampled_within, t);
+      const std::array<double, 3> corner_weights =
+          cutting::sample_weights(surface.interior_sample, t);
       double along = 0.0, mean = 0.0;
       for (std::size_t k = 0; k < 3; ++k) {
         const Eigen::Index v = part.triangles(t, Eigen::Index(k));
@@ -223,8 +224,8 @@ Verdict judge(const Job& job, Cut cut, const Verdict* error_free) {
   verdict.residual = cutting::statistics(verdict.aligned.surface, job.design_w, verdict.tolerance);
   find_extremes(job, verdict);
   FormTextureSplit split = split_form_texture(job, verdict.aligned.surface, verdict.tolerance);
-  verdict.filtered = std::move(split.filtered);
-  verdict.form_part = std::move(split.form);
+  verdict.form_map = std::move(split.form_map);
+  verdict.form_statistics = std::move(split.form);
   verdict.texture = split.texture;
   if (error_free != nullptr) {
     verdict.machine = cutting::statistics(
@@ -244,14 +245,15 @@ Verdict judge(const Job& job, Cut cut, const Verdict* error_free) {
 }
 
 std::string tolerance_verdict(const std::optional<cutting::Conformance>& conformance,
-                              const std::optional<Verdict::Place>& worst) {
+                              const std::optional<Verdict::ExtremePoint>& worst) {
   if (!conformance) return {};
   if (conformance->passes()) return "PASS";
   if (!worst)
     return fmt::format("FAIL: {:.2g} % of the judged area is not cut", conformance->uncut);
   return fmt::format("FAIL by {}{:.4g} um at ({:.1f}, {:.1f}, {:.1f}) of the part, line {}",
-                     worst->bound ? "more than " : "", conformance->excess / units::um,
-                     worst->at_m.x(), worst->at_m.y(), worst->at_m.z(), worst->line);
+                     worst->is_bound ? "more than " : "", conformance->excess / units::um,
+                     worst->position_m.x(), worst->position_m.y(), worst->position_m.z(),
+                     worst->line);
 }
 
 std::vector<std::string> exceeded_limits(const Limits& limits, const Verdict& verdict) {
@@ -285,16 +287,16 @@ std::vector<std::string> exceeded_limits(const Limits& limits, const Verdict& ve
   check("RMS", limits.rms_um, s.rms);
   check("largest deviation", limits.max_abs_um,
         s.min && s.max ? std::optional(std::max(-*s.min, *s.max)) : std::nullopt);
-  using errors::metrology::Areal;
-  const auto texture_figure = [&](double Areal::*figure) {
+  using errors::metrology::ArealParameters;
+  const auto texture_figure = [&](double ArealParameters::*figure) {
     return verdict.texture ? std::optional((*verdict.texture).*figure) : std::nullopt;
   };
-  const cutting::Statistics form = verdict.form_part.value_or(cutting::Statistics{});
+  const cutting::Statistics form = verdict.form_statistics.value_or(cutting::Statistics{});
   check("PV of form", limits.form_pv_um, form.pv);
   check("RMS of form", limits.form_rms_um, form.rms);
-  check("Sa of texture", limits.texture_sa_um, texture_figure(&Areal::Sa));
-  check("Sq of texture", limits.texture_sq_um, texture_figure(&Areal::Sq));
-  check("Sz of texture", limits.texture_sz_um, texture_figure(&Areal::Sz));
+  check("Sa of texture", limits.texture_sa_um, texture_figure(&ArealParameters::Sa));
+  check("Sq of texture", limits.texture_sq_um, texture_figure(&ArealParameters::Sq));
+  check("Sz of texture", limits.texture_sz_um, texture_figure(&ArealParameters::Sz));
   const std::string conformance = tolerance_verdict(s.conformance, verdict.worst);
   if (limits.tolerance && !(s.conformance && s.conformance->passes()))
     messages.push_back(

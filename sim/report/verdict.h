@@ -18,11 +18,12 @@ namespace abbe::sim {
 
 /// A map split into form and texture by the areal filter with the part's cut-off.
 struct FormTextureSplit {
-  Eigen::VectorXd filtered;                         ///< (n) mm, NaN where not cut
-  cutting::Statistics form;                         ///< of `filtered`
-  std::optional<errors::metrology::Areal> texture;  ///< of the map minus `filtered`, about its
-                                                    ///< mean; empty if nothing is cut, or if there
-                                                    ///< are too few random points for the filter
+  Eigen::VectorXd form_map;  ///< (n) mm, NaN where not cut
+  cutting::Statistics form;  ///< of `form_map`
+  std::optional<errors::metrology::ArealParameters>
+      texture;  ///< of the map minus `form_map`, about its
+                ///< mean; empty if nothing is cut, or if there
+                ///< are too few random points for the filter
 };
 
 /// Splits a map into form and texture.
@@ -41,10 +42,11 @@ struct Verdict {
   cutting::Statistics residual;           ///< of the aligned map
   std::vector<cutting::FormNumber> form;  ///< form deviations if the design is an analytic surface
   Eigen::VectorXd
-      filtered;  ///< (n) mm, the aligned map through the areal filter; NaN where not cut
-  std::optional<cutting::Statistics> form_part;     ///< of `filtered`
-  std::optional<errors::metrology::Areal> texture;  ///< of the map minus `filtered`, about its mean
-  std::optional<cutting::Statistics> machine;       ///< of the map minus the error-free map
+      form_map;  ///< (n) mm, the aligned map through the areal filter; NaN where not cut
+  std::optional<cutting::Statistics> form_statistics;  ///< of `form_map`
+  std::optional<errors::metrology::ArealParameters>
+      texture;                                 ///< of the map minus `form_map`, about its mean
+  std::optional<cutting::Statistics> machine;  ///< of the map minus the error-free map
   /// A ring of the part.
   struct Ring {
     std::string name;
@@ -53,14 +55,14 @@ struct Verdict {
   std::vector<Ring> rings;
   cutting::ToleranceBands tolerance;  ///< mm, of each vertex; no rows if there is none
   /// A point of the part with an extreme residual.
-  struct Place {
-    double residual = 0.0;                           ///< mm
-    Eigen::Vector3d at_m = Eigen::Vector3d::Zero();  ///< mm, position in the part frame
-    int line = 0;                                    ///< line of the program that cut it
-    bool bound = false;  ///< the true gouge is deeper: it exceeds the searched band
+  struct ExtremePoint {
+    double residual = 0.0;                                 ///< mm
+    Eigen::Vector3d position_m = Eigen::Vector3d::Zero();  ///< mm, position in the part frame
+    int line = 0;                                          ///< line of the program that cut it
+    bool is_bound = false;  ///< the true gouge is deeper: it exceeds the searched band
   };
-  std::optional<Place> highest, lowest;  ///< including gouges
-  std::optional<Place> worst;            ///< farthest outside its tolerance
+  std::optional<ExtremePoint> highest, lowest;  ///< including gouges
+  std::optional<ExtremePoint> worst;            ///< farthest outside its tolerance
   /// Comparison of the machined body with the design; null if no stock is tracked, or if it was not
   /// requested.
   std::shared_ptr<const StockCheck> stock = {};
@@ -75,13 +77,13 @@ Verdict judge(const Job& job, Cut cut, const Verdict* error_free);
 /// failure, "FAIL: 2.1 % of the judged area is not cut"; empty without a tolerance or a judged
 /// area.
 std::string tolerance_verdict(const std::optional<cutting::Conformance>& conformance,
-                              const std::optional<Verdict::Place>& worst);
+                              const std::optional<Verdict::ExtremePoint>& worst);
 
 /// Returns a message for each acceptance limit of the scene that a case exceeds.
 std::vector<std::string> exceeded_limits(const Limits& limits, const Verdict& verdict);
 
 /// A case of a comparison.
-struct Compared {
+struct ComparedCase {
   Verdict verdict;
   const Job* job = nullptr;                  ///< job of the scene, or of the variant of the case
   std::optional<std::size_t> uncompensated;  ///< index of the uncompensated case of its variant

@@ -20,7 +20,7 @@ Fields<MeshFile> mesh_file_fields(const KeyName& file) {
       .word("unit", &MeshFile::unit,
             {{"mm", 1.0}, {"inch", units::inch}, {"cm", 10.0}, {"m", 1000.0}, {"um", units::um}},
             "of the numbers in the mesh")
-      .boolean("any_size", &MeshFile::any_size,
+      .boolean("any_size", &MeshFile::is_size_intended,
                "of a mesh: its size is meant, however small or large; else one below 1 mm, or that "
                "does not fit the travel or the program, is doubted")
       .check([](TableReader& reader, MeshFile& mesh) {
@@ -29,7 +29,7 @@ Fields<MeshFile> mesh_file_fields(const KeyName& file) {
         if (const Node* file = reader.node().find("file")) mesh.place = file->place;
         std::error_code error_code;
         if (!mesh.file.empty() && !std::filesystem::is_regular_file(mesh.file, error_code))
-          reader.refuse("file", "a file that can be read", missing_file_text(mesh.file));
+          reader.report_invalid("file", "a file that can be read", missing_file_text(mesh.file));
       });
 }
 
@@ -47,14 +47,14 @@ void read_size(TableReader& reader, BoxShape& box) {
       reader.has("size_mm") && reader.input_errors().list().size() == error_count;
   // The negated comparison also rejects NaN.
   if (is_vector && !(box.size.minCoeff() > 0.0 && box.size.maxCoeff() <= body_size.max))
-    reader.refuse("size_mm",
-                  fmt::format("three sizes above 0 and up to {:g} mm for size_mm", body_size.max),
-                  fmt::format("{:g}, {:g}, {:g}", box.size.x(), box.size.y(), box.size.z()));
+    reader.report_invalid(
+        "size_mm", fmt::format("three sizes above 0 and up to {:g} mm for size_mm", body_size.max),
+        fmt::format("{:g}, {:g}, {:g}", box.size.x(), box.size.y(), box.size.z()));
 }
 
 Fields<BoxShape> box_shape_fields() {
-  return Fields<BoxShape>().custom(
-      {make_numbers_key(must("size_mm"), 3, "along its own x y z, above 0")}, read_size,
+  return Fields<BoxShape>().custom_field(
+      {make_numbers_key(required_key("size_mm"), 3, "along its own x y z, above 0")}, read_size,
       [](const BoxShape& box, Node::Table& table) {
         put_numbers(table, "size_mm", box.size, 1.0);
       });
@@ -62,26 +62,28 @@ Fields<BoxShape> box_shape_fields() {
 
 Fields<CylinderShape> cylinder_shape_fields() {
   return Fields<CylinderShape>()
-      .number(must("radius_mm"), &CylinderShape::radius, body_size, "about its own z")
-      .number(must("height_mm"), &CylinderShape::height, body_size, "from its own z = 0 up");
+      .number(required_key("radius_mm"), &CylinderShape::radius, body_size, "about its own z")
+      .number(required_key("height_mm"), &CylinderShape::height, body_size,
+              "from its own z = 0 up");
 }
 
 Fields<ConeShape> cone_shape_fields() {
   const Range radius{0.0, body_size.max};
   return Fields<ConeShape>()
-      .number(must("radius_below_mm"), &ConeShape::radius_below, radius, "about its own z, at 0")
-      .number(must("radius_above_mm"), &ConeShape::radius_above, radius, "at its upper end")
-      .number(must("height_mm"), &ConeShape::height, body_size, "from its own z = 0 up")
+      .number(required_key("radius_below_mm"), &ConeShape::radius_below, radius,
+              "about its own z, at 0")
+      .number(required_key("radius_above_mm"), &ConeShape::radius_above, radius, "at its upper end")
+      .number(required_key("height_mm"), &ConeShape::height, body_size, "from its own z = 0 up")
       .check([](TableReader& reader, ConeShape& cone) {
         // A cone with both radii zero encloses no volume; one zero radius makes a valid tip.
         if (reader.has("radius_below_mm") && reader.has("radius_above_mm") &&
             !(cone.radius_below + cone.radius_above > 0.0))
-          reader.refuse("radius_above_mm", "one radius above 0 of a cone", "two of 0");
+          reader.report_invalid("radius_above_mm", "one radius above 0 of a cone", "two of 0");
       });
 }
 
 Fields<SphereShape> sphere_fields() {
-  return Fields<SphereShape>().number(must("radius_mm"), &SphereShape::radius, body_size,
+  return Fields<SphereShape>().number(required_key("radius_mm"), &SphereShape::radius, body_size,
                                       "about its middle");
 }
 
@@ -90,12 +92,13 @@ Eigen::MatrixX2d read_points(TableReader& reader, const char* first_key, const c
   constexpr Eigen::Index max_points = 10000;
   const auto x = reader.maybe_numbers(first_key), y = reader.maybe_numbers(second_key);
   // Both keys are tested before the function returns, so that one run reports both.
-  if (!reader.has(first_key)) reader.missing(first_key, "a list of numbers");
-  if (!reader.has(second_key)) reader.missing(second_key, "a list of numbers");
+  if (!reader.has(first_key)) reader.report_missing(first_key, "a list of numbers");
+  if (!reader.has(second_key)) reader.report_missing(second_key, "a list of numbers");
   if (!x || !y) return Eigen::MatrixX2d(0, 2);
   if (x->size() != y->size() || x->size() < 2 || x->size() > max_points) {
-    reader.refuse(second_key, fmt::format("as many numbers as {}, 2 to {}", first_key, max_points),
-                  fmt::format("{} and {}", x->size(), y->size()));
+    reader.report_invalid(second_key,
+                          fmt::format("as many numbers as {}, 2 to {}", first_key, max_points),
+                          fmt::format("{} and {}", x->size(), y->size()));
     return Eigen::MatrixX2d(0, 2);
   }
   Eigen::MatrixX2d points(x->size(), 2);
@@ -111,17 +114,17 @@ Fields<Eigen::MatrixX2d> point_fields(
     const char* second_sentence,
     const std::function<std::string(const Eigen::MatrixX2d&)>& validate) {
   return Fields<Eigen::MatrixX2d>(Eigen::MatrixX2d(0, 2))
-      .custom(
-          {make_numbers_key(must(first_key), 0, first_sentence),
-           make_numbers_key(must(second_key), 0, second_sentence)},
+      .custom_field(
+          {make_numbers_key(required_key(first_key), 0, first_sentence),
+           make_numbers_key(required_key(second_key), 0, second_sentence)},
           [=](TableReader& reader, Eigen::MatrixX2d& points) {
             points = read_points(reader, first_key, second_key);
             // An empty matrix means that read_points() has already reported the error.
             if (points.rows() == 0) return;
             if (const std::string message = validate(points); !message.empty())
-              reader.refuse(second_key,
-                            fmt::format("{} and {} that make a body", first_key, second_key),
-                            message);
+              reader.report_invalid(
+                  second_key, fmt::format("{} and {} that make a body", first_key, second_key),
+                  message);
           },
           [=](const Eigen::MatrixX2d& points, Node::Table& table) {
             if (points.rows() == 0) return;
@@ -162,21 +165,22 @@ std::string outline_error(const Eigen::MatrixX2d& outline) {
 }
 
 Fields<RevolvedShape> revolved_fields() {
-  return Fields<RevolvedShape>().all_of(&RevolvedShape::profile,
-                                        profile_fields("from its own z = 0"));
+  return Fields<RevolvedShape>().include_fields(&RevolvedShape::profile,
+                                                profile_fields("from its own z = 0"));
 }
 
 Fields<ExtrudedShape> extruded_fields() {
   return Fields<ExtrudedShape>()
-      .all_of(&ExtrudedShape::outline,
-              point_fields("x_mm", "of the corners, counter-clockwise seen from its own +z", "y_mm",
-                           "of the same corners", outline_error))
-      .number(must("height_mm"), &ExtrudedShape::height, body_size, "from its own z = 0 up");
+      .include_fields(&ExtrudedShape::outline,
+                      point_fields("x_mm", "of the corners, counter-clockwise seen from its own +z",
+                                   "y_mm", "of the same corners", outline_error))
+      .number(required_key("height_mm"), &ExtrudedShape::height, body_size,
+              "from its own z = 0 up");
 }
 
 Fields<MeshShape> mesh_shape_fields() {
   return Fields<MeshShape>()
-      .all_of(&MeshShape::mesh, mesh_file_fields(must("file")))
+      .include_fields(&MeshShape::mesh, mesh_file_fields(required_key("file")))
       .number_as_written("scale", &MeshShape::scale, scale_range,
                          "times the numbers of the file, in its unit");
 }
@@ -192,26 +196,27 @@ Fields<Eigen::MatrixX2d> profile_fields(const char* height_origin) {
 Fields<BodyDescription> body_fields() {
   return Fields<BodyDescription>()
       .text("name", &BodyDescription::name, "of the body, by which it is reported")
-      .variant(KeyName("shape").otherwise("box"), &BodyDescription::shape,
-             {alternative<BodyShape>("box", box_shape_fields(), "about its middle"),
-              alternative<BodyShape>("cylinder", cylinder_shape_fields(), "about z"),
-              alternative<BodyShape>("cone", cone_shape_fields(), "about z"),
-              alternative<BodyShape>("sphere", sphere_fields()),
-              alternative<BodyShape>("revolution", revolved_fields(), "a profile about z"),
-              alternative<BodyShape>("extrusion", extruded_fields(), "an outline along z"),
-              alternative<BodyShape>("mesh", mesh_shape_fields(), "STL, OBJ, PLY or OFF, closed")},
-             "of the body")
-      .all_of(&BodyDescription::T, placement_fields());
+      .variant(
+          KeyName("shape").with_fallback("box"), &BodyDescription::shape,
+          {alternative<BodyShape>("box", box_shape_fields(), "about its middle"),
+           alternative<BodyShape>("cylinder", cylinder_shape_fields(), "about z"),
+           alternative<BodyShape>("cone", cone_shape_fields(), "about z"),
+           alternative<BodyShape>("sphere", sphere_fields()),
+           alternative<BodyShape>("revolution", revolved_fields(), "a profile about z"),
+           alternative<BodyShape>("extrusion", extruded_fields(), "an outline along z"),
+           alternative<BodyShape>("mesh", mesh_shape_fields(), "STL, OBJ, PLY or OFF, closed")},
+          "of the body")
+      .include_fields(&BodyDescription::T, placement_fields());
 }
 
 const Fields<CollisionDescription>& collision_fields() {
   using Pair = CollisionDescription::Pair;
   static const Fields<Pair> pair = Fields<Pair>()
-                                       .text(must("a"), &Pair::a, "name of a body")
-                                       .text(must("b"), &Pair::b, "name of another");
+                                       .text(required_key("a"), &Pair::a, "name of a body")
+                                       .text(required_key("b"), &Pair::b, "name of another");
   static const Fields<CollisionDescription> fields =
       Fields<CollisionDescription>()
-          .boolean("on", &CollisionDescription::on,
+          .boolean("on", &CollisionDescription::is_enabled,
                    "whether every run looks for collisions, and exits with 1 where there are any")
           .boolean("stop", &CollisionDescription::stop,
                    "whether a run with a collision ends before anything is cut")

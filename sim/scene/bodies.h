@@ -16,10 +16,10 @@ namespace abbe::sim {
 /// A mesh file that describes a part, a blank or a body.
 struct MeshFile {
   std::filesystem::path file;
-  double unit = 1.0;      ///< mm per unit of the file
-  bool any_size = false;  ///< the size is intended, so no warning questions the unit
-  bool open = false;      ///< a surface with a rim is intended
-  Place place = {};       ///< position of the file name in the scene, for messages
+  double unit = 1.0;              ///< mm per unit of the file
+  bool is_size_intended = false;  ///< the size is intended, so no warning questions the unit
+  bool open = false;              ///< a surface with a rim is intended
+  SourcePosition place = {};      ///< position of the file name in the scene, for messages
 };
 
 // Bodies of the machine, the tool and the clamping, used for pictures and for collision checks.
@@ -69,7 +69,7 @@ struct MachineBody {
 
 /// Settings of the collision check.
 struct CollisionDescription {
-  bool on = false;           ///< every run checks for collisions
+  bool is_enabled = false;   ///< every run checks for collisions
   bool stop = false;         ///< a run with a collision ends before anything is cut
   double clearance = 1.0;    ///< mm; smaller distances are reported as a near miss
   double gouge = 0.1;        ///< mm; a tool deeper in the part than this collides with it

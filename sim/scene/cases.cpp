@@ -38,7 +38,7 @@ constexpr TokenTable<Strategy, 3> strategies{{{"position", Strategy::Position},
                                               {"iterated", Strategy::Iterated}}};
 constexpr TokenTable<Channel, 7> channels{{{"ideal", Channel::Ideal},
                                            {"program", Channel::Program},
-                                           {"pulses", Channel::Pulses},
+                                           {"pulses", Channel::PulseInsertion},
                                            {"open", Channel::Open},
                                            {"origin", Channel::Origin},
                                            {"table", Channel::Table},
@@ -143,17 +143,17 @@ namespace {
 struct CaseFolder {
   std::string name;
   std::string owner;  ///< the case or variant, in words for messages
-  Place place;
+  SourcePosition place;
 };
 
 /// Returns the position of the cases of the scene, for messages.
-Place place_of_cases(const Node& scene) {
+SourcePosition place_of_cases(const Node& scene) {
   const Node* compare = scene.find("compare");
   const Node* list = compare ? compare->find("cases") : nullptr;
   return list ? list->place : scene.place;
 }
 
-Place place_of_variant(const Node& scene, std::size_t index) {
+SourcePosition place_of_variant(const Node& scene, std::size_t index) {
   const Node* list = scene.find("variant");
   if (!list || !list->array() || index >= list->array()->size()) return scene.place;
   const Node& variant = (*list->array())[index];
@@ -164,7 +164,7 @@ Place place_of_variant(const Node& scene, std::size_t index) {
 /// Returns the folders of the reference cases, of the cases of the scene and of each variant.
 std::vector<CaseFolder> compared_folders(const Node& scene, const ComparedNames& names) {
   std::vector<CaseFolder> folders;
-  const Place cases_position = place_of_cases(scene);
+  const SourcePosition cases_position = place_of_cases(scene);
   // Every comparison writes these two reference cases, so their folder names are always in use.
   for (const char* name : {"error_free", "uncompensated"})
     folders.push_back({name, fmt::format("the case \"{}\"", name), cases_position});
@@ -173,7 +173,7 @@ std::vector<CaseFolder> compared_folders(const Node& scene, const ComparedNames&
         {description.name, fmt::format("the case \"{}\"", description.name), cases_position});
   for (std::size_t i = 0; i < names.variants.size(); ++i) {
     const auto& [variant, variant_cases] = names.variants[i];
-    const Place place = place_of_variant(scene, i);
+    const SourcePosition place = place_of_variant(scene, i);
     folders.push_back({variant, fmt::format("the variant \"{}\"", variant), place});
     for (const CaseDescription& description : variant_cases)
       folders.push_back(
@@ -216,11 +216,12 @@ constexpr std::size_t max_variants = 1000;
 
 void read_cases(TableReader& reader, std::vector<CaseDescription>& cases) {
   const Node* list = reader.accept_key("cases");
-  if (list && !list->array()) reader.refuse("cases", "a list of case names", shown(*list));
+  if (list && !list->array())
+    reader.report_invalid("cases", "a list of case names", display_text(*list));
   for (const Node& name : list && list->array() ? *list->array() : Node::Array{}) {
     if (!name.text()) {
       reader.input_errors().add(name.place, "a case name such as \"perfect-iterated-ideal\"",
-                                shown(name));
+                                display_text(name));
       continue;
     }
     try {
@@ -231,7 +232,7 @@ void read_cases(TableReader& reader, std::vector<CaseDescription>& cases) {
         return other.name == description.name;
       });
       if (is_repeated)
-        reader.input_errors().add(name.place, "each case once", shown(name) + " again");
+        reader.input_errors().add(name.place, "each case once", display_text(name) + " again");
       cases.push_back(description);
     } catch (const std::invalid_argument& error) {
       reader.input_errors().add(name.place, "a case that this version has", error.what());
@@ -241,7 +242,7 @@ void read_cases(TableReader& reader, std::vector<CaseDescription>& cases) {
 
 void read_set(TableReader& reader, Variant& variant) {
   const Node* set = reader.section("set");
-  if (!set && !reader.has("set")) reader.missing("set", "a table of changes");
+  if (!set && !reader.has("set")) reader.report_missing("set", "a table of changes");
   if (!set) return;
   for (const Change& change : changes_from_set(*set)) {
     variant.set.push_back(make_override(change));
@@ -254,17 +255,18 @@ void read_set(TableReader& reader, Variant& variant) {
 const Fields<Variant>& variant_fields() {
   static const Fields<Variant> fields =
       Fields<Variant>()
-          .text(must("name"), &Variant::name, "of its folder and its row, each once")
-          .custom(
-              {make_key(must("set"), Key::Kind::Any,
+          .text(required_key("name"), &Variant::name, "of its folder and its row, each once")
+          .custom_field(
+              {make_key(required_key("set"), Key::Kind::Any,
                         "changes by dotted path: `{ \"errors.scale\" = 2.0, part.vertices = 5000 "
                         "}`; tried when the scene is read")},
               read_set, [](const Variant& variant, Node::Table& table) {
                 Node::Table set;
                 for (const Override& change : variant.set)
                   // Parsing the text of the override gives a node of the right type.
-                  put(set, change.path, parse_toml("v = " + change.value, "").find("v")->value);
-                put(table, "set", std::move(set));
+                  put_value(set, change.path,
+                            parse_toml("v = " + change.value, "").find("v")->value);
+                put_value(table, "set", std::move(set));
               });
   return fields;
 }
@@ -273,7 +275,7 @@ const Fields<Variant>& variant_fields() {
 
 const Fields<std::vector<CaseDescription>>& compare_fields() {
   static const Fields<std::vector<CaseDescription>> fields =
-      Fields<std::vector<CaseDescription>>().custom(
+      Fields<std::vector<CaseDescription>>().custom_field(
           {make_key("cases", Key::Kind::Texts,
                     "compensators beside the uncompensated part: belief, strategy and channel, "
                     "`\"fused-iterated-pulses\"`, or the file of one of your own")},
@@ -281,7 +283,7 @@ const Fields<std::vector<CaseDescription>>& compare_fields() {
             Node::Array names;
             for (const CaseDescription& description : cases)
               names.push_back(Node{{}, description.name});
-            put(table, "cases", std::move(names));
+            put_value(table, "cases", std::move(names));
           });
   return fields;
 }
@@ -292,8 +294,8 @@ std::vector<Variant> read_variants(TableReader& scene) {
   std::vector<Variant> variants;
   const std::vector<const Node*> list = scene.tables("variant");
   if (list.size() > max_variants) {
-    scene.refuse("variant", fmt::format("at most {} variants", max_variants),
-                 std::to_string(list.size()));
+    scene.report_invalid("variant", fmt::format("at most {} variants", max_variants),
+                         std::to_string(list.size()));
     return variants;
   }
   for (const Node* node : list) {
@@ -305,10 +307,12 @@ std::vector<Variant> read_variants(TableReader& scene) {
         std::any_of(variants.begin(), variants.end(),
                     [&](const Variant& other) { return other.name == variant.name; });
     if (reader.has("name") && !is_folder_name(variant.name)) {
-      reader.refuse("name", "a name of letters, digits, blanks, _ - . for a variant's folder",
-                    "\"" + variant.name + "\"");
+      reader.report_invalid("name",
+                            "a name of letters, digits, blanks, _ - . for a variant's folder",
+                            "\"" + variant.name + "\"");
     } else if (is_name_taken) {
-      reader.refuse("name", "a name that no other case has", "\"" + variant.name + "\" again");
+      reader.report_invalid("name", "a name that no other case has",
+                            "\"" + variant.name + "\" again");
     }
     reader.close();
     variants.push_back(std::move(variant));
@@ -316,6 +320,6 @@ std::vector<Variant> read_variants(TableReader& scene) {
   return variants;
 }
 
-Node::Table written_variant(const Variant& variant) { return variant_fields().written(variant); }
+Node::Table variant_to_table(const Variant& variant) { return variant_fields().to_table(variant); }
 
 }  // namespace abbe::sim

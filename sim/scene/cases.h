@@ -31,7 +31,7 @@ struct CaseDescription {
   enum class Channel {
     Ideal,
     Program,
-    Pulses,
+    PulseInsertion,
     Open,
     Origin,
     Table,
@@ -68,7 +68,7 @@ bool is_folder_name(const std::string& name);
 /// Fields and readers of `[compare]` and `[[variant]]`.
 const Fields<std::vector<CaseDescription>>& compare_fields();
 std::vector<Variant> read_variants(TableReader& scene);
-Node::Table written_variant(const Variant& variant);
+Node::Table variant_to_table(const Variant& variant);
 std::vector<Key> variant_keys();
 
 // Names of the folders in which `compare` stores its cases, and of the files beside them.

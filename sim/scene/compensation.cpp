@@ -25,7 +25,7 @@ constexpr std::size_t max_thermal_belief_bytes = std::size_t(16) << 20;
 void read_thermal_belief(TableReader& reader, BeliefDescription& belief) {
   const Node* node = reader.section("thermal");
   if (!node) return;
-  TableReader thermal(*node, reader.name_of("thermal"), reader.input_errors());
+  TableReader thermal(*node, reader.qualified_name("thermal"), reader.input_errors());
   const std::string file = thermal.text("file");
   thermal.close();
   // text() has already reported the missing file.
@@ -43,15 +43,15 @@ void put_thermal_belief(const BeliefDescription& belief, Node::Table& table) {
   // The coefficients stay in their file, so the written scene refers to it by name.
   if (!belief.thermal) return;
   Node::Table thermal;
-  put(thermal, "file", belief.thermal_file.string());
-  put(table, "thermal", std::move(thermal));
+  put_value(thermal, "file", belief.thermal_file.string());
+  put_value(table, "thermal", std::move(thermal));
 }
 
 Key thermal_key() {
   Key thermal =
       make_key("thermal", Key::Kind::Table, "what heat adds, by the temperatures that are read");
   thermal.keys = {
-      make_key(must("file"), Key::Kind::Text,
+      make_key(required_key("file"), Key::Kind::Text,
                "what `abbe identify --method thermal` wrote, or `--method composite` as "
                "`NAME_thermal.txt`; its sensors must be those of the scene")};
   return thermal;
@@ -61,8 +61,8 @@ Key thermal_key() {
 /// that part.
 Fields<Force> training_fields() {
   return Fields<Force>()
-      .text(must("file"), &Force::training, "scene of that part")
-      .text(must("instrument"), &Force::instrument, "of that scene, which measures it");
+      .text(required_key("file"), &Force::training, "scene of that part")
+      .text(required_key("instrument"), &Force::instrument, "of that scene, which measures it");
 }
 
 /// Returns the fields of a force that comes from one source.
@@ -76,30 +76,30 @@ Fields<Force> force_source_fields(From from, const MachineDescription& machine) 
                "runs from which is learnt, each corrected by what the last taught");
   // The current yields a fitted deflection directly, so no compliance is needed with it.
   if (from == From::Current)
-    return fields.table(must("training"), whole_struct, training_fields(),
+    return fields.table(required_key("training"), whole_struct, training_fields(),
                         "the part from which a law is fitted, d = c1 x + c2 x², x the current "
                         "above that in air; the tool gives way by d along its own z");
-  Key compliance = make_key(must("compliance"), Key::Kind::Table,
+  Key compliance = make_key(required_key("compliance"), Key::Kind::Table,
                             "as `[compliance]`, as it is believed", compliance_keys());
   compliance.or_file = true;
-  return fields.custom(
+  return fields.custom_field(
       {compliance},
       [machine](TableReader& reader, Force& force) {
         if (const Node* node = reader.section("compliance"))
           force.compliance = read_compliance(*node, machine, reader.input_errors());
         // If the key has a value of the wrong type, section() has reported that already.
         else if (!reader.has("compliance"))
-          reader.missing("compliance", "a table or a file");
+          reader.report_missing("compliance", "a table or a file");
       },
       [machine](const Force& force, Node::Table& table) {
-        put(table, "compliance", written_compliance(force.compliance, machine));
+        put_value(table, "compliance", compliance_to_table(force.compliance, machine));
       });
 }
 
 Fields<Force> force_fields(const MachineDescription& machine) {
-  Key source_key = make_key(must("from"), Key::Kind::Text, "what the force is known by");
+  Key source_key = make_key(required_key("from"), Key::Kind::Text, "what the force is known by");
   const std::array sources{From::Current, From::Dynamometer, From::Model};
-  source_key.words = {
+  source_key.choices = {
       {"current", "read, `[signals]` must have it", {}},
       {"dynamometer", "read, `[signals]` must have it", {}},
       {"model",
@@ -107,29 +107,29 @@ Fields<Force> force_fields(const MachineDescription& machine) {
        "as `compliance` says",
        {}}};
   for (std::size_t i = 0; i < sources.size(); ++i)
-    source_key.words[i].keys = force_source_fields(sources[i], machine).keys();
-  return Fields<Force>().custom(
+    source_key.choices[i].keys = force_source_fields(sources[i], machine).keys();
+  return Fields<Force>().custom_field(
       {source_key},
       [source_key, sources, machine](TableReader& reader, Force& force) {
-        const auto source_name = reader.word("from", words_of(source_key), true);
+        const auto source_name = reader.word("from", choice_names(source_key), true);
         // An unknown source is already reported. Reading continues with the first source, so that
         // its keys cause no further errors.
         force.from = sources.front();
         for (std::size_t i = 0; i < sources.size(); ++i)
-          if (source_name == source_key.words[i].word) force.from = sources[i];
+          if (source_name == source_key.choices[i].word) force.from = sources[i];
         force = force_source_fields(force.from, machine).read(reader, force);
       },
       [source_key, sources, machine](const Force& force, Node::Table& table) {
         for (std::size_t i = 0; i < sources.size(); ++i)
-          if (force.from == sources[i]) put(table, "from", source_key.words[i].word);
-        append_entries(table, force_source_fields(force.from, machine).written(force));
+          if (force.from == sources[i]) put_value(table, "from", source_key.choices[i].word);
+        append_entries(table, force_source_fields(force.from, machine).to_table(force));
       });
 }
 
 Fields<BeliefDescription::Part> measured_part_fields() {
   using Part = BeliefDescription::Part;
   return Fields<Part>()
-      .text(must("instrument"), &Part::instrument,
+      .text(required_key("instrument"), &Part::instrument,
             "name of a `cmm` or `touch_probe` of the scene, whose `case` is not looked at")
       .whole("passes", &Part::passes, 1, 20, "parts cut and measured before the one that counts");
 }
@@ -141,18 +141,18 @@ Fields<BeliefDescription> belief_fields(const MachineDescription& machine) {
                "geometric errors as `errors`; mostly what `abbe identify` wrote", errors_keys());
   identified.or_file = true;
   return Fields<Description>()
-      .custom(
+      .custom_field(
           {identified},
           [machine](TableReader& reader, Description& belief) {
             if (const Node* node = reader.accept_key("identified"))
-              belief.identified =
-                  joined({read_errors(*node, machine, 0, reader.input_errors())}, machine);
+              belief.identified = join_errors_tables(
+                  {read_errors(*node, machine, 0, reader.input_errors())}, machine);
           },
           [machine](const Description& belief, Node::Table& table) {
             if (belief.identified)
-              put(table, "identified", written_errors({*belief.identified, 1.0}, machine));
+              put_value(table, "identified", errors_to_table({*belief.identified, 1.0}, machine));
           })
-      .custom({thermal_key()}, read_thermal_belief, put_thermal_belief)
+      .custom_field({thermal_key()}, read_thermal_belief, put_thermal_belief)
       .table("force", &Description::force, force_fields(machine), "how far the cut bends")
       .table("part", &Description::part, measured_part_fields(),
              "what was measured of a part that was cut before; beside other beliefs (`fused`) they "
@@ -168,8 +168,8 @@ BeliefDescription read_belief(const Node& table, const MachineDescription& machi
                               InputErrors& input_errors) {
   return belief_fields(machine).read_table(table, "belief", input_errors);
 }
-Node::Table written_belief(const BeliefDescription& belief, const MachineDescription& machine) {
-  return belief_fields(machine).written(belief);
+Node::Table belief_to_table(const BeliefDescription& belief, const MachineDescription& machine) {
+  return belief_fields(machine).to_table(belief);
 }
 std::vector<Key> belief_keys() { return belief_fields({}).keys(); }
 
@@ -188,7 +188,7 @@ constexpr Range delay_ms{0.0, 1e6, false, false};
 Fields<PositionLoop> loop_fields(const PositionLoop& defaults) {
   using Order = PositionLoop::Order;
   return Fields<PositionLoop>(defaults)
-      .word(must("order"), &PositionLoop::order,
+      .word(required_key("order"), &PositionLoop::order,
             {{"none", Order::None, "at once"},
              {"first", Order::First, "1 / (1 + s / w)"},
              {"second", Order::Second, "w² / (s² + 2 d w s + w²)"}},
@@ -197,22 +197,23 @@ Fields<PositionLoop> loop_fields(const PositionLoop& defaults) {
       .number("damping", &PositionLoop::damping, {1e-3, 100.0}, "d of the second order");
 }
 
-Fields<Description::Pulses> pulses_fields() {
-  using Pulses = Description::Pulses;
-  return Fields<Pulses>()
+Fields<Description::PulseInsertion> pulses_fields() {
+  using PulseInsertion = Description::PulseInsertion;
+  return Fields<PulseInsertion>()
       .number(
-          "count_um", &Pulses::count, {1e-6, 1e6},
+          "count_um", &PulseInsertion::count, {1e-6, 1e6},
           "one signal period of a slide; where the zeros lie in a count the scene's `seed` says")
-      .number("count_deg", &Pulses::count_rad, {1e-9, 10.0}, "the same of an axis that turns")
-      .number("cycle_ms", &Pulses::cycle_s, cycle_ms, "at which a pair may go in")
-      .number("pulse_ms", &Pulses::pulse_s, cycle_ms,
+      .number("count_deg", &PulseInsertion::count_rad, {1e-9, 10.0},
+              "the same of an axis that turns")
+      .number("cycle_ms", &PulseInsertion::cycle_s, cycle_ms, "at which a pair may go in")
+      .number("pulse_ms", &PulseInsertion::pulse_s, cycle_ms,
               "that a pair takes, while both signals are low")
       // The signals must return to high before the next pair of pulses begins.
-      .check([](TableReader& reader, Pulses& pulses) {
+      .check([](TableReader& reader, PulseInsertion& pulses) {
         if (pulses.pulse_s > pulses.cycle_s)
-          reader.refuse("pulse_ms", "a compensation.pulses.pulse_ms of at most cycle_ms",
-                        fmt::format("{:g} in a cycle of {:g} ms", pulses.pulse_s * 1e3,
-                                    pulses.cycle_s * 1e3));
+          reader.report_invalid("pulse_ms", "a compensation.pulses.pulse_ms of at most cycle_ms",
+                                fmt::format("{:g} in a cycle of {:g} ms", pulses.pulse_s * 1e3,
+                                            pulses.cycle_s * 1e3));
       });
 }
 
@@ -244,20 +245,20 @@ Fields<Description::Table> table_fields(const std::vector<kinematics::Joint>& jo
       .whole("most_points", option(&Options::max_points), 2, 100000, "of one table")
       .number("spacing_mm", option(&Options::spacing), {1e-3, 1e6},
               "between points of a slide over its travel, wider where `most_points` asks for it")
-      .number(KeyName("spacing_deg").otherwise("5.002: 0.0873 rad"), option(&Options::spacing_rad),
-              {1e-3, 360.0},
+      .number(KeyName("spacing_deg").with_fallback("5.002: 0.0873 rad"),
+              option(&Options::spacing_rad), {1e-3, 360.0},
               "the same of an axis that turns; of one that turns more than once, over what the "
               "program uses")
       .boolean("cross", option(&Options::cross), "tables of an axis over another")
-      .boolean("both_ways", option(&Options::both_ways), "a column for each direction")
+      .boolean("both_ways", option(&Options::has_direction_columns), "a column for each direction")
       .boolean("constant", option(&Options::constant), "an offset as well")
-      .word(KeyName("format").otherwise("none"), &Table::format,
+      .word(KeyName("format").with_fallback("none"), &Table::format,
             {{"linuxcnc", ControlFormat::LinuxCnc},
              {"isg", ControlFormat::Isg},
              {"siemens", ControlFormat::Siemens},
              {"heidenhain", ControlFormat::Heidenhain}},
             "through a file of that control and what it can hold")
-      .table(KeyName("reference").otherwise("the middle of the program"), &Table::reference,
+      .table(KeyName("reference").with_fallback("the middle of the program"), &Table::reference,
              axis_position_fields(joints), "where the other axes stand: { Z_mm = 100, C_deg = 0 }");
 }
 
@@ -275,13 +276,13 @@ void read_plug_in(TableReader& reader, Description& compensation) {
   try {
     compensation.plug_in = parse_plug_in_method(reader.text("plug_in", "iterated-ideal"));
   } catch (const std::invalid_argument& error) {
-    reader.refuse("plug_in", "strategy and channel of plug-ins", error.what());
+    reader.report_invalid("plug_in", "strategy and channel of plug-ins", error.what());
   }
 }
 
 Key plug_in_key() {
   return make_key(
-      KeyName("plug_in").otherwise("iterated-ideal"), Key::Kind::Text,
+      KeyName("plug_in").with_fallback("iterated-ideal"), Key::Kind::Text,
       "strategy and channel of compensators of your own; the strategy is for those that "
       "answer deviations, any channel but `table`, which asks for one place at a time");
 }
@@ -305,10 +306,10 @@ Fields<Description> compensation_fields(const std::vector<kinematics::Joint>& jo
       .table("origin", &Description::origin, origin_fields(), "work zero, shifted by the PLC")
       .table("table", &Description::table, table_fields(joints), "tables over one axis each")
       .table("piezo", &Description::piezo, piezo_fields(), "actuator that carries the tool")
-      .custom({plug_in_key()}, read_plug_in,
-              [](const Description& compensation, Node::Table& table) {
-                put(table, "plug_in", plug_in_method(compensation.plug_in));
-              });
+      .custom_field({plug_in_key()}, read_plug_in,
+                    [](const Description& compensation, Node::Table& table) {
+                      put_value(table, "plug_in", plug_in_method(compensation.plug_in));
+                    });
 }
 
 }  // namespace
@@ -318,9 +319,9 @@ CompensationDescription read_compensation(const Node& table,
                                           InputErrors& input_errors) {
   return compensation_fields(joints).read_table(table, "compensation", input_errors);
 }
-Node::Table written_compensation(const CompensationDescription& compensation,
-                                 const std::vector<kinematics::Joint>& joints) {
-  return compensation_fields(joints).written(compensation);
+Node::Table compensation_to_table(const CompensationDescription& compensation,
+                                  const std::vector<kinematics::Joint>& joints) {
+  return compensation_fields(joints).to_table(compensation);
 }
 std::vector<Key> compensation_keys() { return compensation_fields({}).keys(); }
 

@@ -50,7 +50,7 @@ struct CompensationDescription {
   double path_tolerance = 0.0;  ///< mm, between the corrected path and that of the rewritten
                                 ///< blocks; 0 means the resolution of a word, 1 nm for PVT
   compensation::PositionLoop loop;
-  struct Pulses {
+  struct PulseInsertion {
     double count = 1e-3;                             ///< mm
     double count_rad = 1e-3 * 0.017453292519943295;  ///< rad
     double cycle_s = 1e-3;
@@ -74,15 +74,15 @@ struct Key;
 /// Reads and writes `[belief]`, the knowledge given to compensators.
 BeliefDescription read_belief(const Node& table, const MachineDescription& machine,
                               InputErrors& input_errors);
-Node::Table written_belief(const BeliefDescription& belief, const MachineDescription& machine);
+Node::Table belief_to_table(const BeliefDescription& belief, const MachineDescription& machine);
 std::vector<Key> belief_keys();
 
 /// Reads and writes `[compensation]`, the strategies and channels with their limits.
 CompensationDescription read_compensation(const Node& table,
                                           const std::vector<kinematics::Joint>& joints,
                                           InputErrors& input_errors);
-Node::Table written_compensation(const CompensationDescription& compensation,
-                                 const std::vector<kinematics::Joint>& joints);
+Node::Table compensation_to_table(const CompensationDescription& compensation,
+                                  const std::vector<kinematics::Joint>& joints);
 std::vector<Key> compensation_keys();
 
 }  // namespace abbe::sim

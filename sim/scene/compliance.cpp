@@ -35,42 +35,43 @@ void read_second_moment(TableReader& reader, WorkpieceBar& bar) {
   const auto second_moment = reader.maybe_number("second_moment_mm4", positive);
   // Either key determines the bending stiffness, so the two could contradict each other.
   if (diameter && second_moment) {
-    reader.refuse("second_moment_mm4", "diameter_mm or second_moment_mm4", "both");
+    reader.report_invalid("second_moment_mm4", "diameter_mm or second_moment_mm4", "both");
   } else if (!reader.has("diameter_mm") && !reader.has("second_moment_mm4")) {
-    reader.missing("diameter_mm", "a number, or second_moment_mm4,");
+    reader.report_missing("diameter_mm", "a number, or second_moment_mm4,");
   }
   // A solid round section has pi d^4 / 64.
   bar.second_moment = second_moment.value_or(pi * std::pow(diameter.value_or(0.0), 4) / 64.0);
 }
 
 Fields<WorkpieceBar> bar_fields() {
-  Key diameter =
-      make_key(KeyName("diameter_mm").one_of("section"), Key::Kind::Number, "of a round bar");
+  Key diameter = make_key(KeyName("diameter_mm").in_exclusive_group("section"), Key::Kind::Number,
+                          "of a round bar");
   Key second_moment =
-      make_key(KeyName("second_moment_mm4").one_of("section"), Key::Kind::Number,
+      make_key(KeyName("second_moment_mm4").in_exclusive_group("section"), Key::Kind::Number,
                "in mm⁴, of a bar that is not round, the same about both axes across");
   diameter.range = bar_diameter;
   second_moment.range = positive;
   return Fields<WorkpieceBar>()
       .vector("clamp_mm", &WorkpieceBar::clamp_w, "centre of the clamped end")
       .direction("direction", &WorkpieceBar::direction_w, "from the clamp outwards")
-      .number(must("length_mm"), &WorkpieceBar::length, positive, "from the clamp to the free end")
-      .number(must("youngs_modulus_GPa"), &WorkpieceBar::youngs_modulus, positive,
+      .number(required_key("length_mm"), &WorkpieceBar::length, positive,
+              "from the clamp to the free end")
+      .number(required_key("youngs_modulus_GPa"), &WorkpieceBar::youngs_modulus, positive,
               "of the material")
-      .custom({diameter, second_moment}, read_second_moment,
-              [](const WorkpieceBar& bar, Node::Table& table) {
-                put(table, "second_moment_mm4", bar.second_moment);
-              });
+      .custom_field({diameter, second_moment}, read_second_moment,
+                    [](const WorkpieceBar& bar, Node::Table& table) {
+                      put_value(table, "second_moment_mm4", bar.second_moment);
+                    });
 }
 
 Fields<WorkpiecePlate> plate_fields() {
   return Fields<WorkpiecePlate>()
       .vector("foot_mm", &WorkpiecePlate::foot_w, "a point of the foot")
       .direction("up", &WorkpiecePlate::up_w, "from the foot to the free edge, square to `normal`")
-      .direction(must("normal"), &WorkpiecePlate::normal_w, "across the wall")
-      .number(must("height_mm"), &WorkpiecePlate::height, positive, "from the foot upwards")
-      .number(must("thickness_mm"), &WorkpiecePlate::thickness, positive, "of the wall")
-      .number(must("youngs_modulus_GPa"), &WorkpiecePlate::youngs_modulus, positive,
+      .direction(required_key("normal"), &WorkpiecePlate::normal_w, "across the wall")
+      .number(required_key("height_mm"), &WorkpiecePlate::height, positive, "from the foot upwards")
+      .number(required_key("thickness_mm"), &WorkpiecePlate::thickness, positive, "of the wall")
+      .number(required_key("youngs_modulus_GPa"), &WorkpiecePlate::youngs_modulus, positive,
               "of the material")
       .number("poisson_ratio", &WorkpiecePlate::poisson_ratio, poisson_range, "of the material");
 }
@@ -113,14 +114,14 @@ void read_field(TableReader& reader, WorkpieceField& field) {
     else if (file.extension() == ".vtu")
       field = read_vtu_field(file);
     else
-      reader.refuse("file", "a field named .csv or .vtu", file.string());
+      reader.report_invalid("file", "a field named .csv or .vtu", file.string());
     // The readers return a new field, which has no file name.
     field.file = file.string();
   } catch (const BadInput& error) {
     // An error without a line number concerns the file as a whole, so it is reported at the key
     // `file` of the scene.
     if (error.line == 0) {
-      reader.refuse("file", error.expected, file.string() + ": " + error.seen);
+      reader.report_invalid("file", error.expected, file.string() + ": " + error.seen);
     } else {
       reader.input_errors().add(error);
     }
@@ -129,7 +130,7 @@ void read_field(TableReader& reader, WorkpieceField& field) {
 
 Fields<WorkpieceField> field_fields() {
   return Fields<WorkpieceField>()
-      .text(must("file"), &WorkpieceField::file,
+      .text(required_key("file"), &WorkpieceField::file,
             "the nodes of the surface from a finite-element program, each with its displacement "
             "per force there, .csv or .vtu")
       .check(read_field);
@@ -137,7 +138,7 @@ Fields<WorkpieceField> field_fields() {
 
 const Fields<WorkpieceCompliance>& workpiece_kind_fields() {
   static const Fields<WorkpieceCompliance> fields = Fields<WorkpieceCompliance>().variant(
-      must("kind"), whole_struct,
+      required_key("kind"), whole_struct,
       {alternative<WorkpieceCompliance>("bar", bar_fields(), "cantilever, gives way across itself"),
        alternative<WorkpieceCompliance>(
            "plate", plate_fields(), "endless wall clamped along its foot, gives way across itself"),
@@ -156,7 +157,7 @@ const char* offending_key(const WorkpieceCompliance& part) {
 void read_workpiece_stiffness(TableReader& compliance, errors::ComplianceErrors& errors) {
   const Node* section = compliance.section("workpiece");
   if (!section) return;
-  TableReader reader(*section, compliance.name_of("workpiece"), compliance.input_errors());
+  TableReader reader(*section, compliance.qualified_name("workpiece"), compliance.input_errors());
   const std::size_t error_count = reader.input_errors().list().size();
   WorkpieceCompliance part = workpiece_kind_fields().read(reader);
   reader.close();
@@ -167,19 +168,19 @@ void read_workpiece_stiffness(TableReader& compliance, errors::ComplianceErrors&
     errors::validate(part);
     errors.workpiece = std::move(part);
   } catch (const std::invalid_argument& error) {
-    reader.refuse(offending_key(part), "a workpiece that can be", error.what());
+    reader.report_invalid(offending_key(part), "a workpiece that can be", error.what());
   }
 }
 
 /// Returns the fields of `[compliance.workpiece]`, the deflection of the part under the tool.
 Fields<errors::ComplianceErrors> workpiece_fields() {
-  return Fields<errors::ComplianceErrors>().custom(
-      {make_key(KeyName("workpiece").otherwise("stiff"), Key::Kind::Table,
+  return Fields<errors::ComplianceErrors>().custom_field(
+      {make_key(KeyName("workpiece").with_fallback("stiff"), Key::Kind::Table,
                 "the part where it is touched, in the workpiece frame",
                 workpiece_kind_fields().keys())},
       read_workpiece_stiffness, [](const errors::ComplianceErrors& errors, Node::Table& table) {
         if (errors.workpiece)
-          put(table, "workpiece", workpiece_kind_fields().written(*errors.workpiece));
+          put_value(table, "workpiece", workpiece_kind_fields().to_table(*errors.workpiece));
       });
 }
 
@@ -204,14 +205,14 @@ Eigen::Vector3d read_inverse_stiffness(TableReader& reader, const std::string& k
   if (!stiffnesses) return compliances;
   // Checked before the inversion, since a stiffness near zero would give an unbounded compliance.
   if (stiffnesses->minCoeff() < min_stiffness) {
-    reader.refuse(
+    reader.report_invalid(
         key,
         fmt::format("three stiffnesses above 0, at least {} (leave out what is stiff), for {}",
                     min_stiffness, key),
         fmt::format("{}", stiffnesses->minCoeff()));
     return compliances;
   }
-  return (*stiffnesses * unit_of(key)).cwiseInverse();
+  return (*stiffnesses * unit_factor(key)).cwiseInverse();
 }
 
 Compliance read_matrix(TableReader& reader) {
@@ -219,8 +220,8 @@ Compliance read_matrix(TableReader& reader) {
   if (!numbers) return Compliance::Zero();
   // A matrix in a wrong unit gets a clearer message here than from the test of its eigenvalues.
   if (numbers->cwiseAbs().maxCoeff() > max_compliance) {
-    reader.refuse("matrix", fmt::format("entries of at most {} for matrix", max_compliance),
-                  fmt::format("{}", numbers->cwiseAbs().maxCoeff()));
+    reader.report_invalid("matrix", fmt::format("entries of at most {} for matrix", max_compliance),
+                          fmt::format("{}", numbers->cwiseAbs().maxCoeff()));
     return Compliance::Zero();
   }
   const Compliance C =
@@ -228,7 +229,7 @@ Compliance read_matrix(TableReader& reader) {
   try {
     errors::validate(C, "matrix");
   } catch (const std::invalid_argument& error) {
-    reader.refuse("matrix", "a compliance that can be", error.what());
+    reader.report_invalid("matrix", "a compliance that can be", error.what());
     return Compliance::Zero();
   }
   return C;
@@ -244,10 +245,10 @@ Compliance read_stiffness(TableReader& reader) {
   const bool has_stiffness =
       reader.has("stiffness_N_per_um") || reader.has("turning_stiffness_Nm_per_urad");
   if (has_stiffness && reader.has("matrix"))
-    reader.refuse("matrix", "stiffnesses or a matrix", "both");
+    reader.report_invalid("matrix", "stiffnesses or a matrix", "both");
   // A matrix is stated in the frame of the element, so `turn_deg` would have no effect on it.
   if (reader.has("turn_deg") && !has_stiffness)
-    reader.refuse("turn_deg", "stiffnesses that it turns", "none");
+    reader.report_invalid("turn_deg", "stiffnesses that it turns", "none");
   const Eigen::Matrix3d R = read_turn(reader);
   Compliance C = Compliance::Zero();
   // The stiffnesses act along the turned axes; R transforms them to the frame of the element.
@@ -273,7 +274,7 @@ Fields<Compliance> make_stiffness_fields() {
       "instead of stiffnesses: the compliance row by row, rows EX EY EZ EA EB EC in mm and rad, "
       "columns FX FY FZ MX MY MZ in N and N mm; symmetric, without negative eigenvalue"));
   return Fields<Compliance>(Compliance::Zero())
-      .custom(
+      .custom_field(
           std::move(keys), [](TableReader& reader, Compliance& C) { C = read_stiffness(reader); },
           [](const Compliance& C, Node::Table& table) {
             // A stiff element is the default.
@@ -290,15 +291,16 @@ void read_joint_stiffness(TableReader& compliance, const MachineDescription& mac
                           ComplianceErrors& errors) {
   const Node* section = compliance.section("axis");
   if (!section) return;
-  TableReader reader(*section, compliance.name_of("axis"), compliance.input_errors());
+  TableReader reader(*section, compliance.qualified_name("axis"), compliance.input_errors());
   for (const kinematics::Joint& joint : machine.joints) {
     // The chain names the spindle nose 's'; scenes name all axes in capitals.
     const char letter = joint.name == 's' ? 'S' : joint.name;
     const std::string key(1, letter);
     const Node* node = reader.section(key);
     if (node)
-      errors.joints.push_back({letter, stiffness_fields().read_table(*node, reader.name_of(key),
-                                                                     reader.input_errors())});
+      errors.joints.push_back(
+          {letter, stiffness_fields().read_table(*node, reader.qualified_name(key),
+                                                 reader.input_errors())});
   }
   // Reports unknown axes. If the machine could not be read, there are no joints, and every axis
   // would be reported.
@@ -311,9 +313,9 @@ Fields<ComplianceErrors> joints_fields(const MachineDescription& machine) {
                "at the point of the axis, along the axes of its deviations; S is the spindle",
                stiffness_fields().keys());
   axis_key.pattern = "[A-Z]";
-  const Key key = make_key(KeyName("axis").otherwise("stiff"), Key::Kind::Table,
+  const Key key = make_key(KeyName("axis").with_fallback("stiff"), Key::Kind::Table,
                            "stiffness of the carriages", {axis_key});
-  return Fields<ComplianceErrors>().custom(
+  return Fields<ComplianceErrors>().custom_field(
       {key},
       [machine](TableReader& reader, ComplianceErrors& errors) {
         read_joint_stiffness(reader, machine, errors);
@@ -321,17 +323,17 @@ Fields<ComplianceErrors> joints_fields(const MachineDescription& machine) {
       [](const ComplianceErrors& errors, Node::Table& table) {
         Node::Table joints;
         for (const errors::JointCompliance& joint : errors.joints)
-          put(joints, std::string(1, joint.axis), stiffness_fields().written(joint.C));
-        if (!joints.empty()) put(table, "axis", std::move(joints));
+          put_value(joints, std::string(1, joint.axis), stiffness_fields().to_table(joint.C));
+        if (!joints.empty()) put_value(table, "axis", std::move(joints));
       });
 }
 
 Fields<CantileverSection> section_fields() {
   return Fields<CantileverSection>()
-      .number(must("length_mm"), &CantileverSection::length, positive, "along the tool")
-      .number(must("diameter_mm"), &CantileverSection::diameter, bar_diameter,
+      .number(required_key("length_mm"), &CantileverSection::length, positive, "along the tool")
+      .number(required_key("diameter_mm"), &CantileverSection::diameter, bar_diameter,
               "of a fluted piece its effective one")
-      .number(must("youngs_modulus_GPa"), &CantileverSection::youngs_modulus, positive,
+      .number(required_key("youngs_modulus_GPa"), &CantileverSection::youngs_modulus, positive,
               "of the material")
       .number("poisson_ratio", &CantileverSection::poisson_ratio, poisson_range, "of the material");
 }
@@ -339,13 +341,13 @@ Fields<CantileverSection> section_fields() {
 void read_tool_compliance(TableReader& compliance, ComplianceErrors& errors) {
   const Node* section = compliance.section("tool");
   if (!section) return;
-  TableReader reader(*section, compliance.name_of("tool"), compliance.input_errors());
+  TableReader reader(*section, compliance.qualified_name("tool"), compliance.input_errors());
   const std::size_t error_count = reader.input_errors().list().size();
   errors.tool = stiffness_fields().read(reader);
   std::vector<CantileverSection> sections;
   for (const Node* node : reader.tables("section"))
-    sections.push_back(
-        section_fields().read_table(*node, reader.name_of("section"), reader.input_errors()));
+    sections.push_back(section_fields().read_table(*node, reader.qualified_name("section"),
+                                                   reader.input_errors()));
   reader.close();
   // If a section is invalid, the sum over the others would be wrong.
   if (sections.empty() || reader.input_errors().list().size() != error_count) return;
@@ -354,7 +356,7 @@ void read_tool_compliance(TableReader& compliance, ComplianceErrors& errors) {
     // compliances add up.
     errors.tool += errors::stepped_cantilever(sections);
   } catch (const std::invalid_argument& error) {
-    reader.refuse("section", "sections that can be", error.what());
+    reader.report_invalid("section", "sections that can be", error.what());
   }
 }
 
@@ -364,13 +366,13 @@ Fields<ComplianceErrors> tool_compliance_fields() {
                           "round pieces from the tip to the clamp, which add to the stiffness",
                           section_fields().keys()));
   const Key tool = make_key(
-      KeyName("tool").otherwise("stiff"), Key::Kind::Table,
+      KeyName("tool").with_fallback("stiff"), Key::Kind::Table,
       "from the nose of the spindle to the tip, at the tip in the tool's frame", std::move(keys));
-  return Fields<ComplianceErrors>().custom(
+  return Fields<ComplianceErrors>().custom_field(
       {tool}, read_tool_compliance, [](const ComplianceErrors& errors, Node::Table& table) {
         // Stiffness and sections are written as one matrix.
-        Node::Table tool = stiffness_fields().written(errors.tool);
-        if (!tool.empty()) put(table, "tool", std::move(tool));
+        Node::Table tool = stiffness_fields().to_table(errors.tool);
+        if (!tool.empty()) put_value(table, "tool", std::move(tool));
       });
 }
 
@@ -389,40 +391,40 @@ void check_mass(TableReader& reader, const MovingMass& mass, const MachineDescri
     errors.masses = {mass};
     errors::bind(errors, *chain);
   } catch (const std::invalid_argument& error) {
-    reader.refuse("axis", "a carriage of the machine, \"t\" or \"w\"", error.what());
+    reader.report_invalid("axis", "a carriage of the machine, \"t\" or \"w\"", error.what());
   }
 }
 
 Fields<MovingMass> mass_fields() {
-  const Key axis = make_key(must("axis"), Key::Kind::Text,
+  const Key axis = make_key(required_key("axis"), Key::Kind::Text,
                             "letter of the axis that carries it, \"S\" the spindle, \"t\" the tool "
                             "or \"w\" the part");
   return Fields<MovingMass>()
       .remark("name", "of the mass")
-      .custom(
+      .custom_field(
           {axis},
           [](TableReader& reader, MovingMass& mass) {
             const std::string letter = reader.text("axis");
             if (!letter.empty()) mass.axis = letter.front();
           },
           [](const MovingMass& mass, Node::Table& table) {
-            put(table, "axis", std::string(1, mass.axis));
+            put_value(table, "axis", std::string(1, mass.axis));
           })
-      .number(must("mass_kg"), &MovingMass::mass_kg, non_negative, "as a point")
-      .vector(must("centre_mm"), &MovingMass::centre_b, "in the bed frame, axes at zero");
+      .number(required_key("mass_kg"), &MovingMass::mass_kg, non_negative, "as a point")
+      .vector(required_key("centre_mm"), &MovingMass::centre_b, "in the bed frame, axes at zero");
 }
 
 void read_masses(TableReader& compliance, const MachineDescription& machine,
                  ComplianceErrors& errors) {
   for (const Node* node : compliance.tables("mass")) {
-    TableReader reader(*node, compliance.name_of("mass"), compliance.input_errors());
+    TableReader reader(*node, compliance.qualified_name("mass"), compliance.input_errors());
     const std::size_t error_count = reader.input_errors().list().size();
     const MovingMass mass = mass_fields().read(reader);
     reader.close();
     if (reader.input_errors().list().size() != error_count) continue;
     // The field keeps only the first letter, so the length of the text is checked separately.
     if (const std::string axis = reader.text("axis", ""); axis.size() != 1) {
-      reader.refuse("axis", "one letter", axis);
+      reader.report_invalid("axis", "one letter", axis);
       continue;
     }
     check_mass(reader, mass, machine);
@@ -431,7 +433,7 @@ void read_masses(TableReader& compliance, const MachineDescription& machine,
 }
 
 Fields<ComplianceErrors> masses_fields(const MachineDescription& machine) {
-  return Fields<ComplianceErrors>().custom(
+  return Fields<ComplianceErrors>().custom_field(
       {make_key("mass", Key::Kind::Tables, "moving masses, for gravity and inertia",
                 mass_fields().keys())},
       [machine](TableReader& reader, ComplianceErrors& errors) {
@@ -444,8 +446,8 @@ Fields<ComplianceErrors> masses_fields(const MachineDescription& machine) {
 
 Fields<ComplianceErrors> gravity_fields() {
   return Fields<ComplianceErrors>()
-      .custom(
-          {make_numbers_key(KeyName("gravity").otherwise("off"), 3,
+      .custom_field(
+          {make_numbers_key(KeyName("gravity").with_fallback("off"), 3,
                             "direction of 9806.65 mm/s² in the bed frame, such as [0, 0, -1]")},
           [](TableReader& reader, ComplianceErrors& errors) {
             // direction() would report a missing key, but gravity is optional.
@@ -475,13 +477,14 @@ Fields<ComplianceErrors> compliance_fields(const MachineDescription& machine) {
   return Fields<ComplianceErrors>()
       .remark("name", "of what gives way")
       .number("scale", &ComplianceErrors::scale, {0.0, 1e6}, "factor of every compliance")
-      .all_of(whole_struct, joints_fields(machine))
-      .all_of(whole_struct, tool_compliance_fields())
-      .table(KeyName("fixture").otherwise("stiff"), &ComplianceErrors::fixture, stiffness_fields(),
+      .include_fields(whole_struct, joints_fields(machine))
+      .include_fields(whole_struct, tool_compliance_fields())
+      .table(KeyName("fixture").with_fallback("stiff"), &ComplianceErrors::fixture,
+             stiffness_fields(),
              "of the part on its carriage, at the origin of the workpiece frame")
-      .all_of(whole_struct, workpiece_fields())
-      .all_of(whole_struct, masses_fields(machine))
-      .all_of(whole_struct, gravity_fields())
+      .include_fields(whole_struct, workpiece_fields())
+      .include_fields(whole_struct, masses_fields(machine))
+      .include_fields(whole_struct, gravity_fields())
       .table("clamping", &ComplianceErrors::clamping_w, clamping_fields(),
              "wrench on the part at the origin of the workpiece frame, which bears on the fixture "
              "alone");
@@ -494,8 +497,8 @@ ComplianceErrors read_compliance(const Node& table, const MachineDescription& ma
   return compliance_fields(machine).read_table(table, "compliance", input_errors);
 }
 
-Node::Table written_compliance(const ComplianceErrors& errors, const MachineDescription& machine) {
-  return compliance_fields(machine).written(errors);
+Node::Table compliance_to_table(const ComplianceErrors& errors, const MachineDescription& machine) {
+  return compliance_fields(machine).to_table(errors);
 }
 
 std::vector<Key> compliance_keys() { return compliance_fields({}).keys(); }

@@ -13,8 +13,8 @@ struct Key;
 /// Reads and writes `[compliance]`: joints, tool, fixture, workpiece and masses.
 errors::ComplianceErrors read_compliance(const Node& table, const MachineDescription& machine,
                                          InputErrors& input_errors);
-Node::Table written_compliance(const errors::ComplianceErrors& errors,
-                               const MachineDescription& machine);
+Node::Table compliance_to_table(const errors::ComplianceErrors& errors,
+                                const MachineDescription& machine);
 std::vector<Key> compliance_keys();
 
 }  // namespace abbe::sim

@@ -17,19 +17,19 @@ const Fields<cutting::CuttingCoefficients>& material_fields() {
   using Coefficients = cutting::CuttingCoefficients;
   static const Fields<Coefficients> fields =
       Fields<Coefficients>()
-          .text(must("name"), &Coefficients::name, "of the material and the tool")
-          .text(must("source"), &Coefficients::source, "where the figures come from")
-          .number(must("K_tc_N_per_mm2"), &Coefficients::K_tc, positive,
+          .text(required_key("name"), &Coefficients::name, "of the material and the tool")
+          .text(required_key("source"), &Coefficients::source, "where the figures come from")
+          .number(required_key("K_tc_N_per_mm2"), &Coefficients::K_tc, positive,
                   "tangential force per chip area")
-          .number(must("K_rc_N_per_mm2"), &Coefficients::K_rc, non_negative,
+          .number(required_key("K_rc_N_per_mm2"), &Coefficients::K_rc, non_negative,
                   "radial force per chip area")
-          .number(must("K_ac_N_per_mm2"), &Coefficients::K_ac, any_number,
+          .number(required_key("K_ac_N_per_mm2"), &Coefficients::K_ac, any_number,
                   "axial force per chip area")
-          .number(must("K_te_N_per_mm"), &Coefficients::K_te, non_negative,
+          .number(required_key("K_te_N_per_mm"), &Coefficients::K_te, non_negative,
                   "tangential force per edge length")
-          .number(must("K_re_N_per_mm"), &Coefficients::K_re, non_negative,
+          .number(required_key("K_re_N_per_mm"), &Coefficients::K_re, non_negative,
                   "radial force per edge length")
-          .number(must("K_ae_N_per_mm"), &Coefficients::K_ae, any_number,
+          .number(required_key("K_ae_N_per_mm"), &Coefficients::K_ae, any_number,
                   "axial force per edge length");
   return fields;
 }
@@ -40,8 +40,8 @@ cutting::CuttingCoefficients read_material(const Node& table, InputErrors& input
   return material_fields().read_table(table, "material", input_errors);
 }
 
-Node::Table written_material(const cutting::CuttingCoefficients& material) {
-  return material_fields().written(material);
+Node::Table material_to_table(const cutting::CuttingCoefficients& material) {
+  return material_fields().to_table(material);
 }
 
 std::vector<Key> material_keys() { return material_fields().keys(); }
@@ -68,37 +68,37 @@ void check_box_corners(TableReader& reader, BoxBlank& box) {
   if (!reader.has("lower_mm") || !reader.has("upper_mm")) return;
   for (int i = 0; i < 3; ++i) {
     if (box.lower_k[i] < box.upper_k[i]) continue;
-    reader.refuse("upper_mm",
-                  fmt::format("cutting.upper_mm above cutting.lower_mm in {}", "xyz"[i]),
-                  fmt::format("{} and {}", box.upper_k[i], box.lower_k[i]));
+    reader.report_invalid("upper_mm",
+                          fmt::format("cutting.upper_mm above cutting.lower_mm in {}", "xyz"[i]),
+                          fmt::format("{} and {}", box.upper_k[i], box.lower_k[i]));
     return;  // one message is enough for all three directions
   }
 }
 
 Fields<BoxBlank> box_fields() {
   return Fields<BoxBlank>()
-      .vector(must("lower_mm"), &BoxBlank::lower_k, "its corner of least x, y and z")
-      .vector(must("upper_mm"), &BoxBlank::upper_k, "its corner of greatest x, y and z")
+      .vector(required_key("lower_mm"), &BoxBlank::lower_k, "its corner of least x, y and z")
+      .vector(required_key("upper_mm"), &BoxBlank::upper_k, "its corner of greatest x, y and z")
       .check(check_box_corners);
 }
 
 Fields<CylinderBlank> cylinder_fields() {
   return Fields<CylinderBlank>()
-      .number(must("radius_mm"), &CylinderBlank::radius, positive, "about z")
-      .number(must("lower_mm"), &CylinderBlank::lower, any_number, "z of its lower end")
-      .number(must("upper_mm"), &CylinderBlank::upper, any_number, "z of its upper end")
+      .number(required_key("radius_mm"), &CylinderBlank::radius, positive, "about z")
+      .number(required_key("lower_mm"), &CylinderBlank::lower, any_number, "z of its lower end")
+      .number(required_key("upper_mm"), &CylinderBlank::upper, any_number, "z of its upper end")
       .check([](TableReader& reader, CylinderBlank& blank) {
         // A missing height is reported already; its default must not be compared.
         if (reader.has("lower_mm") && reader.has("upper_mm") && !(blank.lower < blank.upper))
-          reader.refuse("upper_mm", "cutting.upper_mm above cutting.lower_mm",
-                        fmt::format("{} and {}", blank.upper, blank.lower));
+          reader.report_invalid("upper_mm", "cutting.upper_mm above cutting.lower_mm",
+                                fmt::format("{} and {}", blank.upper, blank.lower));
       });
 }
 
 Fields<OffsetBlank> offset_fields() {
   return Fields<OffsetBlank>()
-      .number(must("allowance_mm"), &OffsetBlank::allowance, positive, "along its normals")
-      .number(must("floor_mm"), &OffsetBlank::floor, any_number, "z of its lower end");
+      .number(required_key("allowance_mm"), &OffsetBlank::allowance, positive, "along its normals")
+      .number(required_key("floor_mm"), &OffsetBlank::floor, any_number, "z of its lower end");
 }
 
 struct Corner {
@@ -108,29 +108,30 @@ struct Corner {
 
 Fields<Corner> corner_fields() {
   return Fields<Corner>()
-      .number(must("along_mm"), &Corner::along, any_number,
+      .number(required_key("along_mm"), &Corner::along, any_number,
               "z, at least that of the corner before; two of one place make a step")
-      .number(must("radius_mm"), &Corner::radius, non_negative, "from the spindle line");
+      .number(required_key("radius_mm"), &Corner::radius, non_negative, "from the spindle line");
 }
 
 /// Reads the profile of a turned blank, whose positions on the spindle line must not decrease.
 void read_profile(TableReader& reader, TurnedBlank& blank) {
-  if (!reader.has("profile")) reader.missing("profile", "a list of tables");
+  if (!reader.has("profile")) reader.report_missing("profile", "a list of tables");
   const std::size_t error_count = reader.input_errors().list().size();
   const auto corners = reader.tables("profile");
   if (reader.has("profile") && (corners.size() < 2 || corners.size() > max_corners)) {
-    reader.refuse("profile", fmt::format("2 to {} corners for cutting.profile", max_corners),
-                  fmt::format("{}", corners.size()));
+    reader.report_invalid("profile",
+                          fmt::format("2 to {} corners for cutting.profile", max_corners),
+                          fmt::format("{}", corners.size()));
     return;
   }
   blank.profile.resize(Eigen::Index(corners.size()), 2);
   for (std::size_t i = 0; i < corners.size(); ++i) {
-    TableReader corner_reader(*corners[i], reader.name_of("profile"), reader.input_errors());
+    TableReader corner_reader(*corners[i], reader.qualified_name("profile"), reader.input_errors());
     const Corner corner = corner_fields().read(corner_reader);
     const Eigen::Index k = Eigen::Index(i);
     blank.profile.row(k) << corner.along, corner.radius;
     if (k > 0 && corner_reader.has("along_mm") && corner.along < blank.profile(k - 1, 0)) {
-      corner_reader.refuse(
+      corner_reader.report_invalid(
           "along_mm",
           fmt::format("along_mm of at least {}, the corner before", blank.profile(k - 1, 0)),
           fmt::format("{}", corner.along));
@@ -141,35 +142,35 @@ void read_profile(TableReader& reader, TurnedBlank& blank) {
   // A blank of no length has no volume. Invalid corners are reported already and not compared.
   if (last_row > 0 && reader.input_errors().list().size() == error_count &&
       !(blank.profile(last_row, 0) > blank.profile(0, 0))) {
-    reader.refuse("profile", "corners at two places or more for cutting.profile", "one place");
+    reader.report_invalid("profile", "corners at two places or more for cutting.profile",
+                          "one place");
   }
 }
 
 Fields<TurnedBlank> turned_fields() {
   const Key profile =
-      make_key(must("profile"), Key::Kind::Tables,
+      make_key(required_key("profile"), Key::Kind::Tables,
                fmt::format("its corners, 2 to {}", max_corners).c_str(), corner_fields().keys());
-  return Fields<TurnedBlank>().custom({profile}, read_profile,
-                                      [](const TurnedBlank& blank, Node::Table& table) {
-                                        std::vector<Corner> corners;
-                                        for (const auto& row : blank.profile.rowwise())
-                                          corners.push_back({row[0], row[1]});
-                                        put_tables(table, "profile", corners, corner_fields());
-                                      });
+  return Fields<TurnedBlank>().custom_field(
+      {profile}, read_profile, [](const TurnedBlank& blank, Node::Table& table) {
+        std::vector<Corner> corners;
+        for (const auto& row : blank.profile.rowwise()) corners.push_back({row[0], row[1]});
+        put_tables(table, "profile", corners, corner_fields());
+      });
 }
 
 /// Returns the fields of the blank. A turning tool requires a turned blank; a milling cutter
 /// excludes it.
 Fields<CuttingDescription> blank_fields(Operation operation) {
   const Fields<CuttingDescription> blank = Fields<CuttingDescription>().variant(
-      must("blank"), &CuttingDescription::blank,
+      required_key("blank"), &CuttingDescription::blank,
       {alternative<Blank>("box", box_fields(), "along the axes of the part"),
        alternative<Blank>("cylinder", cylinder_fields(), "about z of the part"),
        alternative<Blank>("offset", offset_fields(), "the design, raised"),
-       alternative<Blank>("mesh", mesh_file_fields(must("file")), "a closed one"),
+       alternative<Blank>("mesh", mesh_file_fields(required_key("file")), "a closed one"),
        alternative<Blank>("turned", turned_fields(), "of a turning tool, and only there")},
       "what is cut, in the part frame");
-  return Fields<CuttingDescription>().custom(
+  return Fields<CuttingDescription>().custom_field(
       blank.keys(),
       [blank, operation](TableReader& reader, CuttingDescription& cutting) {
         const std::size_t error_count = reader.input_errors().list().size();
@@ -179,12 +180,14 @@ Fields<CuttingDescription> blank_fields(Operation operation) {
         const bool is_turning_tool = operation == Operation::Turning;
         const bool is_turned_blank = std::holds_alternative<TurnedBlank>(cutting.blank);
         if (is_turning_tool && !is_turned_blank)
-          reader.refuse("blank", "\"turned\" for cutting.blank under a turning tool", "another");
+          reader.report_invalid("blank", "\"turned\" for cutting.blank under a turning tool",
+                                "another");
         if (!is_turning_tool && is_turned_blank)
-          reader.refuse("blank", "a blank for a milling cutter for cutting.blank", "\"turned\"");
+          reader.report_invalid("blank", "a blank for a milling cutter for cutting.blank",
+                                "\"turned\"");
       },
       [blank](const CuttingDescription& cutting, Node::Table& table) {
-        append_entries(table, blank.written(cutting));
+        append_entries(table, blank.to_table(cutting));
       });
 }
 
@@ -208,24 +211,24 @@ Fields<Flutes> flutes_fields() {
 /// Returns the fields that only milling has: flutes, dexels and the step of the engagement.
 Fields<CuttingDescription> milling_fields() {
   Key directions_key =
-      make_key(KeyName("directions").otherwise("3"), Key::Kind::Whole,
+      make_key(KeyName("directions").with_fallback("3"), Key::Kind::Whole,
                "milling: of dexels, 1 (along z of the part, where the tool axis keeps "
                "to it) or 3");
   directions_key.range = {1, 3};
   return Fields<CuttingDescription>()
-      .custom(
+      .custom_field(
           {directions_key},
           [](TableReader& reader, CuttingDescription& cutting) {
             const auto direction_count = reader.maybe_integer("directions", 1, 3);
             // Two directions would leave faces across the third unresolved.
             if (direction_count == 2)
-              reader.refuse("directions", "1 or 3 for cutting.directions", "2");
+              reader.report_invalid("directions", "1 or 3 for cutting.directions", "2");
             cutting.three_directions = direction_count != 1;
           },
           [](const CuttingDescription& cutting, Node::Table& table) {
-            put(table, "directions", std::int64_t(cutting.three_directions ? 3 : 1));
+            put_value(table, "directions", std::int64_t(cutting.three_directions ? 3 : 1));
           })
-      .all_of(&CuttingDescription::flutes, flutes_fields())
+      .include_fields(&CuttingDescription::flutes, flutes_fields())
       .number("step_mm", &CuttingDescription::step, step_range,
               "milling: tip travel between two looks at the engagement; turning looks once a "
               "revolution");
@@ -237,14 +240,14 @@ Fields<CuttingDescription> memory_fields() {
                      "milling: of dexels; more is refused with the estimate");
   key.range = {1, double(max_MiB)};
   key.fallback = std::to_string(CuttingDescription{}.max_bytes >> 20);
-  return Fields<CuttingDescription>().custom(
+  return Fields<CuttingDescription>().custom_field(
       {key},
       [](TableReader& reader, CuttingDescription& cutting) {
         if (const auto limit_MiB = reader.maybe_integer("max_MiB", 1, max_MiB))
           cutting.max_bytes = std::size_t(*limit_MiB) << 20;
       },
       [](const CuttingDescription& cutting, Node::Table& table) {
-        put(table, "max_MiB", std::int64_t(cutting.max_bytes >> 20));
+        put_value(table, "max_MiB", std::int64_t(cutting.max_bytes >> 20));
       });
 }
 
@@ -256,7 +259,7 @@ Fields<CuttingDescription> make_cutting_fields(Operation operation) {
   Fields<CuttingDescription> fields = blank_fields(operation);
   fields.number("spacing_mm", &CuttingDescription::spacing, spacing_range,
                 "of dexels; of a turned blank along the spindle line");
-  if (operation == Operation::Milling) fields.all_of(whole_struct, milling_fields());
+  if (operation == Operation::Milling) fields.include_fields(whole_struct, milling_fields());
   return fields.only_if(has_dexels, memory_fields())
       .number("tolerance_nm", &CuttingDescription::tolerance, positive,
               "to which force and deflection agree at every step")
@@ -282,8 +285,8 @@ CuttingDescription read_cutting(const Node& table, const ToolDescription& tool,
   return cutting_fields(tool).read_table(table, "cutting", input_errors);
 }
 
-Node::Table written_cutting(const CuttingDescription& cutting, const ToolDescription& tool) {
-  return cutting_fields(tool).written(cutting);
+Node::Table cutting_to_table(const CuttingDescription& cutting, const ToolDescription& tool) {
+  return cutting_fields(tool).to_table(cutting);
 }
 
 std::vector<Key> cutting_keys() { return cutting_fields({}).keys(); }

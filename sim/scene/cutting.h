@@ -43,14 +43,14 @@ struct Key;
 
 /// Reads and writes `[material]`, cutting coefficients with their source.
 cutting::CuttingCoefficients read_material(const Node& table, InputErrors& input_errors);
-Node::Table written_material(const cutting::CuttingCoefficients& material);
+Node::Table material_to_table(const cutting::CuttingCoefficients& material);
 std::vector<Key> material_keys();
 
 /// Reads and writes `[cutting]`: blank, flutes and resolution. The material is a section of its
 /// own.
 CuttingDescription read_cutting(const Node& table, const ToolDescription& tool,
                                 InputErrors& input_errors);
-Node::Table written_cutting(const CuttingDescription& cutting, const ToolDescription& tool);
+Node::Table cutting_to_table(const CuttingDescription& cutting, const ToolDescription& tool);
 std::vector<Key> cutting_keys();
 
 }  // namespace abbe::sim

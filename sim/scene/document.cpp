@@ -165,7 +165,7 @@ void make_variant_files_absolute(Node& tree, const path& folder, InputErrors& in
 }
 
 // Sets the position of a node and of everything below it.
-void set_place(Node& node, const Place& place) {
+void set_place(Node& node, const SourcePosition& place) {
   node.place = place;
   if (Node::Array* array = node.array()) {
     for (Node& element : *array) set_place(element, place);
@@ -232,7 +232,7 @@ class TreeEditor {
       input_errors_.add(change_.value.place,
                         fmt::format("a path to a value, {} has none below \"{}\"", change_.path,
                                     components_[depth - 1]),
-                        shown(node));
+                        display_text(node));
     }
   }
 
@@ -265,7 +265,7 @@ class TreeEditor {
       const Node* number = list[i].find("number");
       if (number)
         text += fmt::format("{} {}.{} has number {}", text.empty() ? ";" : ",", path, i,
-                            shown(*number));
+                            display_text(*number));
     }
     return text;
   }
@@ -340,9 +340,10 @@ void append_changes(const Node& table, const std::string& prefix, std::vector<Ch
 Change parse_override(const Override& override) {
   const std::string name = override.path + "=" + override.value;
   // An override from the command line has no file, so messages name the option itself.
-  const Place place = override.place
-                          ? *override.place
-                          : Place{std::make_shared<const std::string>("--set " + name), 0, 0, true};
+  const SourcePosition place =
+      override.place
+          ? *override.place
+          : SourcePosition{std::make_shared<const std::string>("--set " + name), 0, 0, true};
   const auto throw_input_error = [&](const std::string& expected, const std::string& seen) {
     throw BadInput(*place.file, place.line, place.column, expected, seen);
   };
@@ -368,7 +369,7 @@ Change parse_override(const Override& override) {
 
 Override make_override(const Change& change) {
   return {change.path, to_toml_value(change.value),
-          std::make_shared<const Place>(change.value.place)};
+          std::make_shared<const SourcePosition>(change.value.place)};
 }
 
 std::vector<Change> changes_from_set(const Node& set) {
@@ -391,8 +392,8 @@ std::optional<Node> read_tree(const path& file, InputErrors& input_errors) {
   }
 }
 
-Node changed(Node tree, const std::vector<Change>& changes, const path& folder,
-             InputErrors& input_errors) {
+Node apply_changes(Node tree, const std::vector<Change>& changes, const path& folder,
+                   InputErrors& input_errors) {
   for (const Change& change : changes) {
     Change resolved_change = change;
     make_data_files_absolute(resolved_change.value, folder, input_errors);
@@ -406,8 +407,8 @@ Node changed(Node tree, const std::vector<Change>& changes, const path& folder,
   return tree;
 }
 
-Node changed(Node tree, const std::vector<Override>& overrides, const path& folder,
-             InputErrors& input_errors) {
+Node apply_changes(Node tree, const std::vector<Override>& overrides, const path& folder,
+                   InputErrors& input_errors) {
   std::vector<Change> changes;
   for (const Override& override : overrides) {
     try {
@@ -416,7 +417,7 @@ Node changed(Node tree, const std::vector<Override>& overrides, const path& fold
       input_errors.add(error);
     }
   }
-  return changed(std::move(tree), changes, folder, input_errors);
+  return apply_changes(std::move(tree), changes, folder, input_errors);
 }
 
 namespace {
@@ -424,14 +425,15 @@ namespace {
 constexpr std::size_t max_copied_bytes = std::size_t(256) << 20;
 
 /// Returns the offset of a position in the text of its file.
-std::size_t text_offset(const std::string& text, const Place& place) {
+std::size_t text_offset(const std::string& text, const SourcePosition& place) {
   std::size_t offset = 0;
   for (int line = 1; line < place.line; ++line) offset = text.find('\n', offset) + 1;
   return offset + std::size_t(place.column - 1);
 }
 
 /// Replaces the quoted file name at a position of the text.
-std::string replace_file_name(std::string text, const Place& place, const std::string& name) {
+std::string replace_file_name(std::string text, const SourcePosition& place,
+                              const std::string& name) {
   const std::size_t begin = text_offset(text, place);
   // The quotes may be single or double; both ends have the same.
   const std::size_t end = text.find(text.at(begin), begin + 1);
@@ -440,8 +442,8 @@ std::string replace_file_name(std::string text, const Place& place, const std::s
 
 /// A section of a scene that is stored in a file of its own.
 struct SectionFileReference {
-  std::string section;  ///< dotted: "belief.identified"; "part.file" for a mesh or a program
-  Place place;          ///< position of the file name
+  std::string section;   ///< dotted: "belief.identified"; "part.file" for a mesh or a program
+  SourcePosition place;  ///< position of the file name
   std::filesystem::path file;
 };
 

@@ -9,13 +9,14 @@
 
 namespace abbe::sim {
 
-struct Place;
+struct SourcePosition;
 
 /// A value of the scene changed by its path, such as {"errors.scale", "2.0"}.
 struct Override {
   std::string path;
-  std::string value;                        ///< TOML text
-  std::shared_ptr<const Place> place = {};  ///< position in a file; null if the user typed it
+  std::string value;  ///< TOML text
+  std::shared_ptr<const SourcePosition> place =
+      {};  ///< position in a file; null if the user typed it
 
   /// Returns true for the same change, whatever its position.
   friend bool operator==(const Override& a, const Override& b) {
@@ -24,12 +25,12 @@ struct Override {
 };
 
 /// A program that running a scene or study would start, i.e. a compensator of the user.
-struct NamedProgram {
+struct ProgramReference {
   std::filesystem::path program;  ///< absolute
   std::filesystem::path file;     ///< the file that names the program
   int line = 0;
   int column = 0;
-  bool typed = false;  ///< the user named it on the command line
+  bool from_command_line = false;  ///< the user named it on the command line
 };
 
 /// A named set of changes to a scene.
@@ -59,12 +60,12 @@ std::optional<Node> read_tree(const std::filesystem::path& file, InputErrors& in
 /// Below a list, a path continues with an index, with the `name` of one of its tables, or directly
 /// with a key; the latter changes every table of the list.
 /// @param folder  base of relative paths in the changes
-Node changed(Node tree, const std::vector<Change>& changes, const std::filesystem::path& folder,
-             InputErrors& input_errors);
+Node apply_changes(Node tree, const std::vector<Change>& changes,
+                   const std::filesystem::path& folder, InputErrors& input_errors);
 /// Returns the same for overrides. Their values are TOML, or text without quotes if it cannot be
 /// mistaken; any other value is an input error.
-Node changed(Node tree, const std::vector<Override>& overrides, const std::filesystem::path& folder,
-             InputErrors& input_errors);
+Node apply_changes(Node tree, const std::vector<Override>& overrides,
+                   const std::filesystem::path& folder, InputErrors& input_errors);
 
 /// Returns the changes in the `set` table of a variant, one for each value, with their positions.
 std::vector<Change> changes_from_set(const Node& set);

@@ -25,16 +25,17 @@ using errors::Shape;
 template <typename Polynomial>
 Fields<Polynomial> polynomial_fields(const ElementUnits& unit) {
   return Fields<Polynomial>()
-      .numbers(must("coefficients" + unit.value), &Polynomial::c, 0, "from order 0")
+      .numbers(required_key("coefficients" + unit.value), &Polynomial::c, 0, "from order 0")
       .number("centre" + unit.position, &Polynomial::centre, any_number, "where t is 0")
-      .number(must("half_range" + unit.position), &Polynomial::half_range, positive,
+      .number(required_key("half_range" + unit.position), &Polynomial::half_range, positive,
               "from where t is 0 to where it is 1");
 }
 
 // Pads the shorter list of amplitudes with zeros. One of the two lists must be stated.
 void pad_amplitudes(TableReader& reader, errors::Fourier& fourier, const ElementUnits& unit) {
   const std::string a = "a" + unit.value, b = "b" + unit.value;
-  if (!reader.has(a) && !reader.has(b)) reader.missing(a, "an array of numbers, or " + b + ",");
+  if (!reader.has(a) && !reader.has(b))
+    reader.report_missing(a, "an array of numbers, or " + b + ",");
   const Eigen::Index n = std::max(fourier.a.size(), fourier.b.size());
   for (VectorXd* amplitudes : {&fourier.a, &fourier.b}) {
     VectorXd padded = VectorXd::Zero(n);
@@ -47,9 +48,11 @@ Fields<errors::Fourier> fourier_fields(const ElementUnits& unit) {
   using errors::Fourier;
   // No sampling of an axis resolves a period below a thousandth of a mm or a degree.
   constexpr Range period{1e-3, 1e9};
-  const auto orders_key = [](const std::string& key) { return KeyName(key).otherwise("zeros"); };
+  const auto orders_key = [](const std::string& key) {
+    return KeyName(key).with_fallback("zeros");
+  };
   return Fields<Fourier>()
-      .number(must("period" + unit.position), &Fourier::period, period, "of order 1")
+      .number(required_key("period" + unit.position), &Fourier::period, period, "of order 1")
       .numbers(orders_key("a" + unit.value), &Fourier::a, 0,
                "of the cosines of orders 1, 2, ...; one of the two lists at least")
       .numbers(orders_key("b" + unit.value), &Fourier::b, 0, "of the sines of orders 1, 2, ...")
@@ -70,15 +73,15 @@ std::optional<Rows> read_file_rows(TableReader& reader, const ElementName& name)
   try {
     column = errors::parse_element_name(column_name);
   } catch (const std::invalid_argument& error) {
-    reader.refuse("column", "a column named as an element", error.what());
+    reader.report_invalid("column", "a column named as an element", error.what());
   }
   const auto table = read_table_file(reader);
   if (!table) return std::nullopt;
   const auto position = std::find(table->elements.begin(), table->elements.end(), column);
   if (position == table->elements.end()) {
     // The error is reported at the key that selects the column.
-    reader.refuse(reader.has("column") ? "column" : "file",
-                  "a table with the column " + column_name, "none");
+    reader.report_invalid(reader.has("column") ? "column" : "file",
+                          "a table with the column " + column_name, "none");
     return std::nullopt;
   }
   return Rows{table->q, table->values.col(position - table->elements.begin())};
@@ -88,8 +91,9 @@ std::optional<Rows> read_file_rows(TableReader& reader, const ElementName& name)
 std::optional<Rows> read_scene_rows(TableReader& reader, const ElementUnits& unit) {
   Rows rows{reader.numbers("q" + unit.position), reader.numbers("value" + unit.value)};
   if (rows.q.size() == rows.value.size()) return rows;
-  reader.refuse("value" + unit.value, fmt::format("as many values as positions, {}", rows.q.size()),
-                fmt::format("{}", rows.value.size()));
+  reader.report_invalid("value" + unit.value,
+                        fmt::format("as many values as positions, {}", rows.q.size()),
+                        fmt::format("{}", rows.value.size()));
   return std::nullopt;
 }
 
@@ -106,7 +110,7 @@ errors::Table read_rows(TableReader& reader, const ElementName& name, const Elem
     return errors::make_table(std::move(rows->q), std::move(rows->value), interpolation.between,
                               interpolation.outside);
   } catch (const std::invalid_argument& error) {
-    reader.refuse(key, "a table with rising positions and at least 2 rows", error.what());
+    reader.report_invalid(key, "a table with rising positions and at least 2 rows", error.what());
     return {};
   }
 }
@@ -117,22 +121,23 @@ Fields<errors::Table> table_fields(const ElementName& name, const ElementUnits& 
   Key file = table_file_key();
   // `file` is an alternative to rows written in the scene.
   file.required = false;
-  file.either = "rows";
+  file.exclusive_group = "rows";
   const std::vector<Key> keys{
-      make_key(KeyName(q).one_of("rows"), Key::Kind::Numbers, "positions of the axis, rising"),
+      make_key(KeyName(q).in_exclusive_group("rows"), Key::Kind::Numbers,
+               "positions of the axis, rising"),
       make_key(value, Key::Kind::Numbers, "of the element, one for each position"),
       file,
-      make_key(KeyName("column").otherwise("the element's own"), Key::Kind::Text,
+      make_key(KeyName("column").with_fallback("the element's own"), Key::Kind::Text,
                "of the file, named as an element"),
   };
-  return interpolation_fields<Table>().custom(
+  return interpolation_fields<Table>().custom_field(
       keys,
       [name, unit](TableReader& reader, Table& table) {
         table = read_rows(reader, name, unit, table);
       },
       [q, value](const Table& table, Node::Table& entries) {
-        put_numbers(entries, q, table.q, unit_of(q));
-        put_numbers(entries, value, table.value, unit_of(value));
+        put_numbers(entries, q, table.q, unit_factor(q));
+        put_numbers(entries, value, table.value, unit_factor(value));
       });
 }
 
@@ -142,7 +147,7 @@ Fields<T> seed_fields(std::uint64_t seed) {
   return Fields<T>()
       // This step runs before the key is read, so the default remains if the key is missing.
       .check([seed](TableReader&, T& shape) { shape.seed = seed; })
-      .whole(KeyName("seed").otherwise("from the scene's"), &T::seed, 0,
+      .whole(KeyName("seed").with_fallback("from the scene's"), &T::seed, 0,
              std::numeric_limits<std::int64_t>::max(), "curves of equal seed move together");
 }
 
@@ -150,15 +155,15 @@ Fields<errors::Asynchronous> asynchronous_fields(const ElementName& name, const 
                                                  std::uint64_t seed) {
   using errors::Asynchronous;
   return Fields<Asynchronous>()
-      .number(must("rms" + unit.value), &Asynchronous::rms, non_negative, "over many turns")
-      .all_of(whole_struct, seed_fields<Asynchronous>(seed))
+      .number(required_key("rms" + unit.value), &Asynchronous::rms, non_negative, "over many turns")
+      .include_fields(whole_struct, seed_fields<Asynchronous>(seed))
       .number("lowest_order", &Asynchronous::lowest_order, positive, "of the cosines, per turn")
       .number("highest_order", &Asynchronous::highest_order, positive,
               "of the cosines, per turn; at most 10000")
       .check([name, unit](TableReader& reader, Asynchronous&) {
         // The orders count per revolution, and a slide makes none.
         if (unit.position != "_deg")
-          reader.refuse("kind", "\"asynchronous\" on an axis that turns", to_string(name));
+          reader.report_invalid("kind", "\"asynchronous\" on an axis that turns", to_string(name));
       });
 }
 
@@ -170,34 +175,36 @@ std::vector<Alternative<Shape>> shape_alternatives(const ElementName& name,
   // it.
   for (const Key& key : detrend_fields<CurveEntry>().keys()) table.word.keys.push_back(key);
   return {
-      alternative<Shape>(
-          "constant",
-          Fields<errors::Constant>().number(must("value" + unit.value), &errors::Constant::value,
-                                            any_number, "wherever the axis is"),
-          "the same everywhere"),
+      alternative<Shape>("constant",
+                         Fields<errors::Constant>().number(required_key("value" + unit.value),
+                                                           &errors::Constant::value, any_number,
+                                                           "wherever the axis is"),
+                         "the same everywhere"),
       alternative<Shape>("polynomial", polynomial_fields<errors::Polynomial>(unit),
                          "sum of powers of t = (q - centre)/half range"),
       alternative<Shape>("legendre", polynomial_fields<errors::Legendre>(unit),
                          "sum of Legendre polynomials of t = (q - centre)/half range"),
       alternative<Shape>("fourier", fourier_fields(unit), "sum of cosines and sines"),
       table,
-      alternative<Shape>(
-          "backlash",
-          Fields<errors::Backlash>().number(must("half" + unit.value), &errors::Backlash::half,
-                                            any_number, "+ while moving up, - while moving down"),
-          "depends on the way of approach"),
+      alternative<Shape>("backlash",
+                         Fields<errors::Backlash>().number(
+                             required_key("half" + unit.value), &errors::Backlash::half, any_number,
+                             "+ while moving up, - while moving down"),
+                         "depends on the way of approach"),
       alternative<Shape>(
           "up_down",
           Fields<errors::DirectionalTables>()
-              .table(must("up"), &errors::DirectionalTables::up, rows, "while moving up")
-              .table(must("down"), &errors::DirectionalTables::down, rows, "while moving down"),
+              .table(required_key("up"), &errors::DirectionalTables::up, rows, "while moving up")
+              .table(required_key("down"), &errors::DirectionalTables::down, rows,
+                     "while moving down"),
           "a table for each way of approach"),
-      alternative<Shape>("repeatability",
-                         Fields<errors::Repeatability>()
-                             .number(must("sigma" + unit.value), &errors::Repeatability::sigma,
-                                     non_negative, "standard deviation")
-                             .all_of(whole_struct, seed_fields<errors::Repeatability>(seed)),
-                         "chance, one draw a stroke"),
+      alternative<Shape>(
+          "repeatability",
+          Fields<errors::Repeatability>()
+              .number(required_key("sigma" + unit.value), &errors::Repeatability::sigma,
+                      non_negative, "standard deviation")
+              .include_fields(whole_struct, seed_fields<errors::Repeatability>(seed)),
+          "chance, one draw a stroke"),
       alternative<Shape>(
           "asynchronous", asynchronous_fields(name, unit, seed),
           "of a spindle or another axis that turns, over its angle counted on: 32 cosines of "
@@ -208,7 +215,7 @@ std::vector<Alternative<Shape>> shape_alternatives(const ElementName& name,
 }  // namespace
 
 Key table_file_key() {
-  return make_key(must("file"), Key::Kind::Text,
+  return make_key(required_key("file"), Key::Kind::Text,
                   "CSV with the head `X EXX EYX EZX EAX EBX ECX`, mm and rad, positions in mm and "
                   "degrees; a head may give other units, `EXX_um`");
 }
@@ -221,7 +228,7 @@ std::optional<errors::ElementTable> read_table_file(TableReader& reader) {
   } catch (const BadInput& error) {
     // An error without a line number concerns the file as a whole, so it is reported at the key.
     if (error.line == 0) {
-      reader.refuse("file", error.expected, file + ": " + error.seen);
+      reader.report_invalid("file", error.expected, file + ": " + error.seen);
     } else {
       reader.input_errors().add(error);
     }
@@ -234,16 +241,16 @@ Fields<CurveEntry> curve_fields(const ElementName& name, const ElementUnits& uni
   using errors::Curve;
   const auto curve = Fields<Curve>()
                          .text("name", &Curve::name, "of the curve, for reports")
-                         .all_of(whole_struct, argument_fields<Curve>())
+                         .include_fields(whole_struct, argument_fields<Curve>())
                          .number("scale", &Curve::scale, any_number, "factor of the curve")
-                         .variant(must("kind"), &Curve::shape,
+                         .variant(required_key("kind"), &Curve::shape,
                                   shape_alternatives(name, units, seed), "shape of the curve");
   const auto read_detrend = [](TableReader& reader, CurveEntry& entry) {
     // A straight line can be removed from tables only.
     if (std::holds_alternative<errors::Table>(entry.curve.shape))
       entry = detrend_fields<CurveEntry>().read(reader, std::move(entry));
   };
-  return Fields<CurveEntry>().all_of(&CurveEntry::curve, curve).check(read_detrend);
+  return Fields<CurveEntry>().include_fields(&CurveEntry::curve, curve).check(read_detrend);
 }
 
 std::vector<Key> curve_keys() {
@@ -280,7 +287,8 @@ std::vector<errors::Coefficient> read_number_names(TableReader& reader, const No
     names.insert(errors::name_of(number, elements));
   }
   std::vector<errors::Coefficient> numbers;
-  if (!list.array()) reader.refuse("of", "a list of names such as \"EXX[1]\"", shown(list));
+  if (!list.array())
+    reader.report_invalid("of", "a list of names such as \"EXX[1]\"", display_text(list));
   for (const Node& name : list.array() ? *list.array() : Node::Array{}) {
     const auto entry = name.text() ? known.find(*name.text()) : known.end();
     if (entry == known.end()) {
@@ -288,11 +296,11 @@ std::vector<errors::Coefficient> read_number_names(TableReader& reader, const No
       const auto suggestion = name.text() ? nearest(*name.text(), names) : std::nullopt;
       reader.input_errors().add(
           name.place, "a number of this file's curves such as \"EXX[1]\"",
-          shown(name) + (suggestion ? " (did you mean " + *suggestion + "?)" : ""));
+          display_text(name) + (suggestion ? " (did you mean " + *suggestion + "?)" : ""));
       continue;
     }
     if (std::find(numbers.begin(), numbers.end(), entry->second) != numbers.end())
-      reader.input_errors().add(name.place, "each number once", shown(name) + " again");
+      reader.input_errors().add(name.place, "each number once", display_text(name) + " again");
     // A repeated number is added as well, so that the lengths of the following arrays agree.
     numbers.push_back(entry->second);
   }
@@ -302,14 +310,14 @@ std::vector<errors::Coefficient> read_number_names(TableReader& reader, const No
 Fields<Uncertainties> covariance_fields(const std::vector<Element>& elements) {
   const auto read_names = [elements](TableReader& reader, Uncertainties& uncertainties) {
     const Node* list = reader.accept_key("of");
-    if (!list) reader.missing("of", "a list of names such as \"EXX[1]\"");
+    if (!list) reader.report_missing("of", "a list of names such as \"EXX[1]\"");
     if (list) uncertainties.of = read_number_names(reader, *list, elements);
   };
   const auto write_names = [elements](const Uncertainties& uncertainties, Node::Table& table) {
     Node::Array names;
     for (const errors::Coefficient& number : uncertainties.of)
       names.push_back(Node{{}, errors::name_of(number, elements)});
-    put(table, "of", std::move(names));
+    put_value(table, "of", std::move(names));
   };
   const auto read_matrix = [](TableReader& reader, Uncertainties& uncertainties) {
     const int m = int(uncertainties.of.size());
@@ -323,16 +331,16 @@ Fields<Uncertainties> covariance_fields(const std::vector<Element>& elements) {
       put_numbers(table, "correlation", *uncertainties.correlation, 1.0);
   };
   return Fields<Uncertainties>()
-      .custom(
-          {make_key(must("of"), Key::Kind::Texts,
+      .custom_field(
+          {make_key(required_key("of"), Key::Kind::Texts,
                     "numbers of the file's curves: `EXX[2]` (order, or row of a table), `EXC cos "
                     "1`, `EXX backlash`, `EC0Y`; of a named curve among several `EXX screw pitch "
                     "cos 1`")},
           read_names, write_names)
-      .custom(
-          {make_key(must("standard_uncertainty_um_urad"), Key::Kind::Numbers,
+      .custom_field(
+          {make_key(required_key("standard_uncertainty_um_urad"), Key::Kind::Numbers,
                     "one for each, >= 0, in um or urad as its element is; 0: zero by convention"),
-           make_key(KeyName("correlation").otherwise("none"), Key::Kind::Numbers,
+           make_key(KeyName("correlation").with_fallback("none"), Key::Kind::Numbers,
                     "lower triangle without the diagonal, row by row, m (m - 1)/2 numbers; a "
                     "negative variance is refused")},
           read_matrix, write_matrix);
@@ -349,7 +357,7 @@ errors::Covariance read_covariance(const Node& table, const std::vector<Element>
   // After an input error the lengths of the arrays may differ.
   if (input_errors.list().size() != error_count) return {};
   if ((sigma.array() < 0.0).any())
-    reader.refuse("standard_uncertainty_um_urad", "numbers >= 0", "a negative one");
+    reader.report_invalid("standard_uncertainty_um_urad", "numbers >= 0", "a negative one");
   const auto m = Index(of.size());
   for (Index i = 0; i < m; ++i) sigma[i] *= number_unit(of[std::size_t(i)], elements);
   Eigen::MatrixXd R = Eigen::MatrixXd::Identity(m, m);
@@ -358,12 +366,13 @@ errors::Covariance read_covariance(const Node& table, const std::vector<Element>
     for (Index k = 0; k < i; ++k) R(i, k) = R(k, i) = (*correlation)[triangle_index++];
   // The numbers in the file are rounded, which may make an eigenvalue slightly negative.
   if (eigenvalues(R)[0] < -1e-9 * double(m))
-    reader.refuse("correlation", "a correlation that can be (no negative variance)", "another");
+    reader.report_invalid("correlation", "a correlation that can be (no negative variance)",
+                          "another");
   return {std::move(of), sigma.asDiagonal() * R * sigma.asDiagonal()};
 }
 
-Node::Table written_covariance(const errors::Covariance& covariance,
-                               const std::vector<Element>& elements) {
+Node::Table covariance_to_table(const errors::Covariance& covariance,
+                                const std::vector<Element>& elements) {
   const auto m = Index(covariance.of.size());
   const VectorXd sigma = covariance.matrix.diagonal().cwiseSqrt();
   Uncertainties uncertainties{covariance.of, sigma, std::nullopt};
@@ -381,7 +390,7 @@ Node::Table written_covariance(const errors::Covariance& covariance,
   }
   // No correlation is the default of the key.
   if (!correlation.isZero(0.0)) uncertainties.correlation = std::move(correlation);
-  return covariance_fields(elements).written(uncertainties);
+  return covariance_fields(elements).to_table(uncertainties);
 }
 
 std::vector<Key> covariance_keys() { return covariance_fields({}).keys(); }
@@ -430,7 +439,7 @@ Key unidentified_key() {
   Key key = make_key(unidentified_name, Key::Kind::Tables,
                      "numbers at 0 that the readings behind a belief could not tell, as `abbe "
                      "identify` writes them; a study asks for a prior of them");
-  key.keys = {make_key(must("number"), Key::Kind::Text, "`EY0A`, `EAX[1]`"),
+  key.keys = {make_key(required_key("number"), Key::Kind::Text, "`EY0A`, `EAX[1]`"),
               make_key("hidden_by", Key::Kind::Texts,
                        "numbers that took on a part of it, none: no reading feels it"),
               make_key("amounts", Key::Kind::Numbers,

@@ -48,12 +48,13 @@ template <typename T>
 Fields<T> interpolation_fields() {
   return Fields<T>()
       .word("between", &T::between,
-            {{"linear", errors::Between::Linear},
-             {"spline", errors::Between::Spline, "natural cubic"}},
+            {{"linear", errors::TableInterpolation::Linear},
+             {"spline", errors::TableInterpolation::Spline, "natural cubic"}},
             "how the table is read between its rows")
       .word("outside", &T::outside,
-            {{"refuse", errors::Outside::Refuse, "a program that leaves the table is refused"},
-             {"hold", errors::Outside::Hold, "the value of its first or last row"}},
+            {{"refuse", errors::TableExtrapolation::Refuse,
+              "a program that leaves the table is refused"},
+             {"hold", errors::TableExtrapolation::Hold, "the value of its first or last row"}},
             "what the table says beyond its range");
 }
 
@@ -86,8 +87,8 @@ Fields<T> detrend_fields() {
 /// @param elements  elements whose numbers it names
 errors::Covariance read_covariance(const Node& table, const std::vector<errors::Element>& elements,
                                    InputErrors& input_errors);
-Node::Table written_covariance(const errors::Covariance& covariance,
-                               const std::vector<errors::Element>& elements);
+Node::Table covariance_to_table(const errors::Covariance& covariance,
+                                const std::vector<errors::Element>& elements);
 std::vector<Key> covariance_keys();
 
 // The key `unidentified` of an errors table lists numbers that the readings behind a belief do not

@@ -51,8 +51,8 @@ void append(errors::GeometricErrors& total, ErrorsSection table) {
 
 }  // namespace
 
-errors::GeometricErrors joined(std::vector<ErrorsSection> tables,
-                               const MachineDescription& machine) {
+errors::GeometricErrors join_errors_tables(std::vector<ErrorsSection> tables,
+                                           const MachineDescription& machine) {
   errors::GeometricErrors appended;
   for (ErrorsSection& table : tables) append(appended, std::move(table));
   const auto rank = [&](const ElementName& name) {
@@ -99,7 +99,7 @@ std::uint64_t mixed_seed(std::uint64_t x) { return split_mix::mixed(x + split_mi
 /// One errors table while it is read.
 struct ErrorsTable {
   struct Origin {
-    Place place;
+    SourcePosition place;
     bool derived = false;  ///< from the slope of another element; such elements add up
   };
   ErrorsSection section;
@@ -157,8 +157,8 @@ bool is_straightness(const ElementName& name, const Joint* joint) {
 /// Removes the straight line from a straightness curve and adds its slope to the squareness of the
 /// slides.
 void transfer_slope(ErrorsTable& table, Curve& curve, const ElementName& name,
-                    errors::Detrend method, const Place& place, const MachineDescription& machine,
-                    InputErrors& input_errors) {
+                    errors::Detrend method, const SourcePosition& place,
+                    const MachineDescription& machine, InputErrors& input_errors) {
   const Joint* slide = find_joint(machine, name.axis);
   if (!slide) return;  // check_against_machine() reports the unknown axis
   if (!is_straightness(name, slide)) {
@@ -175,7 +175,7 @@ void transfer_slope(ErrorsTable& table, Curve& curve, const ElementName& name,
   const double factor = curve.scale * (curve.negate ? -1.0 : 1.0) * (is_reversed ? -1.0 : 1.0);
   const double slope = factor * detrended.slope;
   try {
-    for (const auto& contribution : errors::squareness_contributions(name, slope, machine.joints))
+    for (const auto& contribution : errors::to_squareness_errors(name, slope, machine.joints))
       add(table,
           constant_element(contribution.name, contribution.value, "slope of " + to_string(name)),
           {place, true});
@@ -219,13 +219,14 @@ std::string conversion_text(const Node::Entry& entry, const std::string& key) {
   const auto* real = std::get_if<double>(&entry.node.value);
   const auto* integer = std::get_if<std::int64_t>(&entry.node.value);
   if ((!real && !integer) || is_angle(entry.key) != is_angle(key)) return {};
-  const double value = (real ? *real : double(*integer)) * unit_of(entry.key) / unit_of(key);
+  const double value =
+      (real ? *real : double(*integer)) * unit_factor(entry.key) / unit_factor(key);
   return fmt::format(", which is {} = {:.6g}", key, value);
 }
 
 void read_element(TableReader& reader, ErrorsTable& table, const Node::Entry& entry,
                   const ErrorsContext& context) {
-  const std::string stem(key_stem(entry.key));
+  const std::string stem(key_without_unit(entry.key));
   ElementName name;
   try {
     name = errors::parse_element_name(stem);
@@ -274,15 +275,15 @@ void write_elements(const ErrorsTable& errors_table, Node::Table& table,
     // A plain constant is written in the short form that users write themselves.
     if (element.curves.size() == 1 && is_plain(element.curves.front())) {
       const double value = std::get<errors::Constant>(element.curves.front().shape).value;
-      put(table, key + units.value, value / unit_of(key + units.value));
+      put_value(table, key + units.value, value / unit_factor(key + units.value));
       continue;
     }
     // Every curve is written with its seed, so the default seed does not matter.
     const Fields<CurveEntry> fields = curve_fields(element.name, units, 0);
     Node::Array curves;
     for (const Curve& curve : element.curves)
-      curves.push_back(Node{{}, fields.written({curve, std::nullopt})});
-    put(table, key, std::move(curves));
+      curves.push_back(Node{{}, fields.to_table({curve, std::nullopt})});
+    put_value(table, key, std::move(curves));
   }
 }
 
@@ -305,21 +306,21 @@ std::vector<Key> element_keys() {
 
 /// A file with the tables of all elements of one axis.
 struct WholeTable {
-  errors::TableUse use;
+  errors::ElementTableUse use;
   double scale = 1.0;
   std::optional<errors::Detrend> detrend;
   std::optional<errors::ElementTable> table;
 };
 
 Fields<WholeTable> whole_table_fields() {
-  const auto use = interpolation_fields<errors::TableUse>()
-                       .all_of(whole_struct, argument_fields<errors::TableUse>())
-                       .text("name", &errors::TableUse::name, "of every curve, for reports");
+  const auto use = interpolation_fields<errors::ElementTableUse>()
+                       .include_fields(whole_struct, argument_fields<errors::ElementTableUse>())
+                       .text("name", &errors::ElementTableUse::name, "of every curve, for reports");
   return Fields<WholeTable>()
-      .all_of(&WholeTable::use, use)
+      .include_fields(&WholeTable::use, use)
       .number("scale", &WholeTable::scale, any_number, "factor of every curve")
-      .all_of(whole_struct, detrend_fields<WholeTable>())
-      .custom(
+      .include_fields(whole_struct, detrend_fields<WholeTable>())
+      .custom_field(
           {table_file_key()},
           [](TableReader& reader, WholeTable& whole) { whole.table = read_table_file(reader); },
           [](const WholeTable&, Node::Table&) {});
@@ -331,7 +332,7 @@ void read_whole_table(ErrorsTable& table, const Node& node, const MachineDescrip
   const WholeTable whole = whole_table_fields().read_table(node, "errors.tables", input_errors);
   if (!whole.table || input_errors.list().size() != error_count) return;
   const Joint* slide = find_joint(machine, whole.table->axis);
-  for (Element& element : errors::elements_of(*whole.table, whole.use)) {
+  for (Element& element : errors::to_elements(*whole.table, whole.use)) {
     Curve& curve = element.curves.front();
     curve.scale = whole.scale;
     // Only the slopes of straightness columns are squareness.
@@ -348,8 +349,8 @@ Fields<errors::MeasuringLine> line_fields() {
   using errors::MeasuredBy;
   using errors::MeasuringLine;
   return Fields<MeasuringLine>()
-      .vector(must("at_mm"), &MeasuringLine::at_b, "in the bed frame with all axes at zero")
-      .word(must("by"), &MeasuringLine::by,
+      .vector(required_key("at_mm"), &MeasuringLine::at_b, "in the bed frame with all axes at zero")
+      .word(required_key("by"), &MeasuringLine::by,
             {{"tool", MeasuredBy::Tool, "the measured point is where the tool was"},
              {"carriage", MeasuredBy::Carriage, "the measured point travels with the carriage"}},
             "who carried the measured point");
@@ -368,7 +369,7 @@ void read_lines(TableReader& reader, ErrorsTable& table, const MachineDescriptio
     errors::MeasuringLine line;
     line.axis = joint.name;
     table.section.geometric.measuring_lines.push_back(
-        line_fields().read_table(*node, lines.name_of(axis), reader.input_errors(), line));
+        line_fields().read_table(*node, lines.qualified_name(axis), reader.input_errors(), line));
   }
   // If the machine is invalid, there are no joints, and every axis would be reported as unknown.
   if (!machine.joints.empty()) lines.close();
@@ -377,15 +378,15 @@ void read_lines(TableReader& reader, ErrorsTable& table, const MachineDescriptio
 void write_lines(const ErrorsTable& errors_table, Node::Table& table) {
   Node::Table lines;
   for (const errors::MeasuringLine& line : errors_table.section.geometric.measuring_lines)
-    put(lines, std::string(1, line.axis), line_fields().written(line));
-  if (!lines.empty()) put(table, "measured", std::move(lines));
+    put_value(lines, std::string(1, line.axis), line_fields().to_table(line));
+  if (!lines.empty()) put_value(table, "measured", std::move(lines));
 }
 
 Key lines_key() {
   Key line = make_key("<axis>", Key::Kind::Table, "of one slide");
   line.pattern = "[XYZUVW]";
   line.keys = line_fields().keys();
-  Key lines = make_key(KeyName("measured").otherwise("at the joint's point"), Key::Kind::Table,
+  Key lines = make_key(KeyName("measured").with_fallback("at the joint's point"), Key::Kind::Table,
                        "lines on which the translations of slides were measured");
   lines.keys = {line};
   return lines;
@@ -399,33 +400,34 @@ void check_machine(TableReader& reader, const MachineDescription& machine) {
   if (stated_code.empty() || machine.joints.empty()) return;
   const std::string code = kinematics::to_string(kinematics::chain_topology(machine.joints));
   if (stated_code != code)
-    reader.refuse("machine", "errors of the machine " + code, in_quotes(stated_code));
+    reader.report_invalid("machine", "errors of the machine " + code, quoted_excerpt(stated_code));
 }
 
 Fields<ErrorsTable> errors_fields(const ErrorsContext& context) {
   Key tables = make_key("tables", Key::Kind::Tables, "error motions of one axis from a CSV file");
   tables.keys = whole_table_fields().keys();
-  Key covariance = make_key(KeyName("covariance").otherwise("none: they are taken as they stand"),
-                            Key::Kind::Table, "how well the numbers are known");
+  Key covariance =
+      make_key(KeyName("covariance").with_fallback("none: they are taken as they stand"),
+               Key::Kind::Table, "how well the numbers are known");
   covariance.keys = covariance_keys();
   const auto write_nothing = [](const ErrorsTable&, Node::Table&) {};
   return Fields<ErrorsTable>()
-      .custom(
+      .custom_field(
           {make_key("name", Key::Kind::Text, "of the table, for people")},
           [](TableReader& reader, ErrorsTable&) { reader.text("name", ""); }, write_nothing)
-      .custom(
-          {make_key(KeyName("machine").otherwise("any"), Key::Kind::Text,
+      .custom_field(
+          {make_key(KeyName("machine").with_fallback("any"), Key::Kind::Text,
                     "structural code of the machine of which the errors were identified, as `abbe "
                     "identify` writes it; on another machine they are an input error")},
           [context](TableReader& reader, ErrorsTable&) { check_machine(reader, context.machine); },
           write_nothing)
-      .custom(
+      .custom_field(
           {unidentified_key()},
           [](TableReader& reader, ErrorsTable&) { read_unidentified(reader); }, write_nothing)
       .number(
           "scale", [](auto& table) -> auto& { return table.section.scale; }, any_number,
           "factor of everything in this table")
-      .custom(
+      .custom_field(
           element_keys(),
           [context](TableReader& reader, ErrorsTable& errors_table) {
             read_elements(reader, errors_table, context);
@@ -433,26 +435,26 @@ Fields<ErrorsTable> errors_fields(const ErrorsContext& context) {
           [context](const ErrorsTable& errors_table, Node::Table& table) {
             write_elements(errors_table, table, context.machine);
           })
-      .custom(
+      .custom_field(
           {tables},
           [context](TableReader& reader, ErrorsTable& errors_table) {
             for (const Node* node : reader.tables("tables"))
               read_whole_table(errors_table, *node, context.machine, reader.input_errors());
           },
           write_nothing)  // written with the elements
-      .custom(
+      .custom_field(
           {lines_key()},
           [context](TableReader& reader, ErrorsTable& errors_table) {
             read_lines(reader, errors_table, context.machine);
           },
           write_lines)
-      .custom(
+      .custom_field(
           {covariance},  // read when all elements are known
           [](TableReader& reader, ErrorsTable&) { reader.accept_key("covariance"); },
           [](const ErrorsTable& errors_table, Node::Table& table) {
             const auto& [elements, lines, covariance_matrix] = errors_table.section.geometric;
             if (!covariance_matrix.of.empty())
-              put(table, "covariance", written_covariance(covariance_matrix, elements));
+              put_value(table, "covariance", covariance_to_table(covariance_matrix, elements));
           });
 }
 
@@ -510,10 +512,11 @@ ErrorsSection read_errors(const Node& node, const MachineDescription& machine, s
     ErrorsSection table = read_errors_table(node, {machine, seed}, input_errors);
     // The scale of a single table becomes that of the section, so that a study can vary it.
     const double scale = std::exchange(table.scale, 1.0);
-    return {joined({std::move(table)}, machine), scale};
+    return {join_errors_tables({std::move(table)}, machine), scale};
   }
   if (!node.array() && !node.text())
-    input_errors.add(node.place, "a table, a file or a list of them for errors", shown(node));
+    input_errors.add(node.place, "a table, a file or a list of them for errors",
+                     display_text(node));
   std::vector<ErrorsSection> tables;
   for (const Node& element : node.array() ? *node.array() : Node::Array{}) {
     if (element.text()) continue;  // the file is invalid, which is reported
@@ -521,13 +524,13 @@ ErrorsSection read_errors(const Node& node, const MachineDescription& machine, s
       // Each table gets another seed, so that equal curves of two tables are not correlated.
       tables.push_back(read_errors_table(element, {machine, seed++}, input_errors));
     else
-      input_errors.add(element.place, "a table or a file for errors", shown(element));
+      input_errors.add(element.place, "a table or a file for errors", display_text(element));
   }
-  return {joined(std::move(tables), machine), 1.0};
+  return {join_errors_tables(std::move(tables), machine), 1.0};
 }
 
-Node::Table written_errors(const ErrorsSection& section, const MachineDescription& machine) {
-  return errors_fields({machine, 0}).written({section, {}});
+Node::Table errors_to_table(const ErrorsSection& section, const MachineDescription& machine) {
+  return errors_fields({machine, 0}).to_table({section, {}});
 }
 
 std::vector<Key> errors_keys() { return errors_fields({}).keys(); }
@@ -542,7 +545,8 @@ Fields<Vibration> harmonic_fields(const std::string& amplitude_key) {
   return Fields<Vibration>()
       .number("order", &Vibration::order, positive,
               "per turn of the spindle: 1, or the number of teeth")
-      .number(must(amplitude_key), &Vibration::amplitude, any_number, "at the speed `at_rpm`")
+      .number(required_key(amplitude_key), &Vibration::amplitude, any_number,
+              "at the speed `at_rpm`")
       .number("exponent", &Vibration::exponent, any_number,
               "of the speed, at least 0: 2 for unbalance, 0 for an amplitude that does not change "
               "with speed");
@@ -550,8 +554,9 @@ Fields<Vibration> harmonic_fields(const std::string& amplitude_key) {
 
 Fields<Vibration> speed_fields(bool required) {
   // An amplitude that does not depend on speed needs no reference speed.
-  const KeyName at = KeyName("at_rpm").otherwise("must be given unless `exponent` is 0");
-  return Fields<Vibration>().number(required ? must(at) : at, &Vibration::reference_speed, positive,
+  const KeyName at = KeyName("at_rpm").with_fallback("must be given unless `exponent` is 0");
+  return Fields<Vibration>().number(required ? required_key(at) : at, &Vibration::reference_speed,
+                                    positive,
                                     "speed of the spindle at which the amplitude is stated");
 }
 
@@ -560,14 +565,15 @@ Fields<Vibration> resonance_fields() {
   resonance.range = positive;
   return Fields<Vibration>()
       .number("phase_deg", &Vibration::phase, any_number, "at the spindle's angle 0")
-      .custom(
+      .custom_field(
           {resonance},
           [](TableReader& reader, Vibration& vibration) {
             if (const auto hertz = reader.maybe_number("resonance_Hz", positive))
               vibration.resonance = 2 * pi * *hertz;
           },
           [](const Vibration& vibration, Node::Table& table) {
-            if (vibration.resonance) put(table, "resonance_Hz", *vibration.resonance / (2 * pi));
+            if (vibration.resonance)
+              put_value(table, "resonance_Hz", *vibration.resonance / (2 * pi));
           })
       .number("damping", &Vibration::damping, positive, "of the resonance, as a part of critical");
 }
@@ -580,7 +586,7 @@ std::string amplitude_key(const Vibration& vibration) {
 
 std::vector<Key> vibration_keys() {
   std::vector<Key> keys{
-      make_key(must("element"), Key::Kind::Text,
+      make_key(required_key("element"), Key::Kind::Text,
                "an error motion of any axis or the spindle: `\"EXS\"`, `\"EAZ\"`")};
   for (const auto& fields :
        {harmonic_fields("amplitude_<unit>"), speed_fields(false), resonance_fields()})
@@ -599,10 +605,10 @@ errors::Vibration read_vibration(const Node& node, const MachineDescription& mac
   try {
     vibration.name = errors::parse_element_name(reader.text("element", "EXS"));
   } catch (const std::invalid_argument& error) {
-    reader.refuse("element", "an element such as EXS", error.what());
+    reader.report_invalid("element", "an element such as EXS", error.what());
   }
   // The unit of the amplitude depends on the element; without one, reading continues with EXS.
-  if (!reader.has("element")) reader.missing("element", "an element such as EXS");
+  if (!reader.has("element")) reader.report_missing("element", "an element such as EXS");
   vibration = harmonic_fields(amplitude_key(vibration)).read(reader, vibration);
   vibration = speed_fields(vibration.exponent != 0.0).read(reader, vibration);
   vibration = resonance_fields().read(reader, vibration);
@@ -613,17 +619,17 @@ errors::Vibration read_vibration(const Node& node, const MachineDescription& mac
   } catch (const std::invalid_argument& error) {
     // Without joints the machine itself is invalid, which is reported already.
     if (!machine.joints.empty())
-      reader.refuse("element", "a vibration that the machine can have", error.what());
+      reader.report_invalid("element", "a vibration that the machine can have", error.what());
   }
   return vibration;
 }
 
-Node::Table written_vibration(const Vibration& vibration) {
+Node::Table vibration_to_table(const Vibration& vibration) {
   Node::Table table;
-  put(table, "element", errors::to_string(vibration.name));
+  put_value(table, "element", errors::to_string(vibration.name));
   for (const auto& fields :
        {harmonic_fields(amplitude_key(vibration)), speed_fields(true), resonance_fields()})
-    for (Node::Entry& entry : fields.written(vibration)) table.push_back(std::move(entry));
+    for (Node::Entry& entry : fields.to_table(vibration)) table.push_back(std::move(entry));
   return table;
 }
 

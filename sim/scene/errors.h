@@ -24,19 +24,19 @@ struct ErrorsSection {
 ErrorsSection read_errors(const Node& section, const MachineDescription& machine,
                           std::uint64_t seed, InputErrors& input_errors);
 /// Returns the section as one table, which includes the contents of files.
-Node::Table written_errors(const ErrorsSection& section, const MachineDescription& machine);
+Node::Table errors_to_table(const ErrorsSection& section, const MachineDescription& machine);
 std::vector<Key> errors_keys();
 
 /// Reads and writes `[[vibration]]`.
 errors::Vibration read_vibration(const Node& table, const MachineDescription& machine,
                                  InputErrors& input_errors);
-Node::Table written_vibration(const errors::Vibration& vibration);
+Node::Table vibration_to_table(const errors::Vibration& vibration);
 std::vector<Key> vibration_keys();
 
 /// Joins several tables, each multiplied by its scale. Elements of equal name are merged; the
 /// elements are in the order of the machine, not of the tables. Numbers of different tables are
 /// uncorrelated.
-errors::GeometricErrors joined(std::vector<ErrorsSection> tables,
-                               const MachineDescription& machine);
+errors::GeometricErrors join_errors_tables(std::vector<ErrorsSection> tables,
+                                           const MachineDescription& machine);
 
 }  // namespace abbe::sim

@@ -17,19 +17,19 @@ using kinematics::AxisVector;
 using kinematics::Joint;
 using kinematics::Motion;
 
-KeyName KeyName::otherwise(std::string text) const {
+KeyName KeyName::with_fallback(std::string text) const {
   KeyName key = *this;
   key.fallback = std::move(text);
   return key;
 }
 
-KeyName KeyName::one_of(std::string group) const {
+KeyName KeyName::in_exclusive_group(std::string group) const {
   KeyName key = *this;
-  key.either = std::move(group);
+  key.exclusive_group = std::move(group);
   return key;
 }
 
-KeyName must(KeyName key) {
+KeyName required_key(KeyName key) {
   key.required = true;
   return key;
 }
@@ -41,7 +41,7 @@ Key make_key(const KeyName& name, Key::Kind kind, const char* sentence, std::vec
   key.kind = kind;
   key.required = name.required;
   key.fallback = name.fallback;
-  key.either = name.either;
+  key.exclusive_group = name.exclusive_group;
   key.keys = std::move(keys);
   return key;
 }
@@ -52,10 +52,10 @@ Key make_numbers_key(const KeyName& name, int size, const char* sentence) {
   return key;
 }
 
-std::set<std::string> words_of(const Key& key) {
-  std::set<std::string> words;
-  for (const Word& word : key.words) words.insert(word.word);
-  return words;
+std::set<std::string> choice_names(const Key& key) {
+  std::set<std::string> choices;
+  for (const EnumChoice& word : key.choices) choices.insert(word.word);
+  return choices;
 }
 
 double in_unit(double value, double unit) {
@@ -78,7 +78,8 @@ std::vector<Key> allow_other_unit(std::vector<Key> keys, const std::string& unit
       key.pattern = names.substr(1, names.size() - 2);
     }
     key.keys = allow_other_unit(std::move(key.keys), unit, other);
-    for (Word& word : key.words) word.keys = allow_other_unit(std::move(word.keys), unit, other);
+    for (EnumChoice& word : key.choices)
+      word.keys = allow_other_unit(std::move(word.keys), unit, other);
   }
   return keys;
 }
@@ -87,7 +88,7 @@ void put_numbers(Node::Table& table, const std::string& key, const Eigen::Vector
                  double unit) {
   Node::Array numbers;
   for (const double value : values) numbers.push_back(Node{{}, in_unit(value, unit)});
-  put(table, key, std::move(numbers));
+  put_value(table, key, std::move(numbers));
 }
 
 void append_entries(Node::Table& table, Node::Table entries) {
@@ -98,11 +99,11 @@ namespace fields_detail {
 namespace {
 
 /// Marks the keys of all enum values as known, so that they are not reported as unknown.
-void accept_keys(TableReader& reader, const std::vector<Word>& words) {
-  for (const Word& word : words)
+void accept_keys(TableReader& reader, const std::vector<EnumChoice>& choices) {
+  for (const EnumChoice& word : choices)
     for (const Key& key : word.keys) {
       reader.accept_key(key.name);
-      accept_keys(reader, key.words);
+      accept_keys(reader, key.choices);
     }
 }
 
@@ -156,7 +157,7 @@ void FieldList::read_table_into(const Node& table, const std::string& section_na
   reader.close();
 }
 
-Node::Table FieldList::written_from(const void* source) const {
+Node::Table FieldList::table_from(const void* source) const {
   Node::Table table;
   for (const Field& field : fields_)
     if (field.write) field.write(source, table);
@@ -182,7 +183,7 @@ void FieldList::add_number(const KeyName& name, Member member, const NumberAcces
       {*key},
       [key, member, access, unit](TableReader& reader, void* target) {
         const auto stated_value = reader.number_as_written(key->name, key->range);
-        if (key->required && !reader.has(key->name)) reader.missing(key->name, "a number");
+        if (key->required && !reader.has(key->name)) reader.report_missing(key->name, "a number");
         if (stated_value)
           access.set(member(target), *stated_value * unit);
         else if (key->required)
@@ -191,7 +192,7 @@ void FieldList::add_number(const KeyName& name, Member member, const NumberAcces
       },
       [key, member, access, unit](const void* source, Node::Table& table) {
         if (const auto value = access.get(const_member(member, source)))
-          put(table, key->name, in_unit(*value, unit));
+          put_value(table, key->name, in_unit(*value, unit));
       });
 }
 
@@ -205,13 +206,14 @@ void FieldList::add_integer(const KeyName& name, Member member, const IntegerAcc
   add(
       {*key},
       [key, member, access, min, max](TableReader& reader, void* target) {
-        if (key->required && !reader.has(key->name)) reader.missing(key->name, "a whole number");
+        if (key->required && !reader.has(key->name))
+          reader.report_missing(key->name, "a whole number");
         if (const auto value = reader.maybe_integer(key->name, min, max))
           access.set(member(target), *value);
       },
       [key, member, access](const void* source, Node::Table& table) {
         if (const auto value = access.get(const_member(member, source)))
-          put(table, key->name, *value);
+          put_value(table, key->name, *value);
       });
 }
 
@@ -227,7 +229,9 @@ void FieldList::add_boolean(const KeyName& name, Member member, const char* sent
         bool& value = *static_cast<bool*>(member(target));
         value = reader.boolean(key->name, value);
       },
-      [key, get](const void* source, Node::Table& table) { put(table, key->name, get(source)); });
+      [key, get](const void* source, Node::Table& table) {
+        put_value(table, key->name, get(source));
+      });
 }
 
 void FieldList::add_text(const KeyName& name, Member member, const TextAccess& access,
@@ -237,13 +241,13 @@ void FieldList::add_text(const KeyName& name, Member member, const TextAccess& a
   add(
       {*key},
       [key, member, access](TableReader& reader, void* target) {
-        if (key->required && !reader.has(key->name)) reader.missing(key->name, "a text");
+        if (key->required && !reader.has(key->name)) reader.report_missing(key->name, "a text");
         void* value = member(target);
         access.set(value, reader.text(key->name, access.get(value)));
       },
       [key, member, access](const void* source, Node::Table& table) {
         std::string text = access.get(const_member(member, source));
-        if (!text.empty()) put(table, key->name, std::move(text));
+        if (!text.empty()) put_value(table, key->name, std::move(text));
       });
 }
 
@@ -260,7 +264,7 @@ void FieldList::add_texts(const KeyName& name, Member member, const char* senten
         Node::Array texts;
         for (const std::string& text : *static_cast<const Texts*>(const_member(member, source)))
           texts.push_back(Node{{}, text});
-        if (!texts.empty()) put(table, key->name, std::move(texts));
+        if (!texts.empty()) put_value(table, key->name, std::move(texts));
       });
 }
 
@@ -273,22 +277,22 @@ void FieldList::add_enum(const KeyName& name, Member member, EnumAccess access,
                          const char* sentence) {
   const auto key = std::make_shared<Key>(make_key(name, Key::Kind::Text, sentence));
   for (const EnumLabel& label : access.labels)
-    key->words.push_back({label.word, label.sentence, {}});
+    key->choices.push_back({label.word, label.sentence, {}});
   if (!key->required && key->fallback.empty())
     if (const auto index = access.get(const_member(member, initial())))
-      key->fallback = key->words[*index].word;
+      key->fallback = key->choices[*index].word;
   add(
       {*key},
       [key, member, set = std::move(access.set)](TableReader& reader, void* target) {
         const std::optional<std::string> word =
-            reader.word(key->name, words_of(*key), key->required);
+            reader.word(key->name, choice_names(*key), key->required);
         if (!word && key->required) set(member(target), 0);
-        for (std::size_t i = 0; i < key->words.size(); ++i)
-          if (word == key->words[i].word) set(member(target), i);
+        for (std::size_t i = 0; i < key->choices.size(); ++i)
+          if (word == key->choices[i].word) set(member(target), i);
       },
       [key, member, get = std::move(access.get)](const void* source, Node::Table& table) {
         if (const auto index = get(const_member(member, source)))
-          put(table, key->name, key->words[*index].word);
+          put_value(table, key->name, key->choices[*index].word);
       });
 }
 
@@ -316,7 +320,7 @@ void FieldList::add_numbers(const KeyName& name, Member member, const VectorAcce
   const auto key = std::make_shared<Key>(make_numbers_key(name, size, sentence));
   if (!access.optional && !key->required && key->fallback.empty())
     if (const auto values = access.get(const_member(member, initial())))
-      key->fallback = default_text(Eigen::VectorXd(*values / unit_of(name.name)));
+      key->fallback = default_text(Eigen::VectorXd(*values / unit_factor(name.name)));
   add(
       {*key},
       [key, member, access](TableReader& reader, void* target) {
@@ -327,7 +331,7 @@ void FieldList::add_numbers(const KeyName& name, Member member, const VectorAcce
       },
       [key, member, access](const void* source, Node::Table& table) {
         if (const auto values = access.get(const_member(member, source)))
-          put_numbers(table, key->name, *values, unit_of(key->name));
+          put_numbers(table, key->name, *values, unit_factor(key->name));
       });
 }
 
@@ -340,16 +344,17 @@ void FieldList::add_table(const KeyName& name, Member member, const TableAccess&
       {*key},
       [key, member, access, fields](TableReader& reader, void* target) {
         const Node* node = reader.section(key->name);
-        if (!node && key->required && !reader.has(key->name)) reader.missing(key->name, "a table");
+        if (!node && key->required && !reader.has(key->name))
+          reader.report_missing(key->name, "a table");
         if (!node) return;
-        fields->read_table_into(*node, reader.name_of(key->name), reader.input_errors(),
+        fields->read_table_into(*node, reader.qualified_name(key->name), reader.input_errors(),
                                 access.make(member(target), fields->initial()));
       },
       [key, member, access, fields](const void* source, Node::Table& table) {
         const void* value = access.get(const_member(member, source));
         if (!value) return;
-        Node::Table entries = fields->written_from(value);
-        if (access.optional || !entries.empty()) put(table, key->name, std::move(entries));
+        Node::Table entries = fields->table_from(value);
+        if (access.optional || !entries.empty()) put_value(table, key->name, std::move(entries));
       });
 }
 
@@ -360,9 +365,10 @@ void FieldList::add_tables(const KeyName& name, Member member, const ListAccess&
       std::make_shared<Key>(make_key(name, Key::Kind::Tables, sentence, fields->keys()));
   if (!read)
     read = [key, member, access, fields](TableReader& reader, void* target) {
-      if (key->required && !reader.has(key->name)) reader.missing(key->name, "a list of tables");
+      if (key->required && !reader.has(key->name))
+        reader.report_missing(key->name, "a list of tables");
       for (const Node* node : reader.tables(key->name))
-        fields->read_table_into(*node, reader.name_of(key->name), reader.input_errors(),
+        fields->read_table_into(*node, reader.qualified_name(key->name), reader.input_errors(),
                                 access.append(member(target), fields->initial()));
     };
   add({*key}, std::move(read),
@@ -370,8 +376,8 @@ void FieldList::add_tables(const KeyName& name, Member member, const ListAccess&
         const void* list = const_member(member, source);
         Node::Array tables;
         for (std::size_t i = 0; i < access.size(list); ++i)
-          tables.push_back(Node{{}, fields->written_from(access.get(list, i))});
-        if (!tables.empty()) put(table, key->name, std::move(tables));
+          tables.push_back(Node{{}, fields->table_from(access.get(list, i))});
+        if (!tables.empty()) put_value(table, key->name, std::move(tables));
       });
 }
 
@@ -383,7 +389,7 @@ void FieldList::add_all(Member member, FieldList nested) {
         fields->read_into(reader, member(target));
       },
       [member, fields](const void* source, Node::Table& table) {
-        append_entries(table, fields->written_from(const_member(member, source)));
+        append_entries(table, fields->table_from(const_member(member, source)));
       });
 }
 
@@ -398,7 +404,7 @@ void FieldList::add_conditional(std::function<bool(const void*)> condition, Fiel
         if (condition(target)) fields->read_into(reader, target);
       },
       [condition, fields](const void* source, Node::Table& table) {
-        if (condition(source)) append_entries(table, fields->written_from(source));
+        if (condition(source)) append_entries(table, fields->table_from(source));
       });
 }
 
@@ -406,17 +412,18 @@ void FieldList::add_alternatives(const KeyName& name, Member member,
                                  std::vector<AlternativeAccess> alternatives,
                                  const char* sentence) {
   const auto key = std::make_shared<Key>(make_key(name, Key::Kind::Text, sentence));
-  for (const AlternativeAccess& alternative : alternatives) key->words.push_back(alternative.word);
+  for (const AlternativeAccess& alternative : alternatives)
+    key->choices.push_back(alternative.word);
   const auto accesses =
       std::make_shared<const std::vector<AlternativeAccess>>(std::move(alternatives));
   add(
       {*key},
       [key, member, accesses](TableReader& reader, void* target) {
-        const auto stated_word = reader.word(key->name, words_of(*key), key->required);
+        const auto stated_word = reader.word(key->name, choice_names(*key), key->required);
         // With an invalid value it is unknown which keys belong to the table, so the keys of every
         // alternative are accepted.
-        if (!stated_word && reader.has(key->name)) return accept_keys(reader, key->words);
-        const std::string word = stated_word.value_or(key->words.front().word);
+        if (!stated_word && reader.has(key->name)) return accept_keys(reader, key->choices);
+        const std::string word = stated_word.value_or(key->choices.front().word);
         for (const AlternativeAccess& alternative : *accesses)
           if (alternative.word.word == word) alternative.read(reader, member(target));
       },
@@ -424,7 +431,7 @@ void FieldList::add_alternatives(const KeyName& name, Member member,
         for (const AlternativeAccess& alternative : *accesses) {
           Node::Table entries;
           if (!alternative.write(const_member(member, source), entries)) continue;
-          put(table, key->name, alternative.word.word);
+          put_value(table, key->name, alternative.word.word);
           return append_entries(table, std::move(entries));
         }
       });
@@ -471,8 +478,8 @@ Matrix3d read_turn_deg(TableReader& reader) {
   const auto turn = reader.numbers_as_written("turn_deg", 3);
   if (!turn) return Matrix3d::Identity();
   if (turn->cwiseAbs().maxCoeff() <= max_turn_deg) return turn_rotation(*turn);
-  reader.refuse("turn_deg", fmt::format("turns within +-{} deg for turn_deg", max_turn_deg),
-                fmt::format("{}", turn->cwiseAbs().maxCoeff()));
+  reader.report_invalid("turn_deg", fmt::format("turns within +-{} deg for turn_deg", max_turn_deg),
+                        fmt::format("{}", turn->cwiseAbs().maxCoeff()));
   return Matrix3d::Identity();
 }
 
@@ -481,9 +488,9 @@ Matrix3d read_turn_deg(TableReader& reader) {
 const Fields<Matrix3d>& turn_fields() {
   static const Fields<Matrix3d> fields =
       Fields<Matrix3d>(Matrix3d::Identity())
-          .custom(
+          .custom_field(
               {make_numbers_key(
-                  KeyName("turn_deg").otherwise("[0, 0, 0]"), 3,
+                  KeyName("turn_deg").with_fallback("[0, 0, 0]"), 3,
                   "rotation vector, each number within ±3600: [0, 90, 0] turns by 90° "
                   "about y")},
               [](TableReader& reader, Matrix3d& R) { R = read_turn_deg(reader); },
@@ -499,19 +506,20 @@ const Fields<kinematics::Pose>& placement_fields() {
   using kinematics::Pose;
   static const Fields<Pose> fields =
       Fields<Pose>(Pose::Identity())
-          .custom(
-              {make_numbers_key(KeyName("at_mm").otherwise("[0, 0, 0]"), 3, "where its zero is")},
+          .custom_field(
+              {make_numbers_key(KeyName("at_mm").with_fallback("[0, 0, 0]"), 3,
+                                "where its zero is")},
               [](TableReader& reader, Pose& pose) {
                 pose.translation() = reader.vector("at_mm", pose.translation());
               },
               [](const Pose& pose, Node::Table& table) {
                 put_numbers(table, "at_mm", pose.translation(), 1.0);
               })
-          .custom(
+          .custom_field(
               turn_fields().keys(),
               [](TableReader& reader, Pose& pose) { pose.linear() = read_turn(reader); },
               [](const Pose& pose, Node::Table& table) {
-                append_entries(table, turn_fields().written(pose.linear()));
+                append_entries(table, turn_fields().to_table(pose.linear()));
               });
   return fields;
 }
@@ -523,8 +531,8 @@ std::string axis_key_name(const Joint& joint) {
 }
 
 Key position_key(const char* unit, const char* sentence) {
-  Key key =
-      make_key(KeyName("<axis>_" + std::string(unit)).otherwise("0"), Key::Kind::Number, sentence);
+  Key key = make_key(KeyName("<axis>_" + std::string(unit)).with_fallback("0"), Key::Kind::Number,
+                     sentence);
   key.pattern = "[A-Z]_" + std::string(unit);
   return key;
 }
@@ -533,7 +541,7 @@ Key position_key(const char* unit, const char* sentence) {
 
 Fields<AxisVector> axis_position_fields(const std::vector<Joint>& joints) {
   return Fields<AxisVector>(AxisVector::Zero(Eigen::Index(joints.size())))
-      .custom(
+      .custom_field(
           {position_key("mm", "position of a slide, such as Z_mm"),
            position_key("deg", "angle of an axis that turns, such as C_deg")},
           [joints](TableReader& reader, AxisVector& positions) {
@@ -546,8 +554,8 @@ Fields<AxisVector> axis_position_fields(const std::vector<Joint>& joints) {
           [joints](const AxisVector& positions, Node::Table& table) {
             for (std::size_t j = 0; j < joints.size(); ++j)
               if (joints[j].motion != Motion::Spindle)
-                put(table, axis_key_name(joints[j]),
-                    positions[Eigen::Index(j)] / unit_of(axis_key_name(joints[j])));
+                put_value(table, axis_key_name(joints[j]),
+                          positions[Eigen::Index(j)] / unit_factor(axis_key_name(joints[j])));
           });
 }
 

@@ -25,16 +25,16 @@ namespace abbe::sim {
 struct KeyName {
   std::string name;
   bool required = false;
-  std::string fallback;  ///< default in words, if it is not that of the struct
-  std::string either;    ///< `Key::either`
+  std::string fallback;         ///< default in words, if it is not that of the struct
+  std::string exclusive_group;  ///< `Key::exclusive_group`
 
   KeyName(const char* key) : name(key) {}
   KeyName(std::string key) : name(std::move(key)) {}
-  KeyName otherwise(std::string text) const;  ///< with this fallback
-  KeyName one_of(std::string group) const;    ///< with this `either`
+  KeyName with_fallback(std::string text) const;        ///< with this fallback
+  KeyName in_exclusive_group(std::string group) const;  ///< with this `exclusive_group`
 };
 /// Makes a key required.
-KeyName must(KeyName key);
+KeyName required_key(KeyName key);
 
 /// Returns the description of a key. The caller sets the members that only some kinds have.
 /// @param keys  keys of the table, for kinds of tables
@@ -44,7 +44,7 @@ Key make_numbers_key(const KeyName& name, int size, const char* sentence);
 
 /// Appends `key = value` to a table.
 template <typename V>
-void put(Node::Table& table, const std::string& key, V value) {
+void put_value(Node::Table& table, const std::string& key, V value) {
   table.push_back({key, {}, Node{{}, std::move(value)}});
 }
 /// Returns value / unit, adjusted so that the result times the unit gives the same bits again if
@@ -61,7 +61,7 @@ void append_entries(Node::Table& table, Node::Table entries);
 inline constexpr auto whole_struct = [](auto& value) -> auto& { return value; };
 
 /// Returns the enum values of a key.
-std::set<std::string> words_of(const Key& key);
+std::set<std::string> choice_names(const Key& key);
 
 /// Allows every key with `unit` in its name, nested keys included, to have `other` instead: the
 /// pattern of "value_um" becomes "value_(um|urad)".
@@ -71,7 +71,7 @@ std::vector<Key> allow_other_unit(std::vector<Key> keys, const std::string& unit
 /// One alternative of a variant V: the enum value that selects it, and its keys.
 template <typename V>
 struct Alternative {
-  Word word;
+  EnumChoice word;
   std::function<V(TableReader&)> read;
   /// Returns false and writes nothing if the variant holds another alternative.
   std::function<bool(const V&, Node::Table&)> write;
@@ -259,7 +259,7 @@ ListAccess list_access() {
 
 /// An `Alternative` without the type of its variant.
 struct AlternativeAccess {
-  Word word;
+  EnumChoice word;
   std::function<void(TableReader&, void* variant)> read;
   std::function<bool(const void* variant, Node::Table&)> write;
 };
@@ -301,7 +301,7 @@ class FieldList {
   void read_into(TableReader& reader, void* target) const;
   void read_table_into(const Node& table, const std::string& section_name,
                        InputErrors& input_errors, void* target) const;
-  Node::Table written_from(const void* source) const;
+  Node::Table table_from(const void* source) const;
 
   /// @param write  may be empty
   void add(std::vector<Key>&& keys, Read&& read, Write&& write);
@@ -365,7 +365,7 @@ class Fields : public fields_detail::FieldList {
   /// Adds a double in mm, rad, s, N, K; an optional one has no fallback.
   template <typename M>
   Fields& number(const KeyName& key, M member, const Range& range, const char* sentence) {
-    return number_in(unit_of(key.name), key, std::move(member), range, sentence);
+    return number_in(unit_factor(key.name), key, std::move(member), range, sentence);
   }
   /// Adds a double in the unit of its key.
   template <typename M>
@@ -461,7 +461,7 @@ class Fields : public fields_detail::FieldList {
   }
   /// Adds the keys of a member to this table.
   template <typename M, typename U>
-  Fields& all_of(M member, Fields<U> fields) {
+  Fields& include_fields(M member, Fields<U> fields) {
     static_assert(std::is_same_v<Value<M>, U>);
     add_all(untyped(std::move(member)), std::move(fields));
     return *this;
@@ -476,8 +476,8 @@ class Fields : public fields_detail::FieldList {
     return *this;
   }
   /// Adds keys that are read together by a function of their own.
-  Fields& custom(std::vector<Key> keys, std::function<void(TableReader&, T&)> read,
-                 std::function<void(const T&, Node::Table&)> write) {
+  Fields& custom_field(std::vector<Key> keys, std::function<void(TableReader&, T&)> read,
+                       std::function<void(const T&, Node::Table&)> write) {
     add(std::move(keys), untyped_read(std::move(read)),
         [write = std::move(write)](const void* source, Node::Table& table) {
           write(*static_cast<const T*>(source), table);
@@ -521,7 +521,7 @@ class Fields : public fields_detail::FieldList {
     return start;
   }
   /// Returns the table from which `read` gives this value, without the keys of empty members.
-  Node::Table written(const T& value) const { return written_from(std::addressof(value)); }
+  Node::Table to_table(const T& value) const { return table_from(std::addressof(value)); }
 
  private:
   template <typename M>
@@ -543,14 +543,14 @@ class Fields : public fields_detail::FieldList {
 /// selects it.
 template <typename V, typename A>
 Alternative<V> alternative(const char* word, Fields<A> fields, const char* sentence = "") {
-  Word selector{word, sentence, fields.keys()};
+  EnumChoice selector{word, sentence, fields.keys()};
   const auto shared_fields = std::make_shared<const Fields<A>>(std::move(fields));
   return {std::move(selector),
           [shared_fields](TableReader& reader) -> V { return shared_fields->read(reader); },
           [shared_fields](const V& value, Node::Table& table) {
             const A* member = std::get_if<A>(&value);
             if (!member) return false;
-            append_entries(table, shared_fields->written(*member));
+            append_entries(table, shared_fields->to_table(*member));
             return true;
           }};
 }
@@ -560,8 +560,8 @@ template <typename U>
 void put_tables(Node::Table& table, const std::string& key, const std::vector<U>& values,
                 const Fields<U>& fields) {
   Node::Array tables;
-  for (const U& value : values) tables.push_back(Node{{}, fields.written(value)});
-  if (!tables.empty()) put(table, key, std::move(tables));
+  for (const U& value : values) tables.push_back(Node{{}, fields.to_table(value)});
+  if (!tables.empty()) put_value(table, key, std::move(tables));
 }
 
 /// Returns the field `turn_deg`: a rotation vector in degrees, by default zero. Rotations by

@@ -26,15 +26,16 @@ Fields<SignalsDescription::Current> current_fields() {
   viscous.range = non_negative;
   viscous.fallback = "0";
   return Fields<Current>()
-      .number(must("torque_Nm_per_A"), &Current::torque_per_current, positive,
+      .number(required_key("torque_Nm_per_A"), &Current::torque_per_current, positive,
               "torque of the spindle's motor")
       .number("idle_torque_Nm", &Current::idle_torque, non_negative,
               "torque of the idle spindle at any speed")
-      .custom({viscous}, read_viscous_torque,
-              [](const Current& current, Node::Table& table) {
-                put(table, "viscous_torque_Nm_per_rpm",
-                    current.viscous_torque * units::rpm / unit_of("viscous_torque_Nm_per_rpm"));
-              })
+      .custom_field({viscous}, read_viscous_torque,
+                    [](const Current& current, Node::Table& table) {
+                      put_value(table, "viscous_torque_Nm_per_rpm",
+                                current.viscous_torque * units::rpm /
+                                    unit_factor("viscous_torque_Nm_per_rpm"));
+                    })
       .number("noise_A", &Current::noise_A, non_negative, "standard deviation of a reading")
       .number("bandwidth_Hz", &Current::bandwidth, non_negative,
               "of the filter, first order; 0: none");
@@ -55,11 +56,11 @@ const Fields<SignalsDescription>& signals_fields() {
   using Signals = SignalsDescription;
   static const Fields<Signals> fields =
       Fields<Signals>()
-          .number(KeyName("interval_s").otherwise("as fine as 20 000 rows allow"),
+          .number(KeyName("interval_s").with_fallback("as fine as 20 000 rows allow"),
                   &Signals::interval, non_negative,
                   "between rows of `signals.csv`, the samples nearest to its multiples")
-          .number(KeyName("history_interval_s").otherwise("0: no rows"), &Signals::history_interval,
-                  non_negative,
+          .number(KeyName("history_interval_s").with_fallback("0: no rows"),
+                  &Signals::history_interval, non_negative,
                   "between rows of the thermal history, at most 20 000 more, the axes where the "
                   "program finds them")
           .number("encoder_resolution_um", &Signals::encoder_resolution, non_negative,
@@ -79,7 +80,7 @@ const Fields<SignalsDescription>& signals_fields() {
 namespace {
 
 using namespace errors::identification;
-using Method = SensorChoiceDescription::Way;
+using Method = SensorChoiceDescription::SelectionMethod;
 
 /// An enum value of the key `likeness`.
 struct SimilarityName {
@@ -101,10 +102,10 @@ constexpr std::array similarity_names{
 };
 
 Key similarity_key() {
-  Key key = make_key(KeyName("likeness").otherwise(similarity_names.front().word), Key::Kind::Text,
-                     "how like an error a sensor must run");
+  Key key = make_key(KeyName("likeness").with_fallback(similarity_names.front().word),
+                     Key::Kind::Text, "how like an error a sensor must run");
   for (const SimilarityName& name : similarity_names)
-    key.words.push_back({name.word, name.sentence, {}});
+    key.choices.push_back({name.word, name.sentence, {}});
   return key;
 }
 
@@ -115,11 +116,11 @@ Fields<SensorChoiceOptions> selection_fields() {
   const Key similarity_measure = similarity_key();
   return Fields<Options>()
       .whole("count", &Options::count, 1, 100, "sensors wanted, one set for X, Y and Z together")
-      .custom(
+      .custom_field(
           {similarity_measure},
           [similarity_measure](TableReader& reader, Options& choice) {
             const auto word =
-                reader.word(similarity_measure.name, words_of(similarity_measure), false);
+                reader.word(similarity_measure.name, choice_names(similarity_measure), false);
             for (const SimilarityName& name : similarity_names)
               if (word == name.word) {
                 choice.similarity_measure = name.similarity_measure;
@@ -130,7 +131,7 @@ Fields<SensorChoiceOptions> selection_fields() {
             for (const SimilarityName& name : similarity_names)
               if (choice.similarity_measure == name.similarity_measure &&
                   choice.grey.kind == name.grey)
-                put(table, similarity_measure.name, std::string(name.word));
+                put_value(table, similarity_measure.name, std::string(name.word));
           })
       .word(
           "image", [](auto& choice) -> auto& { return choice.grey.image; },
@@ -143,7 +144,7 @@ Fields<SensorChoiceOptions> selection_fields() {
              {"regression", Screening::Regression,
               "one after another, what lowers the residual most"}},
             "of the groups' leaders")
-      .number(KeyName("threshold").otherwise("as high as makes at most `groups` groups"),
+      .number(KeyName("threshold").with_fallback("as high as makes at most `groups` groups"),
               &Options::threshold, {0.0, 1.0}, "sensors this alike stand in one group")
       .whole("groups", &Options::groups, 1, 1000, "at most, where there is no `threshold`");
 }
@@ -156,16 +157,16 @@ std::vector<std::string> read_names(TableReader& reader, const std::string& key)
     if (node.text() && !node.text()->empty())
       names.push_back(*node.text());
     else
-      reader.input_errors().add(node.place, "a name", shown(node));
+      reader.input_errors().add(node.place, "a name", display_text(node));
   // An empty list stands for the default and must not be written by mistake.
-  if (names.empty()) reader.refuse(key, "a list of names", shown(*list));
+  if (names.empty()) reader.report_invalid(key, "a list of names", display_text(*list));
   return names;
 }
 
 template <typename M>
 void add_names(Fields<Method>& fields, const KeyName& name, M member, const char* sentence) {
   const Key key = make_key(name, Key::Kind::Texts, sentence);
-  fields.custom(
+  fields.custom_field(
       {key},
       [key, member](TableReader& reader, Method& method) {
         std::invoke(member, method) = read_names(reader, key.name);
@@ -173,19 +174,19 @@ void add_names(Fields<Method>& fields, const KeyName& name, M member, const char
       [key, member](const Method& method, Node::Table& table) {
         Node::Array names;
         for (const std::string& name : std::invoke(member, method)) names.push_back(Node{{}, name});
-        if (!names.empty()) put(table, key.name, std::move(names));
+        if (!names.empty()) put_value(table, key.name, std::move(names));
       });
 }
 
 Fields<Method> method_fields() {
   Fields<Method> fields;
-  fields.text(must("name"), &Method::name, "of this way");
+  fields.text(required_key("name"), &Method::name, "of this way");
   add_names(
       fields, "sensors", [](auto& method) -> auto& { return method.choice.fixed; },
       "names that are taken as they are; then nothing is chosen");
-  add_names(fields, KeyName("for").otherwise("all"), &Method::drifts,
+  add_names(fields, KeyName("for").with_fallback("all"), &Method::drifts,
             "displacements to choose for: [\"Z\"]");
-  return fields.custom(
+  return fields.custom_field(
       selection_fields().keys(),
       [](TableReader& reader, Method& method) {
         // With fixed sensors nothing is selected; the keys of the selection are then unknown.
@@ -194,17 +195,17 @@ Fields<Method> method_fields() {
       },
       [](const Method& method, Node::Table& table) {
         if (!method.choice.fixed.empty()) return;
-        append_entries(table, selection_fields().written(method.choice));
+        append_entries(table, selection_fields().to_table(method.choice));
       });
 }
 
 void read_methods(TableReader& reader, SensorChoiceDescription& description) {
   std::set<std::string> names;
   for (const Node* node : reader.tables("beside")) {
-    description.beside.push_back(
-        method_fields().read_table(*node, reader.name_of("beside"), reader.input_errors()));
+    description.compared_methods.push_back(
+        method_fields().read_table(*node, reader.qualified_name("beside"), reader.input_errors()));
     // Results are listed by the name of the method.
-    const std::string& name = description.beside.back().name;
+    const std::string& name = description.compared_methods.back().name;
     if (!name.empty() && !names.insert(name).second)
       reader.input_errors().add(node->place, "a name that no other way beside has",
                                 "\"" + name + "\" again");
@@ -213,9 +214,9 @@ void read_methods(TableReader& reader, SensorChoiceDescription& description) {
 
 void put_methods(const SensorChoiceDescription& description, Node::Table& table) {
   Node::Array methods;
-  for (const Method& method : description.beside)
-    methods.push_back(Node{{}, method_fields().written(method)});
-  if (!methods.empty()) put(table, "beside", std::move(methods));
+  for (const Method& method : description.compared_methods)
+    methods.push_back(Node{{}, method_fields().to_table(method)});
+  if (!methods.empty()) put_value(table, "beside", std::move(methods));
 }
 
 Key methods_key() {
@@ -230,7 +231,7 @@ const Fields<SensorChoiceDescription>& sensor_choice_fields() {
   static const Fields<Description> fields =
       Fields<Description>()
           .text("instrument", &Description::instrument, "name of the drift instrument")
-          .all_of(
+          .include_fields(
               [](auto& description) -> auto& { return description.study.choice; },
               selection_fields())
           .word(
@@ -255,7 +256,7 @@ const Fields<SensorChoiceDescription>& sensor_choice_fields() {
               "random_subsets",
               [](auto& description) -> auto& { return description.study.random_subsets; }, 0, 10000,
               "as large as the choice, to compare with")
-          .custom({methods_key()}, read_methods, put_methods);
+          .custom_field({methods_key()}, read_methods, put_methods);
   return fields;
 }
 
@@ -264,15 +265,15 @@ const Fields<SensorChoiceDescription>& sensor_choice_fields() {
 SensorChoiceDescription read_sensor_choice(const Node& table, InputErrors& input_errors) {
   return sensor_choice_fields().read_table(table, "sensor_choice", input_errors);
 }
-Node::Table written_sensor_choice(const SensorChoiceDescription& choice) {
-  return sensor_choice_fields().written(choice);
+Node::Table sensor_choice_to_table(const SensorChoiceDescription& choice) {
+  return sensor_choice_fields().to_table(choice);
 }
 std::vector<Key> sensor_choice_keys() { return sensor_choice_fields().keys(); }
 
 namespace {
 
 namespace metrology = errors::metrology;
-using metrology::CoordinateMachine;
+using metrology::CoordinateMeasuringMachine;
 using metrology::Instrument;
 using metrology::Kind;
 using metrology::TouchProbe;
@@ -331,7 +332,7 @@ constexpr std::array<std::pair<Kind, const char*>, 17> kinds{{
     {Kind::Temperature, "the machine's sensors alone, as good as they are"},
 }};
 
-KeyName typical_value(const char* key) { return KeyName(key).otherwise("of the kind"); }
+KeyName typical_value(const char* key) { return KeyName(key).with_fallback("of the kind"); }
 
 void add_noise_fields(Fields<Instrument>& fields) {
   fields
@@ -359,42 +360,43 @@ void read_instrument_axes(TableReader& reader, Instrument& instrument) {
   // The list replaces the axes of the kind and does not add to them.
   instrument.axes.clear();
   if (!list->array())
-    reader.refuse("axes", "a list of letters such as [\"X\", \"Y\"]", shown(*list));
+    reader.report_invalid("axes", "a list of letters such as [\"X\", \"Y\"]", display_text(*list));
   for (const Node& letter : list->array() ? *list->array() : Node::Array{}) {
     if (letter.text() && letter.text()->size() == 1)
       instrument.axes.push_back(letter.text()->front());
     else
-      reader.input_errors().add(letter.place, "the letter of an axis", shown(letter));
+      reader.input_errors().add(letter.place, "the letter of an axis", display_text(letter));
   }
 }
 
 void put_axes(const Instrument& instrument, Node::Table& table) {
   Node::Array letters;
   for (const char axis : instrument.axes) letters.push_back(Node{{}, std::string(1, axis)});
-  if (!letters.empty()) put(table, "axes", std::move(letters));
+  if (!letters.empty()) put_value(table, "axes", std::move(letters));
 }
 
 void add_targets(Fields<Instrument>& fields) {
   fields
-      .custom({make_key(KeyName("axes").otherwise("all that make sense"), Key::Kind::Texts,
-                        "letters of axes; of planes and diagonals those between them")},
-              read_instrument_axes, put_axes)
+      .custom_field(
+          {make_key(KeyName("axes").with_fallback("all that make sense"), Key::Kind::Texts,
+                    "letters of axes; of planes and diagonals those between them")},
+          read_instrument_axes, put_axes)
       .whole(typical_value("runs"), &Instrument::runs, 1, 1000, "repeats; turns of a spindle")
       .whole(
           typical_value("targets"), &Instrument::targets, 2, 10000,
           "along an axis, around a circle, a diagonal, a grid line; steps; readings a turn; "
           "whole turns of a bar, an R-test or a sphere are read at so many different places, the "
           "first not again at the end")
-      .boolean(KeyName("both_ways").otherwise("true; not of grids, spheres, the step diagonal"),
-               &Instrument::both_ways, "bidirectional; circles also clockwise")
+      .boolean(KeyName("both_ways").with_fallback("true; not of grids, spheres, the step diagonal"),
+               &Instrument::bidirectional, "bidirectional; circles also clockwise")
       .number("margin", &Instrument::margin, {0.0, 0.4, true, true},
               "of the travel left free at both ends")
-      .number(KeyName("scatter").otherwise("0.3 of a laser, else 0"), &Instrument::scatter,
+      .number(KeyName("scatter").with_fallback("0.3 of a laser, else 0"), &Instrument::scatter,
               {0.0, 0.45},
               "how far targets between the first and the last stand off equal spacing, in parts of "
               "it, so that no pitch of a screw hides between them; below 0.45")
       .direction("up", &Instrument::up_b, "away from gravity in the bed: a level's plumb line")
-      .vector(KeyName("at_mm").otherwise("within the travel"), &Instrument::at_w,
+      .vector(KeyName("at_mm").with_fallback("within the travel"), &Instrument::location_w,
               "in the workpiece: ball of an R-test, a rotary bar, a sphere, drift; centre of a "
               "circle; station of a tracker")
       .vector("reflector_mm", &Instrument::reflector_t,
@@ -413,7 +415,7 @@ void check_interval(TableReader& reader, Instrument& instrument) {
   const bool is_time_series =
       instrument.kind == Kind::Drift || instrument.kind == Kind::Temperature;
   if (is_time_series && instrument.interval_s > instrument.duration_s)
-    reader.refuse(
+    reader.report_invalid(
         "interval_s",
         "an instrument.interval_s of at most instrument.duration_h, so that "
         "something is read twice",
@@ -450,7 +452,7 @@ void put_starts(const InstrumentDescription& description, Node::Table& table) {
   const auto& starts = description.starts_s;
   put_numbers(table, "start_h",
               Eigen::Map<const Eigen::VectorXd>(starts.data(), Eigen::Index(starts.size())),
-              unit_of("start_h"));
+              unit_factor("start_h"));
 }
 
 /// Returns all fields except kind and name. They are the same for all kinds; each kind uses those
@@ -460,27 +462,29 @@ Fields<InstrumentDescription> instrument_fields(Kind kind) {
   add_noise_fields(fields);
   add_targets(fields);
   add_times(fields);
-  return Fields<InstrumentDescription>({metrology::typical(kind), {0.0}})
-      .all_of(&InstrumentDescription::instrument, fields)
-      .custom(
-          {make_key(KeyName("start_h").otherwise("0"), Key::Kind::Any,
+  return Fields<InstrumentDescription>({metrology::typical_instrument(kind), {0.0}})
+      .include_fields(&InstrumentDescription::instrument, fields)
+      .custom_field(
+          {make_key(KeyName("start_h").with_fallback("0"), Key::Kind::Any,
                     "when the first reading is taken, in hours, or a list: everything is read "
                     "once from each, set up again; 0 is the start of the program, negative lies "
                     "in the history")},
           read_starts, put_starts);
 }
 
-Fields<CoordinateMachine> cmm_fields() {
-  return Fields<CoordinateMachine>()
-      .number("noise_um", &CoordinateMachine::noise, quality, "standard deviation of one reading")
-      .number("resolution_um", &CoordinateMachine::resolution, quality,
+Fields<CoordinateMeasuringMachine> cmm_fields() {
+  return Fields<CoordinateMeasuringMachine>()
+      .number("noise_um", &CoordinateMeasuringMachine::noise, quality,
+              "standard deviation of one reading")
+      .number("resolution_um", &CoordinateMeasuringMachine::resolution, quality,
               "readings are multiples of it; 0: not rounded")
-      .number("position_um", &CoordinateMachine::alignment_sigma, {0.0, 1e4},
+      .number("position_um", &CoordinateMeasuringMachine::alignment_sigma, {0.0, 1e4},
               "standard deviation of where the part lies")
-      .number("alignment_urad", &CoordinateMachine::alignment_sigma_rad, {0.0, 1e4},
+      .number("alignment_urad", &CoordinateMeasuringMachine::alignment_sigma_rad, {0.0, 1e4},
               "standard deviation of how the part lies")
-      .boolean("best_fit", &CoordinateMachine::best_fit, "a rigid fit is taken out")
-      .number("interval_s", &CoordinateMachine::interval_s, non_negative, "between readings");
+      .boolean("best_fit", &CoordinateMeasuringMachine::best_fit, "a rigid fit is taken out")
+      .number("interval_s", &CoordinateMeasuringMachine::interval_s, non_negative,
+              "between readings");
 }
 
 TouchProbe default_probe(const MachineDescription& machine) {
@@ -502,7 +506,7 @@ Fields<TouchProbe> touch_probe_fields(const MachineDescription& machine) {
       .number("dwell_s", &TouchProbe::dwell_s, wait_s, "for each touch")
       .number("start_h", &TouchProbe::start_s, any_number,
               "of the first touch, after the end of the program")
-      .table(KeyName("pose").otherwise("all at zero"), &TouchProbe::q,
+      .table(KeyName("pose").with_fallback("all at zero"), &TouchProbe::q,
              axis_position_fields(machine.joints), "where the rotary axes stand: { A_deg = 0 }");
 }
 
@@ -513,31 +517,32 @@ template <typename PartInstrumentKind>
 Fields<PartInstrument> part_instrument_kind_fields(const PartInstrumentKind& defaults,
                                                    const Fields<PartInstrumentKind>& kind_fields) {
   return Fields<PartInstrument>({"", "", defaults})
-      .text(KeyName("case").otherwise("uncompensated"), &PartInstrument::case_name,
+      .text(KeyName("case").with_fallback("uncompensated"), &PartInstrument::case_name,
             "of which case the part is")
       .number("spacing_mm", &PartInstrument::spacing, positive, "between points, about")
-      .all_of(
-          [](auto& part) -> auto& { return std::get<PartInstrumentKind>(part.how); }, kind_fields);
+      .include_fields(
+          [](auto& part) -> auto& { return std::get<PartInstrumentKind>(part.device); },
+          kind_fields);
 }
 
 Fields<PartInstrument> part_instrument_fields(const std::string& kind,
                                               const MachineDescription& machine) {
-  if (kind == cmm) return part_instrument_kind_fields(CoordinateMachine{}, cmm_fields());
+  if (kind == cmm) return part_instrument_kind_fields(CoordinateMeasuringMachine{}, cmm_fields());
   return part_instrument_kind_fields(default_probe(machine), touch_probe_fields(machine));
 }
 
 const Key& kind_key() {
   static const Key key = [] {
-    Key kind_key =
-        make_key(must("kind"), Key::Kind::Text, "what it is, and how good if nothing is said");
+    Key kind_key = make_key(required_key("kind"), Key::Kind::Text,
+                            "what it is, and how good if nothing is said");
     // The defaults depend on the kind, so each kind has a list of keys for the manual.
     for (const auto& [kind, sentence] : kinds)
-      kind_key.words.push_back(
+      kind_key.choices.push_back(
           {metrology::to_string(kind), sentence, instrument_fields(kind).keys()});
-    kind_key.words.push_back({cmm,
-                              "the part on a coordinate measuring machine; 0.5 µm, lies as thought",
-                              part_instrument_fields(cmm, {}).keys()});
-    kind_key.words.push_back(
+    kind_key.choices.push_back(
+        {cmm, "the part on a coordinate measuring machine; 0.5 µm, lies as thought",
+         part_instrument_fields(cmm, {}).keys()});
+    kind_key.choices.push_back(
         {touch_probe, "the part, still clamped, by a probe in the machine that cut it; 0.5 µm",
          part_instrument_fields(touch_probe, {}).keys()});
     return kind_key;
@@ -546,14 +551,15 @@ const Key& kind_key() {
 }
 
 std::string read_kind(TableReader& reader) {
-  static const std::set<std::string> kind_names = words_of(kind_key());
+  static const std::set<std::string> kind_names = choice_names(kind_key());
   std::string kind = reader.text("kind");
   if (kind.empty() || kind_names.contains(kind)) return kind;
   std::string list;
   for (const std::string& name : kind_names) list += (list.empty() ? "" : ", ") + name;
   const auto suggestion = nearest(kind, kind_names);
-  reader.refuse("kind", "one of " + list,
-                "\"" + kind + "\"" + (suggestion ? " (did you mean " + *suggestion + "?)" : ""));
+  reader.report_invalid(
+      "kind", "one of " + list,
+      "\"" + kind + "\"" + (suggestion ? " (did you mean " + *suggestion + "?)" : ""));
   return "";
 }
 
@@ -571,7 +577,7 @@ InstrumentDescription read_instrument(TableReader& reader, Kind kind, const std:
     metrology::plan(description.instrument,
                     kinematics::Chain(machine.joints, machine.T_bw, machine.T_bs));
   } catch (const std::invalid_argument& error) {
-    reader.refuse("kind", "an instrument that can measure this machine", error.what());
+    reader.report_invalid("kind", "an instrument that can measure this machine", error.what());
   }
   return description;
 }
@@ -587,8 +593,8 @@ PartInstrument read_part_instrument(TableReader& reader, const std::string& kind
 Node::Table named_instrument(const std::string& kind, const std::string& name,
                              Node::Table entries) {
   Node::Table table;
-  put(table, "kind", kind);
-  put(table, "name", name);
+  put_value(table, "kind", kind);
+  put_value(table, "name", name);
   append_entries(table, std::move(entries));
   return table;
 }
@@ -605,41 +611,41 @@ Instruments read_instruments(const std::vector<const Node*>& tables,
     // The file of the readings has this name.
     const std::string name = reader.text("name", kind.empty() ? "?" : kind);
     if (!is_folder_name(name))
-      reader.refuse("name", "a name of letters, digits, blanks, _ - . for a file", name);
+      reader.report_invalid("name", "a name of letters, digits, blanks, _ - . for a file", name);
     // Tables of an unknown kind would all have the same default name.
     if (!kind.empty() && !names.insert(name).second)
-      reader.refuse(reader.has("name") ? "name" : "kind", "a name that no other instrument has",
-                    "\"" + name + "\" again");
-    if (!reader.has("kind")) reader.refuse("kind", "a kind such as \"laser\"", "none");
+      reader.report_invalid(reader.has("name") ? "name" : "kind",
+                            "a name that no other instrument has", "\"" + name + "\" again");
+    if (!reader.has("kind")) reader.report_invalid("kind", "a kind such as \"laser\"", "none");
     if (kind.empty()) continue;
     // Part instruments are not kinds of the metrology module.
     if (is_part_instrument(kind))
       instruments.of_part.push_back(read_part_instrument(reader, kind, name, machine));
     else
       instruments.of_machine.push_back(
-          read_instrument(reader, *metrology::kind_of(kind), name, machine));
+          read_instrument(reader, *metrology::find_kind(kind), name, machine));
   }
   return instruments;
 }
 
-std::vector<Node::Table> written_instruments(const Instruments& instruments,
-                                             const MachineDescription& machine) {
+std::vector<Node::Table> instruments_to_tables(const Instruments& instruments,
+                                               const MachineDescription& machine) {
   std::vector<Node::Table> tables;
   for (const InstrumentDescription& description : instruments.of_machine)
     tables.push_back(named_instrument(
         metrology::to_string(description.instrument.kind), description.instrument.name,
-        instrument_fields(description.instrument.kind).written(description)));
+        instrument_fields(description.instrument.kind).to_table(description)));
   for (const PartInstrument& description : instruments.of_part) {
     const char* kind =
-        std::holds_alternative<CoordinateMachine>(description.how) ? cmm : touch_probe;
+        std::holds_alternative<CoordinateMeasuringMachine>(description.device) ? cmm : touch_probe;
     tables.push_back(named_instrument(kind, description.name,
-                                      part_instrument_fields(kind, machine).written(description)));
+                                      part_instrument_fields(kind, machine).to_table(description)));
   }
   return tables;
 }
 
 std::vector<Key> instrument_keys() {
-  return {kind_key(), make_key(KeyName("name").otherwise("the kind"), Key::Kind::Text,
+  return {kind_key(), make_key(KeyName("name").with_fallback("the kind"), Key::Kind::Text,
                                "of the readings and their file, each once")};
 }
 

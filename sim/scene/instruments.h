@@ -25,7 +25,7 @@ struct InstrumentDescription {
 struct PartInstrumentDescription {
   std::string name;
   std::string case_name;  ///< the case whose part is measured; empty: uncompensated
-  std::variant<errors::metrology::CoordinateMachine, errors::metrology::TouchProbe> how;
+  std::variant<errors::metrology::CoordinateMeasuringMachine, errors::metrology::TouchProbe> device;
   double spacing = 5.0;  ///< mm, approximate distance of the points
 };
 
@@ -36,13 +36,13 @@ struct SensorChoiceDescription {
                                      ///< the histories of the variants test it
   errors::identification::ThermalStudyOptions study;
   /// Another selection method, rated for comparison.
-  struct Way {
+  struct SelectionMethod {
     std::string name;
     errors::identification::SensorChoiceOptions choice;
     std::vector<std::string> drifts;  ///< displacements such as "Z" for which sensors are selected;
                                       ///< empty: all
   };
-  std::vector<Way> beside;
+  std::vector<SelectionMethod> compared_methods;
 };
 
 struct Key;
@@ -58,13 +58,13 @@ struct Instruments {
 ///                 execute is reported at its position
 Instruments read_instruments(const std::vector<const Node*>& tables,
                              const MachineDescription& machine, InputErrors& input_errors);
-std::vector<Node::Table> written_instruments(const Instruments& instruments,
-                                             const MachineDescription& machine);
+std::vector<Node::Table> instruments_to_tables(const Instruments& instruments,
+                                               const MachineDescription& machine);
 std::vector<Key> instrument_keys();
 
 /// Reads and writes `[sensor_choice]`: number of sensors, similarity measure, screening and model.
 SensorChoiceDescription read_sensor_choice(const Node& table, InputErrors& input_errors);
-Node::Table written_sensor_choice(const SensorChoiceDescription& choice);
+Node::Table sensor_choice_to_table(const SensorChoiceDescription& choice);
 std::vector<Key> sensor_choice_keys();
 
 /// Signals that the control can read, with their noise, resolution and bandwidth.

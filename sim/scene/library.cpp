@@ -152,7 +152,7 @@ path locate_file(const FileName& name, const path& folder, InputErrors& input_er
 path library_file(const path& name) {
   InputErrors input_errors;
   const std::string text = name.string();
-  const Place place{std::make_shared<const std::string>(text), 0, 0, true};
+  const SourcePosition place{std::make_shared<const std::string>(text), 0, 0, true};
   const path file = locate_file({text, place, ""}, "", input_errors);
   if (!input_errors.empty()) throw BadScene(input_errors.list());
   return file;

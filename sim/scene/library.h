@@ -21,7 +21,7 @@ std::filesystem::path library_folder();
 /// A file name as written in a scene.
 struct FileName {
   std::string_view name;
-  Place place;
+  SourcePosition place;
   std::string_view kind;  ///< library folder of such files, such as "machines"; the name may omit
                           ///< it. Empty for a file that may be anywhere in the library
 };

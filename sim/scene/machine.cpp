@@ -56,7 +56,7 @@ void check_unique_names(InputErrors& input_errors, const std::vector<const Node*
   for (std::size_t i = 0; i < names.size(); ++i) {
     // A default name is not in the file, so the position of the body is reported.
     const Node* name_node = tables[i]->find("name");
-    const Place& place = name_node != nullptr ? name_node->place : tables[i]->place;
+    const SourcePosition& place = name_node != nullptr ? name_node->place : tables[i]->place;
     const auto owner = is_reserved_name(names[i])
                            ? fmt::format("the name of the {} itself", names[i])
                            : (owners.contains(names[i]) ? owners[names[i]] : std::string());
@@ -117,10 +117,10 @@ void check_ignored_names(TableReader& scene, const MachineDescription& machine,
       if (std::ranges::find(names, *name->text()) == names.end())
         scene.input_errors().add(name->place,
                                  fmt::format("the name of a body: {}", fmt::join(names, ", ")),
-                                 shown(*name));
+                                 display_text(*name));
     if (*a->text() == *b->text())
       scene.input_errors().add(b->place, "the name of another body than collision.ignore.a",
-                               shown(*b));
+                               display_text(*b));
   }
 }
 
@@ -154,7 +154,7 @@ void read_travel(TableReader& reader, Joint& joint) {
   joint.max = (*travel)[1];
   // The negated comparison also rejects NaN.
   if (!(joint.min < joint.max)) {
-    reader.refuse(key, "[least, most] with least below most for " + key, "not rising");
+    reader.report_invalid(key, "[least, most] with least below most for " + key, "not rising");
   }
 }
 
@@ -163,7 +163,7 @@ void put_travel(const Joint& joint, Node::Table& table) {
   const Joint endless;
   if (joint.min == endless.min && joint.max == endless.max) return;
   const char* key = joint.motion == Motion::Linear ? "travel_mm" : "travel_deg";
-  put_numbers(table, key, Eigen::Vector2d(joint.min, joint.max), unit_of(key));
+  put_numbers(table, key, Eigen::Vector2d(joint.min, joint.max), unit_factor(key));
 }
 
 /// @param axis  default values, which depend on the letter of the axis
@@ -171,17 +171,18 @@ Fields<Joint> axis_fields(const Joint& axis) {
   using kinematics::DeviationAxes;
   using kinematics::Squareness;
   const KeyName direction =
-      KeyName("direction").otherwise("x of X, U, A; y of Y, V, B; z of Z, W, C; none of S");
-  const KeyName travel_mm = KeyName("travel_mm").otherwise("without end");
-  const KeyName travel_deg = KeyName("travel_deg").otherwise("without end");
+      KeyName("direction").with_fallback("x of X, U, A; y of Y, V, B; z of Z, W, C; none of S");
+  const KeyName travel_mm = KeyName("travel_mm").with_fallback("without end");
+  const KeyName travel_deg = KeyName("travel_deg").with_fallback("without end");
   return Fields<Joint>(axis)
-      .word(KeyName("motion").otherwise("by letter: rotary of A, B, C, S"), &Joint::motion,
+      .word(KeyName("motion").with_fallback("by letter: rotary of A, B, C, S"), &Joint::motion,
             {{"linear", Motion::Linear}, {"rotary", Motion::Rotary}}, "what the axis does")
-      .direction(default_direction(axis.name) ? direction : must(direction), &Joint::direction_b,
+      .direction(default_direction(axis.name) ? direction : required_key(direction),
+                 &Joint::direction_b,
                  "a positive command moves the tool this way against the workpiece, or turns it "
                  "about it")
-      .custom(
-          {make_numbers_key(KeyName("point_mm").otherwise("[0, 0, 0] of a slide"), 3,
+      .custom_field(
+          {make_numbers_key(KeyName("point_mm").with_fallback("[0, 0, 0] of a slide"), 3,
                             "on the line of rotation of an axis that turns, which must have it; "
                             "of a slide, where its deviations are stated")},
           [](TableReader& reader, Joint& joint) {
@@ -192,9 +193,10 @@ Fields<Joint> axis_fields(const Joint& axis) {
           [](const Joint& joint, Node::Table& table) {
             put_numbers(table, "point_mm", joint.point_b, 1.0);
           })
-      .custom({make_numbers_key(travel_mm, 2, "[least, most] commanded, of a slide"),
-               make_numbers_key(travel_deg, 2, "[least, most] commanded, of an axis that turns")},
-              read_travel, put_travel)
+      .custom_field(
+          {make_numbers_key(travel_mm, 2, "[least, most] commanded, of a slide"),
+           make_numbers_key(travel_deg, 2, "[least, most] commanded, of an axis that turns")},
+          read_travel, put_travel)
       .word("deviation_axes", &Joint::deviation_axes,
             {{"fixed", DeviationAxes::Fixed, "ISO 230-7"},
              {"turning", DeviationAxes::Turning, "the papers' order"}},
@@ -217,7 +219,7 @@ struct MachineAxis {
 Fields<MachineAxis> machine_axis_fields(const MachineAxis& axis) {
   using program::Rollover;
   return Fields<MachineAxis>(axis)
-      .all_of(&MachineAxis::joint, axis_fields(axis.joint))
+      .include_fields(&MachineAxis::joint, axis_fields(axis.joint))
       .only_if(
           [](const MachineAxis& axis) { return axis.joint.motion != Motion::Linear; },
           Fields<MachineAxis>().word(
@@ -264,7 +266,7 @@ kinematics::Pose read_nose(TableReader& reader) {
   const Vector3d projected_x = stated_x - stated_x.dot(z) * z;
   // Within about a milliradian of z the projection has no reliable direction.
   if (projected_x.norm() < 1e-3) {
-    reader.refuse("x", "a direction across the axis for machine.nose.x", "one along it");
+    reader.report_invalid("x", "a direction across the axis for machine.nose.x", "one along it");
     return T_bs;
   }
   // An exact unit vector is kept, so that a written scene reads back as the same bits.
@@ -278,11 +280,11 @@ kinematics::Pose read_nose(TableReader& reader) {
 Fields<kinematics::Pose> nose_fields() {
   using kinematics::Pose;
   return Fields<Pose>(Pose::Identity())
-      .custom(
-          {make_numbers_key(must("at_mm"), 3, "where it is"),
-           make_numbers_key(KeyName("axis").otherwise("[0, 0, 1]"), 3,
+      .custom_field(
+          {make_numbers_key(required_key("at_mm"), 3, "where it is"),
+           make_numbers_key(KeyName("axis").with_fallback("[0, 0, 1]"), 3,
                             "from the tip to the spindle"),
-           make_numbers_key(KeyName("x").otherwise("[1, 0, 0], or z where the axis is x"), 3,
+           make_numbers_key(KeyName("x").with_fallback("[1, 0, 0], or z where the axis is x"), 3,
                             "its x direction, made square to the axis")},
           [](TableReader& reader, Pose& T_bs) { T_bs = read_nose(reader); },
           [](const Pose& T_bs, Node::Table& table) {
@@ -298,7 +300,7 @@ std::optional<kinematics::Topology> read_code(TableReader& reader) {
   try {
     return kinematics::parse_structural_code(code);
   } catch (const std::invalid_argument& error) {
-    reader.refuse("code", "a structural code such as \"w C' b X Y Z A s t\"", error.what());
+    reader.report_invalid("code", "a structural code such as \"w C' b X Y Z A s t\"", error.what());
     return std::nullopt;
   }
 }
@@ -311,7 +313,7 @@ std::vector<MachineAxis> read_axes(TableReader& machine, const kinematics::Topol
   Node empty_section;
   empty_section.place = machine.place();
   empty_section.value = Node::Table{};
-  TableReader reader(section ? *section : empty_section, machine.name_of("axis"),
+  TableReader reader(section ? *section : empty_section, machine.qualified_name("axis"),
                      machine.input_errors());
   for (const kinematics::CodeAxis& code : topology) {
     // The nose has a section of its own.
@@ -322,9 +324,9 @@ std::vector<MachineAxis> read_axes(TableReader& machine, const kinematics::Topol
     const std::string name(1, code.name);
     if (const Node* table = reader.section(name)) {
       axes.push_back(machine_axis_fields({make_default_joint(code)})
-                         .read_table(*table, reader.name_of(name), machine.input_errors()));
+                         .read_table(*table, reader.qualified_name(name), machine.input_errors()));
     } else if (!reader.has(name)) {  // section() reports a value of the wrong type
-      reader.missing(name, "a table");
+      reader.report_missing(name, "a table");
     }
   }
   reader.close();
@@ -350,12 +352,12 @@ void read_joints(TableReader& reader, MachineDescription& machine) {
     // The chain is built only for its validation.
     kinematics::Chain(machine.joints, machine.T_bw, machine.T_bs);
   } catch (const std::invalid_argument& error) {
-    reader.refuse("code", "a machine that makes a chain", error.what());
+    reader.report_invalid("code", "a machine that makes a chain", error.what());
   }
 }
 
 void put_joints(const MachineDescription& machine, Node::Table& table) {
-  put(table, "code", kinematics::to_string(kinematics::chain_topology(machine.joints)));
+  put_value(table, "code", kinematics::to_string(kinematics::chain_topology(machine.joints)));
   Node::Table axes;
   for (std::size_t j = 0; j < machine.joints.size(); ++j) {
     // A machine that was not read from a file has no rollover.
@@ -363,22 +365,22 @@ void put_joints(const MachineDescription& machine, Node::Table& table) {
                                                   ? machine.rollover[j]
                                                   : program::Rollover::ByControl};
     if (axis.joint.motion != Motion::Spindle)
-      put(axes, std::string(1, axis.joint.name), machine_axis_fields(axis).written(axis));
+      put_value(axes, std::string(1, axis.joint.name), machine_axis_fields(axis).to_table(axis));
   }
-  if (!axes.empty()) put(table, "axis", std::move(axes));
+  if (!axes.empty()) put_value(table, "axis", std::move(axes));
 }
 
 void read_home(TableReader& reader, MachineDescription& machine) {
   const auto fields = axis_position_fields(machine.joints);
   machine.home = kinematics::AxisVector::Zero(Eigen::Index(machine.joints.size()));
   if (const Node* home = reader.section("home"))
-    machine.home = fields.read_table(*home, reader.name_of("home"), reader.input_errors());
+    machine.home = fields.read_table(*home, reader.qualified_name("home"), reader.input_errors());
   if (const Node* reference = reader.section("reference"))
     machine.reference =
-        fields.read_table(*reference, reader.name_of("reference"), reader.input_errors());
+        fields.read_table(*reference, reader.qualified_name("reference"), reader.input_errors());
   if (const Node* machine_zero = reader.section("machine_zero"))
-    machine.machine_zero =
-        fields.read_table(*machine_zero, reader.name_of("machine_zero"), reader.input_errors());
+    machine.machine_zero = fields.read_table(*machine_zero, reader.qualified_name("machine_zero"),
+                                             reader.input_errors());
 }
 
 /// Reads the letter of the joint that carries a body; b is the bed.
@@ -391,28 +393,28 @@ void read_carrier(TableReader& reader, const std::vector<Joint>& joints, Machine
   }
   // If the code is invalid, which is reported already, there are no joints.
   if (!body.joint && letter != "b" && !joints.empty())
-    reader.refuse("carried_by", "a letter of the machine's code: " + known_letters, letter);
+    reader.report_invalid("carried_by", "a letter of the machine's code: " + known_letters, letter);
 }
 
 /// @param joints  of the machine
 Fields<MachineBody> machine_body_fields(const std::vector<Joint>& joints) {
   return Fields<MachineBody>()
-      .custom(
-          {make_key(KeyName("carried_by").otherwise("b"), Key::Kind::Text,
+      .custom_field(
+          {make_key(KeyName("carried_by").with_fallback("b"), Key::Kind::Text,
                     "letter of the axis that it moves with, s of the nose, b of the bed")},
           [joints](TableReader& reader, MachineBody& body) { read_carrier(reader, joints, body); },
           [joints](const MachineBody& body, Node::Table& table) {
             if (body.joint)
-              put(table, "carried_by", std::string(1, joints[std::size_t(*body.joint)].name));
+              put_value(table, "carried_by", std::string(1, joints[std::size_t(*body.joint)].name));
           })
-      .all_of(&MachineBody::body, body_fields());
+      .include_fields(&MachineBody::body, body_fields());
 }
 
 void read_bodies(TableReader& reader, MachineDescription& machine) {
   const auto fields = machine_body_fields(machine.joints);
   for (const Node* node : reader.tables("body"))
     machine.bodies.push_back(
-        fields.read_table(*node, reader.name_of("body"), reader.input_errors()));
+        fields.read_table(*node, reader.qualified_name("body"), reader.input_errors()));
   check_unique_names(reader.input_errors(), listed_tables(reader.accept_key("body")),
                      machine_body_names(machine), "a body of the machine", {});
 }
@@ -422,7 +424,7 @@ void put_bodies(const MachineDescription& machine, Node::Table& table) {
 }
 
 Key body_key() {
-  return make_key(KeyName("body").otherwise("none"), Key::Kind::Tables,
+  return make_key(KeyName("body").with_fallback("none"), Key::Kind::Tables,
                   "what the machine is made of, for its picture and for collisions; placed in the "
                   "bed, with all axes at zero",
                   machine_body_fields({}).keys());
@@ -430,7 +432,7 @@ Key body_key() {
 
 Key code_key() {
   return make_key(
-      must("code"), Key::Kind::Text,
+      required_key("code"), Key::Kind::Text,
       "structural code, workpiece to tool: \"w C' b X Y Z A s t\"; primed axes carry the "
       "workpiece, `s` is the spindle nose");
 }
@@ -443,30 +445,31 @@ Key axis_key(const char* pattern, const char* sentence, std::vector<Key> keys) {
 }
 
 Key home_key() {
-  return make_key(KeyName("home").otherwise("all at zero"), Key::Kind::Table,
+  return make_key(KeyName("home").with_fallback("all at zero"), Key::Kind::Table,
                   "where the axes stand when a program begins: { Z_mm = 300, C_deg = 0 }",
                   axis_position_fields({}).keys());
 }
 
 Key reference_key() {
-  return make_key(KeyName("reference").otherwise("home"), Key::Kind::Table,
+  return make_key(KeyName("reference").with_fallback("home"), Key::Kind::Table,
                   "reference position, where G28 and its kin go: { Z_mm = 400 }",
                   axis_position_fields({}).keys());
 }
 
 Key machine_zero_key() {
-  return make_key(KeyName("machine_zero").otherwise("the zero of the axes"), Key::Kind::Table,
+  return make_key(KeyName("machine_zero").with_fallback("the zero of the axes"), Key::Kind::Table,
                   "positions of the axes that G53, M91 and SUPA count from",
                   axis_position_fields({}).keys());
 }
 
 void put_home(const MachineDescription& machine, Node::Table& table) {
   const auto fields = axis_position_fields(machine.joints);
-  put(table, "home", fields.written(machine.home));
+  put_value(table, "home", fields.to_table(machine.home));
   // Empty vectors stand for the defaults.
-  if (machine.reference.size() > 0) put(table, "reference", fields.written(machine.reference));
+  if (machine.reference.size() > 0)
+    put_value(table, "reference", fields.to_table(machine.reference));
   if (machine.machine_zero.size() > 0)
-    put(table, "machine_zero", fields.written(machine.machine_zero));
+    put_value(table, "machine_zero", fields.to_table(machine.machine_zero));
 }
 
 const Fields<MachineDescription>& machine_fields() {
@@ -476,29 +479,29 @@ const Fields<MachineDescription>& machine_fields() {
           .text("name", &Machine::name, "of the machine")
           .text("summary", &Machine::summary,
                 "of what it is, one line, as `abbe new --list` has it")
-          .table(must("nose"), &Machine::T_bs, nose_fields(), "where the tool is mounted")
-          .table(KeyName("workpiece").otherwise("the bed frame"), &Machine::T_bw,
+          .table(required_key("nose"), &Machine::T_bs, nose_fields(), "where the tool is mounted")
+          .table(KeyName("workpiece").with_fallback("the bed frame"), &Machine::T_bw,
                  placement_fields(), "frame w of the workpiece")
           .number("rapid_mm_per_min", &Machine::rapid_speed, positive, "speed of slides in G0")
-          .number(KeyName("rapid_deg_per_min").otherwise("3437.75: 1 rad/s"), &Machine::rapid_turn,
-                  positive,
+          .number(KeyName("rapid_deg_per_min").with_fallback("3437.75: 1 rad/s"),
+                  &Machine::rapid_rotation_speed, positive,
                   "speed of axes that turn in a G0 without slides; beside slides they keep pace "
                   "with these")
-          .number(KeyName("max_spindle_rpm").otherwise("no limit"), &Machine::max_spindle_speed,
+          .number(KeyName("max_spindle_rpm").with_fallback("no limit"), &Machine::max_spindle_speed,
                   positive, "largest speed of the spindle under constant surface speed (G96)")
-          .custom({code_key(), axis_key("[A-Z]", "every letter of the code but `s`",
-                                        axis_fields(make_default_joint({})).keys())},
-                  read_joints, put_joints)
-          .custom({home_key(), reference_key(), machine_zero_key()}, read_home, put_home)
-          .custom({body_key()}, read_bodies, put_bodies);
+          .custom_field({code_key(), axis_key("[A-Z]", "every letter of the code but `s`",
+                                              axis_fields(make_default_joint({})).keys())},
+                        read_joints, put_joints)
+          .custom_field({home_key(), reference_key(), machine_zero_key()}, read_home, put_home)
+          .custom_field({body_key()}, read_bodies, put_bodies);
   return fields;
 }
 
 Fields<Joint> believed_joint_fields(const Joint& joint) {
   return Fields<Joint>(joint)
-      .vector(KeyName("point_mm").otherwise("as it is"), &Joint::point_b,
+      .vector(KeyName("point_mm").with_fallback("as it is"), &Joint::point_b,
               "where the control believes it to be")
-      .direction(KeyName("direction").otherwise("as it is"), &Joint::direction_b,
+      .direction(KeyName("direction").with_fallback("as it is"), &Joint::direction_b,
                  "that the control believes in");
 }
 
@@ -508,12 +511,12 @@ void read_believed_joints(TableReader& reader, const std::vector<Joint>& joints,
   if (!section) return;
   // The section states differences only; the remaining joints are as designed.
   control.joints = joints;
-  TableReader axes(*section, reader.name_of("axis"), reader.input_errors());
+  TableReader axes(*section, reader.qualified_name("axis"), reader.input_errors());
   for (Joint& joint : control.joints) {
     const std::string name(1, joint.name);
     if (const Node* axis = axes.section(name))
-      joint =
-          believed_joint_fields(joint).read_table(*axis, axes.name_of(name), reader.input_errors());
+      joint = believed_joint_fields(joint).read_table(*axis, axes.qualified_name(name),
+                                                      reader.input_errors());
   }
   axes.close();
 }
@@ -521,16 +524,16 @@ void read_believed_joints(TableReader& reader, const std::vector<Joint>& joints,
 void put_believed_joints(const ControlDescription& control, Node::Table& table) {
   Node::Table axes;
   for (const Joint& joint : control.joints)
-    put(axes, std::string(1, joint.name), believed_joint_fields(joint).written(joint));
-  if (!axes.empty()) put(table, "axis", std::move(axes));
+    put_value(axes, std::string(1, joint.name), believed_joint_fields(joint).to_table(joint));
+  if (!axes.empty()) put_value(table, "axis", std::move(axes));
 }
 
 /// @param joints  of the machine as designed
 Fields<ControlDescription> control_fields(const std::vector<Joint>& joints) {
   return Fields<ControlDescription>()
-      .number(KeyName("tool_length_mm").otherwise("as it is"), &ControlDescription::tool_length,
+      .number(KeyName("tool_length_mm").with_fallback("as it is"), &ControlDescription::tool_length,
               any_number, "of the tool, as the control believes")
-      .custom(
+      .custom_field(
           {axis_key("[A-Zs]", "an axis that the control believes elsewhere",
                     believed_joint_fields({}).keys())},
           [joints](TableReader& reader, ControlDescription& control) {
@@ -544,8 +547,8 @@ Fields<ControlDescription> control_fields(const std::vector<Joint>& joints) {
 MachineDescription read_machine(const Node& table, InputErrors& input_errors) {
   return machine_fields().read_table(table, "machine", input_errors);
 }
-Node::Table written_machine(const MachineDescription& machine) {
-  return machine_fields().written(machine);
+Node::Table machine_to_table(const MachineDescription& machine) {
+  return machine_fields().to_table(machine);
 }
 std::vector<Key> machine_keys() { return machine_fields().keys(); }
 
@@ -553,8 +556,8 @@ ControlDescription read_control(const Node& table, const std::vector<Joint>& joi
                                 InputErrors& input_errors) {
   return control_fields(joints).read_table(table, "control", input_errors);
 }
-Node::Table written_control(const ControlDescription& control) {
-  return control_fields({}).written(control);
+Node::Table control_to_table(const ControlDescription& control) {
+  return control_fields({}).to_table(control);
 }
 std::vector<Key> control_keys() { return control_fields({}).keys(); }
 
@@ -565,8 +568,8 @@ using kinematics::Deviation;
 Fields<DatumDescription::Touch> touch_fields() {
   using Touch = DatumDescription::Touch;
   return Fields<Touch>()
-      .vector(must("point_mm"), &Touch::point_w, "where it touches, in the workpiece frame")
-      .direction(must("direction"), &Touch::direction_w,
+      .vector(required_key("point_mm"), &Touch::point_w, "where it touches, in the workpiece frame")
+      .direction(required_key("direction"), &Touch::direction_w,
                  "in which the probe moves, towards the face");
 }
 
@@ -577,13 +580,14 @@ Fields<DatumDescription> time_fields() {
   return Fields<DatumDescription>()
       .number("time_s", &DatumDescription::time_s, any_number,
               "when it was found, negative before the program; with heat, drift counts from there")
-      .custom(
+      .custom_field(
           {hours},
           [](TableReader& reader, DatumDescription& datum) {
             const auto time_s = reader.maybe_number("time_h", any_number);
             if (!reader.has("time_h")) return;
             // The keys state the same time in different units.
-            if (reader.has("time_s")) reader.refuse("time_h", "one of time_s and time_h", "both");
+            if (reader.has("time_s"))
+              reader.report_invalid("time_h", "one of time_s and time_h", "both");
             datum.time_s = time_s.value_or(1.0);
           },
           [](const DatumDescription&, Node::Table&) {});
@@ -595,10 +599,10 @@ Fields<DatumDescription> datum_kind_fields(DatumDescription::Kind kind) {
   if (kind == DatumDescription::Kind::Ideal)
     fields.vector("point_mm", &DatumDescription::point_w,
                   "where the tip is set exactly, in the workpiece frame");
-  if (kind != DatumDescription::Kind::None) fields.all_of(whole_struct, time_fields());
+  if (kind != DatumDescription::Kind::None) fields.include_fields(whole_struct, time_fields());
   if (kind == DatumDescription::Kind::TouchOff)
     fields.tables(
-        must("touch"), &DatumDescription::touches, touch_fields(),
+        required_key("touch"), &DatumDescription::touches, touch_fields(),
         "touches of the probe, each of the part, its blank, a fixture or the table within "
         "`search.band_mm`, at most 40 degrees from straight against its face");
   return fields;
@@ -612,7 +616,7 @@ const Fields<Deviation>& setup_fields() {
     const char* names[] = {"EX_um", "EY_um", "EZ_um", "EA_urad", "EB_urad", "EC_urad"};
     for (int i = 0; i < 6; ++i)
       components.number(
-          KeyName(names[i]).otherwise("0"), [i](auto& setup) -> auto& { return setup[i]; },
+          KeyName(names[i]).with_fallback("0"), [i](auto& setup) -> auto& { return setup[i]; },
           any_number,
           i < 3 ? "displacement of the part, actual minus nominal"
                 : "rotation of the part, actual minus nominal");
@@ -623,28 +627,28 @@ const Fields<Deviation>& setup_fields() {
 
 const Fields<DatumDescription>& datum_fields() {
   static const Fields<DatumDescription> fields = [] {
-    Key kind = make_key(must("kind"), Key::Kind::Text, "how the control finds the part");
-    const std::vector<std::pair<DatumDescription::Kind, Word>> kinds{
+    Key kind = make_key(required_key("kind"), Key::Kind::Text, "how the control finds the part");
+    const std::vector<std::pair<DatumDescription::Kind, EnumChoice>> kinds{
         {DatumDescription::Kind::None, {"none", "not at all: where it should be", {}}},
         {DatumDescription::Kind::Ideal, {"ideal", "the tip is set exactly at one point", {}}},
         {DatumDescription::Kind::TouchOff,
          {"touch_off", "by a probe with the machine's errors", {}}}};
     for (auto [datum_kind, word] : kinds) {
       word.keys = datum_kind_fields(datum_kind).keys();
-      kind.words.push_back(std::move(word));
+      kind.choices.push_back(std::move(word));
     }
-    return Fields<DatumDescription>().custom(
+    return Fields<DatumDescription>().custom_field(
         {kind},
         [kind, kinds](TableReader& reader, DatumDescription& datum) {
-          const auto word = reader.word("kind", words_of(kind), true);
+          const auto word = reader.word("kind", choice_names(kind), true);
           for (const auto& [datum_kind, choice] : kinds)
             if (word == choice.word) datum.kind = datum_kind;
           datum = datum_kind_fields(datum.kind).read(reader, datum);
         },
         [kinds](const DatumDescription& datum, Node::Table& table) {
           for (const auto& [datum_kind, choice] : kinds)
-            if (datum.kind == datum_kind) put(table, "kind", choice.word);
-          append_entries(table, datum_kind_fields(datum.kind).written(datum));
+            if (datum.kind == datum_kind) put_value(table, "kind", choice.word);
+          append_entries(table, datum_kind_fields(datum.kind).to_table(datum));
         });
   }();
   return fields;

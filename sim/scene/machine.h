@@ -25,7 +25,7 @@ struct MachineDescription {
   kinematics::AxisVector reference;         ///< (joints) reference position of G28; empty: `home`
   kinematics::AxisVector machine_zero;      ///< (joints) origin of G53; empty: the zero of the axes
   double rapid_speed = 10000.0 / 60.0;      ///< mm/s
-  double rapid_turn = 1.0;                  ///< rad/s
+  double rapid_rotation_speed = 1.0;        ///< rad/s
   std::optional<double> max_spindle_speed;  ///< rad/s; none: no known limit
   std::string summary;                      ///< one line, for lists of machines
   std::vector<MachineBody> bodies;
@@ -56,14 +56,14 @@ class Fields;
 
 /// Reads and writes `[machine]`.
 MachineDescription read_machine(const Node& table, InputErrors& input_errors);
-Node::Table written_machine(const MachineDescription& machine);
+Node::Table machine_to_table(const MachineDescription& machine);
 std::vector<Key> machine_keys();
 
 /// Reads and writes `[control]`, the beliefs of the control that differ from the machine.
 /// @param joints  of the machine as designed
 ControlDescription read_control(const Node& table, const std::vector<kinematics::Joint>& joints,
                                 InputErrors& input_errors);
-Node::Table written_control(const ControlDescription& control);
+Node::Table control_to_table(const ControlDescription& control);
 std::vector<Key> control_keys();
 
 /// Returns the fields of `[setup]`, the deviation of the clamped part, and of `[datum]`.

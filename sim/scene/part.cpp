@@ -50,23 +50,23 @@ constexpr auto mesh_shape = [](auto& part) -> auto& { return std::get<MeshFile>(
 Fields<RevolvedProfile::Piece> piece_fields() {
   using Piece = RevolvedProfile::Piece;
   return Fields<Piece>()
-      .numbers(must("to_mm"), &Piece::to, 2, "its end, [r, z]")
+      .numbers(required_key("to_mm"), &Piece::to, 2, "its end, [r, z]")
       .number("arc_radius_mm", &Piece::arc_radius, any_number,
               "0: a line; above: an arc that is convex, below: one that is concave");
 }
 
 Fields<RevolvedProfile> revolved_profile_fields() {
-  const Key start = make_numbers_key(must("start_mm"), 2, "[r, z] nearest to the axis");
-  const Key pieces = make_key(must("profile"), Key::Kind::Tables,
+  const Key start = make_numbers_key(required_key("start_mm"), 2, "[r, z] nearest to the axis");
+  const Key pieces = make_key(required_key("profile"), Key::Kind::Tables,
                               "lines and arcs from there outwards", piece_fields().keys());
-  return Fields<RevolvedProfile>().custom(
+  return Fields<RevolvedProfile>().custom_field(
       {start, pieces},
       [](TableReader& reader, RevolvedProfile& profile) {
         Eigen::Vector2d start = reader.numbers("start_mm", 2);
-        if (!reader.has("profile")) reader.missing("profile", "a list of tables");
+        if (!reader.has("profile")) reader.report_missing("profile", "a list of tables");
         for (const Node* node : reader.tables("profile")) {
-          profile.pieces.push_back(
-              piece_fields().read_table(*node, reader.name_of("profile"), reader.input_errors()));
+          profile.pieces.push_back(piece_fields().read_table(
+              *node, reader.qualified_name("profile"), reader.input_errors()));
           // Each segment starts at the end of the previous one.
           profile.pieces.back().from = start;
           start = profile.pieces.back().to;
@@ -82,48 +82,51 @@ Fields<RevolvedProfile> revolved_profile_fields() {
 
 Fields<RectanglePlane> rectangle_fields() {
   return Fields<RectanglePlane>()
-      .number(must("length_x_mm"), &RectanglePlane::length_x, part_size, "from edge to edge")
-      .number(must("length_y_mm"), &RectanglePlane::length_y, part_size, "from edge to edge");
+      .number(required_key("length_x_mm"), &RectanglePlane::length_x, part_size,
+              "from edge to edge")
+      .number(required_key("length_y_mm"), &RectanglePlane::length_y, part_size,
+              "from edge to edge");
 }
 
 Fields<Disc> disc_fields() {
   return Fields<Disc>()
-      .number(must("radius_mm"), &Disc::radius, part_size, "of the rim")
+      .number(required_key("radius_mm"), &Disc::radius, part_size, "of the rim")
       .number("inner_radius_mm", &Disc::inner_radius, non_negative, "of the hole of a ring");
 }
 
 Fields<Cylinder> cylinder_surface_fields() {
   return Fields<Cylinder>()
-      .number(must("radius_mm"), &Cylinder::radius, part_size, "of the wall")
-      .number(must("height_mm"), &Cylinder::height, part_size, "from z = 0 upwards");
+      .number(required_key("radius_mm"), &Cylinder::radius, part_size, "of the wall")
+      .number(required_key("height_mm"), &Cylinder::height, part_size, "from z = 0 upwards");
 }
 
 Fields<Cone> cone_fields() {
   return Fields<Cone>()
-      .number(must("base_radius_mm"), &Cone::base_radius, part_size, "at z = 0")
-      .number(must("height_mm"), &Cone::height, part_size, "from z = 0 upwards")
-      .number(must("half_apex_deg"), &Cone::half_apex_angle, half_apex_range,
+      .number(required_key("base_radius_mm"), &Cone::base_radius, part_size, "at z = 0")
+      .number(required_key("height_mm"), &Cone::height, part_size, "from z = 0 upwards")
+      .number(required_key("half_apex_deg"), &Cone::half_apex_angle, half_apex_range,
               "between the axis and the wall");
 }
 
 Fields<SphereCap> sphere_cap_fields() {
   return Fields<SphereCap>()
-      .number(must("radius_mm"), &SphereCap::radius, part_size, "of the sphere")
-      .number(must("rim_radius_mm"), &SphereCap::rim_radius, part_size,
+      .number(required_key("radius_mm"), &SphereCap::radius, part_size, "of the sphere")
+      .number(required_key("rim_radius_mm"), &SphereCap::rim_radius, part_size,
               "from the axis, at most that of the sphere");
 }
 
 Fields<Torus> torus_fields() {
   return Fields<Torus>()
-      .number(must("radius_mm"), &Torus::radius, part_size, "of the centre line of the tube")
-      .number(must("tube_radius_mm"), &Torus::tube_radius, part_size,
+      .number(required_key("radius_mm"), &Torus::radius, part_size,
+              "of the centre line of the tube")
+      .number(required_key("tube_radius_mm"), &Torus::tube_radius, part_size,
               "at most that of the centre line");
 }
 
 Fields<PartDescription> primitive_fields() {
   return Fields<PartDescription>()
       .variant(
-          must("surface").one_of("shape"), primitive_shape,
+          required_key("surface").in_exclusive_group("shape"), primitive_shape,
           {alternative<Primitive>("rectangle", rectangle_fields(), "z = 0 about the origin"),
            alternative<Primitive>("disc", disc_fields(), "a disc or ring at z = 0"),
            alternative<Primitive>("cylinder", cylinder_surface_fields(), "the outer wall about z"),
@@ -139,27 +142,28 @@ Fields<PartDescription> primitive_fields() {
 }
 
 Fields<PartDescription> mesh_fields() {
-  return Fields<PartDescription>().all_of(
-      mesh_shape, mesh_file_fields(must("file").one_of("shape"))
+  return Fields<PartDescription>().include_fields(
+      mesh_shape, mesh_file_fields(required_key("file").in_exclusive_group("shape"))
                       .boolean("open", &MeshFile::open, "of a mesh: a rim is meant"));
 }
 
 Fields<PartSampling> part_sampling_fields() {
   using Kind = PartSampling::Kind;
   return Fields<PartSampling>()
-      .word(KeyName("sampling").otherwise("adaptive; with `vertices` these"), &PartSampling::kind,
+      .word(KeyName("sampling").with_fallback("adaptive; with `vertices` these"),
+            &PartSampling::kind,
             {{"adaptive", Kind::Adaptive,
               "vertices are added where the residual is not linear between them, on crests between "
               "passes"},
              {"spacing", Kind::Spacing, "no judged edge is longer than `spacing_mm`"},
              {"vertices", Kind::Vertices, "those of the mesh, or `vertices`"}},
             "where on the part `run` and `compare` look at the residual; studies take the vertices")
-      .number(KeyName("resolution_um").otherwise("10 % of the error-free PV, at least 0.05"),
+      .number(KeyName("resolution_um").with_fallback("10 % of the error-free PV, at least 0.05"),
               &PartSampling::resolution, positive,
               "how far linear interpolation between vertices may be off: adaptive sampling sees to "
               "it, and any is warned of that misses it")
       .number("spacing_mm", &PartSampling::spacing, positive, "of sampling by spacing")
-      .number("finest_mm", &PartSampling::finest, {1e-6, 1e3, false, false},
+      .number("finest_mm", &PartSampling::min_edge_length, {1e-6, 1e3, false, false},
               "of adaptive sampling: no edge is made shorter")
       .whole("points", &PartSampling::points, 100, 50'000'000,
              "that sampling may come to; what it does not suffice for is warned of");
@@ -176,17 +180,19 @@ void select_shape(TableReader& reader, PartDescription& part) {
 
 Fields<PartDescription> judged_fields() {
   return Fields<PartDescription>()
-      .number(KeyName("judged_radius_max_mm").otherwise("all"), &PartDescription::judged_radius_max,
-              positive, "from the part's z axis; vertices beyond are not judged")
-      .number(KeyName("judged_radius_min_mm").otherwise("all"), &PartDescription::judged_radius_min,
-              non_negative, "from the part's z axis; vertices nearer are not judged")
+      .number(KeyName("judged_radius_max_mm").with_fallback("all"),
+              &PartDescription::judged_radius_max, positive,
+              "from the part's z axis; vertices beyond are not judged")
+      .number(KeyName("judged_radius_min_mm").with_fallback("all"),
+              &PartDescription::judged_radius_min, non_negative,
+              "from the part's z axis; vertices nearer are not judged")
       .check([](TableReader& reader, PartDescription& part) {
         // Otherwise the judged ring would contain no vertex.
         if (part.judged_radius_min && part.judged_radius_max &&
             !(*part.judged_radius_min < *part.judged_radius_max))
-          reader.refuse("judged_radius_min_mm", "less than judged_radius_max_mm",
-                        fmt::format("{:.6g} and {:.6g} mm", *part.judged_radius_min,
-                                    *part.judged_radius_max));
+          reader.report_invalid("judged_radius_min_mm", "less than judged_radius_max_mm",
+                                fmt::format("{:.6g} and {:.6g} mm", *part.judged_radius_min,
+                                            *part.judged_radius_max));
       })
       .word("judged", &PartDescription::judged,
             {{"cut", PartDescription::JudgedArea::Cut,
@@ -206,40 +212,41 @@ Fields<PartDescription> judged_fields() {
                       "normals show, up to sharp edges"},
                      {"flat", true, "the facets themselves are the surface"}},
                     "of a mesh: what is judged between its vertices")
-              .number("recognise_um", &PartDescription::recognise, non_negative,
+              .number("recognise_um", &PartDescription::recognition_tolerance, non_negative,
                       "of a mesh: a face whose vertices lie this near a plane, sphere, cylinder, "
                       "cone or torus is that surface, so that its facets do not show; 0: never")
               .number("edge_angle_deg", &PartDescription::edge_angle, {1.0, 179.0, false, false},
                       "of a mesh: triangles that meet at a sharper angle are faces of "
                       "their own, each judged along its own normal")
-              .number(KeyName("edge_margin_mm").otherwise("a twentieth of the tool's radius"),
+              .number(KeyName("edge_margin_mm").with_fallback("a twentieth of the tool's radius"),
                       &PartDescription::edge_margin, non_negative,
                       "of a mesh: from sharp edges; vertices nearer are not judged")
-              .number(KeyName("judged_normal_z").otherwise("all"),
+              .number(KeyName("judged_normal_z").with_fallback("all"),
                       &PartDescription::judged_normal_z, {-1.0, 1.0, false, false},
                       "of a mesh: least z of the normal of a vertex that is judged")
-              .number(KeyName("judged_margin_mm").otherwise("all"), &PartDescription::judged_margin,
-                      non_negative, "of a mesh: from the rim; vertices nearer are not judged"));
+              .number(KeyName("judged_margin_mm").with_fallback("all"),
+                      &PartDescription::judged_margin, non_negative,
+                      "of a mesh: from the rim; vertices nearer are not judged"));
 }
 
 Fields<Ring> ring_fields() {
   return Fields<Ring>()
-      .text(must("name"), &Ring::name, "that no other ring has")
-      .number(must("along_mm"), &Ring::along, any_number, "its middle, z of the part")
-      .number(must("width_mm"), &Ring::width, positive, "along z");
+      .text(required_key("name"), &Ring::name, "that no other ring has")
+      .number(required_key("along_mm"), &Ring::along, any_number, "its middle, z of the part")
+      .number(required_key("width_mm"), &Ring::width, positive, "along z");
 }
 
 void read_rings(TableReader& reader, PartDescription& part) {
   std::vector<Ring>& rings = part.rings;
   for (const Node* node : reader.tables("ring")) {
-    TableReader ring_reader(*node, reader.name_of("ring"), reader.input_errors());
+    TableReader ring_reader(*node, reader.qualified_name("ring"), reader.input_errors());
     rings.push_back(ring_fields().read(ring_reader));
     ring_reader.close();
     // `summary.json` reports rings by name.
     for (std::size_t i = 0; i + 1 < rings.size(); ++i)
       if (rings[i].name == rings.back().name)
-        ring_reader.refuse("name", "a name that no other ring has",
-                           "\"" + rings[i].name + "\" again");
+        ring_reader.report_invalid("name", "a name that no other ring has",
+                                   "\"" + rings[i].name + "\" again");
   }
 }
 
@@ -257,18 +264,19 @@ std::optional<Tolerance> read_tolerance(TableReader& reader) {
   const Eigen::VectorXd limits = reader.numbers(tolerance_key, 2);
   if (limits.size() == 2 && limits[0] < limits[1]) return Tolerance{limits[0], limits[1]};
   if (limits.size() == 2)
-    reader.refuse(tolerance_key, "[lower, upper], the lower limit first",
-                  fmt::format("[{:.6g}, {:.6g}]", in_unit(limits[0], unit_of(tolerance_key)),
-                              in_unit(limits[1], unit_of(tolerance_key))));
+    reader.report_invalid(
+        tolerance_key, "[lower, upper], the lower limit first",
+        fmt::format("[{:.6g}, {:.6g}]", in_unit(limits[0], unit_factor(tolerance_key)),
+                    in_unit(limits[1], unit_factor(tolerance_key))));
   return std::nullopt;
 }
 
 void put_tolerance(const std::optional<Tolerance>& tolerance, Node::Table& table) {
-  const double unit = unit_of(tolerance_key);
+  const double unit = unit_factor(tolerance_key);
   const Tolerance limits = tolerance.value_or(Tolerance{});
   // Symmetric limits are written as a half width; no tolerance as 0.
   if (limits.lower == -limits.upper)
-    put(table, tolerance_key, in_unit(limits.upper, unit));
+    put_value(table, tolerance_key, in_unit(limits.upper, unit));
   else
     put_numbers(table, tolerance_key, Eigen::Vector2d(limits.lower, limits.upper), unit);
 }
@@ -284,16 +292,17 @@ void read_colour(TableReader& reader, PartRegion& region) {
   const std::string text = reader.text("colour", "");
   // Without the key the region has faces of every colour.
   if (text.empty()) return;
-  region.colour = cutting::colour_of(text);
-  if (!region.colour) reader.refuse("colour", "\"#rrggbb\", as \"#ff8000\"", "\"" + text + "\"");
+  region.colour = cutting::parse_hex_colour(text);
+  if (!region.colour)
+    reader.report_invalid("colour", "\"#rrggbb\", as \"#ff8000\"", "\"" + text + "\"");
 }
 
 Fields<PartRegion> region_fields() {
   using Region = PartRegion;
   return Fields<Region>()
-      .text(must("name"), &Region::name, "of the region, for people")
-      .custom(
-          {make_tolerance_key(KeyName(tolerance_key).otherwise("that of the part"),
+      .text(required_key("name"), &Region::name, "of the region, for people")
+      .custom_field(
+          {make_tolerance_key(KeyName(tolerance_key).with_fallback("that of the part"),
                               "as `part.tolerance_um`, above 0")},
           [](TableReader& reader, Region& region) {
             const std::size_t error_count = reader.input_errors().list().size();
@@ -301,7 +310,7 @@ Fields<PartRegion> region_fields() {
             // For a part the tolerance 0 means none; a region would silently have that of the part.
             const bool is_zero = !region.tolerance && reader.has(tolerance_key);
             if (is_zero && reader.input_errors().list().size() == error_count)
-              reader.refuse(tolerance_key, "above 0", "0");
+              reader.report_invalid(tolerance_key, "above 0", "0");
           },
           [](const Region& region, Node::Table& table) {
             if (region.tolerance) put_tolerance(region.tolerance, table);
@@ -314,14 +323,14 @@ Fields<PartRegion> region_fields() {
           "group", &Region::group,
           "of a mesh: faces that its file calls so: by `g`, `o` or `usemtl` (OBJ), `solid` (ascii "
           "STL), or by name and value of a whole number that faces have (PLY), as \"label 3\"")
-      .custom(
+      .custom_field(
           {make_key("colour", Key::Kind::Text,
                     "of a mesh: \"#rrggbb\", faces of this colour: PLY, OFF, binary STL (5 bits: "
                     "those to which the 8 are cut or rounded), OBJ (Kd of its .mtl); fractions "
                     "count within 1 / 255")},
           read_colour,
           [](const Region& region, Node::Table& table) {
-            if (region.colour) put(table, "colour", cutting::hex_text(*region.colour));
+            if (region.colour) put_value(table, "colour", cutting::hex_text(*region.colour));
           })
       .check([](TableReader& reader, Region& region) {
         const auto check_order = [&](const char* key,
@@ -329,7 +338,7 @@ Fields<PartRegion> region_fields() {
           // The first half of the numbers are lower limits, the second half upper limits.
           const Eigen::Index half = limits ? limits->size() / 2 : 0;
           if (half > 0 && !(limits->head(half).array() <= limits->tail(half).array()).all())
-            reader.refuse(key, "the least first", "not less");
+            reader.report_invalid(key, "the least first", "not less");
         };
         check_order("z_mm", region.z);
         check_order("radius_mm", region.radius);
@@ -339,23 +348,23 @@ Fields<PartRegion> region_fields() {
 
 void read_regions(TableReader& reader, PartDescription& part) {
   for (const Node* node : reader.tables("region")) {
-    TableReader region_reader(*node, reader.name_of("region"), reader.input_errors());
+    TableReader region_reader(*node, reader.qualified_name("region"), reader.input_errors());
     part.regions.push_back(region_fields().read(region_reader));
     part.regions.back().place = node->place;
     // Only meshes have faces with groups and colours.
     for (const char* key : {"group", "colour"})
       if (region_reader.has(key) && !is_mesh(part))
-        region_reader.refuse(key, "a part from a mesh `file`",
-                             "a declared surface, which has no faces");
+        region_reader.report_invalid(key, "a part from a mesh `file`",
+                                     "a declared surface, which has no faces");
     region_reader.close();
   }
 }
 
 Fields<PartDescription> tolerance_fields() {
   return Fields<PartDescription>()
-      .custom(
+      .custom_field(
           {make_tolerance_key(
-              KeyName(tolerance_key).otherwise("none"),
+              KeyName(tolerance_key).with_fallback("none"),
               "how far the residual may lie to either side of the design, or "
               "`[lower, upper]`: + is material left; with it a case has a "
               "verdict, PASS or FAIL (which `limits.tolerance` makes an exit code), and a "
@@ -380,26 +389,27 @@ const Fields<PartDescription>& part_fields() {
           .check(select_shape)
           .only_if(is_mesh, mesh_fields())
           .only_if(std::not_fn(is_mesh), primitive_fields())
-          .all_of(&PartDescription::T_wm, placement_fields())
-          .all_of(&PartDescription::sampling, part_sampling_fields())
+          .include_fields(&PartDescription::T_wm, placement_fields())
+          .include_fields(&PartDescription::sampling, part_sampling_fields())
           .check([](TableReader& reader, PartDescription& part) {
             // A user who states the number of vertices wants these vertices and no refinement.
             if (reader.has("vertices") && !reader.has("sampling"))
               part.sampling.kind = PartSampling::Kind::Vertices;
           })
-          .all_of(whole_struct, judged_fields())
+          .include_fields(whole_struct, judged_fields())
           .number("form_cutoff_mm", &PartDescription::form_cutoff, part_size,
                   "of the areal Gaussian filter (ISO 16610-61) that parts form from texture")
-          .all_of(whole_struct, tolerance_fields())
-          .custom({make_key(
-                      "ring", Key::Kind::Tables,
-                      "where the radius of a part of revolution is reported: `radii_um` in "
-                      "`summary.json` is the mean radius about z of what was cut there, null where "
-                      "nothing was",
-                      ring_fields().keys())},
-                  read_rings, [](const PartDescription& part, Node::Table& table) {
-                    put_tables(table, "ring", part.rings, ring_fields());
-                  });
+          .include_fields(whole_struct, tolerance_fields())
+          .custom_field(
+              {make_key(
+                  "ring", Key::Kind::Tables,
+                  "where the radius of a part of revolution is reported: `radii_um` in "
+                  "`summary.json` is the mean radius about z of what was cut there, null where "
+                  "nothing was",
+                  ring_fields().keys())},
+              read_rings, [](const PartDescription& part, Node::Table& table) {
+                put_tables(table, "ring", part.rings, ring_fields());
+              });
   return fields;
 }
 
@@ -409,7 +419,7 @@ void check_primitive(TableReader& reader, const Primitive& primitive) {
   try {
     cutting::profile(primitive);
   } catch (const std::invalid_argument& error) {
-    reader.refuse("surface", "a surface that can be, of the keys of part", error.what());
+    reader.report_invalid("surface", "a surface that can be, of the keys of part", error.what());
   }
 }
 
@@ -426,7 +436,7 @@ PartDescription read_part(const Node& table, InputErrors& input_errors) {
   return part;
 }
 
-Node::Table written_part(const PartDescription& part) { return part_fields().written(part); }
+Node::Table part_to_table(const PartDescription& part) { return part_fields().to_table(part); }
 
 std::vector<Key> part_keys() { return part_fields().keys(); }
 

@@ -27,7 +27,7 @@ struct PartSampling {
   std::optional<double> resolution;  ///< mm, tolerance of linear interpolation; none: a fraction of
                                      ///< the PV
   double spacing = 0.1;              ///< mm
-  double finest = 2e-3;              ///< mm, least length of a refined edge
+  double min_edge_length = 2e-3;     ///< mm, least length of a refined edge
   int points = 1'000'000;            ///< largest number of vertices
 };
 
@@ -45,7 +45,7 @@ struct PartRegion {
   std::optional<cutting::Rgb> colour;        ///< mesh files: colour of its faces
   std::optional<Tolerance> tolerance;
   bool judged = true;
-  Place place;  ///< position in the scene, for errors found in the mesh
+  SourcePosition place;  ///< position in the scene, for errors found in the mesh
 };
 
 /// The part: its design, the points at which it is evaluated, and the tolerances.
@@ -60,8 +60,9 @@ struct PartDescription {
   JudgedArea judged = JudgedArea::Cut;
   bool flat_facets = false;  ///< mesh files: the facets are the surface; else a smooth surface
                              ///< through the vertices
-  double recognise = 1e-4;   ///< mesh files: mm; a face within this distance of a plane, sphere,
-                             ///< cylinder, cone or torus is treated as that surface; 0: never
+  double recognition_tolerance =
+      1e-4;  ///< mesh files: mm; a face within this distance of a plane, sphere,
+             ///< cylinder, cone or torus is treated as that surface; 0: never
   double edge_angle =
       30.0 * std::numbers::pi / 180.0;  ///< mesh files: rad; edges sharper than this separate faces
   std::optional<double> edge_margin;  ///< mesh files: mm, excluded margin along sharp edges; none:
@@ -99,7 +100,7 @@ struct Key;
 
 /// Reads and writes `[part]`.
 PartDescription read_part(const Node& table, InputErrors& input_errors);
-Node::Table written_part(const PartDescription& part);
+Node::Table part_to_table(const PartDescription& part);
 std::vector<Key> part_keys();
 
 /// Returns the material libraries that define the face colours of the part. They are named by its

@@ -55,7 +55,7 @@ Fields<Raster> raster_fields() {
             "of the passes")
       .number("overrun_mm", &Raster::overrun, non_negative,
               "by which passes run beyond a declared surface")
-      .all_of(&Raster::format, format_fields());
+      .include_fields(&Raster::format, format_fields());
 }
 
 Fields<Flank> flank_fields() {
@@ -66,22 +66,23 @@ Fields<Flank> flank_fields() {
       .number("clearance_mm", &Flank::clearance, non_negative, "of approach and retract")
       .number("tip_below_mm", &Flank::tip_below, non_negative,
               "by which the tip reaches below the base")
-      .all_of(&Flank::format, format_fields());
+      .include_fields(&Flank::format, format_fields());
 }
 
 Fields<Spiral> spiral_fields() {
   return Fields<Spiral>()
-      .number(must("speed_rpm"), &Spiral::spindle_speed, spindle_rpm, "of the spindle")
-      .number(must("feed_um_per_rev"), &Spiral::feed_per_revolution, positive, "inwards, per turn")
+      .number(required_key("speed_rpm"), &Spiral::spindle_speed, spindle_rpm, "of the spindle")
+      .number(required_key("feed_um_per_rev"), &Spiral::feed_per_revolution, positive,
+              "inwards, per turn")
       // By default the cut starts one feed beyond the rim.
       .derive([](Spiral& spiral) { spiral.start_beyond_rim = spiral.feed_per_revolution; })
-      .number(KeyName("start_beyond_rim_mm").otherwise("one feed"), &Spiral::start_beyond_rim,
+      .number(KeyName("start_beyond_rim_mm").with_fallback("one feed"), &Spiral::start_beyond_rim,
               non_negative, "where the cut begins")
       .number("end_radius_mm", &Spiral::end_radius, non_negative,
               "where it ends; 0: with one turn on the axis")
       .number("interval_s", &Spiral::interval, positive, "between rows of PVT")
       .word("format", &Spiral::write_nc, {{"pvt", false}, {"nc", true}}, "of the program")
-      .all_of(&Spiral::format, format_fields());
+      .include_fields(&Spiral::format, format_fields());
 }
 
 void check_file(TableReader& reader, File& program) {
@@ -94,25 +95,26 @@ void check_file(TableReader& reader, File& program) {
   // How the file is read depends on its extension.
   if (std::find(known_extensions.begin(), known_extensions.end(), extension) ==
       known_extensions.end()) {
-    reader.refuse("file",
-                  "a program named .ngc, .nc, .tap, .cnc, .gcode, .eia, .mpf, .spf, .h, .cl, .cls, "
-                  ".apt, .ncl, .txt, .min, .iso, .csv or .pvt",
-                  file.string());
+    reader.report_invalid(
+        "file",
+        "a program named .ngc, .nc, .tap, .cnc, .gcode, .eia, .mpf, .spf, .h, .cl, .cls, "
+        ".apt, .ncl, .txt, .min, .iso, .csv or .pvt",
+        file.string());
   } else if (!std::filesystem::is_regular_file(file, error_code)) {
-    reader.refuse("file", "a file that can be read", missing_file_text(file));
+    reader.report_invalid("file", "a file that can be read", missing_file_text(file));
   }
   const bool is_pvt =
       program.dialect != Dialect::Cl && (extension == ".csv" || extension == ".pvt");
   // A PVT table lists axis positions, so it has no tool vectors to which a pole rule would apply.
   if (is_pvt && program.pole.rule != PoleRule::AsProgrammed)
-    reader.refuse("pole", "no pole beside a table of times, which has no vectors", "one");
+    reader.report_invalid("pole", "no pole beside a table of times, which has no vectors", "one");
   if (is_pvt && !program.startup_code.empty())
-    reader.refuse("startup_code", "none beside a table of times", program.startup_code);
+    reader.report_invalid("startup_code", "none beside a table of times", program.startup_code);
   if (program.interpreter != Interpreter::LinuxCnc) return;
   // The interpreter of LinuxCNC reads no other dialect.
   if (is_pvt || (program.dialect != Dialect::Auto && program.dialect != Dialect::LinuxCnc))
-    reader.refuse("interpreter", "\"abbe\" beside a program that is not one of LinuxCNC",
-                  "\"linuxcnc\"");
+    reader.report_invalid("interpreter", "\"abbe\" beside a program that is not one of LinuxCNC",
+                          "\"linuxcnc\"");
 }
 
 void read_block_skip(TableReader& reader, File& program) {
@@ -120,7 +122,7 @@ void read_block_skip(TableReader& reader, File& program) {
   if (const auto levels = program::parse_block_skip(text))
     program.block_skip = *levels;
   else
-    reader.refuse("block_skip", "\"on\", \"off\" or levels such as \"1 3\"", text);
+    reader.report_invalid("block_skip", "\"on\", \"off\" or levels such as \"1 3\"", text);
 }
 
 Fields<PoleOptions> pole_fields() {
@@ -139,10 +141,11 @@ Fields<PoleOptions> pole_fields() {
       .only_if(
           [](const PoleOptions& pole) { return pole.rule == PoleRule::Fanuc; },
           Fields<PoleOptions>()
-              .number(must("pole_near_deg"), &PoleOptions::near, near_range,
+              .number(required_key("pole_near_deg"), &PoleOptions::near, near_range,
                       "parameter 19738: nearer to a pole than this is close; must be given with "
                       "pole = \"fanuc\"")
-              .number(must("pole_change_deg"), &PoleOptions::max_change, change_range,
+              .number(required_key("pole_change_deg"), &PoleOptions::max_rotation_about_pole,
+                      change_range,
                       "parameter 19739: by which the end of a block may be turned about the "
                       "pole; must be given with pole = \"fanuc\""));
 }
@@ -176,7 +179,8 @@ Fields<InterpreterLimits> interpreter_fields() {
               "of its commands, about 120 bytes a move");
 }
 
-void read_control_table(TableReader& reader, ControlTableFile& table, dialects::TableKind kind) {
+void read_control_table(TableReader& reader, ControlTableFile& table,
+                        dialects::ControlTableKind kind) {
   if (table.file.empty()) return;
   try {
     table.table = dialects::read_control_table_file(table.file, kind, table.unit);
@@ -184,14 +188,14 @@ void read_control_table(TableReader& reader, ControlTableFile& table, dialects::
     // Every error has its own line in the table.
     for (const BadInput& error : bad_program.input_errors) reader.input_errors().add(error);
   } catch (const BadInput&) {
-    reader.refuse("file", "a file that can be read", missing_file_text(table.file));
+    reader.report_invalid("file", "a file that can be read", missing_file_text(table.file));
   }
 }
 
-Fields<ControlTableFile> table_fields(dialects::TableKind kind) {
-  const bool is_tool_table = kind == dialects::TableKind::Tools;
+Fields<ControlTableFile> table_fields(dialects::ControlTableKind kind) {
+  const bool is_tool_table = kind == dialects::ControlTableKind::Tools;
   return Fields<ControlTableFile>()
-      .text(must("file"), &ControlTableFile::file,
+      .text(required_key("file"), &ControlTableFile::file,
             is_tool_table
                 ? "a tool table: LinuxCNC .tbl, a listing of Fanuc's G10 L10 to L13, Siemens TOA, "
                   "Heidenhain .t"
@@ -210,25 +214,26 @@ Fields<ControlTableFile> table_fields(dialects::TableKind kind) {
 void check_table_keys(TableReader& reader, ProgramDescription& program) {
   // A table replaces these keys as a whole; with both, it would be unclear which value applies.
   if (program.tools && reader.has("tool_length_mm"))
-    reader.refuse("tool_length_mm", "either it or tools, which has every length", "both");
+    reader.report_invalid("tool_length_mm", "either it or tools, which has every length", "both");
   if (program.offsets && reader.has("work_offset"))
-    reader.refuse("work_offset", "either it or offsets, which has all of them", "both");
+    reader.report_invalid("work_offset", "either it or offsets, which has all of them", "both");
 }
 
 Fields<ProgramDescription> control_table_fields() {
   return Fields<ProgramDescription>()
-      .table("tools", &ProgramDescription::tools, table_fields(dialects::TableKind::Tools),
+      .table("tools", &ProgramDescription::tools, table_fields(dialects::ControlTableKind::Tools),
              "what the control believes of its tools; what they are stands in [[tool]], by number")
-      .table("offsets", &ProgramDescription::offsets, table_fields(dialects::TableKind::Offsets),
+      .table("offsets", &ProgramDescription::offsets,
+             table_fields(dialects::ControlTableKind::Offsets),
              "the work offsets of the control, instead of work_offset")
       .check(check_table_keys);
 }
 
 Fields<ProgramDescription> file_fields() {
-  return Fields<ProgramDescription>().all_of(
+  return Fields<ProgramDescription>().include_fields(
       [](auto& program) -> auto& { return std::get<File>(program.source); },
       Fields<File>()
-          .text(must("file").one_of("source"), &File::file,
+          .text(required_key("file").in_exclusive_group("source"), &File::file,
                 "a program: .csv and .pvt position-velocity-time, others such as .ngc, .nc, .mpf, "
                 ".h, .apt machining programs")
           .word("dialect", &File::dialect,
@@ -243,24 +248,25 @@ Fields<ProgramDescription> file_fields() {
                 {{"refuse", UnknownWordPolicy::Refuse, "all of them at once"},
                  {"warn", UnknownWordPolicy::Warn, "they are skipped, and counted"}},
                 "words that the dialect has not")
-          .custom(
-              {make_key(KeyName("block_skip").otherwise("on"), Key::Kind::Text,
+          .custom_field(
+              {make_key(KeyName("block_skip").with_fallback("on"), Key::Kind::Text,
                         "the operator's switch for blocks behind a /: \"on\" leaves them out, "
                         "\"off\" executes them, \"1 3\" leaves out those of these levels; / alone "
                         "is level 1 of Fanuc, else 0")},
               read_block_skip,
               [](const File& program, Node::Table& table) {
-                put(table, "block_skip", program::to_text(program.block_skip));
+                put_value(table, "block_skip", program::to_text(program.block_skip));
               })
-          .custom(
-              {make_key(KeyName("startup_code").otherwise("none"), Key::Kind::Text,
+          .custom_field(
+              {make_key(KeyName("startup_code").with_fallback("none"), Key::Kind::Text,
                         "a block of the dialect that is read before the first line, as a control "
                         "begins with: \"G20 G91\", \"T1 M6\"")},
               [](TableReader& reader, File& program) {
                 program.startup_code = reader.text("startup_code", "");
               },
               [](const File& program, Node::Table& table) {
-                if (!program.startup_code.empty()) put(table, "startup_code", program.startup_code);
+                if (!program.startup_code.empty())
+                  put_value(table, "startup_code", program.startup_code);
               })
           .word(
               "interpreter", &File::interpreter,
@@ -268,11 +274,11 @@ Fields<ProgramDescription> file_fields() {
                {"linuxcnc", Interpreter::LinuxCnc,
                 "LinuxCNC's rs274 as a separate process, which `./abbe setup --linuxcnc` unpacks"}},
               "what reads a program of LinuxCNC")
-          .all_of(&File::interpreter_limits, interpreter_fields())
+          .include_fields(&File::interpreter_limits, interpreter_fields())
           .whole("max_moves", &File::max_moves, 1, 2'000'000'000,
                  "made by the program, those of loops and cycles each time; more is an input error")
-          .all_of(&File::pole, pole_fields())
-          .all_of(&File::turning, turning_fields())
+          .include_fields(&File::pole, pole_fields())
+          .include_fields(&File::turning, turning_fields())
           .number(
               "pole_warning_deg", &File::pole_warning, Range{0.0, 45.0},
               "from a pole: a warning says how the axis that is free there turns where the tool "
@@ -282,7 +288,7 @@ Fields<ProgramDescription> file_fields() {
 
 Fields<ProgramDescription> generator_fields() {
   return Fields<ProgramDescription>().variant(
-      must("generator").one_of("source"), &ProgramDescription::source,
+      required_key("generator").in_exclusive_group("source"), &ProgramDescription::source,
       {alternative<Source>("raster", raster_fields(), "parallel passes of a milling cutter"),
        alternative<Source>("flank", flank_fields(), "the flank of a cutter once around a cone"),
        alternative<Source>("spiral", spiral_fields(), "facing by a turning tool")},
@@ -310,7 +316,7 @@ Key tool_length_key() {
 void read_tool_lengths(TableReader& program, ProgramDescription& description) {
   const Node* section = program.section("tool_length_mm");
   if (!section) return;
-  TableReader reader(*section, program.name_of("tool_length_mm"), program.input_errors());
+  TableReader reader(*section, program.qualified_name("tool_length_mm"), program.input_errors());
   for (const Node::Entry& entry : *section->table()) {
     const bool is_h_number =
         entry.key.size() <= 3 && entry.key.find_first_not_of("0123456789") == std::string::npos;
@@ -327,8 +333,8 @@ void read_tool_lengths(TableReader& program, ProgramDescription& description) {
 
 void put_tool_lengths(const ProgramDescription& program, Node::Table& table) {
   Node::Table lengths;
-  for (const auto& [h, length] : program.tool_length) put(lengths, std::to_string(h), length);
-  if (!lengths.empty()) put(table, "tool_length_mm", std::move(lengths));
+  for (const auto& [h, length] : program.tool_length) put_value(lengths, std::to_string(h), length);
+  if (!lengths.empty()) put_value(table, "tool_length_mm", std::move(lengths));
 }
 
 using Joints = std::vector<kinematics::Joint>;
@@ -350,11 +356,11 @@ void read_work_offsets(TableReader& program, const Joints& joints,
                        ProgramDescription& description) {
   const Node* section = program.section("work_offset");
   if (!section) return;
-  TableReader reader(*section, program.name_of("work_offset"), program.input_errors());
+  TableReader reader(*section, program.qualified_name("work_offset"), program.input_errors());
   for (std::size_t i = 0; i < description.work_offset.size(); ++i) {
     const Node* node = reader.section(work_offset_name(i));
     if (!node) continue;
-    TableReader offset(*node, reader.name_of(work_offset_name(i)), program.input_errors());
+    TableReader offset(*node, reader.qualified_name(work_offset_name(i)), program.input_errors());
     description.work_offset[i] = read_axis_positions(offset, joints);
     // If the machine is invalid, there are no joints, and every axis would be reported as unknown.
     if (!joints.empty()) offset.close();
@@ -367,9 +373,9 @@ void put_work_offsets(const ProgramDescription& program, const Joints& joints, N
   for (std::size_t i = 0; i < program.work_offset.size(); ++i)
     // An empty vector stands for an offset that is not set.
     if (program.work_offset[i].size() > 0)
-      put(offsets, work_offset_name(i),
-          axis_position_fields(joints).written(program.work_offset[i]));
-  if (!offsets.empty()) put(table, "work_offset", std::move(offsets));
+      put_value(offsets, work_offset_name(i),
+                axis_position_fields(joints).to_table(program.work_offset[i]));
+  if (!offsets.empty()) put_value(table, "work_offset", std::move(offsets));
 }
 
 /// Returns all fields except the work offsets, which depend on the axes of the machine.
@@ -380,13 +386,14 @@ const Fields<ProgramDescription>& program_fields() {
           .only_if(is_program_file, file_fields())
           .only_if(is_program_file, control_table_fields())
           .only_if(std::not_fn(is_program_file), generator_fields())
-          .custom({tool_length_key()}, read_tool_lengths, put_tool_lengths);
+          .custom_field({tool_length_key()}, read_tool_lengths, put_tool_lengths);
   return fields;
 }
 
 }  // namespace
 
-void check_axes(dialects::ControlTable& offsets, const Joints& joints, InputErrors& input_errors) {
+void check_offset_axes(dialects::ControlTable& offsets, const Joints& joints,
+                       InputErrors& input_errors) {
   // Offsets of Siemens and Heidenhain are numbered from 500. Their tables may serve several
   // machines, and the control itself reports a call of an offset that it does not have.
   constexpr int first_removable_offset = 500;
@@ -419,13 +426,13 @@ ProgramDescription read_program(const Node& table, const Joints& joints,
   TableReader reader(table, "program", input_errors);
   ProgramDescription program = program_fields().read(reader);
   read_work_offsets(reader, joints, program);
-  if (program.offsets) check_axes(program.offsets->table, joints, input_errors);
+  if (program.offsets) check_offset_axes(program.offsets->table, joints, input_errors);
   reader.close();
   return program;
 }
 
-Node::Table written_program(const ProgramDescription& program, const Joints& joints) {
-  Node::Table table = program_fields().written(program);
+Node::Table program_to_table(const ProgramDescription& program, const Joints& joints) {
+  Node::Table table = program_fields().to_table(program);
   put_work_offsets(program, joints, table);
   return table;
 }

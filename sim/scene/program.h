@@ -63,10 +63,10 @@ ProgramDescription read_program(const Node& table, const std::vector<kinematics:
 /// Reports offsets of axes that the machine does not have. Offsets of Siemens and Heidenhain
 /// tables, which serve several machines, are removed with a note instead.
 /// @param joints  joints of the machine; if empty, nothing is checked
-void check_axes(dialects::ControlTable& offsets, const std::vector<kinematics::Joint>& joints,
-                InputErrors& input_errors);
-Node::Table written_program(const ProgramDescription& program,
-                            const std::vector<kinematics::Joint>& joints);
+void check_offset_axes(dialects::ControlTable& offsets,
+                       const std::vector<kinematics::Joint>& joints, InputErrors& input_errors);
+Node::Table program_to_table(const ProgramDescription& program,
+                             const std::vector<kinematics::Joint>& joints);
 std::vector<Key> program_keys();
 
 }  // namespace abbe::sim

@@ -28,7 +28,7 @@ path absolute_path(const path& file) { return std::filesystem::absolute(file).le
 /// Collects the files and programs that a scene and its training scenes name.
 class NameCollector {
  public:
-  explicit NameCollector(Named& named) : named_(named) {}
+  explicit NameCollector(NamedFiles& named) : named_(named) {}
 
   void add_scene(const Node& tree, const path& file) {
     add_file(file);
@@ -38,7 +38,7 @@ class NameCollector {
       if (!set || !set->table()) continue;
       // Errors of a variant are reported by check_variants().
       InputErrors ignored_errors;
-      add_tree(changed(tree, changes_from_set(*set), file.parent_path(), ignored_errors));
+      add_tree(apply_changes(tree, changes_from_set(*set), file.parent_path(), ignored_errors));
     }
   }
 
@@ -70,7 +70,8 @@ class NameCollector {
   /// Adds the files from which nodes were read, and the data files that they name.
   void add_node_files(const Node& node) {
     // Values from the command line have no file.
-    if (node.place.file && !node.place.typed && source_files_.insert(*node.place.file).second)
+    if (node.place.file && !node.place.from_command_line &&
+        source_files_.insert(*node.place.file).second)
       add_file(*node.place.file);
     if (const Node::Array* array = node.array())
       for (const Node& element : *array) add_node_files(element);
@@ -86,7 +87,7 @@ class NameCollector {
     if (!program) return;
     add_file(program->program);
     // Every variant of the scene has the same program at the same position.
-    const bool is_known = std::ranges::any_of(named_.programs, [&](const NamedProgram& other) {
+    const bool is_known = std::ranges::any_of(named_.programs, [&](const ProgramReference& other) {
       return other.program == program->program && other.file == program->file &&
              other.line == program->line && other.column == program->column;
     });
@@ -108,26 +109,26 @@ class NameCollector {
       named_.files.push_back(absolute_file);
   }
 
-  Named& named_;
+  NamedFiles& named_;
   std::set<std::string> source_files_;
   std::set<path> training_scenes_;
 };
 
 }  // namespace
 
-std::optional<NamedProgram> named_program(const Node& node) {
+std::optional<ProgramReference> named_program(const Node& node) {
   const std::string* text = node.text();
   if (!text || text->find_first_of("./") == std::string::npos) return std::nullopt;
   try {
-    return NamedProgram{plug_in_case(*text).plug_in, node.place.file ? *node.place.file : "",
-                        node.place.line, node.place.column, node.place.typed};
+    return ProgramReference{plug_in_case(*text).plug_in, node.place.file ? *node.place.file : "",
+                            node.place.line, node.place.column, node.place.from_command_line};
   } catch (const std::invalid_argument&) {
     return std::nullopt;  // the reader of the cases reports the error
   }
 }
 
-Named collect_named_files(const Node& tree, const path& file) {
-  Named named;
+NamedFiles collect_named_files(const Node& tree, const path& file) {
+  NamedFiles named;
   NameCollector(named).add_scene(tree, file);
   return named;
 }
@@ -175,7 +176,7 @@ void check_generator(const Node& generator, const Scene& scene, InputErrors& inp
   const bool is_turning = std::holds_alternative<cutting::Nose>(scene.tool.nominal);
   const auto* primitive = std::get_if<cutting::Primitive>(&scene.part.shape);
   const auto require = [&](bool condition, const char* expected) {
-    if (!condition) input_errors.add(generator.place, expected, shown(generator));
+    if (!condition) input_errors.add(generator.place, expected, display_text(generator));
   };
   if (std::holds_alternative<program::Spiral>(scene.program.source)) {
     require(is_turning, "a turning tool for this generator");
@@ -224,7 +225,8 @@ void check_beliefs(const Scene& scene, const std::vector<CaseDescription>& cases
           description.belief == kind || (description.belief == Belief::Composite &&
                                          (kind == Belief::Identified || kind == Belief::Thermal));
       if (is_used && !is_stated)
-        reader.refuse("compare", fmt::format("{} for {}", section, description.name), "none");
+        reader.report_invalid("compare", fmt::format("{} for {}", section, description.name),
+                              "none");
     };
     require(Belief::Identified, belief.identified.has_value(), "belief.identified");
     require(Belief::Thermal, belief.thermal.has_value(), "[belief.thermal]");
@@ -233,29 +235,30 @@ void check_beliefs(const Scene& scene, const std::vector<CaseDescription>& cases
     require(Belief::Fused, belief.identified || belief.thermal || belief.force || belief.part,
             "something in [belief]");
     const bool uses_touch_probe =
-        belief.part &&
-        std::any_of(scene.part_instruments.begin(), scene.part_instruments.end(),
-                    [&](const PartInstrumentDescription& instrument) {
-                      return instrument.name == belief.part->instrument &&
-                             std::holds_alternative<errors::metrology::TouchProbe>(instrument.how);
-                    });
+        belief.part && std::any_of(scene.part_instruments.begin(), scene.part_instruments.end(),
+                                   [&](const PartInstrumentDescription& instrument) {
+                                     return instrument.name == belief.part->instrument &&
+                                            std::holds_alternative<errors::metrology::TouchProbe>(
+                                                instrument.device);
+                                   });
     // The probe would measure the part relative to a machine that the other beliefs do not correct.
     if (description.belief == Belief::Fused && uses_touch_probe &&
         (belief.identified || belief.thermal))
-      reader.refuse("compare",
-                    "a part measured apart (cmm) for " + description.name +
-                        ": a probe on the machine that nothing corrects would undo the rest",
-                    "a touch probe");
+      reader.report_invalid(
+          "compare",
+          "a part measured apart (cmm) for " + description.name +
+              ": a probe on the machine that nothing corrects would undo the rest",
+          "a touch probe");
     const bool uses_force = belief.force && (description.belief == Belief::Force ||
                                              description.belief == Belief::Fused);
     if (!uses_force) continue;
     const bool has_material = scene.cutting && scene.cutting->material;
     if (!has_material)
-      reader.refuse("compare", "[cutting] with a material for " + description.name, "none");
+      reader.report_invalid("compare", "[cutting] with a material for " + description.name, "none");
     if (belief.force->from == From::Current && !scene.signals.current)
-      reader.refuse("compare", "[signals.current] for " + description.name, "none");
+      reader.report_invalid("compare", "[signals.current] for " + description.name, "none");
     if (belief.force->from == From::Dynamometer && !scene.signals.dynamometer)
-      reader.refuse("compare", "[signals.dynamometer] for " + description.name, "none");
+      reader.report_invalid("compare", "[signals.dynamometer] for " + description.name, "none");
   }
 }
 
@@ -287,9 +290,9 @@ void check_variants(const Scene& scene, const Node& tree, InputErrors& input_err
   for (std::size_t i = 0; list && list->array() && i < list->array()->size(); ++i) {
     const Node* set = (*list->array())[i].find("set");
     if (!set || !set->table()) continue;
-    const Scene variant =
-        interpret_tree(changed(tree, changes_from_set(*set), file.parent_path(), input_errors),
-                       file, input_errors);
+    const Scene variant = interpret_tree(
+        apply_changes(tree, changes_from_set(*set), file.parent_path(), input_errors), file,
+        input_errors);
     names.variants.push_back({scene.variants[i].name, variant.cases});
   }
   if (input_errors.empty()) check_case_folders(tree, names, input_errors);
@@ -306,7 +309,7 @@ Scene read_scene(const std::filesystem::path& file, const std::vector<Override>&
     throw BadScene({BadInput(file.string(), 0, 0, "a scene, which names its machine in `machine`",
                              "a study, which abbe study takes")});
   Scene scene = scene_from_tree(*as_written, file, overrides, std::move(input_errors));
-  Named named = collect_named_files(*scene.tree, file);
+  NamedFiles named = collect_named_files(*scene.tree, file);
   scene.files = std::move(named.files);
   // Material libraries are named by the mesh and not by the scene.
   for (const path& material_file : material_files(scene.part))
@@ -317,7 +320,7 @@ Scene read_scene(const std::filesystem::path& file, const std::vector<Override>&
 
 Scene scene_from_tree(const Node& as_written, const std::filesystem::path& file,
                       const std::vector<Override>& overrides, InputErrors input_errors) {
-  Node tree = changed(as_written, overrides, file.parent_path(), input_errors);
+  Node tree = apply_changes(as_written, overrides, file.parent_path(), input_errors);
   Scene scene = interpret_tree(tree, file, input_errors);
   if (input_errors.empty()) check_variants(scene, tree, input_errors);
   if (!input_errors.empty()) throw BadScene(input_errors.list());

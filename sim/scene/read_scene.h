@@ -13,21 +13,21 @@
 namespace abbe::sim {
 
 /// The files and programs that a scene names.
-struct Named {
+struct NamedFiles {
   std::vector<std::filesystem::path> files;  ///< the scene itself, section files, data, programs
                                              ///< and the scenes of training parts; absolute,
                                              ///< without duplicates
-  std::vector<NamedProgram> programs;        ///< compensators in the order of their positions,
+  std::vector<ProgramReference> programs;    ///< compensators in the order of their positions,
                                              ///< without duplicates
 };
 
 /// Returns the files and programs that a scene names. Programs are neither run nor checked.
 /// @param tree  the scene with its section files and all changes, except those of its variants
 /// @param file  the scene file
-Named collect_named_files(const Node& tree, const std::filesystem::path& file);
+NamedFiles collect_named_files(const Node& tree, const std::filesystem::path& file);
 
 /// Returns the program that the name of a case denotes; none if the name is no plug-in file.
-std::optional<NamedProgram> named_program(const Node& text);
+std::optional<ProgramReference> named_program(const Node& text);
 
 /// Reads a scene. Unknown keys are input errors, and types, units and ranges are checked.
 /// @param overrides  changes of values, applied before the scene is checked

@@ -26,7 +26,8 @@ std::vector<ToolDescription> all_tools(const Scene& scene) {
 namespace {
 
 /// Returns the entry of a tool in the control's table; null without a table or an entry.
-const dialects::TableTool* find_table_entry(const Scene& scene, const ToolDescription& tool) {
+const dialects::ControlTableTool* find_table_entry(const Scene& scene,
+                                                   const ToolDescription& tool) {
   if (!scene.program.tools || !tool.number) return nullptr;
   const auto& entries = scene.program.tools->table.tools;
   const auto entry = entries.find(*tool.number);
@@ -48,7 +49,7 @@ std::string difference_text(const char* quantity, double believed, double actual
 }  // namespace
 
 double control_tool_length(const Scene& scene, const ToolDescription& tool) {
-  const dialects::TableTool* entry = find_table_entry(scene, tool);
+  const dialects::ControlTableTool* entry = find_table_entry(scene, tool);
   if (entry && entry->length) return *entry->length;
   return scene.control.tool_length.value_or(tool.length);
 }
@@ -57,7 +58,7 @@ std::vector<std::string> tool_table_warnings(const Scene& scene) {
   if (!scene.program.tools) return {};
   std::vector<std::string> warnings;
   for (const ToolDescription& tool : all_tools(scene)) {
-    const dialects::TableTool* entry = find_table_entry(scene, tool);
+    const dialects::ControlTableTool* entry = find_table_entry(scene, tool);
     // The program may never call the tool, so this is a warning and not an input error.
     if (!entry) {
       warnings.push_back(
@@ -81,7 +82,7 @@ std::vector<std::string> tool_table_warnings(const Scene& scene) {
   return warnings;
 }
 
-Scene with_tool(Scene scene, int number) {
+Scene select_tool(Scene scene, int number) {
   const std::vector<ToolDescription> tools = all_tools(scene);
   const auto tool = std::ranges::find_if(
       tools, [&](const ToolDescription& candidate) { return candidate.number == number; });

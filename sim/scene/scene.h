@@ -87,7 +87,7 @@ struct Scene {
                  ///< program) named by absolute path; it gives the same results to the bit
   std::shared_ptr<const Node> tree;            ///< from which the scene was read, with all changes
   std::vector<std::filesystem::path> files;    ///< files that it names; set by read_scene
-  std::vector<NamedProgram> programs;          ///< programs that it names; set by read_scene
+  std::vector<ProgramReference> programs;      ///< programs that it names; set by read_scene
   std::vector<std::filesystem::path> trusted;  ///< programs that it may run, see sim/scene/trust.h
 };
 
@@ -104,6 +104,6 @@ std::vector<std::string> tool_table_warnings(const Scene& scene);
 
 /// Returns the scene with one of its tools as the only tool.
 /// @throws std::out_of_range if the scene has no such tool
-Scene with_tool(Scene scene, int number);
+Scene select_tool(Scene scene, int number);
 
 }  // namespace abbe::sim

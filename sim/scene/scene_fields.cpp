@@ -51,7 +51,7 @@ Key allow_file(Key key) {
 /// case the value is still the name of the file, and the error is reported already.
 const Node* section(TableReader& scene, const Key& key) {
   const Node* node = scene.accept_key(key.name);
-  if (!node && key.required) scene.missing(key.name, "a table or a file");
+  if (!node && key.required) scene.report_missing(key.name, "a table or a file");
   if (node && node->text()) return nullptr;
   return node ? scene.section(key.name) : nullptr;
 }
@@ -62,13 +62,13 @@ const Node* section(TableReader& scene, const Key& key) {
 template <typename Read, typename Write>
 void add_section(Fields<Scene>& fields, Key key, Read read, Write write) {
   key = allow_file(std::move(key));
-  fields.custom(
+  fields.custom_field(
       {key},
       [key, read](TableReader& reader, Scene& scene) {
         if (const Node* node = section(reader, key)) read(*node, scene, reader.input_errors());
       },
       [key, write](const Scene& scene, Node::Table& table) {
-        if (auto section = write(scene)) put(table, key.name, std::move(*section));
+        if (auto section = write(scene)) put_value(table, key.name, std::move(*section));
       });
 }
 
@@ -77,10 +77,10 @@ void add_section(Fields<Scene>& fields, Key key, Read read, Write write) {
 /// @param write  (const Scene&) -> vector<Node::Table>
 template <typename Read, typename Write>
 void add_list(Fields<Scene>& fields, Key key, Read read, Write write) {
-  fields.custom({key}, read, [key, write](const Scene& scene, Node::Table& table) {
+  fields.custom_field({key}, read, [key, write](const Scene& scene, Node::Table& table) {
     Node::Array list;
     for (Node::Table& element : write(scene)) list.push_back(Node{{}, std::move(element)});
-    if (!list.empty()) put(table, key.name, std::move(list));
+    if (!list.empty()) put_value(table, key.name, std::move(list));
   });
 }
 
@@ -88,7 +88,7 @@ void add_errors(Fields<Scene>& fields) {
   Key key =
       allow_file(list_key("errors", errors_keys(),
                           "geometric errors: a table, a file, or a list of them, which add up"));
-  fields.custom(
+  fields.custom_field(
       {key},
       [](TableReader& reader, Scene& scene) {
         const Node* node = reader.accept_key("errors");
@@ -98,19 +98,20 @@ void add_errors(Fields<Scene>& fields) {
         scene.error_scale = errors.scale;
       },
       [](const Scene& scene, Node::Table& table) {
-        put(table, "errors", written_errors({scene.geometric, scene.error_scale}, scene.machine));
+        put_value(table, "errors",
+                  errors_to_table({scene.geometric, scene.error_scale}, scene.machine));
       });
 }
 
 void add_tools(Fields<Scene>& fields) {
-  Key key = allow_file(list_key(must("tool"), tool_keys(),
+  Key key = allow_file(list_key(required_key("tool"), tool_keys(),
                                 "cutter or turning tool: a table, a file, or a list of them, each "
                                 "with its `number`, for a program that changes tools"));
-  fields.custom(
+  fields.custom_field(
       {key},
       [](TableReader& reader, Scene& scene) {
         const Node* node = reader.accept_key("tool");
-        if (!node) reader.missing("tool", "a table or a file");
+        if (!node) reader.report_missing("tool", "a table or a file");
         if (!node || node->text()) return;  // the file is invalid, which is reported
         std::vector<ToolDescription> tools = read_tools(*node, reader.input_errors());
         scene.tool = std::move(tools.front());
@@ -118,38 +119,40 @@ void add_tools(Fields<Scene>& fields) {
       },
       [](const Scene& scene, Node::Table& table) {
         // A single tool is written as a table and not as a list.
-        if (scene.additional_tools.empty()) return put(table, "tool", written_tool(scene.tool));
+        if (scene.additional_tools.empty())
+          return put_value(table, "tool", tool_to_table(scene.tool));
         Node::Array tools;
         for (const ToolDescription& tool : all_tools(scene))
-          tools.push_back(Node{{}, written_tool(tool)});
-        put(table, "tool", std::move(tools));
+          tools.push_back(Node{{}, tool_to_table(tool)});
+        put_value(table, "tool", std::move(tools));
       });
 }
 
 void add_machine_to_program(Fields<Scene>& fields) {
   add_section(
-      fields, table_key(must("machine"), machine_keys(), "axes, their order and where they are"),
+      fields,
+      table_key(required_key("machine"), machine_keys(), "axes, their order and where they are"),
       [](const Node& node, Scene& scene, InputErrors& input_errors) {
         scene.machine = read_machine(node, input_errors);
       },
       [](const Scene& scene) {
-        return std::optional<Node::Table>(written_machine(scene.machine));
+        return std::optional<Node::Table>(machine_to_table(scene.machine));
       });
   add_errors(fields);
   add_tools(fields);
   add_section(
-      fields, table_key(must("part"), part_keys(), "the design, where it is judged"),
+      fields, table_key(required_key("part"), part_keys(), "the design, where it is judged"),
       [](const Node& node, Scene& scene, InputErrors& input_errors) {
         scene.part = read_part(node, input_errors);
       },
-      [](const Scene& scene) { return std::optional<Node::Table>(written_part(scene.part)); });
+      [](const Scene& scene) { return std::optional<Node::Table>(part_to_table(scene.part)); });
   add_section(
-      fields, table_key(must("program"), program_keys(), "NC, PVT, or what writes it"),
+      fields, table_key(required_key("program"), program_keys(), "NC, PVT, or what writes it"),
       [](const Node& node, Scene& scene, InputErrors& input_errors) {
         scene.program = read_program(node, scene.machine.joints, input_errors);
       },
       [](const Scene& scene) {
-        return std::optional<Node::Table>(written_program(scene.program, scene.machine.joints));
+        return std::optional<Node::Table>(program_to_table(scene.program, scene.machine.joints));
       });
 }
 
@@ -165,7 +168,8 @@ std::optional<ThermalDescription> read_heat(TableReader& reader, const Key& ther
     if (!scene_value) continue;
     if (!node) {
       // A section that is present but invalid is reported already.
-      if (!reader.has("thermal")) reader.refuse(key, "a [thermal] section beside " + key, "none");
+      if (!reader.has("thermal"))
+        reader.report_invalid(key, "a [thermal] section beside " + key, "none");
       continue;
     }
     std::erase_if(*merged_section->table(), [&](const Node::Entry& entry) {
@@ -186,18 +190,18 @@ void add_thermal(Fields<Scene>& fields) {
     if (key.name != "history" && key.name != "room" && key.name != "room_C") continue;
     key.sentence = "the day of this scene, in place of that of `thermal`: " + key.sentence;
     // One of these keys is required in the section, but none at the top level.
-    key.either.clear();
+    key.exclusive_group.clear();
     key.required = false;
     keys.push_back(std::move(key));
   }
-  fields.custom(
+  fields.custom_field(
       std::move(keys),
       [thermal](TableReader& reader, Scene& scene) {
         scene.thermal = read_heat(reader, thermal, scene);
       },
       [](const Scene& scene, Node::Table& table) {
         if (scene.thermal)
-          put(table, "thermal", written_thermal(*scene.thermal, scene.machine, scene.seed));
+          put_value(table, "thermal", thermal_to_table(*scene.thermal, scene.machine, scene.seed));
       });
 }
 
@@ -209,7 +213,7 @@ void add_compliance_and_vibration(Fields<Scene>& fields) {
       },
       [](const Scene& scene) -> std::optional<Node::Table> {
         if (!scene.compliance) return {};
-        return written_compliance(*scene.compliance, scene.machine);
+        return compliance_to_table(*scene.compliance, scene.machine);
       });
   add_list(
       fields, list_key("vibration", vibration_keys(), "harmonics of the spindle, which add up"),
@@ -220,25 +224,26 @@ void add_compliance_and_vibration(Fields<Scene>& fields) {
       [](const Scene& scene) {
         std::vector<Node::Table> tables;
         for (const errors::Vibration& vibration : scene.vibrations)
-          tables.push_back(written_vibration(vibration));
+          tables.push_back(vibration_to_table(vibration));
         return tables;
       });
 }
 
 void add_stock(Fields<Scene>& fields) {
-  fields.custom(
+  fields.custom_field(
       {table_key("cutting", cutting_keys(), "the blank, and how finely the cut is followed")},
       [](TableReader& reader, Scene& scene) {
         if (const Node* node = reader.section("cutting"))
           scene.cutting = read_cutting(*node, scene.tool, reader.input_errors());
       },
       [](const Scene& scene, Node::Table& table) {
-        if (scene.cutting) put(table, "cutting", written_cutting(*scene.cutting, scene.tool));
+        if (scene.cutting)
+          put_value(table, "cutting", cutting_to_table(*scene.cutting, scene.tool));
       });
   const Key material =
-      allow_file(table_key(KeyName("material").otherwise("none: no forces"), material_keys(),
+      allow_file(table_key(KeyName("material").with_fallback("none: no forces"), material_keys(),
                            "cutting coefficients, beside `[cutting]`"));
-  fields.custom(
+  fields.custom_field(
       {material},
       [material](TableReader& reader, Scene& scene) {
         const Node* node = section(reader, material);
@@ -248,11 +253,11 @@ void add_stock(Fields<Scene>& fields) {
         if (scene.cutting)
           scene.cutting->material = coefficients;
         else
-          reader.refuse("material", "a [cutting] section beside the material", "none");
+          reader.report_invalid("material", "a [cutting] section beside the material", "none");
       },
       [](const Scene& scene, Node::Table& table) {
         if (scene.cutting && scene.cutting->material)
-          put(table, "material", written_material(*scene.cutting->material));
+          put_value(table, "material", material_to_table(*scene.cutting->material));
       });
 }
 
@@ -267,9 +272,9 @@ void add_instruments(Fields<Scene>& fields) {
         scene.part_instruments = std::move(instruments.of_part);
       },
       [](const Scene& scene) {
-        return written_instruments({scene.instruments, scene.part_instruments}, scene.machine);
+        return instruments_to_tables({scene.instruments, scene.part_instruments}, scene.machine);
       });
-  fields.custom(
+  fields.custom_field(
       {table_key("sensor_choice", sensor_choice_keys(),
                  "which temperature sensors are worth having")},
       [](TableReader& reader, Scene& scene) {
@@ -280,25 +285,25 @@ void add_instruments(Fields<Scene>& fields) {
         scene.sensor_choice->study.seed = scene.seed;
         // Without heat there is no drift by which sensors could be rated.
         if (!scene.thermal && !reader.has("thermal"))
-          reader.refuse("sensor_choice", "a [thermal] section beside it", "none");
+          reader.report_invalid("sensor_choice", "a [thermal] section beside it", "none");
       },
       [](const Scene& scene, Node::Table& table) {
         if (scene.sensor_choice)
-          put(table, "sensor_choice", written_sensor_choice(*scene.sensor_choice));
+          put_value(table, "sensor_choice", sensor_choice_to_table(*scene.sensor_choice));
       });
 }
 
 void add_control(Fields<Scene>& fields) {
-  fields.custom(
+  fields.custom_field(
       {table_key("control", control_keys(), "what the control believes, where it differs")},
       [](TableReader& reader, Scene& scene) {
         if (const Node* node = reader.section("control"))
           scene.control = read_control(*node, scene.machine.joints, reader.input_errors());
       },
       [](const Scene& scene, Node::Table& table) {
-        Node::Table control = written_control(scene.control);
+        Node::Table control = control_to_table(scene.control);
         // By default the control believes in the nominal machine.
-        if (!control.empty()) put(table, "control", std::move(control));
+        if (!control.empty()) put_value(table, "control", std::move(control));
       });
 }
 
@@ -307,7 +312,7 @@ template <typename U, typename M>
 void add_member_section(Fields<Scene>& fields, const char* name, M member,
                         const Fields<U>& member_fields, const char* sentence) {
   const Key key = table_key(name, member_fields.keys(), sentence);
-  fields.custom(
+  fields.custom_field(
       {key},
       [key, member, member_fields](TableReader& reader, Scene& scene) {
         const Node* node = reader.section(key.name);
@@ -316,21 +321,21 @@ void add_member_section(Fields<Scene>& fields, const char* name, M member,
         value = member_fields.read_table(*node, key.name, reader.input_errors(), value);
       },
       [key, member, member_fields](const Scene& scene, Node::Table& table) {
-        put(table, key.name, member_fields.written(std::invoke(member, scene)));
+        put_value(table, key.name, member_fields.to_table(std::invoke(member, scene)));
       });
 }
 
 void add_compensation(Fields<Scene>& fields) {
-  fields.custom(
+  fields.custom_field(
       {table_key("belief", belief_keys(), "what compensators are given to believe")},
       [](TableReader& reader, Scene& scene) {
         if (const Node* node = reader.section("belief"))
           scene.belief = read_belief(*node, scene.machine, reader.input_errors());
       },
       [](const Scene& scene, Node::Table& table) {
-        put(table, "belief", written_belief(scene.belief, scene.machine));
+        put_value(table, "belief", belief_to_table(scene.belief, scene.machine));
       });
-  fields.custom(
+  fields.custom_field(
       {table_key("compensation", compensation_keys(), "strategies and channels with their limits")},
       [](TableReader& reader, Scene& scene) {
         if (const Node* node = reader.section("compensation"))
@@ -338,7 +343,8 @@ void add_compensation(Fields<Scene>& fields) {
               read_compensation(*node, scene.machine.joints, reader.input_errors());
       },
       [](const Scene& scene, Node::Table& table) {
-        put(table, "compensation", written_compensation(scene.compensation, scene.machine.joints));
+        put_value(table, "compensation",
+                  compensation_to_table(scene.compensation, scene.machine.joints));
       });
 }
 
@@ -350,7 +356,7 @@ void check_case(TableReader& reader, Scene& scene) {
   try {
     parse_case(scene.case_name);
   } catch (const std::invalid_argument& error) {
-    reader.refuse("case", "a case that this version has", error.what());
+    reader.report_invalid("case", "a case that this version has", error.what());
   }
 }
 
@@ -359,7 +365,7 @@ void check_case(TableReader& reader, Scene& scene) {
 const Fields<Scene>& title_scene_fields() {
   static const Fields<Scene> fields =
       Fields<Scene>()
-          .text(KeyName("title").otherwise("name of the file"), &Scene::title,
+          .text(KeyName("title").with_fallback("name of the file"), &Scene::title,
                 "of pictures and tables")
           .whole("seed", &Scene::seed, 0, std::numeric_limits<std::int64_t>::max(),
                  "of all that is random");
@@ -374,7 +380,7 @@ const Fields<Scene>& cutting_scene_fields() {
     add_compliance_and_vibration(scene_fields);
     add_stock(scene_fields);
     scene_fields.tables(
-        KeyName("fixture").otherwise("none"), &Scene::fixtures, body_fields(),
+        KeyName("fixture").with_fallback("none"), &Scene::fixtures, body_fields(),
         "what clamps the part: bodies placed in the workpiece frame, for collisions");
     scene_fields.check([](TableReader& reader, Scene& scene) {
       check_fixture_names(reader, scene.machine, scene.fixtures);
@@ -414,7 +420,7 @@ const Fields<Scene>& judging_scene_fields() {
                        "beyond which `abbe` exits with 1");
     add_compensation(scene_fields);
     scene_fields.text(
-        KeyName("case").otherwise("uncompensated"), &Scene::case_name,
+        KeyName("case").with_fallback("uncompensated"), &Scene::case_name,
         "what `abbe run` cuts without `--case`, as in `[compare]`; a result's `scene.toml` "
         "names its own");
     scene_fields.check(check_case);
@@ -435,16 +441,16 @@ std::vector<Key> scene_keys() {
   return keys;
 }
 
-Node written(const Scene& scene) {
+Node to_table(const Scene& scene) {
   Node::Table table;
   // In the order in which the groups are read.
   for (const auto* fields :
        {&title_scene_fields(), &cutting_scene_fields(), &judging_scene_fields()})
-    for (Node::Entry& entry : fields->written(scene)) table.push_back(std::move(entry));
+    for (Node::Entry& entry : fields->to_table(scene)) table.push_back(std::move(entry));
   Node::Array variants;
   for (const Variant& variant : scene.variants)
-    variants.push_back(Node{{}, written_variant(variant)});
-  if (!variants.empty()) put(table, "variant", std::move(variants));
+    variants.push_back(Node{{}, variant_to_table(variant)});
+  if (!variants.empty()) put_value(table, "variant", std::move(variants));
   return Node{{}, std::move(table)};
 }
 
@@ -476,12 +482,14 @@ const Fields<ViewDescription>& view_fields() {
           .direction("from", &ViewDescription::from,
                      "direction from the part to the camera, in the part frame")
           .direction("up", &ViewDescription::up, "what is up in the picture, in the part frame")
-          .number_as_written(KeyName("range_um").otherwise("fitted"), &ViewDescription::range_um,
-                             positive, "the colour scale runs from -range to range")
+          .number_as_written(KeyName("range_um").with_fallback("fitted"),
+                             &ViewDescription::range_um, positive,
+                             "the colour scale runs from -range to range")
           .check([](TableReader& reader, ViewDescription& view) {
             // If the camera looks along its up direction, its rotation is undefined.
             if (view.from.cross(view.up).norm() < 1e-6 * view.from.norm())
-              reader.refuse("up", "a direction across view.from for view.up", "one along it");
+              reader.report_invalid("up", "a direction across view.from for view.up",
+                                    "one along it");
           });
   return fields;
 }

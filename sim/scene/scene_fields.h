@@ -21,6 +21,6 @@ std::vector<Key> scene_keys();
 
 /// Returns the scene as a table with all keys, defaults included. Reading its text gives the same
 /// scene, except for the last digit of numbers in units other than mm, rad and s.
-Node written(const Scene& scene);
+Node to_table(const Scene& scene);
 
 }  // namespace abbe::sim

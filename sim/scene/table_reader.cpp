@@ -141,12 +141,12 @@ const Unit* trailing_unit(std::string_view key) {
 
 }  // namespace
 
-double unit_of(std::string_view key) {
+double unit_factor(std::string_view key) {
   const Unit* unit = trailing_unit(key);
   return unit ? unit->factor : 1.0;
 }
 
-std::string_view key_stem(std::string_view key) {
+std::string_view key_without_unit(std::string_view key) {
   const Unit* unit = trailing_unit(key);
   return unit ? key.substr(0, key.size() - unit->suffix.size()) : key;
 }
@@ -185,14 +185,15 @@ bool contains(const Range& range, double x) {
 bool check_magnitude(double x, const Node& node, const std::string& name,
                      InputErrors& input_errors) {
   if (std::abs(x) <= max_number) return true;
-  input_errors.add(node.place, fmt::format("{} within +-{:g}", name, max_number), shown(node));
+  input_errors.add(node.place, fmt::format("{} within +-{:g}", name, max_number),
+                   display_text(node));
   return false;
 }
 
-std::string list_text(const std::set<std::string>& words) {
+std::string list_text(const std::set<std::string>& choices) {
   std::string text;
-  for (const std::string& word : words) text += (text.empty() ? "\"" : ", \"") + word + "\"";
-  return (words.size() == 1 ? "" : "one of ") + text;
+  for (const std::string& word : choices) text += (text.empty() ? "\"" : ", \"") + word + "\"";
+  return (choices.size() == 1 ? "" : "one of ") + text;
 }
 
 }  // namespace
@@ -200,7 +201,7 @@ std::string list_text(const std::set<std::string>& words) {
 TableReader::TableReader(const Node& table, std::string section_name, InputErrors& input_errors)
     : table_(table), section_name_(std::move(section_name)), input_errors_(input_errors) {}
 
-std::string TableReader::name_of(const std::string& key) const {
+std::string TableReader::qualified_name(const std::string& key) const {
   return section_name_.empty() ? key : section_name_ + "." + key;
 }
 
@@ -209,13 +210,13 @@ const Node* TableReader::accept_key(const std::string& key) {
   return table_.find(key);
 }
 
-void TableReader::missing(const std::string& key, const std::string& kind) {
+void TableReader::report_missing(const std::string& key, const std::string& kind) {
   known_.insert(key);
   missing_.emplace_back(key, kind);
 }
 
-void TableReader::refuse(const std::string& key, const std::string& expected,
-                         const std::string& seen) {
+void TableReader::report_invalid(const std::string& key, const std::string& expected,
+                                 const std::string& seen) {
   const Node* node = accept_key(key);
   input_errors_.add(node ? node->place : table_.place, expected, seen);
 }
@@ -228,11 +229,11 @@ std::optional<double> TableReader::finite_number(const Node& node, const std::st
     // TOML distinguishes integers from real numbers, but users write 5 for 5.0.
     value = double(*whole);
   } else {
-    input_errors_.add(node.place, "a number for " + name_of(key), shown(node));
+    input_errors_.add(node.place, "a number for " + qualified_name(key), display_text(node));
     return std::nullopt;
   }
   if (!std::isfinite(value)) {
-    input_errors_.add(node.place, "a finite number for " + name_of(key), shown(node));
+    input_errors_.add(node.place, "a finite number for " + qualified_name(key), display_text(node));
     return std::nullopt;
   }
   return value;
@@ -244,19 +245,19 @@ std::optional<double> TableReader::number_as_written(const std::string& key, con
   const std::optional<double> value = finite_number(*node, key);
   if (!value) return std::nullopt;
   if (!contains(range, *value)) {
-    input_errors_.add(node->place, fmt::format("{}{}", name_of(key), range_text(range)),
-                      shown(*node));
+    input_errors_.add(node->place, fmt::format("{}{}", qualified_name(key), range_text(range)),
+                      display_text(*node));
     return std::nullopt;
   }
-  if (!check_magnitude(*value, *node, name_of(key), input_errors_)) return std::nullopt;
+  if (!check_magnitude(*value, *node, qualified_name(key), input_errors_)) return std::nullopt;
   // The models divide by quantities whose range excludes zero.
   const bool is_divisor = range.min == 0.0 && range.open_min;
   const double min_magnitude = is_divisor ? min_divisor : min_number;
   if (*value != 0.0 && std::abs(*value) < min_magnitude) {
     input_errors_.add(node->place,
-                      fmt::format("{} of at least {:g}{}", name_of(key), min_magnitude,
+                      fmt::format("{} of at least {:g}{}", qualified_name(key), min_magnitude,
                                   is_divisor ? "" : ", or 0"),
-                      shown(*node));
+                      display_text(*node));
     return std::nullopt;
   }
   return value;
@@ -265,13 +266,13 @@ std::optional<double> TableReader::number_as_written(const std::string& key, con
 std::optional<double> TableReader::maybe_number(const std::string& key, const Range& range) {
   const std::optional<double> value = number_as_written(key, range);
   if (!value) return std::nullopt;
-  return *value * unit_of(key);
+  return *value * unit_factor(key);
 }
 
 double TableReader::number(const std::string& key, const Range& range) {
   const std::optional<double> value = maybe_number(key, range);
   // A key that is present but invalid is reported already.
-  if (!value && !has(key)) missing(key, "a number");
+  if (!value && !has(key)) report_missing(key, "a number");
   // One is harmless as a factor, a divisor and a length.
   return value.value_or(1.0);
 }
@@ -286,9 +287,10 @@ std::optional<std::int64_t> TableReader::maybe_integer(const std::string& key, s
   if (!node) return std::nullopt;
   const std::int64_t* value = std::get_if<std::int64_t>(&node->value);
   if (!value || *value < min || *value > max) {
-    input_errors_.add(node->place,
-                      fmt::format("a whole number from {} to {} for {}", min, max, name_of(key)),
-                      shown(*node));
+    input_errors_.add(
+        node->place,
+        fmt::format("a whole number from {} to {} for {}", min, max, qualified_name(key)),
+        display_text(*node));
     return std::nullopt;
   }
   return *value;
@@ -303,7 +305,7 @@ bool TableReader::boolean(const std::string& key, bool fallback) {
   const Node* node = accept_key(key);
   if (!node) return fallback;
   if (const bool* value = std::get_if<bool>(&node->value)) return *value;
-  input_errors_.add(node->place, "true or false for " + name_of(key), shown(*node));
+  input_errors_.add(node->place, "true or false for " + qualified_name(key), display_text(*node));
   return fallback;
 }
 
@@ -311,12 +313,12 @@ std::string TableReader::text(const std::string& key, const std::string& fallbac
   const Node* node = accept_key(key);
   if (!node) return fallback;
   if (const std::string* value = node->text(); value && !value->empty()) return *value;
-  input_errors_.add(node->place, "a text for " + name_of(key), shown(*node));
+  input_errors_.add(node->place, "a text for " + qualified_name(key), display_text(*node));
   return fallback;
 }
 
 std::string TableReader::text(const std::string& key) {
-  if (!has(key)) missing(key, "a text");
+  if (!has(key)) report_missing(key, "a text");
   return text(key, "");
 }
 
@@ -324,13 +326,13 @@ std::vector<std::string> TableReader::texts(const std::string& key) {
   const Node* list = accept_key(key);
   if (!list) return {};
   if (list->text()) return {*list->text()};
-  if (!list->array()) refuse(key, "a list of texts", shown(*list));
+  if (!list->array()) report_invalid(key, "a list of texts", display_text(*list));
   std::vector<std::string> texts;
   for (const Node& element : list->array() ? *list->array() : Node::Array{}) {
     if (element.text())
       texts.push_back(*element.text());
     else
-      input_errors_.add(element.place, "a text", shown(element));
+      input_errors_.add(element.place, "a text", display_text(element));
   }
   return texts;
 }
@@ -342,7 +344,7 @@ std::optional<Eigen::VectorXd> TableReader::numbers_as_written(const std::string
   if (!array || array->empty() || (size > 0 && array->size() != std::size_t(size))) {
     const std::string expected =
         size > 0 ? fmt::format("an array of {} numbers", size) : std::string("an array of numbers");
-    input_errors_.add(node->place, expected + " for " + name_of(key), shown(*node));
+    input_errors_.add(node->place, expected + " for " + qualified_name(key), display_text(*node));
     return std::nullopt;
   }
   Eigen::VectorXd values(Eigen::Index(array->size()));
@@ -351,7 +353,8 @@ std::optional<Eigen::VectorXd> TableReader::numbers_as_written(const std::string
   for (Eigen::Index i = 0; i < values.size(); ++i) {
     const Node& element = (*array)[std::size_t(i)];
     const std::optional<double> value = finite_number(element, key);
-    are_valid = are_valid && value && check_magnitude(*value, element, name_of(key), input_errors_);
+    are_valid =
+        are_valid && value && check_magnitude(*value, element, qualified_name(key), input_errors_);
     values[i] = value.value_or(0.0);
   }
   if (!are_valid) return std::nullopt;
@@ -360,13 +363,13 @@ std::optional<Eigen::VectorXd> TableReader::numbers_as_written(const std::string
 
 std::optional<Eigen::VectorXd> TableReader::maybe_numbers(const std::string& key, int size) {
   std::optional<Eigen::VectorXd> values = numbers_as_written(key, size);
-  if (values) *values *= unit_of(key);
+  if (values) *values *= unit_factor(key);
   return values;
 }
 
 Eigen::VectorXd TableReader::numbers(const std::string& key, int size) {
   const std::optional<Eigen::VectorXd> values = maybe_numbers(key, size);
-  if (!values && !has(key)) missing(key, "an array of numbers");
+  if (!values && !has(key)) report_missing(key, "an array of numbers");
   return values.value_or(Eigen::VectorXd::Zero(std::max(size, 1)));
 }
 
@@ -382,7 +385,8 @@ Eigen::Vector3d TableReader::direction(const std::string& key, const Eigen::Vect
   // stableNorm() avoids the underflow of the square of a very small number.
   const double length = values->stableNorm();
   if (!(length > 1e-9)) {
-    input_errors_.add(table_.find(key)->place, "a direction that is not zero for " + name_of(key),
+    input_errors_.add(table_.find(key)->place,
+                      "a direction that is not zero for " + qualified_name(key),
                       "length " + to_toml_value(length));
     return fallback;
   }
@@ -392,32 +396,32 @@ Eigen::Vector3d TableReader::direction(const std::string& key, const Eigen::Vect
 }
 
 Eigen::Vector3d TableReader::direction(const std::string& key) {
-  if (!has(key)) missing(key, "a direction of 3 numbers");
+  if (!has(key)) report_missing(key, "a direction of 3 numbers");
   return direction(key, Eigen::Vector3d::UnitX());
 }
 
 std::optional<std::string> TableReader::word(const std::string& key,
-                                             const std::set<std::string>& words, bool required) {
+                                             const std::set<std::string>& choices, bool required) {
   const Node* node = accept_key(key);
   if (!node) {
-    if (required) missing(key, list_text(words));
+    if (required) report_missing(key, list_text(choices));
     return std::nullopt;
   }
   const std::string* text = node->text();
-  if (text && words.contains(*text)) return *text;
-  std::string seen = shown(*node);
+  if (text && choices.contains(*text)) return *text;
+  std::string seen = display_text(*node);
   if (text) {
-    if (const auto suggestion = nearest(*text, words))
+    if (const auto suggestion = nearest(*text, choices))
       seen += " (nearest: \"" + *suggestion + "\")";
   }
-  input_errors_.add(node->place, list_text(words) + " for " + name_of(key), seen);
+  input_errors_.add(node->place, list_text(choices) + " for " + qualified_name(key), seen);
   return std::nullopt;
 }
 
 const Node* TableReader::section(const std::string& key) {
   const Node* node = accept_key(key);
   if (!node || node->table()) return node;
-  input_errors_.add(node->place, "a table for " + name_of(key), shown(*node));
+  input_errors_.add(node->place, "a table for " + qualified_name(key), display_text(*node));
   return nullptr;
 }
 
@@ -427,14 +431,15 @@ std::vector<const Node*> TableReader::tables(const std::string& key) {
   if (node->table()) return {node};
   std::vector<const Node*> list;
   if (!node->array()) {
-    input_errors_.add(node->place, "a list of tables for " + name_of(key), shown(*node));
+    input_errors_.add(node->place, "a list of tables for " + qualified_name(key),
+                      display_text(*node));
     return list;
   }
   for (const Node& element : *node->array()) {
     if (element.table()) {
       list.push_back(&element);
     } else {
-      input_errors_.add(element.place, "a table in " + name_of(key), shown(element));
+      input_errors_.add(element.place, "a table in " + qualified_name(key), display_text(element));
     }
   }
   return list;
@@ -447,15 +452,15 @@ void TableReader::close() {
     if (known_.contains(entry.key)) continue;
     // A key with the same stem is probably the right quantity in a wrong unit.
     const auto same_stem = std::find_if(known_.begin(), known_.end(), [&](const std::string& key) {
-      return key_stem(key) == key_stem(entry.key) && !table_.find(key);
+      return key_without_unit(key) == key_without_unit(entry.key) && !table_.find(key);
     });
     if (same_stem != known_.end()) {
       input_errors_.add(entry.place,
-                        fmt::format("{} in {}", name_of(*same_stem), unit_name(*same_stem)),
+                        fmt::format("{} in {}", qualified_name(*same_stem), unit_name(*same_stem)),
                         fmt::format("{} in {}", entry.key, unit_name(entry.key)));
       misspelled.insert(*same_stem);
     } else if (const auto suggestion = nearest(entry.key, known_)) {
-      input_errors_.add(entry.place, "a known key (nearest: " + name_of(*suggestion) + ")",
+      input_errors_.add(entry.place, "a known key (nearest: " + qualified_name(*suggestion) + ")",
                         entry.key);
       // An unknown key within two edits is a misspelling; the missing key is not reported as well.
       if (edit_distance(entry.key, *suggestion) <= 2) misspelled.insert(*suggestion);
@@ -467,7 +472,7 @@ void TableReader::close() {
   }
   for (const auto& [key, kind] : missing_) {
     if (!misspelled.contains(key))
-      input_errors_.add(table_.place, kind + " for " + name_of(key), "nothing");
+      input_errors_.add(table_.place, kind + " for " + qualified_name(key), "nothing");
   }
   missing_.clear();
 }

@@ -36,10 +36,10 @@ std::string missing_file_text(const std::filesystem::path& file);
 
 /// Returns the factor from the unit at the end of a key to mm, rad, s, N, K, kg, W or A: 1e-3 for
 /// "_um", pi/30 for "_rpm", 1e-6 for "_um_per_m_K", 1 for a key without unit.
-double unit_of(std::string_view key);
+double unit_factor(std::string_view key);
 
 /// Returns a key without its unit: "radius_mm" gives "radius".
-std::string_view key_stem(std::string_view key);
+std::string_view key_without_unit(std::string_view key);
 
 /// Returns the unit of a key for messages: "mm", "no unit".
 std::string unit_name(std::string_view key);
@@ -68,8 +68,8 @@ class TableReader {
   bool has(const std::string& key) const { return table_.find(key) != nullptr; }
   const Node& node() const { return table_; }
   /// Returns the name of a key in messages, such as "part.radius_mm".
-  std::string name_of(const std::string& key) const;
-  const Place& place() const { return table_.place; }
+  std::string qualified_name(const std::string& key) const;
+  const SourcePosition& place() const { return table_.place; }
   InputErrors& input_errors() const { return input_errors_; }
 
   double number(const std::string& key, const Range& range);  ///< required
@@ -100,9 +100,9 @@ class TableReader {
   Eigen::Vector3d direction(const std::string& key);  ///< required
   Eigen::Vector3d direction(const std::string& key, const Eigen::Vector3d& fallback);
 
-  /// Returns the enum value of a key. Returns nothing if the value is none of `words`, which is
+  /// Returns the enum value of a key. Returns nothing if the value is none of `choices`, which is
   /// reported, or if the key is missing, which is reported if it is required.
-  std::optional<std::string> word(const std::string& key, const std::set<std::string>& words,
+  std::optional<std::string> word(const std::string& key, const std::set<std::string>& choices,
                                   bool required);
   template <typename T>
   using NamedValues = std::initializer_list<std::pair<const char*, T>>;
@@ -124,9 +124,9 @@ class TableReader {
   const Node* accept_key(const std::string& key);
   /// Reports a missing key when the reader is closed.
   /// @param kind  the expected value, such as "a number"
-  void missing(const std::string& key, const std::string& kind);
+  void report_missing(const std::string& key, const std::string& kind);
   /// Reports an invalid value at the position of the key.
-  void refuse(const std::string& key, const std::string& expected, const std::string& seen);
+  void report_invalid(const std::string& key, const std::string& expected, const std::string& seen);
 
   /// Reports unknown keys, each with the nearest known one, and the missing ones.
   void close();
@@ -151,7 +151,7 @@ class TableReader {
   std::vector<std::pair<std::string, std::string>> missing_;  ///< key, kind
 };
 
-struct Word;
+struct EnumChoice;
 
 /// Description of a key of a table. The key tables of the documents, `abbe schema` and `abbe
 /// explain` are made from these descriptions.
@@ -175,16 +175,17 @@ struct Key {
                           ///< present
   std::string fallback;   ///< default value in words; empty: none
   std::string pattern;    ///< regular expression of the names of a family of keys; else empty
-  std::string either;     ///< name of a group of keys of which a table has exactly one; else empty
-  Range range{};          ///< of numbers, in the unit of the key
-  int size = 0;           ///< of numbers; 0: any size from 1
-  std::vector<Word> words;  ///< the enum values of a text; empty: any text
-  std::vector<Key> keys;    ///< of the table, or of each table in a list
-  bool or_file = false;     ///< the name of a file may replace the table
+  std::string
+      exclusive_group;  ///< name of a group of keys of which a table has exactly one; else empty
+  Range range{};        ///< of numbers, in the unit of the key
+  int size = 0;         ///< of numbers; 0: any size from 1
+  std::vector<EnumChoice> choices;  ///< the enum values of a text; empty: any text
+  std::vector<Key> keys;            ///< of the table, or of each table in a list
+  bool or_file = false;             ///< the name of a file may replace the table
 };
 
 /// An enum value of a key, with the keys that it adds to the table.
-struct Word {
+struct EnumChoice {
   std::string word;
   std::string sentence;
   std::vector<Key> keys;

@@ -47,7 +47,7 @@ struct ThermalDescription {
 };
 
 /// Returns the duration of the history, s.
-inline double history_s(const ThermalDescription& thermal) {
+inline double history_duration(const ThermalDescription& thermal) {
   double sum = 0.0;
   for (const ThermalPhase& phase : thermal.history) sum += phase.duration;
   return sum;
@@ -59,8 +59,8 @@ struct Key;
 /// @param seed  seed of the scene, from which sensors without a seed of their own derive one
 ThermalDescription read_thermal(const Node& table, const MachineDescription& machine,
                                 std::uint64_t seed, InputErrors& input_errors);
-Node::Table written_thermal(const ThermalDescription& thermal, const MachineDescription& machine,
-                            std::uint64_t seed);
+Node::Table thermal_to_table(const ThermalDescription& thermal, const MachineDescription& machine,
+                             std::uint64_t seed);
 std::vector<Key> thermal_keys();
 
 }  // namespace abbe::sim

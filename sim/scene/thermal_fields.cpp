@@ -29,7 +29,7 @@ using Nodes = std::vector<std::string>;
 
 /// Returns the unit of a key that is nothing but a unit, such as "um_per_K". unit_of() requires a
 /// stem.
-double bare_unit(const std::string& key) { return unit_of("stem_" + key); }
+double bare_unit(const std::string& key) { return unit_factor("stem_" + key); }
 
 // ---- functions of temperatures
 
@@ -44,22 +44,23 @@ errors::Table read_rows(TableReader& reader, const std::string& value_key,
       !reader.has(value_key))
     return {};
   if (dT_K.size() != value.size()) {
-    reader.refuse(value_key, fmt::format("as many values as temperatures, {}", dT_K.size()),
-                  fmt::format("{}", value.size()));
+    reader.report_invalid(value_key, fmt::format("as many values as temperatures, {}", dT_K.size()),
+                          fmt::format("{}", value.size()));
     return {};
   }
   try {
     return errors::make_table(std::move(dT_K), std::move(value), interpolation.between,
                               interpolation.outside);
   } catch (const std::invalid_argument& error) {
-    reader.refuse("dT_K", "a table with rising temperatures and at least 2 rows", error.what());
+    reader.report_invalid("dT_K", "a table with rising temperatures and at least 2 rows",
+                          error.what());
     return {};
   }
 }
 
 Fields<errors::Table> rows_fields(const std::string& value_key) {
-  return interpolation_fields<errors::Table>().custom(
-      {make_key(KeyName("dT_K").one_of("law"), Key::Kind::Numbers,
+  return interpolation_fields<errors::Table>().custom_field(
+      {make_key(KeyName("dT_K").in_exclusive_group("law"), Key::Kind::Numbers,
                 "changes of temperature, rising"),
        make_key(value_key, Key::Kind::Numbers, "one for each of `dT_K`")},
       [value_key](TableReader& reader, errors::Table& table) {
@@ -67,7 +68,7 @@ Fields<errors::Table> rows_fields(const std::string& value_key) {
       },
       [value_key](const errors::Table& table, Node::Table& entries) {
         put_numbers(entries, "dT_K", table.q, 1.0);
-        put_numbers(entries, value_key, table.value, unit_of(value_key));
+        put_numbers(entries, value_key, table.value, unit_factor(value_key));
       });
 }
 
@@ -78,14 +79,14 @@ Fields<errors::ThermalFunction::Term> term_fields(const std::string& unit, const
   const std::string per_K = unit + (unit.ends_with("_per_m") ? "_K" : "_per_K");
   const std::string value = "value_" + unit;
   const auto rows = rows_fields(value);
-  const auto factor = Fields<Term>().number_in(bare_unit(per_K), must(per_K), &Term::per_K,
+  const auto factor = Fields<Term>().number_in(bare_unit(per_K), required_key(per_K), &Term::per_K,
                                                any_number, "change for a change of temperature");
   const auto read = [=](TableReader& reader, Term& term) {
     // The term is either a table over temperatures or a factor.
     if (reader.has("dT_K") || reader.has(value)) {
       term.table = rows.read(reader);
       if (reader.accept_key(per_K))
-        reader.refuse(per_K, "either a table of dT_K or " + per_K, "both");
+        reader.report_invalid(per_K, "either a table of dT_K or " + per_K, "both");
     } else {
       // The keys of the other form are made known, so that misspelt keys get a suggestion.
       reader.accept_key("dT_K");
@@ -94,18 +95,19 @@ Fields<errors::ThermalFunction::Term> term_fields(const std::string& unit, const
     }
   };
   const auto write = [=](const Term& term, Node::Table& table) {
-    append_entries(table, term.table ? rows.written(*term.table) : factor.written(term));
+    append_entries(table, term.table ? rows.to_table(*term.table) : factor.to_table(term));
   };
   std::vector<Key> keys = rows.keys();
   keys.insert(keys.begin(), factor.keys().front());
   keys.front().required = false;
-  keys.front().either = "law";
-  return node_fields<Term>(must("node"), &Term::node, nodes,
+  keys.front().exclusive_group = "law";
+  return node_fields<Term>(required_key("node"), &Term::node, nodes,
                            "on whose temperature it depends, less the reference")
-      .all_of(whole_struct,
-              node_fields<Term>("minus", &Term::minus, nodes,
-                                "dT is then the difference to this node, as a tilt takes it"))
-      .custom(keys, read, write);
+      .include_fields(
+          whole_struct,
+          node_fields<Term>("minus", &Term::minus, nodes,
+                            "dT is then the difference to this node, as a tilt takes it"))
+      .custom_field(keys, read, write);
 }
 
 Fields<errors::ThermalFunction> function_fields(const std::string& stem, const std::string& unit,
@@ -135,13 +137,15 @@ void report_wrong_unit(TableReader& reader, const ElementName& name) {
   const std::string stated_name =
       reader.node().find("name") ? *reader.node().find("name")->text() : "";
   for (const std::string& key : {"offset_" + wrong_unit, "slope_" + wrong_unit + "_per_m"})
-    if (reader.has(key)) reader.refuse(key, "values of " + stated_name + " in " + unit, key);
+    if (reader.has(key))
+      reader.report_invalid(key, "values of " + stated_name + " in " + unit, key);
 }
 
 void report_slope_error(TableReader& reader, const std::string& unit) {
   for (const std::string& key : {std::string("slope"), "slope_" + unit + "_per_m",
                                  std::string("fixed_mm"), std::string("fixed_deg")})
-    if (reader.has(key)) reader.refuse(key, "no slope: only a slide's error motion has one", key);
+    if (reader.has(key))
+      reader.report_invalid(key, "no slope: only a slide's error motion has one", key);
 }
 
 Fields<errors::ThermalElement> element_fields(const ElementName& name,
@@ -150,23 +154,24 @@ Fields<errors::ThermalElement> element_fields(const ElementName& name,
   const std::string unit = name.is_angle() ? "urad" : "um";
   Fields<ThermalElement> fields;
   fields
-      .custom(
-          {make_key(must("name"), Key::Kind::Text,
+      .custom_field(
+          {make_key(required_key("name"), Key::Kind::Text,
                     "as `EZS`; its value is offset(T) + slope(T) (p - fixed_mm), p the commanded "
                     "position")},
           // The fields depend on the name, so read_element() reads it beforehand.
           [](TableReader& reader, ThermalElement&) { reader.accept_key("name"); },
           [](const ThermalElement& element, Node::Table& table) {
-            put(table, "name", to_string(element.name));
+            put_value(table, "name", to_string(element.name));
           })
       .check([name](TableReader& reader, ThermalElement&) { report_wrong_unit(reader, name); })
-      .all_of(&ThermalElement::offset, function_fields("offset", unit, context.nodes));
+      .include_fields(&ThermalElement::offset, function_fields("offset", unit, context.nodes));
   // Location elements and the spindle have no position along which a slope would act.
   if (!is_slide(name, context.machine))
     return fields.check(
         [unit](TableReader& reader, ThermalElement&) { report_slope_error(reader, unit); });
   return fields
-      .all_of(&ThermalElement::slope, function_fields("slope", unit + "_per_m", context.nodes))
+      .include_fields(&ThermalElement::slope,
+                      function_fields("slope", unit + "_per_m", context.nodes))
       .number("fixed_mm", &ThermalElement::fixed, any_number,
               "commanded position where the slope adds nothing; slopes are of error motions of "
               "slides");
@@ -180,7 +185,7 @@ std::optional<errors::ThermalElement> read_element(const Node& table, const Ther
   try {
     element.name = errors::parse_element_name(reader.text("name", ""));
   } catch (const std::invalid_argument& error) {
-    reader.refuse("name", "the name of an element for thermal.element.name", error.what());
+    reader.report_invalid("name", "the name of an element for thermal.element.name", error.what());
     return std::nullopt;  // the other keys depend on the name
   }
   element = element_fields(element.name, context).read(reader, element);
@@ -195,7 +200,7 @@ void read_elements(TableReader& reader, ThermalDescription& thermal,
   for (const Node* table : reader.tables("element")) {
     const auto element = read_element(*table, context, reader.input_errors());
     if (!element) continue;
-    const Place& place = table->find("name")->place;
+    const SourcePosition& place = table->find("name")->place;
     if (std::any_of(elements.begin(), elements.end(),
                     [&](const auto& other) { return other.name == element->name; })) {
       reader.input_errors().add(place, "each element once (its terms are one list)",
@@ -211,7 +216,7 @@ void read_elements(TableReader& reader, ThermalDescription& thermal,
 Node::Array elements_to_tables(const ThermalDescription& thermal, const ThermalContext& context) {
   Node::Array elements;
   for (const errors::ThermalElement& element : thermal.errors.elements)
-    elements.push_back(Node{{}, element_fields(element.name, context).written(element)});
+    elements.push_back(Node{{}, element_fields(element.name, context).to_table(element)});
   return elements;
 }
 
@@ -219,9 +224,9 @@ Node::Array elements_to_tables(const ThermalDescription& thermal, const ThermalC
 
 Fields<errors::Expansion> expansion_fields(const Nodes& nodes) {
   using errors::Expansion;
-  return node_fields<Expansion>(must("node"), &Expansion::node, nodes,
+  return node_fields<Expansion>(required_key("node"), &Expansion::node, nodes,
                                 "with whose temperature it grows")
-      .number_in(bare_unit("um_per_m_K"), must("um_per_m_K"), &Expansion::per_K, any_number,
+      .number_in(bare_unit("um_per_m_K"), required_key("um_per_m_K"), &Expansion::per_K, any_number,
                  "growth")
       .number("fixed_mm", &Expansion::fixed, any_number,
               "commanded position of the end that stays");
@@ -231,7 +236,7 @@ Fields<errors::AxisExpansion> axis_expansion_fields(const Nodes& nodes) {
   using errors::AxisExpansion;
   using errors::Feedback;
   return Fields<AxisExpansion>()
-      .word(must("feedback"), &AxisExpansion::feedback,
+      .word(required_key("feedback"), &AxisExpansion::feedback,
             {{"motor", Feedback::Motor, "the growth of the screw shows, which must be there"},
              {"scale", Feedback::Scale, "the growth of the scale shows, which must be there"}},
             "where the axis is measured")
@@ -257,7 +262,7 @@ void read_axes(TableReader& reader, ThermalDescription& thermal, const ThermalCo
     default_axis.axis = joint.name;
     const auto axis =
         axis_expansion_fields(context.nodes)
-            .read_table(*table, axes_reader.name_of(name), input_errors, default_axis);
+            .read_table(*table, axes_reader.qualified_name(name), input_errors, default_axis);
     if (input_errors.list().size() == error_count)
       check_binding({{}, {axis}, std::nullopt, 20.0}, context, table->place, input_errors);
     thermal.errors.expansions.push_back(axis);
@@ -269,7 +274,7 @@ void read_axes(TableReader& reader, ThermalDescription& thermal, const ThermalCo
 Node::Table axes_to_table(const ThermalDescription& thermal, const ThermalContext& context) {
   Node::Table axes;
   for (const errors::AxisExpansion& axis : thermal.errors.expansions)
-    put(axes, std::string(1, axis.axis), axis_expansion_fields(context.nodes).written(axis));
+    put_value(axes, std::string(1, axis.axis), axis_expansion_fields(context.nodes).to_table(axis));
   return axes;
 }
 
@@ -284,9 +289,9 @@ Key axes_key(const Nodes& nodes) {
 
 Fields<errors::WorkpieceExpansion> workpiece_expansion_fields(const Nodes& nodes) {
   using errors::WorkpieceExpansion;
-  return node_fields<WorkpieceExpansion>(must("node"), &WorkpieceExpansion::node, nodes,
+  return node_fields<WorkpieceExpansion>(required_key("node"), &WorkpieceExpansion::node, nodes,
                                          "with whose temperature it grows")
-      .number_in(bare_unit("um_per_m_K"), must("um_per_m_K"), &WorkpieceExpansion::per_K,
+      .number_in(bare_unit("um_per_m_K"), required_key("um_per_m_K"), &WorkpieceExpansion::per_K,
                  any_number, "growth, below 1000")
       .vector("fixed_mm", &WorkpieceExpansion::fixed_w, "where it is held, in its own frame");
 }
@@ -314,33 +319,33 @@ Fields<ThermalDescription> thermal_effect_fields(const ThermalContext& context) 
                            "`reference_C` is");
   workpiece.keys = workpiece_expansion_fields(context.nodes).keys();
   return Fields<ThermalDescription>()
-      .custom(
+      .custom_field(
           {elements},
           [&context](TableReader& reader, ThermalDescription& thermal) {
             read_elements(reader, thermal, context);
           },
           [&context](const ThermalDescription& thermal, Node::Table& table) {
             Node::Array elements = elements_to_tables(thermal, context);
-            if (!elements.empty()) put(table, "element", std::move(elements));
+            if (!elements.empty()) put_value(table, "element", std::move(elements));
           })
-      .custom(
+      .custom_field(
           {axes_key(context.nodes)},
           [&context](TableReader& reader, ThermalDescription& thermal) {
             read_axes(reader, thermal, context);
           },
           [&context](const ThermalDescription& thermal, Node::Table& table) {
             Node::Table axes = axes_to_table(thermal, context);
-            if (!axes.empty()) put(table, "axis", std::move(axes));
+            if (!axes.empty()) put_value(table, "axis", std::move(axes));
           })
-      .custom(
+      .custom_field(
           {workpiece},
           [&context](TableReader& reader, ThermalDescription& thermal) {
             read_workpiece(reader, thermal, context);
           },
           [&context](const ThermalDescription& thermal, Node::Table& table) {
             if (const auto& expansion = thermal.errors.workpiece)
-              put(table, "workpiece",
-                  workpiece_expansion_fields(context.nodes).written(*expansion));
+              put_value(table, "workpiece",
+                        workpiece_expansion_fields(context.nodes).to_table(*expansion));
           });
 }
 
@@ -363,17 +368,17 @@ Fields<errors::TemperatureSensor> sensor_fields(const ThermalContext& context,
   using errors::TemperatureSensor;
   constexpr std::int64_t max_seed = std::numeric_limits<std::int64_t>::max();
   const std::uint64_t scene_seed = context.seed;
-  Key seed_key = make_key(KeyName("seed").otherwise("from the scene's and the name"),
+  Key seed_key = make_key(KeyName("seed").with_fallback("from the scene's and the name"),
                           Key::Kind::Whole, "of its noise");
   seed_key.range = {0.0, double(max_seed)};
   return Fields<TemperatureSensor>()
-      .text(must("name"), &TemperatureSensor::name, "of the sensor, each once")
+      .text(required_key("name"), &TemperatureSensor::name, "of the sensor, each once")
       .check([used_names](TableReader& reader, TemperatureSensor& sensor) {
         check_name_is_free(reader, sensor.name, used_names, "every sensor once");
       })
-      .all_of(whole_struct,
-              node_fields<TemperatureSensor>(must("node"), &TemperatureSensor::node, context.nodes,
-                                             "whose temperature it reads"))
+      .include_fields(whole_struct,
+                      node_fields<TemperatureSensor>(required_key("node"), &TemperatureSensor::node,
+                                                     context.nodes, "whose temperature it reads"))
       .number("offset_K", &TemperatureSensor::offset_K, any_number, "reading minus truth")
       .number("noise_K", &TemperatureSensor::noise_K, non_negative,
               "standard deviation, one draw a sample")
@@ -382,7 +387,7 @@ Fields<errors::TemperatureSensor> sensor_fields(const ThermalContext& context,
               "time constant of the sensor's own mass")
       .number("sampling_s", &TemperatureSensor::sampling_s, {1e-4, max_time_s},
               "between samples, between which the last reading stands")
-      .custom(
+      .custom_field(
           {seed_key},
           [scene_seed](TableReader& reader, TemperatureSensor& sensor) {
             const auto stated_seed = reader.maybe_integer("seed", 0, max_seed);
@@ -391,7 +396,7 @@ Fields<errors::TemperatureSensor> sensor_fields(const ThermalContext& context,
           },
           [scene_seed](const TemperatureSensor& sensor, Node::Table& table) {
             if (sensor.seed != sensor_seed(scene_seed, sensor.name))
-              put(table, "seed", std::int64_t(sensor.seed));
+              put_value(table, "seed", std::int64_t(sensor.seed));
           });
 }
 
@@ -422,19 +427,20 @@ void read_plotted_element(TableReader& reader, Plot& plot) {
   try {
     if (!name.empty()) plot.element = errors::parse_element_name(name);
   } catch (const std::invalid_argument& error) {
-    reader.refuse("element", "the name of an element for thermal.plot.element", error.what());
+    reader.report_invalid("element", "the name of an element for thermal.plot.element",
+                          error.what());
   }
   // Location elements and the spindle have a single value and no curve.
   if (plot.element.location || plot.element.axis == 'S')
-    reader.refuse("element", "an error motion of an axis, which has a curve", name);
+    reader.report_invalid("element", "an error motion of an axis, which has a curve", name);
 }
 
 void read_plot_times(TableReader& reader, Plot& plot) {
   const auto key = time_key(reader, "at");
   if (key) plot.time_s = reader.numbers(*key);
   if (plot.time_s.size() > max_curves)
-    reader.refuse(*key, fmt::format("at most {} curves", max_curves),
-                  fmt::format("{}", plot.time_s.size()));
+    reader.report_invalid(*key, fmt::format("at most {} curves", max_curves),
+                          fmt::format("{}", plot.time_s.size()));
 }
 
 void read_range(TableReader& reader, Plot& plot, const ThermalContext& context) {
@@ -447,54 +453,58 @@ void read_range(TableReader& reader, Plot& plot, const ThermalContext& context) 
   const std::string key = range_key(*joint);
   const auto range = reader.maybe_numbers(key, 2);
   if (!range) return;
-  const double min = (*range)[0], max = (*range)[1], unit = unit_of(key);
+  const double min = (*range)[0], max = (*range)[1], unit = unit_factor(key);
   // The curve can be computed within the travel only.
   if (min < max && min >= joint->min && max <= joint->max) {
     plot.range = std::array{min, max};
     return;
   }
-  reader.refuse(key,
-                fmt::format("a rising range within the travel, {} .. {}, for thermal.plot.{}",
-                            joint->min / unit, joint->max / unit, key),
-                fmt::format("{} .. {}", min / unit, max / unit));
+  reader.report_invalid(
+      key,
+      fmt::format("a rising range within the travel, {} .. {}, for thermal.plot.{}",
+                  joint->min / unit, joint->max / unit, key),
+      fmt::format("{} .. {}", min / unit, max / unit));
 }
 
 void write_range(const Plot& plot, Node::Table& table, const ThermalContext& context) {
   const Joint* joint = find_joint_by_letter(plot.element.axis, context);
   if (!plot.range || !joint) return;
   const std::string key = range_key(*joint);
-  put_numbers(table, key, Eigen::Vector2d(plot.range->front(), plot.range->back()), unit_of(key));
+  put_numbers(table, key, Eigen::Vector2d(plot.range->front(), plot.range->back()),
+              unit_factor(key));
 }
 
 /// @param other_plots  preceding plots, which must be of other elements
 Fields<Plot> plot_fields(const ThermalContext& context, const std::vector<Plot>& other_plots) {
   Key range = make_key(
-      KeyName("range_mm").otherwise("all of the travel, at most 2000 mm or a turn either way"),
+      KeyName("range_mm").with_fallback("all of the travel, at most 2000 mm or a turn either way"),
       Key::Kind::Numbers, "`[from, to]` within the travel over which the curve is drawn");
   range.size = 2;
   const auto report_repeated_name = [other_plots](TableReader& reader, Plot& plot) {
     const Node* name = reader.node().find("element");
     for (const Plot& other : other_plots)
       if (other.element == plot.element)
-        reader.refuse("element", "one plot an element",
-                      (name && name->text() ? *name->text() : "") + " again");
+        reader.report_invalid("element", "one plot an element",
+                              (name && name->text() ? *name->text() : "") + " again");
   };
   return Fields<Plot>()
-      .custom({make_key(must("element"), Key::Kind::Text,
-                        "error motion of an axis, whose curve is drawn in `EXX-temperatures.png`")},
-              read_plotted_element,
-              [](const Plot& plot, Node::Table& table) {
-                put(table, "element", to_string(plot.element));
-              })
-      .custom(time_keys("at", Key::Kind::Numbers,
-                        "instants, at most 50, each with the temperatures that the curve depends "
-                        "on; before the program negative"),
-              read_plot_times,
-              [](const Plot& plot, Node::Table& table) {
-                put_numbers(table, "at_s", plot.time_s, 1.0);
-              })
+      .custom_field(
+          {make_key(required_key("element"), Key::Kind::Text,
+                    "error motion of an axis, whose curve is drawn in `EXX-temperatures.png`")},
+          read_plotted_element,
+          [](const Plot& plot, Node::Table& table) {
+            put_value(table, "element", to_string(plot.element));
+          })
+      .custom_field(
+          time_keys("at", Key::Kind::Numbers,
+                    "instants, at most 50, each with the temperatures that the curve depends "
+                    "on; before the program negative"),
+          read_plot_times,
+          [](const Plot& plot, Node::Table& table) {
+            put_numbers(table, "at_s", plot.time_s, 1.0);
+          })
       .check(report_repeated_name)
-      .custom(
+      .custom_field(
           allow_other_unit({range}, "mm", "deg"),
           [&context](TableReader& reader, Plot& plot) { read_range(reader, plot, context); },
           [&context](const Plot& plot, Node::Table& table) { write_range(plot, table, context); });
@@ -519,8 +529,8 @@ void read_plots(TableReader& reader, ThermalDescription& thermal, const ThermalC
 Fields<ThermalDescription> room_and_node_fields() {
   return Fields<ThermalDescription>()
       .remark("name", "of the table, for people")
-      .all_of(whole_struct, room_fields())
-      .all_of(whole_struct, thermal_node_fields());
+      .include_fields(whole_struct, room_fields())
+      .include_fields(whole_struct, thermal_node_fields());
 }
 
 Fields<ThermalDescription> state_fields() {
@@ -544,26 +554,26 @@ Fields<ThermalDescription> state_fields() {
 Fields<ThermalDescription> source_and_effect_fields(const ThermalContext& context) {
   using Thermal = ThermalDescription;
   return Fields<Thermal>()
-      .all_of(whole_struct, thermal_source_fields(context))
-      .all_of(whole_struct, thermal_effect_fields(context))
+      .include_fields(whole_struct, thermal_source_fields(context))
+      .include_fields(whole_struct, thermal_effect_fields(context))
       .tables("sensor", &Thermal::sensors, sensor_fields(context, {}),
               "temperature sensor of the control",
               [&context](TableReader& reader, Thermal& thermal) {
                 read_sensors(reader, thermal, context);
               })
-      .all_of(whole_struct, history_fields(context))
+      .include_fields(whole_struct, history_fields(context))
       .tables("plot", &Thermal::plots, plot_fields(context, {}),
               "picture of what heat does to an element",
               [&context](TableReader& reader, Thermal& thermal) {
                 read_plots(reader, thermal, context);
               })
-      .all_of(whole_struct, state_fields());
+      .include_fields(whole_struct, state_fields());
 }
 
 Fields<ThermalDescription> thermal_fields(const ThermalContext& context) {
   return room_and_node_fields()
-      .all_of(whole_struct, thermal_link_fields(context.nodes))
-      .all_of(whole_struct, source_and_effect_fields(context));
+      .include_fields(whole_struct, thermal_link_fields(context.nodes))
+      .include_fields(whole_struct, source_and_effect_fields(context));
 }
 
 }  // namespace
@@ -585,10 +595,10 @@ ThermalDescription read_thermal(const Node& table, const MachineDescription& mac
   return thermal;
 }
 
-Node::Table written_thermal(const ThermalDescription& thermal, const MachineDescription& machine,
-                            std::uint64_t seed) {
+Node::Table thermal_to_table(const ThermalDescription& thermal, const MachineDescription& machine,
+                             std::uint64_t seed) {
   const ThermalContext context = thermal_context(machine, thermal.network, seed);
-  return thermal_fields(context).written(thermal);
+  return thermal_fields(context).to_table(thermal);
 }
 
 std::vector<Key> thermal_keys() {

@@ -16,8 +16,9 @@ std::array<std::string, 3> in_time_units(const std::string& stem) {
 }
 
 /// Reports a node that is not in the network.
-void report_unknown_node(const Place& place, const std::string& expected, const std::string& name,
-                         const std::vector<std::string>& nodes, InputErrors& input_errors) {
+void report_unknown_node(const SourcePosition& place, const std::string& expected,
+                         const std::string& name, const std::vector<std::string>& nodes,
+                         InputErrors& input_errors) {
   std::set<std::string> names(nodes.begin(), nodes.end());
   // A node without a name has an empty one, which must not be suggested.
   names.erase("");
@@ -46,7 +47,7 @@ std::string named_table_path(const std::string& list, const Node& table) {
 }
 
 void check_binding(const errors::ThermalErrors& effect, const ThermalContext& context,
-                   const Place& place, InputErrors& input_errors) {
+                   const SourcePosition& place, InputErrors& input_errors) {
   // If the machine or the nodes are invalid, which is reported already, every binding would fail.
   if (!context.chain || context.nodes.empty()) return;
   try {
@@ -59,13 +60,13 @@ void check_binding(const errors::ThermalErrors& effect, const ThermalContext& co
 void check_name_is_free(TableReader& reader, const std::string& name,
                         const std::vector<std::string>& used_names, const char* expected) {
   if (!name.empty() && std::find(used_names.begin(), used_names.end(), name) != used_names.end())
-    reader.refuse("name", expected, name + " again");
+    reader.report_invalid("name", expected, name + " again");
 }
 
 std::vector<Key> time_keys(const std::string& stem, Key::Kind kind, const char* sentence) {
   std::vector<Key> keys;
   for (const std::string& name : in_time_units(stem))
-    keys.push_back(make_key(KeyName(name).one_of(stem), kind, sentence));
+    keys.push_back(make_key(KeyName(name).in_exclusive_group(stem), kind, sentence));
   return keys;
 }
 
@@ -77,9 +78,10 @@ std::optional<std::string> time_key(TableReader& reader, const std::string& stem
     list += (list.empty() ? "" : ", ") + key;
   }
   if (stated_keys.size() == 1) return stated_keys.front();
-  if (stated_keys.empty()) reader.missing(in_time_units(stem).front(), "one of " + list);
+  if (stated_keys.empty()) reader.report_missing(in_time_units(stem).front(), "one of " + list);
   for (std::size_t i = 1; i < stated_keys.size(); ++i)
-    reader.refuse(stated_keys[i], "only one of " + list, stated_keys[0] + " and " + stated_keys[i]);
+    reader.report_invalid(stated_keys[i], "only one of " + list,
+                          stated_keys[0] + " and " + stated_keys[i]);
   return std::nullopt;
 }
 
@@ -115,19 +117,20 @@ void read_room_table(const Node& section, ThermalDescription& thermal, InputErro
   reader.close();
   if (input_errors.list().size() != error_count) return;
   if (T_C.size() != time_s.size())
-    reader.refuse("T_C", fmt::format("as many temperatures as times, {}", time_s.size()),
-                  fmt::format("{}", T_C.size()));
+    reader.report_invalid("T_C", fmt::format("as many temperatures as times, {}", time_s.size()),
+                          fmt::format("{}", T_C.size()));
   for (Eigen::Index i = 1; i < time_s.size(); ++i)
     // The negated comparison also rejects NaN.
     if (!(time_s[i] > time_s[i - 1]))
-      reader.refuse(*key, "rising times for thermal.room." + *key,
-                    fmt::format("{} s after {} s", time_s[i], time_s[i - 1]));
+      reader.report_invalid(*key, "rising times for thermal.room." + *key,
+                            fmt::format("{} s after {} s", time_s[i], time_s[i - 1]));
   if (T_C.size() > Eigen::Index(max_rows))
-    reader.refuse("T_C", fmt::format("at most {} rows", max_rows), fmt::format("{}", T_C.size()));
+    reader.report_invalid("T_C", fmt::format("at most {} rows", max_rows),
+                          fmt::format("{}", T_C.size()));
   const Range& range = temperature_range;
   if (T_C.minCoeff() < range.min || T_C.maxCoeff() > range.max)
-    reader.refuse("T_C", fmt::format("temperatures of {} .. {}", range.min, range.max),
-                  fmt::format("{} .. {}", T_C.minCoeff(), T_C.maxCoeff()));
+    reader.report_invalid("T_C", fmt::format("temperatures of {} .. {}", range.min, range.max),
+                          fmt::format("{} .. {}", T_C.minCoeff(), T_C.maxCoeff()));
   thermal.room_time_s = time_s;
   thermal.room_T_C = T_C;
 }
@@ -138,18 +141,18 @@ void read_room(TableReader& reader, ThermalDescription& thermal) {
   thermal.room_T_C = VectorXd::Constant(1, reader.number("room_C", temperature_range, 20.0));
   const Node* section = reader.section("room");
   if (!section) return;
-  if (reader.has("room_C")) reader.refuse("room", "either room_C or a table room", "both");
+  if (reader.has("room_C")) reader.report_invalid("room", "either room_C or a table room", "both");
   read_room_table(*section, thermal, reader.input_errors());
 }
 
 void write_room(const ThermalDescription& thermal, Node::Table& table) {
   // A constant temperature is stored as a single row at time 0.
   if (thermal.room_time_s.size() == 1 && thermal.room_time_s[0] == 0.0)
-    return put(table, "room_C", thermal.room_T_C[0]);
+    return put_value(table, "room_C", thermal.room_T_C[0]);
   Node::Table room;
   put_numbers(room, "time_s", thermal.room_time_s, 1.0);
   put_numbers(room, "T_C", thermal.room_T_C, 1.0);
-  put(table, "room", std::move(room));
+  put_value(table, "room", std::move(room));
 }
 
 // ---- history
@@ -180,7 +183,7 @@ void read_axis_speeds(TableReader& phase, kinematics::AxisVector& speeds,
       if (joint.motion != key.motion) continue;
       const auto speed = reader.number_as_written(std::string(1, joint.name), axis_speed);
       // The unit is in the key of the table and not in those of the axes.
-      if (speed) speeds[j] = *speed * unit_of(key.name);
+      if (speed) speeds[j] = *speed * unit_factor(key.name);
     }
     reader.close();
   }
@@ -193,9 +196,9 @@ void write_axis_speeds(const kinematics::AxisVector& speeds, Node::Table& table,
     for (int j = 0; j < int(speeds.size()); ++j) {
       const Joint& joint = context.chain->joints()[std::size_t(j)];
       if (joint.motion == key.motion && speeds[j] != 0.0)
-        put(axes, std::string(1, joint.name), speeds[j] / unit_of(key.name));
+        put_value(axes, std::string(1, joint.name), speeds[j] / unit_factor(key.name));
     }
-    if (!axes.empty()) put(table, key.name, std::move(axes));
+    if (!axes.empty()) put_value(table, key.name, std::move(axes));
   }
 }
 
@@ -206,7 +209,7 @@ std::vector<Key> axis_speed_keys() {
     axis.pattern = speed_key.axes;
     axis.range = axis_speed;
     Key key =
-        make_key(KeyName(speed_key.name).otherwise("0"), Key::Kind::Table, speed_key.sentence);
+        make_key(KeyName(speed_key.name).with_fallback("0"), Key::Kind::Table, speed_key.sentence);
     key.keys = {axis};
     keys.push_back(key);
   }
@@ -214,7 +217,7 @@ std::vector<Key> axis_speed_keys() {
 }
 
 Range duration_range(const std::string& key) {
-  return {0.0, max_time_s / unit_of(key), true, false};
+  return {0.0, max_time_s / unit_factor(key), true, false};
 }
 
 Fields<ThermalPhase> phase_fields(const ThermalContext& context) {
@@ -222,17 +225,17 @@ Fields<ThermalPhase> phase_fields(const ThermalContext& context) {
   for (Key& key : durations) key.range = duration_range(key.name);
   return Fields<ThermalPhase>()
       .remark("name", "of the phase, for people")
-      .custom(
+      .custom_field(
           durations,
           [](TableReader& reader, ThermalPhase& phase) {
             if (const auto key = time_key(reader, "duration"))
               phase.duration = reader.number(*key, duration_range(*key));
           },
           [](const ThermalPhase& phase, Node::Table& table) {
-            put(table, "duration_s", phase.duration);
+            put_value(table, "duration_s", phase.duration);
           })
       .number("speed_rpm", &ThermalPhase::spindle_speed, phase_spindle_rpm, "of the spindle")
-      .custom(
+      .custom_field(
           axis_speed_keys(),
           [&context](TableReader& reader, ThermalPhase& phase) {
             read_axis_speeds(reader, phase.axis_speed, context);
@@ -247,8 +250,8 @@ Fields<ThermalPhase> phase_fields(const ThermalContext& context) {
 void read_history(TableReader& reader, ThermalDescription& thermal, const ThermalContext& context) {
   const auto phases = reader.tables("history");
   if (phases.size() > max_rows) {
-    reader.refuse("history", fmt::format("at most {} phases", max_rows),
-                  fmt::format("{}", phases.size()));
+    reader.report_invalid("history", fmt::format("at most {} phases", max_rows),
+                          fmt::format("{}", phases.size()));
     return;
   }
   const Fields<ThermalPhase> fields = phase_fields(context);
@@ -260,7 +263,7 @@ void read_history(TableReader& reader, ThermalDescription& thermal, const Therma
 }  // namespace
 
 Fields<ThermalDescription> room_fields() {
-  Key constant = make_key(KeyName("room_C").otherwise("20"), Key::Kind::Number,
+  Key constant = make_key(KeyName("room_C").with_fallback("20"), Key::Kind::Number,
                           "temperature of a room that stays the same; or `room`");
   constant.range = temperature_range;
   Key room = make_key("room", Key::Kind::Table,
@@ -268,8 +271,8 @@ Fields<ThermalDescription> room_fields() {
                       "10 000 rows");
   room.keys = time_keys("time", Key::Kind::Numbers, "rising, before the program negative");
   room.keys.push_back(
-      make_key(must("T_C"), Key::Kind::Numbers, "temperatures, one for each of the times"));
-  return Fields<ThermalDescription>().custom({constant, room}, read_room, write_room);
+      make_key(required_key("T_C"), Key::Kind::Numbers, "temperatures, one for each of the times"));
+  return Fields<ThermalDescription>().custom_field({constant, room}, read_room, write_room);
 }
 
 Fields<ThermalDescription> history_fields(const ThermalContext& context) {
@@ -302,27 +305,27 @@ Fields<ThermalNodeEntry> node_table_fields(const std::vector<std::string>& used_
   const auto check_name = [used_names](TableReader& reader, ThermalNode& node) {
     // Links denote the surroundings by these names.
     if (node.name == "room" || node.name == "coolant")
-      reader.refuse("name", "a node not named room or coolant, which links know already",
-                    node.name);
+      reader.report_invalid("name", "a node not named room or coolant, which links know already",
+                            node.name);
     check_name_is_free(reader, node.name, used_names, "every node once");
   };
   const auto node = Fields<ThermalNode>()
-                        .text(must("name"), &ThermalNode::name, "not `room` or `coolant`")
+                        .text(required_key("name"), &ThermalNode::name, "not `room` or `coolant`")
                         .check(check_name)
-                        .number(must("capacity_J_per_K"), &ThermalNode::capacity_J_per_K, positive,
-                                "heat that warms it by 1 K");
+                        .number(required_key("capacity_J_per_K"), &ThermalNode::capacity_J_per_K,
+                                positive, "heat that warms it by 1 K");
   return Fields<ThermalNodeEntry>()
-      .all_of(&ThermalNodeEntry::node, node)
-      .number(KeyName("start_C").otherwise("`start_C` of all"), &ThermalNodeEntry::start_T_C,
+      .include_fields(&ThermalNodeEntry::node, node)
+      .number(KeyName("start_C").with_fallback("`start_C` of all"), &ThermalNodeEntry::start_T_C,
               temperature_range, "when the history begins");
 }
 
 void read_nodes(TableReader& reader, ThermalDescription& thermal) {
   const auto tables = reader.tables("node");
-  if (!reader.has("node")) reader.missing("node", "a list of tables");
+  if (!reader.has("node")) reader.report_missing("node", "a list of tables");
   if (tables.size() > max_nodes) {
-    reader.refuse("node", fmt::format("at most {} nodes", max_nodes),
-                  fmt::format("{}", tables.size()));
+    reader.report_invalid("node", fmt::format("at most {} nodes", max_nodes),
+                          fmt::format("{}", tables.size()));
     return;
   }
   auto& [nodes, links, surroundings, sources, start_T_C] = thermal.network;
@@ -343,9 +346,9 @@ void write_nodes(const ThermalDescription& thermal, Node::Table& table) {
   Node::Array nodes;
   for (const errors::ThermalNode& node : thermal.network.nodes) {
     const double start = thermal.network.start_T_C[Eigen::Index(nodes.size())];
-    nodes.push_back(Node{{}, node_table_fields({}).written({node, start})});
+    nodes.push_back(Node{{}, node_table_fields({}).to_table({node, start})});
   }
-  put(table, "node", std::move(nodes));
+  put_value(table, "node", std::move(nodes));
 }
 
 // ---- links
@@ -373,12 +376,12 @@ std::optional<std::array<End, 2>> read_ends(TableReader& reader,
                                             const std::vector<std::string>& nodes) {
   const Node* between = reader.accept_key("between");
   if (!between) {
-    reader.missing("between", "two names");
+    reader.report_missing("between", "two names");
     return std::nullopt;
   }
   const Node::Array* names = between->array();
   if (!names || names->size() != 2 || !(*names)[0].text() || !(*names)[1].text()) {
-    reader.refuse("between", "two names for thermal.link.between", shown(*between));
+    reader.report_invalid("between", "two names for thermal.link.between", display_text(*between));
     return std::nullopt;
   }
   const auto a = read_end((*names)[0], nodes, reader.input_errors());
@@ -386,8 +389,8 @@ std::optional<std::array<End, 2>> read_ends(TableReader& reader,
   if (!a || !b) return std::nullopt;
   // Heat between two surroundings, or between a node and itself, does not change the network.
   if (*a == *b || (a->index() == 1 && b->index() == 1)) {
-    reader.refuse("between", "two different nodes, or a node and its surroundings",
-                  *(*names)[0].text() + " and " + *(*names)[1].text());
+    reader.report_invalid("between", "two different nodes, or a node and its surroundings",
+                          *(*names)[0].text() + " and " + *(*names)[1].text());
     return std::nullopt;
   }
   return std::array{*a, *b};
@@ -401,21 +404,21 @@ Fields<ThermalLinkEntry> link_fields(const std::vector<std::string>& nodes) {
   const auto write_ends = [end_name](const ThermalLinkEntry& link, Node::Table& table) {
     Node::Array names;
     for (const End& end : *link.ends) names.push_back(Node{{}, end_name(end)});
-    put(table, "between", std::move(names));
+    put_value(table, "between", std::move(names));
   };
   Key between =
-      make_key(must("between"), Key::Kind::Texts,
+      make_key(required_key("between"), Key::Kind::Texts,
                "two nodes, or a node and `room` or `coolant`, which takes heat only while "
                "it flows");
   between.size = 2;
   return Fields<ThermalLinkEntry>()
-      .custom(
+      .custom_field(
           {between},
           [&nodes](TableReader& reader, ThermalLinkEntry& link) {
             link.ends = read_ends(reader, nodes);
           },
           write_ends)
-      .number(must("conductance_W_per_K"), &ThermalLinkEntry::conductance_W_per_K, positive,
+      .number(required_key("conductance_W_per_K"), &ThermalLinkEntry::conductance_W_per_K, positive,
               "heat that flows for 1 K between the two");
 }
 
@@ -440,7 +443,7 @@ Node::Array links_to_tables(const errors::ThermalNetwork& network,
                             const std::vector<std::string>& nodes) {
   Node::Array links;
   const auto add = [&](const End& a, const End& b, double conductance) {
-    links.push_back(Node{{}, link_fields(nodes).written({std::array{a, b}, conductance})});
+    links.push_back(Node{{}, link_fields(nodes).to_table({std::array{a, b}, conductance})});
   };
   for (const auto& link : network.links) add(link.a, link.b, link.conductance_W_per_K);
   for (const auto& link : network.surroundings) add(link.node, link.to, link.conductance_W_per_K);
@@ -473,15 +476,16 @@ std::optional<errors::AxisHeat> read_axis_heat(TableReader& reader, const Therma
   const std::string coulomb = friction.keys()[0].name, viscous = friction.keys()[1].name;
   // Without either coefficient the axis would produce no heat.
   if (!reader.has(coulomb) && !reader.has(viscous))
-    reader.missing(coulomb, "a number, or " + viscous + ",");
+    reader.report_missing(coulomb, "a number, or " + viscous + ",");
   if (joint_position == joints.end()) {
     // If the machine is invalid, every axis is unknown.
-    if (!name.empty() && context.chain) reader.refuse("axis", "an axis of the machine", name);
+    if (!name.empty() && context.chain)
+      reader.report_invalid("axis", "an axis of the machine", name);
     return std::nullopt;
   }
   // The heat of a spindle is a kind of its own.
   if (name == "S") {
-    reader.refuse("axis", "an axis; a spindle heats by kind = \"spindle\"", name);
+    reader.report_invalid("axis", "an axis; a spindle heats by kind = \"spindle\"", name);
     return std::nullopt;
   }
   heat.joint = int(joint_position - joints.begin());
@@ -489,9 +493,9 @@ std::optional<errors::AxisHeat> read_axis_heat(TableReader& reader, const Therma
 }
 
 Alternative<Law> axis_heat_alternative(const ThermalContext& context) {
-  Word choice{"axis",
-              "friction of an axis, (coulomb + viscous |v|) |v|",
-              {make_key(must("axis"), Key::Kind::Text, "its letter")}};
+  EnumChoice choice{"axis",
+                    "friction of an axis, (coulomb + viscous |v|) |v|",
+                    {make_key(required_key("axis"), Key::Kind::Text, "its letter")}};
   for (const bool is_slide : {true, false})
     for (const Key& key : friction_fields(is_slide).keys()) choice.keys.push_back(key);
   const auto read = [&context](TableReader& reader) {
@@ -502,8 +506,8 @@ Alternative<Law> axis_heat_alternative(const ThermalContext& context) {
     const auto* heat = std::get_if<errors::AxisHeat>(&law);
     if (!heat) return false;
     const Joint& joint = context.machine.joints.at(std::size_t(heat->joint));
-    put(table, "axis", std::string(1, joint.name));
-    append_entries(table, friction_fields(joint.motion == Motion::Linear).written(*heat));
+    put_value(table, "axis", std::string(1, joint.name));
+    append_entries(table, friction_fields(joint.motion == Motion::Linear).to_table(*heat));
     return true;
   };
   return {std::move(choice), read, write};
@@ -513,16 +517,16 @@ Fields<errors::HeatSource> law_fields(const ThermalContext& context) {
   using errors::CuttingHeat, errors::PowerOnHeat, errors::SpindleHeat, errors::HeatSource;
   const auto spindle =
       Fields<SpindleHeat>()
-          .number(must("power_W"), &SpindleHeat::power_W, power, "at `at_rpm`")
-          .number(must("at_rpm"), &SpindleHeat::reference_speed, positive,
+          .number(required_key("power_W"), &SpindleHeat::power_W, power, "at `at_rpm`")
+          .number(required_key("at_rpm"), &SpindleHeat::reference_speed, positive,
                   "speed at which the power is stated")
           .number("exponent", &SpindleHeat::exponent, non_negative, "of the speed");
-  const auto power_on = Fields<PowerOnHeat>().number(must("power_W"), &PowerOnHeat::power_W, power,
-                                                     "while the machine is switched on");
-  const auto cutting = Fields<CuttingHeat>().number(must("share"), &CuttingHeat::share,
+  const auto power_on = Fields<PowerOnHeat>().number(required_key("power_W"), &PowerOnHeat::power_W,
+                                                     power, "while the machine is switched on");
+  const auto cutting = Fields<CuttingHeat>().number(required_key("share"), &CuttingHeat::share,
                                                     cutting_power_fraction, "of the cutting power");
   return Fields<HeatSource>().variant(
-      must("kind"), &HeatSource::law,
+      required_key("kind"), &HeatSource::law,
       {alternative<Law>("spindle", spindle, "bearings and motor, power_W (n / at_rpm)^exponent"),
        axis_heat_alternative(context),
        alternative<Law>("power_on", power_on, "motors and cabinets"),
@@ -531,13 +535,13 @@ Fields<errors::HeatSource> law_fields(const ThermalContext& context) {
 }
 
 Fields<errors::HeatSource> source_node_fields(const std::vector<std::string>& nodes) {
-  return node_fields<errors::HeatSource>(must("node"), &errors::HeatSource::node, nodes,
+  return node_fields<errors::HeatSource>(required_key("node"), &errors::HeatSource::node, nodes,
                                          "that is heated");
 }
 
 /// Returns true if the table states a valid kind; else reports the error.
 bool has_kind(TableReader& reader, const Fields<errors::HeatSource>& law) {
-  if (reader.has("kind")) return bool(reader.word("kind", words_of(law.keys().front()), false));
+  if (reader.has("kind")) return bool(reader.word("kind", choice_names(law.keys().front()), false));
   reader.input_errors().add(reader.place(), "a kind of heat for thermal.source.kind", "nothing");
   return false;
 }
@@ -558,14 +562,14 @@ void read_sources(TableReader& list, ThermalDescription& thermal, const ThermalC
 
 Fields<ThermalDescription> thermal_node_fields() {
   Key nodes =
-      make_key(must("node"), Key::Kind::Tables,
+      make_key(required_key("node"), Key::Kind::Tables,
                "lump with one temperature; at most 200, and heat must find a way to the room "
                "from every one without the coolant");
   nodes.keys = node_table_fields({}).keys();
-  Key start = make_key(KeyName("start_C").otherwise("first of the room"), Key::Kind::Number,
+  Key start = make_key(KeyName("start_C").with_fallback("first of the room"), Key::Kind::Number,
                        "of every node when the history begins");
   start.range = temperature_range;
-  return Fields<ThermalDescription>().custom({start, nodes}, read_nodes, write_nodes);
+  return Fields<ThermalDescription>().custom_field({start, nodes}, read_nodes, write_nodes);
 }
 
 bool has_too_many_nodes(TableReader& reader) { return reader.tables("node").size() > max_nodes; }
@@ -573,20 +577,20 @@ bool has_too_many_nodes(TableReader& reader) { return reader.tables("node").size
 Fields<ThermalDescription> thermal_link_fields(const std::vector<std::string>& nodes) {
   Key links = make_key("link", Key::Kind::Tables, "way of heat between two nodes or to the room");
   links.keys = link_fields(nodes).keys();
-  return Fields<ThermalDescription>().custom(
+  return Fields<ThermalDescription>().custom_field(
       {links},
       [&nodes](TableReader& reader, ThermalDescription& thermal) {
         read_links(reader, thermal.network, nodes);
       },
       [&nodes](const ThermalDescription& thermal, Node::Table& table) {
-        put(table, "link", links_to_tables(thermal.network, nodes));
+        put_value(table, "link", links_to_tables(thermal.network, nodes));
       });
 }
 
 Fields<ThermalDescription> thermal_source_fields(const ThermalContext& context) {
   return Fields<ThermalDescription>().tables(
       "source", [](auto& thermal) -> auto& { return thermal.network.sources; },
-      source_node_fields(context.nodes).all_of(whole_struct, law_fields(context)),
+      source_node_fields(context.nodes).include_fields(whole_struct, law_fields(context)),
       "heat that goes into a node",
       [&context](TableReader& reader, ThermalDescription& thermal) {
         read_sources(reader, thermal, context);

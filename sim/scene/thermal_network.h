@@ -33,7 +33,7 @@ std::string named_table_path(const std::string& list, const Node& table);
 
 /// Checks that a single thermal effect fits the machine, and reports an error at its position.
 void check_binding(const errors::ThermalErrors& effect, const ThermalContext& context,
-                   const Place& place, InputErrors& input_errors);
+                   const SourcePosition& place, InputErrors& input_errors);
 
 /// Reports a name that another table of the list has.
 /// @param used_names  names of the other tables
@@ -55,7 +55,7 @@ template <typename T, typename M>
 Fields<T> node_fields(const KeyName& name, M member, const std::vector<std::string>& nodes,
                       const char* sentence) {
   const Key key = make_key(name, Key::Kind::Text, sentence);
-  return Fields<T>().custom(
+  return Fields<T>().custom_field(
       {key},
       [key, member, &nodes](TableReader& reader, T& target) {
         if (key.required || reader.accept_key(key.name))
@@ -63,7 +63,7 @@ Fields<T> node_fields(const KeyName& name, M member, const std::vector<std::stri
       },
       [key, member, &nodes](const T& source, Node::Table& table) {
         const std::optional<int> node = std::invoke(member, source);
-        if (node) put(table, key.name, nodes.at(std::size_t(*node)));
+        if (node) put_value(table, key.name, nodes.at(std::size_t(*node)));
       });
 }
 

@@ -19,7 +19,7 @@ namespace abbe::sim {
 namespace {
 
 /// Returns the line and column of an offset in a text.
-Place place_at(std::string_view text, std::size_t offset, const std::string& file) {
+SourcePosition place_at(std::string_view text, std::size_t offset, const std::string& file) {
   const std::string_view preceding_text = text.substr(0, offset);
   const auto line = 1 + std::count(preceding_text.begin(), preceding_text.end(), '\n');
   const std::size_t line_break = preceding_text.rfind('\n');
@@ -28,7 +28,7 @@ Place place_at(std::string_view text, std::size_t offset, const std::string& fil
   return {std::make_shared<const std::string>(file), int(line), int(column)};
 }
 
-[[noreturn]] void throw_at(const Place& place, const std::string& expected,
+[[noreturn]] void throw_at(const SourcePosition& place, const std::string& expected,
                            const std::string& seen) {
   throw BadInput(*place.file, place.line, place.column, expected, seen);
 }
@@ -115,7 +115,7 @@ class TomlConverter {
  private:
   using Value = decltype(Node::value);
 
-  Place place(const ::toml::source_region& source) const {
+  SourcePosition place(const ::toml::source_region& source) const {
     return {file_, int(source.begin.line), int(source.begin.column)};
   }
   Value convert(const ::toml::value<bool>& v, int) const { return *v; }
@@ -333,7 +333,7 @@ std::string to_toml(const Node& table) {
   return out;
 }
 
-std::string shown(const Node& node) {
+std::string display_text(const Node& node) {
   if (node.table()) return "a table";
   if (node.array()) return fmt::format("an array of {}", node.array()->size());
   std::string text = to_toml_value(node);
@@ -348,7 +348,8 @@ std::string shown(const Node& node) {
   return text;
 }
 
-void InputErrors::add(const Place& place, const std::string& expected, const std::string& seen) {
+void InputErrors::add(const SourcePosition& place, const std::string& expected,
+                      const std::string& seen) {
   add(BadInput(place.file ? *place.file : "", place.line, place.column, expected, seen));
 }
 

@@ -15,11 +15,11 @@
 namespace abbe::sim {
 
 /// A position in a file. Line and column count from 1; 0 means unknown.
-struct Place {
+struct SourcePosition {
   std::shared_ptr<const std::string> file;
   int line = 0;
   int column = 0;
-  bool typed = false;  ///< from the command line and not from a file
+  bool from_command_line = false;  ///< from the command line and not from a file
 };
 
 /// A date or time of TOML. No key takes one; it is kept so that it is rejected at its position.
@@ -32,7 +32,7 @@ struct Node {
   struct Entry;
   using Table = std::vector<Entry>;  ///< in the order of the file
   using Array = std::vector<Node>;
-  Place place;
+  SourcePosition place;
   std::variant<bool, std::int64_t, double, std::string, Array, Table, TomlDate> value;
 
   const Table* table() const { return std::get_if<Table>(&value); }
@@ -47,7 +47,7 @@ struct Node {
 };
 struct Node::Entry {
   std::string key;
-  Place place;  ///< position of the key
+  SourcePosition place;  ///< position of the key
   Node node;
 };
 
@@ -74,13 +74,13 @@ std::string to_toml_value(const std::string& text);
 std::string to_toml_value(double number);
 
 /// Returns the short form of a value for messages, with quoted strings.
-std::string shown(const Node& node);
+std::string display_text(const Node& node);
 
 /// The input errors of a scene, collected while it is read.
 class InputErrors : public InputErrorList {
  public:
   using InputErrorList::add;
-  void add(const Place& place, const std::string& expected, const std::string& seen);
+  void add(const SourcePosition& place, const std::string& expected, const std::string& seen);
 };
 
 /// Thrown with all input errors of a scene. `what()` has one line

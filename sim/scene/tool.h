@@ -14,9 +14,9 @@ namespace abbe::sim {
 
 /// Wear of the actual cutter, in proportion to the cutting time or to the cutting distance.
 struct ToolWear {
-  std::optional<double> time_s;  ///< time at feed until the cutter has lost `radius` and `length`
-  std::optional<double> way;     ///< mm, distance of the tip at feed until then; either the time or
-                                 ///< the distance is present
+  std::optional<double> time_s;    ///< time at feed until the cutter has lost `radius` and `length`
+  std::optional<double> distance;  ///< mm, distance of the tip at feed until then; either the time
+                                   ///< or the distance is present
   double radius = 0.0;  ///< mm, loss of radius; the tip stays in place, a ball stays a ball
   double length = 0.0;  ///< mm, loss of length; the tip recedes along the tool axis
 };
@@ -66,7 +66,7 @@ struct Key;
 /// @param section  a table or a list of tables
 /// @return at least one tool
 std::vector<ToolDescription> read_tools(const Node& section, InputErrors& input_errors);
-Node::Table written_tool(const ToolDescription& tool);
+Node::Table tool_to_table(const ToolDescription& tool);
 std::vector<Key> tool_keys();
 
 }  // namespace abbe::sim

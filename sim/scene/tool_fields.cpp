@@ -22,9 +22,11 @@ constexpr Range tool_length{-10'000.0, 10'000.0};       // mm
 
 void check_cutter(TableReader& reader, const Cutter& cutter) {
   if (cutter.corner_radius > cutter.radius) {
-    reader.refuse("corner_radius_mm", "at most the radius for tool.corner_radius_mm", "more");
+    reader.report_invalid("corner_radius_mm", "at most the radius for tool.corner_radius_mm",
+                          "more");
   } else if (cutter.flank_length < cutter.corner_radius) {
-    reader.refuse("flank_length_mm", "at least the corner radius for tool.flank_length_mm", "less");
+    reader.report_invalid("flank_length_mm", "at least the corner radius for tool.flank_length_mm",
+                          "less");
   }
 }
 
@@ -45,7 +47,7 @@ Fields<Cutter> dimension_fields(const std::string& kind, ToolKeyFunction tool_ke
 /// Returns the fields of the dimensions and a check that they fit each other.
 Fields<Cutter> cutter_fields(const std::string& kind, ToolKeyFunction tool_key) {
   const Fields<Cutter> dimensions = dimension_fields(kind, tool_key);
-  return Fields<Cutter>().custom(
+  return Fields<Cutter>().custom_field(
       dimensions.keys(),
       [dimensions](TableReader& reader, Cutter& cutter) {
         const std::size_t error_count = reader.input_errors().list().size();
@@ -56,7 +58,7 @@ Fields<Cutter> cutter_fields(const std::string& kind, ToolKeyFunction tool_key) 
           check_cutter(reader, cutter);
       },
       [dimensions](const Cutter& cutter, Node::Table& table) {
-        append_entries(table, dimensions.written(cutter));
+        append_entries(table, dimensions.to_table(cutter));
       });
 }
 
@@ -67,8 +69,9 @@ Fields<Nose> nose_fields(ToolKeyFunction tool_key) {
 
 Fields<NoseWave> wave_fields() {
   return Fields<NoseWave>()
-      .whole(must("order"), &NoseWave::order, 1, 1000, "waves in a full turn")
-      .number(must("amplitude_um"), &NoseWave::amplitude, any_number, "by which it stands out")
+      .whole(required_key("order"), &NoseWave::order, 1, 1000, "waves in a full turn")
+      .number(required_key("amplitude_um"), &NoseWave::amplitude, any_number,
+              "by which it stands out")
       .number("phase_deg", &NoseWave::phase, any_number, "of its cosine, from the tool's x to z");
 }
 
@@ -84,11 +87,12 @@ Fields<ToolDescription> nominal_fields(const std::string& kind) {
   Fields<ToolDescription> fields;
   if (kind == "nose")
     return fields.derive([](ToolDescription& tool) { tool.nominal = Nose{}; })
-        .all_of(
-            [](auto& tool) -> auto& { return std::get<Nose>(tool.nominal); }, nose_fields(must));
-  return fields.all_of(
+        .include_fields(
+            [](auto& tool) -> auto& { return std::get<Nose>(tool.nominal); },
+            nose_fields(required_key));
+  return fields.include_fields(
       [](auto& tool) -> auto& { return std::get<Cutter>(tool.nominal); },
-      cutter_fields(kind, must));
+      cutter_fields(kind, required_key));
 }
 
 Fields<ToolDescription> centring_fields() {
@@ -103,42 +107,45 @@ Fields<ToolDescription> actual_fields(const std::string& kind) {
   Fields<ToolDescription> fields;
   fields.number(optional_actual("length_mm"), &ToolDescription::actual_length, tool_length,
                 "from the nose of the spindle");
-  if (is_form(kind)) return fields.all_of(whole_struct, form_cutter_fields(kind, actual_selector));
+  if (is_form(kind))
+    return fields.include_fields(whole_struct, form_cutter_fields(kind, actual_selector));
   // The offset of the tip belongs to the setting of the tool and not to its form.
   if (has_profile(kind))
-    return fields.all_of(whole_struct, insert_fields(kind, actual_selector))
-        .all_of(whole_struct, centring_fields());
+    return fields.include_fields(whole_struct, insert_fields(kind, actual_selector))
+        .include_fields(whole_struct, centring_fields());
   if (kind != "nose")
-    return fields.all_of(
+    return fields.include_fields(
         [](auto& tool) -> auto& { return std::get<Cutter>(tool.actual); },
         cutter_fields(kind, optional_actual));
   return fields
-      .all_of(
+      .include_fields(
           [](auto& tool) -> auto& { return std::get<Nose>(tool.actual); },
           nose_fields(optional_actual)
               .tables("wave", &Nose::waves, wave_fields(),
                       "of `kind = \"nose\"` alone: waves of the edge"))
-      .all_of(whole_struct, centring_fields());
+      .include_fields(whole_struct, centring_fields());
 }
 
 Fields<ToolWear> wear_fields() {
   return Fields<ToolWear>()
-      .number(KeyName("time_min").one_of("use"), &ToolWear::time_s, positive,
+      .number(KeyName("time_min").in_exclusive_group("use"), &ToolWear::time_s, positive,
               "of cutting at feed, after which the cutter has lost what follows")
-      .number(KeyName("way_mm").one_of("use"), &ToolWear::way, positive,
+      .number(KeyName("way_mm").in_exclusive_group("use"), &ToolWear::distance, positive,
               "of the tip in the workpiece at feed, likewise")
       .number("radius_um", &ToolWear::radius, non_negative, "lost then; the tip stays in its place")
       .number("length_um", &ToolWear::length, non_negative, "lost then, at the tip")
       .check([](TableReader& reader, ToolWear& wear) {
-        if (!wear.time_s && !wear.way) reader.missing("time_min", "a time, or a way_mm,");
-        if (wear.time_s && wear.way)
-          reader.refuse("way_mm", "either it or time_min, by which the cutter wears", "both");
+        if (!wear.time_s && !wear.distance)
+          reader.report_missing("time_min", "a time, or a way_mm,");
+        if (wear.time_s && wear.distance)
+          reader.report_invalid("way_mm", "either it or time_min, by which the cutter wears",
+                                "both");
       });
 }
 
 /// A kind of tool, with the fields of the nominal and of the actual tool.
 struct ToolKind {
-  Word word;
+  EnumChoice word;
   Fields<ToolDescription> nominal, actual;
 };
 
@@ -175,9 +182,9 @@ const ToolKind& tool_kind_by_name(const std::string& word) {
 }
 
 const ToolKind& read_tool_kind(TableReader& reader) {
-  std::set<std::string> words;
-  for (const ToolKind& kind : tool_kinds()) words.insert(kind.word.word);
-  return tool_kind_by_name(reader.word("kind", words, true).value_or(""));
+  std::set<std::string> choices;
+  for (const ToolKind& kind : tool_kinds()) choices.insert(kind.word.word);
+  return tool_kind_by_name(reader.word("kind", choices, true).value_or(""));
 }
 
 /// Returns the kind of a tool. It is not stored, but follows from the forms of the nominal and the
@@ -204,17 +211,18 @@ void check_wear(TableReader& reader, ToolDescription& tool) {
   const auto* cutter = std::get_if<Cutter>(&tool.actual);
   if (!tool.wear) return;
   if (cutter == nullptr)
-    reader.refuse("wear", "a milling cutter beside wear", "a turning tool");
+    reader.report_invalid("wear", "a milling cutter beside wear", "a turning tool");
   else if (cutter->outline)
-    reader.refuse("wear", "a ball, bull-nosed or flat end beside wear", "a form cutter");
+    reader.report_invalid("wear", "a ball, bull-nosed or flat end beside wear", "a form cutter");
   else if (!(tool.wear->radius < 0.5 * cutter->radius))
-    reader.refuse("wear", "a wear of less than half the radius", "more");
+    reader.report_invalid("wear", "a wear of less than half the radius", "more");
 }
 
 /// Checks that a turning tool states no shank; only the shank of a milling cutter is a cylinder.
 void check_shank(TableReader& reader, ToolDescription& tool) {
   if (tool.shank_radius && std::holds_alternative<Nose>(tool.nominal))
-    reader.refuse("shank_radius_mm", "a milling cutter beside shank_radius_mm", "a turning tool");
+    reader.report_invalid("shank_radius_mm", "a milling cutter beside shank_radius_mm",
+                          "a turning tool");
 }
 
 /// Checks that a flank is not longer than its tool.
@@ -244,7 +252,7 @@ void check_flanks(TableReader& reader, ToolDescription& tool) {
   const auto has_input_errors = [&](const Node* table) {
     if (!table) return false;
     return std::ranges::any_of(*table->table(), [&](const Node::Entry& entry) {
-      const Place& place = entry.node.place;
+      const SourcePosition& place = entry.node.place;
       return std::ranges::any_of(reader.input_errors().list(), [&](const BadInput& error) {
         return error.file == *place.file && error.line == place.line &&
                error.column == place.column;
@@ -275,8 +283,8 @@ void check_holder(TableReader& reader, ToolDescription& tool) {
 }
 
 Key tool_kind_key() {
-  Key kind = make_key(must("kind"), Key::Kind::Text, "of tool");
-  for (const ToolKind& tool_kind : tool_kinds()) kind.words.push_back(tool_kind.word);
+  Key kind = make_key(required_key("kind"), Key::Kind::Text, "of tool");
+  for (const ToolKind& tool_kind : tool_kinds()) kind.choices.push_back(tool_kind.word);
   return kind;
 }
 
@@ -288,7 +296,7 @@ Key actual_key() {
       // Kinds have keys in common; each appears once in the manual.
       if (std::ranges::none_of(keys, [&](const Key& other) { return other.name == key.name; }))
         keys.push_back(std::move(key));
-  return make_key(KeyName("actual").otherwise("as nominal"), Key::Kind::Table,
+  return make_key(KeyName("actual").with_fallback("as nominal"), Key::Kind::Table,
                   "what the tool really is, where that differs", std::move(keys));
 }
 
@@ -297,25 +305,25 @@ const Fields<ToolDescription>& tool_fields() {
   static const Fields<Tool> fields =
       Fields<Tool>()
           .text("name", &Tool::name, "of the tool")
-          .custom(
+          .custom_field(
               {tool_kind_key()},
               [](TableReader& reader, Tool& tool) {
                 tool = read_tool_kind(reader).nominal.read(reader, std::move(tool));
               },
               [](const Tool& tool, Node::Table& table) {
-                put(table, "kind", find_tool_kind(tool).word.word);
-                append_entries(table, find_tool_kind(tool).nominal.written(tool));
+                put_value(table, "kind", find_tool_kind(tool).word.word);
+                append_entries(table, find_tool_kind(tool).nominal.to_table(tool));
               })
-          .number(must("length_mm"), &Tool::length, tool_length,
+          .number(required_key("length_mm"), &Tool::length, tool_length,
                   "from the nose of the spindle to the tip; of a turning tool to the centre of its "
                   "edge")
-          .number(KeyName("shank_radius_mm").otherwise("that of the cutter"), &Tool::shank_radius,
-                  tool_size,
+          .number(KeyName("shank_radius_mm").with_fallback("that of the cutter"),
+                  &Tool::shank_radius, tool_size,
                   "of a cutter, above its flank up to the holder, for collisions and for the "
                   "warning of a shank in the design")
-          .table(KeyName("holder").otherwise("none"), &Tool::holder,
+          .table(KeyName("holder").with_fallback("none"), &Tool::holder,
                  profile_fields("above the tip"), "a body of revolution, for collisions")
-          .whole(KeyName("number").otherwise("none: every call is warned of"), &Tool::number, 0,
+          .whole(KeyName("number").with_fallback("none: every call is warned of"), &Tool::number, 0,
                  999'999, "T by which a program calls it: a call of another is refused")
           .derive([](Tool& tool) {
             // The table `actual` states differences from the nominal tool only.
@@ -323,17 +331,18 @@ const Fields<ToolDescription>& tool_fields() {
             tool.actual_form = tool.nominal_form;
             tool.actual_length = tool.length;
           })
-          .custom(
+          .custom_field(
               {actual_key()},
               [](TableReader& reader, Tool& tool) {
                 if (const Node* node = reader.section("actual"))
                   tool = read_tool_kind(reader).actual.read_table(
-                      *node, reader.name_of("actual"), reader.input_errors(), std::move(tool));
+                      *node, reader.qualified_name("actual"), reader.input_errors(),
+                      std::move(tool));
               },
               [](const Tool& tool, Node::Table& table) {
-                put(table, "actual", find_tool_kind(tool).actual.written(tool));
+                put_value(table, "actual", find_tool_kind(tool).actual.to_table(tool));
               })
-          .table(KeyName("wear").otherwise("none"), &Tool::wear, wear_fields(),
+          .table(KeyName("wear").with_fallback("none"), &Tool::wear, wear_fields(),
                  "what the true cutter loses while it cuts, in proportion")
           .check(check_wear)
           .check(check_shank)
@@ -353,7 +362,7 @@ bool turns_workpiece(const ToolDescription& tool) {
 /// Checks the number and the type of one of several tools.
 /// @param tools  the preceding tools
 void check_tool_numbers(const std::vector<ToolDescription>& tools, const ToolDescription& tool,
-                        const Place& place, InputErrors& input_errors) {
+                        const SourcePosition& place, InputErrors& input_errors) {
   if (!tool.number) {
     input_errors.add(place, "tool.number of each of several tools", "a tool without");
     return;
@@ -370,7 +379,7 @@ void check_tool_numbers(const std::vector<ToolDescription>& tools, const ToolDes
 
 }  // namespace
 
-KeyName optional_actual(KeyName key) { return key.otherwise("as nominal"); }
+KeyName optional_actual(KeyName key) { return key.with_fallback("as nominal"); }
 
 ExpectedAndSeen parse_message(const std::string& message) {
   const std::string expected = "expected ", seen = ", seen ";
@@ -393,12 +402,12 @@ void report_point_error(TableReader& reader, const PointKeys& keys,
   const ExpectedAndSeen message = parse_message(error.what());
   reader.input_errors().add(
       has_entry ? (*list->array())[entry].place : reader.place(),
-      fmt::format("{} for {}, entry {}", message.expected, reader.name_of(key), entry + 1),
+      fmt::format("{} for {}, entry {}", message.expected, reader.qualified_name(key), entry + 1),
       message.seen);
 }
 
 KeyName optional_for_both(ToolKeyFunction tool_key, const KeyName& key) {
-  return tool_key == must ? key : tool_key(key);
+  return tool_key == required_key ? key : tool_key(key);
 }
 
 bool has_all_keys(const TableReader& reader, const std::vector<Key>& keys) {
@@ -410,7 +419,8 @@ std::vector<ToolDescription> read_tools(const Node& section, InputErrors& input_
   if (section.table()) return {read_tool(section, input_errors)};
   const Node::Array* list = section.array();
   if (!list || list->empty()) {
-    input_errors.add(section.place, "a table, a file or a list of them for tool", shown(section));
+    input_errors.add(section.place, "a table, a file or a list of them for tool",
+                     display_text(section));
     return {ToolDescription{}};
   }
   std::vector<ToolDescription> tools;
@@ -418,7 +428,7 @@ std::vector<ToolDescription> read_tools(const Node& section, InputErrors& input_
     if (node.text()) continue;  // the file is invalid, which is reported
     const std::size_t error_count = input_errors.list().size();
     if (!node.table()) {
-      input_errors.add(node.place, "a table or a file for tool", shown(node));
+      input_errors.add(node.place, "a table or a file for tool", display_text(node));
       continue;
     }
     ToolDescription tool = read_tool(node, input_errors);
@@ -432,7 +442,7 @@ std::vector<ToolDescription> read_tools(const Node& section, InputErrors& input_
   return tools;
 }
 
-Node::Table written_tool(const ToolDescription& tool) { return tool_fields().written(tool); }
+Node::Table tool_to_table(const ToolDescription& tool) { return tool_fields().to_table(tool); }
 
 std::vector<Key> tool_keys() { return tool_fields().keys(); }
 

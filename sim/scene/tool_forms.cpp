@@ -26,7 +26,7 @@ Fields<ToolDescription> form_fields(const FormSelector& selector, const Fields<F
                                     Shape (*make_shape)(const Form&),
                                     void (*report_error)(TableReader& reader, const Form& form,
                                                          const std::invalid_argument& error)) {
-  return Fields<ToolDescription>().custom(
+  return Fields<ToolDescription>().custom_field(
       form_members.keys(),
       [=](TableReader& reader, ToolDescription& tool) {
         const std::size_t error_count = reader.input_errors().list().size();
@@ -45,7 +45,7 @@ Fields<ToolDescription> form_fields(const FormSelector& selector, const Fields<F
         }
       },
       [=](const ToolDescription& tool, Node::Table& table) {
-        append_entries(table, form_members.written(std::get<Form>(tool.*selector.form)));
+        append_entries(table, form_members.to_table(std::get<Form>(tool.*selector.form)));
       });
 }
 
@@ -59,19 +59,19 @@ Fields<AptForm> apt_fields(ToolKeyFunction tool_key) {
   using Apt = cutting::AptCutter;
   return Fields<AptForm>()
       .number(optional_for_both(tool_key, KeyName("diameter_mm")
-                                              .otherwise("a ball: the corner's middle is on "
-                                                         "the axis")),
+                                              .with_fallback("a ball: the corner's middle is on "
+                                                             "the axis")),
               &AptForm::diameter, form_size, "D of APT: where the lines of bottom and flank meet")
       .number(optional_for_both(tool_key, "corner_radius_mm"), numbers_member<&Apt::corner>,
               corner_size, "of a bull nose, at most the radius; R of APT")
-      .number(
-          optional_for_both(
-              tool_key, KeyName("corner_offset_mm").otherwise("such that the corner is tangent")),
-          &AptForm::radial, corner_position, "E of APT: of the corner's middle from the axis")
-      .number(
-          optional_for_both(
-              tool_key, KeyName("corner_height_mm").otherwise("such that the corner is tangent")),
-          &AptForm::axial, corner_position, "F of APT: of the corner's middle above the tip")
+      .number(optional_for_both(
+                  tool_key,
+                  KeyName("corner_offset_mm").with_fallback("such that the corner is tangent")),
+              &AptForm::radial, corner_position, "E of APT: of the corner's middle from the axis")
+      .number(optional_for_both(
+                  tool_key,
+                  KeyName("corner_height_mm").with_fallback("such that the corner is tangent")),
+              &AptForm::axial, corner_position, "F of APT: of the corner's middle above the tip")
       .number(optional_for_both(tool_key, "bottom_deg"), numbers_member<&Apt::bottom>, bottom_angle,
               "alpha of APT: by which the bottom rises outwards")
       .number(optional_for_both(tool_key, "flank_deg"), numbers_member<&Apt::flank>, flank_angle,
@@ -81,11 +81,11 @@ Fields<AptForm> apt_fields(ToolKeyFunction tool_key) {
       .check([](TableReader& reader, AptForm& form) {
         // Without a diameter the cutter is a ball, which only its corner radius describes.
         if (!form.diameter && (form.radial || form.axial || !(form.numbers.corner > 0.0)))
-          return reader.missing("diameter_mm", "a number");
+          return reader.report_missing("diameter_mm", "a number");
         // The centre of the corner is stated by both coordinates or follows from tangency.
         if (form.radial.has_value() == form.axial.has_value()) return;
-        reader.missing(form.radial ? "corner_height_mm" : "corner_offset_mm",
-                       "both of corner_offset_mm and corner_height_mm, or neither,");
+        reader.report_missing(form.radial ? "corner_height_mm" : "corner_offset_mm",
+                              "both of corner_offset_mm and corner_height_mm, or neither,");
       });
 }
 
@@ -95,7 +95,7 @@ Fields<OutlineForm> outline_fields(ToolKeyFunction tool_key) {
                "of the points of the outline from the tip up; flat below the first")
       .numbers(tool_key("heights_mm"), &OutlineForm::heights, 0,
                "of the same points above the tip; the first is 0")
-      .numbers(optional_for_both(tool_key, KeyName("arc_radii_mm").otherwise("straight")),
+      .numbers(optional_for_both(tool_key, KeyName("arc_radii_mm").with_fallback("straight")),
                &OutlineForm::arcs, 0,
                "radius of the arc that bulges out on the way to each point; 0: straight");
 }
@@ -107,7 +107,7 @@ Fields<ProfileForm> profile_form_fields(ToolKeyFunction tool_key) {
       .numbers(tool_key("heights_mm"), &ProfileForm::heights, 0,
                "of the same points above the tip; the first is 0, none is below the one before")
       .numbers(
-          optional_for_both(tool_key, KeyName("arc_radii_mm").otherwise("straight")),
+          optional_for_both(tool_key, KeyName("arc_radii_mm").with_fallback("straight")),
           &ProfileForm::arcs, 0,
           "radius of the arc on the way to each point; 0: straight; below 0: it bulges in, and "
           "is cut as chords inside of it, by which the tool is up to 1 um larger");
@@ -155,7 +155,7 @@ cutting::ToolOutline make_outline(const OutlineForm& form) {
 }
 
 cutting::ToolOutline make_outline(const ProfileForm& form) {
-  return cutting::profile_from_points(outline_points(form));
+  return cutting::tool_outline_from_points(outline_points(form));
 }
 
 template <class Form>
@@ -175,9 +175,10 @@ void report_apt_error(TableReader& reader, const AptForm&, const std::invalid_ar
 template <class Form>
 void report_form_error(TableReader& reader, const Form& form, const std::invalid_argument& error) {
   if (const auto* unequal_lists = dynamic_cast<const UnequalLists*>(&error))
-    reader.refuse(unequal_lists->key,
-                  unequal_lists->expected_text + " for " + reader.name_of(unequal_lists->key),
-                  unequal_lists->seen_text);
+    reader.report_invalid(
+        unequal_lists->key,
+        unequal_lists->expected_text + " for " + reader.qualified_name(unequal_lists->key),
+        unequal_lists->seen_text);
   else if (const auto* point_error = dynamic_cast<const cutting::OutlineError*>(&error))
     report_point_error(reader, {"radii_mm", "heights_mm", "arc_radii_mm"}, outline_points(form),
                        *point_error);
@@ -189,7 +190,7 @@ void report_form_error(TableReader& reader, const Form& form, const std::invalid
 /// tool that allows it.
 void report_outline_error(TableReader& reader, const OutlineForm& form,
                           const std::invalid_argument& error) {
-  const auto* bend = dynamic_cast<const cutting::InwardBend*>(&error);
+  const auto* bend = dynamic_cast<const cutting::InwardBendError*>(&error);
   if (bend == nullptr) return report_form_error(reader, form, error);
   const std::string text = std::string(error.what()) + "; kind = \"profile\" takes hollow ones";
   report_form_error(reader, form, cutting::OutlineError(text, bend->at, bend->number));
@@ -245,7 +246,8 @@ Points read_edge(TableReader& reader) {
   if (!x || !z) return {};
   const auto check_length = [&](const char* key, Eigen::Index seen) {
     if (seen == x->size()) return true;
-    reader.refuse(key, fmt::format("as many numbers as x_mm, {}", x->size()), std::to_string(seen));
+    reader.report_invalid(key, fmt::format("as many numbers as x_mm, {}", x->size()),
+                          std::to_string(seen));
     return false;
   };
   if (!check_length("z_mm", z->size()) || (arcs && !check_length("arc_radii_mm", arcs->size())))
@@ -265,7 +267,7 @@ Fields<Points> edge_fields(ToolKeyFunction tool_key) {
       make_numbers_key(optional_for_both(tool_key, "arc_radii_mm"), 0,
                        "of the arcs to them from the points before, that to the first from the "
                        "last; 0: a line")};
-  return Fields<Points>().custom(
+  return Fields<Points>().custom_field(
       keys,
       [tool_key](TableReader& reader, Points& points) {
         const bool required = tool_key("x_mm").required;
@@ -273,7 +275,7 @@ Fields<Points> edge_fields(ToolKeyFunction tool_key) {
           // The actual tool may omit all lists but not a single one.
           if (!reader.has(key) &&
               (required || reader.has("x_mm") || reader.has("z_mm") || reader.has("arc_radii_mm")))
-            reader.missing(key, "a list of numbers");
+            reader.report_missing(key, "a list of numbers");
         // Without points, the nominal ones remain.
         if (Points stated_points = read_edge(reader); !stated_points.empty())
           points = std::move(stated_points);
@@ -292,10 +294,10 @@ Fields<Points> edge_fields(ToolKeyFunction tool_key) {
 }
 
 Nose make_insert_nose(const Insert& insert) {
-  return cutting::nose_of(cutting::insert_profile(insert));
+  return cutting::profile_nose(cutting::insert_profile(insert));
 }
 Nose make_edge_nose(const Points& points) {
-  return cutting::nose_of(cutting::edge_profile_from_points(points));
+  return cutting::profile_nose(cutting::edge_profile_from_points(points));
 }
 
 void report_insert_error(TableReader& reader, const Insert&, const std::invalid_argument& error) {
@@ -307,8 +309,9 @@ void report_edge_error(TableReader& reader, const Points& points,
   if (const auto* point_error = dynamic_cast<const cutting::OutlineError*>(&error))
     return report_point_error(reader, {"x_mm", "z_mm", "arc_radii_mm"}, points, *point_error);
   const ExpectedAndSeen message = parse_message(error.what());
-  reader.refuse("x_mm", message.expected + " for " + reader.name_of("x_mm") + " and z_mm",
-                message.seen);
+  reader.report_invalid("x_mm",
+                        message.expected + " for " + reader.qualified_name("x_mm") + " and z_mm",
+                        message.seen);
 }
 
 }  // namespace

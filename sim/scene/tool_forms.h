@@ -11,7 +11,7 @@
 /// Fields of tools whose shape is made from a `ToolForm`.
 namespace abbe::sim {
 
-/// Makes a key required for the nominal tool (`must`), or optional for the actual one
+/// Makes a key required for the nominal tool (`required_key`), or optional for the actual one
 /// (`optional_actual`).
 using ToolKeyFunction = KeyName (*)(KeyName);
 KeyName optional_actual(KeyName key);
@@ -29,7 +29,7 @@ struct FormSelector {
   ToolKeyFunction tool_key;
 };
 inline constexpr FormSelector nominal_selector{&ToolDescription::nominal_form,
-                                               &ToolDescription::nominal, must};
+                                               &ToolDescription::nominal, required_key};
 inline constexpr FormSelector actual_selector{&ToolDescription::actual_form,
                                               &ToolDescription::actual, optional_actual};
 

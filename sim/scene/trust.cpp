@@ -64,7 +64,7 @@ fs::path trust_file() {
   return {};
 }
 
-BadInput untrusted_program_error(const NamedProgram& program) {
+BadInput untrusted_program_error(const ProgramReference& program) {
   const fs::path listing_file = trust_file();
   return BadInput(
       program.file.string(), program.line, program.column,
@@ -87,14 +87,14 @@ std::vector<fs::path> trusted_folders(const fs::path& file) {
                      "a trust file in a folder that you alone can write (chmod go-w)", risk);
   const std::string text = read_text(file, max_trust_file_bytes);
   std::vector<fs::path> folders;
-  Lines lines(text);
+  LineReader lines(text);
   while (auto line = lines.next()) {
     const std::size_t begin = line->find_first_not_of(" \t");
     if (begin == std::string_view::npos || (*line)[begin] == '#') continue;
     const fs::path folder = line->substr(begin, line->find_last_not_of(" \t") + 1 - begin);
     if (!folder.is_absolute())
       throw BadInput(file.string(), lines.number(), 0, "the absolute path of a folder",
-                     in_quotes(folder.string()));
+                     quoted_excerpt(folder.string()));
     // A trailing separator, as in "a/", would be a further component.
     const fs::path real = real_path(folder / ".");
     folders.push_back(real.has_filename() ? real : real.parent_path());
@@ -102,12 +102,12 @@ std::vector<fs::path> trusted_folders(const fs::path& file) {
   return folders;
 }
 
-std::vector<ProgramTrust> judged(const std::vector<NamedProgram>& programs,
-                                 const Permissions& permissions) {
+std::vector<ProgramTrust> assess_trust(const std::vector<ProgramReference>& programs,
+                                       const Permissions& permissions) {
   std::optional<std::vector<fs::path>> folders;
   std::vector<ProgramTrust> result;
-  for (const NamedProgram& program : programs) {
-    bool is_trusted = permissions.trust || program.typed;
+  for (const ProgramReference& program : programs) {
+    bool is_trusted = permissions.trust || program.from_command_line;
     if (!is_trusted) {
       if (!folders) folders = trusted_folders(trust_file());
       // The file that names the program must be trusted too, as it selects the program.
@@ -119,15 +119,15 @@ std::vector<ProgramTrust> judged(const std::vector<NamedProgram>& programs,
   return result;
 }
 
-std::vector<fs::path> trusted_programs(const std::vector<NamedProgram>& programs,
+std::vector<fs::path> trusted_programs(const std::vector<ProgramReference>& programs,
                                        const Permissions& permissions) {
   std::vector<fs::path> trusted;
   std::vector<BadInput> input_errors;
-  for (const ProgramTrust& trust : judged(programs, permissions)) {
+  for (const ProgramTrust& trust : assess_trust(programs, permissions)) {
     if (trust.trusted)
-      trusted.push_back(trust.named.program);
+      trusted.push_back(trust.reference.program);
     else
-      input_errors.push_back(untrusted_program_error(trust.named));
+      input_errors.push_back(untrusted_program_error(trust.reference));
   }
   if (!input_errors.empty()) throw BadScene(std::move(input_errors));
   return trusted;

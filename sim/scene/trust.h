@@ -19,17 +19,17 @@ std::vector<std::filesystem::path> trusted_folders(const std::filesystem::path& 
 
 /// A program that a file names, and whether it may run.
 struct ProgramTrust {
-  NamedProgram named;
+  ProgramReference reference;
   bool trusted = false;
 };
 /// Returns the trust in each program. The trust file is read only if a program depends on it.
 /// @throws BadInput if the trust file is invalid
-std::vector<ProgramTrust> judged(const std::vector<NamedProgram>& programs,
-                                 const Permissions& permissions);
+std::vector<ProgramTrust> assess_trust(const std::vector<ProgramReference>& programs,
+                                       const Permissions& permissions);
 
 /// Returns the paths of the programs.
 /// @throws BadScene with the position of every program that is not trusted
-std::vector<std::filesystem::path> trusted_programs(const std::vector<NamedProgram>& programs,
+std::vector<std::filesystem::path> trusted_programs(const std::vector<ProgramReference>& programs,
                                                     const Permissions& permissions);
 
 /// Reads a scene as read_scene() does and checks the trust in its programs.

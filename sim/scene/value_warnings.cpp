@@ -169,7 +169,7 @@ std::string_view parent_of(std::string_view key) {
   return dot == std::string_view::npos ? std::string_view() : key.substr(0, dot);
 }
 
-bool has_unit(std::string_view key) { return key_stem(key) != key; }
+bool has_unit(std::string_view key) { return key_without_unit(key) != key; }
 
 /// Returns the component of a key that has the unit: the last one, or the table of an axis letter,
 /// as in "axis_speed_mm_per_min.X".
@@ -234,7 +234,7 @@ std::string plausible_text(std::string_view key) {
   return fmt::format("{:g} to {:g}{}", range->low, range->high, unit_text);
 }
 
-std::string location_text(const Place& place) {
+std::string location_text(const SourcePosition& place) {
   if (!place.file || place.file->empty() || place.line == 0) return {};
   return fmt::format("{}:{}:{}: ", *place.file, place.line, place.column);
 }
@@ -291,7 +291,7 @@ class NumberVisitor {
       ++entry->second.further_count;
   }
 
-  void visit_number(double value, const Place& place, const std::string& key) {
+  void visit_number(double value, const SourcePosition& place, const std::string& key) {
     const std::string mistake = probable_mistake(key, value);
     if (!mistake.empty())
       add(key, fmt::format("{}{} is {:.6g}: looks like {}, {} expected", location_text(place), key,
@@ -299,7 +299,7 @@ class NumberVisitor {
   }
 
   /// Examines the length of a travel, because its ends may be near zero.
-  void visit_travel(const Node::Array& ends, const Place& place, const std::string& key) {
+  void visit_travel(const Node::Array& ends, const SourcePosition& place, const std::string& key) {
     const std::string_view name = last_key(key);
     if (ends.size() != 2 || !name.starts_with("travel_")) return;
     const auto min = node_number(ends[0]), max = node_number(ends[1]);

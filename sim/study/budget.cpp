@@ -327,7 +327,7 @@ ordered_json contribution_json(const Study& study, const Contribution& contribut
        contribution.main_effect ? json_number(100.0 * *contribution.main_effect) : ordered_json()}};
 }
 
-ordered_json statistics_json(const Answers& statistics, const UnitConverter& convert) {
+ordered_json statistics_json(const ResponseStatistics& statistics, const UnitConverter& convert) {
   return {{"cases", statistics.cases},
           {"mean", convert(statistics.mean)},
           {"standard_deviation", convert(statistics.standard_deviation)},
@@ -419,15 +419,16 @@ ordered_json allocation_json(const Allocation& allocation) {
                         {"cost", json_number(cost)},
                         {"within_limit_percent", interval_json(within_limit, 100.0)}};
   };
-  return {{"response", name_of(allocation.asked.response)},
-          {"unit", unit_of(allocation.asked.response)},
-          {"limit", convert(allocation.asked.limit)},
-          {"confidence_percent", json_number(100.0 * allocation.asked.confidence)},
-          {"floor", convert(allocation.floor)},
-          {"attainable", allocation.attainable},
-          {"equal", choice_json(allocation.equal, allocation.equal_cost, allocation.equal_share)},
-          {"cheapest",
-           choice_json(allocation.cheapest, allocation.cheapest_cost, allocation.cheapest_share)}};
+  return {
+      {"response", name_of(allocation.asked.response)},
+      {"unit", unit_of(allocation.asked.response)},
+      {"limit", convert(allocation.asked.limit)},
+      {"confidence_percent", json_number(100.0 * allocation.asked.confidence)},
+      {"floor", convert(allocation.floor)},
+      {"attainable", allocation.attainable},
+      {"equal", choice_json(allocation.equal, allocation.equal_cost, allocation.equal_fraction)},
+      {"cheapest",
+       choice_json(allocation.cheapest, allocation.cheapest_cost, allocation.cheapest_fraction)}};
 }
 
 ordered_json unidentified_json(const ConfigurationBudget& arm) {
@@ -457,33 +458,33 @@ ordered_json configuration_json(const Study& study, const ConfigurationBudget& b
 
 ordered_json sweep_json(const Study& study, const SweepResult& result) {
   const Sweep& sweep = study.sweeps[std::size_t(result.sweep)];
-  ordered_json arms = ordered_json::array(), units = ordered_json::object();
+  ordered_json configurations = ordered_json::array(), units = ordered_json::object();
   for (const Response response : study.responses) units[name_of(response)] = unit_of(response);
   for (std::size_t a = 0; a < result.answers.size(); ++a) {
-    ordered_json configuration_entry{{"name", study.arms[a].name}};
+    ordered_json configuration_entry{{"name", study.configurations[a].name}};
     for (std::size_t r = 0; r < result.answers[a].size(); ++r) {
       ordered_json values = ordered_json::array();
       for (const double value : result.answers[a][r])
         values.push_back(UnitConverter{study.responses[r]}(value));
       configuration_entry[name_of(study.responses[r])] = values;
     }
-    arms.push_back(configuration_entry);
+    configurations.push_back(configuration_entry);
   }
   return {{"input", study.inputs[std::size_t(sweep.input)].name},
           {"unit", unit_of(study.inputs[std::size_t(sweep.input)])},
           {"values", json_numbers(sweep.values)},
           {"units", units},
-          {"arms", arms}};
+          {"arms", configurations}};
 }
 
 }  // namespace
 
 ordered_json to_json(const Budget& budget) {
   const Study& study = budget.study;
-  ordered_json arms = ordered_json::array(), proofs = ordered_json::array(),
+  ordered_json configurations = ordered_json::array(), proofs = ordered_json::array(),
                sweeps = ordered_json::array();
-  for (const ConfigurationBudget& arm_budget : budget.arms)
-    arms.push_back(configuration_json(study, arm_budget));
+  for (const ConfigurationBudget& arm_budget : budget.configurations)
+    configurations.push_back(configuration_json(study, arm_budget));
   for (const Proof& proof : budget.proofs)
     proofs.push_back({{"arm", proof.arm},
                       {"response", name_of(proof.response)},
@@ -501,7 +502,7 @@ ordered_json to_json(const Budget& budget) {
            study.one_at_a_time ? json_number(study.one_at_a_time->step) : ordered_json()},
           {"inputs", inputs_json(study)},
           {"correlations", correlations_json(study)},
-          {"arms", arms},
+          {"arms", configurations},
           {"proofs", proofs},
           {"sweeps", sweeps},
           {"warnings", budget.warnings}};
@@ -546,7 +547,7 @@ std::string to_csv(const Budget& budget) {
   const Study& study = budget.study;
   const Eigen::VectorXd centres = centre(study), deviations = spreads(study);
   std::string text = csv_head;
-  for (const ConfigurationBudget& arm : budget.arms) {
+  for (const ConfigurationBudget& arm : budget.configurations) {
     const Eigen::VectorXd empty;
     const Eigen::VectorXd& equal = arm.allocation ? arm.allocation->equal : empty;
     const Eigen::VectorXd& cheapest = arm.allocation ? arm.allocation->cheapest : empty;

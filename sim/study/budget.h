@@ -39,9 +39,9 @@ struct ResponseBudget {
   std::optional<double> worst;        ///< response at the worst corner found
   std::optional<double> worst_bound;  ///< upper bound of the response at any corner
   Eigen::VectorXd values;             ///< responses of the Monte-Carlo cases, (cases) or empty
-  std::optional<Answers> answers;     ///< statistics of `values`
-  std::optional<double> limit;        ///< mm
-  std::optional<double> capability;   ///< Cpk against the limit
+  std::optional<ResponseStatistics> answers;        ///< statistics of `values`
+  std::optional<double> limit;                      ///< mm
+  std::optional<double> capability;                 ///< Cpk against the limit
   std::optional<IntervalEstimate> fraction_within;  ///< fraction of the machines within the limit
   std::optional<IndexConvergence> convergence;
 };
@@ -59,7 +59,7 @@ struct MapContribution {
 /// The effect of one standard deviation of an unidentified coefficient on the map of a
 /// configuration.
 struct UnidentifiedEffect {
-  Unidentified number;
+  UnidentifiedCoefficient number;
   double rms = 0.0;  ///< mm, over the judged area
   double pv = 0.0;   ///< mm
 };
@@ -72,8 +72,8 @@ struct Allocation {
                              ///< factor
   double equal_cost = 0.0;
   double cheapest_cost = 0.0;
-  IntervalEstimate equal_share;  ///< fraction of new random machines within the limit
-  IntervalEstimate cheapest_share;
+  IntervalEstimate equal_fraction;  ///< fraction of new random machines within the limit
+  IntervalEstimate cheapest_fraction;
   double floor = 0.0;      ///< response with all inputs at their centres, mm
   bool attainable = true;  ///< false if even zero spreads do not meet the limit
 };
@@ -117,7 +117,7 @@ struct Budget {
   Study study;
   std::uint64_t cases = 0;   ///< finished cases
   std::uint64_t failed = 0;  ///< finished cases without a response
-  std::vector<ConfigurationBudget> arms;
+  std::vector<ConfigurationBudget> configurations;
   std::vector<Proof> proofs;
   std::vector<SweepResult> sweeps;
   std::vector<std::string> warnings;

@@ -38,7 +38,7 @@ Study coefficient_study(Study study) {
     input.distribution.spread = spread;
     inputs.push_back(std::move(input));
   };
-  for (const Unidentified& coefficient : study.unidentified) {
+  for (const UnidentifiedCoefficient& coefficient : study.unidentified) {
     add(coefficient.number, coefficient.spread > 0.0 ? coefficient.spread : 1.0);
     for (const auto& [number, amount] : coefficient.hidden_by)
       if (std::ranges::find(study.inputs, number, &Input::number) != study.inputs.end())
@@ -52,7 +52,7 @@ Study coefficient_study(Study study) {
 
 /// Returns the change of the map by one standard deviation of a coefficient, mm. The coefficients
 /// of the belief that hide it change in the opposite direction, as in an identification.
-Eigen::VectorXd coefficient_change(const Unidentified& number, const Study& probe,
+Eigen::VectorXd coefficient_change(const UnidentifiedCoefficient& number, const Study& probe,
                                    const Eigen::MatrixXd& effects) {
   Eigen::VectorXd change = Eigen::VectorXd::Zero(effects.cols());
   const auto add = [&](const std::string& name, double amount) {
@@ -79,13 +79,13 @@ cutting::Surface surface_of_change(const InfluenceMap& influence, const Eigen::V
 std::vector<UnidentifiedEffect> unidentified_effects(const Study& study,
                                                      const PreparedConfiguration& ready,
                                                      const Progress& progress) {
-  if (study.unidentified.empty() || ready.commanded_for_each) return {};
+  if (study.unidentified.empty() || ready.needs_commands_per_case) return {};
   const Study probe = coefficient_study(study);
   std::vector<UnidentifiedEffect> result;
   try {
     const InfluenceMap influence = influence_map(probe, ready, progress);
     const Eigen::MatrixXd input_effects = effects(influence);
-    for (const Unidentified& number : study.unidentified) {
+    for (const UnidentifiedCoefficient& number : study.unidentified) {
       const cutting::Surface changed_surface =
           surface_of_change(influence, coefficient_change(number, probe, input_effects));
       const cutting::Surface aligned_surface =
@@ -116,14 +116,15 @@ std::string unidentified_warning(const Study& study, const ConfigurationBudget& 
   const std::string advice =
       "(unidentified = { EY0A_um = 20 } or \"typical\" in [[inputs]] draws it)";
   if (effects.empty() && arm.unidentified.empty() &&
-      std::ranges::any_of(study.unidentified,
-                          [](const Unidentified& coefficient) { return !coefficient.is_drawn; }))
+      std::ranges::any_of(study.unidentified, [](const UnidentifiedCoefficient& coefficient) {
+        return !coefficient.is_drawn;
+      }))
     return fmt::format(
         "every figure of {} leaves out {} numbers that were not identified and have no prior {}",
         arm.arm.name,
         std::ranges::count_if(
             study.unidentified,
-            [](const Unidentified& coefficient) { return !coefficient.is_drawn; }),
+            [](const UnidentifiedCoefficient& coefficient) { return !coefficient.is_drawn; }),
         advice);
   if (std::sqrt(squared_sum) < min_reported) return "";
   std::ranges::stable_sort(effects, std::greater<>(), &UnidentifiedEffect::rms);
@@ -211,7 +212,7 @@ void add_monte_carlo(const Study& study, const Eigen::VectorXd& responses,
   for (const auto& [response, limit] : study.limits) {
     if (response != budget.response) continue;
     budget.limit = limit;
-    budget.capability = cpk(responses, limit);
+    budget.capability = process_capability(responses, limit);
     budget.fraction_within = fraction_below(responses, limit);
   }
   const Correlations correlations_of_inputs = correlations(inputs, responses);
@@ -246,7 +247,7 @@ DrawnCases cases_with_responses(const Study& study, const Plan& plan, const Bloc
   DrawnCases cases;
   for (Index i = 0; i < values.size(); ++i)
     if (std::isfinite(values[i])) cases.which.push_back(i);
-  const Eigen::MatrixXd x = inputs_of(study, plan, block.first, block.first + block.count);
+  const Eigen::MatrixXd x = case_inputs(study, plan, block.first, block.first + block.count);
   cases.inputs = x(Eigen::all, cases.which);
   return cases;
 }
@@ -296,12 +297,12 @@ std::vector<Proof> proofs(const Study& study, const RowsByAnalysis& rows_by_anal
   const Block* linear_block = rows_by_analysis.find(Block::Kind::MonteCarlo);
   std::vector<Proof> result;
   if (!full_block || !linear_block) return result;
-  for (std::size_t arm = 0; arm < study.arms.size(); ++arm)
+  for (std::size_t arm = 0; arm < study.configurations.size(); ++arm)
     for (std::size_t r = 0; r < study.responses.size(); ++r) {
       const std::size_t column = response_column(study, arm, r);
       const Eigen::VectorXd full = rows_by_analysis.column(*full_block, column);
       Proof proof;
-      proof.arm = study.arms[arm].name;
+      proof.arm = study.configurations[arm].name;
       proof.response = study.responses[r];
       result.push_back(engine_proof(
           full, rows_by_analysis.column(*linear_block, column).head(full.size()), proof));
@@ -315,7 +316,7 @@ std::vector<SweepResult> sweep_results(const Study& study, const Plan& plan,
   for (const Block& block : plan.blocks) {
     if (block.kind != Block::Kind::Sweep) continue;
     SweepResult result{block.sweep, {}};
-    for (std::size_t arm = 0; arm < study.arms.size(); ++arm) {
+    for (std::size_t arm = 0; arm < study.configurations.size(); ++arm) {
       result.answers.emplace_back();
       for (std::size_t r = 0; r < study.responses.size(); ++r)
         result.answers.back().push_back(
@@ -335,7 +336,7 @@ void add_maps(const Study& study, const InfluenceMap& influence, ConfigurationBu
   for (Index i = 0; i < mean.size(); ++i)
     mean[i] = moments(study.inputs[std::size_t(i)].distribution).mean;
   const Eigen::VectorXd mean_map = maps(influence, mean).col(0) - influence.error_free;
-  const Eigen::MatrixXd S = covariance_of(study);
+  const Eigen::MatrixXd S = input_covariance(study);
   Eigen::MatrixXd square = Eigen::MatrixXd::Zero(S.rows(), S.cols());
   Eigen::VectorXd min_effect =
       Eigen::VectorXd::Constant(S.rows(), std::numeric_limits<double>::max());
@@ -405,11 +406,12 @@ void add_influence(const PreparedStudy& ready, std::size_t arm, ConfigurationBud
   add_maps(study, influence, budget);
   if (study.worst_case)
     for (ResponseBudget& response : budget.responses) {
-      const Corner corner = worst_corner(study, ready.arms[arm], influence, response.response);
+      const Corner corner =
+          worst_corner(study, ready.configurations[arm], influence, response.response);
       response.worst = corner.response;
       response.worst_bound = optional_if_finite(corner.bound);
     }
-  if (study.tolerance) budget.allocation = allocation(study, ready.arms[arm], influence);
+  if (study.tolerance) budget.allocation = allocation(study, ready.configurations[arm], influence);
 }
 
 /// Adds a warning for every kind of failed case. Cases of a kind have the same message up to
@@ -438,7 +440,7 @@ void add_failed_case_warnings(const std::vector<Row>& rows, Budget& budget) {
 /// Adds warnings about unreliable influence maps and about area without figures.
 void add_warnings(Budget& budget) {
   constexpr double max_flagged = 2.0, max_difference = 5.0;  // percent
-  for (const ConfigurationBudget& arm : budget.arms) {
+  for (const ConfigurationBudget& arm : budget.configurations) {
     if (arm.flagged_percent && *arm.flagged_percent > max_flagged)
       budget.warnings.push_back(fmt::format(
           "influence maps of {} fail on {:.3g} % of the area: its figures are not to be "
@@ -473,13 +475,13 @@ Budget compute_budget(const Study& study, const Plan& plan, const std::vector<Ro
   budget.cases = rows.size();
   add_failed_case_warnings(rows, budget);
   const RowsByAnalysis rows_by_analysis(plan, rows);
-  for (std::size_t arm = 0; arm < study.arms.size(); ++arm) {
+  for (std::size_t arm = 0; arm < study.configurations.size(); ++arm) {
     ConfigurationBudget arm_budget;
-    arm_budget.arm = study.arms[arm];
+    arm_budget.arm = study.configurations[arm];
     for (std::size_t r = 0; r < study.responses.size() && !study.inputs.empty(); ++r)
       arm_budget.responses.push_back(response_budget(
           study, plan, rows_by_analysis, response_column(study, arm, r), study.responses[r]));
-    budget.arms.push_back(std::move(arm_budget));
+    budget.configurations.push_back(std::move(arm_budget));
   }
   budget.proofs = proofs(study, rows_by_analysis);
   budget.sweeps = sweep_results(study, plan, rows_by_analysis);
@@ -490,17 +492,19 @@ Budget compute_budget(const PreparedStudy& ready, const std::vector<Row>& rows,
                       const Progress& progress) {
   const Study& study = ready.study;
   Budget budget = compute_budget(study, ready.plan, rows);
-  for (std::size_t arm = 0; arm < ready.arms.size(); ++arm) {
-    if (progress) progress("budget", double(arm) / double(ready.arms.size()));
+  for (std::size_t arm = 0; arm < ready.configurations.size(); ++arm) {
+    if (progress) progress("budget", double(arm) / double(ready.configurations.size()));
     if (!ready.influences.empty())
-      add_influence(ready, arm, budget.arms[arm]);
-    else if (const auto status = centre_statuses(study, ready.arms[arm]))
-      add_uncut_and_gouged(*status, ready.arms[arm].job.design_w.area, budget.arms[arm]);
-    budget.arms[arm].unidentified = unidentified_effects(study, ready.arms[arm]);
-    if (std::string text = unidentified_warning(study, budget.arms[arm]); !text.empty())
+      add_influence(ready, arm, budget.configurations[arm]);
+    else if (const auto status = centre_statuses(study, ready.configurations[arm]))
+      add_uncut_and_gouged(*status, ready.configurations[arm].job.design_w.area,
+                           budget.configurations[arm]);
+    budget.configurations[arm].unidentified =
+        unidentified_effects(study, ready.configurations[arm]);
+    if (std::string text = unidentified_warning(study, budget.configurations[arm]); !text.empty())
       budget.warnings.push_back(std::move(text));
   }
-  for (const PreparedConfiguration& arm : ready.arms)
+  for (const PreparedConfiguration& arm : ready.configurations)
     for (const std::string& warning : arm.job.warnings)
       // Configurations that share a program share its warnings.
       if (std::ranges::find(budget.warnings, warning) == budget.warnings.end())

@@ -24,7 +24,7 @@ constexpr std::size_t max_panels = 12;
 constexpr std::size_t max_configurations = 24;  // curves in one distribution
 
 std::string axis_text(Response response) {
-  return title_of(response) + " / " + shown_unit(response);
+  return response_title(response) + " / " + display_unit(response);
 }
 
 /// Writes pictures to a folder under unique names, each through a temporary file.
@@ -34,7 +34,7 @@ class Album {
 
   template <typename Write>
   void add(const std::vector<std::string>& name, const Write& write) {
-    write_file(folder_ / (names_.unused(name) + ".png"),
+    write_file(folder_ / (names_.unique_name(name) + ".png"),
                [&](const std::filesystem::path& temporary) { write(temporary); });
   }
 
@@ -47,10 +47,10 @@ constexpr std::size_t max_letters = 44;        // characters of a name beside a 
 constexpr std::size_t max_title_letters = 34;  // characters above a small panel
 
 std::string input_name(const Budget& budget, int input, std::size_t max_length = max_letters) {
-  return short_line(budget.study.inputs[std::size_t(input)].name, max_length);
+  return shortened_line(budget.study.inputs[std::size_t(input)].name, max_length);
 }
 std::string configuration_name(const ConfigurationBudget& arm) {
-  return short_line(arm.arm.name, max_letters);
+  return shortened_line(arm.arm.name, max_letters);
 }
 
 std::string share_text(double share) {
@@ -76,7 +76,7 @@ void write_pareto(Album& album, const Budget& budget, const ConfigurationBudget&
   std::string subject = "map";
   if (order.basis == Ranking::Basis::None && !arm.responses.empty()) {
     order = ranking(arm.responses.front(), budget.study.inputs.size());
-    subject = title_of(arm.responses.front().response);
+    subject = response_title(arm.responses.front().response);
   }
   if (order.basis == Ranking::Basis::None || !(order.weights.sum() > 0.0)) return;
   std::vector<render::Bar> bars;
@@ -113,7 +113,7 @@ std::string omitted_text(const Ranking& ranking, Response response) {
   return fmt::format(
       "{} inputs are left out: together {} {} root-sum-square, {} {} in sum",
       ranking.order.size() - max_bars, render::figure(in_unit(response, std::sqrt(squared_sum))),
-      shown_unit(response), render::figure(in_unit(response, sum)), shown_unit(response));
+      display_unit(response), render::figure(in_unit(response, sum)), display_unit(response));
 }
 
 std::string totals_caption(const ResponseBudget& response) {
@@ -122,7 +122,7 @@ std::string totals_caption(const ResponseBudget& response) {
     if (value)
       text += fmt::format("{}{} {} {}", text.empty() ? "" : "  ·  ", name,
                           render::figure(in_unit(response.response, *value)),
-                          shown_unit(response.response));
+                          display_unit(response.response));
   };
   add("base", response.base);
   add("root-sum-square", response.root_sum_square);
@@ -147,15 +147,15 @@ void write_tornado(Album& album, const Budget& budget, const ConfigurationBudget
       return value ? in_unit(response.response, *value) : std::nan("");
     };
     render::Bar bar{input_name(budget, contribution->input), display_value(contribution->low)};
-    bar.other = display_value(contribution->high);
+    bar.second_value = display_value(contribution->high);
     bars.push_back(bar);
   }
   const double step = budget.study.one_at_a_time ? budget.study.one_at_a_time->step : 1.0;
   render::BarsOptions options;
   options.title = fmt::format("{}: {}, one input at a time", configuration_name(arm),
-                              title_of(response.response));
-  options.x_label = fmt::format("change of {} against the base / {}", title_of(response.response),
-                                shown_unit(response.response));
+                              response_title(response.response));
+  options.x_label = fmt::format("change of {} against the base / {}",
+                                response_title(response.response), display_unit(response.response));
   options.legend = {fmt::format("centre − {:g} std. dev.", step),
                     fmt::format("centre + {:g} std. dev.", step)};
   options.caption.push_back(totals_caption(response));
@@ -182,7 +182,7 @@ render::Series index_series(const IndexConvergence& convergence, std::size_t inp
     series.lower[i] = std::max(estimate.low, -0.5);
     series.upper[i] = std::min(estimate.high, 1.5);
   }
-  series.mark = render::Mark::LineAndPoints;
+  series.curve_style = render::CurveStyle::LineAndPoints;
   return series;
 }
 
@@ -206,7 +206,7 @@ void write_indices(Album& album, const Budget& budget, const ConfigurationBudget
   }
   render::GridOptions options;
   options.title = fmt::format("{}: Sobol indices of {} over the base points",
-                              configuration_name(arm), title_of(response.response));
+                              configuration_name(arm), response_title(response.response));
   options.common_y = true;
   options.caption = {
       "share of the variance that an input makes alone, and with all its "
@@ -251,27 +251,28 @@ render::DistributionSeries distribution_series(const ConfigurationBudget& arm,
 void write_distribution(Album& album, const Budget& budget, Response response) {
   std::vector<render::DistributionSeries> series;
   render::DistributionOptions options;
-  std::size_t arms = 0;
-  for (const ConfigurationBudget& arm : budget.arms)
+  std::size_t configurations = 0;
+  for (const ConfigurationBudget& arm : budget.configurations)
     for (const ResponseBudget& response_budget : arm.responses) {
       if (response_budget.response != response || response_budget.values.size() == 0 ||
-          ++arms > max_configurations)
+          ++configurations > max_configurations)
         continue;
       series.push_back(distribution_series(arm, response_budget));
       if (response_budget.limit) options.limit = in_unit(response, *response_budget.limit);
     }
   if (series.empty()) return;
-  const std::string unit = shown_unit(response);
-  options.title =
-      fmt::format("{}: {} of random machines", one_line(budget.study.title), title_of(response));
+  const std::string unit = display_unit(response);
+  options.title = fmt::format("{}: {} of random machines", one_line(budget.study.title),
+                              response_title(response));
   options.x_label = axis_text(response);
   options.unit = unit;
-  options.heads = {"mean / " + unit, "std. dev.", "P95 / " + unit, "within / %", "Cpk"};
+  options.headings = {"mean / " + unit, "std. dev.", "P95 / " + unit, "within / %", "Cpk"};
   if (options.limit)
     options.limit_label = fmt::format("limit {} {}", render::figure(*options.limit), unit);
   options.caption = {"brackets hold the truth with 95 % confidence"};
-  if (arms > max_configurations)
-    options.caption.push_back(fmt::format("{} more arms are left out", arms - max_configurations));
+  if (configurations > max_configurations)
+    options.caption.push_back(
+        fmt::format("{} more arms are left out", configurations - max_configurations));
   album.add({"distribution", name_of(response)},
             [&](const auto& file) { render::write_distribution(file, series, options); });
 }
@@ -304,7 +305,7 @@ void write_correlation(Album& album, const Budget& budget, const ConfigurationBu
     correlations.conservativeResize(Eigen::NoChange, correlations.cols() + 2);
     correlations.rightCols(2) = significant_correlations(response, inputs);
     for (const char* kind : {"linear", "rank"})
-      map.columns.push_back(title_of(response.response) + ", " + kind);
+      map.columns.push_back(response_title(response.response) + ", " + kind);
     min_correlation = std::max(min_correlation, chance_correlation(response));
   }
   std::vector<int> order;
@@ -322,7 +323,7 @@ void write_correlation(Album& album, const Budget& budget, const ConfigurationBu
   for (const int i : order) map.rows.push_back(input_name(budget, i));
   map.values = correlations(order, Eigen::all);
   render::HeatMapOptions options;
-  options.title = short_line(arm.arm.name, max_title_letters) + ": correlations";
+  options.title = shortened_line(arm.arm.name, max_title_letters) + ": correlations";
   options.value_label = "correlation";
   options.range = 1.0;
   options.decimals = 2;
@@ -340,8 +341,8 @@ void write_correlation(Album& album, const Budget& budget, const ConfigurationBu
 
 /// Returns the label of an input with its unit: "EXX, factor", "thermal.link.3 / W_per_K".
 std::string axis_text(const Input& input) {
-  const std::string name = short_line(input.name, max_letters);
-  return name + (input.element.empty() ? "" : ", factor") + " / " + shown_unit(unit_of(input));
+  const std::string name = shortened_line(input.name, max_letters);
+  return name + (input.element.empty() ? "" : ", factor") + " / " + display_unit(unit_of(input));
 }
 
 void write_sweep(Album& album, const Budget& budget, const SweepResult& result) {
@@ -350,15 +351,19 @@ void write_sweep(Album& album, const Budget& budget, const SweepResult& result) 
   const Input& input = study.inputs[std::size_t(sweep.input)];
   std::vector<render::Panel> panels;
   for (std::size_t r = 0; r < study.responses.size(); ++r) {
-    render::Panel panel{
-        title_of(study.responses[r]), axis_text(input), axis_text(study.responses[r]), {}, {}, {}};
+    render::Panel panel{response_title(study.responses[r]),
+                        axis_text(input),
+                        axis_text(study.responses[r]),
+                        {},
+                        {},
+                        {}};
     for (std::size_t a = 0; a < result.answers.size(); ++a) {
       render::Series curve;
-      curve.name = short_line(study.arms[a].name, max_letters);
+      curve.name = shortened_line(study.configurations[a].name, max_letters);
       curve.x = sweep.values;
       curve.y = result.answers[a][r].unaryExpr(
           [&](double value) { return in_unit(study.responses[r], value); });
-      curve.mark = render::Mark::LineAndPoints;
+      curve.curve_style = render::CurveStyle::LineAndPoints;
       panel.series.push_back(curve);
     }
     panels.push_back(panel);
@@ -375,8 +380,8 @@ void write_sweep(Album& album, const Budget& budget, const SweepResult& result) 
 void write_pictures(const ResultFolder& folder, const Budget& budget, const Progress& progress) {
   Album album(folder);
   double finished = 0.0;
-  for (const ConfigurationBudget& arm : budget.arms) {
-    if (progress) progress("budget", finished++ / double(budget.arms.size() + 1));
+  for (const ConfigurationBudget& arm : budget.configurations) {
+    if (progress) progress("budget", finished++ / double(budget.configurations.size() + 1));
     write_pareto(album, budget, arm);
     for (const ResponseBudget& response_budget : arm.responses) {
       write_tornado(album, budget, arm, response_budget);

@@ -25,9 +25,9 @@ struct ReportText {
   TextStyle style;
   std::vector<UnitSize> units = {};  ///< (inputs)
 
-  std::string name(const std::string& text) const { return plain(style, text); }
+  std::string name(const std::string& text) const { return user_text(style, text); }
   std::string name(int input) const { return name(study.inputs[std::size_t(input)].name); }
-  std::string bold(const std::string& text) const { return strong(style, text); }
+  std::string bold(const std::string& text) const { return bold_text(style, text); }
   std::string table_text(const TextTable& rows) const { return table(style, rows); }
 };
 
@@ -67,7 +67,7 @@ std::string machines_text(const IntervalEstimate& estimate) {
 /// it is the error itself, factor times value; for that of an error motion, which is a curve, it is
 /// the factor.
 UnitSize unit_size(const Input& input, const Scene& scene) {
-  const UnitSize input_unit{1.0, shown_unit(input.unit)};
+  const UnitSize input_unit{1.0, display_unit(input.unit)};
   if (input.element.empty()) return input_unit;
   for (const errors::Element& element : scene.geometric.elements) {
     if (errors::to_string(element.name) != input.element || !element.name.location) continue;
@@ -79,15 +79,15 @@ UnitSize unit_size(const Input& input, const Scene& scene) {
     }
     const bool is_angle = element.name.is_angle();
     return {std::abs(scene.error_scale * value) / (is_angle ? units::urad : units::um),
-            shown_unit(is_angle ? "urad" : "um")};
+            display_unit(is_angle ? "urad" : "um")};
   }
   return {1.0, "× " + input.element};
 }
 
 std::vector<UnitSize> unit_sizes(const Budget& budget) {
   const Study& study = budget.study;
-  const bool has_scene = study.scene_tree != nullptr && !study.arms.empty();
-  const Scene scene = has_scene ? scene_of(study, study.arms.front()) : Scene{};
+  const bool has_scene = study.scene_tree != nullptr && !study.configurations.empty();
+  const Scene scene = has_scene ? base_scene(study, study.configurations.front()) : Scene{};
   std::vector<UnitSize> sizes;
   for (const Input& input : study.inputs) sizes.push_back(unit_size(input, scene));
   return sizes;
@@ -102,7 +102,7 @@ double in_input_unit(const ReportText& report, int input, double value) {
 }
 
 std::string with_unit(Response response, double value) {
-  return figure(in_unit(response, value)) + " " + shown_unit(response);
+  return figure(in_unit(response, value)) + " " + display_unit(response);
 }
 
 std::string band_text(Response response, const IntervalEstimate& estimate) {
@@ -118,16 +118,18 @@ std::string totals_table(const ReportText& report, const ConfigurationBudget& ar
     const auto value_text = [&](const std::optional<double>& value) {
       return value ? figure(in_unit(response.response, *value)) : std::string();
     };
-    const auto statistic_text = [&](const IntervalEstimate Answers::*what) {
+    const auto statistic_text = [&](const IntervalEstimate ResponseStatistics::*what) {
       return response.answers ? band_text(response.response, (*response.answers).*what)
                               : std::string();
     };
     table.rows.push_back(
-        {title_of(response.response) + ", " + shown_unit(response.response),
+        {response_title(response.response) + ", " + display_unit(response.response),
          value_text(response.base), value_text(response.root_sum_square), value_text(response.sum),
          value_text(response.worst), value_text(response.worst_bound),
-         statistic_text(&Answers::mean), statistic_text(&Answers::standard_deviation),
-         statistic_text(&Answers::p95), statistic_text(&Answers::p99), value_text(response.limit),
+         statistic_text(&ResponseStatistics::mean),
+         statistic_text(&ResponseStatistics::standard_deviation),
+         statistic_text(&ResponseStatistics::p95), statistic_text(&ResponseStatistics::p99),
+         value_text(response.limit),
          response.fraction_within ? machines_text(*response.fraction_within) : "",
          response.capability ? two_decimals(*response.capability) : ""});
   }
@@ -219,7 +221,7 @@ std::string dominance_line(const ReportText& report, const std::string& subject,
 std::string dominant_inputs_text(const ReportText& report, const ConfigurationBudget& arm) {
   std::string text;
   for (const ResponseBudget& response : arm.responses)
-    text += dominance_line(report, title_of(response.response),
+    text += dominance_line(report, response_title(response.response),
                            ranking(response, report.study.inputs.size()));
   text += dominance_line(report, "map", map_ranking(arm, report.study.inputs.size()));
   return text.empty() ? text : "What dominates:\n\n" + text + "\n";
@@ -255,10 +257,11 @@ TextTable input_table(const ConfigurationBudget& arm, const Ranking& order) {
   table.text_columns = 1;
   for (std::size_t r = 0; r < std::min(arm.responses.size(), max_changes); ++r) {
     const Response response = arm.responses[r].response;
-    table.heads.push_back(fmt::format("{} − / +, {}", title_of(response), shown_unit(response)));
+    table.heads.push_back(
+        fmt::format("{} − / +, {}", response_title(response), display_unit(response)));
   }
   const std::string first_response =
-      arm.responses.empty() ? "" : title_of(arm.responses.front().response) + ": ";
+      arm.responses.empty() ? "" : response_title(arm.responses.front().response) + ": ";
   table.heads.insert(
       table.heads.end(),
       {order.basis == Ranking::Basis::Map ? "share" : first_response + "share",
@@ -351,15 +354,16 @@ std::string halving_text(const ReportText& report, const ConfigurationBudget& ar
   const ResponseBudget& response = arm.responses.front();
   const Ranking squares = change_ranking(response, report.study.inputs.size());
   if (squares.basis == Ranking::Basis::None || !(squares.weights.sum() > 0.0)) return "";
-  std::string text = fmt::format("Halving the spread of {} would take the RSS of {} from {} to {}",
-                                 report.name(squares.order.front()), title_of(response.response),
-                                 with_unit(response.response, rss_after_halving(squares, 0)),
-                                 with_unit(response.response, rss_after_halving(squares, 1)));
+  std::string text =
+      fmt::format("Halving the spread of {} would take the RSS of {} from {} to {}",
+                  report.name(squares.order.front()), response_title(response.response),
+                  with_unit(response.response, rss_after_halving(squares, 0)),
+                  with_unit(response.response, rss_after_halving(squares, 1)));
   if (report.study.inputs.size() > 3)
     text += fmt::format(", of the first three to {}",
                         with_unit(response.response, rss_after_halving(squares, 3)));
   return text + fmt::format(", if it is linear. Without any spread {} is {}.\n\n",
-                            title_of(response.response),
+                            response_title(response.response),
                             with_unit(response.response, response.base));
 }
 
@@ -405,7 +409,7 @@ std::string tightening_text(const ReportText& report, const Eigen::VectorXd& fac
 }
 
 std::string allocation_text(const ReportText& report, const Allocation& allocation) {
-  const std::string response = title_of(allocation.asked.response);
+  const std::string response = response_title(allocation.asked.response);
   std::string text =
       fmt::format("{}, for {} ≤ {} in {} of the machines. ", report.bold("What to spend on"),
                   response, with_unit(allocation.asked.response, allocation.asked.limit),
@@ -418,11 +422,11 @@ std::string allocation_text(const ReportText& report, const Allocation& allocati
   for (const Input& input : report.study.inputs) present_cost += input.cost;
   text += fmt::format("- cheapest: cost {} (now {}), within the limit {}\n",
                       figure(allocation.cheapest_cost), figure(present_cost),
-                      machines_text(allocation.cheapest_share));
+                      machines_text(allocation.cheapest_fraction));
   if (allocation.equal.size() > 0)
     text +=
         fmt::format("- every spread × {:.2f}: cost {}, within the limit {}\n", allocation.equal[0],
-                    figure(allocation.equal_cost), machines_text(allocation.equal_share));
+                    figure(allocation.equal_cost), machines_text(allocation.equal_fraction));
   return text + "\n" +
          (allocation.cheapest.size() > 0 ? tightening_text(report, allocation.cheapest) : "");
 }
@@ -440,8 +444,8 @@ std::string configuration_text(const ReportText& report, const Budget& budget,
 std::string summary_sentence(const ReportText& report, const ConfigurationBudget& arm) {
   if (arm.responses.empty()) return "";
   const ResponseBudget& response = arm.responses.front();
-  std::string text =
-      fmt::format("- {}: {}", report.bold(report.name(arm.arm.name)), title_of(response.response));
+  std::string text = fmt::format("- {}: {}", report.bold(report.name(arm.arm.name)),
+                                 response_title(response.response));
   text += response.answers ? " ≤ " + with_unit(response.response, response.answers->p95.value) +
                                  " in 95 % of the machines"
                            : " " + with_unit(response.response, response.base) + " at the centres";
@@ -483,7 +487,7 @@ std::string proofs_text(const ReportText& report, const Budget& budget) {
   TextTable table{{"influence against full cuts", "response", "cases", "differs at most by, %"}};
   table.text_columns = 2;
   for (const Proof& proof : budget.proofs)
-    table.rows.push_back({report.name(proof.arm), title_of(proof.response),
+    table.rows.push_back({report.name(proof.arm), response_title(proof.response),
                           fmt::format("{}", proof.compared),
                           proof.percent ? figure(*proof.percent) : "–"});
   return heading(report.style, 2, "Proof") + report.table_text(table);
@@ -501,10 +505,12 @@ std::string without_trailing_spaces(const std::string& text) {
 std::string make_report(const Budget& budget, TextStyle style) {
   const ReportText report{budget.study, style, unit_sizes(budget)};
   std::string text = heading_text(report, budget);
-  for (const std::string& warning : budget.warnings) text += notice(style, report.name(warning));
-  for (const ConfigurationBudget& arm : budget.arms) text += summary_sentence(report, arm);
-  if (!budget.arms.empty()) text += "\n";
-  for (const ConfigurationBudget& arm : budget.arms)
+  for (const std::string& warning : budget.warnings)
+    text += warning_paragraph(style, report.name(warning));
+  for (const ConfigurationBudget& arm : budget.configurations)
+    text += summary_sentence(report, arm);
+  if (!budget.configurations.empty()) text += "\n";
+  for (const ConfigurationBudget& arm : budget.configurations)
     text += configuration_text(report, budget, arm);
   return without_trailing_spaces(text + proofs_text(report, budget));
 }

@@ -44,7 +44,7 @@ Eigen::MatrixXd one_at_a_time_inputs(const Study& study, std::uint64_t from, std
 
 Eigen::MatrixXd monte_carlo_inputs(const Study& study, std::uint64_t from, std::uint64_t to) {
   const Sequence sequence{study.monte_carlo->sampling, int(study.inputs.size()), study.seed};
-  return drawn(study, points(sequence, from, Eigen::Index(to - from)));
+  return draw_inputs(study, points(sequence, from, Eigen::Index(to - from)));
 }
 
 Eigen::MatrixXd sobol_inputs(const Study& study, std::uint64_t from, std::uint64_t to) {
@@ -58,7 +58,7 @@ Eigen::MatrixXd sobol_inputs(const Study& study, std::uint64_t from, std::uint64
   for (std::uint64_t k = from; k < to; ++k)
     u.col(Eigen::Index(k - from)) =
         sobol_column(base.col(Eigen::Index(k / columns - first)), int(k % columns));
-  return drawn(study, u);
+  return draw_inputs(study, u);
 }
 
 Eigen::MatrixXd sweep_inputs(const Study& study, const Sweep& sweep, std::uint64_t from,
@@ -69,8 +69,8 @@ Eigen::MatrixXd sweep_inputs(const Study& study, const Sweep& sweep, std::uint64
   return x;
 }
 
-Eigen::MatrixXd inputs_of(const Study& study, const Block& block, std::uint64_t from,
-                          std::uint64_t to) {
+Eigen::MatrixXd case_inputs(const Study& study, const Block& block, std::uint64_t from,
+                            std::uint64_t to) {
   switch (block.kind) {
     case Block::Kind::Base:
       return centre(study);
@@ -107,7 +107,7 @@ const char* name_of(Block::Kind kind) {
   return "";
 }
 
-Plan plan_of(const Study& study) {
+Plan make_plan(const Study& study) {
   Plan plan;
   // The order of the blocks sets the numbers of the cases, so it must never depend on results.
   const bool is_full_engine = study.engine == Engine::Full;
@@ -129,33 +129,33 @@ Plan plan_of(const Study& study) {
   return plan;
 }
 
-const Block& block_of(const Plan& plan, std::uint64_t index) {
+const Block& find_block(const Plan& plan, std::uint64_t index) {
   const auto next_block =
       std::upper_bound(plan.blocks.begin(), plan.blocks.end(), index,
                        [](std::uint64_t i, const Block& block) { return i < block.first; });
   return *(next_block - 1);
 }
 
-Eigen::MatrixXd inputs_of(const Study& study, const Plan& plan, std::uint64_t first,
-                          std::uint64_t last) {
+Eigen::MatrixXd case_inputs(const Study& study, const Plan& plan, std::uint64_t first,
+                            std::uint64_t last) {
   Eigen::MatrixXd x(Eigen::Index(study.inputs.size()), Eigen::Index(last - first));
   for (std::uint64_t case_number = first; case_number < last;) {
-    const Block& block = block_of(plan, case_number);
+    const Block& block = find_block(plan, case_number);
     const std::uint64_t end = std::min(last, block.first + block.count);
     x.middleCols(Eigen::Index(case_number - first), Eigen::Index(end - case_number)) =
-        inputs_of(study, block, case_number - block.first, end - block.first);
+        case_inputs(study, block, case_number - block.first, end - block.first);
     case_number = end;
   }
   return x;
 }
 
-Eigen::MatrixXd drawn(const Study& study, const Eigen::MatrixXd& u) {
+Eigen::MatrixXd draw_inputs(const Study& study, const Eigen::MatrixXd& u) {
   std::vector<Distribution> marginals;
   for (const Input& input : study.inputs) marginals.push_back(input.distribution);
   return values(study.copula, marginals, u);
 }
 
-std::vector<Batch> batches_of(const Plan& plan) {
+std::vector<Batch> make_batches(const Plan& plan) {
   std::vector<Batch> batches;
   for (const Block& block : plan.blocks) {
     const std::uint64_t step = block.full ? 1 : cases_per_batch;
@@ -194,7 +194,7 @@ class JobPool {
 };
 
 std::vector<Row> empty_rows(const PreparedStudy& ready, const Batch& batch) {
-  const std::size_t columns = ready.study.arms.size() * ready.study.responses.size();
+  const std::size_t columns = ready.study.configurations.size() * ready.study.responses.size();
   std::vector<Row> rows;
   for (std::uint64_t i = batch.first; i < batch.last; ++i)
     rows.push_back({i, std::vector<double>(columns, std::numeric_limits<double>::quiet_NaN()), ""});
@@ -204,7 +204,7 @@ std::vector<Row> empty_rows(const PreparedStudy& ready, const Batch& batch) {
 void enter_responses(const PreparedStudy& ready, std::size_t arm, const Eigen::VectorXd& values,
                      Row& row) {
   for (std::size_t i = 0; i < ready.study.responses.size(); ++i)
-    row.answers[response_column(ready.study, arm, i)] = values[Eigen::Index(i)];
+    row.response_values[response_column(ready.study, arm, i)] = values[Eigen::Index(i)];
 }
 
 /// Returns the reason why a map with gouges has no response: the figures would leave out its worst
@@ -223,19 +223,19 @@ std::string missing_response_reason(const cutting::Surface& surface, double band
 }
 
 void add_failure(Row& row, const PreparedStudy& ready, std::size_t arm, const std::string& reason) {
-  row.fault += (row.fault.empty() ? "" : "; ") + ready.arms[arm].arm.name + ": " + reason;
+  row.fault += (row.fault.empty() ? "" : "; ") + ready.configurations[arm].arm.name + ": " + reason;
 }
 
 /// Cuts every case of the batch in full.
 std::vector<Row> cut_batch(const PreparedStudy& ready, JobPool& pool, const Batch& batch) {
   std::vector<Row> rows = empty_rows(ready, batch);
-  const Eigen::MatrixXd x = inputs_of(ready.study, ready.plan, batch.first, batch.last);
+  const Eigen::MatrixXd x = case_inputs(ready.study, ready.plan, batch.first, batch.last);
   for (std::size_t i = 0; i < rows.size(); ++i)
-    for (std::size_t arm = 0; arm < ready.arms.size(); ++arm) {
+    for (std::size_t arm = 0; arm < ready.configurations.size(); ++arm) {
       stop_if_interrupted();
       try {
-        Tried machine = cut_at(ready.study, ready.arms[arm], pool.take(ready.arms[arm], arm),
-                               x.col(Eigen::Index(i)));
+        CutCase machine = cut_at(ready.study, ready.configurations[arm],
+                                 pool.take(ready.configurations[arm], arm), x.col(Eigen::Index(i)));
         const std::string reason = missing_response_reason(machine.surface, machine.job.scene.band);
         if (reason.empty())
           enter_responses(ready, arm, machine.responses, rows[i]);
@@ -256,16 +256,17 @@ std::vector<Row> cut_batch(const PreparedStudy& ready, JobPool& pool, const Batc
 std::vector<Row> estimate_batch(const PreparedStudy& ready, const Batch& batch) {
   stop_if_interrupted();
   std::vector<Row> rows = empty_rows(ready, batch);
-  const Eigen::MatrixXd x = inputs_of(ready.study, ready.plan, batch.first, batch.last);
-  for (std::size_t arm = 0; arm < ready.arms.size(); ++arm) {
+  const Eigen::MatrixXd x = case_inputs(ready.study, ready.plan, batch.first, batch.last);
+  for (std::size_t arm = 0; arm < ready.configurations.size(); ++arm) {
     const std::size_t gouges = gouge_count(ready.influences[arm]);
     if (gouges > 0) {
       for (Row& row : rows)
-        add_failure(row, ready, arm, gouge_message(gouges, ready.arms[arm].job.scene.band));
+        add_failure(row, ready, arm,
+                    gouge_message(gouges, ready.configurations[arm].job.scene.band));
       continue;
     }
     const Eigen::MatrixXd values =
-        responses(ready.study, ready.arms[arm], ready.influences[arm], x);
+        responses(ready.study, ready.configurations[arm], ready.influences[arm], x);
     for (std::size_t i = 0; i < rows.size(); ++i)
       enter_responses(ready, arm, values.col(Eigen::Index(i)), rows[i]);
   }
@@ -275,12 +276,12 @@ std::vector<Row> estimate_batch(const PreparedStudy& ready, const Batch& batch) 
 }  // namespace
 
 PreparedStudy prepare_study(const Study& study, const Progress& progress) {
-  PreparedStudy ready{study, plan_of(study), {}, {}};
+  PreparedStudy ready{study, make_plan(study), {}, {}};
   if (study.inputs.empty()) return ready;
-  for (const Configuration& arm : study.arms)
-    ready.arms.push_back(prepare_configuration(study, arm, progress));
+  for (const Configuration& arm : study.configurations)
+    ready.configurations.push_back(prepare_configuration(study, arm, progress));
   if (study.engine != Engine::Full)
-    for (const PreparedConfiguration& arm : ready.arms)
+    for (const PreparedConfiguration& arm : ready.configurations)
       ready.influences.push_back(influence_map(study, arm, progress));
   return ready;
 }
@@ -288,8 +289,8 @@ PreparedStudy prepare_study(const Study& study, const Progress& progress) {
 ComputeBatch batch_computation(const PreparedStudy& ready) {
   const auto pool = std::make_shared<JobPool>();
   return [&ready, pool](const Batch& batch) {
-    return block_of(ready.plan, batch.first).full ? cut_batch(ready, *pool, batch)
-                                                  : estimate_batch(ready, batch);
+    return find_block(ready.plan, batch.first).full ? cut_batch(ready, *pool, batch)
+                                                    : estimate_batch(ready, batch);
   };
 }
 

@@ -29,30 +29,30 @@ struct Plan {
 };
 /// Returns the plan of a study. Its order must never change, because it numbers the cases in
 /// journals.
-Plan plan_of(const Study& study);
+Plan make_plan(const Study& study);
 
 /// Returns the block that contains a case.
 /// @param index  below plan.cases
-const Block& block_of(const Plan& plan, std::uint64_t index);
+const Block& find_block(const Plan& plan, std::uint64_t index);
 
 /// Returns the values of the inputs for points of the unit cube, correlated by the copula of a
 /// study.
 /// @param u  (inputs x cases)
-Eigen::MatrixXd drawn(const Study& study, const Eigen::MatrixXd& u);
+Eigen::MatrixXd draw_inputs(const Study& study, const Eigen::MatrixXd& u);
 
 /// Returns the inputs of the cases first .. last - 1. (inputs x cases)
-Eigen::MatrixXd inputs_of(const Study& study, const Plan& plan, std::uint64_t first,
-                          std::uint64_t last);
+Eigen::MatrixXd case_inputs(const Study& study, const Plan& plan, std::uint64_t first,
+                            std::uint64_t last);
 
 /// Divides the plan into batches that are always computed whole: 72 cases from influence maps, or
 /// one case that is cut.
-std::vector<Batch> batches_of(const Plan& plan);
+std::vector<Batch> make_batches(const Plan& plan);
 
 /// A study with everything that its cases need. Immutable after its preparation.
 struct PreparedStudy {
   Study study;
   Plan plan;
-  std::vector<PreparedConfiguration> arms;
+  std::vector<PreparedConfiguration> configurations;
   std::vector<InfluenceMap> influences;  ///< (configurations), empty with the full engine
 };
 

@@ -87,7 +87,7 @@ bool is_in_belief(const std::string& number, const Study& study, const Scene& sc
     return errors::name_of(coefficient, belief.elements) == number;
   };
   return std::ranges::any_of(belief.covariance.of, is_same_number) ||
-         std::ranges::find(study.unidentified, number, &Unidentified::number) !=
+         std::ranges::find(study.unidentified, number, &UnidentifiedCoefficient::number) !=
              study.unidentified.end();
 }
 
@@ -160,12 +160,12 @@ void add_centre_warning(const Input& input, const Scene& scene,
 /// Returns the error element that an input changes, such as "EC0Y"; empty if it changes none.
 std::string changed_element(const Input& input) {
   if (!input.element.empty()) return input.element;
-  if (!input.number.empty()) return errors::identification::element_of_number(input.number);
+  if (!input.number.empty()) return errors::identification::coefficient_element(input.number);
   if (input.settings.empty()) return {};
   const std::string path = path_without_indices(input.settings.front().path), root = "errors.";
   if (!path.starts_with(root)) return {};
   const std::string name = path.substr(root.size(), path.find('.', root.size()) - root.size());
-  return std::string(key_stem(name));
+  return std::string(key_without_unit(name));
 }
 
 /// Adds warnings about elements of which both the factor and a coefficient are inputs, so that
@@ -290,10 +290,11 @@ Job prepare_job(const Study& study, const Configuration& arm, const Scene& base,
   const Scene scene = with_run_out(scene_at(study, arm, base, centre(study)));
   const std::optional<Scene> extreme = extreme_scene(study, arm, base);
   if (!extreme) return prepare(scene, progress);
-  const program::SampleOptions centre_sampling = sample_options(scene, compile(scene));
-  const program::SampleOptions extreme_sampling = sample_options(*extreme, compile(*extreme));
-  const bool is_denser = extreme_sampling.max_spindle_turn < centre_sampling.max_spindle_turn ||
-                         extreme_sampling.max_nose_turn != centre_sampling.max_nose_turn;
+  const program::SampleOptions centre_sampling = sample_options(scene, make_machine(scene));
+  const program::SampleOptions extreme_sampling = sample_options(*extreme, make_machine(*extreme));
+  const bool is_denser =
+      extreme_sampling.max_spindle_turn < centre_sampling.max_spindle_turn ||
+      extreme_sampling.max_tool_spindle_turn != centre_sampling.max_tool_spindle_turn;
   return is_denser ? replace_errors(prepare(*extreme, progress), scene) : prepare(scene, progress);
 }
 
@@ -308,7 +309,7 @@ double response_value(const MapFigures& figures, Response response) {
   const auto form_value = [&](std::optional<double> cutting::Statistics::*figure) {
     return figures.form_texture ? (figures.form_texture->form.*figure).value_or(none) : none;
   };
-  const auto texture_value = [&](double errors::metrology::Areal::*figure) {
+  const auto texture_value = [&](double errors::metrology::ArealParameters::*figure) {
     const bool has_texture = figures.form_texture && figures.form_texture->texture;
     return has_texture ? (*figures.form_texture->texture).*figure : none;
   };
@@ -332,11 +333,11 @@ double response_value(const MapFigures& figures, Response response) {
     case Response::FormRms:
       return form_value(&cutting::Statistics::rms);
     case Response::TextureSa:
-      return texture_value(&errors::metrology::Areal::Sa);
+      return texture_value(&errors::metrology::ArealParameters::Sa);
     case Response::TextureSq:
-      return texture_value(&errors::metrology::Areal::Sq);
+      return texture_value(&errors::metrology::ArealParameters::Sq);
     case Response::TextureSz:
-      return texture_value(&errors::metrology::Areal::Sz);
+      return texture_value(&errors::metrology::ArealParameters::Sz);
   }
   return none;
 }
@@ -375,8 +376,8 @@ std::string unresolved_texture_text(const PreparedConfiguration& ready) {
   // independent values do.
   const double form_error =
       unresolved_rms /
-      std::sqrt(std::max(
-          1.0, cutting::filter_values(ready.job.scene.part.form_cutoff, vertex_count / area)));
+      std::sqrt(std::max(1.0, cutting::effective_value_count(ready.job.scene.part.form_cutoff,
+                                                             vertex_count / area)));
   return fmt::format(
       "form and texture are judged at the part's {} vertices as loaded, about {:.3g} mm apart: "
       "between them the surface of {} is {:.3g} um RMS off a straight line ({:.3g} um at most), "
@@ -390,8 +391,8 @@ std::string unresolved_texture_text(const PreparedConfiguration& ready) {
 
 PreparedConfiguration prepare_configuration(const Study& study, const Configuration& arm,
                                             const Progress& progress) {
-  Scene scene = scene_of(study, arm);
-  Job job = placed(prepare_job(study, arm, scene, progress));
+  Scene scene = base_scene(study, arm);
+  Job job = check_placement(prepare_job(study, arm, scene, progress));
   Commands commanded = commands(arm, job);
   const bool is_commanded_for_each = commands_depend_on_inputs(study, arm, scene);
   cutting::Surface error_free;
@@ -410,8 +411,8 @@ PreparedConfiguration prepare_configuration(const Study& study, const Configurat
   return ready;
 }
 
-Tried cut_at(const Study& study, const PreparedConfiguration& ready, Job job,
-             const Eigen::VectorXd& x) {
+CutCase cut_at(const Study& study, const PreparedConfiguration& ready, Job job,
+               const Eigen::VectorXd& x) {
   const Scene scene = scene_at(study, ready.arm, ready.scene, x);
   // A change of part, program or nominal machine needs a job of its own.
   if (std::any_of(study.inputs.begin(), study.inputs.end(), is_reshaping)) {
@@ -423,8 +424,8 @@ Tried cut_at(const Study& study, const PreparedConfiguration& ready, Job job,
     return {std::move(job), std::move(case_cut.surface), std::move(values)};
   }
   job = replace_errors(std::move(job), scene);
-  Cut case_cut =
-      ready.commanded_for_each ? cut(job, commands(ready.arm, job)) : cut(job, ready.commanded);
+  Cut case_cut = ready.needs_commands_per_case ? cut(job, commands(ready.arm, job))
+                                               : cut(job, ready.commanded);
   Eigen::VectorXd values = responses(study, job, case_cut.surface, ready.error_free);
   return {std::move(job), std::move(case_cut.surface), std::move(values)};
 }

@@ -31,9 +31,9 @@ struct PreparedConfiguration {
   Scene scene;  ///< before any input is set
   Job job;      ///< with all inputs at their centres; sampled densely enough for all their values
   Commands commanded;
-  bool commanded_for_each = false;  ///< true if the commands depend on the inputs and are computed
-                                    ///< for every machine
-  cutting::Surface error_free;      ///< empty unless the study subtracts the error-free map
+  bool needs_commands_per_case = false;  ///< true if the commands depend on the inputs and are
+                                         ///< computed for every machine
+  cutting::Surface error_free;  ///< empty unless the study subtracts the error-free map
 };
 /// Prepares a configuration: its scene, its job sampled for all inputs, its commands.
 /// @throws BadScene, BadInput
@@ -44,7 +44,7 @@ PreparedConfiguration prepare_configuration(const Study& study, const Configurat
 Commands commands(const Configuration& arm, const Job& job);
 
 /// The result of cutting one machine, with the job for reuse by the next.
-struct Tried {
+struct CutCase {
   Job job;
   cutting::Surface surface;   ///< as cut, not aligned
   Eigen::VectorXd responses;  ///< (responses) of the study
@@ -53,8 +53,8 @@ struct Tried {
 /// of the job.
 /// @param job  a copy of the job of the configuration, or the job returned by another call
 /// @throws BadScene, BadInput if that machine cannot cut the program
-Tried cut_at(const Study& study, const PreparedConfiguration& ready, Job job,
-             const Eigen::VectorXd& x);
+CutCase cut_at(const Study& study, const PreparedConfiguration& ready, Job job,
+               const Eigen::VectorXd& x);
 
 /// Returns (responses) the responses of a study, mm or percent, to a map in the alignment of the
 /// scene, minus the error-free map if the study requests that. NaN for a response without a value.

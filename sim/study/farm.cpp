@@ -413,8 +413,8 @@ struct ByteReader {
   Row row() {
     Row row;
     row.index = number();
-    row.answers.resize(count(sizeof(double)));
-    take(row.answers.data(), row.answers.size() * sizeof(double));
+    row.response_values.resize(count(sizeof(double)));
+    take(row.response_values.data(), row.response_values.size() * sizeof(double));
     row.fault.resize(count(1));
     take(row.fault.data(), row.fault.size());
     return row;
@@ -476,8 +476,8 @@ std::string to_bytes(const BatchResult& result) {
   append(bytes, result.rows.size());
   for (const Row& row : result.rows) {
     append(bytes, row.index);
-    append(bytes, row.answers.size());
-    append(bytes, row.answers.data(), row.answers.size() * sizeof(double));
+    append(bytes, row.response_values.size());
+    append(bytes, row.response_values.data(), row.response_values.size() * sizeof(double));
     append(bytes, row.fault.size());
     append(bytes, row.fault.data(), row.fault.size());
   }

@@ -33,7 +33,7 @@ std::string day_text(const std::string& day) {
 }
 
 Scene scene_of_day(const Study& study, const std::string& day) {
-  Scene scene = scene_of(study, {day, day, "uncompensated"});
+  Scene scene = base_scene(study, {day, day, "uncompensated"});
   if (!scene.thermal)
     throw_scene_error(scene, "heat ([thermal]) on every day of [histories]",
                       "none on " + day_text(day));
@@ -78,7 +78,7 @@ std::vector<Readings> day_readings(const Scene& scene, const std::string& day) {
   std::vector<Readings> result;
   for (const InstrumentDescription& instrument : scene.instruments) {
     stop_if_interrupted();
-    result.push_back(read_readings(sim::to_text(measured(scene, instrument)),
+    result.push_back(read_readings(sim::to_text(measure_machine(scene, instrument)),
                                    instrument.instrument.name + ".csv"));
   }
   return result;
@@ -202,7 +202,7 @@ class DayProgress {
 
 }  // namespace
 
-CaseDescription case_of_histories(const Study& study) {
+CaseDescription histories_compensator(const Study& study) {
   // A belief of geometry or force would remove more than the drift and seem better than it is.
   constexpr const char* expected =
       "a case that believes in temperatures alone, such as thermal-iterated-ideal, for "
@@ -222,7 +222,7 @@ std::vector<HistoryResult> histories(const Study& study, const Progress& progres
   if (!study.histories)
     throw BadInput(study.file.string(), 0, 0, "[histories] with train and test days", "none");
   const auto& [train, test, case_name] = *study.histories;
-  const CaseDescription compensator = case_of_histories(study);
+  const CaseDescription compensator = histories_compensator(study);
   // `scene_of_day` reports input errors before anything is cut.
   for (const std::string& day : test) scene_of_day(study, day);
   DayProgress stage(progress, train.size() + test.size() * (train.size() + 1));

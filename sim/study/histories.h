@@ -45,7 +45,7 @@ std::vector<HistoryResult> histories(const Study& study, const Progress& progres
 
 /// Returns the compensator of a study with [histories].
 /// @throws BadInput naming the study if the compensator uses more than a thermal belief
-CaseDescription case_of_histories(const Study& study);
+CaseDescription histories_compensator(const Study& study);
 
 /// Returns a list of objects with lengths in um, and keys that are stable for scripts.
 nlohmann::ordered_json to_json(const std::vector<HistoryResult>& results);

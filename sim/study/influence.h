@@ -29,10 +29,10 @@ struct InfluenceMap {
   Eigen::MatrixXd slope;           ///< (p x m) mm per unit of the input
   Eigen::MatrixXd shift;           ///< (p x m) the same, across the pass
   Eigen::VectorXd centre;          ///< (p) inputs of the base run
-  Eigen::VectorXd doubt;  ///< (n) largest difference from a machine that was cut in full, mm;
-                          ///< infinite where only one of the two is cut
-  double flagged_percent = 0.0;  ///< fraction of the judged area where `doubt` exceeds the limit of
-                                 ///< the study
+  Eigen::VectorXd max_error;  ///< (n) largest difference from a machine that was cut in full, mm;
+                              ///< infinite where only one of the two is cut
+  double flagged_percent = 0.0;  ///< fraction of the judged area where `max_error` exceeds the
+                                 ///< limit of the study
 };
 
 /// Returns true if the base run cuts a vertex, so that the vertex has passes.

@@ -123,7 +123,7 @@ BaseRun base_run(const Study& study, const PreparedConfiguration& ready, const P
   run.T_wt = tool_poses(job, ready.commanded, run.process);
   cutting::CompetingPassOptions options;
   options.reach = study.influence.reach;
-  options.most = study.influence.max_rivals;
+  options.max_passes = study.influence.max_competing_passes;
   options.band = job.scene.band;
   if (progress) options.progress = [&](double fraction) { progress("rivals", fraction); };
   const program::Samples& samples = ready.commanded.samples;
@@ -168,7 +168,7 @@ std::vector<std::size_t> competing_pass_samples(const BaseRun& run) {
   return samples;
 }
 
-std::array<double, 2> around(const Study& study, Eigen::Index input) {
+std::array<double, 2> difference_points(const Study& study, Eigen::Index input) {
   const Distribution& distribution = study.inputs[std::size_t(input)].distribution;
   return {value_at_score(distribution, -1.0), value_at_score(distribution, 1.0)};
 }
@@ -176,7 +176,7 @@ std::array<double, 2> around(const Study& study, Eigen::Index input) {
 std::array<Scene, 2> stepped_scenes(const BaseRun& run, Eigen::Index input) {
   Eigen::VectorXd x = centre(run.study);
   std::array<Scene, 2> scenes;
-  const std::array<double, 2> values = around(run.study, input);
+  const std::array<double, 2> values = difference_points(run.study, input);
   for (std::size_t side = 0; side < 2; ++side) {
     x[input] = values[side];
     scenes[side] = with_run_out(scene_at(run.study, run.ready.arm, run.ready.scene, x));
@@ -264,7 +264,8 @@ using Eigen::Index;
 std::set<std::string> changed_elements(const Input& input) {
   std::set<std::string> names;
   if (!input.element.empty()) names.insert(input.element);
-  if (!input.number.empty()) names.insert(errors::identification::element_of_number(input.number));
+  if (!input.number.empty())
+    names.insert(errors::identification::coefficient_element(input.number));
   for (const Setting& setting : input.settings) {
     const std::string prefix = "errors.";
     if (!setting.path.starts_with(prefix)) return {};
@@ -314,7 +315,7 @@ Twist input_twist(const GeometricInput& input, const kinematics::AxisState& stat
 
 std::optional<GeometricInput> geometric_input(const BaseRun& run, Index input,
                                               const std::array<Scene, 2>& scenes) {
-  if (run.ready.commanded_for_each) return std::nullopt;
+  if (run.ready.needs_commands_per_case) return std::nullopt;
   const std::set<std::string> names = changed_elements(run.study.inputs[std::size_t(input)]);
   const std::array selections{select_elements(scenes[0].geometric, names),
                               select_elements(scenes[1].geometric, names)};
@@ -323,7 +324,7 @@ std::optional<GeometricInput> geometric_input(const BaseRun& run, Index input,
   if (!same_tools(scenes[0].tool, scenes[1].tool)) return std::nullopt;
   const kinematics::Chain& chain = run.ready.job.truth.actual;
   const double scale = scenes[0].error_scale;
-  const std::array<double, 2> values = around(run.study, input);
+  const std::array<double, 2> values = difference_points(run.study, input);
   return GeometricInput{input, errors::scaled(errors::bind(selections[1], chain), scale),
                         errors::scaled(errors::bind(selections[0], chain), scale),
                         1.0 / (values[1] - values[0])};
@@ -370,8 +371,9 @@ DifferenceMachine difference_machine(const BaseRun& run, const Scene& scene,
                                      const std::vector<std::size_t>& needed) {
   const Job job = replace_errors(run.ready.job, scene);
   const Commands machine_commands =
-      run.ready.commanded_for_each ? commands(run.ready.arm, job) : Commands{};
-  const Commands& commanded = run.ready.commanded_for_each ? machine_commands : run.ready.commanded;
+      run.ready.needs_commands_per_case ? commands(run.ready.arm, job) : Commands{};
+  const Commands& commanded =
+      run.ready.needs_commands_per_case ? machine_commands : run.ready.commanded;
   if (commanded.samples.states.size() != run.T_wt.size())
     throw BadInput(run.study.file.string(), 0, 0,
                    "engine = \"full\" for a case whose samples depend on the machine",
@@ -513,7 +515,7 @@ bool same_shape(const cutting::Cutter& a, const cutting::Cutter& b) {
 }
 
 Columns difference_columns(const BaseRun& run, Index input, const std::array<Scene, 2>& scenes) {
-  const std::array<double, 2> values = around(run.study, input);
+  const std::array<double, 2> values = difference_points(run.study, input);
   const double per_unit = 1.0 / (values[1] - values[0]);
   const std::vector<std::size_t> samples = competing_pass_samples(run);
   Columns columns = pose_columns(
@@ -567,7 +569,7 @@ class FullCutChecks {
 
   std::optional<cutting::Surface> cut(const Eigen::VectorXd& x) {
     try {
-      Tried machine = cut_at(study_, ready_, ready_.job, x);
+      CutCase machine = cut_at(study_, ready_, ready_.job, x);
       has_cut_ = true;
       return std::move(machine.surface);
     } catch (const BadScene&) {
@@ -604,10 +606,10 @@ double map_error(const InfluenceMap& map, const cutting::Surface& surface, Index
 
 double flagged_percent(const InfluenceMap& map, double limit) {
   double flagged_area = 0.0, area = 0.0;
-  for (Index v = 0; v < map.doubt.size(); ++v) {
+  for (Index v = 0; v < map.max_error.size(); ++v) {
     if (map.status[std::size_t(v)] == cutting::VertexStatus::Outside) continue;
     area += map.design.area[v];
-    if (map.doubt[v] > limit) flagged_area += map.design.area[v];
+    if (map.max_error[v] > limit) flagged_area += map.design.area[v];
   }
   return area > 0.0 ? 100.0 * flagged_area / area : 0.0;
 }
@@ -616,22 +618,22 @@ double flagged_percent(const InfluenceMap& map, double limit) {
 Eigen::VectorXd largest_errors(const BaseRun& run, const InfluenceMap& map,
                                const Progress& progress) {
   const Study& study = run.study;
-  Eigen::VectorXd doubt = Eigen::VectorXd::Zero(map.design.vertices.rows());
+  Eigen::VectorXd max_error = Eigen::VectorXd::Zero(map.design.vertices.rows());
   const int count = study.influence.checks;
-  if (count == 0) return doubt;
+  if (count == 0) return max_error;
   const Sequence random{Sampling::Random, int(study.inputs.size()), study.seed ^ check_stream};
-  const Eigen::MatrixXd x = drawn(study, points(random, 0, count));
+  const Eigen::MatrixXd x = draw_inputs(study, points(random, 0, count));
   const Eigen::MatrixXd estimated = maps(map, x);
   FullCutChecks checks(study, run.ready);
   for (int i = 0; i < count; ++i) {
     if (progress) progress("checks", double(i) / count);
     const std::optional<cutting::Surface> surface = checks.cut(x.col(i));
     if (!surface) continue;
-    for (Index v = 0; v < doubt.size(); ++v)
-      doubt[v] = std::max(doubt[v], map_error(map, *surface, v, estimated(v, i)));
+    for (Index v = 0; v < max_error.size(); ++v)
+      max_error[v] = std::max(max_error[v], map_error(map, *surface, v, estimated(v, i)));
   }
   checks.throw_unless_checked();
-  return doubt;
+  return max_error;
 }
 
 /// Removes the passes of vertices without a surface in the error-free map, if the study compares
@@ -695,7 +697,7 @@ InfluenceMap influence_map(const Study& study, const PreparedConfiguration& read
   Columns columns = input_columns(run, progress);
   map.slope = std::move(columns.slope);
   map.shift = std::move(columns.shift);
-  map.doubt = largest_errors(run, map, progress);
+  map.max_error = largest_errors(run, map, progress);
   map.flagged_percent = flagged_percent(map, study.influence.flag);
   return map;
 }

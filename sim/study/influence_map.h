@@ -42,7 +42,7 @@ std::vector<std::size_t> competing_pass_samples(const BaseRun& run);
 
 /// Returns the values between which the difference for an input is taken: those at standard normal
 /// scores of -1 and +1, which the input may always have.
-std::array<double, 2> around(const Study& study, Eigen::Index input);
+std::array<double, 2> difference_points(const Study& study, Eigen::Index input);
 
 /// Returns the scenes at those values, with the other inputs at their centres, and run-out as part
 /// of their tools.

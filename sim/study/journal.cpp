@@ -251,7 +251,7 @@ Row read_row(const Database& database, const Statement& statement) {
   if (!has_types || response_blob.size() % 8 != 0 ||
       sqlite3_column_int64(statement.get(), 3) != row_checksum(row.index, response_blob, row.fault))
     throw journal_error(database.file, fmt::format("a damaged one (case {})", row.index));
-  row.answers = parse_responses(response_blob);
+  row.response_values = parse_responses(response_blob);
   return row;
 }
 
@@ -428,7 +428,7 @@ Database open_to_read(const std::filesystem::path& file) {
 
 bool operator==(const Row& a, const Row& b) {
   return a.index == b.index && a.fault == b.fault &&
-         response_bytes(a.answers) == response_bytes(b.answers);
+         response_bytes(a.response_values) == response_bytes(b.response_values);
 }
 
 struct Journal::Connection {
@@ -461,11 +461,11 @@ void Journal::add(const std::vector<Row>& rows) {
     for (const Row& row : rows) {
       // SQLite's integers are signed.
       assert(row.index >> 63 == 0);
-      const std::string answers = response_bytes(row.answers);
+      const std::string response_values = response_bytes(row.response_values);
       sqlite3_bind_int64(insert.get(), 1, std::int64_t(row.index));
-      bind_blob(insert, 2, answers);
+      bind_blob(insert, 2, response_values);
       bind_text(insert, 3, row.fault);
-      sqlite3_bind_int64(insert.get(), 4, row_checksum(row.index, answers, row.fault));
+      sqlite3_bind_int64(insert.get(), 4, row_checksum(row.index, response_values, row.fault));
       database.step(insert);
       sqlite3_reset(insert.get());
     }
@@ -481,26 +481,26 @@ std::vector<std::uint64_t> Journal::finished() const {
   return numbers;
 }
 
-Recorded recorded(const std::filesystem::path& file) {
+JournalContents read_journal(const std::filesystem::path& file) {
   const Database database = open_to_read(file);
   if (is_blank(database)) throw journal_error(file, "an empty file");
-  Recorded contents;
+  JournalContents contents;
   contents.identity = journal_identity(database);
   check_pages(database);
   for_every_row(database, [&](Row row) { contents.rows.push_back(std::move(row)); });
   return contents;
 }
 
-Recorded merged(const std::vector<std::filesystem::path>& files) {
+JournalContents merge_journals(const std::vector<std::filesystem::path>& files) {
   if (files.empty()) throw std::invalid_argument("no journals to merge");
   struct FileRow {
     Row row;
     std::size_t file;
   };
   std::vector<FileRow> file_rows;
-  Recorded result;
+  JournalContents result;
   for (std::size_t i = 0; i < files.size(); ++i) {
-    Recorded contents = recorded(files[i]);
+    JournalContents contents = read_journal(files[i]);
     if (i == 0) result.identity = contents.identity;
     check_identity(files[i], contents.identity, result.identity);
     for (Row& row : contents.rows) file_rows.push_back({std::move(row), i});

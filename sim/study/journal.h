@@ -10,9 +10,10 @@ namespace abbe::sim::study {
 
 /// One finished case.
 struct Row {
-  std::uint64_t index = 0;      ///< of the case in its plan; < 2^63
-  std::vector<double> answers;  ///< all responses of all configurations; NaN if there is none
-  std::string fault;            ///< reason of a missing response; empty if none is missing
+  std::uint64_t index = 0;  ///< of the case in its plan; < 2^63
+  std::vector<double>
+      response_values;  ///< all responses of all configurations; NaN if there is none
+  std::string fault;    ///< reason of a missing response; empty if none is missing
   /// Compares bit by bit, so that NaN equals NaN.
   friend bool operator==(const Row& a, const Row& b);
 };
@@ -47,18 +48,18 @@ class Journal {
 };
 
 /// Contents of a journal.
-struct Recorded {
+struct JournalContents {
   std::string identity;
   std::vector<Row> rows;  ///< in ascending order
 };
 /// Reads a journal, also while another process of this computer adds rows. In a read-only folder a
 /// journal can be read if it was closed, but not if its process was killed.
 /// @throws BadInput if the file is missing, damaged or not a journal
-Recorded recorded(const std::filesystem::path& file);
+JournalContents read_journal(const std::filesystem::path& file);
 
 /// Returns the rows of several journals of one study in ascending order, each case once.
 /// @param files  at least one
 /// @throws BadInput that names the file if one belongs to another study, or if two differ in a case
-Recorded merged(const std::vector<std::filesystem::path>& files);
+JournalContents merge_journals(const std::vector<std::filesystem::path>& files);
 
 }  // namespace abbe::sim::study

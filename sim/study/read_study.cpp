@@ -83,7 +83,7 @@ std::string scene_identity(const Scene& scene) {
 std::string study_identity(const Study& study, const std::vector<Scene>& scenes) {
   std::string contents = study.text + build_identity();
   for (const Scene& scene : scenes) contents += scene_identity(scene);
-  for (const Configuration& configuration : study.arms) {
+  for (const Configuration& configuration : study.configurations) {
     if (configuration.case_name == "uncompensated") continue;
     const std::filesystem::path plug_in = parse_case(configuration.case_name).plug_in;
     if (!plug_in.empty()) contents += std::to_string(hash_of_file(plug_in, fnv_1a_basis));
@@ -92,21 +92,23 @@ std::string study_identity(const Study& study, const std::vector<Scene>& scenes)
 }
 
 /// Adds an input error for each analysis or input that the engine cannot compute.
-void check_engine(const Study& study, const std::vector<Place>& locations, TableReader& reader) {
+void check_engine(const Study& study, const std::vector<SourcePosition>& locations,
+                  TableReader& reader) {
   const auto require_maps = [&](bool is_requested, const char* key) {
     if (is_requested && study.engine == Engine::Full)
-      reader.refuse("engine", fmt::format("\"influence\" or \"both\" for [{}]", key), "\"full\"");
+      reader.report_invalid("engine", fmt::format("\"influence\" or \"both\" for [{}]", key),
+                            "\"full\"");
   };
   require_maps(study.worst_case.has_value(), "worst_case");
   require_maps(study.tolerance.has_value(), "tolerance");
   require_maps(study.uncertainty.has_value(), "uncertainty");
   if (study.engine == Engine::Both && !study.monte_carlo)
-    reader.refuse("engine", "[monte_carlo] with \"both\": the first of its cases are the proof",
-                  "none");
+    reader.report_invalid(
+        "engine", "[monte_carlo] with \"both\": the first of its cases are the proof", "none");
   if (study.monte_carlo && reader.has("proofs") && study.proofs > study.monte_carlo->cases)
-    reader.refuse("proofs",
-                  fmt::format("at most {}, the cases of [monte_carlo]", study.monte_carlo->cases),
-                  std::to_string(study.proofs));
+    reader.report_invalid(
+        "proofs", fmt::format("at most {}, the cases of [monte_carlo]", study.monte_carlo->cases),
+        std::to_string(study.proofs));
   if (study.engine == Engine::Full) return;
   for (std::size_t i = 0; i < study.inputs.size(); ++i)
     if (is_reshaping(study.inputs[i]))
@@ -131,19 +133,19 @@ void check_responses(const Study& study, const std::vector<Scene>& scenes, Table
   };
   for (const auto& [response, limit] : study.limits)
     if (!is_requested(response))
-      reader.refuse("limits", "limits of what `responses` asks for",
-                    std::string(name_of(response)) + "_um");
+      reader.report_invalid("limits", "limits of what `responses` asks for",
+                            std::string(name_of(response)) + "_um");
   for (std::size_t a = 0; a < scenes.size(); ++a)
     if (is_requested(Response::InTolerance) && !has_tolerance(scenes[a].part))
-      reader.refuse("responses", "a part with tolerance_um for in_tolerance",
-                    "none of " + study.arms[a].name);
+      reader.report_invalid("responses", "a part with tolerance_um for in_tolerance",
+                            "none of " + study.configurations[a].name);
 }
 
 /// Adds an input error if the number of inputs or cases, or their correlation, does not fit the
 /// analyses.
 void check_inputs(const Study& study, TableReader& reader) {
   if (study.sobol && !study.copula.groups().empty())
-    reader.refuse("sobol_indices", "independent inputs", "correlated ones");
+    reader.report_invalid("sobol_indices", "independent inputs", "correlated ones");
   const bool needs_inputs = study.one_at_a_time || study.monte_carlo || study.sobol ||
                             !study.sweeps.empty() || study.worst_case || study.tolerance ||
                             study.uncertainty || !study.histories;
@@ -151,16 +153,17 @@ void check_inputs(const Study& study, TableReader& reader) {
     reader.input_errors().add(reader.place(), "at least one [[input]] or [[inputs]]", "none");
   // Each of the 1800 inputs takes two of the 3600 dimensions of the sequence.
   if (study.sobol && study.inputs.size() > 1800)
-    reader.refuse("sobol_indices", "at most 1800 inputs", std::to_string(study.inputs.size()));
-  if (const std::uint64_t cases = plan_of(study).cases; cases > max_cases)
+    reader.report_invalid("sobol_indices", "at most 1800 inputs",
+                          std::to_string(study.inputs.size()));
+  if (const std::uint64_t cases = make_plan(study).cases; cases > max_cases)
     reader.input_errors().add(reader.place(), fmt::format("at most {} cases in all", max_cases),
                               std::to_string(cases));
 }
 
 /// Returns the location of the input that sets an invalid value of the scene; if no input sets it,
 /// the location in the scene.
-Place error_location(const BadInput& error, const Study& study,
-                     const std::vector<Place>& locations) {
+SourcePosition error_location(const BadInput& error, const Study& study,
+                              const std::vector<SourcePosition>& locations) {
   for (std::size_t i = 0; i < study.inputs.size(); ++i)
     for (const Setting& setting : study.inputs[i].settings)
       if (error.file.starts_with("--set " + setting.path + "=")) return locations[i];
@@ -170,7 +173,7 @@ Place error_location(const BadInput& error, const Study& study,
 /// Sets all inputs of a configuration at their centres, and every swept input at its ends. Adds the
 /// input errors that result.
 void check_configuration(const Study& study, const Configuration& configuration, const Scene& scene,
-                         const std::vector<Place>& locations, InputErrors& input_errors) {
+                         const std::vector<SourcePosition>& locations, InputErrors& input_errors) {
   std::set<std::string> known_names;
   for (const errors::Element& element : scene.geometric.elements)
     known_names.insert(errors::to_string(element.name));
@@ -204,7 +207,7 @@ void check_configuration(const Study& study, const Configuration& configuration,
 /// @param scenes  of the configurations
 /// @param locations  locations of the inputs in the file
 void check_consistency(const Study& study, const std::vector<Scene>& scenes,
-                       const std::vector<Place>& locations, TableReader& reader) {
+                       const std::vector<SourcePosition>& locations, TableReader& reader) {
   check_engine(study, locations, reader);
   check_responses(study, scenes, reader);
   check_inputs(study, reader);
@@ -213,9 +216,9 @@ void check_consistency(const Study& study, const std::vector<Scene>& scenes,
 /// Sets every path once in every configuration, so that an error is reported before any case is
 /// computed.
 void check_paths(const Study& study, const std::vector<Scene>& scenes,
-                 const std::vector<Place>& locations, InputErrors& input_errors) {
-  for (std::size_t i = 0; i < study.arms.size(); ++i)
-    check_configuration(study, study.arms[i], scenes[i], locations, input_errors);
+                 const std::vector<SourcePosition>& locations, InputErrors& input_errors) {
+  for (std::size_t i = 0; i < study.configurations.size(); ++i)
+    check_configuration(study, study.configurations[i], scenes[i], locations, input_errors);
 }
 
 /// Checks the days of [histories]. They are cut after all cases, but an error in them is reported
@@ -225,19 +228,19 @@ void check_days(const Study& study, TableReader& reader) {
   std::set<std::string> days(histories.train.begin(), histories.train.end());
   days.insert(histories.test.begin(), histories.test.end());
   try {
-    case_of_histories(study);
-    for (const std::string& day : days) scene_of(study, {day, day, "uncompensated"});
+    histories_compensator(study);
+    for (const std::string& day : days) base_scene(study, {day, day, "uncompensated"});
   } catch (const BadScene& exception) {
     for (const BadInput& error : exception.input_errors)
       reader.input_errors().add(reader.accept_key("histories")->place, error.expected, error.seen);
   } catch (const BadInput& error) {
-    reader.refuse("histories", error.expected, error.seen);
+    reader.report_invalid("histories", error.expected, error.seen);
   }
 }
 
 const Fields<Study>& title_fields() {
   static const Fields<Study> fields = Fields<Study>().text(
-      KeyName("title").otherwise("name of the file"), &Study::title, "of tables and pictures");
+      KeyName("title").with_fallback("name of the file"), &Study::title, "of tables and pictures");
   return fields;
 }
 
@@ -265,8 +268,8 @@ class StudyReader {
   TableReader reader_;
   InputErrors& input_errors_;
   Study study_;
-  std::vector<Scene> scenes_;     ///< of the configurations, to check the names in inputs
-  std::vector<Place> locations_;  ///< locations of the inputs
+  std::vector<Scene> scenes_;              ///< of the configurations, to check the names in inputs
+  std::vector<SourcePosition> locations_;  ///< locations of the inputs
   std::vector<MissingCentre> missing_centres_;
 };
 
@@ -296,11 +299,11 @@ void StudyReader::read_configurations() {
     check_variant(variant);
     for (const std::string& case_name : cases) {
       const std::string name = variant.empty() ? case_name : variant + " " + case_name;
-      for (const Configuration& other : study_.arms)
+      for (const Configuration& other : study_.configurations)
         if (other.name == name)
-          reader_.refuse(variant.empty() ? "cases" : "variants", "each of them once",
-                         "\"" + name + "\" again");
-      study_.arms.push_back({name, variant, case_name});
+          reader_.report_invalid(variant.empty() ? "cases" : "variants", "each of them once",
+                                 "\"" + name + "\" again");
+      study_.configurations.push_back({name, variant, case_name});
     }
   }
 }
@@ -315,11 +318,11 @@ bool StudyReader::is_case(const std::string& name) {
     std::error_code failure;
     if (!description.plug_in.empty() &&
         !std::filesystem::is_regular_file(description.plug_in, failure))
-      reader_.refuse("cases", "the file of a compensator", "no file \"" + name + "\"");
+      reader_.report_invalid("cases", "the file of a compensator", "no file \"" + name + "\"");
     return true;
   } catch (const std::invalid_argument& error) {
-    reader_.refuse("cases", "\"uncompensated\" or a compensator",
-                   "\"" + name + "\" (" + error.what() + ")");
+    reader_.report_invalid("cases", "\"uncompensated\" or a compensator",
+                           "\"" + name + "\" (" + error.what() + ")");
     return false;
   }
 }
@@ -346,7 +349,7 @@ void StudyReader::check_variant(const std::string& name) {
   std::set<std::string> known_names;
   for (const Variant& variant : study_.variants) known_names.insert(variant.name);
   if (known_names.count(name)) return;
-  reader_.refuse(
+  reader_.report_invalid(
       "variants",
       known_names.empty() ? "no variant, as the scene has none" : "a variant of the scene",
       with_suggestion(name, known_names));
@@ -356,8 +359,8 @@ void StudyReader::check_variant(const std::string& name) {
 void StudyReader::read_scenes() {
   if (!input_errors_.empty() || !study_.scene_tree) return;
   try {
-    for (const Configuration& configuration : study_.arms)
-      scenes_.push_back(scene_of(study_, configuration));
+    for (const Configuration& configuration : study_.configurations)
+      scenes_.push_back(base_scene(study_, configuration));
   } catch (const BadScene& exception) {
     for (const BadInput& error : exception.input_errors) input_errors_.add(error);
     scenes_.clear();
@@ -387,14 +390,15 @@ void StudyReader::read_declared_inputs() {
 
 /// Adds an input error for each input whose centre is stated nowhere.
 void StudyReader::report_missing_centres() {
-  for (const MissingCentre& missing : missing_centres_)
-    input_errors_.add(locations_[std::size_t(missing.input)],
-                      fmt::format("centre = {} for the input {}, as the scene does not state {}",
-                                  missing.nominal ? fmt::format("{:g} (the nominal one) or another",
-                                                                *missing.nominal)
-                                                  : "a number",
-                                  study_.inputs[std::size_t(missing.input)].name, missing.path),
-                      "neither");
+  for (const MissingCentre& report_missing : missing_centres_)
+    input_errors_.add(
+        locations_[std::size_t(report_missing.input)],
+        fmt::format("centre = {} for the input {}, as the scene does not state {}",
+                    report_missing.nominal
+                        ? fmt::format("{:g} (the nominal one) or another", *report_missing.nominal)
+                        : "a number",
+                    study_.inputs[std::size_t(report_missing.input)].name, report_missing.path),
+        "neither");
 }
 
 Study StudyReader::read() {
@@ -407,7 +411,8 @@ Study StudyReader::read() {
   read_declared_inputs();
   study_ = analysis_fields().read(reader_, std::move(study_));
   reader_.close();
-  if (scenes_.size() == study_.arms.size()) check_paths(study_, scenes_, locations_, input_errors_);
+  if (scenes_.size() == study_.configurations.size())
+    check_paths(study_, scenes_, locations_, input_errors_);
   if (input_errors_.empty()) report_missing_centres();
   if (input_errors_.empty()) check_consistency(study_, scenes_, locations_, reader_);
   if (input_errors_.empty() && study_.histories) check_days(study_, reader_);
@@ -431,13 +436,13 @@ std::vector<Key> study_keys() {
   const auto add = [&](std::vector<Key> more) {
     for (Key& key : more) keys.push_back(std::move(key));
   };
-  add({make_key(must("scene"), Kind::Text, "a scene file, relative to the study"),
+  add({make_key(required_key("scene"), Kind::Text, "a scene file, relative to the study"),
        make_key("set", Kind::Any,
                 "changes of the scene, as of `[[variant]]`: `{ part.vertices = 10000 }`")});
   add(engine_fields().keys());
-  add({make_key(KeyName("cases").otherwise("[\"uncompensated\"]"), Kind::Texts,
+  add({make_key(KeyName("cases").with_fallback("[\"uncompensated\"]"), Kind::Texts,
                 "whose part is judged: `\"uncompensated\"` and compensators, side by side"),
-       make_key(KeyName("variants").otherwise("[\"\"]"), Kind::Texts,
+       make_key(KeyName("variants").with_fallback("[\"\"]"), Kind::Texts,
                 "names of the scene's variants, `\"\"` the scene itself; every case for each")});
   add(response_fields().keys());
   add({table_key("input", Kind::Tables, single_input_keys(), "one thing that nobody knows exactly"),
@@ -458,7 +463,7 @@ Study read_study(const std::filesystem::path& file, const std::vector<Override>&
   if (!tree.find("scene") && tree.find("machine") && tree.find("part"))
     throw BadScene({BadInput(file.string(), 0, 0, "a study, which names its scene in `scene`",
                              "a scene, which abbe run and abbe compare take")});
-  tree = changed(std::move(tree), overrides, file.parent_path(), input_errors);
+  tree = apply_changes(std::move(tree), overrides, file.parent_path(), input_errors);
   if (Node* scene = tree.find("scene"); scene && scene->text())
     scene->value = std::filesystem::absolute(locate_file({*scene->text(), scene->place, ""},
                                                          file.parent_path(), input_errors))

@@ -277,7 +277,7 @@ IntervalEstimate mean_band(std::span<const double> sorted) {
   const double mean = sample_mean(sorted);
   const boost::math::students_t student(n - 1.0);
   const double half = boost::math::quantile(boost::math::complement(student, tail)) *
-                      sample_deviation(sorted) / std::sqrt(n);
+                      sample_standard_deviation(sorted) / std::sqrt(n);
   return {mean, mean - half, mean + half};
 }
 
@@ -285,7 +285,7 @@ IntervalEstimate mean_band(std::span<const double> sorted) {
 /// logarithm. Its kurtosis is about a trimmed mean, so that outliers do not inflate it.
 IntervalEstimate deviation_band(std::span<const double> sorted) {
   const auto n = double(sorted.size());
-  const double deviation = sample_deviation(sorted);
+  const double deviation = sample_standard_deviation(sorted);
   if (!(deviation > 0.0)) return {0.0, 0.0, 0.0};
   const double trim = n > 5.0 ? 0.5 / std::sqrt(n - 4.0) : 0.5;
   const auto trimmed = std::min(std::size_t(trim * n), (sorted.size() - 1) / 2);
@@ -359,7 +359,7 @@ double pearson_correlation(std::span<const double> a, std::span<const double> b)
 
 }  // namespace
 
-Answers answers(const Eigen::VectorXd& values) {
+ResponseStatistics answers(const Eigen::VectorXd& values) {
   std::vector<double> sorted = finite_values(values, 2);
   std::ranges::sort(sorted);
   return {.cases = Eigen::Index(sorted.size()),
@@ -386,7 +386,7 @@ double sorted_quantile(std::span<const double> sorted, double p) {
   return std::lerp(sorted[rank], sorted[next], position - double(rank));
 }
 
-double sample_deviation(std::span<const double> values) {
+double sample_standard_deviation(std::span<const double> values) {
   const double sum_of_squares = sum_of_powers(values, sample_mean(values), 2);
   return std::sqrt(sum_of_squares / double(values.size() - 1));
 }
@@ -406,10 +406,10 @@ IntervalEstimate fraction_below(const Eigen::VectorXd& values, double limit) {
           std::clamp(middle + half, fraction, 1.0)};
 }
 
-std::optional<double> cpk(const Eigen::VectorXd& values, double limit) {
+std::optional<double> process_capability(const Eigen::VectorXd& values, double limit) {
   const std::vector<double> finite = finite_values(values, 0);
   if (finite.size() < 2 || !is_varying(finite)) return std::nullopt;
-  return (limit - sample_mean(finite)) / (3.0 * sample_deviation(finite));
+  return (limit - sample_mean(finite)) / (3.0 * sample_standard_deviation(finite));
 }
 
 Correlations correlations(const Eigen::MatrixXd& inputs, const Eigen::VectorXd& values) {

@@ -56,7 +56,7 @@ Eigen::VectorXd sobol_column(const Eigen::VectorXd& u, int column);
 
 /// Statistics of a response over many random machines. Intervals are valid for independent cases;
 /// the errors of points of Sobol's sequence are smaller.
-struct Answers {
+struct ResponseStatistics {
   Eigen::Index cases = 0;               ///< with a finite response; others are left out
   IntervalEstimate mean;                ///< Student's interval
   IntervalEstimate standard_deviation;  ///< Bonett's interval (2006), valid for non-normal values
@@ -70,7 +70,7 @@ struct Answers {
 /// contain the truth in 93 to 96 % of all samples; for skewed responses (log-normal of 0.5) that of
 /// the standard deviation does in 88 to 94 % (counted by answers_test.cpp).
 /// @throws std::invalid_argument for fewer than 2 finite responses
-Answers answers(const Eigen::VectorXd& values);
+ResponseStatistics answers(const Eigen::VectorXd& values);
 
 /// Returns the quantile p of the responses, linear between ranks (Hyndman's type 7), with an
 /// interval from order statistics that covers at least 95 % for any distribution. With too few
@@ -84,7 +84,7 @@ IntervalEstimate quantile_with_band(Eigen::VectorXd values, double p);
 double sorted_quantile(std::span<const double> sorted, double p);
 
 /// Returns the sample standard deviation (over n - 1) of at least two finite values.
-double sample_deviation(std::span<const double> values);
+double sample_standard_deviation(std::span<const double> values);
 
 /// Returns the fraction of the finite responses at or below a limit, with Wilson's 95 % interval.
 /// @throws std::invalid_argument without finite responses
@@ -92,7 +92,7 @@ IntervalEstimate fraction_below(const Eigen::VectorXd& values, double limit);
 
 /// Returns the process capability for an upper limit, (limit - mean) / (3 standard deviations);
 /// empty if the values do not vary.
-std::optional<double> cpk(const Eigen::VectorXd& values, double limit);
+std::optional<double> process_capability(const Eigen::VectorXd& values, double limit);
 
 /// Correlations of each input with the response. Cases with a response or an input that is not
 /// finite are left out.

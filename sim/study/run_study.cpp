@@ -136,12 +136,12 @@ std::vector<path> journals(const path& folder) {
 
 /// Returns the rows of all journals of a folder.
 /// @throws BadInput if there are none, or if they belong to another study
-Recorded read_journals(const Study& study, const path& folder) {
+JournalContents read_journals(const Study& study, const path& folder) {
   const std::vector<path> files = journals(folder);
   if (files.empty())
     throw BadInput(folder.string(), 0, 0, "a folder with a journal: the --out of `abbe study`",
                    "none");
-  Recorded contents = merged(files);
+  JournalContents contents = merge_journals(files);
   if (contents.identity != study.identity)
     throw BadInput(files.front().string(), 0, 0,
                    "the journal of this study: the same file, scene, --set and program",
@@ -171,7 +171,7 @@ int shard_count(const path& folder) {
 std::string missing_shards_text(const Plan& plan, const std::vector<Row>& rows, int shards) {
   std::vector<std::uint64_t> finished;
   for (const Row& row : rows) finished.push_back(row.index);
-  const std::vector<Batch> batches = batches_of(plan);
+  const std::vector<Batch> batches = make_batches(plan);
   std::string text;
   for (int i = 0; i < shards; ++i) {
     const std::uint64_t missing =
@@ -186,7 +186,7 @@ std::string response_head(const Study& study, const Configuration& configuration
                           Response response) {
   const std::string unit = unit_of(response) == std::string("%") ? "percent" : unit_of(response);
   const std::string figure = fmt::format("{}_{}", name_of(response), unit);
-  return study.arms.size() == 1 ? figure : configuration.name + " " + figure;
+  return study.configurations.size() == 1 ? figure : configuration.name + " " + figure;
 }
 
 /// Returns the header of the table of cases.
@@ -194,7 +194,7 @@ std::string table_head(const Study& study, bool with_inputs) {
   std::string head = "case,analysis,engine";
   for (const Input& input : study.inputs)
     if (with_inputs) head += "," + csv_field(input.name + " / " + unit_of(input));
-  for (const Configuration& configuration : study.arms)
+  for (const Configuration& configuration : study.configurations)
     for (const Response response : study.responses)
       head += "," + csv_field(response_head(study, configuration, response));
   return head + ",fault\n";
@@ -250,7 +250,9 @@ bool has_maps(const Study& study) { return study.engine != Engine::Full && !stud
 
 /// Returns the expected work size of the study's scene, before it is prepared.
 WorkSize scene_size(const Study& study) {
-  return study.arms.empty() ? WorkSize{} : expected_size(scene_of(study, study.arms.front()));
+  return study.configurations.empty()
+             ? WorkSize{}
+             : expected_size(base_scene(study, study.configurations.front()));
 }
 
 /// Returns the stages of preparing every configuration, as `prepare_study` reports them.
@@ -258,12 +260,12 @@ std::vector<Stage> preparation_stages(const Study& study) {
   const std::string part = "prepare " + study.title;
   const WorkSize size = scene_size(study);
   std::vector<Stage> stages;
-  for (std::size_t i = 0; i < study.arms.size(); ++i) {
+  for (std::size_t i = 0; i < study.configurations.size(); ++i) {
     stages = std::move(stages) + scene_preparation_stages(part, size);
     if (study.machine_part) stages = std::move(stages) + error_free_stages(part, size);
   }
   const double inputs = double(study.inputs.size());
-  for (std::size_t i = 0; has_maps(study) && i < study.arms.size(); ++i)
+  for (std::size_t i = 0; has_maps(study) && i < study.configurations.size(); ++i)
     stages = std::move(stages) +
              std::vector<Stage>{{part, "rivals", passes_s * size.vertices},
                                 {part, "inputs", input_s * size.vertices * inputs},
@@ -277,8 +279,8 @@ std::vector<Stage> case_stages(const Study& study, const std::string& part,
                                const WorkSize& size) {
   double seconds = 0.0;
   for (const Batch& batch : remaining) {
-    const double cases = double(batch.last - batch.first) * double(study.arms.size());
-    if (!block_of(plan, batch.first).full)
+    const double cases = double(batch.last - batch.first) * double(study.configurations.size());
+    if (!find_block(plan, batch.first).full)
       seconds += cases * case_s * size.vertices;
     else
       for (const Stage& stage : cut_stages(part, size)) seconds += cases * stage.seconds;
@@ -290,10 +292,11 @@ std::vector<Stage> case_stages(const Study& study, const std::string& part,
 std::vector<Stage> result_stages(const Study& study, const WorkSize& size) {
   std::vector<Stage> stages;
   if (!study.inputs.empty())
-    stages = {{"budget", "budget", 0.5 * double(study.arms.size())},
-              {"pictures", "budget", 2.0},
-              {"pictures", "maps",
-               has_maps(study) ? drawing_s * size.vertices * double(study.arms.size()) : 0.0}};
+    stages = {
+        {"budget", "budget", 0.5 * double(study.configurations.size())},
+        {"pictures", "budget", 2.0},
+        {"pictures", "maps",
+         has_maps(study) ? drawing_s * size.vertices * double(study.configurations.size()) : 0.0}};
   if (study.histories)
     stages.push_back({"histories", "thermal histories",
                       double(study.histories->train.size() * (1 + study.histories->test.size()))});
@@ -341,8 +344,9 @@ class ResultWriter {
     PictureNames names;
     for (std::size_t i = 0; i < ready.influences.size(); ++i) {
       progress_.report("maps", double(i) / double(ready.influences.size()));
-      const std::string subfolder =
-          study_.arms.size() == 1 ? "" : names.unused({study_.arms[i].name});
+      const std::string subfolder = study_.configurations.size() == 1
+                                        ? ""
+                                        : names.unique_name({study_.configurations[i].name});
       const ResultFolder configuration_folder = folder_.inside(subfolder);
       result.json["arms"][i].update(write_influence(configuration_folder, ready, i));
     }
@@ -353,12 +357,12 @@ class ResultWriter {
   void write_scenes(const PreparedStudy& ready) {
     PictureNames names;
     std::set<std::string> written;
-    for (const PreparedConfiguration& configuration : ready.arms) {
+    for (const PreparedConfiguration& configuration : ready.configurations) {
       const std::string& variant = configuration.arm.variant;
       if (!written.insert(variant).second) continue;
       std::vector<std::string> parts{"scene"};
       if (!variant.empty()) parts.push_back(variant);
-      write_file(folder_ / (names.unused(parts) + ".toml"), configuration.scene.resolved);
+      write_file(folder_ / (names.unique_name(parts) + ".toml"), configuration.scene.resolved);
     }
   }
 
@@ -393,8 +397,8 @@ void compute_for_rank_0(const Study& study, const std::vector<Batch>& batches, c
 
 StudyResult run_study(const path& file, const StudyOptions& options, const Ranks& ranks) {
   const Study study = read_trusted_study(file, options.overrides, options.permissions);
-  const Plan plan = plan_of(study);
-  std::vector<Batch> batches = batches_of(plan);
+  const Plan plan = make_plan(study);
+  std::vector<Batch> batches = make_batches(plan);
   if (options.shard) batches = shard_batches(batches, *options.shard);
   if (ranks.rank != 0) {
     compute_for_rank_0(study, unfinished(batches, broadcast_from_rank_0(ranks, {})), ranks);
@@ -421,7 +425,8 @@ StudyResult run_study(const path& file, const StudyOptions& options, const Ranks
   const bool needs_preparation = !remaining.empty() || !options.shard;
   const PreparedStudy ready =
       needs_preparation ? prepare_study(study, to(progress)) : PreparedStudy{study, plan, {}, {}};
-  if (!ready.arms.empty()) progress.replan(later_stages(size_of(ready.arms.front().job)));
+  if (!ready.configurations.empty())
+    progress.replan(later_stages(work_size(ready.configurations.front().job)));
   progress.begin(case_part);
   std::uint64_t done = 0;
   farm(remaining, ranks, batch_computation(ready), [&](const Batch&, const std::vector<Row>& rows) {
@@ -429,15 +434,15 @@ StudyResult run_study(const path& file, const StudyOptions& options, const Ranks
     done += rows.size();
     progress.report("cases", double(done) / double(count));
   });
-  const Recorded contents = recorded(journal_file.path());
+  const JournalContents contents = read_journal(journal_file.path());
   if (options.shard) return study_progress(study, plan, contents.rows);
   return ResultWriter(study, folder, options.report_language, progress).write(ready, contents.rows);
 }
 
 StudyResult merge_study(const path& file, const StudyOptions& options) {
   const Study study = read_trusted_study(file, options.overrides, options.permissions);
-  const Recorded contents = read_journals(study, options.folder);
-  const Plan plan = plan_of(study);
+  const JournalContents contents = read_journals(study, options.folder);
+  const Plan plan = make_plan(study);
   if (contents.rows.size() != plan.cases)
     throw BadInput(options.folder.string(), 0, 0,
                    fmt::format("all {} cases; start the shards again, they go on where they "
@@ -455,8 +460,8 @@ StudyResult merge_study(const path& file, const StudyOptions& options) {
 
 StudyResult show_study(const path& file, const StudyOptions& options) {
   const Study study = read_study(file, options.overrides);
-  const Plan plan = plan_of(study);
-  const Recorded contents = read_journals(study, options.folder);
+  const Plan plan = make_plan(study);
+  const JournalContents contents = read_journals(study, options.folder);
   StudyResult result = study_progress(study, plan, contents.rows);
   const Budget budget = compute_budget(study, plan, contents.rows);
   result.json["budget"] = to_json(budget);
@@ -474,17 +479,17 @@ std::string cases_csv(const Study& study, const Plan& plan, const std::vector<Ro
     if (with_inputs && row.index >= to) {
       from = row.index;
       to = std::min(plan.cases, from + input_block);
-      x = inputs_of(study, plan, from, to);
+      x = case_inputs(study, plan, from, to);
     }
-    const Block& block = block_of(plan, row.index);
+    const Block& block = find_block(plan, row.index);
     text +=
         fmt::format("{},{},{}", row.index, name_of(block.kind), block.full ? "full" : "influence");
     if (with_inputs)
       for (const double value : x.col(Eigen::Index(row.index - from)))
         text += fmt::format(",{}", value);
-    for (std::size_t i = 0; i < row.answers.size(); ++i)
-      text += fmt::format(
-          ",{}", csv_field(in_unit(study.responses[i % study.responses.size()], row.answers[i])));
+    for (std::size_t i = 0; i < row.response_values.size(); ++i)
+      text += fmt::format(",{}", csv_field(in_unit(study.responses[i % study.responses.size()],
+                                                   row.response_values[i])));
     text += fmt::format(",{}\n", csv_field(row.fault));
   }
   return text;

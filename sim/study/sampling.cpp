@@ -482,7 +482,7 @@ Copula::Copula(const Eigen::MatrixXd& correlation) : inputs_(int(correlation.row
 Copula::Copula(int inputs, std::span<const Correlation> correlations)
     : Copula(correlation_matrix(inputs, correlations)) {}
 
-CovarianceFactors factor_covariance(const Eigen::MatrixXd& covariance) {
+CovarianceFactors factorise_covariance(const Eigen::MatrixXd& covariance) {
   if (covariance.rows() != covariance.cols()) throw_invalid("a covariance is square");
   if (!covariance.allFinite()) throw_invalid("a covariance is not finite");
   const Eigen::Index m = covariance.rows();

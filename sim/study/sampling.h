@@ -139,7 +139,7 @@ struct CovarianceFactors {
 /// @param covariance  (m x m)
 /// @throws std::invalid_argument if it is not symmetric to 1e-9, a variance is negative, an input
 /// without variance has a covariance, or a number is not finite; also as the copula
-CovarianceFactors factor_covariance(const Eigen::MatrixXd& covariance);
+CovarianceFactors factorise_covariance(const Eigen::MatrixXd& covariance);
 
 /// Returns standard normal scores correlated by the copula. The bits of a case do not depend on the
 /// other cases of the call.

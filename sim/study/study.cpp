@@ -111,7 +111,7 @@ Study load_scene(Study study) {
   if (!tree) throw BadScene(input_errors.list());
   Scene scene = scene_from_tree(*tree, study.scene, study.overrides, input_errors);
   study.variants = std::move(scene.variants);
-  const sim::Named named_files = collect_named_files(*scene.tree, study.scene);
+  const sim::NamedFiles named_files = collect_named_files(*scene.tree, study.scene);
   study.files.insert(study.files.end(), named_files.files.begin(), named_files.files.end());
   study.programs.insert(study.programs.end(), named_files.programs.begin(),
                         named_files.programs.end());
@@ -121,7 +121,7 @@ Study load_scene(Study study) {
   return study;
 }
 
-Scene scene_of(const Study& study, const Configuration& configuration) {
+Scene base_scene(const Study& study, const Configuration& configuration) {
   return scene_at(study, configuration, {}, {});
 }
 

@@ -43,7 +43,7 @@ struct Input {
 };
 
 /// A coefficient of the machine's errors that its belief does not contain.
-struct Unidentified {
+struct UnidentifiedCoefficient {
   std::string number;     ///< such as "EY0A" or "EAX[1]"
   std::string unit;       ///< "um" or "urad"
   double spread = 0.0;    ///< standard deviation of its prior, or else the typical one of such a
@@ -106,7 +106,7 @@ struct MonteCarlo {
   Sampling sampling = Sampling::Sobol;
 };
 /// Analysis by Sobol indices, which needs base_points x (inputs + 2) cases.
-struct SobolStudy {
+struct SobolAnalysis {
   std::uint64_t base_points = 1024;
 };
 /// Analysis that steps one input through values while all others are at their centres.
@@ -134,10 +134,10 @@ struct Uncertainty {
 /// Options for computing, checking and drawing influence maps.
 struct InfluenceOptions {
   double reach = 0.05;  ///< mm, competing passes within this distance of the first one are kept
-  int max_rivals = 6;   ///< competing passes kept at a vertex
-  int checks = 4;       ///< random machines that are cut in full to verify the maps
-  double flag = 2e-4;   ///< mm, a vertex that differs by more in any of these is flagged
-  bool sheet = true;    ///< true: all inputs are drawn on a sheet
+  int max_competing_passes = 6;  ///< competing passes kept at a vertex
+  int checks = 4;                ///< random machines that are cut in full to verify the maps
+  double flag = 2e-4;            ///< mm, a vertex that differs by more in any of these is flagged
+  bool sheet = true;             ///< true: all inputs are drawn on a sheet
   std::vector<std::string> pictures;  ///< inputs that also get a picture of their own
 };
 /// Days on which a thermal belief is learnt, and days on which it is evaluated.
@@ -157,13 +157,13 @@ struct Study {
   std::vector<Override> overrides;         ///< applied to the scene before any input
   Engine engine = Engine::Influence;
   std::uint64_t seed = 1;
-  std::vector<Configuration> arms;  ///< (>= 1)
-  std::vector<Response> responses;  ///< (>= 1)
-  bool machine_part = false;        ///< true: responses are of the map minus the error-free map
+  std::vector<Configuration> configurations;  ///< (>= 1)
+  std::vector<Response> responses;            ///< (>= 1)
+  bool machine_part = false;  ///< true: responses are of the map minus the error-free map
   std::vector<std::pair<Response, double>> limits;  ///< mm, upper limits
   std::vector<Input> inputs;
-  std::vector<Unidentified> unidentified;   ///< coefficients that a belief with drawn covariance
-                                            ///< does not contain
+  std::vector<UnidentifiedCoefficient> unidentified;  ///< coefficients that a belief with drawn
+                                                      ///< covariance does not contain
   std::vector<errors::Element> completion;  ///< elements at zero with unidentified coefficients,
                                             ///< which the scene lacks
   Copula copula{0};                         ///< joint distribution of the inputs
@@ -171,14 +171,14 @@ struct Study {
   std::uint64_t proofs = 50;  ///< cases that engine `both` also cuts in full
   std::optional<OneAtATime> one_at_a_time;
   std::optional<MonteCarlo> monte_carlo;
-  std::optional<SobolStudy> sobol;
+  std::optional<SobolAnalysis> sobol;
   std::vector<Sweep> sweeps;
   std::optional<WorstCase> worst_case;
   std::optional<Tolerance> tolerance;
   std::optional<Uncertainty> uncertainty;
   std::optional<Histories> histories;
   std::vector<std::filesystem::path> files;    ///< its own files and those that it names
-  std::vector<NamedProgram> programs;          ///< programs that the study and its scene would run
+  std::vector<ProgramReference> programs;      ///< programs that the study and its scene would run
   std::vector<std::filesystem::path> trusted;  ///< programs that it may run
   std::string text;      ///< its TOML with all overrides and the absolute path of its scene
   std::string identity;  ///< checksum of study, scenes, the files they name and the abbe build; a
@@ -212,7 +212,7 @@ Study load_scene(Study study);
 /// Returns the scene of a configuration before any input is set. The scene of the study must be
 /// loaded.
 /// @throws BadScene
-Scene scene_of(const Study& study, const Configuration& configuration);
+Scene base_scene(const Study& study, const Configuration& configuration);
 
 /// Returns the scene of a configuration with the inputs at x, with the case of that configuration
 /// only.

@@ -29,7 +29,7 @@ PageText response_label(const ordered_json& response) {
   return label_text("response_" + text_at(response, "response"));
 }
 std::string response_unit(const ordered_json& response) {
-  return shown_unit(text_at(response, "unit"));
+  return display_unit(text_at(response, "unit"));
 }
 
 std::string input_name(const ordered_json& input) { return one_line(text_at(input, "name")); }
@@ -87,7 +87,7 @@ void add_bar(ordered_json& block, const PageText& name, const std::vector<ordere
   ordered_json row;
   row["name"] = name;
   row["values"] = ordered_json::array();
-  for (const ordered_json& value : values) row["values"].push_back(figure_in(value));
+  for (const ordered_json& value : values) row["values"].push_back(require_figure(value));
   if (!note.is_null()) row["note"] = note;
   block["rows"].push_back(row);
 }
@@ -112,12 +112,12 @@ ordered_json figures_block(const ordered_json& budget) {
       row.push_back(text_at(configuration, "name"));
       row.push_back(response_label(response));
       row.push_back(response_unit(response));
-      for (const char* key : response_keys) row.push_back(figure_in(response.at(key)));
+      for (const char* key : response_keys) row.push_back(require_figure(response.at(key)));
       const ordered_json& machines = response.at("monte_carlo");
       for (const char* key : statistics_keys)
-        row.push_back(machines.is_null() ? ordered_json() : figure_in(machines.at(key)));
+        row.push_back(machines.is_null() ? ordered_json() : require_figure(machines.at(key)));
       for (const char* key : {"limit", "within_limit_percent", "cpk"})
-        row.push_back(figure_in(response.at(key)));
+        row.push_back(require_figure(response.at(key)));
       rows.push_back(row);
     }
   ordered_json block = table_block("figures", label_text("study_figures"), columns, rows);
@@ -163,13 +163,13 @@ ordered_json sweep_block(const ordered_json& sweep, std::size_t number) {
   for (const auto& [response, unit_name] : sweep.at("units").items()) {
     ordered_json panel;
     panel["title"] = label_text("response_" + response);
-    panel["x"] = input + (unit == "1" ? "" : " / " + shown_unit(unit));
+    panel["x"] = input + (unit == "1" ? "" : " / " + display_unit(unit));
     panel["y"] = phrase(
-        {label_text("response_" + response), " / " + shown_unit(unit_name.get<std::string>())});
+        {label_text("response_" + response), " / " + display_unit(unit_name.get<std::string>())});
     panel["series"] = ordered_json::array();
     for (const ordered_json& configuration : sweep.at("arms"))
-      panel["series"].push_back(series_of(configuration.at("name"), sweep.at("values"),
-                                          configuration.at(response), "both"));
+      panel["series"].push_back(chart_series(configuration.at("name"), sweep.at("values"),
+                                             configuration.at(response), "both"));
     block["panels"].push_back(panel);
   }
   return block;
@@ -183,7 +183,7 @@ ordered_json proofs_block(const ordered_json& budget) {
     row.push_back(text_at(proof, "arm"));
     row.push_back(response_label(proof));
     for (const char* key : {"compared", "one_sided", "percent"})
-      row.push_back(figure_in(proof.at(key)));
+      row.push_back(require_figure(proof.at(key)));
     rows.push_back(row);
   }
   if (rows.empty()) return {};
@@ -210,7 +210,7 @@ ordered_json histories_block(const ordered_json& budget) {
                       ? phrase({day(result, "test"), " (", label_text("same_day"), ")"})
                       : day(result, "test"));
     for (const char* key : {"uncompensated_rms_um", "compensated_rms_um", "reduction_percent"})
-      row.push_back(figure_in(result.at(key)));
+      row.push_back(require_figure(result.at(key)));
     std::string sensors;
     for (const ordered_json& sensor : result.at("sensors"))
       sensors += (sensors.empty() ? "" : ", ") + sensor.get<std::string>();
@@ -329,7 +329,7 @@ ordered_json indices_block(const ordered_json& configuration, const ordered_json
 ordered_json convergence_series(const ordered_json& steps, std::size_t input, const char* key) {
   std::vector<std::size_t> x(steps.size());
   std::iota(x.begin(), x.end(), std::size_t(0));
-  ordered_json series = series_of(label_text(key), x, ordered_json::array(), "both");
+  ordered_json series = chart_series(label_text(key), x, ordered_json::array(), "both");
   series["low"] = series["high"] = ordered_json::array();
   for (const ordered_json& step : steps) {
     const ordered_json& index = step.at(key).at(input);
@@ -407,10 +407,10 @@ ordered_json inputs_block(const ordered_json& budget, const ordered_json& config
       throw std::invalid_argument("inputs and contributions are of different order");
     ordered_json row = ordered_json::array();
     row.push_back(input_name(input));
-    row.push_back(text_at(input, "unit") == "1" ? "" : shown_unit(text_at(input, "unit")));
-    row.push_back(figure_in(input.at("centre")));
-    row.push_back(figure_in(input.at("standard_deviation")));
-    for (const std::string& key : keys) row.push_back(figure_in(contributions[i].at(key)));
+    row.push_back(text_at(input, "unit") == "1" ? "" : display_unit(text_at(input, "unit")));
+    row.push_back(require_figure(input.at("centre")));
+    row.push_back(require_figure(input.at("standard_deviation")));
+    for (const std::string& key : keys) row.push_back(require_figure(contributions[i].at(key)));
     rows.push_back(row);
   }
   ordered_json block =
@@ -435,10 +435,10 @@ ordered_json allocation_block(const ordered_json& budget, const ordered_json& co
     const double spread = input.at("standard_deviation").get<double>();
     ordered_json row = ordered_json::array();
     row.push_back(input_name(input));
-    row.push_back(text_at(input, "unit") == "1" ? "" : shown_unit(text_at(input, "unit")));
+    row.push_back(text_at(input, "unit") == "1" ? "" : display_unit(text_at(input, "unit")));
     row.push_back(spread);
     for (const ordered_json* method : {&equal, &cheapest}) {
-      const ordered_json& factor = figure_in(method->at("factors").at(i));
+      const ordered_json& factor = require_figure(method->at("factors").at(i));
       row.push_back(factor);
       row.push_back(factor.is_null() ? ordered_json()
                                      : ordered_json(factor.get<double>() * spread));
@@ -473,9 +473,9 @@ ordered_json allocation_totals_block(const ordered_json& configuration, std::siz
   for (const char* key : {"equal", "cheapest"}) {
     ordered_json row = ordered_json::array();
     row.push_back(label_text("allocation_" + std::string(key)));
-    row.push_back(figure_in(allocation.at(key).at("cost")));
-    row.push_back(figure_in(allocation.at(key).at("within_limit_percent")));
-    row.push_back(figure_in(allocation.at("floor")));
+    row.push_back(require_figure(allocation.at(key).at("cost")));
+    row.push_back(require_figure(allocation.at(key).at("within_limit_percent")));
+    row.push_back(require_figure(allocation.at("floor")));
     rows.push_back(row);
   }
   return table_block(block_id("allocation-totals", number), label_text("allocation_totals"),

@@ -35,7 +35,7 @@ void read_responses(TableReader& reader, Study& study) {
                                     [&](Response response) { return name == name_of(response); });
     auto& responses = study.responses;
     if (match == all_responses.end())
-      reader.refuse("responses", response_names(), name);
+      reader.report_invalid("responses", response_names(), name);
     else if (std::find(responses.begin(), responses.end(), *match) == responses.end())
       responses.push_back(*match);
   }
@@ -46,7 +46,7 @@ void write_responses(const Study& study, Node::Table& table) {
   Node::Array names;
   for (const Response response : study.responses)
     names.push_back(Node{{}, std::string(name_of(response))});
-  put(table, "responses", std::move(names));
+  put_value(table, "responses", std::move(names));
 }
 
 using ResponseLimits = std::vector<std::pair<Response, double>>;
@@ -59,7 +59,7 @@ Fields<ResponseLimits> limit_fields() {
     Key key = make_key(std::string(name_of(response)) + "_um", Key::Kind::Number,
                        "upper limit: share of the machines within, Cpk");
     key.range = positive;
-    fields.custom(
+    fields.custom_field(
         {key},
         [key, response](TableReader& reader, ResponseLimits& limits) {
           if (const auto limit = reader.maybe_number(key.name, key.range))
@@ -67,7 +67,8 @@ Fields<ResponseLimits> limit_fields() {
         },
         [key, response](const ResponseLimits& limits, Node::Table& table) {
           for (const auto& [limited_response, limit] : limits)
-            if (limited_response == response) put(table, key.name, limit / sim::unit_of(key.name));
+            if (limited_response == response)
+              put_value(table, key.name, limit / sim::unit_factor(key.name));
         });
   }
   return fields;
@@ -77,7 +78,7 @@ Fields<Tolerance> tolerance_fields() {
   return Fields<Tolerance>()
       .word("response", &Tolerance::response, {{"pv", Response::Pv}, {"rms", Response::Rms}},
             "figure of the map that is limited")
-      .number(must("limit_um"), &Tolerance::limit, positive, "of that figure")
+      .number(required_key("limit_um"), &Tolerance::limit, positive, "of that figure")
       .number("confidence", &Tolerance::confidence, confidence_range,
               "share of the machines within it")
       .whole("machines", &Tolerance::machines, 200, 1'000'000,
@@ -93,21 +94,22 @@ struct ValueRange {
 const Fields<ValueRange>& value_range_fields() {
   static const Fields<ValueRange> fields =
       Fields<ValueRange>()
-          .number(must("from"), &ValueRange::from, any_number,
+          .number(required_key("from"), &ValueRange::from, any_number,
                   "first value, unless `values` are given")
-          .number(must("to"), &ValueRange::to, any_number, "last value")
+          .number(required_key("to"), &ValueRange::to, any_number, "last value")
           .whole("steps", &ValueRange::steps, 2, 10000, "values from `from` to `to`")
           .check([](TableReader& reader, ValueRange& value_range) {
             if (!std::isfinite(value_range.to - value_range.from))
-              reader.refuse("to", "a stretch of finite length",
-                            fmt::format("{} to {}", value_range.from, value_range.to));
+              reader.report_invalid("to", "a stretch of finite length",
+                                    fmt::format("{} to {}", value_range.from, value_range.to));
           });
   return fields;
 }
 
 std::vector<Key> sweep_keys() {
-  std::vector<Key> keys{make_key(must("input"), Key::Kind::Text, "name of the input that is swept"),
-                        make_key("values", Key::Kind::Numbers, "its values")};
+  std::vector<Key> keys{
+      make_key(required_key("input"), Key::Kind::Text, "name of the input that is swept"),
+      make_key("values", Key::Kind::Numbers, "its values")};
   for (Key key : value_range_fields().keys()) {
     key.required = false;
     keys.push_back(std::move(key));
@@ -147,11 +149,11 @@ Fields<Study>::Field sweep_field() {
             Node::Array sweeps;
             for (const Sweep& sweep : study.sweeps) {
               Node::Table sweep_table;
-              put(sweep_table, "input", study.inputs[std::size_t(sweep.input)].name);
+              put_value(sweep_table, "input", study.inputs[std::size_t(sweep.input)].name);
               put_numbers(sweep_table, "values", sweep.values, 1.0);
               sweeps.push_back(Node{{}, std::move(sweep_table)});
             }
-            if (!sweeps.empty()) put(table, "sweep", std::move(sweeps));
+            if (!sweeps.empty()) put_value(table, "sweep", std::move(sweeps));
           }};
 }
 
@@ -160,7 +162,8 @@ Fields<InfluenceOptions> influence_fields() {
   return Fields<Options>()
       .number("reach_um", &Options::reach, positive,
               "passes of the tool within so much of the first are kept")
-      .whole("most_rivals", &Options::max_rivals, 1, 64, "passes kept at a vertex at most")
+      .whole("most_rivals", &Options::max_competing_passes, 1, 64,
+             "passes kept at a vertex at most")
       .whole("checks", &Options::checks, 0, 1000,
              "random machines that are cut to find where the maps fail")
       .number("flag_um", &Options::flag, positive,
@@ -171,15 +174,15 @@ Fields<InfluenceOptions> influence_fields() {
 
 Fields<Histories> histories_fields() {
   return Fields<Histories>()
-      .texts(must("train"), &Histories::train,
+      .texts(required_key("train"), &Histories::train,
              "variants whose days teach, `\"\"` for the scene's own day; a day brings "
              "`[[instrument]]`s that read the machine at three or more `start_h`, or all day")
-      .texts(must("test"), &Histories::test, "variants whose days are judged")
+      .texts(required_key("test"), &Histories::test, "variants whose days are judged")
       .text("case", &Histories::case_name, "a compensator of belief `thermal` alone")
       .check([](TableReader& reader, Histories& histories) {
         for (const auto& [key, list] :
              {std::pair("train", &histories.train), std::pair("test", &histories.test)})
-          if (list->empty()) reader.missing(key, "a list of variants, \"\" for the scene");
+          if (list->empty()) reader.report_missing(key, "a list of variants, \"\" for the scene");
       });
 }
 
@@ -191,7 +194,7 @@ void check_pictures(TableReader& reader, Study& study) {
   const std::set<std::string> names = input_names(study.inputs);
   for (const std::string& name : study.influence.pictures)
     if (!names.count(name))
-      influence_reader.refuse("pictures", "names of inputs", with_suggestion(name, names));
+      influence_reader.report_invalid("pictures", "names of inputs", with_suggestion(name, names));
 }
 
 }  // namespace
@@ -224,7 +227,7 @@ const Fields<Distribution>& distribution_fields() {
                  {"log_normal", Kind::LogNormal}},
                 "how it varies")
           .number(
-              KeyName("centre").otherwise(
+              KeyName("centre").with_fallback(
                   "of `path` the scene's own value, required where it states none (`setup`: "
                   "0); of `number` 0, of `element` 1"),
               &Distribution::centre, any_number,
@@ -240,11 +243,11 @@ const Fields<Distribution>& distribution_fields() {
           .number("high", &Distribution::high, any_number, "nothing is drawn above")
           .check([](TableReader& reader, Distribution& distribution) {
             if (distribution.centre < distribution.low || distribution.centre > distribution.high)
-              reader.refuse("centre",
-                            "a centre within low and high, as the base machine stands there",
-                            fmt::format("{}", distribution.centre));
+              reader.report_invalid(
+                  "centre", "a centre within low and high, as the base machine stands there",
+                  fmt::format("{}", distribution.centre));
             if (const char* error = distribution_error(distribution))
-              reader.refuse("spread", error, distribution_text(distribution));
+              reader.report_invalid("spread", error, distribution_text(distribution));
           });
   return fields;
 }
@@ -252,14 +255,15 @@ const Fields<Distribution>& distribution_fields() {
 const Fields<Study>& response_fields() {
   static const Fields<Study> fields =
       Fields<Study>()
-          .custom({make_key(
-                      KeyName("responses").otherwise("[\"pv\", \"rms\"]"), Key::Kind::Texts,
-                      "figures of a map: `\"pv\"`, `\"rms\"`, `\"mean\"`, `\"std\"`, "
-                      "`\"max_abs\"`, `\"p95_abs\"`, `\"in_tolerance\"`, `\"form_pv\"`, "
-                      "`\"form_rms\"`, `\"texture_sa\"`, `\"texture_sq\"`, `\"texture_sz\"`; form "
-                      "and texture as the areal filter of `form_cutoff_mm` parts them, of the "
-                      "part's own vertices")},
-                  read_responses, write_responses)
+          .custom_field(
+              {make_key(
+                  KeyName("responses").with_fallback("[\"pv\", \"rms\"]"), Key::Kind::Texts,
+                  "figures of a map: `\"pv\"`, `\"rms\"`, `\"mean\"`, `\"std\"`, "
+                  "`\"max_abs\"`, `\"p95_abs\"`, `\"in_tolerance\"`, `\"form_pv\"`, "
+                  "`\"form_rms\"`, `\"texture_sa\"`, `\"texture_sq\"`, `\"texture_sz\"`; form "
+                  "and texture as the areal filter of `form_cutoff_mm` parts them, of the "
+                  "part's own vertices")},
+              read_responses, write_responses)
           .word("of", &Study::machine_part,
                 {{"residual", false, "the map as `summary.json` judges it"},
                  {"machine", true, "less the error-free map"}},
@@ -287,11 +291,11 @@ const Fields<Study>& analysis_fields() {
             "random machines: mean, P95, P99, share within the limit, each with its band of 95 "
             "%; Cpk, correlations")
         .table("sobol_indices", &Study::sobol,
-               Fields<SobolStudy>().whole("base_points", &SobolStudy::base_points, 8, 1 << 24,
-                                          "each of inputs + 2 cases"),
+               Fields<SobolAnalysis>().whole("base_points", &SobolAnalysis::base_points, 8, 1 << 24,
+                                             "each of inputs + 2 cases"),
                "which share of a response's variance an input makes, alone and with its "
                "interactions; inputs must be independent, at most 1800")
-        .custom(sweep.keys, sweep.read, sweep.write)
+        .custom_field(sweep.keys, sweep.read, sweep.write)
         .table("worst_case", &Study::worst_case,
                Fields<WorstCase>().number("coverage", &WorstCase::coverage, positive,
                                           "standard deviations, where a distribution has no end"),
@@ -327,7 +331,7 @@ int read_input_index(TableReader& reader, const std::string& key,
   for (std::size_t i = 0; i < inputs.size(); ++i)
     if (inputs[i].name == name) return int(i);
   if (!name.empty())
-    reader.refuse(key, "the name of an input", with_suggestion(name, input_names(inputs)));
+    reader.report_invalid(key, "the name of an input", with_suggestion(name, input_names(inputs)));
   return 0;
 }
 

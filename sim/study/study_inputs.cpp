@@ -24,11 +24,11 @@ namespace {
 using Eigen::Index;
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
-using errors::identification::element_of_number;
+using errors::identification::coefficient_element;
 using errors::identification::typical_deviation;
 
 bool is_angle(const std::string& number) {
-  return errors::parse_element_name(element_of_number(number)).is_angle();
+  return errors::parse_element_name(coefficient_element(number)).is_angle();
 }
 
 /// Returns, at zero, the elements that an identification can find and the belief lacks; none if the
@@ -37,34 +37,34 @@ std::vector<errors::Element> missing_elements(const Scene& scene,
                                               std::vector<std::string>& numbers) {
   errors::GeometricErrors model;
   try {
-    model = errors::identification::model_of(compile(scene).nominal,
-                                             {.order = 2, .harmonics = 2, .placement = false});
+    model = errors::identification::error_model(make_machine(scene).nominal,
+                                                {.order = 2, .harmonics = 2, .placement = false});
   } catch (const std::invalid_argument&) {
     return {};
   }
-  std::vector<errors::Element> missing;
+  std::vector<errors::Element> report_missing;
   for (const errors::Element& element : model.elements)
     if (std::ranges::find(scene.geometric.elements, element.name, &errors::Element::name) ==
         scene.geometric.elements.end())
-      missing.push_back(element);
+      report_missing.push_back(element);
   const auto is_fixed = [&](const errors::Coefficient& coefficient) {
     const auto i =
         std::ranges::find(model.covariance.of, coefficient) - model.covariance.of.begin();
     return i < std::ssize(model.covariance.of) && model.covariance.matrix(i, i) == 0.0;
   };
   for (const errors::Coefficient& coefficient : errors::coefficients(model.elements))
-    if (std::ranges::find(missing, model.elements[std::size_t(coefficient.element)].name,
-                          &errors::Element::name) != missing.end() &&
+    if (std::ranges::find(report_missing, model.elements[std::size_t(coefficient.element)].name,
+                          &errors::Element::name) != report_missing.end() &&
         !is_fixed(coefficient))
       numbers.push_back(errors::name_of(coefficient, model.elements));
-  return missing;
+  return report_missing;
 }
 
 /// Throws std::invalid_argument if a prior is not that of an unidentified element.
-void check_priors(const Priors& priors, const std::vector<Unidentified>& unidentified) {
+void check_priors(const Priors& priors, const std::vector<UnidentifiedCoefficient>& unidentified) {
   std::set<std::string> elements;
-  for (const Unidentified& coefficient : unidentified)
-    elements.insert(element_of_number(coefficient.number));
+  for (const UnidentifiedCoefficient& coefficient : unidentified)
+    elements.insert(coefficient_element(coefficient.number));
   for (const auto& [name, spread] : priors.spread)
     if (!elements.contains(name))
       throw std::invalid_argument(fmt::format(
@@ -82,7 +82,7 @@ void add_identified(const errors::GeometricErrors& belief, BeliefInputs& result)
   for (std::size_t k = 0; k < covariance.of.size(); ++k) {
     const auto i = Index(k);
     const std::string name = errors::name_of(covariance.of[k], belief.elements);
-    per_unit[i] = 1.0 / errors::identification::shown_unit(name);
+    per_unit[i] = 1.0 / errors::identification::display_unit(name);
     if (!(covariance.matrix(i, i) > 0.0)) continue;  // zero by a convention of the model
     Input input;
     input.name = input.number = name;
@@ -99,11 +99,11 @@ void add_identified(const errors::GeometricErrors& belief, BeliefInputs& result)
 /// Adds an input for every coefficient with a prior. The coefficients that hide it have absorbed
 /// part of it, so they are negatively correlated with it.
 void add_unidentified(BeliefInputs& result) {
-  std::vector<const Unidentified*> drawn;
-  for (const Unidentified& coefficient : result.unidentified)
+  std::vector<const UnidentifiedCoefficient*> drawn;
+  for (const UnidentifiedCoefficient& coefficient : result.unidentified)
     if (coefficient.is_drawn) drawn.push_back(&coefficient);
   const auto identified = Index(result.inputs.size()), size = identified + Index(drawn.size());
-  for (const Unidentified* coefficient : drawn) {
+  for (const UnidentifiedCoefficient* coefficient : drawn) {
     Input input;
     input.name = input.number = coefficient->number;
     input.unit = coefficient->unit;
@@ -135,12 +135,13 @@ BeliefInputs belief_inputs(const Scene& scene, const Priors& priors) {
   result.completion = missing_elements(scene, missing_numbers);
   for (std::string& number : missing_numbers) numbers.push_back({std::move(number), {}});
   for (const UnidentifiedNumber& entry : numbers) {
-    const std::string element = element_of_number(entry.number);
+    const std::string element = coefficient_element(entry.number);
     const auto prior = priors.spread.find(element);
-    Unidentified coefficient{entry.number, is_angle(entry.number) ? "urad" : "um", 0.0,
-                             priors.typical || prior != priors.spread.end(), entry.hidden_by};
+    UnidentifiedCoefficient coefficient{entry.number, is_angle(entry.number) ? "urad" : "um", 0.0,
+                                        priors.typical || prior != priors.spread.end(),
+                                        entry.hidden_by};
     coefficient.spread =
-        typical_deviation(entry.number) / errors::identification::shown_unit(entry.number);
+        typical_deviation(entry.number) / errors::identification::display_unit(entry.number);
     if (prior != priors.spread.end())
       coefficient.spread =
           prior->second * typical_deviation(entry.number) / typical_deviation(element);
@@ -185,7 +186,7 @@ std::string path_unit(const std::string& path) {
     }
     key = key.substr(0, dot);
   }
-  const std::string_view stem = key_stem(key);
+  const std::string_view stem = key_without_unit(key);
   return stem.size() < key.size() ? key.substr(stem.size() + 1) : "";
 }
 
@@ -202,29 +203,30 @@ const Fields<SingleInput>& single_input_fields() {
   };
   static const Fields<SingleInput> fields =
       Fields<SingleInput>()
-          .texts(KeyName("path").one_of("acts by"), &SingleInput::paths,
+          .texts(KeyName("path").in_exclusive_group("acts by"), &SingleInput::paths,
                  "a value of the scene as of `--set`, or several that go together: "
                  "`\"setup.EA_urad\"`, `\"thermal.link.3.conductance_W_per_K\"`")
-          .text(KeyName("element").one_of("acts by"), of_input(&Input::element),
+          .text(KeyName("element").in_exclusive_group("acts by"), of_input(&Input::element),
                 "`\"EXX\"`: a factor of that element as the scene has it")
           .text(
-              KeyName("number").one_of("acts by"), of_input(&Input::number),
+              KeyName("number").in_exclusive_group("acts by"), of_input(&Input::number),
               "`\"EXX[1]\"`, `\"EXX screw pitch cos 1\"`: a number of a curve of the errors, um or "
               "urad, as `[covariance]` of a belief names it")
           .check([](TableReader& reader, SingleInput& single) {
             const int count = int(!single.paths.empty()) + int(!single.input.element.empty()) +
                               int(!single.input.number.empty());
             if (count != 1)
-              reader.refuse("path", "one of path, element (\"EXX\") and number (\"EXX[1]\")",
-                            count == 0 ? "none" : "several");
+              reader.report_invalid("path",
+                                    "one of path, element (\"EXX\") and number (\"EXX[1]\")",
+                                    count == 0 ? "none" : "several");
           })
           .number("factor", &SingleInput::factor, any_number,
                   "what stands at the paths is `factor` times the input")
           .check([](TableReader& reader, SingleInput& single) {
             if (reader.has("factor") && single.paths.empty())
-              reader.refuse("factor", "a path beside it", "none");
+              reader.report_invalid("factor", "a path beside it", "none");
           })
-          .text(KeyName("name").otherwise("path, element or number"), of_input(&Input::name),
+          .text(KeyName("name").with_fallback("path, element or number"), of_input(&Input::name),
                 "in tables and pictures")
           .number("cost", of_input(&Input::cost), positive,
                   "of the present spread; a k-th of the spread costs k times as much "
@@ -246,7 +248,7 @@ const Fields<InputGroup>& input_group_fields() {
   static const Fields<InputGroup> fields =
       Fields<InputGroup>()
           .word(
-              must("every"), &InputGroup::every,
+              required_key("every"), &InputGroup::every,
               {{"element", InputSource::Element,
                 "every element of the scene's errors, a factor: `centre` 0 and `spread` 1 take the "
                 "machine as it is for one standard deviation"},
@@ -266,8 +268,9 @@ const Fields<InputGroup>& input_group_fields() {
 const Fields<InputGroup>& distributed_group_fields() {
   static const Fields<InputGroup> fields =
       Fields<InputGroup>()
-          .texts(KeyName("of").otherwise("all"), &InputGroup::of, "elements of the scene's errors")
-          .all_of(
+          .texts(KeyName("of").with_fallback("all"), &InputGroup::of,
+                 "elements of the scene's errors")
+          .include_fields(
               [](auto& group) -> auto& { return group.pattern.distribution; },
               distribution_fields());
   return fields;
@@ -280,7 +283,7 @@ bool has_element(const InputGroup& group, const std::string& element) {
 
 const Fields<double>& correlation_fields() {
   static const Fields<double> fields = Fields<double>().number(
-      must("rho"), [](auto& rho) -> auto& { return rho; }, {-1.0, 1.0, false, false},
+      required_key("rho"), [](auto& rho) -> auto& { return rho; }, {-1.0, 1.0, false, false},
       "correlation of the normal scores of the two (a Gaussian copula)");
   return fields;
 }
@@ -300,9 +303,9 @@ class InputsReader {
   std::optional<double> scene_value(const std::string& path) const;
   std::optional<double> nominal_value(const std::string& path) const;
   void add_covariance(const Node& node, double cost, const Priors& priors);
-  void add_elements(const InputGroup& group, const Place& location);
-  void add_numbers(const InputGroup& group, const Place& location);
-  void add(Input input, const Place& location);
+  void add_elements(const InputGroup& group, const SourcePosition& location);
+  void add_numbers(const InputGroup& group, const SourcePosition& location);
+  void add(Input input, const SourcePosition& location);
   void read_correlations();
 
   TableReader& reader_;
@@ -335,7 +338,7 @@ double valid_centre(const Node& input, const std::optional<double>& nominal) {
 }
 
 /// Adds an input, or an input error if its name or what it sets is not unique.
-void InputsReader::add(Input input, const Place& location) {
+void InputsReader::add(Input input, const SourcePosition& location) {
   if (declared_.inputs.size() == max_inputs)
     input_errors_.add(location, fmt::format("at most {} inputs", max_inputs), "more");
   if (declared_.inputs.size() >= max_inputs) return;
@@ -366,7 +369,8 @@ void InputsReader::read_input(const Node& node) {
   input.unit = !paths.empty()          ? path_unit(paths.front())
                : !input.number.empty() ? (has_angle ? "urad" : "um")
                                        : "";
-  if (!reader.has("spread")) reader.missing("spread", "a number in the unit of the path's key");
+  if (!reader.has("spread"))
+    reader.report_missing("spread", "a number in the unit of the path's key");
   const std::optional<double> stated = paths.empty() ? std::nullopt : scene_value(paths.front());
   Distribution initial;
   const bool lacks_centre = !paths.empty() && !stated && !reader.has("centre") &&
@@ -411,7 +415,7 @@ Priors read_priors(TableReader& reader) {
     return priors;
   }
   if (!node->table()) {
-    reader.refuse("unidentified", expected, shown(*node));
+    reader.report_invalid("unidentified", expected, display_text(*node));
     return priors;
   }
   for (const Node::Entry& entry : *node->table()) {
@@ -423,7 +427,7 @@ Priors read_priors(TableReader& reader) {
                             entry.key.substr(unit) == (name.is_angle() ? "_urad" : "_um");
       if (!has_unit || !spread || !(*spread >= 0.0 && *spread <= 1e6))
         reader.input_errors().add(entry.place, expected + ", of 0 to 1e6",
-                                  entry.key + " = " + shown(entry.node));
+                                  entry.key + " = " + display_text(entry.node));
       else
         priors.spread[errors::to_string(name)] = *spread;
     } catch (const std::invalid_argument&) {
@@ -486,7 +490,8 @@ void InputsReader::read_group(const Node& node) {
     known_names.insert(errors::to_string(element.name));
   for (const std::string& name : group.of)
     if (!known_names.count(name))
-      reader.refuse("of", "elements that the scene has", with_suggestion(name, known_names));
+      reader.report_invalid("of", "elements that the scene has",
+                            with_suggestion(name, known_names));
   if (group.every == InputSource::Element)
     add_elements(group, node.place);
   else
@@ -494,7 +499,7 @@ void InputsReader::read_group(const Node& node) {
 }
 
 /// Adds an input for every element of a group, which scales it.
-void InputsReader::add_elements(const InputGroup& group, const Place& location) {
+void InputsReader::add_elements(const InputGroup& group, const SourcePosition& location) {
   for (const errors::Element& element : scenes_.front().geometric.elements) {
     const std::string name = errors::to_string(element.name);
     if (has_element(group, name))
@@ -503,7 +508,7 @@ void InputsReader::add_elements(const InputGroup& group, const Place& location) 
 }
 
 /// Adds an input for every coefficient of the elements of a group.
-void InputsReader::add_numbers(const InputGroup& group, const Place& location) {
+void InputsReader::add_numbers(const InputGroup& group, const SourcePosition& location) {
   const std::vector<errors::Element>& elements = scenes_.front().geometric.elements;
   const Eigen::VectorXd values = errors::values(elements);
   Eigen::Index index = 0;
@@ -533,7 +538,7 @@ void InputsReader::read_correlations() {
     reader.close();
     if (!input_errors_.empty()) continue;
     const auto name = [&](int i) { return declared_.inputs[std::size_t(i)].name; };
-    if (a == b) reader.refuse("second", "another input than the first", name(b));
+    if (a == b) reader.report_invalid("second", "another input than the first", name(b));
     if (!correlated_.insert(std::minmax(a, b)).second)
       input_errors_.add(node->place, "every pair of inputs once",
                         name(a) + " and " + name(b) + " again");
@@ -588,14 +593,14 @@ std::vector<Key> input_group_keys() {
                "offsets, squareness and parallelism, 5 um and 15 urad of error motions (the "
                "k-th order of a curve a k-th of it), 5 um and 10 urad of the nose. What has "
                "none is left out of every figure, which a warning says");
-  for (Word& word : keys.front().words)
+  for (EnumChoice& word : keys.front().choices)
     word.keys = word.word == "covariance" ? std::vector<Key>{priors} : distribution_keys;
   return keys;
 }
 
 std::vector<Key> correlation_keys() {
-  return {make_key(must("first"), Key::Kind::Text, "name of an input"),
-          make_key(must("second"), Key::Kind::Text, "of another; every pair once"),
+  return {make_key(required_key("first"), Key::Kind::Text, "name of an input"),
+          make_key(required_key("second"), Key::Kind::Text, "of another; every pair once"),
           correlation_fields().keys().front()};
 }
 

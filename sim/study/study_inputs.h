@@ -27,7 +27,7 @@ struct BeliefInputs {
   std::vector<Input> inputs;
   Eigen::MatrixXd covariance;  ///< (inputs x inputs) um, urad; a coefficient with a prior
                                ///< correlates with those that hide it
-  std::vector<Unidentified> unidentified;
+  std::vector<UnidentifiedCoefficient> unidentified;
   std::vector<errors::Element> completion;  ///< elements at zero that the scene lacks
 };
 
@@ -49,10 +49,10 @@ struct MissingCentre {
 /// Inputs of a study as its file declares them.
 struct DeclaredInputs {
   std::vector<Input> inputs;
-  std::vector<Place> locations;  ///< (inputs) locations in the file
+  std::vector<SourcePosition> locations;  ///< (inputs) locations in the file
   std::vector<MissingCentre> missing_centres;
   std::vector<Correlation> correlations;
-  std::vector<Unidentified> unidentified;
+  std::vector<UnidentifiedCoefficient> unidentified;
   std::vector<errors::Element> completion;  ///< as in Study
 };
 

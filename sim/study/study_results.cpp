@@ -56,8 +56,8 @@ std::string figures_text(const char* name, std::optional<double> rms, std::optio
 
 std::string sheet_title(const PreparedStudy& ready, std::size_t configuration,
                         const char* contents) {
-  return fmt::format("{}, {}: {}", ready.study.title, ready.study.arms[configuration].name,
-                     contents);
+  return fmt::format("{}, {}: {}", ready.study.title,
+                     ready.study.configurations[configuration].name, contents);
 }
 
 /// Returns the map of the effect of one standard deviation of an input.
@@ -69,7 +69,7 @@ render::SheetMap effect_map(const PreparedStudy& ready, const InfluenceMap& infl
   render::SheetMap map;
   map.title = input.unit.empty()
                   ? input.name
-                  : fmt::format("{}, {:.3g} {}", input.name, sd[index], shown_unit(input.unit));
+                  : fmt::format("{}, {:.3g} {}", input.name, sd[index], display_unit(input.unit));
   map.values_um = input_effects.row(index).transpose() * (sd[index] / units::um);
   const cutting::Statistics figures = map_statistics(influence.design, map.values_um);
   map.figures = figures_text("PV", figures.rms, figures.pv);
@@ -79,7 +79,7 @@ render::SheetMap effect_map(const PreparedStudy& ready, const InfluenceMap& infl
 /// Returns the options of a sheet with the view of the configuration's scene.
 render::SheetOptions sheet_options(const PreparedStudy& ready, std::size_t configuration,
                                    std::string title) {
-  const Scene& scene = ready.arms[configuration].job.scene;
+  const Scene& scene = ready.configurations[configuration].job.scene;
   render::SheetOptions options;
   options.title = std::move(title);
   options.from = scene.view.from;
@@ -113,7 +113,7 @@ void write_pages(const ResultFolder& folder, const PreparedStudy& ready, std::si
   for (std::size_t page = 0; page < max_pages; ++page) {
     std::vector<std::string> name{"influence", "sheet"};
     if (page > 0) name.push_back(std::to_string(page + 1));
-    const ResultFile file = folder / (names.unused(name) + ".png");
+    const ResultFile file = folder / (names.unique_name(name) + ".png");
     if (page >= pages) {
       if (page > 0) remove_file(file);
       continue;
@@ -152,7 +152,7 @@ void write_effect_pictures(const ResultFolder& folder, const PreparedStudy& read
           ready, configuration,
           sheet_title(ready, configuration, "what one standard deviation of an input does"));
       single.width = 1600;
-      write_file(folder / (names.unused({"influence", name}) + ".png"), [&](const path& file) {
+      write_file(folder / (names.unique_name({"influence", name}) + ".png"), [&](const path& file) {
         render::write_sheet(file, influence.design,
                             {effect_map(ready, influence, i, input_effects, sd)}, single);
       });
@@ -170,8 +170,9 @@ void write_influence_data(const ResultFolder& folder, const PreparedStudy& ready
   for (Index v = 0; v < n; ++v)
     pass_counts[v] = double(influence.first[std::size_t(v) + 1] - influence.first[std::size_t(v)]);
   const Eigen::VectorXd base = maps(influence, influence.centre).col(0) - influence.error_free;
-  const Eigen::VectorXd doubt = influence.doubt.array().isFinite().select(influence.doubt, NAN);
-  std::vector<Eigen::VectorXd> arrays{base / units::um, doubt / units::um, pass_counts};
+  const Eigen::VectorXd max_error =
+      influence.max_error.array().isFinite().select(influence.max_error, NAN);
+  std::vector<Eigen::VectorXd> arrays{base / units::um, max_error / units::um, pass_counts};
   for (Index i = 0; i < input_effects.rows(); ++i) {
     const Input& input = ready.study.inputs[std::size_t(i)];
     names.push_back(input.name + (input.unit.empty() ? " um" : " um_per_" + input.unit));
@@ -346,7 +347,7 @@ MachineResponses read_responses(const path& file, const std::vector<std::string>
       const std::string& field = (*fields)[columns[k]];
       if (field.empty()) continue;
       const auto value = number_of(field);
-      if (!value) reader.throw_bad_input("a number", in_quotes(field));
+      if (!value) reader.throw_bad_input("a number", quoted_excerpt(field));
       responses[heads[k]].push_back(*value);
     }
   }
@@ -425,13 +426,13 @@ std::string plain_text(const ordered_json& value) {
 
 /// Adds the request to the page: study, engine, seed, numbers of cases and inputs, folder.
 void add_request(FiguresPage& page, const ordered_json& budget, const path& folder) {
-  page.asked.push_back({"study", page.title});
+  page.request.push_back({"study", page.title});
   for (const char* key : {"engine", "seed", "cases", "failed_cases"})
     if (budget.contains(key))
-      page.asked.push_back({"study_" + std::string(key), plain_text(budget.at(key))});
+      page.request.push_back({"study_" + std::string(key), plain_text(budget.at(key))});
   if (budget.contains("inputs"))
-    page.asked.push_back({"study_inputs", std::to_string(budget.at("inputs").size())});
-  page.asked.push_back({"folder", std::filesystem::absolute(folder).lexically_normal().string()});
+    page.request.push_back({"study_inputs", std::to_string(budget.at("inputs").size())});
+  page.request.push_back({"folder", std::filesystem::absolute(folder).lexically_normal().string()});
 }
 
 /// Returns true if the budget has a configuration of a variant of the scene, or none at all.
@@ -462,7 +463,7 @@ void add_warnings(FiguresPage& page, const ordered_json& budget, const path& fol
     for (const ordered_json& result : budget.at("histories"))
       for (const ordered_json& warning : result.at("warnings"))
         page.warnings.push_back(warning.get<std::string>());
-  const Mark mark = read_manifest(folder);
+  const Manifest mark = read_manifest(folder);
   if (!writing_command(mark, folder / "budget.json"))
     page.warnings.push_back(
         "budget.json is not as abbe study wrote it, or the mark of its folder is missing");

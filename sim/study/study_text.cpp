@@ -38,7 +38,7 @@ std::string lower_case(std::string text) {
 
 }  // namespace
 
-std::string file_part(const std::string& text) {
+std::string file_name_part(const std::string& text) {
   std::string part;
   for (const char c : text) {
     if (is_file_name_char(c) && !(part.empty() && c == '.'))
@@ -51,9 +51,9 @@ std::string file_part(const std::string& text) {
   return part.empty() ? "unnamed" : part;
 }
 
-std::string PictureNames::unused(const std::vector<std::string>& parts) {
+std::string PictureNames::unique_name(const std::vector<std::string>& parts) {
   std::string name;
-  for (const std::string& part : parts) name += (name.empty() ? "" : "-") + file_part(part);
+  for (const std::string& part : parts) name += (name.empty() ? "" : "-") + file_name_part(part);
   std::string candidate = name;
   // Windows and macOS ignore case in file names.
   for (int number = 2; !used_names_.insert(lower_case(candidate)).second; ++number)
@@ -61,7 +61,7 @@ std::string PictureNames::unused(const std::vector<std::string>& parts) {
   return candidate;
 }
 
-std::string title_of(Response response) {
+std::string response_title(Response response) {
   switch (response) {
     case Response::Pv:
       return "PV";
@@ -91,14 +91,14 @@ std::string title_of(Response response) {
   return "";
 }
 
-std::string shown_unit(const std::string& unit) {
+std::string display_unit(const std::string& unit) {
   if (unit == "um") return "µm";
   if (unit == "urad") return "µrad";
   if (unit == "deg") return "°";
   return unit;
 }
 
-std::string shown_unit(Response response) { return shown_unit(std::string(unit_of(response))); }
+std::string display_unit(Response response) { return display_unit(std::string(unit_of(response))); }
 
 std::string unit_of(const Input& input) { return input.unit.empty() ? "1" : input.unit; }
 
@@ -114,7 +114,7 @@ std::string one_line(const std::string& text) {
   return line;
 }
 
-std::string short_line(const std::string& text, std::size_t max_characters) {
+std::string shortened_line(const std::string& text, std::size_t max_characters) {
   const std::string line = one_line(text);
   std::vector<std::size_t> starts;  // first bytes of the UTF-8 characters
   for (std::size_t i = 0; i < line.size(); ++i)
@@ -171,13 +171,13 @@ std::string terminal_table(const TextTable& table) {
   const std::vector<std::size_t> columns = filled_columns(table);
   std::vector<std::size_t> widths(table.heads.size(), 0);
   for (const std::size_t j : columns) {
-    widths[j] = columns_of(table.heads[j]);
-    for (const auto& row : table.rows) widths[j] = std::max(widths[j], columns_of(row[j]));
+    widths[j] = terminal_width(table.heads[j]);
+    for (const auto& row : table.rows) widths[j] = std::max(widths[j], terminal_width(row[j]));
   }
   const auto line = [&](const std::vector<std::string>& cells) {
     std::string text;
     for (const std::size_t j : columns) {
-      const std::string space(widths[j] - columns_of(cells[j]), ' ');
+      const std::string space(widths[j] - terminal_width(cells[j]), ' ');
       if (!text.empty()) text += "  ";
       text += j < table.text_columns ? cells[j] + space : space + cells[j];
     }
@@ -206,22 +206,22 @@ bool is_wide(char32_t c) {
 
 }  // namespace
 
-std::string plain(TextStyle style, const std::string& text) {
+std::string user_text(TextStyle style, const std::string& text) {
   const std::string line = one_line(text);
   return style == TextStyle::Markdown ? escape_markdown(line) : line;
 }
 
-std::string strong(TextStyle style, const std::string& text) {
+std::string bold_text(TextStyle style, const std::string& text) {
   return style == TextStyle::Markdown ? "**" + text + "**" : text;
 }
 
 std::string heading(TextStyle style, int level, const std::string& text) {
   if (style == TextStyle::Markdown)
     return std::string(std::size_t(level), '#') + " " + text + "\n\n";
-  return text + "\n" + std::string(columns_of(text), level == 1 ? '=' : '-') + "\n\n";
+  return text + "\n" + std::string(terminal_width(text), level == 1 ? '=' : '-') + "\n\n";
 }
 
-std::string notice(TextStyle style, const std::string& text) {
+std::string warning_paragraph(TextStyle style, const std::string& text) {
   return (style == TextStyle::Markdown ? "> " : "warning: ") + text + "\n\n";
 }
 
@@ -229,7 +229,7 @@ std::string table(TextStyle style, const TextTable& table) {
   return style == TextStyle::Markdown ? markdown_table(table) : terminal_table(table);
 }
 
-std::size_t columns_of(const std::string& text) {
+std::size_t terminal_width(const std::string& text) {
   std::size_t columns = 0;
   for (std::size_t i = 0; i < text.size();) {
     // The first byte of a UTF-8 character determines its length.

@@ -66,7 +66,7 @@ Eigen::VectorXd linear_deviation(const Study& study, const InfluenceMap& influen
 
 }  // namespace
 
-Eigen::MatrixXd covariance_of(const Study& study) {
+Eigen::MatrixXd input_covariance(const Study& study) {
   const Eigen::VectorXd sd = spreads(study);
   Eigen::MatrixXd S = sd.cwiseAbs2().asDiagonal();
   for (const Copula::Group& group : study.copula.groups())
@@ -104,7 +104,7 @@ UncertaintyMap uncertainty_map(const Study& study, const InfluenceMap& influence
       if (!is_cut(influence, v)) continue;
       for (Index k = 0; k < x.cols(); ++k)
         residuals[std::size_t(k)] = block_maps(v - first, k) - influence.error_free[v];
-      map.drawn[v] = sample_deviation(residuals);
+      map.drawn[v] = sample_standard_deviation(residuals);
       std::sort(residuals.begin(), residuals.end());
       map.low[v] = sorted_quantile(residuals, tail);
       map.high[v] = sorted_quantile(residuals, 1.0 - tail);
@@ -312,7 +312,7 @@ VectorXd sensitivities(const Machines& all_machines, const VectorXd& factors) {
   const Eigen::MatrixXd gradient =
       all_machines.response.gradients(all_machines.scaled(factors, deviation));
   const Eigen::MatrixXd S =
-      factors.asDiagonal() * covariance_of(all_machines.study) * factors.asDiagonal();
+      factors.asDiagonal() * input_covariance(all_machines.study) * factors.asDiagonal();
   const Eigen::MatrixXd sampled = gradient.cwiseProduct(factors.asDiagonal() * deviation);
   Eigen::MatrixXd linear = gradient.cwiseProduct(S * gradient);
   for (Index k = 0; k < count; ++k) {
@@ -412,9 +412,9 @@ Allocation allocation(const Study& study, const ResponseFunction& response) {
   result.cheapest_cost = total_cost(study, result.cheapest);
   const Machines new_machines =
       machines(study, response, Sampling::Random, verification_stream, tolerance.machines);
-  result.equal_share =
+  result.equal_fraction =
       fraction_below(scaled_responses(new_machines, result.equal), tolerance.limit);
-  result.cheapest_share =
+  result.cheapest_fraction =
       fraction_below(scaled_responses(new_machines, result.cheapest), tolerance.limit);
   return result;
 }

@@ -28,7 +28,7 @@ UncertaintyMap uncertainty_map(const Study& study, const InfluenceMap& influence
 
 /// Returns the covariance of the inputs from their standard deviations and the correlation of their
 /// scores, which is exact for normal inputs. (inputs x inputs)
-Eigen::MatrixXd covariance_of(const Study& study);
+Eigen::MatrixXd input_covariance(const Study& study);
 
 /// Returns the entry of `budget.json` for a map, um: RMS (by area) and maximum of the standard
 /// deviation, and mean width of the interval.

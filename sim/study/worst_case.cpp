@@ -61,7 +61,7 @@ std::vector<Eigen::Index> sorted_vertices(const Passes& passes, const Key& key) 
 
 }  // namespace
 
-Box box_of(const Study& study, double coverage) {
+Box input_box(const Study& study, double coverage) {
   const Index p = Index(study.inputs.size());
   Box box{VectorXd(p), VectorXd(p)};
   for (Index i = 0; i < p; ++i) {
@@ -593,7 +593,7 @@ Corner worst_corner(const Box& box, const InfluenceMap& influence, Response resp
 
 Corner worst_corner(const Study& study, const PreparedConfiguration& ready,
                     const InfluenceMap& influence, Response response) {
-  const Box box = box_of(study, study.worst_case.value_or(WorstCase{}).coverage);
+  const Box box = input_box(study, study.worst_case.value_or(WorstCase{}).coverage);
   const ResponseFunction function = response_function(study, ready, influence, response);
   if (ready.job.scene.alignment == Alignment::None)
     return worst_corner(box, influence, response, function);

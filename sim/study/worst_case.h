@@ -15,7 +15,7 @@ struct Box {
 /// Returns the box of the inputs: the ends of bounded distributions, and for unbounded ones the
 /// values with the same probability beyond them as `coverage` standard deviations of a normal
 /// distribution. Correlations are ignored.
-Box box_of(const Study& study, double coverage);
+Box input_box(const Study& study, double coverage);
 
 /// Returns an upper bound of a response over a box, mm, from the maps without alignment. The bounds
 /// of all passes add the magnitudes of their slopes, and have the curvature of the largest shift.

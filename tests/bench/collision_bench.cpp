@@ -95,7 +95,7 @@ void report_naive(const fs::path& folder, const Timed& all) {
   const std::vector<sim::SolidBody> solids = sim::job_bodies(job);
   std::vector<cutting::Body> bodies;
   for (const sim::SolidBody& one : solids) bodies.push_back(cutting::make_body(one.mesh));
-  const std::vector<cutting::BodyPair> pairs = sim::pairs_of(job.truth.actual, solids, {});
+  const std::vector<cutting::BodyPair> pairs = sim::collision_pairs(job.truth.actual, solids, {});
   const std::size_t looks = 20;
   const auto start = std::chrono::steady_clock::now();
   double sum = 0.0;

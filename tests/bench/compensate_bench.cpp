@@ -71,8 +71,8 @@ Task task(const Chain& gantry, double min_A, double max_A) {
 struct Cost {
   double ns = 0.0;
   double beliefs = 0.0;  ///< evaluated per correction
-  double point_left = 0.0;
-  double direction_left = 0.0;
+  double remaining_point_error = 0.0;
+  double remaining_direction_error = 0.0;
 };
 
 Cost cost(const Chain& gantry, const errors::GeometricModel& model, const Task& task,
@@ -81,8 +81,9 @@ Cost cost(const Chain& gantry, const errors::GeometricModel& model, const Task& 
   Cost cost;
   cost.ns = best_ns(repetitions, [&](std::size_t i) {
     const Correction one = correct(gantry, belief, task.T_wt[i], task.commands[i], options);
-    cost.point_left = std::max(cost.point_left, one.point_left);
-    cost.direction_left = std::max(cost.direction_left, one.direction_left);
+    cost.remaining_point_error = std::max(cost.remaining_point_error, one.remaining_point_error);
+    cost.remaining_direction_error =
+        std::max(cost.remaining_direction_error, one.remaining_direction_error);
   });
   std::size_t asked = 0;
   const Belief counted = [&](const AxisState& state) {
@@ -97,7 +98,7 @@ Cost cost(const Chain& gantry, const errors::GeometricModel& model, const Task& 
 
 void print(const std::string& name, const Cost& cost) {
   fmt::print("{:<44} {:>8.0f} ns {:>6.2f} beliefs {:>9.2e} um {:>9.2e} urad left\n", name, cost.ns,
-             cost.beliefs, 1e3 * cost.point_left, 1e6 * cost.direction_left);
+             cost.beliefs, 1e3 * cost.remaining_point_error, 1e6 * cost.remaining_direction_error);
 }
 
 /// The nominal chain, the chain with deviations, and what it takes to know them.

@@ -39,7 +39,7 @@ Shape tabulated(Between between) {
 Shape polynomial() { return Polynomial{VectorXd::Constant(6, 0.001), 0, 400}; }
 Shape fourier() { return Fourier{VectorXd::Constant(3, 0.001), VectorXd::Constant(3, 0.001), 20}; }
 
-GeometricModel model_of(const Shape& motion) {
+GeometricModel error_model(const Shape& motion) {
   GeometricErrors errors;
   const auto add = [&](const std::string& name, const Shape& shape) {
     errors.elements.push_back({parse_element_name(name), {Curve{shape}}});
@@ -55,7 +55,7 @@ GeometricModel model_of(const Shape& motion) {
 }
 
 void run(benchmark::State& bench, const Shape& motion) {
-  const GeometricModel model = model_of(motion);
+  const GeometricModel model = error_model(motion);
   kinematics::AxisState state;
   state.q = VectorXd::Zero(6);
   double q = 0.0;

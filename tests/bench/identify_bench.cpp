@@ -41,7 +41,7 @@ std::vector<Readings> campaign(const kinematics::Chain& gantry, int targets) {
   };
   for (const Kind kind : {Kind::Laser, Kind::Straightness, Kind::AngleOptics, Kind::Level,
                           Kind::Square, Kind::RTest}) {
-    metrology::Instrument instrument = metrology::typical(kind);
+    metrology::Instrument instrument = metrology::typical_instrument(kind);
     instrument.targets = targets;
     all.push_back(metrology::measure(metrology::plan(instrument, gantry), gantry, perfect, 1));
   }
@@ -61,7 +61,7 @@ int run(int repetitions) {
     for (const int order : {4, 8}) {
       ModelOptions options;
       options.order = order;
-      const GeometricErrors model = model_of(gantry, options);
+      const GeometricErrors model = error_model(gantry, options);
       Estimate found;
       const double estimating = best_s(repetitions, [&] { found = estimate(model, readings); });
       const double choosing =

@@ -34,7 +34,7 @@ void print_cost(const std::string& vertices) {
   const double all_s = since(start);
   start = Clock::now();
   std::size_t picture_bytes = 0;
-  for (const Compared& one : made.cases)
+  for (const ComparedCase& one : made.cases)
     picture_bytes += map_png(*one.job, one.verdict, 900).size();
   const double pictures_s = since(start);
   const auto count = double(made.cases.front().job->design_w.vertices.rows());

@@ -96,7 +96,7 @@ void force_steps(const char* name, const Cutter& cutter, double spacing) {
   for (int i = 0; i < steps; ++i) {
     to.translation().x() = 50.5 + 1e-5 * i;
     force += mean_force(engagement(stock, cutter, to, Vector3d::UnitX()), aluminium, Flutes{}, 0.05)
-                 .on_tool_t.head<3>()
+                 .tool_wrench_t.head<3>()
                  .norm();
   }
   const double s = watch.seconds();

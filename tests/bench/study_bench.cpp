@@ -39,7 +39,7 @@ Study dome(int vertices, std::size_t inputs, std::uint64_t machines, const char*
 double farmed(const PreparedStudy& ready) {
   const double start = seconds();
   std::size_t rows = 0;
-  farm(batches_of(ready.plan), {}, batch_computation(ready),
+  farm(make_batches(ready.plan), {}, batch_computation(ready),
        [&](const Batch&, const std::vector<Row>& done) { rows += done.size(); });
   if (rows != ready.plan.cases) std::abort();
   return seconds() - start;
@@ -63,8 +63,9 @@ void full(int vertices, std::uint64_t runs) {
   const double taken = farmed(ready);
   fmt::print(
       "{:>8} full runs {:>6} vertices {:>6} moves {:>7} samples: {:7.2f} s, {:6.1f} ms each\n",
-      runs, ready.arms[0].job.design_w.vertices.rows(), ready.arms[0].job.path.motion_blocks,
-      ready.arms[0].job.samples.states.size(), taken, 1e3 * taken / double(runs + 1));
+      runs, ready.configurations[0].job.design_w.vertices.rows(),
+      ready.configurations[0].job.path.motion_blocks,
+      ready.configurations[0].job.samples.states.size(), taken, 1e3 * taken / double(runs + 1));
 }
 
 }  // namespace

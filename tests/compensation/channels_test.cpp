@@ -39,10 +39,10 @@ std::vector<Joint> joints(std::initializer_list<Motion> motions) {
 
 TimeSeries through_slide(const TimeSeries& wanted, const OriginShift& origin) {
   const std::vector<Joint> slide = joints({Motion::Linear});
-  return through(wanted, origin, slide);
+  return apply_channel(wanted, origin, slide);
 }
 
-Pulses one_axis(double count, std::uint64_t seed = 1) {
+PulseInsertion one_axis(double count, std::uint64_t seed = 1) {
   return {VectorXd::Constant(1, count), 1e-3, 2e-6, seed};
 }
 
@@ -53,7 +53,7 @@ double missed(const TimeSeries& wanted, const TimeSeries& arrived, double from_s
 
 // ---- pulses
 
-TEST(Pulses, QuantumIsUniformOverACountOnEveryAxisTogether) {
+TEST(PulseInsertion, QuantumIsUniformOverACountOnEveryAxisTogether) {
   const unsigned seed = 20250320;
   SCOPED_TRACE(testing::Message() << "seed " << seed);
   std::mt19937 random(seed);
@@ -70,7 +70,7 @@ TEST(Pulses, QuantumIsUniformOverACountOnEveryAxisTogether) {
           25.0 * q[j] * (wanted.time_s.array() / 10.0).pow(1.0 + 0.3 * j).matrix();
       motion.value(1, j) = 2000.0 * q[j];
     }
-    const TimeSeries arrived = through(wanted, {q, 1e-3, 2e-6, std::uint64_t(trial)}, motion);
+    const TimeSeries arrived = apply_channel(wanted, {q, 1e-3, 2e-6, std::uint64_t(trial)}, motion);
     const double root =
         rms([&](double t) { return n.dot(value_at(arrived, t) - value_at(wanted, t)); }, 0.0, 10.0,
             20000);
@@ -85,12 +85,12 @@ TEST(Pulses, QuantumIsUniformOverACountOnEveryAxisTogether) {
   EXPECT_NEAR(std::sqrt(sum / expected), 1.0, 0.1);
 }
 
-TEST(Pulses, ArriveWithinHalfACountPlusWhatIsWantedDuringACycle) {
+TEST(PulseInsertion, ArriveWithinHalfACountPlusWhatIsWantedDuringACycle) {
   const double q = 1e-3;
   const TimeSeries wanted = course({{0.0, 0.0}, {1.0, 40.0 * q}, {2.0, -10.0 * q}});
   const TimeSeries motion = course({{0.0, 0.0}, {2.0, 10.0}});  // 5 periods a cycle
   for (std::uint64_t seed = 0; seed < 20; ++seed) {
-    const TimeSeries arrived = through(wanted, one_axis(q, seed), motion);
+    const TimeSeries arrived = apply_channel(wanted, one_axis(q, seed), motion);
     double worst = 0.0;
     for (double t = 0.0; t < 2.0; t += 1e-4)
       worst = std::max(worst, std::abs(value_at(arrived, t)[0] - value_at(wanted, t)[0]));
@@ -100,12 +100,12 @@ TEST(Pulses, ArriveWithinHalfACountPlusWhatIsWantedDuringACycle) {
   }
 }
 
-TEST(Pulses, AtRestGoInWhereBothTrainsAreLowAndNowhereElse) {
+TEST(PulseInsertion, AtRestGoInWhereBothTrainsAreLowAndNowhereElse) {
   const double q = 1e-3;
   int low = 0;
   for (std::uint64_t seed = 0; seed < 400; ++seed) {
     const TimeSeries wanted = course({{0.0, 0.0}, {0.0, 5.0 * q}, {1.0, 5.0 * q}});
-    const TimeSeries arrived = through(wanted, one_axis(q, seed), course({{0.0, 0.37}}));
+    const TimeSeries arrived = apply_channel(wanted, one_axis(q, seed), course({{0.0, 0.37}}));
     const double x = 0.37 / q - zero_phase(seed, 0);
     const bool is_low = x - std::floor(x) < 0.25;
     low += is_low;
@@ -120,23 +120,23 @@ TEST(Pulses, AtRestGoInWhereBothTrainsAreLowAndNowhereElse) {
   EXPECT_NEAR(low, 100, 40);
 }
 
-TEST(Pulses, DoNotGoInWhereTheAxisIsTooQuick) {
+TEST(PulseInsertion, DoNotGoInWhereTheAxisIsTooQuick) {
   const double q = 1e-3, limit = q / (4.0 * 2e-6);  // mm/s: 125
   const TimeSeries wanted = course({{0.0, 0.0}, {1.0, 20.0 * q}});
   const auto arrived = [&](double speed) {
     const TimeSeries motion = course({{0.0, 0.0}, {1.0, speed}});
-    const TimeSeries c = through(wanted, one_axis(q), motion);
+    const TimeSeries c = apply_channel(wanted, one_axis(q), motion);
     return (c.value(c.value.rows() - 1, 0) - c.value(0, 0)) / q;
   };
   EXPECT_NEAR(arrived(0.999 * limit), 20.0, 1.0);
   EXPECT_LE(std::abs(arrived(1.001 * limit)), 1.0) << "before the start and after the end it rests";
 }
 
-TEST(Pulses, StartWhereTheFirstValueWantsThem) {
+TEST(PulseInsertion, StartWhereTheFirstValueWantsThem) {
   const double q = 1e-3;
   for (std::uint64_t seed = 0; seed < 50; ++seed) {
     const TimeSeries arrived =
-        through(course({{0.0, 7.3 * q}}), one_axis(q, seed), course({{0.0, 0.0}}));
+        apply_channel(course({{0.0, 7.3 * q}}), one_axis(q, seed), course({{0.0, 0.0}}));
     ASSERT_EQ(arrived.time_s.size(), 1);
     const double whole = arrived.value(0, 0) / q - zero_phase(seed, 0);
     EXPECT_NEAR(whole, std::round(whole), 1e-9);
@@ -144,15 +144,16 @@ TEST(Pulses, StartWhereTheFirstValueWantsThem) {
   }
 }
 
-TEST(Pulses, LeaveJointsThatAreNotFittedAtZero) {
+TEST(PulseInsertion, LeaveJointsThatAreNotFittedAtZero) {
   TimeSeries wanted{Eigen::Vector2d(0.0, 1.0), Eigen::MatrixXd::Constant(2, 2, 0.5)};
   const TimeSeries motion{Eigen::Vector2d(0.0, 1.0), Eigen::MatrixXd::Zero(2, 2)};
-  const TimeSeries arrived = through(wanted, {Eigen::Vector2d(0.0, 1e-3), 1e-3, 2e-6, 3}, motion);
+  const TimeSeries arrived =
+      apply_channel(wanted, {Eigen::Vector2d(0.0, 1e-3), 1e-3, 2e-6, 3}, motion);
   EXPECT_TRUE((arrived.value.col(0).array() == 0.0).all());
   EXPECT_NEAR(arrived.value(0, 1), 0.5, 0.5e-3);
 }
 
-TEST(Pulses, ZeroPhaseIsUniformAndDiffersFromJointToJoint) {
+TEST(PulseInsertion, ZeroPhaseIsUniformAndDiffersFromJointToJoint) {
   double sum = 0.0, squares = 0.0, product = 0.0;
   const int n = 20000;
   for (int seed = 0; seed < n; ++seed) {
@@ -168,7 +169,7 @@ TEST(Pulses, ZeroPhaseIsUniformAndDiffersFromJointToJoint) {
   EXPECT_NEAR(product / n, 0.0, 4.0 / 12.0 / std::sqrt(n));
 }
 
-TEST(Pulses, OfAnHourAtOneMillisecondTakeWellUnderASecondAnAxis) {
+TEST(PulseInsertion, OfAnHourAtOneMillisecondTakeWellUnderASecondAnAxis) {
   const double q = 1e-3, hour = 3600.0;
   // 100 mm to and fro at 50 mm/s: 50 signal periods a cycle; heat and a wavy screw to correct.
   std::vector<testing_courses::Knot> run, bends;
@@ -178,7 +179,7 @@ TEST(Pulses, OfAnHourAtOneMillisecondTakeWellUnderASecondAnAxis) {
                                   0.02 * std::sin(2.0 * pi * 0.1 * i / 4.0)});
   const TimeSeries motion = course(run), wanted = course(bends);
   const std::clock_t start = std::clock();
-  const TimeSeries arrived = through(wanted, one_axis(q), motion);
+  const TimeSeries arrived = apply_channel(wanted, one_axis(q), motion);
   const double seconds = double(std::clock() - start) / CLOCKS_PER_SEC;
   const double root = missed(wanted, arrived, 0.0, hour);
   std::cout << "  " << seconds << " s for " << arrived.time_s.size() / 2 - 1 << " pairs; off by "
@@ -187,34 +188,35 @@ TEST(Pulses, OfAnHourAtOneMillisecondTakeWellUnderASecondAnAxis) {
   EXPECT_NEAR(root, q / std::sqrt(12.0), 0.1 * q / std::sqrt(12.0));
 }
 
-TEST(Pulses, OfAnEnormousSpeedCostNoMore) {
+TEST(PulseInsertion, OfAnEnormousSpeedCostNoMore) {
   const TimeSeries wanted = course({{0.0, 0.0}, {1.0, 0.01}});
   const TimeSeries motion = course({{0.0, -1e9}, {0.5, 1e9}, {0.5, 0.0}, {1.0, 0.0}});
-  EXPECT_TRUE(through(wanted, one_axis(1e-3), motion).value.allFinite());
+  EXPECT_TRUE(apply_channel(wanted, one_axis(1e-3), motion).value.allFinite());
 }
 
-TEST(Pulses, RefuseWhatTheyCannotBe) {
+TEST(PulseInsertion, RefuseWhatTheyCannotBe) {
   const TimeSeries rest = course({{0.0, 0.0}}), ramp = course({{0.0, 0.0}, {1.0, 1.0}});
   for (const double bad : {0.0, -1.0, nan, infinity}) {
-    Pulses pulses = one_axis(1e-3);
+    PulseInsertion pulses = one_axis(1e-3);
     pulses.cycle_s = bad;
-    EXPECT_THROW(through(ramp, pulses, rest), std::invalid_argument);
+    EXPECT_THROW(apply_channel(ramp, pulses, rest), std::invalid_argument);
     pulses = one_axis(1e-3);
     pulses.pulse_s = bad;
-    EXPECT_THROW(through(ramp, pulses, rest), std::invalid_argument);
+    EXPECT_THROW(apply_channel(ramp, pulses, rest), std::invalid_argument);
   }
   for (const double bad : {-1.0, nan, infinity})
-    EXPECT_THROW(through(ramp, one_axis(bad), rest), std::invalid_argument);
-  EXPECT_THROW(through(course({{0.0, nan}}), one_axis(1e-3), rest), std::invalid_argument);
-  EXPECT_THROW(through(ramp, one_axis(1e-3), course({{0.0, nan}})), std::invalid_argument);
-  EXPECT_THROW(through(ramp, one_axis(1e-3), TimeSeries{}), std::invalid_argument);
-  EXPECT_THROW(through(TimeSeries{}, one_axis(1e-3), rest), std::invalid_argument);
-  EXPECT_THROW(through(ramp, one_axis(1e-17), rest), std::invalid_argument) << "too many counts";
-  EXPECT_THROW(through(rest, one_axis(1e-17), ramp), std::invalid_argument);
-  EXPECT_THROW(through(course({{0.0, 0.0}, {1e9, 1.0}}), one_axis(1e-3), rest),
+    EXPECT_THROW(apply_channel(ramp, one_axis(bad), rest), std::invalid_argument);
+  EXPECT_THROW(apply_channel(course({{0.0, nan}}), one_axis(1e-3), rest), std::invalid_argument);
+  EXPECT_THROW(apply_channel(ramp, one_axis(1e-3), course({{0.0, nan}})), std::invalid_argument);
+  EXPECT_THROW(apply_channel(ramp, one_axis(1e-3), TimeSeries{}), std::invalid_argument);
+  EXPECT_THROW(apply_channel(TimeSeries{}, one_axis(1e-3), rest), std::invalid_argument);
+  EXPECT_THROW(apply_channel(ramp, one_axis(1e-17), rest), std::invalid_argument)
+      << "too many counts";
+  EXPECT_THROW(apply_channel(rest, one_axis(1e-17), ramp), std::invalid_argument);
+  EXPECT_THROW(apply_channel(course({{0.0, 0.0}, {1e9, 1.0}}), one_axis(1e-3), rest),
                std::invalid_argument)
       << "too many cycles";
-  EXPECT_THROW(through(ramp, {Eigen::Vector2d::Ones(), 1e-3, 2e-6, 0}, rest),
+  EXPECT_THROW(apply_channel(ramp, {Eigen::Vector2d::Ones(), 1e-3, 2e-6, 0}, rest),
                std::invalid_argument);
 }
 
@@ -222,7 +224,7 @@ TEST(Pulses, RefuseWhatTheyCannotBe) {
 
 TEST(OpenControl, HoldsWhatWasReadFromADelayAfterItsCycleOn) {
   const TimeSeries wanted = course({{0.0, 0.0}, {0.1, 1.0}});
-  const TimeSeries arrived = through(wanted, OpenControl{0.01, 0.003});
+  const TimeSeries arrived = apply_channel(wanted, OpenControl{0.01, 0.003});
   for (int k = 0; k <= 10; ++k) {
     const double act = 0.01 * k + 0.003;
     EXPECT_NEAR(value_at(arrived, act + 1e-9)[0], 0.1 * k, 1e-12);
@@ -236,7 +238,7 @@ TEST(OpenControl, MissesARampByWhatItsCycleAndDelaySay) {
   const TimeSeries ramp = course({{0.0, 0.0}, {20.0, 20.0 * slope}});
   for (const auto& [T, D] : {std::pair{1e-3, 0.0}, {1e-3, 4e-3}, {0.02, 0.01}}) {
     const double expected = slope * std::sqrt(T * T / 3.0 + T * D + D * D);
-    const double root = missed(ramp, through(ramp, OpenControl{T, D}), 1.0, 19.0);
+    const double root = missed(ramp, apply_channel(ramp, OpenControl{T, D}), 1.0, 19.0);
     std::cout << "  cycle " << T << " s, delay " << D << " s: " << root / expected
               << " of the formula\n";
     EXPECT_NEAR(root, expected, 0.01 * expected);
@@ -244,7 +246,7 @@ TEST(OpenControl, MissesARampByWhatItsCycleAndDelaySay) {
 }
 
 TEST(OpenControl, WithAHugeDelayActsLateNotWrong) {
-  const TimeSeries arrived = through(course({{0.0, 1.0}, {1.0, 2.0}}), OpenControl{0.5, 1e6});
+  const TimeSeries arrived = apply_channel(course({{0.0, 1.0}, {1.0, 2.0}}), OpenControl{0.5, 1e6});
   EXPECT_EQ(value_at(arrived, 1e6 - 1.0)[0], 1.0);
   EXPECT_EQ(value_at(arrived, 1e6 + 0.5)[0], 1.5);
   EXPECT_EQ(value_at(arrived, 1e6 + 1.0)[0], 2.0);
@@ -252,11 +254,11 @@ TEST(OpenControl, WithAHugeDelayActsLateNotWrong) {
 
 TEST(OpenControl, OfAConstantOrOneInstantIsThat) {
   for (const TimeSeries& c : {course({{3.0, 4.0}}), course({{3.0, 4.0}, {9.0, 4.0}})}) {
-    const TimeSeries arrived = through(c, OpenControl{});
+    const TimeSeries arrived = apply_channel(c, OpenControl{});
     EXPECT_EQ(arrived.time_s.size(), 1);
     EXPECT_EQ(value_at(arrived, 5.0)[0], 4.0);
   }
-  const TimeSeries jump = through(course({{3.0, 4.0}, {3.0, 6.0}}), OpenControl{});
+  const TimeSeries jump = apply_channel(course({{3.0, 4.0}, {3.0, 6.0}}), OpenControl{});
   EXPECT_EQ(value_at(jump, 2.9)[0], 4.0);
   EXPECT_EQ(value_at(jump, 3.0)[0], 6.0);
 }
@@ -264,11 +266,12 @@ TEST(OpenControl, OfAConstantOrOneInstantIsThat) {
 TEST(OpenControl, RefusesWhatItCannotBe) {
   const TimeSeries ramp = course({{0.0, 0.0}, {1.0, 1.0}});
   for (const double bad : {0.0, -1.0, nan, infinity})
-    EXPECT_THROW(through(ramp, OpenControl{bad, 0.0}), std::invalid_argument);
+    EXPECT_THROW(apply_channel(ramp, OpenControl{bad, 0.0}), std::invalid_argument);
   for (const double bad : {-1.0, nan, infinity})
-    EXPECT_THROW(through(ramp, OpenControl{1e-3, bad}), std::invalid_argument);
-  EXPECT_THROW(through(ramp, OpenControl{1e-12, 0.0}), std::invalid_argument) << "too many cycles";
-  EXPECT_THROW(through(TimeSeries{}, OpenControl{}), std::invalid_argument);
+    EXPECT_THROW(apply_channel(ramp, OpenControl{1e-3, bad}), std::invalid_argument);
+  EXPECT_THROW(apply_channel(ramp, OpenControl{1e-12, 0.0}), std::invalid_argument)
+      << "too many cycles";
+  EXPECT_THROW(apply_channel(TimeSeries{}, OpenControl{}), std::invalid_argument);
 }
 
 // ---- origin shift
@@ -307,7 +310,7 @@ TEST(OriginShift, MovesInWholeIncrementsRoundedToNearest) {
 TEST(OriginShift, MovesSlidesOnly) {
   const TimeSeries wanted{Eigen::Vector2d(0.0, 1.0), Eigen::MatrixXd::Constant(2, 3, 0.5)};
   const std::vector<Joint> three = joints({Motion::Rotary, Motion::Linear, Motion::Spindle});
-  const TimeSeries arrived = through(wanted, OriginShift{}, three);
+  const TimeSeries arrived = apply_channel(wanted, OriginShift{}, three);
   EXPECT_EQ(value_at(arrived, 0.5), Vector3d(0.0, 0.5, 0.0));
 }
 
@@ -316,7 +319,7 @@ TEST(OriginShift, GoesToEachNewOffsetAtItsRateAndNoFaster) {
   const std::vector<Joint> two = joints({Motion::Linear, Motion::Linear});
   TimeSeries wanted{Eigen::Vector4d(0.0, 0.0, 1.0, 1.0), Eigen::MatrixXd(4, 2)};
   wanted.value << 0.0, 0.0, 1.0, -0.2, 1.0, -0.2, -3.0, 0.0;
-  const TimeSeries arrived = through(wanted, {0.1, 0.05, 0.0, rate}, two);
+  const TimeSeries arrived = apply_channel(wanted, {0.1, 0.05, 0.0, rate}, two);
   const auto at = [&](double t) { return value_at(arrived, t); };
   EXPECT_EQ(at(0.05), Eigen::Vector2d(0.0, 0.0));
   EXPECT_TRUE(at(0.10).isApprox(Eigen::Vector2d(0.1, -0.1), 1e-12));
@@ -348,7 +351,7 @@ TEST(OriginShift, RefusesWhatItCannotBe) {
     EXPECT_THROW(through_slide(ramp, {0.01, 0.0, bad, 0.0}), std::invalid_argument);
     EXPECT_THROW(through_slide(ramp, {0.01, 0.0, 1e-3, bad}), std::invalid_argument);
   }
-  EXPECT_THROW(through(ramp, OriginShift{}, joints({})), std::invalid_argument);
+  EXPECT_THROW(apply_channel(ramp, OriginShift{}, joints({})), std::invalid_argument);
   EXPECT_THROW(through_slide(TimeSeries{}, OriginShift{}), std::invalid_argument);
   EXPECT_THROW(through_slide(course({{0.0, infinity}}), OriginShift{}), std::invalid_argument);
 }
@@ -368,7 +371,7 @@ TEST(Piezo, CarriesThePartAlongItsDirection) {
   Piezo piezo;
   piezo.direction_t = Vector3d(0.6, 0.0, 0.8);
   const TimeSeries wanted = displacement({0.0, 0.0}, {Vector3d::Zero(), Vector3d(0.01, 5.0, 0.02)});
-  EXPECT_NEAR(value_at(through(wanted, piezo), 10.0)[0], 0.022, 1e-8);
+  EXPECT_NEAR(value_at(apply_channel(wanted, piezo), 10.0)[0], 0.022, 1e-8);
 }
 
 TEST(Piezo, StaysWithinHalfItsRangeEitherWay) {
@@ -376,7 +379,7 @@ TEST(Piezo, StaysWithinHalfItsRangeEitherWay) {
   piezo.loop = {};
   const TimeSeries wanted =
       displacement({0.0, 1.0, 2.0}, {Vector3d(0, 0, -1), Vector3d(0, 0, 1), Vector3d(0, 0, 0.01)});
-  const TimeSeries stroke = through(wanted, piezo);
+  const TimeSeries stroke = apply_channel(wanted, piezo);
   EXPECT_EQ(stroke.value.minCoeff(), -0.05);
   EXPECT_EQ(stroke.value.maxCoeff(), 0.05);
   EXPECT_NEAR(value_at(stroke, 2.0)[0], 0.01, 1e-12);
@@ -387,7 +390,7 @@ TEST(Piezo, MovesInStepsOfItsResolutionToItsVeryEnds) {
   piezo.loop = {};
   piezo.resolution = 0.03;
   const TimeSeries wanted = displacement({0.0, 1.0}, {Vector3d::Zero(), Vector3d(0, 0, 0.2)});
-  const TimeSeries stroke = through(wanted, piezo);
+  const TimeSeries stroke = apply_channel(wanted, piezo);
   EXPECT_NEAR(value_at(stroke, 0.10)[0], 0.03, 1e-15);
   EXPECT_NEAR(value_at(stroke, 0.05)[0], 0.0, 1e-15);
   EXPECT_EQ(value_at(stroke, 1.0)[0], 0.05);
@@ -404,7 +407,7 @@ TEST(Piezo, FollowsASineAsItsBandwidthSays) {
     times.push_back(1e-4 * i);
     values.push_back({0, 0, amplitude * std::sin(2 * pi * f * times.back())});
   }
-  const TimeSeries stroke = through(displacement(times, values), piezo);
+  const TimeSeries stroke = apply_channel(displacement(times, values), piezo);
   double cosine = 0.0, sine = 0.0;
   const int n = 20000;
   for (int i = 0; i < n; ++i) {  // whole periods, settled
@@ -435,7 +438,7 @@ TEST(Piezo, RefusesWhatItCannotBe) {
   const auto refuses = [&](const auto& change) {
     Piezo piezo;
     change(piezo);
-    EXPECT_THROW(through(wanted, piezo), std::invalid_argument);
+    EXPECT_THROW(apply_channel(wanted, piezo), std::invalid_argument);
   };
   refuses([](Piezo& p) { p.direction_t = Vector3d(0, 0, 1.001); });
   refuses([](Piezo& p) { p.direction_t = Vector3d(0, 0, nan); });
@@ -444,7 +447,7 @@ TEST(Piezo, RefusesWhatItCannotBe) {
   refuses([](Piezo& p) { p.resolution = -1.0; });
   refuses([](Piezo& p) { p.cycle_s = 0.0; });
   refuses([](Piezo& p) { p.loop.bandwidth = 0.0; });
-  EXPECT_THROW(through(course({{0.0, 0.0}}), Piezo{}), std::invalid_argument);
+  EXPECT_THROW(apply_channel(course({{0.0, 0.0}}), Piezo{}), std::invalid_argument);
 }
 
 }  // namespace

@@ -45,7 +45,7 @@ inline ParameterTables none() { return {{}, AxisVector::Zero(6)}; }
 
 struct Shape {
   bool cross = true;
-  bool both_ways = true;
+  bool has_direction_columns = true;
   bool even = true;  ///< equidistant
   int max_points = 60;
 };
@@ -60,14 +60,18 @@ ParameterTables any_tables(const Chain& chain, Random& random, const Shape& shap
       if ((argument_joint != corrected_joint && !shape.cross) || unit(random) < -0.4) continue;
       const Joint& joint = chain.joints()[std::size_t(argument_joint)];
       const auto n = std::uniform_int_distribution<Eigen::Index>(2, shape.max_points)(random);
-      AxisTable table{argument_joint, corrected_joint, Eigen::VectorXd::LinSpaced(n, joint.min, joint.max), {}, {}};
+      AxisTable table{argument_joint,
+                      corrected_joint,
+                      Eigen::VectorXd::LinSpaced(n, joint.min, joint.max),
+                      {},
+                      {}};
       const double spacing = (joint.max - joint.min) / double(n - 1);
       if (!shape.even)
         for (double& p : table.position) p += 0.3 * spacing * unit(random);
       const double large = corrected_joint == A ? 1e-4 : 20e-3;
       table.upward = Eigen::VectorXd::NullaryExpr(n, [&] { return large * unit(random); });
       table.downward = table.upward;
-      if (shape.both_ways)
+      if (shape.has_direction_columns)
         table.downward = Eigen::VectorXd::NullaryExpr(n, [&] { return large * unit(random); });
       tables.tables.push_back(std::move(table));
     }
@@ -125,7 +129,7 @@ inline std::string with(std::string text, const std::string& from, const std::st
   return at == std::string::npos ? text : text.replace(at, from.size(), to);
 }
 
-inline const ControlFile& file(const Export& made, const std::string& name) {
+inline const ControlFile& file(const ControlExport& made, const std::string& name) {
   for (const ControlFile& f : made.files)
     if (f.name == name) return f;
   throw std::runtime_error("no file " + name);

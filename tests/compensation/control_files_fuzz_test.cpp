@@ -113,8 +113,8 @@ TEST(ControlFiles, PointsCloserThanTheDigitsAreReadOffAndSaid) {
                     Eigen::Vector2d(2e-3, 2e-3)}};
   for (const ControlFormat format :
        {ControlFormat::LinuxCnc, ControlFormat::Siemens, ControlFormat::Heidenhain}) {
-    const Export made = to_control(tables, gantry(), format);
-    EXPECT_TRUE(says(made.left_out, "misses them by")) << to_string(format);
+    const ControlExport made = to_control(tables, gantry(), format);
+    EXPECT_TRUE(says(made.omissions, "misses them by")) << to_string(format);
     const ParameterTables back = read_control_tables(made.files, gantry(), format);
     AxisState state;
     state.q = AxisVector::Zero(6);

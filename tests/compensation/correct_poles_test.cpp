@@ -92,16 +92,16 @@ TEST(CorrectAtPoles, TurnsStayBoundedAndTheBallCentreIsServed) {
           EXPECT_LE(turn, options.rotary_bound * (1 + 1e-12));
           worst_turn = std::max(worst_turn, turn);
         }
-        EXPECT_LT(correction.point_left, 1e-8);
+        EXPECT_LT(correction.remaining_point_error, 1e-8);
         AxisState corrected = command;
         corrected.q = correction.q;
         const Pose reached = belief(corrected);
         const Vector3d centre(0, 0, 5);
         EXPECT_LT((reached * centre - wanted * centre).norm(), 1e-8);
-        EXPECT_NEAR(correction.direction_left, leaning(reached, wanted), 1e-12);
+        EXPECT_NEAR(correction.remaining_direction_error, leaning(reached, wanted), 1e-12);
         const double before = leaning(belief(command), wanted);
-        EXPECT_LE(correction.direction_left, before * 1.001 + 1e-9);  // never made worse
-        worst_left = std::max(worst_left, correction.direction_left);
+        EXPECT_LE(correction.remaining_direction_error, before * 1.001 + 1e-9);  // never made worse
+        worst_left = std::max(worst_left, correction.remaining_direction_error);
         worst_before = std::max(worst_before, before);
       }
     }
@@ -132,15 +132,16 @@ TEST(CorrectAtPoles, TheWeakWayFadesByItsFormulaAndTheStrongOneIsServedInFull) {
     const Pose wanted = gantry.tool_in_workpiece(command.q);
     const Correction correction = correct(gantry, belief, wanted, command, options);
     const double s = std::abs(std::sin(a));
-    const double d = std::max(options.singular_sine - s, 0.0);
+    const double d = std::max(options.min_tilt_ratio - s, 0.0);
     const double left = across * d * d / (s * s + d * d);
     const double turn = across * s / (s * s + d * d);
     // a lean of e tilts the ways themselves by e, and C's correction c turns them by c
-    EXPECT_NEAR(correction.direction_left, left, across * (60e-6 / 0.02 + 5.0 * turn) + 1e-12);
+    EXPECT_NEAR(correction.remaining_direction_error, left,
+                across * (60e-6 / 0.02 + 5.0 * turn) + 1e-12);
     EXPECT_NEAR(std::abs(correction.q[0] - command.q[0]), turn,
                 0.01 * turn + across * 60e-6 / 4e-4);
     EXPECT_NEAR(correction.q[4] - command.q[4], -along, 1e-8 + turn * 60e-6);
-    EXPECT_LE(turn, 1.21 / options.singular_sine * across);
+    EXPECT_LE(turn, 1.21 / options.min_tilt_ratio * across);
   }
 }
 
@@ -148,7 +149,7 @@ TEST(CorrectAtPoles, WithoutDampingTheBoundAloneHolds) {
   constexpr std::uint64_t seed = 20260107;
   SCOPED_TRACE(testing::Message() << "seed " << seed);
   CorrectOptions options;
-  options.singular_sine = 0.0;
+  options.min_tilt_ratio = 0.0;
   int asked = 0, converged = 0;
   for (const Pole& pole : poles()) {
     const Belief belief =
@@ -166,7 +167,7 @@ TEST(CorrectAtPoles, WithoutDampingTheBoundAloneHolds) {
       ++asked;
       if (!correction.converged) continue;
       ++converged;
-      EXPECT_LT(correction.point_left, 1e-8);
+      EXPECT_LT(correction.remaining_point_error, 1e-8);
     }
   }
   std::cout << "undamped, " << converged << " of " << asked << " converge\n";
@@ -187,8 +188,8 @@ TEST(CorrectAtPoles, ALeanBeyondTheBoundIsServedAsFarAsTheBoundAllows) {
       correct(gantry, belief, gantry.tool_in_workpiece(command.q), command);
   const double bound = CorrectOptions{}.rotary_bound;
   EXPECT_NEAR(correction.q[4] - command.q[4], -bound, 1e-15);
-  EXPECT_NEAR(correction.direction_left, leans - bound, 1e-8);
-  EXPECT_LT(correction.point_left, 1e-8);
+  EXPECT_NEAR(correction.remaining_direction_error, leans - bound, 1e-8);
+  EXPECT_LT(correction.remaining_point_error, 1e-8);
   EXPECT_TRUE(correction.converged);
 }
 

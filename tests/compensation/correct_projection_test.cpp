@@ -35,7 +35,7 @@ PointAndAxis point_and_axis(const Pose& T, double height) {
 std::vector<int> movable(const Chain& chain, const CorrectOptions& options, Motion motion) {
   std::vector<int> joints;
   for (int i = 0; i < chain.size(); ++i)
-    if (chain.joints()[std::size_t(i)].motion == motion && !options.still[std::size_t(i)])
+    if (chain.joints()[std::size_t(i)].motion == motion && !options.fixed_joints[std::size_t(i)])
       joints.push_back(i);
   return joints;
 }
@@ -91,7 +91,7 @@ LeastLeft min_left(const Chain& chain, const Belief& belief, const AxisState& co
       const VectorXd change = solved(J, -error(q).segment<3>(row), least);
       for (std::size_t k = 0; k < joints.size(); ++k) q[joints[k]] += change[Eigen::Index(k)];
     };
-    correct_with(turns, 3, options.singular_sine);
+    correct_with(turns, 3, options.min_tilt_ratio);
     correct_with(slides, 0, 1e-6);
   }
   const PointAndAxis rest = error(q);
@@ -109,10 +109,10 @@ struct ProjectionCase {
 std::vector<ProjectionCase> projection_cases() {
   CorrectOptions plain, still_S, still_Z, slides_only, still_all_but_Y;
   plain.functional_height = slides_only.functional_height = 6.0;
-  still_S.still.set(0);
-  still_Z.still.set(3);
-  slides_only.still.set(0).set(4);
-  still_all_but_Y.still.set(0).set(1).set(3);
+  still_S.fixed_joints.set(0);
+  still_Z.fixed_joints.set(3);
+  slides_only.fixed_joints.set(0).set(4);
+  still_all_but_Y.fixed_joints.set(0).set(1).set(3);
   return {{"platform, two slides", machines::platform(), still_S},
           {"three axes", machines::moving_table(), plain},
           {"gantry away from its pole", machines::gantry(), plain},
@@ -144,9 +144,9 @@ TEST(CorrectProjection, WhatIteratedLeavesIsWhatALeastSquaresSolutionLeaves) {
       const LeastLeft left = min_left(one.chain, belief, command, one.options);
       max_point = std::max(max_point, left.point);
       max_direction = std::max(max_direction, left.direction);
-      worst_point = std::max(worst_point, std::abs(correction.point_left - left.point));
-      worst_direction =
-          std::max(worst_direction, std::abs(correction.direction_left - left.direction));
+      worst_point = std::max(worst_point, std::abs(correction.remaining_point_error - left.point));
+      worst_direction = std::max(worst_direction,
+                                 std::abs(correction.remaining_direction_error - left.direction));
     }
     std::cout << one.name << ": up to " << max_point / units::um << " um and "
               << max_direction / units::urad << " urad left; the strategy differs by "
@@ -190,8 +190,8 @@ TEST(CorrectProjection, ShiftedCarriagesLeaveTheProjectionOfTheTwistItself) {
           columns(nominal, command.q, movable(one.chain, one.options, Motion::Linear)).topRows(3);
       const double left = (e - J * solved(J, e, 1e-6)).norm();
       most = std::max(most, left);
-      worst = std::max(worst, std::abs(correction.point_left - left));
-      EXPECT_LT(correction.direction_left, 1e-15) << one.name;
+      worst = std::max(worst, std::abs(correction.remaining_point_error - left));
+      EXPECT_LT(correction.remaining_direction_error, 1e-15) << one.name;
     }
     std::cout << one.name << ": up to " << most / units::um << " um left; the strategy differs by "
               << worst << " mm\n";

@@ -136,8 +136,10 @@ TEST(Correct, WhatIsLeftIsThatOfTheBeliefAtTheCorrectedCommandToTheBit) {
       const Pose wanted = machine.chain.tool_in_workpiece(command.q);
       const Correction correction = correct(machine.chain, belief, wanted, command, options);
       const Pose there = reached(belief, command, correction);
-      EXPECT_EQ(correction.point_left, (there.translation() - wanted.translation()).norm());
-      EXPECT_EQ(correction.direction_left, (there.linear().col(2) - wanted.linear().col(2)).norm());
+      EXPECT_EQ(correction.remaining_point_error,
+                (there.translation() - wanted.translation()).norm());
+      EXPECT_EQ(correction.remaining_direction_error,
+                (there.linear().col(2) - wanted.linear().col(2)).norm());
     }
 }
 
@@ -153,7 +155,7 @@ TEST(Correct, NothingWrongLeavesTheCommandAsItWasToTheBit) {
       const Correction correction =
           correct(chain, belief, chain.tool_in_workpiece(command.q), command, options);
       EXPECT_EQ(correction.q, command.q) << name;
-      EXPECT_EQ(correction.point_left, 0.0) << name;
+      EXPECT_EQ(correction.remaining_point_error, 0.0) << name;
       EXPECT_TRUE(correction.converged) << name;
     }
   }
@@ -172,10 +174,10 @@ TEST(Correct, PositionOnlyLeavesTheDirectionAsItWas) {
   EXPECT_EQ(correction.q[4], command.q[4]);
   EXPECT_LT((reached(belief, command, correction).translation() - wanted.translation()).norm(),
             1e-4);
-  EXPECT_LT(correction.point_left, 1e-4);
-  EXPECT_NEAR(correction.direction_left,
+  EXPECT_LT(correction.remaining_point_error, 1e-4);
+  EXPECT_NEAR(correction.remaining_direction_error,
               (belief(command).linear().col(2) - wanted.linear().col(2)).norm(), 1e-8);
-  EXPECT_GT(correction.direction_left, 1e-6);
+  EXPECT_GT(correction.remaining_direction_error, 1e-6);
 }
 
 TEST(Correct, WhereOnlySlidesCanMoveTheyServeThePointInTheDirectionReallyReached) {
@@ -185,10 +187,10 @@ TEST(Correct, WhereOnlySlidesCanMoveTheyServeThePointInTheDirectionReallyReached
   options.functional_height = 50.0;  // so high that the tip itself is missed by micrometres
   std::mt19937_64 random(seed);
   for (const auto& [name, chain] : machines::five_axis()) {
-    options.still.reset();
+    options.fixed_joints.reset();
     for (int i = 0; i < chain.size(); ++i)
       if (chain.joints()[std::size_t(i)].motion == Motion::Rotary)
-        options.still.set(std::size_t(i));
+        options.fixed_joints.set(std::size_t(i));
     const Belief belief = believed(chain, errors::bind(typical_errors(chain, seed), chain));
     for (int i = 0; i < 200; ++i) {
       AxisState command;
@@ -197,7 +199,8 @@ TEST(Correct, WhereOnlySlidesCanMoveTheyServeThePointInTheDirectionReallyReached
       const Correction correction = correct(chain, belief, wanted, command, options);
       ASSERT_TRUE(correction.converged) << name;
       for (int k = 0; k < chain.size(); ++k)
-        ASSERT_TRUE(!options.still[std::size_t(k)] || correction.q[k] == command.q[k]) << name;
+        ASSERT_TRUE(!options.fixed_joints[std::size_t(k)] || correction.q[k] == command.q[k])
+            << name;
       const Pose there = reached(belief, command, correction);
       const double uncorrected = (belief(command).linear().col(2) - wanted.linear().col(2)).norm();
       const Vector3d point(0, 0, 50);
@@ -205,10 +208,11 @@ TEST(Correct, WhereOnlySlidesCanMoveTheyServeThePointInTheDirectionReallyReached
       // the slides' own angles change over the way that they are corrected: three Legendre series
       // of at most 10 urad a term, whose slopes add to 20 / 350 of that a mm
       const double way = (correction.q - command.q).lpNorm<1>();
-      EXPECT_NEAR(correction.direction_left, uncorrected, std::sqrt(3.0) * 10e-6 * 20 / 350 * way)
+      EXPECT_NEAR(correction.remaining_direction_error, uncorrected,
+                  std::sqrt(3.0) * 10e-6 * 20 / 350 * way)
           << name;
       EXPECT_NEAR((there.translation() - wanted.translation()).norm(),
-                  50.0 * correction.direction_left, 2e-8)
+                  50.0 * correction.remaining_direction_error, 2e-8)
           << name;
     }
   }
@@ -226,8 +230,8 @@ TEST(Correct, AThreeAxisMachineServesThePointAndReportsTheDirection) {
     const Pose wanted = chain.tool_in_workpiece(command.q);
     const Correction correction = correct(chain, belief, wanted, command);
     ASSERT_TRUE(correction.converged);
-    EXPECT_LT(correction.point_left, 1e-8);
-    EXPECT_NEAR(correction.direction_left,
+    EXPECT_LT(correction.remaining_point_error, 1e-8);
+    EXPECT_NEAR(correction.remaining_direction_error,
                 (belief(command).linear().col(2) - wanted.linear().col(2)).norm(), 1e-7);
   }
 }
@@ -238,11 +242,12 @@ TEST(Correct, NoJointThatMayMoveLeavesAllAndSaysSo) {
   const AxisState command = gantry_at(0.7, 0.5);
   const Pose wanted = gantry.tool_in_workpiece(command.q);
   CorrectOptions options;
-  options.still.set();
+  options.fixed_joints.set();
   const Correction correction = correct(gantry, belief, wanted, command, options);
   EXPECT_EQ(correction.q, command.q);
   EXPECT_TRUE(correction.converged);  // there is nothing that could be corrected
-  EXPECT_EQ(correction.point_left, (belief(command).translation() - wanted.translation()).norm());
+  EXPECT_EQ(correction.remaining_point_error,
+            (belief(command).translation() - wanted.translation()).norm());
 }
 
 TEST(Correct, TooFewStepsAreReportedWithWhatTheyLeave) {
@@ -259,7 +264,7 @@ TEST(Correct, TooFewStepsAreReportedWithWhatTheyLeave) {
   const Correction one = correct(gantry, belief, wanted, command, options);
   EXPECT_FALSE(one.converged);
   EXPECT_EQ(one.q, correct(gantry, belief, wanted, command, one_step).q);
-  EXPECT_EQ(one.point_left,
+  EXPECT_EQ(one.remaining_point_error,
             (reached(belief, command, one).translation() - wanted.translation()).norm());
 }
 
@@ -277,8 +282,8 @@ TEST(Correct, ABeliefThatIsNoNumberCorrectsNothing) {
     const Correction correction = correct(gantry, belief, wanted, command);
     EXPECT_EQ(correction.q, command.q);
     EXPECT_FALSE(correction.converged);
-    EXPECT_EQ(correction.point_left, std::numeric_limits<double>::infinity());
-    EXPECT_EQ(correction.direction_left, std::numeric_limits<double>::infinity());
+    EXPECT_EQ(correction.remaining_point_error, std::numeric_limits<double>::infinity());
+    EXPECT_EQ(correction.remaining_direction_error, std::numeric_limits<double>::infinity());
   }
 }
 

@@ -118,7 +118,7 @@ TEST(DecimatedMesh, StaysWithinItsToleranceAtEveryInstant) {
     VectorXd tolerance(columns);
     for (int j = 0; j < columns; ++j)
       tolerance[j] = std::pow(10.0, std::uniform_real_distribution<double>(-4.0, 1.0)(random));
-    const TimeSeries coarse = thinned(fine, tolerance);
+    const TimeSeries coarse = thin_out(fine, tolerance);
     const VectorXd share = largest_difference(fine, coarse).cwiseQuotient(tolerance);
     worst = std::max(worst, share.maxCoeff());
     ASSERT_LE(share.maxCoeff(), 1.0 + 1e-9) << "trial " << trial;
@@ -145,7 +145,7 @@ TEST(DecimatedMesh, KeepsBothSidesOfEveryJumpLargerThanTheTolerance) {
                                   {3.0, 9.0},
                                   {3.0, 2.0},
                                   {4.0, 2.0}});
-  const TimeSeries coarse = thinned(fine, VectorXd::Constant(1, 0.1));
+  const TimeSeries coarse = thin_out(fine, VectorXd::Constant(1, 0.1));
   const TimeSeries expected =
       course({{0.0, 0.0}, {1.0, 0.0}, {1.0, 1.0}, {3.0, 1.05}, {3.0, 2.0}, {4.0, 2.0}});
   EXPECT_EQ(coarse.time_s, expected.time_s);
@@ -155,14 +155,14 @@ TEST(DecimatedMesh, KeepsBothSidesOfEveryJumpLargerThanTheTolerance) {
 TEST(DecimatedMesh, LeavesTwoKnotsOfALine) {
   TimeSeries fine{VectorXd::LinSpaced(1000, 0.0, 1.0), {}};
   fine.value = 3.0 * fine.time_s;
-  EXPECT_EQ(thinned(fine, VectorXd::Constant(1, 1e-12)).time_s.size(), 2);
+  EXPECT_EQ(thin_out(fine, VectorXd::Constant(1, 1e-12)).time_s.size(), 2);
 }
 
 TEST(DecimatedMesh, KeepsOfASineAboutAsManyKnotsAsItsChordsNeed) {
   const double tolerance = 1e-4;
   TimeSeries fine{VectorXd::LinSpaced(100000, 0.0, 20.0), {}};
   fine.value = fine.time_s.array().sin().matrix();
-  const Index kept = thinned(fine, VectorXd::Constant(1, tolerance)).time_s.size();
+  const Index kept = thin_out(fine, VectorXd::Constant(1, tolerance)).time_s.size();
   // A chord with its ends on the curve is off by h^2 |curvature| / 8.
   double chords = 0.0;
   for (Index i = 1; i < fine.time_s.size(); ++i)
@@ -177,7 +177,7 @@ TEST(DecimatedMesh, TakesTimeLinearInTheKnots) {
   for (int j = 0; j < 5; ++j)
     fine.value.col(j) = ((j + 1.0) * fine.time_s.array()).sin().matrix() * 1e-2;
   const std::clock_t start = std::clock();
-  const TimeSeries coarse = thinned(fine, VectorXd::Constant(5, 1e-6));
+  const TimeSeries coarse = thin_out(fine, VectorXd::Constant(5, 1e-6));
   const double seconds = double(std::clock() - start) / CLOCKS_PER_SEC;
   std::cout << "  a million knots of five axes: " << seconds << " s, " << coarse.time_s.size()
             << " left\n";
@@ -187,14 +187,14 @@ TEST(DecimatedMesh, TakesTimeLinearInTheKnots) {
 TEST(DecimatedMesh, RefusesAToleranceThatIsNotAboveZero) {
   const TimeSeries c = course({{0.0, 0.0}, {1.0, 1.0}});
   for (const double bad : {0.0, -1.0, nan})
-    EXPECT_THROW(thinned(c, VectorXd::Constant(1, bad)), std::invalid_argument);
-  EXPECT_THROW(thinned(c, VectorXd::Constant(2, 1.0)), std::invalid_argument);
-  EXPECT_EQ(thinned(c, VectorXd::Constant(1, infinity)).time_s.size(), 2);
+    EXPECT_THROW(thin_out(c, VectorXd::Constant(1, bad)), std::invalid_argument);
+  EXPECT_THROW(thin_out(c, VectorXd::Constant(2, 1.0)), std::invalid_argument);
+  EXPECT_EQ(thin_out(c, VectorXd::Constant(1, infinity)).time_s.size(), 2);
 }
 
-TEST(Knots, RefuseMoreThanMemoryShouldHold) {
+TEST(TimeSeriesBuilder, RefuseMoreThanMemoryShouldHold) {
   const VectorXd row = VectorXd::Zero(25'000'001);
-  Knots knots(row.size());
+  TimeSeriesBuilder knots(row.size());
   knots.add(0.0, row);
   EXPECT_THROW(knots.add(1.0, row), std::invalid_argument);
 }

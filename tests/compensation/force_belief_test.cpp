@@ -42,7 +42,7 @@ TEST(ForceBelief, CurrentOfATrainingPartTeachesHowFarItBends) {
   EXPECT_NEAR(law.air_A, 1.1, 1e-12);
   EXPECT_NEAR(law.c[0], 4e-3, 1e-12);
   EXPECT_NEAR(law.c[1], -0.3e-3, 1e-12);
-  const TimeSeries course = bending(law, log);
+  const TimeSeries course = current_deflection(law, log);
   EXPECT_EQ(value_at(course, 0.5)[0], 0.0) << "in air nothing bends";
   EXPECT_NEAR(value_at(course, 3.5)[0], bent(2.4), 1e-12);
 }
@@ -51,14 +51,14 @@ TEST(ForceBelief, LawIsHeldBeyondWhatItWasTrainedWith) {
   CurrentLaw law = fit_current_law(log_of_steps(0.0, 1), training_of_steps());
   ControlLog log = log_of_steps(0.0, 1);
   log.values(700, 1) = 100.0;
-  EXPECT_NEAR(bending(law, log).value(700, 0), bent(4.8), 1e-12);
+  EXPECT_NEAR(current_deflection(law, log).value(700, 0), bent(4.8), 1e-12);
 }
 
 TEST(ForceBelief, NoiseOfTheCurrentIsTakenDownByAMean) {
   SCOPED_TRACE("seed 20261121");
   const ControlLog log = log_of_steps(0.02, 20261121);
   const CurrentLaw law = fit_current_law(log, training_of_steps(), 0.5);
-  const TimeSeries course = bending(law, log);
+  const TimeSeries course = current_deflection(law, log);
   double sum = 0.0;
   for (Index k = 2; k <= 6; ++k)
     sum += std::pow(value_at(course, double(k) + 0.95)[0] - bent(0.8 * double(k)), 2);
@@ -86,10 +86,10 @@ TEST(ForceBelief, DynamometerGivesTheForceAtTheTip) {
                  Eigen::MatrixXd(2, 3)};
   log.time_s << 0.0, 1.0;
   log.values << 0, 0, 0, 10, -20, 40;
-  const LoadSeries course = load_of_dynamometer(log);
-  EXPECT_EQ(load_at(course, 0.5).on_tool_t[2], 20.0);
-  EXPECT_TRUE(load_at(course, 1.5).on_tool_t.isZero(0.0)) << "nothing after the last reading";
-  EXPECT_TRUE(load_at({}, 0.0).on_tool_t.isZero(0.0));
+  const LoadSeries course = dynamometer_load(log);
+  EXPECT_EQ(load_at(course, 0.5).tool_wrench_t[2], 20.0);
+  EXPECT_TRUE(load_at(course, 1.5).tool_wrench_t.isZero(0.0)) << "nothing after the last reading";
+  EXPECT_TRUE(load_at({}, 0.0).tool_wrench_t.isZero(0.0));
 }
 
 }  // namespace

@@ -50,7 +50,7 @@ TEST(Heidenhain, WritesATableForEachAxisThatIsLookedUpAndTheLineInForce) {
   const Eigen::Vector2d p(-90, 10), v(-1e-3, 2e-3), w(-3e-3, 0);
   tables.tables = {
       {Y, Y, p, v, w}, {Y, Z, p, v, w}, {A, A, p * units::deg, v * units::deg, v * units::deg}};
-  const Export made = to_control(tables, gantry(), ControlFormat::Heidenhain);
+  const ControlExport made = to_control(tables, gantry(), ControlFormat::Heidenhain);
   EXPECT_EQ(file(made, "Y.COM").text,
             "BEGIN Y.COM MM\n"
             "NR            AXISPOS       Y             Z             BACKLASH\n"
@@ -63,8 +63,8 @@ TEST(Heidenhain, WritesATableForEachAxisThatIsLookedUpAndTheLineInForce) {
             "0             Y.COM         A.COM         *\n"
             "[END]\n");
   EXPECT_TRUE(says({file(made, "A.COM").text}, "-90.0000      0.0010"));
-  EXPECT_TRUE(says(made.left_out, "Z over Y: the direction of motion"));
-  EXPECT_EQ(made.left_out.size(), 1u);
+  EXPECT_TRUE(says(made.omissions, "Z over Y: the direction of motion"));
+  EXPECT_EQ(made.omissions.size(), 1u);
   EXPECT_TRUE(says(made.notes, "assumed"));
 }
 
@@ -78,8 +78,8 @@ TEST(Heidenhain, RandomTablesComeBackToItsDigits) {
     ParameterTables tables = any_tables(chain, random, {run % 2 == 0, true, run % 2 == 0, 15});
     for (AxisTable& table : tables.tables)
       if (table.argument_joint != table.corrected_joint) table.downward = table.upward;
-    const Export made = to_control(tables, chain, ControlFormat::Heidenhain);
-    EXPECT_TRUE(made.left_out.empty());
+    const ControlExport made = to_control(tables, chain, ControlFormat::Heidenhain);
+    EXPECT_TRUE(made.omissions.empty());
     const Difference d = difference(tables, heidenhain_tables(made.files), chain, random);
     largest.mm = std::max(largest.mm, d.mm);
     largest.rad = std::max(largest.rad, d.rad);
@@ -95,8 +95,8 @@ TEST(Heidenhain, MoreThan256RowsAreReadOffAndSaid) {
   AxisTable table{X, X, Eigen::VectorXd::LinSpaced(300, -300, 300), {}, {}};
   table.upward = table.downward = table.position.array().sin() * 1e-3;
   tables.tables = {table};
-  const Export made = to_control(tables, gantry(), ControlFormat::Heidenhain);
-  EXPECT_TRUE(says(made.left_out, "X: 300 points, of which the control holds 256"));
+  const ControlExport made = to_control(tables, gantry(), ControlFormat::Heidenhain);
+  EXPECT_TRUE(says(made.omissions, "X: 300 points, of which the control holds 256"));
   EXPECT_EQ(heidenhain_tables(made.files).tables.at(0).position.size(), 256);
 }
 

@@ -84,8 +84,8 @@ TEST(Isg, WhatIsBelievedComesBackAtItsPoints) {
   const errors::GeometricModel model = errors::bind(believed_waves(), chain);
   TableOptions options;
   options.spacing = 10.0;
-  const Export made = to_volumetric(model, chain, options);
-  EXPECT_TRUE(made.left_out.empty());
+  const ControlExport made = to_volumetric(model, chain, options);
+  EXPECT_TRUE(made.omissions.empty());
   EXPECT_EQ(made.files.size(), 4u) << "X Y A and the position errors; Z and C have nothing";
   EXPECT_EQ(file(made, "position_errors.csv").text,
             "// mm and rad\nY0C\tB0C\tC0Y\n0.007\t-1.5e-05\t4e-05\n");
@@ -120,12 +120,12 @@ TEST(Isg, SaysWhatItCannotHold) {
   errors.elements[1].curves.push_back({errors::Backlash{1e-3}});
   errors.elements[3].curves.push_back({errors::Repeatability{1e-3, 5}});
   errors.elements.push_back({errors::parse_element_name("EXS"), {{Constant{1e-3}}}});
-  const Export made = to_volumetric(errors::bind(errors, chain), chain);
-  for (const std::string& sentence : made.left_out) std::cout << sentence << "\n";
-  EXPECT_TRUE(says(made.left_out, "X: the direction of motion"));
-  EXPECT_TRUE(says(made.left_out, "EZY: its random part"));
-  EXPECT_TRUE(says(made.left_out, "EXS: no axis of the format"));
-  EXPECT_EQ(made.left_out.size(), 3u);
+  const ControlExport made = to_volumetric(errors::bind(errors, chain), chain);
+  for (const std::string& sentence : made.omissions) std::cout << sentence << "\n";
+  EXPECT_TRUE(says(made.omissions, "X: the direction of motion"));
+  EXPECT_TRUE(says(made.omissions, "EZY: its random part"));
+  EXPECT_TRUE(says(made.omissions, "EXS: no axis of the format"));
+  EXPECT_EQ(made.omissions.size(), 3u);
 }
 
 TEST(Isg, HoldsDeviationsAndNoCorrections) {

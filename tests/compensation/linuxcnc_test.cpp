@@ -30,13 +30,13 @@ AxisTable two_points() {
 TEST(LinuxCnc, WritesTrimsAndTheIniLinesThatLoadThem) {
   ParameterTables tables = none();
   tables.tables = {two_points()};
-  const Export made = to_control(tables, gantry(), ControlFormat::LinuxCnc);
+  const ControlExport made = to_control(tables, gantry(), ControlFormat::LinuxCnc);
   ASSERT_EQ(made.files.size(), 2u);
   EXPECT_EQ(file(made, "Y.comp").text,
             "-10.00000000 0.00100000 0.00000000\n20.00000000 -0.00200000 0.00500000\n");
   EXPECT_EQ(file(made, "compensation.ini").text,
             "[JOINT_1]\nCOMP_FILE = Y.comp\nCOMP_FILE_TYPE = 1\n");
-  EXPECT_TRUE(made.left_out.empty());
+  EXPECT_TRUE(made.omissions.empty());
   EXPECT_FALSE(made.notes.empty());
 }
 
@@ -103,13 +103,13 @@ TEST(LinuxCnc, SaysWhatItCannotHold) {
   long_one.downward = long_one.upward;
   AxisTable turned{C, C, Eigen::Vector2d(0, 6), Eigen::Vector2d(0, 1e-5), Eigen::Vector2d(0, 0)};
   tables.tables = {cross, long_one, turned};
-  const Export made = to_control(tables, gantry(), ControlFormat::LinuxCnc);
-  for (const std::string& sentence : made.left_out) std::cout << sentence << "\n";
-  EXPECT_EQ(made.left_out.size(), 4u);
-  EXPECT_TRUE(says(made.left_out, "offset of Z, -12.3 um"));
-  EXPECT_TRUE(says(made.left_out, "offset of A, 4 urad"));
-  EXPECT_TRUE(says(made.left_out, "Z over Y: a COMP_FILE holds the own axis only"));
-  EXPECT_TRUE(says(made.left_out, "X: 300 points, of which the control holds 256"));
+  const ControlExport made = to_control(tables, gantry(), ControlFormat::LinuxCnc);
+  for (const std::string& sentence : made.omissions) std::cout << sentence << "\n";
+  EXPECT_EQ(made.omissions.size(), 4u);
+  EXPECT_TRUE(says(made.omissions, "offset of Z, -12.3 um"));
+  EXPECT_TRUE(says(made.omissions, "offset of A, 4 urad"));
+  EXPECT_TRUE(says(made.omissions, "Z over Y: a COMP_FILE holds the own axis only"));
+  EXPECT_TRUE(says(made.omissions, "X: 300 points, of which the control holds 256"));
   const std::string& text = file(made, "X.comp").text;
   EXPECT_EQ(std::count(text.begin(), text.end(), '\n'), 256);
   EXPECT_TRUE(says({file(made, "compensation.ini").text}, "[JOINT_4]\nCOMP_FILE = C.comp"));
@@ -121,10 +121,10 @@ TEST(LinuxCnc, SeveralTablesOfAnAxisAreAddedUp) {
                   Eigen::Vector3d(0, 0, 1e-3)};
   tables.tables = {two_points(), other};
   std::mt19937 random(7);
-  const Export made = to_control(tables, gantry(), ControlFormat::LinuxCnc);
+  const ControlExport made = to_control(tables, gantry(), ControlFormat::LinuxCnc);
   const Difference d = difference(tables, linuxcnc_tables(made.files), gantry(), random);
   EXPECT_LT(d.mm, 1e-8);
-  EXPECT_TRUE(made.left_out.empty());
+  EXPECT_TRUE(made.omissions.empty());
 }
 
 /// What LinuxCNC 2.9 does with such a file, in the words of its manual and in its own steps: lines
@@ -189,8 +189,8 @@ TEST(LinuxCnc, RandomTablesComeBack) {
   Difference largest;
   for (int run = 0; run < 100; ++run) {
     const ParameterTables tables = any_tables(chain, random, {false, true, run % 2 == 0, 256});
-    const Export made = to_control(tables, chain, ControlFormat::LinuxCnc);
-    EXPECT_TRUE(made.left_out.empty());
+    const ControlExport made = to_control(tables, chain, ControlFormat::LinuxCnc);
+    EXPECT_TRUE(made.omissions.empty());
     const ParameterTables back = linuxcnc_tables(made.files);
     ASSERT_EQ(back.tables.size(), tables.tables.size());
     for (std::size_t k = 0; k < tables.tables.size(); ++k)

@@ -64,9 +64,9 @@ TEST(Mirror, DisplacementOfTheToolIsFoundWhereNormalsSeeIt) {
     const double a = 2.4 * double(i);
     return Vector3d(std::sin(0.7) * std::cos(a), std::sin(0.7) * std::sin(a), std::cos(0.7));
   };
-  MirrorOptions exact;
+  DisplacementOptions exact;
   exact.damping = 0.0;
-  const DisplacementSeries course = explain_deviation(cut_by(1000, move, normal), exact);
+  const DisplacementSeries course = displacement_from_deviations(cut_by(1000, move, normal), exact);
   double worst = 0.0;
   for (double t = 0.1; t < 9.9; t += 0.01)
     worst = std::max(worst, (displacement_at(course, t) - move(t)).norm());
@@ -87,13 +87,14 @@ TEST(Mirror, WhatIsLinearAlongAPassIsMetToItsEndsAndPassesAreKeptApart) {
       part.pass[i] = int(pass);
       part.deviation[i] = level[pass] + slope[pass] * part.time_s[i];
     }
-    MirrorOptions exact;
+    DisplacementOptions exact;
     exact.damping = 1e-6;
-    const DisplacementSeries course = explain_deviation(part, exact);
+    const DisplacementSeries course = displacement_from_deviations(part, exact);
     double worst = 0.0;
     for (Index i = 0; i < part.time_s.size(); ++i)
-      worst = std::max(worst, std::abs(part.normals.row(i).dot(displacement_at(course, part.time_s[i])) -
-                                       part.deviation[i]));
+      worst = std::max(worst,
+                       std::abs(part.normals.row(i).dot(displacement_at(course, part.time_s[i])) -
+                                part.deviation[i]));
     // a pass of less than two groups has one displacement: half its length is not met
     const double bound = in_a_pass < 16 ? 8e-3 * 0.02 * double(in_a_pass - 1) / 2 + 1e-12 : 1e-12;
     std::cout << in_a_pass << " points a pass: off by " << worst << " mm, bound " << bound << '\n';
@@ -110,9 +111,9 @@ TEST(Mirror, PointsOfOneInstantHaveOneDisplacement) {
     part.deviation[i] = i % 2 == 0 ? 1e-3 : 3e-3;
     part.time_s[i] = i < 20 ? 1.0 : 2.0;
   }
-  MirrorOptions nearly;
+  DisplacementOptions nearly;
   nearly.damping = 1e-6;
-  const DisplacementSeries course = explain_deviation(part, nearly);
+  const DisplacementSeries course = displacement_from_deviations(part, nearly);
   ASSERT_EQ(course.time_s.size(), 2);
   EXPECT_NEAR(displacement_at(course, 1.0).x(), 2e-3, 1e-12);
   EXPECT_NEAR(displacement_at(course, 2.0).x(), 2e-3, 1e-12);
@@ -121,11 +122,12 @@ TEST(Mirror, PointsOfOneInstantHaveOneDisplacement) {
 TEST(Mirror, DirectionThatNoNormalSeesStaysUnmoved) {
   const auto move = [](double) { return Vector3d(1.0, 1.0, 1e-3); };
   const auto up = [](Index) { return Vector3d(0, 0, 1); };
-  const DisplacementSeries course = explain_deviation(cut_by(100, move, up));
+  const DisplacementSeries course = displacement_from_deviations(cut_by(100, move, up));
   const Vector3d found = displacement_at(course, 0.5);
   EXPECT_EQ(found.x(), 0.0);
   EXPECT_EQ(found.y(), 0.0);
-  EXPECT_NEAR(found.z(), 1e-3, 1e-3 * MirrorOptions{}.damping * MirrorOptions{}.damping);
+  EXPECT_NEAR(found.z(), 1e-3,
+              1e-3 * DisplacementOptions{}.damping * DisplacementOptions{}.damping);
 }
 
 TEST(Mirror, GapInTimePartsNeighbours) {
@@ -135,9 +137,9 @@ TEST(Mirror, GapInTimePartsNeighbours) {
     part.deviation[i] = i < 12 ? 1e-3 : -1e-3;
     part.time_s[i] = 0.01 * double(i) + (i < 12 ? 0.0 : 100.0);
   }
-  MirrorOptions exact;
+  DisplacementOptions exact;
   exact.damping = 0.0;
-  const DisplacementSeries course = explain_deviation(part, exact);
+  const DisplacementSeries course = displacement_from_deviations(part, exact);
   EXPECT_NEAR(displacement_at(course, 0.1).z(), 1e-3, 1e-15);
   EXPECT_NEAR(displacement_at(course, 100.15).z(), -1e-3, 1e-15);
   EXPECT_EQ(displacement_at({}, 1.0), Vector3d::Zero());

@@ -18,7 +18,7 @@ using namespace cases;
 
 /// A correction of one axis over the position of one axis.
 template <typename Curve>
-CorrectionAt along(int argument_joint, int corrected_joint, const Curve& curve) {
+CorrectionFunction along(int argument_joint, int corrected_joint, const Curve& curve) {
   return [=](const AxisState& state) -> AxisVector {
     AxisVector c = AxisVector::Zero(state.q.size());
     c[corrected_joint] = curve(state.q[argument_joint]);
@@ -27,16 +27,16 @@ CorrectionAt along(int argument_joint, int corrected_joint, const Curve& curve) 
 }
 
 /// Largest miss of tables along one axis, at 20 001 places of its travel.
-double missed(const ParameterTables& tables, const CorrectionAt& correction_at, const Chain& chain,
-              int argument_joint, int corrected_joint) {
+double missed(const ParameterTables& tables, const CorrectionFunction& correction_at,
+              const Chain& chain, int argument_joint, int corrected_joint) {
   double largest = 0.0;
   AxisState state;
   state.q = AxisVector::Zero(chain.size());
   const Joint& joint = chain.joints()[std::size_t(argument_joint)];
   for (int k = 0; k <= 20000; ++k) {
     state.q[argument_joint] = joint.min + (joint.max - joint.min) * k / 20000.0;
-    largest =
-        std::max(largest, std::abs(correction(tables, state)[corrected_joint] - correction_at(state)[corrected_joint]));
+    largest = std::max(largest, std::abs(correction(tables, state)[corrected_joint] -
+                                         correction_at(state)[corrected_joint]));
   }
   return largest;
 }
@@ -53,7 +53,8 @@ TEST(ParameterTables, ATableLeavesNoMoreThanTheSquareOfItsSpacingTimesTheBendOve
                         Case{"A over itself", A, A, 5.0, 0.05, 100e-6, 0.9},
                         Case{"Z over A", A, Z, 5.0, 0.02, 8e-3, 0.7}}) {
     const double w = 2.0 * pi / c.wave;
-    const auto at = along(c.argument_joint, c.corrected_joint, [&](double q) { return c.amplitude * std::sin(w * q); });
+    const auto at = along(c.argument_joint, c.corrected_joint,
+                          [&](double q) { return c.amplitude * std::sin(w * q); });
     TableOptions options;
     options.spacing = c.spacing;
     options.spacing_rad = c.spacing_rad;
@@ -96,13 +97,14 @@ TEST(ParameterTables, SpacingWidensWhereTooManyPointsWouldBeNeeded) {
 
 TEST(ParameterTables, TheNoseAndAnAxisWithoutEndAreNotTabulated) {
   const Chain chain = gantry();
-  const CorrectionAt everywhere = [](const AxisState& state) -> AxisVector {
+  const CorrectionFunction everywhere = [](const AxisState& state) -> AxisVector {
     return AxisVector::Constant(state.q.size(), 1e-3 * (1.0 + state.q.sum()));
   };
   const ParameterTables tables = tabulate(everywhere, chain, AxisVector::Zero(6));
   EXPECT_EQ(tables.tables.size(), 16u);
   for (const AxisTable& table : tables.tables)
-    for (const int joint : {table.argument_joint, table.corrected_joint}) EXPECT_TRUE(joint != C && joint != s);
+    for (const int joint : {table.argument_joint, table.corrected_joint})
+      EXPECT_TRUE(joint != C && joint != s);
   EXPECT_EQ(tables.offset[C], 0.0);
   EXPECT_EQ(tables.offset[s], 0.0);
   EXPECT_EQ(tables.offset[X], 1e-3);
@@ -114,7 +116,7 @@ TEST(ParameterTables, ARangeStandsForTheTravel) {
   options.range.emplace().setZero();
   options.range->col(C) << 0.0, 2.0 * pi;
   options.range->col(X) << -10.0, 10.0;
-  const CorrectionAt everywhere = [](const AxisState& state) -> AxisVector {
+  const CorrectionFunction everywhere = [](const AxisState& state) -> AxisVector {
     return AxisVector::Constant(state.q.size(), 1e-3 * state.q.sum());
   };
   const ParameterTables tables = tabulate(everywhere, chain, AxisVector::Zero(6), options);
@@ -123,13 +125,14 @@ TEST(ParameterTables, ARangeStandsForTheTravel) {
     EXPECT_TRUE(table.argument_joint == C || table.argument_joint == X);
     EXPECT_NE(table.corrected_joint, s);
     EXPECT_EQ(table.position[0], table.argument_joint == C ? 0.0 : -10.0);
-    EXPECT_EQ(table.position[table.position.size() - 1], table.argument_joint == C ? 2.0 * pi : 10.0);
+    EXPECT_EQ(table.position[table.position.size() - 1],
+              table.argument_joint == C ? 2.0 * pi : 10.0);
   }
 }
 
 TEST(ParameterTables, BacklashHasAColumnEachWay) {
   const Chain chain = gantry();
-  const CorrectionAt backlash = [](const AxisState& state) -> AxisVector {
+  const CorrectionFunction backlash = [](const AxisState& state) -> AxisVector {
     AxisVector c = AxisVector::Zero(state.q.size());
     c[X] = 3e-3 * state.direction[X] + 1e-5 * state.q[X];
     c[Y] = 1e-3 * state.direction[X];
@@ -147,7 +150,7 @@ TEST(ParameterTables, BacklashHasAColumnEachWay) {
     EXPECT_NEAR(correction(tables, state)[X], 3e-3 * direction + 1.234e-3, 1e-15);
     EXPECT_NEAR(correction(tables, state)[Y], 1e-3 * direction, 1e-15);
   }
-  options.both_ways = false;
+  options.has_direction_columns = false;
   const ParameterTables mean = tabulate(backlash, chain, AxisVector::Zero(6), options);
   ASSERT_EQ(mean.tables.size(), 1u) << "that of Y over X holds zeros only";
   state.direction[X] = 1;
@@ -156,7 +159,7 @@ TEST(ParameterTables, BacklashHasAColumnEachWay) {
 
 TEST(ParameterTables, WhatDependsOnTwoAxesAtOnceIsLeft) {
   const Chain chain = gantry();
-  const CorrectionAt twisted = [](const AxisState& state) -> AxisVector {
+  const CorrectionFunction twisted = [](const AxisState& state) -> AxisVector {
     AxisVector c = AxisVector::Zero(state.q.size());
     c[Z] = 2e-3 + 1e-5 * state.q[X] - 2e-5 * state.q[Y] + 1e-7 * state.q[X] * state.q[Y];
     return c;

@@ -56,7 +56,7 @@ print(sizes, task["samples"], file=sys.stderr)
   const PlugInResponse answer = asked.answer(file);
   EXPECT_EQ(answer.name, "mine");
   EXPECT_EQ(answer.answers, PlugInOutput::Correction);
-  EXPECT_EQ(answer.said, "[(1, 1000), (2, 1000), (3, 501)] 2501");
+  EXPECT_EQ(answer.stderr_text, "[(1, 1000), (2, 1000), (3, 501)] 2501");
   ASSERT_EQ(answer.rows.rows(), 2501);
   ASSERT_EQ(answer.rows.cols(), 6);
   for (Eigen::Index i = 0; i < answer.rows.rows(); ++i) {
@@ -397,7 +397,7 @@ sys.exit(1)
 TEST(PlugInLines, NoMutilatedLineIsMoreThanAFault) {
   const Asked asked(2);
   const PlugInOptions options;
-  const Expected expected{7, PlugInOutput::Correction, 2, asked.task, options};
+  const ResponseRequirements expected{7, PlugInOutput::Correction, 2, asked.task, options};
   const std::string answer = R"({"id":7,"correction":[[0.1,-2e-3,3,0.1,0,0],[1e-5,2,0,0,0,0]]})";
   const std::string ready = R"({"abbe":1,"kind":"ready","name":"n","answers":"deviation"})";
   EXPECT_EQ(read_response(answer, expected)(0, 1), -2e-3);
@@ -490,7 +490,7 @@ const abbe_compensator_v1 abbe_compensator = {
   const PlugInResponse answer = asked.answer(file, options);
   EXPECT_EQ(answer.name, "mine");
   EXPECT_EQ(answer.answers, PlugInOutput::Deviation);
-  EXPECT_EQ(answer.said, "w C' b X Y Z A s t 6 C 1 -7 ball R5 90 7 current_A 21 1\nclosed");
+  EXPECT_EQ(answer.stderr_text, "w C' b X Y Z A s t 6 C 1 -7 ball R5 90 7 current_A 21 1\nclosed");
   for (int i = 0; i < 7; ++i) {
     const kinematics::AxisState& command = asked.commands[std::size_t(i)];
     EXPECT_EQ(answer.rows(i, 0), command.time_s);

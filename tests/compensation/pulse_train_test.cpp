@@ -84,7 +84,7 @@ struct SignalLevel {
 
 /// Encoder, box, computer and loop in a ring. What goes in at one instant depends only on what went
 /// in before it, so the ring is closed pair by pair.
-SignalLevel ring(const TimeSeries& wanted, const TimeSeries& motion, const Pulses& pulses,
+SignalLevel ring(const TimeSeries& wanted, const TimeSeries& motion, const PulseInsertion& pulses,
                  double travel_s) {
   const double phase = zero_phase(pulses.phase_seed, 0), start = wanted.time_s[0];
   const auto whole = [&](double correction) {
@@ -301,10 +301,10 @@ TEST(SignalLevel, CounterLessTrueMotionIsWhatTheFastModelInsertsInstantByInstant
     for (int i = 0; i <= 6; ++i)
       bends.push_back({duration * i / 6.0, 8.0 * unit(random) * signal_period});
     const TimeSeries wanted = course(bends);
-    Pulses pulses{VectorXd::Constant(1, signal_period), 1e-3, 2e-6, std::uint64_t(trial)};
+    PulseInsertion pulses{VectorXd::Constant(1, signal_period), 1e-3, 2e-6, std::uint64_t(trial)};
     const double phase = zero_phase(pulses.phase_seed, 0);
 
-    const TimeSeries fast = through(wanted, pulses, motion);
+    const TimeSeries fast = apply_channel(wanted, pulses, motion);
     const SignalLevel level = ring(wanted, motion, pulses, 0.0);
     pairs += level.pairs.size();
     for (int i = 0; i < 400; ++i) {
@@ -360,9 +360,9 @@ TEST(SignalLevel, ALoopThatTakesItsTimeMakesTheAxisTravelAsFar) {
     const double last = 9.0 * unit(random) * signal_period;
     const TimeSeries wanted =
         course({{0.0, 0.0}, {0.1, 4.0 * unit(random) * signal_period}, {0.25, last}});
-    const Pulses pulses{VectorXd::Constant(1, signal_period), 1e-3, 2e-6,
-                        std::uint64_t(100 + trial)};
-    const TimeSeries fast = through(wanted, pulses, motion);
+    const PulseInsertion pulses{VectorXd::Constant(1, signal_period), 1e-3, 2e-6,
+                                std::uint64_t(100 + trial)};
+    const TimeSeries fast = apply_channel(wanted, pulses, motion);
     const SignalLevel level = ring(wanted, motion, pulses, 0.7e-3);
     long sum = 0;
     for (const Insertion& pair : level.pairs) sum += pair.direction;

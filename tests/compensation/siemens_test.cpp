@@ -69,7 +69,7 @@ TEST(Siemens, OwnTablesAlikeBothWaysGoToTheEncoderAllOthersToTheCrossTables) {
   ParameterTables tables = none();
   const Eigen::Vector3d p(-100, 0, 100), v(1e-3, 2e-3, -3e-3), w(0, 1e-3, 0);
   tables.tables = {{X, X, p, v, v}, {Y, Y, p, v, w}, {X, Z, p, v, v}};
-  const Export made = to_control(tables, gantry(), ControlFormat::Siemens);
+  const ControlExport made = to_control(tables, gantry(), ControlFormat::Siemens);
   ASSERT_EQ(made.files.size(), 2u);
   EXPECT_EQ(file(made, "AX_EEC.INI").text,
             "%_N_AX_EEC_INI\nCHANDATA(1)\n"
@@ -96,12 +96,12 @@ TEST(Siemens, PointsThatAreNotEquidistantAreReadOff) {
   tables.offset[X] = 1e-3;
   const Eigen::Vector3d p(0, 10, 40), v(0, 4e-3, 4e-3);
   tables.tables = {{X, X, p, v, v}};
-  const Export made = to_control(tables, gantry(), ControlFormat::Siemens);
-  for (const std::string& sentence : made.left_out) std::cout << sentence << "\n";
-  EXPECT_TRUE(says(made.left_out,
+  const ControlExport made = to_control(tables, gantry(), ControlFormat::Siemens);
+  for (const std::string& sentence : made.omissions) std::cout << sentence << "\n";
+  EXPECT_TRUE(says(made.omissions,
                    "X: 3 points that are not equidistant; equidistant ones miss them "
                    "by 2 um"));
-  EXPECT_TRUE(says(made.left_out, "offset of X, 1 um"));
+  EXPECT_TRUE(says(made.omissions, "offset of X, 1 um"));
   const ParameterTables back = read_control_tables(made.files, gantry(), ControlFormat::Siemens);
   EXPECT_EQ(back.tables.at(0).position, Eigen::Vector3d(0, 20, 40));
 }
@@ -114,8 +114,8 @@ TEST(Siemens, RandomTablesComeBack) {
   Difference largest;
   for (int run = 0; run < 100; ++run) {
     const ParameterTables tables = any_tables(chain, random, {true, run % 2 == 0, true, 400});
-    const Export made = to_control(tables, chain, ControlFormat::Siemens);
-    EXPECT_TRUE(made.left_out.empty());
+    const ControlExport made = to_control(tables, chain, ControlFormat::Siemens);
+    EXPECT_TRUE(made.omissions.empty());
     const ParameterTables back = read_control_tables(made.files, chain, ControlFormat::Siemens);
     EXPECT_EQ(back.tables.size(), tables.tables.size()) << "each pair of directions is one again";
     const Difference d = difference(tables, back, chain, random);

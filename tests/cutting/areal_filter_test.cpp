@@ -117,17 +117,18 @@ TEST(GaussianForm, AWaveFinerThanTheVerticesLeavesNoWaveOfItsOwn) {
     return std::sqrt((v.array() - v.mean()).square().mean());
   };
   Surface surface = surface_of(plane, wave);
-  const double at_vertices = spread(gaussian_form(plane, surface, 2.5));
-  surface.sampled_within = Surface::Within::Random;
+  const double without_triangle_samples = spread(gaussian_form(plane, surface, 2.5));
+  surface.interior_sample = Surface::InteriorSample::Random;
   surface.within.resize(plane.triangles.rows());
   for (Index t = 0; t < plane.triangles.rows(); ++t)
     surface.within[t] =
-        wave(value_at_place_within(surface.sampled_within, plane.vertices, plane.triangles, t));
+        wave(value_at_sample(surface.interior_sample, plane.vertices, plane.triangles, t));
   const double at_random = spread(gaussian_form(plane, surface, 2.5));
   std::cout << "wave of RMS 0.707 and " << 0.97 * spacing << " mm at vertices every " << spacing
-            << " mm: form " << at_vertices << " RMS, with places at random " << at_random << "\n";
-  EXPECT_GT(at_vertices, 0.4);
-  EXPECT_LT(at_random, 0.15 * at_vertices);
+            << " mm: form " << without_triangle_samples << " RMS, with places at random "
+            << at_random << "\n";
+  EXPECT_GT(without_triangle_samples, 0.4);
+  EXPECT_LT(at_random, 0.15 * without_triangle_samples);
 }
 
 TEST(GaussianForm, ASlopePassesWholeToTheRim) {
@@ -160,7 +161,7 @@ TEST(GaussianForm, FacesOfASharpEdgeDoNotMix) {
 Surface random_heights(const Design& part, std::mt19937& random) {
   std::uniform_real_distribution<double> height(0.0, 1.0);
   Surface surface = surface_of(part, [&](const Vector3d&) { return height(random); });
-  surface.sampled_within = Surface::Within::Random;
+  surface.interior_sample = Surface::InteriorSample::Random;
   surface.within.resize(part.triangles.rows());
   for (Index t = 0; t < part.triangles.rows(); ++t) surface.within[t] = height(random);
   return surface;
@@ -178,7 +179,7 @@ test::ArealValues values_of(const Design& part, const Surface& surface) {
   for (Index i = 0; i < part.vertices.rows(); ++i)
     add(part.vertices.row(i), surface.residual[i], weights.vertex[i]);
   for (Index t = 0; t < surface.within.size(); ++t)
-    add(value_at_place_within(surface.sampled_within, part.vertices, part.triangles, t),
+    add(value_at_sample(surface.interior_sample, part.vertices, part.triangles, t),
         surface.within[t], weights.within[t]);
   return values;
 }
@@ -226,7 +227,7 @@ TEST(GaussianForm, IsAPlaneOfManyValuesAndTheMeanOfFew) {
     for (Index t = 0; t < surface.within.size(); ++t)
       surface.within[t] =
           0.02 * surface.within[t] +
-          slope(value_at_place_within(surface.sampled_within, part.vertices, part.triangles, t));
+          slope(value_at_sample(surface.interior_sample, part.vertices, part.triangles, t));
     const Eigen::VectorXd form = gaussian_form(part, surface, cutoff);
     const test::ArealValues values = values_of(part, surface);
     for (Index i = 0; i < form.size(); i += 1 + form.size() / 200) {

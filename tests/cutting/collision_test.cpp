@@ -164,8 +164,8 @@ TEST(Collision, ComesWithinADistanceNotAfterItDoes) {
                b = box(length(random), length(random), length(random));
     const Screw motion{place(45 * vector(), vector()), 2 * vector(), 60 * vector()};
     const double distance = std::array{1e-6, 0.3, 2.0, 9.0}[std::size_t(n % 4)];
-    const double speed = kinematics::fastest(motion, b.centre, b.radius);
-    const std::optional<double> found = comes_within(a, b, motion, distance, tolerance);
+    const double speed = kinematics::max_speed(motion, b.centre, b.radius);
+    const std::optional<double> found = first_time_within(a, b, motion, distance, tolerance);
     if (found) ++within;
     const auto gap_at = [&](double u) {
       return gap(a, Pose::Identity(), b, kinematics::pose_at(motion, u)).distance;
@@ -183,14 +183,14 @@ TEST(Collision, ComesWithinADistanceNotAfterItDoes) {
   // on the way past an edge, and where nothing moves
   const Body block = box(20, 20, 20), ball = make_body(sphere_mesh(3.0, 1e-3));
   const Screw past{place({-100, 0, 13.5}), Vector3d::Zero(), {200, 0, 0}};
-  EXPECT_FALSE(comes_within(block, ball, past, 0.49, tolerance));
+  EXPECT_FALSE(first_time_within(block, ball, past, 0.49, tolerance));
   // a ball 3.5 mm over a face and its edge: 1 mm from the edge at x = -10 - sqrt(4^2 - 3.5^2)
   const double u = (100 - 10 - std::sqrt(16 - 3.5 * 3.5)) / 200;
-  EXPECT_NEAR(comes_within(block, ball, past, 1.0, tolerance).value(), u, 1e-4);
+  EXPECT_NEAR(first_time_within(block, ball, past, 1.0, tolerance).value(), u, 1e-4);
   const Screw still{place({0, 0, 14}), Vector3d::Zero(), Vector3d::Zero()};
-  EXPECT_EQ(comes_within(block, ball, still, 1.01, tolerance), 0.0);
-  EXPECT_FALSE(comes_within(block, ball, still, 0.9, tolerance));
-  EXPECT_THROW(comes_within(block, ball, still, 0.9, 0.0), std::invalid_argument);
+  EXPECT_EQ(first_time_within(block, ball, still, 1.01, tolerance), 0.0);
+  EXPECT_FALSE(first_time_within(block, ball, still, 0.9, tolerance));
+  EXPECT_THROW(first_time_within(block, ball, still, 0.9, 0.0), std::invalid_argument);
 }
 
 TEST(Collision, RandomBoxesMeetWhenNoAxisPartsThem) {
@@ -215,7 +215,7 @@ TEST(Collision, RandomBoxesMeetWhenNoAxisPartsThem) {
     };
     // none is missed: a fine step sees no overlap before what was found; thorough runs step by
     // micrometres, others by hundredths
-    const double speed = kinematics::fastest(motion, b.centre, b.radius);
+    const double speed = kinematics::max_speed(motion, b.centre, b.radius);
     const double step = (thorough ? finest : 10 * finest) / speed;
     const double until = found.contact ? found.u : 1.0;
     for (double u = 0.0; u < until; u += step)
@@ -325,8 +325,8 @@ TEST(Collision, PointsOfAGapAreSoFarApartAndOnTheirBodies) {
   ball.radius = ball.corner_radius = 4.9;
   bull.radius = 7.0;
   bull.corner_radius = 1.3;
-  const std::array<Body, 2> cutters{make_body(cutter_pieces(ball, sag)),
-                                    make_body(cutter_pieces(bull, sag))};
+  const std::array<Body, 2> cutters{make_body(cutter_meshes(ball, sag)),
+                                    make_body(cutter_meshes(bull, sag))};
   const Body clamp = box(30.0, 24.0, 110.0);
   const Body round = make_body(sphere_mesh(30.0, 1e-2));  // of enough triangles to be sorted
   int apart = 0;
@@ -429,7 +429,7 @@ TEST(Collision, CuttersThatLeanStandAtTheirLowestPoint) {
                    place(Vector3d::Zero(), {0, 0, 6.0 * any(random)}) *
                    place(Vector3d::Zero(), {lean, 0, 0});
     const double found =
-        gap(floor, Pose::Identity(), make_body(cutter_pieces(cutter, sag)), T).distance;
+        gap(floor, Pose::Identity(), make_body(cutter_meshes(cutter, sag)), T).distance;
     EXPECT_LE(found, height + 1e-9);
     worst = std::max(worst, height - found);
     // the mesh for pictures lies around it, too

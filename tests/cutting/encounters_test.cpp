@@ -40,7 +40,7 @@ CarrierMotion turning_slide(std::size_t instants, double turn, double way, const
   const double dx = way / double(instants - 1), da = turn / double(instants - 1);
   const double reach = start.norm() + std::abs(way) + 1000.0;
   motion.bulge.assign(instants - 1, (da * da * reach + 2.0 * std::abs(da * dx)) / 8.0);
-  for (std::size_t i = 0; i < instants; i += 10) motion.stretches.push_back(i);
+  for (std::size_t i = 0; i < instants; i += 10) motion.segments.push_back(i);
   return motion;
 }
 
@@ -60,7 +60,8 @@ TEST(Encounters, ABoxMeetsAWallWhereItIs) {
   EXPECT_EQ(found.list[0].first_segment, 10u);
   EXPECT_EQ(found.list[0].last_segment, 20u);
   EXPECT_EQ(found.pairs[0].distance, 0.0);
-  const WayOut out = way_out(bodies[0].body, Pose::Identity(), bodies[1].body, at({20, 0, 0}));
+  const Penetration out =
+      penetration(bodies[0].body, Pose::Identity(), bodies[1].body, at({20, 0, 0}));
   EXPECT_NEAR(out.depth, 40.0, 2e-3);
   EXPECT_NEAR(out.direction.x(), 1.0, 1e-9);
 }
@@ -76,7 +77,7 @@ TEST(Encounters, TheDepthOfABallInABoxIsItsWayOut) {
     const double depth = 0.01 + 4.0 * std::abs(any(random));
     const Vector3d inside(80.0 * any(random), 55.0 * any(random), 30.0 + 10.0 - depth);
     const Pose T = all * at(inside, Vector3d(any(random), any(random), any(random)));
-    worst = std::max(worst, std::abs(way_out(plate, all, ball, T).depth - depth));
+    worst = std::max(worst, std::abs(penetration(plate, all, ball, T).depth - depth));
   }
   std::cout << "depth within " << worst << " mm\n";
   EXPECT_LT(worst, 3e-3);
@@ -112,7 +113,7 @@ RandomScene random_scene(std::mt19937& random) {
       mesh = revolved_mesh(profile, 0.05);
     }
     scene.bodies.push_back(
-        {make_body(moved(mesh, at(50.0 * vector(), 3.0 * vector()))), k < 3 ? 0 : 1});
+        {make_body(transformed_mesh(mesh, at(50.0 * vector(), 3.0 * vector()))), k < 3 ? 0 : 1});
   }
   for (int a = 0; a < 3; ++a)
     for (int b = 3; b < 6; ++b) scene.pairs.push_back({a, b});
@@ -151,8 +152,8 @@ TEST(Encounters, AreThoseOfEveryPairLookedAtEverywhere) {
                    high = std::max(quick.pairs[p].distance, slow.pairs[p].distance);
       EXPECT_LE(high, std::max(low / (1.0 - options.share), low + 0.011));
     }
-    for (std::size_t s = 0; s < quick.stretches.size(); ++s) {
-      const double least = quick.stretches[s].at_least, other = slow.stretches[s].at_least;
+    for (std::size_t s = 0; s < quick.segments.size(); ++s) {
+      const double least = quick.segments[s].min_clearance, other = slow.segments[s].min_clearance;
       EXPECT_LE(std::max(least, other), std::max(std::min(least, other) / (1.0 - options.share),
                                                  std::min(least, other) + 0.011))
           << "stretch " << s << " of scene " << n;
@@ -204,7 +205,7 @@ CarrierMotion along_waves(double height, double radius, double lean, double phas
   };
   // curvature of the way over the square of a step
   motion.bulge.assign(instants - 1, 0.2 * std::pow(60.0 / instants, 2) / 8.0);
-  for (std::size_t i = 0; i < instants; i += 25) motion.stretches.push_back(i);
+  for (std::size_t i = 0; i < instants; i += 25) motion.segments.push_back(i);
   return motion;
 }
 
@@ -217,7 +218,7 @@ TEST(Encounters, ACutterThatFollowsASurfaceMeetsWhatItMeetsLookedAtEverywhere) {
   for (int n = 0; n < 24; ++n) {
     const double radius = 3.0 + any(random), corner = n % 3 == 0 ? 0.5 * radius : radius;
     const double height = n % 2 == 0 ? 0.3 * any(random) : 1.2 + 0.8 * any(random);
-    const Body cutter = make_body(cutter_pieces(Cutter{radius, corner, 25}, 0.01));
+    const Body cutter = make_body(cutter_meshes(Cutter{radius, corner, 25}, 0.01));
     const std::vector<CarrierBody> bodies{{surface, 0}, {cutter, 1}};
     const CarrierMotion motion =
         along_waves(height, radius, 0.6 * std::abs(any(random)), 3.0 * any(random));
@@ -267,8 +268,8 @@ TEST(Encounters, AreTheSameForAnyNumberOfThreads) {
     EXPECT_EQ(instant(one.list[k].moment), instant(two.list[k].moment));
     EXPECT_EQ(one.list[k].distance, two.list[k].distance);
   }
-  for (std::size_t s = 0; s < one.stretches.size(); ++s)
-    EXPECT_EQ(one.stretches[s].at_least, two.stretches[s].at_least);
+  for (std::size_t s = 0; s < one.segments.size(); ++s)
+    EXPECT_EQ(one.segments[s].min_clearance, two.segments[s].min_clearance);
 }
 
 TEST(Encounters, NumbersThatDoNotFitAreRefused) {
@@ -279,7 +280,7 @@ TEST(Encounters, NumbersThatDoNotFitAreRefused) {
   EXPECT_THROW(encounters({{bodies[0].body, 2}, bodies[1]}, {{0, 1}}, motion),
                std::invalid_argument);
   CarrierMotion other = motion;
-  other.stretches = {0, 5, 5};
+  other.segments = {0, 5, 5};
   EXPECT_THROW(encounters(bodies, {{0, 1}}, other), std::invalid_argument);
   other = motion;
   other.bulge.pop_back();

@@ -86,7 +86,7 @@ double area_of(const Design& design, Index t) {
 std::map<std::string, double> areas_by_name(const MarkedMesh& mesh) {
   std::map<std::string, double> areas;
   for (Index t = 0; t < mesh.design.triangles.rows(); ++t) {
-    const FaceMark& mark = mesh.marks.marks[std::size_t(mesh.marks.of_face[std::size_t(t)])];
+    const FaceMark& mark = mesh.marks.marks[std::size_t(mesh.marks.mark_of_face[std::size_t(t)])];
     std::set<std::string> names;  // of OBJ one name may come of two keywords
     for (const int set : mark.names)
       names.insert(mesh.marks.names[std::size_t(set)].begin(),
@@ -100,7 +100,7 @@ std::map<std::string, double> areas_by_name(const MarkedMesh& mesh) {
 double area_that_may_be(const MarkedMesh& mesh, const Rgb& colour) {
   double area = 0.0;
   for (Index t = 0; t < mesh.design.triangles.rows(); ++t) {
-    const auto& own = mesh.marks.marks[std::size_t(mesh.marks.of_face[std::size_t(t)])].colour;
+    const auto& own = mesh.marks.marks[std::size_t(mesh.marks.mark_of_face[std::size_t(t)])].colour;
     if (own && can_denote(*own, colour)) area += area_of(mesh.design, t);
   }
   return area;
@@ -121,7 +121,7 @@ void expect_block_colours(const MarkedMesh& mesh) {
 
 std::string refusal_of_marks(const fs::path& file, const MarkSelection& wanted = all_marks) {
   try {
-    read_marked_mesh(file, {}, wanted);
+    read_mesh_with_marks(file, {}, wanted);
   } catch (const BadInput& bad) {
     return bad.what();
   }
@@ -204,11 +204,11 @@ TEST(FaceMarks, OfAnObjAreItsGroupsObjectsAndMaterials) {
   const MarkFolder folder;
   for (const char* keyword : {"g", "o", "usemtl"})
     expect_block_names(
-        read_marked_mesh(folder.write("block.obj", block_obj([&](const BlockFace& face) {
-                                        return fmt::format("{} {}\n", keyword, face.name);
-                                      })),
-                         {}, {.groups = true}));
-  const MarkedMesh all = read_marked_mesh(
+        read_mesh_with_marks(folder.write("block.obj", block_obj([&](const BlockFace& face) {
+                                            return fmt::format("{} {}\n", keyword, face.name);
+                                          })),
+                             {}, {.groups = true}));
+  const MarkedMesh all = read_mesh_with_marks(
       folder.write("all.obj", block_obj(
                                   [&](const BlockFace& face) {
                                     return "g sides " + face.name + "  # a remark\nusemtl " +
@@ -227,7 +227,7 @@ TEST(FaceMarks, OfAnObjAreItsGroupsObjectsAndMaterials) {
 TEST(FaceMarks, GroupsThatComeTwiceAreOneAndNamesMayBeInAnyScript) {
   const MarkFolder folder;
   int count = 0;
-  const MarkedMesh mesh = read_marked_mesh(
+  const MarkedMesh mesh = read_mesh_with_marks(
       folder.write("names.obj", block_obj([&](const BlockFace&) -> std::string {
                      const char* lines[] = {"",          "g\n",           "g Fläche 上\n",
                                             "g other\n", "g Fläche 上\n", "g #\n"};
@@ -252,10 +252,10 @@ TEST(FaceMarks, ColoursOfAnObjAreThoseOfItsLibrary) {
         "mtllib /etc/two.mtl\n", "mtllib none.mtl two.mtl\n", "mtllib two.mtl\nmtllib two.mtl\n"}) {
     SCOPED_TRACE(library);
     const fs::path file = folder.write("block.obj", block_obj(use, library));
-    expect_block_colours(read_marked_mesh(file, {}, all_marks));
+    expect_block_colours(read_mesh_with_marks(file, {}, all_marks));
     EXPECT_FALSE(material_files(file).empty());
   }
-  const MarkedMesh plain = read_marked_mesh(
+  const MarkedMesh plain = read_mesh_with_marks(
       folder.write("plain.obj", block_obj([](const BlockFace&) { return ""; })), {}, all_marks);
   EXPECT_EQ(plain.marks.marks.size(), 1u);
   EXPECT_FALSE(plain.marks.marks[0].colour);
@@ -343,7 +343,7 @@ TEST(FaceMarks, SolidsOfAnAsciiStlAreGroupsOfOneBody) {
   std::string text;
   for (const BlockFace& face : block_faces) text += solid(face.name + " face", face);
   const fs::path file = folder.write("solids.stl", text);
-  const MarkedMesh mesh = read_marked_mesh(file, {}, all_marks);
+  const MarkedMesh mesh = read_mesh_with_marks(file, {}, all_marks);
   EXPECT_EQ(mesh.design.vertices.rows(), 8);
   expect_block_names(mesh, " face");
   EXPECT_EQ(read_mesh(file).triangles.rows(), 12) << "whether groups are asked for or not";
@@ -399,23 +399,23 @@ TEST(FaceMarks, ColoursOfABinaryStlAreInItsAttributes) {
     };
     // at 5 bits #010203 is black, and nothing else of the block is
     expect_block_colours(
-        read_marked_mesh(folder.write("v.stl", block_stl("", viscam)), {}, all_marks));
-    expect_block_colours(read_marked_mesh(
+        read_mesh_with_marks(folder.write("v.stl", block_stl("", viscam)), {}, all_marks));
+    expect_block_colours(read_mesh_with_marks(
         folder.write("m.stl", block_stl("by magics COLOR=" + std::string("\x09\x08\x07\xff") +
                                             ",MATERIAL=" + std::string(12, 'x'),
                                         magics)),
         {}, all_marks));
   }
-  const MarkedMesh none = read_marked_mesh(
+  const MarkedMesh none = read_mesh_with_marks(
       folder.write("n.stl", block_stl("", [](const BlockFace&) { return 0x1234u; })), {},
       all_marks);
   EXPECT_FALSE(none.marks.marks.at(0).colour) << "the 16th bit says that it is none";
-  const MarkedMesh whole =
-      read_marked_mesh(folder.write("w.stl", block_stl("COLOR=\x09\x08\x07\xff",
-                                                       [](const BlockFace& face) {
-                                                         return face.name == "top" ? 31u : 0x8000u;
-                                                       })),
-                       {}, all_marks);
+  const MarkedMesh whole = read_mesh_with_marks(
+      folder.write("w.stl", block_stl("COLOR=\x09\x08\x07\xff",
+                                      [](const BlockFace& face) {
+                                        return face.name == "top" ? 31u : 0x8000u;
+                                      })),
+      {}, all_marks);
   EXPECT_NEAR(area_that_may_be(whole, {9, 8, 7}), 56.0, 1e-12) << "that of the header";
   EXPECT_NEAR(area_that_may_be(whole, {255, 0, 0}), 6.0, 1e-12);
   EXPECT_NE(
@@ -461,7 +461,7 @@ TEST(FaceMarks, ColoursAndWholeNumbersOfPlyFaces) {
     return fmt::format(" {} {} {}", face.colour[0], face.colour[1], face.colour[2]);
   };
   const auto read = [&](const PlyText& ply) {
-    return read_marked_mesh(folder.write("block.ply", block_ply(ply)), {}, all_marks);
+    return read_mesh_with_marks(folder.write("block.ply", block_ply(ply)), {}, all_marks);
   };
   for (const char* type : {"uchar", "int", "ushort"})
     expect_block_colours(read({.vertex = "", .face = rgb_lines(type), .at_face = whole}));
@@ -490,16 +490,16 @@ TEST(FaceMarks, AFaceOfPlyHasTheColourOfItsCornersIfTheyAgree) {
                       return i < 4 ? " 200 10 10" : i == 5 ? " 0 0 1" : " 0 0 0";
                     }};
   const MarkedMesh mesh =
-      read_marked_mesh(folder.write("block.ply", block_ply(ply)), {}, all_marks);
+      read_mesh_with_marks(folder.write("block.ply", block_ply(ply)), {}, all_marks);
   EXPECT_NEAR(area_that_may_be(mesh, {200, 10, 10}), 6.0, 1e-12) << "the bottom alone";
   EXPECT_EQ(area_that_may_be(mesh, {0, 0, 0}), 0.0) << "one corner differs";
   PlyText both = ply;
   both.face = rgb_lines("uchar");
   both.at_face = [](const BlockFace&) { return " 1 2 3"; };
-  EXPECT_NEAR(
-      area_that_may_be(read_marked_mesh(folder.write("both.ply", block_ply(both)), {}, all_marks),
-                       {1, 2, 3}),
-      62.0, 1e-12)
+  EXPECT_NEAR(area_that_may_be(
+                  read_mesh_with_marks(folder.write("both.ply", block_ply(both)), {}, all_marks),
+                  {1, 2, 3}),
+              62.0, 1e-12)
       << "faces go before vertices";
 }
 
@@ -523,7 +523,7 @@ TEST(FaceMarks, BinaryPlyOfEitherOrder) {
       text += char(4);
       for (const int corner : face.corners) text += number(std::uint64_t(corner), 4);
     }
-    expect_block_colours(read_marked_mesh(folder.write("b.ply", text), {}, all_marks));
+    expect_block_colours(read_mesh_with_marks(folder.write("b.ply", text), {}, all_marks));
   }
 }
 
@@ -571,7 +571,7 @@ TEST(FaceMarks, ColoursOfOff) {
   const MarkFolder folder;
   const auto no_vertex = [](std::size_t) { return ""; };
   const auto read = [&](const std::string& text) {
-    return read_marked_mesh(folder.write("block.off", text), {}, all_marks);
+    return read_mesh_with_marks(folder.write("block.off", text), {}, all_marks);
   };
   expect_block_colours(read(block_off("OFF", no_vertex, [](const BlockFace& face) {
     return fmt::format("  {} {} {} 255 # paint", face.colour[0], face.colour[1], face.colour[2]);
@@ -760,7 +760,7 @@ TEST(SplitAtGroups, OneGroupSplitsNothingAndAFanEachHasItsVertex) {
       for (int k = 0; k < 2; ++k) chess[std::size_t(2 * (4 * i + j) + k)] = (i + j) % 2;
   const Design board = split_at_groups(sheet, chess);
   EXPECT_EQ(board.vertices.rows(), 16 * 4);
-  EXPECT_NO_THROW(subdivided(board, facet_point, {0.1, 100000})) << "one fan at a vertex";
+  EXPECT_NO_THROW(subdivide(board, facet_point, {0.1, 100000})) << "one fan at a vertex";
 }
 
 TEST(SplitAtGroups, ABorderIsNoRimOfTheTop) {
@@ -810,7 +810,7 @@ TEST(SplitAtGroups, SubdivisionKeepsTheAreaOfEveryGroup) {
     const std::vector<int> group = any_groups(random, sheet, 2 + random.below(3));
     const std::map<int, double> before = areas_of(sheet, group);
     const Design fine =
-        subdivided(split_at_groups(sheet, group), facet_point, {random.in(0.05, 0.3), 20000});
+        subdivide(split_at_groups(sheet, group), facet_point, {random.in(0.05, 0.3), 20000});
     ASSERT_GT(fine.vertices.rows(), 2 * sheet.vertices.rows());
     for (const auto& after : {areas_by_group(fine), vertex_areas_by_group(fine)}) {
       expect_same_areas(before, after);

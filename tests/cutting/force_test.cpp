@@ -145,7 +145,7 @@ TEST(Force, AveragesOfTheTableAreMetToItsDigits) {
   for (const Row& row : table()) {
     const Engagement e = flank(row.radius, row.depth, row.entry, row.exit, 3);
     const Flutes flutes{row.teeth, row.helix_deg * units::deg};
-    const Vector3d F = mean_force(e, row.K, flutes, row.feed).on_tool_t.head<3>();
+    const Vector3d F = mean_force(e, row.K, flutes, row.feed).tool_wrench_t.head<3>();
     worst = std::max(worst, (F - row.average).lpNorm<Eigen::Infinity>());
     EXPECT_LT((F - row.average).lpNorm<Eigen::Infinity>(), 0.5e-6 * 1.0001)
         << row.name << ": " << F.transpose();
@@ -183,7 +183,8 @@ TEST(Force, ExtremesOfTheTableAreMetToItsDigitsByStraightDiscs) {
     const Extremes found = extremes([&](double angle) {
       Vector3d F = Vector3d::Zero();
       for (int k = 0; k < discs; ++k)
-        F += force_at(e, row.K, straight, row.feed, angle + (k + 0.5) * lag).on_tool_t.head<3>();
+        F += instantaneous_force(e, row.K, straight, row.feed, angle + (k + 0.5) * lag)
+                 .tool_wrench_t.head<3>();
       return F;
     });
     worst = std::max(worst, off(found, row));
@@ -199,7 +200,7 @@ TEST(Force, ExtremesOfTheTableAreMetByTheHelixExceptForADisc) {
     const Engagement e = flank(row.radius, row.depth, row.entry, row.exit, 1);
     const Flutes flutes{row.teeth, row.helix_deg * units::deg};
     const Extremes found = extremes([&](double angle) -> Vector3d {
-      return force_at(e, row.K, flutes, row.feed, angle).on_tool_t.head<3>();
+      return instantaneous_force(e, row.K, flutes, row.feed, angle).tool_wrench_t.head<3>();
     });
     std::cout << row.name << ": extremes of the helix off the table by " << off(found, row)
               << " N\n";
@@ -216,9 +217,10 @@ TEST(Force, SlotMeetsItsIdentities) {
     const Vector3d expected(-N * a * (c * K.K_rc / 4 + K.K_re / pi),
                             N * a * (c * K.K_tc / 4 + K.K_te / pi),
                             N * a * (c * K.K_ac / pi + K.K_ae / 2));
-    EXPECT_LT((load.on_tool_t.head<3>() - expected).norm(), 1e-12 * 500) << N;
+    EXPECT_LT((load.tool_wrench_t.head<3>() - expected).norm(), 1e-12 * 500) << N;
     EXPECT_NEAR(load.torque, N * a * R * (c * K.K_tc / pi + K.K_te / 2), 1e-10) << N;
-    EXPECT_NEAR(load.on_tool_t[5], load.torque, 1e-10) << N;  // clockwise: the cut turns it back
+    EXPECT_NEAR(load.tool_wrench_t[5], load.torque, 1e-10)
+        << N;  // clockwise: the cut turns it back
     EXPECT_NEAR(load.chip_volume, 2 * R * a * N * c, 1e-12) << N;
     EXPECT_NEAR(load.contact_t.z(), a / 2, 1e-12);
     EXPECT_NEAR(load.contact_t.y(), 0.0, 1e-12);
@@ -239,7 +241,7 @@ TEST(Force, CuttingEnergyIsThatOfTheChip) {
     const CuttingCoefficients K{"", "", 1000 * unit(random), 200, -100, 0, 0, 0};
     const Flutes flutes{1 + i % 5, unit(random), i % 2 * 0.02, 6 * unit(random), i % 3 != 0};
     const CuttingLoad mean = mean_force(e, K, flutes, 0.1);
-    const CuttingLoad now = force_at(e, K, flutes, 0.1, 100 * unit(random));
+    const CuttingLoad now = instantaneous_force(e, K, flutes, 0.1, 100 * unit(random));
     for (const CuttingLoad& load : {mean, now}) {  // work per turn
       const double off = std::abs(full_turn * load.torque - K.K_tc * load.chip_volume);
       worst = std::max(worst, off / (1 + K.K_tc * load.chip_volume));
@@ -254,9 +256,9 @@ TEST(Force, PlungePressesOnTheWholeBottom) {
   const Engagement e = bottom(R, 6);
   const CuttingCoefficients& K = al6082;
   for (const CuttingLoad& load :
-       {mean_force(e, K, {3, 0.5}, c), force_at(e, K, {3, 0.5}, c, -0.7)}) {
-    EXPECT_NEAR(load.on_tool_t[2], 3 * R * (K.K_rc * c + K.K_re), 1e-11);
-    EXPECT_LT(load.on_tool_t.head<2>().norm(), 1e-11);
+       {mean_force(e, K, {3, 0.5}, c), instantaneous_force(e, K, {3, 0.5}, c, -0.7)}) {
+    EXPECT_NEAR(load.tool_wrench_t[2], 3 * R * (K.K_rc * c + K.K_re), 1e-11);
+    EXPECT_LT(load.tool_wrench_t.head<2>().norm(), 1e-11);
     EXPECT_NEAR(load.torque, 3 * R * R / 2 * (K.K_tc * c + K.K_te), 1e-11);
     EXPECT_NEAR(load.chip_volume, pi * R * R * 3 * c, 1e-11);
     EXPECT_TRUE(load.contact_t.isZero(1e-12));
@@ -268,20 +270,20 @@ TEST(Force, NothingEngagedIsNoLoad) {
   Engagement backwards = flank(5, 2, 0, pi, 2);
   backwards.feed_t = -Vector3d::UnitX();
   const auto none = [](const CuttingLoad& load) {
-    return load.on_tool_t.isZero(0) && load.contact_t.isZero(0) && load.torque == 0 &&
+    return load.tool_wrench_t.isZero(0) && load.contact_t.isZero(0) && load.torque == 0 &&
            load.chip_volume == 0;
   };
   const Flutes out{3, 0.5, 0.01, 1.0};
   EXPECT_TRUE(none(mean_force({}, al6082, {}, 0.1)));
-  EXPECT_TRUE(none(force_at({}, al6082, {}, 0.1, 1.0)));
-  EXPECT_TRUE(none(force_at({}, al6082, out, 0.1, 1.0)));
+  EXPECT_TRUE(none(instantaneous_force({}, al6082, {}, 0.1, 1.0)));
+  EXPECT_TRUE(none(instantaneous_force({}, al6082, out, 0.1, 1.0)));
   EXPECT_TRUE(none(mean_force(flank(5, 2, 0, pi, 2), al6082, {}, 0.0)));
-  EXPECT_TRUE(none(force_at(flank(5, 2, 0, pi, 2), al6082, {}, 0.0, 1.0)));
+  EXPECT_TRUE(none(instantaneous_force(flank(5, 2, 0, pi, 2), al6082, {}, 0.0, 1.0)));
   EXPECT_TRUE(none(turning_force({}, {}, al6082, 10.0)));
   EXPECT_TRUE(none(turning_force({{0.0, 1.0, 0.0}}, {}, al6082, 10.0)));
   EXPECT_TRUE(mean_force(flank(5, 2, 0, pi, 2), nothing, {}, 0.1).contact_t.isZero(0));
   // What is behind the feed meets no chip, but for the rounding at the two points beside it.
-  EXPECT_LT(mean_force(backwards, al6082, {}, 0.1).on_tool_t.norm(), 1e-12);
+  EXPECT_LT(mean_force(backwards, al6082, {}, 0.1).tool_wrench_t.norm(), 1e-12);
   Engagement plunge = flank(5, 2, 0, pi, 2);
   plunge.feed_t = -Vector3d::UnitZ() + 1e-17 * Vector3d::UnitX();
   EXPECT_TRUE(none(mean_force(plunge, al6082, {}, 0.1)));  // a flank does not rub
@@ -291,11 +293,11 @@ TEST(Force, SidesBehindTheFeedAreLeftOut) {
   Engagement whole = flank(5, 2, 0, pi, 2), half = whole;
   for (EngagedArc& arc : whole.arcs) arc.from = -2.5, arc.to = -2.5 + full_turn;
   const CuttingLoad a = mean_force(whole, al6082, {}, 0.1), b = mean_force(half, al6082, {}, 0.1);
-  EXPECT_LT((a.on_tool_t - b.on_tool_t).norm(), 1e-12 * b.on_tool_t.norm());
+  EXPECT_LT((a.tool_wrench_t - b.tool_wrench_t).norm(), 1e-12 * b.tool_wrench_t.norm());
   for (const double angle : {0.0, 1.0, 2.0, -7.0}) {
-    const CuttingLoad c = force_at(whole, al6082, {4, 0.5}, 0.1, angle);
-    const CuttingLoad d = force_at(half, al6082, {4, 0.5}, 0.1, angle);
-    EXPECT_LT((c.on_tool_t - d.on_tool_t).norm(), 1e-11 * d.on_tool_t.norm()) << angle;
+    const CuttingLoad c = instantaneous_force(whole, al6082, {4, 0.5}, 0.1, angle);
+    const CuttingLoad d = instantaneous_force(half, al6082, {4, 0.5}, 0.1, angle);
+    EXPECT_LT((c.tool_wrench_t - d.tool_wrench_t).norm(), 1e-11 * d.tool_wrench_t.norm()) << angle;
   }
 }
 
@@ -310,9 +312,9 @@ TEST(Force, SplitArcsAndTurnsMoreAreTheSame) {
   for (const double helix : {0.0, 1e-13, 0.5, 1.4, -0.5}) {
     const Flutes flutes{3, helix, 0.01, 0.5};
     for (const double angle : {0.0, 0.41, 1.3, 50.0, -50.0}) {
-      const CuttingLoad a = force_at(one, al6082, flutes, 0.1, angle);
-      const CuttingLoad b = force_at(other, al6082, flutes, 0.1, angle);
-      EXPECT_LT((a.on_tool_t - b.on_tool_t).norm(), 1e-9) << helix << " " << angle;
+      const CuttingLoad a = instantaneous_force(one, al6082, flutes, 0.1, angle);
+      const CuttingLoad b = instantaneous_force(other, al6082, flutes, 0.1, angle);
+      EXPECT_LT((a.tool_wrench_t - b.tool_wrench_t).norm(), 1e-9) << helix << " " << angle;
       EXPECT_LT((a.contact_t - b.contact_t).norm(), 1e-9) << helix << " " << angle;
     }
   }
@@ -322,9 +324,11 @@ TEST(Force, OneSliceOfAFlankSaysWhatManySay) {
   for (const double helix : {0.0, 0.5, 1.3}) {
     for (const double angle : {0.1, 0.9, 2.0}) {
       const Flutes flutes{3, helix, 0.01, 0.5};
-      const CuttingLoad a = force_at(flank(5, 8, 0.3, 2.0, 1), al6082, flutes, 0.1, angle);
-      const CuttingLoad b = force_at(flank(5, 8, 0.3, 2.0, 40), al6082, flutes, 0.1, angle);
-      EXPECT_LT((a.on_tool_t - b.on_tool_t).norm(), 1e-12 * 1e5) << helix << " " << angle;
+      const CuttingLoad a =
+          instantaneous_force(flank(5, 8, 0.3, 2.0, 1), al6082, flutes, 0.1, angle);
+      const CuttingLoad b =
+          instantaneous_force(flank(5, 8, 0.3, 2.0, 40), al6082, flutes, 0.1, angle);
+      EXPECT_LT((a.tool_wrench_t - b.tool_wrench_t).norm(), 1e-12 * 1e5) << helix << " " << angle;
       EXPECT_LT((a.contact_t - b.contact_t).norm(), 1e-12 * 1e3) << helix << " " << angle;
     }
   }
@@ -335,11 +339,12 @@ TEST(Force, CounterClockwiseIsTheMirrorImage) {
   Engagement mirrored = e;  // y to -y
   for (EngagedArc& arc : mirrored.arcs) arc = {arc.slice, -arc.to, -arc.from};
   for (const double angle : {0.2, 1.0, 2.5}) {
-    const CuttingLoad a = force_at(e, al6082, {3, 0.4, 0.02, 0.6}, 0.1, angle);
-    const CuttingLoad b = force_at(mirrored, al6082, {3, -0.4, 0.02, -0.6, false}, 0.1, -angle);
-    kinematics::Wrench image = a.on_tool_t;
+    const CuttingLoad a = instantaneous_force(e, al6082, {3, 0.4, 0.02, 0.6}, 0.1, angle);
+    const CuttingLoad b =
+        instantaneous_force(mirrored, al6082, {3, -0.4, 0.02, -0.6, false}, 0.1, -angle);
+    kinematics::Wrench image = a.tool_wrench_t;
     for (const int i : {1, 3, 5}) image[i] = -image[i];
-    EXPECT_LT((b.on_tool_t - image).norm(), 1e-10) << angle;
+    EXPECT_LT((b.tool_wrench_t - image).norm(), 1e-10) << angle;
     EXPECT_NEAR(a.torque, b.torque, 1e-10);
     EXPECT_GT(a.torque, 0.0);
   }
@@ -360,8 +365,8 @@ oracles::MillingCut brute(const CuttingCoefficients& K, const Flutes& flutes, do
 }
 
 double apart(const CuttingLoad& load, const oracles::MillingForce& brute) {
-  return std::max((load.on_tool_t.head<3>() - brute.force).norm() / brute.force.norm(),
-                  (load.on_tool_t.tail<3>() - brute.moment).norm() / brute.moment.norm());
+  return std::max((load.tool_wrench_t.head<3>() - brute.force).norm() / brute.force.norm(),
+                  (load.tool_wrench_t.tail<3>() - brute.moment).norm() / brute.moment.norm());
 }
 
 TEST(Force, HelixAgreesWithBruteForceAtAnyAngle) {
@@ -379,13 +384,14 @@ TEST(Force, HelixAgreesWithBruteForceAtAnyAngle) {
     const Engagement e = flank(R, depth, entry, exit, 20);
     const double phi = full_turn * unit(random);
     const oracles::MillingForce expected = milling_force_at(cut, phi);
-    const CuttingLoad load = force_at(e, al6082, flutes, 0.1, of_textbook(phi));
+    const CuttingLoad load = instantaneous_force(e, al6082, flutes, 0.1, of_textbook(phi));
     const double scale = 50.0 * depth;  // N, a tooth in full cut
-    const double off = std::max((load.on_tool_t.head<3>() - expected.force).norm() / scale,
-                                (load.on_tool_t.tail<3>() - expected.moment).norm() / scale / 10);
+    const double off =
+        std::max((load.tool_wrench_t.head<3>() - expected.force).norm() / scale,
+                 (load.tool_wrench_t.tail<3>() - expected.moment).norm() / scale / 10);
     worst = std::max(worst, off);
     EXPECT_LT(off, 6e-4) << i;  // a disc at either end of every tooth: 1 / 4000 each
-    EXPECT_NEAR(load.torque, load.on_tool_t[5], 1e-9);
+    EXPECT_NEAR(load.torque, load.tool_wrench_t[5], 1e-9);
   }
   std::cout << "any angle: off brute force by " << worst << " of a tooth in full cut\n";
 }
@@ -412,8 +418,9 @@ TEST(Force, BallEndAgreesWithBruteForceAtAnyAngle) {
   cut.ball = true, cut.top = cut.radius, cut.entry = 0.2, cut.exit = 2.4, cut.discs = 4000;
   const Engagement e = ball_end(cut.radius, cut.entry, cut.exit, 400);
   for (const double phi : {0.3, 0.9, 1.7, 2.6, 4.0}) {
-    const double off = apart(force_at(e, al6082, {3, 30.0_deg, 0.01, 0.8}, 0.1, of_textbook(phi)),
-                             milling_force_at(cut, phi));
+    const double off =
+        apart(instantaneous_force(e, al6082, {3, 30.0_deg, 0.01, 0.8}, 0.1, of_textbook(phi)),
+              milling_force_at(cut, phi));
     std::cout << "ball at " << phi << ": off brute force by " << off << "\n";
     EXPECT_LT(off, 2e-4) << phi;
   }
@@ -430,14 +437,15 @@ TEST(Force, MeanOverAllAnglesIsTheMean) {
     double torque = 0.0, volume = 0.0;
     const int n = 40000;
     for (int i = 0; i < n; ++i) {
-      const CuttingLoad now = force_at(e, al6082, flutes, 0.1, -(i + 0.5) * full_turn / n);
-      sum += now.on_tool_t / n;
+      const CuttingLoad now =
+          instantaneous_force(e, al6082, flutes, 0.1, -(i + 0.5) * full_turn / n);
+      sum += now.tool_wrench_t / n;
       torque += now.torque / n;
       volume += now.chip_volume / n;
     }
     std::cout << "mean over angles, run-out " << run_out << ": off by "
-              << (sum - mean.on_tool_t).norm() / mean.on_tool_t.norm() << " of it\n";
-    EXPECT_LT((sum - mean.on_tool_t).norm(), 1e-7 * mean.on_tool_t.norm());
+              << (sum - mean.tool_wrench_t).norm() / mean.tool_wrench_t.norm() << " of it\n";
+    EXPECT_LT((sum - mean.tool_wrench_t).norm(), 1e-7 * mean.tool_wrench_t.norm());
     EXPECT_NEAR(torque, mean.torque, 1e-6 * mean.torque);
     EXPECT_NEAR(volume, mean.chip_volume, 1e-6 * mean.chip_volume);
   }
@@ -488,7 +496,7 @@ TEST(Force, MeanIsExactForAnyArcAndFeed) {
     }
     if (!in_front) continue;
     ++tried;
-    const kinematics::Wrench got = mean_force(e, al6082, {1}, 0.1).on_tool_t;
+    const kinematics::Wrench got = mean_force(e, al6082, {1}, 0.1).tool_wrench_t;
     const kinematics::Wrench expected = by_simpson(e.slices[0], e.arcs[0], 0.1 * e.feed_t);
     const double amounts = width / full_turn * e.slices[0].length * (100.3 + 25.8) *
                            (1 + e.slices[0].radius + e.slices[0].height);
@@ -508,8 +516,8 @@ TEST(Force, RunOutMovesChipFromToothToToothButNotTheirSum) {
     const Flutes flutes{4, 0.0, run_out, 1.1};
     double most = 0.0, sum = 0.0;
     for (int k = 0; k < 4; ++k) {  // straight teeth, one after the other at 20 degrees
-      const double torque = force_at(flank(R, a, 70.0_deg - 0.1, 70.0_deg + 0.1, 1), K, flutes, c,
-                                     20.0_deg - k * pi / 2)
+      const double torque = instantaneous_force(flank(R, a, 70.0_deg - 0.1, 70.0_deg + 0.1, 1), K,
+                                                flutes, c, 20.0_deg - k * pi / 2)
                                 .torque;
       most = std::max(most, torque);
       sum += torque;
@@ -518,10 +526,12 @@ TEST(Force, RunOutMovesChipFromToothToToothButNotTheirSum) {
     std::cout << "run-out " << run_out << " mm: the heaviest tooth has " << most / share
               << " of an even share\n";
     EXPECT_NEAR(sum, 4 * share, 1e-10 * share);
-    const Vector3d F = mean_force(e, K, flutes, c).on_tool_t.head<3>();
+    const Vector3d F = mean_force(e, K, flutes, c).tool_wrench_t.head<3>();
     Vector3d mean = Vector3d::Zero();
     for (int i = 0; i < 7200; ++i)
-      mean += force_at(e, K, flutes, c, -(i + 0.5) * full_turn / 7200).on_tool_t.head<3>() / 7200;
+      mean += instantaneous_force(e, K, flutes, c, -(i + 0.5) * full_turn / 7200)
+                  .tool_wrench_t.head<3>() /
+              7200;
     EXPECT_LT((mean - F).norm(), 1e-5 * F.norm());
   }
 }
@@ -530,8 +540,9 @@ TEST(Force, LargeRunOutLeavesOneToothAllTheWork) {
   const Flutes flutes{2, 0.0, 0.5, 0.0};
   const Engagement e = flank(5, 2, 0, pi, 1);
   const CuttingCoefficients K{"", "", 1000, 0, 0, 0, 0, 0};
-  EXPECT_NEAR(force_at(e, K, flutes, 0.1, 0.0).torque, 1000 * 5 * 2 * 0.2, 1e-9);
-  EXPECT_NEAR(force_at(e, K, flutes, 0.1, pi).torque, 0.0, 1e-9);  // the other tooth's turn
+  EXPECT_NEAR(instantaneous_force(e, K, flutes, 0.1, 0.0).torque, 1000 * 5 * 2 * 0.2, 1e-9);
+  EXPECT_NEAR(instantaneous_force(e, K, flutes, 0.1, pi).torque, 0.0,
+              1e-9);  // the other tooth's turn
 }
 
 // ---- turning
@@ -548,7 +559,7 @@ TEST(Force, TurningIsTheChipSectionAndTheEdge) {
   }
   const CuttingCoefficients K{"", "", 2000, 800, 50, 30, 40, 5};
   const CuttingLoad load = turning_force(edges, nose, K, r);
-  EXPECT_NEAR(load.on_tool_t[1], -(2000 * section + 30 * length), 1e-10);
+  EXPECT_NEAR(load.tool_wrench_t[1], -(2000 * section + 30 * length), 1e-10);
   EXPECT_NEAR(load.torque, r * (2000 * section + 30 * length), 1e-9);
   EXPECT_NEAR(load.chip_volume, full_turn * r * section, 1e-10);
   Vector3d radial = Vector3d::Zero();
@@ -556,14 +567,14 @@ TEST(Force, TurningIsTheChipSectionAndTheEdge) {
     if (edge.chip > 0)
       radial -= (800 * edge.chip + 40) * edge.length *
                 Vector3d(std::cos(edge.psi), 0, std::sin(edge.psi));
-  EXPECT_NEAR(load.on_tool_t[0], radial.x(), 1e-10);
-  EXPECT_NEAR(load.on_tool_t[2], radial.z(), 1e-10);
+  EXPECT_NEAR(load.tool_wrench_t[0], radial.x(), 1e-10);
+  EXPECT_NEAR(load.tool_wrench_t[2], radial.z(), 1e-10);
   const Vector3d at = load.contact_t;
   EXPECT_GT(at.norm(), 0.7);
   EXPECT_LT(at.norm(), 0.8);
   EXPECT_EQ(at.y(), 0.0);
   // the radial forces pass through the centre of the edge: the moment is the tangential force's
-  EXPECT_NEAR(load.on_tool_t[4], 0.0, 1e-10);
+  EXPECT_NEAR(load.tool_wrench_t[4], 0.0, 1e-10);
   const CuttingLoad without = turning_force(edges, nose, {"", "", 2000, 800, 0, 0, 0, 0}, r);
   EXPECT_NEAR(full_turn * without.torque, 2000 * without.chip_volume, 1e-9);  // energy
 }
@@ -609,7 +620,7 @@ TEST(Force, NonPhysicalNumbersAreRefusedByName) {
   const auto feed = [](double f) { return refusal([&] { mean_force({}, al6082, {}, f); }); };
   EXPECT_PRED2(has, feed(-0.1), "feed");
   EXPECT_PRED2(has, feed(nan), "feed");
-  EXPECT_PRED2(has, refusal([&] { force_at({}, al6082, {}, 0.1, inf); }), "angle");
+  EXPECT_PRED2(has, refusal([&] { instantaneous_force({}, al6082, {}, 0.1, inf); }), "angle");
   EXPECT_PRED2(has, refusal([&] { turning_force({}, {}, al6082, -1.0); }), "radius");
 }
 

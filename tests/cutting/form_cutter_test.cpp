@@ -35,7 +35,7 @@ Form form(const char* name, double bottom, const std::vector<oracles::BruteForm:
 
 Form apt(const char* name, const AptCutter& cutter) {
   Form made{name, form_cutter(apt_outline(cutter)), {0.0, {}}};
-  for (const OutlinePiece& piece : made.cutter.outline->pieces) {
+  for (const OutlineSegment& piece : made.cutter.outline->segments) {
     if (piece.to.y() <= 0.0) made.brute.bottom = piece.to.x();
     if (piece.to.y() > 0.0 && piece.to.x() > 0.0 && (piece.to - piece.from).norm() > 1e-9)
       made.brute.points.push_back({piece.to.x(), piece.to.y(), piece.is_arc ? piece.radius : 0.0});
@@ -141,8 +141,8 @@ TEST(FormCutter, TheCornerOfAptMeetsItsLines) {
                                         .axial = 3,
                                         .flank = b,
                                         .height = 20});
-  const auto arc = std::find_if(ball.pieces.begin(), ball.pieces.end(),
-                                [](const OutlinePiece& piece) { return piece.is_arc; });
+  const auto arc = std::find_if(ball.segments.begin(), ball.segments.end(),
+                                [](const OutlineSegment& piece) { return piece.is_arc; });
   EXPECT_NEAR((arc->from - Vector2d(0, 0)).norm(), 0.0, 1e-9);
   EXPECT_NEAR((arc->to - Vector2d(3 * std::cos(b), 3 - 3 * std::sin(b))).norm(), 0.0, 1e-6);
   EXPECT_FALSE(ball.is_sharp);

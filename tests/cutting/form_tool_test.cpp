@@ -320,9 +320,9 @@ TEST(FormCore, LiesInsideByTheMargin) {
       continue;
     }
     double largest = 0.0;
-    for (const OutlinePiece& piece : form.outline->pieces)
+    for (const OutlineSegment& piece : form.outline->segments)
       largest = std::max(largest, piece.radius);
-    for (const OutlinePiece& piece : inner.outline.pieces) {
+    for (const OutlineSegment& piece : inner.outline.segments) {
       const double out = distance(*form.outline, piece.to + Vector2d(0.0, inner.raised)).value;
       EXPECT_LT(out, -margin + 1e-9);
       EXPECT_GT(out, -margin - 4e-4 * largest - 1e-9);

@@ -58,9 +58,9 @@ std::vector<Stop> passes(double z, double axis) {
 
 CutterMotion facing(double z) { return motion_of(passes(z, 1)); }
 
-TEST(Thickness, IsTheDistanceToTheOtherSide) {
+TEST(WallThickness, IsTheDistanceToTheOtherSide) {
   const Design design = plate(7.5);
-  const Thickness thickness(design);
+  const WallThickness thickness(design);
   for (Eigen::Index v = 0; v < design.vertices.rows(); ++v) {
     const auto behind = thickness.behind(design.vertices.row(v), design.normals.row(v), 20.0);
     ASSERT_TRUE(behind) << "vertex " << v;
@@ -69,11 +69,11 @@ TEST(Thickness, IsTheDistanceToTheOtherSide) {
   }
 }
 
-TEST(Thickness, IsSeenFromARimThatRoundingPutBesideTheOtherSide) {
+TEST(WallThickness, IsSeenFromARimThatRoundingPutBesideTheOtherSide) {
   // a place within the rim of an open mesh comes out at 30.000000000000004 where its corners have
   // 30
   const Design design = plate(1.5);
-  const Thickness thickness(design);
+  const WallThickness thickness(design);
   const double rim = std::nextafter(20.0, 21.0);
   for (const double x : {-19.3, 0.0, 7.7, rim}) {
     const auto behind = thickness.behind({x, rim, 0.0}, {2.2e-16, 0.0, 1.0}, 20.0);
@@ -86,7 +86,7 @@ TEST(Thickness, IsSeenFromARimThatRoundingPutBesideTheOtherSide) {
   EXPECT_FALSE(thickness.behind({0.0, 20.001, 0.0}, Vector3d::UnitZ(), 20.0));
 }
 
-TEST(Thickness, AgreesWithEveryTriangleTried) {
+TEST(WallThickness, AgreesWithEveryTriangleTried) {
   const unsigned seed = 20261122;
   SCOPED_TRACE(testing::Message() << "seed " << seed);
   std::mt19937 random(seed);
@@ -97,7 +97,7 @@ TEST(Thickness, AgreesWithEveryTriangleTried) {
     design.normals.row(v) += 0.4 * Eigen::RowVector3d(normal(random), normal(random), 0);
     design.normals.row(v).normalize();
   }
-  const Thickness thickness(design);
+  const WallThickness thickness(design);
   int found = 0;
   for (Eigen::Index v = 0; v < design.vertices.rows(); ++v) {
     // the triangle's plane, and the place in it by areas
@@ -232,7 +232,7 @@ TEST(Shank, ThatRunsAlongAWallIsNotInIt) {
   const auto contact = shank_contact(design, {3, 0, 8}, along_the_wall(2.5), options);
   ASSERT_TRUE(contact);
   EXPECT_NEAR(contact->deepest, 0.5, 1e-7);
-  EXPECT_EQ(contact->passed, 0.1);
+  EXPECT_EQ(contact->tolerated_depth, 0.1);
   EXPECT_FALSE(contact->deeper);
 }
 
@@ -257,25 +257,25 @@ TEST(Holder, ThatGoesIntoThePartIsFoundWithItsDepth) {
   step << 6, 5, 6, 20, 12, 20, 12, 40;
   for (const Eigen::MatrixX2d& profile : {cylinder, cone, step}) {
     const auto contact =
-        non_cutting_contact(design, non_cutting_pieces(profile), facing(-6.5), 2.0);
+        non_cutting_contact(design, non_cutting_sections(profile), facing(-6.5), 2.0);
     ASSERT_TRUE(contact);
     EXPECT_NEAR(contact->deepest, 1.5, 1e-7);
     EXPECT_EQ(contact->vertices, 441);
     EXPECT_FALSE(contact->deeper);
-    EXPECT_FALSE(non_cutting_contact(design, non_cutting_pieces(profile), facing(-5.05), 2.0));
+    EXPECT_FALSE(non_cutting_contact(design, non_cutting_sections(profile), facing(-5.05), 2.0));
   }
-  EXPECT_EQ(non_cutting_pieces(step).size(), 2u);
+  EXPECT_EQ(non_cutting_sections(step).size(), 2u);
   // the cone above its disc, beside a wall: it leans by 45 deg
   const Design wall = box({0, -20, 0}, {12, 20, 20});
   const auto beside =
-      non_cutting_contact(wall, non_cutting_pieces(cone), along_the_wall(11.0), 2.0);
+      non_cutting_contact(wall, non_cutting_sections(cone), along_the_wall(11.0), 2.0);
   ASSERT_TRUE(beside);
   EXPECT_NEAR(beside->deepest, 1.0, 1e-6);
-  EXPECT_FALSE(non_cutting_contact(wall, non_cutting_pieces(cone), along_the_wall(12.05), 2.0));
+  EXPECT_FALSE(non_cutting_contact(wall, non_cutting_sections(cone), along_the_wall(12.05), 2.0));
   // as a shank of that radius
   const auto as_shank = shank_contact(design, {12, 0, 5}, facing(-6.5), {.length = 40, .band = 2});
   const auto as_holder =
-      non_cutting_contact(design, non_cutting_pieces(cylinder), facing(-6.5), 2.0);
+      non_cutting_contact(design, non_cutting_sections(cylinder), facing(-6.5), 2.0);
   EXPECT_NEAR(as_shank->deepest, as_holder->deepest, 1e-9);
   EXPECT_EQ(as_shank->first_line, as_holder->first_line);
 }

@@ -77,12 +77,12 @@ TEST(FaceRegions, FilletsAndWhatTheyJoinFromAnStl) {
       double area = 0.0;
       for (const AnalyticPatch& one : found.patches) area += one.area;
       EXPECT_NEAR(area, found.area, 1e-9 * found.area);
-      const Off before = off_truth(subdivided(faces, smooth_facet_point, {0.4}), body, T),
+      const Off before = off_truth(subdivide(faces, smooth_facet_point, {0.4}), body, T),
                 at = off_truth(found.design, body, T),
                 between = off_truth(
-                    subdivided(refine_round_borders(found.design, found.patches, 0.1 * tolerance),
-                               patch_interpolator(found.patches, Eigen::Isometry3d::Identity()),
-                               {0.4}),
+                    subdivide(refine_round_borders(found.design, found.patches, 0.1 * tolerance),
+                              patch_interpolator(found.patches, Eigen::Isometry3d::Identity()),
+                              {0.4}),
                     body, T);
       std::cout << body.name << ", " << degrees << " deg: residual " << before.residual / units::um
                 << " um, normals " << before.normal << " rad as facets; recognised, at vertices "
@@ -111,7 +111,7 @@ TEST(FaceRegions, TangentBordersAreNoEdges) {
   // the margin at the rim of the top, 8 mm in z and less than 60 degrees steep
   const double least = 0.5;
   const Design judged = judge_top(round, {least, 0.3, top_rim(faces, least)});
-  const Design at_borders = judge_off_edges(round, sharp_edges(faces), 0.5);
+  const Design at_borders = exclude_near_edges(round, sharp_edges(faces), 0.5);
   EXPECT_TRUE(at_borders.judged.empty()) << "nothing is left out at a tangent line";
   int tops = 0;
   for (Index i = 0; i < round.vertices.rows(); ++i)
@@ -125,15 +125,15 @@ TEST(FaceRegions, AProgramFollowsTheSurfaceAndNotTheFacets) {
     const Eigen::Isometry3d T(Eigen::Translation3d(300.0, -120.0, 40.0));
     const Recognised found =
         recognised(split_at_edges(filleted::as_stl(body, T), pi / 6), tolerance);
-    const MeshContact mesh(refine_round_borders(found.design, found.patches, 0.1 * tolerance),
-                           found.patches);
+    const MeshHeightMap mesh(refine_round_borders(found.design, found.patches, 0.1 * tolerance),
+                             found.patches);
     double off = 0.0, lean = 0.0;
     int places = 0;
     for (double x = -13.0; x <= 13.0; x += 0.0731)
       for (double y = -13.0; y <= 13.0; y += 0.0817) {
         const double rho = std::hypot(x, y);
         if (std::abs(rho - 8.0) < 0.2) continue;  // upright
-        const auto at = surface_point_above(mesh, 300.0 + x, -120.0 + y);
+        const auto at = highest_surface_point(mesh, 300.0 + x, -120.0 + y);
         ASSERT_TRUE(at) << "a gap at " << x << ", " << y;
         const filleted::True there = body.truth(T.inverse() * at->point);
         off = std::max(off, std::abs(there.distance));
@@ -264,7 +264,7 @@ Body ellipsoid(int n) {
 TEST(FacetMiss, IsAboutWhatTheFacetsMiss) {
   const auto compare = [](const Body& body, const std::string& name) {
     const Design mesh = filleted::as_stl(body, Eigen::Isometry3d::Identity());
-    const Design between = subdivided(mesh, smooth_facet_point, {0.3});
+    const Design between = subdivide(mesh, smooth_facet_point, {0.3});
     double off = 0.0;
     for (Index i = 0; i < between.vertices.rows(); ++i)
       off = std::max(off, std::abs(body.truth(between.vertices.row(i)).distance));

@@ -156,7 +156,7 @@ inline void expect_none(const Held& all) {
 /// Largest magnitude of what is compared, which must be something.
 inline double worst(const PartDeviation& part) {
   double most = -1.0;
-  for (const double d : part.largest)
+  for (const double d : part.max_deviation)
     if (std::isfinite(d)) most = std::max(most, std::abs(d));
   EXPECT_GE(most, 0.0);
   return most;

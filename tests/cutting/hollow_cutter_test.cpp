@@ -74,8 +74,8 @@ std::vector<Tool> degenerate_tools() {
 /// The chords that stand for the arcs which bulge inwards, and all else.
 Points chords_of(const Points& points) {
   Points all;
-  const ToolOutline outline = profile_from_points(points);
-  for (const OutlinePiece& piece : outline.pieces)
+  const ToolOutline outline = tool_outline_from_points(points);
+  for (const OutlineSegment& piece : outline.segments)
     if (piece.to.x() > 0.0 && (all.empty() || (piece.to - all.back().at).norm() > 1e-9))
       all.push_back({piece.to});
   return all;
@@ -89,7 +89,7 @@ std::vector<Tool> tools_of_chords() {
           {"half-round groove", chords_of(half_round_groove)}};
 }
 
-Cutter cutter_of(const Tool& tool) { return form_cutter(profile_from_points(tool.points)); }
+Cutter cutter_of(const Tool& tool) { return form_cutter(tool_outline_from_points(tool.points)); }
 
 /// The profile in slices from point to point, whatever the engine makes of it.
 std::vector<oracles::BruteLayer> layers_of(const Points& points) {
@@ -152,7 +152,7 @@ TEST(HollowCutter, PartsMakeUpTheProfile) {
   using namespace hollow_tools;
   Random random(2203);
   for (const Tool& tool : tools()) {
-    const ToolOutline outline = profile_from_points(tool.points);
+    const ToolOutline outline = tool_outline_from_points(tool.points);
     const bool has_arcs = std::ranges::any_of(tool.points, [](auto& p) { return p.radius > 0; });
     ASSERT_TRUE(is_hollow(outline)) << tool.name;
     EXPECT_DOUBLE_EQ(outline.height, tool.points.back().at.y());
@@ -181,7 +181,7 @@ TEST(HollowCutter, OfAConvexProfileIsTheFormCutter) {
   for (const Points& points :
        {Points{{{1, 0}}, {{2.4, 0.5}, 2.4}, {{2.4, 14.5}, 20}},
         Points{{{0, 0}}, {{4, 2}}, {{4, 9}}, {{2, 9}}}, Points{{{8, 0}}, {{5, 6}}}})
-    EXPECT_EQ(profile_from_points(points), outline_from_points(points));
+    EXPECT_EQ(tool_outline_from_points(points), outline_from_points(points));
 }
 
 /// What the search through the moves of each part finds is what trying every move finds, to the
@@ -262,7 +262,7 @@ TEST(HollowCutter, OnAStraightPathLeavesItsSection) {
           << tool.name << " at " << design.vertices(i, 2);
     }
   }
-  const Cutter cutter = form_cutter(profile_from_points(t_slot));
+  const Cutter cutter = form_cutter(tool_outline_from_points(t_slot));
   CutterMotion motion{
       Eigen::MatrixX3d(2, 3), Eigen::MatrixX3d(2, 3), Eigen::Vector2d(0, 1), {1, 1}};
   motion.tip << -30, 0, 0, 30, 0, 0;
@@ -281,7 +281,7 @@ TEST(HollowCutter, OnAStraightPathLeavesItsSection) {
 TEST(HollowCutter, AMotionInBlocksLeavesTheSame) {
   using namespace hollow_tools;
   Random random(2205);
-  const Cutter cutter = form_cutter(profile_from_points(t_slot));
+  const Cutter cutter = form_cutter(tool_outline_from_points(t_slot));
   const int n = 200;
   CutterMotion motion{Eigen::MatrixX3d(n, 3), Eigen::MatrixX3d(n, 3),
                       Eigen::VectorXd::LinSpaced(n, 0, n - 1), std::vector<int>(n, 1)};
@@ -328,7 +328,7 @@ TEST(HollowCutter, AMotionInBlocksLeavesTheSame) {
 void expect_chords_inside(const std::vector<OutlinePoint>& points, const Vector2d& middle,
                           double begin, double turn) {
   const double R = 3.0;
-  const ToolOutline outline = profile_from_points(points);
+  const ToolOutline outline = tool_outline_from_points(points);
   const double sag = chord_sag(points);
   EXPECT_GT(sag, 0.5 * max_chord_sag);
   EXPECT_LE(sag, max_chord_sag);
@@ -362,7 +362,7 @@ TEST(HollowCutter, ChordsOfAHollowArcLieInsideOfItByTheirSag) {
 /// mm, from a place to the line of a profile.
 double depth_in(const ToolOutline& outline, const Vector2d& place) {
   double least = std::numeric_limits<double>::infinity();
-  for (const OutlinePiece& piece : outline.pieces) {
+  for (const OutlineSegment& piece : outline.segments) {
     if (piece.is_arc) {
       for (int i = 0; i <= 2000; ++i) {
         const Vector2d normal =
@@ -385,11 +385,11 @@ TEST(HollowCutter, ItsCoreLiesBetweenOnceAndTwiceTheMarginDeep) {
   for (const Tool& tool : tools_of_chords()) all.push_back(tool);
   const int steps = 5 * longer(4);  // places along a piece, its ends among them
   for (const Tool& tool : all) {
-    const ToolOutline outline = profile_from_points(tool.points);
+    const ToolOutline outline = tool_outline_from_points(tool.points);
     for (const double margin : {0.01, 0.1, 0.5}) {
       const InsetOutline inner = inset_hollow(outline, margin);
       double least = std::numeric_limits<double>::infinity(), most = 0.0;
-      for (const OutlinePiece& piece : inner.outline.pieces)
+      for (const OutlineSegment& piece : inner.outline.segments)
         for (int i = 0; i <= steps; ++i) {
           const Vector2d place =
               piece.from + double(i) / steps * (piece.to - piece.from) + Vector2d(0, inner.raised);
@@ -410,14 +410,14 @@ TEST(HollowCutter, ProfilesThatCannotBeAreRefusedAtTheirPoint) {
   using Points = std::vector<OutlinePoint>;
   const auto refused = [](const Points& points, const char* text, const Vector2d& at) {
     try {
-      profile_from_points(points);
+      tool_outline_from_points(points);
       ADD_FAILURE() << "taken: " << text;
     } catch (const OutlineError& fault) {
       EXPECT_NE(std::string(fault.what()).find(text), std::string::npos) << fault.what();
       EXPECT_LT((fault.at - at).norm(), 1e-9) << fault.what();
     }
   };
-  EXPECT_THROW(profile_from_points({}), std::invalid_argument);
+  EXPECT_THROW(tool_outline_from_points({}), std::invalid_argument);
   refused({{{3, 0}}, {{3, 4}}, {{5, 3}}, {{5, 9}}}, "expected a height of 4 mm at least", {5, 3});
   refused({{{3, 1}}, {{3, 4}}}, "begin at height 0", {3, 1});
   refused({{{3, 0}}, {{0, 4}}, {{5, 9}}}, "a radius above 0", {0, 4});
@@ -434,16 +434,16 @@ TEST(HollowCutter, ProfilesThatCannotBeAreRefusedAtTheirPoint) {
   refused({{{2, 0}}, {{2, 4}, -2}, {{2, 9}}}, "off the axis", {2, 4});
   refused({{{1, 0}}, {{1, 4}, -2}, {{2, 9}}}, "off the axis", {1, 4});
   refused({{{3, 1}, -8}, {{3, 4}}}, "begin at height 0", {3, 1});
-  EXPECT_EQ(profile_from_points({{{3, 0}}, {{3, 4}}, {{3, 4}, -1}, {{5, 4}}, {{5, 9}}}),
-            profile_from_points({{{3, 0}}, {{3, 4}}, {{5, 4}}, {{5, 9}}}));
-  EXPECT_THROW(profile_from_points({{{3, 0}}, {{3, NAN}}, {{6, 6}}}), OutlineError);
+  EXPECT_EQ(tool_outline_from_points({{{3, 0}}, {{3, 4}}, {{3, 4}, -1}, {{5, 4}}, {{5, 9}}}),
+            tool_outline_from_points({{{3, 0}}, {{3, 4}}, {{5, 4}}, {{5, 9}}}));
+  EXPECT_THROW(tool_outline_from_points({{{3, 0}}, {{3, NAN}}, {{6, 6}}}), OutlineError);
   refused({{{3, 0}}, {{2000, 3000}, -4000}, {{2000, 4000}}}, "at most 200 chords", {2000, 3000});
 }
 
 /// A T-slot cutter takes its slot out of a block, and no more; its shank, in the neck's slot, meets
 /// nothing.
 TEST(HollowStock, ATSlotIsItsSection) {
-  const Cutter cutter = form_cutter(profile_from_points(hollow_tools::t_slot));
+  const Cutter cutter = form_cutter(tool_outline_from_points(hollow_tools::t_slot));
   Stock stock = box({-20, -15, -12}, {20, 15, 0}, 0.25);
   const double before = volume(stock);
   const RemovalResult taken =
@@ -483,7 +483,7 @@ TEST(HollowStock, TakesWhatLiesInTheToolOnItsWay) {
 }
 
 TEST(HollowEngagement, SlicesMakeUpTheProfile) {
-  const Cutter cutter = form_cutter(profile_from_points(hollow_tools::t_slot));
+  const Cutter cutter = form_cutter(tool_outline_from_points(hollow_tools::t_slot));
   double area = 0.0;
   for (const EdgeSlice& slice : slices(cutter)) area += 2 * pi * slice.radius * slice.length;
   EXPECT_NEAR(area, pi * 100 + 2 * pi * 10 * 5 + pi * (100 - 16) + 2 * pi * 4 * 15, 1e-6);
@@ -540,8 +540,8 @@ TEST(HollowRunOut, HoldsTheProfileMovedAboutAndNoMore) {
       }
     }
   }
-  const Cutter groove =
-      form_cutter(profile_from_points({{{5, 0}}, {{5, 3}}, {{4.9, 3.1}}, {{5, 3.2}}, {{5, 8}}}));
+  const Cutter groove = form_cutter(
+      tool_outline_from_points({{{5, 0}}, {{5, 3}}, {{4.9, 3.1}}, {{5, 3.2}}, {{5, 8}}}));
   EXPECT_THROW(with_run_out(groove, 0.1, 0.3), std::invalid_argument);
 }
 
@@ -562,17 +562,17 @@ TEST(HollowBody, IsClosedAndLiesAroundTheProfile) {
       EXPECT_GT(out, -1e-9) << tool.name;
       EXPECT_LT(out, 1.01 * sag) << tool.name;
     }
-    EXPECT_EQ(cutter_pieces(cutter, sag).size(), cutter.outline->parts.size());
+    EXPECT_EQ(cutter_meshes(cutter, sag).size(), cutter.outline->parts.size());
     for (const double margin : {1e-3, 0.1, 5.0}) {
-      const InsetCutter inner = shrunk(cutter, margin);
-      for (const OutlinePiece& piece : inner.cutter.outline->pieces)
+      const InsetCutter inner = inset_cutter(cutter, margin);
+      for (const OutlineSegment& piece : inner.cutter.outline->segments)
         EXPECT_LT(distance(*cutter.outline, piece.to + Vector2d(0, inner.raised)).value, 0.0);
     }
   }
 }
 
 TEST(HollowCutter, WhatAsksForAConvexCutterRefusesIt) {
-  const Cutter cutter = form_cutter(profile_from_points(hollow_tools::t_slot));
+  const Cutter cutter = form_cutter(tool_outline_from_points(hollow_tools::t_slot));
   CutterMotion motion{
       Eigen::MatrixX3d(2, 3), Eigen::MatrixX3d(2, 3), Eigen::Vector2d(0, 1), {1, 1}};
   motion.tip << -30, 0, 0, 30, 0, 0;

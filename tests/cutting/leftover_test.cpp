@@ -88,14 +88,14 @@ double searched_distance(const std::array<Vector3d, 3>& t, const Vector3d& p) {
   });
 }
 
-TEST(Thickness, ComesWithinADistanceAsASearchOverEveryTriangleSays) {
+TEST(WallThickness, ComesWithinADistanceAsASearchOverEveryTriangleSays) {
   constexpr unsigned seed = 20261124;
   SCOPED_TRACE(testing::Message() << "seed " << seed);
   std::mt19937 random(seed);
   std::normal_distribution<double> normal;
   Design design = floor_of(2.0);
   for (Index v = 0; v < design.vertices.rows(); ++v) design.vertices(v, 2) = normal(random);
-  const Thickness part(design);
+  const WallThickness part(design);
   double nearest_call = 1e300;
   for (int i = 0; i < 20; ++i) {
     const Vector3d p(10.0 * normal(random), 10.0 * normal(random), 4.0 * normal(random));
@@ -183,7 +183,7 @@ TEST(Leftover, TheFootOfAWallIsOutOfTheCorner) {
     stops.push_back({{x, y, 0.0}});
   }
   const Surface cut = milled_surface(design, ball_mill, motion_of(stops));
-  const Thickness part(design);
+  const WallThickness part(design);
   const auto found = corner_leftover(design, cut, part, ball_mill.radius);
   double kept = 0.0;
   int wrong = 0;
@@ -219,7 +219,7 @@ TEST(Leftover, AGrooveNarrowerThanTheBallIsOutOfItsReach) {
     Surface left;
     left.status.assign(std::size_t(design.vertices.rows()), VertexStatus::Cut);
     left.residual = Eigen::VectorXd::Constant(design.vertices.rows(), 0.3);  // an allowance
-    const auto found = corner_leftover(design, left, Thickness(design), 5.0);
+    const auto found = corner_leftover(design, left, WallThickness(design), 5.0);
     const double share =
         double(std::count(found.begin(), found.end(), 1)) / double(design.vertices.rows());
     std::cout << "groove R " << groove << ": " << 100.0 * share << " % out of reach\n";

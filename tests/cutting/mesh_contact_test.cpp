@@ -18,7 +18,7 @@ struct Deviations {
 
 /// How far the contacts of a mesh leave a true surface, and how far its flat triangles do.
 template <class Truth>
-Deviations against(const MeshContact& mesh, const Truth& truth, double reach) {
+Deviations against(const MeshHeightMap& mesh, const Truth& truth, double reach) {
   const unsigned seed = 7;
   SCOPED_TRACE(testing::Message() << "seed " << seed);
   std::mt19937 random(seed);
@@ -27,13 +27,13 @@ Deviations against(const MeshContact& mesh, const Truth& truth, double reach) {
   Design bare = mesh.design();
   for (Eigen::Index i = 0; i < bare.normals.rows(); ++i)
     bare.normals.row(i) = Eigen::RowVector3d(1, 0, 0);
-  const MeshContact flat(bare);
+  const MeshHeightMap flat(bare);
   Deviations d;
   for (int i = 0; i < 20000; ++i) {
     const double x = in(random), y = in(random);
     const Contact expected = truth(x, y);
-    const auto smooth = surface_point_above(mesh, x, y);
-    const auto facet = surface_point_above(flat, x, y);
+    const auto smooth = highest_surface_point(mesh, x, y);
+    const auto facet = highest_surface_point(flat, x, y);
     EXPECT_TRUE(smooth && facet);
     if (!smooth || !facet) return d;
     EXPECT_EQ(smooth->point.x(), x);
@@ -45,7 +45,7 @@ Deviations against(const MeshContact& mesh, const Truth& truth, double reach) {
   return d;
 }
 
-TEST(MeshContact, AQuadraticSurfaceWithExactNormalsIsReproduced) {
+TEST(MeshHeightMap, AQuadraticSurfaceWithExactNormalsIsReproduced) {
   // a paraboloid over an irregular sheet; rounding alone is left
   Design sheet = tessellate(RectanglePlane{20, 20}, {500});
   const auto truth = [](double x, double y) {
@@ -57,7 +57,7 @@ TEST(MeshContact, AQuadraticSurfaceWithExactNormalsIsReproduced) {
     sheet.vertices.row(i) = c.point;
     sheet.normals.row(i) = c.normal;
   }
-  const Deviations d = against(MeshContact(sheet), truth, 10.0);
+  const Deviations d = against(MeshHeightMap(sheet), truth, 10.0);
   std::cout << "paraboloid: " << d.height << " mm (flat triangles " << d.flat << "), " << d.tilt
             << " rad\n";
   EXPECT_LT(d.height, 1e-13);
@@ -65,18 +65,18 @@ TEST(MeshContact, AQuadraticSurfaceWithExactNormalsIsReproduced) {
   EXPECT_GT(d.flat, 1e-3);
 }
 
-TEST(MeshContact, ADomeIsMetBetterThanItsFacets) {
+TEST(MeshHeightMap, ADomeIsMetBetterThanItsFacets) {
   const SphereCap cap{50.0, 30.0};
-  const MeshContact mesh(tessellate(cap, {20000}));
-  const auto truth = [&](double x, double y) { return *surface_point_above(cap, x, y); };
+  const MeshHeightMap mesh(tessellate(cap, {20000}));
+  const auto truth = [&](double x, double y) { return *highest_surface_point(cap, x, y); };
   const Deviations d = against(mesh, truth, 20.0);
   std::cout << "dome: " << d.height * 1e6 << " nm (flat " << d.flat * 1e6 << " nm), "
             << d.tilt * 1e6 << " urad\n";
   EXPECT_LT(d.height, 0.02 * d.flat);
 }
 
-TEST(MeshContact, TheFreeFormBlockIsMetBetterThanItsFacets) {
-  const MeshContact mesh(read_mesh(std::string(ABBE_SOURCE_DIR) + "/scenes/parts/freeform.stl"));
+TEST(MeshHeightMap, TheFreeFormBlockIsMetBetterThanItsFacets) {
+  const MeshHeightMap mesh(read_mesh(std::string(ABBE_SOURCE_DIR) + "/scenes/parts/freeform.stl"));
   const auto truth = [](double x, double y) {
     const double dx =
         2.4 / 9 * std::cos(x / 9 + 0.3) * std::cos(y / 11) - 0.8 / 17 * std::sin(x / 17 - y / 8);
@@ -90,12 +90,12 @@ TEST(MeshContact, TheFreeFormBlockIsMetBetterThanItsFacets) {
   std::cout << "free form: " << d.height * 1e6 << " nm (flat " << d.flat * 1e6 << " nm), "
             << d.tilt * 1e6 << " urad\n";
   EXPECT_LT(d.height, 0.2 * d.flat);
-  EXPECT_FALSE(surface_point_above(mesh, 30.5, 0.0));
-  EXPECT_FALSE(surface_point_above(mesh, 0.0, NAN));
-  EXPECT_TRUE(surface_point_above(mesh, 30.0 - 1e-5, 30.0 - 1e-5));
+  EXPECT_FALSE(highest_surface_point(mesh, 30.5, 0.0));
+  EXPECT_FALSE(highest_surface_point(mesh, 0.0, NAN));
+  EXPECT_TRUE(highest_surface_point(mesh, 30.0 - 1e-5, 30.0 - 1e-5));
 }
 
-TEST(MeshContact, TheHighestOfSeveralSheetsIsTaken) {
+TEST(MeshHeightMap, TheHighestOfSeveralSheetsIsTaken) {
   Design low = tessellate(RectanglePlane{10, 10}, {100});
   Design both = low;
   const auto n = low.vertices.rows(), m = low.triangles.rows();
@@ -105,16 +105,16 @@ TEST(MeshContact, TheHighestOfSeveralSheetsIsTaken) {
   both.vertices << low.vertices, low.vertices.rowwise() + Eigen::RowVector3d(3, 0, 2);
   both.normals << low.normals, low.normals;
   both.triangles << low.triangles, (low.triangles.array() + static_cast<int>(n)).matrix();
-  const MeshContact mesh(both);
-  EXPECT_EQ(surface_point_above(mesh, -4.0, 1.0)->point.z(), 0.0);
-  EXPECT_EQ(surface_point_above(mesh, 1.0, 1.0)->point.z(), 2.0);
-  EXPECT_EQ(surface_point_above(mesh, 7.0, 1.0)->point.z(), 2.0);
-  EXPECT_FALSE(surface_point_above(mesh, 8.1, 1.0));
+  const MeshHeightMap mesh(both);
+  EXPECT_EQ(highest_surface_point(mesh, -4.0, 1.0)->point.z(), 0.0);
+  EXPECT_EQ(highest_surface_point(mesh, 1.0, 1.0)->point.z(), 2.0);
+  EXPECT_EQ(highest_surface_point(mesh, 7.0, 1.0)->point.z(), 2.0);
+  EXPECT_FALSE(highest_surface_point(mesh, 8.1, 1.0));
 }
 
-TEST(MeshContact, NothingIsAboveAWallOrAnEmptyMesh) {
-  EXPECT_FALSE(surface_point_above(MeshContact(Design{}), 0, 0));
-  EXPECT_FALSE(surface_point_above(MeshContact(tessellate(Cylinder{10, 5}, {200})), 10, 0));
+TEST(MeshHeightMap, NothingIsAboveAWallOrAnEmptyMesh) {
+  EXPECT_FALSE(highest_surface_point(MeshHeightMap(Design{}), 0, 0));
+  EXPECT_FALSE(highest_surface_point(MeshHeightMap(tessellate(Cylinder{10, 5}, {200})), 10, 0));
 }
 
 }  // namespace

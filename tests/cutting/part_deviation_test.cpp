@@ -32,8 +32,8 @@ TEST(StockSkin, HasTheMeshOfTheStockAndPlacesOnTheSkin) {
   EXPECT_EQ(skin.mesh.line, mesh.line);
   const DesignDistance distance(pocketed(pocket_x, pocket_y, pocket_floor).design(T), facets());
   std::map<std::vector<double>, int> seen;
-  for (Eigen::Index i = 0; i < skin.places_w.rows(); ++i) {
-    const Vector3d p = skin.places_w.row(i);
+  for (Eigen::Index i = 0; i < skin.points_w.rows(); ++i) {
+    const Vector3d p = skin.points_w.row(i);
     EXPECT_NEAR(distance.at(p).value, 0.0, 1e-9) << p.transpose();
     const int times = ++seen[std::vector<double>{p.x(), p.y(), p.z()}];
     EXPECT_EQ(times, 1) << "the four cells around an edge share its place";
@@ -41,7 +41,7 @@ TEST(StockSkin, HasTheMeshOfTheStockAndPlacesOnTheSkin) {
   for (std::size_t v = 0; v + 1 < skin.first.size(); ++v) {
     Vector3d mean = Vector3d::Zero();
     for (int k = skin.first[v]; k < skin.first[v + 1]; ++k)
-      mean += skin.places_w.row(skin.place[std::size_t(k)]);
+      mean += skin.points_w.row(skin.place[std::size_t(k)]);
     mean /= skin.first[v + 1] - skin.first[v];
     ASSERT_LT((mean - mesh.vertices_w.row(Eigen::Index(v)).transpose()).norm(), 1e-12);
   }

@@ -48,7 +48,7 @@ TEST(PartFindings, SharpEdgesHoweverTheyLieMakeNoFinding) {
   const unsigned seed = 20264;
   SCOPED_TRACE(testing::Message() << "seed " << seed);
   std::mt19937 random(seed);
-  double most = 0.0, off_skin = 0.0;
+  double max_listed = 0.0, off_skin = 0.0;
   for (int i = 0; i < 6; ++i) {
     const Eigen::Isometry3d T = any_pose(random), T_wk = any_pose(random);
     const Design design = pocketed(pocket_x, pocket_y, pocket_floor).design(T);
@@ -61,13 +61,14 @@ TEST(PartFindings, SharpEdgesHoweverTheyLieMakeNoFinding) {
     expect_none(all);
     EXPECT_EQ(all.found.too_small, 0.0);
     EXPECT_LT(all.found.unresolved, 0.02 * all.found.compared);
-    most = std::max(most, worst(all.part));
+    max_listed = std::max(max_listed, worst(all.part));
     const DesignDistance distance(design, facets());
     for (const auto& v : all.skin.mesh.vertices_w.rowwise())
       off_skin = std::max(off_skin, std::abs(distance.at(v.transpose()).value));
   }
-  std::cout << "places off the design by " << most << " mm, vertices by " << off_skin << " mm\n";
-  EXPECT_LT(most, 1e-8);
+  std::cout << "places off the design by " << max_listed << " mm, vertices by " << off_skin
+            << " mm\n";
+  EXPECT_LT(max_listed, 1e-8);
   EXPECT_GT(off_skin, 0.1) << "the vertices themselves would be findings";
 }
 
@@ -95,7 +96,7 @@ TEST(PartFindings, APlaceThatIsLeftTooHighHasItsVolumeDepthAndPlace) {
     EXPECT_NEAR(rest.depth, left, 1e-8);
     EXPECT_EQ(rest.line, 7);
     EXPECT_FALSE(rest.is_at_least);
-    const Vector3d place = T.inverse() * rest.place_w;
+    const Vector3d place = T.inverse() * rest.position_w;
     EXPECT_NEAR(place.z(), pocket_floor + left, 1e-8);
     EXPECT_GT(place.x(), x[0] - 1e-8);
     EXPECT_LT(place.x(), x[1] + 1e-8);
@@ -138,7 +139,7 @@ TEST(PartFindings, ABallThatDipsIntoAFlatGougesACap) {
     EXPECT_NEAR(gouge.volume, within, 0.03 * within);
     EXPECT_LT(gouge.depth, h + 1e-8);
     EXPECT_GT(gouge.depth, h - spacing * spacing / (4 * R));  // the deepest place between the lines
-    EXPECT_LT((T.inverse() * gouge.place_w - tip).norm(), spacing);
+    EXPECT_LT((T.inverse() * gouge.position_w - tip).norm(), spacing);
     EXPECT_EQ(gouge.line, 42);
     EXPECT_FALSE(gouge.by_crash);
   }
@@ -243,7 +244,7 @@ TEST(PartFindings, SpecklesAreCountedAndALongListIsSummedUp) {
   ASSERT_EQ(upright.along, 2);
   upright.lines[std::size_t(30) + std::size_t(upright.size[0]) * 45].cut(19.8 - z, 21 - z, 200);
   FindingOptions options;
-  options.most = 5;
+  options.max_listed = 5;
   const Held all = held(stock, pocketed(pocket_x, pocket_y, 20).design(), options);
   const Findings::Sums& gouges = all.found.sums[std::size_t(FindingKind::Gouge)];
   ASSERT_EQ(gouges.regions + gouges.speckles, 13u);
@@ -269,7 +270,7 @@ TEST(PartFindings, FewerVerticesThanTheDexelsResolveAreASpeckle) {
   skin.mesh.triangles.resize(4, 3);
   skin.mesh.triangles << 0, 1, 2, 0, 2, 3, 1, 4, 5, 1, 5, 2;
   skin.mesh.line.assign(6, 5);
-  skin.places_w = skin.mesh.vertices_w;
+  skin.points_w = skin.mesh.vertices_w;
   skin.line = skin.mesh.line;
   for (int i = 0; i < 6; ++i) skin.place.push_back(i);
   for (int i = 0; i <= 6; ++i) skin.first.push_back(i);
@@ -366,7 +367,7 @@ TEST(PartFindings, ADomeOf120000TrianglesTakesASecond) {
   const double compared = seconds();
   const Findings found = findings(skin, part, distance);
   std::cout << design.triangles.rows() << " triangles, " << skin.mesh.vertices_w.rows()
-            << " vertices, " << skin.places_w.rows() << " places: skin " << skinned << " s, design "
+            << " vertices, " << skin.points_w.rows() << " places: skin " << skinned << " s, design "
             << built - skinned << " s, deviation " << compared - built << " s, findings "
             << seconds() - compared << " s\n";
   EXPECT_EQ(regions(found, FindingKind::Gouge), 1u);

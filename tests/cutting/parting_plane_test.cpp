@@ -30,7 +30,7 @@ TEST(PartingPlane, IsNeverFartherThanTheGap) {
     const Body a = n % 2 == 0
                        ? make_body(box_mesh({length(random), length(random), length(random)}))
                        : make_body(sphere_mesh(length(random), 0.2));
-    const Body b = make_body(cutter_pieces(Cutter{5, n % 3 == 0 ? 5.0 : 1.0, 40}, 0.01));
+    const Body b = make_body(cutter_meshes(Cutter{5, n % 3 == 0 ? 5.0 : 1.0, 40}, 0.01));
     const std::vector<Ball> hull = hull_balls(b);
     const Pose T = pose();
     const Gap here = gap(a, Pose::Identity(), b, T);

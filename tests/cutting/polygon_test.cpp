@@ -27,7 +27,7 @@ double area(const Corners& corners, const std::vector<std::array<int, 3>>& trian
 
 TEST(Polygon, AQuadrilateralIsSplitAlongItsShorterDiagonal) {
   const Corners kite = {{0, 0, 0}, {3, -1, 0}, {8, 0, 0}, {3, 1, 0}};
-  const auto triangles = triangulated(kite);
+  const auto triangles = triangulate(kite);
   ASSERT_EQ(triangles.size(), 2u);
   for (const auto& t : triangles) {
     EXPECT_TRUE(std::count(t.begin(), t.end(), 1) == 1 && std::count(t.begin(), t.end(), 3) == 1);
@@ -37,7 +37,7 @@ TEST(Polygon, AQuadrilateralIsSplitAlongItsShorterDiagonal) {
 
 TEST(Polygon, AHollowCornerKeepsTheDiagonalInside) {
   const Corners dart = {{0, 0, 0}, {4, 1, 0}, {0, 2, 0}, {1, 1, 0}};
-  const auto triangles = triangulated(dart);
+  const auto triangles = triangulate(dart);
   ASSERT_EQ(triangles.size(), 2u);
   EXPECT_NEAR(area(dart, triangles, Vector3d::UnitZ()), 3.0, 1e-12);
 }
@@ -61,15 +61,15 @@ TEST(Polygon, RandomStarsAreFilledExactly) {
     double expected = 0.0;
     for (int k = 0; k < n; ++k)
       expected += 0.5 * star[std::size_t(k)].cross(star[std::size_t((k + 1) % n)]).dot(turn.col(2));
-    const auto triangles = triangulated(star);
+    const auto triangles = triangulate(star);
     ASSERT_EQ(int(triangles.size()), n - 2);
     EXPECT_NEAR(area(star, triangles, turn.col(2)), expected, 1e-10);
   }
 }
 
 TEST(Polygon, AnOutlineThatCrossesItselfIsRefused) {
-  EXPECT_TRUE(triangulated({{0, 0, 0}, {10, 10, 0}, {10, 0, 0}, {0, 10, 0}}).empty());
-  EXPECT_TRUE(triangulated({{0, 0, 0}, {1, 0, 0}, {2, 0, 0}, {3, 0, 0}}).empty());
+  EXPECT_TRUE(triangulate({{0, 0, 0}, {10, 10, 0}, {10, 0, 0}, {0, 10, 0}}).empty());
+  EXPECT_TRUE(triangulate({{0, 0, 0}, {1, 0, 0}, {2, 0, 0}, {3, 0, 0}}).empty());
 }
 
 }  // namespace

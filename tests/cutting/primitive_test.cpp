@@ -237,7 +237,7 @@ TEST(ContactAbove, IsOnTheSurfaceRightAboveThePoint) {
     int met = 0;
     for (int i = 0; i < 5000; ++i) {
       const double x = reach * in(random), y = reach * in(random);
-      const auto c = surface_point_above(k.primitive, x, y);
+      const auto c = highest_surface_point(k.primitive, x, y);
       if (!c) continue;
       ++met;
       EXPECT_EQ(c->point.x(), x);
@@ -255,28 +255,28 @@ TEST(ContactAbove, IsOnTheSurfaceRightAboveThePoint) {
 }
 
 TEST(ContactAbove, EndsAtTheRimAndKnowsTheAxis) {
-  EXPECT_TRUE(surface_point_above(RectanglePlane{10, 4}, 5, 2));
-  EXPECT_FALSE(surface_point_above(RectanglePlane{10, 4}, 5.000001, 0));
-  EXPECT_FALSE(surface_point_above(RectanglePlane{10, 4}, 0, -2.000001));
-  EXPECT_TRUE(surface_point_above(SphereCap{20, 20}, 0, 20));  // the equator itself
-  EXPECT_FALSE(surface_point_above(SphereCap{20, 20}, 0, 20.000001));
-  EXPECT_FALSE(surface_point_above(Disc{10, 3}, 2.999999, 0));
-  EXPECT_FALSE(surface_point_above(Cylinder{10, 5}, 10, 0));
-  EXPECT_FALSE(surface_point_above(Torus{30, 5}, 24.999, 0));
-  EXPECT_EQ(surface_point_above(Torus{30, 5}, 0, 30)->point.z(), 5.0);
-  EXPECT_EQ(surface_point_above(Cone{10, 10, pi / 4}, 0, 0)->normal, Vector3d::UnitZ());
-  EXPECT_NEAR(surface_point_above(Cone{10, 10, pi / 4}, 0, 0)->point.z(), 10.0, 1e-14);
-  EXPECT_EQ(surface_point_above(SphereCap{20, 10}, 1e-12, 0)->normal.z(), 1.0);
-  EXPECT_FALSE(surface_point_above(Disc{10, 0}, NAN, 0));
+  EXPECT_TRUE(highest_surface_point(RectanglePlane{10, 4}, 5, 2));
+  EXPECT_FALSE(highest_surface_point(RectanglePlane{10, 4}, 5.000001, 0));
+  EXPECT_FALSE(highest_surface_point(RectanglePlane{10, 4}, 0, -2.000001));
+  EXPECT_TRUE(highest_surface_point(SphereCap{20, 20}, 0, 20));  // the equator itself
+  EXPECT_FALSE(highest_surface_point(SphereCap{20, 20}, 0, 20.000001));
+  EXPECT_FALSE(highest_surface_point(Disc{10, 3}, 2.999999, 0));
+  EXPECT_FALSE(highest_surface_point(Cylinder{10, 5}, 10, 0));
+  EXPECT_FALSE(highest_surface_point(Torus{30, 5}, 24.999, 0));
+  EXPECT_EQ(highest_surface_point(Torus{30, 5}, 0, 30)->point.z(), 5.0);
+  EXPECT_EQ(highest_surface_point(Cone{10, 10, pi / 4}, 0, 0)->normal, Vector3d::UnitZ());
+  EXPECT_NEAR(highest_surface_point(Cone{10, 10, pi / 4}, 0, 0)->point.z(), 10.0, 1e-14);
+  EXPECT_EQ(highest_surface_point(SphereCap{20, 10}, 1e-12, 0)->normal.z(), 1.0);
+  EXPECT_FALSE(highest_surface_point(Disc{10, 0}, NAN, 0));
   // a step: above the kink the higher sheet counts
   const RevolvedProfile step{{{{0, 0}, {5, 0}}, {{5, 0}, {5, 2}}, {{5, 2}, {9, 2}}}};
-  EXPECT_EQ(surface_point_above(step, 5, 0)->point.z(), 2.0);
+  EXPECT_EQ(highest_surface_point(step, 5, 0)->point.z(), 2.0);
 }
 
 TEST(Enlarged, ContinuesTheSameSurface) {
   for (const Known& k : known()) {
     SCOPED_TRACE(k.name);
-    const Primitive larger = enlarged(k.primitive, 0.25);
+    const Primitive larger = enlarge(k.primitive, 0.25);
     const Design d = tessellate(larger, {3000});
     double off = 0;
     for (Eigen::Index i = 0; i < d.vertices.rows(); ++i)
@@ -288,24 +288,24 @@ TEST(Enlarged, ContinuesTheSameSurface) {
 TEST(Enlarged, ReachesTheMarginWhereItCan) {
   const auto rim = [](const Primitive& p) { return profile(p).pieces.back().to; };
   const auto inner = [](const Primitive& p) { return profile(p).pieces.front().from; };
-  EXPECT_NEAR(rim(enlarged(Disc{10, 1}, 2)).x(), 12, 1e-14);
-  EXPECT_EQ(inner(enlarged(Disc{10, 1}, 2)).x(), 0);
-  EXPECT_NEAR(rim(enlarged(SphereCap{20, 10}, 3)).x(), 13, 1e-14);
-  EXPECT_EQ(rim(enlarged(SphereCap{20, 19}, 3)).x(), 20);
-  EXPECT_NEAR(rim(enlarged(Cone{10, 5, pi / 4}, 1)).x(), 11, 1e-14);
-  EXPECT_NEAR(rim(enlarged(Cone{10, 5, pi / 4}, 1)).y(), -1, 1e-14);
-  EXPECT_NEAR(inner(enlarged(Cone{10, 5, pi / 4}, 1)).x(), 4, 1e-14);
-  EXPECT_EQ(inner(enlarged(Cone{10, 9.5, pi / 4}, 1)).x(), 0);
-  EXPECT_NEAR(rim(enlarged(Cylinder{10, 5}, 1)).y(), -1, 1e-14);
-  EXPECT_NEAR(inner(enlarged(Cylinder{10, 5}, 1)).y(), 6, 1e-14);
-  EXPECT_EQ(rim(enlarged(Torus{30, 5}, 1)), Vector2d(35, 0));
-  EXPECT_EQ(std::get<RectanglePlane>(enlarged(RectanglePlane{10, 4}, 1)).length_y, 6);
+  EXPECT_NEAR(rim(enlarge(Disc{10, 1}, 2)).x(), 12, 1e-14);
+  EXPECT_EQ(inner(enlarge(Disc{10, 1}, 2)).x(), 0);
+  EXPECT_NEAR(rim(enlarge(SphereCap{20, 10}, 3)).x(), 13, 1e-14);
+  EXPECT_EQ(rim(enlarge(SphereCap{20, 19}, 3)).x(), 20);
+  EXPECT_NEAR(rim(enlarge(Cone{10, 5, pi / 4}, 1)).x(), 11, 1e-14);
+  EXPECT_NEAR(rim(enlarge(Cone{10, 5, pi / 4}, 1)).y(), -1, 1e-14);
+  EXPECT_NEAR(inner(enlarge(Cone{10, 5, pi / 4}, 1)).x(), 4, 1e-14);
+  EXPECT_EQ(inner(enlarge(Cone{10, 9.5, pi / 4}, 1)).x(), 0);
+  EXPECT_NEAR(rim(enlarge(Cylinder{10, 5}, 1)).y(), -1, 1e-14);
+  EXPECT_NEAR(inner(enlarge(Cylinder{10, 5}, 1)).y(), 6, 1e-14);
+  EXPECT_EQ(rim(enlarge(Torus{30, 5}, 1)), Vector2d(35, 0));
+  EXPECT_EQ(std::get<RectanglePlane>(enlarge(RectanglePlane{10, 4}, 1)).length_y, 6);
   // an arc of a profile ends where it stands upright
   const RevolvedProfile dome{{{{0, 0}, {6, -2}, 10.0}}};
-  const Vector2d end = rim(enlarged(dome, 100));
+  const Vector2d end = rim(enlarge(dome, 100));
   EXPECT_NEAR(end.x(), 10, 1e-12);
   EXPECT_NEAR(end.y(), -10, 1e-6);  // upright: a rounding of r is its square root in z
-  EXPECT_THROW(enlarged(Disc{10, 0}, -1), std::invalid_argument);
+  EXPECT_THROW(enlarge(Disc{10, 0}, -1), std::invalid_argument);
 }
 
 TEST(Primitive, ImpossibleDimensionsAreRefusedByName) {

@@ -68,7 +68,7 @@ TEST(Refine, APlaneOfCuspsIsResolvedToTheBoundHoweverItsVerticesStand) {
           interpolation_error(fine.design, surface, on(plane), mill.search,
                               {.places = 10000, .resolution = options.resolution});
       std::cout << "passes at " << angle << ", " << vertices
-                << " vertices: " << fine.design.vertices.rows() << ", " << fine.sounded
+                << " vertices: " << fine.design.vertices.rows() << ", " << fine.probed_points
                 << " looked at, worst " << error.worst / micron << " um, "
                 << 100.0 * error.unresolved << " % beyond 0.15\n";
       EXPECT_EQ(fine.left, 0);
@@ -98,8 +98,9 @@ TEST(Refine, ADomeOfCusps) {
   const Surface surface = mill.search(fine.design);
   const InterpolationError error = interpolation_error(
       fine.design, surface, on(dome), mill.search, {.places = 10000, .resolution = 0.1 * micron});
-  std::cout << fine.design.vertices.rows() << " vertices, " << fine.sounded << " looked at, worst "
-            << error.worst / micron << " um, " << 100.0 * error.unresolved << " % beyond 0.1\n";
+  std::cout << fine.design.vertices.rows() << " vertices, " << fine.probed_points
+            << " looked at, worst " << error.worst / micron << " um, " << 100.0 * error.unresolved
+            << " % beyond 0.1\n";
   EXPECT_LT(error.unresolved, 0.002);
   for (Index i = 0; i < fine.design.vertices.rows(); ++i) {
     const Vector3d from = fine.design.vertices.row(i).transpose() + Vector3d(0, 0, 60.0);
@@ -127,10 +128,10 @@ TEST(Refine, TrianglesThatAreNotLookedIntoMissNoMore) {
           interpolation_error(fine.design, mill.search(fine.design), on(plane), mill.search,
                               {.places = 40000, .seed = i, .resolution = share * cusp});
       std::cout << "pitch " << pitch << ", bound " << share * cusp / micron << " um, "
-                << fine.design.vertices.rows() << " vertices, " << fine.sounded
+                << fine.design.vertices.rows() << " vertices, " << fine.probed_points
                 << " looked at; worst " << error.worst / error.resolution << " of the bound, "
                 << 100.0 * error.unresolved << " % beyond\n";
-      return std::pair(fine.sounded, error);
+      return std::pair(fine.probed_points, error);
     };
     const auto [places, error] = refined_with(false);
     const auto [places_all, error_all] = refined_with(true);
@@ -230,7 +231,7 @@ TEST(PassGradients, GradientsAreTheDifferencesOfTheResidual) {
 
 TEST(Subdivide, LeavesNoJudgedEdgeLonger) {
   const Primitive dome = SphereCap{30.0, 10.0};
-  const Design fine = subdivided(tessellate(dome, {300}), on(dome), {0.5, 100000});
+  const Design fine = subdivide(tessellate(dome, {300}), on(dome), {0.5, 100000});
   double longest = 0.0;
   for (const auto& t : fine.triangles.rowwise())
     for (int k = 0; k < 3; ++k)

@@ -46,7 +46,7 @@ TEST(Statistics, WithMiddlesAreThoseOfAQuadraticResidualWhateverItsVertices) {
     s.residual[i] = bowl(plane.vertices.row(i));
   const double exact = 3.0 + 2.0 * 64.0 / 12.0;
   const double straight = *statistics(s, plane).mean;
-  s.sampled_within = Surface::Within::Middle;
+  s.interior_sample = Surface::InteriorSample::Middle;
   s.within.resize(plane.triangles.rows());
   for (Eigen::Index t = 0; t < plane.triangles.rows(); ++t) {
     const auto c = plane.triangles.row(t);
@@ -71,7 +71,7 @@ TEST(Statistics, PlacesAtRandomAreEvenOverEveryTriangle) {
   Eigen::Matrix3d square = Eigen::Matrix3d::Zero();
   constexpr int n = 200000;
   for (int t = 0; t < n; ++t) {
-    const std::array<double, 3> at = place_within(Surface::Within::Random, t);
+    const std::array<double, 3> at = sample_weights(Surface::InteriorSample::Random, t);
     const Eigen::Vector3d p(at[0], at[1], at[2]);
     ASSERT_GE(p.minCoeff(), 0.0);
     ASSERT_NEAR(p.sum(), 1.0, 1e-15);
@@ -82,7 +82,7 @@ TEST(Statistics, PlacesAtRandomAreEvenOverEveryTriangle) {
   EXPECT_LT((mean.array() - 1.0 / 3.0).abs().maxCoeff(), 4 * 0.236 / std::sqrt(n));
   const Eigen::Matrix3d even = (Eigen::Matrix3d::Ones() + Eigen::Matrix3d::Identity()) / 12.0;
   EXPECT_LT((square - even).cwiseAbs().maxCoeff(), 4 * 0.2 / std::sqrt(n));
-  EXPECT_EQ(place_within(Surface::Within::Middle, 7)[1], 1.0 / 3.0);
+  EXPECT_EQ(sample_weights(Surface::InteriorSample::Middle, 7)[1], 1.0 / 3.0);
 }
 
 TEST(Statistics, AreThoseComputedByHand) {
@@ -209,7 +209,7 @@ TEST(Statistics, KnowABandForEachVertex) {
 TEST(Statistics, OfAPlaceOutOfToleranceBetweenGoodVerticesFail) {
   const Design plane = tessellate(RectanglePlane{8.0, 6.0}, {700});
   Surface s = map_of(Eigen::VectorXd::Zero(plane.vertices.rows()));
-  s.sampled_within = Surface::Within::Middle;
+  s.interior_sample = Surface::InteriorSample::Middle;
   s.within = Eigen::VectorXd::Zero(plane.triangles.rows());
   s.within[20] = 3.0;
   s.within[30] = -5.0;

@@ -136,9 +136,9 @@ void expect_predicted(const Design& design, const Tool& tool, const Motion& moti
     const Study study{.seed = 20 + size, .size = size * um};
     SCOPED_TRACE("seed " + std::to_string(study.seed));
     const double miss = largest_miss(design, tool, motion, study);
-    const double most = bound.at(study.size);
-    std::cout << miss * 1e6 << " nm off of " << most * 1e6 << " at " << size << " um\n";
-    EXPECT_LT(miss, most);
+    const double max_passes = bound.at(study.size);
+    std::cout << miss * 1e6 << " nm off of " << max_passes * 1e6 << " at " << size << " um\n";
+    EXPECT_LT(miss, max_passes);
   }
 }
 
@@ -254,8 +254,8 @@ TEST(MilledRivals, OfABallRasterOnAPlaneAreCirclesAside) {
   const std::vector<double> aside{0.0, 0.04, 0.11, 0.149999, -0.15 + 1e-9};
   std::vector<Site> sites;
   for (const double a : aside) sites.push_back({{0.2, 5 * pitch + a, 0}});
-  const std::vector<CompetingPass> competing_passes =
-      milled_competing_passes(design_of(sites), ball_mill, motion, {.reach = 0.03, .most = 20});
+  const std::vector<CompetingPass> competing_passes = milled_competing_passes(
+      design_of(sites), ball_mill, motion, {.reach = 0.03, .max_passes = 20});
   double worst[3] = {0, 0, 0};
   std::size_t k = 0;
   for (int v = 0; v < int(sites.size()); ++v) {
@@ -423,13 +423,14 @@ TEST(MilledRivals, RefuseOptionsThatMeanNothing) {
                  std::invalid_argument);
   };
   for (const double bad : {-1e-9, nan}) refused({.reach = bad});
-  for (const int bad : {0, -1}) refused({.most = bad});
+  for (const int bad : {0, -1}) refused({.max_passes = bad});
   for (const double bad : {0.0, -0.01, nan}) refused({.stencil = bad});
   for (const double bad : {0.0, nan}) refused({.band = bad});
   EXPECT_TRUE(milled_competing_passes(design_of(std::vector<Site>{}), ball_mill, motion).empty());
   EXPECT_TRUE(milled_competing_passes(design, ball_mill, motion_of(std::vector<Stop>{})).empty());
-  EXPECT_EQ(milled_competing_passes(design, ball_mill, motion, {.reach = 0.0, .most = 1}).size(),
-            1u);
+  EXPECT_EQ(
+      milled_competing_passes(design, ball_mill, motion, {.reach = 0.0, .max_passes = 1}).size(),
+      1u);
 }
 
 // ---- turning ------------------------------------------------------------------------------------
@@ -478,8 +479,8 @@ TEST(TurnedRivals, OfAFaceAreTheRevolutionsAside) {
   const Eigen::Matrix3d R_wl = lathe_in_workpiece().linear();
   for (const int samples : {1, 24}) {
     const NoseMotion motion = motion_of(path_of({.feed = feed, .samples = samples}));
-    const std::vector<CompetingPass> competing_passes =
-        turned_competing_passes(design, {nose_radius, {}}, motion, {.reach = 0.01, .most = 50});
+    const std::vector<CompetingPass> competing_passes = turned_competing_passes(
+        design, {nose_radius, {}}, motion, {.reach = 0.01, .max_passes = 50});
     double worst[3] = {0, 0, 0};
     std::size_t k = 0;
     for (int v = 0; v < 4; ++v) {

@@ -103,13 +103,13 @@ TEST(SmoothPatches, TheMarginAtSharpEdgesIsLeftOut) {
   fine.vertices *= 10.0;
   fine = with_all(fine.vertices, fine.triangles);
   const Design split = split_at_edges(fine, pi / 6);
-  const Design off = judge_off_edges(split, sharp_edges(split), 0.5);
+  const Design off = exclude_near_edges(split, sharp_edges(split), 0.5);
   EXPECT_EQ(std::count(off.judged.begin(), off.judged.end(), 1), 0) << "all stand on edges";
-  EXPECT_EQ(judge_off_edges(fine, sharp_edges(fine), 0.5).judged, fine.judged)
+  EXPECT_EQ(exclude_near_edges(fine, sharp_edges(fine), 0.5).judged, fine.judged)
       << "without split edges none is sharp";
-  EXPECT_EQ(judge_off_edges(split, sharp_edges(split), 0.0).judged, split.judged);
-  EXPECT_THROW(judge_off_edges(split, sharp_edges(split), -1.0), std::invalid_argument);
-  EXPECT_THROW(judge_off_edges(split, sharp_edges(split), std::nan("")), std::invalid_argument);
+  EXPECT_EQ(exclude_near_edges(split, sharp_edges(split), 0.0).judged, split.judged);
+  EXPECT_THROW(exclude_near_edges(split, sharp_edges(split), -1.0), std::invalid_argument);
+  EXPECT_THROW(exclude_near_edges(split, sharp_edges(split), std::nan("")), std::invalid_argument);
 }
 
 TEST(Nearest, GivesBackThePointFromWhichItWasMoved) {

@@ -138,7 +138,7 @@ struct Edge {
 };
 /// Along an outline, each arc by its angle.
 Edge edge_at(const ToolOutline& outline, double at) {
-  for (const OutlinePiece& piece : outline.pieces) {
+  for (const OutlineSegment& piece : outline.segments) {
     const double begin = std::atan2(piece.normal_from.x(), -piece.normal_from.y());
     const double turn = std::atan2(piece.normal_to.x(), -piece.normal_to.y()) - begin;
     const double length = piece.is_arc ? piece.radius * turn : (piece.to - piece.from).norm();

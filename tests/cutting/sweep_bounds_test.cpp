@@ -125,7 +125,7 @@ Worst climb(std::uint64_t seed, int climbs, int steps, const Error& error) {
 /// How far an outline reaches, by its points and arcs.
 Real outline_along(const ToolOutline& outline, Real along, Real across) {
   Real most = 0;
-  for (const OutlinePiece& piece : outline.pieces) {
+  for (const OutlineSegment& piece : outline.segments) {
     most = std::max(most, piece.to.x() * across + piece.to.y() * along);
     if (piece.radius == 0.0) continue;
     const Real angle = std::atan2(along, across);

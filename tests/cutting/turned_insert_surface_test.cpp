@@ -67,11 +67,11 @@ TestEdge insert_edge(const Insert& insert) {
   const Vector2d st = ways.inverse() * (far_ahead - far_behind);
   corners.push_back(far_behind + st.x() * ahead);
   corners.push_back(far_ahead);
-  return {nose_of(insert_profile(insert)), {polygon(corners), {{0, 0}, r, {}}}};
+  return {profile_nose(insert_profile(insert)), {polygon(corners), {{0, 0}, r, {}}}};
 }
 
 TestEdge free_edge(const std::vector<OutlinePoint>& points) {
-  TestEdge edge{nose_of(edge_profile_from_points(points)), {}};
+  TestEdge edge{profile_nose(edge_profile_from_points(points)), {}};
   std::vector<Vector2d> corners;
   Vector2d last = points.back().at;
   for (const OutlinePoint& point : points) {
@@ -274,7 +274,7 @@ TEST(InsertSurface, OfACircleOfArcsIsThatOfTheNose) {
       const double angle = turn + 0.25 * two_pi * (k + random.in(0, 0.5));
       points.push_back({r * Vector2d(std::cos(angle), std::sin(angle)), r});
     }
-    const TestEdge edge{nose_of(edge_profile_from_points(points)), {}};
+    const TestEdge edge{profile_nose(edge_profile_from_points(points)), {}};
     EXPECT_NEAR(edge.nose.radius, r, 1e-12);
     const TestCut cut = any_cut(edge, i % 2 == 0 ? 0.0 : 0.5, 4.0, random);
     const NoseMotion motion = motion_of(cut.path);

@@ -83,8 +83,9 @@ TEST(InsertMarks, AreAsHighAsTheyShould) {
     const FeedMark mark = highest_mark(one.insert, one.feed);
     std::vector<MeridianVertex> vertices = on_shaft(centre, centre + one.feed, angle, 501);
     vertices.push_back({centre + mark.u, shaft_radius, angle, 0, 1});
-    const Surface surface = turned_surface(design_of(vertices), nose_of(insert_profile(one.insert)),
-                                           motion_of(along_shaft(one.insert, one.feed)));
+    const Surface surface =
+        turned_surface(design_of(vertices), profile_nose(insert_profile(one.insert)),
+                       motion_of(along_shaft(one.insert, one.feed)));
     double worst = 0.0;
     for (std::size_t i = 0; i < vertices.size(); ++i) {
       const double u = vertices[i].x - centre;
@@ -114,8 +115,9 @@ TEST(InsertMarks, OfAWiperVanishAlongTheFeed) {
   const Insert insert = pointed(75, 15, 0.3);
   for (const double feed : {0.05, 0.2, 0.2999}) {
     const auto vertices = on_shaft(-feed, feed, 1.3, 777);
-    const Surface surface = turned_surface(design_of(vertices), nose_of(insert_profile(insert)),
-                                           motion_of(along_shaft(insert, feed)));
+    const Surface surface =
+        turned_surface(design_of(vertices), profile_nose(insert_profile(insert)),
+                       motion_of(along_shaft(insert, feed)));
     std::cout << "  feed " << feed << " mm on a flat of 0.3: " << surface.residual.minCoeff() * 1e6
               << " to " << surface.residual.maxCoeff() * 1e6 << " nm\n";
     EXPECT_LE(surface.residual.cwiseAbs().maxCoeff(), 1e-10);
@@ -125,7 +127,7 @@ TEST(InsertMarks, OfAWiperVanishAlongTheFeed) {
   const double angle = 0.7, centre = -0.5 * angle / two_pi;
   const Surface surface = turned_surface(
       design_of(std::vector<MeridianVertex>{{centre + mark.u, shaft_radius, angle, 0, 1}}),
-      nose_of(insert_profile(insert)), motion_of(along_shaft(insert, 0.5)));
+      profile_nose(insert_profile(insert)), motion_of(along_shaft(insert, 0.5)));
   EXPECT_NEAR(surface.residual[0], mark.height, 1e-9);
 }
 
@@ -135,7 +137,7 @@ TEST(InsertMarks, HaveTheSlopeOfTheEdge) {
   const auto vertices = on_shaft(-0.4, 0.4, angle, 41);
   auto beside = vertices;
   for (MeridianVertex& vertex : beside) vertex.x += d;
-  const Nose nose = nose_of(insert_profile(insert));
+  const Nose nose = profile_nose(insert_profile(insert));
   const NoseMotion motion = motion_of(along_shaft(insert, feed));
   const Design design = design_of(vertices);
   const Surface here = turned_surface(design, nose, motion);
@@ -154,7 +156,7 @@ TEST(InsertMarks, HaveTheSlopeOfTheEdge) {
 TEST(InsertMarks, AreWhatItsRivalsBeginWith) {
   const Insert insert = pointed(75, 15);
   const Design design = design_of(on_shaft(-0.2, 0.2, 1.0, 9));
-  const Nose nose = nose_of(insert_profile(insert));
+  const Nose nose = profile_nose(insert_profile(insert));
   const NoseMotion motion = motion_of(along_shaft(insert, 0.3));
   const Surface surface = turned_surface(design, nose, motion);
   const std::vector<CompetingPass> competing_passes = turned_competing_passes(design, nose, motion);
@@ -183,7 +185,7 @@ TEST(InsertStock, IsCutBackToTheEdge) {
   for (const Insert& insert : {pointed(75, 15), pointed(60, 30), pointed(45, 20, 0.5)}) {
     TurnedStock stock = bar(14.0, 0.01);
     const double r = 12.0 + insert.radius, from = 3.0, to = 2.6;
-    remove(stock, nose_of(insert_profile(insert)), slow_pose_at(from, r), slow_pose_at(to, r));
+    remove(stock, profile_nose(insert_profile(insert)), slow_pose_at(from, r), slow_pose_at(to, r));
     double worst = 0.0;
     for (Eigen::Index i = 0; i < stock.radius.size(); ++i) {
       const double x = stock.first + stock.spacing * double(i);
@@ -201,7 +203,7 @@ TEST(InsertStock, IsCutBackToTheEdge) {
 
 /// mm, how far an insert that turns by 0.02 rad on its way comes below the stock that it leaves.
 double below_tilted(double spacing) {
-  const Nose nose = nose_of(insert_profile(pointed(60, 30)));
+  const Nose nose = profile_nose(insert_profile(pointed(60, 30)));
   TurnedStock stock = bar(14.0, spacing);
   const Vector3d from(1.0, 0, 12.4), to(0.7, 0, 12.35);
   const auto pose = [&](double t) {
@@ -235,7 +237,7 @@ TEST(InsertStock, FollowsATiltedInsert) {
 
 TEST(InsertStock, ChipIsThatOfTheFeedAndTheAngle) {
   const Insert insert = pointed(60, 10);
-  const Nose nose = nose_of(insert_profile(insert));
+  const Nose nose = profile_nose(insert_profile(insert));
   const double depth = 1.5, feed = 0.2, r = 12.5 + insert.radius;
   TurnedStock stock = bar(12.5 + depth, 0.005);
   for (int turn = 0; turn < 40; ++turn)
@@ -267,11 +269,11 @@ TEST(InsertStock, ChipIsThatOfTheFeedAndTheAngle) {
     const Vector2d outward = edge_point(*nose.profile, edge.psi).outward;
     normal -= 800 * edge.chip * edge.length * Vector3d(outward.x(), 0, outward.y());
   }
-  EXPECT_NEAR(load.on_tool_t[1], -2000 * area, 1e-9);
-  EXPECT_NEAR(load.on_tool_t[0], normal.x(), 1e-9);
-  EXPECT_NEAR(load.on_tool_t[2], normal.z(), 1e-9);
+  EXPECT_NEAR(load.tool_wrench_t[1], -2000 * area, 1e-9);
+  EXPECT_NEAR(load.tool_wrench_t[0], normal.x(), 1e-9);
+  EXPECT_NEAR(load.tool_wrench_t[2], normal.z(), 1e-9);
   // nearly all of it on the straight edge
-  EXPECT_NEAR(load.on_tool_t[0] / load.on_tool_t[2], std::tan(insert.major), 0.3);
+  EXPECT_NEAR(load.tool_wrench_t[0] / load.tool_wrench_t[2], std::tan(insert.major), 0.3);
 }
 
 // ---- the edge itself
@@ -286,7 +288,7 @@ TEST(InsertEdge, EntersWhereItsDistanceSays) {
                                                 .minor = random.in(1, 50) * units::deg,
                                                 .major_length = 8,
                                                 .minor_length = random.in(7, 9)});
-    const NoseEdge edge(nose_of(profile));
+    const NoseEdge edge(profile_nose(profile));
     const Vector2d point(random.in(-9, 9), random.in(-3, 12));
     const double way = random.in(0, two_pi);
     const Vector2d step(std::cos(way), std::sin(way));
@@ -302,7 +304,7 @@ TEST(InsertEdge, EntersWhereItsDistanceSays) {
       continue;
     }
     for (const double s : {inside->begin, inside->end})
-      worst = std::max(worst, std::abs(distance(profile.pieces, point + s * step).value));
+      worst = std::max(worst, std::abs(distance(profile.segments, point + s * step).value));
     EXPECT_TRUE(edge.contains(point + 0.5 * (inside->begin + inside->end) * step));
     EXPECT_LE(std::abs(edge.reach(step) - step.dot(extreme_point(profile, step))), 0.0);
   }
@@ -357,7 +359,7 @@ TEST(InsertEdge, ThatCannotBeIsRefused) {
     edge_profile_from_points(star);
   });
   expect_refused("waves", [] {
-    Nose nose = nose_of(insert_profile(pointed(75, 15)));
+    Nose nose = profile_nose(insert_profile(pointed(75, 15)));
     nose.waves.push_back({3, 1e-5, 0});
     NoseEdge edge(nose);
   });

@@ -230,9 +230,9 @@ std::vector<Known> in_solid_bodies() {
 
 double took_ms = 0.0;
 
-WayOut timed(const Body& a, const Pose& T_a, const Body& b, const Pose& T_b) {
+Penetration timed(const Body& a, const Pose& T_a, const Body& b, const Pose& T_b) {
   const auto start = std::chrono::steady_clock::now();
-  const WayOut out = way_out(a, T_a, b, T_b, resolution);
+  const Penetration out = penetration(a, T_a, b, T_b, resolution);
   took_ms =
       std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - start).count();
   return out;
@@ -247,9 +247,9 @@ void expect_known(const Known& known, std::mt19937& random) {
     double worst = 0.0, longest = 0.0;
     for (int n = 0; n < 3; ++n) {
       const Pose T_a = n == 0 ? Pose::Identity() : held_parts::any_pose(random);
-      const WayOut out = timed(a, T_a, b, T_a * known.T_ab);
+      const Penetration out = timed(a, T_a, b, T_a * known.T_ab);
       longest = std::max(longest, took_ms);
-      const WayOut back = timed(b, T_a * known.T_ab, a, T_a);
+      const Penetration back = timed(b, T_a * known.T_ab, a, T_a);
       longest = std::max(longest, took_ms);
       for (const double depth : {out.depth, back.depth}) {
         worst = std::max(worst, std::abs(depth - expected));
@@ -269,19 +269,19 @@ void expect_all(const std::vector<Known>& all, unsigned seed) {
   for (const Known& known : all) expect_known(known, random);
 }
 
-TEST(WayOut, OfAPocketIsTheShortest) { expect_all(in_a_pocket(), 301); }
-TEST(WayOut, OfAGrooveLeavesEveryWall) { expect_all(in_grooves(), 302); }
-TEST(WayOut, OfRoundBodiesIsAcrossThem) { expect_all(on_round_bodies(), 303); }
-TEST(WayOut, OfSolidBodiesIsTheShortest) { expect_all(in_solid_bodies(), 304); }
+TEST(Penetration, OfAPocketIsTheShortest) { expect_all(in_a_pocket(), 301); }
+TEST(Penetration, OfAGrooveLeavesEveryWall) { expect_all(in_grooves(), 302); }
+TEST(Penetration, OfRoundBodiesIsAcrossThem) { expect_all(on_round_bodies(), 303); }
+TEST(Penetration, OfSolidBodiesIsTheShortest) { expect_all(in_solid_bodies(), 304); }
 
-TEST(WayOut, OfACutterInPiecesIsThatOfItsSurface) {
+TEST(Penetration, OfACutterInPiecesIsThatOfItsSurface) {
   constexpr unsigned seed = 306;
   std::mt19937 random(seed);
   std::cout << "seed " << seed << "\n";
   Cutter ball{5.0, 5.0, 20.0}, bull{5.0, 1.0, 20.0};
   for (const Cutter& cutter : {ball, bull})
     for (const int times : {0, 3}) {
-      const Body a = make_body(refined(pocket(), times)), b = make_body(cutter_pieces(cutter, sag));
+      const Body a = make_body(refined(pocket(), times)), b = make_body(cutter_meshes(cutter, sag));
       const double d = 0.3;
       const Pose T_a = held_parts::any_pose(random);
       for (const auto& [tip, depth] :
@@ -292,7 +292,7 @@ TEST(WayOut, OfACutterInPiecesIsThatOfItsSurface) {
     }
 }
 
-TEST(WayOut, OfAPartWithSeamsLeavesIt) {
+TEST(Penetration, OfAPartWithSeamsLeavesIt) {
   // every triangle has vertices of its own, equal but for rounding
   std::mt19937 random(307);
   std::uniform_real_distribution<double> any(-1, 1);
@@ -311,12 +311,12 @@ TEST(WayOut, OfAPartWithSeamsLeavesIt) {
   const Pose I = Pose::Identity();
   EXPECT_TRUE(is_inside(a, I, b, at({14, 2, 5})));
   EXPECT_FALSE(is_inside(a, I, b, at({14, 2, 15})));
-  EXPECT_NEAR(way_out(a, I, b, at({14, 2, 5})).depth, 8.0, 4e-3);
-  EXPECT_EQ(way_out(a, I, b, at({14, 2, 15})).depth, 0.0);
-  EXPECT_THROW(way_out(a, I, b, I, 0.0), std::invalid_argument);
+  EXPECT_NEAR(penetration(a, I, b, at({14, 2, 5})).depth, 8.0, 4e-3);
+  EXPECT_EQ(penetration(a, I, b, at({14, 2, 15})).depth, 0.0);
+  EXPECT_THROW(penetration(a, I, b, I, 0.0), std::invalid_argument);
 }
 
-TEST(WayOut, OfAStockIsTheShortest) {
+TEST(Penetration, OfAStockIsTheShortest) {
   constexpr unsigned seed = 308;
   std::mt19937 random(seed);
   const Pose T_wk = held_parts::any_pose(random);
@@ -397,7 +397,7 @@ double tried_depth(const Body& a, const Body& b, const Pose& T_ab, std::mt19937&
   return best;
 }
 
-TEST(WayOut, IsThatOfManyDirectionsTried) {
+TEST(Penetration, IsThatOfManyDirectionsTried) {
   constexpr unsigned seed = 305;
   std::mt19937 random(seed);
   std::uniform_real_distribution<double> any(-1, 1);
@@ -409,7 +409,7 @@ TEST(WayOut, IsThatOfManyDirectionsTried) {
     const Pose T_a = held_parts::any_pose(random);
     const Pose T_ab = at(6.0 * Vector3d(any(random), any(random), any(random)),
                          3.0 * Vector3d(any(random), any(random), any(random)));
-    const WayOut out = timed(a, T_a, b, T_a * T_ab);
+    const Penetration out = timed(a, T_a, b, T_a * T_ab);
     if (out.depth == 0.0) continue;
     ++count;
     took += took_ms;

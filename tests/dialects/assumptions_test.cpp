@@ -26,7 +26,7 @@ ReadOptions options_of(Dialect dialect, const machines::Chain& chain = machines:
   return options;
 }
 
-ReadProgram program_of(const std::string& text, const ReadOptions& options) {
+ParsedProgram program_of(const std::string& text, const ReadOptions& options) {
   return read_program(text, "part.nc", options);
 }
 
@@ -40,7 +40,7 @@ std::string refusal(const std::string& text, const ReadOptions& options) {
 }
 
 /// The assumptions with that key, one a line.
-std::string said(const ReadProgram& read, const std::string& key) {
+std::string said(const ParsedProgram& read, const std::string& key) {
   std::string text;
   for (const Assumption& assumption : read.path.assumptions)
     if (assumption.key == key) text += to_text(assumption) + "\n";
@@ -68,9 +68,9 @@ TEST(Assumptions, BlocksBehindASlashAreLeftOutOrExecutedAndSaidOnce) {
   for (const Written& written : marked_programs()) {
     SCOPED_TRACE(name_of(written.dialect));
     ReadOptions options = options_of(written.dialect);
-    const ReadProgram on = program_of(written.text, options);
+    const ParsedProgram on = program_of(written.text, options);
     options.control.block_skip.reset();
-    const ReadProgram off = program_of(written.text, options);
+    const ParsedProgram off = program_of(written.text, options);
     EXPECT_EQ(off.blocks, on.blocks + 2) << "blocks left out are not executed";
     EXPECT_EQ(off.path.motion_blocks, on.path.motion_blocks + 2);
     const int first = written.dialect == Dialect::Fanuc ? 4 : 3;
@@ -130,7 +130,7 @@ std::vector<Written> compensated_programs() {
            "C X+25 Y+0 DR+\nL Y+25\nL X+25 Y+60 R0\nEND PGM 1 MM\n"}};
 }
 
-double radius_of_circle(const ReadProgram& read) {
+double radius_of_circle(const ParsedProgram& read) {
   double radius = 0.0;
   for (const program::Arc& arc : read.path.arcs)
     if (std::abs(arc.sweep) > 6.0) radius = arc.radius;
@@ -140,7 +140,7 @@ double radius_of_circle(const ReadProgram& read) {
 TEST(Assumptions, TheOnlyToolIsTheToolWhereNoneIsCalled) {
   for (const Written& written : compensated_programs()) {
     SCOPED_TRACE(name_of(written.dialect));
-    const ReadProgram read = program_of(written.text, options_of(written.dialect));
+    const ParsedProgram read = program_of(written.text, options_of(written.dialect));
     EXPECT_NEAR(radius_of_circle(read), 33.0, 1e-9) << "25 and the radius of the tool";
     const std::string lines = said(read, "program.startup_code");
     EXPECT_NE(lines.find("the only tool is taken to be meant"), std::string::npos) << lines;
@@ -154,7 +154,7 @@ TEST(Assumptions, WithSeveralToolsOneMustBeCalled) {
     ReadOptions options = options_of(written.dialect);
     options.control.tool_length = {{1, 100.0}, {2, 50.0}};
     options.control.tool_radius = {{1, 8.0}, {2, 5.0}};
-    options.control.control_of_h = {{1, machines::gantry()}, {2, machines::gantry()}};
+    options.control.control_by_h = {{1, machines::gantry()}, {2, machines::gantry()}};
     const std::string text = refusal(written.text, options);
     EXPECT_NE(text.find("part.nc:"), std::string::npos) << text;
     EXPECT_TRUE(text.find("called before") != std::string::npos ||
@@ -166,13 +166,13 @@ TEST(Assumptions, WithSeveralToolsOneMustBeCalled) {
 
 TEST(Assumptions, TheLengthOfTheOnlyToolCounts) {
   const auto z_of = [](Dialect dialect, const std::string& text) {
-    const ReadProgram read = program_of(text, options_of(dialect));
+    const ParsedProgram read = program_of(text, options_of(dialect));
     EXPECT_NE(said(read, "program.startup_code").find("the only tool"), std::string::npos);
     return read.path.blocks.back().end[3];
   };
   EXPECT_EQ(z_of(Dialect::LinuxCnc, "G21 G90 G43\nG0 Z5\n"), 105.0);
   EXPECT_EQ(z_of(Dialect::Fanuc, "O1\nG21 G90 G43\nG0 Z5.\n"), 105.0);
-  const ReadProgram zero = program_of("O1\nG21 G90 G43 H0\nG0 Z5.\n", options_of(Dialect::Fanuc));
+  const ParsedProgram zero = program_of("O1\nG21 G90 G43 H0\nG0 Z5.\n", options_of(Dialect::Fanuc));
   EXPECT_EQ(zero.path.blocks.back().end[3], 5.0) << "H0 is said";
   EXPECT_EQ(said(zero, "program.startup_code"), "");
 }
@@ -181,7 +181,7 @@ const std::string rollover_program =
     "O1\nG21 G90\nG0 C0.\nN1 G90 C-150.\nN2 G90 C540.\nN3 G90 C-620.\nN4 G91 C380.\nN5 G91 "
     "C-840.\nM30\n";
 
-std::vector<double> turns_of(const ReadProgram& read, int joint) {
+std::vector<double> turns_of(const ParsedProgram& read, int joint) {
   std::vector<double> turns;
   for (const program::Block& block : read.path.blocks)
     turns.push_back(std::round((block.end[joint] - block.start[joint]) / units::deg * 1e6) / 1e6);
@@ -202,13 +202,13 @@ TEST(Assumptions, ATableRollsOverAsTheMachineSays) {
   EXPECT_EQ(turns_of(turns(Rollover::None), 0), difference);
   EXPECT_EQ(turns_of(turns(Rollover::Sign), 0), sign);
   EXPECT_EQ(said(turns(Rollover::None), "machine.axis.C.rollover"), "") << "the machine says it";
-  const ReadProgram fanuc = turns(Rollover::ByControl);
+  const ParsedProgram fanuc = turns(Rollover::ByControl);
   EXPECT_EQ(turns_of(fanuc, 0), shortest);
   EXPECT_EQ(said(fanuc, "machine.axis.C.rollover"),
             "line 5: C rolls over and goes the short way, by -30 deg; a control without roll-over "
             "turns it by 690 (machine.axis.C.rollover)\n");
   ReadOptions linuxcnc = options_of(Dialect::LinuxCnc, machines::trunnion());
-  const ReadProgram by_difference = program_of("G21 G90\nG0 C-150\nC540\nC-620\nM2\n", linuxcnc);
+  const ParsedProgram by_difference = program_of("G21 G90\nG0 C-150\nC540\nC-620\nM2\n", linuxcnc);
   EXPECT_EQ(turns_of(by_difference, 0), (std::vector<double>{-150, 690, -1160}));
   EXPECT_EQ(said(by_difference, "machine.axis.C.rollover"),
             "line 3: C turns by the difference of its positions, by 690 deg; a control with "
@@ -267,7 +267,7 @@ TEST(Assumptions, TheStartupCodeIsReadBeforeTheProgram) {
     SCOPED_TRACE(name_of(dialect));
     ReadOptions options = options_of(dialect);
     options.startup_code = dialect == Dialect::Siemens ? "G70 G90" : "G20 G90";
-    const ReadProgram read = program_of(text, options);
+    const ParsedProgram read = program_of(text, options);
     EXPECT_NEAR(read.path.blocks.back().end[1], 254.0, 1e-9);
     EXPECT_EQ(said(read, "program.startup_code"), "");
     options.startup_code = "G20 G777";
@@ -275,12 +275,12 @@ TEST(Assumptions, TheStartupCodeIsReadBeforeTheProgram) {
   }
   ReadOptions tnc = options_of(Dialect::Heidenhain);
   tnc.startup_code = "TOOL CALL 1 Z S1000 F500";
-  const ReadProgram called =
+  const ParsedProgram called =
       program_of("BEGIN PGM 1 MM\nL X+1 Y+0 Z+0 R0 F AUTO\nEND PGM 1 MM\n", tnc);
   EXPECT_EQ(said(called, "program.startup_code"), "");
   ReadOptions cl = options_of(Dialect::Cl);
   cl.startup_code = "LOADTL/1";
-  const ReadProgram points = program_of("UNITS/MM\nFEDRAT/100\nGOTO/1,2,3\nFINI\n", cl);
+  const ParsedProgram points = program_of("UNITS/MM\nFEDRAT/100\nGOTO/1,2,3\nFINI\n", cl);
   EXPECT_EQ(said(points, "program.startup_code"), "");
 }
 
@@ -306,13 +306,13 @@ TEST(Assumptions, MachineCoordinatesAndTheReferencePosition) {
   for (const auto& [dialect, text] : programs) {
     SCOPED_TRACE(name_of(dialect));
     ReadOptions options = options_of(dialect);
-    const ReadProgram axes = program_of(text, options);
+    const ParsedProgram axes = program_of(text, options);
     EXPECT_EQ(axes.path.blocks.back().end[3], -5.0);
     EXPECT_NE(said(axes, "machine.machine_zero").find("count from the zero of axis Z"),
               std::string::npos);
     options.control.machine_zero = machines::AxisVector::Zero(6);
     options.control.machine_zero[3] = 400.0;
-    const ReadProgram shifted = program_of(text, options);
+    const ParsedProgram shifted = program_of(text, options);
     EXPECT_EQ(shifted.path.blocks.back().end[3], 395.0);
     EXPECT_EQ(said(shifted, "machine.machine_zero"), "");
   }
@@ -326,7 +326,7 @@ TEST(Assumptions, MachineCoordinatesAndTheReferencePosition) {
               "");
     options.control.reference = machines::AxisVector::Zero(6);
     options.control.reference[3] = 290.0;
-    const ReadProgram stated =
+    const ParsedProgram stated =
         program_of(dialect == Dialect::Fanuc ? text : text.substr(3), options);
     EXPECT_EQ(stated.path.blocks.back().end[3], 290.0);
     EXPECT_EQ(said(stated, "machine.reference"), "");

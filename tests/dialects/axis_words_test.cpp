@@ -215,9 +215,9 @@ void try_refused(const Frame& frame, const std::string& word, Count& count) {
 
 void try_word(const Frame& frame, const WordTableEntry& use, const std::string& word,
               Count& count) {
-  const bool without_effect = use.use == Use::WithoutEffect;
+  const bool without_effect = use.use == WordTreatment::WithoutEffect;
   ++count.words;
-  if (use.use == Use::Refused) return try_refused(frame, word, count);
+  if (use.use == WordTreatment::Refused) return try_refused(frame, word, count);
   for (const std::string& behind : words_behind(frame)) {
     if (!without_effect)
       try_read(frame, word, behind, count);
@@ -240,7 +240,8 @@ Count try_table(const Frame& frame, std::span<const WordTableEntry> table) {
       const std::string word = written(one);
       if (word.empty())
         ++count.within;
-      else if (use.use == Use::Read && (use.beside_motion || one.size() == 1 || !has_modes))
+      else if (use.use == WordTreatment::Read &&
+               (use.beside_motion || one.size() == 1 || !has_modes))
         ++count.with_motion;
       else
         try_word(frame, use, word, count);

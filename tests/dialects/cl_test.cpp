@@ -31,7 +31,7 @@ ReadOptions cl_options(const Chain& chain = cl_machines::gantry()) {
   return options;
 }
 
-ReadProgram read_locations(const std::string& text, const ReadOptions& options = cl_options()) {
+ParsedProgram read_locations(const std::string& text, const ReadOptions& options = cl_options()) {
   return read_program(text, "part.cl", options);
 }
 
@@ -81,7 +81,7 @@ Vector3d turned(const Vector3d& v, const Vector3d& axis, double angle) {
 /// Tool in the workpiece at a share of a block, by the forward chain alone.
 Pose pose_at(const program::Path& path, const program::Block& block, double u, const Chain& chain) {
   const auto programmed = program::position(path, block, u);
-  const auto q = kinematics::slides_for_tip(
+  const auto q = kinematics::solve_slides(
       chain, programmed,
       {programmed[*chain.find('X')], programmed[*chain.find('Y')], programmed[*chain.find('Z')]});
   return chain.tool_in_workpiece(*q);
@@ -197,7 +197,7 @@ TEST(CutterLocations, ArcsInAnyPlaneAreTheTurnedStart) {
 }
 
 TEST(CutterLocations, ATableAndStatementsAreTheSameBits) {
-  const ReadProgram statements = read_locations(
+  const ParsedProgram statements = read_locations(
       "UNITS/MM\nRAPID\nGOTO/1,2,30\nFEDRAT/500\nGOTO/1,2,0,0,0.6,0.8\nGOTO/3.5,2,0\n");
   for (const std::string table :
        {"x,y,z,i,j,k,feed\n1,2,30,0,0,1,500\n1,2,0,0,.6,.8,500\n3.5,2,0,0,.6,.8,500\n",
@@ -205,7 +205,7 @@ TEST(CutterLocations, ATableAndStatementsAreTheSameBits) {
         "# made\r\nFEED;X_mm;Y_mm;Z_mm;i;j;k\r\n500;1;2;30;0;0;1\r\n;1;2;0;0;6e-1;0.8\r\n"
         ";3.5;2;0;0;0.6;0.8\r\n"}) {
     SCOPED_TRACE(table);
-    const ReadProgram read = read_locations(table);
+    const ParsedProgram read = read_locations(table);
     ASSERT_EQ(read.path.blocks.size(), statements.path.blocks.size());
     for (std::size_t i = 0; i < read.path.blocks.size(); ++i) {
       EXPECT_EQ(read.path.blocks[i].end, statements.path.blocks[i].end);
@@ -236,7 +236,7 @@ TEST(CutterLocations, WorkOffsetsShiftThePointsAndLeaveTheVectors) {
   ReadOptions options = cl_options();
   options.control.work_offset[0] = cl_machines::AxisVector::Zero(6);
   options.control.work_offset[0] << 90 * units::deg, 1, 2, 3, 0, 0;
-  const ReadProgram read = read_locations("UNITS/MM\nRAPID\nGOTO/10,20,30,0.6,0,0.8\n", options);
+  const ParsedProgram read = read_locations("UNITS/MM\nRAPID\nGOTO/10,20,30,0.6,0,0.8\n", options);
   const Pose T = pose_at(read.path, read.path.blocks[0], 1.0, cl_machines::gantry());
   EXPECT_LT((T.translation() - Vector3d(11, 22, 33)).norm(), 1e-12);
   EXPECT_LT((T.linear().col(2) - Vector3d(0.6, 0, 0.8)).norm(), 1e-12);
@@ -282,7 +282,7 @@ TEST(CutterLocations, WhatCannotBeDoneIsRefusedByName) {
 }
 
 TEST(CutterLocations, ALongArcWhoseSenseIsInDoubtIsWarnedOfWithBothReadings) {
-  const ReadProgram read =
+  const ParsedProgram read =
       read_locations("UNITS/MM\nFEDRAT/600\nGOTO/10,0,0\nCIRCLE/0,0,0,0,0,-1,10\nGOTO/0,10,0\n");
   ASSERT_EQ(read.warnings.size(), 1u);
   EXPECT_EQ(read.warnings[0],
@@ -293,7 +293,7 @@ TEST(CutterLocations, ALongArcWhoseSenseIsInDoubtIsWarnedOfWithBothReadings) {
 TEST(CutterLocations, UnknownWordsAreSkippedAndCountedOnDemand) {
   ReadOptions options = cl_options();
   options.on_unknown = UnknownWordPolicy::Warn;
-  const ReadProgram read = read_locations(
+  const ParsedProgram read = read_locations(
       "UNITS/MM\nFEDRAT/600,LOCK\nGOTO/1,2,3\nPOLISH/ON\nGOTO/2,2,3\nPOLISH/OFF\n", options);
   ASSERT_EQ(read.skipped.size(), 2u);
   EXPECT_EQ(read.skipped[0].word, "FEDRAT/LOCK");
@@ -334,7 +334,7 @@ TEST(CutterLocations, NoiseAndDamageAreReadOrRefusedWithAPlace) {
     else
       text = injured(seeds[std::size_t(i) % seeds.size()], fodder, 6, random);
     try {
-      const ReadProgram done = read_locations(text);
+      const ParsedProgram done = read_locations(text);
       for (const program::Block& block : done.path.blocks) {
         ASSERT_TRUE(block.start.allFinite() && block.end.allFinite()) << text;
         ASSERT_GE(block.end_s, block.start_s) << text;

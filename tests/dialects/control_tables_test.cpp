@@ -26,10 +26,10 @@ const std::string toa = corpus_table("tools_siemens.toa");
 const std::string tool_t = corpus_table("tools_heidenhain.t");
 
 ControlTable tools(const std::string& text, std::optional<double> unit = {}) {
-  return read_control_table(text, "tools", TableKind::Tools, unit);
+  return read_control_table(text, "tools", ControlTableKind::Tools, unit);
 }
 ControlTable offsets(const std::string& text, std::optional<double> unit = {}) {
-  return read_control_table(text, "offsets", TableKind::Offsets, unit);
+  return read_control_table(text, "offsets", ControlTableKind::Offsets, unit);
 }
 
 TEST(ControlTables, FourControlsSayTheSameOfTheirTools) {
@@ -105,7 +105,7 @@ TEST(ControlTables, OffsetsBeyondTheSixKeepTheirNumbers) {
   EXPECT_NE(heidenhain.notes[0].find("presets other than 1 to 9999 (1)"), std::string::npos);
 }
 
-void refuses(const std::string& text, TableKind kind, const std::string& message,
+void refuses(const std::string& text, ControlTableKind kind, const std::string& message,
              std::optional<double> unit = 1.0) {
   try {
     read_control_table(text, "f", kind, unit);
@@ -116,7 +116,7 @@ void refuses(const std::string& text, TableKind kind, const std::string& message
 }
 
 TEST(ControlTables, RefusalsNameThePlace) {
-  constexpr auto of_tools = TableKind::Tools, of_offsets = TableKind::Offsets;
+  constexpr auto of_tools = ControlTableKind::Tools, of_offsets = ControlTableKind::Offsets;
   refuses("T1 P1 Z80\n", of_tools, "f:1:7: expected a unit", {});
   refuses("T1 P1 X2 Z80\n", of_tools, "f:1:7: expected 0 for X");
   refuses("T1 Z1\nT1 Z2\n", of_tools, "f:2:1: expected a tool that the table does not have");
@@ -179,7 +179,7 @@ TEST(ControlTables, DamagedFilesAreReadOrRefusedWithAPlace) {
     const std::string text = damaged_table(random, *whole[k]);
     const bool says_unit = k == 1 || k == 3 || k == 5 || k == 7;
     try {
-      read_control_table(text, "f", k < 4 ? TableKind::Tools : TableKind::Offsets,
+      read_control_table(text, "f", k < 4 ? ControlTableKind::Tools : ControlTableKind::Offsets,
                          says_unit ? std::nullopt : std::optional(1.0));
       ++read;
     } catch (const BadProgram& bad) {
@@ -205,11 +205,12 @@ TEST(ControlTables, LargeFilesTakeBoundedTime) {
   EXPECT_EQ(tools(many, 1.0).tools.size(), 100'000u);
   std::string bad = "T1 Z1\n";
   for (int i = 0; i < 300'000; ++i) bad += "T1 Z1\n";
-  refuses(bad, TableKind::Tools, "f:2:1");
-  refuses("BEGIN TOOL.T MM\n" + std::string(2'000'000, 'x') + "\n", TableKind::Tools, "f:2:1");
+  refuses(bad, ControlTableKind::Tools, "f:2:1");
+  refuses("BEGIN TOOL.T MM\n" + std::string(2'000'000, 'x') + "\n", ControlTableKind::Tools,
+          "f:2:1");
   std::string columns = "BEGIN TOOL.T MM\n";
   for (int i = 0; i < 200'000; ++i) columns += "C" + std::to_string(i) + " ";
-  refuses(columns, TableKind::Tools, "at most 256 columns");
+  refuses(columns, ControlTableKind::Tools, "at most 256 columns");
 }
 
 }  // namespace

@@ -27,7 +27,7 @@ ReadOptions fanuc_options() {
   return options;
 }
 
-ReadProgram fanuc_read(const std::string& text, const ReadOptions& with = fanuc_options()) {
+ParsedProgram fanuc_read(const std::string& text, const ReadOptions& with = fanuc_options()) {
   return read_program(text, "part.nc", with);
 }
 
@@ -46,7 +46,7 @@ kinematics::AxisVector end_of_program(const std::string& text) {
 }
 
 TEST(Fanuc, NumbersWithoutADecimalPointCountInTheLeastIncrement) {
-  const ReadProgram metric = fanuc_read("G1 X100 Y-2.5 Z0 F300\nX200\n");
+  const ParsedProgram metric = fanuc_read("G1 X100 Y-2.5 Z0 F300\nX200\n");
   EXPECT_DOUBLE_EQ(metric.path.blocks[0].end[x], 0.1);
   EXPECT_EQ(metric.path.blocks[0].end[y], -2.5);
   EXPECT_DOUBLE_EQ(metric.path.blocks[1].end[x], 0.2);
@@ -54,7 +54,7 @@ TEST(Fanuc, NumbersWithoutADecimalPointCountInTheLeastIncrement) {
   EXPECT_NE(metric.warnings[0].find("part.nc:1: X100 has no decimal point and is 0.1:"),
             std::string::npos)
       << metric.warnings[0];
-  const ReadProgram inch = fanuc_read("G20 G1 X100 F10.\nC90000\n");
+  const ParsedProgram inch = fanuc_read("G20 G1 X100 F10.\nC90000\n");
   EXPECT_DOUBLE_EQ(inch.path.blocks[0].end[x], 100 * 0.0001 * 25.4);
   EXPECT_DOUBLE_EQ(inch.path.blocks[1].end[0], 90 * units::deg) << "angles have no inches";
   EXPECT_TRUE(fanuc_read("G1 X1. Y0 F300\n").warnings.empty()) << "zero is zero";
@@ -135,7 +135,7 @@ TEST(Fanuc, AllFaultsAreReportedTogether) {
             "part.nc:5:2: expected a variable of #0 to #99999, seen #[-1]");
   ReadOptions with = fanuc_options();
   with.on_unknown = UnknownWordPolicy::Warn;
-  const ReadProgram read = fanuc_read("G1 X1. F100.\nG187 P1\nM77\nG187\n", with);
+  const ParsedProgram read = fanuc_read("G1 X1. F100.\nG187 P1\nM77\nG187\n", with);
   ASSERT_EQ(read.skipped.size(), 3u);  // G187 P1 M77
   EXPECT_EQ(read.skipped[0].count, 2u);
   EXPECT_NE(fanuc_refusal("G187 X1.\n", with).find("no axis words beside a code that is skipped"),
@@ -402,7 +402,7 @@ TEST(Fanuc, AttacksEndInAPathOrInARefusalWithItsPlace) {
       }
     }
     try {
-      const ReadProgram result = read_program(text, "part.nc", with);
+      const ParsedProgram result = read_program(text, "part.nc", with);
       for (const program::Block& block : result.path.blocks) ASSERT_TRUE(block.end.allFinite());
       ++read;
     } catch (const BadProgram& bad) {

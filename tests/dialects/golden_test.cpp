@@ -66,7 +66,7 @@ TEST(DialectGolden, ProgramsMeanWhatTheirListingsSay) {
     std::string seen;
     try {
       const std::string text = machines::file_text((folder / "program.nc").string());
-      const ReadProgram read = read_program(text, "program.nc", options);
+      const ParsedProgram read = read_program(text, "program.nc", options);
       seen = machines::listing(read.path, options.control);
       for (const std::string& warning : read.warnings) seen += "warning: " + warning + "\n";
     } catch (const BadInput& fault) {

@@ -34,7 +34,7 @@ ReadOptions klartext_options(const Chain& chain = klartext_machines::gantry()) {
   return options;
 }
 
-ReadProgram klartext(const std::string& text, const ReadOptions& with = klartext_options()) {
+ParsedProgram klartext(const std::string& text, const ReadOptions& with = klartext_options()) {
   return read_program(text, "part.h", with);
 }
 
@@ -69,7 +69,7 @@ kinematics::Pose pose_at(const Chain& chain, const program::Block& block) {
   AxisVector q = block.end;
   if (block.coordinates == program::Coordinates::Tip) {
     const auto at = [&](char letter) { return block.end[*chain.find(letter)]; };
-    q = *kinematics::slides_for_tip(chain, block.end, {at('X'), at('Y'), at('Z')});
+    q = *kinematics::solve_slides(chain, block.end, {at('X'), at('Y'), at('Z')});
   }
   return chain.tool_in_workpiece(q);
 }
@@ -362,7 +362,7 @@ TEST(Heidenhain, WordsThatAreRefusedSayWhatToDo) {
       ++m_words;
       const std::string seen = klartext_refusal("7 " + text + (fn ? ": " : "") + "\n");
       SCOPED_TRACE(text + ": " + seen);
-      if (line.use == Use::Refused) {
+      if (line.use == WordTreatment::Refused) {
         EXPECT_NE(seen.find("part.h:1:"), std::string::npos);
         EXPECT_NE(seen.find(line.sentence), std::string::npos);
       } else {

@@ -346,13 +346,13 @@ TEST(ProgramEncoding, WhatMovesATapeIsWhiteSpace) {
        "0 BEGIN PGM A MM\n1 TOOL CALL 1 Z S100 F100\n2 L X+10 R0 F100\n3 END PGM A MM\n"},
       {Dialect::Cl, "UNITS/MM\nFEDRAT/100,MMPM\nGOTO/1,2,3\nGOTO/2,2,3\nFINI\n"}};
   for (const auto& [dialect, text] : programs) {
-    const ReadProgram wanted = read_program(text, "part", limits_options(dialect));
+    const ParsedProgram wanted = read_program(text, "part", limits_options(dialect));
     for (const std::string end : {"\r\n", "\n\r\r", "\r\r\n"}) {
       std::string tape(40, '\0');
       for (const char c : text) tape += c == '\n' ? end : std::string(1, c);
       tape += "\r\r";
       tape.append(40, '\0');
-      const ReadProgram read = read_program(tape, "part", limits_options(dialect));
+      const ParsedProgram read = read_program(tape, "part", limits_options(dialect));
       ASSERT_EQ(read.path.blocks.size(), wanted.path.blocks.size()) << name_of(dialect);
       for (std::size_t i = 0; i < read.path.blocks.size(); ++i)
         EXPECT_EQ(read.path.blocks[i].line, wanted.path.blocks[i].line);

@@ -45,7 +45,7 @@ ReadOptions six_axes() {
   return options;
 }
 
-ReadProgram by_linuxcnc(const std::string& text, ReadOptions options) {
+ParsedProgram by_linuxcnc(const std::string& text, ReadOptions options) {
   options.interpreter = Interpreter::LinuxCnc;
   return read_program(text, "part.ngc", options);
 }
@@ -154,7 +154,7 @@ TEST(LinuxCncByItself, GoldenProgramsMeanTheSame) {
         machines::file_text((entry.path() / (ngc ? "program.ngc" : "program.nc")).string());
     if (text.find("M2") == std::string::npos && text.find("M30") == std::string::npos)
       text += "\nM2\n";  // the control wants an end
-    ReadProgram theirs;
+    ParsedProgram theirs;
     try {
       theirs = by_linuxcnc(text, options);
     } catch (const BadInput& fault) {
@@ -182,7 +182,7 @@ struct Tally {
 
 void compare(const std::string& text, unsigned seed, Tally& tally) {
   std::string no, theirs_no;
-  ReadProgram ours, theirs;
+  ParsedProgram ours, theirs;
   try {
     ours = read_program(text, "part.ngc", six_axes());
   } catch (const BadInput& fault) {
@@ -345,8 +345,9 @@ TEST(LinuxCncByItself, SubprogramsInFilesOfTheirOwnKeepTheirLines) {
   const Path theirs = by_linuxcnc(text, options).path;
   EXPECT_EQ(difference_of(ours, theirs).text, "");
   ASSERT_EQ(theirs.blocks.size(), 6u);
-  ASSERT_EQ(theirs.more_files.size(), 2u);
-  EXPECT_EQ(theirs.more_files[theirs.blocks[1].file - 1u], (folder.path() / "edge.ngc").string());
+  ASSERT_EQ(theirs.subprogram_files.size(), 2u);
+  EXPECT_EQ(theirs.subprogram_files[theirs.blocks[1].file - 1u],
+            (folder.path() / "edge.ngc").string());
   EXPECT_EQ(theirs.blocks[1].line, 3);
   std::ofstream(folder.path() / "edge.ngc") << "o<edge> sub\n\nG1 Z-1 F100\nG12\no<edge> endsub\n";
   const std::string fault = error_text(text, options);

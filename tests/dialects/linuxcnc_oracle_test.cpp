@@ -105,14 +105,14 @@ TEST(LinuxCncOracle, SamplesGiveTheSameMoves) {
     std::string difference;
     bool by_name = false;
     try {
-      const ReadProgram ours = read_program_file(file, oracle_options());
+      const ParsedProgram ours = read_program_file(file, oracle_options());
       const Comparison result = compared(theirs, moves_of(ours.path), tolerance);
       difference = result.difference;
       if (difference.empty()) off = std::max(off, result.off);
     } catch (const BadInput& fault) {
       difference = "refused: " + first_line(fault.what());
       by_name = std::any_of(linuxcnc_words().begin(), linuxcnc_words().end(), [&](auto& word) {
-        return word.use == Use::Refused && fault.expected == word.sentence;
+        return word.use == WordTreatment::Refused && fault.expected == word.sentence;
       });
     }
     same += difference.empty();
@@ -164,7 +164,7 @@ TEST(LinuxCncOracle, CodesBesideWordsAreRefusedWhereLinuxCncRefusesThem) {
     each_word(use.word, [&](std::string_view word) {
       const bool code = word.size() > 1 && (word[0] == 'G' || word[0] == 'M') &&
                         std::isdigit(static_cast<unsigned char>(word[1])) != 0;
-      if (!code || use.use == Use::Refused || own.contains(std::string(word))) return;
+      if (!code || use.use == WordTreatment::Refused || own.contains(std::string(word))) return;
       for (const char* beside : {"", "P1", "Q1", "E1", "D1", "L2 P1", "K1", "R1", "X7 Y8 Z9",
                                  "P1 X7 Z-9 R1", "E1 Q1 X7", "P-1", "I1 J1"})
         compare(fmt::format("{} {}", word, beside));

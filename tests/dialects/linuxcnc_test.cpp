@@ -144,7 +144,7 @@ TEST(LinuxCnc, Parameter5599IsTheSwitchOfDebugComments) {
 TEST(LinuxCnc, UnknownWordsAreSkippedAndCountedOnDemand) {
   ReadOptions with = test_options();
   with.on_unknown = UnknownWordPolicy::Warn;
-  const ReadProgram read = read_program("G1 X1 F100\nG187 P1\nM123 P2 X2\nG187\n", "t", with);
+  const ParsedProgram read = read_program("G1 X1 F100\nG187 P1\nM123 P2 X2\nG187\n", "t", with);
   ASSERT_EQ(read.skipped.size(), 4u);  // G187 P1 M123 P2
   EXPECT_EQ(read.skipped[0].word, "G187");
   EXPECT_EQ(read.skipped[0].count, 2u);

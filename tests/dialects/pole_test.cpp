@@ -182,8 +182,8 @@ double min_lean(const Chain& chain, const program::Path& path, std::size_t block
 TEST(PoleOfPrograms, FanucLeadsG435ThroughThePoleAndSaysBy) {
   const Chain gantry = pole_machines::gantry();
   const Vector3d from = tool(gantry, rotary(20, 10)), to = tool(gantry, rotary(195, 8));
-  const ReadProgram read = read_program(fanuc_program(from, to), "part.nc",
-                                        pole_options(Dialect::Fanuc, by_fanuc(2, 10)));
+  const ParsedProgram read = read_program(fanuc_program(from, to), "part.nc",
+                                          pole_options(Dialect::Fanuc, by_fanuc(2, 10)));
   ASSERT_EQ(read.path.blocks.size(), 2u);
   const Block& line = read.path.blocks[1];
   EXPECT_EQ(line.coordinates, Coordinates::Tip);
@@ -219,8 +219,8 @@ double off_great_circle(const Chain& chain, const program::Path& path, std::size
 TEST(PoleOfPrograms, FanucTurnsOtherLinesInThePlaneOfTheirVectors) {
   const Chain gantry = pole_machines::gantry();
   const Vector3d from = tool(gantry, rotary(20, 10)), to = tool(gantry, rotary(110, 25));
-  const ReadProgram read = read_program(fanuc_program(from, to), "part.nc",
-                                        pole_options(Dialect::Fanuc, by_fanuc(2, 10)));
+  const ParsedProgram read = read_program(fanuc_program(from, to), "part.nc",
+                                          pole_options(Dialect::Fanuc, by_fanuc(2, 10)));
   EXPECT_TRUE(read.warnings.empty());
   EXPECT_GT(read.path.blocks.size(), 10u);
   const double off = off_great_circle(gantry, read.path, 1, from, to);

@@ -124,7 +124,7 @@ TEST(ProgramZero, OffsetsOfTheControlsTableAreWhereItSays) {
       SCOPED_TRACE(one.text);
       const Chain chain = elsewhere(home, Vector3d(7, -4, -30), Vector3d(1, 2, 3));
       program::NcOptions control = machines::options_for(chain);
-      control.more_offset[one.system] = offset_of(chain, zero_w);
+      control.extra_offsets[one.system] = offset_of(chain, zero_w);
       const auto tip_from_zero = [&] {
         const program::Path path = path_of(one.text, one.dialect, control);
         EXPECT_EQ(path.blocks.back().work_offset, one.system - 1);
@@ -132,7 +132,7 @@ TEST(ProgramZero, OffsetsOfTheControlsTableAreWhereItSays) {
       };
       EXPECT_LT((tip_from_zero() - Vector3d(1, 2, 3)).norm(), 1e-9);
       if (one.dialect != Dialect::Fanuc) continue;
-      control.more_offset[0] = offset_of(chain, external_w);
+      control.extra_offsets[0] = offset_of(chain, external_w);
       EXPECT_LT((tip_from_zero() - external_w - Vector3d(1, 2, 3)).norm(), 1e-9);
     }
 }
@@ -140,7 +140,7 @@ TEST(ProgramZero, OffsetsOfTheControlsTableAreWhereItSays) {
 TEST(ProgramZero, TheExternalOffsetOfFanucIsBelowTheOthers) {
   const Chain chain = elsewhere(machines::gantry(), Vector3d(7, -4, -30), Vector3d(1, 2, 3));
   program::NcOptions control = machines::options_for(chain);
-  control.more_offset[0] = offset_of(chain, Vector3d(0.5, -0.25, 0.125));
+  control.extra_offsets[0] = offset_of(chain, Vector3d(0.5, -0.25, 0.125));
   for (const bool stated : {false, true}) {
     if (stated) control.work_offset[1] = offset_of(chain, Vector3d(10, 20, 30));
     const Vector3d zero_w = stated ? Vector3d(10, 20, 30) : Vector3d::Zero();
@@ -163,7 +163,7 @@ TEST(ProgramZero, AnOffsetThatTheTableHasNotIsRefused) {
     return fmt::format("TOOL CALL 1 Z S100\nCYCL DEF 247 PRESET SELECT ~\n Q339=+{} ;PRESET\n",
                        number);
   };
-  control.more_offset[507] = control.more_offset[1007] = {};
+  control.extra_offsets[507] = control.extra_offsets[1007] = {};
   EXPECT_EQ(refusal("G508\n", Dialect::Siemens),
             "part.nc:1:1: expected G54 to G57, G505 or G506, or an offset that the control's table "
             "has (`offsets`): $P_UIFR[8], seen G508");
@@ -251,7 +251,7 @@ TEST(ProgramZero, OfAProgramWrittenAgainIsTheSame) {
       "G21 G90 G94 G54\nG43 H1\nG0 X1 Y2 Z3\nG1 X5 F600\nG2 X7 Y2 I1 J0\nG43.4 H1\nG1 X8 A10 C20\n",
       Dialect::LinuxCnc, control);
   const std::vector<std::vector<program::CorrectedPoint>> as_it_was(path.blocks.size());
-  const program::RewrittenProgram again = program::rewritten(path, as_it_was, control, {});
+  const program::RewrittenProgram again = program::rewrite_program(path, as_it_was, control, {});
   const program::Path read = path_of(again.text, Dialect::LinuxCnc, control);
   const auto ends = [&](const program::Path& one) {
     return program::axes_at(one, one.blocks.back(), chain, 1.0);

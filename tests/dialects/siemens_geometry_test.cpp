@@ -26,7 +26,7 @@ using siemens_test::siemens_refusal;
 kinematics::Pose pose_at_end(const program::Block& block, const machines::Chain& chain) {
   if (block.coordinates == program::Coordinates::Axis) return chain.tool_in_workpiece(block.end);
   const auto q =
-      kinematics::slides_for_tip(chain, block.end, {block.end[1], block.end[2], block.end[3]});
+      kinematics::solve_slides(chain, block.end, {block.end[1], block.end[2], block.end[3]});
   return chain.tool_in_workpiece(*q);
 }
 

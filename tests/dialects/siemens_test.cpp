@@ -136,13 +136,13 @@ TEST(Siemens, ToolsGoByNumberAndByName) {
       read_program("T1 M6\nT2\nG0 Z0\nM6\nG0 Z=AC(0) X1\n", "part.mpf", with).path;
   EXPECT_EQ(path.blocks[0].end[2], 100.0);
   EXPECT_EQ(path.blocks[1].end[2], 50.0);
-  with.control.control_of_h.emplace(2, machines::three_axis());
+  with.control.control_by_h.emplace(2, machines::three_axis());
   EXPECT_NE(siemens_refusal("T=\"OTHER\"\n", with).find("'MILL 8'"), std::string::npos);
 }
 
 TEST(Siemens, BeforeAToolIsCalledOnlyItsLengthIsMissing) {
   ReadOptions with = siemens_options();
-  with.control.control_of_h = {{1, machines::gantry()}, {2, siemens_test::low_gantry()}};
+  with.control.control_by_h = {{1, machines::gantry()}, {2, siemens_test::low_gantry()}};
   EXPECT_EQ(siemens_refusal("SUPA G0 Z100 D0\nT1 D1\nTRAORI\nG1 X1 F100\n", with), "accepted");
   EXPECT_NE(siemens_refusal("SUPA G0 Z100 D0\nG1 X1 F100\n", with).find("a tool (T)"),
             std::string::npos);
@@ -153,7 +153,7 @@ TEST(Siemens, BeforeAToolIsCalledOnlyItsLengthIsMissing) {
 TEST(Siemens, UnknownWordsAreSkippedAndCountedOnDemand) {
   ReadOptions with = siemens_options();
   with.on_unknown = UnknownWordPolicy::Warn;
-  const ReadProgram read = read_program(
+  const ParsedProgram read = read_program(
       "T1 D1\nG0 X1 M77\nG888 Q5\nCOOLIT(1,\"a)\",2)\nM77 SPECIAL=5 FIELD[2]=7\n", "t", with);
   ASSERT_EQ(read.skipped.size(), 6u);
   EXPECT_EQ(read.skipped[0].word, "M77");
@@ -232,8 +232,8 @@ TEST(Siemens, AddressesWithAnExtensionAreOfTheirSpindle) {
 }
 
 TEST(Siemens, AnotherSpindleIsSaidOnce) {
-  const ReadProgram read = read_program("G71 G90 T1 D1 S500 M3\nS2=1000\nM2=3\nM2=5\nG0 X1\nM30\n",
-                                        "part.mpf", siemens_options());
+  const ParsedProgram read = read_program(
+      "G71 G90 T1 D1 S500 M3\nS2=1000\nM2=3\nM2=5\nG0 X1\nM30\n", "part.mpf", siemens_options());
   int said = 0;
   for (const std::string& warning : read.warnings)
     said += warning.find("part.mpf:2: S2=1000 is of spindle 2 and has no effect") == 0;

@@ -310,7 +310,7 @@ TEST_F(ToolTable, RadiusWearIsWithinItsBound) {
   const Cut made = cut(job);
   ASSERT_EQ(made.wear.size(), 1u);
   EXPECT_NEAR(made.wear[0].radius, lost, 1e-12);
-  EXPECT_NEAR(made.wear[0].use.way, 50.0, 1e-9);
+  EXPECT_NEAR(made.wear[0].use.distance, 50.0, 1e-9);
   EXPECT_EQ(made.wear[0].within, wear_tolerance);
   double off = 0.0, error_free = 0.0;
   const cutting::Surface perfect = cut_error_free(job).surface;
@@ -341,7 +341,7 @@ TEST_F(ToolTable, PiecesOfAWornSweepFollowTheCutter) {
   EXPECT_NEAR(shares.back(), 1.0, 1e-12);
   EXPECT_TRUE(std::is_sorted(shares.begin(), shares.end()));
   const auto pieces = worn_segments(job.scene.tool, shares, job.samples, job.T_wt_nominal);
-  EXPECT_NEAR(double(pieces.size()), double(max_wear_pieces), 1.0);
+  EXPECT_NEAR(double(pieces.size()), double(max_wear_segments), 1.0);
   for (std::size_t k = 1; k < pieces.size(); ++k) {
     EXPECT_EQ(pieces[k].samples.states.front().time_s, pieces[k - 1].samples.states.back().time_s);
     const auto& cutter = std::get<cutting::Cutter>(pieces[k].tool);
@@ -361,9 +361,9 @@ TEST_F(ToolTable, WearGoesOnWhenAToolComesBack) {
       prepare(scene(tool(7, "ball", "wear = { way_mm = 90, length_um = 10 }\n") + tool(8, "ball"),
                     floor, "file = \"p.ngc\"\nwork_offset.G54 = { Z_mm = -100 }\n"));
   ASSERT_EQ(job.stretches.size(), 3u);
-  EXPECT_NEAR(job.stretches[0].cut_before.way, 0.0, 1e-12);
-  EXPECT_NEAR(job.stretches[1].cut_before.way, 0.0, 1e-12);
-  EXPECT_NEAR(job.stretches[2].cut_before.way, 45.0, 1e-9);
+  EXPECT_NEAR(job.stretches[0].previous_use.distance, 0.0, 1e-12);
+  EXPECT_NEAR(job.stretches[1].previous_use.distance, 0.0, 1e-12);
+  EXPECT_NEAR(job.stretches[2].previous_use.distance, 45.0, 1e-9);
   const std::vector<WornTool> worn = worn_tools(tool_runs(job));
   ASSERT_EQ(worn.size(), 1u);
   EXPECT_NEAR(worn[0].length, 0.01, 1e-12);

@@ -39,7 +39,7 @@ ReadOptions lathe_options(Dialect dialect, const machines::Chain& chain = lathe(
   return options;
 }
 
-ReadProgram read(Dialect dialect, const std::string& text) {
+ParsedProgram read(Dialect dialect, const std::string& text) {
   return read_program(text, "part.nc", lathe_options(dialect));
 }
 
@@ -75,13 +75,13 @@ std::string all_of(const std::vector<std::string>& texts) {
   return joined;
 }
 
-std::string assumptions_of(const ReadProgram& program) {
+std::string assumptions_of(const ParsedProgram& program) {
   std::string texts;
   for (const program::Assumption& one : program.path.assumptions) texts += to_text(one) + "\n";
   return texts;
 }
 
-void expect_assumption(const ReadProgram& program, const std::string& part) {
+void expect_assumption(const ParsedProgram& program, const std::string& part) {
   EXPECT_NE(assumptions_of(program).find(part), std::string::npos) << assumptions_of(program);
 }
 
@@ -100,7 +100,7 @@ double time_by_sum(const std::function<double(double)>& radius, double length, d
 }
 
 TEST(Turning, ATurningProgramOfFanucIsReadOnALathe) {
-  const ReadProgram program =
+  const ParsedProgram program =
       read(Dialect::Fanuc,
            "O10\nG18 G21 G40 G99\nG50 S2000\nT0101\nG96 S180 M03\nG00 X54. Z12.\nG01 Z2. F0.2\n"
            "X60.\nG00 X80. Z50.\nM30\n");
@@ -163,7 +163,7 @@ TEST(Turning, FacingUnderConstantSurfaceSpeedTakesTheTimeOfItsIntegral) {
       {Dialect::LinuxCnc, "G7 G18 G95\nG96 D3000 S200 M3\nG0 X60 Z0\nG1 X0 F0.2\nM2\n"}};
   for (const auto& [dialect, text] : programs) {
     SCOPED_TRACE(name_of(dialect));
-    const ReadProgram program = read(dialect, text);
+    const ParsedProgram program = read(dialect, text);
     EXPECT_NEAR(feed_time(program.path), expected, 1e-9);
     EXPECT_NEAR(turns_at_feed(program.path), 30.0 / f, 1e-9) << "as many as the feed asks for";
     EXPECT_EQ(assumptions_of(program).find("nothing limits"), std::string::npos);
@@ -222,11 +222,11 @@ TEST(Turning, SpindlesAreLimitedByTheMachineOrItIsSaid) {
   const std::string text = "O1\nG99 G96 S200 M3\nG0 X60. Z0\nG1 X0 F0.2\nM30\n";
   ReadOptions with = lathe_options(Dialect::Fanuc);
   with.control.max_spindle_rpm = 2500;
-  const ReadProgram limited = read_program(text, "part.nc", with);
+  const ParsedProgram limited = read_program(text, "part.nc", with);
   const double expected = time_by_sum([](double u) { return 30 * (1 - u); }, 30, 0.2, 200, 2500);
   EXPECT_NEAR(feed_time(limited.path), expected, 1e-8 * expected);
   with.control.max_spindle_rpm.reset();
-  const ReadProgram free = read_program(text, "part.nc", with);
+  const ParsedProgram free = read_program(text, "part.nc", with);
   EXPECT_LT(feed_time(free.path), expected);
   expect_assumption(free,
                     "line 4: nothing limits the spindle under G96, which comes as near to the "
@@ -432,18 +432,19 @@ TEST(Turning, SpeedsAreKeptOverTheOtherSpeedMode) {
 }
 
 TEST(Turning, WhatATurningControlBeginsWithIsSaid) {
-  const ReadProgram fanuc = read(Dialect::Fanuc, "O1\nM3 S500\nG1 X50. F0.1\nX52.\nM30\n");
+  const ParsedProgram fanuc = read(Dialect::Fanuc, "O1\nM3 S500\nG1 X50. F0.1\nX52.\nM30\n");
   expect_assumption(fanuc, "F per turn (G99)");
   expect_assumption(fanuc, "X and U words are diameters");
   expect_assumption(fanuc,
                     "line 3: no T before the first feed: the only tool is taken to be meant");
   EXPECT_EQ(assumptions_of(fanuc).find("G90"), std::string::npos) << "there is no G91";
-  const ReadProgram siemens = read(Dialect::Siemens, "T1 D1\nM3 S500\nG1 X50 F0.1\nX52\nM30\n");
+  const ParsedProgram siemens = read(Dialect::Siemens, "T1 D1\nM3 S500\nG1 X50 F0.1\nX52\nM30\n");
   expect_assumption(siemens, "line 3: X words are diameters (DIAMON)");
   expect_assumption(siemens, "F per turn (G95)");
   expect_assumption(read(Dialect::LinuxCnc, "G94 F100\nG1 X50\n"),
                     "line 2: X words are radii (G8)");
-  const ReadProgram said = read(Dialect::Siemens, "DIAMON G95\nT1 D1\nM3 S500\nG1 X50 F0.1\nM30\n");
+  const ParsedProgram said =
+      read(Dialect::Siemens, "DIAMON G95\nT1 D1\nM3 S500\nG1 X50 F0.1\nM30\n");
   EXPECT_EQ(assumptions_of(said).find("DIAMON"), std::string::npos);
   EXPECT_EQ(assumptions_of(said).find("G95"), std::string::npos);
   EXPECT_EQ(assumptions_of(read(Dialect::LinuxCnc, "G8 G94 F100\nG1 X50\n")).find("X words"),
@@ -490,7 +491,7 @@ TEST(Turning, AMachineWhoseXRunsAlongTheSpindleHasNoDiameters) {
   ReadOptions with;
   with.control = machines::options_for(machines::platform());
   with.dialect = Dialect::Fanuc;
-  const ReadProgram program = read_program("O1\nG98 G1 X5. Z3. F100.\nM30\n", "part.nc", with);
+  const ParsedProgram program = read_program("O1\nG98 G1 X5. Z3. F100.\nM30\n", "part.nc", with);
   EXPECT_DOUBLE_EQ(program.path.blocks[0].end[1], 5.0 - 1.0) << "its tip stands at 1 with X at 0";
   expect_assumption(program, "X and U words are radii");
 }

@@ -13,7 +13,7 @@ namespace {
 
 namespace machines = program::test;
 
-ReadProgram read_lines(const std::string& text, Dialect dialect) {
+ParsedProgram read_lines(const std::string& text, Dialect dialect) {
   ReadOptions options;
   options.control = machines::options_for(machines::gantry());
   options.dialect = dialect;
@@ -81,7 +81,7 @@ TEST(UnreadLines, NothingIsSaidOfWhatRunsOrIsNoText) {
 }
 
 TEST(UnreadLines, AFanucProgramBehindADoubledPercentIsRead) {
-  const ReadProgram read =
+  const ParsedProgram read =
       read_lines("%\n%\nO1000\nG21 G90\nG1 X10. F100.\nX20.\nM30\n%\n", Dialect::Fanuc);
   ASSERT_EQ(read.path.motion_blocks, 2u);
   EXPECT_EQ(read.path.blocks.back().end[1], 20.0);

@@ -137,7 +137,7 @@ TEST(WriteLocations, APathThatComesInPiecesIsWrittenAlike) {
   ReadOptions options;
   options.control = machines_of::options_for(machines_of::gantry());
   options.dialect = Dialect::Cl;
-  const ReadProgram whole = read_program(text, "part.cl", options);
+  const ParsedProgram whole = read_program(text, "part.cl", options);
   const auto chain = machines_of::gantry();
   program::LocationWriter writer(chain, {});
   program::PathMeter meter(chain, {100.0, 1.0}), at_once(chain, {100.0, 1.0});
@@ -150,7 +150,7 @@ TEST(WriteLocations, APathThatComesInPiecesIsWrittenAlike) {
   };
   std::vector<double> fractions;
   options.progress = [&](double fraction) { fractions.push_back(fraction); };
-  const ReadProgram read = read_program(text, "part.cl", options);
+  const ParsedProgram read = read_program(text, "part.cl", options);
   EXPECT_GE(fractions.size(), 8u);
   EXPECT_TRUE(std::is_sorted(fractions.begin(), fractions.end()));
   EXPECT_TRUE(fractions.front() >= 0.0 && fractions.back() > 0.9 && fractions.back() <= 1.0);

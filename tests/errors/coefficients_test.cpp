@@ -19,8 +19,10 @@ using Eigen::VectorXd;
 /// Every shape once.
 std::vector<Element> all_shapes() {
   const VectorXd q = numbers({-10, 0, 5, 20});
-  const Table line = make_table(q, numbers({1, -2, 3, 4}), Between::Linear, Outside::Hold);
-  const Table spline = make_table(q, numbers({1, -2, 3, 4}), Between::Spline, Outside::Hold);
+  const Table line =
+      make_table(q, numbers({1, -2, 3, 4}), TableInterpolation::Linear, TableExtrapolation::Hold);
+  const Table spline =
+      make_table(q, numbers({1, -2, 3, 4}), TableInterpolation::Spline, TableExtrapolation::Hold);
   return {{{'X', 'X', false},
            {{Legendre{numbers({0.1, 0.2, 0.3}), 5, 15}},
             {Fourier{numbers({1, 2}), numbers({3, 4}), 8.0}, "screw pitch"},

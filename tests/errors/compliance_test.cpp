@@ -44,9 +44,9 @@ Wrench force(double x, double y, double z) {
   return W;
 }
 
-Load cut(const Wrench& on_tool_t) {
+Load cut(const Wrench& tool_wrench_t) {
   Load load;
-  load.on_tool_t = on_tool_t;
+  load.tool_wrench_t = tool_wrench_t;
   return load;
 }
 

@@ -110,7 +110,8 @@ TEST(Curve, EveryRowOfAnUnevenTableIsFound) {
 // The natural spline through (0, 0), (1, 1), (2, 0) by hand: second derivative -3 in the middle,
 // s(x) = 3/2 x - 1/2 x^3 on the first piece, mirrored on the second.
 TEST(Curve, TheNaturalSplineOfThreeRowsIsTheOneWorkedOutByHand) {
-  const Table table = make_table(numbers({0, 1, 2}), numbers({0, 1, 0}), Between::Spline);
+  const Table table =
+      make_table(numbers({0, 1, 2}), numbers({0, 1, 0}), TableInterpolation::Spline);
   for (const double x : {0.0, 0.1, 0.5, 0.9, 1.0}) {
     const double closed = 1.5 * x - 0.5 * x * x * x;
     EXPECT_NEAR(value(table, x), closed, 1e-15);
@@ -126,7 +127,7 @@ TEST(Curve, ASplineBendsNotAtItsEndsIsSmoothAndFollowsASineWithTheFourthPower) {
       q[i] = 2 * std::numbers::pi * i / (rows - 1);
       y[i] = std::sin(q[i]);
     }
-    const Table table = make_table(q, y, Between::Spline);
+    const Table table = make_table(q, y, TableInterpolation::Spline);
     EXPECT_EQ(table.second[0], 0.0);
     EXPECT_EQ(table.second[rows - 1], 0.0);
     for (int i = 1; i + 1 < rows; ++i)
@@ -143,7 +144,7 @@ TEST(Curve, ASplineBendsNotAtItsEndsIsSmoothAndFollowsASineWithTheFourthPower) {
 }
 
 TEST(Curve, ASplineThroughTwoRowsIsALine) {
-  const Table table = make_table(numbers({0, 4}), numbers({1, 3}), Between::Spline);
+  const Table table = make_table(numbers({0, 4}), numbers({1, 3}), TableInterpolation::Spline);
   EXPECT_EQ(value(table, 2), 2.0);
   EXPECT_EQ(slope(table, 2), 0.5);
 }
@@ -163,9 +164,10 @@ TEST(Curve, ATableIsNotContinuedUnlessItSaysSo) {
   } catch (const std::out_of_range& fault) {
     EXPECT_STREQ(fault.what(), "position 12.5 is outside the table, -10 .. 10");
   }
-  for (const Between between : {Between::Linear, Between::Spline}) {
+  for (const TableInterpolation between :
+       {TableInterpolation::Linear, TableInterpolation::Spline}) {
     const Table held =
-        make_table(numbers({-10, 0, 10}), numbers({1, 5, 2}), between, Outside::Hold);
+        make_table(numbers({-10, 0, 10}), numbers({1, 5, 2}), between, TableExtrapolation::Hold);
     EXPECT_EQ(value(held, -10.5), 1.0);
     EXPECT_EQ(value(held, 1e300), 2.0);
     EXPECT_EQ(slope(held, 10.5), 0.0);
@@ -197,7 +199,7 @@ TEST(Curve, AShapeThatBreaksItsFieldsIsRefused) {
   const double nan = std::numeric_limits<double>::quiet_NaN();
   const Table good = make_table(numbers({0, 1}), numbers({0, 1}));
   Table spline_by_hand = good;
-  spline_by_hand.between = Between::Spline;
+  spline_by_hand.between = TableInterpolation::Spline;
   const Shape bad[] = {Constant{nan},
                        Polynomial{numbers({nan}), 0, 1},
                        Polynomial{numbers({1}), nan, 1},
@@ -280,7 +282,7 @@ TEST(Curve, TheSlopeIsTheDifferenceQuotient) {
   for (double& x : a) x = 10.0_um * unit(random);
   for (double& x : b) x = 10.0_um * unit(random);
   const Table linear = make_table(q, y);
-  const Table spline = make_table(q, y, Between::Spline);
+  const Table spline = make_table(q, y, TableInterpolation::Spline);
   const Shape shapes[] = {Constant{1},
                           Polynomial{c, 3, 200},
                           Legendre{c, 3, 200},
@@ -329,7 +331,7 @@ TEST(Detrend, LeastSquaresTakesOutTheFittedLine) {
 
 TEST(Detrend, TableAndLineTogetherAreTheTableBefore) {
   const Table table =
-      make_table(numbers({-7, 1, 2, 9, 30}), numbers({1, -1, 2, 4, 3}), Between::Spline);
+      make_table(numbers({-7, 1, 2, 9, 30}), numbers({1, -1, 2, 4, 3}), TableInterpolation::Spline);
   for (const Detrend how : {Detrend::Ends, Detrend::LeastSquares}) {
     const DetrendedTable d = detrend(table, how);
     for (double q = -7; q <= 30; q += 0.37) {
@@ -492,19 +494,21 @@ TEST(Asynchronous, SlopeAndBendAreThoseOfTheValue) {
     bent = std::max(bent, std::abs(up - 2 * here + down) / (h * h));
   }
   std::cout << "asynchronous: slope off central differences by " << steepest
-            << " mm/rad; bends by at most " << bent << ", bound " << max_bend(Curve{shape}) << "\n";
+            << " mm/rad; bends by at most " << bent << ", bound "
+            << second_derivative_bound(Curve{shape}) << "\n";
   EXPECT_LT(steepest, 1e-7);
-  EXPECT_LE(bent, max_bend(Curve{shape}));
-  EXPECT_GT(bent, 0.3 * max_bend(Curve{shape}));
+  EXPECT_LE(bent, second_derivative_bound(Curve{shape}));
+  EXPECT_GT(bent, 0.3 * second_derivative_bound(Curve{shape}));
 }
 
 TEST(Curve, MostBendHoldsWhatLinesBetweenSamplesMiss) {
   const Fourier two{numbers({1.0_um, 0.0}), numbers({0.0, 2.0_um}), full_turn};
-  EXPECT_NEAR(max_bend(Curve{two}), 9.0_um, 1e-15);
-  EXPECT_NEAR(max_bend(Curve{two, "", Argument::Command, true, -2.0}), 18.0_um, 1e-15);
-  EXPECT_EQ(max_bend(Curve{Polynomial{numbers({0, 0, 5}), 0, 1}}), 0.0);
+  EXPECT_NEAR(second_derivative_bound(Curve{two}), 9.0_um, 1e-15);
+  EXPECT_NEAR(second_derivative_bound(Curve{two, "", Argument::Command, true, -2.0}), 18.0_um,
+              1e-15);
+  EXPECT_EQ(second_derivative_bound(Curve{Polynomial{numbers({0, 0, 5}), 0, 1}}), 0.0);
   const Curve curve{Asynchronous{1.0_um, 11}};
-  const double step = std::sqrt(8 * 0.1_nm / max_bend(curve));
+  const double step = std::sqrt(8 * 0.1_nm / second_derivative_bound(curve));
   double missed = 0.0;
   for (int i = 0; i < 20000; ++i) {
     const double q = i * step;

@@ -206,7 +206,7 @@ TEST(ElementTable, SpoiltTextsAreRefusedOrGiveASoundTable) {
       ASSERT_GE(table.q.size(), 2);
       ASSERT_EQ(table.values.rows(), table.q.size());
       ASSERT_EQ(table.values.cols(), Eigen::Index(table.elements.size()));
-      ASSERT_NO_THROW(elements_of(table)) << text;
+      ASSERT_NO_THROW(to_elements(table)) << text;
     } catch (const BadInput& fault) {
       ASSERT_EQ(fault.file, "x.csv");
     }
@@ -295,8 +295,8 @@ TEST(ElementTable, WrittenAndReadBackItIsTheSameBits) {
 
 TEST(ElementTable, ItsColumnsBecomeElements) {
   const ElementTable table = read_table("Y EYY EXY\n0 0.001 0.01\n10 0.003 0.02\n");
-  const std::vector<Element> elements = elements_of(table, {.between = Between::Spline,
-                                                            .outside = Outside::Hold,
+  const std::vector<Element> elements = to_elements(table, {.between = TableInterpolation::Spline,
+                                                            .outside = TableExtrapolation::Hold,
                                                             .argument = Argument::Carriage,
                                                             .negate = true,
                                                             .name = "laser run 3"});

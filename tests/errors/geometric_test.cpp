@@ -192,9 +192,9 @@ TEST(Deviations, WithoutRandomKeepsTheBacklashAndForgetsChance) {
   auto state = state_at({0, 0, 0, 0, 0, 0});
   state.direction[1] = -1;
   EXPECT_NE(deviations(model, state)[1].motion[0], 6.0_um);
-  EXPECT_NEAR(deviations(without_random(model), state)[1].motion[0], 6.0_um, 1e-18);
+  EXPECT_NEAR(deviations(remove_random(model), state)[1].motion[0], 6.0_um, 1e-18);
   state.stroke[1] = 9;
-  EXPECT_NEAR(deviations(without_random(model), state)[1].motion[0], 6.0_um, 1e-18);
+  EXPECT_NEAR(deviations(remove_random(model), state)[1].motion[0], 6.0_um, 1e-18);
 }
 
 // ---- the measuring line (Abbe)
@@ -360,7 +360,7 @@ TEST(Squareness, ASlopeOfAStraightnessAmountsToTheSquarenessThatTurnsTheAxesAsMu
           for (const std::string name : {"EYX", "EZX", "EXY", "EZY", "EXZ", "EYZ"}) {
             const ElementName straightness = parse_element_name(name);
             const std::vector<SquarenessContribution> shares =
-                squareness_contributions(straightness, slope, chain.joints());
+                to_squareness_errors(straightness, slope, chain.joints());
             ASSERT_EQ(shares.size(), 1u) << name;
             const SquarenessContribution& share = shares.front();
             const int one = *chain.find(straightness.axis);
@@ -378,10 +378,10 @@ TEST(Squareness, ASlopeOfAStraightnessAmountsToTheSquarenessThatTurnsTheAxesAsMu
   EXPECT_EQ(machines, 6 * 4 * 4 * 2);
   const Chain machine = gantry();
   for (const char* none : {"EXX", "ECX", "EC0Y", "EXC", "EXU"})
-    EXPECT_THROW(squareness_contributions(parse_element_name(none), 1, machine.joints()),
+    EXPECT_THROW(to_squareness_errors(parse_element_name(none), 1, machine.joints()),
                  std::invalid_argument)
         << none;
-  EXPECT_THROW(squareness_contributions(parse_element_name("EYX"), 1, platform().joints()),
+  EXPECT_THROW(to_squareness_errors(parse_element_name("EYX"), 1, platform().joints()),
                std::invalid_argument)
       << "there is no Y to which X could be square";
 }

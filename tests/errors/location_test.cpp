@@ -143,7 +143,7 @@ TEST(Location, WhatIsNoAngleOfTheMachineIsRefusedWithItsReason) {
 TEST(Location, IsSaidInWords) {
   const auto said = [](const char* element, const Chain& chain) {
     const ElementName name = parse_element_name(element);
-    return meaning(name, chain, joint_of(name.axis, chain, element));
+    return meaning(name, chain, axis_joint(name.axis, chain, element));
   };
   EXPECT_EQ(said("EC0Y", gantry()), "squareness of Y to X");
   EXPECT_EQ(said("EA0Z", gantry()), "squareness of Z to Y");

@@ -175,13 +175,12 @@ TEST(ThermalElements, ThePositionOfAnElementIsTheCommandAlsoOnAPrimedAxis) {
 
 TEST(ThermalElements, ATiltFollowsADifferenceAndASpindleGrowsByATable) {
   ThermalErrors errors;
-  errors.elements = {
-      drift("EAS", {0.0, {{0, 1, 4.0_urad, std::nullopt}}}),
-      drift("EZS",
-            {0.0,
-             {{2, std::nullopt, 0.0,
-               make_table(warm({0, 10, 40}), warm({0, 8.0_um, 20.0_um}), Between::Linear)}}}),
-      drift("EB0Z", per_K(1, 2.0_urad))};
+  errors.elements = {drift("EAS", {0.0, {{0, 1, 4.0_urad, std::nullopt}}}),
+                     drift("EZS", {0.0,
+                                   {{2, std::nullopt, 0.0,
+                                     make_table(warm({0, 10, 40}), warm({0, 8.0_um, 20.0_um}),
+                                                TableInterpolation::Linear)}}}),
+                     drift("EB0Z", per_K(1, 2.0_urad))};
   const ThermalModel model = bind(errors, gantry(), 3);
   const auto d = deviations(model, q_of({0, 0, 0, 0, 0, 0}), warm({29.0, 22.0, 45.0}));
   EXPECT_NEAR(d[5].motion[3], 28.0_urad, 1e-18);
@@ -238,7 +237,7 @@ TEST(ThermalElements, LeavingATableIsToldByElementAndNode) {
     EXPECT_EQ(std::string(fault.what()),
               "EZS, dT_K of node 1: position 21 is outside the table, 0 .. 20");
   }
-  errors.elements[0].offset.terms[0].table->outside = Outside::Hold;
+  errors.elements[0].offset.terms[0].table->outside = TableExtrapolation::Hold;
   const auto d =
       deviations(bind(errors, gantry(), 2), q_of({0, 0, 0, 0, 0, 0}), warm({20.0, 41.0}));
   EXPECT_EQ(d[5].motion[2], 10.0_um);
@@ -284,12 +283,11 @@ TEST(ThermalElements, ScalingScalesEveryValue) {
   std::uniform_real_distribution<double> unit(-1, 1);
   ThermalErrors errors;
   errors.elements = {
-      drift(
-          "EZS",
-          {unit(random) * 1e-3,
-           {{0, 1, unit(random) * 1e-3, std::nullopt},
-            {1, std::nullopt, 0.0,
-             make_table(warm({-30, 0, 10, 30}), warm({-1e-3, 0, 3e-3, 4e-3}), Between::Spline)}}}),
+      drift("EZS", {unit(random) * 1e-3,
+                    {{0, 1, unit(random) * 1e-3, std::nullopt},
+                     {1, std::nullopt, 0.0,
+                      make_table(warm({-30, 0, 10, 30}), warm({-1e-3, 0, 3e-3, 4e-3}),
+                                 TableInterpolation::Spline)}}}),
       {parse_element_name("EXX"), {}, {1e-6, {{1, std::nullopt, 2e-6, std::nullopt}}}, 33.0}};
   errors.expansions = {screw('Y', -20)};
   errors.workpiece = WorkpieceExpansion{0, steel, Vector3d::Zero()};
@@ -348,7 +346,11 @@ TEST(ThermalElements, AnElementThatCannotBeIsRefusedByName) {
             "EZS: expected a node 0 .. 1, seen -1");
   EXPECT_EQ(refusal_of_thermal(drift("EZS", per_K(0, std::nan("")))),
             "EZS: expected a finite value per K, seen nan");
-  Table falling{warm({0, 10, 5}), warm({0, 0, 0}), Between::Linear, Outside::Refuse, {}};
+  Table falling{warm({0, 10, 5}),
+                warm({0, 0, 0}),
+                TableInterpolation::Linear,
+                TableExtrapolation::Refuse,
+                {}};
   EXPECT_NE(
       refusal_of_thermal(drift("EZS", {0.0, {{0, std::nullopt, 0.0, falling}}})).find("EZS: row 3"),
       std::string::npos);

@@ -91,10 +91,10 @@ const ordered_json& thermal_choice_of(const std::string& scene,
   const std::string key = command({scene, changes});
   if (const auto known = all.find(key); known != all.end()) return known->second;
   const sim::Scene own = scene_of(scene, changes);
-  std::vector<sim::DayReadings> days{sim::measured_day("its own day", own)};
+  std::vector<sim::DayReadings> days{sim::measure_day("its own day", own)};
   for (const sim::Variant& variant : own.variants)
-    days.push_back(sim::measured_day(variant.name, scene_of(scene, changes, variant.name)));
-  return all[key] = sim::to_json(sim::thermal_choice(days, *own.sensor_choice));
+    days.push_back(sim::measure_day(variant.name, scene_of(scene, changes, variant.name)));
+  return all[key] = sim::to_json(sim::choose_thermal_sensors(days, *own.sensor_choice));
 }
 
 const ordered_json& choice_of(const ordered_json& thermal, const std::string& name) {

@@ -26,7 +26,7 @@ const std::vector<Part> parts{{"plane", "16 → 12"}, {"cone", "20 → 14"}, {"s
 /// Range of an element over the 100 mm of travel of its axis, um or urad.
 double range(const std::string& element) {
   const sim::Scene scene = scene_of("platform_plane", {{"errors", "errors/platform_peng.toml"}});
-  const kinematics::Chain chain = sim::compile(scene).nominal;
+  const kinematics::Chain chain = sim::make_machine(scene).nominal;
   const errors::GeometricModel model = errors::bind(scene.geometric, chain);
   const errors::ElementName name = errors::parse_element_name(element);
   const int joint = chain.find(name.axis).value();

@@ -23,7 +23,7 @@ const std::string ours = "the machine and its heat are chosen";
 
 /// What `abbe identify` reports of one instrument of a scene, without places of a user's disk.
 ordered_json identified(const std::string& scene, const std::string& instrument,
-                        const std::vector<sim::Override>& set, sim::IdentifyOptions options) {
+                        const std::vector<sim::Override>& set, sim::IdentificationOptions options) {
   const sim::SceneFolder folder;
   const sim::Scene measured = scene_of(scene, set);
   const auto readings = folder.write(
@@ -37,8 +37,8 @@ ordered_json identified(const std::string& scene, const std::string& instrument,
 
 const ordered_json& composite() {
   static const ordered_json report = [] {
-    sim::IdentifyOptions options;
-    options.method = sim::IdentifyOptions::Method::Composite;
+    sim::IdentificationOptions options;
+    options.method = sim::IdentificationOptions::Method::Composite;
     options.sensors = {"T7_screw", "T8_nut"};
     options.margin = 0.5;
     return identified("yang_composite", "laser", {}, options);
@@ -83,8 +83,8 @@ Figure composite_rest(const std::string& variant, const std::string& when) {
 const ordered_json& step_diagonal(bool angles) {
   static std::map<bool, ordered_json> all;
   if (const auto known = all.find(angles); known != all.end()) return known->second;
-  sim::IdentifyOptions options;
-  options.method = sim::IdentifyOptions::Method::StepDiagonal;
+  sim::IdentificationOptions options;
+  options.method = sim::IdentificationOptions::Method::StepDiagonal;
   options.sensors = {"X_nut", "Y_nut", "Z_nut"};
   const std::vector<sim::Override> set{{"errors.1.scale", angles ? "1" : "0"}};
   return all[angles] = identified("step_diagonal", "step_diagonal", set, options);

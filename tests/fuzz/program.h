@@ -17,7 +17,7 @@ inline void read_as(sim::dialects::Dialect dialect, std::string_view text) {
   options.control.tool_radius = {{1, 5.0}, {2, 3.0}};
   options.dialect = dialect;
   options.limits.blocks = 20'000;
-  const sim::dialects::ReadProgram read = sim::dialects::read_program(text, "fuzz", options);
+  const sim::dialects::ParsedProgram read = sim::dialects::read_program(text, "fuzz", options);
   for (const sim::program::Block& block : read.path.blocks)
     if (!block.start.allFinite() || !block.end.allFinite() || !(block.end_s >= block.start_s))
       throw std::logic_error("a block is no motion");

@@ -2,5 +2,5 @@
 #include "tests/fuzz/reader.h"
 
 void abbe::fuzz::read(std::string_view text) {
-  sim::dialects::read_control_table(text, "fuzz", sim::dialects::TableKind::Tools, 1.0);
+  sim::dialects::read_control_table(text, "fuzz", sim::dialects::ControlTableKind::Tools, 1.0);
 }

@@ -122,7 +122,7 @@ TEST(Composite, OutcomesAreNamed) {
   EXPECT_EQ(fit_composite({runs[0]}).status, CompositeStatus::NoLaterRun);
   EXPECT_EQ(fit_composite({runs[1], runs[2]}).status, CompositeStatus::NoColdRun);
   runs[3].cold = true;
-  EXPECT_EQ(fit_composite(runs).status, CompositeStatus::ColdRunWarm);
+  EXPECT_EQ(fit_composite(runs).status, CompositeStatus::ColdRunNotCold);
   EXPECT_EQ(fit_composite(runs).run, 3);
   runs = yang_runs();
   for (CompositeRun& run : runs) run.dT_K(1) = 2 * run.dT_K(0);

@@ -137,10 +137,10 @@ Coverage coverage_of(const Case& one, std::uint64_t seed) {
   options.order = 3;
   options.spindle_harmonics = 2;
   options.only = one.elements;
-  const GeometricErrors model = model_of(chain, options);
+  const GeometricErrors model = error_model(chain, options);
   const GeometricErrors truth = drawn_truth(model, 1);
   const metrology::MachineUnderTest machine = machine_of(truth, chain);
-  Instrument instrument = metrology::typical(one.kind);
+  Instrument instrument = metrology::typical_instrument(one.kind);
   one.adapt(instrument);
   const metrology::Plan plan = metrology::plan(instrument, chain);
   const VectorXd expected = values(truth.elements);
@@ -258,7 +258,7 @@ TEST(Coverage, ProductsOfMisalignmentsThatNothingDeterminesAreNotInTheCovariance
 std::vector<metrology::Plan> short_campaign(const kinematics::Chain& chain) {
   std::vector<metrology::Plan> plans;
   const auto add = [&](Kind kind, const auto& adapt) {
-    Instrument instrument = metrology::typical(kind);
+    Instrument instrument = metrology::typical_instrument(kind);
     instrument.runs = 1;
     instrument.targets = 5;
     adapt(instrument);
@@ -272,7 +272,7 @@ std::vector<metrology::Plan> short_campaign(const kinematics::Chain& chain) {
   add(Kind::RTest, [](Instrument& i) {
     i.name = "nest on a stand";
     i.axes = {'C'};
-    i.at_w = Eigen::Vector3d(100, 0, 250);
+    i.location_w = Eigen::Vector3d(100, 0, 250);
   });
   add(Kind::RTest, [](Instrument& i) {
     i.name = "ball aside";
@@ -291,7 +291,7 @@ TEST(Coverage, IntervalsOfAWholeMachineHoldTheTruthAsOftenAsTheySay) {
   options.order = 2;
   options.harmonics = 1;
   options.spindle_harmonics = 1;
-  const GeometricErrors model = model_of(chain, options);
+  const GeometricErrors model = error_model(chain, options);
   const GeometricErrors truth = drawn_truth(model, 1);
   const metrology::MachineUnderTest machine = machine_of(truth, chain);
   const std::vector<metrology::Plan> plans = short_campaign(chain);

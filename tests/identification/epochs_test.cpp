@@ -32,10 +32,10 @@ Readings two_starts() {
 
 TEST(Epochs, AStartIsHowOftenTheNameOfItsSetUpCameBefore) {
   Readings readings = two_starts();
-  EXPECT_EQ(start_numbers(readings.plan), (std::vector<int>{0, 0, 1, 1}));
+  EXPECT_EQ(start_indices(readings.plan), (std::vector<int>{0, 0, 1, 1}));
   EXPECT_EQ(day_log(readings).starts, 2);
   readings.plan.set_ups[1].name = "c";
-  EXPECT_EQ(start_numbers(readings.plan), (std::vector<int>{0, 0, 1, 0}));
+  EXPECT_EQ(start_indices(readings.plan), (std::vector<int>{0, 0, 1, 0}));
 }
 
 TEST(Epochs, EveryStartAloneHasItsOwnSetUpsReadingsAndTemperatures) {

@@ -41,7 +41,7 @@ ModelOptions small_model(Kind kind = Kind::Laser) {
 }
 
 metrology::Plan plan_of(Kind kind, const kinematics::Chain& chain, int runs = 1) {
-  Instrument instrument = metrology::typical(kind);
+  Instrument instrument = metrology::typical_instrument(kind);
   instrument.runs = runs;
   return metrology::plan(instrument, chain);
 }
@@ -54,7 +54,7 @@ Index place_of(const Estimate& estimate, const std::string& name) {
 
 std::set<std::string> confounded_names(const Estimate& estimate) {
   std::set<std::string> names;
-  for (const Confounded& c : estimate.confounded) names.insert(c.name);
+  for (const ConfoundedCoefficient& c : estimate.confounded) names.insert(c.name);
   return names;
 }
 
@@ -62,7 +62,7 @@ std::set<std::string> confounded_names(const Estimate& estimate) {
 GeometricErrors with_known(const GeometricErrors& model, const GeometricErrors& truth,
                            const Estimate& estimate) {
   VectorXd v = values(model.elements);
-  for (const Confounded& c : estimate.confounded)
+  for (const ConfoundedCoefficient& c : estimate.confounded)
     if (const Index i = place_of(estimate, c.name); i >= 0) v[i] = values(truth.elements)[i];
   GeometricErrors result = model;
   result.elements = with_values(model.elements, v);
@@ -73,7 +73,7 @@ GeometricErrors with_known(const GeometricErrors& model, const GeometricErrors& 
 VectorXd freed(const Estimate& estimate, const GeometricErrors& truth) {
   const VectorXd expected = values(truth.elements);
   VectorXd v = estimate.value;
-  for (const Confounded& c : estimate.confounded) {
+  for (const ConfoundedCoefficient& c : estimate.confounded) {
     const Index i = place_of(estimate, c.name);
     if (i < 0) continue;
     v[i] = expected[i];
@@ -111,7 +111,7 @@ double off_differences(const GeometricErrors& model, const std::vector<Readings>
 TEST(Design, IsTheDerivativeOfTheExactReadingsForEveryInstrument) {
   const kinematics::Chain chain = measured_gantry();
   for (const Kind kind : kinds_with_readings()) {
-    GeometricErrors model = model_of(chain, small_model(kind));
+    GeometricErrors model = error_model(chain, small_model(kind));
     model.measuring_lines = {{'X', Vector3d(20, -300, 100), MeasuredBy::Tool},
                              {'Z', Vector3d(-50, 30, 0), MeasuredBy::Carriage}};
     const GeometricErrors nothing{};
@@ -136,11 +136,11 @@ TEST(Design, HoldsForPrimedSlidesMeasuringLinesAndTurningAxes) {
     if (j.name == 'Y') j.squareness = kinematics::Squareness::Travel;
   }
   const kinematics::Chain chain(joints, other.T_bw_home(), other.T_bt_home());
-  GeometricErrors model = model_of(chain, small_model());
+  GeometricErrors model = error_model(chain, small_model());
   model.measuring_lines = {{'X', Vector3d(20, -300, 100), MeasuredBy::Tool},
                            {'Z', Vector3d(-50, 30, 0), MeasuredBy::Carriage}};
   for (const Kind kind : {Kind::Laser, Kind::Tracker, Kind::BallBarRotary}) {
-    Instrument instrument = metrology::typical(kind);
+    Instrument instrument = metrology::typical_instrument(kind);
     instrument.runs = 1;
     if (kind == Kind::BallBarRotary) instrument.axes = {'C'};
     const metrology::Plan plan = metrology::plan(instrument, chain);
@@ -160,7 +160,7 @@ TEST(Estimate, EveryInstrumentReturnsWhatItCanSeeAndNamesTheRest) {
   SCOPED_TRACE(testing::Message() << "seed " << seed);
   const kinematics::Chain chain = measured_gantry();
   for (const Kind kind : kinds_with_readings()) {
-    const GeometricErrors model = model_of(chain, small_model(kind));
+    const GeometricErrors model = error_model(chain, small_model(kind));
     const GeometricErrors truth = drawn_truth(model, seed);
     const Readings readings = noise_free(plan_of(kind, chain), chain, truth);
     const Estimate first = estimate(model, {&readings, 1});
@@ -194,7 +194,7 @@ TEST(Estimate, WhatConfoundedNumbersHideBehindIsTakenOutToSecondOrder) {
   SCOPED_TRACE(testing::Message() << "seed " << seed);
   const kinematics::Chain chain = measured_gantry();
   for (const Kind kind : kinds_with_readings()) {
-    const GeometricErrors model = model_of(chain, small_model(kind));
+    const GeometricErrors model = error_model(chain, small_model(kind));
     double off[2] = {0, 0};
     for (int half = 0; half < 2; ++half) {
       const double size = half ? 0.005 : 0.010;
@@ -214,15 +214,15 @@ TEST(Estimate, ALaserAlongOneAxisSeesItsPositioningAndNoRoll) {
   const kinematics::Chain chain = tool_side_axes();
   ModelOptions options = small_model();
   options.only = {"EXX", "EYX", "EAX", "EBX", "ECX", "EYY"};
-  const GeometricErrors model = model_of(chain, options);
-  Instrument laser = metrology::typical(Kind::Laser);
+  const GeometricErrors model = error_model(chain, options);
+  Instrument laser = metrology::typical_instrument(Kind::Laser);
   laser.axes = {'X'};
   laser.runs = 1;
   const Readings readings = noise_free(metrology::plan(laser, chain), chain, {});
   const Estimate found = estimate(model, {&readings, 1});
   for (const char* name : {"EXX[1]", "EXX[2]", "EXX[3]", "EXX backlash"})
     EXPECT_FALSE(confounded_names(found).count(name)) << name;
-  for (const Confounded& c : found.confounded) {
+  for (const ConfoundedCoefficient& c : found.confounded) {
     const bool is_slope_of_yaw = c.name.rfind("EBX", 0) == 0 || c.name.rfind("ECX", 0) == 0;
     EXPECT_EQ(c.with.empty(), !is_slope_of_yaw) << c.name;
     if (is_slope_of_yaw) {
@@ -240,14 +240,14 @@ TEST(Estimate, AConfoundedNumberIsNamedWithTheAmountsThatHideIt) {
   ModelOptions options = small_model();
   options.only = {"EXC", "EYC", "EX0C"};
   options.harmonics = 1;
-  const GeometricErrors model = model_of(chain, options);
-  Instrument nest = metrology::typical(Kind::RTest);
+  const GeometricErrors model = error_model(chain, options);
+  Instrument nest = metrology::typical_instrument(Kind::RTest);
   nest.axes = {'C'};
   nest.position_sigma = nest.rotation_sigma = nest.scale_sigma = nest.drift_sigma = 0.0;
   const Readings readings = noise_free(metrology::plan(nest, chain), chain, {});
   const Estimate found = estimate(model, {&readings, 1});
   std::map<std::string, std::map<std::string, double>> hidden;
-  for (const Confounded& c : found.confounded)
+  for (const ConfoundedCoefficient& c : found.confounded)
     for (const auto& [name, amount] : c.with) hidden[c.name][name] = amount;
   ASSERT_EQ(hidden.size(), 2u);
   // a workpiece carried round: EXC cos 1 = 1 reads as EYC sin 1 = -1 with the zero of X, and so on
@@ -261,7 +261,7 @@ TEST(Estimate, AConfoundedNumberIsNamedWithTheAmountsThatHideIt) {
 
 TEST(Estimate, TheResultDoesNotDependOnTheScaleOfACurve) {
   const kinematics::Chain chain = measured_gantry();
-  const GeometricErrors model = model_of(chain, small_model());
+  const GeometricErrors model = error_model(chain, small_model());
   const GeometricErrors truth = drawn_truth(model, 5);
   const Readings readings = noise_free(plan_of(Kind::RTest, chain), chain, truth);
   GeometricErrors scaled_model = model;
@@ -285,7 +285,7 @@ struct Campaign {
 Campaign practical_campaign(const kinematics::Chain& chain) {
   Campaign campaign;
   const auto add = [&](Kind kind, const auto& adapt) {
-    Instrument instrument = metrology::typical(kind);
+    Instrument instrument = metrology::typical_instrument(kind);
     adapt(instrument);
     campaign.plans.push_back(metrology::plan(instrument, chain));
     campaign.hours += campaign.plans.back().duration_s / 3600.0;
@@ -308,7 +308,7 @@ Campaign practical_campaign(const kinematics::Chain& chain) {
   add(Kind::RTest, [](Instrument& i) {
     i.name = "nest on a stand";
     i.axes = {'C'};
-    i.at_w = Vector3d(100, 0, 250);
+    i.location_w = Vector3d(100, 0, 250);
   });
   add(Kind::RTest, ball("long ball", 'A', Vector3d(0, 60, -80)));
   add(Kind::RTest, ball("ball aside", 'A', Vector3d(60, 0, 0)));
@@ -322,7 +322,7 @@ TEST(Campaign, FindsTheFortyTwoAndFourLessEightNumbersThatNothingCanTell) {
   const kinematics::Chain chain = measured_gantry();
   ModelOptions options;
   options.spindle_harmonics = 2;
-  const GeometricErrors model = model_of(chain, options);
+  const GeometricErrors model = error_model(chain, options);
   const GeometricErrors truth = drawn_truth(model, seed);
   const Campaign campaign = practical_campaign(chain);
   std::vector<Readings> readings;
@@ -337,7 +337,7 @@ TEST(Campaign, FindsTheFortyTwoAndFourLessEightNumbersThatNothingCanTell) {
             << " readings, " << found.names.size() - model.covariance.of.size()
             << " numbers sought, condition " << found.condition << "; with the confounded known, "
             << worst << " of the largest; freed of them, " << second_order << "; not found:\n";
-  for (const Confounded& c : found.confounded) {
+  for (const ConfoundedCoefficient& c : found.confounded) {
     std::cout << "  " << c.name << " =";
     for (const auto& [name, amount] : c.with)
       if (place_of(found, name) >= 0) std::cout << " " << amount << " " << name;
@@ -374,7 +374,7 @@ TEST(Campaign, FindsTheFortyTwoAndFourLessEightNumbersThatNothingCanTell) {
 
 Readings noisy_laser(const kinematics::Chain& chain, const GeometricErrors& truth,
                      std::uint64_t seed, int runs = 3) {
-  Instrument laser = metrology::typical(Kind::Laser);
+  Instrument laser = metrology::typical_instrument(Kind::Laser);
   laser.axes = {'X'};
   laser.runs = runs;
   return metrology::measure(metrology::plan(laser, chain), chain, machine_of(truth, chain), seed);
@@ -383,7 +383,7 @@ Readings noisy_laser(const kinematics::Chain& chain, const GeometricErrors& trut
 GeometricErrors positioning_of_x(const kinematics::Chain& chain) {
   ModelOptions options;
   options.only = {"EXX"};
-  return model_of(chain, options);
+  return error_model(chain, options);
 }
 
 TEST(Estimate, ABeliefIsThePriorOfTheNextReadings) {
@@ -435,7 +435,7 @@ TEST(Estimate, WhatReadingsKnowWorseThanMachinesDifferStaysAsIfItWereHeld) {
   of_model.order = 2;
   of_model.harmonics = 2;
   of_model.placement = false;
-  const GeometricErrors model = model_of(chain, of_model);
+  const GeometricErrors model = error_model(chain, of_model);
   const GeometricErrors truth = drawn_truth(model, 6, 0.005, 15e-6);
   const std::vector<Readings> readings = readings_without_square(truth, 6);
   const Estimate all = estimate(model, readings);
@@ -446,7 +446,7 @@ TEST(Estimate, WhatReadingsKnowWorseThanMachinesDifferStaysAsIfItWereHeld) {
   GeometricErrors held = model;
   const std::vector<Coefficient> numbers = coefficients(model.elements);
   int weak = 0;
-  for (const Confounded& one : found.confounded) {
+  for (const ConfoundedCoefficient& one : found.confounded) {
     const Index i = place_of(found, one.name);
     if (i < 0) continue;
     held.covariance.of.push_back(numbers[std::size_t(i)]);
@@ -481,12 +481,12 @@ TEST(Estimate, AWeakNumberIsHiddenByWhatItsReadingsAreTakenFor) {
   of_model.order = 2;
   of_model.harmonics = 2;
   of_model.placement = false;
-  const GeometricErrors model = model_of(chain, of_model);
+  const GeometricErrors model = error_model(chain, of_model);
   EstimateOptions options;
   options.weak_limit = 1.0;
   const Estimate zero = estimate(model, readings_without_square(model, 6), options);
   const VectorXd variance = zero.belief.covariance.matrix.diagonal();
-  for (const Confounded& one : zero.confounded) {
+  for (const ConfoundedCoefficient& one : zero.confounded) {
     if (!one.standard_deviation) continue;
     const Index i = place_of(zero, one.name);
     VectorXd v = values(model.elements);
@@ -534,7 +534,7 @@ TEST(Estimate, NeverLeavesOutWhatAloneDeterminesANumber) {
   const kinematics::Chain chain = tool_side_axes();
   GeometricErrors model{
       {element("EXX", Table(make_table(VectorXd::LinSpaced(2, 0, 400), VectorXd::Zero(2),
-                                       Between::Linear, Outside::Hold)))},
+                                       TableInterpolation::Linear, TableExtrapolation::Hold)))},
       {}};
   Readings readings = noisy_laser(chain, {}, 1, 1);
   readings.value.setConstant(readings.value[0]);  // nonsense: the axis stands still

@@ -93,7 +93,7 @@ TEST(Grey, ASeriesWithoutAnImageIsNamed) {
   EXPECT_EQ(error.series, -1) << "the reference";
   const GreyDegrees still =
       grey_degrees(numbers({5, 5, 5}), series, grey_options(GreyKind::Deng, Image::Interval));
-  EXPECT_EQ(still.status, GreyStatus::StandsStill);
+  EXPECT_EQ(still.status, GreyStatus::ConstantSeries);
   EXPECT_EQ(still.series, -1);
   EXPECT_EQ(mutual_degrees(series, grey_options(GreyKind::Deng)).series, 1);
 }

@@ -91,7 +91,7 @@ inline metrology::MachineUnderTest machine_of(const GeometricErrors& truth,
                                               const kinematics::Chain& chain) {
   return [model = bind(truth, chain), chain](const kinematics::AxisState& state) {
     const auto D = deviations(model, state);
-    return metrology::Bodies{chain.workpiece_in_bed(state.q, D), chain.tool_in_bed(state.q, D)};
+    return metrology::BodyPoses{chain.workpiece_in_bed(state.q, D), chain.tool_in_bed(state.q, D)};
   };
 }
 

@@ -30,7 +30,7 @@ kinematics::Chain limited_platform() {
 }
 
 TEST(Model, TheGantryHasItsFortyTwoAndFourElements) {
-  const GeometricErrors model = model_of(measured_gantry());
+  const GeometricErrors model = error_model(measured_gantry());
   EXPECT_EQ(model.elements.size(), 46u);
   const std::set<std::string> names = names_of(model);
   EXPECT_EQ(names.size(), 46u);
@@ -42,7 +42,7 @@ TEST(Model, TheGantryHasItsFortyTwoAndFourElements) {
 }
 
 TEST(Model, ThePlatformHasPengsThirteenBesideItsSpindle) {
-  std::set<std::string> names = names_of(model_of(limited_platform()));
+  std::set<std::string> names = names_of(error_model(limited_platform()));
   std::erase_if(names, [](const std::string& name) { return name.back() == 'S'; });
   EXPECT_EQ(names, (std::set<std::string>{"EXX", "EYX", "EZX", "EAX", "EBX", "ECX", "EXZ", "EYZ",
                                           "EZZ", "EAZ", "EBZ", "ECZ", "EB0Z"}));
@@ -55,7 +55,7 @@ TEST(Model, ConstantsAndSlopesOfStraightnessStayZeroUnlessAskedFor) {
     options.slides = basis;
     const auto held = [&](const char* name) {
       options.only = {name};
-      const GeometricErrors model = model_of(chain, options);
+      const GeometricErrors model = error_model(chain, options);
       std::vector<int> numbers;
       for (const Coefficient& c : model.covariance.of) numbers.push_back(c.number);
       return numbers;
@@ -75,19 +75,19 @@ TEST(Model, AnElementWithoutANumberToFindIsLeftOut) {
   options.order = 1;
   options.harmonics = 0;
   options.backlash = options.locations = false;
-  EXPECT_EQ(names_of(model_of(measured_gantry(), options)),
+  EXPECT_EQ(names_of(error_model(measured_gantry(), options)),
             (std::set<std::string>{"EXX", "EAX", "EBX", "ECX", "EYY", "EAY", "EBY", "ECY", "EZZ",
                                    "EAZ", "EBZ", "ECZ", "EXS", "EYS", "EZS", "EAS", "EBS"}));
   options.orders = {{"EYX", 2}, {"ECC", 1}};
   options.only = {"EYX", "ECC", "EXX"};
-  EXPECT_EQ(names_of(model_of(measured_gantry(), options)),
+  EXPECT_EQ(names_of(error_model(measured_gantry(), options)),
             (std::set<std::string>{"EXX", "EYX", "ECC"}));
 }
 
 TEST(Model, WhatCannotBeMeantIsRefusedByName) {
   const auto refusal = [](const kinematics::Chain& chain, const ModelOptions& options) {
     try {
-      model_of(chain, options);
+      error_model(chain, options);
     } catch (const std::invalid_argument& fault) {
       return std::string(fault.what());
     }
@@ -115,7 +115,7 @@ std::vector<metrology::Readings> long_lines(const GeometricErrors& truth, std::u
   std::vector<metrology::Readings> readings;
   const kinematics::Chain chain = measured_gantry();
   for (const Kind kind : {Kind::Laser, Kind::Straightness, Kind::AngleOptics}) {
-    metrology::Instrument instrument = metrology::typical(kind);
+    metrology::Instrument instrument = metrology::typical_instrument(kind);
     instrument.targets = 31;
     instrument.runs = 2;
     instrument.axes = {'X', 'C'};
@@ -133,7 +133,7 @@ TEST(ChooseOrders, FindsTheOrderOfEveryCurveThatIsSeen) {
   options.orders = {{"EXX", 5}, {"EYX", 3}, {"EZX", 2}, {"EBX", 4}, {"ECX", 1}, {"ECC", 2}};
   const std::map<std::string, int> truth_orders = options.orders;
   options.only = {"EXX", "EYX", "EZX", "EBX", "ECX", "ECC"};
-  const GeometricErrors truth = drawn_truth(model_of(measured_gantry(), options), seed);
+  const GeometricErrors truth = drawn_truth(error_model(measured_gantry(), options), seed);
   const OrderChoice choice = choose_orders(long_lines(truth, seed), options);
   for (const auto& [name, order] : choice.orders) {
     std::cout << name << ": order " << order << " of " << truth_orders.at(name) << ", prediction "
@@ -150,7 +150,7 @@ TEST(ChooseOrders, FindsTheOrderOfEveryCurveThatIsSeen) {
 TEST(ChooseOrders, AnElementThatNoReadingSeesGetsNoOrder) {
   ModelOptions options;
   options.only = {"EXX", "EYY", "EXA"};
-  const GeometricErrors truth = drawn_truth(model_of(measured_gantry(), options), 3);
+  const GeometricErrors truth = drawn_truth(error_model(measured_gantry(), options), 3);
   const std::vector<metrology::Readings> readings = long_lines(truth, 4);
   const OrderChoice choice = choose_orders({readings.data(), 1}, options);
   EXPECT_TRUE(choice.orders.count("EXX"));
@@ -158,7 +158,7 @@ TEST(ChooseOrders, AnElementThatNoReadingSeesGetsNoOrder) {
 }
 
 TEST(ChooseOrders, RefusesWhatHasNoNestedOrdersAndTooFewTargets) {
-  const GeometricErrors truth = drawn_truth(model_of(measured_gantry()), 3);
+  const GeometricErrors truth = drawn_truth(error_model(measured_gantry()), 3);
   const std::vector<metrology::Readings> readings = long_lines(truth, 4);
   ModelOptions spline;
   spline.slides = Basis::Spline;

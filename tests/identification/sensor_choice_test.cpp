@@ -69,7 +69,7 @@ TEST(SensorChoice, TwinsShareAGroupAndTheBetterOneLeads) {
     options.screening = Screening::Degree;
     const SensorChoice choice = choose_sensors(data, options);
     ASSERT_EQ(choice.status, GreyStatus::Ok);
-    EXPECT_EQ(choice.still, (std::vector<int>{3}));
+    EXPECT_EQ(choice.constant_inputs, (std::vector<int>{3}));
     EXPECT_EQ(choice.groups, (std::vector<std::vector<int>>{{1, 0}, {2}}));
     EXPECT_EQ(choice.chosen, (std::vector<int>{1, 2}));
   }
@@ -116,15 +116,15 @@ TEST(SensorChoice, ADriftThatStartsAtZeroIsGradedFromItsFirstValueBeyondNoise) {
           grey_degrees(data.y.tail(rows), data.T.bottomRows(rows), options.grey);
       EXPECT_EQ(choice.degree, by_hand.degree) << late;
     }
-    ThermalData still = whole;
-    still.y.setConstant(0.005);
-    still.y(0) = 0.0;
-    const SensorChoice none = choose_sensors(still, options);
+    ThermalData constant_inputs = whole;
+    constant_inputs.y.setConstant(0.005);
+    constant_inputs.y(0) = 0.0;
+    const SensorChoice none = choose_sensors(constant_inputs, options);
     EXPECT_EQ(none.status, GreyStatus::StartsAtZero) << "it never leaves its noise";
     EXPECT_EQ(none.input, -1);
     EXPECT_TRUE(none.chosen.empty());
     // beside one that does it takes no part
-    const std::vector<ThermalData> two{whole, still};
+    const std::vector<ThermalData> two{whole, constant_inputs};
     options.min_start = {0.01, 0.01};
     const SensorChoice one = choose_sensors(two, options);
     ASSERT_EQ(one.status, GreyStatus::Ok);
@@ -209,7 +209,7 @@ TEST(ThermalStudy, FourOfEighteenSensorsPredictAnotherDayAndBeatMostRandomFours)
   std::cout << "chosen";
   for (const std::string& name : study.chosen) std::cout << ' ' << name;
   std::cout << " of " << study.choice.groups.size() << " groups; in cycle "
-            << study.errors.front().in_cycle.rms << ", left out "
+            << study.errors.front().training_residual.rms << ", left out "
             << study.errors.front().left_out->overall.rms << ", another day "
             << study.errors.front().test.overall.rms << " (" << 100 * study.rms_over_range
             << " % of the drift of " << study.errors.front().drift_range << "); random fours "
@@ -219,8 +219,8 @@ TEST(ThermalStudy, FourOfEighteenSensorsPredictAnotherDayAndBeatMostRandomFours)
   EXPECT_EQ(study.chosen.size(), 4u);
   EXPECT_LT(study.rms_over_range, 0.15);
   EXPECT_LT(study.rms_over_range, study.random.p50);
-  EXPECT_EQ(study.random.rms_over_range.size() + std::size_t(study.random.unfitted_count), 200u);
-  EXPECT_LE(study.errors.front().in_cycle.rms, study.errors.front().left_out->overall.rms);
+  EXPECT_EQ(study.random.rms_over_range.size() + std::size_t(study.random.failed_fit_count), 200u);
+  EXPECT_LE(study.errors.front().training_residual.rms, study.errors.front().left_out->overall.rms);
 }
 
 TEST(ThermalStudy, OneTrainingDayDoesNotKnowTheRoomUnlessTemperaturesCountFromItsStart) {

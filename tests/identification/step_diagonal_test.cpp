@@ -22,7 +22,7 @@ using metrology::Readings;
 using namespace abbe::literals;
 
 Plan stepped(const kinematics::Chain& chain, double noise, int runs = 1, int steps = 10) {
-  Instrument instrument = metrology::typical(Kind::StepDiagonal);
+  Instrument instrument = metrology::typical_instrument(Kind::StepDiagonal);
   instrument.targets = steps;
   instrument.runs = runs;
   instrument.noise = noise;
@@ -65,7 +65,7 @@ GeometricErrors twelve(const kinematics::Chain& chain, int steps, std::uint64_t 
       VectorXd value(q.size());
       for (double& v : value) v = 10.0_um * normal_deviate(seed, counter++);
       if (direction == axis) value.array() -= value[0];
-      Table table = make_table(q, value, Between::Linear, Outside::Hold);
+      Table table = make_table(q, value, TableInterpolation::Linear, TableExtrapolation::Hold);
       if (direction != axis) table = detrend(table, Detrend::LeastSquares).table;
       truth.elements.push_back({{direction, axis, false}, {Curve{table}}});
     }
@@ -226,7 +226,7 @@ TEST(StepDiagonal, EveryAngleIsWarnedOfOrNamedAsOneThatCannotBeSeen) {
 
 TEST(StepDiagonal, AMirrorOutOfLineMakesItFailAlikeAtEveryStepAndWarns) {
   const kinematics::Chain chain = tool_side_axes();
-  Instrument instrument = metrology::typical(Kind::StepDiagonal);
+  Instrument instrument = metrology::typical_instrument(Kind::StepDiagonal);
   instrument.rotation_sigma = 100.0_urad;  // of the beam and of the mirror
   instrument.scale_sigma = 0.0;
   const StepDiagonal found = step_diagonal(metrology::measure(

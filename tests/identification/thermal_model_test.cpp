@@ -229,7 +229,7 @@ TEST(ThermalModel, LinearHasItsDiagnosticsAndNoMoreRowsThanNeededIsAnOutcome) {
   ASSERT_TRUE(fitted.regression);
   EXPECT_EQ(fitted.regression->vif.size(), 3);
   EXPECT_NEAR(fitted.regression->beta(0), 2.0, 4 * fitted.regression->standard_error(1));
-  ThermalData few = thinned(select_runs(data, {0}), 30);
+  ThermalData few = thin_runs(select_runs(data, {0}), 30);
   EXPECT_EQ(few.y.size(), 2);
   EXPECT_EQ(fit(few).status, FitStatus::TooFewRows);
   EXPECT_TRUE(fit(few, options_of(ModelKind::Ridge)).model);
@@ -241,11 +241,11 @@ TEST(CrossValidation, NeverSeesTheRunThatItPredicts) {
   for (int i = 0; i < 60; ++i) data.y(2 * 60 + i) += 100;
   const Validation v = cross_validate(data, {});
   ASSERT_EQ(v.run, (std::vector<int>{0, 1, 2, 3, 4}));
-  EXPECT_GT(v.of_run[2].rms, 90);
+  EXPECT_GT(v.run_spread[2].rms, 90);
   // The same by hand.
   const ThermalFit others = fit(exclude_run(data, 2), options_of(ModelKind::Linear));
   const ThermalData day = select_runs(data, {2});
-  EXPECT_EQ(v.of_run[2].rms, spread(day.y - values(*others.model, day.T)).rms);
+  EXPECT_EQ(v.run_spread[2].rms, spread(day.y - values(*others.model, day.T)).rms);
   EXPECT_EQ(v.rows, 300);
   EXPECT_THROW((void)cross_validate(day, {}), std::invalid_argument);
 }
@@ -255,8 +255,8 @@ TEST(CrossValidation, ForwardTrainsOnThePastOnly) {
   for (int i = 0; i < 60; ++i) data.y(5 * 60 + i) += 100;  // the last day is never trained on
   const Validation v = cross_validate(data, options_of(ModelKind::Linear), Split::Forward);
   ASSERT_EQ(v.run, (std::vector<int>{2, 3, 4}));
-  EXPECT_NEAR(v.of_run[2].rms, 100, 1e-9);
-  EXPECT_NEAR(v.of_run[0].rms, 100 / std::sqrt(3.0), 1e-9);
+  EXPECT_NEAR(v.run_spread[2].rms, 100, 1e-9);
+  EXPECT_NEAR(v.run_spread[0].rms, 100 / std::sqrt(3.0), 1e-9);
   EXPECT_NEAR(v.overall.rms, 100 * std::sqrt((1.0 / 3 + 1.0 / 2 + 1) / 3), 1e-9);
 }
 
@@ -281,7 +281,7 @@ TEST(Features, TakeNothingFromAnotherRunOrFromLater) {
   EXPECT_EQ(made.T.col(0), (VectorXd(5) << 0, 4, 4, 0, 1).finished());
   EXPECT_LT((made.T.col(1) - (VectorXd(5) << 0, 2, 3, 0, 0.5).finished()).norm(), 1e-15);
   EXPECT_EQ(zeroed_at_start(data).y, (VectorXd(5) << 0, 1, 3, 0, 1).finished());
-  EXPECT_EQ(thinned(data, 2).y, (VectorXd(3) << 1, 4, 7).finished());
+  EXPECT_EQ(thin_runs(data, 2).y, (VectorXd(3) << 1, 4, 7).finished());
   EXPECT_THROW(with_features(data, {false, -1}), std::invalid_argument);
 }
 
@@ -310,13 +310,15 @@ TEST(ThermalData, ALogIsReadAndBadOnesAreRefusedWithTheirPlace) {
             "log.csv:1:1: expected a column drift for the deviation, seen none");
   EXPECT_EQ(refused("day,drift\n1,2\n"),
             "log.csv:1:1: expected a column of temperatures, seen none");
-  EXPECT_EQ(refused("day,T1,T1,drift\n"),
-            "log.csv:1:8: expected a head that no other column has, seen " + abbe::in_quotes("T1"));
+  EXPECT_EQ(
+      refused("day,T1,T1,drift\n"),
+      "log.csv:1:8: expected a head that no other column has, seen " + abbe::quoted_excerpt("T1"));
   EXPECT_EQ(refused("day,T1,drift\n1,20\n").substr(0, 10), "log.csv:2:");
   EXPECT_EQ(refused("day,T1,drift\n1,hot,0\n"),
-            "log.csv:2:3: expected a number within +-1e9, seen " + abbe::in_quotes("hot"));
-  EXPECT_EQ(refused("day,T1,drift\n1.5,20,0\n"),
-            "log.csv:2:1: expected a whole number for the run, seen " + abbe::in_quotes("1.5"));
+            "log.csv:2:3: expected a number within +-1e9, seen " + abbe::quoted_excerpt("hot"));
+  EXPECT_EQ(
+      refused("day,T1,drift\n1.5,20,0\n"),
+      "log.csv:2:1: expected a whole number for the run, seen " + abbe::quoted_excerpt("1.5"));
   EXPECT_EQ(refused("day,T1,drift\n1,20,0\n2,20,0\n1,20,0\n"),
             "log.csv:4:1: expected the rows of one run together, seen run 1 again");
   EXPECT_NE(refused("day,T1,drift\n1,nan,0\n"), "accepted");

@@ -13,7 +13,7 @@ TEST(Escape, LettersStayAndWhatActsOnATerminalIsSpeltOut) {
     EXPECT_EQ(escaped(plain), plain);
   EXPECT_EQ(escaped("\x1b[31mred"), "\\x1b[31mred");
   EXPECT_EQ(escaped("a\r\n\tb"), "a\\x0d\\x0a\\x09b");
-  EXPECT_EQ(escaped_lines("a\r\n\tb\x07"), "a\\x0d\n\tb\\x07");
+  EXPECT_EQ(escape_keeping_lines("a\r\n\tb\x07"), "a\\x0d\n\tb\\x07");
   EXPECT_EQ(escaped("\x7f"), "\\u007f");
   EXPECT_EQ(escaped("\u0085\u009b31m"), "\\u0085\\u009b31m");
   EXPECT_EQ(escaped("abc\u202Egnp.exe"), "abc\\u202egnp.exe");

@@ -60,8 +60,8 @@ void expect_return(const Chain& chain, const AxisVector& q, const AxisVector& pr
   const TipTarget target = target_at(chain, q);
   const InverseSolution result = inverse(chain, target, previous);
   ASSERT_FALSE(result.branches.empty()) << q.transpose();
-  ASSERT_TRUE(result.reach == Reach::Reached || result.reach == Reach::Singular);
-  const NearestPose nearest = nearest_inverse_solution(chain, target, previous);
+  ASSERT_TRUE(result.reach == Reachability::Reached || result.reach == Reachability::Singular);
+  const NearestPose nearest = solve_nearest_pose(chain, target, previous);
   ASSERT_EQ(nearest.reach, result.reach);
   ASSERT_EQ(nearest.q, result.branches.front()) << "the same bits";
   for (const AxisVector& branch : result.branches) {
@@ -203,7 +203,7 @@ TEST(Inverse, HoldsItsPromiseOnRandomMachines) {
     const Chain chain(joints, machines::placed(point(), pi * unit(random), direction()),
                       machines::placed(point(), pi * unit(random), direction()));
     const AxisVector q = machines::anywhere(chain, random);
-    if (!slides_for_tip(chain, q, Vector3d::Zero())) continue;
+    if (!solve_slides(chain, q, Vector3d::Zero())) continue;
     const Eigen::MatrixXd J = [&] {  // slides that rotary axes bring near to a plane are left out
       Eigen::MatrixXd columns(3, 0);
       for (int k = 0; k < chain.size(); ++k) {
@@ -220,7 +220,7 @@ TEST(Inverse, HoldsItsPromiseOnRandomMachines) {
     ++machines_tried;
     const TipTarget target = target_at(chain, q);
     const InverseSolution result = inverse(chain, target, q);
-    ASSERT_NE(result.reach, Reach::Unreachable);
+    ASSERT_NE(result.reach, Reachability::Unreachable);
     if (result.branches.empty()) continue;  // the other branch may need slides beyond 2 m
     worst.take(chain, target, result.branches[0]);
     ASSERT_TRUE(worst.kept()) << worst;
@@ -250,7 +250,7 @@ TEST(Inverse, TheNearestAloneIsTheFirstOfAllWithinLimits) {
                      Vector3d(unit(random), unit(random), unit(random))};
     if (i % 10 == 0) target.direction_w = Vector3d::UnitZ();
     const InverseSolution all = inverse(chain, target, previous);
-    const NearestPose nearest = nearest_inverse_solution(chain, target, previous);
+    const NearestPose nearest = solve_nearest_pose(chain, target, previous);
     ASSERT_EQ(nearest.reach, all.reach);
     ASSERT_EQ(nearest.q.size() == 0, all.branches.empty());
     if (!all.branches.empty()) {
@@ -320,7 +320,7 @@ TEST(Inverse, OfTheGantryHasTwoBranchesHalfATurnApart) {
   q << 0.4, 10, 20, 30, 0.7, 0.0;
   const InverseSolution result = inverse(gantry, target_at(gantry, q), q);
   ASSERT_EQ(result.branches.size(), 2u);
-  EXPECT_EQ(result.reach, Reach::Reached);
+  EXPECT_EQ(result.reach, Reachability::Reached);
   EXPECT_NEAR(result.branches[0][0], 0.4, 1e-14);
   EXPECT_NEAR(result.branches[0][4], 0.7, 1e-14);
   EXPECT_NEAR(std::abs(result.branches[1][0] - 0.4), pi, 1e-14);
@@ -338,7 +338,7 @@ TEST(Inverse, KeepsCWhereItIsFree) {
       AxisVector previous = q;
       previous[rotary[0]] = 123.456;
       const InverseSolution result = inverse(chain, target_at(chain, q), previous);
-      EXPECT_EQ(result.reach, Reach::Singular) << tilt;
+      EXPECT_EQ(result.reach, Reachability::Singular) << tilt;
       ASSERT_EQ(result.branches.size(), 1u);
       EXPECT_EQ(result.branches[0][rotary[0]], 123.456);
       EXPECT_NEAR(std::remainder(result.branches[0][rotary[1]], 2 * pi), 0.0, 1e-12);
@@ -352,7 +352,7 @@ TEST(Inverse, DoesNotCallANearlySingularPoseSingular) {
   for (const double tilt : {1e-12, 1e-9, 1e-6}) {
     q << 1.3, 1, 2, 3, tilt, 0.0;
     const InverseSolution result = inverse(gantry, target_at(gantry, q), q);
-    EXPECT_EQ(result.reach, Reach::Reached);
+    EXPECT_EQ(result.reach, Reachability::Reached);
     EXPECT_EQ(result.branches.size(), 2u);
     // the direction is known to rounding, so C is known to rounding over the tilt
     EXPECT_NEAR(result.branches[0][0], 1.3, 1e-15 + 4e-16 / tilt);
@@ -364,7 +364,7 @@ TEST(Inverse, BringsAFreeAxisToItsLimits) {
   AxisVector previous = AxisVector::Zero(6);
   previous[0] = 2.0;
   const InverseSolution result = inverse(gantry, {Vector3d(1, 2, 3), z}, previous);
-  EXPECT_EQ(result.reach, Reach::Singular);
+  EXPECT_EQ(result.reach, Reachability::Singular);
   EXPECT_EQ(result.branches.at(0)[0], 1.0);
 }
 
@@ -435,15 +435,15 @@ TEST(Inverse, LeavesOutBranchesBeyondLimits) {
   const TipTarget target = target_at(gantry, q);
   const InverseSolution one = inverse(with_limits(gantry, 'A', -2.0, 0.0), target, q);
   ASSERT_EQ(one.branches.size(), 1u);
-  EXPECT_EQ(one.reach, Reach::Reached);
+  EXPECT_EQ(one.reach, Reachability::Reached);
   EXPECT_NEAR(one.branches[0][4], -0.7, 1e-14);
 
   const InverseSolution none = inverse(with_limits(gantry, 'A', -0.5, 0.5), target, q);
-  EXPECT_EQ(none.reach, Reach::OutOfLimits);
+  EXPECT_EQ(none.reach, Reachability::OutOfLimits);
   EXPECT_TRUE(none.branches.empty());
 
   const InverseSolution slides = inverse(with_limits(gantry, 'Z', -500, -400), target, q);
-  EXPECT_EQ(slides.reach, Reach::OutOfLimits);
+  EXPECT_EQ(slides.reach, Reachability::OutOfLimits);
   EXPECT_TRUE(slides.branches.empty());
 }
 
@@ -491,14 +491,14 @@ TEST(Inverse, DoesNotStretchALimitWhereTheDirectionWouldShowIt) {
   EXPECT_EQ(inverse(with_limits(gantry, 'C', -90.0_deg, 90.0_deg), target_at(gantry, q),
                     AxisVector::Zero(6))
                 .reach,
-            Reach::OutOfLimits);
+            Reachability::OutOfLimits);
   // nearest to previous lies 5e-7 beyond the limit, one turn away is within
   q[0] = -pi + 5e-7;
   AxisVector previous = q;
   previous[0] = 3.1;
   const InverseSolution result =
       inverse(with_limits(gantry, 'C', -pi, pi), target_at(gantry, q), previous);
-  EXPECT_EQ(result.reach, Reach::Reached);
+  EXPECT_EQ(result.reach, Reachability::Reached);
   EXPECT_NEAR(result.branches.at(0)[0], -pi + 5e-7, 1e-13);
 }
 
@@ -508,10 +508,11 @@ TEST(Inverse, OfThreeAxesReachesItsOwnDirectionOnly) {
   q << 10, -20, 30, 0.5;
   const TipTarget target = target_at(table, q);
   const InverseSolution result = inverse(table, target, q);
-  EXPECT_EQ(result.reach, Reach::Reached);
+  EXPECT_EQ(result.reach, Reachability::Reached);
   ASSERT_EQ(result.branches.size(), 1u);
   EXPECT_LT((result.branches[0] - q).cwiseAbs().maxCoeff(), 1e-12);
-  EXPECT_EQ(inverse(table, {target.tip_w, Vector3d(1e-9, 0, 1)}, q).reach, Reach::Unreachable);
+  EXPECT_EQ(inverse(table, {target.tip_w, Vector3d(1e-9, 0, 1)}, q).reach,
+            Reachability::Unreachable);
 }
 
 TEST(Inverse, OfOneRotaryAxisReachesItsConeOnly) {
@@ -522,15 +523,15 @@ TEST(Inverse, OfOneRotaryAxisReachesItsConeOnly) {
   const AxisVector previous = AxisVector::Zero(4);
   const TipTarget target{Vector3d(7, 8, 9), Vector3d(std::sin(0.6), 0, std::cos(0.6))};
   const InverseSolution result = inverse(chain, target, previous);
-  EXPECT_EQ(result.reach, Reach::Reached);
+  EXPECT_EQ(result.reach, Reachability::Reached);
   ASSERT_EQ(result.branches.size(), 1u);
   EXPECT_NEAR(result.branches[0][0], 0.6, 1e-14);  // positive B turns the tool from z to x
   Worst worst;
   worst.take(chain, target, result.branches[0]);
   EXPECT_TRUE(worst.kept()) << worst;
   EXPECT_EQ(inverse(chain, {target.tip_w, Vector3d(0, 1e-6, 1)}, previous).reach,
-            Reach::Unreachable);
-  EXPECT_EQ(inverse(chain, {target.tip_w, y}, previous).reach, Reach::Unreachable);
+            Reachability::Unreachable);
+  EXPECT_EQ(inverse(chain, {target.tip_w, y}, previous).reach, Reachability::Unreachable);
 }
 
 TEST(Inverse, KeepsATableThatTurnsAboutTheTool) {
@@ -541,7 +542,7 @@ TEST(Inverse, KeepsATableThatTurnsAboutTheTool) {
   previous[0] = 7.7;
   const TipTarget target{Vector3d(1, 2, 3), z};
   const InverseSolution result = inverse(chain, target, previous);
-  EXPECT_EQ(result.reach, Reach::Singular);
+  EXPECT_EQ(result.reach, Reachability::Singular);
   EXPECT_EQ(result.branches.at(0)[0], 7.7);
   Worst worst;
   worst.take(chain, target, result.branches[0]);
@@ -558,12 +559,12 @@ TEST(Inverse, OfParallelRotaryAxesKeepsTheOuterAndTurnsTheInner) {
     previous[0] = 0.9;
     const TipTarget target{Vector3d(1, 2, 3), Vector3d(0, std::sin(0.2), std::cos(0.2))};
     const InverseSolution result = inverse(chain, target, previous);
-    EXPECT_EQ(result.reach, Reach::Singular);
+    EXPECT_EQ(result.reach, Reachability::Singular);
     EXPECT_EQ(result.branches.at(0)[0], 0.9);
     Worst worst;
     worst.take(chain, target, result.branches[0]);
     EXPECT_TRUE(worst.kept()) << worst;
-    EXPECT_EQ(inverse(chain, {target.tip_w, x}, previous).reach, Reach::Unreachable);
+    EXPECT_EQ(inverse(chain, {target.tip_w, x}, previous).reach, Reachability::Unreachable);
   }
 }
 
@@ -576,7 +577,7 @@ TEST(Inverse, KeepsAnInnerAxisThatTurnsTheToolAboutItself) {
   previous[4] = 0.9;
   const TipTarget target{Vector3d(1, 2, 3), Vector3d(0, std::sin(0.2), std::cos(0.2))};
   const InverseSolution result = inverse(chain, target, previous);
-  EXPECT_EQ(result.reach, Reach::Singular);
+  EXPECT_EQ(result.reach, Reachability::Singular);
   EXPECT_EQ(result.branches.at(0)[4], 0.9);
   EXPECT_NEAR(result.branches.at(0)[0], -0.2, 1e-14);
   Worst worst;
@@ -591,11 +592,11 @@ TEST(Inverse, OfANutatingTableEndsAtNinetyDegrees) {
     return inverse(chain, {Vector3d::Zero(), Vector3d(std::sin(tilt), 0, std::cos(tilt))}, previous)
         .reach;
   };
-  EXPECT_EQ(reach(0.0), Reach::Singular);
-  EXPECT_EQ(reach(89.9_deg), Reach::Reached);
-  EXPECT_EQ(reach(90.0_deg), Reach::Reached);
-  EXPECT_EQ(reach(90.0_deg + 1e-12), Reach::Unreachable);
-  EXPECT_EQ(reach(120.0_deg), Reach::Unreachable);
+  EXPECT_EQ(reach(0.0), Reachability::Singular);
+  EXPECT_EQ(reach(89.9_deg), Reachability::Reached);
+  EXPECT_EQ(reach(90.0_deg), Reachability::Reached);
+  EXPECT_EQ(reach(90.0_deg + 1e-12), Reachability::Unreachable);
+  EXPECT_EQ(reach(120.0_deg), Reachability::Unreachable);
 }
 
 TEST(Inverse, ReachesTheEndOfItsReachDespiteRounding) {
@@ -609,7 +610,7 @@ TEST(Inverse, ReachesTheEndOfItsReachDespiteRounding) {
                                  std::cos(tilt));
         const TipTarget target{Vector3d(10, 20, 30), direction};
         const InverseSolution result = inverse(chain, target, AxisVector::Zero(chain.size()));
-        ASSERT_EQ(result.reach, Reach::Reached);
+        ASSERT_EQ(result.reach, Reachability::Reached);
         for (const AxisVector& branch : result.branches) {
           ASSERT_TRUE(branch.allFinite());
           worst.take(chain, target, branch);
@@ -654,7 +655,7 @@ TEST(Inverse, OfAPointBeyondAllNumbersIsNeverNaN) {
       const InverseSolution result = inverse(
           chain, {Vector3d(far, -far, far), Vector3d(0.1, 0.2, 1)}, AxisVector::Zero(chain.size()));
       EXPECT_TRUE(result.branches.empty());
-      EXPECT_NE(result.reach, Reach::Reached) << name;
+      EXPECT_NE(result.reach, Reachability::Reached) << name;
     }
 }
 
@@ -683,7 +684,7 @@ TEST(SlidesForTip, KeepsTheRotaryAxesAndReachesTheTip) {
       AxisVector q = machines::anywhere(chain, random);
       if (name == "oblique") q[1] = 0.5 * q[1], q[3] = 0.3 * q[3];  // away from slides in one plane
       const Vector3d tip(unit(random), unit(random), unit(random));
-      const auto result = slides_for_tip(chain, q, tip);
+      const auto result = solve_slides(chain, q, tip);
       ASSERT_TRUE(result);
       for (const int k : rotary_joints(chain)) ASSERT_EQ((*result)[k], q[k]);
       worst = std::max(worst, (chain.tool_in_workpiece(*result).translation() - tip).norm());
@@ -693,18 +694,19 @@ TEST(SlidesForTip, KeepsTheRotaryAxesAndReachesTheTip) {
 }
 
 TEST(SlidesForTip, IsEmptyWhereThereAreNoThreeIndependentSlides) {
-  EXPECT_FALSE(slides_for_tip(machines::platform(), AxisVector::Zero(3), Vector3d::Zero()));
+  EXPECT_FALSE(solve_slides(machines::platform(), AxisVector::Zero(3), Vector3d::Zero()));
   // X, B, then Z turned by B into X
   const Chain chain({slide('X', Side::Workpiece, x), slide('Y', Side::Workpiece, y),
                      turn('B', Side::Workpiece, y), slide('Z', Side::Tool, z)},
                     Pose::Identity(), Pose::Identity());
   AxisVector q = AxisVector::Zero(4);
-  EXPECT_TRUE(slides_for_tip(chain, q, Vector3d::Zero()));
+  EXPECT_TRUE(solve_slides(chain, q, Vector3d::Zero()));
   q[2] = 0.5 * pi;
-  EXPECT_FALSE(slides_for_tip(chain, q, Vector3d::Zero()));
-  EXPECT_EQ(inverse(chain, {Vector3d(1, 2, 3), x}, AxisVector::Zero(4)).reach, Reach::Unreachable);
+  EXPECT_FALSE(solve_slides(chain, q, Vector3d::Zero()));
+  EXPECT_EQ(inverse(chain, {Vector3d(1, 2, 3), x}, AxisVector::Zero(4)).reach,
+            Reachability::Unreachable);
   q[2] = 0.0;
-  EXPECT_FALSE(slides_for_tip(chain, q, Vector3d(nan, 0, 0)));
+  EXPECT_FALSE(solve_slides(chain, q, Vector3d(nan, 0, 0)));
 }
 
 }  // namespace

@@ -173,7 +173,7 @@ struct Misses {
 };
 
 /// The module's places against the chain's, its joints against those that the chain was set to,
-/// and what the control's inverse of the chain (`slides_for_tip`) makes of the module's places.
+/// and what the control's inverse of the chain (`solve_slides`) makes of the module's places.
 Misses held(const Modelled& machine, const std::vector<AxisVector>& positions) {
   const KinematicsModule module(machine.module, machine.pins, machine.kind);
   std::vector<Nine> joints, places;
@@ -189,7 +189,7 @@ Misses held(const Modelled& machine, const std::vector<AxisVector>& positions) {
     worst.inverse = std::max(worst.inverse, farthest(back[i], joints[i]));
     if (!three_slides) continue;
     const Vector3d tip(there[i][0], there[i][1], there[i][2] - machine.length_added);
-    const auto q = slides_for_tip(machine.chain, positions[i], tip);
+    const auto q = solve_slides(machine.chain, positions[i], tip);
     worst.slides = std::max(worst.slides, q ? (*q - positions[i]).norm() : 1e9);
   }
   return worst;

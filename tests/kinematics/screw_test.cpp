@@ -68,7 +68,7 @@ TEST(Screw, NoPointIsFasterThanTheFastest) {
     const Screw screw =
         screw_between(pose(vector(), 100 * vector()), pose(vector(), 100 * vector()));
     const Vector3d centre = 50 * vector();
-    const double radius = 20.0, bound = fastest(screw, centre, radius);
+    const double radius = 20.0, bound = max_speed(screw, centre, radius);
     const Vector3d point = centre + radius * vector().normalized();
     for (const double u : {0.0, 0.4, 1.0}) {
       constexpr double h = 1e-5;

@@ -33,7 +33,7 @@ using Columns = std::vector<int>;
 
 std::vector<std::string> lines_of(std::string_view text) {
   std::vector<std::string> result;
-  Lines lines(text);
+  LineReader lines(text);
   while (const auto line = lines.next()) {
     result.emplace_back(*line);
     EXPECT_EQ(lines.number(), int(result.size()));
@@ -60,7 +60,7 @@ TEST(Text, LinesEndWithOrWithoutACarriageReturnAndTheLastNeedsNoEnd) {
 }
 
 TEST(Text, TheNumberBeforeTheFirstLineIsZeroAndStaysAtTheLast) {
-  Lines lines("a\nb");
+  LineReader lines("a\nb");
   EXPECT_EQ(lines.number(), 0);
   lines.next();
   lines.next();
@@ -128,9 +128,9 @@ TEST(Text, NumbersAreTheWholeTextAndFinite) {
 }
 
 TEST(Text, WhatIsSeenIsShownInPrintAndShort) {
-  EXPECT_EQ(in_quotes(""), "nothing");
-  EXPECT_EQ(in_quotes("ab c"), "'ab c'");
-  EXPECT_EQ(in_quotes(std::string_view("\0\n\x7F\xFF", 4)), "'\\x00\\x0A\\x7F\\xFF'");
+  EXPECT_EQ(quoted_excerpt(""), "nothing");
+  EXPECT_EQ(quoted_excerpt("ab c"), "'ab c'");
+  EXPECT_EQ(quoted_excerpt(std::string_view("\0\n\x7F\xFF", 4)), "'\\x00\\x0A\\x7F\\xFF'");
   EXPECT_EQ(shown(std::string(40, 'x')), std::string(40, 'x'));
   EXPECT_EQ(shown(std::string(41, 'x')), std::string(40, 'x') + "...");
 }

@@ -31,15 +31,15 @@ Grid grid(int n, const Height& height) {
   return g;
 }
 
-Areal of(const Grid& g, ArealReference reference = ArealReference::Plane) {
+ArealParameters of(const Grid& g, ArealReference reference = ArealReference::Plane) {
   return areal(g.xy, g.z, g.weights, {reference});
 }
 
-TEST(Areal, OfASineAreItsClosedForms) {
+TEST(ArealParameters, OfASineAreItsClosedForms) {
   const double A = 0.003;
   // ten whole waves; what is sampled at 500 points a wave misses 1e-5 of the closed forms
   const Grid g = grid(1000, [&](double x, double) { return A * std::sin(20.0 * pi * x); });
-  const Areal a = of(g, ArealReference::None);
+  const ArealParameters a = of(g, ArealReference::None);
   EXPECT_NEAR(a.Sa / (2.0 * A / pi), 1.0, 2e-4);  // midpoint sums of |sin|: (pi/n)^2/6, n = 100
   EXPECT_NEAR(a.Sq / (A / std::sqrt(2.0)), 1.0, 1e-12);
   EXPECT_NEAR(a.Sz / (2.0 * A), 1.0, 5e-4);
@@ -49,9 +49,9 @@ TEST(Areal, OfASineAreItsClosedForms) {
             << " off, relative\n";
 }
 
-TEST(Areal, OfAPublishedSurfaceAreThoseOfSurfalize) {
+TEST(ArealParameters, OfAPublishedSurfaceAreThoseOfSurfalize) {
   const test::RippledWave wave = test::rippled_wave();
-  const Areal a =
+  const ArealParameters a =
       areal(wave.xy, wave.z, Eigen::VectorXd::Ones(wave.z.size()), {ArealReference::Mean});
   // tests/test_parameters.py there, which holds these to 1e-6
   EXPECT_NEAR(a.Sa, 0.653132, 1e-6);
@@ -66,27 +66,27 @@ TEST(Areal, OfAPublishedSurfaceAreThoseOfSurfalize) {
             << *a.Ssk << ", Sku " << *a.Sku << "\n";
 }
 
-TEST(Areal, OfAnEggBoxAreItsClosedForms) {
+TEST(ArealParameters, OfAnEggBoxAreItsClosedForms) {
   const Grid g = grid(400, [](double x, double y) {
     return 0.001 * std::sin(8.0 * pi * x) * std::sin(8.0 * pi * y);
   });
-  const Areal a = of(g);
+  const ArealParameters a = of(g);
   EXPECT_NEAR(a.Sq, 0.0005, 1e-9);
   EXPECT_NEAR(a.Sa, 0.001 * 4.0 / (pi * pi), 1e-6);
   EXPECT_NEAR(*a.Sku, 2.25, 1e-3);
 }
 
-TEST(Areal, OfAParaboloidCutOffAtItsMean) {
+TEST(ArealParameters, OfAParaboloidCutOffAtItsMean) {
   // z = x^2 on (0, 1): mean 1/3, variance 4/45, third moment 16/945
   const Grid g = grid(1000, [](double x, double) { return x * x; });
-  const Areal a = of(g, ArealReference::Mean);
+  const ArealParameters a = of(g, ArealReference::Mean);
   EXPECT_NEAR(a.Sq, std::sqrt(4.0 / 45.0), 1e-6);
   EXPECT_NEAR(*a.Ssk, (16.0 / 945.0) / std::pow(4.0 / 45.0, 1.5), 1e-5);
   EXPECT_NEAR(a.Sp, 2.0 / 3.0, 2e-3);
   EXPECT_NEAR(a.Sv, 1.0 / 3.0, 2e-3);
 }
 
-TEST(Areal, APlaneIsNoRoughness) {
+TEST(ArealParameters, APlaneIsNoRoughness) {
   const unsigned seed = 20250604;
   SCOPED_TRACE(testing::Message() << "seed " << seed);
   std::mt19937 random(seed);
@@ -97,9 +97,9 @@ TEST(Areal, APlaneIsNoRoughness) {
     g.weights[i] = 1.0 + unit(random);
     g.z[i] = 0.002 * unit(random);
   }
-  const Areal rough = of(g);
+  const ArealParameters rough = of(g);
   g.z += 0.01 * g.xy.col(0) - 0.003 * g.xy.col(1) + Eigen::VectorXd::Constant(5000, 77.0);
-  const Areal tilted = of(g);
+  const ArealParameters tilted = of(g);
   std::cout << "a tilt changes Sq by " << std::abs(tilted.Sq - rough.Sq) << " mm\n";
   EXPECT_NEAR(tilted.Sa, rough.Sa, 1e-13);
   EXPECT_NEAR(tilted.Sq, rough.Sq, 1e-13);
@@ -107,7 +107,7 @@ TEST(Areal, APlaneIsNoRoughness) {
   EXPECT_NEAR(*tilted.Ssk, *rough.Ssk, 1e-9);
 }
 
-TEST(Areal, APointOfTwiceTheAreaCountsTwice) {
+TEST(ArealParameters, APointOfTwiceTheAreaCountsTwice) {
   Grid g = grid(3, [](double x, double y) { return x * y * (x - y); });
   g.weights[4] = 2.0;
   Grid twice = g;
@@ -120,13 +120,13 @@ TEST(Areal, APointOfTwiceTheAreaCountsTwice) {
   EXPECT_NEAR(*of(g).Sku, *of(twice).Sku, 1e-12);
 }
 
-TEST(Areal, AFlatSurfaceHasNoShape) {
-  const Areal a = of(grid(4, [](double, double) { return 0.0; }));
+TEST(ArealParameters, AFlatSurfaceHasNoShape) {
+  const ArealParameters a = of(grid(4, [](double, double) { return 0.0; }));
   EXPECT_EQ(a.Sq, 0.0);
   EXPECT_FALSE(a.Ssk || a.Sku);
 }
 
-TEST(Areal, RefusesWhatIsNoSurface) {
+TEST(ArealParameters, RefusesWhatIsNoSurface) {
   const Grid good = grid(3, [](double x, double) { return x; });
   Grid g = good;
   g.z[0] = std::nan("");

@@ -53,11 +53,11 @@ struct TwoSlides {
 /// What a commanded angle for a true one leaves out.
 double second_order(double largest, double R) { return largest * largest / R; }
 
-TEST(Circular, SquarenessMakesAFormOfRadiusTimesAngle) {
+TEST(CircularResult, SquarenessMakesAFormOfRadiusTimesAngle) {
   TwoSlides m;
   m.R = 100.0;
   m.squareness = 50e-6;
-  const Circular c = circular(m.runs());
+  const CircularResult c = circular(m.runs());
   const double left = second_order(5.0_um, 100.0);
   EXPECT_NEAR(c.both->G_lsq, 5.0_um, left);
   EXPECT_NEAR(c.both->G_minimum_zone, 5.0_um, left);
@@ -65,12 +65,12 @@ TEST(Circular, SquarenessMakesAFormOfRadiusTimesAngle) {
   EXPECT_NEAR(c.both->F_min, -2.5_um, left);
 }
 
-TEST(Circular, ScaleMismatchMakesAFormOfRadiusTimesMismatch) {
+TEST(CircularResult, ScaleMismatchMakesAFormOfRadiusTimesMismatch) {
   TwoSlides m;
   m.R = 100.0;
   m.scale_u = 30e-6;
   m.scale_v = -20e-6;
-  const Circular c = circular(m.runs(0.0, 2.0 * pi, 721));
+  const CircularResult c = circular(m.runs(0.0, 2.0 * pi, 721));
   const double left = second_order(5.0_um, 100.0);  // 0 and 360 degrees are one place
   EXPECT_NEAR(c.both->G_lsq, 5.0_um, left);
   EXPECT_NEAR(c.D, 100.0 * 5e-6, left);
@@ -78,28 +78,28 @@ TEST(Circular, ScaleMismatchMakesAFormOfRadiusTimesMismatch) {
   EXPECT_NEAR(c.both->F_min, -2.0_um, 2.0 * left);
 }
 
-TEST(Circular, ACentreSetAsideCountsOnlyIfAskedFor) {
+TEST(CircularResult, ACentreSetAsideCountsOnlyIfAskedFor) {
   TwoSlides m;
   m.R = 100.0;
   m.centre_u = 20.0_um;
   m.centre_v = -10.0_um;
   const double left = 2.0 * second_order(20.0_um, 100.0);
-  const Circular without = circular(m.runs());
+  const CircularResult without = circular(m.runs());
   EXPECT_NEAR(without.centre.x(), 20.0_um, left);
   EXPECT_NEAR(without.both->F_max, 0.0, left);
-  const Circular with = circular(m.runs(), {CircleCentre::Set});
+  const CircularResult with = circular(m.runs(), {CircleCentre::Set});
   EXPECT_EQ(with.centre.norm(), 0.0);
   EXPECT_NEAR(with.both->F_max, std::hypot(20.0_um, 10.0_um), left);
   EXPECT_NEAR(with.both->F_min, -std::hypot(20.0_um, 10.0_um), left);
   EXPECT_NEAR(with.both->G_lsq, 0.0, left);
 }
 
-TEST(Circular, BothSensesTogetherAreAsWideAsTheWiderOrWider) {
+TEST(CircularResult, BothSensesTogetherAreAsWideAsTheWiderOrWider) {
   TwoSlides m;
   m.R = 100.0;
   m.squareness = 20e-6;
   m.lag = 30e-6;  // helps the squareness in one sense, hides it in the other
-  const Circular c = circular(m.runs());
+  const CircularResult c = circular(m.runs());
   const double left = second_order(5.0_um, 100.0);
   EXPECT_NEAR(c.anticlockwise->G_lsq, 1.0_um, left);
   EXPECT_NEAR(c.clockwise->G_lsq, 5.0_um, left);
@@ -194,7 +194,7 @@ TEST(CircularCauses, WhatAnArcCannotTellIsLeftOpenAndNamed) {
   EXPECT_TRUE(both.undetermined.empty());
 }
 
-TEST(Circular, RefusesWhatIsNoCircle) {
+TEST(CircularResult, RefusesWhatIsNoCircle) {
   const CircularRuns good = TwoSlides{}.runs(0, 2 * pi, 20);
   const auto refuses = [&](const auto& spoil) {
     CircularRuns runs = good;

@@ -167,7 +167,7 @@ TEST(ClosedCircle, FiguresAreTheClosedFormsOfAnEllipseForEveryNumberOfPlaces) {
   for (Index n = 3; n <= 200; ++n)
     for (const bool again : {false, true}) {
       const VectorXd angle = around(n, again);
-      const Circular c = circular(circular_runs(R, angle, ellipse));
+      const CircularResult c = circular(circular_runs(R, angle, ellipse));
       // 5 um cos^2 = 2.5 um + 2.5 um cos 2a: no first order but for n = 3, where cos 2a is cos a
       const double most = R * mismatch;
       double low = 1.0, high = 0.0;
@@ -200,7 +200,8 @@ TEST(ClosedCircle, FiguresAreTheClosedFormsOfAnEllipseForEveryNumberOfPlaces) {
 
 TEST(ClosedCircle, SeventyTwoTargetsThatEndWhereTheyBeganGiveFiveMicrometres) {
   // as a bar of abbe 0.1.0 read them: 0 and 360 degrees are two of the 72
-  const Circular c = circular(circular_runs(R, VectorXd::LinSpaced(72, 0.0, 2.0 * pi), ellipse));
+  const CircularResult c =
+      circular(circular_runs(R, VectorXd::LinSpaced(72, 0.0, 2.0 * pi), ellipse));
   std::cout << "G " << c.both->G_lsq * 1e3 << " um\n";
   // 71 places, of which the nearest to 90 degrees is a quarter of a step away; 5.0538 um where 0
   // degrees counts twice
@@ -232,14 +233,14 @@ TEST(ClosedCircle, FAndHAreThoseOfTwoPathsApartAndAskew) {
         H = std::max(H, std::abs(2.0 * lag * s + gap));
       }
       const double left = 4.0 * e * e / R + 1e-12;
-      const Circular c = circular(two);
+      const CircularResult c = circular(two);
       EXPECT_NEAR(*c.H, H, left) << n;
       EXPECT_NEAR(c.both->F_max, form_high, left) << n;
       EXPECT_NEAR(c.both->F_min, form_low, left) << n;
       EXPECT_NEAR(c.both->G_lsq, form_high - form_low, left) << n;
       EXPECT_NEAR(c.D, 0.0, left) << n;
       EXPECT_NEAR(c.circle.centre.x(), e, left) << n;
-      const Circular set = circular(two, {CircleCentre::Set});
+      const CircularResult set = circular(two, {CircleCentre::Set});
       EXPECT_EQ(set.both->F_max,
                 std::max(two.anticlockwise.radius.maxCoeff(), two.clockwise.radius.maxCoeff()) - R);
     }
@@ -252,7 +253,7 @@ TEST(ClosedCircle, HOfSensesReadAtOtherAnglesGoesOnStraightBetweenThem) {
   two.anticlockwise = trace(around(360, false), 1.0, radius);
   two.clockwise = trace(around(240, true, 0.3 * units::deg), -1.0,
                         [&](double a) { return radius(a) + 1.0_um; });
-  const Circular c = circular(two);
+  const CircularResult c = circular(two);
   const double between = 2.0_um * std::pow(1.5 * units::deg, 2) / 8.0;
   EXPECT_NEAR(*c.H, 1.0_um, between + 1e-9);
   // arcs that have nothing in common have no hysteresis; those that overlap have, where they do
@@ -318,7 +319,7 @@ int places_of(const Instrument& bar, const kinematics::Chain& chain) {
 
 TEST(ClosedPlan, AWholeCircleIsReadAtAsManyPlacesAsItHasTargets) {
   for (const int n : {3, 4, 5, 36, 72}) {
-    Instrument bar = typical(Kind::BallBar);
+    Instrument bar = typical_instrument(Kind::BallBar);
     bar.targets = n;
     EXPECT_EQ(places_of(bar, machines::gantry()), n);
   }
@@ -327,7 +328,7 @@ TEST(ClosedPlan, AWholeCircleIsReadAtAsManyPlacesAsItHasTargets) {
 TEST(ClosedPlan, TargetsOfSeveralTurnsFallOnTheSamePlacesAsOftenAsTheyHaveACommonFactor) {
   for (const int turns : {2, 3})
     for (const int n : {5, 36, 37, 72}) {
-      Instrument bar = typical(Kind::BallBar);
+      Instrument bar = typical_instrument(Kind::BallBar);
       bar.to_rad = bar.from_rad + 2.0 * pi * turns;
       bar.targets = n;
       EXPECT_EQ(places_of(bar, machines::gantry()), n / std::gcd(n, turns)) << n << ", " << turns;

@@ -34,7 +34,7 @@ TEST(Drift, OfAWarmingSpindleIsThatOfItsExponential) {
   EXPECT_NEAR(found[1].range[0], 50.0_um * (1.0 - std::exp(-4.0)), 1e-12);
   EXPECT_NEAR(found[2].change[0], -50.0_um * (1.0 - std::exp(-4.0)) * (1.0 - std::exp(-2.0)),
               1e-12);
-  EXPECT_NEAR(found[0].rate_peak[0], 50.0_um / 3600.0, 50.0_um / 3600.0 * 0.002);
+  EXPECT_NEAR(found[0].max_rate[0], 50.0_um / 3600.0, 50.0_um / 3600.0 * 0.002);
 }
 
 TEST(Drift, EndsBetweenSamplesAreStraightLines) {
@@ -75,7 +75,7 @@ TEST(Drift, TheWorstWindowIsNoLessThanAnyAndHardlyMore) {
       log.values(i, 0) = unit(random);
     }
     const double window = (0.05 + 0.9 * unit(random)) * (t - log.time_s[0]);
-    const double found = worst_drift(log, window)[0], brute = brute_worst(log, window);
+    const double found = max_window_drift(log, window)[0], brute = brute_worst(log, window);
     EXPECT_GE(found, brute - 1e-12);
     EXPECT_LE(found, brute + 0.05);  // a window of the brute search is at most 0.01 s off
     most = std::max(most, found - brute);
@@ -115,8 +115,8 @@ TEST(Drift, RefusesWhatIsNoLog) {
   bad = good;
   bad.names.clear();
   refuses(bad, {"", 0, 5});
-  EXPECT_THROW(worst_drift(good, 0.0), std::invalid_argument);
-  EXPECT_THROW(worst_drift(good, 1e9), std::invalid_argument);
+  EXPECT_THROW(max_window_drift(good, 0.0), std::invalid_argument);
+  EXPECT_THROW(max_window_drift(good, 1e9), std::invalid_argument);
 }
 
 }  // namespace

@@ -76,7 +76,7 @@ TEST(MinimumZoneCircles, AgreeWithEveryCandidateTried) {
   std::mt19937 random(seed);
   std::uniform_real_distribution<double> unit(-1.0, 1.0);
   double worst = 0.0, largest_gap = 0.0;
-  int proven = 0;
+  int is_proven = 0;
   for (int k = 0; k < 400; ++k) {
     const double noise = 50.0 * std::pow(10.0, -3.0 + 2.0 * unit(random));
     const Index n = 4 + k % 12;
@@ -85,15 +85,15 @@ TEST(MinimumZoneCircles, AgreeWithEveryCandidateTried) {
     const MinimumZoneCircles c = minimum_zone_circles(p);
     const double brute = oracles::brute_circularity(p, 0.5 * c.inner);
     EXPECT_NEAR(c.outer - c.inner, c.circularity, 1e-13);
-    if (!c.proven) continue;
-    ++proven;
+    if (!c.is_proven) continue;
+    ++is_proven;
     worst = std::max(worst, std::abs(c.circularity - brute) / std::max(brute, 1e-5));
     largest_gap = std::max(largest_gap, c.gap / std::max(brute, 1e-5));
     EXPECT_NEAR(c.circularity, brute, 1e-9 * brute + 5e-13) << "case " << k << ", n " << n;
   }
-  std::cout << proven << " of 400 proven, off by at most " << worst << " of the circularity, gap "
-            << largest_gap << "\n";
-  EXPECT_GT(proven, 300);
+  std::cout << is_proven << " of 400 proven, off by at most " << worst
+            << " of the circularity, gap " << largest_gap << "\n";
+  EXPECT_GT(is_proven, 300);
 }
 
 TEST(MinimumZoneCircles, AreNeverWiderThanThoseOfLeastSquares) {
@@ -111,7 +111,7 @@ TEST(MinimumZoneCircles, AreNeverWiderThanThoseOfLeastSquares) {
   std::cout << "20 000 points: zone " << zone.circularity * 1e3 << " um, least squares "
             << lsq * 1e3 << " um, " << s << " s\n";
   EXPECT_LT(zone.circularity, lsq);
-  EXPECT_TRUE(zone.proven);
+  EXPECT_TRUE(zone.is_proven);
   EXPECT_LT(zone.gap, 1e-9 * zone.circularity + 1e-12);
   EXPECT_LT(s, 2.0);
 }
@@ -122,7 +122,7 @@ TEST(MinimumZoneCircles, OfAShortArcAreNotCalledProven) {
   const MatrixX2d p = circle(
       30, 100.0, {0, 0}, [&](double) { return 0.002 * unit(random); }, 0.0, 0.5 * pi);
   const MinimumZoneCircles c = minimum_zone_circles(p);
-  EXPECT_FALSE(c.proven);
+  EXPECT_FALSE(c.is_proven);
   EXPECT_LE(c.circularity, least_squares_circle(p).circularity);
 }
 
@@ -131,7 +131,7 @@ TEST(MinimumZoneCircles, OfAThreeLobedFormIsItsHeight) {
       circle(360, 20.0, {0, 0}, [](double t) { return 2.0_um * std::cos(3.0 * t); });
   const MinimumZoneCircles c = minimum_zone_circles(p);
   EXPECT_NEAR(c.circularity, 4.0_um, 1e-12);
-  EXPECT_TRUE(c.proven);
+  EXPECT_TRUE(c.is_proven);
 }
 
 TEST(Circle, AwkwardPointsHaveAnAnswerOrARefusal) {
@@ -171,20 +171,20 @@ TEST(MinimumZonePlanes, AgreeWithEveryCandidateTried) {
   SCOPED_TRACE(testing::Message() << "seed " << seed);
   std::mt19937 random(seed);
   double worst = 0.0;
-  int proven = 0;
+  int is_proven = 0;
   for (int k = 0; k < 300; ++k) {
     const MatrixX3d p = scattered(random, 4 + k % 12, std::pow(10.0, -4.0 + (k % 30) / 6.0));
     const MinimumZonePlanes planes = minimum_zone_planes(p);
     const double brute = oracles::brute_flatness(p);
     EXPECT_GE(planes.flatness, brute - 1e-11);
-    if (!planes.proven) continue;
-    ++proven;
+    if (!planes.is_proven) continue;
+    ++is_proven;
     worst = std::max(worst, std::abs(planes.flatness - brute) / std::max(brute, 1e-4));
     EXPECT_NEAR(planes.flatness, brute, 1e-9 * brute + 5e-12) << "case " << k;
     EXPECT_NEAR(planes.upper - planes.lower, planes.flatness, 1e-12);
   }
-  std::cout << proven << " of 300 proven, off by at most " << worst << " of the flatness\n";
-  EXPECT_GT(proven, 250);
+  std::cout << is_proven << " of 300 proven, off by at most " << worst << " of the flatness\n";
+  EXPECT_GT(is_proven, 250);
 }
 
 TEST(MinimumZonePlanes, OfManyPointsAreQuickAndCertain) {
@@ -196,7 +196,7 @@ TEST(MinimumZonePlanes, OfManyPointsAreQuickAndCertain) {
   std::cout << "100 000 points: " << planes.flatness * 1e3 << " um, least squares "
             << least_squares_plane(p).flatness * 1e3 << " um, gap " << planes.gap << " mm, " << s
             << " s\n";
-  EXPECT_TRUE(planes.proven);
+  EXPECT_TRUE(planes.is_proven);
   EXPECT_LT(planes.flatness, least_squares_plane(p).flatness);
   EXPECT_LT(planes.gap, 1e-9 * planes.flatness + 1e-11);
   EXPECT_LT(s, 3.0);
@@ -228,7 +228,7 @@ TEST(MinimumZonePlanes, OfFormsThatTieAreTheirHeights) {
   });
   const MinimumZonePlanes c = minimum_zone_planes(chequers);
   EXPECT_NEAR(c.flatness, 2.0_um, 1e-12);
-  EXPECT_TRUE(c.proven);
+  EXPECT_TRUE(c.is_proven);
   std::cout << "gaps " << minimum_zone_planes(saddle).gap << " " << minimum_zone_planes(bowl).gap
             << " " << minimum_zone_planes(ridge).gap << " " << minimum_zone_planes(twist).gap << " "
             << c.gap << " mm\n";

@@ -102,7 +102,7 @@ using Deviations = std::function<std::vector<JointDeviation>(const kinematics::A
 inline MachineUnderTest wrong(const Chain& chain, Deviations deviations) {
   return [chain, deviations](const kinematics::AxisState& state) {
     const std::vector<JointDeviation> d = deviations(state);
-    return Bodies{chain.workpiece_in_bed(state.q, d), chain.tool_in_bed(state.q, d)};
+    return BodyPoses{chain.workpiece_in_bed(state.q, d), chain.tool_in_bed(state.q, d)};
   };
 }
 inline MachineUnderTest perfect(const Chain& chain) {

@@ -31,7 +31,7 @@ Plan standing_still(const Channel& channel, int count, int axes) {
   p.instrument = p.kind = "dial";
   SetUp s;
   s.channels = {channel};
-  s.zero_unknown = false;
+  s.is_zero_unknown = false;
   p.set_ups = {s};
   for (int i = 0; i < count; ++i) {
     Measurement measurement;
@@ -44,7 +44,7 @@ Plan standing_still(const Channel& channel, int count, int axes) {
 }
 
 MachineUnderTest nowhere_special() {
-  return [](const AxisState&) { return Bodies{}; };
+  return [](const AxisState&) { return BodyPoses{}; };
 }
 
 }  // namespace
@@ -52,7 +52,7 @@ MachineUnderTest nowhere_special() {
 TEST(Measure, TheSameSeedReadsTheSameBitsAndAnotherDoesNot) {
   const machines::Chain chain = machines::gantry();
   for (const Kind kind : all_kinds()) {
-    const Plan p = plan(typical(kind), chain);
+    const Plan p = plan(typical_instrument(kind), chain);
     const VectorXd a = measure(p, chain, machines::perfect(chain), 11).value;
     const VectorXd b = measure(p, chain, machines::perfect(chain), 11).value;
     const VectorXd c = measure(p, chain, machines::perfect(chain), 12).value;
@@ -65,7 +65,7 @@ TEST(Measure, TheSameSeedReadsTheSameBitsAndAnotherDoesNot) {
 
 TEST(Measure, ALongerPlanLeavesTheFirstReadingsAlone) {
   const machines::Chain chain = machines::gantry();
-  Instrument i = typical(Kind::Laser);
+  Instrument i = typical_instrument(Kind::Laser);
   const VectorXd few = measure(plan(i, chain), chain, machines::perfect(chain), 5).value;
   Plan longer = plan(i, chain);
   longer.measurements.push_back(longer.measurements.back());
@@ -148,7 +148,7 @@ TEST(Measure, CountersAreSetAtTheirFirstReading) {
 TEST(Measure, ScaleAndDriftAreDrawnWithTheirSigmas) {
   const machines::Chain chain = machines::gantry();
   Instrument i = exact_laser();
-  i.both_ways = false;
+  i.bidirectional = false;
   i.scale_sigma = 1e-6;
   const int n = 4000;
   const auto spread = [&](const Instrument& instrument, const auto& figure) {
@@ -197,7 +197,7 @@ TEST(Measure, TimeSinceASetUpCountsFromItsFirstReading) {
 
 TEST(Measure, TemperaturesAloneHaveNoValues) {
   const machines::Chain chain = machines::lathe();
-  Instrument log = typical(Kind::Temperature);
+  Instrument log = typical_instrument(Kind::Temperature);
   log.interval_s = 60.0;
   log.duration_s = 600.0;
   const Readings r = measure(plan(log, chain), chain, machines::perfect(chain), 1);
@@ -209,7 +209,7 @@ TEST(Measure, TemperaturesAloneHaveNoValues) {
 TEST(Measure, SpindleIsReadAsItTurnsAndAnEccentricBallGoesRound) {
   for (const machines::Named& machine : machines::all()) {
     SCOPED_TRACE(machine.name);
-    Instrument i = typical(Kind::Spindle);
+    Instrument i = typical_instrument(Kind::Spindle);
     i.noise = i.resolution = i.drift_sigma = 0.0;
     i.runs = 2;
     const Plan p = plan(i, machine.chain);

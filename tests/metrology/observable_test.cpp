@@ -55,12 +55,12 @@ struct Draw {
     T.translation() = vector(reach);
     return T;
   }
-  Bodies bodies(double reach) { return {pose(reach), pose(reach)}; }
+  BodyPoses bodies(double reach) { return {pose(reach), pose(reach)}; }
   Body body() { return Body(std::uniform_int_distribution<int>(0, 2)(random)); }
 };
 
 /// A random channel between two different bodies; a mirror faces its beam within 60 degrees.
-Channel any_channel(Draw& draw, Quantity quantity, const Bodies& bodies) {
+Channel any_channel(Draw& draw, Quantity quantity, const BodyPoses& bodies) {
   Channel c;
   c.quantity = quantity;
   do {
@@ -131,8 +131,8 @@ TEST(Observable, AnglesReadThroughAnArmAsAbbeSays) {
   Channel laser;
   laser.point_of = {0, 0, -h};
   laser.point_in = {0, 0, T_bt.translation().z() - h};
-  const Bodies ideal{Pose::Identity(), T_bt};
-  Bodies actual = ideal;
+  const BodyPoses ideal{Pose::Identity(), T_bt};
+  BodyPoses actual = ideal;
   Deviation turn = Deviation::Zero();
   turn[4] = theta;
   actual.T_bt = kinematics::motion(turn, T_bt.translation()) * T_bt;
@@ -143,7 +143,7 @@ TEST(Observable, AnglesReadThroughAnArmAsAbbeSays) {
 TEST(Observable, BeamThatIsTurnedReadsShortByTheCosine) {
   const double L = 500.0, theta = 1e-4;
   Channel laser;
-  Bodies bodies;
+  BodyPoses bodies;
   bodies.T_bt = Pose(Eigen::Translation3d(L, 0, 0));
   Misalignment m;
   m.rotation = {0, 0, theta};
@@ -185,7 +185,7 @@ TEST(Observable, MirrorThatLeansReadsWhereTheBeamMeetsIt) {
   const double theta = 1e-3, h = 30.0, L = 400.0;
   Channel laser;
   laser.quantity = Quantity::Mirror;
-  Bodies bodies;
+  BodyPoses bodies;
   bodies.T_bt = Pose(Eigen::Translation3d(L, h, 0));
   Misalignment m;
   m.normal = {0, 0, theta};
@@ -205,7 +205,7 @@ TEST(Observable, StepDiagonalAddsUpToTheBodyDiagonalForErrorsOfTranslation) {
   Instrument steps = exact(Kind::StepDiagonal);
   steps.targets = 5;
   Instrument whole = exact(Kind::Diagonals);
-  whole.both_ways = false;
+  whole.bidirectional = false;
   const Readings a = measure(plan(steps, chain), chain, machine, 1);
   const Readings b = measure(plan(whole, chain), chain, machine, 1);
   double worst = 0.0;
@@ -269,7 +269,7 @@ using Long = long double;
 using Long3 = Eigen::Matrix<Long, 3, 1>;
 
 /// The same reading in extended precision from the same poses, misalignments left out.
-Long extended(const Channel& c, const Bodies& bodies) {
+Long extended(const Channel& c, const BodyPoses& bodies) {
   const auto R = [&](Body b) {
     const Pose T = b == Body::Bed ? Pose::Identity() : b == Body::Tool ? bodies.T_bt : bodies.T_bw;
     return Eigen::Matrix<Long, 3, 4>(T.matrix().topRows<3>().cast<Long>());
@@ -293,7 +293,7 @@ TEST(Observable, ReadingsKeepTheirBoundAgainstExtendedPrecision) {
   double worst = 0.0, worst_ulp = 0.0;
   for (int i = 0; i < 60000; ++i) {
     const double reach = std::pow(10.0, i % 4);  // 1 mm to 1 m
-    const Bodies bodies = draw.bodies(reach);
+    const BodyPoses bodies = draw.bodies(reach);
     const Channel c = any_channel(draw, quantities[i % 3], bodies);
     const Long read = reading(alone(c), 0, {}, bodies, bodies);
     const double off = double(std::abs(read - extended(c, bodies)));
@@ -314,8 +314,8 @@ TEST(Observable, AnglesKeepTheirBound) {
   Draw draw(seed);
   double worst = 0.0;
   for (int i = 0; i < 20000; ++i) {
-    const Bodies ideal = draw.bodies(500.0);
-    Bodies actual = ideal;
+    const BodyPoses ideal = draw.bodies(500.0);
+    BodyPoses actual = ideal;
     const double size = std::pow(10.0, -12.0 + 0.5 * (i % 20));  // 1e-12 to 3e-3
     const Vector3d turn = draw.direction() * size;
     Channel c;
@@ -341,7 +341,7 @@ TEST(Observable, GradientIsThatOfTheReading) {
   Draw draw(seed);
   double worst = 0.0;
   for (int i = 0; i < 4000; ++i) {
-    const Bodies bodies = draw.bodies(500.0);
+    const BodyPoses bodies = draw.bodies(500.0);
     const Channel c = any_channel(draw, quantities[i % 4], bodies);
     const ReadingGradient g = gradient(c, bodies);
     for (int k = 0; k < 6; ++k) {
@@ -349,7 +349,7 @@ TEST(Observable, GradientIsThatOfTheReading) {
       const auto read = [&](Body which, double s) {
         Deviation D = Deviation::Zero();
         D[k] = s;
-        Bodies moved = bodies;
+        BodyPoses moved = bodies;
         Pose& T = which == Body::Tool ? moved.T_bt : moved.T_bw;
         T = pushed(T, D);
         return reading(alone(c), 0, {}, moved, bodies);
@@ -373,7 +373,7 @@ TEST(Observable, GradientOfUnknownsIsThatOfTheReading) {
   Draw draw(seed);
   double worst = 0.0;
   for (int i = 0; i < 4000; ++i) {
-    const Bodies bodies = draw.bodies(500.0);
+    const BodyPoses bodies = draw.bodies(500.0);
     metrology::SetUp s = alone(any_channel(draw, quantities[i % 4], bodies));
     s.channels.push_back(s.channels[0]);
     s.channels[1].direction_in = draw.direction();
@@ -407,12 +407,12 @@ TEST(Observable, GradientOfUnknownsIsThatOfTheReading) {
 
 TEST(Observable, UnknownsComeBackFromAMisalignment) {
   Draw draw(20250405);
-  const Bodies bodies = draw.bodies(500.0);
+  const BodyPoses bodies = draw.bodies(500.0);
   metrology::SetUp s = alone(any_channel(draw, Quantity::Mirror, bodies));
   EXPECT_EQ(values(s, {}).size(), 1);  // a zero alone
-  s.zero_unknown = false;
+  s.is_zero_unknown = false;
   EXPECT_EQ(values(s, {}).size(), 0);
-  s.zero_unknown = true;
+  s.is_zero_unknown = true;
   s.rotation_sigma = s.point_in_sigma = s.normal_sigma = s.eccentricity_sigma = s.drift_sigma =
       1e-3;
   VectorXd v(Eigen::Index(unknowns(s).size()));
@@ -429,7 +429,7 @@ TEST(Observable, EccentricBallGoesRoundWithTheSpindle) {
   s.eccentricity_sigma = 1.0;
   Misalignment m;
   m.eccentricity = {3.0_um, 4.0_um};
-  const Bodies still;
+  const BodyPoses still;
   for (const double angle : {0.0, 0.5 * pi, pi, 1.0})
     EXPECT_NEAR(reading(s, 0, m, still, still, angle),
                 3.0_um * std::cos(angle) - 4.0_um * std::sin(angle), 1e-17);
@@ -445,14 +445,14 @@ TEST(Observable, TrackerReadsThreeComponentsOfTheErrorAtEveryPlace) {
   });
   Instrument i = exact(Kind::Tracker);
   i.targets = 3;
-  i.both_ways = false;
+  i.bidirectional = false;
   const Plan p = plan(i, chain);
   const Readings r = measure(p, chain, machine, 1);
   double worst = 0.0;
   for (std::size_t k = 0; k < p.measurements.size(); k += 3) {
     Vector3d error = Vector3d::Zero();
     const AxisState& state = p.measurements[k].state;
-    const Bodies ideal = nominal_bodies(chain, state.q);
+    const BodyPoses ideal = nominal_bodies(chain, state.q);
     for (std::size_t j = k; j < k + 3; ++j) {
       const Channel& c = p.set_ups[0].channels[std::size_t(p.measurements[j].channel)];
       const Vector3d beam = (ideal.T_bw.inverse() * ideal.T_bt).translation() - c.point_in;

@@ -105,7 +105,7 @@ TEST(Probe, ReadsDeviationLessTheErrorOfTheTipAlongTheNormal) {
       slides.col(k) = tip(q) - tip(state.q);
     }
     state.q.segment<3>(2) += slides.inverse() * (ball_w - tip(state.q));
-    const Bodies b = machine(state);
+    const BodyPoses b = machine(state);
     const Vector3d error_w = (b.T_bw.inverse() * b.T_bt).translation() - tip(state.q);
     const double expected = part.deviation[i] - n.dot(error_w);
     worst = std::max(worst, std::abs(r.deviation[i] - expected));
@@ -129,7 +129,7 @@ TEST(Probe, AMachineThatCutThePartInTheSamePoseReadsNothing) {
     state.q = touch.q;
     const Vector3d start = chain.tool_in_workpiece(state.q).translation();
     state.q.segment<3>(1) += p + touch.radius * n - start;  // X Y Z of a gantry with C at 0
-    const Bodies b = machine(state);
+    const BodyPoses b = machine(state);
     part.deviation[i] = n.dot((b.T_bw.inverse() * b.T_bt).translation() - p) - touch.radius;
   }
   const PartReadings r = probe(part, chain, machine, touch);
@@ -217,9 +217,9 @@ TEST(Probe, NoiseAndRoundingAreThoseStated) {
   EXPECT_EQ(r.deviation, probe(part, chain, machines::perfect(chain), touch).deviation);
 }
 
-TEST(CoordinateMachine, ReadsOnePointACellAsItIs) {
+TEST(CoordinateMeasuringMachine, ReadsOnePointACellAsItIs) {
   const PartSurface part = dome(90.0, 40);
-  CoordinateMachine machine;
+  CoordinateMeasuringMachine machine;
   machine.noise = 0.0;
   machine.spacing = 10.0;
   const PartReadings r = measure_coordinates(part, machine);
@@ -232,9 +232,9 @@ TEST(CoordinateMachine, ReadsOnePointACellAsItIs) {
   EXPECT_EQ(r.time_s[1] - r.time_s[0], machine.interval_s);
 }
 
-TEST(CoordinateMachine, ReadsAPartThatLiesWrongAsTheRigidMotionOfItsNormals) {
+TEST(CoordinateMeasuringMachine, ReadsAPartThatLiesWrongAsTheRigidMotionOfItsNormals) {
   PartSurface part = dome(90.0, 30);
-  CoordinateMachine machine;
+  CoordinateMeasuringMachine machine;
   machine.noise = 0.0;
   kinematics::Deviation D;
   D << 5.0_um, -3.0_um, 2.0_um, 40.0_urad, -30.0_urad, 20.0_urad;
@@ -252,7 +252,7 @@ TEST(CoordinateMachine, ReadsAPartThatLiesWrongAsTheRigidMotionOfItsNormals) {
   EXPECT_LT(worst, 2e-6);
 }
 
-TEST(CoordinateMachine, BestFitTakesTheLieOutAgain) {
+TEST(CoordinateMeasuringMachine, BestFitTakesTheLieOutAgain) {
   PartSurface plane;
   const int side = 21;
   plane.points_w.resize(side * side, 3);
@@ -263,7 +263,7 @@ TEST(CoordinateMachine, BestFitTakesTheLieOutAgain) {
     plane.normals_w.row(i) << 0, 0, 1;
     plane.deviation[i] = 2.0_um * ((i % side + i / side) % 2 ? 1.0 : -1.0);
   }
-  CoordinateMachine machine;
+  CoordinateMeasuringMachine machine;
   machine.noise = 0.0;
   machine.spacing = 5.0;
   machine.alignment_sigma = 0.5;
@@ -287,14 +287,14 @@ TEST(CoordinateMachine, BestFitTakesTheLieOutAgain) {
   }
 }
 
-TEST(CoordinateMachine, BothSidesOfAThinWallAreRead) {
+TEST(CoordinateMeasuringMachine, BothSidesOfAThinWallAreRead) {
   PartSurface wall;
   wall.points_w.resize(2, 3);
   wall.normals_w.resize(2, 3);
   wall.points_w << 0, 0, 0, 0, 1, 0;
   wall.normals_w << 0, -1, 0, 0, 1, 0;
   wall.deviation = Eigen::Vector2d(1.0_um, 2.0_um);
-  CoordinateMachine machine;
+  CoordinateMeasuringMachine machine;
   EXPECT_EQ(measure_coordinates(wall, machine).deviation.size(), 2);
   wall.deviation[0] = NAN;
   EXPECT_EQ(measure_coordinates(wall, machine).deviation.size(), 1);

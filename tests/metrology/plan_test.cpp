@@ -21,7 +21,7 @@ namespace machines = metrology::machines;
 
 /// As bought, with a bar or a ball's place that the smaller machines have room for.
 Instrument on(const machines::Named& machine, Kind kind) {
-  Instrument i = typical(kind);
+  Instrument i = typical_instrument(kind);
   if (machine.name == "platform") i.radius = 40.0;
   if (machine.name == "lathe") i.radius = 80.0;
   return i;
@@ -163,7 +163,7 @@ TEST(Plan, BothWaysApproachEveryTargetUpAndDownWithOneReversalBetween) {
 
 TEST(Plan, CirclesAreDrivenBothWaysAndAxesReverseAtTheirQuadrants) {
   const machines::Chain chain = machines::three_axis();
-  Instrument bar = typical(Kind::BallBar);
+  Instrument bar = typical_instrument(Kind::BallBar);
   bar.axes = {'X', 'Y'};
   bar.targets = 72;  // 5 degrees, the first place not again
   const Plan p = plan(bar, chain);
@@ -216,7 +216,7 @@ std::string moving(const Plan& plan, int set_up, const machines::Chain& chain) {
 TEST(Plan, ParallelSlidesAreNoPair) {
   for (const double way : {1.0, -1.0}) {
     const machines::Chain chain = with_quill(way);
-    Instrument bar = typical(Kind::BallBar), square = typical(Kind::Square);
+    Instrument bar = typical_instrument(Kind::BallBar), square = typical_instrument(Kind::Square);
     const Plan circles = plan(bar, chain), squares = plan(square, chain);
     EXPECT_EQ(names_of(circles), (std::vector<std::string>{"WX circle", "WY circle", "XY circle",
                                                            "XZ circle", "YZ circle"}));
@@ -232,7 +232,7 @@ TEST(Plan, ParallelSlidesAreNoPair) {
     EXPECT_EQ(sentence([&] { plan(square, chain); }),
               "square: expected two slides across each other, seen W Z");
     for (const Kind kind : {Kind::Diagonals, Kind::StepDiagonal}) {
-      Instrument laser = typical(kind);
+      Instrument laser = typical_instrument(kind);
       laser.axes = {'X', 'Z', 'W'};
       EXPECT_EQ(
           sentence([&] { plan(laser, chain); }),
@@ -256,7 +256,7 @@ TEST(Plan, SlidesFollowSoThatThePerfectMachineReadsNothing) {
     for (std::size_t k = 0; k < p.measurements.size(); ++k) {
       const Measurement& measurement = p.measurements[k];
       const metrology::SetUp& s = p.set_ups[std::size_t(measurement.set_up)];
-      const Bodies b = nominal_bodies(machine.chain, measurement.state.q);
+      const BodyPoses b = nominal_bodies(machine.chain, measurement.state.q);
       worst = std::max(
           worst, std::abs(r.value[Eigen::Index(k)] - reading(s, measurement.channel, {}, b, b)));
       double expected = NAN;
@@ -276,7 +276,7 @@ TEST(Plan, SlidesFollowSoThatThePerfectMachineReadsNothing) {
 
 TEST(Plan, StepDiagonalCountsLegsOfXThenYThenZAndRisesInZ) {
   const machines::Chain chain = machines::trunnion();  // Y stands before X in its code
-  const Plan p = plan(typical(Kind::StepDiagonal), chain);
+  const Plan p = plan(typical_instrument(Kind::StepDiagonal), chain);
   ASSERT_EQ(p.set_ups.size(), 4u);
   const int joints[] = {*chain.find('X'), *chain.find('Y'), *chain.find('Z')};
   std::set<std::pair<int, int>> signs;
@@ -299,7 +299,7 @@ TEST(Plan, StepDiagonalCountsLegsOfXThenYThenZAndRisesInZ) {
 
 TEST(Plan, RotaryArcsAreCutToTheTravelOfTheAxisAndOfTheSlides) {
   const machines::Chain chain = machines::trunnion();
-  Instrument nest = typical(Kind::RTest);
+  Instrument nest = typical_instrument(Kind::RTest);
   const Plan p = plan(nest, chain);
   std::map<std::string, std::pair<double, double>> arcs;
   for (const Measurement& measurement : p.measurements) {
@@ -343,7 +343,7 @@ TEST(Plan, RefusesInASentence) {
   const auto refusal = [&](
                            Kind kind, const machines::Chain& chain,
                            const std::function<void(Instrument&)>& change = [](Instrument&) {}) {
-    Instrument i = typical(kind);
+    Instrument i = typical_instrument(kind);
     change(i);
     return sentence([&] { plan(i, chain); });
   };
@@ -375,28 +375,29 @@ TEST(Plan, RefusesInASentence) {
     EXPECT_NE(refusal(Kind::Laser, gantry, change), "nothing thrown");
   EXPECT_NE(refusal(Kind::Tracker, gantry, [](Instrument& i) { i.targets = 100000; }),
             "nothing thrown");
-  EXPECT_NE(
-      refusal(Kind::RTest, gantry, [](Instrument& i) { i.at_w = Vector3d(5000.0, 0.0, 0.0); }),
-      "nothing thrown");
+  EXPECT_NE(refusal(Kind::RTest, gantry,
+                    [](Instrument& i) { i.location_w = Vector3d(5000.0, 0.0, 0.0); }),
+            "nothing thrown");
 }
 
 TEST(Plan, SlidesWithoutLimitsAreRefused) {
   std::vector<machines::Joint> joints = machines::lathe().joints();
   joints[1].min = -1e9;
   const machines::Chain chain(joints, machines::lathe().T_bw_home(), machines::lathe().T_bt_home());
-  EXPECT_NE(sentence([&] { plan(typical(Kind::Laser), chain); }).find("limits of travel of Z"),
-            std::string::npos);
+  EXPECT_NE(
+      sentence([&] { plan(typical_instrument(Kind::Laser), chain); }).find("limits of travel of Z"),
+      std::string::npos);
 }
 
 TEST(Plan, WordsOfKindsComeBack) {
   EXPECT_EQ(all_kinds().size(), 17u);
   for (const Kind kind : all_kinds()) {
-    ASSERT_TRUE(kind_of(to_string(kind)));
-    EXPECT_EQ(*kind_of(to_string(kind)), kind);
-    EXPECT_EQ(typical(kind).kind, kind);
-    EXPECT_EQ(typical(kind).name, to_string(kind));
+    ASSERT_TRUE(find_kind(to_string(kind)));
+    EXPECT_EQ(*find_kind(to_string(kind)), kind);
+    EXPECT_EQ(typical_instrument(kind).kind, kind);
+    EXPECT_EQ(typical_instrument(kind).name, to_string(kind));
   }
-  EXPECT_FALSE(kind_of("theodolite"));
+  EXPECT_FALSE(find_kind("theodolite"));
 }
 
 TEST(Plan, TimesAreAPersonsTimes) {

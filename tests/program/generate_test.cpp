@@ -67,13 +67,13 @@ TEST(Raster, CountsWhatAMachineWithoutTheAxisForItDoesNotReach) {
   raster.lead = 0.2;
   const MillingProgram made =
       generate_raster(raster, dome(60, 10), {5, 5, 20}, context(vector4, 10));
-  const Unreached& u = made.unreached;
+  const UnreachedPoints& u = made.unreached;
   EXPECT_EQ(passes_of(read(made.text, vector4)).size(), 1u);
   EXPECT_EQ(u.passes, u.all_passes - 1);
   EXPECT_GT(u.all_passes, 15);
   EXPECT_EQ(u.broken_passes, 0);
   EXPECT_EQ(u.first_pass, 1);
-  EXPECT_EQ(u.why, kinematics::Reach::Unreachable);
+  EXPECT_EQ(u.why, kinematics::Reachability::Unreachable);
   EXPECT_GT(u.points, u.all_points / 2);
   EXPECT_LT(u.points, u.all_points);
 

@@ -206,7 +206,7 @@ RewrittenProgram with_waves(const Source& source, const Path& path, const NcOpti
   ThinOptions thin;
   thin.tolerance = 1e-3;
   thin.lever[0] = AxisVector::Constant(Eigen::Index(options.axes.size()), 50.0);
-  return rewritten(path, thinned(path, dense, options, thin), options);
+  return rewrite_program(path, thin_out(path, dense, options, thin), options);
 }
 
 TEST(LinuxCnc, ReadsRewrittenProgramsInAxisCoordinatesAsWeDo) {

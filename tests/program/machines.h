@@ -87,7 +87,7 @@ inline NcOptions options_for(const Chain& chain) {
   options.start = AxisVector::Zero(chain.size());
   options.tool_length = {{1, 100.0}, {2, 50.0}};
   options.rapid_speed = 100.0;
-  options.rapid_turn = 1.0;
+  options.rapid_rotation_speed = 1.0;
   options.control = chain;
   return options;
 }

@@ -48,22 +48,22 @@ TEST(PathMeter, TimesWaysAndExtentsOfASmallProgramByHand) {
   EXPECT_NEAR(f.rapids.limited_s, 4.0, 1e-12);  // Y alone, 400 mm
   EXPECT_NEAR(f.lines.seconds, 3.0 + 0.6, 1e-12);
   EXPECT_NEAR(f.lines.limited_s, 3.0 + 6.0, 1e-12);  // X cannot do 1000 mm/s
-  EXPECT_EQ(f.slowed, 1u);
-  EXPECT_NEAR(f.max_slowed.value, 10.0, 1e-9);
-  EXPECT_EQ(f.max_slowed.line, 6);
+  EXPECT_EQ(f.slowed_moves, 1u);
+  EXPECT_NEAR(f.max_slow_down.value, 10.0, 1e-9);
+  EXPECT_EQ(f.max_slow_down.line, 6);
   EXPECT_NEAR(f.arcs.seconds, 2 * pi, 1e-9);
   EXPECT_EQ(f.dwells.seconds, 2.0);
-  EXPECT_NEAR(f.rapids.way, 500.0, 1e-9);
-  EXPECT_NEAR(f.arcs.way, 20 * pi, 0.05);  // by chords within 0.01 mm
-  EXPECT_LE(f.arcs.way, 20 * pi);
-  EXPECT_NEAR(f.all_w.max().y(), 420.0, 1e-9);
-  EXPECT_NEAR(f.feed_w.min().y(), 400.0, 1e-9);
+  EXPECT_NEAR(f.rapids.path_length, 500.0, 1e-9);
+  EXPECT_NEAR(f.arcs.path_length, 20 * pi, 0.05);  // by chords within 0.01 mm
+  EXPECT_LE(f.arcs.path_length, 20 * pi);
+  EXPECT_NEAR(f.tip_extent_w.max().y(), 420.0, 1e-9);
+  EXPECT_NEAR(f.feed_extent_w.min().y(), 400.0, 1e-9);
   EXPECT_EQ(f.fastest_axis, 1);
   EXPECT_NEAR(f.axes[1].fastest.value, 1000.0, 1e-6);
-  EXPECT_NEAR(f.axes[1].most.value, 940.0, 1e-12);
-  EXPECT_EQ(f.axes[1].most.line, 6);
+  EXPECT_NEAR(f.axes[1].highest.value, 940.0, 1e-12);
+  EXPECT_EQ(f.axes[1].highest.line, 6);
   EXPECT_FALSE(f.singular) << "no rotary axis turns";
-  EXPECT_FALSE(f.axes[5].positioned) << "the nose";
+  EXPECT_FALSE(f.axes[5].has_position) << "the nose";
 }
 
 // The head leans by 1 degree and the table turns by 90 within 6 s, then further away from the pole.
@@ -96,9 +96,9 @@ TEST(PathMeter, TravelLeftIsToTheNearerLimitAndBelowZeroBeyondIt) {
   joints[1].min = -50;
   joints[1].max = 100;
   const test::Chain chain(joints, test::gantry().T_bw_home(), test::gantry().T_bt_home());
-  EXPECT_NEAR(measured(gantry_path("G0 X80\nX-10\n"), chain).axes[1].left, 20.0, 1e-12);
-  EXPECT_NEAR(measured(gantry_path("G0 X80\nX-45\n"), chain).axes[1].left, 5.0, 1e-12);
-  EXPECT_NEAR(measured(gantry_path("G0 X80\nX-57\n"), chain).axes[1].left, -7.0, 1e-12);
+  EXPECT_NEAR(measured(gantry_path("G0 X80\nX-10\n"), chain).axes[1].remaining_travel, 20.0, 1e-12);
+  EXPECT_NEAR(measured(gantry_path("G0 X80\nX-45\n"), chain).axes[1].remaining_travel, 5.0, 1e-12);
+  EXPECT_NEAR(measured(gantry_path("G0 X80\nX-57\n"), chain).axes[1].remaining_travel, -7.0, 1e-12);
 }
 
 /// Random moves of the tip with rotary axes, in lines and arcs.
@@ -120,7 +120,7 @@ Path random_five_axis(unsigned seed) {
 
 /// What 2000 places of every block show.
 struct Brute {
-  AxisVector least, most;
+  AxisVector lowest, highest;
   Eigen::AlignedBox3d box;
   double singular = 10.0;
 };
@@ -130,8 +130,8 @@ Brute brute_force(const Path& path, const test::Chain& chain) {
   for (const Block& block : path.blocks)
     for (int k = 0; k <= 2000; ++k) {
       const AxisVector q = axes_at(path, block, chain, k / 2000.0);
-      brute.least = brute.least.size() == 0 ? q : AxisVector(brute.least.cwiseMin(q));
-      brute.most = brute.most.size() == 0 ? q : AxisVector(brute.most.cwiseMax(q));
+      brute.lowest = brute.lowest.size() == 0 ? q : AxisVector(brute.lowest.cwiseMin(q));
+      brute.highest = brute.highest.size() == 0 ? q : AxisVector(brute.highest.cwiseMax(q));
       brute.box.extend(Vector3d(chain.tool_in_workpiece(q).translation()));
       // on the gantry C turns the tool by sin A, A by 1, at right angles to each other
       if ((block.end - block.start)[0] != 0.0 || (block.end - block.start)[4] != 0.0)
@@ -150,11 +150,11 @@ TEST(PathMeter, MeetsExtremesAndTheSingularPoseAsBruteForceDoes) {
     for (const int j : {0, 1, 2, 3, 4}) {
       const double unit = j == 0 || j == 4 ? 100.0 : 1.0;  // mm per rad
       const AxisFigures& axis = f.axes[std::size_t(j)];
-      position = std::max(position, unit * std::abs(axis.least.value - brute.least[j]));
-      position = std::max(position, unit * std::abs(axis.most.value - brute.most[j]));
+      position = std::max(position, unit * std::abs(axis.lowest.value - brute.lowest[j]));
+      position = std::max(position, unit * std::abs(axis.highest.value - brute.highest[j]));
     }
-    box = std::max(box, (f.all_w.min() - brute.box.min()).cwiseAbs().maxCoeff());
-    box = std::max(box, (f.all_w.max() - brute.box.max()).cwiseAbs().maxCoeff());
+    box = std::max(box, (f.tip_extent_w.min() - brute.box.min()).cwiseAbs().maxCoeff());
+    box = std::max(box, (f.tip_extent_w.max() - brute.box.max()).cwiseAbs().maxCoeff());
     ASSERT_TRUE(f.singular);
     // brute force sees A at steps of up to 180/2000 deg
     EXPECT_LE(f.singular->angle, brute.singular + 1e-9);
@@ -172,13 +172,13 @@ TEST(PathMeter, MeetsExtremesAndTheSingularPoseAsBruteForceDoes) {
 /// Extremes of a program by dense places, each of the greatest and least refined within its
 /// neighbours by many more.
 struct DenseExtremes {
-  std::array<double, 6> least, most;  // X Y Z of the axes, then of the tip
+  std::array<double, 6> lowest, highest;  // X Y Z of the axes, then of the tip
 };
 
 DenseExtremes dense_extremes(const Path& path, const test::Chain& chain) {
   DenseExtremes all;
-  all.least.fill(1e9);
-  all.most.fill(-1e9);
+  all.lowest.fill(1e9);
+  all.highest.fill(-1e9);
   const std::array slides{*chain.find('X'), *chain.find('Y'), *chain.find('Z')};
   const auto look = [&](const Block& block, double u) {
     const AxisVector q = axes_at(path, block, chain, u);
@@ -193,18 +193,18 @@ DenseExtremes dense_extremes(const Path& path, const test::Chain& chain) {
     for (int i = 0; i <= n; ++i) seen.push_back(look(block, double(i) / n));
     for (std::size_t k = 0; k < 6; ++k)
       for (const double sign : {1.0, -1.0}) {
-        const auto most = std::ranges::max_element(
+        const auto highest = std::ranges::max_element(
             seen, {}, [&](const auto& values) { return sign * values[k]; });
-        double best = sign * (*most)[k], at = double(most - seen.begin()) / n;
+        double best = sign * (*highest)[k], at = double(highest - seen.begin()) / n;
         for (double width = 1.0 / n; width > 1e-9; width *= 0.2)
           for (int i = -5; i <= 5; ++i) {
             const double u = std::clamp(at + 0.2 * i * width, 0.0, 1.0);
             if (const double value = sign * look(block, u)[k]; value > best) best = value, at = u;
           }
         if (sign > 0.0)
-          all.most[k] = std::max(all.most[k], best);
+          all.highest[k] = std::max(all.highest[k], best);
         else
-          all.least[k] = std::min(all.least[k], -best);
+          all.lowest[k] = std::min(all.lowest[k], -best);
       }
   }
   return all;
@@ -245,10 +245,10 @@ double worst_extreme(const Path& path, const test::Chain& chain) {
   const std::array names{'X', 'Y', 'Z'};
   for (std::size_t k = 0; k < 3; ++k) {
     const AxisFigures& axis = f.axes[std::size_t(*chain.find(names[k]))];
-    worst = std::max({worst, std::abs(axis.most.value - dense.most[k]),
-                      std::abs(axis.least.value - dense.least[k]),
-                      std::abs(f.all_w.max()[Index(k)] - dense.most[k + 3]),
-                      std::abs(f.all_w.min()[Index(k)] - dense.least[k + 3])});
+    worst = std::max({worst, std::abs(axis.highest.value - dense.highest[k]),
+                      std::abs(axis.lowest.value - dense.lowest[k]),
+                      std::abs(f.tip_extent_w.max()[Index(k)] - dense.highest[k + 3]),
+                      std::abs(f.tip_extent_w.min()[Index(k)] - dense.lowest[k + 3])});
   }
   return worst;
 }
@@ -303,10 +303,10 @@ TEST(PathMeter, ACircleThatPassesItsTravelByMicrometresIsFound) {
       "G21 G90 G17 F500\nG0 X60.325 Y0\nG3 X-60.325 Y0 I-60.325 J0\nG3 X60.325 Y0 I60.325 J0\nM2\n",
       "part.ngc", test::options_for(chain));
   const PathFigures f = measured(path, chain);
-  EXPECT_NEAR(f.axes[1].most.value, 60.325, 1e-9);
-  EXPECT_NEAR(f.axes[1].least.value, -60.325, 1e-9);
-  EXPECT_NEAR(f.feed_w.max().y(), 60.325, 1e-9);
-  EXPECT_NEAR(f.axes[1].left, -0.009, 1e-9);
+  EXPECT_NEAR(f.axes[1].highest.value, 60.325, 1e-9);
+  EXPECT_NEAR(f.axes[1].lowest.value, -60.325, 1e-9);
+  EXPECT_NEAR(f.feed_extent_w.max().y(), 60.325, 1e-9);
+  EXPECT_NEAR(f.axes[1].remaining_travel, -0.009, 1e-9);
 }
 
 /// Chords keep to the tolerance however many turns an arc has, or the arc is refused by its line.
@@ -383,8 +383,8 @@ TEST(PathMeter, TheSingularAngleIsTheLeastSingularValueOfTheTurnsOfTheTool) {
                       chain.tool_in_workpiece(down).linear().col(2)) /
                      2e-5;
     }
-    const double least = Eigen::JacobiSVD<Eigen::Matrix<double, 3, 2>>(turns).singularValues()[1];
-    worst = std::max(worst, std::abs(std::sin(f.singular->angle) - least));
+    const double lowest = Eigen::JacobiSVD<Eigen::Matrix<double, 3, 2>>(turns).singularValues()[1];
+    worst = std::max(worst, std::abs(std::sin(f.singular->angle) - lowest));
   }
   std::cout << "within " << worst << " of differences\n";
   EXPECT_LT(worst, 1e-9);
@@ -396,12 +396,12 @@ TEST(PathMeter, PiecesGiveTheFiguresOfTheWhole) {
   PathMeter pieces(chain, meter_limits), one(chain, meter_limits);
   one.add(path);
   for (std::size_t first = 0; first < path.blocks.size(); first += 7)
-    pieces.add(stretch_of(path, first, std::min(first + 7, path.blocks.size())));
+    pieces.add(path_segment(path, first, std::min(first + 7, path.blocks.size())));
   const PathFigures a = one.figures(), b = pieces.figures();
   EXPECT_EQ(a.blocks, b.blocks);
   EXPECT_EQ(a.lines.limited_s, b.lines.limited_s);
-  EXPECT_EQ(a.lines.way, b.lines.way);
-  EXPECT_EQ(a.all_w.max(), b.all_w.max());
+  EXPECT_EQ(a.lines.path_length, b.lines.path_length);
+  EXPECT_EQ(a.tip_extent_w.max(), b.tip_extent_w.max());
   EXPECT_EQ(a.singular->angle, b.singular->angle);
   EXPECT_EQ(a.axes[1].fastest.value, b.axes[1].fastest.value);
 }

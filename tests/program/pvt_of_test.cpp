@@ -35,17 +35,17 @@ TEST(PvtConversion, WhatIsWrittenAndReadAgainFollowsThePathAtEveryInstant) {
         while (at + 1 < again.blocks.size() && again.blocks[at].end_s < t) ++at;
         const Block& cubic = again.blocks[at];
         const double u = (t - cubic.start_s) / (cubic.end_s - cubic.start_s);
-        AxisVector off =
+        AxisVector max_deviation =
             position(again, cubic, u) - axes_at(path, block, *options.control, k / 400.0);
-        off[0] *= 100.0;  // mm per rad
-        off[4] *= 100.0;
-        worst = std::max(worst, off.head(5).norm());
+        max_deviation[0] *= 100.0;  // mm per rad
+        max_deviation[4] *= 100.0;
+        worst = std::max(worst, max_deviation.head(5).norm());
       }
     std::cout << made.rows.size() << " rows for " << within << " mm: off by " << worst
-              << " mm, reported " << made.off << "\n";
+              << " mm, reported " << made.max_deviation << "\n";
     EXPECT_LT(worst, 1.5 * within);
-    EXPECT_LT(made.off, 1.5 * within);
-    EXPECT_LT(worst, 1.5 * made.off + 1e-9) << "what is reported is what is there";
+    EXPECT_LT(made.max_deviation, 1.5 * within);
+    EXPECT_LT(worst, 1.5 * made.max_deviation + 1e-9) << "what is reported is what is there";
   }
 }
 

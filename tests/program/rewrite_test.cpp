@@ -79,7 +79,7 @@ Off off_wanted(const Path& path, const RewrittenProgram& program, const Path& ag
   Off off;
   const int spindle = find_spindle(axes);
   for (const Block& block : again.blocks) {
-    const Stretch& stretch = program.of_line.at(std::size_t(block.line) - 1);
+    const LineOrigin& stretch = program.line_origins.at(std::size_t(block.line) - 1);
     const Block& source = path.blocks.at(std::size_t(stretch.block));
     if (block.interpolation == Interpolation::Dwell) continue;
     ++off.blocks;
@@ -119,7 +119,7 @@ TEST(Rewrite, NcProgramGoesThroughTheCorrectedPointsAtTheirTimes) {
   options.work_offset[0] << 0.1, 5, 6, 7, 0, 0;
   const Path path = read_nc(five_axis, "t", options);
   const CorrectedPath corrected = every(dense(path, 4, waves(options.axes, 0.02)));
-  const std::string text = rewritten(path, corrected, options).text;
+  const std::string text = rewrite_program(path, corrected, options).text;
   const Path again = read_nc(text, "rewritten", options);
   double off = 0.0, turned = 0.0, late = 0.0;
   std::size_t next = 0;
@@ -156,7 +156,7 @@ TEST(Rewrite, WithoutCorrectionsTheProgramComesBackWithinItsWords) {
   const NcOptions options = test::options_for(test::gantry());
   const Path path = read_nc("G0 X1.23456789\nG1 X2 Y3 F60\nC20\n", "t", options);
   const Path again =
-      read_nc(rewritten(path, CorrectedPath(path.blocks.size()), options).text, "t", options);
+      read_nc(rewrite_program(path, CorrectedPath(path.blocks.size()), options).text, "t", options);
   ASSERT_EQ(again.blocks.size(), path.blocks.size());
   EXPECT_NEAR(again.blocks[0].end[1], 1.2346, 1e-15);
   EXPECT_EQ(again.blocks[2].end[1], 2.0);
@@ -167,8 +167,8 @@ TEST(Rewrite, NoCorrectionAtManyPointsGivesTheBlocksOfTheOriginalBackArcsToo) {
   const NcOptions options = test::options_for(test::gantry());
   const Path path = read_nc(five_axis, "t", options);
   const ThinOptions tight = thin(1e-5, 6, 100.0);
-  const CorrectedPath points = thinned(path, dense(path, 400, none), options, tight);
-  const RewrittenProgram program = rewritten(path, points, options, fine_words);
+  const CorrectedPath points = thin_out(path, dense(path, 400, none), options, tight);
+  const RewrittenProgram program = rewrite_program(path, points, options, fine_words);
   const Path again = read_nc(program.text, "again", options);
   const Off off = off_wanted(path, program, again, options.axes, 100.0, none);
   std::cout << path.motion_blocks << " blocks become " << off.blocks << ", off by " << off.most
@@ -200,7 +200,7 @@ TEST(Rewrite, EveryGoldenProgramComesBackWithItsMotion) {
     const Path path = read_nc_file(file, options);
     if (path.blocks.empty()) continue;
     const RewrittenProgram program =
-        rewritten(path, CorrectedPath(path.blocks.size()), options, fine_words);
+        rewrite_program(path, CorrectedPath(path.blocks.size()), options, fine_words);
     const Path again = read_nc(program.text, "again", options);
     const Off off = off_wanted(path, program, again, options.axes, 1.0, none);
     // the tool of a spiralling arc (unlike radii) is where the reader of the original put it
@@ -219,7 +219,7 @@ TEST(Rewrite, CoarseWordsRoundToTheNearestStep) {
   const NcOptions options = test::options_for(test::gantry());
   const Path path = read_nc("G0 X1.0024\nX-1.0026\n", "t", options);
   const std::string text =
-      rewritten(path, CorrectedPath(2), options, {.word_mm = 5e-3, .word_rad = 1e-3}).text;
+      rewrite_program(path, CorrectedPath(2), options, {.word_mm = 5e-3, .word_rad = 1e-3}).text;
   const Path again = read_nc(text, "t", options);
   EXPECT_EQ(again.blocks[0].end[1], 1.0);
   EXPECT_EQ(again.blocks[1].end[1], -1.005);
@@ -231,7 +231,7 @@ TEST(Rewrite, DialectStaysInchAndInverseTimeAndWordsWithoutMotion) {
       "G20 T3 M6\nM8\nG0 X1\nG1 X2.00001234 F10\nG18 G3 X3 Z0 R2\nM0\nG21 G93 G1 X30 F2\nG94 X40 "
       "F100\nC90 F360 M9\nM30\n",
       "t", options);
-  const std::string text = rewritten(path, CorrectedPath(path.blocks.size()), options).text;
+  const std::string text = rewrite_program(path, CorrectedPath(path.blocks.size()), options).text;
   EXPECT_EQ(text,
             "(corrected program)\nG17 G90 G91.1 G54\nT3 M6\nM8\nG20\nG94\nG49\nG0 C0 X1 Y0 Z0 A0\n"
             "G1 X2.000012 F9.9999966\nG18\nG3 C0 X3 Y0 Z0 A0 K-1.936493 I0.499994 F10.0000035\nM0\n"
@@ -269,7 +269,8 @@ TEST(Rewrite, WholeTurnsStayWholeTurns) {
           fmt::format("G21 G90 G17 G94\nG1 X1 Y2 Z3 F100\nX0 Y0 Z0\n{}\nM2\n", move), "t", options);
       ASSERT_EQ(path.arcs.size(), 1u);
       path.arcs[0].sweep += std::copysign(2 * pi * more, path.arcs[0].sweep);
-      const std::string text = rewritten(path, CorrectedPath(path.blocks.size()), options).text;
+      const std::string text =
+          rewrite_program(path, CorrectedPath(path.blocks.size()), options).text;
       const Path again = read_nc(text, "t", options);
       EXPECT_NE(arc_length(path), 0.0);
       EXPECT_NEAR(arc_length(again), arc_length(path), 1e-4 * (1 + more)) << text;
@@ -304,8 +305,8 @@ TEST_P(ThinnedNc, StaysWithinItsToleranceOfTheCorrectedPathAtEveryInstant) {
     const Change change = waves(options.axes, one.size);
     const int parts = 4000;
     const CorrectedPath all = dense(path, parts, change);
-    const CorrectedPath points = thinned(path, all, options, thin(tolerance, n, lever));
-    const RewrittenProgram program = rewritten(path, points, options, fine_words);
+    const CorrectedPath points = thin_out(path, all, options, thin(tolerance, n, lever));
+    const RewrittenProgram program = rewrite_program(path, points, options, fine_words);
     const Path again = read_nc(program.text, "again", options);
     const Off off = off_wanted(path, program, again, options.axes, lever, change);
     std::cout << one.name << ", tolerance " << tolerance << " mm: off by " << off.most << " mm in "
@@ -358,8 +359,8 @@ TEST(DecimatedMesh, RandomProgramsStayWithinTheirTolerance) {
     const Change change = waves(options.axes, size);
     const double tolerance = std::pow(10.0, -3 + unit(random));
     const CorrectedPath points =
-        thinned(path, dense(path, 2000, change), options, thin(tolerance, 6, 10.0));
-    const RewrittenProgram program = rewritten(path, points, options, fine_words);
+        thin_out(path, dense(path, 2000, change), options, thin(tolerance, 6, 10.0));
+    const RewrittenProgram program = rewrite_program(path, points, options, fine_words);
     const Path again = read_nc(program.text, "again", options);
     const Off off = off_wanted(path, program, again, options.axes, 10.0, change);
     ASSERT_LE(off.most, tolerance + 2e-6) << text << program.text;
@@ -376,8 +377,8 @@ TEST(DecimatedMesh, ConstantCorrectionKeepsEveryBlock) {
   const Change change = [](const Block& block, double) {
     return AxisVector::Constant(block.end.size(), 0.01);
   };
-  const CorrectedPath points = thinned(path, dense(path, 500, change), options, thin(1e-5, 3, 0));
-  const Path again = read_nc(rewritten(path, points, options, fine_words).text, "t", options);
+  const CorrectedPath points = thin_out(path, dense(path, 500, change), options, thin(1e-5, 3, 0));
+  const Path again = read_nc(rewrite_program(path, points, options, fine_words).text, "t", options);
   EXPECT_EQ(again.motion_blocks, 1 + 4 + 3);  // a jump at the start, circle and three quarters cut
   EXPECT_EQ(again.arcs.size(), 5u);
   EXPECT_NEAR(again.arcs.back().radius, 10.0, 1e-4);
@@ -397,11 +398,11 @@ TEST(DecimatedMesh, AxisThatTurnsBackJumpsByItsPlay) {
   points[2].insert(points[2].begin(), points[2][0]);
   points[2][0].at[0] -= 0.004;
   const RewrittenProgram program =
-      rewritten(path, thinned(path, points, options, thin(1e-4, 3, 0)), options);
+      rewrite_program(path, thin_out(path, points, options, thin(1e-4, 3, 0)), options);
   const Path again = read_nc(program.text, "t", options);
   std::vector<double> jumps;
   for (const Block& block : again.blocks) {
-    const Stretch& stretch = program.of_line[std::size_t(block.line) - 1];
+    const LineOrigin& stretch = program.line_origins[std::size_t(block.line) - 1];
     if (stretch.from != stretch.to) continue;
     jumps.push_back(block.end[0] - block.start[0]);
     EXPECT_NEAR(block.end_s - block.start_s, 1e-3, 1e-9);
@@ -412,7 +413,7 @@ TEST(DecimatedMesh, AxisThatTurnsBackJumpsByItsPlay) {
   EXPECT_NEAR(jumps[2], -0.004, 1e-9);
   EXPECT_NEAR(again.blocks.back().end_s, path.blocks.back().end_s, 1e-6);
   // a play below the tolerance is smoothed
-  const CorrectedPath coarse = thinned(path, points, options, thin(5e-3, 3, 0));
+  const CorrectedPath coarse = thin_out(path, points, options, thin(5e-3, 3, 0));
   EXPECT_EQ(coarse[1].size(), 1u);
 }
 
@@ -429,7 +430,7 @@ TEST(Rewrite, PvtProgramFollowsTheCorrectionSmoothly) {
   };
   CorrectedPath corrected = dense(path, 2, change);
   for (std::size_t i = 1; i < corrected.size(); ++i) corrected[i].erase(corrected[i].begin());
-  const RewrittenProgram program = rewritten(path, corrected, options);
+  const RewrittenProgram program = rewrite_program(path, corrected, options);
   const Path again = read_pvt(program.text, "t", options);
   ASSERT_EQ(again.blocks.size(), 2 * path.blocks.size());
   const Off off = off_wanted(path, program, again, options.axes, 0.0, change);
@@ -454,8 +455,8 @@ TEST(DecimatedMesh, PvtRowsStayWithinTheirToleranceWithFarFewerOfThem) {
   const int parts = 1000;
   for (const double tolerance : {1e-4, 1e-5, 1e-6}) {
     const CorrectedPath points =
-        thinned(path, dense(path, parts, change), options, thin(tolerance, 3, 0));
-    const RewrittenProgram program = rewritten(path, points, options);
+        thin_out(path, dense(path, parts, change), options, thin(tolerance, 3, 0));
+    const RewrittenProgram program = rewrite_program(path, points, options);
     const Path again = read_pvt(program.text, "t", options);
     const Off off = off_wanted(path, program, again, options.axes, 0.0, change);
     std::cout << "tolerance " << tolerance << " mm: off by " << off.most << " mm in "
@@ -476,7 +477,7 @@ TEST(Rewrite, UncorrectedPvtComesBackBitForBit) {
   const Path path =
       read_pvt("time_s,X_mm,X_mm_per_s\n0.1,0.3,1\n0.7,0.123456789,-2e-9\n1,4,5\n", "t", options);
   const auto same = [&](const CorrectedPath& corrected) {
-    const Path again = read_pvt(rewritten(path, corrected, options).text, "t", options);
+    const Path again = read_pvt(rewrite_program(path, corrected, options).text, "t", options);
     ASSERT_EQ(again.blocks.size(), 2u);
     for (std::size_t i = 0; i < 2; ++i) {
       EXPECT_EQ(again.blocks[i].start_s, path.blocks[i].start_s);
@@ -486,17 +487,17 @@ TEST(Rewrite, UncorrectedPvtComesBackBitForBit) {
     }
   };
   same(CorrectedPath(2));
-  same(thinned(path, dense(path, 100, none), options));
+  same(thin_out(path, dense(path, 100, none), options));
 }
 
 TEST(Rewrite, WhatNoLongerMovesByAWordKeepsItsTime) {
   const NcOptions options = test::options_for(test::three_axis());
   const Path path = read_nc("G1 X1 F60\nX1.00002\nX1.00004\nX2\n", "t", options);
-  const RewrittenProgram program = rewritten(path, CorrectedPath(4), options);
+  const RewrittenProgram program = rewrite_program(path, CorrectedPath(4), options);
   const Path again = read_nc(program.text, "t", options);
   ASSERT_EQ(again.blocks.size(), 4u) << program.text;
   EXPECT_EQ(again.blocks[1].interpolation, Interpolation::Dwell);
-  EXPECT_EQ(program.of_line[std::size_t(again.blocks[2].line) - 1].block, 2);
+  EXPECT_EQ(program.line_origins[std::size_t(again.blocks[2].line) - 1].block, 2);
   EXPECT_NEAR(again.blocks.back().end_s, path.blocks.back().end_s, 1e-9);
 }
 
@@ -518,24 +519,26 @@ TEST(Rewrite, ListsThatDoNotFitAreRefused) {
       {{point(0, q), {1.0, q, Eigen::Vector2d(0, 0), {}}}},
   };
   for (std::size_t i = 0; i < wrong.size(); ++i) {
-    EXPECT_THROW(rewritten(path, wrong[i], options), std::invalid_argument) << i;
+    EXPECT_THROW(rewrite_program(path, wrong[i], options), std::invalid_argument) << i;
     if (i + 1 < wrong.size()) {
-      EXPECT_THROW(thinned(path, wrong[i], options), std::invalid_argument) << i;
+      EXPECT_THROW(thin_out(path, wrong[i], options), std::invalid_argument) << i;
     }
   }
   const CorrectedPath right = {{point(0, q), point(1, q)}};
   for (const double nonsense : {-1.0, std::nan(""), -0.1}) {
     ThinOptions options_of_thin;
     options_of_thin.tolerance = nonsense;
-    EXPECT_THROW(thinned(path, right, options, options_of_thin), std::invalid_argument);
-    EXPECT_THROW(rewritten(path, right, options, {.word_mm = nonsense}), std::invalid_argument);
-    EXPECT_THROW(rewritten(path, right, options, {.word_rad = nonsense}), std::invalid_argument);
+    EXPECT_THROW(thin_out(path, right, options, options_of_thin), std::invalid_argument);
+    EXPECT_THROW(rewrite_program(path, right, options, {.word_mm = nonsense}),
+                 std::invalid_argument);
+    EXPECT_THROW(rewrite_program(path, right, options, {.word_rad = nonsense}),
+                 std::invalid_argument);
   }
-  EXPECT_THROW(rewritten(path, right, options, {.word_mm = 0.0}), std::invalid_argument);
+  EXPECT_THROW(rewrite_program(path, right, options, {.word_mm = 0.0}), std::invalid_argument);
   NcOptions no_length = options;
   const Path tip = read_nc("G43.4 H1\nG0 X1\n", "t", options);
   no_length.tool_length.clear();
-  EXPECT_THROW(rewritten(tip, right, no_length), std::invalid_argument);
+  EXPECT_THROW(rewrite_program(tip, right, no_length), std::invalid_argument);
 }
 
 }  // namespace

@@ -49,7 +49,7 @@ Turned turned_helix(unsigned seed, const NcOptions& options) {
                                          one.radius * std::sin(one.sweep), one.across);
   canon.traverse({.end = canon.placed(AxisVector(one.start))});
   ArcMove move{.first = 0, .second = 1, .end = canon.placed(AxisVector(end)), .turns = 2};
-  move.placed_centre = canon.placed(AxisVector(centre));
+  move.centre_with_offsets = canon.placed(AxisVector(centre));
   canon.arc(std::move(move));
   one.path = canon.take();
   return one;
@@ -131,7 +131,7 @@ TEST(TurnedArc, IsRewrittenAsChordsWithinItsWords) {
   RewriteOptions words;
   words.word_mm = 1e-4;
   const RewrittenProgram program =
-      rewritten(one.path, CorrectedPath(one.path.blocks.size()), options, words);
+      rewrite_program(one.path, CorrectedPath(one.path.blocks.size()), options, words);
   const Path again = read_nc(program.text, "again", options);
   const Block& block = one.path.blocks.back();
   const Vector3d shift = block.start - one.R * one.start;

@@ -56,19 +56,19 @@ bool same(const kinematics::AxisState& a, const kinematics::AxisState& b) {
 void joins(const Path& path, const SampleOptions& options, std::size_t most) {
   SCOPED_TRACE(most);
   const Samples whole = sample(path, test::gantry(), options);
-  const std::vector<Window> all = windows(path, test::gantry(), options, most);
+  const std::vector<SampleWindow> all = windows(path, test::gantry(), options, most);
   std::size_t at = 0;  // sample of the whole that comes next
   std::size_t block = 0;
-  for (const Window& window : all) {
+  for (const SampleWindow& window : all) {
     ASSERT_EQ(window.first, block);
     block = window.last;
     SampleOptions own = options;
-    own.goes_on = window.goes_on;
+    own.continued_from = window.continued_from;
     const Path part = path_of(path, window);
     const Samples samples = sample(part, test::gantry(), own);
-    const std::size_t from = window.goes_on ? 1 : 0;
+    const std::size_t from = window.continued_from ? 1 : 0;
     const std::size_t blocks_before = window.first - from;
-    if (window.goes_on) {
+    if (window.continued_from) {
       ASSERT_TRUE(same(samples.states.front(), whole.states[at - 1]));
       ASSERT_EQ(samples.line.front(), whole.line[at - 1]);
     }
@@ -120,7 +120,7 @@ TEST(Windows, RefuseMoreSamplesThanAWindowMayHave) {
 }
 
 TEST(Windows, AnEmptyPathIsOneWindowOfNothing) {
-  const std::vector<Window> all = windows({}, test::gantry(), {}, 10);
+  const std::vector<SampleWindow> all = windows({}, test::gantry(), {}, 10);
   ASSERT_EQ(all.size(), 1u);
   EXPECT_EQ(all.front().last, 0u);
 }

@@ -82,7 +82,7 @@ TEST_F(Bars, OfAwkwardChangesAreDrawn) {
 TEST_F(Bars, NamesInsteadOfNumbersStandAtWholeX) {
   // the names are text and change the picture; those without room are left out
   Panel panel;
-  Series line{"", Eigen::VectorXd::LinSpaced(5, 0.0, 4.0), {}, {}, {}, Mark::Points, {}};
+  Series line{"", Eigen::VectorXd::LinSpaced(5, 0.0, 4.0), {}, {}, {}, CurveStyle::Points, {}};
   line.y = line.x;
   panel.series = {line};
   write_curves(file("numbers.png"), {panel});

@@ -78,7 +78,7 @@ TEST(Canvas, IsDrawnLessFinelyWhereItIsLong) {
   EXPECT_EQ(ink(pixels, 8099, 64 - 20), 0.0);
   EXPECT_THROW(Canvas(200, 100, 0), std::invalid_argument);
   EXPECT_THROW(Canvas(200, 100, 5), std::invalid_argument);
-  EXPECT_THROW(Canvas(200, longest_side + 1), std::invalid_argument);
+  EXPECT_THROW(Canvas(200, max_side_px + 1), std::invalid_argument);
 }
 
 }  // namespace

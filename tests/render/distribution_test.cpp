@@ -82,7 +82,7 @@ TEST_F(Distribution, OfAwkwardValuesIsDrawn) {
   std::vector<DistributionSeries> most(
       24, {std::string(200, 'n'), drawn(100, 1.0, 0.1), 1.0, 1.2, {"1", "2"}});
   most.front().values = drawn(100, 1000.0, 100.0);
-  write_distribution(file("b.png"), most, {.heads = {"mean / µm", std::string(200, 'h')}});
+  write_distribution(file("b.png"), most, {.headings = {"mean / µm", std::string(200, 'h')}});
   EXPECT_GT(Image(file("b.png")).height(), 1200);
 }
 
@@ -98,7 +98,7 @@ TEST_F(Distribution, RefusesWhatCannotBeDrawn) {
   EXPECT_THROW(write_distribution(file("a.png"), {one}), std::invalid_argument);
   EXPECT_THROW(write_distribution(file("a.png"), std::vector<DistributionSeries>(25)),
                std::invalid_argument);
-  EXPECT_THROW(write_distribution(file("no/a.png"), {one}, {.heads = {"h"}}), std::system_error);
+  EXPECT_THROW(write_distribution(file("no/a.png"), {one}, {.headings = {"h"}}), std::system_error);
 }
 
 }  // namespace

@@ -130,12 +130,12 @@ TEST_F(Residual, MiddlesOfTrianglesAreReadAgainAndCountInItsFigures) {
   for (Eigen::Index t = 0; t < f.within_um.size(); ++t)
     for (const int v : f.design.triangles.row(t))
       if (f.status[std::size_t(v)] != 0) f.within_um[t] = std::numeric_limits<double>::quiet_NaN();
-  f.sampled_within = cutting::Surface::Within::Random;
+  f.interior_sample = cutting::Surface::InteriorSample::Random;
   write_residual(file("a.vtp"), f);
   const Field again = read_residual(file("a.vtp"));
   ASSERT_EQ(again.within_um.size(), f.within_um.size());
   EXPECT_TRUE(same_bits(again.within_um.data(), f.within_um.data(), f.within_um.size()));
-  EXPECT_EQ(again.sampled_within, f.sampled_within);
+  EXPECT_EQ(again.interior_sample, f.interior_sample);
   EXPECT_EQ(statistics(again).mean, statistics(f).mean);
   f.within_um.array() += 1.0;
   EXPECT_GT(*statistics(f).mean, *statistics(again).mean);

@@ -69,10 +69,10 @@ TEST(Label, UnitIsNanometresBelowATenthOfAMicrometre) {
 }
 
 TEST(Label, CountsAreGroupedByThousands) {
-  EXPECT_EQ(grouped(7), "7");
-  EXPECT_EQ(grouped(999), "999");
-  EXPECT_EQ(grouped(1000), "1 000");
-  EXPECT_EQ(grouped(12345678), "12 345 678");
+  EXPECT_EQ(group_digits(7), "7");
+  EXPECT_EQ(group_digits(999), "999");
+  EXPECT_EQ(group_digits(1000), "1 000");
+  EXPECT_EQ(group_digits(12345678), "12 345 678");
 }
 
 TEST(Layout, WrappedTextStaysWithinItsWidth) {
@@ -83,7 +83,7 @@ TEST(Layout, WrappedTextStaysWithinItsWidth) {
         "onewordthatisfartoolongforthecellandcannotbebrokenanywhere",
         "µµµµµµµµµµµµµµµµµµµµµµµµµµµµµµµµµ"}) {
     for (const double width : {90.0, 180.0, 333.0}) {
-      const auto lines = wrapped(text, style, width, 2);
+      const auto lines = wrap_text(text, style, width, 2);
       EXPECT_LE(lines.size(), 2u) << text;
       for (const std::string& line : lines) EXPECT_LE(text_size(line, style).x(), width) << line;
     }
@@ -93,11 +93,11 @@ TEST(Layout, WrappedTextStaysWithinItsWidth) {
 TEST(Layout, AWordIsPartedOnlyWhereItIsLongerThanALine) {
   const TextStyle style{.size_px = 23.0};
   const double line = text_size("a dome minus error_", style).x() + 1.0;
-  EXPECT_EQ(wrapped("a dome minus error_free", style, line, 2),
+  EXPECT_EQ(wrap_text("a dome minus error_free", style, line, 2),
             (std::vector<std::string>{"a dome minus ", "error_free"}));
   const double narrow =
       std::max(text_size("perfect-", style).x(), text_size("program", style).x()) + 1.0;
-  EXPECT_EQ(wrapped("a perfect-program", style, narrow, 3),
+  EXPECT_EQ(wrap_text("a perfect-program", style, narrow, 3),
             (std::vector<std::string>{"a ", "perfect-", "program"}));
 }
 
@@ -107,7 +107,7 @@ TEST(Layout, ASignAndAUnitStayWithTheirNumber) {
     const std::string before = figure.substr(0, figure.rfind(' ') + 1);
     const double line =
         std::max(text_size("form " + before, style).x(), text_size(figure, style).x()) + 1.0;
-    EXPECT_EQ(wrapped("form " + figure, style, line, 2),
+    EXPECT_EQ(wrap_text("form " + figure, style, line, 2),
               (std::vector<std::string>{"form ", figure}));
   }
 }

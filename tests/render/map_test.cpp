@@ -215,7 +215,7 @@ TEST_F(Map, SaysEverythingThatAMapMustSay) {
   p.alignment = "rigid";
   p.caption = {"facet error 0.4 µm"};
   std::string text;
-  for (const std::string& line : map_text(p, tally(p.field, 2.0), 2.0, "from +Z"))
+  for (const std::string& line : map_text(p, count_vertices(p.field, 2.0), 2.0, "from +Z"))
     text += line + "\n";
   for (const char* needed :
        {"+ material left, − gouged", "along the outward design normal", "datum touch off",
@@ -225,7 +225,7 @@ TEST_F(Map, SaysEverythingThatAMapMustSay) {
   }
   p.field.status[5] = p.field.status[6] = 3;
   p.field.deviation_um[5] = p.field.deviation_um[6] = std::nan("");
-  const std::string gouged = map_text(p, tally(p.field, 2.0), 2.0, "from +Z")[1];
+  const std::string gouged = map_text(p, count_vertices(p.field, 2.0), 2.0, "from +Z")[1];
   EXPECT_NE(gouged.find("10 000 vertices, 1 uncut (0.01 %), 2 gouged deeper than the band"),
             std::string::npos)
       << gouged;
@@ -309,7 +309,7 @@ TEST_F(Map, OfATolerancesBandsHasTheirColoursInTheirShares) {
             << "\n";
   EXPECT_NEAR(over / all, 0.1, 0.01);
   EXPECT_NEAR(under / all, 0.3, 0.01);
-  const ToleranceShares s = tolerance_shares(p.field, p.tolerance_um);
+  const TolerancePercentages s = tolerance_percentages(p.field, p.tolerance_um);
   EXPECT_NEAR(s.over, 10.0, 1.5);  // by vertices
   EXPECT_NEAR(s.under, 30.0, 1.5);
   EXPECT_NEAR(s.in + s.over + s.under + s.uncut, 100.0, 1e-9);
@@ -365,7 +365,7 @@ TEST_F(Map, HistogramOfTheBarHoldsAllOfTheArea) {
 
 TEST_F(Map, AreasOfAFieldAreThoseOfItsStatistics) {
   Field f = sheet(1, 1, 30, 10, flat, [](double x, double) { return 10.0 * x * x; });
-  f.sampled_within = cutting::Surface::Within::Middle;
+  f.interior_sample = cutting::Surface::InteriorSample::Middle;
   f.within_um.resize(f.design.triangles.rows());
   for (Eigen::Index t = 0; t < f.within_um.size(); ++t) {
     double x = 0.0;

@@ -131,11 +131,12 @@ int ink(const Image& image, int colour) {
 }
 
 Panel wave(int points) {
-  Series line{"line", Eigen::VectorXd::LinSpaced(points, 0.0, 10.0), {}, {}, {}, Mark::Line, {}};
+  Series line{"line", Eigen::VectorXd::LinSpaced(points, 0.0, 10.0), {}, {}, {}, CurveStyle::Line,
+              {}};
   line.y = line.x.array().sin();
   line.lower = line.y.array() - 0.3;
   line.upper = line.y.array() + 0.3;
-  Series marks{"readings", line.x, line.y, {}, {}, Mark::Points, {}};
+  Series marks{"readings", line.x, line.y, {}, {}, CurveStyle::Points, {}};
   return {"panel", "x / mm", "y / µm", {line, marks}, {"a note"}};
 }
 
@@ -156,7 +157,7 @@ TEST_F(Plot, CurvesShowLinesMarksAndBands) {
 TEST_F(Plot, CommonScalesMakeASmallPanelSmall) {
   Panel large = wave(100);
   for (Series& s : large.series) {
-    s.mark = Mark::Line;
+    s.curve_style = CurveStyle::Line;
     s.lower = s.upper = {};
   }
   Panel small = large;

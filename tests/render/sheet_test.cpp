@@ -121,9 +121,9 @@ TEST_F(Sheet, OfAFineDesignIsDrawnOnFewerVerticesAndLooksTheSame) {
     const Image image(file("a.png"));
     return image.count([](Pixel p) { return p.is_reddish(); }) / double(count);
   };
-  const double whole = part_red(16), thinned = part_red(256);
-  std::cout << "red " << whole << " px a map, of thinned ones " << thinned << " px\n";
-  EXPECT_NEAR(thinned / whole, 1.0, 0.06);
+  const double whole = part_red(16), decimate_curve = part_red(256);
+  std::cout << "red " << whole << " px a map, of thinned ones " << decimate_curve << " px\n";
+  EXPECT_NEAR(decimate_curve / whole, 1.0, 0.06);
 }
 
 TEST_F(Sheet, OfAwkwardMapsIsDrawn) {

@@ -143,8 +143,8 @@ void do_everything(const Trial& trial) {
   changes.push_back({trial.key == "instrument_seed" ? "seed" : trial.key, trial.value});
   const sim::Scene scene = sim::read_scene(trial.scene, changes);
   if (trial.key.starts_with("instrument")) {
-    for (const auto& one : scene.instruments) (void)sim::measured(scene, one);
-    for (const auto& one : scene.part_instruments) (void)sim::measured_part(scene, one);
+    for (const auto& one : scene.instruments) (void)sim::measure_machine(scene, one);
+    for (const auto& one : scene.part_instruments) (void)sim::measure_cut_part(scene, one);
     return;
   }
   const sim::Job job = sim::prepare(scene);
@@ -238,7 +238,7 @@ bool names(const std::string& text, const Trial& trial) {
   std::string part;
   bool found = false;
   while (std::getline(parts, part, '.')) {
-    const std::string stem(sim::key_stem(part));
+    const std::string stem(sim::key_without_unit(part));
     const bool word = part.find_first_not_of("0123456789") != std::string::npos;
     found = found || (word && text.find(stem) != std::string::npos);
   }
@@ -295,7 +295,7 @@ TEST(AbsurdValues, WithoutOneTheScenesAreDoneAsSmallAsTheyAreMade) {
 
 TEST(AbsurdValues, OfVerticesAreNamedWhereTheyTakeTheMemory) {
   const sim::Scene scene = sim::read_scene(source / "scenes/gantry_dome.toml");
-  const auto said = [&](const sim::Work& work) -> std::string {
+  const auto said = [&](const sim::WorkEstimate& work) -> std::string {
     try {
       sim::check_work(scene, work);
     } catch (const BadInput& fault) {
@@ -303,7 +303,7 @@ TEST(AbsurdValues, OfVerticesAreNamedWhereTheyTakeTheMemory) {
     }
     return "";
   };
-  sim::Work work;
+  sim::WorkEstimate work;
   work.by = {"program.step_mm"};
   work.vertices = 5e7;
   work.points = 1e5;

@@ -53,8 +53,8 @@ struct Said {
 };
 
 std::vector<std::string> warnings_of_run(const fs::path& scene, bool is_compensated) {
-  sim::Job job = sim::placed(sim::prepare(sim::read_scene(scene)));
-  if (std::string text = sim::not_searched_text(job); !text.empty())
+  sim::Job job = sim::check_placement(sim::prepare(sim::read_scene(scene)));
+  if (std::string text = sim::proximity_warning(job); !text.empty())
     job.warnings.push_back(std::move(text));
   sim::Cut cut = is_compensated ? sim::cut(job, job.scene.cases.at(0)) : sim::cut(job);
   sim::check_cuts_part(job, cut);
@@ -67,7 +67,7 @@ std::vector<std::string> warnings_of_run(const fs::path& scene, bool is_compensa
 
 std::vector<std::string> warnings_of_measuring(const Folder& folder) {
   std::vector<std::string> warnings;
-  for (const sim::Measured& file :
+  for (const sim::MeasuredFile& file :
        sim::measure(folder / "scene.toml",
                     {.overrides = {}, .instruments = {}, .folder = folder / "readings"}))
     warnings.insert(warnings.end(), file.warnings.begin(), file.warnings.end());
@@ -76,11 +76,11 @@ std::vector<std::string> warnings_of_measuring(const Folder& folder) {
 
 std::vector<std::string> warnings_of_study(const fs::path& file) {
   const sim::study::Study study = sim::study::load_scene(sim::study::read_study(file));
-  return sim::study::prepare_configuration(study, study.arms.front(), {}).job.warnings;
+  return sim::study::prepare_configuration(study, study.configurations.front(), {}).job.warnings;
 }
 
 std::vector<std::string> warnings_of_identifying(const Folder& folder, const Files& files,
-                                                 const sim::IdentifyOptions& options) {
+                                                 const sim::IdentificationOptions& options) {
   std::vector<fs::path> readings;
   for (const auto& [name, text] : files)
     if (name.ends_with(".csv")) readings.push_back(folder / name);
@@ -88,7 +88,7 @@ std::vector<std::string> warnings_of_identifying(const Folder& folder, const Fil
 }
 
 /// What is said by the command that reads the files; a result follows, but no picture.
-Said said_of(const Files& files, Command command, const sim::IdentifyOptions& options) {
+Said said_of(const Files& files, Command command, const sim::IdentificationOptions& options) {
   const Folder folder;
   for (const auto& [name, text] : files) folder.write(name, text);
   try {
@@ -113,7 +113,7 @@ Said said_of(const Files& files, Command command, const sim::IdentifyOptions& op
 
 Said said_of(const Mistake& row) {
   const Base& base = bases().at(row.base);
-  sim::IdentifyOptions options;
+  sim::IdentificationOptions options;
   for (const OptionsChange& change : {base.options, row.options})
     if (change) change(options);
   return said_of(with(base.files(), row.edits), row.command.value_or(base.command), options);

@@ -70,18 +70,18 @@ TEST(FilmPlan, TheSpeedIsSaidAsAPersonWould) {
 
 TEST(FilmPlan, AStretchRunsFromItsFirstBlockToTheEndOfItsLast) {
   program::Path path = film_blocks();
-  const auto all = interval_of_lines(path, std::nullopt);
+  const auto all = line_time_interval(path, std::nullopt);
   ASSERT_TRUE(all);
   EXPECT_EQ(all->begin_s, 0.0);
   EXPECT_EQ(all->end_s, 14.0);
-  const auto some = interval_of_lines(path, LineRange{4, 6});
+  const auto some = line_time_interval(path, LineRange{4, 6});
   ASSERT_TRUE(some);
   EXPECT_EQ(some->begin_s, 3.0);
   EXPECT_EQ(some->end_s, 7.0);
-  EXPECT_FALSE(interval_of_lines(path, LineRange{5, 6}));
-  EXPECT_FALSE(interval_of_lines(path, LineRange{8, 100}));
+  EXPECT_FALSE(line_time_interval(path, LineRange{5, 6}));
+  EXPECT_FALSE(line_time_interval(path, LineRange{8, 100}));
   path.blocks[1].file = 1;  // of a subprogram
-  EXPECT_FALSE(interval_of_lines(path, LineRange{4, 4}));
+  EXPECT_FALSE(line_time_interval(path, LineRange{4, 4}));
 }
 
 // --- how the encoder is called
@@ -136,7 +136,7 @@ Job film_job(const std::string& more) {
 }
 
 FilmPlan whole_plan(const Job& job, double frames) {
-  return film_plan(*interval_of_lines(job.path, std::nullopt), frames, 1.0);
+  return film_plan(*line_time_interval(job.path, std::nullopt), frames, 1.0);
 }
 
 void expect_film_pose(const kinematics::Pose& a, const kinematics::Pose& b) {
@@ -206,7 +206,7 @@ TEST(ProgramFilm, TheDesignIsColouredAsItIsCut) {
   long before = -1;
   for (std::size_t k = 0; k < film.frames(); ++k) {
     const render::FilmState state = film.state(k);
-    const long fresh = std::ranges::count(state.looks, 1);
+    const long fresh = std::ranges::count(state.vertex_styles, 1);
     EXPECT_GE(fresh, before);
     EXPECT_TRUE(k > 0 || fresh == 0);
     before = fresh;
@@ -225,7 +225,7 @@ void expect_stock_of_the_run(const Job& job, double of_run, const Commands& comm
     const render::FilmState state = film.state(k);
     EXPECT_LE(film.volume(), before);
     before = film.volume();
-    ASSERT_EQ(state.looks.size(), std::size_t(state.part->vertices.rows()));
+    ASSERT_EQ(state.vertex_styles.size(), std::size_t(state.part->vertices.rows()));
   }
   std::cout << "blank " << whole << ", film " << before << ", run " << of_run << " mm^3\n";
   EXPECT_NEAR(before, of_run, 1e-9 * whole);

@@ -52,7 +52,7 @@ double largest_difference(const std::string& a, const std::string& b) {
 }
 
 /// What measuring a scene and identifying its machine give, as the head of a belief file says.
-std::string identified_bare(const char* scene, IdentifyOptions options, const char* out,
+std::string identified_bare(const char* scene, IdentificationOptions options, const char* out,
                             const std::vector<Override>& changes = {},
                             const std::vector<std::string>& instruments = {}) {
   const SceneFolder folder;
@@ -62,7 +62,7 @@ std::string identified_bare(const char* scene, IdentifyOptions options, const ch
   measuring.overrides = changes;
   measuring.instruments = instruments;
   std::vector<fs::path> readings;
-  for (const Measured& one : measure(file, measuring)) readings.push_back(one.file);
+  for (const MeasuredFile& one : measure(file, measuring)) readings.push_back(one.file);
   std::sort(readings.begin(), readings.end());
   options.out = folder.path() / out;
   identify(readings, options);
@@ -74,7 +74,7 @@ std::string packaged_bare(const char* belief) {
 }
 
 TEST(BeliefFiles, PlatformIsWhatItsCalibrationGives) {
-  IdentifyOptions options;
+  IdentificationOptions options;
   options.model.order = 16;
   options.model.only = {"EXX", "EYX", "EZX", "EAX", "EBX", "ECX", "EXZ",
                         "EYZ", "EZZ", "EAZ", "EBZ", "ECZ", "EB0Z"};
@@ -86,7 +86,7 @@ TEST(BeliefFiles, PlatformIsWhatItsCalibrationGives) {
 }
 
 TEST(BeliefFiles, GantryIsWhatItsCalibrationGives) {
-  IdentifyOptions options;
+  IdentificationOptions options;
   options.choose_orders = true;
   options.model.pitch = {{'X', 16.0}, {'Y', 16.0}, {'Z', 12.0}};
   const double off = largest_difference(
@@ -96,8 +96,8 @@ TEST(BeliefFiles, GantryIsWhatItsCalibrationGives) {
 }
 
 TEST(BeliefFiles, HeatOfTheGantryIsWhatItsTrainingDayGives) {
-  IdentifyOptions options;
-  options.method = IdentifyOptions::Method::Thermal;
+  IdentificationOptions options;
+  options.method = IdentificationOptions::Method::Thermal;
   const double off =
       largest_difference(identified_bare("gantry_warmup_training", options, "belief.txt"),
                          packaged_bare("gantry_warmup_thermal.txt"));
@@ -106,8 +106,8 @@ TEST(BeliefFiles, HeatOfTheGantryIsWhatItsTrainingDayGives) {
 }
 
 TEST(BeliefFiles, StepDiagonalIsWhatItsReadingsGiveWithAnglesAndWithout) {
-  IdentifyOptions options;
-  options.method = IdentifyOptions::Method::StepDiagonal;
+  IdentificationOptions options;
+  options.method = IdentificationOptions::Method::StepDiagonal;
   options.sensors = {"X_nut", "Y_nut", "Z_nut"};
   const double with = largest_difference(identified_bare("step_diagonal", options, "belief.toml"),
                                          packaged_bare("step_diagonal.toml"));
@@ -121,8 +121,8 @@ TEST(BeliefFiles, StepDiagonalIsWhatItsReadingsGiveWithAnglesAndWithout) {
 }
 
 TEST(BeliefFiles, GrowthOfTheSpindleIsWhatItsDayGives) {
-  IdentifyOptions options;
-  options.method = IdentifyOptions::Method::Thermal;
+  IdentificationOptions options;
+  options.method = IdentificationOptions::Method::Thermal;
   options.model.only = {"EZS"};
   options.margin = 1.5;
   const double off = largest_difference(

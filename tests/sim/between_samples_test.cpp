@@ -41,7 +41,7 @@ TEST(ChordError, AWaveIsBentAsItsClosedFormSays) {
       const double most = amplitude * std::abs(1.0 - std::cos(std::numbers::pi * step / length));
       std::cout << "wave of " << length << " mm in steps of " << step
                 << " mm: " << found.max / units::nm << " nm of " << most / units::nm << " nm\n";
-      ASSERT_GT(found.looked_at, 100u);
+      ASSERT_GT(found.interval_count, 100u);
       EXPECT_LE(found.max, most * (1 + 1e-6) + 1e-3 * units::nm);
       EXPECT_GE(found.max, 0.95 * most);
       EXPECT_NEAR(found.step, step, 1e-3);
@@ -56,7 +56,7 @@ TEST(ChordError, NothingIsBentWithoutWaves) {
        {"", "EXX = { kind = \"polynomial\", half_range_mm = 400.0, coefficients_um = [3.0, 0.02] }",
         "EZX = { kind = \"backlash\", half_um = 4.0 }"}) {
     const ChordError found = looked(passes(errors));
-    EXPECT_GT(found.looked_at, 100u) << errors;
+    EXPECT_GT(found.interval_count, 100u) << errors;
     EXPECT_LT(found.max, 1e-3 * units::nm) << errors;
     EXPECT_TRUE(chord_error_warnings(found, 0.0).empty()) << errors;
   }
@@ -112,7 +112,7 @@ TEST(ChordError, APerfectBeliefIsWarnedOfWhatItCannotSee) {
   EXPECT_TRUE(bends(corrected));
   // other intervals are looked at where corrections turn an axis about
   EXPECT_NEAR(corrected.chord_error.max, wrong.chord_error.max, 10.0_nm);
-  EXPECT_EQ(cut_error_free(job).chord_error.looked_at, 0u);
+  EXPECT_EQ(cut_error_free(job).chord_error.interval_count, 0u);
 }
 
 /// A part that turns carries the errors of its bed round: that is no bend.
@@ -121,7 +121,7 @@ TEST(ChordError, APartThatTurnsBendsNothing) {
   const ChordError found = looked(job);
   std::cout << "platform: " << found.max / units::nm << " nm, RMS " << found.rms / units::nm
             << " nm, line " << found.line << "\n";
-  EXPECT_GT(found.looked_at, 100u);
+  EXPECT_GT(found.interval_count, 100u);
   EXPECT_LT(found.max, 50.0_nm);
 }
 

@@ -93,13 +93,13 @@ TEST(ChainScenes, PerfectIteratedIdealMendsEveryMachine) {
       const Job job = job_of(scene, {{"machine.home.Z_mm", "280"}});
       const Cut error_free = cut_error_free(job);
       const Apart before = apart(cut(job).surface, error_free.surface);
-      const Cut compensated = cut(job, parse_case("perfect-iterated-ideal"));
-      const Apart after = apart(compensated.surface, error_free.surface);
+      const Cut compensated_commands = cut(job, parse_case("perfect-iterated-ideal"));
+      const Apart after = apart(compensated_commands.surface, error_free.surface);
       std::cout << kind.machine << ", seed " << seed << ": uncompensated rms "
                 << before.rms / units::um << " um, iterated " << after.rms / units::nm
-                << " nm, worst direction left " << compensated.direction_left / units::urad
-                << " urad\n";
-      EXPECT_TRUE(compensated.warnings.empty());
+                << " nm, worst direction left "
+                << compensated_commands.remaining_direction_error / units::urad << " urad\n";
+      EXPECT_TRUE(compensated_commands.warnings.empty());
       EXPECT_GT(before.rms, 1.0_um);
       EXPECT_GT(after.vertices, 3000);
       EXPECT_EQ(after.unlike, 0);

@@ -346,7 +346,7 @@ TEST(ChannelScenes, APiezoYieldsUnderTheForceOfTheCut) {
   double worst = 0.0, most = 0.0, sum = 0.0;
   for (Eigen::Index i = 0; i < left.by.size(); ++i) {
     if (std::isnan(left.by[i])) continue;
-    const double force = load_at(left.cut.process, left.time_s[i]).on_tool_t.z();
+    const double force = load_at(left.cut.process, left.time_s[i]).tool_wrench_t.z();
     most = std::max(most, std::abs(force / 20e3));
     sum += force / 20e3;
     worst = std::max(worst, std::abs(left.by[i] - force / 20e3));
@@ -401,8 +401,7 @@ OnThePart on_the_part(const Job& job, const VectorXd& of_sample, const BeyondIde
 /// Sum over the axes of h^2/8 max|second derivative| of the correction along the normal, near where
 /// the program goes, the other axes in its middle.
 double spacing_bound(const Job& job, const Vector3d& n) {
-  const Corrector corrector =
-      learned_correction(job, parse_case("perfect-position-table")).corrector;
+  const Corrector corrector = learn_correction(job, parse_case("perfect-position-table")).corrector;
   kinematics::AxisVector low = job.samples.states.front().q, high = low;
   for (const kinematics::AxisState& state : job.samples.states) {
     low = low.cwiseMin(state.q);
@@ -658,9 +657,9 @@ TEST(ChannelScenes, PulsesCarryTheSpindleBackOverADayAtSignalLevel) {
                                                   .translation());
   const double z = state.q[Z];
   const TimeSeries motion = strokes(wanted, z);
-  compensation::Pulses pulses{VectorXd::Constant(1, period), cycle_s, pulse_s, 3};
+  compensation::PulseInsertion pulses{VectorXd::Constant(1, period), cycle_s, pulse_s, 3};
   const double phase = compensation::zero_phase(pulses.phase_seed, 0);
-  const TimeSeries fast = compensation::through(wanted, pulses, motion);
+  const TimeSeries fast = compensation::apply_channel(wanted, pulses, motion);
 
   const auto height = [&](double time_s, double correction) {
     kinematics::AxisState at = state;

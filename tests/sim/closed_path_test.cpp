@@ -31,7 +31,7 @@ Readings read_to_targets(const std::string& errors, const std::string& kind, int
   const Scene scene = scene_of(measured_scene(errors));
   InstrumentDescription instrument = faultless(scene, kind);
   instrument.instrument.targets = targets;
-  return measured(scene, instrument);
+  return measure_machine(scene, instrument);
 }
 
 /// The readings with the first place of every pass read again where the pass ends.
@@ -111,8 +111,8 @@ TEST(ClosedPath, ABallBarOfAnyNumberOfTargetsTellsCentreRadiusAndForm) {
 TEST(ClosedPath, CausesThatReadAlikeAreNamedWithTheirAxes) {
   const Scene scene = scene_of(measured_scene(long_scale));
   InstrumentDescription bar = faultless(scene, "ball_bar");
-  bar.instrument.both_ways = false;
-  const Json causes = to_json(evaluated(measured(scene, bar)))["tests"][0]["causes"];
+  bar.instrument.bidirectional = false;
+  const Json causes = to_json(evaluated(measure_machine(scene, bar)))["tests"][0]["causes"];
   EXPECT_EQ(causes["undetermined"], Json({"squareness", "lag"}));
   EXPECT_EQ(causes["undetermined_because"],
             "squareness, lag cannot be determined: they read alike at the 72 places that were "
@@ -123,7 +123,7 @@ TEST(ClosedPath, AnArcTakesFFromTheCentreAsSetUp) {
   const Scene scene = scene_of(measured_scene(long_scale));
   InstrumentDescription bar = faultless(scene, "ball_bar");
   bar.instrument.to_rad = 220.0 * units::deg;
-  const Json e = to_json(evaluated(measured(scene, bar)));
+  const Json e = to_json(evaluated(measure_machine(scene, bar)));
   const Json& test = e["tests"][0];
   EXPECT_NE(test["F_from"].get<std::string>().find("as set up"), std::string::npos);
   EXPECT_NEAR(test["F_max_both_um"].get<double>(), 5.0, 1e-3);
@@ -137,8 +137,8 @@ TEST(ClosedPath, AnRTestHasTheSameRmsWithItsFirstPlaceReadAgain) {
         "[errors]\nEX0C_um = 10\n[errors.EZC]\nkind = \"fourier\"\nperiod_deg = 360\n"
         "a_um = [3]\nb_um = [0]\n",
         "r_test", n);
-    const errors::metrology::Tests a = classify_readings(once),
-                                   b = classify_readings(read_again(once));
+    const errors::metrology::MachineTests a = classify_readings(once),
+                                          b = classify_readings(read_again(once));
     ASSERT_EQ(a.others.size(), b.others.size());
     ASSERT_FALSE(a.others.empty());
     for (std::size_t k = 0; k < a.others.size(); ++k) {

@@ -91,7 +91,7 @@ void expect_one_contact(const PlantedCrash& planted, const std::string& a, const
       << contacts[0].a << " and " << contacts[0].b;
   EXPECT_EQ(contacts[0].first.line, line);
   EXPECT_NEAR(contacts[0].depth, depth, 0.02);
-  EXPECT_NEAR(contacts[0].place_w.x(), x_w, 0.05);
+  EXPECT_NEAR(contacts[0].position_w.x(), x_w, 0.05);
   EXPECT_FALSE(is_clear(all));
 }
 
@@ -174,8 +174,8 @@ TEST(Collisions, TheHolderInTheStockAsItIsThen) {
   EXPECT_EQ(all.list[0].a + " " + all.list[0].b, "holder stock");
   EXPECT_EQ(all.list[0].first.line, 6);
   EXPECT_NEAR(all.list[0].depth, 1.0, 0.02);
-  EXPECT_NEAR(all.list[0].place_w.z(), 80.0, 0.01);
-  EXPECT_LT(std::hypot(all.list[0].place_w.x() + 20.0, all.list[0].place_w.y() + 30.0), 15.1);
+  EXPECT_NEAR(all.list[0].position_w.z(), 80.0, 0.01);
+  EXPECT_LT(std::hypot(all.list[0].position_w.x() + 20.0, all.list[0].position_w.y() + 30.0), 15.1);
   expect_no_contact({"G1 Z46 F500\nG0 Z100", holder, small});
   // deeper after a long way, and most where the motion turns back; coarse dexels, as the face is
   // flat
@@ -556,7 +556,7 @@ std::string clearance_on(const Collisions& all, int line) {
   for (const BlockClearance& block : all.blocks) {
     if (block.place.line != line) continue;
     const Clearance& pair = all.clearances.at(std::size_t(block.pair));
-    return fmt::format("{} - {} {:.2f}", pair.a, pair.b, block.at_least);
+    return fmt::format("{} - {} {:.2f}", pair.a, pair.b, block.min_clearance);
   }
   return "no block";
 }

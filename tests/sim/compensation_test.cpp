@@ -56,20 +56,20 @@ TEST_P(GantryScene, PerfectIteratedIdealGivesTheErrorFreeMapBack) {
   const Job job = job_of(GetParam().file, GetParam().changes);
   const Cut error_free = cut_error_free(job);
   const Cut wrong = cut(job);
-  const Cut compensated = cut(job, parse_case("perfect-iterated-ideal"));
+  const Cut compensated_commands = cut(job, parse_case("perfect-iterated-ideal"));
   const Apart before = apart(wrong.surface, error_free.surface);
-  const Apart after = apart(compensated.surface, error_free.surface);
+  const Apart after = apart(compensated_commands.surface, error_free.surface);
   print_apart(std::string(GetParam().file) + " uncompensated", before);
   print_apart(std::string(GetParam().file) + " iterated", after);
   std::cout << "  weighted by area "
-            << weighted_rms(compensated.surface, error_free.surface, job) / units::nm
-            << " nm; tip left " << compensated.tip_error.max / units::nm << " nm\n";
-  EXPECT_TRUE(compensated.warnings.empty());
+            << weighted_rms(compensated_commands.surface, error_free.surface, job) / units::nm
+            << " nm; tip left " << compensated_commands.tip_error.max / units::nm << " nm\n";
+  EXPECT_TRUE(compensated_commands.warnings.empty());
   EXPECT_GT(before.rms, 1.0_um);
   EXPECT_GT(after.vertices, 1000);
   EXPECT_EQ(after.unlike, 0);
   EXPECT_LT(after.rms, 1.0_nm);
-  EXPECT_LT(weighted_rms(compensated.surface, error_free.surface, job), 1.0_nm);
+  EXPECT_LT(weighted_rms(compensated_commands.surface, error_free.surface, job), 1.0_nm);
 }
 
 INSTANTIATE_TEST_SUITE_P(Compensation, GantryScene,
@@ -87,7 +87,7 @@ INSTANTIATE_TEST_SUITE_P(Compensation, GantryScene,
 /// and known to nobody, and the tool turns as the truth turns it. The workpiece frame of the
 /// platform is that of the bed with all axes at zero.
 cutting::Surface uncorrectable(const Job& job) {
-  const Truth known = without_random(job.truth);
+  const Truth known = remove_random(job.truth);
   const int S = *job.machine.workpiece_spindle;
   cutting::NoseMotion motion;
   motion.spindle_point = Vector3d::Zero();
@@ -124,20 +124,20 @@ TEST_P(PlatformScene, PerfectIteratedIdealLeavesWhatItsTwoSlidesCannotCorrect) {
   ASSERT_TRUE(job.machine.nominal.T_bw_home().isApprox(Pose::Identity()));
   const Cut error_free = cut_error_free(job);
   const Cut wrong = cut(job);
-  const Cut compensated = cut(job, parse_case("perfect-iterated-ideal"));
+  const Cut compensated_commands = cut(job, parse_case("perfect-iterated-ideal"));
   const cutting::Surface apart_from_it = uncorrectable(job);
   const std::string name = GetParam();
   print_apart(name + " uncompensated", apart(wrong.surface, error_free.surface));
-  print_apart(name + " left over", apart(compensated.surface, error_free.surface));
+  print_apart(name + " left over", apart(compensated_commands.surface, error_free.surface));
   print_apart(name + " uncorrectable, computed apart", apart(apart_from_it, error_free.surface));
-  const Apart d = apart(compensated.surface, apart_from_it);
+  const Apart d = apart(compensated_commands.surface, apart_from_it);
   print_apart(name + " left over less uncorrectable", d);
-  EXPECT_TRUE(compensated.warnings.empty());
+  EXPECT_TRUE(compensated_commands.warnings.empty());
   EXPECT_GT(apart(wrong.surface, error_free.surface).rms, 0.3_um);
   EXPECT_GT(d.vertices, 2000);
   EXPECT_EQ(d.unlike, 0);
   EXPECT_LT(d.rms, 1.0_nm);
-  EXPECT_LT(weighted_rms(compensated.surface, apart_from_it, job), 1.0_nm);
+  EXPECT_LT(weighted_rms(compensated_commands.surface, apart_from_it, job), 1.0_nm);
 }
 
 INSTANTIATE_TEST_SUITE_P(Compensation, PlatformScene,

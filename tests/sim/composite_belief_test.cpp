@@ -48,16 +48,16 @@ const char* curved =
 
 struct Beliefs {
   std::filesystem::path cold, thermal;
-  Identified found;
+  IdentificationResult found;
   Json report;
 };
 
 Beliefs separated(const Scene& scene, const SceneFolder& folder,
                   const std::vector<std::string>& sensors, double margin = 0.1) {
   const auto readings =
-      folder.write("laser.csv", to_text(measured(scene, find_instrument(scene, "laser"))));
-  IdentifyOptions options;
-  options.method = IdentifyOptions::Method::Composite;
+      folder.write("laser.csv", to_text(measure_machine(scene, find_instrument(scene, "laser"))));
+  IdentificationOptions options;
+  options.method = IdentificationOptions::Method::Composite;
   options.sensors = sensors;
   options.margin = margin;
   options.out = folder.path() / "b.toml";
@@ -101,7 +101,7 @@ TEST(CompositeBelief, BothHalvesAreThoseOfTheCarriageOnEitherSide) {
     const std::vector<Override> on_it{{"machine", "\"" + file.string() + "\""}};
     const Scene scene = scene_of(measured_scene(text), on_it);
     const Beliefs beliefs = separated(scene, folder, {"T"});
-    const auto chain = compile(scene).nominal;
+    const auto chain = make_machine(scene).nominal;
     const int x = *chain.find(is_u ? 'U' : 'X');
     const auto cold =
         errors::bind(read_scene(packaged("gantry_perfect.toml"),
@@ -219,7 +219,7 @@ TEST(CompositeBelief, SaysWhereTheLaterStartsDoNotMeetTheColdOne) {
   ASSERT_FALSE(beliefs.report["warnings"].empty());
   EXPECT_NE(beliefs.report["warnings"].dump().find("start 1"), std::string::npos)
       << beliefs.report["warnings"];
-  EXPECT_NE(identify_text(beliefs.found).find("dT = 0"), std::string::npos);
+  EXPECT_NE(identification_text(beliefs.found).find("dT = 0"), std::string::npos);
 }
 
 }  // namespace

@@ -30,7 +30,7 @@ Json evaluated(const std::string& text) { return to_json(evaluation(text)); }
 /// Evaluation of what a faultless instrument reads on a gantry with the errors given.
 Json evaluated(const std::string& errors, const std::string& kind) {
   const Scene scene = scene_of(measured_scene(errors));
-  return evaluated(to_text(measured(scene, faultless(scene, kind))));
+  return evaluated(to_text(measure_machine(scene, faultless(scene, kind))));
 }
 
 const Json& test_named(const Json& evaluation, const std::string& name) {
@@ -153,7 +153,7 @@ TEST(Evaluate, DriftIsToldOverTheFirstHourAndTheWhole) {
   InstrumentDescription drift = faultless(scene, "drift");
   drift.starts_s = {-8.0 * 3600.0};
   drift.instrument.duration_s = 3.0 * 3600.0;
-  const Json e = evaluated(to_text(measured(scene, drift)));
+  const Json e = evaluated(to_text(measure_machine(scene, drift)));
   ASSERT_EQ(e["tests"].size(), 1u);
   const Json& test = e["tests"][0];
   EXPECT_EQ(test["standard"], "ISO 230-3:2020 thermal drift");
@@ -203,7 +203,7 @@ TEST(Evaluate, WritesWhatItPromises) {
   const Scene scene = read_scene(packaged("gantry_dome.toml"));
   for (const char* kind : {"laser", "ball_bar", "diagonals", "straightness", "r_test", "spindle"}) {
     const auto file = folder.write(std::string(kind) + ".csv",
-                                   to_text(measured(scene, find_instrument(scene, kind))));
+                                   to_text(measure_machine(scene, find_instrument(scene, kind))));
     const EvaluationOutcome made = evaluate(file, {folder.path() / kind});
     const Json e = to_json(made.evaluation, made.pictures);
     EXPECT_EQ(e["file"], file.string());

@@ -113,7 +113,7 @@ TEST(FormCutterScene, IsWrittenAsItWasRead) {
         stepped_mill + "[tool.actual]\nradii_mm = [2, 2, 5.01, 5.01]\n", rounding_mill,
         apt_bull + "corner_offset_mm = 5\ncorner_height_mm = 1\n"}) {
     const Scene scene = form_scene(raster_with(tool));
-    const Scene again = scene_from_tree(written(scene), "again.toml", {});
+    const Scene again = scene_from_tree(to_table(scene), "again.toml", {});
     for (auto shape : {&ToolDescription::nominal, &ToolDescription::actual}) {
       const auto& a = std::get<cutting::Cutter>(scene.tool.*shape);
       const auto& b = std::get<cutting::Cutter>(again.tool.*shape);
@@ -227,8 +227,8 @@ TEST(FormCutterScene, StockAndForceAreThoseOfTheCommonCutter) {
   double most = 0.0, apart_by = 0.0, removed = 0.0;
   for (std::size_t i = 0; i < common.process.steps.size(); ++i) {
     const ProcessStep &a = common.process.steps[i], &b = form.process.steps[i];
-    most = std::max(most, a.load.on_tool_t.head<3>().norm());
-    apart_by = std::max(apart_by, (a.load.on_tool_t - b.load.on_tool_t).head<3>().norm());
+    most = std::max(most, a.load.tool_wrench_t.head<3>().norm());
+    apart_by = std::max(apart_by, (a.load.tool_wrench_t - b.load.tool_wrench_t).head<3>().norm());
     removed += b.removed;
     EXPECT_NEAR(a.removed, b.removed, 1e-6);
   }
@@ -270,7 +270,7 @@ TEST(FormCutterScene, ASteppedToolLeavesASteppedSlot) {
   double removed = 0.0, most = 0.0;
   for (const ProcessStep& step : whole.process.steps) {
     removed += step.removed;
-    most = std::max(most, step.load.on_tool_t.head<3>().norm());
+    most = std::max(most, step.load.tool_wrench_t.head<3>().norm());
   }
   EXPECT_NEAR(removed, 40 * (4 * 1 + 10 * 1), 5.0);
   EXPECT_GT(most, 10.0);

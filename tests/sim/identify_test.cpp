@@ -35,7 +35,8 @@ Files campaign(const Scene& scene, const std::vector<InstrumentDescription>& ins
                const SceneFolder& folder) {
   Files files;
   for (const InstrumentDescription& one : instruments)
-    files.push_back(folder.write(one.instrument.name + ".csv", to_text(measured(scene, one))));
+    files.push_back(
+        folder.write(one.instrument.name + ".csv", to_text(measure_machine(scene, one))));
   return files;
 }
 
@@ -92,14 +93,14 @@ TEST(Identify, NoiseFreeReadingsReturnTheTruthThroughFiles) {
     instruments.push_back(faultless(scene, name));
     instruments.back().instrument.axes = {'X', 'Y', 'Z'};
   }
-  IdentifyOptions options;
+  IdentificationOptions options;
   options.model.order = 3;
   options.model.only = slide_motions;
   options.out = folder.path() / "belief.toml";
   const Json report = to_json(identify(campaign(scene, instruments, folder), options));
   EXPECT_TRUE(report["warnings"].empty()) << report["warnings"];
   EXPECT_TRUE(report["confounded"].empty()) << report["confounded"];
-  const auto nominal = compile(scene).nominal;
+  const auto nominal = make_machine(scene).nominal;
   const auto truth = errors::bind(scene.geometric, nominal);
   const auto belief = errors::bind(belief_in(options.out, "gantry_perfect.toml"), nominal);
   double length = 0.0, angle = 0.0;  // worst of any element at any place
@@ -129,7 +130,7 @@ TEST(Identify, NoiseFreeReadingsReturnTheTruthThroughFiles) {
 // refusals
 
 std::string refusal_of_identifying(const Files& files, const SceneFolder& folder) {
-  IdentifyOptions options;
+  IdentificationOptions options;
   options.out = folder.path() / "refused.toml";
   std::string refusal;
   try {
@@ -146,9 +147,9 @@ std::string refusal_of_identifying(const Files& files, const SceneFolder& folder
 TEST(Identify, TheLaserAloneNamesWhatItCannotTell) {
   const SceneFolder folder;
   const Scene scene = read_scene(packaged("gantry_dome.toml"));
-  IdentifyOptions options;
+  IdentificationOptions options;
   options.out = folder.path() / "belief.toml";
-  const Identified found =
+  const IdentificationResult found =
       identify(campaign(scene, {find_instrument(scene, "laser")}, folder), options);
   const Json report = to_json(found);
   std::vector<std::string> unhidden;
@@ -163,7 +164,7 @@ TEST(Identify, TheLaserAloneNamesWhatItCannotTell) {
                             [&](const std::string& name) { return name.starts_with(roll); }))
         << roll << " is seen by no reading of a laser";
   EXPECT_TRUE(pitch_hides) << "pitch of X hides in its positioning over the arm";
-  const std::string text = identify_text(found);
+  const std::string text = identification_text(found);
   EXPECT_NE(text.find("unobservable, left out"), std::string::npos);
   for (const auto& element : belief_in(options.out, "gantry_dome.toml").elements)
     if (to_string(element.name) == "EAX") {
@@ -217,7 +218,7 @@ std::vector<AxisState> poses_of_part(const std::string& scene) {
 /// The x component of the tip's error over the poses of one part, as it is after touching off on
 /// the face: without its mean.
 VectorXd axial_error(const errors::GeometricErrors& errors, const std::vector<AxisState>& poses) {
-  const auto nominal = compile(read_scene(packaged("platform_calibration.toml"))).nominal;
+  const auto nominal = make_machine(read_scene(packaged("platform_calibration.toml"))).nominal;
   const auto model = errors::bind(errors, nominal);
   VectorXd e_x(Eigen::Index(poses.size()));
   for (std::size_t i = 0; i < poses.size(); ++i)
@@ -252,7 +253,7 @@ PlatformResult platform(const PlatformCampaign& how) {
       instruments.push_back(one);
   for (InstrumentDescription& one : instruments)
     one.instrument.reflector_t = Vector3d(0, how.below, 0);  // y of the tool is down
-  IdentifyOptions options;
+  IdentificationOptions options;
   options.model.order = 16;
   options.model.only = {"EXX", "EYX", "EZX", "EBX", "ECX", "EXZ",
                         "EYZ", "EZZ", "EAZ", "EBZ", "EB0Z"};
@@ -372,10 +373,10 @@ struct GantryResult {
   double lean = 0.0, lean_left = 0.0;  ///< of the axis, the nose's constant lean taken out, too
 };
 
-GantryResult gantry_result(const char* how, IdentifyOptions options) {
+GantryResult gantry_result(const char* how, IdentificationOptions options) {
   const SceneFolder folder;
   const Scene scene = read_scene(packaged("gantry_calibration.toml"));
-  const auto nominal = compile(scene).nominal;
+  const auto nominal = make_machine(scene).nominal;
   options.out = folder.path() / "belief.toml";
   const Json report = to_json(identify(campaign(scene, scene.instruments, folder), options));
   const auto truth = errors::bind(scene.geometric, nominal);
@@ -424,7 +425,7 @@ GantryResult gantry_result(const char* how, IdentifyOptions options) {
 // of the axis the lean of the nose, known to 1 um on arms of 120 mm.
 TEST(Identify, TheCalibratedGantryIsKnownToATenth) {
   SCOPED_TRACE(testing::Message() << "seed " << gantry_seed);
-  IdentifyOptions options;
+  IdentificationOptions options;
   options.model.order = 6;
   const GantryResult smooth = gantry_result("order 6", options);
   options.model.pitch = {{'X', 16.0}, {'Y', 16.0}, {'Z', 12.0}};

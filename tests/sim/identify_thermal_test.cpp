@@ -63,7 +63,7 @@ errors::GeometricErrors warm(int epoch) {
 }
 
 Instrument without_fault(Kind kind) {
-  Instrument i = errors::metrology::typical(kind);
+  Instrument i = errors::metrology::typical_instrument(kind);
   i.noise = i.noise_rad = i.resolution = i.resolution_rad = 0.0;
   i.rotation_sigma = i.position_sigma = i.scale_sigma = 0.0;
   i.set_up_s = 0.0;
@@ -101,8 +101,8 @@ Readings day_of(const Plan& plan, const kinematics::Chain& nominal,
           joints[j].motion += heat[j].motion;
           joints[j].location += heat[j].location;
         }
-        return errors::metrology::Bodies{nominal.workpiece_in_bed(state.q, joints),
-                                         nominal.tool_in_bed(state.q, joints)};
+        return errors::metrology::BodyPoses{nominal.workpiece_in_bed(state.q, joints),
+                                            nominal.tool_in_bed(state.q, joints)};
       },
       1);
   readings.sensors = {"nut", "box", "room"};
@@ -114,10 +114,11 @@ Readings day_of(const Plan& plan, const kinematics::Chain& nominal,
 }
 
 std::vector<Readings> made_up_day(int epochs, const errors::GeometricErrors& cold = {}) {
-  const kinematics::Chain nominal = compile(read_scene(packaged("gantry_perfect.toml"))).nominal;
+  const kinematics::Chain nominal =
+      make_machine(read_scene(packaged("gantry_perfect.toml"))).nominal;
   Instrument drift = without_fault(Kind::Drift), r_test = without_fault(Kind::RTest),
              tracker = without_fault(Kind::Tracker);
-  drift.at_w = r_test.at_w = Eigen::Vector3d(100, 0, 100);
+  drift.location_w = r_test.location_w = Eigen::Vector3d(100, 0, 100);
   drift.duration_s = 3600.0 * epochs - 1.0;
   r_test.from_rad = -90.0_deg;
   r_test.to_rad = 90.0_deg;
@@ -254,12 +255,13 @@ TEST(IdentifyThermal, ThePackagedBeliefIsThatOfThePackagedTrainingDay) {
   std::vector<std::filesystem::path> files;
   const Scene scene = read_scene(packaged("gantry_warmup_training.toml"));
   for (const InstrumentDescription& one : scene.instruments)
-    files.push_back(folder.write(one.instrument.name + ".csv", to_text(measured(scene, one))));
-  IdentifyOptions options;
-  options.method = IdentifyOptions::Method::Thermal;
+    files.push_back(
+        folder.write(one.instrument.name + ".csv", to_text(measure_machine(scene, one))));
+  IdentificationOptions options;
+  options.method = IdentificationOptions::Method::Thermal;
   options.out = folder.path() / "belief.txt";
-  const Identified identified = identify(files, options);
-  EXPECT_FALSE(identify_text(identified).empty());
+  const IdentificationResult identified = identify(files, options);
+  EXPECT_FALSE(identification_text(identified).empty());
   const auto found =
       compensation::parse_thermal_belief(read_text(options.out, 1 << 20), "belief.txt");
   const compensation::ThermalBelief packaged = packaged_belief();
@@ -276,12 +278,12 @@ TEST(IdentifyThermal, ThePackagedBeliefIsThatOfThePackagedTrainingDay) {
 }
 
 /// What the sensors of a scene say over its history and on until an hour after.
-compensation::ControlLog log_of(const Scene& scene, double history_s) {
+compensation::ControlLog log_of(const Scene& scene, double history_duration) {
   InstrumentDescription sensors = find_instrument(scene, "temperature");
-  sensors.starts_s = {-history_s};
-  sensors.instrument.duration_s = history_s + 3600.0;
+  sensors.starts_s = {-history_duration};
+  sensors.instrument.duration_s = history_duration + 3600.0;
   sensors.instrument.interval_s = 60.0;
-  const Readings readings = measured(scene, sensors);
+  const Readings readings = measure_machine(scene, sensors);
   compensation::ControlLog log;
   for (const std::string& name : readings.sensors) log.names.push_back(name + "_C");
   log.values = readings.T_C;
@@ -298,12 +300,12 @@ struct HeatLeft {
   int held = 0;
 };
 
-HeatLeft heat_left(const Variant& variant, double history_s, unsigned seed) {
+HeatLeft heat_left(const Variant& variant, double history_duration, unsigned seed) {
   const Scene scene = read_scene(packaged("gantry_warmup.toml"), variant.set);
-  const Machine machine = compile(scene);
+  const Machine machine = make_machine(scene);
   const Truth truth = make_truth(scene, machine, activity(scene, machine, {}, {}));
-  const auto course =
-      compensation::thermal_series(packaged_belief(), log_of(scene, history_s), machine.nominal);
+  const auto course = compensation::thermal_series(
+      packaged_belief(), log_of(scene, history_duration), machine.nominal);
   std::mt19937 random(seed);
   std::uniform_real_distribution<double> unit(-1.0, 1.0);
   HeatLeft result{0.0, 0.0, course.limited_rows};

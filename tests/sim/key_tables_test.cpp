@@ -79,14 +79,14 @@ std::string table_of(const std::string& section, const std::set<std::string>& se
   return rows;
 }
 
-std::string tables_of(const std::vector<std::string>& sections, const std::string& document,
-                      const std::vector<Key>& all) {
+std::string correction_tables(const std::vector<std::string>& sections, const std::string& document,
+                              const std::vector<Key>& all) {
   std::string text;
   for (const std::string& section : sections) {
     if (sections.size() > 1) {
       const std::size_t dot = section.rfind('.');
       const std::string name = dot == std::string::npos ? section : section.substr(dot + 1);
-      const std::vector<KeyRow> own = explained(all, section);
+      const std::vector<KeyRow> own = matching_key_rows(all, section);
       text += "**`" + name + "`**: " + own.front().sentence + "\n\n";
     }
     text += "| key | value | default | what it is |\n|---|---|---|---|\n" +
@@ -106,9 +106,9 @@ std::string made_again(const std::string& document, const std::vector<Key>& all)
     const std::size_t line_end = document.find('\n', begin);
     const std::size_t end = document.find(end_mark, begin);
     out += document.substr(at, line_end + 1 - at);
-    out += tables_of(words_of_line(document.substr(begin + begin_mark.size(),
-                                                   line_end - begin - begin_mark.size())),
-                     document, all);
+    out += correction_tables(words_of_line(document.substr(begin + begin_mark.size(),
+                                                           line_end - begin - begin_mark.size())),
+                             document, all);
     at = end;
   }
 }

@@ -22,9 +22,9 @@ constexpr double not_cut = std::numeric_limits<double>::quiet_NaN();
 struct SquareMap {
   cutting::Design design;
   Eigen::VectorXd residual, within;
-  cutting::Surface::Within sampled_within = cutting::Surface::Within::None;
+  cutting::Surface::InteriorSample interior_sample = cutting::Surface::InteriorSample::None;
 
-  ProfiledMap map() const { return {design, residual, sampled_within, within}; }
+  ProfiledMap map() const { return {design, residual, interior_sample, within}; }
 };
 
 using OverPlane = std::function<double(double x, double y)>;
@@ -122,11 +122,11 @@ LineTexture wave_texture(int cells, double side, const std::function<double(doub
   const auto wave = [](double x) { return 1e-3 * std::sin(2.0 * pi * x / 0.5); };
   SquareMap made = square_map(side, cells, [&](double x, double) { return wave(x); });
   if (seen) {
-    made.sampled_within = cutting::Surface::Within::Middle;
+    made.interior_sample = cutting::Surface::InteriorSample::Middle;
     made.within.resize(made.design.triangles.rows());
     for (Index t = 0; t < made.within.size(); ++t) {
-      const Vector3d p = cutting::value_at_place_within(made.sampled_within, made.design.vertices,
-                                                        made.design.triangles, t);
+      const Vector3d p = cutting::value_at_sample(made.interior_sample, made.design.vertices,
+                                                  made.design.triangles, t);
       made.within[t] = seen(p.x());
     }
   }

@@ -14,7 +14,7 @@ inline const Key* listed(const std::string& name, const std::vector<Key>& keys) 
   for (const Key& key : keys) {
     if (key.pattern.empty() ? key.name == name : std::regex_match(name, std::regex(key.pattern)))
       return &key;
-    for (const Word& word : key.words)
+    for (const EnumChoice& word : key.choices)
       if (const Key* found = listed(name, word.keys)) return found;
   }
   return nullptr;

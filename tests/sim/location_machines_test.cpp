@@ -42,7 +42,7 @@ TEST(LocationMachines, EveryElementOfThePackagedMachinesIsWhatItIsByDefinition) 
   int machines = 0;
   for (const fs::directory_entry& file : fs::directory_iterator(packaged("machines"))) {
     const std::string machine = file.path().stem().string();
-    const kinematics::Chain chain = compile(scene_on(machine)).nominal;
+    const kinematics::Chain chain = make_machine(scene_on(machine)).nominal;
     std::cout << machine << " " << net::code_of(chain) << ": "
               << net::location_elements(chain).size() << " location elements\n";
     net::expect_location_elements(chain, misses);
@@ -67,7 +67,8 @@ const char* const of_three_slides[] = {"gantry_cxyza", "three_axis_table", "trun
 
 Json evaluated(const Scene& scene, const std::string& instrument) {
   const SceneFolder folder;
-  const auto file = folder.write("r.csv", to_text(measured(scene, faultless(scene, instrument))));
+  const auto file =
+      folder.write("r.csv", to_text(measure_machine(scene, faultless(scene, instrument))));
   return to_json(evaluate(file).evaluation);
 }
 
@@ -113,11 +114,11 @@ std::map<std::string, Found> identified(const Scene& scene,
                                         const std::set<std::string>& elements) {
   std::vector<errors::metrology::Readings> readings;
   for (const std::string& name : instruments)
-    readings.push_back(measured(scene, find_instrument(scene, name)));
+    readings.push_back(measure_machine(scene, find_instrument(scene, name)));
   errors::identification::ModelOptions options;
   options.only.assign(elements.begin(), elements.end());
   const auto estimate = errors::identification::estimate(
-      errors::identification::model_of(compile(scene).nominal, options), readings);
+      errors::identification::error_model(make_machine(scene).nominal, options), readings);
   const errors::Covariance& covariance = estimate.belief.covariance;
   const auto numbers = errors::coefficients(estimate.belief.elements);
   std::map<std::string, Found> result;
@@ -152,7 +153,8 @@ TEST(LocationMachines, ABallBarFindsTheSquarenessWhereYCarriesX) {
 TEST(LocationMachines, InstrumentsFindTheElementsThatWereInjected) {
   const std::vector<std::string> instruments = {"ball_bar", "square", "r_test"};
   for (const char* machine : {"trunnion_ca", "gantry_cxyza", "head_head"}) {
-    std::set<std::string> elements = net::location_elements(compile(scene_on(machine)).nominal);
+    std::set<std::string> elements =
+        net::location_elements(make_machine(scene_on(machine)).nominal);
     std::erase_if(elements, [](const std::string& name) { return name.back() == 'S'; });
     ASSERT_EQ(elements.size(), 11u);
     std::string truth = "[errors]\n";

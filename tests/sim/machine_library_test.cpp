@@ -92,15 +92,15 @@ TEST_P(LibraryMachine, SaysItsSourceAndItsSizes) {
 
 TEST_P(LibraryMachine, IsWrittenAndReadAsTheSame) {
   const MachineDescription machine = described(GetParam());
-  const Node::Table written = written_machine(machine);
+  const Node::Table written = machine_to_table(machine);
   InputErrors input_errors;
   const MachineDescription again = read_machine(Node{{}, written}, input_errors);
   EXPECT_TRUE(input_errors.empty());
-  EXPECT_EQ(to_toml(Node{{}, written_machine(again)}), to_toml(Node{{}, written}));
+  EXPECT_EQ(to_toml(Node{{}, machine_to_table(again)}), to_toml(Node{{}, written}));
   ASSERT_EQ(again.bodies.size(), machine.bodies.size());
   for (std::size_t i = 0; i < machine.bodies.size(); ++i) {
     EXPECT_EQ(again.bodies[i].joint, machine.bodies[i].joint);
-    EXPECT_EQ(mesh_of(again.bodies[i].body).vertices, mesh_of(machine.bodies[i].body).vertices);
+    EXPECT_EQ(body_mesh(again.bodies[i].body).vertices, body_mesh(machine.bodies[i].body).vertices);
   }
 }
 
@@ -112,7 +112,7 @@ TEST_P(LibraryMachine, IsMadeOfBodiesThatDoNotOverlapWhereAProgramBegins) {
   for (const SolidBody& one : bodies) solids.push_back(cutting::make_body(one.mesh));
   for (const AxisVector& q : {AxisVector(AxisVector::Zero(chain.size())), machine.home}) {
     const std::vector<kinematics::Pose> T = carrier_poses(chain, q, {});
-    for (const cutting::BodyPair& pair : pairs_of(chain, bodies, {})) {
+    for (const cutting::BodyPair& pair : collision_pairs(chain, bodies, {})) {
       const auto a = std::size_t(pair.a), b = std::size_t(pair.b);
       const kinematics::Pose &T_a = T[std::size_t(bodies[a].frame)],
                              &T_b = T[std::size_t(bodies[b].frame)];
@@ -171,8 +171,8 @@ TEST_P(LibraryMachine, InverseOfForwardGivesThePoseBack) {
     if (slides == 3) {
       const auto inverse =
           kinematics::inverse(chain, {T_wt.translation(), T_wt.linear().col(2)}, q);
-      ASSERT_TRUE(inverse.reach == kinematics::Reach::Reached ||
-                  inverse.reach == kinematics::Reach::Singular)
+      ASSERT_TRUE(inverse.reach == kinematics::Reachability::Reached ||
+                  inverse.reach == kinematics::Reachability::Singular)
           << "seed " << seed << ", pose " << i;
       found = inverse.branches;
     } else {
@@ -516,7 +516,7 @@ TEST(PoleRules, OfASceneAreReadWrittenAndRefused) {
   const auto& file = std::get<ProgramFile>(again.program.source);
   EXPECT_EQ(file.pole.rule, dialects::PoleRule::Fanuc);
   EXPECT_EQ(file.pole.near, 1.5 * units::deg);
-  EXPECT_EQ(file.pole.max_change, 20 * units::deg);
+  EXPECT_EQ(file.pole.max_rotation_about_pole, 20 * units::deg);
 }
 
 // FANUC's formula is of axes at right angles.

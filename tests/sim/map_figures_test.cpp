@@ -36,15 +36,14 @@ double beyond_range(const Job& job, const Verdict& verdict) {
     if (std::isfinite(surface.residual[v])) add(design.vertices.row(v), surface.residual[v]);
   for (Index t = 0; t < surface.within.size(); ++t)
     if (std::isfinite(surface.within[t]))
-      add(cutting::value_at_place_within(surface.sampled_within, design.vertices, design.triangles,
-                                         t),
+      add(cutting::value_at_sample(surface.interior_sample, design.vertices, design.triangles, t),
           surface.within[t]);
   const Index step = 1 + design.vertices.rows() / 100;
   for (Index i = 0; i < design.vertices.rows(); i += step) {
-    if (!std::isfinite(verdict.filtered[i])) continue;
+    if (!std::isfinite(verdict.form_map[i])) continue;
     const test::BruteFilter brute =
         test::brute_filter(values, design.vertices.row(i), design.normals.row(i), cutoff, cutoff);
-    worst = std::max({worst, brute.low - verdict.filtered[i], verdict.filtered[i] - brute.high});
+    worst = std::max({worst, brute.low - verdict.form_map[i], verdict.form_map[i] - brute.high});
   }
   return worst;
 }
@@ -80,19 +79,21 @@ bool expect_figures_of(const std::string& name, int vertices) {
   const Verdict verdict = judge(job, cut_error_free(job), nullptr);
   const std::string what = fmt::format("{}, {} vertices", name, job.design_w.vertices.rows());
   expect_of_one_row(verdict.residual, what);
-  if (verdict.form_part) expect_of_one_row(*verdict.form_part, what + ", form");
+  if (verdict.form_statistics) expect_of_one_row(*verdict.form_statistics, what + ", form");
   const Summary all = summary(job, verdict);
-  if (all.figures.at_vertices) expect_of_one_row(*all.figures.at_vertices, what + ", vertices");
+  if (all.figures.without_triangle_samples)
+    expect_of_one_row(*all.figures.without_triangle_samples, what + ", vertices");
   expect_only_remarks(name.substr(0, name.find('.')), all.warnings);
-  if (!verdict.residual.pv || !verdict.texture || !verdict.form_part) return true;
+  if (!verdict.residual.pv || !verdict.texture || !verdict.form_statistics) return true;
   const double beyond = beyond_range(job, verdict);
   std::cout << what << ": PV " << 1e3 * *verdict.residual.pv << " um, form "
-            << 1e3 * *verdict.form_part->pv << ", Sz " << 1e3 * verdict.texture->Sz
+            << 1e3 * *verdict.form_statistics->pv << ", Sz " << 1e3 * verdict.texture->Sz
             << ", form beyond its values by " << 1e3 * beyond << "\n";
-  EXPECT_LE(*verdict.form_part->pv, *verdict.residual.pv + 1e-9) << what;
+  EXPECT_LE(*verdict.form_statistics->pv, *verdict.residual.pv + 1e-9) << what;
   // A map less its form has at most both their ranges. It comes near: where places at random carry
   // the form, its chance is in the texture.
-  EXPECT_LE(verdict.texture->Sz, *verdict.residual.pv + *verdict.form_part->pv + 1e-9) << what;
+  EXPECT_LE(verdict.texture->Sz, *verdict.residual.pv + *verdict.form_statistics->pv + 1e-9)
+      << what;
   EXPECT_LE(beyond, 1e-9) << what;
   return true;
 }

@@ -88,14 +88,14 @@ TEST_F(Pocket, ThePartThatTheBallFitsIntoIsJudged) {
   std::cout << "judged " << meant.sampled->judged_area << " of " << floor_area + walls
             << " mm^2; PV " << *free.residual.pv / units::um << " um of " << cusp / units::um
             << "; unreached " << excluded_area.unreached << ", corner " << excluded_area.corner
-            << ", run-out " << excluded_area.lead_out << " mm^2\n";
+            << ", run-out " << excluded_area.lead_out_area << " mm^2\n";
   EXPECT_NEAR(meant.sampled->judged_area, floor_area + walls, 0.2 * (floor_area + walls));
   EXPECT_NEAR(meant.sampled->judged_area + excluded_area.area(), meant.design_w.area.sum(), 1e-9);
   EXPECT_GE(*free.residual.pv, 0.98 * cusp);
   EXPECT_LE(*free.residual.pv, cusp + 2e-4 * ball);
   EXPECT_GT(excluded_area.corner,
             300.0);  // floor within R of the walls, walls within R of the floor
-  EXPECT_GT(excluded_area.max_left, 1.0);
+  EXPECT_GT(excluded_area.max_remaining_height, 1.0);
   EXPECT_NE(
       exclusion_text(*meant.sampled).find("into which the tool's corner of 3 mm does not fit"),
       std::string::npos)

@@ -22,23 +22,23 @@ namespace abbe::sim {
 namespace {
 
 using namespace abbe::literals;
-using errors::metrology::Bodies;
+using errors::metrology::BodyPoses;
 using errors::metrology::Kind;
 using errors::metrology::Readings;
 using kinematics::AxisState;
 
 /// The truth that a scene's instruments meet.
 Truth truth_met(const Scene& scene) {
-  const Machine machine = compile(scene);
+  const Machine machine = make_machine(scene);
   return make_truth(scene, machine, activity(scene, machine, {}, {}));
 }
 
 /// What an instrument between tool and workpiece would read of a pose T_wt, and of the bed nothing.
 double reading_of(const Readings& readings, std::size_t i, const kinematics::Pose& T_wt) {
   const auto& measurement = readings.plan.measurements[i];
-  const Bodies actual{kinematics::Pose::Identity(), T_wt};
-  const Bodies nominal{kinematics::Pose::Identity(),
-                       readings.nominal.tool_in_workpiece(measurement.state.q)};
+  const BodyPoses actual{kinematics::Pose::Identity(), T_wt};
+  const BodyPoses nominal{kinematics::Pose::Identity(),
+                          readings.nominal.tool_in_workpiece(measurement.state.q)};
   return errors::metrology::reading(readings.plan.set_ups[std::size_t(measurement.set_up)],
                                     measurement.channel, {}, actual, nominal);
 }
@@ -49,9 +49,9 @@ TEST(Measure, APerfectMachineReadsItsNominalToRounding) {
     const Scene scene = read_scene(packaged(name));
     for (const Kind kind : errors::metrology::all_kinds()) {
       const std::string word = to_string(kind);
-      Readings readings{{}, compile(scene).nominal, {}, {}, {}};
+      Readings readings{{}, make_machine(scene).nominal, {}, {}, {}};
       try {
-        readings = measured(scene, faultless(scene, word));
+        readings = measure_machine(scene, faultless(scene, word));
       } catch (const BadInput&) {
         EXPECT_EQ(std::string(name).find("platform"), 0u) << word << ": a gantry can carry all";
         continue;
@@ -69,7 +69,7 @@ TEST(Measure, TheLaserReadsTheConstantSlopeThatWasInjected) {
   const double c = 6.0_um;  // at +-300 mm
   const Scene scene = scene_of(measured_scene(
       "[errors.EXX]\nkind = \"legendre\"\ncoefficients_um = [0, 6]\nhalf_range_mm = 300\n"));
-  const Readings readings = measured(scene, faultless(scene, "laser"));
+  const Readings readings = measure_machine(scene, faultless(scene, "laser"));
   const Eigen::VectorXd seen = beyond_nominal(readings);
   double worst = 0.0, others = 0.0;
   std::map<int, double> zero;  // by set-up: the counter is set where it is first read
@@ -90,7 +90,7 @@ TEST(Measure, TheLaserSeesThePitchOverItsArm) {
   // the tip is 100 mm below the point where X's deviations are stated: Abbe's principle
   const Scene scene = scene_of(measured_scene(
       "[errors.EBX]\nkind = \"legendre\"\ncoefficients_urad = [0, 30]\nhalf_range_mm = 300\n"));
-  const Readings readings = measured(scene, faultless(scene, "laser"));
+  const Readings readings = measure_machine(scene, faultless(scene, "laser"));
   const Eigen::VectorXd seen = beyond_nominal(readings);
   double worst = 0.0;
   std::optional<double> first;
@@ -120,7 +120,7 @@ TEST(Measure, EveryInstrumentBetweenToolAndTableReadsWhereTheTipIs) {
   }();
   for (const char* word : {"laser", "straightness", "square", "diagonals", "ball_bar", "r_test",
                            "sphere", "multilateration"}) {
-    const Readings readings = measured(scene, faultless(scene, word));
+    const Readings readings = measure_machine(scene, faultless(scene, word));
     std::map<std::pair<int, int>, double> zero;
     double worst = 0.0, largest = 0.0;
     for (std::size_t i = 0; i < readings.plan.measurements.size(); ++i) {
@@ -131,7 +131,7 @@ TEST(Measure, EveryInstrumentBetweenToolAndTableReadsWhereTheTipIs) {
       const double seen =
           readings.value[Eigen::Index(i)] -
           reading_of(readings, i, readings.nominal.tool_in_workpiece(measurement.state.q));
-      const bool counts = readings.plan.set_ups[std::size_t(measurement.set_up)].zero_unknown;
+      const bool counts = readings.plan.set_ups[std::size_t(measurement.set_up)].is_zero_unknown;
       const double first =
           counts ? zero.emplace(std::pair(measurement.set_up, measurement.channel), true_error)
                        .first->second
@@ -157,7 +157,7 @@ TEST(Measure, WeightBendsWhatIsMeasured) {
   };
   const auto sag = [&](double scale) {
     const Scene s = scene(scale);
-    const Readings readings = measured(s, faultless(s, "straightness"));
+    const Readings readings = measure_machine(s, faultless(s, "straightness"));
     const Eigen::VectorXd beyond = beyond_nominal(readings);
     double least = 0.0, most = 0.0;
     for (std::size_t i = 0; i < readings.plan.measurements.size(); ++i)
@@ -185,7 +185,7 @@ TEST(Measure, DriftIsTheTrueMotionOfTheTip) {
   drift.starts_s = {-8.0 * 3600.0};
   drift.instrument.duration_s = 8.0 * 3600.0;
   drift.instrument.interval_s = 1800.0;
-  const Readings readings = measured(scene, drift);
+  const Readings readings = measure_machine(scene, drift);
   Scene at_20 = scene;
   at_20.thermal->errors.workpiece.reset();  // a nest of sensors stands in for the part
   const Truth truth = truth_met(at_20);
@@ -207,7 +207,7 @@ TEST(Measure, DriftIsTheTrueMotionOfTheTip) {
 
   Scene cold = scene;
   cold.thermal->scale = 0.0;
-  const Readings still = measured(cold, drift);
+  const Readings still = measure_machine(cold, drift);
   for (std::size_t i = 0; i < still.plan.measurements.size(); ++i)
     ASSERT_EQ(still.value[Eigen::Index(i)], still.value[Eigen::Index(i) % 5])
         << "without heat nothing moves";
@@ -221,7 +221,7 @@ TEST(Measure, TemperaturesAreThoseOfTheSensorsNodes) {
   log.starts_s = {-8.0 * 3600.0, -1200.0};
   log.instrument.interval_s = 600.0;
   log.instrument.duration_s = 7200.0;
-  const Readings readings = measured(scene, log);
+  const Readings readings = measure_machine(scene, log);
   const Truth truth = truth_met(scene);
   ASSERT_EQ(readings.sensors.size(), 18u);
   ASSERT_EQ(readings.value.size(), 0);
@@ -242,7 +242,7 @@ TEST(Measure, TemperaturesAreThoseOfTheSensorsNodes) {
 TEST(Measure, TheSameSeedReadsTheSameBytesAndAnotherOthers) {
   const auto text = [](const char* seed, const char* instrument) {
     const Scene scene = read_scene(packaged("gantry_dome.toml"), {{"seed", seed}});
-    return to_text(measured(scene, find_instrument(scene, instrument)));
+    return to_text(measure_machine(scene, find_instrument(scene, instrument)));
   };
   for (const char* instrument : {"laser", "r_test", "drift"}) {
     EXPECT_EQ(text("5", instrument), text("5", instrument));
@@ -254,7 +254,8 @@ TEST(Measure, TwoInstrumentsOfAKindErrApart) {
   const Scene scene = read_scene(packaged("gantry_dome.toml"));
   InstrumentDescription one = find_instrument(scene, "laser"), two = one;
   two.instrument.name = "another laser";
-  const Eigen::VectorXd a = measured(scene, one).value, b = measured(scene, two).value;
+  const Eigen::VectorXd a = measure_machine(scene, one).value,
+                        b = measure_machine(scene, two).value;
   ASSERT_EQ(a.size(), b.size());
   const double apart = rms(a - b);
   std::cout << "two lasers differ by " << apart / 1.0_um << " um RMS\n";
@@ -267,9 +268,9 @@ TEST(Measure, EveryStartIsASetUpOfItsOwn) {
   InstrumentDescription laser = find_instrument(scene, "laser");
   laser.instrument.noise = laser.instrument.resolution = 0.0;
   laser.starts_s = {0.0};
-  const Readings once = measured(scene, laser);
+  const Readings once = measure_machine(scene, laser);
   laser.starts_s = {0.0, 86400.0};
-  const Readings twice = measured(scene, laser);
+  const Readings twice = measure_machine(scene, laser);
   ASSERT_EQ(twice.plan.set_ups.size(), 2 * once.plan.set_ups.size());
   ASSERT_EQ(twice.value.size(), 2 * once.value.size());
   EXPECT_DOUBLE_EQ(twice.plan.duration_s, 2 * once.plan.duration_s);
@@ -308,8 +309,8 @@ TEST(Measure, OnlyTheReadingsTellAnythingOfTheTruth) {
   Scene perfect = wrong;
   perfect.geometric = {};
   for (const char* instrument : {"laser", "ball_bar", "r_test"}) {
-    const std::string a = to_text(measured(wrong, find_instrument(wrong, instrument)));
-    const std::string b = to_text(measured(perfect, find_instrument(perfect, instrument)));
+    const std::string a = to_text(measure_machine(wrong, find_instrument(wrong, instrument)));
+    const std::string b = to_text(measure_machine(perfect, find_instrument(perfect, instrument)));
     EXPECT_NE(a, b);
     EXPECT_EQ(without_readings(a), without_readings(b)) << instrument;
   }
@@ -364,8 +365,8 @@ TEST(Measure, ACoordinateMachineReadsTheMapToItsNoise) {
     }
     return apart;
   };
-  const auto clean = measured_part(scene, *find_part_instrument(scene, "cmm"));
-  const auto noisy = measured_part(scene, *find_part_instrument(scene, "noisy"));
+  const auto clean = measure_cut_part(scene, *find_part_instrument(scene, "cmm"));
+  const auto noisy = measure_cut_part(scene, *find_part_instrument(scene, "noisy"));
   EXPECT_EQ(clean.kind, "cmm");
   ASSERT_GT(clean.readings.deviation.size(), 500);
   const double left = against_map(clean).cwiseAbs().maxCoeff();
@@ -383,7 +384,7 @@ TEST(Measure, TheMachineCannotSeeItself) {
       "[[instrument]]\nkind = \"touch_probe\"\nspacing_mm = 4\nnoise_um = 0\nclearance_mm = 1\n");
   const Job job = prepare(scene);
   const auto wrong = map_of(job, cut(job)), cusps = map_of(job, cut_error_free(job));
-  const auto probed = measured_part(scene, *find_part_instrument(scene, "touch_probe")).readings;
+  const auto probed = measure_cut_part(scene, *find_part_instrument(scene, "touch_probe")).readings;
   Eigen::VectorXd machine(probed.deviation.size()), seen(probed.deviation.size());
   for (Eigen::Index i = 0; i < seen.size(); ++i) {
     const auto p = make_key(probed.points_w.row(i));
@@ -406,8 +407,8 @@ TEST(Measure, APartMeasuresTheCaseThatItsInstrumentNames) {
       "[[instrument]]\nkind = \"cmm\"\nspacing_mm = 4\nnoise_um = 0\n"
       "[[instrument]]\nname = \"after\"\nkind = \"cmm\"\nspacing_mm = 4\nnoise_um = 0\n"
       "case = \"perfect-iterated-ideal\"\n");
-  const auto before = measured_part(scene, *find_part_instrument(scene, "cmm"));
-  const auto after = measured_part(scene, *find_part_instrument(scene, "after"));
+  const auto before = measure_cut_part(scene, *find_part_instrument(scene, "cmm"));
+  const auto after = measure_cut_part(scene, *find_part_instrument(scene, "after"));
   EXPECT_LT(rms(after.readings.deviation), 0.3 * rms(before.readings.deviation));
   EXPECT_EQ(after.part, scene.title + ", perfect-iterated-ideal");
 }
@@ -486,7 +487,7 @@ TEST(Measure, WritesOneFileAnInstrumentAndNoneWithoutOne) {
   options.folder = folder.path() / "out";
   const auto all = measure(file, options);
   ASSERT_EQ(all.size(), 3u);
-  for (const Measured& one : all) EXPECT_TRUE(std::filesystem::exists(one.file)) << one.file;
+  for (const MeasuredFile& one : all) EXPECT_TRUE(std::filesystem::exists(one.file)) << one.file;
   EXPECT_EQ(all[0].file.filename(), "one.csv");
   EXPECT_EQ(all[0].set_ups, 3u);
   EXPECT_GT(all[0].duration_s, 3600.0);

@@ -61,7 +61,7 @@ inline Eigen::VectorXd beyond_nominal(const errors::metrology::Readings& reading
 /// What measuring a scene refuses, empty if it does not.
 inline std::string refusal_of_measuring(const Scene& scene, const std::string& instrument) {
   try {
-    measured(scene, find_instrument(scene, instrument));
+    measure_machine(scene, find_instrument(scene, instrument));
     return "";
   } catch (const BadInput& fault) {
     return fault.what();

@@ -61,7 +61,7 @@ double estimate_of(const MeasuredMemory& one) {
   const bool compares = std::string(one.command) == "compare";
   CaseRequest asked = compares ? compare_case_request({scene}) : run_case_request({});
   asked.pictures = ABBE_RENDER != 0;
-  const std::vector<WorkSize> sizes{size_of(sampled(prepare(scene)))};
+  const std::vector<WorkSize> sizes{work_size(sampled(prepare(scene)))};
   const tbb::global_control two(tbb::global_control::max_allowed_parallelism, 2);
   if (compares) asked.at_once = cases_at_once(sizes, asked);
   return peak_memory(sizes, asked);
@@ -198,9 +198,9 @@ TEST(Memory, GrowsWithAllThatIsAsked) {
   const double plain = peak_memory({long_program}, one);
   EXPECT_GT(peak_memory({in_stock}, one), plain);
   EXPECT_GT(peak_memory({long_program}, {.at_once = 2}), plain);
-  EXPECT_GT(peak_memory({long_program}, {.compensated = true}), plain);
-  EXPECT_GT(peak_memory({long_program}, {.compensated = true, .rewritten = true}),
-            peak_memory({long_program}, {.compensated = true}));
+  EXPECT_GT(peak_memory({long_program}, {.compensated_commands = true}), plain);
+  EXPECT_GT(peak_memory({long_program}, {.compensated_commands = true, .rewritten = true}),
+            peak_memory({long_program}, {.compensated_commands = true}));
 }
 
 TEST(Memory, CasesAreCutAtOnceWhereThatLeavesRoom) {
@@ -215,7 +215,7 @@ TEST(Memory, CasesAreCutAtOnceWhereThatLeavesRoom) {
   WorkSize huge = small;
   huge.samples = memory_bytes() / 300.0;
   EXPECT_EQ(cases_at_once({huge}, {.kept = 3.0}), 1);
-  const CaseRequest many{.kept = 100.0, .compensated = true};
+  const CaseRequest many{.kept = 100.0, .compensated_commands = true};
   for (WorkSize job = small; job.samples < huge.samples; job.samples *= 1.3) {
     CaseRequest asked = many;
     asked.at_once = cases_at_once({job}, many);

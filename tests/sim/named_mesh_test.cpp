@@ -71,7 +71,7 @@ class NamedMesh : public testing::Test {
     return refusal_by([&] {
       const Job job = prepare(scene(of));
       job_bodies(job);
-      placed(job);
+      check_placement(job);
     });
   }
 

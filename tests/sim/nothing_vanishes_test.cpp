@@ -259,7 +259,7 @@ struct Said {
 Said said_of(const std::filesystem::path& file, bool error_free = false) {
   Said said;
   try {
-    const Job job = placed(prepare(read_scene(file)));
+    const Job job = check_placement(prepare(read_scene(file)));
     Cut made = error_free ? cut_error_free(job) : cut(job);
     check_cuts_part(job, made);
     const Verdict verdict = judge(job, std::move(made), nullptr);

@@ -29,7 +29,8 @@ using errors::metrology::PartReadings;
 const std::string on_machine = "on_machine_measurement.toml";
 
 /// What a variant of the packaged scene changes, and more.
-std::vector<Override> changes_of(const std::string& variant, std::vector<Override> more = {}) {
+std::vector<Override> changes_since_first(const std::string& variant,
+                                          std::vector<Override> more = {}) {
   const Scene scene = read_scene(packaged(on_machine));
   for (const Variant& one : scene.variants)
     if (one.name == variant) more.insert(more.begin(), one.set.begin(), one.set.end());
@@ -37,7 +38,7 @@ std::vector<Override> changes_of(const std::string& variant, std::vector<Overrid
 }
 
 PartReadings probed(const Job& job, const Cut& part) {
-  return measured_part(job, part, find_part_instrument(job.scene, "probe").value()).readings;
+  return measure_cut_part(job, part, find_part_instrument(job.scene, "probe").value()).readings;
 }
 
 double largest(const Eigen::VectorXd& values) { return values.cwiseAbs().maxCoeff(); }
@@ -79,7 +80,7 @@ class OfTheCut : public testing::TestWithParam<Falls> {};
 
 TEST_P(OfTheCut, ErrorThatTheProbeDoesNotShareFalls) {
   const Falls& falls = GetParam();
-  const Job job = job_of(on_machine, changes_of(falls.variant));
+  const Job job = job_of(on_machine, changes_since_first(falls.variant));
   const cutting::Surface geometric = cut(job_of(on_machine)).surface;
   const cutting::Surface perfect = cut_error_free(job).surface, before = cut(job).surface;
   const cutting::Surface after = cut(job, parse_case("part-position-ideal")).surface;
@@ -103,7 +104,7 @@ INSTANTIATE_TEST_SUITE_P(PartBelief, OfTheCut,
                          });
 
 TEST(PartBelief, MachineIsAtRestWhenItsProgramHasEnded) {
-  const Job job = job_of(on_machine, changes_of("drift"));
+  const Job job = job_of(on_machine, changes_since_first("drift"));
   const auto knots = activity(job.scene, job.machine, job.samples, job.nominal_process);
   EXPECT_EQ(knots.back().time_s, job.samples.states.back().time_s);
   EXPECT_EQ(knots.back().spindle_speed, 0.0);
@@ -118,7 +119,7 @@ Vector3d error_of_ball(const Job& job, const Vector3d& centre_w, kinematics::Axi
   const Vector3d centre_t(0, 0, 5);
   const kinematics::Chain& nominal = job.machine.nominal;
   const Vector3d arm_w = nominal.tool_in_workpiece(q).linear() * centre_t;
-  q = kinematics::slides_for_tip(nominal, q, centre_w - arm_w).value();
+  q = kinematics::solve_slides(nominal, q, centre_w - arm_w).value();
   kinematics::AxisState state;
   state.q = q;
   return tool_in_workpiece(job.truth, state) * centre_t - centre_w;
@@ -130,16 +131,16 @@ TEST(PartBelief, ProbeInAnotherPoseReadsTheDifferenceOfTheTwoErrors) {
         on_machine, {{"instrument.probe.pose", words}, {"instrument.probe.spacing_mm", "4"}});
     const Cut part = cut(job);
     const PartReadings readings = probed(job, part);
-    const auto how = std::get<errors::metrology::TouchProbe>(
-        find_part_instrument(job.scene, "probe").value().how);
+    const auto device = std::get<errors::metrology::TouchProbe>(
+        find_part_instrument(job.scene, "probe").value().device);
     const Vector3d datum_w = control_datum_offset(job);
-    const kinematics::AxisVector as_cut = kinematics::AxisVector::Zero(how.q.size());
+    const kinematics::AxisVector as_cut = kinematics::AxisVector::Zero(device.q.size());
     double worst = 0.0, most = 0.0;
     for (Index i = 0; i < readings.deviation.size(); ++i) {
       const Vector3d n = readings.normals_w.row(i);
       const Vector3d centre_w = Vector3d(readings.points_w.row(i)) + 5.0 * n + datum_w;
       const Vector3d cut_by = error_of_ball(job, centre_w, as_cut);
-      const double expected = n.dot(cut_by - error_of_ball(job, centre_w, how.q));
+      const double expected = n.dot(cut_by - error_of_ball(job, centre_w, device.q));
       worst = std::max(worst, std::abs(readings.deviation[i] - expected));
       most = std::max(most, std::abs(expected));
     }
@@ -174,7 +175,7 @@ TEST(PartBelief, ProbeOnATurnedTableReadsItsOffsetByHand) {
 }
 
 TEST(PartBelief, WhatAPartShowsCountsFromTheDatumFromWhichItWasCut) {
-  const Job job = job_of(on_machine, changes_of("other pose"));
+  const Job job = job_of(on_machine, changes_since_first("other pose"));
   const Cut before = cut(job);
   const PartReadings readings = probed(job, before);
   for (const auto& [name, bound] :

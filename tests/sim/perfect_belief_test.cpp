@@ -197,7 +197,7 @@ struct Kept {
 
   Job job;
   Commands commanded;
-  Cut error_free, compensated;
+  Cut error_free, compensated_commands;
   std::vector<AxisVector> acceleration;
 };
 
@@ -205,7 +205,7 @@ Kept::Kept(const Scene& scene)
     : job(prepare(scene)),
       commanded(compensate(job, parse_case("perfect-iterated-ideal"))),
       error_free(cut_error_free(job)),
-      compensated(cut(job, commanded)) {
+      compensated_commands(cut(job, commanded)) {
   if (!job.accelerations.empty()) acceleration = accelerations(commanded.samples);
 }
 
@@ -220,7 +220,7 @@ AxisState state_at(const std::vector<AxisState>& states, const Instant& at) {
 
 Pose Kept::actual(std::size_t sample) const {
   const AxisState& state = commanded.samples.states[sample];
-  errors::Load load = load_at(compensated.process, state.time_s);
+  errors::Load load = load_at(compensated_commands.process, state.time_s);
   if (!acceleration.empty()) load.acceleration = acceleration[sample];
   return tool_in_workpiece(job.truth, state, load);
 }
@@ -229,7 +229,7 @@ Pose Kept::actual(double time_s) const {
   const Instant at = between(commanded.samples.states, time_s);
   if (!turning()) return on_the_way(actual(at.before), actual(at.before + 1), at.fraction);
   const AxisState state = state_at(commanded.samples.states, at);
-  return tool_in_workpiece(job.truth, state, load_at(compensated.process, state.time_s));
+  return tool_in_workpiece(job.truth, state, load_at(compensated_commands.process, state.time_s));
 }
 
 Pose Kept::nominal(double time_s) const {
@@ -258,16 +258,17 @@ Balance balance(const Kept& kept) {
                           kept.turning()};
   const MovingTool real{[&](double t) { return kept.actual(t); }, kept.job.scene.tool.actual,
                         kept.turning()};
-  const cutting::Surface &free = kept.error_free.surface, &compensated = kept.compensated.surface;
+  const cutting::Surface &free = kept.error_free.surface,
+                         &compensated_commands = kept.compensated_commands.surface;
   for (std::size_t i = 0; i < free.status.size(); ++i) {
     const Index k = Index(i);
     const bool in_free = free.status[i] == cutting::VertexStatus::Cut;
-    const bool in_compensated = compensated.status[i] == cutting::VertexStatus::Cut;
+    const bool in_compensated = compensated_commands.status[i] == cutting::VertexStatus::Cut;
     if (in_free != in_compensated) ++sum.unlike;
     if (!in_free || !in_compensated) continue;
     const Ray ray{kept.job.design_w.vertices.row(k), kept.job.design_w.normals.row(k)};
-    const double t_free = free.cut_time_s[k], t_compensated = compensated.cut_time_s[k];
-    const double left = compensated.residual[k] - free.residual[k];
+    const double t_free = free.cut_time_s[k], t_compensated = compensated_commands.cut_time_s[k];
+    const double left = compensated_commands.residual[k] - free.residual[k];
     sum.left += left * left;
     ++sum.vertices;
     const auto should = reach(wanted, ray, t_free, free.residual[k]);
@@ -299,7 +300,7 @@ Balance balance(const Kept& kept) {
 /// slide that could mend it, mm; of the slide with most.
 double left_along_slides(const Kept& kept) {
   PredictedRun run{{}, kept.acceleration};
-  run.process.steps = kept.compensated.process.steps;
+  run.process.steps = kept.compensated_commands.process.steps;
   const compensation::Belief belief = perfect_belief(kept.job, std::move(run));
   const kinematics::Chain& chain = kept.job.machine.nominal;
   const auto* cutter = std::get_if<cutting::Cutter>(&kept.job.scene.tool.nominal);
@@ -342,7 +343,7 @@ void hold(const std::string& name, const Scene& scene) {
   EXPECT_LT(b.beyond, 1.0_nm);
   // where the cut bends, the belief goes by the load of the run before, which jumps elsewhere where
   // the tool enters; the map holds for that
-  if (kept.compensated.process.steps.empty()) {
+  if (kept.compensated_commands.process.steps.empty()) {
     EXPECT_LT(slides, kept.acceleration.empty() ? 0.02_nm : 1.0_nm);
   }
 }

@@ -42,16 +42,16 @@ void expect_the_digits_of_at(const Scene& scene, unsigned seed) {
   for (std::size_t i = 0; i < poses.size(); ++i) {
     const auto at = pose_at(scene, position_text(poses, i), {{}, {"all"}});
     const auto cell = [&](std::size_t k) { return rows[i + 1].at(first + k); };
-    ASSERT_EQ(rows[i + 1].size(), first + table.heads().size());
+    ASSERT_EQ(rows[i + 1].size(), first + table.column_names().size());
     for (std::size_t k = 0; k < 3; ++k) {
       const auto c = Eigen::Index(k);
       EXPECT_EQ(cell(k), fmt::format("{}", at.pose.nominal.translation()[c] + 0.0));
       EXPECT_EQ(cell(3 + k), fmt::format("{}", at.pose.deviation()[c] / units::um + 0.0));
       EXPECT_EQ(cell(7 + k), fmt::format("{}", at.pose.direction()[c] / units::urad + 0.0));
     }
-    for (std::size_t k = PoseTable::always; k < table.heads().size(); ++k) {
-      EXPECT_EQ(at.heads[k - PoseTable::always], table.heads()[k]);
-      EXPECT_EQ(cell(k), fmt::format("{}", at.numbers[k - PoseTable::always]));
+    for (std::size_t k = PoseTable::fixed_column_count; k < table.column_names().size(); ++k) {
+      EXPECT_EQ(at.column_names[k - PoseTable::fixed_column_count], table.column_names()[k]);
+      EXPECT_EQ(cell(k), fmt::format("{}", at.numbers[k - PoseTable::fixed_column_count]));
     }
   }
 }
@@ -261,9 +261,9 @@ TEST(PoseTable, JacobiansAreTheDerivativesThatTheirHeadsName) {
     std::map<std::string, int> seen;
     for (const AxisState& state : any_states(idle, 3, seed)) {
       const std::vector<double> numbers = table.row(state).numbers;
-      ASSERT_EQ(numbers.size(), table.heads().size());
-      for (std::size_t k = PoseTable::always; k < numbers.size(); k += 6) {
-        const std::string by = table.heads()[k].substr(4);
+      ASSERT_EQ(numbers.size(), table.column_names().size());
+      for (std::size_t k = PoseTable::fixed_column_count; k < numbers.size(); k += 6) {
+        const std::string by = table.column_names()[k].substr(4);
         ++seen[by];
         const auto moved = [&](double step) {
           AxisState there = state;
@@ -285,7 +285,7 @@ TEST(PoseTable, JacobiansAreTheDerivativesThatTheirHeadsName) {
             kinematics::rotation_vector(up.linear() * down.linear().transpose()) / (2 * step);
         for (int i = 0; i < 6; ++i) {
           found[i] = numbers[k + std::size_t(i)];
-          EXPECT_EQ(table.heads()[k + std::size_t(i)].substr(0, 4),
+          EXPECT_EQ(table.column_names()[k + std::size_t(i)].substr(0, 4),
                     std::string("d") + "xyzabc"[i] + "_d");
         }
         EXPECT_LT((found - expected).norm(), 1e-5) << by;

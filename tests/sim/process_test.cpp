@@ -170,7 +170,7 @@ TEST(SteppedShaft, TheLoopContractsAndAgreesToItsTolerance) {
       contraction[stiffness] = std::max(contraction[stiffness], step.contraction);
       most = std::max(most, step.iterations);
       open += !step.converged;
-      ASSERT_TRUE(step.load.on_tool_t.allFinite());
+      ASSERT_TRUE(step.load.tool_wrench_t.allFinite());
     }
     const double left = radius_deviation(job, made.surface, 14, 16);
     std::cout << stiffness << " N/um: contraction " << contraction[stiffness] << ", at most "
@@ -199,7 +199,7 @@ Process swinging(double gain, double first_change) {
     ProcessStep& step = process.steps.emplace_back();
     step.line = 10 + k;
     step.contraction = 0.6;
-    step.load.on_tool_t[1] = force += change;
+    step.load.tool_wrench_t[1] = force += change;
   }
   return process;
 }
@@ -250,7 +250,7 @@ TEST(RevolutionSwing, ALeapOutOfTheWorkCountsWhereTheLoopHasAGainOfOne) {
         ProcessStep& step = process.steps[k];
         step.line = 5;
         step.contraction = contraction;
-        if (k % std::size_t(every) != 0) step.load.on_tool_t.setZero();
+        if (k % std::size_t(every) != 0) step.load.tool_wrench_t.setZero();
       }
       const auto swing = revolution_swing(process);
       EXPECT_EQ(swing.has_value(), contraction > 1.0 && every == 8) << contraction << " " << every;
@@ -355,8 +355,8 @@ TEST(ThinWall, TheMapGrowsTowardsTheFreeEdgeAsTheFormulaSays) {
                   job.samples.states.begin())]
               .q);
       if (std::abs(T_wt.translation().z() - bottom) > 1e-6) continue;
-      if (std::abs(T_wt.translation().x()) > 20 || step.load.on_tool_t.isZero(0.0)) continue;
-      force += (T_wt.linear() * step.load.on_tool_t.head<3>()).y();
+      if (std::abs(T_wt.translation().x()) > 20 || step.load.tool_wrench_t.isZero(0.0)) continue;
+      force += (T_wt.linear() * step.load.tool_wrench_t.head<3>()).y();
       centre += T_wt.translation().z() + step.load.contact_t.z();
       ++n;
     }
@@ -415,9 +415,9 @@ double removed(const Process& process) {
   return sum;
 }
 
-void expect_finite(const Process& process) {
+void require_finite(const Process& process) {
   for (const ProcessStep& step : process.steps) {
-    ASSERT_TRUE(step.load.on_tool_t.allFinite() && step.load.contact_t.allFinite());
+    ASSERT_TRUE(step.load.tool_wrench_t.allFinite() && step.load.contact_t.allFinite());
     ASSERT_TRUE(std::isfinite(step.torque) && std::isfinite(step.removed));
   }
 }
@@ -436,11 +436,12 @@ TEST(Process, ASlotTakesItsVolumeAndItsMeanForce) {
     const Process process = cut(block("G0 Z100\nG0 X-30 Y0\nG0 Z78\nG1 X30 F600\nG0 Z100\n",
                                       fmt::format("spacing_mm = {}\n", spacing)))
                                 .process;
-    expect_finite(process);
+    require_finite(process);
     EXPECT_TRUE(process.crash_lines.empty());
     std::vector<Eigen::Vector3d> forces;
     for (const ProcessStep& step : process.steps)
-      if (!step.load.on_tool_t.isZero(0.0)) forces.emplace_back(step.load.on_tool_t.head<3>());
+      if (!step.load.tool_wrench_t.isZero(0.0))
+        forces.emplace_back(step.load.tool_wrench_t.head<3>());
     ASSERT_GT(forces.size(), 40u);
     const Eigen::Vector3d F = forces[forces.size() / 2];
     const double off =
@@ -457,7 +458,7 @@ TEST(Process, ASlotTakesItsVolumeAndItsMeanForce) {
 
 TEST(Process, AProgramThatMeetsNothingSaysSo) {
   const Cut made = cut(block("G0 Z120\nG0 X-30 Y0\nG1 X30 F600\n", weak_tool));
-  expect_finite(made.process);
+  require_finite(made.process);
   EXPECT_EQ(removed(made.process), 0.0);
   ASSERT_FALSE(made.warnings.empty());
   EXPECT_NE(made.warnings.front().find("met no material"), std::string::npos);
@@ -466,7 +467,7 @@ TEST(Process, AProgramThatMeetsNothingSaysSo) {
 TEST(Process, APlungeFullyEngagedEndsWithNumbers) {
   const Cut made =
       cut(block("G0 Z100\nG0 X0 Y0\nG0 Z81\nG1 Z75 F100\nG1 Z85 F600\nG0 Z100\n", weak_tool));
-  expect_finite(made.process);
+  require_finite(made.process);
   std::cout << "plunge removed " << removed(made.process) << " of " << pi * 25 * 5 << " mm^3\n";
   EXPECT_NEAR(removed(made.process), pi * 25 * 5, 8.0);
 }

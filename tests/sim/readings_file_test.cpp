@@ -21,7 +21,7 @@ Readings laser_readings(const std::string& scene = "gantry_dome.toml") {
   InstrumentDescription laser = find_instrument(read, "laser");
   laser.instrument.targets = 5;
   laser.instrument.runs = 2;
-  return measured(read, laser);
+  return measure_machine(read, laser);
 }
 
 std::string refusal_of_readings(const std::string& text) {

@@ -91,10 +91,10 @@ TEST(Regions, KeysOfFacesAreReadAndWritten) {
   EXPECT_EQ(part.regions.at(0).group, "Fläche 1");
   EXPECT_EQ(part.regions.at(0).colour, (cutting::Rgb{255, 128, 0}));
   EXPECT_EQ(part.regions.at(0).place.line, 2);
-  const std::string again = written_again(text, read_part, written_part);
+  const std::string again = written_again(text, read_part, part_to_table);
   EXPECT_NE(again.find("group = \"Fläche 1\"\ncolour = \"#ff8000\"\n"), std::string::npos) << again;
-  EXPECT_TRUE(wanted_marks(part).groups && wanted_marks(part).colours);
-  EXPECT_FALSE(wanted_marks(read_section("file = \"" + file + "\"\n", read_part)).any());
+  EXPECT_TRUE(required_marks(part).groups && required_marks(part).colours);
+  EXPECT_FALSE(required_marks(read_section("file = \"" + file + "\"\n", read_part)).any());
 }
 
 TEST(Regions, KeysThatCannotBeAreRefusedAtTheirPlace) {
@@ -275,7 +275,7 @@ TEST(Regions, JudgedByColourAreTheStatisticsOfTheseFacesAlone) {
       for (const int v : design_m.triangles.row(t)) ASSERT_TRUE(half.contains(v)) << t;
     }
     surface.within.resize(0);
-    surface.sampled_within = cutting::Surface::Within::None;
+    surface.interior_sample = cutting::Surface::InteriorSample::None;
     expect_same(cutting::statistics(surface, design_m), vertices);
     EXPECT_NEAR(job.sampled->judged_area, vertices.area, 1e-9);
     means.push_back(*verdict.residual.mean);
@@ -340,11 +340,11 @@ TEST(Regions, ABorderBetweenGroupsChangesNoFigureOfASmoothFace) {
   const Verdict a = judge(plain, cut(plain), nullptr), b = judge(parted, cut(parted), nullptr);
   // triangles are halved in another order, and looked at elsewhere within: figures of sampling
   std::cout << "mean " << *a.residual.mean / units::um << " and " << *b.residual.mean / units::um
-            << " um, rms of form " << *a.form_part->rms / units::um << " and "
-            << *b.form_part->rms / units::um << " um\n";
+            << " um, rms of form " << *a.form_statistics->rms / units::um << " and "
+            << *b.form_statistics->rms / units::um << " um\n";
   EXPECT_NEAR(*b.residual.mean / *a.residual.mean, 1.0, 1e-3);
   EXPECT_NEAR(*b.residual.rms / *a.residual.rms, 1.0, 1e-3);
-  EXPECT_NEAR(*b.form_part->rms / *a.form_part->rms, 1.0, 1e-3);
+  EXPECT_NEAR(*b.form_statistics->rms / *a.form_statistics->rms, 1.0, 1e-3);
   EXPECT_NEAR(plain.sampled->judged_area, parted.sampled->judged_area, 1e-9);
 }
 

@@ -267,7 +267,7 @@ class Save : public testing::Test {
 };
 
 TEST_F(Save, WritesWhatIsAskedForAndRemovesWhatAnEarlierRunLeft) {
-  const std::vector<std::string> usual = usual_map_formats();
+  const std::vector<std::string> usual = default_map_formats();
   ASSERT_EQ(run("").code, 0);
   EXPECT_EQ(saved(), std::set<std::string>(usual.begin(), usual.end()));
   ASSERT_EQ(run("--save ply,stl,csv --save npz,json").code, 0);

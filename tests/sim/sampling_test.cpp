@@ -39,8 +39,8 @@ TEST(Sampling, FormDoesNotDependOnTheVerticesThatAPartBeginsWith) {
     const Job given =
         job_of(BallRaster{.part = part, .more = "[errors]\nEYX_um = 6\nEC0Y_urad = 60\n"});
     const Verdict verdict = uncompensated(sampled(given));
-    pv.push_back(*verdict.form_part->pv);
-    rms.push_back(*verdict.form_part->rms);
+    pv.push_back(*verdict.form_statistics->pv);
+    rms.push_back(*verdict.form_statistics->rms);
     raw.push_back(*uncompensated(given).residual.pv);
     std::cout << vertices << " vertices: " << verdict.cut.surface.residual.size() << ", form PV "
               << pv.back() / units::um << " um, RMS " << rms.back() / units::um
@@ -129,8 +129,8 @@ std::string wavy_stl(double side, double spacing) {
 /// Range of the error-free cut over its vertices as given and at so many places at random of every
 /// triangle whose corners are cut.
 double range_of_many_places(const Job& job, const cutting::Surface& surface, int a_triangle) {
-  const Sweep sweep = sweep_of(error_free_sweeps(job), options_of(job, {}));
-  const cutting::SurfaceInterpolator between = on_surface(job);
+  const Sweep sweep = make_sweep(error_free_sweeps(job), surface_options(job, {}));
+  const cutting::SurfaceInterpolator between = surface_interpolator(job);
   std::mt19937_64 random(71);
   std::uniform_real_distribution<double> unit(0.0, 1.0);
   std::vector<cutting::Contact> places;
@@ -198,7 +198,7 @@ TEST(Sampling, PVOfTheErrorFreeCutIsThatOfManyPlaces) {
   const Job job = sampled(job_of(
       BallRaster{.part = std::string(small_dome) + "vertices = 500\nsampling = \"adaptive\"\n"}));
   const Verdict verdict = judge(job, cut_error_free(job), nullptr);
-  const Sweep sweep = sweep_of(error_free_sweeps(job), options_of(job, {}));
+  const Sweep sweep = make_sweep(error_free_sweeps(job), surface_options(job, {}));
   cutting::Primitive cap = cutting::SphereCap{100.0, 9.0};
   const cutting::Design many =
       cutting::transformed(cutting::tessellate(cap, {200000}), job.scene.part.T_wm);
@@ -216,7 +216,7 @@ TEST(Sampling, PVOfTheErrorFreeCutIsThatOfManyPlaces) {
 TEST(Sampling, MeanAndRmsOfTheErrorFreeCutAreThoseOfManyPlaces) {
   // at every bound, though straight lines between vertices on crests fill the hollows
   const Job fine = job_of(BallRaster{.part = small_dome, .more = "[errors]\nEYX_um = 6\n"});
-  const Sweep sweep = sweep_of(error_free_sweeps(fine), options_of(fine, {}));
+  const Sweep sweep = make_sweep(error_free_sweeps(fine), surface_options(fine, {}));
   cutting::Primitive cap = cutting::SphereCap{100.0, 9.0};
   const cutting::Design many =
       cutting::transformed(cutting::tessellate(cap, {200000}), fine.scene.part.T_wm);
@@ -244,9 +244,9 @@ TEST(Sampling, TenThousandPlacesOfTheFirstScenesAreWithinTheirBound) {
   for (const auto& [name, allowed] :
        {std::pair("gantry_dome", 0.0), {"gantry_calibration", 0.0}, {"gantry_mesh", 0.001}}) {
     const Job job = sampled(job_of(std::string(name) + ".toml"));
-    const Sweep sweep = sweep_of(error_free_sweeps(job), options_of(job, {}));
+    const Sweep sweep = make_sweep(error_free_sweeps(job), surface_options(job, {}));
     const auto error = cutting::interpolation_error(
-        job.design_w, sweep.surface(job.design_w), on_surface(job), sweep.surface,
+        job.design_w, sweep.surface(job.design_w), surface_interpolator(job), sweep.surface,
         {.places = 10000, .seed = 77, .resolution = job.sampled->resolution});
     std::cout << name << ": " << job.design_w.vertices.rows() << " vertices, bound "
               << error.resolution / units::um << " um; of " << error.places << " places the worst "
@@ -317,7 +317,7 @@ TEST(Sampling, TheErrorFreeSurfaceThatIsKeptIsThatOfTheCut) {
         .more = "[search]\nband_mm = 0.004\n"}));
     const cutting::Surface& kept = *job.sampled->error_free;
     const cutting::Surface fresh =
-        machined_surface(job.design_w, error_free_sweeps(job), options_of(job, {}));
+        machined_surface(job.design_w, error_free_sweeps(job), surface_options(job, {}));
     std::cout << kind << ": " << kept.residual.size() << " vertices, " << kept.gouges.size()
               << " gouges\n";
     const auto count = [&](cutting::VertexStatus status) {

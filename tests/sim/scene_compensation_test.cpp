@@ -138,7 +138,7 @@ TEST(SceneCompensation, EveryKeyIsReadInInternalUnits) {
   EXPECT_DOUBLE_EQ(c.angle_resolution, 0.002_deg);
   EXPECT_DOUBLE_EQ(c.path_tolerance, 0.25_um);
   EXPECT_EQ(c.plug_in.strategy, Strategy::Position);
-  EXPECT_EQ(c.plug_in.channel, Channel::Pulses);
+  EXPECT_EQ(c.plug_in.channel, Channel::PulseInsertion);
   EXPECT_EQ(c.loop.order, PositionLoop::Order::Second);
   EXPECT_EQ(c.loop.bandwidth, 30.0);
   EXPECT_EQ(c.loop.damping, 0.6);
@@ -156,7 +156,7 @@ TEST(SceneCompensation, EveryKeyIsReadInInternalUnits) {
   EXPECT_EQ(c.table.options.spacing, 2.5);
   EXPECT_DOUBLE_EQ(c.table.options.spacing_rad, 1.0_deg);
   EXPECT_FALSE(c.table.options.cross);
-  EXPECT_FALSE(c.table.options.both_ways);
+  EXPECT_FALSE(c.table.options.has_direction_columns);
   EXPECT_FALSE(c.table.options.constant);
   EXPECT_EQ(c.table.format, compensation::ControlFormat::Siemens);
   ASSERT_TRUE(c.table.reference);
@@ -279,7 +279,7 @@ TEST(CaseName, EveryTokenIsRead) {
                                                          {"decoupled", Strategy::Decoupled},
                                                          {"iterated", Strategy::Iterated}};
   const std::pair<const char*, Channel> channels[] = {
-      {"ideal", Channel::Ideal}, {"program", Channel::Program}, {"pulses", Channel::Pulses},
+      {"ideal", Channel::Ideal}, {"program", Channel::Program}, {"pulses", Channel::PulseInsertion},
       {"open", Channel::Open},   {"origin", Channel::Origin},   {"table", Channel::Table},
       {"piezo", Channel::Piezo}};
   for (const auto& [belief, as_belief] : beliefs)
@@ -324,9 +324,9 @@ TEST(CaseName, ADotOrASlashMakesItAPlugInCalledByItsFileName) {
 
 TEST(SceneCompensation, WhatIsWrittenReadsAsTheSame) {
   for (const char* text : {every_key, ""}) {
-    const Node written{{}, written_compensation(compensation_of(text), perfect_gantry().joints)};
+    const Node written{{}, compensation_to_table(compensation_of(text), perfect_gantry().joints)};
     const CompensationDescription again = compensation_of(to_toml(written));
-    EXPECT_EQ(to_toml(Node{{}, written_compensation(again, perfect_gantry().joints)}),
+    EXPECT_EQ(to_toml(Node{{}, compensation_to_table(again, perfect_gantry().joints)}),
               to_toml(written));
     EXPECT_EQ(again.table.format, compensation_of(text).table.format);
     EXPECT_EQ(again.plug_in.channel, compensation_of(text).plug_in.channel);
@@ -606,8 +606,8 @@ TEST(SceneBelief, WhatIsWrittenReadsAsTheSame) {
         std::string("[force]\nfrom = \"model\"\n[force.compliance.axis.Z]\n"
                     "stiffness_N_per_um = [80, 60, 100]\n")}) {
     const std::string written =
-        to_toml(Node{{}, written_belief(belief_of(text), perfect_gantry())});
-    EXPECT_EQ(to_toml(Node{{}, written_belief(belief_of(written), perfect_gantry())}), written);
+        to_toml(Node{{}, belief_to_table(belief_of(text), perfect_gantry())});
+    EXPECT_EQ(to_toml(Node{{}, belief_to_table(belief_of(written), perfect_gantry())}), written);
     EXPECT_EQ(belief_of(written).thermal.has_value(), belief_of(text).thermal.has_value());
     EXPECT_EQ(belief_of(written).force.has_value(), belief_of(text).force.has_value());
   }

@@ -267,7 +267,7 @@ std::string compliance_again(const std::string& text) {
       [&](const Node& node, InputErrors& input_errors) {
         return read_compliance(node, machine, input_errors);
       },
-      [&](const errors::ComplianceErrors& soft) { return written_compliance(soft, machine); });
+      [&](const errors::ComplianceErrors& soft) { return compliance_to_table(soft, machine); });
 }
 
 TEST(SceneCompliance, EveryKeyIsWritten) {

@@ -104,7 +104,7 @@ std::string cutting_again(const std::string& text, const ToolDescription& tool) 
       [&](const Node& node, InputErrors& input_errors) {
         return read_cutting(node, tool, input_errors);
       },
-      [&](const CuttingDescription& cutting) { return written_cutting(cutting, tool); });
+      [&](const CuttingDescription& cutting) { return cutting_to_table(cutting, tool); });
 }
 
 TEST(SceneCutting, EveryKeyIsWritten) {
@@ -279,7 +279,7 @@ TEST(SceneMaterial, EveryKeyIsWritten) {
   const std::string text =
       "name = \"x\"\nsource = \"y\"\nK_tc_N_per_mm2 = 600.0\nK_rc_N_per_mm2 = 100.0\n"
       "K_ac_N_per_mm2 = -5.0\nK_te_N_per_mm = 10.0\nK_re_N_per_mm = 11.0\nK_ae_N_per_mm = 0.5\n";
-  EXPECT_EQ(written_again(text, read_material, written_material), text);
+  EXPECT_EQ(written_again(text, read_material, material_to_table), text);
 }
 
 TEST(SceneMaterial, NonPhysicalCoefficientsAreRefusedByName) {

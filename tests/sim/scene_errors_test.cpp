@@ -20,7 +20,7 @@ std::string errors_again(const std::string& text) {
   const Node* list = table.find("list");
   const ErrorsSection section = read_errors(list ? *list : table, gantry(), 7, input_errors);
   for (const BadInput& fault : input_errors.list()) ADD_FAILURE() << fault.what();
-  const Node::Table again = written_errors(section, gantry());
+  const Node::Table again = errors_to_table(section, gantry());
   EXPECT_EQ(unlisted(again, errors_keys()), "");
   EXPECT_EQ(unlisted(*table.table(), errors_keys()), list ? "list\n" : "");
   return to_toml(Node{{}, again});

@@ -54,7 +54,7 @@ TEST(SceneInsert, IsReadAndWritten) {
   for (const std::string& text :
        {pointed, wiping, grooving, pointed + "actual = { radius_mm = 0.41 }\n",
         grooving + "actual = { x_mm = [-1, 1, 0], z_mm = [-1, -1, 2] }\n"})
-    written_again(text, read_tool, written_tool);
+    written_again(text, read_tool, tool_to_table);
 
   const ToolDescription tool =
       read_section(pointed +

@@ -38,11 +38,11 @@ TEST(SceneInstruments, AKindAloneIsTheInstrumentAsItIsBought) {
   const Scene scene = scene_with("[[instrument]]\nkind = \"laser\"\n");
   ASSERT_EQ(scene.instruments.size(), 1u);
   const auto& one = scene.instruments[0];
-  const auto typical = errors::metrology::typical(Kind::Laser);
+  const auto typical_instrument = errors::metrology::typical_instrument(Kind::Laser);
   EXPECT_EQ(one.instrument.name, "laser");
   EXPECT_EQ(one.instrument.kind, Kind::Laser);
-  EXPECT_EQ(one.instrument.noise, typical.noise);
-  EXPECT_EQ(one.instrument.runs, typical.runs);
+  EXPECT_EQ(one.instrument.noise, typical_instrument.noise);
+  EXPECT_EQ(one.instrument.runs, typical_instrument.runs);
   EXPECT_EQ(one.starts_s, std::vector<double>{0.0});
 }
 
@@ -69,9 +69,9 @@ TEST(SceneInstruments, EveryKeyIsReadInInternalUnits) {
   EXPECT_EQ(i.axes, std::vector<char>{'C'});
   EXPECT_EQ(i.runs, 3);
   EXPECT_EQ(i.targets, 13);
-  EXPECT_FALSE(i.both_ways);
+  EXPECT_FALSE(i.bidirectional);
   EXPECT_EQ(i.margin, 0.1);
-  EXPECT_EQ(i.at_w, Eigen::Vector3d(60, 0, 60));
+  EXPECT_EQ(i.location_w, Eigen::Vector3d(60, 0, 60));
   EXPECT_EQ(i.reflector_t, Eigen::Vector3d(0, 0, -20));
   EXPECT_EQ(i.radius, 50.0);
   EXPECT_EQ(i.lever, 70.0);
@@ -99,13 +99,14 @@ TEST(SceneInstruments, WhatMeasuresThePartIsReadToo) {
       "pose = { C_deg = 90 }\n");
   EXPECT_TRUE(scene.instruments.empty());
   ASSERT_EQ(scene.part_instruments.size(), 2u);
-  const auto& cmm = std::get<errors::metrology::CoordinateMachine>(scene.part_instruments[0].how);
+  const auto& cmm =
+      std::get<errors::metrology::CoordinateMeasuringMachine>(scene.part_instruments[0].device);
   EXPECT_EQ(scene.part_instruments[0].spacing, 2.0);
   EXPECT_EQ(scene.part_instruments[0].case_name, "perfect-iterated-ideal");
   EXPECT_DOUBLE_EQ(cmm.noise, 3e-4);
   EXPECT_DOUBLE_EQ(cmm.alignment_sigma_rad, 1e-5);
   EXPECT_TRUE(cmm.best_fit);
-  const auto& probe = std::get<errors::metrology::TouchProbe>(scene.part_instruments[1].how);
+  const auto& probe = std::get<errors::metrology::TouchProbe>(scene.part_instruments[1].device);
   EXPECT_EQ(probe.radius, 2.0);
   EXPECT_EQ(probe.start_s, 1800.0);
   EXPECT_DOUBLE_EQ(probe.q[0], pi / 2);
@@ -174,8 +175,8 @@ TEST(SceneInstruments, ASensorChoiceIsReadAndItsFaultsAreReported) {
         std::pair("lag_rows", "-1"), std::pair("model", "\"oracle\"")})
     EXPECT_NE(packaged_with(key, value).find(key), std::string::npos) << key;
   EXPECT_NE(packaged_with("cuont", "4").find("count"), std::string::npos);
-  ASSERT_EQ(scene.sensor_choice->beside.size(), 1u);
-  EXPECT_EQ(scene.sensor_choice->beside[0].choice.grey.kind, GreyKind::Comprehensive);
+  ASSERT_EQ(scene.sensor_choice->compared_methods.size(), 1u);
+  EXPECT_EQ(scene.sensor_choice->compared_methods[0].choice.grey.kind, GreyKind::Comprehensive);
   for (const auto& [value, word] :
        {std::pair("[{likeness = \"deng\"}]", "name"),
         std::pair("[{name = \"a\", sensors = []}]", "sensors"),
@@ -190,10 +191,10 @@ TEST(SceneInstruments, ASensorChoiceIsReadAndItsFaultsAreReported) {
 std::string written_text(const Scene& scene) {
   Node::Array instruments;
   for (Node::Table& one :
-       written_instruments({scene.instruments, scene.part_instruments}, scene.machine))
+       instruments_to_tables({scene.instruments, scene.part_instruments}, scene.machine))
     instruments.push_back(Node{{}, std::move(one)});
   Node::Table table;
-  put(table, "instrument", std::move(instruments));
+  put_value(table, "instrument", std::move(instruments));
   return to_toml(Node{{}, std::move(table)});
 }
 
@@ -211,7 +212,7 @@ TEST(SceneInstruments, WhatIsWrittenReadsAsTheSame) {
   EXPECT_EQ(written_text(again), written_text(scene));
   EXPECT_EQ(again.instruments[0].starts_s, scene.instruments[0].starts_s);
   EXPECT_EQ(again.instruments[0].instrument.axes, std::vector<char>{'C'});
-  EXPECT_EQ(again.instruments[0].instrument.at_w, scene.instruments[0].instrument.at_w);
+  EXPECT_EQ(again.instruments[0].instrument.location_w, scene.instruments[0].instrument.location_w);
   EXPECT_EQ(again.part_instruments[0].case_name, "perfect-iterated-ideal");
 }
 
@@ -226,7 +227,7 @@ TEST(SceneInstruments, ASensorChoiceThatIsWrittenReadsAsTheSame) {
     InputErrors input_errors;
     const auto choice = read_sensor_choice(parse_toml(toml, "s.toml"), input_errors);
     EXPECT_TRUE(input_errors.empty());
-    return to_toml(Node{{}, written_sensor_choice(choice)});
+    return to_toml(Node{{}, sensor_choice_to_table(choice)});
   };
   EXPECT_EQ(written(written(text)), written(text));
   EXPECT_NE(written(text).find("correlation"), std::string::npos);

@@ -72,9 +72,9 @@ TEST(SceneMachine, AShapeThatIsNoneIsAllThatIsSaidOfABody) {
 
 TEST(SceneMachine, WhatIsWrittenReadsAsTheSame) {
   const MachineDescription machine = machine_of(rich_machine);
-  const std::string toml = toml_of(written_machine(machine));
-  const MachineDescription again = machine_of(written);
-  EXPECT_EQ(toml_of(written_machine(again)), toml);
+  const std::string toml = toml_of(machine_to_table(machine));
+  const MachineDescription again = machine_of(to_table);
+  EXPECT_EQ(toml_of(machine_to_table(again)), toml);
   EXPECT_EQ(again.T_bs.matrix(), machine.T_bs.matrix());
   EXPECT_EQ(again.T_bw.matrix(), machine.T_bw.matrix());
   EXPECT_EQ(again.home, machine.home);
@@ -98,8 +98,8 @@ TEST(SceneMachine, PackagedMachinesAreWrittenAndReadAsTheSame) {
     const std::string file = std::string("machines/") + name + ".toml";
     const MachineDescription machine =
         read_scene(packaged("gantry_perfect.toml"), {{"machine", file}}).machine;
-    const std::string toml = toml_of(written_machine(machine));
-    EXPECT_EQ(toml_of(written_machine(machine_of(toml))), toml) << name;
+    const std::string toml = toml_of(machine_to_table(machine));
+    EXPECT_EQ(toml_of(machine_to_table(machine_of(toml))), toml) << name;
   }
 }
 
@@ -109,7 +109,7 @@ TEST(SceneMachine, ATurnIsWrittenAsItWasGiven) {
     InputErrors input_errors;
     const Node given = parse_toml("turn_deg = " + std::string(turn), "t.toml");
     const Node::Table table =
-        turn_fields().written(turn_fields().read_table(given, "", input_errors));
+        turn_fields().to_table(turn_fields().read_table(given, "", input_errors));
     EXPECT_EQ(toml_of(table), to_toml(given));
   }
 }
@@ -127,9 +127,9 @@ TEST(SceneMachine, WhatTheControlBelievesIsWrittenAndReadAsTheSame) {
        {"", "tool_length_mm = 100.02",
         "[axis.C]\npoint_mm = [0.01, 0, 0]\n[axis.A]\ndirection = [1, 1e-4, 0]"}) {
     const ControlDescription control = control_of(text);
-    const std::string toml = toml_of(written_control(control));
+    const std::string toml = toml_of(control_to_table(control));
     const ControlDescription again = control_of(toml);
-    EXPECT_EQ(toml_of(written_control(again)), toml);
+    EXPECT_EQ(toml_of(control_to_table(again)), toml);
     EXPECT_EQ(again.tool_length, control.tool_length);
     EXPECT_EQ(again.joints.size(), control.joints.size());
   }

@@ -17,13 +17,13 @@ namespace abbe::sim {
 namespace {
 
 std::string part_again(const std::string& text) {
-  return written_again(text, read_part, written_part);
+  return written_again(text, read_part, part_to_table);
 }
 std::string tool_again(const std::string& text) {
   const auto read_tool = [](const Node& table, InputErrors& input_errors) {
     return read_tools(table, input_errors).front();
   };
-  return written_again(text, read_tool, written_tool);
+  return written_again(text, read_tool, tool_to_table);
 }
 
 TEST(ScenePart, SurfacesAreWrittenWithEveryKey) {
@@ -193,7 +193,7 @@ std::string program_again(const std::string& text) {
       [](const Node& node, InputErrors& input_errors) {
         return read_program(node, joints(), input_errors);
       },
-      [](const ProgramDescription& program) { return written_program(program, joints()); });
+      [](const ProgramDescription& program) { return program_to_table(program, joints()); });
 }
 
 TEST(SceneProgram, GeneratorsAreWrittenWithEveryKey) {

@@ -307,7 +307,7 @@ EAC = { kind = "fourier", period_deg = 360, a_urad = [10] })");
   EXPECT_EQ(curves[2].argument, errors::Argument::Carriage);
   EXPECT_EQ(std::get<errors::Fourier>(curves[3].shape).a.size(), 2);
   EXPECT_EQ(curves[3].scale, 2.0);
-  EXPECT_EQ(std::get<errors::Table>(curves[4].shape).outside, errors::Outside::Hold);
+  EXPECT_EQ(std::get<errors::Table>(curves[4].shape).outside, errors::TableExtrapolation::Hold);
   EXPECT_EQ(std::get<errors::DirectionalTables>(curves[6].shape).down.value[0], 2 * units::um);
   EXPECT_EQ(std::get<errors::Repeatability>(curves[7].shape).seed, 7u);
 }

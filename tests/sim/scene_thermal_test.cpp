@@ -183,8 +183,8 @@ slope = { node = "bed", dT_K = [-5, 5], value_um_per_m = [-50, 60] }
   ASSERT_TRUE(table);
   EXPECT_EQ(table->q, Eigen::Vector3d(0, 10, 40));
   EXPECT_NEAR(table->value[2], 20e-3, 1e-17);
-  EXPECT_EQ(table->outside, errors::Outside::Hold);
-  EXPECT_EQ(table->between, errors::Between::Spline);
+  EXPECT_EQ(table->outside, errors::TableExtrapolation::Hold);
+  EXPECT_EQ(table->between, errors::TableInterpolation::Spline);
   EXPECT_NEAR(thermal.errors.elements[4].slope.terms.at(0).table->value[1], 60e-6, 1e-19);
 }
 
@@ -307,7 +307,7 @@ TEST(SceneThermal, EverySensorHasANoiseOfItsOwnFromTheSeedOfTheScene) {
 // ---- what is written
 
 std::string thermal_again(const std::string& text) {
-  const Node::Table again = written_thermal(thermal_of(text), gantry(), 7);
+  const Node::Table again = thermal_to_table(thermal_of(text), gantry(), 7);
   EXPECT_EQ(unlisted(again, thermal_keys()), "");
   EXPECT_EQ(unlisted(*parse_toml(text, "t").table(), thermal_keys()), "");
   return to_toml(Node{{}, again});

@@ -115,7 +115,7 @@ TEST(Sources, TipAndAxisDeviationsAddTo2e4OfTheirSum) {
     // a cut of 150 N on whatever gives way, the same in all; its coupling with the other sources
     // through the depth of cut is the loop's affair
     errors::Load load;
-    load.on_tool_t << 90, -80, 90, 400, -300, 200;
+    load.tool_wrench_t << 90, -80, 90, 400, -300, 200;
     const auto deviation = [&](const Job& job) {
       const Pose actual = tool_in_workpiece(job.truth, state, load);
       kinematics::Deviation d;

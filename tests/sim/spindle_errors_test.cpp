@@ -241,7 +241,7 @@ TEST(SpindleErrors, AsynchronousMotionLeavesTheLowestOfItsPasses) {
       .end_radius = 2.0};
   Job job = turning_job(facing);
   const errors::Curve& curve = job.scene.geometric.elements.at(0).curves.at(0);
-  job = resampled(std::move(job), std::sqrt(8 * 0.05_nm / errors::max_bend(curve)));
+  job = resampled(std::move(job), std::sqrt(8 * 0.05_nm / errors::second_derivative_bound(curve)));
   const Misfit m = misfit(job, cut(job).surface, [&](const CutVertex& v) {
     if (radius(v) < 2.3 || radius(v) > rim - 0.05) return std::nan("");
     double least = std::numeric_limits<double>::infinity();

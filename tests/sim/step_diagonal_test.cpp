@@ -33,16 +33,17 @@ Corrected found(double angles) {
                                 {"program.step_over_mm", "2"},
                                 {"program.step_mm", "10"}};
   const Scene scene = read_scene(packaged("step_diagonal.toml"), changes);
-  IdentifyOptions options;
-  options.method = IdentifyOptions::Method::StepDiagonal;
+  IdentificationOptions options;
+  options.method = IdentificationOptions::Method::StepDiagonal;
   options.sensors = {"X_nut", "Y_nut", "Z_nut"};
   options.out = folder.path() / "belief.toml";
   Corrected result;
-  const Identified found = identify(
-      {folder.write("d.csv", to_text(measured(scene, find_instrument(scene, "step_diagonal"))))},
+  const IdentificationResult found = identify(
+      {folder.write("d.csv",
+                    to_text(measure_machine(scene, find_instrument(scene, "step_diagonal"))))},
       options);
   result.report = to_json(found);
-  result.text = identify_text(found);
+  result.text = identification_text(found);
   changes.push_back({"belief.identified", "\"" + options.out.string() + "\""});
   const Job job = job_of("step_diagonal.toml", changes);
   result.before_um = machine_um(job);

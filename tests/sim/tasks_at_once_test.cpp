@@ -38,11 +38,11 @@ std::vector<Stage> plan_of(const std::vector<Task>& tasks) {
 }
 
 /// With as many threads as are asked for, whatever the machine has.
-void do_all(const std::vector<Task>& tasks, int at_once, Said& said) {
+void do_all(const std::vector<Task>& tasks, int max_parallel, Said& said) {
   ProgressLine line(plan_of(tasks), said.listener());
   const tbb::global_control many(tbb::global_control::max_allowed_parallelism, 8);
   tbb::task_arena threads(8);
-  threads.execute([&] { run_tasks(tasks, at_once, line); });
+  threads.execute([&] { run_tasks(tasks, max_parallel, line); });
 }
 
 /// What never comes is a failure, not a test without end.
@@ -55,8 +55,8 @@ TEST(TaskRunner, EachIsDoneOnceAndNamedInOrderWhicheverIsOverFirst) {
   constexpr int count = 30;
   std::vector<std::string> names;
   for (int i = 0; i < count; ++i) names.push_back("part " + std::to_string(i));
-  for (const int at_once : {1, 2, 3, 40}) {
-    std::mt19937 random{unsigned(at_once)};
+  for (const int max_parallel : {1, 2, 3, 40}) {
+    std::mt19937 random{unsigned(max_parallel)};
     std::vector<std::atomic<int>> done(count);
     std::atomic<int> at_work = 0, most = 0;
     std::vector<Task> tasks;
@@ -68,7 +68,7 @@ TEST(TaskRunner, EachIsDoneOnceAndNamedInOrderWhicheverIsOverFirst) {
                          while (before < now && !most.compare_exchange_weak(before, now)) {
                          }
                          progress("work", 0.5);
-                         if (i == 0 && at_once > 1) wait_until([&] { return most > 1; });
+                         if (i == 0 && max_parallel > 1) wait_until([&] { return most > 1; });
                          std::this_thread::sleep_for(time);
                          progress("remark of " + std::to_string(i), -1.0);
                          ++done[std::size_t(i)];
@@ -76,13 +76,13 @@ TEST(TaskRunner, EachIsDoneOnceAndNamedInOrderWhicheverIsOverFirst) {
                        }});
     }
     Said said;
-    do_all(tasks, at_once, said);
+    do_all(tasks, max_parallel, said);
     for (int i = 0; i < count; ++i) EXPECT_EQ(done[std::size_t(i)], 1) << i;
-    EXPECT_EQ(said.parts, names) << at_once;
+    EXPECT_EQ(said.parts, names) << max_parallel;
     EXPECT_EQ(said.remarks.size(), std::size_t(count));
     EXPECT_EQ(said.stages.size(), std::size_t(count));
-    EXPECT_LE(most, at_once);
-    EXPECT_EQ(most > 1, at_once > 1) << at_once;
+    EXPECT_LE(most, max_parallel);
+    EXPECT_EQ(most > 1, max_parallel > 1) << max_parallel;
   }
 }
 
@@ -135,13 +135,13 @@ TEST(TaskRunner, TheFirstFailureIsThrownAndWhatFollowsItStops) {
 }
 
 TEST(TaskRunner, TheLongestBeginFirstBesideTheFirst) {
-  for (const int at_once : {1, 2}) {
+  for (const int max_parallel : {1, 2}) {
     std::atomic<int> over = 0;
     std::vector<int> begun;
     const std::vector<double> seconds{1.0, 2.0, 9.0, 2.0, 5.0};
     std::vector<Task> tasks{{"0",
                              [&](const Progress&) {
-                               if (at_once > 1) wait_until([&] { return over == 4; });
+                               if (max_parallel > 1) wait_until([&] { return over == 4; });
                              },
                              seconds[0]}};
     for (int i = 1; i < int(seconds.size()); ++i) {
@@ -152,8 +152,9 @@ TEST(TaskRunner, TheLongestBeginFirstBesideTheFirst) {
       tasks.push_back({std::to_string(i), work, seconds[std::size_t(i)]});
     }
     Said said;
-    do_all(tasks, at_once, said);
-    EXPECT_EQ(begun, at_once == 1 ? (std::vector<int>{1, 2, 3, 4}) : (std::vector{2, 4, 1, 3}));
+    do_all(tasks, max_parallel, said);
+    EXPECT_EQ(begun,
+              max_parallel == 1 ? (std::vector<int>{1, 2, 3, 4}) : (std::vector{2, 4, 1, 3}));
     EXPECT_EQ(said.parts, (std::vector<std::string>{"0", "1", "2", "3", "4"}));
   }
 }

@@ -26,24 +26,24 @@ using Json = nlohmann::ordered_json;
 /// The packaged scene's own day and those of its variants.
 std::vector<DayReadings> packaged_days(const std::string& name) {
   const Scene scene = read_scene(packaged(name));
-  std::vector<DayReadings> days{measured_day("its own day", scene)};
+  std::vector<DayReadings> days{measure_day("its own day", scene)};
   for (const Variant& variant : scene.variants)
-    days.push_back(measured_day(variant.name, read_scene(packaged(name), variant.set)));
+    days.push_back(measure_day(variant.name, read_scene(packaged(name), variant.set)));
   return days;
 }
 
 /// The choice on a packaged scene, computed once for all tests.
-const ThermalChoice& chosen_on(const std::string& name) {
-  static std::map<std::string, ThermalChoice> choices;
+const ThermalSensorChoice& chosen_on(const std::string& name) {
+  static std::map<std::string, ThermalSensorChoice> choices;
   const auto known = choices.find(name);
   if (known != choices.end()) return known->second;
-  ThermalChoice choice =
-      thermal_choice(packaged_days(name), *read_scene(packaged(name)).sensor_choice);
+  ThermalSensorChoice choice =
+      choose_thermal_sensors(packaged_days(name), *read_scene(packaged(name)).sensor_choice);
   return choices.emplace(name, std::move(choice)).first->second;
 }
 
-ThermalChoice chosen_on(const Scene& scene) {
-  return thermal_choice({measured_day("its own day", scene)}, *scene.sensor_choice);
+ThermalSensorChoice chosen_on(const Scene& scene) {
+  return choose_thermal_sensors({measure_day("its own day", scene)}, *scene.sensor_choice);
 }
 
 /// RMS over the range of the drift of every displacement on the first other day.
@@ -99,9 +99,9 @@ std::pair<double, double> figures(const Json& way, const std::string& channel) {
   return {};
 }
 
-TEST(ThermalChoice, ThePapersOwnDegreesChooseBesideTheRegression) {
+TEST(ThermalSensorChoice, ThePapersOwnDegreesChooseBesideTheRegression) {
   for (const char* name : {"thermal_protocol.toml", "thermal_protocol_chen.toml"}) {
-    const ThermalChoice found = chosen_on(name);
+    const ThermalSensorChoice found = chosen_on(name);
     const Json json = to_json(found);
     const Json& choices = json["choices"];
     ASSERT_GE(choices.size(), 2u);
@@ -118,7 +118,7 @@ TEST(ThermalChoice, ThePapersOwnDegreesChooseBesideTheRegression) {
 }
 
 // Held against the figures found when the paper was read again.
-TEST(ThermalChoice, ChensDegreeAndHisFourAreThoseOfTheDay) {
+TEST(ThermalSensorChoice, ChensDegreeAndHisFourAreThoseOfTheDay) {
   const Json json = to_json(chosen_on("thermal_protocol_chen.toml"));
   const Json& choices = json["choices"];
   ASSERT_EQ(choices.size(), 3u);
@@ -130,7 +130,7 @@ TEST(ThermalChoice, ChensDegreeAndHisFourAreThoseOfTheDay) {
   EXPECT_EQ(choices[2]["chosen"][0], "S08_spindle_motor");
 }
 
-TEST(ThermalChoice, EveryDegreeRunsInEveryProtocol) {
+TEST(ThermalSensorChoice, EveryDegreeRunsInEveryProtocol) {
   for (const char* scene : {"thermal_protocol.toml", "thermal_protocol_chen.toml"})
     for (const char* similarity_measure :
          {"deng", "absolute", "relative", "comprehensive", "correlation"})
@@ -185,12 +185,12 @@ TEST_P(ThermalChoiceOf, TenOtherDaysAreReportedAndHalfOfThemBeatTheMedian) {
   SCOPED_TRACE(testing::Message() << "seed " << seed);
   std::mt19937 random(seed);
   const Scene scene = read_scene(packaged(GetParam().first));
-  const DayReadings own_day = measured_day("its own day", scene);
+  const DayReadings own_day = measure_day("its own day", scene);
   const int days = std::getenv("ABBE_LONG") != nullptr ? 10 : 3;
   int beats = 0, within = 0;
   for (int i = 0; i < days; ++i) {
-    const Json json = to_json(thermal_choice(
-        {own_day, measured_day("drawn", drawn_day(scene, random))}, *scene.sensor_choice));
+    const Json json = to_json(choose_thermal_sensors(
+        {own_day, measure_day("drawn", drawn_day(scene, random))}, *scene.sensor_choice));
     const Json& fours = json["random_choices_rms_over_range"];
     const auto across = displacements(json);
     const bool better = fours["chosen"].get<double>() < fours["p50"].get<double>();
@@ -221,7 +221,7 @@ INSTANTIATE_TEST_SUITE_P(Scenes, ThermalChoiceOf,
                            return name.substr(0, name.find('.'));
                          });
 
-TEST(ThermalChoice, OneDayAloneHasNoGradeOnDaysUnseen) {
+TEST(ThermalSensorChoice, OneDayAloneHasNoGradeOnDaysUnseen) {
   Scene scene = read_scene(packaged("thermal_protocol.toml"));
   const Json json = to_json(chosen_on(scene));
   EXPECT_FALSE(json.contains("random_choices_rms_over_range"));
@@ -229,7 +229,7 @@ TEST(ThermalChoice, OneDayAloneHasNoGradeOnDaysUnseen) {
   for (const Json& channel : json["channels"]) EXPECT_TRUE(channel["cross_day"].empty());
 }
 
-TEST(ThermalChoice, WhatCannotBeChosenFromIsRefusedWithTheSceneNamed) {
+TEST(ThermalSensorChoice, WhatCannotBeChosenFromIsRefusedWithTheSceneNamed) {
   const Scene scene = read_scene(packaged("thermal_protocol.toml"));
   const auto refusal = [](const Scene& spoilt) {
     try {
@@ -261,8 +261,8 @@ bool any_holds(const Json& warnings, const std::string& text) {
 }
 
 // Chen's order depends on the row at which the degree begins, and on noise.
-TEST(ThermalChoice, AnOrderOfChanceIsGivenAsItsRange) {
-  const ThermalChoice choice = chosen_on("thermal_protocol_chen.toml");
+TEST(ThermalSensorChoice, AnOrderOfChanceIsGivenAsItsRange) {
+  const ThermalSensorChoice choice = chosen_on("thermal_protocol_chen.toml");
   const Json json = to_json(choice);
   int ranges = 0;
   double min_same = 100.0;
@@ -285,8 +285,8 @@ TEST(ThermalChoice, AnOrderOfChanceIsGivenAsItsRange) {
 }
 
 // Yang's degree on another day against random choices of as many sensors.
-TEST(ThermalChoice, AChoiceNoBetterThanChanceIsSaidToBe) {
-  const ThermalChoice choice = chosen_on("thermal_protocol.toml");
+TEST(ThermalSensorChoice, AChoiceNoBetterThanChanceIsSaidToBe) {
+  const ThermalSensorChoice choice = chosen_on("thermal_protocol.toml");
   const Json json = to_json(choice);
   bool is_chance = false;
   for (const Json& way : json["choices"]) {

@@ -45,7 +45,7 @@ TEST(Tolerance, IsAHalfWidthOrTwoLimits) {
   EXPECT_FALSE(part_of("tolerance_um = 0\n").tolerance);
   EXPECT_FALSE(part_of("").tolerance);
   for (const char* text : {"tolerance_um = 5.0", "tolerance_um = [-2.0, 8.0]"})
-    EXPECT_NE(written_again(plain_disc + text + "\n", read_part, written_part).find(text),
+    EXPECT_NE(written_again(plain_disc + text + "\n", read_part, part_to_table).find(text),
               std::string::npos);
 }
 
@@ -111,10 +111,10 @@ TEST(Tolerance, VerdictIsALine) {
   c.uncut_vertices = 0;
   c.out_of_tolerance = 1;
   c.excess = 3.2_um;
-  Verdict::Place worst{11.2_um, {12.1, -4.0, 80.2}, 18231, false};
+  Verdict::ExtremePoint worst{11.2_um, {12.1, -4.0, 80.2}, 18231, false};
   EXPECT_EQ(tolerance_verdict(c, worst),
             "FAIL by 3.2 um at (12.1, -4.0, 80.2) of the part, line 18231");
-  worst.bound = true;
+  worst.is_bound = true;
   EXPECT_EQ(tolerance_verdict(c, worst),
             "FAIL by more than 3.2 um at (12.1, -4.0, 80.2) of the part, line 18231");
 }
@@ -145,8 +145,8 @@ TEST(Tolerance, SharesOfCuspsAreTheirClosedForm) {
   EXPECT_NEAR(c.excess, cusp - 3.0_um, 0.5_um);
   EXPECT_EQ(c.excess, verdict.worst->residual - 3.0_um);
   EXPECT_EQ(verdict.worst->residual, verdict.highest->residual);
-  EXPECT_NEAR(verdict.worst->at_m.z(), 0.0, 1e-9);
-  EXPECT_LT(verdict.worst->at_m.head<2>().cwiseAbs().maxCoeff(), 2.0 + 1e-9);
+  EXPECT_NEAR(verdict.worst->position_m.z(), 0.0, 1e-9);
+  EXPECT_LT(verdict.worst->position_m.head<2>().cwiseAbs().maxCoeff(), 2.0 + 1e-9);
   EXPECT_GT(verdict.worst->line, 0);
   EXPECT_EQ(cusps("tolerance_um = [-1, 7]\n").residual.conformance->passes(), true);
 }
@@ -156,7 +156,7 @@ TEST(Tolerance, SharesAreOfWhatHasATolerance) {
       cusps("[[part.region]]\nname = \"right\"\nbox_mm = [0, -9, -9, 9, 9, 9]\ntolerance_um = 3\n");
   const double over = 100.0 - 100.0 * half_width_below(3.0_um) / 0.25;
   EXPECT_NEAR(verdict.residual.conformance->over, over, 2.0);
-  EXPECT_GE(verdict.worst->at_m.x(), 0.0);
+  EXPECT_GE(verdict.worst->position_m.x(), 0.0);
 }
 
 TEST(Tolerance, IsInTheSummary) {

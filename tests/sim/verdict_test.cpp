@@ -22,11 +22,11 @@ Cut cut_at_random(const Job& job, const F& residual) {
   cut.surface =
       cutting::map_over(design, [&](const Vector3d& p, const Vector3d&) { return residual(p); });
   cutting::Surface& surface = cut.surface;
-  surface.sampled_within = cutting::Surface::Within::Random;
+  surface.interior_sample = cutting::Surface::InteriorSample::Random;
   surface.within.resize(design.triangles.rows());
   for (Eigen::Index t = 0; t < surface.within.size(); ++t)
-    surface.within[t] = residual(cutting::value_at_place_within(
-        surface.sampled_within, design.vertices, design.triangles, t));
+    surface.within[t] = residual(
+        cutting::value_at_sample(surface.interior_sample, design.vertices, design.triangles, t));
   return cut;
 }
 
@@ -51,11 +51,11 @@ TEST(Verdict, ThePlaceFurthestOutOfToleranceMayLieWithinATriangle) {
   Cut cut = cut_at_random(job, [](const Vector3d&) { return 0.0; });
   cut.surface.within[50] = 0.013;
   const Verdict verdict = judge(job, std::move(cut), nullptr);
-  const Vector3d p_w = cutting::value_at_place_within(
-      cutting::Surface::Within::Random, job.design_w.vertices, job.design_w.triangles, 50);
+  const Vector3d p_w = cutting::value_at_sample(cutting::Surface::InteriorSample::Random,
+                                                job.design_w.vertices, job.design_w.triangles, 50);
   ASSERT_TRUE(verdict.worst);
   EXPECT_EQ(verdict.worst->residual, 0.013);
-  EXPECT_NEAR((verdict.worst->at_m - (p_w - Vector3d(3, 0, 80))).norm(), 0.0, 1e-12);
+  EXPECT_NEAR((verdict.worst->position_m - (p_w - Vector3d(3, 0, 80))).norm(), 0.0, 1e-12);
   EXPECT_EQ(verdict.worst->line, 1);
   EXPECT_TRUE(tolerance_verdict(verdict.residual.conformance, verdict.worst)
                   .starts_with("FAIL by 3 um at"));

@@ -65,8 +65,8 @@ void same_cuts(const Cut& a, const Cut& b) {
   EXPECT_NEAR(a.direction_error.rms, b.direction_error.rms, 1e-12 * a.direction_error.rms);
   EXPECT_EQ(a.direction_error.max, b.direction_error.max);
   EXPECT_NEAR(a.chord_error.rms, b.chord_error.rms, 0.5 * a.chord_error.rms);
-  EXPECT_EQ(a.point_left, b.point_left);
-  EXPECT_EQ(a.direction_left, b.direction_left);
+  EXPECT_EQ(a.remaining_point_error, b.remaining_point_error);
+  EXPECT_EQ(a.remaining_direction_error, b.remaining_direction_error);
   EXPECT_EQ(a.case_name, b.case_name);
 }
 
@@ -118,8 +118,8 @@ TEST(Windows, FindTheGougesOfTheWhole) {
 
 TEST(Windows, HaveTheContactsOfTheWhole) {
   const Job job = held_whole(leaning_dome()), windowed = in_windows(leaning_dome());
-  const Sweep one = error_free_sweep(job, options_of(job, {}));
-  const Sweep many = error_free_sweep(windowed, options_of(windowed, {}));
+  const Sweep one = error_free_sweep(job, surface_options(job, {}));
+  const Sweep many = error_free_sweep(windowed, surface_options(windowed, {}));
   const cutting::Surface surface = one.surface(job.design_w);
   const cutting::PassGradients a = one.contacts(job.design_w, surface);
   const cutting::PassGradients b = many.contacts(job.design_w, surface);
@@ -133,7 +133,7 @@ TEST(Windows, HaveTheContactsOfTheWhole) {
 
 TEST(Windows, AreNotTakenForTheWhole) {
   const Job windowed = in_windows(leaning_dome());
-  EXPECT_THROW(parts_of(windowed), std::logic_error);
+  EXPECT_THROW(job_parts(windowed), std::logic_error);
   EXPECT_THROW(uncompensated_commands(windowed), std::logic_error);
 }
 

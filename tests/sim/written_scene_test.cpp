@@ -50,7 +50,7 @@ std::string difference(const Node& a, const Node& b, const std::string& path = "
 
 /// Without variants: their changes are those of the scene as its file has it.
 Node written_alone(const Scene& scene) {
-  Node table = written(scene);
+  Node table = to_table(scene);
   std::erase_if(*table.table(), [](const Node::Entry& one) { return one.key == "variant"; });
   return table;
 }
@@ -103,7 +103,7 @@ TEST_P(WrittenScene, ChangesWithEveryNumberOfIt) {
   Node table = written_alone(scene);
   std::vector<std::pair<std::string, Node*>> found;
   leaves(table, "", found);
-  const std::string before = to_toml(written(scene_from_tree(table, GetParam(), {})));
+  const std::string before = to_toml(to_table(scene_from_tree(table, GetParam(), {})));
   // all of them take minutes
   const std::size_t stride = std::getenv("ABBE_LONG") ? 1 : 1 + found.size() / 30;
   std::set<std::string> without_effect;
@@ -115,7 +115,7 @@ TEST_P(WrittenScene, ChangesWithEveryNumberOfIt) {
     if (!change(*leaf)) continue;
     ++tried;
     try {
-      if (to_toml(written(scene_from_tree(table, GetParam(), {}))) == before)
+      if (to_toml(to_table(scene_from_tree(table, GetParam(), {}))) == before)
         without_effect.insert(path);
     } catch (const BadScene&) {
       ++refused;

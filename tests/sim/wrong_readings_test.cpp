@@ -48,7 +48,7 @@ std::string with_nan(std::string text) {
 std::string of_other_machine(const std::string& text) {
   const Scene other = scene_of(measured_scene("", "three_axis_table"));
   InstrumentDescription laser = find_instrument(other, "laser");
-  const std::string head = to_text(measured(other, laser));
+  const std::string head = to_text(measure_machine(other, laser));
   const auto joints = [](const std::string& t) {
     const std::size_t from = t.find("# [[joint]]"), to = t.find("# [[set_up]]");
     return std::pair(from, to - from);
@@ -128,17 +128,18 @@ const std::vector<std::pair<std::string, Corruption>>& corruptions() {
 
 // ---------------------------------------------------------------- what comes of it
 
-IdentifyOptions options_in(const SceneFolder& folder, Kind kind) {
-  IdentifyOptions options;
+IdentificationOptions options_in(const SceneFolder& folder, Kind kind) {
+  IdentificationOptions options;
   options.model.order = 3;
   options.out = folder.path() / "belief.toml";
   options.permissions.force = true;
-  if (kind == Kind::StepDiagonal) options.method = IdentifyOptions::Method::StepDiagonal;
+  if (kind == Kind::StepDiagonal) options.method = IdentificationOptions::Method::StepDiagonal;
   return options;
 }
 
 /// Numbers of a belief by name.
-std::map<std::string, std::pair<double, double>> numbers_of(const Identified& identified) {
+std::map<std::string, std::pair<double, double>> numbers_of(
+    const IdentificationResult& identified) {
   std::map<std::string, std::pair<double, double>> numbers;
   const auto& belief = identified.belief;
   const auto all = errors::coefficients(belief.elements);
@@ -153,7 +154,7 @@ std::map<std::string, std::pair<double, double>> numbers_of(const Identified& id
 }
 
 /// Whether two beliefs are the same as far as they are known.
-bool is_same(const Identified& a, const Identified& b) {
+bool is_same(const IdentificationResult& a, const IdentificationResult& b) {
   constexpr double close =
       6.0;  // standard deviations of one: of hundreds of numbers none is beyond
   const auto left = numbers_of(a), right = numbers_of(b);
@@ -179,10 +180,10 @@ struct Outcome {
   std::string text;
 };
 
-Outcome outcome_of(const std::filesystem::path& file, const Identified& clean,
-                   const IdentifyOptions& options) {
+Outcome outcome_of(const std::filesystem::path& file, const IdentificationResult& clean,
+                   const IdentificationOptions& options) {
   try {
-    const Identified found = identified({file}, options);
+    const IdentificationResult found = identified({file}, options);
     if (const std::string text = new_in(found.warnings, clean.warnings); !text.empty())
       return {"warning", text};
     if (is_same(found, clean)) return {"same belief", ""};
@@ -205,7 +206,7 @@ Outcome outcome_of_evaluating(const std::filesystem::path& file) {
 
 InstrumentDescription small_instrument(Kind kind) {
   InstrumentDescription description;
-  description.instrument = errors::metrology::typical(kind);
+  description.instrument = errors::metrology::typical_instrument(kind);
   description.instrument.name = errors::metrology::to_string(kind);
   description.starts_s = {0.0};
   if (kind == Kind::Multilateration || kind == Kind::Tracker) description.instrument.targets = 4;
@@ -222,9 +223,10 @@ TEST(WrongReadings, OfEveryInstrumentNeverBecomeABeliefInSilence) {
     if (kind == Kind::Drift || kind == Kind::Temperature) continue;  // of a day, below
     const std::string name = errors::metrology::to_string(kind);
     const SceneFolder folder;
-    const Readings readings = measured(scene, small_instrument(kind));
-    const IdentifyOptions options = options_in(folder, kind);
-    const Identified clean = identified({folder.write(name + ".csv", to_text(readings))}, options);
+    const Readings readings = measure_machine(scene, small_instrument(kind));
+    const IdentificationOptions options = options_in(folder, kind);
+    const IdentificationResult clean =
+        identified({folder.write(name + ".csv", to_text(readings))}, options);
     for (const auto& [mistake, corrupt] : corruptions()) {
       const std::string text = corrupt(readings);
       if (text.empty()) continue;
@@ -254,12 +256,13 @@ TEST(WrongReadings, OfEveryInstrumentNeverBecomeABeliefInSilence) {
 // A day of drift with temperatures, which a thermal belief is made of.
 TEST(WrongReadings, OfADayNeverBecomeAThermalBeliefInSilence) {
   const Readings readings =
-      measured_day("", read_scene(packaged("thermal_protocol_chen.toml"))).readings;
+      measure_day("", read_scene(packaged("thermal_protocol_chen.toml"))).readings;
   const SceneFolder folder;
-  IdentifyOptions options;
-  options.method = IdentifyOptions::Method::Thermal;
+  IdentificationOptions options;
+  options.method = IdentificationOptions::Method::Thermal;
   options.out = folder.path() / "belief_thermal.txt";
-  const Identified clean = identified({folder.write("day.csv", to_text(readings))}, options);
+  const IdentificationResult clean =
+      identified({folder.write("day.csv", to_text(readings))}, options);
   std::vector<std::pair<std::string, std::string>> texts;
   for (const auto& [mistake, corrupt] : corruptions())
     if (mistake == "all 0" || mistake == "constant" || mistake == "x 1000" || mistake == "NaN" ||
@@ -315,8 +318,8 @@ TEST(WrongReadings, OfAPartAreErrorsOrWarnings) {
 TEST(WrongReadings, ThatAreAnErrorLeaveNoBelief) {
   const SceneFolder folder;
   const Scene gantry = read_scene(packaged("gantry_calibration.toml"));
-  const IdentifyOptions options = options_in(folder, Kind::Laser);
-  const std::string dead = constant(measured(gantry, small_instrument(Kind::Laser)), 0.0);
+  const IdentificationOptions options = options_in(folder, Kind::Laser);
+  const std::string dead = constant(measure_machine(gantry, small_instrument(Kind::Laser)), 0.0);
   EXPECT_THROW(identify({folder.write("laser.csv", dead)}, options), BadScene);
   EXPECT_FALSE(std::filesystem::exists(options.out));
 }
@@ -325,9 +328,10 @@ TEST(WrongReadings, ThatAreAnErrorLeaveNoBelief) {
 TEST(WrongReadings, ABeliefOfAnotherMachineIsAnInputError) {
   const SceneFolder folder;
   const Scene gantry = read_scene(packaged("gantry_calibration.toml"));
-  IdentifyOptions options = options_in(folder, Kind::Laser);
-  identify({folder.write("laser.csv", to_text(measured(gantry, small_instrument(Kind::Laser))))},
-           options);
+  IdentificationOptions options = options_in(folder, Kind::Laser);
+  identify(
+      {folder.write("laser.csv", to_text(measure_machine(gantry, small_instrument(Kind::Laser))))},
+      options);
   EXPECT_NO_THROW(
       read_scene(packaged("gantry_dome.toml"), {{"errors", "\"" + options.out.string() + "\""}}));
   try {

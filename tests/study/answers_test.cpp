@@ -14,10 +14,10 @@ namespace {
 
 using Kind = Distribution::Kind;
 
-TEST(Answers, OfFiveByHand) {
+TEST(ResponseStatistics, OfFiveByHand) {
   Eigen::VectorXd values(7);
   values << 4, NAN, 1, 2, infinity, 10, 3;
-  const Answers seen = answers(values);
+  const ResponseStatistics seen = answers(values);
   EXPECT_EQ(seen.cases, 5);
   EXPECT_EQ(seen.min, 1.0);
   EXPECT_EQ(seen.max, 10.0);
@@ -33,19 +33,19 @@ TEST(Answers, OfFiveByHand) {
   EXPECT_EQ(seen.median.high, 10.0);
 }
 
-TEST(Answers, OfEqualValuesHaveNoSpread) {
-  const Answers seen = answers(Eigen::VectorXd::Constant(9, 0.1));
+TEST(ResponseStatistics, OfEqualValuesHaveNoSpread) {
+  const ResponseStatistics seen = answers(Eigen::VectorXd::Constant(9, 0.1));
   EXPECT_DOUBLE_EQ(seen.mean.value, 0.1);
   EXPECT_NEAR(seen.standard_deviation.value, 0.0, 1e-16);
   EXPECT_EQ(seen.p99.low, 0.1);
   EXPECT_EQ(seen.p99.high, 0.1);
-  EXPECT_FALSE(cpk(Eigen::VectorXd::Constant(9, 0.1), 1.0));
-  EXPECT_FALSE(cpk(Eigen::VectorXd::Constant(1, 0.1), 1.0));
-  EXPECT_FALSE(cpk(Eigen::VectorXd(), 1.0));
+  EXPECT_FALSE(process_capability(Eigen::VectorXd::Constant(9, 0.1), 1.0));
+  EXPECT_FALSE(process_capability(Eigen::VectorXd::Constant(1, 0.1), 1.0));
+  EXPECT_FALSE(process_capability(Eigen::VectorXd(), 1.0));
 }
 
-TEST(Answers, TwoSayLittleAndFewerAreRefused) {
-  const Answers two = answers(Eigen::Vector2d(1.0, 3.0));
+TEST(ResponseStatistics, TwoSayLittleAndFewerAreRefused) {
+  const ResponseStatistics two = answers(Eigen::Vector2d(1.0, 3.0));
   EXPECT_NEAR(two.mean.high - two.mean.value, 12.706204736432095, 1e-9);
   EXPECT_GT(two.standard_deviation.high, 100.0);
   EXPECT_LT(two.standard_deviation.low, 0.01);
@@ -59,7 +59,7 @@ TEST(Answers, TwoSayLittleAndFewerAreRefused) {
   EXPECT_EQ(quantile_with_band(Eigen::VectorXd::Constant(1, 7.0), 0.3).value, 7.0);
 }
 
-TEST(Answers, QuantilesAreType7WithRanksOfTheBinomialBand) {
+TEST(ResponseStatistics, QuantilesAreType7WithRanksOfTheBinomialBand) {
   const Eigen::VectorXd to_100 = Eigen::VectorXd::LinSpaced(100, 1.0, 100.0);
   EXPECT_DOUBLE_EQ(quantile_with_band(to_100, 0.5).value, 50.5);
   EXPECT_DOUBLE_EQ(quantile_with_band(to_100, 0.95).value, 95.05);
@@ -71,7 +71,7 @@ TEST(Answers, QuantilesAreType7WithRanksOfTheBinomialBand) {
   EXPECT_EQ(quantile_with_band(to_100, 0.99).high, 100.0);  // open
 }
 
-TEST(Answers, BandsOfSharesAreWilsons) {
+TEST(ResponseStatistics, BandsOfSharesAreWilsons) {
   Eigen::VectorXd ten = Eigen::VectorXd::LinSpaced(10, 1.0, 10.0);
   const IntervalEstimate eight = fraction_below(ten, 8.0);
   EXPECT_DOUBLE_EQ(eight.value, 0.8);
@@ -88,13 +88,13 @@ TEST(Answers, BandsOfSharesAreWilsons) {
   EXPECT_DOUBLE_EQ(fraction_below(ten, 8.0).value, 7.0 / 9.0);
 }
 
-TEST(Answers, CapabilityByHand) {
-  EXPECT_DOUBLE_EQ(*cpk(Eigen::Vector3d(1, 2, 3), 5.0), 1.0);
-  EXPECT_DOUBLE_EQ(*cpk(Eigen::Vector3d(1, 2, 3), -1.0), -1.0);
-  EXPECT_DOUBLE_EQ(*cpk(Eigen::Vector4d(1, 2, 3, NAN), 5.0), 1.0);
+TEST(ResponseStatistics, CapabilityByHand) {
+  EXPECT_DOUBLE_EQ(*process_capability(Eigen::Vector3d(1, 2, 3), 5.0), 1.0);
+  EXPECT_DOUBLE_EQ(*process_capability(Eigen::Vector3d(1, 2, 3), -1.0), -1.0);
+  EXPECT_DOUBLE_EQ(*process_capability(Eigen::Vector4d(1, 2, 3, NAN), 5.0), 1.0);
 }
 
-TEST(Answers, CorrelationsByHand) {
+TEST(ResponseStatistics, CorrelationsByHand) {
   Eigen::MatrixXd inputs(5, 5);
   inputs << 1, 2, 3, 4, 5,  //
       5, 4, 3, 2, 1,        //
@@ -114,14 +114,14 @@ TEST(Answers, CorrelationsByHand) {
   EXPECT_EQ(correlations(inputs, Eigen::VectorXd::Constant(5, 0.1)).linear.norm(), 0.0);
 }
 
-TEST(Answers, EqualValuesShareTheirMeanRank) {
+TEST(ResponseStatistics, EqualValuesShareTheirMeanRank) {
   Eigen::MatrixXd inputs(1, 4);
   inputs << 1, 2, 2, 3;
   // ranks 0, 1.5, 1.5, 3 against 0, 1, 2, 3: 4.5 over sqrt(4.5 * 5)
   EXPECT_NEAR(correlations(inputs, Eigen::Vector4d(1, 5, 6, 7)).rank(0), std::sqrt(0.9), 1e-15);
 }
 
-TEST(Answers, CorrelationsLeaveOutCasesWithoutAnAnswer) {
+TEST(ResponseStatistics, CorrelationsLeaveOutCasesWithoutAnAnswer) {
   Eigen::MatrixXd inputs(1, 6);
   inputs << 1, 2, 99, 3, 4, NAN;
   Eigen::VectorXd values(6);
@@ -141,7 +141,7 @@ Eigen::Array<double, 5, 1> coverage(const Distribution& d, int n, int samples) {
   for (int k = 0; k < samples; ++k) {
     const Eigen::MatrixXd u = points({Sampling::Random, n, 77}, std::uint64_t(k), 1);
     const Eigen::VectorXd values = quantiles(d, u.col(0));
-    const Answers seen = answers(values);
+    const ResponseStatistics seen = answers(values);
     const auto look = [&](int band, const IntervalEstimate& of, double expected) {
       EXPECT_LE(of.low, of.value);
       EXPECT_GE(of.high, of.value);
@@ -156,7 +156,7 @@ Eigen::Array<double, 5, 1> coverage(const Distribution& d, int n, int samples) {
   return held / samples;
 }
 
-TEST(Answers, BandsHoldTheTruthAsOftenAsTheySay) {
+TEST(ResponseStatistics, BandsHoldTheTruthAsOftenAsTheySay) {
   const int samples = 1000;  // one standard deviation of a count is 0.7 %
   for (const Distribution& d :
        {Distribution{Kind::Normal, 5, 1}, Distribution{Kind::Uniform, 5, 1},

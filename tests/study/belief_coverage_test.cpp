@@ -117,7 +117,7 @@ errors::identification::ModelOptions model_options() {
 
 /// A machine with every number that an identification may find drawn by its prior.
 errors::GeometricErrors random_machine(const kinematics::Chain& nominal, std::uint64_t seed) {
-  errors::GeometricErrors machine = errors::identification::model_of(nominal, model_options());
+  errors::GeometricErrors machine = errors::identification::error_model(nominal, model_options());
   const auto all = errors::coefficients(machine.elements);
   Eigen::VectorXd values = errors::values(machine.elements);
   for (std::size_t i = 0; i < all.size(); ++i) {
@@ -152,28 +152,28 @@ Trial trial_of(const Campaign& campaign, std::uint64_t seed, const std::string& 
   const RunFolder folder;
   const auto file = folder.write("scene.toml", campaign.scene + campaign.instruments);
   Scene scene = read_scene(file);
-  scene.geometric = random_machine(compile(scene).nominal, seed);
+  scene.geometric = random_machine(make_machine(scene).nominal, seed);
   scene.seed = seed;
   std::vector<std::filesystem::path> files;
   for (const InstrumentDescription& one : scene.instruments)
     files.push_back(folder.write(one.instrument.name + ".csv", sim::to_text(measured(scene, one))));
-  IdentifyOptions options;
+  IdentificationOptions options;
   options.model = model_options();
   options.out = folder / "belief.toml";
-  folder.write("belief.toml", belief_text(identified(files, options)));
+  folder.write("belief.toml", belief_file_text(identified(files, options)));
   const Study study = read_study(
       folder.write("study.toml",
                    "scene = \"scene.toml\"\nset = { errors = \"belief.toml\" }\n"
                    "responses = [\"rms\", \"pv\"]\n[[inputs]]\nevery = \"covariance\"\n" +
                        prior + "[influence]\nchecks = 0\n"));
-  const PreparedConfiguration ready = prepare_configuration(study, study.arms.front());
+  const PreparedConfiguration ready = prepare_configuration(study, study.configurations.front());
   const InfluenceMap influence = influence_map(study, ready);
   constexpr Index machines = 1000;
   const Eigen::MatrixXd x =
       drawn(study, points({Sampling::Sobol, int(study.inputs.size()), seed}, 0, machines));
   const Eigen::MatrixXd figures = responses(study, ready, influence, x);
   const Eigen::MatrixXd all = maps(influence, x);
-  const Job job = placed(prepare(scene));
+  const Job job = check_placement(prepare(scene));
   const cutting::Surface truth = cut(job, uncompensated_commands(job)).surface;
   const Eigen::VectorXd is = responses(study, job, truth, {});
   Trial trial;
@@ -194,7 +194,7 @@ Trial trial_of(const Campaign& campaign, std::uint64_t seed, const std::string& 
   trial.vertices_within = double(within) / std::max(1, cut_vertices);
   if (prior.empty()) {
     ConfigurationBudget budget;
-    budget.arm = study.arms.front();
+    budget.arm = study.configurations.front();
     budget.unidentified = unidentified_effects(study, ready);
     trial.warning = unidentified_warning(study, budget);
   }

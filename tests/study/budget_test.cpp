@@ -65,7 +65,7 @@ const std::string hostile = "a,b \"c\" | <script> `x` **y**\n# z \\ [l](u) _u_";
 Budget bare() {
   Budget b;
   b.study.title = "bare";
-  b.study.arms = {{"", "", ""}};
+  b.study.configurations = {{"", "", ""}};
   b.study.responses = {Response::Pv};
   b.study.inputs.resize(2);
   b.study.inputs[0].name = "first";
@@ -73,7 +73,7 @@ Budget bare() {
   ConfigurationBudget arm;
   arm.responses.resize(1);
   arm.responses[0].base = 1e-3;
-  b.arms = {arm};
+  b.configurations = {arm};
   return b;
 }
 
@@ -95,7 +95,7 @@ TEST(BudgetJson, HasItsKeysAndTellsMicrometres) {
   EXPECT_DOUBLE_EQ(pv["contributions"][0]["high"].get<double>(), 4.0);
   EXPECT_DOUBLE_EQ(pv["within_limit_percent"]["value"].get<double>(), 91.3);
   EXPECT_DOUBLE_EQ(pv["monte_carlo"]["p95"]["high"].get<double>(),
-                   in_unit(Response::Pv, b.arms[0].responses[0].answers->p95.high));
+                   in_unit(Response::Pv, b.configurations[0].responses[0].answers->p95.high));
   const auto& area = j["arms"][0]["responses"][2];
   EXPECT_EQ(area["unit"], "%");
   EXPECT_DOUBLE_EQ(area["base"].get<double>(), 96.0);
@@ -117,8 +117,8 @@ TEST(BudgetJson, ComesBackFromItsText) {
 
 TEST(BudgetJson, WhatIsNotFiniteIsNull) {
   Budget b = bare();
-  b.arms[0].responses[0].base = std::nan("");
-  b.arms[0].responses[0].worst = std::numeric_limits<double>::infinity();
+  b.configurations[0].responses[0].base = std::nan("");
+  b.configurations[0].responses[0].worst = std::numeric_limits<double>::infinity();
   const nlohmann::ordered_json j = to_json(b);
   EXPECT_TRUE(j["arms"][0]["responses"][0]["base"].is_null());
   EXPECT_TRUE(j["arms"][0]["responses"][0]["worst"].is_null());
@@ -142,27 +142,29 @@ TEST(BudgetCsv, HasARowForEveryArmResponseAndInputWithUnitsInItsHeads) {
 
 TEST(BudgetCsv, NumbersReadBackTheSameBits) {
   Budget b = compute_budget();
-  b.arms[0].responses[0].contributions[3].low = -1.0 / 3.0 * 1e-3;
-  b.arms[0].responses[0].contributions[3].high = 5e-324;
-  b.arms[0].responses[0].contributions[4].high = 1e300;
+  b.configurations[0].responses[0].contributions[3].low = -1.0 / 3.0 * 1e-3;
+  b.configurations[0].responses[0].contributions[3].high = 5e-324;
+  b.configurations[0].responses[0].contributions[4].high = 1e300;
   const auto table = read_csv(to_csv(b));
   const std::size_t low = column(table, "low_um"), high = column(table, "high_um");
   const std::size_t first = column(table, "sobol_first"), rms = column(table, "map_rms_um");
   for (int i = 0; i < 46; ++i) {
-    const Contribution& c = b.arms[0].responses[0].contributions[std::size_t(i)];
+    const Contribution& c = b.configurations[0].responses[0].contributions[std::size_t(i)];
     const auto& row = table[std::size_t(1 + i)];
     EXPECT_EQ(std::stod(row[low]), in_unit(Response::Pv, *c.low)) << i;
     EXPECT_EQ(std::strtod(row[high].c_str(), nullptr), in_unit(Response::Pv, *c.high)) << i;
     EXPECT_EQ(std::stod(row[first]), c.sobol->first.value) << i;
-    EXPECT_EQ(std::stod(row[rms]), in_unit(Response::Rms, b.arms[0].maps[std::size_t(i)].rms)) << i;
+    EXPECT_EQ(std::stod(row[rms]),
+              in_unit(Response::Rms, b.configurations[0].maps[std::size_t(i)].rms))
+        << i;
   }
 }
 
 TEST(BudgetCsv, HostileNamesComeBack) {
   Budget b = compute_budget({.inputs = 2});
   b.study.inputs[1].name = hostile;
-  b.arms[0].arm.name = "";
-  b.arms[1].arm.name = hostile;
+  b.configurations[0].arm.name = "";
+  b.configurations[1].arm.name = hostile;
   const auto table = read_csv(to_csv(b));
   ASSERT_EQ(table.size(), 1u + 2 * 3 * 2);
   EXPECT_EQ(table[2][column(table, "input")], hostile);
@@ -194,8 +196,8 @@ TEST(BudgetMarkdown, NamesTheInputsInTheOrderOfWhatTheyContribute) {
 }
 
 TEST(BudgetMarkdown, TablesHaveOneNumberOfColumns) {
-  Budget b = compute_budget({.inputs = 20, .arms = 3});
-  b.study.inputs[2].name = b.arms[1].arm.name = hostile;
+  Budget b = compute_budget({.inputs = 20, .configurations = 3});
+  b.study.inputs[2].name = b.configurations[1].arm.name = hostile;
   const std::string text = to_markdown(b);
   std::size_t columns = 0, rows = 0;
   std::istringstream lines(text);
@@ -226,14 +228,15 @@ TEST(BudgetMarkdown, SaysWhatDominatesWhatToSpendOnAndTheFloor) {
   EXPECT_NE(text.find("Without any spread PV is 3.20 µm"), std::string::npos);
   EXPECT_NE(text.find("| 0.30 |"), std::string::npos);  // the tightest factor
   Budget b = compute_budget();
-  b.arms[0].allocation->attainable = false;
+  b.configurations[0].allocation->attainable = false;
   EXPECT_NE(to_markdown(b).find("Not attainable"), std::string::npos);
 }
 
 TEST(BudgetMarkdown, HalvingTheLeaderIsByTheRootSumSquare) {
   // 3 and 4 µm make 5 µm; with 2 instead of 4 they make 3.61 µm
   Budget b = bare();
-  b.arms[0].responses[0].contributions = {{0, 0.0, 3e-3, {}, {}, {}}, {1, -4e-3, 0.0, {}, {}, {}}};
+  b.configurations[0].responses[0].contributions = {{0, 0.0, 3e-3, {}, {}, {}},
+                                                    {1, -4e-3, 0.0, {}, {}, {}}};
   const std::string text = to_markdown(b);
   EXPECT_NE(text.find("Halving the spread of second would take the RSS of PV from 5.00 µm to "
                       "3.61 µm"),
@@ -251,17 +254,17 @@ TEST(BudgetMarkdown, OfABareBudgetLeavesOutWhatIsNotThere) {
 
 TEST(BudgetRanking, SharesAddToOneAndTheLargestComesFirst) {
   const Budget b = compute_budget();
-  for (const Ranking& r :
-       {ranking(b.arms[0].responses[0], 46), change_ranking(b.arms[0].responses[0], 46),
-        map_ranking(b.arms[0], 46)}) {
+  for (const Ranking& r : {ranking(b.configurations[0].responses[0], 46),
+                           change_ranking(b.configurations[0].responses[0], 46),
+                           map_ranking(b.configurations[0], 46)}) {
     EXPECT_NEAR(r.shares.sum() + r.apart, 1.0, 1e-12);
     EXPECT_GE(r.apart, 0.0);
     EXPECT_EQ(std::set<int>(r.order.begin(), r.order.end()).size(), 46u);
     for (std::size_t k = 1; k < r.order.size(); ++k)
       EXPECT_GE(r.weights[r.order[k - 1]], r.weights[r.order[k]]);
   }
-  EXPECT_EQ(ranking(b.arms[0].responses[0], 46).basis, Ranking::Basis::Sobol);
-  EXPECT_EQ(ranking(bare().arms[0].responses[0], 2).basis, Ranking::Basis::None);
+  EXPECT_EQ(ranking(b.configurations[0].responses[0], 46).basis, Ranking::Basis::Sobol);
+  EXPECT_EQ(ranking(bare().configurations[0].responses[0], 2).basis, Ranking::Basis::None);
 }
 
 TEST(BudgetRanking, NegativeAndMissingFiguresWeighNothing) {
@@ -283,9 +286,9 @@ double sum_of(const std::vector<ParetoBar>& bars) {
 
 TEST(BudgetRanking, ParetoBarsAddUpToTheWholeAndInteractionsStandApart) {
   const Budget b = compute_budget();
-  const ResponseBudget& response = b.arms[0].responses[0];
+  const ResponseBudget& response = b.configurations[0].responses[0];
   for (const Ranking& r :
-       {ranking(response, 46), change_ranking(response, 46), map_ranking(b.arms[0], 46)})
+       {ranking(response, 46), change_ranking(response, 46), map_ranking(b.configurations[0], 46)})
     for (const std::size_t most : {0u, 5u, 100u}) {
       const std::vector<ParetoBar> bars = pareto(r, most);
       EXPECT_NEAR(sum_of(bars), 1.0, 1e-12) << share_of(r.basis) << " " << most;
@@ -315,10 +318,10 @@ ResponseBudget drawn(const std::vector<double>& effects, double correlation) {
 }
 
 Budget budget_of_drawn(const std::vector<double>& effects, double correlation) {
-  Budget b = compute_budget({.inputs = int(effects.size()), .arms = 1, .prefix = "E"});
+  Budget b = compute_budget({.inputs = int(effects.size()), .configurations = 1, .prefix = "E"});
   b.study.responses.resize(1);
-  b.arms[0].responses = {drawn(effects, correlation)};
-  b.arms[0].allocation.reset();
+  b.configurations[0].responses = {drawn(effects, correlation)};
+  b.configurations[0].allocation.reset();
   return b;
 }
 
@@ -346,7 +349,7 @@ TEST(BudgetRanking, ChangesBelowTheNumericalFloorAreNobodys) {
 
 TEST(BudgetHeadline, SaysThatNoInputDominatesOrWhichDo) {
   Budget none = budget_of_drawn({0.0, 0.006, 0.0}, -0.08);
-  none.arms[0].maps = {{1e-3, 3e-3, 0.4}, {0.65e-6, 2e-6, 0.2}, {1e-3, 3e-3, 0.4}};
+  none.configurations[0].maps = {{1e-3, 3e-3, 0.4}, {0.65e-6, 2e-6, 0.2}, {1e-3, 3e-3, 0.4}};
   for (const std::string& text : {to_markdown(none), to_text(none)}) {
     EXPECT_NE(text.find("no input dominates: none makes more of it alone than chance"),
               std::string::npos)
@@ -368,7 +371,7 @@ TEST(BudgetHeadline, SaysThatNoInputDominatesOrWhichDo) {
 }
 
 TEST(BudgetText, OfATerminalHasNoMarkUpAndItsColumnsStandBelowEachOther) {
-  const std::string text = to_text(compute_budget({.inputs = 20, .arms = 2}));
+  const std::string text = to_text(compute_budget({.inputs = 20, .configurations = 2}));
   for (const char* mark : {"**", "|", "##", "---:"})
     EXPECT_EQ(text.find(mark), std::string::npos) << mark;
   std::istringstream lines(text);
@@ -377,7 +380,7 @@ TEST(BudgetText, OfATerminalHasNoMarkUpAndItsColumnsStandBelowEachOther) {
     if (!line.starts_with("---") || line.find("  ---") == std::string::npos) continue;
     ++tables;
     for (std::string row; std::getline(lines, row) && !row.empty();)
-      EXPECT_LE(columns_of(row), columns_of(line)) << row;
+      EXPECT_LE(terminal_width(row), terminal_width(line)) << row;
   }
   EXPECT_GE(tables, 4u);
   EXPECT_NE(to_markdown(compute_budget()).find("| input |"), std::string::npos)
@@ -385,7 +388,7 @@ TEST(BudgetText, OfATerminalHasNoMarkUpAndItsColumnsStandBelowEachOther) {
 }
 
 TEST(BudgetUnits, EveryFigureSaysItsUnit) {
-  Budget b = compute_budget({.inputs = 3, .arms = 1});  // um, urad, and a pure number
+  Budget b = compute_budget({.inputs = 3, .configurations = 1});  // um, urad, and a pure number
   const auto json = to_json(b);
   EXPECT_EQ(json["inputs"][2]["unit"], "1");
   b.study.inputs[2].element = "EXX";
@@ -400,30 +403,30 @@ TEST(BudgetUnits, EveryFigureSaysItsUnit) {
       {0, {{Eigen::Vector2d(1e-3, 2e-3), Eigen::Vector2d(1e-3, 2e-3), Eigen::Vector2d(90, 91)}}}};
   EXPECT_EQ(to_json(b)["sweeps"][0]["units"]["pv"], "um");
   EXPECT_EQ(to_json(b)["sweeps"][0]["units"]["in_tolerance"], "%");
-  const Plan plan = plan_of(b.study);
+  const Plan plan = make_plan(b.study);
   EXPECT_NE(cases_csv(b.study, plan, {}).find("slide 2 / 1,"), std::string::npos)
       << cases_csv(b.study, plan, {});
 }
 
 TEST(PictureNames, AreSafeAndNeverTheSame) {
-  EXPECT_EQ(file_part("3 h perfect-iterated-ideal"), "3-h-perfect-iterated-ideal");
-  EXPECT_EQ(file_part("../../etc/passwd"), "etc-passwd");
-  EXPECT_EQ(file_part("EXX[1] µm"), "EXX-1-m");
-  EXPECT_EQ(file_part(""), "unnamed");
-  EXPECT_EQ(file_part("..."), "unnamed");
-  EXPECT_EQ(file_part(std::string("a\0b", 3)), "a-b");
-  EXPECT_LE(file_part(std::string(5000, 'x')).size(), 80u);
+  EXPECT_EQ(file_name_part("3 h perfect-iterated-ideal"), "3-h-perfect-iterated-ideal");
+  EXPECT_EQ(file_name_part("../../etc/passwd"), "etc-passwd");
+  EXPECT_EQ(file_name_part("EXX[1] µm"), "EXX-1-m");
+  EXPECT_EQ(file_name_part(""), "unnamed");
+  EXPECT_EQ(file_name_part("..."), "unnamed");
+  EXPECT_EQ(file_name_part(std::string("a\0b", 3)), "a-b");
+  EXPECT_LE(file_name_part(std::string(5000, 'x')).size(), 80u);
   PictureNames names;
-  EXPECT_EQ(names.unused({"pareto", "a b"}), "pareto-a-b");
-  EXPECT_EQ(names.unused({"pareto", "a-b"}), "pareto-a-b-2");
-  EXPECT_EQ(names.unused({"pareto", "A B"}), "pareto-A-B-3");
+  EXPECT_EQ(names.unique_name({"pareto", "a b"}), "pareto-a-b");
+  EXPECT_EQ(names.unique_name({"pareto", "a-b"}), "pareto-a-b-2");
+  EXPECT_EQ(names.unique_name({"pareto", "A B"}), "pareto-A-B-3");
 }
 
 TEST(Words, LongNamesLoseTheirMiddle) {
-  EXPECT_EQ(short_line("EXX[1]", 6), "EXX[1]");
-  EXPECT_EQ(short_line("abcdefgh", 5), "ab…gh");
-  EXPECT_EQ(short_line("µµµµµµ", 3), "µ…µ");
-  EXPECT_EQ(short_line("", 3), "");
+  EXPECT_EQ(shortened_line("EXX[1]", 6), "EXX[1]");
+  EXPECT_EQ(shortened_line("abcdefgh", 5), "ab…gh");
+  EXPECT_EQ(shortened_line("µµµµµµ", 3), "µ…µ");
+  EXPECT_EQ(shortened_line("", 3), "");
   EXPECT_EQ(one_line("a\r\n\tb"), "a b");
 }
 
@@ -457,8 +460,8 @@ class BudgetPictures : public testing::Test {
 };
 
 TEST_F(BudgetPictures, AreThoseThatTheBudgetHas) {
-  Budget b = compute_budget({.inputs = 3, .arms = 2, .prefix = "EXX "});
-  for (ConfigurationBudget& arm : b.arms) arm.responses.resize(1);
+  Budget b = compute_budget({.inputs = 3, .configurations = 2, .prefix = "EXX "});
+  for (ConfigurationBudget& arm : b.configurations) arm.responses.resize(1);
   b.study.responses.resize(1);
   b.sweeps[0].answers = {{b.sweeps[0].answers[0][0]}, {b.sweeps[0].answers[1][0]}};
   EXPECT_EQ(written(b),
@@ -473,28 +476,28 @@ TEST_F(BudgetPictures, AreThoseThatTheBudgetHas) {
 }
 
 TEST_F(BudgetPictures, OfAwkwardBudgetsAreDrawn) {
-  Budget b = compute_budget({.inputs = 2, .arms = 1, .prefix = hostile});
-  ResponseBudget& r = b.arms[0].responses[0];
-  b.arms[0].responses.resize(1);
+  Budget b = compute_budget({.inputs = 2, .configurations = 1, .prefix = hostile});
+  ResponseBudget& r = b.configurations[0].responses[0];
+  b.configurations[0].responses.resize(1);
   b.study.responses.resize(1);
   b.sweeps.clear();
-  b.arms[0].arm.name = "../" + std::string(300, '/');
+  b.configurations[0].arm.name = "../" + std::string(300, '/');
   r.values.setConstant(std::nan(""));
   r.contributions[0].low = std::nan("");
   r.contributions[1].high = {};
   r.contributions[1].sobol = {};
   r.base = std::numeric_limits<double>::infinity();
-  b.arms[0].maps[0] = {0.0, 0.0, 0.0};
-  b.arms[0].maps[1] = {std::nan(""), 0.0, std::nan("")};
+  b.configurations[0].maps[0] = {0.0, 0.0, 0.0};
+  b.configurations[0].maps[1] = {std::nan(""), 0.0, std::nan("")};
   const std::set<std::string> names = written(b);
   for (const std::string& name : names) std::cout << name << "\n";
   EXPECT_TRUE(names.count("tornado-unnamed-pv.png"));
 }
 
 TEST_F(BudgetPictures, OfCorrelationsLeaveOutWhatChanceMayGive) {
-  Budget b = compute_budget({.inputs = 46, .arms = 1, .map = false});
+  Budget b = compute_budget({.inputs = 46, .configurations = 1, .map = false});
   b.sweeps.clear();  // no other picture
-  for (ResponseBudget& r : b.arms[0].responses) {
+  for (ResponseBudget& r : b.configurations[0].responses) {
     r.convergence.reset();
     r.values.resize(0);
     for (Contribution& c : r.contributions) {
@@ -502,9 +505,9 @@ TEST_F(BudgetPictures, OfCorrelationsLeaveOutWhatChanceMayGive) {
       c.sobol = {};
     }
   }
-  const double chance = 4.0 / std::sqrt(double(b.arms[0].responses[0].answers->cases));
+  const double chance = 4.0 / std::sqrt(double(b.configurations[0].responses[0].answers->cases));
   const auto correlated = [&](int inputs) {
-    for (ResponseBudget& r : b.arms[0].responses)
+    for (ResponseBudget& r : b.configurations[0].responses)
       for (Contribution& c : r.contributions) {
         c.correlation = (c.input < inputs ? 1.01 : -0.99) * chance;
         c.rank_correlation = 0.99 * chance;
@@ -527,7 +530,7 @@ TEST_F(BudgetPictures, OfCorrelationsLeaveOutWhatChanceMayGive) {
 
 TEST_F(BudgetPictures, ThatCannotBeWrittenAreAnOutputFailure) {
   EXPECT_THROW(write_pictures(ResultFolder("/dev/null/pictures", {}),
-                              compute_budget({.inputs = 1, .arms = 1})),
+                              compute_budget({.inputs = 1, .configurations = 1})),
                OutputFailure);
 }
 

@@ -92,7 +92,7 @@ TEST(Copula, CovarianceOfCorrelatedDrawsIsWithinTheBandOfItsSample) {
         root(i, j) = (i % 2 ? 1e-3 : 1e-6) * normal_score(u(i, j));
     root.row(4).setZero();  // zero by convention
     const Eigen::MatrixXd covariance = root * root.transpose();
-    const CovarianceFactors belief = factor_covariance(covariance);
+    const CovarianceFactors belief = factorise_covariance(covariance);
     const Eigen::MatrixXd z =
         scores(belief.copula, points({Sampling::Random, 12, seed + 1}, 0, 200000));
     const Eigen::MatrixXd draws = belief.standard_deviation.asDiagonal() * z;
@@ -208,7 +208,7 @@ TEST(Copula, MatricesThatAreNoneAreRefused) {
   const auto covariance = [](std::initializer_list<double> numbers) {
     Eigen::MatrixXd two(2, 2);
     std::ranges::copy(numbers, two.data());
-    return refusal([&] { factor_covariance(two); });
+    return refusal([&] { factorise_covariance(two); });
   };
   EXPECT_EQ(covariance({1e-12, 0, 0, 0}), "nothing was refused");
   EXPECT_EQ(covariance({1e-12, 1e-18, 1e-18, 1e-24}), "nothing was refused");

@@ -132,7 +132,7 @@ void write_table(const fs::path& out, const std::vector<Row>& rows) {
   std::string text;
   for (const Row& row : rows) {
     text += fmt::format("{}", row.index);
-    for (const double answer : row.answers)
+    for (const double answer : row.response_values)
       text += fmt::format(" {:016x}", std::bit_cast<std::uint64_t>(answer));
     text += fmt::format(" \"{}\"\n", row.fault);
   }
@@ -152,7 +152,7 @@ void merge(const Line& line) {
         entry.path().extension() == ".db")
       files.push_back(entry.path());
   std::sort(files.begin(), files.end());
-  write_table(line.out, merged(files).rows);
+  write_table(line.out, merge_journals(files).rows);
 }
 
 std::vector<Batch> batches_of(const Study& study) {
@@ -182,7 +182,7 @@ void run(const Line& line, const Ranks& here) {
       batches, here, [&](const Batch& batch) { return rows_of(batch, study); }, take);
   if (here.rank != 0) return;
   journal.reset();
-  if (!line.shard) write_table(line.out, recorded(journal_of(line)).rows);
+  if (!line.shard) write_table(line.out, read_journal(journal_of(line)).rows);
 }
 
 int exit_code_of(int argc, char** argv) {

@@ -206,7 +206,7 @@ std::vector<std::uint64_t> added(const fs::path& out) {
 
 std::vector<std::uint64_t> in_journal(const fs::path& file) {
   std::vector<std::uint64_t> cases;
-  for (const Row& row : recorded(file).rows) cases.push_back(row.index);
+  for (const Row& row : read_journal(file).rows) cases.push_back(row.index);
   return cases;
 }
 

@@ -29,7 +29,7 @@ inline Study study_of(const std::vector<Distribution>& distributions,
   }
   study.copula = Copula(int(distributions.size()), correlations);
   study.seed = 7;
-  study.arms = {{"uncompensated", "", "uncompensated"}};
+  study.configurations = {{"uncompensated", "", "uncompensated"}};
   study.responses = {Response::Pv, Response::Rms};
   return study;
 }

@@ -157,7 +157,7 @@ class HistoriesOfDays : public testing::Test {
 /// By hand: the flat is cut too deep by what the box grows along the tool, which leans, and by what
 /// the screw moves where Z cuts, deepest of all.
 double drift_by_hand(const Study& study, double box_h, double screw_h) {
-  const Job job = prepare(scene_of(study, {"", "slides", ""}));
+  const Job job = prepare(base_scene(study, {"", "slides", ""}));
   double z = INFINITY;
   for (const kinematics::AxisState& state : job.samples.states) z = std::min(z, state.q[3]);
   const double box = -growth_um_per_K * K_per_h * box_h * std::cos(lead_deg * units::deg);
@@ -226,12 +226,13 @@ TEST_F(HistoriesOfDays, TheBeliefIsThatOfTheFilesOfReadings) {
     return std::vector<Override>{};
   };
   std::vector<std::filesystem::path> files;
-  for (const Measured& one : measure(scene_, {set_of("spindle"), {}, folder_.path() / "readings"}))
+  for (const MeasuredFile& one :
+       measure(scene_, {set_of("spindle"), {}, folder_.path() / "readings"}))
     files.push_back(one.file);
-  IdentifyOptions options;
-  options.method = IdentifyOptions::Method::Thermal;
+  IdentificationOptions options;
+  options.method = IdentificationOptions::Method::Thermal;
   options.out = folder_.path() / "belief.txt";
-  const Identified found = identify(files, options);
+  const IdentificationResult found = identify(files, options);
 
   const std::vector<Override> day = set_of("both");
   std::vector<Override> informed = day, unmoved = day;

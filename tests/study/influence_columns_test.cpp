@@ -216,7 +216,7 @@ TEST(InfluenceColumns, LieBetweenValuesThatTheirInputsMayHave) {
                         by_path("setup.EA_urad", 0, 30, "low = -5\nhigh = 90")});
   for (Index i = 0; i < Index(made.study.inputs.size()); ++i) {
     const Distribution& d = made.study.inputs[std::size_t(i)].distribution;
-    const auto [low, high] = around(made.study, i);
+    const auto [low, high] = difference_points(made.study, i);
     EXPECT_LT(d.low, low);
     EXPECT_LT(low, high);
     EXPECT_LT(high, d.high);

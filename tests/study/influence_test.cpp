@@ -18,10 +18,10 @@ using Eigen::Index;
 
 /// Machines of a Monte-Carlo analysis, none of which was cut to find the doubt.
 Eigen::MatrixXd some_machines(const Study& study, std::uint64_t count) {
-  const Plan plan = plan_of(study);
+  const Plan plan = make_plan(study);
   for (const Block& block : plan.blocks)
     if (block.kind == Block::Kind::MonteCarlo)
-      return inputs_of(study, plan, block.first, block.first + count);
+      return case_inputs(study, plan, block.first, block.first + count);
   return {};
 }
 
@@ -41,7 +41,7 @@ Agreement agreement(const Study& study, const PreparedConfiguration& ready, cons
   Agreement all;
   Job job = ready.job;
   for (Index i = 0; i < x.cols(); ++i) {
-    Tried tried = cut_at(study, ready, std::move(job), x.col(i));
+    CutCase tried = cut_at(study, ready, std::move(job), x.col(i));
     job = std::move(tried.job);
     double off = 0.0, size = 0.0;
     for (Index v = 0; v < estimated.rows(); ++v) {
@@ -53,7 +53,8 @@ Agreement agreement(const Study& study, const PreparedConfiguration& ready, cons
       size += cut ? a * std::pow(tried.surface.residual[v] - map.error_free[v], 2) : 0.0;
       if (cut == cut_there && std::abs(by) <= study.influence.flag) continue;
       all.failed += 100 * a / area / double(x.cols());
-      if (!(map.doubt[v] > study.influence.flag)) all.unseen += 100 * a / area / double(x.cols());
+      if (!(map.max_error[v] > study.influence.flag))
+        all.unseen += 100 * a / area / double(x.cols());
     }
     const auto percent = [](double estimate, double truth) {
       return 100 * std::abs(estimate / truth - 1.0);
@@ -154,12 +155,12 @@ TEST(Influence, CompensatedArmsAreTheirFullRuns) {
       fmt::format("[belief]\nidentified = \"{}\"\n", file_of("beliefs/gantry.toml"));
   const MadeStudy identified(
       {ball_dome(belief), every("element"), "cases = [\"identified-iterated-ideal\"]", 4});
-  EXPECT_FALSE(identified.ready.commanded_for_each);
+  EXPECT_FALSE(identified.ready.needs_commands_per_case);
   expect_agreement(told_agreement("identified", identified, 20), 1.0, 1.5);
   const MadeStudy believed(
       {ball_dome(belief), by_path("belief.scale", 1, 0.1) + by_element("EYX") + by_element("EC0Y"),
        "cases = [\"identified-iterated-ideal\"]", 4});
-  EXPECT_TRUE(believed.ready.commanded_for_each);
+  EXPECT_TRUE(believed.ready.needs_commands_per_case);
   expect_agreement(told_agreement("believed", believed, 12), 1.0, 1.5);
 }
 
@@ -267,7 +268,7 @@ TEST(Influence, FormAndTextureOfRandomDomesAreThoseOfTheirFullRuns) {
     const Eigen::MatrixXd figures = responses(made.study, made.ready, made.map, x);
     Job job = made.ready.job;
     for (Index i = 0; i < x.cols(); ++i) {
-      Tried tried = cut_at(made.study, made.ready, std::move(job), x.col(i));
+      CutCase tried = cut_at(made.study, made.ready, std::move(job), x.col(i));
       job = std::move(tried.job);
       ASSERT_TRUE(figures.col(i).allFinite() && tried.responses.allFinite()) << of;
       for (Index k = 0; k < tried.responses.size(); ++k) {
@@ -336,7 +337,7 @@ TEST(Influence, ResponsesAreTheStatisticsOfTheMaps) {
 }
 
 bool is_flagged(const MadeStudy& made, Index v) {
-  return made.map.doubt[v] > made.study.influence.flag;
+  return made.map.max_error[v] > made.study.influence.flag;
 }
 
 /// A core that some machines leave and others do not: the rivals of the base run cannot know that.
@@ -346,9 +347,9 @@ TEST(Influence, WhereOnlySomeMachinesCutIsFlaggedAndCounted) {
   const InfluenceMap& map = made.map;
   double flagged = 0.0;
   int endless = 0;
-  for (Index v = 0; v < map.doubt.size(); ++v) {
+  for (Index v = 0; v < map.max_error.size(); ++v) {
     if (is_flagged(made, v)) flagged += map.design.area[v];
-    if (std::isinf(map.doubt[v])) ++endless;
+    if (std::isinf(map.max_error[v])) ++endless;
   }
   EXPECT_NEAR(map.flagged_percent, 100 * flagged / map.design.area.sum(), 1e-12);
   const Agreement a = told_agreement("core", made, 12);
@@ -389,7 +390,7 @@ TEST(Influence, AWilderSpindleThanThatOfTheBaseRunCanBeCut) {
   Eigen::VectorXd x = centre(made.study);
   for (const double factor : {-1.9, 0.0, 1.0, 4.0}) {
     x.setConstant(factor);
-    const Tried tried = cut_at(made.study, made.ready, made.ready.job, x);
+    const CutCase tried = cut_at(made.study, made.ready, made.ready.job, x);
     EXPECT_GT(tried.responses[0], 0.0) << factor;
   }
 }
@@ -410,7 +411,7 @@ TEST(Influence, AHollowCutterIsRefused) {
   const Study study = read_study(folder.write("study.toml", "scene = \"scene.toml\"\n" +
                                                                 by_path("setup.EA_urad", 0.0, 1.0) +
                                                                 "[monte_carlo]\ncases = 64\n"));
-  const PreparedConfiguration ready = prepare_configuration(study, study.arms.front());
+  const PreparedConfiguration ready = prepare_configuration(study, study.configurations.front());
   const std::string said = refusal_by([&] { influence_map(study, ready); });
   EXPECT_NE(said.find("a convex tool for influence maps"), std::string::npos) << said;
   EXPECT_NE(said.find("tool.kind = \"profile\""), std::string::npos) << said;
@@ -426,7 +427,7 @@ TEST(Influence, TwoHundredRandomGantryDomesAreTheirFullRuns) {
         fmt::format("scene = \"{}\"\nset = {{ part.vertices = 10000 }}\n{}\n[monte_carlo]\n"
                     "cases = 200\n[influence]\nchecks = 4\n",
                     file_of("gantry_dome.toml"), every(what))));
-    const PreparedConfiguration ready = prepare_configuration(study, study.arms.front());
+    const PreparedConfiguration ready = prepare_configuration(study, study.configurations.front());
     const InfluenceMap map = influence_map(study, ready);
     const Agreement a = agreement(study, ready, map, some_machines(study, 200));
     std::cout << fmt::format(

@@ -24,7 +24,8 @@ namespace fs = std::filesystem;
 
 Row random_row(std::uint64_t index, std::mt19937_64& random) {
   Row row{index, std::vector<double>(random() % 9), ""};
-  for (double& answer : row.answers) answer = std::bit_cast<double>(random());  // many are NaN
+  for (double& answer : row.response_values)
+    answer = std::bit_cast<double>(random());  // many are NaN
   for (std::uint64_t n = random() % 3 == 0 ? random() % 50 : 0; n > 0; --n)
     row.fault += char(random());
   return row;
@@ -75,7 +76,7 @@ TEST(Journal, RowsComeBackBitForBit) {
     journal.add({});
     journal.add({backwards.begin() + 100, backwards.end()});
   }
-  const Recorded found = recorded(folder / "journal.db");
+  const JournalContents found = read_journal(folder / "journal.db");
   EXPECT_EQ(found.identity, "study 1");
   EXPECT_EQ(found.rows, rows);
   EXPECT_EQ(files_in(folder.path()), 1) << "a closed journal is one file";
@@ -88,7 +89,7 @@ TEST(Journal, ACaseThatIsThereStaysAsItIs) {
   journal.add({{3, {2.0}, ""}, {4, {9.0}, "other"}});
   Journal moved = std::move(journal);
   EXPECT_EQ(moved.finished(), (std::vector<std::uint64_t>{3, 4}));
-  EXPECT_EQ(recorded(folder / "journal.db").rows,
+  EXPECT_EQ(read_journal(folder / "journal.db").rows,
             (std::vector<Row>{{3, {2.0}, ""}, {4, {1.0}, ""}}));
 }
 
@@ -118,11 +119,11 @@ TEST(Journal, WhatIsNoJournalIsRefusedAndLeftAsItWas) {
   for (const char* name : {"other.db", "letter.db", "text.db", "noise.db", "head.db"}) {
     const std::string before = text_of(folder / name);
     EXPECT_TRUE(has(failure_by<BadInput>([&] { Journal(folder / name, "study"); }), name)) << name;
-    EXPECT_TRUE(has(failure_by<BadInput>([&] { recorded(folder / name); }), name)) << name;
+    EXPECT_TRUE(has(failure_by<BadInput>([&] { read_journal(folder / name); }), name)) << name;
     EXPECT_EQ(text_of(folder / name), before) << name;
   }
-  EXPECT_TRUE(has(failure_by<BadInput>([&] { recorded(folder / "no.db"); }), "no file"));
-  EXPECT_NE(failure_by<BadInput>([&] { recorded(folder.path()); }), "");
+  EXPECT_TRUE(has(failure_by<BadInput>([&] { read_journal(folder / "no.db"); }), "no file"));
+  EXPECT_NE(failure_by<BadInput>([&] { read_journal(folder.path()); }), "");
   EXPECT_NE(failure_by<OutputFailure>([&] { Journal(folder.path(), "study"); }), "");
   EXPECT_NE(failure_by<OutputFailure>([&] { Journal(folder / "no/journal.db", "study"); }), "");
 }
@@ -130,9 +131,9 @@ TEST(Journal, WhatIsNoJournalIsRefusedAndLeftAsItWas) {
 TEST(Journal, AnEmptyFileIsBegun) {
   const RunFolder folder;
   const fs::path file = folder.write("journal.db", "");
-  EXPECT_NE(failure_by<BadInput>([&] { recorded(file); }), "");
+  EXPECT_NE(failure_by<BadInput>([&] { read_journal(file); }), "");
   Journal(file, "study").add(random_rows(0, 3, 1));
-  EXPECT_EQ(recorded(file).rows, random_rows(0, 3, 1));
+  EXPECT_EQ(read_journal(file).rows, random_rows(0, 3, 1));
 }
 
 TEST(Journal, ATruncatedOneIsRefused) {
@@ -142,7 +143,7 @@ TEST(Journal, ATruncatedOneIsRefused) {
   const std::string whole = text_of(file);
   for (std::size_t size = 1; size < whole.size(); size += 509) {
     folder.write("cut.db", whole.substr(0, size));
-    EXPECT_NE(failure_by<BadInput>([&] { recorded(cut); }), "") << size;
+    EXPECT_NE(failure_by<BadInput>([&] { read_journal(cut); }), "") << size;
     EXPECT_NE(failure_by<BadInput>([&] { Journal(cut, "study"); }), "") << size;
   }
 }
@@ -164,7 +165,7 @@ TEST(Journal, ADamagedOneIsRefusedUnlessTheDamageIsOutsideItsRows) {
     text[place] = char(text[place] ^ (1 << random() % 8));
     folder.write("damaged.db", text);
     try {
-      const Recorded found = recorded(damaged);
+      const JournalContents found = read_journal(damaged);
       EXPECT_EQ(found.rows, rows) << "byte " << place;
     } catch (const BadInput&) {
       ++refused;
@@ -184,7 +185,7 @@ TEST(Journal, ASecondProcessIsTurnedAwayUntilTheFirstEnds) {
     EXPECT_TRUE(has(refusal, "another process") && has(refusal, std::to_string(::getpid())))
         << refusal;
     journal.add({{1, {1.0}, ""}});
-    EXPECT_EQ(recorded(file).rows.size(), 1u) << "reading is not kept away";
+    EXPECT_EQ(read_journal(file).rows.size(), 1u) << "reading is not kept away";
   }
   EXPECT_EQ(Journal(file, "study").finished().size(), 1u);
 }
@@ -203,9 +204,9 @@ TEST(Journal, AKilledProcessLeavesItsRowsAndNoLock) {
   ::waitpid(child, &status, 0);
   ASSERT_TRUE(WIFSIGNALED(status));
   EXPECT_TRUE(fs::exists(file.string() + "-wal"));
-  EXPECT_EQ(recorded(file).rows, rows) << "read as it lies";
+  EXPECT_EQ(read_journal(file).rows, rows) << "read as it lies";
   EXPECT_EQ(Journal(file, "study").finished().size(), 40u);
-  EXPECT_EQ(recorded(file).rows, rows);
+  EXPECT_EQ(read_journal(file).rows, rows);
   EXPECT_EQ(files_in(folder.path()), 1);
 }
 
@@ -225,7 +226,7 @@ TEST(Journal, IsReadWhileAnotherProcessAdds) {
   std::size_t rows = 0, reads = 0;
   for (bool running = true; running; ++reads) {
     running = ::waitpid(child, nullptr, WNOHANG) == 0;
-    const Recorded found = recorded(file);
+    const JournalContents found = read_journal(file);
     EXPECT_GE(found.rows.size(), rows);
     EXPECT_EQ(found.rows.size() % batch, 0u) << "a batch is there or not";
     rows = found.rows.size();
@@ -254,12 +255,12 @@ TEST(Journal, AFullDiskLosesNoRowThatWasAdded) {
     added = fill(journal, 0);
     ASSERT_GT(added, 0u);
     EXPECT_EQ(journal.finished().size(), added);
-    EXPECT_EQ(recorded(file).rows, random_rows_in_tens(0, added)) << "with the disk still full";
+    EXPECT_EQ(read_journal(file).rows, random_rows_in_tens(0, added)) << "with the disk still full";
     ASSERT_TRUE(disk.resize("4m"));
     journal.add(random_rows(added, added + 10, 1));
   }
   std::cout << added << " rows fitted\n";
-  EXPECT_EQ(recorded(file).rows, random_rows_in_tens(0, added + 10));
+  EXPECT_EQ(read_journal(file).rows, random_rows_in_tens(0, added + 10));
 }
 
 TEST(Journal, AFullDiskIsToldWhenAJournalBegins) {
@@ -291,7 +292,7 @@ TEST(Journal, ALimitOfFileSizeLosesNoRowThatWasAdded) {
   EXPECT_EQ(status, 0);
   const std::size_t rows = Journal(file, "study").finished().size();
   EXPECT_GT(rows, 0u);
-  EXPECT_EQ(recorded(file).rows, random_rows_in_tens(0, rows));
+  EXPECT_EQ(read_journal(file).rows, random_rows_in_tens(0, rows));
 }
 
 TEST(Merged, HasEveryCaseOnceInAscendingOrder) {
@@ -304,10 +305,10 @@ TEST(Merged, HasEveryCaseOnceInAscendingOrder) {
     for (std::size_t i = 0; i < rows.size(); ++i)
       if (i % 3 == shard || i == 7) journal.add({rows[i]});
   }
-  EXPECT_EQ(merged(files).rows, rows);
-  EXPECT_EQ(merged(files).identity, "study");
-  EXPECT_EQ(merged({files[0]}).rows, recorded(files[0]).rows);
-  EXPECT_THROW(merged({}), std::invalid_argument);
+  EXPECT_EQ(merge_journals(files).rows, rows);
+  EXPECT_EQ(merge_journals(files).identity, "study");
+  EXPECT_EQ(merge_journals({files[0]}).rows, read_journal(files[0]).rows);
+  EXPECT_THROW(merge_journals({}), std::invalid_argument);
 }
 
 TEST(Merged, NamesTheFileThatDoesNotFit) {
@@ -316,7 +317,7 @@ TEST(Merged, NamesTheFileThatDoesNotFit) {
   Journal(folder / "b.db", "study").add({{2, {2.5}, ""}, {3, {3.0}, ""}});
   Journal(folder / "c.db", "other study").add({{5, {}, ""}});
   const auto refusal = [&](const char* name) {
-    return failure_by<BadInput>([&] { merged({folder / "a.db", folder / name}); });
+    return failure_by<BadInput>([&] { merge_journals({folder / "a.db", folder / name}); });
   };
   EXPECT_TRUE(has(refusal("b.db"), "b.db") && has(refusal("b.db"), "case 2")) << refusal("b.db");
   EXPECT_TRUE(has(refusal("c.db"), "c.db") && has(refusal("c.db"), "another")) << refusal("c.db");
@@ -337,7 +338,7 @@ TEST(Journal, TakesABatchInSomeMilliseconds) {
       journal.add({rows.begin() + std::ptrdiff_t(i), rows.begin() + std::ptrdiff_t(i) + 100});
   }
   const double adding = spent_ms();
-  EXPECT_EQ(recorded(folder / "journal.db").rows.size(), rows.size());
+  EXPECT_EQ(read_journal(folder / "journal.db").rows.size(), rows.size());
   std::cout << adding / 200 << " ms a batch of 100 rows, " << spent_ms() - adding
             << " ms to read 20000\n";
   EXPECT_LT(adding, 60000) << "not seconds a batch, on the slowest disk";

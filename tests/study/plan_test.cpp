@@ -25,13 +25,13 @@ Study whole_study() {
   study.proofs = 3;
   study.one_at_a_time = OneAtATime{1.0};
   study.monte_carlo = MonteCarlo{100, Sampling::Sobol};
-  study.sobol = SobolStudy{8};
+  study.sobol = SobolAnalysis{8};
   study.sweeps = {{1, Eigen::Vector3d(-2.0, 0.0, 7.0)}, {0, Eigen::Vector2d(5.0, 6.0)}};
   return study;
 }
 
 Eigen::MatrixXd all_inputs(const Study& study, const Plan& plan) {
-  return inputs_of(study, plan, 0, plan.cases);
+  return case_inputs(study, plan, 0, plan.cases);
 }
 
 const Block& block(const Plan& plan, BlockKind kind, int sweep = 0) {
@@ -44,7 +44,7 @@ const Block& block(const Plan& plan, BlockKind kind, int sweep = 0) {
 // ---------------------------------------------------------------- the order
 
 TEST(Plan, HasTheAnalysesInTheirOrderWithoutGaps) {
-  const Plan plan = plan_of(whole_study());
+  const Plan plan = make_plan(whole_study());
   const std::vector<BlockKind> kinds{BlockKind::Base,  BlockKind::OneAtATime, BlockKind::MonteCarlo,
                                      BlockKind::Sobol, BlockKind::Sweep,      BlockKind::Sweep,
                                      BlockKind::Proof};
@@ -57,8 +57,8 @@ TEST(Plan, HasTheAnalysesInTheirOrderWithoutGaps) {
     EXPECT_EQ(plan.blocks[i].first, first);
     EXPECT_EQ(plan.blocks[i].count, counts[i]);
     EXPECT_EQ(plan.blocks[i].full, kinds[i] == BlockKind::Proof);
-    EXPECT_EQ(&block_of(plan, first), &plan.blocks[i]);
-    EXPECT_EQ(&block_of(plan, first + counts[i] - 1), &plan.blocks[i]);
+    EXPECT_EQ(&find_block(plan, first), &plan.blocks[i]);
+    EXPECT_EQ(&find_block(plan, first + counts[i] - 1), &plan.blocks[i]);
     first += counts[i];
   }
   EXPECT_EQ(plan.cases, first);
@@ -67,30 +67,30 @@ TEST(Plan, HasTheAnalysesInTheirOrderWithoutGaps) {
 TEST(Plan, OfTheFullEngineCutsAllAndProvesNothing) {
   Study study = whole_study();
   study.engine = Engine::Full;
-  const Plan plan = plan_of(study);
+  const Plan plan = make_plan(study);
   EXPECT_EQ(plan.blocks.size(), 6u);
   for (const Block& one : plan.blocks) EXPECT_TRUE(one.full) << name_of(one.kind);
   study.engine = Engine::Influence;
-  for (const Block& one : plan_of(study).blocks) EXPECT_FALSE(one.full) << name_of(one.kind);
+  for (const Block& one : make_plan(study).blocks) EXPECT_FALSE(one.full) << name_of(one.kind);
 }
 
 TEST(Plan, WithoutInputsIsEmptyAndWithoutQuestionsTheBaseAlone) {
-  EXPECT_EQ(plan_of(study_of({})).cases, 0u);
-  EXPECT_TRUE(batches_of(plan_of(study_of({}))).empty());
-  EXPECT_EQ(plan_of(study_of(normals(3))).cases, 1u);
+  EXPECT_EQ(make_plan(study_of({})).cases, 0u);
+  EXPECT_TRUE(make_batches(make_plan(study_of({}))).empty());
+  EXPECT_EQ(make_plan(study_of(normals(3))).cases, 1u);
 }
 
 TEST(Plan, ProvesNoMoreCasesThanMonteCarloHas) {
   Study study = whole_study();
   study.proofs = 1'000'000;
-  EXPECT_EQ(block(plan_of(study), BlockKind::Proof).count, 100u);
+  EXPECT_EQ(block(make_plan(study), BlockKind::Proof).count, 100u);
 }
 
 // ---------------------------------------------------------------- the points
 
 TEST(PlanInputs, OfBaseAndOneAtATimeAreThoseByHand) {
   const Study study = whole_study();
-  const Plan plan = plan_of(study);
+  const Plan plan = make_plan(study);
   const Eigen::MatrixXd x = all_inputs(study, plan);
   const Eigen::Vector3d centre(2.0, -1.0, 4.0);
   EXPECT_EQ(x.col(0), centre);
@@ -115,7 +115,7 @@ TEST(PlanInputs, OneAtATimeStayWithinTheirDistributions) {
                           {Distribution::Kind::Triangular, 10.0, 1.0},
                           {Distribution::Kind::LogNormal, 1.0, 2.0}});
   study.one_at_a_time = OneAtATime{50.0};
-  const Plan plan = plan_of(study);
+  const Plan plan = make_plan(study);
   const Eigen::MatrixXd x = all_inputs(study, plan);
   EXPECT_EQ(x(0, 1), -0.5);
   EXPECT_EQ(x(0, 2), 2.0);
@@ -130,9 +130,9 @@ TEST(PlanInputs, OfMonteCarloAreTheSequenceThroughTheDistributions) {
   for (const Sampling sampling : {Sampling::Sobol, Sampling::Random}) {
     Study study = whole_study();
     study.monte_carlo->sampling = sampling;
-    const Plan plan = plan_of(study);
+    const Plan plan = make_plan(study);
     const Block& mc = block(plan, BlockKind::MonteCarlo);
-    const Eigen::MatrixXd x = inputs_of(study, plan, mc.first, mc.first + mc.count);
+    const Eigen::MatrixXd x = case_inputs(study, plan, mc.first, mc.first + mc.count);
     const Eigen::MatrixXd u = points({sampling, 3, study.seed}, 0, 100);
     for (Index k = 0; k < u.cols(); ++k)
       for (Index i = 0; i < 3; ++i)
@@ -142,17 +142,17 @@ TEST(PlanInputs, OfMonteCarloAreTheSequenceThroughTheDistributions) {
 
 TEST(PlanInputs, OfProofsAreTheFirstOfMonteCarlo) {
   const Study study = whole_study();
-  const Plan plan = plan_of(study);
+  const Plan plan = make_plan(study);
   const Block &mc = block(plan, BlockKind::MonteCarlo), &proof = block(plan, BlockKind::Proof);
-  EXPECT_EQ(inputs_of(study, plan, proof.first, proof.first + proof.count),
-            inputs_of(study, plan, mc.first, mc.first + proof.count));
+  EXPECT_EQ(case_inputs(study, plan, proof.first, proof.first + proof.count),
+            case_inputs(study, plan, mc.first, mc.first + proof.count));
 }
 
 TEST(PlanInputs, OfSobolAreAAndBAndAWithOneColumnOfB) {
   const Study study = whole_study();
-  const Plan plan = plan_of(study);
+  const Plan plan = make_plan(study);
   const Block& sobol = block(plan, BlockKind::Sobol);
-  const Eigen::MatrixXd x = inputs_of(study, plan, sobol.first, sobol.first + sobol.count);
+  const Eigen::MatrixXd x = case_inputs(study, plan, sobol.first, sobol.first + sobol.count);
   for (Index point = 0; point < 8; ++point) {
     const Eigen::Vector3d a = x.col(5 * point), b = x.col(5 * point + 1);
     for (Index i = 0; i < 3; ++i) {
@@ -163,15 +163,15 @@ TEST(PlanInputs, OfSobolAreAAndBAndAWithOneColumnOfB) {
     }
   }
   const Block& mc = block(plan, BlockKind::MonteCarlo);
-  EXPECT_NE(x.col(0), inputs_of(study, plan, mc.first, mc.first + 1).col(0))
+  EXPECT_NE(x.col(0), case_inputs(study, plan, mc.first, mc.first + 1).col(0))
       << "a stream of their own";
 }
 
 TEST(PlanInputs, OfSweepsMoveOneInputAlone) {
   const Study study = whole_study();
-  const Plan plan = plan_of(study);
+  const Plan plan = make_plan(study);
   const Block& first = block(plan, BlockKind::Sweep, 0);
-  const Eigen::MatrixXd x = inputs_of(study, plan, first.first, first.first + 5);
+  const Eigen::MatrixXd x = case_inputs(study, plan, first.first, first.first + 5);
   Eigen::MatrixXd expected(3, 5);
   expected << 2, 2, 2, 5, 6,  //
       -2, 0, 7, -1, -1,       //
@@ -181,11 +181,11 @@ TEST(PlanInputs, OfSweepsMoveOneInputAlone) {
 
 TEST(PlanInputs, DependOnTheSeedAndOnNoOtherAnalysis) {
   const Study study = whole_study();
-  const Plan plan = plan_of(study);
+  const Plan plan = make_plan(study);
   const auto of = [](const Study& one, BlockKind kind, std::uint64_t count) {
-    const Plan its = plan_of(one);
+    const Plan its = make_plan(one);
     const std::uint64_t first = block(its, kind).first;
-    return inputs_of(one, its, first, first + count);
+    return case_inputs(one, its, first, first + count);
   };
   Study other = study;
   other.seed = study.seed + 1;
@@ -203,8 +203,8 @@ TEST(PlanInputs, DependOnTheSeedAndOnNoOtherAnalysis) {
 TEST(PlanInputs, FollowTheCorrelations) {
   Study study = study_of(normals(2), {}, {{0, 1, 1.0}});
   study.monte_carlo = MonteCarlo{50, Sampling::Random};
-  const Plan plan = plan_of(study);
-  const Eigen::MatrixXd x = inputs_of(study, plan, 1, 51);
+  const Plan plan = make_plan(study);
+  const Eigen::MatrixXd x = case_inputs(study, plan, 1, 51);
   EXPECT_LT((x.row(0) - x.row(1)).cwiseAbs().maxCoeff(), 1e-12);
   EXPECT_GT(x.row(0).cwiseAbs().maxCoeff(), 1.0);
 }
@@ -214,12 +214,12 @@ TEST(PlanInputs, AreTheSameBitsInWhateverStretchesTheyAreAskedFor) {
   SCOPED_TRACE(testing::Message() << "seed " << seed);
   std::mt19937 random(seed);
   const Study study = whole_study();
-  const Plan plan = plan_of(study);
+  const Plan plan = make_plan(study);
   const Eigen::MatrixXd whole = all_inputs(study, plan);
   for (int trial = 0; trial < 200; ++trial) {
     const std::uint64_t first = random() % plan.cases;
     const std::uint64_t last = first + 1 + random() % (plan.cases - first);
-    ASSERT_EQ(inputs_of(study, plan, first, last),
+    ASSERT_EQ(case_inputs(study, plan, first, last),
               whole.middleCols(Index(first), Index(last - first)))
         << first << " to " << last;
   }
@@ -233,13 +233,13 @@ TEST(PlanBatches, CoverEveryCaseOnceAndNeverTwoBlocks) {
       Study study = whole_study();
       study.engine = engine;
       study.monte_carlo->cases = cases;
-      const Plan plan = plan_of(study);
+      const Plan plan = make_plan(study);
       std::uint64_t next = 0;
-      for (const Batch& batch : batches_of(plan)) {
+      for (const Batch& batch : make_batches(plan)) {
         ASSERT_EQ(batch.first, next) << "in their order";
         ASSERT_LT(batch.first, batch.last);
-        const Block& of = block_of(plan, batch.first);
-        ASSERT_EQ(&block_of(plan, batch.last - 1), &of);
+        const Block& of = find_block(plan, batch.first);
+        ASSERT_EQ(&find_block(plan, batch.last - 1), &of);
         ASSERT_LE(batch.last - batch.first, of.full ? 1u : 72u);
         next = batch.last;
       }
@@ -251,9 +251,9 @@ TEST(PlanBatches, OfALargeStudyTakeNoTimeToFind) {
   Study study = study_of(normals(10));
   study.engine = Engine::Full;
   study.monte_carlo = MonteCarlo{1'000'000, Sampling::Sobol};
-  const Plan plan = plan_of(study);
-  EXPECT_EQ(batches_of(plan).size(), 1'000'001u);
-  EXPECT_TRUE(inputs_of(study, plan, 999'990, 1'000'001).allFinite());
+  const Plan plan = make_plan(study);
+  EXPECT_EQ(make_batches(plan).size(), 1'000'001u);
+  EXPECT_TRUE(case_inputs(study, plan, 999'990, 1'000'001).allFinite());
 }
 
 }  // namespace

@@ -53,8 +53,8 @@ TEST_F(ReadStudy, OfLittleTextHasTheDefaults) {
   EXPECT_EQ(study.engine, Engine::Influence);
   EXPECT_EQ(study.seed, 1u);
   EXPECT_EQ(study.proofs, 50u);
-  ASSERT_EQ(study.arms.size(), 1u);
-  EXPECT_EQ(study.arms[0].name, "uncompensated");
+  ASSERT_EQ(study.configurations.size(), 1u);
+  EXPECT_EQ(study.configurations[0].name, "uncompensated");
   EXPECT_EQ(study.responses, (std::vector{Response::Pv, Response::Rms}));
   EXPECT_FALSE(study.machine_part || study.one_at_a_time || study.monte_carlo || study.sobol ||
                study.worst_case || study.tolerance || study.uncertainty || study.histories);
@@ -90,11 +90,11 @@ TEST_F(ReadStudy, EveryKeyArrives) {
   EXPECT_EQ(study.seed, 7u);
   EXPECT_EQ(study.proofs, 5u);
   EXPECT_EQ(study.overrides, (std::vector<Override>{{"part.vertices", "400"}}));
-  ASSERT_EQ(study.arms.size(), 4u);
-  EXPECT_EQ(study.arms[0].name, "uncompensated");
-  EXPECT_EQ(study.arms[1].name, "perfect-iterated-ideal");
-  EXPECT_EQ(study.arms[3].name, "leaning perfect-iterated-ideal");
-  EXPECT_EQ(study.arms[3].variant, "leaning");
+  ASSERT_EQ(study.configurations.size(), 4u);
+  EXPECT_EQ(study.configurations[0].name, "uncompensated");
+  EXPECT_EQ(study.configurations[1].name, "perfect-iterated-ideal");
+  EXPECT_EQ(study.configurations[3].name, "leaning perfect-iterated-ideal");
+  EXPECT_EQ(study.configurations[3].variant, "leaning");
   EXPECT_EQ(study.responses.size(), 11u);
   EXPECT_TRUE(study.machine_part);
   EXPECT_EQ(study.limits, (std::vector<std::pair<Response, double>>{{Response::Rms, 0.004},
@@ -135,7 +135,7 @@ TEST_F(ReadStudy, EveryKeyArrives) {
   EXPECT_EQ(study.uncertainty->confidence, 0.8);
   EXPECT_EQ(study.uncertainty->machines, 500u);
   EXPECT_DOUBLE_EQ(study.influence.reach, 0.07);
-  EXPECT_EQ(study.influence.max_rivals, 3);
+  EXPECT_EQ(study.influence.max_competing_passes, 3);
   EXPECT_EQ(study.influence.checks, 1);
   EXPECT_DOUBLE_EQ(study.influence.flag, 5e-4);
   EXPECT_FALSE(study.influence.sheet);
@@ -148,8 +148,8 @@ TEST_F(ReadStudy, InputsActOnTheSceneAsWritten) {
       "[[input]]\nelement = \"EXX\"\nspread = 0.5\n"
       "[[input]]\npath = [\"setup.EX_um\", \"setup.EY_um\"]\nfactor = -2\nspread = 3\n"
       "[[input]]\nnumber = \"EYX[2]\"\nspread = 2\n");
-  const Scene base = scene_of(study, study.arms[0]);
-  const Scene at = scene_at(study, study.arms[0], base, Eigen::Vector3d(3.0, 5.0, 7.0));
+  const Scene base = base_scene(study, study.configurations[0]);
+  const Scene at = scene_at(study, study.configurations[0], base, Eigen::Vector3d(3.0, 5.0, 7.0));
   EXPECT_DOUBLE_EQ(at.setup[0], -0.010);
   EXPECT_DOUBLE_EQ(at.setup[1], -0.010);
   const auto element = [](const Scene& scene, const std::string& name) {
@@ -162,7 +162,7 @@ TEST_F(ReadStudy, InputsActOnTheSceneAsWritten) {
     EXPECT_DOUBLE_EQ(element(at, "EXX").curves[k].scale,
                      3.0 * element(base, "EXX").curves[k].scale);
   EXPECT_EQ(element(at, "EAX").curves[0].scale, element(base, "EAX").curves[0].scale);
-  EXPECT_EQ(scene_at(study, study.arms[0], base, Eigen::Vector3d(3.0, 5.0, 7.0)).resolved,
+  EXPECT_EQ(scene_at(study, study.configurations[0], base, Eigen::Vector3d(3.0, 5.0, 7.0)).resolved,
             at.resolved);
 }
 
@@ -170,11 +170,13 @@ TEST_F(ReadStudy, WholeNumbersReachKeysThatTakeNoOthers) {
   const Study study = read(
       "scene = \"scene.toml\"\nengine = \"full\"\n"
       "[[input]]\npath = \"part.vertices\"\ncentre = 300\nspread = 50\n");
-  const Scene base = scene_of(study, study.arms[0]);
-  EXPECT_EQ(scene_at(study, study.arms[0], base, Eigen::VectorXd::Constant(1, 450.0)).part.vertices,
+  const Scene base = base_scene(study, study.configurations[0]);
+  EXPECT_EQ(scene_at(study, study.configurations[0], base, Eigen::VectorXd::Constant(1, 450.0))
+                .part.vertices,
             450);
-  EXPECT_NE(refusal_by(
-                [&] { scene_at(study, study.arms[0], base, Eigen::VectorXd::Constant(1, 450.5)); }),
+  EXPECT_NE(refusal_by([&] {
+              scene_at(study, study.configurations[0], base, Eigen::VectorXd::Constant(1, 450.5));
+            }),
             "");
 }
 

@@ -38,7 +38,7 @@ struct SmallStudy {
 struct MadeStudy {
   explicit MadeStudy(const SmallStudy& small)
       : study(read(small)),
-        ready(prepare_configuration(study, study.arms.front())),
+        ready(prepare_configuration(study, study.configurations.front())),
         map(influence_map(study, ready)) {}
 
   Study read(const SmallStudy& small) const {

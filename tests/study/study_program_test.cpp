@@ -91,7 +91,7 @@ class StudyProgram : public testing::Test {
   static std::string study_identity(const fs::path& study) {
     const fs::path own = out(" identity");
     EXPECT_EQ(ran(words(study, own, {"--shard", "9999/10000"})).code, 0);
-    return recorded(own / "journal-9999-of-10000.sqlite").identity;
+    return read_journal(own / "journal-9999-of-10000.sqlite").identity;
   }
   /// Tables of an undisturbed run on one thread.
   static const Tables& undisturbed(const std::string& engine) {
@@ -107,7 +107,7 @@ class StudyProgram : public testing::Test {
   }
   static std::uint64_t finished(const fs::path& journal) {
     try {
-      return recorded(journal).rows.size();
+      return read_journal(journal).rows.size();
     } catch (const std::exception&) {
       return 0;  // not begun
     }
@@ -138,7 +138,7 @@ TEST_P(StudyKilled, AtRandomAndResumedGivesTheSameBytes) {
   std::mt19937 random(seed);
   const fs::path study = study_of(engine), out = this->out("");
   const Tables& expected = undisturbed(engine);
-  const std::uint64_t cases = plan_of(read_study(study)).cases;
+  const std::uint64_t cases = make_plan(read_study(study)).cases;
   int hit = 0;
   std::uint64_t before = 0;
   std::string reported;
@@ -198,7 +198,7 @@ TEST_F(StudyProgram, OnTwoThreadsGivesTheSameBytesAndAgainWithoutAnyCaseLeft) {
 
 TEST_F(StudyProgram, InThreeShardsMergedGivesTheSameBytesAndSaysWhatIsMissingBefore) {
   const fs::path study = study_of("both"), out = this->out("");
-  const std::uint64_t cases = plan_of(read_study(study)).cases;
+  const std::uint64_t cases = make_plan(read_study(study)).cases;
   for (const char* shard : {"0/3", "1/3"})
     EXPECT_EQ(ran(words(study, out, {"--shard", shard})).code, 0);
   EXPECT_FALSE(fs::exists(out / "budget.md")) << "a shard has no tables";
@@ -275,7 +275,7 @@ TEST_F(StudyProgram, ShowsNothingHalfAndAllOfIt) {
   EXPECT_EQ(ran(words(study, out, {"--show"})).code, 3) << "no journal";
   EXPECT_FALSE(fs::exists(out)) << "looking makes nothing";
   const std::string identity = study_identity(study);
-  const std::uint64_t cases = plan_of(read_study(study)).cases;
+  const std::uint64_t cases = make_plan(read_study(study)).cases;
   fs::create_directories(out);
   std::uint64_t added = 0;
   for (const std::uint64_t until : {std::uint64_t(0), cases / 2, cases}) {

@@ -11,7 +11,7 @@ namespace abbe::sim::study::test {
 /// What a synthetic budget is made of.
 struct Synthetic {
   int inputs = 46;
-  int arms = 2;
+  int configurations = 2;
   std::string prefix = "EXX[1] straightness of the slide ";  ///< of the names of inputs
   bool map = true;
 };
@@ -23,8 +23,8 @@ inline IntervalEstimate band(double value, double half) {
 /// Influence of an input: falls from the first to the last.
 inline double effect(int input) { return 4e-3 * std::pow(0.8, input); }
 
-inline Answers scaled_responses(const Eigen::VectorXd& v) {
-  Answers a;
+inline ResponseStatistics scaled_responses(const Eigen::VectorXd& v) {
+  ResponseStatistics a;
   const double mean = v.mean();
   const double sd = std::sqrt((v.array() - mean).square().sum() / double(v.size() - 1));
   a.cases = v.size();
@@ -42,11 +42,11 @@ inline Study study_of(const Synthetic& options) {
   Study s;
   s.title = "gantry dome: what its errors cost";
   s.seed = 7;
-  for (int a = 0; a < options.arms; ++a) {
+  for (int a = 0; a < options.configurations; ++a) {
     const std::string name = a == 0   ? "uncompensated"
                              : a == 1 ? "perfect-iterated-ideal"
                                       : "3 h identified-decoupled-program " + std::to_string(a);
-    s.arms.push_back({name, "", name});
+    s.configurations.push_back({name, "", name});
   }
   s.responses = {Response::Pv, Response::Rms, Response::InTolerance};
   s.limits = {{Response::Pv, 20e-3}};
@@ -62,7 +62,7 @@ inline Study study_of(const Synthetic& options) {
   }
   s.one_at_a_time = OneAtATime{};
   s.monte_carlo = MonteCarlo{};
-  s.sobol = SobolStudy{};
+  s.sobol = SobolAnalysis{};
   s.worst_case = WorstCase{};
   return s;
 }
@@ -126,8 +126,8 @@ inline Allocation allocation_of(int inputs) {
   a.equal_cost = inputs * (inputs + 1) / 2.0 / 0.71;
   a.cheapest_cost = 0.0;
   for (int i = 0; i < inputs; ++i) a.cheapest_cost += (1.0 + i) / a.cheapest[i];
-  a.equal_share = {0.951, 0.944, 0.957};
-  a.cheapest_share = {0.949, 0.942, 0.956};
+  a.equal_fraction = {0.951, 0.944, 0.957};
+  a.cheapest_fraction = {0.949, 0.942, 0.956};
   a.floor = 3.2e-3;
   return a;
 }
@@ -138,10 +138,10 @@ inline Budget compute_budget(const Synthetic& options = {}) {
   b.study = study_of(options);
   b.cases = 52345;
   b.failed = 3;
-  for (int k = 0; k < options.arms; ++k) {
+  for (int k = 0; k < options.configurations; ++k) {
     const double scale = k == 0 ? 1.0 : 0.35;
     ConfigurationBudget arm;
-    arm.arm = b.study.arms[std::size_t(k)];
+    arm.arm = b.study.configurations[std::size_t(k)];
     for (const Response response : b.study.responses)
       arm.responses.push_back(
           response_of(response, options, response == Response::Rms ? 0.2 * scale : scale));
@@ -155,13 +155,13 @@ inline Budget compute_budget(const Synthetic& options = {}) {
       arm.flagged_percent = 0.7;
     }
     if (k == 0) arm.allocation = allocation_of(options.inputs);
-    b.arms.push_back(arm);
+    b.configurations.push_back(arm);
   }
   b.proofs = {{"uncompensated", Response::Pv, 50, 0, 0.23},
               {"uncompensated", Response::Rms, 50, 0, 0.11}};
   b.study.sweeps = {{0, Eigen::VectorXd::LinSpaced(9, -4.0, 4.0)}};
   SweepResult sweep;
-  for (int k = 0; k < options.arms; ++k) {
+  for (int k = 0; k < options.configurations; ++k) {
     std::vector<Eigen::VectorXd> answers;
     for (const Response response : b.study.responses) {
       const double unit = response == Response::InTolerance ? -1e3 : 1.0;

@@ -8,12 +8,12 @@ namespace abbe::sim::study {
 namespace {
 
 TEST(TextStyle, ColumnsCountWhatATerminalShows) {
-  EXPECT_EQ(columns_of("PV, µm"), 6u);
-  EXPECT_EQ(columns_of("误差"), 4u);
-  EXPECT_EQ(columns_of("e\u0301"), 1u);
-  EXPECT_EQ(columns_of("Πι"), 2u);
-  EXPECT_EQ(columns_of(""), 0u);
-  EXPECT_EQ(columns_of("\xff\xc3"), columns_of("\xff\xc3")) << "what is no UTF-8 ends";
+  EXPECT_EQ(terminal_width("PV, µm"), 6u);
+  EXPECT_EQ(terminal_width("误差"), 4u);
+  EXPECT_EQ(terminal_width("e\u0301"), 1u);
+  EXPECT_EQ(terminal_width("Πι"), 2u);
+  EXPECT_EQ(terminal_width(""), 0u);
+  EXPECT_EQ(terminal_width("\xff\xc3"), terminal_width("\xff\xc3")) << "what is no UTF-8 ends";
 }
 
 TEST(TextStyle, ATableOfATerminalStandsInColumns) {
@@ -28,12 +28,12 @@ TEST(TextStyle, ATableOfATerminalStandsInColumns) {
 }
 
 TEST(TextStyle, MarkUpIsForFiles) {
-  EXPECT_EQ(plain(TextStyle::Markdown, "a|b*"), "a\\|b\\*");
-  EXPECT_EQ(plain(TextStyle::Terminal, "a|b*"), "a|b*");
-  EXPECT_EQ(strong(TextStyle::Terminal, "a"), "a");
+  EXPECT_EQ(user_text(TextStyle::Markdown, "a|b*"), "a\\|b\\*");
+  EXPECT_EQ(user_text(TextStyle::Terminal, "a|b*"), "a|b*");
+  EXPECT_EQ(bold_text(TextStyle::Terminal, "a"), "a");
   EXPECT_EQ(heading(TextStyle::Terminal, 1, "dome"), "dome\n====\n\n");
   EXPECT_EQ(heading(TextStyle::Markdown, 2, "dome"), "## dome\n\n");
-  EXPECT_EQ(notice(TextStyle::Terminal, "take care"), "warning: take care\n\n");
+  EXPECT_EQ(warning_paragraph(TextStyle::Terminal, "take care"), "warning: take care\n\n");
 }
 
 }  // namespace

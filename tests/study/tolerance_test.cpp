@@ -53,9 +53,10 @@ double off(const VectorXd& factors, const VectorXd& expected) {
 
 void tell(const char* what, const Allocation& a) {
   std::cout << what << ": equal " << a.equal[0] << " costs " << a.equal_cost << ", within "
-            << 100.0 * a.equal_share.value << " %; cheapest " << a.cheapest.transpose() << " costs "
-            << a.cheapest_cost << ", within " << 100.0 * a.cheapest_share.value << " % ("
-            << 100.0 * a.cheapest_share.low << " .. " << 100.0 * a.cheapest_share.high << ")\n";
+            << 100.0 * a.equal_fraction.value << " %; cheapest " << a.cheapest.transpose()
+            << " costs " << a.cheapest_cost << ", within " << 100.0 * a.cheapest_fraction.value
+            << " % (" << 100.0 * a.cheapest_fraction.low << " .. "
+            << 100.0 * a.cheapest_fraction.high << ")\n";
 }
 
 /// Fresh machines agree with the confidence: their band, widened by what the machines that the
@@ -75,7 +76,7 @@ TEST(Tolerance, PvOfOneInputIsItsMagnitude) {
   EXPECT_NEAR(a.equal[0], expected, 3e-3 * expected);
   EXPECT_NEAR(a.cheapest[0], expected, 3e-3 * expected);
   EXPECT_NEAR(a.equal_cost, 1.0 / a.equal[0], 1e-12);
-  expect_verified(a.equal_share);
+  expect_verified(a.equal_fraction);
 }
 
 TEST(Tolerance, RmsOfIndependentNormalInputsOfOneEffectFollowsChiSquared) {
@@ -88,8 +89,8 @@ TEST(Tolerance, RmsOfIndependentNormalInputsOfOneEffectFollowsChiSquared) {
   EXPECT_NEAR(a.equal[0], expected, 4e-3 * expected);
   EXPECT_LT(off(a.cheapest, VectorXd::Constant(5, expected)), 0.03);
   EXPECT_NEAR(a.cheapest_cost, 5.0 / expected, 0.004 * 5.0 / expected);
-  expect_verified(a.equal_share);
-  expect_verified(a.cheapest_share);
+  expect_verified(a.equal_fraction);
+  expect_verified(a.cheapest_fraction);
 }
 
 /// A response that is |sum of a_i x_i| has the quantile 1.96 sqrt(sum (a_i sd_i k_i)^2): Lagrange
@@ -116,7 +117,7 @@ TEST(Tolerance, CheapestIsLagranges) {
   // The quantile of 20000 random machines has a standard error of 0.7 %.
   EXPECT_NEAR(a.cheapest_cost, cost, 0.007 * cost);
   EXPECT_LT(a.cheapest_cost, 0.9 * a.equal_cost);
-  expect_verified(a.cheapest_share);
+  expect_verified(a.cheapest_fraction);
 }
 
 TEST(Tolerance, WhatDoesNothingOrLittleStaysAsItIs) {
@@ -128,7 +129,7 @@ TEST(Tolerance, WhatDoesNothingOrLittleStaysAsItIs) {
   EXPECT_EQ(a.cheapest[1], 1.0);
   EXPECT_EQ(a.cheapest[2], 1.0);
   EXPECT_LT(a.cheapest[0], a.cheapest[3]);
-  expect_verified(a.cheapest_share);
+  expect_verified(a.cheapest_fraction);
 }
 
 /// Two inputs of one effect, correlated by rho: the variance of their sum is 2 (1 + rho).
@@ -144,7 +145,7 @@ TEST(Tolerance, CorrelatedInputsAddUp) {
     tell("correlated", a);
     EXPECT_NEAR(a.equal[0], expected, 4e-3 * expected) << rho;
     EXPECT_LT(off(a.cheapest, VectorXd::Constant(2, expected)), 0.03) << rho;
-    expect_verified(a.cheapest_share);
+    expect_verified(a.cheapest_fraction);
   }
 }
 
@@ -156,7 +157,7 @@ TEST(Tolerance, ATruncatedUniformInputShrinksAboutItsCentre) {
   const Allocation a = allocated(machine);
   tell("truncated uniform", a);
   EXPECT_NEAR(a.equal[0], 1.0 / 2.8, 1e-3 / 2.8);
-  expect_verified(a.equal_share);
+  expect_verified(a.equal_fraction);
 }
 
 TEST(Tolerance, WhatIsMetAlreadyIsNotShrunk) {
@@ -166,7 +167,7 @@ TEST(Tolerance, WhatIsMetAlreadyIsNotShrunk) {
   EXPECT_EQ(a.equal, VectorXd::Ones(3));
   EXPECT_EQ(a.cheapest, VectorXd::Ones(3));
   EXPECT_EQ(a.equal_cost, 3.0);
-  EXPECT_EQ(a.equal_share.value, 1.0);
+  EXPECT_EQ(a.equal_fraction.value, 1.0);
   EXPECT_TRUE(a.attainable);
 }
 
@@ -190,7 +191,7 @@ TEST(Tolerance, AFloorJustBelowTheLimitIsAttainedAtAPrice) {
   EXPECT_TRUE(a.attainable);
   EXPECT_GT(a.equal[0], 0.0);
   EXPECT_LE(a.cheapest_cost, a.equal_cost);
-  expect_verified(a.cheapest_share);
+  expect_verified(a.cheapest_fraction);
 }
 
 TEST(Tolerance, AResponseThatIsNotThereCannotBeAttained) {
@@ -216,7 +217,7 @@ TEST(Tolerance, AFreshMonteCarloOfARealMapAgreesAndTradesDoNotPay) {
     tell(name_of(response), a);
     const auto share_of = [&](const VectorXd& factors, std::uint64_t seed, int machines) {
       const Eigen::MatrixXd z =
-          drawn(machine.study, points({Sampling::Random, p, seed}, 0, machines));
+          draw_inputs(machine.study, points({Sampling::Random, p, seed}, 0, machines));
       return fraction_below(function.values(factors.asDiagonal() * z), limit);
     };
     SCOPED_TRACE("seeds 1001 .. 1002");
@@ -229,7 +230,7 @@ TEST(Tolerance, AFreshMonteCarloOfARealMapAgreesAndTradesDoNotPay) {
     EXPECT_LT(a.cheapest_cost, a.equal_cost);
     // Trades: one input 15 % looser, another tighter by what the cost then allows.
     const Eigen::MatrixXd drawn_once =
-        drawn(machine.study, points({Sampling::Random, p, 1001}, 0, 20000));
+        draw_inputs(machine.study, points({Sampling::Random, p, 1001}, 0, 20000));
     const auto share_of_trade = [&](const VectorXd& factors) {
       return fraction_below(function.values(factors.asDiagonal() * drawn_once), limit).value;
     };
@@ -258,7 +259,7 @@ TEST(Tolerance, TheSameBitsForAnyNumberOfThreads) {
   const Allocation one = with(1), vector4 = with(4);
   EXPECT_EQ(one.cheapest, vector4.cheapest);
   EXPECT_EQ(one.equal, vector4.equal);
-  EXPECT_EQ(one.cheapest_share.value, vector4.cheapest_share.value);
+  EXPECT_EQ(one.cheapest_fraction.value, vector4.cheapest_fraction.value);
 }
 
 /// A hundred inputs that matter alike: a few hundred machines near the limit could not tell them
@@ -280,9 +281,9 @@ TEST(Tolerance, AHundredLikeInputsAreAllottedAlike) {
   std::cout << "hundred inputs: closed form " << expected << ", equal " << a.equal[0]
             << ", cheapest " << a.cheapest.minCoeff() << " .. " << a.cheapest.maxCoeff()
             << ", cost " << a.cheapest_cost << " against " << 100.0 / expected << ", within "
-            << 100.0 * a.cheapest_share.value << " %, " << answered << " machines answered\n";
+            << 100.0 * a.cheapest_fraction.value << " %, " << answered << " machines answered\n";
   EXPECT_NEAR(a.cheapest_cost, 100.0 / expected, 0.01 * 100.0 / expected);
-  expect_verified(a.cheapest_share);
+  expect_verified(a.cheapest_fraction);
 }
 
 }  // namespace

@@ -30,7 +30,7 @@ FlatMachine correlated_normals() {
 }
 
 TEST(Uncertainty, CovarianceHasTheSpreadsAndTheCorrelationsOfTheStudy) {
-  const Eigen::MatrixXd S = covariance_of(correlated_normals().study);
+  const Eigen::MatrixXd S = input_covariance(correlated_normals().study);
   Eigen::Matrix4d expected = Eigen::Matrix4d::Zero();
   expected.diagonal() << 4.0, 0.25, 1.0, 2.25;
   expected(0, 2) = expected(2, 0) = 0.8 * 2.0 * 1.0;
@@ -44,7 +44,7 @@ TEST(Uncertainty, ClosedFormIsGSG) {
   const UncertaintyMap map = uncertainty_map(machine.study, machine.influence);
   const Eigen::MatrixXd G = machine.influence.slope.transpose();
   const Eigen::VectorXd expected =
-      (G * covariance_of(machine.study) * G.transpose()).diagonal().cwiseSqrt();
+      (G * input_covariance(machine.study) * G.transpose()).diagonal().cwiseSqrt();
   ASSERT_EQ(map.standard_deviation.size(), 200);
   ASSERT_TRUE(map.standard_deviation.allFinite() && expected.allFinite());
   EXPECT_LT((map.standard_deviation - expected).cwiseAbs().maxCoeff(), 1e-17);

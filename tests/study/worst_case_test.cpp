@@ -40,7 +40,7 @@ TEST(WorstCase, BoxTakesTheEndsOfDistributionsAndElseTheCoverage) {
                                 {Kind::Uniform, 3.0, 0.5},
                                 {Kind::Triangular, 0.0, 1.0, -2.0, 0.25},
                                 {Kind::LogNormal, 2.0, 0.1}});
-  const Box box = box_of(study, 3.0);
+  const Box box = input_box(study, 3.0);
   const std::array low = {-5.0, -0.5, 2.5, -1.0, 2.0 * std::exp(-0.3)};
   const std::array high = {7.0, 8.0, 3.5, 0.25, 2.0 * std::exp(0.3)};
   for (Eigen::Index i = 0; i < 5; ++i) {
@@ -54,7 +54,7 @@ TEST(WorstCase, TiltOfAPlaneIsWorstAtItsEndAndTheBoundIsExact) {
   slope.row(0) = VectorXd::LinSpaced(201, -1e-3, 1e-3).transpose();
   slope.row(1).setConstant(5e-3);
   const FlatMachine machine = flat(study_of(normals(2)), slope);
-  const Corner corner = worst_corner(box_of(machine.study, 3.0), machine.influence, Response::Pv,
+  const Corner corner = worst_corner(input_box(machine.study, 3.0), machine.influence, Response::Pv,
                                      function_of(machine.influence, Response::Pv));
   EXPECT_NEAR(corner.response, 6e-3, 1e-15);
   EXPECT_NEAR(corner.bound, 6e-3, 1e-15);
@@ -68,7 +68,7 @@ struct Quality {
 };
 
 void judge(const FlatMachine& machine, Response response, Quality& quality) {
-  const Box box = box_of(machine.study, 3.0);
+  const Box box = input_box(machine.study, 3.0);
   const ResponseFunction function = function_of(machine.influence, response);
   const Corner corner = worst_corner(box, machine.influence, response, function);
   const double worst = function.values(corners(box)).maxCoeff();
@@ -137,7 +137,7 @@ TEST(WorstCase, GradientsAreDifferencesOfTheResponse) {
        {Response::Pv, Response::Rms, Response::Mean, Response::Std, Response::MaxAbs}) {
     const FlatMachine machine = random_machine(study_of(normals(5)), 120, 9);
     const ResponseFunction function = function_of(machine.influence, response);
-    const Eigen::MatrixXd x = interior(box_of(machine.study, 2.0), 40, 11);
+    const Eigen::MatrixXd x = interior(input_box(machine.study, 2.0), 40, 11);
     const Eigen::MatrixXd g = function.gradients(x);
     const double h = 1e-6;
     double worst = 0.0;
@@ -157,7 +157,7 @@ TEST(WorstCase, CountedResponsesHaveNoGradient) {
   const FlatMachine machine = flat(study_of(normals(1)), Eigen::MatrixXd::Ones(1, 3));
   for (const Response filtered : {Response::FormPv, Response::TextureSq}) {
     EXPECT_THROW(gradients(machine.influence, filtered, VectorXd::Zero(1)), std::invalid_argument);
-    EXPECT_EQ(response_bound(machine.influence, box_of(machine.study, 3.0), filtered, 1.0),
+    EXPECT_EQ(response_bound(machine.influence, input_box(machine.study, 3.0), filtered, 1.0),
               infinity)
         << "nothing is promised of a filtered map";
   }
@@ -176,7 +176,7 @@ TEST(WorstCase, WhereNothingIsCutNothingBreaks) {
       [](const Eigen::MatrixXd& x) { return VectorXd::Constant(x.cols(), NAN); },
       [&](const Eigen::MatrixXd& x) { return gradients(machine.influence, Response::Pv, x); }};
   const Corner corner =
-      worst_corner(box_of(machine.study, 3.0), machine.influence, Response::Pv, nothing);
+      worst_corner(input_box(machine.study, 3.0), machine.influence, Response::Pv, nothing);
   EXPECT_TRUE(std::isnan(corner.response));
 }
 
@@ -185,12 +185,13 @@ TEST(WorstCase, AHundredInputsAndThousandsOfVerticesAreBoundedInSecondsWithTheSa
   const ResponseFunction function = function_of(machine.influence, Response::Pv);
   const auto with = [&](std::size_t threads) {
     const tbb::global_control control(tbb::global_control::max_allowed_parallelism, threads);
-    return worst_corner(box_of(machine.study, 3.0), machine.influence, Response::Pv, function);
+    return worst_corner(input_box(machine.study, 3.0), machine.influence, Response::Pv, function);
   };
   const auto begin = std::chrono::steady_clock::now();
   const Corner corner = with(2);
   const std::chrono::duration<double> took = std::chrono::steady_clock::now() - begin;
-  const double random = function.values(interior(box_of(machine.study, 3.0), 2000, 3)).maxCoeff();
+  const double random =
+      function.values(interior(input_box(machine.study, 3.0), 2000, 3)).maxCoeff();
   std::cout << "100 inputs, 3000 vertices: " << corner.response << " mm found, bound "
             << corner.bound << ", worst of 2000 random machines " << random << ", " << took.count()
             << " s\n";

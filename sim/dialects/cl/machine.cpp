@@ -120,7 +120,7 @@ bool Statements::next(Statement& statement) {
 
 void read_items(Statement& statement, const program::Canon& canon) {
   if (statement.lines.size() > max_lines)
-    canon.refuse(statement.cause, "a statement of at most 200 lines", "more");
+    canon.throw_input_error(statement.cause, "a statement of at most 200 lines", "more");
   bool is_separated = true;  // behind a comma, or before the first item
   bool is_behind_comma = false;
   Item last_comma;
@@ -131,7 +131,7 @@ void read_items(Statement& statement, const program::Canon& canon) {
       if (line.text[at] == ',') {
         item.text = line.text.substr(at, 1);
         // Blanks and commas separate items, but an empty item between commas is an error.
-        if (is_separated) refuse(canon, item, "a value between the commas");
+        if (is_separated) throw_input_error(canon, item, "a value between the commas");
         is_separated = is_behind_comma = true;
         last_comma = item;
         ++at;
@@ -141,19 +141,20 @@ void read_items(Statement& statement, const program::Canon& canon) {
       item.text = line.text.substr(at, end - at);
       item.number = number_of(item.text);
       if (statement.items.size() == max_items)
-        refuse(canon, item, "at most 1000 values in a statement");
+        throw_input_error(canon, item, "at most 1000 values in a statement");
       statement.items.push_back(item);
       is_separated = is_behind_comma = false;
       at = end;
     }
-  if (is_behind_comma) refuse(canon, last_comma, "a value behind the last comma", "none");
+  if (is_behind_comma)
+    throw_input_error(canon, last_comma, "a value behind the last comma", "none");
 }
 
 // The item may be on another line than the statement.
-void refuse(const program::Canon& canon, const Item& item, std::string expected,
-            std::optional<std::string> seen) {
-  program::refuse({canon.place().file, item.line}, item.cause(), std::move(expected),
-                  std::move(seen));
+void throw_input_error(const program::Canon& canon, const Item& item, std::string expected,
+                       std::optional<std::string> seen) {
+  program::throw_input_error({canon.place().file, item.line}, item.cause(), std::move(expected),
+                             std::move(seen));
 }
 
 namespace {
@@ -173,9 +174,10 @@ double Machine::unit() const { return is_inch_ ? units::inch : 1.0; }
 
 double Machine::number(const Statement& statement, std::size_t i, const char* what) const {
   if (i >= statement.items.size())
-    refuse(statement.cause, fmt::format("{} behind {}", what, statement.major), "too few values");
+    throw_input_error(statement.cause, fmt::format("{} behind {}", what, statement.major),
+                      "too few values");
   if (!statement.items[i].number)
-    refuse(statement.items[i], fmt::format("{}, a number within +-1e9", what));
+    throw_input_error(statement.items[i], fmt::format("{}, a number within +-1e9", what));
   return *statement.items[i].number;
 }
 
@@ -187,7 +189,7 @@ Eigen::Vector3d Machine::vector(const Statement& statement, std::size_t i, const
 int Machine::whole_number(const Item& item, int max, const char* what) const {
   const double value = item.number.value_or(-1.0);
   if (!(value >= 0 && value <= max) || value != std::floor(value))
-    refuse(item, fmt::format("{}, a whole number of 0 to {}", what, max));
+    throw_input_error(item, fmt::format("{}, a whole number of 0 to {}", what, max));
   return int(value);
 }
 
@@ -205,19 +207,21 @@ void Machine::execute(Statement& statement) {
   canon_.set_line(statement.line);
   // Behind "$$->" Creo writes the cutter; everything else there is a comment.
   if (statement.in_comment && statement.major != "CUTTER") return;
-  if (statement.major.empty()) refuse(statement.cause, "a word at the beginning of the statement");
+  if (statement.major.empty())
+    throw_input_error(statement.cause, "a word at the beginning of the statement");
   const WordEntry* entry = find_entry(statement.major);
   if (entry == nullptr) {
     const auto& first = statement.lines.front();
     // A definition such as "L1 = LINE/..." is APT source that has not been processed.
     if (first.text.find('=', first.from) != std::string_view::npos)
-      refuse(statement.cause,
-             "posted statements: an APT source with definitions is processed first",
-             "a definition");
+      throw_input_error(statement.cause,
+                        "posted statements: an APT source with definitions is processed first",
+                        "a definition");
     run_.handle_unknown_word(statement.cause, "a word of cutter locations");
     return;
   }
-  if (entry->use == Use::Refused) refuse(statement.cause, std::string(entry->sentence));
+  if (entry->use == WordTreatment::Refused)
+    throw_input_error(statement.cause, std::string(entry->sentence));
   if (entry->handler == nullptr) return;
   read_items(statement, canon_);
   (this->*entry->handler)(statement);
@@ -226,14 +230,14 @@ void Machine::execute(Statement& statement) {
 void Machine::fini(const Statement&) { has_ended_ = true; }
 
 void Machine::units(const Statement& statement) {
-  if (statement.items.size() != 1) refuse(statement.cause, "MM or INCHES behind UNITS/");
+  if (statement.items.size() != 1) throw_input_error(statement.cause, "MM or INCHES behind UNITS/");
   const Item& item = statement.items.front();
   if (item.is_word("INCHES") || item.is_word("INCH") || item.is_word("IN"))
     is_inch_ = true;
   else if (item.is_word("MM"))
     is_inch_ = false;
   else
-    refuse(item, "MM or INCHES");
+    throw_input_error(item, "MM or INCHES");
   are_units_stated_ = true;
   // The canon needs the unit for rewriting and for comments.
   canon_.set_inch(is_inch_);
@@ -246,12 +250,12 @@ void Machine::multax(const Statement& statement) {
     is_upright_ = true;
     direction_ = Eigen::Vector3d::UnitZ();
   } else {
-    refuse(statement.items.front(), "ON or OFF");
+    throw_input_error(statement.items.front(), "ON or OFF");
   }
 }
 
 void Machine::rapid(const Statement& statement) {
-  for (const Item& item : statement.items) refuse(item, "nothing behind RAPID");
+  for (const Item& item : statement.items) throw_input_error(item, "nothing behind RAPID");
   is_next_rapid_ = true;
 }
 
@@ -263,8 +267,8 @@ void Machine::feedrate(const Statement& statement) {
   double unit_mm = unit();
   for (const Item& item : statement.items) {
     if (item.number) {
-      if (value) refuse(item, "one feed");
-      if (!(*item.number >= min_feed)) refuse(item, "a feed above zero");
+      if (value) throw_input_error(item, "one feed");
+      if (!(*item.number >= min_feed)) throw_input_error(item, "a feed above zero");
       value = item.number;
     } else if (item.is_word("MMPM") || item.is_word("MMPR")) {
       unit_mm = 1.0;
@@ -281,7 +285,7 @@ void Machine::feedrate(const Statement& statement) {
       handle_unknown_item(statement, item, "MMPM, MMPR, IPM, IPR, PERMIN, PERREV or INVERS");
     }
   }
-  if (!value) refuse(statement.cause, "a feed behind FEDRAT/", "none");
+  if (!value) throw_input_error(statement.cause, "a feed behind FEDRAT/", "none");
   canon_.set_feed_mode(mode);
   canon_.set_feed(Feed{*value, unit_mm});
 }
@@ -293,14 +297,14 @@ void Machine::delay(const Statement& statement) {
     if (!statement.items[1].is_word("REV"))
       return handle_unknown_item(statement, statement.items[1], "REV, or nothing for seconds");
     if (canon_.spindle_direction() == 0 || !(canon_.spindle_speed() > 0))
-      refuse(statement.items[1], "a spindle that turns beside REV", "one that stands");
+      throw_input_error(statement.items[1], "a spindle that turns beside REV", "one that stands");
     seconds *= 60.0 / canon_.spindle_speed();
   }
   canon_.dwell(seconds, statement.items.front().cause());
 }
 
 void Machine::stop(const Statement& statement) {
-  canon_.aside(statement.major == "STOP" ? "M0" : "M1");
+  canon_.record_auxiliary_word(statement.major == "STOP" ? "M0" : "M1");
 }
 
 /// Checks that there is only one MSYS, the system in which the points count: nothing states the
@@ -308,25 +312,25 @@ void Machine::stop(const Statement& statement) {
 void Machine::msys(const Statement& statement) {
   const std::string text = item_text(statement);
   if (msys_text_ && *msys_text_ != text)
-    refuse(statement.cause,
-           "one MSYS for the whole program: nothing says how the part lies in a second");
+    throw_input_error(statement.cause,
+                      "one MSYS for the whole program: nothing says how the part lies in a second");
   msys_text_ = text;
 }
 
 void Machine::origin(const Statement& statement) {
   for (const Item& item : statement.items)
     if (item.number.value_or(1.0) != 0.0)
-      refuse(item, "0,0,0: a work offset says where the points count from");
+      throw_input_error(item, "0,0,0: a work offset says where the points count from");
 }
 
 /// Throws BadInput for CUTCOM and OPSKIP with anything but OFF, which would change the path.
 void Machine::require_off(const Statement& statement) {
   if (statement.items.size() == 1 && statement.items.front().is_word("OFF")) return;
-  refuse(statement.cause,
-         statement.major == "CUTCOM"
-             ? "CUTCOM/OFF, the points being those of the tip: paths that a control "
-               "shifts by a radius are not read"
-             : statement.major + "/OFF, as nothing may be left out");
+  throw_input_error(statement.cause,
+                    statement.major == "CUTCOM"
+                        ? "CUTCOM/OFF, the points being those of the tip: paths that a control "
+                          "shifts by a radius are not read"
+                        : statement.major + "/OFF, as nothing may be left out");
 }
 
 void Machine::auxiliary(const Statement& statement) {
@@ -369,18 +373,18 @@ bool is_one_of(const Item& item, const List& list) {
 /// Changes the tool, for example LOADTL/n,LENGTH,l,OSETNO,k.
 void Machine::load_tool(const Statement& statement) {
   if (statement.items.empty())
-    refuse(statement.cause, "the number of a tool behind LOADTL/", "none");
+    throw_input_error(statement.cause, "the number of a tool behind LOADTL/", "none");
   const int tool = whole_number(statement.items.front(), max_tool, "the number of a tool");
   for (std::size_t i = 1; i < statement.items.size(); ++i)
     if (!statement.items[i].number && !is_one_of(statement.items[i], tool_words))
       handle_unknown_item(statement, statement.items[i],
                           "LENGTH, OSETNO, ADJUST, RADIUS, MANUAL, AUTO or HOLDER");
-  canon_.call_tool(tool, true);
-  canon_.aside(fmt::format("T{} M6", tool));
+  canon_.record_tool_call(tool, true);
+  canon_.record_auxiliary_word(fmt::format("T{} M6", tool));
   const auto& lengths = canon_.options().tool_length;
   tool_ = tool;
   // The only length of the scene applies, whatever the number of the tool in the program.
-  if (canon_.options().control_of_h.empty() && !lengths.count(tool) && !lengths.empty())
+  if (canon_.options().control_by_h.empty() && !lengths.count(tool) && !lengths.empty())
     tool_ = lengths.begin()->first;
   canon_.select_length(tool_, statement.cause);
 }
@@ -388,7 +392,7 @@ void Machine::load_tool(const Statement& statement) {
 /// Changes the tool by LOAD/TOOL,n, which is the same as LOADTL/n.
 void Machine::load(const Statement& statement) {
   if (statement.items.size() < 2 || !statement.items.front().is_word("TOOL"))
-    refuse(statement.cause, "LOAD/TOOL and a number");
+    throw_input_error(statement.cause, "LOAD/TOOL and a number");
   Statement loadtl = statement;
   loadtl.items.erase(loadtl.items.begin());
   load_tool(loadtl);
@@ -397,10 +401,11 @@ void Machine::load(const Statement& statement) {
 /// Selects the tool of the next change: SELECT/TOOL,n or SELCTL/n.
 void Machine::select(const Statement& statement) {
   const std::size_t i = !statement.items.empty() && statement.items.front().is_word("TOOL") ? 1 : 0;
-  if (i >= statement.items.size()) refuse(statement.cause, "the number of a tool", "none");
+  if (i >= statement.items.size())
+    throw_input_error(statement.cause, "the number of a tool", "none");
   const int tool = whole_number(statement.items[i], max_tool, "the number of a tool");
-  canon_.call_tool(tool, false);
-  canon_.aside(fmt::format("T{}", tool));
+  canon_.record_tool_call(tool, false);
+  canon_.record_auxiliary_word(fmt::format("T{}", tool));
 }
 
 /// Sets the spindle, for example SPINDL/1000,RPM,CLW, SPINDL/RPM,1000,CLW, SPINDL/ON or SPINDL/OFF.
@@ -413,7 +418,7 @@ void Machine::spindle(const Statement& statement) {
     };
     if (item.number) {
       if (!(*item.number >= 0 && *item.number <= max_rpm))
-        refuse(item, "a spindle speed of 0 to 1e7 rpm");
+        throw_input_error(item, "a spindle speed of 0 to 1e7 rpm");
       speed_rpm_ = *item.number;
     } else if (item.is_word("CLW") || item.is_word("CCLW")) {
       direction = spindle_direction_ = item.is_word("CLW") ? 1 : -1;
@@ -421,7 +426,7 @@ void Machine::spindle(const Statement& statement) {
       direction = 0;
     } else if (item.is_word("SFM") || item.is_word("SMM") || item.is_word("SFPM")) {
       // A surface speed needs a diameter, which a milling tool path does not state.
-      refuse(item, "a speed in RPM: surface speeds are not read");
+      throw_input_error(item, "a speed in RPM: surface speeds are not read");
     } else if (item.is_word("RANGE") || item.is_word("MAXRPM")) {
       skip_value();
     } else if (item.is_word("ORIENT")) {
@@ -431,16 +436,17 @@ void Machine::spindle(const Statement& statement) {
       handle_unknown_item(statement, item, "RPM, CLW, CCLW, ON, OFF, RANGE or ORIENT");
     }
   }
-  if (statement.items.empty()) refuse(statement.cause, "a speed, ON or OFF behind SPINDL/", "none");
+  if (statement.items.empty())
+    throw_input_error(statement.cause, "a speed, ON or OFF behind SPINDL/", "none");
   canon_.set_spindle_speed(speed_rpm_);
   canon_.turn_spindle(direction);
 }
 
 void Machine::coolant(const Statement& statement) {
   if (statement.items.empty())
-    refuse(statement.cause, "ON, OFF, FLOOD, MIST or another coolant", "none");
+    throw_input_error(statement.cause, "ON, OFF, FLOOD, MIST or another coolant", "none");
   const Item& item = statement.items.front();
-  canon_.aside(item.is_word("OFF") ? "M9" : item.is_word("MIST") ? "M7" : "M8");
+  canon_.record_auxiliary_word(item.is_word("OFF") ? "M9" : item.is_word("MIST") ? "M7" : "M8");
 }
 
 /// Compares the cutter, CUTTER/diameter,corner radius, with the tool of the scene.
@@ -514,8 +520,8 @@ class Table {
   void assume_columns(const std::vector<Cell>& cells);
   double number(const std::vector<Cell>& cells, std::size_t column) const;
   void read_feed(const Cell& cell);
-  [[noreturn]] void refuse(const Cell& cell, const std::string& expected) const {
-    run_.canon.refuse({cell.column, cell.text}, expected, in_quotes(cell.text));
+  [[noreturn]] void throw_input_error(const Cell& cell, const std::string& expected) const {
+    run_.canon.throw_input_error({cell.column, cell.text}, expected, quoted_excerpt(cell.text));
   }
 
   ProgramRun& run_;
@@ -539,17 +545,17 @@ void Table::read_header(const std::vector<Cell>& cells) {
       continue;
     }
     auto& column = columns[std::size_t(names - column_names.begin())];
-    if (column) refuse(cells[c], "each column once");
+    if (column) throw_input_error(cells[c], "each column once");
     column = c;
   }
   for (std::size_t i = 0; i < 3; ++i)
     if (!columns[i])
-      run_.canon.refuse({1, {}}, fmt::format("a column {}", column_names[i][0]), "none");
+      run_.canon.throw_input_error({1, {}}, fmt::format("a column {}", column_names[i][0]), "none");
   // A vector needs all three components.
   const int component_count =
       int(columns[3].has_value()) + int(columns[4].has_value()) + int(columns[5].has_value());
   if (component_count != 0 && component_count != 3)
-    run_.canon.refuse({1, {}}, "columns i, j and k together", "some of them");
+    run_.canon.throw_input_error({1, {}}, "columns i, j and k together", "some of them");
   columns_ = columns;
 }
 
@@ -557,8 +563,8 @@ void Table::assume_columns(const std::vector<Cell>& cells) {
   Columns columns;
   const std::size_t width = cells.size();
   if (width != 3 && width != 4 && width != 6 && width != 7)
-    run_.canon.refuse({1, {}}, "a head, or 3, 4, 6 or 7 columns: x y z, feed, i j k",
-                      fmt::format("{} columns", width));
+    run_.canon.throw_input_error({1, {}}, "a head, or 3, 4, 6 or 7 columns: x y z, feed, i j k",
+                                 fmt::format("{} columns", width));
   // Of four columns the fourth one is the feed and not i.
   for (std::size_t i = 0; i < width; ++i) columns[width == 4 && i == 3 ? 6 : i] = i;
   columns_ = columns;
@@ -567,7 +573,7 @@ void Table::assume_columns(const std::vector<Cell>& cells) {
 double Table::number(const std::vector<Cell>& cells, std::size_t column) const {
   const Cell& cell = cells[*(*columns_)[column]];
   const auto value = number_of(cell.text);
-  if (!value) refuse(cell, "a number within +-1e9, with a decimal point");
+  if (!value) throw_input_error(cell, "a number within +-1e9, with a decimal point");
   return *value;
 }
 
@@ -575,13 +581,14 @@ void Table::read_feed(const Cell& cell) {
   if (cell.text.empty()) return;
   if (is_same_word(cell.text, "RAPID")) return machine_.request_rapid();
   const auto value = number_of(cell.text);
-  if (!value || !(*value > 0)) refuse(cell, "a feed above zero in mm/min, or rapid");
+  if (!value || !(*value > 0)) throw_input_error(cell, "a feed above zero in mm/min, or rapid");
   machine_.set_feed({*value, 1.0});
 }
 
 void Table::read_row(std::string_view line, int line_number) {
-  const std::vector<Cell> cells = cells_of(line, cell_separator(line), max_cells);
-  if (cells.size() > max_cells) run_.canon.refuse({1, {}}, "at most 100 columns", "more");
+  const std::vector<Cell> cells = split_cells(line, cell_separator(line), max_cells);
+  if (cells.size() > max_cells)
+    run_.canon.throw_input_error({1, {}}, "at most 100 columns", "more");
   // Rows have no meaning without a valid header.
   if (is_header_invalid_) return;
   if (!columns_) {
@@ -596,8 +603,8 @@ void Table::read_row(std::string_view line, int line_number) {
     assume_columns(cells);
   }
   if (cells.size() != width_)
-    run_.canon.refuse({1, {}}, fmt::format("{} columns, as in the first row", width_),
-                      fmt::format("{}", cells.size()));
+    run_.canon.throw_input_error({1, {}}, fmt::format("{} columns, as in the first row", width_),
+                                 fmt::format("{}", cells.size()));
   Location to{{number(cells, 0), number(cells, 1), number(cells, 2)}, machine_.direction()};
   if (const auto i = (*columns_)[3])
     to.direction = machine_.unit_direction(make_item(cells[*i], line_number),
@@ -613,10 +620,10 @@ void Table::read_row(std::string_view line, int line_number) {
 }  // namespace
 
 bool is_table(std::string_view text) {
-  Lines lines(text);
+  LineReader lines(text);
   while (const auto line = lines.next()) {
     if (!is_not_blank(*line)) continue;
-    const std::vector<Cell> cells = cells_of(*line, cell_separator(*line), column_count);
+    const std::vector<Cell> cells = split_cells(*line, cell_separator(*line), column_count);
     return !cells.empty() &&
            (number_of(cells.front().text) ||
             (cells.size() > 1 && std::any_of(cells.begin(), cells.end(), [](const Cell& cell) {
@@ -628,7 +635,7 @@ bool is_table(std::string_view text) {
 
 void read_table(std::string_view text, ProgramRun& run) {
   Table table(run);
-  Lines lines(text);
+  LineReader lines(text);
   while (const auto line = lines.next()) {
     if (run.is_aborted()) return;
     if (!is_not_blank(*line)) continue;

@@ -55,7 +55,7 @@ class Statements {
   bool next(Statement& statement);
 
  private:
-  Lines lines_;
+  LineReader lines_;
 };
 
 /// Splits the items of a statement at commas and blanks. Throws BadInput for an empty item between
@@ -63,15 +63,15 @@ class Statements {
 void read_items(Statement& statement, const program::Canon& canon);
 
 /// Throws BadInput at an item, which may be on a continuation line.
-[[noreturn]] void refuse(const program::Canon& canon, const Item& item, std::string expected,
-                         std::optional<std::string> seen = {});
+[[noreturn]] void throw_input_error(const program::Canon& canon, const Item& item,
+                                    std::string expected, std::optional<std::string> seen = {});
 
 class Machine;
 
 /// Major words with the same treatment and handler: an entry of the word table.
 struct WordEntry {
   std::string_view words;
-  Use use = Use::Read;
+  WordTreatment use = WordTreatment::Read;
   std::string_view sentence;
   void (Machine::*handler)(const Statement&) = nullptr;
 };
@@ -167,13 +167,13 @@ class Machine {
     program::FeedMode mode = program::FeedMode::PerMinute;
   };
 
-  [[noreturn]] void refuse(const Item& item, std::string expected,
-                           std::optional<std::string> seen = {}) const {
-    cl::refuse(canon_, item, std::move(expected), std::move(seen));
+  [[noreturn]] void throw_input_error(const Item& item, std::string expected,
+                                      std::optional<std::string> seen = {}) const {
+    cl::throw_input_error(canon_, item, std::move(expected), std::move(seen));
   }
-  [[noreturn]] void refuse(const Cause& cause, std::string expected,
-                           std::optional<std::string> seen = {}) const {
-    canon_.refuse(cause, std::move(expected), std::move(seen));
+  [[noreturn]] void throw_input_error(const Cause& cause, std::string expected,
+                                      std::optional<std::string> seen = {}) const {
+    canon_.throw_input_error(cause, std::move(expected), std::move(seen));
   }
   void handle_unknown_item(const Statement& statement, const Item& item,
                            const std::string& expected);

@@ -11,7 +11,7 @@
 namespace abbe::sim::dialects::cl {
 
 using Eigen::Vector3d;
-using kinematics::Reach;
+using kinematics::Reachability;
 using program::Feed;
 using program::FeedMode;
 
@@ -33,8 +33,8 @@ std::string vector_text(const Eigen::Vector3d& v) {
 Eigen::Vector3d Machine::unit_direction(const Item& first, const Eigen::Vector3d& ijk) const {
   const double length = ijk.norm();
   if (!(std::abs(length - 1.0) <= max_length_deviation))
-    refuse(first, "a tool vector of length 1, within a thousandth",
-           fmt::format("{}, of length {:.6g}", vector_text(ijk), length));
+    throw_input_error(first, "a tool vector of length 1, within a thousandth",
+                      fmt::format("{}, of length {:.6g}", vector_text(ijk), length));
   return ijk / length;
 }
 
@@ -48,16 +48,17 @@ Eigen::Vector3d Machine::offset_origin() const {
 Location Machine::parse_location(const Statement& statement) {
   const std::size_t count = statement.items.size();
   if (count != 3 && count != 6)
-    refuse(count > 6 ? statement.items[6].cause() : statement.cause,
-           "x,y,z or x,y,z,i,j,k behind " + statement.major, fmt::format("{} values", count));
+    throw_input_error(count > 6 ? statement.items[6].cause() : statement.cause,
+                      "x,y,z or x,y,z,i,j,k behind " + statement.major,
+                      fmt::format("{} values", count));
   Location to{vector(statement, 0, "a coordinate") * unit(), direction_};
   if (count == 6)
     to.direction = unit_direction(statement.items[3], vector(statement, 3, "a tool vector"));
   // A tilted vector contradicts MULTAX/OFF.
   if (is_upright_ &&
       kinematics::angle_between(to.direction, Eigen::Vector3d::UnitZ()) > upright_tolerance)
-    refuse(statement.items[3], "MULTAX/ON before a tool vector that is not 0,0,1",
-           vector_text(to.direction));
+    throw_input_error(statement.items[3], "MULTAX/ON before a tool vector that is not 0,0,1",
+                      vector_text(to.direction));
   return to;
 }
 
@@ -90,17 +91,18 @@ kinematics::AxisVector Machine::solve_axes(const Location& to, const Eigen::Vect
                                            const Cause& cause) {
   kinematics::NearestPose pose;
   try {
-    pose = kinematics::nearest_inverse_solution(canon_.chain(), {tip_w, to.direction},
-                                                canon_.position());
+    pose = kinematics::solve_nearest_pose(canon_.chain(), {tip_w, to.direction}, canon_.position());
   } catch (const std::invalid_argument& error) {
-    refuse(cause, "a machine of three slides and at most two rotary axes for cutter locations",
-           error.what());
+    throw_input_error(cause,
+                      "a machine of three slides and at most two rotary axes for cutter locations",
+                      error.what());
   }
-  if (pose.reach == Reach::Unreachable)
-    refuse(cause, "a tool vector that the axes of the machine (" + canon_.letters() + ") reach",
-           vector_text(to.direction));
+  if (pose.reach == Reachability::Unreachable)
+    throw_input_error(cause,
+                      "a tool vector that the axes of the machine (" + canon_.letters() + ") reach",
+                      vector_text(to.direction));
   if (pose.q.size() == 0)
-    refuse(
+    throw_input_error(
         cause, "a location within the travel of the axes",
         fmt::format("{} with the tool vector {}", vector_text(to.tip), vector_text(to.direction)));
   // Fanuc's rule compares the travel axis by axis, not the total travel.
@@ -112,7 +114,8 @@ kinematics::AxisVector Machine::solve_axes(const Location& to, const Eigen::Vect
 /// Returns the axes for a location. The rotary axes stay if the vector is the same, so that
 /// rounding of the inverse does not move them.
 kinematics::AxisVector Machine::axes_for(const Location& to, const Cause& cause) {
-  if (!(to.tip.cwiseAbs().maxCoeff() <= max_position)) refuse(cause, "a position within 1e6 mm");
+  if (!(to.tip.cwiseAbs().maxCoeff() <= max_position))
+    throw_input_error(cause, "a position within 1e6 mm");
   enter_tip_mode(cause);
   const Eigen::Vector3d tip_w = to.tip + offset_origin();
   AxisVector end = canon_.position();
@@ -125,7 +128,7 @@ kinematics::AxisVector Machine::axes_for(const Location& to, const Cause& cause)
 }
 
 void Machine::check_feed(const Cause& cause) const {
-  if (!canon_.feed()) refuse(cause, "FEDRAT/ before the first move at feed", "none");
+  if (!canon_.feed()) throw_input_error(cause, "FEDRAT/ before the first move at feed", "none");
 }
 
 /// Records the deviation of the tool axis from the great circle in the middle of the next move. The
@@ -170,7 +173,8 @@ void Machine::go_to(const Location& to, const Cause& cause, bool stated) {
   if (drill_cycle_) return make_hole(to, cause);
   // Behind the first arc RAPID ends the circle; before it RAPID is an error.
   if (circle_ && rapid && circle_->arcs == 0)
-    refuse(cause, "a point at feed behind " + std::string(circle_->word), "one at rapid");
+    throw_input_error(cause, "a point at feed behind " + std::string(circle_->word),
+                      "one at rapid");
   if (circle_ && !rapid && is_on_circle(to)) return arc(to, cause, stated);
   circle_.reset();
   straight(to, cause, stated, rapid);
@@ -189,8 +193,8 @@ void Machine::go_delta(const Statement& statement) {
   else if (statement.items.size() == 3)
     to.tip += vector(statement, 0, "a step") * unit();
   else
-    refuse(statement.cause, "dx,dy,dz or one step along the tool axis behind GODLTA/",
-           fmt::format("{} values", statement.items.size()));
+    throw_input_error(statement.cause, "dx,dy,dz or one step along the tool axis behind GODLTA/",
+                      fmt::format("{} values", statement.items.size()));
   circle_.reset();
   go_to(to, statement.cause, false);
 }
@@ -210,14 +214,14 @@ void Machine::from(const Statement& statement) {
 
 /// Moves to the point of FROM, or to the initial axis positions.
 void Machine::go_home(const Statement& statement) {
-  for (const Item& item : statement.items) refuse(item, "nothing behind GOHOME");
+  for (const Item& item : statement.items) throw_input_error(item, "nothing behind GOHOME");
   circle_.reset();
   if (home_) return straight(*home_, statement.cause, true, true);
   enter_tip_mode(statement.cause);
   // Without FROM home is a position of the axes, not of the tip.
   canon_.go_to(program::Coordinates::Axis, statement.cause);
   canon_.traverse(
-      {.end = start_of(canon_.options()), .cause = statement.cause, .stated = every_joint});
+      {.end = initial_position(canon_.options()), .cause = statement.cause, .stated = every_joint});
   canon_.go_to(program::Coordinates::Tip, statement.cause);
   direction_ = canon_.chain().tool_in_workpiece(canon_.position()).linear().col(2);
   solved_direction_ = direction_;
@@ -225,8 +229,8 @@ void Machine::go_home(const Statement& statement) {
 
 /// Sets the tool axis for points without a vector.
 void Machine::tool_axis(const Statement& statement) {
-  if (statement.items.size() != 3) refuse(statement.cause, "i,j,k behind TLAXIS/");
-  if (is_upright_) refuse(statement.cause, "MULTAX/ON before TLAXIS/");
+  if (statement.items.size() != 3) throw_input_error(statement.cause, "i,j,k behind TLAXIS/");
+  if (is_upright_) throw_input_error(statement.cause, "MULTAX/ON before TLAXIS/");
   direction_ = unit_direction(statement.items.front(), vector(statement, 0, "a tool vector"));
 }
 
@@ -274,7 +278,7 @@ Machine::Circle Machine::parse_circle(const Statement& statement, std::string_vi
       unit_direction(statement.items.size() > 3 ? statement.items[3] : statement.items.front(),
                      vector(statement, 3, "the vector of a circle"));
   circle.radius = number(statement, 6, "the radius of a circle") * unit();
-  if (!(circle.radius > 0)) refuse(statement.items[6], "a radius above zero");
+  if (!(circle.radius > 0)) throw_input_error(statement.items[6], "a radius above zero");
   return circle;
 }
 
@@ -283,8 +287,8 @@ Machine::Circle Machine::parse_circle(const Statement& statement, std::string_vi
 void Machine::circle(const Statement& statement) {
   const std::size_t count = statement.items.size();
   if (count != 7 && count < 11)
-    refuse(statement.cause, "x,y,z,i,j,k,r or x,y,z,i,j,k,r,t,f,d,e behind CIRCLE/",
-           fmt::format("{} values", count));
+    throw_input_error(statement.cause, "x,y,z,i,j,k,r or x,y,z,i,j,k,r,t,f,d,e behind CIRCLE/",
+                      fmt::format("{} values", count));
   Circle circle = parse_circle(statement, "CIRCLE/");
   circle.for_next_point_only = count > 7;
   circle.is_sense_ambiguous = count == 7;
@@ -295,7 +299,7 @@ void Machine::circle(const Statement& statement) {
       number(statement, i, "tolerance, its share, diameter and corner radius");
     } else if (!statement.items[i].is_word("TIMES") &&
                statement.items[i].number.value_or(2.0) > 1.0) {
-      refuse(statement.items[i], "arcs of at most a whole turn: TIMES is not read");
+      throw_input_error(statement.items[i], "arcs of at most a whole turn: TIMES is not read");
     }
   }
   circle_ = circle;
@@ -310,8 +314,9 @@ void Machine::moving_arc(const Statement& statement) {
   circle.sweep = number(statement, i, "the degrees of an arc") * units::deg;
   // 1e6 rad keeps the number of turns within int.
   if (!(*circle.sweep > 0 && *circle.sweep < 1e6))
-    refuse(statement.items[i], "an angle of 0 to 5.7e7 deg");
-  if (i + 1 < statement.items.size()) refuse(statement.items[i + 1], "nothing behind the angle");
+    throw_input_error(statement.items[i], "an angle of 0 to 5.7e7 deg");
+  if (i + 1 < statement.items.size())
+    throw_input_error(statement.items[i + 1], "nothing behind the angle");
   circle_ = circle;
 }
 
@@ -349,10 +354,10 @@ void Machine::check_radii(const Vector3d& to, const Cause& cause) const {
        {std::pair{current_location().tip, "start"}, std::pair{to, "end"}}) {
     const double radius = perpendicular_part(point - circle.centre, circle.axis).norm();
     if (std::abs(radius - circle.radius) > radius_tolerance(circle.radius))
-      refuse(cause,
-             fmt::format("the {} of the arc {:.6g} mm from the axis of {} of line {}", name,
-                         circle.radius, circle.word, circle.line),
-             fmt::format("{:.6g} mm", radius));
+      throw_input_error(cause,
+                        fmt::format("the {} of the arc {:.6g} mm from the axis of {} of line {}",
+                                    name, circle.radius, circle.word, circle.line),
+                        fmt::format("{:.6g} mm", radius));
   }
 }
 
@@ -363,20 +368,20 @@ void Machine::check_sense(double sweep, const Cause& cause) {
   if (circle.sweep) {
     const double turns = (*circle.sweep - sweep) / (2 * pi);
     if (std::abs(turns - std::round(turns)) * 2 * pi > sweep_tolerance)
-      refuse(cause,
-             fmt::format("the end of an arc of {:.6g} deg, as MOVARC/ of line {} says",
-                         *circle.sweep / units::deg, circle.line),
-             fmt::format("one of {:.6g} deg", sweep / units::deg));
+      throw_input_error(cause,
+                        fmt::format("the end of an arc of {:.6g} deg, as MOVARC/ of line {} says",
+                                    *circle.sweep / units::deg, circle.line),
+                        fmt::format("one of {:.6g} deg", sweep / units::deg));
   }
   circle.total_sweep += sweep;
   // Points that exceed one turn in total show that the vector has the other sign.
   if (circle.total_sweep > 2 * pi + angle_tolerance && circle.arcs > 0)
-    refuse(cause,
-           fmt::format("points that go once around the CIRCLE/ of line {} at most, "
-                       "counter-clockwise about its vector",
-                       circle.line),
-           fmt::format("{:.4g} deg: the vector seems to point the other way",
-                       circle.total_sweep / units::deg));
+    throw_input_error(cause,
+                      fmt::format("points that go once around the CIRCLE/ of line {} at most, "
+                                  "counter-clockwise about its vector",
+                                  circle.line),
+                      fmt::format("{:.4g} deg: the vector seems to point the other way",
+                                  circle.total_sweep / units::deg));
   const bool is_full_circle = sweep > 2 * pi - angle_tolerance;
   // A sweep of more than half a turn suggests a vector of the opposite convention.
   if (circle.is_sense_ambiguous && sweep > pi - angle_tolerance && !is_full_circle)
@@ -409,10 +414,10 @@ void Machine::arc(const Location& to, const Cause& cause, bool stated) {
   if (circle.sweep) move.turns = 1 + int(std::lround((*circle.sweep - sweep) / (2 * pi)));
   const int x = canon_.joint_of('X'), y = canon_.joint_of('Y'), z = canon_.joint_of('Z');
   const Vector3d centre = circle.centre + offset_origin();
-  move.placed_centre = canon_.position();
-  move.placed_centre[x] = centre.x();
-  move.placed_centre[y] = centre.y();
-  move.placed_centre[z] = centre.z();
+  move.centre_with_offsets = canon_.position();
+  move.centre_with_offsets[x] = centre.x();
+  move.centre_with_offsets[y] = centre.y();
+  move.centre_with_offsets[z] = centre.z();
   // A circle about X, Y or Z lies in the plane of two axes, which needs no rotation.
   const std::array<std::array<int, 3>, 3> planes{{{y, z, x}, {z, x, y}, {x, y, z}}};
   for (int k = 0; k < 3; ++k)
@@ -450,7 +455,7 @@ Machine::DrillCycle Machine::parse_drill_cycle(const Statement& statement) {
   DrillLevels levels;
   DrillCycle cycle;
   const auto set_once = [&](std::optional<double>& level, const Item& word, double value) {
-    if (level) refuse(word, "a distance once", std::string(word.text) + " besides");
+    if (level) throw_input_error(word, "a distance once", std::string(word.text) + " besides");
     level = value;
   };
   for (std::size_t i = 1; i < statement.items.size(); ++i) {
@@ -460,7 +465,7 @@ Machine::DrillCycle Machine::parse_drill_cycle(const Statement& statement) {
       levels.bottom = -*word.number * unit();
       continue;
     }
-    if (word.number) refuse(word, "a word before the number");
+    if (word.number) throw_input_error(word, "a word before the number");
     const bool is_feed_unit = word.is_word("MMPM") || word.is_word("IPM") ||
                               word.is_word("PERMIN") || word.is_word("MMPR") ||
                               word.is_word("IPR") || word.is_word("PERREV");
@@ -476,13 +481,13 @@ Machine::DrillCycle Machine::parse_drill_cycle(const Statement& statement) {
     }
     // A word without a number is a level that only the control knows.
     if (i + 1 < statement.items.size() && !statement.items[i + 1].number)
-      refuse(statement.items[i + 1],
-             fmt::format("a number behind {}: levels that a control chooses are "
-                         "not known here",
-                         word.text));
+      throw_input_error(statement.items[i + 1],
+                        fmt::format("a number behind {}: levels that a control chooses are "
+                                    "not known here",
+                                    word.text));
     const double value = number(statement, ++i, "a number");
     if (is_feed_unit) {
-      if (!(value > 0)) refuse(statement.items[i], "a feed above zero");
+      if (!(value > 0)) throw_input_error(statement.items[i], "a feed above zero");
       const bool is_inch = word.is_word("IPM") || word.is_word("IPR");
       const bool has_program_unit = word.is_word("PERMIN") || word.is_word("PERREV");
       cycle.feed = Feed{value, has_program_unit ? unit() : is_inch ? units::inch : 1.0};
@@ -500,30 +505,31 @@ Machine::DrillCycle Machine::parse_drill_cycle(const Statement& statement) {
     }
   }
   if (!levels.bottom)
-    refuse(statement.cause, "DEPTH or FEDTO and a distance behind CYCLE/DRILL", "none");
+    throw_input_error(statement.cause, "DEPTH or FEDTO and a distance behind CYCLE/DRILL", "none");
   if (!levels.clearance)
-    refuse(statement.cause, "CLEAR or RAPTO and a distance behind CYCLE/DRILL", "none");
+    throw_input_error(statement.cause, "CLEAR or RAPTO and a distance behind CYCLE/DRILL", "none");
   cycle.depth = -*levels.bottom;
   cycle.clearance = *levels.clearance;
   cycle.return_level = levels.return_level.value_or(cycle.clearance);
   // The moves need the levels in this order.
   if (!(cycle.clearance > -cycle.depth) || cycle.return_level < cycle.clearance)
-    refuse(statement.cause, "the bottom below the clearance, and that not above the return",
-           fmt::format("{:.6g}, {:.6g} and {:.6g} mm above the point", -cycle.depth,
-                       cycle.clearance, cycle.return_level));
+    throw_input_error(statement.cause,
+                      "the bottom below the clearance, and that not above the return",
+                      fmt::format("{:.6g}, {:.6g} and {:.6g} mm above the point", -cycle.depth,
+                                  cycle.clearance, cycle.return_level));
   return cycle;
 }
 
 void Machine::cycle(const Statement& statement) {
   circle_.reset();
-  if (statement.items.empty()) refuse(statement.cause, "DRILL or OFF behind CYCLE/");
+  if (statement.items.empty()) throw_input_error(statement.cause, "DRILL or OFF behind CYCLE/");
   if (statement.items.front().is_word("OFF")) {
     drill_cycle_.reset();
     return;
   }
   if (!statement.items.front().is_word("DRILL"))
-    refuse(statement.items.front(),
-           "CYCLE/DRILL, or the moves themselves: other cycles are not expanded");
+    throw_input_error(statement.items.front(),
+                      "CYCLE/DRILL, or the moves themselves: other cycles are not expanded");
   drill_cycle_ = parse_drill_cycle(statement);
 }
 

@@ -11,7 +11,8 @@ namespace cl {
 namespace {
 
 // Short names, so that an entry fits its line.
-constexpr Use read = Use::Read, none = Use::WithoutEffect, refused = Use::Refused;
+constexpr WordTreatment read = WordTreatment::Read, none = WordTreatment::WithoutEffect,
+                        refused = WordTreatment::Refused;
 
 // The word table in the README, the messages and the dispatch of statements are made from it.
 const WordEntry entries[] = {
@@ -112,9 +113,9 @@ std::span<const WordTableEntry> cl_words() {
     std::vector<WordTableEntry> words;
     for (const cl::WordEntry& entry : cl::entries)
       words.push_back({entry.words, entry.use, entry.sentence});
-    words.push_back({"$ $$", Use::Read,
+    words.push_back({"$ $$", WordTreatment::Read,
                      "the statement goes on in the next line; the rest of the line is a comment"});
-    words.push_back({"x y z i j k feed", Use::Read,
+    words.push_back({"x y z i j k feed", WordTreatment::Read,
                      "head of a table (CSV): columns parted by commas, semicolons or blanks; feed "
                      "mm/min, or rapid; lines of # are comments. Without a head: 3, 4, 6 or 7 "
                      "columns in this order. The first row is reached at rapid"});

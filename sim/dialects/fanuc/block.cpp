@@ -111,7 +111,7 @@ std::string_view read_comment(Cursor& cursor) {
   const std::size_t open = cursor.at;
   for (++cursor.at; !cursor.at_end(); ++cursor.at)
     if (cursor.current() == ')') return cursor.text.substr(open + 1, cursor.at++ - open - 1);
-  cursor.refuse(open, ") that ends the comment on its line", "none");
+  cursor.throw_input_error(open, ") that ends the comment on its line", "none");
 }
 
 }  // namespace
@@ -130,7 +130,8 @@ int whole_number(const program::Canon& canon, const Word& word, int max) {
   // A literal must be a whole number; a computed value carries rounding errors, so it is rounded.
   const bool is_literal = word.text.find_first_of("#[") == std::string_view::npos;
   if ((is_literal && word.has_point) || rounded < 0 || rounded > max)
-    canon.refuse(word, fmt::format("a whole number of 0 to {} without a decimal point", max));
+    canon.throw_input_error(word,
+                            fmt::format("a whole number of 0 to {} without a decimal point", max));
   return int(rounded);
 }
 
@@ -181,7 +182,8 @@ bool BlockReader::is_at_end() {
     ++cursor_.at;
     collect_comments(cursor_, block_.comments);
     // A second block on a line would have no line number of its own.
-    if (!cursor_.at_end()) cursor_.refuse(cursor_.at, "the next block on a line of its own");
+    if (!cursor_.at_end())
+      cursor_.throw_input_error(cursor_.at, "the next block on a line of its own");
     return true;
   }
   if (cursor_.current() != '/') return false;
@@ -201,7 +203,8 @@ void BlockReader::put_code(const Word& word) {
     block_.skipped_code = word;
     return;
   }
-  if (properties.use == Use::Refused) run_.canon.refuse(word, std::string(properties.sentence));
+  if (properties.use == WordTreatment::Refused)
+    run_.canon.throw_input_error(word, std::string(properties.sentence));
   if (properties.group == Group::None) block_.code_without_words = word;
   if (properties.group == Group::None || properties.group == Group::WithMotion) return;
   const Code& previous = block_[properties.group];
@@ -209,16 +212,18 @@ void BlockReader::put_code(const Word& word) {
   const bool must_be_unique =
       word.letter == 'M' ? properties.group != Group::Coolant : properties.group == Group::OneShot;
   if (previous && must_be_unique)
-    run_.canon.refuse(word, "one such code in a block",
-                      fmt::format("{} after {}", shown(word.text), shown(previous.word.text)));
+    run_.canon.throw_input_error(
+        word, "one such code in a block",
+        fmt::format("{} after {}", shown(word.text), shown(previous.word.text)));
   block_.codes.put(std::size_t(properties.group), {code, word});
 }
 
 void BlockReader::put_word(const Word& word) {
   const Word& previous = block_[word.letter];
   if (previous)
-    run_.canon.refuse(word, std::string("one ") + word.letter + " in a block",
-                      fmt::format("{} after {}", shown(word.text), shown(previous.text)));
+    run_.canon.throw_input_error(
+        word, std::string("one ") + word.letter + " in a block",
+        fmt::format("{} after {}", shown(word.text), shown(previous.text)));
   block_.words.put(std::size_t(word.letter - 'A'), word);
 }
 
@@ -228,15 +233,18 @@ void BlockReader::read_word() {
   word.letter = upper(cursor_.current());
   // ,C and ,R would insert a chamfer or a rounding before the next block.
   if (word.letter == ',')
-    cursor_.refuse(from, "lines and arcs as they are: ,C and ,R of corners are not expanded");
+    cursor_.throw_input_error(from,
+                              "lines and arcs as they are: ,C and ,R of corners are not expanded");
   if (!is_letter(word.letter))
-    cursor_.refuse(from, "a word (letter and number)",
-                   word.letter == ')' ? ") without (" : shown(cursor_.text_until_blank(from)));
+    cursor_.throw_input_error(
+        from, "a word (letter and number)",
+        word.letter == ')' ? ") without (" : shown(cursor_.text_until_blank(from)));
   ++cursor_.at;
   word.column = int(from) + 1;
   cursor_.skip_blanks();
   if (cursor_.at_end())
-    cursor_.refuse(from, std::string("a number after ") + word.letter, "the end of the line");
+    cursor_.throw_input_error(from, std::string("a number after ") + word.letter,
+                              "the end of the line");
   // ROUND[] rounds to the increment of the address before it.
   operands_.resolution = min_increment(word.letter, run_.canon.inch());
   word.value = parse_value(cursor_, grammar(), operands_);
@@ -247,10 +255,12 @@ void BlockReader::read_word() {
   const int macro = block_.tenths(Group::Macro);
   const bool is_macro_call = macro == 650 || macro == 660;
   if (word.letter == 'G') return put_code(word);
-  if (word.letter == 'N') return run_.canon.refuse(word, "a sequence number first in its block");
+  if (word.letter == 'N')
+    return run_.canon.throw_input_error(word, "a sequence number first in its block");
   // Behind G65 and G66 letters are arguments, except L and P.
   if (is_macro_call && std::string_view("LP").find(word.letter) == std::string_view::npos) {
-    if (block_.arguments.size() == max_words) cursor_.refuse(from, "at most 100 arguments");
+    if (block_.arguments.size() == max_words)
+      cursor_.throw_input_error(from, "at most 100 arguments");
     block_.arguments.push_back(word);
     return;
   }
@@ -274,7 +284,7 @@ void read_block(Cursor cursor, ProgramRun& run, MacroOperands& operands, Block& 
   // A NUL is not visible in messages, so its name is reported.
   if (const std::size_t nul_position = cursor.text.find('\0');
       nul_position != std::string_view::npos)
-    cursor.refuse(nul_position, "text", "a NUL byte");
+    cursor.throw_input_error(nul_position, "text", "a NUL byte");
   BlockReader(cursor, run, operands, block).read();
 }
 

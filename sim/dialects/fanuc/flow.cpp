@@ -80,7 +80,7 @@ bool Flow::execute_line() {
   if (upper(cursor.current()) == 'N') {
     const std::size_t from = cursor.at++;
     const auto number = cursor.number(false);
-    if (!number) cursor.refuse(from, "a sequence number after N");
+    if (!number) cursor.throw_input_error(from, "a sequence number after N");
     sequence = int(std::min(*number, 99'999'999.0));
   }
   machine_.note_numbers(sequence, calls_.back().program->number);
@@ -120,9 +120,9 @@ bool Flow::execute_statement(Cursor& cursor) {
   } else if (accept_statement("END", is_digit)) {
     end_loop(cursor, from);
   } else if (cursor.accept("ELSE") || cursor.accept("ENDIF")) {
-    cursor.refuse(from, std::string(word_sentence("ELSE")));
+    cursor.throw_input_error(from, std::string(word_sentence("ELSE")));
   } else if (cursor.accept("SETVN")) {
-    cursor.refuse(from, std::string(word_sentence("SETVN")));
+    cursor.throw_input_error(from, std::string(word_sentence("SETVN")));
   } else if (cursor.accept("POPEN") || cursor.accept("PCLOS") || cursor.accept("DPRNT") ||
              cursor.accept("BPRNT")) {
     ++line_index_;
@@ -139,7 +139,7 @@ bool Flow::execute_block(Cursor cursor) {
   // The user may have expected text behind % to be read.
   if (block_.percent && has_words(cursor.text))
     run_.warn_once(fmt::format("{}:{}: {} on the line of % is not read", run_.canon.place().file,
-                               run_.canon.line(), in_quotes(cursor.text)));
+                               run_.canon.line(), quoted_excerpt(cursor.text)));
   if (block_.percent || block_.empty()) {
     for (const std::string_view text : block_.comments) run_.canon.comment(text);
     return true;
@@ -176,7 +176,8 @@ void Flow::expect_end(Cursor& cursor) {
   collect_comments(cursor, comments);
   if (cursor.current() == ';') ++cursor.at;
   collect_comments(cursor, comments);
-  if (!cursor.at_end()) cursor.refuse(cursor.at, "nothing more in a block of a macro statement");
+  if (!cursor.at_end())
+    cursor.throw_input_error(cursor.at, "nothing more in a block of a macro statement");
 }
 
 int Flow::parse_whole_number(Cursor& cursor, int max, std::string_view name) {
@@ -185,7 +186,8 @@ int Flow::parse_whole_number(Cursor& cursor, int max, std::string_view name) {
   // The result of an expression carries rounding errors, so it is rounded; a vacant value is an
   // error.
   const double rounded = is_vacant(value) ? -1.0 : std::round(value);
-  if (rounded < 0 || rounded > max) cursor.refuse(from, fmt::format("{} of 0 to {}", name, max));
+  if (rounded < 0 || rounded > max)
+    cursor.throw_input_error(from, fmt::format("{} of 0 to {}", name, max));
   return int(rounded);
 }
 
@@ -194,13 +196,13 @@ int Flow::parse_variable_number(Cursor& cursor) {
   const std::size_t from = cursor.at++;
   if (cursor.current() == '_' || cursor.current() == '<' ||
       (cursor.current() == '[' && cursor.peek() == '#' && cursor.peek(2) == '_'))
-    cursor.refuse(from, "a variable by its number: names of variables are not read");
+    cursor.throw_input_error(from, "a variable by its number: names of variables are not read");
   if (cursor.current() != '[' && !is_digit(cursor.current()))
-    cursor.refuse(from, "a number, or [ ], after #");
+    cursor.throw_input_error(from, "a number, or [ ], after #");
   const double number =
       cursor.current() == '[' ? parse_bracketed(cursor, grammar(), *this) : *cursor.number(false);
   const double rounded = is_vacant(number) ? 0.0 : std::round(number);
-  if (rounded < 0 || rounded > 99999) cursor.refuse(from, "a variable of #0 to #99999");
+  if (rounded < 0 || rounded > 99999) cursor.throw_input_error(from, "a variable of #0 to #99999");
   return int(rounded);
 }
 
@@ -212,10 +214,11 @@ double Flow::read_variable(int number, const Cursor& cursor, std::size_t from) {
     return variables_.number(number, Variables::Scope::Call).value_or(vacant);
   if (is_common(number)) return variables_.number(number).value_or(vacant);
   if (const auto system = machine_.variable(number)) return *system;
-  cursor.refuse(from,
-                "a variable of #1 to #33, #100 to #199, #500 to #999, or of the system that "
-                "the table of words names",
-                fmt::format("#{}", number));
+  cursor.throw_input_error(
+      from,
+      "a variable of #1 to #33, #100 to #199, #500 to #999, or of the system that "
+      "the table of words names",
+      fmt::format("#{}", number));
 }
 
 double Flow::parse_variable(Cursor& cursor) {
@@ -228,7 +231,7 @@ void Flow::set_variable(int number, double value, const Cursor& cursor, std::siz
   const bool is_local = number >= 1 && number <= last_local_variable;
   if (!is_local && !is_common(number)) {
     if (number == 0 || !machine_.set_variable(number, is_vacant(value) ? 0.0 : value))
-      cursor.refuse(from, "a variable that can be set", fmt::format("#{}", number));
+      cursor.throw_input_error(from, "a variable that can be set", fmt::format("#{}", number));
     return;
   }
   const Variables::Scope scope = is_local ? Variables::Scope::Call : Variables::Scope::Program;
@@ -245,7 +248,8 @@ void Flow::raise_alarm(const Cursor& cursor, double number) {
   const std::string text = open != std::string_view::npos && close > open
                                ? " " + shown(cursor.text.substr(open + 1, close - open - 1))
                                : "";
-  cursor.refuse(0, "no alarm of the program", fmt::format("#3000 = {:g}{}", number, text));
+  cursor.throw_input_error(0, "no alarm of the program",
+                           fmt::format("#3000 = {:g}{}", number, text));
 }
 
 void Flow::execute_assignment(Cursor& cursor) {
@@ -253,7 +257,8 @@ void Flow::execute_assignment(Cursor& cursor) {
   const int number = parse_variable_number(cursor);
   // A variable whose assignment has an error is uncertain: its uses are not reported again.
   run_.define(fmt::format("#{}", number), [&] {
-    if (!cursor.accept("=")) cursor.refuse(cursor.at, "= after a variable that begins a block");
+    if (!cursor.accept("="))
+      cursor.throw_input_error(cursor.at, "= after a variable that begins a block");
     const double result = parse_expression(cursor, grammar(), *this);
     set_variable(number, result, cursor, from);
     expect_end(cursor);
@@ -277,16 +282,16 @@ std::optional<double> Flow::parse_operand(Cursor& cursor) {
     return angle < 0 ? angle + 360.0 : angle;
   }
   if (cursor.accept("POW")) {
-    if (!cursor.accept("[")) cursor.refuse(cursor.at, "[base, exponent] after POW");
+    if (!cursor.accept("[")) cursor.throw_input_error(cursor.at, "[base, exponent] after POW");
     const double base = zero_if_vacant(parse_expression(cursor, grammar(), *this));
-    if (!cursor.accept(",")) cursor.refuse(cursor.at, ", between base and exponent");
+    if (!cursor.accept(",")) cursor.throw_input_error(cursor.at, ", between base and exponent");
     const double power = std::pow(base, zero_if_vacant(parse_expression(cursor, grammar(), *this)));
-    if (!cursor.accept("]")) cursor.refuse(cursor.at, "] after POW");
-    if (!std::isfinite(power)) cursor.refuse(from, "a result that is a finite number");
+    if (!cursor.accept("]")) cursor.throw_input_error(cursor.at, "] after POW");
+    if (!std::isfinite(power)) cursor.throw_input_error(from, "a result that is a finite number");
     return power;
   }
   for (const std::string_view word : {"BIN", "BCD", "ADP"})
-    if (cursor.accept(word)) cursor.refuse(from, std::string(word_sentence(word)));
+    if (cursor.accept(word)) cursor.throw_input_error(from, std::string(word_sentence(word)));
   return std::nullopt;
 }
 
@@ -405,9 +410,10 @@ void Flow::execute_if(Cursor& cursor) {
     ++line_index_;
     return;
   }
-  if (!cursor.accept("THEN")) cursor.refuse(cursor.at, "GOTO or THEN after a condition");
+  if (!cursor.accept("THEN")) cursor.throw_input_error(cursor.at, "GOTO or THEN after a condition");
   cursor.skip_blanks();
-  if (cursor.current() != '#') cursor.refuse(cursor.at, "a variable that is set after THEN");
+  if (cursor.current() != '#')
+    cursor.throw_input_error(cursor.at, "a variable that is set after THEN");
   ++line_index_;
   if (is_true) execute_assignment(cursor);
 }
@@ -438,14 +444,16 @@ void Flow::begin_loop(Cursor& cursor, std::size_t from, bool conditional) {
   if (conditional) {
     const double result = parse_bracketed(cursor, grammar(), *this);
     is_repeated = !is_vacant(result) && result != 0.0;
-    if (!cursor.accept("DO")) cursor.refuse(cursor.at, "DO after the condition of a loop");
+    if (!cursor.accept("DO"))
+      cursor.throw_input_error(cursor.at, "DO after the condition of a loop");
   }
   const int number = parse_whole_number(cursor, max_loops, "a loop");
-  if (number < 1) cursor.refuse(from, "DO1, DO2 or DO3");
+  if (number < 1) cursor.throw_input_error(from, "DO1, DO2 or DO3");
   expect_end(cursor);
   const auto end = loop_lines().find(line_index_);
   if (end == loop_lines().end())
-    run_.canon.refuse(cursor.cause(from), fmt::format("END{} behind it", number), "none");
+    run_.canon.throw_input_error(cursor.cause(from), fmt::format("END{} behind it", number),
+                                 "none");
   line_index_ = is_repeated ? line_index_ + 1 : end->second + 1;
 }
 
@@ -454,7 +462,7 @@ void Flow::end_loop(Cursor& cursor, std::size_t from) {
   expect_end(cursor);
   const auto begin = loop_lines().find(line_index_);
   if (begin == loop_lines().end())
-    run_.canon.refuse(cursor.cause(from), fmt::format("DO{} before it", number), "none");
+    run_.canon.throw_input_error(cursor.cause(from), fmt::format("DO{} before it", number), "none");
   line_index_ = begin->second;
 }
 
@@ -489,7 +497,7 @@ Program* Flow::program_in_file(int number) {
       const std::filesystem::path file = folder / (stem + extension);
       if (!std::filesystem::is_regular_file(file, error)) continue;
       if (sources_.size() == max_sources)
-        run_.canon.refuse({1, {}}, "at most 1000 files of subprograms", "more");
+        run_.canon.throw_input_error({1, {}}, "at most 1000 files of subprograms", "more");
       auto source = std::make_unique<Source>();
       source->text = read_text(file, max_file_bytes);
       source->lines = lines_of_text(source->text);
@@ -529,7 +537,7 @@ void Flow::enter_program(Program* program, Call call, const Cause& cause) {
     variables_.enter();
     for (const auto& [number, value] : call.arguments)
       if (!variables_.set(number, value, Variables::Scope::Call))
-        run_.canon.refuse(cause, "fewer variables", "too many");
+        run_.canon.throw_input_error(cause, "fewer variables", "too many");
   }
   calls_.push_back(std::move(call));
   line_index_ = program->first;
@@ -544,7 +552,7 @@ void Flow::call_subprogram() {
         p ? std::optional(whole_number(run_.canon, p, 99'999'999)) : std::nullopt;
     return leave_program(to, code.word);
   }
-  if (!p) run_.canon.refuse(code.word, "P (program) beside M98", "none");
+  if (!p) run_.canon.throw_input_error(code.word, "P (program) beside M98", "none");
   int number = whole_number(run_.canon, p, 99'999'999);
   int repeats = l ? whole_number(run_.canon, l, max_repeats) : 1;
   // Without L the digits before the last four are the number of repeats.
@@ -566,20 +574,21 @@ std::vector<std::pair<int, double>> Flow::macro_arguments(const Block& block) {
   int set_index = 0, last_index = -1;
   for (const Word& word : block.arguments) {
     int variable = local_variable_of_letter[word.letter - 'A'];
-    if (variable == 0) run_.canon.refuse(word, "an argument of A to F, H to K, M, Q to Z");
+    if (variable == 0)
+      run_.canon.throw_input_error(word, "an argument of A to F, H to K, M, Q to Z");
     if (word.letter >= 'I' && word.letter <= 'K') {
       const int index = word.letter - 'I';
       // A letter that does not follow in the order I J K begins the next set.
       if (index <= last_index) ++set_index;
       last_index = index;
       variable = 4 + 3 * set_index + index;
-      if (set_index > 9) run_.canon.refuse(word, "I J K at most ten times");
+      if (set_index > 9) run_.canon.throw_input_error(word, "I J K at most ten times");
     }
     // The numbers of D H M S T are taken as written; others count increments without a point.
     const bool is_plain_number =
         std::string_view("DHMST").find(word.letter) != std::string_view::npos;
     if ((word.letter == 'E' || word.letter == 'F') && !word.has_point && word.value != 0.0)
-      run_.canon.refuse(word, "a decimal point in an argument E or F");
+      run_.canon.throw_input_error(word, "a decimal point in an argument E or F");
     values.emplace_back(variable, is_plain_number ? word.value : machine_.argument(word));
   }
   return values;
@@ -589,17 +598,18 @@ std::vector<std::pair<int, double>> Flow::macro_arguments(const Block& block) {
 void Flow::call_macro() {
   const Code& code = block_[Group::Macro];
   const Word &p = block_['P'], &l = block_['L'];
-  if (!p) run_.canon.refuse(code.word, "P (program) beside " + shown(code.word.text), "none");
+  if (!p)
+    run_.canon.throw_input_error(code.word, "P (program) beside " + shown(code.word.text), "none");
   // It would be open if other codes of the block are executed before or after the call.
   for (const Code& other : block_.codes)
     if (other && &other != &code)
-      run_.canon.refuse(other.word, "a block of its own for " + shown(code.word.text));
+      run_.canon.throw_input_error(other.word, "a block of its own for " + shown(code.word.text));
   const int number = whole_number(run_.canon, p, 99'999'999);
   const int repeats = l ? whole_number(run_.canon, l, max_repeats) : 1;
   Program* program = find_program(number, p);
   auto arguments = macro_arguments(block_);
   if (code.tenths == 660) {
-    if (modal_call_) run_.canon.refuse(code.word, "G67 before another G66");
+    if (modal_call_) run_.canon.throw_input_error(code.word, "G67 before another G66");
     modal_call_ = ModalCall{number, repeats, std::move(arguments), p};
     return;
   }

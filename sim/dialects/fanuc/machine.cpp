@@ -64,7 +64,7 @@ Machine::Machine(ProgramRun& run)
   for (std::size_t i = 0; i < options.work_offset.size(); ++i)
     systems_[int(i) + 1] = options.work_offset[i].size() > 0 ? options.work_offset[i] : zero_;
   external_ = g92_ = g52_ = zero_;
-  for (const auto& [number, offset] : options.more_offset) {
+  for (const auto& [number, offset] : options.extra_offsets) {
     if (number == 0) external_ = offset;
     if (number > 100) systems_[number] = offset;
   }
@@ -170,7 +170,7 @@ void Machine::check_words(const Block& block) const {
     if (const Word& word = block[letter];
         word && joint_of_word(letter) < 0 &&
         !(one_shot.tenths == 40 && (letter == 'U' || letter == 'X')))
-      refuse(word, "an axis of this machine (" + canon_.letters() + ")");
+      throw_input_error(word, "an axis of this machine (" + canon_.letters() + ")");
   const std::string letters = allowed_letters(block);
   for (const char letter : {'I', 'J', 'K', 'L', 'P', 'Q', 'R'}) {
     const Word& word = block[letter];
@@ -179,15 +179,16 @@ void Machine::check_words(const Block& block) const {
     if (block.skipped_code)
       run_.handle_unknown_word(word, "a word of Fanuc's milling controls");
     else
-      refuse(word, fmt::format("a code that takes {}", letter));
+      throw_input_error(word, fmt::format("a code that takes {}", letter));
   }
   const Word* axis = first_axis_word(block);
   if (axis && block.skipped_code.letter == 'G')
-    refuse(*axis, "no axis words beside a code that is skipped: what it makes of them is not known",
-           fmt::format("{} beside {}", shown(axis->text), shown(block.skipped_code.text)));
+    throw_input_error(
+        *axis, "no axis words beside a code that is skipped: what it makes of them is not known",
+        fmt::format("{} beside {}", shown(axis->text), shown(block.skipped_code.text)));
   if (axis && block.code_without_words)
-    refuse(*axis, fmt::format("no axis words beside {}, which takes none",
-                              shown(block.code_without_words.text)));
+    throw_input_error(*axis, fmt::format("no axis words beside {}, which takes none",
+                                         shown(block.code_without_words.text)));
   check_axis_word_owners(block);
 }
 
@@ -198,11 +199,12 @@ void Machine::check_axis_word_owners(const Block& block) const {
   for (const Group group : {Group::OneShot, Group::Rotation, Group::MirrorEnd}) {
     const Code& code = block[group];
     if (!code) continue;
-    if (owner != nullptr) refuse(code.word, "a block of its own beside " + shown(owner->word.text));
+    if (owner != nullptr)
+      throw_input_error(code.word, "a block of its own beside " + shown(owner->word.text));
     owner = &code;
   }
   if (const Code& cycle = block[Group::Cycle]; cycle && cycle.tenths != 800 && owner != nullptr)
-    refuse(cycle.word, "no cycle beside " + shown(owner->word.text));
+    throw_input_error(cycle.word, "no cycle beside " + shown(owner->word.text));
 }
 
 void Machine::set_feed(const Block& block) {
@@ -219,14 +221,15 @@ void Machine::set_feed(const Block& block) {
   if (canon_.feed_mode() == FeedMode::InverseTime) canon_.set_feed({});
   const Word& f = block['F'];
   if (!f) return;
-  if (!(f.value >= min_feed)) refuse(f, "a feed above zero");
+  if (!(f.value >= min_feed)) throw_input_error(f, "a feed above zero");
   // Parameters of the control decide about F without a point in inches or per turn, but not in
   // mm/min.
   if (!f.has_point && (canon_.inch() || canon_.feed_mode() != FeedMode::PerMinute))
-    refuse(f, is_turning_
-                  ? "a decimal point in F under G20 and G99: where it is without one is a parameter"
-                  : "a decimal point in F under G20, G93 and G95: where it is without one is a "
-                    "parameter");
+    throw_input_error(
+        f, is_turning_
+               ? "a decimal point in F under G20 and G99: where it is without one is a parameter"
+               : "a decimal point in F under G20, G93 and G95: where it is without one is a "
+                 "parameter");
   canon_.set_feed(Feed{f.value, unit()});
 }
 
@@ -237,9 +240,10 @@ void Machine::set_spindle(const Block& block) {
   const bool sets_limit = one_shot == 920 || (is_turning_ && one_shot == 500);
   if (const Code& code = block[Group::SpeedMode]) {
     const bool is_surface_speed = code.tenths == 960;
-    if (is_surface_speed && joint(0) < 0) refuse(code.word, "a machine with an X axis beside G96");
+    if (is_surface_speed && joint(0) < 0)
+      throw_input_error(code.word, "a machine with an X axis beside G96");
     if (is_surface_speed && !surface_speed_m_per_min_ && (!s || sets_limit))
-      refuse(code.word, "S (surface speed) beside G96", "none");
+      throw_input_error(code.word, "S (surface speed) beside G96", "none");
     has_surface_speed_ = is_surface_speed;
   }
   if (s) {
@@ -273,7 +277,7 @@ void Machine::call_tools(const Block& block) {
   if (t) selected_ = whole_number(canon_, t, 99'999'999);
   // On a machining centre T selects a tool and M6, maybe in a later block, changes to it.
   if (changes && selected_ >= 0) tool_ = selected_;
-  if (t || changes) canon_.call_tool(t ? selected_ : -1.0, changes);
+  if (t || changes) canon_.record_tool_call(t ? selected_ : -1.0, changes);
   std::string text = t ? fmt::format("T{}", selected_) : "";
   const auto add_word = [&](bool is_programmed, const char* word) {
     if (is_programmed) text += std::string(text.empty() ? "" : " ") + word;
@@ -281,7 +285,7 @@ void Machine::call_tools(const Block& block) {
   add_word(changes, "M6");
   add_word(block.tenths(Group::Coolant) == 70, "M7");
   add_word(block.tenths(Group::Coolant) == 80, "M8");
-  if (!text.empty()) canon_.aside(std::move(text));
+  if (!text.empty()) canon_.record_auxiliary_word(std::move(text));
 }
 
 /// Records the modes that a block states and those that it depends on.
@@ -320,14 +324,15 @@ void Machine::set_modes(const Block& block) {
   call_tools(block);
   if (const Code& code = block[Group::Plane]) {
     if (compensation_.is_on() && code.tenths != plane_)
-      refuse(code.word, "no change of the plane under G41 or G42");
+      throw_input_error(code.word, "no change of the plane under G41 or G42");
     plane_ = code.tenths;
   }
   if (const Code& code = block[Group::Distance]) is_incremental_ = code.tenths == 910;
   if (const Code& code = block[Group::ReturnLevel]) returns_to_r_ = code.tenths == 990;
   if (is_turning_) {
     if (const Code& code = block[Group::CutterRadius]) set_nose_compensation(code);
-    if (block['D']) refuse(block['D'], "T with four digits, tool and offset: no D on a lathe");
+    if (block['D'])
+      throw_input_error(block['D'], "T with four digits, tool and offset: no D on a lathe");
   } else if (block[Group::CutterRadius] || block['D']) {
     set_compensation(block);
   }
@@ -335,7 +340,7 @@ void Machine::set_modes(const Block& block) {
   if (!is_turning_ && (block[Group::ToolLength] || block['H'])) set_tool_length(block);
   if (const Code& code = block[Group::Polar]) {
     polar_ = {.is_on = code.tenths == 160};
-    if (polar_.is_on && is_tilted_) refuse(code.word, "G69 before G16");
+    if (polar_.is_on && is_tilted_) throw_input_error(code.word, "G69 before G16");
   }
 }
 
@@ -344,21 +349,23 @@ void Machine::dwell(const Block& block) {
   const Word* time_word = nullptr;
   for (const char letter : {'X', 'U', 'P'})
     if (const Word& word = block[letter]) {
-      if (time_word) refuse(word, "one of X, U and P beside G4");
+      if (time_word) throw_input_error(word, "one of X, U and P beside G4");
       time_word = &word;
     }
-  if (!time_word) refuse(code.word, "X or U (seconds) or P (milliseconds) beside G4", "none");
+  if (!time_word)
+    throw_input_error(code.word, "X or U (seconds) or P (milliseconds) beside G4", "none");
   for (const char letter : axis_letters)
     if (const Word& word = block[letter]; word && &word != time_word)
-      refuse(word, "X or U (seconds) or P (milliseconds) as the only word beside G4");
+      throw_input_error(word, "X or U (seconds) or P (milliseconds) as the only word beside G4");
   // A computed value has no written decimal point.
   const bool is_computed = time_word->text.find_first_of("#[") != std::string_view::npos;
   if (time_word->letter == 'P' && time_word->has_point && !is_computed)
-    refuse(*time_word, "milliseconds without a decimal point after P, or X in seconds");
+    throw_input_error(*time_word, "milliseconds without a decimal point after P, or X in seconds");
   // Without a point X and U of G4 count increments of 0.001 s.
   const double seconds = time_word->letter == 'P' || !time_word->has_point ? time_word->value * 1e-3
                                                                            : time_word->value;
-  if (!(seconds >= 0 && seconds <= 1e6)) refuse(*time_word, "0 to 1e6 seconds beside G4");
+  if (!(seconds >= 0 && seconds <= 1e6))
+    throw_input_error(*time_word, "0 to 1e6 seconds beside G4");
   // The dwell must follow a move that compensation still postpones.
   compensation_.run_after_move(
       [this, seconds, cause = Cause{time_word->column, {}}] { canon_.dwell(seconds, cause); });
@@ -367,7 +374,7 @@ void Machine::dwell(const Block& block) {
 void Machine::execute_one_shot(const Block& block) {
   const Code& code = block[Group::OneShot];
   if (code.tenths == 40) return dwell(block);
-  if (compensation_.is_on()) refuse(code.word, "G40 before " + shown(code.word.text));
+  if (compensation_.is_on()) throw_input_error(code.word, "G40 before " + shown(code.word.text));
   switch (code.tenths) {
     case 100:
       return store_data(block);
@@ -409,9 +416,9 @@ void Machine::check_whole_block_code(const Block& block) const {
   const std::string code_text = shown(block[Group::WholeBlock].word.text);
   for (const Code& code : block.codes)
     if (code && &code != &block[Group::WholeBlock])
-      refuse(code.word, "a block of its own for " + code_text);
+      throw_input_error(code.word, "a block of its own for " + code_text);
   for (const char letter : {'D', 'F', 'H', 'S', 'T'})
-    if (block[letter]) refuse(block[letter], "a block of its own for " + code_text);
+    if (block[letter]) throw_input_error(block[letter], "a block of its own for " + code_text);
 }
 
 bool Machine::execute(const Block& block) {
@@ -423,7 +430,7 @@ bool Machine::execute(const Block& block) {
   set_modes(block);
   set_motion(block);
   if (const Code& code = block[Group::Rotation]) {
-    if (compensation_.is_on()) refuse(code.word, "G40 before " + shown(code.word.text));
+    if (compensation_.is_on()) throw_input_error(code.word, "G40 before " + shown(code.word.text));
     set_rotation(block);
   } else if (block[Group::OneShot]) {
     execute_one_shot(block);
@@ -431,9 +438,9 @@ bool Machine::execute(const Block& block) {
     move(block);
   }
   // M9 and stops take effect after the motion of the block.
-  if (block.tenths(Group::Coolant) == 90) canon_.aside("M9");
+  if (block.tenths(Group::Coolant) == 90) canon_.record_auxiliary_word("M9");
   const Code& stop = block[Group::Stop];
-  if (stop && stop.tenths <= 10) canon_.aside(fmt::format("M{}", stop.tenths / 10));
+  if (stop && stop.tenths <= 10) canon_.record_auxiliary_word(fmt::format("M{}", stop.tenths / 10));
   for (const Group group : {Group::Spindle, Group::Coolant, Group::ToolChange, Group::Stop})
     if (block[group]) last_m_ = block.tenths(group) / 10;
   return !(stop && (stop.tenths == 20 || stop.tenths == 300));
@@ -498,7 +505,7 @@ std::optional<TurningSign> find_turning_sign(std::string_view text, const progra
   std::optional<TurningSign> tool;
   // T0101 is a valid tool number on a mill too, so it counts only together with G96 and without M6.
   bool has_g96 = false, has_m6 = false;
-  Lines lines(text);
+  LineReader lines(text);
   while (const auto line = lines.next()) {
     const LineWords words = parse_line_words({*line, canon.place()});
     const auto sign = [&](std::string_view what, int column) {
@@ -564,7 +571,8 @@ void Machine::check_corner_words(const Block& block) const {
   for (const char letter : {'C', 'R', 'I', 'K'}) {
     const Word& word = block[letter];
     if (word && !(letter == 'C' && joint_of_word('C') >= 0))
-      refuse(word, "lines and arcs as they are: C, R, I and K of corners are not expanded");
+      throw_input_error(word,
+                        "lines and arcs as they are: C, R, I and K of corners are not expanded");
   }
 }
 
@@ -575,16 +583,17 @@ void Machine::call_tool_and_offset(const Block& block) {
   const int value = whole_number(canon_, t, 9999);
   // T1 to T99 could be a tool or an offset, depending on parameters.
   if (value != 0 && value <= max_offset_number)
-    refuse(t, "T with four digits, tool and offset, such as T0101");
-  if (compensation_.is_on()) refuse(t, "G40 before another T");
+    throw_input_error(t, "T with four digits, tool and offset, such as T0101");
+  if (compensation_.is_on()) throw_input_error(t, "G40 before another T");
   const int tool = value / 100;
-  if (!program::knows_tool(canon_.options(), tool)) refuse(t, "a tool of the tool table");
+  if (!program::is_known_tool(canon_.options(), tool))
+    throw_input_error(t, "a tool of the tool table");
   tool_offset_.called = true;
   tool_offset_.number = value % 100;
   if (tool != 0) {
     selected_ = tool_ = tool;
-    canon_.call_tool(tool, true);
-    canon_.aside(fmt::format("T{} M6", tool));
+    canon_.record_tool_call(tool, true);
+    canon_.record_auxiliary_word(fmt::format("T{} M6", tool));
   }
   apply_tool_offset(t);
 }
@@ -625,15 +634,17 @@ void Machine::apply_tool_offset(const Cause& cause) {
 void Machine::store_wear(const Block& block) {
   const Code& code = block[Group::OneShot];
   const Word& p = block['P'];
-  if (block['L']) refuse(block['L'], "L2 L20, or no L, beside G10");
-  if (!p) refuse(code.word, "P (number of the offset) beside G10", "none");
+  if (block['L']) throw_input_error(block['L'], "L2 L20, or no L, beside G10");
+  if (!p) throw_input_error(code.word, "P (number of the offset) beside G10", "none");
   const int number = whole_number(canon_, p, 2 * first_geometry_offset);
   if (number < 1 || number > max_offset_number)
-    refuse(p, "wear, P1 to P99: the geometry of tools is that of the scene");
-  if (block['Q']) refuse(block['Q'], "no Q: program.tip says which point of the tool X Z lead");
+    throw_input_error(p, "wear, P1 to P99: the geometry of tools is that of the scene");
+  if (block['Q'])
+    throw_input_error(block['Q'], "no Q: program.tip says which point of the tool X Z lead");
   ToolOffset::Wear& wear = tool_offset_.wear[number];
   for (const auto& [j, word, is_incremental] : axis_words(block)) {
-    if (j != joint(0) && j != joint(2)) refuse(*word, "X Z U W or R beside G10 of a tool");
+    if (j != joint(0) && j != joint(2))
+      throw_input_error(*word, "X Z U W or R beside G10 of a tool");
     double& value = j == joint(0) ? wear.x : wear.z;
     value = axis_word(j, *word) + (is_incremental ? value : 0.0);
   }
@@ -654,18 +665,18 @@ void Machine::set_nose_compensation(const Code& code) {
   }
   if (compensation_.is_on()) {
     if (code.tenths == side_) return;  // postprocessors repeat the code
-    refuse(code.word, "G40 between G41 and G42");
+    throw_input_error(code.word, "G40 between G41 and G42");
   }
   side_ = code.tenths;
   const std::string_view plane = plane_letters();
   const int first = canon_.joint_of(plane[0]), second = canon_.joint_of(plane[1]);
   if (first < 0 || second < 0)
-    refuse(code.word,
-           fmt::format("a machine with the axes {} {} of the plane", plane[0], plane[1]));
+    throw_input_error(
+        code.word, fmt::format("a machine with the axes {} {} of the plane", plane[0], plane[1]));
   const auto radius = nose_radius();
   if (!radius)
-    refuse(code.word, "a tool whose nose radius is known",
-           tool_ == 0 ? "none called" : fmt::format("T{:02}", tool_));
+    throw_input_error(code.word, "a tool whose nose radius is known",
+                      tool_ == 0 ? "none called" : fmt::format("T{:02}", tool_));
   const auto wear = tool_offset_.wear.find(tool_offset_.number);
   const double radius_wear = wear == tool_offset_.wear.end() ? 0.0 : wear->second.radius;
   run_.warn_once(
@@ -680,21 +691,21 @@ void Machine::set_nose_compensation(const Code& code) {
 /// back. Values that a block does not state are kept from the previous one.
 void Machine::turning_cycle(const Block& block) {
   const Cause cause = motion_cause(block);
-  if (compensation_.is_on()) refuse(cause, "G40 before G90 and G94");
+  if (compensation_.is_on()) throw_input_error(cause, "G40 before G90 and G94");
   note_uncalled_tool(cause);
   const int x = joint(0), z = joint(2);
-  if (x < 0 || z < 0) refuse(cause, "a machine with X and Z beside G90 and G94");
+  if (x < 0 || z < 0) throw_input_error(cause, "a machine with X and Z beside G90 and G94");
   const AxisVector start = canon_.programmed();
   TurningCycle& cycle = turning_cycle_;
   for (const auto& [j, word, is_incremental] : axis_words(block)) {
-    if (j != x && j != z) refuse(*word, "X Z U W beside G90 and G94");
+    if (j != x && j != z) throw_input_error(*word, "X Z U W beside G90 and G94");
     const double to = axis_word(j, *word) + (is_incremental ? start[j] : 0.0);
     (j == x ? cycle.x : cycle.z) = to;
     (j == x ? cycle.has_x : cycle.has_z) = true;
   }
   if (const Word& r = block['R']) cycle.taper = length(r);
   if (!cycle.has_x || !cycle.has_z)
-    refuse(cause, "X and Z in the first block of G90 and G94", "one of them");
+    throw_input_error(cause, "X and Z in the first block of G90 and G94", "one of them");
   has_moved_ = true;
   const auto move_to = [&](double to_x, double to_z, bool rapid) {
     AxisVector end = start;

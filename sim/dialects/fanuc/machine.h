@@ -57,9 +57,9 @@ class Machine {
   using Offsets = std::map<int, Geometry>;
 
   // Words and modes.
-  [[noreturn]] void refuse(const Cause& cause, std::string expected,
-                           std::optional<std::string> seen = {}) const {
-    canon_.refuse(cause, std::move(expected), std::move(seen));
+  [[noreturn]] void throw_input_error(const Cause& cause, std::string expected,
+                                      std::optional<std::string> seen = {}) const {
+    canon_.throw_input_error(cause, std::move(expected), std::move(seen));
   }
   void check_words(const Block& block) const;
   void check_axis_word_owners(const Block& block) const;

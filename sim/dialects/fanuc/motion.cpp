@@ -33,9 +33,9 @@ void Machine::polar_words(const Block& block, Target& target) {
   if (!r && !a) return;
   const int first = canon_.joint_of(plane[0]), second = canon_.joint_of(plane[1]);
   // Under compensation words count from the programmed position, not from the offset tool.
-  const AxisVector p = canon_.unplaced(compensation_.is_on() || compensation_.is_leaving()
-                                           ? compensation_.programmed()
-                                           : canon_.position());
+  const AxisVector p = canon_.without_offsets(compensation_.is_on() || compensation_.is_leaving()
+                                                  ? compensation_.programmed()
+                                                  : canon_.position());
   if (r) {
     polar_.radius = length(r);
     polar_.centre = is_incremental_ ? Eigen::Vector2d(p[first], p[second]) : Eigen::Vector2d(0, 0);
@@ -53,8 +53,9 @@ Target Machine::block_target(const Block& block, bool machine) {
   for (const auto& [j, word, is_incremental] : axis_words(block)) {
     // Words of the plane are polar and handled together in `polar_words`.
     if (polar_.is_on && !machine && plane.find(word->letter) != std::string_view::npos) continue;
-    if (is_incremental && machine) refuse(*word, "X Y Z C beside G53");
-    if (target.has(j)) refuse(*word, "an axis by its position or by its increment, not both");
+    if (is_incremental && machine) throw_input_error(*word, "X Y Z C beside G53");
+    if (target.has(j))
+      throw_input_error(*word, "an axis by its position or by its increment, not both");
     const double value = axis_word(j, *word);
     if (is_incremental || (is_incremental_ && !machine))
       target.by(j, value, *word);
@@ -79,7 +80,7 @@ void Machine::straight(const Block& block, AxisVector end, std::uint32_t stated)
 
 void Machine::arc(const Block& block, AxisVector end, std::uint32_t stated) {
   const Cause cause = motion_cause(block);
-  if (length_mode_ == 435) refuse(cause, "G1 under G43.5");
+  if (length_mode_ == 435) throw_input_error(cause, "G1 under G43.5");
   const bool is_compensated = compensation_.is_on();
   ArcMove arc = program::arc_from_block(
       canon_, {.plane = plane_ / 10,
@@ -95,7 +96,7 @@ void Machine::arc(const Block& block, AxisVector end, std::uint32_t stated) {
                }});
   if (is_compensated && !compensation_.has_entered())
     // Entry of type A needs the direction of a line.
-    refuse(cause, "a line as the first move after G41 and G42");
+    throw_input_error(cause, "a line as the first move after G41 and G42");
   if (is_compensated) return compensation_.arc(std::move(arc));
   canon_.arc(std::move(arc));
 }
@@ -123,7 +124,8 @@ void Machine::move(const Block& block) {
   check_tilted_move(target, cause);
   const bool is_compensated = compensation_.is_on() || compensation_.is_leaving();
   AxisVector end = is_compensated ? compensation_.end_of(target) : canon_.end_of(target);
-  if (compensation_.is_leaving() && is_arc) refuse(cause, "a line as the first move after G40");
+  if (compensation_.is_leaving() && is_arc)
+    throw_input_error(cause, "a line as the first move after G40");
   compensation_.clear_leaving();
   if (length_mode_ == 435) end = point_tool_along_direction(block, std::move(end));
   if (is_arc)
@@ -135,9 +137,9 @@ void Machine::move(const Block& block) {
 /// Executes G53: a rapid to machine coordinates.
 void Machine::move_in_machine_coordinates(const Block& block) {
   const Code& code = block[Group::OneShot];
-  if (is_incremental_) refuse(code.word, "G90 beside G53");
+  if (is_incremental_) throw_input_error(code.word, "G90 beside G53");
   const Target target = block_target(block, true);
-  if (target.empty()) refuse(code.word, "an axis word beside G53", "none");
+  if (target.empty()) throw_input_error(code.word, "an axis word beside G53", "none");
   has_moved_ = true;
   compensation_.clear_leaving();
   canon_.go_to(Coordinates::Axis, code.word);
@@ -155,14 +157,15 @@ void Machine::move_in_machine_coordinates(const Block& block) {
 void Machine::move_to_reference(const Block& block) {
   const Code& code = block[Group::OneShot];
   if (const Word& p = block['P']; p && whole_number(canon_, p, 4) < 2)
-    refuse(p, "P2 P3 or P4 beside G30");
+    throw_input_error(p, "P2 P3 or P4 beside G30");
   const Target words = block_target(block, false);
-  if (words.empty()) refuse(code.word, "an axis word beside " + shown(code.word.text), "none");
+  if (words.empty())
+    throw_input_error(code.word, "an axis word beside " + shown(code.word.text), "none");
   has_moved_ = true;
   compensation_.clear_leaving();
   canon_.straight({.end = canon_.end_of(words), .cause = code.word, .stated = words.stated()},
                   true);
-  const AxisVector reference = program::reference_of(canon_.options());
+  const AxisVector reference = program::reference_position(canon_.options());
   std::string positions;
   for (const auto& axis : canon_.options().axes)
     if (const int j = canon_.joint_of(axis.name); j >= 0 && words.has(j))
@@ -204,11 +207,11 @@ Chain with_free_slides(const Chain& chain) {
 /// Executes G68.2: an origin, and Euler angles about Z, the new X and the new Z.
 void Machine::set_tilted_plane(const Block& block) {
   const Code& code = block[Group::Rotation];
-  if (has_tip_length_mode()) refuse(code.word, "G49 before G68.2");
-  if (polar_.is_on) refuse(code.word, "G15 before G68.2");
+  if (has_tip_length_mode()) throw_input_error(code.word, "G49 before G68.2");
+  if (polar_.is_on) throw_input_error(code.word, "G15 before G68.2");
   // P1 to P4 of G68.2 state the plane by other angles, points or vectors.
   if (const Word& p = block['P']; p && p.value != 0.0)
-    refuse(p, "Euler angles I J K beside G68.2: no other way to say a plane");
+    throw_input_error(p, "Euler angles I J K beside G68.2: no other way to say a plane");
   const auto rotation = [&](char letter, const Eigen::Vector3d& axis) {
     const double degrees = block[letter] ? angle_in_degrees(block[letter]) : 0.0;
     return Eigen::AngleAxisd(degrees * units::deg, axis);
@@ -219,7 +222,7 @@ void Machine::set_tilted_plane(const Block& block) {
   }
   for (int k = 3; k < 9; ++k)
     if (const Word& word = block[axis_letters[std::size_t(k)]])
-      refuse(word, "X Y Z I J K beside G68.2");
+      throw_input_error(word, "X Y Z I J K beside G68.2");
   rotation_ = (rotation('I', Eigen::Vector3d::UnitZ()) * rotation('J', Eigen::Vector3d::UnitX()) *
                rotation('K', Eigen::Vector3d::UnitZ()))
                   .toRotationMatrix();
@@ -231,9 +234,9 @@ void Machine::set_tilted_plane(const Block& block) {
 const Chain& Machine::chain(const Cause& cause) const {
   const program::NcOptions& options = canon_.options();
   const bool has_length = length_mode_ != 490 && h_ != 0;
-  const auto tool_chain = options.control_of_h.find(has_length ? h_ : tool_);
-  if (tool_chain != options.control_of_h.end()) return tool_chain->second;
-  if (!options.control) refuse(cause, "a control that knows its kinematics");
+  const auto tool_chain = options.control_by_h.find(has_length ? h_ : tool_);
+  if (tool_chain != options.control_by_h.end()) return tool_chain->second;
+  if (!options.control) throw_input_error(cause, "a control that knows its kinematics");
   return *options.control;
 }
 
@@ -250,13 +253,16 @@ AxisVector Machine::rotary_positions(const Eigen::Vector3d& direction_w, const C
   try {
     solution = kinematics::inverse(*free_slides_, {Eigen::Vector3d::Zero(), direction_w}, current);
   } catch (const std::invalid_argument&) {
-    refuse(cause, "a machine of three slides and at most two rotary axes beside a direction");
+    throw_input_error(cause,
+                      "a machine of three slides and at most two rotary axes beside a direction");
   }
   if (solution.branches.empty())
-    refuse(cause, "a direction that the rotary axes reach",
-           fmt::format(
-               "{:.6f} {:.6f} {:.6f}{}", direction_w.x(), direction_w.y(), direction_w.z(),
-               solution.reach == kinematics::Reach::OutOfLimits ? ", beyond their limits" : ""));
+    throw_input_error(
+        cause, "a direction that the rotary axes reach",
+        fmt::format("{:.6f} {:.6f} {:.6f}{}", direction_w.x(), direction_w.y(), direction_w.z(),
+                    solution.reach == kinematics::Reachability::OutOfLimits
+                        ? ", beyond their limits"
+                        : ""));
   const AxisVector& best = output_judgement(solution.branches, current, rotary_order_);
   AxisVector q = current;
   for (const int j : rotary_order_) q[j] = best[j];
@@ -266,9 +272,9 @@ AxisVector Machine::rotary_positions(const Eigen::Vector3d& direction_w, const C
 /// Executes G53.1, which rotates the tool with the slides at rest, and G53.6, with the tip at rest.
 void Machine::align_tool_with_plane(const Block& block) {
   const Code& code = block[Group::OneShot];
-  if (!is_tilted_) refuse(code.word, "G68.2 before " + shown(code.word.text));
+  if (!is_tilted_) throw_input_error(code.word, "G68.2 before " + shown(code.word.text));
   if (const Word* axis = first_axis_word(block))
-    refuse(*axis, "a block without axis words beside " + shown(code.word.text));
+    throw_input_error(*axis, "a block without axis words beside " + shown(code.word.text));
   const AxisVector aligned = rotary_positions(rotation_->col(2), code.word);
   const bool keeps_tip = code.tenths == 536;
   // In axis coordinates the slides stay; in tip coordinates they follow the rotation.
@@ -283,7 +289,7 @@ void Machine::align_tool_with_plane(const Block& block) {
 AxisVector Machine::point_tool_along_direction(const Block& block, AxisVector end) {
   for (const auto& [j, word, is_incremental] : axis_words(block))
     if (canon_.options().axes[std::size_t(j)].motion == Motion::Rotary)
-      refuse(*word, "I J K for the direction of the tool under G43.5");
+      throw_input_error(*word, "I J K for the direction of the tool under G43.5");
   Eigen::Vector3d direction = Eigen::Vector3d::Zero();
   const Word* first = nullptr;
   for (int k = 0; k < 3; ++k)
@@ -292,7 +298,7 @@ AxisVector Machine::point_tool_along_direction(const Block& block, AxisVector en
       if (first == nullptr) first = &word;
     }
   if (first == nullptr) return end;
-  if (!(direction.norm() > 1e-9)) refuse(*first, "a direction I J K that is not zero");
+  if (!(direction.norm() > 1e-9)) throw_input_error(*first, "a direction I J K that is not zero");
   // The direction is programmed in the tilted system.
   if (rotation_) direction = *rotation_ * direction;
   const AxisVector aligned = rotary_positions(direction.normalized(), *first);
@@ -310,10 +316,11 @@ void Machine::check_tilted_move(const Target& target, const Cause& cause) const 
   const Eigen::Vector3d plane_normal = rotation_->col(2);
   const double inclination = std::atan2(tool.cross(plane_normal).norm(), tool.dot(plane_normal));
   if (inclination > max_inclination)
-    refuse(cause, "G53.1 or rotary words that turn the tool into Z of the plane before X Y Z",
-           fmt::format("a tool that leans by {:.3f} degrees", inclination / units::deg));
+    throw_input_error(cause,
+                      "G53.1 or rotary words that turn the tool into Z of the plane before X Y Z",
+                      fmt::format("a tool that leans by {:.3f} degrees", inclination / units::deg));
   if (target.has(z) && (length_mode_ == 490 || h_ == 0))
-    refuse(target.cause(z), "G43 H before a Z word in a tilted plane");
+    throw_input_error(target.cause(z), "G43 H before a Z word in a tilted plane");
 }
 
 namespace {
@@ -343,37 +350,40 @@ void Machine::read_cycle_words(const Block& block) {
   const int z = joint(2);
   const Word &r = block['R'], &bottom = block['Z'], &q = block['Q'], &p = block['P'];
   if (!cycle_.has_begun) {
-    if (!r || !bottom) refuse(cycle_.cause, "Z and R in the first block of a cycle", "none");
+    if (!r || !bottom)
+      throw_input_error(cycle_.cause, "Z and R in the first block of a cycle", "none");
     cycle_.initial = canon_.programmed()[z];
   }
   // Under G91 R counts from the initial level and Z from R.
   if (r) cycle_.r = length(r) + (is_incremental_ ? cycle_.initial : 0.0);
   if (bottom) cycle_.bottom = length(bottom) + (is_incremental_ ? cycle_.r : 0.0);
   if (q && !is_peck(cycle_code_) && !shifts_tool(cycle_code_))
-    refuse(q, is_tap(cycle_code_) ? "no Q: tapping with pecks is not read" : "no Q in this cycle");
+    throw_input_error(
+        q, is_tap(cycle_code_) ? "no Q: tapping with pecks is not read" : "no Q in this cycle");
   // The control ignores the sign of Q.
   if (q) cycle_.q = std::abs(length(q));
   if ((is_peck(cycle_code_) || shifts_tool(cycle_code_)) && !(cycle_.q > 0))
-    refuse(q ? Cause(q) : cycle_.cause, "Q above zero");
-  if (p && !dwells(cycle_code_)) refuse(p, "no P in this cycle");
+    throw_input_error(q ? Cause(q) : cycle_.cause, "Q above zero");
+  if (p && !dwells(cycle_code_)) throw_input_error(p, "no P in this cycle");
   // P is in milliseconds.
   if (p) cycle_.dwell_s = whole_number(canon_, p, 99'999'999) * 1e-3;
   warn_low_start();
   const bool from_behind = cycle_code_ == 870;
-  if (from_behind && returns_to_r_) refuse(cycle_.cause, "G98 beside G87");
+  if (from_behind && returns_to_r_) throw_input_error(cycle_.cause, "G98 beside G87");
   if (from_behind ? cycle_.bottom < cycle_.r : cycle_.r < cycle_.bottom)
-    refuse(r ? Cause(r) : cycle_.cause,
-           from_behind ? "the end of the bore above R" : "R above the bottom of the hole",
-           fmt::format("R at {} mm, the bottom at {} mm", cycle_.r, cycle_.bottom));
+    throw_input_error(
+        r ? Cause(r) : cycle_.cause,
+        from_behind ? "the end of the bore above R" : "R above the bottom of the hole",
+        fmt::format("R at {} mm, the bottom at {} mm", cycle_.r, cycle_.bottom));
   const int direction = canon_.spindle_direction();
   const int expected_direction = cycle_code_ == 740 ? -1 : 1;
   // Tapping needs the spindle direction of the thread; under M29 (rigid) the control sets it
   // itself.
   if (is_tap(cycle_code_) && !is_rigid_tapping_ && direction != expected_direction)
-    refuse(cycle_.cause,
-           fmt::format("M{} or M29 before G{}", expected_direction > 0 ? 3 : 4, cycle_code_ / 10));
+    throw_input_error(cycle_.cause, fmt::format("M{} or M29 before G{}",
+                                                expected_direction > 0 ? 3 : 4, cycle_code_ / 10));
   if ((cycle_code_ == 860 || shifts_tool(cycle_code_)) && direction == 0)
-    refuse(cycle_.cause, "a spindle that turns before the cycle");
+    throw_input_error(cycle_.cause, "a spindle that turns before the cycle");
   cycle_.has_begun = true;
 }
 
@@ -390,15 +400,16 @@ void Machine::warn_low_start() {
 
 void Machine::execute_cycle(const Block& block) {
   cycle_.cause = motion_cause(block);
-  if (compensation_.is_on()) refuse(cycle_.cause, "G40 before a canned cycle");
+  if (compensation_.is_on()) throw_input_error(cycle_.cause, "G40 before a canned cycle");
   if (canon_.feed_mode() == FeedMode::InverseTime)
-    refuse(cycle_.cause, "G94 or G95 beside a cycle");
+    throw_input_error(cycle_.cause, "G94 or G95 beside a cycle");
   if (plane_ != 170)
-    refuse(cycle_.cause, "G17 beside a cycle: the axis that drills is a parameter elsewhere");
+    throw_input_error(cycle_.cause,
+                      "G17 beside a cycle: the axis that drills is a parameter elsewhere");
   if (has_tip_length_mode())
-    refuse(cycle_.cause, "G43 beside a cycle, in a tilted plane where it is needed");
+    throw_input_error(cycle_.cause, "G43 beside a cycle, in a tilted plane where it is needed");
   for (int k = 0; k < 3; ++k)
-    if (joint(k) < 0) refuse(cycle_.cause, "a machine with X Y Z beside a canned cycle");
+    if (joint(k) < 0) throw_input_error(cycle_.cause, "a machine with X Y Z beside a canned cycle");
   // A cycle whose definition has an error is not reported again for each hole.
   if (!cycle_.has_begun && !block[Group::Cycle]) run_.require_certain("cycle", cycle_.cause);
   run_.define("cycle", [&] { read_cycle_words(block); });
@@ -410,7 +421,7 @@ void Machine::execute_cycle(const Block& block) {
 /// Makes the holes of a block. K or L is their number; with 0 the words are only stored.
 void Machine::make_holes(const Block& block) {
   const Word& repeat_word = block['K'] ? block['K'] : block['L'];
-  if (block['K'] && block['L']) refuse(block['L'], "either K or L");
+  if (block['K'] && block['L']) throw_input_error(block['L'], "either K or L");
   const int hole_count = repeat_word ? whole_number(canon_, repeat_word, 1'000'000) : 1;
   // Moves of a hole: to its position, to R, to the bottom, back; each peck adds up to three.
   constexpr double moves_per_hole = 4.0, moves_per_peck = 3.0;  // at most
@@ -425,7 +436,7 @@ void Machine::make_holes(const Block& block) {
     check_tilted_move(target, cycle_.cause);
     AxisVector end = canon_.end_of(target);
     canon_.straight({.end = end, .cause = cycle_.cause, .stated = target.stated()}, true);
-    make_hole(canon_.unplaced(end));
+    make_hole(canon_.without_offsets(end));
   }
 }
 
@@ -446,7 +457,7 @@ void Machine::make_pecks() {
       "the clearance of pecks in G73 and G83 is taken to be {} mm (parameters 5114 and 5115)",
       peck_clearance));
   if ((cycle_.r - cycle_.bottom) / cycle_.q > max_pecks)
-    refuse(cycle_.cause, "at most 1e5 pecks in a hole", "more");
+    throw_input_error(cycle_.cause, "at most 1e5 pecks in a hole", "more");
   for (int hole_count = 1;; ++hole_count) {
     const double depth = cycle_.r - hole_count * cycle_.q;
     if (!(depth > cycle_.bottom)) return;

@@ -47,8 +47,8 @@ void Machine::apply_frame() {
 /// Throws BadInput in a rotated system and during cutter compensation, where a change of the
 /// coordinate system would be ambiguous.
 void Machine::check_frame_change(const Cause& cause) const {
-  if (rotation_) refuse(cause, "G69 before " + shown(cause.text));
-  if (compensation_.is_on()) refuse(cause, "G40 before " + shown(cause.text));
+  if (rotation_) throw_input_error(cause, "G69 before " + shown(cause.text));
+  if (compensation_.is_on()) throw_input_error(cause, "G40 before " + shown(cause.text));
 }
 
 void Machine::select_work_offset(const Block& block) {
@@ -57,9 +57,10 @@ void Machine::select_work_offset(const Block& block) {
   // G54 to G59 are systems 1 to 6; G54.1 Pn, also written G54 Pn, is 100 + n.
   int number = (code.tenths - 530) / 10;
   if (code.tenths == 541 || (code.tenths == 540 && p)) {
-    if (!p) refuse(code.word, "P (number of the coordinate system) beside G54.1", "none");
+    if (!p)
+      throw_input_error(code.word, "P (number of the coordinate system) beside G54.1", "none");
     number = whole_number(canon_, p, max_additional_offset);
-    if (number < 1) refuse(p, "a coordinate system of P1 to P300");
+    if (number < 1) throw_input_error(p, "a coordinate system of P1 to P300");
     number += 100;
   }
   // Repeating the system in force is allowed anywhere, because it changes nothing.
@@ -80,21 +81,24 @@ void Machine::set_rotation(const Block& block) {
     return move(block);
   }
   for (int k = 0; k < 3; ++k)
-    if (joint(k) < 0) refuse(code.word, "a machine with X Y Z beside " + shown(code.word.text));
-  if (rotation_) refuse(code.word, "G69 before another " + shown(code.word.text));
-  if (cycle_code_ != 800) refuse(code.word, "G80 before " + shown(code.word.text));
+    if (joint(k) < 0)
+      throw_input_error(code.word, "a machine with X Y Z beside " + shown(code.word.text));
+  if (rotation_) throw_input_error(code.word, "G69 before another " + shown(code.word.text));
+  if (cycle_code_ != 800) throw_input_error(code.word, "G80 before " + shown(code.word.text));
   if (code.tenths == 682) return set_tilted_plane(block);
   for (const char letter : {'I', 'J', 'K'})
-    if (block[letter]) refuse(block[letter], "G68.2 for a coordinate system turned in space");
+    if (block[letter])
+      throw_input_error(block[letter], "G68.2 for a coordinate system turned in space");
   const Word& r = block['R'];
-  if (!r) refuse(code.word, "R (angle) beside G68", "none");
+  if (!r) throw_input_error(code.word, "R (angle) beside G68", "none");
   const std::string_view plane = plane_letters();
   // A centre coordinate that is not programmed is the current position.
   const AxisVector current = canon_.programmed();
   for (int k = 0; k < 3; ++k) {
     const char letter = axis_letters[std::size_t(k)];
     const bool is_in_plane = plane.find(letter) != std::string_view::npos;
-    if (block[letter] && !is_in_plane) refuse(block[letter], "a centre in the plane beside G68");
+    if (block[letter] && !is_in_plane)
+      throw_input_error(block[letter], "a centre in the plane beside G68");
     centre_[k] = !is_in_plane ? 0.0 : block[letter] ? length(block[letter]) : current[joint(k)];
   }
   Eigen::Vector3d normal_axis = Eigen::Vector3d::Zero();
@@ -106,10 +110,10 @@ void Machine::set_rotation(const Block& block) {
 void Machine::store_origin(const Block& block, bool additional) {
   const Code& code = block[Group::OneShot];
   const Word& p = block['P'];
-  if (!p) refuse(code.word, "P (coordinate system) beside G10", "none");
+  if (!p) throw_input_error(code.word, "P (coordinate system) beside G10", "none");
   const int number = whole_number(canon_, p, additional ? max_additional_offset : 6);
-  if (additional && number < 1) refuse(p, "a coordinate system of P1 to P300");
-  if (block['R']) refuse(block['R'], "axis words beside G10 L2 and L20");
+  if (additional && number < 1) throw_input_error(p, "a coordinate system of P1 to P300");
+  if (block['R']) throw_input_error(block['R'], "axis words beside G10 L2 and L20");
   check_frame_change(code.word);
   AxisVector& origin =
       // P0 of L2 is the external offset, which shifts all systems.
@@ -124,10 +128,11 @@ void Machine::store_origin(const Block& block, bool additional) {
 void Machine::store_tool(const Block& block, int kind) {
   const Code& code = block[Group::OneShot];
   const Word &p = block['P'], &r = block['R'];
-  if (!p || !r) refuse(code.word, "P (number) and R (value) beside G10 of a tool", "one of them");
-  if (const Word* axis = first_axis_word(block)) refuse(*axis, "R beside G10 of a tool");
+  if (!p || !r)
+    throw_input_error(code.word, "P (number) and R (value) beside G10 of a tool", "one of them");
+  if (const Word* axis = first_axis_word(block)) throw_input_error(*axis, "R beside G10 of a tool");
   const int number = whole_number(canon_, p, max_offset_index);
-  if (number < 1) refuse(p, "an offset of P1 to P999");
+  if (number < 1) throw_input_error(p, "an offset of P1 to P999");
   Geometry& geometry = kind < 12 ? lengths_[number] : radii_[number];
   // L10 and L12 are geometry, L11 and L13 wear.
   const double previous_value = kind % 2 == 0 ? geometry.value.value_or(0.0) : geometry.wear;
@@ -153,8 +158,8 @@ void Machine::store_data(const Block& block) {
     case 13:
       return store_tool(block, kind);
     default:
-      refuse(l ? Cause(l) : Cause(block[Group::OneShot].word),
-             "L2 L20 L10 L11 L12 or L13 beside G10", l ? shown(l.text) : "none");
+      throw_input_error(l ? Cause(l) : Cause(block[Group::OneShot].word),
+                        "L2 L20 L10 L11 L12 or L13 beside G10", l ? shown(l.text) : "none");
   }
 }
 
@@ -165,15 +170,16 @@ void Machine::shift_origin(const Block& block) {
   if (words.empty()) {
     // G92 S and G50 S limit the spindle speed and are handled in `set_spindle`.
     if ((code.tenths == 920 || code.tenths == 500) && block['S']) return;
-    refuse(code.word, "an axis word beside " + shown(code.word.text), "none");
+    throw_input_error(code.word, "an axis word beside " + shown(code.word.text), "none");
   }
   check_frame_change(code.word);
-  if (code.tenths == 920 && has_tip_length_mode()) refuse(code.word, "G49 before G92");
+  if (code.tenths == 920 && has_tip_length_mode()) throw_input_error(code.word, "G49 before G92");
   const AxisVector current = canon_.programmed();
   for (const auto& [j, word, is_incremental] : words) {
     const bool sets_position = code.tenths == 920 || code.tenths == 500;
     const double value = axis_word(j, *word);
-    if (is_incremental && !sets_position) refuse(*word, "X Y Z C beside " + shown(code.word.text));
+    if (is_incremental && !sets_position)
+      throw_input_error(*word, "X Y Z C beside " + shown(code.word.text));
     if (sets_position)
       // G92 gives the current position the programmed values, so the difference is the shift. An
       // increment (U, W) moves the zero by its value.
@@ -192,10 +198,10 @@ double Machine::tool_length(int h, const Cause& cause) const {
   std::string known_lengths;
   for (const auto& [number, geometry] : lengths_)
     if (geometry.value) known_lengths += fmt::format(" H{}", number);
-  refuse(cause,
-         "a tool length that is known (" +
-             (known_lengths.empty() ? "none is" : known_lengths.substr(1)) + ")",
-         fmt::format("H{}", h));
+  throw_input_error(cause,
+                    "a tool length that is known (" +
+                        (known_lengths.empty() ? "none is" : known_lengths.substr(1)) + ")",
+                    fmt::format("H{}", h));
 }
 
 void Machine::set_tool_length(const Block& block) {
@@ -207,7 +213,7 @@ void Machine::set_tool_length(const Block& block) {
   }
   if (!code && length_mode_ == 490) return;
   const Cause cause = code ? Cause(code.word) : Cause(h);
-  if (compensation_.is_on()) refuse(cause, "no other tool length under G41 or G42");
+  if (compensation_.is_on()) throw_input_error(cause, "no other tool length under G41 or G42");
   if (code) length_mode_ = code.tenths;
   if (length_mode_ == 490) h_ = 0, is_h_stated_ = false;
   // Without a stated H the only tool of the scene is meant.
@@ -216,7 +222,7 @@ void Machine::set_tool_length(const Block& block) {
     is_h_stated_ = true;
   }
   const int z = joint(2);
-  if (z < 0) refuse(cause, "a machine with a Z axis");
+  if (z < 0) throw_input_error(cause, "a machine with a Z axis");
   const auto z_shift = [&] {
     const AxisVector& shift = canon_.tool_shift();
     return shift.size() > 0 ? shift[z] : 0.0;
@@ -228,7 +234,7 @@ void Machine::set_tool_length(const Block& block) {
   // A Z word in the block moves the tip to its programmed position with either parameter.
   if (change == 0.0 || was_tip_mode || canon_.tip_mode() || block['Z']) return;
   // G49 at the start position of Z is the usual safety block of a program, so it is not reported.
-  const double reference = program::start_of(canon_.options())[z];
+  const double reference = program::initial_position(canon_.options())[z];
   if (length_mode_ == 490 && canon_.position()[z] == reference) return;
   run_.warn_once(
       "a change of the tool length without a Z word moves nothing (parameter 5006.6 TOS = 1); a "
@@ -252,19 +258,20 @@ void Machine::apply_length(const Cause& cause) {
     had_axis_length_ = had_axis_length_ || has_length;
     return compare_zero_points(cause);
   }
-  if (length_mode_ == 440) refuse(cause, "G43 for a tool length in a tilted plane");
+  if (length_mode_ == 440) throw_input_error(cause, "G43 for a tool length in a tilted plane");
   if (has_tip_length_mode() && !has_length)
-    refuse(cause, "H (tool length) beside G43.4 and G43.5", "none");
+    throw_input_error(cause, "H (tool length) beside G43.4 and G43.5", "none");
   const auto& scene_lengths = canon_.options().tool_length;
   // The chain has the length of the scene's tool; another length would need another chain.
   const auto scene_length = scene_lengths.find(h);
   if (has_length && (scene_length == scene_lengths.end() ||
                      std::abs(scene_length->second - length_mm) > length_tolerance))
-    refuse(cause,
-           "the length of the tool as the scene has it: the tip is counted with that chain, and "
-           "G10 does not change it",
-           fmt::format("{} mm", length_mm));
-  const bool has_tool_chain = canon_.options().control_of_h.contains(tool_);
+    throw_input_error(
+        cause,
+        "the length of the tool as the scene has it: the tip is counted with that chain, and "
+        "G10 does not change it",
+        fmt::format("{} mm", length_mm));
+  const bool has_tool_chain = canon_.options().control_by_h.contains(tool_);
   canon_.set_tool_shift({});
   canon_.select_length(has_length ? h : has_tool_chain ? tool_ : -1, cause);
   // Only the begin of G43.4 depends on the position of the table.
@@ -331,7 +338,7 @@ void Machine::set_compensation(const Block& block) {
     const int number = whole_number(canon_, d, max_offset_index);
     // Another radius in the middle of a contour would leave the transition undefined.
     if (compensation_.is_on() && number != d_ && code.tenths != 400)
-      refuse(d, "G40 before another D");
+      throw_input_error(d, "G40 before another D");
     d_ = number;
     is_d_stated_ = true;
   }
@@ -340,7 +347,7 @@ void Machine::set_compensation(const Block& block) {
   if (code.tenths == 400) return compensation_.end();
   if (compensation_.is_on()) {
     if (code.tenths == side_) return;  // postprocessors repeat the code
-    refuse(code.word, "G40 between G41 and G42");
+    throw_input_error(code.word, "G40 between G41 and G42");
   }
   if (!is_d_stated_) {
     d_ = run_.assume_only_tool(code.word, "no D beside G41 and G42");
@@ -349,18 +356,19 @@ void Machine::set_compensation(const Block& block) {
   const std::string_view plane = plane_letters();
   const int first = canon_.joint_of(plane[0]), second = canon_.joint_of(plane[1]);
   if (first < 0 || second < 0)
-    refuse(code.word,
-           fmt::format("a machine with the axes {} {} of the plane", plane[0], plane[1]));
+    throw_input_error(
+        code.word, fmt::format("a machine with the axes {} {} of the plane", plane[0], plane[1]));
   // Under G43.4 the plane of compensation would rotate with the table.
-  if (has_tip_length_mode()) refuse(code.word, "G40 beside G43.4 and G43.5");
+  if (has_tip_length_mode()) throw_input_error(code.word, "G40 beside G43.4 and G43.5");
   const int normal_axis = plane_ == 170 ? 2 : plane_ == 180 ? 1 : 0;
   if (rotation_ && (*rotation_)(normal_axis, normal_axis) < 1.0 - plane_tolerance)
-    refuse(code.word, "contours compensated beforehand in a tilted plane: no G41 and G42 there");
+    throw_input_error(code.word,
+                      "contours compensated beforehand in a tilted plane: no G41 and G42 there");
   const auto entry = radii_.find(d_);
   const bool has_radius = entry != radii_.end() && entry->second.value;
   if (!has_radius && d_ != 0)
-    refuse(block['D'] ? Cause(block['D']) : Cause(code.word), "a tool whose radius is known",
-           fmt::format("D{}", d_));
+    throw_input_error(block['D'] ? Cause(block['D']) : Cause(code.word),
+                      "a tool whose radius is known", fmt::format("D{}", d_));
   // D0 is a radius of zero.
   const double radius = has_radius ? *entry->second.value + entry->second.wear : 0.0;
   run_.warn_once(
@@ -509,10 +517,10 @@ std::optional<double> Machine::variable(int number) {
   const bool is_compensated = compensation_.is_on() || compensation_.is_leaving();
   const AxisVector position = is_compensated ? compensation_.programmed() : canon_.position();
   if (const int i = index_in_range(number, 5001, 9); i >= 0)
-    return program_value(joint_of_index(i), canon_.unplaced(position));
+    return program_value(joint_of_index(i), canon_.without_offsets(position));
   // #5041: position with tool length; #5021: machine coordinates.
   if (const int i = index_in_range(number, 5041, 9); i >= 0) {
-    AxisVector with_length = canon_.unplaced(canon_.position());
+    AxisVector with_length = canon_.without_offsets(canon_.position());
     if (canon_.tool_shift().size() > 0) with_length += canon_.tool_shift();
     return program_value(joint_of_index(i), with_length);
   }

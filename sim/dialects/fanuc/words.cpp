@@ -11,7 +11,8 @@ namespace {
 using Line = CodeTableLine<Group>;
 
 // Short names, so that an entry fits its line.
-constexpr Use read = Use::Read, none = Use::WithoutEffect, refused = Use::Refused;
+constexpr WordTreatment read = WordTreatment::Read, none = WordTreatment::WithoutEffect,
+                        refused = WordTreatment::Refused;
 
 // The single source of the word table in the README, of the messages and of the groups of codes.
 constexpr Line lines[] = {
@@ -232,7 +233,8 @@ namespace {
 
 using LatheLine = CodeTableLine<Group>;
 
-constexpr Use is_read = Use::Read, no_effect = Use::WithoutEffect, is_refused = Use::Refused;
+constexpr WordTreatment is_read = WordTreatment::Read, no_effect = WordTreatment::WithoutEffect,
+                        is_refused = WordTreatment::Refused;
 
 // G-code system A differs in most groups, so a turning control has a table of its own.
 constexpr LatheLine lathe_lines[] = {

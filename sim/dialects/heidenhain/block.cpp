@@ -14,7 +14,8 @@ namespace heidenhain {
 namespace {
 
 // Short names, so that an entry fits its line.
-constexpr Use read = Use::Read, none = Use::WithoutEffect, refused = Use::Refused;
+constexpr WordTreatment read = WordTreatment::Read, none = WordTreatment::WithoutEffect,
+                        refused = WordTreatment::Refused;
 
 // No-break spaces join the parts of a word, because blanks separate the words of an entry.
 constexpr WordTableEntry words[] = {
@@ -298,9 +299,10 @@ std::optional<double> parse_function(Cursor& cursor, OperandParser& parameters) 
     if (!cursor.accept_word(function.name)) continue;
     const double argument = parse_value(cursor, grammar(), parameters);
     if (function.operand_error != nullptr)
-      if (const char* expected = function.operand_error(argument)) cursor.refuse(from, expected);
+      if (const char* expected = function.operand_error(argument))
+        cursor.throw_input_error(from, expected);
     const double result = function.apply(argument);
-    if (!std::isfinite(result)) cursor.refuse(from, "a result that is a finite number");
+    if (!std::isfinite(result)) cursor.throw_input_error(from, "a result that is a finite number");
     return result;
   }
   return std::nullopt;
@@ -381,7 +383,7 @@ bool WordReader::has_value() const {
 
 double WordReader::read_value() {
   cursor.skip_blanks();
-  if (!has_value()) cursor.refuse(cursor.at, "a number or a Q parameter");
+  if (!has_value()) cursor.throw_input_error(cursor.at, "a number or a Q parameter");
   return dialects::parse_value(cursor, grammar(), parameters_);
 }
 
@@ -390,7 +392,7 @@ int WordReader::read_whole_number(int max) {
   const std::size_t from = cursor.at;
   const double number = read_value();
   if (number < 0 || number > max || number != std::floor(number))
-    cursor.refuse(from, fmt::format("a whole number of 0 to {}", max));
+    cursor.throw_input_error(from, fmt::format("a whole number of 0 to {}", max));
   return int(number);
 }
 
@@ -401,13 +403,13 @@ std::string WordReader::read_label() {
   const std::size_t end = cursor.text.find('"', from + 1);
   // The control allows 32 characters.
   if (end == std::string_view::npos || end == from + 1 || end - from > 33)
-    cursor.refuse(from, "a name of 1 to 32 characters in quotes");
+    cursor.throw_input_error(from, "a name of 1 to 32 characters in quotes");
   cursor.at = end + 1;
   return std::string(cursor.text.substr(from, end + 1 - from));
 }
 
 void WordReader::expect_end() {
-  if (!at_end()) cursor.refuse(cursor.at, "nothing more in the block");
+  if (!at_end()) cursor.throw_input_error(cursor.at, "nothing more in the block");
 }
 
 }  // namespace abbe::sim::dialects::heidenhain

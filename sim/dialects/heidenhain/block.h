@@ -81,9 +81,9 @@ class WordReader {
   void expect_end();
   Cause cause(std::size_t from) const { return cursor.cause(from); }
   /// Throws BadInput at the word behind byte `from` and blanks.
-  [[noreturn]] void refuse(std::size_t from, std::string expected) const {
+  [[noreturn]] void throw_input_error(std::size_t from, std::string expected) const {
     while (from < cursor.text.size() && is_blank(cursor.text[from])) ++from;
-    cursor.refuse(from, std::move(expected));
+    cursor.throw_input_error(from, std::move(expected));
   }
 
   Cursor cursor;

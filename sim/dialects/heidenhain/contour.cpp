@@ -59,8 +59,9 @@ void Contour::add(ContourElement element, const std::array<int, 2>& plane, bool 
 // `make_corner` makes the corner when the move behind it is known.
 void Contour::add_corner(bool is_round, double size, std::optional<program::Feed> feed,
                          const Cause& cause) {
-  if (!waiting_element_) canon_.refuse(cause, "a straight move before RND and CHF", "none");
-  if (!(size > 0)) canon_.refuse(cause, "a radius or length above zero");
+  if (!waiting_element_)
+    canon_.throw_input_error(cause, "a straight move before RND and CHF", "none");
+  if (!(size > 0)) canon_.throw_input_error(cause, "a radius or length above zero");
   waiting_corner_ = Corner{
       is_round, size, feed, {cause.column, is_round ? "RND" : "CHF"}, canon_.line(), canon_.file()};
 }
@@ -75,7 +76,7 @@ AxisVector Contour::make_corner(const ContourElement& next) {
   const auto fail = [&](std::string expected, std::string seen) -> AxisVector {
     process(std::move(previous));
     canon_.set_line(corner.line, corner.file);
-    canon_.refuse(corner.cause, std::move(expected), std::move(seen));
+    canon_.throw_input_error(corner.cause, std::move(expected), std::move(seen));
   };
   if (previous.is_arc || next.is_arc)
     return fail("straight moves on both sides of RND and CHF", "an arc");
@@ -134,7 +135,7 @@ AxisVector Contour::make_corner(const ContourElement& next) {
 void Contour::set_side(std::optional<bool> left, double radius, const Cause& cause) {
   if (left == is_left_) return;
   // The offset point of a direct change of side would be undefined.
-  if (left && is_left_) canon_.refuse(cause, "R0 between RL and RR");
+  if (left && is_left_) canon_.throw_input_error(cause, "R0 between RL and RR");
   if (left) {
     is_left_ = left;
     radius_ = radius;
@@ -172,7 +173,7 @@ void Contour::process(ContourElement element) {
   if (compensation_.is_on()) return compensate(element);
   if (entry_elements_.empty()) {
     if (element.is_arc)
-      canon_.refuse(element.cause, "a straight move as the first one under RL and RR");
+      canon_.throw_input_error(element.cause, "a straight move as the first one under RL and RR");
     entry_elements_.push_back(with_lasting_cause(std::move(element)));
     return;
   }
@@ -180,8 +181,9 @@ void Contour::process(ContourElement element) {
   if (!element.is_arc &&
       (in_plane(element.end) - in_plane(entry_elements_.back().end)).norm() < point_tolerance) {
     if (entry_elements_.size() == max_entry_elements)
-      canon_.refuse(element.cause,
-                    "at most 100 moves of other axes behind that which begins RL or RR", "more");
+      canon_.throw_input_error(element.cause,
+                               "at most 100 moves of other axes behind that which begins RL or RR",
+                               "more");
     entry_elements_.push_back(with_lasting_cause(std::move(element)));
     return;
   }
@@ -229,7 +231,7 @@ void Contour::compensate(const ContourElement& element) {
                          .second = element.second,
                          .end = element.end,
                          .centre = {0, 0},
-                         .placed_centre = element.centre,
+                         .centre_with_offsets = element.centre,
                          .radius = element.radius,
                          .clockwise = element.is_clockwise,
                          .turns = element.turn_count,
@@ -250,7 +252,7 @@ void Contour::issue(const ContourElement& element) {
                 .second = element.second,
                 .end = element.end,
                 .centre = {0, 0},
-                .placed_centre = element.centre,
+                .centre_with_offsets = element.centre,
                 .radius = element.radius,
                 .clockwise = element.is_clockwise,
                 .turns = element.turn_count,

@@ -42,7 +42,7 @@ class Contour {
     return is_ahead_ ? position_ : canon_.position();
   }
   /// Returns the programmed position in program coordinates.
-  kinematics::AxisVector programmed() const { return canon_.unplaced(position()); }
+  kinematics::AxisVector programmed() const { return canon_.without_offsets(position()); }
 
   /// Adds a move. `plane` holds the joints of the working plane; `before_corner` is true if
   /// RND or CHF follows. Throws BadInput for moves too short for a corner, and for moves that RL

@@ -38,7 +38,7 @@ int parse_digits(Cursor& cursor) {
 void Machine::execute_cycle_definition(WordReader& words) {
   words.cursor.skip_blanks();
   const std::size_t from = words.cursor.at;
-  if (!is_digit(words.cursor.current())) words.refuse(from, "the number of a cycle");
+  if (!is_digit(words.cursor.current())) words.throw_input_error(from, "the number of a cycle");
   const int number = parse_digits(words.cursor);
   int part = -1;
   if (words.cursor.current() == '.') {
@@ -52,17 +52,17 @@ void Machine::execute_cycle_definition(WordReader& words) {
     cycle_ = {};  // a call of the skipped cycle must not run the previous one
     return run_.handle_unknown_word(cause, "a cycle that is read");
   }
-  if (entry->use == Use::Refused) {
+  if (entry->use == WordTreatment::Refused) {
     run_.mark_uncertain(cycle_name);
-    refuse(cause, std::string(entry->sentence));
+    throw_input_error(cause, std::string(entry->sentence));
   }
   // Block n.0 begins a new cycle, so the previous one must be complete.
   if (part <= 0) require_complete_cycle(cause);
-  if (entry->use == Use::WithoutEffect) return;
+  if (entry->use == WordTreatment::WithoutEffect) return;
   // A new definition ends the modal call of M89.
   is_cycle_modal_ = false;
   if (part > 0 && (!old_cycle_ || old_cycle_->first != number))
-    refuse(cause, fmt::format("CYCL DEF {}.0 in the block before", number));
+    throw_input_error(cause, fmt::format("CYCL DEF {}.0 in the block before", number));
   if (part >= 0) old_cycle_ = {number, part};
   if (part >= 0) return execute_old_cycle(number, part, from, words);
   run_.define(cycle_name, [&] { define_q_cycle(number, from, words); });
@@ -73,7 +73,7 @@ void Machine::execute_cycle_definition(WordReader& words) {
 void Machine::require_complete_cycle(const Cause& cause) {
   const auto cycle = std::exchange(old_cycle_, std::nullopt);
   if (cycle && cycle->second == 0)
-    refuse(cause, fmt::format("CYCL DEF {0}.1 behind CYCL DEF {0}.0", cycle->first));
+    throw_input_error(cause, fmt::format("CYCL DEF {0}.1 behind CYCL DEF {0}.0", cycle->first));
 }
 
 void Machine::execute_old_cycle(int number, int part, std::size_t from, WordReader& words) {
@@ -82,10 +82,11 @@ void Machine::execute_old_cycle(int number, int part, std::size_t from, WordRead
     case 7:
       return execute_datum_shift(words);
     case 8:
-      if (!words.at_end()) words.refuse(words.cursor.at, "no axis: nothing is mirrored");
+      if (!words.at_end()) words.throw_input_error(words.cursor.at, "no axis: nothing is mirrored");
       return;
     case 9: {
-      if (!words.cursor.accept("DWELL")) words.refuse(words.cursor.at, "DWELL and seconds");
+      if (!words.cursor.accept("DWELL"))
+        words.throw_input_error(words.cursor.at, "DWELL and seconds");
       const double seconds = words.read_value();
       words.expect_end();
       return canon_.dwell(seconds, words.cause(from));
@@ -94,15 +95,15 @@ void Machine::execute_old_cycle(int number, int part, std::size_t from, WordRead
       return execute_rotation_cycle(words);
     case 11: {
       if (words.at_end()) return;
-      if (!words.cursor.accept("SCL")) words.refuse(words.cursor.at, "SCL and a factor");
+      if (!words.cursor.accept("SCL")) words.throw_input_error(words.cursor.at, "SCL and a factor");
       const std::size_t at = words.cursor.at;
-      if (words.read_value() != 1.0) words.refuse(at, "SCL 1: nothing is scaled");
+      if (words.read_value() != 1.0) words.throw_input_error(at, "SCL 1: nothing is scaled");
       return words.expect_end();
     }
     case 19:
       return execute_plane_cycle(words);
     default:
-      words.refuse(from, "CYCL DEF with Q parameters");
+      words.throw_input_error(from, "CYCL DEF with Q parameters");
   }
 }
 
@@ -111,10 +112,10 @@ void Machine::execute_datum_shift(WordReader& words) {
   while (!words.at_end()) {
     const std::size_t from = words.cursor.at;
     if (words.cursor.current() == '#')
-      words.refuse(from, "a shift in words: datum tables are not read");
+      words.throw_input_error(from, "a shift in words: datum tables are not read");
     const std::string name = words.read_name();
     const bool is_incremental = name.size() == 2 && name[0] == 'I';
-    if (name.size() != 1 && !is_incremental) words.refuse(from, "an axis and its shift");
+    if (name.size() != 1 && !is_incremental) words.throw_input_error(from, "an axis and its shift");
     const double number = words.read_value();
     set_axis_shift(name.back(), number, is_incremental, words.cause(from));
   }
@@ -129,8 +130,9 @@ void Machine::set_axis_shift(char letter, double value, bool is_incremental, con
   const bool is_xyz = letter >= 'X' && letter <= 'Z';
   if (is_xyz && plane_ && (outer_shift_.norm() > 0 || uncertain_shifts_ != 0)) {
     if (value != 0.0)
-      refuse(cause,
-             "0, or PLANE RESET before it: a datum shift from before the tilted plane is in force");
+      throw_input_error(
+          cause,
+          "0, or PLANE RESET before it: a datum shift from before the tilted plane is in force");
     double& outer_shift = outer_shift_[letter - 'X'];
     if (is_incremental || outer_shift == 0.0) return;
     outer_shift = 0.0;
@@ -140,7 +142,8 @@ void Machine::set_axis_shift(char letter, double value, bool is_incremental, con
   if (is_xyz && !plane_) {
     // An increment of an uncertain shift would be uncertain too.
     if (is_incremental && (uncertain_shifts_ & shift_bit(letter)))
-      refuse(cause, "an absolute shift behind PLANE RESET: that within the plane was another");
+      throw_input_error(cause,
+                        "an absolute shift behind PLANE RESET: that within the plane was another");
     uncertain_shifts_ &= ~shift_bit(letter);
   }
   datum_shift_[j] = is_incremental ? datum_shift_[j] + value : value;
@@ -150,22 +153,22 @@ void Machine::set_axis_shift(char letter, double value, bool is_incremental, con
 void Machine::require_certain_shift(const Cause& cause) const {
   if (uncertain_shifts_ == 0) return;
   if (plane_)
-    refuse(
+    throw_input_error(
         cause,
         "PLANE RESET before a move: the datum shift in which the plane began has ended within it");
-  refuse(cause, "a datum shift and ROT stated again before a move",
-         "those of the tilted plane that was reset");
+  throw_input_error(cause, "a datum shift and ROT stated again before a move",
+                    "those of the tilted plane that was reset");
 }
 
 void Machine::execute_rotation_cycle(WordReader& words) {
   words.cursor.skip_blanks();
   const std::size_t from = words.cursor.at;
   const std::string name = words.read_name();
-  if (name != "ROT" && name != "IROT") words.refuse(from, "ROT and an angle");
+  if (name != "ROT" && name != "IROT") words.throw_input_error(from, "ROT and an angle");
   const double angle = words.read_value() * units::deg;
   words.expect_end();
   if (name == "IROT" && (uncertain_shifts_ & rotation_bit))
-    words.refuse(from, "ROT behind PLANE RESET");
+    words.throw_input_error(from, "ROT behind PLANE RESET");
   // An error restores the rotation, so that later blocks count from it.
   const double previous_rotation = rotation_;
   rotation_ = name == "IROT" ? rotation_ + angle : angle;
@@ -193,7 +196,7 @@ void Machine::execute_plane_cycle(WordReader& words) {
     else if (name == "F" || name == "DIST" || name == "ABST")
       words.read_value();  // for machines on which the cycle positions the axes
     else
-      words.refuse(from, "A, B and C");
+      words.throw_input_error(from, "A, B and C");
   }
   run_.warn_once(
       "CYCL DEF 19: A B C are taken as spatial angles, and no axis moves by itself; Q120 to Q122 "
@@ -213,7 +216,7 @@ void Machine::execute_plane_cycle(WordReader& words) {
 void Machine::execute_trans(WordReader& words) {
   words.cursor.skip_blanks();
   const std::size_t from = words.cursor.at;
-  if (contour_.is_compensated()) words.refuse(from, "R0 before TRANS");
+  if (contour_.is_compensated()) words.throw_input_error(from, "R0 before TRANS");
   if (words.accept("ROTATION")) {
     if (words.accept("RESET")) {
       rotation_ = 0.0;
@@ -222,10 +225,10 @@ void Machine::execute_trans(WordReader& words) {
     }
     return execute_rotation_cycle(words);
   }
-  if (!words.accept("DATUM")) words.refuse(from, "DATUM or ROTATION after TRANS");
+  if (!words.accept("DATUM")) words.throw_input_error(from, "DATUM or ROTATION after TRANS");
   if (words.accept("AXIS")) return execute_datum_shift(words);
   if (!words.accept("RESET"))
-    words.refuse(words.cursor.at, "AXIS or RESET: datum tables are not read");
+    words.throw_input_error(words.cursor.at, "AXIS or RESET: datum tables are not read");
   words.expect_end();
   for (const char letter : std::string_view("XYZABCUVW"))
     if (canon_.joint_of(letter) >= 0) set_axis_shift(letter, 0.0, false, words.cause(from));
@@ -235,13 +238,14 @@ void Machine::execute_trans(WordReader& words) {
 /// Selects a preset, which ends datum shift and rotation. Presets 1 to 6 are G54 to G59 of the
 /// scene.
 void Machine::select_preset(int number, const Cause& cause) {
-  if (contour_.is_compensated()) refuse(cause, "R0 before another preset");
-  if (plane_) refuse(cause, "PLANE RESET before another preset");
+  if (contour_.is_compensated()) throw_input_error(cause, "R0 before another preset");
+  if (plane_) throw_input_error(cause, "PLANE RESET before another preset");
   const bool is_preset = number >= 1 && number <= max_preset;
-  if (!is_preset || (number > 6 && !canon_.options().more_offset.contains(preset_system(number))))
-    refuse(cause,
-           "a preset of 1 to 6, which are G54 to G59 of the scene, or one of the control's table "
-           "(`offsets`)");
+  if (!is_preset || (number > 6 && !canon_.options().extra_offsets.contains(preset_system(number))))
+    throw_input_error(
+        cause,
+        "a preset of 1 to 6, which are G54 to G59 of the scene, or one of the control's table "
+        "(`offsets`)");
   preset_ = preset_system(number) - 1;
   datum_shift_.setZero();
   rotation_ = 0.0;
@@ -290,27 +294,27 @@ bool is_feed_parameter(int number) { return (number >= 206 && number <= 208) || 
 
 void Machine::define_q_cycle(int number, std::size_t from, WordReader& words) {
   const CycleEntry* entry = find_cycle_entry(number);
-  if (entry == nullptr) words.refuse(from, "a point and a part number, as CYCL DEF 7.1");
+  if (entry == nullptr) words.throw_input_error(from, "a point and a part number, as CYCL DEF 7.1");
   Cycle cycle{.number = number, .line = canon_.line(), .values = {}};
   while (!words.at_end()) {
     const std::size_t at = words.cursor.at;
     const std::string name = words.read_name();
     if (name != "Q" || !is_digit(words.cursor.current())) {
       if (cycle.values.empty() && !name.empty()) continue;  // the name of the cycle
-      words.refuse(at, "Q and a number");
+      words.throw_input_error(at, "Q and a number");
     }
     const int q = words.read_whole_number(1999);
     const bool is_parameter = std::ranges::find(entry->parameters, q) != entry->parameters.end() ||
                               (number == 205 && q == 395);
-    if (!is_parameter) words.refuse(at, fmt::format("a parameter of cycle {}", number));
-    if (!words.cursor.accept("=")) words.refuse(words.cursor.at, "= after a parameter");
+    if (!is_parameter) words.throw_input_error(at, fmt::format("a parameter of cycle {}", number));
+    if (!words.cursor.accept("=")) words.throw_input_error(words.cursor.at, "= after a parameter");
     const double value = read_cycle_value(q, cycle.per_revolution, words);
     cycle.values[q] = value;
     if (on_parameter) on_parameter(q, value);
   }
   for (int i = 0; i < entry->mandatory_count; ++i)
     if (!cycle.values.contains(entry->parameters[std::size_t(i)]))
-      words.cursor.refuse(
+      words.cursor.throw_input_error(
           from, fmt::format("Q{} of cycle {}", entry->parameters[std::size_t(i)], number), "none");
   // Cycle 247 selects a preset at its definition.
   if (number == 247) {
@@ -342,7 +346,7 @@ void Machine::check_cycle(const Cause& cause) {
     if (cycle_value(q, value) == value) return;
     // Without a cycle number calls report no further errors.
     cycle_.number = 0;
-    refuse(cause, sentence, fmt::format("Q{} = {:.6g}", q, cycle_.values[q]));
+    throw_input_error(cause, sentence, fmt::format("Q{} = {:.6g}", q, cycle_.values[q]));
   };
   require(395, 0, "Q395=0: depths are those of the tip, the angle of a drill is not known");
   require(343, 0, "Q343=0: the depth by Q201, the angle of a drill is not known");
@@ -372,7 +376,7 @@ void Machine::call_cycle(WordReader& words) {
   const std::size_t from = words.cursor.at;
   const bool has_position = words.accept("POS");
   if (words.accept("PAT"))
-    words.refuse(from, "CYCL CALL, CYCL CALL POS or M99: patterns are not read");
+    words.throw_input_error(from, "CYCL CALL, CYCL CALL POS or M99: patterns are not read");
   MotionBlock move = read_move("", words.cursor.at, words);
   move.cause = {int(from) + 1, has_position ? "CYCL CALL POS" : "CYCL CALL"};
   apply_functions_before_motion(move);
@@ -383,14 +387,14 @@ void Machine::call_cycle(WordReader& words) {
     const int z = joint_of('Z', move.cause);
     for (const char letter : {'X', 'Y', 'Z'})
       if (!target.has(joint_of(letter, move.cause)))
-        refuse(move.cause, "X, Y and Z after CYCL CALL POS");
-    surface = canon_.unplaced(canon_.end_of(target))[z];
+        throw_input_error(move.cause, "X, Y and Z after CYCL CALL POS");
+    surface = canon_.without_offsets(canon_.end_of(target))[z];
     require_cycle(move.cause);
     const double clearance = surface + (cycle_value(203) + cycle_value(200)) * unit();
     Target hole;
     for (const char letter : {'X', 'Y'}) {
       const int j = joint_of(letter, move.cause);
-      hole.to(j, canon_.unplaced(canon_.end_of(target))[j], move.cause);
+      hole.to(j, canon_.without_offsets(canon_.end_of(target))[j], move.cause);
     }
     // The tool first rises to the clearance, so that it cannot move sideways through the part.
     if (canon_.programmed()[z] < clearance) move_to_depth(clearance, true);
@@ -401,7 +405,7 @@ void Machine::call_cycle(WordReader& words) {
       canon_.straight_feed(std::move(straight));
   } else {
     for (const auto& axis : move.axes)
-      if (axis) refuse(axis->cause, "CYCL CALL POS before axes");
+      if (axis) throw_input_error(axis->cause, "CYCL CALL POS before axes");
   }
   run_cycle(surface, move.cause);
   apply_functions_after_motion(move);
@@ -409,7 +413,7 @@ void Machine::call_cycle(WordReader& words) {
 
 void Machine::require_cycle(const Cause& cause) const {
   run_.require_certain(cycle_name, cause);
-  if (cycle_.number == 0) refuse(cause, "CYCL DEF of a hole before it", "none");
+  if (cycle_.number == 0) throw_input_error(cause, "CYCL DEF of a hole before it", "none");
 }
 
 /// Executes the cycle. The position of the call adds `surface` to Q203, mm.
@@ -417,7 +421,7 @@ void Machine::run_cycle(double surface, const Cause& cause) {
   require_cycle(cause);
   require_certain_shift(cause);
   if (contour_.is_compensated() || contour_.is_waiting())
-    refuse(cause, "R0, and no corner, before a cycle");
+    throw_input_error(cause, "R0, and no corner, before a cycle");
   joint_of('Z', cause);
   const double depth = cycle_value(201) * unit();
   if (depth == 0.0) return;  // the control does not run a cycle of depth zero
@@ -502,7 +506,7 @@ void Machine::drill(double surface, double bottom) {
 }
 
 void Machine::check_pecks(double pecks) const {
-  if (!(pecks <= max_pecks)) refuse({1, {}}, "at most 1e5 infeeds in a hole", "more");
+  if (!(pecks <= max_pecks)) throw_input_error({1, {}}, "at most 1e5 infeeds in a hole", "more");
 }
 
 /// Checks the number of equal infeeds before the first one is made.
@@ -549,7 +553,7 @@ void Machine::peck_universal(double surface, double bottom) {
     // Q212 reduces the infeeds down to Q205.
     if (decrement > 0) infeed = std::min(infeed, std::max(infeed - decrement, min_infeed));
     if (!(infeed > 0))
-      refuse({1, {}}, "Q205 above zero beside Q212", "infeeds that come to nothing");
+      throw_input_error({1, {}}, "Q205 above zero beside Q212", "infeeds that come to nothing");
   }
   dwell(211);
   feed_to_depth(surface + clearance, 208, 206);
@@ -586,7 +590,7 @@ void Machine::peck_deep(double surface, double bottom) {
     move_to_depth(std::min(level + stop_distance, surface + clearance), true);
     if (decrement > 0) infeed = std::min(infeed, std::max(infeed - decrement, min_infeed));
     if (!(infeed > 0))
-      refuse({1, {}}, "Q205 above zero beside Q212", "infeeds that come to nothing");
+      throw_input_error({1, {}}, "Q205 above zero beside Q212", "infeeds that come to nothing");
   }
   dwell(211);
   feed_to_depth(surface + clearance, 208, 206);
@@ -603,7 +607,7 @@ void Machine::bore(double surface, double bottom) {
   const double lift = direction == 1 || direction == 2 ? -0.2 : 0.2;  // mm
   if (direction != 0 &&
       (j < 0 || (direction != 1 && direction != 2 && direction != 3 && direction != 4)))
-    refuse({1, {}}, "Q214 of 0 to 4");
+    throw_input_error({1, {}}, "Q214 of 0 to 4");
   const auto move_sideways = [&](double distance) {
     if (direction == 0) return;
     Target target;

@@ -151,7 +151,7 @@ bool Flow::execute_flow_statement(const std::string& keyword, WordReader& words)
   if (keyword == "IF") return execute_if(words), true;
   if (keyword == "BEGIN") return begin_program(words), true;
   if (keyword == "END") {
-    if (!words.accept("PGM")) words.refuse(words.cursor.at, "PGM after END");
+    if (!words.accept("PGM")) words.throw_input_error(words.cursor.at, "PGM after END");
     machine_.end_of_program();
     end_program();
     return true;
@@ -160,7 +160,7 @@ bool Flow::execute_flow_statement(const std::string& keyword, WordReader& words)
 }
 
 void Flow::begin_program(WordReader& words) {
-  if (!words.accept("PGM")) words.refuse(words.cursor.at, "PGM after BEGIN");
+  if (!words.accept("PGM")) words.throw_input_error(words.cursor.at, "PGM after BEGIN");
   words.cursor.skip_blanks();
   // The name of the program may contain blanks; MM or INCH is the last word.
   const std::string_view name_and_unit = words.cursor.text.substr(words.cursor.at);
@@ -174,11 +174,12 @@ void Flow::begin_program(WordReader& words) {
                               space == std::string_view::npos ? end + 1 : end - space))
       unit += upper(c);
   if (unit != "MM" && unit != "INCH")
-    words.refuse(words.cursor.at, "the name of the program and MM or INCH after BEGIN PGM");
+    words.throw_input_error(words.cursor.at,
+                            "the name of the program and MM or INCH after BEGIN PGM");
   const auto program = std::find_if(calls_.rbegin(), calls_.rend(),
                                     [](const Call& call) { return call.is_program; });
   if (std::exchange(program->has_begun, true))
-    words.refuse(words.cursor.at, "END PGM before BEGIN PGM of another program");
+    words.throw_input_error(words.cursor.at, "END PGM before BEGIN PGM of another program");
   machine_.set_inch(unit == "INCH");
 }
 
@@ -239,7 +240,7 @@ void Flow::execute_label(WordReader& words) {
 void Flow::execute_call(WordReader& words) {
   if (words.accept("LBL")) return call_label(words);
   if (words.accept("PGM")) return call_program(words);
-  words.refuse(words.cursor.at, "LBL or PGM after CALL");
+  words.throw_input_error(words.cursor.at, "LBL or PGM after CALL");
 }
 
 void Flow::call_label(WordReader& words) {
@@ -254,13 +255,14 @@ void Flow::call_label(WordReader& words) {
     line_index_ = line + 1;
     return;
   }
-  if (words.read_name() != "REP") words.refuse(words.cursor.at, "REP or nothing after CALL LBL");
+  if (words.read_name() != "REP")
+    words.throw_input_error(words.cursor.at, "REP or nothing after CALL LBL");
   if (words.cursor.current() == '/') ++words.cursor.at;  // REP 2/2 of older controls
   const int repeats = words.read_whole_number(65534);
   if (words.cursor.current() == '/') ++words.cursor.at, words.read_whole_number(65534);
   words.expect_end();
   if (line >= line_index_)
-    words.cursor.refuse(from, "a label before CALL LBL REP", "one behind it");
+    words.cursor.throw_input_error(from, "a label before CALL LBL REP", "one behind it");
   // Each block has a count of its own, so that repeats may nest.
   auto& remaining_repeats = calls_.back().remaining_repeats;
   const auto count = remaining_repeats.emplace(line_index_, repeats).first;
@@ -283,7 +285,7 @@ void Flow::call_program(WordReader& words) {
   // The name becomes a file name: a path could lead out of the folder of the program.
   if (name.empty() || name.size() > max_name_bytes ||
       name.find_first_of("/\\:\"") != std::string::npos || name.starts_with('.'))
-    words.refuse(from, "the name of a program beside this one, without a path");
+    words.throw_input_error(from, "the name of a program beside this one, without a path");
   run_.check_depth(int(calls_.size()), {int(from) + 1, words.cursor.text.substr(from)});
   const std::filesystem::path& folder = run_.options().folder;
   for (const char* extension : {"", ".h", ".H"})
@@ -304,7 +306,7 @@ Source& Flow::load_source(const std::filesystem::path& file) {
   const auto entry = sources_by_file_.find(file.string());
   if (entry != sources_by_file_.end()) return *entry->second;
   if (sources_.size() == max_files)
-    run_.canon.refuse({1, {}}, "at most 1000 programs that are called", "more");
+    run_.canon.throw_input_error({1, {}}, "at most 1000 programs that are called", "more");
   auto source = std::make_unique<Source>();
   source->text = read_text(file, max_file_bytes);
   source->lines = lines_of_text(source->text);
@@ -343,10 +345,10 @@ std::optional<Flow::Parameter> Flow::parse_parameter(Cursor& cursor) const {
   // The control has Q0 to Q1999, QL0 to QL499 and QR0 to QR499.
   const int max_number = parameter.kind == "Q" ? 1999 : 499;
   if (parameter.kind == "QS")
-    cursor.refuse(parameter.from, "a parameter of numbers: texts in QS are not kept");
+    cursor.throw_input_error(parameter.from, "a parameter of numbers: texts in QS are not kept");
   if (cursor.at == digits || is_digit(cursor.current()) || parameter.number > max_number)
-    cursor.refuse(parameter.from,
-                  fmt::format("a number of 0 to {} after {}", max_number, parameter.kind));
+    cursor.throw_input_error(
+        parameter.from, fmt::format("a number of 0 to {} after {}", max_number, parameter.kind));
   return parameter;
 }
 
@@ -370,7 +372,7 @@ double Flow::read_parameter(const Parameter& parameter, const Cursor& cursor) co
     value = variables_.number(parameter.number, Variables::Scope::Call);
   }
   if (run_.is_uncertain()) run_.require_certain(parameter.name(), cursor.cause(parameter.from));
-  if (!value) cursor.refuse(parameter.from, "a parameter that has been set");
+  if (!value) cursor.throw_input_error(parameter.from, "a parameter that has been set");
   return *value;
 }
 
@@ -379,7 +381,8 @@ void Flow::set_parameter(const Parameter& parameter, double value, const WordRea
   const int number = parameter.kind == "QR" ? 10000 + parameter.number : parameter.number;
   // The control itself sets Q100 to Q199.
   if (parameter.kind == "Q" && number >= 100 && number < 200)
-    words.cursor.refuse(parameter.from, "a parameter that the control does not set itself");
+    words.cursor.throw_input_error(parameter.from,
+                                   "a parameter that the control does not set itself");
   // Cycles copy their parameters at CYCL DEF, so later assignments have no effect.
   if (parameter.kind == "Q" && number >= 200 && number < 500 && machine_.has_cycle())
     run_.warn_once(
@@ -394,10 +397,10 @@ void Flow::set_cycle_parameter(int number, double value) {
 }
 
 void Flow::execute_assignment(WordReader& words, const Parameter& parameter) {
-  if (!words.cursor.accept("=")) words.refuse(words.cursor.at, "= after a parameter");
+  if (!words.cursor.accept("=")) words.throw_input_error(words.cursor.at, "= after a parameter");
   words.cursor.skip_blanks();
   if (words.cursor.current() == '"')
-    words.refuse(words.cursor.at, "a number: texts in parameters are not kept");
+    words.throw_input_error(words.cursor.at, "a number: texts in parameters are not kept");
   // A parameter whose assignment has an error is uncertain: its uses are not reported.
   run_.define(parameter.name(), [&] {
     const double value = parse_expression(words.cursor, grammar(), *this);
@@ -410,18 +413,19 @@ void Flow::execute_fn(WordReader& words) {
   words.cursor.skip_blanks();
   const std::size_t from = words.cursor.at;
   const int number = words.read_whole_number(99);
-  if (!words.cursor.accept(":")) words.refuse(words.cursor.at, ": after FN and its number");
+  if (!words.cursor.accept(":"))
+    words.throw_input_error(words.cursor.at, ": after FN and its number");
   // FN 9 to FN 12 are the comparisons of IF.
   if (number >= 9 && number <= 12) return execute_if(words);
   const std::string name = fmt::format("FN\u00a0{}", number);
   if (const WordTableEntry* entry = find_word(heidenhain_words(), name);
-      entry != nullptr && entry->use == Use::Refused)
-    words.refuse(from, std::string(entry->sentence));
-  if (number > 13) words.refuse(from, "FN 0 to FN 13");
+      entry != nullptr && entry->use == WordTreatment::Refused)
+    words.throw_input_error(from, std::string(entry->sentence));
+  if (number > 13) words.throw_input_error(from, "FN 0 to FN 13");
   const auto parameter = parse_parameter(words.cursor);
-  if (!parameter) words.refuse(words.cursor.at, "a Q parameter");
+  if (!parameter) words.throw_input_error(words.cursor.at, "a Q parameter");
   run_.define(parameter->name(), [&] {
-    if (!words.cursor.accept("=")) words.refuse(words.cursor.at, "= after a parameter");
+    if (!words.cursor.accept("=")) words.throw_input_error(words.cursor.at, "= after a parameter");
     set_parameter(*parameter, fn_result(number, words), words);
   });
 }
@@ -429,15 +433,15 @@ void Flow::execute_fn(WordReader& words) {
 /// Parses the expression behind = of FN 0 to FN 8 and FN 13, and returns its value.
 double Flow::fn_result(int number, WordReader& words) {
   const auto expect = [&](std::string_view word) {
-    if (!words.cursor.accept(word)) words.refuse(words.cursor.at, std::string(word));
+    if (!words.cursor.accept(word)) words.throw_input_error(words.cursor.at, std::string(word));
   };
   if (number == 0 && words.accept("SET"))
-    words.refuse(words.cursor.at, "a number: parameters are not made undefined");
+    words.throw_input_error(words.cursor.at, "a number: parameters are not made undefined");
   if (number >= 5 && number <= 7) expect(number == 5 ? "SQRT" : number == 6 ? "SIN" : "COS");
   words.cursor.skip_blanks();
   const std::size_t from = words.cursor.at;
   const double a = words.read_value();
-  if (number == 5 && a < 0) words.refuse(from, "a number that is not below zero");
+  if (number == 5 && a < 0) words.throw_input_error(from, "a number that is not below zero");
   double result = number == 5   ? std::sqrt(a)
                   : number == 6 ? std::sin(a * units::deg)
                   : number == 7 ? std::cos(a * units::deg)
@@ -448,8 +452,8 @@ double Flow::fn_result(int number, WordReader& words) {
     words.cursor.skip_blanks();
     const std::size_t second = words.cursor.at;
     const double b = words.read_value();
-    if (number == 4 && b == 0) words.refuse(second, "a divisor that is not zero");
-    if (number == 13 && a == 0 && b == 0) words.refuse(second, "two legs of an angle");
+    if (number == 4 && b == 0) words.throw_input_error(second, "a divisor that is not zero");
+    if (number == 13 && a == 0 && b == 0) words.throw_input_error(second, "two legs of an angle");
     double angle = std::atan2(a, b) / units::deg;
     // ANG is within 0 to 360 degrees.
     if (angle < 0) angle += 360;
@@ -457,7 +461,7 @@ double Flow::fn_result(int number, WordReader& words) {
     result = number == 8 ? std::hypot(a, b) : number == 13 ? angle : results[number];
   }
   words.expect_end();
-  if (!std::isfinite(result)) words.refuse(from, "a result that is a finite number");
+  if (!std::isfinite(result)) words.throw_input_error(from, "a result that is a finite number");
   return result;
 }
 
@@ -469,9 +473,10 @@ void Flow::execute_if(WordReader& words) {
   const std::size_t from = words.cursor.at;
   const std::string comparison = words.read_name();
   if (comparison != "EQU" && comparison != "NE" && comparison != "GT" && comparison != "LT")
-    words.refuse(from, "EQU, NE, GT or LT");
+    words.throw_input_error(from, "EQU, NE, GT or LT");
   const double b = words.read_value();
-  if (!words.accept("GOTO") || !words.accept("LBL")) words.refuse(words.cursor.at, "GOTO LBL");
+  if (!words.accept("GOTO") || !words.accept("LBL"))
+    words.throw_input_error(words.cursor.at, "GOTO LBL");
   words.cursor.skip_blanks();
   const std::size_t label_from = words.cursor.at;
   const std::string label = words.read_label();

@@ -28,7 +28,7 @@ Machine::Machine(ProgramRun& run) : run_(run), canon_(run.canon), contour_(run) 
     tool_ = length_.contains(1) ? 1 : length_.begin()->first;
   canon_.set_inch(false);
   // Presets are points in the workpiece even if the scene states none.
-  canon_.count_from_workpiece();
+  canon_.refer_offsets_to_workpiece();
   apply_frame({1, {}});
 }
 
@@ -38,7 +38,7 @@ double Machine::unit() const { return canon_.inch() ? units::inch : 1.0; }
 
 int Machine::joint_of(char letter, const Cause& cause) const {
   const int joint = canon_.joint_of(letter);
-  if (joint < 0) refuse(cause, "an axis of this machine (" + canon_.letters() + ")");
+  if (joint < 0) throw_input_error(cause, "an axis of this machine (" + canon_.letters() + ")");
   return joint;
 }
 
@@ -77,8 +77,8 @@ std::optional<double> Machine::preset_parameter(int number) const {
 /// Throws BadInput with the sentence of the word table if the table rejects the word.
 void Machine::reject_unsupported(const std::string& word, const Cause& cause) const {
   if (const WordTableEntry* entry = find_word(heidenhain_words(), word);
-      entry != nullptr && entry->use == Use::Refused)
-    refuse(cause, std::string(entry->sentence));
+      entry != nullptr && entry->use == WordTreatment::Refused)
+    throw_input_error(cause, std::string(entry->sentence));
 }
 
 void Machine::execute(const std::string& keyword, std::size_t from, WordReader& words,
@@ -90,14 +90,14 @@ void Machine::execute(const std::string& keyword, std::size_t from, WordReader& 
   // A move must follow a corner directly.
   if (contour_.is_waiting()) {
     contour_.finish();
-    refuse(cause, "a move right behind RND or CHF");
+    throw_input_error(cause, "a move right behind RND or CHF");
   }
   if (keyword == "M") return execute_m_block(from, words);
   if (keyword == "BLK") return;  // the blank is that of the scene
   if (execute_definition(keyword, from, words)) return;
   reject_unsupported(keyword, cause);
   if (const WordTableEntry* entry = find_word(heidenhain_words(), keyword);
-      entry != nullptr && entry->use == Use::WithoutEffect)
+      entry != nullptr && entry->use == WordTreatment::WithoutEffect)
     return;
   // Of an unknown block without letters the message quotes up to 40 characters.
   const std::size_t end = std::min(words.cursor.text.size(), from + 40);
@@ -123,14 +123,14 @@ bool Machine::execute_definition(const std::string& keyword, std::size_t from, W
   if (keyword == "TOOL") {
     if (words.accept("CALL")) return tool_call(words), true;
     if (words.accept("DEF")) return tool_def(words), true;
-    words.refuse(words.cursor.at, "CALL or DEF after TOOL");
+    words.throw_input_error(words.cursor.at, "CALL or DEF after TOOL");
   }
   if (keyword == "STOP") return stop(words), true;
   if (keyword == "CYCL") {
-    if (contour_.is_compensated()) words.refuse(from, "R0 before CYCL");
+    if (contour_.is_compensated()) words.throw_input_error(from, "R0 before CYCL");
     if (words.accept("DEF")) return execute_cycle_definition(words), true;
     if (words.accept("CALL")) return call_cycle(words), true;
-    words.refuse(words.cursor.at, "DEF or CALL after CYCL");
+    words.throw_input_error(words.cursor.at, "DEF or CALL after CYCL");
   }
   if (keyword == "PLANE") return execute_plane(words), true;
   if (keyword == "FUNCTION") return execute_function(words), true;
@@ -146,9 +146,9 @@ void Machine::execute_m_block(std::size_t from, WordReader& words) {
 }
 
 void Machine::stop(WordReader& words) {
-  if (words.at_end()) return canon_.aside("M0");
+  if (words.at_end()) return canon_.record_auxiliary_word("M0");
   MotionBlock functions = read_move("", words.cursor.at, words);
-  canon_.aside("M0");
+  canon_.record_auxiliary_word("M0");
   move(std::move(functions));
 }
 
@@ -157,26 +157,28 @@ void Machine::execute_function(WordReader& words) {
   const std::size_t from = words.cursor.at;
   if (words.accept("TCPM")) return execute_tcpm(words);
   if (words.accept("RESET")) {
-    if (!words.accept("TCPM")) words.refuse(words.cursor.at, "TCPM after FUNCTION RESET");
+    if (!words.accept("TCPM"))
+      words.throw_input_error(words.cursor.at, "TCPM after FUNCTION RESET");
     words.expect_end();
     return set_tcpm(false, words.cause(from));
   }
   if (words.accept("DWELL")) {
     const std::size_t at = words.cursor.at;
-    if (words.read_name() != "TIME") words.refuse(at, "TIME and seconds after FUNCTION DWELL");
+    if (words.read_name() != "TIME")
+      words.throw_input_error(at, "TIME and seconds after FUNCTION DWELL");
     const double seconds = words.read_value();
     words.expect_end();
     // The dwell is executed at once, although compensation still postpones a move.
-    if (contour_.is_compensated()) words.refuse(from, "R0 before FUNCTION DWELL");
+    if (contour_.is_compensated()) words.throw_input_error(from, "R0 before FUNCTION DWELL");
     return canon_.dwell(seconds, words.cause(at));
   }
   if (words.accept("MODE")) {
     if (!words.accept("MILL"))
-      words.refuse(words.cursor.at, "MILL: turning and grinding are not read");
+      words.throw_input_error(words.cursor.at, "MILL: turning and grinding are not read");
     return words.expect_end();
   }
   const std::string word = words.read_name();
-  words.refuse(from, "TCPM, RESET TCPM, DWELL or MODE MILL after FUNCTION");
+  words.throw_input_error(from, "TCPM, RESET TCPM, DWELL or MODE MILL after FUNCTION");
 }
 
 /// Executes PRESET, for example PRESET SELECT #1.
@@ -184,7 +186,7 @@ void Machine::execute_preset(WordReader& words) {
   words.cursor.skip_blanks();
   const std::size_t from = words.cursor.at;
   if (!words.accept("SELECT") || !words.cursor.accept("#"))
-    words.refuse(from, "SELECT and # with a number after PRESET");
+    words.throw_input_error(from, "SELECT and # with a number after PRESET");
   const int number = words.read_whole_number(9999);
   words.expect_end();
   select_preset(number, words.cause(from));
@@ -195,7 +197,7 @@ double Machine::tool_length(int number, const Cause& cause) {
   if (entry != length_.end()) return entry->second;
   if (number == 0) return 0.0;
   // The only tool of the scene is meant whatever the number.
-  if (canon_.options().tool_length.size() == 1 && canon_.options().control_of_h.empty() &&
+  if (canon_.options().tool_length.size() == 1 && canon_.options().control_by_h.empty() &&
       !canon_.options().tool_table) {
     const double length = canon_.options().tool_length.begin()->second;
     canon_.assume({fmt::format("TOOL CALL {} calls the only tool, {:.6g} mm long", number, length),
@@ -207,7 +209,8 @@ double Machine::tool_length(int number, const Cause& cause) {
   std::string numbers;
   for (const auto& [known_number, mm] : length_)
     numbers += fmt::format("{}{}", numbers.empty() ? "" : " ", known_number);
-  refuse(cause, "a tool whose length is known (" + (numbers.empty() ? "none is" : numbers) + ")");
+  throw_input_error(
+      cause, "a tool whose length is known (" + (numbers.empty() ? "none is" : numbers) + ")");
 }
 
 /// Puts a tool in force. The chain has the length of the tool itself if the scene has several
@@ -217,7 +220,7 @@ void Machine::select_tool(int number, const Cause& cause) {
   const auto& lengths = canon_.options().tool_length;
   double chain_length = length;
   if (const auto entry = lengths.find(number);
-      entry != lengths.end() && canon_.options().control_of_h.contains(number))
+      entry != lengths.end() && canon_.options().control_by_h.contains(number))
     chain_length = entry->second;
   else if (canon_.options().tool_table)
     chain_length = tool_length(canon_.options().control_tool, cause);
@@ -239,7 +242,7 @@ int Machine::read_tool_name(WordReader& words) {
                          ? numbers.end()
                          : numbers.find(cursor.text.substr(from + 1, close - from - 1));
   if (entry == numbers.end())
-    words.refuse(from, "a tool by its number: the scene has no tools of that name");
+    words.throw_input_error(from, "a tool by its number: the scene has no tools of that name");
   cursor.at = close + 1;
   return entry->second;
 }
@@ -247,7 +250,7 @@ int Machine::read_tool_name(WordReader& words) {
 void Machine::tool_call(WordReader& words) {
   words.cursor.skip_blanks();
   const std::size_t from = words.cursor.at;
-  if (contour_.is_compensated()) words.refuse(from, "R0 before TOOL CALL");
+  if (contour_.is_compensated()) words.throw_input_error(from, "R0 before TOOL CALL");
   std::optional<int> number;
   if (words.cursor.current() == '"')
     number = read_tool_name(words);
@@ -260,14 +263,14 @@ void Machine::tool_call(WordReader& words) {
     const std::size_t at = words.cursor.at;
     const std::string name = words.read_name();
     if (name == "Z") continue;
-    if (name == "X" || name == "Y") words.refuse(at, "the tool axis Z");
+    if (name == "X" || name == "Y") words.throw_input_error(at, "the tool axis Z");
     if (name == "S") {
       const double rpm = words.read_value();
-      if (!(rpm >= 0 && rpm <= 1e7)) words.refuse(at, "a spindle speed of 0 to 1e7 rpm");
+      if (!(rpm >= 0 && rpm <= 1e7)) words.throw_input_error(at, "a spindle speed of 0 to 1e7 rpm");
       canon_.set_spindle_speed(rpm);
     } else if (name == "F") {
       tool_feed_ = words.read_value();
-      if (!(tool_feed_ > 0)) words.refuse(at, "a feed above zero");
+      if (!(tool_feed_ > 0)) words.throw_input_error(at, "a feed above zero");
       // In inch programs F counts tenths of an inch per minute.
       feed_ = Feed{tool_feed_, canon_.inch() ? 0.1 * units::inch : 1.0};
       is_last_feed_per_turn_ = is_feed_per_turn_;
@@ -277,13 +280,13 @@ void Machine::tool_call(WordReader& words) {
       delta_radius_ = words.read_value() * unit();
     } else {
       reject_unsupported(name, words.cause(at));
-      words.refuse(at, "Z, S, F, DL or DR after TOOL CALL");
+      words.throw_input_error(at, "Z, S, F, DL or DR after TOOL CALL");
     }
   }
   if (number) {
     is_tool_called_ = true;
-    canon_.call_tool(*number, true);
-    canon_.aside(fmt::format("T{} M6", *number));
+    canon_.record_tool_call(*number, true);
+    canon_.record_auxiliary_word(fmt::format("T{} M6", *number));
   }
   // A TOOL CALL without number changes S, F, DL and DR of the current tool.
   if (number || tool_ >= 0) select_tool(number.value_or(tool_), cause);
@@ -294,7 +297,7 @@ void Machine::tool_def(WordReader& words) {
   words.cursor.skip_blanks();
   const std::size_t from = words.cursor.at;
   if (words.cursor.current() == '"')
-    words.refuse(from, "a tool by its number: the scene has no tools of that name");
+    words.throw_input_error(from, "a tool by its number: the scene has no tools of that name");
   const int number = words.read_whole_number(32767);
   while (!words.at_end()) {
     const std::size_t at = words.cursor.at;
@@ -304,7 +307,7 @@ void Machine::tool_def(WordReader& words) {
     else if (name == "R")
       radius_[number] = words.read_value() * unit();
     else
-      words.refuse(at, "L or R after TOOL DEF");
+      words.throw_input_error(at, "L or R after TOOL DEF");
   }
 }
 
@@ -345,7 +348,7 @@ void skip_function_words(int number, WordReader& words) {
       }
       // An F behind M118 could belong to M118 or be the feed of the block.
       if (WordReader ahead = words; ahead.read_name().starts_with('F'))
-        words.refuse(words.cursor.at, "F before M118: what stands behind it is its own");
+        words.throw_input_error(words.cursor.at, "F before M118: what stands behind it is its own");
       break;
     case 120:
       skip_value([](const std::string& name) { return name == "LA"; });
@@ -378,7 +381,7 @@ void Machine::read_m_function(WordReader& words, std::size_t from, MFunction& m)
     if (accept_name("MBMAX"))
       m.retracts_to_limit = true;
     else if (!accept_name("MB"))
-      words.refuse(words.cursor.at, "MB after M140");
+      words.throw_input_error(words.cursor.at, "MB after M140");
     else if (accept_name("MAX"))
       m.retracts_to_limit = true;
     else
@@ -394,7 +397,7 @@ void Machine::read_m_function(WordReader& words, std::size_t from, MFunction& m)
       m.is_rapid = value.kind == FeedKind::Rapid;
       if (!m.is_rapid) m.feed = value.value;
       if (value.kind == FeedKind::PerRevolution)
-        words.refuse(at, "a feed per minute after M140 and M128");
+        words.throw_input_error(at, "a feed per minute after M140 and M128");
     }
   }
   // F of M128 limits the compensating moves, which take no time here.
@@ -422,7 +425,7 @@ void Machine::start_m_function(const MFunction& m, MotionBlock& move) {
     contour_.run_after_move([this, direction] { canon_.turn_spindle(direction); });
   };
   const auto record_word = [&](const char* text) {
-    contour_.run_after_move([this, text] { canon_.aside(text); });
+    contour_.run_after_move([this, text] { canon_.record_auxiliary_word(text); });
   };
   switch (m.number) {
     case 3:
@@ -447,7 +450,7 @@ void Machine::start_m_function(const MFunction& m, MotionBlock& move) {
     case 128:
       return set_tcpm(true, m.cause);
     case 136:
-      if (canon_.inch()) refuse(m.cause, "M136 in a program of MM");
+      if (canon_.inch()) throw_input_error(m.cause, "M136 in a program of MM");
       is_feed_per_turn_ = is_last_feed_per_turn_ = true;
       feed_.reset();
       return;
@@ -490,7 +493,7 @@ void Machine::end_m_function(const MFunction& m) {
     case 1:
     case 9: {
       const char* text = m.number == 0 ? "M0" : m.number == 1 ? "M1" : "M9";
-      return contour_.run_after_move([this, text] { canon_.aside(text); });
+      return contour_.run_after_move([this, text] { canon_.record_auxiliary_word(text); });
     }
     case 5:
       return contour_.run_after_move([this] { canon_.turn_spindle(0); });
@@ -511,7 +514,7 @@ void Machine::end_m_function(const MFunction& m) {
 
 /// Executes M94, which removes whole turns from the position of one or all rotary axes.
 void Machine::remove_whole_turns(const MFunction& m) {
-  if (contour_.is_compensated()) refuse(m.cause, "R0 before M94");
+  if (contour_.is_compensated()) throw_input_error(m.cause, "R0 before M94");
   const AxisVector p = canon_.programmed();
   if (m.axis != '\0') joint_of(m.axis, m.cause);
   for (const char letter : {'A', 'B', 'C'})
@@ -523,14 +526,15 @@ void Machine::remove_whole_turns(const MFunction& m) {
 }
 
 void Machine::execute_m140(const MFunction& m, const MotionBlock& move) {
-  if (contour_.is_compensated()) refuse(m.cause, "R0 before M140");
+  if (contour_.is_compensated()) throw_input_error(m.cause, "R0 before M140");
   // Manuals do not say if a block with axes retracts before or after its motion.
   for (const auto& axis : move.axes)
     if (axis)
-      refuse(m.cause, "M140 in a block without axes: which of the two is first is not known");
+      throw_input_error(m.cause,
+                        "M140 in a block without axes: which of the two is first is not known");
   const auto feed_before = canon_.feed();
   if (m.feed) {
-    if (!(*m.feed > 0)) refuse(m.cause, "a feed above zero");
+    if (!(*m.feed > 0)) throw_input_error(m.cause, "a feed above zero");
     canon_.set_feed(Feed{*m.feed, canon_.inch() ? 0.1 * units::inch : 1.0});
   }
   retract_by(m.retraction.value_or(0.0), m.retracts_to_limit, !m.feed, m.cause);

@@ -100,9 +100,9 @@ class Machine {
   };
 
   // Tools and definitions.
-  [[noreturn]] void refuse(const Cause& cause, std::string expected,
-                           std::optional<std::string> seen = {}) const {
-    canon_.refuse(cause, std::move(expected), std::move(seen));
+  [[noreturn]] void throw_input_error(const Cause& cause, std::string expected,
+                                      std::optional<std::string> seen = {}) const {
+    canon_.throw_input_error(cause, std::move(expected), std::move(seen));
   }
   void reject_unsupported(const std::string& word, const Cause& cause) const;
   double unit() const;  ///< mm per unit

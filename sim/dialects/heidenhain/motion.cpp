@@ -39,7 +39,7 @@ bool Machine::read_axis(const std::string& name, WordReader& words, std::size_t 
   const Cause cause = words.cause(from);
   const int joint = joint_of(letter, cause);
   auto& word = move.axes[std::size_t(letter - 'A')];
-  if (word) refuse(cause, fmt::format("{} once in a block", letter));
+  if (word) throw_input_error(cause, fmt::format("{} once in a block", letter));
   word = WordValue{number * (canon_.is_linear(joint) ? unit() : units::deg), is_incremental, cause};
   return true;
 }
@@ -52,7 +52,7 @@ bool Machine::read_polar(const std::string& name, WordReader& words, std::size_t
   if (address == "PR" || address == "PA") {
     const double number = words.read_value();
     auto& word = address == "PR" ? move.pr : move.pa;
-    if (word) words.refuse(from, fmt::format("{} once in a block", address));
+    if (word) words.throw_input_error(from, fmt::format("{} once in a block", address));
     word = WordValue{number * (address == "PR" ? unit() : units::deg), is_incremental,
                      words.cause(from)};
     return true;
@@ -62,16 +62,16 @@ bool Machine::read_polar(const std::string& name, WordReader& words, std::size_t
     const char sign = words.cursor.current();
     // DR+5 would be the radius of a TOOL CALL.
     if ((sign != '+' && sign != '-') || is_digit(words.cursor.peek()))
-      words.refuse(from, "DR+ or DR-");
+      words.throw_input_error(from, "DR+ or DR-");
     ++words.cursor.at;
-    if (move.is_clockwise) words.refuse(from, "DR once in a block");
+    if (move.is_clockwise) words.throw_input_error(from, "DR once in a block");
     move.is_clockwise = sign == '-';
     return true;
   }
   if (name.size() == 2 && (name[0] == 'N' || name[0] == 'T') && name[1] >= 'X' && name[1] <= 'Z') {
-    if (move.keyword != "LN") words.refuse(from, "LN before " + name);
+    if (move.keyword != "LN") words.throw_input_error(from, "LN before " + name);
     auto& word = (name[0] == 'N' ? move.normal : move.direction)[std::size_t(name[1] - 'X')];
-    if (word) words.refuse(from, name + " once in a block");
+    if (word) words.throw_input_error(from, name + " once in a block");
     word = words.read_value();
     return true;
   }
@@ -84,17 +84,17 @@ Machine::FeedValue Machine::read_feed(std::string letters, WordReader& words,
   if (letters.empty() && !words.has_value()) letters = words.read_name();
   if (letters == "MAX") return {FeedKind::Rapid};
   if (letters == "AUTO") {
-    if (!(tool_feed_ > 0)) words.refuse(from, "F in a TOOL CALL before F AUTO");
+    if (!(tool_feed_ > 0)) words.throw_input_error(from, "F in a TOOL CALL before F AUTO");
     return {FeedKind::OfTool, tool_feed_};
   }
   if (!letters.empty() && letters != "U") {
     reject_unsupported("F" + letters, words.cause(from));
-    words.refuse(from, "a feed: a number, FMAX, F AUTO or FU");
+    words.throw_input_error(from, "a feed: a number, FMAX, F AUTO or FU");
   }
   words.cursor.skip_blanks();
   const std::size_t at = words.cursor.at;
   const double value = words.read_value();
-  if (!(value >= min_feed)) words.refuse(at, "a feed above zero");
+  if (!(value >= min_feed)) words.throw_input_error(at, "a feed above zero");
   return {letters.empty() ? FeedKind::Number : FeedKind::PerRevolution, value};
 }
 
@@ -110,13 +110,13 @@ void Machine::read_compensation_side(const std::string& name, WordReader& words,
     ++words.cursor.at;
     move.side = '0';
   } else {
-    if (move.keyword != "CR") words.refuse(from, "R0, RL or RR");
-    if (move.radius) words.refuse(from, "the radius R once in a block");
+    if (move.keyword != "CR") words.throw_input_error(from, "R0, RL or RR");
+    if (move.radius) words.throw_input_error(from, "the radius R once in a block");
     const double number = words.read_value();
     move.radius = WordValue{number * unit(), false, words.cause(from)};
     return;
   }
-  if (had_side) words.refuse(from, "one of R0, RL and RR in a block");
+  if (had_side) words.throw_input_error(from, "one of R0, RL and RR in a block");
   move.side_cause = words.cause(from);
 }
 
@@ -129,23 +129,24 @@ Machine::MotionBlock Machine::read_move(const std::string& keyword, std::size_t 
   while (!words.at_end()) {
     const std::size_t at = words.cursor.at;
     const std::string name = words.read_name();
-    if (name.empty()) words.refuse(at, "a word of Klartext");
+    if (name.empty()) words.throw_input_error(at, "a word of Klartext");
     if (name == "M") {
-      if (move.functions.size() == 8) words.refuse(at, "at most 8 M words in a block");
+      if (move.functions.size() == 8) words.throw_input_error(at, "at most 8 M words in a block");
       MFunction m;
       read_m_function(words, at, m);
       move.functions.push_back(m);
     } else if (name == "R" || name == "RL" || name == "RR") {
       read_compensation_side(name, words, at, move);
     } else if (name[0] == 'F') {
-      if (move.feed_kind != FeedKind::None) words.refuse(at, "F once in a block");
+      if (move.feed_kind != FeedKind::None) words.throw_input_error(at, "F once in a block");
       const FeedValue feed = read_feed(name.substr(1), words, at);
       move.feed_kind = feed.kind;
       move.feed = feed.value;
     } else if (read_axis(name, words, at, move)) {
       // An axis word behind an M function could belong to the function.
       if (!move.functions.empty())
-        words.refuse(at, "axis words before the M functions of a block: those behind are theirs");
+        words.throw_input_error(
+            at, "axis words before the M functions of a block: those behind are theirs");
     } else if (!read_polar(name, words, at, move)) {
       reject_unsupported(name, words.cause(at));
       run_.handle_unknown_word(words.cause(at), "a word of Klartext");
@@ -175,7 +176,7 @@ void Machine::set_feed(const MotionBlock& move) {
   const FeedMode mode = is_last_feed_per_turn_ ? FeedMode::PerRevolution : FeedMode::PerMinute;
   // A waiting move would be made with the new unit of feed.
   if (mode != canon_.feed_mode() && contour_.is_compensated())
-    refuse(move.cause, "R0 before the feed counts otherwise, per minute or per turn");
+    throw_input_error(move.cause, "R0 before the feed counts otherwise, per minute or per turn");
   canon_.set_feed_mode(mode);
   canon_.set_feed(feed_);
 }
@@ -184,15 +185,15 @@ void Machine::set_feed(const MotionBlock& move) {
 void Machine::set_side(const MotionBlock& move) {
   if (!move.side) return;
   if (*move.side == '0') return contour_.set_side({}, 0.0, move.side_cause);
-  if (plane_) refuse(move.side_cause, "RL and RR outside of tilted planes");
-  if (canon_.tip_mode()) refuse(move.side_cause, "M129 before RL and RR");
+  if (plane_) throw_input_error(move.side_cause, "RL and RR outside of tilted planes");
+  if (canon_.tip_mode()) throw_input_error(move.side_cause, "M129 before RL and RR");
   working_plane(move.side_cause);
   const auto radius = radius_.find(tool_);
   if (radius == radius_.end())
-    refuse(move.side_cause, "a tool whose radius is known",
-           tool_ < 0 ? "none" : fmt::format("tool {}", tool_));
+    throw_input_error(move.side_cause, "a tool whose radius is known",
+                      tool_ < 0 ? "none" : fmt::format("tool {}", tool_));
   if (move.keyword != "L" && move.keyword != "LP")
-    if (!contour_.is_compensated()) refuse(move.side_cause, "L before RL and RR");
+    if (!contour_.is_compensated()) throw_input_error(move.side_cause, "L before RL and RR");
   contour_.set_side(*move.side == 'L', radius->second + delta_radius_, move.side_cause);
 }
 
@@ -212,7 +213,7 @@ std::array<int, 2> Machine::working_plane(const Cause& cause) const {
 }
 
 void Machine::require_pole(const Cause& cause) const {
-  if (!pole_) refuse(cause, "CC before it", "none");
+  if (!pole_) throw_input_error(cause, "CC before it", "none");
 }
 
 /// Executes CC, for example CC X+10 IY-5, CC Y Z, or CC alone.
@@ -229,16 +230,16 @@ void Machine::set_pole(WordReader& words) {
     const std::string name = words.read_name();
     const bool is_incremental = name.size() == 2 && name[0] == 'I';
     if ((name.size() != 1 && !is_incremental) || name.back() < 'X' || name.back() > 'Z')
-      words.refuse(from, "X, Y or Z after CC");
+      words.throw_input_error(from, "X, Y or Z after CC");
     const std::size_t k = std::size_t(name.back() - 'X');
     const double value = words.read_value() * unit();
     joint_of(name.back(), words.cause(from));
-    if ((programmed_bits >> k) & 1u) words.refuse(from, "each axis once");
+    if ((programmed_bits >> k) & 1u) words.throw_input_error(from, "each axis once");
     pole[k] = is_incremental ? pole[k] + value : value;
     programmed_bits |= 1u << k;
   }
   if (programmed_bits != 0 && programmed_bits != 3 && programmed_bits != 5 && programmed_bits != 6)
-    refuse(cause, "two of X Y Z after CC, or none");
+    throw_input_error(cause, "two of X Y Z after CC, or none");
   // Two coordinates define the plane of the pole.
   const char* plane = programmed_bits == 6 ? "YZ" : programmed_bits == 5 ? "ZX" : "XY";
   pole_plane_ = {joint_of(plane[0], cause), joint_of(plane[1], cause)};
@@ -268,11 +269,11 @@ Target Machine::block_target(const MotionBlock& move) const {
     if (letter >= 'X' && !move.in_machine_coordinates) require_certain_shift(word.cause);
     const int j = canon_.joint_of(letter);
     if (move.in_machine_coordinates && word.is_incremental)
-      refuse(word.cause, "an absolute position beside M91");
+      throw_input_error(word.cause, "an absolute position beside M91");
     if (word.is_incremental) target.by(j, word.value, word.cause);
     // The roll-over rule of the axis must not change the direction that M126 decides.
     else if (takes_shortest_rotation_ && !move.in_machine_coordinates && !canon_.is_linear(j))
-      target.turn_to(j, nearest_rotary_position(j, word.value, p[j]), word.cause);
+      target.rotate_to(j, nearest_rotary_position(j, word.value, p[j]), word.cause);
     else
       target.to(j, word.value, word.cause);
   }
@@ -297,15 +298,15 @@ Machine::PolarEnd Machine::polar_end(const MotionBlock& move) const {
   if (move.pr) {
     // CP keeps the radius of its start, so a PR would contradict it.
     if (move.keyword == "CP")
-      refuse(move.pr->cause, "CP without PR: the radius is where it begins");
+      throw_input_error(move.pr->cause, "CP without PR: the radius is where it begins");
     radius = move.pr->value + (move.pr->is_incremental ? radius : 0.0);
   }
   if (move.pa) angle = move.pa->value + (move.pa->is_incremental ? angle : 0.0);
   double sweep = 0.0;
   if (move.keyword == "CP") {
-    if (!move.pa) refuse(move.cause, "PA or IPA beside CP", "none");
+    if (!move.pa) throw_input_error(move.cause, "PA or IPA beside CP", "none");
     sweep = move.pa->is_incremental ? move.pa->value : angle - start;
-    if (radius < position_tolerance) refuse(move.cause, "a start beside the pole of CP");
+    if (radius < position_tolerance) throw_input_error(move.cause, "a start beside the pole of CP");
   }
   const double turns = std::round((angle - start) / (2 * pi));
   // A full circle must end exactly at its start, or rounding would decide between a whole turn and
@@ -315,7 +316,7 @@ Machine::PolarEnd Machine::polar_end(const MotionBlock& move) const {
   const Cause& cause = move.pa ? move.pa->cause : move.pr ? move.pr->cause : move.cause;
   Target target = block_target(move);
   if (target.has(first) || target.has(second))
-    refuse(cause, "PR and PA without coordinates of the same plane");
+    throw_input_error(cause, "PR and PA without coordinates of the same plane");
   target.to(first, is_full_circle ? p[first] : centre.x() + radius * std::cos(angle), cause);
   target.to(second, is_full_circle ? p[second] : centre.y() + radius * std::sin(angle), cause);
   return {std::move(target), sweep};
@@ -328,13 +329,13 @@ void Machine::move(MotionBlock move) {
   apply_functions_before_motion(move);
   // Tip coordinates must not change under compensation.
   if (canon_.tip_mode() != was_tip_mode && contour_.is_compensated())
-    refuse(move.cause, "R0 before M128");
+    throw_input_error(move.cause, "R0 before M128");
   set_feed(move);
   const bool has_axis_word = std::any_of(move.axes.begin(), move.axes.end(),
                                          [](const auto& axis) { return axis.has_value(); });
   if (is_polar_move(move.keyword) || has_axis_word || move.keyword == "LN" ||
       (!move.keyword.empty() && is_arc(move.keyword))) {
-    if (move.keyword.empty()) refuse(move.cause, "L before axes");
+    if (move.keyword.empty()) throw_input_error(move.cause, "L before axes");
     // Before the first TOOL CALL only rapids and M91 need no tool.
     if (!is_tool_called_ && move.feed_kind != FeedKind::Rapid && !move.in_machine_coordinates) {
       run_.assume_only_tool(move.cause, "no TOOL CALL");
@@ -342,7 +343,8 @@ void Machine::move(MotionBlock move) {
     }
     const auto [target, sweep] =
         is_polar_move(move.keyword) ? polar_end(move) : PolarEnd{block_target(move)};
-    if (move.in_machine_coordinates && move.keyword != "L") refuse(move.cause, "L beside M91");
+    if (move.in_machine_coordinates && move.keyword != "L")
+      throw_input_error(move.cause, "L beside M91");
     if (move.keyword == "LN")
       make_vector_line(move);
     else if (move.keyword == "C" || move.keyword == "CP")
@@ -362,7 +364,8 @@ void Machine::add_element(ContourElement element, const MotionBlock& move, std::
   element.cause = move.cause;
   element.is_rapid = move.feed_kind == FeedKind::Rapid;
   element.stated = stated;
-  if (element.is_arc && element.is_rapid) refuse(move.cause, "F for an arc: FMAX runs straight");
+  if (element.is_arc && element.is_rapid)
+    throw_input_error(move.cause, "F for an arc: FMAX runs straight");
   // A machine without X and Y has no compensation and no corners, so it never uses the plane.
   const std::array<int, 2> plane{std::max(canon_.joint_of('X'), 0),
                                  std::max(canon_.joint_of('Y'), 0)};
@@ -378,7 +381,8 @@ void Machine::make_line(const MotionBlock& move, const Target& target) {
   if (has_rotary_word && plane_ && !is_tcpm_)
     return rotate_axes_in_plane(move, target, move.feed_kind == FeedKind::Rapid);
   const AxisVector start = contour_.programmed();
-  add_element({.end = canon_.end_from(contour_.position(), target, false)}, move, target.stated());
+  add_element({.end = canon_.target_position_from(contour_.position(), target, false)}, move,
+              target.stated());
   const AxisVector displacement = contour_.programmed() - start;
   Vector3d displacement_xyz = Vector3d::Zero();
   for (const char letter : {'X', 'Y', 'Z'})
@@ -389,8 +393,8 @@ void Machine::make_line(const MotionBlock& move, const Target& target) {
 
 /// Executes a line with M91, whose words are positions of the axes.
 void Machine::move_in_machine_coordinates(const MotionBlock& move, const Target& target) {
-  if (contour_.is_compensated()) refuse(move.cause, "R0 before M91");
-  if (move.before_corner) refuse(move.cause, "no M91 before RND and CHF");
+  if (contour_.is_compensated()) throw_input_error(move.cause, "R0 before M91");
+  if (move.before_corner) throw_input_error(move.cause, "no M91 before RND and CHF");
   canon_.go_to(Coordinates::Axis, move.cause);
   program::Straight straight{canon_.end_of(target, true), move.cause, true, target.stated()};
   if (move.feed_kind == FeedKind::Rapid)
@@ -415,9 +419,9 @@ void Machine::rotate_axes_in_plane(const MotionBlock& move, const Target& target
   canon_.go_to(Coordinates::Axis, move.cause);
   if (has_slide_word) {
     // Programmed X Y Z are the position of the tip at the end.
-    const auto q = kinematics::slides_for_tip(chain(move.cause), tip_end,
-                                              {tip_end[x], tip_end[y], tip_end[z]});
-    if (!q) refuse(move.cause, "slides that reach the tip", "a tip out of their reach");
+    const auto q =
+        kinematics::solve_slides(chain(move.cause), tip_end, {tip_end[x], tip_end[y], tip_end[z]});
+    if (!q) throw_input_error(move.cause, "slides that reach the tip", "a tip out of their reach");
     end = *q;
   } else {
     for (const int j : {x, y, z}) end[j] = canon_.position()[j];
@@ -437,27 +441,28 @@ void Machine::make_vector_line(const MotionBlock& move) {
   const auto is_complete = [&](const std::array<std::optional<double>, 3>& v, const char* name) {
     const int count = int(v[0].has_value()) + int(v[1].has_value()) + int(v[2].has_value());
     if (count == 0) return false;
-    if (count != 3) refuse(move.cause, fmt::format("{0}X {0}Y {0}Z together", name));
+    if (count != 3) throw_input_error(move.cause, fmt::format("{0}X {0}Y {0}Z together", name));
     const double length = Vector3d(*v[0], *v[1], *v[2]).norm();
     // The length of vectors with three decimals is within a thousandth of 1.
     if (!(std::abs(length - 1.0) < 1e-3))
-      refuse(move.cause, fmt::format("{0}X {0}Y {0}Z of length 1", name),
-             fmt::format("{:.6g}", length));
+      throw_input_error(move.cause, fmt::format("{0}X {0}Y {0}Z of length 1", name),
+                        fmt::format("{:.6g}", length));
     return true;
   };
-  if (contour_.is_compensated()) refuse(move.cause, "R0 before LN");
+  if (contour_.is_compensated()) throw_input_error(move.cause, "R0 before LN");
   is_complete(move.normal, "N");
   // DL and DR would shift the path along the surface normal.
   if (std::abs(extra_length_) > 0 || delta_radius_ != 0)
-    refuse(move.cause, "DL 0 and DR 0 beside LN: no compensation along the normal", "others");
+    throw_input_error(move.cause, "DL 0 and DR 0 beside LN: no compensation along the normal",
+                      "others");
   const Target target = block_target(move);
-  AxisVector end = canon_.end_from(contour_.position(), target, false);
+  AxisVector end = canon_.target_position_from(contour_.position(), target, false);
   std::uint32_t stated = target.stated();
   if (is_complete(move.direction, "T")) {
-    if (!is_tcpm_) refuse(move.cause, "M128 or FUNCTION TCPM before TX TY TZ");
+    if (!is_tcpm_) throw_input_error(move.cause, "M128 or FUNCTION TCPM before TX TY TZ");
     for (int j = 0; j < int(end.size()); ++j)
       if (target.has(j) && !canon_.is_linear(j))
-        refuse(target.cause(j), "either TX TY TZ or positions of rotary axes");
+        throw_input_error(target.cause(j), "either TX TY TZ or positions of rotary axes");
     const Vector3d t(*move.direction[0], *move.direction[1], *move.direction[2]);
     // The direction counts in the plane; the axes are solved for the workpiece.
     const AxisVector q = nearest_axes(rotation() * t.normalized(), move.cause);
@@ -475,9 +480,9 @@ void Machine::make_vector_line(const MotionBlock& move) {
 /// Executes C about the pole, and CP by an angle.
 void Machine::make_arc(const MotionBlock& move, const Target& target, double sweep) {
   require_pole(move.cause);
-  if (!move.is_clockwise) refuse(move.cause, "DR+ or DR-", "none");
+  if (!move.is_clockwise) throw_input_error(move.cause, "DR+ or DR-", "none");
   ContourElement element{.is_arc = true,
-                         .end = canon_.end_from(contour_.position(), target, false),
+                         .end = canon_.target_position_from(contour_.position(), target, false),
                          .first = pole_plane_[0],
                          .second = pole_plane_[1],
                          .is_clockwise = *move.is_clockwise};
@@ -485,17 +490,17 @@ void Machine::make_arc(const MotionBlock& move, const Target& target, double swe
     const bool is_incremental = move.pa->is_incremental;
     // IPA and DR both state the sign.
     if (is_incremental && sweep != 0 && (sweep < 0) != *move.is_clockwise)
-      refuse(move.pa->cause, "IPA with the sign of DR");
+      throw_input_error(move.pa->cause, "IPA with the sign of DR");
     // 1e-9 turns absorb rounding, so that 720 degrees are two turns and not three.
     element.turn_count =
         is_incremental ? std::max(1, int(std::ceil(std::abs(sweep) / (2 * pi) - 1e-9))) : 1;
-    if (element.turn_count > 100000) refuse(move.pa->cause, "at most 1e5 turns");
+    if (element.turn_count > 100000) throw_input_error(move.pa->cause, "at most 1e5 turns");
   }
   AxisVector centre = contour_.programmed();
   for (const char letter : {'X', 'Y', 'Z'})
     if (const int j = canon_.joint_of(letter); j == pole_plane_[0] || j == pole_plane_[1])
       centre[j] = (*pole_)[std::size_t(letter - 'X')];
-  const AxisVector end = canon_.unplaced(element.end);
+  const AxisVector end = canon_.without_offsets(element.end);
   const Vector2d radial = Vector2d(end[element.first], end[element.second]) -
                           Vector2d(centre[element.first], centre[element.second]);
   element.centre = canon_.placed(centre);
@@ -526,11 +531,12 @@ void Machine::store_arrival_direction(const std::array<int, 2>& plane, const Vec
 /// Executes CT in X Y and CTP in the plane of the pole: an arc that continues the last move without
 /// a corner.
 void Machine::make_tangent_arc(const MotionBlock& move, const Target& target) {
-  if (!tangent_) refuse(move.cause, "a line or arc before CT, whose direction goes on", "none");
+  if (!tangent_)
+    throw_input_error(move.cause, "a line or arc before CT, whose direction goes on", "none");
   const auto [first, second] = move.keyword == "CTP" ? pole_plane_ : working_plane(move.cause);
   const AxisVector p = contour_.programmed();
-  AxisVector end = canon_.end_from(contour_.position(), target, false);
-  const AxisVector programmed_end = canon_.unplaced(end);
+  AxisVector end = canon_.target_position_from(contour_.position(), target, false);
+  const AxisVector programmed_end = canon_.without_offsets(end);
   Vector2d t = Vector2d::Zero();
   for (const char letter : {'X', 'Y', 'Z'}) {
     if (canon_.joint_of(letter) == first) t.x() = (*tangent_)[letter - 'X'];
@@ -538,15 +544,17 @@ void Machine::make_tangent_arc(const MotionBlock& move, const Target& target) {
   }
   const Vector2d start(p[first], p[second]),
       chord = Vector2d(programmed_end[first], programmed_end[second]) - start;
-  if (t.norm() < 1e-9) refuse(move.cause, "a move in the plane before CT", "one across it");
-  if (chord.norm() < min_length) refuse(move.cause, "an end of CT that is not its start");
+  if (t.norm() < 1e-9)
+    throw_input_error(move.cause, "a move in the plane before CT", "one across it");
+  if (chord.norm() < min_length)
+    throw_input_error(move.cause, "an end of CT that is not its start");
   t.normalize();
   const Vector2d left(-t.y(), t.x());
   const double offset = left.dot(chord);
   // An end straight ahead makes the arc a line; no arc reaches an end straight back.
   if (std::abs(offset) < 1e-9 * chord.norm()) {
     if (t.dot(chord) < 0)
-      refuse(move.cause, "an end of CT that an arc reaches", "one straight back");
+      throw_input_error(move.cause, "an end of CT that an arc reaches", "one straight back");
     return make_line(move, target);
   }
   const double radius = chord.squaredNorm() / (2 * offset);  // to the left if positive
@@ -567,20 +575,20 @@ void Machine::make_tangent_arc(const MotionBlock& move, const Target& target) {
 
 /// Executes CR in X Y, or in the two axes that the block names.
 void Machine::make_radius_arc(const MotionBlock& move, const Target& target) {
-  if (!move.radius) refuse(move.cause, "R beside CR", "none");
-  if (!move.is_clockwise) refuse(move.cause, "DR+ or DR-", "none");
+  if (!move.radius) throw_input_error(move.cause, "R beside CR", "none");
+  if (!move.is_clockwise) throw_input_error(move.cause, "DR+ or DR-", "none");
   auto plane = working_plane(move.cause);
   if (const int z = canon_.joint_of('Z'); z >= 0 && target.has(z)) {
     if (target.has(plane[0]) && !target.has(plane[1])) plane = {z, plane[0]};
     if (!target.has(plane[0]) && target.has(plane[1]) && plane[0] != z) plane = {plane[1], z};
   }
   ContourElement element{.is_arc = true,
-                         .end = canon_.end_from(contour_.position(), target, false),
+                         .end = canon_.target_position_from(contour_.position(), target, false),
                          .first = plane[0],
                          .second = plane[1],
                          .radius = move.radius->value,
                          .is_clockwise = *move.is_clockwise};
-  const AxisVector p = contour_.programmed(), end = canon_.unplaced(element.end);
+  const AxisVector p = contour_.programmed(), end = canon_.without_offsets(element.end);
   program::ArcGeometry geometry{
       {p[plane[0]], p[plane[1]]}, {end[plane[0]], end[plane[1]]}, {}, *move.is_clockwise};
   geometry.centre =
@@ -601,16 +609,18 @@ void Machine::execute_corner(const std::string& keyword, WordReader& words) {
     if (name.starts_with('F')) {
       const FeedValue value = read_feed(name.substr(1), words, from);
       if (value.kind == FeedKind::Rapid || value.kind == FeedKind::PerRevolution)
-        words.refuse(from, "a feed per minute for a corner");
+        words.throw_input_error(from, "a feed per minute for a corner");
       feed = program::Feed{value.value, canon_.inch() ? 0.1 * units::inch : 1.0};
     } else if (!size && name == (keyword == "RND" ? "R" : "")) {
       size = words.read_value() * unit();
     } else {
-      words.refuse(from, keyword == "RND" ? "R and F after RND" : "a length and F after CHF");
+      words.throw_input_error(from,
+                              keyword == "RND" ? "R and F after RND" : "a length and F after CHF");
     }
   }
   working_plane(cause);
-  if (!size) refuse(cause, keyword == "RND" ? "R after RND" : "a length after CHF", "none");
+  if (!size)
+    throw_input_error(cause, keyword == "RND" ? "R after RND" : "a length after CHF", "none");
   contour_.add_corner(keyword == "RND", *size, feed, cause);
 }
 

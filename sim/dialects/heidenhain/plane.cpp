@@ -18,7 +18,7 @@ using Eigen::Matrix3d;
 using Eigen::Vector3d;
 using kinematics::AxisVector;
 using kinematics::Chain;
-using kinematics::Reach;
+using kinematics::Reachability;
 using program::Coordinates;
 
 namespace {
@@ -32,14 +32,14 @@ bool is_identity(const Matrix3d& R) { return (R - Matrix3d::Identity()).norm() =
 
 const Chain* Machine::known_chain() const {
   const auto& options = canon_.options();
-  const auto tool_chain = options.control_of_h.find(tool_);
-  if (tool_chain != options.control_of_h.end()) return &tool_chain->second;
+  const auto tool_chain = options.control_by_h.find(tool_);
+  if (tool_chain != options.control_by_h.end()) return &tool_chain->second;
   return options.control ? &*options.control : nullptr;
 }
 
 const Chain& Machine::chain(const Cause& cause) const {
   const Chain* chain = known_chain();
-  if (chain == nullptr) refuse(cause, "a control that knows its kinematics");
+  if (chain == nullptr) throw_input_error(cause, "a control that knows its kinematics");
   return *chain;
 }
 
@@ -94,7 +94,7 @@ AxisVector Machine::axis_shift(const Cause& cause) {
 
 void Machine::apply_frame(const Cause& cause) {
   if (contour_.is_compensated() || contour_.is_waiting())
-    refuse(cause, "R0, and no corner, where coordinates or tools change");
+    throw_input_error(cause, "R0, and no corner, where coordinates or tools change");
   const AxisVector& offset = program::work_offset(canon_.options(), preset_ + 1);
   const Matrix3d R = rotation();
   program::Frame frame;
@@ -102,7 +102,7 @@ void Machine::apply_frame(const Cause& cause) {
   const std::array<int, 3> xyz{canon_.joint_of('X'), canon_.joint_of('Y'), canon_.joint_of('Z')};
   if (!is_identity(R)) {
     for (const int j : xyz)
-      if (j < 0) refuse(cause, "a machine with X Y Z for coordinates that are turned");
+      if (j < 0) throw_input_error(cause, "a machine with X Y Z for coordinates that are turned");
     frame.rotation = R;
   }
   // `outer_shift_` is in the workpiece; cycle 7 and the extra tool length are in the plane.
@@ -120,11 +120,11 @@ void Machine::apply_frame(const Cause& cause) {
 
 void Machine::update_tip_mode(const Cause& cause) {
   if (contour_.is_compensated() || contour_.is_waiting())
-    refuse(cause, "R0, and no corner, where coordinates or tools change");
+    throw_input_error(cause, "R0, and no corner, where coordinates or tools change");
   // Under M128 an extra length would have to follow the tool direction within a move.
   if (is_tcpm_ && !plane_ && extra_length_ != 0.0)
-    refuse(cause, "a tool of the length that the scene has, without DL, under M128",
-           fmt::format("one that is {:.6g} mm longer", extra_length_));
+    throw_input_error(cause, "a tool of the length that the scene has, without DL, under M128",
+                      fmt::format("one that is {:.6g} mm longer", extra_length_));
   canon_.set_tip_mode(is_tcpm_ || plane_, cause);
   apply_frame(cause);
 }
@@ -147,8 +147,8 @@ AxisVector Machine::axis_position(const Cause& cause) const {
   const int x = canon_.joint_of('X'), y = canon_.joint_of('Y'), z = canon_.joint_of('Z');
   // The position is that of the tip, so the slides are solved for it.
   const auto q =
-      kinematics::slides_for_tip(chain(cause), position, {position[x], position[y], position[z]});
-  if (!q) refuse(cause, "slides that reach the tip", "a tip out of their reach");
+      kinematics::solve_slides(chain(cause), position, {position[x], position[y], position[z]});
+  if (!q) throw_input_error(cause, "slides that reach the tip", "a tip out of their reach");
   return *q;
 }
 
@@ -159,11 +159,12 @@ kinematics::InverseSolution Machine::solve_direction(const Vector3d& direction,
   try {
     auto solution = kinematics::inverse(free_chain(cause), {Vector3d::Zero(), direction}, previous);
     if (!solution.branches.empty()) return solution;
-    refuse(cause, "a direction of the tool that the rotary axes reach",
-           fmt::format("({:.6g}, {:.6g}, {:.6g}){}", direction.x(), direction.y(), direction.z(),
-                       solution.reach == Reach::OutOfLimits ? " beyond their travel" : ""));
+    throw_input_error(
+        cause, "a direction of the tool that the rotary axes reach",
+        fmt::format("({:.6g}, {:.6g}, {:.6g}){}", direction.x(), direction.y(), direction.z(),
+                    solution.reach == Reachability::OutOfLimits ? " beyond their travel" : ""));
   } catch (const std::invalid_argument& error) {
-    refuse(cause, "a machine of three slides and at most two rotary axes", error.what());
+    throw_input_error(cause, "a machine of three slides and at most two rotary axes", error.what());
   }
 }
 
@@ -197,7 +198,7 @@ AxisVector Machine::fix_free_axis(AxisVector q, const Matrix3d& R,
       rotated[j] += rotation;
       if ((tool_rotation(rotated).col(0) - to).norm() < direction_tolerance) return rotated;
     }
-    refuse(positioning.cause, "COORD ROT: the free axis does not reach the plane's x");
+    throw_input_error(positioning.cause, "COORD ROT: the free axis does not reach the plane's x");
   }
   return q;
 }
@@ -208,7 +209,7 @@ AxisVector Machine::axes_for_plane(const Matrix3d& R, const RotaryPositioning& p
   AxisVector previous = axis_position(positioning.cause);
   auto solution = solve_direction(R.col(2), previous, positioning.cause);
   // In a singular pose one axis is free. It is fixed first, then the other one is solved again.
-  if (solution.reach == Reach::Singular) {
+  if (solution.reach == Reachability::Singular) {
     const AxisVector fixed = fix_free_axis(solution.branches.front(), R, positioning);
     for (int j = 0; j < int(fixed.size()); ++j)
       if (is_rotary(j)) previous[j] = fixed[j];
@@ -235,9 +236,9 @@ AxisVector Machine::axes_for_plane(const Matrix3d& R, const RotaryPositioning& p
       best = &q;
   }
   if (best == nullptr)
-    refuse(positioning.cause,
-           fmt::format("a solution with SEQ{} within the travel of the rotary axes",
-                       positioning.sign > 0 ? "+" : "-"));
+    throw_input_error(positioning.cause,
+                      fmt::format("a solution with SEQ{} within the travel of the rotary axes",
+                                  positioning.sign > 0 ? "+" : "-"));
   return *best;
 }
 
@@ -250,13 +251,12 @@ void Machine::retract_by(double distance, bool to_end, bool rapid, const Cause& 
   const Chain& machine = chain(cause);
   // Slides that move the tip by 1 mm along the tool.
   const auto T_wt = machine.tool_in_workpiece(q);
-  const auto next =
-      kinematics::slides_for_tip(machine, q, T_wt.translation() + T_wt.linear().col(2));
-  if (!next) refuse(cause, "slides that follow the tool", "others");
+  const auto next = kinematics::solve_slides(machine, q, T_wt.translation() + T_wt.linear().col(2));
+  if (!next) throw_input_error(cause, "slides that follow the tool", "others");
   const AxisVector displacement = *next - q;
   // Without M128 and PLANE the tool must be upright, or its direction is uncertain.
   if (!canon_.tip_mode() && (displacement - unit_z).norm() > 1e-6)
-    refuse(cause, "M128 or PLANE before MB where the tool leans");
+    throw_input_error(cause, "M128 or PLANE before MB where the tool leans");
   // The nearest limit of any slide ends the retraction.
   if (to_end) {
     distance = unlimited_travel;
@@ -266,7 +266,8 @@ void Machine::retract_by(double distance, bool to_end, bool rapid, const Cause& 
       const double limit = displacement[j] > 0 ? joint.max : joint.min;
       distance = std::min(distance, (limit - q[j]) / displacement[j]);
     }
-    if (distance >= unlimited_travel) refuse(cause, "slides with limits beside MB MAX", "none");
+    if (distance >= unlimited_travel)
+      throw_input_error(cause, "slides with limits beside MB MAX", "none");
     distance = std::max(distance, 0.0);
   }
   canon_.go_to(Coordinates::Axis, cause);
@@ -302,7 +303,7 @@ constexpr double min_plane_angle = 1e-6;  // rad, between the vectors that defin
 
 /// Parses a word that must follow, for example SPA+30, and returns its value.
 double Machine::read_word(WordReader& words, std::string_view name) const {
-  if (!words.cursor.accept(name)) words.refuse(words.cursor.at, std::string(name));
+  if (!words.cursor.accept(name)) words.throw_input_error(words.cursor.at, std::string(name));
   return words.read_value();
 }
 
@@ -325,7 +326,7 @@ Matrix3d Machine::plane_matrix(const std::string& kind, std::size_t from, WordRe
   if (kind == "VECTOR") {
     const Vector3d base = vector("BX", "BY", "BZ"), normal = vector("NX", "NY", "NZ");
     if (!(base.cross(normal).norm() > min_plane_angle * base.norm() * normal.norm()))
-      words.refuse(from, "a base vector and a normal that are not parallel");
+      words.throw_input_error(from, "a base vector and a normal that are not parallel");
     return rotation_from_base_and_normal(base, normal);
   }
   if (kind == "POINTS") {
@@ -333,7 +334,7 @@ Matrix3d Machine::plane_matrix(const std::string& kind, std::size_t from, WordRe
                    p3 = vector("P3X", "P3Y", "P3Z");
     const Vector3d x = p2 - p1, normal = x.cross(p3 - p1);
     if (!(normal.norm() > min_plane_angle * x.norm() * (p3 - p1).norm()))
-      words.refuse(from, "three points that are not on one line");
+      words.throw_input_error(from, "three points that are not on one line");
     return rotation_from_base_and_normal(x, normal);
   }
   // RELATIV rotates about an axis of the plane in force.
@@ -343,7 +344,7 @@ Matrix3d Machine::plane_matrix(const std::string& kind, std::size_t from, WordRe
       require_certain_shift(words.cause(from));
       return current * rotation_about(k, words.read_value() * units::deg);
     }
-  words.refuse(words.cursor.at, "SPA, SPB or SPC after PLANE RELATIV");
+  words.throw_input_error(words.cursor.at, "SPA, SPB or SPC after PLANE RELATIV");
 }
 
 bool Machine::read_positioning_word(const std::string& name, WordReader& words,
@@ -351,7 +352,7 @@ bool Machine::read_positioning_word(const std::string& name, WordReader& words,
   if (name.starts_with('F')) {
     const FeedValue feed = read_feed(name.substr(1), words, words.cursor.at);
     if (feed.kind == FeedKind::PerRevolution)
-      refuse(positioning.cause, "a feed per minute beside TURN and MOVE");
+      throw_input_error(positioning.cause, "a feed per minute beside TURN and MOVE");
     positioning.is_rapid = feed.kind == FeedKind::Rapid;
     positioning.feed = feed.value;
     return true;
@@ -387,18 +388,19 @@ Machine::RotaryPositioning Machine::read_positioning(WordReader& words) {
   const std::size_t from = words.cursor.at;
   const std::string kind = words.read_name();
   positioning.cause = words.cause(from);
-  if (kind != "STAY" && kind != "TURN" && kind != "MOVE") words.refuse(from, "STAY, TURN or MOVE");
+  if (kind != "STAY" && kind != "TURN" && kind != "MOVE")
+    words.throw_input_error(from, "STAY, TURN or MOVE");
   positioning.kind = kind == "STAY"   ? RotaryPositioning::Kind::Stay
                      : kind == "TURN" ? RotaryPositioning::Kind::Turn
                                       : RotaryPositioning::Kind::Move;
   while (!words.at_end()) {
     const std::size_t at = words.cursor.at;
     if (!read_positioning_word(words.read_name(), words, positioning))
-      words.refuse(at, "F, DIST, MB, SEQ, SYM, TABLE ROT or COORD ROT");
+      words.throw_input_error(at, "F, DIST, MB, SEQ, SYM, TABLE ROT or COORD ROT");
   }
   if (positioning.kind != RotaryPositioning::Kind::Stay && !positioning.is_rapid &&
       !(positioning.feed > 0))
-    refuse(positioning.cause, "F or FMAX beside TURN and MOVE", "none");
+    throw_input_error(positioning.cause, "F or FMAX beside TURN and MOVE", "none");
   return positioning;
 }
 
@@ -406,12 +408,12 @@ void Machine::execute_plane(WordReader& words) {
   words.cursor.skip_blanks();
   const std::size_t from = words.cursor.at;
   const std::string kind = words.read_name();
-  if (contour_.is_compensated()) words.refuse(from, "R0 before PLANE");
+  if (contour_.is_compensated()) words.throw_input_error(from, "R0 before PLANE");
   reject_unsupported("PLANE\u00a0" + kind, words.cause(from));
   if (kind == "RESET") return reset_plane(read_positioning(words));
   static constexpr std::string_view kinds[] = {"SPATIAL", "EULER", "VECTOR", "POINTS", "RELATIV"};
   if (std::find(std::begin(kinds), std::end(kinds), kind) == std::end(kinds))
-    words.refuse(from, "SPATIAL, EULER, VECTOR, POINTS, RELATIV or RESET after PLANE");
+    words.throw_input_error(from, "SPATIAL, EULER, VECTOR, POINTS, RELATIV or RESET after PLANE");
   const Matrix3d R = plane_matrix(kind, from, words);
   set_plane(R, read_positioning(words));
 }
@@ -419,11 +421,11 @@ void Machine::execute_plane(WordReader& words) {
 /// Throws BadInput if a change of plane would move a shift or rotation in force within the plane.
 void Machine::check_plane_change(const Cause& cause) const {
   if (!plane_) require_certain_shift(cause);
-  if (rotation_ != 0.0) refuse(cause, "CYCL DEF 10 with ROT+0 before PLANE");
+  if (rotation_ != 0.0) throw_input_error(cause, "CYCL DEF 10 with ROT+0 before PLANE");
   if (!plane_) return;
   for (const char letter : {'X', 'Y', 'Z'})
     if (datum_shift_[canon_.joint_of(letter)] != 0.0)
-      refuse(cause, "the datum shift of the tilted plane at zero before PLANE");
+      throw_input_error(cause, "the datum shift of the tilted plane at zero before PLANE");
 }
 
 void Machine::set_plane(const Matrix3d& R, const RotaryPositioning& positioning) {
@@ -431,8 +433,10 @@ void Machine::set_plane(const Matrix3d& R, const RotaryPositioning& positioning)
   for (const char letter : {'X', 'Y', 'Z'}) joint_of(letter, positioning.cause);
   // DL lies along the tool, but under STAY the tool is not along z of the plane.
   if (extra_length_ != 0.0 && positioning.kind == RotaryPositioning::Kind::Stay)
-    refuse(positioning.cause, "TURN or MOVE beside a tool that is longer than the scene's, by DL");
-  if (extra_length_ != 0.0 && is_tcpm_) refuse(positioning.cause, "M129 before PLANE beside DL");
+    throw_input_error(positioning.cause,
+                      "TURN or MOVE beside a tool that is longer than the scene's, by DL");
+  if (extra_length_ != 0.0 && is_tcpm_)
+    throw_input_error(positioning.cause, "M129 before PLANE beside DL");
   // The datum shift from before the plane stays outside of it.
   if (!plane_)
     for (const char letter : {'X', 'Y', 'Z'}) {
@@ -520,8 +524,8 @@ void Machine::execute_tcpm(WordReader& words) {
     words.cursor.skip_blanks();
     const std::size_t from = words.cursor.at;
     for (const std::string_view option : rejected)
-      if (words.cursor.accept(option)) words.refuse(from, sentence);
-    if (!words.cursor.accept(supported)) words.refuse(from, std::string(supported));
+      if (words.cursor.accept(option)) words.throw_input_error(from, sentence);
+    if (!words.cursor.accept(supported)) words.throw_input_error(from, std::string(supported));
   };
   while (!words.at_end()) {
     const std::size_t from = words.cursor.at;
@@ -539,7 +543,7 @@ void Machine::execute_tcpm(WordReader& words) {
       read_option("TIP-TIP", {"TIP-CENTER", "CENTER-CENTER"},
                   "REFPNT TIP-TIP: coordinates are those of the tip");
     } else {
-      words.refuse(from, "F TCP, AXIS POS, PATHCTRL AXIS or REFPNT TIP-TIP");
+      words.throw_input_error(from, "F TCP, AXIS POS, PATHCTRL AXIS or REFPNT TIP-TIP");
     }
   }
   set_tcpm(true, cause);

@@ -89,9 +89,10 @@ std::string_view read_comment(Cursor& cursor) {
   const std::size_t open = cursor.at;
   for (++cursor.at; !cursor.at_end(); ++cursor.at) {
     if (cursor.current() == ')') return cursor.text.substr(open + 1, cursor.at++ - open - 1);
-    if (cursor.current() == '(') cursor.refuse(cursor.at, ") before another ( in a comment", "(");
+    if (cursor.current() == '(')
+      cursor.throw_input_error(cursor.at, ") before another ( in a comment", "(");
   }
-  cursor.refuse(open, ") that ends the comment on its line", "none");
+  cursor.throw_input_error(open, ") that ends the comment on its line", "none");
 }
 
 }  // namespace
@@ -112,7 +113,8 @@ int whole_number(const Cursor& cursor, std::size_t from, double value, int max) 
   const double rounded = std::round(value);
   // rs274 accepts a computed index within 1e-4 of a whole number.
   if (!(std::abs(value - rounded) < 1e-4) || rounded < 0 || rounded > max)
-    cursor.refuse(from, fmt::format("a whole number of 0 to {}", max), fmt::format("{}", value));
+    cursor.throw_input_error(from, fmt::format("a whole number of 0 to {}", max),
+                             fmt::format("{}", value));
   return int(rounded);
 }
 
@@ -120,14 +122,15 @@ std::string parse_name(Cursor& cursor) {
   const std::size_t from = cursor.at;
   std::string name;
   for (++cursor.at; cursor.current() != '>'; ++cursor.at) {
-    if (cursor.at_end()) cursor.refuse(from, "> after a name", "the end of the line");
+    if (cursor.at_end()) cursor.throw_input_error(from, "> after a name", "the end of the line");
     const char c = cursor.current();
     // Blanks and case do not matter, as in every line that rs274 reads.
     if (!is_blank(c)) name += c >= 'A' && c <= 'Z' ? char(c - 'A' + 'a') : c;
-    if (name.size() > max_name_bytes) cursor.refuse(from, "a name of at most 100 letters");
+    if (name.size() > max_name_bytes)
+      cursor.throw_input_error(from, "a name of at most 100 letters");
   }
   ++cursor.at;
-  if (name.empty()) cursor.refuse(from, "a name between < and >");
+  if (name.empty()) cursor.throw_input_error(from, "a name between < and >");
   return name;
 }
 
@@ -178,11 +181,12 @@ void BlockReader::read_assignment() {
     number = whole_number(cursor_, from, parse_value(cursor_, grammar(), operands_), 5601);
   double result = 0.0;
   run_.define(name.empty() ? fmt::format("#{}", number) : fmt::format("#<{}>", name), [&] {
-    if (!cursor_.accept("=")) cursor_.refuse(cursor_.at, "= after a parameter that begins a word");
+    if (!cursor_.accept("="))
+      cursor_.throw_input_error(cursor_.at, "= after a parameter that begins a word");
     result = parse_value(cursor_, grammar(), operands_);
   });
   if (block_.number_assignments.size() + block_.name_assignments.size() == max_assignments)
-    cursor_.refuse(from, "at most 50 parameters set in a block");
+    cursor_.throw_input_error(from, "at most 50 parameters set in a block");
   if (name.empty())
     block_.number_assignments.emplace_back(number, result);
   else
@@ -201,7 +205,8 @@ void BlockReader::put_code(char letter, const NcWord& word) {
     block_.skipped_code = word;
     return;
   }
-  if (properties.use == Use::Refused) run_.canon.refuse(word, std::string(properties.sentence));
+  if (properties.use == WordTreatment::Refused)
+    run_.canon.throw_input_error(word, std::string(properties.sentence));
   const Group group = properties.group;
   if (group == Group::None) {
     block_.code_without_words = word;
@@ -213,8 +218,9 @@ void BlockReader::put_code(char letter, const NcWord& word) {
       group == Group::Motion && previous && (code == 800) != (previous.tenths == 800);
   if (ends_cycle && code == 800) return;
   if (previous && !ends_cycle)
-    run_.canon.refuse(word, "one code of a modal group in a block",
-                      fmt::format("{} after {}", shown(word.text), shown(previous.word.text)));
+    run_.canon.throw_input_error(
+        word, "one code of a modal group in a block",
+        fmt::format("{} after {}", shown(word.text), shown(previous.word.text)));
   block_.codes.put(std::size_t(group), {code, word});
 }
 
@@ -224,33 +230,35 @@ void BlockReader::read_word(bool is_first) {
   const bool is_sign = letter == '@' || letter == '^' || letter == '$';
   if (!is_letter(letter) && !is_sign) {
     const char c = cursor_.current();
-    cursor_.refuse(from, "a word (letter and number)",
-                   c == ')'   ? ") without ("
-                   : c == '[' ? "an expression ([)"
-                              : shown(cursor_.text_until_blank(from)));
+    cursor_.throw_input_error(from, "a word (letter and number)",
+                              c == ')'   ? ") without ("
+                              : c == '[' ? "an expression ([)"
+                                         : shown(cursor_.text_until_blank(from)));
   }
   ++cursor_.at;
   NcWord word;
   word.column = int(from) + 1;
   cursor_.skip_blanks();
   if (cursor_.at_end())
-    cursor_.refuse(from, std::string("a number after ") + letter, "the end of the line");
+    cursor_.throw_input_error(from, std::string("a number after ") + letter, "the end of the line");
   word.value = parse_value(cursor_, grammar(), operands_);
   word.text = cursor_.text.substr(from, cursor_.at - from);
   // A line number must be digits, not an expression.
   const std::size_t digits = word.text.find_first_not_of(" \t", 1);
   if (letter == 'N' && (digits == std::string_view::npos || !is_digit(word.text[digits])))
-    run_.canon.refuse(word, "a line number in digits");
+    run_.canon.throw_input_error(word, "a line number in digits");
   if (letter == 'G' || letter == 'M') return put_code(letter, word);
-  if (letter == 'N' && !is_first) run_.canon.refuse(word, "a line number first in its block");
+  if (letter == 'N' && !is_first)
+    run_.canon.throw_input_error(word, "a line number first in its block");
   const std::size_t index = letter == '@'   ? 26
                             : letter == '^' ? 27
                             : letter == '$' ? 28
                                             : std::size_t(letter - 'A');
   const NcWord& previous = block_.words[index];
   if (previous)
-    run_.canon.refuse(word, std::string("one ") + letter + " in a block",
-                      fmt::format("{} after {}", shown(word.text), shown(previous.text)));
+    run_.canon.throw_input_error(
+        word, std::string("one ") + letter + " in a block",
+        fmt::format("{} after {}", shown(word.text), shown(previous.text)));
   static constexpr std::string_view addresses = "ABCDEFHIJKLNPQRSTUVWXYZ@^$";
   if (addresses.find(letter) == std::string_view::npos)
     return run_.handle_unknown_word(word, "a word of LinuxCNC");
@@ -263,7 +271,7 @@ void BlockReader::read() {
   if (cursor_.current() == '%') {
     ++cursor_.at;
     skip_blanks_and_comments();
-    if (!cursor_.at_end()) cursor_.refuse(cursor_.at, "nothing after %");
+    if (!cursor_.at_end()) cursor_.throw_input_error(cursor_.at, "nothing after %");
     block_.percent = true;
     return;
   }
@@ -287,7 +295,7 @@ void read_block(Cursor cursor, ProgramRun& run, OperandParser& operands, Block& 
   block.clear();
   // A NUL is not visible in messages, so its name is reported.
   if (const std::size_t nul = cursor.text.find('\0'); nul != std::string_view::npos)
-    cursor.refuse(nul, "text", "a NUL byte");
+    cursor.throw_input_error(nul, "text", "a NUL byte");
   BlockReader(cursor, run, operands, block).read();
 }
 

@@ -98,30 +98,32 @@ void Flow::save_modes() {
       block_.words.empty() && std::ranges::all_of(block_.codes, [&](const Code& other) {
         return !other || &other == &code;
       });
-  if (!is_alone) run_.canon.refuse(code.word, "a block of its own for " + shown(code.word.text));
+  if (!is_alone)
+    run_.canon.throw_input_error(code.word, "a block of its own for " + shown(code.word.text));
   Call& call = calls_.back();
   if (code.tenths == 700 || code.tenths == 730) call.saved_modes = machine_.modes();
   if (code.tenths == 730) call.restores_modes = true;
   if (code.tenths == 710) call.saved_modes.reset();
   if (code.tenths != 720) return;
-  if (!call.saved_modes) run_.canon.refuse(code.word, "M70 or M73 before M72", "none");
+  if (!call.saved_modes) run_.canon.throw_input_error(code.word, "M70 or M73 before M72", "none");
   machine_.restore(*call.saved_modes, code.word);
 }
 
 void Flow::set_parameters(const Block& block, const Cursor& cursor) {
   for (const auto& [number, value] : block.number_assignments) {
-    if (number < 1) cursor.refuse(0, "a parameter of #1 to #5601", fmt::format("#{}", number));
+    if (number < 1)
+      cursor.throw_input_error(0, "a parameter of #1 to #5601", fmt::format("#{}", number));
     // #1 to #30 are local to the call.
     if (number <= 30)
       calls_.back().locals[std::size_t(number)] = value;
     else if (!machine_.set_parameter(number, value))
-      cursor.refuse(0, "a parameter that can be set", fmt::format("#{}", number));
+      cursor.throw_input_error(0, "a parameter that can be set", fmt::format("#{}", number));
   }
   for (const auto& [name, value] : block.name_assignments) {
     // Names with a leading _ are global.
     const bool is_global = name.front() == '_';
     if (is_global && machine_.named_parameter(name))
-      cursor.refuse(0, "a parameter that can be set", "#<" + name + ">");
+      cursor.throw_input_error(0, "a parameter that can be set", "#<" + name + ">");
     if (!variables_.set(name, value,
                         is_global ? Variables::Scope::Program : Variables::Scope::Call))
       run_.throw_variable_limit(cursor.location, "parameters");
@@ -139,7 +141,7 @@ double Flow::read_named_parameter(const std::string& name, const Cursor& cursor,
     if (name == "_call_level") return double(calls_.size() - 1);
     if (const auto system = machine_.named_parameter(name)) return *system;
   }
-  cursor.refuse(from, "a named parameter that has been set", "#<" + name + ">");
+  cursor.throw_input_error(from, "a named parameter that has been set", "#<" + name + ">");
 }
 
 bool Flow::has_named_parameter(const std::string& name) const {
@@ -154,7 +156,8 @@ double Flow::parse_parameter(Cursor& cursor) {
   cursor.skip_blanks();
   if (cursor.current() == '<') return read_named_parameter(parse_name(cursor), cursor, from);
   const int number = whole_number(cursor, from, parse_value(cursor, grammar(), *this), 5601);
-  if (number < 1) cursor.refuse(from, "a parameter of #1 to #5601", fmt::format("#{}", number));
+  if (number < 1)
+    cursor.throw_input_error(from, "a parameter of #1 to #5601", fmt::format("#{}", number));
   if (run_.is_uncertain()) run_.require_certain(fmt::format("#{}", number), cursor.cause(from));
   return number <= 30 ? calls_.back().locals[std::size_t(number)] : machine_.parameter(number);
 }
@@ -165,16 +168,17 @@ std::optional<double> Flow::parse_operand(Cursor& cursor) {
   // ATAN[y]/[x] is within -180 to 180 degrees.
   if (cursor.accept("ATAN")) {
     const double y = parse_bracketed(cursor, grammar(), *this);
-    if (!cursor.accept("/")) cursor.refuse(cursor.at, "/ after the first argument of ATAN");
+    if (!cursor.accept("/"))
+      cursor.throw_input_error(cursor.at, "/ after the first argument of ATAN");
     const double x = parse_bracketed(cursor, grammar(), *this);
     return std::atan2(y, x) / units::deg;
   }
   if (cursor.accept("EXISTS")) {
     if (!cursor.accept("[") || !cursor.accept("#") ||
         (cursor.skip_blanks(), cursor.current() != '<'))
-      cursor.refuse(from, "[#<name>] after EXISTS");
+      cursor.throw_input_error(from, "[#<name>] after EXISTS");
     const bool exists = has_named_parameter(parse_name(cursor));
-    if (!cursor.accept("]")) cursor.refuse(cursor.at, "] after EXISTS");
+    if (!cursor.accept("]")) cursor.throw_input_error(cursor.at, "] after EXISTS");
     return exists ? 1.0 : 0.0;
   }
   return std::nullopt;
@@ -251,8 +255,8 @@ std::size_t Flow::find_next(const OWord& o, std::initializer_list<std::string_vi
     found_lines_.emplace(std::move(key), i);
     return i;
   }
-  run_.canon.refuse(o.cause, fmt::format("o{} {} behind it", o.label, *(keywords.end() - 1)),
-                    "none");
+  run_.canon.throw_input_error(
+      o.cause, fmt::format("o{} {} behind it", o.label, *(keywords.end() - 1)), "none");
 }
 
 double Flow::evaluate_condition(Cursor& cursor) {
@@ -265,7 +269,7 @@ double Flow::evaluate_condition(Cursor& cursor) {
 void Flow::expect_end(Cursor& cursor) const {
   cursor.skip_blanks();
   if (!cursor.at_end() && cursor.current() != '(' && cursor.current() != ';')
-    cursor.refuse(cursor.at, "nothing more behind an O word");
+    cursor.throw_input_error(cursor.at, "nothing more behind an O word");
 }
 
 void Flow::execute_o_word(const OWord& o, Cursor cursor) {
@@ -279,14 +283,15 @@ void Flow::execute_o_word(const OWord& o, Cursor cursor) {
   if (o.keyword == "call") return call_subprogram(o, cursor);
   if (is_one_of({"return", "endsub"})) return return_from_subprogram(o, cursor);
   if (o.keyword == "sub") {
-    if (calls_.size() > 1) run_.canon.refuse(o.cause, "endsub before another sub");
+    if (calls_.size() > 1) run_.canon.throw_input_error(o.cause, "endsub before another sub");
     // The definition of a subprogram is skipped.
     line_index_ = find_next(o, {"endsub"}) + 1;
     return;
   }
-  run_.canon.refuse(o.cause,
-                    "sub endsub call return if elseif else endif while endwhile do repeat "
-                    "endrepeat break or continue after an O word");
+  run_.canon.throw_input_error(
+      o.cause,
+      "sub endsub call return if elseif else endif while endwhile do repeat "
+      "endrepeat break or continue after an O word");
 }
 
 void Flow::execute_if(const OWord& o, Cursor& cursor) {
@@ -295,7 +300,8 @@ void Flow::execute_if(const OWord& o, Cursor& cursor) {
   if (o.keyword == "if")
     executed_ifs_.insert(std::move(key));
   else if (!executed_ifs_.contains(key))
-    run_.canon.refuse(o.cause, fmt::format("o{} if before {}", o.label, o.keyword), "none");
+    run_.canon.throw_input_error(o.cause, fmt::format("o{} if before {}", o.label, o.keyword),
+                                 "none");
   if (o.keyword == "endif") {
     ++line_index_;
     return;
@@ -352,11 +358,12 @@ void Flow::execute_loop(const OWord& o, Cursor& cursor) {
     }
   } else if (o.keyword == "endwhile") {
     if (!is_running || loops.back().kind != Loop::Kind::While)
-      run_.canon.refuse(o.cause, fmt::format("o{} while before endwhile", o.label), "none");
+      run_.canon.throw_input_error(o.cause, fmt::format("o{} while before endwhile", o.label),
+                                   "none");
     line_index_ = loops.back().line;
   } else if (o.keyword == "repeat") {
     const double count = evaluate_condition(cursor);
-    if (!(count <= max_repeats)) run_.canon.refuse(o.cause, "at most 1e9 repeats");
+    if (!(count <= max_repeats)) run_.canon.throw_input_error(o.cause, "at most 1e9 repeats");
     if (std::llround(count) <= 0) {
       line_index_ = find_next(o, {"endrepeat"}) + 1;
     } else {
@@ -365,7 +372,8 @@ void Flow::execute_loop(const OWord& o, Cursor& cursor) {
     }
   } else {
     if (!is_running || loops.back().kind != Loop::Kind::Repeat)
-      run_.canon.refuse(o.cause, fmt::format("o{} repeat before endrepeat", o.label), "none");
+      run_.canon.throw_input_error(o.cause, fmt::format("o{} repeat before endrepeat", o.label),
+                                   "none");
     if (--loops.back().remaining_repeats > 0) {
       line_index_ = loops.back().line + 1;
     } else {
@@ -381,7 +389,7 @@ void Flow::leave_loop(const OWord& o, bool continues) {
   const auto target = std::find_if(loops.rbegin(), loops.rend(),
                                    [&](const Loop& loop) { return loop.label == o.label; });
   if (target == loops.rend())
-    run_.canon.refuse(o.cause, "a loop of this label around " + o.keyword, "none");
+    run_.canon.throw_input_error(o.cause, "a loop of this label around " + o.keyword, "none");
   loops.erase(target.base(), loops.end());
   const Loop loop = loops.back();
   const std::string_view end = loop.kind == Loop::Kind::While ? "endwhile"
@@ -398,7 +406,7 @@ void Flow::leave_loop(const OWord& o, bool continues) {
 
 const Source& Flow::load_source(const std::filesystem::path& file) {
   if (sources_.size() == max_sources)
-    run_.canon.refuse({1, {}}, "at most 1000 files of subprograms", "more");
+    run_.canon.throw_input_error({1, {}}, "at most 1000 files of subprograms", "more");
   auto source = std::make_unique<Source>();
   source->text = read_text(file, max_file_bytes);
   source->lines = lines_of_text(source->text);
@@ -441,7 +449,8 @@ Flow::Subprogram Flow::find_subprogram(const OWord& o) {
     if (const auto other = find_o_word(source, i);
         other && other->keyword == "sub" && other->label == o.label)
       return subprograms_[file_key] = {&source, i};
-  run_.canon.refuse(o.cause, fmt::format("o{} sub in {}", o.label, file.string()), "none");
+  run_.canon.throw_input_error(o.cause, fmt::format("o{} sub in {}", o.label, file.string()),
+                               "none");
 }
 
 void Flow::call_subprogram(const OWord& o, Cursor& cursor) {
@@ -449,7 +458,7 @@ void Flow::call_subprogram(const OWord& o, Cursor& cursor) {
   std::size_t count = 0;
   for (cursor.skip_blanks(); cursor.current() == '['; cursor.skip_blanks()) {
     const std::size_t from = cursor.at;
-    if (++count > 30) cursor.refuse(from, "at most 30 arguments", "more");
+    if (++count > 30) cursor.throw_input_error(from, "at most 30 arguments", "more");
     arguments[count] = parse_bracketed(cursor, grammar(), *this);
   }
   expect_end(cursor);
@@ -465,10 +474,11 @@ void Flow::call_subprogram(const OWord& o, Cursor& cursor) {
 }
 
 void Flow::return_from_subprogram(const OWord& o, Cursor& cursor) {
-  if (calls_.size() == 1) run_.canon.refuse(o.cause, "a call before " + o.keyword, "none");
+  if (calls_.size() == 1)
+    run_.canon.throw_input_error(o.cause, "a call before " + o.keyword, "none");
   // Subprograms do not nest, so the label must be that of the running one.
   if (calls_.back().name != o.label)
-    run_.canon.refuse(o.cause, fmt::format("o{} {}", calls_.back().name, o.keyword));
+    run_.canon.throw_input_error(o.cause, fmt::format("o{} {}", calls_.back().name, o.keyword));
   cursor.skip_blanks();
   std::optional<double> result;
   if (cursor.current() == '[') result = parse_bracketed(cursor, grammar(), *this);
@@ -481,7 +491,7 @@ void Flow::return_from_subprogram(const OWord& o, Cursor& cursor) {
   if (call.restores_modes && call.saved_modes) machine_.restore(*call.saved_modes, o.cause);
   if (!variables_.set("_value", result.value_or(0.0)) ||
       !variables_.set("_value_returned", result ? 1.0 : 0.0))
-    cursor.refuse(0, "fewer parameters", "too many");
+    cursor.throw_input_error(0, "fewer parameters", "too many");
 }
 
 void Flow::end_without_endsub() {

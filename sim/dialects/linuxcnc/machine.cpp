@@ -171,7 +171,7 @@ Cause Machine::motion_cause(const Block& block) const {
 void Machine::check_words(const Block& block) const {
   for (const char letter : axis_letters)
     if (const NcWord& word = block[letter]; word && canon_.joint_of(letter) < 0)
-      refuse(word, "an axis of this machine (" + canon_.letters() + ")");
+      throw_input_error(word, "an axis of this machine (" + canon_.letters() + ")");
   const Code& one_block = block[Group::OneBlock];
   const int motion = block[Group::Motion] ? block.tenths(Group::Motion) : motion_;
   const bool owns_axis_words = one_block && one_block.tenths != 40 && one_block.tenths != 530;
@@ -196,24 +196,26 @@ void Machine::check_words(const Block& block) const {
     if (block.skipped_code)
       run_.handle_unknown_word(block[letter], "a word of LinuxCNC");
     else
-      refuse(block[letter], letter == 'P'   ? "G4 beside P"
-                            : letter == 'H' ? "G43 or G43.4 beside H"
-                            : std::string_view("IJKR").find(letter) != std::string_view::npos
-                                ? "G2 or G3 beside I J K R"
-                                : fmt::format("a code that takes {}", letter));
+      throw_input_error(block[letter],
+                        letter == 'P'   ? "G4 beside P"
+                        : letter == 'H' ? "G43 or G43.4 beside H"
+                        : std::string_view("IJKR").find(letter) != std::string_view::npos
+                            ? "G2 or G3 beside I J K R"
+                            : fmt::format("a code that takes {}", letter));
   }
   // An unknown G code may give the axis words another meaning; an unknown M code does not.
   if (axis && upper(block.skipped_code.text.empty() ? 'M' : block.skipped_code.text.front()) == 'G')
-    refuse(axis, "no axis words beside a code that is skipped: what it makes of them is not known",
-           fmt::format("{} beside {}", shown(axis.text), shown(block.skipped_code.text)));
+    throw_input_error(
+        axis, "no axis words beside a code that is skipped: what it makes of them is not known",
+        fmt::format("{} beside {}", shown(axis.text), shown(block.skipped_code.text)));
   if (block.is_polar()) {
     const NcWord& word = block.radius() ? block.radius() : block.angle();
-    if (block['X'] || block['Y']) refuse(word, "either X Y or @ ^");
+    if (block['X'] || block['Y']) throw_input_error(word, "either X Y or @ ^");
     if (plane_ != 170 || owns_axis_words || joint(0) < 0 || joint(1) < 0)
-      refuse(word, "a move in the plane of X and Y beside @ and ^");
+      throw_input_error(word, "a move in the plane of X and Y beside @ and ^");
   }
   if (one_block.tenths == 40 && !block['P'])
-    refuse(one_block.word, "P (seconds) beside G4", "none");
+    throw_input_error(one_block.word, "P (seconds) beside G4", "none");
   check_motion(block);
   check_outputs(block);
   const bool is_length_offset = length == 431;
@@ -223,24 +225,26 @@ void Machine::check_words(const Block& block) const {
     throw program::FollowingError(canon_.place().file, canon_.line(), axis.column,
                                   "a code of motion", "none");
   if (axis && !owns_axis_words && !is_length_offset && (motion < 0 || motion == 800))
-    refuse(axis, "G0 G1 G2 or G3 before an axis word");
+    throw_input_error(axis, "G0 G1 G2 or G3 before an axis word");
   if (one_block.tenths == 530) {
-    if (!axis) refuse(one_block.word, "an axis word beside G53", "none");
-    if (motion != 0 && motion != 10) refuse(one_block.word, "G0 or G1 beside G53");
+    if (!axis) throw_input_error(one_block.word, "an axis word beside G53", "none");
+    if (motion != 0 && motion != 10) throw_input_error(one_block.word, "G0 or G1 beside G53");
   }
   if (const NcWord& code = block.code_without_words; axis && code)
-    refuse(axis, fmt::format("no axis words beside {}, which takes none", shown(code.text)));
+    throw_input_error(axis,
+                      fmt::format("no axis words beside {}, which takes none", shown(code.text)));
   // LinuxCNC moves by axis words beside these codes, which a program never intends.
   if (axis && (one_block.tenths % 10 == 1 || one_block.tenths == 922 || one_block.tenths == 923))
-    refuse(axis,
-           fmt::format("no axis words beside {}, which takes none", shown(one_block.word.text)));
+    throw_input_error(
+        axis, fmt::format("no axis words beside {}, which takes none", shown(one_block.word.text)));
   const bool stores_position =
       one_block.tenths % 10 == 1 || one_block.tenths == 922 || one_block.tenths == 923;
   if (owns_axis_words && !stores_position && block[Group::Motion] && (axis || motion != 800))
-    refuse(block[Group::Motion].word, "no code of motion beside " + shown(one_block.word.text));
+    throw_input_error(block[Group::Motion].word,
+                      "no code of motion beside " + shown(one_block.word.text));
   if (const NcWord& tool = block['T'];
       tool && (tool.value < 0 || tool.value != std::floor(tool.value)))
-    refuse(tool, "a whole tool number");
+    throw_input_error(tool, "a whole tool number");
 }
 
 /// Throws BadInput for a motion code without the words that it needs in its block.
@@ -248,13 +252,13 @@ void Machine::check_motion(const Block& block) const {
   const Code& code = block[Group::Motion];
   const bool is_arc = code.tenths == 20 || code.tenths == 30;
   if (code && requires_axis_words(code.tenths) && !first_axis_word(block))
-    refuse(code.word, "axis words beside " + shown(code.word.text), "none");
+    throw_input_error(code.word, "axis words beside " + shown(code.word.text), "none");
   if (code && is_arc && !block['I'] && !block['J'] && !block['K'] && !block['R'])
-    refuse(code.word, "I J K or R beside " + shown(code.word.text), "none");
+    throw_input_error(code.word, "I J K or R beside " + shown(code.word.text), "none");
   const bool is_incremental =
       block[Group::Distance] ? block.tenths(Group::Distance) == 910 : is_incremental_;
   if (const Code& one_block = block[Group::OneBlock]; one_block.tenths == 530 && is_incremental)
-    refuse(one_block.word, "G90 beside G53: positions of the axes are absolute", "G91");
+    throw_input_error(one_block.word, "G90 beside G53: positions of the axes are absolute", "G91");
 }
 
 /// Throws BadInput for M19 and outputs without the words that they need in their block.
@@ -263,19 +267,19 @@ void Machine::check_outputs(const Block& block) const {
     const bool is_digital = code.tenths >= 620 && code.tenths <= 650;
     const bool is_analog = code.tenths == 670 || code.tenths == 680;
     if ((is_digital && !block['P']) || (is_analog && !block['E']))
-      refuse(code.word,
-             fmt::format("{} (number of the output) beside {}", is_digital ? 'P' : 'E',
-                         shown(code.word.text)),
-             "none");
+      throw_input_error(code.word,
+                        fmt::format("{} (number of the output) beside {}", is_digital ? 'P' : 'E',
+                                    shown(code.word.text)),
+                        "none");
     if (const NcWord& output = block[is_digital ? 'P' : 'E'];
         (is_digital || is_analog) && output.value < 0)
-      refuse(output, "the number of an output, not below zero");
+      throw_input_error(output, "the number of an output, not below zero");
   }
   if (block.tenths(Group::Spindle) != 190) return;
   if (const NcWord& p = block['P']; p && p.value != 0 && p.value != 1 && p.value != 2)
-    refuse(p, "P0, P1 or P2 beside M19");
+    throw_input_error(p, "P0, P1 or P2 beside M19");
   if (const NcWord& q = block['Q']; q && !(q.value > 0))
-    refuse(q, "Q (seconds) above zero beside M19");
+    throw_input_error(q, "Q (seconds) above zero beside M19");
 }
 
 void Machine::set_feed(const Block& block) {
@@ -290,7 +294,7 @@ void Machine::set_feed(const Block& block) {
   // Under G93 F holds for its own block only.
   if (canon_.feed_mode() == FeedMode::InverseTime) canon_.set_feed({});
   if (const NcWord& f = block['F']) {
-    if (!(f.value >= min_feed)) refuse(f, "a feed above zero");
+    if (!(f.value >= min_feed)) throw_input_error(f, "a feed above zero");
     canon_.set_feed(Feed{f.value, unit()});
   }
 }
@@ -301,18 +305,19 @@ void Machine::set_spindle(const Block& block) {
     // D belongs to its own G96.
     max_rpm_.reset();
     if (const NcWord& d = block['D']; d && has_surface_speed_) {
-      if (!(d.value > 0 && d.value <= 1e7)) refuse(d, "a largest speed of more than 0 to 1e7 rpm");
+      if (!(d.value > 0 && d.value <= 1e7))
+        throw_input_error(d, "a largest speed of more than 0 to 1e7 rpm");
       max_rpm_ = d.value;
     }
     if (has_surface_speed_ && joint(0) < 0)
-      refuse(code.word, "a machine with an X axis beside G96");
+      throw_input_error(code.word, "a machine with an X axis beside G96");
     if (has_surface_speed_ && !block['S'])
-      refuse(code.word, "S (surface speed) beside G96", "none");
+      throw_input_error(code.word, "S (surface speed) beside G96", "none");
     // G97 without S continues at the last speed.
     if (!has_surface_speed_ && !block['S']) canon_.set_spindle_speed(speed_);
   }
   if (const NcWord& s = block['S']) {
-    if (s.value < 0 || s.value > 1e7) refuse(s, "a spindle speed of 0 to 1e7 rpm");
+    if (s.value < 0 || s.value > 1e7) throw_input_error(s, "a spindle speed of 0 to 1e7 rpm");
     // A surface speed is in m/min, or under G20 in ft/min.
     speed_ = has_surface_speed_ && canon_.inch() ? s.value * 0.3048 : s.value;
     if (!has_surface_speed_) canon_.set_spindle_speed(s.value);
@@ -329,19 +334,21 @@ void Machine::call_tools(const Block& block) {
   const NcWord& t = block['T'];
   const bool changes = change.tenths == 60;
   if (t) selected_ = int(std::min(t.value, 1e9));
-  if (t && !program::knows_tool(canon_.options(), selected_)) refuse(t, "a tool of the tool table");
+  if (t && !program::is_known_tool(canon_.options(), selected_))
+    throw_input_error(t, "a tool of the tool table");
   if (changes && selected_ >= 0) tool_ = selected_;
   // After a tool change the control reads its axis positions anew.
   if (changes) compensation_.clear_leaving();
-  if (t || changes) canon_.call_tool(t ? t.value : -1.0, changes);
+  if (t || changes) canon_.record_tool_call(t ? t.value : -1.0, changes);
   // M61 declares the tool in the spindle without a change.
   if (change.tenths == 610) {
     const NcWord& q = block['Q'];
     if (!q || q.value < 0 || q.value != std::floor(q.value))
-      refuse(q ? Cause(q) : Cause(change.word), "Q, a whole tool number, beside M61");
+      throw_input_error(q ? Cause(q) : Cause(change.word), "Q, a whole tool number, beside M61");
     selected_ = tool_ = int(std::min(q.value, 1e9));
-    if (!program::knows_tool(canon_.options(), tool_)) refuse(q, "a tool of the tool table");
-    canon_.call_tool(q.value, true);
+    if (!program::is_known_tool(canon_.options(), tool_))
+      throw_input_error(q, "a tool of the tool table");
+    canon_.record_tool_call(q.value, true);
   }
   std::string text = t ? fmt::format("T{:.0f}", t.value) : "";
   const auto add_word = [&](bool is_programmed, const char* word) {
@@ -350,7 +357,7 @@ void Machine::call_tools(const Block& block) {
   add_word(changes, "M6");
   add_word(block.tenths(Group::Coolant) == 70, "M7");
   add_word(block.tenths(Group::Coolant) == 80, "M8");
-  if (!text.empty()) canon_.aside(std::move(text));
+  if (!text.empty()) canon_.record_auxiliary_word(std::move(text));
 }
 
 // LinuxCNC executes units, feed, spindle, tool, dwell, plane, compensation, length, system and
@@ -363,7 +370,8 @@ void Machine::set_modes(const Block& block) {
   call_tools(block);
   if (const Code& code = block[Group::OneBlock]; code.tenths == 40) dwell(block);
   if (const Code& code = block[Group::Plane]) {
-    if (compensation_.is_on()) refuse(code.word, "no change of the plane under G41 or G42");
+    if (compensation_.is_on())
+      throw_input_error(code.word, "no change of the plane under G41 or G42");
     plane_ = code.tenths;
   }
   if (block[Group::CutterRadius]) set_compensation(block);
@@ -376,7 +384,8 @@ void Machine::set_modes(const Block& block) {
   }
   if (const Code& code = block[Group::WorkOffset]) {
     // The offset path has been computed in the old system.
-    if (compensation_.is_on()) refuse(code.word, "no other coordinate system under G41 or G42");
+    if (compensation_.is_on())
+      throw_input_error(code.word, "no other coordinate system under G41 or G42");
     select_work_offset(code.tenths <= 590 ? (code.tenths - 530) / 10 : code.tenths - 590 + 6);
   }
   if (const Code& code = block[Group::Distance]) is_incremental_ = code.tenths == 910;
@@ -387,7 +396,7 @@ void Machine::set_modes(const Block& block) {
 void Machine::dwell(const Block& block) {
   const NcWord& p = block['P'];
   if (!(p.value >= 0 && p.value <= 1e6))
-    refuse(p, "0 to 1e6 seconds beside " + shown(block[Group::OneBlock].word.text));
+    throw_input_error(p, "0 to 1e6 seconds beside " + shown(block[Group::OneBlock].word.text));
   // The dwell must follow a move that compensation still postpones.
   compensation_.run_after_move(
       [this, seconds = p.value, cause = Cause{p.column, {}}] { canon_.dwell(seconds, cause); });
@@ -395,14 +404,14 @@ void Machine::dwell(const Block& block) {
 
 /// Records the words that a control executes after the motion of the block: M0 M1 M9.
 void Machine::note_after_motion(const Block& block) {
-  if (block[Group::Coolant].tenths == 90) canon_.aside("M9");
+  if (block[Group::Coolant].tenths == 90) canon_.record_auxiliary_word("M9");
   if (const Code& stop = block[Group::Stop]; stop && stop.tenths <= 10)
-    canon_.aside(fmt::format("M{}", stop.tenths / 10));
+    canon_.record_auxiliary_word(fmt::format("M{}", stop.tenths / 10));
 }
 
 void Machine::execute_one_block(const Block& block) {
   const Code& code = block[Group::OneBlock];
-  if (compensation_.is_on()) refuse(code.word, "G40 before " + shown(code.word.text));
+  if (compensation_.is_on()) throw_input_error(code.word, "G40 before " + shown(code.word.text));
   switch (code.tenths) {
     case 100:
       return store_data(block);
@@ -444,11 +453,11 @@ void Machine::restore(const Modes& modes, const Cause& cause) {
       modes.length_shift.size() == length_shift_.size() && modes.length_shift == length_shift_;
   if (!is_same_length || modes.has_tip_length != has_tip_length_ ||
       modes.has_tip_kinematics != has_tip_kinematics_)
-    refuse(cause, "the tool length that was saved: it is not restored here", "another");
+    throw_input_error(cause, "the tool length that was saved: it is not restored here", "another");
   if (modes.is_compensated != compensation_.is_on())
-    refuse(cause, "G40, G41 or G42 as it was saved: it is not restored here", "another");
+    throw_input_error(cause, "G40, G41 or G42 as it was saved: it is not restored here", "another");
   if (compensation_.is_on() && (modes.system != system_ || modes.plane != plane_))
-    refuse(cause, "no other plane and coordinate system under G41 or G42");
+    throw_input_error(cause, "no other plane and coordinate system under G41 or G42");
   canon_.set_inch(modes.is_inch);
   is_incremental_ = modes.is_incremental;
   has_absolute_centre_ = modes.has_absolute_centre;
@@ -471,7 +480,7 @@ void Machine::restore(const Modes& modes, const Cause& cause) {
 Block Machine::without_spindle(const Block& block) const {
   const NcWord& spindle = block.spindle();
   if (spindle.value < -1 || spindle.value > 7 || spindle.value != std::floor(spindle.value))
-    refuse(spindle, "a spindle of 0 to 7, or -1 for all");
+    throw_input_error(spindle, "a spindle of 0 to 7, or -1 for all");
   Block result = block;
   result.words.put(28, {});
   // $0 and $-1 address the only spindle of the machine.
@@ -479,7 +488,7 @@ Block Machine::without_spindle(const Block& block) const {
   // A synchronised motion follows its spindle, so the word cannot be ignored.
   if (const int motion = block.tenths(Group::Motion);
       motion == 330 || motion == 331 || motion == 760)
-    refuse(spindle, "spindle 0 beside a move that follows it");
+    throw_input_error(spindle, "spindle 0 beside a move that follows it");
   run_.warn_once(
       fmt::format("spindle {} turns nothing: the machine has spindle 0 ($0)", spindle.value));
   result.words.put('S' - 'A', {});

@@ -58,9 +58,9 @@ class Machine {
   using AxisVector = kinematics::AxisVector;
 
   // Words and modes.
-  [[noreturn]] void refuse(const Cause& cause, std::string expected,
-                           std::optional<std::string> seen = {}) const {
-    canon_.refuse(cause, std::move(expected), std::move(seen));
+  [[noreturn]] void throw_input_error(const Cause& cause, std::string expected,
+                                      std::optional<std::string> seen = {}) const {
+    canon_.throw_input_error(cause, std::move(expected), std::move(seen));
   }
   void check_words(const Block& block) const;
   void check_motion(const Block& block) const;

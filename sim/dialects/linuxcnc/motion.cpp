@@ -43,7 +43,7 @@ Target Machine::block_target(const Block& block, bool machine) const {
     // Under compensation words count from the programmed position, not from the offset tool.
     const bool is_compensated = compensation_.is_on() || compensation_.is_leaving();
     const AxisVector p =
-        canon_.unplaced(is_compensated ? compensation_.programmed() : canon_.position());
+        canon_.without_offsets(is_compensated ? compensation_.programmed() : canon_.position());
     const Eigen::Vector2d end = polar_end(block, {p[joint(0)], p[joint(1)]});
     const NcWord& word = block.radius() ? block.radius() : block.angle();
     target.to(joint(0), end.x(), word);
@@ -55,7 +55,7 @@ Target Machine::block_target(const Block& block, bool machine) const {
 void Machine::straight(const Block& block, AxisVector end, std::uint32_t stated, bool machine) {
   Straight move{std::move(end), motion_cause(block), machine, stated};
   if (compensation_.is_on()) {
-    if (machine) refuse(move.cause, "G40 before G53");
+    if (machine) throw_input_error(move.cause, "G40 before G53");
     return compensation_.straight(std::move(move), motion_ == 0);
   }
   canon_.straight(std::move(move), motion_ == 0);
@@ -78,7 +78,7 @@ void Machine::arc(const Block& block, AxisVector end, std::uint32_t stated) {
                }});
   if (const NcWord& turns = block['P']) {
     if (!(turns.value >= 1 && turns.value <= 1e6) || turns.value != std::floor(turns.value))
-      refuse(turns, "whole turns of 1 to 1e6 after P");
+      throw_input_error(turns, "whole turns of 1 to 1e6 after P");
     arc.turns = int(turns.value);
   }
   if (is_compensated) return compensation_.arc(std::move(arc));
@@ -108,9 +108,10 @@ void Machine::make_line_per_revolution(const NcWord& pitch, const Straight& move
 void Machine::make_synchronised_line(const Block& block, AxisVector end) {
   const Cause cause = motion_cause(block);
   const NcWord& k = block['K'];
-  if (!k || k.value == 0) refuse(k ? Cause(k) : cause, "K (pitch) beside G33", k ? "0" : "none");
+  if (!k || k.value == 0)
+    throw_input_error(k ? Cause(k) : cause, "K (pitch) beside G33", k ? "0" : "none");
   // K alone sets the pitch of both directions.
-  if (block['I']) refuse(block['I'], "no I beside G33.1: the way back is as fast");
+  if (block['I']) throw_input_error(block['I'], "no I beside G33.1: the way back is as fast");
   const AxisVector start = canon_.position();
   make_line_per_revolution(k, {.end = std::move(end), .cause = cause});
   if (motion_ != 331) return;
@@ -149,7 +150,8 @@ void Machine::move(const Block& block) {
       is_compensated && !machine ? compensation_.end_of(target) : canon_.end_of(target, machine);
   // The first move after G40 leads from the offset position to the path; an arc between the two
   // would have no centre.
-  if (compensation_.is_leaving() && is_arc) refuse(cause, "a line as the first move after G40");
+  if (compensation_.is_leaving() && is_arc)
+    throw_input_error(cause, "a line as the first move after G40");
   compensation_.clear_leaving();
   if (is_arc)
     arc(block, std::move(end), target.stated());
@@ -258,13 +260,13 @@ std::vector<Vector2d> nurbs_points(std::vector<Eigen::Vector3d> poles, int order
 /// Executes G5, G5.1, G5.2 and G5.3, in X Y.
 void Machine::execute_spline(const Block& block) {
   const Cause cause = motion_cause(block);
-  if (compensation_.is_on()) refuse(cause, "G40 before a spline");
-  if (plane_ != 170) refuse(cause, "G17 before a spline");
+  if (compensation_.is_on()) throw_input_error(cause, "G40 before a spline");
+  if (plane_ != 170) throw_input_error(cause, "G17 before a spline");
   const int x = joint(0), y = joint(1);
-  if (x < 0 || y < 0) refuse(cause, "a machine with X and Y beside a spline");
+  if (x < 0 || y < 0) throw_input_error(cause, "a machine with X and Y beside a spline");
   for (int k = 2; k < 9; ++k)
     if (const NcWord& word = block[axis_letters[std::size_t(k)]])
-      refuse(word, "X and Y alone beside a spline");
+      throw_input_error(word, "X and Y alone beside a spline");
   AxisVector position = canon_.programmed();
   const Vector2d start(position[x], position[y]);
   const auto length = [&](char letter) { return block[letter].value * unit(); };
@@ -273,33 +275,36 @@ void Machine::execute_spline(const Block& block) {
   if (block['Y']) end.y() = axis_word(1, block['Y']) + (is_incremental_ ? start.y() : 0.0);
   std::vector<Vector2d> points;
   if (motion_ == 50) {
-    if (!block['P'] || !block['Q']) refuse(cause, "P and Q beside G5", "none");
-    if (!block['I'] != !block['J']) refuse(cause, "both I and J beside G5, or none", "one");
-    if (!block['I'] && !spline_arm_) refuse(cause, "I and J in the first G5", "none");
+    if (!block['P'] || !block['Q']) throw_input_error(cause, "P and Q beside G5", "none");
+    if (!block['I'] != !block['J'])
+      throw_input_error(cause, "both I and J beside G5, or none", "one");
+    if (!block['I'] && !spline_arm_) throw_input_error(cause, "I and J in the first G5", "none");
     // Without I J the arm mirrors that of the previous G5, so that the tangent is continuous.
     const Vector2d arm = block['I'] ? Vector2d(length('I'), length('J')) : Vector2d(-*spline_arm_);
     spline_arm_ = Vector2d(length('P'), length('Q'));
     points = bezier_points({start, start + arm, end + *spline_arm_, end});
   } else if (motion_ == 51) {
-    if (!block['I'] || !block['J']) refuse(cause, "both I and J beside G5.1");
+    if (!block['I'] || !block['J']) throw_input_error(cause, "both I and J beside G5.1");
     const Vector2d middle = start + Vector2d(length('I'), length('J'));
     // A quadratic Bezier curve equals a cubic one with arms of two thirds.
     points = bezier_points(
         {start, start + 2.0 / 3 * (middle - start), end + 2.0 / 3 * (middle - end), end});
   } else if (motion_ == 52) {
-    if (is_incremental_) refuse(cause, "G90 beside G5.2");
+    if (is_incremental_) throw_input_error(cause, "G90 beside G5.2");
     if (const NcWord& l = block['L']) order_ = whole_number(l, 20);
-    if (order_ < 2) refuse(block['L'], "an order of 2 to 20 after L");
+    if (order_ < 2) throw_input_error(block['L'], "an order of 2 to 20 after L");
     const NcWord& p = block['P'];
-    if (!p || !(p.value > 0)) refuse(p ? Cause(p) : cause, "P (weight) above zero beside G5.2");
-    if (poles_.size() == max_poles) refuse(cause, "at most 10000 poles of a spline", "more");
+    if (!p || !(p.value > 0))
+      throw_input_error(p ? Cause(p) : cause, "P (weight) above zero beside G5.2");
+    if (poles_.size() == max_poles)
+      throw_input_error(cause, "at most 10000 poles of a spline", "more");
     poles_.push_back({end.x(), end.y(), p.value});
     // G5.2 only collects poles; G5.3 makes the curve.
     return;
   } else {
     if (int(poles_.size()) < order_)
-      refuse(cause, fmt::format("{} poles or more before G5.3", order_),
-             fmt::format("{}", poles_.size()));
+      throw_input_error(cause, fmt::format("{} poles or more before G5.3", order_),
+                        fmt::format("{}", poles_.size()));
     std::vector<Eigen::Vector3d> poles;
     for (const Pole& pole : poles_)
       poles.emplace_back(pole.x * pole.weight, pole.y * pole.weight, pole.weight);
@@ -310,7 +315,7 @@ void Machine::execute_spline(const Block& block) {
     motion_ = -1;
   }
   if (double(points.size()) > max_chords)
-    refuse(cause, fmt::format("at most {:.0f} chords of a spline", max_chords), "more");
+    throw_input_error(cause, fmt::format("at most {:.0f} chords of a spline", max_chords), "more");
   // The check comes first, so that too many moves take no memory.
   run_.check_moves(double(points.size()), cause);
   for (const Vector2d& point : points) {
@@ -343,38 +348,42 @@ void Machine::execute_cycle(const Block& block) {
 /// values.
 void Machine::read_cycle_words(const Block& block) {
   const Cause cause = motion_cause(block);
-  if (compensation_.is_on()) refuse(cause, "G40 before a canned cycle");
+  if (compensation_.is_on()) throw_input_error(cause, "G40 before a canned cycle");
   // Under inverse time each move would need an F of its own.
-  if (canon_.feed_mode() == FeedMode::InverseTime) refuse(cause, "G94 or G95 beside a cycle");
+  if (canon_.feed_mode() == FeedMode::InverseTime)
+    throw_input_error(cause, "G94 or G95 beside a cycle");
   const int depth_axis = plane_ == 170 ? 2 : plane_ == 180 ? 1 : 0;
   for (int k = 0; k < 3; ++k)
-    if (joint(k) < 0) refuse(cause, "a machine with X Y Z beside a canned cycle");
+    if (joint(k) < 0) throw_input_error(cause, "a machine with X Y Z beside a canned cycle");
   for (int k = 3; k < 9; ++k)
     if (const NcWord& word = block[axis_letters[std::size_t(k)]])
-      refuse(word, "X Y Z beside a canned cycle");
+      throw_input_error(word, "X Y Z beside a canned cycle");
   const char depth_letter = axis_letters[std::size_t(depth_axis)];
   const NcWord &r = block['R'], &z = block[depth_letter], &q = block['Q'], &p = block['P'];
   if (!cycle_.has_begun && (!r || !z))
-    refuse(cause, fmt::format("{} and R in the first block of a cycle", depth_letter), "none");
+    throw_input_error(cause, fmt::format("{} and R in the first block of a cycle", depth_letter),
+                      "none");
   if (r) cycle_.r = r.value * unit();
   if (z) cycle_.z = axis_word(depth_axis, z);
   const bool pecks = motion_ == 730 || motion_ == 830;
-  if (q && !pecks) refuse(q, "no Q in this cycle");
+  if (q && !pecks) throw_input_error(q, "no Q in this cycle");
   if (q) cycle_.q = q.value * unit();
-  if (pecks && !(cycle_.q > 0)) refuse(q ? Cause(q) : cause, "Q (depth of a peck) above zero");
+  if (pecks && !(cycle_.q > 0))
+    throw_input_error(q ? Cause(q) : cause, "Q (depth of a peck) above zero");
   if (p) cycle_.p = p.value;
   // The dwell of G82, G86 and G89 must be stated once.
   if (!cycle_.has_begun && !p && (motion_ == 820 || motion_ == 860 || motion_ == 890))
-    refuse(cause, fmt::format("P (seconds) in the first block of G{}", motion_ / 10), "none");
-  if (!(cycle_.p >= 0 && cycle_.p <= 1e6)) refuse(p, "0 to 1e6 seconds after P");
+    throw_input_error(cause, fmt::format("P (seconds) in the first block of G{}", motion_ / 10),
+                      "none");
+  if (!(cycle_.p >= 0 && cycle_.p <= 1e6)) throw_input_error(p, "0 to 1e6 seconds after P");
   if (const NcWord& l = block['L'];
       l && (l.value < 1 || l.value > 1e6 || l.value != std::floor(l.value)))
-    refuse(l, "whole repeats of 1 to 1e6 after L");
+    throw_input_error(l, "whole repeats of 1 to 1e6 after L");
   const int direction = canon_.spindle_direction();
   // LinuxCNC does not start the spindle, so it must turn in the direction of the tap already.
   if ((motion_ == 840 && direction != 1) || (motion_ == 740 && direction != -1))
-    refuse(cause, motion_ == 840 ? "M3 before G84" : "M4 before G74");
-  if (motion_ == 860 && direction == 0) refuse(cause, "a spindle that turns before G86");
+    throw_input_error(cause, motion_ == 840 ? "M3 before G84" : "M4 before G74");
+  if (motion_ == 860 && direction == 0) throw_input_error(cause, "a spindle that turns before G86");
   cycle_.has_begun = true;
   make_holes(block);
 }
@@ -389,8 +398,9 @@ void Machine::make_holes(const Block& block) {
   const double r = is_incremental_ ? cycle_.r + initial : cycle_.r;
   const double bottom = is_incremental_ ? r + cycle_.z : cycle_.z;
   if (r < bottom)
-    refuse(block['R'] ? Cause(block['R']) : motion_cause(block), "R above the bottom of the hole",
-           fmt::format("R at {} mm, the bottom at {} mm", r, bottom));
+    throw_input_error(block['R'] ? Cause(block['R']) : motion_cause(block),
+                      "R above the bottom of the hole",
+                      fmt::format("R at {} mm, the bottom at {} mm", r, bottom));
   // Below R the tool first rises to R, before it moves sideways.
   if (initial < r) {
     position[depth_joint] = r;
@@ -437,7 +447,7 @@ void Machine::make_hole(const Hole& hole) {
   };
   if (motion_ == 730 || motion_ == 830) {
     if ((hole.r - hole.bottom) / cycle_.q > max_pecks)
-      refuse({1, {}}, "at most 1e5 pecks in a hole", "more");
+      throw_input_error({1, {}}, "at most 1e5 pecks in a hole", "more");
     for (double depth = hole.r - cycle_.q; depth > hole.bottom; depth -= cycle_.q) {
       move_to_level(depth, false);
       // G83 clears the chips at R; G73 only breaks them by the clearance.
@@ -567,13 +577,14 @@ class ThreadPasses {
 
 void Machine::execute_thread(const Block& block) {
   const Cause cause = motion_cause(block);
-  if (compensation_.is_on()) refuse(cause, "G40 before G76");
-  if (plane_ != 180) refuse(cause, "G18 before G76");
-  if (joint(0) < 0 || joint(2) < 0) refuse(cause, "a machine with X and Z beside G76");
+  if (compensation_.is_on()) throw_input_error(cause, "G40 before G76");
+  if (plane_ != 180) throw_input_error(cause, "G18 before G76");
+  if (joint(0) < 0 || joint(2) < 0) throw_input_error(cause, "a machine with X and Z beside G76");
   for (const char letter : {'P', 'Z', 'I', 'J', 'K'})
-    if (!block[letter]) refuse(cause, fmt::format("{} beside G76", letter), "none");
+    if (!block[letter]) throw_input_error(cause, fmt::format("{} beside G76", letter), "none");
   const auto positive = [&](char letter) {
-    if (!(block[letter].value > 0)) refuse(block[letter], fmt::format("{} above zero", letter));
+    if (!(block[letter].value > 0))
+      throw_input_error(block[letter], fmt::format("{} above zero", letter));
     return block[letter].value * unit();
   };
   // Under G7 I J K are diameters.
@@ -585,15 +596,17 @@ void Machine::execute_thread(const Block& block) {
   thread.peak = factor * block['I'].value * unit();
   thread.z_end = axis_word(2, block['Z']) + (is_incremental_ ? programmed(2) : 0.0);
   if (const NcWord& r = block['R']) thread.degression = r.value;
-  if (thread.degression < 1 || thread.degression > 100) refuse(block['R'], "R of 1 to 100");
+  if (thread.degression < 1 || thread.degression > 100)
+    throw_input_error(block['R'], "R of 1 to 100");
   if (const NcWord& q = block['Q']) thread.slide_angle = q.value;
-  if (thread.slide_angle < 0 || thread.slide_angle > 80) refuse(block['Q'], "Q of 0 to 80 degrees");
+  if (thread.slide_angle < 0 || thread.slide_angle > 80)
+    throw_input_error(block['Q'], "Q of 0 to 80 degrees");
   if (const NcWord& h = block['H']) thread.spring_passes = whole_number(h, 1000);
   const int tapers = block['L'] ? whole_number(block['L'], 3) : 0;
   thread.has_entry_taper = tapers % 2 == 1;
   thread.has_exit_taper = tapers >= 2;
   if (tapers > 0) {
-    if (!block['E']) refuse(cause, "E (length of the taper) beside L", "none");
+    if (!block['E']) throw_input_error(cause, "E (length of the taper) beside L", "none");
     thread.taper = positive('E');
   }
   const FeedMode mode = canon_.feed_mode();
@@ -606,7 +619,7 @@ void Machine::execute_thread(const Block& block) {
 
 int Machine::whole_number(const NcWord& word, int max) const {
   if (word.value < 0 || word.value > max || word.value != std::floor(word.value))
-    refuse(word, fmt::format("a whole number of 0 to {}", max));
+    throw_input_error(word, fmt::format("a whole number of 0 to {}", max));
   return int(word.value);
 }
 

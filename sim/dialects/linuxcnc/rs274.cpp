@@ -372,8 +372,9 @@ std::string tool_table(const NcOptions& control, const std::set<int>& called_too
     for (const auto& [number, mm] : *values)
       if (number > 0) tools.insert(number);
   if (tools.size() > max_tools)
-    run.canon.refuse({}, fmt::format("at most {} tools for LinuxCNC's own interpreter", max_tools),
-                     fmt::format("{}", tools.size()));
+    run.canon.throw_input_error(
+        {}, fmt::format("at most {} tools for LinuxCNC's own interpreter", max_tools),
+        fmt::format("{}", tools.size()));
   for (int n = 1; n < int(max_tools) && tools.size() < max_tools; ++n) tools.insert(n);
   const auto inches = [](const std::map<int, double>& values, int tool, double default_value) {
     const auto value = values.find(tool);
@@ -439,16 +440,17 @@ void check_origins(const NumberedProgram& program, const ProgramRun& run,
     if (!sets_origin && !codes.has_system_parameter) continue;
     const auto [file, line] = program.location_of(number);
     canon.set_line(line, file);
-    run.canon.refuse({0, program.text_of(number)},
-                     "neither G10 L2 nor #5221 to #5390 for LinuxCNC's own interpreter on a "
-                     "machine with rotary axes whose work offset the scene states");
+    run.canon.throw_input_error(
+        {0, program.text_of(number)},
+        "neither G10 L2 nor #5221 to #5390 for LinuxCNC's own interpreter on a "
+        "machine with rotary axes whose work offset the scene states");
   }
 }
 
 // Messages before "executing" come from the start of the interpreter, not from the program.
 std::vector<std::string> error_lines(const std::string& error_output) {
   std::vector<std::string> lines;
-  Lines reader(error_output);
+  LineReader reader(error_output);
   while (const auto line = reader.next()) {
     if (*line == "executing")
       lines.clear();
@@ -516,7 +518,7 @@ void check_interpreter_exit(const InterpreterExit& exit, const InterpreterLimits
               fmt::format("signal {} ({})", exit.number, strsignal(exit.number)));
   // The child exits with 127 if exec fails.
   else if (exit.reason == ExitReason::Exit && exit.number == 127)
-    add_error("that rs274 can be started", in_quotes(exit.error_output));
+    add_error("that rs274 can be started", quoted_excerpt(exit.error_output));
   else if (exit.reason == ExitReason::Exit && exit.number != 0)
     run.add_input_error(rs274_error(exit.error_output, program, run));
 }

@@ -261,11 +261,12 @@ void NumberedProgram::check_escapes(std::string_view line) const {
   for (const std::string_view python :
        {"(PY,", ";PY,", "(PYRUN", ";PYRUN", "(PYRELOAD", ";PYRELOAD"})
     if (compact_line.find(python) != std::string::npos)
-      run_.canon.refuse({0, line}, "no Python in a comment: a program starts nothing");
+      run_.canon.throw_input_error({0, line}, "no Python in a comment: a program starts nothing");
   for (std::size_t at = 0; (at = compact_line.find("O<", at)) != std::string::npos; ++at) {
     const std::string name = compact_line.substr(at, compact_line.find('>', at) - at);
     if (name.find('/') != std::string::npos || name.find("..") != std::string::npos)
-      run_.canon.refuse({0, line}, "a subprogram beside the program, its name without / and ..");
+      run_.canon.throw_input_error({0, line},
+                                   "a subprogram beside the program, its name without / and ..");
   }
 }
 
@@ -275,7 +276,7 @@ std::string NumberedProgram::numbered_line(std::string_view line, int number, in
                                            int at) const {
   run_.canon.set_line(at, file);
   if (const std::size_t nul = line.find('\0'); nul != std::string_view::npos)
-    run_.canon.refuse({int(nul) + 1, {}}, "text", "a NUL byte");
+    run_.canon.throw_input_error({int(nul) + 1, {}}, "text", "a NUL byte");
   check_escapes(line);
   const std::string_view text = line.substr(std::min(line.size(), line.find_first_not_of(" \t")));
   if (text.empty() || text.front() == '%') return std::string(text);
@@ -283,10 +284,11 @@ std::string NumberedProgram::numbered_line(std::string_view line, int number, in
   if (text.front() == '/' && run_.skips_block(0)) return {};
   const std::string_view block = without_number(line);
   if (block.size() > max_line_bytes)
-    run_.canon.refuse({},
-                      fmt::format("at most {} characters in a line for LinuxCNC's own interpreter",
-                                  max_line_bytes),
-                      fmt::format("{}", block.size()));
+    run_.canon.throw_input_error(
+        {},
+        fmt::format("at most {} characters in a line for LinuxCNC's own interpreter",
+                    max_line_bytes),
+        fmt::format("{}", block.size()));
   const auto with_number = [&](std::string_view words) {
     std::string numbered = fmt::format("N{} {}", number, words);
     return numbered.size() > max_line_bytes ? std::string(words) : numbered;
@@ -312,7 +314,7 @@ void NumberedProgram::write(const File& file, const fs::path& folder) {
     if (words.codes.tool > 0) tools_.insert(words.codes.tool);
     if (words.codes.has_m66) {
       run_.canon.set_line(int(i) + 1, file.canon_file);
-      run_.canon.refuse({}, "no wait for an input: there is none to read", "M66");
+      run_.canon.throw_input_error({}, "no wait for an input: there is none to read", "M66");
     }
     if (std::string call = called_subprogram(lines[i], words); !call.empty())
       calls.insert(std::move(call));
@@ -330,8 +332,8 @@ void NumberedProgram::write(const File& file, const fs::path& folder) {
         !fs::is_regular_file(path, error))
       continue;
     if (files_.size() > max_subprograms)
-      run_.canon.refuse({}, fmt::format("at most {} files of subprograms", max_subprograms),
-                        "more");
+      run_.canon.throw_input_error(
+          {}, fmt::format("at most {} files of subprograms", max_subprograms), "more");
     add(path.filename().string(), run_.canon.add_file(path.string()),
         read_text(path, max_subprogram_bytes));
   }
@@ -444,8 +446,8 @@ std::optional<PrintedCommand> parse_command(std::string_view line) {
 Commands::Commands(ProgramRun& run, const NumberedProgram& program, const Eigen::Vector3d& zero)
     : run_(run), canon_(run.canon), program_(program), zero_(zero) {}
 
-void Commands::refuse(std::string expected, std::optional<std::string> seen) const {
-  canon_.refuse({0, program_.text_of(number_)}, std::move(expected), std::move(seen));
+void Commands::throw_input_error(std::string expected, std::optional<std::string> seen) const {
+  canon_.throw_input_error({0, program_.text_of(number_)}, std::move(expected), std::move(seen));
 }
 
 /// Sets the current line to that of a command. A command without a line number, such as those of
@@ -496,7 +498,7 @@ void Commands::apply(const PrintedCommand& command) {
   if (apply_state(command) || apply_motion(command) || apply_spindle(command) ||
       apply_tool(command) || apply_auxiliary_word(command) || is_without_effect(command.name))
     return;
-  refuse("a canonical command that abbe knows", in_quotes(command.name));
+  throw_input_error("a canonical command that abbe knows", quoted_excerpt(command.name));
 }
 
 // Throws BadInput unless all arguments are numbers and there are at least `min_count` of them.
@@ -512,12 +514,13 @@ Commands::Numbers Commands::parse_numbers(const PrintedCommand& command,
     double value = 0.0;
     const auto [end, error] = std::from_chars(text.data() + at, text.data() + text.size(), value);
     if (error != std::errc() || !std::isfinite(value))
-      refuse("numbers in " + std::string(command.name), in_quotes(text));
+      throw_input_error("numbers in " + std::string(command.name), quoted_excerpt(text));
     result.push_back(value);
     at = std::size_t(end - text.data());
   }
   if (result.size() < min_count)
-    refuse(fmt::format("{} numbers in {}", min_count, command.name), in_quotes(text));
+    throw_input_error(fmt::format("{} numbers in {}", min_count, command.name),
+                      quoted_excerpt(text));
   return result;
 }
 
@@ -540,7 +543,8 @@ void Commands::apply_frame() {
   SixAxes shift = g92_;
   if (rotation_ != 0.0) {
     for (const std::size_t k : {0, 1, 2})
-      if (joint(k) < 0) refuse("a machine with X Y Z for a coordinate system that is turned");
+      if (joint(k) < 0)
+        throw_input_error("a machine with X Y Z for a coordinate system that is turned");
     const Eigen::Matrix3d R =
         Eigen::AngleAxisd(rotation_, Eigen::Vector3d::UnitZ()).toRotationMatrix();
     const Eigen::Vector3d rotated = R * Eigen::Vector3d(shift[0], shift[1], shift[2]);
@@ -573,11 +577,12 @@ void Commands::check_length_unit(const char* word) const {
   const bool has_length =
       std::any_of(length_.begin(), length_.end(), [](double v) { return v != 0.0; });
   if (has_length && is_inch_ != is_length_in_inch_)
-    refuse(fmt::format("no {} where G20 and G21 were switched under a tool length: rs274 takes "
-                       "the length in the wrong unit there; G49 and G43 around the switch",
-                       word),
-           codes_.has_computed_code ? std::optional<std::string>("a code that is worked out")
-                                    : std::nullopt);
+    throw_input_error(
+        fmt::format("no {} where G20 and G21 were switched under a tool length: rs274 takes "
+                    "the length in the wrong unit there; G49 and G43 around the switch",
+                    word),
+        codes_.has_computed_code ? std::optional<std::string>("a code that is worked out")
+                                 : std::nullopt);
 }
 
 bool Commands::apply_state(const PrintedCommand& command) {
@@ -594,7 +599,7 @@ bool Commands::apply_state(const PrintedCommand& command) {
     // preloaded library does not work.
     if (!are_digits_checked_ && command.arguments.find("0.0000") != std::string_view::npos)
       throw ProgramLimitExceeded("rs274", 0, 0, "numbers with all their digits",
-                                 in_quotes(command.arguments));
+                                 quoted_excerpt(command.arguments));
     are_digits_checked_ = true;
     g92_ = in_mm(six_axes(parse_numbers(command, 6), 0));
     apply_frame();
@@ -612,7 +617,7 @@ bool Commands::apply_state(const PrintedCommand& command) {
     else if (has_name("_YZ"))
       plane_ = {1, 2, 0};
     else
-      refuse("a plane of X Y Z", in_quotes(command.arguments));
+      throw_input_error("a plane of X Y Z", quoted_excerpt(command.arguments));
   } else if (name == "SET_FEED_MODE") {
     canon_.set_feed_mode(parse_numbers(command, 2)[1] == 1 ? FeedMode::PerRevolution
                                                            : FeedMode::PerMinute);
@@ -636,11 +641,11 @@ void Commands::comment(std::string_view text) {
       "lines of such moves may be those of the block behind");
   // The tool table has a placeholder for every unknown radius, so rs274 cannot detect this error.
   if (codes_.has_g41_g42 && codes_.d == -1 && tool_ <= 0)
-    refuse("T and M6 before G41 and G42", "no tool called");
+    throw_input_error("T and M6 before G41 and G42", "no tool called");
   const int tool = codes_.d >= 0 ? codes_.d : tool_;
   if (codes_.has_g41_g42 && codes_.d != not_literal && tool > 0 &&
       run_.options().control.tool_radius.count(tool) == 0 && stored_tools_.count(tool) == 0)
-    refuse("a tool whose radius is known", fmt::format("tool {}", tool));
+    throw_input_error("a tool whose radius is known", fmt::format("tool {}", tool));
 }
 
 bool Commands::apply_auxiliary_word(const PrintedCommand& command) {
@@ -648,17 +653,17 @@ bool Commands::apply_auxiliary_word(const PrintedCommand& command) {
   if (name == "COMMENT")
     comment(quoted_text(command.arguments));
   else if (name == "MIST_ON")
-    canon_.aside("M7");
+    canon_.record_auxiliary_word("M7");
   else if (name == "FLOOD_ON")
-    canon_.aside("M8");
+    canon_.record_auxiliary_word("M8");
   else if (name == "FLOOD_OFF")  // M9 prints MIST_OFF and FLOOD_OFF
-    canon_.aside("M9");
+    canon_.record_auxiliary_word("M9");
   else if (name == "MIST_OFF")
     return true;
   else if (name == "PROGRAM_STOP")
-    canon_.aside("M0");
+    canon_.record_auxiliary_word("M0");
   else if (name == "OPTIONAL_PROGRAM_STOP")
-    canon_.aside("M1");
+    canon_.record_auxiliary_word("M1");
   else if (name == "PROGRAM_END" || name == "FINISH")
     has_ended_ = true;
   else

@@ -121,7 +121,8 @@ class Commands {
   using AxisVector = kinematics::AxisVector;
   using Numbers = std::vector<double>;
 
-  [[noreturn]] void refuse(std::string expected, std::optional<std::string> seen = {}) const;
+  [[noreturn]] void throw_input_error(std::string expected,
+                                      std::optional<std::string> seen = {}) const;
   void set_location(const PrintedCommand& command);
   void apply(const PrintedCommand& command);
   bool apply_state(const PrintedCommand& command);

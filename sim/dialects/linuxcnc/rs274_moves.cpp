@@ -26,16 +26,17 @@ Commands::AxisVector Commands::end_of(const SixAxes& programmed) {
                // 1e-9 allows for rounding, as rs274 adds and subtracts offsets.
                std::abs(position - missing_axis_positions_[k]) > 1e-9) {
       missing_axis_positions_[k] = position;
-      refuse("an axis of this machine (" + canon_.letters() + ")",
-             fmt::format("{}{:.6g}", "XYZABC"[k], value));
+      throw_input_error("an axis of this machine (" + canon_.letters() + ")",
+                        fmt::format("{}{:.6g}", "XYZABC"[k], value));
     }
   }
   p = canon_.placed(std::move(p));
   constexpr double max_position_mm = 1e6, max_position_rad = 1e7;
   for (int j = 0; j < int(p.size()); ++j)
     if (!(std::abs(p[j]) <= (canon_.is_linear(j) ? max_position_mm : max_position_rad)))
-      refuse(canon_.is_linear(j) ? "a position within 1e6 mm" : "a position within 1e7 rad",
-             fmt::format("{:.6g}", p[j]));
+      throw_input_error(
+          canon_.is_linear(j) ? "a position within 1e6 mm" : "a position within 1e7 rad",
+          fmt::format("{:.6g}", p[j]));
   return p;
 }
 
@@ -89,9 +90,10 @@ void Commands::arc(const Numbers& n) {
   // The sign of the number of turns is the direction; a partial turn counts as one.
   const double turns = std::abs(n[4]);
   if (!(turns >= 1 && turns <= 1e6))
-    refuse("an arc of 1 to 1e6 turns that are begun", fmt::format("{}", n[4]));
+    throw_input_error("an arc of 1 to 1e6 turns that are begun", fmt::format("{}", n[4]));
   if (joint(first) < 0 || joint(second) < 0)
-    refuse(fmt::format("a machine with the axes {} {} of the plane", "XYZ"[first], "XYZ"[second]));
+    throw_input_error(
+        fmt::format("a machine with the axes {} {} of the plane", "XYZ"[first], "XYZ"[second]));
   program::ArcMove move{.first = joint(first),
                         .second = joint(second),
                         .end = end_of(end),
@@ -101,13 +103,13 @@ void Commands::arc(const Numbers& n) {
                         .named = {0, program_.text_of(number_)},
                         .stated = ~std::uint32_t(0)};
   // The frame applies to the centre as to the end.
-  move.placed_centre = end_of(centre);
+  move.centre_with_offsets = end_of(centre);
   canon_.arc(std::move(move));
 }
 
 /// Makes a rigid tap: down and back at the pitch, with the spindle reversed at the bottom.
 void Commands::tap(const Numbers& n) {
-  if (!pitch_) refuse("a pitch before a rigid tap", "none");
+  if (!pitch_) throw_input_error("a pitch before a rigid tap", "none");
   const AxisVector start = canon_.position();
   AxisVector p = canon_.programmed();
   for (std::size_t k = 0; k < 3; ++k)
@@ -136,14 +138,14 @@ bool Commands::apply_motion(const PrintedCommand& command) {
   } else if (name == "START_SPEED_FEED_SYNC" || name == "START_SPEED_FEED_SYNCH") {
     // rs274 spells the command that ends it SYNCH, and the one that begins it with or without H.
     const double pitch = std::abs(parse_numbers(command, 1)[0]);
-    if (!(pitch > 0)) refuse("a pitch above zero", "0");
+    if (!(pitch > 0)) throw_input_error("a pitch above zero", "0");
     pitch_ = Feed{pitch, unit_};
   } else if (name == "STOP_SPEED_FEED_SYNCH") {
     pitch_.reset();
   } else if (name == "STRAIGHT_PROBE") {
-    refuse("no probing: a virtual part is read by instruments (abbe measure)");
+    throw_input_error("no probing: a virtual part is read by instruments (abbe measure)");
   } else if (name.starts_with("NURBS") || name.starts_with("SPLINE")) {
-    refuse(
+    throw_input_error(
         "no G5, G5.1 and G5.2 beside LinuxCNC's own interpreter: it prints no points of "
         "splines; interpreter = \"abbe\" reads them");
   } else {
@@ -165,7 +167,7 @@ bool Commands::apply_spindle(const PrintedCommand& command) {
     if (!is_first_spindle(n)) return true;
     speed_ = n[1];
     is_speed_in_inch_ = is_inch_;
-    if (!(speed_ >= 0 && speed_ <= 1e7)) refuse("a spindle speed of 0 to 1e7");
+    if (!(speed_ >= 0 && speed_ <= 1e7)) throw_input_error("a spindle speed of 0 to 1e7");
   } else if (name == "START_SPINDLE_CLOCKWISE" || name == "START_SPINDLE_COUNTERCLOCKWISE" ||
              name == "STOP_SPINDLE_TURNING") {
     if (is_first_spindle(parse_numbers(command, 1)))
@@ -177,7 +179,7 @@ bool Commands::apply_spindle(const PrintedCommand& command) {
     return false;
   }
   if (max_rpm_ > 0) {
-    if (joint(0) < 0) refuse("a machine with an X axis beside G96");
+    if (joint(0) < 0) throw_input_error("a machine with an X axis beside G96");
     // A surface speed is in m/min, or under G20 in ft/min.
     canon_.set_surface_speed(
         program::SurfaceSpeed{is_speed_in_inch_ ? speed_ * 0.3048 : speed_, max_rpm_});
@@ -189,8 +191,8 @@ bool Commands::apply_spindle(const PrintedCommand& command) {
 }
 
 void Commands::end_pending_tool() {
-  canon_.call_tool(*pending_tool_, false);
-  canon_.aside(fmt::format("T{}", *pending_tool_));
+  canon_.record_tool_call(*pending_tool_, false);
+  canon_.record_auxiliary_word(fmt::format("T{}", *pending_tool_));
   pending_tool_.reset();
 }
 
@@ -200,20 +202,20 @@ void Commands::finish() {
 
 void Commands::set_tool_length(const SixAxes& offset) {
   if (codes_.has_g43 && codes_.h == -1 && tool_ <= 0)
-    refuse("T and M6 before G43", "no tool called");
+    throw_input_error("T and M6 before G43", "no tool called");
   // An entry of 1e7 mm marks an unknown length; half of it allows for other offsets on top.
   if (offset[2] > 0.5 * unknown_length) {
     std::string known_lengths;
     for (const auto& [number, mm] : run_.options().control.tool_length)
       known_lengths += fmt::format(" H{}", number);
-    refuse("a tool length that is known (" +
-           (known_lengths.empty() ? "none is" : known_lengths.substr(1)) + ")");
+    throw_input_error("a tool length that is known (" +
+                      (known_lengths.empty() ? "none is" : known_lengths.substr(1)) + ")");
   }
   if (offset != length_) {
     check_length_unit("G43 and G49");
     // In the block of M6 rs274 misreads a change of length, which a computed code may be.
     if (tool_change_block_ == number_ && (codes_.has_computed_code || codes_.has_assignment))
-      refuse(
+      throw_input_error(
           "M6 in a block of its own before another tool length: rs274 alone, without the rest "
           "of the control, leaves the length out of where the axes stand then");
   }
@@ -225,8 +227,8 @@ void Commands::set_tool_length(const SixAxes& offset) {
     for (std::size_t k = 0; k < 6; ++k) {
       const int j = joint(k);
       if (j < 0 && offset[k] != 0.0)
-        refuse("an axis of this machine (" + canon_.letters() + ")",
-               fmt::format("a tool offset in {}", "XYZABC"[k]));
+        throw_input_error("an axis of this machine (" + canon_.letters() + ")",
+                          fmt::format("a tool offset in {}", "XYZABC"[k]));
       if (j >= 0) shift[j] = offset[k] * (canon_.is_linear(j) ? 1.0 : units::deg);
     }
   }
@@ -245,8 +247,8 @@ bool Commands::apply_tool(const PrintedCommand& command) {
     pending_tool_ = selected_;
     pending_block_ = number_;
   } else if (name == "CHANGE_TOOL") {
-    canon_.call_tool(pending_tool_ ? *pending_tool_ : -1, true);
-    canon_.aside(pending_tool_ ? fmt::format("T{} M6", *pending_tool_) : "M6");
+    canon_.record_tool_call(pending_tool_ ? *pending_tool_ : -1, true);
+    canon_.record_auxiliary_word(pending_tool_ ? fmt::format("T{} M6", *pending_tool_) : "M6");
     pending_tool_.reset();
     tool_ = selected_;
     tool_change_block_ = number_;
@@ -254,7 +256,7 @@ bool Commands::apply_tool(const PrintedCommand& command) {
     // The command states the pocket in the table; the words of the block state the tool.
     if (codes_.tool >= 0) selected_ = codes_.tool;
     tool_ = selected_;
-    canon_.call_tool(tool_, true);
+    canon_.record_tool_call(tool_, true);
   } else if (name == "USE_TOOL_LENGTH_OFFSET") {
     set_tool_length(in_mm(six_axes(parse_numbers(command, 6), 0)));
   } else if (name == "SET_TOOL_TABLE_ENTRY") {

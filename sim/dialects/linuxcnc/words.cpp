@@ -11,7 +11,8 @@ namespace {
 using Line = CodeTableLine<Group>;
 
 // Short names, so that most entries fit on a line.
-constexpr Use read = Use::Read, none = Use::WithoutEffect, refused = Use::Refused;
+constexpr WordTreatment read = WordTreatment::Read, none = WordTreatment::WithoutEffect,
+                        refused = WordTreatment::Refused;
 
 // The only list of codes: the word table of the README, messages and groups are all made from it.
 constexpr Line lines[] = {

@@ -155,7 +155,7 @@ void skip_brackets(Cursor& cursor, char open, char close) {
       return;
     }
   }
-  cursor.refuse(from, fmt::format("{} behind {}", close, open), "the end of the line");
+  cursor.throw_input_error(from, fmt::format("{} behind {}", close, open), "the end of the line");
 }
 
 }  // namespace
@@ -185,7 +185,7 @@ std::string parse_name(Cursor& cursor) {
   if (!is_letter(cursor.current()) && cursor.current() != '_') return name;
   for (; is_name_char(cursor.current()); ++cursor.at) name += upper(cursor.current());
   if (name.size() > max_name_bytes)
-    cursor.refuse(from, "a name of at most 100 letters", "a longer one");
+    cursor.throw_input_error(from, "a name of at most 100 letters", "a longer one");
   return name;
 }
 
@@ -193,7 +193,8 @@ std::string parse_quoted_text(Cursor& cursor) {
   const std::size_t from = cursor.at++;
   std::string text;
   for (; cursor.current() != '"'; ++cursor.at) {
-    if (cursor.at_end()) cursor.refuse(from, "\" that ends the text on its line", "none");
+    if (cursor.at_end())
+      cursor.throw_input_error(from, "\" that ends the text on its line", "none");
     text += cursor.current();
   }
   ++cursor.at;
@@ -221,10 +222,11 @@ std::vector<Argument> parse_arguments(Cursor& cursor, VariableParser& variables)
       argument.number = parse_number(cursor, variables);
     argument.cause = cursor.cause(from);
     arguments.push_back(std::move(argument));
-    if (arguments.size() > max_arguments) cursor.refuse(open, "at most 100 parameters", "more");
+    if (arguments.size() > max_arguments)
+      cursor.throw_input_error(open, "at most 100 parameters", "more");
     cursor.skip_blanks();
     if (cursor.current() == ')') break;
-    if (cursor.current() != ',') cursor.refuse(cursor.at, ", or ) behind a parameter");
+    if (cursor.current() != ',') cursor.throw_input_error(cursor.at, ", or ) behind a parameter");
     ++cursor.at;
   }
   ++cursor.at;
@@ -322,13 +324,15 @@ void SiemensBlockReader::put_value(std::size_t from, Address address, double val
   Value& slot = block_.values[std::size_t(address)];
   const Cause cause = cursor_.cause(from);
   if (slot)
-    run_.canon.refuse(cause, "one word of an address in a block",
-                      fmt::format("{} after {}", shown(cause.text), shown(slot.cause.text)));
+    run_.canon.throw_input_error(
+        cause, "one word of an address in a block",
+        fmt::format("{} after {}", shown(cause.text), shown(slot.cause.text)));
   slot = {value, cause, mode, true};
 }
 
 void SiemensBlockReader::put_entry(const WordEntry& entry, const Cause& cause) {
-  if (entry.use == Use::Refused) run_.canon.refuse(cause, std::string(entry.sentence));
+  if (entry.use == WordTreatment::Refused)
+    run_.canon.throw_input_error(cause, std::string(entry.sentence));
   if (entry.word == "MCALL") {
     block_.is_modal = true;
     block_.modal_cause = cause;
@@ -346,15 +350,16 @@ void SiemensBlockReader::put_entry(const WordEntry& entry, const Cause& cause) {
   }
   Code& slot = block_.codes[std::size_t(entry.group)];
   if (slot)
-    run_.canon.refuse(cause, "one word of a modal group in a block",
-                      fmt::format("{} after {}", shown(cause.text), shown(slot.cause.text)));
+    run_.canon.throw_input_error(
+        cause, "one word of a modal group in a block",
+        fmt::format("{} after {}", shown(cause.text), shown(slot.cause.text)));
   slot = {entry.word, cause};
 }
 
 /// Parses G or M and a number.
 void SiemensBlockReader::read_code(std::size_t from, char letter) {
   const auto number = cursor_.number(false);
-  if (!number) cursor_.refuse(from, fmt::format("a number after {}", letter));
+  if (!number) cursor_.throw_input_error(from, fmt::format("a number after {}", letter));
   const Cause cause = cursor_.cause(from);
   const bool is_code = *number == std::floor(*number) && *number < 10000;
   const WordEntry* entry =
@@ -374,11 +379,11 @@ void SiemensBlockReader::read_short_word(std::size_t from) {
     std::string name = "L";
     for (; is_digit(cursor_.current()); ++cursor_.at) name += cursor_.current();
     if (name.size() > max_name_bytes)
-      cursor_.refuse(from, "a name of at most 100 letters", "longer");
+      cursor_.throw_input_error(from, "a name of at most 100 letters", "longer");
     return read_call(from, name);
   }
   const auto number = cursor_.number();
-  if (!number) cursor_.refuse(from, fmt::format("a number after {}", letter));
+  if (!number) cursor_.throw_input_error(from, fmt::format("a number after {}", letter));
   const auto address = find_address(std::string_view(&letter, 1));
   // H passes a value to the PLC and causes no motion.
   if (letter == 'H') return;
@@ -389,7 +394,7 @@ void SiemensBlockReader::read_short_word(std::size_t from) {
 void SiemensBlockReader::read_tool(std::size_t from) {
   // T and T="..." are one address.
   if (block_.tool_name || block_[Address::T])
-    cursor_.refuse(from, "one word of an address in a block");
+    cursor_.throw_input_error(from, "one word of an address in a block");
   if (cursor_.current() == '"')
     block_.tool_name = parse_quoted_text(cursor_);
   else
@@ -421,11 +426,12 @@ bool SiemensBlockReader::read_extended_address(std::size_t from, const std::stri
   } else {
     const std::size_t open = cursor_.at++;
     number = parse_number(cursor_, variables_);
-    if (!cursor_.accept("]")) cursor_.refuse(cursor_.at, "] behind the number of a spindle");
+    if (!cursor_.accept("]"))
+      cursor_.throw_input_error(cursor_.at, "] behind the number of a spindle");
     if (!(number >= 0 && number <= 9999 && number == std::floor(number)))
-      cursor_.refuse(open, "a whole number of 0 to 9999 as the extension of an address");
+      cursor_.throw_input_error(open, "a whole number of 0 to 9999 as the extension of an address");
     if (!is_before_assignment(cursor_))
-      cursor_.refuse(cursor_.at, "= behind an address with an extension");
+      cursor_.throw_input_error(cursor_.at, "= behind an address with an extension");
   }
   cursor_.accept("=");
   cursor_.skip_blanks();
@@ -435,9 +441,11 @@ bool SiemensBlockReader::read_extended_address(std::size_t from, const std::stri
 
 /// Handles the value of an address with an extension. Extension 0 is the address without one.
 void SiemensBlockReader::put_extended_value(std::size_t from, char letter, int number) {
-  if (letter == 'D') cursor_.refuse(from, "D without an extension: it has none on this control");
+  if (letter == 'D')
+    cursor_.throw_input_error(from, "D without an extension: it has none on this control");
   if (letter == 'T') {
-    if (number > 1) cursor_.refuse(from, "T or T1=: there is one tool holder, that of spindle 1");
+    if (number > 1)
+      cursor_.throw_input_error(from, "T or T1=: there is one tool holder, that of spindle 1");
     return read_tool(from);
   }
   const double value = parse_number(cursor_, variables_);
@@ -445,7 +453,8 @@ void SiemensBlockReader::put_extended_value(std::size_t from, char letter, int n
   if (letter == 'H') return;
   if (letter == 'F') {
     if (number != 0)
-      cursor_.refuse(from, "F or F0=, the feed of the path: axes have no feed of their own here");
+      cursor_.throw_input_error(
+          from, "F or F0=, the feed of the path: axes have no feed of their own here");
     return put_value(from, Address::F, value, PositionMode::Modal);
   }
   if (number == 0)
@@ -455,12 +464,12 @@ void SiemensBlockReader::put_extended_value(std::size_t from, char letter, int n
   // Stops and ends concern the whole program and have no spindle.
   const WordEntry* code = find_entry(fmt::format("M{}", value));
   if (code != nullptr && code->group == Group::Stop)
-    cursor_.refuse(
+    cursor_.throw_input_error(
         from, fmt::format("{} without an extension, which ends and stops have not", code->word));
   if (code != nullptr && code->group == Group::Spindle)
     return block_.spindles.push_back({number, {}, code->word, cause});
-  if (number != 1 && (code == nullptr || code->use != Use::WithoutEffect))
-    cursor_.refuse(from, "M3, M4 or M5 of another spindle");
+  if (number != 1 && (code == nullptr || code->use != WordTreatment::WithoutEffect))
+    cursor_.throw_input_error(from, "M3, M4 or M5 of another spindle");
   put_m_code(from, value);
 }
 
@@ -473,7 +482,7 @@ void SiemensBlockReader::read_setms(std::size_t from) {
   if (arguments.empty()) return;
   const double number = arguments[0].number.value_or(0.0);
   if (arguments.size() > 1 || !(number >= 1 && number <= 99 && number == std::floor(number)))
-    cursor_.refuse(from, "SETMS or SETMS with the number of a spindle, 1 to 99");
+    cursor_.throw_input_error(from, "SETMS or SETMS with the number of a spindle, 1 to 99");
   block_.master_spindle = int(number);
 }
 
@@ -482,7 +491,7 @@ void SiemensBlockReader::read_assigned_word(std::size_t from, const std::string&
   const auto address = find_address(name);
   const WordEntry* entry = find_entry(name);
   // The value of a word without effect is skipped with the word.
-  if (!address && entry != nullptr && entry->use != Use::Read) {
+  if (!address && entry != nullptr && entry->use != WordTreatment::Read) {
     skip_value();
     return put_entry(*entry, cursor_.cause(from));
   }
@@ -507,7 +516,7 @@ void SiemensBlockReader::read_call(std::size_t from, const std::string& name) {
     call.arguments = parse_arguments(cursor_, variables_);
     call.in_brackets = true;
   }
-  if (block_.call) run_.canon.refuse(call.cause, "one cycle or subprogram in a block");
+  if (block_.call) run_.canon.throw_input_error(call.cause, "one cycle or subprogram in a block");
   block_.call = std::move(call);
 }
 
@@ -519,13 +528,13 @@ void SiemensBlockReader::read_long_word(std::size_t from, const std::string& nam
     if (cursor_.current() == '[') return handle_unknown(from, "a variable that is defined");
     return read_call(from, name);
   }
-  if (entry->use == Use::Read) {
+  if (entry->use == WordTreatment::Read) {
     // TRAORI may state the number of its transformation; the machine has one.
     if (name == "TRAORI" && cursor_.accept("(")) {
       --cursor_.at;
       const std::vector<Argument> arguments = parse_arguments(cursor_, variables_);
       if (arguments.size() > 1 || (arguments.size() == 1 && arguments[0].number != 1.0))
-        cursor_.refuse(from, "TRAORI or TRAORI(1): the machine has one transformation");
+        cursor_.throw_input_error(from, "TRAORI or TRAORI(1): the machine has one transformation");
     }
     if (name == "SETMS") read_setms(from);
     return put_entry(*entry, cursor_.cause(from));
@@ -537,11 +546,13 @@ void SiemensBlockReader::read_long_word(std::size_t from, const std::string& nam
 void SiemensBlockReader::read_word() {
   const std::size_t from = cursor_.at;
   if (cursor_.current() == '$')
-    cursor_.refuse(from, "words and variables of the program: system data are not written");
+    cursor_.throw_input_error(from,
+                              "words and variables of the program: system data are not written");
   // Assignments come first, because R1=5 and COUNT=3 are no addresses.
   if (variables_.assign_variable(cursor_)) return;
   const char first = cursor_.current(), second = cursor_.peek();
-  if (!is_letter(first) && first != '_') cursor_.refuse(from, "a word (letter and number)");
+  if (!is_letter(first) && first != '_')
+    cursor_.throw_input_error(from, "a word (letter and number)");
   Cursor ahead = cursor_;
   const std::string name = parse_name(ahead);
   // Before = or [ the whole name is the address; otherwise it may be a letter with a number.
@@ -556,7 +567,7 @@ void SiemensBlockReader::read_word() {
   // A letter followed by a digit, a sign, a point or a blank is an address with its number.
   if (name.size() == 1 || (first != '_' && is_digit(second))) {
     if (has_number) return read_short_word(from);
-    cursor_.refuse(from, fmt::format("a number or = after {}", upper(first)));
+    cursor_.throw_input_error(from, fmt::format("a number or = after {}", upper(first)));
   }
   cursor_.at = ahead.at;
   read_long_word(from, name);
@@ -567,11 +578,11 @@ void SiemensBlockReader::read_word() {
 void read_block(Cursor cursor, ProgramRun& run, VariableParser& variables, Block& block) {
   block.clear();
   if (cursor.text.size() > max_block_bytes)
-    cursor.refuse(0, fmt::format("a block of at most {} characters", max_block_bytes),
-                  fmt::format("{}", cursor.text.size()));
+    cursor.throw_input_error(0, fmt::format("a block of at most {} characters", max_block_bytes),
+                             fmt::format("{}", cursor.text.size()));
   // A NUL is not visible in messages, so its name is reported.
   if (const std::size_t nul = cursor.text.find('\0'); nul != std::string_view::npos)
-    cursor.refuse(nul, "text", "a NUL byte");
+    cursor.throw_input_error(nul, "text", "a NUL byte");
   SiemensBlockReader(cursor, run, variables, block).read();
 }
 

@@ -51,7 +51,7 @@ bool is_beside_motion(Group group);
 struct WordEntry {
   std::string_view word;  ///< "G64", "TRAORI"
   Group group = Group::None;
-  Use use = Use::Read;
+  WordTreatment use = WordTreatment::Read;
   std::string_view sentence;
 };
 /// Returns the entry of a word, or null if the control does not have it.

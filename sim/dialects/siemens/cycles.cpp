@@ -53,8 +53,8 @@ void Machine::apply_frame() {
 void Machine::change_transformation(const Code& code) {
   const bool is_traori = code.word == "TRAORI";
   if (is_traori && !orientation_.is_possible())
-    refuse(code.cause, "a machine with X Y Z and one or two rotary axes beside TRAORI",
-           "one with " + canon_.letters());
+    throw_input_error(code.cause, "a machine with X Y Z and one or two rotary axes beside TRAORI",
+                      "one with " + canon_.letters());
   compensation_.clear_leaving();
   is_traori_ = is_traori;
   apply_tool();
@@ -71,9 +71,10 @@ CoordinateFrame Machine::programmed_frame(const Block& block) const {
   const Value& in_plane = block[Address::RPL];
   const Value* axis = first_axis_word(block);
   if (in_plane && axis != nullptr)
-    refuse(in_plane, "either RPL or X Y Z beside " + shown(code.cause.text));
+    throw_input_error(in_plane, "either RPL or X Y Z beside " + shown(code.cause.text));
   for (int k = 0; k < 3; ++k)
-    if (joint(k) < 0) refuse(code.cause, "a machine with X Y Z for a frame that is turned");
+    if (joint(k) < 0)
+      throw_input_error(code.cause, "a machine with X Y Z for a frame that is turned");
   if (in_plane) {
     frame.rotation = rotation_about(plane_ == 17 ? 2 : plane_ == 18 ? 1 : 0, in_plane.value);
     return frame;
@@ -90,7 +91,8 @@ void Machine::execute_frame(const Block& block) {
   const bool is_shift = code.word == "TRANS" || code.word == "ATRANS";
   // AC() and similar words have no meaning in a frame.
   for (const auto& value : block.values)
-    if (value && value.mode != PositionMode::Modal) refuse(value, "a number beside a frame");
+    if (value && value.mode != PositionMode::Modal)
+      throw_input_error(value, "a number beside a frame");
   AxisVector axis_shift = AxisVector::Zero(programmable_axis_shift_.size());
   static constexpr std::pair<Address, char> other_axes[] = {{Address::A, 'A'}, {Address::B, 'B'},
                                                             {Address::C, 'C'}, {Address::U, 'U'},
@@ -98,13 +100,13 @@ void Machine::execute_frame(const Block& block) {
   for (const auto& [address, letter] : other_axes) {
     const Value& word = block[address];
     if (!word) continue;
-    if (!is_shift) refuse(word, "X Y Z beside " + shown(code.cause.text));
+    if (!is_shift) throw_input_error(word, "X Y Z beside " + shown(code.cause.text));
     const int j = canon_.joint_of(letter);
     axis_shift[j] = word.value * (canon_.is_linear(j) ? unit() : units::deg);
   }
   for (const Address address : xyz_words)
     if (const Value& word = block[address]; word && !(std::abs(word.value) <= 1e6))
-      refuse(word, "a number within 1e6");
+      throw_input_error(word, "a number within 1e6");
   if (is_shift && block[Address::X]) require_radius_words(block[Address::X]);
   const CoordinateFrame frame = programmed_frame(block);
   // ATRANS and AROT add to the frame in force, TRANS and ROT replace it.
@@ -114,7 +116,7 @@ void Machine::execute_frame(const Block& block) {
       is_additive ? AxisVector(programmable_axis_shift_ + axis_shift) : axis_shift;
   // Bounds additive shifts in a loop.
   if (programmable_frame_.shift.cwiseAbs().maxCoeff() > 1e9)
-    refuse(code.cause, "shifts that add up to less than 1e9 mm");
+    throw_input_error(code.cause, "shifts that add up to less than 1e9 mm");
   apply_frame();
 }
 
@@ -137,18 +139,20 @@ struct SwivelParameters {
 
   double number(std::size_t i, double default_value = 0.0) const {
     if (i >= call.arguments.size() || call.arguments[i].empty()) return default_value;
-    if (!call.arguments[i].number) canon.refuse(call.arguments[i].cause, "a number");
+    if (!call.arguments[i].number) canon.throw_input_error(call.arguments[i].cause, "a number");
     return *call.arguments[i].number;
   }
   int integer(std::size_t i, int default_value, int min, int max) const {
     const double value = number(i, default_value);
     if (value != std::floor(value) || value < min || value > max)
-      canon.refuse(call.arguments[i].cause, fmt::format("a whole number of {} to {}", min, max));
+      canon.throw_input_error(call.arguments[i].cause,
+                              fmt::format("a whole number of {} to {}", min, max));
     return int(value);
   }
   Vector3d vector(std::size_t i) const { return {number(i), number(i + 1), number(i + 2)}; }
-  [[noreturn]] void refuse(std::size_t i, const std::string& expected) const {
-    canon.refuse(i < call.arguments.size() ? call.arguments[i].cause : call.cause, expected);
+  [[noreturn]] void throw_input_error(std::size_t i, const std::string& expected) const {
+    canon.throw_input_error(i < call.arguments.size() ? call.arguments[i].cause : call.cause,
+                            expected);
   }
 };
 
@@ -159,13 +163,14 @@ Matrix3d swivel_frame_rotation(const SwivelParameters& words) {
   const int mode = words.integer(3, 57, 0, 255);
   const Vector3d angles = words.vector(7);
   if (mode >= 128)
-    words.refuse(3, mode >= 192 ? "angles of the plane: not positions of rotary axes (_MODE 192)"
-                                : "_MODE by axes or by solid angle: not projected angles");
+    words.throw_input_error(3, mode >= 192
+                                   ? "angles of the plane: not positions of rotary axes (_MODE 192)"
+                                   : "_MODE by axes or by solid angle: not projected angles");
   if (mode >= 64) return swivel_rotation(SwivelMode::SolidAngle, {}, angles);
   Eigen::Vector3i order;
   for (int k = 0; k < 3; ++k) {
     const int axis = (mode >> (2 * k)) & 3;
-    if (axis == 0 && angles[k] != 0) words.refuse(3, "an axis for every angle in _MODE");
+    if (axis == 0 && angles[k] != 0) words.throw_input_error(3, "an axis for every angle in _MODE");
     order[k] = std::max(axis, 1) - 1;
   }
   return swivel_rotation(SwivelMode::AxisByAxis, order, angles);
@@ -175,7 +180,7 @@ Matrix3d swivel_frame_rotation(const SwivelParameters& words) {
 
 void Machine::execute_cycle800(const ProgramCall& call) {
   const SwivelParameters words{call, canon_};
-  if (call.arguments.size() > 16) words.refuse(16, "at most 16 parameters of CYCLE800");
+  if (call.arguments.size() > 16) words.throw_input_error(16, "at most 16 parameters of CYCLE800");
   // CYCLE800() and the swivel data "0" end the plane.
   const bool is_end =
       call.arguments.empty() || (call.arguments.size() > 1 && call.arguments[1].text == "0");
@@ -184,22 +189,24 @@ void Machine::execute_cycle800(const ProgramCall& call) {
   const bool is_additive = status % 10 == 1, keeps_tip = status / 10 % 10 == 1;
   // Digits of _ST: new or additive, follow-up of the tip, and direction.
   if (status % 10 > 1 || status / 10 % 10 > 1 || status / 100 % 100 != 0 || status / 10000 % 10 > 1)
-    words.refuse(2, "_ST of new or additive, with or without follow-up of the tip, and direction");
+    words.throw_input_error(
+        2, "_ST of new or additive, with or without follow-up of the tip, and direction");
   const int direction = status / 10000 % 10 == 1 ? 0 : words.integer(13, -1, -2, 2);
   if (is_additive && !programmable_frame_.is_identity())
-    refuse(call.cause, "TRANS without words before an additive CYCLE800");
+    throw_input_error(call.cause, "TRANS without words before an additive CYCLE800");
   // As on the control the plane is shifted to the reference point, rotated, and shifted in itself.
   const CoordinateFrame shift_before{words.vector(4) * unit(), Matrix3d::Identity()};
   const CoordinateFrame rotation{Vector3d::Zero(), swivel_frame_rotation(words)};
   const CoordinateFrame shift_after{words.vector(10) * unit(), Matrix3d::Identity()};
   CoordinateFrame frame = compose(compose(shift_before, rotation), shift_after);
   if (is_additive && swivel_) frame = compose(swivel_->frame, frame);
-  if (!(frame.shift.cwiseAbs().maxCoeff() < 1e9)) refuse(call.cause, "a plane within 1e9 mm");
+  if (!(frame.shift.cwiseAbs().maxCoeff() < 1e9))
+    throw_input_error(call.cause, "a plane within 1e9 mm");
   const Vector3d normal_w = frame.rotation.col(2);
   // Without rotary axes only a plane parallel to X Y can be machined.
   if (!orientation_.is_possible() && (normal_w - Vector3d::UnitZ()).norm() > min_tilt)
-    refuse(call.cause, "a machine with rotary axes for a plane that is tilted",
-           "one with " + canon_.letters());
+    throw_input_error(call.cause, "a machine with rotary axes for a plane that is tilted",
+                      "one with " + canon_.letters());
   if (retraction != 0) retract(retraction, words.number(14), call.cause);
   // _DIR 0 computes the plane without moving the axes.
   const bool rotates = direction != 0 && orientation_.is_possible();
@@ -215,8 +222,10 @@ void Machine::execute_cycle800(const ProgramCall& call) {
 void Machine::retract(int mode, double distance, const Cause& cause) {
   // _FR 5 retracts along the tool by _FR_I, 1 along Z, 2 along Z and then along X Y.
   if (mode == 5) {
-    if (!orientation_.is_possible()) refuse(cause, "_FR 0 to 2 on a machine without rotary axes");
-    if (!(distance >= 0 && distance * unit() <= 1e6)) refuse(cause, "_FR_I of 0 to 1e6 mm");
+    if (!orientation_.is_possible())
+      throw_input_error(cause, "_FR 0 to 2 on a machine without rotary axes");
+    if (!(distance >= 0 && distance * unit() <= 1e6))
+      throw_input_error(cause, "_FR_I of 0 to 1e6 mm");
     canon_.go_to(Coordinates::Tip, cause);
     AxisVector end = canon_.position();
     const Vector3d displacement = distance * unit() * orientation_.direction_w(end);
@@ -224,10 +233,10 @@ void Machine::retract(int mode, double distance, const Cause& cause) {
     return canon_.traverse({.end = std::move(end), .cause = cause});
   }
   if (mode != 1 && mode != 2 && mode != 4)
-    refuse(cause, "_FR 0, 1, 2, 4 or 5", fmt::format("{}", mode));
+    throw_input_error(cause, "_FR 0, 1, 2, 4 or 5", fmt::format("{}", mode));
   const int z = joint(2);
-  if (z < 0) refuse(cause, "a machine with a Z axis");
-  const AxisVector start = program::start_of(canon_.options());
+  if (z < 0) throw_input_error(cause, "a machine with a Z axis");
+  const AxisVector start = program::initial_position(canon_.options());
   canon_.assume({fmt::format("CYCLE800 retracts Z to {:.6g} mm, where it stood at first", start[z]),
                  "machine.home"});
   canon_.go_to(Coordinates::Axis, cause);
@@ -251,9 +260,9 @@ void Machine::swivel_tool(const Vector3d& direction_w, int preference, bool keep
   for (const int j : orientation_.rotary_joints()) near[j] = 0.0;
   const std::vector<AxisVector> solutions = orientation_.positions(direction_w, near);
   if (solutions.empty())
-    refuse(cause, "a plane that the rotary axes reach",
-           fmt::format("its normal ({:.6g}, {:.6g}, {:.6g})", direction_w.x(), direction_w.y(),
-                       direction_w.z()));
+    throw_input_error(cause, "a plane that the rotary axes reach",
+                      fmt::format("its normal ({:.6g}, {:.6g}, {:.6g})", direction_w.x(),
+                                  direction_w.y(), direction_w.z()));
   const std::size_t axis_index =
       std::abs(preference) == 2 && orientation_.rotary_joints().size() > 1 ? 1 : 0;
   const int compared_joint = orientation_.rotary_joints()[axis_index];
@@ -288,26 +297,27 @@ class CycleParameters {
   }
   double number(std::size_t i, double default_value = 0.0) const {
     if (!has(i)) return default_value;
-    if (!call_.arguments[i].number) canon_.refuse(cause(i), "a number");
+    if (!call_.arguments[i].number) canon_.throw_input_error(cause(i), "a number");
     return *call_.arguments[i].number;
   }
   double length(std::size_t i) const { return number(i) * unit_; }
   double positive(std::size_t i, std::string_view name) const {
     if (!(number(i) > 0))
-      canon_.refuse(cause(i), fmt::format("{} above zero in {}", name, call_.name));
+      canon_.throw_input_error(cause(i), fmt::format("{} above zero in {}", name, call_.name));
     return number(i);
   }
   /// Throws BadInput if one of the unsupported arguments `first` to `last` is not zero.
   void require_zero(std::size_t first, std::size_t last) const {
     for (std::size_t i = first; i <= last; ++i)
       if (number(i) != 0)
-        canon_.refuse(cause(i),
-                      fmt::format("nothing or 0 as parameter {} of {}", i + 1, call_.name));
+        canon_.throw_input_error(
+            cause(i), fmt::format("nothing or 0 as parameter {} of {}", i + 1, call_.name));
   }
   /// Throws BadInput for more than `count` arguments.
   void require_at_most(std::size_t count) const {
     if (call_.arguments.size() > count)
-      canon_.refuse(cause(count), fmt::format("at most {} parameters of {}", count, call_.name));
+      canon_.throw_input_error(cause(count),
+                               fmt::format("at most {} parameters of {}", count, call_.name));
   }
 
  private:
@@ -328,7 +338,8 @@ class Hole {
         parameters_(call, canon_, machine.unit()),
         position_(canon_.programmed()),
         depth_joint_(machine.arc_plane(call.cause).normal) {
-    if (depth_joint_ < 0) canon_.refuse(call.cause, "a machine with an axis across the plane");
+    if (depth_joint_ < 0)
+      canon_.throw_input_error(call.cause, "a machine with an axis across the plane");
     levels_ = levels();
   }
 
@@ -347,7 +358,7 @@ class Hole {
   /// Dwells for a time in seconds, or for -time spindle revolutions if it is negative.
   void dwell(double time) {
     if (time < 0 && !(canon_.spindle_speed() > 0))
-      canon_.refuse(call_.cause, "a spindle that turns for a dwell in turns");
+      canon_.throw_input_error(call_.cause, "a spindle that turns for a dwell in turns");
     canon_.dwell(time < 0 ? -time * 60.0 / canon_.spindle_speed() : time, call_.cause);
   }
   void drill_pecks();
@@ -370,9 +381,9 @@ class Hole {
 HoleLevels Hole::levels() const {
   for (const std::size_t i : {0, 1})
     if (!parameters_.has(std::size_t(i)))
-      canon_.refuse(call_.cause, "the planes RTP and RFP in " + call_.name, "none");
+      canon_.throw_input_error(call_.cause, "the planes RTP and RFP in " + call_.name, "none");
   if (!parameters_.has(3) && !parameters_.has(4))
-    canon_.refuse(call_.cause, "the depth DP or DPR in " + call_.name, "none");
+    canon_.throw_input_error(call_.cause, "the depth DP or DPR in " + call_.name, "none");
   HoleLevels levels;
   levels.retract = parameters_.length(0);
   const double reference = parameters_.length(1);
@@ -386,9 +397,9 @@ HoleLevels Hole::levels() const {
                       ? reference - side * std::abs(parameters_.length(4))
                       : parameters_.length(3);
   if (side * (reference - levels.bottom) <= 0)
-    canon_.refuse(parameters_.has(3) ? parameters_.cause(3) : parameters_.cause(4),
-                  "a depth beyond the reference plane, seen from the retraction plane",
-                  fmt::format("reference {} mm, depth {} mm", reference, levels.bottom));
+    canon_.throw_input_error(parameters_.has(3) ? parameters_.cause(3) : parameters_.cause(4),
+                             "a depth beyond the reference plane, seen from the retraction plane",
+                             fmt::format("reference {} mm, depth {} mm", reference, levels.bottom));
   return levels;
 }
 
@@ -400,17 +411,17 @@ void Hole::drill_pecks() {
   else
     pecks.first = std::abs(parameters_.length(6));
   if (!(pecks.first > 0))
-    canon_.refuse(parameters_.cause(6), "the first depth FDEP or FDPR in CYCLE83");
+    canon_.throw_input_error(parameters_.cause(6), "the first depth FDEP or FDPR in CYCLE83");
   // A negative degression is a factor and has no unit.
   pecks.degression = parameters_.number(7) >= 0 ? parameters_.length(7) : parameters_.number(7);
   pecks.min_peck = parameters_.length(13);
   const double total = std::abs(levels_.reference - levels_.bottom);
   if (pecks.first > total)
-    canon_.refuse(parameters_.cause(parameters_.has(5) ? 5 : 6),
-                  "a first depth that is not beyond the whole",
-                  fmt::format("{} mm of {} mm", pecks.first, total));
+    canon_.throw_input_error(parameters_.cause(parameters_.has(5) ? 5 : 6),
+                             "a first depth that is not beyond the whole",
+                             fmt::format("{} mm of {} mm", pecks.first, total));
   const auto depths = peck_depths(total, pecks);
-  if (depths.empty()) canon_.refuse(call_.cause, "at most 1e5 pecks in a hole", "more");
+  if (depths.empty()) canon_.throw_input_error(call_.cause, "at most 1e5 pecks in a hole", "more");
   constexpr double moves_per_peck = 5.0;  // at most, dwells included
   machine_.run_.check_moves(moves_per_peck * double(depths.size()), call_.cause);
   const double side = levels_.start >= levels_.bottom ? 1.0 : -1.0;
@@ -419,7 +430,7 @@ void Hole::drill_pecks() {
       parameters_.has(10) && parameters_.number(10) > 0 ? parameters_.number(10) : 1.0;
   const bool clears_chips = parameters_.number(11) == 1;
   if (parameters_.number(11) != 0 && !clears_chips)
-    canon_.refuse(parameters_.cause(11), "VARI 0 or 1: chips broken or cleared");
+    canon_.throw_input_error(parameters_.cause(11), "VARI 0 or 1: chips broken or cleared");
   // Chip breaking retracts by 1 mm unless VRT states another distance.
   const double lift = parameters_.number(14) > 0 ? parameters_.length(14) : 1.0;
   const double stop_distance =
@@ -456,15 +467,15 @@ void Hole::tap() {
   // MPIT states the thread by its size, PIT by its pitch; the sign is the direction.
   double pitch = size != 0 ? coarse_pitch(std::abs(size)) : parameters_.length(8);
   if (size != 0 && pitch == 0)
-    canon_.refuse(parameters_.cause(7), "MPIT of 3 to 48, a coarse thread");
+    canon_.throw_input_error(parameters_.cause(7), "MPIT of 3 to 48, a coarse thread");
   const bool is_left_handed = size < 0 || pitch < 0;
   pitch = std::abs(pitch);
   if (!(pitch > 0 && pitch <= 1000))
-    canon_.refuse(parameters_.cause(8), "the pitch PIT or MPIT in CYCLE84");
+    canon_.throw_input_error(parameters_.cause(8), "the pitch PIT or MPIT in CYCLE84");
   const double speed = parameters_.positive(10, "SST (speed)");
   const double speed_out = parameters_.number(11) > 0 ? parameters_.number(11) : speed;
   if (parameters_.number(13) > 1)
-    canon_.refuse(parameters_.cause(13), "a pitch in mm (_PITA 0 or 1)");
+    canon_.throw_input_error(parameters_.cause(13), "a pitch in mm (_PITA 0 or 1)");
   const FeedMode mode = canon_.feed_mode();
   const auto feed = canon_.feed();
   const double rpm = canon_.spindle_speed();
@@ -490,7 +501,7 @@ void Hole::tap() {
 void Hole::bore_and_lift() {
   const int direction = int(parameters_.number(6));
   if (direction != 3 && direction != 4)
-    canon_.refuse(parameters_.cause(6), "SDIR 3 or 4 in CYCLE86");
+    canon_.throw_input_error(parameters_.cause(6), "SDIR 3 or 4 in CYCLE86");
   canon_.turn_spindle(direction == 3 ? 1 : -1);
   move_to_level(levels_.bottom, false);
   dwell(parameters_.number(5));
@@ -516,7 +527,7 @@ void Hole::check_parameters() const {
                       : axis == 2 ? machine_.joint(1)
                                   : machine_.joint(2);
     if (joint != depth_joint_)
-      canon_.refuse(parameters_.cause(12), "_AXN of the axis across the plane");
+      canon_.throw_input_error(parameters_.cause(12), "_AXN of the axis across the plane");
   }
   // Ranges of arguments that must be zero, and the number of arguments of a cycle. The last
   // arguments only describe the input mask.
@@ -539,7 +550,7 @@ void Hole::make() {
   const std::string& name = call_.name;
   // Under inverse time each move would need an F of its own.
   if (canon_.feed_mode() == FeedMode::InverseTime)
-    canon_.refuse(call_.cause, "G94 or G95 beside a cycle");
+    canon_.throw_input_error(call_.cause, "G94 or G95 beside a cycle");
   check_parameters();
   move_to_level(levels_.start, true);
   if (name == "CYCLE83") return drill_pecks();
@@ -562,7 +573,7 @@ bool Machine::is_cycle(std::string_view name) {
 
 bool Machine::execute_cycle(const ProgramCall& call) {
   if (!is_cycle(call.name)) return false;
-  if (compensation_.is_on()) refuse(call.cause, "G40 before " + call.name);
+  if (compensation_.is_on()) throw_input_error(call.cause, "G40 before " + call.name);
   compensation_.clear_leaving();
   if (call.name == "CYCLE800") {
     execute_cycle800(call);

@@ -206,12 +206,12 @@ bool Flow::execute_block(Cursor cursor) {
   // P repeats the call of a subprogram.
   const long long count = block_[Address::P] ? (long long)(block_[Address::P].value) : 1;
   if (block_[Address::P] && !(count >= 1 && count <= 9999))
-    run_.canon.refuse(block_[Address::P], "P of 1 to 9999");
+    run_.canon.throw_input_error(block_[Address::P], "P of 1 to 9999");
   // MCALL with a name stores the modal call; MCALL alone ends it.
   if (block_.is_modal) {
     if (program_call && !Machine::is_cycle(program_call->name) &&
         find_program(program_call->name) == nullptr)
-      run_.canon.refuse(program_call->cause, "a cycle or subprogram behind MCALL");
+      run_.canon.throw_input_error(program_call->cause, "a cycle or subprogram behind MCALL");
     modal_call_ = program_call;
     return true;
   }
@@ -235,7 +235,7 @@ bool Flow::execute_block(Cursor cursor) {
 
 void Flow::expect_end(Cursor& cursor) const {
   cursor.skip_blanks();
-  if (!cursor.at_end()) cursor.refuse(cursor.at, "the end of the line");
+  if (!cursor.at_end()) cursor.throw_input_error(cursor.at, "the end of the line");
 }
 
 bool Flow::evaluate_condition(Cursor& cursor) { return parse_number(cursor, *this) != 0; }
@@ -262,7 +262,7 @@ bool Flow::execute_keyword(const LineHead& head, Cursor cursor) {
     ++line_index_;
   } else if (word == "RET") {
     cursor.skip_blanks();
-    if (!cursor.at_end()) cursor.refuse(cursor.at, "RET without parameters");
+    if (!cursor.at_end()) cursor.throw_input_error(cursor.at, "RET without parameters");
     if (calls_.size() == 1) return false;
     leave_program();
     return !has_ended_;
@@ -271,7 +271,8 @@ bool Flow::execute_keyword(const LineHead& head, Cursor cursor) {
   } else if (word == "REPEATB") {
     repeat_section(cursor, true);
   } else if (word == "GOTOS" || word == "REDEF" || word == "DEFINE" || word == "SET") {
-    run_.canon.refuse(cause, "GOTOB, DEF and single values: no other flow and definitions");
+    run_.canon.throw_input_error(cause,
+                                 "GOTOB, DEF and single values: no other flow and definitions");
   } else {
     execute_loop(head, cursor);
   }
@@ -291,7 +292,7 @@ const Program::Counterpart& Flow::counterpart(const Cursor& cursor, std::size_t 
       if (pair.ends == head.keyword) expected = std::string(pair.begins) + " before it";
     }
     if (head.keyword == "ELSE") expected = "IF before it and ENDIF behind it";
-    cursor.refuse(head.at, expected, "none with all between them closed");
+    cursor.throw_input_error(head.at, expected, "none with all between them closed");
   }
   return entry->second;
 }
@@ -315,7 +316,8 @@ void Flow::execute_if(const LineHead& head, Cursor& cursor) {
     cursor.skip_blanks();
     const std::size_t from = cursor.at;
     const std::string keyword = parse_name(cursor);
-    if (!is_jump(keyword)) cursor.refuse(from, "GOTOF, GOTOB or GOTO behind the condition");
+    if (!is_jump(keyword))
+      cursor.throw_input_error(from, "GOTOF, GOTOB or GOTO behind the condition");
     if (is_true) return execute_jump(cursor, keyword);
     ++line_index_;
   }
@@ -371,17 +373,18 @@ void Flow::execute_for(Cursor& cursor, bool first) {
           upper(cursor.text[at + 2]) == 'O' &&
           (at + 3 == cursor.text.size() || !is_name_char(cursor.text[at + 3])))
         return at;
-    cursor.refuse(from, "FOR variable = first TO last");
+    cursor.throw_input_error(from, "FOR variable = first TO last");
   }();
   Cursor assignment{cursor.text.substr(0, to_position), cursor.location, from};
   Cursor counter = assignment;
   if (first) {
-    if (!assign_variable(assignment)) cursor.refuse(from, "a variable that is defined behind FOR");
+    if (!assign_variable(assignment))
+      cursor.throw_input_error(from, "a variable that is defined behind FOR");
     expect_end(assignment);
     counter.at = from;
   }
   const auto count = parse_operand(counter);
-  if (!count) cursor.refuse(from, "a variable that is defined behind FOR");
+  if (!count) cursor.throw_input_error(from, "a variable that is defined behind FOR");
   double value = *count;
   // The counter may be any kind of variable, so a text assigns its value, with all digits.
   if (!first) {
@@ -402,7 +405,7 @@ void Flow::execute_jump(Cursor& cursor, const std::string& keyword) {
   const std::size_t from = cursor.at;
   std::string label;
   while (is_name_char(cursor.current())) label += upper(cursor.text[cursor.at++]);
-  if (label.empty()) cursor.refuse(from, "a label or a line number behind " + keyword);
+  if (label.empty()) cursor.throw_input_error(from, "a label or a line number behind " + keyword);
   const Cause cause = cursor.cause(from);
   expect_end(cursor);
   line_index_ = line_of(label, keyword, cause);
@@ -441,7 +444,7 @@ std::size_t Flow::line_of(const std::string& label, const std::string& keyword,
 /// Executes CASE, for example CASE value OF 1 GOTOF A 2 GOTOB B DEFAULT GOTOF C.
 void Flow::execute_case(Cursor& cursor) {
   const double selector = parse_number(cursor, *this);
-  if (!cursor.accept_word("OF")) cursor.refuse(cursor.at, "OF behind the value of CASE");
+  if (!cursor.accept_word("OF")) cursor.throw_input_error(cursor.at, "OF behind the value of CASE");
   bool is_default = false;
   while (true) {
     cursor.skip_blanks();
@@ -451,7 +454,8 @@ void Flow::execute_case(Cursor& cursor) {
     cursor.skip_blanks();
     const std::size_t from = cursor.at;
     const std::string keyword = parse_name(cursor);
-    if (!is_jump(keyword)) cursor.refuse(from, "GOTOF, GOTOB or GOTO behind a value of CASE");
+    if (!is_jump(keyword))
+      cursor.throw_input_error(from, "GOTOF, GOTOB or GOTO behind a value of CASE");
     cursor.skip_blanks();
     const std::size_t label_from = cursor.at;
     while (is_name_char(cursor.current())) ++cursor.at;

@@ -112,7 +112,7 @@ Machine::Machine(ProgramRun& run, bool tool_changes_by_m6)
       programmable_axis_shift_(AxisVector::Zero(canon_.position().size())),
       compensation_(run) {
   // Work offsets are points in the workpiece even if the scene states none.
-  canon_.count_from_workpiece();
+  canon_.refer_offsets_to_workpiece();
   if (run_.is_turning()) {
     // A turning control starts in G18 with feed per revolution.
     plane_ = 18;
@@ -144,7 +144,8 @@ double Machine::x_radius_factor(bool absolute) const {
 /// Throws BadInput for an X word that may or may not be a diameter, which no manual settles.
 void Machine::require_radius_words(const Value& word) const {
   if (diameter_mode_ != Diameters::Off && word.value != 0.0)
-    refuse(word, "DIAMOF before " + shown(word.cause.text) + " beside a frame, a pole or CIP");
+    throw_input_error(word,
+                      "DIAMOF before " + shown(word.cause.text) + " beside a frame, a pole or CIP");
 }
 
 const Value* Machine::first_axis_word(const Block& block) const {
@@ -171,14 +172,14 @@ void Machine::check_words(const Block& block) const {
   using enum Address;
   for (const auto& [address, letter] : axis_addresses)
     if (const Value& word = block[address]; word && canon_.joint_of(letter) < 0)
-      refuse(word, "an axis of this machine (" + canon_.letters() + ")");
+      throw_input_error(word, "an axis of this machine (" + canon_.letters() + ")");
   const std::string_view motion = block[Group::Motion] ? block.word(Group::Motion) : motion_;
   const auto require = [&](std::initializer_list<Address> addresses, bool has_owner,
                            std::string_view owner) {
     for (const Address address : addresses)
       if (block[address] && !has_owner)
-        refuse(block[address],
-               fmt::format("{} beside {}", owner, shown(block[address].cause.text)));
+        throw_input_error(block[address],
+                          fmt::format("{} beside {}", owner, shown(block[address].cause.text)));
   };
   const bool makes_arc = is_arc(motion) && !block[Group::Frame] && !block[Group::Dwell];
   require({I, J, K}, makes_arc || motion == "G33", "G2, G3 or G33");
@@ -192,30 +193,30 @@ void Machine::check_words(const Block& block) const {
     if (position == nullptr && block[address]) position = &block[address];
   if (position != nullptr) {
     if (block.code_without_words)
-      refuse(*position, fmt::format("no axis words beside {}, which takes none",
-                                    shown(block.code_without_words.cause.text)));
+      throw_input_error(*position, fmt::format("no axis words beside {}, which takes none",
+                                               shown(block.code_without_words.cause.text)));
     // The order of a motion and a subprogram or cycle in one block is not defined.
     if (block.call || block.is_modal)
-      refuse(*position,
-             fmt::format("{}, a cycle or subprogram, in a block of its own",
-                         shown(block.call ? block.call->cause.text : block.modal_cause.text)));
+      throw_input_error(*position, fmt::format("{}, a cycle or subprogram, in a block of its own",
+                                               shown(block.call ? block.call->cause.text
+                                                                : block.modal_cause.text)));
   }
   require({LIMS}, true, "G96");
   require({P}, block.call.has_value(), "a subprogram");
   if (const Value& offset = block[OFFN]; offset && offset.value != 0)
-    refuse(offset, std::string(find_entry("OFFN")->sentence));
+    throw_input_error(offset, std::string(find_entry("OFFN")->sentence));
   if (const Value& t = block[T];
       t && !block.tool_name && (t.value < 0 || t.value != std::floor(t.value) || t.value > 1e9))
-    refuse(t, "a whole tool number");
+    throw_input_error(t, "a whole tool number");
   // A tool of the scene has one cutting edge.
   if (const Value& d = block[D]; d && d.value != 0 && d.value != 1)
-    refuse(d, "D0 or D1: a tool of the scene has one edge");
+    throw_input_error(d, "D0 or D1: a tool of the scene has one edge");
   for (const auto& value : block.values)
     if (value && value.mode != PositionMode::Modal) {
       const Address address = Address(&value - block.values.data());
       // Addresses of axes and centres, which come first in the enumeration, may have AC().
       if (address <= K1 || address == AP || address == RP) continue;
-      refuse(value, "a number without AC() and the like");
+      throw_input_error(value, "a number without AC() and the like");
     }
 }
 
@@ -247,14 +248,14 @@ void Machine::set_feed(const Block& block) {
   // Under G93 F holds for its own block only.
   if (canon_.feed_mode() == FeedMode::InverseTime) canon_.set_feed({});
   if (const Value& f = block[Address::F]) {
-    if (!(f.value >= min_feed)) refuse(f, "a feed above zero");
+    if (!(f.value >= min_feed)) throw_input_error(f, "a feed above zero");
     canon_.set_feed(Feed{f.value, is_feed_in_inches_ ? mm_per_inch : 1.0});
   }
 }
 
 void Machine::select_master_spindle(int spindle, const Cause& cause) {
   if (spindle == master_spindle_) return;
-  if (has_surface_speed_) refuse(cause, "G97 before another master spindle");
+  if (has_surface_speed_) throw_input_error(cause, "G97 before another master spindle");
   // The previous master spindle keeps its speed and direction until it becomes the master again.
   spindles_[master_spindle_] = {canon_.spindle_speed(), canon_.spindle_direction()};
   master_spindle_ = spindle;
@@ -266,7 +267,7 @@ void Machine::select_master_spindle(int spindle, const Cause& cause) {
 
 /// Sets the speed of the master spindle, rpm, or under G96 the surface speed.
 void Machine::set_speed(double speed, const Cause& cause) {
-  if (!(speed >= 0 && speed <= 1e7)) refuse(cause, "a spindle speed of 0 to 1e7 rpm");
+  if (!(speed >= 0 && speed <= 1e7)) throw_input_error(cause, "a spindle speed of 0 to 1e7 rpm");
   // A surface speed is in m/min, or under G700 in ft/min.
   speed_ = has_surface_speed_ && is_feed_in_inches_ ? speed * 0.3048 : speed;
   if (!has_surface_speed_) canon_.set_spindle_speed(speed);
@@ -277,7 +278,7 @@ void Machine::set_speed(double speed, const Cause& cause) {
 void Machine::set_numbered_spindles(const Block& block) {
   const auto direction = [](std::string_view m) { return m == "M3" ? 1 : m == "M4" ? -1 : 0; };
   for (const SpindleWord& word : block.spindles) {
-    if (word.speed && block[Group::Dwell]) refuse(word.cause, "S beside G4");
+    if (word.speed && block[Group::Dwell]) throw_input_error(word.cause, "S beside G4");
     if (word.spindle != master_spindle_) {
       const auto [entry, is_new] = spindles_.try_emplace(word.spindle);
       if (word.speed) entry->second.rpm = *word.speed;
@@ -291,9 +292,10 @@ void Machine::set_numbered_spindles(const Block& block) {
             master_spindle_, word.spindle));
       continue;
     }
-    if (word.speed && block[Address::S]) refuse(word.cause, "one speed of a spindle in a block");
+    if (word.speed && block[Address::S])
+      throw_input_error(word.cause, "one speed of a spindle in a block");
     if (!word.speed && block[Group::Spindle])
-      refuse(word.cause, "one direction of a spindle in a block");
+      throw_input_error(word.cause, "one direction of a spindle in a block");
     if (word.speed)
       set_speed(*word.speed, word.cause);
     else
@@ -304,15 +306,15 @@ void Machine::set_numbered_spindles(const Block& block) {
 void Machine::set_spindle(const Block& block) {
   if (const Value& limit = block[Address::LIMS]) {
     if (!(limit.value > 0 && limit.value <= 1e7))
-      refuse(limit, "a speed of more than 0 to 1e7 rpm");
+      throw_input_error(limit, "a speed of more than 0 to 1e7 rpm");
     max_rpm_ = limit.value;
   }
   if (const Code& code = block[Group::SpeedMode]) {
     const bool is_surface_speed = code.word.starts_with("G96");
-    if (is_surface_speed && joint(0) < 0) refuse(code.cause, "a machine with an X axis");
+    if (is_surface_speed && joint(0) < 0) throw_input_error(code.cause, "a machine with an X axis");
     // The first G96 has no earlier surface speed to fall back on.
     if (is_surface_speed && !has_surface_speed_ && !block[Address::S])
-      refuse(code.cause, "S (surface speed) beside " + shown(code.cause.text), "none");
+      throw_input_error(code.cause, "S (surface speed) beside " + shown(code.cause.text), "none");
     // Speed and surface speed are different quantities, so a new mode must not take over the value.
     if (is_surface_speed != has_surface_speed_)
       speed_ = is_surface_speed ? 0.0 : canon_.spindle_speed();
@@ -335,21 +337,21 @@ void Machine::note_coolant(const Block& block) const {
   std::string text;
   for (const std::string_view word : block.coolant)
     text += (text.empty() ? "" : " ") + std::string(word);
-  if (!text.empty()) canon_.aside(std::move(text));
+  if (!text.empty()) canon_.record_auxiliary_word(std::move(text));
 }
 
 void Machine::dwell(const Block& block) {
   const Code& code = block[Group::Dwell];
   const Value &seconds = block[Address::F], &revolutions = block[Address::S];
   if (const Value* axis = first_axis_word(block))
-    refuse(axis->cause, "no axis words beside G4, which takes none");
+    throw_input_error(axis->cause, "no axis words beside G4, which takes none");
   // G4 F is a time in seconds, G4 S a number of spindle revolutions.
-  if (bool(seconds) == bool(revolutions)) refuse(code.cause, "either F or S beside G4");
+  if (bool(seconds) == bool(revolutions)) throw_input_error(code.cause, "either F or S beside G4");
   if (revolutions && !(canon_.spindle_speed() > 0))
-    refuse(revolutions, "a spindle that turns beside G4 S");
+    throw_input_error(revolutions, "a spindle that turns beside G4 S");
   const double time = seconds ? seconds.value : revolutions.value * 60.0 / canon_.spindle_speed();
   const Cause cause = seconds ? seconds.cause : revolutions.cause;
-  if (!(time >= 0 && time <= 1e6)) refuse(cause, "0 to 1e6 seconds");
+  if (!(time >= 0 && time <= 1e6)) throw_input_error(cause, "0 to 1e6 seconds");
   // The dwell must follow a move that compensation still postpones.
   compensation_.run_after_move(
       [this, time, cause = Cause{cause.column, {}}] { canon_.dwell(time, cause); });
@@ -361,23 +363,26 @@ void Machine::check_compensated_block(const Block& block) const {
   const Code& side = block[Group::CutterRadius];
   for (const Group group : {Group::Plane, Group::Units, Group::WorkOffset, Group::WithoutOffset,
                             Group::Transformation, Group::Pole, Group::Frame, Group::ToolChange})
-    if (const Code& code = block[group]) refuse(code.cause, "G40 before " + shown(code.cause.text));
+    if (const Code& code = block[group])
+      throw_input_error(code.cause, "G40 before " + shown(code.cause.text));
   if (side && side.word != "G40" && (side.word == "G41") != compensation_.is_left())
-    refuse(side.cause, "G40 between G41 and G42");
+    throw_input_error(side.cause, "G40 between G41 and G42");
   for (const Address address : {Address::T, Address::D, Address::A, Address::B, Address::C,
                                 Address::A3, Address::B3, Address::C3})
-    if (block[address]) refuse(block[address], "G40 before " + shown(block[address].cause.text));
+    if (block[address])
+      throw_input_error(block[address], "G40 before " + shown(block[address].cause.text));
   if (const Code& code = block[Group::Motion]; code && (code.word == "CIP" || code.word == "G33"))
-    refuse(code.cause, "G40 before " + shown(code.cause.text));
+    throw_input_error(code.cause, "G40 before " + shown(code.cause.text));
 }
 
 void Machine::select_work_offset(const Code& code) {
   const int number = std::stoi(std::string(code.word.substr(1)));
-  if (number > 506 && !canon_.options().more_offset.contains(number))
-    refuse(code.cause,
-           fmt::format("G54 to G57, G505 or G506, or an offset that the control's table has "
-                       "(`offsets`): $P_UIFR[{}]",
-                       number - 500));
+  if (number > 506 && !canon_.options().extra_offsets.contains(number))
+    throw_input_error(
+        code.cause,
+        fmt::format("G54 to G57, G505 or G506, or an offset that the control's table has "
+                    "(`offsets`): $P_UIFR[{}]",
+                    number - 500));
   // G54 to G57 are indices 0 to 3, G505 and G506 are 4 and 5; G507 and beyond have index n - 1.
   const int first = number < 500 ? 54 : number > 506 ? 1 : 501;
   system_ = number - first;
@@ -414,9 +419,10 @@ void Machine::note_start_modes(const Block& block) {
 void Machine::set_modes(const Block& block) {
   if (const Code& code = block[Group::Diameters]) {
     if (code.word != "DIAMOF" && !run_.is_turning())
-      refuse(code.cause,
-             "a turning control (control = \"turning\", or a machine whose spindle turns the "
-             "workpiece): X is no diameter on a milling control");
+      throw_input_error(
+          code.cause,
+          "a turning control (control = \"turning\", or a machine whose spindle turns the "
+          "workpiece): X is no diameter on a milling control");
     diameter_mode_ = code.word == "DIAMON"   ? Diameters::On
                      : code.word == "DIAM90" ? Diameters::Absolute
                                              : Diameters::Off;
@@ -458,7 +464,7 @@ BlockResult Machine::execute(const Block& block) {
     set_pole(block);
   else if (!block[Group::Limits])
     result.has_moved = move(block);
-  if (stop && !is_program_end) canon_.aside(stop.word == "M1" ? "M1" : "M0");
+  if (stop && !is_program_end) canon_.record_auxiliary_word(stop.word == "M1" ? "M1" : "M0");
   return result;
 }
 
@@ -481,31 +487,33 @@ int Machine::tool_number(const Block& block) const {
   // A name that consists of digits is usually the number.
   if (!name.empty() && name.size() < 9 && std::all_of(name.begin(), name.end(), is_digit))
     return std::stoi(name);
-  if (canon_.options().control_of_h.empty() && !canon_.options().tool_length.empty() &&
+  if (canon_.options().control_by_h.empty() && !canon_.options().tool_length.empty() &&
       !canon_.options().tool_table) {
-    canon_.assume({fmt::format("T={} is the scene's only tool", in_quotes(name)), "tool.name"});
+    canon_.assume(
+        {fmt::format("T={} is the scene's only tool", quoted_excerpt(name)), "tool.name"});
     return canon_.options().tool_length.begin()->first;
   }
   std::string names;
   for (const auto& [tool_name, number] : numbers)
-    names += (names.empty() ? "" : ", ") + in_quotes(tool_name);
-  refuse(word, "the name of a tool of the scene (" + (names.empty() ? "none has one" : names) + ")",
-         in_quotes(name));
+    names += (names.empty() ? "" : ", ") + quoted_excerpt(tool_name);
+  throw_input_error(
+      word, "the name of a tool of the scene (" + (names.empty() ? "none has one" : names) + ")",
+      quoted_excerpt(name));
 }
 
 void Machine::call_tools(const Block& block) {
   const Value &t = block[Address::T], &d = block[Address::D];
   const Code& change = block[Group::ToolChange];
   if (t) selected_ = tool_number(block);
-  if (t && !program::knows_tool(canon_.options(), selected_))
-    refuse(t.cause, "a tool of the tool table");
+  if (t && !program::is_known_tool(canon_.options(), selected_))
+    throw_input_error(t.cause, "a tool of the tool table");
   // With M6 T only selects; without it T changes.
   const bool changes = change || (t && !m6_changes_tool_);
   if (changes && selected_ >= 0) tool_ = selected_;
-  if (t || change) canon_.call_tool(t ? double(selected_) : -1.0, bool(change));
+  if (t || change) canon_.record_tool_call(t ? double(selected_) : -1.0, bool(change));
   std::string text = t ? fmt::format("T{}", selected_) : "";
   if (change) text += text.empty() ? "M6" : " M6";
-  if (!text.empty()) canon_.aside(std::move(text));
+  if (!text.empty()) canon_.record_auxiliary_word(std::move(text));
   if (!changes && !d) return;
   // After a tool change the control reads its axis positions anew.
   compensation_.clear_leaving();
@@ -523,7 +531,7 @@ void Machine::call_tools(const Block& block) {
 /// Returns true if all tools have the same length, so that the tool in the spindle does not matter.
 bool Machine::has_single_length() const {
   const auto& lengths = canon_.options().tool_length;
-  return !lengths.empty() && canon_.options().control_of_h.empty() &&
+  return !lengths.empty() && canon_.options().control_by_h.empty() &&
          !canon_.options().tool_table &&
          std::all_of(lengths.begin(), lengths.end(),
                      [&](const auto& entry) { return entry.second == lengths.begin()->second; });
@@ -536,10 +544,10 @@ double Machine::active_tool_length(const Cause& cause) const {
   if (has_single_length()) return lengths.begin()->second;
   std::string tools;
   for (const auto& [number, mm] : lengths) tools += fmt::format(" T{}", number);
-  refuse(cause,
-         "a tool whose length is known (" + (tools.empty() ? "none is" : tools.substr(1)) +
-             ") in the spindle",
-         tool_ < 0 ? "none called" : fmt::format("T{}", tool_));
+  throw_input_error(cause,
+                    "a tool whose length is known (" +
+                        (tools.empty() ? "none is" : tools.substr(1)) + ") in the spindle",
+                    tool_ < 0 ? "none called" : fmt::format("T{}", tool_));
 }
 
 std::optional<double> Machine::nose_radius(int tool) const {
@@ -570,17 +578,18 @@ void Machine::set_compensation(const Code& code) {
   }
   const bool left = code.word == "G41";
   if (compensation_.is_on()) return;
-  if (!has_tool_length_) refuse(code.cause, "D1 before " + shown(code.cause.text));
+  if (!has_tool_length_) throw_input_error(code.cause, "D1 before " + shown(code.cause.text));
   const ArcPlane plane = arc_plane(code.cause);
   const Eigen::Matrix3d R = total_rotation();
   const int normal = plane_ == 17 ? 2 : plane_ == 18 ? 1 : 0;
   // 1 - cos(tilt) below 1e-14, a tilt of 1.4e-7 rad, is a rotation about the normal of the plane.
   if (std::abs(R(normal, normal) - 1.0) > 1e-14)
-    refuse(code.cause, "a path of the tool's centre in a plane that is tilted: no " +
-                           std::string(code.word) + " in it");
+    throw_input_error(code.cause, "a path of the tool's centre in a plane that is tilted: no " +
+                                      std::string(code.word) + " in it");
   const int tool = tool_ >= 0 ? tool_ : run_.assume_only_tool(code.cause, "no tool called");
   const auto radius = nose_radius(tool);
-  if (!radius) refuse(code.cause, "a tool whose radius is known", fmt::format("T{}", tool));
+  if (!radius)
+    throw_input_error(code.cause, "a tool whose radius is known", fmt::format("T{}", tool));
   compensation_.begin(left, *radius, {plane.first, plane.second});
   if (!run_.is_turning()) return;
   apply_tool();  // under G41 and G42 X Z lead the centre of the nose
@@ -597,7 +606,7 @@ void Machine::apply_tool() {
 AxisVector Machine::active_tool_shift() const {
   if (run_.is_turning()) {
     const Chain* to_tip = chain_to_tip(canon_.options(), tool_);
-    if (to_tip == nullptr || !has_tool_length_ || !knows_tool()) return {};
+    if (to_tip == nullptr || !has_tool_length_ || !is_known_tool()) return {};
     AxisVector measured = measured_offset(canon_, *to_tip, {1, {}});
     if (!compensation_.is_on()) measured += programmed_nose_offset();
     return measured;
@@ -607,17 +616,17 @@ AxisVector Machine::active_tool_shift() const {
   // With the axes at zero the vector from the tip to the nose is the length of the tool.
   if (zero && zero->places && orientation_.is_possible()) {
     const auto& options = canon_.options();
-    const auto tool_chain = options.control_of_h.find(tool_);
+    const auto tool_chain = options.control_by_h.find(tool_);
     const Chain& chain =
-        tool_chain == options.control_of_h.end() ? *options.control : tool_chain->second;
+        tool_chain == options.control_by_h.end() ? *options.control : tool_chain->second;
     const auto tip_w = program::tip_at_zero(chain);
     // Under D0 no length counts, so that X Y Z lead the nose.
-    if (!tip_w || (!has_tool_length_ && knows_tool())) return {};
+    if (!tip_w || (!has_tool_length_ && is_known_tool())) return {};
     for (int k = 0; k < 3; ++k) shift[joint(k)] = zero->nose_w[k] - (*tip_w)[k];
     return shift;
   }
   const int z = joint(2);
-  if (z < 0 || orientation_.is_possible() || !has_tool_length_ || !knows_tool()) return {};
+  if (z < 0 || orientation_.is_possible() || !has_tool_length_ || !is_known_tool()) return {};
   shift[z] = active_tool_length({1, {}});
   return shift;
 }

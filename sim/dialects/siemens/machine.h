@@ -100,9 +100,9 @@ class Machine {
   using AxisVector = kinematics::AxisVector;
 
   // Words and modes.
-  [[noreturn]] void refuse(const Cause& cause, std::string expected,
-                           std::optional<std::string> seen = {}) const {
-    canon_.refuse(cause, std::move(expected), std::move(seen));
+  [[noreturn]] void throw_input_error(const Cause& cause, std::string expected,
+                                      std::optional<std::string> seen = {}) const {
+    canon_.throw_input_error(cause, std::move(expected), std::move(seen));
   }
   void check_words(const Block& block) const;
   void select_work_offset(const Code& code);
@@ -127,14 +127,14 @@ class Machine {
                                                                : canon_.position();
   }
   /// Same as `current_position` in program coordinates.
-  AxisVector programmed_position() const { return canon_.unplaced(current_position()); }
+  AxisVector programmed_position() const { return canon_.without_offsets(current_position()); }
   void check_compensated_block(const Block& block) const;
 
   // Tools.
   void set_compensation(const Code& code);
   int tool_number(const Block& block) const;
   bool has_single_length() const;
-  bool knows_tool() const { return tool_ >= 0 || has_single_length(); }
+  bool is_known_tool() const { return tool_ >= 0 || has_single_length(); }
   double active_tool_length(const Cause& cause) const;
   void apply_tool();
   /// Returns the shift, (axes), of the tool length in force in axis coordinates; empty: none.

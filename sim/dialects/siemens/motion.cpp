@@ -49,13 +49,13 @@ void Machine::add_axis_word(Target& target, int j, const Value& word, bool machi
   const bool has_direction = word.mode == PositionMode::Shortest ||
                              word.mode == PositionMode::Positive ||
                              word.mode == PositionMode::Negative;
-  if (has_direction && is_linear) refuse(word, "a rotary axis with DC, ACP and ACN");
+  if (has_direction && is_linear) throw_input_error(word, "a rotary axis with DC, ACP and ACN");
   if (has_direction) {
     const double start = machine ? canon_.position()[j] : programmed_position()[j];
     // The roll-over rule of the axis must not change a programmed direction.
-    return target.turn_to(j, rotary_end(value, start, word.mode), word);
+    return target.rotate_to(j, rotary_end(value, start, word.mode), word);
   }
-  if (is_increment && machine) refuse(word, "an absolute position beside SUPA and G53");
+  if (is_increment && machine) throw_input_error(word, "an absolute position beside SUPA and G53");
   if (is_increment)
     target.by(j, value, word);
   else
@@ -104,9 +104,10 @@ void Machine::add_polar_words(Target& target, const Block& block) {
   const Cause cause = radius ? radius.cause : angle.cause;
   const ArcPlane plane = arc_plane(cause);
   if (target.has(plane.first) || target.has(plane.second))
-    refuse(cause, fmt::format("either {} {} or AP= RP=", plane.letters[0], plane.letters[1]));
+    throw_input_error(cause,
+                      fmt::format("either {} {} or AP= RP=", plane.letters[0], plane.letters[1]));
   if (radius) {
-    if (radius.value < 0) refuse(radius, "RP that is not below zero");
+    if (radius.value < 0) throw_input_error(radius, "RP that is not below zero");
     pole_.radius =
         radius.value * unit() + (radius.mode == PositionMode::Incremental ? pole_.radius : 0.0);
   }
@@ -123,20 +124,21 @@ void Machine::check_motion(const Block& block) const {
   const Cause cause = motion_cause(block);
   // In tip mode the chain contains the tool length, so D0 cannot be executed.
   if (is_tip_mode() && !has_tool_length_)
-    refuse(cause, "D1 before a move of the tip: the length of the tool counts in it");
+    throw_input_error(cause, "D1 before a move of the tip: the length of the tool counts in it");
   if (swivel_ && !swivel_->is_aligned && !is_traori_ &&
       (swivel_->frame.rotation.col(2) - Eigen::Vector3d::UnitZ()).norm() > 1e-12)
-    refuse(cause,
-           "TRAORI, or CYCLE800 with _DIR, before a move in a plane that is not swivelled to");
+    throw_input_error(
+        cause, "TRAORI, or CYCLE800 with _DIR, before a move in a plane that is not swivelled to");
   if (swivel_ && swivel_->is_aligned && !is_traori_)
     for (const Address address : {Address::A, Address::B, Address::C})
-      if (block[address]) refuse(block[address], "TRAORI or CYCLE800() before a rotary axis turns");
+      if (block[address])
+        throw_input_error(block[address], "TRAORI or CYCLE800() before a rotary axis turns");
   // On a machine with rotary axes the length of the scene's tool is part of the coordinates, so its
   // value is needed under D0; on other machines it is needed under D1.
   const bool needs_length = orientation_.is_possible() ? !has_tool_length_ : has_tool_length_;
-  if (needs_length && !knows_tool() && joint(2) >= 0 && !canon_.options().tool_length.empty() &&
+  if (needs_length && !is_known_tool() && joint(2) >= 0 && !canon_.options().tool_length.empty() &&
       motion_ != "G0")
-    refuse(cause, "a tool (T) before a feed: those of the scene differ in length");
+    throw_input_error(cause, "a tool (T) before a feed: those of the scene differ in length");
   // Without a tool call the only tool of the scene is meant.
   if (tool_ < 0 && motion_ != "G0" && has_tool_length_ && has_single_length())
     run_.assume_only_tool(cause, "no tool called");
@@ -153,15 +155,16 @@ void Machine::apply_tool_vector(const Block& block, AxisVector& end) const {
   if (!a && !b && !c) return;
   const Cause cause = a ? a.cause : b ? b.cause : c.cause;
   for (const Address address : {Address::A, Address::B, Address::C})
-    if (block[address]) refuse(block[address], "either rotary axes or A3= B3= C3=");
+    if (block[address]) throw_input_error(block[address], "either rotary axes or A3= B3= C3=");
   // The control accepts vectors of any length.
   const Eigen::Vector3d direction(a.value, b.value, c.value);
-  if (!(direction.norm() > 1e-6)) refuse(cause, "a direction of the tool that is not zero");
+  if (!(direction.norm() > 1e-6))
+    throw_input_error(cause, "a direction of the tool that is not zero");
   // The direction counts in the frames in force.
   const auto solutions = orientation_.positions(total_rotation() * direction.normalized(), end);
   if (solutions.empty())
-    refuse(cause, "a direction that the rotary axes reach",
-           fmt::format("({:.6g}, {:.6g}, {:.6g})", a.value, b.value, c.value));
+    throw_input_error(cause, "a direction that the rotary axes reach",
+                      fmt::format("({:.6g}, {:.6g}, {:.6g})", a.value, b.value, c.value));
   // The nearest solution comes first.
   end = solutions.front();
 }
@@ -175,7 +178,8 @@ void Machine::move_on_great_circle(Straight move) {
   const auto segments =
       great_circle_segments(orientation_, canon_.position(), move.end, great_circle_tolerance);
   if (segments.empty())
-    refuse(move.cause, "ORIAXES before a turn of the tool that is no great circle of these axes");
+    throw_input_error(move.cause,
+                      "ORIAXES before a turn of the tool that is no great circle of these axes");
   feed_along_segments(canon_, orientation_, segments, move);
 }
 
@@ -185,11 +189,11 @@ void Machine::move_in_machine_coordinates(const Block& block) {
   const Value* axis = first_axis_word(block);
   if (axis == nullptr) return;
   if (motion_ != "G0" && motion_ != "G1")
-    refuse(code.cause, "G0 or G1 beside " + shown(code.cause.text));
+    throw_input_error(code.cause, "G0 or G1 beside " + shown(code.cause.text));
   // Under TRAORI X Y Z words are not axis positions.
-  if (is_traori_) refuse(code.cause, "TRAFOOF before " + shown(code.cause.text));
+  if (is_traori_) throw_input_error(code.cause, "TRAFOOF before " + shown(code.cause.text));
   if (is_tip_mode() && has_tool_length_)
-    refuse(code.cause, "D0 beside " + shown(code.cause.text) + " in a swivelled plane");
+    throw_input_error(code.cause, "D0 beside " + shown(code.cause.text) + " in a swivelled plane");
   canon_.go_to(Coordinates::Axis, code.cause);
   Target target = block_target(block, true);
   // On a turning control the tool offset in force has X and Z.
@@ -199,7 +203,7 @@ void Machine::move_in_machine_coordinates(const Block& block) {
         const int j = joint(int(address) - int(Address::X));
         target.to(j, target.value(j) + shift[j], word);
       }
-  } else if (const Value& z = block[Address::Z]; z && has_tool_length_ && knows_tool())
+  } else if (const Value& z = block[Address::Z]; z && has_tool_length_ && is_known_tool())
     target.to(joint(2), target.value(joint(2)) + active_tool_length(z), z);
   AxisVector end = canon_.end_of(target, true);
   make_straight({std::move(end), code.cause, true, target.stated()}, motion_ == "G0");
@@ -218,8 +222,9 @@ void Machine::cut_thread(const Block& block, AxisVector end) {
       longest = k;
   const Value& pitch = block[Address(int(Address::I) + longest)];
   if (!pitch || pitch.value == 0)
-    refuse(cause, fmt::format("{}, the pitch along {}, beside G33", "IJK"[longest], "XYZ"[longest]),
-           "none");
+    throw_input_error(
+        cause, fmt::format("{}, the pitch along {}, beside G33", "IJK"[longest], "XYZ"[longest]),
+        "none");
   double squared_length = 0.0;
   for (int k = 0; k < 3; ++k)
     if (joint(k) >= 0) squared_length += displacement[joint(k)] * displacement[joint(k)];
@@ -270,7 +275,7 @@ bool Machine::move(const Block& block) {
     arc(block, target);
     return true;
   }
-  AxisVector end = canon_.end_from(current_position(), target, false);
+  AxisVector end = canon_.target_position_from(current_position(), target, false);
   if (motion_ == "G33") {
     cut_thread(block, std::move(end));
     return true;
@@ -296,8 +301,8 @@ Machine::ArcPlane Machine::arc_plane(const Cause& cause) const {
   plane.second = canon_.joint_of(plane.letters[1]);
   plane.normal = canon_.joint_of(plane.letters[2]);
   if (plane.first < 0 || plane.second < 0)
-    refuse(cause, fmt::format("a machine with the axes {} {} of the plane", plane.letters[0],
-                              plane.letters[1]));
+    throw_input_error(cause, fmt::format("a machine with the axes {} {} of the plane",
+                                         plane.letters[0], plane.letters[1]));
   return plane;
 }
 
@@ -306,10 +311,10 @@ AxisVector Machine::arc_centre(const Block& block, const ArcPlane& plane,
                                const Cause& cause) const {
   const Value &first = block[plane.centre[0]], &second = block[plane.centre[1]];
   if (const Value& across = block[plane.centre[2]])
-    refuse(across,
-           fmt::format("the centre in the plane {} {}", plane.letters[0], plane.letters[1]));
+    throw_input_error(
+        across, fmt::format("the centre in the plane {} {}", plane.letters[0], plane.letters[1]));
   if (!first && !second)
-    refuse(cause, "I J K, CR=, AR= or a pole beside " + std::string(motion_), "none");
+    throw_input_error(cause, "I J K, CR=, AR= or a pole beside " + std::string(motion_), "none");
   AxisVector p = programmed_position();
   const auto set_coordinate = [&](int j, const Value& word) {
     if (!word) return;
@@ -333,8 +338,9 @@ void Machine::arc(const Block& block, const Target& words) {
   const bool has_centre = block[Address::I] || block[Address::J] || block[Address::K];
   // An arc is programmed by exactly one of these.
   if (radius && (angle || has_centre || is_polar))
-    refuse(radius, "one of CR=, AR=, I J K and a pole");
-  if (is_polar && (angle || has_centre)) refuse(cause, "one of CR=, AR=, I J K and a pole");
+    throw_input_error(radius, "one of CR=, AR=, I J K and a pole");
+  if (is_polar && (angle || has_centre))
+    throw_input_error(cause, "one of CR=, AR=, I J K and a pole");
   Target target = words;
   ArcMove move{.first = plane.first,
                .second = plane.second,
@@ -346,7 +352,7 @@ void Machine::arc(const Block& block, const Target& words) {
                                 : cause};
   // The chord of AR=360 would be zero and define no circle.
   if (angle && !(angle.value > 0 && angle.value < 360))
-    refuse(angle, "AR of more than 0 to less than 360 degrees");
+    throw_input_error(angle, "AR of more than 0 to less than 360 degrees");
   const double opening_angle = angle.value * units::deg;
   AxisVector p;
   if (is_polar) {
@@ -359,7 +365,7 @@ void Machine::arc(const Block& block, const Target& words) {
   // AR with the centre: the end is the start rotated about the centre.
   if (angle && has_centre) {
     if (target.has(plane.first) || target.has(plane.second))
-      refuse(angle, "AR= beside either the centre or the end");
+      throw_input_error(angle, "AR= beside either the centre or the end");
     const AxisVector start = programmed_position();
     const Eigen::Rotation2Dd rotation(move.clockwise ? -opening_angle : opening_angle);
     const Eigen::Vector2d end = Eigen::Vector2d(p[plane.first], p[plane.second]) +
@@ -368,13 +374,13 @@ void Machine::arc(const Block& block, const Target& words) {
     target.to(plane.first, end.x(), angle);
     target.to(plane.second, end.y(), angle);
   }
-  move.end = canon_.end_from(current_position(), target, false);
+  move.end = canon_.target_position_from(current_position(), target, false);
   if (p.size() > 0) {
-    move.placed_centre = canon_.placed(std::move(p));
+    move.centre_with_offsets = canon_.placed(std::move(p));
   } else if (radius) {
     move.radius = radius.value * unit();
   } else {
-    const AxisVector from = programmed_position(), to = canon_.unplaced(move.end);
+    const AxisVector from = programmed_position(), to = canon_.without_offsets(move.end);
     const double chord =
         std::hypot(to[plane.first] - from[plane.first], to[plane.second] - from[plane.second]);
     // AR with the end: the radius follows from the chord. A negative radius is an arc of more than
@@ -384,7 +390,7 @@ void Machine::arc(const Block& block, const Target& words) {
   }
   if (whole_turns && (whole_turns.value < 0 || whole_turns.value > 999 ||
                       whole_turns.value != std::floor(whole_turns.value)))
-    refuse(whole_turns, "whole turns of 0 to 999 after TURN");
+    throw_input_error(whole_turns, "whole turns of 0 to 999 after TURN");
   move.turns = 1 + int(whole_turns.value);
   move.stated = target.stated();
   make_arc(block, std::move(move));
@@ -392,10 +398,11 @@ void Machine::arc(const Block& block, const Target& words) {
 
 void Machine::make_arc(const Block& block, ArcMove move) {
   // The direction of a line defines the entry and the exit of compensation.
-  if (compensation_.is_leaving()) refuse(move.cause, "a line as the first move after G40");
+  if (compensation_.is_leaving())
+    throw_input_error(move.cause, "a line as the first move after G40");
   if (compensation_.is_on()) {
     if (!compensation_.has_entered())
-      refuse(move.cause, "a line as the first move after G41 and G42");
+      throw_input_error(move.cause, "a line as the first move after G41 and G42");
     return compensation_.arc(std::move(move));
   }
   const AxisVector start = canon_.position();
@@ -403,7 +410,7 @@ void Machine::make_arc(const Block& block, ArcMove move) {
   for (const int j : orientation_.rotary_joints())
     // The plane of an arc does not define how the tool follows a great circle along it.
     if (is_traori_ && move.end[j] != start[j] && on_great_circle_.value_or(turns_in_workpiece_))
-      refuse(move.cause, "ORIAXES before an arc that turns the tool");
+      throw_input_error(move.cause, "ORIAXES before an arc that turns the tool");
   canon_.arc(std::move(move));
 }
 
@@ -430,7 +437,7 @@ std::optional<Circle> circle_through(const Vector3d& start, const Vector3d& inte
 void Machine::make_arc_through_point(const Block& block, const Target& target) {
   const Cause cause = motion_cause(block);
   for (int k = 0; k < 3; ++k)
-    if (joint(k) < 0) refuse(cause, "a machine with X Y Z beside CIP");
+    if (joint(k) < 0) throw_input_error(cause, "a machine with X Y Z beside CIP");
   AxisVector intermediate = canon_.programmed();
   for (int k = 0; k < 3; ++k) {
     const Value& word = block[Address(int(Address::I1) + k)];
@@ -448,9 +455,9 @@ void Machine::make_arc_through_point(const Block& block, const Target& target) {
   };
   const AxisVector start = canon_.position();
   const auto circle = circle_through(xyz(start), xyz(canon_.placed(intermediate)), xyz(move.end));
-  if (!circle) refuse(cause, "three different points beside CIP that lie on no line");
-  move.placed_centre = start;
-  for (int k = 0; k < 3; ++k) move.placed_centre[joint(k)] = circle->centre[k];
+  if (!circle) throw_input_error(cause, "three different points beside CIP that lie on no line");
+  move.centre_with_offsets = start;
+  for (int k = 0; k < 3; ++k) move.centre_with_offsets[joint(k)] = circle->centre[k];
   const program::Frame frame = canon_.frame();
   program::Frame arc_frame{frame.shift, std::nullopt};
   int normal_axis = 0;

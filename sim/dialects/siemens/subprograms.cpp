@@ -40,7 +40,7 @@ bool is_not_blank(std::string_view line) {
 std::vector<std::unique_ptr<Program>> split(std::string_view text) {
   std::vector<std::unique_ptr<Program>> programs;
   programs.push_back(std::make_unique<Program>());
-  Lines lines(text);
+  LineReader lines(text);
   while (const auto line = lines.next()) {
     if (const auto name = program_name_in_header(*line)) {
       Program& previous = *programs.back();
@@ -169,7 +169,8 @@ void Flow::bind_parameters(Program& program, const std::vector<Argument>& argume
   const LineHead head = parse_line_head(text);
   const int line = run_.canon.line();
   if (head.keyword != "PROC") {
-    if (!arguments.empty()) run_.canon.refuse(cause, "no parameters of a subprogram without PROC");
+    if (!arguments.empty())
+      run_.canon.throw_input_error(cause, "no parameters of a subprogram without PROC");
     return;
   }
   Cursor cursor{text, run_.canon.place(), head.end};
@@ -183,31 +184,33 @@ void Flow::bind_parameters(Program& program, const std::vector<Argument>& argume
       const std::string type = parse_name(cursor);
       const auto kind = find_kind(type);
       if (!kind || *kind == VariableKind::Text)
-        cursor.refuse(from, "parameters of REAL, INT, BOOL or CHAR by value in PROC");
+        cursor.throw_input_error(from, "parameters of REAL, INT, BOOL or CHAR by value in PROC");
       cursor.skip_blanks();
       const std::size_t name_from = cursor.at;
       const std::string name = parse_name(cursor);
-      if (name.size() < 2) cursor.refuse(name_from, "a name of two letters or more");
+      if (name.size() < 2) cursor.throw_input_error(name_from, "a name of two letters or more");
       calls_.back().variables[name] = {*kind, {}};
       // A parameter that is not passed has its default, or zero.
       double value = 0.0;
       if (cursor.accept("=")) value = parse_number(cursor, *this);
       if (count < arguments.size() && arguments[count].text)
-        run_.canon.refuse(arguments[count].cause, "a number for " + name);
+        run_.canon.throw_input_error(arguments[count].cause, "a number for " + name);
       if (count < arguments.size() && arguments[count].number) value = *arguments[count].number;
       store_value(name, *kind, value, cursor, name_from);
       cursor.accept(",");
     }
   }
   if (arguments.size() > count)
-    run_.canon.refuse(cause, fmt::format("at most {} parameters of {}", count, program.name),
-                      fmt::format("{}", arguments.size()));
+    run_.canon.throw_input_error(cause,
+                                 fmt::format("at most {} parameters of {}", count, program.name),
+                                 fmt::format("{}", arguments.size()));
   // Words that affect only the display may follow; SAVE would have to restore modes.
   for (cursor.skip_blanks(); !cursor.at_end(); cursor.skip_blanks()) {
     const std::size_t from = cursor.at;
     const std::string word = parse_name(cursor);
     if (word != "DISPLOF" && word != "DISPLON" && word != "SBLOF" && word != "ACTBLOCNO")
-      cursor.refuse(from, "modes set again by the caller: no SAVE and the like behind PROC");
+      cursor.throw_input_error(from,
+                               "modes set again by the caller: no SAVE and the like behind PROC");
   }
   line_index_ = first + 1;
   // From here on messages point at the line of the call.
@@ -218,11 +221,11 @@ long long Flow::parse_repeat_count(Cursor& cursor) {
   cursor.skip_blanks();
   if (cursor.at_end()) return 1;
   const std::size_t from = cursor.at;
-  if (!cursor.accept("P")) cursor.refuse(from, "P, the number of repeats");
+  if (!cursor.accept("P")) cursor.throw_input_error(from, "P, the number of repeats");
   cursor.accept("=");
   const double count = parse_number(cursor, *this);
   if (!(count >= 1 && count <= 9999) || count != double((long long)(count)))
-    cursor.refuse(from, "whole repeats P of 1 to 9999");
+    cursor.throw_input_error(from, "whole repeats P of 1 to 9999");
   expect_end(cursor);
   return (long long)(count);
 }
@@ -258,7 +261,7 @@ void Flow::repeat_section(Cursor& cursor, bool one_block) {
   }
   const Cause cause = cursor.cause(start);
   if (lines.empty() || (one_block && lines.size() > 1))
-    cursor.refuse(start, "a label behind REPEATB");
+    cursor.throw_input_error(start, "a label behind REPEATB");
   const long long count = parse_repeat_count(cursor);
   std::size_t end = repeat_line;
   if (one_block) {
@@ -277,7 +280,7 @@ void Flow::repeat_section(Cursor& cursor, bool one_block) {
       }
   }
   if (end <= lines[0])
-    run_.canon.refuse(cause, "ENDLABEL: behind a label that stands below REPEAT");
+    run_.canon.throw_input_error(cause, "ENDLABEL: behind a label that stands below REPEAT");
   // A repeated section counts as a call because sections may nest.
   run_.check_depth(int(calls_.size()), cause);
   calls_.push_back({.program = calls_.back().program,
@@ -358,10 +361,11 @@ void Flow::call_by_name(Cursor& cursor) {
     name = parse_quoted_text(cursor);
   else
     name = parse_text_variable(cursor);
-  if (!name) cursor.refuse(from, "the name of a subprogram in quotes behind CALL");
+  if (!name) cursor.throw_input_error(from, "the name of a subprogram in quotes behind CALL");
   // The name becomes a file name: a path could lead out of the folder of the program.
   if (!std::ranges::all_of(*name, is_name_char) || name->empty() || name->size() > 100)
-    cursor.refuse(from, "a name of letters, digits and _, without folders", in_quotes(*name));
+    cursor.throw_input_error(from, "a name of letters, digits and _, without folders",
+                             quoted_excerpt(*name));
   const ProgramCall program_call{to_upper(*name), {}, false, cursor.cause(from)};
   expect_end(cursor);
   ++line_index_;
@@ -391,14 +395,15 @@ double Flow::parse_r_parameter(Cursor& cursor, std::size_t from) {
   if (cursor.current() == '[') {
     ++cursor.at;
     number = parse_number(cursor, *this);
-    if (!cursor.accept("]")) cursor.refuse(cursor.at, "] behind the number of a parameter");
+    if (!cursor.accept("]"))
+      cursor.throw_input_error(cursor.at, "] behind the number of a parameter");
   } else {
     // The limit bounds the digits of a hostile text.
     while (is_digit(cursor.current()) && number < 1e9)
       number = 10 * number + (cursor.text[cursor.at++] - '0');
   }
   if (!(number >= 0 && number <= max_r_parameter) || number != std::floor(number))
-    cursor.refuse(from, fmt::format("a parameter of R0 to R{}", max_r_parameter));
+    cursor.throw_input_error(from, fmt::format("a parameter of R0 to R{}", max_r_parameter));
   return number;
 }
 
@@ -407,18 +412,19 @@ double Flow::parse_r_parameter(Cursor& cursor, std::size_t from) {
 std::string Flow::parse_element(Cursor& cursor, const std::string& name, const Variable& variable) {
   if (variable.sizes.empty()) return name;
   const std::size_t from = cursor.at;
-  if (cursor.current() != '[') cursor.refuse(from, "[ behind the name of a field");
+  if (cursor.current() != '[') cursor.throw_input_error(from, "[ behind the name of a field");
   ++cursor.at;
   std::string element_name = name + "[";
   for (std::size_t k = 0; k < variable.sizes.size(); ++k) {
-    if (k > 0 && !cursor.accept(",")) cursor.refuse(cursor.at, ", before the next index");
+    if (k > 0 && !cursor.accept(","))
+      cursor.throw_input_error(cursor.at, ", before the next index");
     const double index = parse_number(cursor, *this);
     if (!(index >= 0 && index < variable.sizes[k]) || index != std::floor(index))
-      cursor.refuse(from, fmt::format("a whole index of 0 to {}", variable.sizes[k] - 1),
-                    fmt::format("{}", index));
+      cursor.throw_input_error(from, fmt::format("a whole index of 0 to {}", variable.sizes[k] - 1),
+                               fmt::format("{}", index));
     element_name += fmt::format("{}{}", k > 0 ? "," : "", int(index));
   }
-  if (!cursor.accept("]")) cursor.refuse(cursor.at, "] behind an index");
+  if (!cursor.accept("]")) cursor.throw_input_error(cursor.at, "] behind an index");
   return element_name + "]";
 }
 
@@ -428,7 +434,7 @@ void Flow::store_value(const std::string& name, VariableKind kind, double value,
   if (kind == VariableKind::Integer) value = std::round(value);
   if (kind == VariableKind::Boolean) value = value != 0 ? 1.0 : 0.0;
   if (kind == VariableKind::Integer && !(std::abs(value) <= max_integer))
-    cursor.refuse(from, "a whole number of 32 bits", fmt::format("{}", value));
+    cursor.throw_input_error(from, "a whole number of 32 bits", fmt::format("{}", value));
   if (!variables_.set(name, value, Variables::Scope::Call))
     run_.throw_variable_limit(cursor.location, "variables");
 }
@@ -466,7 +472,7 @@ bool Flow::assign_variable(Cursor& cursor) {
       text = parse_quoted_text(ahead);
     else
       text = parse_text_variable(ahead);
-    if (!text) ahead.refuse(ahead.at, "a text in quotes");
+    if (!text) ahead.throw_input_error(ahead.at, "a text in quotes");
     local_scope().texts[name] = *text;
   } else {
     run_.define(element, [&] {
@@ -510,12 +516,12 @@ void Flow::execute_definition(Cursor& cursor) {
   const std::size_t from = cursor.at;
   const std::string type = parse_name(cursor);
   const auto kind = find_kind(type);
-  if (!kind) cursor.refuse(from, "REAL, INT, BOOL, CHAR or STRING behind DEF");
+  if (!kind) cursor.throw_input_error(from, "REAL, INT, BOOL, CHAR or STRING behind DEF");
   // The length of a string does not matter here.
   if (*kind == VariableKind::Text && cursor.current() == '[') {
     ++cursor.at;
     parse_number(cursor, *this);
-    if (!cursor.accept("]")) cursor.refuse(cursor.at, "] behind the length of a text");
+    if (!cursor.accept("]")) cursor.throw_input_error(cursor.at, "] behind the length of a text");
   }
   Cursor names = cursor;
   try {
@@ -537,10 +543,10 @@ void Flow::define_variable(Cursor& cursor, VariableKind kind) {
   // A letter followed by a digit would be an address (X1).
   if (name.size() < 2 || (is_letter(name[0]) && is_digit(name[1])) || find_entry(name) != nullptr ||
       Machine::is_cycle(name))
-    cursor.refuse(from, "a name of two letters or more that is no word of the control");
+    cursor.throw_input_error(from, "a name of two letters or more that is no word of the control");
   Variable variable{kind, {}};
   if (cursor.current() == '[') {
-    if (kind == VariableKind::Text) cursor.refuse(cursor.at, "no fields of texts");
+    if (kind == VariableKind::Text) cursor.throw_input_error(cursor.at, "no fields of texts");
     // Limits the number of elements, 1e6, before any is stored.
     ++cursor.at;
     double element_count = 1.0;
@@ -550,10 +556,10 @@ void Flow::define_variable(Cursor& cursor, VariableKind kind) {
       element_count *= size;
       if (!(size >= 1 && element_count <= 1e6) || size != std::floor(size) ||
           variable.sizes.size() == 3)
-        cursor.refuse(size_from, "at most three sizes and 1e6 elements of a field");
+        cursor.throw_input_error(size_from, "at most three sizes and 1e6 elements of a field");
       variable.sizes.push_back(int(size));
     } while (cursor.accept(","));
-    if (!cursor.accept("]")) cursor.refuse(cursor.at, "] behind the size of a field");
+    if (!cursor.accept("]")) cursor.throw_input_error(cursor.at, "] behind the size of a field");
   }
   auto& variables = local_scope().variables;
   if (variables.size() >= run_.options().limits.variables)
@@ -565,10 +571,11 @@ void Flow::define_variable(Cursor& cursor, VariableKind kind) {
       store_value(name, kind, 0.0, cursor, from);
     return;
   }
-  if (!variable.sizes.empty()) cursor.refuse(cursor.at, "no values of a whole field in DEF");
+  if (!variable.sizes.empty())
+    cursor.throw_input_error(cursor.at, "no values of a whole field in DEF");
   if (kind == VariableKind::Text) {
     cursor.skip_blanks();
-    if (cursor.current() != '"') cursor.refuse(cursor.at, "a text in quotes");
+    if (cursor.current() != '"') cursor.throw_input_error(cursor.at, "a text in quotes");
     local_scope().texts[name] = parse_quoted_text(cursor);
   } else {
     store_value(name, kind, parse_number(cursor, *this), cursor, from);
@@ -589,7 +596,7 @@ double Flow::parse_quoted_number(Cursor& cursor) {
       std::from_chars(text.data(), text.data() + text.size(), value, base == 'H' ? 16 : 2);
   const bool is_valid = (base == 'H' || base == 'B') && result.ec == std::errc() &&
                         result.ptr == text.data() + text.size() && cursor.current() == '\'';
-  if (!is_valid) cursor.refuse(from, "a number as 'HFF' or 'B1001', of at most 32 bits");
+  if (!is_valid) cursor.throw_input_error(from, "a number as 'HFF' or 'B1001', of at most 32 bits");
   ++cursor.at;
   return double(value);
 }
@@ -605,11 +612,13 @@ std::optional<double> Flow::parse_system_variable(Cursor& cursor) {
     const std::size_t axis_from = cursor.at;
     const std::string axis = parse_name(cursor);
     const auto value = axis.size() == 1 ? machine_->position(axis[0], !in_workpiece) : std::nullopt;
-    if (!value) cursor.refuse(axis_from, "an axis of this machine (" + run_.canon.letters() + ")");
-    if (!cursor.accept("]")) cursor.refuse(cursor.at, "] behind the name of an axis");
+    if (!value)
+      cursor.throw_input_error(axis_from, "an axis of this machine (" + run_.canon.letters() + ")");
+    if (!cursor.accept("]")) cursor.throw_input_error(cursor.at, "] behind the name of an axis");
     return value;
   }
-  cursor.refuse(from, "$PI, $P_EP[axis], $AA_IW[axis] or $AA_IM[axis]: no other system variable");
+  cursor.throw_input_error(
+      from, "$PI, $P_EP[axis], $AA_IW[axis] or $AA_IM[axis]: no other system variable");
 }
 
 /// Evaluates ATAN2, MINVAL, MAXVAL or BOUND with the cursor at its bracket.
@@ -620,20 +629,20 @@ std::optional<double> Flow::parse_multi_argument_function(Cursor& cursor, const 
   if (count == 0) return std::nullopt;
   cursor.skip_blanks();
   const std::size_t open = cursor.at;
-  if (!cursor.accept("(")) cursor.refuse(open, "( behind " + name);
+  if (!cursor.accept("(")) cursor.throw_input_error(open, "( behind " + name);
   std::array<double, 3> x{};
   for (std::size_t k = 0; k < count; ++k) {
     if (k > 0 && !cursor.accept(","))
-      cursor.refuse(cursor.at, fmt::format(", and {} numbers of {}", count, name));
+      cursor.throw_input_error(cursor.at, fmt::format(", and {} numbers of {}", count, name));
     x[k] = parse_expression(cursor, grammar(), *this);
   }
   if (!cursor.accept(")"))
-    cursor.refuse(cursor.at, fmt::format(") behind {} numbers of {}", count, name));
+    cursor.throw_input_error(cursor.at, fmt::format(") behind {} numbers of {}", count, name));
   if (name == "ATAN2") return std::atan2(x[0], x[1]) / units::deg;
   if (name == "MINVAL") return std::min(x[0], x[1]);
   if (name == "MAXVAL") return std::max(x[0], x[1]);
   // The control raises an alarm for reversed limits.
-  if (x[0] > x[1]) cursor.refuse(open, "the lower limit of BOUND before the upper one");
+  if (x[0] > x[1]) cursor.throw_input_error(open, "the lower limit of BOUND before the upper one");
   return std::clamp(x[2], x[0], x[1]);
 }
 
@@ -669,7 +678,8 @@ std::optional<double> Flow::parse_operand(Cursor& cursor) {
   // An uncertain name must not be reported as unknown.
   run_.require_certain(name, cursor.cause(from, ahead.at));
   if (entry == scope.variables.end()) return std::nullopt;
-  if (entry->second.kind == VariableKind::Text) cursor.refuse(from, "a number", "the text " + name);
+  if (entry->second.kind == VariableKind::Text)
+    cursor.throw_input_error(from, "a number", "the text " + name);
   const std::string element = parse_element(ahead, name, entry->second);
   run_.require_certain(element, cursor.cause(from, ahead.at));
   return accept(variables_.named(element, Variables::Scope::Call).value_or(0.0));

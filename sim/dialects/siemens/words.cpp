@@ -14,7 +14,8 @@ namespace {
 using WordLine = CodeTableLine<Group>;
 
 // Short names, so that an entry fits its line.
-constexpr Use read = Use::Read, none = Use::WithoutEffect, refused = Use::Refused;
+constexpr WordTreatment read = WordTreatment::Read, none = WordTreatment::WithoutEffect,
+                        refused = WordTreatment::Refused;
 
 // The single source of the word table in the README, of the messages and of the groups of words.
 constexpr WordLine word_lines[] = {

@@ -429,11 +429,11 @@ const std::map<std::string, Base>& bases() {
       {"study", {study_files, Command::Study}},
       {"readings",
        {readings_files, Command::Identify,
-        [](sim::IdentifyOptions& options) {
+        [](sim::IdentificationOptions& options) {
           options.model.only = {"EXX", "EYY", "EZZ", "EC0Y", "EB0Z", "EA0Z"};
         }}},
-      {"day", {day_files, Command::Identify, [](sim::IdentifyOptions& options) {
-                 options.method = sim::IdentifyOptions::Method::Thermal;
+      {"day", {day_files, Command::Identify, [](sim::IdentificationOptions& options) {
+                 options.method = sim::IdentificationOptions::Method::Thermal;
                  options.sensors = {"S12_spindle_box_bearing"};
                }}}};
   return all;

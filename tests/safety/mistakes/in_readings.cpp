@@ -213,7 +213,7 @@ std::vector<Mistake> mistakes_in_readings() {
        Expected::InputError,
        "in every epoch",
        {},
-       [](auto& o) { o.method = sim::IdentifyOptions::Method::Thermal; }},
+       [](auto& o) { o.method = sim::IdentificationOptions::Method::Thermal; }},
       reported({"readings of all zero",
                 "readings",
                 {{"laser.csv", with_column("reading", times(0.0))}},

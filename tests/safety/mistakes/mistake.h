@@ -32,7 +32,7 @@ enum class Command {
 };
 
 /// Options of `identify` that differ from those of the program.
-using OptionsChange = std::function<void(sim::IdentifyOptions&)>;
+using OptionsChange = std::function<void(sim::IdentificationOptions&)>;
 
 /// Inputs that are right: nothing is said of them.
 struct Base {
