@@ -11,7 +11,7 @@
 #include <Eigen/Geometry>
 
 #include "errors/element.h"
-#include "kinematics/jacobian.h"
+#include "kinematics/inverse_kinematics.h"
 #include "kinematics/units.h"
 
 namespace abbe::errors {

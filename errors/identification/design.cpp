@@ -12,7 +12,7 @@
 #include "errors/geometric.h"
 #include "errors/metrology/readings.h"
 #include "kinematics/decompositions.h"
-#include "kinematics/jacobian.h"
+#include "kinematics/inverse_kinematics.h"
 #include "kinematics/units.h"
 
 namespace abbe::errors::identification {

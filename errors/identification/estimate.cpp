@@ -10,8 +10,8 @@
 
 #include "errors/element.h"
 #include "errors/identification/design.h"
-#include "errors/identification/factor.h"
 #include "errors/identification/model.h"
+#include "errors/identification/regression.h"
 #include "errors/metrology/reading_diagnostics.h"
 #include "kinematics/units.h"
 

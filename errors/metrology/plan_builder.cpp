@@ -8,7 +8,7 @@
 #include <fmt/format.h>
 
 #include "kinematics/decompositions.h"
-#include "kinematics/jacobian.h"
+#include "kinematics/inverse_kinematics.h"
 #include "kinematics/units.h"
 
 namespace abbe::errors::metrology {

@@ -8,7 +8,7 @@
 #include <fmt/format.h>
 
 #include "errors/metrology/instrument.h"
-#include "kinematics/jacobian.h"
+#include "kinematics/inverse_kinematics.h"
 #include "kinematics/units.h"
 
 namespace abbe::errors::metrology {

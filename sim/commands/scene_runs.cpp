@@ -14,7 +14,7 @@
 #include "sim/cut/process.h"
 #include "sim/cut/run_estimate.h"
 #include "sim/files/output.h"
-#include "sim/files/parallel_tasks.h"
+#include "sim/files/progress.h"
 #include "sim/loop/compensate.h"
 #include "sim/measure/measure.h"
 #include "sim/report/case_page.h"

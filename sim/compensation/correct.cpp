@@ -9,7 +9,7 @@
 #include <Eigen/Geometry>
 
 #include "kinematics/decompositions.h"
-#include "kinematics/jacobian.h"
+#include "kinematics/inverse_kinematics.h"
 
 namespace abbe::sim::compensation {
 namespace {

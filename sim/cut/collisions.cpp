@@ -15,10 +15,10 @@
 #include "kinematics/units.h"
 #include "sim/cut/bodies.h"
 #include "sim/cut/collision_events.h"
-#include "sim/cut/resources.h"
 #include "sim/cut/stock_replay.h"
 #include "sim/cut/tool_motion.h"
 #include "sim/cut/tool_poses.h"
+#include "sim/files/progress.h"
 
 namespace abbe::sim {
 namespace {

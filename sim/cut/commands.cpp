@@ -8,7 +8,6 @@
 #include "kinematics/bad_input.h"
 #include "kinematics/decompositions.h"
 #include "kinematics/inverse_kinematics.h"
-#include "kinematics/jacobian.h"
 
 namespace abbe::sim {
 

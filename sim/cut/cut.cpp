@@ -16,10 +16,10 @@
 #include "sim/cut/judged_surface.h"
 #include "sim/cut/process.h"
 #include "sim/cut/process_simulation.h"
-#include "sim/cut/resources.h"
 #include "sim/cut/sweep.h"
 #include "sim/cut/tool_motion.h"
 #include "sim/cut/tool_poses.h"
+#include "sim/files/progress.h"
 
 namespace abbe::sim {
 namespace {

@@ -8,7 +8,7 @@
 #include <fmt/format.h>
 
 #include "errors/geometric.h"
-#include "kinematics/jacobian.h"
+#include "kinematics/inverse_kinematics.h"
 #include "kinematics/text.h"
 #include "kinematics/units.h"
 #include "sim/cut/process.h"

@@ -18,9 +18,9 @@
 #include "cutting/surface/machined_surface.h"
 #include "kinematics/units.h"
 #include "sim/cut/part.h"
-#include "sim/cut/resources.h"
 #include "sim/cut/scene_checks.h"
 #include "sim/cut/sweep.h"
+#include "sim/files/progress.h"
 
 namespace abbe::sim {
 

@@ -16,11 +16,11 @@
 #include "kinematics/units.h"
 #include "sim/cut/idle_machine.h"
 #include "sim/cut/process.h"
-#include "sim/cut/resources.h"
 #include "sim/dialects/read_program.h"
+#include "sim/files/progress.h"
 #include "sim/machine/truth.h"
 #include "sim/program/generators.h"
-#include "sim/program/pvt.h"
+#include "sim/program/program_writers.h"
 #include "sim/scene/scene.h"
 
 namespace abbe::sim {

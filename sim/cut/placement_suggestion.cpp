@@ -8,7 +8,7 @@
 #include <Eigen/Eigenvalues>
 
 #include "kinematics/decompositions.h"
-#include "kinematics/jacobian.h"
+#include "kinematics/inverse_kinematics.h"
 #include "kinematics/units.h"
 #include "sim/cut/part.h"
 #include "sim/cut/tool_motion.h"

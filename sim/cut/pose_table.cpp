@@ -11,7 +11,7 @@
 #include <fmt/format.h>
 #include <tbb/parallel_for.h>
 
-#include "kinematics/jacobian.h"
+#include "kinematics/inverse_kinematics.h"
 #include "kinematics/text.h"
 #include "kinematics/units.h"
 #include "sim/cut/idle_machine.h"

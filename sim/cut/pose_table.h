@@ -18,7 +18,7 @@
 /// work space.
 namespace abbe::sim {
 
-/// Derivatives of the nominal pose, defined in kinematics/jacobian.h.
+/// Derivatives of the nominal pose, defined in kinematics/inverse_kinematics.h.
 enum class PoseJacobian {
   Axis,      ///< by axis positions: dx_dX ... dc_dX, [tip mm | rotation rad] per mm or rad
   Motion,    ///< by error motions: dx_dEXX ... dc_dECA

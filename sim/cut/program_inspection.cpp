@@ -19,7 +19,6 @@
 #include "sim/machine/truth.h"
 #include "sim/program/block_motion.h"
 #include "sim/program/program_writers.h"
-#include "sim/program/pvt.h"
 #include "sim/program/rewrite.h"
 #include "sim/scene/fields.h"
 #include "sim/scene/library.h"

@@ -8,7 +8,7 @@
 #include "cutting/stock/body.h"
 #include "kinematics/units.h"
 #include "sim/cut/part.h"
-#include "sim/cut/resources.h"
+#include "sim/files/progress.h"
 #include "sim/machine/machine.h"
 #include "sim/program/path.h"
 #include "sim/program/path_meter.h"

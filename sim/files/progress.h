@@ -2,6 +2,7 @@
 
 #include <chrono>
 #include <condition_variable>
+#include <cstddef>
 #include <functional>
 #include <map>
 #include <mutex>
@@ -125,5 +126,51 @@ class ProgressLine {
 
 /// Returns a function that reports to a line, which must outlive it.
 Progress to(ProgressLine& line);
+
+// Parallel tasks with a common progress line.
+
+/// A unit of work that can run beside others.
+struct Task {
+  std::string name;  ///< part of the plan of the progress line
+  std::function<void(const Progress& progress)> work;
+  double seconds = 0.0;  ///< rough prediction
+};
+
+/// Runs independent tasks, at most `max_parallel` at a time. The first task starts first; the
+/// others follow from the longest to the shortest. The progress line shows the first task that is
+/// not finished, as if the tasks ran one after the other; remarks of all tasks are shown at once.
+/// If a task throws, the tasks after it stop at their next report. Uses only threads that the
+/// process already has.
+/// @throws the exception of the first task that failed, after all tasks have ended
+void run_tasks(const std::vector<Task>& tasks, int max_parallel, ProgressLine& line);
+
+// Memory limits of the process, and a stopwatch.
+
+/// A stopwatch that starts with its construction.
+class Stopwatch {
+ public:
+  /// Returns the seconds since the construction or the last lap.
+  double lap() {
+    const auto now = std::chrono::steady_clock::now();
+    const double seconds = std::chrono::duration<double>(now - last_).count();
+    last_ = now;
+    return seconds;
+  }
+
+ private:
+  std::chrono::steady_clock::time_point last_ = std::chrono::steady_clock::now();
+};
+
+/// Returns the memory that a computation may use, bytes: that of the computer, or the limit of the
+/// process.
+double memory_bytes();
+
+/// Returns the memory that the moves of a program may use, bytes: a third of the total; the rest is
+/// for samples.
+std::size_t max_move_bytes();
+
+/// Sets the memory that computations may use, whatever the computer has. Computations that would
+/// need more are then input errors before they begin.
+void limit_memory(double bytes);
 
 }  // namespace abbe::sim

@@ -6,8 +6,8 @@
 
 #include "sim/cut/part.h"
 #include "sim/cut/process_simulation.h"
-#include "sim/cut/resources.h"
 #include "sim/cut/tool_motion.h"
+#include "sim/files/progress.h"
 #include "sim/loop/correctors.h"
 #include "sim/measure/measure.h"
 #include "sim/scene/read_scene.h"

@@ -8,10 +8,9 @@
 #include <tbb/parallel_for.h>
 
 #include "kinematics/inverse_kinematics.h"
-#include "kinematics/jacobian.h"
 #include "sim/compensation/channels.h"
 #include "sim/cut/commands.h"
-#include "sim/program/pvt.h"
+#include "sim/program/program_writers.h"
 #include "sim/program/rewrite.h"
 
 namespace abbe::sim {

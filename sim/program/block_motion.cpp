@@ -9,7 +9,6 @@
 
 #include "kinematics/bad_input.h"
 #include "kinematics/inverse_kinematics.h"
-#include "kinematics/jacobian.h"
 #include "kinematics/text.h"
 #include "kinematics/units.h"
 

@@ -10,7 +10,6 @@
 
 #include "kinematics/units.h"
 #include "sim/program/program_writers.h"
-#include "sim/program/pvt.h"
 
 namespace abbe::sim::program {
 

@@ -6,7 +6,7 @@
 #include <fmt/format.h>
 
 #include "sim/program/generators.h"
-#include "sim/program/pvt.h"
+#include "sim/program/program_writers.h"
 
 namespace abbe::sim::program {
 

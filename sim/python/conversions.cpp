@@ -8,7 +8,7 @@
 #include <pybind11/stl.h>
 #include <nlohmann/json.hpp>
 
-#include "sim/compensation/plug_in_protocol.h"
+#include "sim/compensation/plug_in.h"
 #include "sim/cut/collision_events.h"
 #include "sim/files/output.h"
 #include "sim/scene/cases.h"

@@ -9,8 +9,8 @@
 #include "cutting/stock/stock.h"
 #include "cutting/stock/stock_mesh.h"
 #include "kinematics/units.h"
-#include "sim/cut/resources.h"
 #include "sim/files/json_files.h"
+#include "sim/files/progress.h"
 #include "sim/report/map_formats.h"
 
 namespace abbe::sim {

@@ -7,7 +7,7 @@
 #include <vector>
 
 #include "sim/compensation/correct.h"
-#include "sim/compensation/plug_in_protocol.h"
+#include "sim/compensation/plug_in.h"
 #include "sim/scene/document.h"
 #include "sim/scene/table_reader.h"
 #include "sim/scene/toml.h"

@@ -167,7 +167,7 @@ class RowsByAnalysis {
     const auto before = [](const Row& row, std::uint64_t index) { return row.index < index; };
     for (auto row = std::lower_bound(rows_.begin(), rows_.end(), block.first, before);
          row != rows_.end() && row->index < block.first + block.count; ++row)
-      values[Index(row->index - block.first)] = row->answers[column];
+      values[Index(row->index - block.first)] = row->response_values[column];
     return values;
   }
 

@@ -18,7 +18,7 @@
 #include "errors/coefficients.h"
 #include "errors/geometric.h"
 #include "errors/identification/model.h"
-#include "kinematics/jacobian.h"
+#include "kinematics/inverse_kinematics.h"
 #include "kinematics/units.h"
 #include "sim/cut/tool_poses.h"
 #include "sim/machine/run_out.h"

@@ -21,7 +21,7 @@
 #include "sim/scene/toml.h"
 #include "sim/scene/trust.h"
 #include "sim/study/case_plan.h"
-#include "sim/study/histories.h"
+#include "sim/study/configuration.h"
 #include "sim/study/study.h"
 #include "sim/study/study_fields.h"
 #include "sim/study/study_inputs.h"

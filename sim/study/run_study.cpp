@@ -14,7 +14,7 @@
 #include "sim/files/progress.h"
 #include "sim/scene/table_reader.h"
 #include "sim/study/budget_analysis.h"
-#include "sim/study/histories.h"
+#include "sim/study/configuration.h"
 #include "sim/study/study_results.h"
 #include "sim/study/study_text.h"
 

@@ -9,7 +9,7 @@
 #include "sim/files/output.h"
 #include "sim/report/case_page.h"
 #include "sim/study/case_plan.h"
-#include "sim/study/histories.h"
+#include "sim/study/configuration.h"
 
 namespace abbe::sim::study {
 

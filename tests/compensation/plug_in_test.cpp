@@ -12,7 +12,7 @@
 #include <nlohmann/json.hpp>
 
 #include "sim/compensation/child_process.h"
-#include "sim/compensation/plug_in_protocol.h"
+#include "sim/compensation/plug_in.h"
 #include "tests/compensation/plug_ins.h"
 
 namespace abbe::sim::compensation {
@@ -453,8 +453,6 @@ const abbe_compensator_v1 abbe_compensator = {
 TEST_F(PlugIns, ASharedLibraryIsToldWhatAProgramIs) {
   const fs::path file = library(R"(
 #include <math.h>
-#include <stdio.h>
-#include <string.h>
 static const abbe_task* kept;
 static int32_t open_it(void** self, const abbe_task* task, char* error) {
   (void)error;

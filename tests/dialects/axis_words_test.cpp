@@ -13,7 +13,6 @@
 #include <string>
 #include <vector>
 
-#include "sim/dialects/front_ends.h"
 #include "sim/dialects/read_program.h"
 #include "tests/dialects/lathe.h"
 

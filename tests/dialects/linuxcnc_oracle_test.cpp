@@ -10,7 +10,6 @@
 #include <regex>
 #include <set>
 
-#include "sim/dialects/front_ends.h"
 #include "sim/dialects/read_options.h"
 #include "sim/dialects/read_program.h"
 #include "tests/dialects/linuxcnc_interpreter.h"

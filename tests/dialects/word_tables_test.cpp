@@ -6,7 +6,7 @@
 #include <set>
 #include <sstream>
 
-#include "sim/dialects/front_ends.h"
+#include "sim/dialects/read_program.h"
 
 /// The tables of words in the document are those of the front ends. ABBE_WRITE_WORDS=1 writes them.
 namespace abbe::sim::dialects {

@@ -1,4 +1,4 @@
-#include "sim/program/pvt.h"
+#include "sim/program/program_writers.h"
 #include "tests/fuzz/reader.h"
 #include "tests/program/machines.h"
 

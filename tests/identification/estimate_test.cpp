@@ -10,8 +10,8 @@
 #include <gtest/gtest.h>
 
 #include "errors/identification/design.h"
-#include "errors/identification/factor.h"
 #include "errors/identification/model.h"
+#include "errors/identification/regression.h"
 #include "tests/identification/measured.h"
 
 namespace abbe::errors::identification {

@@ -1,4 +1,4 @@
-#include "kinematics/jacobian.h"
+#include "kinematics/inverse_kinematics.h"
 
 #include <algorithm>
 #include <functional>

@@ -7,7 +7,7 @@
 
 #include "kinematics/bad_input.h"
 #include "machines.h"
-#include "sim/program/pvt.h"
+#include "sim/program/program_writers.h"
 
 namespace abbe::sim::program {
 namespace {

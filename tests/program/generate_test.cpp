@@ -5,7 +5,7 @@
 #include <iostream>
 
 #include "machines.h"
-#include "sim/program/pvt.h"
+#include "sim/program/program_writers.h"
 
 namespace abbe::sim::program {
 namespace {

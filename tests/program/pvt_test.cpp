@@ -1,4 +1,4 @@
-#include "sim/program/pvt.h"
+#include "sim/program/program_writers.h"
 
 #include <gtest/gtest.h>
 

@@ -10,7 +10,7 @@
 #include <set>
 
 #include "machines.h"
-#include "sim/program/pvt.h"
+#include "sim/program/program_writers.h"
 
 namespace abbe::sim::program {
 namespace {

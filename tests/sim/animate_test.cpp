@@ -14,8 +14,8 @@
 
 #include "sim/cut/bodies.h"
 #include "sim/cut/cut.h"
-#include "sim/report/film_files.h"
 #include "sim/report/program_film.h"
+#include "sim/report/result_files.h"
 #include "tests/safety/program_run.h"
 #include "tests/sim/small_scene.h"
 

@@ -11,7 +11,7 @@
 
 #include "kinematics/units.h"
 #include "sim/cut/part.h"
-#include "sim/program/pvt.h"
+#include "sim/program/program_writers.h"
 #include "sim/report/verdict.h"
 #include "sim/scene/read_scene.h"
 #include "tests/sim/small_scene.h"

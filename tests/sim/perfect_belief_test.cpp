@@ -13,7 +13,7 @@
 #include <gtest/gtest.h>
 #include <Eigen/Geometry>
 
-#include "kinematics/jacobian.h"
+#include "kinematics/inverse_kinematics.h"
 #include "kinematics/pose.h"
 #include "kinematics/units.h"
 #include "sim/cut/tool_motion.h"

@@ -6,7 +6,7 @@
 #include <gtest/gtest.h>
 #include <nlohmann/json.hpp>
 
-#include "kinematics/jacobian.h"
+#include "kinematics/inverse_kinematics.h"
 #include "kinematics/units.h"
 #include "sim/cut/pose_table.h"
 #include "sim/report/pose_report.h"

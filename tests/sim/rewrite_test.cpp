@@ -13,7 +13,7 @@
 #include "sim/cut/part.h"
 #include "sim/files/output.h"
 #include "sim/loop/correction_channels.h"
-#include "sim/program/pvt.h"
+#include "sim/program/program_writers.h"
 #include "sim/scene/read_scene.h"
 #include "tests/sim/refusal.h"
 #include "tests/sim/small_scene.h"

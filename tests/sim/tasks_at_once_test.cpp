@@ -1,4 +1,4 @@
-#include "sim/files/parallel_tasks.h"
+#include "sim/files/progress.h"
 
 #include <atomic>
 #include <chrono>

@@ -1,7 +1,7 @@
 // Days of a small gantry of two warm things, spindle box and Z screw: what a day taught holds where
 // it saw what warms, and nowhere else; drifts are those of a closed form.
 
-#include "sim/study/histories.h"
+#include "sim/study/configuration.h"
 
 #include <algorithm>
 #include <cmath>

@@ -1,7 +1,7 @@
 #include <vector>
 
 #include "sim/dialects/fanuc/block.h"
-#include "sim/dialects/front_ends.h"
+#include "sim/dialects/read_program.h"
 
 namespace abbe::sim::dialects {
 

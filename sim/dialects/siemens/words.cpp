@@ -3,7 +3,7 @@
 #include <vector>
 
 #include "sim/dialects/cursor.h"
-#include "sim/dialects/front_ends.h"
+#include "sim/dialects/read_program.h"
 #include "sim/dialects/siemens/block.h"
 
 namespace abbe::sim::dialects {
