@@ -65,7 +65,7 @@ int run(int repetitions) {
       Estimate found;
       const double estimating = best_s(repetitions, [&] { found = estimate(model, readings); });
       const double choosing =
-          best_s(1, [&] { (void)choose_orders(readings, options, {.most = order}); });
+          best_s(1, [&] { (void)choose_orders(readings, options, {.max_order = order}); });
       const auto numbers = double(found.names.size());
       fmt::print("{:>8} {:>6} {:>9} {:>9} {:>16.2f} {:>12.3f} {:>16.1f} {:>12.3f}\n", targets,
                  order, count, found.names.size(), 1e6 * measuring / double(count), estimating,

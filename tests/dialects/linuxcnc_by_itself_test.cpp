@@ -91,7 +91,7 @@ double distance_of(const Path& a, const Block& p, const Path& b, const Block& q)
   if (p.interpolation != Interpolation::Arc) return off;
   const program::Arc &arc = a.arcs[p.shape], &other = b.arcs[q.shape];
   if (arc.first != other.first || arc.second != other.second ||
-      (arc.turned < 0) != (other.turned < 0))
+      (arc.sweep < 0) != (other.sweep < 0))
     return another;
   // the centre of half a turn by its R is as good as the root of the last digit
   const double far = (arc.centre - other.centre).norm() * 1000 / size;
