@@ -512,7 +512,7 @@ std::optional<Vector3d> nearest_border_point(const BorderChord& chord) {
 Design refine_round_borders(const Design& design, const std::vector<AnalyticPatch>& faces,
                             double max_deviation) {
   require(std::isfinite(max_deviation) && max_deviation > 0.0,
-          "with_round_borders: off must be positive");
+          "refine_round_borders: max_deviation must be positive");
   constexpr int max_halvings = 8;  // these divide a chord of 30 degrees into chords of about 0.1
   if (design.face.empty()) return design;
   std::vector<BorderEdge> pending = face_borders(design);

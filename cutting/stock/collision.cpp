@@ -731,7 +731,7 @@ Approach approach(const Body& a, const Body& b, const kinematics::Screw& b_in_a,
 std::optional<double> first_time_within(const Body& a, const Body& b,
                                         const kinematics::Screw& b_in_a, double distance,
                                         double tolerance) {
-  require(tolerance > 0.0, "comes_within: the tolerance must be positive");
+  require(tolerance > 0.0, "first_time_within: the tolerance must be positive");
   const double speed = kinematics::max_speed(b_in_a, b.centre, b.radius);
   for (double u = 0.0;;) {
     const GapOptions gap_options{0.0, speed * (1.0 - u) + distance + 2.0 * tolerance};

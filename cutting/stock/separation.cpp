@@ -500,7 +500,7 @@ Vector3d shortest_translation(const Overlap& overlap) {
 
 Penetration penetration(const Body& a, const Pose& T_a, const Body& b, const Pose& T_b,
                         double resolution) {
-  require(resolution > 0.0, "way_out: the resolution must be positive");
+  require(resolution > 0.0, "penetration: the resolution must be positive");
   const Overlap overlap{a, b, T_a.inverse() * T_b, 0.5 * resolution};
   const Vector3d translation = shortest_translation(overlap);
   Penetration result;

@@ -38,8 +38,8 @@ std::string next_key_part(const std::string& table, const std::string& prefix) {
 /// Returns true if a key has the name, also among keys that values enable.
 bool has_key(const std::vector<Key>& keys, const std::string& name) {
   return std::ranges::any_of(keys, [&](const Key& key) {
-    return key.name == name || std::ranges::any_of(key.choices, [&](const EnumChoice& word) {
-             return has_key(word.keys, name);
+    return key.name == name || std::ranges::any_of(key.choices, [&](const EnumChoice& choice) {
+             return has_key(choice.keys, name);
            });
   });
 }
@@ -72,7 +72,7 @@ std::vector<std::string> key_paths(const std::vector<Key>& keys, const std::stri
     std::string below = path + ".";
     if (key.kind == Key::Kind::Tables) below += table_selector(key, below, prefix);
     append(key_paths(key.keys, below, prefix));
-    for (const EnumChoice& word : key.choices) append(key_paths(word.keys, table, prefix));
+    for (const EnumChoice& choice : key.choices) append(key_paths(choice.keys, table, prefix));
   }
   return paths;
 }

@@ -81,9 +81,9 @@ std::string key_unit(const Key& key) {
 /// Returns the descriptions of the values of a key; empty if there are none.
 std::string value_descriptions(const Key& key) {
   std::string text;
-  for (const EnumChoice& word : key.choices)
-    if (!word.sentence.empty())
-      text += fmt::format("{}\"{}\": {}", text.empty() ? "" : "; ", word.word, word.sentence);
+  for (const EnumChoice& choice : key.choices)
+    if (!choice.sentence.empty())
+      text += fmt::format("{}\"{}\": {}", text.empty() ? "" : "; ", choice.word, choice.sentence);
   return text;
 }
 
@@ -108,14 +108,14 @@ bool are_equivalent(const std::vector<Key>& a, const std::vector<Key>& b) {
 /// Returns the values of a key, grouped by the keys that they enable.
 std::vector<ValueGroup> value_groups(const Key& key) {
   std::vector<ValueGroup> groups;
-  for (const EnumChoice& word : key.choices) {
+  for (const EnumChoice& choice : key.choices) {
     const auto match = std::find_if(groups.begin(), groups.end(), [&](const ValueGroup& group) {
-      return are_equivalent(group.keys, word.keys);
+      return are_equivalent(group.keys, choice.keys);
     });
     if (match == groups.end())
-      groups.push_back({{word.word}, word.keys});
+      groups.push_back({{choice.word}, choice.keys});
     else
-      match->values.push_back(word.word);
+      match->values.push_back(choice.word);
   }
   return groups;
 }
@@ -124,10 +124,10 @@ std::vector<ValueGroup> value_groups(const Key& key) {
 /// "c"` if fewer values are excluded. Empty if all values enable them.
 std::string condition_text(const Key& key, const ValueGroup& group) {
   std::vector<EnumChoice> included, excluded;
-  for (const EnumChoice& word : key.choices) {
+  for (const EnumChoice& choice : key.choices) {
     const bool is_member =
-        std::find(group.values.begin(), group.values.end(), word.word) != group.values.end();
-    (is_member ? included : excluded).push_back({word.word, "", {}});
+        std::find(group.values.begin(), group.values.end(), choice.word) != group.values.end();
+    (is_member ? included : excluded).push_back({choice.word, "", {}});
   }
   if (excluded.empty()) return "";
   return included.size() <= excluded.size() ? key.name + " = " + or_joined(included)
@@ -153,10 +153,10 @@ class RowBuilder {
     if (!descriptions.empty()) sentence += (sentence.empty() ? "" : ": ") + descriptions;
     rows.push_back({own_path, condition, key.required, key_unit(key),
                     has_value_rows ? "a word" : allowed_values(key), key.fallback, sentence});
-    for (const EnumChoice& word : key.choices)
+    for (const EnumChoice& choice : key.choices)
       if (has_value_rows)
-        rows.push_back(
-            {own_path + " = \"" + word.word + "\"", condition, false, "", "", "", word.sentence});
+        rows.push_back({own_path + " = \"" + choice.word + "\"", condition, false, "", "", "",
+                        choice.sentence});
     add(key.keys, own_path, "");
     for (const ValueGroup& group : value_groups(key))
       add(group.keys, path, condition_text(key, group));
@@ -193,9 +193,9 @@ void find_named(const std::vector<Key>& keys, const std::string& name, const Key
                 std::vector<KeyMatch>& matches) {
   for (const Key& key : keys) {
     if (has_key_name(key, name)) matches.push_back({key, table.path, table.condition});
-    for (const EnumChoice& word : key.choices)
-      find_named(word.keys, name, {{}, table.path, fmt::format("{} = \"{}\"", key.name, word.word)},
-                 matches);
+    for (const EnumChoice& choice : key.choices)
+      find_named(choice.keys, name,
+                 {{}, table.path, fmt::format("{} = \"{}\"", key.name, choice.word)}, matches);
   }
 }
 
@@ -222,9 +222,9 @@ void find_anywhere(const std::vector<Key>& keys, const std::string& name, const 
   for (const Key& key : keys) {
     if (has_key_name(key, name)) matches.push_back({key, table.path, table.condition});
     find_anywhere(key.keys, name, {{}, key_path(table.path, key.name), ""}, matches);
-    for (const EnumChoice& word : key.choices)
-      find_anywhere(word.keys, name,
-                    {{}, table.path, fmt::format("{} = \"{}\"", key.name, word.word)}, matches);
+    for (const EnumChoice& choice : key.choices)
+      find_anywhere(choice.keys, name,
+                    {{}, table.path, fmt::format("{} = \"{}\"", key.name, choice.word)}, matches);
   }
 }
 
@@ -303,9 +303,9 @@ void add_range(Json& schema, const Range& range) {
 /// Returns the schema of an enumeration with the descriptions of its values.
 Json enumeration_schema(const Key& key) {
   Json values = Json::array(), sentences = Json::array();
-  for (const EnumChoice& word : key.choices) {
-    values.push_back(word.word);
-    sentences.push_back(word.sentence);
+  for (const EnumChoice& choice : key.choices) {
+    values.push_back(choice.word);
+    sentences.push_back(choice.sentence);
   }
   // The Taplo language server shows the descriptions of the values in editors.
   return {{"enum", values}, {"x-taplo", {{"docs", {{"enumValues", sentences}}}}}};
@@ -380,8 +380,8 @@ std::vector<const Key*> all_table_keys(const std::vector<Key>& keys) {
   std::vector<const Key*> list;
   for (const Key& key : keys) {
     list.push_back(&key);
-    for (const EnumChoice& word : key.choices) {
-      const std::vector<const Key*> enabled = all_table_keys(word.keys);
+    for (const EnumChoice& choice : key.choices) {
+      const std::vector<const Key*> enabled = all_table_keys(choice.keys);
       list.insert(list.end(), enabled.begin(), enabled.end());
     }
   }
@@ -434,23 +434,23 @@ void add_requirements(Json& schema, const std::vector<Key>& keys,
       alternatives.try_emplace(key.exclusive_group, Json::array())
           .first->second.push_back(schema_presence(key));
     std::set<std::string> dependent;  // keys that some value enables
-    for (const EnumChoice& word : key.choices)
-      for (const Key* enabled : all_table_keys(word.keys))
+    for (const EnumChoice& choice : key.choices)
+      for (const Key* enabled : all_table_keys(choice.keys))
         if (enabled->pattern.empty()) dependent.insert(enabled->name);
-    for (const EnumChoice& word : key.choices) {
+    for (const EnumChoice& choice : key.choices) {
       if (dependent.empty()) break;
       std::set<std::string> allowed = shared;
       for (const Key& sibling : keys) allowed.insert(sibling.name);
-      for (const Key* enabled : all_table_keys(word.keys)) allowed.insert(enabled->name);
+      for (const Key* enabled : all_table_keys(choice.keys)) allowed.insert(enabled->name);
       // A key that only another value enables must be absent.
       Json then = Json::object();
       for (const std::string& name : dependent)
         if (!allowed.contains(name)) then["properties"][name] = false;
-      add_requirements(then, word.keys, allowed);
+      add_requirements(then, choice.keys, allowed);
       if (!then.empty())
         all_of.push_back(
             {{"if",
-              {{"properties", {{key.name, {{"const", word.word}}}}}, {"required", {key.name}}}},
+              {{"properties", {{key.name, {{"const", choice.word}}}}}, {"required", {key.name}}}},
              {"then", then}});
     }
   }

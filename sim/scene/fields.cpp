@@ -54,7 +54,7 @@ Key make_numbers_key(const KeyName& name, int size, const char* sentence) {
 
 std::set<std::string> choice_names(const Key& key) {
   std::set<std::string> choices;
-  for (const EnumChoice& word : key.choices) choices.insert(word.word);
+  for (const EnumChoice& choice : key.choices) choices.insert(choice.word);
   return choices;
 }
 
@@ -78,8 +78,8 @@ std::vector<Key> allow_other_unit(std::vector<Key> keys, const std::string& unit
       key.pattern = names.substr(1, names.size() - 2);
     }
     key.keys = allow_other_unit(std::move(key.keys), unit, other);
-    for (EnumChoice& word : key.choices)
-      word.keys = allow_other_unit(std::move(word.keys), unit, other);
+    for (EnumChoice& choice : key.choices)
+      choice.keys = allow_other_unit(std::move(choice.keys), unit, other);
   }
   return keys;
 }
@@ -100,8 +100,8 @@ namespace {
 
 /// Marks the keys of all enum values as known, so that they are not reported as unknown.
 void accept_keys(TableReader& reader, const std::vector<EnumChoice>& choices) {
-  for (const EnumChoice& word : choices)
-    for (const Key& key : word.keys) {
+  for (const EnumChoice& choice : choices)
+    for (const Key& key : choice.keys) {
       reader.accept_key(key.name);
       accept_keys(reader, key.choices);
     }
@@ -425,13 +425,13 @@ void FieldList::add_alternatives(const KeyName& name, Member member,
         if (!stated_word && reader.has(key->name)) return accept_keys(reader, key->choices);
         const std::string word = stated_word.value_or(key->choices.front().word);
         for (const AlternativeAccess& alternative : *accesses)
-          if (alternative.word.word == word) alternative.read(reader, member(target));
+          if (alternative.choice.word == word) alternative.read(reader, member(target));
       },
       [key, member, accesses](const void* source, Node::Table& table) {
         for (const AlternativeAccess& alternative : *accesses) {
           Node::Table entries;
           if (!alternative.write(const_member(member, source), entries)) continue;
-          put_value(table, key->name, alternative.word.word);
+          put_value(table, key->name, alternative.choice.word);
           return append_entries(table, std::move(entries));
         }
       });

@@ -593,8 +593,8 @@ std::vector<Key> input_group_keys() {
                "offsets, squareness and parallelism, 5 um and 15 urad of error motions (the "
                "k-th order of a curve a k-th of it), 5 um and 10 urad of the nose. What has "
                "none is left out of every figure, which a warning says");
-  for (EnumChoice& word : keys.front().choices)
-    word.keys = word.word == "covariance" ? std::vector<Key>{priors} : distribution_keys;
+  for (EnumChoice& choice : keys.front().choices)
+    choice.keys = choice.word == "covariance" ? std::vector<Key>{priors} : distribution_keys;
   return keys;
 }
 
