@@ -484,7 +484,7 @@ Exit animate(const CommonOptions& common, const AnimateArguments& arguments) {
   line.begin("prepare");
   const Job job = check_placement(prepare(scene, to(line)));
   film_interval(job.path, options);  // reports input errors before anything is cut
-  line.replan(remaining_stages(size_of(job)));
+  line.replan(remaining_stages(work_size(job)));
   line.begin(arguments.case_name);
   const CutProgram filmed = cut_for_film(job, options, to(line));
   const FilmInterval interval = film_interval(path_of(job, filmed.commands), options);

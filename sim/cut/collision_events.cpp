@@ -34,7 +34,7 @@ std::string worst_text(const Collision& event, const Collisions& result) {
   if (!event.contact)
     return fmt::format("come within {:.3g} mm {}", event.distance, worst_location_text());
   if (event.below_mesh) return "meet, less deep than the mesh of the stock shows";
-  if (event.depths == 0) return "meet, depth not looked at";
+  if (event.depth_samples == 0) return "meet, depth not looked at";
   if (event.depth <= result.resolution) return fmt::format("touch, to {:g} mm", result.resolution);
   return fmt::format("meet, {:.3g} mm deep {}", event.depth, worst_location_text());
 }

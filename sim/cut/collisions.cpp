@@ -228,7 +228,7 @@ class PartSearch {
              1;
     };
     for (std::size_t s = block_of(proximity.first); s <= block_of(proximity.last); ++s)
-      lower_clearance(s, proximity.min_clearance, int(result_.clearances.size()) + int(pair));
+      lower_clearance(s, proximity.lower_bound, int(result_.clearances.size()) + int(pair));
   }
 
   /// Lowers the clearance of a block if a pair comes nearer than the previous ones.

@@ -194,12 +194,12 @@ Contact contact_with(const TouchSurface& touch_surface, const Touch& touch, doub
     const double cosine = -touch.direction_w.dot(outward_normal(surface, candidate.triangle));
     // Rounding may put the cosine beyond 1.
     const double lean = std::acos(std::clamp(cosine, -1.0, 1.0));
-    const Contact contact{touch_surface.name, true, lean, std::sqrt(candidate.squared)};
+    const Contact contact{touch_surface.name, true, lean, std::sqrt(candidate.squared_distance)};
     if (contact.is_better_than(best_contact)) best_contact = contact;
   }
   if (best_contact.within_band) return best_contact;
   const auto nearest = surface.nearest(touch.point_w);
-  if (nearest.triangle >= 0) best_contact.distance = std::sqrt(nearest.squared);
+  if (nearest.triangle >= 0) best_contact.distance = std::sqrt(nearest.squared_distance);
   return best_contact;
 }
 

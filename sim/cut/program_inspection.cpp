@@ -346,7 +346,7 @@ void read_and_measure(const std::string& text, const program::NcOptions& control
         dialects::read_program(text, inspection.file.string(), read_options);
     if (needs_path) meter.add(result.path);
     inspection.dialect = name_of(result.dialect);
-    inspection.dialect_evidence = result.dialect_evidence;
+    inspection.dialect_evidence = result.sign;
     inspection.turning = result.turning;
     inspection.executed = result.blocks;
     inspection.skipped = std::move(result.skipped);

@@ -231,7 +231,7 @@ double cutting_bytes(const WorkSize& job, const CaseRequest& request) {
   if (request.rewritten) sample_bytes += bytes_of_sample_rewritten;
   const double case_bytes =
       sample_bytes * samples_in_memory(job) + bytes_of_vertex_cut * job.vertices;
-  return job_bytes(job) + request.at_once * case_bytes + track_bytes(job, request) +
+  return job_bytes(job) + request.max_parallel * case_bytes + track_bytes(job, request) +
          bytes_of_vertex_kept * request.kept * job.vertices;
 }
 
@@ -241,7 +241,7 @@ double sampling_bytes(const WorkSize& job) {
 
 double drawing_bytes(const WorkSize& job, const CaseRequest& request) {
   double vertex_bytes =
-      bytes_of_vertex_drawn * request.at_once + bytes_of_vertex_kept * request.kept;
+      bytes_of_vertex_drawn * request.max_parallel + bytes_of_vertex_kept * request.kept;
   double bytes = job_bytes(job) + bytes_of_pictures;
   if (request.compared) {
     vertex_bytes += bytes_of_vertex_compared * request.kept;
@@ -322,9 +322,9 @@ int cases_at_once(const std::vector<WorkSize>& jobs, CaseRequest request) {
   const double max_bytes = (1.0 - min_free_fraction) * memory_bytes();
   const auto threads =
       tbb::global_control::active_value(tbb::global_control::max_allowed_parallelism);
-  request.at_once = int(std::min(double(threads), request.kept));
-  while (request.at_once > 1 && peak_memory(jobs, request) > max_bytes) --request.at_once;
-  return std::max(request.at_once, 1);
+  request.max_parallel = int(std::min(double(threads), request.kept));
+  while (request.max_parallel > 1 && peak_memory(jobs, request) > max_bytes) --request.max_parallel;
+  return std::max(request.max_parallel, 1);
 }
 
 std::size_t max_samples_in_memory(WorkSize job, const CaseRequest& request) {

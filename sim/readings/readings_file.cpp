@@ -281,7 +281,7 @@ Joint read_joint(const Node& node, InputErrors& input_errors) {
   if (name.size() == 1)
     joint.name = name.front();
   else if (!name.empty())
-    reader.refuse("name", "one letter", quoted_excerpt(name));
+    reader.report_invalid("name", "one letter", quoted_excerpt(name));
   joint.side = reader.choice<kinematics::Side>(
       "side", {{"tool", kinematics::Side::Tool}, {"workpiece", kinematics::Side::Workpiece}});
   joint.motion = reader.choice<Motion>(
@@ -314,7 +314,7 @@ Body read_body(TableReader& reader, const std::string& key) {
 Vector3d read_unit(TableReader& reader, const std::string& key) {
   const Vector3d v = reader.vector(key);
   if (reader.has(key) && std::abs(v.norm() - 1.0) > 1e-9)
-    reader.refuse(key, "a vector of length 1", fmt::format("one of length {}", v.norm()));
+    reader.report_invalid(key, "a vector of length 1", fmt::format("one of length {}", v.norm()));
   return v;
 }
 
@@ -329,7 +329,7 @@ Channel read_channel(const Node& node, InputErrors& input_errors) {
   channel.of = read_body(reader, "of");
   channel.in = read_body(reader, "in");
   // A channel between two points of one body would always read zero.
-  if (channel.of == channel.in) reader.refuse("in", "another body than that of `of`", "the same");
+  if (channel.of == channel.in) reader.report_invalid("in", "another body than that of `of`", "the same");
   channel.point_of = reader.vector("point_of_mm");
   channel.point_in = reader.vector("point_in_mm");
   channel.direction_in = read_unit(reader, "direction");
@@ -356,7 +356,7 @@ SetUp read_set_up(const Node& node, InputErrors& input_errors) {
   set_up.set_up_s = reader.number("set_up_s", non_negative, 0.0);
   const auto channels = reader.tables("channel");
   if (channels.size() > max_channels)
-    reader.refuse("channel", fmt::format("at most {} channels", max_channels),
+    reader.report_invalid("channel", fmt::format("at most {} channels", max_channels),
                   std::to_string(channels.size()));
   else
     for (const Node* channel : channels)
@@ -413,7 +413,7 @@ ReadingsHeader read_header(std::string_view text, const std::string& file) {
   kinematics::Chain nominal = read_machine(reader);
   const auto set_ups = reader.tables("set_up");
   if (set_ups.size() > max_set_ups)
-    reader.refuse("set_up", fmt::format("at most {} set-ups", max_set_ups),
+    reader.report_invalid("set_up", fmt::format("at most {} set-ups", max_set_ups),
                   std::to_string(set_ups.size()));
   else
     for (const Node* set_up : set_ups) plan.set_ups.push_back(read_set_up(*set_up, input_errors));

@@ -296,9 +296,9 @@ ordered_json cut_json(const Description::NominalCut& cut) {
 ordered_json programs_json(const std::vector<ProgramTrust>& programs) {
   ordered_json json = ordered_json::array();
   for (const ProgramTrust& trust : programs)
-    json.push_back({{"program", trust.named.program.string()},
-                    {"file", trust.named.file.string()},
-                    {"line", trust.named.line},
+    json.push_back({{"program", trust.reference.program.string()},
+                    {"file", trust.reference.file.string()},
+                    {"line", trust.reference.line},
                     {"trusted", trust.trusted}});
   return json;
 }
@@ -439,8 +439,8 @@ std::string programs_text(const std::vector<ProgramTrust>& programs) {
   if (programs.empty()) return {};
   std::string text = "\nruns     programs that its files name; check ran none\n";
   for (const ProgramTrust& trust : programs)
-    text += fmt::format("         {}, named in {}:{}, {}\n", escaped(trust.named.program.string()),
-                        escaped(trust.named.file.string()), trust.named.line,
+    text += fmt::format("         {}, named in {}:{}, {}\n", escaped(trust.reference.program.string()),
+                        escaped(trust.reference.file.string()), trust.reference.line,
                         trust.trusted ? "trusted" : "NOT trusted: asks --trust");
   return text;
 }

@@ -185,7 +185,7 @@ Eigen::MatrixX2d outline_corners(const cutting::EdgeProfile& profile) {
   // 16 chords of a nose of 180 degrees deviate by 0.5 % of its radius.
   constexpr int chord_count = 16;
   std::vector<Eigen::Vector2d> corners;
-  for (const cutting::OutlineSegment& piece : profile.pieces) {
+  for (const cutting::OutlineSegment& piece : profile.segments) {
     if (piece.is_arc && piece.radius == 0.0) continue;
     corners.push_back(piece.from);
     for (int i = 1; piece.is_arc && i < chord_count; ++i) {
@@ -215,8 +215,8 @@ std::vector<cutting::ClosedMesh> turning_tool(const cutting::Nose& nose, double 
   const cutting::ClosedMesh plate =
       nose.profile ? cutting::extruded_mesh(outline_corners(*nose.profile), thickness)
                    : cutting::revolved_mesh(disc, 1e-3 * radius);
-  return {cutting::moved(plate, T_plate),
-          cutting::moved(cutting::box_mesh({width, width, length}), T_bar)};
+  return {cutting::transformed_mesh(plate, T_plate),
+          cutting::transformed_mesh(cutting::box_mesh({width, width, length}), T_bar)};
 }
 
 /// Returns the corners of the bounding box of points.

@@ -153,7 +153,7 @@ render::MachinePicture collision_picture(const Job& job, const Collisions& colli
     if (solid.kind == SolidBody::Kind::Part) {
       // The stock of the moment of the event is drawn, not the finished part.
       const cutting::ClosedMesh& shape = event.stock ? *event.stock : solid.mesh;
-      picture.part_vertices = cutting::moved(shape, T_b).vertices;
+      picture.part_vertices = cutting::transformed_mesh(shape, T_b).vertices;
       picture.part_triangles = shape.triangles;
       if (event.stock) picture.part_name = "stock";
       if (is_involved || event.stock) picture.part_colour = red;
@@ -222,7 +222,7 @@ render::Series contact_points(const std::vector<BlockClearance>& blocks, int pai
     if (block.pair == pair && block.min_clearance == 0.0)
       middle.push_back(0.5 * (block.place.time_s + block.end_s));
   render::Series series;
-  series.mark = render::Mark::Points;
+  series.curve_style = render::CurveStyle::Points;
   series.x = Eigen::Map<const Eigen::VectorXd>(middle.data(), Eigen::Index(middle.size()));
   series.y = Eigen::VectorXd::Zero(series.x.size());
   return series;

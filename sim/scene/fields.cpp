@@ -425,13 +425,13 @@ void FieldList::add_alternatives(const KeyName& name, Member member,
         if (!stated_word && reader.has(key->name)) return accept_keys(reader, key->choices);
         const std::string word = stated_word.value_or(key->choices.front().word);
         for (const AlternativeAccess& alternative : *accesses)
-          if (alternative.choice.word == word) alternative.read(reader, member(target));
+          if (alternative.word.word == word) alternative.read(reader, member(target));
       },
       [key, member, accesses](const void* source, Node::Table& table) {
         for (const AlternativeAccess& alternative : *accesses) {
           Node::Table entries;
           if (!alternative.write(const_member(member, source), entries)) continue;
-          put_value(table, key->name, alternative.choice.word);
+          put_value(table, key->name, alternative.word.word);
           return append_entries(table, std::move(entries));
         }
       });

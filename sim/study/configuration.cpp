@@ -120,7 +120,7 @@ LearnedBelief learn_belief(const Study& study, const std::string& day) {
 }
 
 /// Returns true if a variant changes what days could share: part, program, nominal machine.
-bool is_reshaping(const std::vector<Override>& overrides) {
+bool has_reshaping_override(const std::vector<Override>& overrides) {
   constexpr std::array ignored_keys{"compare", "instrument", "sensor_choice", "title"};
   Input input;
   for (const Override& override_value : overrides) {
@@ -139,7 +139,7 @@ class JobCache {
 
   Job prepare_day(const Scene& scene, const std::string& day) {
     const auto variant = std::ranges::find(variants_, day, &Variant::name);
-    if (variant != variants_.end() && is_reshaping(variant->set)) return prepare(scene);
+    if (variant != variants_.end() && has_reshaping_override(variant->set)) return prepare(scene);
     if (!shared_) {
       shared_ = prepare(scene);
       return *shared_;

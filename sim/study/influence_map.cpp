@@ -416,8 +416,9 @@ double edge_radius(const cutting::Nose& nose, double psi) {
 Eigen::Vector2d edge_offset(const cutting::EdgeProfile& from, const cutting::EdgeProfile& to,
                             const Vector3d& contact_t) {
   const Eigen::Vector2d point(contact_t.x(), contact_t.z());
-  const cutting::OutlineDistance from_distance = cutting::distance(from.pieces, point);
-  return (from_distance.value - cutting::distance(to.pieces, point).value) * from_distance.gradient;
+  const cutting::OutlineDistance from_distance = cutting::distance(from.segments, point);
+  return (from_distance.value - cutting::distance(to.segments, point).value) *
+         from_distance.gradient;
 }
 
 /// Returns a column of zeros.

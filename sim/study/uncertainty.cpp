@@ -93,7 +93,7 @@ UncertaintyMap uncertainty_map(const Study& study, const InfluenceMap& influence
                      settings.machines};
   const Sequence sequence{Sampling::Sobol, int(study.inputs.size()),
                           study.seed ^ uncertainty_stream};
-  const Eigen::MatrixXd x = drawn(study, points(sequence, 0, Index(settings.machines)));
+  const Eigen::MatrixXd x = draw_inputs(study, points(sequence, 0, Index(settings.machines)));
   const double tail = 0.5 * (1.0 - settings.confidence);
   const Index block_size = std::max<Index>(1, map_block_numbers / x.cols());
   tbb::parallel_for(Index(0), (n + block_size - 1) / block_size, [&](Index block) {
@@ -164,7 +164,7 @@ struct Machines {
 
   /// Returns the deviations of machines from the centres of the inputs. (inputs x number)
   Eigen::MatrixXd deviations(std::uint64_t first, Index number) const {
-    return drawn(study, points(sequence, first, number)).colwise() - centre(study);
+    return draw_inputs(study, points(sequence, first, number)).colwise() - centre(study);
   }
   /// Returns the inputs of machines whose deviations are multiplied by factors. (inputs x number)
   Eigen::MatrixXd scaled(const VectorXd& factors, const Eigen::MatrixXd& deviations) const {

@@ -177,7 +177,7 @@ TEST(Recognised, BetweenTheVerticesItIsTheSurface) {
     double off = 0.0;
     for (const auto& t : placed.triangles.rowwise()) {
       std::array<Contact, 3> corners;
-      for (int k = 0; k < 3; ++k) corners[std::size_t(k)] = place_of(placed, t[k]);
+      for (int k = 0; k < 3; ++k) corners[std::size_t(k)] = vertex_contact(placed, t[k]);
       const Contact at = on(corners, std::array{0.5, 0.2, 0.3});
       const Vector3d p = back * at.point;
       const Contact exact = nearest(one.primitive, p, back.linear() * at.normal);

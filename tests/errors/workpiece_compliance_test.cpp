@@ -296,17 +296,17 @@ TEST(WorkpieceField, CoverageReportsAFieldOfAnotherMesh) {
   std::mt19937 random(8);
   const WorkpieceField field = some_field(5000, random);
   Points same = field.points_w;
-  EXPECT_EQ(coverage(field, same), 0.0);
+  EXPECT_EQ(max_node_distance(field, same), 0.0);
   same.col(2).array() += 0.25;
-  EXPECT_LE(coverage(field, same), 0.25 + 1e-12);
+  EXPECT_LE(max_node_distance(field, same), 0.25 + 1e-12);
   Points inches = field.points_w * 25.4;
-  EXPECT_GT(coverage(field, inches), 1000.0);
+  EXPECT_GT(max_node_distance(field, inches), 1000.0);
   Points apart(2, 3);
   apart << 1, 1, 0, 100, 60, 305;  // the sheet lies below 6.1
-  const double far = coverage(field, apart);
+  const double far = max_node_distance(field, apart);
   EXPECT_GT(far, 298.0);
   EXPECT_LT(far, 311.0);
-  EXPECT_EQ(coverage(field, Points(0, 3)), 0.0);
+  EXPECT_EQ(max_node_distance(field, Points(0, 3)), 0.0);
 }
 
 TEST(WorkpieceField, RefusesANodeByItsNumber) {

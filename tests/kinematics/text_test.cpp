@@ -79,30 +79,30 @@ TEST(Text, TheFirstSeparatorOfAPreferenceParts) {
 }
 
 TEST(Text, CellsKeepTheirColumnAndLoseTheirBlanks) {
-  const auto cells = cells_of(" a ,\tb\t, c d ", ',', 10);
+  const auto cells = split_cells(" a ,\tb\t, c d ", ',', 10);
   EXPECT_EQ(texts(cells), (Words{"a", "b", "c d"}));
   EXPECT_EQ(columns(cells), (Columns{2, 6, 10}));
 }
 
 TEST(Text, EmptyCellsCountBetweenSeparatorsAndNotBetweenBlanks) {
-  EXPECT_EQ(texts(cells_of("", ',', 10)), Words{""});
-  EXPECT_EQ(texts(cells_of(",", ',', 10)), (Words{"", ""}));
-  EXPECT_EQ(texts(cells_of("1,", ',', 10)), (Words{"1", ""}));
-  EXPECT_EQ(texts(cells_of(",,1", ',', 10)), (Words{"", "", "1"}));
-  EXPECT_EQ(texts(cells_of("", ' ', 10)), Words{});
-  EXPECT_EQ(texts(cells_of(" \t ", ' ', 10)), Words{});
-  const auto cells = cells_of("  1 \t 2  ", ' ', 10);
+  EXPECT_EQ(texts(split_cells("", ',', 10)), Words{""});
+  EXPECT_EQ(texts(split_cells(",", ',', 10)), (Words{"", ""}));
+  EXPECT_EQ(texts(split_cells("1,", ',', 10)), (Words{"1", ""}));
+  EXPECT_EQ(texts(split_cells(",,1", ',', 10)), (Words{"", "", "1"}));
+  EXPECT_EQ(texts(split_cells("", ' ', 10)), Words{});
+  EXPECT_EQ(texts(split_cells(" \t ", ' ', 10)), Words{});
+  const auto cells = split_cells("  1 \t 2  ", ' ', 10);
   EXPECT_EQ(texts(cells), (Words{"1", "2"}));
   EXPECT_EQ(columns(cells), (Columns{3, 7}));
 }
 
 TEST(Text, ALineOfNothingButSeparatorsCostsNoMoreThanOneCellBeyondTheMost) {
-  EXPECT_EQ(cells_of("1,2,3", ',', 3).size(), 3u);
-  EXPECT_EQ(cells_of("1,2,3,4,5", ',', 3).size(), 4u);
-  EXPECT_EQ(cells_of("1", ',', 0).size(), 1u);
+  EXPECT_EQ(split_cells("1,2,3", ',', 3).size(), 3u);
+  EXPECT_EQ(split_cells("1,2,3,4,5", ',', 3).size(), 4u);
+  EXPECT_EQ(split_cells("1", ',', 0).size(), 1u);
   const std::string long_line(20'000'000, ',');
   const auto start = std::chrono::steady_clock::now();
-  EXPECT_EQ(cells_of(long_line, ',', 8).size(), 9u);
+  EXPECT_EQ(split_cells(long_line, ',', 8).size(), 9u);
   const std::chrono::duration<double> took = std::chrono::steady_clock::now() - start;
   std::cout << "20 MB of commas: " << took.count() * 1e3 << " ms\n";
   EXPECT_LT(took.count(), 0.1);
@@ -146,7 +146,7 @@ TEST(Text, AnyBytesArePartedWithoutLossOfALetter) {
     std::size_t read = 0;
     for (const std::string& line : lines_of(text)) {
       const char separator = cell_separator(line);
-      for (const Cell& cell : cells_of(line, separator, 100)) {
+      for (const Cell& cell : split_cells(line, separator, 100)) {
         ASSERT_GE(cell.column, 1);
         ASSERT_EQ(line.substr(std::size_t(cell.column) - 1, cell.text.size()), cell.text);
         ASSERT_EQ(cell.text.find(separator == ' ' ? '\t' : separator), std::string_view::npos);

@@ -39,7 +39,7 @@ cutting::ClosedMesh plate_with_wall() {
   outline << -50, 0, 50, 0, 50, 60, 30, 60, 30, 20, -50, 20;
   kinematics::Pose T = kinematics::Pose::Identity();
   T.linear() << 1, 0, 0, 0, 0, -1, 0, 1, 0;
-  return cutting::moved(cutting::extruded_mesh(outline, 60.0), T);
+  return cutting::transformed_mesh(cutting::extruded_mesh(outline, 60.0), T);
 }
 
 /// What a planted crash changes.

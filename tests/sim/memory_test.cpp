@@ -63,7 +63,7 @@ double estimate_of(const MeasuredMemory& one) {
   asked.pictures = ABBE_RENDER != 0;
   const std::vector<WorkSize> sizes{work_size(sampled(prepare(scene)))};
   const tbb::global_control two(tbb::global_control::max_allowed_parallelism, 2);
-  if (compares) asked.at_once = cases_at_once(sizes, asked);
+  if (compares) asked.max_parallel = cases_at_once(sizes, asked);
   return peak_memory(sizes, asked);
 }
 
@@ -197,7 +197,7 @@ TEST(Memory, GrowsWithAllThatIsAsked) {
   in_stock.stock = true;
   const double plain = peak_memory({long_program}, one);
   EXPECT_GT(peak_memory({in_stock}, one), plain);
-  EXPECT_GT(peak_memory({long_program}, {.at_once = 2}), plain);
+  EXPECT_GT(peak_memory({long_program}, {.max_parallel = 2}), plain);
   EXPECT_GT(peak_memory({long_program}, {.compensated_commands = true}), plain);
   EXPECT_GT(peak_memory({long_program}, {.compensated_commands = true, .rewritten = true}),
             peak_memory({long_program}, {.compensated_commands = true}));
@@ -218,8 +218,8 @@ TEST(Memory, CasesAreCutAtOnceWhereThatLeavesRoom) {
   const CaseRequest many{.kept = 100.0, .compensated_commands = true};
   for (WorkSize job = small; job.samples < huge.samples; job.samples *= 1.3) {
     CaseRequest asked = many;
-    asked.at_once = cases_at_once({job}, many);
-    if (asked.at_once > 1) {
+    asked.max_parallel = cases_at_once({job}, many);
+    if (asked.max_parallel > 1) {
       EXPECT_LE(peak_memory({job}, asked), 0.67 * memory_bytes());
     }
   }

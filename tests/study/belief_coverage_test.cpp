@@ -170,7 +170,7 @@ Trial trial_of(const Campaign& campaign, std::uint64_t seed, const std::string& 
   const InfluenceMap influence = influence_map(study, ready);
   constexpr Index machines = 1000;
   const Eigen::MatrixXd x =
-      drawn(study, points({Sampling::Sobol, int(study.inputs.size()), seed}, 0, machines));
+      draw_inputs(study, points({Sampling::Sobol, int(study.inputs.size()), seed}, 0, machines));
   const Eigen::MatrixXd figures = responses(study, ready, influence, x);
   const Eigen::MatrixXd all = maps(influence, x);
   const Job job = check_placement(prepare(scene));
