@@ -291,9 +291,12 @@ Exit print_completions(const std::vector<Command>& commands,
   if (current == 0 || current > arguments.size())
     throw BadUsage("__complete", "expected the index of a word and the words of a line");
   const Completions all = completions(commands, arguments.subspan(1), current - 1);
+  // Control characters of arguments are escaped, so the tab stands in the format.
   for (const Candidate& candidate : all.candidates)
-    print("{}{}{}\n", candidate.text, candidate.description.empty() ? "" : "\t",
-          candidate.description);
+    if (candidate.description.empty())
+      print("{}\n", candidate.text);
+    else
+      print("{}\t{}\n", candidate.text, candidate.description);
   if (all.has_files) print(":files {}\n", all.file_prefix);
   return Exit::Ok;
 }

@@ -27,7 +27,7 @@ kinematics::Chain gantry() {
                            home, home);
 }
 
-Shape tabulated(Between between) {
+Shape tabulated(TableInterpolation between) {
   VectorXd q(41), y(41);
   for (int i = 0; i < 41; ++i) {
     q[i] = -400 + 20 * i;
@@ -66,8 +66,8 @@ void run(benchmark::State& bench, const Shape& motion) {
   }
 }
 
-void linear_tables(benchmark::State& bench) { run(bench, tabulated(Between::Linear)); }
-void spline_tables(benchmark::State& bench) { run(bench, tabulated(Between::Spline)); }
+void linear_tables(benchmark::State& bench) { run(bench, tabulated(TableInterpolation::Linear)); }
+void spline_tables(benchmark::State& bench) { run(bench, tabulated(TableInterpolation::Spline)); }
 void polynomials(benchmark::State& bench) { run(bench, polynomial()); }
 void screw_pitches(benchmark::State& bench) { run(bench, fourier()); }
 void chance(benchmark::State& bench) { run(bench, Repeatability{1e-3, 1}); }

@@ -159,13 +159,13 @@ TEST(FaceColours, EveryEightBitColourIsFoundHoweverItWasCutOrRounded) {
 }
 
 TEST(FaceColours, TextIsSixDigitsAndNothingElse) {
-  EXPECT_EQ(colour_of("#ff8000"), (Rgb{255, 128, 0}));
-  EXPECT_EQ(colour_of("#Ff80aA"), (Rgb{255, 128, 170}));
+  EXPECT_EQ(parse_hex_colour("#ff8000"), (Rgb{255, 128, 0}));
+  EXPECT_EQ(parse_hex_colour("#Ff80aA"), (Rgb{255, 128, 170}));
   for (const char* text : {"", "#", "ff8000", "#ff800", "#ff80000", "#gg8000", "#+f8000", "#-18000",
                            "# f8000", "#ff80 0", "#0x8000"})
-    EXPECT_FALSE(colour_of(text)) << text;
+    EXPECT_FALSE(parse_hex_colour(text)) << text;
   for (int v = 0; v < 256; ++v)
-    EXPECT_EQ(colour_of(hex_text({v, 255 - v, v / 2})), (Rgb{v, 255 - v, v / 2}));
+    EXPECT_EQ(parse_hex_colour(hex_text({v, 255 - v, v / 2})), (Rgb{v, 255 - v, v / 2}));
 }
 
 TEST(FaceColours, FiveBitsAreSpreadOverEight) {

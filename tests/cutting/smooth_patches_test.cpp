@@ -112,7 +112,7 @@ TEST(SmoothPatches, TheMarginAtSharpEdgesIsLeftOut) {
   EXPECT_THROW(exclude_near_edges(split, sharp_edges(split), std::nan("")), std::invalid_argument);
 }
 
-TEST(Nearest, GivesBackThePointFromWhichItWasMoved) {
+TEST(NearestPoint, GivesBackThePointFromWhichItWasMoved) {
   const RevolvedProfile profile{{{{0.0, 0.0}, {10.0, -2.0}, 40.0},
                                  {{10.0, -2.0}, {14.0, -2.0}, 0.0},
                                  {{14.0, -2.0}, {18.0, -4.0}, -6.0}}};
@@ -139,7 +139,7 @@ TEST(Nearest, GivesBackThePointFromWhichItWasMoved) {
   }
 }
 
-TEST(Nearest, ASmoothFacetOfASphereLiesOnIt) {
+TEST(NearestPoint, ASmoothFacetOfASphereLiesOnIt) {
   constexpr double R = 30.0, L = 0.5;
   for (const double phi : {0.1, 0.7, 1.4}) {
     std::array<Contact, 3> corners;
@@ -158,7 +158,7 @@ TEST(Nearest, ASmoothFacetOfASphereLiesOnIt) {
   }
 }
 
-TEST(Nearest, AtAKinkTakesThePieceThatTheNormalMeans) {
+TEST(NearestPoint, AtAKinkTakesThePieceThatTheNormalMeans) {
   const RevolvedProfile corner{{{{0.0, 0.0}, {5.0, 0.0}, 0.0}, {{5.0, 0.0}, {5.0, -5.0}, 0.0}}};
   const Contact top = nearest(corner, {5.0, 0.0, 0.01}, Vector3d::UnitZ());
   const Contact wall = nearest(corner, {5.01, 0.0, 0.0}, Vector3d::UnitX());

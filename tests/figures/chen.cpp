@@ -47,7 +47,7 @@ identification::ThermalData readings_of_the_day() {
   for (const sim::ThermalPhase& phase : day.thermal->history) history += phase.duration;
   drift.starts_s = {-history};
   drift.instrument.duration_s = history;
-  const auto readings = sim::measured(day, drift);
+  const auto readings = sim::measure_machine(day, drift);
   const errors::metrology::DriftTest test = classify_readings(readings).drifts.at(0);
   const auto z = std::find(test.log.names.begin(), test.log.names.end(), "Z");
   if (z == test.log.names.end()) throw std::invalid_argument("no drift along Z");

@@ -28,7 +28,7 @@ ordered_json identified(const std::string& scene, const std::string& instrument,
   const sim::Scene measured = scene_of(scene, set);
   const auto readings = folder.write(
       instrument + ".csv",
-      sim::to_text(sim::measured(measured, sim::find_instrument(measured, instrument))));
+      sim::to_text(sim::measure_machine(measured, sim::find_instrument(measured, instrument))));
   options.out = folder.path() / "belief.toml";
   return sim::to_json(sim::identify({readings}, options));
 }

@@ -74,7 +74,7 @@ TEST(Shell, EveryOptionCompletesItsBeginning) {
         const std::vector<std::string> texts =
             completed(all.commands, {command.name, option.name.substr(0, option.name.size() - 1)});
         EXPECT_EQ(std::ranges::count(texts, option.name), 1) << command.name << " " << option.name;
-        for (const std::string& word : words_of(option)) {
+        for (const std::string& word : possible_values(option)) {
           EXPECT_EQ(completed(all.commands, {command.name, option.name, word}).front(), word);
           EXPECT_EQ(completed(all.commands, {command.name, option.name + "=" + word}).front(),
                     option.name + "=" + word);
