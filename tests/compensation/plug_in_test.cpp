@@ -453,6 +453,8 @@ const abbe_compensator_v1 abbe_compensator = {
 TEST_F(PlugIns, ASharedLibraryIsToldWhatAProgramIs) {
   const fs::path file = library(R"(
 #include <math.h>
+#include <stdio.h>
+#include <string.h>
 static const abbe_task* kept;
 static int32_t open_it(void** self, const abbe_task* task, char* error) {
   (void)error;

@@ -169,10 +169,10 @@ TEST(FaceColours, TextIsSixDigitsAndNothingElse) {
 }
 
 TEST(FaceColours, FiveBitsAreSpreadOverEight) {
-  EXPECT_EQ(spread({{0, 16, 31}, FaceColour::Digits::FiveBits}), (Rgb{0, 132, 255}));
+  EXPECT_EQ(to_eight_bits({{0, 16, 31}, FaceColour::Digits::FiveBits}), (Rgb{0, 132, 255}));
   for (int c = 0; c < 32; ++c)
     EXPECT_TRUE(can_denote({{c, c, c}, FaceColour::Digits::FiveBits},
-                           spread({{c, c, c}, FaceColour::Digits::FiveBits})))
+                           to_eight_bits({{c, c, c}, FaceColour::Digits::FiveBits})))
         << "what is listed is what may be asked for";
 }
 

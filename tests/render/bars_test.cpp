@@ -23,7 +23,7 @@ int bar_pixels(const Image& image, int colour) {
 
 Bar two_sided(double low, double high) {
   Bar bar{"input", low};
-  bar.other = high;
+  bar.second_value = high;
   return bar;
 }
 

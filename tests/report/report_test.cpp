@@ -229,7 +229,7 @@ TEST(DecimatedMesh, LinesBetweenTheKeptComeWithinTheToleranceOfTheRest) {
   }
   const double tolerance = 0.05;
   const compensation::TimeSeries few =
-      compensation::thinned({time, q}, Eigen::VectorXd::Constant(2, tolerance));
+      compensation::thin_out({time, q}, Eigen::VectorXd::Constant(2, tolerance));
   std::vector<Eigen::Index> kept;
   for (Eigen::Index k = 0, next = 0; k < time.size() && next < few.time_s.size(); ++k)
     if (time[k] == few.time_s[next] && q.row(k) == few.value.row(next)) {

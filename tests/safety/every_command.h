@@ -78,7 +78,7 @@ inline std::string uncalled(const std::vector<sim::Command>& commands,
 }
 
 inline bool has_option(const sim::Command& command, const std::string& name) {
-  for (const std::vector<sim::Option>& options : {command.options, command.where})
+  for (const std::vector<sim::Option>& options : {command.options, command.required_choice})
     if (std::ranges::find(options, name, &sim::Option::name) != options.end()) return true;
   return false;
 }

@@ -51,7 +51,7 @@ GeometricErrors some_belief() {
        {{errors::Legendre{Eigen::Vector3d(0.0, -5e-3, 1e-3), 10.0, 300.0}}}},
       {errors::parse_element_name("EBX"),
        {{errors::make_table(Eigen::Vector2d(-300, 300), Eigen::Vector2d(1e-5, -2e-5),
-                            errors::TableInterpolation::Spline, errors::Outside::Hold)}}},
+                            errors::TableInterpolation::Spline, errors::TableExtrapolation::Hold)}}},
       {errors::parse_element_name("EC0Y"), {{errors::Constant{3e-5}}}},
       {errors::parse_element_name("EYY"),
        {{errors::Backlash{1e-3}, "reversal"}, {errors::Constant{2e-3}}}},

@@ -198,9 +198,9 @@ TEST(Memory, GrowsWithAllThatIsAsked) {
   const double plain = peak_memory({long_program}, one);
   EXPECT_GT(peak_memory({in_stock}, one), plain);
   EXPECT_GT(peak_memory({long_program}, {.max_parallel = 2}), plain);
-  EXPECT_GT(peak_memory({long_program}, {.compensated_commands = true}), plain);
-  EXPECT_GT(peak_memory({long_program}, {.compensated_commands = true, .rewritten = true}),
-            peak_memory({long_program}, {.compensated_commands = true}));
+  EXPECT_GT(peak_memory({long_program}, {.compensated = true}), plain);
+  EXPECT_GT(peak_memory({long_program}, {.compensated = true, .rewritten = true}),
+            peak_memory({long_program}, {.compensated = true}));
 }
 
 TEST(Memory, CasesAreCutAtOnceWhereThatLeavesRoom) {
@@ -215,7 +215,7 @@ TEST(Memory, CasesAreCutAtOnceWhereThatLeavesRoom) {
   WorkSize huge = small;
   huge.samples = memory_bytes() / 300.0;
   EXPECT_EQ(cases_at_once({huge}, {.kept = 3.0}), 1);
-  const CaseRequest many{.kept = 100.0, .compensated_commands = true};
+  const CaseRequest many{.kept = 100.0, .compensated = true};
   for (WorkSize job = small; job.samples < huge.samples; job.samples *= 1.3) {
     CaseRequest asked = many;
     asked.max_parallel = cases_at_once({job}, many);

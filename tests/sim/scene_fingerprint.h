@@ -7,6 +7,6 @@
 namespace abbe::sim {
 
 /// All that a scene says but where it came from: two scenes are equal if their texts are.
-inline std::string fingerprint(const Scene& scene) { return to_toml(written(scene)); }
+inline std::string fingerprint(const Scene& scene) { return to_toml(to_table(scene)); }
 
 }  // namespace abbe::sim

@@ -73,7 +73,7 @@ TEST(SceneMachine, AShapeThatIsNoneIsAllThatIsSaidOfABody) {
 TEST(SceneMachine, WhatIsWrittenReadsAsTheSame) {
   const MachineDescription machine = machine_of(rich_machine);
   const std::string toml = toml_of(machine_to_table(machine));
-  const MachineDescription again = machine_of(to_table);
+  const MachineDescription again = machine_of(toml);
   EXPECT_EQ(toml_of(machine_to_table(again)), toml);
   EXPECT_EQ(again.T_bs.matrix(), machine.T_bs.matrix());
   EXPECT_EQ(again.T_bw.matrix(), machine.T_bw.matrix());

@@ -62,8 +62,9 @@ TEST(Uncertainty, MonteCarloVarianceOfOneRivalIsTheClosedFormWithinItsBand) {
   double within = 0.0, worst = 0.0;
   for (std::uint64_t seed = 1; seed <= repetitions; ++seed) {
     SCOPED_TRACE(testing::Message() << "seed " << seed);
-    const Eigen::MatrixXd all = maps(
-        machine.influence, drawn(machine.study, points({Sampling::Random, 4, seed}, 0, cases)));
+    const Eigen::MatrixXd all =
+        maps(machine.influence,
+             draw_inputs(machine.study, points({Sampling::Random, 4, seed}, 0, cases)));
     for (Eigen::Index v = 0; v < closed.size(); ++v) {
       const double variance = (all.row(v).array() - all.row(v).mean()).square().sum() / (cases - 1);
       const double ratio = variance / (closed[v] * closed[v]);
