@@ -189,7 +189,7 @@ ComplianceModel bind(const ComplianceErrors& errors, const kinematics::Chain& no
 struct Load {
   kinematics::Wrench tool_wrench_t = kinematics::Wrench::Zero();  ///< cutting wrench on the tool at
                                                                   ///< the tip, frame t
-  Eigen::Vector3d contact_t = Eigen::Vector3d::Zero();  ///< mm, contact point, frame t
+  Eigen::Vector3d contact_t = Eigen::Vector3d::Zero();            ///< mm, contact point, frame t
   kinematics::AxisVector acceleration;  ///< (joints) mm/s^2, rad/s^2; may be empty: none
 };
 

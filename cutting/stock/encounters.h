@@ -79,7 +79,7 @@ struct PairClearance {
 struct SegmentClearance {
   double min_clearance = 0.0;  ///< mm, a lower bound; the clearance is at most that / (1 - share),
                                ///< or 0.01 mm more
-  int pair = -1;  ///< the pair with that clearance; -1 if no pair is searched
+  int pair = -1;               ///< the pair with that clearance; -1 if no pair is searched
 };
 
 /// Result of `encounters`.

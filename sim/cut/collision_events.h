@@ -72,7 +72,7 @@ struct BlockClearance {
   double end_s = 0.0;
   double min_clearance = 0.0;  ///< lower bound of the clearance, mm, which is larger by 5 % or 0.01
                                ///< mm at most; 0 for contact
-  int pair = -1;  ///< index in `clearances`; -1: no pair is searched
+  int pair = -1;               ///< index in `clearances`; -1: no pair is searched
 };
 
 /// The result of a collision search over a program.

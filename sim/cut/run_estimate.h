@@ -75,7 +75,7 @@ struct CaseRequest {
   bool pictures = true;      ///< true if pictures are drawn
   bool compared = false;     ///< true if one picture shows all cases
   bool tracked = false;      ///< true if the tracks of the tools are kept
-  int max_parallel = 1;           ///< number of cases cut, and then drawn, at the same time
+  int max_parallel = 1;      ///< number of cases cut, and then drawn, at the same time
 };
 /// Returns the request of `run`: one case.
 CaseRequest run_case_request(const std::optional<CaseDescription>& compensator);

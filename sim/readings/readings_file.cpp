@@ -329,7 +329,8 @@ Channel read_channel(const Node& node, InputErrors& input_errors) {
   channel.of = read_body(reader, "of");
   channel.in = read_body(reader, "in");
   // A channel between two points of one body would always read zero.
-  if (channel.of == channel.in) reader.report_invalid("in", "another body than that of `of`", "the same");
+  if (channel.of == channel.in)
+    reader.report_invalid("in", "another body than that of `of`", "the same");
   channel.point_of = reader.vector("point_of_mm");
   channel.point_in = reader.vector("point_in_mm");
   channel.direction_in = read_unit(reader, "direction");
@@ -357,7 +358,7 @@ SetUp read_set_up(const Node& node, InputErrors& input_errors) {
   const auto channels = reader.tables("channel");
   if (channels.size() > max_channels)
     reader.report_invalid("channel", fmt::format("at most {} channels", max_channels),
-                  std::to_string(channels.size()));
+                          std::to_string(channels.size()));
   else
     for (const Node* channel : channels)
       set_up.channels.push_back(read_channel(*channel, input_errors));
@@ -414,7 +415,7 @@ ReadingsHeader read_header(std::string_view text, const std::string& file) {
   const auto set_ups = reader.tables("set_up");
   if (set_ups.size() > max_set_ups)
     reader.report_invalid("set_up", fmt::format("at most {} set-ups", max_set_ups),
-                  std::to_string(set_ups.size()));
+                          std::to_string(set_ups.size()));
   else
     for (const Node* set_up : set_ups) plan.set_ups.push_back(read_set_up(*set_up, input_errors));
   reader.close();

@@ -439,9 +439,10 @@ std::string programs_text(const std::vector<ProgramTrust>& programs) {
   if (programs.empty()) return {};
   std::string text = "\nruns     programs that its files name; check ran none\n";
   for (const ProgramTrust& trust : programs)
-    text += fmt::format("         {}, named in {}:{}, {}\n", escaped(trust.reference.program.string()),
-                        escaped(trust.reference.file.string()), trust.reference.line,
-                        trust.trusted ? "trusted" : "NOT trusted: asks --trust");
+    text +=
+        fmt::format("         {}, named in {}:{}, {}\n", escaped(trust.reference.program.string()),
+                    escaped(trust.reference.file.string()), trust.reference.line,
+                    trust.trusted ? "trusted" : "NOT trusted: asks --trust");
   return text;
 }
 

@@ -113,7 +113,8 @@ TEST(Series, OfOneArgumentAndRangeShareABasisWhateverTheirLengths) {
   EXPECT_TRUE(basis.has_same_functions(*series_basis(curve(Legendre{ones(7), 0, 300}))));
   EXPECT_FALSE(basis.has_same_functions(*series_basis(curve(Legendre{ones(5), 1, 300}))));
   EXPECT_FALSE(basis.has_same_functions(*series_basis(curve(Legendre{ones(5), 0, 301}))));
-  EXPECT_FALSE(basis.has_same_functions(*series_basis(curve(Legendre{ones(5), 0, 300}, Argument::Carriage))));
+  EXPECT_FALSE(basis.has_same_functions(
+      *series_basis(curve(Legendre{ones(5), 0, 300}, Argument::Carriage))));
   EXPECT_FALSE(basis.has_same_functions(*series_basis(curve(Fourier{ones(5), ones(5), 300}))));
   EXPECT_FALSE(series_basis(curve(Legendre{ones(SeriesBasis::max_functions + 1), 0, 300})));
   EXPECT_FALSE(series_basis(curve(Polynomial{ones(5), 0, 300})));

@@ -63,7 +63,8 @@ double off_corrected(const Job& job, const Commands& commanded, double reach) {
   options.rotary_bound = job.scene.compensation.rotary_bound;
   if (const auto* cutter = std::get_if<cutting::Cutter>(&job.scene.tool.nominal))
     options.functional_height = cutter->corner_radius;
-  if (const auto spindle = job.machine.workpiece_spindle) options.fixed_joints.set(std::size_t(*spindle));
+  if (const auto spindle = job.machine.workpiece_spindle)
+    options.fixed_joints.set(std::size_t(*spindle));
   double most = 0.0;
   for (std::size_t i = 0; i < commanded.samples.states.size(); ++i) {
     const program::Block& block = commanded.path->blocks[std::size_t(commanded.samples.block[i])];

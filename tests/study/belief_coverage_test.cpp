@@ -156,7 +156,8 @@ Trial trial_of(const Campaign& campaign, std::uint64_t seed, const std::string& 
   scene.seed = seed;
   std::vector<std::filesystem::path> files;
   for (const InstrumentDescription& one : scene.instruments)
-    files.push_back(folder.write(one.instrument.name + ".csv", sim::to_text(measure_machine(scene, one))));
+    files.push_back(
+        folder.write(one.instrument.name + ".csv", sim::to_text(measure_machine(scene, one))));
   IdentificationOptions options;
   options.model = model_options();
   options.out = folder / "belief.toml";
