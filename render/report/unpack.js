@@ -1,7 +1,8 @@
 // Unpacks the data that sim/report/page_data.cpp packs.
 const MISSING = -2147483648;
 async function inflated(text) {                   // -> the bytes of a zlib stream in base64
-  const packed = Uint8Array.from(atob(text), c => c.charCodeAt(0));
+  const binary = atob(text), packed = new Uint8Array(binary.length);
+  for (let k = 0; k < binary.length; k++) packed[k] = binary.charCodeAt(k);
   return new Uint8Array(await new Response(new Blob([packed]).stream().pipeThrough(new DecompressionStream("deflate"))).arrayBuffer());
 }
 function unpackNumbers(bytes, about, reference) { // -> numbers, column by column, MISSING where there is none
