@@ -327,7 +327,7 @@ bool FaceGrowth::has_distinct_border(const AnalyticPatch& surface, const FacetPa
 /// plane. If the surface itself continued, its next facet would be inclined by half of the angle by
 /// which it turns over one facet.
 bool FaceGrowth::is_tangent(const AnalyticPatch& surface, const Border& border) const {
-  // Of the turn over the inner facet: far below the half of a surface that continues.
+  // A fraction of the turn over the inner facet, far below the half of a surface that continues.
   constexpr double max_turn_fraction = 0.1;
   const double normal_uncertainty = tolerance_ / height_[border.outside];
   if (normal_uncertainty > tangent_angle) return false;

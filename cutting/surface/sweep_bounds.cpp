@@ -17,7 +17,7 @@ using Eigen::Vector3d;
 
 namespace {
 
-// Of a child; over more leaves the surface is not flat.
+// A child with more leaves is not flat.
 constexpr std::size_t max_slab_leaves = 512;
 constexpr int core_steps = 4;           // iterations towards the nearest point of a tool
 constexpr int shaft_steps = 2;          // the same for a ball on its shaft

@@ -270,7 +270,7 @@ ProfileParameters parameters(const Profile& profile, const EvaluationLength& eva
     result.zx = std::max(result.zx, highest - lowest);
   }
   result.z = result.p + result.v;
-  // Of mean peak height and mean pit depth: the default discrimination of ISO 21920-2.
+  // The default discrimination of ISO 21920-2, a fraction of mean peak height and mean pit depth.
   constexpr double min_fraction = 0.1;
   if (const auto spacing = element_spacing(z, min_fraction * std::max(result.p, 0.0),
                                            min_fraction * std::max(result.v, 0.0)))

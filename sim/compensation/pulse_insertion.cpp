@@ -20,8 +20,8 @@ inline constexpr double max_counts = 1e15;  ///< up to here doubles resolve a qu
 /// Time windows of equal length, `spacing_s` apart, in which an inserted pair can begin.
 struct PulseWindows {
   double begin_s = 0.0;  ///< of the first window; -inf if the axis rests there before the series
-  /// Of the first window: a pair that begins later does not fit; +inf if the axis rests there after
-  /// the series.
+  /// End of the first window: a pair that begins later does not fit; +inf if the axis rests there
+  /// after the series.
   double end_s = 0.0;
   double spacing_s = 0.0;
   double windows = 1.0;

@@ -498,7 +498,7 @@ Vector3d best_fit_shift(const Job& job, const cutting::Design& thinned_w,
   const Eigen::Matrix3d steps = displacement.steps(job);
   const Spans feed = swept_spans(job).tip, part = part_spans(job);
   const auto centred = [&](const Vector3d& shift) -> Vector3d {
-    // Of a turned part the direction along the spindle, of a milled one x and y.
+    // A turned part is centred along the spindle, a milled one in x and y.
     const std::size_t centred_count = displacement.is_turned() ? 1 : 2;
     Vector3d coordinates = steps.transpose() * shift;
     for (std::size_t k = 0; k < centred_count; ++k)

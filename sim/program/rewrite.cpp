@@ -197,8 +197,8 @@ class BlockThinner {
     const std::size_t line_end =
         find_farthest(range.first, range.last, [&](std::size_t to) { return line_fits(from, to); });
     const std::size_t end = arc_ == nullptr ? line_end : last_of_arc(from, range.last);
-    // Whether a very short arc fits does not predict whether longer ones do, so the search starts
-    // at the end of the line.
+    // A longer arc may fit where a very short one does not, so the search starts at the end of the
+    // line.
     const std::size_t arc_end =
         line_end < end
             ? find_farthest(line_end, end, [&](std::size_t to) { return arc_fits(from, to); })
@@ -228,7 +228,7 @@ struct CorrectionRows {
   std::vector<PvtRow> rows;
 };
 
-/// Of several points at one instant within a block the last one counts. A block always starts at
+/// The last of several points at one instant within a block counts. A block always starts at
 /// the end of the previous one.
 CorrectionRows correction_rows(const Path& path, std::span<const Points> dense) {
   CorrectionRows result;

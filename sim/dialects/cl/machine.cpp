@@ -565,7 +565,7 @@ void Table::assume_columns(const std::vector<Cell>& cells) {
   if (width != 3 && width != 4 && width != 6 && width != 7)
     run_.canon.throw_input_error({1, {}}, "a head, or 3, 4, 6 or 7 columns: x y z, feed, i j k",
                                  fmt::format("{} columns", width));
-  // Of four columns the fourth one is the feed and not i.
+  // The fourth of four columns is the feed and not i.
   for (std::size_t i = 0; i < width; ++i) columns[width == 4 && i == 3 ? 6 : i] = i;
   columns_ = columns;
 }

@@ -99,7 +99,7 @@ void Machine::execute(const std::string& keyword, std::size_t from, WordReader& 
   if (const WordTableEntry* entry = find_word(heidenhain_words(), keyword);
       entry != nullptr && entry->use == WordTreatment::WithoutEffect)
     return;
-  // Of an unknown block without letters the message quotes up to 40 characters.
+  // The message quotes up to 40 characters of an unknown block without letters.
   const std::size_t end = std::min(words.cursor.text.size(), from + 40);
   run_.handle_unknown_word(keyword.empty() ? words.cursor.cause(from, end) : cause,
                            "a block of Klartext");
