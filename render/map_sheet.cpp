@@ -257,7 +257,8 @@ void draw_cell(Canvas& canvas, const Plan& plan, std::size_t i, const Cell& cell
   const VertexCounts& counts = plan.counts[i];
   draw_horizontal_colour_bar(
       canvas, {x, box.y - bar_row_px, std::min(plan.cells.cell_width, 460.0), bar_row_px - 6.0},
-      ColourBar{colours, counts.lowest_um<ends.lower, counts.highest_um> ends.upper}, body_style);
+      ColourBar{colours, (counts.lowest_um < ends.lower), (counts.highest_um > ends.upper)},
+      body_style);
   draw_paragraph(canvas, {x, box.y - bar_row_px - 6.0}, plan.text[i].below, body_style);
 }
 
@@ -482,9 +483,8 @@ View draw_cell(Canvas& canvas, const SheetLayout& layout, const SheetCell& cell,
   canvas.scene(view, scene.solids, scene.wires);
   draw_horizontal_colour_bar(
       canvas, {box.x, box.y - 0.2 * em - line_height(layout.body), width, line_height(layout.body)},
-      ColourBar{
-          colours,
-          scale.counts.lowest_um<scale.ends_um.lower, scale.counts.highest_um> scale.ends_um.upper},
+      ColourBar{colours, (scale.counts.lowest_um < scale.ends_um.lower),
+                (scale.counts.highest_um > scale.ends_um.upper)},
       layout.body);
   return view;
 }

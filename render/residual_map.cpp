@@ -200,8 +200,8 @@ void draw_scale(Canvas& canvas, const MapPage& page, const MapPicture& picture,
                        body);
     return;
   }
-  ColourBar bar{map.scale,
-                counts.lowest_um<map.ends_um.lower, counts.highest_um> map.ends_um.upper};
+  ColourBar bar{map.scale, (counts.lowest_um < map.ends_um.lower),
+                (counts.highest_um > map.ends_um.upper)};
   if (const auto limits = common_limits(picture.tolerance_um))
     bar.marks = {limits->lower, limits->upper};
   bar.histogram = area_histogram(field, map, map.ends_um, bins);

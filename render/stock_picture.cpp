@@ -216,7 +216,7 @@ void write_stock_picture(const std::filesystem::path& path, const StockPicture& 
         field.deviation_um.array().isFinite().select(field.deviation_um, ends.lower).minCoeff();
     const double highest =
         field.deviation_um.array().isFinite().select(field.deviation_um, ends.upper).maxCoeff();
-    ColourBar side_bar{scale, lowest<ends.lower, highest> ends.upper};
+    ColourBar side_bar{scale, (lowest < ends.lower), (highest > ends.upper)};
     side_bar.histogram = histogram_fractions(field.deviation_um, field.design.area, ends,
                                              std::max(8, int(bar.height / 7.0)));
     side_bar.histogram_px = 74.0 / 38.0 * bar.width;

@@ -192,7 +192,7 @@ ThermalPrediction predict(const ThermalModel& model, const VectorXd& T) {
   if (T.size() != model.lowest.size() || !T.allFinite())
     throw std::invalid_argument("a prediction needs as many finite inputs as were trained");
   ThermalPrediction result;
-  // Of several inputs outside the range the farthest is reported.
+  // The farthest of several inputs outside the range is reported.
   double farthest = model.margin;
   for (Index i = 0; i < T.size(); ++i)
     if (const double excess = relative_excess(model, i, T(i)); excess > farthest) {

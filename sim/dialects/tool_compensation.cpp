@@ -299,7 +299,7 @@ void CutterCompensation::trim_inside_corner(OffsetSegment& next, const Vector2d&
   };
   const Vector2d* intersection = nullptr;
   const std::vector<Vector2d> points = intersections(curve(*waiting_segment_), curve(next));
-  // Of two intersections the control takes the one nearer to the programmed corner.
+  // The control takes the intersection nearer to the programmed corner.
   for (const Vector2d& point : points)
     if (intersection == nullptr || (point - corner).norm() < (*intersection - corner).norm())
       intersection = &point;

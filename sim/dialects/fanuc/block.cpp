@@ -208,7 +208,7 @@ void BlockReader::store_code(const Word& word) {
   if (properties.group == Group::None) block_.code_without_words = word;
   if (properties.group == Group::None || properties.group == Group::WithMotion) return;
   const Code& previous_code = block_[properties.group];
-  // Of several G codes of a modal group, the last one is in force. Codes of group 00, and M codes
+  // The last of several G codes of a modal group is in force. Codes of group 00, and M codes
   // other than coolant, may appear only once in a block.
   const bool must_be_unique =
       word.letter == 'M' ? properties.group != Group::Coolant : properties.group == Group::OneShot;
