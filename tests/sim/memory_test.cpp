@@ -4,12 +4,9 @@
 #include <cstdlib>
 #include <fstream>
 #include <iostream>
+#include <sstream>
 
-#include <fcntl.h>
 #include <gtest/gtest.h>
-#include <sys/resource.h>
-#include <sys/wait.h>
-#include <unistd.h>
 
 #include <fmt/format.h>
 #include <tbb/global_control.h>
@@ -31,24 +28,24 @@ namespace fs = std::filesystem;
 
 const std::string dome = (fs::path(ABBE_SOURCE_DIR) / "scenes/gantry_dome.toml").string();
 
-/// What a process of the program has resident at most, bytes. @param words  without the program
+/// Returns the largest resident memory of a process of the program, bytes, or 0 without python3.
+/// Python starts the process, as Linux counts the memory of the process that starts another among
+/// what the other had before `exec`, and this one has held whole jobs. @param words  without the
+/// program
 double peak_of(const std::vector<std::string>& words) {
-  const pid_t child = ::fork();
-  if (child == 0) {
-    std::vector<char*> all{const_cast<char*>(ABBE_PROGRAM)};
-    for (const std::string& word : words) all.push_back(const_cast<char*>(word.c_str()));
-    all.push_back(nullptr);
-    const int quiet = ::open("/dev/null", O_WRONLY);
-    ::dup2(quiet, 1);
-    ::dup2(quiet, 2);
-    ::execv(ABBE_PROGRAM, all.data());
-    ::_exit(127);
-  }
-  int status = 0;
-  ::rusage usage{};
-  ::wait4(child, &status, 0, &usage);
-  EXPECT_TRUE(WIFEXITED(status) && WEXITSTATUS(status) == 0) << status;
-  return 1024.0 * double(usage.ru_maxrss);
+  std::string command =
+      "python3 -c \"import resource, subprocess, sys; "
+      "ran = subprocess.run(sys.argv[1:], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL); "
+      "print(ran.returncode, resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss)\" '" +
+      std::string(ABBE_PROGRAM) + "'";
+  for (const std::string& word : words) command += " '" + word + "'";
+  const safety::Ran python = safety::shell(command);
+  if (python.code != 0) return 0.0;
+  int code = -1;
+  double kilobytes = 0.0;
+  std::istringstream(python.text) >> code >> kilobytes;
+  EXPECT_EQ(code, 0) << command;
+  return 1024.0 * kilobytes;
 }
 
 struct MeasuredMemory {
@@ -90,6 +87,7 @@ TEST(Memory, TheEstimateIsWithin30PercentOfWhatIsResidentAtMost) {
     for (const Override& change : one.overrides)
       words.insert(words.end(), {"--set", change.path + "=" + change.value});
     const double estimate = estimate_of(one), peak = peak_of(words);
+    if (peak == 0.0) GTEST_SKIP() << "python3 is not installed";
     std::cout << "  " << one.command << ": estimated " << estimate / 1e6 << " MB, resident "
               << peak / 1e6 << " MB\n";
     EXPECT_LT(std::abs(estimate / peak - 1.0), 0.3) << one.command;
@@ -154,6 +152,7 @@ TEST(Memory, AProgramThatDoesNotFitIsCutInWindowsWithinIt) {
   };
   const double whole = peak_of(with({}, "whole"));
   const double peak = peak_of(with({"--memory-gb", "0.75"}, "windows"));
+  if (whole == 0.0) GTEST_SKIP() << "python3 is not installed";
   std::cout << "  whole " << whole / 1e6 << " MB, in windows " << peak / 1e6 << " MB of "
             << most / 1e6 << '\n';
   EXPECT_GT(whole, 1.3 * most);
