@@ -20,7 +20,7 @@ constexpr std::size_t max_unused_names = 200;
 
 void ControlTableReading::count_unused(const std::string& name) {
   const bool has_own_count = unused.contains(name) || unused.size() < max_unused_names;
-  ++unused[has_own_count ? name : "others"];
+  ++unused[has_own_count ? name : "other values"];
 }
 
 // Siemens and Heidenhain tables hold offsets of other jobs, which must not stop this one.
@@ -28,15 +28,15 @@ void ControlTableReading::read_later_offset(int system, const std::function<void
   try {
     read();
   } catch (const BadInput&) {
-    count_unused("offsets beyond the sixth that cannot be read");
+    count_unused("offsets after the sixth that cannot be read");
     unreadable_offsets.insert(system);
   }
 }
 
 double ControlTableReading::require_unit(const Cursor& cursor, std::size_t from) const {
   if (!unit)
-    cursor.throw_input_error(from, "a unit beside the name of the file, which does not say it",
-                             "none");
+    cursor.throw_input_error(
+        from, "a unit next to the file name, because the file does not state it", "none");
   return *unit;
 }
 
@@ -50,7 +50,7 @@ void ControlTableReading::state_unit(double mm_per_unit, const Cursor& cursor, s
   const auto unit_name = [](double length_mm) { return length_mm == 1.0 ? "mm" : "inch"; };
   if (unit && *unit != mm_per_unit)
     cursor.throw_input_error(
-        from, fmt::format("a table in {}, as is stated beside its name", unit_name(*unit)),
+        from, fmt::format("a table in {}, as stated next to its name", unit_name(*unit)),
         unit_name(mm_per_unit));
   unit = mm_per_unit;
 }
@@ -100,8 +100,8 @@ int parse_table_integer(Cursor& cursor, int min, int max_value, std::string_view
   const std::size_t from = cursor.at;
   const auto value = cursor.number();
   if (!value || *value != std::floor(*value) || *value < min || *value > max_value)
-    cursor.throw_input_error(
-        from, fmt::format("a whole number from {} to {} for {}", min, max_value, what));
+    cursor.throw_input_error(from,
+                             fmt::format("an integer from {} to {} for {}", min, max_value, what));
   return int(*value);
 }
 
@@ -129,7 +129,7 @@ bool parse_tool_line(ControlTableReading& reading, Cursor& line) {
       line.throw_input_error(
           from, "a word T P D X Y Z A B C U V W I J or Q of a tool, or ; and a comment");
     if (seen_letters.find(letter) != std::string::npos)
-      line.throw_input_error(from, fmt::format("{} once in the line of a tool", letter));
+      line.throw_input_error(from, fmt::format("{} only once in the line of a tool", letter));
     seen_letters += letter;
     ++line.at;
     if (letter == 'T') {
@@ -150,10 +150,9 @@ bool parse_tool_line(ControlTableReading& reading, Cursor& line) {
       reading.count_unused(std::string(1, letter));
   }
   if (seen_letters.empty()) return true;
-  if (!number) line.throw_input_error(0, "T (number of the tool)", "none");
+  if (!number) line.throw_input_error(0, "T (tool number)", "none");
   if (!reading.table.tools.emplace(*number, tool).second)
-    line.throw_input_error(0, "a tool that the table does not have already",
-                           fmt::format("T{}", *number));
+    line.throw_input_error(0, "a tool not yet in the table", fmt::format("T{}", *number));
   return true;
 }
 
@@ -162,15 +161,15 @@ void count_other_parameter(ControlTableReading& reading, int number, double valu
   if (value == 0.0 || number == shift_state_parameter) return;
   // A program begins in G54, system 1, whatever the control had in force before.
   if (number == active_system_parameter) {
-    if (value != 1.0) reading.count_unused("5220, a program begins in G54");
+    if (value != 1.0) reading.count_unused("5220, a program starts in G54");
   } else if (number >= 5161 && number <= 5169) {
     reading.count_unused("5161 to 5169, the position of G28");
   } else if (number >= 5181 && number <= 5189) {
     reading.count_unused("5181 to 5189, the position of G30");
   } else if (number < first_shift_parameter || number > first_shift_parameter + 8) {
     // `parse_parameter_line` handles the shift of G92.
-    reading.count_unused(number <= 30 || number >= 5000 ? "parameters of the control"
-                                                        : "parameters of programs");
+    reading.count_unused(number <= 30 || number >= 5000 ? "control parameters"
+                                                        : "program parameters");
   }
 }
 
@@ -184,17 +183,17 @@ struct G92Shift {
 bool parse_parameter_line(ControlTableReading& reading, Cursor& line, G92Shift& shift) {
   line.skip_blanks();
   if (line.at_end() || line.current() == ';' || line.current() == '#') return true;
-  const int number = parse_table_integer(line, 1, 99'999, "the number of a parameter");
+  const int number = parse_table_integer(line, 1, 99'999, "a parameter number");
   line.skip_blanks();
   const std::size_t from = line.at;
   const double value = parse_table_number(line, "a parameter");
   line.skip_blanks();
-  if (!line.at_end()) line.throw_input_error(line.at, "the end of the line behind a parameter");
+  if (!line.at_end()) line.throw_input_error(line.at, "the end of the line after a parameter");
   if (number == shift_state_parameter) shift.in_force = value != 0.0;
   if (number >= first_shift_parameter && number < first_shift_parameter + 9 && value != 0.0)
     shift.input_errors[std::size_t(number - first_shift_parameter)] = BadInput(
         line.location.file, line.location.line, int(from) + 1,
-        "0 for a shift of G92: clear it, or put it into a work offset", fmt::format("{}", value));
+        "0 for a G92 shift: clear it, or move it into a work offset", fmt::format("{}", value));
   const int index_from_first = number - first_system_parameter,
             system = index_from_first / parameters_per_system;
   const int axis_index = index_from_first % parameters_per_system;
@@ -214,8 +213,7 @@ bool parse_parameter_line(ControlTableReading& reading, Cursor& line, G92Shift& 
                     ControlTableOffset::Value{value * unit, line.location.line, int(from) + 1})
            .second)
     // LinuxCNC would take the last value; a duplicate usually shows that two files were merged.
-    line.throw_input_error(0, "a parameter that the file does not have already",
-                           fmt::format("{}", number));
+    line.throw_input_error(0, "a parameter not yet in the file", fmt::format("{}", number));
   return true;
 }
 
@@ -265,7 +263,7 @@ std::vector<G10Word> parse_words(Cursor& line) {
     if (!is_letter(c)) line.throw_input_error(from, "a letter and a number");
     ++line.at;
     const auto value = line.number();
-    if (!value) line.throw_input_error(from, "a number behind the letter");
+    if (!value) line.throw_input_error(from, "a number after the letter");
     const bool has_point =
         line.text.substr(from, line.at - from).find('.') != std::string_view::npos;
     words.push_back({c, *value, has_point, from});
@@ -282,7 +280,8 @@ struct G10Block {
 };
 
 void set_once(std::optional<G10Word>& target, const G10Word& word, const Cursor& line) {
-  if (target) line.throw_input_error(word.from, fmt::format("{} once in a block", word.letter));
+  if (target)
+    line.throw_input_error(word.from, fmt::format("{} only once in a block", word.letter));
   target = word;
 }
 
@@ -296,7 +295,7 @@ void apply_g_code(ControlTableReading& reading, const G10Word& word, const Curso
   else if (word.value == 21.0)
     reading.state_unit(1.0, line, word.from);
   else if (word.value != 11.0 && word.value != 90.0)
-    line.throw_input_error(word.from, "G10 G11 G20 G21 or G90 in a listing of a control's memory");
+    line.throw_input_error(word.from, "G10 G11 G20 G21 or G90 in a listing of control memory");
 }
 
 G10Block parse_g10_block(ControlTableReading& reading, Cursor& line) {
@@ -330,15 +329,14 @@ int whole_number(const G10Word& word, int min, int max_value, const Cursor& line
 void check_value(const G10Word& word, const Cursor& line) {
   if (!word.has_point && word.value != 0.0)
     line.throw_input_error(word.from,
-                           "a value with a decimal point: without one it counts increments");
+                           "a value with a decimal point: without one it would be in increments");
   if (!(word.value <= 1e6 && word.value >= -1e6))
     line.throw_input_error(word.from, "a value within 1e6");
 }
 
 void set_tool(ControlTableReading& reading, const G10Block& block, int kind, const Cursor& line) {
   const G10Word& r = *block.r;
-  if (!block.axes.empty())
-    line.throw_input_error(block.axes.front().from, "R beside G10 of a tool");
+  if (!block.axes.empty()) line.throw_input_error(block.axes.front().from, "R with G10 for a tool");
   const int number = whole_number(*block.p, 1, 999, line);
   if (reading.kind != ControlTableKind::Tools) return reading.count_unused("G10 L10 to L13");
   check_value(r, line);
@@ -354,7 +352,7 @@ void set_tool(ControlTableReading& reading, const G10Block& block, int kind, con
 
 void set_offset(ControlTableReading& reading, const G10Block& block, bool additional,
                 const Cursor& line) {
-  if (block.r) line.throw_input_error(block.r->from, "axis words beside G10 L2 and L20");
+  if (block.r) line.throw_input_error(block.r->from, "axis words with G10 L2 and L20");
   const int system_number = whole_number(*block.p, additional ? 1 : 0, additional ? 300 : 6, line);
   if (reading.kind != ControlTableKind::Offsets) return reading.count_unused("G10 L2 and L20");
   // Keys as `program::NcOptions::more_offset`: 0 is the external offset, 100 + P those of G54.1.
@@ -371,20 +369,20 @@ bool parse_listing_line(ControlTableReading& reading, Cursor& line) {
   const G10Block block = parse_g10_block(reading, line);
   const bool is_empty = !block.l && !block.p && !block.r && block.axes.empty();
   if (!block.has_g10) {
-    if (!is_empty) line.throw_input_error(0, "G10 in a block that sets something", "none");
+    if (!is_empty) line.throw_input_error(0, "G10 in a block that sets a value", "none");
     return true;
   }
   if (is_empty) return true;
-  if (!block.l) line.throw_input_error(0, "L2 L10 L11 L12 L13 or L20 beside G10", "none");
-  if (!block.p) line.throw_input_error(0, "P (number) beside G10", "none");
+  if (!block.l) line.throw_input_error(0, "L2 L10 L11 L12 L13 or L20 with G10", "none");
+  if (!block.p) line.throw_input_error(0, "P (number) with G10", "none");
   const int kind = int(block.l->value);
   if (kind != block.l->value || (kind != 2 && kind != 20 && (kind < 10 || kind > 13)))
-    line.throw_input_error(block.l->from, "L2 L10 L11 L12 L13 or L20 beside G10");
+    line.throw_input_error(block.l->from, "L2 L10 L11 L12 L13 or L20 with G10");
   if (kind == 2 || kind == 20) {
     set_offset(reading, block, kind == 20, line);
     return true;
   }
-  if (!block.r) line.throw_input_error(0, "R (value) beside G10 of a tool", "none");
+  if (!block.r) line.throw_input_error(0, "R (value) with G10 for a tool", "none");
   set_tool(reading, block, kind, line);
   return true;
 }

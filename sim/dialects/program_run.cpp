@@ -86,7 +86,8 @@ void ProgramRun::require_certain(const std::string& name, const program::Cause& 
   if (uncertain_names_.empty() || !uncertain_names_.contains(name)) return;
   const program::NcLocation location = canon.place();
   throw program::FollowingError(location.file, location.line, cause.column,
-                                name + " without an input error", "one that is reported");
+                                name + " defined without an input error",
+                                "a definition with an input error");
 }
 
 void ProgramRun::refuse_once(const std::string& name, const program::Cause& cause,
@@ -130,7 +131,7 @@ void ProgramRun::count_block() {
   throw ProgramLimitExceeded(
       location.file, location.line, 0,
       fmt::format("at most {} blocks executed (max_moves)", options_.limits.blocks),
-      "more: a loop without end, or too many repeats");
+      "more: an infinite loop or too many repeats");
 }
 
 void ProgramRun::check_moves(double move_count, const program::Cause& cause) const {
@@ -147,10 +148,9 @@ void ProgramRun::throw_variable_limit(const program::NcLocation& location, const
 void ProgramRun::check_depth(int depth, const program::Cause& cause, const char* what) const {
   if (depth <= options_.limits.depth) return;
   const program::NcLocation location = canon.place();
-  throw ProgramLimitExceeded(
-      location.file, location.line, cause.column,
-      fmt::format("at most {} {} within each other", options_.limits.depth, what),
-      "more: " + shown(cause.text));
+  throw ProgramLimitExceeded(location.file, location.line, cause.column,
+                             fmt::format("at most {} nested {}", options_.limits.depth, what),
+                             "more: " + shown(cause.text));
 }
 
 void ProgramRun::handle_unknown_word(const program::Cause& word, const std::string& expected) {
@@ -196,16 +196,16 @@ void ProgramRun::assume_offset(int system, std::string_view assumed_state) {
 int ProgramRun::assume_only_tool(const program::Cause& cause,
                                  const std::string& missing_statement) {
   const auto tool = program::only_tool(canon.options());
-  if (!tool) canon.throw_input_error(cause, "a tool that is called before it", missing_statement);
-  canon.assume({missing_statement + ": the only tool is taken to be meant", "program.startup_code",
-                "--startup-code"});
+  if (!tool) canon.throw_input_error(cause, "a tool call before it", missing_statement);
+  canon.assume(
+      {missing_statement + ": the only tool is assumed", "program.startup_code", "--startup-code"});
   return *tool;
 }
 
 void ProgramRun::report_assumptions() {
   const auto add_assumption = [&](const BlockSkipCount& skip_count, const char* text) {
     if (skip_count.count > 0)
-      canon.assume({fmt::format("{} {} behind / {}", skip_count.count,
+      canon.assume({fmt::format("{} {} after / {}", skip_count.count,
                                 skip_count.count == 1 ? "block" : "blocks", text),
                     "program.block_skip", "--block-skip", skip_count.line, skip_count.file});
   };
@@ -216,7 +216,7 @@ void ProgramRun::report_assumptions() {
     if (!mode.assumed_state.empty())
       assumed_state += (assumed_state.empty() ? "" : ", ") + std::string(mode.assumed_state);
   if (!assumed_state.empty())
-    canon.assume({"no word before says otherwise: " + assumed_state, "program.startup_code",
+    canon.assume({"no earlier word states otherwise: " + assumed_state, "program.startup_code",
                   "--startup-code", first_assumption_line_});
 }
 

@@ -234,7 +234,7 @@ DetectedDialect detect_dialect(std::string_view text, std::string_view file) {
       return {sign->dialect, fmt::format("line {} has {}", lines.number(), sign->text),
               lines.number()};
   }
-  return {Dialect::LinuxCnc, "nothing in it is of another dialect"};
+  return {Dialect::LinuxCnc, "no word identifies another dialect"};
 }
 
 BadProgram::BadProgram(std::vector<BadInput> list)

@@ -163,7 +163,7 @@ Lathe find_lathe(const GeneratorContext& context) {
       radial = displacement, lathe.radial = j;
   }
   if (lathe.axial < 0 || lathe.radial < 0 || lathe.axial == lathe.radial)
-    throw std::invalid_argument("expected one slide along the spindle and one across it");
+    throw std::invalid_argument("expected one linear axis along the spindle and one across it");
   const Vector2d across = radial.head<2>().normalized();
   Eigen::Matrix2d displacements;
   displacements << across.dot(radial.head<2>()), across.dot(axial.head<2>()), radial.z(), axial.z();
@@ -274,7 +274,7 @@ std::string nc_text(const Spiral& spiral, const std::vector<PvtRow>& rows, const
   lifted_position[lathe.radial] += lift.x();
   lifted_position[lathe.axial] += lift.y();
   std::vector<NcItem> items{
-      std::string("(facing by a spiral)"), std::string("G21 G90 G54 G49 G93"),
+      std::string("(facing along a spiral)"), std::string("G21 G90 G54 G49 G93"),
       fmt::format("S{} M3", nc_number(spiral.spindle_speed * 30 / std::numbers::pi, 9)),
       NcMove{true, lifted_position, 0.0}, NcMove{true, rows.front().position, 0.0}};
   for (std::size_t i = 1; i < rows.size(); ++i)
@@ -313,10 +313,10 @@ void check_edge(const cutting::EdgeProfile& profile, const OffsetCurve& curve, c
     const double beyond = down_t.dot(cutting::extreme_point(profile, down_t)) - profile.radius;
     // 1e-6 mm: one nanometre, the numerical floor of the residual map.
     if (beyond > 1e-6)
-      throw std::invalid_argument(fmt::format(
-          "expected an insert that touches with its nose, seen an edge that reaches {:.3g} mm "
-          "beyond it where the design slopes by {:.3g} at radius {:.3g} mm",
-          beyond, height->slope, r));
+      throw std::invalid_argument(
+          fmt::format("expected an insert that touches with its nose, seen an edge that extends "
+                      "{:.3g} mm beyond it where the design slopes by {:.3g} at radius {:.3g} mm",
+                      beyond, height->slope, r));
   }
 }
 
