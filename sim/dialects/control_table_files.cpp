@@ -156,7 +156,7 @@ void parse_tool_row(ControlTableReading& reading, const std::vector<TableColumn>
       parse_tool_cell(reading, column, *cell, row);
   if (!row.number) line.throw_input_error(0, "a tool number in column T", "none");
   // A scene has one length for each tool, that of index 0.
-  if (row.is_indexed) return reading.count_unused("tools without an index such as 5.1");
+  if (row.is_indexed) return reading.count_unused("tools with an index such as 5.1");
   // The control adds DL and DR to L and R.
   const ControlTableTool tool{row.length + row.delta_length,
                               row.radius + row.delta_radius,

@@ -56,12 +56,11 @@ TEST(ControlTables, WhatHasNoEffectIsCounted) {
     return table.notes.empty() ? std::string() : table.notes.front();
   };
   EXPECT_EQ(note(tools(tbl, 1.0)),
-            "tools has values without effect, other than zero: I (1), Q (1)");
+            "tools has nonzero values that are not used: I (1), Q (1)");
   EXPECT_EQ(note(tools(toa, 1.0)),
-            "tools has values without effect, other than zero: $TC_DP24 (1), $TC_MPP1 (1)");
+            "tools has nonzero values that are not used: $TC_DP24 (1), $TC_MPP1 (1)");
   EXPECT_EQ(note(tools(tool_t)),
-            "tools has values without effect, other than zero: CUT (1), R2 (1), tools with an "
-            "index, as 5.1 (1)");
+            "tools has nonzero values that are not used: CUT (1), R2 (1), tools with an index such as 5.1 (1)");
 }
 
 TEST(ControlTables, InchesAreStatedOnce) {

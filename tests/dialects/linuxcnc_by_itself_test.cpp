@@ -359,7 +359,7 @@ TEST(LinuxCncByItself, WhatItRefusesIsAFaultWithItsPlaceAndItsMessage) {
   NEEDS_LINUXCNC;
   const ReadOptions options = six_axes();
   const std::pair<const char*, const char*> programs[] = {
-      {"G0 X1\nG12\nM2\n", "part.ngc:2: expected a block that LinuxCNC's own interpreter takes"},
+      {"G0 X1\nG12\nM2\n", "part.ngc:2: expected a block accepted by LinuxCNC's own interpreter"},
       {"G0 X1\n\nG0 X[1/0]\nM2\n", "part.ngc:3: "},
       {"G0 X1\nG0 X2\n", "File ended with no percent sign or program end"},
       {"G0 X1\no<none> call\nG0 X2\nM2\n", "part.ngc:2: "},
@@ -382,12 +382,12 @@ TEST(LinuxCncByItself, WhatItCannotGiveIsRefusedByName) {
       {"G21 G43 H1\nG20\nG53 G0 Z0\nM2\n", "part.ngc:3: expected no G53 where G20 and G21"},
       {"G21 G43 H1\nG20\nG28 Z0\nM2\n", "part.ngc:3: expected no G28 and G30 where G20 and G21"},
       {"G21 G43 H1\nG20\nG49\nM2\n", "part.ngc:3: expected no G43 and G49 where G20 and G21"},
-      {"T1 M6 G[40 + 3] H1\nG0 X1\nM2\n", "part.ngc:1: expected M6 in a block of its own"},
+      {"T1 M6 G[40 + 3] H1\nG0 X1\nM2\n", "part.ngc:1: expected M6 in a separate block"},
       {"F100\nG5 X1 Y1 I1 J1 P1 Q1\nM2\n", "part.ngc:2: expected no G5, G5.1 and G5.2"},
       {"F100\nG38.2 X5\nM2\n", "part.ngc:2: expected no probing"},
       {"G0 X1\nM66 P0 L0\nM2\n", "part.ngc:2: expected no wait for an input"},
-      {"G0 X1\nG43 H5\nM2\n", "part.ngc:2: expected a tool length that is known (H1)"},
-      {"F10\nG41 D7\nG1 X20\nM2\n", "part.ngc:2: expected a tool whose radius is known"},
+      {"G0 X1\nG43 H5\nM2\n", "part.ngc:2: expected a known tool length (H1)"},
+      {"F10\nG41 D7\nG1 X20\nM2\n", "part.ngc:2: expected a tool with a known radius"},
       {"G0 X2e6\nM2\n", "part.ngc:1: "},
       {"G0 X2000000\nM2\n", "part.ngc:1: expected a position within 1e6 mm"},
   };

@@ -246,8 +246,8 @@ TEST(Siemens, ExtensionsOfOtherAddresses) {
   EXPECT_NE(siemens_refusal("D1=1\n").find("D without an extension"), std::string::npos);
   EXPECT_NE(siemens_refusal("F2=100\n").find("the feed of the path"), std::string::npos);
   EXPECT_NE(siemens_refusal("M1=30\n").find("M30 without an extension"), std::string::npos);
-  EXPECT_NE(siemens_refusal("M2=6\n").find("M3, M4 or M5 of another spindle"), std::string::npos);
-  EXPECT_NE(siemens_refusal("S[1.5]=6\n").find("a whole number"), std::string::npos);
+  EXPECT_NE(siemens_refusal("M2=6\n").find("only M3, M4 or M5 for a spindle other than 1"), std::string::npos);
+  EXPECT_NE(siemens_refusal("S[1.5]=6\n").find("an integer"), std::string::npos);
   EXPECT_NE(siemens_refusal("S1=5 S6\n").find("one speed"), std::string::npos);
 }
 

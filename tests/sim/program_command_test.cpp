@@ -63,7 +63,7 @@ TEST(ProgramCommand, SaysWhatAProgramAsksOfAMachine) {
   const Ran text = run("program " + finish);
   EXPECT_EQ(text.code, 0) << text.text;
   for (const char* one : {"gantry CXYZA", "82 moves", "travel left", "singular", "T1, called once",
-                          "describes one of 10 mm with a corner of 5 mm"})
+                          "describes a 10 mm with a corner of 5 mm program"})
     EXPECT_NE(text.text.find(one), std::string::npos) << one << " in\n" << text.text;
 }
 
@@ -171,7 +171,7 @@ TEST(ProgramCommand, FaultsOfUsageAndInputLeaveNoFiles) {
   EXPECT_EQ(run("program bad.ngc --tolerance-um 0", at).code, 2);
   EXPECT_EQ(run("program", at).code, 2);
   const Ran skipped = run("program bad.ngc --skip-unknown", at);
-  EXPECT_NE(skipped.text.find("no axis words beside a code that is skipped"), std::string::npos)
+  EXPECT_NE(skipped.text.find("no axis words with a code that is skipped"), std::string::npos)
       << skipped.text;
 }
 
@@ -231,16 +231,14 @@ TEST(ProgramCommand, NamesOffsetsAsTheControlDoes) {
        "G505 G0 X1\nG507\nG0 X2\nG500\nG0 X3\nG508\nG0 X4\n",
        "siemens",
        {"G505", "G507", "none", "G508"},
-       {"o.ufr has values without effect, other than zero: offsets beyond the sixth that cannot be "
-        "read (1)",
+       {"o.ufr has nonzero values that are not used: offsets beyond the sixth that cannot be read (1)",
         "o.ufr: left out, being of axes that this machine has not: G521"}},
       {"o.pr",
        "BEGIN PGM P MM\nTOOL CALL 1 Z S100\nPRESET SELECT #7\nL X+1 FMAX\n"
        "PRESET SELECT #2\nL X+2 FMAX\nEND PGM P MM\n",
        "heidenhain",
        {"preset 7", "preset 2"},
-       {"o.pr has values without effect, other than zero: offsets beyond the sixth that cannot be "
-        "read (1)",
+       {"o.pr has nonzero values that are not used: offsets beyond the sixth that cannot be read (1)",
         "o.pr has no preset 2, which the program calls: " + no_zero}},
   };
   for (const Case& one : cases) {
@@ -267,14 +265,13 @@ TEST(ProgramCommand, NamesOffsetsAsTheControlDoes) {
       json_of("p.txt --machine gantry_cxyza --dialect fanuc --offsets o.var --unit mm", at);
   bool found = false;
   for (const json& warning : foreign["warnings"])
-    found = found || warning == "o.var is a table of linuxcnc, and the program is read as fanuc";
+    found = found || warning == "o.var is a linuxcnc table, but the program is read as fanuc";
   EXPECT_TRUE(found) << foreign["warnings"];
   // what is turned is refused where it is called
   folder.write("p.txt", "G520\nG0 X1\n");
   EXPECT_NE(
       run("program p.txt --machine gantry_cxyza --dialect siemens --offsets o.ufr --unit mm", at)
-          .text.find("p.txt:1:1: expected G54 to G57, G505 or G506, or an offset that the "
-                     "control's table has (`offsets`): $P_UIFR[20], seen G520"),
+          .text.find("p.txt:1:1: expected G54 to G57, G505 or G506, or an offset from the control's table (`offsets`): $P_UIFR[20], seen G520"),
       std::string::npos);
 }
 

@@ -171,7 +171,7 @@ TEST(TaskRunner, AFailureDoesNotHideOneBeforeIt) {
     Said said;
     try {
       do_all(tasks, 2, said);
-      FAIL() << "expected a failure";
+      FAIL() << "expected a write error";
     } catch (const std::runtime_error& fault) {
       EXPECT_STREQ(fault.what(), "1");
     }
