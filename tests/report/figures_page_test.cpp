@@ -291,7 +291,7 @@ TEST_F(IdentificationPages, ResidualsHaveTheChiSquareOfTheFit) {
   // what is known beforehand of set-ups counts in chi-square, not among the readings
   EXPECT_LE(sum, 1.001 * chi * degrees);
   EXPECT_GE(sum, 0.8 * chi * degrees);
-  ASSERT_EQ(series.size(), 4u) << "a all program, a each file program";
+  ASSERT_EQ(series.size(), 4u) << "one of all, one of each file";
   std::size_t each = 0;
   for (std::size_t k = 1; k < series.size(); ++k) each += series[k].at("values").size();
   EXPECT_EQ(each, all.size());

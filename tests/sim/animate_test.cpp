@@ -377,8 +377,8 @@ TEST_F(Animate, OptionsThatCannotBeAreRefusedBeforeAnythingIsCut) {
     const char *options, *expected;
   } slips[] = {{"--fps 0", "--fps: expected 1 to 120"},
                {"--fps nan", "--fps"},
-               {"--seconds 0", "--seconds: expected seconds greater than 0"},
-               {"--seconds -3", "--seconds: expected seconds greater than 0"},
+               {"--seconds 0", "--seconds: expected seconds above 0"},
+               {"--seconds -3", "--seconds: expected seconds above 0"},
                {"--seconds 1000", "--seconds: expected at most 10000 frames"},
                {"--size 0x0", "--size: expected pixels as 1280x720"},
                {"--size 100000x100000", "--size: expected pixels as 1280x720"},

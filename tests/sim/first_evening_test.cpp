@@ -146,7 +146,7 @@ TEST_F(FirstEvening, ASceneCopiedElsewhere) {
   EXPECT_NE(found.text.find("library:machines/gantry_cxyza.toml"), std::string::npos)
       << "what is abbe's own is found wherever the scene stands: " << found.text;
   for (const std::string& words :
-       {std::string("scene.toml:1:11: expected a file that can be read, or a the library:  program"),
+       {std::string("scene.toml:1:11: expected a file that can be read, or one of the library: "),
         fmt::format("seen no file {0}/machines/ours.toml: a name counts from the folder of the "
                     "file that has it, here {0}",
                     folder_.path().string())})

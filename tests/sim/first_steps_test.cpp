@@ -254,7 +254,8 @@ TEST(Slip, TheNearestCommandOptionOrWordIsNamed) {
       {"run s.toml --treads=2", "(nearest: --threads), seen --treads"},
       {"pose s.toml --gird", "(nearest: --grid)"},
       {"new gantri first",
-       "expected a cam program, fanuc, gantry, head_head, heidenhain, lathe, linuxcnc, platform, siemens, three_axis, trunnion (nearest: gantry), seen gantri"},
+       "expected one of cam, fanuc, gantry, head_head, heidenhain, lathe, linuxcnc, platform, "
+       "siemens, three_axis, trunnion (nearest: gantry), seen gantri"},
       {"render r --line radios", "(nearest: radius)"},
       {"explain part.raduis_mm", "nearest: part.radius_mm"},
       {"run library:gantri_dome", "a name of the library: library:gantry_dome, "},

@@ -188,7 +188,7 @@ TEST(FormCutterScene, APointThatAProfileCannotHaveIsRefusedByKeyAndEntry) {
        "6:21: expected a height of 4 mm at least, that of the point before for tool.heights_mm, "
        "entry 3, seen 3 mm");
   says("radii_mm = [3, 0, 5]\nheights_mm = [0, 4, 9]\n",
-       "5:16: expected a radius greater than 0 above its tip for tool.radii_mm, entry 2, seen 0 mm");
+       "5:16: expected a radius above 0 above its tip for tool.radii_mm, entry 2, seen 0 mm");
   says("radii_mm = [3, 3, 6, 3, 3]\nheights_mm = [0, 4, 4, 4, 9]\n",
        "5:19: expected it to go on for tool.radii_mm, entry 3, seen that it turns back on itself");
   says("radii_mm = [3, 5]\nheights_mm = [0, 4]\narc_radii_mm = [0, -1]\n",

@@ -80,7 +80,8 @@ TEST(Library, ANameThatIsNotThereListsWhatIsTheNearestFirst) {
             std::string::npos);
   const std::string beside =
       faults_of(folder.write("s.toml", text_of("lathe.toml", "library:ball_r5")));
-  EXPECT_NE(beside.find("s.toml:1:11: expected a file that can be read, or a the library: library:lathe_zx program, library:"),
+  EXPECT_NE(beside.find("s.toml:1:11: expected a file that can be read, or one of the library: "
+                        "library:lathe_zx, library:"),
             std::string::npos)
       << beside;
   // of its own kind alone, all of them, and no file that a scene cannot name

@@ -70,7 +70,7 @@ TEST(MachinePicture, OfAMachineWithoutBlocksStandsOnABed) {
     EXPECT_GE(low, top - 1e-6);
     standing += std::abs(low - top) < 1e-6;
   }
-  EXPECT_EQ(standing, 2) << "a column of the tool's side and a the part's program";
+  EXPECT_EQ(standing, 2) << "a column of the tool's side and one of the part's";
 }
 
 // Half way through the program the axes stand at Z 80 and more, X Y within 10 mm, A and C at zero.

@@ -470,7 +470,8 @@ TEST(Measure, APartOfWhichNothingCanBeReadIsRefusedAndLeavesNoFile) {
   const auto sunk = folder.write("sunk.toml", flat_scene(folder, 7, -3));
   const std::string refused = refusal_by([&] { measure(sunk, options); });
   EXPECT_NE(
-      refused.find("a part that cmm can measure, seen na its judged surface cut within 2 mm of the design program, 400 vertices gouged deeper"),
+      refused.find("a part that cmm can measure, seen none of its judged surface cut within 2 "
+                   "mm of the design, 400 vertices gouged deeper"),
       std::string::npos)
       << refused;
   EXPECT_FALSE(std::filesystem::exists(options.folder / "cmm.csv"));

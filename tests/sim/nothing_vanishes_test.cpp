@@ -314,7 +314,7 @@ TEST_F(NothingVanishes, WhatIsSaidHasFiguresAndLines) {
   expect_refusal("just_above", "the lowest cut lies 2.5 mm above the part");
   expect_refusal("part far above",
                  "the highest cut lies 425.0 mm below the part");  // 25 mm of flank
-  expect_refusal("part beside", "the nearest cut lies 133.0 mm with the part, towards its -x");
+  expect_refusal("part beside", "the nearest cut lies 133.0 mm beside the part, towards its -x");
   expect_refusal(
       "two_tools",
       "expected one tool, T1 of line 2, as the scene has one; several are described by a "

@@ -84,7 +84,7 @@ TEST_F(Moved, AProgramThatTakesThePartAwayIsWarnedOfWithItsOffset) {
 
 TEST_F(Moved, AProgramBesideIsBroughtOverTheMiddle) {
   const Job job = moved("work_offset.G54 = { X_mm = 90, Y_mm = 0, Z_mm = 30 }\n");
-  EXPECT_TRUE(says(error_text(job), "mm with the part, towards its +x; with G54 X = "))
+  EXPECT_TRUE(says(error_text(job), "mm beside the part, towards its +x; with G54 X = "))
       << error_text(job);
   const auto out = placement_suggestion(job);
   ASSERT_TRUE(out);
@@ -315,7 +315,9 @@ TEST(Placement, APartWithTooFewVerticesIsSaidToHaveTooFew) {
   };
   const std::string text = fault_with("sampling = \"vertices\"\n");
   EXPECT_TRUE(says(text,
-                   "part.stl: expected 10 judged vertices or more, no farther apart than the cutter is wide, 10 mm, seen 4 judged vertices, up to 141.4 mm apart, na which the program cuts program"))
+                   "part.stl: expected 10 judged vertices or more, no farther apart than the "
+                   "cutter is wide, 10 mm, seen 4 judged vertices, up to 141.4 mm apart, none "
+                   "of which the program cuts"))
       << text;
   EXPECT_EQ(fault_with(""), "");
 }

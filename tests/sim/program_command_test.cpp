@@ -63,7 +63,7 @@ TEST(ProgramCommand, SaysWhatAProgramAsksOfAMachine) {
   const Ran text = run("program " + finish);
   EXPECT_EQ(text.code, 0) << text.text;
   for (const char* one : {"gantry CXYZA", "82 moves", "travel left", "singular", "T1, called once",
-                          "describes a 10 mm with a corner of 5 mm program"})
+                          "describes one of 10 mm with a corner of 5 mm"})
     EXPECT_NE(text.text.find(one), std::string::npos) << one << " in\n" << text.text;
 }
 
@@ -231,14 +231,14 @@ TEST(ProgramCommand, NamesOffsetsAsTheControlDoes) {
        "G505 G0 X1\nG507\nG0 X2\nG500\nG0 X3\nG508\nG0 X4\n",
        "siemens",
        {"G505", "G507", "none", "G508"},
-       {"o.ufr has nonzero values that are not used: offsets beyond the sixth that cannot be read (1)",
+       {"o.ufr has nonzero values that are not used: offsets after the sixth that cannot be read (1)",
         "o.ufr: left out, being of axes that this machine has not: G521"}},
       {"o.pr",
        "BEGIN PGM P MM\nTOOL CALL 1 Z S100\nPRESET SELECT #7\nL X+1 FMAX\n"
        "PRESET SELECT #2\nL X+2 FMAX\nEND PGM P MM\n",
        "heidenhain",
        {"preset 7", "preset 2"},
-       {"o.pr has nonzero values that are not used: offsets beyond the sixth that cannot be read (1)",
+       {"o.pr has nonzero values that are not used: offsets after the sixth that cannot be read (1)",
         "o.pr has no preset 2, which the program calls: " + no_zero}},
   };
   for (const Case& one : cases) {

@@ -162,7 +162,7 @@ TEST(Regions, MissingLibraryOfMaterialsIsSaidOnlyWhereAColourIsAskedFor) {
   const auto other = with_colour.file();
   EXPECT_EQ(read_scene(other).files.back().filename(), "paint.mtl") << "no result may replace it";
   std::filesystem::remove(with_colour.folder.path() / "paint.mtl");
-  EXPECT_NE(refusal_of_job(other).find("block.obj:1:8: expected the file paint.mtl with the OBJ"),
+  EXPECT_NE(refusal_of_job(other).find("block.obj:1:8: expected the file paint.mtl beside the OBJ"),
             std::string::npos);
 }
 

@@ -261,7 +261,7 @@ TEST(SpindleRunOut, CurveThatCannotBeIsRefusedByName) {
     with_run_out(scene);
     FAIL();
   } catch (const BadInput& fault) {
-    EXPECT_NE(std::string(fault.what()).find("EXS: expected a period greater than 0"), std::string::npos)
+    EXPECT_NE(std::string(fault.what()).find("EXS: expected a period above 0"), std::string::npos)
         << fault.what();
   }
   // What a spindle cannot have is refused as before, though its curves were taken.

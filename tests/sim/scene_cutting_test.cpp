@@ -176,7 +176,7 @@ TEST(SceneCutting, OffsetMeshAndTurnedBlanksAreRead) {
 
 TEST(SceneCutting, ZeroFlutesAreRefusedWithTheirPlace) {
   EXPECT_EQ(faults_in(box + "flutes = 0\n"),
-            "s.toml:4:10: expected an integer from 1 to 100 for cutting.flutes, seen 0\n");
+            "s.toml:4:10: expected a whole number from 1 to 100 for cutting.flutes, seen 0\n");
 }
 
 TEST(SceneCutting, WhatCannotBeIsRefusedByName) {

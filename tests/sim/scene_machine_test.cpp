@@ -60,7 +60,7 @@ TEST(SceneMachine, AShapeThatIsNoneIsAllThatIsSaidOfABody) {
     return text_of(input_errors);
   };
   const std::string shapes =
-      "a \"box\" program, \"cone\", \"cylinder\", \"extrusion\", \"mesh\", \"revolution\", \"sphere\"";
+      "one of \"box\", \"cone\", \"cylinder\", \"extrusion\", \"mesh\", \"revolution\", \"sphere\"";
   for (const char* keys :
        {"size_mm = [1, 2, 3]\n", "radius_mm = 3\nheight_mm = 4\n", "file = \"m.stl\"\n", ""})
     EXPECT_EQ(faults_of_body(std::string("shape = \"boxx\"\n") + keys),

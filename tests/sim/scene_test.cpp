@@ -149,9 +149,11 @@ TEST(Scene, WrongTypesMissingKeysAndBadNumbersAreRefusedWhereTheyStand) {
       faults_with("[-300, 300]", "[300, -300]"),
       "s.toml:4:24: expected [least, most] with least below most for travel_mm, seen not rising");
   EXPECT_EQ(faults_with("radius_mm = 10", "radius_mm = 10\nvertices = 1e5"),
-            "s.toml:20:12: expected an integer from 100 to 50000000 for part.vertices, seen 100000.0");
+            "s.toml:20:12: expected a whole number from 100 to 50000000 for part.vertices, "
+            "seen 100000.0");
   EXPECT_EQ(faults_with("kind = \"ball\"", "kind = 2024-05-01"),
-            "s.toml:13:8: expected a \"apt\" program, \"ball\", \"bull\", \"edge\", \"flat\", \"form\", \"insert\", \"nose\", \"profile\" for tool.kind, seen 2024-05-01");
+            "s.toml:13:8: expected one of \"apt\", \"ball\", \"bull\", \"edge\", \"flat\", "
+            "\"form\", \"insert\", \"nose\", \"profile\" for tool.kind, seen 2024-05-01");
   EXPECT_EQ(faults_with("[program]\ngenerator = \"raster\"", "program = 7"),
             "s.toml:20:1: expected a "
             "known key of part, seen program\ns.toml:1:1: expected a table or a file for program, "
@@ -161,7 +163,8 @@ TEST(Scene, WrongTypesMissingKeysAndBadNumbersAreRefusedWhereTheyStand) {
 TEST(Scene, WordsAreRefusedWithTheNearestOne) {
   EXPECT_EQ(
       faults_with("\"raster\"", "\"rastr\""),
-      "s.toml:21:13: expected a \"flank\" program, \"raster\", \"spiral\" for program.generator, seen \"rastr\" (nearest: \"raster\")");
+      "s.toml:21:13: expected one of \"flank\", \"raster\", \"spiral\" for program.generator, "
+      "seen \"rastr\" (nearest: \"raster\")");
 }
 
 TEST(Scene, AllFaultsAreToldAtOnce) {
@@ -216,8 +219,8 @@ TEST(Scene, MissingFilesAreNamedWhereTheyAreAskedFor) {
                          ""));
   const std::string input_errors = faults_of(file);
   for (const char* expected :
-       {"s.toml:1:8: expected a file that can be read, or a the library: library: program",
-        "s.toml:2:11: expected a file that can be read, or a the library: library: program",
+       {"s.toml:1:8: expected a file that can be read, or one of the library: library:",
+        "s.toml:2:11: expected a file that can be read, or one of the library: library:",
         "/no.toml: a name counts", "/a.toml"})
     EXPECT_NE(input_errors.find(expected), std::string::npos) << expected << " in " << input_errors;
   EXPECT_EQ(std::count(input_errors.begin(), input_errors.end(), '\n'), 1) << input_errors;

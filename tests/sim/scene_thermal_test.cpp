@@ -473,7 +473,7 @@ TEST(SceneThermal, SourcesAreRefusedWhereTheyStand) {
             "t:17:8: expected a node of the thermal network for node, seen \"nut\"\n");
   EXPECT_EQ(source("power_W = 3\n"),
             "t:16:1: expected a kind of heat for thermal.source.kind, seen nothing\n");
-  EXPECT_NE(source("kind = \"motor\"\npower_W = 3\n").find("t:18:8: expected a \"axis\" program"),
+  EXPECT_NE(source("kind = \"motor\"\npower_W = 3\n").find("t:18:8: expected one of \"axis\""),
             std::string::npos);
   EXPECT_NE(source("kind = \"cutting\"\nshare = 1.2\n").find("thermal.source.share >= 0 and <= 1"),
             std::string::npos);
@@ -583,10 +583,10 @@ TEST(SceneThermal, SensorsAreRefusedByName) {
 
 TEST(SceneThermal, HistoryAndRoomAreRefusedWhereTheyStand) {
   EXPECT_NE(faults_with_more("[[history]]\nspeed_rpm = 100\n")
-                .find("t:16:1: expected a duration_h program, duration_min, duration_s"),
+                .find("t:16:1: expected one of duration_h, duration_min, duration_s"),
             std::string::npos);
   EXPECT_NE(faults_with_more("[[history]]\nduration_h = 1\nduration_s = 1\n")
-                .find("t:18:14: expected only a duration_h program"),
+                .find("t:18:14: expected only one of duration_h"),
             std::string::npos);
   EXPECT_NE(faults_with_more("[[history]]\nduration_h = 0\n")
                 .find("t:17:14: expected thermal.history.duration_h > 0"),
@@ -612,7 +612,7 @@ TEST(SceneThermal, HistoryAndRoomAreRefusedWhereTheyStand) {
   EXPECT_NE(faults_with_more("[room]\ntime_h = [0]\nT_C = [-300]\n")
                 .find("t:18:7: expected temperatures of"),
             std::string::npos);
-  EXPECT_NE(faults_with_more("[room]\nT_C = [20]\n").find("a time_h program, time_min, time_s"),
+  EXPECT_NE(faults_with_more("[room]\nT_C = [20]\n").find("one of time_h, time_min, time_s"),
             std::string::npos);
 }
 
@@ -628,7 +628,7 @@ TEST(SceneThermal, PlotsAreReadAndRefusedWhereTheyStand) {
   };
   refused("element = \"EXB\"\nat_h = [0]\n", "t:17:11: expected thermal errors that fit");
   refused("element = \"EZS\"\nat_h = [0]\n", "t:17:11: expected an error motion of an axis");
-  refused("element = \"EXX\"\n", "a at_h program, at_min, at_s");
+  refused("element = \"EXX\"\n", "one of at_h, at_min, at_s");
   refused("element = \"EXX\"\nat_s = []\n", "t:18:8: expected an array of numbers");
   refused("at_s = [0]\n", "expected a text for thermal.plot.element");
   refused("element = \"EXX\"\nat_s = [0]\n[[plot]]\nelement = \"EXX\"\nat_s = [1]\n",

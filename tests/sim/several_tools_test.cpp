@@ -284,13 +284,13 @@ TEST_F(SeveralTools, WhatTheyDoNotGoWithIsRefused) {
                  "expected tool.number of each of several tools, seen a tool without");
   expect_refused(
       scene(listed({t1, "kind = \"nose\"\nradius_mm = 1\nlength_mm = 30\nnumber = 2\n"}), program),
-      "expected tools that all mill, or all turn, seen a either kind program");
+      "expected tools that all mill, or all turn, seen one of either kind");
   expect_refused(
       scene(both, program,
             "[cutting]\nblank = \"box\"\nlower_mm = [-10, -10, -5]\nupper_mm = [10, 10, 1]\n"),
-      "expected one tool with [cutting]");
+      "expected one tool beside [cutting]");
   expect_refused(scene(both, program, "[control]\ntool_length_mm = 99\n"),
-                 "expected one tool with it");
+                 "expected one tool beside it");
   expect_refused(fmt::format("machine = \"{}machines/gantry_cxyza.toml\"\n{}[part]\n{}[program]\n"
                              "generator = \"raster\"\n",
                              packaged("").string(), both, flat_part),

@@ -294,7 +294,7 @@ TEST(Shell, EveryWordOfACaseNameInTheHelpIsOne) {
 TEST(Shell, QuestionsAreRefusedWithWhatTheyTake) {
   const Ran shells = run("--completion tcsh");
   EXPECT_EQ(shells.code, 2);
-  EXPECT_TRUE(has_text(shells.text, "expected a bash program, zsh, fish")) << shells.text;
+  EXPECT_TRUE(has_text(shells.text, "expected one of bash, zsh, fish")) << shells.text;
   EXPECT_EQ(run("--keys a b").code, 2);
   EXPECT_EQ(run("--completions bash").code, 2);
   EXPECT_TRUE(has_text(run("--help").text, "--completion SHELL"));

@@ -171,7 +171,7 @@ TEST(TaskRunner, AFailureDoesNotHideOneBeforeIt) {
     Said said;
     try {
       do_all(tasks, 2, said);
-      FAIL() << "expected a write error";
+      FAIL() << "expected a failure";
     } catch (const std::runtime_error& fault) {
       EXPECT_STREQ(fault.what(), "1");
     }

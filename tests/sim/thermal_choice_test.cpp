@@ -279,7 +279,7 @@ TEST(ThermalSensorChoice, AnOrderOfChanceIsGivenAsItsRange) {
   }
   EXPECT_GT(ranges, 0) << "the first ranks change places over start rows";
   EXPECT_LT(min_same, 90.0);
-  EXPECT_TRUE(any_holds(json["warnings"], "their order is a chance program")) << json["warnings"];
+  EXPECT_TRUE(any_holds(json["warnings"], "their order is one of chance")) << json["warnings"];
   EXPECT_NE(sensor_choices_text(choice).find("over start rows 0 to 10 and noise"),
             std::string::npos);
 }
