@@ -160,8 +160,7 @@ TEST(ProgramLimits, LoopsLabelsAndCallsOfAnyDepthEnd) {
            {Dialect::Heidenhain, "LBL 1\nCALL LBL 1\nLBL 0\n"}}) {
     const auto errors = errors_of(text, limits_options(dialect));
     ASSERT_FALSE(errors.empty()) << text;
-    EXPECT_NE(errors[0].expected.find("nested calls"), std::string::npos)
-        << errors[0].what();
+    EXPECT_NE(errors[0].expected.find("nested calls"), std::string::npos) << errors[0].what();
   }
 }
 

@@ -166,7 +166,7 @@ TEST(Turning, FacingUnderConstantSurfaceSpeedTakesTheTimeOfItsIntegral) {
     const ParsedProgram program = read(dialect, text);
     EXPECT_NEAR(feed_time(program.path), expected, 1e-9);
     EXPECT_NEAR(turns_at_feed(program.path), 30.0 / f, 1e-9) << "as many as the feed asks for";
-    EXPECT_EQ(assumptions_of(program).find("nothing limits"), std::string::npos);
+    EXPECT_EQ(assumptions_of(program).find("is not limited"), std::string::npos);
   }
 }
 
@@ -349,17 +349,17 @@ TEST(Turning, WhatIsNotReadIsRefusedByNameAndLine) {
   };
   for (const char* cycle :
        {"G70 P10 Q20", "G71 U2. R0.5", "G72 W2. R0.5", "G73 U5. W5. R3", "G74 R1.", "G75 R1."})
-    fanuc(cycle, "cycles of roughing, finishing and grooving are not expanded");
+    fanuc(cycle, "roughing, finishing and grooving cycles are not expanded");
   for (const char* thread : {"G32 Z-10. F2.", "G76 P020060 Q100 R0.05", "G92 X20. Z-10. F1.5"})
-    fanuc(thread, "threads are not cut");
+    fanuc(thread, "threads are not synchronised");
   fanuc("G83 Z-10. R2. Q1000 F0.1", "drilling cycles of a turning control");
-  fanuc("G91 U2.", "G91, G93 and G95 are of G-code systems B and C");
+  fanuc("G91 U2.", "G91, G93 and G95 belong to G-code systems B and C");
   fanuc("G96 M3", "S (surface speed) with G96");
   fanuc("G96 G50 S2000 M3", "S (surface speed) with G96");
-  fanuc("G1 X20. U2. F0.1", "by its position or by its increment");
-  fanuc("G1 X20. R2. F0.1", "of corners are not expanded");
-  fanuc("G1 X20. C1. F0.1", "of corners are not expanded");
-  fanuc("G1 X20. ,R2. F0.1", "of corners are not expanded");
+  fanuc("G1 X20. U2. F0.1", "as a position or as an increment");
+  fanuc("G1 X20. R2. F0.1", "are not expanded");
+  fanuc("G1 X20. C1. F0.1", "are not expanded");
+  fanuc("G1 X20. ,R2. F0.1", "are not expanded");
   fanuc("T12", "T with four digits");
   fanuc("G90 X20.", "X and Z in the first block");
   fanuc("G10 P10001 X2.", "the geometry of tools is that of the scene");
@@ -434,8 +434,7 @@ TEST(Turning, WhatATurningControlBeginsWithIsSaid) {
   const ParsedProgram fanuc = read(Dialect::Fanuc, "O1\nM3 S500\nG1 X50. F0.1\nX52.\nM30\n");
   expect_assumption(fanuc, "F per revolution (G99)");
   expect_assumption(fanuc, "X and U words are diameters");
-  expect_assumption(fanuc,
-                    "line 3: no T before the first feed: the only tool is assumed");
+  expect_assumption(fanuc, "line 3: no T before the first feed: the only tool is assumed");
   EXPECT_EQ(assumptions_of(fanuc).find("G90"), std::string::npos) << "there is no G91";
   const ParsedProgram siemens = read(Dialect::Siemens, "T1 D1\nM3 S500\nG1 X50 F0.1\nX52\nM30\n");
   expect_assumption(siemens, "line 3: X words are diameters (DIAMON)");
@@ -476,7 +475,7 @@ TEST(Turning, ProgramsOfTurningControlsAreOneErrorOnAMill) {
   mill.dialect = Dialect::Siemens;
   const auto diameters = input_errors("T1 D1\nDIAMON\nG1 X5 F100\nM30\n", mill);
   ASSERT_EQ(diameters.size(), 1u);
-  EXPECT_NE(diameters[0].find("X is no diameter on a milling control"), std::string::npos);
+  EXPECT_NE(diameters[0].find("X is not a diameter on a milling control"), std::string::npos);
 }
 
 TEST(Turning, ProgramsWithoutANumberAreRecognised) {
