@@ -373,7 +373,8 @@ void Machine::set_compensation(const Block& block) {
   // D0 is a radius of zero.
   const double radius = has_radius ? *entry->second.value + entry->second.wear : 0.0;
   run_.warn_once(
-      "cutter compensation ends its first move at the start of the next (type A, parameter 5003.0 "
+      "cutter compensation ends its first move perpendicular to the start of the next (type A, "
+      "parameter 5003.0 "
       "SUP = 0) and goes around outside corners in arcs (19607.2 CCC = 1): with type B a control "
       "enters an outside corner differently, with CCC = 0 it goes around in lines");
   side_ = code.tenths;

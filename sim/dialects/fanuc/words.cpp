@@ -53,8 +53,9 @@ constexpr Line lines[] = {
     {"G33", Group::None, refused, "G84 or G1: single-point threading is not possible on a mill"},
     {"G40", Group::CutterRadius, read, "cutter compensation off"},
     {"G41 G42", Group::CutterRadius, read,
-     "cutter compensation left, right, by the radius D: the first move, a line, ends at the start "
-     "of the next (type A, 5003.0 SUP = 0), arcs around outside corners (19607.2 CCC = 1)"},
+     "cutter compensation left, right, by the radius D: the first move, a line, ends perpendicular "
+     "to the start of the next (type A, 5003.0 SUP = 0), arcs around outside corners (19607.2 CCC "
+     "= 1)"},
     {"G40.1 G41.1 G42.1 G41.2 G42.2 G41.3 G41.4 G42.4 G41.5 G42.5 G41.6 G42.6", Group::None,
      refused, "G41 or G42: no 3D compensation, no normal direction control"},
     {"G43 G44", Group::ToolLength, read,
