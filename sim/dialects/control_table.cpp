@@ -110,7 +110,7 @@ namespace {
 constexpr std::string_view table_axes = "XYZABCUVW";
 // Parameter layout of LinuxCNC: 20 parameters for each of nine systems from 5221 on, X first.
 constexpr int first_system_parameter = 5221, system_count = 9, parameters_per_system = 20;
-// Index of the rotation among the parameters of a system, behind the nine axes.
+// Index of the rotation among the parameters of a system, after the nine axes.
 constexpr int system_rotation_index = 9;
 // 5210 is non-zero while the shift of G92, 5211 to 5219, is in force; 5220 is the system in force.
 constexpr int shift_state_parameter = 5210, first_shift_parameter = 5211,

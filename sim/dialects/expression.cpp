@@ -72,7 +72,7 @@ const Operator* operator_at(Cursor& cursor, const ExpressionGrammar& grammar, in
   return nullptr;
 }
 
-// Returns the result. Throws for infinity and NaN, because no axis can stand there.
+// Returns the result. Throws for infinity and NaN, because no axis can be there.
 double require_finite(double result, const Cursor& cursor, std::size_t from) {
   if (!std::isfinite(result)) cursor.throw_input_error(from, "a finite result");
   return result;

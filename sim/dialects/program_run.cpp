@@ -15,7 +15,8 @@ namespace abbe::sim::dialects {
 namespace {
 // Different words; bounds memory for a file that is no program of this dialect.
 constexpr std::size_t max_skipped = 1000;
-constexpr std::size_t blocks_between_reports = 8192;  // rare enough to cost nothing beside parsing
+constexpr std::size_t blocks_between_reports =
+    8192;  // rare enough to cost nothing compared with parsing
 
 // Returns true for a turning control, stated or derived from a spindle that carries the workpiece.
 bool has_turning_control(const ReadOptions& options) {
@@ -111,7 +112,7 @@ bool has_words(std::string_view line) {
     const char c = line[at];
     if (c == '(') ++depth;
     if (c == ')') depth = std::max(0, depth - 1);
-    // Brackets inside a comment may nest; an unmatched ) does not hide the words behind it.
+    // Brackets inside a comment may nest; an unmatched ) does not hide the words after it.
     if (depth > 0) continue;
     if (c == ';' || c == '*' || line.substr(at, 2) == "$$") return false;
     if (is_letter(c)) return true;

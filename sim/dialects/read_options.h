@@ -34,7 +34,7 @@ struct DetectedDialect {
 
 /// Detects the dialect of a program by the signs that the README of this folder lists: the file
 /// name, then the first 2000 lines, of which the first that only one dialect can have decides.
-/// Without a sign the dialect is LinuxCNC's. Comments in brackets or behind ; are ignored.
+/// Without a sign the dialect is LinuxCNC's. Comments in brackets or after ; are ignored.
 DetectedDialect detect_dialect(std::string_view text, std::string_view file);
 
 /// All input errors of a program at once. As a BadInput it is the first of them; `what()` has one

@@ -154,7 +154,7 @@ void count_word(std::string_view line, std::size_t& at, int line_number, WordCou
   at = end;
 }
 
-/// Counts the words of a line. Text in ( ) or " " and behind ; is skipped.
+/// Counts the words of a line. Text in ( ) or " " and after ; is skipped.
 void count_line(std::string_view line, int line_number, WordCounter& counter) {
   for (std::size_t at = 0; at < line.size();) {
     const char c = line[at];
@@ -364,7 +364,7 @@ ParsedProgram read_program(std::string_view text, const std::string& file,
   run.emit_segment();
   if (!run.input_errors().empty()) {
     std::vector<BadInput> errors = merge_encoding_errors(run.input_errors().list(), text, file);
-    // The hint at another dialect comes last, behind the errors that led to it.
+    // The hint at another dialect comes last, after the errors that led to it.
     if (auto suggestion = suggest_dialect(text, file, options, detected, errors.size()))
       errors.push_back(std::move(*suggestion));
     throw BadProgram(std::move(errors));

@@ -115,7 +115,7 @@ void CutterCompensation::begin(bool left, double radius, std::array<int, 2> plan
   is_left_ = radius >= 0 ? left : !left;
   radius_ = std::abs(radius);
   plane_ = plane;
-  // After `end` the tool is still offset, so the axes do not stand at the programmed position.
+  // After `end` the tool is still offset, so the axes are not at the programmed position.
   if (!is_leaving_) programmed_ = canon_.position();
   is_leaving_ = has_entered_ = false;
 }

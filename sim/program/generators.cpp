@@ -404,7 +404,7 @@ MillingProgram generate_raster(const Raster& raster, const ContactField& design,
                        .clearance = raster.clearance,
                        .speed_rpm = raster.speed_rpm,
                        .cutter_radius = cutter.radius,
-                       // Zigzag passes end beside the start of the next, so up to four steps over
+                       // Zigzag passes end next to the start of the next, so up to four steps over
                        // are linked at clearance.
                        .max_link_distance = raster.zigzag ? 4 * raster.step_over : 0.0,
                        .must_reach_all = false,

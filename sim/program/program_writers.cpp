@@ -95,7 +95,7 @@ std::string write_nc(std::span<const NcItem> items, std::span<const ControlledAx
 
 namespace {
 
-constexpr double min_tip_travel = 1e-9;         // mm; with less the tip stands still
+constexpr double min_tip_travel = 1e-9;         // mm; with less the tip is at rest
 constexpr double max_radius_difference = 1e-7;  // mm, tolerance for equal radii along an arc
 constexpr double max_still_rotation = 1e-12;    // rad
 constexpr double min_rpm = 1e-6;                // smallest spindle speed that is written as turning
@@ -200,8 +200,8 @@ void LocationWriter::point(const TipPose& pose) {
   vector_ = vector;
 }
 
-/// Returns the value of F: the speed of the tip, or of the rotary axes in degrees if the tip stands
-/// still.
+/// Returns the value of F: the speed of the tip, or of the rotary axes in degrees if the tip is at
+/// rest.
 std::string LocationWriter::feed_word(const Path& path, const Block& block, double from, double to,
                                       double tip_travel) {
   if (!(tip_travel > min_tip_travel)) {

@@ -525,7 +525,7 @@ std::vector<SampleWindow> windows(const Path& path, const kinematics::Chain& con
   std::vector<SampleWindow> result{{0, 0}};
   for (std::size_t i = 0; i < path.blocks.size(); ++i) {
     sample_block(path, int(i), control, options, recorder);
-    // Reports are rare enough to cost nothing beside sampling.
+    // Reports are rare enough to cost nothing compared with sampling.
     constexpr std::size_t progress_block_interval = 1000;
     if (progress && i % progress_block_interval == 0)
       progress(double(i) / double(path.blocks.size()));

@@ -30,13 +30,13 @@ constexpr std::array<std::string_view, 9> text_words = {
 
 bool is_word_byte(char c) { return is_letter(c) || is_digit(c) || c == '-' || c == '_'; }
 
-/// Returns the position behind the blanks from `at` on.
+/// Returns the position after the blanks from `at` on.
 std::size_t skip_blanks_from(std::string_view text, std::size_t at) {
   while (at < text.size() && is_blank(text[at])) ++at;
   return at;
 }
 
-/// Reads the major word at `at` into the statement. Returns the position behind it.
+/// Reads the major word at `at` into the statement. Returns the position after it.
 std::size_t read_major_word(std::string_view line, std::size_t at, Statement& statement) {
   const std::size_t from = at;
   statement.major.clear();
@@ -62,7 +62,7 @@ bool remove_comment(std::string_view& line) {
   return is_continued;
 }
 
-/// Returns the position behind "$$->" or "$$ ->", or npos.
+/// Returns the position after "$$->" or "$$ ->", or npos.
 std::size_t skip_arrow(std::string_view line, std::size_t at) {
   if (line.substr(at, 2) != "$$") return std::string_view::npos;
   at = skip_blanks_from(line, at + 2);
@@ -121,7 +121,7 @@ bool Statements::next(Statement& statement) {
 void read_items(Statement& statement, const program::Canon& canon) {
   if (statement.lines.size() > max_lines)
     canon.throw_input_error(statement.cause, "a statement of at most 200 lines", "more");
-  bool is_separated = true;  // behind a comma, or before the first item
+  bool is_separated = true;  // after a comma, or before the first item
   bool is_behind_comma = false;
   Item last_comma;
   for (const Statement::StatementLine& line : statement.lines)
@@ -359,7 +359,7 @@ namespace {
 constexpr int max_tool = 1'000'000;
 constexpr double max_rpm = 1e7;
 
-/// Words beside a tool number. They have no effect, because points are the tip whatever the length.
+/// Words with a tool number. They have no effect, because points are the tip whatever the length.
 constexpr std::array<std::string_view, 13> tool_words = {
     "LENGTH", "OSETNO", "ADJUST", "RADIUS", "MANUAL", "AUTO",  "HOLDER",
     "MINUS",  "PLUS",   "LARGE",  "SMALL",  "CLW",    "MAGAZN"};

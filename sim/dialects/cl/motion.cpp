@@ -410,7 +410,7 @@ Machine::Circle Machine::parse_circle(const Statement& statement, std::string_vi
 }
 
 /// Executes CIRCLE/x,y,z,i,j,k,r: counter-clockwise about the vector, for all points on the circle.
-/// With t,f,d,e behind (NX) it is clockwise about the vector, for one point.
+/// With t,f,d,e after (NX) it is clockwise about the vector, for one point.
 void Machine::circle(const Statement& statement) {
   const std::size_t count = statement.items.size();
   if (count != 7 && count < 11)
@@ -590,7 +590,7 @@ Machine::DrillCycle Machine::parse_drill_cycle(const Statement& statement) {
   };
   for (std::size_t i = 1; i < statement.items.size(); ++i) {
     const Item& word = statement.items[i];
-    // A number directly behind DRILL is the depth.
+    // A number directly after DRILL is the depth.
     if (word.number && i == 1) {
       levels.bottom = -*word.number * unit();
       continue;

@@ -127,7 +127,7 @@ void Block::clear() {
 
 int whole_number(const program::Canon& canon, const Word& word, int max) {
   const double rounded = std::round(word.value);
-  // A literal must be a whole number; a computed value carries rounding errors, so it is rounded.
+  // A literal must be an integer; a computed value carries rounding errors, so it is rounded.
   const bool is_literal = word.text.find_first_of("#[") == std::string_view::npos;
   if ((is_literal && word.has_point) || rounded < 0 || rounded > max)
     canon.throw_input_error(word,

@@ -136,7 +136,7 @@ bool Flow::execute_block(Cursor cursor) {
   std::vector<std::string_view> leading_comments = std::move(block_.comments);
   read_block(cursor, run_, *this, block_);
   block_.comments.insert(block_.comments.begin(), leading_comments.begin(), leading_comments.end());
-  // The user may have expected text behind % to be read.
+  // The user may have expected text after % to be read.
   if (block_.percent && has_words(cursor.text))
     run_.warn_once(fmt::format("{}:{}: {} on the line of % is ignored", run_.canon.place().file,
                                run_.canon.line(), quoted_excerpt(cursor.text)));
@@ -307,10 +307,10 @@ constexpr int max_loops = 3;  // DO 1 to DO 3
 /// Beginning of a line: block skip and sequence number.
 struct LineHead {
   int sequence = -1;
-  std::size_t at = 0;  ///< position of the first byte behind it
+  std::size_t at = 0;  ///< position of the first byte after it
 };
 
-// Returns the position behind blanks and comments from `at` on.
+// Returns the position after blanks and comments from `at` on.
 std::size_t skip_blanks_and_comments(std::string_view text, std::size_t at) {
   while (at < text.size() && (is_blank(text[at]) || text[at] == '(')) {
     if (text[at] == '(') at = std::min(text.find(')', at), text.size() - 1);
@@ -371,7 +371,7 @@ int loop_number(std::string_view text) {
 
 }  // namespace
 
-/// Splits a file into programs. The file ends at the first % behind words; several % before the
+/// Splits a file into programs. The file ends at the first % after words; several % before the
 /// first word count as one beginning.
 void Flow::add_programs(std::size_t source) {
   Source& file = *sources_[source];
@@ -628,7 +628,7 @@ void Flow::keep_modal_arguments() {
       modal_call_->arguments.emplace_back(number, *value);
 }
 
-/// Executes M99. The caller continues at the sequence number `to`, or else behind its call.
+/// Executes M99. The caller continues at the sequence number `to`, or else after its call.
 void Flow::leave_program(std::optional<int> to, const Cause& cause) {
   if (calls_.size() == 1) {
     if (to) return jump(*to, cause);
@@ -660,7 +660,7 @@ void Flow::leave_program(std::optional<int> to, const Cause& cause) {
   if (to) jump(*to, cause);
 }
 
-/// Warns of programs that nothing calls, and of text behind the end of the main program. In a
+/// Warns of programs that nothing calls, and of text after the end of the main program. In a
 /// program with jumps, blocks from a sequence number on are not reported: a jump whose condition
 /// did not hold may lead to them.
 void Flow::warn_of_unread_lines() {

@@ -175,7 +175,7 @@ void Machine::check_words(const Block& block) const {
   for (const char letter : {'I', 'J', 'K', 'L', 'P', 'Q', 'R'}) {
     const Word& word = block[letter];
     if (!word || letters.find(letter) != std::string::npos) continue;
-    // A letter beside a skipped code may belong to that code.
+    // A letter with a skipped code may belong to that code.
     if (block.skipped_code)
       run_.handle_unknown_word(word, "a word of Fanuc's milling controls");
     else
@@ -191,7 +191,7 @@ void Machine::check_words(const Block& block) const {
   check_axis_word_owners(block);
 }
 
-/// Checks that the axis words of a block belong to at most one code. A motion code beside a code of
+/// Checks that the axis words of a block belong to at most one code. A motion code with a code of
 /// group 00 is in force from the next block on (B-63944EN, "G codes of different groups").
 void Machine::check_axis_word_owners(const Block& block) const {
   const Code* owner = nullptr;
@@ -236,7 +236,7 @@ void Machine::set_feed(const Block& block) {
 void Machine::set_spindle(const Block& block) {
   const Word& s = block['S'];
   const int one_shot = block.tenths(Group::OneShot);
-  // S beside G92 or G50 limits the spindle speed instead of setting it.
+  // S with G92 or G50 limits the spindle speed instead of setting it.
   const bool sets_limit = one_shot == 920 || (is_turning_ && one_shot == 500);
   if (const Code& code = block[Group::SpeedMode]) {
     const bool is_surface_speed = code.tenths == 960;
@@ -410,7 +410,7 @@ void Machine::set_motion(const Block& block) {
 }
 
 /// Checks a block with G5 or a similar code, which changes the meaning of the other words: no other
-/// code and no D F H S T may stand in it.
+/// code and no D F H S T may be in it.
 void Machine::check_whole_block_code(const Block& block) const {
   const std::string code_text = shown(block[Group::WholeBlock].word.text);
   for (const Code& code : block.codes)
@@ -563,7 +563,7 @@ int Machine::tool_in_use() const {
   return tool_ != 0 ? tool_ : program::only_tool(canon_.options()).value_or(0);
 }
 
-/// C, R, I and K behind a line insert a chamfer or a rounding at its end.
+/// C, R, I and K after a line insert a chamfer or a rounding at its end.
 void Machine::check_corner_words(const Block& block) const {
   const int code = block[Group::Motion] ? block.tenths(Group::Motion) : motion_;
   if (code != 10 || block[Group::OneShot] || block[Group::Macro] || block[Group::SpeedMode]) return;

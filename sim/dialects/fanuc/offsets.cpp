@@ -217,7 +217,7 @@ void Machine::set_tool_length(const Block& block) {
     throw_input_error(cause, "no change of the tool length under G41 or G42");
   if (code) length_mode_ = code.tenths;
   if (length_mode_ == 490) h_ = 0, is_h_stated_ = false;
-  // Without a stated H the only tool of the scene is meant.
+  // Without a stated H the only tool of the scene is assumed.
   if ((length_mode_ == 430 || length_mode_ == 440) && !is_h_stated_) {
     h_ = run_.assume_only_tool(cause, "no H with " + shown(code.word.text));
     is_h_stated_ = true;

@@ -182,8 +182,8 @@ constexpr std::size_t max_lines = 1000;  // of one block; bounds memory
 /// Layout of a line.
 struct LineLayout {
   std::size_t words_end = 0;                     ///< first byte of the comment or ~
-  std::size_t comment = std::string_view::npos;  ///< first byte behind the semicolon
-  bool is_continued = false;                     ///< ~ at the end, behind any comment
+  std::size_t comment = std::string_view::npos;  ///< first byte after the semicolon
+  bool is_continued = false;                     ///< ~ at the end, after any comment
 };
 
 LineLayout line_layout(std::string_view line) {
@@ -207,7 +207,7 @@ LineLayout line_layout(std::string_view line) {
 
 /// Beginning of a block.
 struct BlockHead {
-  std::size_t end = 0;  ///< first byte behind the block number and /
+  std::size_t end = 0;  ///< first byte after the block number and /
   bool is_skipped = false;
 };
 
@@ -228,7 +228,7 @@ BlockHead parse_block_head(std::string_view line) {
   skip_blanks();
   const std::size_t digits = at;
   while (at < line.size() && is_digit(line[at])) ++at;
-  // Digits with other characters directly behind them are no block number.
+  // Digits with other characters directly after them are no block number.
   if (at > digits && at < line.size() && !is_blank(line[at]) && line[at] != '/' &&
       line[at] != '*' && line[at] != ';')
     at = digits;

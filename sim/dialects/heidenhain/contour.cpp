@@ -56,7 +56,7 @@ void Contour::add(ContourElement element, const std::array<int, 2>& plane, bool 
   position_ = end;
 }
 
-// `make_corner` makes the corner when the move behind it is known.
+// `make_corner` makes the corner when the move after it is known.
 void Contour::add_corner(bool is_round, double size, std::optional<program::Feed> feed,
                          const Cause& cause) {
   if (!waiting_element_)

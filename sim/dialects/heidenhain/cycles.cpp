@@ -69,7 +69,7 @@ void Machine::execute_cycle_definition(WordReader& words) {
 }
 
 /// Throws BadInput if the block with the name of a cycle, CYCL DEF 7.0, has no block with values
-/// behind it.
+/// after it.
 void Machine::require_complete_cycle(const Cause& cause) {
   const auto cycle = std::exchange(old_cycle_, std::nullopt);
   if (cycle && cycle->second == 0)
@@ -183,7 +183,7 @@ void Machine::execute_rotation_cycle(WordReader& words) {
   tangent_.reset();
 }
 
-/// Executes cycle 19, which states spatial angles. Blocks behind it position the axes.
+/// Executes cycle 19, which states spatial angles. Blocks after it position the axes.
 void Machine::execute_plane_cycle(WordReader& words) {
   RotaryPositioning positioning;
   positioning.cause = {1, "CYCL DEF 19"};

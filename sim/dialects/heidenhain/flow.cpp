@@ -18,7 +18,7 @@ namespace abbe::sim::dialects::heidenhain {
 
 namespace {
 
-/// Returns the first letters of a line behind its number in upper case. Returns "?" for a line that
+/// Returns the first letters of a line after its number in upper case. Returns "?" for a line that
 /// begins with another character, and an empty text for a line without words.
 std::string first_word(std::string_view line) {
   std::size_t at = 0;
@@ -29,7 +29,7 @@ std::string first_word(std::string_view line) {
   return word;
 }
 
-/// Returns the label behind LBL in a line, as in CALL LBL 5 or GOTO LBL "END". Returns an empty
+/// Returns the label after LBL in a line, as in CALL LBL 5 or GOTO LBL "END". Returns an empty
 /// text if there is none.
 std::string find_label(std::string_view line) {
   std::size_t at = line.find("LBL");
@@ -87,7 +87,7 @@ void Flow::run() {
   warn_of_unread_lines();
 }
 
-/// Warns of unread text: subprograms that no CALL LBL or jump names, and everything behind END PGM.
+/// Warns of unread text: subprograms that no CALL LBL or jump names, and everything after END PGM.
 void Flow::warn_of_unread_lines() {
   const std::vector<std::string_view>& lines = sources_.front()->lines;
   std::vector<Section> sections = {{}};
@@ -114,7 +114,7 @@ void Flow::warn_of_unread_lines() {
 
 /// Returns true if the next block rounds or bevels the corner at the end of this one.
 bool Flow::is_corner_next(const Call& call, std::size_t line) const {
-  constexpr std::size_t max_searched_lines = 20;  // comments may stand between the blocks
+  constexpr std::size_t max_searched_lines = 20;  // comments may be between the blocks
   const std::vector<std::string_view>& lines = call.source->lines;
   for (std::size_t i = line; i < lines.size() && i < line + max_searched_lines; ++i) {
     const std::string word = first_word(lines[i]);
@@ -428,7 +428,7 @@ void Flow::execute_fn(WordReader& words) {
   });
 }
 
-/// Parses the expression behind = of FN 0 to FN 8 and FN 13, and returns its value.
+/// Parses the expression after = of FN 0 to FN 8 and FN 13, and returns its value.
 double Flow::fn_result(int number, WordReader& words) {
   const auto expect = [&](std::string_view word) {
     if (!words.cursor.accept(word)) words.throw_input_error(words.cursor.at, std::string(word));

@@ -196,7 +196,7 @@ double Machine::tool_length(int number, const Cause& cause) {
   const auto entry = length_.find(number);
   if (entry != length_.end()) return entry->second;
   if (number == 0) return 0.0;
-  // The only tool of the scene is meant whatever the number.
+  // The only tool of the scene is assumed whatever the number.
   if (canon_.options().tool_length.size() == 1 && canon_.options().control_by_h.empty() &&
       !canon_.options().tool_table) {
     const double length = canon_.options().tool_length.begin()->second;
@@ -347,7 +347,7 @@ void skip_function_words(int number, WordReader& words) {
     case 118:
       while (skip_value(is_axis)) {
       }
-      // An F behind M118 could belong to M118 or be the feed of the block.
+      // An F after M118 could belong to M118 or be the feed of the block.
       if (WordReader ahead = words; ahead.read_name().starts_with('F'))
         words.throw_input_error(words.cursor.at, "F before M118: words after it belong to it");
       break;

@@ -144,7 +144,7 @@ Machine::MotionBlock Machine::read_move(const std::string& keyword, std::size_t 
       move.feed_kind = feed.kind;
       move.feed = feed.value;
     } else if (read_axis(name, words, at, move)) {
-      // An axis word behind an M function could belong to the function.
+      // An axis word after an M function could belong to the function.
       if (!move.functions.empty())
         words.throw_input_error(
             at,

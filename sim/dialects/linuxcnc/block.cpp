@@ -109,7 +109,7 @@ void Block::clear() {
 
 int whole_number(const Cursor& cursor, std::size_t from, double value, int max) {
   const double rounded = std::round(value);
-  // rs274 accepts a computed index within 1e-4 of a whole number.
+  // rs274 accepts a computed index within 1e-4 of an integer.
   if (!(std::abs(value - rounded) < 1e-4) || rounded < 0 || rounded > max)
     cursor.throw_input_error(from, fmt::format("an integer from 0 to {}", max),
                              fmt::format("{}", value));
@@ -152,7 +152,7 @@ class BlockReader {
   Block& block_;
 };
 
-// A comment behind ; extends to the end of the line.
+// A comment after ; extends to the end of the line.
 void BlockReader::skip_blanks_and_comments() {
   for (cursor_.skip_blanks(); !cursor_.at_end(); cursor_.skip_blanks()) {
     if (cursor_.current() == '(') {
@@ -211,7 +211,7 @@ void BlockReader::put_code(char letter, const NcWord& word) {
     return;
   }
   const Code& previous = block_[group];
-  // rs274 accepts G80 beside another motion code and executes the other one.
+  // rs274 accepts G80 with another motion code and executes the other one.
   const bool ends_cycle =
       group == Group::Motion && previous && (code == 800) != (previous.tenths == 800);
   if (ends_cycle && code == 800) return;

@@ -51,10 +51,10 @@ bool Flow::execute_line() {
   run_.count_block();
   const std::string_view text = calls_.back().source->lines[line_index_];
   Cursor cursor{text, run_.canon.place()};
-  // Only a line with an O can have an O word; the search costs little beside parsing.
+  // Only a line with an O can have an O word; the search costs little compared with parsing.
   if (text.find_first_of("oO") != std::string_view::npos)
     if (const auto o = read_o_word(cursor)) {
-      // Counts the block as executed behind a /: `read_o_word` returns nothing for a skipped line.
+      // Counts the block as executed after a /: `read_o_word` returns nothing for a skipped line.
       if (text[text.find_first_not_of(" \t")] == '/') run_.skips_block(0);
       execute_o_word(*o, cursor);
       return true;
@@ -194,7 +194,7 @@ constexpr double max_repeats = 1e9;
 
 }  // namespace
 
-/// Parses the O word at the beginning of a line, behind block skip and line number. Returns nothing
+/// Parses the O word at the beginning of a line, after block skip and line number. Returns nothing
 /// if the line has none or is skipped.
 std::optional<OWord> Flow::read_o_word(Cursor& cursor) {
   cursor.skip_blanks();

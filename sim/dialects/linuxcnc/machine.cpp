@@ -192,7 +192,7 @@ void Machine::check_words(const Block& block) const {
   if (block.tenths(Group::Spindle) == 190) letters += "RQP";
   for (const char letter : {'D', 'E', 'H', 'I', 'J', 'K', 'L', 'P', 'Q', 'R'}) {
     if (!block[letter] || letters.find(letter) != std::string::npos) continue;
-    // A letter beside a skipped code may belong to that code.
+    // A letter with a skipped code may belong to that code.
     if (block.skipped_code)
       run_.handle_unknown_word(block[letter], "a word of LinuxCNC");
     else
@@ -232,7 +232,7 @@ void Machine::check_words(const Block& block) const {
   if (const NcWord& code = block.code_without_words; axis && code)
     throw_input_error(axis,
                       fmt::format("no axis words with {}, which takes none", shown(code.text)));
-  // LinuxCNC moves by axis words beside these codes, which a program never intends.
+  // LinuxCNC moves by axis words with these codes, which a program never intends.
   if (axis && (one_block.tenths % 10 == 1 || one_block.tenths == 922 || one_block.tenths == 923))
     throw_input_error(
         axis, fmt::format("no axis words with {}, which takes none", shown(one_block.word.text)));

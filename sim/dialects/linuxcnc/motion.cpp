@@ -337,7 +337,7 @@ void Machine::move_to(const AxisVector& end, bool rapid) {
   canon_.straight({.end = canon_.placed(end), .cause = {1, {}}}, rapid);
 }
 
-/// Executes a canned cycle. If its first block had an error, the blocks behind it report none.
+/// Executes a canned cycle. If its first block had an error, the blocks after it report none.
 void Machine::execute_cycle(const Block& block) {
   if (!cycle_.has_begun && !block[Group::Motion])
     run_.require_certain("cycle", motion_cause(block));

@@ -460,7 +460,7 @@ std::vector<std::string> error_lines(const std::string& error_output) {
   return lines;
 }
 
-// Returns the number behind a word of the text, or 0.
+// Returns the number after a word of the text, or 0.
 int number_after(std::string_view text, std::string_view word) {
   const std::size_t at = text.find(word);
   int number = 0;
@@ -470,7 +470,7 @@ int number_after(std::string_view text, std::string_view word) {
 }
 
 /// Returns the input error for a message of rs274. Its location is the block that rs274 prints
-/// behind the message, or the line that the message itself states.
+/// after the message, or the line that the message itself states.
 BadInput rs274_error(const std::string& error_output, const NumberedProgram& program,
                      ProgramRun& run) {
   std::vector<std::string> lines = error_lines(error_output);

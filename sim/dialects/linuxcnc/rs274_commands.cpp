@@ -57,7 +57,7 @@ std::optional<double> parse_literal(std::string_view text, std::size_t& at) {
   return value;
 }
 
-/// Returns the position behind the expression in [ ] or the name in < > that begins at `at`.
+/// Returns the position after the expression in [ ] or the name in < > that begins at `at`.
 std::size_t end_of_brackets(std::string_view text, std::size_t at) {
   const char open = text[at], close = open == '[' ? ']' : '>';
   int depth = 0;
@@ -106,7 +106,7 @@ LineWords parse_words(std::string_view line) {
       continue;
     }
     ++at;
-    if (letter == '#') {  // the number behind # forms no word
+    if (letter == '#') {  // the number after # forms no word
       const auto number = parse_literal(text, at);
       words.codes.has_system_parameter |= number && *number >= 5221 && *number <= 5390;
       continue;
@@ -463,7 +463,7 @@ void Commands::set_location(const PrintedCommand& command) {
 }
 
 bool Commands::process(std::string_view line) {
-  if (has_ended_) return true;  // output behind the end of the program
+  if (has_ended_) return true;  // output after the end of the program
   const auto command = parse_command(line);
   if (!command) return true;
   // T and M6 of one block are separate commands. Any other command shows that T was alone.

@@ -61,7 +61,7 @@ void Commands::feed(Straight move) {
 }
 
 void Commands::straight(const SixAxes& programmed, bool rapid) {
-  if (number_ == 0) return;  // the lead-in ends where the axes stand already
+  if (number_ == 0) return;  // the lead-in ends where the axes already are
   if (codes_.has_g53 || codes_.has_reference || codes_.has_computed_code)
     check_length_unit(codes_.has_g53 ? "G53" : "G28 and G30");
   // G28 and G30 make two traverses: over a point that counts with offsets, then to the stored
@@ -160,7 +160,7 @@ bool Commands::apply_spindle(const PrintedCommand& command) {
   if (name == "SET_SPINDLE_MODE") {
     const Numbers n = parse_numbers(command, 2);
     if (!is_first_spindle(n)) return true;
-    // 1e6 rpm stands for no limit, as in the canon.
+    // 1e6 rpm means no limit, as in the canon.
     max_rpm_ = std::min(n[1], 1e6);
   } else if (name == "SET_SPINDLE_SPEED") {
     const Numbers n = parse_numbers(command, 2);

@@ -104,7 +104,7 @@ const ExpressionGrammar& grammar() {
 }
 
 double parse_number(Cursor& cursor, VariableParser& variables) {
-  // Operators need no blank behind them (DIV2), so the parser would read ORIWKS as OR. Therefore
+  // Operators need no blank after them (DIV2), so the parser would read ORIWKS as OR. Therefore
   // the text is cut before such a word.
   std::size_t end = cursor.text.size();
   for (std::size_t at = cursor.at + 1; at < end; ++at)
@@ -113,7 +113,7 @@ double parse_number(Cursor& cursor, VariableParser& variables) {
       end = at;
   Cursor expression{cursor.text.substr(0, end), cursor.location, cursor.at};
   const double value = parse_expression(expression, grammar(), variables);
-  // Messages quote the expression without the blanks behind it.
+  // Messages quote the expression without the blanks after it.
   while (expression.at > cursor.at && is_blank(expression.text[expression.at - 1])) --expression.at;
   cursor.at = expression.at;
   return value;
@@ -341,7 +341,7 @@ void SiemensBlockReader::put_entry(const WordEntry& entry, const Cause& cause) {
     return;
   }
   if (entry.group == Group::WithMotion) {
-    // Coolant has no group because M7 and M8 may stand in one block.
+    // Coolant has no group because M7 and M8 may be in one block.
     if (entry.word == "M7" || entry.word == "M8" || entry.word == "M9")
       block_.coolant.push_back(entry.word);
     return;
@@ -409,7 +409,7 @@ void SiemensBlockReader::put_m_code(std::size_t from, double value) {
   put_entry(*code, cursor_.cause(from));
 }
 
-/// Parses an address with an extension, M1=3 or S[2]=500, from behind its name or letter on.
+/// Parses an address with an extension, M1=3 or S[2]=500, from after its name or letter on.
 /// Returns false if it is no such address.
 bool SiemensBlockReader::read_extended_address(std::size_t from, const std::string& name) {
   static constexpr std::string_view letters = "MSTHFD";
@@ -483,7 +483,7 @@ void SiemensBlockReader::read_setms(std::size_t from) {
   block_.master_spindle = int(number);
 }
 
-/// Parses a word with = behind its address.
+/// Parses a word with = after its address.
 void SiemensBlockReader::read_assigned_word(std::size_t from, const std::string& name) {
   const auto address = find_address(name);
   const WordEntry* entry = find_entry(name);

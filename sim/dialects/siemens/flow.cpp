@@ -362,7 +362,7 @@ void Flow::execute_loop(const LineHead& head, Cursor& cursor) {
 }
 
 /// Executes FOR count = first TO last. Sets the counter if the loop begins, else adds one to it.
-/// Then continues behind FOR, or behind ENDFOR if the counter is above the limit.
+/// Then continues after FOR, or after ENDFOR if the counter is above the limit.
 void Flow::execute_for(Cursor& cursor, bool first) {
   cursor.skip_blanks();
   const std::size_t from = cursor.at;

@@ -243,7 +243,7 @@ void Machine::set_feed(const Block& block) {
     if (mode != canon_.feed_mode()) canon_.set_feed({});
     canon_.set_feed_mode(mode);
   }
-  // F beside G4 is a time.
+  // F with G4 is a time.
   if (block[Group::Dwell]) return;
   // Under G93 F holds for its own block only.
   if (canon_.feed_mode() == FeedMode::InverseTime) canon_.set_feed({});
@@ -320,7 +320,7 @@ void Machine::set_spindle(const Block& block) {
       speed_ = is_surface_speed ? 0.0 : canon_.spindle_speed();
     has_surface_speed_ = is_surface_speed;
   }
-  // S beside G25 and G26 is a limit, not a speed.
+  // S with G25 and G26 is a limit, not a speed.
   const bool sets_limit = block[Group::Limits].word.size() > 0;
   if (const Code& code = block[Group::MasterSpindle])
     select_master_spindle(block.master_spindle, code.cause);
@@ -551,7 +551,7 @@ std::optional<double> Machine::nose_radius(int tool) const {
   const auto& radii = canon_.options().tool_radius;
   auto radius = radii.find(tool);
   if (radius == radii.end())
-    // The only tool of the scene is meant whatever its number.
+    // The only tool of the scene is assumed whatever its number.
     if (const auto only = program::only_tool(canon_.options())) radius = radii.find(*only);
   return radius == radii.end() ? std::nullopt : std::optional(radius->second);
 }

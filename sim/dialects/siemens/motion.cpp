@@ -140,7 +140,7 @@ void Machine::check_motion(const Block& block) const {
   if (needs_length && !is_known_tool() && joint(2) >= 0 && !canon_.options().tool_length.empty() &&
       motion_ != "G0")
     throw_input_error(cause, "a tool (T) before a feed: the tools of the scene differ in length");
-  // Without a tool call the only tool of the scene is meant.
+  // Without a tool call the only tool of the scene is assumed.
   if (tool_ < 0 && motion_ != "G0" && has_tool_length_ && has_single_length())
     run_.assume_only_tool(cause, "no tool called");
 }

@@ -146,7 +146,7 @@ void Flow::enter_program(Program& program, const ProgramCall& program_call, long
                     .arguments = program_call.arguments});
   variables_.enter();
   line_index_ = 0;
-  // An error in the parameters undoes the call, so that reading continues behind it.
+  // An error in the parameters undoes the call, so that reading continues after it.
   try {
     bind_parameters(program, program_call.arguments, program_call.cause);
   } catch (const BadInput&) {
@@ -240,7 +240,7 @@ void Flow::repeat_section(Cursor& cursor, bool one_block) {
     cursor.skip_blanks();
     const std::size_t from = cursor.at;
     const std::string label = parse_name(cursor);
-    // P or P5 behind the labels is the number of repeats, not a label.
+    // P or P5 after the labels is the number of repeats, not a label.
     const bool is_repeat_count = label.empty() || label == "P" ||
                                  (label[0] == 'P' && label.size() > 1 &&
                                   std::all_of(label.begin() + 1, label.end(), is_digit));
@@ -250,7 +250,7 @@ void Flow::repeat_section(Cursor& cursor, bool one_block) {
     }
     const Cause cause = cursor.cause(from);
     std::size_t line = 0;
-    // The label may stand before or behind REPEAT.
+    // The label may be before or after REPEAT.
     try {
       line = line_of(label, "GOTOB", cause);
     } catch (const BadInput&) {
@@ -290,7 +290,7 @@ void Flow::repeat_section(Cursor& cursor, bool one_block) {
   line_index_ = lines[0];
 }
 
-/// Warns of programs in the text that nothing calls, and of text behind the end of the main
+/// Warns of programs in the text that nothing calls, and of text after the end of the main
 /// program. Blocks from a label on are not reported: a jump whose condition did not hold may lead
 /// to them.
 void Flow::warn_unread() {
@@ -312,7 +312,7 @@ void Flow::warn_unread() {
   run_.warn_of_unread_lines(lines, sections);
 }
 
-/// Begins the next pass of a repeated section, or continues behind REPEAT.
+/// Begins the next pass of a repeated section, or continues after REPEAT.
 void Flow::finish_repeated_section() {
   Call& section = calls_.back();
   if (section.remaining_repeats-- > 0) {
