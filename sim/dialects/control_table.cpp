@@ -20,7 +20,7 @@ constexpr std::size_t max_unused_names = 200;
 
 void ControlTableReading::count_unused(const std::string& name) {
   const bool has_own_count = unused.contains(name) || unused.size() < max_unused_names;
-  ++unused[has_own_count ? name : "others"];
+  ++unused[has_own_count ? name : "other values"];
 }
 
 // Siemens and Heidenhain tables hold offsets of other jobs; errors in them must not stop this job.
@@ -28,15 +28,15 @@ void ControlTableReading::read_later_offset(int system, const std::function<void
   try {
     read();
   } catch (const BadInput&) {
-    count_unused("offsets beyond the sixth that cannot be read");
+    count_unused("offsets after the sixth that cannot be read");
     unreadable_offsets.insert(system);
   }
 }
 
 double ControlTableReading::require_unit(const Cursor& cursor, std::size_t from) const {
   if (!unit)
-    cursor.throw_input_error(from, "a unit beside the name of the file, which does not say it",
-                             "none");
+    cursor.throw_input_error(
+        from, "a unit next to the file name, because the file does not state it", "none");
   return *unit;
 }
 
@@ -50,7 +50,7 @@ void ControlTableReading::state_unit(double mm_per_unit, const Cursor& cursor, s
   const auto unit_name = [](double length_mm) { return length_mm == 1.0 ? "mm" : "inch"; };
   if (unit && *unit != mm_per_unit)
     cursor.throw_input_error(
-        from, fmt::format("a table in {}, as is stated beside its name", unit_name(*unit)),
+        from, fmt::format("a table in {}, as stated next to its name", unit_name(*unit)),
         unit_name(mm_per_unit));
   unit = mm_per_unit;
 }
@@ -102,7 +102,7 @@ int parse_table_integer(Cursor& cursor, int min_value, int max_value, std::strin
   const auto value = cursor.number();
   if (!value || *value != std::floor(*value) || *value < min_value || *value > max_value)
     cursor.throw_input_error(
-        from, fmt::format("a whole number from {} to {} for {}", min_value, max_value, what));
+        from, fmt::format("an integer from {} to {} for {}", min_value, max_value, what));
   return int(*value);
 }
 
@@ -130,7 +130,7 @@ bool parse_tool_line(ControlTableReading& reading, Cursor& cursor) {
       cursor.throw_input_error(
           from, "a word T P D X Y Z A B C U V W I J or Q of a tool, or ; and a comment");
     if (seen_letters.find(letter) != std::string::npos)
-      cursor.throw_input_error(from, fmt::format("{} once in the line of a tool", letter));
+      cursor.throw_input_error(from, fmt::format("{} only once in the line of a tool", letter));
     seen_letters += letter;
     ++cursor.at;
     if (letter == 'T') {
@@ -151,10 +151,9 @@ bool parse_tool_line(ControlTableReading& reading, Cursor& cursor) {
       reading.count_unused(std::string(1, letter));
   }
   if (seen_letters.empty()) return true;
-  if (!number) cursor.throw_input_error(0, "T (number of the tool)", "none");
+  if (!number) cursor.throw_input_error(0, "T (tool number)", "none");
   if (!reading.table.tools.emplace(*number, tool).second)
-    cursor.throw_input_error(0, "a tool that the table does not have already",
-                             fmt::format("T{}", *number));
+    cursor.throw_input_error(0, "a tool not yet in the table", fmt::format("T{}", *number));
   return true;
 }
 
@@ -163,15 +162,15 @@ void count_other_parameter(ControlTableReading& reading, int number, double valu
   if (value == 0.0 || number == shift_state_parameter) return;
   // A program begins in G54, system 1, whatever the control had in force before.
   if (number == active_system_parameter) {
-    if (value != 1.0) reading.count_unused("5220, a program begins in G54");
+    if (value != 1.0) reading.count_unused("5220, a program starts in G54");
   } else if (number >= 5161 && number <= 5169) {
     reading.count_unused("5161 to 5169, the position of G28");
   } else if (number >= 5181 && number <= 5189) {
     reading.count_unused("5181 to 5189, the position of G30");
   } else if (number < first_shift_parameter || number > first_shift_parameter + 8) {
     // `parse_parameter_line` handles the shift of G92.
-    reading.count_unused(number <= 30 || number >= 5000 ? "parameters of the control"
-                                                        : "parameters of programs");
+    reading.count_unused(number <= 30 || number >= 5000 ? "control parameters"
+                                                        : "program parameters");
   }
 }
 
@@ -186,18 +185,18 @@ struct G92Shift {
 bool parse_parameter_line(ControlTableReading& reading, Cursor& cursor, G92Shift& shift) {
   cursor.skip_blanks();
   if (cursor.at_end() || cursor.current() == ';' || cursor.current() == '#') return true;
-  const int number = parse_table_integer(cursor, 1, 99'999, "the number of a parameter");
+  const int number = parse_table_integer(cursor, 1, 99'999, "a parameter number");
   cursor.skip_blanks();
   const std::size_t from = cursor.at;
   const double value = parse_table_number(cursor, "a parameter");
   cursor.skip_blanks();
   if (!cursor.at_end())
-    cursor.throw_input_error(cursor.at, "the end of the line behind a parameter");
+    cursor.throw_input_error(cursor.at, "the end of the line after a parameter");
   if (number == shift_state_parameter) shift.in_force = value != 0.0;
   if (number >= first_shift_parameter && number < first_shift_parameter + 9 && value != 0.0)
     shift.input_errors[std::size_t(number - first_shift_parameter)] = BadInput(
         cursor.location.file, cursor.location.line, int(from) + 1,
-        "0 for a shift of G92: clear it, or put it into a work offset", fmt::format("{}", value));
+        "0 for a G92 shift: clear it, or move it into a work offset", fmt::format("{}", value));
   const int index_from_first = number - first_system_parameter,
             system = index_from_first / parameters_per_system;
   const int axis_index = index_from_first % parameters_per_system;
@@ -217,8 +216,7 @@ bool parse_parameter_line(ControlTableReading& reading, Cursor& cursor, G92Shift
                     ControlTableOffset::Value{value * unit, cursor.location.line, int(from) + 1})
            .second)
     // LinuxCNC would take the last value; a duplicate usually shows that two files were merged.
-    cursor.throw_input_error(0, "a parameter that the file does not have already",
-                             fmt::format("{}", number));
+    cursor.throw_input_error(0, "a parameter not yet in the file", fmt::format("{}", number));
   return true;
 }
 
@@ -269,7 +267,7 @@ std::vector<G10Word> parse_words(Cursor& cursor) {
     if (!is_letter(c)) cursor.throw_input_error(from, "a letter and a number");
     ++cursor.at;
     const auto value = cursor.number();
-    if (!value) cursor.throw_input_error(from, "a number behind the letter");
+    if (!value) cursor.throw_input_error(from, "a number after the letter");
     const bool has_point =
         cursor.text.substr(from, cursor.at - from).find('.') != std::string_view::npos;
     words.push_back({c, *value, has_point, from});
@@ -286,7 +284,8 @@ struct G10Block {
 };
 
 void set_once(std::optional<G10Word>& target, const G10Word& word, const Cursor& cursor) {
-  if (target) cursor.throw_input_error(word.from, fmt::format("{} once in a block", word.letter));
+  if (target)
+    cursor.throw_input_error(word.from, fmt::format("{} only once in a block", word.letter));
   target = word;
 }
 
@@ -300,8 +299,7 @@ void apply_g_code(ControlTableReading& reading, const G10Word& word, const Curso
   else if (word.value == 21.0)
     reading.state_unit(1.0, cursor, word.from);
   else if (word.value != 11.0 && word.value != 90.0)
-    cursor.throw_input_error(word.from,
-                             "G10 G11 G20 G21 or G90 in a listing of a control's memory");
+    cursor.throw_input_error(word.from, "G10 G11 G20 G21 or G90 in a listing of control memory");
 }
 
 G10Block parse_g10_block(ControlTableReading& reading, Cursor& cursor) {
@@ -336,7 +334,7 @@ int whole_number(const G10Word& word, int min_value, int max_value, const Cursor
 void check_value(const G10Word& word, const Cursor& cursor) {
   if (!word.has_point && word.value != 0.0)
     cursor.throw_input_error(word.from,
-                             "a value with a decimal point: without one it counts increments");
+                             "a value with a decimal point: without one it would be in increments");
   if (!(word.value <= 1e6 && word.value >= -1e6))
     cursor.throw_input_error(word.from, "a value within 1e6");
 }
@@ -345,7 +343,7 @@ void set_tool(ControlTableReading& reading, const G10Block& block, int l_code,
               const Cursor& cursor) {
   const G10Word& r = *block.r;
   if (!block.axes.empty())
-    cursor.throw_input_error(block.axes.front().from, "R beside G10 of a tool");
+    cursor.throw_input_error(block.axes.front().from, "R with G10 for a tool");
   const int number = whole_number(*block.p, 1, 999, cursor);
   if (reading.kind != ControlTableKind::Tools) return reading.count_unused("G10 L10 to L13");
   check_value(r, cursor);
@@ -361,7 +359,7 @@ void set_tool(ControlTableReading& reading, const G10Block& block, int l_code,
 
 void set_offset(ControlTableReading& reading, const G10Block& block, bool additional,
                 const Cursor& cursor) {
-  if (block.r) cursor.throw_input_error(block.r->from, "axis words beside G10 L2 and L20");
+  if (block.r) cursor.throw_input_error(block.r->from, "axis words with G10 L2 and L20");
   const int system_number =
       whole_number(*block.p, additional ? 1 : 0, additional ? 300 : 6, cursor);
   if (reading.kind != ControlTableKind::Offsets) return reading.count_unused("G10 L2 and L20");
@@ -380,20 +378,20 @@ bool parse_listing_line(ControlTableReading& reading, Cursor& cursor) {
   const G10Block block = parse_g10_block(reading, cursor);
   const bool is_empty = !block.l && !block.p && !block.r && block.axes.empty();
   if (!block.has_g10) {
-    if (!is_empty) cursor.throw_input_error(0, "G10 in a block that sets something", "none");
+    if (!is_empty) cursor.throw_input_error(0, "G10 in a block that sets a value", "none");
     return true;
   }
   if (is_empty) return true;
-  if (!block.l) cursor.throw_input_error(0, "L2 L10 L11 L12 L13 or L20 beside G10", "none");
-  if (!block.p) cursor.throw_input_error(0, "P (number) beside G10", "none");
+  if (!block.l) cursor.throw_input_error(0, "L2 L10 L11 L12 L13 or L20 with G10", "none");
+  if (!block.p) cursor.throw_input_error(0, "P (number) with G10", "none");
   const int l_code = int(block.l->value);
   if (l_code != block.l->value || (l_code != 2 && l_code != 20 && (l_code < 10 || l_code > 13)))
-    cursor.throw_input_error(block.l->from, "L2 L10 L11 L12 L13 or L20 beside G10");
+    cursor.throw_input_error(block.l->from, "L2 L10 L11 L12 L13 or L20 with G10");
   if (l_code == 2 || l_code == 20) {
     set_offset(reading, block, l_code == 20, cursor);
     return true;
   }
-  if (!block.r) cursor.throw_input_error(0, "R (value) beside G10 of a tool", "none");
+  if (!block.r) cursor.throw_input_error(0, "R (value) with G10 for a tool", "none");
   set_tool(reading, block, l_code, cursor);
   return true;
 }

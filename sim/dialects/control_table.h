@@ -99,7 +99,7 @@ void for_each_line(ControlTableReading& reading, const std::function<bool(Cursor
 /// Parses the number of the value `what`. Throws BadInput unless it is within 1e6 and followed by a
 /// blank or a delimiter.
 double parse_table_number(Cursor& cursor, std::string_view what);
-/// Parses a whole number from `min` to `max`; does not check the text that follows. Throws
+/// Parses an integer from `min` to `max`; does not check the text that follows. Throws
 /// BadInput.
 int parse_table_integer(Cursor& cursor, int min, int max, std::string_view what);
 

@@ -50,7 +50,7 @@ std::string next_word(Cursor& line) {
 void parse_table_header(ControlTableReading& reading, Cursor& line) {
   const std::string_view expected_name = reading.kind == ControlTableKind::Tools ? ".T" : ".PR";
   bool has_name = false, has_unit = false;
-  if (next_word(line) != "BEGIN") line.throw_input_error(0, "BEGIN, with which a table begins");
+  if (next_word(line) != "BEGIN") line.throw_input_error(0, "BEGIN, the first word of a table");
   for (line.skip_blanks(); !line.at_end(); line.skip_blanks()) {
     const std::size_t from = line.at;
     const std::string word = next_word(line);
@@ -76,7 +76,7 @@ std::vector<TableColumn> parse_columns(ControlTableReading& reading, Cursor& lin
     const std::size_t from = line.at;
     const std::string name = next_word(line);
     if (!columns.empty()) columns.back().to = from;
-    if (has_column(columns, name)) line.throw_input_error(from, "columns of different names");
+    if (has_column(columns, name)) line.throw_input_error(from, "columns with different names");
     columns.push_back({name, from, std::string_view::npos});
     if (columns.size() > max_columns) line.throw_input_error(from, "at most 256 columns");
   }
@@ -108,7 +108,7 @@ std::optional<Cursor> cell_of_column(const TableColumn& column, const Cursor& li
 double parse_cell_number(Cursor cell, const std::string& name) {
   const double value = parse_table_number(cell, name);
   cell.skip_blanks();
-  if (!cell.at_end()) cell.throw_input_error(cell.at, "nothing behind the value of " + name);
+  if (!cell.at_end()) cell.throw_input_error(cell.at, "nothing after the value of " + name);
   return value;
 }
 
@@ -146,8 +146,7 @@ void parse_tool_cell(ControlTableReading& reading, const TableColumn& column, co
     }
     row.number = parse_table_integer(number, 0, 32'767, "T");
     number.skip_blanks();
-    if (!number.at_end())
-      number.throw_input_error(number.at, "nothing behind the number of the tool");
+    if (!number.at_end()) number.throw_input_error(number.at, "nothing after the tool number");
   } else if (name == "NAME") {
     std::string_view text = cell.text.substr(cell.at);
     text = text.substr(0, text.find_last_not_of(" \t") + 1);
@@ -163,9 +162,9 @@ void parse_tool_row(ControlTableReading& reading, const std::vector<TableColumn>
   for (const TableColumn& column : columns)
     if (const auto cell = cell_of_column(column, line))
       parse_tool_cell(reading, column, *cell, row);
-  if (!row.number) line.throw_input_error(0, "the number of a tool in the column T", "none");
+  if (!row.number) line.throw_input_error(0, "a tool number in column T", "none");
   // A scene has one length for each tool, that of index 0.
-  if (row.is_indexed) return reading.count_unused("tools with an index, as 5.1");
+  if (row.is_indexed) return reading.count_unused("tools with an index such as 5.1");
   // The control adds DL and DR to L and R.
   const ControlTableTool tool{row.length + row.delta_length,
                               row.radius + row.delta_radius,
@@ -174,8 +173,7 @@ void parse_tool_row(ControlTableReading& reading, const std::vector<TableColumn>
                               row.name,
                               line.location.line};
   if (!reading.table.tools.emplace(*row.number, tool).second)
-    line.throw_input_error(0, "a tool that the table does not have already",
-                           fmt::format("{}", *row.number));
+    line.throw_input_error(0, "a tool not yet in the table", fmt::format("{}", *row.number));
 }
 
 void parse_preset_cell(ControlTableReading& reading, const TableColumn& column, const Cursor& cell,
@@ -194,8 +192,8 @@ void parse_preset_cell(ControlTableReading& reading, const TableColumn& column, 
                             cell.location.line, int(cell.at) + 1};
   } else if (is_rotation && parse_cell_number(cell, name) != 0.0) {
     // A rotated preset or an axis offset would change what X Y Z mean; a scene has no such offset.
-    cell.throw_input_error(
-        cell.at, "0 for " + name + ": a preset that is not turned, without offsets of axes");
+    cell.throw_input_error(cell.at,
+                           "0 for " + name + ": a preset without rotation and axis offsets");
   } else if (!is_rotation && name != "DOC" && has_content(cell)) {
     // DOC is a comment.
     reading.count_unused(name);
@@ -205,7 +203,7 @@ void parse_preset_cell(ControlTableReading& reading, const TableColumn& column, 
 int parse_preset_number(Cursor cell, const std::string& name) {
   const int number = parse_table_integer(cell, 0, 99'999, name);
   cell.skip_blanks();
-  if (!cell.at_end()) cell.throw_input_error(cell.at, "nothing behind the number of the preset");
+  if (!cell.at_end()) cell.throw_input_error(cell.at, "nothing after the preset number");
   return number;
 }
 
@@ -217,7 +215,7 @@ void parse_preset_row(ControlTableReading& reading, const std::vector<TableColum
     if (auto cell = cell_of_column(column, line);
         cell && (column.name == "NR" || column.name == "NO"))
       number = parse_preset_number(*cell, column.name);
-  if (!number) line.throw_input_error(0, "the number of a preset in the column NR", "none");
+  if (!number) line.throw_input_error(0, "a preset number in column NR", "none");
   // Preset 0 is the active preset of the control, not an entry of the table.
   if (*number < 1 || *number > max_preset)
     return reading.count_unused(fmt::format("presets other than 1 to {}", max_preset));
@@ -235,8 +233,7 @@ void parse_preset_row(ControlTableReading& reading, const std::vector<TableColum
   else
     reading.read_later_offset(offset_key, read_cells);
   if (!reading.table.offsets.emplace(offset_key, offset).second)
-    line.throw_input_error(0, "a preset that the table does not have already",
-                           fmt::format("{}", *number));
+    line.throw_input_error(0, "a preset not yet in the table", fmt::format("{}", *number));
 }
 
 }  // namespace
@@ -274,7 +271,7 @@ void read_heidenhain_table(ControlTableReading& reading) {
   });
   // A missing [END] shows that the file is truncated.
   if (!has_ended && !is_aborted)
-    reading.input_errors.add(BadInput(reading.table.file, last_line, 1, "[END] behind the last row",
+    reading.input_errors.add(BadInput(reading.table.file, last_line, 1, "[END] after the last row",
                                       "the end of the file"));
 }
 
@@ -318,7 +315,7 @@ AssignmentTarget parse_assignment_target(Cursor& line) {
     line.at = close + 1;
   }
   line.skip_blanks();
-  if (line.current() != '=') line.throw_input_error(line.at, "= behind " + target.name);
+  if (line.current() != '=') line.throw_input_error(line.at, "= after " + target.name);
   ++line.at;
   return target;
 }
@@ -345,13 +342,14 @@ bool skip_value(Cursor& line) {
   const std::size_t from = line.at;
   if (line.current() == '"') {
     const std::size_t close = line.text.find('"', from + 1);
-    if (close == std::string_view::npos) line.throw_input_error(from, "a \" that closes the text");
+    if (close == std::string_view::npos)
+      line.throw_input_error(from, "a \" that closes the string");
     line.at = close + 1;
     return close == from + 1;
   }
   while (!line.at_end() && !is_blank(line.current())) ++line.at;
   const std::string_view value = line.text.substr(from, line.at - from);
-  if (value.empty()) line.throw_input_error(from, "a value behind =");
+  if (value.empty()) line.throw_input_error(from, "a value after =");
   return value.find_first_not_of("+-0.") == std::string_view::npos;
 }
 
@@ -374,7 +372,7 @@ void parse_edge_value(ControlTableReading& reading, const AssignmentTarget& targ
       // Types 100 to 299 are mills and drills, whose length 1 lies along the tool in G17. Turning
       // tools (500 to 599) have other axes.
       if (value != 0.0 && !(value >= 100.0 && value < 300.0))
-        line.throw_input_error(from, "a milling cutter or drill, of type 100 to 299");
+        line.throw_input_error(from, "a milling cutter or drill, type 100 to 299");
       return;
     case 3:
       edge.length = mm();
@@ -399,7 +397,8 @@ void parse_edge_value(ControlTableReading& reading, const AssignmentTarget& targ
     case 22:
     case 23:
       if (value != 0.0)
-        line.throw_input_error(from, "0 for length 2 and 3: the length of a tool lies along it");
+        line.throw_input_error(from,
+                               "0 for length 2 and 3: the tool length lies along the tool axis");
       return;
     default:
       if (value != 0.0) reading.count_unused(fmt::format("$TC_DP{}", parameter));
@@ -427,7 +426,7 @@ void parse_tool_value(ControlTableReading& reading, const AssignmentTarget& targ
   const int number = table_index(target, 0, 999'999, line);
   // A scene has one cutting edge for each tool.
   if (parameter && table_index(target, 1, 12, line) != 1) {
-    if (!skip_value(line)) reading.count_unused("$TC_DP of cutting edges other than 1");
+    if (!skip_value(line)) reading.count_unused("$TC_DP for cutting edges other than 1");
     return;
   }
   CuttingEdge& edge = edges[number];
@@ -459,7 +458,7 @@ void parse_frame(ControlTableReading& reading, int offset_key, Cursor& line) {
     const std::size_t from = line.at;
     if (!line.accept_word("CTRANS") && !line.accept_word("CFINE"))
       line.throw_input_error(
-          from, "CTRANS or CFINE: a work offset that is neither turned, scaled nor mirrored");
+          from, "CTRANS or CFINE: a work offset without rotation, scaling and mirroring");
     line.skip_blanks();
     if (line.current() != '(') line.throw_input_error(line.at, "( and axes with their values");
     do {
@@ -491,7 +490,8 @@ void parse_offset(ControlTableReading& reading, const AssignmentTarget& target, 
                   Cursor& line) {
   if (target.index.size() == 1) return parse_frame(reading, offset_key, line);
   if (target.index.size() != 3)
-    line.throw_input_error(target.from, "an index of number, axis and TR, FI, RT, SC or MI");
+    line.throw_input_error(target.from,
+                           "an index consisting of a number, an axis and TR, FI, RT, SC or MI");
   line.skip_blanks();
   const std::size_t from = line.at;
   const double value = parse_table_number(line, target.name);
@@ -503,7 +503,7 @@ void parse_offset(ControlTableReading& reading, const AssignmentTarget& target, 
     line.throw_input_error(target.from, "TR, FI, RT, SC or MI");
   // SC is a factor, so its neutral value is 1.
   if (value != (component == "SC" ? 1.0 : 0.0))
-    line.throw_input_error(from, "a work offset that is neither turned, scaled nor mirrored");
+    line.throw_input_error(from, "a work offset without rotation, scaling and mirroring");
 }
 
 /// Reads $P_UIFR[n]. Errors are reported for n up to 6; a later frame that cannot be read is left
@@ -537,7 +537,7 @@ bool parse_siemens_line(ControlTableReading& reading, CuttingEdges& edges, Curso
       ++line.at;
       continue;
     }
-    if (c != '$') line.throw_input_error(from, "$ and the name of a value, as $TC_DP3[1,1]=");
+    if (c != '$') line.throw_input_error(from, "$ and the name of a value, such as $TC_DP3[1,1]=");
     const AssignmentTarget target = parse_assignment_target(line);
     const bool is_tool = target.name.starts_with("$TC_"), is_offset = target.name == "$P_UIFR";
     if (is_tool && reading.kind == ControlTableKind::Tools) {
@@ -622,8 +622,7 @@ std::string unused_values_note(const ControlTableReading& reading) {
   std::string names;
   for (const auto& [name, count] : reading.unused)
     names += fmt::format("{}{} ({})", names.empty() ? "" : ", ", name, count);
-  return fmt::format("{} has values without effect, other than zero: {}", reading.table.file,
-                     names);
+  return fmt::format("{} has nonzero values that are not used: {}", reading.table.file, names);
 }
 
 void read_format(Dialect control, ControlTableReading& reading) {
@@ -661,12 +660,12 @@ std::vector<std::string> table_warnings(const ControlTable& table, std::string_v
   std::vector<std::string> warnings = table.notes;
   const std::string_view control = name_of(table.control);
   if (read_as.empty()) {
-    warnings.push_back(
-        fmt::format("{} is without effect: a table of times has no tools and offsets", table.file));
+    warnings.push_back(fmt::format(
+        "{} has no effect: a position-velocity-time table has no tools and offsets", table.file));
     return warnings;
   }
   if (!read_as.starts_with(control)) {
-    warnings.push_back(fmt::format("{} is a table of {}, and the program is read as {}", table.file,
+    warnings.push_back(fmt::format("{} is a {} table, but the program is read as {}", table.file,
                                    control, read_as));
     return warnings;
   }
@@ -677,9 +676,9 @@ std::vector<std::string> table_warnings(const ControlTable& table, std::string_v
       missing_offsets +=
           (missing_offsets.empty() ? "" : ", ") + offset_name(table.control, offset_key);
   if (!missing_offsets.empty())
-    warnings.push_back(
-        fmt::format("{} has no {}, which the program calls: zero unless the program sets it",
-                    table.file, missing_offsets));
+    warnings.push_back(fmt::format(
+        "{} does not define {}, which the program calls: it is zero unless the program sets it",
+        table.file, missing_offsets));
   return warnings;
 }
 
@@ -697,7 +696,7 @@ ControlTable read_control_table(std::string_view text, const std::string& file,
                         "Heidenhain (BEGIN)"
                       : "work offsets of LinuxCNC (5221), Fanuc (G10), Siemens ($P_UIFR) or "
                         "Heidenhain (BEGIN)",
-        "no line that has a sign of one")});
+        "no line that identifies a format")});
   ControlTableReading reading{text, kind, unit};
   reading.table.file = file;
   read_format(*control, reading);

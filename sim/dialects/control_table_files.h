@@ -14,7 +14,7 @@
 /// line of O and a number; LinuxCNC, T and a number (tools) or two numbers (offsets).
 ///
 /// - LinuxCNC: tools in the format that `src/emc/rs274ngc/tool_parse.cc` reads, with words T P D X
-/// Y Z A B C U V W I J Q and a comment behind `;`, in machine units; offsets are parameters 5221 to
+/// Y Z A B C U V W I J Q and a comment after `;`, in machine units; offsets are parameters 5221 to
 /// 5390 of the parameter file (User Manual, "Coordinate System").
 /// - Fanuc: a listing of blocks G10 L10 to L13 P R (length, its wear, radius, its wear), G10 L2 P0
 /// to P6 and L20 P1 to P300 with axis words. Assumed: R of L12 and L13 is a radius; a value without

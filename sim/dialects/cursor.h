@@ -74,7 +74,7 @@ struct WordTableEntry {
   std::string_view word;
   WordTreatment use = WordTreatment::Read;
   std::string_view sentence;  ///< its meaning, or for a rejected word the alternative
-  /// True if axis words in its block belong to the motion in force. Axis words beside any other
+  /// True if axis words in its block belong to the motion in force. Axis words with any other
   /// word belong to that word: they have no effect, or are an error.
   bool beside_motion = false;
 };

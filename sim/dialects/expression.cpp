@@ -72,9 +72,9 @@ const Operator* operator_at(Cursor& cursor, const ExpressionGrammar& grammar, in
   return nullptr;
 }
 
-// Returns the result. Throws for infinity and NaN, because no axis can stand there.
+// Returns the result. Throws for infinity and NaN, because no axis can be there.
 double require_finite(double result, const Cursor& cursor, std::size_t from) {
-  if (!std::isfinite(result)) cursor.throw_input_error(from, "a result that is a finite number");
+  if (!std::isfinite(result)) cursor.throw_input_error(from, "a finite result");
   return result;
 }
 
@@ -104,8 +104,7 @@ double parse_value(Cursor& cursor, const ExpressionGrammar& grammar, OperandPars
   const NestingLevel level(cursor.depth);
   if (level.too_deep())
     cursor.throw_input_error(
-        cursor.at,
-        fmt::format("at most {} brackets, signs and functions within each other", max_nesting),
+        cursor.at, fmt::format("at most {} nested brackets, signs and functions", max_nesting),
         "more");
   // A sign directly before digits belongs to the number, so that "-2" needs no level of nesting.
   if (const auto number = cursor.number(true, grammar.blanks_within_numbers)) return *number;

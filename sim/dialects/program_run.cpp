@@ -15,7 +15,8 @@ namespace abbe::sim::dialects {
 namespace {
 // Different words; bounds memory for a file that is no program of this dialect.
 constexpr std::size_t max_skipped = 1000;
-constexpr std::size_t blocks_between_reports = 8192;  // rare enough to cost nothing beside parsing
+constexpr std::size_t blocks_between_reports =
+    8192;  // rare enough to cost nothing compared with parsing
 
 // Returns true for a turning control, stated or derived from a spindle that carries the workpiece.
 bool has_turning_control(const ReadOptions& options) {
@@ -86,7 +87,8 @@ void ProgramRun::require_certain(const std::string& name, const program::Cause& 
   if (uncertain_names_.empty() || !uncertain_names_.contains(name)) return;
   const program::NcLocation location = canon.place();
   throw program::FollowingError(location.file, location.line, cause.column,
-                                name + " without an input error", "one that is reported");
+                                name + " defined without an input error",
+                                "a definition with an input error");
 }
 
 void ProgramRun::refuse_once(const std::string& name, const program::Cause& cause,
@@ -110,7 +112,7 @@ bool has_words(std::string_view line) {
     const char c = line[at];
     if (c == '(') ++depth;
     if (c == ')') depth = std::max(0, depth - 1);
-    // Brackets inside a comment may nest; an unmatched ) does not hide the words behind it.
+    // Brackets inside a comment may nest; an unmatched ) does not hide the words after it.
     if (depth > 0) continue;
     if (c == ';' || c == '*' || line.substr(at, 2) == "$$") return false;
     if (is_letter(c)) return true;
@@ -130,7 +132,7 @@ void ProgramRun::count_block() {
   throw ProgramLimitExceeded(
       location.file, location.line, 0,
       fmt::format("at most {} blocks executed (max_moves)", options_.limits.blocks),
-      "more: a loop without end, or too many repeats");
+      "more: an infinite loop or too many repeats");
 }
 
 void ProgramRun::check_moves(double move_count, const program::Cause& cause) const {
@@ -147,10 +149,9 @@ void ProgramRun::throw_variable_limit(const program::NcLocation& location, const
 void ProgramRun::check_depth(int depth, const program::Cause& cause, const char* what) const {
   if (depth <= options_.limits.depth) return;
   const program::NcLocation location = canon.place();
-  throw ProgramLimitExceeded(
-      location.file, location.line, cause.column,
-      fmt::format("at most {} {} within each other", options_.limits.depth, what),
-      "more: " + shown(cause.text));
+  throw ProgramLimitExceeded(location.file, location.line, cause.column,
+                             fmt::format("at most {} nested {}", options_.limits.depth, what),
+                             "more: " + shown(cause.text));
 }
 
 void ProgramRun::handle_unknown_word(const program::Cause& word, const std::string& expected) {
@@ -196,16 +197,16 @@ void ProgramRun::assume_offset(int system, std::string_view assumed_state) {
 int ProgramRun::assume_only_tool(const program::Cause& cause,
                                  const std::string& missing_statement) {
   const auto tool = program::only_tool(canon.options());
-  if (!tool) canon.throw_input_error(cause, "a tool that is called before it", missing_statement);
-  canon.assume({missing_statement + ": the only tool is taken to be meant", "program.startup_code",
-                "--startup-code"});
+  if (!tool) canon.throw_input_error(cause, "a tool call before it", missing_statement);
+  canon.assume(
+      {missing_statement + ": the only tool is assumed", "program.startup_code", "--startup-code"});
   return *tool;
 }
 
 void ProgramRun::report_assumptions() {
   const auto add_assumption = [&](const BlockSkipCount& skip_count, const char* text) {
     if (skip_count.count > 0)
-      canon.assume({fmt::format("{} {} behind / {}", skip_count.count,
+      canon.assume({fmt::format("{} {} after / {}", skip_count.count,
                                 skip_count.count == 1 ? "block" : "blocks", text),
                     "program.block_skip", "--block-skip", skip_count.line, skip_count.file});
   };
@@ -216,7 +217,7 @@ void ProgramRun::report_assumptions() {
     if (!mode.assumed_state.empty())
       assumed_state += (assumed_state.empty() ? "" : ", ") + std::string(mode.assumed_state);
   if (!assumed_state.empty())
-    canon.assume({"no word before says otherwise: " + assumed_state, "program.startup_code",
+    canon.assume({"no earlier word states otherwise: " + assumed_state, "program.startup_code",
                   "--startup-code", first_assumption_line_});
 }
 

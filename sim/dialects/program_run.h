@@ -96,7 +96,7 @@ class ProgramRun {
   /// Throws ProgramLimitExceeded if `depth` nested calls are too many.
   void check_depth(int depth, const program::Cause& cause, const char* what = "calls") const;
   std::size_t blocks_executed() const { return block_count_; }
-  /// Returns true if blocks behind a / of that level are skipped, and counts the block for the
+  /// Returns true if blocks after a / of that level are skipped, and counts the block for the
   /// assumption about block skip.
   bool skips_block(int level);
   /// Takes the last block out of the count because it is skipped.
@@ -118,7 +118,7 @@ class ProgramRun {
   /// Same as `assume_mode` for a work offset, which matters only if the scene states one.
   void assume_offset(int system, std::string_view assumed_state);
   /// Returns the number of the only tool and reports that it was assumed. `missing_statement` names
-  /// what the program lacks: "no D beside G41". Throws BadInput at `cause` if there are several
+  /// what the program lacks: "no D with G41". Throws BadInput at `cause` if there are several
   /// tools or none.
   int assume_only_tool(const program::Cause& cause, const std::string& missing_statement);
 
@@ -128,7 +128,7 @@ class ProgramRun {
   /// Adds a warning once.
   void warn_once(const std::string& text);
 
-  /// Warns of lines of the main file that contain words but were not read: lines behind the end of
+  /// Warns of lines of the main file that contain words but were not read: lines after the end of
   /// the program in the section where reading ended, and sections of which no line was read.
   void warn_of_unread_lines(const std::vector<std::string_view>& lines,
                             const std::vector<Section>& sections);
@@ -141,7 +141,7 @@ class ProgramRun {
   std::vector<SkippedWord> skipped_words_;
   std::set<std::string, std::less<>> uncertain_names_;
   std::size_t line_count_, block_count_ = 0;
-  /// Counts blocks behind a /.
+  /// Counts blocks after a /.
   struct BlockSkipCount {
     std::size_t count = 0;
     int line = 0;  ///< line of the first one

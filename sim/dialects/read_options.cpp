@@ -15,9 +15,9 @@ namespace abbe::sim::dialects {
 
 namespace {
 
-// Signs stand at the head of a file; searching millions of further lines would only cost time.
+// Signs are at the head of a file; searching millions of further lines would only cost time.
 constexpr int max_searched_lines = 2000;
-// Bytes; signs stand at the beginning of a line.
+// Bytes; signs are at the start of a line.
 constexpr std::size_t max_searched_bytes = 300;
 
 // A text that occurs in programs of one dialect only.
@@ -26,7 +26,7 @@ struct Sign {
   std::string_view text;
 };
 
-// Words with no letter or digit before or behind them.
+// Words with no letter or digit before or after them.
 constexpr Sign word_signs[] = {
     {Dialect::Siemens, "TRAORI"},    {Dialect::Siemens, "TRAFOOF"},  {Dialect::Siemens, "CYCLE832"},
     {Dialect::Siemens, "CYCLE800"},  {Dialect::Siemens, "SUPA"},     {Dialect::Siemens, "COMPCAD"},
@@ -109,7 +109,7 @@ bool is_whole_word(std::string_view line, std::string_view word) {
   return false;
 }
 
-/// Returns true for O and a number alone. LinuxCNC's O words have a keyword behind the number.
+/// Returns true for O and a number alone. LinuxCNC's O words have a keyword after the number.
 bool is_program_number(std::string_view line) {
   if (line.size() < 2 || line[0] != 'O' || !is_digit(line[1])) return false;
   std::size_t at = 1;
@@ -234,7 +234,7 @@ DetectedDialect detect_dialect(std::string_view text, std::string_view file) {
       return {sign->dialect, fmt::format("line {} has {}", lines.number(), sign->text),
               lines.number()};
   }
-  return {Dialect::LinuxCnc, "nothing in it is of another dialect"};
+  return {Dialect::LinuxCnc, "no word identifies another dialect"};
 }
 
 BadProgram::BadProgram(std::vector<BadInput> list)

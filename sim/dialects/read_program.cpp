@@ -65,11 +65,11 @@ void read_fanuc(std::string_view text, ProgramRun& run) {
   if (!run.is_turning())
     if (const auto evidence = fanuc::find_turning_sign(text, run.canon)) {
       // The only error that is reported: all others would be consequences of the wrong control.
-      throw BadProgram({BadInput(
-          run.canon.place().file, evidence->line, evidence->column,
-          "a program of a milling control; control = \"turning\" (--control turning), or a machine "
-          "whose spindle turns the workpiece, reads those of turning controls",
-          evidence->words)});
+      throw BadProgram(
+          {BadInput(run.canon.place().file, evidence->line, evidence->column,
+                    "a program for a milling control; control = \"turning\" (--control turning) or "
+                    "a machine whose spindle turns the workpiece reads those for turning controls",
+                    evidence->words)});
     }
   fanuc::Flow(text, run).run();
 }
@@ -220,7 +220,7 @@ const FrontEnd& find_front_end(const DetectedDialect& detected, const std::strin
   std::string seen(name_of(detected.dialect));
   if (!detected.sign.empty()) seen += ", as " + detected.sign;
   throw BadInput(file, detected.line, detected.line > 0 ? 1 : 0,
-                 "a dialect that is read (" + known_dialects + ")", std::move(seen));
+                 "a supported dialect (" + known_dialects + ")", std::move(seen));
 }
 
 /// Throws BadInput if the pole rule of one control is used with a program of another.
@@ -228,15 +228,13 @@ void check_pole_rule(PoleRule rule, Dialect dialect, const std::string& file) {
   const auto check = [&](PoleRule checked_rule, const char* name,
                          std::initializer_list<Dialect> dialects, const char* expected) {
     if (rule != checked_rule || std::ranges::find(dialects, dialect) != dialects.end()) return;
-    throw BadInput(file, 0, 0, fmt::format("{}, beside pole = \"{}\"", expected, name),
-                   fmt::format("one of {}", name_of(dialect)));
+    throw BadInput(file, 0, 0, fmt::format("{}, with pole = \"{}\"", expected, name),
+                   fmt::format("a {} program", name_of(dialect)));
   };
   check(PoleRule::LinuxCnc, "linuxcnc", {Dialect::LinuxCnc},
-        "a program of LinuxCNC, which has no vectors of the tool");
-  check(PoleRule::Fanuc, "fanuc", {Dialect::Fanuc, Dialect::Cl},
-        "a program of Fanuc or cutter locations");
-  check(PoleRule::Siemens, "siemens", {Dialect::Siemens, Dialect::Cl},
-        "a program of Siemens or cutter locations");
+        "a LinuxCNC program, which has no tool vectors");
+  check(PoleRule::Fanuc, "fanuc", {Dialect::Fanuc, Dialect::Cl}, "a Fanuc or CL program");
+  check(PoleRule::Siemens, "siemens", {Dialect::Siemens, Dialect::Cl}, "a Siemens or CL program");
 }
 
 /// Merges the errors of all lines with bytes of another encoding into one error.
@@ -258,7 +256,7 @@ std::vector<BadInput> merge_encoding_errors(const std::vector<BadInput>& input_e
     } else if (!std::exchange(is_reported, true)) {
       const auto [column, value] = byte->second;
       merged_errors.emplace_back(file, input_error.line, column, "words in ASCII",
-                                 fmt::format("a byte 0x{:02x}, as of Latin-1", value));
+                                 fmt::format("a byte 0x{:02x}, as in Latin-1", value));
     }
   }
   return merged_errors;
@@ -320,12 +318,12 @@ void check_turning(const ReadOptions& options, Dialect dialect, const std::strin
   const bool uses_linuxcnc = options.interpreter == Interpreter::LinuxCnc;
   // rs274 has no option for diameters; G7 in the program does the same.
   if (uses_linuxcnc && options.turning.x_words == XWordMeaning::Diameters)
-    throw BadInput(file, 0, 0, "G7 in the program beside LinuxCNC's own interpreter",
+    throw BadInput(file, 0, 0, "G7 in the program with LinuxCNC's own interpreter",
                    "x_words = \"diameters\"");
   // Tips 0 and 9 are the centre of the nose, which every control can lead.
   if (options.turning.tip % 9 != 0 && dialect != Dialect::Fanuc && dialect != Dialect::Siemens)
-    throw BadInput(file, 0, 0, "a program of Fanuc or Siemens beside the tip of a turning tool",
-                   fmt::format("one of {}", name_of(dialect)));
+    throw BadInput(file, 0, 0, "a Fanuc or Siemens program with the tip of a turning tool",
+                   fmt::format("a {} program", name_of(dialect)));
 }
 
 /// Records the assumption that the program intended no limit of the spindle speed under constant
@@ -333,12 +331,10 @@ void check_turning(const ReadOptions& options, Dialect dialect, const std::strin
 void note_unlimited_speed(ProgramRun& run) {
   const auto& closest_approach = run.canon.unlimited_speed();
   if (!closest_approach) return;
-  run.canon.assume(
-      {fmt::format(
-           "nothing limits the spindle under G96, which comes as near to the axis as {:.6g} "
-           "mm: the program states no largest speed (G50 S, LIMS=, D)",
-           closest_approach->radius),
-       "machine.max_spindle_rpm", "", closest_approach->line});
+  run.canon.assume({fmt::format("the spindle speed under G96 is not limited at a radius down to "
+                                "{:.6g} mm: the program states no maximum speed (G50 S, LIMS=, D)",
+                                closest_approach->radius),
+                    "machine.max_spindle_rpm", "", closest_approach->line});
 }
 
 }  // namespace

@@ -33,7 +33,7 @@ AxisVector measured_offset(const program::Canon& canon, const Chain& chain,
                            const program::Cause& cause) {
   auto shift = program::tip_shift(chain);
   if (!shift)
-    canon.throw_input_error(cause, "slides at right angles beside the offset of a turning tool");
+    canon.throw_input_error(cause, "perpendicular linear axes with the offset of a turning tool");
   // Subtracted because the canon adds the origin of the work offsets to every tool shift.
   const Eigen::Vector3d origin = canon.shift_correction();
   for (int k = 0; k < 3; ++k)
@@ -115,7 +115,7 @@ void CutterCompensation::begin(bool left, double radius, std::array<int, 2> plan
   is_left_ = radius >= 0 ? left : !left;
   radius_ = std::abs(radius);
   plane_ = plane;
-  // After `end` the tool is still offset, so the axes do not stand at the programmed position.
+  // After `end` the tool is still offset, so the axes are not at the programmed position.
   if (!is_leaving_) programmed_ = canon_.position();
   is_leaving_ = has_entered_ = false;
 }
@@ -154,7 +154,7 @@ Vector2d CutterCompensation::offset_vector(const Vector2d& direction) const {
 void CutterCompensation::check_feed(const Cause& cause) const {
   if (canon_.feed_mode() == FeedMode::InverseTime)
     canon_.throw_input_error(cause,
-                             "G94 beside G41 and G42: an outside corner has no time of its own");
+                             "G94 with G41 and G42: an outside corner has no time of its own");
 }
 
 void CutterCompensation::straight(Straight move, bool rapid) {
@@ -183,7 +183,7 @@ void CutterCompensation::straight(Straight move, bool rapid) {
   // A rule of LinuxCNC; other controls accept shorter entries.
   if (segment.is_entry && !rules_.perpendicular_entry && length < radius_)
     canon_.throw_input_error(
-        move.cause, fmt::format("an entry move of at least the radius of the tool, {} mm", radius_),
+        move.cause, fmt::format("an entry move of at least the tool radius, {} mm", radius_),
         fmt::format("{} mm", length));
   segment.programmed_end = std::move(move.end);
   segment.cause = move.cause;
@@ -209,7 +209,8 @@ void CutterCompensation::arc(ArcMove move) {
   segment.radius = arc.radius + (is_inside ? -radius_ : radius_);
   if (is_inside && segment.radius < position_tolerance)
     canon_.throw_input_error(
-        move.named, fmt::format("an arc of more than the radius of the tool, {} mm", radius_),
+        move.named,
+        fmt::format("an arc with a radius greater than the tool radius, {} mm", radius_),
         fmt::format("{} mm", arc.radius));
   const Vector2d start_normal = (programmed_ends.start - move.centre).normalized();
   const Vector2d end_normal = (programmed_ends.end - move.centre).normalized();
@@ -234,9 +235,9 @@ void CutterCompensation::enter_by_arc(OffsetSegment& segment, const Vector2d& ou
   const Vector2d from = in_plane(programmed_) - segment.end;
   const double along = from.dot(outwards);
   if (from.norm() < radius_ || !(along < 0))
-    canon_.throw_input_error(
-        cause, fmt::format("an entry arc that a tool of {} mm of radius can go", radius_),
-        "one too small");
+    canon_.throw_input_error(cause,
+                             fmt::format("an entry arc that fits a tool radius of {} mm", radius_),
+                             "a smaller arc");
   segment.radius = -from.squaredNorm() / (2 * along);
   segment.centre = segment.end - segment.radius * outwards;
   segment.start = in_plane(programmed_);
@@ -312,8 +313,8 @@ void CutterCompensation::trim_inside_corner(OffsetSegment& next, const Vector2d&
     next.start = *intersection;
   } else {
     canon_.throw_input_error(
-        next.cause, fmt::format("an inside corner that a tool of {} mm of radius reaches", radius_),
-        "one too narrow");
+        next.cause, fmt::format("an inside corner that a tool radius of {} mm can reach", radius_),
+        "a narrower corner");
   }
 }
 

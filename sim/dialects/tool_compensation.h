@@ -34,7 +34,7 @@ struct CompensationRules {
   /// False, as in LinuxCNC: the entry ends one radius from its programmed end, perpendicular to
   /// itself; it is at least as long as the radius, and may be an arc.
   bool perpendicular_entry = true;
-  /// rad; a smaller corner is ignored. The tool then gouges the contour behind it by up to
+  /// rad; a smaller corner is ignored. The tool then gouges the contour after it by up to
   /// radius * corner^2 / 2, 5 nm at 10 mm of radius.
   double min_corner = 1e-3;
 };

@@ -257,7 +257,7 @@ kinematics::Pole right_angled_pole(const Chain& chain, const AxisVector& q) {
           max_right_angle_cosine;
   if (!is_right_angled)
     throw std::invalid_argument(
-        "a machine with two rotary axes at right angles to each other and to the tool");
+        "a machine with two rotary axes perpendicular to each other and to the tool");
   return *pole;
 }
 
@@ -335,7 +335,7 @@ AxisVector VectorLines::fanuc_rotary_axes(const Chain& chain, const Eigen::Vecto
   const auto solutions = kinematics.positions(direction_w.normalized(), position);
   if (solutions.empty())
     run_.canon.throw_input_error(
-        cause, "a tool vector that the rotary axes reach",
+        cause, "a tool vector that the rotary axes can reach",
         fmt::format("{:.6g} {:.6g} {:.6g}", direction_w.x(), direction_w.y(), direction_w.z()));
   return fanuc::output_judgement(solutions, position, fanuc::rotary_judgement_order(chain));
 }
@@ -345,8 +345,7 @@ bool VectorLines::lead_through_pole(const Chain& chain, program::Straight& move)
   try {
     passage = fanuc::pole_passage(chain, run_.canon.position(), move.end, run_.options().pole);
   } catch (const std::invalid_argument& error) {
-    run_.canon.throw_input_error(move.cause,
-                                 std::string(error.what()) + ", beside pole = \"fanuc\"",
+    run_.canon.throw_input_error(move.cause, std::string(error.what()) + ", with pole = \"fanuc\"",
                                  "one with " + run_.canon.letters());
   }
   if (!passage) return false;
@@ -383,9 +382,9 @@ bool VectorLines::straight_feed(const Chain& chain, program::Straight move) {
   if (segments.empty())
     run_.canon.throw_input_error(
         move.cause,
-        "a turn of the tool on a great circle that the rotary axes follow, beside "
-        "pole = \"fanuc\" or \"siemens\"",
-        "opposite vectors, a pole on the way, or a way beyond their limits");
+        "a tool rotation on a great circle that the rotary axes can follow, with pole = \"fanuc\" "
+        "or \"siemens\"",
+        "opposite vectors, a pole on the path, or a path beyond their limits");
   feed_along_segments(run_.canon, kinematics, segments, move);
   return true;
 }
@@ -393,9 +392,9 @@ bool VectorLines::straight_feed(const Chain& chain, program::Straight move) {
 void VectorLines::finish() {
   if (pole_passages_.blocks == 0) return;
   run_.warn_once(fmt::format(
-      "{} blocks would pass a pole nearer than {:.6g} deg and are led through it (tool posture "
-      "control, parameters 19738 and 19739): their ends are turned about it by up to {:.3g} deg, "
-      "and the tool is up to {:.3g} deg off its vector (line {})",
+      "{} blocks would pass a pole closer than {:.6g} deg and are led through it (tool posture "
+      "control, parameters 19738 and 19739): their ends are rotated about it by up to {:.3g} deg, "
+      "and the tool deviates from its vector by up to {:.3g} deg (line {})",
       pole_passages_.blocks, run_.options().pole.near / units::deg,
       pole_passages_.max_end_rotation / units::deg, pole_passages_.max_vector_error / units::deg,
       pole_passages_.line));

@@ -122,8 +122,8 @@ Vector2d centre_by_radius(const ArcGeometry& ends, double r, const NcLocation& l
                           const Cause& cause) {
   const Vector2d chord = ends.end - ends.start;
   if (chord.norm() < min_chord)
-    throw_arc_error(location, cause, "an end that is not the start beside R");
-  if (std::abs(r) < min_chord) throw_arc_error(location, cause, "a radius that is not zero");
+    throw_arc_error(location, cause, "with R, an end that differs from the start");
+  if (std::abs(r) < min_chord) throw_arc_error(location, cause, "a nonzero radius");
   // A chord that exceeds the diameter by no more than the tolerance is taken as half a turn.
   if (chord.norm() > 2 * std::abs(r) + always_allowed_mismatch)
     throw_arc_error(location, cause,
@@ -141,12 +141,12 @@ Arc validated_arc(const ArcGeometry& geometry, int turns, const NcLocation& loca
   if (turns > 1) arc.sweep += std::copysign(2 * pi * (turns - 1), arc.sweep);
   const double end_radius = (geometry.end - geometry.centre).norm();
   if (std::min(arc.radius, end_radius) < min_chord)
-    throw_arc_error(location, cause, "a radius that is not zero", "a centre at an end of the arc");
+    throw_arc_error(location, cause, "a nonzero radius", "a centre at an end of the arc");
   if (arc.radius > max_arc_radius) throw_arc_error(location, cause, "a radius of at most 1e6 mm");
   const double mismatch = std::abs(arc.growth);
   if (mismatch > max_radius_mismatch ||
       (mismatch > always_allowed_mismatch && mismatch > relative_mismatch * arc.radius))
-    throw_arc_error(location, cause, "one radius at both ends of the arc",
+    throw_arc_error(location, cause, "equal radii at both ends of the arc",
                     fmt::format("{} mm at the start and {} mm at the end", arc.radius, end_radius));
   return arc;
 }
@@ -155,8 +155,8 @@ AxisVector axes_for_tip(const Path& path, const Block& block, const Chain& contr
                         const AxisVector& programmed, const Eigen::Vector3d& tip_w) {
   const auto q = solve_slides(control, programmed, tip_w);
   if (!q)
-    throw BadInput(path.file, block.line, 0, "slides that reach the tip",
-                   "a tip out of their reach");
+    throw BadInput(path.file, block.line, 0, "a tip within the travel of the linear axes",
+                   "a tip out of reach");
   return *q;
 }
 
@@ -165,7 +165,7 @@ AxisVector axes_at(const Path& path, const Block& block, const Chain& control, d
   if (block.coordinates == Coordinates::Axis) return programmed;
   const auto x = control.find('X'), y = control.find('Y'), z = control.find('Z');
   if (!x || !y || !z)
-    throw BadInput(path.file, block.line, 0, "a machine with X Y Z for a tip mode", "another");
+    throw BadInput(path.file, block.line, 0, "a machine with X Y Z for a tip mode", "other axes");
   return axes_for_tip(path, block, control, programmed,
                       {programmed[*x], programmed[*y], programmed[*z]});
 }
@@ -239,7 +239,7 @@ std::size_t chords_of(const Path& path, const Block& block, const Chain& control
     throw BadInput(path.file, block.line, 0,
                    fmt::format("a move of at most {:.0g} chords within {:.4g} um", max_chords,
                                tolerance / units::um),
-                   fmt::format("one of {:.3g}; a larger tolerance needs fewer", chords));
+                   fmt::format("one of {:.3g}; a larger tolerance gives fewer", chords));
   return std::size_t(chords);
 }
 

@@ -92,7 +92,8 @@ void Canon::go_to(Coordinates coordinates, const Cause& cause) {
     position_[z] = tip_w.z();
   } else {
     const auto q = solve_slides(*chain_, position_, {position_[x], position_[y], position_[z]});
-    if (!q) throw_input_error(cause, "slides that reach the tip", "a tip out of their reach");
+    if (!q)
+      throw_input_error(cause, "a tip within the travel of the linear axes", "a tip out of reach");
     position_ = *q;
   }
 }
@@ -113,10 +114,10 @@ void Canon::set_tip_mode(bool on, const Cause& cause) {
         std::string(cause.text.empty() ? "the tip mode" : shown(cause.text));
     for (const int joint : xyz_)
       if (joint < 0)
-        throw_input_error(cause, "a machine with the axes X Y Z beside " + tip_mode_name,
+        throw_input_error(cause, "a machine with the axes X Y Z for " + tip_mode_name,
                           "one with " + letters());
     if (chain_ == nullptr)
-      throw_input_error(cause, "a control that knows its kinematics beside " + tip_mode_name);
+      throw_input_error(cause, "a control that knows its kinematics with " + tip_mode_name);
   }
   tip_mode_ = on;
   go_to(on ? Coordinates::Tip : Coordinates::Axis, cause);
@@ -192,16 +193,15 @@ double Canon::apply_rollover(int joint, double from, const Target& target, doubl
     rollover_reported_ |= 1u << joint;
     const char axis = options_.axes[std::size_t(joint)].name;
     const double direct_deg = (to - from) / units::deg, rolled_deg = (rolled - from) / units::deg;
-    assume(
-        rule == Rollover::ByControl
-            ? Assumption{fmt::format("{} turns by the difference of its positions, by {:.6g} deg; "
-                                     "a control with roll-over turns it by {:.6g}",
-                                     axis, direct_deg, rolled_deg + 0.0),
-                         fmt::format("machine.axis.{}.rollover", axis)}
-            : Assumption{fmt::format("{} rolls over and goes the short way, by {:.6g} deg; a "
-                                     "control without roll-over turns it by {:.6g}",
-                                     axis, rolled_deg + 0.0, direct_deg),
-                         fmt::format("machine.axis.{}.rollover", axis)});
+    assume(rule == Rollover::ByControl
+               ? Assumption{fmt::format("{} turns by the difference of its positions, {:.6g} deg; "
+                                        "a control with roll-over turns it by {:.6g}",
+                                        axis, direct_deg, rolled_deg + 0.0),
+                            fmt::format("machine.axis.{}.rollover", axis)}
+               : Assumption{fmt::format("{} rolls over and takes the shortest way, {:.6g} deg; a "
+                                        "control without roll-over turns it by {:.6g}",
+                                        axis, rolled_deg + 0.0, direct_deg),
+                            fmt::format("machine.axis.{}.rollover", axis)});
   }
   return rule == Rollover::ByControl ? to : rolled;
 }
@@ -219,7 +219,7 @@ void Canon::record_machine_zero_assumption(const Target& target) {
       if (axis.max - axis.min < 1e6)
         travel = fmt::format(", which travels {:.6g} to {:.6g} mm", axis.min, axis.max);
     }
-    assume({fmt::format("machine coordinates count from the zero of axis {}{}",
+    assume({fmt::format("machine coordinates are counted from the zero of axis {}{}",
                         options_.axes[std::size_t(j)].name, travel),
             "machine.machine_zero"});
   }
@@ -276,7 +276,7 @@ void Canon::throw_limit_exceeded(double moves, const Cause& cause,
                                  const std::string& expected) const {
   throw ProgramLimitExceeded(
       file_name(), line_, cause.column, expected,
-      fmt::format("{:.4g} moves: pecks, repeats or a loop without end", moves));
+      fmt::format("{:.4g} moves: pecks, repeats or an infinite loop", moves));
 }
 
 void Canon::check_moves(double more_moves, const Cause& cause) const {
@@ -289,7 +289,7 @@ void Canon::check_moves(double more_moves, const Cause& cause) const {
 void Canon::check_memory(double more_moves, const Cause& cause) const {
   if (double(kept_bytes()) + more_moves * sizeof(Block) > double(options_.max_move_bytes))
     throw_limit_exceeded(double(blocks()) + more_moves, cause,
-                         fmt::format("moves of at most {} MB, which the memory holds",
+                         fmt::format("moves of at most {} MB, the available memory",
                                      options_.max_move_bytes / 1'000'000));
 }
 
@@ -346,8 +346,8 @@ double Canon::duration(const Block& block, const Cause& cause) const {
     // Under G93 every block needs its own F, so an earlier error cannot be the cause of a missing
     // one.
     throw_error(feed_is_uncertain_ && feed_mode_ != FeedMode::InverseTime,
-                feed_mode_ == FeedMode::InverseTime ? "F in every block of motion under G93"
-                                                    : "F before or in the first block of feed",
+                feed_mode_ == FeedMode::InverseTime ? "F in every motion block under G93"
+                                                    : "F in the first feed block or before it",
                 "none");
   if (feed_mode_ == FeedMode::InverseTime) return 60.0 / feed_->word;
   const Arc* arc = block.interpolation == Interpolation::Arc ? &path_.arcs[block.shape] : nullptr;
@@ -358,8 +358,8 @@ double Canon::duration(const Block& block, const Cause& cause) const {
   const double unit = distance.linear ? feed_->unit : 1.0;
   if (feed_mode_ == FeedMode::PerMinute) return distance.length * 60.0 / (feed_->word * unit);
   if (spindle_turns_ == 0 || !(spindle_rpm_ > 0.0))
-    throw_error(spindle_is_uncertain_, "a spindle that turns under a feed per turn",
-                "one that stands");
+    throw_error(spindle_is_uncertain_, "a running spindle under a feed per revolution",
+                "a stopped spindle");
   return distance.length * 60.0 / (feed_->word * unit * spindle_rpm_);
 }
 
@@ -446,9 +446,11 @@ void Canon::record_known_positions(const Block& block, std::uint32_t stated) {
   if (has_fed_ || block.interpolation == Interpolation::Rapid) return;
   has_fed_ = true;
   if (!positions.empty())
-    assume({"no word before this first feed says where these axes stand, taken from the start:" +
-                positions,
-            "machine.home", "", line_});
+    assume(
+        {"no word before this first feed states the positions of these axes; start positions "
+         "assumed:" +
+             positions,
+         "machine.home", "", line_});
 }
 
 void Canon::straight(Straight move, bool rapid) {

@@ -78,8 +78,7 @@ Reachability MillingTextWriter::reach(const CutterPose& pose) {
 void MillingTextWriter::record_unreached(const CutterPose& pose, Reachability why) {
   if (options_.must_reach_all)
     throw std::invalid_argument(fmt::format(
-        "a pass with a pose that it does not reach, at ({:.3f}, {:.3f}, {:.3f}) mm of the "
-        "workpiece",
+        "a pass with a pose out of reach, at ({:.3f}, {:.3f}, {:.3f}) mm in the workpiece frame",
         pose.tip_w.x(), pose.tip_w.y(), pose.tip_w.z()));
   if (unreached_.points++ > 0) return;
   unreached_.first_pass = unreached_.all_passes;
@@ -344,7 +343,7 @@ Pass raster_pass(const Raster& raster, const cutting::Cutter& cutter, const Sect
 void check(const Raster& raster, const cutting::Cutter& cutter, const GeneratorContext& context) {
   const auto positive = [](double value, const char* name) {
     if (!(value > 0.0) || !std::isfinite(value))
-      throw std::invalid_argument(fmt::format("expected {} above 0", name));
+      throw std::invalid_argument(fmt::format("expected {} greater than 0", name));
   };
   positive(raster.step_over, "step_over");
   positive(raster.step, "step");
@@ -398,14 +397,14 @@ MillingProgram generate_raster(const Raster& raster, const ContactField& design,
     if (raster.zigzag) backwards = !backwards;
   }
   if (passes.empty())
-    throw std::invalid_argument("expected some of the design within the range of the raster");
+    throw std::invalid_argument("expected part of the design within the range of the raster");
   return milling_text(passes,
                       {.title = "raster finishing",
                        .feed = raster.feed,
                        .clearance = raster.clearance,
                        .speed_rpm = raster.speed_rpm,
                        .cutter_radius = cutter.radius,
-                       // Zigzag passes end beside the start of the next, so up to four steps over
+                       // Zigzag passes end next to the start of the next, so up to four steps over
                        // are linked at clearance.
                        .max_link_distance = raster.zigzag ? 4 * raster.step_over : 0.0,
                        .must_reach_all = false,
@@ -449,10 +448,10 @@ void check(const Flank& flank, const cutting::Cone& cone, const cutting::Cutter&
       cutter.radius > 0 && cone.half_apex_angle > 0 && cone.half_apex_angle < std::numbers::pi / 2;
   if (cutter.outline)
     throw std::invalid_argument(
-        "expected a cutter with a cylinder as its flank, a ball, bull or flat end");
+        "expected a cutter with a cylindrical flank: a ball, bull or flat end mill");
   if (!are_sizes_positive || !std::isfinite(flank.tip_below))
     throw std::invalid_argument(
-        "expected positive sizes of the cone, the cutter, step, feed and clearance");
+        "expected positive sizes of the cone and the cutter, step, feed and clearance");
   if (2 * std::numbers::pi * cone.base_radius / flank.step > max_points)
     throw std::invalid_argument("expected at most 2e7 points in a program");
 }

@@ -117,7 +117,7 @@ double Scanner::number(std::size_t letter_position) {
   if (!is_at_end() && upper(current()) == 'E' && position_ + 1 < text_.size() &&
       (is_digit(text_[position_ + 1]) || text_[position_ + 1] == '+' ||
        text_[position_ + 1] == '-'))
-    throw_error(letter_position, "a number without exponent", shown(cell(letter_position)));
+    throw_error(letter_position, "a number without an exponent", shown(cell(letter_position)));
   double value = 0.0;
   // from_chars does not depend on the locale and rounds correctly.
   const auto read = std::from_chars(text_.data() + digits_start, text_.data() + position_, value,
@@ -134,7 +134,7 @@ void Scanner::throw_no_word() const {
   if (c == '#') throw_error(position_, expected, "a parameter (#)");
   if (c == '[' || c == ']') throw_error(position_, expected, "an expression ([)");
   // A decimal comma would otherwise split one number into two tokens.
-  if (c == ',') throw_error(position_, "a decimal point, as in 10.5", shown(cell(position_)));
+  if (c == ',') throw_error(position_, "a decimal point, such as 10.5", shown(cell(position_)));
   if (c == '\0') throw_error(position_, "text", "a NUL byte");
   if (c == ')') throw_error(position_, expected, ") without (");
   throw_error(position_, expected, shown(cell(position_)));
@@ -166,7 +166,7 @@ void Scanner::put(NcBlock& block, const NcWord& word) {
   } else {
     NcWord& entry = block.words[std::size_t(letter - 'A')];
     if (entry)
-      throw_error(std::size_t(word.column - 1), std::string("one ") + letter + " in a block",
+      throw_error(std::size_t(word.column - 1), std::string("only one ") + letter + " per block",
                   shown(word.text) + " after " + shown(entry.text));
     entry = word;
   }
@@ -192,10 +192,10 @@ void Scanner::parse(NcBlock& block) {
     const NcWord word = this->word();
     if (upper(word.text.front()) == 'N') {
       if (!is_first)
-        throw_error(std::size_t(word.column - 1), "a line number first in its block",
+        throw_error(std::size_t(word.column - 1), "a line number at the start of the block",
                     shown(word.text));
       if (word.value < 0 || word.value != std::floor(word.value))
-        throw_error(std::size_t(word.column - 1), "a whole line number", shown(word.text));
+        throw_error(std::size_t(word.column - 1), "an integer line number", shown(word.text));
     }
     put(block, word);
     is_first = false;

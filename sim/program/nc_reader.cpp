@@ -78,7 +78,7 @@ void find_centre(const Canon& canon, const ArcBlock& block, const PlaneLetters& 
                             fmt::format("{} in the plane of G{}", letters.pair, block.plane));
   if (!first && !second)
     canon.throw_input_error(
-        block.cause, fmt::format("{} or R beside {}", letters.pair, block.clockwise ? "G2" : "G3"),
+        block.cause, fmt::format("{} or R with {}", letters.pair, block.clockwise ? "G2" : "G3"),
         "none");
   if (block.absolute_centre && (!first || !second))
     canon.throw_input_error(block.cause, fmt::format("both {} under G90.1", letters.pair), "one");
@@ -239,7 +239,7 @@ Codes parse_codes(const NcBlock& block, const NcLocation& location) {
     Codes::Code& code = codes.by_group[std::size_t(*group)];
     if (code)
       throw_input_error(location, word,
-                        fmt::format("one code in a block {}", group_names[std::size_t(*group)]),
+                        fmt::format("only one code {} per block", group_names[std::size_t(*group)]),
                         fmt::format("{} after {}", shown(word.text), shown(code.word.text)));
     code = {parse_tenths(word), word};
   };
@@ -326,31 +326,31 @@ void NcInterpreter::check_companions(const NcBlock& block, const Codes& codes) c
   const int motion = codes[CodeGroup::Motion] ? codes[CodeGroup::Motion].tenths : motion_;
   const bool is_dwell = one_block_code && one_block_code.tenths == 40;
   const bool is_arc = !is_dwell && (motion == 20 || motion == 30);
-  if (is_dwell && axis) throw_input_error(axis, "no axis word beside G4");
+  if (is_dwell && axis) throw_input_error(axis, "no axis word with G4");
   if (is_dwell && !block['P'])
-    throw_input_error(one_block_code.word, "P (seconds) beside G4", "none");
-  if (block['P'] && !is_dwell) throw_input_error(block['P'], "G4 beside P");
+    throw_input_error(one_block_code.word, "P (seconds) with G4", "none");
+  if (block['P'] && !is_dwell) throw_input_error(block['P'], "G4 with P");
   for (const char letter : {'I', 'J', 'K', 'R'})
-    if (block[letter] && !is_arc) throw_input_error(block[letter], "G2 or G3 beside I J K R");
+    if (block[letter] && !is_arc) throw_input_error(block[letter], "G2 or G3 with I J K R");
   const Codes::Code& length = codes[CodeGroup::ToolLength];
   const bool calls_length = length && length.tenths != 490;
   if (calls_length && !block['H'])
-    throw_input_error(length.word, "H (tool length) beside " + shown(length.word.text), "none");
-  if (block['H'] && !calls_length) throw_input_error(block['H'], "G43 or G43.4 beside H");
+    throw_input_error(length.word, "H (tool length) with " + shown(length.word.text), "none");
+  if (block['H'] && !calls_length) throw_input_error(block['H'], "G43 or G43.4 with H");
   if (axis && (motion < 0 || motion == 800))
     throw_input_error(axis, "G0 G1 G2 or G3 before an axis word");
   if (one_block_code && one_block_code.tenths == 530) {
-    if (!axis) throw_input_error(one_block_code.word, "an axis word beside G53", "none");
-    if (is_arc) throw_input_error(one_block_code.word, "G0 or G1 beside G53");
+    if (!axis) throw_input_error(one_block_code.word, "an axis word with G53", "none");
+    if (is_arc) throw_input_error(one_block_code.word, "G0 or G1 with G53");
   }
   if (const NcWord& tool = block['T'];
       tool && (tool.value < 0 || tool.value != std::floor(tool.value)))
-    throw_input_error(tool, "a whole tool number");
+    throw_input_error(tool, "an integer tool number");
 }
 
 void NcInterpreter::set_spindle(const NcBlock& block, const Codes& codes) {
   if (const NcWord& s = block['S']) {
-    if (s.value < 0 || s.value > 1e7) throw_input_error(s, "a spindle speed of 0 to 1e7 rpm");
+    if (s.value < 0 || s.value > 1e7) throw_input_error(s, "a spindle speed from 0 to 1e7 rpm");
     canon_.set_spindle_speed(s.value);
   }
   if (const Codes::Code& code = codes[CodeGroup::Spindle])
@@ -367,7 +367,7 @@ void NcInterpreter::set_feed(const NcBlock& block, const Codes& codes) {
   // Under G93 F holds for its own block only.
   if (canon_.feed_mode() == FeedMode::InverseTime) canon_.set_feed({});
   if (const NcWord& f = block['F']) {
-    if (!(f.value >= min_feed_word)) throw_input_error(f, "a feed above zero");
+    if (!(f.value >= min_feed_word)) throw_input_error(f, "a feed greater than zero");
     canon_.set_feed(Feed{f.value, unit()});
   }
 }
@@ -388,8 +388,9 @@ void NcInterpreter::set_tool_length(const NcBlock& block, const Codes& codes) {
   if (length == lengths.end()) {
     std::string known_lengths;
     for (const auto& [number, mm] : lengths) known_lengths += fmt::format(" H{}", number);
-    throw_input_error(h, "a tool length that is known (" +
-                             (known_lengths.empty() ? "none is" : known_lengths.substr(1)) + ")");
+    throw_input_error(h, "a known tool length (" +
+                             (known_lengths.empty() ? "none known" : known_lengths.substr(1)) +
+                             ")");
   }
   canon_.select_length(length->first, code.word);
   AxisVector shift;
@@ -440,7 +441,7 @@ void NcInterpreter::record_words_after_motion(const Codes& codes) {
 void NcInterpreter::dwell(const NcBlock& block, const NcWord& g4) {
   const NcWord& p = block['P'];
   if (p.value < 0 || p.value > max_dwell_s)
-    throw_input_error(p, "0 to 1e6 seconds beside " + shown(g4.text));
+    throw_input_error(p, "0 to 1e6 seconds with " + shown(g4.text));
   canon_.dwell(p.value, p);
 }
 

@@ -33,7 +33,7 @@ struct ArcBlock {
 
 /// Returns the move of an arc block, by R or about the centre I J K (then both `centre` and, in a
 /// rotated frame, `placed_centre` are set). Throws BadInput for a plane without joints, a centre
-/// offset outside of it, R beside I J K, or no centre.
+/// offset outside of it, R with I J K, or no centre.
 ArcMove arc_from_block(const Canon& canon, const ArcBlock& block);
 
 /// Reads an RS274/NGC program strictly; the README of this folder lists the accepted words. Throws

@@ -89,7 +89,7 @@ std::optional<double> bare_diameter(const std::string& text, const std::optional
   return length;
 }
 
-/// Adds the diameter to `data`, with the unit and corner radius stated beside it; returns nothing
+/// Adds the diameter to `data`, with the unit and corner radius stated next to it; returns nothing
 /// if the text gives no diameter. The patterns are tried from the most explicit to the vaguest.
 std::optional<CutterData> add_diameter(const std::string& text, CutterData data) {
   static const std::regex d_letter = make_machine("\\bD *[=:] *" + length_pattern);

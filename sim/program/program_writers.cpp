@@ -95,7 +95,7 @@ std::string write_nc(std::span<const NcItem> items, std::span<const ControlledAx
 
 namespace {
 
-constexpr double min_tip_travel = 1e-9;         // mm; with less the tip stands still
+constexpr double min_tip_travel = 1e-9;         // mm; with less the tip is at rest
 constexpr double max_radius_difference = 1e-7;  // mm, tolerance for equal radii along an arc
 constexpr double max_still_rotation = 1e-12;    // rad
 constexpr double min_rpm = 1e-6;                // smallest spindle speed that is written as turning
@@ -200,8 +200,8 @@ void LocationWriter::point(const TipPose& pose) {
   vector_ = vector;
 }
 
-/// Returns the value of F: the speed of the tip, or of the rotary axes in degrees if the tip stands
-/// still.
+/// Returns the value of F: the speed of the tip, or of the rotary axes in degrees if the tip is at
+/// rest.
 std::string LocationWriter::feed_word(const Path& path, const Block& block, double from, double to,
                                       double tip_travel) {
   if (!(tip_travel > min_tip_travel)) {
@@ -275,7 +275,7 @@ void LocationWriter::block(const Path& path, const Block& block) {
       throw BadInput(path.file, block.line, 0,
                      fmt::format("at most {} bytes of cutter locations within {:.4g} um",
                                  options_.max_bytes, options_.within / units::um),
-                     "more; a larger tolerance needs fewer");
+                     "more; a larger tolerance gives fewer");
   }
 }
 
@@ -366,7 +366,7 @@ void PvtReader::check_header(const std::vector<Cell>& header) const {
     for (std::size_t k = 0; k < columns_.size(); ++k) {
       if (columns_[k].joint != columns_[i].joint) continue;
       if (k < i && columns_[k].kind == columns_[i].kind)
-        throw_input_error(header[i], "every column once");
+        throw_input_error(header[i], "every column only once");
       has_partner = has_partner || columns_[k].kind != columns_[i].kind;
     }
     if (!has_partner)
@@ -455,7 +455,7 @@ void PvtReader::read_line(std::string_view text, int line) {
 
 Path PvtReader::finish(int last_line) {
   if (columns_.empty())
-    throw BadInput(path_.file, std::max(last_line, 1), 1, "a head time_s,...",
+    throw BadInput(path_.file, std::max(last_line, 1), 1, "a header time_s,...",
                    "the end of the file");
   if (path_.blocks.empty())
     throw BadInput(path_.file, last_line, 1, "at least two rows", "the end of the file");
@@ -585,7 +585,7 @@ std::vector<BlockDivision> divide_blocks(const Path& path, const Chain& control,
       throw BadInput(path.file, block.line, 0,
                      fmt::format("a program of at most {} rows within {:.4g} um", options.max_rows,
                                  options.within / units::um),
-                     "more; a larger tolerance needs fewer");
+                     "more; a larger tolerance gives fewer");
     const auto speed = [&](double from, double to) {
       return weighted_distance(control, axes_at(path, block, control, from),
                                axes_at(path, block, control, to), options.lever) *
@@ -644,7 +644,7 @@ PvtConversion convert_to_pvt(const Path& path, const Chain& control,
       row_blocks.push_back(divisions[i].block);
     }
   }
-  if (conversion.rows.size() < 2) throw BadInput(path.file, 0, 0, "a program that moves", "none");
+  if (conversion.rows.size() < 2) throw BadInput(path.file, 0, 0, "a program with motion", "none");
   const std::vector<AxisVector> velocities = parabola_rates(conversion.rows);
   for (std::size_t k = 0; k < conversion.rows.size(); ++k)
     conversion.rows[k].velocity = velocities[k];

@@ -42,7 +42,7 @@ void check_dense(const Path& path, std::span<const Points> dense) {
       if (!(point.u >= previous_u && point.u <= 1.0) ||
           point.at.size() != path.blocks[i].end.size() || !point.at.allFinite())
         throw std::invalid_argument(
-            fmt::format("expected u that never falls and finite axes in block {}", i));
+            fmt::format("expected non-decreasing u and finite axes in block {}", i));
       previous_u = point.u;
     }
     if (dense[i].size() < 2 || dense[i].front().u != 0.0 || previous_u != 1.0)
@@ -292,7 +292,8 @@ CorrectedPath thin_out(const Path& path, std::span<const Points> dense, const Nc
                        const ThinOptions& options) {
   check_dense(path, dense);
   if (!(options.tolerance >= 0.0) || !(options.word_mm >= 0.0))
-    throw std::invalid_argument("expected a tolerance and words of at least zero");
+    throw std::invalid_argument(
+        "expected a non-negative tolerance and a non-negative word resolution");
   const std::array<DeviationNorm, 2> norms = {DeviationNorm(control.axes, options.lever[0]),
                                               DeviationNorm(control.axes, options.lever[1])};
   // Cubics join smoothly over the ends of blocks, so all are thinned together, with their
@@ -347,7 +348,8 @@ void check_corrected(const Path& path, std::span<const std::vector<CorrectedPoin
       if (point.centre && !point.centre->allFinite())
         throw std::invalid_argument(fmt::format("expected finite centres in block {}", i));
       if (point.centre && path.blocks[i].interpolation != Interpolation::Arc)
-        throw std::invalid_argument(fmt::format("expected arcs in an arc, not in block {}", i));
+        throw std::invalid_argument(
+            fmt::format("expected arc points only in an arc, not in block {}", i));
       previous_u = point.u;
     }
     if (!corrected[i].empty() && previous_u != 1.0)
@@ -689,7 +691,8 @@ std::vector<CorrectedPoint> NcRewriter::half_turn_points(const Block& block) con
 
 void NcRewriter::block(int index, const std::vector<CorrectedPoint>& points) {
   const Block& block = path_.blocks[std::size_t(index)];
-  if (is_cubic(block)) throw std::invalid_argument("expected a path of cubics only, or of none");
+  if (is_cubic(block))
+    throw std::invalid_argument("expected a path of cubics only, or without cubics");
   write_auxiliary_words(std::size_t(index));
   write_units_and_feed_mode(block);
   write_coordinates(block);
@@ -740,7 +743,7 @@ RewrittenProgram rewrite_program(const Path& path,
   check_corrected(path, corrected);
   // Only eleven decimals are written, so a finer resolution could not be represented.
   if (!(options.word_mm >= 1e-9) || !(options.word_rad >= 1e-9 * units::deg))
-    throw std::invalid_argument("expected steps of words of at least 1e-9");
+    throw std::invalid_argument("expected a word resolution of at least 1e-9");
   if (!path.blocks.empty() && std::all_of(path.blocks.begin(), path.blocks.end(), is_cubic))
     return rewritten_pvt(path, corrected, control);
   NcRewriter writer(path, control, options);

@@ -108,7 +108,7 @@ BlockSampler::BlockSampler(const Path& path, const Block& block, const kinematic
   if (is_tip_mode_) {
     const auto x = control.find('X'), y = control.find('Y'), z = control.find('Z');
     if (!x || !y || !z)
-      throw BadInput(path.file, block.line, 0, "a machine with X Y Z for G43.4", "another");
+      throw BadInput(path.file, block.line, 0, "a machine with X Y Z for G43.4", "other axes");
     x_ = *x, y_ = *y, z_ = *z;
   }
   set_bounds();

@@ -165,7 +165,7 @@ Lathe find_lathe(const GeneratorContext& context) {
       radial_step = displacement, lathe.radial_joint = j;
   }
   if (lathe.axial_joint < 0 || lathe.radial_joint < 0 || lathe.axial_joint == lathe.radial_joint)
-    throw std::invalid_argument("expected one slide along the spindle and one across it");
+    throw std::invalid_argument("expected one linear axis along the spindle and one across it");
   const Vector2d across = radial_step.head<2>().normalized();
   Eigen::Matrix2d displacements;
   displacements << across.dot(radial_step.head<2>()), across.dot(axial_step.head<2>()),
@@ -280,7 +280,7 @@ std::string nc_text(const Spiral& spiral, const std::vector<PvtRow>& rows, const
   lifted_position[lathe.radial_joint] += lift.x();
   lifted_position[lathe.axial_joint] += lift.y();
   std::vector<NcItem> items{
-      std::string("(facing by a spiral)"), std::string("G21 G90 G54 G49 G93"),
+      std::string("(facing along a spiral)"), std::string("G21 G90 G54 G49 G93"),
       fmt::format("S{} M3", nc_number(spiral.spindle_speed * 30 / std::numbers::pi, 9)),
       NcMove{true, lifted_position, 0.0}, NcMove{true, rows.front().position, 0.0}};
   for (std::size_t i = 1; i < rows.size(); ++i)
@@ -319,10 +319,10 @@ void check_edge(const cutting::EdgeProfile& profile, const OffsetCurve& curve, c
     const double overhang = down_t.dot(cutting::extreme_point(profile, down_t)) - profile.radius;
     // 1e-6 mm: one nanometre, the numerical floor of the residual map.
     if (overhang > 1e-6)
-      throw std::invalid_argument(fmt::format(
-          "expected an insert that touches with its nose, seen an edge that reaches {:.3g} mm "
-          "beyond it where the design slopes by {:.3g} at radius {:.3g} mm",
-          overhang, height->slope, r));
+      throw std::invalid_argument(
+          fmt::format("expected an insert that touches with its nose, seen an edge that extends "
+                      "{:.3g} mm beyond it where the design slopes by {:.3g} at radius {:.3g} mm",
+                      overhang, height->slope, r));
   }
 }
 

@@ -75,11 +75,11 @@ TEST(Assumptions, BlocksBehindASlashAreLeftOutOrExecutedAndSaidOnce) {
     EXPECT_EQ(off.path.motion_blocks, on.path.motion_blocks + 2);
     const int first = written.dialect == Dialect::Fanuc ? 4 : 3;
     EXPECT_EQ(said(on, "program.block_skip"),
-              fmt::format("line {}: 2 blocks behind / left out: block skip is on "
+              fmt::format("line {}: 2 blocks after / left out: block skip is on "
                           "(program.block_skip, --block-skip)\n",
                           first));
     EXPECT_EQ(said(off, "program.block_skip"),
-              fmt::format("line {}: 2 blocks behind / executed: block skip is off "
+              fmt::format("line {}: 2 blocks after / executed: block skip is off "
                           "(program.block_skip, --block-skip)\n",
                           first));
     const std::string unmarked = "G0 X1 Y1\n";
@@ -143,7 +143,7 @@ TEST(Assumptions, TheOnlyToolIsTheToolWhereNoneIsCalled) {
     const ParsedProgram read = program_of(written.text, options_of(written.dialect));
     EXPECT_NEAR(radius_of_circle(read), 33.0, 1e-9) << "25 and the radius of the tool";
     const std::string lines = said(read, "program.startup_code");
-    EXPECT_NE(lines.find("the only tool is taken to be meant"), std::string::npos) << lines;
+    EXPECT_NE(lines.find("the only tool is assumed"), std::string::npos) << lines;
     EXPECT_EQ(std::count(lines.begin(), lines.end(), '\n'), 1) << lines;
   }
 }
@@ -157,8 +157,8 @@ TEST(Assumptions, WithSeveralToolsOneMustBeCalled) {
     options.control.control_by_h = {{1, machines::gantry()}, {2, machines::gantry()}};
     const std::string text = refusal(written.text, options);
     EXPECT_NE(text.find("part.nc:"), std::string::npos) << text;
-    EXPECT_TRUE(text.find("called before") != std::string::npos ||
-                text.find("a tool whose radius is known") != std::string::npos ||
+    EXPECT_TRUE(text.find("a tool call before") != std::string::npos ||
+                text.find("a tool with a known radius") != std::string::npos ||
                 text.find("a tool (T) before a feed") != std::string::npos)
         << text;
   }
@@ -205,14 +205,14 @@ TEST(Assumptions, ATableRollsOverAsTheMachineSays) {
   const ParsedProgram fanuc = turns(Rollover::ByControl);
   EXPECT_EQ(turns_of(fanuc, 0), shortest);
   EXPECT_EQ(said(fanuc, "machine.axis.C.rollover"),
-            "line 5: C rolls over and goes the short way, by -30 deg; a control without roll-over "
+            "line 5: C rolls over and takes the shortest way, -30 deg; a control without roll-over "
             "turns it by 690 (machine.axis.C.rollover)\n");
   ReadOptions linuxcnc = options_of(Dialect::LinuxCnc, machines::trunnion());
   const ParsedProgram by_difference = program_of("G21 G90\nG0 C-150\nC540\nC-620\nM2\n", linuxcnc);
   EXPECT_EQ(turns_of(by_difference, 0), (std::vector<double>{-150, 690, -1160}));
   EXPECT_EQ(said(by_difference, "machine.axis.C.rollover"),
-            "line 3: C turns by the difference of its positions, by 690 deg; a control with "
-            "roll-over turns it by -30 (machine.axis.C.rollover)\n");
+            "line 3: C turns by the difference of its positions, 690 deg; a control with roll-over "
+            "turns it by -30 (machine.axis.C.rollover)\n");
 }
 
 TEST(Assumptions, OnlyATableThatTurnsWithoutEndRollsOverByItself) {
@@ -247,13 +247,13 @@ TEST(Assumptions, ModesThatNoWordStatesAreSaidInOneLine) {
     return said(program_of(text, options_of(dialect)), "program.startup_code");
   };
   EXPECT_EQ(line(Dialect::LinuxCnc, "G0 X0 Y0 Z0 A0 C0\nG1 X1 F100\nG2 X3 Y0 I1 J0\n"),
-            "line 1: no word before says otherwise: mm (G21), absolute (G90), plane X Y (G17), F "
-            "per minute (G94) (program.startup_code, --startup-code)\n");
+            "line 1: no earlier word states otherwise: mm (G21), absolute (G90), plane X Y (G17), "
+            "F per minute (G94) (program.startup_code, --startup-code)\n");
   EXPECT_EQ(line(Dialect::Fanuc, "O1\nX1.\n"),
-            "line 2: no word before says otherwise: mm (G21), absolute (G90), rapid (G0) "
+            "line 2: no earlier word states otherwise: mm (G21), absolute (G90), rapid (G0) "
             "(program.startup_code, --startup-code)\n");
   EXPECT_EQ(line(Dialect::Siemens, "T1 M6 D1\nF100\nX1\n"),
-            "line 3: no word before says otherwise: mm (G71), absolute (G90), line (G1), F per "
+            "line 3: no earlier word states otherwise: mm (G71), absolute (G90), line (G1), F per "
             "minute (G94) (program.startup_code, --startup-code)\n");
   for (const Dialect dialect : {Dialect::LinuxCnc, Dialect::Fanuc})
     EXPECT_EQ(line(dialect, "G21 G90 G17 G94\nG0 X0 Y0\n"), "") << name_of(dialect);
@@ -291,8 +291,8 @@ TEST(Assumptions, WhereAxesStandIsSaidBeforeTheFirstFeed) {
     return said(program_of(text, options), "machine.home");
   };
   EXPECT_EQ(line("G21 G90\nG0 X0 Y0\nG1 X5 F100\n"),
-            "line 3: no word before this first feed says where these axes stand, taken from the "
-            "start: C0 Z40 A0 (machine.home)\n");
+            "line 3: no word before this first feed states the positions of these axes; start "
+            "positions assumed: C0 Z40 A0 (machine.home)\n");
   EXPECT_EQ(line("G21 G90\nG0 X0 Y0 Z5 A0 C0\nG1 X5 F100\n"), "");
   EXPECT_EQ(line("G21 G90\nG0 X0 Y0\n"), "") << "nothing is cut";
 }
@@ -308,7 +308,7 @@ TEST(Assumptions, MachineCoordinatesAndTheReferencePosition) {
     ReadOptions options = options_of(dialect);
     const ParsedProgram axes = program_of(text, options);
     EXPECT_EQ(axes.path.blocks.back().end[3], -5.0);
-    EXPECT_NE(said(axes, "machine.machine_zero").find("count from the zero of axis Z"),
+    EXPECT_NE(said(axes, "machine.machine_zero").find("are counted from the zero of axis Z"),
               std::string::npos);
     options.control.machine_zero = machines::AxisVector::Zero(6);
     options.control.machine_zero[3] = 400.0;

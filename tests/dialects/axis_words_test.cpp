@@ -156,7 +156,7 @@ void try_without_effect(const Frame& frame, const WordTableEntry& use, const std
     ++count.still;
     return;
   }
-  EXPECT_TRUE(use.beside_motion) << "moves, or changes a move behind it";
+  EXPECT_TRUE(use.beside_motion) << "moves, or changes a move after it";
   const std::string own = axis_words_of(behind);
   const auto plain = path_of(frame.before + own + "\n" + frame.after, frame);
   const auto all = path_of(frame.before + behind + "\n" + frame.after, frame);
@@ -178,7 +178,7 @@ void try_klartext_function(const Frame& frame, const std::string& word, const st
   }
   const auto plain = path_of(frame.before + "L X+11 Y+12\n" + frame.after, frame);
   ASSERT_TRUE(plain);
-  EXPECT_TRUE(same_moves(*path, *plain)) << "words behind the function moved the axes";
+  EXPECT_TRUE(same_moves(*path, *plain)) << "words after the function moved the axes";
   EXPECT_EQ(path->blocks.back().end_s, plain->blocks.back().end_s) << "or changed the feed";
   ++count.still;
 }

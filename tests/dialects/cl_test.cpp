@@ -248,37 +248,36 @@ TEST(CutterLocations, WhatCannotBeDoneIsRefusedByName) {
   const std::string head = "UNITS/MM\nFEDRAT/600\n";
   EXPECT_EQ(cl_fault("GOTO/1,2,3\n"),
             "part.cl:1:1: expected FEDRAT/ before the first move at feed, seen none");
-  EXPECT_EQ(cl_fault(head + "GOTO/1,2,3,0,0,2\n"),
-            "part.cl:3:12: expected a tool vector of length 1, within a thousandth, seen 0 0 2, of "
-            "length 2");
+  EXPECT_EQ(
+      cl_fault(head + "GOTO/1,2,3,0,0,2\n"),
+      "part.cl:3:12: expected a tool vector of length 1 within 0.001, seen 0 0 2, of length 2");
   EXPECT_EQ(cl_fault(head + "GOTO/1,2\n"),
-            "part.cl:3:1: expected x,y,z or x,y,z,i,j,k behind GOTO, seen 2 values");
+            "part.cl:3:1: expected x,y,z or x,y,z,i,j,k after GOTO, seen 2 values");
   EXPECT_EQ(cl_fault(head + "GOTO/1,\n  2,$\n"),
-            "part.cl:3:7: expected a value behind the last comma, seen none\n"
-            "part.cl:4:3: expected a word at the beginning of the statement, seen 2,$");
+            "part.cl:3:7: expected a value after the last comma, seen none\npart.cl:4:3: expected "
+            "a word at the start of the statement, seen 2,$");
   EXPECT_EQ(cl_fault(head + "CYCLE/DEEP,10\nP1=POINT/1,2,3\n"),
-            "part.cl:3:7: expected CYCLE/DRILL, or the moves themselves: other cycles are not "
-            "expanded, seen DEEP\n"
-            "part.cl:4:1: expected posted statements: an APT source with definitions is processed "
-            "first, seen a definition");
+            "part.cl:3:7: expected CYCLE/DRILL or explicit moves: other cycles are not expanded, "
+            "seen DEEP\npart.cl:4:1: expected processed statements: an APT source with definitions "
+            "must be processed first, seen a definition");
   EXPECT_EQ(cl_fault(head + "GOTO/10,0,0\nCIRCLE/0,0,0,0,0,1,9,.06,.5,1,0\nGOTO/0,10,0\n"),
             "part.cl:5:1: expected the start of the arc 9 mm from the axis of CIRCLE/ of line 4, "
             "seen 10 mm");
   EXPECT_EQ(cl_fault(head + "GOTO/10,0,0\nMOVARC/0,0,0,0,0,1,10,ANGLE,80\nGOTO/0,10,0\n"),
-            "part.cl:5:1: expected the end of an arc of 80 deg, as MOVARC/ of line 4 says, seen "
-            "one of 90 deg");
+            "part.cl:5:1: expected the end of an arc of 80 deg, as stated by MOVARC/ on line 4, "
+            "seen an arc of 90 deg");
   EXPECT_EQ(
       cl_fault(head + "GOTO/10,0,0\nCIRCLE/0,0,0,0,0,-1,10\nGOTO/0,10,0\nGOTO/-10,0,0\n"),
-      "part.cl:6:1: expected points that go once around the CIRCLE/ of line 4 at most, "
+      "part.cl:6:1: expected points that go around the CIRCLE/ of line 4 at most once, "
       "counter-clockwise about its vector, seen 540 deg: the vector seems to point the other way");
-  EXPECT_EQ(cl_fault("UNITS/MM\nFEDRAT/600\nMULTAX/OFF\nGOTO/0,0,0,0,.6,.8\n"),
-            "part.cl:4:12: expected MULTAX/ON before a tool vector that is not 0,0,1, seen 0 0.6 "
-            "0.8");
+  EXPECT_EQ(
+      cl_fault("UNITS/MM\nFEDRAT/600\nMULTAX/OFF\nGOTO/0,0,0,0,.6,.8\n"),
+      "part.cl:4:12: expected MULTAX/ON before a tool vector other than 0,0,1, seen 0 0.6 0.8");
   EXPECT_EQ(cl_fault(head + "GOTO/0,0,0,0,.6,.8\n", cl_options(cl_machines::three_axis())),
-            "part.cl:3:1: expected a tool vector that the axes of the machine (X Y Z) reach, seen "
-            "0 0.6 0.8");
+            "part.cl:3:1: expected a tool vector within reach of the machine axes (X Y Z), seen 0 "
+            "0.6 0.8");
   EXPECT_EQ(cl_fault(head + "GOTO/0,0,0\n", cl_options(cl_machines::platform())),
-            "part.cl:3:1: expected a machine with the axes X Y Z beside GOTO, seen one with X Z");
+            "part.cl:3:1: expected a machine with the axes X Y Z for GOTO, seen one with X Z");
 }
 
 TEST(CutterLocations, ALongArcWhoseSenseIsInDoubtIsWarnedOfWithBothReadings) {
@@ -287,7 +286,7 @@ TEST(CutterLocations, ALongArcWhoseSenseIsInDoubtIsWarnedOfWithBothReadings) {
   ASSERT_EQ(read.warnings.size(), 1u);
   EXPECT_EQ(read.warnings[0],
             "the arc of line 5 is taken counter-clockwise about the vector of its CIRCLE/, 270 "
-            "deg; a CAM system that means clockwise has 90 deg the other way");
+            "deg; if the CAM system means clockwise, it is 90 deg the other way");
 }
 
 TEST(CutterLocations, UnknownWordsAreSkippedAndCountedOnDemand) {

@@ -55,13 +55,12 @@ TEST(ControlTables, WhatHasNoEffectIsCounted) {
   const auto note = [](const ControlTable& table) {
     return table.notes.empty() ? std::string() : table.notes.front();
   };
-  EXPECT_EQ(note(tools(tbl, 1.0)),
-            "tools has values without effect, other than zero: I (1), Q (1)");
+  EXPECT_EQ(note(tools(tbl, 1.0)), "tools has nonzero values that are not used: I (1), Q (1)");
   EXPECT_EQ(note(tools(toa, 1.0)),
-            "tools has values without effect, other than zero: $TC_DP24 (1), $TC_MPP1 (1)");
+            "tools has nonzero values that are not used: $TC_DP24 (1), $TC_MPP1 (1)");
   EXPECT_EQ(note(tools(tool_t)),
-            "tools has values without effect, other than zero: CUT (1), R2 (1), tools with an "
-            "index, as 5.1 (1)");
+            "tools has nonzero values that are not used: CUT (1), R2 (1), tools with an index such "
+            "as 5.1 (1)");
 }
 
 TEST(ControlTables, InchesAreStatedOnce) {
@@ -119,7 +118,7 @@ TEST(ControlTables, RefusalsNameThePlace) {
   constexpr auto of_tools = ControlTableKind::Tools, of_offsets = ControlTableKind::Offsets;
   refuses("T1 P1 Z80\n", of_tools, "f:1:7: expected a unit", {});
   refuses("T1 P1 X2 Z80\n", of_tools, "f:1:7: expected 0 for X");
-  refuses("T1 Z1\nT1 Z2\n", of_tools, "f:2:1: expected a tool that the table does not have");
+  refuses("T1 Z1\nT1 Z2\n", of_tools, "f:2:1: expected a tool not yet in the table");
   refuses("T1 Z1 E3\n", of_tools, "f:1:7: expected a word T P D");
   refuses("G10 L10 P1 R80000\n", of_tools, "f:1:12: expected a value with a decimal point");
   refuses("G10 L1 P1 R8.\n", of_tools, "f:1:5: expected L2 L10 L11 L12 L13 or L20");
@@ -127,7 +126,7 @@ TEST(ControlTables, RefusalsNameThePlace) {
   refuses("G20\nG10 L10 P1 R8.\n", of_tools, "f:1:1: expected a table in mm");
   refuses("$TC_DP1[1,1]=500\n", of_tools, "f:1:14: expected a milling cutter or drill");
   refuses("$TC_DP4[1,1]=2.5\n", of_tools, "f:1:14: expected 0 for length 2 and 3");
-  refuses("$P_UIFR[1,X,RT]=2.5\n", of_offsets, "f:1:17: expected a work offset that is neither");
+  refuses("$P_UIFR[1,X,RT]=2.5\n", of_offsets, "f:1:17: expected a work offset without rotation");
   refuses("$P_UIFR[1]=CTRANS(X,1):CROT(Z,5)\n", of_offsets, "f:1:24: expected CTRANS or CFINE");
   refuses("$P_UIFR[0,X,TR]=2.5\n", of_offsets, "f:1:17: expected 0 for $P_UIFR[0]");
   refuses("BEGIN TOOL.T MM\nT   L   R\n1   80  5\n", of_tools, "f:3:1: expected [END]");
@@ -135,7 +134,7 @@ TEST(ControlTables, RefusalsNameThePlace) {
           "f:3:9: expected a blank before the column R");
   refuses("BEGIN TOOL.T MM\nT   NAME\n[END]\n", of_tools, "f:2:1: expected columns named T, L");
   refuses("BEGIN A.PR MM\nNR ROT X\n1  5   1\n[END]\n", of_offsets, "f:3:4: expected 0 for ROT");
-  refuses("5210 1\n5211 3\n5221 1\n", of_offsets, "f:2:6: expected 0 for a shift of G92");
+  refuses("5210 1\n5211 3\n5221 1\n", of_offsets, "f:2:6: expected 0 for a G92 shift");
   refuses("5230 3\n", of_offsets, "f:1:6: expected 0 for the rotation");
   refuses("hello\n", of_tools, "f:1:1: expected a tool table");
   refuses("", of_offsets, "f:1:1: expected work offsets");

@@ -12,13 +12,13 @@ constexpr Operator operators[] = {
     {"**", 3, [](double a, double b) { return std::pow(a, b); }},
     {"*", 2, [](double a, double b) { return a * b; }},
     {"/", 2, [](double a, double b) { return a / b; },
-     [](double, double b) { return b == 0 ? "a divisor that is not zero" : nullptr; }},
+     [](double, double b) { return b == 0 ? "a nonzero divisor" : nullptr; }},
     {"+", 1, [](double a, double b) { return a + b; }},
     {"-", 1, [](double a, double b) { return a - b; }},
 };
 constexpr Function functions[] = {
     {"SQRT", [](double x) { return std::sqrt(x); },
-     [](double x) { return x < 0 ? "a number that is not below zero" : nullptr; }},
+     [](double x) { return x < 0 ? "a non-negative number" : nullptr; }},
 };
 const ExpressionGrammar grammar{operators, functions};
 
@@ -61,14 +61,15 @@ TEST(Expression, BindsByLevelAndFromTheLeft) {
 }
 
 TEST(Expression, RefusesWhatIsNone) {
-  EXPECT_EQ(core_refusal("[1 / 0]"), "t:3:4: expected a divisor that is not zero, seen /");
+  EXPECT_EQ(core_refusal("[1 / 0]"), "t:3:4: expected a nonzero divisor, seen /");
   EXPECT_EQ(core_refusal("[1 + ]"), "t:3:6: expected a number, seen ]");
   EXPECT_EQ(core_refusal("[1"), "t:3:3: expected ] or an operator, seen the end of the line");
-  EXPECT_NE(core_refusal(std::string(200, '[') + "1").find("100 brackets"), std::string::npos);
-  EXPECT_NE(core_refusal("[" + std::string(100000, '-') + "#1]").find("100 brackets"),
+  EXPECT_NE(core_refusal(std::string(200, '[') + "1").find("100 nested brackets"),
+            std::string::npos);
+  EXPECT_NE(core_refusal("[" + std::string(100000, '-') + "#1]").find("100 nested brackets"),
             std::string::npos);
   EXPECT_NE(core_refusal("[10 ** 400]").find("finite"), std::string::npos);
-  EXPECT_NE(core_refusal("[sqrt[-1]]").find("not below zero"), std::string::npos);
+  EXPECT_NE(core_refusal("[sqrt[-1]]").find("non-negative"), std::string::npos);
   EXPECT_NE(core_refusal("[99999999999]").find("1e9"), std::string::npos);
 }
 

@@ -75,8 +75,9 @@ TEST(Fanuc, ArgumentsGoToTheVariablesOfTheManual) {
   EXPECT_EQ(path.blocks[0].end[y], 2.0);
   EXPECT_EQ(path.blocks[0].end[z], -3.0);
   EXPECT_EQ(path.blocks[1].end[x], 5.0);
-  EXPECT_NE(fanuc_refusal("O9\nG65 P1 N1" + show).find("sequence number first"), std::string::npos);
-  EXPECT_NE(fanuc_refusal("O9\nG65 P1 F1" + show).find("a decimal point in an argument"),
+  EXPECT_NE(fanuc_refusal("O9\nG65 P1 N1" + show).find("sequence number at the start"),
+            std::string::npos);
+  EXPECT_NE(fanuc_refusal("O9\nG65 P1 F1" + show).find("a decimal point in argument"),
             std::string::npos);
   EXPECT_NE(fanuc_refusal("O9\nG65 P1 K1. K1. K1. K1. K1. K1. K1. K1. K1. K1. K1." + show)
                 .find("at most ten times"),
@@ -106,39 +107,38 @@ TEST(Fanuc, RefusesByName) {
   refused("G187\n", "a G code of Fanuc's milling controls");
   refused("M77\n", "a M code of Fanuc's milling controls");
   refused("G1 X1. ,R2.\n", "not expanded");
-  refused("X#2500\n", "a variable of #1 to #33");
+  refused("X#2500\n", "a variable from #1 to #33");
   refused("#5001=1\n", "a variable that can be set");
-  refused("#3000=7(NO TOOL)\n", "no alarm of the program, seen #3000 = 7 NO TOOL");
+  refused("#3000=7(NO TOOL)\n", "no alarm from the program, seen #3000 = 7 NO TOOL");
   refused("G53.1\n", "G68.2 before G53.1");
-  refused("G68.2 X0. Y0. Z0. I0. J30. K0.\nX1.\n", "a tool that leans by 30.000 degrees");
+  refused("G68.2 X0. Y0. Z0. I0. J30. K0.\nX1.\n", "a tool inclined by 30.000 degrees");
   refused("G68.2 X0. Y0. Z0. I0. J30. K0.\nG53.1\nZ1.\n", "G43 H before a Z word");
   refused("G68.2 P1 X0. Y0. Z0. I0. J30. K0.\n", "Euler angles I J K");
   refused("G43.4 H1\nG68.2 I0. J30. K0.\n", "G49 before G68.2");
   refused("G43.4\n", "H (tool length)");
-  refused("G43 H9\n", "a tool length that is known (H1 H2), seen H9");
-  refused("G41 D9\n", "a tool whose radius is known, seen D9");
-  refused("G91 G53 X0.\n", "G90 beside G53");
-  refused("G66 P1\n", "a program O0001 in the file, or O0001.nc beside it");
+  refused("G43 H9\n", "a known tool length (H1 H2), seen H9");
+  refused("G41 D9\n", "a tool with a known radius, seen D9");
+  refused("G91 G53 X0.\n", "G90 with G53");
+  refused("G66 P1\n", "a program O0001 in the file, or O0001.nc next to it");
   refused("G88 Z1. R1.\n", "no operator");
   refused("IF[1EQ1]\n", "GOTO or THEN");
   refused("ELSE\n", "IF with GOTO");
-  refused("#1=BIN[2]\n", "numbers as they are");
-  refused("G10 L10 P1 R50.\nG43.4 H1\n", "the length of the tool as the scene has it");
+  refused("#1=BIN[2]\n", "plain numbers");
+  refused("G10 L10 P1 R50.\nG43.4 H1\n", "the tool length of the scene");
 }
 
 TEST(Fanuc, AllFaultsAreReportedTogether) {
   EXPECT_EQ(fanuc_refusal("G1 X1. F100.\nG12.3 X5.\nX[1/0]\nG31 Z1.\nY#[-1]\nX3.\n"),
-            "part.nc:2:1: expected a G code of Fanuc's milling controls, seen G12.3\n"
-            "part.nc:3:4: expected a divisor that is not zero, seen /0]\n"
-            "part.nc:4:1: expected no probing: a virtual part is read by instruments (abbe "
-            "measure), seen G31\n"
-            "part.nc:5:2: expected a variable of #0 to #99999, seen #[-1]");
+            "part.nc:2:1: expected a G code of Fanuc's milling controls, seen G12.3\npart.nc:3:4: "
+            "expected a nonzero divisor, seen /0]\npart.nc:4:1: expected no probing: a virtual "
+            "part is measured by instruments (abbe measure), seen G31\npart.nc:5:2: expected a "
+            "variable from #0 to #99999, seen #[-1]");
   ReadOptions with = fanuc_options();
   with.on_unknown = UnknownWordPolicy::Warn;
   const ParsedProgram read = fanuc_read("G1 X1. F100.\nG187 P1\nM77\nG187\n", with);
   ASSERT_EQ(read.skipped.size(), 3u);  // G187 P1 M77
   EXPECT_EQ(read.skipped[0].count, 2u);
-  EXPECT_NE(fanuc_refusal("G187 X1.\n", with).find("no axis words beside a code that is skipped"),
+  EXPECT_NE(fanuc_refusal("G187 X1.\n", with).find("no axis words with a code that is skipped"),
             std::string::npos);
 }
 
@@ -150,12 +150,12 @@ TEST(Fanuc, WhatNeverEndsIsRefusedInBoundedTime) {
         "O1\nM98 P2 L9999999\nM30\nO2\nM99\n", "O1\nG65 P2 L9999999\nM30\nO2\nM99\n",
         "M99 P1\nN1 M99 P1\n", "G91 G99 G81 X1. Z-1. R1. K1000000 F100.\n"})
     EXPECT_NE(fanuc_refusal(text, with).find("100000 blocks"), std::string::npos) << text;
-  EXPECT_NE(fanuc_refusal("O1\nM98 P1\nM30\n", with).find("50 calls"), std::string::npos);
-  EXPECT_NE(fanuc_refusal("O1\nG66 P2\nX1.\nM30\nO2\nG65 P2\nM99\n", with).find("50 calls"),
+  EXPECT_NE(fanuc_refusal("O1\nM98 P1\nM30\n", with).find("50 nested calls"), std::string::npos);
+  EXPECT_NE(fanuc_refusal("O1\nG66 P2\nX1.\nM30\nO2\nG65 P2\nM99\n", with).find("50 nested calls"),
             std::string::npos);
   EXPECT_NE(fanuc_refusal("G99 G83 X1. Z-10. R1. Q0.00001 F100.\n", with).find("1e5 pecks"),
             std::string::npos);
-  EXPECT_NE(fanuc_refusal("X" + std::string(100000, '[') + "\n").find("100 brackets"),
+  EXPECT_NE(fanuc_refusal("X" + std::string(100000, '[') + "\n").find("100 nested brackets"),
             std::string::npos);
   with.limits.variables = 10;
   std::string many;
@@ -165,7 +165,7 @@ TEST(Fanuc, WhatNeverEndsIsRefusedInBoundedTime) {
 
 TEST(Fanuc, BrokenFlowIsRefusedWithItsPlace) {
   EXPECT_EQ(fanuc_refusal("GOTO7\n"), "part.nc:1:1: expected N7 in the program, seen none");
-  EXPECT_EQ(fanuc_refusal("WHILE[1EQ1]DO1\n"), "part.nc:1:1: expected END1 behind it, seen none");
+  EXPECT_EQ(fanuc_refusal("WHILE[1EQ1]DO1\n"), "part.nc:1:1: expected END1 after it, seen none");
   EXPECT_EQ(fanuc_refusal("END2\n"), "part.nc:1:1: expected DO2 before it, seen none");
   EXPECT_EQ(fanuc_refusal("DO4\nEND4\n").substr(0, 13), "part.nc:1:3: ");
   EXPECT_EQ(fanuc_refusal("O1\nM98 P2\nM30\nO2\nX1.\n"),
@@ -202,7 +202,7 @@ TEST(Fanuc, EndsOfWhatIsNotThereMoveNothing) {
     EXPECT_NE(fanuc_refusal(begin + code + " X0. Y0.\n").find("which takes none, seen X0."),
               std::string::npos)
         << code;
-  EXPECT_NE(fanuc_refusal("G4 P100 Y5.\n").find("the only word beside G4"), std::string::npos);
+  EXPECT_NE(fanuc_refusal("G4 P100 Y5.\n").find("the only word with G4"), std::string::npos);
 }
 
 // Group 00 beside group 01: the axis words are those of group 00, the code of motion is in force
@@ -224,9 +224,8 @@ TEST(Fanuc, CodesOfGroup00StandBesideCodesOfMotion) {
       }
     }
   EXPECT_EQ(pairs, 16);
-  EXPECT_NE(fanuc_refusal("G28 G81 X5. Z1. R2.\n").find("a code that takes R"), std::string::npos);
-  EXPECT_NE(fanuc_refusal("G28 G68 X5. Y1.\n").find("a block of its own beside G28"),
-            std::string::npos);
+  EXPECT_NE(fanuc_refusal("G28 G81 X5. Z1. R2.\n").find("a code that uses R"), std::string::npos);
+  EXPECT_NE(fanuc_refusal("G28 G68 X5. Y1.\n").find("a block without G28"), std::string::npos);
 }
 
 TEST(Fanuc, BetweenTwoToolsZGoesToItsReference) {
@@ -264,7 +263,7 @@ TEST(Fanuc, CompensationEntersAsNormAndRlDo) {
     EXPECT_LT((siemens.blocks[i].end - fanuc.blocks[i].end).head(2).norm(), 1e-12) << i;
   with.dialect = Dialect::Fanuc;
   EXPECT_NE(fanuc_refusal("G21 G90 F100.\nG41 D1 G2 X20. Y0. R10.\n", with)
-                .find("a line as the first move"),
+                .find("a straight line as the first move"),
             std::string::npos);
   EXPECT_EQ(
       fanuc_read("G21 G90 F100.\nG41 D1 G1 X20.\nG41 Y30.\nX60.\nG40 X70.\n", with)
@@ -284,7 +283,7 @@ TEST(Fanuc, CyclesThatBeginBelowRGoBackDownUnderG98AndSaySo) {
   EXPECT_EQ(levels(begin + "G98 G81 X10. Z-5. R5. F100.\n" + end),
             (std::vector<double>{1, 1, 5, -5, 5, 1, 1, 5, -5, 5, 1}));
   EXPECT_EQ(levels(begin + "G99 G81 X10. Z-5. R5. F100.\n" + end).back(), 5.0);
-  const std::string part = "a cycle begins below its R";
+  const std::string part = "a cycle starts below its R";
   const auto warned = [&](const std::string& text) {
     for (const std::string& warning : fanuc_read(text).warnings)
       if (warning.find(part) != std::string::npos) return true;

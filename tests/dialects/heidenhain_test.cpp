@@ -230,8 +230,8 @@ TEST(Heidenhain, LongerToolsLieAlongTheToolAxis) {
   const Quaterniond q = turn(Vector3d::UnitX(), 30);
   EXPECT_LT((tilted.translation() - q * Vector3d(1, 2, 3.25)).norm(), 1e-9);
   EXPECT_EQ(klartext_refusal("TOOL CALL 1 Z S100 DL+0.25\nL X+1 FMAX M128\n"),
-            "part.h:2:12: expected a tool of the length that the scene has, without DL, under "
-            "M128, seen one that is 0.25 mm longer");
+            "part.h:2:12: expected a tool with the length stated in the scene, without DL, under "
+            "M128, seen a tool 0.25 mm longer");
   const auto other = last("TOOL CALL 2 Z S100\nL Z+0 X+1 FMAX\n");
   EXPECT_LT((other.translation() - Vector3d(1, 0, -50)).norm(), 1e-12) << "50 mm instead of 100";
 }
@@ -256,7 +256,8 @@ TEST(Heidenhain, RoundedCornersTouchBothLines) {
         a.x(), a.y(), b.x(), b.y(), r, c.x(), c.y());
     if (cut > (a - b).norm() - 1e-3 || cut > (c - b).norm() - 1e-3) {
       if (cut > (a - b).norm() + 1e-3) {
-        EXPECT_NE(klartext_refusal(text).find("moves as long as the corner"), std::string::npos);
+        EXPECT_NE(klartext_refusal(text).find("moves at least as long as the corner"),
+                  std::string::npos);
       }
       continue;
     }
@@ -311,10 +312,10 @@ TEST(Heidenhain, ToolsAreCalledByTheirNames) {
   EXPECT_NE(reads("TOOL CALL \"mill\"").blocks.back().end,
             reads("TOOL CALL \"BALL 10\"").blocks.back().end);
   for (const char* unknown : {"TOOL CALL \"MILL\" Z", "TOOL CALL \"\" Z", "TOOL CALL \"mill Z"})
-    EXPECT_NE(klartext_refusal(std::string(unknown) + "\n", options)
-                  .find("part.h:1:11: expected a tool by its number: the scene has no tools of "
-                        "that name"),
-              std::string::npos)
+    EXPECT_NE(
+        klartext_refusal(std::string(unknown) + "\n", options)
+            .find("part.h:1:11: expected a tool number: the scene has no tool with this name"),
+        std::string::npos)
         << klartext_refusal(std::string(unknown) + "\n", options);
 }
 
@@ -323,29 +324,27 @@ TEST(Heidenhain, FaultsAreNamedAtTheirPlace) {
       klartext_refusal("0 BEGIN PGM A MM\n1 L X+10 W+5 FMAX\n2 CYCL DEF 200 DRILLING ~\n"
                        "  Q200=+2 ;CLEARANCE ~\n  Q999=+2 ;NONE ~\n  Q201=-5\n3 FN 18: SYSREAD "
                        "Q1 = ID1\n4 L X+Q7 FMAX\n5 DEP LT LEN5\n6 M92\n7 GOTO 5\n"),
-      "part.h:2:10: expected an axis of this machine (C X Y Z A), seen W+5\n"
-      "part.h:5:3: expected a parameter of cycle 200, seen Q999=+2\n"
-      "part.h:7:6: expected FN 0 to FN 13: messages and data of the control there are none, "
-      "seen 18:\n"
-      "part.h:8:7: expected a parameter that has been set, seen Q7\n"
-      "part.h:9:3: expected L with RL, RR or R0: APPR and DEP are not read, seen DEP\n"
-      "part.h:10:3: expected M91: the maker's own zero is not known, seen M92\n"
-      "part.h:11:3: expected a block of Klartext, seen GOTO");
+      "part.h:2:10: expected an axis of this machine (C X Y Z A), seen W+5\npart.h:5:3: expected a "
+      "parameter of cycle 200, seen Q999=+2\npart.h:7:6: expected FN 0 to FN 13: messages and data "
+      "of the control do not exist here, seen 18:\npart.h:8:7: expected a parameter that has been "
+      "set, seen Q7\npart.h:9:3: expected L with RL, RR or R0: APPR and DEP are not supported, "
+      "seen DEP\npart.h:10:3: expected M91: the zero point of the machine manufacturer is unknown, "
+      "seen M92\npart.h:11:3: expected a Klartext block, seen GOTO");
   EXPECT_EQ(klartext_refusal("L X+1 FMAX\nRND R1\nTOOL CALL 1 Z\n"),
-            "part.h:3:1: expected a move right behind RND or CHF, seen TOOL");
+            "part.h:3:1: expected a move immediately after RND or CHF, seen TOOL");
   EXPECT_EQ(klartext_refusal("TOOL CALL 9 Z S100\n"),
-            "part.h:1:11: expected a tool whose length is known (1 2), seen 9");
+            "part.h:1:11: expected a tool with a known length (1 2), seen 9");
   EXPECT_EQ(klartext_refusal("L X+1 RL F100\n"), "accepted");
   EXPECT_EQ(klartext_refusal("TOOL CALL 1 Z DR+0.1\nLN X+1 Y+1 Z+1 NX+0 NY+0 NZ+1 F100\n"),
-            "part.h:2:1: expected DL 0 and DR 0 beside LN: no compensation along the normal, seen "
-            "others");
+            "part.h:2:1: expected DL 0 and DR 0 with LN: no compensation along the normal, seen "
+            "other values");
   EXPECT_EQ(klartext_refusal("CALL LBL 5\n"),
             "part.h:1:10: expected a label of this program, seen LBL 5");
   EXPECT_EQ(klartext_refusal("LBL 1\nLBL 1\nCALL LBL 1\n"),
-            "part.h:3:10: expected a label that stands once, seen LBL 1 in the lines 1 and 2");
-  EXPECT_EQ(klartext_refusal("CALL PGM ../x\n"),
-            "part.h:1:10: expected the name of a program beside this one, without a path, seen "
-            "../x");
+            "part.h:3:10: expected a label that occurs only once, seen LBL 1 on lines 1 and 2");
+  EXPECT_EQ(
+      klartext_refusal("CALL PGM ../x\n"),
+      "part.h:1:10: expected the name of a program next to this one, without a path, seen ../x");
 }
 
 TEST(Heidenhain, WordsThatAreRefusedSayWhatToDo) {
@@ -381,21 +380,21 @@ TEST(Heidenhain, AWordTwiceAndHalfOfACycleAreInputErrors) {
         "CR X+10 Y+0 R+5 R+6 DR-", "CR X+10 Y+0 DR- R+5 DR-"}) {
     const std::string said = klartext_refusal(begin + block + "\n");
     EXPECT_TRUE(said.find("once in a block") != std::string::npos ||
-                said.find("one of R0, RL and RR") != std::string::npos)
+                said.find("only one of R0, RL and RR") != std::string::npos)
         << block << ": " << said;
   }
   const std::string move = "L X+1 FMAX\n";
   EXPECT_NE(klartext_refusal(begin + "CYCL DEF 7.1 X+5\n" + move).find("CYCL DEF 7.0 in the block"),
             std::string::npos);
   EXPECT_NE(klartext_refusal(begin + "CYCL DEF 10.0 ROTATION\n" + move)
-                .find("CYCL DEF 10.1 behind CYCL DEF 10.0"),
+                .find("CYCL DEF 10.1 after CYCL DEF 10.0"),
             std::string::npos);
   EXPECT_NE(klartext_refusal(begin + "CYCL DEF 9.0 DWELL TIME\nCYCL DEF 7.0 DATUM SHIFT\n"
                                      "CYCL DEF 7.1 X+5\n")
-                .find("CYCL DEF 9.1 behind CYCL DEF 9.0"),
+                .find("CYCL DEF 9.1 after CYCL DEF 9.0"),
             std::string::npos);
   EXPECT_NE(klartext_refusal(begin + "CYCL DEF 7.0 DATUM SHIFT\n" + move + "CYCL DEF 7.1 X+5\n")
-                .find("CYCL DEF 7.1 behind"),
+                .find("CYCL DEF 7.1 after"),
             std::string::npos);
   EXPECT_EQ(klartext_refusal(
                 begin + "CYCL DEF 7.0 DATUM SHIFT\nCYCL DEF 7.1 X+5\nCYCL DEF 7.2 Y+5\n" + move),
@@ -411,13 +410,13 @@ TEST(Heidenhain, WhatNeverEndsIsRefusedInBoundedTime) {
   EXPECT_NE(klartext_refusal("LBL 1\nCALL LBL 1 REP 65534\nLBL 2\nIF +1 EQU +1 GOTO LBL 2\n", with)
                 .find("100000 blocks"),
             std::string::npos);
-  EXPECT_NE(klartext_refusal("LBL 1\nCALL LBL 1\nLBL 0\n", with).find("50 calls"),
+  EXPECT_NE(klartext_refusal("LBL 1\nCALL LBL 1\nLBL 0\n", with).find("50 nested calls"),
             std::string::npos);
-  EXPECT_NE(klartext_refusal("Q1 = " + std::string(100000, '(') + "\n").find("100 brackets"),
+  EXPECT_NE(klartext_refusal("Q1 = " + std::string(100000, '(') + "\n").find("100 nested brackets"),
             std::string::npos);
   std::string functions = "Q1 = ";
   for (int i = 0; i < 50000; ++i) functions += "SIN ";
-  EXPECT_NE(klartext_refusal(functions + "\n").find("100 brackets"), std::string::npos);
+  EXPECT_NE(klartext_refusal(functions + "\n").find("100 nested brackets"), std::string::npos);
   EXPECT_NE(klartext_refusal("CYCL DEF 200 D Q200=1 Q201=-10 Q206=1 Q202=0.00001 Q203=0 Q204=1\n"
                              "L X+0 FMAX M99\n")
                 .find("1e5 infeeds"),
@@ -444,7 +443,7 @@ TEST(Heidenhain, CalledProgramsStandBesideTheProgram) {
   EXPECT_EQ(path.blocks[1].end[2], 1.0);
   EXPECT_NE(klartext_refusal("CALL PGM hole.h\nQ1 = QL1\n", with).find("part.h:2:6"),
             std::string::npos);
-  EXPECT_NE(klartext_refusal("CALL PGM other\n", with).find("other.h beside this one"),
+  EXPECT_NE(klartext_refusal("CALL PGM other\n", with).find("other.h next to this one"),
             std::string::npos);
   fs::remove_all(folder);
 }
@@ -538,7 +537,7 @@ TEST(Heidenhain, FeedsOfCyclesAreReadAsATncWritesThem) {
         }
       }
     }
-  EXPECT_NE(klartext_refusal(program("FZ0.1", "MAX")).find("teeth of a tool"), std::string::npos);
+  EXPECT_NE(klartext_refusal(program("FZ0.1", "MAX")).find("number of teeth"), std::string::npos);
   EXPECT_NE(klartext_refusal("CYCL DEF 201 Q200=+2 Q201=MAX\n").find("a number"), std::string::npos)
       << "a depth is no feed";
 }
@@ -576,7 +575,7 @@ TEST(Heidenhain, AShiftThatEndsInThePlaneIsCertainOnceThePlaneHasEnded) {
         tilt + turn + reset + zero})
     EXPECT_NE(klartext_refusal(order + "L X10 FMAX\n", options), "accepted") << order;
   EXPECT_EQ(klartext_refusal(tilt + zero + "L Z0 R0 FMAX M91\n", options), "accepted")
-      << "positions of the axes";
+      << "axis positions";
 }
 
 }  // namespace

@@ -359,7 +359,7 @@ TEST(LinuxCncByItself, WhatItRefusesIsAFaultWithItsPlaceAndItsMessage) {
   NEEDS_LINUXCNC;
   const ReadOptions options = six_axes();
   const std::pair<const char*, const char*> programs[] = {
-      {"G0 X1\nG12\nM2\n", "part.ngc:2: expected a block that LinuxCNC's own interpreter takes"},
+      {"G0 X1\nG12\nM2\n", "part.ngc:2: expected a block accepted by LinuxCNC's own interpreter"},
       {"G0 X1\n\nG0 X[1/0]\nM2\n", "part.ngc:3: "},
       {"G0 X1\nG0 X2\n", "File ended with no percent sign or program end"},
       {"G0 X1\no<none> call\nG0 X2\nM2\n", "part.ngc:2: "},
@@ -379,15 +379,18 @@ TEST(LinuxCncByItself, WhatItCannotGiveIsRefusedByName) {
   options.control.tool_length = {{1, 100.0}};
   options.control.tool_radius = {{1, 3.0}};
   const std::pair<const char*, const char*> programs[] = {
-      {"G21 G43 H1\nG20\nG53 G0 Z0\nM2\n", "part.ngc:3: expected no G53 where G20 and G21"},
-      {"G21 G43 H1\nG20\nG28 Z0\nM2\n", "part.ngc:3: expected no G28 and G30 where G20 and G21"},
-      {"G21 G43 H1\nG20\nG49\nM2\n", "part.ngc:3: expected no G43 and G49 where G20 and G21"},
-      {"T1 M6 G[40 + 3] H1\nG0 X1\nM2\n", "part.ngc:1: expected M6 in a block of its own"},
+      {"G21 G43 H1\nG20\nG53 G0 Z0\nM2\n",
+       "part.ngc:3: expected no G53 after a switch between G20 and G21"},
+      {"G21 G43 H1\nG20\nG28 Z0\nM2\n",
+       "part.ngc:3: expected no G28 and G30 after a switch between G20 and G21"},
+      {"G21 G43 H1\nG20\nG49\nM2\n",
+       "part.ngc:3: expected no G43 and G49 after a switch between G20 and G21"},
+      {"T1 M6 G[40 + 3] H1\nG0 X1\nM2\n", "part.ngc:1: expected M6 in a separate block"},
       {"F100\nG5 X1 Y1 I1 J1 P1 Q1\nM2\n", "part.ngc:2: expected no G5, G5.1 and G5.2"},
       {"F100\nG38.2 X5\nM2\n", "part.ngc:2: expected no probing"},
       {"G0 X1\nM66 P0 L0\nM2\n", "part.ngc:2: expected no wait for an input"},
-      {"G0 X1\nG43 H5\nM2\n", "part.ngc:2: expected a tool length that is known (H1)"},
-      {"F10\nG41 D7\nG1 X20\nM2\n", "part.ngc:2: expected a tool whose radius is known"},
+      {"G0 X1\nG43 H5\nM2\n", "part.ngc:2: expected a known tool length (H1)"},
+      {"F10\nG41 D7\nG1 X20\nM2\n", "part.ngc:2: expected a tool with a known radius"},
       {"G0 X2e6\nM2\n", "part.ngc:1: "},
       {"G0 X2000000\nM2\n", "part.ngc:1: expected a position within 1e6 mm"},
   };
@@ -408,9 +411,9 @@ TEST(LinuxCncByItself, WhatItCannotGiveIsRefusedByName) {
   EXPECT_NE(fault.find("part.ngc:4: expected a block"), std::string::npos) << fault;
   ReadOptions any = six_axes();
   any.dialect = Dialect::Auto;
-  EXPECT_NE(error_text("O1001\nG65 P9010 A1\nM30\n", any)
-                .find("part.ngc:1: expected a program of LinuxCNC"),
-            std::string::npos);
+  EXPECT_NE(
+      error_text("O1001\nG65 P9010 A1\nM30\n", any).find("part.ngc:1: expected a LinuxCNC program"),
+      std::string::npos);
 }
 
 TEST(LinuxCncByItself, ProgramsStartNothingAndReadNothingElsewhere) {

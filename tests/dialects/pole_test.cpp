@@ -192,9 +192,9 @@ TEST(PoleOfPrograms, FanucLeadsG435ThroughThePoleAndSaysBy) {
   EXPECT_LT(min_lean(gantry, read.path, 1), 0.02 * deg);
   ASSERT_EQ(read.warnings.size(), 1u) << fmt::format("{}", fmt::join(read.warnings, "\n"));
   EXPECT_EQ(read.warnings[0],
-            "1 blocks would pass a pole nearer than 2 deg and are led through it (tool posture "
-            "control, parameters 19738 and 19739): their ends are turned about it by up to 5 deg, "
-            "and the tool is up to 0.696 deg off its vector (line 6)");
+            "1 blocks would pass a pole closer than 2 deg and are led through it (tool posture "
+            "control, parameters 19738 and 19739): their ends are rotated about it by up to 5 deg, "
+            "and the tool deviates from its vector by up to 0.696 deg (line 6)");
   // without the rule C turns
   const auto plain =
       read_program(fanuc_program(from, to), "part.nc", pole_options(Dialect::Fanuc, {}));
@@ -297,15 +297,14 @@ TEST(PoleOfPrograms, LinuxCncGoesAsItIsWritten) {
 TEST(PoleOfPrograms, TheRuleOfOneControlIsRefusedForProgramsOfAnother) {
   const std::string ngc = "G21 G90\nG0 X1\nM2\n", cl = "UNITS/MM\nRAPID\nGOTO/0,0,50\nFINI\n";
   EXPECT_EQ(pole_refusal(cl, pole_options(Dialect::Cl, {PoleRule::LinuxCnc})),
-            "part.nc: expected a program of LinuxCNC, which has no vectors of the tool, beside "
-            "pole = \"linuxcnc\", seen one of cl");
-  EXPECT_EQ(pole_refusal(ngc, pole_options(Dialect::LinuxCnc, by_fanuc(1, 1))),
-            "part.nc: expected a program of Fanuc or cutter locations, beside pole = \"fanuc\", "
-            "seen one of linuxcnc");
+            "part.nc: expected a LinuxCNC program, which has no tool vectors, with pole = "
+            "\"linuxcnc\", seen a cl program");
   EXPECT_EQ(
-      pole_refusal(ngc, pole_options(Dialect::LinuxCnc, {PoleRule::Siemens})),
-      "part.nc: expected a program of Siemens or cutter locations, beside pole = \"siemens\", "
-      "seen one of linuxcnc");
+      pole_refusal(ngc, pole_options(Dialect::LinuxCnc, by_fanuc(1, 1))),
+      "part.nc: expected a Fanuc or CL program, with pole = \"fanuc\", seen a linuxcnc program");
+  EXPECT_EQ(pole_refusal(ngc, pole_options(Dialect::LinuxCnc, {PoleRule::Siemens})),
+            "part.nc: expected a Siemens or CL program, with pole = \"siemens\", seen a linuxcnc "
+            "program");
 }
 
 TEST(PoleOfPrograms, FanucAsksForAxesAtRightAngles) {
@@ -316,10 +315,9 @@ TEST(PoleOfPrograms, FanucAsksForAxesAtRightAngles) {
   const std::string text =
       cl_program(tool(inclined, rotary(20, 10)), tool(inclined, rotary(80, 20)));
   const std::string said = pole_refusal(text, pole_options(Dialect::Cl, by_fanuc(2, 10), inclined));
-  EXPECT_NE(
-      said.find("expected a machine with two rotary axes at right angles to each other and to "
-                "the tool, beside pole = \"fanuc\""),
-      std::string::npos)
+  EXPECT_NE(said.find("expected a machine with two rotary axes perpendicular to each other and to "
+                      "the tool, with pole = \"fanuc\""),
+            std::string::npos)
       << said;
 }
 
@@ -329,8 +327,8 @@ TEST(PoleOfPrograms, ABlockThatFollowsNoGreatCircleIsRefused) {
   const Vector3d from = tool(gantry, rotary(0, 10)), to = tool(gantry, rotary(179.99, 8));
   const std::string said =
       pole_refusal(cl_program(from, to), pole_options(Dialect::Cl, {PoleRule::Siemens}));
-  EXPECT_NE(said.find("part.nc:6:1: expected a turn of the tool on a great circle that the rotary "
-                      "axes follow"),
+  EXPECT_NE(said.find("part.nc:6:1: expected a tool rotation on a great circle that the rotary "
+                      "axes can follow"),
             std::string::npos)
       << said;
 }
@@ -348,12 +346,12 @@ TEST(TurnedTable, IsWarnedOfWhereG434Begins) {
   const auto said = warnings(turned_table("G43.4", "C45. A10."));
   ASSERT_EQ(said.size(), 1u);
   EXPECT_EQ(said[0],
-            "G43.4 on line 5 begins with the table turned (C45): X Y Z count in the workpiece with "
-            "its table at zero; a control with parameter 19696.5 WKP = 0 counts in the coordinate "
-            "system as it stands over the table then");
+            "G43.4 on line 5 starts with the table rotated (C45): X Y Z are counted in the "
+            "workpiece with its table at zero; a control with parameter 19696.5 WKP = 0 counts in "
+            "the coordinate system as it is on the table at that moment");
   EXPECT_NE(
-      warnings(turned_table("G43.5", "C-30."))[0].find("G43.5 on line 5 begins with the table "
-                                                       "turned (C-30)"),
+      warnings(turned_table("G43.5", "C-30."))[0].find("G43.5 on line 5 starts with the table "
+                                                       "rotated (C-30)"),
       std::string::npos);
   EXPECT_TRUE(warnings(turned_table("G43.4", "C0 A10.")).empty()) << "the head is no table";
   EXPECT_TRUE(warnings(turned_table("G43.4", "C360.")).empty()) << "a whole turn";

@@ -165,13 +165,13 @@ TEST(ProgramZero, AnOffsetThatTheTableHasNotIsRefused) {
   };
   control.extra_offsets[507] = control.extra_offsets[1007] = {};
   EXPECT_EQ(refusal("G508\n", Dialect::Siemens),
-            "part.nc:1:1: expected G54 to G57, G505 or G506, or an offset that the control's table "
-            "has (`offsets`): $P_UIFR[8], seen G508");
+            "part.nc:1:1: expected G54 to G57, G505 or G506, or an offset from the control's table "
+            "(`offsets`): $P_UIFR[8], seen G508");
   EXPECT_NE(refusal("G600\n", Dialect::Siemens).find("G600"), std::string::npos);
   for (const int number : {0, 8, 10'000, 32'000})
     EXPECT_NE(refusal(preset(number).c_str(), Dialect::Heidenhain)
-                  .find("expected a preset of 1 to 6, which are G54 to G59 of the scene, or one of "
-                        "the control's table (`offsets`)"),
+                  .find("expected a preset from 1 to 6, which are G54 to G59 of the scene, or a "
+                        "preset of the control's table (`offsets`)"),
               std::string::npos)
         << number;
 }
@@ -222,8 +222,8 @@ TEST(ProgramZero, UnderTipKinematicsTheLengthIsThatOfTheTool) {
     FAIL() << "a length of 50 mm for a tool of 100";
   } catch (const BadInput& fault) {
     EXPECT_EQ(std::string(fault.what()),
-              "part.nc:2:1: expected the length of the tool as the scene has it beside M428, with "
-              "which the tip is counted, seen 50 mm");
+              "part.nc:2:1: expected the tool length of the scene with M428, from which the tip is "
+              "computed, seen 50 mm");
   }
 }
 

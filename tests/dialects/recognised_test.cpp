@@ -30,7 +30,7 @@ TEST(Recognised, BySignsThatOneDialectAloneHas) {
 }
 
 TEST(Recognised, WhatHasNoSignIsLinuxCnc) {
-  const std::string none = "linuxcnc: nothing in it is of another dialect";
+  const std::string none = "linuxcnc: no word identifies another dialect";
   EXPECT_EQ(taken("G21 G43.4 H1\nG1 X1 F100\n"), none);
   EXPECT_EQ(taken("(M98 and TRAORI in a comment)\nG1 X1 ; G65\n"), none);
   EXPECT_EQ(taken("#1=5\nG1 X#1\n"), none);

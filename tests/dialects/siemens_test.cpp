@@ -84,13 +84,13 @@ TEST(Siemens, WhatNeverEndsEndsInBoundedTime) {
   EXPECT_NE(siemens_refusal("S1 P9999\nSUB P9999\nM30\n%_N_SUB_SPF\nG4 F0\nG4 F0\nM17\n", with)
                 .find(limit),
             std::string::npos);
-  EXPECT_NE(siemens_refusal("SUB\n%_N_SUB_SPF\nSUB\n").find("50 calls"), std::string::npos);
-  EXPECT_NE(
-      siemens_refusal("MCALL SUB\nG91 G0 X1\nM30\n%_N_SUB_SPF\nX1\nSUB\nM17\n").find("50 calls"),
-      std::string::npos);
-  EXPECT_NE(siemens_refusal("R1=" + std::string(3000, '(') + "\n").find("100 brackets"),
+  EXPECT_NE(siemens_refusal("SUB\n%_N_SUB_SPF\nSUB\n").find("50 nested calls"), std::string::npos);
+  EXPECT_NE(siemens_refusal("MCALL SUB\nG91 G0 X1\nM30\n%_N_SUB_SPF\nX1\nSUB\nM17\n")
+                .find("50 nested calls"),
             std::string::npos);
-  EXPECT_NE(siemens_refusal("R1=" + std::string(3000, '-') + "R2\n").find("100 brackets"),
+  EXPECT_NE(siemens_refusal("R1=" + std::string(3000, '(') + "\n").find("100 nested brackets"),
+            std::string::npos);
+  EXPECT_NE(siemens_refusal("R1=" + std::string(3000, '-') + "R2\n").find("100 nested brackets"),
             std::string::npos);
   EXPECT_NE(siemens_refusal("X" + std::string(10000, '1') + "\n").find("4096 characters"),
             std::string::npos);
@@ -236,7 +236,7 @@ TEST(Siemens, AnotherSpindleIsSaidOnce) {
       "G71 G90 T1 D1 S500 M3\nS2=1000\nM2=3\nM2=5\nG0 X1\nM30\n", "part.mpf", siemens_options());
   int said = 0;
   for (const std::string& warning : read.warnings)
-    said += warning.find("part.mpf:2: S2=1000 is of spindle 2 and has no effect") == 0;
+    said += warning.find("part.mpf:2: S2=1000 is for spindle 2 and has no effect") == 0;
   EXPECT_EQ(said, 1);
 }
 
@@ -244,11 +244,12 @@ TEST(Siemens, ExtensionsOfOtherAddresses) {
   EXPECT_EQ(siemens_path("G71 T1=1 D1\nH1=5 H[2]=7 G0 X4\n").blocks.back().end[1], 4.0);
   EXPECT_NE(siemens_refusal("T2=1\n").find("one tool holder"), std::string::npos);
   EXPECT_NE(siemens_refusal("D1=1\n").find("D without an extension"), std::string::npos);
-  EXPECT_NE(siemens_refusal("F2=100\n").find("the feed of the path"), std::string::npos);
+  EXPECT_NE(siemens_refusal("F2=100\n").find("the path feed"), std::string::npos);
   EXPECT_NE(siemens_refusal("M1=30\n").find("M30 without an extension"), std::string::npos);
-  EXPECT_NE(siemens_refusal("M2=6\n").find("M3, M4 or M5 of another spindle"), std::string::npos);
-  EXPECT_NE(siemens_refusal("S[1.5]=6\n").find("a whole number"), std::string::npos);
-  EXPECT_NE(siemens_refusal("S1=5 S6\n").find("one speed"), std::string::npos);
+  EXPECT_NE(siemens_refusal("M2=6\n").find("only M3, M4 or M5 for a spindle other than 1"),
+            std::string::npos);
+  EXPECT_NE(siemens_refusal("S[1.5]=6\n").find("an integer"), std::string::npos);
+  EXPECT_NE(siemens_refusal("S1=5 S6\n").find("one spindle speed"), std::string::npos);
 }
 
 }  // namespace

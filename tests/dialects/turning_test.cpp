@@ -113,7 +113,7 @@ TEST(Turning, ATurningProgramOfFanucIsReadOnALathe) {
   const double outwards = pi * (30.0 * 30.0 - 27.0 * 27.0) / (0.2 * v);
   EXPECT_NEAR(feed_time(program.path), along + outwards, 1e-9);
   EXPECT_NEAR(along + outwards, 3.723, 1e-3);
-  expect_assumption(program, "the control is one of a turning machine (Fanuc G-code system A)");
+  expect_assumption(program, "the control is taken as a turning control (Fanuc G-code system A)");
   expect_assumption(program, "program.control, --control");
   ASSERT_EQ(program.path.tool_calls.size(), 1u);
   EXPECT_EQ(program.path.tool_calls[0].number, 1);
@@ -166,7 +166,7 @@ TEST(Turning, FacingUnderConstantSurfaceSpeedTakesTheTimeOfItsIntegral) {
     const ParsedProgram program = read(dialect, text);
     EXPECT_NEAR(feed_time(program.path), expected, 1e-9);
     EXPECT_NEAR(turns_at_feed(program.path), 30.0 / f, 1e-9) << "as many as the feed asks for";
-    EXPECT_EQ(assumptions_of(program).find("nothing limits"), std::string::npos);
+    EXPECT_EQ(assumptions_of(program).find("is not limited"), std::string::npos);
   }
 }
 
@@ -229,8 +229,7 @@ TEST(Turning, SpindlesAreLimitedByTheMachineOrItIsSaid) {
   const ParsedProgram free = read_program(text, "part.nc", with);
   EXPECT_LT(feed_time(free.path), expected);
   expect_assumption(free,
-                    "line 4: nothing limits the spindle under G96, which comes as near to the "
-                    "axis as 0 mm");
+                    "line 4: the spindle speed under G96 is not limited at a radius down to 0 mm");
   expect_assumption(free, "max_spindle_rpm");
 }
 
@@ -350,32 +349,32 @@ TEST(Turning, WhatIsNotReadIsRefusedByNameAndLine) {
   };
   for (const char* cycle :
        {"G70 P10 Q20", "G71 U2. R0.5", "G72 W2. R0.5", "G73 U5. W5. R3", "G74 R1.", "G75 R1."})
-    fanuc(cycle, "cycles of roughing, finishing and grooving are not expanded");
+    fanuc(cycle, "roughing, finishing and grooving cycles are not expanded");
   for (const char* thread : {"G32 Z-10. F2.", "G76 P020060 Q100 R0.05", "G92 X20. Z-10. F1.5"})
-    fanuc(thread, "threads are not cut");
+    fanuc(thread, "threads are not synchronised");
   fanuc("G83 Z-10. R2. Q1000 F0.1", "drilling cycles of a turning control");
-  fanuc("G91 U2.", "G91, G93 and G95 are of G-code systems B and C");
-  fanuc("G96 M3", "S (surface speed) beside G96");
-  fanuc("G96 G50 S2000 M3", "S (surface speed) beside G96");
-  fanuc("G1 X20. U2. F0.1", "by its position or by its increment");
-  fanuc("G1 X20. R2. F0.1", "of corners are not expanded");
-  fanuc("G1 X20. C1. F0.1", "of corners are not expanded");
-  fanuc("G1 X20. ,R2. F0.1", "of corners are not expanded");
+  fanuc("G91 U2.", "G91, G93 and G95 belong to G-code systems B and C");
+  fanuc("G96 M3", "S (surface speed) with G96");
+  fanuc("G96 G50 S2000 M3", "S (surface speed) with G96");
+  fanuc("G1 X20. U2. F0.1", "as a position or as an increment");
+  fanuc("G1 X20. R2. F0.1", "are not expanded");
+  fanuc("G1 X20. C1. F0.1", "are not expanded");
+  fanuc("G1 X20. ,R2. F0.1", "are not expanded");
   fanuc("T12", "T with four digits");
   fanuc("G90 X20.", "X and Z in the first block");
   fanuc("G10 P10001 X2.", "the geometry of tools is that of the scene");
-  fanuc("G53 U2.", "X Y Z C beside G53");
+  fanuc("G53 U2.", "X Y Z C with G53");
   fanuc("G1 X20. V2. F0.1", "an axis of this machine (Z X)");
   fanuc("G1 X20. F1", "a decimal point in F under G20 and G99");
   for (const char* cycle : {"CYCLE95(\"PART\",2)", "CYCLE93(20,-5,4,2)", "CYCLE97(2,,0,-20,30,30)"})
     refused(Dialect::Siemens, std::string("T1\n") + cycle + "\nM30\n",
             "stock removal, grooves, undercuts and threads");
-  refused(Dialect::Siemens, "T1\nG96 M3\nM30\n", "S (surface speed) beside G96");
+  refused(Dialect::Siemens, "T1\nG96 M3\nM30\n", "S (surface speed) with G96");
   refused(Dialect::Siemens, "DIAMON\nTRANS X2\nM30\n", "DIAMOF before X2");
   for (const char* cycle : {"G70", "G71 Q1", "G71.1 Q1", "G72 Q1"})
     refused(Dialect::LinuxCnc, std::string("G18\n") + cycle + "\nM2\n",
             "turning cycles G70 to G72 are not expanded");
-  refused(Dialect::LinuxCnc, "G18\nG96 M3\nM2\n", "S (surface speed) beside G96");
+  refused(Dialect::LinuxCnc, "G18\nG96 M3\nM2\n", "S (surface speed) with G96");
 }
 
 TEST(Turning, DiametersAreThoseOfTheDialect) {
@@ -433,14 +432,13 @@ TEST(Turning, SpeedsAreKeptOverTheOtherSpeedMode) {
 
 TEST(Turning, WhatATurningControlBeginsWithIsSaid) {
   const ParsedProgram fanuc = read(Dialect::Fanuc, "O1\nM3 S500\nG1 X50. F0.1\nX52.\nM30\n");
-  expect_assumption(fanuc, "F per turn (G99)");
+  expect_assumption(fanuc, "F per revolution (G99)");
   expect_assumption(fanuc, "X and U words are diameters");
-  expect_assumption(fanuc,
-                    "line 3: no T before the first feed: the only tool is taken to be meant");
+  expect_assumption(fanuc, "line 3: no T before the first feed: the only tool is assumed");
   EXPECT_EQ(assumptions_of(fanuc).find("G90"), std::string::npos) << "there is no G91";
   const ParsedProgram siemens = read(Dialect::Siemens, "T1 D1\nM3 S500\nG1 X50 F0.1\nX52\nM30\n");
   expect_assumption(siemens, "line 3: X words are diameters (DIAMON)");
-  expect_assumption(siemens, "F per turn (G95)");
+  expect_assumption(siemens, "F per revolution (G95)");
   expect_assumption(read(Dialect::LinuxCnc, "G94 F100\nG1 X50\n"),
                     "line 2: X words are radii (G8)");
   const ParsedProgram said =
@@ -477,7 +475,7 @@ TEST(Turning, ProgramsOfTurningControlsAreOneErrorOnAMill) {
   mill.dialect = Dialect::Siemens;
   const auto diameters = input_errors("T1 D1\nDIAMON\nG1 X5 F100\nM30\n", mill);
   ASSERT_EQ(diameters.size(), 1u);
-  EXPECT_NE(diameters[0].find("X is no diameter on a milling control"), std::string::npos);
+  EXPECT_NE(diameters[0].find("X is not a diameter on a milling control"), std::string::npos);
 }
 
 TEST(Turning, ProgramsWithoutANumberAreRecognised) {

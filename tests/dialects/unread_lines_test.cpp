@@ -40,7 +40,7 @@ TEST(UnreadLines, BehindTheEndAreSaidInOneLine) {
       {Dialect::Fanuc, "O1\nG21 G1 X10. F100.\nM98 P3\nM30\nO2\nX20.\nM99\nO3\nX40.\nM99\n",
        "part.nc:5: 3 lines from 'O2' on are not read: the program ends on line 4"},
       {Dialect::Fanuc, "% G1 X5.\nO1\nG21 G1 X10. F100.\nM30\n",
-       "part.nc:1: '% G1 X5.' on the line of % is not read"},
+       "part.nc:1: '% G1 X5.' on the line of % is ignored"},
       {Dialect::LinuxCnc, "G21 G1 X10 F100\nM2\n(end)\nG1 X20\n",
        "part.nc:4: the line from 'G1 X20' on is not read: the program ends on line 2"},
       {Dialect::LinuxCnc, "%\n%\nG21 G1 X10 F100\n%\n",

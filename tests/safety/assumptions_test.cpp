@@ -44,7 +44,7 @@ TEST(AssumptionsOfCommands, AreSaidOnceByEachAndListedInItsResult) {
     EXPECT_EQ(ran.code, 0) << ran.text;
     EXPECT_EQ(lines_of(ran.text, "program.block_skip"), 1) << ran.text;
     EXPECT_EQ(lines_of(ran.text, "program.startup_code"), 1) << ran.text;
-    EXPECT_NE(ran.text.find("line 5: 2 blocks behind / left out: block skip is on"),
+    EXPECT_NE(ran.text.find("line 5: 2 blocks after / left out: block skip is on"),
               std::string::npos)
         << ran.text;
     const json all = json_of(command + " " + scene + out);
@@ -60,7 +60,7 @@ TEST(AssumptionsOfCommands, AreSaidOnceByEachAndListedInItsResult) {
             "program.dialect program.block_skip program.startup_code ");
   const Ran stated =
       run("check " + scene + " --set program.block_skip=off --set 'program.startup_code=G21 G94'");
-  EXPECT_NE(stated.text.find("line 5: 2 blocks behind / executed: block skip is off"),
+  EXPECT_NE(stated.text.find("line 5: 2 blocks after / executed: block skip is off"),
             std::string::npos)
       << stated.text;
   EXPECT_EQ(lines_of(stated.text, "program.startup_code"), 0) << stated.text;

@@ -135,7 +135,7 @@ TEST(ProgramCommand, TurningProgramsAreReadOnMachinesWhoseWorkpieceSpins) {
                                   file + " --machine library:lathe_zx --control milling"}) {
     const Ran refused = run("program " + mill);
     EXPECT_EQ(refused.code, 3);
-    EXPECT_NE(refused.text.find("turn.nc:3:1: expected a program of a milling control"),
+    EXPECT_NE(refused.text.find("turn.nc:3:1: expected a program for a milling control"),
               std::string::npos)
         << refused.text;
     EXPECT_EQ(std::count(refused.text.begin(), refused.text.end(), '\n'), 1) << refused.text;
@@ -171,7 +171,7 @@ TEST(ProgramCommand, FaultsOfUsageAndInputLeaveNoFiles) {
   EXPECT_EQ(run("program bad.ngc --tolerance-um 0", at).code, 2);
   EXPECT_EQ(run("program", at).code, 2);
   const Ran skipped = run("program bad.ngc --skip-unknown", at);
-  EXPECT_NE(skipped.text.find("no axis words beside a code that is skipped"), std::string::npos)
+  EXPECT_NE(skipped.text.find("no axis words with a code that is skipped"), std::string::npos)
       << skipped.text;
 }
 
@@ -215,33 +215,33 @@ TEST(ProgramCommand, NamesOffsetsAsTheControlDoes) {
     const char *table, *program, *dialect;
     std::vector<std::string> names, warned;
   };
-  const std::string no_zero = "zero unless the program sets it";
+  const std::string no_zero = "it is zero unless the program sets it";
   const Case cases[] = {
       {"o.var --unit mm",
        "G90 G59.1\nG0 X1\nG59.2\nG0 X2\nG55\nG0 X3\nG53 G0 X0\n",
        "linuxcnc",
        {"G59.1", "G59.2", "G55", "none"},
-       {"o.var has no G55, which the program calls: " + no_zero}},
+       {"o.var does not define G55, which the program calls: " + no_zero}},
       {"o.nc",
        "G90 G54\nG0 X1.\nG54.1 P2\nG0 X2.\nG54.1 P3\nG0 X3.\n",
        "fanuc",
        {"G54", "G54.1 P2", "G54.1 P3"},
-       {"o.nc has no G54.1 P3, which the program calls: " + no_zero}},
+       {"o.nc does not define G54.1 P3, which the program calls: " + no_zero}},
       {"o.ufr --unit mm",
        "G505 G0 X1\nG507\nG0 X2\nG500\nG0 X3\nG508\nG0 X4\n",
        "siemens",
        {"G505", "G507", "none", "G508"},
-       {"o.ufr has values without effect, other than zero: offsets beyond the sixth that cannot be "
-        "read (1)",
+       {"o.ufr has nonzero values that are not used: offsets after the sixth that cannot be read "
+        "(1)",
         "o.ufr: left out, being of axes that this machine has not: G521"}},
       {"o.pr",
        "BEGIN PGM P MM\nTOOL CALL 1 Z S100\nPRESET SELECT #7\nL X+1 FMAX\n"
        "PRESET SELECT #2\nL X+2 FMAX\nEND PGM P MM\n",
        "heidenhain",
        {"preset 7", "preset 2"},
-       {"o.pr has values without effect, other than zero: offsets beyond the sixth that cannot be "
-        "read (1)",
-        "o.pr has no preset 2, which the program calls: " + no_zero}},
+       {"o.pr has nonzero values that are not used: offsets after the sixth that cannot be read "
+        "(1)",
+        "o.pr does not define preset 2, which the program calls: " + no_zero}},
   };
   for (const Case& one : cases) {
     SCOPED_TRACE(one.dialect);
@@ -267,14 +267,14 @@ TEST(ProgramCommand, NamesOffsetsAsTheControlDoes) {
       json_of("p.txt --machine gantry_cxyza --dialect fanuc --offsets o.var --unit mm", at);
   bool found = false;
   for (const json& warning : foreign["warnings"])
-    found = found || warning == "o.var is a table of linuxcnc, and the program is read as fanuc";
+    found = found || warning == "o.var is a linuxcnc table, but the program is read as fanuc";
   EXPECT_TRUE(found) << foreign["warnings"];
   // what is turned is refused where it is called
   folder.write("p.txt", "G520\nG0 X1\n");
   EXPECT_NE(
       run("program p.txt --machine gantry_cxyza --dialect siemens --offsets o.ufr --unit mm", at)
-          .text.find("p.txt:1:1: expected G54 to G57, G505 or G506, or an offset that the "
-                     "control's table has (`offsets`): $P_UIFR[20], seen G520"),
+          .text.find("p.txt:1:1: expected G54 to G57, G505 or G506, or an offset from the "
+                     "control's table (`offsets`): $P_UIFR[20], seen G520"),
       std::string::npos);
 }
 

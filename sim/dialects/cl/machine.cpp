@@ -30,13 +30,13 @@ constexpr std::array<std::string_view, 9> text_words = {
 
 bool is_word_byte(char c) { return is_letter(c) || is_digit(c) || c == '-' || c == '_'; }
 
-/// Returns the position behind the blanks from `at` on.
+/// Returns the position after the blanks from `at` on.
 std::size_t skip_blanks_from(std::string_view text, std::size_t at) {
   while (at < text.size() && is_blank(text[at])) ++at;
   return at;
 }
 
-/// Reads the major word at `at` into the statement. Returns the position behind it.
+/// Reads the major word at `at` into the statement. Returns the position after it.
 std::size_t read_major_word(std::string_view line, std::size_t at, Statement& statement) {
   const std::size_t from = at;
   statement.major.clear();
@@ -62,7 +62,7 @@ bool remove_comment(std::string_view& line) {
   return is_continued;
 }
 
-/// Returns the position behind "$$->" or "$$ ->", or npos.
+/// Returns the position after "$$->" or "$$ ->", or npos.
 std::size_t skip_arrow(std::string_view line, std::size_t at) {
   if (line.substr(at, 2) != "$$") return std::string_view::npos;
   at = skip_blanks_from(line, at + 2);
@@ -121,7 +121,7 @@ bool Statements::next(Statement& statement) {
 void read_items(Statement& statement, const program::Canon& canon) {
   if (statement.lines.size() > max_lines)
     canon.throw_input_error(statement.cause, "a statement of at most 200 lines", "more");
-  bool is_separated = true;  // behind a comma, or before the first item
+  bool is_separated = true;  // after a comma, or before the first item
   bool is_behind_comma = false;
   Item last_comma;
   for (const Statement::StatementLine& line : statement.lines)
@@ -146,8 +146,7 @@ void read_items(Statement& statement, const program::Canon& canon) {
       is_separated = is_behind_comma = false;
       at = end;
     }
-  if (is_behind_comma)
-    throw_input_error(canon, last_comma, "a value behind the last comma", "none");
+  if (is_behind_comma) throw_input_error(canon, last_comma, "a value after the last comma", "none");
 }
 
 // The item may be on another line than the statement.
@@ -174,7 +173,7 @@ double Machine::unit() const { return is_inch_ ? units::inch : 1.0; }
 
 double Machine::number(const Statement& statement, std::size_t i, const char* what) const {
   if (i >= statement.items.size())
-    throw_input_error(statement.cause, fmt::format("{} behind {}", what, statement.major),
+    throw_input_error(statement.cause, fmt::format("{} after {}", what, statement.major),
                       "too few values");
   if (!statement.items[i].number)
     throw_input_error(statement.items[i], fmt::format("{}, a number within +-1e9", what));
@@ -189,7 +188,7 @@ Eigen::Vector3d Machine::vector(const Statement& statement, std::size_t i, const
 int Machine::whole_number(const Item& item, int max, const char* what) const {
   const double value = item.number.value_or(-1.0);
   if (!(value >= 0 && value <= max) || value != std::floor(value))
-    throw_input_error(item, fmt::format("{}, a whole number of 0 to {}", what, max));
+    throw_input_error(item, fmt::format("{}, an integer from 0 to {}", what, max));
   return int(value);
 }
 
@@ -208,16 +207,17 @@ void Machine::execute(Statement& statement) {
   // Behind "$$->" Creo writes the cutter; everything else there is a comment.
   if (statement.in_comment && statement.major != "CUTTER") return;
   if (statement.major.empty())
-    throw_input_error(statement.cause, "a word at the beginning of the statement");
+    throw_input_error(statement.cause, "a word at the start of the statement");
   const WordEntry* entry = find_entry(statement.major);
   if (entry == nullptr) {
     const auto& first = statement.lines.front();
     // A definition such as "L1 = LINE/..." is APT source that has not been processed.
     if (first.text.find('=', first.from) != std::string_view::npos)
-      throw_input_error(statement.cause,
-                        "posted statements: an APT source with definitions is processed first",
-                        "a definition");
-    run_.handle_unknown_word(statement.cause, "a word of cutter locations");
+      throw_input_error(
+          statement.cause,
+          "processed statements: an APT source with definitions must be processed first",
+          "a definition");
+    run_.handle_unknown_word(statement.cause, "a cutter location statement");
     return;
   }
   if (entry->use == WordTreatment::Refused)
@@ -230,7 +230,7 @@ void Machine::execute(Statement& statement) {
 void Machine::fini(const Statement&) { has_ended_ = true; }
 
 void Machine::units(const Statement& statement) {
-  if (statement.items.size() != 1) throw_input_error(statement.cause, "MM or INCHES behind UNITS/");
+  if (statement.items.size() != 1) throw_input_error(statement.cause, "MM or INCHES after UNITS/");
   const Item& item = statement.items.front();
   if (item.is_word("INCHES") || item.is_word("INCH") || item.is_word("IN"))
     is_inch_ = true;
@@ -255,7 +255,7 @@ void Machine::multax(const Statement& statement) {
 }
 
 void Machine::rapid(const Statement& statement) {
-  for (const Item& item : statement.items) throw_input_error(item, "nothing behind RAPID");
+  for (const Item& item : statement.items) throw_input_error(item, "nothing after RAPID");
   is_next_rapid_ = true;
 }
 
@@ -267,8 +267,8 @@ void Machine::feedrate(const Statement& statement) {
   double unit_mm = unit();
   for (const Item& item : statement.items) {
     if (item.number) {
-      if (value) throw_input_error(item, "one feed");
-      if (!(*item.number >= min_feed)) throw_input_error(item, "a feed above zero");
+      if (value) throw_input_error(item, "only one feed");
+      if (!(*item.number >= min_feed)) throw_input_error(item, "a feed greater than zero");
       value = item.number;
     } else if (item.is_word("MMPM") || item.is_word("MMPR")) {
       unit_mm = 1.0;
@@ -285,19 +285,19 @@ void Machine::feedrate(const Statement& statement) {
       handle_unknown_item(statement, item, "MMPM, MMPR, IPM, IPR, PERMIN, PERREV or INVERS");
     }
   }
-  if (!value) throw_input_error(statement.cause, "a feed behind FEDRAT/", "none");
+  if (!value) throw_input_error(statement.cause, "a feed after FEDRAT/", "none");
   canon_.set_feed_mode(mode);
   canon_.set_feed(Feed{*value, unit_mm});
 }
 
 /// Dwells for seconds, or with REV for spindle revolutions.
 void Machine::delay(const Statement& statement) {
-  double seconds = number(statement, 0, "the seconds of a dwell");
+  double seconds = number(statement, 0, "the dwell in seconds");
   if (statement.items.size() > 1) {
     if (!statement.items[1].is_word("REV"))
       return handle_unknown_item(statement, statement.items[1], "REV, or nothing for seconds");
     if (canon_.spindle_direction() == 0 || !(canon_.spindle_speed() > 0))
-      throw_input_error(statement.items[1], "a spindle that turns beside REV", "one that stands");
+      throw_input_error(statement.items[1], "a running spindle with REV", "a stopped spindle");
     seconds *= 60.0 / canon_.spindle_speed();
   }
   canon_.dwell(seconds, statement.items.front().cause());
@@ -312,15 +312,16 @@ void Machine::stop(const Statement& statement) {
 void Machine::msys(const Statement& statement) {
   const std::string text = item_text(statement);
   if (msys_text_ && *msys_text_ != text)
-    throw_input_error(statement.cause,
-                      "one MSYS for the whole program: nothing says how the part lies in a second");
+    throw_input_error(
+        statement.cause,
+        "one MSYS in the whole program: the position of the part in a second one is not defined");
   msys_text_ = text;
 }
 
 void Machine::origin(const Statement& statement) {
   for (const Item& item : statement.items)
     if (item.number.value_or(1.0) != 0.0)
-      throw_input_error(item, "0,0,0: a work offset says where the points count from");
+      throw_input_error(item, "0,0,0: the work offset sets the program zero");
 }
 
 /// Throws BadInput for CUTCOM and OPSKIP with anything but OFF, which would change the path.
@@ -328,28 +329,29 @@ void Machine::require_off(const Statement& statement) {
   if (statement.items.size() == 1 && statement.items.front().is_word("OFF")) return;
   throw_input_error(statement.cause,
                     statement.major == "CUTCOM"
-                        ? "CUTCOM/OFF, the points being those of the tip: paths that a control "
-                          "shifts by a radius are not read"
-                        : statement.major + "/OFF, as nothing may be left out");
+                        ? "CUTCOM/OFF, with points of the tool tip: paths that a control shifts by "
+                          "a radius are not supported"
+                        : statement.major + "/OFF, as no statement may be left out");
 }
 
 void Machine::auxiliary(const Statement& statement) {
-  run_.warn_once(fmt::format("AUXFUN/ (line {}) is an M code of the control: it does nothing here",
+  run_.warn_once(fmt::format("AUXFUN/ (line {}) is an M code of the control: it has no effect here",
                              statement.line));
 }
 
 void Machine::finish() {
   if (!are_units_stated_ && canon_.blocks() > 0)
     // A feed in inches suggests that the points are in inches too, so it has a warning of its own.
-    run_.warn_once(has_inch_feed_ ? "the program states no UNITS/, and IPM or IPR as its feed: its "
-                                    "points are taken as mm all the same"
+    run_.warn_once(has_inch_feed_ ? "the program states no UNITS/, and its feed is in IPM or IPR: "
+                                    "its points are nevertheless taken as mm"
                                   : "the program states no UNITS/: its points are taken as mm");
   vector_lines_.finish();
   if (axis_deviation_.angle > min_axis_deviation)
-    run_.warn_once(fmt::format(
-        "between two points the tool axis leaves the great circle of their vectors by up to {:.3g} "
-        "deg (line {}), as the rotary axes turn in proportion: nearer points make it less",
-        axis_deviation_.angle / units::deg, axis_deviation_.line));
+    run_.warn_once(
+        fmt::format("between two points the tool axis deviates from the great circle of their "
+                    "vectors by up to {:.3g} deg (line {}), because the rotary axes interpolate "
+                    "linearly: closer points reduce this",
+                    axis_deviation_.angle / units::deg, axis_deviation_.line));
 }
 
 namespace {
@@ -357,7 +359,7 @@ namespace {
 constexpr int max_tool = 1'000'000;
 constexpr double max_rpm = 1e7;
 
-/// Words beside a tool number. They have no effect, because points are the tip whatever the length.
+/// Words with a tool number. They have no effect, because points are the tip whatever the length.
 constexpr std::array<std::string_view, 13> tool_words = {
     "LENGTH", "OSETNO", "ADJUST", "RADIUS", "MANUAL", "AUTO",  "HOLDER",
     "MINUS",  "PLUS",   "LARGE",  "SMALL",  "CLW",    "MAGAZN"};
@@ -373,8 +375,8 @@ bool is_one_of(const Item& item, const List& list) {
 /// Changes the tool, for example LOADTL/n,LENGTH,l,OSETNO,k.
 void Machine::load_tool(const Statement& statement) {
   if (statement.items.empty())
-    throw_input_error(statement.cause, "the number of a tool behind LOADTL/", "none");
-  const int tool = whole_number(statement.items.front(), max_tool, "the number of a tool");
+    throw_input_error(statement.cause, "a tool number after LOADTL/", "none");
+  const int tool = whole_number(statement.items.front(), max_tool, "a tool number");
   for (std::size_t i = 1; i < statement.items.size(); ++i)
     if (!statement.items[i].number && !is_one_of(statement.items[i], tool_words))
       handle_unknown_item(statement, statement.items[i],
@@ -401,9 +403,8 @@ void Machine::load(const Statement& statement) {
 /// Selects the tool of the next change: SELECT/TOOL,n or SELCTL/n.
 void Machine::select(const Statement& statement) {
   const std::size_t i = !statement.items.empty() && statement.items.front().is_word("TOOL") ? 1 : 0;
-  if (i >= statement.items.size())
-    throw_input_error(statement.cause, "the number of a tool", "none");
-  const int tool = whole_number(statement.items[i], max_tool, "the number of a tool");
+  if (i >= statement.items.size()) throw_input_error(statement.cause, "a tool number", "none");
+  const int tool = whole_number(statement.items[i], max_tool, "a tool number");
   canon_.record_tool_call(tool, false);
   canon_.record_auxiliary_word(fmt::format("T{}", tool));
 }
@@ -418,7 +419,7 @@ void Machine::spindle(const Statement& statement) {
     };
     if (item.number) {
       if (!(*item.number >= 0 && *item.number <= max_rpm))
-        throw_input_error(item, "a spindle speed of 0 to 1e7 rpm");
+        throw_input_error(item, "a spindle speed from 0 to 1e7 rpm");
       speed_rpm_ = *item.number;
     } else if (item.is_word("CLW") || item.is_word("CCLW")) {
       direction = spindle_direction_ = item.is_word("CLW") ? 1 : -1;
@@ -426,7 +427,7 @@ void Machine::spindle(const Statement& statement) {
       direction = 0;
     } else if (item.is_word("SFM") || item.is_word("SMM") || item.is_word("SFPM")) {
       // A surface speed needs a diameter, which a milling tool path does not state.
-      throw_input_error(item, "a speed in RPM: surface speeds are not read");
+      throw_input_error(item, "a speed in RPM: surface speeds are not supported");
     } else if (item.is_word("RANGE") || item.is_word("MAXRPM")) {
       skip_value();
     } else if (item.is_word("ORIENT")) {
@@ -437,7 +438,7 @@ void Machine::spindle(const Statement& statement) {
     }
   }
   if (statement.items.empty())
-    throw_input_error(statement.cause, "a speed, ON or OFF behind SPINDL/", "none");
+    throw_input_error(statement.cause, "a speed, ON or OFF after SPINDL/", "none");
   canon_.set_spindle_speed(speed_rpm_);
   canon_.turn_spindle(direction);
 }
@@ -452,10 +453,10 @@ void Machine::coolant(const Statement& statement) {
 /// Compares the cutter, CUTTER/diameter,corner radius, with the tool of the scene.
 void Machine::cutter(const Statement& statement) {
   CutterData words;
-  words.diameter = number(statement, 0, "the diameter of a cutter") * unit();
+  words.diameter = number(statement, 0, "the cutter diameter") * unit();
   words.unit_mm = unit();
   if (statement.items.size() > 1)
-    words.corner_radius = number(statement, 1, "its corner radius") * unit();
+    words.corner_radius = number(statement, 1, "the corner radius") * unit();
   if (words.diameter > 0) canon_.cutter("CUTTER/", words);
 }
 
@@ -464,10 +465,10 @@ void Machine::cutter(const Statement& statement) {
 void Machine::tool_data(const Statement& statement) {
   if (statement.items.empty() || !statement.items.front().is_word("MILL")) return;
   CutterData words;
-  words.diameter = number(statement, 1, "the diameter of a cutter") * unit();
+  words.diameter = number(statement, 1, "the cutter diameter") * unit();
   words.unit_mm = unit();
   if (statement.items.size() > 2)
-    words.corner_radius = number(statement, 2, "its corner radius") * unit();
+    words.corner_radius = number(statement, 2, "the corner radius") * unit();
   if (words.diameter > 0) canon_.cutter("TLDATA/MILL", words);
 }
 
@@ -545,7 +546,7 @@ void Table::read_header(const std::vector<Cell>& cells) {
       continue;
     }
     auto& column = columns[std::size_t(names - column_names.begin())];
-    if (column) throw_input_error(cells[c], "each column once");
+    if (column) throw_input_error(cells[c], "each column only once");
     column = c;
   }
   for (std::size_t i = 0; i < 3; ++i)
@@ -555,7 +556,7 @@ void Table::read_header(const std::vector<Cell>& cells) {
   const int component_count =
       int(columns[3].has_value()) + int(columns[4].has_value()) + int(columns[5].has_value());
   if (component_count != 0 && component_count != 3)
-    run_.canon.throw_input_error({1, {}}, "columns i, j and k together", "some of them");
+    run_.canon.throw_input_error({1, {}}, "columns i, j and k together", "only some of them");
   columns_ = columns;
 }
 
@@ -581,7 +582,8 @@ void Table::read_feed(const Cell& cell) {
   if (cell.text.empty()) return;
   if (is_same_word(cell.text, "RAPID")) return machine_.request_rapid();
   const auto value = number_of(cell.text);
-  if (!value || !(*value > 0)) throw_input_error(cell, "a feed above zero in mm/min, or rapid");
+  if (!value || !(*value > 0))
+    throw_input_error(cell, "a feed greater than zero in mm/min, or rapid");
   machine_.set_feed({*value, 1.0});
 }
 

@@ -34,7 +34,7 @@ struct Statement {
   std::string major;  ///< major word, upper case; may be empty
   Cause cause;        ///< the major word
   int line = 0;
-  /// True behind "$$->", where Creo writes statements that postprocessors may ignore.
+  /// True after "$$->", where Creo writes statements that postprocessors may ignore.
   bool in_comment = false;
   std::vector<Item> items;  ///< filled by `read_items`
 

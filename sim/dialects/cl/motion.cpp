@@ -24,79 +24,80 @@ constexpr WordTreatment read = WordTreatment::Read, none = WordTreatment::Withou
 // The word table in the README, the messages and the dispatch of statements are made from it.
 const WordEntry entries[] = {
     {"GOTO", read,
-     "x,y,z or x,y,z,i,j,k: the tip there, the tool axis along i,j,k, else as before. Straight at "
-     "feed, or what RAPID, CIRCLE, MOVARC or CYCLE before it say. The slash may be missing",
+     "x,y,z or x,y,z,i,j,k: moves the tip there with the tool axis along i,j,k (otherwise as "
+     "before). Straight at feed unless a preceding RAPID, CIRCLE, MOVARC or CYCLE says otherwise. "
+     "The slash may be missing",
      static_cast<void (Machine::*)(const Statement&)>(&Machine::go_to)},
     {"GODLTA", read, "dx,dy,dz, or one step along the tool axis", &Machine::go_delta},
-    {"FROM", read, "where the tool stands: if it does not, it goes there at rapid, with a warning",
+    {"FROM", read,
+     "position of the tool; if the tool is elsewhere, it moves there at rapid, with a warning",
      &Machine::from},
-    {"GOHOME", read, "rapid to the point of FROM, else to where the axes stood at first",
+    {"GOHOME", read, "rapid to the point of FROM, otherwise to the start positions of the axes",
      &Machine::go_home},
-    {"RAPID", read, "the next point at rapid", &Machine::rapid},
+    {"RAPID", read, "the next point is approached at rapid", &Machine::rapid},
     {"FEDRAT", read,
-     "feed of the tip with MMPM, IPM or PERMIN, of a turn with MMPR, IPR or PERREV, per minute of "
-     "inverse time with INVERS, before or behind the number; degrees per minute where only rotary "
-     "axes move",
+     "feed of the tip with MMPM, IPM or PERMIN, per revolution with MMPR, IPR or PERREV, inverse "
+     "time per minute with INVERS, before or after the number; degrees per minute where only "
+     "rotary axes move",
      &Machine::feedrate},
-    {"TLAXIS", read, "i,j,k: the tool axis of points that state none", &Machine::tool_axis},
+    {"TLAXIS", read, "i,j,k: the tool axis of points without one of their own",
+     &Machine::tool_axis},
     {"MULTAX", read, "ON or nothing: points have tool vectors; OFF: the tool axis is 0,0,1",
      &Machine::multax},
     {"CIRCLE", read,
-     "x,y,z,i,j,k,r, centre, vector, radius: the points behind it that lie on it end arcs, "
-     "counter-clockwise about the vector. With t,f,d,e behind, as NX: one point, clockwise",
+     "x,y,z,i,j,k,r: centre, vector, radius; the following points on the circle end arcs that run "
+     "counter-clockwise about the vector. With t,f,d,e appended, as in NX: one point, clockwise",
      &Machine::circle},
     {"MOVARC", read, "x,y,z,i,j,k,r,ANGLE,a: one arc of a degrees, counter-clockwise about i,j,k",
      &Machine::moving_arc},
     {"CYCLE", read,
-     "DRILL with DEPTH or FEDTO, CLEAR or RAPTO, RTRCTO or RETURN, DWELL seconds and a feed, "
-     "distances from the point along the tool axis, at every point up to CYCLE/OFF; other cycles "
-     "are refused",
+     "DRILL with DEPTH or FEDTO, CLEAR or RAPTO, RTRCTO or RETURN, DWELL in seconds and a feed; "
+     "distances are measured from the point along the tool axis; executed at every point until "
+     "CYCLE/OFF; other cycles are rejected",
      &Machine::cycle},
-    {"UNITS", read, "MM or INCHES; mm where none is stated, with a warning", &Machine::units},
+    {"UNITS", read, "MM or INCHES; mm if not stated, with a warning", &Machine::units},
     {"LOADTL", read, "n: the tool is changed; LENGTH, OSETNO, ADJUST move nothing",
      &Machine::load_tool},
     {"LOAD", read, "TOOL,n: the same", &Machine::load},
     {"SELECT SELCTL", read, "TOOL,n or n: the next tool", &Machine::select},
-    {"CUTTER", read, "diameter and corner radius, held against the tool of the scene",
+    {"CUTTER", read, "diameter and corner radius, compared with the tool of the scene",
      &Machine::cutter},
     {"TLDATA", read, "MILL, diameter, corner radius: the same", &Machine::tool_data},
-    {"SPINDL", read, "speed with RPM, CLW, CCLW, ON, OFF; RANGE, MAXRPM and ORIENT without effect",
+    {"SPINDL", read, "speed with RPM, CLW, CCLW, ON, OFF; RANGE, MAXRPM and ORIENT have no effect",
      &Machine::spindle},
-    {"COOLNT", read, "coolant, which cuts nothing", &Machine::coolant},
-    {"DELAY", read, "seconds, or turns of the spindle with REV", &Machine::delay},
+    {"COOLNT", read, "coolant, no effect on the cut", &Machine::coolant},
+    {"DELAY", read, "seconds, or spindle revolutions with REV", &Machine::delay},
     {"STOP OPSTOP", read, "stops, which take no time", &Machine::stop},
     {"FINI END", read, "end of the program", &Machine::fini},
-    {"MSYS", read, "the system in which the points are; a second one is refused", &Machine::msys},
-    {"ORIGIN", read, "0,0,0 only: a work offset says where the points count from",
-     &Machine::origin},
-    {"CUTCOM OPSKIP", read, "OFF only: paths are those of the tip, and nothing is left out",
+    {"MSYS", read, "the coordinate system of the points; a second one is rejected", &Machine::msys},
+    {"ORIGIN", read, "0,0,0 only: the work offset sets the program zero", &Machine::origin},
+    {"CUTCOM OPSKIP", read, "OFF only: paths are those of the tip, and no statement is left out",
      &Machine::require_off},
     {"PARTNO PPRINT REMARK TITLES LETTER PRINT TPRINT", none, "texts"},
-    {"TOOL PATH END-OF-PATH CATPROCESS CATMAT", none, "names of a CAM system"},
-    {"PAINT DISPLY", none, "colours and display of a CAM system"},
+    {"TOOL PATH END-OF-PATH CATPROCESS CATMAT", none, "names for the CAM system"},
+    {"PAINT DISPLY", none, "colours and display of the CAM system"},
     {"MACHIN", none, "name of a postprocessor"},
     {"LINTOL INTOL OUTTOL TOLER MCHTOL", none,
-     "tolerances of postprocessors: abbe goes straight between points as they stand"},
+     "tolerances for postprocessors: abbe runs straight between the given points"},
     {"CHECK", none, "limits that a postprocessor checks"},
-    {"SEQNO LEADER REWIND BREAK NOPOST CLPRNT", none, "how a postprocessor writes its program"},
-    {"CLAMP", none, "rotary axes clamped, free"},
-    {"TRNTYP TOOLNO", none, "how a control turns and numbers its tools"},
-    {"CSI_SET_FLUTE_LENGTH CSI_SET_EXTENSION_LENGTH", none, "lengths of a tool"},
+    {"SEQNO LEADER REWIND BREAK NOPOST CLPRNT", none, "output format of a postprocessor"},
+    {"CLAMP", none, "clamping and unclamping of rotary axes"},
+    {"TRNTYP TOOLNO", none, "turning direction and tool numbering of the control"},
+    {"CSI_SET_FLUTE_LENGTH CSI_SET_EXTENSION_LENGTH", none, "tool lengths"},
     // Reported once by its handler, since M codes may change the motion on a real control.
     {"AUXFUN", none, "an M code of the control", &Machine::auxiliary},
     {"INSERT PREFUN", refused,
-     "statements: words of a control are not read within cutter locations"},
-    {"TRANS TRACUT COPY ROTATE MATRIX", refused,
-     "points as they are cut: transformations are not carried out"},
+     "statements: control words are not supported within cutter locations"},
+    {"TRANS TRACUT COPY ROTATE MATRIX", refused, "points as cut: transformations are not applied"},
     {"ROTABL ROTHED ROTREF HEAD TURRET", refused,
-     "tool vectors, of which the machine makes its rotary axes"},
+     "tool vectors, from which the machine computes its rotary axes"},
     {"HELIX NURBS SPLINE MOVCRV", refused, "points, CIRCLE/ or MOVARC/"},
     {"INDIRV INDIRP TLON TLLFT TLRGT GOFWD GOLFT GORGT GOBACK GOUP GODOWN GO PSIS DNTCUT CUT",
-     refused, "CIRCLE/ and GOTO/: contours along surfaces are for an APT processor"},
+     refused, "CIRCLE/ and GOTO/: contours along surfaces require an APT processor"},
     {"POINT LINE PLANE VECTOR SCAN MACRO CALL CALSUB TERMAC LOOPST LOOPND IF JUMPTO", refused,
-     "posted statements: an APT source is processed first"},
+     "processed statements: an APT source must be processed first"},
     {"THREAD PITCH", refused, "points with the feed of the thread: threads are not expanded"},
-    {"RETRCT CLRSRF", refused, "points: planes of retraction are not carried out"},
+    {"RETRCT CLRSRF", refused, "points: retract planes are not applied"},
 };
 
 }  // namespace
@@ -120,12 +121,13 @@ std::span<const WordTableEntry> cl_words() {
     std::vector<WordTableEntry> words;
     for (const cl::WordEntry& entry : cl::entries)
       words.push_back({entry.words, entry.use, entry.sentence});
-    words.push_back({"$ $$", WordTreatment::Read,
-                     "the statement goes on in the next line; the rest of the line is a comment"});
+    words.push_back(
+        {"$ $$", WordTreatment::Read,
+         "the statement continues on the next line; the rest of the line is a comment"});
     words.push_back({"x y z i j k feed", WordTreatment::Read,
-                     "head of a table (CSV): columns parted by commas, semicolons or blanks; feed "
-                     "mm/min, or rapid; lines of # are comments. Without a head: 3, 4, 6 or 7 "
-                     "columns in this order. The first row is reached at rapid"});
+                     "header of a table (CSV): columns separated by commas, semicolons or blanks; "
+                     "feed mm/min, or rapid; lines starting with # are comments. Without a header: "
+                     "3, 4, 6 or 7 columns in this order. The first row is approached at rapid"});
     return words;
   }();
   return table;
@@ -158,7 +160,7 @@ std::string vector_text(const Eigen::Vector3d& v) {
 Eigen::Vector3d Machine::unit_direction(const Item& first, const Eigen::Vector3d& ijk) const {
   const double length = ijk.norm();
   if (!(std::abs(length - 1.0) <= max_length_deviation))
-    throw_input_error(first, "a tool vector of length 1, within a thousandth",
+    throw_input_error(first, "a tool vector of length 1 within 0.001",
                       fmt::format("{}, of length {:.6g}", vector_text(ijk), length));
   return ijk / length;
 }
@@ -174,7 +176,7 @@ Location Machine::parse_location(const Statement& statement) {
   const std::size_t count = statement.items.size();
   if (count != 3 && count != 6)
     throw_input_error(count > 6 ? statement.items[6].cause() : statement.cause,
-                      "x,y,z or x,y,z,i,j,k behind " + statement.major,
+                      "x,y,z or x,y,z,i,j,k after " + statement.major,
                       fmt::format("{} values", count));
   Location to{vector(statement, 0, "a coordinate") * unit(), direction_};
   if (count == 6)
@@ -182,7 +184,7 @@ Location Machine::parse_location(const Statement& statement) {
   // A tilted vector contradicts MULTAX/OFF.
   if (is_upright_ &&
       kinematics::angle_between(to.direction, Eigen::Vector3d::UnitZ()) > upright_tolerance)
-    throw_input_error(statement.items[3], "MULTAX/ON before a tool vector that is not 0,0,1",
+    throw_input_error(statement.items[3], "MULTAX/ON before a tool vector other than 0,0,1",
                       vector_text(to.direction));
   return to;
 }
@@ -206,8 +208,8 @@ void Machine::enter_tip_mode(const Cause& cause) {
   for (int j = 0; j < int(offset.size()); ++j)
     if (!canon_.is_linear(j) && offset[j] != 0.0)
       run_.warn_once(
-          "the work offset of a rotary axis does nothing to cutter locations: their vectors are "
-          "the tool in the workpiece");
+          "the work offset of a rotary axis has no effect on cutter locations: their vectors give "
+          "the tool axis in the workpiece frame");
 }
 
 // Solves with travel limits first, so that a direction that is reachable only beyond them has a
@@ -218,13 +220,13 @@ kinematics::AxisVector Machine::solve_axes(const Location& to, const Eigen::Vect
   try {
     pose = kinematics::solve_nearest_pose(canon_.chain(), {tip_w, to.direction}, canon_.position());
   } catch (const std::invalid_argument& error) {
-    throw_input_error(cause,
-                      "a machine of three slides and at most two rotary axes for cutter locations",
-                      error.what());
+    throw_input_error(
+        cause, "a machine with three linear axes and at most two rotary axes for cutter locations",
+        error.what());
   }
   if (pose.reach == Reachability::Unreachable)
     throw_input_error(cause,
-                      "a tool vector that the axes of the machine (" + canon_.letters() + ") reach",
+                      "a tool vector within reach of the machine axes (" + canon_.letters() + ")",
                       vector_text(to.direction));
   if (pose.q.size() == 0)
     throw_input_error(
@@ -298,8 +300,7 @@ void Machine::go_to(const Location& to, const Cause& cause, bool stated) {
   if (drill_cycle_) return make_hole(to, cause);
   // Behind the first arc RAPID ends the circle; before it RAPID is an error.
   if (circle_ && rapid && circle_->arcs == 0)
-    throw_input_error(cause, "a point at feed behind " + std::string(circle_->word),
-                      "one at rapid");
+    throw_input_error(cause, "a point at feed after " + std::string(circle_->word), "a rapid");
   if (circle_ && !rapid && is_on_circle(to)) return arc(to, cause, stated);
   circle_.reset();
   straight(to, cause, stated, rapid);
@@ -318,7 +319,7 @@ void Machine::go_delta(const Statement& statement) {
   else if (statement.items.size() == 3)
     to.tip += vector(statement, 0, "a step") * unit();
   else
-    throw_input_error(statement.cause, "dx,dy,dz or one step along the tool axis behind GODLTA/",
+    throw_input_error(statement.cause, "dx,dy,dz or one step along the tool axis after GODLTA/",
                       fmt::format("{} values", statement.items.size()));
   circle_.reset();
   go_to(to, statement.cause, false);
@@ -334,12 +335,13 @@ void Machine::from(const Statement& statement) {
   home_ = to;
   if (canon_.blocks() > blocks_before)
     run_.warn_once(fmt::format(
-        "FROM on line {} is not where the axes stand: they go there at rapid", statement.line));
+        "FROM on line {} is not the current position of the axes: they move there at rapid",
+        statement.line));
 }
 
 /// Moves to the point of FROM, or to the initial axis positions.
 void Machine::go_home(const Statement& statement) {
-  for (const Item& item : statement.items) throw_input_error(item, "nothing behind GOHOME");
+  for (const Item& item : statement.items) throw_input_error(item, "nothing after GOHOME");
   circle_.reset();
   if (home_) return straight(*home_, statement.cause, true, true);
   enter_tip_mode(statement.cause);
@@ -354,7 +356,7 @@ void Machine::go_home(const Statement& statement) {
 
 /// Sets the tool axis for points without a vector.
 void Machine::tool_axis(const Statement& statement) {
-  if (statement.items.size() != 3) throw_input_error(statement.cause, "i,j,k behind TLAXIS/");
+  if (statement.items.size() != 3) throw_input_error(statement.cause, "i,j,k after TLAXIS/");
   if (is_upright_) throw_input_error(statement.cause, "MULTAX/ON before TLAXIS/");
   direction_ = unit_direction(statement.items.front(), vector(statement, 0, "a tool vector"));
 }
@@ -403,16 +405,16 @@ Machine::Circle Machine::parse_circle(const Statement& statement, std::string_vi
       unit_direction(statement.items.size() > 3 ? statement.items[3] : statement.items.front(),
                      vector(statement, 3, "the vector of a circle"));
   circle.radius = number(statement, 6, "the radius of a circle") * unit();
-  if (!(circle.radius > 0)) throw_input_error(statement.items[6], "a radius above zero");
+  if (!(circle.radius > 0)) throw_input_error(statement.items[6], "a radius greater than zero");
   return circle;
 }
 
 /// Executes CIRCLE/x,y,z,i,j,k,r: counter-clockwise about the vector, for all points on the circle.
-/// With t,f,d,e behind (NX) it is clockwise about the vector, for one point.
+/// With t,f,d,e after (NX) it is clockwise about the vector, for one point.
 void Machine::circle(const Statement& statement) {
   const std::size_t count = statement.items.size();
   if (count != 7 && count < 11)
-    throw_input_error(statement.cause, "x,y,z,i,j,k,r or x,y,z,i,j,k,r,t,f,d,e behind CIRCLE/",
+    throw_input_error(statement.cause, "x,y,z,i,j,k,r or x,y,z,i,j,k,r,t,f,d,e after CIRCLE/",
                       fmt::format("{} values", count));
   Circle circle = parse_circle(statement, "CIRCLE/");
   circle.for_next_point_only = count > 7;
@@ -421,10 +423,11 @@ void Machine::circle(const Statement& statement) {
   if (count > 7) circle.axis = -circle.axis;
   for (std::size_t i = 7; i < count; ++i) {
     if (i < 11) {
-      number(statement, i, "tolerance, its share, diameter and corner radius");
+      number(statement, i, "tolerance, its fraction, diameter and corner radius");
     } else if (!statement.items[i].is_word("TIMES") &&
                statement.items[i].number.value_or(2.0) > 1.0) {
-      throw_input_error(statement.items[i], "arcs of at most a whole turn: TIMES is not read");
+      throw_input_error(statement.items[i],
+                        "arcs of at most one full turn: TIMES is not supported");
     }
   }
   circle_ = circle;
@@ -436,12 +439,12 @@ void Machine::moving_arc(const Statement& statement) {
   Circle circle = parse_circle(statement, "MOVARC/");
   std::size_t i = 7;
   if (i < statement.items.size() && statement.items[i].is_word("ANGLE")) ++i;
-  circle.sweep = number(statement, i, "the degrees of an arc") * units::deg;
+  circle.sweep = number(statement, i, "the angle of an arc in degrees") * units::deg;
   // 1e6 rad keeps the number of turns within int.
   if (!(*circle.sweep > 0 && *circle.sweep < 1e6))
-    throw_input_error(statement.items[i], "an angle of 0 to 5.7e7 deg");
+    throw_input_error(statement.items[i], "an angle from 0 to 5.7e7 deg");
   if (i + 1 < statement.items.size())
-    throw_input_error(statement.items[i + 1], "nothing behind the angle");
+    throw_input_error(statement.items[i + 1], "nothing after the angle");
   circle_ = circle;
 }
 
@@ -466,10 +469,10 @@ bool Machine::is_on_circle(const Location& to) {
   // The sagitta is the error if a line was intended.
   const double sagitta = circle_->radius * (1 - std::cos(0.5 * sweep_to(to.tip)));
   if (sagitta > min_reported_sagitta)
-    run_.warn_once(fmt::format(
-        "the point of line {} lies on the CIRCLE/ of line {}, too, and is taken as the end of "
-        "another arc of it: a straight line would be up to {:.3g} mm beside",
-        canon_.line(), circle_->line, sagitta));
+    run_.warn_once(
+        fmt::format("the point on line {} also lies on the CIRCLE/ of line {} and is taken as the "
+                    "end of another arc of it: a straight line would deviate by up to {:.3g} mm",
+                    canon_.line(), circle_->line, sagitta));
   return true;
 }
 
@@ -493,16 +496,17 @@ void Machine::check_sense(double sweep, const Cause& cause) {
   if (circle.sweep) {
     const double turns = (*circle.sweep - sweep) / (2 * pi);
     if (std::abs(turns - std::round(turns)) * 2 * pi > sweep_tolerance)
-      throw_input_error(cause,
-                        fmt::format("the end of an arc of {:.6g} deg, as MOVARC/ of line {} says",
-                                    *circle.sweep / units::deg, circle.line),
-                        fmt::format("one of {:.6g} deg", sweep / units::deg));
+      throw_input_error(
+          cause,
+          fmt::format("the end of an arc of {:.6g} deg, as stated by MOVARC/ on line {}",
+                      *circle.sweep / units::deg, circle.line),
+          fmt::format("an arc of {:.6g} deg", sweep / units::deg));
   }
   circle.total_sweep += sweep;
   // Points that exceed one turn in total show that the vector has the other sign.
   if (circle.total_sweep > 2 * pi + angle_tolerance && circle.arcs > 0)
     throw_input_error(cause,
-                      fmt::format("points that go once around the CIRCLE/ of line {} at most, "
+                      fmt::format("points that go around the CIRCLE/ of line {} at most once, "
                                   "counter-clockwise about its vector",
                                   circle.line),
                       fmt::format("{:.4g} deg: the vector seems to point the other way",
@@ -510,11 +514,10 @@ void Machine::check_sense(double sweep, const Cause& cause) {
   const bool is_full_circle = sweep > 2 * pi - angle_tolerance;
   // A sweep of more than half a turn suggests a vector of the opposite convention.
   if (circle.is_sense_ambiguous && sweep > pi - angle_tolerance && !is_full_circle)
-    run_.warn_once(
-        fmt::format("the arc of line {} is taken counter-clockwise about the vector of its "
-                    "CIRCLE/, {:.5g} deg; "
-                    "a CAM system that means clockwise has {:.5g} deg the other way",
-                    canon_.line(), sweep / units::deg, 360 - sweep / units::deg));
+    run_.warn_once(fmt::format(
+        "the arc of line {} is taken counter-clockwise about the vector of its CIRCLE/, {:.5g} "
+        "deg; if the CAM system means clockwise, it is {:.5g} deg the other way",
+        canon_.line(), sweep / units::deg, 360 - sweep / units::deg));
 }
 
 void Machine::arc(const Location& to, const Cause& cause, bool stated) {
@@ -580,12 +583,14 @@ Machine::DrillCycle Machine::parse_drill_cycle(const Statement& statement) {
   DrillLevels levels;
   DrillCycle cycle;
   const auto set_once = [&](std::optional<double>& level, const Item& word, double value) {
-    if (level) throw_input_error(word, "a distance once", std::string(word.text) + " besides");
+    if (level)
+      throw_input_error(word, "only one distance of this kind",
+                        std::string(word.text) + " as well");
     level = value;
   };
   for (std::size_t i = 1; i < statement.items.size(); ++i) {
     const Item& word = statement.items[i];
-    // A number directly behind DRILL is the depth.
+    // A number directly after DRILL is the depth.
     if (word.number && i == 1) {
       levels.bottom = -*word.number * unit();
       continue;
@@ -599,20 +604,19 @@ Machine::DrillCycle Machine::parse_drill_cycle(const Statement& statement) {
                           word.is_word("RTRCTO") || word.is_word("RETURN") || word.is_word("DWELL");
     if (!is_known) {
       handle_unknown_item(statement, word,
-                          "DEPTH, FEDTO, CLEAR, RAPTO, RTRCTO, RETURN, DWELL or a unit of feed");
+                          "DEPTH, FEDTO, CLEAR, RAPTO, RTRCTO, RETURN, DWELL or a feed unit");
       // The numbers of an unknown word belong to it.
       while (i + 1 < statement.items.size() && statement.items[i + 1].number) ++i;
       continue;
     }
     // A word without a number is a level that only the control knows.
     if (i + 1 < statement.items.size() && !statement.items[i + 1].number)
-      throw_input_error(statement.items[i + 1],
-                        fmt::format("a number behind {}: levels that a control chooses are "
-                                    "not known here",
-                                    word.text));
+      throw_input_error(
+          statement.items[i + 1],
+          fmt::format("a number after {}: levels chosen by the control are unknown", word.text));
     const double value = number(statement, ++i, "a number");
     if (is_feed_unit) {
-      if (!(value > 0)) throw_input_error(statement.items[i], "a feed above zero");
+      if (!(value > 0)) throw_input_error(statement.items[i], "a feed greater than zero");
       const bool is_inch = word.is_word("IPM") || word.is_word("IPR");
       const bool has_program_unit = word.is_word("PERMIN") || word.is_word("PERREV");
       cycle.feed = Feed{value, has_program_unit ? unit() : is_inch ? units::inch : 1.0};
@@ -630,16 +634,16 @@ Machine::DrillCycle Machine::parse_drill_cycle(const Statement& statement) {
     }
   }
   if (!levels.bottom)
-    throw_input_error(statement.cause, "DEPTH or FEDTO and a distance behind CYCLE/DRILL", "none");
+    throw_input_error(statement.cause, "DEPTH or FEDTO and a distance after CYCLE/DRILL", "none");
   if (!levels.clearance)
-    throw_input_error(statement.cause, "CLEAR or RAPTO and a distance behind CYCLE/DRILL", "none");
+    throw_input_error(statement.cause, "CLEAR or RAPTO and a distance after CYCLE/DRILL", "none");
   cycle.depth = -*levels.bottom;
   cycle.clearance = *levels.clearance;
   cycle.return_level = levels.return_level.value_or(cycle.clearance);
   // The moves need the levels in this order.
   if (!(cycle.clearance > -cycle.depth) || cycle.return_level < cycle.clearance)
     throw_input_error(statement.cause,
-                      "the bottom below the clearance, and that not above the return",
+                      "the bottom below the clearance, and the clearance not above the return",
                       fmt::format("{:.6g}, {:.6g} and {:.6g} mm above the point", -cycle.depth,
                                   cycle.clearance, cycle.return_level));
   return cycle;
@@ -647,14 +651,14 @@ Machine::DrillCycle Machine::parse_drill_cycle(const Statement& statement) {
 
 void Machine::cycle(const Statement& statement) {
   circle_.reset();
-  if (statement.items.empty()) throw_input_error(statement.cause, "DRILL or OFF behind CYCLE/");
+  if (statement.items.empty()) throw_input_error(statement.cause, "DRILL or OFF after CYCLE/");
   if (statement.items.front().is_word("OFF")) {
     drill_cycle_.reset();
     return;
   }
   if (!statement.items.front().is_word("DRILL"))
     throw_input_error(statement.items.front(),
-                      "CYCLE/DRILL, or the moves themselves: other cycles are not expanded");
+                      "CYCLE/DRILL or explicit moves: other cycles are not expanded");
   drill_cycle_ = parse_drill_cycle(statement);
 }
 

@@ -16,7 +16,7 @@ namespace {
 // are valid.
 
 const char* expect_nonzero_divisor(double, double b) {
-  return zero_if_vacant(b) == 0 ? "a divisor that is not zero" : nullptr;
+  return zero_if_vacant(b) == 0 ? "a nonzero divisor" : nullptr;
 }
 
 // AND, OR, XOR and MOD work on whole numbers of 32 bits.
@@ -24,7 +24,7 @@ const char* expect_integers(double a, double b) {
   const auto is_integer = [](double x) { return x == std::floor(x) && std::abs(x) < 2147483648.0; };
   return is_integer(zero_if_vacant(a)) && is_integer(zero_if_vacant(b))
              ? nullptr
-             : "whole numbers of 32 bits on both sides";
+             : "32-bit integers on both sides";
 }
 
 const char* expect_modulus_operands(double a, double b) {
@@ -61,7 +61,7 @@ constexpr Operator operators[] = {
 };
 
 const char* expect_unit_range(double x) {
-  return x < -1 || x > 1 ? "a number within -1 and 1" : nullptr;
+  return x < -1 || x > 1 ? "a number from -1 to 1" : nullptr;
 }
 
 /// Arc sine in degrees, 270 to 360 for negative arguments and 0 to 90 otherwise, as with parameter
@@ -84,12 +84,12 @@ constexpr Function functions[] = {
      [](double x) { return zero_if_vacant(x) < 0 ? std::floor(x) : std::ceil(zero_if_vacant(x)); }},
     {"LN", [](double x) { return std::log(x); },
      [](double x) -> const char* {
-       return zero_if_vacant(x) <= 0 ? "a number above zero" : nullptr;
+       return zero_if_vacant(x) <= 0 ? "a number greater than zero" : nullptr;
      }},
     {"SIN", [](double x) { return std::sin(zero_if_vacant(x) * units::deg); }},
     {"SQRT", [](double x) { return std::sqrt(zero_if_vacant(x)); },
      [](double x) -> const char* {
-       return zero_if_vacant(x) < 0 ? "a number that is not below zero" : nullptr;
+       return zero_if_vacant(x) < 0 ? "a non-negative number" : nullptr;
      }},
     {"TAN", [](double x) { return std::tan(zero_if_vacant(x) * units::deg); }},
 };
@@ -126,11 +126,11 @@ void Block::clear() {
 
 int whole_number(const program::Canon& canon, const Word& word, int max) {
   const double rounded = std::round(word.value);
-  // A literal must be a whole number; a computed value carries rounding errors, so it is rounded.
+  // A literal must be an integer; a computed value carries rounding errors, so it is rounded.
   const bool is_literal = word.text.find_first_of("#[") == std::string_view::npos;
   if ((is_literal && word.has_point) || rounded < 0 || rounded > max)
     canon.throw_input_error(word,
-                            fmt::format("a whole number of 0 to {} without a decimal point", max));
+                            fmt::format("an integer from 0 to {} without a decimal point", max));
   return int(rounded);
 }
 
@@ -214,7 +214,7 @@ void BlockReader::store_code(const Word& word) {
       word.letter == 'M' ? properties.group != Group::Coolant : properties.group == Group::OneShot;
   if (previous_code && must_be_unique)
     run_.canon.throw_input_error(
-        word, "one such code in a block",
+        word, "only one such code per block",
         fmt::format("{} after {}", shown(word.text), shown(previous_code.word.text)));
   block_.codes.put(std::size_t(properties.group), {code, word});
 }
@@ -223,7 +223,7 @@ void BlockReader::store_word(const Word& word) {
   const Word& previous_word = block_[word.letter];
   if (previous_word)
     run_.canon.throw_input_error(
-        word, std::string("one ") + word.letter + " in a block",
+        word, std::string("only one ") + word.letter + " per block",
         fmt::format("{} after {}", shown(word.text), shown(previous_word.text)));
   block_.words.put(std::size_t(word.letter - 'A'), word);
 }
@@ -235,7 +235,7 @@ void BlockReader::read_word() {
   // ,C and ,R would insert a chamfer or a rounding before the next block.
   if (word.letter == ',')
     cursor_.throw_input_error(from,
-                              "lines and arcs as they are: ,C and ,R of corners are not expanded");
+                              "plain lines and arcs: corners with ,C and ,R are not expanded");
   if (!is_letter(word.letter))
     cursor_.throw_input_error(
         from, "a word (letter and number)",
@@ -260,7 +260,7 @@ void BlockReader::read_word() {
   const bool is_macro_call = macro_code == 650 || macro_code == 660;
   if (word.letter == 'G') return store_code(word);
   if (word.letter == 'N')
-    return run_.canon.throw_input_error(word, "a sequence number first in its block");
+    return run_.canon.throw_input_error(word, "a sequence number at the start of the block");
   // After G65 and G66 all letters except L and P are arguments of the macro.
   if (is_macro_call && std::string_view("LP").find(word.letter) == std::string_view::npos) {
     if (block_.arguments.size() == max_words)

@@ -65,7 +65,7 @@ struct Block {
   SparseSlots<Code, std::size_t(Group::Count)> codes;
   std::vector<Word> arguments;  ///< of G65 and G66, in program order
   Word skipped_code;            ///< an unknown code that was skipped
-  Word code_without_words;      ///< a code without effect beside which axis words are an error
+  Word code_without_words;      ///< a code without effect with which axis words are an error
   std::vector<std::string_view> comments;
   bool percent = false;
 
@@ -115,7 +115,7 @@ void collect_comments(Cursor& cursor, std::vector<std::string_view>& comments);
 /// Returns the block skip level at the cursor, 2 for /2 and 1 for /, and advances past it.
 int read_skip_level(Cursor& cursor);
 
-/// Returns the value of a word as a whole number from 0 to `max`, rounded if it comes from an
+/// Returns the value of a word as an integer from 0 to `max`, rounded if it comes from an
 /// expression. Throws BadInput.
 int whole_number(const program::Canon& canon, const Word& word, int max);
 

@@ -136,9 +136,9 @@ bool Flow::execute_block(Cursor cursor) {
   std::vector<std::string_view> leading_comments = std::move(block_.comments);
   read_block(cursor, run_, *this, block_);
   block_.comments.insert(block_.comments.begin(), leading_comments.begin(), leading_comments.end());
-  // The user may have expected text behind % to be read.
+  // The user may have expected text after % to be read.
   if (block_.percent && has_words(cursor.text))
-    run_.warn_once(fmt::format("{}:{}: {} on the line of % is not read", run_.canon.place().file,
+    run_.warn_once(fmt::format("{}:{}: {} on the line of % is ignored", run_.canon.place().file,
                                run_.canon.line(), quoted_excerpt(cursor.text)));
   if (block_.percent || block_.empty()) {
     for (const std::string_view text : block_.comments) run_.canon.comment(text);
@@ -177,7 +177,7 @@ void Flow::expect_end(Cursor& cursor) {
   if (cursor.current() == ';') ++cursor.at;
   collect_comments(cursor, comments);
   if (!cursor.at_end())
-    cursor.throw_input_error(cursor.at, "nothing more in a block of a macro statement");
+    cursor.throw_input_error(cursor.at, "nothing more in a block with a macro statement");
 }
 
 int Flow::parse_whole_number(Cursor& cursor, int max, std::string_view name) {
@@ -187,7 +187,7 @@ int Flow::parse_whole_number(Cursor& cursor, int max, std::string_view name) {
   // error.
   const double rounded = is_vacant(value) ? -1.0 : std::round(value);
   if (rounded < 0 || rounded > max)
-    cursor.throw_input_error(from, fmt::format("{} of 0 to {}", name, max));
+    cursor.throw_input_error(from, fmt::format("{} from 0 to {}", name, max));
   return int(rounded);
 }
 
@@ -196,13 +196,14 @@ int Flow::parse_variable_number(Cursor& cursor) {
   const std::size_t from = cursor.at++;
   if (cursor.current() == '_' || cursor.current() == '<' ||
       (cursor.current() == '[' && cursor.peek() == '#' && cursor.peek(2) == '_'))
-    cursor.throw_input_error(from, "a variable by its number: names of variables are not read");
+    cursor.throw_input_error(from, "a variable number: variable names are not supported");
   if (cursor.current() != '[' && !is_digit(cursor.current()))
-    cursor.throw_input_error(from, "a number, or [ ], after #");
+    cursor.throw_input_error(from, "a number or [ ] after #");
   const double number =
       cursor.current() == '[' ? parse_bracketed(cursor, grammar(), *this) : *cursor.number(false);
   const double rounded = is_vacant(number) ? 0.0 : std::round(number);
-  if (rounded < 0 || rounded > 99999) cursor.throw_input_error(from, "a variable of #0 to #99999");
+  if (rounded < 0 || rounded > 99999)
+    cursor.throw_input_error(from, "a variable from #0 to #99999");
   return int(rounded);
 }
 
@@ -214,11 +215,10 @@ double Flow::read_variable(int number, const Cursor& cursor, std::size_t from) {
     return variables_.number(number, Variables::Scope::Call).value_or(vacant);
   if (is_common(number)) return variables_.number(number).value_or(vacant);
   if (const auto system = machine_.variable(number)) return *system;
-  cursor.throw_input_error(
-      from,
-      "a variable of #1 to #33, #100 to #199, #500 to #999, or of the system that "
-      "the table of words names",
-      fmt::format("#{}", number));
+  cursor.throw_input_error(from,
+                           "a variable from #1 to #33, #100 to #199, #500 to #999, or a system "
+                           "variable listed in the table of words",
+                           fmt::format("#{}", number));
 }
 
 double Flow::parse_variable(Cursor& cursor) {
@@ -248,7 +248,7 @@ void Flow::raise_alarm(const Cursor& cursor, double number) {
   const std::string text = open != std::string_view::npos && close > open
                                ? " " + shown(cursor.text.substr(open + 1, close - open - 1))
                                : "";
-  cursor.throw_input_error(0, "no alarm of the program",
+  cursor.throw_input_error(0, "no alarm from the program",
                            fmt::format("#3000 = {:g}{}", number, text));
 }
 
@@ -258,7 +258,7 @@ void Flow::execute_assignment(Cursor& cursor) {
   // A variable whose assignment has an error is uncertain: its uses are not reported again.
   run_.define(fmt::format("#{}", number), [&] {
     if (!cursor.accept("="))
-      cursor.throw_input_error(cursor.at, "= after a variable that begins a block");
+      cursor.throw_input_error(cursor.at, "= after a variable at the start of a block");
     const double result = parse_expression(cursor, grammar(), *this);
     set_variable(number, result, cursor, from);
     expect_end(cursor);
@@ -287,7 +287,7 @@ std::optional<double> Flow::parse_operand(Cursor& cursor) {
     if (!cursor.accept(",")) cursor.throw_input_error(cursor.at, ", between base and exponent");
     const double power = std::pow(base, zero_if_vacant(parse_expression(cursor, grammar(), *this)));
     if (!cursor.accept("]")) cursor.throw_input_error(cursor.at, "] after POW");
-    if (!std::isfinite(power)) cursor.throw_input_error(from, "a result that is a finite number");
+    if (!std::isfinite(power)) cursor.throw_input_error(from, "a finite result");
     return power;
   }
   for (const std::string_view word : {"BIN", "BCD", "ADP"})
@@ -307,10 +307,10 @@ constexpr int max_loops = 3;  // DO 1 to DO 3
 /// Beginning of a line: block skip and sequence number.
 struct LineHead {
   int sequence = -1;
-  std::size_t at = 0;  ///< position of the first byte behind it
+  std::size_t at = 0;  ///< position of the first byte after it
 };
 
-// Returns the position behind blanks and comments from `at` on.
+// Returns the position after blanks and comments from `at` on.
 std::size_t skip_blanks_and_comments(std::string_view text, std::size_t at) {
   while (at < text.size() && (is_blank(text[at]) || text[at] == '(')) {
     if (text[at] == '(') at = std::min(text.find(')', at), text.size() - 1);
@@ -371,7 +371,7 @@ int loop_number(std::string_view text) {
 
 }  // namespace
 
-/// Splits a file into programs. The file ends at the first % behind words; several % before the
+/// Splits a file into programs. The file ends at the first % after words; several % before the
 /// first word count as one beginning.
 void Flow::add_programs(std::size_t source) {
   Source& file = *sources_[source];
@@ -413,7 +413,7 @@ void Flow::execute_if(Cursor& cursor) {
   if (!cursor.accept("THEN")) cursor.throw_input_error(cursor.at, "GOTO or THEN after a condition");
   cursor.skip_blanks();
   if (cursor.current() != '#')
-    cursor.throw_input_error(cursor.at, "a variable that is set after THEN");
+    cursor.throw_input_error(cursor.at, "an assignment to a variable after THEN");
   ++line_index_;
   if (is_true) execute_assignment(cursor);
 }
@@ -444,16 +444,14 @@ void Flow::begin_loop(Cursor& cursor, std::size_t from, bool conditional) {
   if (conditional) {
     const double result = parse_bracketed(cursor, grammar(), *this);
     is_repeated = !is_vacant(result) && result != 0.0;
-    if (!cursor.accept("DO"))
-      cursor.throw_input_error(cursor.at, "DO after the condition of a loop");
+    if (!cursor.accept("DO")) cursor.throw_input_error(cursor.at, "DO after the loop condition");
   }
   const int number = parse_whole_number(cursor, max_loops, "a loop");
   if (number < 1) cursor.throw_input_error(from, "DO1, DO2 or DO3");
   expect_end(cursor);
   const auto end = loop_lines().find(line_index_);
   if (end == loop_lines().end())
-    run_.canon.throw_input_error(cursor.cause(from), fmt::format("END{} behind it", number),
-                                 "none");
+    run_.canon.throw_input_error(cursor.cause(from), fmt::format("END{} after it", number), "none");
   line_index_ = is_repeated ? line_index_ + 1 : end->second + 1;
 }
 
@@ -524,7 +522,7 @@ Program* Flow::find_program(int number, const Cause& cause) {
   if (program == nullptr)
     run_.refuse_once(
         fmt::format("O{}", number), cause,
-        fmt::format("a program O{:04} in the file, or O{:04}.nc beside it", number, number),
+        fmt::format("a program O{:04} in the file, or O{:04}.nc next to it", number, number),
         "none");
   programs_by_number_.emplace(number, program);
   return program;
@@ -552,7 +550,7 @@ void Flow::call_subprogram() {
         p ? std::optional(whole_number(run_.canon, p, 99'999'999)) : std::nullopt;
     return leave_program(to, code.word);
   }
-  if (!p) run_.canon.throw_input_error(code.word, "P (program) beside M98", "none");
+  if (!p) run_.canon.throw_input_error(code.word, "P (program) with M98", "none");
   int number = whole_number(run_.canon, p, 99'999'999);
   int repeats = l ? whole_number(run_.canon, l, max_repeats) : 1;
   // Without L the digits before the last four are the number of repeats.
@@ -574,8 +572,7 @@ std::vector<std::pair<int, double>> Flow::macro_arguments(const Block& block) {
   int set_index = 0, last_index = -1;
   for (const Word& word : block.arguments) {
     int variable = local_variable_of_letter[word.letter - 'A'];
-    if (variable == 0)
-      run_.canon.throw_input_error(word, "an argument of A to F, H to K, M, Q to Z");
+    if (variable == 0) run_.canon.throw_input_error(word, "an argument A to F, H to K, M, Q to Z");
     if (word.letter >= 'I' && word.letter <= 'K') {
       const int index = word.letter - 'I';
       // A letter that does not follow in the order I J K begins the next set.
@@ -588,7 +585,7 @@ std::vector<std::pair<int, double>> Flow::macro_arguments(const Block& block) {
     const bool is_plain_number =
         std::string_view("DHMST").find(word.letter) != std::string_view::npos;
     if ((word.letter == 'E' || word.letter == 'F') && !word.has_point && word.value != 0.0)
-      run_.canon.throw_input_error(word, "a decimal point in an argument E or F");
+      run_.canon.throw_input_error(word, "a decimal point in argument E or F");
     values.emplace_back(variable, is_plain_number ? word.value : machine_.argument(word));
   }
   return values;
@@ -599,11 +596,11 @@ void Flow::call_macro() {
   const Code& code = block_[Group::Macro];
   const Word &p = block_['P'], &l = block_['L'];
   if (!p)
-    run_.canon.throw_input_error(code.word, "P (program) beside " + shown(code.word.text), "none");
+    run_.canon.throw_input_error(code.word, "P (program) with " + shown(code.word.text), "none");
   // It would be open if other codes of the block are executed before or after the call.
   for (const Code& other : block_.codes)
     if (other && &other != &code)
-      run_.canon.throw_input_error(other.word, "a block of its own for " + shown(code.word.text));
+      run_.canon.throw_input_error(other.word, "a separate block for " + shown(code.word.text));
   const int number = whole_number(run_.canon, p, 99'999'999);
   const int repeats = l ? whole_number(run_.canon, l, max_repeats) : 1;
   Program* program = find_program(number, p);
@@ -631,12 +628,12 @@ void Flow::keep_modal_arguments() {
       modal_call_->arguments.emplace_back(number, *value);
 }
 
-/// Executes M99. The caller continues at the sequence number `to`, or else behind its call.
+/// Executes M99. The caller continues at the sequence number `to`, or else after its call.
 void Flow::leave_program(std::optional<int> to, const Cause& cause) {
   if (calls_.size() == 1) {
     if (to) return jump(*to, cause);
     // A control would repeat the main program forever.
-    run_.warn_once("M99 ends the main program, which a control would begin once more");
+    run_.warn_once("M99 ends the main program; a control would restart it");
     has_ended_ = true;
     return;
   }
@@ -663,7 +660,7 @@ void Flow::leave_program(std::optional<int> to, const Cause& cause) {
   if (to) jump(*to, cause);
 }
 
-/// Warns of programs that nothing calls, and of text behind the end of the main program. In a
+/// Warns of programs that nothing calls, and of text after the end of the main program. In a
 /// program with jumps, blocks from a sequence number on are not reported: a jump whose condition
 /// did not hold may lead to them.
 void Flow::warn_of_unread_lines() {

@@ -97,7 +97,7 @@ double Machine::apply_increment(const Word& word, double increment) {
   if (!has_warned_of_point_) {
     has_warned_of_point_ = true;
     run_.warn_once(fmt::format(
-        "{}:{}: {} has no decimal point and is {:g}: such numbers count in the least input "
+        "{}:{}: {} has no decimal point and is {:g}: such numbers are in units of the least input "
         "increment, 0.001 mm, 0.001 degrees or 0.0001 inch (parameter 3401.0 DPI = 0, IS-B)",
         canon_.place().file, canon_.line(), shown(word.text), value));
   }
@@ -175,24 +175,23 @@ void Machine::check_words(const Block& block) const {
   for (const char letter : {'I', 'J', 'K', 'L', 'P', 'Q', 'R'}) {
     const Word& word = block[letter];
     if (!word || letters.find(letter) != std::string::npos) continue;
-    // A letter beside a skipped code may belong to that code.
+    // A letter with a skipped code may belong to that code.
     if (block.skipped_code)
       run_.handle_unknown_word(word, "a word of Fanuc's milling controls");
     else
-      throw_input_error(word, fmt::format("a code that takes {}", letter));
+      throw_input_error(word, fmt::format("a code that uses {}", letter));
   }
   const Word* axis = first_axis_word(block);
   if (axis && block.skipped_code.letter == 'G')
-    throw_input_error(
-        *axis, "no axis words beside a code that is skipped: what it makes of them is not known",
-        fmt::format("{} beside {}", shown(axis->text), shown(block.skipped_code.text)));
+    throw_input_error(*axis, "no axis words with a code that is skipped: their effect is unknown",
+                      fmt::format("{} with {}", shown(axis->text), shown(block.skipped_code.text)));
   if (axis && block.code_without_words)
-    throw_input_error(*axis, fmt::format("no axis words beside {}, which takes none",
+    throw_input_error(*axis, fmt::format("no axis words with {}, which takes none",
                                          shown(block.code_without_words.text)));
   check_axis_word_owners(block);
 }
 
-/// Checks that the axis words of a block belong to at most one code. A motion code beside a code of
+/// Checks that the axis words of a block belong to at most one code. A motion code with a code of
 /// group 00 is in force from the next block on (B-63944EN, "G codes of different groups").
 void Machine::check_axis_word_owners(const Block& block) const {
   const Code* owner = nullptr;
@@ -200,11 +199,11 @@ void Machine::check_axis_word_owners(const Block& block) const {
     const Code& code = block[group];
     if (!code) continue;
     if (owner != nullptr)
-      throw_input_error(code.word, "a block of its own beside " + shown(owner->word.text));
+      throw_input_error(code.word, "a block without " + shown(owner->word.text));
     owner = &code;
   }
   if (const Code& cycle = block[Group::Cycle]; cycle && cycle.tenths != 800 && owner != nullptr)
-    throw_input_error(cycle.word, "no cycle beside " + shown(owner->word.text));
+    throw_input_error(cycle.word, "no cycle with " + shown(owner->word.text));
 }
 
 void Machine::set_feed(const Block& block) {
@@ -221,29 +220,30 @@ void Machine::set_feed(const Block& block) {
   if (canon_.feed_mode() == FeedMode::InverseTime) canon_.set_feed({});
   const Word& f = block['F'];
   if (!f) return;
-  if (!(f.value >= min_feed)) throw_input_error(f, "a feed above zero");
+  if (!(f.value >= min_feed)) throw_input_error(f, "a feed greater than zero");
   // Parameters of the control decide about F without a point in inches or per turn, but not in
   // mm/min.
   if (!f.has_point && (canon_.inch() || canon_.feed_mode() != FeedMode::PerMinute))
     throw_input_error(
-        f, is_turning_
-               ? "a decimal point in F under G20 and G99: where it is without one is a parameter"
-               : "a decimal point in F under G20, G93 and G95: where it is without one is a "
-                 "parameter");
+        f,
+        is_turning_
+            ? "a decimal point in F under G20 and G99: without one its value depends on a parameter"
+            : "a decimal point in F under G20, G93 and G95: without one its value depends on a "
+              "parameter");
   canon_.set_feed(Feed{f.value, unit()});
 }
 
 void Machine::set_spindle(const Block& block) {
   const Word& s = block['S'];
   const int one_shot = block.tenths(Group::OneShot);
-  // S beside G92 or G50 limits the spindle speed instead of setting it.
+  // S with G92 or G50 limits the spindle speed instead of setting it.
   const bool sets_limit = one_shot == 920 || (is_turning_ && one_shot == 500);
   if (const Code& code = block[Group::SpeedMode]) {
     const bool is_surface_speed = code.tenths == 960;
     if (is_surface_speed && joint(0) < 0)
-      throw_input_error(code.word, "a machine with an X axis beside G96");
+      throw_input_error(code.word, "a machine with an X axis for G96");
     if (is_surface_speed && !surface_speed_m_per_min_ && (!s || sets_limit))
-      throw_input_error(code.word, "S (surface speed) beside G96", "none");
+      throw_input_error(code.word, "S (surface speed) with G96", "none");
     has_surface_speed_ = is_surface_speed;
   }
   if (s) {
@@ -311,7 +311,7 @@ void Machine::note_start_modes(const Block& block) {
   if (motion > 0)
     run_.assume_mode(StartMode::Feed,
                      canon_.feed_mode() == FeedMode::PerRevolution
-                         ? (is_turning_ ? "F per turn (G99)" : "F per turn (G95)")
+                         ? (is_turning_ ? "F per revolution (G99)" : "F per revolution (G95)")
                          : (is_turning_ ? "F per minute (G98)" : "F per minute (G94)"));
   run_.assume_offset(system_, "work offset G54");
 }
@@ -332,7 +332,7 @@ void Machine::set_modes(const Block& block) {
   if (is_turning_) {
     if (const Code& code = block[Group::CutterRadius]) set_nose_compensation(code);
     if (block['D'])
-      throw_input_error(block['D'], "T with four digits, tool and offset: no D on a lathe");
+      throw_input_error(block['D'], "T with four digits, tool and offset: a lathe has no D");
   } else if (block[Group::CutterRadius] || block['D']) {
     set_compensation(block);
   }
@@ -349,14 +349,14 @@ void Machine::dwell(const Block& block) {
   const Word* time_word = nullptr;
   for (const char letter : {'X', 'U', 'P'})
     if (const Word& word = block[letter]) {
-      if (time_word) throw_input_error(word, "one of X, U and P beside G4");
+      if (time_word) throw_input_error(word, "only one of X, U and P with G4");
       time_word = &word;
     }
   if (!time_word)
-    throw_input_error(code.word, "X or U (seconds) or P (milliseconds) beside G4", "none");
+    throw_input_error(code.word, "X or U (seconds) or P (milliseconds) with G4", "none");
   for (const char letter : axis_letters)
     if (const Word& word = block[letter]; word && &word != time_word)
-      throw_input_error(word, "X or U (seconds) or P (milliseconds) as the only word beside G4");
+      throw_input_error(word, "X or U (seconds) or P (milliseconds) as the only word with G4");
   // A computed value has no written decimal point.
   const bool is_computed = time_word->text.find_first_of("#[") != std::string_view::npos;
   if (time_word->letter == 'P' && time_word->has_point && !is_computed)
@@ -364,8 +364,7 @@ void Machine::dwell(const Block& block) {
   // Without a point X and U of G4 count increments of 0.001 s.
   const double seconds = time_word->letter == 'P' || !time_word->has_point ? time_word->value * 1e-3
                                                                            : time_word->value;
-  if (!(seconds >= 0 && seconds <= 1e6))
-    throw_input_error(*time_word, "0 to 1e6 seconds beside G4");
+  if (!(seconds >= 0 && seconds <= 1e6)) throw_input_error(*time_word, "0 to 1e6 seconds with G4");
   // The dwell must follow a move that compensation still postpones.
   compensation_.run_after_move(
       [this, seconds, cause = Cause{time_word->column, {}}] { canon_.dwell(seconds, cause); });
@@ -411,14 +410,14 @@ void Machine::set_motion(const Block& block) {
 }
 
 /// Checks a block with G5 or a similar code, which changes the meaning of the other words: no other
-/// code and no D F H S T may stand in it.
+/// code and no D F H S T may be in it.
 void Machine::check_whole_block_code(const Block& block) const {
   const std::string code_text = shown(block[Group::WholeBlock].word.text);
   for (const Code& code : block.codes)
     if (code && &code != &block[Group::WholeBlock])
-      throw_input_error(code.word, "a block of its own for " + code_text);
+      throw_input_error(code.word, "a separate block for " + code_text);
   for (const char letter : {'D', 'F', 'H', 'S', 'T'})
-    if (block[letter]) throw_input_error(block[letter], "a block of its own for " + code_text);
+    if (block[letter]) throw_input_error(block[letter], "a separate block for " + code_text);
 }
 
 bool Machine::execute(const Block& block) {
@@ -512,16 +511,16 @@ std::optional<TurningSign> find_turning_sign(std::string_view text, const progra
       return TurningSign{std::string(what), lines.number(), column};
     };
     if (const int at = words.find_g_code(50, 50); at > 0 && words.has('S'))
-      return sign("G50 with S, the largest spindle speed of a turning control", at);
+      return sign("G50 with S, the maximum spindle speed of a turning control", at);
     if (const int at = words.find_g_code(28, 30);
         at > 0 && !has_u_or_w && (words.has('U') || words.has('W')))
       return sign("G28 with U or W, increments of a turning control", at);
     if (const int at = words.find_g_code(70, 73); at > 0 && !has_u_or_w && words.has('P') &&
                                                   words.has('Q') && !words.has('R') &&
                                                   !words.has('Z'))
-      return sign("a cycle of a turning control with P and Q", at);
+      return sign("a turning cycle with P and Q", at);
     if (!tool && words.has('T') && words['T'] >= 101 && words['T'] <= 9999)
-      tool = sign("T with tool and offset beside G96, as turning controls have it",
+      tool = sign("T with tool and offset with G96, as used on turning controls",
                   words.column['T' - 'A']);
     has_g96 = has_g96 || words.find_g_code(96, 96) > 0;
     has_m6 = has_m6 || words.has_m6;
@@ -543,8 +542,8 @@ int Machine::joint_of_word(char letter) const {
 void Machine::note_turning_control() {
   if (run_.options().turning.control == ControlKind::FromMachine)
     canon_.assume(
-        {"as a spindle turns the workpiece, the control is one of a turning machine "
-         "(Fanuc G-code system A): U V W H are increments, G98 and G99 feeds",
+        {"since a spindle turns the workpiece, the control is taken as a turning control (Fanuc "
+         "G-code system A): U V W H are increments, G98 and G99 set the feed mode",
          "program.control", "--control"});
   if (run_.options().turning.x_words == XWordMeaning::FromControl)
     canon_.assume({has_diameters_ ? "X and U words are diameters" : "X and U words are radii",
@@ -564,15 +563,14 @@ int Machine::tool_in_use() const {
   return tool_ != 0 ? tool_ : program::only_tool(canon_.options()).value_or(0);
 }
 
-/// C, R, I and K behind a line insert a chamfer or a rounding at its end.
+/// C, R, I and K after a line insert a chamfer or a rounding at its end.
 void Machine::check_corner_words(const Block& block) const {
   const int code = block[Group::Motion] ? block.tenths(Group::Motion) : motion_;
   if (code != 10 || block[Group::OneShot] || block[Group::Macro] || block[Group::SpeedMode]) return;
   for (const char letter : {'C', 'R', 'I', 'K'}) {
     const Word& word = block[letter];
     if (word && !(letter == 'C' && joint_of_word('C') >= 0))
-      throw_input_error(word,
-                        "lines and arcs as they are: C, R, I and K of corners are not expanded");
+      throw_input_error(word, "plain lines and arcs: corners with C, R, I and K are not expanded");
   }
 }
 
@@ -634,17 +632,17 @@ void Machine::apply_tool_offset(const Cause& cause) {
 void Machine::store_wear(const Block& block) {
   const Code& code = block[Group::OneShot];
   const Word& p = block['P'];
-  if (block['L']) throw_input_error(block['L'], "L2 L20, or no L, beside G10");
-  if (!p) throw_input_error(code.word, "P (number of the offset) beside G10", "none");
+  if (block['L']) throw_input_error(block['L'], "L2 L20, or no L, with G10");
+  if (!p) throw_input_error(code.word, "P (offset number) with G10", "none");
   const int number = whole_number(canon_, p, 2 * first_geometry_offset);
   if (number < 1 || number > max_offset_number)
     throw_input_error(p, "wear, P1 to P99: the geometry of tools is that of the scene");
   if (block['Q'])
-    throw_input_error(block['Q'], "no Q: program.tip says which point of the tool X Z lead");
+    throw_input_error(block['Q'], "no Q: program.tip states which point of the tool X Z guide");
   ToolOffset::Wear& wear = tool_offset_.wear[number];
   for (const auto& [j, word, is_incremental] : axis_words(block)) {
     if (j != joint(0) && j != joint(2))
-      throw_input_error(*word, "X Z U W or R beside G10 of a tool");
+      throw_input_error(*word, "X Z U W or R with G10 for a tool");
     double& value = j == joint(0) ? wear.x : wear.z;
     value = axis_word(j, *word) + (is_incremental ? value : 0.0);
   }
@@ -680,8 +678,8 @@ void Machine::set_nose_compensation(const Code& code) {
   const auto wear = tool_offset_.wear.find(tool_offset_.number);
   const double radius_wear = wear == tool_offset_.wear.end() ? 0.0 : wear->second.radius;
   run_.warn_once(
-      "nose compensation arrives upright beside the start of the contour and goes around outside "
-      "corners in arcs; a control goes around some of them in lines");
+      "nose compensation approaches the start of the contour at a right angle and goes around "
+      "outside corners in arcs; a control goes around some of them in lines");
   compensation_.begin(code.tenths == 410, *radius + radius_wear, {first, second});
   apply_tool_offset(code.word);
   compensation_.shift_programmed(-programmed_nose_offset());
@@ -694,18 +692,18 @@ void Machine::turning_cycle(const Block& block) {
   if (compensation_.is_on()) throw_input_error(cause, "G40 before G90 and G94");
   note_uncalled_tool(cause);
   const int x = joint(0), z = joint(2);
-  if (x < 0 || z < 0) throw_input_error(cause, "a machine with X and Z beside G90 and G94");
+  if (x < 0 || z < 0) throw_input_error(cause, "a machine with X and Z for G90 and G94");
   const AxisVector start = canon_.programmed();
   TurningCycle& cycle = turning_cycle_;
   for (const auto& [j, word, is_incremental] : axis_words(block)) {
-    if (j != x && j != z) throw_input_error(*word, "X Z U W beside G90 and G94");
+    if (j != x && j != z) throw_input_error(*word, "X Z U W with G90 and G94");
     const double to = axis_word(j, *word) + (is_incremental ? start[j] : 0.0);
     (j == x ? cycle.x : cycle.z) = to;
     (j == x ? cycle.has_x : cycle.has_z) = true;
   }
   if (const Word& r = block['R']) cycle.taper = length(r);
   if (!cycle.has_x || !cycle.has_z)
-    throw_input_error(cause, "X and Z in the first block of G90 and G94", "one of them");
+    throw_input_error(cause, "X and Z in the first block of G90 and G94", "only one of them");
   has_moved_ = true;
   const auto move_to = [&](double to_x, double to_z, bool rapid) {
     AxisVector end = start;

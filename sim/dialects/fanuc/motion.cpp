@@ -53,9 +53,9 @@ Target Machine::block_target(const Block& block, bool machine) {
   for (const auto& [j, word, is_incremental] : axis_words(block)) {
     // Words of the plane are polar and handled together in `polar_words`.
     if (polar_.is_on && !machine && plane.find(word->letter) != std::string_view::npos) continue;
-    if (is_incremental && machine) throw_input_error(*word, "X Y Z C beside G53");
+    if (is_incremental && machine) throw_input_error(*word, "X Y Z C with G53");
     if (target.has(j))
-      throw_input_error(*word, "an axis by its position or by its increment, not both");
+      throw_input_error(*word, "an axis as a position or as an increment, not both");
     const double value = axis_word(j, *word);
     if (is_incremental || (is_incremental_ && !machine))
       target.by(j, value, *word);
@@ -96,7 +96,7 @@ void Machine::arc(const Block& block, AxisVector end, std::uint32_t stated) {
                }});
   if (is_compensated && !compensation_.has_entered())
     // Entry of type A needs the direction of a line.
-    throw_input_error(cause, "a line as the first move after G41 and G42");
+    throw_input_error(cause, "a straight line as the first move after G41 and G42");
   if (is_compensated) return compensation_.arc(std::move(arc));
   canon_.arc(std::move(arc));
 }
@@ -125,7 +125,7 @@ void Machine::move(const Block& block) {
   const bool is_compensated = compensation_.is_on() || compensation_.is_leaving();
   AxisVector end = is_compensated ? compensation_.end_of(target) : canon_.end_of(target);
   if (compensation_.is_leaving() && is_arc)
-    throw_input_error(cause, "a line as the first move after G40");
+    throw_input_error(cause, "a straight line as the first move after G40");
   compensation_.clear_leaving();
   if (length_mode_ == 435) end = point_tool_along_direction(block, std::move(end));
   if (is_arc)
@@ -137,9 +137,9 @@ void Machine::move(const Block& block) {
 /// Executes G53: a rapid to machine coordinates.
 void Machine::move_in_machine_coordinates(const Block& block) {
   const Code& code = block[Group::OneShot];
-  if (is_incremental_) throw_input_error(code.word, "G90 beside G53");
+  if (is_incremental_) throw_input_error(code.word, "G90 with G53");
   const Target target = block_target(block, true);
-  if (target.empty()) throw_input_error(code.word, "an axis word beside G53", "none");
+  if (target.empty()) throw_input_error(code.word, "an axis word with G53", "none");
   has_moved_ = true;
   compensation_.clear_leaving();
   canon_.go_to(Coordinates::Axis, code.word);
@@ -157,10 +157,10 @@ void Machine::move_in_machine_coordinates(const Block& block) {
 void Machine::move_to_reference(const Block& block) {
   const Code& code = block[Group::OneShot];
   if (const Word& p = block['P']; p && whole_number(canon_, p, 4) < 2)
-    throw_input_error(p, "P2 P3 or P4 beside G30");
+    throw_input_error(p, "P2 P3 or P4 with G30");
   const Target words = block_target(block, false);
   if (words.empty())
-    throw_input_error(code.word, "an axis word beside " + shown(code.word.text), "none");
+    throw_input_error(code.word, "an axis word with " + shown(code.word.text), "none");
   has_moved_ = true;
   compensation_.clear_leaving();
   canon_.straight({.end = canon_.end_of(words), .cause = code.word, .stated = words.stated()},
@@ -174,7 +174,8 @@ void Machine::move_to_reference(const Block& block) {
   // Reported because the scene does not state the reference position.
   if (canon_.options().reference.size() == 0)
     canon_.assume(
-        {"the reference position (G28, G30) is where the axes stand at first:" + positions,
+        {"the reference position (G28, G30) is taken to be the start position of the axes:" +
+             positions,
          "machine.reference"});
   canon_.go_to(Coordinates::Axis, code.word);
   AxisVector end = canon_.position();
@@ -211,7 +212,8 @@ void Machine::set_tilted_plane(const Block& block) {
   if (polar_.is_on) throw_input_error(code.word, "G15 before G68.2");
   // P1 to P4 of G68.2 state the plane by other angles, points or vectors.
   if (const Word& p = block['P']; p && p.value != 0.0)
-    throw_input_error(p, "Euler angles I J K beside G68.2: no other way to say a plane");
+    throw_input_error(p,
+                      "Euler angles I J K with G68.2: no other definition of a plane is supported");
   const auto rotation = [&](char letter, const Eigen::Vector3d& axis) {
     const double degrees = block[letter] ? angle_in_degrees(block[letter]) : 0.0;
     return Eigen::AngleAxisd(degrees * units::deg, axis);
@@ -222,7 +224,7 @@ void Machine::set_tilted_plane(const Block& block) {
   }
   for (int k = 3; k < 9; ++k)
     if (const Word& word = block[axis_letters[std::size_t(k)]])
-      throw_input_error(word, "X Y Z I J K beside G68.2");
+      throw_input_error(word, "X Y Z I J K with G68.2");
   rotation_ = (rotation('I', Eigen::Vector3d::UnitZ()) * rotation('J', Eigen::Vector3d::UnitX()) *
                rotation('K', Eigen::Vector3d::UnitZ()))
                   .toRotationMatrix();
@@ -253,12 +255,12 @@ AxisVector Machine::rotary_positions(const Eigen::Vector3d& direction_w, const C
   try {
     solution = kinematics::inverse(*free_slides_, {Eigen::Vector3d::Zero(), direction_w}, current);
   } catch (const std::invalid_argument&) {
-    throw_input_error(cause,
-                      "a machine of three slides and at most two rotary axes beside a direction");
+    throw_input_error(
+        cause, "a machine with three linear axes and at most two rotary axes for a direction");
   }
   if (solution.branches.empty())
     throw_input_error(
-        cause, "a direction that the rotary axes reach",
+        cause, "a direction that the rotary axes can reach",
         fmt::format("{:.6f} {:.6f} {:.6f}{}", direction_w.x(), direction_w.y(), direction_w.z(),
                     solution.reach == kinematics::Reachability::OutOfLimits
                         ? ", beyond their limits"
@@ -274,7 +276,7 @@ void Machine::align_tool_with_plane(const Block& block) {
   const Code& code = block[Group::OneShot];
   if (!is_tilted_) throw_input_error(code.word, "G68.2 before " + shown(code.word.text));
   if (const Word* axis = first_axis_word(block))
-    throw_input_error(*axis, "a block without axis words beside " + shown(code.word.text));
+    throw_input_error(*axis, "a block without axis words with " + shown(code.word.text));
   const AxisVector aligned = rotary_positions(rotation_->col(2), code.word);
   const bool keeps_tip = code.tenths == 536;
   // In axis coordinates the slides stay; in tip coordinates they follow the rotation.
@@ -289,7 +291,7 @@ void Machine::align_tool_with_plane(const Block& block) {
 AxisVector Machine::point_tool_along_direction(const Block& block, AxisVector end) {
   for (const auto& [j, word, is_incremental] : axis_words(block))
     if (canon_.options().axes[std::size_t(j)].motion == Motion::Rotary)
-      throw_input_error(*word, "I J K for the direction of the tool under G43.5");
+      throw_input_error(*word, "I J K for the tool direction under G43.5");
   Eigen::Vector3d direction = Eigen::Vector3d::Zero();
   const Word* first = nullptr;
   for (int k = 0; k < 3; ++k)
@@ -298,7 +300,7 @@ AxisVector Machine::point_tool_along_direction(const Block& block, AxisVector en
       if (first == nullptr) first = &word;
     }
   if (first == nullptr) return end;
-  if (!(direction.norm() > 1e-9)) throw_input_error(*first, "a direction I J K that is not zero");
+  if (!(direction.norm() > 1e-9)) throw_input_error(*first, "a nonzero direction I J K");
   // The direction is programmed in the tilted system.
   if (rotation_) direction = *rotation_ * direction;
   const AxisVector aligned = rotary_positions(direction.normalized(), *first);
@@ -317,8 +319,8 @@ void Machine::check_tilted_move(const Target& target, const Cause& cause) const 
   const double inclination = std::atan2(tool.cross(plane_normal).norm(), tool.dot(plane_normal));
   if (inclination > max_inclination)
     throw_input_error(cause,
-                      "G53.1 or rotary words that turn the tool into Z of the plane before X Y Z",
-                      fmt::format("a tool that leans by {:.3f} degrees", inclination / units::deg));
+                      "G53.1 or rotary words that align the tool with Z of the plane before X Y Z",
+                      fmt::format("a tool inclined by {:.3f} degrees", inclination / units::deg));
   if (target.has(z) && (length_mode_ == 490 || h_ == 0))
     throw_input_error(target.cause(z), "G43 H before a Z word in a tilted plane");
 }
@@ -359,17 +361,17 @@ void Machine::read_cycle_words(const Block& block) {
   if (bottom) cycle_.bottom = length(bottom) + (is_incremental_ ? cycle_.r : 0.0);
   if (q && !is_peck(cycle_code_) && !shifts_tool(cycle_code_))
     throw_input_error(
-        q, is_tap(cycle_code_) ? "no Q: tapping with pecks is not read" : "no Q in this cycle");
+        q, is_tap(cycle_code_) ? "no Q: peck tapping is not supported" : "no Q in this cycle");
   // The control ignores the sign of Q.
   if (q) cycle_.q = std::abs(length(q));
   if ((is_peck(cycle_code_) || shifts_tool(cycle_code_)) && !(cycle_.q > 0))
-    throw_input_error(q ? Cause(q) : cycle_.cause, "Q above zero");
+    throw_input_error(q ? Cause(q) : cycle_.cause, "Q greater than zero");
   if (p && !dwells(cycle_code_)) throw_input_error(p, "no P in this cycle");
   // P is in milliseconds.
   if (p) cycle_.dwell_s = whole_number(canon_, p, 99'999'999) * 1e-3;
   warn_low_start();
   const bool from_behind = cycle_code_ == 870;
-  if (from_behind && returns_to_r_) throw_input_error(cycle_.cause, "G98 beside G87");
+  if (from_behind && returns_to_r_) throw_input_error(cycle_.cause, "G98 with G87");
   if (from_behind ? cycle_.bottom < cycle_.r : cycle_.r < cycle_.bottom)
     throw_input_error(
         r ? Cause(r) : cycle_.cause,
@@ -383,7 +385,7 @@ void Machine::read_cycle_words(const Block& block) {
     throw_input_error(cycle_.cause, fmt::format("M{} or M29 before G{}",
                                                 expected_direction > 0 ? 3 : 4, cycle_code_ / 10));
   if ((cycle_code_ == 860 || shifts_tool(cycle_code_)) && direction == 0)
-    throw_input_error(cycle_.cause, "a spindle that turns before the cycle");
+    throw_input_error(cycle_.cause, "a running spindle before the cycle");
   cycle_.has_begun = true;
 }
 
@@ -393,23 +395,22 @@ void Machine::read_cycle_words(const Block& block) {
 void Machine::warn_low_start() {
   if (returns_to_r_ || cycle_code_ == 870 || !(cycle_.initial < cycle_.r)) return;
   run_.warn_once(
-      "a cycle begins below its R: under G98 the tool goes back down to where it began at rapid, "
-      "and "
-      "to the next hole at that level");
+      "a cycle starts below its R: under G98 the tool returns down to its initial level at rapid "
+      "and goes to the next hole at that level");
 }
 
 void Machine::execute_cycle(const Block& block) {
   cycle_.cause = motion_cause(block);
   if (compensation_.is_on()) throw_input_error(cycle_.cause, "G40 before a canned cycle");
   if (canon_.feed_mode() == FeedMode::InverseTime)
-    throw_input_error(cycle_.cause, "G94 or G95 beside a cycle");
+    throw_input_error(cycle_.cause, "G94 or G95 with a cycle");
   if (plane_ != 170)
     throw_input_error(cycle_.cause,
-                      "G17 beside a cycle: the axis that drills is a parameter elsewhere");
+                      "G17 with a cycle: in other planes the drilling axis depends on a parameter");
   if (has_tip_length_mode())
-    throw_input_error(cycle_.cause, "G43 beside a cycle, in a tilted plane where it is needed");
+    throw_input_error(cycle_.cause, "G43 with a cycle, in a tilted plane if one is needed");
   for (int k = 0; k < 3; ++k)
-    if (joint(k) < 0) throw_input_error(cycle_.cause, "a machine with X Y Z beside a canned cycle");
+    if (joint(k) < 0) throw_input_error(cycle_.cause, "a machine with X Y Z for a canned cycle");
   // A cycle whose definition has an error is not reported again for each hole.
   if (!cycle_.has_begun && !block[Group::Cycle]) run_.require_certain("cycle", cycle_.cause);
   run_.define("cycle", [&] { read_cycle_words(block); });
@@ -454,7 +455,7 @@ void Machine::shift_tool(double distance) {
 
 void Machine::make_pecks() {
   run_.warn_once(fmt::format(
-      "the clearance of pecks in G73 and G83 is taken to be {} mm (parameters 5114 and 5115)",
+      "the peck clearance in G73 and G83 is taken to be {} mm (parameters 5114 and 5115)",
       peck_clearance));
   if ((cycle_.r - cycle_.bottom) / cycle_.q > max_pecks)
     throw_input_error(cycle_.cause, "at most 1e5 pecks in a hole", "more");

@@ -57,10 +57,9 @@ void Machine::select_work_offset(const Block& block) {
   // G54 to G59 are systems 1 to 6; G54.1 Pn, also written G54 Pn, is 100 + n.
   int number = (code.tenths - 530) / 10;
   if (code.tenths == 541 || (code.tenths == 540 && p)) {
-    if (!p)
-      throw_input_error(code.word, "P (number of the coordinate system) beside G54.1", "none");
+    if (!p) throw_input_error(code.word, "P (number of the coordinate system) with G54.1", "none");
     number = whole_number(canon_, p, max_additional_offset);
-    if (number < 1) throw_input_error(p, "a coordinate system of P1 to P300");
+    if (number < 1) throw_input_error(p, "a coordinate system from P1 to P300");
     number += 100;
   }
   // Repeating the system in force is allowed anywhere, because it changes nothing.
@@ -82,15 +81,15 @@ void Machine::set_rotation(const Block& block) {
   }
   for (int k = 0; k < 3; ++k)
     if (joint(k) < 0)
-      throw_input_error(code.word, "a machine with X Y Z beside " + shown(code.word.text));
+      throw_input_error(code.word, "a machine with X Y Z for " + shown(code.word.text));
   if (rotation_) throw_input_error(code.word, "G69 before another " + shown(code.word.text));
   if (cycle_code_ != 800) throw_input_error(code.word, "G80 before " + shown(code.word.text));
   if (code.tenths == 682) return set_tilted_plane(block);
   for (const char letter : {'I', 'J', 'K'})
     if (block[letter])
-      throw_input_error(block[letter], "G68.2 for a coordinate system turned in space");
+      throw_input_error(block[letter], "G68.2 for a coordinate system rotated in space");
   const Word& r = block['R'];
-  if (!r) throw_input_error(code.word, "R (angle) beside G68", "none");
+  if (!r) throw_input_error(code.word, "R (angle) with G68", "none");
   const std::string_view plane = plane_letters();
   // A centre coordinate that is not programmed is the current position.
   const AxisVector current = canon_.programmed();
@@ -98,7 +97,7 @@ void Machine::set_rotation(const Block& block) {
     const char letter = axis_letters[std::size_t(k)];
     const bool is_in_plane = plane.find(letter) != std::string_view::npos;
     if (block[letter] && !is_in_plane)
-      throw_input_error(block[letter], "a centre in the plane beside G68");
+      throw_input_error(block[letter], "a centre in the plane with G68");
     centre_[k] = !is_in_plane ? 0.0 : block[letter] ? length(block[letter]) : current[joint(k)];
   }
   Eigen::Vector3d normal_axis = Eigen::Vector3d::Zero();
@@ -110,10 +109,10 @@ void Machine::set_rotation(const Block& block) {
 void Machine::store_origin(const Block& block, bool additional) {
   const Code& code = block[Group::OneShot];
   const Word& p = block['P'];
-  if (!p) throw_input_error(code.word, "P (coordinate system) beside G10", "none");
+  if (!p) throw_input_error(code.word, "P (coordinate system) with G10", "none");
   const int number = whole_number(canon_, p, additional ? max_additional_offset : 6);
-  if (additional && number < 1) throw_input_error(p, "a coordinate system of P1 to P300");
-  if (block['R']) throw_input_error(block['R'], "axis words beside G10 L2 and L20");
+  if (additional && number < 1) throw_input_error(p, "a coordinate system from P1 to P300");
+  if (block['R']) throw_input_error(block['R'], "axis words with G10 L2 and L20");
   check_frame_change(code.word);
   AxisVector& origin =
       // P0 of L2 is the external offset, which shifts all systems.
@@ -129,10 +128,11 @@ void Machine::store_tool(const Block& block, int kind) {
   const Code& code = block[Group::OneShot];
   const Word &p = block['P'], &r = block['R'];
   if (!p || !r)
-    throw_input_error(code.word, "P (number) and R (value) beside G10 of a tool", "one of them");
-  if (const Word* axis = first_axis_word(block)) throw_input_error(*axis, "R beside G10 of a tool");
+    throw_input_error(code.word, "P (number) and R (value) with G10 for a tool",
+                      "only one of them");
+  if (const Word* axis = first_axis_word(block)) throw_input_error(*axis, "R with G10 for a tool");
   const int number = whole_number(canon_, p, max_offset_index);
-  if (number < 1) throw_input_error(p, "an offset of P1 to P999");
+  if (number < 1) throw_input_error(p, "an offset from P1 to P999");
   Geometry& offset_entry = kind < 12 ? lengths_[number] : radii_[number];
   // L10 and L12 are geometry, L11 and L13 wear.
   const double previous_value =
@@ -160,7 +160,7 @@ void Machine::store_data(const Block& block) {
       return store_tool(block, kind);
     default:
       throw_input_error(l ? Cause(l) : Cause(block[Group::OneShot].word),
-                        "L2 L20 L10 L11 L12 or L13 beside G10", l ? shown(l.text) : "none");
+                        "L2 L20 L10 L11 L12 or L13 with G10", l ? shown(l.text) : "none");
   }
 }
 
@@ -171,7 +171,7 @@ void Machine::shift_origin(const Block& block) {
   if (words.empty()) {
     // G92 S and G50 S limit the spindle speed and are handled in `set_spindle`.
     if ((code.tenths == 920 || code.tenths == 500) && block['S']) return;
-    throw_input_error(code.word, "an axis word beside " + shown(code.word.text), "none");
+    throw_input_error(code.word, "an axis word with " + shown(code.word.text), "none");
   }
   check_frame_change(code.word);
   if (code.tenths == 920 && has_tip_length_mode()) throw_input_error(code.word, "G49 before G92");
@@ -180,7 +180,7 @@ void Machine::shift_origin(const Block& block) {
     const bool sets_position = code.tenths == 920 || code.tenths == 500;
     const double value = axis_word(j, *word);
     if (is_incremental && !sets_position)
-      throw_input_error(*word, "X Y Z C beside " + shown(code.word.text));
+      throw_input_error(*word, "X Y Z C with " + shown(code.word.text));
     if (sets_position)
       // G92 gives the current position the programmed values, so the difference is the shift. An
       // increment (U, W) moves the zero by its value.
@@ -200,8 +200,8 @@ double Machine::tool_length(int h, const Cause& cause) const {
   for (const auto& [number, offset_entry] : lengths_)
     if (offset_entry.value) known_lengths += fmt::format(" H{}", number);
   throw_input_error(cause,
-                    "a tool length that is known (" +
-                        (known_lengths.empty() ? "none is" : known_lengths.substr(1)) + ")",
+                    "a known tool length (" +
+                        (known_lengths.empty() ? "none known" : known_lengths.substr(1)) + ")",
                     fmt::format("H{}", h));
 }
 
@@ -214,12 +214,13 @@ void Machine::set_tool_length(const Block& block) {
   }
   if (!code && length_mode_ == 490) return;
   const Cause cause = code ? Cause(code.word) : Cause(h);
-  if (compensation_.is_on()) throw_input_error(cause, "no other tool length under G41 or G42");
+  if (compensation_.is_on())
+    throw_input_error(cause, "no change of the tool length under G41 or G42");
   if (code) length_mode_ = code.tenths;
   if (length_mode_ == 490) h_ = 0, is_h_stated_ = false;
-  // Without a stated H the only tool of the scene is meant.
+  // Without a stated H the only tool of the scene is assumed.
   if ((length_mode_ == 430 || length_mode_ == 440) && !is_h_stated_) {
-    h_ = run_.assume_only_tool(cause, "no H beside " + shown(code.word.text));
+    h_ = run_.assume_only_tool(cause, "no H with " + shown(code.word.text));
     is_h_stated_ = true;
   }
   const int z = joint(2);
@@ -238,7 +239,7 @@ void Machine::set_tool_length(const Block& block) {
   const double reference = program::initial_position(canon_.options())[z];
   if (length_mode_ == 490 && canon_.position()[z] == reference) return;
   run_.warn_once(
-      "a change of the tool length without a Z word moves nothing (parameter 5006.6 TOS = 1); a "
+      "changing the tool length without a Z word moves nothing (parameter 5006.6 TOS = 1); a "
       "control with TOS = 0 moves Z by it");
 }
 
@@ -261,17 +262,16 @@ void Machine::apply_length(const Cause& cause) {
   }
   if (length_mode_ == 440) throw_input_error(cause, "G43 for a tool length in a tilted plane");
   if (has_tip_length_mode() && !has_length)
-    throw_input_error(cause, "H (tool length) beside G43.4 and G43.5", "none");
+    throw_input_error(cause, "H (tool length) with G43.4 and G43.5", "none");
   const auto& scene_lengths = canon_.options().tool_length;
   // The chain has the length of the scene's tool; another length would need another chain.
   const auto scene_length = scene_lengths.find(h);
   if (has_length && (scene_length == scene_lengths.end() ||
                      std::abs(scene_length->second - length_mm) > length_tolerance))
-    throw_input_error(
-        cause,
-        "the length of the tool as the scene has it: the tip is counted with that chain, and "
-        "G10 does not change it",
-        fmt::format("{} mm", length_mm));
+    throw_input_error(cause,
+                      "the tool length of the scene: the tip is computed from that kinematic "
+                      "chain, and G10 does not change it",
+                      fmt::format("{} mm", length_mm));
   const bool has_tool_chain = canon_.options().control_by_h.contains(tool_);
   canon_.set_tool_shift({});
   canon_.select_length(has_length ? h : has_tool_chain ? tool_ : -1, cause);
@@ -302,11 +302,11 @@ void Machine::warn_of_rotated_table(const Cause& cause) {
           fmt::format("{}{}{:.6g}", tables.empty() ? "" : " ", joint.name, angle / units::deg);
   }
   if (tables.empty()) return;
-  run_.warn_once(fmt::format(
-      "{} on line {} begins with the table turned ({}): X Y Z count in the workpiece with its "
-      "table at zero; a control with parameter 19696.5 WKP = 0 counts in the coordinate system "
-      "as it stands over the table then",
-      length_mode_ == 435 ? "G43.5" : "G43.4", canon_.line(), tables));
+  run_.warn_once(
+      fmt::format("{} on line {} starts with the table rotated ({}): X Y Z are counted in the "
+                  "workpiece with its table at zero; a control with parameter 19696.5 WKP = 0 "
+                  "counts in the coordinate system as it is on the table at that moment",
+                  length_mode_ == 435 ? "G43.5" : "G43.4", canon_.line(), tables));
 }
 
 /// Warns if words count from different points under G43 and G43.4, which they do not on a control.
@@ -327,9 +327,9 @@ void Machine::compare_zero_points(const Cause& cause) {
       chain(cause).tool_in_workpiece(axes).translation() - tip_position;
   if (difference.norm() <= zero_tolerance) return;
   run_.warn_once(fmt::format(
-      "with the rotary axes at zero X Y Z under G43 H{} lead to a point {:.6g} {:.6g} {:.6g} mm "
-      "from where they lead under G43.4 and G68.2: tool_length_mm of the program, or where the "
-      "nose stands with the axes at zero, does not fit",
+      "with the rotary axes at zero, X Y Z under G43 H{} lead to a point {:.6g} {:.6g} {:.6g} mm "
+      "away from the one under G43.4 and G68.2: tool_length_mm of the program does not match, or "
+      "the position of the spindle nose with the axes at zero",
       h_, difference.x(), difference.y(), difference.z()));
 }
 
@@ -351,7 +351,7 @@ void Machine::set_compensation(const Block& block) {
     throw_input_error(code.word, "G40 between G41 and G42");
   }
   if (!is_d_stated_) {
-    d_ = run_.assume_only_tool(code.word, "no D beside G41 and G42");
+    d_ = run_.assume_only_tool(code.word, "no D with G41 and G42");
     is_d_stated_ = true;
   }
   const std::string_view plane = plane_letters();
@@ -360,22 +360,24 @@ void Machine::set_compensation(const Block& block) {
     throw_input_error(
         code.word, fmt::format("a machine with the axes {} {} of the plane", plane[0], plane[1]));
   // Under G43.4 the plane of compensation would rotate with the table.
-  if (has_tip_length_mode()) throw_input_error(code.word, "G40 beside G43.4 and G43.5");
+  if (has_tip_length_mode()) throw_input_error(code.word, "G40 with G43.4 and G43.5");
   const int normal_axis = plane_ == 170 ? 2 : plane_ == 180 ? 1 : 0;
   if (rotation_ && (*rotation_)(normal_axis, normal_axis) < 1.0 - plane_tolerance)
-    throw_input_error(code.word,
-                      "contours compensated beforehand in a tilted plane: no G41 and G42 there");
+    throw_input_error(
+        code.word,
+        "contours compensated in advance in a tilted plane: G41 and G42 are not supported there");
   const auto entry = radii_.find(d_);
   const bool has_radius = entry != radii_.end() && entry->second.value;
   if (!has_radius && d_ != 0)
     throw_input_error(block['D'] ? Cause(block['D']) : Cause(code.word),
-                      "a tool whose radius is known", fmt::format("D{}", d_));
+                      "a tool with a known radius", fmt::format("D{}", d_));
   // D0 is a radius of zero.
   const double radius = has_radius ? *entry->second.value + entry->second.wear : 0.0;
   run_.warn_once(
-      "cutter compensation ends its first move across the beginning of the next (type A, parameter "
-      "5003.0 SUP = 0) and goes around outside corners in arcs (19607.2 CCC = 1): with type B a "
-      "control enters an outside corner otherwise, with CCC = 0 it goes around in lines");
+      "cutter compensation ends its first move perpendicular to the start of the next (type A, "
+      "parameter 5003.0 "
+      "SUP = 0) and goes around outside corners in arcs (19607.2 CCC = 1): with type B a control "
+      "enters an outside corner differently, with CCC = 0 it goes around in lines");
   side_ = code.tenths;
   compensation_.begin(code.tenths == 410, radius, {first, second});
 }

@@ -20,106 +20,104 @@ constexpr WordTreatment read = WordTreatment::Read, none = WordTreatment::Withou
 // No-break spaces join the parts of a word, because blanks separate the words of an entry.
 constexpr WordTableEntry words[] = {
     {"BEGIN\u00a0PGM END\u00a0PGM", read,
-     "begin and end of a program, MM or INCH; a called one goes back at END PGM"},
+     "start and end of a program, MM or INCH; a called program returns at END PGM"},
     {"BLK\u00a0FORM BLK", none, "the blank: that of the scene is cut"},
     {"; * ~ /", read,
-     "comment, structure of the program, the block goes on in the next line, the block may be "
+     "comment, structure of the program, the block continues on the next line, the block may be "
      "left out"},
     {"TOOL\u00a0CALL", read,
-     "tool by number, axis Z, S, F, DL, DR. A name, the axes X and Y are refused. Without M128 and "
-     "PLANE the length counts so that X Y Z are the tip in the workpiece with the rotary axes at "
-     "zero"},
+     "tool by number, axis Z, S, F, DL, DR. A name and the axes X and Y are rejected. Without M128 "
+     "and PLANE the length is applied so that X Y Z are the tip in the workpiece frame with the "
+     "rotary axes at zero"},
     {"TOOL\u00a0DEF", read, "length L and radius R of a tool as the control believes them"},
     {"L", read, "line, X Y Z A B C U V W absolute or with I, R0 RL RR, F, M", true},
     {"LN", read,
-     "line with TX TY TZ, the direction of the tool under M128; NX NY NZ have no effect, as DL and "
+     "line with TX TY TZ, the tool direction under M128; NX NY NZ have no effect, because DL and "
      "DR must be zero. The rotary axes take the shortest way",
      true},
-    {"CC", read, "pole: two of X Y Z, absolute or with I, or where the program stands"},
-    {"C CR CT", read,
-     "arc about the pole; of a radius; that goes on in the direction of the last move", true},
+    {"CC", read, "pole: two of X Y Z, absolute or with I, otherwise the current position"},
+    {"C CR CT", read, "arc about the pole; by radius; tangential to the previous move", true},
     {"LP CP CTP", read, "line and arcs in polar coordinates PR PA, IPR IPA; CP with Z is a helix",
      true},
     {"DR PR PA IPR IPA", read, "direction of an arc; polar radius and angle"},
-    {"RND CHF", read,
-     "corner rounded, bevelled, between two lines in X Y; with arcs it is refused"},
+    {"RND CHF", read, "corner rounding, chamfer, between two lines in X Y; rejected with arcs"},
     {"R0 RL RR", read,
-     "on the path, left, right of it by the radius of the tool, in X Y; begins and ends with L. "
-     "Refused in tilted planes and under M128"},
-    {"APPR DEP", refused, "L with RL, RR or R0: APPR and DEP are not read"},
-    {"FK FPOL FL FC FLT FCT FSELECT", refused, "L, C and CR: free contours are not worked out"},
+     "on the path, left, right of it by the tool radius, in X Y; starts and ends with L. Rejected "
+     "in tilted planes and under M128"},
+    {"APPR DEP", refused, "L with RL, RR or R0: APPR and DEP are not supported"},
+    {"FK FPOL FL FC FLT FCT FSELECT", refused, "L, C and CR: free contours are not computed"},
     {"F FMAX F\u00a0AUTO FU", read,
-     "mm/min, in inches tenths of an inch a minute; rapid, for its block; that of TOOL CALL; per "
-     "turn"},
-    {"FZ", refused, "F or FU: the teeth of a tool are not known"},
-    {"FT FMAXT", refused, "F: feeds are no times"},
+     "mm/min, in inches tenths of an inch per minute; rapid, for its block; that of TOOL CALL; per "
+     "revolution"},
+    {"FZ", refused, "F or FU: the number of teeth is unknown"},
+    {"FT FMAXT", refused, "F: a feed cannot be stated as a time"},
     {"M0 M1", none, "stops", true},
-    {"STOP", none, "stop; its M words are read"},
+    {"STOP", none, "stop; its M functions are executed"},
     {"M2 M30", read, "end of the program"},
     {"M3 M4 M5 M13 M14", read, "spindle clockwise, counter-clockwise, off; with coolant"},
     {"M6", none, "tool change by hand", true},
     {"M7 M8 M9", none, "coolant", true},
     {"M19", none, "spindle orientation", true},
     {"M89 M99", read, "a cycle is called after every block with axes; after this one"},
-    {"M91", read, "positions of the axes, without datum and tool"},
-    {"M92", refused, "M91: the maker's own zero is not known"},
-    {"M94", read, "whole turns are taken off the position of one rotary axis or of all"},
-    {"M97 M98", refused, "a contour that the tool reaches: M97 and M98 do without corners"},
-    {"M90", none, "smoothing of corners: abbe cuts them as programmed", true},
-    {"M107 M108", none, "messages of sister tools", true},
-    {"M118", none, "handwheel, which moves by the X Y Z behind it at most: there is none", true},
+    {"M91", read, "axis positions, without datum and tool"},
+    {"M92", refused, "M91: the zero point of the machine manufacturer is unknown"},
+    {"M94", read, "reduces the position of one rotary axis or of all by full turns"},
+    {"M97 M98", refused,
+     "a contour that the tool can reach: M97 and M98, which leave corners out, are not supported"},
+    {"M90", none, "corner smoothing: abbe cuts the path as programmed", true},
+    {"M107 M108", none, "messages for sister tools", true},
+    {"M118", none,
+     "handwheel superimposition, at most by the X Y Z after it: there is no handwheel", true},
     {"M120", none, "look-ahead of LA blocks", true},
-    {"M148 M149", none, "lift-off at a stop, of which there is none", true},
-    {"M143", none, "end of a basic rotation, of which there is none", true},
-    {"M103", none, "F behind it is a factor of the feed on plunges, which stays as programmed",
+    {"M148 M149", none, "lift-off at a stop, which does not occur", true},
+    {"M143", none, "end of a basic rotation, which is not supported", true},
+    {"M103", none, "the F after it is a feed factor for plunging, which stays as programmed", true},
+    {"M109 M110 M111", none, "feed of the cutting edge on arcs: F is that of the tool centre here",
      true},
-    {"M109 M110 M111", none,
-     "feed of the cutting edge on arcs: F is that of the tool's centre here", true},
-    {"M101 M102", none, "a sister tool after BT, of which there is none", true},
-    {"M117", none, "end of M116, which is refused", true},
-    {"M145", none, "end of M144, which is refused", true},
-    {"M116", refused, "M117: feeds of rotary axes are degrees a minute"},
+    {"M101 M102", none, "a sister tool after BT; there is none", true},
+    {"M117", none, "end of M116, which is rejected", true},
+    {"M145", none, "end of M144, which is rejected", true},
+    {"M116", refused, "M117: feeds of rotary axes are in degrees per minute"},
     {"M114 M115 M144", refused, "M128 or PLANE"},
     {"M124 M138 M141 M150 M197", refused, "blocks without it: it changes the path"},
-    {"M126 M127", read, "rotary axes go the short way; as the positions say"},
+    {"M126 M127", read, "rotary axes take the shortest way; move as their positions state"},
     {"M128 M129", read,
-     "X Y Z are the tip in the workpiece, rotary words positions of axes that run in proportion; F "
-     "beside M128 has no effect. M128 from the beginning of its block, M129 from its end"},
-    {"M136 M137", read, "F is mm per turn; per minute"},
+     "X Y Z are the tip in the workpiece frame, rotary words are axis positions, interpolated "
+     "linearly; F with M128 has no effect. M128 acts from the start of its block, M129 from its "
+     "end"},
+    {"M136 M137", read, "F is mm per revolution; per minute"},
     {"M140", read, "MB: back along the tool, or MB MAX to the end of travel"},
     {"FUNCTION\u00a0TCPM FUNCTION\u00a0RESET\u00a0TCPM", read,
      "as M128 and M129, with F TCP, AXIS POS, PATHCTRL AXIS, REFPNT TIP-TIP; F CONT, AXIS SPAT, "
-     "PATHCTRL VECTOR and other points are refused"},
+     "PATHCTRL VECTOR and other points are rejected"},
     {"FUNCTION\u00a0DWELL", read, "TIME, seconds"},
-    {"FUNCTION\u00a0MODE", read, "MILL; others are refused"},
+    {"FUNCTION\u00a0MODE", read, "MILL; others are rejected"},
     {"PLANE\u00a0SPATIAL PLANE\u00a0EULER PLANE\u00a0VECTOR PLANE\u00a0POINTS PLANE\u00a0RELATIV",
      read,
      "tilted plane about the datum by SPA SPB SPC about fixed x, y, z; Euler angles; base vector "
-     "and "
-     "normal; three points; one more angle about an axis of the plane in force"},
-    {"PLANE\u00a0RESET", read, "the plane ends; with TURN or MOVE the tool goes upright"},
+     "and normal; three points; one more angle about an axis of the active plane"},
+    {"PLANE\u00a0RESET", read, "ends the plane; with TURN or MOVE the tool returns upright"},
     {"STAY TURN MOVE", read,
-     "the rotary axes stay, Q120 to Q122 are where they belong; turn; turn about the tip or a "
-     "point "
-     "DIST in front of it"},
+     "the rotary axes stay, Q120 to Q122 give their required positions; turn; turn about the tip "
+     "or a point DIST in front of it"},
     {"SEQ SYM", read,
-     "sign of the rotary axis nearest to the tool; without it the shorter way, of equal ones the "
-     "positive. A free axis goes to zero"},
+     "sign of the rotary axis nearest to the tool; without it the shorter way is taken, and the "
+     "positive one if both are equal. A free axis goes to zero"},
     {"COORD\u00a0ROT TABLE\u00a0ROT", read,
-     "a free axis goes to zero; turns the plane's x to the machine's"},
+     "a free axis goes to zero; turns the x axis of the plane to that of the machine"},
     {"PLANE\u00a0AXIAL PLANE\u00a0PROJECTED", refused,
-     "PLANE SPATIAL: what the axes of its plane are is not known here"},
-    {"CYCL\u00a0DEF\u00a07 TRANS\u00a0DATUM", read, "datum shift; datum tables are refused"},
+     "PLANE SPATIAL: the meaning of the axes of its plane is unknown here"},
+    {"CYCL\u00a0DEF\u00a07 TRANS\u00a0DATUM", read, "datum shift; datum tables are rejected"},
     {"CYCL\u00a0DEF\u00a08 CYCL\u00a0DEF\u00a011", read,
-     "end of mirror image and scaling; themselves refused"},
+     "end of mirror image and scaling, which are rejected"},
     {"CYCL\u00a0DEF\u00a09", read, "dwell, seconds"},
     {"CYCL\u00a0DEF\u00a010 TRANS\u00a0ROTATION", read, "rotation about the datum"},
-    {"CYCL\u00a0DEF\u00a019", read, "as PLANE SPATIAL STAY, of spatial angles"},
+    {"CYCL\u00a0DEF\u00a019", read, "as PLANE SPATIAL STAY, with spatial angles"},
     {"CYCL\u00a0DEF\u00a013", none, "spindle orientation"},
     {"CYCL\u00a0DEF\u00a032", none, "tolerance: abbe cuts the exact path"},
     {"CYCL\u00a0DEF\u00a0247 PRESET\u00a0SELECT", read,
      "presets 1 to 6: G54 to G59 of the scene, or 1 to 9999 of the control's table, `offsets`: "
-     "places in the workpiece frame with and without M128; shift and rotation end"},
+     "positions in the workpiece frame with and without M128; shift and rotation end"},
     {"CYCL\u00a0DEF\u00a0200 CYCL\u00a0DEF\u00a0203 CYCL\u00a0DEF\u00a0205", read,
      "drilling with infeeds; universal; deep holes. Q395=0, Q379=0, Q258=Q259"},
     {"CYCL\u00a0DEF\u00a0201 CYCL\u00a0DEF\u00a0202 CYCL\u00a0DEF\u00a0240", read,
@@ -128,34 +126,35 @@ constexpr WordTableEntry words[] = {
      "tapping with a floating holder; rigid"},
     {"CYCL\u00a0DEF\u00a01 CYCL\u00a0DEF\u00a02 CYCL\u00a0DEF\u00a03 CYCL\u00a0DEF\u00a04 "
      "CYCL\u00a0DEF\u00a05 CYCL\u00a0DEF\u00a06 CYCL\u00a0DEF\u00a017 CYCL\u00a0DEF\u00a018",
-     refused, "cycles of 200 and more"},
+     refused, "cycles 200 and above"},
     {"CYCL\u00a0DEF\u00a012", refused, "CALL PGM"},
     {"CYCL\u00a0DEF\u00a014 CYCL\u00a0DEF\u00a020 CYCL\u00a0DEF\u00a021 CYCL\u00a0DEF\u00a022 "
      "CYCL\u00a0DEF\u00a023 CYCL\u00a0DEF\u00a024 CYCL\u00a0DEF\u00a025 CYCL\u00a0DEF\u00a0270",
-     refused, "the moves themselves: contour cycles are not worked out"},
-    {"CYCL\u00a0DEF\u00a026", refused, "coordinates as they are: nothing is scaled"},
+     refused, "explicit moves: contour cycles are not computed"},
+    {"CYCL\u00a0DEF\u00a026", refused, "plain coordinates: nothing is scaled"},
     {"CYCL\u00a0DEF\u00a027 CYCL\u00a0DEF\u00a028 CYCL\u00a0DEF\u00a029 CYCL\u00a0DEF\u00a039",
-     refused, "rotary axes in words: cylinder surfaces are not unrolled"},
+     refused, "programmed rotary axes: cylinder surfaces are not unrolled"},
     {"CYCL\u00a0DEF\u00a0204 CYCL\u00a0DEF\u00a0208 CYCL\u00a0DEF\u00a0209 CYCL\u00a0DEF\u00a0241",
      refused, "cycles 200 to 203, 205 to 207 or 240"},
     {"CYCL\u00a0DEF\u00a0220 CYCL\u00a0DEF\u00a0221 PATTERN", refused,
-     "CYCL CALL POS or M99 at every place"},
+     "CYCL CALL POS or M99 at every position"},
     {"CYCL\u00a0DEF\u00a0251 CYCL\u00a0DEF\u00a0252 CYCL\u00a0DEF\u00a0253 CYCL\u00a0DEF\u00a0254 "
      "CYCL\u00a0DEF\u00a0256 CYCL\u00a0DEF\u00a0257 CYCL\u00a0DEF\u00a0230 CYCL\u00a0DEF\u00a0231 "
      "CYCL\u00a0DEF\u00a0232 CYCL\u00a0DEF\u00a0233 CYCL\u00a0DEF\u00a0262 CYCL\u00a0DEF\u00a0263 "
      "CYCL\u00a0DEF\u00a0264 CYCL\u00a0DEF\u00a0265 CYCL\u00a0DEF\u00a0267 CYCL\u00a0DEF\u00a0225",
-     refused, "the moves themselves: milling cycles are not worked out"},
-    {"CYCL\u00a0CALL CYCL\u00a0CALL\u00a0POS", read, "calls the cycle; at a place"},
-    {"TCH", refused, "no probing: a virtual part is read by instruments (abbe measure)"},
+     refused, "explicit moves: milling cycles are not expanded"},
+    {"CYCL\u00a0CALL CYCL\u00a0CALL\u00a0POS", read, "calls the cycle; at a position"},
+    {"TCH", refused, "no probing: a virtual part is measured by instruments (abbe measure)"},
     {"LBL CALL\u00a0LBL REP", read,
      "label, by number or name; a subprogram until LBL 0; repeats of the blocks before"},
-    {"CALL\u00a0PGM", read, "a program beside this one"},
+    {"CALL\u00a0PGM", read, "a program next to this one"},
     {"SEL CONTOUR DECLARE", refused,
-     "blocks in the program: tables, contours and texts are not read"},
+     "blocks in the program: tables, contours and strings are not supported"},
     {"Q QL QR", read,
-     "parameters: of all programs, of one, lasting; formulas with + - * / ^ % SQ SQRT SIN COS TAN "
-     "ASIN ACOS ATAN EXP LN LOG NEG INT ABS FRAC SGN PI. One that was never set is refused"},
-    {"QS", refused, "Q, QL and QR: texts are not kept"},
+     "parameters: of all programs, of one, permanent; formulas with + - * / ^ % SQ SQRT SIN COS "
+     "TAN ASIN ACOS ATAN EXP LN LOG NEG INT ABS FRAC SGN PI. A parameter that was never set is "
+     "rejected"},
+    {"QS", refused, "Q, QL and QR: strings are not stored"},
     {"Q108 Q109 Q110 Q113 Q114 Q120 Q121 Q122", read,
      "radius, axis, spindle, unit and length of the tool; positions A B C of the last plane"},
     {"FN\u00a00 FN\u00a01 FN\u00a02 FN\u00a03 FN\u00a04 FN\u00a05 FN\u00a06 FN\u00a07 FN\u00a08 "
@@ -164,7 +163,7 @@ constexpr WordTableEntry words[] = {
     {"FN\u00a09 FN\u00a010 FN\u00a011 FN\u00a012 IF", read, "jumps: IF EQU NE GT LT GOTO LBL"},
     {"FN\u00a014 FN\u00a015 FN\u00a016 FN\u00a017 FN\u00a018 FN\u00a019 FN\u00a020 FN\u00a026 "
      "FN\u00a027 FN\u00a028 FN\u00a029 FN\u00a037 FN\u00a038",
-     refused, "FN 0 to FN 13: messages and data of the control there are none"},
+     refused, "FN 0 to FN 13: messages and data of the control do not exist here"},
 };
 
 }  // namespace
@@ -183,8 +182,8 @@ constexpr std::size_t max_lines = 1000;  // of one block; bounds memory
 /// Layout of a line.
 struct LineLayout {
   std::size_t words_end = 0;                     ///< first byte of the comment or ~
-  std::size_t comment = std::string_view::npos;  ///< first byte behind the semicolon
-  bool is_continued = false;                     ///< ~ at the end, behind any comment
+  std::size_t comment = std::string_view::npos;  ///< first byte after the semicolon
+  bool is_continued = false;                     ///< ~ at the end, after any comment
 };
 
 LineLayout line_layout(std::string_view line) {
@@ -208,7 +207,7 @@ LineLayout line_layout(std::string_view line) {
 
 /// Beginning of a block.
 struct BlockHead {
-  std::size_t end = 0;  ///< first byte behind the block number and /
+  std::size_t end = 0;  ///< first byte after the block number and /
   bool is_skipped = false;
 };
 
@@ -229,7 +228,7 @@ BlockHead parse_block_head(std::string_view line) {
   skip_blanks();
   const std::size_t digits = at;
   while (at < line.size() && is_digit(line[at])) ++at;
-  // Digits with other characters directly behind them are no block number.
+  // Digits with other characters directly after them are no block number.
   if (at > digits && at < line.size() && !is_blank(line[at]) && line[at] != '/' &&
       line[at] != '*' && line[at] != ';')
     at = digits;
@@ -240,13 +239,11 @@ BlockHead parse_block_head(std::string_view line) {
 
 // Functions that return the expectation which operands do not meet, or null.
 
-const char* require_nonzero(double, double b) {
-  return b == 0 ? "a divisor that is not zero" : nullptr;
-}
+const char* require_nonzero(double, double b) { return b == 0 ? "a nonzero divisor" : nullptr; }
 
 const char* require_real_power(double a, double b) {
-  if (a < 0 && std::floor(b) != b) return "a whole exponent of a number below zero";
-  return a == 0 && b < 0 ? "an exponent of zero that is not below zero" : nullptr;
+  if (a < 0 && std::floor(b) != b) return "an integer exponent for a negative number";
+  return a == 0 && b < 0 ? "a non-negative exponent for zero" : nullptr;
 }
 
 // Levels of Q formulas: ^ binds most tightly, then * / %, then + -.
@@ -260,13 +257,13 @@ constexpr Operator operators[] = {
 };
 
 const char* require_unit_range(double x) {
-  return x < -1 || x > 1 ? "a number within -1 and 1" : nullptr;
+  return x < -1 || x > 1 ? "a number from -1 to 1" : nullptr;
 }
-const char* require_positive(double x) { return x <= 0 ? "a number above zero" : nullptr; }
+const char* require_positive(double x) { return x <= 0 ? "a number greater than zero" : nullptr; }
 
 constexpr Function functions[] = {
     {"SQRT", [](double x) { return std::sqrt(x); },
-     [](double x) -> const char* { return x < 0 ? "a number that is not below zero" : nullptr; }},
+     [](double x) -> const char* { return x < 0 ? "a non-negative number" : nullptr; }},
     {"SQ", [](double x) { return x * x; }},
     {"SIN", [](double x) { return std::sin(x * units::deg); }},
     {"COS", [](double x) { return std::cos(x * units::deg); }},
@@ -302,7 +299,7 @@ std::optional<double> parse_function(Cursor& cursor, OperandParser& parameters) 
       if (const char* expected = function.operand_error(argument))
         cursor.throw_input_error(from, expected);
     const double result = function.apply(argument);
-    if (!std::isfinite(result)) cursor.throw_input_error(from, "a result that is a finite number");
+    if (!std::isfinite(result)) cursor.throw_input_error(from, "a finite result");
     return result;
   }
   return std::nullopt;
@@ -392,7 +389,7 @@ int WordReader::read_whole_number(int max) {
   const std::size_t from = cursor.at;
   const double number = read_value();
   if (number < 0 || number > max || number != std::floor(number))
-    cursor.throw_input_error(from, fmt::format("a whole number of 0 to {}", max));
+    cursor.throw_input_error(from, fmt::format("an integer from 0 to {}", max));
   return int(number);
 }
 

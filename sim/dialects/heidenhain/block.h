@@ -35,7 +35,7 @@ struct Block {
     int column = 0;  ///< column of its first byte, from 0
   };
   std::string_view text;     ///< refers to the line itself if there is only one
-  std::string_view comment;  ///< behind ;, or behind * in a block without words
+  std::string_view comment;  ///< after ;, or after * in a block without words
   std::size_t line_count = 1;
   bool is_skipped = false;  ///< begins with /
   std::vector<BlockLine> block_lines;
@@ -73,14 +73,14 @@ class WordReader {
   bool has_value() const;
   /// Parses the value that follows. Throws BadInput.
   double read_value();
-  /// Parses a whole number from 0 to `max`. Throws BadInput.
+  /// Parses an integer from 0 to `max`. Throws BadInput.
   int read_whole_number(int max);
   /// Parses a label: a number or a name in quotes. Throws BadInput.
   std::string read_label();
   /// Throws BadInput unless the block ends at the cursor.
   void expect_end();
   Cause cause(std::size_t from) const { return cursor.cause(from); }
-  /// Throws BadInput at the word behind byte `from` and blanks.
+  /// Throws BadInput at the word after byte `from` and blanks.
   [[noreturn]] void throw_input_error(std::size_t from, std::string expected) const {
     while (from < cursor.text.size() && is_blank(cursor.text[from])) ++from;
     cursor.throw_input_error(from, std::move(expected));

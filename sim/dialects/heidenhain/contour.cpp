@@ -56,12 +56,12 @@ void Contour::add(ContourElement element, const std::array<int, 2>& plane, bool 
   position_ = end;
 }
 
-// `make_corner` makes the corner when the move behind it is known.
+// `make_corner` makes the corner when the move after it is known.
 void Contour::add_corner(bool is_round, double size, std::optional<program::Feed> feed,
                          const Cause& cause) {
   if (!waiting_element_)
     canon_.throw_input_error(cause, "a straight move before RND and CHF", "none");
-  if (!(size > 0)) canon_.throw_input_error(cause, "a radius or length above zero");
+  if (!(size > 0)) canon_.throw_input_error(cause, "a radius or length greater than zero");
   waiting_corner_ = Corner{
       is_round, size, feed, {cause.column, is_round ? "RND" : "CHF"}, canon_.line(), canon_.file()};
 }
@@ -79,7 +79,7 @@ AxisVector Contour::make_corner(const ContourElement& next) {
     canon_.throw_input_error(corner.cause, std::move(expected), std::move(seen));
   };
   if (previous.is_arc || next.is_arc)
-    return fail("straight moves on both sides of RND and CHF", "an arc");
+    return fail("straight moves before and after RND and CHF", "an arc");
   const Vector2d from = in_plane(waiting_start_), at = in_plane(previous.end),
                  to = in_plane(next.end);
   // Both moves must be in the working plane, or the corner would have no plane.
@@ -90,7 +90,7 @@ AxisVector Contour::make_corner(const ContourElement& next) {
   const double length_before = (at - from).norm(), length_after = (to - at).norm();
   if (length_before < point_tolerance || length_after < point_tolerance ||
       !is_in_plane(previous.end - waiting_start_) || !is_in_plane(next.end - previous.end))
-    return fail("moves in the working plane on both sides of RND and CHF", "others");
+    return fail("moves in the working plane before and after RND and CHF", "other moves");
   const Vector2d a = (at - from) / length_before, b = (to - at) / length_after;
   const double turn = std::atan2(planar_cross(a, b), a.dot(b));
   const double half_angle = std::abs(turn) / 2;
@@ -98,13 +98,14 @@ AxisVector Contour::make_corner(const ContourElement& next) {
     process(std::move(previous));
     return corner_position;
   }
-  if (half_angle > pi / 2 - 1e-6) return fail("a corner that is no way straight back", "one");
+  if (half_angle > pi / 2 - 1e-6)
+    return fail("a corner that does not reverse the direction", "one");
   // Length cut off each side: R tan(turn/2) for an arc of radius R, L / (2 cos(turn/2)) for a bevel
   // of length L.
   const double cut = corner.is_round ? corner.size * std::tan(half_angle)
                                      : corner.size / (2 * std::cos(half_angle));
   if (cut > length_before + corner_tolerance || cut > length_after + corner_tolerance)
-    return fail(fmt::format("moves as long as the corner takes, {:.6g} mm", cut),
+    return fail(fmt::format("moves at least as long as the corner requires, {:.6g} mm", cut),
                 fmt::format("{:.6g} and {:.6g} mm", length_before, length_after));
   ContourElement corner_element = next;
   corner_element.is_rapid = false;
@@ -181,9 +182,9 @@ void Contour::process(ContourElement element) {
   if (!element.is_arc &&
       (in_plane(element.end) - in_plane(entry_elements_.back().end)).norm() < point_tolerance) {
     if (entry_elements_.size() == max_entry_elements)
-      canon_.throw_input_error(element.cause,
-                               "at most 100 moves of other axes behind that which begins RL or RR",
-                               "more");
+      canon_.throw_input_error(
+          element.cause, "at most 100 moves of other axes after the move that starts RL or RR",
+          "more");
     entry_elements_.push_back(with_lasting_cause(std::move(element)));
     return;
   }

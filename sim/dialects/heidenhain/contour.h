@@ -62,7 +62,7 @@ class Contour {
   void finish();
 
  private:
-  /// A corner that waits for the move behind it.
+  /// A corner that waits for the move after it.
   struct Corner {
     bool is_round = true;
     double size = 0.0;
@@ -93,7 +93,7 @@ class Contour {
   std::optional<Corner> waiting_corner_;
   std::optional<bool> is_left_;  ///< side of the compensation; empty: none
   double radius_ = 0.0;
-  /// The first move under RL or RR, and moves of other axes behind it.
+  /// The first move under RL or RR, and moves of other axes after it.
   std::vector<ContourElement> entry_elements_;
 };
 

@@ -38,7 +38,7 @@ int parse_digits(Cursor& cursor) {
 void Machine::execute_cycle_definition(WordReader& words) {
   words.cursor.skip_blanks();
   const std::size_t from = words.cursor.at;
-  if (!is_digit(words.cursor.current())) words.throw_input_error(from, "the number of a cycle");
+  if (!is_digit(words.cursor.current())) words.throw_input_error(from, "a cycle number");
   const int number = parse_digits(words.cursor);
   int part = -1;
   if (words.cursor.current() == '.') {
@@ -50,7 +50,7 @@ void Machine::execute_cycle_definition(WordReader& words) {
   const WordTableEntry* entry = find_word(heidenhain_words(), name);
   if (entry == nullptr) {
     cycle_ = {};  // a call after the skipped definition must not run the previous cycle
-    return run_.handle_unknown_word(cause, "a cycle that is read");
+    return run_.handle_unknown_word(cause, "a supported cycle");
   }
   if (entry->use == WordTreatment::Refused) {
     run_.mark_uncertain(cycle_name);
@@ -73,7 +73,7 @@ void Machine::execute_cycle_definition(WordReader& words) {
 void Machine::require_complete_cycle(const Cause& cause) {
   const auto cycle = std::exchange(old_cycle_, std::nullopt);
   if (cycle && cycle->second == 0)
-    throw_input_error(cause, fmt::format("CYCL DEF {0}.1 behind CYCL DEF {0}.0", cycle->first));
+    throw_input_error(cause, fmt::format("CYCL DEF {0}.1 after CYCL DEF {0}.0", cycle->first));
 }
 
 void Machine::execute_old_cycle(int number, int part, std::size_t from, WordReader& words) {
@@ -82,7 +82,8 @@ void Machine::execute_old_cycle(int number, int part, std::size_t from, WordRead
     case 7:
       return execute_datum_shift(words);
     case 8:
-      if (!words.at_end()) words.throw_input_error(words.cursor.at, "no axis: nothing is mirrored");
+      if (!words.at_end())
+        words.throw_input_error(words.cursor.at, "no axis: mirroring is not supported");
       return;
     case 9: {
       if (!words.cursor.accept("DWELL"))
@@ -97,7 +98,7 @@ void Machine::execute_old_cycle(int number, int part, std::size_t from, WordRead
       if (words.at_end()) return;
       if (!words.cursor.accept("SCL")) words.throw_input_error(words.cursor.at, "SCL and a factor");
       const std::size_t at = words.cursor.at;
-      if (words.read_value() != 1.0) words.throw_input_error(at, "SCL 1: nothing is scaled");
+      if (words.read_value() != 1.0) words.throw_input_error(at, "SCL 1: scaling is not supported");
       return words.expect_end();
     }
     case 19:
@@ -112,7 +113,7 @@ void Machine::execute_datum_shift(WordReader& words) {
   while (!words.at_end()) {
     const std::size_t from = words.cursor.at;
     if (words.cursor.current() == '#')
-      words.throw_input_error(from, "a shift in words: datum tables are not read");
+      words.throw_input_error(from, "an explicit shift: datum tables are not supported");
     const std::string name = words.read_name();
     const bool is_incremental = name.size() == 2 && name[0] == 'I';
     if (name.size() != 1 && !is_incremental) words.throw_input_error(from, "an axis and its shift");
@@ -131,8 +132,7 @@ void Machine::set_axis_shift(char letter, double value, bool is_incremental, con
   if (is_xyz && plane_ && (outer_shift_.norm() > 0 || uncertain_shifts_ != 0)) {
     if (value != 0.0)
       throw_input_error(
-          cause,
-          "0, or PLANE RESET before it: a datum shift from before the tilted plane is in force");
+          cause, "0, or PLANE RESET first: a datum shift from before the tilted plane is active");
     double& outer_shift = outer_shift_[letter - 'X'];
     if (is_incremental || outer_shift == 0.0) return;
     outer_shift = 0.0;
@@ -142,8 +142,9 @@ void Machine::set_axis_shift(char letter, double value, bool is_incremental, con
   if (is_xyz && !plane_) {
     // An increment of an uncertain shift would be uncertain too.
     if (is_incremental && (uncertain_shifts_ & shift_bit(letter)))
-      throw_input_error(cause,
-                        "an absolute shift behind PLANE RESET: that within the plane was another");
+      throw_input_error(
+          cause,
+          "an absolute shift after PLANE RESET: the shift within the plane was a different one");
     uncertain_shifts_ &= ~shift_bit(letter);
   }
   datum_shift_[j] = is_incremental ? datum_shift_[j] + value : value;
@@ -153,10 +154,10 @@ void Machine::set_axis_shift(char letter, double value, bool is_incremental, con
 void Machine::require_certain_shift(const Cause& cause) const {
   if (uncertain_shifts_ == 0) return;
   if (plane_)
-    throw_input_error(
-        cause,
-        "PLANE RESET before a move: the datum shift in which the plane began has ended within it");
-  throw_input_error(cause, "a datum shift and ROT stated again before a move",
+    throw_input_error(cause,
+                      "PLANE RESET before a move: the datum shift with which the plane started has "
+                      "ended within it");
+  throw_input_error(cause, "the datum shift and ROT restated before a move",
                     "those of the tilted plane that was reset");
 }
 
@@ -168,7 +169,7 @@ void Machine::execute_rotation_cycle(WordReader& words) {
   const double angle = words.read_value() * units::deg;
   words.expect_end();
   if (name == "IROT" && (uncertain_shifts_ & rotation_bit))
-    words.throw_input_error(from, "ROT behind PLANE RESET");
+    words.throw_input_error(from, "ROT after PLANE RESET");
   // After an error the previous rotation is restored, so that later blocks refer to it.
   const double previous_rotation = rotation_;
   rotation_ = name == "IROT" ? rotation_ + angle : angle;
@@ -200,7 +201,7 @@ void Machine::execute_plane_cycle(WordReader& words) {
   }
   run_.warn_once(
       "CYCL DEF 19: A B C are taken as spatial angles, and no axis moves by itself; Q120 to Q122 "
-      "are the positions");
+      "give the positions");
   if (angles == std::array<double, 3>{}) {
     plane_axes_ = {};
     return reset_plane(positioning);
@@ -228,7 +229,7 @@ void Machine::execute_trans(WordReader& words) {
   if (!words.accept("DATUM")) words.throw_input_error(from, "DATUM or ROTATION after TRANS");
   if (words.accept("AXIS")) return execute_datum_shift(words);
   if (!words.accept("RESET"))
-    words.throw_input_error(words.cursor.at, "AXIS or RESET: datum tables are not read");
+    words.throw_input_error(words.cursor.at, "AXIS or RESET: datum tables are not supported");
   words.expect_end();
   for (const char letter : std::string_view("XYZABCUVW"))
     if (canon_.joint_of(letter) >= 0) set_axis_shift(letter, 0.0, false, words.cause(from));
@@ -238,14 +239,13 @@ void Machine::execute_trans(WordReader& words) {
 /// Selects a preset, which ends datum shift and rotation. Presets 1 to 6 are G54 to G59 of the
 /// scene.
 void Machine::select_preset(int number, const Cause& cause) {
-  if (contour_.is_compensated()) throw_input_error(cause, "R0 before another preset");
-  if (plane_) throw_input_error(cause, "PLANE RESET before another preset");
+  if (contour_.is_compensated()) throw_input_error(cause, "R0 before a preset change");
+  if (plane_) throw_input_error(cause, "PLANE RESET before a preset change");
   const bool is_preset = number >= 1 && number <= max_preset;
   if (!is_preset || (number > 6 && !canon_.options().extra_offsets.contains(preset_system(number))))
-    throw_input_error(
-        cause,
-        "a preset of 1 to 6, which are G54 to G59 of the scene, or one of the control's table "
-        "(`offsets`)");
+    throw_input_error(cause,
+                      "a preset from 1 to 6, which are G54 to G59 of the scene, or a preset of the "
+                      "control's table (`offsets`)");
   preset_ = preset_system(number) - 1;
   datum_shift_.setZero();
   rotation_ = 0.0;
@@ -294,7 +294,8 @@ bool is_feed_parameter(int number) { return (number >= 206 && number <= 208) || 
 
 void Machine::define_q_cycle(int number, std::size_t from, WordReader& words) {
   const CycleEntry* entry = find_cycle_entry(number);
-  if (entry == nullptr) words.throw_input_error(from, "a point and a part number, as CYCL DEF 7.1");
+  if (entry == nullptr)
+    words.throw_input_error(from, "a point and a part number, such as CYCL DEF 7.1");
   Cycle cycle{.number = number, .line = canon_.line(), .values = {}};
   while (!words.at_end()) {
     const std::size_t at = words.cursor.at;
@@ -348,19 +349,21 @@ void Machine::check_cycle(const Cause& cause) {
     cycle_.number = 0;
     throw_input_error(cause, sentence, fmt::format("Q{} = {:.6g}", q, cycle_.values[q]));
   };
-  require(395, 0, "Q395=0: depths are those of the tip, the angle of a drill is not known");
-  require(343, 0, "Q343=0: the depth by Q201, the angle of a drill is not known");
-  require(379, 0, "Q379=0: no deepened start");
+  require(395, 0,
+          "Q395=0: depths are those of the tip, because the point angle of a drill is unknown");
+  require(343, 0, "Q343=0: the depth from Q201, because the point angle of a drill is unknown");
+  require(379, 0, "Q379=0: no deepened starting point");
   if (cycle_value(258, 0) != cycle_value(259, cycle_value(258, 0)))
-    require(259, cycle_value(258, 0), "Q259 as Q258: between them the distance is not known");
+    require(259, cycle_value(258, 0), "Q259 equal to Q258: the clearance between them is unknown");
   const double depth = cycle_value(201);
-  if (depth > 0) require(201, 0, "Q201 below zero");
+  if (depth > 0) require(201, 0, "Q201 less than zero");
   const bool has_infeeds = cycle_.number == 200 || cycle_.number == 203 || cycle_.number == 205;
-  if (has_infeeds && !(cycle_value(202) > 0)) require(202, 1, "Q202 above zero");
-  if (cycle_.number == 207 && cycle_value(239) == 0) require(239, 1, "Q239 that is not zero");
-  if (cycle_.values.contains(206) && !(cycle_.values[206] > 0)) require(206, 1, "Q206 above zero");
+  if (has_infeeds && !(cycle_value(202) > 0)) require(202, 1, "Q202 greater than zero");
+  if (cycle_.number == 207 && cycle_value(239) == 0) require(239, 1, "a nonzero Q239");
+  if (cycle_.values.contains(206) && !(cycle_.values[206] > 0))
+    require(206, 1, "Q206 greater than zero");
   for (const int q : {200, 204, 210, 211, 212, 213, 205, 256, 257, 258, 208})
-    if (cycle_value(q, 0) < 0) require(q, 0, "a value that is not below zero");
+    if (cycle_value(q, 0) < 0) require(q, 0, "a non-negative value");
 }
 
 double Machine::cycle_value(int number) const { return cycle_.values.at(number); }
@@ -376,7 +379,7 @@ void Machine::call_cycle(WordReader& words) {
   const std::size_t from = words.cursor.at;
   const bool has_position = words.accept("POS");
   if (words.accept("PAT"))
-    words.throw_input_error(from, "CYCL CALL, CYCL CALL POS or M99: patterns are not read");
+    words.throw_input_error(from, "CYCL CALL, CYCL CALL POS or M99: patterns are not supported");
   MotionBlock move = read_move("", words.cursor.at, words);
   move.cause = {int(from) + 1, has_position ? "CYCL CALL POS" : "CYCL CALL"};
   apply_functions_before_motion(move);
@@ -421,7 +424,7 @@ void Machine::run_cycle(double surface, const Cause& cause) {
   require_cycle(cause);
   require_certain_shift(cause);
   if (contour_.is_compensated() || contour_.is_waiting())
-    throw_input_error(cause, "R0, and no corner, before a cycle");
+    throw_input_error(cause, "R0, without a pending corner, before a cycle");
   joint_of('Z', cause);
   const double depth = cycle_value(201) * unit();
   if (depth == 0.0) return;  // the control does not run a cycle of depth zero
@@ -553,7 +556,8 @@ void Machine::peck_universal(double surface, double bottom) {
     // Q212 reduces the infeeds down to Q205.
     if (decrement > 0) infeed = std::min(infeed, std::max(infeed - decrement, min_infeed));
     if (!(infeed > 0))
-      throw_input_error({1, {}}, "Q205 above zero beside Q212", "infeeds that come to nothing");
+      throw_input_error({1, {}}, "Q205 greater than zero with Q212",
+                        "infeeds that decrease to zero");
   }
   dwell(211);
   feed_to_depth(surface + clearance, 208, 206);
@@ -590,7 +594,8 @@ void Machine::peck_deep(double surface, double bottom) {
     move_to_depth(std::min(level + stop_distance, surface + clearance), true);
     if (decrement > 0) infeed = std::min(infeed, std::max(infeed - decrement, min_infeed));
     if (!(infeed > 0))
-      throw_input_error({1, {}}, "Q205 above zero beside Q212", "infeeds that come to nothing");
+      throw_input_error({1, {}}, "Q205 greater than zero with Q212",
+                        "infeeds that decrease to zero");
   }
   dwell(211);
   feed_to_depth(surface + clearance, 208, 206);
@@ -607,7 +612,7 @@ void Machine::bore(double surface, double bottom) {
   const double lift = direction == 1 || direction == 2 ? -0.2 : 0.2;  // mm
   if (direction != 0 &&
       (j < 0 || (direction != 1 && direction != 2 && direction != 3 && direction != 4)))
-    throw_input_error({1, {}}, "Q214 of 0 to 4");
+    throw_input_error({1, {}}, "Q214 from 0 to 4");
   const auto move_sideways = [&](double distance) {
     if (direction == 0) return;
     Target target;

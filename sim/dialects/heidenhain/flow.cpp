@@ -18,7 +18,7 @@ namespace abbe::sim::dialects::heidenhain {
 
 namespace {
 
-/// Returns the first letters of a line behind its number in upper case. Returns "?" for a line that
+/// Returns the first letters of a line after its number in upper case. Returns "?" for a line that
 /// begins with another character, and an empty text for a line without words.
 std::string first_word(std::string_view line) {
   std::size_t at = 0;
@@ -29,7 +29,7 @@ std::string first_word(std::string_view line) {
   return word;
 }
 
-/// Returns the label behind LBL in a line, as in CALL LBL 5 or GOTO LBL "END". Returns an empty
+/// Returns the label after LBL in a line, as in CALL LBL 5 or GOTO LBL "END". Returns an empty
 /// text if there is none.
 std::string find_label(std::string_view line) {
   std::size_t at = line.find("LBL");
@@ -87,7 +87,7 @@ void Flow::run() {
   warn_of_unread_lines();
 }
 
-/// Warns of unread text: subprograms that no CALL LBL or jump names, and everything behind END PGM.
+/// Warns of unread text: subprograms that no CALL LBL or jump names, and everything after END PGM.
 void Flow::warn_of_unread_lines() {
   const std::vector<std::string_view>& lines = sources_.front()->lines;
   std::vector<Section> sections = {{}};
@@ -114,7 +114,7 @@ void Flow::warn_of_unread_lines() {
 
 /// Returns true if the next block rounds or bevels the corner at the end of this one.
 bool Flow::is_corner_next(const Call& call, std::size_t line) const {
-  constexpr std::size_t max_searched_lines = 20;  // comments may stand between the blocks
+  constexpr std::size_t max_searched_lines = 20;  // comments may be between the blocks
   const std::vector<std::string_view>& lines = call.source->lines;
   for (std::size_t i = line; i < lines.size() && i < line + max_searched_lines; ++i) {
     const std::string word = first_word(lines[i]);
@@ -174,12 +174,11 @@ void Flow::begin_program(WordReader& words) {
                               space == std::string_view::npos ? end + 1 : end - space))
       unit += upper(c);
   if (unit != "MM" && unit != "INCH")
-    words.throw_input_error(words.cursor.at,
-                            "the name of the program and MM or INCH after BEGIN PGM");
+    words.throw_input_error(words.cursor.at, "the program name and MM or INCH after BEGIN PGM");
   const auto program = std::find_if(calls_.rbegin(), calls_.rend(),
                                     [](const Call& call) { return call.is_program; });
   if (std::exchange(program->has_begun, true))
-    words.throw_input_error(words.cursor.at, "END PGM before BEGIN PGM of another program");
+    words.throw_input_error(words.cursor.at, "END PGM before BEGIN PGM of the next program");
   machine_.set_inch(unit == "INCH");
 }
 
@@ -222,8 +221,8 @@ std::size_t Flow::line_of_label(const std::string& label, const WordReader& word
     run_.refuse_once("LBL " + label, cause, "a label of this program", "LBL " + label);
   // As on the control, a label must be unique.
   if (entry->second.size() > 1)
-    run_.refuse_once("LBL " + label, cause, "a label that stands once",
-                     fmt::format("LBL {} in the lines {} and {}", label, entry->second[0] + 1,
+    run_.refuse_once("LBL " + label, cause, "a label that occurs only once",
+                     fmt::format("LBL {} on lines {} and {}", label, entry->second[0] + 1,
                                  entry->second[1] + 1));
   return entry->second.front();
 }
@@ -262,7 +261,7 @@ void Flow::call_label(WordReader& words) {
   if (words.cursor.current() == '/') ++words.cursor.at, words.read_whole_number(65534);
   words.expect_end();
   if (line >= line_index_)
-    words.cursor.throw_input_error(from, "a label before CALL LBL REP", "one behind it");
+    words.cursor.throw_input_error(from, "a label before CALL LBL REP", "a label after it");
   // Each block has a count of its own, so that repeats may nest.
   auto& remaining_repeats = calls_.back().remaining_repeats;
   const auto count = remaining_repeats.emplace(line_index_, repeats).first;
@@ -285,7 +284,7 @@ void Flow::call_program(WordReader& words) {
   // The name becomes a file name: a path could lead out of the folder of the program.
   if (name.empty() || name.size() > max_name_bytes ||
       name.find_first_of("/\\:\"") != std::string::npos || name.starts_with('.'))
-    words.throw_input_error(from, "the name of a program beside this one, without a path");
+    words.throw_input_error(from, "the name of a program next to this one, without a path");
   run_.check_depth(int(calls_.size()), {int(from) + 1, words.cursor.text.substr(from)});
   const std::filesystem::path& folder = run_.options().folder;
   for (const char* extension : {"", ".h", ".H"})
@@ -298,7 +297,7 @@ void Flow::call_program(WordReader& words) {
       return;
     }
   run_.refuse_once("PGM " + name, words.cursor.cause(from),
-                   fmt::format("a program {} or {}.h beside this one", name, name), "none");
+                   fmt::format("a program {} or {}.h next to this one", name, name), "none");
 }
 
 Source& Flow::load_source(const std::filesystem::path& file) {
@@ -306,7 +305,7 @@ Source& Flow::load_source(const std::filesystem::path& file) {
   const auto entry = sources_by_file_.find(file.string());
   if (entry != sources_by_file_.end()) return *entry->second;
   if (sources_.size() == max_files)
-    run_.canon.throw_input_error({1, {}}, "at most 1000 programs that are called", "more");
+    run_.canon.throw_input_error({1, {}}, "at most 1000 called programs", "more");
   auto source = std::make_unique<Source>();
   source->text = read_text(file, max_file_bytes);
   source->lines = lines_of_text(source->text);
@@ -345,10 +344,10 @@ std::optional<Flow::Parameter> Flow::parse_parameter(Cursor& cursor) const {
   // The control has Q0 to Q1999, QL0 to QL499 and QR0 to QR499.
   const int max_number = parameter.kind == "Q" ? 1999 : 499;
   if (parameter.kind == "QS")
-    cursor.throw_input_error(parameter.from, "a parameter of numbers: texts in QS are not kept");
+    cursor.throw_input_error(parameter.from, "a numeric parameter: strings in QS are not stored");
   if (cursor.at == digits || is_digit(cursor.current()) || parameter.number > max_number)
     cursor.throw_input_error(
-        parameter.from, fmt::format("a number of 0 to {} after {}", max_number, parameter.kind));
+        parameter.from, fmt::format("a number from 0 to {} after {}", max_number, parameter.kind));
   return parameter;
 }
 
@@ -385,8 +384,7 @@ void Flow::set_parameter(const Parameter& parameter, double value, const WordRea
                                    "a parameter that the control does not set itself");
   // Cycles copy their parameters at CYCL DEF, so later assignments have no effect.
   if (parameter.kind == "Q" && number >= 200 && number < 500 && machine_.has_cycle())
-    run_.warn_once(
-        "Q200 to Q499 are set outside of CYCL DEF: a cycle that is defined keeps its values");
+    run_.warn_once("Q200 to Q499 are set outside CYCL DEF: a defined cycle keeps its values");
   if (!variables_.set(number, value, is_local ? Variables::Scope::Call : Variables::Scope::Program))
     run_.throw_variable_limit(words.cursor.location, "parameters");
 }
@@ -400,7 +398,7 @@ void Flow::execute_assignment(WordReader& words, const Parameter& parameter) {
   if (!words.cursor.accept("=")) words.throw_input_error(words.cursor.at, "= after a parameter");
   words.cursor.skip_blanks();
   if (words.cursor.current() == '"')
-    words.throw_input_error(words.cursor.at, "a number: texts in parameters are not kept");
+    words.throw_input_error(words.cursor.at, "a number: strings in parameters are not stored");
   // A parameter whose assignment has an error is uncertain: its uses are not reported.
   run_.define(parameter.name(), [&] {
     const double value = parse_expression(words.cursor, grammar(), *this);
@@ -430,18 +428,18 @@ void Flow::execute_fn(WordReader& words) {
   });
 }
 
-/// Parses the expression behind = of FN 0 to FN 8 and FN 13, and returns its value.
+/// Parses the expression after = of FN 0 to FN 8 and FN 13, and returns its value.
 double Flow::fn_result(int number, WordReader& words) {
   const auto expect = [&](std::string_view word) {
     if (!words.cursor.accept(word)) words.throw_input_error(words.cursor.at, std::string(word));
   };
   if (number == 0 && words.accept("SET"))
-    words.throw_input_error(words.cursor.at, "a number: parameters are not made undefined");
+    words.throw_input_error(words.cursor.at, "a number: parameters cannot be made undefined");
   if (number >= 5 && number <= 7) expect(number == 5 ? "SQRT" : number == 6 ? "SIN" : "COS");
   words.cursor.skip_blanks();
   const std::size_t from = words.cursor.at;
   const double a = words.read_value();
-  if (number == 5 && a < 0) words.throw_input_error(from, "a number that is not below zero");
+  if (number == 5 && a < 0) words.throw_input_error(from, "a non-negative number");
   double result = number == 5   ? std::sqrt(a)
                   : number == 6 ? std::sin(a * units::deg)
                   : number == 7 ? std::cos(a * units::deg)
@@ -452,8 +450,9 @@ double Flow::fn_result(int number, WordReader& words) {
     words.cursor.skip_blanks();
     const std::size_t second = words.cursor.at;
     const double b = words.read_value();
-    if (number == 4 && b == 0) words.throw_input_error(second, "a divisor that is not zero");
-    if (number == 13 && a == 0 && b == 0) words.throw_input_error(second, "two legs of an angle");
+    if (number == 4 && b == 0) words.throw_input_error(second, "a nonzero divisor");
+    if (number == 13 && a == 0 && b == 0)
+      words.throw_input_error(second, "two sides of a right triangle, not both zero");
     double angle = std::atan2(a, b) / units::deg;
     // ANG is within 0 to 360 degrees.
     if (angle < 0) angle += 360;
@@ -461,7 +460,7 @@ double Flow::fn_result(int number, WordReader& words) {
     result = number == 8 ? std::hypot(a, b) : number == 13 ? angle : results[number];
   }
   words.expect_end();
-  if (!std::isfinite(result)) words.throw_input_error(from, "a result that is a finite number");
+  if (!std::isfinite(result)) words.throw_input_error(from, "a finite result");
   return result;
 }
 

@@ -36,7 +36,7 @@ class Flow : public OperandParser {
   /// A running program or label.
   struct Call {
     Source* source = nullptr;
-    std::size_t return_line = 0;  ///< line to continue with behind the call
+    std::size_t return_line = 0;  ///< line to continue with after the call
     bool is_program = true;
     bool is_caller_inch = false;                        ///< unit of the caller
     bool has_begun = false;                             ///< BEGIN PGM has been read

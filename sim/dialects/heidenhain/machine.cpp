@@ -90,7 +90,7 @@ void Machine::execute(const std::string& keyword, std::size_t from, WordReader& 
   // A move must follow a corner directly.
   if (contour_.is_waiting()) {
     contour_.finish();
-    throw_input_error(cause, "a move right behind RND or CHF");
+    throw_input_error(cause, "a move immediately after RND or CHF");
   }
   if (keyword == "M") return execute_m_block(from, words);
   if (keyword == "BLK") return;  // the blank is that of the scene
@@ -102,7 +102,7 @@ void Machine::execute(const std::string& keyword, std::size_t from, WordReader& 
   // The message quotes up to 40 characters of an unknown block without letters.
   const std::size_t end = std::min(words.cursor.text.size(), from + 40);
   run_.handle_unknown_word(keyword.empty() ? words.cursor.cause(from, end) : cause,
-                           "a block of Klartext");
+                           "a Klartext block");
 }
 
 bool Machine::execute_motion(const std::string& keyword, std::size_t from, WordReader& words,
@@ -174,7 +174,7 @@ void Machine::execute_function(WordReader& words) {
   }
   if (words.accept("MODE")) {
     if (!words.accept("MILL"))
-      words.throw_input_error(words.cursor.at, "MILL: turning and grinding are not read");
+      words.throw_input_error(words.cursor.at, "MILL: turning and grinding are not supported");
     return words.expect_end();
   }
   const std::string word = words.read_name();
@@ -196,7 +196,7 @@ double Machine::tool_length(int number, const Cause& cause) {
   const auto entry = length_.find(number);
   if (entry != length_.end()) return entry->second;
   if (number == 0) return 0.0;
-  // The only tool of the scene is meant whatever the number.
+  // The only tool of the scene is assumed whatever the number.
   if (canon_.options().tool_length.size() == 1 && canon_.options().control_by_h.empty() &&
       !canon_.options().tool_table) {
     const double length = canon_.options().tool_length.begin()->second;
@@ -210,7 +210,7 @@ double Machine::tool_length(int number, const Cause& cause) {
   for (const auto& [known_number, mm] : length_)
     numbers += fmt::format("{}{}", numbers.empty() ? "" : " ", known_number);
   throw_input_error(
-      cause, "a tool whose length is known (" + (numbers.empty() ? "none is" : numbers) + ")");
+      cause, "a tool with a known length (" + (numbers.empty() ? "none known" : numbers) + ")");
 }
 
 /// Puts a tool in force. The chain has the length of the tool itself if the scene has several
@@ -242,7 +242,7 @@ int Machine::read_tool_name(WordReader& words) {
                          ? numbers.end()
                          : numbers.find(cursor.text.substr(from + 1, close - from - 1));
   if (entry == numbers.end())
-    words.throw_input_error(from, "a tool by its number: the scene has no tools of that name");
+    words.throw_input_error(from, "a tool number: the scene has no tool with this name");
   cursor.at = close + 1;
   return entry->second;
 }
@@ -266,11 +266,12 @@ void Machine::tool_call(WordReader& words) {
     if (name == "X" || name == "Y") words.throw_input_error(at, "the tool axis Z");
     if (name == "S") {
       const double rpm = words.read_value();
-      if (!(rpm >= 0 && rpm <= 1e7)) words.throw_input_error(at, "a spindle speed of 0 to 1e7 rpm");
+      if (!(rpm >= 0 && rpm <= 1e7))
+        words.throw_input_error(at, "a spindle speed from 0 to 1e7 rpm");
       canon_.set_spindle_speed(rpm);
     } else if (name == "F") {
       tool_feed_ = words.read_value();
-      if (!(tool_feed_ > 0)) words.throw_input_error(at, "a feed above zero");
+      if (!(tool_feed_ > 0)) words.throw_input_error(at, "a feed greater than zero");
       // In inch programs F counts tenths of an inch per minute.
       feed_ = Feed{tool_feed_, canon_.inch() ? 0.1 * units::inch : 1.0};
       is_last_feed_per_turn_ = is_feed_per_turn_;
@@ -297,7 +298,7 @@ void Machine::tool_def(WordReader& words) {
   words.cursor.skip_blanks();
   const std::size_t from = words.cursor.at;
   if (words.cursor.current() == '"')
-    words.throw_input_error(from, "a tool by its number: the scene has no tools of that name");
+    words.throw_input_error(from, "a tool number: the scene has no tool with this name");
   const int number = words.read_whole_number(32767);
   while (!words.at_end()) {
     const std::size_t at = words.cursor.at;
@@ -346,9 +347,9 @@ void skip_function_words(int number, WordReader& words) {
     case 118:
       while (skip_value(is_axis)) {
       }
-      // An F behind M118 could belong to M118 or be the feed of the block.
+      // An F after M118 could belong to M118 or be the feed of the block.
       if (WordReader ahead = words; ahead.read_name().starts_with('F'))
-        words.throw_input_error(words.cursor.at, "F before M118: what stands behind it is its own");
+        words.throw_input_error(words.cursor.at, "F before M118: words after it belong to it");
       break;
     case 120:
       skip_value([](const std::string& name) { return name == "LA"; });
@@ -367,7 +368,7 @@ void Machine::read_m_function(WordReader& words, std::size_t from, MFunction& m)
   const std::string name = fmt::format("M{}", m.number);
   reject_unsupported(name, m.cause);
   if (find_word(heidenhain_words(), name) == nullptr)
-    run_.handle_unknown_word(m.cause, "an M word of a TNC");
+    run_.handle_unknown_word(m.cause, "an M function of a TNC");
   const auto accept_name = [&](std::string_view name) {
     WordReader ahead = words;
     if (ahead.read_name() != name) return false;
@@ -402,7 +403,7 @@ void Machine::read_m_function(WordReader& words, std::size_t from, MFunction& m)
   }
   // F of M128 limits the compensating moves, which take no time here.
   if (m.number == 128 && m.feed)
-    run_.warn_once("F beside M128 limits the feed of compensating moves: it has no effect here");
+    run_.warn_once("F with M128 limits the feed of compensating moves: it has no effect here");
   if (m.number == 94 && !words.at_end()) {
     WordReader ahead = words;
     const std::string axis = ahead.read_name();
@@ -450,7 +451,7 @@ void Machine::start_m_function(const MFunction& m, MotionBlock& move) {
     case 128:
       return set_tcpm(true, m.cause);
     case 136:
-      if (canon_.inch()) throw_input_error(m.cause, "M136 in a program of MM");
+      if (canon_.inch()) throw_input_error(m.cause, "M136 in a program in MM");
       is_feed_per_turn_ = is_last_feed_per_turn_ = true;
       feed_.reset();
       return;
@@ -529,12 +530,10 @@ void Machine::execute_m140(const MFunction& m, const MotionBlock& move) {
   if (contour_.is_compensated()) throw_input_error(m.cause, "R0 before M140");
   // Manuals do not say if a block with axes retracts before or after its motion.
   for (const auto& axis : move.axes)
-    if (axis)
-      throw_input_error(m.cause,
-                        "M140 in a block without axes: which of the two is first is not known");
+    if (axis) throw_input_error(m.cause, "M140 in a block without axes: their order is unknown");
   const auto feed_before = canon_.feed();
   if (m.feed) {
-    if (!(*m.feed > 0)) throw_input_error(m.cause, "a feed above zero");
+    if (!(*m.feed > 0)) throw_input_error(m.cause, "a feed greater than zero");
     canon_.set_feed(Feed{*m.feed, canon_.inch() ? 0.1 * units::inch : 1.0});
   }
   retract_by(m.retraction.value_or(0.0), m.retracts_to_limit, !m.feed, m.cause);

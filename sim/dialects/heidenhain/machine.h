@@ -61,9 +61,9 @@ class Machine {
     Cause cause;
     std::optional<double> retraction;  ///< MB of M140, mm
     bool retracts_to_limit = false;    ///< MB MAX
-    std::optional<double> feed;        ///< F behind M128 and M140
+    std::optional<double> feed;        ///< F after M128 and M140
     bool is_rapid = false;
-    char axis = '\0';  ///< axis behind M94
+    char axis = '\0';  ///< axis after M94
   };
   /// The value of a word.
   struct WordValue {
@@ -134,7 +134,7 @@ class Machine {
   bool read_axis(const std::string& name, WordReader& words, std::size_t from, MotionBlock& move);
   bool read_polar(const std::string& name, WordReader& words, std::size_t from, MotionBlock& move);
   /// Parses a feed: FMAX, F MAX, FAUTO, FU0.2 or F500; in a cycle also without F. `letters` are
-  /// those behind F.
+  /// those after F.
   FeedValue read_feed(std::string letters, WordReader& words, std::size_t from) const;
   void read_compensation_side(const std::string& name, WordReader& words, std::size_t from,
                               MotionBlock& move);

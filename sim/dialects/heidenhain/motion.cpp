@@ -39,7 +39,7 @@ bool Machine::read_axis(const std::string& name, WordReader& words, std::size_t 
   const Cause cause = words.cause(from);
   const int joint = joint_of(letter, cause);
   auto& word = move.axes[std::size_t(letter - 'A')];
-  if (word) throw_input_error(cause, fmt::format("{} once in a block", letter));
+  if (word) throw_input_error(cause, fmt::format("{} only once in a block", letter));
   word = WordValue{number * (canon_.is_linear(joint) ? unit() : units::deg), is_incremental, cause};
   return true;
 }
@@ -52,7 +52,7 @@ bool Machine::read_polar(const std::string& name, WordReader& words, std::size_t
   if (address == "PR" || address == "PA") {
     const double number = words.read_value();
     auto& word = address == "PR" ? move.pr : move.pa;
-    if (word) words.throw_input_error(from, fmt::format("{} once in a block", address));
+    if (word) words.throw_input_error(from, fmt::format("{} only once in a block", address));
     word = WordValue{number * (address == "PR" ? unit() : units::deg), is_incremental,
                      words.cause(from)};
     return true;
@@ -64,14 +64,14 @@ bool Machine::read_polar(const std::string& name, WordReader& words, std::size_t
     if ((sign != '+' && sign != '-') || is_digit(words.cursor.peek()))
       words.throw_input_error(from, "DR+ or DR-");
     ++words.cursor.at;
-    if (move.is_clockwise) words.throw_input_error(from, "DR once in a block");
+    if (move.is_clockwise) words.throw_input_error(from, "DR only once in a block");
     move.is_clockwise = sign == '-';
     return true;
   }
   if (name.size() == 2 && (name[0] == 'N' || name[0] == 'T') && name[1] >= 'X' && name[1] <= 'Z') {
     if (move.keyword != "LN") words.throw_input_error(from, "LN before " + name);
     auto& word = (name[0] == 'N' ? move.normal : move.direction)[std::size_t(name[1] - 'X')];
-    if (word) words.throw_input_error(from, name + " once in a block");
+    if (word) words.throw_input_error(from, name + " only once in a block");
     word = words.read_value();
     return true;
   }
@@ -94,7 +94,7 @@ Machine::FeedValue Machine::read_feed(std::string letters, WordReader& words,
   words.cursor.skip_blanks();
   const std::size_t at = words.cursor.at;
   const double value = words.read_value();
-  if (!(value >= min_feed)) words.throw_input_error(at, "a feed above zero");
+  if (!(value >= min_feed)) words.throw_input_error(at, "a feed greater than zero");
   return {letters.empty() ? FeedKind::Number : FeedKind::PerRevolution, value};
 }
 
@@ -111,12 +111,12 @@ void Machine::read_compensation_side(const std::string& name, WordReader& words,
     move.side = '0';
   } else {
     if (move.keyword != "CR") words.throw_input_error(from, "R0, RL or RR");
-    if (move.radius) words.throw_input_error(from, "the radius R once in a block");
+    if (move.radius) words.throw_input_error(from, "the radius R only once in a block");
     const double number = words.read_value();
     move.radius = WordValue{number * unit(), false, words.cause(from)};
     return;
   }
-  if (had_side) words.throw_input_error(from, "one of R0, RL and RR in a block");
+  if (had_side) words.throw_input_error(from, "only one of R0, RL and RR per block");
   move.side_cause = words.cause(from);
 }
 
@@ -129,27 +129,29 @@ Machine::MotionBlock Machine::read_move(const std::string& keyword, std::size_t 
   while (!words.at_end()) {
     const std::size_t at = words.cursor.at;
     const std::string name = words.read_name();
-    if (name.empty()) words.throw_input_error(at, "a word of Klartext");
+    if (name.empty()) words.throw_input_error(at, "a Klartext word");
     if (name == "M") {
-      if (move.functions.size() == 8) words.throw_input_error(at, "at most 8 M words in a block");
+      if (move.functions.size() == 8)
+        words.throw_input_error(at, "at most 8 M functions in a block");
       MFunction m;
       read_m_function(words, at, m);
       move.functions.push_back(m);
     } else if (name == "R" || name == "RL" || name == "RR") {
       read_compensation_side(name, words, at, move);
     } else if (name[0] == 'F') {
-      if (move.feed_kind != FeedKind::None) words.throw_input_error(at, "F once in a block");
+      if (move.feed_kind != FeedKind::None) words.throw_input_error(at, "F only once in a block");
       const FeedValue feed = read_feed(name.substr(1), words, at);
       move.feed_kind = feed.kind;
       move.feed = feed.value;
     } else if (read_axis(name, words, at, move)) {
-      // An axis word behind an M function could belong to the function.
+      // An axis word after an M function could belong to the function.
       if (!move.functions.empty())
         words.throw_input_error(
-            at, "axis words before the M functions of a block: those behind are theirs");
+            at,
+            "axis words before the M functions of a block: words after an M function belong to it");
     } else if (!read_polar(name, words, at, move)) {
       reject_unsupported(name, words.cause(at));
-      run_.handle_unknown_word(words.cause(at), "a word of Klartext");
+      run_.handle_unknown_word(words.cause(at), "a Klartext word");
       if (words.has_value()) words.read_value();
     }
   }
@@ -176,7 +178,8 @@ void Machine::set_feed(const MotionBlock& move) {
   const FeedMode mode = is_last_feed_per_turn_ ? FeedMode::PerRevolution : FeedMode::PerMinute;
   // A waiting move would be made with the new unit of feed.
   if (mode != canon_.feed_mode() && contour_.is_compensated())
-    throw_input_error(move.cause, "R0 before the feed counts otherwise, per minute or per turn");
+    throw_input_error(move.cause,
+                      "R0 before the feed changes between per minute and per revolution");
   canon_.set_feed_mode(mode);
   canon_.set_feed(feed_);
 }
@@ -185,12 +188,12 @@ void Machine::set_feed(const MotionBlock& move) {
 void Machine::set_side(const MotionBlock& move) {
   if (!move.side) return;
   if (*move.side == '0') return contour_.set_side({}, 0.0, move.side_cause);
-  if (plane_) throw_input_error(move.side_cause, "RL and RR outside of tilted planes");
+  if (plane_) throw_input_error(move.side_cause, "RL and RR outside tilted planes");
   if (canon_.tip_mode()) throw_input_error(move.side_cause, "M129 before RL and RR");
   working_plane(move.side_cause);
   const auto radius = radius_.find(tool_);
   if (radius == radius_.end())
-    throw_input_error(move.side_cause, "a tool whose radius is known",
+    throw_input_error(move.side_cause, "a tool with a known radius",
                       tool_ < 0 ? "none" : fmt::format("tool {}", tool_));
   if (move.keyword != "L" && move.keyword != "LP")
     if (!contour_.is_compensated()) throw_input_error(move.side_cause, "L before RL and RR");
@@ -234,7 +237,7 @@ void Machine::set_pole(WordReader& words) {
     const std::size_t k = std::size_t(name.back() - 'X');
     const double value = words.read_value() * unit();
     joint_of(name.back(), words.cause(from));
-    if ((programmed_bits >> k) & 1u) words.throw_input_error(from, "each axis once");
+    if ((programmed_bits >> k) & 1u) words.throw_input_error(from, "each axis only once");
     pole[k] = is_incremental ? pole[k] + value : value;
     programmed_bits |= 1u << k;
   }
@@ -269,7 +272,7 @@ Target Machine::block_target(const MotionBlock& move) const {
     if (letter >= 'X' && !move.in_machine_coordinates) require_certain_shift(word.cause);
     const int j = canon_.joint_of(letter);
     if (move.in_machine_coordinates && word.is_incremental)
-      throw_input_error(word.cause, "an absolute position beside M91");
+      throw_input_error(word.cause, "an absolute position with M91");
     if (word.is_incremental) target.by(j, word.value, word.cause);
     // The roll-over rule of the axis must not change the direction that M126 decides.
     else if (takes_shortest_rotation_ && !move.in_machine_coordinates && !canon_.is_linear(j))
@@ -298,15 +301,16 @@ Machine::PolarEnd Machine::polar_end(const MotionBlock& move) const {
   if (move.pr) {
     // CP keeps the radius of its start, so a PR would contradict it.
     if (move.keyword == "CP")
-      throw_input_error(move.pr->cause, "CP without PR: the radius is where it begins");
+      throw_input_error(move.pr->cause, "CP without PR: the radius is that of its start");
     radius = move.pr->value + (move.pr->is_incremental ? radius : 0.0);
   }
   if (move.pa) angle = move.pa->value + (move.pa->is_incremental ? angle : 0.0);
   double sweep = 0.0;
   if (move.keyword == "CP") {
-    if (!move.pa) throw_input_error(move.cause, "PA or IPA beside CP", "none");
+    if (!move.pa) throw_input_error(move.cause, "PA or IPA with CP", "none");
     sweep = move.pa->is_incremental ? move.pa->value : angle - start;
-    if (radius < position_tolerance) throw_input_error(move.cause, "a start beside the pole of CP");
+    if (radius < position_tolerance)
+      throw_input_error(move.cause, "a start away from the pole of CP");
   }
   const double turns = std::round((angle - start) / (2 * pi));
   // A full circle must end exactly at its start, or rounding would decide between a whole turn and
@@ -344,7 +348,7 @@ void Machine::move(MotionBlock move) {
     const auto [target, sweep] =
         is_polar_move(move.keyword) ? polar_end(move) : PolarEnd{block_target(move)};
     if (move.in_machine_coordinates && move.keyword != "L")
-      throw_input_error(move.cause, "L beside M91");
+      throw_input_error(move.cause, "L with M91");
     if (move.keyword == "LN")
       make_vector_line(move);
     else if (move.keyword == "C" || move.keyword == "CP")
@@ -365,7 +369,7 @@ void Machine::add_element(ContourElement element, const MotionBlock& move, std::
   element.is_rapid = move.feed_kind == FeedKind::Rapid;
   element.stated = stated;
   if (element.is_arc && element.is_rapid)
-    throw_input_error(move.cause, "F for an arc: FMAX runs straight");
+    throw_input_error(move.cause, "F for an arc: FMAX applies only to lines");
   // A machine without X and Y has no compensation and no corners, so it never uses the plane.
   const std::array<int, 2> plane{std::max(canon_.joint_of('X'), 0),
                                  std::max(canon_.joint_of('Y'), 0)};
@@ -421,7 +425,9 @@ void Machine::rotate_axes_in_plane(const MotionBlock& move, const Target& target
     // Programmed X Y Z are the position of the tip at the end.
     const auto q =
         kinematics::solve_slides(chain(move.cause), tip_end, {tip_end[x], tip_end[y], tip_end[z]});
-    if (!q) throw_input_error(move.cause, "slides that reach the tip", "a tip out of their reach");
+    if (!q)
+      throw_input_error(move.cause, "a tip within the travel of the linear axes",
+                        "a tip out of reach");
     end = *q;
   } else {
     for (const int j : {x, y, z}) end[j] = canon_.position()[j];
@@ -453,8 +459,8 @@ void Machine::make_vector_line(const MotionBlock& move) {
   is_complete(move.normal, "N");
   // DL and DR would shift the path along the surface normal.
   if (std::abs(extra_length_) > 0 || delta_radius_ != 0)
-    throw_input_error(move.cause, "DL 0 and DR 0 beside LN: no compensation along the normal",
-                      "others");
+    throw_input_error(move.cause, "DL 0 and DR 0 with LN: no compensation along the normal",
+                      "other values");
   const Target target = block_target(move);
   AxisVector end = canon_.target_position_from(contour_.position(), target, false);
   std::uint32_t stated = target.stated();
@@ -532,7 +538,7 @@ void Machine::store_arrival_direction(const std::array<int, 2>& plane, const Vec
 /// a corner.
 void Machine::make_tangent_arc(const MotionBlock& move, const Target& target) {
   if (!tangent_)
-    throw_input_error(move.cause, "a line or arc before CT, whose direction goes on", "none");
+    throw_input_error(move.cause, "a line or arc before CT, to which it is tangential", "none");
   const auto [first, second] = move.keyword == "CTP" ? pole_plane_ : working_plane(move.cause);
   const AxisVector p = contour_.programmed();
   AxisVector end = canon_.target_position_from(contour_.position(), target, false);
@@ -545,16 +551,17 @@ void Machine::make_tangent_arc(const MotionBlock& move, const Target& target) {
   const Vector2d start(p[first], p[second]),
       chord = Vector2d(programmed_end[first], programmed_end[second]) - start;
   if (t.norm() < 1e-9)
-    throw_input_error(move.cause, "a move in the plane before CT", "one across it");
+    throw_input_error(move.cause, "a move in the plane before CT", "a move perpendicular to it");
   if (chord.norm() < min_length)
-    throw_input_error(move.cause, "an end of CT that is not its start");
+    throw_input_error(move.cause, "an end of CT that differs from its start");
   t.normalize();
   const Vector2d left(-t.y(), t.x());
   const double offset = left.dot(chord);
   // An end straight ahead makes the arc a line; no arc reaches an end straight back.
   if (std::abs(offset) < 1e-9 * chord.norm()) {
     if (t.dot(chord) < 0)
-      throw_input_error(move.cause, "an end of CT that an arc reaches", "one straight back");
+      throw_input_error(move.cause, "an end of CT that an arc can reach",
+                        "an end straight behind the start");
     return make_line(move, target);
   }
   const double radius = chord.squaredNorm() / (2 * offset);  // to the left if positive
@@ -575,7 +582,7 @@ void Machine::make_tangent_arc(const MotionBlock& move, const Target& target) {
 
 /// Executes CR in X Y, or in the two axes that the block names.
 void Machine::make_radius_arc(const MotionBlock& move, const Target& target) {
-  if (!move.radius) throw_input_error(move.cause, "R beside CR", "none");
+  if (!move.radius) throw_input_error(move.cause, "R with CR", "none");
   if (!move.is_clockwise) throw_input_error(move.cause, "DR+ or DR-", "none");
   auto plane = working_plane(move.cause);
   if (const int z = canon_.joint_of('Z'); z >= 0 && target.has(z)) {

@@ -94,7 +94,7 @@ AxisVector Machine::axis_shift(const Cause& cause) {
 
 void Machine::apply_frame(const Cause& cause) {
   if (contour_.is_compensated() || contour_.is_waiting())
-    throw_input_error(cause, "R0, and no corner, where coordinates or tools change");
+    throw_input_error(cause, "R0, without a pending corner, where coordinates or tools change");
   const AxisVector& offset = program::work_offset(canon_.options(), preset_ + 1);
   const Matrix3d R = rotation();
   program::Frame frame;
@@ -102,7 +102,7 @@ void Machine::apply_frame(const Cause& cause) {
   const std::array<int, 3> xyz{canon_.joint_of('X'), canon_.joint_of('Y'), canon_.joint_of('Z')};
   if (!is_identity(R)) {
     for (const int j : xyz)
-      if (j < 0) throw_input_error(cause, "a machine with X Y Z for coordinates that are turned");
+      if (j < 0) throw_input_error(cause, "a machine with X Y Z for rotated coordinates");
     frame.rotation = R;
   }
   // `outer_shift_` is in the workpiece; cycle 7 and the extra tool length are in the plane.
@@ -120,11 +120,11 @@ void Machine::apply_frame(const Cause& cause) {
 
 void Machine::update_tip_mode(const Cause& cause) {
   if (contour_.is_compensated() || contour_.is_waiting())
-    throw_input_error(cause, "R0, and no corner, where coordinates or tools change");
+    throw_input_error(cause, "R0, without a pending corner, where coordinates or tools change");
   // Under M128 an extra length would have to follow the tool direction within a move.
   if (is_tcpm_ && !plane_ && extra_length_ != 0.0)
-    throw_input_error(cause, "a tool of the length that the scene has, without DL, under M128",
-                      fmt::format("one that is {:.6g} mm longer", extra_length_));
+    throw_input_error(cause, "a tool with the length stated in the scene, without DL, under M128",
+                      fmt::format("a tool {:.6g} mm longer", extra_length_));
   canon_.set_tip_mode(is_tcpm_ || plane_, cause);
   apply_frame(cause);
 }
@@ -148,7 +148,8 @@ AxisVector Machine::axis_position(const Cause& cause) const {
   // The position is that of the tip, so the slides are solved for it.
   const auto q =
       kinematics::solve_slides(chain(cause), position, {position[x], position[y], position[z]});
-  if (!q) throw_input_error(cause, "slides that reach the tip", "a tip out of their reach");
+  if (!q)
+    throw_input_error(cause, "a tip within the travel of the linear axes", "a tip out of reach");
   return *q;
 }
 
@@ -160,11 +161,12 @@ kinematics::InverseSolution Machine::solve_direction(const Vector3d& direction,
     auto solution = kinematics::inverse(free_chain(cause), {Vector3d::Zero(), direction}, previous);
     if (!solution.branches.empty()) return solution;
     throw_input_error(
-        cause, "a direction of the tool that the rotary axes reach",
+        cause, "a tool direction that the rotary axes can reach",
         fmt::format("({:.6g}, {:.6g}, {:.6g}){}", direction.x(), direction.y(), direction.z(),
-                    solution.reach == Reachability::OutOfLimits ? " beyond their travel" : ""));
+                    solution.reach == Reachability::OutOfLimits ? ", beyond their travel" : ""));
   } catch (const std::invalid_argument& error) {
-    throw_input_error(cause, "a machine of three slides and at most two rotary axes", error.what());
+    throw_input_error(cause, "a machine with three linear axes and at most two rotary axes",
+                      error.what());
   }
 }
 
@@ -198,7 +200,8 @@ AxisVector Machine::fix_free_axis(AxisVector q, const Matrix3d& R,
       rotated[j] += rotation;
       if ((tool_rotation(rotated).col(0) - to).norm() < direction_tolerance) return rotated;
     }
-    throw_input_error(positioning.cause, "COORD ROT: the free axis does not reach the plane's x");
+    throw_input_error(positioning.cause,
+                      "COORD ROT: the free axis cannot reach the x axis of the plane");
   }
   return q;
 }
@@ -252,11 +255,11 @@ void Machine::retract_by(double distance, bool to_end, bool rapid, const Cause& 
   // Slides that move the tip by 1 mm along the tool.
   const auto T_wt = machine.tool_in_workpiece(q);
   const auto next = kinematics::solve_slides(machine, q, T_wt.translation() + T_wt.linear().col(2));
-  if (!next) throw_input_error(cause, "slides that follow the tool", "others");
+  if (!next) throw_input_error(cause, "linear axes that can follow the tool", "other axes");
   const AxisVector displacement = *next - q;
   // Without M128 and PLANE the tool must be upright, or its direction is uncertain.
   if (!canon_.tip_mode() && (displacement - unit_z).norm() > 1e-6)
-    throw_input_error(cause, "M128 or PLANE before MB where the tool leans");
+    throw_input_error(cause, "M128 or PLANE before MB where the tool is inclined");
   // The nearest limit of any slide ends the retraction.
   if (to_end) {
     distance = unlimited_travel;
@@ -267,7 +270,7 @@ void Machine::retract_by(double distance, bool to_end, bool rapid, const Cause& 
       distance = std::min(distance, (limit - q[j]) / displacement[j]);
     }
     if (distance >= unlimited_travel)
-      throw_input_error(cause, "slides with limits beside MB MAX", "none");
+      throw_input_error(cause, "linear axes with travel limits for MB MAX", "none");
     distance = std::max(distance, 0.0);
   }
   canon_.go_to(Coordinates::Axis, cause);
@@ -352,7 +355,7 @@ bool Machine::read_positioning_word(const std::string& name, WordReader& words,
   if (name.starts_with('F')) {
     const FeedValue feed = read_feed(name.substr(1), words, words.cursor.at);
     if (feed.kind == FeedKind::PerRevolution)
-      throw_input_error(positioning.cause, "a feed per minute beside TURN and MOVE");
+      throw_input_error(positioning.cause, "a feed per minute with TURN and MOVE");
     positioning.is_rapid = feed.kind == FeedKind::Rapid;
     positioning.feed = feed.value;
     return true;
@@ -400,7 +403,7 @@ Machine::RotaryPositioning Machine::read_positioning(WordReader& words) {
   }
   if (positioning.kind != RotaryPositioning::Kind::Stay && !positioning.is_rapid &&
       !(positioning.feed > 0))
-    throw_input_error(positioning.cause, "F or FMAX beside TURN and MOVE", "none");
+    throw_input_error(positioning.cause, "F or FMAX with TURN and MOVE", "none");
   return positioning;
 }
 
@@ -434,9 +437,9 @@ void Machine::set_plane(const Matrix3d& R, const RotaryPositioning& positioning)
   // DL lies along the tool, but under STAY the tool is not along z of the plane.
   if (extra_length_ != 0.0 && positioning.kind == RotaryPositioning::Kind::Stay)
     throw_input_error(positioning.cause,
-                      "TURN or MOVE beside a tool that is longer than the scene's, by DL");
+                      "TURN or MOVE with a tool that is not longer than that of the scene (DL 0)");
   if (extra_length_ != 0.0 && is_tcpm_)
-    throw_input_error(positioning.cause, "M129 before PLANE beside DL");
+    throw_input_error(positioning.cause, "M129 before PLANE with DL");
   // The datum shift from before the plane stays outside of it.
   if (!plane_)
     for (const char letter : {'X', 'Y', 'Z'}) {
@@ -535,10 +538,10 @@ void Machine::execute_tcpm(WordReader& words) {
     } else if (name == "F") {
       read_option("TCP", {"CONT"}, "F TCP: feeds are those of the tip");
     } else if (name == "AXIS") {
-      read_option("POS", {"SPAT"}, "AXIS POS: rotary words are positions of the axes");
+      read_option("POS", {"SPAT"}, "AXIS POS: rotary words are axis positions");
     } else if (name == "PATHCTRL") {
       read_option("AXIS", {"VECTOR"},
-                  "PATHCTRL AXIS: rotary axes run in proportion, not in a plane");
+                  "PATHCTRL AXIS: rotary axes interpolate linearly, not in a plane");
     } else if (name == "REFPNT") {
       read_option("TIP-TIP", {"TIP-CENTER", "CENTER-CENTER"},
                   "REFPNT TIP-TIP: coordinates are those of the tip");

@@ -22,13 +22,11 @@ double modulo(double a, double b) {
 
 // Functions that return the expectation which operands do not meet, or null.
 
-const char* require_nonzero(double, double b) {
-  return b == 0 ? "a divisor that is not zero" : nullptr;
-}
+const char* require_nonzero(double, double b) { return b == 0 ? "a nonzero divisor" : nullptr; }
 
 const char* require_real_power(double a, double b) {
-  if (a < 0 && std::floor(b) != b) return "a whole exponent of a number below zero";
-  return a == 0 && b < 0 ? "an exponent of zero that is not below zero" : nullptr;
+  if (a < 0 && std::floor(b) != b) return "an integer exponent for a negative number";
+  return a == 0 && b < 0 ? "a non-negative exponent for zero" : nullptr;
 }
 
 // Levels of RS274/NGC as the README lists them: ** binds most tightly, logical operators least.
@@ -51,7 +49,7 @@ constexpr Operator operators[] = {
 };
 
 const char* require_unit_range(double x) {
-  return x < -1 || x > 1 ? "a number within -1 and 1" : nullptr;
+  return x < -1 || x > 1 ? "a number from -1 to 1" : nullptr;
 }
 
 // `Flow::parse_operand` handles ATAN, which takes two arguments.
@@ -64,11 +62,11 @@ constexpr Function functions[] = {
     {"FIX", [](double x) { return std::floor(x); }},
     {"FUP", [](double x) { return std::ceil(x); }},
     {"LN", [](double x) { return std::log(x); },
-     [](double x) -> const char* { return x <= 0 ? "a number above zero" : nullptr; }},
+     [](double x) -> const char* { return x <= 0 ? "a number greater than zero" : nullptr; }},
     {"ROUND", [](double x) { return double(std::round(x)); }},  // half away from zero
     {"SIN", [](double x) { return std::sin(x * units::deg); }},
     {"SQRT", [](double x) { return std::sqrt(x); },
-     [](double x) -> const char* { return x < 0 ? "a number that is not below zero" : nullptr; }},
+     [](double x) -> const char* { return x < 0 ? "a non-negative number" : nullptr; }},
     {"TAN", [](double x) { return std::tan(x * units::deg); }},
 };
 
@@ -111,9 +109,9 @@ void Block::clear() {
 
 int whole_number(const Cursor& cursor, std::size_t from, double value, int max) {
   const double rounded = std::round(value);
-  // rs274 accepts a computed index within 1e-4 of a whole number.
+  // rs274 accepts a computed index within 1e-4 of an integer.
   if (!(std::abs(value - rounded) < 1e-4) || rounded < 0 || rounded > max)
-    cursor.throw_input_error(from, fmt::format("a whole number of 0 to {}", max),
+    cursor.throw_input_error(from, fmt::format("an integer from 0 to {}", max),
                              fmt::format("{}", value));
   return int(rounded);
 }
@@ -154,7 +152,7 @@ class BlockReader {
   Block& block_;
 };
 
-// A comment behind ; extends to the end of the line.
+// A comment after ; extends to the end of the line.
 void BlockReader::skip_blanks_and_comments() {
   for (cursor_.skip_blanks(); !cursor_.at_end(); cursor_.skip_blanks()) {
     if (cursor_.current() == '(') {
@@ -182,7 +180,7 @@ void BlockReader::read_assignment() {
   double result = 0.0;
   run_.define(name.empty() ? fmt::format("#{}", number) : fmt::format("#<{}>", name), [&] {
     if (!cursor_.accept("="))
-      cursor_.throw_input_error(cursor_.at, "= after a parameter that begins a word");
+      cursor_.throw_input_error(cursor_.at, "= after a parameter that starts a word");
     result = parse_value(cursor_, grammar(), operands_);
   });
   if (block_.number_assignments.size() + block_.name_assignments.size() == max_assignments)
@@ -213,13 +211,13 @@ void BlockReader::put_code(char letter, const NcWord& word) {
     return;
   }
   const Code& previous = block_[group];
-  // rs274 accepts G80 beside another motion code and executes the other one.
+  // rs274 accepts G80 with another motion code and executes the other one.
   const bool ends_cycle =
       group == Group::Motion && previous && (code == 800) != (previous.tenths == 800);
   if (ends_cycle && code == 800) return;
   if (previous && !ends_cycle)
     run_.canon.throw_input_error(
-        word, "one code of a modal group in a block",
+        word, "only one code of a modal group per block",
         fmt::format("{} after {}", shown(word.text), shown(previous.word.text)));
   block_.codes.put(std::size_t(group), {code, word});
 }
@@ -249,7 +247,7 @@ void BlockReader::read_word(bool is_first) {
     run_.canon.throw_input_error(word, "a line number in digits");
   if (letter == 'G' || letter == 'M') return put_code(letter, word);
   if (letter == 'N' && !is_first)
-    run_.canon.throw_input_error(word, "a line number first in its block");
+    run_.canon.throw_input_error(word, "a line number at the start of the block");
   const std::size_t index = letter == '@'   ? 26
                             : letter == '^' ? 27
                             : letter == '$' ? 28
@@ -257,7 +255,7 @@ void BlockReader::read_word(bool is_first) {
   const NcWord& previous = block_.words[index];
   if (previous)
     run_.canon.throw_input_error(
-        word, std::string("one ") + letter + " in a block",
+        word, std::string("only one ") + letter + " per block",
         fmt::format("{} after {}", shown(word.text), shown(previous.text)));
   static constexpr std::string_view addresses = "ABCDEFHIJKLNPQRSTUVWXYZ@^$";
   if (addresses.find(letter) == std::string_view::npos)

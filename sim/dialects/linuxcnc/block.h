@@ -55,7 +55,7 @@ struct Block {
   SparseSlots<NcWord, 29> words;  ///< by letter, then @ ^ $; G and M are in `codes`
   SparseSlots<Code, std::size_t(Group::Count)> codes;
   NcWord skipped_code;        ///< an unknown code that was skipped
-  NcWord code_without_words;  ///< a code without effect beside which axis words are an error
+  NcWord code_without_words;  ///< a code without effect with which axis words are an error
   std::vector<std::string_view> comments;
   // Assignments, which are executed after the whole block has been read.
   std::vector<std::pair<int, double>> number_assignments;        ///< #n = value
@@ -85,7 +85,7 @@ const CodeProperties& find_entry(char letter, int tenths);
 /// parameters and functions. Throws BadInput.
 void read_block(Cursor cursor, ProgramRun& run, OperandParser& operands, Block& block);
 
-/// Returns the whole number from 0 to `max` that a computed value stands for, within 1e-4. Throws
+/// Returns the integer from 0 to `max` that a computed value stands for, within 1e-4. Throws
 /// BadInput at byte `from` of the line.
 int whole_number(const Cursor& cursor, std::size_t from, double value, int max);
 

@@ -51,10 +51,10 @@ bool Flow::execute_line() {
   run_.count_block();
   const std::string_view text = calls_.back().source->lines[line_index_];
   Cursor cursor{text, run_.canon.place()};
-  // Only a line with an O can have an O word; the search costs little beside parsing.
+  // Only a line with an O can have an O word; the search costs little compared with parsing.
   if (text.find_first_of("oO") != std::string_view::npos)
     if (const auto o = read_o_word(cursor)) {
-      // Counts the block as executed behind a /: `read_o_word` returns nothing for a skipped line.
+      // Counts the block as executed after a /: `read_o_word` returns nothing for a skipped line.
       if (text[text.find_first_not_of(" \t")] == '/') run_.skips_block(0);
       execute_o_word(*o, cursor);
       return true;
@@ -99,7 +99,7 @@ void Flow::save_modes() {
         return !other || &other == &code;
       });
   if (!is_alone)
-    run_.canon.throw_input_error(code.word, "a block of its own for " + shown(code.word.text));
+    run_.canon.throw_input_error(code.word, "a separate block for " + shown(code.word.text));
   Call& call = calls_.back();
   if (code.tenths == 700 || code.tenths == 730) call.saved_modes = machine_.modes();
   if (code.tenths == 730) call.restores_modes = true;
@@ -112,7 +112,7 @@ void Flow::save_modes() {
 void Flow::set_parameters(const Block& block, const Cursor& cursor) {
   for (const auto& [number, value] : block.number_assignments) {
     if (number < 1)
-      cursor.throw_input_error(0, "a parameter of #1 to #5601", fmt::format("#{}", number));
+      cursor.throw_input_error(0, "a parameter from #1 to #5601", fmt::format("#{}", number));
     // #1 to #30 are local to the call.
     if (number <= 30)
       calls_.back().locals[std::size_t(number)] = value;
@@ -157,7 +157,7 @@ double Flow::parse_parameter(Cursor& cursor) {
   if (cursor.current() == '<') return read_named_parameter(parse_name(cursor), cursor, from);
   const int number = whole_number(cursor, from, parse_value(cursor, grammar(), *this), 5601);
   if (number < 1)
-    cursor.throw_input_error(from, "a parameter of #1 to #5601", fmt::format("#{}", number));
+    cursor.throw_input_error(from, "a parameter from #1 to #5601", fmt::format("#{}", number));
   if (run_.is_uncertain()) run_.require_certain(fmt::format("#{}", number), cursor.cause(from));
   return number <= 30 ? calls_.back().locals[std::size_t(number)] : machine_.parameter(number);
 }
@@ -194,7 +194,7 @@ constexpr double max_repeats = 1e9;
 
 }  // namespace
 
-/// Parses the O word at the beginning of a line, behind block skip and line number. Returns nothing
+/// Parses the O word at the beginning of a line, after block skip and line number. Returns nothing
 /// if the line has none or is skipped.
 std::optional<OWord> Flow::read_o_word(Cursor& cursor) {
   cursor.skip_blanks();
@@ -256,7 +256,7 @@ std::size_t Flow::find_next(const OWord& o, std::initializer_list<std::string_vi
     return i;
   }
   run_.canon.throw_input_error(
-      o.cause, fmt::format("o{} {} behind it", o.label, *(keywords.end() - 1)), "none");
+      o.cause, fmt::format("o{} {} after it", o.label, *(keywords.end() - 1)), "none");
 }
 
 double Flow::evaluate_condition(Cursor& cursor) {
@@ -269,7 +269,7 @@ double Flow::evaluate_condition(Cursor& cursor) {
 void Flow::expect_end(Cursor& cursor) const {
   cursor.skip_blanks();
   if (!cursor.at_end() && cursor.current() != '(' && cursor.current() != ';')
-    cursor.throw_input_error(cursor.at, "nothing more behind an O word");
+    cursor.throw_input_error(cursor.at, "nothing more after an O word");
 }
 
 void Flow::execute_o_word(const OWord& o, Cursor cursor) {
@@ -389,7 +389,7 @@ void Flow::leave_loop(const OWord& o, bool continues) {
   const auto target = std::find_if(loops.rbegin(), loops.rend(),
                                    [&](const Loop& loop) { return loop.label == o.label; });
   if (target == loops.rend())
-    run_.canon.throw_input_error(o.cause, "a loop of this label around " + o.keyword, "none");
+    run_.canon.throw_input_error(o.cause, "a loop with this label around " + o.keyword, "none");
   loops.erase(target.base(), loops.end());
   const Loop loop = loops.back();
   const std::string_view end = loop.kind == Loop::Kind::While ? "endwhile"
@@ -443,7 +443,8 @@ Flow::Subprogram Flow::find_subprogram(const OWord& o) {
       !std::filesystem::is_regular_file(file, error))
     run_.refuse_once(
         "o" + o.label, o.cause,
-        fmt::format("a subprogram o{} in the program, or {}.ngc beside it", o.label, name), "none");
+        fmt::format("a subprogram o{} in the program, or {}.ngc next to it", o.label, name),
+        "none");
   const Source& source = load_source(file);
   for (std::size_t i = 0; i < source.lines.size(); ++i)
     if (const auto other = find_o_word(source, i);

@@ -27,7 +27,7 @@ struct OWord {
   std::string label;    ///< "100" or "<name>"
   std::string keyword;  ///< lower case
   Cause cause;
-  std::size_t end = 0;  ///< first byte behind the keyword
+  std::size_t end = 0;  ///< first byte after the keyword
 };
 
 /// Flow of a program: executes parameters, expressions and O words, and passes all other lines to

@@ -120,8 +120,8 @@ void Machine::note_start_modes(const Block& block) {
   // The assumption is reported because LinuxCNC, unlike Fanuc and Siemens, begins a lathe in G8.
   if (run_.is_turning() && block['X'] && !std::exchange(is_diameter_mode_known_, true) &&
       run_.options().turning.x_words == XWordMeaning::FromControl)
-    canon_.assume(
-        {"X words are radii (G8): no word before says otherwise", "program.x_words", "--x-words"});
+    canon_.assume({"X words are radii (G8): no earlier word states otherwise", "program.x_words",
+                   "--x-words"});
   const int motion = block[Group::Motion] ? block.tenths(Group::Motion) : motion_;
   run_.assume_mode(StartMode::Units, "mm (G21)");
   run_.assume_mode(StartMode::Distance, "absolute (G90)");
@@ -131,7 +131,7 @@ void Machine::note_start_modes(const Block& block) {
                                                        : "plane X Y (G17)");
   if (motion > 0)
     run_.assume_mode(StartMode::Feed, canon_.feed_mode() == FeedMode::PerRevolution
-                                          ? "F per turn (G95)"
+                                          ? "F per revolution (G95)"
                                           : "F per minute (G94)");
   if (!block[Group::OneBlock]) run_.assume_offset(system_, "work offset G54");
 }
@@ -192,59 +192,58 @@ void Machine::check_words(const Block& block) const {
   if (block.tenths(Group::Spindle) == 190) letters += "RQP";
   for (const char letter : {'D', 'E', 'H', 'I', 'J', 'K', 'L', 'P', 'Q', 'R'}) {
     if (!block[letter] || letters.find(letter) != std::string::npos) continue;
-    // A letter beside a skipped code may belong to that code.
+    // A letter with a skipped code may belong to that code.
     if (block.skipped_code)
       run_.handle_unknown_word(block[letter], "a word of LinuxCNC");
     else
       throw_input_error(block[letter],
-                        letter == 'P'   ? "G4 beside P"
-                        : letter == 'H' ? "G43 or G43.4 beside H"
+                        letter == 'P'   ? "G4 with P"
+                        : letter == 'H' ? "G43 or G43.4 with H"
                         : std::string_view("IJKR").find(letter) != std::string_view::npos
-                            ? "G2 or G3 beside I J K R"
-                            : fmt::format("a code that takes {}", letter));
+                            ? "G2 or G3 with I J K R"
+                            : fmt::format("a code that uses {}", letter));
   }
   // An unknown G code may give the axis words another meaning; an unknown M code does not.
   if (axis && upper(block.skipped_code.text.empty() ? 'M' : block.skipped_code.text.front()) == 'G')
-    throw_input_error(
-        axis, "no axis words beside a code that is skipped: what it makes of them is not known",
-        fmt::format("{} beside {}", shown(axis.text), shown(block.skipped_code.text)));
+    throw_input_error(axis, "no axis words with a code that is skipped: their effect is unknown",
+                      fmt::format("{} with {}", shown(axis.text), shown(block.skipped_code.text)));
   if (block.is_polar()) {
     const NcWord& word = block.radius() ? block.radius() : block.angle();
     if (block['X'] || block['Y']) throw_input_error(word, "either X Y or @ ^");
     if (plane_ != 170 || owns_axis_words || joint(0) < 0 || joint(1) < 0)
-      throw_input_error(word, "a move in the plane of X and Y beside @ and ^");
+      throw_input_error(word, "a move in the plane of X and Y with @ and ^");
   }
   if (one_block.tenths == 40 && !block['P'])
-    throw_input_error(one_block.word, "P (seconds) beside G4", "none");
+    throw_input_error(one_block.word, "P (seconds) with G4", "none");
   check_motion(block);
   check_outputs(block);
   const bool is_length_offset = length == 431;
   // The motion code may be in a block with an error.
   const bool is_consequence = motion < 0 && !run_.input_errors().empty();
   if (axis && !owns_axis_words && !is_length_offset && is_consequence)
-    throw program::FollowingError(canon_.place().file, canon_.line(), axis.column,
-                                  "a code of motion", "none");
+    throw program::FollowingError(canon_.place().file, canon_.line(), axis.column, "a motion code",
+                                  "none");
   if (axis && !owns_axis_words && !is_length_offset && (motion < 0 || motion == 800))
     throw_input_error(axis, "G0 G1 G2 or G3 before an axis word");
   if (one_block.tenths == 530) {
-    if (!axis) throw_input_error(one_block.word, "an axis word beside G53", "none");
-    if (motion != 0 && motion != 10) throw_input_error(one_block.word, "G0 or G1 beside G53");
+    if (!axis) throw_input_error(one_block.word, "an axis word with G53", "none");
+    if (motion != 0 && motion != 10) throw_input_error(one_block.word, "G0 or G1 with G53");
   }
   if (const NcWord& code = block.code_without_words; axis && code)
     throw_input_error(axis,
-                      fmt::format("no axis words beside {}, which takes none", shown(code.text)));
-  // LinuxCNC moves by axis words beside these codes, which a program never intends.
+                      fmt::format("no axis words with {}, which takes none", shown(code.text)));
+  // LinuxCNC moves by axis words with these codes, which a program never intends.
   if (axis && (one_block.tenths % 10 == 1 || one_block.tenths == 922 || one_block.tenths == 923))
     throw_input_error(
-        axis, fmt::format("no axis words beside {}, which takes none", shown(one_block.word.text)));
+        axis, fmt::format("no axis words with {}, which takes none", shown(one_block.word.text)));
   const bool stores_position =
       one_block.tenths % 10 == 1 || one_block.tenths == 922 || one_block.tenths == 923;
   if (owns_axis_words && !stores_position && block[Group::Motion] && (axis || motion != 800))
     throw_input_error(block[Group::Motion].word,
-                      "no code of motion beside " + shown(one_block.word.text));
+                      "no motion code with " + shown(one_block.word.text));
   if (const NcWord& tool = block['T'];
       tool && (tool.value < 0 || tool.value != std::floor(tool.value)))
-    throw_input_error(tool, "a whole tool number");
+    throw_input_error(tool, "an integer tool number");
 }
 
 /// Throws BadInput for a motion code without the words that it needs in its block.
@@ -252,13 +251,13 @@ void Machine::check_motion(const Block& block) const {
   const Code& code = block[Group::Motion];
   const bool is_arc = code.tenths == 20 || code.tenths == 30;
   if (code && requires_axis_words(code.tenths) && !first_axis_word(block))
-    throw_input_error(code.word, "axis words beside " + shown(code.word.text), "none");
+    throw_input_error(code.word, "axis words with " + shown(code.word.text), "none");
   if (code && is_arc && !block['I'] && !block['J'] && !block['K'] && !block['R'])
-    throw_input_error(code.word, "I J K or R beside " + shown(code.word.text), "none");
+    throw_input_error(code.word, "I J K or R with " + shown(code.word.text), "none");
   const bool is_incremental =
       block[Group::Distance] ? block.tenths(Group::Distance) == 910 : is_incremental_;
   if (const Code& one_block = block[Group::OneBlock]; one_block.tenths == 530 && is_incremental)
-    throw_input_error(one_block.word, "G90 beside G53: positions of the axes are absolute", "G91");
+    throw_input_error(one_block.word, "G90 with G53: axis positions are absolute", "G91");
 }
 
 /// Throws BadInput for M19 and outputs without the words that they need in their block.
@@ -267,19 +266,19 @@ void Machine::check_outputs(const Block& block) const {
     const bool is_digital = code.tenths >= 620 && code.tenths <= 650;
     const bool is_analog = code.tenths == 670 || code.tenths == 680;
     if ((is_digital && !block['P']) || (is_analog && !block['E']))
-      throw_input_error(code.word,
-                        fmt::format("{} (number of the output) beside {}", is_digital ? 'P' : 'E',
-                                    shown(code.word.text)),
-                        "none");
+      throw_input_error(
+          code.word,
+          fmt::format("{} (output number) with {}", is_digital ? 'P' : 'E', shown(code.word.text)),
+          "none");
     if (const NcWord& output = block[is_digital ? 'P' : 'E'];
         (is_digital || is_analog) && output.value < 0)
-      throw_input_error(output, "the number of an output, not below zero");
+      throw_input_error(output, "a non-negative output number");
   }
   if (block.tenths(Group::Spindle) != 190) return;
   if (const NcWord& p = block['P']; p && p.value != 0 && p.value != 1 && p.value != 2)
-    throw_input_error(p, "P0, P1 or P2 beside M19");
+    throw_input_error(p, "P0, P1 or P2 with M19");
   if (const NcWord& q = block['Q']; q && !(q.value > 0))
-    throw_input_error(q, "Q (seconds) above zero beside M19");
+    throw_input_error(q, "Q (seconds) greater than zero with M19");
 }
 
 void Machine::set_feed(const Block& block) {
@@ -294,7 +293,7 @@ void Machine::set_feed(const Block& block) {
   // Under G93 F holds for its own block only.
   if (canon_.feed_mode() == FeedMode::InverseTime) canon_.set_feed({});
   if (const NcWord& f = block['F']) {
-    if (!(f.value >= min_feed)) throw_input_error(f, "a feed above zero");
+    if (!(f.value >= min_feed)) throw_input_error(f, "a feed greater than zero");
     canon_.set_feed(Feed{f.value, unit()});
   }
 }
@@ -306,18 +305,18 @@ void Machine::set_spindle(const Block& block) {
     max_rpm_.reset();
     if (const NcWord& d = block['D']; d && has_surface_speed_) {
       if (!(d.value > 0 && d.value <= 1e7))
-        throw_input_error(d, "a largest speed of more than 0 to 1e7 rpm");
+        throw_input_error(d, "a maximum speed greater than 0 and up to 1e7 rpm");
       max_rpm_ = d.value;
     }
     if (has_surface_speed_ && joint(0) < 0)
-      throw_input_error(code.word, "a machine with an X axis beside G96");
+      throw_input_error(code.word, "a machine with an X axis for G96");
     if (has_surface_speed_ && !block['S'])
-      throw_input_error(code.word, "S (surface speed) beside G96", "none");
+      throw_input_error(code.word, "S (surface speed) with G96", "none");
     // G97 without S continues at the last speed.
     if (!has_surface_speed_ && !block['S']) canon_.set_spindle_speed(speed_);
   }
   if (const NcWord& s = block['S']) {
-    if (s.value < 0 || s.value > 1e7) throw_input_error(s, "a spindle speed of 0 to 1e7 rpm");
+    if (s.value < 0 || s.value > 1e7) throw_input_error(s, "a spindle speed from 0 to 1e7 rpm");
     // A surface speed is in m/min, or under G20 in ft/min.
     speed_ = has_surface_speed_ && canon_.inch() ? s.value * 0.3048 : s.value;
     if (!has_surface_speed_) canon_.set_spindle_speed(s.value);
@@ -344,7 +343,7 @@ void Machine::call_tools(const Block& block) {
   if (change.tenths == 610) {
     const NcWord& q = block['Q'];
     if (!q || q.value < 0 || q.value != std::floor(q.value))
-      throw_input_error(q ? Cause(q) : Cause(change.word), "Q, a whole tool number, beside M61");
+      throw_input_error(q ? Cause(q) : Cause(change.word), "Q, an integer tool number, with M61");
     selected_ = tool_ = int(std::min(q.value, 1e9));
     if (!program::is_known_tool(canon_.options(), tool_))
       throw_input_error(q, "a tool of the tool table");
@@ -385,7 +384,7 @@ void Machine::set_modes(const Block& block) {
   if (const Code& code = block[Group::WorkOffset]) {
     // The offset path has been computed in the old system.
     if (compensation_.is_on())
-      throw_input_error(code.word, "no other coordinate system under G41 or G42");
+      throw_input_error(code.word, "no change of the coordinate system under G41 or G42");
     select_work_offset(code.tenths <= 590 ? (code.tenths - 530) / 10 : code.tenths - 590 + 6);
   }
   if (const Code& code = block[Group::Distance]) is_incremental_ = code.tenths == 910;
@@ -396,7 +395,7 @@ void Machine::set_modes(const Block& block) {
 void Machine::dwell(const Block& block) {
   const NcWord& p = block['P'];
   if (!(p.value >= 0 && p.value <= 1e6))
-    throw_input_error(p, "0 to 1e6 seconds beside " + shown(block[Group::OneBlock].word.text));
+    throw_input_error(p, "0 to 1e6 seconds with " + shown(block[Group::OneBlock].word.text));
   // The dwell must follow a move that compensation still postpones.
   compensation_.run_after_move(
       [this, seconds = p.value, cause = Cause{p.column, {}}] { canon_.dwell(seconds, cause); });
@@ -453,11 +452,13 @@ void Machine::restore(const Modes& modes, const Cause& cause) {
       modes.length_shift.size() == length_shift_.size() && modes.length_shift == length_shift_;
   if (!is_same_length || modes.has_tip_length != has_tip_length_ ||
       modes.has_tip_kinematics != has_tip_kinematics_)
-    throw_input_error(cause, "the tool length that was saved: it is not restored here", "another");
+    throw_input_error(cause, "the saved tool length: restoring the modes does not restore it",
+                      "a different length");
   if (modes.is_compensated != compensation_.is_on())
-    throw_input_error(cause, "G40, G41 or G42 as it was saved: it is not restored here", "another");
+    throw_input_error(cause, "G40, G41 or G42 as saved: restoring the modes does not restore it",
+                      "a different state");
   if (compensation_.is_on() && (modes.system != system_ || modes.plane != plane_))
-    throw_input_error(cause, "no other plane and coordinate system under G41 or G42");
+    throw_input_error(cause, "no change of the plane and coordinate system under G41 or G42");
   canon_.set_inch(modes.is_inch);
   is_incremental_ = modes.is_incremental;
   has_absolute_centre_ = modes.has_absolute_centre;
@@ -480,7 +481,7 @@ void Machine::restore(const Modes& modes, const Cause& cause) {
 Block Machine::without_spindle(const Block& block) const {
   const NcWord& spindle = block.spindle();
   if (spindle.value < -1 || spindle.value > 7 || spindle.value != std::floor(spindle.value))
-    throw_input_error(spindle, "a spindle of 0 to 7, or -1 for all");
+    throw_input_error(spindle, "a spindle from 0 to 7, or -1 for all");
   Block result = block;
   result.words.put(28, {});
   // $0 and $-1 address the only spindle of the machine.
@@ -488,9 +489,9 @@ Block Machine::without_spindle(const Block& block) const {
   // A synchronised motion follows its spindle, so the word cannot be ignored.
   if (const int motion = block.tenths(Group::Motion);
       motion == 330 || motion == 331 || motion == 760)
-    throw_input_error(spindle, "spindle 0 beside a move that follows it");
+    throw_input_error(spindle, "spindle 0 with a move synchronised to it");
   run_.warn_once(
-      fmt::format("spindle {} turns nothing: the machine has spindle 0 ($0)", spindle.value));
+      fmt::format("spindle {} does not exist: the machine has only spindle 0 ($0)", spindle.value));
   result.words.put('S' - 'A', {});
   for (const Group group : {Group::Spindle, Group::SpeedMode})
     result.codes.put(std::size_t(group), {});

@@ -79,7 +79,7 @@ void Machine::arc(const Block& block, AxisVector end, std::uint32_t stated_axes)
                }});
   if (const NcWord& turns = block['P']) {
     if (!(turns.value >= 1 && turns.value <= 1e6) || turns.value != std::floor(turns.value))
-      throw_input_error(turns, "whole turns of 1 to 1e6 after P");
+      throw_input_error(turns, "an integer from 1 to 1e6 (turns) after P");
     arc.turns = int(turns.value);
   }
   if (is_compensated) return compensation_.arc(std::move(arc));
@@ -110,9 +110,9 @@ void Machine::make_synchronised_line(const Block& block, AxisVector end) {
   const Cause cause = motion_cause(block);
   const NcWord& k = block['K'];
   if (!k || k.value == 0)
-    throw_input_error(k ? Cause(k) : cause, "K (pitch) beside G33", k ? "0" : "none");
+    throw_input_error(k ? Cause(k) : cause, "K (pitch) with G33", k ? "0" : "none");
   // K alone sets the pitch in both directions.
-  if (block['I']) throw_input_error(block['I'], "no I beside G33.1: the way back is as fast");
+  if (block['I']) throw_input_error(block['I'], "no I with G33.1: the return has the same speed");
   const AxisVector start = canon_.position();
   make_line_per_revolution(k, {.end = std::move(end), .cause = cause});
   if (motion_ != 331) return;
@@ -153,7 +153,7 @@ void Machine::move(const Block& block) {
   // The first move after G40 leads from the offset position to the path; an arc between these
   // points would have no centre.
   if (compensation_.is_leaving() && is_arc)
-    throw_input_error(cause, "a line as the first move after G40");
+    throw_input_error(cause, "a straight line as the first move after G40");
   compensation_.clear_leaving();
   if (is_arc)
     arc(block, std::move(end), target.stated());
@@ -267,10 +267,10 @@ void Machine::execute_spline(const Block& block) {
   if (compensation_.is_on()) throw_input_error(cause, "G40 before a spline");
   if (plane_ != 170) throw_input_error(cause, "G17 before a spline");
   const int x = joint(0), y = joint(1);
-  if (x < 0 || y < 0) throw_input_error(cause, "a machine with X and Y beside a spline");
+  if (x < 0 || y < 0) throw_input_error(cause, "a machine with X and Y for a spline");
   for (int k = 2; k < 9; ++k)
     if (const NcWord& word = block[axis_letters[std::size_t(k)]])
-      throw_input_error(word, "X and Y alone beside a spline");
+      throw_input_error(word, "only X and Y with a spline");
   AxisVector position = canon_.programmed();
   const Vector2d start(position[x], position[y]);
   const auto length = [&](char letter) { return block[letter].value * unit(); };
@@ -279,27 +279,27 @@ void Machine::execute_spline(const Block& block) {
   if (block['Y']) end.y() = axis_word(1, block['Y']) + (is_incremental_ ? start.y() : 0.0);
   std::vector<Vector2d> points;
   if (motion_ == 50) {
-    if (!block['P'] || !block['Q']) throw_input_error(cause, "P and Q beside G5", "none");
+    if (!block['P'] || !block['Q']) throw_input_error(cause, "P and Q with G5", "none");
     if (!block['I'] != !block['J'])
-      throw_input_error(cause, "both I and J beside G5, or none", "one");
+      throw_input_error(cause, "both I and J with G5, or neither", "one");
     if (!block['I'] && !spline_arm_) throw_input_error(cause, "I and J in the first G5", "none");
     // Without I and J the arm mirrors that of the previous G5, so that the tangent is continuous.
     const Vector2d arm = block['I'] ? Vector2d(length('I'), length('J')) : Vector2d(-*spline_arm_);
     spline_arm_ = Vector2d(length('P'), length('Q'));
     points = bezier_points({start, start + arm, end + *spline_arm_, end});
   } else if (motion_ == 51) {
-    if (!block['I'] || !block['J']) throw_input_error(cause, "both I and J beside G5.1");
+    if (!block['I'] || !block['J']) throw_input_error(cause, "both I and J with G5.1");
     const Vector2d middle = start + Vector2d(length('I'), length('J'));
     // A quadratic Bezier curve equals a cubic one with arms of two thirds.
     points = bezier_points(
         {start, start + 2.0 / 3 * (middle - start), end + 2.0 / 3 * (middle - end), end});
   } else if (motion_ == 52) {
-    if (is_incremental_) throw_input_error(cause, "G90 beside G5.2");
+    if (is_incremental_) throw_input_error(cause, "G90 with G5.2");
     if (const NcWord& l = block['L']) order_ = whole_number(l, 20);
-    if (order_ < 2) throw_input_error(block['L'], "an order of 2 to 20 after L");
+    if (order_ < 2) throw_input_error(block['L'], "an order from 2 to 20 after L");
     const NcWord& p = block['P'];
     if (!p || !(p.value > 0))
-      throw_input_error(p ? Cause(p) : cause, "P (weight) above zero beside G5.2");
+      throw_input_error(p ? Cause(p) : cause, "P (weight) greater than zero with G5.2");
     if (poles_.size() == max_poles)
       throw_input_error(cause, "at most 10000 poles of a spline", "more");
     poles_.push_back({end.x(), end.y(), p.value});
@@ -307,7 +307,7 @@ void Machine::execute_spline(const Block& block) {
     return;
   } else {
     if (int(poles_.size()) < order_)
-      throw_input_error(cause, fmt::format("{} poles or more before G5.3", order_),
+      throw_input_error(cause, fmt::format("at least {} poles before G5.3", order_),
                         fmt::format("{}", poles_.size()));
     std::vector<Eigen::Vector3d> poles;
     for (const Pole& pole : poles_)
@@ -319,7 +319,7 @@ void Machine::execute_spline(const Block& block) {
     motion_ = -1;
   }
   if (double(points.size()) > max_chords)
-    throw_input_error(cause, fmt::format("at most {:.0f} chords of a spline", max_chords), "more");
+    throw_input_error(cause, fmt::format("at most {:.0f} chords in a spline", max_chords), "more");
   // The number of moves is checked first, so that too many of them take no memory.
   run_.check_moves(double(points.size()), cause);
   for (const Vector2d& point : points) {
@@ -354,13 +354,13 @@ void Machine::read_cycle_words(const Block& block) {
   if (compensation_.is_on()) throw_input_error(cause, "G40 before a canned cycle");
   // Under inverse time each move would need a separate F.
   if (canon_.feed_mode() == FeedMode::InverseTime)
-    throw_input_error(cause, "G94 or G95 beside a cycle");
+    throw_input_error(cause, "G94 or G95 with a cycle");
   const int depth_axis = plane_ == 170 ? 2 : plane_ == 180 ? 1 : 0;
   for (int k = 0; k < 3; ++k)
-    if (joint(k) < 0) throw_input_error(cause, "a machine with X Y Z beside a canned cycle");
+    if (joint(k) < 0) throw_input_error(cause, "a machine with X Y Z for a canned cycle");
   for (int k = 3; k < 9; ++k)
     if (const NcWord& word = block[axis_letters[std::size_t(k)]])
-      throw_input_error(word, "X Y Z beside a canned cycle");
+      throw_input_error(word, "X Y Z with a canned cycle");
   const char depth_letter = axis_letters[std::size_t(depth_axis)];
   const NcWord &r = block['R'], &z = block[depth_letter], &q = block['Q'], &p = block['P'];
   if (!cycle_.has_begun && (!r || !z))
@@ -372,7 +372,7 @@ void Machine::read_cycle_words(const Block& block) {
   if (q && !pecks) throw_input_error(q, "no Q in this cycle");
   if (q) cycle_.q = q.value * unit();
   if (pecks && !(cycle_.q > 0))
-    throw_input_error(q ? Cause(q) : cause, "Q (depth of a peck) above zero");
+    throw_input_error(q ? Cause(q) : cause, "Q (depth of a peck) greater than zero");
   if (p) cycle_.p = p.value;
   // The dwell of G82, G86 and G89 must be stated once.
   if (!cycle_.has_begun && !p && (motion_ == 820 || motion_ == 860 || motion_ == 890))
@@ -381,12 +381,12 @@ void Machine::read_cycle_words(const Block& block) {
   if (!(cycle_.p >= 0 && cycle_.p <= 1e6)) throw_input_error(p, "0 to 1e6 seconds after P");
   if (const NcWord& l = block['L'];
       l && (l.value < 1 || l.value > 1e6 || l.value != std::floor(l.value)))
-    throw_input_error(l, "whole repeats of 1 to 1e6 after L");
+    throw_input_error(l, "an integer from 1 to 1e6 (repeats) after L");
   const int direction = canon_.spindle_direction();
   // LinuxCNC does not start the spindle, so it must already turn in the direction of the tap.
   if ((motion_ == 840 && direction != 1) || (motion_ == 740 && direction != -1))
     throw_input_error(cause, motion_ == 840 ? "M3 before G84" : "M4 before G74");
-  if (motion_ == 860 && direction == 0) throw_input_error(cause, "a spindle that turns before G86");
+  if (motion_ == 860 && direction == 0) throw_input_error(cause, "a running spindle before G86");
   cycle_.has_begun = true;
   make_holes(block);
 }
@@ -582,12 +582,12 @@ void Machine::execute_thread(const Block& block) {
   const Cause cause = motion_cause(block);
   if (compensation_.is_on()) throw_input_error(cause, "G40 before G76");
   if (plane_ != 180) throw_input_error(cause, "G18 before G76");
-  if (joint(0) < 0 || joint(2) < 0) throw_input_error(cause, "a machine with X and Z beside G76");
+  if (joint(0) < 0 || joint(2) < 0) throw_input_error(cause, "a machine with X and Z for G76");
   for (const char letter : {'P', 'Z', 'I', 'J', 'K'})
-    if (!block[letter]) throw_input_error(cause, fmt::format("{} beside G76", letter), "none");
+    if (!block[letter]) throw_input_error(cause, fmt::format("{} with G76", letter), "none");
   const auto positive = [&](char letter) {
     if (!(block[letter].value > 0))
-      throw_input_error(block[letter], fmt::format("{} above zero", letter));
+      throw_input_error(block[letter], fmt::format("{} greater than zero", letter));
     return block[letter].value * unit();
   };
   // Under G7, I J K are diameters.
@@ -600,16 +600,16 @@ void Machine::execute_thread(const Block& block) {
   thread.z_end = axis_word(2, block['Z']) + (is_incremental_ ? programmed(2) : 0.0);
   if (const NcWord& r = block['R']) thread.degression = r.value;
   if (thread.degression < 1 || thread.degression > 100)
-    throw_input_error(block['R'], "R of 1 to 100");
+    throw_input_error(block['R'], "R from 1 to 100");
   if (const NcWord& q = block['Q']) thread.slide_angle = q.value;
   if (thread.slide_angle < 0 || thread.slide_angle > 80)
-    throw_input_error(block['Q'], "Q of 0 to 80 degrees");
+    throw_input_error(block['Q'], "Q from 0 to 80 degrees");
   if (const NcWord& h = block['H']) thread.spring_passes = whole_number(h, 1000);
   const int tapers = block['L'] ? whole_number(block['L'], 3) : 0;
   thread.has_entry_taper = tapers % 2 == 1;
   thread.has_exit_taper = tapers >= 2;
   if (tapers > 0) {
-    if (!block['E']) throw_input_error(cause, "E (length of the taper) beside L", "none");
+    if (!block['E']) throw_input_error(cause, "E (length of the taper) with L", "none");
     thread.taper = positive('E');
   }
   const FeedMode mode = canon_.feed_mode();
@@ -622,7 +622,7 @@ void Machine::execute_thread(const Block& block) {
 
 int Machine::whole_number(const NcWord& word, int max) const {
   if (word.value < 0 || word.value > max || word.value != std::floor(word.value))
-    throw_input_error(word, fmt::format("a whole number of 0 to {}", max));
+    throw_input_error(word, fmt::format("an integer from 0 to {}", max));
   return int(word.value);
 }
 

@@ -55,8 +55,7 @@ void Machine::apply_frame() {
   if (angle != 0.0) {
     for (const int k : {0, 1, 2})
       if (joint(k) < 0)
-        canon_.throw_input_error({1, {}},
-                                 "a machine with X Y Z for a coordinate system that is turned");
+        canon_.throw_input_error({1, {}}, "a machine with X Y Z for a rotated coordinate system");
     const Eigen::Matrix3d R =
         Eigen::AngleAxisd(angle * units::deg, Eigen::Vector3d::UnitZ()).toRotationMatrix();
     const Eigen::Vector3d rotated = R * Eigen::Vector3d(shift[0], shift[1], shift[2]);
@@ -90,16 +89,18 @@ double Machine::tool_length(int tool, const Cause& cause) const {
   // Usually the tool table lacks an entry, so the message lists the known ones.
   std::string known_lengths;
   for (const auto& [number, mm] : length_) known_lengths += fmt::format(" H{}", number);
-  throw_input_error(cause, "a tool length that is known (" +
-                               (known_lengths.empty() ? "none is" : known_lengths.substr(1)) + ")");
+  throw_input_error(cause, "a known tool length (" +
+                               (known_lengths.empty() ? "none known" : known_lengths.substr(1)) +
+                               ")");
 }
 
 void Machine::set_tool_length(const Block& block) {
   const Code& code = block[Group::ToolLength];
-  if (compensation_.is_on()) throw_input_error(code.word, "no other tool length under G41 or G42");
+  if (compensation_.is_on())
+    throw_input_error(code.word, "no change of the tool length under G41 or G42");
   const NcWord& h = block['H'];
   if (h && (h.value < 0 || h.value != std::floor(h.value) || h.value > 1e9))
-    throw_input_error(h, "a whole tool number after H");
+    throw_input_error(h, "an integer tool number after H");
   if (code.tenths == 490) {
     length_shift_ = {};
     has_tip_length_ = false;
@@ -112,7 +113,7 @@ void Machine::set_tool_length(const Block& block) {
     for (int k = 0; k < 9; ++k)
       if (const NcWord& word = block[axis_letters[std::size_t(k)]])
         shift[joint(k)] = axis_word(k, word) * (canon_.is_linear(joint(k)) ? 1.0 : units::deg);
-    if (!first_axis_word(block)) throw_input_error(code.word, "axis words beside G43.1", "none");
+    if (!first_axis_word(block)) throw_input_error(code.word, "axis words with G43.1", "none");
     length_shift_ = std::move(shift);
     has_tip_length_ = false;
     return apply_length(code.word);
@@ -120,8 +121,7 @@ void Machine::set_tool_length(const Block& block) {
   const int tool = h            ? int(h.value)
                    : tool_ == 0 ? run_.assume_only_tool(code.word, "no tool called")
                                 : tool_;
-  if (code.tenths == 432 && !h)
-    throw_input_error(code.word, "H (tool length) beside G43.2", "none");
+  if (code.tenths == 432 && !h) throw_input_error(code.word, "H (tool length) with G43.2", "none");
   const double length = tool_length(tool, h ? Cause(h) : Cause(code.word));
   const int z = joint(2);
   if (code.tenths != 434) {
@@ -160,11 +160,9 @@ void Machine::apply_length(const Cause& cause) {
   AxisVector difference = length_shift_;
   difference[joint(2)] -= zero->nose_w.z() - tip_w->z();
   if (difference.cwiseAbs().maxCoeff() > length_tolerance)
-    throw_input_error(
-        cause,
-        "the length of the tool as the scene has it beside M428, with which the tip is "
-        "counted",
-        fmt::format("{:.6g} mm", length_shift_[joint(2)]));
+    throw_input_error(cause,
+                      "the tool length of the scene with M428, from which the tip is computed",
+                      fmt::format("{:.6g} mm", length_shift_[joint(2)]));
 }
 
 void Machine::store_system(const Block& block, int number, bool by_position) {
@@ -229,22 +227,22 @@ void Machine::store_tool(const Block& block, int kind) {
 void Machine::store_data(const Block& block) {
   const Cause code = block[Group::OneBlock].word;
   const NcWord &l = block['L'], &p = block['P'];
-  if (!l) throw_input_error(code, "L1 L2 L10 L11 or L20 beside G10", "none");
+  if (!l) throw_input_error(code, "L1 L2 L10 L11 or L20 with G10", "none");
   const int kind = int(l.value);
   if (l.value != kind || (kind != 1 && kind != 2 && kind != 10 && kind != 11 && kind != 20))
-    throw_input_error(l, "L1 L2 L10 L11 or L20 beside G10");
+    throw_input_error(l, "L1 L2 L10 L11 or L20 with G10");
   const bool is_system = kind == 2 || kind == 20;
   if (!p)
-    throw_input_error(code, is_system ? "P (coordinate system) beside G10" : "P (tool) beside G10",
+    throw_input_error(code, is_system ? "P (coordinate system) with G10" : "P (tool) with G10",
                       "none");
   // P0 is the system in force.
   if (p.value != std::floor(p.value) || p.value < (is_system ? 0 : 1) ||
       p.value > (is_system ? 9 : 1e9))
-    throw_input_error(p, is_system ? "a coordinate system of 0 to 9" : "a whole tool number");
+    throw_input_error(p, is_system ? "a coordinate system from 0 to 9" : "an integer tool number");
   if (!is_system) return store_tool(block, kind);
-  if (block['R'] && kind == 20) throw_input_error(block['R'], "no R beside G10 L20");
+  if (block['R'] && kind == 20) throw_input_error(block['R'], "no R with G10 L20");
   for (const char letter : {'I', 'J', 'Q'})
-    if (block[letter]) throw_input_error(block[letter], "axis words and R beside G10 L2 and L20");
+    if (block[letter]) throw_input_error(block[letter], "axis words and R with G10 L2 and L20");
   store_system(block, p.value == 0 ? system_ : int(p.value), kind == 20);
 }
 
@@ -254,7 +252,7 @@ void Machine::shift_origin(const Block& block) {
   const auto stored = [&](int k) -> double& { return parameters_[5211 + std::size_t(k)]; };
   if (code.tenths == 920 || code.tenths == 520) {
     if (!first_axis_word(block))
-      throw_input_error(code.word, "an axis word beside " + shown(code.word.text), "none");
+      throw_input_error(code.word, "an axis word with " + shown(code.word.text), "none");
     const NineAxes previous = g92_;
     for (int k = 0; k < 9; ++k) {
       const NcWord& word = block[axis_letters[std::size_t(k)]];
@@ -306,11 +304,10 @@ void Machine::move_to_reference(const Block& block) {
                                      parameters_.begin() + std::ptrdiff_t(first) + 9,
                                      [](double value) { return value != 0.0; });
   if (!is_stored && canon_.options().reference.size() == 0)
-    canon_.assume(
-        {fmt::format("the position that {} goes to is the zero of the axes, nothing being "
-                     "stored in #{} to #{}",
-                     shown(code.word.text), first, first + 8),
-         "machine.reference"});
+    canon_.assume({fmt::format("the target position of {} is the zero of the axes, because nothing "
+                               "is stored in #{} to #{}",
+                               shown(code.word.text), first, first + 8),
+                   "machine.reference"});
   canon_.traverse({.end = std::move(end),
                    .cause = code.word,
                    .without_offset = true,
@@ -330,25 +327,24 @@ void Machine::set_compensation(const Block& block) {
         code.word, fmt::format("a machine with the axes {} {} of the plane", plane[0], plane[1]));
   // The frame rotates about Z, which is not the normal of the plane Z X.
   if (plane_ == 180 && canon_.frame().rotation)
-    throw_input_error(code.word,
-                      "G17 beside cutter compensation in a coordinate system that is turned");
-  if (plane_ == 190) throw_input_error(code.word, "G17 or G18 beside cutter compensation");
+    throw_input_error(code.word, "G17 with cutter compensation in a rotated coordinate system");
+  if (plane_ == 190) throw_input_error(code.word, "G17 or G18 with cutter compensation");
   const NcWord& d = block['D'];
   if (const NcWord& l = block['L']; l && l.value != 0)
-    throw_input_error(l, "L0 beside G41.1 and G42.1: the tip of a turning tool is not compensated");
+    throw_input_error(l, "L0 with G41.1 and G42.1: the tip of a turning tool is not compensated");
   double radius = 0.0;
   if (code.tenths % 10 == 1) {
-    if (!d) throw_input_error(code.word, "D (diameter) beside G41.1 and G42.1", "none");
+    if (!d) throw_input_error(code.word, "D (diameter) with G41.1 and G42.1", "none");
     radius = 0.5 * d.value * unit();
   } else {
     const int tool = d            ? int(d.value)
                      : tool_ == 0 ? run_.assume_only_tool(code.word, "no tool called")
                                   : tool_;
     if (d && (d.value < 0 || d.value != std::floor(d.value)))
-      throw_input_error(d, "a whole tool number after D");
+      throw_input_error(d, "an integer tool number after D");
     const auto entry = radius_.find(tool);
     if (entry == radius_.end() && tool != 0)
-      throw_input_error(d ? Cause(d) : Cause(code.word), "a tool whose radius is known",
+      throw_input_error(d ? Cause(d) : Cause(code.word), "a tool with a known radius",
                         fmt::format("tool {}", tool));
     radius = entry == radius_.end() ? 0.0 : entry->second;
   }

@@ -204,7 +204,7 @@ class InterpreterProcess {
     ::close(error_output);
     ::close(commands);
     pipe_.close_end(1);
-    if (pid_ < 0) throw BadInput("rs274", 0, 0, "that it can be started", std::strerror(error));
+    if (pid_ < 0) throw BadInput("rs274", 0, 0, "its process to start", std::strerror(error));
   }
   ~InterpreterProcess() { end(); }
   InterpreterProcess(const InterpreterProcess&) = delete;
@@ -251,7 +251,7 @@ class InterpreterProcess {
 void create_link(const fs::path& target, const fs::path& name) {
   std::error_code error;
   fs::create_symlink(target, name, error);
-  if (error) throw BadInput(name.string(), 0, 0, "a link in a folder", error.message());
+  if (error) throw BadInput(name.string(), 0, 0, "a link that can be created", error.message());
 }
 
 int milliseconds_until(Clock::time_point deadline) {
@@ -353,7 +353,7 @@ constexpr double inch_per_mm = 0.03937007874016;
 void write_text_file(const fs::path& file, const std::string& text) {
   std::ofstream out(file, std::ios::binary);
   if (!out.write(text.data(), std::streamsize(text.size())).flush())
-    throw BadInput(file.string(), 0, 0, "a file that can be written", "a failure");
+    throw BadInput(file.string(), 0, 0, "a writable file", "a write error");
 }
 
 std::string machine_text() {
@@ -442,8 +442,8 @@ void check_origins(const NumberedProgram& program, const ProgramRun& run,
     canon.set_line(line, file);
     run.canon.throw_input_error(
         {0, program.text_of(number)},
-        "neither G10 L2 nor #5221 to #5390 for LinuxCNC's own interpreter on a "
-        "machine with rotary axes whose work offset the scene states");
+        "neither G10 L2 nor #5221 to #5390 for LinuxCNC's own interpreter on a machine with rotary "
+        "axes whose work offset is stated in the scene");
   }
 }
 
@@ -460,7 +460,7 @@ std::vector<std::string> error_lines(const std::string& error_output) {
   return lines;
 }
 
-// Returns the number behind a word of the text, or 0.
+// Returns the number after a word of the text, or 0.
 int number_after(std::string_view text, std::string_view word) {
   const std::size_t at = text.find(word);
   int number = 0;
@@ -470,7 +470,7 @@ int number_after(std::string_view text, std::string_view word) {
 }
 
 /// Returns the input error for a message of rs274. Its location is the block that rs274 prints
-/// behind the message, or the line that the message itself states.
+/// after the message, or the line that the message itself states.
 BadInput rs274_error(const std::string& error_output, const NumberedProgram& program,
                      ProgramRun& run) {
   std::vector<std::string> lines = error_lines(error_output);
@@ -492,7 +492,7 @@ BadInput rs274_error(const std::string& error_output, const NumberedProgram& pro
     run.canon.set_line(line.line, line.file);
   }
   const program::NcLocation location = run.canon.place();
-  return {location.file, location.line, 0, "a block that LinuxCNC's own interpreter takes",
+  return {location.file, location.line, 0, "a block accepted by LinuxCNC's own interpreter",
           message};
 }
 
@@ -505,20 +505,20 @@ void check_interpreter_exit(const InterpreterExit& exit, const InterpreterLimits
   };
   using ExitReason = InterpreterExit::ExitReason;
   if (exit.reason == ExitReason::Time)
-    add_error(fmt::format("an end of LinuxCNC's own interpreter within {} s", limits.seconds),
-              "none: a loop without end, or a program that takes longer");
+    add_error(fmt::format("LinuxCNC's own interpreter to end within {} s", limits.seconds),
+              "no end: an infinite loop, or a program that takes longer");
   else if (exit.reason == ExitReason::Bytes)
     add_error(
-        fmt::format("at most {} MB of commands of LinuxCNC's own interpreter", limits.megabytes),
-        "more: a loop without end, or too many repeats");
+        fmt::format("at most {} MB of commands from LinuxCNC's own interpreter", limits.megabytes),
+        "more: an infinite loop or too many repeats");
   else if (exit.reason == ExitReason::Signal && exit.number == SIGXFSZ)
-    add_error("at most 16 MB of messages of LinuxCNC's own interpreter", "more");
+    add_error("at most 16 MB of messages from LinuxCNC's own interpreter", "more");
   else if (exit.reason == ExitReason::Signal)
-    add_error("that LinuxCNC's own interpreter ends by itself",
+    add_error("a normal end of LinuxCNC's own interpreter",
               fmt::format("signal {} ({})", exit.number, strsignal(exit.number)));
   // The child exits with 127 if exec fails.
   else if (exit.reason == ExitReason::Exit && exit.number == 127)
-    add_error("that rs274 can be started", quoted_excerpt(exit.error_output));
+    add_error("rs274 to start", quoted_excerpt(exit.error_output));
   else if (exit.reason == ExitReason::Exit && exit.number != 0)
     run.add_input_error(rs274_error(exit.error_output, program, run));
 }
@@ -527,7 +527,7 @@ void check_interpreter_exit(const InterpreterExit& exit, const InterpreterLimits
 fs::path require_packages(const ProgramRun& run) {
   if (auto packages = find_linuxcnc()) return *packages;
   throw BadInput(run.canon.place().file, 0, 0,
-                 "LinuxCNC's own interpreter, which ./abbe setup --linuxcnc unpacks beside the "
+                 "LinuxCNC's own interpreter, which ./abbe setup --linuxcnc unpacks next to the "
                  "build, or ABBE_LINUXCNC=FOLDER with usr/bin/rs274 in it",
                  "none");
 }
@@ -537,8 +537,7 @@ fs::path require_packages(const ProgramRun& run) {
 void read_by_linuxcnc(std::string_view text, const DetectedDialect& detected, ProgramRun& run) {
   const std::string file = run.canon.place().file;
   if (detected.dialect != Dialect::LinuxCnc)
-    throw BadInput(file, detected.line, 0,
-                   "a program of LinuxCNC beside interpreter = \"linuxcnc\"",
+    throw BadInput(file, detected.line, 0, "a LinuxCNC program with interpreter = \"linuxcnc\"",
                    std::string(name_of(detected.dialect)) +
                        (detected.sign.empty() ? "" : ", as " + detected.sign));
   const fs::path packages = require_packages(run);
@@ -599,7 +598,7 @@ path all_digits_library() {
                              path(ABBE_MODULES_INSTALLED)})
     if (is_file(folder / name)) return std::filesystem::canonical(folder / name);
   throw BadInput(name.string(), 0, 0,
-                 "abbe's library for LinuxCNC's digits beside the program or in " +
+                 "abbe's library for LinuxCNC's digits next to the program or in " +
                      std::string(ABBE_MODULES_INSTALLED),
                  "none");
 }

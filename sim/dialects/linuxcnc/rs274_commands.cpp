@@ -57,7 +57,7 @@ std::optional<double> parse_literal(std::string_view text, std::size_t& at) {
   return value;
 }
 
-/// Returns the position behind the expression in [ ] or the name in < > that begins at `at`.
+/// Returns the position after the expression in [ ] or the name in < > that begins at `at`.
 std::size_t end_of_brackets(std::string_view text, std::size_t at) {
   const char open = text[at], close = open == '[' ? ']' : '>';
   int depth = 0;
@@ -106,7 +106,7 @@ LineWords parse_words(std::string_view line) {
       continue;
     }
     ++at;
-    if (letter == '#') {  // the number behind # forms no word
+    if (letter == '#') {  // the number after # forms no word
       const auto number = parse_literal(text, at);
       words.codes.has_system_parameter |= number && *number >= 5221 && *number <= 5390;
       continue;
@@ -261,12 +261,13 @@ void NumberedProgram::check_escapes(std::string_view line) const {
   for (const std::string_view python :
        {"(PY,", ";PY,", "(PYRUN", ";PYRUN", "(PYRELOAD", ";PYRELOAD"})
     if (compact_line.find(python) != std::string::npos)
-      run_.canon.throw_input_error({0, line}, "no Python in a comment: a program starts nothing");
+      run_.canon.throw_input_error(
+          {0, line}, "no Python in a comment: a program must not start other programs");
   for (std::size_t at = 0; (at = compact_line.find("O<", at)) != std::string::npos; ++at) {
     const std::string name = compact_line.substr(at, compact_line.find('>', at) - at);
     if (name.find('/') != std::string::npos || name.find("..") != std::string::npos)
-      run_.canon.throw_input_error({0, line},
-                                   "a subprogram beside the program, its name without / and ..");
+      run_.canon.throw_input_error(
+          {0, line}, "a subprogram next to the program, with a name without / and ..");
   }
 }
 
@@ -314,14 +315,14 @@ void NumberedProgram::write(const File& file, const fs::path& folder) {
     if (words.codes.tool > 0) tools_.insert(words.codes.tool);
     if (words.codes.has_m66) {
       run_.canon.set_line(int(i) + 1, file.canon_file);
-      run_.canon.throw_input_error({}, "no wait for an input: there is none to read", "M66");
+      run_.canon.throw_input_error({}, "no wait for an input: there are no inputs", "M66");
     }
     if (std::string call = called_subprogram(lines[i], words); !call.empty())
       calls.insert(std::move(call));
   }
   std::ofstream out(folder / file.name, std::ios::binary);
   if (!out.write(text.data(), std::streamsize(text.size())).flush())
-    throw BadInput((folder / file.name).string(), 0, 0, "a file that can be written", "a failure");
+    throw BadInput((folder / file.name).string(), 0, 0, "a writable file", "a write error");
   for (const std::string& call : calls) {
     const fs::path path = run_.options().folder / (call + ".ngc");
     // A subprogram is written only once.
@@ -462,7 +463,7 @@ void Commands::set_location(const PrintedCommand& command) {
 }
 
 bool Commands::process(std::string_view line) {
-  if (has_ended_) return true;  // output behind the end of the program
+  if (has_ended_) return true;  // output after the end of the program
   const auto command = parse_command(line);
   if (!command) return true;
   // T and M6 of one block are separate commands. Any other command shows that T was alone.
@@ -498,7 +499,7 @@ void Commands::apply(const PrintedCommand& command) {
   if (apply_state(command) || apply_motion(command) || apply_spindle(command) ||
       apply_tool(command) || apply_auxiliary_word(command) || is_without_effect(command.name))
     return;
-  throw_input_error("a canonical command that abbe knows", quoted_excerpt(command.name));
+  throw_input_error("a known canonical command", quoted_excerpt(command.name));
 }
 
 // Throws BadInput unless all arguments are numbers and there are at least `min_count` of them.
@@ -543,8 +544,7 @@ void Commands::apply_frame() {
   SixAxes shift = g92_;
   if (rotation_ != 0.0) {
     for (const std::size_t k : {0, 1, 2})
-      if (joint(k) < 0)
-        throw_input_error("a machine with X Y Z for a coordinate system that is turned");
+      if (joint(k) < 0) throw_input_error("a machine with X Y Z for a rotated coordinate system");
     const Eigen::Matrix3d R =
         Eigen::AngleAxisd(rotation_, Eigen::Vector3d::UnitZ()).toRotationMatrix();
     const Eigen::Vector3d rotated = R * Eigen::Vector3d(shift[0], shift[1], shift[2]);
@@ -564,10 +564,10 @@ void Commands::apply_frame() {
 void Commands::set_units(bool inch) {
   if (number_ > 0 && inch != is_inch_ && canon_.feed() && codes_.has_f)
     // rs274 interprets F before it switches the unit.
-    run_.warn_once(fmt::format(
-        "{}:{}: F in a block that changes G20 and G21: LinuxCNC's own interpreter takes it in the "
-        "unit before",
-        canon_.place().file, canon_.line()));
+    run_.warn_once(
+        fmt::format("{}:{}: F in a block that changes G20 and G21: LinuxCNC's own interpreter "
+                    "interprets it in the previous unit",
+                    canon_.place().file, canon_.line()));
   is_inch_ = inch;
   unit_ = inch ? units::inch : 1.0;
   canon_.set_inch(inch);
@@ -578,11 +578,10 @@ void Commands::check_length_unit(const char* word) const {
       std::any_of(length_.begin(), length_.end(), [](double v) { return v != 0.0; });
   if (has_length && is_inch_ != is_length_in_inch_)
     throw_input_error(
-        fmt::format("no {} where G20 and G21 were switched under a tool length: rs274 takes "
-                    "the length in the wrong unit there; G49 and G43 around the switch",
+        fmt::format("no {} after a switch between G20 and G21 under a tool length: rs274 takes the "
+                    "length in the wrong unit there; put G49 and G43 around the switch",
                     word),
-        codes_.has_computed_code ? std::optional<std::string>("a code that is worked out")
-                                 : std::nullopt);
+        codes_.has_computed_code ? std::optional<std::string>("a computed code") : std::nullopt);
 }
 
 bool Commands::apply_state(const PrintedCommand& command) {
@@ -637,15 +636,15 @@ void Commands::comment(std::string_view text) {
   if (!text.starts_with(prefix)) return canon_.comment(text);
   if (!text.starts_with("interpreter: cutter radius compensation on")) return;
   run_.warn_once(
-      "under G41 and G42 LinuxCNC's own interpreter puts out a move when it reads the next: the "
-      "lines of such moves may be those of the block behind");
+      "under G41 and G42 LinuxCNC's own interpreter outputs a move when it reads the next one: the "
+      "lines of such moves may be those of the next block");
   // The tool table has a placeholder for every unknown radius, so rs274 cannot detect this error.
   if (codes_.has_g41_g42 && codes_.d == -1 && tool_ <= 0)
     throw_input_error("T and M6 before G41 and G42", "no tool called");
   const int tool = codes_.d >= 0 ? codes_.d : tool_;
   if (codes_.has_g41_g42 && codes_.d != not_literal && tool > 0 &&
       run_.options().control.tool_radius.count(tool) == 0 && stored_tools_.count(tool) == 0)
-    throw_input_error("a tool whose radius is known", fmt::format("tool {}", tool));
+    throw_input_error("a tool with a known radius", fmt::format("tool {}", tool));
 }
 
 bool Commands::apply_auxiliary_word(const PrintedCommand& command) {

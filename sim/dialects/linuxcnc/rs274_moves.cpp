@@ -61,7 +61,7 @@ void Commands::feed(Straight move) {
 }
 
 void Commands::straight(const SixAxes& programmed, bool rapid) {
-  if (number_ == 0) return;  // the lead-in ends where the axes stand already
+  if (number_ == 0) return;  // the lead-in ends where the axes already are
   if (codes_.has_g53 || codes_.has_reference || codes_.has_computed_code)
     check_length_unit(codes_.has_g53 ? "G53" : "G28 and G30");
   // G28 and G30 make two traverses: over a point that counts with offsets, then to the stored
@@ -90,7 +90,7 @@ void Commands::arc(const Numbers& n) {
   // The sign of the number of turns is the direction; a partial turn counts as one.
   const double turns = std::abs(n[4]);
   if (!(turns >= 1 && turns <= 1e6))
-    throw_input_error("an arc of 1 to 1e6 turns that are begun", fmt::format("{}", n[4]));
+    throw_input_error("an arc of 1 to 1e6 full or partial turns", fmt::format("{}", n[4]));
   if (joint(first) < 0 || joint(second) < 0)
     throw_input_error(
         fmt::format("a machine with the axes {} {} of the plane", "XYZ"[first], "XYZ"[second]));
@@ -138,16 +138,16 @@ bool Commands::apply_motion(const PrintedCommand& command) {
   } else if (name == "START_SPEED_FEED_SYNC" || name == "START_SPEED_FEED_SYNCH") {
     // rs274 spells the command that ends it SYNCH, and the one that begins it with or without H.
     const double pitch = std::abs(parse_numbers(command, 1)[0]);
-    if (!(pitch > 0)) throw_input_error("a pitch above zero", "0");
+    if (!(pitch > 0)) throw_input_error("a pitch greater than zero", "0");
     pitch_ = Feed{pitch, unit_};
   } else if (name == "STOP_SPEED_FEED_SYNCH") {
     pitch_.reset();
   } else if (name == "STRAIGHT_PROBE") {
-    throw_input_error("no probing: a virtual part is read by instruments (abbe measure)");
+    throw_input_error("no probing: a virtual part is measured by instruments (abbe measure)");
   } else if (name.starts_with("NURBS") || name.starts_with("SPLINE")) {
     throw_input_error(
-        "no G5, G5.1 and G5.2 beside LinuxCNC's own interpreter: it prints no points of "
-        "splines; interpreter = \"abbe\" reads them");
+        "no G5, G5.1 and G5.2 with LinuxCNC's own interpreter: it prints no points of splines; "
+        "interpreter = \"abbe\" reads them");
   } else {
     return false;
   }
@@ -160,14 +160,14 @@ bool Commands::apply_spindle(const PrintedCommand& command) {
   if (name == "SET_SPINDLE_MODE") {
     const Numbers n = parse_numbers(command, 2);
     if (!is_first_spindle(n)) return true;
-    // 1e6 rpm stands for no limit, as in the canon.
+    // 1e6 rpm means no limit, as in the canon.
     max_rpm_ = std::min(n[1], 1e6);
   } else if (name == "SET_SPINDLE_SPEED") {
     const Numbers n = parse_numbers(command, 2);
     if (!is_first_spindle(n)) return true;
     speed_ = n[1];
     is_speed_in_inch_ = is_inch_;
-    if (!(speed_ >= 0 && speed_ <= 1e7)) throw_input_error("a spindle speed of 0 to 1e7");
+    if (!(speed_ >= 0 && speed_ <= 1e7)) throw_input_error("a spindle speed from 0 to 1e7");
   } else if (name == "START_SPINDLE_CLOCKWISE" || name == "START_SPINDLE_COUNTERCLOCKWISE" ||
              name == "STOP_SPINDLE_TURNING") {
     if (is_first_spindle(parse_numbers(command, 1)))
@@ -179,7 +179,7 @@ bool Commands::apply_spindle(const PrintedCommand& command) {
     return false;
   }
   if (max_rpm_ > 0) {
-    if (joint(0) < 0) throw_input_error("a machine with an X axis beside G96");
+    if (joint(0) < 0) throw_input_error("a machine with an X axis for G96");
     // A surface speed is in m/min, or under G20 in ft/min.
     canon_.set_surface_speed(
         program::SurfaceSpeed{is_speed_in_inch_ ? speed_ * 0.3048 : speed_, max_rpm_});
@@ -208,16 +208,16 @@ void Commands::set_tool_length(const SixAxes& offset) {
     std::string known_lengths;
     for (const auto& [number, mm] : run_.options().control.tool_length)
       known_lengths += fmt::format(" H{}", number);
-    throw_input_error("a tool length that is known (" +
-                      (known_lengths.empty() ? "none is" : known_lengths.substr(1)) + ")");
+    throw_input_error("a known tool length (" +
+                      (known_lengths.empty() ? "none known" : known_lengths.substr(1)) + ")");
   }
   if (offset != length_) {
     check_length_unit("G43 and G49");
     // In the block of M6 rs274 misreads a change of length, which a computed code may be.
     if (tool_change_block_ == number_ && (codes_.has_computed_code || codes_.has_assignment))
       throw_input_error(
-          "M6 in a block of its own before another tool length: rs274 alone, without the rest "
-          "of the control, leaves the length out of where the axes stand then");
+          "M6 in a separate block before a change of the tool length: without the rest of the "
+          "control, rs274 omits the length from the current position");
   }
   length_ = offset;
   is_length_in_inch_ = is_inch_;

@@ -26,14 +26,12 @@ bool are_equal(double a, double b) {
 
 // Functions that return the expectation which operands do not meet, or null.
 
-const char* require_nonzero(double, double b) {
-  return b == 0 ? "a divisor that is not zero" : nullptr;
-}
+const char* require_nonzero(double, double b) { return b == 0 ? "a nonzero divisor" : nullptr; }
 
 // Bitwise operators work on 32 bit integers.
 const char* require_32_bits(double a, double b) {
   constexpr double limit = 2147483648.0;
-  return std::abs(a) < limit && std::abs(b) < limit ? nullptr : "whole numbers of 32 bits";
+  return std::abs(a) < limit && std::abs(b) < limit ? nullptr : "32-bit integers";
 }
 
 std::int64_t to_integer(double x) { return std::int64_t(std::trunc(x)); }
@@ -65,7 +63,7 @@ constexpr Operator operators[] = {
 };
 
 const char* require_unit_range(double x) {
-  return x < -1 || x > 1 ? "a number within -1 and 1" : nullptr;
+  return x < -1 || x > 1 ? "a number from -1 to 1" : nullptr;
 }
 
 // `Flow::parse_multi_argument_function` handles functions of several numbers.
@@ -76,14 +74,14 @@ constexpr Function functions[] = {
     {"ASIN", [](double x) { return std::asin(x) / units::deg; }, require_unit_range},
     {"ACOS", [](double x) { return std::acos(x) / units::deg; }, require_unit_range},
     {"SQRT", [](double x) { return std::sqrt(x); },
-     [](double x) -> const char* { return x < 0 ? "a number that is not below zero" : nullptr; }},
+     [](double x) -> const char* { return x < 0 ? "a non-negative number" : nullptr; }},
     {"ABS", [](double x) { return std::abs(x); }},
     {"POT", [](double x) { return x * x; }},
     {"TRUNC", [](double x) { return std::trunc(x); }},
     {"ROUND", [](double x) { return double(std::round(x)); }},
     {"ROUNDUP", [](double x) { return std::ceil(x); }},
     {"LN", [](double x) { return std::log(x); },
-     [](double x) -> const char* { return x <= 0 ? "a number above zero" : nullptr; }},
+     [](double x) -> const char* { return x <= 0 ? "a number greater than zero" : nullptr; }},
     {"EXP", [](double x) { return std::exp(x); }},
 };
 
@@ -106,7 +104,7 @@ const ExpressionGrammar& grammar() {
 }
 
 double parse_number(Cursor& cursor, VariableParser& variables) {
-  // Operators need no blank behind them (DIV2), so the parser would read ORIWKS as OR. Therefore
+  // Operators need no blank after them (DIV2), so the parser would read ORIWKS as OR. Therefore
   // the text is cut before such a word.
   std::size_t end = cursor.text.size();
   for (std::size_t at = cursor.at + 1; at < end; ++at)
@@ -115,7 +113,7 @@ double parse_number(Cursor& cursor, VariableParser& variables) {
       end = at;
   Cursor expression{cursor.text.substr(0, end), cursor.location, cursor.at};
   const double value = parse_expression(expression, grammar(), variables);
-  // Messages quote the expression without the blanks behind it.
+  // Messages quote the expression without the blanks after it.
   while (expression.at > cursor.at && is_blank(expression.text[expression.at - 1])) --expression.at;
   cursor.at = expression.at;
   return value;
@@ -155,7 +153,7 @@ void skip_brackets(Cursor& cursor, char open, char close) {
       return;
     }
   }
-  cursor.throw_input_error(from, fmt::format("{} behind {}", close, open), "the end of the line");
+  cursor.throw_input_error(from, fmt::format("{} after {}", close, open), "the end of the line");
 }
 
 }  // namespace
@@ -194,7 +192,7 @@ std::string parse_quoted_text(Cursor& cursor) {
   std::string text;
   for (; cursor.current() != '"'; ++cursor.at) {
     if (cursor.at_end())
-      cursor.throw_input_error(from, "\" that ends the text on its line", "none");
+      cursor.throw_input_error(from, "\" that ends the string on its line", "none");
     text += cursor.current();
   }
   ++cursor.at;
@@ -226,7 +224,7 @@ std::vector<Argument> parse_arguments(Cursor& cursor, VariableParser& variables)
       cursor.throw_input_error(open, "at most 100 parameters", "more");
     cursor.skip_blanks();
     if (cursor.current() == ')') break;
-    if (cursor.current() != ',') cursor.throw_input_error(cursor.at, ", or ) behind a parameter");
+    if (cursor.current() != ',') cursor.throw_input_error(cursor.at, ", or ) after a parameter");
     ++cursor.at;
   }
   ++cursor.at;
@@ -325,7 +323,7 @@ void SiemensBlockReader::put_value(std::size_t from, Address address, double val
   const Cause cause = cursor_.cause(from);
   if (slot)
     run_.canon.throw_input_error(
-        cause, "one word of an address in a block",
+        cause, "only one word per address in a block",
         fmt::format("{} after {}", shown(cause.text), shown(slot.cause.text)));
   slot = {value, cause, mode, true};
 }
@@ -343,7 +341,7 @@ void SiemensBlockReader::put_entry(const WordEntry& entry, const Cause& cause) {
     return;
   }
   if (entry.group == Group::WithMotion) {
-    // Coolant has no group because M7 and M8 may stand in one block.
+    // Coolant has no group because M7 and M8 may be in one block.
     if (entry.word == "M7" || entry.word == "M8" || entry.word == "M9")
       block_.coolant.push_back(entry.word);
     return;
@@ -351,7 +349,7 @@ void SiemensBlockReader::put_entry(const WordEntry& entry, const Cause& cause) {
   Code& slot = block_.codes[std::size_t(entry.group)];
   if (slot)
     run_.canon.throw_input_error(
-        cause, "one word of a modal group in a block",
+        cause, "only one word of a modal group per block",
         fmt::format("{} after {}", shown(cause.text), shown(slot.cause.text)));
   slot = {entry.word, cause};
 }
@@ -394,7 +392,7 @@ void SiemensBlockReader::read_short_word(std::size_t from) {
 void SiemensBlockReader::read_tool(std::size_t from) {
   // T and T="..." are one address.
   if (block_.tool_name || block_[Address::T])
-    cursor_.throw_input_error(from, "one word of an address in a block");
+    cursor_.throw_input_error(from, "only one word per address in a block");
   if (cursor_.current() == '"')
     block_.tool_name = parse_quoted_text(cursor_);
   else
@@ -411,7 +409,7 @@ void SiemensBlockReader::put_m_code(std::size_t from, double value) {
   put_entry(*code, cursor_.cause(from));
 }
 
-/// Parses an address with an extension, M1=3 or S[2]=500, from behind its name or letter on.
+/// Parses an address with an extension, M1=3 or S[2]=500, from after its name or letter on.
 /// Returns false if it is no such address.
 bool SiemensBlockReader::read_extended_address(std::size_t from, const std::string& name) {
   static constexpr std::string_view letters = "MSTHFD";
@@ -426,12 +424,11 @@ bool SiemensBlockReader::read_extended_address(std::size_t from, const std::stri
   } else {
     const std::size_t open = cursor_.at++;
     number = parse_number(cursor_, variables_);
-    if (!cursor_.accept("]"))
-      cursor_.throw_input_error(cursor_.at, "] behind the number of a spindle");
+    if (!cursor_.accept("]")) cursor_.throw_input_error(cursor_.at, "] after a spindle number");
     if (!(number >= 0 && number <= 9999 && number == std::floor(number)))
-      cursor_.throw_input_error(open, "a whole number of 0 to 9999 as the extension of an address");
+      cursor_.throw_input_error(open, "an integer from 0 to 9999 as the address extension");
     if (!is_before_assignment(cursor_))
-      cursor_.throw_input_error(cursor_.at, "= behind an address with an extension");
+      cursor_.throw_input_error(cursor_.at, "= after an address with an extension");
   }
   cursor_.accept("=");
   cursor_.skip_blanks();
@@ -442,7 +439,7 @@ bool SiemensBlockReader::read_extended_address(std::size_t from, const std::stri
 /// Handles the value of an address with an extension. Extension 0 is the address without one.
 void SiemensBlockReader::put_extended_value(std::size_t from, char letter, int number) {
   if (letter == 'D')
-    cursor_.throw_input_error(from, "D without an extension: it has none on this control");
+    cursor_.throw_input_error(from, "D without an extension: this control has none");
   if (letter == 'T') {
     if (number > 1)
       cursor_.throw_input_error(from, "T or T1=: there is one tool holder, that of spindle 1");
@@ -453,8 +450,8 @@ void SiemensBlockReader::put_extended_value(std::size_t from, char letter, int n
   if (letter == 'H') return;
   if (letter == 'F') {
     if (number != 0)
-      cursor_.throw_input_error(
-          from, "F or F0=, the feed of the path: axes have no feed of their own here");
+      cursor_.throw_input_error(from,
+                                "F or F0=, the path feed: axes have no feed of their own here");
     return put_value(from, Address::F, value, PositionMode::Modal);
   }
   if (number == 0)
@@ -465,11 +462,11 @@ void SiemensBlockReader::put_extended_value(std::size_t from, char letter, int n
   const WordEntry* code = find_entry(fmt::format("M{}", value));
   if (code != nullptr && code->group == Group::Stop)
     cursor_.throw_input_error(
-        from, fmt::format("{} without an extension, which ends and stops have not", code->word));
+        from, fmt::format("{} without an extension: program ends and stops have none", code->word));
   if (code != nullptr && code->group == Group::Spindle)
     return block_.spindles.push_back({number, {}, code->word, cause});
   if (number != 1 && (code == nullptr || code->use != WordTreatment::WithoutEffect))
-    cursor_.throw_input_error(from, "M3, M4 or M5 of another spindle");
+    cursor_.throw_input_error(from, "only M3, M4 or M5 for a spindle other than 1");
   put_m_code(from, value);
 }
 
@@ -482,11 +479,11 @@ void SiemensBlockReader::read_setms(std::size_t from) {
   if (arguments.empty()) return;
   const double number = arguments[0].number.value_or(0.0);
   if (arguments.size() > 1 || !(number >= 1 && number <= 99 && number == std::floor(number)))
-    cursor_.throw_input_error(from, "SETMS or SETMS with the number of a spindle, 1 to 99");
+    cursor_.throw_input_error(from, "SETMS or SETMS with a spindle number, 1 to 99");
   block_.master_spindle = int(number);
 }
 
-/// Parses a word with = behind its address.
+/// Parses a word with = after its address.
 void SiemensBlockReader::read_assigned_word(std::size_t from, const std::string& name) {
   const auto address = find_address(name);
   const WordEntry* entry = find_entry(name);
@@ -516,7 +513,8 @@ void SiemensBlockReader::read_call(std::size_t from, const std::string& name) {
     call.arguments = parse_arguments(cursor_, variables_);
     call.in_brackets = true;
   }
-  if (block_.call) run_.canon.throw_input_error(call.cause, "one cycle or subprogram in a block");
+  if (block_.call)
+    run_.canon.throw_input_error(call.cause, "only one cycle or subprogram per block");
   block_.call = std::move(call);
 }
 
@@ -525,7 +523,7 @@ void SiemensBlockReader::read_long_word(std::size_t from, const std::string& nam
   const WordEntry* entry = find_entry(name);
   if (entry == nullptr) {
     // A bracket [ shows a variable; any other unknown word may be a subprogram.
-    if (cursor_.current() == '[') return handle_unknown(from, "a variable that is defined");
+    if (cursor_.current() == '[') return handle_unknown(from, "a defined variable");
     return read_call(from, name);
   }
   if (entry->use == WordTreatment::Read) {
@@ -547,7 +545,7 @@ void SiemensBlockReader::read_word() {
   const std::size_t from = cursor_.at;
   if (cursor_.current() == '$')
     cursor_.throw_input_error(from,
-                              "words and variables of the program: system data are not written");
+                              "words and variables of the program: system data are not writable");
   // Assignments come first, because R1=5 and COUNT=3 are no addresses.
   if (variables_.assign_variable(cursor_)) return;
   const char first = cursor_.current(), second = cursor_.peek();

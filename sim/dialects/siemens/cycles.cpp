@@ -53,7 +53,7 @@ void Machine::apply_frame() {
 void Machine::change_transformation(const Code& code) {
   const bool is_traori = code.word == "TRAORI";
   if (is_traori && !orientation_.is_possible())
-    throw_input_error(code.cause, "a machine with X Y Z and one or two rotary axes beside TRAORI",
+    throw_input_error(code.cause, "a machine with X Y Z and one or two rotary axes for TRAORI",
                       "one with " + canon_.letters());
   compensation_.clear_leaving();
   is_traori_ = is_traori;
@@ -71,10 +71,9 @@ CoordinateFrame Machine::programmed_frame(const Block& block) const {
   const Value& in_plane = block[Address::RPL];
   const Value* axis = first_axis_word(block);
   if (in_plane && axis != nullptr)
-    throw_input_error(in_plane, "either RPL or X Y Z beside " + shown(code.cause.text));
+    throw_input_error(in_plane, "either RPL or X Y Z with " + shown(code.cause.text));
   for (int k = 0; k < 3; ++k)
-    if (joint(k) < 0)
-      throw_input_error(code.cause, "a machine with X Y Z for a frame that is turned");
+    if (joint(k) < 0) throw_input_error(code.cause, "a machine with X Y Z for a rotated frame");
   if (in_plane) {
     frame.rotation = rotation_about(plane_ == 17 ? 2 : plane_ == 18 ? 1 : 0, in_plane.value);
     return frame;
@@ -92,7 +91,7 @@ void Machine::execute_frame(const Block& block) {
   // AC() and similar words have no meaning in a frame.
   for (const auto& value : block.values)
     if (value && value.mode != PositionMode::Modal)
-      throw_input_error(value, "a number beside a frame");
+      throw_input_error(value, "a number with a frame");
   AxisVector axis_shift = AxisVector::Zero(programmable_axis_shift_.size());
   static constexpr std::pair<Address, char> other_axes[] = {{Address::A, 'A'}, {Address::B, 'B'},
                                                             {Address::C, 'C'}, {Address::U, 'U'},
@@ -100,7 +99,7 @@ void Machine::execute_frame(const Block& block) {
   for (const auto& [address, letter] : other_axes) {
     const Value& word = block[address];
     if (!word) continue;
-    if (!is_shift) throw_input_error(word, "X Y Z beside " + shown(code.cause.text));
+    if (!is_shift) throw_input_error(word, "X Y Z with " + shown(code.cause.text));
     const int j = canon_.joint_of(letter);
     axis_shift[j] = word.value * (canon_.is_linear(j) ? unit() : units::deg);
   }
@@ -116,14 +115,14 @@ void Machine::execute_frame(const Block& block) {
       is_additive ? AxisVector(programmable_axis_shift_ + axis_shift) : axis_shift;
   // Bounds additive shifts in a loop.
   if (programmable_frame_.shift.cwiseAbs().maxCoeff() > 1e9)
-    throw_input_error(code.cause, "shifts that add up to less than 1e9 mm");
+    throw_input_error(code.cause, "shifts with a sum of less than 1e9 mm");
   apply_frame();
 }
 
 void Machine::end_swivel() {
   // A program may rely on its frames after CYCLE800(), so their end is reported.
   if (!programmable_frame_.is_identity())
-    run_.warn_once("TRANS and ROT in force at CYCLE800() end with it");
+    run_.warn_once("TRANS and ROT that are active at CYCLE800() end with it");
   swivel_.reset();
   programmable_frame_ = {};
   programmable_axis_shift_.setZero();
@@ -146,7 +145,7 @@ struct SwivelParameters {
     const double value = number(i, default_value);
     if (value != std::floor(value) || value < min || value > max)
       canon.throw_input_error(call.arguments[i].cause,
-                              fmt::format("a whole number of {} to {}", min, max));
+                              fmt::format("an integer from {} to {}", min, max));
     return int(value);
   }
   Vector3d vector(std::size_t i) const { return {number(i), number(i + 1), number(i + 2)}; }
@@ -164,7 +163,7 @@ Matrix3d swivel_frame_rotation(const SwivelParameters& words) {
   const Vector3d angles = words.vector(7);
   if (mode >= 128)
     words.throw_input_error(3, mode >= 192
-                                   ? "angles of the plane: not positions of rotary axes (_MODE 192)"
+                                   ? "plane angles: not positions of rotary axes (_MODE 192)"
                                    : "_MODE by axes or by solid angle: not projected angles");
   if (mode >= 64) return swivel_rotation(SwivelMode::SolidAngle, {}, angles);
   Eigen::Vector3i order;
@@ -189,8 +188,7 @@ void Machine::execute_cycle800(const ProgramCall& call) {
   const bool is_additive = status % 10 == 1, keeps_tip = status / 10 % 10 == 1;
   // Digits of _ST: new or additive, follow-up of the tip, and direction.
   if (status % 10 > 1 || status / 10 % 10 > 1 || status / 100 % 100 != 0 || status / 10000 % 10 > 1)
-    words.throw_input_error(
-        2, "_ST of new or additive, with or without follow-up of the tip, and direction");
+    words.throw_input_error(2, "_ST new or additive, with or without tip follow-up, and direction");
   const int direction = status / 10000 % 10 == 1 ? 0 : words.integer(13, -1, -2, 2);
   if (is_additive && !programmable_frame_.is_identity())
     throw_input_error(call.cause, "TRANS without words before an additive CYCLE800");
@@ -205,7 +203,7 @@ void Machine::execute_cycle800(const ProgramCall& call) {
   const Vector3d normal_w = frame.rotation.col(2);
   // Without rotary axes only a plane parallel to X Y can be machined.
   if (!orientation_.is_possible() && (normal_w - Vector3d::UnitZ()).norm() > min_tilt)
-    throw_input_error(call.cause, "a machine with rotary axes for a plane that is tilted",
+    throw_input_error(call.cause, "a machine with rotary axes for a tilted plane",
                       "one with " + canon_.letters());
   if (retraction != 0) retract(retraction, words.number(14), call.cause);
   // _DIR 0 computes the plane without moving the axes.
@@ -225,7 +223,7 @@ void Machine::retract(int mode, double distance, const Cause& cause) {
     if (!orientation_.is_possible())
       throw_input_error(cause, "_FR 0 to 2 on a machine without rotary axes");
     if (!(distance >= 0 && distance * unit() <= 1e6))
-      throw_input_error(cause, "_FR_I of 0 to 1e6 mm");
+      throw_input_error(cause, "_FR_I from 0 to 1e6 mm");
     canon_.go_to(Coordinates::Tip, cause);
     AxisVector end = canon_.position();
     const Vector3d displacement = distance * unit() * orientation_.direction_w(end);
@@ -237,7 +235,7 @@ void Machine::retract(int mode, double distance, const Cause& cause) {
   const int z = joint(2);
   if (z < 0) throw_input_error(cause, "a machine with a Z axis");
   const AxisVector start = program::initial_position(canon_.options());
-  canon_.assume({fmt::format("CYCLE800 retracts Z to {:.6g} mm, where it stood at first", start[z]),
+  canon_.assume({fmt::format("CYCLE800 retracts Z to {:.6g} mm, its start position", start[z]),
                  "machine.home"});
   canon_.go_to(Coordinates::Axis, cause);
   AxisVector end = canon_.position();
@@ -260,7 +258,7 @@ void Machine::swivel_tool(const Vector3d& direction_w, int preference, bool keep
   for (const int j : orientation_.rotary_joints()) near[j] = 0.0;
   const std::vector<AxisVector> solutions = orientation_.positions(direction_w, near);
   if (solutions.empty())
-    throw_input_error(cause, "a plane that the rotary axes reach",
+    throw_input_error(cause, "a plane that the rotary axes can reach",
                       fmt::format("its normal ({:.6g}, {:.6g}, {:.6g})", direction_w.x(),
                                   direction_w.y(), direction_w.z()));
   const std::size_t axis_index =
@@ -303,7 +301,8 @@ class CycleParameters {
   double length(std::size_t i) const { return number(i) * unit_; }
   double positive(std::size_t i, std::string_view name) const {
     if (!(number(i) > 0))
-      canon_.throw_input_error(cause(i), fmt::format("{} above zero in {}", name, call_.name));
+      canon_.throw_input_error(cause(i),
+                               fmt::format("{} greater than zero in {}", name, call_.name));
     return number(i);
   }
   /// Throws BadInput if one of the unsupported arguments `first` to `last` is not zero.
@@ -339,7 +338,7 @@ class Hole {
         position_(canon_.programmed()),
         depth_joint_(machine.arc_plane(call.cause).normal) {
     if (depth_joint_ < 0)
-      canon_.throw_input_error(call.cause, "a machine with an axis across the plane");
+      canon_.throw_input_error(call.cause, "a machine with an axis normal to the plane");
     levels_ = levels();
   }
 
@@ -358,7 +357,7 @@ class Hole {
   /// Dwells for a time in seconds, or for -time spindle revolutions if it is negative.
   void dwell(double time) {
     if (time < 0 && !(canon_.spindle_speed() > 0))
-      canon_.throw_input_error(call_.cause, "a spindle that turns for a dwell in turns");
+      canon_.throw_input_error(call_.cause, "a running spindle for a dwell in revolutions");
     canon_.dwell(time < 0 ? -time * 60.0 / canon_.spindle_speed() : time, call_.cause);
   }
   void drill_pecks();
@@ -397,9 +396,10 @@ HoleLevels Hole::levels() const {
                       ? reference - side * std::abs(parameters_.length(4))
                       : parameters_.length(3);
   if (side * (reference - levels.bottom) <= 0)
-    canon_.throw_input_error(parameters_.has(3) ? parameters_.cause(3) : parameters_.cause(4),
-                             "a depth beyond the reference plane, seen from the retraction plane",
-                             fmt::format("reference {} mm, depth {} mm", reference, levels.bottom));
+    canon_.throw_input_error(
+        parameters_.has(3) ? parameters_.cause(3) : parameters_.cause(4),
+        "a depth beyond the reference plane as viewed from the retraction plane",
+        fmt::format("reference {} mm, depth {} mm", reference, levels.bottom));
   return levels;
 }
 
@@ -418,7 +418,7 @@ void Hole::drill_pecks() {
   const double total = std::abs(levels_.reference - levels_.bottom);
   if (pecks.first > total)
     canon_.throw_input_error(parameters_.cause(parameters_.has(5) ? 5 : 6),
-                             "a first depth that is not beyond the whole",
+                             "a first depth not beyond the total depth",
                              fmt::format("{} mm of {} mm", pecks.first, total));
   const auto depths = peck_depths(total, pecks);
   if (depths.empty()) canon_.throw_input_error(call_.cause, "at most 1e5 pecks in a hole", "more");
@@ -430,7 +430,8 @@ void Hole::drill_pecks() {
       parameters_.has(10) && parameters_.number(10) > 0 ? parameters_.number(10) : 1.0;
   const bool clears_chips = parameters_.number(11) == 1;
   if (parameters_.number(11) != 0 && !clears_chips)
-    canon_.throw_input_error(parameters_.cause(11), "VARI 0 or 1: chips broken or cleared");
+    canon_.throw_input_error(parameters_.cause(11),
+                             "VARI 0 or 1: with chip breaking or with full retraction");
   // Chip breaking retracts by 1 mm unless VRT states another distance.
   const double lift = parameters_.number(14) > 0 ? parameters_.length(14) : 1.0;
   const double stop_distance =
@@ -467,7 +468,7 @@ void Hole::tap() {
   // MPIT states the thread by its size, PIT by its pitch; the sign is the direction.
   double pitch = size != 0 ? coarse_pitch(std::abs(size)) : parameters_.length(8);
   if (size != 0 && pitch == 0)
-    canon_.throw_input_error(parameters_.cause(7), "MPIT of 3 to 48, a coarse thread");
+    canon_.throw_input_error(parameters_.cause(7), "MPIT from 3 to 48, a coarse thread");
   const bool is_left_handed = size < 0 || pitch < 0;
   pitch = std::abs(pitch);
   if (!(pitch > 0 && pitch <= 1000))
@@ -527,7 +528,7 @@ void Hole::check_parameters() const {
                       : axis == 2 ? machine_.joint(1)
                                   : machine_.joint(2);
     if (joint != depth_joint_)
-      canon_.throw_input_error(parameters_.cause(12), "_AXN of the axis across the plane");
+      canon_.throw_input_error(parameters_.cause(12), "_AXN of the axis normal to the plane");
   }
   // Ranges of arguments that must be zero, and the number of arguments of a cycle. The last
   // arguments only describe the input mask.
@@ -550,7 +551,7 @@ void Hole::make() {
   const std::string& name = call_.name;
   // Under inverse time each move would need an F of its own.
   if (canon_.feed_mode() == FeedMode::InverseTime)
-    canon_.throw_input_error(call_.cause, "G94 or G95 beside a cycle");
+    canon_.throw_input_error(call_.cause, "G94 or G95 with a cycle");
   check_parameters();
   move_to_level(levels_.start, true);
   if (name == "CYCLE83") return drill_pecks();

@@ -206,12 +206,12 @@ bool Flow::execute_block(Cursor cursor) {
   // P repeats the call of a subprogram.
   const long long count = block_[Address::P] ? (long long)(block_[Address::P].value) : 1;
   if (block_[Address::P] && !(count >= 1 && count <= 9999))
-    run_.canon.throw_input_error(block_[Address::P], "P of 1 to 9999");
+    run_.canon.throw_input_error(block_[Address::P], "P from 1 to 9999");
   // MCALL with a name stores the modal call; MCALL alone ends it.
   if (block_.is_modal) {
     if (program_call && !Machine::is_cycle(program_call->name) &&
         find_program(program_call->name) == nullptr)
-      run_.canon.throw_input_error(program_call->cause, "a cycle or subprogram behind MCALL");
+      run_.canon.throw_input_error(program_call->cause, "a cycle or subprogram after MCALL");
     modal_call_ = program_call;
     return true;
   }
@@ -271,8 +271,8 @@ bool Flow::execute_keyword(const LineHead& head, Cursor cursor) {
   } else if (word == "REPEATB") {
     repeat_section(cursor, true);
   } else if (word == "GOTOS" || word == "REDEF" || word == "DEFINE" || word == "SET") {
-    run_.canon.throw_input_error(cause,
-                                 "GOTOB, DEF and single values: no other flow and definitions");
+    run_.canon.throw_input_error(
+        cause, "GOTOB, DEF and single values: other flow words and definitions are not supported");
   } else {
     execute_loop(head, cursor);
   }
@@ -286,13 +286,13 @@ const Program::Counterpart& Flow::counterpart(const Cursor& cursor, std::size_t 
   if (entry == program.counterparts->end()) {
     // The message names the missing counterpart.
     const LineHead head = parse_line_head(cursor.text);
-    std::string expected = "its beginning";
+    std::string expected = "its start";
     for (const KeywordPair& pair : keyword_pairs) {
-      if (pair.begins == head.keyword) expected = std::string(pair.ends) + " behind it";
+      if (pair.begins == head.keyword) expected = std::string(pair.ends) + " after it";
       if (pair.ends == head.keyword) expected = std::string(pair.begins) + " before it";
     }
-    if (head.keyword == "ELSE") expected = "IF before it and ENDIF behind it";
-    cursor.throw_input_error(head.at, expected, "none with all between them closed");
+    if (head.keyword == "ELSE") expected = "IF before it and ENDIF after it";
+    cursor.throw_input_error(head.at, expected, "none with every block between them closed");
   }
   return entry->second;
 }
@@ -317,7 +317,7 @@ void Flow::execute_if(const LineHead& head, Cursor& cursor) {
     const std::size_t from = cursor.at;
     const std::string keyword = parse_name(cursor);
     if (!is_jump(keyword))
-      cursor.throw_input_error(from, "GOTOF, GOTOB or GOTO behind the condition");
+      cursor.throw_input_error(from, "GOTOF, GOTOB or GOTO after the condition");
     if (is_true) return execute_jump(cursor, keyword);
     ++line_index_;
   }
@@ -379,12 +379,12 @@ void Flow::execute_for(Cursor& cursor, bool first) {
   Cursor counter = assignment;
   if (first) {
     if (!assign_variable(assignment))
-      cursor.throw_input_error(from, "a variable that is defined behind FOR");
+      cursor.throw_input_error(from, "a defined variable after FOR");
     expect_end(assignment);
     counter.at = from;
   }
   const auto count = parse_operand(counter);
-  if (!count) cursor.throw_input_error(from, "a variable that is defined behind FOR");
+  if (!count) cursor.throw_input_error(from, "a defined variable after FOR");
   double value = *count;
   // The counter may be any kind of variable, so it is assigned by executing a text with all its
   // digits.
@@ -406,7 +406,7 @@ void Flow::execute_jump(Cursor& cursor, const std::string& keyword) {
   const std::size_t from = cursor.at;
   std::string label;
   while (is_name_char(cursor.current())) label += upper(cursor.text[cursor.at++]);
-  if (label.empty()) cursor.throw_input_error(from, "a label or a line number behind " + keyword);
+  if (label.empty()) cursor.throw_input_error(from, "a label or a line number after " + keyword);
   const Cause cause = cursor.cause(from);
   expect_end(cursor);
   line_index_ = line_of(label, keyword, cause);
@@ -438,15 +438,15 @@ std::size_t Flow::line_of(const std::string& label, const std::string& keyword,
   // GOTOC ignores a missing label.
   if (keyword == "GOTOC") return line_index_ + 1;
   run_.refuse_once(keyword + " " + label, cause,
-                   keyword == "GOTOF"   ? "a label in the lines that follow"
-                   : keyword == "GOTOB" ? "a label in the lines before"
+                   keyword == "GOTOF"   ? "a label on a later line"
+                   : keyword == "GOTOB" ? "a label on an earlier line"
                                         : "a label of this program");
 }
 
 /// Executes CASE, for example CASE value OF 1 GOTOF A 2 GOTOB B DEFAULT GOTOF C.
 void Flow::execute_case(Cursor& cursor) {
   const double selector = parse_number(cursor, *this);
-  if (!cursor.accept_word("OF")) cursor.throw_input_error(cursor.at, "OF behind the value of CASE");
+  if (!cursor.accept_word("OF")) cursor.throw_input_error(cursor.at, "OF after the value of CASE");
   bool is_default = false;
   while (true) {
     cursor.skip_blanks();
@@ -457,7 +457,7 @@ void Flow::execute_case(Cursor& cursor) {
     const std::size_t from = cursor.at;
     const std::string keyword = parse_name(cursor);
     if (!is_jump(keyword))
-      cursor.throw_input_error(from, "GOTOF, GOTOB or GOTO behind a value of CASE");
+      cursor.throw_input_error(from, "GOTOF, GOTOB or GOTO after a value of CASE");
     cursor.skip_blanks();
     const std::size_t label_from = cursor.at;
     while (is_name_char(cursor.current())) ++cursor.at;

@@ -17,11 +17,11 @@ namespace abbe::sim::dialects::siemens {
 
 /// Beginning of a line.
 struct LineHead {
-  std::string_view number;        ///< digits behind N
+  std::string_view number;        ///< digits after N
   std::string label;              ///< upper case, without :
   std::string keyword;            ///< upper case; a word of program flow, or empty
   std::size_t at = 0;             ///< first byte of the keyword, or of the words
-  std::size_t end = 0;            ///< first byte behind the keyword
+  std::size_t end = 0;            ///< first byte after the keyword
   std::optional<int> skip_level;  ///< level of the / at the beginning
 };
 

@@ -129,7 +129,7 @@ void Machine::note_diameters(const Block& block) {
   is_diameter_mode_known_ = true;
   if (run_.options().turning.x_words != XWordMeaning::FromControl) return;
   const bool are_diameters = diameter_mode_ == Diameters::On;
-  canon_.assume({fmt::format("X words are {}: no word before says otherwise",
+  canon_.assume({fmt::format("X words are {}: no earlier word states otherwise",
                              are_diameters ? "diameters (DIAMON)" : "radii (DIAMOF)"),
                  "program.x_words", "--x-words"});
 }
@@ -145,7 +145,7 @@ double Machine::x_radius_factor(bool absolute) const {
 void Machine::require_radius_words(const Value& word) const {
   if (diameter_mode_ != Diameters::Off && word.value != 0.0)
     throw_input_error(word,
-                      "DIAMOF before " + shown(word.cause.text) + " beside a frame, a pole or CIP");
+                      "DIAMOF before " + shown(word.cause.text) + " with a frame, a pole or CIP");
 }
 
 const Value* Machine::first_axis_word(const Block& block) const {
@@ -179,7 +179,7 @@ void Machine::check_words(const Block& block) const {
     for (const Address address : addresses)
       if (block[address] && !has_owner)
         throw_input_error(block[address],
-                          fmt::format("{} beside {}", owner, shown(block[address].cause.text)));
+                          fmt::format("{} with {}", owner, shown(block[address].cause.text)));
   };
   const bool makes_arc = is_arc(motion) && !block[Group::Frame] && !block[Group::Dwell];
   require({I, J, K}, makes_arc || motion == "G33", "G2, G3 or G33");
@@ -193,11 +193,11 @@ void Machine::check_words(const Block& block) const {
     if (position == nullptr && block[address]) position = &block[address];
   if (position != nullptr) {
     if (block.code_without_words)
-      throw_input_error(*position, fmt::format("no axis words beside {}, which takes none",
+      throw_input_error(*position, fmt::format("no axis words with {}, which takes none",
                                                shown(block.code_without_words.cause.text)));
     // The order of a motion and a subprogram or cycle in one block is not defined.
     if (block.call || block.is_modal)
-      throw_input_error(*position, fmt::format("{}, a cycle or subprogram, in a block of its own",
+      throw_input_error(*position, fmt::format("{}, a cycle or subprogram, in a separate block",
                                                shown(block.call ? block.call->cause.text
                                                                 : block.modal_cause.text)));
   }
@@ -207,7 +207,7 @@ void Machine::check_words(const Block& block) const {
     throw_input_error(offset, std::string(find_entry("OFFN")->sentence));
   if (const Value& t = block[T];
       t && !block.tool_name && (t.value < 0 || t.value != std::floor(t.value) || t.value > 1e9))
-    throw_input_error(t, "a whole tool number");
+    throw_input_error(t, "an integer tool number");
   // A tool of the scene has one cutting edge.
   if (const Value& d = block[D]; d && d.value != 0 && d.value != 1)
     throw_input_error(d, "D0 or D1: a tool of the scene has one edge");
@@ -216,7 +216,7 @@ void Machine::check_words(const Block& block) const {
       const Address address = Address(&value - block.values.data());
       // Addresses of axes and centres, which come first in the enumeration, may have AC().
       if (address <= K1 || address == AP || address == RP) continue;
-      throw_input_error(value, "a number without AC() and the like");
+      throw_input_error(value, "a number without AC() and similar");
     }
 }
 
@@ -243,19 +243,19 @@ void Machine::set_feed(const Block& block) {
     if (mode != canon_.feed_mode()) canon_.set_feed({});
     canon_.set_feed_mode(mode);
   }
-  // F beside G4 is a time.
+  // F with G4 is a time.
   if (block[Group::Dwell]) return;
   // Under G93 F holds for its own block only.
   if (canon_.feed_mode() == FeedMode::InverseTime) canon_.set_feed({});
   if (const Value& f = block[Address::F]) {
-    if (!(f.value >= min_feed)) throw_input_error(f, "a feed above zero");
+    if (!(f.value >= min_feed)) throw_input_error(f, "a feed greater than zero");
     canon_.set_feed(Feed{f.value, is_feed_in_inches_ ? mm_per_inch : 1.0});
   }
 }
 
 void Machine::select_master_spindle(int spindle, const Cause& cause) {
   if (spindle == master_spindle_) return;
-  if (has_surface_speed_) throw_input_error(cause, "G97 before another master spindle");
+  if (has_surface_speed_) throw_input_error(cause, "G97 before a change of the master spindle");
   // The previous master spindle keeps its speed and direction until it becomes the master again.
   spindles_[master_spindle_] = {canon_.spindle_speed(), canon_.spindle_direction()};
   master_spindle_ = spindle;
@@ -267,7 +267,7 @@ void Machine::select_master_spindle(int spindle, const Cause& cause) {
 
 /// Sets the speed of the master spindle, rpm, or under G96 the surface speed.
 void Machine::set_speed(double speed, const Cause& cause) {
-  if (!(speed >= 0 && speed <= 1e7)) throw_input_error(cause, "a spindle speed of 0 to 1e7 rpm");
+  if (!(speed >= 0 && speed <= 1e7)) throw_input_error(cause, "a spindle speed from 0 to 1e7 rpm");
   // A surface speed is in m/min, or under G700 in ft/min.
   speed_ = has_surface_speed_ && is_feed_in_inches_ ? speed * 0.3048 : speed;
   if (!has_surface_speed_) canon_.set_spindle_speed(speed);
@@ -278,24 +278,24 @@ void Machine::set_speed(double speed, const Cause& cause) {
 void Machine::set_numbered_spindles(const Block& block) {
   const auto direction = [](std::string_view m) { return m == "M3" ? 1 : m == "M4" ? -1 : 0; };
   for (const SpindleWord& word : block.spindles) {
-    if (word.speed && block[Group::Dwell]) throw_input_error(word.cause, "S beside G4");
+    if (word.speed && block[Group::Dwell]) throw_input_error(word.cause, "S with G4");
     if (word.spindle != master_spindle_) {
       const auto [entry, is_new] = spindles_.try_emplace(word.spindle);
       if (word.speed) entry->second.rpm = *word.speed;
       if (!word.speed) entry->second.direction = direction(word.direction);
       // The program may be for a machine with another master spindle.
       if (is_new)
-        run_.warn_once(fmt::format(
-            "{}:{}: {} is of spindle {} and has no effect: the tool is taken to be in the master "
-            "spindle, {}; SETMS({}) says otherwise",
-            canon_.place().file, canon_.line(), shown(word.cause.text), word.spindle,
-            master_spindle_, word.spindle));
+        run_.warn_once(
+            fmt::format("{}:{}: {} is for spindle {} and has no effect: the tool is assumed to be "
+                        "in the master spindle, {}; SETMS({}) changes it",
+                        canon_.place().file, canon_.line(), shown(word.cause.text), word.spindle,
+                        master_spindle_, word.spindle));
       continue;
     }
     if (word.speed && block[Address::S])
-      throw_input_error(word.cause, "one speed of a spindle in a block");
+      throw_input_error(word.cause, "only one spindle speed per block");
     if (!word.speed && block[Group::Spindle])
-      throw_input_error(word.cause, "one direction of a spindle in a block");
+      throw_input_error(word.cause, "only one spindle direction per block");
     if (word.speed)
       set_speed(*word.speed, word.cause);
     else
@@ -306,7 +306,7 @@ void Machine::set_numbered_spindles(const Block& block) {
 void Machine::set_spindle(const Block& block) {
   if (const Value& limit = block[Address::LIMS]) {
     if (!(limit.value > 0 && limit.value <= 1e7))
-      throw_input_error(limit, "a speed of more than 0 to 1e7 rpm");
+      throw_input_error(limit, "a speed greater than 0 and up to 1e7 rpm");
     max_rpm_ = limit.value;
   }
   if (const Code& code = block[Group::SpeedMode]) {
@@ -314,13 +314,13 @@ void Machine::set_spindle(const Block& block) {
     if (is_surface_speed && joint(0) < 0) throw_input_error(code.cause, "a machine with an X axis");
     // The first G96 has no earlier surface speed to fall back on.
     if (is_surface_speed && !has_surface_speed_ && !block[Address::S])
-      throw_input_error(code.cause, "S (surface speed) beside " + shown(code.cause.text), "none");
+      throw_input_error(code.cause, "S (surface speed) with " + shown(code.cause.text), "none");
     // Speed and surface speed are different quantities, so a new mode must not take over the value.
     if (is_surface_speed != has_surface_speed_)
       speed_ = is_surface_speed ? 0.0 : canon_.spindle_speed();
     has_surface_speed_ = is_surface_speed;
   }
-  // S beside G25 and G26 is a limit, not a speed.
+  // S with G25 and G26 is a limit, not a speed.
   const bool sets_limit = block[Group::Limits].word.size() > 0;
   if (const Code& code = block[Group::MasterSpindle])
     select_master_spindle(block.master_spindle, code.cause);
@@ -344,11 +344,11 @@ void Machine::dwell(const Block& block) {
   const Code& code = block[Group::Dwell];
   const Value &seconds = block[Address::F], &revolutions = block[Address::S];
   if (const Value* axis = first_axis_word(block))
-    throw_input_error(axis->cause, "no axis words beside G4, which takes none");
+    throw_input_error(axis->cause, "no axis words with G4, which takes none");
   // G4 F is a time in seconds, G4 S a number of spindle revolutions.
-  if (bool(seconds) == bool(revolutions)) throw_input_error(code.cause, "either F or S beside G4");
+  if (bool(seconds) == bool(revolutions)) throw_input_error(code.cause, "either F or S with G4");
   if (revolutions && !(canon_.spindle_speed() > 0))
-    throw_input_error(revolutions, "a spindle that turns beside G4 S");
+    throw_input_error(revolutions, "a running spindle with G4 S");
   const double time = seconds ? seconds.value : revolutions.value * 60.0 / canon_.spindle_speed();
   const Cause cause = seconds ? seconds.cause : revolutions.cause;
   if (!(time >= 0 && time <= 1e6)) throw_input_error(cause, "0 to 1e6 seconds");
@@ -378,11 +378,9 @@ void Machine::check_compensated_block(const Block& block) const {
 void Machine::select_work_offset(const Code& code) {
   const int number = std::stoi(std::string(code.word.substr(1)));
   if (number > 506 && !canon_.options().extra_offsets.contains(number))
-    throw_input_error(
-        code.cause,
-        fmt::format("G54 to G57, G505 or G506, or an offset that the control's table has "
-                    "(`offsets`): $P_UIFR[{}]",
-                    number - 500));
+    throw_input_error(code.cause, fmt::format("G54 to G57, G505 or G506, or an offset from the "
+                                              "control's table (`offsets`): $P_UIFR[{}]",
+                                              number - 500));
   // G54 to G57 are indices 0 to 3, G505 and G506 are 4 and 5; G507 and beyond have index n - 1.
   const int first = number < 500 ? 54 : number > 506 ? 1 : 501;
   system_ = number - first;
@@ -409,7 +407,7 @@ void Machine::note_start_modes(const Block& block) {
                                                       : "plane X Y (G17)");
   if (motion != "G0")
     run_.assume_mode(StartMode::Feed, canon_.feed_mode() == FeedMode::PerRevolution
-                                          ? "F per turn (G95)"
+                                          ? "F per revolution (G95)"
                                           : "F per minute (G94)");
   if (!block[Group::WithoutOffset]) run_.assume_offset(system_ + 1, "work offset G54");
 }
@@ -419,10 +417,9 @@ void Machine::note_start_modes(const Block& block) {
 void Machine::set_modes(const Block& block) {
   if (const Code& code = block[Group::Diameters]) {
     if (code.word != "DIAMOF" && !run_.is_turning())
-      throw_input_error(
-          code.cause,
-          "a turning control (control = \"turning\", or a machine whose spindle turns the "
-          "workpiece): X is no diameter on a milling control");
+      throw_input_error(code.cause,
+                        "a turning control (control = \"turning\", or a machine whose spindle "
+                        "turns the workpiece): X is not a diameter on a milling control");
     diameter_mode_ = code.word == "DIAMON"   ? Diameters::On
                      : code.word == "DIAM90" ? Diameters::Absolute
                                              : Diameters::Off;
@@ -489,15 +486,15 @@ int Machine::tool_number(const Block& block) const {
     return std::stoi(name);
   if (canon_.options().control_by_h.empty() && !canon_.options().tool_length.empty() &&
       !canon_.options().tool_table) {
-    canon_.assume(
-        {fmt::format("T={} is the scene's only tool", quoted_excerpt(name)), "tool.name"});
+    canon_.assume({fmt::format("T={} is assumed to be the scene's only tool", quoted_excerpt(name)),
+                   "tool.name"});
     return canon_.options().tool_length.begin()->first;
   }
   std::string names;
   for (const auto& [tool_name, number] : numbers)
     names += (names.empty() ? "" : ", ") + quoted_excerpt(tool_name);
   throw_input_error(
-      word, "the name of a tool of the scene (" + (names.empty() ? "none has one" : names) + ")",
+      word, "the name of a tool of the scene (" + (names.empty() ? "none is named" : names) + ")",
       quoted_excerpt(name));
 }
 
@@ -545,8 +542,8 @@ double Machine::active_tool_length(const Cause& cause) const {
   std::string tools;
   for (const auto& [number, mm] : lengths) tools += fmt::format(" T{}", number);
   throw_input_error(cause,
-                    "a tool whose length is known (" +
-                        (tools.empty() ? "none is" : tools.substr(1)) + ") in the spindle",
+                    "a tool with a known length (" +
+                        (tools.empty() ? "none known" : tools.substr(1)) + ") in the spindle",
                     tool_ < 0 ? "none called" : fmt::format("T{}", tool_));
 }
 
@@ -554,7 +551,7 @@ std::optional<double> Machine::nose_radius(int tool) const {
   const auto& radii = canon_.options().tool_radius;
   auto radius = radii.find(tool);
   if (radius == radii.end())
-    // The only tool of the scene is meant whatever its number.
+    // The only tool of the scene is assumed whatever its number.
     if (const auto only = program::only_tool(canon_.options())) radius = radii.find(*only);
   return radius == radii.end() ? std::nullopt : std::optional(radius->second);
 }
@@ -584,12 +581,12 @@ void Machine::set_compensation(const Code& code) {
   const int normal = plane_ == 17 ? 2 : plane_ == 18 ? 1 : 0;
   // 1 - cos(tilt) below 1e-14, a tilt of 1.4e-7 rad, is a rotation about the normal of the plane.
   if (std::abs(R(normal, normal) - 1.0) > 1e-14)
-    throw_input_error(code.cause, "a path of the tool's centre in a plane that is tilted: no " +
+    throw_input_error(code.cause, "no tilted plane with a path of the tool centre: no " +
                                       std::string(code.word) + " in it");
   const int tool = tool_ >= 0 ? tool_ : run_.assume_only_tool(code.cause, "no tool called");
   const auto radius = nose_radius(tool);
   if (!radius)
-    throw_input_error(code.cause, "a tool whose radius is known", fmt::format("T{}", tool));
+    throw_input_error(code.cause, "a tool with a known radius", fmt::format("T{}", tool));
   compensation_.begin(left, *radius, {plane.first, plane.second});
   if (!run_.is_turning()) return;
   apply_tool();  // under G41 and G42 X Z lead the centre of the nose

@@ -55,7 +55,7 @@ void Machine::add_axis_word(Target& target, int j, const Value& word, bool machi
     // The roll-over rule of the axis must not change a programmed direction.
     return target.rotate_to(j, rotary_end(value, start, word.mode), word);
   }
-  if (is_increment && machine) throw_input_error(word, "an absolute position beside SUPA and G53");
+  if (is_increment && machine) throw_input_error(word, "an absolute position with SUPA and G53");
   if (is_increment)
     target.by(j, value, word);
   else
@@ -107,7 +107,7 @@ void Machine::add_polar_words(Target& target, const Block& block) {
     throw_input_error(cause,
                       fmt::format("either {} {} or AP= RP=", plane.letters[0], plane.letters[1]));
   if (radius) {
-    if (radius.value < 0) throw_input_error(radius, "RP that is not below zero");
+    if (radius.value < 0) throw_input_error(radius, "non-negative RP");
     pole_.radius =
         radius.value * unit() + (radius.mode == PositionMode::Incremental ? pole_.radius : 0.0);
   }
@@ -124,11 +124,12 @@ void Machine::check_motion(const Block& block) const {
   const Cause cause = motion_cause(block);
   // In tip mode the chain contains the tool length, so D0 cannot be executed.
   if (is_tip_mode() && !has_tool_length_)
-    throw_input_error(cause, "D1 before a move of the tip: the length of the tool counts in it");
+    throw_input_error(cause, "D1 before a move of the tip, which includes the tool length");
   if (swivel_ && !swivel_->is_aligned && !is_traori_ &&
       (swivel_->frame.rotation.col(2) - Eigen::Vector3d::UnitZ()).norm() > 1e-12)
-    throw_input_error(
-        cause, "TRAORI, or CYCLE800 with _DIR, before a move in a plane that is not swivelled to");
+    throw_input_error(cause,
+                      "TRAORI, or CYCLE800 with _DIR, before a move in a plane to which the rotary "
+                      "axes have not swivelled");
   if (swivel_ && swivel_->is_aligned && !is_traori_)
     for (const Address address : {Address::A, Address::B, Address::C})
       if (block[address])
@@ -138,8 +139,8 @@ void Machine::check_motion(const Block& block) const {
   const bool needs_length = orientation_.is_possible() ? !has_tool_length_ : has_tool_length_;
   if (needs_length && !is_known_tool() && joint(2) >= 0 && !canon_.options().tool_length.empty() &&
       motion_ != "G0")
-    throw_input_error(cause, "a tool (T) before a feed: those of the scene differ in length");
-  // Without a tool call the only tool of the scene is meant.
+    throw_input_error(cause, "a tool (T) before a feed: the tools of the scene differ in length");
+  // Without a tool call the only tool of the scene is assumed.
   if (tool_ < 0 && motion_ != "G0" && has_tool_length_ && has_single_length())
     run_.assume_only_tool(cause, "no tool called");
 }
@@ -158,12 +159,11 @@ void Machine::apply_tool_vector(const Block& block, AxisVector& end) const {
     if (block[address]) throw_input_error(block[address], "either rotary axes or A3= B3= C3=");
   // The control accepts vectors of any length.
   const Eigen::Vector3d direction(a.value, b.value, c.value);
-  if (!(direction.norm() > 1e-6))
-    throw_input_error(cause, "a direction of the tool that is not zero");
+  if (!(direction.norm() > 1e-6)) throw_input_error(cause, "a nonzero tool direction");
   // The direction counts in the frames in force.
   const auto solutions = orientation_.positions(total_rotation() * direction.normalized(), end);
   if (solutions.empty())
-    throw_input_error(cause, "a direction that the rotary axes reach",
+    throw_input_error(cause, "a direction that the rotary axes can reach",
                       fmt::format("({:.6g}, {:.6g}, {:.6g})", a.value, b.value, c.value));
   // The nearest solution comes first.
   end = solutions.front();
@@ -173,13 +173,13 @@ void Machine::move_on_great_circle(Straight move) {
   // Without ORIVECT the rule depends on machine data, so the assumption is reported.
   if (!on_great_circle_ && turns_in_workpiece_)
     run_.warn_once(
-        "lines turn the tool on great circles, as ORIWKS does where a machine has no other rule: "
-        "ORIAXES or ORIMKS moves its rotary axes in proportion");
+        "lines turn the tool on great circles, as ORIWKS does if the machine has no other rule: "
+        "with ORIAXES or ORIMKS the rotary axes interpolate linearly");
   const auto segments =
       great_circle_segments(orientation_, canon_.position(), move.end, great_circle_tolerance);
   if (segments.empty())
     throw_input_error(move.cause,
-                      "ORIAXES before a turn of the tool that is no great circle of these axes");
+                      "ORIAXES before a tool rotation that is not on a great circle of these axes");
   feed_along_segments(canon_, orientation_, segments, move);
 }
 
@@ -189,11 +189,11 @@ void Machine::move_in_machine_coordinates(const Block& block) {
   const Value* axis = first_axis_word(block);
   if (axis == nullptr) return;
   if (motion_ != "G0" && motion_ != "G1")
-    throw_input_error(code.cause, "G0 or G1 beside " + shown(code.cause.text));
+    throw_input_error(code.cause, "G0 or G1 with " + shown(code.cause.text));
   // Under TRAORI X Y Z words are not axis positions.
   if (is_traori_) throw_input_error(code.cause, "TRAFOOF before " + shown(code.cause.text));
   if (is_tip_mode() && has_tool_length_)
-    throw_input_error(code.cause, "D0 beside " + shown(code.cause.text) + " in a swivelled plane");
+    throw_input_error(code.cause, "D0 with " + shown(code.cause.text) + " in a swivelled plane");
   canon_.go_to(Coordinates::Axis, code.cause);
   Target target = block_target(block, true);
   // On a turning control the tool offset in force has X and Z.
@@ -223,7 +223,7 @@ void Machine::cut_thread(const Block& block, AxisVector end) {
   const Value& pitch = block[Address(int(Address::I) + longest)];
   if (!pitch || pitch.value == 0)
     throw_input_error(
-        cause, fmt::format("{}, the pitch along {}, beside G33", "IJK"[longest], "XYZ"[longest]),
+        cause, fmt::format("{}, the pitch along {}, with G33", "IJK"[longest], "XYZ"[longest]),
         "none");
   double squared_length = 0.0;
   for (int k = 0; k < 3; ++k)
@@ -314,7 +314,7 @@ AxisVector Machine::arc_centre(const Block& block, const ArcPlane& plane,
     throw_input_error(
         across, fmt::format("the centre in the plane {} {}", plane.letters[0], plane.letters[1]));
   if (!first && !second)
-    throw_input_error(cause, "I J K, CR=, AR= or a pole beside " + std::string(motion_), "none");
+    throw_input_error(cause, "I J K, CR=, AR= or a pole with " + std::string(motion_), "none");
   AxisVector p = programmed_position();
   const auto set_coordinate = [&](int j, const Value& word) {
     if (!word) return;
@@ -338,9 +338,9 @@ void Machine::arc(const Block& block, const Target& words) {
   const bool has_centre = block[Address::I] || block[Address::J] || block[Address::K];
   // An arc is programmed by exactly one of these.
   if (radius && (angle || has_centre || is_polar))
-    throw_input_error(radius, "one of CR=, AR=, I J K and a pole");
+    throw_input_error(radius, "only one of CR=, AR=, I J K and a pole");
   if (is_polar && (angle || has_centre))
-    throw_input_error(cause, "one of CR=, AR=, I J K and a pole");
+    throw_input_error(cause, "only one of CR=, AR=, I J K and a pole");
   Target target = words;
   ArcMove move{.first = plane.first,
                .second = plane.second,
@@ -352,7 +352,7 @@ void Machine::arc(const Block& block, const Target& words) {
                                 : cause};
   // The chord of AR=360 would be zero and define no circle.
   if (angle && !(angle.value > 0 && angle.value < 360))
-    throw_input_error(angle, "AR of more than 0 to less than 360 degrees");
+    throw_input_error(angle, "AR greater than 0 and less than 360 degrees");
   const double opening_angle = angle.value * units::deg;
   AxisVector p;
   if (is_polar) {
@@ -365,7 +365,7 @@ void Machine::arc(const Block& block, const Target& words) {
   // AR with the centre: the end is the start rotated about the centre.
   if (angle && has_centre) {
     if (target.has(plane.first) || target.has(plane.second))
-      throw_input_error(angle, "AR= beside either the centre or the end");
+      throw_input_error(angle, "AR= with either the centre or the end");
     const AxisVector start = programmed_position();
     const Eigen::Rotation2Dd rotation(move.clockwise ? -opening_angle : opening_angle);
     const Eigen::Vector2d end = Eigen::Vector2d(p[plane.first], p[plane.second]) +
@@ -390,7 +390,7 @@ void Machine::arc(const Block& block, const Target& words) {
   }
   if (whole_turns && (whole_turns.value < 0 || whole_turns.value > 999 ||
                       whole_turns.value != std::floor(whole_turns.value)))
-    throw_input_error(whole_turns, "whole turns of 0 to 999 after TURN");
+    throw_input_error(whole_turns, "an integer from 0 to 999 (turns) after TURN");
   move.turns = 1 + int(whole_turns.value);
   move.stated = target.stated();
   make_arc(block, std::move(move));
@@ -399,10 +399,10 @@ void Machine::arc(const Block& block, const Target& words) {
 void Machine::make_arc(const Block& block, ArcMove move) {
   // The direction of a line defines the entry and the exit of compensation.
   if (compensation_.is_leaving())
-    throw_input_error(move.cause, "a line as the first move after G40");
+    throw_input_error(move.cause, "a straight line as the first move after G40");
   if (compensation_.is_on()) {
     if (!compensation_.has_entered())
-      throw_input_error(move.cause, "a line as the first move after G41 and G42");
+      throw_input_error(move.cause, "a straight line as the first move after G41 and G42");
     return compensation_.arc(std::move(move));
   }
   const AxisVector start = canon_.position();
@@ -437,7 +437,7 @@ std::optional<Circle> circle_through(const Vector3d& start, const Vector3d& inte
 void Machine::make_arc_through_point(const Block& block, const Target& target) {
   const Cause cause = motion_cause(block);
   for (int k = 0; k < 3; ++k)
-    if (joint(k) < 0) throw_input_error(cause, "a machine with X Y Z beside CIP");
+    if (joint(k) < 0) throw_input_error(cause, "a machine with X Y Z for CIP");
   AxisVector intermediate = canon_.programmed();
   for (int k = 0; k < 3; ++k) {
     const Value& word = block[Address(int(Address::I1) + k)];
@@ -455,7 +455,7 @@ void Machine::make_arc_through_point(const Block& block, const Target& target) {
   };
   const AxisVector start = canon_.position();
   const auto circle = circle_through(xyz(start), xyz(canon_.placed(intermediate)), xyz(move.end));
-  if (!circle) throw_input_error(cause, "three different points beside CIP that lie on no line");
+  if (!circle) throw_input_error(cause, "three different points with CIP that are not on one line");
   move.centre_with_offsets = start;
   for (int k = 0; k < 3; ++k) move.centre_with_offsets[joint(k)] = circle->centre[k];
   const program::Frame frame = canon_.frame();

@@ -94,7 +94,7 @@ Program* Flow::load_program_file(const fs::path& file, const std::string& name) 
   // A file named after a subprogram contains only that subprogram.
   if (programs.size() > 1)
     run_.warn_once(
-        fmt::format("{}:{}: a second program, {}, is not read: a subprogram has a file of its own",
+        fmt::format("{}:{}: a second program, {}, is not read: a subprogram needs its own file",
                     file.string(), programs[1]->first_line, programs[1]->name));
   programs_.push_back(std::move(program));
   return programs_.back().get();
@@ -133,8 +133,7 @@ void Flow::call_program(const ProgramCall& program_call, long long count) {
   if (program == nullptr)
     return run_.handle_unknown_word(
         program_call.cause,
-        fmt::format("a word of Siemens, or a subprogram {} in the program or in "
-                    "{}.SPF beside it",
+        fmt::format("a Siemens word, or a subprogram {} in the program or in {}.SPF next to it",
                     program_call.name, program_call.name));
   enter_program(*program, program_call, count);
 }
@@ -147,7 +146,7 @@ void Flow::enter_program(Program& program, const ProgramCall& program_call, long
                     .arguments = program_call.arguments});
   variables_.enter();
   line_index_ = 0;
-  // An error in the parameters undoes the call, so that reading continues behind it.
+  // An error in the parameters undoes the call, so that reading continues after it.
   try {
     bind_parameters(program, program_call.arguments, program_call.cause);
   } catch (const BadInput&) {
@@ -188,7 +187,7 @@ void Flow::bind_parameters(Program& program, const std::vector<Argument>& argume
       cursor.skip_blanks();
       const std::size_t name_from = cursor.at;
       const std::string name = parse_name(cursor);
-      if (name.size() < 2) cursor.throw_input_error(name_from, "a name of two letters or more");
+      if (name.size() < 2) cursor.throw_input_error(name_from, "a name of at least two letters");
       calls_.back().variables[name] = {*kind, {}};
       // A parameter that is not passed has its default, or zero.
       double value = 0.0;
@@ -209,8 +208,8 @@ void Flow::bind_parameters(Program& program, const std::vector<Argument>& argume
     const std::size_t from = cursor.at;
     const std::string word = parse_name(cursor);
     if (word != "DISPLOF" && word != "DISPLON" && word != "SBLOF" && word != "ACTBLOCNO")
-      cursor.throw_input_error(from,
-                               "modes set again by the caller: no SAVE and the like behind PROC");
+      cursor.throw_input_error(
+          from, "modes set again by the caller: SAVE and similar after PROC are not supported");
   }
   line_index_ = first + 1;
   // From here on messages point at the line of the call.
@@ -225,7 +224,7 @@ long long Flow::parse_repeat_count(Cursor& cursor) {
   cursor.accept("=");
   const double count = parse_number(cursor, *this);
   if (!(count >= 1 && count <= 9999) || count != double((long long)(count)))
-    cursor.throw_input_error(from, "whole repeats P of 1 to 9999");
+    cursor.throw_input_error(from, "an integer P from 1 to 9999 (repeats)");
   expect_end(cursor);
   return (long long)(count);
 }
@@ -241,7 +240,7 @@ void Flow::repeat_section(Cursor& cursor, bool one_block) {
     cursor.skip_blanks();
     const std::size_t from = cursor.at;
     const std::string label = parse_name(cursor);
-    // P or P5 behind the labels is the number of repeats, not a label.
+    // P or P5 after the labels is the number of repeats, not a label.
     const bool is_repeat_count = label.empty() || label == "P" ||
                                  (label[0] == 'P' && label.size() > 1 &&
                                   std::all_of(label.begin() + 1, label.end(), is_digit));
@@ -251,7 +250,7 @@ void Flow::repeat_section(Cursor& cursor, bool one_block) {
     }
     const Cause cause = cursor.cause(from);
     std::size_t line = 0;
-    // The label may stand before or behind REPEAT.
+    // The label may be before or after REPEAT.
     try {
       line = line_of(label, "GOTOB", cause);
     } catch (const BadInput&) {
@@ -261,7 +260,7 @@ void Flow::repeat_section(Cursor& cursor, bool one_block) {
   }
   const Cause cause = cursor.cause(start);
   if (lines.empty() || (one_block && lines.size() > 1))
-    cursor.throw_input_error(start, "a label behind REPEATB");
+    cursor.throw_input_error(start, "a label after REPEATB");
   const long long count = parse_repeat_count(cursor);
   std::size_t end = repeat_line;
   if (one_block) {
@@ -279,8 +278,7 @@ void Flow::repeat_section(Cursor& cursor, bool one_block) {
         break;
       }
   }
-  if (end <= lines[0])
-    run_.canon.throw_input_error(cause, "ENDLABEL: behind a label that stands below REPEAT");
+  if (end <= lines[0]) run_.canon.throw_input_error(cause, "ENDLABEL: after a label below REPEAT");
   // A repeated section counts as a call because sections may nest.
   run_.check_depth(int(calls_.size()), cause);
   calls_.push_back({.program = calls_.back().program,
@@ -292,7 +290,7 @@ void Flow::repeat_section(Cursor& cursor, bool one_block) {
   line_index_ = lines[0];
 }
 
-/// Warns of programs in the text that nothing calls, and of text behind the end of the main
+/// Warns of programs in the text that nothing calls, and of text after the end of the main
 /// program. Blocks from a label on are not reported: a jump whose condition did not hold may lead
 /// to them.
 void Flow::warn_unread() {
@@ -314,7 +312,7 @@ void Flow::warn_unread() {
   run_.warn_of_unread_lines(lines, sections);
 }
 
-/// Begins the next pass of a repeated section, or continues behind REPEAT.
+/// Begins the next pass of a repeated section, or continues after REPEAT.
 void Flow::finish_repeated_section() {
   Call& section = calls_.back();
   if (section.remaining_repeats-- > 0) {
@@ -361,7 +359,7 @@ void Flow::call_by_name(Cursor& cursor) {
     name = parse_quoted_text(cursor);
   else
     name = parse_text_variable(cursor);
-  if (!name) cursor.throw_input_error(from, "the name of a subprogram in quotes behind CALL");
+  if (!name) cursor.throw_input_error(from, "the name of a subprogram in quotes after CALL");
   // The name becomes a file name: a path could lead out of the folder of the program.
   if (!std::ranges::all_of(*name, is_name_char) || name->empty() || name->size() > 100)
     cursor.throw_input_error(from, "a name of letters, digits and _, without folders",
@@ -395,15 +393,14 @@ double Flow::parse_r_parameter(Cursor& cursor, std::size_t from) {
   if (cursor.current() == '[') {
     ++cursor.at;
     number = parse_number(cursor, *this);
-    if (!cursor.accept("]"))
-      cursor.throw_input_error(cursor.at, "] behind the number of a parameter");
+    if (!cursor.accept("]")) cursor.throw_input_error(cursor.at, "] after a parameter number");
   } else {
     // The limit bounds the digits of a hostile text.
     while (is_digit(cursor.current()) && number < 1e9)
       number = 10 * number + (cursor.text[cursor.at++] - '0');
   }
   if (!(number >= 0 && number <= max_r_parameter) || number != std::floor(number))
-    cursor.throw_input_error(from, fmt::format("a parameter of R0 to R{}", max_r_parameter));
+    cursor.throw_input_error(from, fmt::format("a parameter from R0 to R{}", max_r_parameter));
   return number;
 }
 
@@ -412,7 +409,7 @@ double Flow::parse_r_parameter(Cursor& cursor, std::size_t from) {
 std::string Flow::parse_element(Cursor& cursor, const std::string& name, const Variable& variable) {
   if (variable.sizes.empty()) return name;
   const std::size_t from = cursor.at;
-  if (cursor.current() != '[') cursor.throw_input_error(from, "[ behind the name of a field");
+  if (cursor.current() != '[') cursor.throw_input_error(from, "[ after the name of an array");
   ++cursor.at;
   std::string element_name = name + "[";
   for (std::size_t k = 0; k < variable.sizes.size(); ++k) {
@@ -420,11 +417,12 @@ std::string Flow::parse_element(Cursor& cursor, const std::string& name, const V
       cursor.throw_input_error(cursor.at, ", before the next index");
     const double index = parse_number(cursor, *this);
     if (!(index >= 0 && index < variable.sizes[k]) || index != std::floor(index))
-      cursor.throw_input_error(from, fmt::format("a whole index of 0 to {}", variable.sizes[k] - 1),
+      cursor.throw_input_error(from,
+                               fmt::format("an integer index from 0 to {}", variable.sizes[k] - 1),
                                fmt::format("{}", index));
     element_name += fmt::format("{}{}", k > 0 ? "," : "", int(index));
   }
-  if (!cursor.accept("]")) cursor.throw_input_error(cursor.at, "] behind an index");
+  if (!cursor.accept("]")) cursor.throw_input_error(cursor.at, "] after an index");
   return element_name + "]";
 }
 
@@ -434,7 +432,7 @@ void Flow::store_value(const std::string& name, VariableKind kind, double value,
   if (kind == VariableKind::Integer) value = std::round(value);
   if (kind == VariableKind::Boolean) value = value != 0 ? 1.0 : 0.0;
   if (kind == VariableKind::Integer && !(std::abs(value) <= max_integer))
-    cursor.throw_input_error(from, "a whole number of 32 bits", fmt::format("{}", value));
+    cursor.throw_input_error(from, "a 32-bit integer", fmt::format("{}", value));
   if (!variables_.set(name, value, Variables::Scope::Call))
     run_.throw_variable_limit(cursor.location, "variables");
 }
@@ -472,7 +470,7 @@ bool Flow::assign_variable(Cursor& cursor) {
       text = parse_quoted_text(ahead);
     else
       text = parse_text_variable(ahead);
-    if (!text) ahead.throw_input_error(ahead.at, "a text in quotes");
+    if (!text) ahead.throw_input_error(ahead.at, "a string in quotes");
     local_scope().texts[name] = *text;
   } else {
     run_.define(element, [&] {
@@ -516,12 +514,12 @@ void Flow::execute_definition(Cursor& cursor) {
   const std::size_t from = cursor.at;
   const std::string type = parse_name(cursor);
   const auto kind = find_kind(type);
-  if (!kind) cursor.throw_input_error(from, "REAL, INT, BOOL, CHAR or STRING behind DEF");
+  if (!kind) cursor.throw_input_error(from, "REAL, INT, BOOL, CHAR or STRING after DEF");
   // The length of a string does not matter here.
   if (*kind == VariableKind::Text && cursor.current() == '[') {
     ++cursor.at;
     parse_number(cursor, *this);
-    if (!cursor.accept("]")) cursor.throw_input_error(cursor.at, "] behind the length of a text");
+    if (!cursor.accept("]")) cursor.throw_input_error(cursor.at, "] after the length of a string");
   }
   Cursor names = cursor;
   try {
@@ -543,10 +541,11 @@ void Flow::define_variable(Cursor& cursor, VariableKind kind) {
   // A letter followed by a digit would be an address (X1).
   if (name.size() < 2 || (is_letter(name[0]) && is_digit(name[1])) || find_entry(name) != nullptr ||
       Machine::is_cycle(name))
-    cursor.throw_input_error(from, "a name of two letters or more that is no word of the control");
+    cursor.throw_input_error(from,
+                             "a name of at least two letters that is not a word of the control");
   Variable variable{kind, {}};
   if (cursor.current() == '[') {
-    if (kind == VariableKind::Text) cursor.throw_input_error(cursor.at, "no fields of texts");
+    if (kind == VariableKind::Text) cursor.throw_input_error(cursor.at, "no arrays of strings");
     // Limits the number of elements, 1e6, before any is stored.
     ++cursor.at;
     double element_count = 1.0;
@@ -556,10 +555,11 @@ void Flow::define_variable(Cursor& cursor, VariableKind kind) {
       element_count *= size;
       if (!(size >= 1 && element_count <= 1e6) || size != std::floor(size) ||
           variable.sizes.size() == 3)
-        cursor.throw_input_error(size_from, "at most three sizes and 1e6 elements of a field");
+        cursor.throw_input_error(size_from,
+                                 "at most three dimensions and 1e6 elements in an array");
       variable.sizes.push_back(int(size));
     } while (cursor.accept(","));
-    if (!cursor.accept("]")) cursor.throw_input_error(cursor.at, "] behind the size of a field");
+    if (!cursor.accept("]")) cursor.throw_input_error(cursor.at, "] after the size of an array");
   }
   auto& variables = local_scope().variables;
   if (variables.size() >= run_.options().limits.variables)
@@ -572,10 +572,10 @@ void Flow::define_variable(Cursor& cursor, VariableKind kind) {
     return;
   }
   if (!variable.sizes.empty())
-    cursor.throw_input_error(cursor.at, "no values of a whole field in DEF");
+    cursor.throw_input_error(cursor.at, "no values for a whole array in DEF");
   if (kind == VariableKind::Text) {
     cursor.skip_blanks();
-    if (cursor.current() != '"') cursor.throw_input_error(cursor.at, "a text in quotes");
+    if (cursor.current() != '"') cursor.throw_input_error(cursor.at, "a string in quotes");
     local_scope().texts[name] = parse_quoted_text(cursor);
   } else {
     store_value(name, kind, parse_number(cursor, *this), cursor, from);
@@ -596,7 +596,8 @@ double Flow::parse_quoted_number(Cursor& cursor) {
       std::from_chars(text.data(), text.data() + text.size(), value, base == 'H' ? 16 : 2);
   const bool is_valid = (base == 'H' || base == 'B') && result.ec == std::errc() &&
                         result.ptr == text.data() + text.size() && cursor.current() == '\'';
-  if (!is_valid) cursor.throw_input_error(from, "a number as 'HFF' or 'B1001', of at most 32 bits");
+  if (!is_valid)
+    cursor.throw_input_error(from, "a number such as 'HFF' or 'B1001', of at most 32 bits");
   ++cursor.at;
   return double(value);
 }
@@ -614,11 +615,12 @@ std::optional<double> Flow::parse_system_variable(Cursor& cursor) {
     const auto value = axis.size() == 1 ? machine_->position(axis[0], !in_workpiece) : std::nullopt;
     if (!value)
       cursor.throw_input_error(axis_from, "an axis of this machine (" + run_.canon.letters() + ")");
-    if (!cursor.accept("]")) cursor.throw_input_error(cursor.at, "] behind the name of an axis");
+    if (!cursor.accept("]")) cursor.throw_input_error(cursor.at, "] after the name of an axis");
     return value;
   }
   cursor.throw_input_error(
-      from, "$PI, $P_EP[axis], $AA_IW[axis] or $AA_IM[axis]: no other system variable");
+      from,
+      "$PI, $P_EP[axis], $AA_IW[axis] or $AA_IM[axis]: no other system variable is supported");
 }
 
 /// Evaluates ATAN2, MINVAL, MAXVAL or BOUND with the cursor at its bracket.
@@ -629,7 +631,7 @@ std::optional<double> Flow::parse_multi_argument_function(Cursor& cursor, const 
   if (count == 0) return std::nullopt;
   cursor.skip_blanks();
   const std::size_t open = cursor.at;
-  if (!cursor.accept("(")) cursor.throw_input_error(open, "( behind " + name);
+  if (!cursor.accept("(")) cursor.throw_input_error(open, "( after " + name);
   std::array<double, 3> x{};
   for (std::size_t k = 0; k < count; ++k) {
     if (k > 0 && !cursor.accept(","))
@@ -637,7 +639,7 @@ std::optional<double> Flow::parse_multi_argument_function(Cursor& cursor, const 
     x[k] = parse_expression(cursor, grammar(), *this);
   }
   if (!cursor.accept(")"))
-    cursor.throw_input_error(cursor.at, fmt::format(") behind {} numbers of {}", count, name));
+    cursor.throw_input_error(cursor.at, fmt::format(") after {} numbers of {}", count, name));
   if (name == "ATAN2") return std::atan2(x[0], x[1]) / units::deg;
   if (name == "MINVAL") return std::min(x[0], x[1]);
   if (name == "MAXVAL") return std::max(x[0], x[1]);
@@ -679,7 +681,7 @@ std::optional<double> Flow::parse_operand(Cursor& cursor) {
   run_.require_certain(name, cursor.cause(from, ahead.at));
   if (entry == scope.variables.end()) return std::nullopt;
   if (entry->second.kind == VariableKind::Text)
-    cursor.throw_input_error(from, "a number", "the text " + name);
+    cursor.throw_input_error(from, "a number", "the string " + name);
   const std::string element = parse_element(ahead, name, entry->second);
   run_.require_certain(element, cursor.cause(from, ahead.at));
   return accept(variables_.named(element, Variables::Scope::Call).value_or(0.0));

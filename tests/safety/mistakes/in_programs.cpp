@@ -139,7 +139,7 @@ std::vector<Mistake> mistakes_in_programs() {
        "face",
        {{"face.ngc", "G43 H1", "G43 H7"}},
        Expected::InputError,
-       "expected a tool length that is known"},
+       "expected a known tool length"},
       {"G43 forgotten",
        "face",
        {{"face.ngc", "G54 G43 H1", "G54"}},
