@@ -9,20 +9,20 @@
 /// Statistics of a residual map, its conformance to tolerances, and differences of maps.
 namespace abbe::cutting {
 
-/// Permitted bands of residuals (n x 2), mm: lower and upper limit of each vertex, both included;
-/// infinite if there is no limit. No rows: no tolerance.
+/// Permitted residuals (n x 2), mm: lower and upper limit of each vertex, both included; infinite
+/// if there is no limit. No rows: no tolerance.
 using ToleranceBands = Eigen::Matrix<double, Eigen::Dynamic, 2, Eigen::RowMajor>;
 
 /// Conformance of a judged surface to its tolerance. The fractions refer to the judged area that
-/// has limits, in per cent, and add up to 100; a gouge counts as under. In a triangle across a
-/// border of bands the widest limits of its corners apply.
+/// has limits, in per cent, and add up to 100; a gouge counts as under. In a triangle whose corners
+/// have different limits, the widest limits apply.
 struct Conformance {
   double in = 0.0, over = 0.0, under = 0.0, uncut = 0.0;
-  int vertex = -1;      ///< vertex with the largest excess, the first of equal ones; -1: none, or a
-                        ///< sample within a triangle has the largest excess
-  int triangle = -1;    ///< triangle of the sample with the largest excess; -1: none, or a vertex
-                        ///< has the largest excess
-  double excess = 0.0;  ///< mm, the largest excess
+  int vertex = -1;    ///< vertex with the largest excess, the first if several are equal; -1: none,
+                      ///< or a sample within a triangle has the largest excess
+  int triangle = -1;  ///< triangle of the sample with the largest excess; -1: none, or a vertex
+                      ///< has the largest excess
+  double excess = 0.0;   ///< mm, the largest excess
   bool further = false;  ///< the excess is a lower bound: a gouge that was not followed to its end
   int out_of_tolerance = 0;  ///< number of vertices, including gouged ones, and samples within
                              ///< triangles
@@ -54,7 +54,8 @@ struct Weights {
 /// @throws std::invalid_argument if sizes differ
 Weights weights(const Surface& surface, const Design& design);
 
-/// Returns the name of the residuals within triangles, in um, in files; empty if there are none.
+/// Returns the name under which files store the residuals within triangles (um); empty if the map
+/// has none.
 const char* sample_values_name(Surface::InteriorSample within);
 
 /// Returns the barycentric coordinates of the sample within triangle t. For `Random` they are
@@ -68,11 +69,11 @@ double value_at_sample(Surface::InteriorSample within, const Eigen::VectorXd& va
                        const Triangles& triangles, Eigen::Index t);
 
 /// Statistics of a residual map. Vertices that are uncut, gouged beyond the band or outside the
-/// judged region are counted but excluded from all numbers except the conformance. A number without
-/// vertices (or, if weighted, without area) is empty. All numbers use the same samples: vertices
-/// and, if the map has them, the samples within triangles; counts are those of vertices.
-/// Sums are compensated and run in the order of the vertices, so the bits are reproducible; the
-/// rounding of a sum is below 4e-16 of the sum of magnitudes.
+/// judged region are counted but excluded from all numbers except the conformance. A number that
+/// has no vertices (or, if weighted, no area) is empty. All numbers use the same samples: vertices
+/// and, if the map has them, the samples within triangles; counts are those of vertices. Sums are
+/// compensated and run in the order of the vertices, so the bits are reproducible; the rounding of
+/// a sum is below 4e-16 of the sum of magnitudes.
 struct Statistics {
   std::optional<double> pv;       ///< mm, max - min
   std::optional<double> rms;      ///< mm, weighted by area
@@ -81,15 +82,15 @@ struct Statistics {
   std::optional<double> min;      ///< mm
   std::optional<double> max;      ///< mm
   std::optional<double> p95_abs;  ///< mm, magnitude that is not exceeded on 95 % of the cut area
-  std::optional<SampleValue> lowest, highest;  ///< samples of min and max, the first of equal ones,
-                                               ///< vertices before samples within triangles
+  std::optional<SampleValue> lowest, highest;  ///< samples of min and max, the first if several are
+                                               ///< equal, vertices before samples within triangles
   std::optional<Conformance> conformance;      ///< empty if no tolerance was given
   int vertices = 0;
   int cut_vertices = 0;
   int uncut_vertices = 0;        ///< judged, no material removed
   int outside_vertices = 0;      ///< not judged
   int gouged_vertices = 0;       ///< judged, material removed deeper than the band
-  std::optional<Gouge> deepest;  ///< gouge, the first of equal ones
+  std::optional<Gouge> deepest;  ///< deepest gouge, the first if several are equal
 };
 
 /// Returns the statistics of a map.

@@ -51,18 +51,18 @@ class SegmentGrid {
 /// The design surface that carries the residual: points, their normals and the areas they
 /// represent.
 struct Design {
-  Points vertices;       ///< (n x 3) mm
-  Points normals;        ///< (n x 3) unit, outward
-  Triangles triangles;   ///< (m x 3) counter-clockwise seen from outside
-  Eigen::VectorXd area;  ///< (n) mm^2, a third of the adjacent triangles; the weight of a vertex
-  Eigen::VectorXd facet_error;  ///< (n) mm, estimated sag between mesh and smooth surface; 0 for
-                                ///< known surfaces, i.e. declared or recognised ones
+  Points vertices;              ///< (n x 3) mm
+  Points normals;               ///< (n x 3) unit, outward
+  Triangles triangles;          ///< (m x 3) counter-clockwise seen from outside
+  Eigen::VectorXd area;         ///< (n) mm^2, a third of the area around a vertex; its weight
+  Eigen::VectorXd facet_error;  ///< (n) mm, estimated sag between mesh and smooth surface; 0 where
+                                ///< the surface is known, i.e. declared or recognised
   std::vector<std::uint8_t> judged;  ///< (n) 0 if the scene excludes the vertex (status 2)
   std::vector<int> face;   ///< (n) recognised face of each vertex, -1: none; empty: no faces
   std::vector<int> group;  ///< (n) group of all triangles at the vertex; empty: no groups
   /// Pairs of vertices at the same point, within the tolerance of recognition, that are separated
-  /// by a border between groups or between faces of a smooth patch. Such a border is no edge of the
-  /// part.
+  /// by a border between groups or between faces of a smooth patch. Such a border is not an edge of
+  /// the part.
   std::vector<std::array<int, 2>> seams;
 };
 
@@ -77,7 +77,7 @@ Eigen::Vector3d triangle_cross_product(const Points& vertices, const Triangles& 
 Eigen::VectorXd vertex_area(const Points& vertices, const Triangles& triangles);
 
 /// Returns (n x 3) unit normals: the mean of the normals of the triangles around each vertex,
-/// weighted by their angles there. Zero if no triangle with an area touches the vertex.
+/// weighted by their angles there. Zero if all triangles at the vertex have zero area.
 Points vertex_normals(const Points& vertices, const Triangles& triangles);
 
 /// Returns (n) the estimated sag of the edges at each vertex below the smooth surface through the
@@ -104,7 +104,7 @@ Coarseness coarseness(const Design& design);
 struct JudgeTopOptions {
   double min_normal_z = 0.5;  ///< minimum z component of the normal of a triangle of the top
   double margin = 0.0;        ///< mm; vertices nearer to the edge of the top are excluded
-  /// The edge of the top, if it was determined before the design was split and subdivided.
+  /// The edge of the top, if it was determined before the design was split or subdivided.
   std::optional<std::vector<Segment>> rim = {};
 };
 
@@ -132,12 +132,12 @@ struct TriangleSide {
 std::vector<TriangleSide> triangle_sides(const Triangles& triangles);
 
 /// Returns (n) the estimated deviation of the interpolation between vertices (`smooth_facet_point`)
-/// from the true surface, mm, at each vertex on no recognised face; 0 elsewhere. If the curvature
-/// is k on one side of a vertex and k' on the other, over edges L and L', the error at the middle
-/// of an edge is about |k - k'| L L' / 8. It is large for facets of a fillet next to a plane, for
-/// facets at a rim, whose normals come from one side only, and for a curved surface with a coarse
-/// mesh. Within a factor of 2 of the largest error on fillets of 5 to 22.5 degrees per facet and on
-/// ellipsoids (tested).
+/// from the true surface, mm, at each vertex that lies on no recognised face; 0 at the others. If
+/// the curvature is k on one side of a vertex and k' on the other, over edges L and L', the error
+/// at the middle of an edge is about |k - k'| L L' / 8. It is large for facets of a fillet next to
+/// a plane, for facets at a rim, whose normals come from one side only, and for a curved surface
+/// with a coarse mesh. In tests on fillets of 5 to 22.5 degrees per facet and on ellipsoids, the
+/// estimate is within a factor of 2 of the largest error.
 Eigen::VectorXd facet_uncertainty(const Design& design);
 
 /// Red, green and blue, 0 .. 255.
@@ -156,9 +156,10 @@ struct FaceColour {
   auto operator<=>(const FaceColour&) const = default;
 };
 
-/// Returns true if the colour may have been written in this form. Eight bits must be equal. Five
-/// bits must be the eight bits either truncated (v / 8) or rounded (31 v / 255), since writers use
-/// both. A fraction must be within 1 / 255, which is the error of two digits.
+/// Returns true if the colour may have been written in this form. Eight-bit channels must match
+/// exactly. A five-bit channel must be the eight-bit value v either truncated (v / 8) or rounded
+/// (31 v / 255), since writers use both. A fraction must be within 1 / 255, which is the error of
+/// two digits.
 bool can_denote(const FaceColour& written, const Rgb& colour);
 
 /// Returns the colour on a scale of 0 .. 255; five bits are scaled to the whole range.
@@ -171,7 +172,7 @@ std::optional<Rgb> parse_hex_colour(const std::string& hex_text);
 
 /// The marks of a face in a mesh file.
 struct FaceMark {
-  std::vector<int> names;  ///< indices of sets of names in `FaceMarks`
+  std::vector<int> names;  ///< indices of the sets of names in `FaceMarks`
   std::optional<FaceColour> colour;
   auto operator<=>(const FaceMark&) const = default;
 };

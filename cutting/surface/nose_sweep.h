@@ -16,7 +16,8 @@
 namespace abbe::cutting {
 
 // The sweep of a turning tool as a bounding volume hierarchy over its revolutions. All coordinates
-// are in spindle axes: origin on the spindle line, x along it.
+// are in spindle axes: origin on the spindle line, x along it. The slow pose is the tool's pose in
+// the workpiece without the spindle's rotation (see `NoseMotion`). Frame t is the tool frame.
 
 /// The motion between two samples, for u in [0, 1].
 struct NoseInterval {
@@ -27,21 +28,21 @@ struct NoseInterval {
   double slow_angle;            ///< rad per u about slow_axis; 0 if it is below 1e-15
   double angle;                 ///< rad, spindle angle at u = 0
   double angle_step;            ///< rad per u
-  double time_s;
-  double time_step;
-  int line;
+  double time_s;                ///< at u = 0
+  double time_step;             ///< s per u
+  int line;                     ///< program line of the move
 };
 
 /// A segment of an interval, in which the spindle turns by at most one revolution. The rake plane
 /// contains the point (x, r, azimuth) if azimuth = angle +- acos((height - tilt x) / r).
 struct NoseSegment {
-  int interval;
-  double u0, u1;
+  int interval;             ///< index in `NoseSweep::intervals`
+  double u0, u1;            ///< range of u in the interval
   double angle0, angle1;    ///< rad, azimuth of the rake plane's normal at both ends, unwrapped
   double height0, height1;  ///< mm
   double tilt0, tilt1;      ///< tangent of the normal's elevation above the plane of revolution
-  bool is_undefined;  ///< true if the normal leans towards the spindle line by over 60 deg, so that
-  ///< the angles are undefined
+  bool is_undefined;  ///< true if the normal leans towards the spindle line by more than 60 deg, so
+                      ///< that the angles are undefined
 };
 
 /// Bounds of the nose centres in the meridian half-plane (x, r) and of the rake planes of
@@ -60,7 +61,7 @@ struct NoseSweep {
   Eigen::Vector3d p_ws;  ///< mm, origin of the spindle axes in the workpiece
   std::vector<NoseInterval> intervals;
   std::vector<NoseSegment> segments;
-  /// binary tree over the segments in the order of time, root first; may be empty
+  /// binary tree over the segments in time order, root first; may be empty
   std::vector<NoseNode> nodes;
   /// An instant at which the whole disc inside the edge is part of the sweep's skin.
   struct Face {
@@ -91,12 +92,12 @@ RayInTool ray_in_tool(const NoseInterval& interval, double u, const Eigen::Vecto
 /// meridian half-plane x is linear in s, and the radius lies at most `sag` below a line in s.
 struct NoseRaySegment {
   Eigen::Vector3d q, n;
-  double from, to;  // range of s
-  double radius0, radius_step, sag;
-  double radius_min;
-  double azimuth;         // rad, at `from`
-  double azimuth_spread;  // rad, from there to the other end
-  double x_max;           // largest |x|, mm
+  double from, to;                   // range of s
+  double radius0, radius_step, sag;  // mm, mm per s, mm
+  double radius_min;                 // smallest radius, mm
+  double azimuth;                    // rad, at `from`
+  double azimuth_spread;             // rad, from there to the other end
+  double x_max;                      // largest |x|, mm
 
   Eigen::Vector3d at(double s) const { return q + s * n; }
 };
@@ -111,16 +112,16 @@ inline double angle_between(const Eigen::Vector3d& a, const Eigen::Vector3d& b) 
   return std::abs(std::atan2(a.y() * b.z() - a.z() * b.y(), a.y() * b.y() + a.z() * b.z()));
 }
 
-/// A point nearer to the spindle line than this, mm, lies in the rake plane at every instant if the
-/// plane passes the line within the same distance.
+/// Distance from the spindle line, mm, below which a point counts as lying on it. Such a point is
+/// in the rake plane at every instant if the plane passes equally close to the line.
 inline constexpr double on_axis = 1e-8;
 
-/// Returns the segment of the ray q + s n between two values of s, `from` < `to`.
+/// Returns the segment of the ray q + s n for s from `from` to `to`, where `from` < `to`.
 NoseRaySegment make_ray_segment(const Eigen::Vector3d& q, const Eigen::Vector3d& n, double from,
                                 double to);
 
-/// Returns the s at which a ray is nearest to the spindle line, or nothing if it is outside the
-/// band.
+/// Returns the s at which a ray is nearest to the spindle line; empty if the ray is parallel to the
+/// line or |s| >= `band` (mm).
 std::optional<double> nearest_to_axis(const Eigen::Vector3d& q, const Eigen::Vector3d& n,
                                       double band);
 
@@ -131,7 +132,7 @@ std::optional<double> nearest_to_axis(const Eigen::Vector3d& q, const Eigen::Vec
 /// plane.
 inline bool can_face(const NoseNode& node, const NoseRaySegment& ray) {
   const double offset = node.height + node.tilt * ray.x_max;
-  // Below 1e-12 mm the plane passes through the spindle line; avoids 0 / 0 on the line.
+  // Below 1e-12 mm the plane counts as passing through the spindle line, which avoids 0 / 0 there.
   const double sine = offset < 1e-12 ? 0.0 : offset / ray.radius_min;
   if (!(sine < 1.0)) return true;
   // 1e-6 rad covers the rounding of the angles; a wider range only costs time.
@@ -143,8 +144,8 @@ inline bool can_face(const NoseNode& node, const NoseRaySegment& ray) {
 }
 
 /// Returns the smallest s of the segment at which the ray's line in the meridian half-plane is
-/// within the nose's reach of the box of nose centres, or infinity. It is a lower bound because a
-/// rotation about the spindle line brings no point nearer than in the meridian half-plane.
+/// within the nose's reach of the box of nose centres, or infinity. This is a lower bound: two
+/// points are never closer in space than after both are rotated into the same meridian half-plane.
 inline double rounded_box_entry(const NoseNode& node, const NoseRaySegment& ray,
                                 double outer_radius) {
   constexpr double no_entry = std::numeric_limits<double>::infinity();
@@ -189,9 +190,9 @@ inline double entry_bound(const NoseNode& node, const NoseRaySegment& ray, doubl
                              : std::numeric_limits<double>::infinity();
 }
 
-/// Bounds for the sweep of an edge with a profile. In the meridian half-plane of a ray the tools of
-/// a node lie between straight sides parallel to those of the profile. The sides follow long edges
-/// closely, unlike a circle around them. Memory is linear in the nodes.
+/// Bounds for the sweep of an edge with a profile. In a ray's meridian half-plane, all tool
+/// positions below a node lie inside a polygon whose sides are parallel to those of the profile.
+/// The sides follow long edges closely, unlike a circle around them. Memory is linear in the nodes.
 class ProfileBound {
  public:
   ProfileBound(const EdgeProfile& profile, const NoseSweep& sweep);

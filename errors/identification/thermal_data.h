@@ -26,7 +26,7 @@ void validate(const ThermalData& data);
 /// Returns the labels of the runs in order of first appearance.
 std::vector<int> runs(const ThermalData& data);
 
-/// Return the rows of the given runs, or the rows of all runs but one, in the order of the data.
+/// Return the rows of the given runs, or the rows of all runs except one, in the order of the data.
 ThermalData select_runs(const ThermalData& data, const std::vector<int>& labels);
 ThermalData exclude_run(const ThermalData& data, int label);
 
@@ -36,7 +36,7 @@ ThermalData select_inputs(const ThermalData& data, const std::vector<int>& input
 /// Returns every k-th row of each run, including its first.
 ThermalData thin_runs(const ThermalData& data, int every);
 
-/// Spread of values about 0.
+/// Size of values: root mean square and maximum about 0.
 struct Spread {
   double rms = 0.0;
   double max = 0.0;  ///< largest magnitude
@@ -49,12 +49,13 @@ struct ThermalColumns {
   std::string y = "y";
   std::vector<std::string> ignored;
 };
-/// Reads a log. Lines that start with # are skipped. The first other line has the column heads, all
-/// further lines numbers. Cells are separated by ; or , or blanks. Runs are whole numbers.
+/// Reads a log. Lines that start with # are skipped. The first remaining line holds the column
+/// headings; every later line holds numbers. Cells are separated by semicolons, commas or blanks.
+/// The label of a run is a whole number.
 /// @param file  name in input errors
 /// @throws BadInput with the location for a missing column, a repeated name, more than 1000
-///         columns, a row of another length, a cell that is no number within +-1e9, a run that is
-///         not a whole number or not contiguous, or no rows
+/// columns, a row of a different length, a cell that is not a number within +-1e9, a run that is
+/// not a whole number or not contiguous, or no rows
 ThermalData read_thermal_data(std::string_view text, const std::string& file,
                               const ThermalColumns& columns = {});
 
@@ -62,8 +63,8 @@ ThermalData read_thermal_data(std::string_view text, const std::string& file,
 /// row and earlier rows of its run, so a control could compute it.
 struct ThermalFeatures {
   bool since_start = false;  ///< each input minus its value in the first row of the run
-  /// Time constant, in rows, of a first-order lag: adds to every input its lagged copy, the
-  /// response of a mass that the input heats, starting in equilibrium. 0: no copies.
+  /// Time constant of a first-order lag, in rows; 0: no lag. Every input gets a lagged copy as an
+  /// additional feature: the response of a mass that the input heats, starting in equilibrium.
   double lag_rows = 0.0;
 };
 
@@ -71,8 +72,8 @@ struct ThermalFeatures {
 /// @throws std::invalid_argument if lag_rows is negative or not finite
 ThermalData with_features(const ThermalData& data, const ThermalFeatures& features);
 
-/// Returns the data with y relative to the first row of each run, as for a control that resets its
-/// zero at the start of a run.
+/// Returns the data with y minus its value in the first row of each run, as seen by a control that
+/// resets its zero at the start of a run.
 ThermalData zeroed_at_start(const ThermalData& data);
 
 }  // namespace abbe::errors::identification

@@ -29,13 +29,13 @@ struct PlugInTask {
   ControlLog log;            ///< signals that the control recorded; may be empty
 };
 
-/// The samples to be corrected, in the order of time.
+/// The samples to be corrected, in time order.
 struct PlugInQuestion {
   const std::vector<kinematics::AxisState>& commands;
   const std::vector<kinematics::Pose>& T_wt;  ///< nominal poses of the tool
 };
 
-/// A range of samples of a question: first ... first + count - 1, counted from 0.
+/// A range of the samples to be corrected: first ... first + count - 1, counted from 0.
 struct Samples {
   Eigen::Index first = 0;
   Eigen::Index count = 0;
@@ -52,26 +52,26 @@ struct PlugInBatch {
   Rows readings;  ///< (samples x readings) last reading before the sample; NaN if there is none
 };
 
-/// Time limits, batch size and limits on the answers of a plug-in.
+/// Time limits, batch size and limits on the response of a plug-in.
 struct PlugInOptions {
   double start_s = 10.0;     ///< deadline of the handshake
   double response_s = 30.0;  ///< deadline of one batch, and of the end after the last one
   int batch = 1000;          ///< samples in a batch
-  double max_mm = 10.0;      ///< larger answers are rejected as a mistake of units
+  double max_mm = 10.0;      ///< larger values are rejected as a probable unit mistake
   double max_rad = 0.5;      ///< limit on angles, rad
   /// Program that loads a shared library: its main must begin with plug_in_host.
   std::filesystem::path host = "/proc/self/exe";
-  /// Called repeatedly while waiting for an answer; if it throws, the plug-in is ended.
+  /// Called repeatedly while waiting for a response; if it throws, the plug-in is ended.
   std::function<void()> waiting = {};
 };
 
 /// Meaning of the numbers that a plug-in returns.
 enum class PlugInOutput {
-  Correction,  ///< is added to the commands
-  Deviation,   ///< believed error of the tool; abbe computes the correction
+  Correction,  ///< to be added to the commands
+  Deviation,   ///< estimated error of the tool; abbe computes the correction
 };
 
-/// The answer of a plug-in to a whole program.
+/// The response of a plug-in to a whole program.
 struct PlugInResponse {
   std::string name;  ///< stated by the plug-in; may be empty
   PlugInOutput answers = PlugInOutput::Correction;
@@ -82,14 +82,14 @@ struct PlugInResponse {
   std::string stderr_text;  ///< the last lines written to stderr
 };
 
-/// A compensator in this process: a function that is called with batches in the order of time.
+/// A compensator in this process: a function that is called with the batches in time order.
 struct PlugInFunction {
   PlugInOutput answers = PlugInOutput::Correction;
   /// Returns (samples x joints) or (samples x 6) numbers, see `PlugInResponse::rows`.
   std::function<Eigen::MatrixXd(const PlugInTask& task, const PlugInBatch& batch)> rows;
 };
 
-// Batches, and the requirements on an answer.
+// Batches, and the requirements on the response to a batch.
 
 /// Returns the number of readings of the control that a plug-in receives.
 Eigen::Index readings(const PlugInTask& task);
@@ -97,7 +97,7 @@ Eigen::Index readings(const PlugInTask& task);
 /// Returns the batch of a range of samples.
 PlugInBatch make_batch(const PlugInTask& task, const PlugInQuestion& question, Samples samples);
 
-/// The requirements on an answer.
+/// The requirements on the response to a batch.
 struct ResponseRequirements {
   long id = 0;
   PlugInOutput answers = PlugInOutput::Correction;
@@ -106,13 +106,13 @@ struct ResponseRequirements {
   const PlugInOptions& options;
 };
 
-/// Returns the number of columns of an answer.
+/// Returns the number of columns of a response.
 Eigen::Index columns(PlugInOutput answers, const PlugInTask& task);
 
-/// Returns the name of a column of an answer, such as "X" or "EX".
+/// Returns the name of a column of a response, such as "X" or "EX".
 std::string column_name(const ResponseRequirements& expected, Eigen::Index column);
 
-/// Returns the requirement that a number of an answer violates; nothing if it is acceptable.
+/// Returns the requirement that a number of a response violates; empty if the number is acceptable.
 std::optional<std::string> violated_requirement(double number, const ResponseRequirements& expected,
                                                 Eigen::Index column);
 
@@ -132,7 +132,7 @@ void append_number(std::string& line, double number);
 std::string task_line(const PlugInTask& task, Eigen::Index samples, int batch);
 /// Returns the message that ends the exchange.
 std::string end_line();
-/// Returns the message that asks for a batch.
+/// Returns the message that sends a batch.
 std::string ask_line(const PlugInBatch& batch, long id);
 
 /// The reply of a plug-in to the task.
@@ -140,28 +140,29 @@ struct Handshake {
   std::string name;
   PlugInOutput answers = PlugInOutput::Correction;
 };
-/// Parses the handshake of a plug-in. Throws ChildProcessError unless it has this version.
+/// Parses the handshake of a plug-in. Throws ChildProcessError unless it states `protocol_version`.
 Handshake read_handshake(const std::string& line);
 
-/// Parses an answer.
+/// Parses the response to a batch.
 /// @return (samples x columns), finite and within the bounds of the options
-/// @throws ChildProcessError unless the line is a valid answer
+/// @throws ChildProcessError unless the line is a valid response
 Eigen::MatrixXd read_response(const std::string& line, const ResponseRequirements& expected);
 
-// Plug-ins: a compensator of the user as a program that exchanges JSON lines, or as a C function
-// in a shared library. sim/compensation/README.md describes the protocol.
+// A plug-in is a user's compensator: either a program that exchanges JSON lines, or a C function in
+// a shared library. sim/compensation/README.md describes the protocol.
 
-/// Runs a plug-in over a whole program: starts it, exchanges the handshake, asks in batches in the
-/// given order, and ends it. A file whose name ends in .so is a shared library; any other file is
-/// run as a program; a .py file that is not executable or does not begin with #! is run by python3.
-/// A shared library runs in a separate process, so that its crash does not end abbe. No process
-/// remains, unless it left its process group. Linux only.
+/// Runs a plug-in over a whole program: starts it, exchanges the handshake, sends the batches in
+/// the given order, and ends it. A file whose name ends in .so is a shared library; any other file
+/// is run as a program; a .py file that is not executable or does not begin with #! is run by
+/// python3. A shared library runs in a separate process, so that its crash does not end abbe. No
+/// child process is left running, except one that has left its process group. Linux only.
 /// @throws PlugInFailure naming the plug-in, the step, the expected and the seen text, and its last
 ///     lines on stderr
 PlugInResponse ask(const std::filesystem::path& plug_in, const PlugInTask& task,
                    const PlugInQuestion& question, const PlugInOptions& options = {});
 
-/// Calls a function of this process in the same batches, with the same requirements on its answers.
+/// Calls a function of this process in the same batches, with the same requirements on its
+/// responses.
 /// @param name  name of the function in messages
 /// @throws PlugInFailure naming the function, the batch, the expected and the seen text; passes on
 ///     exceptions of the function
@@ -170,7 +171,7 @@ PlugInResponse ask(const std::string& name, const PlugInFunction& function, cons
 
 /// Serves as a plug-in host. Must be the first call in the main of a program that is used as
 /// `PlugInOptions::host`.
-/// @return the exit code of a host; nothing if the program was not started as a host
+/// @return the exit code of a host; empty if the program was not started as a host
 std::optional<int> plug_in_host(int argc, char** argv);
 
 }  // namespace abbe::sim::compensation

@@ -25,20 +25,20 @@ enum class Dialect {
 /// Returns the name used in scenes, "linuxcnc".
 std::string_view name_of(Dialect dialect);
 
-/// A detected dialect and the sign by which it was detected, for example "line 3 has TRAORI".
+/// A detected dialect and the evidence for it, for example "line 3 has TRAORI".
 struct DetectedDialect {
   Dialect dialect = Dialect::LinuxCnc;
   std::string sign;
-  int line = 0;  ///< line of the sign; 0: the file name, or no sign
+  int line = 0;  ///< line of the evidence; 0: the file name, or no evidence
 };
 
-/// Detects the dialect of a program by the signs that the README of this folder lists: the file
-/// name, then the first 2000 lines, of which the first that only one dialect can have decides.
-/// Without a sign the dialect is LinuxCNC's. Comments in brackets or behind ; are ignored.
+/// Detects the dialect from the evidence listed in this folder's README: first the file name, then
+/// the first of the leading 2000 lines that only one dialect can contain. Without evidence the
+/// dialect is LinuxCNC's. Comments in brackets or after ; are ignored.
 DetectedDialect detect_dialect(std::string_view text, std::string_view file);
 
-/// All input errors of a program at once. As a BadInput it is the first of them; `what()` has one
-/// line "file:line:column: expected ..., seen ..." for each.
+/// All input errors of a program. As a BadInput it states the first of them; `what()` has one line
+/// "file:line:column: expected ..., seen ..." for each.
 struct BadProgram : BadInput {
   /// `input_errors` must not be empty.
   explicit BadProgram(std::vector<BadInput> input_errors);
@@ -48,7 +48,7 @@ struct BadProgram : BadInput {
   std::string text;
 };
 
-/// Treatment of words that the dialect does not have.
+/// Treatment of words that are unknown in the dialect.
 enum class UnknownWordPolicy {
   Refuse,  ///< an unknown word is an input error
   Warn,    ///< an unknown word is skipped and counted
@@ -56,7 +56,7 @@ enum class UnknownWordPolicy {
 
 /// Limits of a program. Exceeding one is an input error at the line.
 struct ProgramLimits {
-  std::size_t blocks = 20'000'000;  ///< executed blocks; a block of a loop counts each time
+  std::size_t blocks = 20'000'000;  ///< executed blocks; a block in a loop counts at every pass
   int depth = 50;                   ///< nesting of calls
   std::size_t variables = 1'000'000;
 };
@@ -78,7 +78,8 @@ struct InterpreterLimits {
 enum class PoleRule {
   AsProgrammed,  ///< behaviour of the dialect unless parameters of the control select another
   LinuxCnc,      ///< rotary axes move as programmed; there are no vectors
-  /// Tool posture control of G43.5: a block that would pass close to a pole is led through it.
+  /// Tool posture control of G43.5: a block that would pass close to a pole passes through it
+  /// instead.
   Fanuc,
   Siemens,  ///< vectors on great circles; nothing is changed at a pole
 };
@@ -86,9 +87,9 @@ enum class PoleRule {
 /// Rule and parameters for tool vectors near a pole.
 struct PoleOptions {
   PoleRule rule = PoleRule::AsProgrammed;
-  double near =
-      0.0;  ///< rad, Fanuc parameter 19738: angle to the pole that counts as close; 0: none
-  /// rad, Fanuc parameter 19739: largest rotation of the end of a block about the pole
+  double near = 0.0;  ///< rad, Fanuc parameter 19738: angle to the pole below which a block is
+                      ///< close; 0: never
+  /// rad, Fanuc parameter 19739: largest rotation about the pole of the end of a block
   double max_rotation_about_pole = 0.0;
 };
 
@@ -100,7 +101,7 @@ enum class ControlKind {
   Turning,  ///< Fanuc: G-code system A
 };
 
-/// Meaning of X words until the program states it.
+/// Meaning of X words until the program selects one.
 enum class XWordMeaning {
   FromControl,  ///< diameters on turning controls of Fanuc and Siemens, else radii
   Diameters,
@@ -111,23 +112,24 @@ enum class XWordMeaning {
 struct TurningOptions {
   ControlKind control = ControlKind::FromMachine;
   XWordMeaning x_words = XWordMeaning::FromControl;
-  /// 0 to 9: point of a turning tool that X Z lead without nose compensation, in the numbering of
-  /// Fanuc and Siemens; 0 and 9: the centre of its nose
+  /// 0 to 9: point of the turning tool that X and Z position without nose compensation, in the
+  /// numbering of Fanuc and Siemens; 0 and 9: the centre of its nose
   int tip = 0;
 };
 
 /// Options for reading a program in any dialect.
 struct ReadOptions {
-  program::NcOptions control;  ///< state of the control before it reads
+  program::NcOptions control;  ///< state of the control before the program begins
   Dialect dialect = Dialect::Auto;
   UnknownWordPolicy on_unknown = UnknownWordPolicy::Refuse;
   std::string startup_code = {};  ///< block executed before the first line
   ProgramLimits limits = {};
-  std::filesystem::path folder = {};  ///< folder of subprograms in files of their own; empty: none
+  std::filesystem::path folder =
+      {};  ///< folder of subprograms that are separate files; empty: none
   /// Receives the blocks while the program is read, up to `path_segment_blocks` at a time, so that
   /// none are kept in memory. Not called again after the first error.
   std::function<void(program::Path segment)> on_path_segment = {};
-  /// Called from time to time with the fraction of the file that has been read.
+  /// Called at intervals with the fraction of the file that has been read.
   std::function<void(double fraction)> progress = {};
   Interpreter interpreter = Interpreter::Abbe;
   InterpreterLimits interpreter_limits = {};
@@ -135,14 +137,14 @@ struct ReadOptions {
   TurningOptions turning = {};
 };
 
-/// Largest number of blocks of a segment that `on_path_segment` receives.
+/// Largest number of blocks in a segment that `on_path_segment` receives.
 inline constexpr std::size_t path_segment_blocks = 32768;
 
 /// An unknown word that was skipped.
 struct SkippedWord {
   std::string word;  ///< "G187"
   std::size_t count = 0;
-  int line = 0;  ///< line of the first one
+  int line = 0;  ///< line of its first occurrence
 };
 
 }  // namespace abbe::sim::dialects

@@ -7,10 +7,11 @@
 namespace abbe::sim {
 
 /// Returns the commands of a program that contains the correction, rewritten in the same dialect,
-/// as the control reads and runs it. The corrected path is known at the samples of the program. The
-/// rewritten program has as many of these points as necessary to pass all others within the path
-/// tolerance of the scene, for the tip and for the tool axis up to the shaping height. The default
-/// tolerance is the rounding of a value, 1 nm for a PVT program. Values are rounded in addition.
+/// as the control reads and runs it. The correction is known at the samples. The rewritten program
+/// keeps only as many of the corrected samples as are needed for its path to pass the others within
+/// the scene's path tolerance, both at the tip and along the tool axis up to the height at which
+/// the tool still cuts. By default the tolerance equals the rounding of a program value (1 nm for a
+/// PVT program). The rounding of the written values comes on top of it.
 /// @param expected_w  mm, shift of the datum that the corrector expects the control to measure and
 /// add
 /// @param measured_w  mm, shift that the control measures
@@ -18,14 +19,15 @@ Commands apply_program_channel(const ControlView& view, const Corrector& correct
                                const Eigen::Vector3d& expected_w,
                                const Eigen::Vector3d& measured_w);
 
-/// Returns the path tolerance, mm.
+/// Returns the permitted distance between the rewritten program and the corrected samples, mm: that
+/// of the scene, else the rounding of a value, or 1 nm for a PVT program.
 double path_tolerance(const CompensationDescription& compensation, const program::Path& path);
 
 /// Returns true if a program consists of positions, velocities and times.
 bool is_pvt(const program::Path& path);
 
-/// Returns the axis positions of the nominal machine at fraction u of a block, without shift of the
-/// datum.
+/// Returns the axis positions of the nominal machine at fraction u of a block, without the shift of
+/// the datum.
 kinematics::AxisVector nominal_axes(const Machine& machine, const program::Path& path,
                                     const program::Block& block, double u);
 

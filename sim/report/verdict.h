@@ -16,7 +16,7 @@
 
 namespace abbe::sim {
 
-/// A map split into form and texture by the areal filter with the part's cut-off.
+/// A map that the areal filter, with the part's cut-off, has split into form and texture.
 struct FormTextureSplit {
   Eigen::VectorXd form_map;  ///< (n) mm, NaN where not cut
   cutting::Statistics form;  ///< of `form_map`
@@ -34,7 +34,7 @@ FormTextureSplit split_form_texture(const Job& job, const cutting::Surface& surf
 
 struct StockCheck;
 
-/// Evaluation of one case: its map, aligned according to the scene, with its figures.
+/// Evaluation of one case: its map, aligned as the scene requests, and the figures of the map.
 struct Verdict {
   Cut cut;
   cutting::AlignmentResult aligned;       ///< the map without the displacement that the scene's
@@ -50,7 +50,7 @@ struct Verdict {
   /// A ring of the part.
   struct Ring {
     std::string name;
-    std::optional<double> radius;  ///< mm, mean radius; empty if nothing of the ring is cut
+    std::optional<double> radius;  ///< mm, mean radius; empty if no vertex of the ring is cut
   };
   std::vector<Ring> rings;
   cutting::ToleranceBands tolerance;  ///< mm, of each vertex; no rows if there is none
@@ -59,7 +59,7 @@ struct Verdict {
     double residual = 0.0;                                 ///< mm
     Eigen::Vector3d position_m = Eigen::Vector3d::Zero();  ///< mm, position in the part frame
     int line = 0;                                          ///< line of the program that cut it
-    bool is_bound = false;  ///< the true gouge is deeper: it exceeds the searched band
+    bool is_bound = false;  ///< the true gouge is deeper, because it exceeds the searched band
   };
   std::optional<ExtremePoint> highest, lowest;  ///< including gouges
   std::optional<ExtremePoint> worst;            ///< farthest outside its tolerance
@@ -85,11 +85,12 @@ std::vector<std::string> exceeded_limits(const Limits& limits, const Verdict& ve
 /// A case of a comparison.
 struct ComparedCase {
   Verdict verdict;
-  const Job* job = nullptr;                  ///< job of the scene, or of the variant of the case
-  std::optional<std::size_t> uncompensated;  ///< index of the uncompensated case of its variant
+  const Job* job = nullptr;  ///< job of the scene, or of the case's variant
+  std::optional<std::size_t>
+      uncompensated;  ///< index of the uncompensated case of the same variant
 };
 
-/// Return names for files and pictures.
+/// Return the names used in files and pictures.
 const char* name_of(DatumDescription::Kind datum);
 const char* name_of(Alignment alignment);
 

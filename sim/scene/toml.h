@@ -19,15 +19,16 @@ struct SourcePosition {
   std::shared_ptr<const std::string> file;
   int line = 0;
   int column = 0;
-  bool from_command_line = false;  ///< from the command line and not from a file
+  bool from_command_line = false;  ///< the value is from the command line, not from a file
 };
 
-/// A date or time of TOML. No key takes one; it is kept so that it is rejected at its position.
+/// A TOML date or time. No key accepts one; it is kept only so that the error can report its
+/// position.
 struct TomlDate {
   std::string text;
 };
 
-/// A value of a TOML tree with its position.
+/// A node of a TOML tree: a value and its position.
 struct Node {
   struct Entry;
   using Table = std::vector<Entry>;  ///< in the order of the file
@@ -41,7 +42,7 @@ struct Node {
   Array* array() { return std::get_if<Array>(&value); }
   const std::string* text() const { return std::get_if<std::string>(&value); }
 
-  /// Returns the entry of a table by key; null if the node is no table or lacks the key.
+  /// Returns the entry of a table by key; null if the node is not a table or lacks the key.
   const Node* find(std::string_view key) const;
   Node* find(std::string_view key);
 };
@@ -66,11 +67,11 @@ Node read_toml_file(const std::filesystem::path& file);
 /// that read back as the same bits, so that parse_toml(to_toml(x)) has the values of x.
 std::string to_toml(const Node& table);
 
-/// Returns a value as TOML text, as it follows "="; tables are inline.
+/// Returns a value as TOML text, as written after "="; tables become inline tables.
 std::string to_toml_value(const Node& node);
-/// Returns a text in quotes on one line, whatever its characters.
+/// Returns a string quoted on a single line, with special characters escaped.
 std::string to_toml_value(const std::string& text);
-/// Returns the shortest number that reads back as the same bits.
+/// Returns the shortest text of a number that reads back as the same bits.
 std::string to_toml_value(double number);
 
 /// Returns the short form of a value for messages, with quoted strings.

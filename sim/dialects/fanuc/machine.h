@@ -25,15 +25,16 @@ class Machine {
   bool execute(const Block& block);
   /// Returns true if the last block moved axes, which triggers the call of G66.
   bool has_moved() const { return has_moved_; }
-  /// Makes the moves that are still postponed at the end of the program.
+  /// Issues the moves still pending at the end of the program.
   void finish() {
     compensation_.finish();
     vector_lines_.finish();
   }
 
-  /// Returns the value of a word in program units. Without a decimal point it counts increments.
+  /// Returns the value of a word in program units. A value without a decimal point is a number of
+  /// increments.
   double argument(const Word& word);
-  /// Returns the value of a system variable, or nothing if it cannot be read.
+  /// Returns the value of a system variable; empty if it cannot be read.
   std::optional<double> variable(int number);
   /// Sets a system variable. Returns false if it cannot be set.
   bool set_variable(int number, double value);
@@ -51,7 +52,7 @@ class Machine {
   using Words = std::vector<AxisWord>;
   /// A tool offset and its wear.
   struct Geometry {
-    std::optional<double> value;  ///< mm; empty if it is not known
+    std::optional<double> value;  ///< mm; empty if unknown
     double wear = 0.0;            ///< mm
   };
   using Offsets = std::map<int, Geometry>;
@@ -114,7 +115,7 @@ class Machine {
   void call_tool_and_offset(const Block& block);
   void apply_tool_offset(const Cause& cause);
   std::optional<double> nose_radius() const;  ///< mm
-  AxisVector programmed_nose_offset() const;  ///< mm, from the point that X Z lead
+  AxisVector programmed_nose_offset() const;  ///< mm, from the point that X and Z position
   void store_wear(const Block& block);
   void set_nose_compensation(const Code& code);
   void turning_cycle(const Block& block);
@@ -127,8 +128,8 @@ class Machine {
   void set_tilted_plane(const Block& block);
   void align_tool_with_plane(const Block& block);
   const kinematics::Chain& chain(const Cause& cause) const;
-  /// Returns the position, (axes), whose rotary axes give the direction. Of two solutions Fanuc's
-  /// output judgement takes one.
+  /// Returns the position, (axes), whose rotary axes give the direction. If two solutions exist,
+  /// the one that Fanuc's output judgement condition selects is returned (see motion.cpp).
   AxisVector rotary_positions(const Eigen::Vector3d& direction_w, const Cause& cause);
   AxisVector point_tool_along_direction(const Block& block, AxisVector end);
   void check_tilted_move(const Target& target, const Cause& cause) const;
@@ -184,8 +185,9 @@ class Machine {
   VectorLines vector_lines_;
   bool has_moved_ = false, has_warned_of_point_ = false;
 
+  // G codes times ten in force: G17, G80, G49, G40; 434 is G43.4.
   int motion_ = 0, plane_ = 170, cycle_code_ = 800, length_mode_ = 490, cutter_code_ = 400;
-  int side_ = 400;  ///< G41 or G42 at the begin of compensation
+  int side_ = 400;  ///< G41 or G42 that started the compensation
   bool is_incremental_ = false, returns_to_r_ = false, has_surface_speed_ = false,
        is_rigid_tapping_ = false;
   double speed_word_ = 0.0;                        ///< S as programmed
@@ -200,13 +202,15 @@ class Machine {
   std::optional<Eigen::Matrix3d> rotation_;  ///< of G68 or G68.2
   Eigen::Vector3d centre_{0, 0, 0};          ///< fixed point of G68, or origin of G68.2
   bool is_tilted_ = false;
-  bool is_h_stated_ = false, is_d_stated_ = false;  ///< H since G49; D
+  bool is_h_stated_ = false,
+       is_d_stated_ = false;  ///< an H has been read since G49; a D has been read
   bool had_axis_length_ = false, had_tip_length_ = false;
-  std::optional<kinematics::Chain> free_slides_;  ///< chain in use with unlimited slides
-  const kinematics::Chain* chain_of_free_slides_ = nullptr;
-  std::vector<int> rotary_order_;  ///< rotary joints of that chain
+  std::optional<kinematics::Chain> free_slides_;  ///< `chain_of_free_slides_` with unlimited slides
+  const kinematics::Chain* chain_of_free_slides_ =
+      nullptr;  ///< chain from which `free_slides_` was made; another chain rebuilds it
+  std::vector<int> rotary_order_;  ///< rotary joints of `free_slides_`
 
-  /// Tool offset of a turning control.
+  /// Tool offset in force on a turning control, and the wear of all offsets.
   struct ToolOffset {
     int number = 0;       ///< last two digits of T
     bool called = false;  ///< a T word has been read
@@ -215,7 +219,7 @@ class Machine {
     };
     std::map<int, Wear> wear;  ///< by offset number
   } tool_offset_;
-  /// Words of G90 and G94 of a turning control; they stay in force from block to block.
+  /// Modal words of G90 and G94 of a turning control.
   struct TurningCycle {
     double x = 0.0, z = 0.0, taper = 0.0;  ///< mm, program coordinates, X as a radius
     bool has_x = false, has_z = false;
@@ -238,15 +242,15 @@ class Machine {
   } cycle_;
 };
 
-/// A text that only programs of turning controls contain, and its location.
+/// Evidence that a program is made for a turning control: its text and its location.
 struct TurningSign {
   std::string words;  ///< for example "G50 with S, the largest speed of a turning control"
   int line = 0, column = 0;
 };
 
-/// Returns the first sign that a program is made for a turning control, comments excluded. Signs
-/// are G50 with S; on a machine without axes U and W also G28 with U or W, and G70 to G73 with P
-/// and Q; and four-digit tools together with G96 and without M6.
+/// Returns the first evidence, outside comments, that a program is made for a turning control: G50
+/// with S; on a machine without axes U and W also G28 with U or W, or G70 to G73 with P and Q; or
+/// four-digit tools together with G96 and without M6.
 std::optional<TurningSign> find_turning_sign(std::string_view text, const program::Canon& canon);
 
 }  // namespace abbe::sim::dialects::fanuc
