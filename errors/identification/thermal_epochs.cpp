@@ -13,6 +13,9 @@
 
 namespace abbe::errors::identification {
 
+// The readings of a day by epoch, then Yang's composite element, which is fitted to runs along an
+// axis at several temperatures.
+
 namespace {
 
 using Eigen::Index;
@@ -34,7 +37,7 @@ void extend(Epoch& epoch, double time_s) {
 }
 
 /// Returns one epoch per start: the time over which all instruments read.
-std::vector<Epoch> start_epochs(const std::vector<DayLog>& logs, int starts) {
+std::vector<Epoch> epochs_by_start(const std::vector<DayLog>& logs, int starts) {
   std::vector<Epoch> epochs(std::size_t(starts), empty_epoch());
   for (const DayLog& log : logs) {
     // An instrument with a single start reads through the day and does not determine the epochs.
@@ -58,7 +61,7 @@ std::vector<Epoch> start_epochs(const std::vector<DayLog>& logs, int starts) {
 }
 
 /// Returns one epoch per instant, or per group of instants if there are too many.
-std::vector<Epoch> instant_epochs(const std::vector<DayLog>& logs) {
+std::vector<Epoch> epochs_by_instant(const std::vector<DayLog>& logs) {
   std::set<double> instants;
   for (const DayLog& log : logs)
     for (const Measurement& measurement : log.readings->plan.measurements)
@@ -74,7 +77,7 @@ std::vector<Epoch> instant_epochs(const std::vector<DayLog>& logs) {
   return epochs;
 }
 
-/// Position at which a channel reads, with the direction of approach. The angle of a nose is
+/// Position at which a channel reads, with the direction of approach. The angle of the spindle is
 /// ignored.
 struct MeasuringPoint {
   std::string set_up;
@@ -102,7 +105,7 @@ struct Mean {
 };
 using Means = std::map<MeasuringPoint, Mean>;
 
-/// Returns true for a reading of a channel, false for temperatures alone.
+/// Returns true if a measurement has a reading of a channel, false if it has only temperatures.
 bool has_value(const Readings& readings, const Measurement& measurement) {
   return measurement.channel >= 0 && readings.value.size() > 0;
 }
@@ -242,7 +245,7 @@ DayLog day_log(const Readings& readings) {
 std::vector<Epoch> split_into_epochs(const std::vector<DayLog>& logs) {
   int starts = 1;
   for (const DayLog& log : logs) starts = std::max(starts, log.starts);
-  std::vector<Epoch> epochs = starts > 1 ? start_epochs(logs, starts) : instant_epochs(logs);
+  std::vector<Epoch> epochs = starts > 1 ? epochs_by_start(logs, starts) : epochs_by_instant(logs);
   if (epochs.size() < 3)
     throw std::invalid_argument(fmt::format(
         "expected readings from at least 3 starts (start_h) or instants, seen {}", epochs.size()));
@@ -305,6 +308,8 @@ bool is_axis_varied(const std::vector<DayLog>& logs, int joint) {
   return false;
 }
 
+// Yang's composite element: a cold curve plus a thermal slope.
+
 namespace {
 
 void validate(const std::vector<CompositeRun>& runs, const CompositeOptions& options) {
@@ -325,7 +330,7 @@ double polynomial_value(const VectorXd& c, double p) {
   return value;
 }
 
-/// Returns all cold runs as one, for the cold curve.
+/// Returns all cold runs combined into one, for the cold curve.
 CompositeRun cold_runs(const std::vector<CompositeRun>& runs) {
   CompositeRun combined;
   for (const CompositeRun& run : runs) {
@@ -339,8 +344,8 @@ CompositeRun cold_runs(const std::vector<CompositeRun>& runs) {
   return combined;
 }
 
-/// Fits the cold curve in powers of p / scale, as the fourth power of 500 mm would swamp the first.
-/// Returns false if the positions do not determine it.
+/// Fits the cold curve in powers of p / scale, because the fourth power of 500 mm would dwarf the
+/// first. Returns false if the positions do not determine it.
 bool fit_curve(const CompositeRun& cold, int degree, CompositeFit& fit) {
   const double largest = cold.p.size() ? cold.p.cwiseAbs().maxCoeff() : 0.0;
   fit.curve_scale = largest > 0 ? largest : 1.0;
@@ -356,7 +361,7 @@ bool fit_curve(const CompositeRun& cold, int degree, CompositeFit& fit) {
   return true;
 }
 
-/// Fits a straight line to a run that is not cold, minus the cold curve.
+/// Subtracts the cold curve from a warm run and fits a straight line to the rest.
 Regression fit_slope(const CompositeRun& run, const VectorXd& geometric, bool free_offset) {
   VectorXd thermal_part = run.delta;
   for (Index i = 0; i < thermal_part.size(); ++i)
@@ -366,7 +371,7 @@ Regression fit_slope(const CompositeRun& run, const VectorXd& geometric, bool fr
   return fit_regression(run.p, thermal_part, options);
 }
 
-/// Regresses the slopes of all runs that are not cold on the temperatures.
+/// Regresses the slopes of all warm runs on the temperatures.
 void fit_temperatures(const std::vector<CompositeRun>& runs, const CompositeOptions& options,
                       CompositeFit& fit) {
   MatrixXd dT(static_cast<Index>(fit.later_runs.size()), runs.front().dT_K.size());
@@ -386,11 +391,11 @@ void fit_temperatures(const std::vector<CompositeRun>& runs, const CompositeOpti
 /// Returns the RMS residual of all readings about the composite law with offsets.
 double composite_rms(const std::vector<CompositeRun>& runs, const CompositeFit& fit) {
   double squares = 0;
-  Index rows = 0, later_runs = 0;
+  Index rows = 0, warm_run_index = 0;
   for (const CompositeRun& run : runs) {
-    const double offset = run.cold ? 0.0 : fit.offset(later_runs++);
+    const double offset = run.cold ? 0.0 : fit.offset(warm_run_index++);
     for (Index i = 0; i < run.p.size(); ++i) {
-      // A cold run has dT = 0, and a constant of the slope belongs to the later runs only.
+      // A cold run has dT = 0, and the constant of the slope applies to warm runs only.
       const double thermal = run.cold ? 0.0 : fit.thermal_constant + fit.thermal.dot(run.dT_K);
       const double predicted_delta =
           polynomial_value(fit.geometric, run.p(i)) + thermal * run.p(i) + offset;
@@ -401,8 +406,10 @@ double composite_rms(const std::vector<CompositeRun>& runs, const CompositeFit& 
   return std::sqrt(squares / static_cast<double>(rows));
 }
 
-/// Lists the runs that are not cold, and returns the first reason why they cannot be separated.
-CompositeStatus check(const std::vector<CompositeRun>& runs, CompositeFit& fit) {
+/// Stores the indices of the warm runs in `fit`. Returns Ok, or the first reason why the cold curve
+/// and the thermal slope cannot be separated; then `fit.run` is the run that causes it, if there is
+/// one.
+CompositeStatus classify_runs(const std::vector<CompositeRun>& runs, CompositeFit& fit) {
   bool has_cold_run = false;
   for (std::size_t i = 0; i < runs.size(); ++i) {
     if (!runs[i].cold) {
@@ -424,7 +431,7 @@ CompositeStatus check(const std::vector<CompositeRun>& runs, CompositeFit& fit) 
 CompositeFit fit_composite(const std::vector<CompositeRun>& runs, const CompositeOptions& options) {
   validate(runs, options);
   CompositeFit fit;
-  fit.status = check(runs, fit);
+  fit.status = classify_runs(runs, fit);
   if (fit.status != CompositeStatus::Ok) return fit;
   if (!fit_curve(cold_runs(runs), options.degree, fit)) {
     fit.status = CompositeStatus::CurveNotDetermined;
@@ -442,6 +449,7 @@ CompositeFit fit_composite(const std::vector<CompositeRun>& runs, const Composit
       return fit;
     }
     fit.slope(i) = line.beta(0);
+    // The constant, if fitted, comes first; the slope is last.
     fit.slope_standard_error(i) = line.standard_error(line.standard_error.size() - 1);
     fit.offset(i) = line.constant;
   }

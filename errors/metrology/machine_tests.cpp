@@ -19,23 +19,26 @@ using Eigen::Index;
 using Eigen::Vector3d;
 using Eigen::VectorXd;
 
+// Sorts the readings of a plan into the tests of ISO 230: positioning, straightness, angle, error
+// motion, circular, drift, and the rest.
+
 namespace {
 
 /// Readings of one channel of one set-up, in the order of the plan.
 struct ChannelSeries {
   const Readings& readings;
-  int set_up = 0;                         ///< index in the plan
+  int set_up_index = 0;                   ///< index in the plan
   int channel = 0;                        ///< index in that set-up
   std::vector<std::size_t> measurements;  ///< indices in the plan
 
-  const SetUp& optics() const { return readings.plan.set_ups[std::size_t(set_up)]; }
-  const Channel& sensor() const { return optics().channels[std::size_t(channel)]; }
+  const SetUp& set_up() const { return readings.plan.set_ups[std::size_t(set_up_index)]; }
+  const Channel& sensor() const { return set_up().channels[std::size_t(channel)]; }
   const Measurement& measurement(std::size_t i) const {
     return readings.plan.measurements[measurements[i]];
   }
   /// Returns the name of the set-up, followed by that of the channel if there are several.
   std::string name() const {
-    return optics().channels.size() > 1 ? optics().name + ", " + sensor().name : optics().name;
+    return set_up().channels.size() > 1 ? set_up().name + ", " + sensor().name : set_up().name;
   }
 };
 
@@ -73,7 +76,7 @@ VectorXd deviations(const ChannelSeries& series) {
   for (std::size_t i = 0; i < series.measurements.size(); ++i) {
     const BodyPoses nominal = nominal_bodies_at(series, i);
     result[Index(i)] = series.readings.value[Index(series.measurements[i])] -
-                       reading(series.optics(), series.channel, {}, nominal, nominal,
+                       reading(series.set_up(), series.channel, {}, nominal, nominal,
                                spindle_angle(series.readings.nominal, series.measurement(i).state));
   }
   return result;
@@ -86,7 +89,7 @@ Eigen::Vector3d measured_point_w(const ChannelSeries& series, const kinematics::
 }
 
 /// Returns the indices of the axes that move.
-std::vector<int> moving_joints(const ChannelSeries& series) {
+std::vector<int> moving_axes(const ChannelSeries& series) {
   std::vector<int> moving;
   for (Index j = 0; j < series.measurement(0).state.q.size(); ++j)
     for (std::size_t i = 1; i < series.measurements.size(); ++i)
@@ -99,7 +102,7 @@ std::vector<int> moving_joints(const ChannelSeries& series) {
 }
 
 /// Returns the deviations of a series as runs over positions along a path, in ascending order of
-/// the targets, or nothing unless every run has every target once and all targets are distinct.
+/// the targets. Empty if a run misses or repeats a target, or if two targets coincide.
 /// @param along       (measurements) position on the path
 /// @param from_below  (measurements) true if the measurement was approached from lower positions
 std::optional<PositionRuns> position_runs(const ChannelSeries& series, const VectorXd& along,
@@ -114,7 +117,7 @@ std::optional<PositionRuns> position_runs(const ChannelSeries& series, const Vec
     const std::pair key{bool(from_below[i]), series.measurement(i).run};
     VectorXd& column = columns.try_emplace(key, VectorXd::Zero(m)).first->second;
     const Index row = targets.row.at(series.measurement(i).target);
-    // ISO 230-2 does not know runs that read a target twice in one direction.
+    // In ISO 230-2 a run reads each target once per direction.
     if (!targets_read[key].insert(row).second) return std::nullopt;
     column[row] = value[Index(i)];
   }
@@ -140,8 +143,8 @@ Eigen::Vector3d sensor_direction_b(const ChannelSeries& series) {
          sensor.direction_in;
 }
 
-/// Returns true if a channel measures along the travel, false if across it. The change of the
-/// reading on the nominal machine decides.
+/// Returns true if a channel measures along the travel, false if across it. Decided by how much the
+/// nominal reading changes over the travel.
 bool is_measured_along(const ChannelSeries& series, int joint) {
   std::size_t farthest = 0;
   const auto displacement = [&](std::size_t i) {
@@ -152,8 +155,8 @@ bool is_measured_along(const ChannelSeries& series, int joint) {
   const auto first = nominal_bodies_at(series, 0),
              farthest_bodies = nominal_bodies_at(series, farthest);
   const double reading_change =
-      reading(series.optics(), series.channel, {}, farthest_bodies, farthest_bodies) -
-      reading(series.optics(), series.channel, {}, first, first);
+      reading(series.set_up(), series.channel, {}, farthest_bodies, farthest_bodies) -
+      reading(series.set_up(), series.channel, {}, first, first);
   // The ratio is about 1 along the travel and about 0 across it.
   return std::abs(reading_change) > 0.5 * displacement(farthest);
 }
@@ -179,7 +182,7 @@ void subtract_zero_reading(PositionRuns& runs) {
   runs.down.array() -= zero / double(n);
 }
 
-/// Returns the test of the only moving axis, or nothing if runs lack a target.
+/// Returns the test of the only moving axis; empty if a run misses a target.
 std::optional<AxisTest> axis_test(const ChannelSeries& series, int joint) {
   const kinematics::Joint& axis = series.readings.nominal.joints()[std::size_t(joint)];
   VectorXd along(Index(series.measurements.size()));
@@ -194,12 +197,12 @@ std::optional<AxisTest> axis_test(const ChannelSeries& series, int joint) {
   AxisTest test;
   test.name = series.name();
   test.axis = axis.name;
-  test.set_up = series.set_up;
+  test.set_up = series.set_up_index;
   test.angle = series.sensor().is_angle();
   test.rotary = axis.motion != kinematics::Motion::Linear;
   if (test.rotary) {
     test.spindle = axis.motion == kinematics::Motion::Spindle || axis.name == 'S';
-    // 0.7: cosine of 45 degrees, between axial and radial.
+    // 0.7 is the cosine of 45 degrees, halfway between axial and radial.
     test.axial = std::abs(sensor_direction_b(series).dot(axis.direction_b)) > 0.7;
   }
   test.test_kind = classify_axis_test(series, joint, test);
@@ -221,26 +224,27 @@ bool is_hidden_by_centring(const AxisTest& test) {
 PositionRuns form_runs(const AxisTest& test) {
   PositionRuns runs = test.runs;
   const VectorXd& t = runs.target;
-  Eigen::MatrixXd set_up = Eigen::MatrixXd::Ones(t.size(), 1);
+  Eigen::MatrixXd set_up_terms = Eigen::MatrixXd::Ones(t.size(), 1);
   VectorXd root_of_weight = VectorXd::Ones(t.size());
   // The set-up contributes the line of the optics to a straightness, the eccentricity of the
   // artefact to a radial error motion, and the zero to an axial one.
   if (test.test_kind == AxisTest::TestKind::Straightness) {
-    set_up.conservativeResize(Eigen::NoChange, 2);
-    set_up.col(1) = t.array() - t.mean();
+    set_up_terms.conservativeResize(Eigen::NoChange, 2);
+    set_up_terms.col(1) = t.array() - t.mean();
   } else if (test.test_kind != AxisTest::TestKind::ErrorMotion) {
     return runs;
   } else {
     root_of_weight = arc_weights(t).cwiseSqrt();
     if (!test.axial && !is_hidden_by_centring(test)) {
-      set_up.conservativeResize(Eigen::NoChange, 3);
-      set_up.col(1) = t.array().cos();
-      set_up.col(2) = t.array().sin();
+      set_up_terms.conservativeResize(Eigen::NoChange, 3);
+      set_up_terms.col(1) = t.array().cos();
+      set_up_terms.col(2) = t.array().sin();
     }
   }
-  const Eigen::MatrixXd weighted = root_of_weight.asDiagonal() * set_up;
+  const Eigen::MatrixXd weighted = root_of_weight.asDiagonal() * set_up_terms;
   const VectorXd set_up_contribution =
-      set_up * least_squares(weighted, VectorXd(root_of_weight.cwiseProduct(run_mean(runs)))).x;
+      set_up_terms *
+      least_squares(weighted, VectorXd(root_of_weight.cwiseProduct(run_mean(runs)))).x;
   runs.up.colwise() -= set_up_contribution;
   runs.down.colwise() -= set_up_contribution;
   return runs;
@@ -248,7 +252,7 @@ PositionRuns form_runs(const AxisTest& test) {
 
 namespace {
 
-/// Returns the two slides of a circle in alphabetical order, or nothing if other axes move.
+/// Returns the two slides of a circle in alphabetical order; empty if other axes move.
 std::optional<std::array<int, 2>> circle_slides(const ChannelSeries& series,
                                                 const std::vector<int>& moving) {
   const auto& joints = series.readings.nominal.joints();
@@ -312,7 +316,7 @@ Eigen::Matrix<double, 3, 2> plane_w(const ChannelSeries& series, const std::arra
   return plane;
 }
 
-/// Returns one test per run, or none unless exactly two slides move on a circle about the socket.
+/// Returns one test per run; empty if the motion is not a circle of two slides about the socket.
 /// @param moving  the axes that move
 std::vector<CircleTest> circle_tests(const ChannelSeries& series, const std::vector<int>& moving) {
   const auto slides = circle_slides(series, moving);
@@ -331,7 +335,7 @@ std::vector<CircleTest> circle_tests(const ChannelSeries& series, const std::vec
     CircleTest& test = circles[pass.run];
     const bool is_anticlockwise = pass.angle.back() > pass.angle.front();
     CircularTrace& trace = is_anticlockwise ? test.runs.anticlockwise : test.runs.clockwise;
-    if (trace.angle.size() > 0) return {};  // one sense twice in a run
+    if (trace.angle.size() > 0) return {};  // a run repeats a sense of rotation
     trace.angle = VectorXd::Map(pass.angle.data(), Index(pass.angle.size()));
     trace.radius.resize(trace.angle.size());
     for (std::size_t i = 0; i < pass.measurements.size(); ++i)
@@ -345,14 +349,13 @@ std::vector<CircleTest> circle_tests(const ChannelSeries& series, const std::vec
     for (const int joint : *slides)
       test.plane += series.readings.nominal.joints()[std::size_t(joint)].name;
     test.runs.nominal_radius = radius;
-    test.is_zero_known = !series.optics().is_zero_unknown;
+    test.is_zero_known = !series.set_up().is_zero_unknown;
     result.push_back(std::move(test));
   }
   return result;
 }
 
-/// Returns the signs of the slides along a diagonal in the order X Y Z, or nothing if other axes
-/// move.
+/// Returns the signs of the slides along a diagonal in the order X Y Z; empty if other axes move.
 std::optional<std::array<int, 3>> diagonal_signs(const ChannelSeries& series,
                                                  const std::vector<int>& moving) {
   std::array<int, 3> signs{0, 0, 0};
@@ -387,8 +390,8 @@ bool is_along_beam(const ChannelSeries& series) {
   return true;
 }
 
-/// Returns the test, or nothing if other axes than slides move, the path is not straight along the
-/// beam, or runs lack a target.
+/// Returns the test of a diagonal; empty if other axes than slides move, the path is not straight
+/// along the beam, or a run misses a target.
 /// @param moving  the axes that move, two or more
 std::optional<DiagonalTest> diagonal_test(const ChannelSeries& series,
                                           const std::vector<int>& moving) {
@@ -402,7 +405,7 @@ std::optional<DiagonalTest> diagonal_test(const ChannelSeries& series,
   std::vector<bool> from_below;
   for (std::size_t i = 0; i < series.measurements.size(); ++i) {
     const BodyPoses nominal = nominal_bodies_at(series, i);
-    along[Index(i)] = reading(series.optics(), series.channel, {}, nominal, nominal);
+    along[Index(i)] = reading(series.set_up(), series.channel, {}, nominal, nominal);
     from_below.push_back(sign * series.measurement(i).state.direction[std::size_t(leading)] >= 0);
   }
   auto runs = position_runs(series, along, from_below);
@@ -413,11 +416,11 @@ std::optional<DiagonalTest> diagonal_test(const ChannelSeries& series,
   return DiagonalTest{series.name(), {*signs, std::move(*runs)}};
 }
 
-/// Returns the channels of a set-up over time, or nothing if they were not read together.
+/// Returns the channels of a set-up over time; empty if they were not read together.
 std::optional<DriftTest> drift_test(const std::vector<ChannelSeries>& channels) {
   const ChannelSeries& first = channels.front();
   DriftTest test;
-  test.name = first.optics().name;
+  test.name = first.set_up().name;
   const auto n = Index(first.measurements.size());
   test.log.time_s.resize(n);
   test.log.values.resize(n, Index(channels.size()));
@@ -465,43 +468,43 @@ OtherTest other_test(const ChannelSeries& series) {
 /// test of lengths and one of angles.
 void join_single_readings(std::vector<OtherTest>& tests) {
   std::vector<OtherTest> remaining;
-  std::array<std::vector<double>, 2> single;
+  std::array<std::vector<double>, 2> single_deviations;
   for (OtherTest& test : tests) {
     if (test.deviation.size() == 1)
-      single[test.angle ? 1 : 0].push_back(test.deviation[0]);
+      single_deviations[test.angle ? 1 : 0].push_back(test.deviation[0]);
     else
       remaining.push_back(std::move(test));
   }
-  for (const bool angle : {false, true}) {
-    const std::vector<double>& deviations_of_kind = single[angle ? 1 : 0];
+  for (const bool is_angle : {false, true}) {
+    const std::vector<double>& deviations_of_kind = single_deviations[is_angle ? 1 : 0];
     if (deviations_of_kind.empty()) continue;
     VectorXd value = VectorXd::Map(deviations_of_kind.data(), Index(deviations_of_kind.size()));
     value.array() -= value.mean();
     VectorXd weights = VectorXd::Constant(value.size(), 1.0 / double(value.size()));
-    remaining.push_back({angle ? "angles read once each" : "lengths read once each", angle,
+    remaining.push_back({is_angle ? "angles read once each" : "lengths read once each", is_angle,
                          std::move(value), std::move(weights)});
   }
   tests = std::move(remaining);
 }
 
 /// Adds the tests of one set-up.
-void sort_set_up(const std::vector<ChannelSeries>& channels, MachineTests& tests) {
+void add_set_up_tests(const std::vector<ChannelSeries>& channels, MachineTests& tests) {
   std::vector<AxisTest> axis_tests;
   std::set<char> axes;
   // Readings without any motion are a drift test for every instrument.
   bool is_at_rest = true;
   for (const ChannelSeries& series : channels)
-    is_at_rest = is_at_rest && moving_joints(series).empty();
+    is_at_rest = is_at_rest && moving_axes(series).empty();
   if (is_at_rest) {
     if (auto drift = drift_test(channels)) {
       tests.drifts.push_back(std::move(*drift));
       return;
     }
   }
-  // The order of the attempts matters: one moving axis, then a straight diagonal, then a circle.
-  // All other readings are reported by their range.
+  // The order matters: one moving axis, then a straight diagonal, then a circle. All other readings
+  // are reported by their range.
   for (const ChannelSeries& series : channels) {
-    const std::vector<int> moving = moving_joints(series);
+    const std::vector<int> moving = moving_axes(series);
     if (moving.size() == 1) {
       if (auto test = axis_test(series, moving.front())) {
         axes.insert(test->axis);
@@ -525,7 +528,7 @@ void sort_set_up(const std::vector<ChannelSeries>& channels, MachineTests& tests
                               axis_tests[0].test_kind == AxisTest::TestKind::Straightness &&
                               axis_tests[1].test_kind == AxisTest::TestKind::Straightness;
   if (is_square_test)
-    tests.squares.push_back({channels.front().optics().name, axis_tests[0], axis_tests[1]});
+    tests.squares.push_back({channels.front().set_up().name, axis_tests[0], axis_tests[1]});
   for (AxisTest& line : axis_tests) tests.axes.push_back(std::move(line));
 }
 
@@ -545,7 +548,7 @@ MachineTests classify_readings(const Readings& readings) {
     std::vector<ChannelSeries> channels;
     for (const ChannelSeries& series : set_up_series)
       if (!series.measurements.empty()) channels.push_back(series);
-    if (!channels.empty()) sort_set_up(channels, tests);
+    if (!channels.empty()) add_set_up_tests(channels, tests);
   }
   join_single_readings(tests.others);
   return tests;

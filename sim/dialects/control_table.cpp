@@ -23,7 +23,7 @@ void ControlTableReading::count_unused(const std::string& name) {
   ++unused[has_own_count ? name : "others"];
 }
 
-// Siemens and Heidenhain tables hold offsets of other jobs, which must not stop this one.
+// Siemens and Heidenhain tables hold offsets of other jobs; errors in them must not stop this job.
 void ControlTableReading::read_later_offset(int system, const std::function<void()>& read) {
   try {
     read();
@@ -66,7 +66,8 @@ void for_each_line(ControlTableReading& reading, const std::function<bool(Cursor
   while (const auto line = lines.next()) {
     Cursor cursor{*line, {reading.table.file, lines.number()}};
     try {
-      // Control characters show a binary file; the first one is reported instead of every cell.
+      // Control characters indicate a binary file, so only the first one is reported, not every
+      // cell.
       for (std::size_t i = 0; i < line->size(); ++i) {
         const auto c = static_cast<unsigned char>((*line)[i]);
         if ((c < ' ' && c != '\t') || c == 0x7f)
@@ -95,13 +96,13 @@ double parse_table_number(Cursor& cursor, std::string_view what) {
   return *value;
 }
 
-int parse_table_integer(Cursor& cursor, int min, int max_value, std::string_view what) {
+int parse_table_integer(Cursor& cursor, int min_value, int max_value, std::string_view what) {
   cursor.skip_blanks();
   const std::size_t from = cursor.at;
   const auto value = cursor.number();
-  if (!value || *value != std::floor(*value) || *value < min || *value > max_value)
+  if (!value || *value != std::floor(*value) || *value < min_value || *value > max_value)
     cursor.throw_input_error(
-        from, fmt::format("a whole number from {} to {} for {}", min, max_value, what));
+        from, fmt::format("a whole number from {} to {} for {}", min_value, max_value, what));
   return int(*value);
 }
 
@@ -110,54 +111,54 @@ namespace {
 constexpr std::string_view table_axes = "XYZABCUVW";
 // Parameter layout of LinuxCNC: 20 parameters for each of nine systems from 5221 on, X first.
 constexpr int first_system_parameter = 5221, system_count = 9, parameters_per_system = 20;
-// Index of the rotation among the parameters of a system, behind the nine axes.
+// Index of the rotation among the parameters of a system, after the nine axes.
 constexpr int system_rotation_index = 9;
 // 5210 is non-zero while the shift of G92, 5211 to 5219, is in force; 5220 is the system in force.
 constexpr int shift_state_parameter = 5210, first_shift_parameter = 5211,
               active_system_parameter = 5220;
 
 /// Reads a line of a tool table, for example "T1 P1 Z+0.511 D0.125 ;a comment".
-bool parse_tool_line(ControlTableReading& reading, Cursor& line) {
+bool parse_tool_line(ControlTableReading& reading, Cursor& cursor) {
   std::optional<int> number;
   // LinuxCNC treats missing values as zero.
-  ControlTableTool tool{0.0, 0.0, 0.0, 0.0, {}, line.location.line};
+  ControlTableTool tool{0.0, 0.0, 0.0, 0.0, {}, cursor.location.line};
   std::string seen_letters;
-  for (line.skip_blanks(); !line.at_end() && line.current() != ';'; line.skip_blanks()) {
-    const std::size_t from = line.at;
-    const char letter = upper(line.current());
+  for (cursor.skip_blanks(); !cursor.at_end() && cursor.current() != ';'; cursor.skip_blanks()) {
+    const std::size_t from = cursor.at;
+    const char letter = upper(cursor.current());
     if (std::string_view("TPDXYZABCUVWIJQ").find(letter) == std::string_view::npos)
-      line.throw_input_error(
+      cursor.throw_input_error(
           from, "a word T P D X Y Z A B C U V W I J or Q of a tool, or ; and a comment");
     if (seen_letters.find(letter) != std::string::npos)
-      line.throw_input_error(from, fmt::format("{} once in the line of a tool", letter));
+      cursor.throw_input_error(from, fmt::format("{} once in the line of a tool", letter));
     seen_letters += letter;
-    ++line.at;
+    ++cursor.at;
     if (letter == 'T') {
-      number = parse_table_integer(line, 0, 999'999, "T");
+      number = parse_table_integer(cursor, 0, 999'999, "T");
       continue;
     }
-    const double value = parse_table_number(line, std::string_view(&letter, 1));
+    const double value = parse_table_number(cursor, std::string_view(&letter, 1));
     if (letter == 'Z')
-      tool.length = value * reading.require_unit(line, from);
+      tool.length = value * reading.require_unit(cursor, from);
     else if (letter == 'D')
-      tool.radius = 0.5 * value * reading.require_unit(line, from);
-    // An offset across the tool axis would need a chain of its own, which the scene describes
-    // instead.
+      tool.radius = 0.5 * value * reading.require_unit(cursor, from);
+    // An offset across the tool axis would need a separate chain, which only the scene can
+    // describe.
     else if (letter != 'P' && value != 0.0 && table_axes.find(letter) != std::string_view::npos)
-      line.throw_input_error(from,
-                             fmt::format("0 for {}: the length of a tool lies along Z", letter));
+      cursor.throw_input_error(from,
+                               fmt::format("0 for {}: the length of a tool lies along Z", letter));
     else if (letter != 'P' && value != 0.0)
       reading.count_unused(std::string(1, letter));
   }
   if (seen_letters.empty()) return true;
-  if (!number) line.throw_input_error(0, "T (number of the tool)", "none");
+  if (!number) cursor.throw_input_error(0, "T (number of the tool)", "none");
   if (!reading.table.tools.emplace(*number, tool).second)
-    line.throw_input_error(0, "a tool that the table does not have already",
-                           fmt::format("T{}", *number));
+    cursor.throw_input_error(0, "a tool that the table does not have already",
+                             fmt::format("T{}", *number));
   return true;
 }
 
-/// Counts a parameter without effect: one that is no work offset but has a value.
+/// Counts a parameter without effect: one that is not zero and not a work offset.
 void count_other_parameter(ControlTableReading& reading, int number, double value) {
   if (value == 0.0 || number == shift_state_parameter) return;
   // A program begins in G54, system 1, whatever the control had in force before.
@@ -174,26 +175,28 @@ void count_other_parameter(ControlTableReading& reading, int number, double valu
   }
 }
 
-/// Shift of G92. The errors of its values are kept because another line states if it is in force.
+/// Shift of G92. The errors of its values are kept because another line states whether it is in
+/// force.
 struct G92Shift {
   bool in_force = false;
   std::array<std::optional<BadInput>, 9> input_errors;
 };
 
 /// Reads a line of a parameter file: number, tab, value.
-bool parse_parameter_line(ControlTableReading& reading, Cursor& line, G92Shift& shift) {
-  line.skip_blanks();
-  if (line.at_end() || line.current() == ';' || line.current() == '#') return true;
-  const int number = parse_table_integer(line, 1, 99'999, "the number of a parameter");
-  line.skip_blanks();
-  const std::size_t from = line.at;
-  const double value = parse_table_number(line, "a parameter");
-  line.skip_blanks();
-  if (!line.at_end()) line.throw_input_error(line.at, "the end of the line behind a parameter");
+bool parse_parameter_line(ControlTableReading& reading, Cursor& cursor, G92Shift& shift) {
+  cursor.skip_blanks();
+  if (cursor.at_end() || cursor.current() == ';' || cursor.current() == '#') return true;
+  const int number = parse_table_integer(cursor, 1, 99'999, "the number of a parameter");
+  cursor.skip_blanks();
+  const std::size_t from = cursor.at;
+  const double value = parse_table_number(cursor, "a parameter");
+  cursor.skip_blanks();
+  if (!cursor.at_end())
+    cursor.throw_input_error(cursor.at, "the end of the line behind a parameter");
   if (number == shift_state_parameter) shift.in_force = value != 0.0;
   if (number >= first_shift_parameter && number < first_shift_parameter + 9 && value != 0.0)
     shift.input_errors[std::size_t(number - first_shift_parameter)] = BadInput(
-        line.location.file, line.location.line, int(from) + 1,
+        cursor.location.file, cursor.location.line, int(from) + 1,
         "0 for a shift of G92: clear it, or put it into a work offset", fmt::format("{}", value));
   const int index_from_first = number - first_system_parameter,
             system = index_from_first / parameters_per_system;
@@ -203,19 +206,19 @@ bool parse_parameter_line(ControlTableReading& reading, Cursor& line, G92Shift& 
     return true;
   }
   if (axis_index == system_rotation_index) {
-    if (value != 0.0) line.throw_input_error(from, "0 for the rotation of a coordinate system");
+    if (value != 0.0) cursor.throw_input_error(from, "0 for the rotation of a coordinate system");
     return true;
   }
   ControlTableOffset& offset = reading.table.offsets[system + 1];
   const char axis = table_axes[std::size_t(axis_index)];
-  const double unit = reading.axis_unit(axis, value, line, from);
+  const double unit = reading.axis_unit(axis, value, cursor, from);
   if (!offset.axes
            .emplace(axis,
-                    ControlTableOffset::Value{value * unit, line.location.line, int(from) + 1})
+                    ControlTableOffset::Value{value * unit, cursor.location.line, int(from) + 1})
            .second)
     // LinuxCNC would take the last value; a duplicate usually shows that two files were merged.
-    line.throw_input_error(0, "a parameter that the file does not have already",
-                           fmt::format("{}", number));
+    cursor.throw_input_error(0, "a parameter that the file does not have already",
+                             fmt::format("{}", number));
   return true;
 }
 
@@ -223,9 +226,10 @@ bool parse_parameter_line(ControlTableReading& reading, Cursor& line, G92Shift& 
 
 void read_linuxcnc_table(ControlTableReading& reading) {
   if (reading.kind == ControlTableKind::Tools)
-    return for_each_line(reading, [&](Cursor& line) { return parse_tool_line(reading, line); });
+    return for_each_line(reading, [&](Cursor& cursor) { return parse_tool_line(reading, cursor); });
   G92Shift shift;
-  for_each_line(reading, [&](Cursor& line) { return parse_parameter_line(reading, line, shift); });
+  for_each_line(reading,
+                [&](Cursor& cursor) { return parse_parameter_line(reading, cursor, shift); });
   // A shift of G92 that is stored but not in force has no effect.
   for (const std::optional<BadInput>& input_error : shift.input_errors)
     if (input_error && shift.in_force) reading.input_errors.add(*input_error);
@@ -233,7 +237,7 @@ void read_linuxcnc_table(ControlTableReading& reading) {
 
 namespace {
 
-// Bounds the memory of a hostile line.
+// Bounds the memory that a malicious line can take.
 constexpr std::size_t max_words = 64;  // in a block
 
 // A word of a G10 block.
@@ -245,31 +249,31 @@ struct G10Word {
 };
 
 /// Returns the words of a block without its comments.
-std::vector<G10Word> parse_words(Cursor& line) {
+std::vector<G10Word> parse_words(Cursor& cursor) {
   std::vector<G10Word> words;
-  for (line.skip_blanks(); !line.at_end(); line.skip_blanks()) {
-    const std::size_t from = line.at;
-    const char c = upper(line.current());
+  for (cursor.skip_blanks(); !cursor.at_end(); cursor.skip_blanks()) {
+    const std::size_t from = cursor.at;
+    const char c = upper(cursor.current());
     if (c == '(') {
-      const std::size_t closing_bracket = line.text.find(')', from);
+      const std::size_t closing_bracket = cursor.text.find(')', from);
       if (closing_bracket == std::string_view::npos)
-        line.throw_input_error(from, "a ) that closes the comment");
-      line.at = closing_bracket + 1;
+        cursor.throw_input_error(from, "a ) that closes the comment");
+      cursor.at = closing_bracket + 1;
       continue;
     }
     // Tape marks and block skip have no meaning in a listing of the memory.
     if (c == ';' || c == '%' || c == '/') {
-      ++line.at;
+      ++cursor.at;
       continue;
     }
-    if (!is_letter(c)) line.throw_input_error(from, "a letter and a number");
-    ++line.at;
-    const auto value = line.number();
-    if (!value) line.throw_input_error(from, "a number behind the letter");
+    if (!is_letter(c)) cursor.throw_input_error(from, "a letter and a number");
+    ++cursor.at;
+    const auto value = cursor.number();
+    if (!value) cursor.throw_input_error(from, "a number behind the letter");
     const bool has_point =
-        line.text.substr(from, line.at - from).find('.') != std::string_view::npos;
+        cursor.text.substr(from, cursor.at - from).find('.') != std::string_view::npos;
     words.push_back({c, *value, has_point, from});
-    if (words.size() > max_words) line.throw_input_error(from, "at most 64 words in a block");
+    if (words.size() > max_words) cursor.throw_input_error(from, "at most 64 words in a block");
   }
   return words;
 }
@@ -281,118 +285,123 @@ struct G10Block {
   std::vector<G10Word> axes;
 };
 
-void set_once(std::optional<G10Word>& target, const G10Word& word, const Cursor& line) {
-  if (target) line.throw_input_error(word.from, fmt::format("{} once in a block", word.letter));
+void set_once(std::optional<G10Word>& target, const G10Word& word, const Cursor& cursor) {
+  if (target) cursor.throw_input_error(word.from, fmt::format("{} once in a block", word.letter));
   target = word;
 }
 
 // G11 ends G10, and controls write G90 into their listings; neither changes a value.
-void apply_g_code(ControlTableReading& reading, const G10Word& word, const Cursor& line,
+void apply_g_code(ControlTableReading& reading, const G10Word& word, const Cursor& cursor,
                   G10Block& block) {
   if (word.value == 10.0)
     block.has_g10 = true;
   else if (word.value == 20.0)
-    reading.state_unit(units::inch, line, word.from);
+    reading.state_unit(units::inch, cursor, word.from);
   else if (word.value == 21.0)
-    reading.state_unit(1.0, line, word.from);
+    reading.state_unit(1.0, cursor, word.from);
   else if (word.value != 11.0 && word.value != 90.0)
-    line.throw_input_error(word.from, "G10 G11 G20 G21 or G90 in a listing of a control's memory");
+    cursor.throw_input_error(word.from,
+                             "G10 G11 G20 G21 or G90 in a listing of a control's memory");
 }
 
-G10Block parse_g10_block(ControlTableReading& reading, Cursor& line) {
+G10Block parse_g10_block(ControlTableReading& reading, Cursor& cursor) {
   G10Block block;
-  for (const G10Word& word : parse_words(line)) {
+  for (const G10Word& word : parse_words(cursor)) {
     if (word.letter == 'G')
-      apply_g_code(reading, word, line, block);
+      apply_g_code(reading, word, cursor, block);
     else if (word.letter == 'L')
-      set_once(block.l, word, line);
+      set_once(block.l, word, cursor);
     else if (word.letter == 'P')
-      set_once(block.p, word, line);
+      set_once(block.p, word, cursor);
     else if (word.letter == 'R')
-      set_once(block.r, word, line);
+      set_once(block.r, word, cursor);
     else if (table_axes.find(word.letter) != std::string_view::npos)
       block.axes.push_back(word);
     // Program, sequence and M numbers frame the listing.
     else if (word.letter != 'O' && word.letter != 'N' && word.letter != 'M')
-      line.throw_input_error(word.from, "G10 with L, P, and R or axis words");
+      cursor.throw_input_error(word.from, "G10 with L, P, and R or axis words");
   }
   return block;
 }
 
-int whole_number(const G10Word& word, int min, int max_value, const Cursor& line) {
-  if (word.value != int(word.value) || word.value < min || word.value > max_value)
-    line.throw_input_error(word.from, fmt::format("{} from {} to {}", word.letter, min, max_value));
+int whole_number(const G10Word& word, int min_value, int max_value, const Cursor& cursor) {
+  if (word.value != int(word.value) || word.value < min_value || word.value > max_value)
+    cursor.throw_input_error(word.from,
+                             fmt::format("{} from {} to {}", word.letter, min_value, max_value));
   return int(word.value);
 }
 
 // Without a decimal point the value depends on the increment system of the control (IS-B or
 // others), which the listing does not state.
-void check_value(const G10Word& word, const Cursor& line) {
+void check_value(const G10Word& word, const Cursor& cursor) {
   if (!word.has_point && word.value != 0.0)
-    line.throw_input_error(word.from,
-                           "a value with a decimal point: without one it counts increments");
+    cursor.throw_input_error(word.from,
+                             "a value with a decimal point: without one it counts increments");
   if (!(word.value <= 1e6 && word.value >= -1e6))
-    line.throw_input_error(word.from, "a value within 1e6");
+    cursor.throw_input_error(word.from, "a value within 1e6");
 }
 
-void set_tool(ControlTableReading& reading, const G10Block& block, int kind, const Cursor& line) {
+void set_tool(ControlTableReading& reading, const G10Block& block, int l_code,
+              const Cursor& cursor) {
   const G10Word& r = *block.r;
   if (!block.axes.empty())
-    line.throw_input_error(block.axes.front().from, "R beside G10 of a tool");
-  const int number = whole_number(*block.p, 1, 999, line);
+    cursor.throw_input_error(block.axes.front().from, "R beside G10 of a tool");
+  const int number = whole_number(*block.p, 1, 999, cursor);
   if (reading.kind != ControlTableKind::Tools) return reading.count_unused("G10 L10 to L13");
-  check_value(r, line);
-  const double length_mm = r.value == 0.0 ? 0.0 : r.value * reading.require_unit(line, r.from);
+  check_value(r, cursor);
+  const double length_mm = r.value == 0.0 ? 0.0 : r.value * reading.require_unit(cursor, r.from);
   ControlTableTool& tool = reading.table.tools.try_emplace(number).first->second;
-  if (tool.line == 0) tool.line = line.location.line;
+  if (tool.line == 0) tool.line = cursor.location.line;
   // Wear may be listed before or after its geometry, so the sum is formed at the end.
-  if (kind == 10) tool.length = length_mm;
-  if (kind == 11) tool.length_wear = length_mm;
-  if (kind == 12) tool.radius = length_mm;
-  if (kind == 13) tool.radius_wear = length_mm;
+  if (l_code == 10) tool.length = length_mm;
+  if (l_code == 11) tool.length_wear = length_mm;
+  if (l_code == 12) tool.radius = length_mm;
+  if (l_code == 13) tool.radius_wear = length_mm;
 }
 
 void set_offset(ControlTableReading& reading, const G10Block& block, bool additional,
-                const Cursor& line) {
-  if (block.r) line.throw_input_error(block.r->from, "axis words beside G10 L2 and L20");
-  const int system_number = whole_number(*block.p, additional ? 1 : 0, additional ? 300 : 6, line);
+                const Cursor& cursor) {
+  if (block.r) cursor.throw_input_error(block.r->from, "axis words beside G10 L2 and L20");
+  const int system_number =
+      whole_number(*block.p, additional ? 1 : 0, additional ? 300 : 6, cursor);
   if (reading.kind != ControlTableKind::Offsets) return reading.count_unused("G10 L2 and L20");
-  // Keys as `program::NcOptions::more_offset`: 0 is the external offset, 100 + P those of G54.1.
+  // Keys as in `program::NcOptions::extra_offsets`: 0 is the external offset, 100 + P those of
+  // G54.1.
   ControlTableOffset& offset =
       reading.table.offsets[additional ? 100 + system_number : system_number];
   for (const G10Word& word : block.axes) {
-    check_value(word, line);
-    const double unit = reading.axis_unit(word.letter, word.value, line, word.from);
-    offset.axes[word.letter] = {word.value * unit, line.location.line, int(word.from) + 1};
+    check_value(word, cursor);
+    const double unit = reading.axis_unit(word.letter, word.value, cursor, word.from);
+    offset.axes[word.letter] = {word.value * unit, cursor.location.line, int(word.from) + 1};
   }
 }
 
-bool parse_listing_line(ControlTableReading& reading, Cursor& line) {
-  const G10Block block = parse_g10_block(reading, line);
+bool parse_listing_line(ControlTableReading& reading, Cursor& cursor) {
+  const G10Block block = parse_g10_block(reading, cursor);
   const bool is_empty = !block.l && !block.p && !block.r && block.axes.empty();
   if (!block.has_g10) {
-    if (!is_empty) line.throw_input_error(0, "G10 in a block that sets something", "none");
+    if (!is_empty) cursor.throw_input_error(0, "G10 in a block that sets something", "none");
     return true;
   }
   if (is_empty) return true;
-  if (!block.l) line.throw_input_error(0, "L2 L10 L11 L12 L13 or L20 beside G10", "none");
-  if (!block.p) line.throw_input_error(0, "P (number) beside G10", "none");
-  const int kind = int(block.l->value);
-  if (kind != block.l->value || (kind != 2 && kind != 20 && (kind < 10 || kind > 13)))
-    line.throw_input_error(block.l->from, "L2 L10 L11 L12 L13 or L20 beside G10");
-  if (kind == 2 || kind == 20) {
-    set_offset(reading, block, kind == 20, line);
+  if (!block.l) cursor.throw_input_error(0, "L2 L10 L11 L12 L13 or L20 beside G10", "none");
+  if (!block.p) cursor.throw_input_error(0, "P (number) beside G10", "none");
+  const int l_code = int(block.l->value);
+  if (l_code != block.l->value || (l_code != 2 && l_code != 20 && (l_code < 10 || l_code > 13)))
+    cursor.throw_input_error(block.l->from, "L2 L10 L11 L12 L13 or L20 beside G10");
+  if (l_code == 2 || l_code == 20) {
+    set_offset(reading, block, l_code == 20, cursor);
     return true;
   }
-  if (!block.r) line.throw_input_error(0, "R (value) beside G10 of a tool", "none");
-  set_tool(reading, block, kind, line);
+  if (!block.r) cursor.throw_input_error(0, "R (value) beside G10 of a tool", "none");
+  set_tool(reading, block, l_code, cursor);
   return true;
 }
 
 }  // namespace
 
 void read_fanuc_table(ControlTableReading& reading) {
-  for_each_line(reading, [&](Cursor& line) { return parse_listing_line(reading, line); });
+  for_each_line(reading, [&](Cursor& cursor) { return parse_listing_line(reading, cursor); });
   // `ControlTableTool` states length and radius including wear.
   for (auto& [number, tool] : reading.table.tools) {
     if (tool.length) *tool.length += tool.length_wear;

@@ -41,9 +41,9 @@ struct ControlTable {
   Dialect control = Dialect::LinuxCnc;    ///< control whose format the file has
   std::map<int, ControlTableTool> tools;  ///< by T, or by H and D on Fanuc
   /// 1 to 6 are G54 to G59, presets 1 to 6 of Heidenhain, or G54 to G57, G505 and G506 of Siemens;
-  /// other keys are those of `program::NcOptions::more_offset`.
+  /// other keys are those of `program::NcOptions::extra_offsets`.
   std::map<int, ControlTableOffset> offsets;
-  std::vector<std::string> notes;  ///< values of the file that have no effect, with counts
+  std::vector<std::string> notes;  ///< values in the file that have no effect, with counts
 };
 
 /// The largest preset number of Heidenhain.
@@ -64,7 +64,7 @@ std::vector<std::string> table_warnings(const ControlTable& table, std::string_v
 
 // Functions shared by the readers of control tables.
 
-/// State while a table is read.
+/// State of the parser of a table.
 struct ControlTableReading {
   std::string_view text;
   ControlTableKind kind = ControlTableKind::Tools;
