@@ -22,15 +22,15 @@ constexpr double max_points = 5e6;
 // Measured: a dome of 60 531 points, 707 657 samples and few vertices takes 0.54 GB; a million
 // vertices with 5.6 million samples take 7.3 GB in all.
 constexpr double bytes_per_point = 1500.0, bytes_per_sample = 750.0, bytes_per_vertex = 1500.0;
-// Work below both limits takes only a moment.
+// Work below both limits takes only a moment and is not reported.
 constexpr double max_unreported_points = 3e5, max_unreported_vertices = 1e6;
 
 /// Returns the node at a path such as "program.step_mm"; null if there is none.
-const Node* find_node(const Node& tree, const std::string& dotted) {
+const Node* find_node(const Node& tree, const std::string& dotted_path) {
   const Node* node = &tree;
-  for (std::size_t begin = 0; node && begin <= dotted.size();) {
-    const std::size_t dot = std::min(dotted.find('.', begin), dotted.size());
-    node = node->find(dotted.substr(begin, dot - begin));
+  for (std::size_t begin = 0; node && begin <= dotted_path.size();) {
+    const std::size_t dot = std::min(dotted_path.find('.', begin), dotted_path.size());
+    node = node->find(dotted_path.substr(begin, dot - begin));
     begin = dot + 1;
   }
   return node;
@@ -48,8 +48,8 @@ std::string rounded_count(double count) {
   return count < 1e12 ? fmt::format("{:.3g} million", count / 1e6) : fmt::format("{:.1e}", count);
 }
 
-/// Returns the keys that set the largest fraction of the memory: those of the vertices of the part,
-/// or those of the program.
+/// Returns the keys that determine most of the memory: those of the vertices of the part, or those
+/// of the program.
 std::vector<std::string> dominant_byte_keys(const Scene& scene, const WorkEstimate& work) {
   const double vertex_bytes = bytes_per_vertex * work.vertices;
   if (!work.by.empty() && vertex_bytes < 0.5 * work.bytes) return work.by;
@@ -66,7 +66,7 @@ BadInput scene_limit_error(const Scene& scene, const std::vector<std::string>& k
     const Node* node = scene.tree ? find_node(*scene.tree, key) : nullptr;
     if (!node) continue;
     const double value = node_number(*node);
-    // A typed key is what the user has just changed.
+    // A key given on the command line is preferred, because the user has just changed it.
     const bool is_preferred =
         !place || (node->place.from_command_line && !place->from_command_line) ||
         (node->place.from_command_line == place->from_command_line && value < smallest_value);
@@ -101,7 +101,7 @@ WorkEstimate estimate_work(const Scene& scene, const Part& part) {
   if (const auto* raster = std::get_if<program::Raster>(&scene.program.source)) {
     work.passes = range.y() / raster->step_over + 1;
     work.points = work.passes * (range.x() / raster->step + 1);
-    // The sampling divides steps of the generator that are longer than its own.
+    // The sampling divides steps of the generator that are longer than `max_step`.
     work.samples = std::max(work.points, work.passes * range.x() / scene.max_step);
     work.by = {"program.step_over_mm", "program.step_mm", "sampling.max_step_mm"};
   } else if (const auto* flank = std::get_if<program::Flank>(&scene.program.source)) {
@@ -170,14 +170,14 @@ using program::Interpolation;
 // The slowest finishing feed of a milling cutter is about 20 mm/min. An F in m/min that is read as
 // mm/min is a thousandth of the intended feed.
 constexpr double min_feed_mm_per_min = 5.0;
-// At a smaller feed a tooth rubs instead of cutting. Diamond tools have feeds of 1 um a revolution
-// or more.
+// At a smaller feed a tooth rubs instead of cutting. Diamond tools have feeds of 1 um per
+// revolution or more.
 constexpr double min_feed_per_revolution = 0.5 * units::um;
-// A feed a revolution is too large beyond this fraction of the width of the cutter, but never below
-// 1 mm, which face mills with many teeth reach.
+// A feed per revolution is reported above this fraction of the cutter's width, but only above 1 mm,
+// which face mills with many teeth reach.
 constexpr double max_width_fraction = 0.5, max_unreported_feed_per_revolution = 1.0;
 
-/// Number of blocks of a kind, with the first of them.
+/// Number of blocks of a kind, with the line and value of the first one.
 struct BlockCount {
   int blocks = 0;
   int first_line = 0;
@@ -192,12 +192,13 @@ struct BlockCount {
 
 /// Numbers of blocks in feed whose feed or spindle speed is unusual.
 struct FeedCounts {
-  int feeds = 0;         ///< number of blocks in feed
-  double fastest = 0.0;  ///< rad/s, of the spindle
+  int feed_blocks = 0;             ///< number of blocks that move at feed
+  double max_spindle_speed = 0.0;  ///< rad/s, of the spindle
   BlockCount standing, reversed, slow, rubbing, coarse;
 };
 
-/// Returns the path length of the tip or the slides in a block, mm; 0 if a rotary axis moves.
+/// Returns the length of a block along the path of the tip or of the slides, mm; 0 if a rotary axis
+/// moves.
 double block_length(const program::Path& path, const Block& block, const kinematics::Chain& chain) {
   double squared_length = 0.0;
   for (int j = 0; j < chain.size(); ++j) {
@@ -241,9 +242,9 @@ FeedCounts feed_counts(const Scene& scene, const Machine& machine, const program
         block.interpolation == Interpolation::Line || block.interpolation == Interpolation::Arc;
     const double seconds = block.end_s - block.start_s;
     if (!is_line_or_arc || !(seconds > 0.0)) continue;
-    ++counts.feeds;
+    ++counts.feed_blocks;
     const double spindle_speed = (block.end[spindle] - block.start[spindle]) / seconds;
-    counts.fastest = std::max(counts.fastest, std::abs(spindle_speed));
+    counts.max_spindle_speed = std::max(counts.max_spindle_speed, std::abs(spindle_speed));
     if (spindle_speed == 0.0) counts.standing.add(block);
     // The simulated cut checks the spindle of a turning tool.
     if (!machine.workpiece_spindle) {
@@ -258,12 +259,12 @@ FeedCounts feed_counts(const Scene& scene, const Machine& machine, const program
 std::string standing_text(const FeedCounts& counts) {
   const BlockCount& standing = counts.standing;
   if (standing.blocks == 0) return {};
-  if (standing.blocks == counts.feeds)
+  if (standing.blocks == counts.feed_blocks)
     return fmt::format(
         "the spindle never turns: the program feeds from line {} on and has no S with M3 before it",
         standing.first_line);
   return fmt::format("the spindle stands in {} of {} blocks that feed, first line {}: S and M3?",
-                     standing.blocks, counts.feeds, standing.first_line);
+                     standing.blocks, counts.feed_blocks, standing.first_line);
 }
 
 std::string reversed_text(const Scene& scene, const FeedCounts& counts) {
@@ -273,8 +274,9 @@ std::string reversed_text(const Scene& scene, const FeedCounts& counts) {
   return fmt::format(
       "the spindle turns {} in {} of {} blocks that feed, first line {}: the teeth do not cut that "
       "way, M{} or cutting.rotation = \"{}\"?",
-      is_clockwise ? "counter-clockwise (M4)" : "clockwise (M3)", reversed.blocks, counts.feeds,
-      reversed.first_line, is_clockwise ? 3 : 4, is_clockwise ? "counter_clockwise" : "clockwise");
+      is_clockwise ? "counter-clockwise (M4)" : "clockwise (M3)", reversed.blocks,
+      counts.feed_blocks, reversed.first_line, is_clockwise ? 3 : 4,
+      is_clockwise ? "counter_clockwise" : "clockwise");
 }
 
 /// Returns the warning about a vibration that is stated at a speed far from those at which the
@@ -283,13 +285,13 @@ std::string vibration_text(const Scene& scene, const FeedCounts& counts) {
   constexpr double max_ratio = 5.0,
                    min_ratio = 1.0 / 30;  // a wrong unit gives 60 (1/s) or 9.55 (rad/s)
   for (const errors::Vibration& vibration : scene.vibrations) {
-    const double ratio = counts.fastest / vibration.reference_speed;
+    const double ratio = counts.max_spindle_speed / vibration.reference_speed;
     if (vibration.exponent == 0.0 || ratio == 0.0 || (ratio >= min_ratio && ratio <= max_ratio))
       continue;
     return fmt::format(
         "the spindle cuts at up to {:.4g} rpm, {:.3g} times the speed at which the vibration {} is "
         "stated (at_rpm = {:.4g}): one of the two looks like 1/s, rad/s or 1000 rpm",
-        counts.fastest / units::rpm, ratio, errors::to_string(vibration.name),
+        counts.max_spindle_speed / units::rpm, ratio, errors::to_string(vibration.name),
         vibration.reference_speed / units::rpm);
   }
   return {};
@@ -316,18 +318,18 @@ std::vector<std::string> feed_warnings(const Scene& scene, const Machine& machin
     add(fmt::format(
         "the program feeds at {:.3g} mm/min on line {}, and below {:g} mm/min in {} of {} blocks: "
         "F is mm/min under G94, looks like m/min, mm/s or mm a turn",
-        slow.value, slow.first_line, min_feed_mm_per_min, slow.blocks, counts.feeds));
+        slow.value, slow.first_line, min_feed_mm_per_min, slow.blocks, counts.feed_blocks));
   if (const BlockCount& rubbing = counts.rubbing; rubbing.blocks > 0)
-    add(
-        fmt::format("the program feeds by {:.3g} um a turn of the spindle on line {} ({} of {} "
-                    "blocks): a tooth "
-                    "rubs at that; F or S looks like another unit",
-                    rubbing.value / units::um, rubbing.first_line, rubbing.blocks, counts.feeds));
+    add(fmt::format(
+        "the program feeds by {:.3g} um a turn of the spindle on line {} ({} of {} "
+        "blocks): a tooth "
+        "rubs at that; F or S looks like another unit",
+        rubbing.value / units::um, rubbing.first_line, rubbing.blocks, counts.feed_blocks));
   if (const BlockCount& coarse = counts.coarse; coarse.blocks > 0)
     add(fmt::format(
         "the program feeds by {:.3g} mm a turn of the spindle on line {} ({} of {} blocks) under a "
         "cutter {:.4g} mm wide: F or S looks like another unit, S is in rpm",
-        coarse.value, coarse.first_line, coarse.blocks, counts.feeds, cutter_width(scene)));
+        coarse.value, coarse.first_line, coarse.blocks, counts.feed_blocks, cutter_width(scene)));
   return warnings;
 }
 
@@ -372,7 +374,7 @@ std::vector<std::string> pole_warnings(const Scene& scene, const Machine& machin
 namespace {
 
 /// Returns the warning about a mesh whose facets sag by more than the tolerance, or with most of
-/// its vertices on sharp edges; empty for any other part.
+/// its vertices on sharp edges; empty if neither is the case.
 std::string coarse_mesh_text(const Scene& scene, const cutting::Design& design_w) {
   if (!std::holds_alternative<MeshFile>(scene.part.shape)) return {};
   const cutting::Coarseness coarse = cutting::coarseness(design_w);
@@ -397,7 +399,7 @@ bool is_judged(const cutting::Design& design, Eigen::Index vertex) {
 }
 
 /// Returns the warning about a design whose judged vertices are so sparse that a gouge may lie
-/// between them; empty for any other.
+/// between them; empty if there is no such warning.
 std::string sparse_vertices_text(const Scene& scene, const cutting::Design& design_w) {
   const JudgedVertices judged = judged_vertices(design_w);
   if (!is_sparse(judged, scene.tool)) return {};
@@ -410,7 +412,7 @@ std::string sparse_vertices_text(const Scene& scene, const cutting::Design& desi
       judged.max_distance, 2.0 * std::get<cutting::Cutter>(scene.tool.nominal).radius);
 }
 
-// Returns the warning about a program that moves only in rapids.
+// Returns the warning about a program that moves only in rapid traverse.
 std::string no_feed_text(const program::Path& path) {
   const bool has_feed = std::any_of(path.blocks.begin(), path.blocks.end(), program::is_feed);
   if (has_feed || path.motion_blocks == 0) return {};
@@ -428,7 +430,7 @@ std::string unit_change_text(const program::Path& path) {
     inch_moves += block.inch;
   }
   std::string list;
-  // A program may repeat its unit in every block; four of them show the mistake.
+  // A program may change its unit many times; four of the words are enough to show the mistake.
   for (std::size_t i = 0; i < std::min<std::size_t>(path.unit_words.size(), 4); ++i) {
     const program::UnitWord& word = path.unit_words[i];
     list +=

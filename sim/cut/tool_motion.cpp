@@ -83,7 +83,8 @@ cutting::NoseMotion nose_motion(const std::vector<kinematics::Pose>& T_wt,
 }
 
 std::vector<kinematics::AxisVector> accelerations(const program::Samples& samples) {
-  constexpr double window_s = 0.02;  // speeds jump where blocks meet, so it sets the acceleration
+  // The speed jumps at block ends, so the window length determines the acceleration there.
+  constexpr double window_s = 0.02;
   const auto& states = samples.states;
   std::vector<kinematics::AxisVector> result(states.size());
   const auto position = [&](double time_s, std::size_t guess) -> kinematics::AxisVector {
@@ -113,9 +114,15 @@ std::string inch_text(const program::Path& path, const program::Block& block) {
       path.unit_words, [&](const program::UnitWord& word) { return word.line > block.line; });
   const auto word_count = later_word - path.unit_words.begin();
   if (!block.inch || word_count == 0) return {};
-  const std::string previous_text =
-      word_count > 1 ? fmt::format(", after G21 on line {}", (later_word - 2)->line) : "";
-  return fmt::format(", whose words count in inches (G20 on line {}{})", (later_word - 1)->line,
+  const auto current = later_word - 1;
+  // `unit_words` holds only changes of the unit, so G20 and G21 alternate: the word before a G20 is
+  // a G21.
+  std::string previous_text;
+  if (word_count > 1) {
+    const auto previous = current - 1;
+    previous_text = fmt::format(", after G21 on line {}", previous->line);
+  }
+  return fmt::format(", whose words count in inches (G20 on line {}{})", current->line,
                      previous_text);
 }
 

@@ -16,7 +16,7 @@ using Eigen::Vector2d;
 using kinematics::AxisVector;
 using Segment = cutting::RevolvedProfile::Piece;
 
-// The limit on points of a milling program.
+// The same limit as on the points of a milling program.
 constexpr double max_rows = 2e7;
 
 /// Height of the nose centre at a radius.
@@ -53,7 +53,7 @@ class OffsetCurve {
 std::optional<NoseHeight> OffsetCurve::on_line(const Segment& segment, double r) const {
   const Vector2d chord = segment.to - segment.from;
   const double length = chord.norm();
-  // A vertical segment has no height at a radius; its corners stand for it.
+  // A vertical segment has no single height at a radius; its corners represent it.
   if (!(chord.x() > 1e-12 * length)) return std::nullopt;
   const Vector2d out(-chord.y() / length, chord.x() / length);
   const double t = (r - segment.from.x() - nose_radius_ * out.x()) / chord.x();
@@ -68,9 +68,9 @@ std::optional<NoseHeight> OffsetCurve::on_arc(const Segment& segment, double r) 
   const double offset = convex ? rho + nose_radius_ : rho - nose_radius_;
   const Vector2d chord = segment.to - segment.from, middle = 0.5 * (segment.from + segment.to);
   const Vector2d left = Vector2d(-chord.y(), chord.x()).normalized();
-  const double sagitta_side = std::sqrt(std::max(0.0, rho * rho - 0.25 * chord.squaredNorm()));
+  const double centre_distance = std::sqrt(std::max(0.0, rho * rho - 0.25 * chord.squaredNorm()));
   // The sign of the radius gives the side on which the centre of the arc lies.
-  const Vector2d centre = middle + (convex ? -sagitta_side : sagitta_side) * left;
+  const Vector2d centre = middle + (convex ? -centre_distance : centre_distance) * left;
   const double across = r - centre.x();
   // A nose larger than a concave radius does not fit: it touches the corners instead.
   if (offset <= 0.0 || std::abs(across) >= offset) return std::nullopt;
@@ -121,23 +121,25 @@ std::vector<Segment> add_run_in(std::vector<Segment> segments, double length) {
   return segments;
 }
 
-/// The spindle and the two slides of a turning machine, in the half plane of the part.
+/// The spindle and the two slides of a turning machine, in the meridian half-plane of the part.
 struct Lathe {
-  int spindle = 0, radial = -1, axial = -1;
-  double side = 1.0;  ///< side of the axis on which the tool is at zero
+  int spindle = 0, radial_joint = -1, axial_joint = -1;
+  double side =
+      1.0;  ///< +1 or -1: side of the spindle axis on which the nose lies if all axes are at zero
   Eigen::Matrix2d slides_of_nose =
-      Eigen::Matrix2d::Identity();   ///< (radial, axial) slide positions of a nose centre (r, z)
-  Vector2d home = Vector2d::Zero();  ///< nose centre at zero, (r signed, z)
+      Eigen::Matrix2d::Identity();  ///< (radial, axial) slide positions of a nose centre (r, z)
+  Vector2d nose_at_zero = Vector2d::Zero();  ///< nose centre if all axes are at zero, (r signed, z)
   Eigen::Matrix2d tool_of_part =
       Eigen::Matrix2d::Identity();  ///< (x, z) of frame t of a direction (r signed, z)
 
   Vector2d positions(double r, double z) const {
-    return slides_of_nose * (Vector2d(side * r, z) - home);
+    return slides_of_nose * (Vector2d(side * r, z) - nose_at_zero);
   }
   Vector2d rates(double r, double z) const { return slides_of_nose * Vector2d(side * r, z); }
 };
 
-/// Finds the spindle and the two slides of a turning machine, and their directions in the part.
+/// Finds the spindle and the two slides of a turning machine, and their directions in the part
+/// frame.
 Lathe find_lathe(const GeneratorContext& context) {
   const kinematics::Chain& chain = context.control;
   const auto spindle = chain.find('S');
@@ -147,29 +149,30 @@ Lathe find_lathe(const GeneratorContext& context) {
   const auto tip_m = [&](const AxisVector& q) {
     return Eigen::Vector3d(context.T_wm.inverse() * chain.tool_in_workpiece(q).translation());
   };
-  const Eigen::Vector3d home = tip_m(zero);
+  const Eigen::Vector3d tip_at_zero = tip_m(zero);
   Lathe lathe;
   lathe.spindle = *spindle;
-  Eigen::Vector3d radial = Eigen::Vector3d::Zero(), axial = Eigen::Vector3d::Zero();
+  Eigen::Vector3d radial_step = Eigen::Vector3d::Zero(), axial_step = Eigen::Vector3d::Zero();
   for (int j = 0; j < chain.size(); ++j) {
     if (chain.joints()[std::size_t(j)].motion != kinematics::Motion::Linear) continue;
     AxisVector q = zero;
     q[j] = 1.0;
-    const Eigen::Vector3d displacement = tip_m(q) - home;
-    // 0.7 of a unit step: a slide belongs to the direction to which it is closer than 45 deg.
-    if (std::abs(displacement.z()) > std::max(0.7, std::abs(axial.z())))
-      axial = displacement, lathe.axial = j;
-    if (displacement.head<2>().norm() > std::max(0.7, radial.head<2>().norm()))
-      radial = displacement, lathe.radial = j;
+    const Eigen::Vector3d displacement = tip_m(q) - tip_at_zero;
+    // 0.7 is cos 45 deg: a slide belongs to the direction to which it is closer than 45 deg.
+    if (std::abs(displacement.z()) > std::max(0.7, std::abs(axial_step.z())))
+      axial_step = displacement, lathe.axial_joint = j;
+    if (displacement.head<2>().norm() > std::max(0.7, radial_step.head<2>().norm()))
+      radial_step = displacement, lathe.radial_joint = j;
   }
-  if (lathe.axial < 0 || lathe.radial < 0 || lathe.axial == lathe.radial)
+  if (lathe.axial_joint < 0 || lathe.radial_joint < 0 || lathe.axial_joint == lathe.radial_joint)
     throw std::invalid_argument("expected one slide along the spindle and one across it");
-  const Vector2d across = radial.head<2>().normalized();
+  const Vector2d across = radial_step.head<2>().normalized();
   Eigen::Matrix2d displacements;
-  displacements << across.dot(radial.head<2>()), across.dot(axial.head<2>()), radial.z(), axial.z();
+  displacements << across.dot(radial_step.head<2>()), across.dot(axial_step.head<2>()),
+      radial_step.z(), axial_step.z();
   lathe.slides_of_nose = displacements.inverse();
-  lathe.home = {across.dot(home.head<2>()), home.z()};
-  lathe.side = lathe.home.x() < 0 ? -1.0 : 1.0;
+  lathe.nose_at_zero = {across.dot(tip_at_zero.head<2>()), tip_at_zero.z()};
+  lathe.side = lathe.nose_at_zero.x() < 0 ? -1.0 : 1.0;
   const Eigen::Matrix3d R_tm =
       (context.T_wm.inverse() * chain.tool_in_workpiece(zero)).linear().transpose();
   const Eigen::Vector3d out(across.x(), across.y(), 0.0);
@@ -177,21 +180,22 @@ Lathe find_lathe(const GeneratorContext& context) {
   return lathe;
 }
 
-/// The radius of the nose over time: it falls at a constant rate and then rests for one revolution.
+/// The radius of the nose centre over time: it falls at a constant rate and then stays constant for
+/// one revolution.
 struct RadialFeed {
-  double r0 = 0.0, end = 0.0, rate = 0.0;  ///< mm, mm, mm/s
+  double start_radius = 0.0, final_radius = 0.0, rate = 0.0;  ///< mm, mm, mm/s
   double arrival_s = 0.0, end_s = 0.0, blend_s = 0.0;
 
-  double radius(double t) const { return t < arrival_s ? r0 - rate * t : end; }
+  double radius(double t) const { return t < arrival_s ? start_radius - rate * t : final_radius; }
   double radius_rate(double t) const { return t < arrival_s ? -rate : 0.0; }
 };
 
 RadialFeed radial_feed(const Spiral& spiral, double rim) {
   RadialFeed feed;
-  feed.r0 = rim + spiral.start_beyond_rim;
-  feed.end = spiral.end_radius;
+  feed.start_radius = rim + spiral.start_beyond_rim;
+  feed.final_radius = spiral.end_radius;
   feed.rate = spiral.feed_per_revolution * spiral.spindle_speed / (2 * std::numbers::pi);
-  feed.arrival_s = (feed.r0 - feed.end) / feed.rate;
+  feed.arrival_s = (feed.start_radius - feed.final_radius) / feed.rate;
   feed.end_s = feed.arrival_s + 2 * std::numbers::pi / spiral.spindle_speed;
   // At most 1 ms, and less than half an interval so that blends do not overlap.
   feed.blend_s = std::min(0.25 * spiral.interval, 1e-3);
@@ -221,7 +225,7 @@ std::vector<double> row_times(const RadialFeed& feed, const OffsetCurve& curve, 
   std::vector<double> times;
   for (int k = 0; k <= n; ++k) {
     const double t = std::min(k * interval, feed.end_s);
-    // A regular row this close to a corner would disturb the pair of rows around it.
+    // A regular row this close to a corner would interfere with the pair of rows around it.
     const bool is_near_corner =
         std::any_of(corner_times.begin(), corner_times.end(),
                     [&](double corner) { return std::abs(t - corner) <= 1.5 * feed.blend_s; });
@@ -234,7 +238,7 @@ std::vector<double> row_times(const RadialFeed& feed, const OffsetCurve& curve, 
   times.push_back(feed.end_s);
   std::sort(times.begin(), times.end());
   times.erase(std::unique(times.begin(), times.end(),
-                          // Two corners may need the same row.
+                          // Rows of two corners may nearly coincide.
                           [&](double a, double b) { return b - a < 0.1 * feed.blend_s; }),
               times.end());
   return times;
@@ -243,7 +247,7 @@ std::vector<double> row_times(const RadialFeed& feed, const OffsetCurve& curve, 
 /// Returns the rows of the spiral: positions and velocities of the axes at the times of
 /// `row_times`.
 std::vector<PvtRow> spiral_rows(const Spiral& spiral, const OffsetCurve& curve,
-                                const RadialFeed& feed, const Lathe& lathe, int size) {
+                                const RadialFeed& feed, const Lathe& lathe, int joint_count) {
   std::vector<PvtRow> rows;
   for (const double t : row_times(feed, curve, spiral.interval)) {
     const double r = feed.radius(t), dr = feed.radius_rate(t);
@@ -251,28 +255,30 @@ std::vector<PvtRow> spiral_rows(const Spiral& spiral, const OffsetCurve& curve,
     if (!height)
       throw std::invalid_argument(
           fmt::format("expected a design under the nose at radius {} mm", r));
-    PvtRow row{t, AxisVector::Zero(size), AxisVector::Zero(size)};
-    const Vector2d at = lathe.positions(r, height->z), rate = lathe.rates(dr, height->slope * dr);
-    row.position[lathe.radial] = at.x();
-    row.position[lathe.axial] = at.y();
+    PvtRow row{t, AxisVector::Zero(joint_count), AxisVector::Zero(joint_count)};
+    const Vector2d slide_position = lathe.positions(r, height->z),
+                   slide_velocity = lathe.rates(dr, height->slope * dr);
+    row.position[lathe.radial_joint] = slide_position.x();
+    row.position[lathe.axial_joint] = slide_position.y();
     row.position[lathe.spindle] = spiral.spindle_speed * t;
-    row.velocity[lathe.radial] = rate.x();
-    row.velocity[lathe.axial] = rate.y();
+    row.velocity[lathe.radial_joint] = slide_velocity.x();
+    row.velocity[lathe.axial_joint] = slide_velocity.y();
     row.velocity[lathe.spindle] = spiral.spindle_speed;
     rows.push_back(std::move(row));
   }
   return rows;
 }
 
-/// Returns NC text with lines from row to row under G93, each of which takes the time of its row.
+/// Returns NC text with a line from each row to the next under G93, so that each line takes the
+/// time between its rows.
 std::string nc_text(const Spiral& spiral, const std::vector<PvtRow>& rows, const Lathe& lathe,
                     const GeneratorContext& context) {
   const std::vector<ControlledAxis> axes = controlled_axes(context.control);
   // One millimetre above the start, along the spindle axis.
   const Vector2d lift = lathe.rates(0.0, 1.0);
   AxisVector lifted_position = rows.front().position;
-  lifted_position[lathe.radial] += lift.x();
-  lifted_position[lathe.axial] += lift.y();
+  lifted_position[lathe.radial_joint] += lift.x();
+  lifted_position[lathe.axial_joint] += lift.y();
   std::vector<NcItem> items{
       std::string("(facing by a spiral)"), std::string("G21 G90 G54 G49 G93"),
       fmt::format("S{} M3", nc_number(spiral.spindle_speed * 30 / std::numbers::pi, 9)),
@@ -285,7 +291,7 @@ std::string nc_text(const Spiral& spiral, const std::vector<PvtRow>& rows, const
   return write_nc(items, axes, {.format = spiral.format, .inverse_time = true});
 }
 
-void check(const Spiral& spiral, double rim) {
+void check_spiral(const Spiral& spiral, double rim) {
   const bool are_sizes_valid = spiral.spindle_speed > 0 && spiral.feed_per_revolution > 0 &&
                                spiral.interval > 0 && spiral.start_beyond_rim >= 0 &&
                                spiral.end_radius >= 0;
@@ -310,13 +316,13 @@ void check_edge(const cutting::EdgeProfile& profile, const OffsetCurve& curve, c
     if (!height) continue;  // reported by `spiral_rows` if it is needed
     const Vector2d down = Vector2d(lathe.side * height->slope, -1.0).normalized();
     const Vector2d down_t = lathe.tool_of_part * down;
-    const double beyond = down_t.dot(cutting::extreme_point(profile, down_t)) - profile.radius;
+    const double overhang = down_t.dot(cutting::extreme_point(profile, down_t)) - profile.radius;
     // 1e-6 mm: one nanometre, the numerical floor of the residual map.
-    if (beyond > 1e-6)
+    if (overhang > 1e-6)
       throw std::invalid_argument(fmt::format(
           "expected an insert that touches with its nose, seen an edge that reaches {:.3g} mm "
           "beyond it where the design slopes by {:.3g} at radius {:.3g} mm",
-          beyond, height->slope, r));
+          overhang, height->slope, r));
   }
 }
 
@@ -327,7 +333,7 @@ std::string generate_spiral(const Spiral& spiral, const cutting::Primitive& desi
   const std::vector<Segment> segments = cutting::profile(design).pieces;
   if (segments.empty()) throw std::invalid_argument("expected a design with a profile");
   const double rim = segments.back().to.x();
-  check(spiral, rim);
+  check_spiral(spiral, rim);
   const OffsetCurve curve(add_run_in(segments, spiral.start_beyond_rim + 2 * nose.radius),
                           nose.radius);
   const Lathe lathe = find_lathe(context);
@@ -336,7 +342,7 @@ std::string generate_spiral(const Spiral& spiral, const cutting::Primitive& desi
       spiral_rows(spiral, curve, radial_feed(spiral, rim), lathe, context.control.size());
   if (spiral.write_nc) return nc_text(spiral, pvt_rows, lathe, context);
   const std::vector<ControlledAxis> axes = controlled_axes(context.control);
-  const int columns[] = {lathe.radial, lathe.axial, lathe.spindle};
+  const int columns[] = {lathe.radial_joint, lathe.axial_joint, lathe.spindle};
   return write_pvt(pvt_rows, axes, columns);
 }
 

@@ -19,19 +19,21 @@ namespace py = pybind11;
 namespace abbe::python {
 namespace {
 
-/// Finds the executable that belongs to this module: beside it in a build, otherwise at its
-/// installed path. The executable runs plug-ins in shared libraries.
+/// Finds the executable that belongs to this module: next to it in a build, otherwise at its
+/// installed path. The executable runs plug-ins in shared libraries. Does nothing if there is none;
+/// plug-ins in shared libraries then fail.
 void find_executable() {
   Dl_info info{};
   if (::dladdr(reinterpret_cast<const void*>(&find_executable), &info) == 0) return;
   std::error_code failure;
   const auto folder = std::filesystem::canonical(info.dli_fname, failure).parent_path();
-  // The installed executable is found relative to the folder of the module.
   for (const auto& file : {folder / "abbe", folder / ABBE_PROGRAM_FROM_MODULE})
     if (std::filesystem::is_regular_file(file, failure))
       return sim::name_program_file(std::filesystem::canonical(file));
 }
 
+/// Limits the number of threads and the memory (GB) of all later jobs; None leaves a limit
+/// unchanged.
 void limit(const std::optional<int>& threads, const std::optional<double>& memory_gb) {
   using tbb::global_control;
   // The limit lasts as long as this object.

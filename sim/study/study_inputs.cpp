@@ -27,14 +27,15 @@ using Eigen::VectorXd;
 using errors::identification::coefficient_element;
 using errors::identification::typical_deviation;
 
-bool is_angle(const std::string& number) {
-  return errors::parse_element_name(coefficient_element(number)).is_angle();
+bool is_angle(const std::string& coefficient_name) {
+  return errors::parse_element_name(coefficient_element(coefficient_name)).is_angle();
 }
 
-/// Returns, at zero, the elements that an identification can find and the belief lacks; none if the
-/// slides of the machine have no stated travel. Appends their coefficients to `numbers`.
+/// Returns the elements that an identification could find but the belief lacks, with all
+/// coefficients zero; empty if the travel of a slide is not stated. Appends the names of their free
+/// coefficients to `coefficient_names`.
 std::vector<errors::Element> missing_elements(const Scene& scene,
-                                              std::vector<std::string>& numbers) {
+                                              std::vector<std::string>& coefficient_names) {
   errors::GeometricErrors model;
   try {
     model = errors::identification::error_model(make_machine(scene).nominal,
@@ -42,25 +43,25 @@ std::vector<errors::Element> missing_elements(const Scene& scene,
   } catch (const std::invalid_argument&) {
     return {};
   }
-  std::vector<errors::Element> report_missing;
+  std::vector<errors::Element> missing;
   for (const errors::Element& element : model.elements)
     if (std::ranges::find(scene.geometric.elements, element.name, &errors::Element::name) ==
         scene.geometric.elements.end())
-      report_missing.push_back(element);
+      missing.push_back(element);
   const auto is_fixed = [&](const errors::Coefficient& coefficient) {
     const auto i =
         std::ranges::find(model.covariance.of, coefficient) - model.covariance.of.begin();
     return i < std::ssize(model.covariance.of) && model.covariance.matrix(i, i) == 0.0;
   };
   for (const errors::Coefficient& coefficient : errors::coefficients(model.elements))
-    if (std::ranges::find(report_missing, model.elements[std::size_t(coefficient.element)].name,
-                          &errors::Element::name) != report_missing.end() &&
+    if (std::ranges::find(missing, model.elements[std::size_t(coefficient.element)].name,
+                          &errors::Element::name) != missing.end() &&
         !is_fixed(coefficient))
-      numbers.push_back(errors::name_of(coefficient, model.elements));
-  return report_missing;
+      coefficient_names.push_back(errors::name_of(coefficient, model.elements));
+  return missing;
 }
 
-/// Throws std::invalid_argument if a prior is not that of an unidentified element.
+/// Throws std::invalid_argument if a prior does not belong to an unidentified element.
 void check_priors(const Priors& priors, const std::vector<UnidentifiedCoefficient>& unidentified) {
   std::set<std::string> elements;
   for (const UnidentifiedCoefficient& coefficient : unidentified)
@@ -75,7 +76,7 @@ void check_priors(const Priors& priors, const std::vector<UnidentifiedCoefficien
 /// Adds inputs for the coefficients that the belief contains, with their covariance.
 void add_identified(const errors::GeometricErrors& belief, BeliefInputs& result) {
   const errors::Covariance& covariance = belief.covariance;
-  const auto numbers = errors::coefficients(belief.elements);
+  const auto coefficients = errors::coefficients(belief.elements);
   const VectorXd values = errors::values(belief.elements);
   std::vector<Index> rows;
   VectorXd per_unit(Index(covariance.of.size()));
@@ -83,11 +84,11 @@ void add_identified(const errors::GeometricErrors& belief, BeliefInputs& result)
     const auto i = Index(k);
     const std::string name = errors::name_of(covariance.of[k], belief.elements);
     per_unit[i] = 1.0 / errors::identification::display_unit(name);
-    if (!(covariance.matrix(i, i) > 0.0)) continue;  // zero by a convention of the model
+    if (!(covariance.matrix(i, i) > 0.0)) continue;  // zero by convention of the model
     Input input;
     input.name = input.number = name;
     input.unit = is_angle(name) ? "urad" : "um";
-    const auto index = std::ranges::find(numbers, covariance.of[k]) - numbers.begin();
+    const auto index = std::ranges::find(coefficients, covariance.of[k]) - coefficients.begin();
     input.distribution.centre = values[index] * per_unit[i];
     rows.push_back(i);
     result.inputs.push_back(std::move(input));
@@ -96,8 +97,8 @@ void add_identified(const errors::GeometricErrors& belief, BeliefInputs& result)
   result.covariance = scaled(rows, rows);
 }
 
-/// Adds an input for every coefficient with a prior. The coefficients that hide it have absorbed
-/// part of it, so they are negatively correlated with it.
+/// Adds an input for every coefficient with a prior. Coefficients that hide it have absorbed part
+/// of it, so they correlate negatively with it.
 void add_unidentified(BeliefInputs& result) {
   std::vector<const UnidentifiedCoefficient*> drawn;
   for (const UnidentifiedCoefficient& coefficient : result.unidentified)
@@ -115,9 +116,9 @@ void add_unidentified(BeliefInputs& result) {
     VectorXd direction = VectorXd::Zero(size);
     direction[identified + Index(k)] = 1.0;
     for (const auto& [name, amount] : drawn[k]->hidden_by) {
-      const auto hiding =
+      const auto hiding_index =
           std::ranges::find(result.inputs, name, &Input::number) - result.inputs.begin();
-      if (hiding < size) direction[hiding] -= amount;
+      if (hiding_index < size) direction[hiding_index] -= amount;
     }
     covariance += std::pow(drawn[k]->spread, 2) * direction * direction.transpose();
   }
@@ -128,13 +129,13 @@ void add_unidentified(BeliefInputs& result) {
 
 BeliefInputs belief_inputs(const Scene& scene, const Priors& priors) {
   BeliefInputs result;
-  std::vector<UnidentifiedNumber> numbers;
+  std::vector<UnidentifiedNumber> entries;
   if (const Node* errors = scene.tree ? scene.tree->find("errors") : nullptr)
-    numbers = unidentified_numbers(*errors);
-  std::vector<std::string> missing_numbers;
-  result.completion = missing_elements(scene, missing_numbers);
-  for (std::string& number : missing_numbers) numbers.push_back({std::move(number), {}});
-  for (const UnidentifiedNumber& entry : numbers) {
+    entries = unidentified_numbers(*errors);
+  std::vector<std::string> missing_names;
+  result.completion = missing_elements(scene, missing_names);
+  for (std::string& name : missing_names) entries.push_back({std::move(name), {}});
+  for (const UnidentifiedNumber& entry : entries) {
     const std::string element = coefficient_element(entry.number);
     const auto prior = priors.spread.find(element);
     UnidentifiedCoefficient coefficient{entry.number, is_angle(entry.number) ? "urad" : "um", 0.0,
@@ -304,7 +305,7 @@ class InputsReader {
   std::optional<double> nominal_value(const std::string& path) const;
   void add_covariance(const Node& node, double cost, const Priors& priors);
   void add_elements(const InputGroup& group, const SourcePosition& location);
-  void add_numbers(const InputGroup& group, const SourcePosition& location);
+  void add_coefficients(const InputGroup& group, const SourcePosition& location);
   void add(Input input, const SourcePosition& location);
   void read_correlations();
 
@@ -317,15 +318,15 @@ class InputsReader {
   std::set<std::pair<int, int>> correlated_;  ///< lower index first
 };
 
-/// Returns the number in a node; empty if it holds something else.
+/// Returns the number in a node; empty if the node holds something else.
 std::optional<double> node_number(const Node& node) {
   if (const auto* whole = std::get_if<std::int64_t>(&node.value)) return double(*whole);
   if (const auto* number = std::get_if<double>(&node.value)) return *number;
   return {};
 }
 
-/// Returns a centre within the limits for an input whose centre is missing, so that no second input
-/// error is reported for a number that is not in the file.
+/// Returns a centre within the limits for an input whose centre is missing, so that the missing
+/// number causes no second input error.
 double valid_centre(const Node& input, const std::optional<double>& nominal) {
   const auto limit = [&](const char* key) {
     const Node* node = input.find(key);
@@ -337,7 +338,17 @@ double valid_centre(const Node& input, const std::optional<double>& nominal) {
   return low ? *low + 1.0 : high ? *high - 1.0 : 1.0;
 }
 
-/// Adds an input, or an input error if its name or what it sets is not unique.
+/// Returns the unit of an input: that of its path or coefficient; empty for an element, whose input
+/// is a factor.
+std::string input_unit(const SingleInput& single) {
+  if (!single.paths.empty()) return path_unit(single.paths.front());
+  const std::string& number = single.input.number;
+  if (number.empty()) return "";
+  const bool is_angle = number.size() > 1 && number[1] >= 'A' && number[1] <= 'C';
+  return is_angle ? "urad" : "um";
+}
+
+/// Adds an input, or an input error if its name or one of its targets is not unique.
 void InputsReader::add(Input input, const SourcePosition& location) {
   if (declared_.inputs.size() == max_inputs)
     input_errors_.add(location, fmt::format("at most {} inputs", max_inputs), "more");
@@ -364,11 +375,7 @@ void InputsReader::read_input(const Node& node) {
   for (const std::string& path : paths) input.settings.push_back({path, single.factor});
   if (input.name.empty())
     input.name = !paths.empty() ? paths.front() : input.element + input.number;
-  const bool has_angle =
-      input.number.size() > 1 && input.number[1] >= 'A' && input.number[1] <= 'C';
-  input.unit = !paths.empty()          ? path_unit(paths.front())
-               : !input.number.empty() ? (has_angle ? "urad" : "um")
-                                       : "";
+  input.unit = input_unit(single);
   if (!reader.has("spread"))
     reader.report_missing("spread", "a number in the unit of the path's key");
   const std::optional<double> stated = paths.empty() ? std::nullopt : scene_value(paths.front());
@@ -378,10 +385,12 @@ void InputsReader::read_input(const Node& node) {
                             !paths.front().starts_with("setup.");
   const auto nominal =
       lacks_centre && single.factor == 1.0 ? nominal_value(paths.front()) : std::optional<double>();
-  initial.centre = stated && single.factor != 0.0 ? *stated / single.factor
-                   : lacks_centre                 ? valid_centre(node, nominal)
-                   : input.element.empty()        ? 0.0
-                                                  : 1.0;
+  const auto initial_centre = [&] {
+    if (stated && single.factor != 0.0) return *stated / single.factor;
+    if (lacks_centre) return valid_centre(node, nominal);
+    return input.element.empty() ? 0.0 : 1.0;  // a factor of an element is 1
+  };
+  initial.centre = initial_centre();
   input.distribution = distribution_fields().read(reader, initial);
   if (lacks_centre)
     declared_.missing_centres.push_back({int(declared_.inputs.size()), paths.front(), nominal});
@@ -461,7 +470,7 @@ void InputsReader::add_covariance(const Node& node, double cost, const Priors& p
   const Eigen::MatrixXd& S = belief.covariance;
   for (Eigen::Index a = 0; a < S.rows(); ++a)
     for (Eigen::Index b = 0; b < a; ++b) {
-      // By rounding the magnitude may exceed 1 slightly, so it is clamped below.
+      // Rounding may make the magnitude exceed 1 slightly, so it is clamped below.
       const double rho = S(a, b) / std::sqrt(S(a, a) * S(b, b));
       if (rho == 0.0) continue;
       declared_.correlations.push_back(
@@ -495,7 +504,7 @@ void InputsReader::read_group(const Node& node) {
   if (group.every == InputSource::Element)
     add_elements(group, node.place);
   else
-    add_numbers(group, node.place);
+    add_coefficients(group, node.place);
 }
 
 /// Adds an input for every element of a group, which scales it.
@@ -508,23 +517,24 @@ void InputsReader::add_elements(const InputGroup& group, const SourcePosition& l
 }
 
 /// Adds an input for every coefficient of the elements of a group.
-void InputsReader::add_numbers(const InputGroup& group, const SourcePosition& location) {
+void InputsReader::add_coefficients(const InputGroup& group, const SourcePosition& location) {
   const std::vector<errors::Element>& elements = scenes_.front().geometric.elements;
   const Eigen::VectorXd values = errors::values(elements);
   Eigen::Index index = 0;
   for (const errors::Coefficient& coefficient : errors::coefficients(elements)) {
     const errors::Element& element = elements[std::size_t(coefficient.element)];
-    const bool has_angle = element.name.is_angle();
-    const double base = values[index++] / (has_angle ? units::urad : units::um);
-    if (!has_element(group, errors::to_string(element.name)) || base == 0.0)
-      continue;  // mostly zero by a convention
+    const bool is_angle = element.name.is_angle();
+    const double base = values[index++] / (is_angle ? units::urad : units::um);
+    if (!has_element(group, errors::to_string(element.name))) continue;
+    // A zero coefficient, usually zero by convention of the model, gives no scale for the spread.
+    if (base == 0.0) continue;
     const std::string name = errors::name_of(coefficient, elements);
     const Distribution d = scaled(group.pattern.distribution, base);
     if (const char* error = distribution_error(d))
       input_errors_.add(
           location, fmt::format("{}, {} {} being its unit", error, name, base),
           fmt::format("centre {}, spread {}, from {} to {}", d.centre, d.spread, d.low, d.high));
-    add({name, has_angle ? "urad" : "um", {}, "", name, d, group.pattern.cost}, location);
+    add({name, is_angle ? "urad" : "um", {}, "", name, d, group.pattern.cost}, location);
   }
 }
 
@@ -561,7 +571,7 @@ std::optional<double> scene_number(const Scene& scene, const std::string& path) 
     const std::size_t dot = std::min(path.find('.', begin), path.size());
     const std::string part = path.substr(begin, dot - begin);
     const Node::Array* list = node->array();
-    // No list has an index of seven digits, and stoi could overflow for long numbers.
+    // No list has an index of seven digits, and std::stoi would throw for longer numbers.
     const bool is_index =
         !part.empty() && part.find_first_not_of("0123456789") == std::string::npos;
     if (list && is_index && part.size() < 7 && std::size_t(std::stoi(part)) < list->size())

@@ -13,7 +13,7 @@
 #include "sim/dialects/heidenhain/block.h"
 #include "sim/dialects/heidenhain/machine.h"
 
-/// Cycles of coordinates (CYCL DEF, TRANS, presets), and cycles that drill, bore and tap.
+/// Coordinate cycles (CYCL DEF, TRANS, presets), and cycles for drilling, boring and tapping.
 namespace abbe::sim::dialects::heidenhain {
 
 using Eigen::Matrix3d;
@@ -49,7 +49,7 @@ void Machine::execute_cycle_definition(WordReader& words) {
   const std::string name = fmt::format("CYCL\u00a0DEF\u00a0{}", number);
   const WordTableEntry* entry = find_word(heidenhain_words(), name);
   if (entry == nullptr) {
-    cycle_ = {};  // a call of the skipped cycle must not run the previous one
+    cycle_ = {};  // a call after the skipped definition must not run the previous cycle
     return run_.handle_unknown_word(cause, "a cycle that is read");
   }
   if (entry->use == WordTreatment::Refused) {
@@ -68,8 +68,8 @@ void Machine::execute_cycle_definition(WordReader& words) {
   run_.define(cycle_name, [&] { define_q_cycle(number, from, words); });
 }
 
-/// Throws BadInput if the block with the name of a cycle, CYCL DEF 7.0, has no block with values
-/// behind it.
+/// Throws BadInput if a block with the name of a cycle, such as CYCL DEF 7.0, was not followed by a
+/// block with its values.
 void Machine::require_complete_cycle(const Cause& cause) {
   const auto cycle = std::exchange(old_cycle_, std::nullopt);
   if (cycle && cycle->second == 0)
@@ -122,8 +122,8 @@ void Machine::execute_datum_shift(WordReader& words) {
   apply_frame({1, "CYCL DEF 7"});
 }
 
-/// Sets the shift of an axis. Within a plane a shift from before the plane can only be ended, which
-/// takes effect when the plane ends.
+/// Sets the shift of an axis. In a tilted plane, a shift that was set before the plane can only be
+/// ended, which takes effect when the plane ends.
 void Machine::set_axis_shift(char letter, double value, bool is_incremental, const Cause& cause) {
   const int j = joint_of(letter, cause);
   value *= canon_.is_linear(j) ? unit() : units::deg;
@@ -169,7 +169,7 @@ void Machine::execute_rotation_cycle(WordReader& words) {
   words.expect_end();
   if (name == "IROT" && (uncertain_shifts_ & rotation_bit))
     words.throw_input_error(from, "ROT behind PLANE RESET");
-  // An error restores the rotation, so that later blocks count from it.
+  // After an error the previous rotation is restored, so that later blocks refer to it.
   const double previous_rotation = rotation_;
   rotation_ = name == "IROT" ? rotation_ + angle : angle;
   try {
@@ -182,7 +182,7 @@ void Machine::execute_rotation_cycle(WordReader& words) {
   tangent_.reset();
 }
 
-/// Executes cycle 19, which states spatial angles. Blocks behind it position the axes.
+/// Executes cycle 19, which states spatial angles. Later blocks position the axes.
 void Machine::execute_plane_cycle(WordReader& words) {
   RotaryPositioning positioning;
   positioning.cause = {1, "CYCL DEF 19"};
@@ -254,18 +254,18 @@ void Machine::select_preset(int number, const Cause& cause) {
   apply_frame(cause);
 }
 
-// Cycles that drill, bore and tap.
+// Cycles for drilling, boring and tapping.
 
 namespace {
 
-constexpr double min_rapid_feed = 99999.0;  // a feed of a cycle from here on is FMAX
-// Bounds the moves of a hole whose infeed is far below any chip thickness.
+constexpr double min_rapid_feed = 99999.0;  // a cycle's feed of this value or more means FMAX
+// Bounds the number of moves in a hole whose infeed is far below any chip thickness.
 constexpr int max_pecks = 100000;
 
 // Parameters of a cycle.
 struct CycleEntry {
   int number;
-  std::array<int, 16> parameters;  ///< the first `mandatory_count` ones are mandatory
+  std::array<int, 16> parameters;  ///< the first `mandatory_count` are mandatory
   int mandatory_count;
 };
 
@@ -340,11 +340,11 @@ double Machine::read_cycle_value(int q, std::set<int>& per_revolution, WordReade
   return feed.kind == FeedKind::Rapid ? 99999.9 : feed.value;
 }
 
-/// Throws BadInput for settings of a cycle that are not supported, before it runs.
+/// Throws BadInput if a cycle has settings that are not supported.
 void Machine::check_cycle(const Cause& cause) {
   const auto require = [&](int q, double value, const char* sentence) {
     if (cycle_value(q, value) == value) return;
-    // Without a cycle number calls report no further errors.
+    // Resetting the cycle number avoids further errors from calls.
     cycle_.number = 0;
     throw_input_error(cause, sentence, fmt::format("Q{} = {:.6g}", q, cycle_.values[q]));
   };
@@ -396,7 +396,7 @@ void Machine::call_cycle(WordReader& words) {
       const int j = joint_of(letter, move.cause);
       hole.to(j, canon_.without_offsets(canon_.end_of(target))[j], move.cause);
     }
-    // The tool first rises to the clearance, so that it cannot move sideways through the part.
+    // The tool first rises to the clearance, so that it does not move sideways through the part.
     if (canon_.programmed()[z] < clearance) move_to_depth(clearance, true);
     program::Straight straight{canon_.end_of(hole), move.cause, false, hole.stated()};
     if (move.feed_kind == FeedKind::Rapid)
@@ -416,7 +416,7 @@ void Machine::require_cycle(const Cause& cause) const {
   if (cycle_.number == 0) throw_input_error(cause, "CYCL DEF of a hole before it", "none");
 }
 
-/// Executes the cycle. The position of the call adds `surface` to Q203, mm.
+/// Executes the cycle at the current position. `surface`, mm, is added to Q203.
 void Machine::run_cycle(double surface, const Cause& cause) {
   require_cycle(cause);
   require_certain_shift(cause);
@@ -470,8 +470,8 @@ void Machine::move_to_depth(double z, bool rapid) {
     canon_.straight_feed(std::move(straight));
 }
 
-/// Feeds to a depth with the feed of a parameter, or with that of the default parameter if the
-/// first is zero or not programmed.
+/// Moves to a depth at the feed of a parameter, or at that of the default parameter if the first is
+/// zero or not programmed.
 void Machine::feed_to_depth(double z, int parameter, int default_parameter) {
   if (cycle_value(parameter, 0.0) == 0.0) parameter = default_parameter;
   const double feed = cycle_value(parameter, 0.0);
@@ -493,7 +493,7 @@ void Machine::dwell(int parameter) { canon_.dwell(cycle_value(parameter, 0.0), {
 void Machine::drill(double surface, double bottom) {
   const double clearance = cycle_value(200) * unit(), infeed = cycle_value(202) * unit();
   check_infeeds(surface - bottom, infeed);
-  // A remainder below 1e-9 mm is due to rounding and no infeed.
+  // A remainder below 1e-9 mm is due to rounding, so it is not an infeed.
   for (double level = surface - infeed; level > bottom + 1e-9; level -= infeed) {
     run_.count_block();
     feed_to_depth(level, 206, 206);
@@ -509,9 +509,9 @@ void Machine::check_pecks(double pecks) const {
   if (!(pecks <= max_pecks)) throw_input_error({1, {}}, "at most 1e5 infeeds in a hole", "more");
 }
 
-/// Checks the number of equal infeeds before the first one is made.
+/// Checks the number of equal infeeds before the first one is executed.
 void Machine::check_infeeds(double depth, double infeed) const {
-  constexpr double moves_per_infeed = 2.0;  // at least: in and out
+  constexpr double moves_per_infeed = 2.0;  // at least: one in, one out
   check_pecks(depth / infeed);
   run_.check_moves(moves_per_infeed * depth / infeed, {1, {}});
 }
@@ -523,8 +523,8 @@ void Machine::ream(double surface, double bottom) {
   if (cycle_.number == 201) feed_to_depth(surface + cycle_value(200) * unit(), 208, 206);
 }
 
-/// Executes cycle 203: infeeds become smaller, and chips are broken Q213 times before the tool
-/// leaves the hole.
+/// Executes cycle 203: infeeds decrease, and chips are broken Q213 times before the tool leaves the
+/// hole.
 void Machine::peck_universal(double surface, double bottom) {
   // Without Q256 chips are broken by a retraction of 0.2 mm.
   const double clearance = cycle_value(200) * unit(), retraction = cycle_value(256, 0.2) * unit();
@@ -596,8 +596,8 @@ void Machine::peck_deep(double surface, double bottom) {
   feed_to_depth(surface + clearance, 208, 206);
 }
 
-/// Executes cycle 202: the tool leaves the hole with the spindle at rest, 0.2 mm off the wall in
-/// the direction of Q214.
+/// Executes cycle 202: the tool leaves the hole with the spindle stopped, 0.2 mm away from the wall
+/// in the direction of Q214.
 void Machine::bore(double surface, double bottom) {
   feed_to_depth(bottom, 206, 206);
   dwell(211);

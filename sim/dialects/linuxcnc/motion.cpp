@@ -27,20 +27,20 @@ Eigen::Vector2d Machine::polar_end(const Block& block, const Eigen::Vector2d& fr
   return {radius * std::cos(angle * units::deg), radius * std::sin(angle * units::deg)};
 }
 
-Target Machine::block_target(const Block& block, bool machine) const {
+Target Machine::block_target(const Block& block, bool in_machine_coordinates) const {
   Target target;
   for (int k = 0; k < 9; ++k) {
     const NcWord& word = block[axis_letters[std::size_t(k)]];
     if (!word) continue;
     const int j = joint(k);
     const double value = axis_word(k, word) * (canon_.is_linear(j) ? 1.0 : units::deg);
-    if (is_incremental_ && !machine)
+    if (is_incremental_ && !in_machine_coordinates)
       target.by(j, value, word);
     else
       target.to(j, value, word);
   }
   if (block.is_polar()) {
-    // Under compensation words count from the programmed position, not from the offset tool.
+    // Under compensation, words refer to the programmed position, not to that of the offset tool.
     const bool is_compensated = compensation_.is_on() || compensation_.is_leaving();
     const AxisVector p =
         canon_.without_offsets(is_compensated ? compensation_.programmed() : canon_.position());
@@ -52,16 +52,17 @@ Target Machine::block_target(const Block& block, bool machine) const {
   return target;
 }
 
-void Machine::straight(const Block& block, AxisVector end, std::uint32_t stated, bool machine) {
-  Straight move{std::move(end), motion_cause(block), machine, stated};
+void Machine::straight(const Block& block, AxisVector end, std::uint32_t stated_axes,
+                       bool in_machine_coordinates) {
+  Straight move{std::move(end), motion_cause(block), in_machine_coordinates, stated_axes};
   if (compensation_.is_on()) {
-    if (machine) throw_input_error(move.cause, "G40 before G53");
+    if (in_machine_coordinates) throw_input_error(move.cause, "G40 before G53");
     return compensation_.straight(std::move(move), motion_ == 0);
   }
   canon_.straight(std::move(move), motion_ == 0);
 }
 
-void Machine::arc(const Block& block, AxisVector end, std::uint32_t stated) {
+void Machine::arc(const Block& block, AxisVector end, std::uint32_t stated_axes) {
   const bool is_compensated = compensation_.is_on();
   ArcMove arc = program::arc_from_block(
       canon_, {.plane = plane_ / 10,
@@ -70,7 +71,7 @@ void Machine::arc(const Block& block, AxisVector end, std::uint32_t stated) {
                .from = is_compensated ? compensation_.programmed() : canon_.position(),
                .end = std::move(end),
                .cause = motion_cause(block),
-               .stated = stated,
+               .stated = stated_axes,
                .word = [&](char letter) -> std::optional<program::LengthValue> {
                  const NcWord& word = block[letter];
                  if (!word) return std::nullopt;
@@ -85,13 +86,13 @@ void Machine::arc(const Block& block, AxisVector end, std::uint32_t stated) {
   canon_.arc(std::move(arc));
 }
 
-/// Makes a line at a feed per revolution that does not depend on F.
+/// Executes a line at a feed per revolution that does not depend on F.
 void Machine::make_line_per_revolution(const NcWord& pitch, const Straight& move) {
   const FeedMode mode = canon_.feed_mode();
   const auto feed = canon_.feed();
   canon_.set_feed_mode(FeedMode::PerRevolution);
   canon_.set_feed(Feed{std::abs(pitch.value), unit()});
-  // F and its mode are restored on errors too, so that later blocks get the right time.
+  // F and its mode are also restored after an error, so that later blocks get the right time.
   const auto restore_feed = [&] {
     canon_.set_feed_mode(mode);
     canon_.set_feed(feed);
@@ -110,7 +111,7 @@ void Machine::make_synchronised_line(const Block& block, AxisVector end) {
   const NcWord& k = block['K'];
   if (!k || k.value == 0)
     throw_input_error(k ? Cause(k) : cause, "K (pitch) beside G33", k ? "0" : "none");
-  // K alone sets the pitch of both directions.
+  // K alone sets the pitch in both directions.
   if (block['I']) throw_input_error(block['I'], "no I beside G33.1: the way back is as fast");
   const AxisVector start = canon_.position();
   make_line_per_revolution(k, {.end = std::move(end), .cause = cause});
@@ -133,7 +134,7 @@ void Machine::move(const Block& block) {
     if (axis || block[Group::Motion]) execute_spline(block);
     return;
   }
-  // G76 is not modal, so it acts only in its own block.
+  // G76 is not modal, so it acts only in the block that contains it.
   if (motion_ == 760) {
     if (block[Group::Motion]) execute_thread(block);
     return;
@@ -142,14 +143,15 @@ void Machine::move(const Block& block) {
   if (motion_ == 730 || motion_ == 740 || (motion_ >= 810 && motion_ <= 890))
     return execute_cycle(block);
   const Cause cause = motion_cause(block);
-  const bool machine = block.tenths(Group::OneBlock) == 530;
-  if (machine) canon_.go_to(Coordinates::Axis, cause);
-  const Target target = block_target(block, machine);
+  const bool in_machine_coordinates = block.tenths(Group::OneBlock) == 530;
+  if (in_machine_coordinates) canon_.go_to(Coordinates::Axis, cause);
+  const Target target = block_target(block, in_machine_coordinates);
   const bool is_compensated = compensation_.is_on() || compensation_.is_leaving();
-  AxisVector end =
-      is_compensated && !machine ? compensation_.end_of(target) : canon_.end_of(target, machine);
-  // The first move after G40 leads from the offset position to the path; an arc between the two
-  // would have no centre.
+  AxisVector end = is_compensated && !in_machine_coordinates
+                       ? compensation_.end_of(target)
+                       : canon_.end_of(target, in_machine_coordinates);
+  // The first move after G40 leads from the offset position to the path; an arc between these
+  // points would have no centre.
   if (compensation_.is_leaving() && is_arc)
     throw_input_error(cause, "a line as the first move after G40");
   compensation_.clear_leaving();
@@ -158,8 +160,8 @@ void Machine::move(const Block& block) {
   else if (motion_ == 330 || motion_ == 331)
     make_synchronised_line(block, std::move(end));
   else
-    straight(block, std::move(end), target.stated(), machine);
-  if (machine && canon_.tip_mode()) canon_.go_to(Coordinates::Tip, cause);
+    straight(block, std::move(end), target.stated(), in_machine_coordinates);
+  if (in_machine_coordinates && canon_.tip_mode()) canon_.go_to(Coordinates::Tip, cause);
 }
 
 namespace {
@@ -168,7 +170,7 @@ constexpr double max_chord_error = 1e-4;  // mm, of a spline
 constexpr double max_chords = 1e6;        // of one spline
 // 65536 chords of one span.
 constexpr int max_halvings = 16;
-// Bounds the memory that G5.2 takes.
+// Bounds the memory that G5.2 blocks take.
 constexpr std::size_t max_poles = 10000;
 
 /// A rational B-spline with uniform knots, clamped at both ends.
@@ -182,15 +184,17 @@ struct Spline {
     const int degree = order - 1, n = int(poles.size());
     int span = degree;
     while (span < n - 1 && u >= knots[std::size_t(span + 1)]) ++span;
-    std::vector<Eigen::Vector3d> d(poles.begin() + span - degree, poles.begin() + span + 1);
+    std::vector<Eigen::Vector3d> control_points(poles.begin() + span - degree,
+                                                poles.begin() + span + 1);
     for (int r = 1; r <= degree; ++r)
       for (int j = degree; j >= r; --j) {
         const double low = knots[std::size_t(span - degree + j)];
         const double high = knots[std::size_t(span + 1 + j - r)];
         const double a = (u - low) / (high - low);
-        d[std::size_t(j)] = (1 - a) * d[std::size_t(j - 1)] + a * d[std::size_t(j)];
+        control_points[std::size_t(j)] =
+            (1 - a) * control_points[std::size_t(j - 1)] + a * control_points[std::size_t(j)];
       }
-    const Eigen::Vector3d& p = d[std::size_t(degree)];
+    const Eigen::Vector3d& p = control_points[std::size_t(degree)];
     return {p.x() / p.z(), p.y() / p.z()};
   }
 };
@@ -204,8 +208,8 @@ double distance_to_chord(const Vector2d& p, const Vector2d& a, const Vector2d& b
   return (p - a - t * chord).norm();
 }
 
-/// Appends the ends of chords of a section of the spline: the section is halved until its quarter
-/// points are within the chord error of its chord.
+/// Appends the ends of the chords of a section of the spline. The section is halved until its
+/// quarter points are within the chord error of its chord.
 void append_chords(const Spline& spline, double from, double to, int halvings,
                    std::vector<Vector2d>& points) {
   const Vector2d a = spline.at(from), b = spline.at(to);
@@ -213,10 +217,10 @@ void append_chords(const Spline& spline, double from, double to, int halvings,
   for (const double fraction : {0.25, 0.5, 0.75})
     deviation =
         std::max(deviation, distance_to_chord(spline.at(from + fraction * (to - from)), a, b));
-  // The caller reports too many chords.
+  // The caller reports an error if there are too many chords.
   const bool is_limit_reached = double(points.size()) > max_chords;
-  // At least two halvings, because a symmetric S has its quarter points near the chord. Half of the
-  // tolerance, because three samples may miss the largest deviation.
+  // At least two halvings, because the quarter points of a symmetric S lie near its chord. Half of
+  // the tolerance, because three points may miss the largest deviation.
   if ((halvings >= 2 && deviation <= 0.5 * max_chord_error) || halvings == max_halvings ||
       is_limit_reached) {
     points.push_back(b);
@@ -243,8 +247,8 @@ std::vector<Vector2d> bezier_points(const std::array<Vector2d, 4>& p) {
   return points;
 }
 
-// Returns the ends of the chords of a B-spline. Clamped knots make it begin and end at the first
-// and last pole.
+// Returns the ends of the chords of a B-spline. Clamped knots make it begin at the first pole and
+// end at the last.
 std::vector<Vector2d> nurbs_points(std::vector<Eigen::Vector3d> poles, int order) {
   Spline spline{std::move(poles), {}, order};
   const int n = int(spline.poles.size());
@@ -279,7 +283,7 @@ void Machine::execute_spline(const Block& block) {
     if (!block['I'] != !block['J'])
       throw_input_error(cause, "both I and J beside G5, or none", "one");
     if (!block['I'] && !spline_arm_) throw_input_error(cause, "I and J in the first G5", "none");
-    // Without I J the arm mirrors that of the previous G5, so that the tangent is continuous.
+    // Without I and J the arm mirrors that of the previous G5, so that the tangent is continuous.
     const Vector2d arm = block['I'] ? Vector2d(length('I'), length('J')) : Vector2d(-*spline_arm_);
     spline_arm_ = Vector2d(length('P'), length('Q'));
     points = bezier_points({start, start + arm, end + *spline_arm_, end});
@@ -308,7 +312,7 @@ void Machine::execute_spline(const Block& block) {
     std::vector<Eigen::Vector3d> poles;
     for (const Pole& pole : poles_)
       poles.emplace_back(pole.x * pole.weight, pole.y * pole.weight, pole.weight);
-    // A line leads to the first pole, where the curve begins.
+    // A straight line leads to the first pole, where the curve begins.
     points.emplace_back(poles_.front().x, poles_.front().y);
     for (const Vector2d& point : nurbs_points(std::move(poles), order_)) points.push_back(point);
     poles_.clear();
@@ -316,7 +320,7 @@ void Machine::execute_spline(const Block& block) {
   }
   if (double(points.size()) > max_chords)
     throw_input_error(cause, fmt::format("at most {:.0f} chords of a spline", max_chords), "more");
-  // The check comes first, so that too many moves take no memory.
+  // The number of moves is checked first, so that too many of them take no memory.
   run_.check_moves(double(points.size()), cause);
   for (const Vector2d& point : points) {
     position[x] = point.x();
@@ -326,9 +330,9 @@ void Machine::execute_spline(const Block& block) {
 }
 
 namespace {
-// mm (0.01 inch), above the last depth, to which the tool returns
+// mm (0.01 inch), height above the last depth to which the tool returns
 constexpr double peck_clearance = 0.254;
-// Bounds the moves of a hole whose Q is far below any chip thickness.
+// Bounds the number of moves in a hole whose Q is far below any chip thickness.
 constexpr double max_pecks = 1e5;
 }  // namespace
 
@@ -337,19 +341,18 @@ void Machine::move_to(const AxisVector& end, bool rapid) {
   canon_.straight({.end = canon_.placed(end), .cause = {1, {}}}, rapid);
 }
 
-/// Executes a canned cycle. If its first block had an error, the blocks behind it report none.
+/// Executes a canned cycle. If its first block has an error, later blocks of the cycle report none.
 void Machine::execute_cycle(const Block& block) {
   if (!cycle_.has_begun && !block[Group::Motion])
     run_.require_certain("cycle", motion_cause(block));
   run_.define("cycle", [&] { read_cycle_words(block); });
 }
 
-/// Reads the words of a cycle, and makes its holes. Words that a block does not state keep their
-/// values.
+/// Reads the words of a cycle and makes its holes. Words missing from a block keep their values.
 void Machine::read_cycle_words(const Block& block) {
   const Cause cause = motion_cause(block);
   if (compensation_.is_on()) throw_input_error(cause, "G40 before a canned cycle");
-  // Under inverse time each move would need an F of its own.
+  // Under inverse time each move would need a separate F.
   if (canon_.feed_mode() == FeedMode::InverseTime)
     throw_input_error(cause, "G94 or G95 beside a cycle");
   const int depth_axis = plane_ == 170 ? 2 : plane_ == 180 ? 1 : 0;
@@ -380,7 +383,7 @@ void Machine::read_cycle_words(const Block& block) {
       l && (l.value < 1 || l.value > 1e6 || l.value != std::floor(l.value)))
     throw_input_error(l, "whole repeats of 1 to 1e6 after L");
   const int direction = canon_.spindle_direction();
-  // LinuxCNC does not start the spindle, so it must turn in the direction of the tap already.
+  // LinuxCNC does not start the spindle, so it must already turn in the direction of the tap.
   if ((motion_ == 840 && direction != 1) || (motion_ == 740 && direction != -1))
     throw_input_error(cause, motion_ == 840 ? "M3 before G84" : "M4 before G74");
   if (motion_ == 860 && direction == 0) throw_input_error(cause, "a spindle that turns before G86");
@@ -392,7 +395,7 @@ void Machine::make_holes(const Block& block) {
   const int depth_axis = plane_ == 170 ? 2 : plane_ == 180 ? 1 : 0;
   const int depth_joint = joint(depth_axis);
   AxisVector position = canon_.programmed();
-  // G98 returns to the level at which the first of the cycles began.
+  // G98 returns to the level at which the first cycle began.
   if (!cycle_.initial) cycle_.initial = position[depth_joint];
   const double initial = *cycle_.initial;
   const double r = is_incremental_ ? cycle_.r + initial : cycle_.r;
@@ -401,7 +404,7 @@ void Machine::make_holes(const Block& block) {
     throw_input_error(block['R'] ? Cause(block['R']) : motion_cause(block),
                       "R above the bottom of the hole",
                       fmt::format("R at {} mm, the bottom at {} mm", r, bottom));
-  // Below R the tool first rises to R, before it moves sideways.
+  // A tool below R first rises to R before it moves sideways.
   if (initial < r) {
     position[depth_joint] = r;
     move_to(position, true);
@@ -461,7 +464,7 @@ void Machine::make_hole(const Hole& hole) {
   switch (motion_) {
     case 740:
     case 840:
-      // A tap reverses the spindle at the bottom and again outside.
+      // The spindle is reversed at the bottom and again outside the hole.
       canon_.turn_spindle(-direction);
       dwell();
       move_to_level(hole.clearance_level, false);
@@ -499,39 +502,39 @@ struct Thread {
 
 }  // namespace
 
-/// Makes the passes of a thread, in program coordinates of X and Z.
+/// Executes the passes of a thread, in program coordinates of X and Z.
 class ThreadPasses {
  public:
   ThreadPasses(Machine& machine, const Thread& thread)
       : machine_(machine),
         thread_(thread),
         position_(machine.canon_.programmed()),
-        x_(machine.joint(0)),
-        z_(machine.joint(2)),
-        x0_(position_[x_]),
-        z0_(position_[z_]) {}
+        x_joint_(machine.joint(0)),
+        z_joint_(machine.joint(2)),
+        x_start_(position_[x_joint_]),
+        z_start_(position_[z_joint_]) {}
 
   void cut() {
-    // Depths count from the drive line, the X of the start.
+    // Depths are measured from the drive line, the X of the start.
     const double peak_depth = std::abs(thread_.peak);
-    const double end = std::abs(thread_.height) + peak_depth;
+    const double full_depth = std::abs(thread_.height) + peak_depth;
     double depth = peak_depth + thread_.first_cut;
     // The depth of pass n is that of the first one times n^(1/R). With R = 1 all cuts have equal
     // depth, with R = 2 equal area.
-    for (int n = 1; depth < end;) {
+    for (int n = 1; depth < full_depth;) {
       machine_.run_.count_block();
-      make_pass(depth, end);
+      make_pass(depth, full_depth);
       depth = peak_depth + thread_.first_cut * std::pow(++n, 1.0 / thread_.degression);
     }
     // Spring passes repeat the full depth.
-    for (int n = 0; n <= thread_.spring_passes; ++n) make_pass(end, end);
-    move_to(x0_, thread_.z_end, true);
+    for (int n = 0; n <= thread_.spring_passes; ++n) make_pass(full_depth, full_depth);
+    move_to(x_start_, thread_.z_end, true);
   }
 
  private:
   void move_to(double x, double z, bool rapid) {
-    position_[x_] = x;
-    position_[z_] = z;
+    position_[x_joint_] = x;
+    position_[z_joint_] = z;
     machine_.move_to(position_, rapid);
   }
   void feed(double per_revolution, double x, double z) {
@@ -540,28 +543,28 @@ class ThreadPasses {
   }
   // The infeed follows the angle Q of the compound slide, so deeper passes begin further back along
   // Z.
-  void make_pass(double depth, double end) {
+  void make_pass(double depth, double full_depth) {
     const double side = thread_.peak > 0 ? 1.0 : -1.0;
     const double tangent = std::tan(thread_.slide_angle * units::deg);
     const double z_offset = (depth - std::abs(thread_.peak)) * tangent;
-    const double z_start = z0_ - z_offset,
+    const double z_pass_start = z_start_ - z_offset,
                  z_end = thread_.z_end + thread_.height * tangent - z_offset;
-    const double x_safe = x0_ - side * (end - depth), x_cut = x0_ + side * depth;
+    const double x_safe = x_start_ - side * (full_depth - depth), x_cut = x_start_ + side * depth;
     const double x_out = x_cut - side * thread_.height;
     // The sign of the taper follows the direction of the thread along Z.
-    const double taper = thread_.z_end > z0_ ? -thread_.taper : thread_.taper;
-    // Along the taper the pitch per Z stays the same: pitch times the length of the taper over its
-    // Z.
+    const double taper = thread_.z_end > z_start_ ? -thread_.taper : thread_.taper;
+    // The pitch along Z must stay constant on the taper, so the feed per revolution is the pitch
+    // times taper length / taper length along Z.
     const double taper_pitch =
         thread_.taper > 0
             ? thread_.pitch * std::hypot(thread_.taper, thread_.height) / thread_.taper
             : thread_.pitch;
-    move_to(x_safe, z_start, true);
+    move_to(x_safe, z_pass_start, true);
     if (thread_.has_entry_taper) {
-      feed(taper_pitch, x_out, z_start);
-      feed(taper_pitch, x_cut, z_start - taper);
+      feed(taper_pitch, x_out, z_pass_start);
+      feed(taper_pitch, x_cut, z_pass_start - taper);
     } else {
-      move_to(x_cut, z_start, true);
+      move_to(x_cut, z_pass_start, true);
     }
     feed(thread_.pitch, x_cut, thread_.has_exit_taper ? z_end + taper : z_end);
     if (thread_.has_exit_taper) feed(taper_pitch, x_out, z_end);
@@ -571,8 +574,8 @@ class ThreadPasses {
   Machine& machine_;
   const Thread& thread_;
   Machine::AxisVector position_;
-  int x_, z_;
-  double x0_, z0_;
+  int x_joint_, z_joint_;
+  double x_start_, z_start_;
 };
 
 void Machine::execute_thread(const Block& block) {
@@ -587,7 +590,7 @@ void Machine::execute_thread(const Block& block) {
       throw_input_error(block[letter], fmt::format("{} above zero", letter));
     return block[letter].value * unit();
   };
-  // Under G7 I J K are diameters.
+  // Under G7, I J K are diameters.
   const double factor = is_diameter_mode_ ? 0.5 : 1.0;
   Thread thread;
   thread.pitch = positive('P');

@@ -13,7 +13,7 @@ namespace abbe::sim::dialects::siemens {
 
 namespace {
 
-constexpr std::array<std::string_view, 27> flow_words = {
+constexpr std::array<std::string_view, 27> flow_keywords = {
     "IF",     "ELSE",  "ENDIF", "FOR",    "ENDFOR",  "WHILE",   "ENDWHILE", "LOOP", "ENDLOOP",
     "REPEAT", "UNTIL", "GOTO",  "GOTOF",  "GOTOB",   "GOTOC",   "GOTOS",    "CASE", "DEF",
     "PROC",   "RET",   "CALL",  "EXTERN", "REPEATB", "ENDPROC", "REDEF",    "SET",  "DEFINE"};
@@ -22,11 +22,11 @@ constexpr std::array<std::string_view, 27> flow_words = {
 struct KeywordPair {
   std::string_view begins, ends;
 };
-constexpr KeywordPair pairs[] = {{"IF", "ENDIF"},
-                                 {"FOR", "ENDFOR"},
-                                 {"WHILE", "ENDWHILE"},
-                                 {"LOOP", "ENDLOOP"},
-                                 {"REPEAT", "UNTIL"}};
+constexpr KeywordPair keyword_pairs[] = {{"IF", "ENDIF"},
+                                         {"FOR", "ENDFOR"},
+                                         {"WHILE", "ENDWHILE"},
+                                         {"LOOP", "ENDLOOP"},
+                                         {"REPEAT", "UNTIL"}};
 
 /// Returns true if the line contains GOTO or one of its variants.
 bool has_jump(std::string_view text) {
@@ -39,18 +39,18 @@ bool has_jump(std::string_view text) {
   return false;
 }
 
-/// Returns true for a keyword that begins a structure with an end: IF without a jump in its line,
-/// REPEAT without a label, and other loops.
+/// Returns true if a keyword begins a structure that has an end keyword: IF without a jump in its
+/// line, REPEAT without a label, and the other loops.
 bool begins_structure(const LineHead& head, std::string_view line) {
   if (head.keyword == "IF") return !has_jump(line.substr(head.end));
   if (head.keyword == "REPEAT")
     return line.find_first_not_of(" \t", head.end) == std::string_view::npos;
-  return std::any_of(std::begin(pairs), std::end(pairs),
+  return std::any_of(std::begin(keyword_pairs), std::end(keyword_pairs),
                      [&](const KeywordPair& pair) { return pair.begins == head.keyword; });
 }
 
-// Returns the counterparts of all structures. An end closes the innermost structure only if that is
-// of its kind.
+// Returns the counterparts of all structures. An end keyword closes the innermost open structure
+// only if it matches its beginning.
 std::unordered_map<std::size_t, Program::Counterpart> match_structures(const Program& program) {
   struct OpenStructure {
     std::size_t line = 0, else_line = 0;
@@ -59,23 +59,23 @@ std::unordered_map<std::size_t, Program::Counterpart> match_structures(const Pro
   };
   std::unordered_map<std::size_t, Program::Counterpart> counterparts;
   std::vector<OpenStructure> open;
-  for (std::size_t at = 0; at < program.lines.size(); ++at) {
-    const std::string_view line = split_comment(program.lines[at]).block;
+  for (std::size_t line_index = 0; line_index < program.lines.size(); ++line_index) {
+    const std::string_view line = split_comment(program.lines[line_index]).block;
     const LineHead head = parse_line_head(line);
     if (head.keyword.empty()) continue;
     if (begins_structure(head, line)) {
-      open.push_back({at, 0, head.keyword});
+      open.push_back({line_index, 0, head.keyword});
     } else if (head.keyword == "ELSE" && !open.empty() && open.back().keyword == "IF") {
-      open.back().else_line = at;
+      open.back().else_line = line_index;
       open.back().has_else = true;
     }
-    for (const KeywordPair& pair : pairs) {
+    for (const KeywordPair& pair : keyword_pairs) {
       if (pair.ends != head.keyword || open.empty() || open.back().keyword != pair.begins) continue;
       const OpenStructure structure = open.back();
       open.pop_back();
-      counterparts[structure.line] = {at, structure.else_line, structure.has_else};
-      counterparts[at] = {structure.line};
-      if (structure.has_else) counterparts[structure.else_line] = {at};
+      counterparts[structure.line] = {line_index, structure.else_line, structure.has_else};
+      counterparts[line_index] = {structure.line};
+      if (structure.has_else) counterparts[structure.else_line] = {line_index};
     }
   }
   return counterparts;
@@ -92,7 +92,7 @@ LineHead parse_line_head(std::string_view line) {
   const auto peek = [&](std::size_t n = 0) { return at + n < line.size() ? line[at + n] : '\0'; };
   skip();
   if (peek() == '/') {
-    // / without a number is level 0.
+    // A slash without a number is level 0.
     const bool has_level = is_digit(peek(1));
     head.skip_level = has_level ? peek(1) - '0' : 0;
     at += has_level ? 2 : 1;
@@ -120,7 +120,7 @@ LineHead parse_line_head(std::string_view line) {
     if (end - at < 2 || end - at > 8 || !is_letter(line[at + 1])) return head;
     std::string word;
     for (const char c : line.substr(at, end - at)) word += upper(c);
-    if (std::find(flow_words.begin(), flow_words.end(), word) != flow_words.end()) {
+    if (std::find(flow_keywords.begin(), flow_keywords.end(), word) != flow_keywords.end()) {
       head.keyword = std::move(word);
       head.end = end;
     }
@@ -140,13 +140,13 @@ Cursor Flow::cursor_of_line(std::size_t line) const {
 }
 
 void Flow::run() {
-  // The machine must know before the first block if M6 changes tools.
+  // The machine must know before the first block whether M6 changes tools.
   run_.try_block([&] { machine_.emplace(run_, uses_m6()); });
   if (!machine_) return;
   run_.run_startup_code([&](std::string_view code) { execute_block({code, run_.canon.place()}); });
   while (!has_ended_ && !run_.is_aborted()) {
     const Call& call = calls_.back();
-    // A repeated section ends at a line and not at a keyword.
+    // A repeated section ends at a line, not at a keyword.
     if (call.is_repeated_section && line_index_ == call.end) {
       run_.try_block([&] {
         run_.count_block();
@@ -164,7 +164,7 @@ void Flow::run() {
     }
     run_.canon.set_line(call.program->first_line + int(line_index_), call.program->file);
     const std::size_t line_before = line_index_, depth_before = calls_.size();
-    // After an error reading continues at the next line, unless the statement itself has moved on.
+    // After an error, execution continues at the next line unless the statement itself has jumped.
     if (!run_.try_block([&] { has_ended_ = !execute_line(); }) && line_index_ == line_before &&
         calls_.size() == depth_before)
       ++line_index_;
@@ -177,7 +177,7 @@ void Flow::run() {
 bool Flow::execute_line() {
   run_.count_block();
   const CommentSplit parts = split_comment(calls_.back().program->lines[line_index_]);
-  // A comment is recorded only once, not in every pass of a loop.
+  // A comment is recorded once, not in every pass of a loop.
   if (parts.comment && calls_.size() == 1 && line_index_ >= first_unrecorded_comment_) {
     run_.canon.comment(*parts.comment);
     first_unrecorded_comment_ = line_index_ + 1;
@@ -223,7 +223,7 @@ bool Flow::execute_block(Cursor cursor) {
   if (program_call && !machine_->execute_cycle(*program_call)) call_program(*program_call, count);
   // The modal subprogram does not call itself for its own moves.
   const bool is_inside_modal_call = modal_depth_ > 0 && calls_.size() >= modal_depth_;
-  // A block that calls something else does not trigger the modal call.
+  // A block with a call of its own does not trigger the modal call.
   if (result.has_moved && modal_call_ && !is_inside_modal_call && !program_call) {
     const ProgramCall modal_call = *modal_call_;
     if (machine_->execute_cycle(modal_call)) return true;
@@ -287,7 +287,7 @@ const Program::Counterpart& Flow::counterpart(const Cursor& cursor, std::size_t 
     // The message names the missing counterpart.
     const LineHead head = parse_line_head(cursor.text);
     std::string expected = "its beginning";
-    for (const KeywordPair& pair : pairs) {
+    for (const KeywordPair& pair : keyword_pairs) {
       if (pair.begins == head.keyword) expected = std::string(pair.ends) + " behind it";
       if (pair.ends == head.keyword) expected = std::string(pair.begins) + " before it";
     }
@@ -338,7 +338,7 @@ void Flow::execute_loop(const LineHead& head, Cursor& cursor) {
     Cursor for_cursor = cursor_of_line(other_end);
     for_cursor.at = parse_line_head(for_cursor.text).end;
     try {
-      // On an error the line of ENDFOR is the one that failed.
+      // An error is reported at the line of ENDFOR.
       execute_for(for_cursor, false);
     } catch (const BadInput&) {
       line_index_ = endfor_line;
@@ -362,7 +362,7 @@ void Flow::execute_loop(const LineHead& head, Cursor& cursor) {
 }
 
 /// Executes FOR count = first TO last. Sets the counter if the loop begins, else adds one to it.
-/// Then continues behind FOR, or behind ENDFOR if the counter is above the limit.
+/// Execution then continues after FOR, or after ENDFOR if the counter is above the limit.
 void Flow::execute_for(Cursor& cursor, bool first) {
   cursor.skip_blanks();
   const std::size_t from = cursor.at;
@@ -386,7 +386,8 @@ void Flow::execute_for(Cursor& cursor, bool first) {
   const auto count = parse_operand(counter);
   if (!count) cursor.throw_input_error(from, "a variable that is defined behind FOR");
   double value = *count;
-  // The counter may be any kind of variable, so a text assigns its value, with all digits.
+  // The counter may be any kind of variable, so it is assigned by executing a text with all its
+  // digits.
   if (!first) {
     value += 1.0;
     const std::string text =
@@ -417,10 +418,11 @@ std::size_t Flow::line_of(const std::string& label, const std::string& keyword,
   // Labels are collected once for each program. A label may occur several times.
   if (!program.labels) {
     program.labels.emplace();
-    for (std::size_t at = 0; at < program.lines.size(); ++at) {
-      const LineHead head = parse_line_head(split_comment(program.lines[at]).block);
-      if (!head.label.empty()) (*program.labels)[head.label].push_back(at);
-      if (!head.number.empty()) (*program.labels)["N" + std::string(head.number)].push_back(at);
+    for (std::size_t line_index = 0; line_index < program.lines.size(); ++line_index) {
+      const LineHead head = parse_line_head(split_comment(program.lines[line_index]).block);
+      if (!head.label.empty()) (*program.labels)[head.label].push_back(line_index);
+      if (!head.number.empty())
+        (*program.labels)["N" + std::string(head.number)].push_back(line_index);
     }
   }
   const auto entry = program.labels->find(label);
