@@ -10,6 +10,8 @@
 
 #include "errors/element.h"
 
+/// Tables of error motions in the format of volumetric compensation, and their conversion to
+/// elements.
 namespace abbe::errors {
 
 /// Error motions of one axis, sampled at common positions, as in a compensation table of a control.
@@ -35,7 +37,8 @@ inline constexpr std::size_t max_element_table_bytes = std::size_t(64) << 20;
 ElementTable read_element_table(std::string_view text, const std::string& file,
                                 std::size_t max_bytes = max_element_table_bytes);
 
-/// Reads such a table from a file. @throws BadInput also if the file is not a readable regular file
+/// Reads a table from a file, as `read_element_table`.
+/// @throws BadInput also if the file is not a readable regular file
 ElementTable read_element_table_file(const std::filesystem::path& file,
                                      std::size_t max_bytes = max_element_table_bytes);
 
@@ -45,16 +48,17 @@ ElementTable read_element_table_file(const std::filesystem::path& file,
 /// @throws std::invalid_argument if the shapes do not match
 std::string write_element_table(const ElementTable& table, char separator = ',');
 
-/// Options for using the columns of a table as elements.
+/// Options for the conversion of the columns of a table to elements.
 struct ElementTableUse {
   TableInterpolation between = TableInterpolation::Linear;
   TableExtrapolation outside = TableExtrapolation::Refuse;
   Argument argument = Argument::Command;  ///< quantity of the positions
-  bool negate = false;                    ///< true if the values count in the opposite direction
+  bool negate = false;                    ///< true if the values have the opposite sign
   std::string name;                       ///< name of every curve, for reports
 };
 
-/// Returns one element per column, each of one curve. @throws std::invalid_argument as make_table
+/// Returns one element per column, each with one curve.
+/// @throws std::invalid_argument as make_table
 std::vector<Element> to_elements(const ElementTable& table, const ElementTableUse& use = {});
 
 }  // namespace abbe::errors

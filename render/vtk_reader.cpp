@@ -21,6 +21,8 @@
 
 #include "kinematics/bad_input.h"
 
+// Reader of VTK XML files: their tags, and the points and tensors of an unstructured grid (.vtu).
+
 namespace abbe::render {
 
 VtkFile::VtkFile(const std::filesystem::path& path, const std::string& kind,
@@ -97,7 +99,7 @@ bool VtkTags::read_attribute(VtkTag& tag) {
   if (end == std::string_view::npos)
     source_.throw_error_at(tag.at, "attributes as name=\"value\"", shown(text_.substr(at_)));
   const std::string_view name = text_.substr(at_, equals - at_);
-  // Attributes are kept in a map, so invalid data must not add any number of them.
+  // Attributes are stored in a map; the limit bounds its size for invalid files.
   if (tag.attributes.size() > 100) source_.throw_error_at(tag.at, "at most 100 attributes", "more");
   if (!tag.attributes.emplace(name, text_.substr(equals + 2, end - equals - 2)).second)
     source_.throw_error_at(tag.at, "every attribute once", shown(name));
@@ -128,7 +130,7 @@ std::string shown(std::string_view text) {
 
 namespace {
 
-// The decoders are those of VTK; they are called only with bytes that are present.
+// VTK decodes base64 and compressed data; its decoders are called only after the sizes are checked.
 
 static_assert(std::endian::native == std::endian::little);
 
@@ -177,7 +179,7 @@ void read_appended(const VtkFile& source, const VtkTag& tag, FileLayout& layout)
   const std::size_t start = tag.inner.find_first_not_of(xml_blank);
   if (start == std::string_view::npos || tag.inner[start] != '_')
     source.throw_error_at(tag.at, "an underscore before the appended data", shown(tag.inner));
-  // Raw data may contain any byte, so their end is not searched for.
+  // Raw data may contain any byte, so a search for their end tag would be unreliable.
   layout.appended =
       source.text().substr(std::size_t(tag.inner.data() - source.text().data()) + start + 1);
 }
@@ -188,13 +190,13 @@ FileLayout read_layout(const VtkFile& source, const std::string& array) {
   std::string_view section;
   std::string other_names;
   bool has_file_tag = false;
-  int pieces = 0;
+  int piece_count = 0;
   while (const std::optional<VtkTag> tag = tags.next()) {
     if (tag->name == "VTKFile") {
       has_file_tag = true;
       read_file_tag(source, *tag, layout);
     } else if (tag->name == "Piece") {
-      if (++pieces > 1) source.throw_error_at(tag->at, "a grid in one piece", "another Piece");
+      if (++piece_count > 1) source.throw_error_at(tag->at, "a grid in one piece", "another Piece");
       layout.nodes = whole_number(source, *tag, "NumberOfPoints");
     } else if (tag->name == "DataArray") {
       const std::string_view name = attribute(*tag, "Name", "");
@@ -212,7 +214,7 @@ FileLayout read_layout(const VtkFile& source, const std::string& array) {
     }
   }
   if (!has_file_tag) source.throw_file_error("a VTK XML file", "no VTKFile tag");
-  if (pieces == 0 || layout.nodes == 0) source.throw_file_error("a grid with points", "none");
+  if (piece_count == 0 || layout.nodes == 0) source.throw_file_error("a grid with points", "none");
   if (!layout.points) source.throw_file_error("an array of Points", "none");
   if (!layout.tensors)
     source.throw_file_error("a point array \"" + array + "\"",
@@ -293,7 +295,7 @@ std::string read_plain(const VtkFile& source, const VtkTag& tag, const FileLayou
   return stream.take(width + bytes).substr(width);
 }
 
-/// Uncompresses a block. Returns true if it gives exactly `bytes` bytes.
+/// Decompresses a block. Returns true if the result has exactly `bytes` bytes.
 bool uncompress_block(FileLayout::Packing packing, const std::string& block, char* target,
                       std::size_t bytes) {
   // With an observer, VTK does not print messages about invalid data.
@@ -308,8 +310,8 @@ bool uncompress_block(FileLayout::Packing packing, const std::string& block, cha
   return uncompress(*vtkNew<vtkLZ4DataCompressor>()) == bytes;
 }
 
-/// Reads compressed data. In front of the blocks are their number, the size of a full block, that
-/// of the last one (0 if it is full), and the compressed size of each.
+/// Reads compressed data. The blocks are preceded by their number, the size of a full block, the
+/// size of the last block (0 if it is full), and the compressed size of each.
 std::string read_compressed(const VtkFile& source, const VtkTag& tag, const FileLayout& layout,
                             std::size_t bytes) {
   ByteStream stream(source, tag, layout);
@@ -317,32 +319,32 @@ std::string read_compressed(const VtkFile& source, const VtkTag& tag, const File
   const auto throw_number_error = [&](const std::string& expected, std::uint64_t seen) {
     source.throw_error_at(tag.at, expected, fmt::format("{}", seen));
   };
-  const std::uint64_t blocks = header_number(stream.peek(width), 0, width);
-  if (blocks == 0 || blocks > bytes)
-    throw_number_error("a number of blocks that the data can have", blocks);
-  const std::string header = stream.take((3 + blocks) * width);
+  const std::uint64_t block_count = header_number(stream.peek(width), 0, width);
+  if (block_count == 0 || block_count > bytes)
+    throw_number_error("a number of blocks that the data can have", block_count);
+  const std::string header = stream.take((3 + block_count) * width);
   const std::uint64_t full_size = header_number(header, 1, width);
   const std::uint64_t partial_size = header_number(header, 2, width);
-  if (full_size == 0 || (blocks > 1 && full_size > bytes) || partial_size > full_size)
+  if (full_size == 0 || (block_count > 1 && full_size > bytes) || partial_size > full_size)
     throw_number_error("a size of blocks that the data has", full_size);
   const std::uint64_t stated_size =
-      (blocks - 1) * full_size + (partial_size > 0 ? partial_size : full_size);
+      (block_count - 1) * full_size + (partial_size > 0 ? partial_size : full_size);
   if (stated_size != bytes) throw_number_error(fmt::format("{} bytes of data", bytes), stated_size);
   std::uint64_t compressed_bytes = 0;
-  for (std::size_t i = 0; i < blocks; ++i) {
+  for (std::size_t i = 0; i < block_count; ++i) {
     const std::uint64_t size = header_number(header, 3 + i, width);
-    // Each size is checked before the sum, which could overflow otherwise.
+    // Each size is checked before it is added, so that the sum cannot overflow.
     if (size > source.text().size())
       throw_number_error("packed data that the file has room for", size);
     compressed_bytes += size;
   }
-  // No memory is allocated for more data than the best compression could give.
+  // Check the claimed size against the best possible compression ratio before allocating memory.
   if (bytes / max_compression_ratio > compressed_bytes)
     throw_number_error("packed data of a likely size", compressed_bytes);
   const std::string data = stream.take(compressed_bytes);
   std::string result(bytes, '\0');
   std::size_t source_offset = 0;
-  for (std::size_t i = 0; i < blocks; ++i) {
+  for (std::size_t i = 0; i < block_count; ++i) {
     const std::size_t size = header_number(header, 3 + i, width);
     const std::size_t target_offset = i * full_size;
     if (!uncompress_block(layout.packing, data.substr(source_offset, size),
@@ -381,14 +383,14 @@ std::vector<double> bytes_to_numbers(const std::string& bytes) {
   return {values.begin(), values.end()};
 }
 
-/// Reads all numbers of an array, `components` at each node.
+/// Reads all numbers of an array, `components` per node.
 std::vector<double> read_numbers(const VtkFile& source, const VtkTag& tag, const FileLayout& layout,
                                  std::size_t components) {
   const std::string_view type = attribute(tag, "type", "");
   if (type != "Float32" && type != "Float64")
     source.throw_error_at(tag.at, "numbers of type Float32 or Float64", shown(type));
-  // Every node takes at least one compressed byte. This also keeps the products below from
-  // overflowing.
+  // The most compressible data need at least one byte for max_compression_ratio nodes. The limit
+  // also keeps the products below from overflowing.
   if (layout.nodes > source.text().size() * max_compression_ratio)
     source.throw_error_at(tag.at, "as many points as the file has room for",
                           fmt::format("{}", layout.nodes));

@@ -16,6 +16,9 @@
 #include "cutting/part/compensated_sum.h"
 #include "kinematics/decompositions.h"
 
+// Best-fit alignment of a residual map to its design, and form deviations (flatness, roundness,
+// ...) after ISO 1101.
+
 namespace abbe::cutting {
 
 namespace {
@@ -23,7 +26,7 @@ namespace {
 using Eigen::Vector3d;
 using DisplacementRow = kinematics::Deviation;
 
-/// A cut vertex or the sample within a triangle.
+/// A cut vertex, or the sample within a triangle.
 struct CutPoint {
   Vector3d point, normal;
   double residual;
@@ -92,8 +95,8 @@ DisplacementScale displacement_scale(const std::vector<CutPoint>& points) {
   return scale;
 }
 
-/// Returns the displacement along a normal per unit of each component, with angles multiplied by
-/// `scale.length`.
+/// Returns the row of the design matrix of a point: the displacement along its normal per unit of
+/// each component. Rotations are expressed in mm, as angle times `scale.length`.
 DisplacementRow displacement_row(const Vector3d& point, const Vector3d& normal,
                                  const DisplacementScale& scale) {
   DisplacementRow row;
@@ -132,8 +135,8 @@ NormalEquations normal_equations(const std::vector<CutPoint>& points,
 }
 
 /// Returns the names of the undetermined components. The basis of the null space is brought to
-/// echelon form, so that each vector has as few components as possible; its name consists of those
-/// above a hundredth.
+/// echelon form, so that each vector has as few components as possible. The name of a vector lists
+/// its components above a hundredth of its pivot.
 std::vector<std::string> component_names(Eigen::MatrixXd basis) {
   static constexpr std::array component = {"EX", "EY", "EZ", "EA", "EB", "EC"};
   std::vector<std::string> result;
@@ -184,19 +187,20 @@ AlignmentResult aligned(const Surface& surface, const Design& design,
   }
   result.rank = size - omitted_count;
   result.undetermined = component_names(eigen.vectors.leftCols(omitted_count));
-  DisplacementRow scaled = DisplacementRow::Zero();
-  scaled.head(size) = solution;
+  DisplacementRow scaled_displacement = DisplacementRow::Zero();
+  scaled_displacement.head(size) = solution;
   for (Eigen::Index v = 0; v < surface.residual.size(); ++v)
     if (surface.status[std::size_t(v)] == VertexStatus::Cut)
       result.surface.residual[v] -=
-          displacement_row(design.vertices.row(v), design.normals.row(v), scale).dot(scaled);
+          displacement_row(design.vertices.row(v), design.normals.row(v), scale)
+              .dot(scaled_displacement);
   for (Eigen::Index t = 0; t < surface.within.size(); ++t)
     result.surface.within[t] -=
         displacement_row(
             value_at_sample(surface.interior_sample, design.vertices, design.triangles, t),
             value_at_sample(surface.interior_sample, design.normals, design.triangles, t), scale)
-            .dot(scaled);
-  result.displacement = scaled;
+            .dot(scaled_displacement);
+  result.displacement = scaled_displacement;
   result.displacement.tail<3>() /= scale.length;
   return result;
 }
@@ -206,31 +210,33 @@ namespace {
 std::vector<Eigen::Index> cut_vertices(const Design& design, const Surface& surface) {
   if (!have_equal_sizes(surface, design))
     throw std::invalid_argument("form: the map and the design have different sizes");
-  std::vector<Eigen::Index> cut;
+  std::vector<Eigen::Index> cut_indices;
   for (std::size_t i = 0; i < surface.status.size(); ++i)
-    if (surface.status[i] == VertexStatus::Cut) cut.push_back(static_cast<Eigen::Index>(i));
-  return cut;
+    if (surface.status[i] == VertexStatus::Cut) cut_indices.push_back(static_cast<Eigen::Index>(i));
+  return cut_indices;
 }
 
-/// Returns the residual at the cut vertices after removal of displacement and size; empty if they
-/// do not suffice. An orthogonal decomposition is used, because on a shallow cap size and height
-/// differ only by the square of the slope, which normal equations would square again.
+/// Returns the residuals at the cut vertices after a best fit of position, orientation and size;
+/// empty if there are too few vertices. On a shallow cap, size and height are almost
+/// indistinguishable (they differ by the square of the slope). Normal equations would square the
+/// condition number, so an orthogonal decomposition is used.
 std::optional<Eigen::VectorXd> form_residual(const Design& design, const Surface& surface,
-                                             const std::vector<Eigen::Index>& cut) {
-  const auto count = static_cast<Eigen::Index>(cut.size());
+                                             const std::vector<Eigen::Index>& cut_indices) {
+  const auto count = static_cast<Eigen::Index>(cut_indices.size());
   // Seven unknowns need at least eight equations.
   if (count < 8) return std::nullopt;
   Vector3d centroid = Vector3d::Zero();
-  for (const Eigen::Index v : cut) centroid += design.vertices.row(v).transpose() / double(count);
+  for (const Eigen::Index v : cut_indices)
+    centroid += design.vertices.row(v).transpose() / double(count);
   double max_radius = 0.0;
-  for (const Eigen::Index v : cut)
+  for (const Eigen::Index v : cut_indices)
     max_radius = std::max(max_radius, (design.vertices.row(v).transpose() - centroid).norm());
   if (!(max_radius > 0.0)) return std::nullopt;
 
   Eigen::MatrixXd A(count, 7);
   Eigen::VectorXd r(count), weight(count);
   for (Eigen::Index i = 0; i < count; ++i) {
-    const Eigen::Index v = cut[static_cast<std::size_t>(i)];
+    const Eigen::Index v = cut_indices[static_cast<std::size_t>(i)];
     const Vector3d normal = design.normals.row(v);
     const Vector3d arm = (design.vertices.row(v).transpose() - centroid) / max_radius;
     A.row(i) << normal.transpose(), arm.cross(normal).transpose(), 1.0;
@@ -313,29 +319,31 @@ std::optional<double> minimum_zone(const std::vector<Vector3d>& points) {
     const double tilt = std::sqrt(1.0 + (*zone)[1] * (*zone)[1] + (*zone)[2] * (*zone)[2]);
     width = width ? std::min(*width, extent / tilt) : extent / tilt;
     if (extent <= 2.0 * (*zone)[3] + 1e-12) break;
-    std::vector<Vector3d> active;
+    std::vector<Vector3d> active_points;
     for (const Vector3d& p : support_points)
-      if (std::abs(height(p, *zone)) > (*zone)[3] - 1e-9 * (1.0 + (*zone)[3])) active.push_back(p);
+      if (std::abs(height(p, *zone)) > (*zone)[3] - 1e-9 * (1.0 + (*zone)[3]))
+        active_points.push_back(p);
     // At most 8 points, hence at most 1820 systems of four equations per iteration.
-    if (active.size() > 6) active.resize(6);
-    add_distinct(active, *low);
-    add_distinct(active, *high);
-    support_points = std::move(active);
+    if (active_points.size() > 6) active_points.resize(6);
+    add_distinct(active_points, *low);
+    add_distinct(active_points, *high);
+    support_points = std::move(active_points);
   }
   return width;
 }
 
 /// Returns the deviations of the cut vertices over a plane, with x and y scaled to at most one.
-std::vector<Vector3d> points_over_plane(const Design& design, const std::vector<Eigen::Index>& cut,
+std::vector<Vector3d> points_over_plane(const Design& design,
+                                        const std::vector<Eigen::Index>& cut_indices,
                                         const Eigen::VectorXd& residual) {
   double max_coordinate = 1e-300;
-  for (const Eigen::Index v : cut)
+  for (const Eigen::Index v : cut_indices)
     max_coordinate =
         std::max(max_coordinate, design.vertices.row(v).head<2>().cwiseAbs().maxCoeff());
   std::vector<Vector3d> points;
-  for (std::size_t i = 0; i < cut.size(); ++i)
-    points.emplace_back(design.vertices(cut[i], 0) / max_coordinate,
-                        design.vertices(cut[i], 1) / max_coordinate,
+  for (std::size_t i = 0; i < cut_indices.size(); ++i)
+    points.emplace_back(design.vertices(cut_indices[i], 0) / max_coordinate,
+                        design.vertices(cut_indices[i], 1) / max_coordinate,
                         residual[static_cast<Eigen::Index>(i)]);
   return points;
 }
@@ -344,21 +352,21 @@ std::vector<Vector3d> points_over_plane(const Design& design, const std::vector<
 
 /// Returns the roundness of the ring of vertices nearest to a height; empty if it has fewer than 6.
 std::optional<double> roundness(const Design& design, const Surface& surface,
-                                const std::vector<Eigen::Index>& cut, double z_middle) {
+                                const std::vector<Eigen::Index>& cut_indices, double z_middle) {
   double min_distance = std::numeric_limits<double>::infinity(), z_ring = 0.0;
-  for (const Eigen::Index v : cut) {
+  for (const Eigen::Index v : cut_indices) {
     const double z = design.vertices(v, 2);
     if (std::abs(z - z_middle) >= min_distance) continue;
     min_distance = std::abs(z - z_middle);
     z_ring = z;
   }
   std::vector<Eigen::Vector2d> ring;
-  for (const Eigen::Index v : cut) {
+  for (const Eigen::Index v : cut_indices) {
     if (std::abs(design.vertices(v, 2) - z_ring) > 1e-9) continue;
     const Eigen::Vector2d p = design.vertices.row(v).head<2>();
     const Eigen::Vector2d n = design.normals.row(v).head<2>();
-    // A displacement r along the normal is, at constant height, a displacement across the axis of r
-    // divided by the radial component of the normal.
+    // At constant height, a residual r along the normal moves the surface radially by r / (radial
+    // component of the normal).
     ring.push_back(p + n / n.squaredNorm() * surface.residual[v]);
   }
   if (ring.size() < 6) return std::nullopt;
@@ -367,11 +375,11 @@ std::optional<double> roundness(const Design& design, const Surface& surface,
   return fit_circle(points).roundness;
 }
 
-/// The form numbers of a primitive.
+/// The form figures that a primitive has.
 struct FormDescription {
-  std::string name;                   ///< of the `_lsq` number
+  std::string name;                   ///< of the least-squares figure
   bool is_flat = false;               ///< it has a minimum zone
-  std::optional<double> ring_height;  ///< of the ring for roundness
+  std::optional<double> ring_height;  ///< z at which roundness is evaluated
 };
 
 FormDescription form_description(const Primitive& primitive) {
@@ -401,16 +409,16 @@ FormDescription form_description(const Primitive& primitive) {
 
 std::vector<FormNumber> form(const Primitive& primitive, const Design& design_m,
                              const Surface& surface) {
-  const std::vector<Eigen::Index> cut = cut_vertices(design_m, surface);
-  const auto residual = form_residual(design_m, surface, cut);
+  const std::vector<Eigen::Index> cut_indices = cut_vertices(design_m, surface);
+  const auto residual = form_residual(design_m, surface, cut_indices);
   if (!residual) return {};
   const FormDescription description = form_description(primitive);
   std::vector<FormNumber> numbers{{description.name, peak_to_valley(*residual)}};
   if (description.is_flat)
-    if (const auto zone = minimum_zone(points_over_plane(design_m, cut, *residual)))
+    if (const auto zone = minimum_zone(points_over_plane(design_m, cut_indices, *residual)))
       numbers.push_back({"flatness_minimum_zone", *zone});
   if (description.ring_height)
-    if (const auto value = roundness(design_m, surface, cut, *description.ring_height))
+    if (const auto value = roundness(design_m, surface, cut_indices, *description.ring_height))
       numbers.push_back({"roundness_lsc", *value});
   return numbers;
 }
@@ -423,7 +431,7 @@ Circle fit_circle(const Eigen::Matrix<double, Eigen::Dynamic, 2>& points) {
   const Eigen::Matrix<double, Eigen::Dynamic, 2> centred = points.rowwise() - centroid;
   const double scale = centred.rowwise().norm().maxCoeff();
 
-  // The start is the best circle in terms of squared distances, a linear problem.
+  // The start is the circle of least algebraic (squared) distances, which is a linear problem.
   Eigen::MatrixXd A(count, 3);
   A << centred / scale, Eigen::VectorXd::Ones(count);
   const Eigen::VectorXd right_side = centred.rowwise().squaredNorm() / scale;

@@ -60,10 +60,10 @@ struct SurfaceOptions {
                                                    ///< design itself
 };
 
-/// The removal below the band at a vertex that is Gouged.
+/// Material removed below the band at a gouged vertex.
 struct Gouge {
   int vertex = 0;
-  double depth = 0.0;  ///< mm below the design, along the normal: the deepest point removed
+  double depth = 0.0;  ///< mm below the design, along the normal, of the deepest point removed
   bool deeper =
       false;  ///< true if the search ended at `depth` while the material was still removed
 };
@@ -95,8 +95,10 @@ struct Surface {
 /// The result is the minimum over all moves, and the earliest of equal ones, so it does not depend
 /// on the number of threads or the order of the vertices.
 /// A vertex is Gouged if its ray is removed at -band or, if nothing is removed within the band,
-/// anywhere below it down to `gouge_bands` bands. Exception: if the deepest point removed below an
-/// intact skin is nearer by a tenth to another point of the part, it belongs to the gouge there.
+/// anywhere below it down to `gouge_bands` bands.
+/// Exception: removal below an intact skin is not counted here if its deepest point is at least 10
+/// % closer to another point of the part; it is then a gouge at that point.
+///
 /// A ray extends at most half way through the part, i.e. to half the distance from the vertex to
 /// the triangle through which the ray leaves; if that point is nearer than -band, the ray starts
 /// there.
@@ -104,13 +106,15 @@ struct Surface {
 /// Bound: the residual is within 1e-7 mm (0.1 nm) of the sweep of the motion as given, for parts of
 /// up to 1 m.
 ///
-/// A move whose axis turns is searched in parts of at most 0.05 rad. If one such part touches a ray
-/// several times separately, no deeper than (R + flank length) 0.05^2 / 2, only one touch is
-/// certain to be found.
+/// A move that rotates the tool axis is searched in parts of at most 0.05 rad. Within one part,
+/// separate contacts with the same ray that are shallower than (R + flank length) 0.05^2 / 2 may be
+/// missed, except for one.
 ///
 /// Memory is linear: about 75 bytes per move and convex part of the cutter, and 40 per vertex in
-/// addition to arguments and result. A single sample is a pose that cuts. If `judged` is empty, all
-/// vertices are judged.
+/// addition to arguments and result.
+///
+/// If `design_w.judged` is empty, all vertices are judged. A motion of a single sample is a pose
+/// that cuts.
 /// @throws std::invalid_argument if an array has the wrong size, a number is not finite, a
 ///         direction is not unit to 1e-9, time goes back, or the axis turns by half a turn between
 ///         two samples
@@ -134,8 +138,8 @@ std::function<Surface(const Design& design_w)> turned_search(const Nose& nose,
                                                              const NoseMotion& motion,
                                                              const SurfaceOptions& options = {});
 
-/// A pass of the tool that makes, or nearly makes, the surface at a vertex, and the change of its
-/// distance along the normal with a small displacement of the tool. For a displacement d (mm,
+/// A pass of the tool that cuts, or nearly cuts, the surface at a vertex, and how its distance
+/// along the normal changes with a small displacement of the tool. For a displacement d (mm,
 /// workpiece frame) of the tool at the contact, which is vertex + distance normal, the distance
 /// becomes
 ///   distance + gradient . d + curvature / 2 (across . d)^2.
@@ -147,11 +151,13 @@ std::function<Surface(const Design& design_w)> turned_search(const Nose& nose,
 ///               (p + the radial component of the normal)
 ///   + theta D / 2  theta (rad): turn of the path from one move to the next
 ///   + 1e-7 + 2e-6 D + 4e-4 D^2  rounding where the axis turns, else 1e-7 + 1e-7 D + 2e-5 D^2
-/// Ball R 5 at pitch 0.4: for 50 um 0.1 nm on a plane and 38 nm on a dome of 100 with moves of 0.1
-/// mm (25 of them from theta), for 10 um 5 nm; nose R 0.249 on a face at 20 um feed: 165 nm for 50
-/// um, 1.3 nm for 10 um.
+///
+/// Examples. Ball R 5 mm, pitch 0.4 mm: on a plane 0.1 nm for a displacement of 50 um; on a dome of
+/// R 100 mm with moves of 0.1 mm 38 nm for 50 um (25 nm of it from theta) and 5 nm for 10 um. Nose
+/// R 0.249 mm, facing at 20 um feed: 165 nm for 50 um, 1.3 nm for 10 um.
+///
 /// No bound holds within max(D, h) of an edge of the pass (its ends, a sharp rim of the cutter),
-/// where the flatter side of the pass describes it, without curvature. Where the tool stands or
+/// where only the flatter side of the pass is modelled, without curvature. Where the tool stands or
 /// reverses, the curvature in the other direction, D^2 / 2R, is neglected.
 struct CompetingPass {
   int vertex = 0;
@@ -167,9 +173,9 @@ struct CompetingPass {
 };
 
 struct CompetingPassOptions {
-  double reach = 0.05;  ///< mm, passes this much farther than the nearest are included
-  int max_passes = 6;   ///< maximum number of passes per vertex, nearest first; sufficient up to a
-                        ///< displacement of (most - 1) / 2 pitches
+  double reach = 0.05;    ///< mm, passes this much farther than the nearest are included
+  int max_passes = 6;     ///< maximum number of passes per vertex, nearest first; suffices for
+                          ///< displacements up to (max_passes - 1) / 2 pitches
   double stencil = 0.01;  ///< mm, step of the differences that give gradient and curvature
   double band = 2.0;      ///< mm, as for the surface
   std::function<void(double)> progress = {};  ///< called with the finished fraction, from any

@@ -24,8 +24,9 @@ using Eigen::MatrixXd;
 using Eigen::VectorXd;
 using metrology::Readings;
 
-/// Groups of unknowns in the order in which they are left out where columns depend on each other.
-enum Preference { ConstantOfMotion, SlopeOfStraightness, OtherNumber, Location, SetUpUnknown };
+/// Groups of unknowns. If columns depend on each other, unknowns are left out in this order of
+/// their groups.
+enum Preference { ConstantOfMotion, SlopeOfStraightness, OtherCoefficient, Location, SetUpUnknown };
 
 bool is_straightness(const ElementName& name, const kinematics::Chain& chain) {
   const kinematics::Joint& joint =
@@ -37,8 +38,8 @@ bool is_straightness(const ElementName& name, const kinematics::Chain& chain) {
 }
 
 /// Returns the group of a coefficient.
-Preference number_preference(const Coefficient& coefficient, const GeometricErrors& model,
-                             const kinematics::Chain& chain) {
+Preference coefficient_preference(const Coefficient& coefficient, const GeometricErrors& model,
+                                  const kinematics::Chain& chain) {
   const Element& element = model.elements[std::size_t(coefficient.element)];
   if (element.name.location) return Location;
   const Shape& shape = element.curves[std::size_t(coefficient.curve)].shape;
@@ -48,14 +49,14 @@ Preference number_preference(const Coefficient& coefficient, const GeometricErro
     return ConstantOfMotion;
   if (is_series && coefficient.number == 1 && is_straightness(element.name, chain))
     return SlopeOfStraightness;
-  return OtherNumber;
+  return OtherCoefficient;
 }
 
 std::vector<int> preferences(const GeometricErrors& model, const Design& design,
                              const kinematics::Chain& chain) {
   std::vector<int> result(std::size_t(design.unknowns.size()), SetUpUnknown);
   for (std::size_t j = 0; j < design.unknowns.coefficients.size(); ++j)
-    result[j] = number_preference(design.unknowns.coefficients[j], model, chain);
+    result[j] = coefficient_preference(design.unknowns.coefficients[j], model, chain);
   return result;
 }
 
@@ -74,7 +75,7 @@ void check(const EstimateOptions& options) {
 /// Inputs of the fits. They stay the same while readings are left out and values change.
 struct Problem {
   const GeometricErrors& model;
-  std::span<const Readings> readings;
+  std::span<const Readings> reading_sets;
   const EstimateOptions& options;
   Design design;
   std::vector<int> preference;
@@ -83,16 +84,16 @@ struct Problem {
   VectorXd first_guess;  ///< start of the iteration
 };
 
-std::vector<Index> used_rows(const std::vector<char>& is_out) {
+std::vector<Index> used_rows(const std::vector<char>& is_excluded) {
   std::vector<Index> rows;
-  for (std::size_t i = 0; i < is_out.size(); ++i)
-    if (!is_out[i]) rows.push_back(Index(i));
+  for (std::size_t i = 0; i < is_excluded.size(); ++i)
+    if (!is_excluded[i]) rows.push_back(Index(i));
   return rows;
 }
 
-/// Returns the factor of the design matrix without the rows left out, with the prior.
-Factor reduced_factor(const Problem& problem, const std::vector<char>& is_out) {
-  const std::vector<Index> rows = used_rows(is_out);
+/// Returns the factor of the design matrix with the prior and without the excluded rows.
+Factor reduced_factor(const Problem& problem, const std::vector<char>& is_excluded) {
+  const std::vector<Index> rows = used_rows(is_excluded);
   const Design& design = problem.design;
   MatrixXd A(Index(rows.size()) + design.prior.rows(), design.unknowns.size());
   A << design.A(rows, Eigen::all), design.prior;
@@ -101,7 +102,7 @@ Factor reduced_factor(const Problem& problem, const std::vector<char>& is_out) {
 
 /// Returns reading minus model in standard deviations, for every measurement (m).
 VectorXd misfit(const Problem& problem, const VectorXd& x) {
-  const VectorXd model = predicted_readings(problem.model, problem.readings, problem.design, x);
+  const VectorXd model = predicted_readings(problem.model, problem.reading_sets, problem.design, x);
   return (problem.observed - model).cwiseQuotient(problem.design.sigma);
 }
 
@@ -131,9 +132,9 @@ constexpr double max_plausible_step = 1e3;  // mm or rad: a larger step is that 
 /// Fits all readings but those left out, by chord iteration: the factor at zero deviations is used
 /// throughout. Its relative error is the size of the deviations, about 1e-4, and every step reduces
 /// the error by that factor.
-Fit fit_readings(const Problem& problem, const std::vector<char>& is_out) {
-  Fit fit{reduced_factor(problem, is_out), problem.first_guess, {}, 0, false};
-  const std::vector<Index> rows = used_rows(is_out);
+Fit fit_readings(const Problem& problem, const std::vector<char>& is_excluded) {
+  Fit fit{reduced_factor(problem, is_excluded), problem.first_guess, {}, 0, false};
+  const std::vector<Index> rows = used_rows(is_excluded);
   const VectorXd deviation = covariance(fit.factor).diagonal().cwiseSqrt();
   fit.misfit = misfit(problem, fit.x);
   VectorXd previous_step;
@@ -168,7 +169,7 @@ std::optional<Index> weakest_coefficient(const Problem& problem, const Solution&
   double max_ratio = 1.0;
   for (std::size_t i = 0; i < solution.determined.size(); ++i) {
     const auto column = std::size_t(solution.determined[i]);
-    if (column >= problem.design.unknowns.coefficients.size()) continue;  // of a set-up
+    if (column >= problem.design.unknowns.coefficients.size()) continue;  // unknown of a set-up
     const double deviation = std::sqrt(covariance(Index(i), Index(i)));
     const double change = solution.x[Index(column)] - problem.start[Index(column)];
     // The limit is relative to the element, not to the coefficient: a curve may need high orders,
@@ -183,8 +184,29 @@ std::optional<Index> weakest_coefficient(const Problem& problem, const Solution&
   return worst_index;
 }
 
-/// Sets a coefficient back to its start. The correlated coefficients move with it, and take its
-/// place in the lists of coefficients that hide those left out before.
+/// Wherever `entry.name` hides another coefficient by an amount a, each of its own hiding
+/// coefficients takes over a times its amount.
+void replace_hiding_coefficient(const ConfoundedCoefficient& entry,
+                                std::vector<ConfoundedCoefficient>& confounded_list) {
+  for (ConfoundedCoefficient& other : confounded_list) {
+    const auto hidden_entry =
+        std::ranges::find(other.with, entry.name, &std::pair<std::string, double>::first);
+    if (hidden_entry == other.with.end()) continue;
+    const double amount = hidden_entry->second;
+    other.with.erase(hidden_entry);
+    for (const auto& [hiding, unit_change] : entry.with) {
+      const auto hiding_entry =
+          std::ranges::find(other.with, hiding, &std::pair<std::string, double>::first);
+      if (hiding_entry == other.with.end())
+        other.with.emplace_back(hiding, amount * unit_change);
+      else
+        hiding_entry->second += amount * unit_change;
+    }
+  }
+}
+
+/// Sets a coefficient back to its start. Correlated coefficients are corrected accordingly.
+/// Wherever this coefficient was listed as hiding one left out earlier, they replace it.
 void leave_out(Index i, const Problem& problem, Solution& solution, MatrixXd& covariance) {
   const int column = solution.determined[std::size_t(i)];
   const double variance = covariance(i, i);
@@ -205,21 +227,7 @@ void leave_out(Index i, const Problem& problem, Solution& solution, MatrixXd& co
     if (Index(k) != i && std::abs(unit_change) > min_named_amount * deviation_ratio)
       entry.with.emplace_back(name_at(k), unit_change);
   }
-  for (ConfoundedCoefficient& other : solution.confounded_list) {
-    const auto hidden_entry =
-        std::ranges::find(other.with, name, &std::pair<std::string, double>::first);
-    if (hidden_entry == other.with.end()) continue;
-    const double amount = hidden_entry->second;
-    other.with.erase(hidden_entry);
-    for (const auto& [hiding, unit_change] : entry.with) {
-      const auto hiding_entry =
-          std::ranges::find(other.with, hiding, &std::pair<std::string, double>::first);
-      if (hiding_entry == other.with.end())
-        other.with.emplace_back(hiding, amount * unit_change);
-      else
-        hiding_entry->second += amount * unit_change;
-    }
-  }
+  replace_hiding_coefficient(entry, solution.confounded_list);
   solution.confounded_list.push_back(std::move(entry));
   // Conditioning of a normal distribution on one of its components (Schur complement).
   covariance -= covariance.col(i) * covariance.row(i) / variance;
@@ -230,7 +238,7 @@ void leave_out(Index i, const Problem& problem, Solution& solution, MatrixXd& co
   solution.determined.erase(solution.determined.begin() + i);
 }
 
-/// Returns the first fit without the coefficients whose uncertainty exceeds the variation between
+/// Returns the first fit without the coefficients that are less certain than they vary between
 /// machines. They are removed one by one, since a coefficient may be well determined once the one
 /// that hides it is held.
 Solution leave_out_weak(const Problem& problem, const Fit& first,
@@ -243,9 +251,10 @@ Solution leave_out_weak(const Problem& problem, const Fit& first,
   return solution;
 }
 
-/// Restarts from a first solution with the coefficients found there, and linearises the equations
-/// there. The rank is determined at zero deviations: elsewhere confounded columns differ by
-/// products of deviations, which carry no information.
+/// Prepares a second fit of the coefficients that the first one determined: it starts from their
+/// values and, with a prior, linearises the equations there. The rank is determined at zero
+/// deviations: elsewhere confounded columns differ by products of deviations, which carry no
+/// information.
 void restart_from(Problem& problem, const Solution& first) {
   std::vector<char>& is_sought = problem.design.is_sought;
   std::fill(is_sought.begin(), is_sought.end(), char(0));
@@ -253,7 +262,7 @@ void restart_from(Problem& problem, const Solution& first) {
   problem.first_guess = first.x;
   const bool has_prior = problem.design.prior.rows() > 0;
   if (has_prior && first.converged)
-    problem.design = design_at(problem.design, problem.model, problem.readings, first.x);
+    problem.design = design_at(problem.design, problem.model, problem.reading_sets, first.x);
 }
 
 struct Quality {
@@ -262,8 +271,8 @@ struct Quality {
   double reduced_chi_square = 0.0;
 };
 
-Quality quality(const Problem& problem, const Fit& fit, const std::vector<char>& is_out) {
-  const std::vector<Index> rows = used_rows(is_out);
+Quality quality(const Problem& problem, const Fit& fit, const std::vector<char>& is_excluded) {
+  const std::vector<Index> rows = used_rows(is_excluded);
   const double chi_square = fit.misfit(rows).squaredNorm() +
                             (problem.design.prior * (problem.start - fit.x)).squaredNorm();
   const int freedom = fit.factor.rows - int(fit.factor.determined.size());
@@ -272,10 +281,10 @@ Quality quality(const Problem& problem, const Fit& fit, const std::vector<char>&
 
 /// Returns the quality of the fit for every set of readings.
 std::vector<FitQuality> reading_qualities(const Problem& problem, const Fit& fit,
-                                          const std::vector<char>& is_out) {
-  const std::vector<Index> rows = used_rows(is_out);
+                                          const std::vector<char>& is_excluded) {
+  const std::vector<Index> rows = used_rows(is_excluded);
   const VectorXd leverages = leverage(fit.factor, problem.design.A(rows, Eigen::all));
-  std::vector<FitQuality> result(problem.readings.size());
+  std::vector<FitQuality> result(problem.reading_sets.size());
   for (std::size_t i = 0; i < rows.size(); ++i) {
     FitQuality& quality = result[std::size_t(problem.design.rows[std::size_t(rows[i])].readings)];
     quality.chi_square += fit.misfit[rows[i]] * fit.misfit[rows[i]];
@@ -285,16 +294,17 @@ std::vector<FitQuality> reading_qualities(const Problem& problem, const Fit& fit
 }
 
 /// Returns the rows of every channel whose readings are constant on the nominal machine.
-std::vector<std::vector<Index>> constant_channels(const Problem& problem, int readings,
+std::vector<std::vector<Index>> constant_channels(const Problem& problem, int set_index,
                                                   const VectorXd& nominal) {
   constexpr double tolerance = 1e-9;  // mm or rad
-  const Readings& set = problem.readings[std::size_t(readings)];
-  std::vector<Index> row_at(set.plan.measurements.size(), -1);
+  const Readings& reading_set = problem.reading_sets[std::size_t(set_index)];
+  std::vector<Index> row_at(reading_set.plan.measurements.size(), -1);
   for (std::size_t i = 0; i < problem.design.rows.size(); ++i)
-    if (problem.design.rows[i].readings == readings)
+    if (problem.design.rows[i].readings == set_index)
       row_at[std::size_t(problem.design.rows[i].measurement)] = Index(i);
   std::vector<std::vector<Index>> channels;
-  for (const metrology::ChannelMeasurements& channel : metrology::channel_measurements(set.plan)) {
+  for (const metrology::ChannelMeasurements& channel :
+       metrology::channel_measurements(reading_set.plan)) {
     std::vector<Index> rows;
     for (const int measurement : channel.measurements)
       rows.push_back(row_at[std::size_t(measurement)]);
@@ -304,7 +314,7 @@ std::vector<std::vector<Index>> constant_channels(const Problem& problem, int re
   return channels;
 }
 
-/// Returns the change of a channel's readings by a mistake.
+/// Returns the change of a channel's readings that a recording mistake causes.
 /// @param departure  readings minus those of the nominal machine
 VectorXd mistake_effect(Mistake mistake, const VectorXd& departure) {
   switch (mistake) {
@@ -323,15 +333,15 @@ VectorXd mistake_effect(Mistake mistake, const VectorXd& departure) {
 /// Fits the readings once for every set and mistake. The factor of the fit is reused, so that each
 /// alternative costs one linear solution.
 std::vector<Alternative> mistake_alternatives(const Problem& problem, const Fit& fit,
-                                              const std::vector<char>& is_out) {
-  const std::vector<Index> rows = used_rows(is_out);
+                                              const std::vector<char>& is_excluded) {
+  const std::vector<Index> rows = used_rows(is_excluded);
   const Design& design = problem.design;
-  const VectorXd nominal = predicted_readings(problem.model, problem.readings, design,
+  const VectorXd nominal = predicted_readings(problem.model, problem.reading_sets, design,
                                               VectorXd::Zero(design.unknowns.size()));
   const VectorXd prior = design.prior * (problem.start - fit.x);
   std::vector<Alternative> result;
-  for (int readings = 0; readings < int(problem.readings.size()); ++readings) {
-    const auto channels = constant_channels(problem, readings, nominal);
+  for (int set_index = 0; set_index < int(problem.reading_sets.size()); ++set_index) {
+    const auto channels = constant_channels(problem, set_index, nominal);
     if (channels.empty()) continue;
     for (const Mistake mistake : {Mistake::Negated, Mistake::Reversed,
                                   Mistake::MultipliedByThousand, Mistake::DividedByThousand}) {
@@ -346,20 +356,21 @@ std::vector<Alternative> mistake_alternatives(const Problem& problem, const Fit&
       b.tail(prior.size()) -= design.prior(Eigen::all, fit.factor.determined) * step;
       double own_chi_square = 0.0;
       for (std::size_t i = 0; i < rows.size(); ++i)
-        if (design.rows[std::size_t(rows[i])].readings == readings)
+        if (design.rows[std::size_t(rows[i])].readings == set_index)
           own_chi_square += b[Index(i)] * b[Index(i)];
-      result.push_back({readings, mistake, b.squaredNorm(), own_chi_square});
+      result.push_back({set_index, mistake, b.squaredNorm(), own_chi_square});
     }
   }
   return result;
 }
 
-/// Returns the studentised residuals of the readings used (m); 0 for a reading that the fit
-/// reproduces whatever its value.
-VectorXd studentised(const Problem& problem, const Fit& fit, const std::vector<char>& is_out) {
-  const std::vector<Index> rows = used_rows(is_out);
+/// Returns the studentised residuals of the readings used (m); 0 for excluded readings and for
+/// those that the fit reproduces whatever their value.
+VectorXd studentised_residuals(const Problem& problem, const Fit& fit,
+                               const std::vector<char>& is_excluded) {
+  const std::vector<Index> rows = used_rows(is_excluded);
   const VectorXd leverages = leverage(fit.factor, problem.design.A(rows, Eigen::all));
-  const Quality q = quality(problem, fit, is_out);
+  const Quality q = quality(problem, fit, is_excluded);
   const bool scales_noise = problem.options.noise_from_residuals && q.reduced_chi_square > 0.0;
   const double noise = scales_noise ? std::sqrt(q.reduced_chi_square) : 1.0;
   VectorXd result = VectorXd::Zero(fit.misfit.size());
@@ -373,18 +384,18 @@ VectorXd studentised(const Problem& problem, const Fit& fit, const std::vector<c
 
 /// Fits the readings without those beyond the outlier limit. Every round removes the worst one
 /// together with those at least half as bad, but never so many that fewer unknowns can be found.
-Fit fit_without_outliers(const Problem& problem, std::vector<char>& is_out) {
-  Fit fit = fit_readings(problem, is_out);
+Fit fit_without_outliers(const Problem& problem, std::vector<char>& is_excluded) {
+  Fit fit = fit_readings(problem, is_excluded);
   if (problem.options.outlier_limit == 0.0) return fit;
-  std::vector<char> is_needed(is_out.size(), 0);
-  for (std::size_t round = 0; round < is_out.size(); ++round) {
-    VectorXd t = studentised(problem, fit, is_out).cwiseAbs();
+  std::vector<char> is_needed(is_excluded.size(), 0);
+  for (std::size_t round = 0; round < is_excluded.size(); ++round) {
+    VectorXd t = studentised_residuals(problem, fit, is_excluded).cwiseAbs();
     for (std::size_t i = 0; i < is_needed.size(); ++i)
       if (is_needed[i]) t[Index(i)] = 0.0;
     Index worst_index = 0;
     if (t.size() == 0 || t.maxCoeff(&worst_index) <= problem.options.outlier_limit) break;
     const auto excluding = [&](double limit) {
-      std::vector<char> enlarged = is_out;
+      std::vector<char> enlarged = is_excluded;
       for (Index i = 0; i < t.size(); ++i)
         if (t[i] >= limit) enlarged[std::size_t(i)] = 1;
       return enlarged;
@@ -402,7 +413,7 @@ Fit fit_without_outliers(const Problem& problem, std::vector<char>& is_out) {
       is_needed[std::size_t(worst_index)] = 1;
       continue;
     }
-    is_out = enlarged;
+    is_excluded = enlarged;
     fit = std::move(refit);
   }
   return fit;
@@ -470,21 +481,21 @@ std::pair<double, double> chi_square_band(double degrees_of_freedom) {
   return {ratio_at(-thousandth_quantile), ratio_at(thousandth_quantile)};
 }
 
-Estimate estimate(const GeometricErrors& model, std::span<const Readings> readings,
+Estimate estimate(const GeometricErrors& model, std::span<const Readings> reading_sets,
                   const EstimateOptions& options) {
   check(options);
-  Problem problem{model, readings, options, design(model, readings), {}, {}, {}, {}};
+  Problem problem{model, reading_sets, options, design(model, reading_sets), {}, {}, {}, {}};
   check(problem);
-  problem.preference = preferences(model, problem.design, readings.front().nominal);
-  problem.observed = observed_readings(readings, problem.design);
+  problem.preference = preferences(model, problem.design, reading_sets.front().nominal);
+  problem.observed = observed_readings(reading_sets, problem.design);
   problem.start = problem.first_guess = start(model, problem.design.unknowns);
 
-  std::vector<char> is_out(problem.design.rows.size(), 0);
-  const Fit first = fit_readings(problem, is_out);
+  std::vector<char> is_excluded(problem.design.rows.size(), 0);
+  const Fit first = fit_readings(problem, is_excluded);
   Solution solution = leave_out_weak(problem, first, confounded(problem, first.factor));
   restart_from(problem, solution);
-  const Fit fit = fit_without_outliers(problem, is_out);
-  const Quality q = quality(problem, fit, is_out);
+  const Fit fit = fit_without_outliers(problem, is_excluded);
+  const Quality q = quality(problem, fit, is_excluded);
   const bool scales_noise = options.noise_from_residuals && q.degrees_of_freedom > 0;
 
   const Unknowns& unknowns = problem.design.unknowns;
@@ -496,16 +507,16 @@ Estimate estimate(const GeometricErrors& model, std::span<const Readings> readin
       with_values(model.elements, result.value), model.measuring_lines,
       belief_covariance(problem, fit.factor, scales_noise ? q.reduced_chi_square : 1.0)};
   result.confounded = std::move(solution.confounded_list);
-  result.set_ups = set_ups(readings, unknowns, fit.x);
+  result.set_ups = set_ups(reading_sets, unknowns, fit.x);
   result.fit_residual = fit.misfit;
-  for (std::size_t i = 0; i < is_out.size(); ++i)
-    if (is_out[i]) result.outliers.push_back(int(i));
+  for (std::size_t i = 0; i < is_excluded.size(); ++i)
+    if (is_excluded[i]) result.outliers.push_back(int(i));
   result.degrees_of_freedom = q.degrees_of_freedom;
   result.chi_square = q.chi_square;
   result.reduced_chi_square = q.reduced_chi_square;
   if (options.compare_mistakes) {
-    result.quality = reading_qualities(problem, fit, is_out);
-    result.alternatives = mistake_alternatives(problem, fit, is_out);
+    result.quality = reading_qualities(problem, fit, is_excluded);
+    result.alternatives = mistake_alternatives(problem, fit, is_excluded);
   }
   result.condition = fit.factor.condition;
   result.iterations = first.iterations + fit.iterations;
@@ -516,7 +527,7 @@ Estimate estimate(const GeometricErrors& model, std::span<const Readings> readin
 namespace {
 
 // Points of a plotted curve; enough for a smooth line in a picture.
-constexpr Index curve_points = 121;
+constexpr Index curve_point_count = 121;
 
 /// Range of the coefficients of one element among those of all elements.
 struct CoefficientRange {
@@ -551,14 +562,16 @@ Eigen::MatrixXd element_covariance(const GeometricErrors& belief, int element,
                                    const CoefficientRange& range) {
   Eigen::MatrixXd result = Eigen::MatrixXd::Zero(range.count, range.count);
   const std::vector<Coefficient> list = coefficients(belief.elements);
-  const auto& of = belief.covariance.of;
+  const auto& covariance_coefficients = belief.covariance.of;
   const auto index_in_element = [&](const Coefficient& coefficient) {
     return int(std::find(list.begin(), list.end(), coefficient) - list.begin()) - range.first;
   };
-  for (std::size_t i = 0; i < of.size(); ++i)
-    for (std::size_t k = 0; k < of.size(); ++k)
-      if (of[i].element == element && of[k].element == element)
-        result(index_in_element(of[i]), index_in_element(of[k])) =
+  for (std::size_t i = 0; i < covariance_coefficients.size(); ++i)
+    for (std::size_t k = 0; k < covariance_coefficients.size(); ++k)
+      if (covariance_coefficients[i].element == element &&
+          covariance_coefficients[k].element == element)
+        result(index_in_element(covariance_coefficients[i]),
+               index_in_element(covariance_coefficients[k])) =
             belief.covariance.matrix(Index(i), Index(k));
   return result;
 }
@@ -595,7 +608,7 @@ bool is_constant(const Element& element) {
 /// Inputs for the curves of an estimate.
 struct CurveInputs {
   const Estimate& estimate;
-  std::span<const Readings> readings;
+  std::span<const Readings> reading_sets;
   Design design;
   GeometricModel bound;
   std::vector<CoefficientRange> ranges;  ///< (elements)
@@ -603,7 +616,8 @@ struct CurveInputs {
   std::vector<bool> is_outlier;  ///< (rows)
 
   int joint(std::size_t e) const {
-    return axis_joint(estimate.belief.elements[e].name.axis, readings.front().nominal, "a belief");
+    return axis_joint(estimate.belief.elements[e].name.axis, reading_sets.front().nominal,
+                      "a belief");
   }
   VectorXd basis(std::size_t e, const kinematics::AxisState& state) const {
     return element_basis(estimate.belief.elements[e], ranges[e].count,
@@ -614,7 +628,7 @@ struct CurveInputs {
   }
   const kinematics::AxisState& state(std::size_t row) const {
     const Row& position = design.rows[row];
-    return readings[std::size_t(position.readings)]
+    return reading_sets[std::size_t(position.readings)]
         .plan.measurements[std::size_t(position.measurement)]
         .state;
   }
@@ -642,7 +656,7 @@ void add_readings(const CurveInputs& inputs, std::size_t e, CurveReadings& curve
 
 /// Adds the curve over the range of its readings, or over the travel.
 void add_curve(const CurveInputs& inputs, std::size_t e, CurveReadings& curve) {
-  const kinematics::Chain& nominal = inputs.readings.front().nominal;
+  const kinematics::Chain& nominal = inputs.reading_sets.front().nominal;
   const kinematics::Joint& joint = nominal.joints()[std::size_t(inputs.joint(e))];
   double min_q = joint.min, max_q = joint.max;
   if (curve.reading_q.size() > 0 && curve.reading_q.maxCoeff() > curve.reading_q.minCoeff()) {
@@ -652,14 +666,14 @@ void add_curve(const CurveInputs& inputs, std::size_t e, CurveReadings& curve) {
     min_q = std::max(min_q, -pi);
     max_q = std::min(max_q, pi);
   }
-  curve.q = VectorXd::LinSpaced(curve_points, min_q, max_q);
-  curve.value.resize(curve_points);
-  curve.sigma.resize(curve_points);
+  curve.q = VectorXd::LinSpaced(curve_point_count, min_q, max_q);
+  curve.value.resize(curve_point_count);
+  curve.sigma.resize(curve_point_count);
   const Eigen::MatrixXd covariance =
       element_covariance(inputs.estimate.belief, int(e), inputs.ranges[e]);
   kinematics::AxisState state;
   state.q = kinematics::AxisVector::Zero(nominal.size());
-  for (Index i = 0; i < curve_points; ++i) {
+  for (Index i = 0; i < curve_point_count; ++i) {
     state.q[inputs.joint(e)] = curve.q[i];
     const VectorXd b = inputs.basis(e, state);
     curve.value[i] = b.dot(inputs.coefficient_values(e));
@@ -670,12 +684,12 @@ void add_curve(const CurveInputs& inputs, std::size_t e, CurveReadings& curve) {
 }  // namespace
 
 std::vector<CurveReadings> curve_readings(const Estimate& estimate,
-                                          std::span<const Readings> readings) {
+                                          std::span<const Readings> reading_sets) {
   const GeometricErrors& belief = estimate.belief;
   CurveInputs inputs{estimate,
-                     readings,
-                     design(belief, readings),
-                     bind(belief, readings.front().nominal),
+                     reading_sets,
+                     design(belief, reading_sets),
+                     bind(belief, reading_sets.front().nominal),
                      element_ranges(belief),
                      {},
                      {}};

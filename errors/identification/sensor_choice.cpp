@@ -14,6 +14,9 @@
 #include "errors/identification/thermal_model.h"
 #include "kinematics/bad_input.h"
 
+// Choice of temperature sensors by their similarity to thermal errors (grey relational degrees or
+// correlation), and its evaluation.
+
 namespace abbe::errors::identification {
 
 namespace {
@@ -33,16 +36,17 @@ void validate_series(const MatrixXd& series, const GreyOptions& options) {
 /// Series normalised for a grey degree.
 struct NormalisedSeries {
   GreyStatus status = GreyStatus::Ok;
-  int series = -1;  ///< column that cannot be normalised
-  MatrixXd image;
+  int failed_column = -1;  ///< column that cannot be normalised
+  MatrixXd values;
 };
 
-/// Returns the image of every column: divided, or shifted and divided.
+/// Returns each column normalised: divided by its first value or its mean, or shifted by its
+/// minimum and divided by its range. Stops at the first column whose divisor is 0.
 NormalisedSeries normalise(const MatrixXd& series, Image image) {
   NormalisedSeries result;
-  result.image = series;
+  result.values = series;
   for (int i = 0; i < series.cols() && result.status == GreyStatus::Ok; ++i) {
-    auto x = result.image.col(i);
+    auto x = result.values.col(i);
     double divisor = 1.0;
     if (image == Image::Initial) {
       divisor = x(0);
@@ -58,12 +62,12 @@ NormalisedSeries normalise(const MatrixXd& series, Image image) {
     if (result.status == GreyStatus::Ok)
       x /= divisor;
     else
-      result.series = i;
+      result.failed_column = i;
   }
   return result;
 }
 
-/// Returns Liu's s of each column: the area between the series and its initial value.
+/// Returns Liu's s of each column: the signed area between the series and its initial value.
 VectorXd areas(const MatrixXd& series) {
   const auto n = series.rows();
   const MatrixXd from_start = series.rowwise() - series.row(0);
@@ -84,8 +88,8 @@ MatrixXd liu_matrix(const VectorXd& s) {
 }
 
 /// Returns Deng's degree: the mean of his relational coefficients.
-double mean_grade(const ArrayXd& difference, double min_difference, double max_difference,
-                  double rho) {
+double deng_degree(const ArrayXd& difference, double min_difference, double max_difference,
+                   double rho) {
   if (max_difference == 0) return 1.0;
   return ((min_difference + rho * max_difference) / (difference + rho * max_difference)).mean();
 }
@@ -100,8 +104,8 @@ MutualDegrees liu_degrees(const MatrixXd& series, const GreyOptions& options) {
   if (absolute) result.degree += theta * liu_matrix(areas(series));
   if (relative) {
     const NormalisedSeries initial = normalise(series, Image::Initial);
-    if (initial.status != GreyStatus::Ok) return {initial.status, initial.series, {}};
-    result.degree += (1 - theta) * liu_matrix(areas(initial.image));
+    if (initial.status != GreyStatus::Ok) return {initial.status, initial.failed_column, {}};
+    result.degree += (1 - theta) * liu_matrix(areas(initial.values));
   }
   return result;
 }
@@ -123,14 +127,15 @@ GreyDegrees grey_degrees(const VectorXd& reference, const MatrixXd& series,
     return {GreyStatus::Ok, -1, mutual.degree.col(0).tail(m)};
   }
   const NormalisedSeries normalised = normalise(combined, options.image);
-  if (normalised.status != GreyStatus::Ok) return {normalised.status, normalised.series - 1, {}};
+  if (normalised.status != GreyStatus::Ok)
+    return {normalised.status, normalised.failed_column - 1, {}};
   const MatrixXd difference =
-      (normalised.image.rightCols(m).colwise() - normalised.image.col(0)).cwiseAbs();
+      (normalised.values.rightCols(m).colwise() - normalised.values.col(0)).cwiseAbs();
   const double min_difference = difference.minCoeff(), max_difference = difference.maxCoeff();
   GreyDegrees result{GreyStatus::Ok, -1, VectorXd(m)};
   for (int i = 0; i < m; ++i)
     result.degree(i) =
-        mean_grade(difference.col(i).array(), min_difference, max_difference, options.rho);
+        deng_degree(difference.col(i).array(), min_difference, max_difference, options.rho);
   return result;
 }
 
@@ -138,20 +143,20 @@ MutualDegrees mutual_degrees(const MatrixXd& series, const GreyOptions& options)
   validate_series(series, options);
   if (options.kind != GreyKind::Deng) return liu_degrees(series, options);
   const NormalisedSeries normalised = normalise(series, options.image);
-  if (normalised.status != GreyStatus::Ok) return {normalised.status, normalised.series, {}};
+  if (normalised.status != GreyStatus::Ok) return {normalised.status, normalised.failed_column, {}};
   const auto m = series.cols();
   double max_difference = 0;
   for (int i = 0; i < m; ++i)
     max_difference =
         std::max(max_difference,
-                 (normalised.image.colwise() - normalised.image.col(i)).cwiseAbs().maxCoeff());
+                 (normalised.values.colwise() - normalised.values.col(i)).cwiseAbs().maxCoeff());
   MutualDegrees result{GreyStatus::Ok, -1, MatrixXd::Identity(m, m)};
   for (int i = 0; i < m; ++i)
     for (int j = 0; j < i; ++j) {
       const ArrayXd difference =
-          (normalised.image.col(i) - normalised.image.col(j)).cwiseAbs().array();
+          (normalised.values.col(i) - normalised.values.col(j)).cwiseAbs().array();
       result.degree(i, j) = result.degree(j, i) =
-          mean_grade(difference, 0, max_difference, options.rho);
+          deng_degree(difference, 0, max_difference, options.rho);
     }
   return result;
 }
@@ -175,7 +180,7 @@ namespace {
 using Eigen::Index;
 
 /// Returns the columns scaled to mean 0 and length 1; a constant column becomes zero.
-MatrixXd directions(const MatrixXd& columns) {
+MatrixXd standardised_columns(const MatrixXd& columns) {
   MatrixXd result = columns.rowwise() - columns.colwise().mean();
   for (Index j = 0; j < columns.cols(); ++j) {
     const double length = result.col(j).norm();
@@ -193,10 +198,11 @@ std::vector<int> varying_inputs(const ThermalData& data) {
   return result;
 }
 
-/// Degrees of similarity of the selected inputs; entries of other inputs are 0.
+/// Similarity of the selected inputs to the errors and to each other, 0 .. 1; entries of other
+/// inputs are 0.
 struct Degrees {
   GreyStatus status = GreyStatus::Ok;
-  int input = -1;       ///< input that cannot be normalised; -1: the error
+  int input = -1;       ///< input that cannot be normalised; -1 stands for the error
   VectorXd with_error;  ///< (m) the highest degree with any error
   MatrixXd mutual;      ///< (m x m) between inputs
   std::vector<std::optional<int>> first_row = {};  ///< (errors)
@@ -204,58 +210,61 @@ struct Degrees {
 
 /// Returns the absolute correlation of the error with every input; 0 for a constant input.
 VectorXd correlations(const ThermalData& data) {
-  return (directions(data.T).transpose() * directions(data.y)).cwiseAbs();
+  return (standardised_columns(data.T).transpose() * standardised_columns(data.y)).cwiseAbs();
 }
 
-Degrees correlation_degrees(std::span<const ThermalData> errors) {
-  const MatrixXd d = directions(errors.front().T);
-  Degrees result{GreyStatus::Ok, -1, correlations(errors.front()), (d.transpose() * d).cwiseAbs()};
-  for (const ThermalData& error : errors)
-    result.with_error = result.with_error.cwiseMax(correlations(error));
+Degrees correlation_degrees(std::span<const ThermalData> data_sets) {
+  const MatrixXd d = standardised_columns(data_sets.front().T);
+  Degrees result{GreyStatus::Ok, -1, correlations(data_sets.front()),
+                 (d.transpose() * d).cwiseAbs()};
+  for (const ThermalData& data_set : data_sets)
+    result.with_error = result.with_error.cwiseMax(correlations(data_set));
   return result;
 }
 
-/// Returns the first row at which the error exceeds its minimum and no input is zero, so that all
-/// can be divisors.
-std::optional<int> first_row(const ThermalData& error, const std::vector<int>& inputs,
+/// Returns the first row at which the magnitude of the error exceeds `min_start` and no input is
+/// zero, so that error and inputs can be divided by their values there.
+std::optional<int> first_row(const ThermalData& data_set, const std::vector<int>& inputs,
                              double min_start) {
-  for (Index k = 0; k + 1 < error.y.size(); ++k)
-    if (std::abs(error.y(k)) > min_start && (error.T(k, inputs).array() != 0.0).all())
+  for (Index k = 0; k + 1 < data_set.y.size(); ++k)
+    if (std::abs(data_set.y(k)) > min_start && (data_set.T(k, inputs).array() != 0.0).all())
       return int(k);
   return std::nullopt;
 }
 
 /// Returns the inputs of one error in the form that its degree requires.
-MatrixXd degree_series(const ThermalData& error, const std::vector<int>& inputs,
+MatrixXd degree_series(const ThermalData& data_set, const std::vector<int>& inputs,
                        const GreyOptions& options) {
-  MatrixXd series = error.T(Eigen::all, inputs);
+  MatrixXd series = data_set.T(Eigen::all, inputs);
   // The interval image maps rising and falling series to opposite shapes, so a sensor that falls
   // while the error rises is inverted first.
   if (options.kind == GreyKind::Deng && options.image == Image::Interval)
     for (Index j = 0; j < series.cols(); ++j)
-      if ((series.col(j).array() - series.col(j).mean()).matrix().dot(error.y) < 0)
+      if ((series.col(j).array() - series.col(j).mean()).matrix().dot(data_set.y) < 0)
         series.col(j) *= -1;
   return series;
 }
 
-/// Returns the grey relational degrees, each the highest of all errors.
-Degrees grey_relational_degrees(std::span<const ThermalData> errors, const std::vector<int>& inputs,
+/// Returns the grey relational degrees, each the highest over all errors.
+Degrees grey_relational_degrees(std::span<const ThermalData> data_sets,
+                                const std::vector<int>& inputs,
                                 const SensorChoiceOptions& options) {
-  const Index m = errors.front().T.cols();
-  const auto input_index = [&](int series) {
-    return series < 0 ? -1 : inputs[static_cast<std::size_t>(series)];
+  const Index m = data_sets.front().T.cols();
+  const auto input_index = [&](int column) {
+    return column < 0 ? -1 : inputs[static_cast<std::size_t>(column)];
   };
   Degrees result{GreyStatus::StartsAtZero, -1, VectorXd::Zero(m), MatrixXd::Zero(m, m)};
-  for (std::size_t e = 0; e < errors.size(); ++e) {
-    const ThermalData& error = errors[e];
-    std::optional<int> first = 0;
+  for (std::size_t e = 0; e < data_sets.size(); ++e) {
+    const ThermalData& data_set = data_sets[e];
+    std::optional<int> start_row = 0;
     if (is_divided_by_start(options))
-      first = first_row(error, inputs, options.min_start.empty() ? 0.0 : options.min_start[e]);
-    result.first_row.push_back(first);
-    if (!first) continue;
-    const Index rows = error.y.size() - *first;
-    const MatrixXd series = degree_series(error, inputs, options.grey).bottomRows(rows);
-    const GreyDegrees with_error = grey_degrees(error.y.tail(rows), series, options.grey);
+      start_row =
+          first_row(data_set, inputs, options.min_start.empty() ? 0.0 : options.min_start[e]);
+    result.first_row.push_back(start_row);
+    if (!start_row) continue;
+    const Index rows = data_set.y.size() - *start_row;
+    const MatrixXd series = degree_series(data_set, inputs, options.grey).bottomRows(rows);
+    const GreyDegrees with_error = grey_degrees(data_set.y.tail(rows), series, options.grey);
     const MutualDegrees mutual = mutual_degrees(series, options.grey);
     if (with_error.status != GreyStatus::Ok)
       return {with_error.status, input_index(with_error.series), {}, {}};
@@ -299,13 +308,13 @@ double grouping_threshold(const std::vector<int>& by_degree, const MatrixXd& mut
 
 /// Returns the sum over all errors of the mean squared residual of a regression on these inputs;
 /// infinite if a regression is not possible.
-double regression_residual(std::span<const ThermalData> errors, const std::vector<int>& inputs) {
+double regression_residual(std::span<const ThermalData> data_sets, const std::vector<int>& inputs) {
   ThermalModelOptions options;
   options.sigma_from_runs = false;
   double sum = 0.0;
-  for (const ThermalData& error : errors) {
-    const ThermalData selected_data = select_inputs(error, inputs);
-    if (runs(error).size() >= 2) {
+  for (const ThermalData& data_set : data_sets) {
+    const ThermalData selected_data = select_inputs(data_set, inputs);
+    if (runs(data_set).size() >= 2) {
       const Validation validation = cross_validate(selected_data, options);
       if (validation.status != FitStatus::Ok) return INFINITY;
       sum += validation.overall.rms * validation.overall.rms;
@@ -318,9 +327,9 @@ double regression_residual(std::span<const ThermalData> errors, const std::vecto
   return sum;
 }
 
-/// Selects leaders one by one, each time the one that lowers the residual most.
-std::vector<int> screen_by_regression(std::span<const ThermalData> errors, std::vector<int> leaders,
-                                      std::size_t count) {
+/// Selects `count` of the leaders one by one, each time the one that lowers the residual most.
+std::vector<int> screen_by_regression(std::span<const ThermalData> data_sets,
+                                      std::vector<int> leaders, std::size_t count) {
   std::vector<int> chosen;
   // Greedy forward selection: every subset would need a fit of its own.
   while (chosen.size() < count && !leaders.empty()) {
@@ -328,7 +337,7 @@ std::vector<int> screen_by_regression(std::span<const ThermalData> errors, std::
     for (const int leader : leaders) {
       std::vector<int> candidate = chosen;
       candidate.push_back(leader);
-      residuals.push_back(regression_residual(errors, candidate));
+      residuals.push_back(regression_residual(data_sets, candidate));
     }
     const auto best = std::ranges::min_element(residuals) - residuals.begin();
     chosen.push_back(leaders[static_cast<std::size_t>(best)]);
@@ -349,17 +358,17 @@ std::vector<int> input_columns(const std::vector<std::string>& selection,
   return columns;
 }
 
-void check(std::span<const ThermalData> errors, const SensorChoiceOptions& options) {
-  if (errors.empty()) throw std::invalid_argument("a choice of sensors needs an error");
-  for (const ThermalData& error : errors) {
-    validate(error);
-    if (error.names != errors.front().names || error.run != errors.front().run ||
-        error.T != errors.front().T)
+void check(std::span<const ThermalData> data_sets, const SensorChoiceOptions& options) {
+  if (data_sets.empty()) throw std::invalid_argument("a choice of sensors needs an error");
+  for (const ThermalData& data_set : data_sets) {
+    validate(data_set);
+    if (data_set.names != data_sets.front().names || data_set.run != data_sets.front().run ||
+        data_set.T != data_sets.front().T)
       throw std::invalid_argument("errors that share sensors were not seen at the same rows");
   }
   if (options.count < 1 || options.groups < 1)
     throw std::invalid_argument("a choice of sensors needs one or more");
-  if (!options.min_start.empty() && options.min_start.size() != errors.size())
+  if (!options.min_start.empty() && options.min_start.size() != data_sets.size())
     throw std::invalid_argument("a choice of sensors needs a least start for every error");
 }
 
@@ -373,16 +382,16 @@ bool is_divided_by_start(const SensorChoiceOptions& options) {
                                      : grey.kind != GreyKind::Absolute;
 }
 
-SensorChoice choose_sensors(const ThermalData& error, const SensorChoiceOptions& options) {
-  return choose_sensors(std::span(&error, 1), options);
+SensorChoice choose_sensors(const ThermalData& data_set, const SensorChoiceOptions& options) {
+  return choose_sensors(std::span(&data_set, 1), options);
 }
 
-SensorChoice choose_sensors(std::span<const ThermalData> errors,
+SensorChoice choose_sensors(std::span<const ThermalData> data_sets,
                             const SensorChoiceOptions& options) {
-  check(errors, options);
+  check(data_sets, options);
   SensorChoice choice;
-  const std::vector<int> inputs = varying_inputs(errors.front());
-  for (int j = 0; j < errors.front().T.cols(); ++j)
+  const std::vector<int> inputs = varying_inputs(data_sets.front());
+  for (int j = 0; j < data_sets.front().T.cols(); ++j)
     if (!std::ranges::count(inputs, j)) choice.constant_inputs.push_back(j);
   if (inputs.empty()) {
     choice.status = GreyStatus::ConstantSeries;
@@ -390,12 +399,12 @@ SensorChoice choose_sensors(std::span<const ThermalData> errors,
     return choice;
   }
   if (!options.fixed.empty()) {
-    choice.chosen = input_columns(options.fixed, errors.front().names);
+    choice.chosen = input_columns(options.fixed, data_sets.front().names);
     return choice;
   }
   Degrees degrees = options.similarity_measure == SimilarityMeasure::Correlation
-                        ? correlation_degrees(errors)
-                        : grey_relational_degrees(errors, inputs, options);
+                        ? correlation_degrees(data_sets)
+                        : grey_relational_degrees(data_sets, inputs, options);
   choice.status = degrees.status;
   choice.input = degrees.input;
   choice.first_row = std::move(degrees.first_row);
@@ -416,7 +425,7 @@ SensorChoice choose_sensors(std::span<const ThermalData> errors,
   for (const std::vector<int>& group : choice.groups) leaders.push_back(group.front());
   const auto count = std::min(static_cast<std::size_t>(options.count), leaders.size());
   if (options.screening == Screening::Regression)
-    choice.chosen = screen_by_regression(errors, leaders, count);
+    choice.chosen = screen_by_regression(data_sets, leaders, count);
   else
     choice.chosen.assign(leaders.begin(), leaders.begin() + static_cast<std::ptrdiff_t>(count));
   return choice;
@@ -425,20 +434,20 @@ SensorChoice choose_sensors(std::span<const ThermalData> errors,
 namespace {
 
 /// Returns the data from row `start` on, with noise added.
-std::vector<ThermalData> redraw_noise(std::span<const ThermalData> errors, Index start,
+std::vector<ThermalData> redraw_noise(std::span<const ThermalData> data_sets, Index start,
                                       const ChoiceSpreadOptions& spread, std::uint64_t stream) {
-  const Index n = errors.front().y.size() - start, m = errors.front().T.cols();
-  Eigen::MatrixXd T = errors.front().T.bottomRows(n);
+  const Index n = data_sets.front().y.size() - start, m = data_sets.front().T.cols();
+  Eigen::MatrixXd T = data_sets.front().T.bottomRows(n);
   std::uint64_t counter = 0;
   for (Index j = 0; j < m; ++j)
     for (Index i = 0; i < n; ++i)
       T(i, j) += spread.input_noise[j] * normal_deviate(stream, counter++);
   std::vector<ThermalData> result;
-  for (std::size_t e = 0; e < errors.size(); ++e) {
-    ThermalData data{errors[e].names,
+  for (std::size_t e = 0; e < data_sets.size(); ++e) {
+    ThermalData data{data_sets[e].names,
                      T,
-                     errors[e].y.tail(n),
-                     {errors[e].run.begin() + start, errors[e].run.end()}};
+                     data_sets[e].y.tail(n),
+                     {data_sets[e].run.begin() + start, data_sets[e].run.end()}};
     for (double& y : data.y) y += spread.error_noise[e] * normal_deviate(stream, counter++);
     result.push_back(std::move(data));
   }
@@ -461,19 +470,20 @@ std::vector<int> in_ascending_order(std::vector<int> inputs) {
 
 }  // namespace
 
-ChoiceSpread choice_spread(std::span<const ThermalData> errors, const SensorChoiceOptions& options,
-                           const SensorChoice& choice, const ChoiceSpreadOptions& spread) {
-  check(errors, options);
-  const Index m = errors.front().T.cols();
+ChoiceSpread choice_spread(std::span<const ThermalData> data_sets,
+                           const SensorChoiceOptions& options, const SensorChoice& choice,
+                           const ChoiceSpreadOptions& spread) {
+  check(data_sets, options);
+  const Index m = data_sets.front().T.cols();
   if (spread.draws < 1 || spread.input_noise.size() != m ||
-      spread.error_noise.size() != errors.size())
+      spread.error_noise.size() != data_sets.size())
     throw std::invalid_argument("a spread of a choice needs draws, and a noise of every series");
-  const int latest_start = std::clamp(int(errors.front().y.size() / 4), 0, spread.last_start);
+  const int latest_start = std::clamp(int(data_sets.front().y.size() / 4), 0, spread.last_start);
   std::vector<SensorChoice> choices(static_cast<std::size_t>(spread.draws));
   tbb::parallel_for(0, spread.draws, [&](int draw) {
     // Start rows are used in turn, so that all occur even in a few draws.
     choices[std::size_t(draw)] =
-        choose_sensors(redraw_noise(errors, draw % (latest_start + 1), spread,
+        choose_sensors(redraw_noise(data_sets, draw % (latest_start + 1), spread,
                                     spread.seed + 0x9e3779b97f4a7c15ull * std::uint64_t(draw + 1)),
                        options);
   });
@@ -549,9 +559,9 @@ struct ChoiceEvaluation {
   Recipe recipe;
   double range = 0.0;  ///< root of the sum of squares of the errors' ranges
 
-  Validation validation(std::size_t error, const std::vector<int>& inputs) const {
-    return validate_on(select_inputs(training[error], inputs), select_inputs(test[error], inputs),
-                       recipe);
+  Validation validation(std::size_t error_index, const std::vector<int>& inputs) const {
+    return validate_on(select_inputs(training[error_index], inputs),
+                       select_inputs(test[error_index], inputs), recipe);
   }
   /// Returns the RMS of all errors over their range; nothing if an error could not be fitted.
   std::optional<double> relative_rms(const std::vector<int>& inputs) const {
@@ -565,7 +575,7 @@ struct ChoiceEvaluation {
   }
 };
 
-/// Evaluates random choices of as many sensors.
+/// Evaluates random choices of as many sensors as the study has chosen.
 RandomChoices random_choices(const ChoiceEvaluation& evaluation, const ThermalStudyOptions& options,
                              const ThermalStudy& study) {
   std::vector<int> usable;
@@ -575,7 +585,8 @@ RandomChoices random_choices(const ChoiceEvaluation& evaluation, const ThermalSt
       random_subsets(static_cast<int>(usable.size()), static_cast<int>(study.choice.chosen.size()),
                      options.random_subsets, options.seed);
   std::vector<std::optional<double>> rms_values(subsets.size());
-  // All subsets are drawn before, so that the result does not depend on the number of threads.
+  // All subsets are drawn before the parallel loop, so that the result does not depend on the
+  // number of threads.
   tbb::parallel_for(std::size_t(0), subsets.size(), [&](std::size_t i) {
     std::vector<int> inputs;
     for (const int k : subsets[i]) inputs.push_back(usable[static_cast<std::size_t>(k)]);
@@ -594,10 +605,10 @@ RandomChoices random_choices(const ChoiceEvaluation& evaluation, const ThermalSt
   result.p50 = percentile(ratios, 0.50);
   result.p75 = percentile(ratios, 0.75);
   result.p95 = percentile(ratios, 0.95);
-  const auto worse =
+  const auto worse_count =
       std::ranges::count_if(ratios, [&](double ratio) { return ratio > study.rms_over_range; });
   if (!ratios.empty())
-    result.fraction_beaten = static_cast<double>(worse) / static_cast<double>(ratios.size());
+    result.fraction_beaten = static_cast<double>(worse_count) / static_cast<double>(ratios.size());
   return result;
 }
 
@@ -613,18 +624,18 @@ void check_disjoint_runs(const ThermalData& training, const ThermalData& test) {
 }
 
 /// Fits a model of one error with the chosen sensors, and evaluates it.
-ErrorStudy study_error(const ChoiceEvaluation& evaluation, std::size_t error,
+ErrorStudy study_error(const ChoiceEvaluation& evaluation, std::size_t error_index,
                        const std::vector<int>& chosen, const ThermalModelOptions& model) {
-  const ThermalData& test = evaluation.test[error];
+  const ThermalData& test = evaluation.test[error_index];
   ErrorStudy study;
   study.drift_range = test.y.maxCoeff() - test.y.minCoeff();
-  const ThermalData training_data =
-      with_features(select_inputs(evaluation.training[error], chosen), evaluation.recipe.features);
+  const ThermalData training_data = with_features(
+      select_inputs(evaluation.training[error_index], chosen), evaluation.recipe.features);
   study.fitted = fit(training_data, model);
   if (!study.fitted.model) return study;
   study.training_residual = spread(training_data.y - values(*study.fitted.model, training_data.T));
   if (runs(training_data).size() >= 2) study.left_out = cross_validate(training_data, model);
-  study.test = evaluation.validation(error, chosen);
+  study.test = evaluation.validation(error_index, chosen);
   if (study.drift_range > 0) study.rms_over_range = study.test.overall.rms / study.drift_range;
   return study;
 }
@@ -649,8 +660,8 @@ ThermalStudy study_sensors(std::span<const ThermalData> training, std::span<cons
   // The choice is based on the sensors without lagged copies, which are made of the chosen ones
   // only.
   std::vector<ThermalData> choice_data;
-  for (const ThermalData& error : training)
-    choice_data.push_back(with_features(error, {options.features.since_start, 0}));
+  for (const ThermalData& data_set : training)
+    choice_data.push_back(with_features(data_set, {options.features.since_start, 0}));
   study.choice = choose_sensors(choice_data, options.choice);
   if (study.choice.status != GreyStatus::Ok) return study;
   for (const int input : study.choice.chosen)

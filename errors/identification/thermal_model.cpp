@@ -15,6 +15,9 @@
 #include "kinematics/bad_input.h"
 #include "kinematics/text.h"
 
+// Thermal models: their fits, predictions and validation, and the text format in which they are
+// saved.
+
 namespace abbe::errors::identification {
 
 namespace {
@@ -23,8 +26,8 @@ using Eigen::Index;
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
-/// Returns the standard deviation of centred values; 1 for a constant column, so that scaling gives
-/// 0 and not NaN.
+/// Returns the standard deviation of centred values; 1 if they are constant, so that scaling by it
+/// gives 0 and not NaN.
 double finite_sd(const VectorXd& centred) {
   const double sd = std::sqrt(centred.squaredNorm() / static_cast<double>(centred.size()));
   return sd > 0 ? sd : 1.0;
@@ -42,7 +45,8 @@ MatrixXd scale_inputs(const Scaling& s, const MatrixXd& T) {
   return (T.rowwise() - s.mean.transpose()).array().rowwise() / s.scale.transpose().array();
 }
 
-/// Returns every k-th row, so that at most `max_rows` remain (at least one per run).
+/// Returns every k-th row of each run, with the smallest k that leaves at most about `max_rows`
+/// rows; every run keeps at least one.
 ThermalData thin_to(const ThermalData& data, int max_rows) {
   const auto n = static_cast<int>(data.y.size());
   return n <= max_rows ? data : thin_runs(data, (n + max_rows - 1) / max_rows);
@@ -67,24 +71,24 @@ ThermalFit fit_linear(const ThermalData& data, ThermalModel model) {
   return result;
 }
 
-ThermalFit fit_shrunk(const ThermalData& data, const ThermalModelOptions& options,
-                      ThermalModel model) {
-  const ShrunkFit shrunk =
+ThermalFit fit_shrinkage(const ThermalData& data, const ThermalModelOptions& options,
+                         ThermalModel model) {
+  const ShrunkFit shrinkage_fit =
       options.kind == ModelKind::Ridge
           ? fit_ridge(data.T, data.y, options.penalty)
           : fit_lasso(data.T, data.y, options.penalty * max_penalty(data.T, data.y));
   ThermalFit result;
-  if (!shrunk.converged) {
+  if (!shrinkage_fit.converged) {
     result.status = FitStatus::NotConverged;
     return result;
   }
-  model.law = LinearLaw{shrunk.constant, shrunk.beta, {}};
+  model.law = LinearLaw{shrinkage_fit.constant, shrinkage_fit.beta, {}};
   result.model = std::move(model);
   return result;
 }
 
-ThermalFit fit_learned(const ThermalData& data, const ThermalModelOptions& options,
-                       ThermalModel model) {
+ThermalFit fit_learned_model(const ThermalData& data, const ThermalModelOptions& options,
+                             ThermalModel model) {
   const ThermalData thinned_data = thin_to(data, options.max_rows);
   const Scaling s = data_scaling(thinned_data);
   const MatrixXd Z = scale_inputs(s, thinned_data.T);
@@ -101,8 +105,8 @@ ThermalFit fit_learned(const ThermalData& data, const ThermalModelOptions& optio
   return result;
 }
 
-/// Returns the distance beyond the trained range as a fraction of that range; infinite if the input
-/// was constant in training and now differs.
+/// Returns how far an input lies beyond its trained range, as a fraction of that range; infinite if
+/// the input was constant in training and now differs.
 double relative_excess(const ThermalModel& model, Index input, double T) {
   const double excess = std::max({model.lowest(input) - T, T - model.highest(input), 0.0});
   // A constant input that has not changed would give 0 / 0.
@@ -124,8 +128,8 @@ double law_value(const ThermalModel& model, const VectorXd& T) {
   return std::visit([&](const auto& law) { return law_value(law, T); }, model.law);
 }
 
-/// Returns the variance of the prediction by that of the coefficients, relative to the variance of
-/// a reading.
+/// Returns the variance of the prediction that is due to the uncertainty of the coefficients,
+/// relative to the variance of a reading; 0 without a covariance.
 double leverage(const ThermalModel& model, const VectorXd& T) {
   const auto* law = std::get_if<LinearLaw>(&model.law);
   if (!law || law->covariance.size() == 0) return 0.0;
@@ -165,10 +169,10 @@ ThermalFit fit(const ThermalData& data, const ThermalModelOptions& options) {
   model.lowest = data.T.colwise().minCoeff();
   model.highest = data.T.colwise().maxCoeff();
   model.margin = options.margin;
-  const bool shrunk = options.kind == ModelKind::Ridge || options.kind == ModelKind::Lasso;
+  const bool is_shrinkage = options.kind == ModelKind::Ridge || options.kind == ModelKind::Lasso;
   ThermalFit result = options.kind == ModelKind::Linear ? fit_linear(data, std::move(model))
-                      : shrunk ? fit_shrunk(data, options, std::move(model))
-                               : fit_learned(data, options, std::move(model));
+                      : is_shrinkage ? fit_shrinkage(data, options, std::move(model))
+                                     : fit_learned_model(data, options, std::move(model));
   if (!result.model) return result;
   // The sigma of a linear fit accounts for its degrees of freedom. The other kinds have no such
   // number, so the plain RMS is used.
@@ -212,36 +216,36 @@ namespace {
 
 /// Returns the number of rows that `predict` rejects.
 int count_rows_outside(const ThermalModel& model, const MatrixXd& T) {
-  int count = 0;
+  int row_count = 0;
   for (Index row = 0; row < T.rows(); ++row)
-    count += predict(model, T.row(row).transpose()).status != PredictionStatus::Ok;
-  return count;
+    row_count += predict(model, T.row(row).transpose()).status != PredictionStatus::Ok;
+  return row_count;
 }
 
 /// Residuals of runs that were left out of the training.
 struct ValidationPart {
-  int run = 0;  ///< label
+  int run_label = 0;
   FitStatus status = FitStatus::Ok;
   VectorXd residual;
-  int outside = 0;  ///< number of rows outside the trained range
+  int rows_outside = 0;  ///< number of rows outside the trained range
 };
 
 /// Returns the residuals of a fitted model on test data.
-ValidationPart test_residuals(const ThermalFit& fitted, const ThermalData& test, int run) {
-  if (!fitted.model) return {run, fitted.status, {}, 0};
-  return {run, FitStatus::Ok, test.y - values(*fitted.model, test.T),
+ValidationPart test_residuals(const ThermalFit& fitted, const ThermalData& test, int run_label) {
+  if (!fitted.model) return {run_label, fitted.status, {}, 0};
+  return {run_label, FitStatus::Ok, test.y - values(*fitted.model, test.T),
           count_rows_outside(*fitted.model, test.T)};
 }
 
 /// Fits a model on training data and returns its residuals on test data.
 ValidationPart validate_left_out(const ThermalData& training, const ThermalData& test,
-                                 ThermalModelOptions options, int run) {
+                                 ThermalModelOptions options, int run_label) {
   options.sigma_from_runs = false;
-  return test_residuals(fit(training, options), test, run);
+  return test_residuals(fit(training, options), test, run_label);
 }
 
-/// Returns the figures of all parts together.
-/// @param has_equal_weights  true: every part has the same weight; false: every row
+/// Returns the figures of all parts together. If a part has no fit, returns only its status.
+/// @param has_equal_weights  true: every part has the same weight; false: every row has
 Validation summary(const std::vector<ValidationPart>& parts, bool has_equal_weights) {
   Validation result;
   double squares = 0, weight = 0, sum_rms = 0;
@@ -257,11 +261,11 @@ Validation summary(const std::vector<ValidationPart>& parts, bool has_equal_weig
     squares += part_weight * part_spread.rms * part_spread.rms;
     weight += part_weight;
     sum_rms += part_spread.rms;
-    result.run.push_back(part.run);
+    result.run.push_back(part.run_label);
     result.run_spread.push_back(part_spread);
     result.overall.max = std::max(result.overall.max, part_spread.max);
     result.rows += static_cast<int>(part.residual.size());
-    result.outside += part.outside;
+    result.outside += part.rows_outside;
   }
   result.overall.rms = std::sqrt(squares / weight);
   result.mean_rms = sum_rms / static_cast<double>(parts.size());
@@ -272,21 +276,20 @@ Validation summary(const std::vector<ValidationPart>& parts, bool has_equal_weig
 
 Validation cross_validate(const ThermalData& data, const ThermalModelOptions& options,
                           Split split) {
-  const std::vector<int> labels = runs(data);
-  if (labels.size() < 2) throw std::invalid_argument("cross-validation by run needs two runs");
+  const std::vector<int> run_labels = runs(data);
+  if (run_labels.size() < 2) throw std::invalid_argument("cross-validation by run needs two runs");
   std::vector<ValidationPart> parts;
   if (split == Split::LeaveOneRunOut) {
-    for (const int label : labels)
-      parts.push_back(
-          validate_left_out(exclude_run(data, label), select_runs(data, {label}), options, label));
+    for (const int run_label : run_labels)
+      parts.push_back(validate_left_out(exclude_run(data, run_label),
+                                        select_runs(data, {run_label}), options, run_label));
   } else {
-    // From half of the runs on: with fewer the training data do not suffice to show how a model
-    // ages.
-    for (std::size_t k = (labels.size() + 1) / 2; k < labels.size(); ++k) {
-      const auto split_point = labels.begin() + static_cast<std::ptrdiff_t>(k);
-      parts.push_back(validate_left_out(select_runs(data, {labels.begin(), split_point}),
-                                        select_runs(data, {split_point, labels.end()}), options,
-                                        labels[k - 1]));
+    // The first training set is half of the runs: fewer do not suffice to show how a model ages.
+    for (std::size_t k = (run_labels.size() + 1) / 2; k < run_labels.size(); ++k) {
+      const auto split_point = run_labels.begin() + static_cast<std::ptrdiff_t>(k);
+      parts.push_back(validate_left_out(select_runs(data, {run_labels.begin(), split_point}),
+                                        select_runs(data, {split_point, run_labels.end()}), options,
+                                        run_labels[k - 1]));
     }
   }
   return summary(parts, split == Split::Forward);
@@ -303,8 +306,8 @@ Validation validate_on(const ThermalData& training, const ThermalData& test, con
   options.sigma_from_runs = false;
   const ThermalFit fitted = fit(training_data, options);
   std::vector<ValidationPart> parts;
-  for (const int label : runs(test_data))
-    parts.push_back(test_residuals(fitted, select_runs(test_data, {label}), label));
+  for (const int run_label : runs(test_data))
+    parts.push_back(test_residuals(fitted, select_runs(test_data, {run_label}), run_label));
   return summary(parts, false);
 }
 
@@ -312,8 +315,9 @@ RecipeChoice choose_recipe(const ThermalData& data, const std::vector<Recipe>& r
                            const ChoiceOptions& options) {
   RecipeChoice choice;
   for (const Recipe& recipe : recipes) {
-    const ThermalData featured = thin_runs(with_features(data, recipe.features), options.every);
-    choice.validation.push_back(cross_validate(featured, recipe.model, options.split));
+    const ThermalData data_with_features =
+        thin_runs(with_features(data, recipe.features), options.every);
+    choice.validation.push_back(cross_validate(data_with_features, recipe.model, options.split));
     const Validation& latest = choice.validation.back();
     if (latest.status != FitStatus::Ok) continue;
     const bool is_better =
@@ -326,31 +330,32 @@ RecipeChoice choose_recipe(const ThermalData& data, const std::vector<Recipe>& r
 
 NestedValidation nested_validation(const ThermalData& data, const std::vector<Recipe>& recipes,
                                    const ChoiceOptions& options) {
-  const std::vector<int> labels = runs(data);
+  const std::vector<int> run_labels = runs(data);
   // One run is left out, and the choice among the others needs two.
-  if (labels.size() < 3) throw std::invalid_argument("nested validation by run needs three runs");
-  std::vector<ValidationPart> parts(labels.size());
-  std::vector<int> chosen(labels.size(), -1);
+  if (run_labels.size() < 3)
+    throw std::invalid_argument("nested validation by run needs three runs");
+  std::vector<ValidationPart> parts(run_labels.size());
+  std::vector<int> chosen(run_labels.size(), -1);
   // Each run writes only its own entry, so the result does not depend on the number of threads.
-  tbb::parallel_for(std::size_t(0), labels.size(), [&](std::size_t i) {
-    const ThermalData others = exclude_run(data, labels[i]);
+  tbb::parallel_for(std::size_t(0), run_labels.size(), [&](std::size_t i) {
+    const ThermalData others = exclude_run(data, run_labels[i]);
     chosen[i] = choose_recipe(others, recipes, options).best;
-    parts[i].run = labels[i];
+    parts[i].run_label = run_labels[i];
     // This status remains if no recipe could be fitted.
     parts[i].status = FitStatus::NotConverged;
     if (chosen[i] < 0) return;
     const Recipe& recipe = recipes[static_cast<std::size_t>(chosen[i])];
     parts[i] = validate_left_out(with_features(others, recipe.features),
-                                 with_features(select_runs(data, {labels[i]}), recipe.features),
-                                 recipe.model, labels[i]);
+                                 with_features(select_runs(data, {run_labels[i]}), recipe.features),
+                                 recipe.model, run_labels[i]);
   });
   return {summary(parts, false), chosen};
 }
 
 namespace {
 
-// Text format: every line is a keyword with values, in a fixed order. A number is the shortest
-// decimal that reads back the same bits.
+// Text format: every line is a keyword with its values, in a fixed order. A number is written as
+// the shortest decimal that reads back to the same bits.
 
 constexpr int max_model_size = 1000;
 constexpr int max_support_rows = 100'000;
@@ -359,7 +364,7 @@ constexpr ModelKind model_kinds[] = {ModelKind::Linear,      ModelKind::Ridge,
                                      ModelKind::Lasso,       ModelKind::SupportVectors,
                                      ModelKind::KernelRidge, ModelKind::Network};
 
-/// Writer of the lines of a model.
+/// Writes the lines of a model.
 class Writer {
  public:
   void line(std::string_view keyword, std::string_view value) {
@@ -409,7 +414,8 @@ class Writer {
   std::string text_;
 };
 
-/// Parser of the lines of a model, in their order.
+/// Reads the lines of a model in their order. Each function throws BadInput if the next line is not
+/// as expected.
 class Reader {
  public:
   Reader(std::string_view text, const std::string& file) : lines_(text), file_(file) {

@@ -35,29 +35,30 @@ struct BadUsage : std::invalid_argument {
 };
 
 /// Runs a program and returns its exit code. If it throws, prints the exception and returns the
-/// code of its type. Lost standard output counts as an exception.
+/// code of its type. A failed write to standard output is treated like an exception.
 Exit exit_code(const std::function<Exit()>& program);
 
 // Commands are values with options and a function that runs them. They do not depend on the library
 // that parses the command line.
 
-/// Variable that receives the value of an option; it is unchanged if the option is not stated.
+/// Variable that receives the value of an option; it keeps its value if the option is not given.
 using Target = std::variant<bool*, int*, double*, std::string*, std::filesystem::path*,
                             std::optional<std::int64_t>*, std::optional<std::string>*,
                             std::optional<std::filesystem::path>*, std::vector<std::string>*,
                             std::vector<std::filesystem::path>*>;
 
-// Rules of an option. Options that a rule names must precede it in the list.
-/// The value is in this range.
+// Rules of an option. Options that a rule names must precede it in the list of options.
+
+/// The value must be in this range.
 struct NumberRange {
   std::int64_t min_value, max_value;
 };
-/// The value is one of these.
+/// The value must be one of these.
 struct OneOf {
   std::vector<std::string> values;
 };
-struct CommaSeparated {};  ///< several values may be stated at once: a,b,c
-struct OptionalValue {};   ///< the value may be omitted; it is then an empty text
+struct CommaSeparated {};  ///< accepts several values, separated by commas: a,b,c
+struct OptionalValue {};   ///< the value may be omitted; it is then an empty string
 /// The option must not be combined with these.
 struct Excludes {
   std::vector<std::string> options;
@@ -66,7 +67,7 @@ struct Excludes {
 struct RequiresOption {
   std::string option;
 };
-/// The name of the value in `--help`.
+/// Name of the value in `--help`.
 struct TypeName {
   std::string name;
 };
@@ -79,7 +80,7 @@ struct Option {
   /// "--seed"; a name without dashes is a positional argument, which is required unless a rule
   /// states otherwise.
   std::string name;
-  Target target;  ///< bool: a flag; a list: repeatable
+  Target target;  ///< a bool makes the option a flag; a list makes it repeatable
   std::string help;
   Rule rule = {};
   Rule second_rule = {};
@@ -130,16 +131,16 @@ std::vector<Override> overrides(const CommonOptions& common);
 /// such as belief.toml, and is not a folder; otherwise `name` in the folder `out`.
 std::filesystem::path output_file(const std::filesystem::path& out, const std::string& name);
 
-/// Returns the folder stated by --out; out/SCENE by default.
+/// Returns the folder given by --out; out/SCENE by default.
 std::filesystem::path result_folder(const CommonOptions& common);
 
 /// Throws BadUsage if the name of a --case is invalid.
 void check_case(const std::string& name);
 
-/// Prints the assumptions of the reader of a program on standard error, one per line.
+/// Prints to standard error, one per line, the assumptions made while reading a program.
 void print_assumptions(const std::vector<program::Assumption>& assumptions);
 
-/// Prints warnings on standard error.
+/// Prints warnings to standard error.
 void print_warnings(const std::vector<std::string>& warnings);
 
 // Properties of options for shell completion.
@@ -162,7 +163,7 @@ enum class CompletionKind { Nothing, Words, Cases, Settings, Keys, Files };
 /// Returns the kind of completion for the value of an option.
 CompletionKind completion_kind(const Option& option);
 
-/// Returns true if `--set` of a command changes a study, not a scene.
+/// Returns true if the keys of `--set` of a command are those of a study, not of a scene.
 bool has_study_keys(const Command& command);
 
 }  // namespace abbe::sim

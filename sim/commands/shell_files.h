@@ -7,6 +7,8 @@
 
 #include "sim/commands/command.h"
 
+/// Shell completion of abbe's command line, its global options, and the texts that `--help` shares
+/// with it.
 namespace abbe::sim {
 
 /// Description of abbe in one line and in a paragraph, and the meaning of its exit codes, for
@@ -24,15 +26,15 @@ struct GlobalOption {
   std::string name;      ///< "--cases"
   std::string argument;  ///< "SCENE"; "[PREFIX]" is optional
   std::string help;
-  std::vector<std::string> words;  ///< possible values of the argument; empty: any
+  std::vector<std::string> words;  ///< possible values of the argument; empty if any is allowed
   /// Called with an empty argument if it is omitted.
   std::function<Exit(const std::string& argument)> answer;
 };
 
-/// Returns all such options.
+/// Returns all global options.
 std::vector<GlobalOption> global_options();
 
-/// A text that can stand in place of the word under the cursor.
+/// A possible replacement for the word at the cursor.
 struct Candidate {
   std::string text;         ///< ends in "=" if a value must follow
   std::string description;  ///< empty if there is none
@@ -41,19 +43,19 @@ struct Candidate {
 /// Completions of a word of a command line.
 struct Completions {
   std::vector<Candidate> candidates;
-  bool has_files = false;   ///< names of files complete the word as well
-  std::string file_prefix;  ///< part of the word in front of the name of a file: "--out="
+  bool has_files = false;   ///< the shell also offers file names
+  std::string file_prefix;  ///< part of the word before the file name: "--out="
 };
 
 /// Returns the completions of a word: commands, options, their values, names of cases, and keys.
-/// @param words    of the line, without the name of the program
-/// @param current  index of the word; at most the number of words, which stands for an empty one
+/// @param words    words of the line, without the name of the program
+/// @param current  index of the word to complete; `words.size()` for a new, empty word
 Completions completions(const std::vector<Command>& commands, std::span<const std::string> words,
                         std::size_t current);
 
 /// Runs `abbe __complete CURRENT WORD ...`, which the scripts of `--completion` call: prints one
-/// candidate per line, with a tab before its description, and `:files PREFIX` if files complete the
-/// word. CURRENT counts the name of the program as word 0.
+/// candidate per line, with a tab before its description, and `:files PREFIX` if the shell also
+/// offers file names. CURRENT counts the name of the program as word 0.
 Exit print_completions(const std::vector<Command>& commands,
                        std::span<const std::string> arguments);
 

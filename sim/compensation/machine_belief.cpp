@@ -20,6 +20,9 @@
 #include "kinematics/decompositions.h"
 #include "kinematics/text.h"
 
+// Machine model that a compensator uses (its belief): loads from force or current signals, thermal
+// deviations from sensor models, and displacements fitted to measured parts.
+
 namespace abbe::sim::compensation {
 
 namespace {
@@ -27,9 +30,9 @@ namespace {
 using Eigen::Index;
 using Eigen::VectorXd;
 
-/// Returns for every row the mean over it and the rows of the last `length_s`. Later rows are not
-/// used, because a control does not know them.
-VectorXd smoothed(const VectorXd& values, const VectorXd& time_s, double length_s) {
+/// Returns the trailing mean: for each row, the mean of all rows of the preceding `length_s`,
+/// including itself. Later rows are not used, because a control does not know them.
+VectorXd trailing_mean(const VectorXd& values, const VectorXd& time_s, double length_s) {
   if (!(length_s > 0.0)) return values;
   VectorXd means(values.size());
   double sum = 0.0;
@@ -42,24 +45,24 @@ VectorXd smoothed(const VectorXd& values, const VectorXd& time_s, double length_
   return means;
 }
 
-/// Returns the median, which ignores single peaks of a current.
+/// Returns the median. Unlike the mean it is insensitive to single peaks of a current.
 double median(std::vector<double> values) {
   const auto middle = values.begin() + std::ptrdiff_t(values.size() / 2);
   std::nth_element(values.begin(), middle, values.end());
   return *middle;
 }
 
-/// Returns the currents in air, A: those of the rows before the cut in which the spindle is as fast
-/// as in the cut.
-std::vector<double> air_currents(const ControlLog& log, double cut_begins_s) {
+/// Returns the idle currents, A: those logged before the cut while the spindle runs at the speed of
+/// the cut.
+std::vector<double> idle_currents(const ControlLog& log, double cut_begins_s) {
   const VectorXd current = column(log, "current_A"), rpm = column(log, "spindle_rpm");
   const double speed = rpm[row_at(log, cut_begins_s)];
-  std::vector<double> air_currents_A;
+  std::vector<double> idle_currents_A;
   for (Index i = 0; i < current.size() && log.time_s[i] < cut_begins_s; ++i)
     // Only speeds within 0.1 % count, because the idle torque depends on the speed.
     if (log.time_s[i] >= 0.0 && std::abs(rpm[i] - speed) <= 1e-3 * std::abs(speed))
-      air_currents_A.push_back(current[i]);
-  return air_currents_A;
+      idle_currents_A.push_back(current[i]);
+  return idle_currents_A;
 }
 
 }  // namespace
@@ -84,7 +87,7 @@ LoadSeries dynamometer_load(const ControlLog& log, double smoothing_s) {
   LoadSeries series{log.time_s, std::vector<errors::Load>(std::size_t(log.time_s.size()))};
   const char* const names[] = {"FX_dynamometer_N", "FY_dynamometer_N", "FZ_dynamometer_N"};
   for (Index k = 0; k < 3; ++k) {
-    const VectorXd force = smoothed(column(log, names[k]), log.time_s, smoothing_s);
+    const VectorXd force = trailing_mean(column(log, names[k]), log.time_s, smoothing_s);
     for (Index i = 0; i < force.size(); ++i)
       series.loads[std::size_t(i)].tool_wrench_t[k] = force[i];
   }
@@ -97,12 +100,12 @@ CurrentLaw fit_current_law(const ControlLog& log, const CurrentTraining& part, d
     throw std::invalid_argument("expected a training part with a deviation at two places or more");
   CurrentLaw law;
   law.smoothing_s = smoothing_s;
-  std::vector<double> air_currents_A = air_currents(log, part.time_s.minCoeff());
-  if (air_currents_A.empty())
+  std::vector<double> idle_currents_A = idle_currents(log, part.time_s.minCoeff());
+  if (idle_currents_A.empty())
     throw std::invalid_argument(
         "expected the current in air before the training cut, at the speed of the cut");
-  law.air_A = median(std::move(air_currents_A));
-  const VectorXd current = smoothed(column(log, "current_A"), log.time_s, smoothing_s);
+  law.air_A = median(std::move(idle_currents_A));
+  const VectorXd current = trailing_mean(column(log, "current_A"), log.time_s, smoothing_s);
   Eigen::MatrixX2d A(n, 2);
   // d = c1 x + c2 x^2 has no constant term, because nothing deflects without cutting force.
   for (Index i = 0; i < n; ++i) {
@@ -121,7 +124,7 @@ CurrentLaw fit_current_law(const ControlLog& log, const CurrentTraining& part, d
 }
 
 TimeSeries current_deflection(const CurrentLaw& law, const ControlLog& log) {
-  const VectorXd current = smoothed(column(log, "current_A"), log.time_s, law.smoothing_s);
+  const VectorXd current = trailing_mean(column(log, "current_A"), log.time_s, law.smoothing_s);
   TimeSeries series{log.time_s, Eigen::MatrixXd(current.size(), 1)};
   for (Index i = 0; i < current.size(); ++i) {
     // Outside the trained range a parabola is not reliable, so the law is constant there.
@@ -141,10 +144,10 @@ using kinematics::JointDeviation;
 constexpr std::string_view header = "abbe thermal belief 1";
 constexpr std::string_view since_start_prefix = "since_start ";
 constexpr std::string_view term_prefix = "term ";
-// Limits the memory that a wrong file can take.
+// Bounds the memory for an invalid file.
 constexpr std::size_t max_terms = 1000;
 
-// Text
+// Text format of a thermal belief
 
 bool can_have_slope(const errors::ElementName& name) { return !name.location && name.axis != 'S'; }
 
@@ -239,10 +242,10 @@ ThermalBelief::Term read_term(BeliefReader& reader, const ThermalBelief& belief)
   return term;
 }
 
-// Evaluation over a log
+// Evaluation of a thermal belief over a log
 
-/// The temperatures of a model, with a column for each input, limited to its trained range, and the
-/// rows in which a limit applied.
+/// The temperatures of a model, one column per input, limited to the trained range with its margin,
+/// and the rows in which a limit applied.
 struct ModelInputs {
   MatrixXd T;                    ///< (n x m)
   std::vector<char> is_limited;  ///< (n)
@@ -346,9 +349,9 @@ std::vector<JointDeviation> deviations(const ThermalSeries& series,
     const ThermalSeries::Term& term = series.terms[k];
     JointDeviation& joint = result[std::size_t(term.joint)];
     // Readings are held, not interpolated, because a control does not know the next one.
-    const double travel = term.slope ? term.sign * state.q[term.joint] : 1.0;
+    const double factor = term.slope ? term.sign * state.q[term.joint] : 1.0;
     (term.location ? joint.location : joint.motion)[term.component] +=
-        travel * series.value(row, Index(k));
+        factor * series.value(row, Index(k));
   }
   return result;
 }
@@ -358,18 +361,19 @@ namespace {
 using Eigen::MatrixX3d;
 using Eigen::Vector3d;
 
-constexpr std::size_t neighbour_count = 9;  // the farthest one only limits the weights
+// The farthest neighbour only sets the weight that is subtracted from all.
+constexpr std::size_t neighbour_count = 9;
 
 struct Neighbour {
   double distance = std::numeric_limits<double>::infinity();
   Index row = -1;
 };
 
-std::array<Neighbour, neighbour_count> nearest_readings(const MatrixX3d& read_at,
+std::array<Neighbour, neighbour_count> nearest_readings(const MatrixX3d& reading_points,
                                                         const Vector3d& point) {
   std::array<Neighbour, neighbour_count> nearest;
-  for (Index i = 0; i < read_at.rows(); ++i) {
-    const double d = (read_at.row(i).transpose() - point).norm();
+  for (Index i = 0; i < reading_points.rows(); ++i) {
+    const double d = (reading_points.row(i).transpose() - point).norm();
     if (!(d < nearest.back().distance)) continue;
     auto at = nearest.end() - 1;
     for (; at != nearest.begin() && d < (at - 1)->distance; --at) *at = *(at - 1);
@@ -378,9 +382,10 @@ std::array<Neighbour, neighbour_count> nearest_readings(const MatrixX3d& read_at
   return nearest;
 }
 
-/// Returns the value at a point of the weighted plane through its neighbours.
-double value_of_plane(const MatrixX3d& read_at, const VectorXd& deviation, const Vector3d& point) {
-  const auto neighbours = nearest_readings(read_at, point);
+/// Returns the value at a point by a weighted linear fit to its neighbours.
+double value_of_plane(const MatrixX3d& reading_points, const VectorXd& deviation,
+                      const Vector3d& point) {
+  const auto neighbours = nearest_readings(reading_points, point);
   if (neighbours[0].distance == 0.0) return deviation[neighbours[0].row];
   const double cutoff_weight = 1.0 / neighbours.back().distance;  // 0 if there are fewer
   Eigen::Matrix<double, Eigen::Dynamic, 4, 0, neighbour_count, 4> A(Index(neighbour_count), 4);
@@ -392,13 +397,13 @@ double value_of_plane(const MatrixX3d& read_at, const VectorXd& deviation, const
     if (!(weight > 0.0)) continue;
     // Distances are divided by the nearest one, so that the threshold below has no unit.
     const Vector3d offset =
-        (read_at.row(neighbour.row).transpose() - point) / neighbours[0].distance;
+        (reading_points.row(neighbour.row).transpose() - point) / neighbours[0].distance;
     A.row(n) << weight, weight * offset.transpose();
     b[n++] = weight * deviation[neighbour.row];
   }
   // If all neighbours are equally far, every weight is zero, and the first one decides.
   if (n == 0) return deviation[neighbours[0].row];
-  // The solution of least norm is used, because the readings determine no slope across the surface.
+  // The minimum-norm solution is used, because the readings determine no slope across the surface.
   Eigen::CompleteOrthogonalDecomposition<
       Eigen::Matrix<double, Eigen::Dynamic, 4, 0, neighbour_count, 4>>
       plane;
@@ -474,7 +479,7 @@ std::vector<RowRange> split_groups(const RowRange& segment, const std::vector<do
 /// The displacement that explains a group of deviations, at the mean time of the group.
 struct DisplacementNode {
   double time_s = 0.0;
-  Vector3d move = Vector3d::Zero();
+  Vector3d displacement = Vector3d::Zero();
 };
 
 DisplacementNode fit_node(const SortedDeviations& part, const RowRange& group, double damping) {
@@ -491,7 +496,7 @@ DisplacementNode fit_node(const SortedDeviations& part, const RowRange& group, d
   // The damping is proportional to the rows, so that the result does not depend on the group size.
   A.diagonal().array() += damping * damping * count;
   node.time_s /= count;
-  node.move = A.ldlt().solve(b);
+  node.displacement = A.ldlt().solve(b);
   return node;
 }
 
@@ -500,7 +505,7 @@ DisplacementNode extrapolate_node(const DisplacementNode& node, const Displaceme
                                   double time_s) {
   const double length = node.time_s - neighbour.time_s;
   const double u = length != 0.0 ? (time_s - node.time_s) / length : 0.0;
-  return {time_s, node.move + u * (node.move - neighbour.move)};
+  return {time_s, node.displacement + u * (node.displacement - neighbour.displacement)};
 }
 
 void append_segment(std::vector<DisplacementNode>& series, const SortedDeviations& part,
@@ -523,16 +528,16 @@ void append_segment(std::vector<DisplacementNode>& series, const SortedDeviation
 
 }  // namespace
 
-VectorXd interpolate_readings(const MatrixX3d& read_at, const VectorXd& deviation,
+VectorXd interpolate_readings(const MatrixX3d& reading_points, const VectorXd& deviation,
                               const MatrixX3d& points, double reach) {
-  if (read_at.rows() == 0 || read_at.rows() != deviation.size())
+  if (reading_points.rows() == 0 || reading_points.rows() != deviation.size())
     throw std::invalid_argument("expected readings of a part, seen none");
   VectorXd values(points.rows());
   tbb::parallel_for(Index(0), points.rows(), [&](Index i) {
     const Vector3d point = points.row(i).transpose();
     const bool is_near =
-        (read_at.rowwise() - point.transpose()).rowwise().norm().minCoeff() <= reach;
-    values[i] = is_near ? value_of_plane(read_at, deviation, point) : 0.0;
+        (reading_points.rowwise() - point.transpose()).rowwise().norm().minCoeff() <= reach;
+    values[i] = is_near ? value_of_plane(reading_points, deviation, point) : 0.0;
   });
   return values;
 }
@@ -547,7 +552,7 @@ DisplacementSeries displacement_from_deviations(const PartDeviations& part,
   DisplacementSeries series{VectorXd(Index(nodes.size())), MatrixX3d(Index(nodes.size()), 3)};
   for (std::size_t i = 0; i < nodes.size(); ++i) {
     series.time_s[Index(i)] = nodes[i].time_s;
-    series.move.row(Index(i)) = nodes[i].move.transpose();
+    series.move.row(Index(i)) = nodes[i].displacement.transpose();
   }
   return series;
 }
@@ -570,13 +575,13 @@ using kinematics::Pose;
 
 /// Rotates a displacement with the workpiece spindle, from angle zero to its angle in `state`.
 Vector3d rotate_with_spindle(const MachineBelief& belief, const AxisState& state,
-                             const Vector3d& move) {
-  if (!belief.part_spindle) return move;
+                             const Vector3d& displacement) {
+  if (!belief.part_spindle) return displacement;
   kinematics::AxisVector unrotated = state.q;
   unrotated[*belief.part_spindle] = 0.0;
   const Eigen::Matrix3d R_now = belief.chain.workpiece_in_bed(state.q).linear();
   const Eigen::Matrix3d R_unrotated = belief.chain.workpiece_in_bed(unrotated).linear();
-  return R_now.transpose() * (R_unrotated * move);
+  return R_now.transpose() * (R_unrotated * displacement);
 }
 
 }  // namespace

@@ -9,29 +9,32 @@
 
 #include "kinematics/units.h"
 
+// Evaluation of a simulated cut: totals, interpolated loads, chatter and warnings; and the machine
+// activity that drives the thermal model.
+
 namespace abbe::sim {
 
 using errors::Load;
 
 ProcessTotals totals(const Process& process) {
-  ProcessTotals sums;
+  ProcessTotals process_totals;
   for (const ProcessStep& step : process.steps) {
     const double force = step.load.tool_wrench_t.head<3>().norm();
-    sums.removed += step.removed;
-    sums.max_force = std::max(sums.max_force, force);
-    sums.max_torque = std::max(sums.max_torque, step.torque);
-    sums.max_power_W = std::max(sums.max_power_W, step.power_W);
-    sums.max_iterations = std::max(sums.max_iterations, step.iterations);
-    sums.max_contraction = std::max(sums.max_contraction, step.contraction);
+    process_totals.removed += step.removed;
+    process_totals.max_force = std::max(process_totals.max_force, force);
+    process_totals.max_torque = std::max(process_totals.max_torque, step.torque);
+    process_totals.max_power_W = std::max(process_totals.max_power_W, step.power_W);
+    process_totals.max_iterations = std::max(process_totals.max_iterations, step.iterations);
+    process_totals.max_contraction = std::max(process_totals.max_contraction, step.contraction);
     if (force > 0.0) {
-      sums.force_sum += force;
-      ++sums.loaded_steps;
+      process_totals.force_sum += force;
+      ++process_totals.loaded_steps;
     }
     if (step.converged) continue;
-    ++sums.open;
-    sums.max_disagreement = std::max(sums.max_disagreement, step.disagreement);
+    ++process_totals.open;
+    process_totals.max_disagreement = std::max(process_totals.max_disagreement, step.disagreement);
   }
-  return sums;
+  return process_totals;
 }
 
 Load load_at(const Process& process, double time_s) {
@@ -62,15 +65,15 @@ Load load_at(const Process& process, double time_s) {
 namespace {
 
 // Limits of a swing; `revolution_swing` gives their reasons.
-constexpr std::size_t changes_per_window = 10;  // of force from one revolution to the next
+constexpr std::size_t changes_per_window = 10;  // changes of force from one revolution to the next
 constexpr double min_change = 0.01;             // fraction of the force
 constexpr double min_swing_gain = 0.99;         // a swing that has grown to its full size has 1
-constexpr double min_swing_contraction = 0.5;   // with a smaller one every change decays
+constexpr double min_swing_contraction = 0.5;   // with a smaller loop gain every change decays
 constexpr std::size_t revolutions_per_leap_window = 40;
 constexpr int min_leaps = 3;
 
-/// Returns the factor by which the changes of force grow in a revolution, from revolution `first`
-/// on; none if they do not alternate for a whole window.
+/// Returns the factor by which the changes of force grow per revolution, over a window that begins
+/// at revolution `first`; nothing if the changes do not alternate throughout the window.
 std::optional<double> alternating_gain(const std::vector<double>& force, std::size_t first) {
   if (first + changes_per_window >= force.size()) return std::nullopt;
   double first_sum = 0.0, second_sum = 0.0;
@@ -93,18 +96,18 @@ bool is_loop_strong(const Process& process, std::size_t first) {
   return false;
 }
 
-/// Returns the alternating swing with the largest difference of forces; none if no forces
-/// alternate.
+/// Returns the alternating swing with the largest difference of forces, with the largest gain of
+/// all swings; nothing if no forces alternate.
 std::optional<RevolutionSwing> find_alternating_swing(const Process& process,
                                                       const std::vector<double>& force) {
-  std::optional<RevolutionSwing> widest;
-  double gain = 0.0;
+  std::optional<RevolutionSwing> widest_swing;
+  double max_gain = 0.0;  // over all swings, not only the widest
   for (std::size_t first = 0; first < force.size();) {
     std::size_t k = first;
     for (auto window_gain = alternating_gain(force, k);
          window_gain && *window_gain >= min_swing_gain && is_loop_strong(process, k);
          window_gain = alternating_gain(force, ++k))
-      gain = std::max(gain, *window_gain);
+      max_gain = std::max(max_gain, *window_gain);
     if (k == first) {
       ++first;
       continue;
@@ -112,12 +115,12 @@ std::optional<RevolutionSwing> find_alternating_swing(const Process& process,
     const auto begin = force.begin() + std::ptrdiff_t(first);
     const auto end = force.begin() + std::ptrdiff_t(k + changes_per_window);
     const auto [low, high] = std::minmax_element(begin, end);
-    if (!widest || *high - *low > widest->high - widest->low)
-      widest = RevolutionSwing{int(end - begin), process.steps[first].line, *low, *high, 0.0};
+    if (!widest_swing || *high - *low > widest_swing->high - widest_swing->low)
+      widest_swing = RevolutionSwing{int(end - begin), process.steps[first].line, *low, *high, 0.0};
     first = k + 1;
   }
-  if (widest) widest->gain = gain;
-  return widest;
+  if (widest_swing) widest_swing->gain = max_gain;
+  return widest_swing;
 }
 
 /// Returns the swing from revolution `first` on within one program line, with the number of times
@@ -138,7 +141,8 @@ RevolutionSwing count_leaps(const Process& process, const std::vector<double>& f
   return swing;
 }
 
-// Returns the first swing in which the tool leaps out of the work and back; none if it never does.
+/// Returns the first swing in which the tool repeatedly leaps out of the work and back; nothing if
+/// there is none.
 std::optional<RevolutionSwing> find_leaping_swing(const Process& process,
                                                   const std::vector<double>& force) {
   for (std::size_t first = 0; first < force.size(); ++first) {
@@ -277,9 +281,9 @@ class CuttingEnergy {
  public:
   explicit CuttingEnergy(const Process& process) : steps_(process.steps) {}
 
-  /// Returns the energy, J, since the previous call. The power of a step holds from the step before
-  /// it.
-  double until(double to_s) {
+  /// Returns the energy, J, from the previous call to `to_s`. The power of a step applies from the
+  /// previous step on.
+  double energy_until(double to_s) {
     double energy_J = 0.0;
     while (next_step_ < steps_.size() && steps_[next_step_].time_s <= to_s) {
       energy_J += steps_[next_step_].power_W * (steps_[next_step_].time_s - time_s_);
@@ -309,8 +313,8 @@ Activity phase_activity(const ThermalPhase& phase, const ThermalDescription& the
   return activity;
 }
 
-/// Appends the activity of a program in intervals, whose mean speeds suffice, since heat follows
-/// slowly, and then the machine at rest.
+/// Appends the activity of a program, then of the machine at rest. The program is divided into
+/// intervals with mean speeds, which suffice because temperatures follow slowly.
 void append_program(std::vector<Activity>& knots, const ThermalDescription& thermal,
                     const program::Samples& samples, CuttingEnergy energy, const Machine& machine) {
   const auto& states = samples.states;
@@ -331,12 +335,12 @@ void append_program(std::vector<Activity>& knots, const ThermalDescription& ther
     first = last;
     if (duration <= 0.0) continue;
     kinematics::AxisVector axis_speeds = travel / duration;
-    for (int j = 0; j < machine.nominal.size(); ++j)  // spindles heat by a law of their own
+    for (int j = 0; j < machine.nominal.size(); ++j)  // spindles have a heat law of their own
       if (is_spindle(machine, j)) axis_speeds[j] = 0.0;
     Activity interval_activity = phase_activity(
         {duration, spindle_angle / duration, axis_speeds, thermal.powered, thermal.coolant},
         thermal);
-    interval_activity.cutting_power_W = energy.until(states[last].time_s) / duration;
+    interval_activity.cutting_power_W = energy.energy_until(states[last].time_s) / duration;
     append_knots(knots, thermal, interval_activity, from_s, states[last].time_s);
   }
   if (states.empty()) return;

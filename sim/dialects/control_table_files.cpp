@@ -13,6 +13,9 @@
 #include "sim/dialects/control_table.h"
 #include "sim/dialects/read_options.h"
 
+// Readers of the tool and offset tables of Heidenhain and Siemens controls, and the detection of
+// the control of a table.
+
 namespace abbe::sim::dialects {
 
 /// Reads a Heidenhain table, whose format the header describes. Collects errors in `reading`.
@@ -25,6 +28,9 @@ void read_siemens_table(ControlTableReading& reading);
 namespace {
 
 constexpr std::size_t max_columns = 256;  // bounds memory
+
+// Keys of work offsets: G54.1 Pn has the key g54_1_base + n, and G5nn of Siemens g500_base + nn.
+constexpr int g54_1_base = 100, g500_base = 500;
 
 /// A column: its name, and the range of bytes of every line that belongs to it.
 struct TableColumn {
@@ -62,7 +68,8 @@ bool has_column(const std::vector<TableColumn>& columns, std::string_view name) 
                              [&](const TableColumn& column) { return column.name == name; });
 }
 
-// A column extends from the beginning of its name to the beginning of the next name.
+// Parses the line of column names. A column extends from the beginning of its name to the beginning
+// of the next name.
 std::vector<TableColumn> parse_columns(ControlTableReading& reading, Cursor& line) {
   std::vector<TableColumn> columns;
   for (line.skip_blanks(); !line.at_end(); line.skip_blanks()) {
@@ -104,8 +111,8 @@ double parse_cell_number(Cursor cell, const std::string& name) {
   return value;
 }
 
-/// Returns true for a cell other than blank, zero or -. If such a cell has no effect, the user must
-/// be told.
+/// Returns true for a cell other than blank, zero or -. The user is warned of such a cell if it has
+/// no effect.
 bool has_content(const Cursor& cell) {
   return cell.text.substr(cell.at).find_first_not_of("+-0. ") != std::string_view::npos;
 }
@@ -214,7 +221,7 @@ void parse_preset_row(ControlTableReading& reading, const std::vector<TableColum
   if (*number < 1 || *number > max_preset)
     return reading.count_unused(fmt::format("presets other than 1 to {}", max_preset));
   ControlTableOffset offset;
-  const int system = preset_system(*number);
+  const int offset_key = preset_system(*number);
   const auto read_cells = [&] {
     for (const TableColumn& column : columns)
       if (const auto cell = cell_of_column(column, line);
@@ -225,8 +232,8 @@ void parse_preset_row(ControlTableReading& reading, const std::vector<TableColum
   if (*number <= 6)
     read_cells();
   else
-    reading.read_later_offset(system, read_cells);
-  if (!reading.table.offsets.emplace(system, offset).second)
+    reading.read_later_offset(offset_key, read_cells);
+  if (!reading.table.offsets.emplace(offset_key, offset).second)
     line.throw_input_error(0, "a preset that the table does not have already",
                            fmt::format("{}", *number));
 }
@@ -243,7 +250,8 @@ void read_heidenhain_table(ControlTableReading& reading) {
     if (line.at_end()) return true;
     line.at = 0;
     if (!has_begun) {
-      // Without header or columns no row can be read: only the first error is reported.
+      // Without header or columns no row can be read, so only the first error is reported:
+      // `for_each_line` catches it; the flag then stays true and ends the reading.
       has_begun = is_aborted = true;
       parse_table_header(reading, line);
       is_aborted = false;
@@ -271,7 +279,8 @@ void read_heidenhain_table(ControlTableReading& reading) {
 
 namespace {
 
-/// Values of cutting edge 1 of a tool, mm. Its length and radius are sums of them.
+/// Values of cutting edge 1 of a tool, mm. The length of the tool is length + wear + base, its
+/// radius radius + radius_wear.
 struct CuttingEdge {
   double length = 0.0, wear = 0.0, base = 0.0, radius = 0.0, radius_wear = 0.0;
   std::string name;
@@ -352,11 +361,11 @@ std::string parse_text(Cursor& line) {
 }
 
 void parse_edge_value(ControlTableReading& reading, const AssignmentTarget& target, int parameter,
-                      CuttingEdge& tool, Cursor& line) {
+                      CuttingEdge& edge, Cursor& line) {
   const std::size_t from = line.at;
   const double value = parse_table_number(line, target.name);
   const auto mm = [&] { return value == 0.0 ? 0.0 : value * reading.require_unit(line, from); };
-  tool.is_defined = true;
+  edge.is_defined = true;
   switch (parameter) {
     case 1:
       // Types 100 to 299 are mills and drills, whose length 1 lies along the tool in G17. Turning
@@ -365,22 +374,22 @@ void parse_edge_value(ControlTableReading& reading, const AssignmentTarget& targ
         line.throw_input_error(from, "a milling cutter or drill, of type 100 to 299");
       return;
     case 3:
-      tool.length = mm();
+      edge.length = mm();
       return;
     case 6:
-      tool.radius = mm();
+      edge.radius = mm();
       return;
     case 12:
-      tool.wear = mm();
+      edge.wear = mm();
       return;
     case 15:
-      tool.radius_wear = mm();
+      edge.radius_wear = mm();
       return;
     case 21:
-      tool.base = mm();
+      edge.base = mm();
       return;
-    case 4:
     // Lengths 2 and 3, their wear (13, 14) and base (22, 23).
+    case 4:
     case 5:
     case 13:
     case 14:
@@ -417,12 +426,12 @@ void parse_tool_value(ControlTableReading& reading, const AssignmentTarget& targ
     if (!skip_value(line)) reading.count_unused("$TC_DP of cutting edges other than 1");
     return;
   }
-  CuttingEdge& tool = edges[number];
-  if (tool.line == 0) tool.line = line.location.line;
+  CuttingEdge& edge = edges[number];
+  if (edge.line == 0) edge.line = line.location.line;
   if (parameter)
-    parse_edge_value(reading, target, *parameter, tool, line);
+    parse_edge_value(reading, target, *parameter, edge, line);
   else
-    tool.name = parse_text(line);
+    edge.name = parse_text(line);
 }
 
 char axis_letter(const std::string& name, const Cursor& line, std::size_t from) {
@@ -432,15 +441,15 @@ char axis_letter(const std::string& name, const Cursor& line, std::size_t from) 
 }
 
 // Coarse and fine values, TR and FI, add up.
-void add_to_offset(ControlTableReading& reading, int system, char axis, double value,
+void add_to_offset(ControlTableReading& reading, int offset_key, char axis, double value,
                    std::size_t from, const Cursor& line) {
   const double unit = reading.axis_unit(axis, value, line, from);
-  ControlTableOffset::Value& sum = reading.table.offsets[system].axes[axis];
+  ControlTableOffset::Value& sum = reading.table.offsets[offset_key].axes[axis];
   sum = {sum.value + value * unit, line.location.line, int(from) + 1};
 }
 
 /// Reads the value of a frame, for example CTRANS(X,10,Y,20):CFINE(X,0.1).
-void parse_frame(ControlTableReading& reading, int system, Cursor& line) {
+void parse_frame(ControlTableReading& reading, int offset_key, Cursor& line) {
   while (true) {
     line.skip_blanks();
     const std::size_t from = line.at;
@@ -461,7 +470,7 @@ void parse_frame(ControlTableReading& reading, int system, Cursor& line) {
         line.throw_input_error(line.at, "a comma and the value of the axis");
       ++line.at;
       const double value = parse_table_number(line, name);
-      add_to_offset(reading, system, axis, value, axis_from, line);
+      add_to_offset(reading, offset_key, axis, value, axis_from, line);
       line.skip_blanks();
     } while (line.current() == ',');
     if (line.current() != ')') line.throw_input_error(line.at, "a ) that closes the frame");
@@ -472,9 +481,9 @@ void parse_frame(ControlTableReading& reading, int system, Cursor& line) {
   }
 }
 
-void parse_offset(ControlTableReading& reading, const AssignmentTarget& target, int system,
+void parse_offset(ControlTableReading& reading, const AssignmentTarget& target, int offset_key,
                   Cursor& line) {
-  if (target.index.size() == 1) return parse_frame(reading, system, line);
+  if (target.index.size() == 1) return parse_frame(reading, offset_key, line);
   if (target.index.size() != 3)
     line.throw_input_error(target.from, "an index of number, axis and TR, FI, RT, SC or MI");
   line.skip_blanks();
@@ -483,7 +492,7 @@ void parse_offset(ControlTableReading& reading, const AssignmentTarget& target, 
   const std::string& component = target.index[2];
   const char axis = axis_letter(target.index[1], line, target.from);
   if (component == "TR" || component == "FI")
-    return add_to_offset(reading, system, axis, value, from, line);
+    return add_to_offset(reading, offset_key, axis, value, from, line);
   if (component != "RT" && component != "SC" && component != "MI")
     line.throw_input_error(target.from, "TR, FI, RT, SC or MI");
   // SC is a factor, so its neutral value is 1.
@@ -495,11 +504,12 @@ void parse_offset(ControlTableReading& reading, const AssignmentTarget& target, 
 /// out.
 void parse_numbered_offset(ControlTableReading& reading, const AssignmentTarget& target,
                            Cursor& line) {
-  const int number = table_index(target, 0, 99, line), system = 500 + number;
+  const int number = table_index(target, 0, 99, line), offset_key = g500_base + number;
   if (number <= 6) return parse_offset(reading, target, number, line);
   const std::size_t value_from = line.at;
-  reading.read_later_offset(system, [&] { parse_offset(reading, target, system, line); });
-  if (reading.unreadable_offsets.contains(system))  // the rejected value may continue in the line
+  reading.read_later_offset(offset_key, [&] { parse_offset(reading, target, offset_key, line); });
+  // The rejected value may continue in the line.
+  if (reading.unreadable_offsets.contains(offset_key))
     line.at = std::min(line.text.find('$', value_from), line.text.size());
 }
 
@@ -553,14 +563,14 @@ void read_siemens_table(ControlTableReading& reading) {
   CuttingEdges edges;
   for_each_line(reading, [&](Cursor& line) { return parse_siemens_line(reading, edges, line); });
   // A tool without any $TC_DP of its first edge has only a name.
-  for (const auto& [number, tool] : edges)
-    if (tool.is_defined)
-      reading.table.tools[number] = {tool.length + tool.wear + tool.base,
-                                     tool.radius + tool.radius_wear,
-                                     tool.wear,
-                                     tool.radius_wear,
-                                     tool.name,
-                                     tool.line};
+  for (const auto& [number, edge] : edges)
+    if (edge.is_defined)
+      reading.table.tools[number] = {edge.length + edge.wear + edge.base,
+                                     edge.radius + edge.radius_wear,
+                                     edge.wear,
+                                     edge.radius_wear,
+                                     edge.name,
+                                     edge.line};
   check_g500(reading);
 }
 
@@ -568,32 +578,32 @@ namespace {
 
 // A listing of thousands of tools stays below 1 MB; 64 MiB bounds memory.
 constexpr std::size_t max_table_bytes = std::size_t(64) << 20;
-// Headers of files are only a few lines long.
-constexpr int max_lines_for_sign = 2000;
+// The control is detected in the first lines, because headers of files are short.
+constexpr int max_lines_for_marker = 2000;
 
-bool has_number_behind(std::string_view line, char letter) {
+bool is_letter_with_number(std::string_view line, char letter) {
   return line.size() > 1 && upper(line[0]) == letter && is_digit(line[1]);
 }
 
-/// Returns the control whose tables contain such a line, or nothing if the line has no sign.
+/// Returns the control whose tables contain such a line, or nothing if the line could be of any.
 std::optional<Dialect> control_of_line(std::string_view line, ControlTableKind kind) {
   if (line.starts_with("BEGIN ")) return Dialect::Heidenhain;
-  for (const std::string_view sign : {"%_N_", "$TC_", "$P_UIFR"})
-    if (line.find(sign) != std::string_view::npos) return Dialect::Siemens;
-  // Comments, and the % of a tape, are no sign of LinuxCNC.
+  for (const std::string_view marker : {"%_N_", "$TC_", "$P_UIFR"})
+    if (line.find(marker) != std::string_view::npos) return Dialect::Siemens;
+  // Comments, and the % of a tape, occur with every control.
   if (line[0] == ';' || line[0] == '(' || line[0] == '%') return std::nullopt;
-  if (line.find("G10") != std::string_view::npos || has_number_behind(line, 'O'))
+  if (line.find("G10") != std::string_view::npos || is_letter_with_number(line, 'O'))
     return Dialect::Fanuc;
-  // Last, because a bare number is the weakest sign.
+  // LinuxCNC is tested last, because a bare number is the weakest evidence.
   const bool is_linuxcnc =
-      kind == ControlTableKind::Tools ? has_number_behind(line, 'T') : is_digit(line[0]);
+      kind == ControlTableKind::Tools ? is_letter_with_number(line, 'T') : is_digit(line[0]);
   return is_linuxcnc ? std::optional(Dialect::LinuxCnc) : std::nullopt;
 }
 
 std::optional<Dialect> detect_control(std::string_view text, ControlTableKind kind) {
   LineReader lines(text);
   while (const auto line = lines.next()) {
-    if (lines.number() > max_lines_for_sign) break;
+    if (lines.number() > max_lines_for_marker) break;
     const std::size_t from = std::min(line->find_first_not_of(" \t"), line->size());
     if (from == line->size()) continue;
     if (const auto control = control_of_line(line->substr(from), kind)) return control;
@@ -625,16 +635,17 @@ void read_format(Dialect control, ControlTableReading& reading) {
 
 }  // namespace
 
-std::string offset_name(Dialect control, int system) {
+std::string offset_name(Dialect control, int offset_key) {
   if (control == Dialect::Heidenhain)
     // The inverse of `preset_system`.
-    return fmt::format("preset {}", system > 1000 ? system - 1000 : system);
-  if (control == Dialect::Siemens && system > 4)
+    return fmt::format("preset {}", offset_key > 1000 ? offset_key - 1000 : offset_key);
+  if (control == Dialect::Siemens && offset_key > 4)
     // $P_UIFR[5] and [6] are called G505 and G506.
-    return fmt::format("G{}", system > 500 ? system : 500 + system);
-  if (system == 0) return "the external offset";
-  if (system > 100) return fmt::format("G54.1 P{}", system - 100);
-  return system > 6 ? fmt::format("G59.{}", system - 6) : fmt::format("G{}", 53 + system);
+    return fmt::format("G{}", offset_key > g500_base ? offset_key : g500_base + offset_key);
+  if (offset_key == 0) return "the external offset";
+  if (offset_key > g54_1_base) return fmt::format("G54.1 P{}", offset_key - g54_1_base);
+  return offset_key > 6 ? fmt::format("G59.{}", offset_key - 6)
+                        : fmt::format("G{}", 53 + offset_key);
 }
 
 // A table of another control is only reported, since its offsets may still be intended.
@@ -654,9 +665,10 @@ std::vector<std::string> table_warnings(const ControlTable& table, std::string_v
   }
   std::string missing_offsets;
   // A file without offsets is a tool table, which is no reason for a warning.
-  for (const int system : called_offsets)
-    if (!table.offsets.empty() && !table.offsets.contains(system))
-      missing_offsets += (missing_offsets.empty() ? "" : ", ") + offset_name(table.control, system);
+  for (const int offset_key : called_offsets)
+    if (!table.offsets.empty() && !table.offsets.contains(offset_key))
+      missing_offsets +=
+          (missing_offsets.empty() ? "" : ", ") + offset_name(table.control, offset_key);
   if (!missing_offsets.empty())
     warnings.push_back(
         fmt::format("{} has no {}, which the program calls: zero unless the program sets it",
@@ -683,7 +695,7 @@ ControlTable read_control_table(std::string_view text, const std::string& file,
   reading.table.file = file;
   read_format(*control, reading);
   // Offsets that could not be read must not count as zero.
-  for (const int system : reading.unreadable_offsets) reading.table.offsets.erase(system);
+  for (const int offset_key : reading.unreadable_offsets) reading.table.offsets.erase(offset_key);
   const bool is_empty = is_tool_table ? reading.table.tools.empty() : reading.table.offsets.empty();
   if (is_empty && reading.input_errors.empty())
     reading.input_errors.add(

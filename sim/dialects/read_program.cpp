@@ -24,6 +24,9 @@
 #include "sim/dialects/read_options.h"
 #include "sim/dialects/siemens/flow.h"
 
+// Reading of NC programs: the front ends of all dialects, the words that a program uses, and the
+// errors of a wrong dialect.
+
 namespace abbe::sim::dialects {
 
 /// Reads Klartext as a TNC 640 does.
@@ -60,13 +63,13 @@ void read_cl(std::string_view text, ProgramRun& run) {
 
 void read_fanuc(std::string_view text, ProgramRun& run) {
   if (!run.is_turning())
-    if (const auto sign = fanuc::find_turning_sign(text, run.canon)) {
+    if (const auto evidence = fanuc::find_turning_sign(text, run.canon)) {
       // The only error that is reported: all others would be consequences of the wrong control.
       throw BadProgram({BadInput(
-          run.canon.place().file, sign->line, sign->column,
+          run.canon.place().file, evidence->line, evidence->column,
           "a program of a milling control; control = \"turning\" (--control turning), or a machine "
           "whose spindle turns the workpiece, reads those of turning controls",
-          sign->words)});
+          evidence->words)});
     }
   fanuc::Flow(text, run).run();
 }
@@ -96,17 +99,17 @@ constexpr std::size_t max_word_bytes = 40;  // no word of any dialect is longer
 
 /// A word in upper case in a fixed buffer, so that no memory is allocated for each of a million
 /// words.
-struct Word {
+struct WordBuffer {
   std::array<char, max_word_bytes> letters{};
   std::size_t size = 0;
 
-  void put(char c) {
+  void append(char c) {
     if (size < letters.size()) letters[size++] = c;
   }
   std::string_view text() const { return {letters.data(), size}; }
 };
 
-/// Word table entries by their words.
+/// Entries of a word table, by word.
 using WordIndex = std::unordered_map<std::string_view, const WordTableEntry*>;
 
 WordIndex index_words(std::span<const WordTableEntry> table) {
@@ -140,21 +143,22 @@ class WordCounter {
 };
 
 /// Counts the word at `at` and advances past it and its number. G01 counts as the code G1 if the
-/// dialect has that code; otherwise the letters count alone.
+/// dialect has that code; otherwise only the letters are counted.
 void count_word(std::string_view line, std::size_t& at, int line_number, WordCounter& counter) {
-  Word word;
-  while (at < line.size() && (is_letter(line[at]) || line[at] == '_')) word.put(upper(line[at++]));
-  Word code = word;
+  WordBuffer word;
+  while (at < line.size() && (is_letter(line[at]) || line[at] == '_'))
+    word.append(upper(line[at++]));
+  WordBuffer code = word;
   std::size_t from = at;
   // Leading zeros: G01 is G1, but G0 keeps its zero.
   while (from + 1 < line.size() && line[from] == '0' && is_digit(line[from + 1])) ++from;
   std::size_t end = from;
-  while (end < line.size() && (is_digit(line[end]) || line[end] == '.')) code.put(line[end++]);
+  while (end < line.size() && (is_digit(line[end]) || line[end] == '.')) code.append(line[end++]);
   if (end == at || !counter.add(code.text(), line_number)) counter.add(word.text(), line_number);
   at = end;
 }
 
-/// Counts the words of a line. Text in ( ) or " " and behind ; is skipped.
+/// Counts the words of a line. Text in ( ) or " " and after ; is skipped.
 void count_line(std::string_view line, int line_number, WordCounter& counter) {
   for (std::size_t at = 0; at < line.size();) {
     const char c = line[at];
@@ -175,10 +179,10 @@ void count_line(std::string_view line, int line_number, WordCounter& counter) {
 void count_major_word(std::string_view line, int line_number, WordCounter& counter) {
   std::size_t at = 0;
   while (at < line.size() && is_blank(line[at])) ++at;
-  Word word;
+  WordBuffer word;
   while (at < line.size() &&
          (is_letter(line[at]) || is_digit(line[at]) || line[at] == '-' || line[at] == '_'))
-    word.put(upper(line[at++]));
+    word.append(upper(line[at++]));
   counter.add(word.text(), line_number);
 }
 
@@ -204,7 +208,8 @@ std::vector<UsedWord> used_words(std::string_view text, Dialect dialect, bool tu
 
 namespace {
 
-// Throws BadInput if the dialect, which a scene may state, has no front end.
+/// Returns the front end of a dialect. Throws BadInput if it has none, since a scene may state any
+/// dialect.
 const FrontEnd& find_front_end(const DetectedDialect& detected, const std::string& file) {
   std::string known;
   for (const FrontEnd& front_end : front_ends()) {
@@ -268,7 +273,8 @@ constexpr std::size_t max_trial_moves = 200'000;
 std::optional<std::size_t> count_errors(const FrontEnd& front_end, std::string_view text,
                                         const std::string& file, ReadOptions options) {
   options.dialect = front_end.dialect;
-  // A trial must not pass on segments, report progress or fail on the pole rule of another control.
+  // A trial must not emit segments, report progress or fail because of the pole rule of another
+  // control.
   options.on_path_segment = {};
   options.progress = {};
   options.pole = {};
@@ -321,16 +327,17 @@ void check_turning(const ReadOptions& options, Dialect dialect, const std::strin
                    fmt::format("one of {}", name_of(dialect)));
 }
 
-/// Records the assumption that no limit was intended for the spindle under constant surface speed.
+/// Records the assumption that the program intended no limit of the spindle speed under constant
+/// surface speed.
 void note_unlimited_speed(ProgramRun& run) {
-  const auto& speed = run.canon.unlimited_speed();
-  if (!speed) return;
+  const auto& closest_approach = run.canon.unlimited_speed();
+  if (!closest_approach) return;
   run.canon.assume(
       {fmt::format(
            "nothing limits the spindle under G96, which comes as near to the axis as {:.6g} "
            "mm: the program states no largest speed (G50 S, LIMS=, D)",
-           speed->radius),
-       "machine.max_spindle_rpm", "", speed->line});
+           closest_approach->radius),
+       "machine.max_spindle_rpm", "", closest_approach->line});
 }
 
 }  // namespace
@@ -368,7 +375,7 @@ ParsedProgram read_program(std::string_view text, const std::string& file,
   run.emit_segment();
   if (!run.input_errors().empty()) {
     std::vector<BadInput> errors = merge_encoding_errors(run.input_errors().list(), text, file);
-    // The hint at another dialect comes last, behind the errors that led to it.
+    // The suggestion of another dialect comes last, after the errors that led to it.
     if (auto suggestion = suggest_dialect(text, file, options, detected, errors.size()))
       errors.push_back(std::move(*suggestion));
     throw BadProgram(std::move(errors));

@@ -4,6 +4,8 @@
 
 #include "sim/scene/scene.h"
 
+// The nominal machine of a scene, and the true machine with its errors.
+
 namespace abbe::sim {
 
 namespace {
@@ -18,7 +20,7 @@ Pose nose_to_tip_pose(double length, const Eigen::Vector2d& centring) {
   return T_st;
 }
 
-/// Throws an input error that names the scene.
+/// Throws an input error that names the file of the scene.
 [[noreturn]] void throw_chain_error(const Scene& scene, const std::string& seen) {
   throw BadInput(scene.file.string(), 0, 0, "a machine that makes a chain", seen);
 }
@@ -59,7 +61,7 @@ namespace {
 using kinematics::AxisState;
 
 /// Returns the machine as built, with the actual tool and clamping of the part but without errors.
-kinematics::Chain compile_actual(const Scene& scene) {
+kinematics::Chain make_actual_chain(const Scene& scene) {
   const MachineDescription& machine = scene.machine;
   const ToolDescription& tool = scene.tool;
   const Pose T_st =
@@ -77,8 +79,8 @@ Eigen::VectorXd temperatures(const Truth& truth, double time_s) {
   return truth.heat ? errors::temperatures(truth.heat->run, time_s) : Eigen::VectorXd();
 }
 
-/// Throws BadInput if a temperature leaves the range that a scene may state, which reveals a wrong
-/// thermal network.
+/// Throws BadInput if a temperature leaves the range that a scene may state: the thermal network
+/// must then be wrong.
 void check_temperatures(const errors::ThermalRun& run, const Scene& scene) {
   constexpr double min_T_C = ThermalDescription::min_T_C, max_T_C = ThermalDescription::max_T_C;
   for (Eigen::Index i = 0; i < run.T_C.rows(); ++i)
@@ -92,12 +94,12 @@ void check_temperatures(const errors::ThermalRun& run, const Scene& scene) {
                         run.knots[std::size_t(i)].time_s));
 }
 
-/// Returns the sum of all deviations.
+/// Returns the sum of the deviations of all error sources.
 /// @param T_C  (nodes) at the time of the state; empty without heat
 errors::ForceDeviations summed_deviations(const Truth& truth, const AxisState& state,
                                           const errors::Load& load, const Eigen::VectorXd& T_C) {
   errors::ForceDeviations sum;
-  // A source that does not act is omitted from the sum, so that it does not change a bit.
+  // Inactive sources are not added, so that the result stays bit-identical to that without them.
   if (truth.compliance && is_active(*truth.compliance, load)) {
     sum = errors::deviations(*truth.compliance, state, load);
     sum.joints = kinematics::sum(std::move(sum.joints), errors::deviations(truth.geometric, state));
@@ -119,7 +121,7 @@ errors::ForceDeviations summed_deviations(const Truth& truth, const AxisState& s
 Truth make_truth(const Scene& scene, const Machine& machine,
                  const std::vector<errors::Activity>& activity) {
   try {
-    kinematics::Chain actual = compile_actual(scene);
+    kinematics::Chain actual = make_actual_chain(scene);
     errors::GeometricModel geometric =
         errors::scaled(errors::bind(scene.geometric, actual), scene.error_scale);
     Truth truth{std::move(actual), std::move(geometric), std::nullopt,
@@ -154,8 +156,8 @@ errors::ForceDeviations deviations(const Truth& truth, const AxisState& state,
 
 Pose tool_in_workpiece(const Truth& truth, const AxisState& state, const errors::Load& load) {
   const Eigen::VectorXd T_C = temperatures(truth, state.time_s);
-  const errors::ForceDeviations summed = summed_deviations(truth, state, load, T_C);
-  Pose T_wt = errors::tool_in_workpiece(truth.actual, state.q, summed);
+  const errors::ForceDeviations total_deviations = summed_deviations(truth, state, load, T_C);
+  Pose T_wt = errors::tool_in_workpiece(truth.actual, state.q, total_deviations);
   if (truth.heat && truth.heat->model.workpiece)
     T_wt.translation() = errors::at_20_C(truth.heat->model, T_C, T_wt.translation());
   return T_wt;

@@ -22,8 +22,8 @@ using kinematics::AxisVector;
 using kinematics::great_circle_point;
 using kinematics::Motion;
 
-// An axis has moved once it is this far from where it was last detected to move. Smaller steps are
-// the rounding of the control's arithmetic and must not count as reversals.
+// An axis counts as moving when it is farther than this from its last recorded position. Smaller
+// steps are rounding of the control's arithmetic and must not count as reversals.
 constexpr double motion_threshold_mm = 1e-9;
 constexpr double motion_threshold_rad = 1e-11;
 constexpr double min_gap = 1e-9;  // mm or rad, rounding of a conversion between axes and tip
@@ -34,15 +34,16 @@ struct ToolPosition {
   Eigen::Vector3d direction;
 };
 
-/// The tool at the ends and the three inner quarter points of a part of a block.
+/// Positions of the tool at the ends and the three inner quarter points of a part of a block.
 using QuarterPositions = std::array<ToolPosition, 5>;
 
-/// Bounds of the derivatives of motion with respect to u over a whole block.
+/// Bounds of the derivatives of the motion with respect to u, the fraction of the block, over the
+/// whole block.
 struct MotionBounds {
-  double turn = 0.0;    ///< rad, sum over the rotary axes
-  double travel = 0.0;  ///< mm, path of the slides, or of the tip as programmed
-  double fifth = 0.0;   ///< mm, fifth derivative of any point of the tool axis up to `reach`
-  double lever = 0.0;   ///< mm, sum of the distances of the tip from the rotary axis lines
+  double turn = 0.0;              ///< rad, sum over the rotary axes
+  double travel = 0.0;            ///< mm, path of the slides, or of the tip as programmed
+  double fifth_derivative = 0.0;  ///< mm, of any point of the tool axis up to `reach`
+  double lever = 0.0;  ///< mm, sum of the distances of the tip from the rotary axis lines
 };
 
 /// Returns the real roots of a u^2 + 2 b u + c by the form that does not subtract nearly equal
@@ -57,8 +58,9 @@ std::vector<double> roots(double a, double b, double c) {
   return u;
 }
 
-// 1e-9 absorbs the rounding of a whole quotient, and 1e9 keeps the result within int.
-int round_up_parts(double parts) { return int(std::ceil(std::clamp(parts - 1e-9, 1.0, 1e9))); }
+/// Returns the number of parts, rounded up. 1e-9 absorbs the rounding of a whole quotient, and 1e9
+/// keeps the result within int.
+int to_part_count(double parts) { return int(std::ceil(std::clamp(parts - 1e-9, 1.0, 1e9))); }
 
 /// Computes the motion of one block as the control executes it, and the steps in which to sample
 /// it.
@@ -69,7 +71,7 @@ class BlockSampler {
 
   AxisVector axes(double u) const;
   std::vector<double> breakpoints() const;
-  int coarse_parts(double part) const;
+  int coarse_parts(double u_length) const;
   /// Returns the number of equal steps for the part from ua to ub.
   int steps(double ua, double ub, const AxisVector& qa, const AxisVector& qb) const;
 
@@ -83,8 +85,8 @@ class BlockSampler {
   Eigen::Vector3d programmed_tip(const AxisVector& q) const { return {q[x_], q[y_], q[z_]}; }
   AxisVector slides(const AxisVector& programmed) const;
   ToolPosition tool_position(double u) const;
-  double chord_error_bound(const QuarterPositions& positions, double part) const;
-  double rotation_bound(const QuarterPositions& positions, double part) const;
+  double chord_error_bound(const QuarterPositions& positions, double u_length) const;
+  double rotation_bound(const QuarterPositions& positions, double u_length) const;
   double lever_sum() const;
   void set_bounds();
 
@@ -161,17 +163,18 @@ void BlockSampler::set_bounds() {
   // The travel of the block may lengthen the lever of each of two rotary axes.
   if (bounds_.turn > 0.0) bounds_.lever = lever_sum() + 2 * bounds_.travel;
   // (w + sqrt(w2) + cbrt(w3))^5 times 3 bounds the fifth Bell polynomial of a rotation with
-  // derivatives w, w2, w3.
+  // derivatives w, w2, w3: its term 15 w w2^2 is three times that of the power; the others are at
+  // most equal to theirs.
   const double w = bounds_.turn + std::sqrt(turn_second) + std::cbrt(turn_third);
   const double rotation_fifth = 2 * (turn_second > 0.0 ? 3 : 1) * std::pow(w, 5);
   if (is_tip_mode_) {
-    bounds_.fifth = options_.reach * rotation_fifth + radius * std::pow(sweep, 5);
+    bounds_.fifth_derivative = options_.reach * rotation_fifth + radius * std::pow(sweep, 5);
   } else {
     // Leibniz rule for the fifth derivative of slide motion times rotation; 5, 10, 10 are binomial
     // coefficients.
-    bounds_.fifth = (options_.reach + bounds_.lever) * rotation_fifth +
-                    radius * std::pow(sweep + w, 5) + 5 * bounds_.travel * std::pow(w, 4) +
-                    10 * second * std::pow(w, 3) + 10 * third * w * w;
+    bounds_.fifth_derivative =
+        (options_.reach + bounds_.lever) * rotation_fifth + radius * std::pow(sweep + w, 5) +
+        5 * bounds_.travel * std::pow(w, 4) + 10 * second * std::pow(w, 3) + 10 * third * w * w;
   }
 }
 
@@ -198,11 +201,12 @@ ToolPosition BlockSampler::tool_position(double u) const {
           T_wt.linear().col(2)};
 }
 
-/// Returns the fractions of a block between which no axis reverses, so that reversals are sampled.
+/// Returns the fractions of a block at which axes reverse, with both ends, so that every reversal
+/// is sampled.
 std::vector<double> BlockSampler::breakpoints() const {
   std::vector<double> u{0.0, 1.0};
   const auto add = [&](double fraction) {
-    // A reversal this close to an end of the block would only add an empty part.
+    // A reversal this close to an end of the block would only add a part without samples.
     if (fraction > 1e-9 && fraction < 1 - 1e-9) u.push_back(fraction);
   };
   if (block_.interpolation == Interpolation::Arc)
@@ -222,21 +226,21 @@ std::vector<double> BlockSampler::breakpoints() const {
   return u;
 }
 
-/// Returns a bound of the rotation of the tool axis over a part: the peak rate is at most the
+/// Returns a bound on the rotation of the tool axis over a part: the peak rate is at most the
 /// largest mean rate of a quarter plus the change of rate within it, turn^2 / 4.
-double BlockSampler::rotation_bound(const QuarterPositions& positions, double part) const {
+double BlockSampler::rotation_bound(const QuarterPositions& positions, double u_length) const {
   double max_quarter_angle = 0.0;
   for (std::size_t k = 1; k < positions.size(); ++k)
     max_quarter_angle = std::max(max_quarter_angle,
                                  angle_between(positions[k - 1].direction, positions[k].direction));
-  const double turn = bounds_.turn * part;
+  const double turn = bounds_.turn * u_length;
   return 4 * max_quarter_angle + 0.25 * turn * turn;
 }
 
-/// Returns a bound of 8 n^2 times the distance between the true motion and n lines and great
-/// circles, i.e. of the second derivative of their difference. It is that of the quartic through
-/// five instants plus a bound of the remainder.
-double BlockSampler::chord_error_bound(const QuarterPositions& positions, double part) const {
+/// Returns a bound on the second derivative of the deviation of the motion from its chord. With n
+/// equal chords the chord error is at most this bound over 8 n^2. The bound is the second
+/// derivative of the quartic through five instants, plus a bound on its remainder.
+double BlockSampler::chord_error_bound(const QuarterPositions& positions, double u_length) const {
   // Finite differences of the quartic through five points with step 1/4 (12 h^2 = 12/16); its ends
   // are zero.
   static constexpr double second_differences[5][3] = {
@@ -259,31 +263,31 @@ double BlockSampler::chord_error_bound(const QuarterPositions& positions, double
                    (row[0] * e[0] + row[1] * e[1] + row[2] * e[2]).norm() * 16.0 / 12.0);
   // A parabola that is within 1 at five equidistant points stays below 1.13 between them. 0.03
   // bounds the remainder of the quartic's second derivative per unit of the fifth derivative.
-  return 1.13 * (1 + 3 * bounds_.turn * part) * max_second_derivative +
-         0.03 * bounds_.fifth * std::pow(part, 5);
+  return 1.13 * (1 + 3 * bounds_.turn * u_length) * max_second_derivative +
+         0.03 * bounds_.fifth_derivative * std::pow(u_length, 5);
 }
 
-/// Returns the number of parts for which the remainder, 0.03 of the fifth derivative, stays below a
-/// tenth of 8 tolerances (the unit of `chord_error_bound`), and no part rotates by more than 0.1
-/// rad.
-int BlockSampler::coarse_parts(double part) const {
+/// Returns the number of parts for which the remainder term of `chord_error_bound` (0.03 times the
+/// fifth derivative) stays below a tenth of the permitted value, 8 tolerances, and no part rotates
+/// by more than 0.1 rad.
+int BlockSampler::coarse_parts(double u_length) const {
   const double remainder_parts =
-      std::pow(0.03 * bounds_.fifth / (0.8 * options_.chord_tolerance), 0.2);
-  return round_up_parts(part * std::max(remainder_parts, bounds_.turn / 0.1));
+      std::pow(0.03 * bounds_.fifth_derivative / (0.8 * options_.chord_tolerance), 0.2);
+  return to_part_count(u_length * std::max(remainder_parts, bounds_.turn / 0.1));
 }
 
 int BlockSampler::steps(double ua, double ub, const AxisVector& qa, const AxisVector& qb) const {
-  const double part = ub - ua;
-  const double turn = bounds_.turn * part, travel = bounds_.travel * part;
+  const double u_length = ub - ua;
+  const double turn = bounds_.turn * u_length, travel = bounds_.travel * u_length;
   double n = (is_tip_mode_ ? travel : travel + bounds_.lever * turn) / options_.max_step;
-  // Half of the second derivative: the largest step exceeds the mean step by at most that.
+  // The largest step exceeds the mean step by at most half of the second derivative.
   double slide_bend = 0.5 * (bounds_.lever * turn * turn + 2 * travel * turn);
   if (block_.interpolation == Interpolation::Arc) {
     const Arc& arc = path_.arcs[block_.shape];
-    slide_bend += 0.5 * arc.radius * arc.sweep * arc.sweep * part * part;
+    slide_bend += 0.5 * arc.radius * arc.sweep * arc.sweep * u_length * u_length;
   }
   for (int j = 0; j < control_.size(); ++j) {
-    const double programmed = derivative_bounds(path_, block_, j).first * part;
+    const double programmed = derivative_bounds(path_, block_, j).first * u_length;
     if (options_.workpiece_spindle == j) {
       n = std::max(n, programmed / options_.max_spindle_turn);
     } else if (motion(j) == Motion::Spindle) {
@@ -296,16 +300,17 @@ int BlockSampler::steps(double ua, double ub, const AxisVector& qa, const AxisVe
       n = std::max(n, programmed / options_.max_axis_step);
     }
   }
-  const bool line =
+  const bool is_linear =
       block_.interpolation != Interpolation::Arc && block_.interpolation != Interpolation::Cubic;
-  if (turn > 0.0 || !line) {
+  if (turn > 0.0 || !is_linear) {
     QuarterPositions positions;
     for (std::size_t k = 0; k < positions.size(); ++k)
-      positions[k] = tool_position(ua + 0.25 * double(k) * part);
-    n = std::max({n, rotation_bound(positions, part) / options_.max_turn,
-                  std::sqrt(chord_error_bound(positions, part) / (8 * options_.chord_tolerance))});
+      positions[k] = tool_position(ua + 0.25 * double(k) * u_length);
+    n = std::max(
+        {n, rotation_bound(positions, u_length) / options_.max_turn,
+         std::sqrt(chord_error_bound(positions, u_length) / (8 * options_.chord_tolerance))});
   }
-  return round_up_parts(n);
+  return to_part_count(n);
 }
 
 /// Collects samples and tracks the direction of each axis.
@@ -331,7 +336,7 @@ class SampleRecorder {
   const kinematics::Chain& control_;
   const SampleOptions& options_;
   Samples samples_;
-  AxisVector moved_;  ///< last position at which each axis was detected to move
+  AxisVector last_motion_position_;  ///< last position at which each axis was detected to move
 };
 
 // Called before the samples are computed, so that no memory is allocated for too many.
@@ -343,12 +348,12 @@ void SampleRecorder::check_capacity(double more, int block) const {
 }
 
 void SampleRecorder::continue_from(const SamplingState& from, int block) {
-  moved_ = from.moved;
+  last_motion_position_ = from.moved;
   push(from.last, block);
 }
 
 Samples SampleRecorder::take() {
-  samples_.moved = moved_;
+  samples_.moved = last_motion_position_;
   return std::exchange(samples_, {});
 }
 
@@ -364,11 +369,11 @@ bool SampleRecorder::update_directions(const AxisVector& q, kinematics::AxisStat
   bool has_reversed = false;
   for (int j = 0; j < control_.size(); ++j) {
     const Motion motion = control_.joints()[std::size_t(j)].motion;
-    const double displacement = q[j] - moved_[j];
+    const double displacement = q[j] - last_motion_position_[j];
     if (std::abs(displacement) <=
         (motion == Motion::Linear ? motion_threshold_mm : motion_threshold_rad))
       continue;
-    moved_[j] = q[j];
+    last_motion_position_[j] = q[j];
     const std::int8_t direction = displacement > 0 ? 1 : -1;
     std::int8_t& previous_direction = state.direction[std::size_t(j)];
     if (direction == previous_direction) continue;
@@ -391,7 +396,7 @@ void SampleRecorder::start(const AxisVector& q, double time_s, int block) {
 
 void SampleRecorder::move_to(const AxisVector& q, double time_s, int block) {
   if (samples_.states.empty()) {
-    moved_ = q;
+    last_motion_position_ = q;
     push({q, time_s, options_.before.direction, options_.before.stroke, 0.0}, block);
     return;
   }
@@ -411,8 +416,8 @@ struct StepRange {
   const AxisVector& end;
 };
 
-/// Visits the parts of a block in order. Before each, calls `check_steps` with its number of steps,
-/// so that it can reject too many.
+/// Calls `visit` for the parts of a block in order, and before each `check_steps` with its number
+/// of steps, so that too many can be rejected.
 template <class CheckSteps, class Visit>
 void for_each_step_range(const BlockSampler& sampler, const AxisVector& start,
                          const CheckSteps& check_steps, const Visit& visit) {
@@ -515,7 +520,7 @@ Samples sample(const Path& path, const kinematics::Chain& control, const SampleO
 
 std::vector<SampleWindow> windows(const Path& path, const kinematics::Chain& control,
                                   const SampleOptions& options, std::size_t max_samples_per_window,
-                                  const std::function<void(double part)>& progress) {
+                                  const std::function<void(double fraction)>& progress) {
   check_axis_count(path, control);
   check_sample_count(path, control, options, max_samples_in_windows);
   // The samples are computed here only to find the ends of the windows, and dropped window by
@@ -525,7 +530,7 @@ std::vector<SampleWindow> windows(const Path& path, const kinematics::Chain& con
   std::vector<SampleWindow> result{{0, 0}};
   for (std::size_t i = 0; i < path.blocks.size(); ++i) {
     sample_block(path, int(i), control, options, recorder);
-    // Reports are rare enough to cost nothing beside sampling.
+    // Reports are so rare that their cost is negligible.
     constexpr std::size_t progress_block_interval = 1000;
     if (progress && i % progress_block_interval == 0)
       progress(double(i) / double(path.blocks.size()));

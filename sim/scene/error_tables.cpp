@@ -14,6 +14,9 @@
 #include "sim/scene/fields.h"
 #include "sim/scene/toml.h"
 
+// Keys of the curves of error elements, of the covariance of their coefficients, and of
+// unidentified coefficients.
+
 namespace abbe::sim {
 
 namespace {
@@ -66,7 +69,7 @@ struct Rows {
   VectorXd value;
 };
 
-/// Reads rows from the column of a file.
+/// Reads rows from a column of a file.
 std::optional<Rows> read_file_rows(TableReader& reader, const ElementName& name) {
   ElementName column = name;
   const std::string column_name = reader.text("column", to_string(name));
@@ -141,7 +144,7 @@ Fields<errors::Table> table_fields(const ElementName& name, const ElementUnits& 
       });
 }
 
-/// Returns the field `seed` with the given value as its default.
+/// Returns the field `seed`, whose default is the given value.
 template <typename T>
 Fields<T> seed_fields(std::uint64_t seed) {
   return Fields<T>()
@@ -161,7 +164,7 @@ Fields<errors::Asynchronous> asynchronous_fields(const ElementName& name, const 
       .number("highest_order", &Asynchronous::highest_order, positive,
               "of the cosines, per turn; at most 10000")
       .check([name, unit](TableReader& reader, Asynchronous&) {
-        // The orders count per revolution, and a slide makes none.
+        // Orders are per revolution, so a linear axis cannot have any.
         if (unit.position != "_deg")
           reader.report_invalid("kind", "\"asynchronous\" on an axis that turns", to_string(name));
       });
@@ -265,28 +268,29 @@ namespace {
 using Eigen::Index;
 using errors::Element;
 
-/// The covariance matrix as the file states it.
+/// Covariance matrix in the form of the file: standard uncertainties and correlations.
 struct Uncertainties {
-  std::vector<errors::Coefficient> of;  ///< (m)
-  VectorXd sigma;                       ///< (m) um or urad
-  std::optional<VectorXd> correlation;  ///< (m (m - 1) / 2) lower triangle, row by row
+  std::vector<errors::Coefficient> coefficients;  ///< (m)
+  VectorXd sigma;                                 ///< (m) um or urad
+  std::optional<VectorXd> correlation;            ///< (m (m - 1) / 2) lower triangle, row by row
 };
 
-/// Returns the unit of a number in the file, um or urad.
-double number_unit(const errors::Coefficient& number, const std::vector<Element>& elements) {
-  return elements[std::size_t(number.element)].name.is_angle() ? units::urad : units::um;
+/// Returns the unit of a coefficient in the file, um or urad.
+double coefficient_unit(const errors::Coefficient& coefficient,
+                        const std::vector<Element>& elements) {
+  return elements[std::size_t(coefficient.element)].name.is_angle() ? units::urad : units::um;
 }
 
-/// Returns the numbers that a list of names denotes.
-std::vector<errors::Coefficient> read_number_names(TableReader& reader, const Node& list,
-                                                   const std::vector<Element>& elements) {
+/// Returns the coefficients that a list names.
+std::vector<errors::Coefficient> read_coefficient_names(TableReader& reader, const Node& list,
+                                                        const std::vector<Element>& elements) {
   std::map<std::string, errors::Coefficient> known;
   std::set<std::string> names;
-  for (const errors::Coefficient& number : errors::coefficients(elements)) {
-    known.emplace(errors::name_of(number, elements), number);
-    names.insert(errors::name_of(number, elements));
+  for (const errors::Coefficient& coefficient : errors::coefficients(elements)) {
+    known.emplace(errors::name_of(coefficient, elements), coefficient);
+    names.insert(errors::name_of(coefficient, elements));
   }
-  std::vector<errors::Coefficient> numbers;
+  std::vector<errors::Coefficient> named_coefficients;
   if (!list.array())
     reader.report_invalid("of", "a list of names such as \"EXX[1]\"", display_text(list));
   for (const Node& name : list.array() ? *list.array() : Node::Array{}) {
@@ -299,30 +303,31 @@ std::vector<errors::Coefficient> read_number_names(TableReader& reader, const No
           display_text(name) + (suggestion ? " (did you mean " + *suggestion + "?)" : ""));
       continue;
     }
-    if (std::find(numbers.begin(), numbers.end(), entry->second) != numbers.end())
+    if (std::find(named_coefficients.begin(), named_coefficients.end(), entry->second) !=
+        named_coefficients.end())
       reader.input_errors().add(name.place, "each number once", display_text(name) + " again");
-    // A repeated number is added as well, so that the lengths of the following arrays agree.
-    numbers.push_back(entry->second);
+    // A repeated coefficient is added as well, so that the lengths of the following arrays agree.
+    named_coefficients.push_back(entry->second);
   }
-  return numbers;
+  return named_coefficients;
 }
 
 Fields<Uncertainties> covariance_fields(const std::vector<Element>& elements) {
   const auto read_names = [elements](TableReader& reader, Uncertainties& uncertainties) {
     const Node* list = reader.accept_key("of");
     if (!list) reader.report_missing("of", "a list of names such as \"EXX[1]\"");
-    if (list) uncertainties.of = read_number_names(reader, *list, elements);
+    if (list) uncertainties.coefficients = read_coefficient_names(reader, *list, elements);
   };
   const auto write_names = [elements](const Uncertainties& uncertainties, Node::Table& table) {
     Node::Array names;
-    for (const errors::Coefficient& number : uncertainties.of)
-      names.push_back(Node{{}, errors::name_of(number, elements)});
+    for (const errors::Coefficient& coefficient : uncertainties.coefficients)
+      names.push_back(Node{{}, errors::name_of(coefficient, elements)});
     put_value(table, "of", std::move(names));
   };
   const auto read_matrix = [](TableReader& reader, Uncertainties& uncertainties) {
-    const int m = int(uncertainties.of.size());
+    const int m = int(uncertainties.coefficients.size());
     uncertainties.sigma = reader.numbers("standard_uncertainty_um_urad", m);
-    // A single number has no correlations, and a list must not be empty.
+    // A single coefficient has no correlations, and a list in the file must not be empty.
     if (m > 1) uncertainties.correlation = reader.maybe_numbers("correlation", m * (m - 1) / 2);
   };
   const auto write_matrix = [](const Uncertainties& uncertainties, Node::Table& table) {
@@ -352,14 +357,15 @@ errors::Covariance read_covariance(const Node& table, const std::vector<Element>
                                    InputErrors& input_errors) {
   TableReader reader(table, "errors.covariance", input_errors);
   const std::size_t error_count = input_errors.list().size();
-  auto [of, sigma, correlation] = covariance_fields(elements).read(reader);
+  auto [coefficients, sigma, correlation] = covariance_fields(elements).read(reader);
   reader.close();
   // After an input error the lengths of the arrays may differ.
   if (input_errors.list().size() != error_count) return {};
   if ((sigma.array() < 0.0).any())
     reader.report_invalid("standard_uncertainty_um_urad", "numbers >= 0", "a negative one");
-  const auto m = Index(of.size());
-  for (Index i = 0; i < m; ++i) sigma[i] *= number_unit(of[std::size_t(i)], elements);
+  const auto m = Index(coefficients.size());
+  for (Index i = 0; i < m; ++i)
+    sigma[i] *= coefficient_unit(coefficients[std::size_t(i)], elements);
   Eigen::MatrixXd R = Eigen::MatrixXd::Identity(m, m);
   Index triangle_index = 0;
   for (Index i = 0; i < m && correlation; ++i)
@@ -368,7 +374,7 @@ errors::Covariance read_covariance(const Node& table, const std::vector<Element>
   if (eigenvalues(R)[0] < -1e-9 * double(m))
     reader.report_invalid("correlation", "a correlation that can be (no negative variance)",
                           "another");
-  return {std::move(of), sigma.asDiagonal() * R * sigma.asDiagonal()};
+  return {std::move(coefficients), sigma.asDiagonal() * R * sigma.asDiagonal()};
 }
 
 Node::Table covariance_to_table(const errors::Covariance& covariance,
@@ -377,12 +383,12 @@ Node::Table covariance_to_table(const errors::Covariance& covariance,
   const VectorXd sigma = covariance.matrix.diagonal().cwiseSqrt();
   Uncertainties uncertainties{covariance.of, sigma, std::nullopt};
   for (Index i = 0; i < m; ++i)
-    uncertainties.sigma[i] /= number_unit(covariance.of[std::size_t(i)], elements);
+    uncertainties.sigma[i] /= coefficient_unit(covariance.of[std::size_t(i)], elements);
   VectorXd correlation = VectorXd::Zero(m * (m - 1) / 2);
   Index triangle_index = 0;
   for (Index i = 0; i < m; ++i) {
     for (Index k = 0; k < i; ++k, ++triangle_index) {
-      // The correlation of a number of zero variance is undefined; zero is written.
+      // The correlation of a coefficient with zero variance is undefined; zero is written.
       const double max_covariance = sigma[i] * sigma[k];
       if (max_covariance > 0.0)
         correlation[triangle_index] = covariance.matrix(i, k) / max_covariance;

@@ -14,6 +14,9 @@
 #include "sim/scene/fields.h"
 #include "sim/scene/table_reader.h"
 
+// The `[part]` section of a scene: the keys of its shape, sampling, judged areas, tolerances and
+// rings.
+
 namespace abbe::sim {
 
 std::vector<std::filesystem::path> material_files(const PartDescription& part) {
@@ -47,7 +50,7 @@ constexpr auto primitive_shape = [](auto& part) -> auto& {
 };
 constexpr auto mesh_shape = [](auto& part) -> auto& { return std::get<MeshFile>(part.shape); };
 
-Fields<RevolvedProfile::Piece> piece_fields() {
+Fields<RevolvedProfile::Piece> profile_segment_fields() {
   using Piece = RevolvedProfile::Piece;
   return Fields<Piece>()
       .numbers(required_key("to_mm"), &Piece::to, 2, "its end, [r, z]")
@@ -56,16 +59,17 @@ Fields<RevolvedProfile::Piece> piece_fields() {
 }
 
 Fields<RevolvedProfile> revolved_profile_fields() {
-  const Key start = make_numbers_key(required_key("start_mm"), 2, "[r, z] nearest to the axis");
-  const Key pieces = make_key(required_key("profile"), Key::Kind::Tables,
-                              "lines and arcs from there outwards", piece_fields().keys());
+  const Key start_key = make_numbers_key(required_key("start_mm"), 2, "[r, z] nearest to the axis");
+  const Key profile_key =
+      make_key(required_key("profile"), Key::Kind::Tables, "lines and arcs from there outwards",
+               profile_segment_fields().keys());
   return Fields<RevolvedProfile>().custom_field(
-      {start, pieces},
+      {start_key, profile_key},
       [](TableReader& reader, RevolvedProfile& profile) {
         Eigen::Vector2d start = reader.numbers("start_mm", 2);
         if (!reader.has("profile")) reader.report_missing("profile", "a list of tables");
         for (const Node* node : reader.tables("profile")) {
-          profile.pieces.push_back(piece_fields().read_table(
+          profile.pieces.push_back(profile_segment_fields().read_table(
               *node, reader.qualified_name("profile"), reader.input_errors()));
           // Each segment starts at the end of the previous one.
           profile.pieces.back().from = start;
@@ -76,7 +80,7 @@ Fields<RevolvedProfile> revolved_profile_fields() {
         // The start point belongs to the first segment.
         if (profile.pieces.empty()) return;
         put_numbers(table, "start_mm", profile.pieces.front().from, 1.0);
-        put_tables(table, "profile", profile.pieces, piece_fields());
+        put_tables(table, "profile", profile.pieces, profile_segment_fields());
       });
 }
 
@@ -172,7 +176,7 @@ Fields<PartSampling> part_sampling_fields() {
 bool is_mesh(const PartDescription& part) { return std::holds_alternative<MeshFile>(part.shape); }
 
 void select_shape(TableReader& reader, PartDescription& part) {
-  // Which of the following fields are read depends on the kind of shape.
+  // The kind of shape determines which of the following fields are read.
   if (reader.has("file")) part.shape = MeshFile{};
   reader.accept_key("file");
   reader.accept_key("surface");
@@ -252,14 +256,14 @@ void read_rings(TableReader& reader, PartDescription& part) {
 
 constexpr const char* tolerance_key = "tolerance_um";
 
-/// Reads a tolerance, stated as a half width or as two limits. Returns nothing for the half width
-/// 0.
+/// Reads a tolerance, stated as a half width or as [lower, upper]. Returns nothing if the key is
+/// missing or the half width is 0.
 std::optional<Tolerance> read_tolerance(TableReader& reader) {
   const Node* node = reader.accept_key(tolerance_key);
   if (!node) return std::nullopt;
   if (!node->array()) {
-    const double half = reader.number(tolerance_key, non_negative);
-    return half > 0.0 ? std::optional(Tolerance{-half, half}) : std::nullopt;
+    const double half_width = reader.number(tolerance_key, non_negative);
+    return half_width > 0.0 ? std::optional(Tolerance{-half_width, half_width}) : std::nullopt;
   }
   const Eigen::VectorXd limits = reader.numbers(tolerance_key, 2);
   if (limits.size() == 2 && limits[0] < limits[1]) return Tolerance{limits[0], limits[1]};
@@ -307,7 +311,8 @@ Fields<PartRegion> region_fields() {
           [](TableReader& reader, Region& region) {
             const std::size_t error_count = reader.input_errors().list().size();
             region.tolerance = read_tolerance(reader);
-            // For a part the tolerance 0 means none; a region would silently have that of the part.
+            // For a part the tolerance 0 means none. For a region it would mean the tolerance of
+            // the part, so it is rejected.
             const bool is_zero = !region.tolerance && reader.has(tolerance_key);
             if (is_zero && reader.input_errors().list().size() == error_count)
               reader.report_invalid(tolerance_key, "above 0", "0");
@@ -336,8 +341,9 @@ Fields<PartRegion> region_fields() {
         const auto check_order = [&](const char* key,
                                      const std::optional<Eigen::VectorXd>& limits) {
           // The first half of the numbers are lower limits, the second half upper limits.
-          const Eigen::Index half = limits ? limits->size() / 2 : 0;
-          if (half > 0 && !(limits->head(half).array() <= limits->tail(half).array()).all())
+          const Eigen::Index half_size = limits ? limits->size() / 2 : 0;
+          if (half_size > 0 &&
+              !(limits->head(half_size).array() <= limits->tail(half_size).array()).all())
             reader.report_invalid(key, "the least first", "not less");
         };
         check_order("z_mm", region.z);
@@ -430,7 +436,7 @@ PartDescription read_part(const Node& table, InputErrors& input_errors) {
   const std::size_t error_count = input_errors.list().size();
   PartDescription part = part_fields().read(reader);
   reader.close();
-  // After an input error the profile would give misleading errors.
+  // If a key is invalid, the profile is built from defaults, and its errors would be misleading.
   if (!is_mesh(part) && input_errors.list().size() == error_count)
     check_primitive(reader, primitive_shape(part));
   return part;

@@ -34,9 +34,10 @@ int edit_distance(std::string_view a, std::string_view b) {
 }
 
 std::optional<std::string> nearest(std::string_view word, const std::set<std::string>& candidates) {
-  // The distance has quadratic cost, and no key is longer.
+  // The edit distance takes quadratic time, and no key has more than 80 characters.
   if (word.size() > 80) return std::nullopt;
-  // An abbreviation is more likely than a misspelling, so its completion takes precedence.
+  // A word that begins a candidate is more likely an abbreviation than a misspelling, so that
+  // candidate is preferred.
   constexpr std::size_t min_abbreviation = 2;
   if (word.size() >= min_abbreviation)
     for (const std::string& candidate : candidates)
@@ -76,7 +77,7 @@ struct Unit {
   std::string_view suffix;
   double factor;  // to mm, rad, s, N, K, kg, W, A
 };
-// A suffix comes before any shorter one in which it ends: "_mm_per_min" before "_min".
+// A suffix must precede every shorter suffix with which it ends: "_mm_per_min" precedes "_min".
 constexpr std::array known_units{
     Unit{"_Nm_per_rpm", 1e3},
     Unit{"_Nm_per_urad", 1e9},
@@ -181,7 +182,7 @@ bool contains(const Range& range, double x) {
          (range.open_max ? x < range.max : x <= range.max);
 }
 
-/// Reports a number beyond max_number.
+/// Returns true if a number is within +-max_number; otherwise adds an input error.
 bool check_magnitude(double x, const Node& node, const std::string& name,
                      InputErrors& input_errors) {
   if (std::abs(x) <= max_number) return true;
@@ -273,7 +274,7 @@ double TableReader::number(const std::string& key, const Range& range) {
   const std::optional<double> value = maybe_number(key, range);
   // A key that is present but invalid is reported already.
   if (!value && !has(key)) report_missing(key, "a number");
-  // One is harmless as a factor, a divisor and a length.
+  // 1 is harmless as a factor, a divisor and a length until the input error is thrown.
   return value.value_or(1.0);
 }
 
@@ -451,14 +452,16 @@ void TableReader::close() {
   for (const Node::Entry& entry : entries ? *entries : Node::Table{}) {
     if (known_.contains(entry.key)) continue;
     // A key with the same stem is probably the right quantity in a wrong unit.
-    const auto same_stem = std::find_if(known_.begin(), known_.end(), [&](const std::string& key) {
-      return key_without_unit(key) == key_without_unit(entry.key) && !table_.find(key);
-    });
-    if (same_stem != known_.end()) {
+    const auto key_with_same_stem =
+        std::find_if(known_.begin(), known_.end(), [&](const std::string& key) {
+          return key_without_unit(key) == key_without_unit(entry.key) && !table_.find(key);
+        });
+    if (key_with_same_stem != known_.end()) {
       input_errors_.add(entry.place,
-                        fmt::format("{} in {}", qualified_name(*same_stem), unit_name(*same_stem)),
+                        fmt::format("{} in {}", qualified_name(*key_with_same_stem),
+                                    unit_name(*key_with_same_stem)),
                         fmt::format("{} in {}", entry.key, unit_name(entry.key)));
-      misspelled.insert(*same_stem);
+      misspelled.insert(*key_with_same_stem);
     } else if (const auto suggestion = nearest(entry.key, known_)) {
       input_errors_.add(entry.place, "a known key (nearest: " + qualified_name(*suggestion) + ")",
                         entry.key);

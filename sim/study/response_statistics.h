@@ -29,17 +29,17 @@ struct SobolIndex {
 /// mean. An estimate may be slightly outside 0 .. 1; its interval does not extend further.
 /// Intervals: bootstrap over base points of the studentised estimate (Hall 1992) with 1000 draws of
 /// Poisson weights. The points are treated as random; the errors of points of Sobol's sequence are
-/// much smaller than the intervals. With random points the intervals of the Ishigami function and
-/// of a linear function contain the truth in 94 to 96 % of all studies from 64 base points on (any
-/// single index in 90 to 97 %), and in 90 % with 8 base points (any single index in 85 to 95 %), as
-/// counted by indices_test.cpp.
+/// much smaller than the intervals. Measured coverage with random points, for the Ishigami function
+/// and a linear one (indices_test.cpp): 94 to 96 % with 64 or more base points (90 to 97 % for any
+/// single index); 90 % with 8 (85 to 95 %).
 /// @param responses  (base points x inputs + 2)
 /// @param seed       of the bootstrap
 /// @return (inputs); all zero if the response does not vary
 /// @throws std::invalid_argument for fewer than 8 complete base points or fewer than 3 columns
 std::vector<SobolIndex> sobol_indices(const Eigen::MatrixXd& responses, std::uint64_t seed = 1);
 
-/// Sobol indices from the first 1/2^k of the complete base points, from at least 8 to all of them.
+/// Sobol indices from the first 1/2^k of the complete base points, for all k that leave at least 8
+/// of them.
 struct IndexConvergence {
   std::vector<Eigen::Index> base_points;         ///< (m) ascending
   std::vector<std::vector<SobolIndex>> indices;  ///< (m), each (inputs)
@@ -54,8 +54,8 @@ IndexConvergence convergence(const Eigen::MatrixXd& responses, std::uint64_t see
 /// @throws std::invalid_argument if the size of u is odd or the column does not exist
 Eigen::VectorXd sobol_column(const Eigen::VectorXd& u, int column);
 
-/// Statistics of a response over many random machines. Intervals are valid for independent cases;
-/// the errors of points of Sobol's sequence are smaller.
+/// Statistics of a response over many random machines. The intervals are valid for independent
+/// cases; the errors of points of Sobol's sequence are smaller.
 struct ResponseStatistics {
   Eigen::Index cases = 0;               ///< with a finite response; others are left out
   IntervalEstimate mean;                ///< Student's interval
@@ -66,9 +66,9 @@ struct ResponseStatistics {
   IntervalEstimate p95;  ///< 95 % of the responses are below
   IntervalEstimate p99;
 };
-/// Computes the statistics. For 20 to 2000 cases the intervals of mean and standard deviation each
-/// contain the truth in 93 to 96 % of all samples; for skewed responses (log-normal of 0.5) that of
-/// the standard deviation does in 88 to 94 % (counted by answers_test.cpp).
+/// Computes the statistics. Measured coverage for 20 to 2000 cases (answers_test.cpp): 93 to 96 %
+/// for mean and standard deviation; for skewed responses (log-normal, sigma 0.5) 88 to 94 % for the
+/// standard deviation.
 /// @throws std::invalid_argument for fewer than 2 finite responses
 ResponseStatistics answers(const Eigen::VectorXd& values);
 

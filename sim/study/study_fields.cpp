@@ -6,11 +6,13 @@
 
 #include <fmt/format.h>
 
+// Keys of a study: its responses, distributions and analyses.
+
 namespace abbe::sim::study {
 
 namespace {
 
-constexpr double max_spread = 1e12;  // in any unit; sums of larger spreads lose their digits
+constexpr double max_spread = 1e12;  // in any unit; sums of larger spreads lose digits
 constexpr Range confidence_range{0.5, 0.999};
 
 /// Returns the names of all responses for messages: "pv, rms ... or texture_sz".
@@ -28,7 +30,7 @@ std::string distribution_text(const Distribution& distribution) {
                      distribution.spread, distribution.low, distribution.high);
 }
 
-/// Reads `responses`, each of them once; without any, PV and RMS.
+/// Reads `responses`, ignoring repetitions; PV and RMS if there are none.
 void read_responses(TableReader& reader, Study& study) {
   for (const std::string& name : reader.texts("responses")) {
     const auto match = std::find_if(all_responses.begin(), all_responses.end(),
@@ -51,7 +53,7 @@ void write_responses(const Study& study, Node::Table& table) {
 
 using ResponseLimits = std::vector<std::pair<Response, double>>;
 
-/// Returns the keys of `[limits]`: one for each response that has an upper limit.
+/// Returns the keys of `[limits]`: one for each response that can have an upper limit.
 Fields<ResponseLimits> limit_fields() {
   Fields<ResponseLimits> fields;
   for (const Response response : all_responses) {

@@ -12,23 +12,24 @@ namespace abbe::sim::dialects::fanuc {
 
 namespace {
 
-// Functions that return the expectation which operands do not meet, or null.
+// Checks of operands. Each returns what it expected, for the error message, or null if the operands
+// are valid.
 
-const char* require_nonzero(double, double b) {
+const char* expect_nonzero_divisor(double, double b) {
   return zero_if_vacant(b) == 0 ? "a divisor that is not zero" : nullptr;
 }
 
 // AND, OR, XOR and MOD work on whole numbers of 32 bits.
-const char* require_integers(double a, double b) {
+const char* expect_integers(double a, double b) {
   const auto is_integer = [](double x) { return x == std::floor(x) && std::abs(x) < 2147483648.0; };
   return is_integer(zero_if_vacant(a)) && is_integer(zero_if_vacant(b))
              ? nullptr
              : "whole numbers of 32 bits on both sides";
 }
 
-const char* require_modulus(double a, double b) {
-  const char* expected = require_nonzero(a, b);
-  return expected != nullptr ? expected : require_integers(a, b);
+const char* expect_modulus_operands(double a, double b) {
+  const char* expected = expect_nonzero_divisor(a, b);
+  return expected != nullptr ? expected : expect_integers(a, b);
 }
 
 long long to_bits(double x) { return (long long)(zero_if_vacant(x)); }
@@ -38,21 +39,19 @@ bool are_equal(double a, double b) {
   return is_vacant(a) == is_vacant(b) && zero_if_vacant(a) == zero_if_vacant(b);
 }
 
-// Levels of custom macro B: multiplication and AND bind most tightly, then addition, OR and XOR,
-// then comparisons.
+// Precedence levels of custom macro B: multiplication and AND bind most tightly, then addition, OR
+// and XOR, then comparisons.
 constexpr Operator operators[] = {
     {"*", 3, [](double a, double b) { return zero_if_vacant(a) * zero_if_vacant(b); }},
     {"/", 3, [](double a, double b) { return zero_if_vacant(a) / zero_if_vacant(b); },
-     require_nonzero},
+     expect_nonzero_divisor},
     {"MOD", 3, [](double a, double b) { return std::fmod(zero_if_vacant(a), zero_if_vacant(b)); },
-     require_modulus},
-    {"AND", 3, [](double a, double b) { return double(to_bits(a) & to_bits(b)); },
-     require_integers},
+     expect_modulus_operands},
+    {"AND", 3, [](double a, double b) { return double(to_bits(a) & to_bits(b)); }, expect_integers},
     {"+", 2, [](double a, double b) { return zero_if_vacant(a) + zero_if_vacant(b); }},
     {"-", 2, [](double a, double b) { return zero_if_vacant(a) - zero_if_vacant(b); }},
-    {"XOR", 2, [](double a, double b) { return double(to_bits(a) ^ to_bits(b)); },
-     require_integers},
-    {"OR", 2, [](double a, double b) { return double(to_bits(a) | to_bits(b)); }, require_integers},
+    {"XOR", 2, [](double a, double b) { return double(to_bits(a) ^ to_bits(b)); }, expect_integers},
+    {"OR", 2, [](double a, double b) { return double(to_bits(a) | to_bits(b)); }, expect_integers},
     {"EQ", 1, [](double a, double b) { return double(are_equal(a, b)); }},
     {"NE", 1, [](double a, double b) { return double(!are_equal(a, b)); }},
     {"GT", 1, [](double a, double b) { return double(zero_if_vacant(a) > zero_if_vacant(b)); }},
@@ -61,11 +60,12 @@ constexpr Operator operators[] = {
     {"LE", 1, [](double a, double b) { return double(zero_if_vacant(a) <= zero_if_vacant(b)); }},
 };
 
-const char* require_unit_range(double x) {
+const char* expect_unit_range(double x) {
   return x < -1 || x > 1 ? "a number within -1 and 1" : nullptr;
 }
 
-/// Arc sine from 270 over 0 to 90 degrees, as under parameter 6004.0 NAT = 0.
+/// Arc sine in degrees, 270 to 360 for negative arguments and 0 to 90 otherwise, as with parameter
+/// 6004.0 (NAT) = 0.
 double arc_sine(double x) {
   const double angle = std::asin(zero_if_vacant(x)) / units::deg;
   return angle < 0 ? angle + 360.0 : angle;
@@ -75,9 +75,8 @@ double arc_sine(double x) {
 // address.
 constexpr Function functions[] = {
     {"ABS", [](double x) { return std::abs(zero_if_vacant(x)); }},
-    {"ACOS", [](double x) { return std::acos(zero_if_vacant(x)) / units::deg; },
-     require_unit_range},
-    {"ASIN", arc_sine, require_unit_range},
+    {"ACOS", [](double x) { return std::acos(zero_if_vacant(x)) / units::deg; }, expect_unit_range},
+    {"ASIN", arc_sine, expect_unit_range},
     {"COS", [](double x) { return std::cos(zero_if_vacant(x) * units::deg); }},
     {"EXP", [](double x) { return std::exp(zero_if_vacant(x)); }},
     {"FIX", [](double x) { return std::trunc(zero_if_vacant(x)); }},
@@ -105,7 +104,7 @@ const ExpressionGrammar& grammar() {
 namespace {
 
 constexpr std::string_view address_letters = "ABCDFGHIJKLMNPQRSTUVWXYZ";
-constexpr std::size_t max_words = 100;  // bounds the memory of a hostile line
+constexpr std::size_t max_words = 100;  // bounds the memory for a hostile line
 
 std::string_view read_comment(Cursor& cursor) {
   const std::size_t open = cursor.at;
@@ -153,7 +152,7 @@ void collect_comments(Cursor& cursor, std::vector<std::string_view>& comments) {
     comments.push_back(read_comment(cursor));
 }
 
-// Parser that splits a block into words and codes.
+// Splits a block into words and codes.
 class BlockReader {
  public:
   BlockReader(Cursor& cursor, ProgramRun& run, MacroOperands& operands, Block& block)
@@ -162,10 +161,10 @@ class BlockReader {
   void read();
 
  private:
-  bool is_at_end();
+  bool skip_to_next_word();
   void read_word();
-  void put_code(const Word& word);
-  void put_word(const Word& word);
+  void store_code(const Word& word);
+  void store_word(const Word& word);
 
   Cursor& cursor_;
   ProgramRun& run_;
@@ -173,24 +172,25 @@ class BlockReader {
   Block& block_;
 };
 
-/// Returns true at the end of the block: at the end of the line, at ; and at a / whose level is
-/// skipped.
-bool BlockReader::is_at_end() {
+/// Advances past comments to the next word. Returns false at the end of the block: at the end of
+/// the line, at ; or at a / whose level is skipped. Throws an input error if another block follows
+/// a ;.
+bool BlockReader::skip_to_next_word() {
   collect_comments(cursor_, block_.comments);
-  if (cursor_.at_end()) return true;
+  if (cursor_.at_end()) return false;
   if (cursor_.current() == ';') {
     ++cursor_.at;
     collect_comments(cursor_, block_.comments);
     // A second block on a line would have no line number of its own.
     if (!cursor_.at_end())
       cursor_.throw_input_error(cursor_.at, "the next block on a line of its own");
-    return true;
+    return false;
   }
-  if (cursor_.current() != '/') return false;
-  return run_.skips_block(read_skip_level(cursor_)) || is_at_end();
+  if (cursor_.current() != '/') return true;
+  return !run_.skips_block(read_skip_level(cursor_)) && skip_to_next_word();
 }
 
-void BlockReader::put_code(const Word& word) {
+void BlockReader::store_code(const Word& word) {
   // Tenths: G43.4 is 434. The tolerance allows computed codes such as G[#1].
   const double scaled = word.value * 10, tenths = std::round(scaled);
   const bool is_code = tenths >= 0 && tenths < 1e4 && std::abs(scaled - tenths) < 1e-3;
@@ -208,7 +208,8 @@ void BlockReader::put_code(const Word& word) {
   if (properties.group == Group::None) block_.code_without_words = word;
   if (properties.group == Group::None || properties.group == Group::WithMotion) return;
   const Code& previous = block_[properties.group];
-  // Of several G codes of a modal group the last one counts; M codes may not be repeated.
+  // Of several G codes of a modal group, the last one is in force. Codes of group 00, and M codes
+  // other than coolant, may appear only once in a block.
   const bool must_be_unique =
       word.letter == 'M' ? properties.group != Group::Coolant : properties.group == Group::OneShot;
   if (previous && must_be_unique)
@@ -218,7 +219,7 @@ void BlockReader::put_code(const Word& word) {
   block_.codes.put(std::size_t(properties.group), {code, word});
 }
 
-void BlockReader::put_word(const Word& word) {
+void BlockReader::store_word(const Word& word) {
   const Word& previous = block_[word.letter];
   if (previous)
     run_.canon.throw_input_error(
@@ -249,25 +250,27 @@ void BlockReader::read_word() {
   operands_.resolution = min_increment(word.letter, run_.canon.inch());
   word.value = parse_value(cursor_, grammar(), operands_);
   word.text = cursor_.text.substr(from, cursor_.at - from);
+  // A number with a point or an expression is in full units (mm, degrees); only a bare integer
+  // counts increments.
   word.has_point = word.text.find_first_of(".#[") != std::string_view::npos;
-  // The control ignores an address with a vacant variable.
+  // The control ignores an address whose value is a vacant variable.
   if (is_vacant(word.value)) return;
-  const int macro = block_.tenths(Group::Macro);
-  const bool is_macro_call = macro == 650 || macro == 660;
-  if (word.letter == 'G') return put_code(word);
+  const int macro_code = block_.tenths(Group::Macro);
+  const bool is_macro_call = macro_code == 650 || macro_code == 660;
+  if (word.letter == 'G') return store_code(word);
   if (word.letter == 'N')
     return run_.canon.throw_input_error(word, "a sequence number first in its block");
-  // Behind G65 and G66 letters are arguments, except L and P.
+  // After G65 and G66 all letters except L and P are arguments of the macro.
   if (is_macro_call && std::string_view("LP").find(word.letter) == std::string_view::npos) {
     if (block_.arguments.size() == max_words)
       cursor_.throw_input_error(from, "at most 100 arguments");
     block_.arguments.push_back(word);
     return;
   }
-  if (word.letter == 'M') return put_code(word);
+  if (word.letter == 'M') return store_code(word);
   if (address_letters.find(word.letter) == std::string_view::npos)
     return run_.handle_unknown_word(word, "a word of Fanuc's milling controls");
-  put_word(word);
+  store_word(word);
 }
 
 void BlockReader::read() {
@@ -276,7 +279,7 @@ void BlockReader::read() {
     block_.percent = true;  // the rest of the line is outside of the program
     return;
   }
-  while (!is_at_end()) read_word();
+  while (skip_to_next_word()) read_word();
 }
 
 void read_block(Cursor cursor, ProgramRun& run, MacroOperands& operands, Block& block) {
