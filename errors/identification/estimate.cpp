@@ -241,11 +241,12 @@ void leave_out(Index i, const Problem& problem, Solution& solution, MatrixXd& co
 /// Returns the first fit without the coefficients that are less certain than they vary between
 /// machines. They are removed one by one, since a coefficient may be well determined once the one
 /// that hides it is held.
-Solution leave_out_weak(const Problem& problem, const Fit& first,
+Solution leave_out_weak(const Problem& problem, const Fit& first_fit,
                         std::vector<ConfoundedCoefficient> confounded_list) {
-  Solution solution{first.factor.determined, first.x, first.converged, std::move(confounded_list)};
+  Solution solution{first_fit.factor.determined, first_fit.x, first_fit.converged,
+                    std::move(confounded_list)};
   if (problem.options.weak_limit == 0.0) return solution;
-  MatrixXd covariance_matrix = covariance(first.factor);
+  MatrixXd covariance_matrix = covariance(first_fit.factor);
   while (const auto i = weakest_coefficient(problem, solution, covariance_matrix))
     leave_out(*i, problem, solution, covariance_matrix);
   return solution;
@@ -255,14 +256,15 @@ Solution leave_out_weak(const Problem& problem, const Fit& first,
 /// values and, with a prior, linearises the equations there. The rank is determined at zero
 /// deviations: elsewhere confounded columns differ by products of deviations, which carry no
 /// information.
-void restart_from(Problem& problem, const Solution& first) {
+void restart_from(Problem& problem, const Solution& first_solution) {
   std::vector<char>& is_sought = problem.design.is_sought;
   std::fill(is_sought.begin(), is_sought.end(), char(0));
-  for (const int column : first.determined) is_sought[std::size_t(column)] = 1;
-  problem.first_guess = first.x;
+  for (const int column : first_solution.determined) is_sought[std::size_t(column)] = 1;
+  problem.first_guess = first_solution.x;
   const bool has_prior = problem.design.prior.rows() > 0;
-  if (has_prior && first.converged)
-    problem.design = design_at(problem.design, problem.model, problem.reading_sets, first.x);
+  if (has_prior && first_solution.converged)
+    problem.design =
+        design_at(problem.design, problem.model, problem.reading_sets, first_solution.x);
 }
 
 struct Quality {
@@ -537,9 +539,9 @@ struct CoefficientRange {
 
 std::vector<CoefficientRange> element_ranges(const GeometricErrors& belief) {
   std::vector<CoefficientRange> result(belief.elements.size());
-  const std::vector<Coefficient> list = coefficients(belief.elements);
-  for (std::size_t i = 0; i < list.size(); ++i) {
-    CoefficientRange& range = result[std::size_t(list[i].element)];
+  const std::vector<Coefficient> all_coefficients = coefficients(belief.elements);
+  for (std::size_t i = 0; i < all_coefficients.size(); ++i) {
+    CoefficientRange& range = result[std::size_t(all_coefficients[i].element)];
     if (range.count++ == 0) range.first = int(i);
   }
   return result;
@@ -561,10 +563,12 @@ VectorXd element_basis(const Element& element, int count, const CurveState& stat
 Eigen::MatrixXd element_covariance(const GeometricErrors& belief, int element,
                                    const CoefficientRange& range) {
   Eigen::MatrixXd result = Eigen::MatrixXd::Zero(range.count, range.count);
-  const std::vector<Coefficient> list = coefficients(belief.elements);
+  const std::vector<Coefficient> all_coefficients = coefficients(belief.elements);
   const auto& covariance_coefficients = belief.covariance.of;
   const auto index_in_element = [&](const Coefficient& coefficient) {
-    return int(std::find(list.begin(), list.end(), coefficient) - list.begin()) - range.first;
+    return int(std::find(all_coefficients.begin(), all_coefficients.end(), coefficient) -
+               all_coefficients.begin()) -
+           range.first;
   };
   for (std::size_t i = 0; i < covariance_coefficients.size(); ++i)
     for (std::size_t k = 0; k < covariance_coefficients.size(); ++k)

@@ -311,20 +311,20 @@ double grouping_threshold(const std::vector<int>& by_degree, const MatrixXd& mut
 double regression_residual(std::span<const ThermalData> data_sets, const std::vector<int>& inputs) {
   ThermalModelOptions options;
   options.sigma_from_runs = false;
-  double sum = 0.0;
+  double squared_sum = 0.0;
   for (const ThermalData& data_set : data_sets) {
     const ThermalData selected_data = select_inputs(data_set, inputs);
     if (runs(data_set).size() >= 2) {
       const Validation validation = cross_validate(selected_data, options);
       if (validation.status != FitStatus::Ok) return INFINITY;
-      sum += validation.overall.rms * validation.overall.rms;
+      squared_sum += validation.overall.rms * validation.overall.rms;
     } else {
       const ThermalFit thermal_fit = fit(selected_data, options);
       if (!thermal_fit.regression) return INFINITY;
-      sum += thermal_fit.regression->residual_sd * thermal_fit.regression->residual_sd;
+      squared_sum += thermal_fit.regression->residual_sd * thermal_fit.regression->residual_sd;
     }
   }
-  return sum;
+  return squared_sum;
 }
 
 /// Selects `count` of the leaders one by one, each time the one that lowers the residual most.
@@ -339,9 +339,9 @@ std::vector<int> screen_by_regression(std::span<const ThermalData> data_sets,
       candidate.push_back(leader);
       residuals.push_back(regression_residual(data_sets, candidate));
     }
-    const auto best = std::ranges::min_element(residuals) - residuals.begin();
-    chosen.push_back(leaders[static_cast<std::size_t>(best)]);
-    leaders.erase(leaders.begin() + best);
+    const auto best_index = std::ranges::min_element(residuals) - residuals.begin();
+    chosen.push_back(leaders[static_cast<std::size_t>(best_index)]);
+    leaders.erase(leaders.begin() + best_index);
   }
   return chosen;
 }
@@ -531,8 +531,10 @@ std::vector<std::vector<int>> random_subsets(int set_size, int size, int count,
     std::iota(indices.begin(), indices.end(), 0);
     for (int k = 0; k < size; ++k) {
       // The remainder differs from uniform by set_size / 2^64, and is the same with every library.
-      const auto pick = k + static_cast<int>(random() % static_cast<std::uint64_t>(set_size - k));
-      std::swap(indices[static_cast<std::size_t>(k)], indices[static_cast<std::size_t>(pick)]);
+      const auto picked_index =
+          k + static_cast<int>(random() % static_cast<std::uint64_t>(set_size - k));
+      std::swap(indices[static_cast<std::size_t>(k)],
+                indices[static_cast<std::size_t>(picked_index)]);
     }
     indices.resize(static_cast<std::size_t>(size));
     std::ranges::sort(indices);
@@ -578,18 +580,18 @@ struct ChoiceEvaluation {
 /// Evaluates random choices of as many sensors as the study has chosen.
 RandomChoices random_choices(const ChoiceEvaluation& evaluation, const ThermalStudyOptions& options,
                              const ThermalStudy& study) {
-  std::vector<int> usable;
+  std::vector<int> usable_inputs;
   for (int j = 0; j < evaluation.training.front().T.cols(); ++j)
-    if (!std::ranges::count(study.choice.constant_inputs, j)) usable.push_back(j);
-  const auto subsets =
-      random_subsets(static_cast<int>(usable.size()), static_cast<int>(study.choice.chosen.size()),
-                     options.random_subsets, options.seed);
+    if (!std::ranges::count(study.choice.constant_inputs, j)) usable_inputs.push_back(j);
+  const auto subsets = random_subsets(static_cast<int>(usable_inputs.size()),
+                                      static_cast<int>(study.choice.chosen.size()),
+                                      options.random_subsets, options.seed);
   std::vector<std::optional<double>> rms_values(subsets.size());
   // All subsets are drawn before the parallel loop, so that the result does not depend on the
   // number of threads.
   tbb::parallel_for(std::size_t(0), subsets.size(), [&](std::size_t i) {
     std::vector<int> inputs;
-    for (const int k : subsets[i]) inputs.push_back(usable[static_cast<std::size_t>(k)]);
+    for (const int k : subsets[i]) inputs.push_back(usable_inputs[static_cast<std::size_t>(k)]);
     rms_values[i] = evaluation.relative_rms(inputs);
   });
   RandomChoices result;

@@ -231,10 +231,11 @@ struct ValidationPart {
 };
 
 /// Returns the residuals of a fitted model on test data.
-ValidationPart test_residuals(const ThermalFit& fitted, const ThermalData& test, int run_label) {
-  if (!fitted.model) return {run_label, fitted.status, {}, 0};
-  return {run_label, FitStatus::Ok, test.y - values(*fitted.model, test.T),
-          count_rows_outside(*fitted.model, test.T)};
+ValidationPart test_residuals(const ThermalFit& thermal_fit, const ThermalData& test,
+                              int run_label) {
+  if (!thermal_fit.model) return {run_label, thermal_fit.status, {}, 0};
+  return {run_label, FitStatus::Ok, test.y - values(*thermal_fit.model, test.T),
+          count_rows_outside(*thermal_fit.model, test.T)};
 }
 
 /// Fits a model on training data and returns its residuals on test data.

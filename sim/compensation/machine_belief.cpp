@@ -71,12 +71,13 @@ errors::Load load_at(const LoadSeries& series, double time_s) {
   const VectorXd& t = series.time_s;
   const Index n = t.size();
   if (n == 0 || !(time_s >= t[0] && time_s <= t[n - 1])) return {};
-  const Index after =
+  const Index next_row =
       std::min<Index>(n - 1, std::upper_bound(t.data(), t.data() + n, time_s) - t.data());
-  const Index before = std::max<Index>(0, after - 1);
-  const double length = t[after] - t[before];
-  const double u = length > 0.0 ? (time_s - t[before]) / length : 1.0;
-  const errors::Load &a = series.loads[std::size_t(before)], &b = series.loads[std::size_t(after)];
+  const Index previous_row = std::max<Index>(0, next_row - 1);
+  const double interval_s = t[next_row] - t[previous_row];
+  const double u = interval_s > 0.0 ? (time_s - t[previous_row]) / interval_s : 1.0;
+  const errors::Load &a = series.loads[std::size_t(previous_row)],
+                     &b = series.loads[std::size_t(next_row)];
   errors::Load load;
   load.tool_wrench_t = a.tool_wrench_t + u * (b.tool_wrench_t - a.tool_wrench_t);
   load.contact_t = a.contact_t + u * (b.contact_t - a.contact_t);
@@ -373,11 +374,12 @@ std::array<Neighbour, neighbour_count> nearest_readings(const MatrixX3d& reading
                                                         const Vector3d& point) {
   std::array<Neighbour, neighbour_count> nearest;
   for (Index i = 0; i < reading_points.rows(); ++i) {
-    const double d = (reading_points.row(i).transpose() - point).norm();
-    if (!(d < nearest.back().distance)) continue;
-    auto at = nearest.end() - 1;
-    for (; at != nearest.begin() && d < (at - 1)->distance; --at) *at = *(at - 1);
-    *at = {d, i};
+    const double distance_mm = (reading_points.row(i).transpose() - point).norm();
+    if (!(distance_mm < nearest.back().distance)) continue;
+    auto slot = nearest.end() - 1;
+    for (; slot != nearest.begin() && distance_mm < (slot - 1)->distance; --slot)
+      *slot = *(slot - 1);
+    *slot = {distance_mm, i};
   }
   return nearest;
 }
@@ -503,8 +505,8 @@ DisplacementNode fit_node(const SortedDeviations& part, const RowRange& group, d
 /// Extrapolates the line through two nodes to another time.
 DisplacementNode extrapolate_node(const DisplacementNode& node, const DisplacementNode& neighbour,
                                   double time_s) {
-  const double length = node.time_s - neighbour.time_s;
-  const double u = length != 0.0 ? (time_s - node.time_s) / length : 0.0;
+  const double interval_s = node.time_s - neighbour.time_s;
+  const double u = interval_s != 0.0 ? (time_s - node.time_s) / interval_s : 0.0;
   return {time_s, node.displacement + u * (node.displacement - neighbour.displacement)};
 }
 
@@ -561,11 +563,11 @@ Vector3d displacement_at(const DisplacementSeries& series, double time_s) {
   const VectorXd& t = series.time_s;
   const Index n = t.size();
   if (n == 0) return Vector3d::Zero();
-  const Index after = std::upper_bound(t.data(), t.data() + n, time_s) - t.data();
-  if (after == 0) return series.move.row(0).transpose();
-  if (after == n) return series.move.row(n - 1).transpose();
-  const double u = (time_s - t[after - 1]) / (t[after] - t[after - 1]);
-  return ((1 - u) * series.move.row(after - 1) + u * series.move.row(after)).transpose();
+  const Index next_row = std::upper_bound(t.data(), t.data() + n, time_s) - t.data();
+  if (next_row == 0) return series.move.row(0).transpose();
+  if (next_row == n) return series.move.row(n - 1).transpose();
+  const double u = (time_s - t[next_row - 1]) / (t[next_row] - t[next_row - 1]);
+  return ((1 - u) * series.move.row(next_row - 1) + u * series.move.row(next_row)).transpose();
 }
 
 namespace {

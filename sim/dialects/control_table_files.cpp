@@ -82,9 +82,10 @@ std::vector<TableColumn> parse_columns(ControlTableReading& reading, Cursor& lin
   }
   // Row numbers may be right-aligned and begin before their name.
   if (!columns.empty()) columns.front().from = 0;
-  const auto has = [&](std::string_view name) { return has_column(columns, name); };
+  const auto has_name = [&](std::string_view name) { return has_column(columns, name); };
   const bool is_tool_table = reading.kind == ControlTableKind::Tools;
-  if (is_tool_table ? !has("T") || !has("L") || !has("R") : !has("NR") && !has("NO"))
+  if (is_tool_table ? !has_name("T") || !has_name("L") || !has_name("R")
+                    : !has_name("NR") && !has_name("NO"))
     line.throw_input_error(0, is_tool_table ? "columns named T, L and R" : "a column named NR");
   return columns;
 }
@@ -405,11 +406,12 @@ void parse_edge_value(ControlTableReading& reading, const AssignmentTarget& targ
 
 /// Returns the number n of $TC_DPn, or nothing for another name.
 std::optional<int> edge_parameter(const std::string& name) {
-  constexpr std::string_view head = "$TC_DP";
-  if (!name.starts_with(head) || name.size() <= head.size() || name.size() > head.size() + 3 ||
-      name.find_first_not_of("0123456789", head.size()) != std::string::npos)
+  constexpr std::string_view prefix = "$TC_DP";
+  if (!name.starts_with(prefix) || name.size() <= prefix.size() ||
+      name.size() > prefix.size() + 3 ||
+      name.find_first_not_of("0123456789", prefix.size()) != std::string::npos)
     return std::nullopt;
-  return std::stoi(name.substr(head.size()));
+  return std::stoi(name.substr(prefix.size()));
 }
 
 void parse_tool_value(ControlTableReading& reading, const AssignmentTarget& target,

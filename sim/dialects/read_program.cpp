@@ -211,15 +211,16 @@ namespace {
 /// Returns the front end of a dialect. Throws BadInput if it has none, since a scene may state any
 /// dialect.
 const FrontEnd& find_front_end(const DetectedDialect& detected, const std::string& file) {
-  std::string known;
+  std::string known_dialects;
   for (const FrontEnd& front_end : front_ends()) {
     if (front_end.dialect == detected.dialect) return front_end;
-    known += (known.empty() ? "" : ", ") + std::string(name_of(front_end.dialect));
+    known_dialects +=
+        (known_dialects.empty() ? "" : ", ") + std::string(name_of(front_end.dialect));
   }
   std::string seen(name_of(detected.dialect));
   if (!detected.sign.empty()) seen += ", as " + detected.sign;
   throw BadInput(file, detected.line, detected.line > 0 ? 1 : 0,
-                 "a dialect that is read (" + known + ")", std::move(seen));
+                 "a dialect that is read (" + known_dialects + ")", std::move(seen));
 }
 
 /// Throws BadInput if the pole rule of one control is used with a program of another.
@@ -297,19 +298,19 @@ std::optional<BadInput> suggest_dialect(std::string_view text, const std::string
                                         std::size_t errors) {
   // A dialect that the user stated is not questioned.
   if (options.dialect != Dialect::Auto || text.size() > max_trial_bytes) return std::nullopt;
-  const FrontEnd* best = nullptr;
+  const FrontEnd* best_front_end = nullptr;
   std::size_t min_errors = errors;
   for (const FrontEnd& front_end : front_ends()) {
     if (front_end.dialect == detected.dialect) continue;
     const auto trial_errors = count_errors(front_end, text, file, options);
     if (!trial_errors || *trial_errors >= min_errors) continue;
-    best = &front_end;
+    best_front_end = &front_end;
     min_errors = *trial_errors;
   }
-  if (best == nullptr) return std::nullopt;
+  if (best_front_end == nullptr) return std::nullopt;
   return BadInput(
       file, 0, 0,
-      fmt::format("dialect {}, which reads the file with {}", name_of(best->dialect),
+      fmt::format("dialect {}, which reads the file with {}", name_of(best_front_end->dialect),
                   min_errors == 0 ? "no input error" : fmt::format("{} input errors", min_errors)),
       fmt::format("{}, as {}, with {}", name_of(detected.dialect), detected.sign, errors));
 }
@@ -355,8 +356,8 @@ ParsedProgram read_program(std::string_view text, const std::string& file,
   }
   if (text.find('\0') != std::string_view::npos) {
     // Only tape characters are removed; another NUL is an error at its line.
-    const std::string plain = strip_tape_characters(text);
-    if (plain.size() < text.size()) return read_program(plain, file, options);
+    const std::string plain_text = strip_tape_characters(text);
+    if (plain_text.size() < text.size()) return read_program(plain_text, file, options);
   }
   ParsedProgram result;
   const DetectedDialect detected = options.dialect == Dialect::Auto

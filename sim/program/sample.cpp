@@ -323,7 +323,7 @@ class SampleRecorder {
 
   void start(const AxisVector& q, double time_s, int block);
   void move_to(const AxisVector& q, double time_s, int block);
-  void check_capacity(double more, int block) const;
+  void check_capacity(double additional_count, int block) const;
   void continue_from(const SamplingState& from, int block);
   std::size_t count() const { return samples_.states.size(); }
   Samples take();
@@ -340,8 +340,8 @@ class SampleRecorder {
 };
 
 // Called before the samples are computed, so that no memory is allocated for too many.
-void SampleRecorder::check_capacity(double more, int block) const {
-  if (double(samples_.states.size()) + more > double(options_.max_samples))
+void SampleRecorder::check_capacity(double additional_count, int block) const {
+  if (double(samples_.states.size()) + additional_count > double(options_.max_samples))
     throw TooManySamples(path_.file, path_.blocks[std::size_t(block)].line, 0,
                          fmt::format("a program of at most {} samples", options_.max_samples),
                          "more");
@@ -422,15 +422,15 @@ template <class CheckSteps, class Visit>
 void for_each_step_range(const BlockSampler& sampler, const AxisVector& start,
                          const CheckSteps& check_steps, const Visit& visit) {
   AxisVector qa = start;
-  const std::vector<double> breaks = sampler.breakpoints();
-  for (std::size_t i = 0; i + 1 < breaks.size(); ++i) {
-    const double length = breaks[i + 1] - breaks[i];
+  const std::vector<double> part_ends = sampler.breakpoints();
+  for (std::size_t i = 0; i + 1 < part_ends.size(); ++i) {
+    const double length = part_ends[i + 1] - part_ends[i];
     const int part_count = sampler.coarse_parts(length);
     check_steps(part_count);
     for (int k = 0; k < part_count; ++k) {
-      const double ua = breaks[i] + length * k / part_count;
+      const double ua = part_ends[i] + length * k / part_count;
       const double ub =
-          k + 1 == part_count ? breaks[i + 1] : breaks[i] + length * (k + 1) / part_count;
+          k + 1 == part_count ? part_ends[i + 1] : part_ends[i] + length * (k + 1) / part_count;
       const AxisVector qb = sampler.axes(ub);
       const int steps = sampler.steps(ua, ub, qa, qb);
       check_steps(steps);

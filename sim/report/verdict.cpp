@@ -166,8 +166,8 @@ std::vector<Verdict::Ring> ring_results(const Job& job, const cutting::Surface& 
   std::vector<Verdict::Ring> rings;
   for (const PartDescription::Ring& ring : job.scene.part.rings) {
     double weighted_sum = 0.0, area = 0.0;
-    const auto add = [&](double along, double weight, double radius) {
-      if (!(weight > 0.0) || std::abs(along - ring.along) > 0.5 * ring.width) return;
+    const auto add = [&](double z, double weight, double radius) {
+      if (!(weight > 0.0) || std::abs(z - ring.along) > 0.5 * ring.width) return;
       weighted_sum += weight * radius;
       area += weight;
     };
@@ -177,13 +177,13 @@ std::vector<Verdict::Ring> ring_results(const Job& job, const cutting::Surface& 
       if (!(weights.within[t] > 0.0)) continue;
       const std::array<double, 3> corner_weights =
           cutting::sample_weights(surface.interior_sample, t);
-      double along = 0.0, mean = 0.0;
+      double z = 0.0, mean = 0.0;
       for (std::size_t k = 0; k < 3; ++k) {
         const Eigen::Index v = part.triangles(t, Eigen::Index(k));
-        along += corner_weights[k] * part.vertices(v, 2);
+        z += corner_weights[k] * part.vertices(v, 2);
         mean += corner_weights[k] * radius(v, surface.within[t]);
       }
-      add(along, weights.within[t], mean);
+      add(z, weights.within[t], mean);
     }
     rings.push_back({ring.name, std::nullopt});
     if (area > 0.0) rings.back().radius = weighted_sum / area;

@@ -284,18 +284,19 @@ double coefficient_unit(const errors::Coefficient& coefficient,
 /// Returns the coefficients that a list names.
 std::vector<errors::Coefficient> read_coefficient_names(TableReader& reader, const Node& list,
                                                         const std::vector<Element>& elements) {
-  std::map<std::string, errors::Coefficient> known;
+  std::map<std::string, errors::Coefficient> coefficients_by_name;
   std::set<std::string> names;
   for (const errors::Coefficient& coefficient : errors::coefficients(elements)) {
-    known.emplace(errors::name_of(coefficient, elements), coefficient);
+    coefficients_by_name.emplace(errors::name_of(coefficient, elements), coefficient);
     names.insert(errors::name_of(coefficient, elements));
   }
   std::vector<errors::Coefficient> named_coefficients;
   if (!list.array())
     reader.report_invalid("of", "a list of names such as \"EXX[1]\"", display_text(list));
   for (const Node& name : list.array() ? *list.array() : Node::Array{}) {
-    const auto entry = name.text() ? known.find(*name.text()) : known.end();
-    if (entry == known.end()) {
+    const auto entry =
+        name.text() ? coefficients_by_name.find(*name.text()) : coefficients_by_name.end();
+    if (entry == coefficients_by_name.end()) {
       // Names may be long, such as `EXX screw pitch cos 1`.
       const auto suggestion = name.text() ? nearest(*name.text(), names) : std::nullopt;
       reader.input_errors().add(

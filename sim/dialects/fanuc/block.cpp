@@ -141,9 +141,9 @@ double min_increment(char letter, bool inch) {
 
 int read_skip_level(Cursor& cursor) {
   // The level follows directly; / alone is level 1.
-  const bool has_digit = is_digit(cursor.peek());
-  const int level = has_digit ? cursor.peek() - '0' : 1;
-  cursor.at += has_digit ? 2 : 1;
+  const bool has_level_digit = is_digit(cursor.peek());
+  const int level = has_level_digit ? cursor.peek() - '0' : 1;
+  cursor.at += has_level_digit ? 2 : 1;
   return level;
 }
 
@@ -207,24 +207,24 @@ void BlockReader::store_code(const Word& word) {
     run_.canon.throw_input_error(word, std::string(properties.sentence));
   if (properties.group == Group::None) block_.code_without_words = word;
   if (properties.group == Group::None || properties.group == Group::WithMotion) return;
-  const Code& previous = block_[properties.group];
+  const Code& previous_code = block_[properties.group];
   // Of several G codes of a modal group, the last one is in force. Codes of group 00, and M codes
   // other than coolant, may appear only once in a block.
   const bool must_be_unique =
       word.letter == 'M' ? properties.group != Group::Coolant : properties.group == Group::OneShot;
-  if (previous && must_be_unique)
+  if (previous_code && must_be_unique)
     run_.canon.throw_input_error(
         word, "one such code in a block",
-        fmt::format("{} after {}", shown(word.text), shown(previous.word.text)));
+        fmt::format("{} after {}", shown(word.text), shown(previous_code.word.text)));
   block_.codes.put(std::size_t(properties.group), {code, word});
 }
 
 void BlockReader::store_word(const Word& word) {
-  const Word& previous = block_[word.letter];
-  if (previous)
+  const Word& previous_word = block_[word.letter];
+  if (previous_word)
     run_.canon.throw_input_error(
         word, std::string("one ") + word.letter + " in a block",
-        fmt::format("{} after {}", shown(word.text), shown(previous.text)));
+        fmt::format("{} after {}", shown(word.text), shown(previous_word.text)));
   block_.words.put(std::size_t(word.letter - 'A'), word);
 }
 
