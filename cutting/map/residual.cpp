@@ -120,13 +120,12 @@ std::optional<Conformance> conformance(const Surface& surface, const Design& des
   struct SampleLocation {
     int vertex = -1, triangle = -1;
   };
-  const auto record_excess = [&](const SampleLocation& location, double excess,
-                                 bool is_lower_bound) {
+  const auto record_excess = [&](const SampleLocation& location, double excess, bool is_bound) {
     if (++result.out_of_tolerance > 1 && excess <= result.excess) return;
     result.vertex = location.vertex;
     result.triangle = location.triangle;
     result.excess = excess;
-    result.further = is_lower_bound;
+    result.further = is_bound;
   };
   for (std::size_t i = 0; i < surface.status.size(); ++i) {
     const auto v = static_cast<Eigen::Index>(i);

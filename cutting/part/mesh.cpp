@@ -190,7 +190,7 @@ Coarseness coarseness(const Design& design) {
   Coarseness result;
   // Atomic, because triangles that share a vertex may be processed by different threads; all of
   // them write true.
-  std::vector<std::atomic<bool>> sharp(static_cast<std::size_t>(design.vertices.rows()));
+  std::vector<std::atomic<bool>> is_at_sharp_edge(static_cast<std::size_t>(design.vertices.rows()));
   const auto max_with_triangle = [&](Eigen::Index t, double max_sag) {
     const Vector3d normal =
         triangle_cross_product(design.vertices, design.triangles, t).normalized();
@@ -198,7 +198,7 @@ Coarseness coarseness(const Design& design) {
     for (const int v : design.triangles.row(t))
       if (design.normals.row(v).dot(normal) < min_cosine) {
         is_smooth = false;
-        sharp[static_cast<std::size_t>(v)].store(true, std::memory_order_relaxed);
+        is_at_sharp_edge[static_cast<std::size_t>(v)].store(true, std::memory_order_relaxed);
       }
     const bool is_recognised =
         !design.face.empty() && design.face[std::size_t(design.triangles(t, 0))] >= 0;
@@ -218,10 +218,10 @@ Coarseness coarseness(const Design& design) {
         return max_sag;
       },
       [](double a, double b) { return std::max(a, b); });
-  for (int v = 0; v < static_cast<int>(sharp.size()); ++v) {
+  for (int v = 0; v < static_cast<int>(is_at_sharp_edge.size()); ++v) {
     if (!is_judged(v)) continue;
     ++result.judged;
-    result.sharp += sharp[static_cast<std::size_t>(v)];
+    result.sharp += is_at_sharp_edge[static_cast<std::size_t>(v)];
   }
   return result;
 }

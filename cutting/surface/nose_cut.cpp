@@ -219,7 +219,7 @@ class RaySearch {
   enum class End { Entry, Exit };
   struct Contact {
     double s, y;
-    bool on_axis;  // the ray lies on the spindle line there
+    bool is_on_axis;  // the ray lies on the spindle line there
   };
   std::optional<Contact> contact(const NoseSegment& segment, double u, End end) const;
   void bisect(const NoseSegment& segment, double u0, double u1, End end);
@@ -248,11 +248,11 @@ void RaySearch<Collector>::visit_node(int index, double node_bound) {
     return;
   }
   // The nearer child comes first, since its cut may rule out the other.
-  const double left = bound(index + 1);
-  const double right = bound(node.right);
-  if (left <= right) visit_node(index + 1, left);
-  visit_node(node.right, right);
-  if (left > right) visit_node(index + 1, left);
+  const double first_bound = bound(index + 1);
+  const double second_bound = bound(node.right);
+  if (first_bound <= second_bound) visit_node(index + 1, first_bound);
+  visit_node(node.right, second_bound);
+  if (first_bound > second_bound) visit_node(index + 1, first_bound);
 }
 
 template <class Collector>
@@ -417,7 +417,7 @@ void RaySearch<Collector>::bisect(const NoseSegment& segment, double u0, double 
   std::optional<Contact> c0 = contact(segment, u0, end);
   std::optional<Contact> c1 = contact(segment, u1, end);
   if (!c0 && !c1) return;
-  if (c0 && c1 && c0->on_axis && c1->on_axis) return search_on_axis(segment, u0, u1);
+  if (c0 && c1 && c0->is_on_axis && c1->is_on_axis) return search_on_axis(segment, u0, u1);
   if (!c0 || !c1) {
     double missing_u = c0 ? u1 : u0;
     double hitting_u = c0 ? u0 : u1;

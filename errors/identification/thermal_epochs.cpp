@@ -180,11 +180,11 @@ Readings readings_since_first(const DayLog& log, const Epoch& epoch, const Means
 }  // namespace
 
 std::vector<int> start_indices(const metrology::Plan& plan) {
-  std::vector<int> starts;
+  std::vector<int> indices;
   std::map<std::string, int> occurrences;
   // A set-up of the same name appears once per start, so its occurrences number the starts.
-  for (const SetUp& set_up : plan.set_ups) starts.push_back(occurrences[set_up.name]++);
-  return starts;
+  for (const SetUp& set_up : plan.set_ups) indices.push_back(occurrences[set_up.name]++);
+  return indices;
 }
 
 std::vector<Readings> split_by_start(const Readings& readings) {

@@ -645,12 +645,12 @@ Eigen::MatrixXd ask_in_batches(const PlugInTask& task, const PlugInQuestion& que
 
 /// Throws ChildProcessError unless the answer of a function has the expected size and values.
 void check_response(const Eigen::MatrixXd& rows, const ResponseRequirements& expected) {
-  const Eigen::Index column_count = columns(expected.answers, expected.task);
-  if (rows.rows() != expected.samples || rows.cols() != column_count)
-    throw ChildProcessError(fmt::format("{} rows of {} numbers", expected.samples, column_count),
+  const Eigen::Index response_width = columns(expected.answers, expected.task);
+  if (rows.rows() != expected.samples || rows.cols() != response_width)
+    throw ChildProcessError(fmt::format("{} rows of {} numbers", expected.samples, response_width),
                             fmt::format("{} of {}", rows.rows(), rows.cols()));
   for (Eigen::Index i = 0; i < rows.rows(); ++i)
-    for (Eigen::Index j = 0; j < column_count; ++j)
+    for (Eigen::Index j = 0; j < response_width; ++j)
       if (const auto requirement = violated_requirement(rows(i, j), expected, j))
         throw ChildProcessError(*requirement, fmt::format("{} in row {}, {}", rows(i, j), i + 1,
                                                           column_name(expected, j)));

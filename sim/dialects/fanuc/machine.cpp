@@ -53,10 +53,10 @@ Machine::Machine(ProgramRun& run)
   for (const auto& [d, mm] : options.tool_radius) radii_[d].value = mm;
   const auto subtract_wear = [](Offsets& offsets, const std::map<int, double>& wear) {
     for (const auto& [number, mm] : wear) {
-      Geometry& geometry = offsets[number];
+      Geometry& entry = offsets[number];
       // Tables state values including wear. It is subtracted because the control adds it again.
-      if (geometry.value) geometry.value = *geometry.value - mm;
-      geometry.wear = mm;
+      if (entry.value) entry.value = *entry.value - mm;
+      entry.wear = mm;
     }
   };
   subtract_wear(lengths_, options.length_wear);

@@ -133,14 +133,15 @@ void Machine::store_tool(const Block& block, int kind) {
   if (const Word* axis = first_axis_word(block)) throw_input_error(*axis, "R beside G10 of a tool");
   const int number = whole_number(canon_, p, max_offset_index);
   if (number < 1) throw_input_error(p, "an offset of P1 to P999");
-  Geometry& geometry = kind < 12 ? lengths_[number] : radii_[number];
+  Geometry& offset_entry = kind < 12 ? lengths_[number] : radii_[number];
   // L10 and L12 are geometry, L11 and L13 wear.
-  const double previous_value = kind % 2 == 0 ? geometry.value.value_or(0.0) : geometry.wear;
+  const double previous_value =
+      kind % 2 == 0 ? offset_entry.value.value_or(0.0) : offset_entry.wear;
   const double value = length(r) + (is_incremental_ ? previous_value : 0.0);
   if (kind % 2 == 0)
-    geometry.value = value;
+    offset_entry.value = value;
   else
-    geometry.wear = value;
+    offset_entry.wear = value;
 }
 
 void Machine::store_data(const Block& block) {
@@ -196,8 +197,8 @@ double Machine::tool_length(int h, const Cause& cause) const {
   if (const auto entry = lengths_.find(h); entry != lengths_.end() && entry->second.value)
     return *entry->second.value + entry->second.wear;
   std::string known_lengths;
-  for (const auto& [number, geometry] : lengths_)
-    if (geometry.value) known_lengths += fmt::format(" H{}", number);
+  for (const auto& [number, offset_entry] : lengths_)
+    if (offset_entry.value) known_lengths += fmt::format(" H{}", number);
   throw_input_error(cause,
                     "a tool length that is known (" +
                         (known_lengths.empty() ? "none is" : known_lengths.substr(1)) + ")",
@@ -541,11 +542,11 @@ std::optional<double> Machine::variable(int number) {
 bool Machine::set_variable(int number, double value) {
   if (number == 3003 || number == 3004 || number == 3006) return true;
   if (const OffsetVariable variable = offset_variable(number); variable.offsets != nullptr) {
-    Geometry& geometry = (*variable.offsets)[variable.number];
+    Geometry& offset_entry = (*variable.offsets)[variable.number];
     if (variable.is_wear)
-      geometry.wear = value * unit();
+      offset_entry.wear = value * unit();
     else
-      geometry.value = value * unit();
+      offset_entry.value = value * unit();
     return true;
   }
   const OriginVariable variable = origin_variable(number);
