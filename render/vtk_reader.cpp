@@ -184,6 +184,8 @@ void read_appended(const VtkFile& source, const VtkTag& tag, FileLayout& layout)
       source.text().substr(std::size_t(tag.inner.data() - source.text().data()) + start + 1);
 }
 
+/// Finds the points of the grid and the point data `array`. Throws BadInput if the grid has several
+/// pieces or an array is missing.
 FileLayout read_layout(const VtkFile& source, const std::string& array) {
   FileLayout layout;
   VtkTags tags(source, source.text());
@@ -284,6 +286,7 @@ std::uint64_t header_number(const std::string& bytes, std::size_t index, std::si
   return value;
 }
 
+/// Reads uncompressed data, which are preceded by their size.
 std::string read_plain(const VtkFile& source, const VtkTag& tag, const FileLayout& layout,
                        std::size_t bytes) {
   ByteStream stream(source, tag, layout);
@@ -357,6 +360,7 @@ std::string read_compressed(const VtkFile& source, const VtkTag& tag, const File
   return result;
 }
 
+/// Reads the n numbers of an array in ASCII format.
 std::vector<double> ascii_numbers(const VtkFile& source, const VtkTag& tag, std::size_t n) {
   std::vector<double> numbers;
   std::string_view text = tag.inner;

@@ -207,6 +207,8 @@ AlignmentResult aligned(const Surface& surface, const Design& design,
 
 namespace {
 
+/// Returns the indices of the cut vertices.
+/// @throws std::invalid_argument if the sizes of map and design differ
 std::vector<Eigen::Index> cut_vertices(const Design& design, const Surface& surface) {
   if (!have_equal_sizes(surface, design))
     throw std::invalid_argument("form: the map and the design have different sizes");
@@ -243,6 +245,7 @@ std::optional<Eigen::VectorXd> form_residual(const Design& design, const Surface
     r[i] = surface.residual[v];
     weight[i] = std::sqrt(design.area[v]);
   }
+  // Pivots below 1e-7 of the largest count as zero: the map does not determine these components.
   const Eigen::VectorXd solution =
       shortest_least_squares(weight.asDiagonal() * A, weight.cwiseProduct(r), 1e-7);
   return Eigen::VectorXd(r - A * solution);
@@ -287,6 +290,7 @@ std::optional<Zone> smallest_zone(const std::vector<Vector3d>& points) {
   return best;
 }
 
+/// Returns the height of a point above the middle plane of a zone.
 double height(const Vector3d& p, const Zone& zone) {
   return p.z() - zone[0] - zone[1] * p.x() - zone[2] * p.y();
 }

@@ -49,7 +49,7 @@ enum class VertexStatus : std::uint8_t {
   Gouged = 3,   ///< removed deeper than the band
 };
 
-/// Depth, in bands, down to which a gouge is followed inwards.
+/// Depth, in multiples of the band, down to which a gouge is searched.
 inline constexpr double gouge_bands = 10.0;
 
 struct SurfaceOptions {

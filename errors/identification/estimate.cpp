@@ -28,6 +28,7 @@ using metrology::Readings;
 /// their groups.
 enum Preference { ConstantOfMotion, SlopeOfStraightness, OtherCoefficient, Location, SetUpUnknown };
 
+/// Returns true for the displacement of a linear axis across its direction of travel.
 bool is_straightness(const ElementName& name, const kinematics::Chain& chain) {
   const kinematics::Joint& joint =
       chain.joints()[std::size_t(axis_joint(name.axis, chain, to_string(name)))];
@@ -37,7 +38,8 @@ bool is_straightness(const ElementName& name, const kinematics::Chain& chain) {
          name.component() != int(along);
 }
 
-/// Returns the group of a coefficient.
+/// Returns the group of a coefficient. The first coefficients of a series are its constant and its
+/// slope.
 Preference coefficient_preference(const Coefficient& coefficient, const GeometricErrors& model,
                                   const kinematics::Chain& chain) {
   const Element& element = model.elements[std::size_t(coefficient.element)];

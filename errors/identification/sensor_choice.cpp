@@ -478,8 +478,11 @@ ChoiceSpread choice_spread(std::span<const ThermalData> data_sets,
   if (spread.draws < 1 || spread.input_noise.size() != m ||
       spread.error_noise.size() != data_sets.size())
     throw std::invalid_argument("a spread of a choice needs draws, and a noise of every series");
+  // At least three quarters of the rows remain.
   const int latest_start = std::clamp(int(data_sets.front().y.size() / 4), 0, spread.last_start);
   std::vector<SensorChoice> choices(static_cast<std::size_t>(spread.draws));
+  // Each draw has a seed of its own, so the result does not depend on the number of threads;
+  // multiples of an odd constant (2^64 / golden ratio) keep the seeds apart.
   tbb::parallel_for(0, spread.draws, [&](int draw) {
     // Start rows are used in turn, so that all occur even in a few draws.
     choices[std::size_t(draw)] =

@@ -150,6 +150,7 @@ constexpr std::size_t max_terms = 1000;
 
 // Text format of a thermal belief
 
+/// Returns true for an error motion of an axis that travels; locations and spindles have no travel.
 bool can_have_slope(const errors::ElementName& name) { return !name.location && name.axis != 'S'; }
 
 /// The text of a thermal model, and the number of lines before it in the file.
@@ -271,6 +272,8 @@ ModelInputs model_inputs(const ThermalModel& model, const ControlLog& log, bool 
   return inputs;
 }
 
+/// Returns a term for the joint of its element. Throws std::invalid_argument if the machine has no
+/// such element or the element cannot have a slope.
 ThermalSeries::Term bind_term(const ThermalBelief::Term& term, const kinematics::Chain& chain) {
   const std::string element_name = errors::to_string(term.name);
   const int joint = errors::axis_joint(term.name.axis, chain, element_name);
@@ -370,6 +373,8 @@ struct Neighbour {
   Index row = -1;
 };
 
+/// Returns the readings nearest to a point, in ascending order of distance; `row` is -1 where there
+/// are fewer.
 std::array<Neighbour, neighbour_count> nearest_readings(const MatrixX3d& reading_points,
                                                         const Vector3d& point) {
   std::array<Neighbour, neighbour_count> nearest;
@@ -442,6 +447,7 @@ SortedDeviations sort_by_time(const PartDeviations& part) {
   return result;
 }
 
+/// Splits the deviations of a part into segments, at changes of the pass and at gaps in time.
 std::vector<RowRange> split_segments(const SortedDeviations& part, std::size_t group_size) {
   const std::vector<double>& t = part.time_s;
   std::vector<double> gaps;
@@ -484,6 +490,8 @@ struct DisplacementNode {
   Vector3d displacement = Vector3d::Zero();
 };
 
+/// Returns the displacement that explains the deviations of a group along their normals, by damped
+/// least squares.
 DisplacementNode fit_node(const SortedDeviations& part, const RowRange& group, double damping) {
   Eigen::Matrix3d A = Eigen::Matrix3d::Zero();
   Vector3d b = Vector3d::Zero();
@@ -510,6 +518,7 @@ DisplacementNode extrapolate_node(const DisplacementNode& node, const Displaceme
   return {time_s, node.displacement + u * (node.displacement - neighbour.displacement)};
 }
 
+/// Appends the nodes of a segment, extrapolated to both ends of the segment.
 void append_segment(std::vector<DisplacementNode>& series, const SortedDeviations& part,
                     const RowRange& segment, const DisplacementOptions& options) {
   std::vector<DisplacementNode> nodes;

@@ -303,6 +303,8 @@ class CuttingEnergy {
   double time_s_ = 0.0;
 };
 
+/// Returns the constant activity of a phase; its time and room temperature are set by
+/// `append_knots`.
 Activity phase_activity(const ThermalPhase& phase, const ThermalDescription& thermal) {
   Activity activity;
   activity.spindle_speed = phase.spindle_speed;

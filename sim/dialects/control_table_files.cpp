@@ -323,6 +323,8 @@ AssignmentTarget parse_assignment_target(Cursor& line) {
   return target;
 }
 
+/// Returns the i-th index of a target. Throws an input error unless it is a number from 0 to
+/// `max_index`.
 int table_index(const AssignmentTarget& target, std::size_t i, int max_index, const Cursor& line) {
   const std::string& text = i < target.index.size() ? target.index[i] : std::string();
   int value = -1;
@@ -483,6 +485,8 @@ void parse_frame(ControlTableReading& reading, int offset_key, Cursor& line) {
   }
 }
 
+/// Reads a value of $P_UIFR: a whole frame, or one component of an axis, such as its translation
+/// (TR) or fine translation (FI). Rotation, scale and mirroring must be neutral.
 void parse_offset(ControlTableReading& reading, const AssignmentTarget& target, int offset_key,
                   Cursor& line) {
   if (target.index.size() == 1) return parse_frame(reading, offset_key, line);
@@ -578,7 +582,7 @@ void read_siemens_table(ControlTableReading& reading) {
 
 namespace {
 
-// A listing of thousands of tools stays below 1 MB; 64 MiB bounds memory.
+// A table of thousands of tools is smaller than 1 MB; 64 MiB bounds memory.
 constexpr std::size_t max_table_bytes = std::size_t(64) << 20;
 // The control is detected in the first lines, because headers of files are short.
 constexpr int max_lines_for_marker = 2000;
@@ -602,6 +606,7 @@ std::optional<Dialect> control_of_line(std::string_view line, ControlTableKind k
   return is_linuxcnc ? std::optional(Dialect::LinuxCnc) : std::nullopt;
 }
 
+/// Returns the control that the first conclusive line indicates; nothing if there is no such line.
 std::optional<Dialect> detect_control(std::string_view text, ControlTableKind kind) {
   LineReader lines(text);
   while (const auto line = lines.next()) {

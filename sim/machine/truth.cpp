@@ -70,6 +70,8 @@ kinematics::Chain make_actual_chain(const Scene& scene) {
   return make_chain(scene, machine.joints, T_bw, T_st);
 }
 
+/// Returns true if a cutting force, a weight, an inertia force or a clamping force acts on the
+/// compliance.
 bool is_active(const errors::ComplianceModel& model, const errors::Load& load) {
   return !load.tool_wrench_t.isZero(0.0) || model.gravity_b || model.inertia ||
          !model.clamping_w.isZero(0.0);

@@ -281,6 +281,7 @@ int BlockSampler::steps(double ua, double ub, const AxisVector& qa, const AxisVe
   const double turn = bounds_.turn * u_length, travel = bounds_.travel * u_length;
   double n = (is_tip_mode_ ? travel : travel + bounds_.lever * turn) / options_.max_step;
   // The largest step exceeds the mean step by at most half of the second derivative.
+  // The second derivative is that of the rotated lever plus twice the product of both rates.
   double slide_bend = 0.5 * (bounds_.lever * turn * turn + 2 * travel * turn);
   if (block_.interpolation == Interpolation::Arc) {
     const Arc& arc = path_.arcs[block_.shape];

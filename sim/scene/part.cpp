@@ -275,6 +275,7 @@ std::optional<Tolerance> read_tolerance(TableReader& reader) {
   return std::nullopt;
 }
 
+/// Writes a tolerance as `read_tolerance` reads it.
 void put_tolerance(const std::optional<Tolerance>& tolerance, Node::Table& table) {
   const double unit = unit_factor(tolerance_key);
   const Tolerance limits = tolerance.value_or(Tolerance{});
@@ -419,6 +420,7 @@ const Fields<PartDescription>& part_fields() {
   return fields;
 }
 
+/// Adds an input error if the dimensions of a primitive are inconsistent.
 void check_primitive(TableReader& reader, const Primitive& primitive) {
   // A rectangle has no profile, and its lengths are checked by their keys.
   if (std::holds_alternative<RectanglePlane>(primitive)) return;

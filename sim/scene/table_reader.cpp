@@ -75,7 +75,7 @@ namespace {
 
 struct Unit {
   std::string_view suffix;
-  double factor;  // to mm, rad, s, N, K, kg, W, A
+  double factor;  // of the unit in mm, rad, s, N, K, kg, W or A
 };
 // A suffix must precede every shorter suffix with which it ends: "_mm_per_min" precedes "_min".
 constexpr std::array known_units{
@@ -132,6 +132,7 @@ constexpr std::array known_units{
     Unit{"_A", 1.0},
 };
 
+/// Returns the unit in which a key ends; null if there is none.
 const Unit* trailing_unit(std::string_view key) {
   for (const Unit& unit : known_units) {
     // A key that is nothing but a unit has no stem, so it counts as a key without unit.
@@ -165,6 +166,7 @@ constexpr double max_number = 1e12;
 // Smaller numbers are mistakes, and a division by them could give infinity.
 constexpr double min_number = 1e-100, min_divisor = 1e-12;
 
+/// Returns a range as text for messages, such as " >= 0 and < 5".
 std::string range_text(const Range& range) {
   // A bound at the limit of double means that there is none.
   const double no_bound = std::numeric_limits<double>::max();

@@ -246,7 +246,7 @@ void BlockReader::read_word() {
   if (cursor_.at_end())
     cursor_.throw_input_error(from, std::string("a number after ") + word.letter,
                               "the end of the line");
-  // ROUND[] rounds to the increment of the address before it.
+  // ROUND[] rounds to the least increment of the address that it follows.
   operands_.resolution = min_increment(word.letter, run_.canon.inch());
   word.value = parse_value(cursor_, grammar(), operands_);
   word.text = cursor_.text.substr(from, cursor_.at - from);
@@ -255,6 +255,7 @@ void BlockReader::read_word() {
   word.has_point = word.text.find_first_of(".#[") != std::string_view::npos;
   // The control ignores an address whose value is a vacant variable.
   if (is_vacant(word.value)) return;
+  // In tenths: 650 is G65, 660 is G66.
   const int macro_code = block_.tenths(Group::Macro);
   const bool is_macro_call = macro_code == 650 || macro_code == 660;
   if (word.letter == 'G') return store_code(word);
