@@ -34,7 +34,7 @@ std::string windows_obstacle_text(const std::string& windows_obstacle);
 /// is less.
 std::size_t max_program_samples();
 
-/// Estimated size of what is generated and judged.
+/// Estimated size of the program and of the part.
 struct WorkEstimate {
   double passes = 0.0;
   double points = 0.0;   ///< on the passes; 0 for a program from a file
@@ -57,18 +57,18 @@ void check_work(const Scene& scene, const WorkEstimate& work);
 /// Returns a line about the work for the user; empty if it takes only a moment.
 std::string work_remark(const WorkEstimate& work);
 
-/// Returns warnings about feeds that no operator would allow, a sentence each with the first line:
-/// with the spindle at rest or turning against the teeth, at less than 5 mm/min or 0.5 um a
-/// revolution, at more than half the width of the cutter a revolution, or at more than five times
-/// the speed at which a vibration is stated. Programs from pvt tables, which state no spindle, and
+/// Returns warnings about feeds that no operator would accept, one sentence each with the first
+/// line: with the spindle at rest or turning against the teeth, at less than 5 mm/min or 0.5 um per
+/// revolution, at more than half the cutter's width per revolution, or at more than five times the
+/// speed at which a vibration is stated. Programs from pvt tables, which state no spindle, and
 /// blocks under G93 or with rotary axes, whose feed is not that of the tip, are left out.
 std::vector<std::string> feed_warnings(const Scene& scene, const Machine& machine,
                                        const program::Path& path);
 
 /// Returns the warning about a program that passes a pole of the machine: the distance, the line,
 /// and the turn and speed of the free axis. Empty if that turns by less than 10 degrees.
-/// @param within      distance that counts as near, rad
-/// @param more_files  as in Path
+/// @param within            distance that counts as near, rad
+/// @param subprogram_files  as in `program::Path`
 std::string pole_text(const program::PoleApproach& pole, const kinematics::Chain& chain,
                       double within, const std::vector<std::string>& subprogram_files);
 
@@ -92,12 +92,13 @@ struct JudgedVertices {
 JudgedVertices judged_vertices(const cutting::Design& design);
 
 /// Smallest sufficient number of judged vertices. A part with fewer, or with distances between them
-/// larger than the width of the cutter, is too sparsely judged: no figure shows a cut between them.
+/// larger than the cutter's width, is too sparsely judged, because no figure shows a cut between
+/// them.
 inline constexpr int min_judged_vertices = 10;
 /// Returns true if a part is too sparsely judged for a tool.
 bool is_sparse(const JudgedVertices& judged, const ToolDescription& tool);
 
-/// Returns half the width of the narrowest tolerance of a part, mm; none without a tolerance.
+/// Returns half the width of the narrowest tolerance of a part, mm; empty without a tolerance.
 std::optional<double> narrowest_half_width(const PartDescription& part);
 
 /// Returns the warnings about part and program of a scene before anything is cut: poses that the
