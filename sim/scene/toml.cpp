@@ -43,8 +43,8 @@ void check_key_depth(std::string_view text, const std::string& file) {
     if (c == '.') {
       // The limit is generous, because the scan also counts dots in texts.
       if (name_since_dot && ++dots > 10 * max_nesting) {
-        throw_at(place_at(text, i, file), fmt::format("a key of at most {} parts", max_nesting),
-                 "a longer one");
+        throw_at(place_at(text, i, file),
+                 fmt::format("a key of at most {} components", max_nesting), "a longer key");
       }
       name_since_dot = false;
     } else if (std::isalnum(static_cast<unsigned char>(c)) || c == '_' || c == '-') {
@@ -92,8 +92,8 @@ void check_quotes(std::string_view text, const std::string& file, int line_numbe
       line.find("'''") != std::string_view::npos)
     return;
   throw BadInput(file, line_number, *column,
-                 std::string("a text that ends with ") + line[*column - 1u],
-                 "one that its line does not close");
+                 std::string("a string that ends with ") + line[*column - 1u],
+                 "a string not closed on its line");
 }
 
 /// Converts a tree of toml++ to `Node`.
@@ -172,8 +172,8 @@ Node parse_toml(std::string_view bytes, const std::string& file) {
   if (bytes.starts_with("\xEF\xBB\xBF")) bytes.remove_prefix(3);
   const std::string text = strip_tape_characters(bytes);
   if (const auto byte = find_invalid_utf8(text))
-    throw_at(place_at(text, *byte, file), "text in UTF-8",
-             fmt::format("a byte 0x{:02x}, as of Latin-1", (unsigned char)text[*byte]));
+    throw_at(place_at(text, *byte, file), "UTF-8 text",
+             fmt::format("a byte 0x{:02x}, as in Latin-1", (unsigned char)text[*byte]));
   if (const std::size_t nul = text.find('\0'); nul != std::string_view::npos) {
     throw_at(place_at(text, nul, file), "text", "a NUL byte");
   }
