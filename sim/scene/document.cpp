@@ -53,7 +53,7 @@ std::string_view last_component(std::string_view dotted) {
   return dotted.substr(dotted.rfind('.') + 1);  // npos + 1 is 0
 }
 
-// Replaces a file name by its absolute path; a value that is no text remains as it is.
+// Replaces a file name by its absolute path; a value that is not a string remains as it is.
 void make_absolute(Node& node, const char* kind, const path& folder, InputErrors& input_errors) {
   if (const std::string* name = node.text())
     node.value =
@@ -229,7 +229,7 @@ class TreeEditor {
     } else if (node.array()) {
       apply_to_list(node, depth);
     } else {
-      // Numbers and texts have nothing below them.
+      // Numbers and strings have nothing below them.
       input_errors_.add(change_.value.place,
                         fmt::format("a path to a value; {} has none below \"{}\"", change_.path,
                                     components_[depth - 1]),
@@ -299,7 +299,7 @@ class TreeEditor {
       named = true;
     }
     if (named) return;
-    // The component is no index or name, hence a key in every table of the list.
+    // The component is neither an index nor a name, hence a key in every table of the list.
     for (Node& element : list) apply(element, depth);
   }
 

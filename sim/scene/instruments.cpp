@@ -496,7 +496,7 @@ Fields<CoordinateMeasuringMachine> cmm_fields() {
               "standard deviation of the orientation of the part")
       .boolean("best_fit", &CoordinateMeasuringMachine::best_fit, "true: a rigid fit is removed")
       .number("interval_s", &CoordinateMeasuringMachine::interval_s, non_negative,
-              "distance between readings");
+              "interval between readings");
 }
 
 TouchProbe default_probe(const MachineDescription& machine) {

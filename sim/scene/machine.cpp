@@ -501,9 +501,9 @@ const Fields<MachineDescription>& machine_fields() {
 Fields<Joint> believed_joint_fields(const Joint& joint) {
   return Fields<Joint>(joint)
       .vector(KeyName("point_mm").with_fallback("as nominal"), &Joint::point_b,
-              "point that the control believes in")
+              "point believed by the control")
       .direction(KeyName("direction").with_fallback("as nominal"), &Joint::direction_b,
-                 "direction that the control believes in");
+                 "direction believed by the control");
 }
 
 void read_believed_joints(TableReader& reader, const std::vector<Joint>& joints,
@@ -533,8 +533,7 @@ void put_believed_joints(const ControlDescription& control, Node::Table& table) 
 Fields<ControlDescription> control_fields(const std::vector<Joint>& joints) {
   return Fields<ControlDescription>()
       .number(KeyName("tool_length_mm").with_fallback("as nominal"),
-              &ControlDescription::tool_length, any_number,
-              "tool length that the control believes in")
+              &ControlDescription::tool_length, any_number, "tool length believed by the control")
       .custom_field(
           {axis_key("[A-Zs]", "an axis about which the control's belief differs",
                     believed_joint_fields({}).keys())},

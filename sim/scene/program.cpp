@@ -227,7 +227,7 @@ void check_table_keys(TableReader& reader, ProgramDescription& program) {
 Fields<ProgramDescription> control_table_fields() {
   return Fields<ProgramDescription>()
       .table("tools", &ProgramDescription::tools, table_fields(dialects::ControlTableKind::Tools),
-             "tool data that the control believes in; the true tools are in [[tool]], by number")
+             "tool data believed by the control; the true tools are in [[tool]], by number")
       .table("offsets", &ProgramDescription::offsets,
              table_fields(dialects::ControlTableKind::Offsets),
              "work offsets of the control, in place of work_offset")

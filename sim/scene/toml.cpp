@@ -41,7 +41,7 @@ void check_key_depth(std::string_view text, const std::string& file) {
   for (std::size_t i = 0; i < text.size(); ++i) {
     const char c = text[i];
     if (c == '.') {
-      // The limit is generous, because the scan also counts dots in texts.
+      // The limit is generous, because the scan also counts dots in strings.
       if (name_since_dot && ++dots > 10 * max_nesting) {
         throw_at(place_at(text, i, file),
                  fmt::format("a key of at most {} components", max_nesting), "a longer key");
@@ -56,7 +56,7 @@ void check_key_depth(std::string_view text, const std::string& file) {
   }
 }
 
-/// Returns the column, from 1, of the opening quote of a text that does not end in this line.
+/// Returns the column, from 1, of the opening quote of a string that does not end in this line.
 std::optional<int> unclosed_quote(std::string_view line) {
   std::optional<int> column;
   char quote = 0;

@@ -207,7 +207,7 @@ const ToolKind& find_tool_kind(const ToolDescription& tool) {
   return tool_kind_by_name(is_ball ? "ball" : "bull");
 }
 
-/// Checks that a tool with wear is a milling cutter that can wear so much.
+/// Checks that a tool with wear is a milling cutter whose wear is less than half its radius.
 void check_wear(TableReader& reader, ToolDescription& tool) {
   const auto* cutter = std::get_if<Cutter>(&tool.actual);
   if (!tool.wear) return;

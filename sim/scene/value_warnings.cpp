@@ -445,10 +445,9 @@ std::vector<std::string> value_warnings(const Scene& scene) {
   add_section_warnings(scene, warnings);
   // A negative factor is allowed, but it is unusual.
   if (scene.belief.scale < 0.0)
-    warnings.push_back(
-        fmt::format("belief.scale is {:g}: a compensator adds the errors that it believes in "
-                    "instead of removing them",
-                    scene.belief.scale));
+    warnings.push_back(fmt::format(
+        "belief.scale is {:g}: a compensator adds the believed errors instead of removing them",
+        scene.belief.scale));
   if (scene.compliance && scene.compliance->gravity_b && scene.compliance->gravity_b->z() > 0.5)
     warnings.push_back(
         "compliance.gravity points up, along z of the bed: it is the direction in which masses "

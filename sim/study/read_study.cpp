@@ -33,7 +33,7 @@ namespace {
 std::uint64_t hash_of_file(const std::filesystem::path& file, std::uint64_t hash);
 
 /// Returns the hash of all data files that a tree names: with a changed mesh under the same name
-/// the study is another one.
+/// the study counts as a different one.
 std::uint64_t hash_of_files(const Node& node, std::uint64_t hash) {
   if (const Node::Array* array = node.array())
     for (const Node& element : *array) hash = hash_of_files(element, hash);

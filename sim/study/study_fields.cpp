@@ -59,7 +59,7 @@ Fields<ResponseLimits> limit_fields() {
   for (const Response response : all_responses) {
     if (response == Response::Mean || response == Response::InTolerance) continue;
     Key key = make_key(std::string(name_of(response)) + "_um", Key::Kind::Number,
-                       "upper limit, for the fraction of machines within it and Cpk");
+                       "upper limit; the fraction of machines within it and Cpk are reported");
     key.range = positive;
     fields.custom_field(
         {key},
@@ -265,7 +265,7 @@ const Fields<Study>& response_fields() {
               read_responses, write_responses)
           .word("of", &Study::machine_part,
                 {{"residual", false, "the map as judged in `summary.json`"},
-                 {"machine", true, "minus the error-free map"}},
+                 {"machine", true, "the map minus the error-free map"}},
                 "map that is judged")
           .table("limits", &Study::limits, limit_fields(), "limits of the requested `responses`");
   return fields;
