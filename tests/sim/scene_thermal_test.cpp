@@ -532,7 +532,7 @@ TEST(SceneThermal, ElementsAreRefusedWhereTheyStand) {
           .find("a table with ascending temperatures"),
       std::string::npos);
   EXPECT_NE(element("name = \"EZS\"\noffset = { node = \"bed\", dT_K = [0, 1], value_um = [0] }\n")
-                .find("as many values as temperatures, 2, seen 1"),
+                .find("as many values as temperatures, that is 2, seen 1"),
             std::string::npos);
   EXPECT_NE(element("name = \"EZS\"\n[[element]]\nname = \"EZS\"\n")
                 .find("t:19:8: expected each element once"),
@@ -607,7 +607,7 @@ TEST(SceneThermal, HistoryAndRoomAreRefusedWhereTheyStand) {
                 .find("t:17:10: expected ascending times"),
             std::string::npos);
   EXPECT_NE(faults_with_more("[room]\ntime_h = [0, 1]\nT_C = [20]\n")
-                .find("as many temperatures as times, 2, seen 1"),
+                .find("as many temperatures as times, that is 2, seen 1"),
             std::string::npos);
   EXPECT_NE(faults_with_more("[room]\ntime_h = [0]\nT_C = [-300]\n")
                 .find("t:18:7: expected temperatures of"),

@@ -403,7 +403,7 @@ TEST_F(ReadStudy, RefusesTopKeysAtTheirPlace) {
       {"title = 3", "1:9", {"title"}},
       {"cases = [\"nobody\"]", "1:9", {"uncompensated", "nobody"}},
       {"cases = [\"uncompensated\", \"uncompensated\"]", "1:9", {"once"}},
-      {"cases = 5", "1:9", {"texts"}},
+      {"cases = 5", "1:9", {"strings"}},
       {"variants = [\"leening\"]", "", {"\"leaning\"", "\"leening\""}},
       {"responses = [\"pvv\"]", "1:13", {"in_tolerance", "pvv"}},
       {"responses = [1]", "1:14", {"a string"}},
