@@ -16,13 +16,13 @@ namespace abbe::sim {
 
 Fields<MeshFile> mesh_file_fields(const KeyName& file) {
   return Fields<MeshFile>()
-      .text(file, &MeshFile::file, "a mesh; faces of more than three corners are split")
+      .text(file, &MeshFile::file, "mesh file; faces with more than three corners are split")
       .word("unit", &MeshFile::unit,
             {{"mm", 1.0}, {"inch", units::inch}, {"cm", 10.0}, {"m", 1000.0}, {"um", units::um}},
-            "of the numbers in the mesh")
+            "unit of the numbers in the mesh")
       .boolean("any_size", &MeshFile::is_size_intended,
-               "of a mesh: its size is meant, however small or large; else one below 1 mm, or that "
-               "does not fit the travel or the program, is doubted")
+               "true: the size of the mesh is intended; otherwise a warning is given if it is "
+               "below 1 mm or does not fit the travel or the program")
       .check([](TableReader& reader, MeshFile& mesh) {
         // Errors inside the mesh are found when it is loaded; they are then reported at the
         // position of the file name.
@@ -48,43 +48,48 @@ void read_size(TableReader& reader, BoxShape& box) {
   // The negated comparison also rejects NaN.
   if (is_vector && !(box.size.minCoeff() > 0.0 && box.size.maxCoeff() <= body_size.max))
     reader.report_invalid(
-        "size_mm", fmt::format("three sizes above 0 and up to {:g} mm for size_mm", body_size.max),
+        "size_mm",
+        fmt::format("three sizes above 0 and at most {:g} mm for size_mm", body_size.max),
         fmt::format("{:g}, {:g}, {:g}", box.size.x(), box.size.y(), box.size.z()));
 }
 
 Fields<BoxShape> box_shape_fields() {
   return Fields<BoxShape>().custom_field(
-      {make_numbers_key(required_key("size_mm"), 3, "along its own x y z, above 0")}, read_size,
-      [](const BoxShape& box, Node::Table& table) {
+      {make_numbers_key(required_key("size_mm"), 3, "lengths along its own x, y and z, above 0")},
+      read_size, [](const BoxShape& box, Node::Table& table) {
         put_numbers(table, "size_mm", box.size, 1.0);
       });
 }
 
 Fields<CylinderShape> cylinder_shape_fields() {
   return Fields<CylinderShape>()
-      .number(required_key("radius_mm"), &CylinderShape::radius, body_size, "about its own z")
+      .number(required_key("radius_mm"), &CylinderShape::radius, body_size,
+              "radius about its own z")
       .number(required_key("height_mm"), &CylinderShape::height, body_size,
-              "from its own z = 0 up");
+              "height above its own z = 0");
 }
 
 Fields<ConeShape> cone_shape_fields() {
   const Range radius{0.0, body_size.max};
   return Fields<ConeShape>()
       .number(required_key("radius_below_mm"), &ConeShape::radius_below, radius,
-              "about its own z, at 0")
-      .number(required_key("radius_above_mm"), &ConeShape::radius_above, radius, "at its upper end")
-      .number(required_key("height_mm"), &ConeShape::height, body_size, "from its own z = 0 up")
+              "radius about its own z, at z = 0")
+      .number(required_key("radius_above_mm"), &ConeShape::radius_above, radius,
+              "radius at its upper end")
+      .number(required_key("height_mm"), &ConeShape::height, body_size,
+              "height above its own z = 0")
       .check([](TableReader& reader, ConeShape& cone) {
         // A cone with both radii zero encloses no volume; one zero radius makes a valid tip.
         if (reader.has("radius_below_mm") && reader.has("radius_above_mm") &&
             !(cone.radius_below + cone.radius_above > 0.0))
-          reader.report_invalid("radius_above_mm", "one radius above 0 of a cone", "two of 0");
+          reader.report_invalid("radius_above_mm", "at least one radius above 0 for a cone",
+                                "two radii of 0");
       });
 }
 
 Fields<SphereShape> sphere_fields() {
   return Fields<SphereShape>().number(required_key("radius_mm"), &SphereShape::radius, body_size,
-                                      "about its middle");
+                                      "radius of the sphere");
 }
 
 /// Reads two lists of equal length as the columns of points.
@@ -97,7 +102,7 @@ Eigen::MatrixX2d read_points(TableReader& reader, const char* first_key, const c
   if (!x || !y) return Eigen::MatrixX2d(0, 2);
   if (x->size() != y->size() || x->size() < 2 || x->size() > max_points) {
     reader.report_invalid(second_key,
-                          fmt::format("as many numbers as {}, 2 to {}", first_key, max_points),
+                          fmt::format("as many numbers as {}, from 2 to {}", first_key, max_points),
                           fmt::format("{} and {}", x->size(), y->size()));
     return Eigen::MatrixX2d(0, 2);
   }
@@ -123,7 +128,8 @@ Fields<Eigen::MatrixX2d> point_fields(
             if (points.rows() == 0) return;
             if (const std::string message = validate(points); !message.empty())
               reader.report_invalid(
-                  second_key, fmt::format("{} and {} that make a body", first_key, second_key),
+                  second_key,
+                  fmt::format("{} and {} that describe a valid body", first_key, second_key),
                   message);
           },
           [=](const Eigen::MatrixX2d& points, Node::Table& table) {
@@ -136,20 +142,20 @@ Fields<Eigen::MatrixX2d> point_fields(
 /// Returns what is wrong with a profile; empty if it is valid.
 std::string profile_error(const Eigen::MatrixX2d& profile) {
   // Comparisons are negated so that NaN is rejected as well.
-  if (!(profile.col(0).minCoeff() >= 0.0)) return "a radius below 0";
+  if (!(profile.col(0).minCoeff() >= 0.0)) return "a negative radius";
   if (!(profile.col(0).maxCoeff() > 0.0)) return "no radius above 0";
   for (Eigen::Index i = 1; i < profile.rows(); ++i) {
     // Equal heights are allowed, since they form a flat ring; falling heights would fold the
     // surface.
     if (profile(i, 1) < profile(i - 1, 1))
-      return fmt::format("heights that fall, {:g} mm after {:g} mm", profile(i, 1),
+      return fmt::format("decreasing heights, {:g} mm after {:g} mm", profile(i, 1),
                          profile(i - 1, 1));
     if (profile.row(i) == profile.row(i - 1)) return "the same point twice";
     // A segment on the axis has no area and would give degenerate faces.
-    if (profile(i, 0) == 0.0 && profile(i - 1, 0) == 0.0) return "a piece on the axis";
+    if (profile(i, 0) == 0.0 && profile(i - 1, 0) == 0.0) return "a segment on the axis";
   }
   // A profile of a single height encloses no volume.
-  if (!(profile(profile.rows() - 1, 1) > profile(0, 1))) return "one height";
+  if (!(profile(profile.rows() - 1, 1) > profile(0, 1))) return "a single height";
   return {};
 }
 
@@ -171,41 +177,44 @@ Fields<RevolvedShape> revolved_fields() {
 
 Fields<ExtrudedShape> extruded_fields() {
   return Fields<ExtrudedShape>()
-      .include_fields(&ExtrudedShape::outline,
-                      point_fields("x_mm", "of the corners, counter-clockwise seen from its own +z",
-                                   "y_mm", "of the same corners", outline_error))
+      .include_fields(
+          &ExtrudedShape::outline,
+          point_fields("x_mm", "x of the corners, counter-clockwise seen from its own +z", "y_mm",
+                       "y of the same corners", outline_error))
       .number(required_key("height_mm"), &ExtrudedShape::height, body_size,
-              "from its own z = 0 up");
+              "height above its own z = 0");
 }
 
 Fields<MeshShape> mesh_shape_fields() {
   return Fields<MeshShape>()
       .include_fields(&MeshShape::mesh, mesh_file_fields(required_key("file")))
       .number_as_written("scale", &MeshShape::scale, scale_range,
-                         "times the numbers of the file, in its unit");
+                         "factor applied to the coordinates in the file, in addition to its unit");
 }
 
 }  // namespace
 
 Fields<Eigen::MatrixX2d> profile_fields(const char* height_origin) {
-  const std::string heights_sentence = fmt::format("of the same points, rising, {}", height_origin);
-  return point_fields("radii_mm", "of the points of the profile about the axis, 0 or more",
+  const std::string heights_sentence =
+      fmt::format("heights of the same points, ascending, measured {}", height_origin);
+  return point_fields("radii_mm", "radii of the profile points about the axis, 0 or more",
                       "heights_mm", heights_sentence.c_str(), profile_error);
 }
 
 Fields<BodyDescription> body_fields() {
   return Fields<BodyDescription>()
-      .text("name", &BodyDescription::name, "of the body, by which it is reported")
+      .text("name", &BodyDescription::name, "name of the body, used in reports")
       .variant(
           KeyName("shape").with_fallback("box"), &BodyDescription::shape,
-          {alternative<BodyShape>("box", box_shape_fields(), "about its middle"),
-           alternative<BodyShape>("cylinder", cylinder_shape_fields(), "about z"),
-           alternative<BodyShape>("cone", cone_shape_fields(), "about z"),
+          {alternative<BodyShape>("box", box_shape_fields(), "centred on the origin"),
+           alternative<BodyShape>("cylinder", cylinder_shape_fields(), "axis along z"),
+           alternative<BodyShape>("cone", cone_shape_fields(), "axis along z"),
            alternative<BodyShape>("sphere", sphere_fields()),
-           alternative<BodyShape>("revolution", revolved_fields(), "a profile about z"),
-           alternative<BodyShape>("extrusion", extruded_fields(), "an outline along z"),
-           alternative<BodyShape>("mesh", mesh_shape_fields(), "STL, OBJ, PLY or OFF, closed")},
-          "of the body")
+           alternative<BodyShape>("revolution", revolved_fields(), "a profile revolved about z"),
+           alternative<BodyShape>("extrusion", extruded_fields(), "an outline extruded along z"),
+           alternative<BodyShape>("mesh", mesh_shape_fields(),
+                                  "a closed STL, OBJ, PLY or OFF mesh")},
+          "shape of the body")
       .include_fields(&BodyDescription::T, placement_fields());
 }
 
@@ -213,21 +222,21 @@ const Fields<CollisionDescription>& collision_fields() {
   using Pair = CollisionDescription::Pair;
   static const Fields<Pair> pair = Fields<Pair>()
                                        .text(required_key("a"), &Pair::a, "name of a body")
-                                       .text(required_key("b"), &Pair::b, "name of another");
+                                       .text(required_key("b"), &Pair::b, "name of the other body");
   static const Fields<CollisionDescription> fields =
       Fields<CollisionDescription>()
           .boolean("on", &CollisionDescription::is_enabled,
-                   "whether every run looks for collisions, and exits with 1 where there are any")
+                   "true: every run checks for collisions, and exits with 1 if there are any")
           .boolean("stop", &CollisionDescription::stop,
-                   "whether a run with a collision ends before anything is cut")
+                   "true: a run with a collision ends before anything is cut")
           .number("clearance_mm", &CollisionDescription::clearance, non_negative,
-                  "bodies nearer than this are reported as a near miss")
+                  "bodies closer than this are reported as a near miss")
           .number("gouge_mm", &CollisionDescription::gouge, {0.0, 10.0},
-                  "cutter and shank deeper in the part than this collide with it")
+                  "a cutter or shank deeper in the part than this collides with it")
           .number("resolution_mm", &CollisionDescription::resolution, {1e-4, 1.0},
-                  "bodies nearer than this are in contact")
+                  "bodies closer than this are in contact")
           .tables("ignore", &CollisionDescription::ignore, pair,
-                  "pairs of bodies that may meet, and are not looked at");
+                  "pairs of bodies that may touch and are not checked");
   return fields;
 }
 

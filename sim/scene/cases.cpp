@@ -90,8 +90,8 @@ CaseDescription parse_case(const std::string& name) {
   const std::vector<std::string> tokens = split_case_name(name);
   if (tokens.size() != 3)
     throw std::invalid_argument(
-        fmt::format("expected belief-strategy-channel such as perfect-iterated-ideal, or a "
-                    "plug-in's file such as ./mine.py, seen \"{}\"",
+        fmt::format("expected belief-strategy-channel such as perfect-iterated-ideal, or a plug-in "
+                    "file such as ./mine.py, seen \"{}\"",
                     name));
   description.belief = parse_token(beliefs, tokens[0], "belief");
   description.strategy = parse_token(strategies, tokens[1], "strategy");
@@ -106,11 +106,12 @@ CaseDescription plug_in_case(const std::filesystem::path& file) {
   description.plug_in = std::filesystem::absolute(file).lexically_normal();
   // Both names are reserved for the reference cases that every comparison writes.
   if (description.name == "error_free" || description.name == "uncompensated")
-    throw std::invalid_argument("expected another name for a plug-in than that of a case, seen \"" +
-                                description.name + "\"");
+    throw std::invalid_argument(
+        "expected a plug-in with a name other than that of a case, seen \"" + description.name +
+        "\"");
   if (!is_folder_name(description.name))
     throw std::invalid_argument(fmt::format(
-        "expected a plug-in whose file name is letters, digits, blanks, _ - ., seen \"{}\"",
+        "expected a plug-in whose file name has only letters, digits, blanks, _ - ., seen \"{}\"",
         file.string()));
   return description;
 }
@@ -127,8 +128,8 @@ CaseDescription parse_plug_in_method(const std::string& text) {
   // whole path.
   if (method.channel == Channel::Table)
     throw std::invalid_argument(
-        "expected another channel than table, which asks for one place "
-        "at a time; a plug-in can be a table itself");
+        "expected a channel other than table, which requests one position at a time; a plug-in can "
+        "itself be a table");
   return method;
 }
 
@@ -200,12 +201,12 @@ std::vector<std::string> case_folders(const ComparedNames& names) {
 void check_case_folders(const Node& scene, const ComparedNames& names, InputErrors& input_errors) {
   std::map<std::string, std::string> owners;
   // Result files come first, so that a conflict is reported at the case and not at the file.
-  for (const char* name : result_names) owners.emplace(name, "a file of the results");
+  for (const char* name : result_names) owners.emplace(name, "a result file");
   for (const CaseFolder& folder : compared_folders(scene, names)) {
     const auto [first_owner, is_new] = owners.emplace(folder.name, folder.owner);
     if (!is_new)
       input_errors.add(
-          folder.place, "a folder of its own for every case",
+          folder.place, "a separate folder for every case",
           fmt::format("\"{}\" for {} and for {}", folder.name, folder.owner, first_owner->second));
   }
 }
@@ -235,7 +236,7 @@ void read_cases(TableReader& reader, std::vector<CaseDescription>& cases) {
         reader.input_errors().add(name.place, "each case once", display_text(name) + " again");
       cases.push_back(description);
     } catch (const std::invalid_argument& error) {
-      reader.input_errors().add(name.place, "a case that this version has", error.what());
+      reader.input_errors().add(name.place, "a case that this version supports", error.what());
     }
   }
 }
@@ -248,26 +249,26 @@ void read_set(TableReader& reader, Variant& variant) {
     variant.set.push_back(make_override(change));
     // A variant of variants would have no defined order of application.
     if (change.path.starts_with("variant"))
-      reader.input_errors().add(change.value.place, "a path outside of variants", change.path);
+      reader.input_errors().add(change.value.place, "a path outside [[variant]]", change.path);
   }
 }
 
 const Fields<Variant>& variant_fields() {
   static const Fields<Variant> fields =
       Fields<Variant>()
-          .text(required_key("name"), &Variant::name, "of its folder and its row, each once")
-          .custom_field(
-              {make_key(required_key("set"), Key::Kind::Any,
-                        "changes by dotted path: `{ \"errors.scale\" = 2.0, part.vertices = 5000 "
-                        "}`; tried when the scene is read")},
-              read_set, [](const Variant& variant, Node::Table& table) {
-                Node::Table set;
-                for (const Override& change : variant.set)
-                  // Parsing the text of the override gives a node of the right type.
-                  put_value(set, change.path,
-                            parse_toml("v = " + change.value, "").find("v")->value);
-                put_value(table, "set", std::move(set));
-              });
+          .text(required_key("name"), &Variant::name,
+                "name of its folder and of its table row; must be unique")
+          .custom_field({make_key(required_key("set"), Key::Kind::Any,
+                                  "changes by dotted path: `{ \"errors.scale\" = 2.0, "
+                                  "part.vertices = 5000 }`; checked when the scene is read")},
+                        read_set, [](const Variant& variant, Node::Table& table) {
+                          Node::Table set;
+                          for (const Override& change : variant.set)
+                            // Parsing the text of the override gives a node of the right type.
+                            put_value(set, change.path,
+                                      parse_toml("v = " + change.value, "").find("v")->value);
+                          put_value(table, "set", std::move(set));
+                        });
   return fields;
 }
 
@@ -276,9 +277,10 @@ const Fields<Variant>& variant_fields() {
 const Fields<std::vector<CaseDescription>>& compare_fields() {
   static const Fields<std::vector<CaseDescription>> fields =
       Fields<std::vector<CaseDescription>>().custom_field(
-          {make_key("cases", Key::Kind::Texts,
-                    "compensators beside the uncompensated part: belief, strategy and channel, "
-                    "`\"fused-iterated-pulses\"`, or the file of one of your own")},
+          {make_key(
+              "cases", Key::Kind::Texts,
+              "compensators to compare with the uncompensated part: belief, strategy and channel, "
+              "such as `\"fused-iterated-pulses\"`, or the file of your own compensator")},
           read_cases, [](const std::vector<CaseDescription>& cases, Node::Table& table) {
             Node::Array names;
             for (const CaseDescription& description : cases)
@@ -308,7 +310,7 @@ std::vector<Variant> read_variants(TableReader& scene) {
                     [&](const Variant& other) { return other.name == variant.name; });
     if (reader.has("name") && !is_folder_name(variant.name)) {
       reader.report_invalid("name",
-                            "a name of letters, digits, blanks, _ - . for a variant's folder",
+                            "a name of letters, digits, blanks, _ - . for the folder of a variant",
                             "\"" + variant.name + "\"");
     } else if (is_name_taken) {
       reader.report_invalid("name", "a name that no other case has",

@@ -71,7 +71,7 @@ std::vector<Variant> read_variants(TableReader& scene);
 Node::Table variant_to_table(const Variant& variant);
 std::vector<Key> variant_keys();
 
-// Names of the folders in which `compare` stores its cases, and of the files beside them.
+// Names of the folders in which `compare` stores its cases, and of the files next to them.
 
 /// Files that `run` and `compare` may write to their folder.
 inline constexpr std::array result_names{

@@ -48,11 +48,11 @@ void put_thermal_belief(const BeliefDescription& belief, Node::Table& table) {
 }
 
 Key thermal_key() {
-  Key thermal =
-      make_key("thermal", Key::Kind::Table, "what heat adds, by the temperatures that are read");
+  Key thermal = make_key("thermal", Key::Kind::Table,
+                         "thermal errors, predicted from the measured temperatures");
   thermal.keys = {
       make_key(required_key("file"), Key::Kind::Text,
-               "what `abbe identify --method thermal` wrote, or `--method composite` as "
+               "file written by `abbe identify --method thermal`, or by `--method composite` as "
                "`NAME_thermal.txt`; its sensors must be those of the scene")};
   return thermal;
 }
@@ -61,8 +61,9 @@ Key thermal_key() {
 /// that part.
 Fields<Force> training_fields() {
   return Fields<Force>()
-      .text(required_key("file"), &Force::training, "scene of that part")
-      .text(required_key("instrument"), &Force::instrument, "of that scene, which measures it");
+      .text(required_key("file"), &Force::training, "scene of the training part")
+      .text(required_key("instrument"), &Force::instrument,
+            "instrument of that scene that measures the part");
 }
 
 /// Returns the fields of a force that comes from one source.
@@ -71,16 +72,17 @@ Fields<Force> force_source_fields(From from, const MachineDescription& machine) 
   // A modelled force carries no measurement noise, so it needs no smoothing.
   if (from != From::Model)
     fields.number("smoothing_ms", &Force::smoothing_s, non_negative,
-                  "of what is read: the mean of the time just passed; 0: none");
+                  "averaging time of the readings, up to the present; 0: no averaging");
   fields.whole("passes", &Force::passes, 1, 20,
-               "runs from which is learnt, each corrected by what the last taught");
+               "training runs, each corrected by the law learnt from the previous run");
   // The current yields a fitted deflection directly, so no compliance is needed with it.
   if (from == From::Current)
     return fields.table(required_key("training"), whole_struct, training_fields(),
-                        "the part from which a law is fitted, d = c1 x + c2 x², x the current "
-                        "above that in air; the tool gives way by d along its own z");
-  Key compliance = make_key(required_key("compliance"), Key::Kind::Table,
-                            "as `[compliance]`, as it is believed", compliance_keys());
+                        "training part from which the law d = c1 x + c2 x² is fitted, where x is "
+                        "the current above that in air; the tool deflects by d along its own z");
+  Key compliance =
+      make_key(required_key("compliance"), Key::Kind::Table,
+               "believed compliance, in the form of `[compliance]`", compliance_keys());
   compliance.or_file = true;
   return fields.custom_field(
       {compliance},
@@ -97,15 +99,14 @@ Fields<Force> force_source_fields(From from, const MachineDescription& machine) 
 }
 
 Fields<Force> force_fields(const MachineDescription& machine) {
-  Key source_key = make_key(required_key("from"), Key::Kind::Text, "what the force is known by");
+  Key source_key = make_key(required_key("from"), Key::Kind::Text, "how the force is known");
   const std::array sources{From::Current, From::Dynamometer, From::Model};
-  source_key.choices = {
-      {"current", "read, `[signals]` must have it", {}},
-      {"dynamometer", "read, `[signals]` must have it", {}},
-      {"model",
-       "computed, the scene's blank and material on a machine that is right but as soft "
-       "as `compliance` says",
-       {}}};
+  source_key.choices = {{"current", "measured; requires `[signals.current]`", {}},
+                        {"dynamometer", "measured; requires `[signals.dynamometer]`", {}},
+                        {"model",
+                         "computed from the blank and material of the scene, on an error-free "
+                         "machine with the compliance of `compliance`",
+                         {}}};
   for (std::size_t i = 0; i < sources.size(); ++i)
     source_key.choices[i].keys = force_source_fields(sources[i], machine).keys();
   return Fields<Force>().custom_field(
@@ -130,15 +131,16 @@ Fields<BeliefDescription::Part> measured_part_fields() {
   using Part = BeliefDescription::Part;
   return Fields<Part>()
       .text(required_key("instrument"), &Part::instrument,
-            "name of a `cmm` or `touch_probe` of the scene, whose `case` is not looked at")
-      .whole("passes", &Part::passes, 1, 20, "parts cut and measured before the one that counts");
+            "name of a `cmm` or `touch_probe` of the scene, whose `case` has no effect")
+      .whole("passes", &Part::passes, 1, 20, "parts cut and measured before the final one");
 }
 
 Fields<BeliefDescription> belief_fields(const MachineDescription& machine) {
   using Description = BeliefDescription;
   Key identified =
       make_key("identified", Key::Kind::Tables,
-               "geometric errors as `errors`; mostly what `abbe identify` wrote", errors_keys());
+               "geometric errors, in the form of `errors`; usually written by `abbe identify`",
+               errors_keys());
   identified.or_file = true;
   return Fields<Description>()
       .custom_field(
@@ -153,13 +155,14 @@ Fields<BeliefDescription> belief_fields(const MachineDescription& machine) {
               put_value(table, "identified", errors_to_table({*belief.identified, 1.0}, machine));
           })
       .custom_field({thermal_key()}, read_thermal_belief, put_thermal_belief)
-      .table("force", &Description::force, force_fields(machine), "how far the cut bends")
+      .table("force", &Description::force, force_fields(machine),
+             "deflection under the cutting force")
       .table("part", &Description::part, measured_part_fields(),
-             "what was measured of a part that was cut before; beside other beliefs (`fused`) they "
-             "act while the first part is cut, and it wants a `cmm`: a probe on a machine that "
-             "nothing corrects would undo them")
+             "deviations measured on a part that was cut before. With other beliefs (`fused`), "
+             "those act while the first part is cut, and the instrument must be a `cmm`: a probe "
+             "on an uncorrected machine would cancel them")
       .number("scale", &Description::scale, {-1e6, 1e6},
-              "factor of what `identified` and `thermal` say; 0 believes in nothing");
+              "factor of `identified` and `thermal`; 0 disables both");
 }
 
 }  // namespace
@@ -189,25 +192,26 @@ Fields<PositionLoop> loop_fields(const PositionLoop& defaults) {
   using Order = PositionLoop::Order;
   return Fields<PositionLoop>(defaults)
       .word(required_key("order"), &PositionLoop::order,
-            {{"none", Order::None, "at once"},
+            {{"none", Order::None, "immediately"},
              {"first", Order::First, "1 / (1 + s / w)"},
              {"second", Order::Second, "w² / (s² + 2 d w s + w²)"}},
-            "how the position loop follows a correction")
+            "response of the position loop to a correction")
       .number("bandwidth_Hz", &PositionLoop::bandwidth, positive, "w / 2π")
-      .number("damping", &PositionLoop::damping, {1e-3, 100.0}, "d of the second order");
+      .number("damping", &PositionLoop::damping, {1e-3, 100.0}, "d of the second-order response");
 }
 
 Fields<Description::PulseInsertion> pulses_fields() {
   using PulseInsertion = Description::PulseInsertion;
   return Fields<PulseInsertion>()
-      .number(
-          "count_um", &PulseInsertion::count, {1e-6, 1e6},
-          "one signal period of a slide; where the zeros lie in a count the scene's `seed` says")
+      .number("count_um", &PulseInsertion::count, {1e-6, 1e6},
+              "one signal period of a slide; the scene's `seed` sets the positions of the zeros "
+              "within a count")
       .number("count_deg", &PulseInsertion::count_rad, {1e-9, 10.0},
-              "the same of an axis that turns")
-      .number("cycle_ms", &PulseInsertion::cycle_s, cycle_ms, "at which a pair may go in")
+              "one signal period of a rotary axis")
+      .number("cycle_ms", &PulseInsertion::cycle_s, cycle_ms,
+              "cycle in which a pair of pulses may be inserted")
       .number("pulse_ms", &PulseInsertion::pulse_s, cycle_ms,
-              "that a pair takes, while both signals are low")
+              "duration of a pair of pulses, during which both signals are low")
       // The signals must return to high before the next pair of pulses begins.
       .check([](TableReader& reader, PulseInsertion& pulses) {
         if (pulses.pulse_s > pulses.cycle_s)
@@ -219,18 +223,18 @@ Fields<Description::PulseInsertion> pulses_fields() {
 
 Fields<OpenControl> open_fields() {
   return Fields<OpenControl>()
-      .number("cycle_ms", &OpenControl::cycle_s, cycle_ms, "of the servo")
-      .number("delay_ms", &OpenControl::delay_s, delay_ms, "from reading to acting");
+      .number("cycle_ms", &OpenControl::cycle_s, cycle_ms, "cycle of the servo")
+      .number("delay_ms", &OpenControl::delay_s, delay_ms, "delay from reading to action");
 }
 
 Fields<OriginShift> origin_fields() {
   return Fields<OriginShift>()
-      .number("cycle_ms", &OriginShift::cycle_s, cycle_ms, "of the PLC")
-      .number("delay_ms", &OriginShift::delay_s, delay_ms, "from reading to acting")
+      .number("cycle_ms", &OriginShift::cycle_s, cycle_ms, "cycle of the PLC")
+      .number("delay_ms", &OriginShift::delay_s, delay_ms, "delay from reading to action")
       .number("increment_um", &OriginShift::increment, non_negative,
-              "shifts are whole multiples of it; 0: not rounded")
+              "shifts are integer multiples of it; 0: not rounded")
       .number("rate_mm_per_min", &OriginShift::rate, non_negative,
-              "at which the control ramps to a new shift; 0: at once");
+              "rate at which the control ramps to a new shift; 0: immediately");
 }
 
 Fields<Description::Table> table_fields(const std::vector<kinematics::Joint>& joints) {
@@ -242,34 +246,42 @@ Fields<Description::Table> table_fields(const std::vector<kinematics::Joint>& jo
   };
   using Options = compensation::TableOptions;
   return Fields<Table>()
-      .whole("most_points", option(&Options::max_points), 2, 100000, "of one table")
-      .number("spacing_mm", option(&Options::spacing), {1e-3, 1e6},
-              "between points of a slide over its travel, wider where `most_points` asks for it")
-      .number(KeyName("spacing_deg").with_fallback("5.002: 0.0873 rad"),
+      .whole("most_points", option(&Options::max_points), 2, 100000,
+             "largest number of points in one table")
+      .number(
+          "spacing_mm", option(&Options::spacing), {1e-3, 1e6},
+          "spacing of the points over the travel of a slide, wider if `most_points` requires it")
+      .number(KeyName("spacing_deg").with_fallback("5.002 (0.0873 rad)"),
               option(&Options::spacing_rad), {1e-3, 360.0},
-              "the same of an axis that turns; of one that turns more than once, over what the "
-              "program uses")
-      .boolean("cross", option(&Options::cross), "tables of an axis over another")
-      .boolean("both_ways", option(&Options::has_direction_columns), "a column for each direction")
-      .boolean("constant", option(&Options::constant), "an offset as well")
+              "the same for a rotary axis; if the axis turns more than once, over the range used "
+              "by the program")
+      .boolean("cross", option(&Options::cross),
+               "true: tables of one axis over the position of another axis")
+      .boolean("both_ways", option(&Options::has_direction_columns),
+               "true: a column for each direction of approach")
+      .boolean("constant", option(&Options::constant), "true: a constant offset as well")
       .word(KeyName("format").with_fallback("none"), &Table::format,
             {{"linuxcnc", ControlFormat::LinuxCnc},
              {"isg", ControlFormat::Isg},
              {"siemens", ControlFormat::Siemens},
              {"heidenhain", ControlFormat::Heidenhain}},
-            "through a file of that control and what it can hold")
+            "the table is exported to a file of that control, within its limits, and read back")
       .table(KeyName("reference").with_fallback("the middle of the program"), &Table::reference,
-             axis_position_fields(joints), "where the other axes stand: { Z_mm = 100, C_deg = 0 }");
+             axis_position_fields(joints),
+             "positions of the other axes: { Z_mm = 100, C_deg = 0 }");
 }
 
 Fields<Piezo> piezo_fields() {
   return Fields<Piezo>()
-      .direction("direction", &Piezo::direction_t, "along which it carries the tool, in its frame")
-      .number("range_um", &Piezo::range, positive, "of the whole stroke")
-      .number("stiffness_N_per_um", &Piezo::stiffness, positive, "against a force along it")
-      .number("resolution_nm", &Piezo::resolution, non_negative, "of its set-points; 0: none")
-      .number("cycle_ms", &Piezo::cycle_s, cycle_ms, "of its set-points")
-      .table("loop", &Piezo::loop, loop_fields(Piezo{}.loop), "how it follows its set-points");
+      .direction("direction", &Piezo::direction_t,
+                 "direction in which it moves the tool, in the tool frame")
+      .number("range_um", &Piezo::range, positive, "full stroke")
+      .number("stiffness_N_per_um", &Piezo::stiffness, positive,
+              "stiffness against a force along its direction")
+      .number("resolution_nm", &Piezo::resolution, non_negative,
+              "resolution of its set-points; 0: not rounded")
+      .number("cycle_ms", &Piezo::cycle_s, cycle_ms, "cycle of its set-points")
+      .table("loop", &Piezo::loop, loop_fields(Piezo{}.loop), "response to its set-points");
 }
 
 void read_plug_in(TableReader& reader, Description& compensation) {
@@ -281,31 +293,31 @@ void read_plug_in(TableReader& reader, Description& compensation) {
 }
 
 Key plug_in_key() {
-  return make_key(
-      KeyName("plug_in").with_fallback("iterated-ideal"), Key::Kind::Text,
-      "strategy and channel of compensators of your own; the strategy is for those that "
-      "answer deviations, any channel but `table`, which asks for one place at a time");
+  return make_key(KeyName("plug_in").with_fallback("iterated-ideal"), Key::Kind::Text,
+                  "strategy and channel of your own compensators; the strategy applies to those "
+                  "that return deviations, and any channel but `table` is allowed, as that one "
+                  "requests one position at a time");
 }
 
 Fields<Description> compensation_fields(const std::vector<kinematics::Joint>& joints) {
   return Fields<Description>()
       .number("rotary_bound_deg", &Description::rotary_bound, {0.0, 180.0, false, false},
-              "no correction of an axis that turns is larger")
+              "largest correction of a rotary axis")
       .number("word_resolution_mm", &Description::word_resolution, {1e-9, 1e6},
-              "of the words of a rewritten NC program; PVT is written with every digit")
+              "resolution of the words in a rewritten NC program; PVT is written with all digits")
       .number("angle_resolution_deg", &Description::angle_resolution, {1e-9, 360.0},
-              "the same of words of axes that turn")
+              "the same for words of rotary axes")
       .number("path_tolerance_um", &Description::path_tolerance, non_negative,
-              "between the corrected path, tip and tool axis, and the blocks that stand for it; 0: "
-              "a word, of PVT 1 nm")
+              "largest deviation of tip and tool axis between the corrected path and the rewritten "
+              "blocks; 0: the resolution of a word, 1 nm for PVT")
       .table("loop", &Description::loop, loop_fields({}),
-             "position loop after `pulses`, `open` and `origin`")
+             "position loop that follows `pulses`, `open` and `origin`")
       .table("pulses", &Description::pulses, pulses_fields(),
              "counts inserted into the encoder signals")
       .table("open", &Description::open, open_fields(), "set-points of an open control")
       .table("origin", &Description::origin, origin_fields(), "work zero, shifted by the PLC")
-      .table("table", &Description::table, table_fields(joints), "tables over one axis each")
-      .table("piezo", &Description::piezo, piezo_fields(), "actuator that carries the tool")
+      .table("table", &Description::table, table_fields(joints), "one table per axis")
+      .table("piezo", &Description::piezo, piezo_fields(), "actuator that moves the tool")
       .custom_field({plug_in_key()}, read_plug_in,
                     [](const Description& compensation, Node::Table& table) {
                       put_value(table, "plug_in", plug_in_method(compensation.plug_in));

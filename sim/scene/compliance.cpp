@@ -45,19 +45,19 @@ void read_second_moment(TableReader& reader, WorkpieceBar& bar) {
 
 Fields<WorkpieceBar> bar_fields() {
   Key diameter = make_key(KeyName("diameter_mm").in_exclusive_group("section"), Key::Kind::Number,
-                          "of a round bar");
-  Key second_moment =
-      make_key(KeyName("second_moment_mm4").in_exclusive_group("section"), Key::Kind::Number,
-               "in mm⁴, of a bar that is not round, the same about both axes across");
+                          "diameter of a round bar");
+  Key second_moment = make_key(
+      KeyName("second_moment_mm4").in_exclusive_group("section"), Key::Kind::Number,
+      "second moment of area of a bar that is not round, in mm⁴, equal about both transverse axes");
   diameter.range = bar_diameter;
   second_moment.range = positive;
   return Fields<WorkpieceBar>()
       .vector("clamp_mm", &WorkpieceBar::clamp_w, "centre of the clamped end")
-      .direction("direction", &WorkpieceBar::direction_w, "from the clamp outwards")
+      .direction("direction", &WorkpieceBar::direction_w, "direction from the clamp outwards")
       .number(required_key("length_mm"), &WorkpieceBar::length, positive,
-              "from the clamp to the free end")
+              "length from the clamp to the free end")
       .number(required_key("youngs_modulus_GPa"), &WorkpieceBar::youngs_modulus, positive,
-              "of the material")
+              "Young's modulus of the material")
       .custom_field({diameter, second_moment}, read_second_moment,
                     [](const WorkpieceBar& bar, Node::Table& table) {
                       put_value(table, "second_moment_mm4", bar.second_moment);
@@ -66,14 +66,17 @@ Fields<WorkpieceBar> bar_fields() {
 
 Fields<WorkpiecePlate> plate_fields() {
   return Fields<WorkpiecePlate>()
-      .vector("foot_mm", &WorkpiecePlate::foot_w, "a point of the foot")
-      .direction("up", &WorkpiecePlate::up_w, "from the foot to the free edge, square to `normal`")
-      .direction(required_key("normal"), &WorkpiecePlate::normal_w, "across the wall")
-      .number(required_key("height_mm"), &WorkpiecePlate::height, positive, "from the foot upwards")
-      .number(required_key("thickness_mm"), &WorkpiecePlate::thickness, positive, "of the wall")
+      .vector("foot_mm", &WorkpiecePlate::foot_w, "a point on the foot")
+      .direction("up", &WorkpiecePlate::up_w,
+                 "direction from the foot to the free edge, perpendicular to `normal`")
+      .direction(required_key("normal"), &WorkpiecePlate::normal_w, "direction across the wall")
+      .number(required_key("height_mm"), &WorkpiecePlate::height, positive, "height above the foot")
+      .number(required_key("thickness_mm"), &WorkpiecePlate::thickness, positive,
+              "thickness of the wall")
       .number(required_key("youngs_modulus_GPa"), &WorkpiecePlate::youngs_modulus, positive,
-              "of the material")
-      .number("poisson_ratio", &WorkpiecePlate::poisson_ratio, poisson_range, "of the material");
+              "Young's modulus of the material")
+      .number("poisson_ratio", &WorkpiecePlate::poisson_ratio, poisson_range,
+              "Poisson's ratio of the material");
 }
 
 WorkpieceField read_csv_field(const std::filesystem::path& file) {
@@ -101,7 +104,7 @@ WorkpieceField read_vtu_field([[maybe_unused]] const std::filesystem::path& file
   return {std::move(field.points), std::move(field.tensors)};
 #else
   throw BadInput(file.string(), 0, 0, "a program built with -DABBE_RENDER=ON, or a .csv file",
-                 "one without VTK");
+                 "a program built without VTK");
 #endif
 }
 
@@ -114,7 +117,7 @@ void read_field(TableReader& reader, WorkpieceField& field) {
     else if (file.extension() == ".vtu")
       field = read_vtu_field(file);
     else
-      reader.report_invalid("file", "a field named .csv or .vtu", file.string());
+      reader.report_invalid("file", "a field file named .csv or .vtu", file.string());
     // The readers return a new field, which has no file name.
     field.file = file.string();
   } catch (const BadInput& error) {
@@ -131,20 +134,22 @@ void read_field(TableReader& reader, WorkpieceField& field) {
 Fields<WorkpieceField> field_fields() {
   return Fields<WorkpieceField>()
       .text(required_key("file"), &WorkpieceField::file,
-            "the nodes of the surface from a finite-element program, each with its displacement "
-            "per force there, .csv or .vtu")
+            "surface nodes from a finite-element program, each with its displacement per unit "
+            "force there, .csv or .vtu")
       .check(read_field);
 }
 
 const Fields<WorkpieceCompliance>& workpiece_kind_fields() {
   static const Fields<WorkpieceCompliance> fields = Fields<WorkpieceCompliance>().variant(
       required_key("kind"), whole_struct,
-      {alternative<WorkpieceCompliance>("bar", bar_fields(), "cantilever, gives way across itself"),
+      {alternative<WorkpieceCompliance>("bar", bar_fields(),
+                                        "cantilever with transverse deflection"),
        alternative<WorkpieceCompliance>(
-           "plate", plate_fields(), "endless wall clamped along its foot, gives way across itself"),
+           "plate", plate_fields(),
+           "infinitely long wall clamped at its foot, with deflection normal to its surface"),
        alternative<WorkpieceCompliance>("field", field_fields(),
-                                        "as a finite-element program computed it")},
-      "of part");
+                                        "computed by a finite-element program")},
+      "kind of part");
   return fields;
 }
 
@@ -168,7 +173,7 @@ void read_workpiece_stiffness(TableReader& compliance, errors::ComplianceErrors&
     errors::validate(part);
     errors.workpiece = std::move(part);
   } catch (const std::invalid_argument& error) {
-    reader.report_invalid(offending_key(part), "a workpiece that can be", error.what());
+    reader.report_invalid(offending_key(part), "a valid workpiece", error.what());
   }
 }
 
@@ -176,7 +181,7 @@ void read_workpiece_stiffness(TableReader& compliance, errors::ComplianceErrors&
 Fields<errors::ComplianceErrors> workpiece_fields() {
   return Fields<errors::ComplianceErrors>().custom_field(
       {make_key(KeyName("workpiece").with_fallback("stiff"), Key::Kind::Table,
-                "the part where it is touched, in the workpiece frame",
+                "compliance of the part at the contact point, in the workpiece frame",
                 workpiece_kind_fields().keys())},
       read_workpiece_stiffness, [](const errors::ComplianceErrors& errors, Node::Table& table) {
         if (errors.workpiece)
@@ -207,8 +212,8 @@ Eigen::Vector3d read_inverse_stiffness(TableReader& reader, const std::string& k
   if (stiffnesses->minCoeff() < min_stiffness) {
     reader.report_invalid(
         key,
-        fmt::format("three stiffnesses above 0, at least {} (leave out what is stiff), for {}",
-                    min_stiffness, key),
+        fmt::format("three stiffnesses of at least {} (omit what is stiff) for {}", min_stiffness,
+                    key),
         fmt::format("{}", stiffnesses->minCoeff()));
     return compliances;
   }
@@ -229,7 +234,7 @@ Compliance read_matrix(TableReader& reader) {
   try {
     errors::validate(C, "matrix");
   } catch (const std::invalid_argument& error) {
-    reader.report_invalid("matrix", "a compliance that can be", error.what());
+    reader.report_invalid("matrix", "a valid compliance", error.what());
     return Compliance::Zero();
   }
   return C;
@@ -245,10 +250,10 @@ Compliance read_stiffness(TableReader& reader) {
   const bool has_stiffness =
       reader.has("stiffness_N_per_um") || reader.has("turning_stiffness_Nm_per_urad");
   if (has_stiffness && reader.has("matrix"))
-    reader.report_invalid("matrix", "stiffnesses or a matrix", "both");
+    reader.report_invalid("matrix", "either stiffnesses or a matrix", "both");
   // A matrix is stated in the frame of the element, so `turn_deg` would have no effect on it.
   if (reader.has("turn_deg") && !has_stiffness)
-    reader.report_invalid("turn_deg", "stiffnesses that it turns", "none");
+    reader.report_invalid("turn_deg", "stiffnesses to which turn_deg applies", "none");
   const Eigen::Matrix3d R = read_turn(reader);
   Compliance C = Compliance::Zero();
   // The stiffnesses act along the turned axes; R transforms them to the frame of the element.
@@ -271,8 +276,8 @@ Fields<Compliance> make_stiffness_fields() {
   for (Key& key : turn_fields().keys()) keys.push_back(std::move(key));
   keys.push_back(make_numbers_key(
       "matrix", 36,
-      "instead of stiffnesses: the compliance row by row, rows EX EY EZ EA EB EC in mm and rad, "
-      "columns FX FY FZ MX MY MZ in N and N mm; symmetric, without negative eigenvalue"));
+      "compliance, in place of the stiffnesses, row by row: rows EX EY EZ EA EB EC in mm and rad, "
+      "columns FX FY FZ MX MY MZ in N and N mm; symmetric, without negative eigenvalues"));
   return Fields<Compliance>(Compliance::Zero())
       .custom_field(
           std::move(keys), [](TableReader& reader, Compliance& C) { C = read_stiffness(reader); },
@@ -308,10 +313,10 @@ void read_joint_stiffness(TableReader& compliance, const MachineDescription& mac
 }
 
 Fields<ComplianceErrors> joints_fields(const MachineDescription& machine) {
-  Key axis_key =
-      make_key("<axis>", Key::Kind::Table,
-               "at the point of the axis, along the axes of its deviations; S is the spindle",
-               stiffness_fields().keys());
+  Key axis_key = make_key(
+      "<axis>", Key::Kind::Table,
+      "compliance at the point of the axis, along the axes of its deviations; S is the spindle",
+      stiffness_fields().keys());
   axis_key.pattern = "[A-Z]";
   const Key key = make_key(KeyName("axis").with_fallback("stiff"), Key::Kind::Table,
                            "stiffness of the carriages", {axis_key});
@@ -330,12 +335,14 @@ Fields<ComplianceErrors> joints_fields(const MachineDescription& machine) {
 
 Fields<CantileverSection> section_fields() {
   return Fields<CantileverSection>()
-      .number(required_key("length_mm"), &CantileverSection::length, positive, "along the tool")
+      .number(required_key("length_mm"), &CantileverSection::length, positive,
+              "length along the tool")
       .number(required_key("diameter_mm"), &CantileverSection::diameter, bar_diameter,
-              "of a fluted piece its effective one")
+              "diameter; the effective diameter for a fluted section")
       .number(required_key("youngs_modulus_GPa"), &CantileverSection::youngs_modulus, positive,
-              "of the material")
-      .number("poisson_ratio", &CantileverSection::poisson_ratio, poisson_range, "of the material");
+              "Young's modulus of the material")
+      .number("poisson_ratio", &CantileverSection::poisson_ratio, poisson_range,
+              "Poisson's ratio of the material");
 }
 
 void read_tool_compliance(TableReader& compliance, ComplianceErrors& errors) {
@@ -356,18 +363,19 @@ void read_tool_compliance(TableReader& compliance, ComplianceErrors& errors) {
     // compliances add up.
     errors.tool += errors::stepped_cantilever(sections);
   } catch (const std::invalid_argument& error) {
-    reader.report_invalid("section", "sections that can be", error.what());
+    reader.report_invalid("section", "valid sections", error.what());
   }
 }
 
 Fields<ComplianceErrors> tool_compliance_fields() {
   std::vector<Key> keys = stiffness_fields().keys();
   keys.push_back(make_key("section", Key::Kind::Tables,
-                          "round pieces from the tip to the clamp, which add to the stiffness",
+                          "round sections from the tip to the clamp; their compliance is added to "
+                          "that of the stiffnesses",
                           section_fields().keys()));
   const Key tool = make_key(
       KeyName("tool").with_fallback("stiff"), Key::Kind::Table,
-      "from the nose of the spindle to the tip, at the tip in the tool's frame", std::move(keys));
+      "compliance from the spindle nose to the tip, at the tip in the tool frame", std::move(keys));
   return Fields<ComplianceErrors>().custom_field(
       {tool}, read_tool_compliance, [](const ComplianceErrors& errors, Node::Table& table) {
         // Stiffness and sections are written as one matrix.
@@ -397,10 +405,10 @@ void check_mass(TableReader& reader, const MovingMass& mass, const MachineDescri
 
 Fields<MovingMass> mass_fields() {
   const Key axis = make_key(required_key("axis"), Key::Kind::Text,
-                            "letter of the axis that carries it, \"S\" the spindle, \"t\" the tool "
-                            "or \"w\" the part");
+                            "letter of the axis that carries it, \"S\" for the spindle, \"t\" for "
+                            "the tool or \"w\" for the part");
   return Fields<MovingMass>()
-      .remark("name", "of the mass")
+      .remark("name", "name of the mass")
       .custom_field(
           {axis},
           [](TableReader& reader, MovingMass& mass) {
@@ -410,8 +418,10 @@ Fields<MovingMass> mass_fields() {
           [](const MovingMass& mass, Node::Table& table) {
             put_value(table, "axis", std::string(1, mass.axis));
           })
-      .number(required_key("mass_kg"), &MovingMass::mass_kg, non_negative, "as a point")
-      .vector(required_key("centre_mm"), &MovingMass::centre_b, "in the bed frame, axes at zero");
+      .number(required_key("mass_kg"), &MovingMass::mass_kg, non_negative,
+              "mass, concentrated at a point")
+      .vector(required_key("centre_mm"), &MovingMass::centre_b,
+              "centre in the bed frame, with all axes at zero");
 }
 
 void read_masses(TableReader& compliance, const MachineDescription& machine,
@@ -424,7 +434,7 @@ void read_masses(TableReader& compliance, const MachineDescription& machine,
     if (reader.input_errors().list().size() != error_count) continue;
     // The field keeps only the first letter, so the length of the text is checked separately.
     if (const std::string axis = reader.text("axis", ""); axis.size() != 1) {
-      reader.report_invalid("axis", "one letter", axis);
+      reader.report_invalid("axis", "a single letter", axis);
       continue;
     }
     check_mass(reader, mass, machine);
@@ -447,8 +457,9 @@ Fields<ComplianceErrors> masses_fields(const MachineDescription& machine) {
 Fields<ComplianceErrors> gravity_fields() {
   return Fields<ComplianceErrors>()
       .custom_field(
-          {make_numbers_key(KeyName("gravity").with_fallback("off"), 3,
-                            "direction of 9806.65 mm/s² in the bed frame, such as [0, 0, -1]")},
+          {make_numbers_key(
+              KeyName("gravity").with_fallback("off"), 3,
+              "direction of gravity, 9806.65 mm/s², in the bed frame, such as [0, 0, -1]")},
           [](TableReader& reader, ComplianceErrors& errors) {
             // direction() would report a missing key, but gravity is optional.
             if (reader.accept_key("gravity"))
@@ -458,8 +469,9 @@ Fields<ComplianceErrors> gravity_fields() {
             if (errors.gravity_b)
               put_numbers(table, "gravity", *errors.gravity_b, standard_gravity);
           })
-      .boolean("inertia", &ComplianceErrors::inertia,
-               "the masses push against their acceleration, without terms in speed squared");
+      .boolean(
+          "inertia", &ComplianceErrors::inertia,
+          "true: the masses resist their acceleration; terms in velocity squared are neglected");
 }
 
 Fields<Wrench> clamping_fields() {
@@ -475,19 +487,19 @@ Fields<Wrench> clamping_fields() {
 
 Fields<ComplianceErrors> compliance_fields(const MachineDescription& machine) {
   return Fields<ComplianceErrors>()
-      .remark("name", "of what gives way")
-      .number("scale", &ComplianceErrors::scale, {0.0, 1e6}, "factor of every compliance")
+      .remark("name", "name of the compliant structure")
+      .number("scale", &ComplianceErrors::scale, {0.0, 1e6}, "factor of all compliances")
       .include_fields(whole_struct, joints_fields(machine))
       .include_fields(whole_struct, tool_compliance_fields())
       .table(KeyName("fixture").with_fallback("stiff"), &ComplianceErrors::fixture,
              stiffness_fields(),
-             "of the part on its carriage, at the origin of the workpiece frame")
+             "compliance of the part on its carriage, at the origin of the workpiece frame")
       .include_fields(whole_struct, workpiece_fields())
       .include_fields(whole_struct, masses_fields(machine))
       .include_fields(whole_struct, gravity_fields())
       .table("clamping", &ComplianceErrors::clamping_w, clamping_fields(),
-             "wrench on the part at the origin of the workpiece frame, which bears on the fixture "
-             "alone");
+             "clamping wrench on the part at the origin of the workpiece frame, which acts on the "
+             "fixture only");
 }
 
 }  // namespace

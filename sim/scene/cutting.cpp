@@ -17,8 +17,8 @@ const Fields<cutting::CuttingCoefficients>& material_fields() {
   using Coefficients = cutting::CuttingCoefficients;
   static const Fields<Coefficients> fields =
       Fields<Coefficients>()
-          .text(required_key("name"), &Coefficients::name, "of the material and the tool")
-          .text(required_key("source"), &Coefficients::source, "where the figures come from")
+          .text(required_key("name"), &Coefficients::name, "name of the material and the tool")
+          .text(required_key("source"), &Coefficients::source, "source of the values")
           .number(required_key("K_tc_N_per_mm2"), &Coefficients::K_tc, positive,
                   "tangential force per chip area")
           .number(required_key("K_rc_N_per_mm2"), &Coefficients::K_rc, non_negative,
@@ -77,16 +77,16 @@ void check_box_corners(TableReader& reader, BoxBlank& box) {
 
 Fields<BoxBlank> box_fields() {
   return Fields<BoxBlank>()
-      .vector(required_key("lower_mm"), &BoxBlank::lower_k, "its corner of least x, y and z")
-      .vector(required_key("upper_mm"), &BoxBlank::upper_k, "its corner of greatest x, y and z")
+      .vector(required_key("lower_mm"), &BoxBlank::lower_k, "corner with the smallest x, y and z")
+      .vector(required_key("upper_mm"), &BoxBlank::upper_k, "corner with the largest x, y and z")
       .check(check_box_corners);
 }
 
 Fields<CylinderBlank> cylinder_fields() {
   return Fields<CylinderBlank>()
-      .number(required_key("radius_mm"), &CylinderBlank::radius, positive, "about z")
-      .number(required_key("lower_mm"), &CylinderBlank::lower, any_number, "z of its lower end")
-      .number(required_key("upper_mm"), &CylinderBlank::upper, any_number, "z of its upper end")
+      .number(required_key("radius_mm"), &CylinderBlank::radius, positive, "radius about z")
+      .number(required_key("lower_mm"), &CylinderBlank::lower, any_number, "z of the lower end")
+      .number(required_key("upper_mm"), &CylinderBlank::upper, any_number, "z of the upper end")
       .check([](TableReader& reader, CylinderBlank& blank) {
         // A missing height is reported already; its default must not be compared.
         if (reader.has("lower_mm") && reader.has("upper_mm") && !(blank.lower < blank.upper))
@@ -97,8 +97,9 @@ Fields<CylinderBlank> cylinder_fields() {
 
 Fields<OffsetBlank> offset_fields() {
   return Fields<OffsetBlank>()
-      .number(required_key("allowance_mm"), &OffsetBlank::allowance, positive, "along its normals")
-      .number(required_key("floor_mm"), &OffsetBlank::floor, any_number, "z of its lower end");
+      .number(required_key("allowance_mm"), &OffsetBlank::allowance, positive,
+              "allowance along the normals of the design")
+      .number(required_key("floor_mm"), &OffsetBlank::floor, any_number, "z of the lower end");
 }
 
 struct Corner {
@@ -109,8 +110,9 @@ struct Corner {
 Fields<Corner> corner_fields() {
   return Fields<Corner>()
       .number(required_key("along_mm"), &Corner::along, any_number,
-              "z, at least that of the corner before; two of one place make a step")
-      .number(required_key("radius_mm"), &Corner::radius, non_negative, "from the spindle line");
+              "z, at least that of the previous corner; two corners at the same z make a step")
+      .number(required_key("radius_mm"), &Corner::radius, non_negative,
+              "distance from the spindle line");
 }
 
 /// Reads the profile of a turned blank, whose positions on the spindle line must not decrease.
@@ -133,7 +135,8 @@ void read_profile(TableReader& reader, TurnedBlank& blank) {
     if (k > 0 && corner_reader.has("along_mm") && corner.along < blank.profile(k - 1, 0)) {
       corner_reader.report_invalid(
           "along_mm",
-          fmt::format("along_mm of at least {}, the corner before", blank.profile(k - 1, 0)),
+          fmt::format("along_mm of at least {}, that of the previous corner",
+                      blank.profile(k - 1, 0)),
           fmt::format("{}", corner.along));
     }
     corner_reader.close();
@@ -142,15 +145,15 @@ void read_profile(TableReader& reader, TurnedBlank& blank) {
   // A blank of no length has no volume. Invalid corners are reported already and not compared.
   if (last_row > 0 && reader.input_errors().list().size() == error_count &&
       !(blank.profile(last_row, 0) > blank.profile(0, 0))) {
-    reader.report_invalid("profile", "corners at two places or more for cutting.profile",
-                          "one place");
+    reader.report_invalid("profile", "corners at two or more positions for cutting.profile",
+                          "one position");
   }
 }
 
 Fields<TurnedBlank> turned_fields() {
-  const Key profile =
-      make_key(required_key("profile"), Key::Kind::Tables,
-               fmt::format("its corners, 2 to {}", max_corners).c_str(), corner_fields().keys());
+  const Key profile = make_key(required_key("profile"), Key::Kind::Tables,
+                               fmt::format("corners of the profile, 2 to {}", max_corners).c_str(),
+                               corner_fields().keys());
   return Fields<TurnedBlank>().custom_field(
       {profile}, read_profile, [](const TurnedBlank& blank, Node::Table& table) {
         std::vector<Corner> corners;
@@ -165,11 +168,11 @@ Fields<CuttingDescription> blank_fields(Operation operation) {
   const Fields<CuttingDescription> blank = Fields<CuttingDescription>().variant(
       required_key("blank"), &CuttingDescription::blank,
       {alternative<Blank>("box", box_fields(), "along the axes of the part"),
-       alternative<Blank>("cylinder", cylinder_fields(), "about z of the part"),
-       alternative<Blank>("offset", offset_fields(), "the design, raised"),
-       alternative<Blank>("mesh", mesh_file_fields(required_key("file")), "a closed one"),
-       alternative<Blank>("turned", turned_fields(), "of a turning tool, and only there")},
-      "what is cut, in the part frame");
+       alternative<Blank>("cylinder", cylinder_fields(), "axis along z of the part"),
+       alternative<Blank>("offset", offset_fields(), "the design, offset along its normals"),
+       alternative<Blank>("mesh", mesh_file_fields(required_key("file")), "a closed mesh"),
+       alternative<Blank>("turned", turned_fields(), "for turning tools only")},
+      "blank, in the part frame");
   return Fields<CuttingDescription>().custom_field(
       blank.keys(),
       [blank, operation](TableReader& reader, CuttingDescription& cutting) {
@@ -180,11 +183,10 @@ Fields<CuttingDescription> blank_fields(Operation operation) {
         const bool is_turning_tool = operation == Operation::Turning;
         const bool is_turned_blank = std::holds_alternative<TurnedBlank>(cutting.blank);
         if (is_turning_tool && !is_turned_blank)
-          reader.report_invalid("blank", "\"turned\" for cutting.blank under a turning tool",
-                                "another");
+          reader.report_invalid("blank", "\"turned\" for cutting.blank with a turning tool",
+                                "a different kind");
         if (!is_turning_tool && is_turned_blank)
-          reader.report_invalid("blank", "a blank for a milling cutter for cutting.blank",
-                                "\"turned\"");
+          reader.report_invalid("blank", "a cutting.blank for a milling cutter", "\"turned\"");
       },
       [blank](const CuttingDescription& cutting, Node::Table& table) {
         append_entries(table, blank.to_table(cutting));
@@ -197,23 +199,22 @@ Fields<Flutes> flutes_fields() {
   return Fields<Flutes>(defaults)
       // Reading starts from these defaults and not from those of `CuttingDescription`.
       .derive([defaults](Flutes& flutes) { flutes = defaults; })
-      .whole("flutes", &Flutes::count, 1, 100, "milling: of the cutter")
-      .number("helix_deg", &Flutes::helix, helix_range, "milling: + right-hand")
+      .whole("flutes", &Flutes::count, 1, 100, "milling: number of flutes of the cutter")
+      .number("helix_deg", &Flutes::helix, helix_range, "milling: helix angle, + for right-hand")
       .number("run_out_um", &Flutes::run_out, run_out_range,
-              "milling: offset of the cutter's axis from the spindle's")
+              "milling: offset of the cutter axis from the spindle axis")
       .number("run_out_angle_deg", &Flutes::run_out_angle, any_number,
-              "milling: where that points, counter-clockwise from the first flute")
+              "milling: direction of that offset, counter-clockwise from the first flute")
       .word("rotation", &Flutes::clockwise,
             {{"clockwise", true, "M3, seen from the spindle"}, {"counter_clockwise", false}},
-            "milling: of the spindle");
+            "milling: direction of rotation of the spindle");
 }
 
 /// Returns the fields that only milling has: flutes, dexels and the step of the engagement.
 Fields<CuttingDescription> milling_fields() {
-  Key directions_key =
-      make_key(KeyName("directions").with_fallback("3"), Key::Kind::Whole,
-               "milling: of dexels, 1 (along z of the part, where the tool axis keeps "
-               "to it) or 3");
+  Key directions_key = make_key(KeyName("directions").with_fallback("3"), Key::Kind::Whole,
+                                "milling: directions of dexels, 1 (along z of the part, if the "
+                                "tool axis stays along it) or 3");
   directions_key.range = {1, 3};
   return Fields<CuttingDescription>()
       .custom_field(
@@ -230,14 +231,15 @@ Fields<CuttingDescription> milling_fields() {
           })
       .include_fields(&CuttingDescription::flutes, flutes_fields())
       .number("step_mm", &CuttingDescription::step, step_range,
-              "milling: tip travel between two looks at the engagement; turning looks once a "
-              "revolution");
+              "milling: tip travel between two evaluations of the engagement; turning evaluates it "
+              "once per revolution");
 }
 
 Fields<CuttingDescription> memory_fields() {
   constexpr std::int64_t max_MiB = std::int64_t(1) << 24;
-  Key key = make_key("max_MiB", Key::Kind::Whole,
-                     "milling: of dexels; more is refused with the estimate");
+  Key key = make_key(
+      "max_MiB", Key::Kind::Whole,
+      "milling: memory limit for dexels; a scene that needs more is rejected with the estimate");
   key.range = {1, double(max_MiB)};
   key.fallback = std::to_string(CuttingDescription{}.max_bytes >> 20);
   return Fields<CuttingDescription>().custom_field(
@@ -258,17 +260,18 @@ Fields<CuttingDescription> make_cutting_fields(Operation operation) {
   };
   Fields<CuttingDescription> fields = blank_fields(operation);
   fields.number("spacing_mm", &CuttingDescription::spacing, spacing_range,
-                "of dexels; of a turned blank along the spindle line");
+                "spacing of dexels; for a turned blank, spacing along the spindle line");
   if (operation == Operation::Milling) fields.include_fields(whole_struct, milling_fields());
   return fields.only_if(has_dexels, memory_fields())
       .number("tolerance_nm", &CuttingDescription::tolerance, positive,
-              "to which force and deflection agree at every step")
+              "agreement of force and deflection at every step")
       .whole("most_iterations", &CuttingDescription::max_iterations, 1, 1000,
-             "of one step, after which it is reported as not converged")
+             "iterations per step, after which the step is reported as not converged")
       .number("rest_um", &CuttingDescription::rest, positive,
-              "material left on the machined part beyond this is a finding, in `summary.json`")
+              "more material than this left on the machined part is reported as a finding in "
+              "`summary.json`")
       .number("gouge_um", &CuttingDescription::gouge, positive,
-              "the same of places cut deeper than the design");
+              "the same for cuts deeper than the design");
 }
 
 const Fields<CuttingDescription>& cutting_fields(const ToolDescription& tool) {

@@ -53,7 +53,7 @@ std::string_view last_component(std::string_view dotted) {
   return dotted.substr(dotted.rfind('.') + 1);  // npos + 1 is 0
 }
 
-// Replaces a file name by its absolute path; a value that is no text remains as it is.
+// Replaces a file name by its absolute path; a value that is not a string remains as it is.
 void make_absolute(Node& node, const char* kind, const path& folder, InputErrors& input_errors) {
   if (const std::string* name = node.text())
     node.value =
@@ -94,9 +94,10 @@ void report_missing_file(const Node& section, const path& file, const char* kind
   const std::string known = library_names(kind, file.string());
   input_errors.add(
       section.place,
-      "a file that can be read" + (known.empty() ? "" : ", or one of the library: " + known),
-      fmt::format("no file {}: a name counts from the folder of the file that has it, here {}",
-                  file.string(), absolute(".", folder)));
+      "a file that can be read" + (known.empty() ? "" : ", or a library name: " + known),
+      fmt::format(
+          "no file {}; names are relative to the folder of the file that contains them, here {}",
+          file.string(), absolute(".", folder)));
 }
 
 void read_section_file(Node& section, const char* kind, const path& folder,
@@ -228,9 +229,9 @@ class TreeEditor {
     } else if (node.array()) {
       apply_to_list(node, depth);
     } else {
-      // Numbers and texts have nothing below them.
+      // Numbers and strings have nothing below them.
       input_errors_.add(change_.value.place,
-                        fmt::format("a path to a value, {} has none below \"{}\"", change_.path,
+                        fmt::format("a path to a value; {} has none below \"{}\"", change_.path,
                                     components_[depth - 1]),
                         display_text(node));
     }
@@ -274,8 +275,7 @@ class TreeEditor {
     Node::Array& list = *node.array();
     if (list.empty()) {
       input_errors_.add(change_.value.place,
-                        "an entry in the list that " + change_.path + " goes into",
-                        "an empty list");
+                        "a list with an entry for " + change_.path + " to change", "an empty list");
       return;
     }
     // An index takes precedence over a name.
@@ -284,7 +284,7 @@ class TreeEditor {
         apply(list[*index], depth + 1);
       } else {
         input_errors_.add(change_.value.place,
-                          fmt::format("an index from 0 to {} in {}, for lists are counted from 0{}",
+                          fmt::format("an index from 0 to {} in {}, as lists are numbered from 0{}",
                                       list.size() - 1, change_.path, numbers_in(list, depth)),
                           components_[depth]);
       }
@@ -299,7 +299,7 @@ class TreeEditor {
       named = true;
     }
     if (named) return;
-    // The component is no index or name, hence a key in every table of the list.
+    // The component is neither an index nor a name, hence a key in every table of the list.
     for (Node& element : list) apply(element, depth);
   }
 
@@ -349,7 +349,7 @@ Change parse_override(const Override& override) {
   };
   // The editor recurses once per component, so the limit bounds the depth of the recursion.
   if (std::count(override.path.begin(), override.path.end(), '.') > 30)
-    throw_input_error("a path of at most 30 parts", "a longer one");
+    throw_input_error("a path of at most 30 components", "a longer path");
   Change change{override.path, {}};
   // A line break could begin a second key.
   const bool is_one_line = override.value.find_first_of("\n\r") == std::string::npos;

@@ -28,10 +28,11 @@ using errors::Shape;
 template <typename Polynomial>
 Fields<Polynomial> polynomial_fields(const ElementUnits& unit) {
   return Fields<Polynomial>()
-      .numbers(required_key("coefficients" + unit.value), &Polynomial::c, 0, "from order 0")
-      .number("centre" + unit.position, &Polynomial::centre, any_number, "where t is 0")
+      .numbers(required_key("coefficients" + unit.value), &Polynomial::c, 0,
+               "coefficients from order 0 upwards")
+      .number("centre" + unit.position, &Polynomial::centre, any_number, "position at which t is 0")
       .number(required_key("half_range" + unit.position), &Polynomial::half_range, positive,
-              "from where t is 0 to where it is 1");
+              "distance from the position at which t is 0 to that at which it is 1");
 }
 
 // Pads the shorter list of amplitudes with zeros. One of the two lists must be stated.
@@ -55,10 +56,12 @@ Fields<errors::Fourier> fourier_fields(const ElementUnits& unit) {
     return KeyName(key).with_fallback("zeros");
   };
   return Fields<Fourier>()
-      .number(required_key("period" + unit.position), &Fourier::period, period, "of order 1")
+      .number(required_key("period" + unit.position), &Fourier::period, period, "period of order 1")
       .numbers(orders_key("a" + unit.value), &Fourier::a, 0,
-               "of the cosines of orders 1, 2, ...; one of the two lists at least")
-      .numbers(orders_key("b" + unit.value), &Fourier::b, 0, "of the sines of orders 1, 2, ...")
+               "amplitudes of the cosines of orders 1, 2, ...; at least one of the two lists is "
+               "required")
+      .numbers(orders_key("b" + unit.value), &Fourier::b, 0,
+               "amplitudes of the sines of orders 1, 2, ...")
       .check(
           [unit](TableReader& reader, Fourier& fourier) { pad_amplitudes(reader, fourier, unit); });
 }
@@ -76,7 +79,7 @@ std::optional<Rows> read_file_rows(TableReader& reader, const ElementName& name)
   try {
     column = errors::parse_element_name(column_name);
   } catch (const std::invalid_argument& error) {
-    reader.report_invalid("column", "a column named as an element", error.what());
+    reader.report_invalid("column", "a column named after an element", error.what());
   }
   const auto table = read_table_file(reader);
   if (!table) return std::nullopt;
@@ -95,7 +98,7 @@ std::optional<Rows> read_scene_rows(TableReader& reader, const ElementUnits& uni
   Rows rows{reader.numbers("q" + unit.position), reader.numbers("value" + unit.value)};
   if (rows.q.size() == rows.value.size()) return rows;
   reader.report_invalid("value" + unit.value,
-                        fmt::format("as many values as positions, {}", rows.q.size()),
+                        fmt::format("as many values as positions, that is {}", rows.q.size()),
                         fmt::format("{}", rows.value.size()));
   return std::nullopt;
 }
@@ -113,7 +116,8 @@ errors::Table read_rows(TableReader& reader, const ElementName& name, const Elem
     return errors::make_table(std::move(rows->q), std::move(rows->value), interpolation.between,
                               interpolation.outside);
   } catch (const std::invalid_argument& error) {
-    reader.report_invalid(key, "a table with rising positions and at least 2 rows", error.what());
+    reader.report_invalid(key, "a table with ascending positions and at least 2 rows",
+                          error.what());
     return {};
   }
 }
@@ -127,11 +131,11 @@ Fields<errors::Table> table_fields(const ElementName& name, const ElementUnits& 
   file.exclusive_group = "rows";
   const std::vector<Key> keys{
       make_key(KeyName(q).in_exclusive_group("rows"), Key::Kind::Numbers,
-               "positions of the axis, rising"),
-      make_key(value, Key::Kind::Numbers, "of the element, one for each position"),
+               "positions of the axis, ascending"),
+      make_key(value, Key::Kind::Numbers, "values of the element, one per position"),
       file,
-      make_key(KeyName("column").with_fallback("the element's own"), Key::Kind::Text,
-               "of the file, named as an element"),
+      make_key(KeyName("column").with_fallback("name of the element"), Key::Kind::Text,
+               "column of the file, named after an element"),
   };
   return interpolation_fields<Table>().custom_field(
       keys,
@@ -150,23 +154,26 @@ Fields<T> seed_fields(std::uint64_t seed) {
   return Fields<T>()
       // This step runs before the key is read, so the default remains if the key is missing.
       .check([seed](TableReader&, T& shape) { shape.seed = seed; })
-      .whole(KeyName("seed").with_fallback("from the scene's"), &T::seed, 0,
-             std::numeric_limits<std::int64_t>::max(), "curves of equal seed move together");
+      .whole(KeyName("seed").with_fallback("from the seed of the scene"), &T::seed, 0,
+             std::numeric_limits<std::int64_t>::max(),
+             "seed of the random numbers; curves with equal seeds vary together");
 }
 
 Fields<errors::Asynchronous> asynchronous_fields(const ElementName& name, const ElementUnits& unit,
                                                  std::uint64_t seed) {
   using errors::Asynchronous;
   return Fields<Asynchronous>()
-      .number(required_key("rms" + unit.value), &Asynchronous::rms, non_negative, "over many turns")
+      .number(required_key("rms" + unit.value), &Asynchronous::rms, non_negative,
+              "RMS over many revolutions")
       .include_fields(whole_struct, seed_fields<Asynchronous>(seed))
-      .number("lowest_order", &Asynchronous::lowest_order, positive, "of the cosines, per turn")
+      .number("lowest_order", &Asynchronous::lowest_order, positive,
+              "lowest order of the cosines, per revolution")
       .number("highest_order", &Asynchronous::highest_order, positive,
-              "of the cosines, per turn; at most 10000")
+              "highest order of the cosines, per revolution; at most 10000")
       .check([name, unit](TableReader& reader, Asynchronous&) {
         // Orders are per revolution, so a linear axis cannot have any.
         if (unit.position != "_deg")
-          reader.report_invalid("kind", "\"asynchronous\" on an axis that turns", to_string(name));
+          reader.report_invalid("kind", "\"asynchronous\" for rotary axes only", to_string(name));
       });
 }
 
@@ -181,7 +188,7 @@ std::vector<Alternative<Shape>> shape_alternatives(const ElementName& name,
       alternative<Shape>("constant",
                          Fields<errors::Constant>().number(required_key("value" + unit.value),
                                                            &errors::Constant::value, any_number,
-                                                           "wherever the axis is"),
+                                                           "value at every position of the axis"),
                          "the same everywhere"),
       alternative<Shape>("polynomial", polynomial_fields<errors::Polynomial>(unit),
                          "sum of powers of t = (q - centre)/half range"),
@@ -192,26 +199,25 @@ std::vector<Alternative<Shape>> shape_alternatives(const ElementName& name,
       alternative<Shape>("backlash",
                          Fields<errors::Backlash>().number(
                              required_key("half" + unit.value), &errors::Backlash::half, any_number,
-                             "+ while moving up, - while moving down"),
-                         "depends on the way of approach"),
-      alternative<Shape>(
-          "up_down",
-          Fields<errors::DirectionalTables>()
-              .table(required_key("up"), &errors::DirectionalTables::up, rows, "while moving up")
-              .table(required_key("down"), &errors::DirectionalTables::down, rows,
-                     "while moving down"),
-          "a table for each way of approach"),
+                             "half of the backlash: + while moving up, - while moving down"),
+                         "depends on the direction of approach"),
+      alternative<Shape>("up_down",
+                         Fields<errors::DirectionalTables>()
+                             .table(required_key("up"), &errors::DirectionalTables::up, rows,
+                                    "values while moving up")
+                             .table(required_key("down"), &errors::DirectionalTables::down, rows,
+                                    "values while moving down"),
+                         "one table for each direction of approach"),
       alternative<Shape>(
           "repeatability",
           Fields<errors::Repeatability>()
               .number(required_key("sigma" + unit.value), &errors::Repeatability::sigma,
                       non_negative, "standard deviation")
               .include_fields(whole_struct, seed_fields<errors::Repeatability>(seed)),
-          "chance, one draw a stroke"),
-      alternative<Shape>(
-          "asynchronous", asynchronous_fields(name, unit, seed),
-          "of a spindle or another axis that turns, over its angle counted on: 32 cosines of "
-          "seeded orders a turn, none a whole number"),
+          "random, one draw per stroke"),
+      alternative<Shape>("asynchronous", asynchronous_fields(name, unit, seed),
+                         "for a spindle or another rotary axis, over its accumulated angle: 32 "
+                         "cosines with seeded orders per revolution, none of them an integer"),
   };
 }
 
@@ -219,8 +225,8 @@ std::vector<Alternative<Shape>> shape_alternatives(const ElementName& name,
 
 Key table_file_key() {
   return make_key(required_key("file"), Key::Kind::Text,
-                  "CSV with the head `X EXX EYX EZX EAX EBX ECX`, mm and rad, positions in mm and "
-                  "degrees; a head may give other units, `EXX_um`");
+                  "CSV file with the header `X EXX EYX EZX EAX EBX ECX`, in mm and rad, positions "
+                  "in mm and degrees; a header may state other units, such as `EXX_um`");
 }
 
 std::optional<errors::ElementTable> read_table_file(TableReader& reader) {
@@ -243,7 +249,7 @@ Fields<CurveEntry> curve_fields(const ElementName& name, const ElementUnits& uni
                                 std::uint64_t seed) {
   using errors::Curve;
   const auto curve = Fields<Curve>()
-                         .text("name", &Curve::name, "of the curve, for reports")
+                         .text("name", &Curve::name, "name of the curve, used in reports")
                          .include_fields(whole_struct, argument_fields<Curve>())
                          .number("scale", &Curve::scale, any_number, "factor of the curve")
                          .variant(required_key("kind"), &Curve::shape,
@@ -300,7 +306,7 @@ std::vector<errors::Coefficient> read_coefficient_names(TableReader& reader, con
       // Names may be long, such as `EXX screw pitch cos 1`.
       const auto suggestion = name.text() ? nearest(*name.text(), names) : std::nullopt;
       reader.input_errors().add(
-          name.place, "a number of this file's curves such as \"EXX[1]\"",
+          name.place, "a coefficient of the curves in this file, such as \"EXX[1]\"",
           display_text(name) + (suggestion ? " (did you mean " + *suggestion + "?)" : ""));
       continue;
     }
@@ -337,19 +343,18 @@ Fields<Uncertainties> covariance_fields(const std::vector<Element>& elements) {
       put_numbers(table, "correlation", *uncertainties.correlation, 1.0);
   };
   return Fields<Uncertainties>()
-      .custom_field(
-          {make_key(required_key("of"), Key::Kind::Texts,
-                    "numbers of the file's curves: `EXX[2]` (order, or row of a table), `EXC cos "
-                    "1`, `EXX backlash`, `EC0Y`; of a named curve among several `EXX screw pitch "
-                    "cos 1`")},
-          read_names, write_names)
-      .custom_field(
-          {make_key(required_key("standard_uncertainty_um_urad"), Key::Kind::Numbers,
-                    "one for each, >= 0, in um or urad as its element is; 0: zero by convention"),
-           make_key(KeyName("correlation").with_fallback("none"), Key::Kind::Numbers,
-                    "lower triangle without the diagonal, row by row, m (m - 1)/2 numbers; a "
-                    "negative variance is refused")},
-          read_matrix, write_matrix);
+      .custom_field({make_key(required_key("of"), Key::Kind::Texts,
+                              "coefficients of the curves in this file: `EXX[2]` (order, or row of "
+                              "a table), `EXC cos 1`, `EXX backlash`, `EC0Y`; for a named curve "
+                              "among several, `EXX screw pitch cos 1`")},
+                    read_names, write_names)
+      .custom_field({make_key(required_key("standard_uncertainty_um_urad"), Key::Kind::Numbers,
+                              "one value per coefficient, >= 0, in um or urad according to its "
+                              "element; 0: zero by convention"),
+                     make_key(KeyName("correlation").with_fallback("none"), Key::Kind::Numbers,
+                              "lower triangle without the diagonal, row by row, m (m - 1)/2 "
+                              "numbers; negative variances are rejected")},
+                    read_matrix, write_matrix);
 }
 
 }  // namespace
@@ -363,7 +368,7 @@ errors::Covariance read_covariance(const Node& table, const std::vector<Element>
   // After an input error the lengths of the arrays may differ.
   if (input_errors.list().size() != error_count) return {};
   if ((sigma.array() < 0.0).any())
-    reader.report_invalid("standard_uncertainty_um_urad", "numbers >= 0", "a negative one");
+    reader.report_invalid("standard_uncertainty_um_urad", "numbers >= 0", "a negative number");
   const auto m = Index(coefficients.size());
   for (Index i = 0; i < m; ++i)
     sigma[i] *= coefficient_unit(coefficients[std::size_t(i)], elements);
@@ -373,8 +378,7 @@ errors::Covariance read_covariance(const Node& table, const std::vector<Element>
     for (Index k = 0; k < i; ++k) R(i, k) = R(k, i) = (*correlation)[triangle_index++];
   // The numbers in the file are rounded, which may make an eigenvalue slightly negative.
   if (eigenvalues(R)[0] < -1e-9 * double(m))
-    reader.report_invalid("correlation", "a correlation that can be (no negative variance)",
-                          "another");
+    reader.report_invalid("correlation", "a valid correlation (no negative variance)", "another");
   return {std::move(coefficients), sigma.asDiagonal() * R * sigma.asDiagonal()};
 }
 
@@ -443,14 +447,16 @@ void read_unidentified(TableReader& reader) {
 }
 
 Key unidentified_key() {
-  Key key = make_key(unidentified_name, Key::Kind::Tables,
-                     "numbers at 0 that the readings behind a belief could not tell, as `abbe "
-                     "identify` writes them; a study asks for a prior of them");
-  key.keys = {make_key(required_key("number"), Key::Kind::Text, "`EY0A`, `EAX[1]`"),
-              make_key("hidden_by", Key::Kind::Texts,
-                       "numbers that took on a part of it, none: no reading feels it"),
-              make_key("amounts", Key::Kind::Numbers,
-                       "how much of each, um or urad a um or urad of the number")};
+  Key key =
+      make_key(unidentified_name, Key::Kind::Tables,
+               "coefficients left at 0 because the readings behind a belief could not identify "
+               "them, as written by `abbe identify`; a study requires a prior for each");
+  key.keys = {
+      make_key(required_key("number"), Key::Kind::Text, "name, such as `EY0A` or `EAX[1]`"),
+      make_key("hidden_by", Key::Kind::Texts,
+               "coefficients that absorbed part of it; none: it affects no reading"),
+      make_key("amounts", Key::Kind::Numbers,
+               "change of each, in um or urad per um or urad of the unidentified coefficient")};
   return key;
 }
 

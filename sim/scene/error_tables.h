@@ -50,12 +50,12 @@ Fields<T> interpolation_fields() {
       .word("between", &T::between,
             {{"linear", errors::TableInterpolation::Linear},
              {"spline", errors::TableInterpolation::Spline, "natural cubic"}},
-            "how the table is read between its rows")
+            "interpolation between the rows of the table")
       .word("outside", &T::outside,
             {{"refuse", errors::TableExtrapolation::Refuse,
-              "a program that leaves the table is refused"},
+              "a program that leaves the table is rejected"},
              {"hold", errors::TableExtrapolation::Hold, "the value of its first or last row"}},
-            "what the table says beyond its range");
+            "values beyond the range of the table");
 }
 
 /// Returns the fields `argument` and `negate`.
@@ -65,9 +65,9 @@ Fields<T> argument_fields() {
       .word("argument", &T::argument,
             {{"command", errors::Argument::Command},
              {"carriage", errors::Argument::Carriage,
-              "its own travel, the negative of the command on a primed axis"}},
+              "the travel of the carriage itself, the negative of the command on a primed axis"}},
             "position of the axis on which the values depend")
-      .boolean("negate", &T::negate, "the source counted the values the other way");
+      .boolean("negate", &T::negate, "true: the source states the values with the opposite sign");
 }
 
 /// Returns the field `detrend`.
@@ -77,7 +77,7 @@ Fields<T> detrend_fields() {
       "detrend", &T::detrend,
       {{"ends", errors::Detrend::Ends, "the line through the first and the last row"},
        {"lsq", errors::Detrend::LeastSquares, "the fitted line"}},
-      "takes the straight line out of a straightness of a slide; its slope becomes the squareness "
+      "removes the straight line from a straightness of a slide; its slope becomes the squareness "
       "of the two slides, its offset is dropped");
 }
 

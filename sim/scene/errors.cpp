@@ -162,7 +162,7 @@ void transfer_slope(ErrorsTable& table, Curve& curve, const ElementName& name,
   const Joint* slide = find_joint(machine, name.axis);
   if (!slide) return;  // check_against_machine() reports the unknown axis
   if (!is_straightness(name, slide)) {
-    input_errors.add(place, "detrend on a straightness of a slide only", to_string(name));
+    input_errors.add(place, "detrend for a straightness of a slide only", to_string(name));
     return;
   }
   const errors::DetrendedTable detrended =
@@ -180,7 +180,8 @@ void transfer_slope(ErrorsTable& table, Curve& curve, const ElementName& name,
           constant_element(contribution.name, contribution.value, "slope of " + to_string(name)),
           {place, true});
   } catch (const std::invalid_argument& error) {
-    input_errors.add(place, "a slope that is a squareness of the machine", error.what());
+    input_errors.add(place, "a slope that is equivalent to a squareness of the machine",
+                     error.what());
   }
 }
 
@@ -290,13 +291,13 @@ void write_elements(const ErrorsTable& errors_table, Node::Table& table,
 std::vector<Key> element_keys() {
   const std::string axis_letters = "[XYZUVWABCS]";
   const auto constant_key = [&](const std::string& unit, const std::string& directions) {
-    Key key = make_key("E.._" + unit, Key::Kind::Number, "constant element");
+    Key key = make_key("E.._" + unit, Key::Kind::Number, "constant value of an element");
     key.pattern = "(E" + directions + "0?|" + directions + "0)" + axis_letters + "_" + unit;
     return key;
   };
-  Key curves = make_key("E..", Key::Kind::Tables,
-                        "element, a curve or a list of curves that add up; location elements are "
-                        "constant");
+  Key curves =
+      make_key("E..", Key::Kind::Tables,
+               "element: a curve, or a list of curves that add up; location elements are constant");
   curves.pattern = "(E[XYZABC]0?|[XYZABC]0)" + axis_letters;
   curves.keys = curve_keys();
   return {constant_key("um", "[XYZ]"), constant_key("urad", "[ABC]"), curves};
@@ -313,9 +314,10 @@ struct WholeTable {
 };
 
 Fields<WholeTable> whole_table_fields() {
-  const auto use = interpolation_fields<errors::ElementTableUse>()
-                       .include_fields(whole_struct, argument_fields<errors::ElementTableUse>())
-                       .text("name", &errors::ElementTableUse::name, "of every curve, for reports");
+  const auto use =
+      interpolation_fields<errors::ElementTableUse>()
+          .include_fields(whole_struct, argument_fields<errors::ElementTableUse>())
+          .text("name", &errors::ElementTableUse::name, "name of every curve, used in reports");
   return Fields<WholeTable>()
       .include_fields(&WholeTable::use, use)
       .number("scale", &WholeTable::scale, any_number, "factor of every curve")
@@ -349,11 +351,12 @@ Fields<errors::MeasuringLine> line_fields() {
   using errors::MeasuredBy;
   using errors::MeasuringLine;
   return Fields<MeasuringLine>()
-      .vector(required_key("at_mm"), &MeasuringLine::at_b, "in the bed frame with all axes at zero")
+      .vector(required_key("at_mm"), &MeasuringLine::at_b,
+              "a point of the line in the bed frame, with all axes at zero")
       .word(required_key("by"), &MeasuringLine::by,
             {{"tool", MeasuredBy::Tool, "the measured point is where the tool was"},
              {"carriage", MeasuredBy::Carriage, "the measured point travels with the carriage"}},
-            "who carried the measured point");
+            "what carried the measured point");
 }
 
 void read_lines(TableReader& reader, ErrorsTable& table, const MachineDescription& machine) {
@@ -383,7 +386,7 @@ void write_lines(const ErrorsTable& errors_table, Node::Table& table) {
 }
 
 Key lines_key() {
-  Key line = make_key("<axis>", Key::Kind::Table, "of one slide");
+  Key line = make_key("<axis>", Key::Kind::Table, "line of one slide");
   line.pattern = "[XYZUVW]";
   line.keys = line_fields().keys();
   Key lines = make_key(KeyName("measured").with_fallback("at the joint's point"), Key::Kind::Table,
@@ -407,18 +410,18 @@ Fields<ErrorsTable> errors_fields(const ErrorsContext& context) {
   Key tables = make_key("tables", Key::Kind::Tables, "error motions of one axis from a CSV file");
   tables.keys = whole_table_fields().keys();
   Key covariance =
-      make_key(KeyName("covariance").with_fallback("none: they are taken as they stand"),
-               Key::Kind::Table, "how well the numbers are known");
+      make_key(KeyName("covariance").with_fallback("none: the errors are taken as exact"),
+               Key::Kind::Table, "uncertainty of the coefficients");
   covariance.keys = covariance_keys();
   const auto write_nothing = [](const ErrorsTable&, Node::Table&) {};
   return Fields<ErrorsTable>()
       .custom_field(
-          {make_key("name", Key::Kind::Text, "of the table, for people")},
+          {make_key("name", Key::Kind::Text, "name of the table")},
           [](TableReader& reader, ErrorsTable&) { reader.text("name", ""); }, write_nothing)
       .custom_field(
           {make_key(KeyName("machine").with_fallback("any"), Key::Kind::Text,
-                    "structural code of the machine of which the errors were identified, as `abbe "
-                    "identify` writes it; on another machine they are an input error")},
+                    "structural code of the machine whose errors were identified, as written by "
+                    "`abbe identify`; on any other machine these errors are an input error")},
           [context](TableReader& reader, ErrorsTable&) { check_machine(reader, context.machine); },
           write_nothing)
       .custom_field(
@@ -483,7 +486,7 @@ void report_repeated_name(const ErrorsTable& table, InputErrors& input_errors) {
     // Elements derived from slopes add to a stated squareness, so they may repeat its name.
     for (std::size_t j = 0; j < i && !table.origins[i].derived; ++j) {
       if (table.origins[j].derived || !(elements[i].name == elements[j].name)) continue;
-      input_errors.add(table.origins[i].place, "each element once (its curves are one list)",
+      input_errors.add(table.origins[i].place, "each element once (all its curves in one list)",
                        to_string(elements[i].name) + " again");
       break;
     }
@@ -544,27 +547,27 @@ using errors::Vibration;
 Fields<Vibration> harmonic_fields(const std::string& amplitude_key) {
   return Fields<Vibration>()
       .number("order", &Vibration::order, positive,
-              "per turn of the spindle: 1, or the number of teeth")
+              "order per spindle revolution: 1, or the number of teeth")
       .number(required_key(amplitude_key), &Vibration::amplitude, any_number,
-              "at the speed `at_rpm`")
+              "amplitude at the speed `at_rpm`")
       .number("exponent", &Vibration::exponent, any_number,
-              "of the speed, at least 0: 2 for unbalance, 0 for an amplitude that does not change "
-              "with speed");
+              "exponent of the speed, at least 0: 2 for unbalance, 0 for an amplitude that does "
+              "not depend on the speed");
 }
 
 Fields<Vibration> speed_fields(bool required) {
   // An amplitude that does not depend on speed needs no reference speed.
-  const KeyName at = KeyName("at_rpm").with_fallback("must be given unless `exponent` is 0");
+  const KeyName at = KeyName("at_rpm").with_fallback("required unless `exponent` is 0");
   return Fields<Vibration>().number(required ? required_key(at) : at, &Vibration::reference_speed,
-                                    positive,
-                                    "speed of the spindle at which the amplitude is stated");
+                                    positive, "spindle speed at which the amplitude is stated");
 }
 
 Fields<Vibration> resonance_fields() {
-  Key resonance = make_key("resonance_Hz", Key::Kind::Number, "near it the amplitude is magnified");
+  Key resonance = make_key("resonance_Hz", Key::Kind::Number,
+                           "resonance frequency, near which the amplitude is magnified");
   resonance.range = positive;
   return Fields<Vibration>()
-      .number("phase_deg", &Vibration::phase, any_number, "at the spindle's angle 0")
+      .number("phase_deg", &Vibration::phase, any_number, "phase at spindle angle 0")
       .custom_field(
           {resonance},
           [](TableReader& reader, Vibration& vibration) {
@@ -575,7 +578,8 @@ Fields<Vibration> resonance_fields() {
             if (vibration.resonance)
               put_value(table, "resonance_Hz", *vibration.resonance / (2 * pi));
           })
-      .number("damping", &Vibration::damping, positive, "of the resonance, as a part of critical");
+      .number("damping", &Vibration::damping, positive,
+              "damping of the resonance, as a fraction of critical damping");
 }
 
 std::string amplitude_key(const Vibration& vibration) {
@@ -619,7 +623,7 @@ errors::Vibration read_vibration(const Node& node, const MachineDescription& mac
   } catch (const std::invalid_argument& error) {
     // Without joints the machine itself is invalid, which is reported already.
     if (!machine.joints.empty())
-      reader.report_invalid("element", "a vibration that the machine can have", error.what());
+      reader.report_invalid("element", "a valid vibration", error.what());
   }
   return vibration;
 }

@@ -206,8 +206,7 @@ void FieldList::add_integer(const KeyName& name, Member member, const IntegerAcc
   add(
       {*key},
       [key, member, access, min, max](TableReader& reader, void* target) {
-        if (key->required && !reader.has(key->name))
-          reader.report_missing(key->name, "a whole number");
+        if (key->required && !reader.has(key->name)) reader.report_missing(key->name, "an integer");
         if (const auto value = reader.maybe_integer(key->name, min, max))
           access.set(member(target), *value);
       },
@@ -241,7 +240,7 @@ void FieldList::add_text(const KeyName& name, Member member, const TextAccess& a
   add(
       {*key},
       [key, member, access](TableReader& reader, void* target) {
-        if (key->required && !reader.has(key->name)) reader.report_missing(key->name, "a text");
+        if (key->required && !reader.has(key->name)) reader.report_missing(key->name, "a string");
         void* value = member(target);
         access.set(value, reader.text(key->name, access.get(value)));
       },
@@ -478,7 +477,8 @@ Matrix3d read_turn_deg(TableReader& reader) {
   const auto turn = reader.numbers_as_written("turn_deg", 3);
   if (!turn) return Matrix3d::Identity();
   if (turn->cwiseAbs().maxCoeff() <= max_turn_deg) return turn_rotation(*turn);
-  reader.report_invalid("turn_deg", fmt::format("turns within +-{} deg for turn_deg", max_turn_deg),
+  reader.report_invalid("turn_deg",
+                        fmt::format("rotations within +-{} deg for turn_deg", max_turn_deg),
                         fmt::format("{}", turn->cwiseAbs().maxCoeff()));
   return Matrix3d::Identity();
 }
@@ -508,7 +508,7 @@ const Fields<kinematics::Pose>& placement_fields() {
       Fields<Pose>(Pose::Identity())
           .custom_field(
               {make_numbers_key(KeyName("at_mm").with_fallback("[0, 0, 0]"), 3,
-                                "where its zero is")},
+                                "position of its origin")},
               [](TableReader& reader, Pose& pose) {
                 pose.translation() = reader.vector("at_mm", pose.translation());
               },
@@ -543,7 +543,7 @@ Fields<AxisVector> axis_position_fields(const std::vector<Joint>& joints) {
   return Fields<AxisVector>(AxisVector::Zero(Eigen::Index(joints.size())))
       .custom_field(
           {position_key("mm", "position of a slide, such as Z_mm"),
-           position_key("deg", "angle of an axis that turns, such as C_deg")},
+           position_key("deg", "angle of a rotary axis, such as C_deg")},
           [joints](TableReader& reader, AxisVector& positions) {
             positions = AxisVector::Zero(Eigen::Index(joints.size()));
             for (std::size_t j = 0; j < joints.size(); ++j)

@@ -395,7 +395,7 @@ class Fields : public fields_detail::FieldList {
     add_boolean(key, untyped(std::move(member)), sentence);
     return *this;
   }
-  /// Adds a std::string or path; an empty text is an input error.
+  /// Adds a std::string or path; an empty string is an input error.
   template <typename M>
   Fields& text(const KeyName& key, M member, const char* sentence) {
     add_text(key, untyped(std::move(member)), fields_detail::text_access<Value<M>>(), sentence);
@@ -408,7 +408,7 @@ class Fields : public fields_detail::FieldList {
     add_texts(key, untyped(std::move(member)), sentence);
     return *this;
   }
-  /// Adds a text for people, which is not stored.
+  /// Adds a remark for human readers, which is not stored.
   Fields& remark(const KeyName& key, const char* sentence) {
     add_remark(key, sentence);
     return *this;

@@ -22,14 +22,14 @@ Fields<SignalsDescription::Current> current_fields() {
       current.viscous_torque = *torque / units::rpm;
   };
   Key viscous = make_key("viscous_torque_Nm_per_rpm", Key::Kind::Number,
-                         "torque of the idle spindle that grows with its speed");
+                         "speed-dependent torque of the idle spindle");
   viscous.range = non_negative;
   viscous.fallback = "0";
   return Fields<Current>()
       .number(required_key("torque_Nm_per_A"), &Current::torque_per_current, positive,
-              "torque of the spindle's motor")
+              "torque constant of the spindle motor")
       .number("idle_torque_Nm", &Current::idle_torque, non_negative,
-              "torque of the idle spindle at any speed")
+              "constant torque of the idle spindle")
       .custom_field({viscous}, read_viscous_torque,
                     [](const Current& current, Node::Table& table) {
                       put_value(table, "viscous_torque_Nm_per_rpm",
@@ -38,16 +38,17 @@ Fields<SignalsDescription::Current> current_fields() {
                     })
       .number("noise_A", &Current::noise_A, non_negative, "standard deviation of a reading")
       .number("bandwidth_Hz", &Current::bandwidth, non_negative,
-              "of the filter, first order; 0: none");
+              "bandwidth of the first-order filter; 0: no filter");
 }
 
 Fields<SignalsDescription::Dynamometer> dynamometer_fields() {
   using Dynamometer = SignalsDescription::Dynamometer;
   return Fields<Dynamometer>()
       .number("noise_N", &Dynamometer::noise, non_negative, "standard deviation of a reading")
-      .number("resolution_N", &Dynamometer::resolution, non_negative, "0: not rounded")
+      .number("resolution_N", &Dynamometer::resolution, non_negative,
+              "resolution of a reading; 0: not rounded")
       .number("bandwidth_Hz", &Dynamometer::bandwidth, non_negative,
-              "of the filter, first order; 0: none");
+              "bandwidth of the first-order filter; 0: no filter");
 }
 
 }  // namespace
@@ -58,22 +59,23 @@ const Fields<SignalsDescription>& signals_fields() {
       Fields<Signals>()
           .number(KeyName("interval_s").with_fallback("as fine as 20 000 rows allow"),
                   &Signals::interval, non_negative,
-                  "between rows of `signals.csv`, the samples nearest to its multiples")
+                  "interval between rows of `signals.csv`; each row is the sample nearest to a "
+                  "multiple of it")
           .number(KeyName("history_interval_s").with_fallback("0: no rows"),
                   &Signals::history_interval, non_negative,
-                  "between rows of the thermal history, at most 20 000 more, the axes where the "
-                  "program finds them")
+                  "interval between rows of the thermal history, at most 20 000 additional rows, "
+                  "with the axes at their positions at the start of the program")
           .number("encoder_resolution_um", &Signals::encoder_resolution, non_negative,
-                  "of slides; 0: not rounded")
+                  "resolution of the encoders of slides; 0: not rounded")
           .number("encoder_resolution_urad", &Signals::encoder_resolution_rad, non_negative,
-                  "of axes that turn; 0: not rounded")
+                  "resolution of the encoders of rotary axes; 0: not rounded")
           .number("encoder_noise_um", &Signals::encoder_noise, non_negative,
-                  "of slides, standard deviation")
+                  "noise of the encoders of slides, standard deviation")
           .number("encoder_noise_urad", &Signals::encoder_noise_rad, non_negative,
-                  "of axes that turn, standard deviation")
-          .table("current", &Signals::current, current_fields(), "current of the spindle's motor")
+                  "noise of the encoders of rotary axes, standard deviation")
+          .table("current", &Signals::current, current_fields(), "current of the spindle motor")
           .table("dynamometer", &Signals::dynamometer, dynamometer_fields(),
-                 "force between part and table");
+                 "force between the part and the table");
   return fields;
 }
 
@@ -94,16 +96,16 @@ constexpr std::array similarity_names{
     SimilarityName{"absolute", SimilarityMeasure::Grey, GreyKind::Absolute,
                    "Liu's grey degree of areas"},
     SimilarityName{"relative", SimilarityMeasure::Grey, GreyKind::Relative,
-                   "Liu's, of series divided by their first values"},
+                   "Liu's degree, of series divided by their first values"},
     SimilarityName{"comprehensive", SimilarityMeasure::Grey, GreyKind::Comprehensive,
-                   "the mean of these two"},
+                   "the mean of \"absolute\" and \"relative\""},
     SimilarityName{"correlation", SimilarityMeasure::Correlation, GreyKind::Deng,
-                   "absolute correlation"},
+                   "absolute value of the correlation"},
 };
 
 Key similarity_key() {
   Key key = make_key(KeyName("likeness").with_fallback(similarity_names.front().word),
-                     Key::Kind::Text, "how like an error a sensor must run");
+                     Key::Kind::Text, "measure of similarity between a sensor and the error");
   for (const SimilarityName& name : similarity_names)
     key.choices.push_back({name.word, name.sentence, {}});
   return key;
@@ -115,7 +117,7 @@ Fields<SensorChoiceOptions> selection_fields() {
   using Options = SensorChoiceOptions;
   const Key similarity_measure = similarity_key();
   return Fields<Options>()
-      .whole("count", &Options::count, 1, 100, "sensors wanted, one set for X, Y and Z together")
+      .whole("count", &Options::count, 1, 100, "number of sensors, one set for X, Y and Z together")
       .custom_field(
           {similarity_measure},
           [similarity_measure](TableReader& reader, Options& choice) {
@@ -138,15 +140,17 @@ Fields<SensorChoiceOptions> selection_fields() {
           {{"initial", Image::Initial, "x / x(1)"},
            {"mean", Image::Mean, "x / mean"},
            {"interval", Image::Interval, "(x - min) / (max - min)"}},
-          "what Deng's degree makes of a series")
+          "transformation of a series for Deng's degree")
       .word("screening", &Options::screening,
-            {{"degree", Screening::Degree, "those that resemble the error most"},
+            {{"degree", Screening::Degree, "the sensors most similar to the error"},
              {"regression", Screening::Regression,
-              "one after another, what lowers the residual most"}},
-            "of the groups' leaders")
-      .number(KeyName("threshold").with_fallback("as high as makes at most `groups` groups"),
-              &Options::threshold, {0.0, 1.0}, "sensors this alike stand in one group")
-      .whole("groups", &Options::groups, 1, 1000, "at most, where there is no `threshold`");
+              "one sensor after another, each chosen to reduce the residual most"}},
+            "selection among the leaders of the groups")
+      .number(KeyName("threshold")
+                  .with_fallback("the highest value that gives at most `groups` groups"),
+              &Options::threshold, {0.0, 1.0}, "sensors at least this similar form one group")
+      .whole("groups", &Options::groups, 1, 1000,
+             "largest number of groups, without a `threshold`");
 }
 
 std::vector<std::string> read_names(TableReader& reader, const std::string& key) {
@@ -180,12 +184,12 @@ void add_names(Fields<Method>& fields, const KeyName& name, M member, const char
 
 Fields<Method> method_fields() {
   Fields<Method> fields;
-  fields.text(required_key("name"), &Method::name, "of this way");
+  fields.text(required_key("name"), &Method::name, "name of this method");
   add_names(
       fields, "sensors", [](auto& method) -> auto& { return method.choice.fixed; },
-      "names that are taken as they are; then nothing is chosen");
+      "names of sensors to use as given; no selection is made");
   add_names(fields, KeyName("for").with_fallback("all"), &Method::drifts,
-            "displacements to choose for: [\"Z\"]");
+            "displacements for which sensors are chosen: [\"Z\"]");
   return fields.custom_field(
       selection_fields().keys(),
       [](TableReader& reader, Method& method) {
@@ -207,7 +211,7 @@ void read_methods(TableReader& reader, SensorChoiceDescription& description) {
     // Results are listed by the name of the method.
     const std::string& name = description.compared_methods.back().name;
     if (!name.empty() && !names.insert(name).second)
-      reader.input_errors().add(node->place, "a name that no other way beside has",
+      reader.input_errors().add(node->place, "a name that no other method in beside has",
                                 "\"" + name + "\" again");
   }
 }
@@ -221,7 +225,7 @@ void put_methods(const SensorChoiceDescription& description, Node::Table& table)
 
 Key methods_key() {
   Key key = make_key("beside", Key::Kind::Tables,
-                     "other ways to choose, graded beside by the same model");
+                     "other selection methods, rated with the same model for comparison");
   key.keys = method_fields().keys();
   return key;
 }
@@ -242,20 +246,20 @@ const Fields<SensorChoiceDescription>& sensor_choice_fields() {
                {"support_vectors", ModelKind::SupportVectors},
                {"kernel_ridge", ModelKind::KernelRidge},
                {"network", ModelKind::Network}},
-              "of the drift, by the temperatures of the sensors chosen")
+              "model of the drift as a function of the temperatures of the chosen sensors")
           .boolean(
               "since_start",
               [](auto& description) -> auto& { return description.study.features.since_start; },
-              "temperatures count from the start of the day")
+              "true: temperatures are relative to the start of the day")
           .number(
               "lag_rows",
               [](auto& description) -> auto& { return description.study.features.lag_rows; },
               non_negative,
-              "beside each temperature its copy behind a lag of so many readings; 0: none")
+              "each temperature is also used with a lag of this many readings; 0: no lag")
           .whole(
               "random_subsets",
               [](auto& description) -> auto& { return description.study.random_subsets; }, 0, 10000,
-              "as large as the choice, to compare with")
+              "random subsets of the same size as the choice, for comparison")
           .custom_field({methods_key()}, read_methods, put_methods);
   return fields;
 }
@@ -290,49 +294,52 @@ bool is_part_instrument(const std::string& kind) { return kind == cmm || kind ==
 /// Each kind of instrument, with the readings and the quality of a typical one.
 constexpr std::array<std::pair<Kind, const char*>, 17> kinds{{
     {Kind::Laser,
-     "interferometer, positioning of each slide, both ways (ISO 230-2); 0.05 µm, scale 0.25 µm/m, "
-     "beam to 200 µrad, 5 runs"},
+     "interferometer, positioning of each slide in both directions (ISO 230-2); 0.05 µm, scale "
+     "0.25 µm/m, beam within 200 µrad, 5 runs"},
     {Kind::Straightness,
-     "both ways across each slide; 0.3 µm, scale 0.25 %, mirror to 500 µrad, 3 runs"},
+     "straightness of each slide in both transverse directions; 0.3 µm, scale 0.25 %, mirror "
+     "within 500 µrad, 3 runs"},
     {Kind::AngleOptics,
      "pitch and yaw of slides, position of rotary axes; 0.2 µrad, scale 0.1 %, 3 runs"},
     {Kind::Square,
-     "two straightness lines against one artefact, each pair of slides; 0.3 µm, laid to 500 µrad, "
-     "3 runs"},
-    {Kind::Diagonals, "four body and six face diagonals (ISO 230-6); as the laser, 5 runs"},
+     "two straightness lines against one artefact, for each pair of slides; 0.3 µm, aligned within "
+     "500 µrad, 3 runs"},
+    {Kind::Diagonals,
+     "four body and six face diagonals (ISO 230-6); accuracy as for the laser, 5 runs"},
     {Kind::StepDiagonal,
-     "four body diagonals in steps of X, Y, Z against a flat mirror (laser vector); as the laser, "
-     "10 steps, one way, 3 runs"},
+     "four body diagonals in steps of X, Y, Z against a flat mirror (laser vector); accuracy as "
+     "for the laser, 10 steps, one direction, 3 runs"},
     {Kind::BallBar,
-     "circles and arcs in each plane (ISO 230-4); 0.25 µm, length to 20 µm/m, centre to 2 µm, 72 "
-     "targets"},
+     "circles and arcs in each plane (ISO 230-4); 0.25 µm, length within 20 µm/m, centre within 2 "
+     "µm, 72 targets"},
     {Kind::BallBarRotary,
-     "the bar radial, tangential and axial to a rotary axis that turns while the slides follow "
-     "(ISO 10791-6); as the ball bar"},
+     "ball bar radial, tangential and axial to a rotary axis that turns while the slides follow "
+     "(ISO 10791-6); accuracy as for the ball bar"},
     {Kind::RTest,
-     "ball at the tool, three sensors on the table, a rotary axis turns, the slides follow (ISO "
-     "10791-6); 0.3 µm, nest to 300 µrad, ball to 2 µm, 36 targets"},
+     "ball at the tool and three sensors on the table, while a rotary axis turns and the slides "
+     "follow (ISO 10791-6); 0.3 µm, nest within 300 µrad, ball within 2 µm, 36 targets"},
     {Kind::Sphere,
-     "touch probing of a sphere on the table in a grid of rotary positions; 0.5 µm, ball to 2 µm, "
-     "7 targets an axis"},
+     "touch probing of a sphere on the table in a grid of rotary positions; 0.5 µm, ball within 2 "
+     "µm, 7 targets per axis"},
     {Kind::Tracker,
      "range and two angles to a reflector on a grid of the travel; 0.5 µm, 1.5 µrad, scale 0.5 "
-     "µm/m, 5 targets an axis"},
+     "µm/m, 5 targets per axis"},
     {Kind::Multilateration,
-     "lengths alone from four places; 0.1 µm, scale 0.15 µm/m, 5 targets an axis"},
-    {Kind::Level, "tilt of each slide's carriage against gravity; 2 µrad, laid to 5 mrad, 3 runs"},
+     "lengths alone from four stations; 0.1 µm, scale 0.15 µm/m, 5 targets per axis"},
+    {Kind::Level,
+     "tilt of each slide's carriage against gravity; 2 µrad, aligned within 5 mrad, 3 runs"},
     {Kind::RollLines,
-     "straightness on two parallel lines: roll without a level; 0.2 µm, 500 µrad, 3 runs"},
+     "straightness along two parallel lines: roll without a level; 0.2 µm, 500 µrad, 3 runs"},
     {Kind::Spindle,
      "five sensors around an artefact (ISO 230-7); 0.015 µm, ball off centre by 10 µm, 1000 rpm, "
-     "64 readings a turn, 20 turns, `lever_mm` 50"},
+     "64 readings per revolution, 20 revolutions, `lever_mm` 50"},
     {Kind::Drift,
-     "three displacements and two tilts at one place over time (ISO 230-3); 0.02 µm, 0.5 µrad, "
-     "nest to 1000 µrad"},
-    {Kind::Temperature, "the machine's sensors alone, as good as they are"},
+     "three displacements and two tilts at one point over time (ISO 230-3); 0.02 µm, 0.5 µrad, "
+     "nest within 1000 µrad"},
+    {Kind::Temperature, "the machine's sensors alone, with their own accuracy"},
 }};
 
-KeyName typical_value(const char* key) { return KeyName(key).with_fallback("of the kind"); }
+KeyName typical_value(const char* key) { return KeyName(key).with_fallback("that of the kind"); }
 
 void add_noise_fields(Fields<Instrument>& fields) {
   fields
@@ -345,13 +352,14 @@ void add_noise_fields(Fields<Instrument>& fields) {
       .number(typical_value("resolution_urad"), &Instrument::resolution_rad, quality,
               "readings of angles are multiples of it; 0: not rounded")
       .number(typical_value("alignment_urad"), &Instrument::rotation_sigma, {0.0, 1e4},
-              "standard deviation of how a beam, an artefact or a nest lies")
+              "standard deviation of the orientation of a beam, an artefact or a nest")
       .number(typical_value("position_um"), &Instrument::position_sigma, {0.0, 1e4},
-              "standard deviation of the places of reflectors, balls and stations")
-      .number(typical_value("scale_um_per_m"), &Instrument::scale_sigma, {0.0, 1e4},
-              "standard deviation of wavelength, material temperature or the length of a bar")
+              "standard deviation of the positions of reflectors, balls and stations")
+      .number(
+          typical_value("scale_um_per_m"), &Instrument::scale_sigma, {0.0, 1e4},
+          "standard deviation of the wavelength, the material temperature or the length of a bar")
       .number("drift_um_per_h", &Instrument::drift_sigma, non_negative,
-              "standard deviation of the instrument's drift, from the first reading of a set-up");
+              "standard deviation of the instrument's drift since the first reading of a set-up");
 }
 
 void read_instrument_axes(TableReader& reader, Instrument& instrument) {
@@ -378,36 +386,40 @@ void put_axes(const Instrument& instrument, Node::Table& table) {
 void add_targets(Fields<Instrument>& fields) {
   fields
       .custom_field(
-          {make_key(KeyName("axes").with_fallback("all that make sense"), Key::Kind::Texts,
-                    "letters of axes; of planes and diagonals those between them")},
+          {make_key(KeyName("axes").with_fallback("all that apply"), Key::Kind::Texts,
+                    "letters of axes; for planes and diagonals, those between these axes")},
           read_instrument_axes, put_axes)
-      .whole(typical_value("runs"), &Instrument::runs, 1, 1000, "repeats; turns of a spindle")
-      .whole(
-          typical_value("targets"), &Instrument::targets, 2, 10000,
-          "along an axis, around a circle, a diagonal, a grid line; steps; readings a turn; "
-          "whole turns of a bar, an R-test or a sphere are read at so many different places, the "
-          "first not again at the end")
-      .boolean(KeyName("both_ways").with_fallback("true; not of grids, spheres, the step diagonal"),
-               &Instrument::bidirectional, "bidirectional; circles also clockwise")
+      .whole(typical_value("runs"), &Instrument::runs, 1, 1000,
+             "repetitions; for a spindle, revolutions")
+      .whole(typical_value("targets"), &Instrument::targets, 2, 10000,
+             "number of targets along an axis, a circle, a diagonal or a grid line; steps; "
+             "readings per revolution. Full revolutions of a bar, an R-test or a sphere are read "
+             "at this many different positions, without a repetition of the first at the end")
+      .boolean(KeyName("both_ways")
+                   .with_fallback("true; false for grids, spheres and the step diagonal"),
+               &Instrument::bidirectional,
+               "true: measures in both directions; circles also clockwise")
       .number("margin", &Instrument::margin, {0.0, 0.4, true, true},
-              "of the travel left free at both ends")
-      .number(KeyName("scatter").with_fallback("0.3 of a laser, else 0"), &Instrument::scatter,
+              "fraction of the travel left free at both ends")
+      .number(KeyName("scatter").with_fallback("0.3 for a laser, else 0"), &Instrument::scatter,
               {0.0, 0.45},
-              "how far targets between the first and the last stand off equal spacing, in parts of "
-              "it, so that no pitch of a screw hides between them; below 0.45")
-      .direction("up", &Instrument::up_b, "away from gravity in the bed: a level's plumb line")
+              "deviation of the targets between the first and the last from equal spacing, as a "
+              "fraction of the spacing, so that no screw pitch is hidden between them; below 0.45")
+      .direction("up", &Instrument::up_b,
+                 "direction opposite to gravity in the bed frame: the plumb line of a level")
       .vector(KeyName("at_mm").with_fallback("within the travel"), &Instrument::location_w,
-              "in the workpiece: ball of an R-test, a rotary bar, a sphere, drift; centre of a "
-              "circle; station of a tracker")
+              "position in the workpiece frame: ball of an R-test, a rotary bar, a sphere or a "
+              "drift test; centre of a circle; station of a tracker")
       .vector("reflector_mm", &Instrument::reflector_t,
-              "from the tip to the reflector or ball, in the tool's frame")
+              "vector from the tip to the reflector or ball, in the tool frame")
       .number("radius_mm", &Instrument::radius, positive,
-              "of circles and bar; of a ball from a rotary axis")
-      .number(typical_value("lever_mm"), &Instrument::lever, positive,
-              "between the parallel lines; the two heights of a spindle's artefact")
+              "radius of circles and of the bar; distance of a ball from a rotary axis")
+      .number(
+          typical_value("lever_mm"), &Instrument::lever, positive,
+          "distance between the parallel lines, or between the two heights of a spindle artefact")
       .number("from_deg", &Instrument::from_rad, any_number,
-              "where the arc of circles and rotary axes begins, cut to the travel of an axis")
-      .number("to_deg", &Instrument::to_rad, any_number, "where that arc ends");
+              "start angle of the arc of circles and rotary axes, limited to the travel of an axis")
+      .number("to_deg", &Instrument::to_rad, any_number, "end angle of that arc");
 }
 
 void check_interval(TableReader& reader, Instrument& instrument) {
@@ -417,23 +429,24 @@ void check_interval(TableReader& reader, Instrument& instrument) {
   if (is_time_series && instrument.interval_s > instrument.duration_s)
     reader.report_invalid(
         "interval_s",
-        "an instrument.interval_s of at most instrument.duration_h, so that "
-        "something is read twice",
+        "an instrument.interval_s of at most instrument.duration_h, for at least two readings",
         fmt::format("{:g} s in {:g} h", instrument.interval_s, instrument.duration_s / 3600.0));
 }
 
 void add_times(Fields<Instrument>& fields) {
   fields
       .number("interval_s", &Instrument::interval_s, positive,
-              "between readings of drift and temperature")
-      .number("duration_h", &Instrument::duration_s, {0.0, 1e5}, "of drift and temperature")
+              "interval between readings of drift and temperature")
+      .number("duration_h", &Instrument::duration_s, {0.0, 1e5},
+              "duration of drift and temperature readings")
       .check(check_interval)
-      .number("speed_mm_per_min", &Instrument::speed, speed, "between targets")
-      .number(typical_value("dwell_s"), &Instrument::dwell_s, wait_s, "at each target")
+      .number("speed_mm_per_min", &Instrument::speed, speed, "speed between targets")
+      .number(typical_value("dwell_s"), &Instrument::dwell_s, wait_s, "dwell at each target")
       .number(typical_value("set_up_min"), &Instrument::set_up_s, {0.0, 1e5},
-              "of a person for each set-up; with speed and dwell what the hours are made of")
+              "time for one manual set-up; together with speed and dwell it gives the hours of a "
+              "measurement")
       .number(typical_value("spindle_rpm"), &Instrument::spindle_speed, non_negative,
-              "of a spindle test, and while drift is read");
+              "spindle speed during a spindle test and while drift is read");
 }
 
 void read_starts(TableReader& reader, InstrumentDescription& description) {
@@ -464,12 +477,11 @@ Fields<InstrumentDescription> instrument_fields(Kind kind) {
   add_times(fields);
   return Fields<InstrumentDescription>({metrology::typical_instrument(kind), {0.0}})
       .include_fields(&InstrumentDescription::instrument, fields)
-      .custom_field(
-          {make_key(KeyName("start_h").with_fallback("0"), Key::Kind::Any,
-                    "when the first reading is taken, in hours, or a list: everything is read "
-                    "once from each, set up again; 0 is the start of the program, negative lies "
-                    "in the history")},
-          read_starts, put_starts);
+      .custom_field({make_key(KeyName("start_h").with_fallback("0"), Key::Kind::Any,
+                              "time of the first reading in hours, or a list of times: the whole "
+                              "measurement is repeated from each, with a new set-up; 0 is the "
+                              "start of the program, negative times lie in the history")},
+                    read_starts, put_starts);
 }
 
 Fields<CoordinateMeasuringMachine> cmm_fields() {
@@ -479,12 +491,12 @@ Fields<CoordinateMeasuringMachine> cmm_fields() {
       .number("resolution_um", &CoordinateMeasuringMachine::resolution, quality,
               "readings are multiples of it; 0: not rounded")
       .number("position_um", &CoordinateMeasuringMachine::alignment_sigma, {0.0, 1e4},
-              "standard deviation of where the part lies")
+              "standard deviation of the position of the part")
       .number("alignment_urad", &CoordinateMeasuringMachine::alignment_sigma_rad, {0.0, 1e4},
-              "standard deviation of how the part lies")
-      .boolean("best_fit", &CoordinateMeasuringMachine::best_fit, "a rigid fit is taken out")
+              "standard deviation of the orientation of the part")
+      .boolean("best_fit", &CoordinateMeasuringMachine::best_fit, "true: a rigid fit is removed")
       .number("interval_s", &CoordinateMeasuringMachine::interval_s, non_negative,
-              "between readings");
+              "interval between readings");
 }
 
 TouchProbe default_probe(const MachineDescription& machine) {
@@ -496,18 +508,19 @@ TouchProbe default_probe(const MachineDescription& machine) {
 
 Fields<TouchProbe> touch_probe_fields(const MachineDescription& machine) {
   return Fields<TouchProbe>(default_probe(machine))
-      .vector("centre_mm", &TouchProbe::centre_t, "of the ball from the tip")
-      .number("ball_radius_mm", &TouchProbe::radius, {1e-3, 1e3}, "of the stylus ball")
+      .vector("centre_mm", &TouchProbe::centre_t, "centre of the ball relative to the tip")
+      .number("ball_radius_mm", &TouchProbe::radius, {1e-3, 1e3}, "radius of the stylus ball")
       .number("noise_um", &TouchProbe::noise, quality, "standard deviation of one touch")
       .number("resolution_um", &TouchProbe::resolution, quality,
               "readings are multiples of it; 0: not rounded")
-      .number("clearance_mm", &TouchProbe::clearance, positive, "where the approach begins")
-      .number("speed_mm_per_min", &TouchProbe::speed, speed, "between points")
-      .number("dwell_s", &TouchProbe::dwell_s, wait_s, "for each touch")
+      .number("clearance_mm", &TouchProbe::clearance, positive,
+              "distance from the part at which the approach begins")
+      .number("speed_mm_per_min", &TouchProbe::speed, speed, "speed between points")
+      .number("dwell_s", &TouchProbe::dwell_s, wait_s, "dwell for each touch")
       .number("start_h", &TouchProbe::start_s, any_number,
-              "of the first touch, after the end of the program")
+              "time of the first touch, after the end of the program")
       .table(KeyName("pose").with_fallback("all at zero"), &TouchProbe::q,
-             axis_position_fields(machine.joints), "where the rotary axes stand: { A_deg = 0 }");
+             axis_position_fields(machine.joints), "positions of the rotary axes: { A_deg = 0 }");
 }
 
 /// Returns all fields except kind and name.
@@ -518,8 +531,8 @@ Fields<PartInstrument> part_instrument_kind_fields(const PartInstrumentKind& def
                                                    const Fields<PartInstrumentKind>& kind_fields) {
   return Fields<PartInstrument>({"", "", defaults})
       .text(KeyName("case").with_fallback("uncompensated"), &PartInstrument::case_name,
-            "of which case the part is")
-      .number("spacing_mm", &PartInstrument::spacing, positive, "between points, about")
+            "case in which the part is cut")
+      .number("spacing_mm", &PartInstrument::spacing, positive, "approximate spacing of the points")
       .include_fields(
           [](auto& part) -> auto& { return std::get<PartInstrumentKind>(part.device); },
           kind_fields);
@@ -534,16 +547,16 @@ Fields<PartInstrument> part_instrument_fields(const std::string& kind,
 const Key& kind_key() {
   static const Key key = [] {
     Key kind_key = make_key(required_key("kind"), Key::Kind::Text,
-                            "what it is, and how good if nothing is said");
+                            "type of instrument, and its default accuracy");
     // The defaults depend on the kind, so each kind has a list of keys for the manual.
     for (const auto& [kind, sentence] : kinds)
       kind_key.choices.push_back(
           {metrology::to_string(kind), sentence, instrument_fields(kind).keys()});
     kind_key.choices.push_back(
-        {cmm, "the part on a coordinate measuring machine; 0.5 µm, lies as thought",
+        {cmm, "the part on a coordinate measuring machine; 0.5 µm, no alignment error",
          part_instrument_fields(cmm, {}).keys()});
     kind_key.choices.push_back(
-        {touch_probe, "the part, still clamped, by a probe in the machine that cut it; 0.5 µm",
+        {touch_probe, "the part, still clamped, probed on the machine that cut it; 0.5 µm",
          part_instrument_fields(touch_probe, {}).keys()});
     return kind_key;
   }();
@@ -646,7 +659,7 @@ std::vector<Node::Table> instruments_to_tables(const Instruments& instruments,
 
 std::vector<Key> instrument_keys() {
   return {kind_key(), make_key(KeyName("name").with_fallback("the kind"), Key::Kind::Text,
-                               "of the readings and their file, each once")};
+                               "name of the readings and of their file; must be unique")};
 }
 
 }  // namespace abbe::sim

@@ -102,12 +102,12 @@ path locate_library_file(const FileName& file_name, InputErrors& input_errors) {
   if (matches.size() == 1) return library / matches.front();
   if (matches.size() > 1) {
     input_errors.add(file_name.place, "one of " + joined_names(matches, "", name.string()),
-                     fmt::format("\"{}\", which may mean each of them", file_name.name));
+                     fmt::format("\"{}\", which is ambiguous", file_name.name));
   } else {
     // Only files of this kind fit the section.
     const std::vector<path> files = library_files(library, file_name.kind);
     input_errors.add(file_name.place,
-                     "a name of the library: " + joined_names(files, file_name.kind, name.string()),
+                     "a library name: " + joined_names(files, file_name.kind, name.string()),
                      fmt::format("\"{}\"", file_name.name));
   }
   return name;
@@ -120,7 +120,7 @@ path library_folder() {
   if (const char* named_folder = std::getenv("ABBE_LIBRARY")) {
     // An invalid variable is an error; otherwise results would come from another library.
     if (is_library(named_folder)) return std::filesystem::canonical(named_folder);
-    throw BadInput("ABBE_LIBRARY", 0, 0, "a folder that has abbe's machines/", named_folder);
+    throw BadInput("ABBE_LIBRARY", 0, 0, "a folder that contains abbe's machines/", named_folder);
   }
   const path program = program_folder();
   for (const path& folder : {program / "scenes", program / ABBE_LIBRARY_FROM_PROGRAM})

@@ -61,9 +61,9 @@ void check_unique_names(InputErrors& input_errors, const std::vector<const Node*
                            ? fmt::format("the name of the {} itself", names[i])
                            : (owners.contains(names[i]) ? owners[names[i]] : std::string());
     if (!owner.empty())
-      input_errors.add(place, fmt::format("a name for {} that nothing else has", kind),
+      input_errors.add(place, fmt::format("a unique name for {}", kind),
                        fmt::format("\"{}\", {}", names[i], owner));
-    owners.emplace(names[i], fmt::format("that of {} before it", kind));
+    owners.emplace(names[i], fmt::format("already the name of {}", kind));
   }
 }
 
@@ -98,7 +98,7 @@ void check_fixture_names(TableReader& scene, const MachineDescription& machine,
                          const std::vector<BodyDescription>& fixtures) {
   std::map<std::string, std::string> owners;
   for (const std::string& name : machine_body_names(machine))
-    owners.emplace(name, "that of a body of the machine");
+    owners.emplace(name, "already the name of a body of the machine");
   check_unique_names(scene.input_errors(), listed_tables(scene.accept_key("fixture")),
                      fixture_names(fixtures), "a fixture", std::move(owners));
 }
@@ -119,7 +119,7 @@ void check_ignored_names(TableReader& scene, const MachineDescription& machine,
                                  fmt::format("the name of a body: {}", fmt::join(names, ", ")),
                                  display_text(*name));
     if (*a->text() == *b->text())
-      scene.input_errors().add(b->place, "the name of another body than collision.ignore.a",
+      scene.input_errors().add(b->place, "the name of a body other than collision.ignore.a",
                                display_text(*b));
   }
 }
@@ -154,7 +154,7 @@ void read_travel(TableReader& reader, Joint& joint) {
   joint.max = (*travel)[1];
   // The negated comparison also rejects NaN.
   if (!(joint.min < joint.max)) {
-    reader.report_invalid(key, "[least, most] with least below most for " + key, "not rising");
+    reader.report_invalid(key, "[min, max] with min below max for " + key, "not ascending");
   }
 }
 
@@ -171,20 +171,20 @@ Fields<Joint> axis_fields(const Joint& axis) {
   using kinematics::DeviationAxes;
   using kinematics::Squareness;
   const KeyName direction =
-      KeyName("direction").with_fallback("x of X, U, A; y of Y, V, B; z of Z, W, C; none of S");
-  const KeyName travel_mm = KeyName("travel_mm").with_fallback("without end");
-  const KeyName travel_deg = KeyName("travel_deg").with_fallback("without end");
+      KeyName("direction").with_fallback("x for X, U, A; y for Y, V, B; z for Z, W, C; none for S");
+  const KeyName travel_mm = KeyName("travel_mm").with_fallback("unlimited");
+  const KeyName travel_deg = KeyName("travel_deg").with_fallback("unlimited");
   return Fields<Joint>(axis)
-      .word(KeyName("motion").with_fallback("by letter: rotary of A, B, C, S"), &Joint::motion,
-            {{"linear", Motion::Linear}, {"rotary", Motion::Rotary}}, "what the axis does")
+      .word(KeyName("motion").with_fallback("by letter: rotary for A, B, C, S"), &Joint::motion,
+            {{"linear", Motion::Linear}, {"rotary", Motion::Rotary}}, "type of motion")
       .direction(default_direction(axis.name) ? direction : required_key(direction),
                  &Joint::direction_b,
-                 "a positive command moves the tool this way against the workpiece, or turns it "
-                 "about it")
+                 "direction in which a positive command moves the tool relative to the workpiece, "
+                 "or about which it turns the tool")
       .custom_field(
-          {make_numbers_key(KeyName("point_mm").with_fallback("[0, 0, 0] of a slide"), 3,
-                            "on the line of rotation of an axis that turns, which must have it; "
-                            "of a slide, where its deviations are stated")},
+          {make_numbers_key(KeyName("point_mm").with_fallback("[0, 0, 0] for a slide"), 3,
+                            "a point on the axis of rotation, required for a rotary axis; for a "
+                            "slide, the point at which its deviations are stated")},
           [](TableReader& reader, Joint& joint) {
             joint.point_b = joint.motion == Motion::Linear
                                 ? reader.vector("point_mm", Vector3d::Zero())
@@ -194,20 +194,20 @@ Fields<Joint> axis_fields(const Joint& axis) {
             put_numbers(table, "point_mm", joint.point_b, 1.0);
           })
       .custom_field(
-          {make_numbers_key(travel_mm, 2, "[least, most] commanded, of a slide"),
-           make_numbers_key(travel_deg, 2, "[least, most] commanded, of an axis that turns")},
+          {make_numbers_key(travel_mm, 2, "[min, max] of the commanded position of a slide"),
+           make_numbers_key(travel_deg, 2, "[min, max] of the commanded angle of a rotary axis")},
           read_travel, put_travel)
       .word("deviation_axes", &Joint::deviation_axes,
             {{"fixed", DeviationAxes::Fixed, "ISO 230-7"},
-             {"turning", DeviationAxes::Turning, "the papers' order"}},
-            "directions in which the deviations of an axis that turns are stated")
+             {"turning", DeviationAxes::Turning, "the convention of the papers"}},
+            "directions in which the deviations of a rotary axis are stated")
       .word("squareness", &Joint::squareness,
             {{"frame", Squareness::Frame,
-              "the axis turns with all that it carries, or, where it carries the slide to which "
-              "the angle is stated, what it carries turns by the opposite "
+              "the axis turns with everything that it carries; if it carries the slide to which "
+              "the angle is stated, everything that it carries turns by the opposite angle "
               "(`kinematics/README.md`)"},
-             {"travel", Squareness::Travel, "the direction of travel only"}},
-            "what an angle of location turns; the angle is the same");
+             {"travel", Squareness::Travel, "only the direction of travel"}},
+            "what a location angle turns; the angle is the same");
 }
 
 /// A joint with its rollover, a property of the control and not of the kinematics.
@@ -220,18 +220,18 @@ Fields<MachineAxis> machine_axis_fields(const MachineAxis& axis) {
   using program::Rollover;
   return Fields<MachineAxis>(axis)
       .include_fields(&MachineAxis::joint, axis_fields(axis.joint))
-      .only_if(
-          [](const MachineAxis& axis) { return axis.joint.motion != Motion::Linear; },
-          Fields<MachineAxis>().word(
-              "rollover", &MachineAxis::rollover,
-              {{"by_control", Rollover::ByControl,
-                "\"shortest\" in a program of Fanuc for an axis that carries the workpiece and "
-                "turns without end, or by more than two turns; else \"none\""},
-               {"none", Rollover::None, "it turns by the difference of the positions"},
-               {"shortest", Rollover::Shortest, "whole turns do not count: the short way"},
-               {"sign", Rollover::Sign,
-                "whole turns do not count: in the direction of the word's sign"}},
-              "how the control turns it to an absolute position"));
+      .only_if([](const MachineAxis& axis) { return axis.joint.motion != Motion::Linear; },
+               Fields<MachineAxis>().word(
+                   "rollover", &MachineAxis::rollover,
+                   {{"by_control", Rollover::ByControl,
+                     "\"shortest\" in a Fanuc program for an axis that carries the workpiece and "
+                     "has unlimited travel or more than two turns; else \"none\""},
+                    {"none", Rollover::None, "it turns by the difference of the positions"},
+                    {"shortest", Rollover::Shortest,
+                     "full turns are ignored; it turns by the shorter way"},
+                    {"sign", Rollover::Sign,
+                     "full turns are ignored; it turns in the direction of the sign of the word"}},
+                   "how the control moves it to an absolute position"));
 }
 
 /// Returns the default joint of a letter in the structural code.
@@ -266,7 +266,8 @@ kinematics::Pose read_nose(TableReader& reader) {
   const Vector3d projected_x = stated_x - stated_x.dot(z) * z;
   // Within about a milliradian of z the projection has no reliable direction.
   if (projected_x.norm() < 1e-3) {
-    reader.report_invalid("x", "a direction across the axis for machine.nose.x", "one along it");
+    reader.report_invalid("x", "a direction not parallel to the axis for machine.nose.x",
+                          "a parallel one");
     return T_bs;
   }
   // An exact unit vector is kept, so that a written scene reads back as the same bits.
@@ -281,11 +282,11 @@ Fields<kinematics::Pose> nose_fields() {
   using kinematics::Pose;
   return Fields<Pose>(Pose::Identity())
       .custom_field(
-          {make_numbers_key(required_key("at_mm"), 3, "where it is"),
+          {make_numbers_key(required_key("at_mm"), 3, "position of the nose"),
            make_numbers_key(KeyName("axis").with_fallback("[0, 0, 1]"), 3,
-                            "from the tip to the spindle"),
-           make_numbers_key(KeyName("x").with_fallback("[1, 0, 0], or z where the axis is x"), 3,
-                            "its x direction, made square to the axis")},
+                            "direction from the tip to the spindle"),
+           make_numbers_key(KeyName("x").with_fallback("[1, 0, 0], or z if the axis is x"), 3,
+                            "its x direction, made perpendicular to the axis")},
           [](TableReader& reader, Pose& T_bs) { T_bs = read_nose(reader); },
           [](const Pose& T_bs, Node::Table& table) {
             put_numbers(table, "at_mm", T_bs.translation(), 1.0);
@@ -352,7 +353,7 @@ void read_joints(TableReader& reader, MachineDescription& machine) {
     // The chain is built only for its validation.
     kinematics::Chain(machine.joints, machine.T_bw, machine.T_bs);
   } catch (const std::invalid_argument& error) {
-    reader.report_invalid("code", "a machine that makes a chain", error.what());
+    reader.report_invalid("code", "a machine that forms a valid chain", error.what());
   }
 }
 
@@ -401,7 +402,7 @@ Fields<MachineBody> machine_body_fields(const std::vector<Joint>& joints) {
   return Fields<MachineBody>()
       .custom_field(
           {make_key(KeyName("carried_by").with_fallback("b"), Key::Kind::Text,
-                    "letter of the axis that it moves with, s of the nose, b of the bed")},
+                    "letter of the axis that carries it, s for the spindle nose, b for the bed")},
           [joints](TableReader& reader, MachineBody& body) { read_carrier(reader, joints, body); },
           [joints](const MachineBody& body, Node::Table& table) {
             if (body.joint)
@@ -425,8 +426,8 @@ void put_bodies(const MachineDescription& machine, Node::Table& table) {
 
 Key body_key() {
   return make_key(KeyName("body").with_fallback("none"), Key::Kind::Tables,
-                  "what the machine is made of, for its picture and for collisions; placed in the "
-                  "bed, with all axes at zero",
+                  "bodies of the machine for pictures and collision checks, in the bed frame with "
+                  "all axes at zero",
                   machine_body_fields({}).keys());
 }
 
@@ -441,24 +442,24 @@ Key code_key() {
 Key axis_key(const char* pattern, const char* sentence, std::vector<Key> keys) {
   Key letter = make_key("<axis>", Key::Kind::Table, sentence, std::move(keys));
   letter.pattern = pattern;
-  return make_key("axis", Key::Kind::Table, "the axes by their letters", {std::move(letter)});
+  return make_key("axis", Key::Kind::Table, "the axes by letter", {std::move(letter)});
 }
 
 Key home_key() {
   return make_key(KeyName("home").with_fallback("all at zero"), Key::Kind::Table,
-                  "where the axes stand when a program begins: { Z_mm = 300, C_deg = 0 }",
+                  "positions of the axes at the start of a program: { Z_mm = 300, C_deg = 0 }",
                   axis_position_fields({}).keys());
 }
 
 Key reference_key() {
   return make_key(KeyName("reference").with_fallback("home"), Key::Kind::Table,
-                  "reference position, where G28 and its kin go: { Z_mm = 400 }",
+                  "reference position of G28 and similar words: { Z_mm = 400 }",
                   axis_position_fields({}).keys());
 }
 
 Key machine_zero_key() {
-  return make_key(KeyName("machine_zero").with_fallback("the zero of the axes"), Key::Kind::Table,
-                  "positions of the axes that G53, M91 and SUPA count from",
+  return make_key(KeyName("machine_zero").with_fallback("the zeros of the axes"), Key::Kind::Table,
+                  "axis positions from which G53, M91 and SUPA are measured",
                   axis_position_fields({}).keys());
 }
 
@@ -476,20 +477,20 @@ const Fields<MachineDescription>& machine_fields() {
   using Machine = MachineDescription;
   static const Fields<Machine> fields =
       Fields<Machine>()
-          .text("name", &Machine::name, "of the machine")
+          .text("name", &Machine::name, "name of the machine")
           .text("summary", &Machine::summary,
-                "of what it is, one line, as `abbe new --list` has it")
+                "description in one line, as printed by `abbe new --list`")
           .table(required_key("nose"), &Machine::T_bs, nose_fields(), "where the tool is mounted")
           .table(KeyName("workpiece").with_fallback("the bed frame"), &Machine::T_bw,
                  placement_fields(), "frame w of the workpiece")
-          .number("rapid_mm_per_min", &Machine::rapid_speed, positive, "speed of slides in G0")
-          .number(KeyName("rapid_deg_per_min").with_fallback("3437.75: 1 rad/s"),
+          .number("rapid_mm_per_min", &Machine::rapid_speed, positive, "rapid speed of slides (G0)")
+          .number(KeyName("rapid_deg_per_min").with_fallback("3437.75 (1 rad/s)"),
                   &Machine::rapid_rotation_speed, positive,
-                  "speed of axes that turn in a G0 without slides; beside slides they keep pace "
-                  "with these")
+                  "speed of rotary axes in a G0 without slides; in a G0 with slides they finish "
+                  "together with these")
           .number(KeyName("max_spindle_rpm").with_fallback("no limit"), &Machine::max_spindle_speed,
                   positive, "largest speed of the spindle under constant surface speed (G96)")
-          .custom_field({code_key(), axis_key("[A-Z]", "every letter of the code but `s`",
+          .custom_field({code_key(), axis_key("[A-Z]", "every letter of the code except `s`",
                                               axis_fields(make_default_joint({})).keys())},
                         read_joints, put_joints)
           .custom_field({home_key(), reference_key(), machine_zero_key()}, read_home, put_home)
@@ -499,10 +500,10 @@ const Fields<MachineDescription>& machine_fields() {
 
 Fields<Joint> believed_joint_fields(const Joint& joint) {
   return Fields<Joint>(joint)
-      .vector(KeyName("point_mm").with_fallback("as it is"), &Joint::point_b,
-              "where the control believes it to be")
-      .direction(KeyName("direction").with_fallback("as it is"), &Joint::direction_b,
-                 "that the control believes in");
+      .vector(KeyName("point_mm").with_fallback("as nominal"), &Joint::point_b,
+              "point believed by the control")
+      .direction(KeyName("direction").with_fallback("as nominal"), &Joint::direction_b,
+                 "direction believed by the control");
 }
 
 void read_believed_joints(TableReader& reader, const std::vector<Joint>& joints,
@@ -531,10 +532,10 @@ void put_believed_joints(const ControlDescription& control, Node::Table& table) 
 /// @param joints  of the machine as designed
 Fields<ControlDescription> control_fields(const std::vector<Joint>& joints) {
   return Fields<ControlDescription>()
-      .number(KeyName("tool_length_mm").with_fallback("as it is"), &ControlDescription::tool_length,
-              any_number, "of the tool, as the control believes")
+      .number(KeyName("tool_length_mm").with_fallback("as nominal"),
+              &ControlDescription::tool_length, any_number, "tool length believed by the control")
       .custom_field(
-          {axis_key("[A-Zs]", "an axis that the control believes elsewhere",
+          {axis_key("[A-Zs]", "an axis about which the control's belief differs",
                     believed_joint_fields({}).keys())},
           [joints](TableReader& reader, ControlDescription& control) {
             read_believed_joints(reader, joints, control);
@@ -568,9 +569,9 @@ using kinematics::Deviation;
 Fields<DatumDescription::Touch> touch_fields() {
   using Touch = DatumDescription::Touch;
   return Fields<Touch>()
-      .vector(required_key("point_mm"), &Touch::point_w, "where it touches, in the workpiece frame")
+      .vector(required_key("point_mm"), &Touch::point_w, "contact point, in the workpiece frame")
       .direction(required_key("direction"), &Touch::direction_w,
-                 "in which the probe moves, towards the face");
+                 "direction in which the probe moves, towards the face");
 }
 
 /// Returns the fields of the time of the datum, which is negative in the thermal history before the
@@ -579,7 +580,8 @@ Fields<DatumDescription> time_fields() {
   Key hours = make_key("time_h", Key::Kind::Number, "the same in hours");
   return Fields<DatumDescription>()
       .number("time_s", &DatumDescription::time_s, any_number,
-              "when it was found, negative before the program; with heat, drift counts from there")
+              "time at which the datum was found, negative before the program; with heat, drift is "
+              "counted from there")
       .custom_field(
           {hours},
           [](TableReader& reader, DatumDescription& datum) {
@@ -587,7 +589,7 @@ Fields<DatumDescription> time_fields() {
             if (!reader.has("time_h")) return;
             // The keys state the same time in different units.
             if (reader.has("time_s"))
-              reader.report_invalid("time_h", "one of time_s and time_h", "both");
+              reader.report_invalid("time_h", "either time_s or time_h", "both");
             datum.time_s = time_s.value_or(1.0);
           },
           [](const DatumDescription&, Node::Table&) {});
@@ -598,13 +600,12 @@ Fields<DatumDescription> datum_kind_fields(DatumDescription::Kind kind) {
   // Only the keys of this kind are read; those of another are reported as unknown.
   if (kind == DatumDescription::Kind::Ideal)
     fields.vector("point_mm", &DatumDescription::point_w,
-                  "where the tip is set exactly, in the workpiece frame");
+                  "point at which the tip is set exactly, in the workpiece frame");
   if (kind != DatumDescription::Kind::None) fields.include_fields(whole_struct, time_fields());
   if (kind == DatumDescription::Kind::TouchOff)
-    fields.tables(
-        required_key("touch"), &DatumDescription::touches, touch_fields(),
-        "touches of the probe, each of the part, its blank, a fixture or the table within "
-        "`search.band_mm`, at most 40 degrees from straight against its face");
+    fields.tables(required_key("touch"), &DatumDescription::touches, touch_fields(),
+                  "touches of the probe, each on the part, its blank, a fixture or the table "
+                  "within `search.band_mm`, at most 40 degrees from the normal of the face");
   return fields;
 }
 
@@ -629,10 +630,10 @@ const Fields<DatumDescription>& datum_fields() {
   static const Fields<DatumDescription> fields = [] {
     Key kind = make_key(required_key("kind"), Key::Kind::Text, "how the control finds the part");
     const std::vector<std::pair<DatumDescription::Kind, EnumChoice>> kinds{
-        {DatumDescription::Kind::None, {"none", "not at all: where it should be", {}}},
+        {DatumDescription::Kind::None, {"none", "not at all; its nominal position is assumed", {}}},
         {DatumDescription::Kind::Ideal, {"ideal", "the tip is set exactly at one point", {}}},
         {DatumDescription::Kind::TouchOff,
-         {"touch_off", "by a probe with the machine's errors", {}}}};
+         {"touch_off", "with a probe, subject to the machine's errors", {}}}};
     for (auto [datum_kind, word] : kinds) {
       word.keys = datum_kind_fields(datum_kind).keys();
       kind.choices.push_back(std::move(word));

@@ -53,15 +53,16 @@ constexpr auto mesh_shape = [](auto& part) -> auto& { return std::get<MeshFile>(
 Fields<RevolvedProfile::Piece> profile_segment_fields() {
   using Piece = RevolvedProfile::Piece;
   return Fields<Piece>()
-      .numbers(required_key("to_mm"), &Piece::to, 2, "its end, [r, z]")
+      .numbers(required_key("to_mm"), &Piece::to, 2, "end of the segment, [r, z]")
       .number("arc_radius_mm", &Piece::arc_radius, any_number,
-              "0: a line; above: an arc that is convex, below: one that is concave");
+              "0: straight line; > 0: convex arc; < 0: concave arc");
 }
 
 Fields<RevolvedProfile> revolved_profile_fields() {
-  const Key start_key = make_numbers_key(required_key("start_mm"), 2, "[r, z] nearest to the axis");
+  const Key start_key = make_numbers_key(required_key("start_mm"), 2,
+                                         "start of the profile nearest to the axis, [r, z]");
   const Key profile_key =
-      make_key(required_key("profile"), Key::Kind::Tables, "lines and arcs from there outwards",
+      make_key(required_key("profile"), Key::Kind::Tables, "lines and arcs from the start outwards",
                profile_segment_fields().keys());
   return Fields<RevolvedProfile>().custom_field(
       {start_key, profile_key},
@@ -87,90 +88,93 @@ Fields<RevolvedProfile> revolved_profile_fields() {
 Fields<RectanglePlane> rectangle_fields() {
   return Fields<RectanglePlane>()
       .number(required_key("length_x_mm"), &RectanglePlane::length_x, part_size,
-              "from edge to edge")
+              "length from edge to edge")
       .number(required_key("length_y_mm"), &RectanglePlane::length_y, part_size,
-              "from edge to edge");
+              "length from edge to edge");
 }
 
 Fields<Disc> disc_fields() {
   return Fields<Disc>()
-      .number(required_key("radius_mm"), &Disc::radius, part_size, "of the rim")
-      .number("inner_radius_mm", &Disc::inner_radius, non_negative, "of the hole of a ring");
+      .number(required_key("radius_mm"), &Disc::radius, part_size, "radius of the rim")
+      .number("inner_radius_mm", &Disc::inner_radius, non_negative, "radius of the hole of a ring");
 }
 
 Fields<Cylinder> cylinder_surface_fields() {
   return Fields<Cylinder>()
-      .number(required_key("radius_mm"), &Cylinder::radius, part_size, "of the wall")
-      .number(required_key("height_mm"), &Cylinder::height, part_size, "from z = 0 upwards");
+      .number(required_key("radius_mm"), &Cylinder::radius, part_size, "radius of the wall")
+      .number(required_key("height_mm"), &Cylinder::height, part_size, "height above z = 0");
 }
 
 Fields<Cone> cone_fields() {
   return Fields<Cone>()
-      .number(required_key("base_radius_mm"), &Cone::base_radius, part_size, "at z = 0")
-      .number(required_key("height_mm"), &Cone::height, part_size, "from z = 0 upwards")
+      .number(required_key("base_radius_mm"), &Cone::base_radius, part_size, "radius at z = 0")
+      .number(required_key("height_mm"), &Cone::height, part_size, "height above z = 0")
       .number(required_key("half_apex_deg"), &Cone::half_apex_angle, half_apex_range,
-              "between the axis and the wall");
+              "angle between the axis and the wall");
 }
 
 Fields<SphereCap> sphere_cap_fields() {
   return Fields<SphereCap>()
-      .number(required_key("radius_mm"), &SphereCap::radius, part_size, "of the sphere")
+      .number(required_key("radius_mm"), &SphereCap::radius, part_size, "radius of the sphere")
       .number(required_key("rim_radius_mm"), &SphereCap::rim_radius, part_size,
-              "from the axis, at most that of the sphere");
+              "distance of the rim from the axis, at most the radius of the sphere");
 }
 
 Fields<Torus> torus_fields() {
   return Fields<Torus>()
       .number(required_key("radius_mm"), &Torus::radius, part_size,
-              "of the centre line of the tube")
+              "radius of the centre line of the tube")
       .number(required_key("tube_radius_mm"), &Torus::tube_radius, part_size,
-              "at most that of the centre line");
+              "radius of the tube, at most that of the centre line");
 }
 
 Fields<PartDescription> primitive_fields() {
   return Fields<PartDescription>()
       .variant(
           required_key("surface").in_exclusive_group("shape"), primitive_shape,
-          {alternative<Primitive>("rectangle", rectangle_fields(), "z = 0 about the origin"),
+          {alternative<Primitive>("rectangle", rectangle_fields(),
+                                  "at z = 0, centred on the origin"),
            alternative<Primitive>("disc", disc_fields(), "a disc or ring at z = 0"),
            alternative<Primitive>("cylinder", cylinder_surface_fields(), "the outer wall about z"),
            alternative<Primitive>("cone", cone_fields(),
-                                  "the outer wall of a frustum, narrower upwards"),
-           alternative<Primitive>("sphere_cap", sphere_cap_fields(), "a dome, its top at z = 0"),
+                                  "the outer wall of a frustum that narrows upwards"),
+           alternative<Primitive>("sphere_cap", sphere_cap_fields(),
+                                  "a dome with its top at z = 0"),
            alternative<Primitive>("torus", torus_fields(), "the half above z = 0"),
            alternative<Primitive>("revolved", revolved_profile_fields(),
-                                  "a profile turned about z")},
-          "an exact surface, unless there is a `file`")
+                                  "a profile revolved about z")},
+          "an exact surface, if there is no `file`")
       .whole("vertices", &PartDescription::vertices, 100, 50'000'000,
-             "wanted on a `surface`; a mesh has its own");
+             "number of vertices on a `surface`; a mesh has its own");
 }
 
 Fields<PartDescription> mesh_fields() {
   return Fields<PartDescription>().include_fields(
       mesh_shape, mesh_file_fields(required_key("file").in_exclusive_group("shape"))
-                      .boolean("open", &MeshFile::open, "of a mesh: a rim is meant"));
+                      .boolean("open", &MeshFile::open, "true: the mesh is meant to have a rim"));
 }
 
 Fields<PartSampling> part_sampling_fields() {
   using Kind = PartSampling::Kind;
   return Fields<PartSampling>()
-      .word(KeyName("sampling").with_fallback("adaptive; with `vertices` these"),
+      .word(KeyName("sampling").with_fallback("adaptive; vertices if `vertices` is given"),
             &PartSampling::kind,
             {{"adaptive", Kind::Adaptive,
-              "vertices are added where the residual is not linear between them, on crests between "
-              "passes"},
+              "vertices are added where the residual is not linear between them, as on crests "
+              "between passes"},
              {"spacing", Kind::Spacing, "no judged edge is longer than `spacing_mm`"},
-             {"vertices", Kind::Vertices, "those of the mesh, or `vertices`"}},
-            "where on the part `run` and `compare` look at the residual; studies take the vertices")
+             {"vertices", Kind::Vertices, "the vertices of the mesh, or as many as `vertices`"}},
+            "where on the part `run` and `compare` evaluate the residual; studies use the vertices")
       .number(KeyName("resolution_um").with_fallback("10 % of the error-free PV, at least 0.05"),
               &PartSampling::resolution, positive,
-              "how far linear interpolation between vertices may be off: adaptive sampling sees to "
-              "it, and any is warned of that misses it")
-      .number("spacing_mm", &PartSampling::spacing, positive, "of sampling by spacing")
+              "largest error of linear interpolation between vertices: adaptive sampling achieves "
+              "it, and a warning is given if another sampling does not")
+      .number("spacing_mm", &PartSampling::spacing, positive,
+              "longest edge with `sampling = \"spacing\"`")
       .number("finest_mm", &PartSampling::min_edge_length, {1e-6, 1e3, false, false},
-              "of adaptive sampling: no edge is made shorter")
+              "shortest edge that adaptive sampling makes")
       .whole("points", &PartSampling::points, 100, 50'000'000,
-             "that sampling may come to; what it does not suffice for is warned of");
+             "largest number of points of the sampling; a warning is given if they do not suffice");
 }
 
 bool is_mesh(const PartDescription& part) { return std::holds_alternative<MeshFile>(part.shape); }
@@ -186,10 +190,10 @@ Fields<PartDescription> judged_fields() {
   return Fields<PartDescription>()
       .number(KeyName("judged_radius_max_mm").with_fallback("all"),
               &PartDescription::judged_radius_max, positive,
-              "from the part's z axis; vertices beyond are not judged")
+              "largest distance from the part's z axis; vertices beyond it are not judged")
       .number(KeyName("judged_radius_min_mm").with_fallback("all"),
               &PartDescription::judged_radius_min, non_negative,
-              "from the part's z axis; vertices nearer are not judged")
+              "smallest distance from the part's z axis; vertices within it are not judged")
       .check([](TableReader& reader, PartDescription& part) {
         // Otherwise the judged ring would contain no vertex.
         if (part.judged_radius_min && part.judged_radius_max &&
@@ -200,44 +204,46 @@ Fields<PartDescription> judged_fields() {
       })
       .word("judged", &PartDescription::judged,
             {{"cut", PartDescription::JudgedArea::Cut,
-              "what the program means to cut: the error-free tool comes within the search band "
-              "there, its round corner fits into the design, and the sweep does not run out beside "
-              "what is not cut"},
+              "the area that the program is meant to cut: the error-free tool comes within the "
+              "search band there, its corner radius fits the design, and the sweep does not lead "
+              "out next to an uncut area"},
              {"all", PartDescription::JudgedArea::All, "the whole surface"},
              {"regions", PartDescription::JudgedArea::Regions,
-              "what lies in a `[[part.region]]`, cut or not"}},
-            "which vertices have a verdict, of those that the keys below leave")
+              "everything in a `[[part.region]]`, cut or not"}},
+            "vertices that are judged, among those that the keys below admit")
       .only_if(
           is_mesh,
           Fields<PartDescription>()
               .word("facets", &PartDescription::flat_facets,
                     {{"smooth", false,
-                      "the surface between vertices is the smooth one that vertices and their "
-                      "normals show, up to sharp edges"},
+                      "the surface between vertices is the smooth surface that vertices and "
+                      "normals imply, up to sharp edges"},
                      {"flat", true, "the facets themselves are the surface"}},
-                    "of a mesh: what is judged between its vertices")
+                    "of a mesh: surface that is judged between the vertices")
               .number("recognise_um", &PartDescription::recognition_tolerance, non_negative,
-                      "of a mesh: a face whose vertices lie this near a plane, sphere, cylinder, "
-                      "cone or torus is that surface, so that its facets do not show; 0: never")
+                      "of a mesh: a face whose vertices lie within this distance of a plane, "
+                      "sphere, cylinder, cone or torus is replaced by that surface, so that its "
+                      "facets do not appear; 0: never")
               .number("edge_angle_deg", &PartDescription::edge_angle, {1.0, 179.0, false, false},
-                      "of a mesh: triangles that meet at a sharper angle are faces of "
-                      "their own, each judged along its own normal")
-              .number(KeyName("edge_margin_mm").with_fallback("a twentieth of the tool's radius"),
+                      "of a mesh: triangles that meet at a sharper angle belong to separate faces, "
+                      "each judged along its own normal")
+              .number(KeyName("edge_margin_mm").with_fallback("1/20 of the tool radius"),
                       &PartDescription::edge_margin, non_negative,
-                      "of a mesh: from sharp edges; vertices nearer are not judged")
+                      "of a mesh: distance from sharp edges; vertices nearer are not judged")
               .number(KeyName("judged_normal_z").with_fallback("all"),
                       &PartDescription::judged_normal_z, {-1.0, 1.0, false, false},
-                      "of a mesh: least z of the normal of a vertex that is judged")
+                      "of a mesh: smallest z of the normal of a judged vertex")
               .number(KeyName("judged_margin_mm").with_fallback("all"),
                       &PartDescription::judged_margin, non_negative,
-                      "of a mesh: from the rim; vertices nearer are not judged"));
+                      "of a mesh: distance from the rim; vertices nearer are not judged"));
 }
 
 Fields<Ring> ring_fields() {
   return Fields<Ring>()
-      .text(required_key("name"), &Ring::name, "that no other ring has")
-      .number(required_key("along_mm"), &Ring::along, any_number, "its middle, z of the part")
-      .number(required_key("width_mm"), &Ring::width, positive, "along z");
+      .text(required_key("name"), &Ring::name, "name of the ring; must be unique")
+      .number(required_key("along_mm"), &Ring::along, any_number,
+              "z of its middle, in the part frame")
+      .number(required_key("width_mm"), &Ring::width, positive, "width along z");
 }
 
 void read_rings(TableReader& reader, PartDescription& part) {
@@ -269,7 +275,7 @@ std::optional<Tolerance> read_tolerance(TableReader& reader) {
   if (limits.size() == 2 && limits[0] < limits[1]) return Tolerance{limits[0], limits[1]};
   if (limits.size() == 2)
     reader.report_invalid(
-        tolerance_key, "[lower, upper], the lower limit first",
+        tolerance_key, "[lower, upper] with the lower limit first",
         fmt::format("[{:.6g}, {:.6g}]", in_unit(limits[0], unit_factor(tolerance_key)),
                     in_unit(limits[1], unit_factor(tolerance_key))));
   return std::nullopt;
@@ -299,16 +305,16 @@ void read_colour(TableReader& reader, PartRegion& region) {
   if (text.empty()) return;
   region.colour = cutting::parse_hex_colour(text);
   if (!region.colour)
-    reader.report_invalid("colour", "\"#rrggbb\", as \"#ff8000\"", "\"" + text + "\"");
+    reader.report_invalid("colour", "\"#rrggbb\", such as \"#ff8000\"", "\"" + text + "\"");
 }
 
 Fields<PartRegion> region_fields() {
   using Region = PartRegion;
   return Fields<Region>()
-      .text(required_key("name"), &Region::name, "of the region, for people")
+      .text(required_key("name"), &Region::name, "name of the region")
       .custom_field(
           {make_tolerance_key(KeyName(tolerance_key).with_fallback("that of the part"),
-                              "as `part.tolerance_um`, above 0")},
+                              "tolerance, as in `part.tolerance_um`, above 0")},
           [](TableReader& reader, Region& region) {
             const std::size_t error_count = reader.input_errors().list().size();
             region.tolerance = read_tolerance(reader);
@@ -321,23 +327,24 @@ Fields<PartRegion> region_fields() {
           [](const Region& region, Node::Table& table) {
             if (region.tolerance) put_tolerance(region.tolerance, table);
           })
-      .boolean("judged", &Region::judged, "whether what lies in it has a verdict")
-      .numbers("z_mm", &Region::z, 2, "`[from, to]`, z of the part")
-      .numbers("radius_mm", &Region::radius, 2, "`[from, to]`, from the part's z axis")
-      .numbers("box_mm", &Region::box, 6, "least x, y, z, then greatest, of the part")
+      .boolean("judged", &Region::judged, "true: vertices in the region have a verdict")
+      .numbers("z_mm", &Region::z, 2, "`[from, to]` of z in the part frame")
+      .numbers("radius_mm", &Region::radius, 2,
+               "`[from, to]` of the distance from the part's z axis")
+      .numbers("box_mm", &Region::box, 6, "smallest x, y, z, then largest, in the part frame")
       .text(
           "group", &Region::group,
-          "of a mesh: faces that its file calls so: by `g`, `o` or `usemtl` (OBJ), `solid` (ascii "
-          "STL), or by name and value of a whole number that faces have (PLY), as \"label 3\"")
-      .custom_field(
-          {make_key("colour", Key::Kind::Text,
-                    "of a mesh: \"#rrggbb\", faces of this colour: PLY, OFF, binary STL (5 bits: "
-                    "those to which the 8 are cut or rounded), OBJ (Kd of its .mtl); fractions "
-                    "count within 1 / 255")},
-          read_colour,
-          [](const Region& region, Node::Table& table) {
-            if (region.colour) put_value(table, "colour", cutting::hex_text(*region.colour));
-          })
+          "of a mesh: faces with this name in the file: `g`, `o` or `usemtl` (OBJ), `solid` (ASCII "
+          "STL), or name and value of an integer property of the faces (PLY), such as \"label 3\"")
+      .custom_field({make_key("colour", Key::Kind::Text,
+                              "of a mesh: \"#rrggbb\", faces of this colour: PLY, OFF, binary STL "
+                              "(5 bits, to which the 8 bits are truncated or rounded), OBJ (Kd of "
+                              "its .mtl); fractions match within 1 / 255")},
+                    read_colour,
+                    [](const Region& region, Node::Table& table) {
+                      if (region.colour)
+                        put_value(table, "colour", cutting::hex_text(*region.colour));
+                    })
       .check([](TableReader& reader, Region& region) {
         const auto check_order = [&](const char* key,
                                      const std::optional<Eigen::VectorXd>& limits) {
@@ -345,7 +352,8 @@ Fields<PartRegion> region_fields() {
           const Eigen::Index half_size = limits ? limits->size() / 2 : 0;
           if (half_size > 0 &&
               !(limits->head(half_size).array() <= limits->tail(half_size).array()).all())
-            reader.report_invalid(key, "the least first", "not less");
+            reader.report_invalid(key, "the lower limits first",
+                                  "a lower limit above its upper limit");
         };
         check_order("z_mm", region.z);
         check_order("radius_mm", region.radius);
@@ -372,27 +380,25 @@ Fields<PartDescription> tolerance_fields() {
       .custom_field(
           {make_tolerance_key(
               KeyName(tolerance_key).with_fallback("none"),
-              "how far the residual may lie to either side of the design, or "
-              "`[lower, upper]`: + is material left; with it a case has a "
-              "verdict, PASS or FAIL (which `limits.tolerance` makes an exit code), and a "
-              "map of bands, `tolerance.png`; 0: none")},
+              "largest residual to either side of the design, or `[lower, upper]`, where + is "
+              "material left; with it a case has a verdict, PASS or FAIL (which `limits.tolerance` "
+              "makes an exit code), and a map of tolerance bands, `tolerance.png`; 0: none")},
           [](TableReader& reader, PartDescription& part) {
             part.tolerance = read_tolerance(reader);
           },
           [](const PartDescription& part, Node::Table& table) {
             put_tolerance(part.tolerance, table);
           })
-      .tables(
-          "region", &PartDescription::regions, region_fields(),
-          "where another tolerance holds, or what is judged: what all of its keys hold; of regions "
-          "that overlap the last",
-          read_regions);
+      .tables("region", &PartDescription::regions, region_fields(),
+              "region with its own tolerance or verdict: the points that meet all of its keys; "
+              "where regions overlap, the last one applies",
+              read_regions);
 }
 
 const Fields<PartDescription>& part_fields() {
   static const Fields<PartDescription> fields =
       Fields<PartDescription>()
-          .text("name", &PartDescription::name, "of the part")
+          .text("name", &PartDescription::name, "name of the part")
           .check(select_shape)
           .only_if(is_mesh, mesh_fields())
           .only_if(std::not_fn(is_mesh), primitive_fields())
@@ -404,19 +410,18 @@ const Fields<PartDescription>& part_fields() {
               part.sampling.kind = PartSampling::Kind::Vertices;
           })
           .include_fields(whole_struct, judged_fields())
-          .number("form_cutoff_mm", &PartDescription::form_cutoff, part_size,
-                  "of the areal Gaussian filter (ISO 16610-61) that parts form from texture")
+          .number(
+              "form_cutoff_mm", &PartDescription::form_cutoff, part_size,
+              "cutoff of the areal Gaussian filter (ISO 16610-61) that separates form from texture")
           .include_fields(whole_struct, tolerance_fields())
-          .custom_field(
-              {make_key(
-                  "ring", Key::Kind::Tables,
-                  "where the radius of a part of revolution is reported: `radii_um` in "
-                  "`summary.json` is the mean radius about z of what was cut there, null where "
-                  "nothing was",
-                  ring_fields().keys())},
-              read_rings, [](const PartDescription& part, Node::Table& table) {
-                put_tables(table, "ring", part.rings, ring_fields());
-              });
+          .custom_field({make_key("ring", Key::Kind::Tables,
+                                  "ring in which the radius of a part of revolution is reported: "
+                                  "`radii_um` in `summary.json` is the mean radius about z of what "
+                                  "was cut there, null if nothing was",
+                                  ring_fields().keys())},
+                        read_rings, [](const PartDescription& part, Node::Table& table) {
+                          put_tables(table, "ring", part.rings, ring_fields());
+                        });
   return fields;
 }
 
@@ -427,7 +432,7 @@ void check_primitive(TableReader& reader, const Primitive& primitive) {
   try {
     cutting::profile(primitive);
   } catch (const std::invalid_argument& error) {
-    reader.report_invalid("surface", "a surface that can be, of the keys of part", error.what());
+    reader.report_invalid("surface", "a valid surface from the keys of part", error.what());
   }
 }
 

@@ -37,51 +37,56 @@ constexpr Range tool_tilt_deg{-89.0, 89.0, false, false};
 
 Fields<NcFormat> format_fields() {
   return Fields<NcFormat>()
-      .whole("decimals_mm", &NcFormat::decimals_mm, 0, 15, "digits of lengths in NC")
-      .whole("decimals_deg", &NcFormat::decimals_deg, 0, 15, "digits of angles in NC");
+      .whole("decimals_mm", &NcFormat::decimals_mm, 0, 15, "decimals of lengths in NC")
+      .whole("decimals_deg", &NcFormat::decimals_deg, 0, 15, "decimals of angles in NC");
 }
 
 Fields<Raster> raster_fields() {
   return Fields<Raster>()
-      .number("step_over_mm", &Raster::step_over, positive, "between passes, along the design")
-      .number("step_mm", &Raster::step, positive, "between points of a pass, along the design")
-      .number("lead_deg", &Raster::lead, tool_tilt_deg, "of the tool's axis, forward")
-      .number("tilt_deg", &Raster::tilt, tool_tilt_deg, "of the tool's axis, about the feed")
-      .number("feed_mm_per_min", &Raster::feed, positive, "of the tip")
-      .number_as_written("speed_rpm", &Raster::speed_rpm, spindle_rpm, "of the spindle")
-      .number("clearance_mm", &Raster::clearance, positive, "of the retract between passes")
+      .number("step_over_mm", &Raster::step_over, positive,
+              "distance between passes, along the design")
+      .number("step_mm", &Raster::step, positive,
+              "distance between points of a pass, along the design")
+      .number("lead_deg", &Raster::lead, tool_tilt_deg, "lead angle of the tool axis, forward")
+      .number("tilt_deg", &Raster::tilt, tool_tilt_deg,
+              "tilt angle of the tool axis, about the feed")
+      .number("feed_mm_per_min", &Raster::feed, positive, "feed of the tip")
+      .number_as_written("speed_rpm", &Raster::speed_rpm, spindle_rpm, "spindle speed")
+      .number("clearance_mm", &Raster::clearance, positive,
+              "clearance of the retract between passes")
       .word("pattern", &Raster::zigzag,
             {{"zigzag", true, "to and fro"}, {"one_way", false, "all passes in one direction"}},
-            "of the passes")
+            "pattern of the passes")
       .number("overrun_mm", &Raster::overrun, non_negative,
-              "by which passes run beyond a declared surface")
+              "distance by which passes extend beyond a declared surface")
       .include_fields(&Raster::format, format_fields());
 }
 
 Fields<Flank> flank_fields() {
   return Fields<Flank>()
-      .number("step_mm", &Flank::step, positive, "between points, along the base")
-      .number("feed_mm_per_min", &Flank::feed, positive, "of the tip")
-      .number_as_written("speed_rpm", &Flank::speed_rpm, spindle_rpm, "of the spindle")
-      .number("clearance_mm", &Flank::clearance, non_negative, "of approach and retract")
+      .number("step_mm", &Flank::step, positive, "distance between points, along the base")
+      .number("feed_mm_per_min", &Flank::feed, positive, "feed of the tip")
+      .number_as_written("speed_rpm", &Flank::speed_rpm, spindle_rpm, "spindle speed")
+      .number("clearance_mm", &Flank::clearance, non_negative, "clearance of approach and retract")
       .number("tip_below_mm", &Flank::tip_below, non_negative,
-              "by which the tip reaches below the base")
+              "distance by which the tip reaches below the base")
       .include_fields(&Flank::format, format_fields());
 }
 
 Fields<Spiral> spiral_fields() {
   return Fields<Spiral>()
-      .number(required_key("speed_rpm"), &Spiral::spindle_speed, spindle_rpm, "of the spindle")
+      .number(required_key("speed_rpm"), &Spiral::spindle_speed, spindle_rpm, "spindle speed")
       .number(required_key("feed_um_per_rev"), &Spiral::feed_per_revolution, positive,
-              "inwards, per turn")
+              "inward feed per revolution")
       // By default the cut starts one feed beyond the rim.
       .derive([](Spiral& spiral) { spiral.start_beyond_rim = spiral.feed_per_revolution; })
-      .number(KeyName("start_beyond_rim_mm").with_fallback("one feed"), &Spiral::start_beyond_rim,
-              non_negative, "where the cut begins")
+      .number(KeyName("start_beyond_rim_mm").with_fallback("the feed per revolution"),
+              &Spiral::start_beyond_rim, non_negative,
+              "distance beyond the rim at which the cut begins")
       .number("end_radius_mm", &Spiral::end_radius, non_negative,
-              "where it ends; 0: with one turn on the axis")
-      .number("interval_s", &Spiral::interval, positive, "between rows of PVT")
-      .word("format", &Spiral::write_nc, {{"pvt", false}, {"nc", true}}, "of the program")
+              "radius at which the cut ends; 0: with one revolution on the axis")
+      .number("interval_s", &Spiral::interval, positive, "interval between rows of PVT")
+      .word("format", &Spiral::write_nc, {{"pvt", false}, {"nc", true}}, "format of the program")
       .include_fields(&Spiral::format, format_fields());
 }
 
@@ -107,13 +112,13 @@ void check_file(TableReader& reader, File& program) {
       program.dialect != Dialect::Cl && (extension == ".csv" || extension == ".pvt");
   // A PVT table lists axis positions, so it has no tool vectors to which a pole rule would apply.
   if (is_pvt && program.pole.rule != PoleRule::AsProgrammed)
-    reader.report_invalid("pole", "no pole beside a table of times, which has no vectors", "one");
+    reader.report_invalid("pole", "no pole with a table of times, which has no vectors", "one");
   if (is_pvt && !program.startup_code.empty())
-    reader.report_invalid("startup_code", "none beside a table of times", program.startup_code);
+    reader.report_invalid("startup_code", "none with a table of times", program.startup_code);
   if (program.interpreter != Interpreter::LinuxCnc) return;
   // The interpreter of LinuxCNC reads no other dialect.
   if (is_pvt || (program.dialect != Dialect::Auto && program.dialect != Dialect::LinuxCnc))
-    reader.report_invalid("interpreter", "\"abbe\" beside a program that is not one of LinuxCNC",
+    reader.report_invalid("interpreter", "\"abbe\" with a program that is not LinuxCNC",
                           "\"linuxcnc\"");
 }
 
@@ -129,54 +134,52 @@ Fields<PoleOptions> pole_fields() {
   constexpr Range near_range{0.0, 45.0, true, false}, change_range{0.0, 90.0};
   return Fields<PoleOptions>()
       .word("pole", &PoleOptions::rule,
-            {{"as_programmed", PoleRule::AsProgrammed, "what the dialect does by itself"},
+            {{"as_programmed", PoleRule::AsProgrammed, "the behaviour of the dialect"},
              {"linuxcnc", PoleRule::LinuxCnc,
-              "rotary axes go as they are written, in a program of LinuxCNC"},
+              "rotary axes move as programmed, in a LinuxCNC program"},
              {"fanuc", PoleRule::Fanuc,
               "tool posture control, for G43.5 and cutter locations: a block that would pass close "
               "by a pole is led through it"},
              {"siemens", PoleRule::Siemens,
               "vectors on great circles, for Siemens and cutter locations"}},
-            "the control's rule for vectors of the tool and near a pole")
-      .only_if(
-          [](const PoleOptions& pole) { return pole.rule == PoleRule::Fanuc; },
-          Fields<PoleOptions>()
-              .number(required_key("pole_near_deg"), &PoleOptions::near, near_range,
-                      "parameter 19738: nearer to a pole than this is close; must be given with "
-                      "pole = \"fanuc\"")
-              .number(required_key("pole_change_deg"), &PoleOptions::max_rotation_about_pole,
-                      change_range,
-                      "parameter 19739: by which the end of a block may be turned about the "
-                      "pole; must be given with pole = \"fanuc\""));
+            "the control's rule for tool vectors and near a pole")
+      .only_if([](const PoleOptions& pole) { return pole.rule == PoleRule::Fanuc; },
+               Fields<PoleOptions>()
+                   .number(required_key("pole_near_deg"), &PoleOptions::near, near_range,
+                           "parameter 19738: a position nearer to a pole than this is close to it; "
+                           "required with pole = \"fanuc\"")
+                   .number(required_key("pole_change_deg"), &PoleOptions::max_rotation_about_pole,
+                           change_range,
+                           "parameter 19739: angle by which the end of a block may be turned about "
+                           "the pole; required with pole = \"fanuc\""));
 }
 
 Fields<TurningOptions> turning_fields() {
   return Fields<TurningOptions>()
       .word("control", &TurningOptions::control,
             {{"of_machine", ControlKind::FromMachine,
-              "of a turning machine where a spindle S turns the workpiece, else of a milling "
-              "machine"},
-             {"milling", ControlKind::Milling, "of a milling machine"},
-             {"turning", ControlKind::Turning, "of a turning machine; Fanuc: G-code system A"}},
-            "what the control is made for")
+              "a turning machine if a spindle S turns the workpiece, else a milling machine"},
+             {"milling", ControlKind::Milling, "a milling machine"},
+             {"turning", ControlKind::Turning, "a turning machine; Fanuc: G-code system A"}},
+            "type of machine that the control is made for")
       .word("x_words", &TurningOptions::x_words,
             {{"of_control", XWordMeaning::FromControl,
-              "diameters on turning controls of Fanuc and Siemens whose X is across the spindle "
-              "line, else radii"},
+              "diameters on Fanuc and Siemens turning controls if X is perpendicular to the "
+              "spindle line, else radii"},
              {"diameters", XWordMeaning::Diameters, "diameters"},
              {"radii", XWordMeaning::Radii, "radii"}},
-            "what X counts until the program says otherwise (G7, DIAMON)")
+            "what X means until the program changes it (G7, DIAMON)")
       .whole("tip", &TurningOptions::tip, 0, 9,
-             "which point of a round nose X and Z lead without G41 and G42, as Fanuc and Siemens "
-             "number them: 3 at X- Z- of its centre, 2 at X+ Z-; 0: its centre");
+             "point of a round nose that X and Z guide without G41 and G42, as numbered by Fanuc "
+             "and Siemens: 3 at X- Z- of its centre, 2 at X+ Z-; 0: its centre");
 }
 
 Fields<InterpreterLimits> interpreter_fields() {
   return Fields<InterpreterLimits>()
       .number("interpreter_limit_s", &InterpreterLimits::seconds, positive,
-              "after which LinuxCNC's own interpreter is ended")
+              "time after which LinuxCNC's own interpreter is stopped")
       .number("interpreter_limit_MB", &InterpreterLimits::megabytes, positive,
-              "of its commands, about 120 bytes a move");
+              "limit of its output of commands, about 120 bytes per move");
 }
 
 void read_control_table(TableReader& reader, ControlTableFile& table,
@@ -197,15 +200,15 @@ Fields<ControlTableFile> table_fields(dialects::ControlTableKind kind) {
   return Fields<ControlTableFile>()
       .text(required_key("file"), &ControlTableFile::file,
             is_tool_table
-                ? "a tool table: LinuxCNC .tbl, a listing of Fanuc's G10 L10 to L13, Siemens TOA, "
+                ? "tool table: LinuxCNC .tbl, a listing of Fanuc's G10 L10 to L13, Siemens TOA, "
                   "Heidenhain .t"
                 : "work offsets: LinuxCNC .var, a listing of Fanuc's G10 L2 and L20, Siemens "
                   "UFR, Heidenhain .pr")
       .word("unit", &ControlTableFile::unit,
-            {{"as_stated", std::nullopt, "the file says it"},
+            {{"as_stated", std::nullopt, "as stated in the file"},
              {"mm", 1.0, "millimetres"},
              {"inch", units::inch, "inches"}},
-            "of lengths in it; must be given where the file does not say it")
+            "unit of its lengths; required if the file does not state it")
       .check([kind](TableReader& reader, ControlTableFile& table) {
         read_control_table(reader, table, kind);
       });
@@ -214,18 +217,20 @@ Fields<ControlTableFile> table_fields(dialects::ControlTableKind kind) {
 void check_table_keys(TableReader& reader, ProgramDescription& program) {
   // A table replaces these keys as a whole; with both, it would be unclear which value applies.
   if (program.tools && reader.has("tool_length_mm"))
-    reader.report_invalid("tool_length_mm", "either it or tools, which has every length", "both");
+    reader.report_invalid("tool_length_mm",
+                          "either tool_length_mm or tools, which has every length", "both");
   if (program.offsets && reader.has("work_offset"))
-    reader.report_invalid("work_offset", "either it or offsets, which has all of them", "both");
+    reader.report_invalid("work_offset", "either work_offset or offsets, which has all of them",
+                          "both");
 }
 
 Fields<ProgramDescription> control_table_fields() {
   return Fields<ProgramDescription>()
       .table("tools", &ProgramDescription::tools, table_fields(dialects::ControlTableKind::Tools),
-             "what the control believes of its tools; what they are stands in [[tool]], by number")
+             "tool data believed by the control; the true tools are in [[tool]], by number")
       .table("offsets", &ProgramDescription::offsets,
              table_fields(dialects::ControlTableKind::Offsets),
-             "the work offsets of the control, instead of work_offset")
+             "work offsets of the control, in place of work_offset")
       .check(check_table_keys);
 }
 
@@ -234,33 +239,32 @@ Fields<ProgramDescription> file_fields() {
       [](auto& program) -> auto& { return std::get<File>(program.source); },
       Fields<File>()
           .text(required_key("file").in_exclusive_group("source"), &File::file,
-                "a program: .csv and .pvt position-velocity-time, others such as .ngc, .nc, .mpf, "
-                ".h, .apt machining programs")
+                "program file: .csv and .pvt are position-velocity-time, others such as .ngc, .nc, "
+                ".mpf, .h, .apt are machining programs")
           .word("dialect", &File::dialect,
-                {{"auto", Dialect::Auto, "by its signs"},
+                {{"auto", Dialect::Auto, "recognised by its content"},
                  {"linuxcnc", Dialect::LinuxCnc, "RS274/NGC"},
-                 {"fanuc", Dialect::Fanuc, "Fanuc and alike"},
+                 {"fanuc", Dialect::Fanuc, "Fanuc and similar"},
                  {"siemens", Dialect::Siemens, "840D"},
                  {"heidenhain", Dialect::Heidenhain, "Klartext"},
                  {"cl", Dialect::Cl, "cutter locations, APT or CSV"}},
-                "in which the program is written")
+                "dialect of the program")
           .word("on_unknown", &File::on_unknown,
-                {{"refuse", UnknownWordPolicy::Refuse, "all of them at once"},
+                {{"refuse", UnknownWordPolicy::Refuse, "all of them are reported at once"},
                  {"warn", UnknownWordPolicy::Warn, "they are skipped, and counted"}},
-                "words that the dialect has not")
-          .custom_field(
-              {make_key(KeyName("block_skip").with_fallback("on"), Key::Kind::Text,
-                        "the operator's switch for blocks behind a /: \"on\" leaves them out, "
-                        "\"off\" executes them, \"1 3\" leaves out those of these levels; / alone "
-                        "is level 1 of Fanuc, else 0")},
-              read_block_skip,
-              [](const File& program, Node::Table& table) {
-                put_value(table, "block_skip", program::to_text(program.block_skip));
-              })
+                "treatment of words that the dialect does not know")
+          .custom_field({make_key(KeyName("block_skip").with_fallback("on"), Key::Kind::Text,
+                                  "operator's block skip switch for blocks after a /: \"on\" skips "
+                                  "them, \"off\" executes them, \"1 3\" skips those of these "
+                                  "levels; / alone is level 1 of Fanuc, else 0")},
+                        read_block_skip,
+                        [](const File& program, Node::Table& table) {
+                          put_value(table, "block_skip", program::to_text(program.block_skip));
+                        })
           .custom_field(
               {make_key(KeyName("startup_code").with_fallback("none"), Key::Kind::Text,
-                        "a block of the dialect that is read before the first line, as a control "
-                        "begins with: \"G20 G91\", \"T1 M6\"")},
+                        "a block of the dialect that is read before the first line, as the initial "
+                        "state of a control: \"G20 G91\", \"T1 M6\"")},
               [](TableReader& reader, File& program) {
                 program.startup_code = reader.text("startup_code", "");
               },
@@ -268,21 +272,20 @@ Fields<ProgramDescription> file_fields() {
                 if (!program.startup_code.empty())
                   put_value(table, "startup_code", program.startup_code);
               })
-          .word(
-              "interpreter", &File::interpreter,
-              {{"abbe", Interpreter::Abbe, "abbe's own"},
-               {"linuxcnc", Interpreter::LinuxCnc,
-                "LinuxCNC's rs274 as a separate process, which `./abbe setup --linuxcnc` unpacks"}},
-              "what reads a program of LinuxCNC")
+          .word("interpreter", &File::interpreter,
+                {{"abbe", Interpreter::Abbe, "abbe's own interpreter"},
+                 {"linuxcnc", Interpreter::LinuxCnc,
+                  "LinuxCNC's rs274 as a separate process, unpacked by `./abbe setup --linuxcnc`"}},
+                "interpreter of a LinuxCNC program")
           .include_fields(&File::interpreter_limits, interpreter_fields())
           .whole("max_moves", &File::max_moves, 1, 2'000'000'000,
-                 "made by the program, those of loops and cycles each time; more is an input error")
+                 "largest number of moves of the program, with every repetition of loops and "
+                 "cycles counted; more is an input error")
           .include_fields(&File::pole, pole_fields())
           .include_fields(&File::turning, turning_fields())
-          .number(
-              "pole_warning_deg", &File::pole_warning, Range{0.0, 45.0},
-              "from a pole: a warning says how the axis that is free there turns where the tool "
-              "comes nearer; 0: none")
+          .number("pole_warning_deg", &File::pole_warning, Range{0.0, 45.0},
+                  "angle from a pole: where the tool comes nearer, a warning states how the axis "
+                  "that is free there turns; 0: none")
           .check(check_file));
 }
 
@@ -292,7 +295,7 @@ Fields<ProgramDescription> generator_fields() {
       {alternative<Source>("raster", raster_fields(), "parallel passes of a milling cutter"),
        alternative<Source>("flank", flank_fields(), "the flank of a cutter once around a cone"),
        alternative<Source>("spiral", spiral_fields(), "facing by a turning tool")},
-      "what writes the program, unless there is a `file`");
+      "generator of the program, if there is no `file`");
 }
 
 bool is_program_file(const ProgramDescription& program) {
@@ -307,10 +310,12 @@ void select_source(TableReader& reader, ProgramDescription& program) {
 }
 
 Key tool_length_key() {
-  Key length = make_key("<H>", Key::Kind::Number, "of the tool of this H number, 0 to 999");
+  Key length =
+      make_key("<H>", Key::Kind::Number, "length of the tool with this H number, 0 to 999");
   length.pattern = "[0-9]{1,3}";
   return make_key("tool_length_mm", Key::Kind::Table,
-                  "by H number, such as { 2 = 80.0 }; H1 is the tool in use", {length});
+                  "tool lengths by H number, such as { 2 = 80.0 }; H1 is the tool in use",
+                  {length});
 }
 
 void read_tool_lengths(TableReader& program, ProgramDescription& description) {
@@ -340,14 +345,15 @@ void put_tool_lengths(const ProgramDescription& program, Node::Table& table) {
 using Joints = std::vector<kinematics::Joint>;
 
 Key work_offset_key() {
-  Key offset =
-      make_key("G<54..59>", Key::Kind::Table,
-               "where the words of the program count from: with rotary axes a place in the "
-               "workpiece, else positions of the slides",
-               axis_position_fields({}).keys());
+  Key offset = make_key("G<54..59>", Key::Kind::Table,
+                        "origin of the words of the program: with rotary axes a position in the "
+                        "workpiece, else positions of the slides",
+                        axis_position_fields({}).keys());
   offset.pattern = "G5[4-9]";
-  return make_key("work_offset", Key::Kind::Table,
-                  "by the word that calls it, such as `G54 = { X_mm = 10, C_deg = 90 }`", {offset});
+  return make_key(
+      "work_offset", Key::Kind::Table,
+      "work offsets by the word that calls them, such as `G54 = { X_mm = 10, C_deg = 90 }`",
+      {offset});
 }
 
 std::string work_offset_name(std::size_t i) { return "G" + std::to_string(54 + i); }
@@ -418,7 +424,8 @@ void check_offset_axes(dialects::ControlTable& offsets, const Joints& joints,
   });
   if (!removed_names.empty())
     offsets.notes.push_back(
-        offsets.file + ": left out, being of axes that this machine has not: " + removed_names);
+        offsets.file +
+        ": left out, because they are for axes that this machine does not have: " + removed_names);
 }
 
 ProgramDescription read_program(const Node& table, const Joints& joints,

@@ -145,12 +145,14 @@ void check_several_tools(TableReader& reader, const Scene& scene) {
       reader.input_errors().add(node->place, expected,
                                 fmt::format("{} tools", 1 + scene.additional_tools.size()));
   };
-  report_if_present(reader.accept_key("cutting"), nullptr,
-                    "one tool beside [cutting], which follows the stock and the force of one");
+  report_if_present(
+      reader.accept_key("cutting"), nullptr,
+      "one tool with [cutting], which tracks the stock and the force of a single tool");
   report_if_present(reader.accept_key("program"), "generator",
-                    "one tool for a generator; several want a program file");
-  report_if_present(reader.accept_key("control"), "tool_length_mm",
-                    "one tool beside it; of several, actual.length_mm says what each is wrong by");
+                    "one tool for a generator; several tools need a program file");
+  report_if_present(
+      reader.accept_key("control"), "tool_length_mm",
+      "one tool with tool_length_mm; with several, actual.length_mm states the error of each");
 }
 
 // Checks that the tools can be used with a tool table, which has the lengths that the control
@@ -161,14 +163,13 @@ void check_tool_table(TableReader& reader, const Scene& scene) {
   if (!tools || !scene.program.tools) return;
   for (const ToolDescription& tool : all_tools(scene))
     if (!tool.number)
-      reader.input_errors().add(tools->place,
-                                "tool.number of every tool, by which a tool table has it",
-                                "a tool without");
+      reader.input_errors().add(tools->place, "tool.number of every tool, as in the tool table",
+                                "a tool without a number");
   const Node* control = reader.accept_key("control");
   const Node* length = control ? control->find("tool_length_mm") : nullptr;
   if (length)
-    reader.input_errors().add(length->place, "either it or program.tools, which has every length",
-                              "both");
+    reader.input_errors().add(
+        length->place, "either tool_length_mm or program.tools, which has every length", "both");
 }
 
 // Checks that a generator can make a program for the tool and the part.
@@ -233,7 +234,7 @@ void check_beliefs(const Scene& scene, const std::vector<CaseDescription>& cases
     require(Belief::Force, belief.force.has_value(), "[belief.force]");
     require(Belief::Part, belief.part.has_value(), "[belief.part]");
     require(Belief::Fused, belief.identified || belief.thermal || belief.force || belief.part,
-            "something in [belief]");
+            "an entry in [belief]");
     const bool uses_touch_probe =
         belief.part && std::any_of(scene.part_instruments.begin(), scene.part_instruments.end(),
                                    [&](const PartInstrumentDescription& instrument) {
@@ -246,8 +247,8 @@ void check_beliefs(const Scene& scene, const std::vector<CaseDescription>& cases
         (belief.identified || belief.thermal))
       reader.report_invalid(
           "compare",
-          "a part measured apart (cmm) for " + description.name +
-              ": a probe on the machine that nothing corrects would undo the rest",
+          "a part measured off the machine (cmm) for " + description.name +
+              ": a probe on the uncorrected machine would undo the other corrections",
           "a touch probe");
     const bool uses_force = belief.force && (description.belief == Belief::Force ||
                                              description.belief == Belief::Fused);
@@ -306,8 +307,8 @@ Scene read_scene(const std::filesystem::path& file, const std::vector<Override>&
   if (!as_written) throw BadScene(input_errors.list());
   // A file with the key `scene` is a study.
   if (as_written->find("scene") && !as_written->find("machine"))
-    throw BadScene({BadInput(file.string(), 0, 0, "a scene, which names its machine in `machine`",
-                             "a study, which abbe study takes")});
+    throw BadScene({BadInput(file.string(), 0, 0, "a scene with the key `machine`",
+                             "a study, which is run by abbe study")});
   Scene scene = scene_from_tree(*as_written, file, overrides, std::move(input_errors));
   NamedFiles named = collect_named_files(*scene.tree, file);
   scene.files = std::move(named.files);

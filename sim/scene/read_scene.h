@@ -26,7 +26,7 @@ struct NamedFiles {
 /// @param file  the scene file
 NamedFiles collect_named_files(const Node& tree, const std::filesystem::path& file);
 
-/// Returns the program that the name of a case denotes; none if the name is no plug-in file.
+/// Returns the program that the name of a case denotes; none if the name is not a plug-in file.
 std::optional<ProgramReference> named_program(const Node& text);
 
 /// Reads a scene. Unknown keys are input errors, and types, units and ranges are checked.

@@ -61,10 +61,9 @@ std::vector<std::string> tool_table_warnings(const Scene& scene) {
     const dialects::ControlTableTool* entry = find_table_entry(scene, tool);
     // The program may never call the tool, so this is a warning and not an input error.
     if (!entry) {
-      warnings.push_back(
-          fmt::format("the tool table of the control has no T{}: a program that "
-                      "calls it is refused",
-                      tool.number.value_or(0)));
+      warnings.push_back(fmt::format(
+          "the tool table of the control has no T{}; a program that calls it is rejected",
+          tool.number.value_or(0)));
       continue;
     }
     std::string differences;

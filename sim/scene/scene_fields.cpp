@@ -87,7 +87,7 @@ void add_list(Fields<Scene>& fields, Key key, Read read, Write write) {
 void add_errors(Fields<Scene>& fields) {
   Key key =
       allow_file(list_key("errors", errors_keys(),
-                          "geometric errors: a table, a file, or a list of them, which add up"));
+                          "geometric errors: a table, a file, or a list of these, which add up"));
   fields.custom_field(
       {key},
       [](TableReader& reader, Scene& scene) {
@@ -105,7 +105,7 @@ void add_errors(Fields<Scene>& fields) {
 
 void add_tools(Fields<Scene>& fields) {
   Key key = allow_file(list_key(required_key("tool"), tool_keys(),
-                                "cutter or turning tool: a table, a file, or a list of them, each "
+                                "cutter or turning tool: a table, a file, or a list of these, each "
                                 "with its `number`, for a program that changes tools"));
   fields.custom_field(
       {key},
@@ -131,7 +131,7 @@ void add_tools(Fields<Scene>& fields) {
 void add_machine_to_program(Fields<Scene>& fields) {
   add_section(
       fields,
-      table_key(required_key("machine"), machine_keys(), "axes, their order and where they are"),
+      table_key(required_key("machine"), machine_keys(), "axes, with their order and positions"),
       [](const Node& node, Scene& scene, InputErrors& input_errors) {
         scene.machine = read_machine(node, input_errors);
       },
@@ -141,13 +141,15 @@ void add_machine_to_program(Fields<Scene>& fields) {
   add_errors(fields);
   add_tools(fields);
   add_section(
-      fields, table_key(required_key("part"), part_keys(), "the design, where it is judged"),
+      fields, table_key(required_key("part"), part_keys(), "the design, and where it is judged"),
       [](const Node& node, Scene& scene, InputErrors& input_errors) {
         scene.part = read_part(node, input_errors);
       },
       [](const Scene& scene) { return std::optional<Node::Table>(part_to_table(scene.part)); });
   add_section(
-      fields, table_key(required_key("program"), program_keys(), "NC, PVT, or what writes it"),
+      fields,
+      table_key(required_key("program"), program_keys(),
+                "NC or PVT program, or the generator that writes it"),
       [](const Node& node, Scene& scene, InputErrors& input_errors) {
         scene.program = read_program(node, scene.machine.joints, input_errors);
       },
@@ -169,7 +171,7 @@ std::optional<ThermalDescription> read_heat(TableReader& reader, const Key& ther
     if (!node) {
       // A section that is present but invalid is reported already.
       if (!reader.has("thermal"))
-        reader.report_invalid(key, "a [thermal] section beside " + key, "none");
+        reader.report_invalid(key, "a [thermal] section with " + key, "none");
       continue;
     }
     std::erase_if(*merged_section->table(), [&](const Node::Entry& entry) {
@@ -184,11 +186,12 @@ std::optional<ThermalDescription> read_heat(TableReader& reader, const Key& ther
 }
 
 void add_thermal(Fields<Scene>& fields) {
-  const Key thermal = allow_file(table_key("thermal", thermal_keys(), "heat, and what it does"));
+  const Key thermal = allow_file(
+      table_key("thermal", thermal_keys(), "thermal behaviour of the machine and its effects"));
   std::vector<Key> keys{thermal};
   for (Key key : thermal.keys) {
     if (key.name != "history" && key.name != "room" && key.name != "room_C") continue;
-    key.sentence = "the day of this scene, in place of that of `thermal`: " + key.sentence;
+    key.sentence = "conditions of this scene, in place of those in `thermal`: " + key.sentence;
     // One of these keys is required in the section, but none at the top level.
     key.exclusive_group.clear();
     key.required = false;
@@ -207,7 +210,7 @@ void add_thermal(Fields<Scene>& fields) {
 
 void add_compliance_and_vibration(Fields<Scene>& fields) {
   add_section(
-      fields, table_key("compliance", compliance_keys(), "what gives way"),
+      fields, table_key("compliance", compliance_keys(), "compliance of machine, tool and part"),
       [](const Node& node, Scene& scene, InputErrors& input_errors) {
         scene.compliance = read_compliance(node, scene.machine, input_errors);
       },
@@ -231,7 +234,8 @@ void add_compliance_and_vibration(Fields<Scene>& fields) {
 
 void add_stock(Fields<Scene>& fields) {
   fields.custom_field(
-      {table_key("cutting", cutting_keys(), "the blank, and how finely the cut is followed")},
+      {table_key("cutting", cutting_keys(),
+                 "the blank, and the resolution of the cutting simulation")},
       [](TableReader& reader, Scene& scene) {
         if (const Node* node = reader.section("cutting"))
           scene.cutting = read_cutting(*node, scene.tool, reader.input_errors());
@@ -242,7 +246,7 @@ void add_stock(Fields<Scene>& fields) {
       });
   const Key material =
       allow_file(table_key(KeyName("material").with_fallback("none: no forces"), material_keys(),
-                           "cutting coefficients, beside `[cutting]`"));
+                           "cutting coefficients, used with `[cutting]`"));
   fields.custom_field(
       {material},
       [material](TableReader& reader, Scene& scene) {
@@ -253,7 +257,7 @@ void add_stock(Fields<Scene>& fields) {
         if (scene.cutting)
           scene.cutting->material = coefficients;
         else
-          reader.report_invalid("material", "a [cutting] section beside the material", "none");
+          reader.report_invalid("material", "a [cutting] section with the material", "none");
       },
       [](const Scene& scene, Node::Table& table) {
         if (scene.cutting && scene.cutting->material)
@@ -264,7 +268,8 @@ void add_stock(Fields<Scene>& fields) {
 void add_instruments(Fields<Scene>& fields) {
   add_list(
       fields,
-      list_key("instrument", instrument_keys(), "what measures the machine, or the finished part"),
+      list_key("instrument", instrument_keys(),
+               "instruments that measure the machine or the finished part"),
       [](TableReader& reader, Scene& scene) {
         Instruments instruments =
             read_instruments(reader.tables("instrument"), scene.machine, reader.input_errors());
@@ -275,8 +280,7 @@ void add_instruments(Fields<Scene>& fields) {
         return instruments_to_tables({scene.instruments, scene.part_instruments}, scene.machine);
       });
   fields.custom_field(
-      {table_key("sensor_choice", sensor_choice_keys(),
-                 "which temperature sensors are worth having")},
+      {table_key("sensor_choice", sensor_choice_keys(), "choice of temperature sensors")},
       [](TableReader& reader, Scene& scene) {
         const Node* node = reader.section("sensor_choice");
         if (!node) return;
@@ -285,7 +289,7 @@ void add_instruments(Fields<Scene>& fields) {
         scene.sensor_choice->study.seed = scene.seed;
         // Without heat there is no drift by which sensors could be rated.
         if (!scene.thermal && !reader.has("thermal"))
-          reader.report_invalid("sensor_choice", "a [thermal] section beside it", "none");
+          reader.report_invalid("sensor_choice", "a [thermal] section with sensor_choice", "none");
       },
       [](const Scene& scene, Node::Table& table) {
         if (scene.sensor_choice)
@@ -295,7 +299,8 @@ void add_instruments(Fields<Scene>& fields) {
 
 void add_control(Fields<Scene>& fields) {
   fields.custom_field(
-      {table_key("control", control_keys(), "what the control believes, where it differs")},
+      {table_key("control", control_keys(),
+                 "what the control believes, where it differs from the nominal machine")},
       [](TableReader& reader, Scene& scene) {
         if (const Node* node = reader.section("control"))
           scene.control = read_control(*node, scene.machine.joints, reader.input_errors());
@@ -327,7 +332,7 @@ void add_member_section(Fields<Scene>& fields, const char* name, M member,
 
 void add_compensation(Fields<Scene>& fields) {
   fields.custom_field(
-      {table_key("belief", belief_keys(), "what compensators are given to believe")},
+      {table_key("belief", belief_keys(), "knowledge that compensators are given")},
       [](TableReader& reader, Scene& scene) {
         if (const Node* node = reader.section("belief"))
           scene.belief = read_belief(*node, scene.machine, reader.input_errors());
@@ -356,7 +361,7 @@ void check_case(TableReader& reader, Scene& scene) {
   try {
     parse_case(scene.case_name);
   } catch (const std::invalid_argument& error) {
-    reader.report_invalid("case", "a case that this version has", error.what());
+    reader.report_invalid("case", "a case that this version supports", error.what());
   }
 }
 
@@ -366,9 +371,9 @@ const Fields<Scene>& title_scene_fields() {
   static const Fields<Scene> fields =
       Fields<Scene>()
           .text(KeyName("title").with_fallback("name of the file"), &Scene::title,
-                "of pictures and tables")
+                "title of pictures and tables")
           .whole("seed", &Scene::seed, 0, std::numeric_limits<std::int64_t>::max(),
-                 "of all that is random");
+                 "seed of all random numbers");
   return fields;
 }
 
@@ -379,14 +384,13 @@ const Fields<Scene>& cutting_scene_fields() {
     add_thermal(scene_fields);
     add_compliance_and_vibration(scene_fields);
     add_stock(scene_fields);
-    scene_fields.tables(
-        KeyName("fixture").with_fallback("none"), &Scene::fixtures, body_fields(),
-        "what clamps the part: bodies placed in the workpiece frame, for collisions");
+    scene_fields.tables(KeyName("fixture").with_fallback("none"), &Scene::fixtures, body_fields(),
+                        "clamps of the part: bodies in the workpiece frame, for collision checks");
     scene_fields.check([](TableReader& reader, Scene& scene) {
       check_fixture_names(reader, scene.machine, scene.fixtures);
     });
     add_member_section(scene_fields, "signals", &Scene::signals, signals_fields(),
-                       "what the control can read, and how often it is written");
+                       "signals that the control can read, and how often they are recorded");
     add_instruments(scene_fields);
     add_control(scene_fields);
     return scene_fields;
@@ -405,24 +409,23 @@ const Fields<Scene>& judging_scene_fields() {
                       {{"none", Alignment::None},
                        {"offset", Alignment::Offset, "the mean"},
                        {"rigid", Alignment::Rigid, "a displacement and a rotation"}},
-                      "what is taken out of the residual");
+                      "part of the residual that is removed");
     add_member_section(scene_fields, "sampling", whole_struct, sampling_fields(),
-                       "how finely the path is followed");
+                       "resolution of the path");
     add_member_section(scene_fields, "search", whole_struct, search_fields(),
-                       "where the machined surface is sought");
+                       "range in which the machined surface is sought");
     add_member_section(scene_fields, "collision", &Scene::collision, collision_fields(),
-                       "what meets what, and how near is too near");
+                       "collision check");
     scene_fields.check([](TableReader& reader, Scene& scene) {
       check_ignored_names(reader, scene.machine, scene.fixtures);
     });
-    add_member_section(scene_fields, "view", &Scene::view, view_fields(), "of pictures");
+    add_member_section(scene_fields, "view", &Scene::view, view_fields(), "settings of pictures");
     add_member_section(scene_fields, "limits", &Scene::limits, limits_fields(),
-                       "beyond which `abbe` exits with 1");
+                       "limits above which `abbe` exits with 1");
     add_compensation(scene_fields);
-    scene_fields.text(
-        KeyName("case").with_fallback("uncompensated"), &Scene::case_name,
-        "what `abbe run` cuts without `--case`, as in `[compare]`; a result's `scene.toml` "
-        "names its own");
+    scene_fields.text(KeyName("case").with_fallback("uncompensated"), &Scene::case_name,
+                      "case that `abbe run` cuts without `--case`, named as in `[compare]`; the "
+                      "`scene.toml` of a result names its own");
     scene_fields.check(check_case);
     add_member_section(scene_fields, "compare", &Scene::cases, compare_fields(),
                        "compensators to compare");
@@ -437,7 +440,7 @@ std::vector<Key> scene_keys() {
        {&title_scene_fields(), &cutting_scene_fields(), &judging_scene_fields()})
     for (Key& key : fields->keys()) keys.push_back(std::move(key));
   keys.push_back(list_key("variant", variant_keys(),
-                          "the scene with changes, as another case of `abbe compare`"));
+                          "the scene with changes, as a further case of `abbe compare`"));
   return keys;
 }
 
@@ -457,22 +460,20 @@ Node to_table(const Scene& scene) {
 const Fields<Scene>& sampling_fields() {
   static const Fields<Scene> fields =
       Fields<Scene>()
-          .number(
-              "chord_tolerance_nm", &Scene::chord_tolerance, {0.01, 1e6, false, false},
-              "how far the commanded tool may be from its path between two samples of it; how far "
-              "errors bend in between is reported, between_samples: see max_step_mm")
-          .number(
-              "max_step_mm", &Scene::max_step, positive,
-              "between two samples at most; an error of amplitude a and period p is followed to "
-              "a (pi step / p)^2 / 2");
+          .number("chord_tolerance_nm", &Scene::chord_tolerance, {0.01, 1e6, false, false},
+                  "largest deviation of the commanded tool from its path between two samples; "
+                  "between_samples reports the variation of the errors in between: see max_step_mm")
+          .number("max_step_mm", &Scene::max_step, positive,
+                  "largest distance between two samples; the remaining deviation of an error of "
+                  "amplitude a and period p is a (pi step / p)^2 / 2");
   return fields;
 }
 
 const Fields<Scene>& search_fields() {
   static const Fields<Scene> fields = Fields<Scene>().number(
       "band_mm", &Scene::band, positive,
-      "how far the machined surface is sought along the normal; a gouge deeper than it is followed "
-      "to ten bands, counted apart and left out of PV and RMS");
+      "distance along the normal within which the machined surface is sought; a deeper gouge is "
+      "followed to ten times this distance, counted separately and left out of PV and RMS");
   return fields;
 }
 
@@ -481,15 +482,16 @@ const Fields<ViewDescription>& view_fields() {
       Fields<ViewDescription>()
           .direction("from", &ViewDescription::from,
                      "direction from the part to the camera, in the part frame")
-          .direction("up", &ViewDescription::up, "what is up in the picture, in the part frame")
+          .direction("up", &ViewDescription::up,
+                     "upward direction in the picture, in the part frame")
           .number_as_written(KeyName("range_um").with_fallback("fitted"),
                              &ViewDescription::range_um, positive,
                              "the colour scale runs from -range to range")
           .check([](TableReader& reader, ViewDescription& view) {
             // If the camera looks along its up direction, its rotation is undefined.
             if (view.from.cross(view.up).norm() < 1e-6 * view.from.norm())
-              reader.report_invalid("up", "a direction across view.from for view.up",
-                                    "one along it");
+              reader.report_invalid("up", "a direction not parallel to view.from for view.up",
+                                    "a parallel one");
           });
   return fields;
 }
@@ -498,19 +500,19 @@ const Fields<Limits>& limits_fields() {
   static const Fields<Limits> fields =
       Fields<Limits>()
           .number_as_written("pv_um", &Limits::pv_um, non_negative,
-                             "of the residual; exceeded, `abbe` exits with 1, and a gouge deeper "
-                             "than the band exceeds each limit")
+                             "limit of the residual; if it is exceeded, `abbe` exits with 1, and a "
+                             "gouge deeper than the band exceeds every limit")
           .number_as_written("rms_um", &Limits::rms_um, non_negative, "the same")
           .number_as_written("max_abs_um", &Limits::max_abs_um, non_negative, "the same")
           .number_as_written("form_pv_um", &Limits::form_pv_um, non_negative,
-                             "the same of `form_um`, the residual through the areal filter")
+                             "the same for `form_um`, the residual after the areal filter")
           .number_as_written("form_rms_um", &Limits::form_rms_um, non_negative, "the same")
           .number_as_written("texture_sa_um", &Limits::texture_sa_um, non_negative,
-                             "the same of `texture_um`, what that filter leaves out")
+                             "the same for `texture_um`, the part that this filter removes")
           .number_as_written("texture_sq_um", &Limits::texture_sq_um, non_negative, "the same")
           .number_as_written("texture_sz_um", &Limits::texture_sz_um, non_negative, "the same")
           .boolean("tolerance", &Limits::tolerance,
-                   "whether a verdict of FAIL (`part.tolerance_um`) makes `abbe` exit with 1, too");
+                   "true: a FAIL verdict (`part.tolerance_um`) also makes `abbe` exit with 1");
   return fields;
 }
 

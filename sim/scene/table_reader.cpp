@@ -290,10 +290,9 @@ std::optional<std::int64_t> TableReader::maybe_integer(const std::string& key, s
   if (!node) return std::nullopt;
   const std::int64_t* value = std::get_if<std::int64_t>(&node->value);
   if (!value || *value < min || *value > max) {
-    input_errors_.add(
-        node->place,
-        fmt::format("a whole number from {} to {} for {}", min, max, qualified_name(key)),
-        display_text(*node));
+    input_errors_.add(node->place,
+                      fmt::format("an integer from {} to {} for {}", min, max, qualified_name(key)),
+                      display_text(*node));
     return std::nullopt;
   }
   return *value;
@@ -316,12 +315,12 @@ std::string TableReader::text(const std::string& key, const std::string& fallbac
   const Node* node = accept_key(key);
   if (!node) return fallback;
   if (const std::string* value = node->text(); value && !value->empty()) return *value;
-  input_errors_.add(node->place, "a text for " + qualified_name(key), display_text(*node));
+  input_errors_.add(node->place, "a string for " + qualified_name(key), display_text(*node));
   return fallback;
 }
 
 std::string TableReader::text(const std::string& key) {
-  if (!has(key)) report_missing(key, "a text");
+  if (!has(key)) report_missing(key, "a string");
   return text(key, "");
 }
 
@@ -329,13 +328,13 @@ std::vector<std::string> TableReader::texts(const std::string& key) {
   const Node* list = accept_key(key);
   if (!list) return {};
   if (list->text()) return {*list->text()};
-  if (!list->array()) report_invalid(key, "a list of texts", display_text(*list));
+  if (!list->array()) report_invalid(key, "a list of strings", display_text(*list));
   std::vector<std::string> texts;
   for (const Node& element : list->array() ? *list->array() : Node::Array{}) {
     if (element.text())
       texts.push_back(*element.text());
     else
-      input_errors_.add(element.place, "a text", display_text(element));
+      input_errors_.add(element.place, "a string", display_text(element));
   }
   return texts;
 }
@@ -388,8 +387,7 @@ Eigen::Vector3d TableReader::direction(const std::string& key, const Eigen::Vect
   // stableNorm() avoids the underflow of the square of a very small number.
   const double length = values->stableNorm();
   if (!(length > 1e-9)) {
-    input_errors_.add(table_.find(key)->place,
-                      "a direction that is not zero for " + qualified_name(key),
+    input_errors_.add(table_.find(key)->place, "a nonzero direction for " + qualified_name(key),
                       "length " + to_toml_value(length));
     return fallback;
   }

@@ -86,7 +86,7 @@ class TableReader {
   std::string text(const std::string& key);  ///< required, not empty
   std::string text(const std::string& key, const std::string& fallback);
 
-  /// Returns a list of texts; a single text is a list of one. Empty if the key is missing.
+  /// Returns a list of strings; a single string is a list of one. Empty if the key is missing.
   std::vector<std::string> texts(const std::string& key);
 
   /// Returns an array of `size` numbers (0: at least one).
@@ -115,7 +115,7 @@ class TableReader {
     return choice_of(key, named_values, std::optional<T>());
   }
 
-  /// Returns a section; null if the key is missing, or if it is no table, which is reported.
+  /// Returns a section; null if the key is missing, or if it is not a table, which is reported.
   const Node* section(const std::string& key);
   /// Returns a list of tables; a single table counts as a list of one.
   std::vector<const Node*> tables(const std::string& key);
@@ -179,7 +179,7 @@ struct Key {
       exclusive_group;  ///< name of a group of keys of which a table has exactly one; else empty
   Range range{};        ///< of numbers, in the unit of the key
   int size = 0;         ///< of numbers; 0: any size from 1
-  std::vector<EnumChoice> choices;  ///< the enum values of a text; empty: any text
+  std::vector<EnumChoice> choices;  ///< the enum values of a string; empty: any string
   std::vector<Key> keys;            ///< of the table, or of each table in a list
   bool or_file = false;             ///< the name of a file may replace the table
 };

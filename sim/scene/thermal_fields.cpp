@@ -44,7 +44,8 @@ errors::Table read_rows(TableReader& reader, const std::string& value_key,
       !reader.has(value_key))
     return {};
   if (dT_K.size() != value.size()) {
-    reader.report_invalid(value_key, fmt::format("as many values as temperatures, {}", dT_K.size()),
+    reader.report_invalid(value_key,
+                          fmt::format("as many values as temperatures, that is {}", dT_K.size()),
                           fmt::format("{}", value.size()));
     return {};
   }
@@ -52,7 +53,7 @@ errors::Table read_rows(TableReader& reader, const std::string& value_key,
     return errors::make_table(std::move(dT_K), std::move(value), interpolation.between,
                               interpolation.outside);
   } catch (const std::invalid_argument& error) {
-    reader.report_invalid("dT_K", "a table with rising temperatures and at least 2 rows",
+    reader.report_invalid("dT_K", "a table with ascending temperatures and at least 2 rows",
                           error.what());
     return {};
   }
@@ -61,8 +62,8 @@ errors::Table read_rows(TableReader& reader, const std::string& value_key,
 Fields<errors::Table> rows_fields(const std::string& value_key) {
   return interpolation_fields<errors::Table>().custom_field(
       {make_key(KeyName("dT_K").in_exclusive_group("law"), Key::Kind::Numbers,
-                "changes of temperature, rising"),
-       make_key(value_key, Key::Kind::Numbers, "one for each of `dT_K`")},
+                "temperature changes, ascending"),
+       make_key(value_key, Key::Kind::Numbers, "values, one for each of `dT_K`")},
       [value_key](TableReader& reader, errors::Table& table) {
         table = read_rows(reader, value_key, table);
       },
@@ -80,7 +81,7 @@ Fields<errors::ThermalFunction::Term> term_fields(const std::string& unit, const
   const std::string value = "value_" + unit;
   const auto rows = rows_fields(value);
   const auto factor = Fields<Term>().number_in(bare_unit(per_K), required_key(per_K), &Term::per_K,
-                                               any_number, "change for a change of temperature");
+                                               any_number, "change per kelvin");
   const auto read = [=](TableReader& reader, Term& term) {
     // The term is either a table over temperatures or a factor.
     if (reader.has("dT_K") || reader.has(value)) {
@@ -102,11 +103,10 @@ Fields<errors::ThermalFunction::Term> term_fields(const std::string& unit, const
   keys.front().required = false;
   keys.front().exclusive_group = "law";
   return node_fields<Term>(required_key("node"), &Term::node, nodes,
-                           "on whose temperature it depends, less the reference")
-      .include_fields(
-          whole_struct,
-          node_fields<Term>("minus", &Term::minus, nodes,
-                            "dT is then the difference to this node, as a tilt takes it"))
+                           "node on whose temperature it depends, relative to the reference")
+      .include_fields(whole_struct,
+                      node_fields<Term>("minus", &Term::minus, nodes,
+                                        "dT becomes the difference from this node, as for a tilt"))
       .custom_field(keys, read, write);
 }
 
@@ -114,9 +114,9 @@ Fields<errors::ThermalFunction> function_fields(const std::string& stem, const s
                                                 const Nodes& nodes) {
   using errors::ThermalFunction;
   return Fields<ThermalFunction>()
-      .number(stem + "_" + unit, &ThermalFunction::constant, any_number, "constant at dT = 0")
+      .number(stem + "_" + unit, &ThermalFunction::constant, any_number, "value at dT = 0")
       .tables(stem, &ThermalFunction::terms, term_fields(unit, nodes),
-              "terms of temperatures, which add up");
+              "temperature terms, which add up");
 }
 
 // ---- elements
@@ -145,7 +145,7 @@ void report_slope_error(TableReader& reader, const std::string& unit) {
   for (const std::string& key : {std::string("slope"), "slope_" + unit + "_per_m",
                                  std::string("fixed_mm"), std::string("fixed_deg")})
     if (reader.has(key))
-      reader.report_invalid(key, "no slope: only a slide's error motion has one", key);
+      reader.report_invalid(key, "no slope, as only error motions of slides have one", key);
 }
 
 Fields<errors::ThermalElement> element_fields(const ElementName& name,
@@ -156,8 +156,8 @@ Fields<errors::ThermalElement> element_fields(const ElementName& name,
   fields
       .custom_field(
           {make_key(required_key("name"), Key::Kind::Text,
-                    "as `EZS`; its value is offset(T) + slope(T) (p - fixed_mm), p the commanded "
-                    "position")},
+                    "name, such as `EZS`; the value is offset(T) + slope(T) (p - fixed_mm), where "
+                    "p is the commanded position")},
           // The fields depend on the name, so read_element() reads it beforehand.
           [](TableReader& reader, ThermalElement&) { reader.accept_key("name"); },
           [](const ThermalElement& element, Node::Table& table) {
@@ -173,8 +173,8 @@ Fields<errors::ThermalElement> element_fields(const ElementName& name,
       .include_fields(&ThermalElement::slope,
                       function_fields("slope", unit + "_per_m", context.nodes))
       .number("fixed_mm", &ThermalElement::fixed, any_number,
-              "commanded position where the slope adds nothing; slopes are of error motions of "
-              "slides");
+              "commanded position at which the slope contributes nothing; only error motions of "
+              "slides have a slope");
 }
 
 std::optional<errors::ThermalElement> read_element(const Node& table, const ThermalContext& context,
@@ -203,7 +203,7 @@ void read_elements(TableReader& reader, ThermalDescription& thermal,
     const SourcePosition& place = table->find("name")->place;
     if (std::any_of(elements.begin(), elements.end(),
                     [&](const auto& other) { return other.name == element->name; })) {
-      reader.input_errors().add(place, "each element once (its terms are one list)",
+      reader.input_errors().add(place, "each element once (all its terms in one list)",
                                 to_string(element->name) + " again");
       continue;
     }
@@ -225,11 +225,10 @@ Node::Array elements_to_tables(const ThermalDescription& thermal, const ThermalC
 Fields<errors::Expansion> expansion_fields(const Nodes& nodes) {
   using errors::Expansion;
   return node_fields<Expansion>(required_key("node"), &Expansion::node, nodes,
-                                "with whose temperature it grows")
+                                "node whose temperature causes the growth")
       .number_in(bare_unit("um_per_m_K"), required_key("um_per_m_K"), &Expansion::per_K, any_number,
-                 "growth")
-      .number("fixed_mm", &Expansion::fixed, any_number,
-              "commanded position of the end that stays");
+                 "coefficient of expansion")
+      .number("fixed_mm", &Expansion::fixed, any_number, "commanded position of the fixed end");
 }
 
 Fields<errors::AxisExpansion> axis_expansion_fields(const Nodes& nodes) {
@@ -237,13 +236,13 @@ Fields<errors::AxisExpansion> axis_expansion_fields(const Nodes& nodes) {
   using errors::Feedback;
   return Fields<AxisExpansion>()
       .word(required_key("feedback"), &AxisExpansion::feedback,
-            {{"motor", Feedback::Motor, "the growth of the screw shows, which must be there"},
-             {"scale", Feedback::Scale, "the growth of the scale shows, which must be there"}},
-            "where the axis is measured")
+            {{"motor", Feedback::Motor, "the growth of the screw has an effect and is required"},
+             {"scale", Feedback::Scale, "the growth of the scale has an effect and is required"}},
+            "where the position of the axis is measured")
       .table("screw", &AxisExpansion::screw, expansion_fields(nodes),
-             "moves the carriage itself away from the end that stays")
+             "moves the carriage itself away from the fixed end")
       .table("scale", &AxisExpansion::scale, expansion_fields(nodes),
-             "moves the carriage itself away from the end that stays");
+             "moves the carriage itself away from the fixed end");
 }
 
 void read_axes(TableReader& reader, ThermalDescription& thermal, const ThermalContext& context) {
@@ -290,10 +289,11 @@ Key axes_key(const Nodes& nodes) {
 Fields<errors::WorkpieceExpansion> workpiece_expansion_fields(const Nodes& nodes) {
   using errors::WorkpieceExpansion;
   return node_fields<WorkpieceExpansion>(required_key("node"), &WorkpieceExpansion::node, nodes,
-                                         "with whose temperature it grows")
+                                         "node whose temperature causes the growth")
       .number_in(bare_unit("um_per_m_K"), required_key("um_per_m_K"), &WorkpieceExpansion::per_K,
-                 any_number, "growth, below 1000")
-      .vector("fixed_mm", &WorkpieceExpansion::fixed_w, "where it is held, in its own frame");
+                 any_number, "coefficient of expansion, below 1000")
+      .vector("fixed_mm", &WorkpieceExpansion::fixed_w,
+              "point at which it is held, in its own frame");
 }
 
 void read_workpiece(TableReader& reader, ThermalDescription& thermal,
@@ -312,11 +312,12 @@ void read_workpiece(TableReader& reader, ThermalDescription& thermal,
 }  // namespace
 
 Fields<ThermalDescription> thermal_effect_fields(const ThermalContext& context) {
-  Key elements = make_key("element", Key::Kind::Tables, "what heat adds to an element, each once");
+  Key elements = make_key("element", Key::Kind::Tables,
+                          "thermal contribution to an element, each element once");
   elements.keys = allow_other_unit(element_fields({}, context).keys(), "um", "urad");
   Key workpiece = make_key("workpiece", Key::Kind::Table,
-                           "growth of the workpiece, which is judged at 20 deg C (ISO 1), whatever "
-                           "`reference_C` is");
+                           "growth of the workpiece, which is judged at 20 deg C (ISO 1) whatever "
+                           "the value of `reference_C`");
   workpiece.keys = workpiece_expansion_fields(context.nodes).keys();
   return Fields<ThermalDescription>()
       .custom_field(
@@ -368,25 +369,26 @@ Fields<errors::TemperatureSensor> sensor_fields(const ThermalContext& context,
   using errors::TemperatureSensor;
   constexpr std::int64_t max_seed = std::numeric_limits<std::int64_t>::max();
   const std::uint64_t scene_seed = context.seed;
-  Key seed_key = make_key(KeyName("seed").with_fallback("from the scene's and the name"),
-                          Key::Kind::Whole, "of its noise");
+  Key seed_key = make_key(KeyName("seed").with_fallback("from the seed of the scene and the name"),
+                          Key::Kind::Whole, "seed of its noise");
   seed_key.range = {0.0, double(max_seed)};
   return Fields<TemperatureSensor>()
-      .text(required_key("name"), &TemperatureSensor::name, "of the sensor, each once")
+      .text(required_key("name"), &TemperatureSensor::name, "name of the sensor; must be unique")
       .check([used_names](TableReader& reader, TemperatureSensor& sensor) {
-        check_name_is_free(reader, sensor.name, used_names, "every sensor once");
+        check_name_is_free(reader, sensor.name, used_names, "each sensor once");
       })
-      .include_fields(whole_struct,
-                      node_fields<TemperatureSensor>(required_key("node"), &TemperatureSensor::node,
-                                                     context.nodes, "whose temperature it reads"))
+      .include_fields(whole_struct, node_fields<TemperatureSensor>(
+                                        required_key("node"), &TemperatureSensor::node,
+                                        context.nodes, "node whose temperature it reads"))
       .number("offset_K", &TemperatureSensor::offset_K, any_number, "reading minus truth")
       .number("noise_K", &TemperatureSensor::noise_K, non_negative,
-              "standard deviation, one draw a sample")
-      .number("resolution_K", &TemperatureSensor::resolution_K, non_negative, "0: not rounded")
+              "standard deviation, one draw per sample")
+      .number("resolution_K", &TemperatureSensor::resolution_K, non_negative,
+              "resolution of a reading; 0: not rounded")
       .number("lag_s", &TemperatureSensor::lag_s, non_negative,
               "time constant of the sensor's own mass")
       .number("sampling_s", &TemperatureSensor::sampling_s, {1e-4, max_time_s},
-              "between samples, between which the last reading stands")
+              "interval between samples; the last reading is held in between")
       .custom_field(
           {seed_key},
           [scene_seed](TableReader& reader, TemperatureSensor& sensor) {
@@ -461,7 +463,7 @@ void read_range(TableReader& reader, Plot& plot, const ThermalContext& context) 
   }
   reader.report_invalid(
       key,
-      fmt::format("a rising range within the travel, {} .. {}, for thermal.plot.{}",
+      fmt::format("an ascending range within the travel, {} .. {}, for thermal.plot.{}",
                   joint->min / unit, joint->max / unit, key),
       fmt::format("{} .. {}", min / unit, max / unit));
 }
@@ -477,14 +479,15 @@ void write_range(const Plot& plot, Node::Table& table, const ThermalContext& con
 /// @param other_plots  preceding plots, which must be of other elements
 Fields<Plot> plot_fields(const ThermalContext& context, const std::vector<Plot>& other_plots) {
   Key range = make_key(
-      KeyName("range_mm").with_fallback("all of the travel, at most 2000 mm or a turn either way"),
-      Key::Kind::Numbers, "`[from, to]` within the travel over which the curve is drawn");
+      KeyName("range_mm")
+          .with_fallback("all of the travel, at most 2000 mm or one turn in either direction"),
+      Key::Kind::Numbers, "range `[from, to]` of the travel over which the curve is drawn");
   range.size = 2;
   const auto report_repeated_name = [other_plots](TableReader& reader, Plot& plot) {
     const Node* name = reader.node().find("element");
     for (const Plot& other : other_plots)
       if (other.element == plot.element)
-        reader.report_invalid("element", "one plot an element",
+        reader.report_invalid("element", "one plot per element",
                               (name && name->text() ? *name->text() : "") + " again");
   };
   return Fields<Plot>()
@@ -495,14 +498,13 @@ Fields<Plot> plot_fields(const ThermalContext& context, const std::vector<Plot>&
           [](const Plot& plot, Node::Table& table) {
             put_value(table, "element", to_string(plot.element));
           })
-      .custom_field(
-          time_keys("at", Key::Kind::Numbers,
-                    "instants, at most 50, each with the temperatures that the curve depends "
-                    "on; before the program negative"),
-          read_plot_times,
-          [](const Plot& plot, Node::Table& table) {
-            put_numbers(table, "at_s", plot.time_s, 1.0);
-          })
+      .custom_field(time_keys("at", Key::Kind::Numbers,
+                              "instants, at most 50, each with the temperatures that the curve "
+                              "depends on; negative before the program"),
+                    read_plot_times,
+                    [](const Plot& plot, Node::Table& table) {
+                      put_numbers(table, "at_s", plot.time_s, 1.0);
+                    })
       .check(report_repeated_name)
       .custom_field(
           allow_other_unit({range}, "mm", "deg"),
@@ -528,7 +530,7 @@ void read_plots(TableReader& reader, ThermalDescription& thermal, const ThermalC
 /// Returns the fields that are read before the links, which refer to nodes by name.
 Fields<ThermalDescription> room_and_node_fields() {
   return Fields<ThermalDescription>()
-      .remark("name", "of the table, for people")
+      .remark("name", "name of the table")
       .include_fields(whole_struct, room_fields())
       .include_fields(whole_struct, thermal_node_fields());
 }
@@ -537,16 +539,18 @@ Fields<ThermalDescription> state_fields() {
   using Thermal = ThermalDescription;
   return Fields<Thermal>()
       .number("scale", &Thermal::scale, {-1e6, 1e6},
-              "factor of all that heat does to elements, axes and workpiece; temperatures stay")
+              "factor of all thermal effects on elements, axes and workpiece; temperatures are "
+              "unaffected")
       .number(
           "reference_C", [](auto& thermal) -> auto& { return thermal.errors.reference_T_C; },
           temperature_range,
-          "at which elements and growth are zero: dT is a node's temperature minus this")
+          "temperature at which elements and growth are zero: dT is a node's temperature minus "
+          "this")
       .boolean("powered", &Thermal::powered, "the machine is switched on while the program runs")
       .boolean("coolant", &Thermal::coolant, "the coolant flows while the program runs")
       .number("coolant_C", &Thermal::coolant_T_C, temperature_range, "temperature of the coolant")
       .number("interval_s", &Thermal::interval, {1e-3, max_time_s},
-              "in the program speeds and cutting power are averaged over stretches of this length");
+              "interval over which speeds and cutting power are averaged during the program");
 }
 
 /// Returns the fields that are read after the links.
@@ -563,7 +567,7 @@ Fields<ThermalDescription> source_and_effect_fields(const ThermalContext& contex
               })
       .include_fields(whole_struct, history_fields(context))
       .tables("plot", &Thermal::plots, plot_fields(context, {}),
-              "picture of what heat does to an element",
+              "picture of the thermal effect on an element",
               [&context](TableReader& reader, Thermal& thermal) {
                 read_plots(reader, thermal, context);
               })

@@ -117,12 +117,13 @@ void read_room_table(const Node& section, ThermalDescription& thermal, InputErro
   reader.close();
   if (input_errors.list().size() != error_count) return;
   if (T_C.size() != time_s.size())
-    reader.report_invalid("T_C", fmt::format("as many temperatures as times, {}", time_s.size()),
+    reader.report_invalid("T_C",
+                          fmt::format("as many temperatures as times, that is {}", time_s.size()),
                           fmt::format("{}", T_C.size()));
   for (Eigen::Index i = 1; i < time_s.size(); ++i)
     // The negated comparison also rejects NaN.
     if (!(time_s[i] > time_s[i - 1]))
-      reader.report_invalid(*key, "rising times for thermal.room." + *key,
+      reader.report_invalid(*key, "ascending times for thermal.room." + *key,
                             fmt::format("{} s after {} s", time_s[i], time_s[i - 1]));
   if (T_C.size() > Eigen::Index(max_rows))
     reader.report_invalid("T_C", fmt::format("at most {} rows", max_rows),
@@ -141,7 +142,7 @@ void read_room(TableReader& reader, ThermalDescription& thermal) {
   thermal.room_T_C = VectorXd::Constant(1, reader.number("room_C", temperature_range, 20.0));
   const Node* section = reader.section("room");
   if (!section) return;
-  if (reader.has("room_C")) reader.report_invalid("room", "either room_C or a table room", "both");
+  if (reader.has("room_C")) reader.report_invalid("room", "either room_C or a room table", "both");
   read_room_table(*section, thermal, reader.input_errors());
 }
 
@@ -166,9 +167,9 @@ struct SpeedKey {
 };
 constexpr std::array speed_keys{
     SpeedKey{"axis_speed_mm_per_min", Motion::Linear, "[XYZUVW]",
-             "mean speeds of slides that go to and fro, `{ X = 5000 }`"},
+             "mean speeds of slides that move back and forth, `{ X = 5000 }`"},
     SpeedKey{"axis_speed_deg_per_min", Motion::Rotary, "[ABCS]",
-             "mean speeds of axes that turn to and fro, `{ A = 100 }`"}};
+             "mean speeds of rotary axes that move back and forth, `{ A = 100 }`"}};
 
 void read_axis_speeds(TableReader& phase, kinematics::AxisVector& speeds,
                       const ThermalContext& context) {
@@ -205,7 +206,8 @@ void write_axis_speeds(const kinematics::AxisVector& speeds, Node::Table& table,
 std::vector<Key> axis_speed_keys() {
   std::vector<Key> keys;
   for (const SpeedKey& speed_key : speed_keys) {
-    Key axis = make_key("<axis>", Key::Kind::Number, "of one axis, in the unit of the table");
+    Key axis =
+        make_key("<axis>", Key::Kind::Number, "mean speed of one axis, in the unit of the table");
     axis.pattern = speed_key.axes;
     axis.range = axis_speed;
     Key key =
@@ -221,10 +223,10 @@ Range duration_range(const std::string& key) {
 }
 
 Fields<ThermalPhase> phase_fields(const ThermalContext& context) {
-  std::vector<Key> durations = time_keys("duration", Key::Kind::Number, "how long it lasts");
+  std::vector<Key> durations = time_keys("duration", Key::Kind::Number, "duration of the phase");
   for (Key& key : durations) key.range = duration_range(key.name);
   return Fields<ThermalPhase>()
-      .remark("name", "of the phase, for people")
+      .remark("name", "name of the phase")
       .custom_field(
           durations,
           [](TableReader& reader, ThermalPhase& phase) {
@@ -234,7 +236,7 @@ Fields<ThermalPhase> phase_fields(const ThermalContext& context) {
           [](const ThermalPhase& phase, Node::Table& table) {
             put_value(table, "duration_s", phase.duration);
           })
-      .number("speed_rpm", &ThermalPhase::spindle_speed, phase_spindle_rpm, "of the spindle")
+      .number("speed_rpm", &ThermalPhase::spindle_speed, phase_spindle_rpm, "spindle speed")
       .custom_field(
           axis_speed_keys(),
           [&context](TableReader& reader, ThermalPhase& phase) {
@@ -264,21 +266,22 @@ void read_history(TableReader& reader, ThermalDescription& thermal, const Therma
 
 Fields<ThermalDescription> room_fields() {
   Key constant = make_key(KeyName("room_C").with_fallback("20"), Key::Kind::Number,
-                          "temperature of a room that stays the same; or `room`");
+                          "constant temperature of the room; or `room`");
   constant.range = temperature_range;
   Key room = make_key("room", Key::Kind::Table,
-                      "temperature of the room, linear between its rows, held outside; at most "
-                      "10 000 rows");
-  room.keys = time_keys("time", Key::Kind::Numbers, "rising, before the program negative");
+                      "temperature of the room, linear between its rows and constant beyond them; "
+                      "at most 10 000 rows");
+  room.keys =
+      time_keys("time", Key::Kind::Numbers, "times, ascending, negative before the program");
   room.keys.push_back(
-      make_key(required_key("T_C"), Key::Kind::Numbers, "temperatures, one for each of the times"));
+      make_key(required_key("T_C"), Key::Kind::Numbers, "temperatures, one per time"));
   return Fields<ThermalDescription>().custom_field({constant, room}, read_room, write_room);
 }
 
 Fields<ThermalDescription> history_fields(const ThermalContext& context) {
   return Fields<ThermalDescription>().tables(
       "history", &ThermalDescription::history, phase_fields(context),
-      "stretch of time before the program, in order; at most 10 000",
+      "phase before the program, in order; at most 10 000",
       [&context](TableReader& reader, ThermalDescription& thermal) {
         read_history(reader, thermal, context);
       });
@@ -305,19 +308,21 @@ Fields<ThermalNodeEntry> node_table_fields(const std::vector<std::string>& used_
   const auto check_name = [used_names](TableReader& reader, ThermalNode& node) {
     // Links denote the surroundings by these names.
     if (node.name == "room" || node.name == "coolant")
-      reader.report_invalid("name", "a node not named room or coolant, which links know already",
-                            node.name);
-    check_name_is_free(reader, node.name, used_names, "every node once");
+      reader.report_invalid(
+          "name", "a node name other than room or coolant, which links already know", node.name);
+    check_name_is_free(reader, node.name, used_names, "each node once");
   };
-  const auto node = Fields<ThermalNode>()
-                        .text(required_key("name"), &ThermalNode::name, "not `room` or `coolant`")
-                        .check(check_name)
-                        .number(required_key("capacity_J_per_K"), &ThermalNode::capacity_J_per_K,
-                                positive, "heat that warms it by 1 K");
+  const auto node =
+      Fields<ThermalNode>()
+          .text(required_key("name"), &ThermalNode::name, "name, not `room` or `coolant`")
+          .check(check_name)
+          .number(required_key("capacity_J_per_K"), &ThermalNode::capacity_J_per_K, positive,
+                  "heat capacity");
   return Fields<ThermalNodeEntry>()
       .include_fields(&ThermalNodeEntry::node, node)
-      .number(KeyName("start_C").with_fallback("`start_C` of all"), &ThermalNodeEntry::start_T_C,
-              temperature_range, "when the history begins");
+      .number(KeyName("start_C").with_fallback("`start_C` of all nodes"),
+              &ThermalNodeEntry::start_T_C, temperature_range,
+              "temperature at the start of the history");
 }
 
 void read_nodes(TableReader& reader, ThermalDescription& thermal) {
@@ -406,10 +411,9 @@ Fields<ThermalLinkEntry> link_fields(const std::vector<std::string>& nodes) {
     for (const End& end : *link.ends) names.push_back(Node{{}, end_name(end)});
     put_value(table, "between", std::move(names));
   };
-  Key between =
-      make_key(required_key("between"), Key::Kind::Texts,
-               "two nodes, or a node and `room` or `coolant`, which takes heat only while "
-               "it flows");
+  Key between = make_key(
+      required_key("between"), Key::Kind::Texts,
+      "two nodes, or a node and `room` or `coolant`; the coolant takes heat only while it flows");
   between.size = 2;
   return Fields<ThermalLinkEntry>()
       .custom_field(
@@ -419,7 +423,7 @@ Fields<ThermalLinkEntry> link_fields(const std::vector<std::string>& nodes) {
           },
           write_ends)
       .number(required_key("conductance_W_per_K"), &ThermalLinkEntry::conductance_W_per_K, positive,
-              "heat that flows for 1 K between the two");
+              "heat flow per kelvin of difference");
 }
 
 void read_links(TableReader& reader, errors::ThermalNetwork& network,
@@ -458,9 +462,10 @@ Fields<errors::AxisHeat> friction_fields(bool is_slide) {
   using errors::AxisHeat;
   return Fields<AxisHeat>()
       .number(is_slide ? "coulomb_N" : "coulomb_Nm", &AxisHeat::coulomb, non_negative,
-              is_slide ? "of a slide; one of the two at least" : "of an axis that turns")
+              is_slide ? "Coulomb friction of a slide; at least one of the two is required"
+                       : "Coulomb friction of a rotary axis")
       .number(is_slide ? "viscous_N_s_per_mm" : "viscous_Nm_s", &AxisHeat::viscous, non_negative,
-              is_slide ? "of a slide" : "of an axis that turns");
+              is_slide ? "viscous friction of a slide" : "viscous friction of a rotary axis");
 }
 
 std::optional<errors::AxisHeat> read_axis_heat(TableReader& reader, const ThermalContext& context) {
@@ -485,7 +490,8 @@ std::optional<errors::AxisHeat> read_axis_heat(TableReader& reader, const Therma
   }
   // The heat of a spindle is a kind of its own.
   if (name == "S") {
-    reader.report_invalid("axis", "an axis; a spindle heats by kind = \"spindle\"", name);
+    reader.report_invalid("axis", "an axis other than the spindle, which has kind = \"spindle\"",
+                          name);
     return std::nullopt;
   }
   heat.joint = int(joint_position - joints.begin());
@@ -495,7 +501,7 @@ std::optional<errors::AxisHeat> read_axis_heat(TableReader& reader, const Therma
 Alternative<Law> axis_heat_alternative(const ThermalContext& context) {
   EnumChoice choice{"axis",
                     "friction of an axis, (coulomb + viscous |v|) |v|",
-                    {make_key(required_key("axis"), Key::Kind::Text, "its letter")}};
+                    {make_key(required_key("axis"), Key::Kind::Text, "letter of the axis")}};
   for (const bool is_slide : {true, false})
     for (const Key& key : friction_fields(is_slide).keys()) choice.keys.push_back(key);
   const auto read = [&context](TableReader& reader) {
@@ -517,26 +523,28 @@ Fields<errors::HeatSource> law_fields(const ThermalContext& context) {
   using errors::CuttingHeat, errors::PowerOnHeat, errors::SpindleHeat, errors::HeatSource;
   const auto spindle =
       Fields<SpindleHeat>()
-          .number(required_key("power_W"), &SpindleHeat::power_W, power, "at `at_rpm`")
+          .number(required_key("power_W"), &SpindleHeat::power_W, power, "power at `at_rpm`")
           .number(required_key("at_rpm"), &SpindleHeat::reference_speed, positive,
                   "speed at which the power is stated")
-          .number("exponent", &SpindleHeat::exponent, non_negative, "of the speed");
-  const auto power_on = Fields<PowerOnHeat>().number(required_key("power_W"), &PowerOnHeat::power_W,
-                                                     power, "while the machine is switched on");
-  const auto cutting = Fields<CuttingHeat>().number(required_key("share"), &CuttingHeat::share,
-                                                    cutting_power_fraction, "of the cutting power");
+          .number("exponent", &SpindleHeat::exponent, non_negative, "exponent of the speed");
+  const auto power_on =
+      Fields<PowerOnHeat>().number(required_key("power_W"), &PowerOnHeat::power_W, power,
+                                   "power while the machine is switched on");
+  const auto cutting =
+      Fields<CuttingHeat>().number(required_key("share"), &CuttingHeat::share,
+                                   cutting_power_fraction, "fraction of the cutting power");
   return Fields<HeatSource>().variant(
       required_key("kind"), &HeatSource::law,
       {alternative<Law>("spindle", spindle, "bearings and motor, power_W (n / at_rpm)^exponent"),
        axis_heat_alternative(context),
        alternative<Law>("power_on", power_on, "motors and cabinets"),
-       alternative<Law>("cutting", cutting, "a share of the cutting power")},
-      "what makes the heat");
+       alternative<Law>("cutting", cutting, "a fraction of the cutting power")},
+      "source of the heat");
 }
 
 Fields<errors::HeatSource> source_node_fields(const std::vector<std::string>& nodes) {
   return node_fields<errors::HeatSource>(required_key("node"), &errors::HeatSource::node, nodes,
-                                         "that is heated");
+                                         "node that is heated");
 }
 
 /// Returns true if the table states a valid kind; else reports the error.
@@ -561,13 +569,12 @@ void read_sources(TableReader& list, ThermalDescription& thermal, const ThermalC
 }  // namespace
 
 Fields<ThermalDescription> thermal_node_fields() {
-  Key nodes =
-      make_key(required_key("node"), Key::Kind::Tables,
-               "lump with one temperature; at most 200, and heat must find a way to the room "
-               "from every one without the coolant");
+  Key nodes = make_key(required_key("node"), Key::Kind::Tables,
+                       "body with a single temperature; at most 200, and each needs a path of heat "
+                       "to the room without the coolant");
   nodes.keys = node_table_fields({}).keys();
-  Key start = make_key(KeyName("start_C").with_fallback("first of the room"), Key::Kind::Number,
-                       "of every node when the history begins");
+  Key start = make_key(KeyName("start_C").with_fallback("first temperature of the room"),
+                       Key::Kind::Number, "temperature of every node at the start of the history");
   start.range = temperature_range;
   return Fields<ThermalDescription>().custom_field({start, nodes}, read_nodes, write_nodes);
 }
@@ -575,7 +582,7 @@ Fields<ThermalDescription> thermal_node_fields() {
 bool has_too_many_nodes(TableReader& reader) { return reader.tables("node").size() > max_nodes; }
 
 Fields<ThermalDescription> thermal_link_fields(const std::vector<std::string>& nodes) {
-  Key links = make_key("link", Key::Kind::Tables, "way of heat between two nodes or to the room");
+  Key links = make_key("link", Key::Kind::Tables, "heat flow between two nodes or to the room");
   links.keys = link_fields(nodes).keys();
   return Fields<ThermalDescription>().custom_field(
       {links},
@@ -591,7 +598,7 @@ Fields<ThermalDescription> thermal_source_fields(const ThermalContext& context) 
   return Fields<ThermalDescription>().tables(
       "source", [](auto& thermal) -> auto& { return thermal.network.sources; },
       source_node_fields(context.nodes).include_fields(whole_struct, law_fields(context)),
-      "heat that goes into a node",
+      "heat source in a node",
       [&context](TableReader& reader, ThermalDescription& thermal) {
         read_sources(reader, thermal, context);
       });
@@ -602,7 +609,7 @@ void check_network(const errors::ThermalNetwork& network, TableReader& reader) {
   if (const auto node = errors::isolated_node(network)) {
     const Node* table = reader.tables("node")[std::size_t(*node)];
     reader.input_errors().add(table->place,
-                              "links over which heat reaches the room from thermal.node." +
+                              "links through which heat reaches the room from thermal.node." +
                                   network.nodes[std::size_t(*node)].name,
                               "none");
     return;
@@ -612,7 +619,7 @@ void check_network(const errors::ThermalNetwork& network, TableReader& reader) {
     // One step without activity is simulated, because the simulation validates the network.
     errors::simulate(network, {&idle_activity, 1});
   } catch (const std::invalid_argument& error) {
-    reader.input_errors().add(reader.place(), "a thermal network that can be", error.what());
+    reader.input_errors().add(reader.place(), "a valid thermal network", error.what());
   }
 }
 

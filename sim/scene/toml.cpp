@@ -41,10 +41,10 @@ void check_key_depth(std::string_view text, const std::string& file) {
   for (std::size_t i = 0; i < text.size(); ++i) {
     const char c = text[i];
     if (c == '.') {
-      // The limit is generous, because the scan also counts dots in texts.
+      // The limit is generous, because the scan also counts dots in strings.
       if (name_since_dot && ++dots > 10 * max_nesting) {
-        throw_at(place_at(text, i, file), fmt::format("a key of at most {} parts", max_nesting),
-                 "a longer one");
+        throw_at(place_at(text, i, file),
+                 fmt::format("a key of at most {} components", max_nesting), "a longer key");
       }
       name_since_dot = false;
     } else if (std::isalnum(static_cast<unsigned char>(c)) || c == '_' || c == '-') {
@@ -56,7 +56,7 @@ void check_key_depth(std::string_view text, const std::string& file) {
   }
 }
 
-/// Returns the column, from 1, of the opening quote of a text that does not end in this line.
+/// Returns the column, from 1, of the opening quote of a string that does not end in this line.
 std::optional<int> unclosed_quote(std::string_view line) {
   std::optional<int> column;
   char quote = 0;
@@ -92,8 +92,8 @@ void check_quotes(std::string_view text, const std::string& file, int line_numbe
       line.find("'''") != std::string_view::npos)
     return;
   throw BadInput(file, line_number, *column,
-                 std::string("a text that ends with ") + line[*column - 1u],
-                 "one that its line does not close");
+                 std::string("a string that ends with ") + line[*column - 1u],
+                 "a string not closed on its line");
 }
 
 /// Converts a tree of toml++ to `Node`.
@@ -172,8 +172,8 @@ Node parse_toml(std::string_view bytes, const std::string& file) {
   if (bytes.starts_with("\xEF\xBB\xBF")) bytes.remove_prefix(3);
   const std::string text = strip_tape_characters(bytes);
   if (const auto byte = find_invalid_utf8(text))
-    throw_at(place_at(text, *byte, file), "text in UTF-8",
-             fmt::format("a byte 0x{:02x}, as of Latin-1", (unsigned char)text[*byte]));
+    throw_at(place_at(text, *byte, file), "UTF-8 text",
+             fmt::format("a byte 0x{:02x}, as in Latin-1", (unsigned char)text[*byte]));
   if (const std::size_t nul = text.find('\0'); nul != std::string_view::npos) {
     throw_at(place_at(text, nul, file), "text", "a NUL byte");
   }

@@ -32,16 +32,16 @@ void check_cutter(TableReader& reader, const Cutter& cutter) {
 
 Fields<Cutter> dimension_fields(const std::string& kind, ToolKeyFunction tool_key) {
   Fields<Cutter> fields;
-  fields.number(tool_key("radius_mm"), &Cutter::radius, tool_size, "of the cutter");
+  fields.number(tool_key("radius_mm"), &Cutter::radius, tool_size, "radius of the cutter");
   // The corner radius of a ball or flat end follows from its kind.
   if (kind == "ball") fields.derive([](Cutter& cutter) { cutter.corner_radius = cutter.radius; });
   if (kind == "flat") fields.derive([](Cutter& cutter) { cutter.corner_radius = 0.0; });
   if (kind == "bull")
     fields.number(tool_key("corner_radius_mm"), &Cutter::corner_radius, positive,
-                  "of a bull nose, at most the radius");
+                  "corner radius of a bull nose, at most the radius");
   return fields.number(tool_key("flank_length_mm"), &Cutter::flank_length, tool_size,
-                       "of a cutter: its cutting length above the tip; from there its radius goes "
-                       "on as a shank");
+                       "of a cutter: cutting length above the tip; above it the cutter continues "
+                       "with the same radius as a shank");
 }
 
 /// Returns the fields of the dimensions and a check that they fit each other.
@@ -64,15 +64,16 @@ Fields<Cutter> cutter_fields(const std::string& kind, ToolKeyFunction tool_key) 
 
 Fields<Nose> nose_fields(ToolKeyFunction tool_key) {
   return Fields<Nose>().number(tool_key("radius_mm"), &Nose::radius, tool_size,
-                               "of the edge of a turning tool");
+                               "radius of the edge of a turning tool");
 }
 
 Fields<NoseWave> wave_fields() {
   return Fields<NoseWave>()
-      .whole(required_key("order"), &NoseWave::order, 1, 1000, "waves in a full turn")
+      .whole(required_key("order"), &NoseWave::order, 1, 1000, "number of waves in a full turn")
       .number(required_key("amplitude_um"), &NoseWave::amplitude, any_number,
-              "by which it stands out")
-      .number("phase_deg", &NoseWave::phase, any_number, "of its cosine, from the tool's x to z");
+              "amplitude of the wave, outwards")
+      .number("phase_deg", &NoseWave::phase, any_number,
+              "phase of its cosine, from the tool's x to z");
 }
 
 bool is_form(const std::string& kind) {
@@ -98,15 +99,15 @@ Fields<ToolDescription> nominal_fields(const std::string& kind) {
 Fields<ToolDescription> centring_fields() {
   return Fields<ToolDescription>()
       .number("centring_offset_mm", &ToolDescription::centring_offset, any_number,
-              "turning: by which it stands off along the tool's x")
+              "turning: offset of the tip along the tool's x")
       .number("centring_height_mm", &ToolDescription::centring_height, any_number,
-              "turning: by which it stands off along the tool's y");
+              "turning: offset of the tip along the tool's y");
 }
 
 Fields<ToolDescription> actual_fields(const std::string& kind) {
   Fields<ToolDescription> fields;
   fields.number(optional_actual("length_mm"), &ToolDescription::actual_length, tool_length,
-                "from the nose of the spindle");
+                "length from the nose of the spindle");
   if (is_form(kind))
     return fields.include_fields(whole_struct, form_cutter_fields(kind, actual_selector));
   // The offset of the tip belongs to the setting of the tool and not to its form.
@@ -122,24 +123,25 @@ Fields<ToolDescription> actual_fields(const std::string& kind) {
           [](auto& tool) -> auto& { return std::get<Nose>(tool.actual); },
           nose_fields(optional_actual)
               .tables("wave", &Nose::waves, wave_fields(),
-                      "of `kind = \"nose\"` alone: waves of the edge"))
+                      "waves of the edge, for `kind = \"nose\"` only"))
       .include_fields(whole_struct, centring_fields());
 }
 
 Fields<ToolWear> wear_fields() {
   return Fields<ToolWear>()
       .number(KeyName("time_min").in_exclusive_group("use"), &ToolWear::time_s, positive,
-              "of cutting at feed, after which the cutter has lost what follows")
+              "cutting time at feed after which the cutter has lost `radius_um` and `length_um`")
       .number(KeyName("way_mm").in_exclusive_group("use"), &ToolWear::distance, positive,
-              "of the tip in the workpiece at feed, likewise")
-      .number("radius_um", &ToolWear::radius, non_negative, "lost then; the tip stays in its place")
-      .number("length_um", &ToolWear::length, non_negative, "lost then, at the tip")
+              "distance of the tip in the workpiece at feed, likewise")
+      .number("radius_um", &ToolWear::radius, non_negative,
+              "loss of radius by then; the tip stays in place")
+      .number("length_um", &ToolWear::length, non_negative, "loss of length by then, at the tip")
       .check([](TableReader& reader, ToolWear& wear) {
         if (!wear.time_s && !wear.distance)
           reader.report_missing("time_min", "a time, or a way_mm,");
         if (wear.time_s && wear.distance)
-          reader.report_invalid("way_mm", "either it or time_min, by which the cutter wears",
-                                "both");
+          reader.report_invalid(
+              "way_mm", "either way_mm or time_min, to which the wear is proportional", "both");
       });
 }
 
@@ -157,17 +159,16 @@ ToolKind make_tool_kind(const char* word, const char* sentence) {
 
 const std::vector<ToolKind>& tool_kinds() {
   static const std::vector<ToolKind> kinds{
-      make_tool_kind("ball", "its end is a hemisphere"),
-      make_tool_kind("bull", "a flat end with a round corner"),
-      make_tool_kind("flat", "a flat end with a sharp corner"),
+      make_tool_kind("ball", "hemispherical end"),
+      make_tool_kind("bull", "flat end with a rounded corner"),
+      make_tool_kind("flat", "flat end with a sharp corner"),
       make_tool_kind("apt",
-                     "the cutter of APT by its seven parameters: taper, tapered ball, drill "
+                     "cutter described by the seven parameters of APT: taper, tapered ball, drill "
                      "point, dovetail"),
-      make_tool_kind("form",
-                     "lines and arcs about the axis that bulge outwards: barrel, lens, oval"),
+      make_tool_kind("form", "convex outline of lines and arcs about the axis: barrel, lens, oval"),
       make_tool_kind("profile",
-                     "lines and arcs about the axis, hollow too: step drill, T-slot, dovetail on a "
-                     "shank, grooved form cutter, corner rounding"),
+                     "outline of lines and arcs about the axis that may be concave: step drill, "
+                     "T-slot, dovetail on a shank, grooved form cutter, corner rounding"),
       make_tool_kind("nose", "a turning tool"),
       make_tool_kind("insert", "a turning tool with a nose and two straight edges"),
       make_tool_kind("edge", "a turning tool with a convex edge of lines and arcs")};
@@ -206,22 +207,22 @@ const ToolKind& find_tool_kind(const ToolDescription& tool) {
   return tool_kind_by_name(is_ball ? "ball" : "bull");
 }
 
-/// Checks that a tool with wear is a milling cutter that can wear so much.
+/// Checks that a tool with wear is a milling cutter whose wear is less than half its radius.
 void check_wear(TableReader& reader, ToolDescription& tool) {
   const auto* cutter = std::get_if<Cutter>(&tool.actual);
   if (!tool.wear) return;
   if (cutter == nullptr)
-    reader.report_invalid("wear", "a milling cutter beside wear", "a turning tool");
+    reader.report_invalid("wear", "a milling cutter with wear", "a turning tool");
   else if (cutter->outline)
-    reader.report_invalid("wear", "a ball, bull-nosed or flat end beside wear", "a form cutter");
+    reader.report_invalid("wear", "a ball, bull-nosed or flat end with wear", "a form cutter");
   else if (!(tool.wear->radius < 0.5 * cutter->radius))
-    reader.report_invalid("wear", "a wear of less than half the radius", "more");
+    reader.report_invalid("wear", "wear of less than half the radius", "more");
 }
 
 /// Checks that a turning tool states no shank; only the shank of a milling cutter is a cylinder.
 void check_shank(TableReader& reader, ToolDescription& tool) {
   if (tool.shank_radius && std::holds_alternative<Nose>(tool.nominal))
-    reader.report_invalid("shank_radius_mm", "a milling cutter beside shank_radius_mm",
+    reader.report_invalid("shank_radius_mm", "a milling cutter with shank_radius_mm",
                           "a turning tool");
 }
 
@@ -275,15 +276,15 @@ void check_holder(TableReader& reader, ToolDescription& tool) {
   const Node* heights_node = reader.node().find("holder")->find("heights_mm");
   reader.input_errors().add(
       heights_node->place,
-      "heights above 0 for tool.holder.heights_mm, which count from the tip up: "
-      "the tip is outside of the holder",
+      "heights above 0 for tool.holder.heights_mm, measured upwards from the tip: the tip is "
+      "outside the holder",
       fmt::format("a holder that begins {}",
                   lower_end_mm < 0.0 ? fmt::format("{:g} mm below the tip", -lower_end_mm)
                                      : std::string("at the tip")));
 }
 
 Key tool_kind_key() {
-  Key kind = make_key(required_key("kind"), Key::Kind::Text, "of tool");
+  Key kind = make_key(required_key("kind"), Key::Kind::Text, "kind of tool");
   for (const ToolKind& tool_kind : tool_kinds()) kind.choices.push_back(tool_kind.word);
   return kind;
 }
@@ -297,14 +298,14 @@ Key actual_key() {
       if (std::ranges::none_of(keys, [&](const Key& other) { return other.name == key.name; }))
         keys.push_back(std::move(key));
   return make_key(KeyName("actual").with_fallback("as nominal"), Key::Kind::Table,
-                  "what the tool really is, where that differs", std::move(keys));
+                  "the actual tool, where it differs", std::move(keys));
 }
 
 const Fields<ToolDescription>& tool_fields() {
   using Tool = ToolDescription;
   static const Fields<Tool> fields =
       Fields<Tool>()
-          .text("name", &Tool::name, "of the tool")
+          .text("name", &Tool::name, "name of the tool")
           .custom_field(
               {tool_kind_key()},
               [](TableReader& reader, Tool& tool) {
@@ -315,16 +316,17 @@ const Fields<ToolDescription>& tool_fields() {
                 append_entries(table, find_tool_kind(tool).nominal.to_table(tool));
               })
           .number(required_key("length_mm"), &Tool::length, tool_length,
-                  "from the nose of the spindle to the tip; of a turning tool to the centre of its "
-                  "edge")
+                  "length from the nose of the spindle to the tip; for a turning tool, to the "
+                  "centre of its edge")
           .number(KeyName("shank_radius_mm").with_fallback("that of the cutter"),
                   &Tool::shank_radius, tool_size,
-                  "of a cutter, above its flank up to the holder, for collisions and for the "
-                  "warning of a shank in the design")
+                  "of a cutter: radius above its flank up to the holder, for collision checks and "
+                  "for the warning of a shank in the design")
           .table(KeyName("holder").with_fallback("none"), &Tool::holder,
-                 profile_fields("above the tip"), "a body of revolution, for collisions")
-          .whole(KeyName("number").with_fallback("none: every call is warned of"), &Tool::number, 0,
-                 999'999, "T by which a program calls it: a call of another is refused")
+                 profile_fields("from the tip"), "a body of revolution, for collision checks")
+          .whole(KeyName("number").with_fallback("none: a warning is given for every call"),
+                 &Tool::number, 0, 999'999,
+                 "T number by which a program calls it; a call of any other number is rejected")
           .derive([](Tool& tool) {
             // The table `actual` states differences from the nominal tool only.
             tool.actual = tool.nominal;
@@ -343,7 +345,7 @@ const Fields<ToolDescription>& tool_fields() {
                 put_value(table, "actual", find_tool_kind(tool).actual.to_table(tool));
               })
           .table(KeyName("wear").with_fallback("none"), &Tool::wear, wear_fields(),
-                 "what the true cutter loses while it cuts, in proportion")
+                 "wear of the actual cutter, proportional to its use")
           .check(check_wear)
           .check(check_shank)
           .check(check_flanks)
@@ -364,7 +366,7 @@ bool turns_workpiece(const ToolDescription& tool) {
 void check_tool_numbers(const std::vector<ToolDescription>& tools, const ToolDescription& tool,
                         const SourcePosition& place, InputErrors& input_errors) {
   if (!tool.number) {
-    input_errors.add(place, "tool.number of each of several tools", "a tool without");
+    input_errors.add(place, "tool.number for each of several tools", "a tool without a number");
     return;
   }
   for (const ToolDescription& other : tools) {
@@ -373,7 +375,8 @@ void check_tool_numbers(const std::vector<ToolDescription>& tools, const ToolDes
                        std::to_string(*tool.number) + " again");
     // Blank and simulation are either those of milling or those of turning.
     if (turns_workpiece(other) != turns_workpiece(tool))
-      input_errors.add(place, "tools that all mill, or all turn", "one of either kind");
+      input_errors.add(place, "tools that are all for milling or all for turning",
+                       "one of each kind");
   }
 }
 

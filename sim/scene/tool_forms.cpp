@@ -58,26 +58,28 @@ constexpr auto numbers_member = [](auto& form) -> auto& {
 Fields<AptForm> apt_fields(ToolKeyFunction tool_key) {
   using Apt = cutting::AptCutter;
   return Fields<AptForm>()
-      .number(optional_for_both(tool_key, KeyName("diameter_mm")
-                                              .with_fallback("a ball: the corner's middle is on "
-                                                             "the axis")),
-              &AptForm::diameter, form_size, "D of APT: where the lines of bottom and flank meet")
+      .number(optional_for_both(
+                  tool_key,
+                  KeyName("diameter_mm").with_fallback("a ball: the corner centre is on the axis")),
+              &AptForm::diameter, form_size,
+              "D of APT: diameter at which the lines of bottom and flank meet")
       .number(optional_for_both(tool_key, "corner_radius_mm"), numbers_member<&Apt::corner>,
-              corner_size, "of a bull nose, at most the radius; R of APT")
-      .number(optional_for_both(
-                  tool_key,
-                  KeyName("corner_offset_mm").with_fallback("such that the corner is tangent")),
-              &AptForm::radial, corner_position, "E of APT: of the corner's middle from the axis")
-      .number(optional_for_both(
-                  tool_key,
-                  KeyName("corner_height_mm").with_fallback("such that the corner is tangent")),
-              &AptForm::axial, corner_position, "F of APT: of the corner's middle above the tip")
+              corner_size, "corner radius of a bull nose, at most the radius; R of APT")
+      .number(
+          optional_for_both(
+              tool_key, KeyName("corner_offset_mm").with_fallback("so that the corner is tangent")),
+          &AptForm::radial, corner_position,
+          "E of APT: distance of the corner centre from the axis")
+      .number(
+          optional_for_both(
+              tool_key, KeyName("corner_height_mm").with_fallback("so that the corner is tangent")),
+          &AptForm::axial, corner_position, "F of APT: height of the corner centre above the tip")
       .number(optional_for_both(tool_key, "bottom_deg"), numbers_member<&Apt::bottom>, bottom_angle,
-              "alpha of APT: by which the bottom rises outwards")
+              "alpha of APT: angle by which the bottom rises outwards")
       .number(optional_for_both(tool_key, "flank_deg"), numbers_member<&Apt::flank>, flank_angle,
-              "beta of APT: by which the flank leans outwards, upwards")
+              "beta of APT: angle by which the flank leans outwards, upwards")
       .number(tool_key("flank_length_mm"), numbers_member<&Apt::height>, form_size,
-              "H of APT: of the flank's upper end above the tip")
+              "H of APT: height of the upper end of the flank above the tip")
       .check([](TableReader& reader, AptForm& form) {
         // Without a diameter the cutter is a ball, which only its corner radius describes.
         if (!form.diameter && (form.radial || form.axial || !(form.numbers.corner > 0.0)))
@@ -92,25 +94,24 @@ Fields<AptForm> apt_fields(ToolKeyFunction tool_key) {
 Fields<OutlineForm> outline_fields(ToolKeyFunction tool_key) {
   return Fields<OutlineForm>()
       .numbers(tool_key("radii_mm"), &OutlineForm::radii, 0,
-               "of the points of the outline from the tip up; flat below the first")
+               "radii of the outline points from the tip upwards; flat below the first")
       .numbers(tool_key("heights_mm"), &OutlineForm::heights, 0,
-               "of the same points above the tip; the first is 0")
+               "heights of the same points above the tip; the first is 0")
       .numbers(optional_for_both(tool_key, KeyName("arc_radii_mm").with_fallback("straight")),
-               &OutlineForm::arcs, 0,
-               "radius of the arc that bulges out on the way to each point; 0: straight");
+               &OutlineForm::arcs, 0, "radius of the convex arc to each point; 0: straight");
 }
 
 Fields<ProfileForm> profile_form_fields(ToolKeyFunction tool_key) {
   return Fields<ProfileForm>()
       .numbers(tool_key("radii_mm"), &ProfileForm::radii, 0,
-               "of the points of the outline from the tip up; flat below the first")
+               "radii of the outline points from the tip upwards; flat below the first")
       .numbers(tool_key("heights_mm"), &ProfileForm::heights, 0,
-               "of the same points above the tip; the first is 0, none is below the one before")
-      .numbers(
-          optional_for_both(tool_key, KeyName("arc_radii_mm").with_fallback("straight")),
-          &ProfileForm::arcs, 0,
-          "radius of the arc on the way to each point; 0: straight; below 0: it bulges in, and "
-          "is cut as chords inside of it, by which the tool is up to 1 um larger");
+               "heights of the same points above the tip; the first is 0, none is below the "
+               "previous one")
+      .numbers(optional_for_both(tool_key, KeyName("arc_radii_mm").with_fallback("straight")),
+               &ProfileForm::arcs, 0,
+               "radius of the arc to each point; 0: straight; below 0: concave, cut as chords "
+               "inside the arc, which make the tool up to 1 um larger");
 }
 
 cutting::ToolOutline make_outline(const AptForm& form) {
@@ -192,7 +193,7 @@ void report_outline_error(TableReader& reader, const OutlineForm& form,
                           const std::invalid_argument& error) {
   const auto* bend = dynamic_cast<const cutting::InwardBendError*>(&error);
   if (bend == nullptr) return report_form_error(reader, form, error);
-  const std::string text = std::string(error.what()) + "; kind = \"profile\" takes hollow ones";
+  const std::string text = std::string(error.what()) + "; kind = \"profile\" allows concave ones";
   report_form_error(reader, form, cutting::OutlineError(text, bend->at, bend->number));
 }
 
@@ -226,15 +227,15 @@ constexpr Range edge_angle{0.0, 179.0};                 // deg
 
 Fields<Insert> insert_dimension_fields(ToolKeyFunction tool_key) {
   return Fields<Insert>()
-      .number(tool_key("radius_mm"), &Insert::radius, edge_size, "of the nose")
+      .number(tool_key("radius_mm"), &Insert::radius, edge_size, "radius of the nose")
       .number(tool_key("cutting_edge_angle_deg"), &Insert::major, edge_angle,
-              "ISO 3002-1 κr, from the feed -x to the edge ahead, upwards")
+              "ISO 3002-1 κr, from the feed direction -x to the major edge, upwards")
       .number(tool_key("minor_edge_angle_deg"), &Insert::minor, edge_angle,
-              "κr', from +x to the edge behind, upwards; with κr 1 to 179 deg")
+              "κr', from +x to the minor edge, upwards; κr and κr' together 1 to 179 deg")
       .number(tool_key("cutting_edge_mm"), &Insert::major_length, edge_size,
-              "length of the edge ahead, from the nose")
+              "length of the major edge, from the nose")
       .number(tool_key("minor_edge_mm"), &Insert::minor_length, edge_size,
-              "length of the edge behind, from nose or wiper")
+              "length of the minor edge, from the nose or the wiper")
       .number(optional_for_both(tool_key, "wiper_mm"), &Insert::wiper, non_negative,
               "b_s, a flat along x from below the centre of the nose to the minor edge");
 }
@@ -262,11 +263,11 @@ Fields<Points> edge_fields(ToolKeyFunction tool_key) {
   const std::vector<Key> keys{
       make_numbers_key(
           tool_key("x_mm"), 0,
-          "of points around the edge, counter-clockwise from x to z, the centre inside"),
-      make_numbers_key(tool_key("z_mm"), 0, "of the same points"),
+          "x of points around the edge, counter-clockwise from x to z, with the centre inside"),
+      make_numbers_key(tool_key("z_mm"), 0, "z of the same points"),
       make_numbers_key(optional_for_both(tool_key, "arc_radii_mm"), 0,
-                       "of the arcs to them from the points before, that to the first from the "
-                       "last; 0: a line")};
+                       "radii of the arcs to them from the previous points, that to the first from "
+                       "the last; 0: straight")};
   return Fields<Points>().custom_field(
       keys,
       [tool_key](TableReader& reader, Points& points) {
@@ -301,7 +302,7 @@ Nose make_edge_nose(const Points& points) {
 }
 
 void report_insert_error(TableReader& reader, const Insert&, const std::invalid_argument& error) {
-  reader.input_errors().add(reader.place(), "a turning insert that can be", error.what());
+  reader.input_errors().add(reader.place(), "a valid turning insert", error.what());
 }
 
 void report_edge_error(TableReader& reader, const Points& points,

@@ -23,12 +23,11 @@ constexpr std::size_t max_trust_file_bytes = std::size_t(1) << 20;
 /// Returns how another user could have written a file; empty if none could.
 std::string write_access_risk(const fs::path& file) {
   struct ::stat status {};
-  if (::stat(file.c_str(), &status) != 0) return "one that cannot be looked at";
+  if (::stat(file.c_str(), &status) != 0) return "one that cannot be examined";
   // Files of root are accepted, as root can write every file anyway.
-  if (status.st_uid != ::geteuid() && status.st_uid != 0)
-    return "one that belongs to somebody else";
+  if (status.st_uid != ::geteuid() && status.st_uid != 0) return "one that belongs to another user";
   if ((status.st_mode & (S_IWGRP | S_IWOTH)) != 0)
-    return fmt::format("one that others can write (mode {:o})", status.st_mode & 07777u);
+    return fmt::format("one that others can write to (mode {:o})", status.st_mode & 07777u);
   return "";
 }
 
@@ -84,7 +83,7 @@ std::vector<fs::path> trusted_folders(const fs::path& file) {
   for (const fs::path& checked_path : {file, file.parent_path()})
     if (const std::string risk = write_access_risk(checked_path); !risk.empty())
       throw BadInput(checked_path.string(), 0, 0,
-                     "a trust file in a folder that you alone can write (chmod go-w)", risk);
+                     "a trust file in a folder that only you can write to (chmod go-w)", risk);
   const std::string text = read_text(file, max_trust_file_bytes);
   std::vector<fs::path> folders;
   LineReader lines(text);

@@ -14,7 +14,7 @@ namespace abbe::sim {
 
 /// Returns the folders of a trust file, with links resolved; none if there is no such file.
 /// @throws BadInput if the file or its folder belongs to another user, or can be written by others
-///         than its owner or root, or if a line is no absolute path
+///         than its owner or root, or if a line is not an absolute path
 std::vector<std::filesystem::path> trusted_folders(const std::filesystem::path& file);
 
 /// A program that a file names, and whether it may run.

@@ -61,12 +61,12 @@ constexpr std::array plausible_ranges{
     PlausibleRange{"", "resonance_Hz", 2, 5e4, "kHz", "rpm or mHz"},
     // speeds
     PlausibleRange{"", "viscous_torque_Nm_per_rpm", 1e-7, 0.1, "", "Nm per 1000 rpm"},
-    PlausibleRange{"", "rpm", 20, 3e5, "1/s or 1000 rpm", "degrees a minute"},
+    PlausibleRange{"", "rpm", 20, 3e5, "1/s or 1000 rpm", "degrees per minute"},
     PlausibleRange{"machine", "rapid_mm_per_min", 100, 3e5, "m/min or mm/s", "um/s"},
-    PlausibleRange{"machine", "rapid_deg_per_min", 50, 1e6, "rpm or rad/s", "degrees an hour"},
+    PlausibleRange{"machine", "rapid_deg_per_min", 50, 1e6, "rpm or rad/s", "degrees per hour"},
     PlausibleRange{"", "rate_mm_per_min", 0.1, 1e4, "m/min", "um/s"},
     PlausibleRange{"", "mm_per_min", 10, 3e5, "m/min or mm/s", "um/min"},
-    PlausibleRange{"", "feed_um_per_rev", 0.5, 5000, "mm a revolution", "nm a revolution"},
+    PlausibleRange{"", "feed_um_per_rev", 0.5, 5000, "mm per revolution", "nm per revolution"},
     // forces, stiffness, material
     PlausibleRange{"", "turning_stiffness_Nm_per_urad", 1e-3, 1e4, "Nm per nrad", "Nm per rad"},
     PlausibleRange{"", "stiffness_N_per_um", 0.2, 1e4, "N per nm", "N/mm or N/m"},
@@ -217,7 +217,7 @@ bool has_plausible_range(std::string_view key) {
 
 std::string temperature_mistake(double value) {
   if (value >= min_plausible_C && value <= max_plausible_C) return {};
-  return value < min_plausible_C   ? "another quantity"
+  return value < min_plausible_C   ? "a different quantity"
          : value < max_plausible_F ? "Fahrenheit"
                                    : "kelvin";
 }
@@ -276,7 +276,7 @@ class NumberVisitor {
       texts.push_back(finding.text +
                       (finding.further_count == 0
                            ? std::string()
-                           : fmt::format("; {} more of this key", finding.further_count)));
+                           : fmt::format("; {} more values of this key", finding.further_count)));
     }
     return texts;
   }
@@ -294,7 +294,7 @@ class NumberVisitor {
   void visit_number(double value, const SourcePosition& place, const std::string& key) {
     const std::string mistake = probable_mistake(key, value);
     if (!mistake.empty())
-      add(key, fmt::format("{}{} is {:.6g}: looks like {}, {} expected", location_text(place), key,
+      add(key, fmt::format("{}{} is {:.6g}: looks like {}; expected {}", location_text(place), key,
                            value, mistake, plausible_text(key)));
   }
 
@@ -312,7 +312,7 @@ class NumberVisitor {
     if (!is_short && (is_rotary || travel <= max_plausible_travel_mm)) return;
     add(key,
         fmt::format(
-            "{}{} is {:.6g} long: looks like {}, {} expected", location_text(place), key, travel,
+            "{}{} is {:.6g} long: looks like {}; expected {}", location_text(place), key, travel,
             is_rotary  ? "radians"
             : is_short ? "m"
                        : "um",
@@ -338,10 +338,10 @@ void add_tool_warnings(const ToolDescription& tool, std::vector<std::string>& wa
     const bool is_near = std::abs(actual - nominal) <= max_tool_deviation_mm;
     const double ratio = std::max(actual, nominal) / std::min(actual, nominal);
     if (is_near && (ratio > 0.0 && ratio <= max_tool_ratio)) return;
-    warnings.push_back(fmt::format(
-        "tool.actual.{}{} is {:.6g} where the tool is {:.6g}: it is the size itself, not a "
-        "difference, a diameter or another unit",
-        key, tool_name, actual, nominal));
+    warnings.push_back(
+        fmt::format("tool.actual.{}{} is {:.6g}, but the tool has {:.6g}: state the size itself, "
+                    "not a difference or a diameter, and check the unit",
+                    key, tool_name, actual, nominal));
   };
   const auto* nominal = std::get_if<cutting::Cutter>(&tool.nominal);
   const auto* actual = std::get_if<cutting::Cutter>(&tool.actual);
@@ -354,18 +354,18 @@ void add_control_warnings(const Scene& scene, std::vector<std::string>& warnings
   const ControlDescription& control = scene.control;
   if (control.tool_length &&
       std::abs(*control.tool_length - scene.tool.length) > max_control_deviation_mm)
-    warnings.push_back(fmt::format(
-        "control.tool_length_mm is {:.6g} where the tool is {:.6g} long: it is the length itself "
-        "that the control believes",
-        *control.tool_length, scene.tool.length));
+    warnings.push_back(
+        fmt::format("control.tool_length_mm is {:.6g}, but the tool is {:.6g} long: state the "
+                    "length itself that the control believes",
+                    *control.tool_length, scene.tool.length));
   const auto& joints = scene.machine.joints;
   for (std::size_t j = 0; j < std::min(joints.size(), control.joints.size()); ++j) {
     const double distance = (control.joints[j].point_b - joints[j].point_b).norm();
     if (joints[j].motion == kinematics::Motion::Rotary && distance > max_control_deviation_mm)
-      warnings.push_back(fmt::format(
-          "control.axis.{}.point_mm lies {:.4g} mm from that of the machine, and no control is "
-          "that wrong: another axis, sign or unit?",
-          joints[j].name, distance));
+      warnings.push_back(
+          fmt::format("control.axis.{}.point_mm is {:.4g} mm from that of the machine, and no "
+                      "control is that wrong: check the axis, the sign and the unit",
+                      joints[j].name, distance));
   }
 }
 
@@ -379,10 +379,10 @@ void add_fixture_warnings(const Scene& scene, std::vector<std::string>& warnings
   for (const BodyDescription& fixture : scene.fixtures) {
     const double distance = (fixture.T.translation() - scene.part.T_wm.translation()).norm();
     if (longest_travel > 0.0 && distance > longest_travel)
-      warnings.push_back(fmt::format(
-          "fixture \"{}\" lies {:.4g} mm from the part, and the longest slide goes {:.4g} mm: its "
-          "at_mm may be in another unit or from another zero",
-          fixture.name, distance, longest_travel));
+      warnings.push_back(
+          fmt::format("fixture \"{}\" is {:.4g} mm from the part, but the travel of the longest "
+                      "slide is {:.4g} mm: check the unit and the origin of its at_mm",
+                      fixture.name, distance, longest_travel));
   }
 }
 
@@ -403,15 +403,15 @@ void add_section_warnings(const Scene& scene, std::vector<std::string>& warnings
   for (const Node& section : *node->array()) length += section_size(section, "length_mm");
   if (length > rounding_margin * scene.tool.length)
     warnings.push_back(fmt::format(
-        "compliance.tool.section are {:.6g} mm long together, and the tool is {:.6g} mm long",
+        "compliance.tool.section has a total length of {:.6g} mm, but the tool is {:.6g} mm long",
         length, scene.tool.length));
   const double diameter = section_size(node->array()->front(), "diameter_mm");
   const double cutter_diameter = 2.0 * std::max(cutter->radius, cutting::shank_radius(*cutter));
   if (diameter > rounding_margin * cutter_diameter)
-    warnings.push_back(fmt::format(
-        "compliance.tool.section at the tip is {:.6g} mm thick, and the cutter {:.6g} mm: sections "
-        "go from the tip to the spindle",
-        diameter, cutter_diameter));
+    warnings.push_back(
+        fmt::format("compliance.tool.section has a diameter of {:.6g} mm at the tip, but the "
+                    "cutter has {:.6g} mm: sections are listed from the tip to the spindle",
+                    diameter, cutter_diameter));
 }
 
 }  // namespace
@@ -446,13 +446,12 @@ std::vector<std::string> value_warnings(const Scene& scene) {
   // A negative factor is allowed, but it is unusual.
   if (scene.belief.scale < 0.0)
     warnings.push_back(fmt::format(
-        "belief.scale is {:g}: a compensator adds the errors that it believes in, in place of "
-        "taking them away",
+        "belief.scale is {:g}: a compensator adds the believed errors instead of removing them",
         scene.belief.scale));
   if (scene.compliance && scene.compliance->gravity_b && scene.compliance->gravity_b->z() > 0.5)
     warnings.push_back(
         "compliance.gravity points up, along z of the bed: it is the direction in which masses "
-        "fall, [0, 0, -1] expected");
+        "fall; expected [0, 0, -1]");
   return warnings;
 }
 

@@ -17,12 +17,12 @@ namespace abbe::sim {
 std::string probable_mistake(std::string_view key, double value);
 
 /// Returns one warning for each key of a tree with implausible numbers: "limits.pv_um is 2e+06:
-/// looks like nm, 0.05 to 5000 um expected". It states the position of the first number if the tree
+/// looks like nm; expected 0.05 to 5000 um". It states the position of the first number if the tree
 /// has positions.
 std::vector<std::string> value_warnings(const Node& tree);
 
 /// Returns the warnings for the tree of a scene, such as "scene.toml:12:10: thermal.room_C is 293:
-/// looks like kelvin, -40 to 60 deg C expected", and one warning for each pair of values that do
+/// looks like kelvin; expected -40 to 60 deg C", and one warning for each pair of values that do
 /// not match, such as an actual tool or a belief of the control that is far from the nominal value.
 /// Variants are not examined, because each is checked as a scene of its own.
 std::vector<std::string> value_warnings(const Scene& scene);

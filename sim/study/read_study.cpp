@@ -33,7 +33,7 @@ namespace {
 std::uint64_t hash_of_file(const std::filesystem::path& file, std::uint64_t hash);
 
 /// Returns the hash of all data files that a tree names: with a changed mesh under the same name
-/// the study is another one.
+/// the study counts as a different one.
 std::uint64_t hash_of_files(const Node& node, std::uint64_t hash) {
   if (const Node::Array* array = node.array())
     for (const Node& element : *array) hash = hash_of_files(element, hash);
@@ -103,11 +103,12 @@ void check_engine(const Study& study, const std::vector<SourcePosition>& locatio
   require_maps(study.tolerance.has_value(), "tolerance");
   require_maps(study.uncertainty.has_value(), "uncertainty");
   if (study.engine == Engine::Both && !study.monte_carlo)
-    reader.report_invalid(
-        "engine", "[monte_carlo] with \"both\": the first of its cases are the proof", "none");
+    reader.report_invalid("engine", "[monte_carlo] with \"both\", whose first cases are the proof",
+                          "none");
   if (study.monte_carlo && reader.has("proofs") && study.proofs > study.monte_carlo->cases)
     reader.report_invalid(
-        "proofs", fmt::format("at most {}, the cases of [monte_carlo]", study.monte_carlo->cases),
+        "proofs",
+        fmt::format("at most {}, the number of cases of [monte_carlo]", study.monte_carlo->cases),
         std::to_string(study.proofs));
   if (study.engine == Engine::Full) return;
   for (std::size_t i = 0; i < study.inputs.size(); ++i)
@@ -133,12 +134,12 @@ void check_responses(const Study& study, const std::vector<Scene>& scenes, Table
   };
   for (const auto& [response, limit] : study.limits)
     if (!is_requested(response))
-      reader.report_invalid("limits", "limits of what `responses` asks for",
+      reader.report_invalid("limits", "limits of responses listed in `responses`",
                             std::string(name_of(response)) + "_um");
   for (std::size_t a = 0; a < scenes.size(); ++a)
     if (is_requested(Response::InTolerance) && !has_tolerance(scenes[a].part))
       reader.report_invalid("responses", "a part with tolerance_um for in_tolerance",
-                            "none of " + study.configurations[a].name);
+                            "none in " + study.configurations[a].name);
 }
 
 /// Adds an input error if the number of inputs or cases, or their correlation, does not fit the
@@ -183,7 +184,7 @@ void check_configuration(const Study& study, const Configuration& configuration,
     const Input& input = study.inputs[i];
     if (const std::string name = input.element + input.number;
         !name.empty() && !known_names.count(name))
-      input_errors.add(locations[i], "an element or number that the scene's errors have",
+      input_errors.add(locations[i], "an element or coefficient of the scene's errors",
                        with_suggestion(name, known_names));
   }
   if (!input_errors.empty()) return;
@@ -239,8 +240,9 @@ void check_days(const Study& study, TableReader& reader) {
 }
 
 const Fields<Study>& title_fields() {
-  static const Fields<Study> fields = Fields<Study>().text(
-      KeyName("title").with_fallback("name of the file"), &Study::title, "of tables and pictures");
+  static const Fields<Study> fields =
+      Fields<Study>().text(KeyName("title").with_fallback("name of the file"), &Study::title,
+                           "title of tables and pictures");
   return fields;
 }
 
@@ -383,8 +385,8 @@ void StudyReader::read_declared_inputs() {
     study_.copula = Copula(int(study_.inputs.size()), declared.correlations);
   } catch (const std::invalid_argument& error) {
     const Node* correlation = reader_.accept_key("correlation");
-    input_errors_.add(correlation ? correlation->place : reader_.place(),
-                      "correlations that can be", error.what());
+    input_errors_.add(correlation ? correlation->place : reader_.place(), "valid correlations",
+                      error.what());
   }
 }
 
@@ -393,11 +395,12 @@ void StudyReader::report_missing_centres() {
   for (const MissingCentre& report_missing : missing_centres_)
     input_errors_.add(
         locations_[std::size_t(report_missing.input)],
-        fmt::format("centre = {} for the input {}, as the scene does not state {}",
-                    report_missing.nominal
-                        ? fmt::format("{:g} (the nominal one) or another", *report_missing.nominal)
-                        : "a number",
-                    study_.inputs[std::size_t(report_missing.input)].name, report_missing.path),
+        fmt::format(
+            "centre = {} for the input {}, as the scene does not state {}",
+            report_missing.nominal
+                ? fmt::format("{:g} (the nominal value) or another number", *report_missing.nominal)
+                : "a number",
+            study_.inputs[std::size_t(report_missing.input)].name, report_missing.path),
         "neither");
 }
 
@@ -438,16 +441,17 @@ std::vector<Key> study_keys() {
   };
   add({make_key(required_key("scene"), Kind::Text, "a scene file, relative to the study"),
        make_key("set", Kind::Any,
-                "changes of the scene, as of `[[variant]]`: `{ part.vertices = 10000 }`")});
+                "changes of the scene, as in `[[variant]]`: `{ part.vertices = 10000 }`")});
   add(engine_fields().keys());
   add({make_key(KeyName("cases").with_fallback("[\"uncompensated\"]"), Kind::Texts,
-                "whose part is judged: `\"uncompensated\"` and compensators, side by side"),
+                "cases whose part is judged: `\"uncompensated\"` and compensators, side by side"),
        make_key(KeyName("variants").with_fallback("[\"\"]"), Kind::Texts,
-                "names of the scene's variants, `\"\"` the scene itself; every case for each")});
+                "names of variants of the scene, `\"\"` for the scene itself; every case is run "
+                "for each")});
   add(response_fields().keys());
-  add({table_key("input", Kind::Tables, single_input_keys(), "one thing that nobody knows exactly"),
-       table_key("inputs", Kind::Tables, input_group_keys(), "many at once"),
-       table_key("correlation", Kind::Tables, correlation_keys(), "of two inputs")});
+  add({table_key("input", Kind::Tables, single_input_keys(), "one uncertain quantity"),
+       table_key("inputs", Kind::Tables, input_group_keys(), "many inputs at once"),
+       table_key("correlation", Kind::Tables, correlation_keys(), "correlation of two inputs")});
   add(analysis_fields().keys());
   return keys;
 }
@@ -461,8 +465,8 @@ Study read_study(const std::filesystem::path& file, const std::vector<Override>&
     throw BadScene({error});
   }
   if (!tree.find("scene") && tree.find("machine") && tree.find("part"))
-    throw BadScene({BadInput(file.string(), 0, 0, "a study, which names its scene in `scene`",
-                             "a scene, which abbe run and abbe compare take")});
+    throw BadScene({BadInput(file.string(), 0, 0, "a study with the key `scene`",
+                             "a scene, which is run by abbe run and abbe compare")});
   tree = apply_changes(std::move(tree), overrides, file.parent_path(), input_errors);
   if (Node* scene = tree.find("scene"); scene && scene->text())
     scene->value = std::filesystem::absolute(locate_file({*scene->text(), scene->place, ""},

@@ -59,7 +59,7 @@ Fields<ResponseLimits> limit_fields() {
   for (const Response response : all_responses) {
     if (response == Response::Mean || response == Response::InTolerance) continue;
     Key key = make_key(std::string(name_of(response)) + "_um", Key::Kind::Number,
-                       "upper limit: share of the machines within, Cpk");
+                       "upper limit; the fraction of machines within it and Cpk are reported");
     key.range = positive;
     fields.custom_field(
         {key},
@@ -80,11 +80,11 @@ Fields<Tolerance> tolerance_fields() {
   return Fields<Tolerance>()
       .word("response", &Tolerance::response, {{"pv", Response::Pv}, {"rms", Response::Rms}},
             "figure of the map that is limited")
-      .number(required_key("limit_um"), &Tolerance::limit, positive, "of that figure")
+      .number(required_key("limit_um"), &Tolerance::limit, positive, "limit of that figure")
       .number("confidence", &Tolerance::confidence, confidence_range,
-              "share of the machines within it")
+              "fraction of the machines within it")
       .whole("machines", &Tolerance::machines, 200, 1'000'000,
-             "drawn to find the spreads; as many fresh ones verify them");
+             "random machines from which the spreads are found; as many new ones verify them");
 }
 
 /// Evenly spaced values of a sweep whose values are not listed.
@@ -99,10 +99,10 @@ const Fields<ValueRange>& value_range_fields() {
           .number(required_key("from"), &ValueRange::from, any_number,
                   "first value, unless `values` are given")
           .number(required_key("to"), &ValueRange::to, any_number, "last value")
-          .whole("steps", &ValueRange::steps, 2, 10000, "values from `from` to `to`")
+          .whole("steps", &ValueRange::steps, 2, 10000, "number of values from `from` to `to`")
           .check([](TableReader& reader, ValueRange& value_range) {
             if (!std::isfinite(value_range.to - value_range.from))
-              reader.report_invalid("to", "a stretch of finite length",
+              reader.report_invalid("to", "a range of finite length",
                                     fmt::format("{} to {}", value_range.from, value_range.to));
           });
   return fields;
@@ -140,7 +140,7 @@ void read_sweep(const Node& node, Study& study, InputErrors& input_errors) {
 /// Returns the key `sweep`, a list of tables that refer to inputs by name.
 Fields<Study>::Field sweep_field() {
   Key key = make_key("sweep", Key::Kind::Tables,
-                     "an input through its values, all others at their centres");
+                     "varies an input over its values, with all others at their centres");
   key.keys = sweep_keys();
   return {{key},
           [](TableReader& reader, Study& study) {
@@ -163,24 +163,24 @@ Fields<InfluenceOptions> influence_fields() {
   using Options = InfluenceOptions;
   return Fields<Options>()
       .number("reach_um", &Options::reach, positive,
-              "passes of the tool within so much of the first are kept")
+              "tool passes within this distance of the first are kept")
       .whole("most_rivals", &Options::max_competing_passes, 1, 64,
-             "passes kept at a vertex at most")
+             "largest number of passes kept at a vertex")
       .whole("checks", &Options::checks, 0, 1000,
              "random machines that are cut to find where the maps fail")
       .number("flag_um", &Options::flag, positive,
               "a vertex that differs by more in one of them is flagged")
       .boolean("sheet", &Options::sheet, "all inputs on one sheet")
-      .texts("pictures", &Options::pictures, "names of inputs that get a picture of their own");
+      .texts("pictures", &Options::pictures, "names of inputs with a picture of their own");
 }
 
 Fields<Histories> histories_fields() {
   return Fields<Histories>()
       .texts(required_key("train"), &Histories::train,
-             "variants whose days teach, `\"\"` for the scene's own day; a day brings "
+             "variants whose days train the belief, `\"\"` for the scene's own day; a day has "
              "`[[instrument]]`s that read the machine at three or more `start_h`, or all day")
       .texts(required_key("test"), &Histories::test, "variants whose days are judged")
-      .text("case", &Histories::case_name, "a compensator of belief `thermal` alone")
+      .text("case", &Histories::case_name, "a compensator with the belief `thermal` alone")
       .check([](TableReader& reader, Histories& histories) {
         for (const auto& [key, list] :
              {std::pair("train", &histories.train), std::pair("test", &histories.test)})
@@ -205,15 +205,15 @@ const Fields<Study>& engine_fields() {
   static const Fields<Study> fields =
       Fields<Study>()
           .word("engine", &Study::engine,
-                {{"influence", Engine::Influence, "every machine from influence maps"},
+                {{"influence", Engine::Influence, "every machine is computed from influence maps"},
                  {"full", Engine::Full,
-                  "every machine cut; not for `[worst_case]`, `[tolerance]`, `[uncertainty]`"},
+                  "every machine is cut; not for `[worst_case]`, `[tolerance]`, `[uncertainty]`"},
                  {"both", Engine::Both,
-                  "influence maps, and the first `proofs` machines of `[monte_carlo]`, which it "
-                  "needs, cut as well"}},
+                  "influence maps; the first `proofs` machines of `[monte_carlo]`, which is "
+                  "required, are cut as well"}},
                 "how the cases are computed")
           .whole("seed", &Study::seed, 0, std::numeric_limits<std::int64_t>::max(),
-                 "of everything that is drawn; `--seed`")
+                 "seed of all random numbers; `--seed`")
           .whole("proofs", &Study::proofs, 1, max_cases, "machines that `both` cuts as well");
   return fields;
 }
@@ -227,27 +227,25 @@ const Fields<Distribution>& distribution_fields() {
                  {"uniform", Kind::Uniform},
                  {"triangular", Kind::Triangular},
                  {"log_normal", Kind::LogNormal}},
-                "how it varies")
-          .number(
-              KeyName("centre").with_fallback(
-                  "of `path` the scene's own value, required where it states none (`setup`: "
-                  "0); of `number` 0, of `element` 1"),
-              &Distribution::centre, any_number,
-              "mean, middle, mode or median, within `low` .. `high`; the base machine has every "
-              "input there")
-          .number(
-              KeyName("spread"), &Distribution::spread, {0.0, max_spread, true, false},
-              "standard deviation of `normal` before it is cut off, half width of `uniform` and "
-              "`triangular`, standard deviation of the logarithm of `log_normal` (at most 10), "
-              "in the unit of the path's key; must be given for `[[input]]`")
+                "shape of the distribution")
+          .number(KeyName("centre").with_fallback(
+                      "for `path` the value in the scene, required if it states none (`setup`: 0); "
+                      "for `number` 0, for `element` 1"),
+                  &Distribution::centre, any_number,
+                  "mean, middle, mode or median, within `low` .. `high`; the base machine has "
+                  "every input at its centre")
+          .number(KeyName("spread"), &Distribution::spread, {0.0, max_spread, true, false},
+                  "standard deviation of `normal` before truncation, half width of `uniform` and "
+                  "`triangular`, standard deviation of the logarithm of `log_normal` (at most 10), "
+                  "in the unit of the path's key; required for `[[input]]`")
           .number("low", &Distribution::low, any_number,
-                  "what physics allows: nothing is drawn below")
-          .number("high", &Distribution::high, any_number, "nothing is drawn above")
+                  "physical limit: nothing is drawn below it")
+          .number("high", &Distribution::high, any_number, "nothing is drawn above it")
           .check([](TableReader& reader, Distribution& distribution) {
             if (distribution.centre < distribution.low || distribution.centre > distribution.high)
-              reader.report_invalid(
-                  "centre", "a centre within low and high, as the base machine stands there",
-                  fmt::format("{}", distribution.centre));
+              reader.report_invalid("centre",
+                                    "a centre within low and high, where the base machine is",
+                                    fmt::format("{}", distribution.centre));
             if (const char* error = distribution_error(distribution))
               reader.report_invalid("spread", error, distribution_text(distribution));
           });
@@ -260,17 +258,16 @@ const Fields<Study>& response_fields() {
           .custom_field(
               {make_key(
                   KeyName("responses").with_fallback("[\"pv\", \"rms\"]"), Key::Kind::Texts,
-                  "figures of a map: `\"pv\"`, `\"rms\"`, `\"mean\"`, `\"std\"`, "
-                  "`\"max_abs\"`, `\"p95_abs\"`, `\"in_tolerance\"`, `\"form_pv\"`, "
-                  "`\"form_rms\"`, `\"texture_sa\"`, `\"texture_sq\"`, `\"texture_sz\"`; form "
-                  "and texture as the areal filter of `form_cutoff_mm` parts them, of the "
-                  "part's own vertices")},
+                  "figures of a map: `\"pv\"`, `\"rms\"`, `\"mean\"`, `\"std\"`, `\"max_abs\"`, "
+                  "`\"p95_abs\"`, `\"in_tolerance\"`, `\"form_pv\"`, `\"form_rms\"`, "
+                  "`\"texture_sa\"`, `\"texture_sq\"`, `\"texture_sz\"`; the areal filter of "
+                  "`form_cutoff_mm` separates form from texture, at the part's own vertices")},
               read_responses, write_responses)
           .word("of", &Study::machine_part,
-                {{"residual", false, "the map as `summary.json` judges it"},
-                 {"machine", true, "less the error-free map"}},
-                "which map is judged")
-          .table("limits", &Study::limits, limit_fields(), "of `responses` that are asked");
+                {{"residual", false, "the map as judged in `summary.json`"},
+                 {"machine", true, "the map minus the error-free map"}},
+                "map that is judged")
+          .table("limits", &Study::limits, limit_fields(), "limits of the requested `responses`");
   return fields;
 }
 
@@ -280,43 +277,44 @@ const Fields<Study>& analysis_fields() {
     return Fields<Study>()
         .table("one_at_a_time", &Study::one_at_a_time,
                Fields<OneAtATime>().number("step", &OneAtATime::step, positive,
-                                           "standard deviations to either side"),
-               "each input alone, to either side; tornado, root-sum-square, sum")
-        .table(
-            "monte_carlo", &Study::monte_carlo,
-            Fields<MonteCarlo>()
-                .whole("cases", &MonteCarlo::cases, 2, max_cases, "random machines")
-                .word("sampling", &MonteCarlo::sampling,
-                      {{"sobol", Sampling::Sobol, "fills evenly; its bands are on the safe side"},
-                       {"random", Sampling::Random}},
-                      "how they are drawn"),
-            "random machines: mean, P95, P99, share within the limit, each with its band of 95 "
-            "%; Cpk, correlations")
+                                           "step to either side, in standard deviations"),
+               "each input alone, to either side; tornado, root-sum-square and sum")
+        .table("monte_carlo", &Study::monte_carlo,
+               Fields<MonteCarlo>()
+                   .whole("cases", &MonteCarlo::cases, 2, max_cases, "number of random machines")
+                   .word("sampling", &MonteCarlo::sampling,
+                         {{"sobol", Sampling::Sobol,
+                           "fills the space evenly; its confidence intervals are conservative"},
+                          {"random", Sampling::Random}},
+                         "sampling method"),
+               "random machines: mean, P95, P99 and fraction within the limit, each with its 95 % "
+               "confidence interval; Cpk, correlations")
         .table("sobol_indices", &Study::sobol,
                Fields<SobolAnalysis>().whole("base_points", &SobolAnalysis::base_points, 8, 1 << 24,
-                                             "each of inputs + 2 cases"),
-               "which share of a response's variance an input makes, alone and with its "
+                                             "base points, each with inputs + 2 cases"),
+               "fraction of a response's variance due to each input, alone and with its "
                "interactions; inputs must be independent, at most 1800")
         .custom_field(sweep.keys, sweep.read, sweep.write)
         .table("worst_case", &Study::worst_case,
                Fields<WorstCase>().number("coverage", &WorstCase::coverage, positive,
-                                          "standard deviations, where a distribution has no end"),
-               "the worst corner of all inputs that is found; of at most 12 inputs every corner is "
-               "tried; no corner exceeds what is given as \"at most\"")
-        .table(
-            "tolerance", &Study::tolerance, tolerance_fields(),
-            "how good each input must be, all alike and at least cost; verified on as many fresh "
-            "random machines")
+                                          "standard deviations, for a distribution without bounds"),
+               "the worst corner of all inputs that is found; with at most 12 inputs every corner "
+               "is tried; no corner exceeds the value given as \"at most\"")
+        .table("tolerance", &Study::tolerance, tolerance_fields(),
+               "required accuracy of each input, with equal ratios and with the least cost; "
+               "verified on as many new random machines")
         .table("uncertainty", &Study::uncertainty,
                Fields<Uncertainty>()
-                   .number("confidence", &Uncertainty::confidence, confidence_range, "of the band")
-                   .whole("machines", &Uncertainty::machines, 100, 100'000, "drawn"),
-               "standard deviation and band of the map, vertex by vertex")
+                   .number("confidence", &Uncertainty::confidence, confidence_range,
+                           "confidence level of the interval")
+                   .whole("machines", &Uncertainty::machines, 100, 100'000,
+                          "number of random machines"),
+               "standard deviation and confidence interval of the map, vertex by vertex")
         .table("influence", &Study::influence, influence_fields(),
-               "how the maps are made, checked and shown")
+               "how the influence maps are made, checked and shown")
         .check(check_pictures)
         .table("histories", &Study::histories, histories_fields(),
-               "a thermal belief learnt on one day, judged on others");
+               "a thermal belief learnt on some days and judged on others");
   }();
   return fields;
 }

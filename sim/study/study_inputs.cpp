@@ -205,14 +205,13 @@ const Fields<SingleInput>& single_input_fields() {
   static const Fields<SingleInput> fields =
       Fields<SingleInput>()
           .texts(KeyName("path").in_exclusive_group("acts by"), &SingleInput::paths,
-                 "a value of the scene as of `--set`, or several that go together: "
+                 "value of the scene, as in `--set`, or several that change together: "
                  "`\"setup.EA_urad\"`, `\"thermal.link.3.conductance_W_per_K\"`")
           .text(KeyName("element").in_exclusive_group("acts by"), of_input(&Input::element),
-                "`\"EXX\"`: a factor of that element as the scene has it")
-          .text(
-              KeyName("number").in_exclusive_group("acts by"), of_input(&Input::number),
-              "`\"EXX[1]\"`, `\"EXX screw pitch cos 1\"`: a number of a curve of the errors, um or "
-              "urad, as `[covariance]` of a belief names it")
+                "`\"EXX\"`: a factor of that element of the scene")
+          .text(KeyName("number").in_exclusive_group("acts by"), of_input(&Input::number),
+                "`\"EXX[1]\"`, `\"EXX screw pitch cos 1\"`: a coefficient of an error curve, um or "
+                "urad, named as in `[covariance]` of a belief")
           .check([](TableReader& reader, SingleInput& single) {
             const int count = int(!single.paths.empty()) + int(!single.input.element.empty()) +
                               int(!single.input.number.empty());
@@ -222,15 +221,15 @@ const Fields<SingleInput>& single_input_fields() {
                                     count == 0 ? "none" : "several");
           })
           .number("factor", &SingleInput::factor, any_number,
-                  "what stands at the paths is `factor` times the input")
+                  "the values at the paths are `factor` times the input")
           .check([](TableReader& reader, SingleInput& single) {
             if (reader.has("factor") && single.paths.empty())
-              reader.report_invalid("factor", "a path beside it", "none");
+              reader.report_invalid("factor", "a path with factor", "none");
           })
           .text(KeyName("name").with_fallback("path, element or number"), of_input(&Input::name),
-                "in tables and pictures")
+                "name in tables and pictures")
           .number("cost", of_input(&Input::cost), positive,
-                  "of the present spread; a k-th of the spread costs k times as much "
+                  "cost of the present spread; 1/k of the spread costs k times as much "
                   "(`[tolerance]`)");
   return fields;
 }
@@ -248,21 +247,20 @@ struct InputGroup {
 const Fields<InputGroup>& input_group_fields() {
   static const Fields<InputGroup> fields =
       Fields<InputGroup>()
-          .word(
-              required_key("every"), &InputGroup::every,
-              {{"element", InputSource::Element,
-                "every element of the scene's errors, a factor: `centre` 0 and `spread` 1 take the "
-                "machine as it is for one standard deviation"},
-               {"number", InputSource::Number,
-                "every number of their curves that is not zero; `centre`, `spread`, `low` and "
-                "`high` in multiples of it"},
-               {"covariance", InputSource::Covariance,
-                "every number that a belief is not sure of, as far as its covariance says, "
-                "correlations included; the scene's `errors` must be a belief"}},
-              "of what inputs are made")
+          .word(required_key("every"), &InputGroup::every,
+                {{"element", InputSource::Element,
+                  "a factor for every element of the scene's errors: `centre` 0 and `spread` 1 "
+                  "treat the machine as it is as one standard deviation"},
+                 {"number", InputSource::Number,
+                  "every nonzero coefficient of their curves; `centre`, `spread`, `low` and `high` "
+                  "are multiples of it"},
+                 {"covariance", InputSource::Covariance,
+                  "every coefficient with an uncertainty in the covariance of a belief, "
+                  "correlations included; the scene's `errors` must be a belief"}},
+                "what the inputs are made from")
           .number(
               "cost", [](auto& group) -> auto& { return group.pattern.cost; }, positive,
-              "of the present spread of each");
+              "cost of the present spread of each input");
   return fields;
 }
 
@@ -354,13 +352,12 @@ void InputsReader::add(Input input, const SourcePosition& location) {
     input_errors_.add(location, fmt::format("at most {} inputs", max_inputs), "more");
   if (declared_.inputs.size() >= max_inputs) return;
   if (!index_.emplace(input.name, int(declared_.inputs.size())).second)
-    input_errors_.add(location, "a name for every input that no other has",
-                      "\"" + input.name + "\" again");
+    input_errors_.add(location, "a unique name for every input", "\"" + input.name + "\" again");
   std::vector<std::string> targets{input.element + input.number};  // at most one of the two is set
   for (const Setting& setting : input.settings) targets.push_back(setting.path);
   for (const std::string& target : targets)
     if (!target.empty() && !targets_.insert(target).second)
-      input_errors_.add(location, "an input of its own for " + target,
+      input_errors_.add(location, "a single input for " + target,
                         "\"" + input.name + "\" sets it again");
   declared_.locations.push_back(location);
   declared_.inputs.push_back(std::move(input));
@@ -435,7 +432,7 @@ Priors read_priors(TableReader& reader) {
       const bool has_unit = unit != std::string::npos &&
                             entry.key.substr(unit) == (name.is_angle() ? "_urad" : "_um");
       if (!has_unit || !spread || !(*spread >= 0.0 && *spread <= 1e6))
-        reader.input_errors().add(entry.place, expected + ", of 0 to 1e6",
+        reader.input_errors().add(entry.place, expected + ", from 0 to 1e6",
                                   entry.key + " = " + display_text(entry.node));
       else
         priors.spread[errors::to_string(name)] = *spread;
@@ -451,15 +448,15 @@ Priors read_priors(TableReader& reader) {
 void InputsReader::add_covariance(const Node& node, double cost, const Priors& priors) {
   if (scenes_.empty()) return;
   if (scenes_.front().geometric.covariance.of.empty()) {
-    input_errors_.add(node.place, "errors with a covariance, as `abbe identify` writes them",
-                      "errors that are taken as they stand");
+    input_errors_.add(node.place, "errors with a covariance, as written by `abbe identify`",
+                      "errors without a covariance");
     return;
   }
   BeliefInputs belief;
   try {
     belief = belief_inputs(scenes_.front(), priors);
   } catch (const std::invalid_argument& error) {
-    input_errors_.add(node.place, "priors of what was not identified", error.what());
+    input_errors_.add(node.place, "priors of unidentified coefficients", error.what());
     return;
   }
   const int first = int(declared_.inputs.size());
@@ -532,7 +529,7 @@ void InputsReader::add_coefficients(const InputGroup& group, const SourcePositio
     const Distribution d = scaled(group.pattern.distribution, base);
     if (const char* error = distribution_error(d))
       input_errors_.add(
-          location, fmt::format("{}, {} {} being its unit", error, name, base),
+          location, fmt::format("{}, in units of {} = {}", error, name, base),
           fmt::format("centre {}, spread {}, from {} to {}", d.centre, d.spread, d.low, d.high));
     add({name, is_angle ? "urad" : "um", {}, "", name, d, group.pattern.cost}, location);
   }
@@ -548,9 +545,9 @@ void InputsReader::read_correlations() {
     reader.close();
     if (!input_errors_.empty()) continue;
     const auto name = [&](int i) { return declared_.inputs[std::size_t(i)].name; };
-    if (a == b) reader.report_invalid("second", "another input than the first", name(b));
+    if (a == b) reader.report_invalid("second", "an input other than the first", name(b));
     if (!correlated_.insert(std::minmax(a, b)).second)
-      input_errors_.add(node->place, "every pair of inputs once",
+      input_errors_.add(node->place, "each pair of inputs once",
                         name(a) + " and " + name(b) + " again");
     declared_.correlations.push_back({a, b, rho});
   }
@@ -596,22 +593,22 @@ std::vector<Key> single_input_keys() {
 std::vector<Key> input_group_keys() {
   std::vector<Key> keys = input_group_fields().keys(),
                    distribution_keys = distributed_group_fields().keys();
-  Key priors =
-      make_key("unidentified", Key::Kind::Any,
-               "standard deviations of elements that the belief does not hold, "
-               "`{ EY0A_um = 20, EAX_urad = 10 }`, or `\"typical\"`: 20 um and 20 urad of "
-               "offsets, squareness and parallelism, 5 um and 15 urad of error motions (the "
-               "k-th order of a curve a k-th of it), 5 um and 10 urad of the nose. What has "
-               "none is left out of every figure, which a warning says");
+  Key priors = make_key(
+      "unidentified", Key::Kind::Any,
+      "standard deviations of elements that the belief does not contain, `{ EY0A_um = 20, EAX_urad "
+      "= 10 }`, or `\"typical\"`: 20 um and 20 urad for offsets, squareness and parallelism, 5 um "
+      "and 15 urad for error motions (1/k of it for order k of a curve), 5 um and 10 urad for the "
+      "nose. Elements without one are left out of every figure, and a warning is given");
   for (EnumChoice& choice : keys.front().choices)
     choice.keys = choice.word == "covariance" ? std::vector<Key>{priors} : distribution_keys;
   return keys;
 }
 
 std::vector<Key> correlation_keys() {
-  return {make_key(required_key("first"), Key::Kind::Text, "name of an input"),
-          make_key(required_key("second"), Key::Kind::Text, "of another; every pair once"),
-          correlation_fields().keys().front()};
+  return {
+      make_key(required_key("first"), Key::Kind::Text, "name of an input"),
+      make_key(required_key("second"), Key::Kind::Text, "name of another input; each pair once"),
+      correlation_fields().keys().front()};
 }
 
 }  // namespace abbe::sim::study

@@ -255,7 +255,8 @@ TEST_F(ToolTable, FaultsOfATableStandWithThoseOfTheScene) {
   EXPECT_NE(refusal(tool(7), wall, "file = \"p.ngc\"\ntools = { file = \"tool.tbl\" }\n")
                 .find("tool.tbl:1:7: expected a unit"),
             std::string::npos);
-  EXPECT_NE(refusal(tool(7), wall, program + "tool_length_mm = { 2 = 80 }\n").find("either it or"),
+  EXPECT_NE(refusal(tool(7), wall, program + "tool_length_mm = { 2 = 80 }\n")
+                .find("either tool_length_mm or"),
             std::string::npos);
   folder_.write("o.var", "5224 10\n");
   EXPECT_NE(

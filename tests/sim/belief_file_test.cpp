@@ -115,7 +115,7 @@ TEST(BeliefFile, ABrokenCovarianceIsRefusedByPlace) {
   const std::string good = "of = [\"EXX\"]\nstandard_uncertainty_um_urad = [0.1]\n";
   EXPECT_EQ(refusal(good), "");
   EXPECT_NE(refusal("of = [\"EXX[1]\"]\nstandard_uncertainty_um_urad = [0.1]\n")
-                .find("belief.toml:3:7: expected a number of this file's curves"),
+                .find("belief.toml:3:7: expected a coefficient of the curves in this file"),
             std::string::npos);
   EXPECT_NE(refusal("of = [\"EXX\"]\nstandard_uncertainty_um_urad = [0.1, 1]\n"), "");
   EXPECT_NE(refusal("of = [\"EXX\"]\nstandard_uncertainty_um_urad = [-0.1]\n").find(">= 0"),

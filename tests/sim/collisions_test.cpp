@@ -407,14 +407,15 @@ TEST(Collisions, ANameThatTwoBodiesHaveIsRefused) {
   };
   for (const char* own : {"part", "stock", "cutter", "shank", "holder"}) {
     const std::string text = input_errors(fixture(own));
-    EXPECT_NE(text.find(fmt::format("scene.toml:12:8: expected a name for a fixture that nothing "
-                                    "else has, seen \"{0}\", the name of the {0} itself",
+    EXPECT_NE(text.find(fmt::format("scene.toml:12:8: expected a unique name for a fixture, seen "
+                                    "\"{0}\", the name of the {0} itself",
                                     own)),
               std::string::npos)
         << text;
   }
-  EXPECT_NE(input_errors(fixture("ram")).find("seen \"ram\", that of a body of the machine"),
-            std::string::npos);
+  EXPECT_NE(
+      input_errors(fixture("ram")).find("seen \"ram\", already the name of a body of the machine"),
+      std::string::npos);
   EXPECT_NE(input_errors(fixture("vice") + fixture("vice")).find("scene.toml:16:8: "),
             std::string::npos);
   EXPECT_NE(input_errors(fixture("") + fixture("fixture")).find("seen \"fixture\""),
@@ -432,7 +433,7 @@ TEST(Collisions, ANameThatTwoBodiesHaveIsRefused) {
        "[{ name = \"ram\", carried_by = \"Z\", size_mm = [1, 1, 1] }, "
        "{ name = \"ram\", size_mm = [1, 1, 1] }]"}};
   EXPECT_NE(faults_of({"G1 Z90 F1000", "", "", twice})
-                .find("expected a name for a body of the machine that nothing else has"),
+                .find("expected a unique name for a body of the machine"),
             std::string::npos);
 }
 
@@ -447,7 +448,7 @@ TEST(Collisions, APairToBeLeftOutMustBeThere) {
   EXPECT_NE(text.find("scene.toml:13:5: expected the name of a body: table, base, "),
             std::string::npos)
       << text;
-  EXPECT_NE(input_errors("ram", "ram").find("expected the name of another body"),
+  EXPECT_NE(input_errors("ram", "ram").find("expected the name of a body other than"),
             std::string::npos);
 }
 
@@ -460,7 +461,7 @@ TEST(Collisions, AHolderThatCannotBeIsRefusedAndAnOddOneWarnedOf) {
             std::string::npos);
   EXPECT_NE(faults_of(with("[0, 60, 100]")).find("a holder that begins at the tip"),
             std::string::npos);
-  EXPECT_NE(faults_of(with("[60, 35, 100]")).find("heights that fall"), std::string::npos);
+  EXPECT_NE(faults_of(with("[60, 35, 100]")).find("decreasing heights"), std::string::npos);
   const auto warned = [&](const std::string& heights, const std::string& words) {
     std::string all;
     for (const std::string& text : planted_job(with(heights)).warnings) all += text + "\n";
@@ -496,7 +497,7 @@ TEST(Collisions, BodiesThatCannotBeAreRefused) {
                 .find("one radius above 0"),
             std::string::npos);
   EXPECT_NE(refused("shape = \"revolution\"\nradii_mm = [3, 4]\nheights_mm = [5, 2]\n")
-                .find("heights that fall"),
+                .find("decreasing heights"),
             std::string::npos);
   EXPECT_NE(refused("shape = \"extrusion\"\nx_mm = [0, 0, 5]\ny_mm = [0, 5, 0]\nheight_mm = 3\n")
                 .find("counter-clockwise"),

@@ -119,8 +119,7 @@ TEST_F(FirstEvening, AMisspeltCommand) {
 TEST_F(FirstEvening, AnUnclosedQuote) {
   expect_refused(
       "title = \"first part\nmachine = \"m.toml\"\n",
-      "scene.toml:1:9: expected a text that ends with \", seen one that its line does not "
-      "close");
+      "scene.toml:1:9: expected a string that ends with \", seen a string not closed on its line");
 }
 
 TEST_F(FirstEvening, AnElementInMillimetres) {
@@ -146,9 +145,9 @@ TEST_F(FirstEvening, ASceneCopiedElsewhere) {
   EXPECT_NE(found.text.find("library:machines/gantry_cxyza.toml"), std::string::npos)
       << "what is abbe's own is found wherever the scene stands: " << found.text;
   for (const std::string& words :
-       {std::string("scene.toml:1:11: expected a file that can be read, or one of the library: "),
-        fmt::format("seen no file {0}/machines/ours.toml: a name counts from the folder of the "
-                    "file that has it, here {0}",
+       {std::string("scene.toml:1:11: expected a file that can be read, or a library name: "),
+        fmt::format("seen no file {0}/machines/ours.toml; names are relative to the folder of the "
+                    "file that contains them, here {0}",
                     folder_.path().string())})
     expect_refused(scene("ours.toml"), words);
 }

@@ -258,7 +258,7 @@ TEST(Slip, TheNearestCommandOptionOrWordIsNamed) {
        "siemens, three_axis, trunnion (nearest: gantry), seen gantri"},
       {"render r --line radios", "(nearest: radius)"},
       {"explain part.raduis_mm", "nearest: part.radius_mm"},
-      {"run library:gantri_dome", "a name of the library: library:gantry_dome, "},
+      {"run library:gantri_dome", "a library name: library:gantry_dome, "},
   };
   for (const auto& one : slips) {
     const Ran ran = run(one.line);

@@ -136,7 +136,7 @@ TEST(FormCutterScene, ThatCannotBeIsRefusedWhereItStands) {
   const std::string form = "kind = \"form\"\n";
   refused(form + "radii_mm = [1, 3, 2, 5]\nheights_mm = [0, 1, 3, 8]\n", "bends inwards");
   refused(form + "radii_mm = [1, 3, 2, 5]\nheights_mm = [0, 1, 3, 8]\n",
-          "kind = \"profile\" takes hollow ones");
+          "kind = \"profile\" allows concave ones");
   refused(stepped_mill + "[tool.wear]\nway_mm = 1000\nradius_um = 3\n", "wear");
   refused(form + "radii_mm = [1, 3]\nheights_mm = [0, 1, 3]\n",
           "form.toml:6:14: expected as many numbers as radii_mm, 2, for tool.heights_mm, seen 3");

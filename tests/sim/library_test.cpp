@@ -76,11 +76,11 @@ TEST(Library, WhatStandsBesideTheSceneComesFirst) {
 TEST(Library, ANameThatIsNotThereListsWhatIsTheNearestFirst) {
   const SceneFolder folder;
   EXPECT_NE(faults_of(folder.write("s.toml", text_of("library:trunion_ca", "library:ball_r5")))
-                .find("s.toml:1:11: expected a name of the library: library:trunnion_ca, library:"),
+                .find("s.toml:1:11: expected a library name: library:trunnion_ca, library:"),
             std::string::npos);
   const std::string beside =
       faults_of(folder.write("s.toml", text_of("lathe.toml", "library:ball_r5")));
-  EXPECT_NE(beside.find("s.toml:1:11: expected a file that can be read, or one of the library: "
+  EXPECT_NE(beside.find("s.toml:1:11: expected a file that can be read, or a library name: "
                         "library:lathe_zx, library:"),
             std::string::npos)
       << beside;
@@ -91,7 +91,7 @@ TEST(Library, ANameThatIsNotThereListsWhatIsTheNearestFirst) {
   const std::string data =
       faults_of(folder.write("s.toml", text_of("library:gantry_cxyza", "library:ball_r5") +
                                            "file = \"library:parts/freform\"\n"));
-  EXPECT_NE(data.find("expected a name of the library: library:parts/freeform, library:"),
+  EXPECT_NE(data.find("expected a library name: library:parts/freeform, library:"),
             std::string::npos)
       << data;
 }
@@ -114,9 +114,9 @@ TEST(Library, WithoutOneOnlyNamesOfItAreRefused) {
       folder.write("names.toml", text_of("library:gantry_cxyza", "library:ball_r5"));
   const Library none(folder.path());
   EXPECT_EQ(faults_of(whole), "");
-  EXPECT_NE(
-      faults_of(names).find("names.toml:1:11: expected a folder that has abbe's machines/, seen"),
-      std::string::npos)
+  EXPECT_NE(faults_of(names).find(
+                "names.toml:1:11: expected a folder that contains abbe's machines/, seen"),
+            std::string::npos)
       << faults_of(names);
 }
 

@@ -254,9 +254,9 @@ std::string refusal_of_body(const std::string& body) {
 TEST(MachineBodies, AreRefusedWhereTheyAreWrong) {
   EXPECT_EQ(refusal_of_body("size_mm = [1, 2, 3]\ncarried_by = \"X\"\nat_mm = [4, 5, 6]\n"), "");
   EXPECT_EQ(refusal_of_body("size_mm = [1, 2, 3]\n"), "");
-  EXPECT_EQ(
-      refusal_of_body("size_mm = [1, 0, 3]\n"),
-      "m.toml:6:11: expected three sizes above 0 and up to 100000 mm for size_mm, seen 1, 0, 3\n");
+  EXPECT_EQ(refusal_of_body("size_mm = [1, 0, 3]\n"),
+            "m.toml:6:11: expected three sizes above 0 and at most 100000 mm for size_mm, seen 1, "
+            "0, 3\n");
   EXPECT_EQ(refusal_of_body("size_mm = [1, 2, 3]\ncarried_by = \"Y\"\n"),
             "m.toml:7:14: expected a letter of the machine's code: b X Z s, seen Y\n");
   EXPECT_NE(refusal_of_body("size_mm = [1, 2]\n").find("m.toml:6:"), std::string::npos);
@@ -506,7 +506,7 @@ TEST(PoleRules, OfASceneAreReadWrittenAndRefused) {
   table.replace(table.find("p.cl"), 4, "p.pvt");
   const safety::Ran of_times = run("check " + folder.write("t.toml", table).string());
   EXPECT_EQ(of_times.code, 3);
-  EXPECT_NE(of_times.text.find("expected no pole beside a table of times, which has no vectors"),
+  EXPECT_NE(of_times.text.find("expected no pole with a table of times, which has no vectors"),
             std::string::npos)
       << of_times.text;
   const Scene scene = read_scene(folder.write(

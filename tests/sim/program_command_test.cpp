@@ -233,7 +233,7 @@ TEST(ProgramCommand, NamesOffsetsAsTheControlDoes) {
        {"G505", "G507", "none", "G508"},
        {"o.ufr has nonzero values that are not used: offsets after the sixth that cannot be read "
         "(1)",
-        "o.ufr: left out, being of axes that this machine has not: G521"}},
+        "o.ufr: left out, because they are for axes that this machine does not have: G521"}},
       {"o.pr",
        "BEGIN PGM P MM\nTOOL CALL 1 Z S100\nPRESET SELECT #7\nL X+1 FMAX\n"
        "PRESET SELECT #2\nL X+2 FMAX\nEND PGM P MM\n",

@@ -441,7 +441,7 @@ TEST(SceneBelief, ACaseWithoutItsBeliefIsRefusedByNameAndSection) {
       {"composite-position-ideal", "[belief.thermal]"},
       {"force-position-ideal", "[belief.force]"},
       {"part-position-ideal", "[belief.part]"},
-      {"fused-position-ideal", "something in [belief]"}};
+      {"fused-position-ideal", "an entry in [belief]"}};
   for (const auto& [name, section] : cases) {
     const std::string input_errors =
         scene_faults(fmt::format("[compare]\ncases = [\"{}\"]\n", name));

@@ -90,7 +90,8 @@ turn_deg = [0, 0, 90]
   EXPECT_NO_THROW(errors::validate(C, "turned"));
   EXPECT_EQ(r.compliance.fixture(0, 0), soft) << "a quarter turn is exact";
   EXPECT_EQ(r.compliance.fixture(0, 1), 0.0);
-  EXPECT_TRUE(refused("fixture = { turn_deg = [0, 0, 30] }", "stiffnesses that it turns"));
+  EXPECT_TRUE(
+      refused("fixture = { turn_deg = [0, 0, 30] }", "stiffnesses to which turn_deg applies"));
   EXPECT_TRUE(
       refused("axis.X = { stiffness_N_per_um = [1, 1, 1], turn_deg = [0, 0] }", "turn_deg"));
 }
@@ -184,7 +185,8 @@ MX_Nm = 2
 
 TEST(SceneCompliance, RefusesWhatIsNotPhysicalWhereItStands) {
   EXPECT_TRUE(refused("axis.X = { stiffness_N_per_um = [1, 0, 1] }", "c.toml:1:"));
-  EXPECT_TRUE(refused("axis.X = { stiffness_N_per_um = [1, -2, 1] }", "above 0"));
+  EXPECT_TRUE(
+      refused("axis.X = { stiffness_N_per_um = [1, -2, 1] }", "three stiffnesses of at least"));
   EXPECT_TRUE(refused("axis.X = { stiffness_N_per_um = [1, 2] }", "c.toml:1:"));
   EXPECT_TRUE(refused("axis.X = { stiffness_N_per_mm = [1, 2, 3] }", "N_per_um"));
   EXPECT_TRUE(refused("axis.X = { matrix = [1, 2, 3] }", "36"));
@@ -217,10 +219,10 @@ TEST(SceneCompliance, RefusesWhatIsNotPhysicalWhereItStands) {
   EXPECT_TRUE(
       refused("mass = [{ axis = \"Q\", mass_kg = 1, centre_mm = [0, 0, 0] }]", "mass on Q"));
   EXPECT_TRUE(
-      refused("mass = [{ axis = \"XY\", mass_kg = 1, centre_mm = [0, 0, 0] }]", "one letter"));
+      refused("mass = [{ axis = \"XY\", mass_kg = 1, centre_mm = [0, 0, 0] }]", "a single letter"));
   EXPECT_TRUE(refused("mass = [{ axis = \"X\", mass_kg = -1, centre_mm = [0, 0, 0] }]", "mass_kg"));
   EXPECT_TRUE(refused("mass = [{ axis = \"X\", mass_kg = 1 }]", "centre_mm"));
-  EXPECT_TRUE(refused("gravity = [0, 0, 0]", "not zero"));
+  EXPECT_TRUE(refused("gravity = [0, 0, 0]", "a nonzero direction"));
   EXPECT_TRUE(refused("scale = -1", "scale"));
   EXPECT_TRUE(refused("scale = 1.1e6", "c.toml:1:9: "));
   EXPECT_TRUE(refused("axis.X = { stiffness_N_per_um = [1, 1, 0.9e-6] }", "at least 1e-06"));

@@ -176,7 +176,7 @@ TEST(SceneCutting, OffsetMeshAndTurnedBlanksAreRead) {
 
 TEST(SceneCutting, ZeroFlutesAreRefusedWithTheirPlace) {
   EXPECT_EQ(faults_in(box + "flutes = 0\n"),
-            "s.toml:4:10: expected a whole number from 1 to 100 for cutting.flutes, seen 0\n");
+            "s.toml:4:10: expected an integer from 1 to 100 for cutting.flutes, seen 0\n");
 }
 
 TEST(SceneCutting, WhatCannotBeIsRefusedByName) {
@@ -230,11 +230,11 @@ TEST(SceneCutting, TurnedBlankAsksForATurningToolAndARisingProfile) {
       has,
       faults_in(turned("{ along_mm = 0, radius_mm = 3 }, { along_mm = -1, radius_mm = 3 }"),
                 diamond()),
-      "the corner before");
+      "the previous corner");
   EXPECT_PRED2(has,
                faults_in(turned("{ along_mm = 0, radius_mm = 3 }, { along_mm = 0, radius_mm = 4 }"),
                          diamond()),
-               "one place");
+               "one position");
   EXPECT_PRED2(
       has,
       faults_in(turned("{ along_mm = 0, radius_mm = -3 }, { along_mm = 1, radius_mm = 4 }"),

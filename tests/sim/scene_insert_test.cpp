@@ -85,8 +85,7 @@ TEST(SceneInsert, ThatCannotBeIsRefusedWhereItStands) {
   EXPECT_PRED2(has, tool_faults(with(pointed, "= 0.4", "= 0")), "s.toml:2:13");
   EXPECT_PRED2(has, tool_faults(with(pointed, "= 93", "= 180")), "s.toml:3:");
   EXPECT_PRED2(has, tool_faults(with(pointed, "= 32", "= 100")),
-               "s.toml:1:1: expected a turning "
-               "insert that can be");
+               "s.toml:1:1: expected a valid turning insert");
   EXPECT_PRED2(has, tool_faults(with(pointed, "= 32", "= 100")), "together");
   EXPECT_PRED2(has, tool_faults(with(wiping, "= 0.6", "= 0.01")), "would cut the nose");
   EXPECT_PRED2(has, tool_faults(with(pointed, "= 14", "= 0.1")), "circle of the nose");

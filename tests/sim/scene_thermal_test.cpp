@@ -424,10 +424,10 @@ TEST(SceneThermal, ANonsenseNetworkIsRefusedWhereItStands) {
   EXPECT_EQ(thermal_faults(thermal_with("8000", "-8000")),
             "t:5:20: expected thermal.node.spindle.capacity_J_per_K > 0, seen -8000\n");
   EXPECT_EQ(thermal_faults(thermal_with("[\"room\", \"bed\"]", "[\"coolant\", \"bed\"]")),
-            "t:3:1: expected links over which heat reaches the room from thermal.node.spindle, "
+            "t:3:1: expected links through which heat reaches the room from thermal.node.spindle, "
             "seen none\n");
   EXPECT_EQ(faults_with_more("[[node]]\nname = \"column\"\ncapacity_J_per_K = 1\n"),
-            "t:16:1: expected links over which heat reaches the room from thermal.node.column, "
+            "t:16:1: expected links through which heat reaches the room from thermal.node.column, "
             "seen none\n");
   EXPECT_EQ(thermal_faults(thermal_with("\"spindle\", \"bed\"", "\"spindle\", \"bad\"")),
             "t:11:23: expected a node of the thermal network, \"room\" or \"coolant\", seen "
@@ -445,10 +445,10 @@ TEST(SceneThermal, ANonsenseNetworkIsRefusedWhereItStands) {
                 .find("thermal.link.conductance_W_per_K > 0, seen 0"),
             std::string::npos);
   EXPECT_NE(thermal_faults(thermal_with("\"bed\"\ncap", "\"spindle\"\ncap"))
-                .find("t:7:8: expected every node once"),
+                .find("t:7:8: expected each node once"),
             std::string::npos);
   EXPECT_NE(thermal_faults(thermal_with("name = \"bed\"", "name = \"room\""))
-                .find("t:7:8: expected a node not named room or coolant"),
+                .find("t:7:8: expected a node name other than room or coolant"),
             std::string::npos);
   EXPECT_EQ(thermal_faults("start_C = 20\n"),
             "t:1:1: expected a list of tables for thermal.node, seen nothing\n");
@@ -512,7 +512,7 @@ TEST(SceneThermal, ElementsAreRefusedWhereTheyStand) {
                 .find("t:18:15: expected values of EZS in um, seen offset_urad"),
             std::string::npos);
   EXPECT_EQ(element("name = \"EC0Y\"\nslope_urad_per_m = 3\n"),
-            "t:18:20: expected no slope: only a slide's error motion has one, seen "
+            "t:18:20: expected no slope, as only error motions of slides have one, seen "
             "slope_urad_per_m\n");
   EXPECT_NE(
       element("name = \"ECC\"\nslope = { node = \"bed\", urad_per_m_K = 3 }\n").find("no slope"),
@@ -529,10 +529,10 @@ TEST(SceneThermal, ElementsAreRefusedWhereTheyStand) {
       std::string::npos);
   EXPECT_NE(
       element("name = \"EZS\"\noffset = { node = \"bed\", dT_K = [0, 0], value_um = [0, 1] }\n")
-          .find("a table with rising temperatures"),
+          .find("a table with ascending temperatures"),
       std::string::npos);
   EXPECT_NE(element("name = \"EZS\"\noffset = { node = \"bed\", dT_K = [0, 1], value_um = [0] }\n")
-                .find("as many values as temperatures, 2, seen 1"),
+                .find("as many values as temperatures, that is 2, seen 1"),
             std::string::npos);
   EXPECT_NE(element("name = \"EZS\"\n[[element]]\nname = \"EZS\"\n")
                 .find("t:19:8: expected each element once"),
@@ -577,7 +577,7 @@ TEST(SceneThermal, SensorsAreRefusedByName) {
   EXPECT_NE(faults_with_more(
                 "[[sensor]]\nname = \"T1\"\nnode = \"bed\"\n[[sensor]]\nname = \"T1\"\nnode = "
                 "\"bed\"\n")
-                .find("t:20:8: expected every sensor once, seen T1 again"),
+                .find("t:20:8: expected each sensor once, seen T1 again"),
             std::string::npos);
 }
 
@@ -601,13 +601,13 @@ TEST(SceneThermal, HistoryAndRoomAreRefusedWhereTheyStand) {
                 .find("thermal.history.axis_speed_mm_per_min.X >= 0"),
             std::string::npos);
   EXPECT_NE(thermal_faults("room_C = 20\n" + small_thermal + "[room]\ntime_h = [0]\nT_C = [20]\n")
-                .find("either room_C or a table room"),
+                .find("either room_C or a room table"),
             std::string::npos);
   EXPECT_NE(faults_with_more("[room]\ntime_h = [0, 0]\nT_C = [20, 21]\n")
-                .find("t:17:10: expected rising times"),
+                .find("t:17:10: expected ascending times"),
             std::string::npos);
   EXPECT_NE(faults_with_more("[room]\ntime_h = [0, 1]\nT_C = [20]\n")
-                .find("as many temperatures as times, 2, seen 1"),
+                .find("as many temperatures as times, that is 2, seen 1"),
             std::string::npos);
   EXPECT_NE(faults_with_more("[room]\ntime_h = [0]\nT_C = [-300]\n")
                 .find("t:18:7: expected temperatures of"),
@@ -630,9 +630,9 @@ TEST(SceneThermal, PlotsAreReadAndRefusedWhereTheyStand) {
   refused("element = \"EZS\"\nat_h = [0]\n", "t:17:11: expected an error motion of an axis");
   refused("element = \"EXX\"\n", "one of at_h, at_min, at_s");
   refused("element = \"EXX\"\nat_s = []\n", "t:18:8: expected an array of numbers");
-  refused("at_s = [0]\n", "expected a text for thermal.plot.element");
+  refused("at_s = [0]\n", "expected a string for thermal.plot.element");
   refused("element = \"EXX\"\nat_s = [0]\n[[plot]]\nelement = \"EXX\"\nat_s = [1]\n",
-          "t:20:11: expected one plot an element, seen EXX again");
+          "t:20:11: expected one plot per element, seen EXX again");
 }
 
 TEST(SceneThermal, PlotsAreDrawnOverARangeWithinTheTravel) {
@@ -660,7 +660,8 @@ TEST(SceneThermal, PlotsAreDrawnOverARangeWithinTheTravel) {
   for (const char* wrong : {"[-400, 501]", "[400, -400]", "[7, 7]"}) {
     refused.clear();
     plot(std::string("element = \"EXX\"\nrange_mm = ") + wrong, refused);
-    EXPECT_EQ(refused.find("t:19:12: expected a rising range within the travel, -500 .. 500"), 0u)
+    EXPECT_EQ(refused.find("t:19:12: expected an ascending range within the travel, -500 .. 500"),
+              0u)
         << refused;
   }
   for (const char* wrong :

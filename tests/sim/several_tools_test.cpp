@@ -281,20 +281,21 @@ TEST_F(SeveralTools, WhatTheyDoNotGoWithIsRefused) {
                                "kind = \"ball\"\nradius_mm = 5\nflank_length_mm = 25\nlength_mm = "
                                "100\n"}),
                        program),
-                 "expected tool.number of each of several tools, seen a tool without");
+                 "expected tool.number for each of several tools, seen a tool without a number");
   expect_refused(
       scene(listed({t1, "kind = \"nose\"\nradius_mm = 1\nlength_mm = 30\nnumber = 2\n"}), program),
-      "expected tools that all mill, or all turn, seen one of either kind");
+      "expected tools that are all for milling or all for turning, seen one of each kind");
   expect_refused(
       scene(both, program,
             "[cutting]\nblank = \"box\"\nlower_mm = [-10, -10, -5]\nupper_mm = [10, 10, 1]\n"),
-      "expected one tool beside [cutting]");
+      "expected one tool with [cutting]");
   expect_refused(scene(both, program, "[control]\ntool_length_mm = 99\n"),
-                 "expected one tool beside it");
-  expect_refused(fmt::format("machine = \"{}machines/gantry_cxyza.toml\"\n{}[part]\n{}[program]\n"
-                             "generator = \"raster\"\n",
-                             packaged("").string(), both, flat_part),
-                 "expected one tool for a generator; several want a program file, seen 2 tools");
+                 "expected one tool with tool_length_mm");
+  expect_refused(
+      fmt::format("machine = \"{}machines/gantry_cxyza.toml\"\n{}[part]\n{}[program]\n"
+                  "generator = \"raster\"\n",
+                  packaged("").string(), both, flat_part),
+      "expected one tool for a generator; several tools need a program file, seen 2 tools");
   const Job ready = job(both, program, crooked);
   for (const char* name : {"perfect-iterated-program", "perfect-iterated-table"})
     EXPECT_THROW(compensate(ready, parse_case(name)), BadInput) << name;
@@ -304,10 +305,9 @@ TEST_F(SeveralTools, AnIndexBeyondTheListIsAnsweredWithTheNumbersOfAll) {
   const std::string text = scene(listed({t1, t2}), passes(1, -4, 4, 0));
   const auto file = folder_.write("s.toml", text);
   const auto changed = [&](const std::string& path) { return read_scene(file, {{path, "3"}}); };
-  EXPECT_EQ(
-      refusal_by([&] { changed("tool.2.radius_mm"); }),
-      "--set tool.2.radius_mm=3: expected an index from 0 to 1 in tool.2.radius_mm, for lists "
-      "are counted from 0; tool.0 has number 1, tool.1 has number 2, seen 2");
+  EXPECT_EQ(refusal_by([&] { changed("tool.2.radius_mm"); }),
+            "--set tool.2.radius_mm=3: expected an index from 0 to 1 in tool.2.radius_mm, as lists "
+            "are numbered from 0; tool.0 has number 1, tool.1 has number 2, seen 2");
   EXPECT_EQ(
       std::get<cutting::Cutter>(changed("tool.1.radius_mm").additional_tools.at(0).nominal).radius,
       3.0);

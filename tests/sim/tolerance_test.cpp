@@ -53,7 +53,7 @@ TEST(Tolerance, ThatCannotBeIsRefusedAtItsPlace) {
   for (const char* text : {"tolerance_um = [8, -2]\n", "tolerance_um = [1, 1]\n"}) {
     const std::string said = refused_part(text);
     EXPECT_NE(said.find("s.toml:3:"), std::string::npos) << said;
-    EXPECT_NE(said.find("[lower, upper], the lower limit first"), std::string::npos) << said;
+    EXPECT_NE(said.find("[lower, upper] with the lower limit first"), std::string::npos) << said;
   }
   EXPECT_NE(refused_part("tolerance_um = -1\n"), "");
   EXPECT_NE(refused_part("tolerance_um = [1, 2, 3]\n"), "");

@@ -276,10 +276,10 @@ TEST_F(ReadStudy, RefusesAtThePlaceOfTheFault) {
       {"[one_at_a_time]\nstep = nan\n", "12:8", {"finite", "nan"}},
       {"[one_at_a_time]\nstep = inf\n", "12:8", {"finite", "inf"}},
       {"[one_at_a_time]\nstep = \"1\"\n", "12:8", {"a number"}},
-      {"[monte_carlo]\ncases = 1\n", "12:9", {"a whole number from 2 to"}},
-      {"[monte_carlo]\ncases = 1000000000000\n", "12:9", {"a whole number from 2 to"}},
-      {"[monte_carlo]\ncases = 9223372036854775807\n", "12:9", {"a whole number from 2 to"}},
-      {"[monte_carlo]\ncases = 10.5\n", "12:9", {"a whole number"}},
+      {"[monte_carlo]\ncases = 1\n", "12:9", {"an integer from 2 to"}},
+      {"[monte_carlo]\ncases = 1000000000000\n", "12:9", {"an integer from 2 to"}},
+      {"[monte_carlo]\ncases = 9223372036854775807\n", "12:9", {"an integer from 2 to"}},
+      {"[monte_carlo]\ncases = 10.5\n", "12:9", {"an integer"}},
       {"[monte_carlo]\nsampling = \"sobl\"\n", "12:12", {"random", "nearest: \"sobol\""}},
       {"[monte_carlo]\nsampling = 1\n", "12:12", {"sobol"}},
       {"[sobol_indices]\nbase_points = 7\n", "12:15", {"8"}},
@@ -300,7 +300,7 @@ TEST_F(ReadStudy, RefusesAtThePlaceOfTheFault) {
       {"[tolerance]\nlimit_um = 5\nmachines = 1\n", "13:12", {"machines"}},
       {"[uncertainty]\nmachines = 1000000000\n", "12:12", {"machines"}},
       {"[influence]\npictures = [\"EXY\"]\n", "12:12", {"nearest: \"EXX\""}},
-      {"[influence]\npictures = [3]\n", "12:13", {"a text"}},
+      {"[influence]\npictures = [3]\n", "12:13", {"a string"}},
       {"[influence]\nmost_rivals = 0\n", "12:15", {"most_rivals"}},
       {"[influence]\nreach_um = 0\n", "12:12", {"reach_um"}},
       {"[influence]\nsheet = 1\n", "12:9", {"true or false"}},
@@ -315,7 +315,7 @@ TEST_F(ReadStudy, RefusesAtThePlaceOfTheFault) {
       {"[limits]\nstd_um = 3\n", "11:1", {"responses", "std_um"}},
       {"[[correlation]]\nfirst = \"EXX\"\nsecond = \"EXX\"\nrho = 0.5\n",
        "13:10",
-       {"another input"}},
+       {"an input other than"}},
       {"[[correlation]]\nfirst = \"EXX\"\nsecond = \"EYX[2]\"\nrho = 1.5\n", "14:7", {"rho"}},
       {"[[correlation]]\nfirst = \"EXX\"\nsecond = \"EYX[2]\"\n", "11:1", {"rho"}},
       {"[[correlation]]\nfirst = \"EXX\"\nsecond = \"EYX[3]\"\nrho = 0\n",
@@ -350,15 +350,16 @@ TEST_F(ReadStudy, RefusesAtThePlaceOfTheFault) {
       {"[[input]]\npath = \"nothing.at.all\"\nspread = 1\n", "11:1", {"known key"}},
       {"[[input]]\npath = \"setup\"\nspread = 1\n", "11:1", {"setup"}},
       {"[[input]]\npath = \"\"\nspread = 1\n", "11:1", {"path"}},
-      {"[[input]]\npath = 3\nspread = 1\n", "12:8", {"a list of texts"}},
-      {"[[input]]\npath = [\"setup.EY_um\", 3]\nspread = 1\n", "12:24", {"a text"}},
+      {"[[input]]\npath = 3\nspread = 1\n", "12:8", {"a list of strings"}},
+      {"[[input]]\npath = [\"setup.EY_um\", 3]\nspread = 1\n", "12:24", {"a string"}},
       {"[[input]]\npath = \"part.vertices\"\nspread = 1\ncentre = 300\n",
        "11:1",
        {"engine = \"full\"", "part.vertices"}},
       {"[[input]]\npath = \"tool.nominal.radius_mm\"\nspread = 0.1\ncentre = 5\n", "11:1", {""}},
       {"[[input]]\npath = \"tool.actual.length_mm\"\nspread = 0.01\nlow = 99\nhigh = 101\n",
        "11:1",
-       {"centre = 100 (the nominal one) or another", "does not state tool.actual.length_mm"}},
+       {"centre = 100 (the nominal value) or another number",
+        "does not state tool.actual.length_mm"}},
       {"[[input]]\npath = \"tool.actual.length_mm\"\nspread = 0.01\nlow = 99\nhigh = 101\n"
        "centre = 102\n",
        "16:10",
@@ -402,10 +403,10 @@ TEST_F(ReadStudy, RefusesTopKeysAtTheirPlace) {
       {"title = 3", "1:9", {"title"}},
       {"cases = [\"nobody\"]", "1:9", {"uncompensated", "nobody"}},
       {"cases = [\"uncompensated\", \"uncompensated\"]", "1:9", {"once"}},
-      {"cases = 5", "1:9", {"texts"}},
+      {"cases = 5", "1:9", {"strings"}},
       {"variants = [\"leening\"]", "", {"\"leaning\"", "\"leening\""}},
       {"responses = [\"pvv\"]", "1:13", {"in_tolerance", "pvv"}},
-      {"responses = [1]", "1:14", {"a text"}},
+      {"responses = [1]", "1:14", {"a string"}},
       {"of = \"spindle\"", "1:6", {"residual"}},
       {"set = 3", "1:7", {"a table"}},
       {"set = { part.vertces = 3 }", "", {"vertices"}},
@@ -445,9 +446,9 @@ TEST_F(ReadStudy, RefusesCorrelationsThatCannotBe) {
   };
   const std::string x = "EXX", y = "setup.EX_um", z = "EYX[2]";
   expect_refused(three_inputs + pair(x, y, "-1") + pair(y, z, "-1") + pair(x, z, "-1"), "11:1",
-                 {"correlations that can be"});
+                 {"valid correlations"});
   expect_refused(three_inputs + pair(x, y, "0.9") + pair(y, z, "0.9") + pair(x, z, "-0.9"), "11:1",
-                 {"correlations that can be"});
+                 {"valid correlations"});
   expect_refused(three_inputs + pair(x, y, "0.5") + pair(y, x, "0.5"), "15:1", {"once"});
   EXPECT_EQ(refusal(three_inputs + pair(x, y, "1") + pair(y, z, "-1") + pair(x, z, "-1")), "")
       << "full correlation can be";
@@ -481,7 +482,7 @@ TEST_F(ReadStudy, RefusesMissingBrokenAndCyclicScenes) {
   EXPECT_NE(scene("cycle.toml"), "");
   EXPECT_NE(refusal(with(three_inputs, "scene = \"scene.toml\"\n", "")).find("scene"),
             std::string::npos);
-  EXPECT_NE(refusal(with(three_inputs, "\"scene.toml\"", "3")).find("a text"), std::string::npos);
+  EXPECT_NE(refusal(with(three_inputs, "\"scene.toml\"", "3")).find("a string"), std::string::npos);
   EXPECT_NE(refusal("scene = \"scene.toml\"\n").find("[[input]]"), std::string::npos);
   EXPECT_NE(refusal_by([&] { read_study(folder_ / "no_study.toml"); }), "");
   EXPECT_NE(refusal_by([&] { read_study(folder_.path()); }), "");

@@ -28,7 +28,7 @@ std::vector<Mistake> mistakes_in_bodies() {
        "face",
        {{"machine.toml", "name = \"saddle\"", "name = \"bed\""}},
        Expected::InputError,
-       "that nothing else has, seen \"bed\""},
+       "a unique name for a body of the machine, seen \"bed\""},
       {"body carried by the table",
        "face",
        {{"machine.toml", "carried_by = \"Z\"\nsize_mm = [220",
@@ -81,7 +81,7 @@ std::vector<Mistake> mistakes_in_bodies() {
          "[[fixture]]\nname = \"vise jaw\"\nshape = \"box\"\nsize_mm = [40, 20, 30]\nat_mm = [150, "
          "-48, 15]\n"}},
        Expected::InputError,
-       "that nothing else has"},
+       "a unique name for a fixture"},
       {"mesh of a clamp missing",
        "mesh",
        {{"scene.toml", "shape = \"box\"\nsize_mm = [40, 20, 30]",

@@ -196,7 +196,7 @@ std::vector<Mistake> mistakes_in_compensators() {
          "cases = [\"thermal-iterated-piezo\"]"},
         {"scene.toml", "range_um = 100", "direction = [0, 0, 0]\nrange_um = 100"}},
        Expected::InputError,
-       "a direction that is not zero"},
+       "a nonzero direction"},
   };
 }
 

@@ -69,7 +69,7 @@ std::vector<Mistake> mistakes_in_errors() {
        {{"errors.toml", straightness,
          "[EYX]\nkind = \"table\"\nq_mm = [400, 0, -400]\nvalue_um = [0, 1, 2]"}},
        Expected::InputError,
-       "rising positions"},
+       "ascending positions"},
       {"table with a row twice",
        "face",
        {{"errors.toml", straightness,

@@ -114,7 +114,7 @@ std::vector<Mistake> mistakes_in_heat() {
        "dome",
        {{"scene.toml", "room_C = 20\n", "room = { time_h = [0, -3], T_C = [20, 22] }\n"}},
        Expected::InputError,
-       "rising times"},
+       "ascending times"},
       reported(
           {"room profile in kelvin",
            "dome",

@@ -46,7 +46,7 @@ std::vector<Mistake> mistakes_in_instruments() {
        "dome",
        {{"scene.toml", "interval_s = 60\nduration_h = 1", "interval_s = 60\nduration_h = 0.01"}},
        Expected::InputError,
-       "so that something is read twice",
+       "for at least two readings",
        Command::Measure},
       {"encoder in nm",
        "dome",

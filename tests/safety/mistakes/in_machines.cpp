@@ -13,7 +13,7 @@ std::vector<Mistake> mistakes_in_machines() {
        "face",
        {{"machine.toml", "travel_mm = [-400, 400]", "travel_mm = [400, -400]"}},
        Expected::InputError,
-       "with least below most"},
+       "with min below max"},
       {"rapid in m/min",
        "face",
        {{"machine.toml", "rapid_mm_per_min = 15000", "rapid_mm_per_min = 15"}},

@@ -63,7 +63,7 @@ std::vector<Mistake> mistakes_in_tools() {
        "face",
        {{"tool.toml", "+", "[actual]\nradius_mm = 15.98\n"}},
        Expected::Warning,
-       "it is the size itself"},
+       "state the size itself"},
       {"control believes a length in m",
        "face",
        {{"scene.toml", "+", "[control]\ntool_length_mm = 0.11\n"}},
@@ -113,7 +113,7 @@ std::vector<Mistake> mistakes_in_tools() {
        "face",
        {{"tool.toml", "+", "[actual]\nlength_mm = 95\n"}},
        Expected::Warning,
-       "it is the size itself"},
+       "state the size itself"},
   };
 }
 
