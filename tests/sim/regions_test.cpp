@@ -162,8 +162,9 @@ TEST(Regions, MissingLibraryOfMaterialsIsSaidOnlyWhereAColourIsAskedFor) {
   const auto other = with_colour.file();
   EXPECT_EQ(read_scene(other).files.back().filename(), "paint.mtl") << "no result may replace it";
   std::filesystem::remove(with_colour.folder.path() / "paint.mtl");
-  EXPECT_NE(refusal_of_job(other).find("block.obj:1:8: expected the file paint.mtl beside the OBJ"),
-            std::string::npos);
+  EXPECT_NE(
+      refusal_of_job(other).find("block.obj:1:8: expected the file paint.mtl next to the OBJ"),
+      std::string::npos);
 }
 
 TEST(Regions, SharesOfABlockAreItsExactAreas) {
