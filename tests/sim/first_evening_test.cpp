@@ -125,12 +125,11 @@ TEST_F(FirstEvening, AnUnclosedQuote) {
 
 TEST_F(FirstEvening, AnElementInMillimetres) {
   expect_warned(FlatScene{.more = "[errors]\nEXX_um = 5000\n"},
-                "errors.EXX is 5 mm at X = -7 mm, and no machine is that wrong: numbers of EXX_um "
-                "are in um, 5000 of them here");
-  expect_warned(
-      FlatScene{.more = "[errors]\nEXX_um = 0.005\n"},
-      "errors.EXX is at most 0.005 um, and no slide is that good: numbers of EXX_um are in "
-      "um, not in mm");
+                "errors.EXX is 5 mm at X = -7 mm, which is implausible for a machine: values of "
+                "EXX_um are in um (5000 here)");
+  expect_warned(FlatScene{.more = "[errors]\nEXX_um = 0.005\n"},
+                "errors.EXX is at most 0.005 um, which is implausibly small for a slide: values of "
+                "EXX_um are in um, not in mm");
   expect_refused(FlatScene{.more = "[errors]\nEXX_mm = 0.005\n"},
                  "expected EXX_um for the element EXX, seen EXX_mm, which is EXX_um = 5");
 }
