@@ -556,9 +556,8 @@ Vector3d best_fit_shift(const Job& job, const cutting::Design& thinned_w,
 std::string fit_text(const FitQuality& fit, double band) {
   if (!(fit.median < band)) return "touches";
   // Below 1 nm the figure is rounding.
-  return fmt::format(
-      "fits best: half of the judged vertices tried are within {:.2g} um of the design",
-      std::max(fit.median, units::nm) / units::um);
+  return fmt::format("fits best: half of the tested vertices are within {:.2g} um of the design",
+                     std::max(fit.median, units::nm) / units::um);
 }
 
 /// Returns the suggestion for a shift: as work offsets if those of the program make the tool cut

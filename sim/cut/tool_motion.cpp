@@ -115,7 +115,7 @@ std::string inch_text(const program::Path& path, const program::Block& block) {
   if (!block.inch || word_count == 0) return {};
   const std::string previous_text =
       word_count > 1 ? fmt::format(", after G21 on line {}", (later_word - 2)->line) : "";
-  return fmt::format(", whose words count in inches (G20 on line {}{})", (later_word - 1)->line,
+  return fmt::format(", with words in inches (G20 on line {}{})", (later_word - 1)->line,
                      previous_text);
 }
 

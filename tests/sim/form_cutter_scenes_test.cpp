@@ -282,7 +282,7 @@ TEST(FormCutterScene, ASteppedToolLeavesASteppedSlot) {
 TEST(FormCutterScene, ChordsOfAHollowArcAreWarnedOf) {
   const Job job = form_block(rounding_mill);
   EXPECT_TRUE(std::ranges::any_of(job.warnings, [](const std::string& text) {
-    return text.find("bulge inwards are cut as chords: it is larger there by up to") !=
+    return text.find("are replaced by chords: the tool is larger there by up to") !=
            std::string::npos;
   }));
   EXPECT_TRUE(std::ranges::none_of(form_block(stepped_mill).warnings, [](const std::string& text) {

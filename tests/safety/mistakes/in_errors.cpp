@@ -63,7 +63,7 @@ std::vector<Mistake> mistakes_in_errors() {
        {{"errors.toml", straightness,
          "[EYX]\nkind = \"table\"\nq_mm = [0, 10, 20]\nvalue_um = [0, 1, 2]"}},
        Expected::InputError,
-       "errors that reach to where the datum is found"},
+       "errors that are defined at the datum"},
       {"table reversed",
        "face",
        {{"errors.toml", straightness,
