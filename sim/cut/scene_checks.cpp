@@ -86,7 +86,7 @@ BadInput scene_limit_error(const Scene& scene, const std::vector<std::string>& k
 
 std::string windows_obstacle_text(const std::string& windows_obstacle) {
   if (windows_obstacle.empty()) return {};
-  return fmt::format("; {} rules out running in windows", windows_obstacle);
+  return fmt::format("; it cannot be run in windows with {}", windows_obstacle);
 }
 
 std::size_t max_program_samples() {

@@ -58,7 +58,7 @@ std::vector<Mistake> mistakes_in_meshes() {
        "mesh",
        {{"block.obj", "", box_obj(60, 40, 40, 0.1)}},
        Expected::InputError,
-       "with the part 10 times as large"},
+       "with the part scaled by 10"},
       {"mesh in um",
        "mesh",
        {{"block.obj", "", box_obj(60, 40, 40, 1000)}},
