@@ -53,8 +53,8 @@ struct ThermalColumns {
 /// further lines numbers. Cells are separated by ; or , or blanks. Runs are whole numbers.
 /// @param file  name in input errors
 /// @throws BadInput with the location for a missing column, a repeated name, more than 1000
-///         columns, a row of another length, a cell that is no number within +-1e9, a run that is
-///         not a whole number or not contiguous, or no rows
+///         columns, a row of another length, a cell that is not a number within +-1e9, a run that
+///         is not a whole number or not contiguous, or no rows
 ThermalData read_thermal_data(std::string_view text, const std::string& file,
                               const ThermalColumns& columns = {});
 

@@ -483,7 +483,7 @@ void serve(const char* library, std::FILE* stream) {
 std::optional<int> plug_in_host(int argc, char** argv) {
   if (argc != 3 || std::string_view(argv[1]) != host_argument) return std::nullopt;
   std::ios::sync_with_stdio(false);
-  // What the library prints must not mix with the answers, so stdout is redirected to stderr, and
+  // Output of the library must not mix with the answers, so stdout is redirected to stderr, and
   // answers are written to a duplicate of the original stdout.
   std::FILE* stream = fdopen(fcntl(STDOUT_FILENO, F_DUPFD_CLOEXEC, 3), "w");
   dup2(STDERR_FILENO, STDOUT_FILENO);

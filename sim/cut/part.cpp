@@ -436,7 +436,7 @@ cutting::SurfaceInterpolator surface_between_vertices(
                             : cutting::patch_interpolator(recognised, T);
 }
 
-// A travel beyond 100 km stands for no limit. Slides that are not parallel to an axis of the bed
+// A travel beyond 100 km means no limit. Slides that are not parallel to an axis of the bed
 // add to the box along each axis.
 std::optional<Eigen::Vector3d> travel_box(const MachineDescription& machine) {
   constexpr double unlimited = 1e8;  // mm

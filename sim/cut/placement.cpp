@@ -371,7 +371,7 @@ std::string partial_reach_text(const Job& job, const ReachableArea& reach) {
       suggestion ? "; " + suggestion->words : "");
 }
 
-/// Returns the warning if most of what the program reaches is gouged; none otherwise.
+/// Returns the warning if most of the reached area is gouged; none otherwise.
 std::optional<std::string> gouged_text(const Job& job, const ReachableArea& reach) {
   constexpr double max_gouged = 0.5;  // fraction of the area that the program reaches
   const double gouged = reach.reached_fraction - reach.cut;

@@ -329,7 +329,7 @@ constexpr int default_counts[] = {101, 21, 11};
 
 /// The range of an axis in a grid, or its fixed position, mm or degrees.
 struct AxisRange {
-  bool runs = true;                ///< false: the axis stands at `from`
+  bool runs = true;                ///< false: the axis stays at `from`
   std::optional<double> from, to;  ///< none: the end of the travel
   int count = 0;                   ///< 0: the default
   std::size_t column = 0;          ///< of the text in the option, for messages

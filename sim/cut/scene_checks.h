@@ -30,11 +30,11 @@ BadInput scene_limit_error(const Scene& scene, const std::vector<std::string>& k
 /// @param windows_obstacle  what prevents windows; empty: nothing does, and the text is empty
 std::string windows_obstacle_text(const std::string& windows_obstacle);
 
-/// Returns the largest number of samples of a program: 50 million, or what the memory holds if that
-/// is less.
+/// Returns the largest number of samples of a program: 50 million, or the number that fits into
+/// memory if that is less.
 std::size_t max_program_samples();
 
-/// Estimated size of what is generated and judged.
+/// Estimated size of the generated program and of the judged part.
 struct WorkEstimate {
   double passes = 0.0;
   double points = 0.0;   ///< on the passes; 0 for a program from a file

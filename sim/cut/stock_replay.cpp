@@ -189,7 +189,7 @@ class StockSearch {
                       "(first line {}) it removes material that the true shank may not touch",
                       cutter_.radius, unconfirmed_crashes_,
                       unconfirmed_crashes_ == 1 ? "place" : "places", first_unconfirmed_line_));
-    // Crashes are found in a second pass, behind the other events.
+    // Crashes are found in a second pass, after the other events.
     std::ranges::stable_sort(result.list, {},
                              [](const Collision& event) { return event.first.time_s; });
     add_clearances();

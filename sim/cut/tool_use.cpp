@@ -168,7 +168,7 @@ using program::ToolComment;
 
 constexpr double dimension_tolerance = 0.01;  // mm: CAM systems write two or three decimals
 
-/// Returns the number of the tool that a comment describes; none if it gives no number and the
+/// Returns the number of the tool that a comment describes; empty if it gives no number and the
 /// program calls no tool.
 std::optional<int> comment_tool_number(const ToolComment& comment,
                                        const std::vector<program::ToolCall>& calls) {

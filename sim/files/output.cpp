@@ -244,7 +244,7 @@ bool is_journal(const fs::path& file) {
   return in && head.starts_with("SQLite format 3") && head.ends_with("abbe");
 }
 
-/// Returns true for a journal and for the files that SQLite and its lock create beside one.
+/// Returns true for a journal and for the files that SQLite and its lock create next to one.
 bool is_journal_file(const fs::path& file) {
   std::string name = file.string();
   for (const std::string_view ending : {"-lock", "-wal", "-shm"})
@@ -345,7 +345,7 @@ void prepare_folder(const fs::path& folder) {
 
 }  // namespace
 
-/// A folder for result files, and what is declared about it so far.
+/// A folder for result files, and its declarations so far.
 struct ResultFile::Directory {
   fs::path folder;  ///< never empty
   Writer writer;

@@ -22,7 +22,7 @@ bool is_run_out(const errors::Curve& curve) {
 bool is_synchronous(const errors::Curve& curve) {
   const auto* fourier = std::get_if<errors::Fourier>(&curve.shape);
   if (fourier == nullptr) return false;
-  // A Fourier curve is synchronous if a whole number of its periods fits into a turn.
+  // A Fourier curve is synchronous if an integer number of its periods fits into a revolution.
   const double periods_per_turn = units::full_turn / fourier->period;
   return periods_per_turn > 0.5 &&
          std::abs(periods_per_turn - std::round(periods_per_turn)) < 1e-9 * periods_per_turn;
