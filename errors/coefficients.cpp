@@ -130,7 +130,7 @@ std::vector<Element> with_values(std::vector<Element> elements, const VectorXd& 
   const auto count = Index(coefficients(elements).size());
   if (values.size() != count)
     throw std::invalid_argument(
-        fmt::format("expected {} values, one for every number, seen {}", count, values.size()));
+        fmt::format("expected {} values, one per coefficient, seen {}", count, values.size()));
   Index index = 0;
   for (Element& element : elements)
     for (Curve& curve : element.curves) {

@@ -45,20 +45,19 @@ void validate(const Compliance& C, const std::string& name) {
   scale << 1.0, 1.0, 1.0, reference_arm, reference_arm, reference_arm;
   const Compliance scaled_C = scale.asDiagonal() * C * scale.asDiagonal();
   if (!scaled_C.allFinite())
-    throw std::invalid_argument(name + ": expected finite compliances, seen one that is not");
+    throw std::invalid_argument(name + ": expected finite compliances, seen NaN or infinity");
   const double max_entry = scaled_C.cwiseAbs().maxCoeff();
   // 1e-9 of the largest entry: more than the rounding of a compliance that was inverted or rotated,
   // far less than the uncertainty of any measured one.
   const double tolerance = 1e-9 * max_entry;
   const double skew = (scaled_C - scaled_C.transpose()).cwiseAbs().maxCoeff();
-  require_physical(skew <= tolerance, name,
-                   "a symmetric compliance (off by 1e-9 of its largest entry at most)",
+  require_physical(skew <= tolerance, name, "a symmetric compliance (to 1e-9 of its largest entry)",
                    skew / max_entry);
   // Normalised first, because squares of huge entries would overflow.
   const Compliance normalised = max_entry > 0.0 ? Compliance(scaled_C / max_entry) : scaled_C;
   const Eigen::SelfAdjointEigenSolver<Compliance> solver(normalised, Eigen::EigenvaluesOnly);
   require_physical(solver.eigenvalues()[0] >= -1e-9, name,
-                   "a compliance without negative eigenvalue (pushed, it must not come closer)",
+                   "a compliance without negative eigenvalues (it must not move against the force)",
                    solver.eigenvalues()[0] * max_entry);
 }
 
@@ -127,7 +126,7 @@ ComplianceModel::Mass bind(const MovingMass& mass, const Chain& chain) {
     throw std::invalid_argument(
         fmt::format("{}: expected a mass of at least 0 kg, seen {}", who, mass.mass_kg));
   if (!mass.centre_b.allFinite())
-    throw std::invalid_argument(who + ": expected a finite centre, seen one that is not");
+    throw std::invalid_argument(who + ": expected a finite centre, seen NaN or infinity");
   ComplianceModel::Mass bound;
   bound.mass_kg = mass.mass_kg;
   bound.centre_b = mass.centre_b;
@@ -267,9 +266,9 @@ ComplianceModel bind(const ComplianceErrors& errors, const Chain& nominal) {
     throw std::invalid_argument(
         fmt::format("compliance: expected a scale of at least 0, seen {}", errors.scale));
   if (errors.gravity_b && !errors.gravity_b->allFinite())
-    throw std::invalid_argument("gravity: expected a finite vector, seen one that is not");
+    throw std::invalid_argument("gravity: expected a finite vector, seen NaN or infinity");
   if (!errors.clamping_w.allFinite())
-    throw std::invalid_argument("clamping: expected a finite wrench, seen one that is not");
+    throw std::invalid_argument("clamping: expected a finite wrench, seen NaN or infinity");
   validate(errors.tool, "compliance of the tool");
   validate(errors.fixture, "compliance of the fixture");
   const std::size_t n = std::size_t(nominal.size());
@@ -287,7 +286,7 @@ ComplianceModel bind(const ComplianceErrors& errors, const Chain& nominal) {
   for (const JointCompliance& joint : errors.joints) {
     const std::string who = fmt::format("compliance of axis {}", joint.axis);
     const std::size_t i = std::size_t(axis_joint(joint.axis, nominal, who));
-    if (seen[i]) throw std::invalid_argument(who + ": expected every axis once, seen it twice");
+    if (seen[i]) throw std::invalid_argument(who + ": expected each axis only once, seen twice");
     seen[i] = 1;
     validate(joint.C, who);
     model.joints[i] = joint.C;

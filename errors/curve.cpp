@@ -42,7 +42,7 @@ struct TableSegment {
 };
 
 [[noreturn]] void throw_position_error(const Table& table, double q) {
-  throw std::out_of_range(fmt::format("position {} is outside the table, {} .. {}", q, table.q[0],
+  throw std::out_of_range(fmt::format("position {} is outside the table ({} to {})", q, table.q[0],
                                       table.q[table.q.size() - 1]));
 }
 
@@ -292,7 +292,7 @@ void expect(bool holds, const char* expected) {
 
 void check(const Table& table) {
   expect(table.q.size() >= 2, "a table of at least 2 rows");
-  expect(table.value.size() == table.q.size(), "as many values as positions in a table");
+  expect(table.value.size() == table.q.size(), "one value per position of the table");
   for (Index i = 0; i < table.q.size(); ++i) {
     if (!std::isfinite(table.q[i]) || !std::isfinite(table.value[i]))
       throw std::invalid_argument(fmt::format("row {}: expected finite numbers, seen {} {}", i + 1,
@@ -304,7 +304,7 @@ void check(const Table& table) {
   expect(std::isfinite(table.q[table.q.size() - 1] - table.q[0]), "a table of finite length");
   if (table.between == TableInterpolation::Spline) {
     expect(table.second.size() == table.q.size() && table.second.allFinite(),
-           "the second derivatives of a spline, as make_table leaves them");
+           "the second derivatives of the spline, as set by make_table");
   }
 }
 
@@ -318,7 +318,7 @@ void check(const Constant& shape) { expect(std::isfinite(shape.value), "a finite
 void check(const Polynomial& shape) { check_series(shape.c, shape.centre, shape.half_range); }
 void check(const Legendre& shape) { check_series(shape.c, shape.centre, shape.half_range); }
 void check(const Fourier& shape) {
-  expect(shape.a.size() == shape.b.size(), "as many sine as cosine coefficients");
+  expect(shape.a.size() == shape.b.size(), "equally many sine and cosine coefficients");
   expect(shape.a.allFinite() && shape.b.allFinite(), "finite coefficients");
   expect(shape.period > 0.0 && std::isfinite(shape.period), "a period above 0");
 }
@@ -328,15 +328,15 @@ void check(const DirectionalTables& shape) {
   check(shape.down);
 }
 void check(const Repeatability& shape) {
-  expect(shape.sigma >= 0.0 && std::isfinite(shape.sigma), "a sigma of 0 or more");
+  expect(shape.sigma >= 0.0 && std::isfinite(shape.sigma), "a sigma of at least 0");
 }
 void check(const Asynchronous& shape) {
-  expect(shape.rms >= 0.0 && std::isfinite(shape.rms), "an rms of 0 or more");
+  expect(shape.rms >= 0.0 && std::isfinite(shape.rms), "an rms of at least 0");
   expect(shape.lowest_order > 0.0 && std::isfinite(shape.lowest_order), "a lowest order above 0");
   expect(std::isfinite(shape.highest_order) && shape.highest_order <= 1e4,
          "a highest order of at most 10000");
   expect(shape.highest_order >= shape.lowest_order * (1.0 + 1e-6),
-         "a highest order above the lowest");
+         "a highest order above the lowest order");
 }
 
 // Bounds of the second derivative

@@ -36,8 +36,8 @@ ElementName parse_element_name(std::string_view text) {
   if (!has_valid_length || directions.find(letters.front()) == std::string_view::npos ||
       axes.find(letters.back()) == std::string_view::npos) {
     throw std::invalid_argument(
-        "expected an element name: E, direction (X Y Z A B C), 0 for a location error, axis "
-        "(X Y Z U V W A B C S), such as EYX or EC0Y, seen " +
+        "expected an element name: E, direction (X Y Z A B C), 0 for a location error, axis (X Y Z "
+        "U V W A B C S), e.g. EYX or EC0Y, seen " +
         quoted(text));
   }
   return {letters.front(), letters.back(), location};
@@ -58,7 +58,7 @@ void require_positive_value(double value, const std::string& who, const char* qu
 
 void require_not_negative(double value, const std::string& who, const char* quantity) {
   if (!(value >= 0.0) || !std::isfinite(value))
-    refuse(who, fmt::format("expected a {} of 0 or more, seen {}", quantity, value));
+    refuse(who, fmt::format("expected a {} of at least 0, seen {}", quantity, value));
 }
 
 void require_finite(double value, const std::string& who, const char* quantity) {
@@ -68,7 +68,7 @@ void require_finite(double value, const std::string& who, const char* quantity) 
 
 void require_node(int node, int nodes, const std::string& who) {
   if (node < 0 || node >= nodes)
-    refuse(who, fmt::format("expected a node 0 .. {}, seen {}", nodes - 1, node));
+    refuse(who, fmt::format("expected a node from 0 to {}, seen {}", nodes - 1, node));
 }
 
 namespace {
@@ -94,17 +94,17 @@ void check_squareness(const ElementName& name, const kinematics::Chain& chain, i
   const std::string who = to_string(name);
   const char along = char('X' + (name.direction - 'A'));
   if (element.later_slide)
-    refuse(who, fmt::format("{} is the reference of {}; write the angle of the two as E{}0{}, "
+    refuse(who, fmt::format("{} is the reference of {}; state the angle between them as E{}0{}, "
                             "which has the opposite sign",
                             name.axis, letter(chain, *element.later_slide), name.direction,
                             letter(chain, *element.later_slide)));
   if (!element.reference)
-    refuse(who, fmt::format("no other slide of this machine travels across {}, so there is none to "
-                            "which {} could be square; its angle to a rotary axis is written as "
-                            "that axis's",
-                            along, name.axis));
-  refuse(who, fmt::format("{} travels mainly along {} itself; write its squareness to the slides "
-                          "across it",
+    refuse(who, fmt::format(
+                    "no other slide of this machine travels perpendicular to {}, so {} has no "
+                    "squareness; state its angle to a rotary axis as an element of the rotary axis",
+                    along, name.axis));
+  refuse(who, fmt::format("{} travels mainly along {} itself; state its squareness to the slides "
+                          "perpendicular to it",
                           name.axis, along));
 }
 
@@ -114,11 +114,12 @@ void check_location(const ElementName& name, const kinematics::Chain& chain, int
   const std::string motion = std::string("E") + name.direction + name.axis;
   const Joint& axis = chain.joints()[std::size_t(joint)];
   if (name.is_angle() && is_along(name, axis))
-    refuse(who, "an axis has no squareness about itself; a constant " + motion + " moves its zero");
+    refuse(who, "an axis has no squareness about itself; use a constant " + motion +
+                    " to shift its zero");
   if (!name.is_angle() && axis.motion == kinematics::Motion::Linear)
-    refuse(who, "a slide has a direction but no place; write a constant " + motion);
+    refuse(who, "a slide has a direction but no position; use a constant " + motion);
   if (!name.is_angle() && is_along(name, axis))
-    refuse(who, "a rotation axis has no place along itself; write a constant " + motion);
+    refuse(who, "a rotation axis has no position along itself; use a constant " + motion);
   check_squareness(name, chain, joint);
 }
 
@@ -139,7 +140,7 @@ void check_meaning(const ElementName& name, const kinematics::Chain& chain, int 
     check_location(name, chain, joint);
   } else if (name.axis == 'S' && name.is_angle() &&
              is_along(name, chain.joints()[std::size_t(joint)])) {
-    refuse(to_string(name), "a spindle has no element about its own axis");
+    refuse(to_string(name), "a spindle has no error element about its own axis");
   }
 }
 
@@ -173,11 +174,11 @@ std::vector<SquarenessContribution> to_squareness_errors(
     return joint.name == straightness.axis && joint.motion == kinematics::Motion::Linear;
   });
   if (slide == joints.end() || straightness.location || straightness.is_angle())
-    throw_error("expected a straightness of a slide");
+    throw_error("expected the straightness of a slide");
   // A slope of a straightness rotates the direction of travel about the normal to travel and
   // straightness.
   const Vector3d rotation = slide->direction_b.cross(Vector3d::Unit(straightness.component()));
-  if (rotation.norm() < 1e-9) throw_error("expected a straightness of a slide");
+  if (rotation.norm() < 1e-9) throw_error("expected the straightness of a slide");
   std::vector<SquarenessContribution> contributions;
   for (int i = 0; i < 3; ++i) {
     if (std::abs(rotation[i]) < 1e-12) continue;
@@ -190,7 +191,7 @@ std::vector<SquarenessContribution> to_squareness_errors(
       contributions.push_back({{direction, joints[std::size_t(*element.later_slide)].name, true},
                                -rotation[i] * slope});
     } else if (!element.reference || std::abs(rotation[i]) > max_oblique_sine) {
-      throw_error("its slope is no angle to another slide of this machine");
+      throw_error("its slope is not an angle to another slide of this machine");
     }
   }
   return contributions;

@@ -48,7 +48,8 @@ class HeaderReader {
     const std::vector<Cell> cells = split_cells(line_.text, header_.separator, max_cells);
     read_axis(cells.front());
     for (std::size_t i = 1; i < cells.size(); ++i) read_element(cells[i]);
-    if (cells.size() < 2) refuse({"", int(line_.text.size()) + 1}, "an element after the axis");
+    if (cells.size() < 2)
+      refuse({"", int(line_.text.size()) + 1}, "an element name after the axis");
     return std::move(header_);
   }
 
@@ -61,7 +62,7 @@ class HeaderReader {
     const HeaderCell heading = header_cell(cell);
     constexpr std::string_view letters = "XYZUVWABCS";
     if (heading.name.size() != 1 || letters.find(heading.name.front()) == std::string_view::npos)
-      refuse(cell, "a head such as X EXX EYX, first the letter of an axis");
+      refuse(cell, "a header such as X EXX EYX that begins with an axis letter");
     header_.table.axis = heading.name.front();
     if (is_rotary(header_.table.axis)) {
       if (heading.unit && *heading.unit != "deg" && *heading.unit != "rad")
@@ -81,7 +82,7 @@ class HeaderReader {
       refuse(cell, fmt::format("an error motion of {}, such as EX{}", header_.table.axis,
                                header_.table.axis));
     for (const ElementName& other : header_.table.elements)
-      if (other == name) refuse(cell, "every element once");
+      if (other == name) refuse(cell, "each element only once");
     header_.table.elements.push_back(name);
     const std::string_view base_unit = name.is_angle() ? "rad" : "mm";
     const std::string_view small_unit_name = name.is_angle() ? "urad" : "um";
@@ -113,7 +114,7 @@ std::vector<double> read_rows(TableLineReader& lines, const TableHeader& header)
     const std::vector<Cell> cells = split_cells(line->text, header.separator, max_cells);
     for (std::size_t i = 0; i < std::min(cells.size(), width); ++i)
       numbers.push_back(lines.number_in(cells[i]) * header.units[i]);
-    const std::string expected_cells = fmt::format("{} cells, as the head has", width);
+    const std::string expected_cells = fmt::format("{} cells, as in the header", width);
     if (cells.size() < width)
       lines.refuse(int(line->text.size()) + 1, expected_cells, fmt::format("{}", cells.size()));
     if (cells.size() > width) lines.refuse(cells[width].column, expected_cells, "more");
@@ -134,7 +135,7 @@ ElementTable read_element_table(std::string_view text, const std::string& file,
                    fmt::format("{}", text.size()));
   TableLineReader lines(text, file);
   const auto first = lines.next();
-  if (!first) throw BadInput(file, 1, 1, "a head such as X EXX EYX", "an empty table");
+  if (!first) throw BadInput(file, 1, 1, "a header such as X EXX EYX", "an empty table");
   TableHeader header = HeaderReader(lines, *first).read();
   const std::vector<double> numbers = read_rows(lines, header);
   const auto width = Eigen::Index(header.units.size());
@@ -155,7 +156,7 @@ ElementTable read_element_table_file(const std::filesystem::path& file, std::siz
 std::string write_element_table(const ElementTable& table, char separator) {
   if (table.values.rows() != table.q.size() ||
       table.values.cols() != Eigen::Index(table.elements.size()))
-    throw std::invalid_argument("element table: expected a value for every position and element");
+    throw std::invalid_argument("element table: expected one value per position and element");
   std::string text(1, table.axis);
   for (const ElementName& name : table.elements) text += separator + to_string(name);
   // The quotient is the nearest number of degrees: if any number reads back exactly, it does.

@@ -28,7 +28,7 @@ void check(const Element& element, const Chain& chain, int joint) {
   if (element.name.location) {
     for (const Curve& curve : element.curves)
       if (!std::holds_alternative<Constant>(curve.shape))
-        refuse(who, "a location error is one constant");
+        refuse(who, "a location error must be a constant");
   }
   try {
     for (const Curve& curve : element.curves) validate(curve);
@@ -140,7 +140,7 @@ GeometricModel bind(const GeometricErrors& errors, const Chain& chain) {
     const std::string who = to_string(element.name);
     const int joint = axis_joint(element.name.axis, chain, who);
     for (const GeometricModel::Bound& other : model.elements)
-      if (other.element.name == element.name) refuse(who, "comes twice");
+      if (other.element.name == element.name) refuse(who, "given twice");
     check(element, chain, joint);
     model.elements.push_back({joint, element.name.component(), element.name.location, element});
   }
@@ -148,7 +148,7 @@ GeometricModel bind(const GeometricErrors& errors, const Chain& chain) {
     model.lines.push_back(bind_line(line, chain));
     for (std::size_t i = 0; i + 1 < model.lines.size(); ++i)
       if (model.lines[i].joint == model.lines.back().joint)
-        refuse(std::string("measuring line of ") + line.axis, "comes twice");
+        refuse(std::string("measuring line of ") + line.axis, "given twice");
   }
   return rebuild_terms(std::move(model));
 }
@@ -309,16 +309,15 @@ std::vector<std::string> extrapolation_warnings(const GeometricModel& model,
   // 1e-9: the end of the range counts as within it, whatever the rounding of its limits.
   if (const auto beyond = extrapolated_elements(model, ends, 1.0 + 1e-9, by_range); !beyond.empty())
     texts.push_back(prefix +
-                    "curves are followed beyond the range that they are stated over, in half "
-                    "ranges from its middle: " +
+                    "curves are evaluated beyond their stated range (distance from its middle in "
+                    "half ranges): " +
                     beyond);
   const auto by_table = [](const Curve& curve, double q) { return excess_in_lengths(curve, q); };
   if (const auto beyond = extrapolated_elements(model, ends, max_held, by_table); !beyond.empty())
-    texts.push_back(
-        prefix +
-        "tables hold their last value (outside = \"hold\") far beyond their range, in lengths of "
-        "the table: " +
-        beyond);
+    texts.push_back(prefix +
+                    "tables hold their last value (outside = \"hold\") far beyond their range "
+                    "(excess in table lengths): " +
+                    beyond);
   return texts;
 }
 
@@ -336,14 +335,12 @@ std::string oversize_warning(const ElementName& name, const LargestDeviation& la
   const char* unit_name = name.is_angle() ? "urad" : "um";
   const double unit = name.is_angle() ? units::urad : units::um;
   const std::string size =
-      fmt::format("{:.4g} {}{}, and no machine is that wrong", largest.value / (unit * 1e3),
+      fmt::format("{:.4g} {}{}, which is implausible for a machine", largest.value / (unit * 1e3),
                   name.is_angle() ? "mrad" : "mm", position_text(name, largest));
   if (source.identified)
-    return fmt::format(
-        "{} comes to {}: readings may be in another unit, of the other sign or in another order",
-        key, size);
-  return fmt::format("{}.{} is {}: numbers of {}_{} are in {}, {:.4g} of them here", source.section,
-                     key, size, key, unit_name, unit_name, largest.value / unit);
+    return fmt::format("{} is {}: check unit, sign and order of the readings", key, size);
+  return fmt::format("{}.{} is {}: values of {}_{} are in {} ({:.4g} here)", source.section, key,
+                     size, key, unit_name, unit_name, largest.value / unit);
 }
 
 }  // namespace
@@ -367,8 +364,8 @@ std::vector<std::string> element_warnings(const GeometricModel& model, const Axi
     const char* unit_name = name.is_angle() ? "urad" : "um";
     if (size > 0.0 && size <= (name.is_angle() ? small_rad : small_mm))
       warnings.push_back(fmt::format(
-          "{}.{} is at most {:.4g} {}, and no {} is that good: numbers of {}_{} "
-          "are in {}, not in {}",
+          "{}.{} is at most {:.4g} {}, which is implausibly small for a {}: values of {}_{} are in "
+          "{}, not in {}",
           source.section, to_string(name), size / (name.is_angle() ? units::urad : units::um),
           unit_name, name.location ? "machine" : "slide", to_string(name), unit_name, unit_name,
           name.is_angle() ? "rad" : "mm"));

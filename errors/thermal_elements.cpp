@@ -43,7 +43,7 @@ void check(const ThermalElement& element, const Chain& chain, int joint, int nod
   const bool has_travel = !element.name.location && element.name.axis != 'S';
   // A slope acts over a position, which only an axis has.
   if (!has_travel && !is_zero_function(element.slope))
-    refuse(who, "a location or spindle element has no slope along an axis");
+    refuse(who, "a location or spindle element cannot have a slope along an axis");
   check(element.offset, nodes, who);
   check(element.slope, nodes, who);
   require_finite(element.fixed, who, "fixed position");
@@ -64,8 +64,8 @@ const Expansion& visible_expansion(const AxisExpansion& axis, int nodes) {
   const bool is_motor_feedback = axis.feedback == Feedback::Motor;
   const std::optional<Expansion>& expansion = is_motor_feedback ? axis.screw : axis.scale;
   if (!expansion)
-    refuse(who, is_motor_feedback ? "feedback from the motor needs a screw"
-                                  : "feedback from a scale needs a scale");
+    refuse(who, is_motor_feedback ? "feedback from the motor requires a screw"
+                                  : "feedback from a scale requires a scale");
   return *expansion;
 }
 
@@ -166,7 +166,7 @@ ThermalModel bind(const ThermalErrors& errors, const Chain& chain, int nodes) {
     const std::string who = to_string(element.name);
     const int joint = axis_joint(element.name.axis, chain, who);
     for (const ThermalModel::Bound& other : model.elements)
-      if (other.element.name == element.name) refuse(who, "comes twice");
+      if (other.element.name == element.name) refuse(who, "given twice");
     check(element, chain, joint, nodes);
     model.elements.push_back(
         {joint, element.name.component(), element.name.location, element, false});
@@ -175,7 +175,7 @@ ThermalModel bind(const ThermalErrors& errors, const Chain& chain, int nodes) {
     const AxisExpansion& axis = errors.expansions[i];
     for (std::size_t j = 0; j < i; ++j)
       if (errors.expansions[j].axis == axis.axis)
-        refuse(std::string("expansion of ") + axis.axis, "comes twice");
+        refuse(std::string("expansion of ") + axis.axis, "given twice");
     for (ThermalModel::Bound& bound_element : bind_expansion(axis, chain, nodes))
       model.elements.push_back(std::move(bound_element));
   }

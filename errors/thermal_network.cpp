@@ -29,7 +29,7 @@ void check_nodes(const ThermalNetwork& network) {
     if (node.name.empty()) refuse(fmt::format("node {}", i), "expected a name");
     const std::string who = node_name(network, i);
     // Links and sensors refer to nodes by name.
-    if (!names.insert(node.name).second) refuse(who, "comes twice");
+    if (!names.insert(node.name).second) refuse(who, "given twice");
     require_positive_value(node.capacity_J_per_K, who, "heat capacity");
     require_finite(network.start_T_C[i], who, "start temperature");
   }
@@ -40,7 +40,7 @@ void check_links(const ThermalNetwork& network) {
   for (const ThermalLink& link : network.links) {
     require_node(link.a, nodes, "link");
     require_node(link.b, nodes, "link");
-    if (link.a == link.b) refuse(node_name(network, link.a), "is linked to itself");
+    if (link.a == link.b) refuse(node_name(network, link.a), "linked to itself");
     require_positive_value(
         link.conductance_W_per_K,
         "link of " + node_name(network, link.a) + " and " + node_name(network, link.b),
@@ -63,7 +63,7 @@ void check(const SpindleHeat& heat, const std::string& who) {
 }
 void check(const AxisHeat& heat, const std::string& who) {
   if (heat.joint < 0 || heat.joint >= kinematics::max_joints)
-    refuse(who, fmt::format("expected a joint 0 .. {}, seen {}", kinematics::max_joints - 1,
+    refuse(who, fmt::format("expected a joint from 0 to {}, seen {}", kinematics::max_joints - 1,
                             heat.joint));
   require_not_negative(heat.coulomb, who, "Coulomb friction");
   require_not_negative(heat.viscous, who, "viscous friction");
@@ -73,7 +73,8 @@ void check(const PowerOnHeat& heat, const std::string& who) {
 }
 void check(const CuttingHeat& heat, const std::string& who) {
   if (!(heat.share >= 0.0 && heat.share <= 1.0))
-    refuse(who, fmt::format("expected a share of the cutting power, 0 .. 1, seen {}", heat.share));
+    refuse(who, fmt::format("expected a fraction of the cutting power from 0 to 1, seen {}",
+                            heat.share));
 }
 
 void check_sources(const ThermalNetwork& network) {
@@ -112,7 +113,7 @@ void validate(const ThermalNetwork& network) {
   check_links(network);
   check_sources(network);
   if (const auto node = isolated_node(network))
-    refuse(node_name(network, *node), "no heat can reach the room from it");
+    refuse(node_name(network, *node), "no heat path to the room");
 }
 
 // Searches from the nodes that are linked to the room. Links to the coolant do not count, because

@@ -136,7 +136,7 @@ void check(std::span<const Activity> knots, const ThermalNetwork& network) {
     check(knots[i], network);
     if (i > 0 && knots[i].time_s < knots[i - 1].time_s)
       refuse("activity",
-             fmt::format("time goes back from {} s to {} s", knots[i - 1].time_s, knots[i].time_s));
+             fmt::format("time decreases from {} s to {} s", knots[i - 1].time_s, knots[i].time_s));
   }
 }
 
@@ -201,14 +201,14 @@ ThermalModes modes(const ThermalNetwork& network, bool coolant) {
   const VectorXd root_capacity = capacity_roots(network);
   const MatrixXd B = incidence(conductance_mesh(network, coolant), root_capacity);
   if (!B.allFinite())
-    refuse("thermal network", "its capacities and conductances are beyond what numbers can hold");
+    refuse("thermal network", "its capacities and conductances exceed the numeric range");
   const SingularValues svd = singular_values(B, Eigen::ComputeThinU);
   const MatrixXd& V = svd.U;
   ThermalModes result{svd.values.cwiseAbs2(), V.transpose() * root_capacity.asDiagonal(),
                       root_capacity.cwiseInverse().asDiagonal() * V};
   if (!result.rate_per_s.allFinite() || !result.to_modes.allFinite() ||
       !result.to_nodes.allFinite())
-    refuse("thermal network", "its capacities and conductances are beyond what numbers can hold");
+    refuse("thermal network", "its capacities and conductances exceed the numeric range");
   return result;
 }
 
@@ -293,7 +293,7 @@ ThermalRun simulate(const ThermalNetwork& network, std::span<const Activity> kno
                  {}};
   run.wet = has_coolant(network) ? modes(network, true) : run.dry;
   for (Index i = 0; i < n; ++i) run.heat_W.row(i) = node_heats_W(network, knots[std::size_t(i)]);
-  if (!run.heat_W.allFinite()) refuse("activity", "expected finite heat of every source");
+  if (!run.heat_W.allFinite()) refuse("activity", "expected finite heat from every source");
   run.T_C.row(0) = network.start_T_C;
   const ThermalModes* current_modes = nullptr;
   CompensatedSum z{VectorXd()};
@@ -336,8 +336,9 @@ VectorXd steady_state(const ThermalNetwork& network, const Activity& activity) {
 
 HeatBalance heat_balance(const ThermalRun& run, std::size_t from_knot, std::size_t to_knot) {
   if (to_knot >= run.knots.size() || from_knot > to_knot)
-    throw std::out_of_range(fmt::format("heat balance: expected knots 0 .. {} in order, seen {} {}",
-                                        run.knots.size() - 1, from_knot, to_knot));
+    throw std::out_of_range(
+        fmt::format("heat balance: expected ordered knots from 0 to {}, seen {} {}",
+                    run.knots.size() - 1, from_knot, to_knot));
   HeatBalance balance;
   const double base = base_T_C(run);
   for (std::size_t i = from_knot; i < to_knot; ++i) {
@@ -424,10 +425,10 @@ void check_times(const VectorXd& times_s, const TemperatureSensor& sensor) {
   for (Index i = 0; i < times_s.size(); ++i) {
     // 9e15 is about 2^53: above it a double cannot represent every sample number.
     if (!(std::abs(times_s[i]) < 9e15 * std::min(1.0, sensor.sampling_s)))
-      refuse(who, fmt::format("expected a time that its samples can be counted to, seen {} s",
+      refuse(who, fmt::format("expected a time with a countable number of samples, seen {} s",
                               times_s[i]));
     if (i > 0 && times_s[i] < times_s[i - 1])
-      refuse(who, fmt::format("time goes back from {} s to {} s", times_s[i - 1], times_s[i]));
+      refuse(who, fmt::format("time decreases from {} s to {} s", times_s[i - 1], times_s[i]));
   }
 }
 

@@ -29,7 +29,7 @@ void check(const Vibration& v) {
   require_number(v, std::isfinite(v.amplitude), "a finite amplitude", v.amplitude);
   require_number(v, is_positive_number(v.reference_speed), "a reference speed above 0",
                  v.reference_speed);
-  require_number(v, v.exponent >= 0.0 && std::isfinite(v.exponent), "an exponent of 0 or more",
+  require_number(v, v.exponent >= 0.0 && std::isfinite(v.exponent), "an exponent of at least 0",
                  v.exponent);
   require_number(v, std::isfinite(v.phase), "a finite phase", v.phase);
   if (v.resonance)

@@ -128,10 +128,10 @@ double gauss(double a, double b, double s, double nu) {
 
 double cantilever_plate(double s, double nu) {
   if (!(s >= 0.0 && s <= 1.0) || !(nu > -1.0 && nu <= 0.5))
-    throw std::invalid_argument(fmt::format(
-        "cantilever plate: expected a height 0 .. 1 and a Poisson ratio above -1 and at most 0.5, "
-        "seen {} and {}",
-        s, nu));
+    throw std::invalid_argument(
+        fmt::format("cantilever plate: expected a relative height from 0 to 1 and a Poisson ratio "
+                    "above -1 and at most 0.5, seen {} and {}",
+                    s, nu));
   if (s == 0.0) return 0.0;
   // The integrand is smooth: eight points in each interval, first of 0.25, then growing by a
   // quarter, achieve the stated error of 1e-9.
@@ -359,10 +359,10 @@ void check(const WorkpieceBar& bar) {
 
 void check(const WorkpiecePlate& plate) {
   require_workpiece(plate.foot_w.allFinite(), "a finite point for the foot");
-  require_unit(plate.up_w, "the way up of the plate");
+  require_unit(plate.up_w, "the upward direction of the plate");
   require_unit(plate.normal_w, "the normal of the plate");
   require_workpiece(std::abs(plate.up_w.dot(plate.normal_w)) <= 1e-9,
-                    "a normal of the plate square to its way up");
+                    "a plate normal perpendicular to its upward direction");
   require_positive(plate.height, "a height");
   require_positive(plate.thickness, "a thickness");
   require_positive(plate.youngs_modulus, "a Young's modulus");
@@ -382,14 +382,14 @@ std::string node_error(const Vector3d& point_w, const Matrix3d& C) {
   if (largest == 0.0) return {};
   Eigen::SelfAdjointEigenSolver<Matrix3d> solver;
   solver.computeDirect(C / largest, Eigen::EigenvaluesOnly);
-  if (!(solver.eigenvalues()[0] >= -1e-6)) return "a compliance without negative eigenvalue";
+  if (!(solver.eigenvalues()[0] >= -1e-6)) return "a compliance without negative eigenvalues";
   return {};
 }
 
 void check(const WorkpieceField& field) {
   const std::size_t node_count = field.compliance_w.size();
   require_workpiece(node_count > 0 && std::size_t(field.points_w.rows()) == node_count,
-                    fmt::format("one compliance a node, seen {} for {} nodes", node_count,
+                    fmt::format("one compliance per node, seen {} for {} nodes", node_count,
                                 field.points_w.rows()));
   for (std::size_t i = 0; i < node_count; ++i) {
     const std::string violation =
@@ -542,11 +542,12 @@ std::vector<const Column*> read_header(const FieldReader& reader, char separator
     const auto column = std::find_if(columns.begin(), columns.end(),
                                      [&](const Column& c) { return c.name == cell.text; });
     if (column == columns.end())
-      reader.refuse(cell.column, fmt::format("a column of a head such as {}", expected_header),
+      reader.refuse(cell.column,
+                    fmt::format("a column name of a header such as {}", expected_header),
                     quoted_excerpt(cell.text));
     if (std::find(columns_in_file.begin(), columns_in_file.end(), &*column) !=
         columns_in_file.end())
-      reader.refuse(cell.column, "every column once", quoted_excerpt(cell.text));
+      reader.refuse(cell.column, "each column only once", quoted_excerpt(cell.text));
     columns_in_file.push_back(&*column);
   }
   for (const Column& column : columns) {
@@ -573,7 +574,7 @@ NodeRow read_row(const FieldReader& reader, const std::vector<const Column*>& co
                  char separator) {
   const std::vector<Cell> cells = reader.cells(separator);
   const std::string expected_cells =
-      fmt::format("{} cells, as the head has", columns_in_file.size());
+      fmt::format("{} cells, as in the header", columns_in_file.size());
   if (cells.size() < columns_in_file.size())
     reader.refuse(int(reader.line().size()) + 1, expected_cells, fmt::format("{}", cells.size()));
   if (cells.size() > columns_in_file.size())
@@ -601,7 +602,7 @@ WorkpieceField read_compliance_field(std::string_view text, const std::string& f
   if (text.size() > max_field_bytes)
     reader.refuse(0, "at most 64 MiB", fmt::format("{} bytes", text.size()));
   if (!reader.next_line())
-    reader.refuse(0, fmt::format("a head such as {}", expected_header), "nothing");
+    reader.refuse(0, fmt::format("a header such as {}", expected_header), "nothing");
   const char separator = reader.line().find(';') != std::string_view::npos ? ';' : ',';
   const std::vector<const Column*> columns_in_file = read_header(reader, separator);
   std::vector<double> points;

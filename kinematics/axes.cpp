@@ -25,17 +25,17 @@ Topology parse_structural_code(std::string_view code) {
   std::string symbols;
   for (const char c : code)
     if (c != ' ' && c != '\t') symbols += c;
-  if (symbols.empty()) throw_code_error("w first", "nothing");
-  if (symbols.front() != 'w') throw_code_error("w first", quoted(symbols.front()));
+  if (symbols.empty()) throw_code_error("w as the first letter", "nothing");
+  if (symbols.front() != 'w') throw_code_error("w as the first letter", quoted(symbols.front()));
   if (symbols.size() < 2 || symbols.back() != 't')
-    throw_code_error("t last", quoted(symbols.back()));
+    throw_code_error("t as the last letter", quoted(symbols.back()));
 
   Topology topology;
   bool is_past_bed = false;
   for (std::size_t i = 1; i + 1 < symbols.size(); ++i) {
     const char c = symbols[i];
     if (c == 'b') {
-      if (is_past_bed) throw_code_error("one b", "a second");
+      if (is_past_bed) throw_code_error("only one b", "a second b");
       is_past_bed = true;
       continue;
     }
@@ -45,17 +45,17 @@ Topology parse_structural_code(std::string_view code) {
     // A prime stands after its letter, so the letter is judged with the character that follows it.
     const bool is_primed = symbols[i + 1] == '\'';
     if (is_nose && (!is_past_bed || i + 2 != symbols.size()))
-      throw_code_error("s right before t", "it elsewhere");
+      throw_code_error("s directly before t", "s elsewhere");
     if (!is_past_bed && !is_primed)
-      throw_code_error("a prime after " + quoted(c) + ", which carries the workpiece", "none");
+      throw_code_error("a prime after " + quoted(c) + ", which carries the workpiece", "no prime");
     if (is_past_bed && is_primed)
-      throw_code_error("no prime after " + quoted(c) + ", which carries the tool", "one");
+      throw_code_error("no prime after " + quoted(c) + ", which carries the tool", "a prime");
     for (const CodeAxis& axis : topology)
-      if (axis.name == c) throw_code_error("every letter once", quoted(c) + " twice");
+      if (axis.name == c) throw_code_error("each letter only once", quoted(c) + " twice");
     topology.push_back({c, is_past_bed ? Side::Tool : Side::Workpiece});
     if (is_primed) ++i;
   }
-  if (!is_past_bed) throw_code_error("b for the bed", "none");
+  if (!is_past_bed) throw_code_error("b for the bed", "no b");
   if (topology.size() > std::size_t(max_joints))
     throw_code_error("at most " + std::to_string(max_joints) + " joints",
                      std::to_string(topology.size()));

@@ -125,7 +125,7 @@ void InputErrorList::add(const BadInput& error) {
   if (full() || std::any_of(list_.begin(), list_.end(), is_duplicate)) return;
   // One entry is added beyond the limit, to say that there are more errors.
   if (list_.size() == max_errors) {
-    list_.emplace_back(error.file, 0, 0, "fewer than 200 faults", "more, which are not listed");
+    list_.emplace_back(error.file, 0, 0, "at most 200 input errors", "more, not listed");
     return;
   }
   list_.push_back(error);

@@ -154,7 +154,7 @@ void check(const Joint& joint) {
     throw_joint_error(joint, "a unit direction");
   if (!joint.point_b.allFinite()) throw_joint_error(joint, "a finite point");
   if (!(joint.min <= joint.max))
-    throw_joint_error(joint, "the lower limit of travel below the upper");
+    throw_joint_error(joint, "a lower travel limit below the upper limit");
 }
 
 void check(const Pose& T, const std::string& pose_name) {
@@ -180,7 +180,7 @@ Chain::Chain(std::vector<Joint> joints, const Pose& T_bw_home, const Pose& T_bt_
     joints_[i].direction_b.normalize();
     for (std::size_t k = 0; k < i; ++k)
       if (joints_[k].name == joints_[i].name)
-        throw std::invalid_argument(std::string("axis ") + joints_[i].name + " comes twice");
+        throw std::invalid_argument(std::string("axis ") + joints_[i].name + " is given twice");
     if (i > 0 && joints_[i].side == Side::Workpiece && joints_[i - 1].side == Side::Tool)
       throw std::invalid_argument(std::string("axis ") + joints_[i].name +
                                   " carries the workpiece but follows a tool-side axis");
@@ -242,8 +242,7 @@ Pose error_transform(const Pose& T_wt_nominal, const Pose& T_wt_actual) {
 }
 
 std::vector<JointDeviation> sum(std::vector<JointDeviation> a, std::span<const JointDeviation> b) {
-  if (a.size() != b.size())
-    throw std::invalid_argument("expected deviations of the same joints to add");
+  if (a.size() != b.size()) throw std::invalid_argument("expected deviations of the same joints");
   for (std::size_t i = 0; i < a.size(); ++i) {
     a[i].motion += b[i].motion;
     a[i].location += b[i].location;

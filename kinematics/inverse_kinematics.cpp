@@ -312,10 +312,10 @@ void check(const Chain& chain, const TipTarget& target, const AxisVector& previo
                                 " finite previous axis positions");
   if (!target.tip_w.allFinite()) throw std::invalid_argument("expected a finite tip");
   if (!target.direction_w.allFinite() || target.direction_w.isZero(0.0))
-    throw std::invalid_argument("expected a finite tool direction that is not zero");
+    throw std::invalid_argument("expected a finite non-zero tool direction");
   const auto slides = slide_direction_matrix(chain, AxisVector::Zero(chain.size()));
   if (!slides || std::abs(slides->determinant()) < min_volume)
-    throw std::invalid_argument("expected three independent slides");
+    throw std::invalid_argument("expected three linearly independent slides");
 }
 
 double rotary_travel(const std::vector<RotaryAxis>& axes, const AxisVector& from,

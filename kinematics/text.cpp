@@ -117,14 +117,14 @@ std::optional<std::size_t> find_invalid_utf8(std::string_view text) {
 
 void check_encoding(std::string_view text, const std::string& file) {
   if (auto seen = foreign_encoding(text))
-    throw BadInput(file, 1, 1, "a text in ASCII or UTF-8", std::move(*seen));
+    throw BadInput(file, 1, 1, "text in ASCII or UTF-8", std::move(*seen));
   if (const auto at = find_lone_cr(text)) {
     const std::string_view text_before = text.substr(0, *at);
     const auto line = 1 + std::count(text_before.begin(), text_before.end(), '\n');
     const std::size_t begin = text_before.rfind('\n');  // npos + 1 is 0
     throw BadInput(file, int(line), int(*at - (begin + 1)) + 1,
                    "lines that end in LF or CR LF, not in CR alone as on old Macintosh computers",
-                   "a CR alone");
+                   "a lone CR");
   }
 }
 
@@ -155,8 +155,9 @@ std::string strip_tape_characters(std::string_view text) {
 std::string read_text(const std::filesystem::path& file, std::size_t max_bytes) {
   std::error_code failure;
   if (!std::filesystem::is_regular_file(file, failure))
-    throw BadInput(file.string(), 0, 0, "a file",
-                   std::filesystem::exists(file, failure) ? "something else" : "none");
+    throw BadInput(
+        file.string(), 0, 0, "a file",
+        std::filesystem::exists(file, failure) ? "something that is not a file" : "none");
   const auto bytes = std::filesystem::file_size(file, failure);
   if (failure) throw BadInput(file.string(), 0, 0, "a readable file", failure.message());
   if (bytes > max_bytes)
@@ -165,7 +166,7 @@ std::string read_text(const std::filesystem::path& file, std::size_t max_bytes) 
   std::string text(std::size_t(bytes), '\0');
   std::ifstream stream(file, std::ios::binary);
   stream.read(text.data(), std::streamsize(bytes));
-  if (!stream) throw BadInput(file.string(), 0, 0, "a readable file", "one that cannot be read");
+  if (!stream) throw BadInput(file.string(), 0, 0, "a readable file", "an unreadable file");
   return text;
 }
 
@@ -287,7 +288,7 @@ double TableLineReader::number_in(const Cell& cell) const {
 int TableLineReader::read_whole_number(const Cell& cell, int min, int max) const {
   const auto x = number_of(cell.text);
   if (!x || *x != std::floor(*x) || *x < min || *x > max)
-    refuse(cell, fmt::format("a whole number from {} to {}", min, max));
+    refuse(cell, fmt::format("an integer from {} to {}", min, max));
   return int(*x);
 }
 

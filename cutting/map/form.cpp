@@ -46,7 +46,7 @@ void check_map(const Surface& surface, const Design& design) {
   for (std::size_t i = 0; i < surface.status.size(); ++i)
     if (surface.status[i] == VertexStatus::Cut &&
         !std::isfinite(surface.residual[static_cast<Eigen::Index>(i)]))
-      throw std::invalid_argument("aligned: a cut vertex without a residual");
+      throw std::invalid_argument("aligned: a cut vertex has no residual");
 }
 
 /// Returns the cut vertices, then the samples within triangles.
@@ -429,7 +429,7 @@ std::vector<FormNumber> form(const Primitive& primitive, const Design& design_m,
 
 Circle fit_circle(const Eigen::Matrix<double, Eigen::Dynamic, 2>& points) {
   const Eigen::Index count = points.rows();
-  if (count < 3) throw std::invalid_argument("fit_circle: at least 3 points are needed");
+  if (count < 3) throw std::invalid_argument("fit_circle: expected at least 3 points");
   if (!points.allFinite()) throw std::invalid_argument("fit_circle: a point is not finite");
   const Eigen::RowVector2d centroid = points.colwise().mean();
   const Eigen::Matrix<double, Eigen::Dynamic, 2> centred = points.rowwise() - centroid;

@@ -384,7 +384,8 @@ RefinementResult refined(const Design& design, const SurfaceInterpolator& on_sur
                          const SurfaceProber& prober, const RefineOptions& options) {
   require(std::isfinite(options.resolution) && options.resolution > 0 && options.floor > 0,
           "refined: resolution and floor must be positive");
-  require(design.normals.rows() == design.vertices.rows(), "refined: one normal a vertex");
+  require(design.normals.rows() == design.vertices.rows(),
+          "refined: expected one normal per vertex");
   return Refinement(design, on_surface, prober, options).run();
 }
 

@@ -23,7 +23,7 @@ void check_sizes(const Surface& surface, std::size_t vertex_count) {
                          static_cast<std::size_t>(surface.cut_time_s.size()) == vertex_count &&
                          surface.cut_line.size() == vertex_count &&
                          surface.status.size() == vertex_count;
-  if (!are_equal) throw std::invalid_argument("residual map: arrays of different sizes");
+  if (!are_equal) throw std::invalid_argument("residual map: the arrays differ in size");
 }
 
 /// A residual, the area it represents, and its location.
@@ -201,9 +201,9 @@ Weights weights(const Surface& surface, const Design& design) {
   check_sizes(surface, vertex_count);
   const Eigen::Index sample_count = surface.within.size();
   if (static_cast<std::size_t>(design.area.size()) != vertex_count)
-    throw std::invalid_argument("statistics: the design has no area for every vertex");
+    throw std::invalid_argument("statistics: expected one area per vertex");
   if (sample_count != 0 && sample_count != design.triangles.rows())
-    throw std::invalid_argument("statistics: one place within a triangle is needed, or none");
+    throw std::invalid_argument("statistics: expected one sample per triangle, or none");
   // Three quarters for a sample in the middle is exact for a quadratic residual.
   const double triangle_fraction =
       surface.interior_sample == Surface::InteriorSample::Random ? 1.0 : 0.75;
@@ -258,12 +258,12 @@ Statistics statistics(const Surface& surface, const Design& design,
   const Weights weights = cutting::weights(surface, design);
   const auto vertex_count = static_cast<std::size_t>(design.vertices.rows());
   if (tolerance.rows() != 0 && static_cast<std::size_t>(tolerance.rows()) != vertex_count)
-    throw std::invalid_argument("statistics: one band of tolerance a vertex is needed");
+    throw std::invalid_argument("statistics: expected one tolerance band per vertex");
   Statistics result = count_vertices(surface);
   const std::vector<WeightedResidual> residuals = weighted_residuals(surface, weights);
   for (const WeightedResidual& sample : residuals) {
     if (!std::isfinite(sample.residual))
-      throw std::invalid_argument("statistics: a cut vertex without a residual");
+      throw std::invalid_argument("statistics: a cut vertex has no residual");
     const SampleValue value{sample.vertex, sample.triangle, sample.residual};
     if (!result.lowest || value.value < result.lowest->value) result.lowest = value;
     if (!result.highest || value.value > result.highest->value) result.highest = value;

@@ -124,19 +124,20 @@ void check_properties(const MeshSource& source, const PlyElement& vertex, const 
     const auto& vertex_properties = vertex.properties;
     if (std::count_if(vertex_properties.begin(), vertex_properties.end(),
                       [&](const auto& p) { return p.name == name && !p.list_count; }) != 1)
-      source.refuse("vertices with one property " + name, "another number of them", vertex.line, 1);
+      source.refuse("vertices with exactly one property " + name, "none or several", vertex.line,
+                    1);
   }
   int vertex_lists = 0;
   for (const PlyProperty& p : face.properties) {
     if (!p.is_vertex_list()) continue;
     if (!p.list_count || p.type.kind == 'f')
-      source.refuse("faces with one list of integers, vertex_indices", quoted_excerpt(p.name),
+      source.refuse("faces with vertex_indices as a list of integers", quoted_excerpt(p.name),
                     face.line, 1);
     ++vertex_lists;
   }
   if (vertex_lists != 1)
-    source.refuse("faces with one list vertex_indices", fmt::format("{}", vertex_lists), face.line,
-                  1);
+    source.refuse("faces with exactly one list vertex_indices", fmt::format("{}", vertex_lists),
+                  face.line, 1);
 }
 
 /// Checks that a colour is complete, and that its channels are all integers or all fractions.
@@ -148,12 +149,12 @@ void check_colour(const MeshSource& source, const PlyElement& element) {
     ++count[*p.channel()];
     fractions += p.type.kind == 'f';
   }
-  const std::string expected = "one property each of red, green and blue, of one kind of number";
+  const std::string expected =
+      "one property each for red, green and blue, all integers or all floats";
   if (element.has_colour() && count != std::array{1, 1, 1})
     source.refuse(expected, fmt::format("{}, {} and {}", count[0], count[1], count[2]),
                   element.line, 1);
-  if (fractions % 3 != 0)
-    source.refuse(expected, "whole numbers beside fractions", element.line, 1);
+  if (fractions % 3 != 0) source.refuse(expected, "integers mixed with floats", element.line, 1);
 }
 
 PlyHeader ply_header(const MeshSource& source) {
@@ -176,7 +177,7 @@ PlyHeader ply_header(const MeshSource& source) {
           name.text == "face" && std::ranges::find(header.elements, std::string_view("vertex"),
                                                    &PlyElement::name) == header.elements.end();
       if (name.text.empty() || is_repeated || is_before_vertices)
-        tokens.refuse("element vertex, then face, once each", name);
+        tokens.refuse("element vertex, then element face, once each", name);
       element = &header.elements.emplace_back();
       element->name = std::string(name.text);
       element->line = token.line;
@@ -186,7 +187,7 @@ PlyHeader ply_header(const MeshSource& source) {
       element->count = tokens.integer(count, 0, static_cast<std::int64_t>(source.bytes.size()),
                                       "a count that fits the size of the file");
     } else if (token.text == "property") {
-      if (element == nullptr) tokens.refuse("an element before its properties", token);
+      if (element == nullptr) tokens.refuse("an element line before its properties", token);
       element->properties.push_back(ply_property(tokens));
     } else if (token.text != "comment" && token.text != "obj_info") {
       tokens.refuse("a line of a PLY header", token);
@@ -231,7 +232,7 @@ class PlyValues {
     if (p.list_count) {
       count = next(*p.list_count);
       if (!(count >= 0.0) || count != std::floor(count))
-        refuse("the length of a list", fmt::format("{}", count));
+        refuse("a list length that is an integer of at least 0", fmt::format("{}", count));
     }
     if (form_ != PlyForm::Ascii) {
       // Tested as a double first, because a huge count would overflow the multiplication below.
@@ -257,7 +258,7 @@ class PlyValues {
  private:
   void require_bytes(std::size_t bytes) const {
     if (source_.bytes.size() - offset_ < bytes)
-      source_.refuse("data for all elements of the header",
+      source_.refuse("data for all elements listed in the header",
                      fmt::format("the end of the file at byte {}", source_.bytes.size()));
   }
   template <class T>
@@ -290,8 +291,8 @@ struct PlyColour {
     const bool is_fraction = p.type.kind == 'f';
     if (!(value >= 0.0 && value <= (is_fraction ? 1.0 : 255.0)) ||
         (!is_fraction && value != std::floor(value)))
-      values.refuse(is_fraction ? "a channel from 0 to 1" : "a channel, 0 .. 255",
-                    fmt::format("{} as {}", value, p.name));
+      values.refuse(is_fraction ? "a channel from 0 to 1" : "an integer channel from 0 to 255",
+                    fmt::format("{} for {}", value, p.name));
     colour->digits = is_fraction ? FaceColour::Digits::Fraction : FaceColour::Digits::EightBits;
     colour->channels[*p.channel()] = int(std::lround(is_fraction ? 255.0 * value : value));
   }
@@ -322,7 +323,7 @@ class PlyReader {
           for (const PlyProperty& p : element.properties) values_.skip(p);
       }
     if (!values_.at_end())
-      values_.refuse("the end of the file after the elements of its header", "more");
+      values_.refuse("the end of the file after the elements listed in its header", "more data");
     soup_.marks = mark_collector_.marks();
     return std::move(soup_);
   }
@@ -380,13 +381,13 @@ class PlyReader {
   std::vector<int> corners(const PlyProperty& p) {
     const double count = values_.next(*p.list_count);
     if (!(count >= 3.0 && count <= max_corners))
-      values_.refuse(fmt::format("faces of 3 to {} corners", max_corners),
-                     fmt::format("one of {}", count));
+      values_.refuse(fmt::format("a face of 3 to {} corners", max_corners),
+                     fmt::format("{} corners", count));
     std::vector<int> corners(static_cast<std::size_t>(count));
     for (int& corner : corners) {
       const double i = values_.next(p.type);
       if (!(i >= 0.0 && i < double(vertex_.count)) || i != std::floor(i))
-        values_.refuse(fmt::format("number of a vertex (0 .. {})", vertex_.count - 1),
+        values_.refuse(fmt::format("a vertex index (0 to {})", vertex_.count - 1),
                        fmt::format("{}", i));
       corner = static_cast<int>(i);
     }
@@ -466,8 +467,8 @@ StlColours stl_colours(const MeshSource& source) {
   if (at == std::string_view::npos) return {};
   const std::string_view rgba = header.substr(at + begin.size()).substr(0, 4);
   if (rgba.size() < 4)
-    source.refuse("four bytes of a colour after COLOR= in the header of an STL",
-                  fmt::format("its end after {}", rgba.size()));
+    source.refuse("four colour bytes after COLOR= in the header of the STL file",
+                  fmt::format("the end of the header after {}", rgba.size()));
   StlColours colours{true, FaceColour{}};
   for (std::size_t k = 0; k < 3; ++k)
     colours.header_colour->channels[k] = static_cast<unsigned char>(rgba[k]);
@@ -548,12 +549,13 @@ TriangleSoup read_stl(const MeshSource& source, const MarkSelection& requested_m
   if (is_binary_stl(source.bytes)) return read_binary_stl(source, requested_marks);
   TokenReader tokens(source, '\0');
   if (lower(tokens.next().text) == "solid") return read_ascii_stl(source, requested_marks);
-  const std::string expected = "an ascii STL ('solid ...') or a binary one of 84 + 50 n bytes";
+  const std::string expected =
+      "an ASCII STL file ('solid ...') or a binary STL file of 84 + 50 n bytes";
   if (source.bytes.size() < stl_header)
-    source.refuse(expected, fmt::format("{} bytes that begin {}", source.bytes.size(),
+    source.refuse(expected, fmt::format("{} bytes that begin with {}", source.bytes.size(),
                                         quoted_excerpt(source.bytes)));
   const std::uint64_t expected_size = binary_stl_size(source.bytes);
-  source.refuse(expected + fmt::format(", {} by its header of n = {}", expected_size,
+  source.refuse(expected + fmt::format(" ({} bytes for n = {} in its header)", expected_size,
                                        (expected_size - stl_header) / stl_facet),
                 fmt::format("{} bytes", source.bytes.size()));
 }

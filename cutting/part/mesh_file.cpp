@@ -37,7 +37,8 @@ MeshSource load_mesh_source(const std::filesystem::path& file, std::uintmax_t ma
   std::error_code problem;
   const auto status = std::filesystem::status(file, problem);
   if (!std::filesystem::exists(status)) refuse("a mesh file", "no such file");
-  if (!std::filesystem::is_regular_file(status)) refuse("a mesh file", "something that is no file");
+  if (!std::filesystem::is_regular_file(status))
+    refuse("a mesh file", "something that is not a file");
   const std::uintmax_t size = std::filesystem::file_size(file, problem);
   if (problem) refuse("a mesh file", problem.message());
   // The size is checked before memory is allocated.
@@ -127,7 +128,7 @@ std::int64_t TokenReader::integer(const Token& token, std::int64_t min, std::int
   if (token.text.empty() || parsed.ec != std::errc() || parsed.ptr != end || value < min ||
       value > max)
     refuse(min == max ? fmt::format("{} {}", description, min)
-                      : fmt::format("{} ({} .. {})", description, min, max),
+                      : fmt::format("{} ({} to {})", description, min, max),
            token);
   return value;
 }
@@ -167,7 +168,7 @@ int FaceMarkCollector::name_set_index(const std::vector<std::string>& names) {
   name_count_ += names.size();
   // Distinct names need far more memory than their bytes in the file.
   if (name_count_ > max_names)
-    source_.refuse(fmt::format("at most {} names of groups", max_names), "more");
+    source_.refuse(fmt::format("at most {} group names", max_names), "more");
   marks_.names.push_back(names);
   return entry->second;
 }
@@ -300,8 +301,8 @@ TriangleSoup append_face(TriangleSoup soup, Polygon polygon, const MeshSource& s
   if (corners_in_file > 3) polygon.corners = distinct_corners(soup, polygon.corners);
   if (polygon.corners.size() < 3)
     source.refuse(
-        "faces with an area",
-        fmt::format("a degenerate one, {} corners at {} places, one of them {}", corners_in_file,
+        "faces with an area above 0",
+        fmt::format("a degenerate face, {} corners at {} points, one of them {}", corners_in_file,
                     polygon.corners.size(),
                     coordinates_text(soup.points[static_cast<std::size_t>(polygon.corners[0])])),
         polygon.line, polygon.line > 0 ? 1 : 0);
@@ -314,7 +315,7 @@ TriangleSoup append_face(TriangleSoup soup, Polygon polygon, const MeshSource& s
     const std::vector<TriangleSoup::Face> triangles = triangulate(points);
     if (triangles.empty())
       source.refuse("a face whose outline does not cross itself",
-                    fmt::format("one of {} corners that no triangles fill", points.size()),
+                    fmt::format("a face of {} corners that cannot be triangulated", points.size()),
                     polygon.line, polygon.line > 0 ? 1 : 0);
     for (const TriangleSoup::Face& triangle : triangles)
       add_triangle(polygon.corners[std::size_t(triangle[0])],

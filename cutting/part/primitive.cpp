@@ -75,13 +75,13 @@ void validate(const RevolvedProfile& p) {
     const ProfilePiece& piece = p.pieces[i];
     const std::string name = fmt::format("piece {} of the profile", i);
     if (!piece.from.allFinite() || !piece.to.allFinite() || !std::isfinite(piece.arc_radius))
-      throw std::invalid_argument(name + " must have finite numbers only");
+      throw std::invalid_argument(name + " must contain only finite numbers");
     const double chord = (piece.to - piece.from).norm();
     require_value(piece.from.x() >= 0.0, name + " must not start below r = 0", piece.from.x());
     require_value(piece.to.x() > 0.0, name + " must end above r = 0", piece.to.x());
     require_value(piece.to.x() >= piece.from.x(),
-                  name + " must not come back to the axis: r at its end", piece.to.x());
-    require_value(chord > join_tolerance, name + " must have a length", chord);
+                  name + " must not turn back towards the axis: r at its end", piece.to.x());
+    require_value(chord > join_tolerance, name + " must be longer than 0: length", chord);
     // 1e-12: the diameter of a semicircle may differ from its chord by rounding.
     require_value(
         piece.arc_radius == 0.0 || 2.0 * std::abs(piece.arc_radius) >= chord * (1.0 - 1e-12),
@@ -95,7 +95,7 @@ void validate(const RevolvedProfile& p) {
                   min_upward);
     if (i > 0)
       require_value((piece.from - p.pieces[i - 1].to).norm() <= join_tolerance,
-                    name + " must start where the one before ends: gap in mm",
+                    name + " must start where the previous piece ends: gap in mm",
                     (piece.from - p.pieces[i - 1].to).norm());
   }
 }

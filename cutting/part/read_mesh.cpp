@@ -44,9 +44,10 @@ void check_triangles(const MeshSource& source, const TriangleSoup& soup) {
                     soup.line.empty() ? 0 : soup.line[f], 1);
     // 1e-7: single-precision coordinates cannot define the normal of a flatter triangle.
     if (!(twice_area > 1e-7 * longest))
-      source.refuse("triangles with an area (height above 1e-7 of the longest edge)",
-                    fmt::format("a degenerate one, number {}, at {}", f + 1, coordinates_text(a)),
-                    soup.line.empty() ? 0 : soup.line[f], 1);
+      source.refuse(
+          "triangles with an area above 0 (height above 1e-7 of the longest edge)",
+          fmt::format("triangle {} at {}, which is degenerate", f + 1, coordinates_text(a)),
+          soup.line.empty() ? 0 : soup.line[f], 1);
   }
 }
 
@@ -73,12 +74,12 @@ std::size_t check_edges(const MeshSource& source, const TriangleSoup& soup,
     const auto same_count = same_direction.second - same_direction.first,
                opposite_count = opposite.second - opposite.first;
     if (same_count + opposite_count > 2)
-      source.refuse("at most two triangles at an edge",
-                    fmt::format("{} at the edge {}: not manifold", same_count + opposite_count,
-                                edge_text(edge)));
+      source.refuse(
+          "at most two triangles per edge",
+          fmt::format("{} at edge {}: not manifold", same_count + opposite_count, edge_text(edge)));
     if (same_count == 2)
-      source.refuse("all triangles turned the same way",
-                    fmt::format("two that disagree at the edge {}", edge_text(edge)));
+      source.refuse("all triangles with the same orientation",
+                    fmt::format("two that are opposed at edge {}", edge_text(edge)));
     if (opposite_count == 0 && rim++ == 0) first_rim_edge = &edge;
   }
   if (rim > 0 && !open)
@@ -109,8 +110,8 @@ void check_fans(const MeshSource& source, const TriangleSoup& soup,
     std::size_t edges_around = 1;
     for (const HalfEdge* e = next(*start); e != nullptr && e != start; e = next(*e)) ++edges_around;
     if (edges_around != last - first)
-      source.refuse("one fan of triangles at a vertex",
-                    fmt::format("two that touch at {}: not manifold",
+      source.refuse("one fan of triangles around each vertex",
+                    fmt::format("two fans that touch at {}: not manifold",
                                 coordinates_text(soup.points[static_cast<std::size_t>(vertex)])));
     first = last;
   }
@@ -130,13 +131,13 @@ void check_half_edge_mesh(const MeshSource& source, const TriangleSoup& soup, st
   const auto handle = [](int i) { return OpenMesh::VertexHandle(i); };
   for (const TriangleSoup::Face& f : soup.faces)
     if (!mesh.add_face(handle(f[0]), handle(f[1]), handle(f[2])).is_valid())
-      source.refuse("triangles that join to a surface",
-                    fmt::format("one at {} that does not: not manifold",
+      source.refuse("triangles that form a surface",
+                    fmt::format("one at {} that does not fit: not manifold",
                                 coordinates_text(soup.points[static_cast<std::size_t>(f[0])])));
   for (const auto v : mesh.vertices())
     if (!mesh.is_manifold(v))
-      source.refuse("one fan of triangles at a vertex",
-                    fmt::format("more at {}: not manifold",
+      source.refuse("one fan of triangles around each vertex",
+                    fmt::format("several at {}: not manifold",
                                 coordinates_text(soup.points[static_cast<std::size_t>(v.idx())])));
   const auto open_edges = std::count_if(mesh.edges_begin(), mesh.edges_end(),
                                         [&](const auto& e) { return mesh.is_boundary(e); });
@@ -184,10 +185,10 @@ void check_outward(const MeshSource& source, const TriangleSoup& soup) {
   double volume = 0.0;
   for (const Shell& shell : all_shells) volume += shell.volume;
   const std::string expected =
-      "triangles that are counter-clockwise seen from outside (volume above 0)";
+      "triangles ordered counter-clockwise as seen from outside (volume above 0)";
   if (!(volume > 0.0))
     source.refuse(expected,
-                  fmt::format("a flipped mesh, volume {:.6g} in units of the file", volume));
+                  fmt::format("an inside-out mesh, volume {:.6g} in units of the file", volume));
   for (const Shell& cavity : all_shells) {
     // A shell of negative volume is a cavity, which must lie inside a body.
     if (cavity.volume > 0.0) continue;
@@ -195,7 +196,7 @@ void check_outward(const MeshSource& source, const TriangleSoup& soup) {
         all_shells.begin(), all_shells.end(),
         [&](const Shell& body) { return body.volume > 0.0 && body.box.contains(cavity.box); });
     if (!is_inside)
-      source.refuse(expected, fmt::format("a flipped shell between {} and {}",
+      source.refuse(expected, fmt::format("an inside-out shell between {} and {}",
                                           coordinates_text(cavity.box.min()),
                                           coordinates_text(cavity.box.max())));
   }
@@ -293,9 +294,9 @@ Design to_design(const MeshSource& source, const TriangleSoup& soup, double unit
   // Normals of opposite triangles cancel to zero; all others have length 1.
   for (Eigen::Index i = 0; i < design.normals.rows(); ++i)
     if (!(design.normals.row(i).norm() > 0.5))
-      source.refuse(
-          "a normal at every vertex",
-          "triangles that cancel at " + coordinates_text(design.vertices.row(i).transpose()));
+      source.refuse("a normal at every vertex",
+                    "triangles whose normals cancel at " +
+                        coordinates_text(design.vertices.row(i).transpose()));
   return design;
 }
 
@@ -309,18 +310,17 @@ void check_size(const MeshSource& source, const Eigen::AlignedBox3d& box,
   // The units that are confused most often, in the order in which they are tried.
   static const std::array<std::pair<double, const char*>, 5> units = {
       {{1.0, "mm"}, {25.4, "inches"}, {10.0, "cm"}, {1e-3, "um"}, {1000.0, "m"}}};
-  std::string guess = "no usual unit explains it";
+  std::string guess = "no common unit explains this size";
   for (const auto& [unit_mm, name] : units)
     if (const double size_in_unit = part_size / options.unit_mm * unit_mm; size_in_unit <= travel) {
       guess = fmt::format("read in {} it would be {:.4g} mm long", name, size_in_unit);
       break;
     }
-  source.refuse(
-      fmt::format(
-          "a part of at most {:.4g} mm, {:.4g} times the travel of {:.4g} mm (set its unit)",
-          travel * options.travel_ratio, options.travel_ratio, travel),
-      fmt::format("{:.4g} x {:.4g} x {:.4g} mm: {}", box.sizes().x(), box.sizes().y(),
-                  box.sizes().z(), guess));
+  source.refuse(fmt::format("a part of at most {:.4g} mm, {:.4g} times the travel of {:.4g} mm "
+                            "(set the unit of the mesh)",
+                            travel * options.travel_ratio, options.travel_ratio, travel),
+                fmt::format("{:.4g} x {:.4g} x {:.4g} mm: {}", box.sizes().x(), box.sizes().y(),
+                            box.sizes().z(), guess));
 }
 
 }  // namespace

@@ -38,7 +38,7 @@ TriangleMesh::TriangleMesh(const Triangles& triangles, Eigen::Index vertices)
   for (Eigen::Index i = 0; i < vertices; ++i) mesh_->append_vertex();
   for (const auto& t : triangles.rowwise())
     if (!mesh_->add_face(VertexHandle(t[0]), VertexHandle(t[1]), VertexHandle(t[2])).is_valid())
-      throw std::invalid_argument("the triangles of the design are no surface");
+      throw std::invalid_argument("the triangles of the design do not form a surface");
 }
 
 TriangleMesh::~TriangleMesh() = default;
@@ -330,7 +330,7 @@ int count_edges_near_angle(const Design& design, double angle, double max_differ
 
 Design split_at_faces(const Design& design, const std::vector<int>& face) {
   if (Index(face.size()) != design.triangles.rows())
-    throw std::invalid_argument("split_at_faces: one face a triangle");
+    throw std::invalid_argument("split_at_faces: expected one face per triangle");
   SplitDesign split = split_by_labels(design, face);
   Design result = copy_vertices(design, split.source_vertex, std::move(split.triangles));
   result.face = vertex_labels(result, face);
@@ -351,7 +351,7 @@ std::vector<std::array<int, 3>> neighbours(const Triangles& triangles) {
 
 Design split_at_groups(const Design& design, const std::vector<int>& group) {
   if (Index(group.size()) != design.triangles.rows())
-    throw std::invalid_argument("split_at_groups: one group a triangle");
+    throw std::invalid_argument("split_at_groups: expected one group per triangle");
   SplitDesign split = split_by_labels(design, group);
   Design result = copy_vertices(design, split.source_vertex, std::move(split.triangles));
   result.group = vertex_labels(result, group);

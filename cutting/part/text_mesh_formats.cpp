@@ -46,15 +46,15 @@ FaceColour diffuse(TokenReader& tokens, const Token& keyword) {
   int count = 0;
   for (Token token = tokens.next_in_line(); !token.text.empty(); token = tokens.next_in_line()) {
     if (count == 0 && (token.text == "spectral" || token.text == "xyz"))
-      tokens.refuse("a colour as red, green and blue", token);
+      tokens.refuse("a colour given as red, green and blue", token);
     const double value = tokens.number(token);
-    if (count == 3) tokens.refuse("three numbers of a colour and the end of the line", token);
+    if (count == 3) tokens.refuse("the end of the line after three colour numbers", token);
     if (!(value >= 0.0 && value <= 1.0)) tokens.refuse("a channel from 0 to 1", token);
     colour.channels[std::size_t(count++)] = int(std::lround(255.0 * value));
   }
   if (count == 1) colour.channels.fill(colour.channels[0]);
   if (count != 1 && count != 3)
-    tokens.refuse(fmt::format("one or three numbers after it, not {}", count), keyword);
+    tokens.refuse(fmt::format("one or three numbers after the keyword, not {}", count), keyword);
   return colour;
 }
 
@@ -70,18 +70,18 @@ Materials read_mtl(const std::filesystem::path& file) {
     const Token keyword = tokens.next();
     if (keyword.text == "newmtl") {
       const Token name = tokens.remaining_line();
-      if (name.text.empty()) tokens.refuse("the name of a material after newmtl", name);
+      if (name.text.empty()) tokens.refuse("a material name after newmtl", name);
       const auto [entry, is_new] = materials.emplace(std::string(name.text), std::nullopt);
-      if (!is_new) tokens.refuse("a name that no material above has", name);
+      if (!is_new) tokens.refuse("a material name that is not yet used", name);
       colour = &entry->second;
     } else if (keyword.text == "Kd") {
       if (colour == nullptr) tokens.refuse("newmtl before the colour of a material", keyword);
-      if (*colour) tokens.refuse("one Kd of a material", keyword);
+      if (*colour) tokens.refuse("one Kd per material", keyword);
       *colour = diffuse(tokens, keyword);
     } else if (is_ignored_keyword(keyword.text)) {
       tokens.skip_line();
     } else {
-      tokens.refuse("a keyword of MTL (newmtl, Kd, Ka, Ks, Ns, d, illum, map_Kd ...)", keyword);
+      tokens.refuse("an MTL keyword (newmtl, Kd, Ka, Ks, Ns, d, illum, map_Kd ...)", keyword);
     }
   }
   return materials;
@@ -93,8 +93,8 @@ int obj_index(const TokenReader& tokens, Token token, std::size_t vertices) {
   token.text = token_text.substr(0, token_text.find('/'));
   const auto count = static_cast<std::int64_t>(vertices);
   const std::int64_t i =
-      tokens.integer(token, -count, count, "the number of a vertex that stands above, not 0");
-  if (i == 0) tokens.refuse("the number of a vertex that stands above, not 0", token);
+      tokens.integer(token, -count, count, "the number of a vertex defined above, not 0");
+  if (i == 0) tokens.refuse("the number of a vertex defined above, not 0", token);
   return static_cast<int>(i > 0 ? i - 1 : count + i);
 }
 
@@ -103,7 +103,7 @@ Polygon obj_face(TokenReader& tokens, int line, std::size_t vertices) {
   Token corner = tokens.next_in_line();
   for (; face.corners.size() < 3 || !corner.text.empty(); corner = tokens.next_in_line()) {
     if (face.corners.size() == max_corners)
-      tokens.refuse(fmt::format("at most {} corners of a face", max_corners), corner);
+      tokens.refuse(fmt::format("at most {} corners per face", max_corners), corner);
     face.corners.push_back(obj_index(tokens, corner, vertices));
   }
   return face;
@@ -190,8 +190,9 @@ class ObjMarks {
     if (!requested_marks_.colours) return;
     const auto material = materials_.find(std::string(name.text));
     if (material == materials_.end())
-      tokens.refuse(has_library_ ? "a material of a library (mtllib) above"
-                                 : "mtllib above, a library that has the colour of the material",
+      tokens.refuse(has_library_
+                        ? "a material of a library (mtllib) named above"
+                        : "mtllib before usemtl: the library holds the colour of the material",
                     name);
     colour_ = material->second;
   }
@@ -201,12 +202,12 @@ class ObjMarks {
       has_library_ = true;
       if (!files_read_.emplace(file.string()).second) continue;
       if (!is_file(file))
-        tokens.refuse(fmt::format("the file {} beside the OBJ, for the colours of its faces",
+        tokens.refuse(fmt::format("the file {} next to the OBJ file, for its face colours",
                                   file.filename().string()),
                       token);
       for (auto& [name, colour] : read_mtl(file))
         if (!materials_.emplace(name, colour).second)
-          tokens.refuse(fmt::format("libraries that do not both have the material {}", shown(name)),
+          tokens.refuse(fmt::format("one library only that defines the material {}", shown(name)),
                         token);
     }
   }
@@ -292,8 +293,8 @@ std::optional<FaceColour> off_colour(TokenReader& tokens) {
   if (channels.empty()) return std::nullopt;
   if (channels.size() < 3)
     tokens.refuse(
-        "a colour of three or four numbers, or none (an index into a map of colours that "
-        "the file does not have is none)",
+        "a colour of three or four numbers, or no colour (an index into a colour map is not a "
+        "colour)",
         channels.front());
   const bool is_eight_bit = are_eight_bit(channels);
   FaceColour colour{{0, 0, 0},
@@ -302,7 +303,7 @@ std::optional<FaceColour> off_colour(TokenReader& tokens) {
     const double value = is_eight_bit ? double(tokens.integer(channels[k], 0, 255, "a channel"))
                                       : tokens.number(channels[k]);
     if (!is_eight_bit && !(value >= 0.0 && value <= 1.0))
-      tokens.refuse("a channel from 0 to 1, or all as whole numbers from 0 to 255", channels[k]);
+      tokens.refuse("channels from 0 to 1, or integers from 0 to 255", channels[k]);
     colour.channels[k] = is_eight_bit ? int(value) : int(std::lround(255.0 * value));
   }
   return colour;
@@ -322,17 +323,17 @@ TriangleSoup read_off(const MeshSource& source, const MarkSelection& requested_m
   };
   const bool has_texture = strip_prefix("ST"), has_vertex_colours = strip_prefix("C"),
              has_normals = strip_prefix("N");
-  if (format != "OFF") tokens.refuse("'OFF', with ST, C and N before it or not", magic);
+  if (format != "OFF") tokens.refuse("'OFF', optionally preceded by ST, C and N", magic);
   if (has_texture && has_vertex_colours && requested_marks.colours)
-    tokens.refuse("'COFF' or 'CNOFF', colours that no texture follows", magic);
+    tokens.refuse("'COFF' or 'CNOFF', colours without a texture", magic);
   // Every vertex and face needs at least six bytes, so the size of the file bounds the counts.
   const auto max_count = static_cast<std::int64_t>(tokens.bytes_left() / 6);
   const std::int64_t vertices =
-      tokens.integer(tokens.next(), 0, max_count, "number of vertices that fit the file");
+      tokens.integer(tokens.next(), 0, max_count, "a number of vertices that fits the file size");
   const std::int64_t faces =
-      tokens.integer(tokens.next(), 0, max_count, "number of faces that fit the file");
+      tokens.integer(tokens.next(), 0, max_count, "a number of faces that fits the file size");
   // The number of edges is not needed; many writers state 0.
-  tokens.integer(tokens.next(), 0, std::int64_t{1} << 40, "number of edges");
+  tokens.integer(tokens.next(), 0, std::int64_t{1} << 40, "a number of edges");
   source.check_triangles(faces);
   TriangleSoup soup;
   FaceMarkCollector mark_collector(source);
@@ -347,10 +348,9 @@ TriangleSoup read_off(const MeshSource& source, const MarkSelection& requested_m
   for (std::int64_t i = 0; i < faces; ++i) {
     const Token token = tokens.next();
     Polygon face{{}, token.line};
-    face.corners.resize(std::size_t(tokens.integer(token, 3, max_corners, "number of corners")));
+    face.corners.resize(std::size_t(tokens.integer(token, 3, max_corners, "a number of corners")));
     for (int& corner : face.corners)
-      corner =
-          static_cast<int>(tokens.integer(tokens.next(), 0, vertices - 1, "number of a vertex"));
+      corner = static_cast<int>(tokens.integer(tokens.next(), 0, vertices - 1, "a vertex index"));
     soup = append_face(std::move(soup), face, source);
     if (requested_marks.colours) {
       std::optional<FaceColour> colour = off_colour(tokens);
@@ -361,7 +361,7 @@ TriangleSoup read_off(const MeshSource& source, const MarkSelection& requested_m
   }
   soup.marks = mark_collector.marks();
   if (!tokens.at_end())
-    tokens.refuse("the end of the file after the faces of its header", tokens.next());
+    tokens.refuse("the end of the file after the faces counted in its header", tokens.next());
   return soup;
 }
 

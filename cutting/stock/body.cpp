@@ -62,9 +62,10 @@ ClosedMesh box_mesh(const Vector3d& size) {
 }
 
 ClosedMesh revolved_mesh(const Eigen::MatrixX2d& profile, double sag) {
-  require(profile.rows() >= 2 && profile.allFinite(), "revolution: two finite points at least");
+  require(profile.rows() >= 2 && profile.allFinite(),
+          "revolution: expected at least two finite points");
   require((profile.col(0).array() >= 0.0).all() && profile.col(0).maxCoeff() > 0.0,
-          "revolution: radii must not be below zero, nor all zero");
+          "revolution: radii must not be negative, nor all zero");
   require(std::isfinite(sag) && sag > 0.0, "revolution: the sag must be positive");
   const std::vector<Eigen::Vector2d> points = closed_profile(profile);
   const int n = side_count(profile.col(0).maxCoeff(), sag);
@@ -86,7 +87,7 @@ ClosedMesh revolved_mesh(const Eigen::MatrixX2d& profile, double sag) {
   };
   for (std::size_t i = 0; i + 1 < points.size(); ++i) {
     require(points[i] != points[i + 1], "revolution: neighbouring points must differ");
-    require(points[i].y() <= points[i + 1].y(), "revolution: heights must not fall");
+    require(points[i].y() <= points[i + 1].y(), "revolution: heights must not decrease");
     require(rings[i][1] + rings[i + 1][1] > 0, "revolution: the profile must leave the axis once");
     for (int side = 0; side < n; ++side) {
       const int a = corner(i, side), b = corner(i, side + 1), c = corner(i + 1, side + 1),
@@ -113,7 +114,8 @@ ClosedMesh sphere_mesh(double radius, double sag) {
 }
 
 ClosedMesh extruded_mesh(const Eigen::MatrixX2d& outline, double height) {
-  require(outline.rows() >= 3 && outline.allFinite(), "extrusion: three finite corners at least");
+  require(outline.rows() >= 3 && outline.allFinite(),
+          "extrusion: expected at least three finite corners");
   require(std::isfinite(height) && height > 0.0, "extrusion: the height must be positive");
   const int n = int(outline.rows());
   double twice_area = 0.0;

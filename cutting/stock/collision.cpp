@@ -97,11 +97,11 @@ Component make_open_component(const ClosedMesh& mesh) {
 }
 
 void check(const ClosedMesh& mesh) {
-  require(mesh.triangles.rows() > 0, "body: it has no triangles");
+  require(mesh.triangles.rows() > 0, "body: expected at least one triangle");
   require(mesh.vertices.allFinite(), "body: vertices must be finite");
   require(mesh.triangles.minCoeff() >= 0 && mesh.triangles.maxCoeff() < mesh.vertices.rows(),
-          "body: a triangle names a vertex that is not there");
-  require(mesh.skin >= 0.0, "body: a skin must not be below zero");
+          "body: a triangle refers to a vertex that does not exist");
+  require(mesh.skin >= 0.0, "body: the skin thickness must not be negative");
 }
 
 Component make_component(const ClosedMesh& mesh) {
@@ -116,7 +116,7 @@ Component make_component(const ClosedMesh& mesh) {
 Body make_body(const ClosedMesh& mesh) { return make_body(std::vector<ClosedMesh>{mesh}); }
 
 Body make_body(const std::vector<ClosedMesh>& meshes) {
-  require(!meshes.empty(), "body: it has no pieces");
+  require(!meshes.empty(), "body: expected at least one mesh");
   auto search = std::make_shared<BodySearch>();
   Eigen::AlignedBox3d box;
   for (const ClosedMesh& mesh : meshes) {
@@ -180,7 +180,7 @@ bool is_same(const ClosedMesh& a, const ClosedMesh& b) {
 }  // namespace
 
 Body make_patched_body(const ClosedMesh& mesh, double size, const Body& previous_body) {
-  require(size > 0.0, "body: patches must have a size");
+  require(size > 0.0, "body: the patch size must be positive");
   check(mesh);
   std::map<Cube, std::shared_ptr<const Component>> previous_components;
   if (previous_body.search)
@@ -237,7 +237,7 @@ BodyBalls split_into_balls(const Body& body) {
 
 Body ball_sweep_body(const Points& centres, double radius) {
   const Eigen::Index segment_count = centres.rows() - 1;
-  require(segment_count >= 1, "swept ball: expected two places of its centre");
+  require(segment_count >= 1, "swept ball: expected at least two positions of its centre");
   ClosedMesh mesh{centres, Triangles(segment_count, 3), radius};
   for (Eigen::Index i = 0; i < segment_count; ++i)
     mesh.triangles.row(i) << int(i), int(i + 1), int(i + 1);
@@ -686,7 +686,7 @@ Approach approach(const Body& a, const Body& b, const kinematics::Screw& b_in_a,
           "approach: resolution and within must be positive, the share not negative");
   require(options.query_error == 0.0 ||
               (options.query_error > 0.0 && options.query_error < options.share),
-          "approach: distances must be less rough than the share");
+          "approach: query_error must be between 0 and share");
   const double speed = kinematics::max_speed(b_in_a, b.centre, b.radius);
   Approach nearest;
   nearest.gap.distance = std::numeric_limits<double>::infinity();

@@ -582,14 +582,14 @@ void check(const std::vector<CarrierBody>& bodies, const std::vector<BodyPair>& 
               motion.segments.back() < motion.instants &&
               std::ranges::adjacent_find(motion.segments, std::greater_equal<>{}) ==
                   motion.segments.end(),
-          "encounters: instants, bulges and stretches must fit each other");
+          "encounters: instants, bulges and segments must have matching sizes");
   for (const CarrierBody& body : bodies)
     require(body.carrier >= 0 && body.carrier < motion.carriers && body.body.search != nullptr,
-            "encounters: a body needs a carriage that is there");
+            "encounters: a body refers to a carrier that does not exist");
   for (const BodyPair& pair : pairs)
     require(pair.a >= 0 && pair.b >= 0 && pair.a < int(bodies.size()) &&
                 pair.b < int(bodies.size()) && pair.a != pair.b,
-            "encounters: a pair needs two bodies that are there");
+            "encounters: a pair must name two different bodies that exist");
 }
 
 /// Returns the first segments of the chunks, followed by the number of segments.

@@ -27,7 +27,8 @@ void check(const Cutter& cutter, const EngagementOptions& options) {
   check_cutter(cutter);
   if (options.slices_per_radius < 1 || options.angles < 4 || !(options.max_slice > 0.0))
     throw std::invalid_argument(
-        "engagement: expected 1 or more slices a radius, 4 or more angles, slices above 0 mm");
+        "engagement: expected at least 1 slice per radius, at least 4 angles and slices above 0 "
+        "mm");
 }
 
 /// A line or an arc of an outline, parameterised by the length along the outline.
@@ -372,7 +373,7 @@ Engagement engagement(const Stock& stock, const Cutter& cutter, const Eigen::Iso
   const double feed = feed_w.norm();
   if (!T_wt.matrix().allFinite() || !std::isfinite(feed))
     throw std::invalid_argument("engagement: expected a finite pose and feed");
-  if (!(feed > 0.0)) throw std::invalid_argument("engagement: expected a feed that is not zero");
+  if (!(feed > 0.0)) throw std::invalid_argument("engagement: expected a feed above 0");
   const Vector3d feed_t = T_wt.linear().transpose() * (feed_w / feed);
   return EngagementSearch(stock, cutter, T_wt, options).compute(feed_t);
 }

@@ -201,7 +201,7 @@ class LoadSum {
 void check_milling(const CuttingCoefficients& coefficients, const Flutes& flutes, double feed) {
   validate(coefficients);
   validate(flutes);
-  expect(std::isfinite(feed) && feed >= 0.0, "a feed per tooth of 0 mm or more", feed);
+  expect(std::isfinite(feed) && feed >= 0.0, "a feed per tooth of at least 0 mm", feed);
 }
 
 const EdgeSlice& engaged_slice(const Engagement& engagement, const EngagedArc& arc) {
@@ -267,7 +267,7 @@ void validate(const CuttingCoefficients& K) {
   const auto check_number = [](const char* name, double value, bool may_be_negative) {
     if (std::isfinite(value) && (may_be_negative || value >= 0.0)) return;
     throw std::invalid_argument(fmt::format("{}: expected a finite number{}, seen {}", name,
-                                            may_be_negative ? "" : " of 0 or more", value));
+                                            may_be_negative ? "" : " of at least 0", value));
   };
   check_number("K_tc", K.K_tc, false);
   check_number("K_rc", K.K_rc, false);
@@ -279,9 +279,9 @@ void validate(const CuttingCoefficients& K) {
 
 void validate(const Flutes& flutes) {
   expect(flutes.count >= 1 && flutes.count <= 100, "1 to 100 flutes", flutes.count);
-  expect(std::abs(flutes.helix) < 0.5 * pi, "a helix between -90 and 90 degrees (in rad)",
+  expect(std::abs(flutes.helix) < 0.5 * pi, "a helix angle (in rad) between -90 and 90 degrees",
          flutes.helix);
-  expect(std::isfinite(flutes.run_out) && flutes.run_out >= 0.0, "a run-out of 0 mm or more",
+  expect(std::isfinite(flutes.run_out) && flutes.run_out >= 0.0, "a run-out of at least 0 mm",
          flutes.run_out);
   expect(std::isfinite(flutes.run_out_angle), "a finite run-out angle", flutes.run_out_angle);
 }
@@ -353,7 +353,7 @@ TurningEdge turning_edge(const Nose& nose, double psi) {
 CuttingLoad turning_force(const std::vector<EngagedEdge>& edges, const Nose& nose,
                           const CuttingCoefficients& K, double work_radius) {
   validate(K);
-  expect(std::isfinite(work_radius) && work_radius >= 0.0, "a work radius of 0 mm or more",
+  expect(std::isfinite(work_radius) && work_radius >= 0.0, "a work radius of at least 0 mm",
          work_radius);
   CuttingLoad load;
   double weight_sum = 0.0;

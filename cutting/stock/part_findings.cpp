@@ -221,9 +221,9 @@ Findings findings(const StockSkin& skin, const PartDeviation& part, const Design
                   const FindingOptions& options) {
   const std::size_t n = std::size_t(skin.mesh.vertices_w.rows());
   if (part.at.size() != n || skin.first.size() != n + 1)
-    throw std::invalid_argument("findings: a deviation of every vertex is needed");
+    throw std::invalid_argument("findings: expected one deviation per vertex");
   if (!(options.rest > 0.0) || !(options.gouge > 0.0))
-    throw std::invalid_argument("findings: expected limits > 0");
+    throw std::invalid_argument("findings: expected limits above 0");
   Findings result;
   result.number.assign(n, 0);
   result.undercut.assign(n, 0);

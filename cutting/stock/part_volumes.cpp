@@ -520,7 +520,7 @@ double spacing_for(const StockSkin& skin, const std::vector<int>& triangles) {
 std::vector<double> volumes_between(const StockSkin& skin, const DesignDistance& design,
                                     const SkinRegions& regions, DeviationSide side) {
   if (regions.region.size() != std::size_t(skin.mesh.vertices_w.rows()))
-    throw std::invalid_argument("volumes: a region of every vertex is needed");
+    throw std::invalid_argument("volumes: expected one region per vertex");
   std::vector<double> volumes;
   if (regions.count == 0) return volumes;
   const TriangleTree tree(skin.mesh.vertices_w, skin.mesh.triangles);

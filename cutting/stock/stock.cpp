@@ -330,7 +330,7 @@ Bounds bounds(const CylinderBlank& cylinder) {
 
 Bounds bounds(const MeshBlank& mesh) {
   if (mesh.vertices_k.rows() == 0 || mesh.triangles.rows() == 0)
-    throw std::invalid_argument("blank: expected a mesh with triangles, seen none");
+    throw std::invalid_argument("blank: expected a mesh with triangles, seen an empty mesh");
   if (!mesh.vertices_k.allFinite()) throw std::invalid_argument("blank: expected finite vertices");
   if (mesh.triangles.minCoeff() < 0 || mesh.triangles.maxCoeff() >= mesh.vertices_k.rows())
     throw std::invalid_argument("blank: expected triangles between vertices that exist");
@@ -340,7 +340,7 @@ Bounds bounds(const MeshBlank& mesh) {
         fmt::format("blank: expected a closed mesh, seen {} open edges", open_edges));
   }
   if (!(signed_volume(mesh.vertices_k, mesh.triangles) > 0.0))
-    throw std::invalid_argument("blank: expected a mesh that faces outwards and holds a volume");
+    throw std::invalid_argument("blank: expected a mesh with outward normals and a volume above 0");
   return {mesh.vertices_k.colwise().minCoeff(), mesh.vertices_k.colwise().maxCoeff()};
 }
 
@@ -520,7 +520,7 @@ void check_memory(const StockOptions& options, const Vector3d& nodes) {
   constexpr double MiB = 1024.0 * 1024.0;
   throw std::length_error(
       fmt::format("stock of {:.6g} x {:.6g} x {:.6g} nodes would take {:.3g} MiB, more than the "
-                  "{:.0f} allowed: a wider spacing, or one direction",
+                  "{:.0f} allowed: use a larger spacing or one direction",
                   nodes.x(), nodes.y(), nodes.z(), bytes / MiB, double(options.max_bytes) / MiB));
 }
 
@@ -583,8 +583,8 @@ void bridge_kinks(const Points& before, const std::map<Edge, int>& rim,
 void check_raised_surface(const Points& raised, const Triangles& triangles, double floor) {
   if (!(raised.col(2).minCoeff() > floor))
     throw std::invalid_argument(
-        fmt::format("offset blank: expected a floor below the raised surface, whose lowest place "
-                    "is z = {} mm; seen {} mm",
+        fmt::format("offset blank: expected a floor below the raised surface, whose lowest point "
+                    "is at z = {} mm, seen {} mm",
                     raised.col(2).minCoeff(), floor));
   for (Eigen::Index t = 0; t < triangles.rows(); ++t) {
     const Vector3d a = raised.row(triangles(t, 0)), b = raised.row(triangles(t, 1)),
@@ -593,7 +593,7 @@ void check_raised_surface(const Points& raised, const Triangles& triangles, doub
     // 1e-9, since rounding may make a vertical triangle face down.
     if (cross.z() < -1e-9 * cross.norm())
       throw std::invalid_argument(
-          "offset blank: expected an open design that faces +z without folds when it is raised");
+          "offset blank: expected an open design that faces +z and does not fold when raised");
   }
 }
 

@@ -67,7 +67,7 @@ ToolPath::ToolPath(const Stock& stock, const StockMove& move) {
   // Below 1e-12 rad the difference is rounding of an axis that does not turn.
   angle_ = sine < 1e-12 ? 0.0 : std::atan2(sine, end_axis.dot(axis));
   if (end_axis.dot(axis) < 0.0 && std::numbers::pi - std::atan2(sine, end_axis.dot(axis)) < 1e-9)
-    throw std::invalid_argument("stock move: expected an axis that turns by less than half a turn");
+    throw std::invalid_argument("stock move: expected an axis that turns by less than 180 degrees");
   R_.row(2) = axis;
   R_.row(0) = angle_ > 0.0 ? normal_to_axis(turn_direction / sine, axis) : axis.unitOrthogonal();
   R_.row(1) = axis.cross(Vector3d(R_.row(0)));
@@ -511,8 +511,8 @@ RemovalResult remove(Stock& stock, const Cutter& cutter, const StockMove& move,
   const double count = std::sqrt(max_deviation / max_part_sag);
   if (!(count < max_parts))
     throw std::invalid_argument(
-        fmt::format("stock move: expected a turning axis whose move comes apart in at most {} "
-                    "straight parts, seen {:.3g} ({:.3g} mm, turning by {:.3g} rad)",
+        fmt::format("stock move: expected a move that splits into at most {} straight segments, "
+                    "seen {:.3g} ({:.3g} mm, axis turning by {:.3g} rad)",
                     max_parts, count, path.length(), path.angle()));
   const int parts = 1 + int(count);
   const std::vector<Cutter> convex_cutters = convex_parts(cutter);

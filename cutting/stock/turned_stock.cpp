@@ -248,14 +248,14 @@ void check_profile(const Eigen::Matrix<double, Eigen::Dynamic, 2>& profile, doub
     throw std::invalid_argument(
         fmt::format("turned stock: expected a spacing above 0 mm, seen {}", spacing));
   if (profile.rows() < 2 || !profile.allFinite())
-    throw std::invalid_argument("turned stock: expected two or more finite corners");
+    throw std::invalid_argument("turned stock: expected at least two finite corners");
   for (Index i = 0; i < profile.rows(); ++i) {
     if (profile(i, 1) < 0.0)
       throw std::invalid_argument(
-          fmt::format("turned stock: expected radii of 0 mm or more, seen {}", profile(i, 1)));
+          fmt::format("turned stock: expected radii of at least 0 mm, seen {}", profile(i, 1)));
     if (i > 0 && profile(i, 0) < profile(i - 1, 0))
       throw std::invalid_argument(
-          fmt::format("turned stock: expected corners in rising order, seen {} after {}",
+          fmt::format("turned stock: expected corners in increasing order, seen {} after {}",
                       profile(i, 0), profile(i - 1, 0)));
   }
   const double length = profile(profile.rows() - 1, 0) - profile(0, 0);
@@ -302,7 +302,7 @@ std::vector<EngagedEdge> engagement(const TurnedStock& stock, const Nose& nose,
                                     const Eigen::Isometry3d& T_slow, int segments) {
   check(T_slow);
   const NoseEdge validated_edge(nose);
-  if (segments < 3) throw std::invalid_argument("nose edge: expected 3 or more pieces");
+  if (segments < 3) throw std::invalid_argument("nose edge: expected at least 3 segments");
   std::vector<EngagedEdge> result;
   if (stock.radius.size() < 2) return result;
   if (nose.profile) return profile_engagement(stock, *nose.profile, T_slow, segments);

@@ -271,7 +271,7 @@ std::vector<CompetingPass> milled_competing_passes(const Design& design_w, const
                                                    const CutterMotion& motion,
                                                    const CompetingPassOptions& options) {
   check_milling_input(design_w, cutter, motion, options.band);
-  require(!is_hollow(cutter), "milled rivals: expected a convex cutter, seen a hollow one");
+  require(!is_hollow(cutter), "competing passes: expected a convex cutter, seen a hollow one");
   check_pass_options(options);
   const std::vector<Index> order = judged_vertices(design_w);
   const SweepTree tree(cutter, motion);

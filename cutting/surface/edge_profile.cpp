@@ -33,21 +33,23 @@ double max_radius(const std::vector<OutlineSegment>& segments) {
 
 /// Returns the profile of a closed loop of consecutive segments.
 EdgeProfile closed_profile(const std::vector<OutlineSegment>& segments) {
-  require(segments.size() >= 2, "edge profile: expected two pieces or more, seen fewer");
+  require(segments.size() >= 2, "edge profile: expected at least two segments, seen fewer");
   EdgeProfile profile{with_corners(segments, segments.back().normal_to)};
   double total_turn = 0.0;
   for (const OutlineSegment& segment : profile.segments)
     total_turn += std::atan2(cross2d(segment.normal_from, segment.normal_to),
                              segment.normal_from.dot(segment.normal_to));
   // One turn is 2 pi and two are 4 pi, so 3 pi separates them whatever the rounding.
-  require(total_turn < 3.0 * std::numbers::pi,
-          fmt::format("edge profile: expected one that goes around once, seen {:.0f} turns",
-                      total_turn / (2.0 * std::numbers::pi)));
+  require(
+      total_turn < 3.0 * std::numbers::pi,
+      fmt::format("edge profile: expected a profile that closes after one turn, seen {:.0f} turns",
+                  total_turn / (2.0 * std::numbers::pi)));
   profile.outer_radius = max_radius(profile.segments);
   profile.radius = -distance(profile.segments, Vector2d::Zero()).value;
-  require(profile.radius > coincidence_tolerance,
-          fmt::format("edge profile: expected the origin inside, seen it {:.3g} mm outside",
-                      -profile.radius));
+  require(
+      profile.radius > coincidence_tolerance,
+      fmt::format("edge profile: expected the origin inside the profile, seen {:.3g} mm outside",
+                  -profile.radius));
   return profile;
 }
 
@@ -64,12 +66,12 @@ void check_insert(const Insert& insert) {
   check_range("a wiper in mm", insert.wiper, 0.0, max_length);
   check_range("a major angle in deg", insert.major / units::deg, 0.0, 179.0);
   check_range("a minor angle in deg", insert.minor / units::deg, 0.0, 179.0);
-  check_range("major and minor angle together in deg", (insert.major + insert.minor) / units::deg,
+  check_range("a sum of major and minor angle in deg", (insert.major + insert.minor) / units::deg,
               1.0, 179.0);
   const double min_wiper = insert.radius * std::tan(0.5 * insert.minor);
   require(insert.wiper == 0.0 || insert.wiper >= min_wiper,
-          fmt::format("insert: expected no wiper or one of {:.3g} mm and more, seen {:g}: a minor "
-                      "edge of {:g} deg would cut the nose",
+          fmt::format("insert: expected no wiper or a wiper of at least {:.3g} mm, seen {:g}: a "
+                      "minor edge of {:g} deg would cut the nose",
                       min_wiper, insert.wiper, insert.minor / units::deg));
 }
 
@@ -145,29 +147,29 @@ EdgeProfile insert_profile(const Insert& insert) {
   segments.push_back(line_segment(rear_corner, major_end));
   EdgeProfile profile = closed_profile(segments);
   require(profile.radius > r - coincidence_tolerance,
-          fmt::format("insert: expected edges so long that the body behind holds the circle of the "
-                      "nose, seen that it ends {:.3g} mm inside of it",
+          fmt::format("insert: expected edges long enough for the insert to contain the nose "
+                      "circle, seen an insert that ends {:.3g} mm inside it",
                       r - profile.radius));
   profile.radius = r;
   return profile;
 }
 
 EdgeProfile edge_profile_from_points(const std::vector<OutlinePoint>& points) {
-  require(points.size() >= 2, "edge profile: expected two points or more, seen fewer");
+  require(points.size() >= 2, "edge profile: expected at least two points, seen fewer");
   std::vector<OutlineSegment> segments;
   double area = 0.0;  // mm^2, twice the area of the polygon of the points, + if counter-clockwise
   Vector2d previous = points.back().at;
   for (const OutlinePoint& point : points) {
     const bool has_radius = std::isfinite(point.radius) && point.radius >= 0.0;
     if (!has_radius || !point.at.allFinite())
-      throw OutlineError(
-          fmt::format("edge profile: expected finite numbers and radii of 0 and more, seen "
-                      "({:g}, {:g}) mm, radius {:g}",
-                      point.at.x(), point.at.y(), point.radius),
-          point.at, has_radius ? OutlineError::Number::First : OutlineError::Number::Radius);
+      throw OutlineError(fmt::format("edge profile: expected finite numbers and radii of at least "
+                                     "0, seen ({:g}, {:g}) mm, radius {:g}",
+                                     point.at.x(), point.at.y(), point.radius),
+                         point.at,
+                         has_radius ? OutlineError::Number::First : OutlineError::Number::Radius);
     if (!((point.at - previous).norm() > coincidence_tolerance))
       throw OutlineError(
-          fmt::format("edge profile: expected points apart, seen ({:g}, {:g}) mm twice",
+          fmt::format("edge profile: expected distinct points, seen ({:g}, {:g}) mm twice",
                       point.at.x(), point.at.y()),
           point.at);
     area += cross2d(previous, point.at);
@@ -177,7 +179,8 @@ EdgeProfile edge_profile_from_points(const std::vector<OutlinePoint>& points) {
   }
   // Two points joined by a line and an arc enclose no polygon, so an area of 0 is permitted.
   require(area > -coincidence_tolerance * coincidence_tolerance,
-          "edge profile: expected points counter-clockwise, from x to z, seen them clockwise");
+          "edge profile: expected points in counter-clockwise order, from x to z, seen clockwise "
+          "order");
   return closed_profile(segments);
 }
 

@@ -162,9 +162,10 @@ void check_block(const StreamArguments& arguments, const CutterMotion& motion,
   } catch (const std::invalid_argument& error) {
     throw_input_error(error.what());
   }
-  if (motion.tip.rows() == 0) throw_input_error("milled surface: no sample");
+  if (motion.tip.rows() == 0) throw_input_error("milled surface: the motion has no samples");
   if (previous && !continues(*previous, motion))
-    throw_input_error("milled surface: the first sample is not the last of the block before");
+    throw_input_error(
+        "milled surface: the first sample is not the last sample of the previous block");
 }
 
 /// Calls `visit` for every block that moves. A block of a single sample, which cuts as well, is

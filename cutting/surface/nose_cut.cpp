@@ -26,7 +26,8 @@ NoseEdge::NoseEdge(const Nose& nose) : nose_(nose) {
     throw std::invalid_argument("nose: expected a radius larger than the sum of its waves");
   }
   if (nose.profile && !nose.waves.empty())
-    throw std::invalid_argument("nose: expected waves on a round edge, seen them on an insert");
+    throw std::invalid_argument(
+        "nose: expected waves on a round edge only, seen waves on an insert");
   lipschitz_ = 1.0 + max_slope / (nose.radius - wave_sum_);
 }
 

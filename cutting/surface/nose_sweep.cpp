@@ -25,7 +25,7 @@ void check(const NoseMotion& motion) {
   const auto n = Eigen::Index(motion.T_slow.size());
   require(motion.spindle.size() == n && motion.time_s.size() == n &&
               Eigen::Index(motion.line.size()) == n,
-          "nose motion: expected as many spindle angles, times and lines as poses");
+          "nose motion: expected one spindle angle, time and line per pose");
   require(
       motion.spindle.allFinite() && motion.time_s.allFinite() && motion.spindle_point.allFinite(),
       "nose motion: expected finite numbers");
@@ -36,7 +36,7 @@ void check(const NoseMotion& motion) {
     require(T.matrix().allFinite(), "nose motion: expected finite poses");
     require((T.linear().transpose() * T.linear() - Matrix3d::Identity()).norm() <= 1e-9 &&
                 T.linear().determinant() > 0.0,
-            "nose motion: expected rotations");
+            "nose motion: expected rotation matrices");
     require(i == 0 || motion.time_s[i] > motion.time_s[i - 1],
             "nose motion: expected strictly increasing times");
   }

@@ -27,11 +27,10 @@ ToolOutline closed_outline(const std::vector<OutlineSegment>& segments) {
   for (const OutlineSegment& segment : outline.segments) {
     if (!(segment.normal_from.x() >= -normal_tolerance &&
           segment.normal_to.x() >= -normal_tolerance))
-      throw OutlineError(
-          fmt::format("outline: expected it to go on up to its top, seen that it turns back at "
-                      "({:g}, {:g}) mm",
-                      segment.to.x(), segment.to.y()),
-          segment.to, OutlineError::Number::Second);
+      throw OutlineError(fmt::format("outline: expected an outline that rises to its top, seen one "
+                                     "that turns back at ({:g}, {:g}) mm",
+                                     segment.to.x(), segment.to.y()),
+                         segment.to, OutlineError::Number::Second);
     outline.radius = std::max({outline.radius, segment.from.x(), segment.to.x()});
     // An arc may have its largest radius between its ends.
     if (cross2d(segment.normal_from, Vector2d::UnitX()) > 0.0 &&
@@ -77,23 +76,24 @@ ToolOutline apt_outline(const AptCutter& cutter) {
   const auto& [diameter, corner, radial, axial, bottom, flank, height] = cutter;
   // Bottom and flank intersect only if their angles add up to less than a right angle.
   constexpr double right_angle = 0.5 * pi;
-  require(
-      diameter > 0.0 && corner >= 0.0 && height > 0.0 && bottom >= 0.0 && bottom < right_angle &&
-          std::abs(flank) < right_angle && bottom + std::max(flank, 0.0) < right_angle,
-      fmt::format("APT cutter: expected a diameter and a height above 0, a corner of 0 and more, "
-                  "a bottom from 0 and a flank within 90 deg, together below it, seen {:g}, {:g} "
-                  "and {:g} mm, {:g} and {:g} deg",
-                  diameter, height, corner, bottom / units::deg, flank / units::deg));
+  require(diameter > 0.0 && corner >= 0.0 && height > 0.0 && bottom >= 0.0 &&
+              bottom < right_angle && std::abs(flank) < right_angle &&
+              bottom + std::max(flank, 0.0) < right_angle,
+          fmt::format("APT cutter: expected a diameter and a height above 0, a corner radius of at "
+                      "least 0, a bottom angle of at least 0, a flank angle within 90 deg and "
+                      "their sum below 90 deg, seen {:g}, {:g} and {:g} mm, {:g} and {:g} deg",
+                      diameter, height, corner, bottom / units::deg, flank / units::deg));
   const Vector2d bottom_direction(std::cos(bottom), std::sin(bottom)),
       flank_direction(std::sin(flank), std::cos(flank));
   const Vector2d intersection = 0.5 * diameter / bottom_direction.x() * bottom_direction;
   const auto at_height = [&](double y) -> Vector2d {
     return intersection + (y - intersection.y()) / flank_direction.y() * flank_direction;
   };
-  require(at_height(height).x() > 0.0 && height > intersection.y(),
-          fmt::format("APT cutter: expected a flank that ends above its lower end and beside the "
-                      "axis, seen it from {:g} to {:g} mm above the tip, at a radius of {:g} mm",
-                      intersection.y(), height, at_height(height).x()));
+  require(
+      at_height(height).x() > 0.0 && height > intersection.y(),
+      fmt::format("APT cutter: expected a flank that ends above its lower end and off the axis, "
+                  "seen a flank from {:g} to {:g} mm above the tip, at a radius of {:g} mm",
+                  intersection.y(), height, at_height(height).x()));
   if (corner == 0.0) return outline_from_points({{{0, 0}}, {intersection}, {at_height(height)}});
   const Vector2d centre(radial, axial);
   // Returns the foot of the corner's centre on a line through `point`, and half of the chord that
@@ -102,11 +102,10 @@ ToolOutline apt_outline(const AptCutter& cutter) {
   const auto foot_of_centre = [&](const Vector2d& point, const Vector2d& direction,
                                   const char* name) {
     const double offset = std::abs(cross2d(direction, centre - point));
-    require(
-        offset <= corner + 1e-6,
-        fmt::format("APT cutter: expected the {} to meet the corner of {:g} mm, seen it {:g} mm "
-                    "from its middle",
-                    name, corner, offset));
+    require(offset <= corner + 1e-6,
+            fmt::format("APT cutter: expected a {} that meets the corner radius of {:g} mm, seen "
+                        "one {:g} mm from the corner's centre",
+                        name, corner, offset));
     const double half_chord = std::sqrt(std::max(0.0, corner * corner - offset * offset));
     return std::pair(Vector2d(point + direction.dot(centre - point) * direction), half_chord);
   };
@@ -115,11 +114,10 @@ ToolOutline apt_outline(const AptCutter& cutter) {
       foot_of_centre(intersection, flank_direction, "flank");
   const Vector2d arc_start = bottom_foot + bottom_half_chord * bottom_direction,
                  arc_end = flank_foot - flank_half_chord * flank_direction;
-  require(
-      arc_start.x() > -coincidence_tolerance && arc_end.y() < height,
-      fmt::format("APT cutter: expected the corner between the axis and the top, {:g} mm above the "
-                  "tip, seen it from a radius of {:g} mm to {:g} mm above the tip",
-                  height, arc_start.x(), arc_end.y()));
+  require(arc_start.x() > -coincidence_tolerance && arc_end.y() < height,
+          fmt::format("APT cutter: expected a corner between the axis and the top, {:g} mm above "
+                      "the tip, seen a corner from a radius of {:g} mm to {:g} mm above the tip",
+                      height, arc_start.x(), arc_end.y()));
   std::vector<OutlineSegment> segments;
   if (arc_start.norm() > coincidence_tolerance) segments.push_back(line_segment({0, 0}, arc_start));
   segments.push_back(arc_segment_about(arc_start, arc_end, corner, centre));
@@ -177,7 +175,7 @@ double corner_height(const ToolOutline& outline) {
 // Clips the bounding rectangle to the half planes inside all lines and tangents, after a shift
 // inwards by the margin.
 InsetOutline inset_convex(const ToolOutline& outline, double margin) {
-  require(!is_hollow(outline), "outline: expected a convex one to go inside of, seen a hollow one");
+  require(!is_hollow(outline), "outline: expected a convex outline to inset, seen a hollow one");
   std::vector<Vector2d> corners{
       {0.0, 0.0}, {outline.radius, 0.0}, {outline.radius, outline.height}, {0.0, outline.height}};
   const auto clip_to_half_plane = [&](const Vector2d& normal, const Vector2d& tangent_point) {
@@ -213,7 +211,7 @@ InsetOutline inset_convex(const ToolOutline& outline, double margin) {
   const auto lowest =
       std::ranges::min_element(corners, {}, [](const Vector2d& corner) { return corner.y(); });
   require(std::ranges::count_if(corners, on_axis) >= 2,
-          fmt::format("outline: expected one wider than {:g} mm at both sides", margin));
+          fmt::format("outline: expected an outline more than {:g} mm wide on both sides", margin));
   InsetOutline inner;
   inner.raised = lowest->y();
   std::ranges::rotate(corners, std::ranges::find_if(corners, [&](const Vector2d& corner) {
@@ -321,7 +319,7 @@ OutlineSegment arc_segment(const Vector2d& from, const Vector2d& to, double radi
   if (!(radius >= half))
     throw OutlineError(
         fmt::format(
-            "outline: expected an arc of radius {:g} mm at least to ({:g}, {:g}), seen {:g}", half,
+            "outline: expected an arc of radius at least {:g} mm to ({:g}, {:g}), seen {:g}", half,
             to.x(), to.y(), radius),
         to, OutlineError::Number::Radius);
   const Vector2d inward = Vector2d(-chord.y(), chord.x()).normalized();
@@ -330,16 +328,16 @@ OutlineSegment arc_segment(const Vector2d& from, const Vector2d& to, double radi
 }
 
 std::vector<OutlineSegment> segments_from_points(const std::vector<OutlinePoint>& points) {
-  require(!points.empty(), "outline: expected a point and more, seen none");
+  require(!points.empty(), "outline: expected at least one point, seen none");
   std::vector<OutlineSegment> segments;
   Vector2d previous = Vector2d::Zero();
   const auto append = [&](const OutlinePoint& point) {
     const bool has_radius = std::isfinite(point.radius) && point.radius >= 0.0;
     if (!has_radius || !point.at.allFinite() || point.at.x() < 0.0)
       throw OutlineError(
-          fmt::format("outline: expected finite numbers of 0 and more, seen ({:g}, {:g}) mm, "
-                      "radius {:g}",
-                      point.at.x(), point.at.y(), point.radius),
+          fmt::format(
+              "outline: expected finite numbers of at least 0, seen ({:g}, {:g}) mm, radius {:g}",
+              point.at.x(), point.at.y(), point.radius),
           point.at, has_radius ? OutlineError::Number::First : OutlineError::Number::Radius);
     if ((point.at - previous).norm() > coincidence_tolerance)
       segments.push_back(point.radius > 0.0 ? arc_segment(previous, point.at, point.radius)
@@ -347,15 +345,15 @@ std::vector<OutlineSegment> segments_from_points(const std::vector<OutlinePoint>
     previous = point.at;
   };
   if (!(std::abs(points.front().at.y()) <= coincidence_tolerance))
-    throw OutlineError(fmt::format("outline: expected it to begin at height 0, seen {:g} mm",
+    throw OutlineError(fmt::format("outline: expected the first point at height 0, seen {:g} mm",
                                    points.front().at.y()),
                        points.front().at, OutlineError::Number::Second);
   for (const OutlinePoint& point : points) append(point);
   if (!(previous.x() > coincidence_tolerance && previous.y() > coincidence_tolerance))
     throw OutlineError(
-        fmt::format("outline: expected it to end above the tip and beside the axis, seen "
-                    "({:g}, {:g}) mm",
-                    previous.x(), previous.y()),
+        fmt::format(
+            "outline: expected the last point above the tip and off the axis, seen ({:g}, {:g}) mm",
+            previous.x(), previous.y()),
         previous,
         previous.x() > coincidence_tolerance ? OutlineError::Number::Second
                                              : OutlineError::Number::First);
@@ -377,7 +375,7 @@ std::vector<OutlineSegment> with_corners(const std::vector<OutlineSegment>& segm
     const bool turns_back = previous_normal.dot(segment.normal_from) < 0.0;
     if (!(bend > -bend_tolerance) || (turns_back && bend <= bend_tolerance))
       throw InwardBendError(
-          fmt::format("outline: expected a convex one, seen that it bends inwards by {:.3g} deg at "
+          fmt::format("outline: expected a convex outline, seen an inward bend of {:.3g} deg at "
                       "({:g}, {:g}) mm",
                       std::atan2(-bend, previous_normal.dot(segment.normal_from)) / units::deg,
                       segment.from.x(), segment.from.y()),

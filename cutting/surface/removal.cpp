@@ -161,7 +161,7 @@ PassGradients contact_gradients(const Design& design, const Surface& surface,
                                 const VertexModel& vertex_model) {
   const Index vertex_count = design.vertices.rows();
   require(surface.residual.size() == vertex_count && design.normals.rows() == vertex_count,
-          "contacts: the surface is not that of the design");
+          "contacts: the surface and the design differ in size");
   constexpr double nan = std::numeric_limits<double>::quiet_NaN();
   PassGradients contacts{Points::Constant(vertex_count, 3, nan),
                          Eigen::VectorXd::Constant(vertex_count, nan)};

@@ -88,10 +88,11 @@ void check(const CutterMotion& motion) {
                    "tip or time" + sample(i) + " is not finite");
     require_milled(is_unit(motion.axis.row(i)), "axis" + sample(i) + " is not a unit vector");
     if (i == 0) continue;
-    require_milled(motion.time_s[i] >= motion.time_s[i - 1], "time" + sample(i) + " goes back");
+    require_milled(motion.time_s[i] >= motion.time_s[i - 1], "time" + sample(i) + " decreases");
     require_milled(
         (motion.axis.row(i) + motion.axis.row(i - 1)).norm() > 1e-6,
-        "axis" + sample(i) + " is opposite to the one before, so its way is not defined");
+        "axis" + sample(i) +
+            " is opposite to the previous axis, so the rotation between them is undefined");
   }
 }
 
@@ -99,9 +100,9 @@ void check(const CutterMotion& motion) {
 
 void check_design(const Design& design) {
   const Index n = design.vertices.rows();
-  require_milled(design.normals.rows() == n, "the design has not one normal a vertex");
+  require_milled(design.normals.rows() == n, "the design does not have one normal per vertex");
   require_milled(design.judged.empty() || Index(design.judged.size()) == n,
-                 "the design has not one judgement a vertex");
+                 "the design does not have one judged flag per vertex");
   // In parallel, because a design may have millions of vertices.
   tbb::parallel_for(tbb::blocked_range<Index>(0, n, 4096), [&](const auto& range) {
     for (Index i = range.begin(); i < range.end(); ++i) {
@@ -125,9 +126,9 @@ void check_milling_input(const Design& design, const Cutter& cutter, const Cutte
 
 void check_turning_input(const Design& design, double band) {
   const Index n = design.vertices.rows();
-  require(design.normals.rows() == n, "design: expected as many normals as vertices");
+  require(design.normals.rows() == n, "design: expected one normal per vertex");
   require(design.judged.empty() || Index(design.judged.size()) == n,
-          "design: expected as many judged flags as vertices, or none");
+          "design: expected one judged flag per vertex, or none");
   require(design.vertices.allFinite() && design.normals.allFinite(),
           "design: expected finite vertices and normals");
   require(std::isfinite(band) && band > 0.0, "band: expected a positive length");
@@ -135,10 +136,10 @@ void check_turning_input(const Design& design, double band) {
 
 void check_pass_options(const CompetingPassOptions& options) {
   require(std::isfinite(options.reach) && options.reach >= 0,
-          "rivals: expected a reach of 0 or more");
-  require(options.max_passes >= 1, "rivals: expected one or more of a vertex");
+          "competing passes: expected a reach of at least 0");
+  require(options.max_passes >= 1, "competing passes: expected at least one pass per vertex");
   require(std::isfinite(options.stencil) && options.stencil > 0,
-          "rivals: expected a positive length of the stencil");
+          "competing passes: expected a positive stencil length");
 }
 
 bool is_judged(const Design& design, Index vertex) {

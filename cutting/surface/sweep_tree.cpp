@@ -633,7 +633,7 @@ bool SweepTree::search_patch(std::span<const Ray> rays, std::span<std::optional<
 void SweepTree::first_removals(std::span<const Ray> rays,
                                std::span<std::optional<Removal>> removals, Hint& hint) const {
   for (const Ray& ray : rays)
-    require(ray.band == rays.front().band, "sweep: expected rays of one band");
+    require(ray.band == rays.front().band, "sweep: expected rays that all have the same band");
   for (std::size_t i = 0; i < rays.size();) {
     const std::size_t count = std::min(hint.group_size, rays.size() - i);
     if (count >= Hint::min_group_size &&

@@ -28,19 +28,18 @@ Vector2d along(const Vector2d& normal) { return {-normal.y(), normal.x()}; }
 
 void check_rise(double previous_height, const Vector2d& point) {
   if (point.y() < previous_height)
-    throw OutlineError(fmt::format("outline: expected a height of {:g} mm at least, that of the "
-                                   "point before, seen {:g} mm",
+    throw OutlineError(fmt::format("outline: expected a height of at least {:g} mm (that of the "
+                                   "previous point), seen {:g} mm",
                                    previous_height, point.y()),
                        point, Number::Second);
 }
 
 void check_arc_heights(const OutlineSegment& segment, double min_normal_x, const Vector2d& end) {
   if (!(min_normal_x >= -bend_tolerance))
-    throw OutlineError(
-        fmt::format("outline: expected an arc that keeps between the heights of its ends, seen "
-                    "one of {:g} mm to ({:g}, {:g}) mm",
-                    segment.radius, end.x(), end.y()),
-        end, Number::Radius);
+    throw OutlineError(fmt::format("outline: expected an arc that stays between the heights of its "
+                                   "ends, seen an arc of {:g} mm to ({:g}, {:g}) mm",
+                                   segment.radius, end.x(), end.y()),
+                       end, Number::Radius);
 }
 
 // Arcs that bulge inwards.
@@ -50,19 +49,18 @@ void check_arc_heights(const OutlineSegment& segment, double min_normal_x, const
 OutlineSegment reversed_arc(const Vector2d& from, const Vector2d& to, double radius) {
   const double half_chord = 0.5 * (to - from).norm();
   if (!(radius >= half_chord))
-    throw OutlineError(
-        fmt::format("outline: expected an arc that bulges inwards with a radius of -{:g} mm or "
-                    "beyond to ({:g}, {:g}), seen -{:g}",
-                    half_chord, to.x(), to.y(), radius),
-        to, Number::Radius);
+    throw OutlineError(fmt::format("outline: expected an inward arc with a radius of -{:g} mm or "
+                                   "below to ({:g}, {:g}), seen -{:g}",
+                                   half_chord, to.x(), to.y(), radius),
+                       to, Number::Radius);
   check_rise(from.y(), to);
   const OutlineSegment reversed = arc_segment(to, from, radius);
   check_arc_heights(reversed, -std::max(reversed.normal_from.x(), reversed.normal_to.x()), to);
   const bool has_minimum = reversed.normal_from.y() > 0.0 && reversed.normal_to.y() < 0.0;
   const double min_distance = reversed.from.x() - radius * (1.0 + reversed.normal_from.x());
   if (has_minimum && min_distance <= coincidence_tolerance)
-    throw OutlineError(fmt::format("outline: expected an arc that stays off the axis, seen one of "
-                                   "-{:g} mm to ({:g}, {:g}) mm that comes to {:g} mm from it",
+    throw OutlineError(fmt::format("outline: expected an arc that stays off the axis, seen an arc "
+                                   "of -{:g} mm to ({:g}, {:g}) mm that comes within {:g} mm of it",
                                    radius, to.x(), to.y(), min_distance),
                        to, Number::Radius);
   return reversed;
@@ -83,11 +81,10 @@ struct InwardArc {
             1, int(std::ceil(arc_angle /
                              (2.0 * std::acos(std::max(-1.0, 1.0 - max_chord_sag / radius))))))) {
     if (chord_count > max_chords)
-      throw OutlineError(
-          fmt::format("outline: expected an arc that bulges inwards and comes apart in at most {} "
-                      "chords of a sag of {:g} mm, seen {} to ({:g}, {:g}) mm",
-                      max_chords, max_chord_sag, chord_count, to.x(), to.y()),
-          to, Number::Radius);
+      throw OutlineError(fmt::format("outline: expected an inward arc that splits into at most {} "
+                                     "chords with a sag of {:g} mm, seen {} to ({:g}, {:g}) mm",
+                                     max_chords, max_chord_sag, chord_count, to.x(), to.y()),
+                         to, Number::Radius);
   }
 
   double sag() const { return reversed.radius * (1.0 - std::cos(0.5 * arc_angle / chord_count)); }
@@ -140,10 +137,10 @@ void check_heights(const Segments& segments) {
     check_arc_heights(segment, std::min(segment.normal_from.x(), segment.normal_to.x()),
                       segment.to);
     if (segment.to.x() <= coincidence_tolerance)
-      throw OutlineError(
-          fmt::format("outline: expected a radius above 0 above its tip, seen {:g} mm at {:g} mm",
-                      segment.to.x(), segment.to.y()),
-          segment.to, Number::First);
+      throw OutlineError(fmt::format("outline: expected a radius above 0 everywhere above the tip, "
+                                     "seen {:g} mm at a height of {:g} mm",
+                                     segment.to.x(), segment.to.y()),
+                         segment.to, Number::First);
   }
 }
 
@@ -151,11 +148,10 @@ void check_turns(const Segments& segments) {
   for (std::size_t i = 1; i < segments.size(); ++i) {
     const Vector2d &before = segments[i - 1].normal_to, &after = segments[i].normal_from;
     if (before.dot(after) < 0.0 && std::abs(cross2d(before, after)) <= bend_tolerance)
-      throw OutlineError(
-          fmt::format("outline: expected it to go on, seen that it turns back on itself at "
-                      "({:g}, {:g}) mm",
-                      segments[i].from.x(), segments[i].from.y()),
-          segments[i].from);
+      throw OutlineError(fmt::format("outline: expected an outline that does not turn back on "
+                                     "itself, seen one that does at ({:g}, {:g}) mm",
+                                     segments[i].from.x(), segments[i].from.y()),
+                         segments[i].from);
   }
 }
 
@@ -258,8 +254,8 @@ void join_lines(OutlineSegment& lower, OutlineSegment& upper, const Vector2d& co
   const Vector2d intersection = lower.from + offset * u;
   if (lower.is_arc || upper.is_arc || !(offset > 0.0) || !((upper.to - intersection).dot(v) > 0.0))
     throw std::invalid_argument(
-        fmt::format("run-out along the axis: expected a groove of straight lines that is higher, "
-                    "seen a tool whose outline bends inwards at ({:g}, {:g}) mm",
+        fmt::format("axial run-out: expected a straight-sided groove higher than the run-out, seen "
+                    "a tool whose outline bends inwards at ({:g}, {:g}) mm",
                     corner.x(), corner.y()));
   lower.to = upper.from = intersection;
 }
@@ -349,7 +345,8 @@ InsetOutline inset_hollow(const ToolOutline& outline, double margin) {
   margin = std::min(margin, 0.5 * neck_radius(sides));
   constexpr double max_cells = 1000.0;
   const double usable_height = outline.height - 2.0 * margin;
-  if (!(usable_height > 0.0)) throw std::invalid_argument("outline: nothing of it lies that deep");
+  if (!(usable_height > 0.0))
+    throw std::invalid_argument("outline: no part of it remains at this inset");
   // Cells of a quarter of the margin, but at most 1000, hence the five-hundredth of the height in
   // the stated bound: a cell counts its neighbours' heights too.
   const double cells = std::clamp(std::ceil(4.0 * usable_height / margin), 1.0, max_cells);
@@ -363,7 +360,7 @@ InsetOutline inset_hollow(const ToolOutline& outline, double margin) {
   const auto has_core = [&](const Vector2d& sample) { return sample.x() > 0.1 * margin; };
   const auto first = std::ranges::find_if(samples, has_core);
   const auto last = std::find_if(samples.rbegin(), samples.rend(), has_core).base();
-  if (last - first < 2) throw std::invalid_argument("outline: nothing of it lies that deep");
+  if (last - first < 2) throw std::invalid_argument("outline: no part of it remains at this inset");
   const double tip_rise = first->y();
   std::vector<OutlinePoint> points;
   for (const Vector2d& sample : lower_polyline({first, last}, 0.05 * margin))
@@ -425,7 +422,8 @@ void check_cutter(const Cutter& cutter) {
   require(std::isfinite(cutter.radius) && cutter.radius > 0.0 && cutter.corner_radius >= 0.0 &&
               cutter.corner_radius <= cutter.radius && std::isfinite(cutter.flank_length) &&
               cutter.flank_length >= cutter.corner_radius,
-          "cutter: expected radius > 0, corner radius from 0 to radius, flank at least as long");
+          "cutter: expected a radius above 0, a corner radius from 0 to the radius and a flank at "
+          "least as long as the corner radius");
 }
 
 std::vector<Cutter> convex_parts(const Cutter& cutter) {
@@ -455,7 +453,7 @@ namespace {
 void check_run_out(const char* name, double value) {
   if (std::isfinite(value) && value >= 0.0) return;
   throw std::invalid_argument(
-      fmt::format("expected {} run-out of 0 mm or more, seen {}", name, value));
+      fmt::format("expected {} run-out of at least 0 mm, seen {}", name, value));
 }
 
 }  // namespace

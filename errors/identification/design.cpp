@@ -60,14 +60,14 @@ void check_readings_complete(const Readings& readings) {
   for (Index i = 0; i < readings.value.size(); ++i) {
     const Measurement& measurement = plan.measurements[std::size_t(i)];
     if (measurement.set_up < 0 || measurement.set_up >= int(plan.set_ups.size()))
-      throw_input_error(i, fmt::format("there is no set-up {}", measurement.set_up));
+      throw_input_error(i, fmt::format("set-up {} does not exist", measurement.set_up));
     const auto& channels = plan.set_ups[std::size_t(measurement.set_up)].channels;
     if (channels.empty()) continue;
     if (measurement.channel < 0 || measurement.channel >= int(channels.size()))
-      throw_input_error(i, fmt::format("there is no channel {}", measurement.channel));
+      throw_input_error(i, fmt::format("channel {} does not exist", measurement.channel));
     if (measurement.state.q.size() != readings.nominal.size() || !measurement.state.q.allFinite() ||
         !std::isfinite(measurement.state.time_s))
-      throw_input_error(i, "expected one finite position of every axis");
+      throw_input_error(i, "expected one finite position per axis");
     if (!std::isfinite(readings.value[i])) throw_input_error(i, "expected a finite number");
     const double noise = metrology::standard_deviation(channels[std::size_t(measurement.channel)]);
     if (!std::isfinite(noise)) throw_input_error(i, "expected a finite noise");
@@ -82,15 +82,17 @@ void check_readings(const GeometricErrors& model, std::span<const Readings> read
   for (const Readings& r : readings) {
     check_readings_complete(r);
     if (!is_same(r.nominal, readings.front().nominal))
-      throw std::invalid_argument(fmt::format("readings of {} and of {} are of different machines",
-                                              readings.front().plan.instrument, r.plan.instrument));
+      throw std::invalid_argument(
+          fmt::format("readings of {} and of {} come from different machines",
+                      readings.front().plan.instrument, r.plan.instrument));
   }
   if (!values(model.elements).allFinite())
     throw std::invalid_argument("a starting value is not finite");
   for (const Element& element : model.elements)
     for (const Curve& curve : element.curves)
       if (is_random(curve))
-        throw std::invalid_argument(to_string(element.name) + ": chance cannot be identified");
+        throw std::invalid_argument(to_string(element.name) +
+                                    ": a random error cannot be identified");
 }
 
 /// Returns the instrument's name, numbered if several sets of readings share it.
@@ -125,7 +127,7 @@ Unknowns model_unknowns(const GeometricErrors& model, std::span<const Readings> 
 const Unknowns::SetUp& set_up_block(const Unknowns& unknowns, int readings, int set_up) {
   for (const Unknowns::SetUp& block : unknowns.set_ups)
     if (block.readings == readings && block.set_up == set_up) return block;
-  throw std::logic_error("a set-up without a place");
+  throw std::logic_error("a set-up has no column");
 }
 
 }  // namespace
@@ -276,7 +278,8 @@ Prior model_prior(const GeometricErrors& model, Design& design) {
   const Covariance& covariance = model.covariance;
   const auto m = Index(covariance.of.size());
   if (covariance.matrix.rows() != m || covariance.matrix.cols() != m)
-    throw std::invalid_argument("the covariance of the model does not fit its numbers");
+    throw std::invalid_argument(
+        "the size of the covariance does not match the coefficients of the model");
   if (!covariance.matrix.allFinite())
     throw std::invalid_argument("the covariance of the model is not finite");
   Prior prior;
@@ -287,7 +290,7 @@ Prior model_prior(const GeometricErrors& model, Design& design) {
         std::find(coefficients.begin(), coefficients.end(), covariance.of[std::size_t(i)]);
     if (position == coefficients.end())
       throw std::invalid_argument(
-          "the covariance of the model speaks of a number it does not have");
+          "the covariance of the model refers to a coefficient that it does not have");
     if (covariance.matrix(i, i) == 0.0) {
       design.is_sought[std::size_t(position - coefficients.begin())] = 0;
     } else {
@@ -352,7 +355,7 @@ Design design(const GeometricErrors& model, std::span<const Readings> readings) 
   const auto p = Index(result.unknowns.coefficients.size());
   if (double(m) * double(n) > max_design_entries)
     throw std::invalid_argument(
-        fmt::format("expected readings times unknowns below {:.0e}, seen {} times {}",
+        fmt::format("expected the product of readings and unknowns below {:.0e}, seen {} times {}",
                     max_design_entries, m, n));
   result.sigma.resize(m);
   result.A = MatrixXd::Zero(m, n);

@@ -68,8 +68,8 @@ void check(const EstimateOptions& options) {
   };
   expect(options.rank_tolerance > 0.0 && options.rank_tolerance < 1.0,
          "a rank tolerance between 0 and 1");
-  expect(options.outlier_limit >= 0.0, "an outlier limit of 0 or more");
-  expect(options.weak_limit >= 0.0, "a limit of weak numbers of 0 or more");
+  expect(options.outlier_limit >= 0.0, "an outlier limit of at least 0");
+  expect(options.weak_limit >= 0.0, "a weak-coefficient limit of at least 0");
   expect(options.max_iterations >= 1, "at least one iteration");
   expect(options.tolerance > 0.0, "a tolerance above 0");
 }
@@ -467,9 +467,9 @@ Covariance belief_covariance(const Problem& problem, const Factor& factor, doubl
 void check(const Problem& problem) {
   const Design& design = problem.design;
   const auto p = design.unknowns.coefficients.size();
-  if (p == 0) throw std::invalid_argument("there is nothing to find: the model has no numbers");
+  if (p == 0) throw std::invalid_argument("nothing to identify: the model has no coefficients");
   if (design.rows.empty())
-    throw std::invalid_argument("there is nothing to find it by: the readings hold no value");
+    throw std::invalid_argument("nothing to identify from: the readings hold no values");
 }
 
 }  // namespace

@@ -28,8 +28,8 @@ using Sample = dlib::matrix<double, 0, 1>;
 using Kernel = dlib::radial_basis_kernel<Sample>;
 
 void validate_training(const MatrixXd& Z, const VectorXd& y) {
-  require(Z.rows() >= 1 && Z.cols() >= 1, "a learned model needs a row and an input");
-  require(Z.rows() == y.size(), "inputs and readings differ in rows");
+  require(Z.rows() >= 1 && Z.cols() >= 1, "a learned model needs at least one row and one input");
+  require(Z.rows() == y.size(), "inputs and readings differ in their number of rows");
   require(Z.allFinite() && y.allFinite(), "a learned model needs finite numbers");
 }
 
@@ -136,7 +136,7 @@ KernelSum fit_support_vectors(const MatrixXd& Z, const VectorXd& y,
                               const SupportVectorOptions& options) {
   validate_training(Z, y);
   require(options.gamma > 0 && options.cost > 0 && options.epsilon > 0 && options.accuracy > 0,
-          "an option of support vectors is not positive");
+          "options of the support vector model must be positive");
   dlib::svr_trainer<Kernel> trainer;
   trainer.set_kernel(Kernel(options.gamma));
   trainer.set_c(options.cost);
@@ -149,7 +149,7 @@ KernelSum fit_kernel_ridge(const MatrixXd& Z, const VectorXd& y,
                            const KernelRidgeOptions& options) {
   validate_training(Z, y);
   require(options.gamma > 0 && options.penalty > 0 && options.max_support > 0,
-          "an option of kernel ridge is not positive");
+          "options of kernel ridge regression must be positive");
   dlib::krr_trainer<Kernel> trainer;
   trainer.set_kernel(Kernel(options.gamma));
   // dlib's lambda is not per row, while `penalty` is.
@@ -169,7 +169,7 @@ Network fit_network(const MatrixXd& Z, const VectorXd& y, const NetworkOptions& 
   validate_training(Z, y);
   require(options.hidden >= 1 && options.hidden <= 1000 && options.decay >= 0 &&
               std::isfinite(options.decay) && options.starts >= 1 && options.max_iterations >= 1,
-          "an option of a network is out of range");
+          "an option of the neural network is out of range");
   const NetworkLoss loss(Z, y, options);
   std::mt19937_64 random(options.seed);
   Sample best;

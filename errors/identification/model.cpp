@@ -93,9 +93,10 @@ void add_fourier(ElementModel& p, int order, double period) {
 void add_slide_curves(ElementModel& p, const Joint& joint, const ModelOptions& options) {
   const std::string element_name = to_string(p.element.name);
   if (!(joint.max - joint.min < unlimited))
-    throw std::invalid_argument(fmt::format("{}: its travel is not stated", element_name));
+    throw std::invalid_argument(
+        fmt::format("{}: the travel of its axis is not stated", element_name));
   if (!(joint.max > joint.min))
-    throw std::invalid_argument(fmt::format("{}: its travel is nothing", element_name));
+    throw std::invalid_argument(fmt::format("{}: the travel of its axis is 0", element_name));
   const int order = element_order(p.element.name, options.order, options);
   check_order(element_name, order);
   const bool is_angle = p.element.name.is_angle();
@@ -232,15 +233,15 @@ void check_element_names(const std::string& name, const std::vector<ElementModel
   for (const ElementModel& p : models)
     if (to_string(p.element.name) == name) return;
   throw std::invalid_argument(
-      fmt::format("expected an element that means something on this machine, seen {}", name));
+      fmt::format("expected an element that applies to this machine, seen {}", name));
 }
 
 }  // namespace
 
 GeometricErrors error_model(const Chain& nominal, const ModelOptions& options) {
-  check_order("order of slides", options.order);
-  check_order("harmonics of rotary axes", options.harmonics);
-  check_order("harmonics of the nose", options.spindle_harmonics);
+  check_order("order of the slides", options.order);
+  check_order("harmonics of the rotary axes", options.harmonics);
+  check_order("harmonics of the spindle nose", options.spindle_harmonics);
   for (const auto& [axis, period] : options.pitch) {
     const auto joint = nominal.find(axis);
     if (!joint || nominal.joints()[std::size_t(*joint)].motion != Motion::Linear)
@@ -248,7 +249,7 @@ GeometricErrors error_model(const Chain& nominal, const ModelOptions& options) {
           fmt::format("pitch: expected a slide of this machine, seen {}", axis));
     if (!(period > 0.0 && period < unlimited))
       throw std::invalid_argument(
-          fmt::format("pitch of {}: expected mm above 0, seen {}", axis, period));
+          fmt::format("pitch of {}: expected a pitch above 0 mm, seen {}", axis, period));
   }
   const std::vector<ElementModel> models = all_element_models(nominal, options);
   for (const std::string& name : options.only) check_element_names(name, models);
@@ -342,7 +343,7 @@ std::vector<int> fold_numbers(const Design& design, std::span<const Readings> re
     fold_of_target.insert({{row.readings, measurement.set_up, measurement.target}, 0});
   }
   if (int(fold_of_target.size()) < folds)
-    throw std::invalid_argument(fmt::format("expected at least {} targets, one a fold, seen {}",
+    throw std::invalid_argument(fmt::format("expected at least {} targets, one per fold, seen {}",
                                             folds, fold_of_target.size()));
   int interior_count = 0;
   const auto set_up_key = [](const auto& entry) {
@@ -519,9 +520,10 @@ ModelOptions with_highest_orders(ModelOptions model, const kinematics::Chain& no
 
 void check(const ModelOptions& model, const OrderOptions& options) {
   if (model.slides == Basis::Spline)
-    throw std::invalid_argument("orders of splines do not hold each other: choose another basis");
+    throw std::invalid_argument(
+        "spline models of different order are not nested: choose another basis");
   if (options.folds < 2) throw std::invalid_argument("expected at least 2 folds");
-  if (options.max_order < 0) throw std::invalid_argument("expected a highest order of 0 or more");
+  if (options.max_order < 0) throw std::invalid_argument("expected a highest order of at least 0");
 }
 
 }  // namespace

@@ -196,14 +196,14 @@ using RealMatrix = Eigen::Matrix<Real, Eigen::Dynamic, Eigen::Dynamic>;
 using RealVector = Eigen::Matrix<Real, Eigen::Dynamic, 1>;
 
 void validate(const MatrixXd& A, const VectorXd& y) {
-  require(A.rows() == y.size(), "design and readings differ in rows");
+  require(A.rows() == y.size(), "design matrix and readings differ in their number of rows");
   require(A.allFinite() && y.allFinite(), "a regression needs finite numbers");
 }
 
 /// Returns the square roots of the weights.
 RealVector row_scale(const VectorXd& weight, Index n) {
   if (weight.size() == 0) return RealVector::Ones(n);
-  require(weight.size() == n, "weights and readings differ in rows");
+  require(weight.size() == n, "weights and readings differ in number");
   require(weight.allFinite() && (weight.array() >= 0).all(), "a weight is negative or not finite");
   return weight.cast<Real>().cwiseSqrt();
 }
@@ -379,7 +379,7 @@ struct StandardisedData {
 
 StandardisedData standardise(const MatrixXd& A, const VectorXd& y) {
   validate(A, y);
-  require(A.rows() >= 1 && A.cols() >= 1, "a shrunk fit needs a row and a column");
+  require(A.rows() >= 1 && A.cols() >= 1, "a penalised fit needs at least one row and one column");
   const double n = static_cast<double>(A.rows());
   StandardisedData s{A, A.colwise().mean(), VectorXd::Zero(A.cols()), y, y.mean()};
   s.Z.rowwise() -= s.mean.transpose();
@@ -426,7 +426,7 @@ double kkt_violation(const MatrixXd& gram, const VectorXd& moment, const VectorX
 Regression fit_regression(const MatrixXd& A, const VectorXd& y, const RegressionOptions& options) {
   validate(A, y);
   const Index n = A.rows(), q = A.cols() + (options.constant ? 1 : 0);
-  require(q >= 1, "a regression needs a column or a constant");
+  require(q >= 1, "a regression needs at least one column or a constant");
   const RealVector row = row_scale(options.weight, n);
   const Index rows = (row.array() > 0).count();
   Regression fit;
@@ -491,7 +491,7 @@ std::string describe(const std::vector<Dependence>& confounded,
 }
 
 ShrunkFit fit_ridge(const MatrixXd& A, const VectorXd& y, double penalty) {
-  require(std::isfinite(penalty) && penalty > 0, "a ridge penalty is positive");
+  require(std::isfinite(penalty) && penalty > 0, "the ridge penalty must be positive");
   const StandardisedData s = standardise(A, y);
   const double n = static_cast<double>(A.rows());
   MatrixXd normal = s.Z.transpose() * s.Z / n;
@@ -501,7 +501,7 @@ ShrunkFit fit_ridge(const MatrixXd& A, const VectorXd& y, double penalty) {
 }
 
 ShrunkFit fit_lasso(const MatrixXd& A, const VectorXd& y, double penalty) {
-  require(std::isfinite(penalty) && penalty >= 0, "a LASSO penalty is not negative");
+  require(std::isfinite(penalty) && penalty >= 0, "the LASSO penalty must not be negative");
   const StandardisedData s = standardise(A, y);
   const double n = static_cast<double>(A.rows());
   const MatrixXd gram = s.Z.transpose() * s.Z / n;

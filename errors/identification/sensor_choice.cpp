@@ -26,11 +26,12 @@ using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
 void validate_series(const MatrixXd& series, const GreyOptions& options) {
-  require(series.rows() >= 2, "a grey degree needs two instants or more");
-  require(series.cols() >= 1, "a grey degree needs a series");
-  require(series.allFinite(), "a grey degree needs finite numbers");
-  require(options.rho > 0 && options.rho <= 1, "rho of a grey degree lies in (0, 1]");
-  require(options.theta >= 0 && options.theta <= 1, "theta of a grey degree lies in [0, 1]");
+  require(series.rows() >= 2, "a grey relational degree needs at least two instants");
+  require(series.cols() >= 1, "a grey relational degree needs at least one series");
+  require(series.allFinite(), "a grey relational degree needs finite numbers");
+  require(options.rho > 0 && options.rho <= 1, "rho of a grey relational degree must be in (0, 1]");
+  require(options.theta >= 0 && options.theta <= 1,
+          "theta of a grey relational degree must be in [0, 1]");
 }
 
 /// Series normalised for a grey degree.
@@ -115,12 +116,12 @@ MutualDegrees liu_degrees(const MatrixXd& series, const GreyOptions& options) {
 GreyDegrees grey_degrees(const VectorXd& reference, const MatrixXd& series,
                          const GreyOptions& options) {
   require(reference.size() == series.rows(),
-          "reference and series of a grey degree differ in length");
+          "reference and series of a grey relational degree differ in length");
   const auto m = series.cols();
   MatrixXd combined(series.rows(), m + 1);
   combined << reference, series;
   validate_series(combined, options);
-  require(m >= 1, "a grey degree needs a series");
+  require(m >= 1, "a grey relational degree needs at least one series");
   if (options.kind != GreyKind::Deng) {
     const MutualDegrees mutual = liu_degrees(combined, options);
     if (mutual.status != GreyStatus::Ok) return {mutual.status, mutual.series - 1, {}};
@@ -166,11 +167,11 @@ const char* to_string(GreyStatus status) {
     case GreyStatus::Ok:
       return "ok";
     case GreyStatus::StartsAtZero:
-      return "a series that starts at zero has no initial image";
+      return "a series that starts at zero has no initial-value image";
     case GreyStatus::MeanIsZero:
-      return "a series of mean zero has no mean image";
+      return "a series with mean zero has no mean-value image";
     case GreyStatus::ConstantSeries:
-      return "a series that stands still has no interval image";
+      return "a constant series has no interval image";
   }
   return "";
 }
@@ -352,24 +353,25 @@ std::vector<int> input_columns(const std::vector<std::string>& selection,
   for (const std::string& name : selection) {
     const auto position = std::ranges::find(names, name);
     if (position == names.end())
-      throw std::invalid_argument("expected a sensor that was logged, seen " + name);
+      throw std::invalid_argument("expected a logged sensor, seen " + name);
     columns.push_back(int(position - names.begin()));
   }
   return columns;
 }
 
 void check(std::span<const ThermalData> data_sets, const SensorChoiceOptions& options) {
-  if (data_sets.empty()) throw std::invalid_argument("a choice of sensors needs an error");
+  if (data_sets.empty())
+    throw std::invalid_argument("a choice of sensors needs at least one error");
   for (const ThermalData& data_set : data_sets) {
     validate(data_set);
     if (data_set.names != data_sets.front().names || data_set.run != data_sets.front().run ||
         data_set.T != data_sets.front().T)
-      throw std::invalid_argument("errors that share sensors were not seen at the same rows");
+      throw std::invalid_argument("errors that share sensors were not recorded at the same rows");
   }
   if (options.count < 1 || options.groups < 1)
-    throw std::invalid_argument("a choice of sensors needs one or more");
+    throw std::invalid_argument("a choice of sensors needs at least one sensor and one group");
   if (!options.min_start.empty() && options.min_start.size() != data_sets.size())
-    throw std::invalid_argument("a choice of sensors needs a least start for every error");
+    throw std::invalid_argument("a choice of sensors needs a minimum start for every error");
 }
 
 }  // namespace
@@ -477,7 +479,7 @@ ChoiceSpread choice_spread(std::span<const ThermalData> data_sets,
   const Index m = data_sets.front().T.cols();
   if (spread.draws < 1 || spread.input_noise.size() != m ||
       spread.error_noise.size() != data_sets.size())
-    throw std::invalid_argument("a spread of a choice needs draws, and a noise of every series");
+    throw std::invalid_argument("the spread of a choice needs draws and a noise for every series");
   // At least three quarters of the rows remain.
   const int latest_start = std::clamp(int(data_sets.front().y.size() / 4), 0, spread.last_start);
   std::vector<SensorChoice> choices(static_cast<std::size_t>(spread.draws));
@@ -526,7 +528,7 @@ std::vector<int> ranking(const VectorXd& degree) {
 std::vector<std::vector<int>> random_subsets(int set_size, int size, int count,
                                              std::uint64_t seed) {
   if (size < 0 || size > set_size || count < 0)
-    throw std::invalid_argument("a subset is no larger than its set");
+    throw std::invalid_argument("a subset cannot be larger than its set");
   std::mt19937_64 random(seed);
   std::vector<std::vector<int>> subsets;
   for (int i = 0; i < count; ++i) {
@@ -625,7 +627,7 @@ void check_disjoint_runs(const ThermalData& training, const ThermalData& test) {
     // A run in both would let the model predict what it was trained on.
     if (std::ranges::count(training_runs, label))
       throw std::invalid_argument("run " + std::to_string(label) +
-                                  " stands in the training and in the test data");
+                                  " is in both the training and the test data");
 }
 
 /// Fits a model of one error with the chosen sensors, and evaluates it.

@@ -74,11 +74,11 @@ void check_diagonals(const Readings& readings) {
       throw_diagonal_error("expected one beam along each diagonal");
   if (plan.measurements.empty() || readings.value.size() != Index(plan.measurements.size()) ||
       !readings.value.allFinite())
-    throw_diagonal_error("expected one finite reading at every look");
+    throw_diagonal_error("expected one finite reading per measurement");
   for (const Measurement& measurement : plan.measurements)
     if (measurement.set_up < 0 || measurement.set_up > 3 || measurement.channel != 0 ||
         measurement.state.q.size() != readings.nominal.size())
-      throw_diagonal_error("expected looks along four diagonals");
+      throw_diagonal_error("expected measurements along four diagonals");
 }
 
 int joint_index(const Chain& chain, int axis) { return *chain.find(slides[std::size_t(axis)]); }
@@ -125,8 +125,8 @@ Joint slide(const Chain& chain, int axis) {
   const Joint& j = chain.joints()[std::size_t(*joint)];
   if (j.motion != kinematics::Motion::Linear ||
       (j.direction_b - Vector3d::Unit(axis)).norm() > 1e-9)
-    throw_diagonal_error(
-        fmt::format("expected {} along its axis of the bed", slides[std::size_t(axis)]));
+    throw_diagonal_error(fmt::format("expected {} parallel to the machine axis of its name",
+                                     slides[std::size_t(axis)]));
   return j;
 }
 
@@ -153,7 +153,7 @@ StepPath step_path(const Readings& readings) {
     const auto& q_from = measurements[from].state.q;
     const auto& q_to = measurements[to].state.q;
     const int axis = moved_slide(chain, q_from, q_to);
-    if (axis < 0) throw_diagonal_error("expected readings that are one step of X, Y or Z apart");
+    if (axis < 0) throw_diagonal_error("expected readings that are one step in X, Y or Z apart");
     const int j = joint_index(chain, axis);
     const metrology::Channel& channel =
         readings.plan.set_ups[std::size_t(measurements[to].set_up)].channels[0];
@@ -222,7 +222,7 @@ LinearEstimator linear_estimator(const StepPath& path, Index readings) {
     // 1e-3: the diagonals of a box a thousand times longer than high no longer resolve the
     // component along its height.
     if (svd.values[2] < 1e-3 * svd.values[0])
-      throw_diagonal_error("expected diagonals that differ in three directions");
+      throw_diagonal_error("expected diagonals that span three directions");
     const MatrixXd inverse =
         svd.V * svd.values.cwiseInverse().asDiagonal() * svd.U.leftCols(3).transpose();
     for (const StepLeg* leg : legs[std::size_t(k)]) {
@@ -399,18 +399,19 @@ std::vector<std::string> contradiction_warnings(const Steps& steps, const Matrix
   const Contradiction steady = contradiction(split.steady * contrast, y, sigma);
   const Contradiction varying = contradiction(split.varying * contrast, y, sigma);
   const auto chi_square_text = [](const Contradiction& c) {
-    return fmt::format("(chi-square {:.4g} of {:.0f}, beyond chance)", c.chi_square, c.freedom);
+    return fmt::format("(chi-square {:.4g} for {:.0f} degrees of freedom, significant)",
+                       c.chi_square, c.freedom);
   };
   std::vector<std::string> result;
   if (varying.is_significant())
-    result.push_back("the four diagonals contradict each other differently from step to step " +
+    result.push_back("the contradiction between the four diagonals varies from step to step " +
                      chi_square_text(varying) +
-                     ": angular errors of the axes are likely, and the 12 elements are wrong");
+                     ": the axes are likely to have angular errors, and the 12 elements are wrong");
   if (steady.is_significant())
-    result.push_back("the four diagonals contradict each other alike at every step " +
+    result.push_back("the contradiction between the four diagonals is the same at every step " +
                      chi_square_text(steady) +
-                     ": a mirror or a beam out of line, or a steady angular error, "
-                     "is likely, and the 12 elements are wrong");
+                     ": a misaligned mirror or beam, or a constant angular error, is likely, and "
+                     "the 12 elements are wrong");
   if (result.empty() && overall.is_significant())
     result.push_back("the four diagonals contradict each other " + chi_square_text(overall) +
                      ": the 12 elements are doubtful");
@@ -460,8 +461,8 @@ std::string angular_caution(const Readings& readings, const StepPath& path,
     }
   if (hidden_names.empty()) return "";
   return fmt::format(
-      "20 urad of{}, growing along the axis, would not show in these readings and "
-      "would falsify the elements by up to {:.2f} um",
+      "20 urad of{}, increasing along the axis, would not show in these readings and would distort "
+      "the elements by up to {:.2f} um",
       hidden_names, max_effect / units::um);
 }
 

@@ -50,7 +50,7 @@ class LogReader {
     for (const Cell& cell : cells) {
       const std::string name(cell.text);
       if (name.empty() || !head_names.insert(name).second)
-        throw_input_error(number, cell.column, "a head that no other column has",
+        throw_input_error(number, cell.column, "a column name that is not used twice",
                           quoted_excerpt(cell.text));
       const auto index = static_cast<int>(kinds_.size());
       const bool ignored = std::ranges::count(columns_.ignored, name) > 0;
@@ -63,9 +63,10 @@ class LogReader {
       kinds_.push_back(ignored ? ColumnKind::Ignored : ColumnKind::Number);
     }
     if (run_ < 0)
-      throw_input_error(number, 1, fmt::format("a column {} for the run", columns_.run), "none");
+      throw_input_error(number, 1, fmt::format("a column {} with the run number", columns_.run),
+                        "none");
     if (y_ < 0)
-      throw_input_error(number, 1, fmt::format("a column {} for the deviation", columns_.y),
+      throw_input_error(number, 1, fmt::format("a column {} with the deviation", columns_.y),
                         "none");
     if (names_.empty()) throw_input_error(number, 1, "a column of temperatures", "none");
   }
@@ -74,7 +75,7 @@ class LogReader {
     const std::vector<Cell> cells = split_cells(line, separator_, kinds_.size());
     if (cells.size() != kinds_.size())
       throw_input_error(number, cells.back().column,
-                        fmt::format("{} cells, as the head has", kinds_.size()),
+                        fmt::format("{} cells, as in the header", kinds_.size()),
                         cells.size() > kinds_.size() ? "more" : fmt::format("{}", cells.size()));
     for (std::size_t i = 0; i < cells.size(); ++i) {
       // An ignored column may contain text, such as a time stamp.
@@ -116,12 +117,13 @@ class LogReader {
 
   void add_run_label(double value, const Cell& cell, int line) {
     if (value != std::floor(value) || std::abs(value) > 1e9)
-      throw_input_error(line, cell.column, "a whole number for the run", quoted_excerpt(cell.text));
+      throw_input_error(line, cell.column, "an integer as the run number",
+                        quoted_excerpt(cell.text));
     const int label = static_cast<int>(value);
     // The rows of a run must be contiguous, since lags and start values are computed along them.
     if (run_of_row_.empty() || run_of_row_.back() != label)
       if (!labels_.insert(label).second)
-        throw_input_error(line, cell.column, "the rows of one run together",
+        throw_input_error(line, cell.column, "the rows of each run to be contiguous",
                           fmt::format("run {} again", label));
     run_of_row_.push_back(label);
   }
@@ -141,19 +143,19 @@ class LogReader {
 
 void validate(const ThermalData& data) {
   const auto n = data.y.size(), m = data.T.cols();
-  require(n >= 1 && m >= 1, "thermal data need a row and an input");
+  require(n >= 1 && m >= 1, "thermal data need at least one row and one input");
   require(data.T.rows() == n && data.run.size() == static_cast<std::size_t>(n) &&
               data.names.size() == static_cast<std::size_t>(m),
-          "shapes of thermal data disagree");
+          "the sizes of the thermal data do not match");
   require(data.T.allFinite() && data.y.allFinite(),
-          "thermal data hold a number that is not finite");
+          "thermal data contain a number that is not finite");
   require(std::set(data.names.begin(), data.names.end()).size() == data.names.size(),
-          "two inputs of thermal data bear one name");
+          "two inputs of the thermal data have the same name");
   std::vector<int> starts = data.run;
   // Equal neighbours collapse, so a label that remains twice belongs to separate rows.
   starts.erase(std::unique(starts.begin(), starts.end()), starts.end());
   require(std::set(starts.begin(), starts.end()).size() == starts.size(),
-          "the rows of one run of thermal data stand apart");
+          "the rows of a run of thermal data are not contiguous");
 }
 
 std::vector<int> runs(const ThermalData& data) {
@@ -178,7 +180,7 @@ ThermalData select_inputs(const ThermalData& data, const std::vector<int>& input
 }
 
 ThermalData thin_runs(const ThermalData& data, int every) {
-  require(every >= 1, "thinning keeps every first row or fewer");
+  require(every >= 1, "thinning must keep every n-th row with n of at least 1");
   std::vector<Index> rows;
   // Counting restarts with every run, so the first row of each run is kept.
   Index start = 0;
@@ -211,7 +213,8 @@ ThermalData read_thermal_data(std::string_view text, const std::string& file,
       reader.read_heads(*line, lines.number());
     has_heads = true;
   }
-  if (!has_heads) reader.throw_input_error(1, 1, "a line of column heads", "an empty file");
+  if (!has_heads)
+    reader.throw_input_error(1, 1, "a header line with column names", "an empty file");
   return reader.finish(lines.number());
 }
 
@@ -245,7 +248,7 @@ Eigen::MatrixXd lagged_temperatures(const ThermalData& data, double rows) {
 
 ThermalData with_features(const ThermalData& data, const ThermalFeatures& features) {
   if (!(features.lag_rows >= 0) || !std::isfinite(features.lag_rows))
-    throw std::invalid_argument("a lag is a number of rows, 0 or more");
+    throw std::invalid_argument("a lag must be a number of rows of at least 0");
   ThermalData result = data;
   // The temperature at the start of a run serves as its reference.
   if (features.since_start)

@@ -43,20 +43,19 @@ std::vector<Epoch> epochs_by_start(const std::vector<DayLog>& logs, int starts) 
     // An instrument with a single start reads through the day and does not determine the epochs.
     if (log.starts == 1) continue;
     if (log.starts != starts)
-      throw std::invalid_argument(
-          fmt::format("expected the same starts (start_h) of every instrument, seen {} and {} of "
-                      "{}",
-                      starts, log.starts, log.readings->plan.instrument));
+      throw std::invalid_argument(fmt::format(
+          "expected the same number of starts (start_h) for every instrument, seen {} and {} of {}",
+          starts, log.starts, log.readings->plan.instrument));
     for (std::size_t i = 0; i < log.readings->plan.measurements.size(); ++i)
       extend(epochs[std::size_t(log.start_of(i))], log.time_s(i));
   }
   for (std::size_t k = 1; k < epochs.size(); ++k)
     // Overlapping epochs would assign a reading to two thermal states.
     if (!(epochs[k].from_s > epochs[k - 1].to_s))
-      throw std::invalid_argument(fmt::format(
-          "expected a start when all instruments have read from the one before, seen one at "
-          "{:.2f} h while they read until {:.2f} h",
-          epochs[k].from_s / 3600.0, epochs[k - 1].to_s / 3600.0));
+      throw std::invalid_argument(
+          fmt::format("expected each start after all readings of the previous start, seen a start "
+                      "at {:.2f} h during readings that last until {:.2f} h",
+                      epochs[k].from_s / 3600.0, epochs[k - 1].to_s / 3600.0));
   return epochs;
 }
 
@@ -169,10 +168,9 @@ Readings readings_since_first(const DayLog& log, const Epoch& epoch, const Means
     result.plan.measurements.push_back(measurement);
   }
   if (values.empty())
-    throw std::invalid_argument(
-        fmt::format("expected {} to read in every epoch where it read in the first, seen none from "
-                    "{:.2f} to {:.2f} h",
-                    original.plan.instrument, epoch.from_s / 3600.0, epoch.to_s / 3600.0));
+    throw std::invalid_argument(fmt::format(
+        "expected readings of {} in every epoch as in the first, seen none from {:.2f} to {:.2f} h",
+        original.plan.instrument, epoch.from_s / 3600.0, epoch.to_s / 3600.0));
   result.value = Eigen::Map<const VectorXd>(values.data(), Index(values.size()));
   return result;
 }
@@ -220,7 +218,7 @@ std::vector<Index> sensor_columns(const std::vector<std::string>& sensors,
   for (const std::string& name : sensors) {
     const auto position = std::ranges::find(logged, name);
     if (position == logged.end())
-      throw std::invalid_argument("expected a sensor that was logged, seen " + name);
+      throw std::invalid_argument("expected a logged sensor, seen " + name);
     columns.push_back(position - logged.begin());
   }
   return columns;
@@ -262,7 +260,7 @@ std::vector<std::vector<Readings>> changes_since_first(const std::vector<DayLog>
       changes[k].push_back(readings_since_first(log, epochs[k], first));
   }
   if (changes.front().empty())
-    throw std::invalid_argument("expected readings of the machine beside the temperatures");
+    throw std::invalid_argument("expected readings of the machine in addition to the temperatures");
   return changes;
 }
 
@@ -273,7 +271,8 @@ std::vector<std::string> common_sensors(const std::vector<DayLog>& logs) {
       return std::ranges::count(log.readings->sensors, name) == 0;
     });
   if (common.empty())
-    throw std::invalid_argument("expected temperatures beside the readings, seen no sensor");
+    throw std::invalid_argument(
+        "expected temperatures in addition to the readings, seen no sensor");
   return common;
 }
 
@@ -313,14 +312,15 @@ bool is_axis_varied(const std::vector<DayLog>& logs, int joint) {
 namespace {
 
 void validate(const std::vector<CompositeRun>& runs, const CompositeOptions& options) {
-  require(!runs.empty(), "a composite needs runs");
-  require(options.degree >= 1 && options.degree <= 12, "degree of a cold curve lies in 1 .. 12");
+  require(!runs.empty(), "a composite model needs at least one run");
+  require(options.degree >= 1 && options.degree <= 12,
+          "the degree of the cold curve must be from 1 to 12");
   for (const CompositeRun& run : runs) {
     require(run.p.size() == run.delta.size(), "positions and deviations of a run differ in number");
     require(run.dT_K.size() == runs.front().dT_K.size() && run.dT_K.size() >= 1,
-            "runs differ in their temperatures");
+            "the runs differ in their temperature sensors");
     require(run.p.allFinite() && run.delta.allFinite() && run.dT_K.allFinite(),
-            "a run holds a number that is not finite");
+            "a run contains a number that is not finite");
   }
 }
 
@@ -464,7 +464,7 @@ double value(const CompositeFit& fit, double p, const VectorXd& dT_K) {
 
 double run_slope(const CompositeRun& run) {
   const Regression line = fit_regression(run.p, run.delta);
-  require(line.status == RegressionStatus::Ok, "a slope needs two positions");
+  require(line.status == RegressionStatus::Ok, "a slope needs at least two positions");
   return line.beta(0);
 }
 

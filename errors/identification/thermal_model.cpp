@@ -162,7 +162,7 @@ const char* to_string(ModelKind kind) {
 ThermalFit fit(const ThermalData& data, const ThermalModelOptions& options) {
   validate(data);
   if (!(options.margin >= 0) || !std::isfinite(options.margin) || options.max_rows < 1)
-    throw std::invalid_argument("an option of a thermal model is out of range");
+    throw std::invalid_argument("an option of the thermal model is out of range");
   ThermalModel model;
   model.kind = options.kind;
   model.names = data.names;
@@ -190,7 +190,7 @@ ThermalFit fit(const ThermalData& data, const ThermalModelOptions& options) {
 
 ThermalPrediction predict(const ThermalModel& model, const VectorXd& T) {
   if (T.size() != model.lowest.size() || !T.allFinite())
-    throw std::invalid_argument("a prediction needs as many finite inputs as were trained");
+    throw std::invalid_argument("a prediction needs one finite value per trained input");
   ThermalPrediction result;
   // The farthest of several inputs outside the range is reported.
   double farthest = model.margin;
@@ -278,7 +278,8 @@ Validation summary(const std::vector<ValidationPart>& parts, bool has_equal_weig
 Validation cross_validate(const ThermalData& data, const ThermalModelOptions& options,
                           Split split) {
   const std::vector<int> run_labels = runs(data);
-  if (run_labels.size() < 2) throw std::invalid_argument("cross-validation by run needs two runs");
+  if (run_labels.size() < 2)
+    throw std::invalid_argument("cross-validation by run needs at least two runs");
   std::vector<ValidationPart> parts;
   if (split == Split::LeaveOneRunOut) {
     for (const int run_label : run_labels)
@@ -334,7 +335,7 @@ NestedValidation nested_validation(const ThermalData& data, const std::vector<Re
   const std::vector<int> run_labels = runs(data);
   // One run is left out, and the choice among the others needs two.
   if (run_labels.size() < 3)
-    throw std::invalid_argument("nested validation by run needs three runs");
+    throw std::invalid_argument("nested validation by run needs at least three runs");
   std::vector<ValidationPart> parts(run_labels.size());
   std::vector<int> chosen(run_labels.size(), -1);
   // Each run writes only its own entry, so the result does not depend on the number of threads.
@@ -462,13 +463,13 @@ class Reader {
   }
   double not_negative(std::string_view keyword) {
     const double value = number(keyword);
-    if (!(value >= 0)) throw_input_error("a number of 0 or more", fmt::format("{}", value));
+    if (!(value >= 0)) throw_input_error("a number of at least 0", fmt::format("{}", value));
     return value;
   }
   int integer(std::string_view keyword, int min, int max) {
     const double value = number(keyword);
     if (value != std::floor(value) || value < min || value > max)
-      throw_input_error(fmt::format("a whole number from {} to {}", min, max),
+      throw_input_error(fmt::format("an integer from {} to {}", min, max),
                         fmt::format("{}", value));
     return static_cast<int>(value);
   }
@@ -514,7 +515,7 @@ LinearLaw read_linear(Reader& reader, Index m) {
   // Shrunk models have no covariance, so the matrix may be empty.
   law.covariance = reader.matrix("covariance", m + 1, static_cast<int>(m) + 1);
   if (law.covariance.rows() != 0 && law.covariance.rows() != m + 1)
-    reader.throw_input_error(fmt::format("no covariance or {} rows of it", m + 1),
+    reader.throw_input_error(fmt::format("no covariance or a covariance of {} rows", m + 1),
                              fmt::format("{}", law.covariance.rows()));
   return law;
 }
@@ -523,7 +524,8 @@ Scaling read_scaling(Reader& reader, Index m) {
   Scaling s;
   s.mean = reader.vector("mean", m);
   s.scale = reader.vector("scale", m);
-  if (!(s.scale.array() > 0).all()) reader.throw_input_error("scales above 0", "another");
+  if (!(s.scale.array() > 0).all())
+    reader.throw_input_error("only scales above 0", "a scale of at most 0");
   s.y_mean = reader.number("y_mean");
   s.y_scale = reader.positive("y_scale");
   return s;
@@ -561,7 +563,7 @@ std::vector<std::string> read_names(Reader& reader, int count) {
   for (int i = 0; i < count; ++i) {
     const std::string_view name = reader.value_text("input");
     if (!earlier_names.insert(name).second)
-      reader.throw_input_error("a name that no other input has", quoted_excerpt(name));
+      reader.throw_input_error("an input name that is not used twice", quoted_excerpt(name));
     names.emplace_back(name);
   }
   return names;
@@ -595,7 +597,8 @@ ThermalModel parse_thermal_model(std::string_view text, const std::string& file)
   model.lowest = reader.vector("lowest", m);
   model.highest = reader.vector("highest", m);
   if (!(model.lowest.array() <= model.highest.array()).all())
-    reader.throw_input_error("no highest below its lowest", "one");
+    reader.throw_input_error("every highest value at or above its lowest",
+                             "a highest value below its lowest");
   model.margin = reader.not_negative("margin");
   model.sigma = reader.not_negative("sigma");
   model.sigma_from_runs = reader.integer("sigma_from_runs", 0, 1) == 1;

@@ -123,15 +123,16 @@ using Eigen::Vector2d;
 void check(const CircularTrace& trace, double sense) {
   const Index n = trace.radius.size();
   if (trace.angle.size() != n)
-    throw std::invalid_argument("circular: expected a radius for every angle");
+    throw std::invalid_argument("circular: expected one radius per angle");
   if (n == 0) return;
-  if (n < 3) throw std::invalid_argument("circular: expected at least 3 readings in a sense");
+  if (n < 3)
+    throw std::invalid_argument("circular: expected at least 3 readings per sense of rotation");
   if (!trace.angle.allFinite() || !trace.radius.allFinite() || !(trace.radius.minCoeff() > 0.0))
     throw std::invalid_argument("circular: expected finite angles and positive radii");
   for (Index i = 1; i < n; ++i)
     if (!(sense * (trace.angle[i] - trace.angle[i - 1]) > 0.0))
       throw std::invalid_argument(
-          "circular: expected angles that increase anticlockwise, decrease clockwise");
+          "circular: expected angles that increase anticlockwise and decrease clockwise");
 }
 
 void check(const CircularRuns& runs) {
@@ -140,7 +141,7 @@ void check(const CircularRuns& runs) {
   check(runs.anticlockwise, 1.0);
   check(runs.clockwise, -1.0);
   if (runs.anticlockwise.radius.size() + runs.clockwise.radius.size() == 0)
-    throw std::invalid_argument("circular: expected a sense that was measured");
+    throw std::invalid_argument("circular: expected readings in at least one sense of rotation");
 }
 
 /// Points of one sense of motion, or of both, with their arc weights.

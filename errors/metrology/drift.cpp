@@ -18,12 +18,12 @@ void check(const DriftLog& log) {
   if (n < 2) throw std::invalid_argument("drift: expected at least 2 samples");
   if (log.values.rows() != n || log.values.cols() != Index(log.names.size()) ||
       log.values.cols() == 0)
-    throw std::invalid_argument("drift: expected a value for every time and name");
+    throw std::invalid_argument("drift: expected one value per time and name");
   if (!log.time_s.allFinite() || !log.values.allFinite())
     throw std::invalid_argument("drift: expected finite numbers");
   for (Index i = 1; i < n; ++i)
     if (!(log.time_s[i] > log.time_s[i - 1]))
-      throw std::invalid_argument("drift: expected times that increase");
+      throw std::invalid_argument("drift: expected increasing times");
 }
 
 /// Returns the values at a time, linear between samples and extrapolated beyond the ends.
@@ -42,7 +42,7 @@ DriftRange interval_drift(const DriftLog& log, const DriftInterval& interval) {
   const double first = log.time_s[0], last = log.time_s[log.time_s.size() - 1];
   if (!(interval.from_s < interval.to_s) || !(interval.from_s >= first) || !(interval.to_s <= last))
     throw std::invalid_argument("drift: the interval '" + interval.name +
-                                "' is empty or leaves the log");
+                                "' is empty or outside the log");
   const VectorXd start = values_at(log, interval.from_s), end = values_at(log, interval.to_s);
   VectorXd low = start.cwiseMin(end), high = start.cwiseMax(end);
   VectorXd rate = VectorXd::Zero(log.values.cols());
@@ -122,7 +122,7 @@ VectorXd max_window_drift(const DriftLog& log, double window_s) {
   check(log);
   const double length = log.time_s[log.time_s.size() - 1] - log.time_s[0];
   if (!(window_s > 0.0) || !(window_s <= length))
-    throw std::invalid_argument("drift: expected a window that fits into the log");
+    throw std::invalid_argument("drift: expected a window no longer than the log");
   const DriftLog refined = with_window_ends(log, window_s);
   // Window ends computed by addition and by subtraction agree to a few ulp only.
   const double tolerance = 1e-12 * std::max(length, refined.time_s.cwiseAbs().maxCoeff());

@@ -261,7 +261,7 @@ void check(const Points& points, const char* what) {
 VectorXd normalised_weights(const VectorXd& weights, Index points, const char* what) {
   if (weights.size() == 0) return VectorXd::Constant(points, 1.0 / double(points));
   if (weights.size() != points || !weights.allFinite() || !(weights.minCoeff() > 0.0))
-    throw std::invalid_argument(std::string(what) + ": expected a weight above 0 for every point");
+    throw std::invalid_argument(std::string(what) + ": expected one weight above 0 per point");
   return weights / weights.sum();
 }
 
@@ -291,7 +291,7 @@ Vector2d algebraic_centre(const MatrixX2d& points, const VectorXd& weights) {
   const MatrixX3d weighted = root.asDiagonal() * terms;
   const VectorXd right = root.cwiseProduct(points.rowwise().squaredNorm());
   const auto fit = least_squares(weighted, right, min_thickness);
-  if (fit.rank < 3) throw std::invalid_argument("circle: expected points that are not on a line");
+  if (fit.rank < 3) throw std::invalid_argument("circle: expected points that are not collinear");
   return fit.x.head<2>();
 }
 
@@ -343,7 +343,7 @@ ScaledPoints scaled(const MatrixX2d& points) {
   s.mean = points.colwise().mean();
   s.points = points.rowwise() - s.mean.transpose();
   s.size = s.points.cwiseAbs().maxCoeff();
-  if (!(s.size > 0.0)) throw std::invalid_argument("circle: expected points that differ");
+  if (!(s.size > 0.0)) throw std::invalid_argument("circle: expected distinct points");
   s.points /= s.size;
   return s;
 }
@@ -357,7 +357,7 @@ Vector2d least_squares_centre(const MatrixX2d& points, const VectorXd& weights) 
   for (int i = 0; i < 200; ++i) {
     const Vector2d move = step(points, weights, centre.at);
     // For points nearly on a line the centre diverges, since a line fits better than any circle.
-    if (centre.at.norm() > 1e6) throw std::invalid_argument("circle: no circle is best");
+    if (centre.at.norm() > 1e6) throw std::invalid_argument("circle: no best-fit circle exists");
     if (!descend(centre, move, sum)) break;
   }
   // The sum of squares is flat to rounding here, but the steps are not: iterate until they no
@@ -476,12 +476,12 @@ PointCloud centred_cloud(const MatrixX3d& points, const VectorXd& weights = {}) 
   c.mean = points.transpose() * relative_weights;
   c.points = points.rowwise() - c.mean.transpose();
   const double size = c.points.cwiseAbs().maxCoeff();
-  if (!(size > 0.0)) throw std::invalid_argument("plane: expected points that differ");
+  if (!(size > 0.0)) throw std::invalid_argument("plane: expected distinct points");
   const VectorXd root = relative_weights.cwiseSqrt();
   const MatrixX3d unit = root.asDiagonal() * (c.points / size);
   const PrincipalAxes spread = principal_axes(unit);
   if (spread.size[1] < min_thickness * spread.size[0])
-    throw std::invalid_argument("plane: expected points that are not on a line");
+    throw std::invalid_argument("plane: expected points that are not collinear");
   c.frame.axes = spread.axes;
   c.frame.axes.col(2) = c.frame.axes.col(0).cross(c.frame.axes.col(1));
   return c;

@@ -40,14 +40,15 @@ void check(const PartSurface& part) {
   const Index n = part.points_w.rows();
   if (part.normals_w.rows() != n || part.deviation.size() != n)
     throw_input_error(
-        fmt::format("expected as many normals and deviations as points, seen {}, {} and {}",
+        fmt::format("expected equally many normals, deviations and points, seen {}, {} and {}",
                     part.normals_w.rows(), part.deviation.size(), n));
   for (Index i = 0; i < n; ++i) {
     if (!part.points_w.row(i).allFinite() || std::isinf(part.deviation[i]))
       throw_input_error(fmt::format("expected finite numbers at point {}", i + 1));
     if (!(std::abs(part.normals_w.row(i).norm() - 1.0) <= 1e-9))
-      throw_input_error(fmt::format("expected a unit normal at point {}, seen one of length {}",
-                                    i + 1, part.normals_w.row(i).norm()));
+      throw_input_error(
+          fmt::format("expected a unit normal at point {}, seen a normal of length {}", i + 1,
+                      part.normals_w.row(i).norm()));
   }
 }
 
@@ -65,21 +66,21 @@ PartReadings empty_readings(const PartSurface& part, const std::vector<Index>& p
 }
 
 void check(const TouchProbe& options, const Chain& nominal) {
-  expect(options.radius > 0.0 && std::isfinite(options.radius), "a ball above 0 mm",
+  expect(options.radius > 0.0 && std::isfinite(options.radius), "a ball radius above 0 mm",
          options.radius);
-  expect(options.noise >= 0.0 && std::isfinite(options.noise), "a noise of 0 or more",
+  expect(options.noise >= 0.0 && std::isfinite(options.noise), "a noise of at least 0",
          options.noise);
   expect(options.resolution >= 0.0 && std::isfinite(options.resolution),
-         "a resolution of 0 or more", options.resolution);
+         "a resolution of at least 0", options.resolution);
   expect(options.clearance > 0.0 && std::isfinite(options.clearance), "a clearance above 0 mm",
          options.clearance);
   expect(options.speed > 0.0 && std::isfinite(options.speed), "a speed above 0", options.speed);
-  expect(options.dwell_s >= 0.0 && std::isfinite(options.dwell_s), "a dwell of 0 s or more",
+  expect(options.dwell_s >= 0.0 && std::isfinite(options.dwell_s), "a dwell of at least 0 s",
          options.dwell_s);
-  expect(std::isfinite(options.start_s), "a finite start", options.start_s);
+  expect(std::isfinite(options.start_s), "a finite start time", options.start_s);
   expect(options.centre_t.allFinite(), "a finite centre of the ball", options.centre_t.norm());
-  expect(options.q.size() == nominal.size(), "a position for each axis", double(options.q.size()));
-  expect(options.q.allFinite(), "finite positions of the axes", options.q.norm());
+  expect(options.q.size() == nominal.size(), "one position per axis", double(options.q.size()));
+  expect(options.q.allFinite(), "finite axis positions", options.q.norm());
 }
 
 /// Machine with a touch probe. Its state continues from touch to touch.
@@ -149,8 +150,8 @@ void check(const CoordinateMeasuringMachine& options) {
   const double not_negative[] = {options.noise, options.resolution, options.alignment_sigma,
                                  options.alignment_sigma_rad, options.interval_s};
   for (const double x : not_negative)
-    expect(x >= 0.0 && std::isfinite(x), "noise, resolution, sigmas and interval of 0 or more", x);
-  expect(std::isfinite(options.start_s), "a finite start", options.start_s);
+    expect(x >= 0.0 && std::isfinite(x), "noise, resolution, sigmas and interval of at least 0", x);
+  expect(std::isfinite(options.start_s), "a finite start time", options.start_s);
   if (options.alignment)
     expect(options.alignment->allFinite(), "a finite alignment", options.alignment->norm());
 }

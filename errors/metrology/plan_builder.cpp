@@ -43,8 +43,9 @@ void check_axes_exist(const Instrument& instrument, const Chain& nominal) {
 
 void check_limits(const Instrument& instrument, const Joint& joint) {
   if (!(joint.max - joint.min <= max_travel) || !(joint.min < joint.max))
-    throw_input_error(instrument, fmt::format("expected limits of travel of {}, seen {} to {} mm",
-                                              joint.name, joint.min, joint.max));
+    throw_input_error(
+        instrument, fmt::format("expected finite travel limits of {}, seen {} to {} mm", joint.name,
+                                joint.min, joint.max));
 }
 
 bool is_selected(const Instrument& instrument, char axis) {
@@ -171,7 +172,7 @@ std::vector<AxisVector> grid(const Instrument& instrument, const AxisVector& q,
   for (const GridLine& line : lines) {
     if (double(positions.size()) * double(line.values.size()) > max_positions)
       throw_input_error(instrument,
-                        fmt::format("expected a grid of at most {} places", max_positions));
+                        fmt::format("expected a grid of at most {} points", max_positions));
     std::vector<AxisVector> refined;
     for (std::size_t i = 0; i < positions.size(); ++i) {
       for (Eigen::Index k = 0; k < line.values.size(); ++k) {
@@ -209,8 +210,7 @@ std::vector<std::array<AxisDirection, 2>> crossing_slides(const Instrument& inst
         pairs.push_back({parked.slides[a], parked.slides[b]});
   }
   if (pairs.empty())
-    throw_input_error(instrument,
-                      fmt::format("expected two slides across each other, seen{}", names));
+    throw_input_error(instrument, fmt::format("expected two perpendicular slides, seen{}", names));
   return pairs;
 }
 

@@ -56,18 +56,18 @@ void check_numbers(const Instrument& i) {
     if (!holds) throw_input_error(i, fmt::format("expected {}, seen {}", what, seen));
   };
   const std::pair<const char*, double> not_negative[] = {
-      {"a noise of 0 or more", i.noise},
-      {"a noise of angles of 0 or more", i.noise_rad},
-      {"a resolution of 0 or more", i.resolution},
-      {"a resolution of angles of 0 or more", i.resolution_rad},
-      {"a sigma of rotation of 0 or more", i.rotation_sigma},
-      {"a sigma of position of 0 or more", i.position_sigma},
-      {"a sigma of scale of 0 or more", i.scale_sigma},
-      {"a sigma of drift of 0 or more", i.drift_sigma},
-      {"a duration of 0 s or more", i.duration_s},
-      {"a dwell of 0 s or more", i.dwell_s},
-      {"a time of set-up of 0 s or more", i.set_up_s},
-      {"a spindle speed of 0 or more", i.spindle_speed}};
+      {"a noise of at least 0", i.noise},
+      {"an angular noise of at least 0", i.noise_rad},
+      {"a resolution of at least 0", i.resolution},
+      {"an angular resolution of at least 0", i.resolution_rad},
+      {"a rotation sigma of at least 0", i.rotation_sigma},
+      {"a position sigma of at least 0", i.position_sigma},
+      {"a scale sigma of at least 0", i.scale_sigma},
+      {"a drift sigma of at least 0", i.drift_sigma},
+      {"a duration of at least 0 s", i.duration_s},
+      {"a dwell of at least 0 s", i.dwell_s},
+      {"a set-up time of at least 0 s", i.set_up_s},
+      {"a spindle speed of at least 0", i.spindle_speed}};
   // 1e12 excludes infinity and values whose squares would overflow.
   for (const auto& [what, seen] : not_negative) expect(seen >= 0.0 && seen < 1e12, what, seen);
   const std::pair<const char*, double> positive[] = {{"a radius above 0 mm", i.radius},
@@ -78,20 +78,20 @@ void check_numbers(const Instrument& i) {
   expect(i.runs >= 1 && i.runs <= 10000, "1 to 10000 runs", i.runs);
   expect(i.targets >= 2 && i.targets <= 100000, "2 to 100000 targets", i.targets);
   // Below 0.45 of the spacing targets keep their order.
-  expect(i.scatter >= 0.0 && i.scatter < 0.45, "a scatter of targets of at least 0 and below 0.45",
-         i.scatter);
+  expect(i.scatter >= 0.0 && i.scatter < 0.45, "a target scatter from 0 to below 0.45", i.scatter);
   expect(i.margin > 0.0 && i.margin < 0.4, "a margin above 0 and below 0.4 of the travel",
          i.margin);
   expect(std::isfinite(i.from_rad) && i.to_rad - i.from_rad > 0.0 &&
              i.to_rad - i.from_rad <= 200.0 * pi,
-         "an arc that rises, of at most 100 turns, in deg", (i.to_rad - i.from_rad) / units::deg);
+         "an arc with end above start and at most 100 turns, in deg",
+         (i.to_rad - i.from_rad) / units::deg);
   expect(i.duration_s / i.interval_s <= 1e5, "at most 100000 intervals",
          i.duration_s / i.interval_s);
-  expect(std::isfinite(i.start_s), "a finite start", i.start_s);
-  expect(i.reflector_t.allFinite(), "a finite place of the reflector", i.reflector_t.norm());
+  expect(std::isfinite(i.start_s), "a finite start time", i.start_s);
+  expect(i.reflector_t.allFinite(), "a finite reflector position", i.reflector_t.norm());
   if (i.location_w)
-    expect(i.location_w->allFinite(), "a finite place in the workpiece", i.location_w->norm());
-  expect(std::abs(i.up_b.norm() - 1.0) <= 1e-12, "a unit direction up, of length", i.up_b.norm());
+    expect(i.location_w->allFinite(), "a finite position in the workpiece", i.location_w->norm());
+  expect(std::abs(i.up_b.norm() - 1.0) <= 1e-12, "a unit upward direction, length", i.up_b.norm());
 }
 
 void check_axes(const Instrument& instrument, const Chain& nominal) {
@@ -106,8 +106,8 @@ void check_axes(const Instrument& instrument, const Chain& nominal) {
                                : motion == Motion::Rotary              ? entry.rotary
                                                                        : entry.slides;
     if (!is_measurable)
-      throw_input_error(instrument,
-                        fmt::format("expected axes that it can measure, seen {}", axis));
+      throw_input_error(
+          instrument, fmt::format("expected axes that this instrument can measure, seen {}", axis));
   }
 }
 
@@ -400,9 +400,8 @@ void check_slides(const Instrument& instrument, const ParkedMachine& parked, std
   for (std::size_t a = 0; a < parked.slides.size(); ++a)
     for (std::size_t b = a + 1; b < parked.slides.size(); ++b)
       if (!are_crossing(parked.slides[a], parked.slides[b]))
-        throw_input_error(instrument,
-                          fmt::format("expected slides across each other, seen {} along {}",
-                                      parked.slides[a].name, parked.slides[b].name));
+        throw_input_error(instrument, fmt::format("expected perpendicular slides, seen {} along {}",
+                                                  parked.slides[a].name, parked.slides[b].name));
 }
 
 }  // namespace
@@ -577,7 +576,8 @@ Plan drift(const Instrument& instrument, const Chain& nominal) {
   AxisVector q = parked.q;
   if (instrument.location_w) {
     const auto q_at_position = slides_for_reflector(instrument, nominal, q, *instrument.location_w);
-    if (!q_at_position) throw_input_error(instrument, "expected a place that the slides reach");
+    if (!q_at_position)
+      throw_input_error(instrument, "expected a position within reach of the slides");
     q = *q_at_position;
   }
   const Vector3d position_w = reflector_w(instrument, nominal, q);

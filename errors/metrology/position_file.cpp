@@ -72,7 +72,7 @@ PositionRuns assemble_runs(std::vector<PositionReading> readings, const std::str
   std::vector<double> targets;
   for (std::size_t i = 0; i < readings.size(); ++i) {
     if (i > 0 && readings[i].order() == readings[i - 1].order())
-      throw BadInput(file, readings[i].line, 1, "every reading once",
+      throw BadInput(file, readings[i].line, 1, "each reading only once",
                      reading_text(readings[i]) + " again");
     targets.push_back(readings[i].target);
   }
@@ -172,7 +172,7 @@ class HeaderReader {
       column.run = ++run_column_count_;
     } else if (count(column.role) > 0 ||
                (is_reading(column.role) && count(Role::Deviation) + count(Role::Position) > 0)) {
-      lines_.refuse(cell, "every column once");
+      lines_.refuse(cell, "each column only once");
     }
     head_.columns.push_back(column);
   }
@@ -185,7 +185,8 @@ class HeaderReader {
       return role;
     };
     const auto with_unit = [&](Role role) {
-      if (unit == nullptr) lines_.refuse(cell, "a unit, as in target_mm and deviation_um");
+      if (unit == nullptr)
+        lines_.refuse(cell, "a column name with a unit, as in target_mm and deviation_um");
       return role;
     };
     if (name == "set") return without_unit(Role::Set);
@@ -197,7 +198,7 @@ class HeaderReader {
     if (name == "position") return with_unit(Role::Position);
     if (name == fmt::format("j{}", run_column_count_ + 1) && run_column_count_ < max_runs)
       return unit == nullptr ? Role::Position : Role::Deviation;
-    lines_.refuse(cell, "a column of a head such as target_mm,direction,run,deviation_um");
+    lines_.refuse(cell, "a column name of a header such as target_mm,direction,run,deviation_um");
   }
 
   /// Sets the unit of positions without one to that of the target, and checks that all columns are
@@ -211,11 +212,11 @@ class HeaderReader {
       Column& column = head_.columns[i];
       if (run_column_count_ > 0 &&
           (column.role == Role::Run || (is_reading(column.role) && column.run == 0)))
-        lines_.refuse(cells[i], "no such column beside j1, j2, ...");
+        lines_.refuse(cells[i], "no such column together with j1, j2, ...");
       if (column.role == Role::Position && column.unit == nullptr) column.unit = target_unit;
       if (column.unit != nullptr && column.unit->rotary != head_.rotary)
-        lines_.refuse(cells[i], head_.rotary ? "an angle, as the target is one"
-                                             : "a length, as the target is one");
+        lines_.refuse(cells[i], head_.rotary ? "an angle, because the target is an angle"
+                                             : "a length, because the target is a length");
     }
   }
 
@@ -241,7 +242,7 @@ struct Row {
 
 Row read_row(const TableLineReader& lines, const Line& line, const Head& head) {
   const std::vector<Cell> cells = split_cells(line.text, head.separator, head.columns.size());
-  const std::string expected = fmt::format("{} cells, as the head has", head.columns.size());
+  const std::string expected = fmt::format("{} cells, as in the header", head.columns.size());
   if (cells.size() < head.columns.size())
     lines.refuse(int(line.text.size()) + 1, expected, fmt::format("{}", cells.size()));
   if (cells.size() > head.columns.size()) lines.refuse(cells.back().column, expected, "more");
@@ -292,7 +293,7 @@ std::vector<PositionSet> read_position_csv(std::string_view text, const std::str
   check_size(text, file, options);
   TableLineReader lines(text, file);
   const auto first = lines.next();
-  if (!first) lines.refuse(0, "a head such as target_mm,direction,run,deviation_um", "nothing");
+  if (!first) lines.refuse(0, "a header such as target_mm,direction,run,deviation_um", "nothing");
   const Head head = HeaderReader(lines, *first).read();
   std::vector<NamedReadings> sets;
   std::size_t count = 0;
@@ -327,7 +328,7 @@ class RtlReader {
 
   PositionSet read() {
     line_ = lines_.next();
-    if (!line_ || content() != "HEADER::") throw_line_error("HEADER:: first");
+    if (!line_ || content() != "HEADER::") throw_line_error("HEADER:: as the first line");
     while (line_ && content() != "EOF::") {
       const std::string_view section = content();
       line_ = lines_.next();
@@ -382,21 +383,23 @@ class RtlReader {
       const auto e = entry();
       if (!e) continue;
       if (e->key == "File type" && e->value.text != "rtl")
-        lines_.refuse(e->value, "rtl as the type of the file");
+        lines_.refuse(e->value, "rtl as the file type");
       if (e->key != "Owner") continue;
       if (e->value.text != "Linear")
-        lines_.refuse(e->value, "Linear as the owner, whose readings are um");
+        lines_.refuse(e->value, "Linear as the owner (readings in um)");
       is_linear_ = true;
     }
     if (!is_linear_) throw_line_error("a line Owner : Linear in the header");
   }
 
   void read_targets() {
-    if (!targets_.empty()) throw_line_error("TARGET DATA:: once");
+    if (!targets_.empty()) throw_line_error("only one section TARGET DATA::");
     int count = 0;
     for (; in_section(); line_ = lines_.next()) {
       const auto e = entry();
-      if (!e) throw_line_error(count == 0 ? "a line key: value" : fmt::format("{} targets", count));
+      if (!e)
+        throw_line_error(count == 0 ? "a line of the form key: value"
+                                    : fmt::format("{} targets", count));
       if (e->key == "Target-count") count = lines_.read_whole_number(e->value, 2, 100000);
       if (e->key == "Flags") read_flags(e->value);
       if (e->key != "Targets") continue;
@@ -445,7 +448,7 @@ class RtlReader {
   void read_deviations() {
     if (targets_.empty() || runs_ == 0)
       throw_line_error("TARGET DATA:: and RUNS:: before DEVIATIONS::");
-    if (!readings_.empty()) throw_line_error("DEVIATIONS:: once");
+    if (!readings_.empty()) throw_line_error("only one section DEVIATIONS::");
     if (!in_section() || content() != "Run Target Data:") throw_line_error("Run Target Data:");
     const std::size_t reading_count = std::size_t(runs_) * targets_.size();
     std::vector<int> last_target(std::size_t(runs_), -1);
@@ -464,7 +467,7 @@ class RtlReader {
   /// Reads one row. `last_target` has the last target of each run, `direction` its direction.
   void add_reading(std::vector<int>& last_target, std::vector<int>& direction) {
     const std::vector<Cell> cells = split_cells(line_->text, ' ', 3);
-    if (cells.size() != 3) throw_line_error("a row: run, target, deviation");
+    if (cells.size() != 3) throw_line_error("a row of run, target and deviation");
     const int run = lines_.read_whole_number(cells[0], 1, runs_);
     const int target = lines_.read_whole_number(cells[1], 1, int(targets_.size()));
     const std::size_t i = std::size_t(run - 1);
@@ -473,7 +476,7 @@ class RtlReader {
       const double step = position - targets_[std::size_t(last_target[i])];
       const int step_direction = step > 0.0 ? 1 : (step < 0.0 ? -1 : 0);
       if (step_direction == 0 || (direction[i] != 0 && step_direction != direction[i]))
-        lines_.refuse(cells[1], "a run that goes on one way from target to target");
+        lines_.refuse(cells[1], "a run that keeps its direction from target to target");
       direction[i] = step_direction;
     }
     last_target[i] = target - 1;

@@ -18,12 +18,12 @@ void check(const PositionRuns& runs) {
     throw std::invalid_argument("positioning: expected finite numbers");
   for (Eigen::Index i = 1; i < m; ++i)
     if (!(runs.target[i] > runs.target[i - 1]))
-      throw std::invalid_argument("positioning: expected targets that increase");
+      throw std::invalid_argument("positioning: expected increasing targets");
   if (runs.up.cols() == 0 && runs.down.cols() == 0)
     throw std::invalid_argument("positioning: expected at least one run");
   for (const MatrixXd* deviations : {&runs.up, &runs.down})
     if (deviations->cols() > 0 && deviations->rows() != m)
-      throw std::invalid_argument("positioning: expected a row of deviations for every target");
+      throw std::invalid_argument("positioning: expected one row of deviations per target");
 }
 
 /// Returns the results for one direction of approach, or nothing if it was not measured.
@@ -107,7 +107,7 @@ void check(const std::vector<DiagonalRuns>& set) {
       throw std::invalid_argument("diagonals: expected signs -1, 0, 1 and at most one 0");
     for (std::size_t k = 0; k < i; ++k)
       if (canonical_signs(set[k].signs) == canonical_signs(signs))
-        throw std::invalid_argument("diagonals: expected every diagonal once");
+        throw std::invalid_argument("diagonals: expected each diagonal only once");
   }
 }
 

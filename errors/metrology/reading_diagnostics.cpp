@@ -67,16 +67,16 @@ void check_changes(const std::string& name, const Channel& channel, const Vector
     const std::string text = fmt::format("{}: all {} readings are {}", name, n,
                                          size_text(values[0], channel.is_angle()));
     if (chance < min_probability)
-      diagnostics.errors.push_back(
-          text + fmt::format(", but the channel has {} of noise: a sensor that does not work, or "
-                             "readings that were not copied",
-                             noise_text(channel.noise, channel.is_angle())));
+      diagnostics.errors.push_back(text +
+                                   fmt::format(", although the channel has {} of noise: check the "
+                                               "sensor and how the readings were copied",
+                                               noise_text(channel.noise, channel.is_angle())));
     else
-      diagnostics.warnings.push_back(text + ": the sensor may not work");
+      diagnostics.warnings.push_back(text + ": the sensor may be faulty");
   } else if (count >= min_equal_in_a_row && double(n) * chance < min_probability) {
     diagnostics.warnings.push_back(fmt::format(
-        "{}: {} readings in a row are the same, from the {}. on: the sensor stood still", name,
-        count, first + 1));
+        "{}: {} consecutive readings are identical, starting with number {}: the sensor was stuck",
+        name, count, first + 1));
   }
 }
 
@@ -99,9 +99,11 @@ void check_scatter(const std::string& name, const Channel& channel, const Vector
   const double scatter = second_difference_noise(departure);
   if (scatter >= min_scatter_ratio * channel.noise || departure.cwiseAbs().maxCoeff() == 0.0)
     return;
-  diagnostics.warnings.push_back(fmt::format(
-      "{}: readings scatter by {}, their noise is {}: in another unit, or smoothed", name,
-      noise_text(scatter, channel.is_angle()), noise_text(channel.noise, channel.is_angle())));
+  diagnostics.warnings.push_back(
+      fmt::format("{}: readings scatter by {} but the stated noise is {}: check the unit and "
+                  "whether they are smoothed",
+                  name, noise_text(scatter, channel.is_angle()),
+                  noise_text(channel.noise, channel.is_angle())));
 }
 
 /// Readings of one channel, with those of the nominal machine.
@@ -139,15 +141,14 @@ std::string likely_cause(const ChannelReadings& readings, double limit) {
     const char* cause;
   };
   constexpr std::array factors{
-      Factor{-1.0, "they are of the other sign"},
-      Factor{1000.0, "they are in m, or a thousandth of their unit"},
-      Factor{1e-3, "they are in um or urad, or a thousand times their unit"},
+      Factor{-1.0, "their sign is reversed"},
+      Factor{1000.0, "they are in m, or too small by a factor of 1000"},
+      Factor{1e-3, "they are in um or urad, or too large by a factor of 1000"},
       Factor{units::inch, "they are in inches"}, Factor{units::deg, "they are in degrees"}};
   for (const Factor& candidate : factors)
     if (max_departure(readings, candidate.factor * readings.value) <= limit) return candidate.cause;
-  if (max_departure(readings, readings.value.reverse()) <= limit)
-    return "they are in reversed order";
-  return "unit, sign, order or columns may be wrong";
+  if (max_departure(readings, readings.value.reverse()) <= limit) return "their order is reversed";
+  return "check unit, sign, order and columns";
 }
 
 /// Adds an error or a warning for readings far from the nominal machine.
@@ -161,7 +162,7 @@ void check_departure(const ChannelReadings& readings, ReadingDiagnostics& diagno
   const bool is_certain =
       max_magnitude >= error_factor * deviation_limit(channel.is_angle()) + allowed;
   (is_certain ? diagnostics.errors : diagnostics.warnings)
-      .push_back(fmt::format("{}: readings are up to {} from what the nominal machine shows: {}",
+      .push_back(fmt::format("{}: readings deviate by up to {} from the nominal machine: {}",
                              readings.name, size_text(max_magnitude, channel.is_angle()),
                              likely_cause(readings, limit)));
 }
@@ -221,8 +222,8 @@ void check_repeated_rows(const Plan& plan, ReadingDiagnostics& diagnostics) {
   }
   if (repeated_count > 0)
     diagnostics.warnings.push_back(
-        fmt::format("{} readings stand twice, of one channel, target and instant, the first of "
-                    "them as the {}.",
+        fmt::format("{} readings are duplicates (same channel, target and instant), the first of "
+                    "them at number {}",
                     repeated_count, first));
 }
 
@@ -241,10 +242,10 @@ void check_directions(const Readings& readings, ReadingDiagnostics& diagnostics)
           is_one_stroke && (to.q[Index(j)] - from.q[Index(j)]) * to.direction[j] < -1e-9;
     }
     if (contradiction_count > 0)
-      diagnostics.warnings.push_back(fmt::format(
-          "{} moved against the side from which it is said to come at {} readings: its column "
-          "{}_way contradicts its positions",
-          joints[j].name, contradiction_count, joints[j].name));
+      diagnostics.warnings.push_back(
+          fmt::format("{} did not move in the stated direction of approach at {} readings: its "
+                      "column {}_way contradicts its positions",
+                      joints[j].name, contradiction_count, joints[j].name));
   }
 }
 
@@ -261,8 +262,8 @@ void check_duration(const Plan& plan, ReadingDiagnostics& diagnostics) {
   for (const auto& [set_up, span] : spans) longest = std::max(longest, span.second - span.first);
   if (plan.duration_s > 0.0 && longest > plan.duration_s * (1.0 + 1e-6))
     diagnostics.warnings.push_back(
-        fmt::format("readings of one set-up take {:.6g} s, the whole measurement {:.6g} s: times "
-                    "may be in another unit",
+        fmt::format("readings of one set-up take {:.6g} s, but the whole measurement takes {:.6g} "
+                    "s: check the unit of the times",
                     longest, plan.duration_s));
 }
 
@@ -282,13 +283,11 @@ void check_plan(const Readings& readings, ReadingDiagnostics& diagnostics) {
   for (std::size_t j = 0; j < joints.size(); ++j)
     if (outside_count[j] > 0)
       diagnostics.warnings.push_back(
-          fmt::format("{} of {} readings stand at {} beyond its travel: columns may be exchanged",
+          fmt::format("{} of {} readings have {} beyond its travel: columns may be swapped",
                       outside_count[j], plan.measurements.size(), joints[j].name));
   if (reversal_count > 0)
-    diagnostics.warnings.push_back(
-        fmt::format("time runs backwards at {} readings: they are not in the order in which they "
-                    "were read",
-                    reversal_count));
+    diagnostics.warnings.push_back(fmt::format(
+        "time decreases at {} readings: they are not in chronological order", reversal_count));
   check_repeated_rows(plan, diagnostics);
   check_directions(readings, diagnostics);
   check_duration(plan, diagnostics);
@@ -301,7 +300,7 @@ void check_complete(const Plan& plan, const std::vector<ChannelMeasurements>& me
   for (const SetUp& set_up : plan.set_ups) channels += set_up.channels.size();
   if (measured_channels.size() < channels)
     diagnostics.warnings.push_back(
-        fmt::format("{} of {} channels have no reading: the file may have been cut off",
+        fmt::format("{} of {} channels have no readings: the file may be truncated",
                     channels - measured_channels.size(), channels));
 }
 
@@ -314,8 +313,8 @@ void check_temperature_levels(const Readings& readings, ReadingDiagnostics& diag
   if (T_C.size() == 0) return;
   if (T_C.minCoeff() > max_room_C)
     diagnostics.warnings.push_back(
-        fmt::format("no sensor reads less than {:.2f} C: temperatures are in degrees Celsius, not "
-                    "Fahrenheit",
+        fmt::format("no sensor reads less than {:.2f} C: temperatures must be in degrees Celsius, "
+                    "not Fahrenheit",
                     T_C.minCoeff()));
   VectorXd values = T_C.reshaped();
   std::nth_element(values.begin(), values.begin() + values.size() / 2, values.end());
@@ -323,19 +322,18 @@ void check_temperature_levels(const Readings& readings, ReadingDiagnostics& diag
   for (Index k = 0; k < T_C.cols(); ++k) {
     const std::string& name = readings.sensors[std::size_t(k)];
     if (const double min = T_C.col(k).minCoeff(); min < median - max_below_median_K)
-      diagnostics.warnings.push_back(fmt::format(
-          "{} reads {:.2f} C where the median of all is {:.2f} C: sign, unit or contact may be "
-          "wrong",
-          name, min, median));
+      diagnostics.warnings.push_back(
+          fmt::format("{} reads {:.2f} C while the median of all sensors is {:.2f} C: check sign, "
+                      "unit and contact",
+                      name, min, median));
     for (Index i = 1; i < T_C.rows(); ++i) {
       const double elapsed_s = readings.plan.measurements[std::size_t(i)].state.time_s -
                                readings.plan.measurements[std::size_t(i - 1)].state.time_s;
       if (std::abs(T_C(i, k) - T_C(i - 1, k)) <= jump_K || std::abs(elapsed_s) > max_interval_s)
         continue;
-      diagnostics.warnings.push_back(
-          fmt::format("{} jumps from {:.2f} to {:.2f} C in {:.3g} s: a loose contact, or a mistake "
-                      "in writing",
-                      name, T_C(i - 1, k), T_C(i, k), elapsed_s));
+      diagnostics.warnings.push_back(fmt::format(
+          "{} jumps from {:.2f} to {:.2f} C in {:.3g} s: a loose contact or a typing error", name,
+          T_C(i - 1, k), T_C(i, k), elapsed_s));
       break;
     }
   }
@@ -358,12 +356,12 @@ void check_temperatures(const Readings& readings, ReadingDiagnostics& diagnostic
           fmt::format("{} reads {:.2f} C, below absolute zero", name, low));
     else if (low < lowest_C || high > highest_C)
       diagnostics.warnings.push_back(
-          fmt::format("{} reads {:.2f} to {:.2f} C, as no machine is: temperatures are in degrees "
-                      "Celsius, not kelvin or Fahrenheit",
+          fmt::format("{} reads {:.2f} to {:.2f} C, which is implausible for a machine: "
+                      "temperatures must be in degrees Celsius, not kelvin or Fahrenheit",
                       name, low, high));
     if (has_varying_sensor && low == high)
       diagnostics.warnings.push_back(fmt::format(
-          "{} reads {:.2f} C throughout while other sensors move: it may not work", name, low));
+          "{} reads {:.2f} C throughout while other sensors change: it may be faulty", name, low));
   }
 }
 
@@ -373,14 +371,14 @@ void check_deviations(const std::string& name, const VectorXd& v, bool is_angle,
   if (v.size() == 0) return;
   if (v.size() >= min_equal && v.minCoeff() == v.maxCoeff())
     diagnostics.warnings.push_back(
-        fmt::format("{}: all {} deviations are {}: the sensor may not work", name, v.size(),
+        fmt::format("{}: all {} deviations are {}: the sensor may be faulty", name, v.size(),
                     noise_text(v[0], is_angle)));
   const double max_magnitude = v.cwiseAbs().maxCoeff();
   if (max_magnitude >= deviation_limit(is_angle))
-    diagnostics.warnings.push_back(fmt::format(
-        "{}: deviations are up to {}, and no machine is that wrong: unit, sign or order "
-        "may be wrong",
-        name, size_text(max_magnitude, is_angle)));
+    diagnostics.warnings.push_back(
+        fmt::format("{}: deviations are up to {}, which is implausible for a machine: check unit, "
+                    "sign and order",
+                    name, size_text(max_magnitude, is_angle)));
 }
 
 /// Returns the readings of the nominal machine in perfect set-ups (measurements), mm or rad; 0 for
@@ -466,7 +464,7 @@ ReadingDiagnostics diagnose(const PartReadings& readings) {
   if (const double max_magnitude = readings.deviation.cwiseAbs().maxCoeff();
       max_magnitude >= large_mm)
     diagnostics.warnings.push_back(
-        fmt::format("{}: deviations are up to {}: unit or alignment may be wrong", name,
+        fmt::format("{}: deviations are up to {}: check unit and alignment", name,
                     size_text(max_magnitude, false)));
   check_scatter(name, channel, readings.deviation, diagnostics);
   return diagnostics;

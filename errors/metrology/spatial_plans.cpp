@@ -52,7 +52,7 @@ AxisVector reach_with_slides(const Instrument& instrument, const Chain& nominal,
                              const std::vector<int>& slides = {}) {
   const auto reached = slides_for_reflector(instrument, nominal, q, position_w, slides);
   if (!reached)
-    throw_input_error(instrument, "expected slides that reach the ball's place, seen too few");
+    throw_input_error(instrument, "expected slides that reach the ball position, seen too few");
   return *reached;
 }
 
@@ -84,10 +84,9 @@ Range clip_to_slides(const Instrument& instrument, const Chain& nominal,
   }
   if (longest == count) return range;
   if (longest < 2)
-    throw_input_error(instrument,
-                      fmt::format("expected slides that follow while {} turns, seen a place that "
-                                  "they leave at once",
-                                  rotary.name));
+    throw_input_error(instrument, fmt::format("expected slides that follow while {} turns, seen a "
+                                              "position where they leave their travel at once",
+                                              rotary.name));
   const double low = angle(longest_from), high = angle(longest_from + longest - 1);
   const double clearance = instrument.margin * (high - low);
   return {low + clearance, high - clearance, 0.5 * clearance};
@@ -351,7 +350,7 @@ Plan tracker(const Instrument& instrument, const Chain& nominal) {
     const Vector3d beam_w = reflector_w(instrument, nominal, positions[i]) - station_w;
     // A beam has a direction only if the reflector is away from the station.
     if (!(beam_w.norm() > 1.0))
-      throw_input_error(instrument, "expected a station off the places that it looks at");
+      throw_input_error(instrument, "expected a station away from its measured points");
     const CrossDirections across = cross_directions(nominal, parked.q, beam_w.normalized());
     for (int k = 0; k < 2; ++k) {
       Channel c = channel(instrument, fmt::format("{} of place {}", across.letter[k], i),

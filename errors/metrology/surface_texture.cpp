@@ -81,7 +81,7 @@ PointRange section_points(const Profile& profile, const EvaluationLength& e, int
   };
   const PointRange points{std::max(Index(0), point_index(from)),
                           std::min(profile.z.size(), point_index(to))};
-  require(points.last > points.first, "profile: expected at least a place in every section");
+  require(points.last > points.first, "profile: expected at least one point in every section");
   return points;
 }
 
@@ -162,16 +162,16 @@ VectorXd resample(const VectorXd& s, const VectorXd& z, double step, Index n) {
 }
 
 void check_line(const VectorXd& s, const VectorXd& z, const TextureOptions& options) {
-  require(s.size() == z.size() && s.size() >= 2, "profile_texture: expected two places or more");
+  require(s.size() == z.size() && s.size() >= 2, "profile_texture: expected at least two points");
   require(s.allFinite() && z.allFinite(), "profile_texture: expected finite numbers");
   for (Index i = 0; i + 1 < s.size(); ++i)
-    require(s[i + 1] >= s[i], "profile_texture: expected places that rise");
-  require(s[s.size() - 1] > s[0], "profile_texture: expected a line of some length");
+    require(s[i + 1] >= s[i], "profile_texture: expected increasing positions");
+  require(s[s.size() - 1] > s[0], "profile_texture: expected a line longer than 0");
   require(std::isfinite(options.Nic) && options.Nic > 0.0, "profile_texture: Nic must be positive");
   require(!options.Nis || (std::isfinite(*options.Nis) && *options.Nis > 0.0),
           "profile_texture: Nis must be positive");
   require(options.sections >= 1 && options.places >= 16,
-          "profile_texture: expected sections, and at least 16 places");
+          "profile_texture: expected at least 1 section and at least 16 points");
 }
 
 /// Returns sections centred in the length, or the length as one section if none fits.
@@ -190,7 +190,7 @@ VectorXd mean_line(const Profile& profile, double nesting_index) {
   require(std::isfinite(nesting_index) && nesting_index > 0.0,
           "mean_line: the nesting index must be positive");
   require(z.allFinite(), "mean_line: expected finite heights");
-  require(z.size() > 0, "mean_line: expected heights");
+  require(z.size() > 0, "mean_line: expected at least one height");
   const VectorXd weight = profile_weights(profile.step, nesting_index, z.size());
   const Index k = weight.size() - 1, inner_count = z.size() - 2 * k;
   VectorXd line(z.size());
@@ -240,7 +240,7 @@ const SettingClass& setting_class(double Nic) {
 
 ProfileParameters parameters(const Profile& profile, const EvaluationLength& evaluation) {
   require(evaluation.sections >= 1 && evaluation.section > 0.0 && evaluation.from >= 0.0,
-          "profile: expected a section or more within the profile");
+          "profile: expected at least one section within the profile");
   const PointRange evaluated = section_points(profile, evaluation, -1);
   const VectorXd z = profile.z.segment(evaluated.first, evaluated.last - evaluated.first);
   const auto n = double(z.size());
@@ -313,7 +313,7 @@ namespace {
 
 void check(const Eigen::MatrixX2d& xy, const VectorXd& z, const VectorXd& weights) {
   if (xy.rows() != z.size() || weights.size() != z.size() || z.size() == 0)
-    throw std::invalid_argument("areal: expected one height and one weight for every point");
+    throw std::invalid_argument("areal: expected one height and one weight per point");
   if (!xy.allFinite() || !z.allFinite() || !weights.allFinite())
     throw std::invalid_argument("areal: expected finite numbers");
   if (weights.minCoeff() < 0.0 || !(weights.sum() > 0.0))
@@ -326,14 +326,14 @@ VectorXd heights_above_plane(const Eigen::MatrixX2d& xy, const VectorXd& z,
   const Eigen::RowVector2d centre = weights.transpose() * xy;
   const Eigen::MatrixX2d shifted = xy.rowwise() - centre;
   const double size = shifted.cwiseAbs().maxCoeff();
-  if (!(size > 0.0)) throw std::invalid_argument("areal: the points do not fix a plane");
+  if (!(size > 0.0)) throw std::invalid_argument("areal: the points do not define a plane");
   Eigen::MatrixX3d terms(z.size(), 3);
   terms << VectorXd::Ones(z.size()), shifted / size;
   const VectorXd root = weights.cwiseSqrt();
   const Eigen::MatrixX3d weighted = root.asDiagonal() * terms;
   // 1e-9: a strip a thousand million times longer than wide counts as a line.
   const auto fit = least_squares(weighted, VectorXd(root.array() * z.array()), 1e-9);
-  if (fit.rank < 3) throw std::invalid_argument("areal: the points do not fix a plane");
+  if (fit.rank < 3) throw std::invalid_argument("areal: the points do not define a plane");
   return z - terms * fit.x;
 }
 

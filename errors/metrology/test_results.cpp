@@ -59,11 +59,12 @@ std::string undetermined_reason(const std::vector<std::string>& names_of_causes,
   constexpr int min_positions = circular_cause_count + 1;
   if (position_total < min_positions)
     return fmt::format(
-        "{} cannot be determined: {} causes take readings at {} different places or more, each "
-        "sense counted apart, seen {}",
+        "{} cannot be determined: {} causes require readings at {} or more different positions, "
+        "counted separately per sense of rotation, seen {}",
         names, circular_cause_count, min_positions, position_total);
-  return fmt::format("{} cannot be determined: they read alike at the {} places that were read{}",
-                     names, position_total, both_senses ? "" : ", in one sense alone");
+  return fmt::format(
+      "{} cannot be determined: their effects are indistinguishable at the {} measured positions{}",
+      names, position_total, both_senses ? "" : ", in one sense of rotation only");
 }
 
 /// Returns the causes of a circle, with the undetermined ones and the reason.
@@ -128,7 +129,7 @@ TestResult circle_result(const CircleTest& test) {
   f.push_back({"F_from", "",
                c.centre_kind == CircleCentre::LeastSquares
                    ? "least-squares centre"
-                   : "centre as set up, since this is no full circle"});
+                   : "centre as set up, since this is not a full circle"});
   f.push_back(figure("D", absolute_only(c.D)));
   f.push_back(figure("H", c.H));
   return result;

@@ -95,7 +95,8 @@ Evaluation evaluate_readings(const std::filesystem::path& file) {
     evaluation.results = evaluation.part ? standard_results(evaluation.part->readings)
                                          : standard_results(evaluation.tests);
   } catch (const std::invalid_argument& exception) {
-    throw BadInput(file.string(), 0, 0, "readings that a standard can evaluate", exception.what());
+    throw BadInput(file.string(), 0, 0, "readings that can be evaluated by a standard",
+                   exception.what());
   }
   return evaluation;
 }
@@ -123,14 +124,13 @@ std::vector<BadInput> repeated_files(const Files& files, const std::vector<Readi
   for (const auto& [pair, list] : repeats_by_files) {
     const auto again = std::size_t(pair.first), first = std::size_t(pair.second);
     const std::string remaining =
-        list.size() > 1 ? fmt::format("; so are {} more", list.size() - 1) : "";
-    errors.emplace_back(
-        files[again].string(), 0, 0, "readings of its own for every run",
-        fmt::format("\"{}\" is the same as \"{}\" of {} to the last digit: copied, or rounded more "
-                    "coarsely than it states{}",
-                    series_text(readings[again], list.front().again),
-                    series_text(readings[first], list.front().first), files[first].string(),
-                    remaining));
+        list.size() > 1 ? fmt::format("; {} more are duplicates too", list.size() - 1) : "";
+    errors.emplace_back(files[again].string(), 0, 0, "separate readings for every run",
+                        fmt::format("\"{}\" equals \"{}\" of {} to the last digit: it was copied, "
+                                    "or rounded more coarsely than stated{}",
+                                    series_text(readings[again], list.front().again),
+                                    series_text(readings[first], list.front().first),
+                                    files[first].string(), remaining));
   }
   return errors;
 }
@@ -165,11 +165,11 @@ std::vector<Readings> read_all_readings(const Files& files, bool accepts_logs,
     std::error_code ignored;
     const std::filesystem::path canonical = std::filesystem::canonical(file, ignored);
     if (!canonical.empty() && !earlier_files.insert(canonical).second)
-      throw BadInput(file.string(), 0, 0, "each file once", "it again");
+      throw BadInput(file.string(), 0, 0, "each file only once", "the same file again");
     if (progress) progress("read", double(result.size()) / double(files.size()));
     result.push_back(read_readings_file(file));
     if (result.back().value.size() == 0 && !accepts_logs)
-      throw BadInput(file.string(), 0, 0, "readings of the machine", "a log of temperatures alone");
+      throw BadInput(file.string(), 0, 0, "readings of the machine", "only a temperature log");
   }
   return result;
 }
@@ -293,13 +293,13 @@ const char* mistake_phrase(identification::Mistake mistake) {
   using identification::Mistake;
   switch (mistake) {
     case Mistake::Negated:
-      return "with the other sign";
+      return "with reversed sign";
     case Mistake::Reversed:
-      return "in reversed order";
+      return "in reverse order";
     case Mistake::MultipliedByThousand:
-      return "a thousand times as large";
+      return "multiplied by 1000";
     case Mistake::DividedByThousand:
-      return "a thousandth as large";
+      return "divided by 1000";
   }
   return "";
 }
@@ -339,7 +339,7 @@ std::string mistake_text(const Files& files, const Estimate& estimate) {
   // A mistake explains the misfit only if its correction removes half of it.
   if (best == nullptr || distance(*best) > 0.5 * std::abs(std::log(std::max(current, 1e-300))))
     return "";
-  return fmt::format("; taken {} {} would come to a reduced chi-square of {:.3g}",
+  return fmt::format("; taken {} {} would have a reduced chi-square of {:.3g}",
                      mistake_phrase(best->mistake), files[std::size_t(best->readings)].string(),
                      best->chi_square / std::max(1, estimate.degrees_of_freedom));
 }
@@ -381,11 +381,11 @@ std::vector<std::string> scatter_warnings(const Files& files, const std::vector<
     const double reduced = file_quality.chi_square / file_quality.degrees_of_freedom;
     if (reduced <
         std::min(too_close, identification::chi_square_band(file_quality.degrees_of_freedom).first))
-      warnings.push_back(fmt::format(
-          "{}: readings scatter {:.2g} times as much as their instrument says (reduced chi-square "
-          "{:.2g}): they may be in another unit, smoothed or computed, and its uncertainties are "
-          "of no use",
-          files[i].string(), std::sqrt(reduced), reduced));
+      warnings.push_back(
+          fmt::format("{}: readings scatter {:.2g} times as much as stated for the instrument "
+                      "(reduced chi-square {:.2g}): check whether the unit is wrong or they are "
+                      "smoothed or computed; the uncertainties are useless",
+                      files[i].string(), std::sqrt(reduced), reduced));
   }
   return warnings;
 }
@@ -413,7 +413,8 @@ std::vector<std::string> unchecked_assumptions(const Files& files, const Estimat
   const auto add_assumption = [&](const char* what, const std::string& list) {
     if (!list.empty())
       assumptions.push_back(fmt::format(
-          "the {} of readings is as written, no other reading checks it: {}", what, list));
+          "the {} of readings is taken as written because no other reading checks it: {}", what,
+          list));
   };
   add_assumption("sign", signs);
   add_assumption("order", orders);
@@ -446,23 +447,22 @@ std::vector<std::string> fit_warnings(const Files& files, const std::vector<Read
   if (has_excess_scatter(estimate)) {
     const std::string mistake = mistake_text(files, estimate);
     warnings.push_back(fmt::format(
-        "the readings scatter {:.2f} times as much as their instruments say{}, and the "
-        "uncertainties were raised by it: {}",
+        "the readings scatter {:.2f} times as much as stated for their instruments{}, and the "
+        "uncertainties were increased accordingly: {}",
         std::sqrt(estimate.reduced_chi_square), worst_file_text(files, estimate),
         !mistake.empty() ? mistake.substr(2)
         : options.choose_orders
-            ? "the curves may need the pitch of the screws (--pitch), or the machine does not "
-              "repeat"
-            : "the curves may need a higher order (--choose-orders) or the pitch of the screws "
-              "(--pitch), or the machine does not repeat"));
+            ? "the curves may need the screw pitch (--pitch), or the machine is not repeatable"
+            : "the curves may need a higher order (--choose-orders) or the screw pitch (--pitch), "
+              "or the machine is not repeatable"));
   }
   // Mistakes are rarer than 2 % of the readings; more outliers mean wrong curves or a wrong noise.
   const auto n = double(estimate.fit_residual.size());
   if (double(estimate.outliers.size()) > 0.02 * n)
-    warnings.push_back(fmt::format(
-        "{} of {} readings were left out as outliers: that many are no mistakes, the curves do not "
-        "follow the machine",
-        estimate.outliers.size(), n));
+    warnings.push_back(
+        fmt::format("{} of {} readings were rejected as outliers: too many to be mistakes, the "
+                    "curves do not fit the machine",
+                    estimate.outliers.size(), n));
   std::string weak_names;
   const errors::Covariance& covariance = estimate.belief.covariance;
   for (std::size_t i = 0; i < covariance.of.size(); ++i) {
@@ -475,7 +475,8 @@ std::vector<std::string> fit_warnings(const Files& files, const std::vector<Read
                     errors::name_of(covariance.of[i], estimate.belief.elements);
   }
   if (!weak_names.empty())
-    warnings.push_back("hardly identified by these readings (beyond 50 um or urad): " + weak_names);
+    warnings.push_back("poorly identified by these readings (uncertainty above 50 um or urad): " +
+                       weak_names);
   return warnings;
 }
 
@@ -485,10 +486,9 @@ std::vector<std::string> pitch_warnings(const std::map<char, double>& pitches) {
   std::vector<std::string> warnings;
   for (const auto& [axis, pitch] : pitches)
     if (pitch < min_pitch_mm || pitch > max_pitch_mm)
-      warnings.push_back(
-          fmt::format("the pitch of {} is {:g} mm: looks like {}, {:g} to {:g} mm "
-                      "expected",
-                      axis, pitch, pitch < min_pitch_mm ? "m" : "um", min_pitch_mm, max_pitch_mm));
+      warnings.push_back(fmt::format(
+          "the pitch of {} is {:g} mm: check whether it is in {} ({:g} to {:g} mm expected)", axis,
+          pitch, pitch < min_pitch_mm ? "m" : "um", min_pitch_mm, max_pitch_mm));
   return warnings;
 }
 
@@ -516,10 +516,10 @@ std::vector<std::string> order_warnings(const std::vector<Readings>& readings,
     const std::size_t positions = count_positions(readings, int(j));
     if (joints[j].motion != kinematics::Motion::Linear || positions < 2) continue;
     if (options.model.order + 1 < int(positions)) continue;
-    warnings.push_back(fmt::format(
-        "curves of {} of order {} pass through every one of the {} positions that were read, and "
-        "between them nothing holds them: lower --order, or --choose-orders",
-        joints[j].name, options.model.order, positions));
+    warnings.push_back(
+        fmt::format("curves of {} of order {} pass through all {} measured positions and are "
+                    "undetermined between them: use a lower --order or --choose-orders",
+                    joints[j].name, options.model.order, positions));
   }
   return warnings;
 }
@@ -539,8 +539,8 @@ IdentificationResult identify_by_chain(const Files& files, const std::vector<Rea
       identification::error_model(result.nominal, options.model), readings, options.estimate);
   if (!estimate.converged)
     throw std::runtime_error(
-        fmt::format("{}: the fit did not converge in {} iterations, nothing was written: readings "
-                    "of another unit, sign or machine, or far too few",
+        fmt::format("{}: the fit did not converge in {} iterations and nothing was written: check "
+                    "unit, sign, machine and number of the readings",
                     file_names(files), estimate.iterations));
   // Deviations that the model does not follow count as noise, so they increase the uncertainties.
   if (has_excess_scatter(estimate))
@@ -582,19 +582,19 @@ IdentificationResult identify_by_step_diagonal(const Files& files,
   constexpr double too_close =
       0.05;  // small: four diagonals of three components leave few contradictions
   if (has_stated_noise(readings.front()) && first.reduced_chi_square < too_close)
-    result.warnings.push_back(fmt::format(
-        "the diagonals contradict each other less than their noise lets them (reduced chi-square "
-        "{:.2g}): readings may be in another unit, smoothed or computed",
-        first.reduced_chi_square));
+    result.warnings.push_back(
+        fmt::format("the diagonals agree better than their noise allows (reduced chi-square "
+                    "{:.2g}): check whether the unit is wrong or they are smoothed or computed",
+                    first.reduced_chi_square));
   StepDiagonalFit fit{first.reduced_chi_square, options.sensors, {}};
   if (!options.sensors.empty())
     fit.trend = identification::step_diagonal_trend(
         results, identification::temperature_rise_K(starts, options.sensors));
   else if (starts.size() > 1)
-    result.warnings.push_back(fmt::format(
-        "{} sets of diagonals, of which the first is reported: name temperatures by --sensors to "
-        "have the elements regressed on them",
-        starts.size()));
+    result.warnings.push_back(
+        fmt::format("{} sets of diagonals, only the first is reported: name temperatures with "
+                    "--sensors to regress the elements on them",
+                    starts.size()));
   result.fit = std::move(fit);
   return result;
 }

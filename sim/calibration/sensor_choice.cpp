@@ -109,12 +109,12 @@ std::vector<std::string> channel_warnings(const ChannelGrade& channel) {
       // 10 is the usual limit of variance inflation: coefficients above it are hardly determined.
       if (const double vif = channel.fitted.regression->vif[k]; vif > 10.0)
         warnings.push_back(fmt::format(
-            "{} says nearly what the other chosen sensors say on the training day (VIF {:.0f})",
+            "{} is nearly collinear with the other chosen sensors on the training day (VIF {:.0f})",
             channel.fitted.model->names[std::size_t(k)], vif));
   for (const DayGrade& day : channel.other_days)
     if (day.outside > 0)
       warnings.push_back(fmt::format(
-          "{}: {} of {} rows lie outside the trained range; a compensator would refuse them",
+          "{}: {} of {} rows are outside the training range; a compensator would reject them",
           day.day, day.outside, day.rows));
   return warnings;
 }
@@ -159,7 +159,8 @@ std::vector<Index> displacements(const DriftDay& day, const std::vector<std::str
         (names.empty() || std::ranges::count(names, day.drift.log.names[c]) > 0))
       result.push_back(Index(c));
   if (!names.empty() && result.size() != names.size())
-    throw std::invalid_argument("expected displacements of the drift, seen another in `for`");
+    throw std::invalid_argument(
+        "expected displacements of the drift, seen a different one in `for`");
   return result;
 }
 
@@ -231,7 +232,7 @@ SensorChoiceGrade choose_by_method(const std::vector<DriftDay>& days, const Meth
   result.choice = identification::choose_sensors(training, options);
   const identification::SensorChoice& choice = result.choice;
   if (choice.status == identification::GreyStatus::StartsAtZero && choice.input < 0)
-    throw std::invalid_argument("no displacement drifts beyond its noise");
+    throw std::invalid_argument("no displacement drifts by more than its noise");
   if (choice.status != identification::GreyStatus::Ok)
     throw std::invalid_argument(fmt::format(
         "{} ({})", identification::to_string(choice.status),
@@ -287,12 +288,12 @@ void add_chance_warnings(const SensorChoiceGrade& grade, std::vector<std::string
   if (grade.spread && grade.spread->draws > 0 && grade.spread->same_fraction < min_same_fraction)
     warnings.push_back(fmt::format(
         "{}: {:.0f} % of {} draws of start row (0 to {}) and noise choose these sensors; their "
-        "order is one of chance",
+        "order is random",
         name, 100.0 * grade.spread->same_fraction, grade.spread->draws, grade.spread->last_start));
   if (grade.random && grade.random->fraction_beaten < min_fraction_beaten)
     warnings.push_back(fmt::format(
-        "{}: on days unseen it leaves {:.1f} % of the range, random choices of {} sensors {:.1f} % "
-        "(median): it is better than {:.0f} % of them, which is chance",
+        "{}: on unseen days it leaves {:.1f} % of the range, random choices of {} sensors {:.1f} % "
+        "(median): it is better than only {:.0f} % of them, which is not significant",
         name, 100.0 * *grade.rms_over_range, grade.chosen.size(), 100.0 * grade.random->p50,
         100.0 * grade.random->fraction_beaten));
 }
@@ -319,8 +320,7 @@ ThermalSensorChoice choose_thermal_sensors(const std::vector<DayReadings>& days,
       options.random_subsets = 0;  // the random selections of the first method serve all
     }
   } catch (const std::invalid_argument& exception) {
-    throw BadInput(days.front().file.string(), 0, 0, "sensors that can be chosen from",
-                   exception.what());
+    throw BadInput(days.front().file.string(), 0, 0, "sensors to choose from", exception.what());
   }
   compare_with_random(result.ways);
   const SensorChoiceGrade& first = result.ways.front();

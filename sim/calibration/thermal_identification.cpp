@@ -77,18 +77,18 @@ std::map<char, AxisRuns> axis_runs(const Readings& readings, const Sensors& sens
           {test.runs.target, run_mean(test.runs), axis.T_C.back() - axis.T_C.front(), cold});
     }
   }
-  if (axes.empty()) throw std::invalid_argument("expected the positioning of slides");
+  if (axes.empty()) throw std::invalid_argument("expected positioning readings of slides");
   return axes;
 }
 
 const char* status_text(CompositeStatus status) {
   switch (status) {
     case CompositeStatus::NoLaterRun:
-      return "expected readings from several starts (start_h), seen one";
+      return "expected readings from several starts (start_h), seen one start";
     case CompositeStatus::CurveNotDetermined:
       return "expected more targets than the degree of the cold curve";
     case CompositeStatus::SlopeNotDetermined:
-      return "expected starts, one more than sensors, at which their temperatures part";
+      return "expected one more start than sensors, with different temperatures";
     default:
       return "expected a cold run";
   }
@@ -109,8 +109,8 @@ Positioning slide_positioning(char axis, const kinematics::Chain& nominal) {
   // 1e-6: an element has the letter of a bed axis, so the slide must agree with one to 1.4 mrad.
   if (!(joint.direction_b.cwiseAbs().maxCoeff(&k) > 1.0 - 1e-6))
     throw std::invalid_argument(fmt::format(
-        "{}: expected a slide along an axis of the bed, seen direction {:.6g} {:.6g} {:.6g}", axis,
-        joint.direction_b.x(), joint.direction_b.y(), joint.direction_b.z()));
+        "{}: expected a slide parallel to a machine axis, seen direction {:.6g} {:.6g} {:.6g}",
+        axis, joint.direction_b.x(), joint.direction_b.y(), joint.direction_b.z()));
   const double travel = kinematics::carriage_travel(joint.side, 1.0);
   return {{char('X' + k), axis, false}, joint.direction_b[k] > 0.0 ? travel : -travel, travel};
 }
@@ -178,16 +178,17 @@ void add_warnings(std::vector<std::string>& warnings, const CompositeAxis& axis,
   for (Index k = 0; k < vif.size(); ++k)
     // 10 is the usual limit of the variance inflation of collinear inputs.
     if (vif[k] > 10.0)
-      warnings.push_back(fmt::format("{}: {} says nearly what the other sensors say (VIF {:.0f})",
-                                     axis.axis, sensors[std::size_t(k)], vif[k]));
+      warnings.push_back(
+          fmt::format("{}: {} is nearly collinear with the other sensors (VIF {:.0f})", axis.axis,
+                      sensors[std::size_t(k)], vif[k]));
   if (!axis.with_constant || axis.with_constant->degrees_of_freedom < 1) return;
   const double constant = axis.with_constant->constant,
                error = axis.with_constant->standard_error[0];
   // A constant below four standard errors may be chance; below 0.1 um/m it does not matter.
   if (std::abs(constant) > 4.0 * error && std::abs(constant) > 0.1 * um_per_m)
     warnings.push_back(fmt::format(
-        "{}: by the later starts the slope is {:.3f} ({:.2g}) um/m where these temperatures are "
-        "those of start 1, not 0: other temperatures matter, or the machine was not at rest there",
+        "{}: the later starts give a slope of {:.3f} ({:.2g}) um/m at the temperatures of start 1, "
+        "not 0: other temperatures matter, or the machine was not in equilibrium there",
         axis.axis, constant / um_per_m, error / um_per_m));
 }
 
@@ -195,7 +196,7 @@ void add_warnings(std::vector<std::string>& warnings, const CompositeAxis& axis,
 
 Composite identify_composite(const Readings& readings, const CompositeIdentification& options) {
   if (options.sensors.empty())
-    throw std::invalid_argument("expected sensors to regress the slopes on");
+    throw std::invalid_argument("expected sensors for the regression of the slopes");
   Composite result;
   result.thermal.since_start = false;
   for (const auto& [name, axis] : axis_runs(readings, options.sensors)) {
@@ -284,7 +285,7 @@ errors::GeometricErrors thermal_model(const Chain& nominal, const std::vector<Da
   for (const errors::ElementName& name : elements) {
     for (const errors::Element& other : model.elements)
       if (other.name == name)
-        throw std::invalid_argument("expected each element once, seen " + to_string(name) +
+        throw std::invalid_argument("expected each element only once, seen " + to_string(name) +
                                     " twice");
     model.elements.push_back(thermal_element(name, nominal, logs));
   }
@@ -366,8 +367,7 @@ CoefficientSeries significant_series(const errors::GeometricErrors& model,
         weakest = j;
     if (!weakest)
       throw std::invalid_argument(
-          "expected a machine that heat moves beyond the noise of its "
-          "instruments, seen one that stands");
+          "expected thermal deformation above the noise of the instruments, seen none");
     // Only one is held at a time, since the others are then determined better and may exceed the
     // noise.
     if (series.signal(*weakest) >= min_signal) return series;
@@ -416,7 +416,7 @@ std::vector<TermCoefficient> determined_coefficients(const CoefficientSeries& se
     if (series.is_determined(Index(j)))
       terms.push_back(term_coefficient(list[j], Index(j), model, nominal));
   if (terms.empty())
-    throw std::invalid_argument("expected readings that determine one of the elements, seen none");
+    throw std::invalid_argument("expected readings that determine at least one element, seen none");
   return terms;
 }
 
@@ -433,7 +433,7 @@ identification::SensorChoice choose_term_sensors(
       errors.push_back({sensors, dT_K, y, std::vector<int>(std::size_t(y.size()), 0)});
   }
   if (errors.empty())
-    throw std::invalid_argument("expected elements that move while the machine warms");
+    throw std::invalid_argument("expected elements that change while the machine warms up");
   auto choice = identification::choose_sensors(errors, options);
   if (choice.status != identification::GreyStatus::Ok || choice.chosen.empty())
     throw std::invalid_argument("expected temperatures from which sensors can be chosen, seen " +
@@ -455,7 +455,7 @@ identification::ThermalFit fit_term(const TermCoefficient& term, const Coefficie
                     data.names.size(), data.y.size()));
   auto fitted = identification::fit(data, options);
   if (!fitted.model)
-    throw std::invalid_argument("expected sensors that say different things, seen " +
+    throw std::invalid_argument("expected linearly independent sensors, seen " +
                                 identification::describe(fitted.confounded, data.names));
   return fitted;
 }
@@ -468,22 +468,22 @@ std::vector<std::string> day_warnings(const ThermalDay& day) {
     // 10 is the usual limit of the variance inflation of collinear inputs.
     if (vif[k] > 10.0)
       warnings.push_back(
-          fmt::format("{} says nearly what the other sensors say on this day (VIF {:.0f})",
+          fmt::format("{} is nearly collinear with the other sensors on this day (VIF {:.0f})",
                       day.sensors[std::size_t(k)], vif[k]));
   constexpr double large_mm = 1.0, large_rad = 0.01;  // no machine moves so much in a day
   for (const RegressedTerm& term : day.terms) {
     const double range = term.at_epochs.maxCoeff() - term.at_epochs.minCoeff();
     if (range >= (term.name.is_angle() ? large_rad : large_mm))
-      warnings.push_back(fmt::format(
-          "{} moves by {:.4g} {}, and no day moves a machine that far: readings may be in another "
-          "unit or order",
-          name_of(term), range * (term.name.is_angle() ? 1e3 : 1.0),
-          term.name.is_angle() ? "mrad" : "mm"));
+      warnings.push_back(
+          fmt::format("{} changes by {:.4g} {}, which is implausible for one day: check unit and "
+                      "order of the readings",
+                      name_of(term), range * (term.name.is_angle() ? 1e3 : 1.0),
+                      term.name.is_angle() ? "mrad" : "mm"));
   }
   for (const RegressedTerm& term : day.terms)
     // Below 0.9 more than a tenth of the variance is not explained.
     if (const double r_squared = term.regression.r_squared; r_squared < 0.9)
-      warnings.push_back(fmt::format("{}: these temperatures tell {:.0f} % of how it moved",
+      warnings.push_back(fmt::format("{}: these temperatures explain {:.0f} % of its variation",
                                      name_of(term), 100.0 * std::max(0.0, r_squared)));
   return warnings;
 }
@@ -496,8 +496,9 @@ void check(std::span<const Readings> readings) {
                                   ", seen none");
     if (kinematics::letters(file_readings.nominal.joints()) !=
         kinematics::letters(readings.front().nominal.joints()))
-      throw std::invalid_argument("expected readings of one machine, seen those of another by " +
-                                  file_readings.plan.instrument);
+      throw std::invalid_argument(
+          "expected readings of one machine, seen a different machine in readings of " +
+          file_readings.plan.instrument);
   }
 }
 

@@ -97,7 +97,7 @@ Loop validated_loop(const PositionLoop& loop, const LoopOptions& options) {
   require(loop.bandwidth > 0.0 && std::isfinite(loop.bandwidth), "a bandwidth above 0");
   require(!is_second_order || (loop.damping >= 1e-3 && loop.damping <= 100.0),
           "a damping from 0.001 to 100");
-  require(options.per_constant > 0, "at least one knot a time constant");
+  require(options.per_constant > 0, "at least one knot per time constant");
   require(options.tolerance > 0.0, "a tolerance above 0");
   return {is_second_order, 2.0 * std::numbers::pi * loop.bandwidth, loop.damping, options};
 }
@@ -208,7 +208,7 @@ double rounded(double value, double increment) {
 /// Returns the number of the first cycle that begins at or after `end_s`.
 long cycles_until(double end_s, double start_s, double cycle_s) {
   const double cycles = std::ceil((end_s - start_s) / cycle_s);
-  require_for_channel(cycles <= max_channel_cycles, "at most 2e8 cycles in a course");
+  require_for_channel(cycles <= max_channel_cycles, "at most 2e8 cycles in a time series");
   return long(cycles);
 }
 
@@ -219,7 +219,7 @@ TimeSeries sample_and_hold(const TimeSeries& input, double cycle_s, double delay
                            const Shape& shape) {
   validate(input, "channel");
   require_for_channel(is_positive(cycle_s), "a cycle above 0");
-  require_for_channel(is_not_negative(delay_s), "a delay that is not negative");
+  require_for_channel(is_not_negative(delay_s), "a non-negative delay");
   const double start_s = input.time_s[0];
   const long cycles = cycles_until(input.time_s[input.time_s.size() - 1], start_s, cycle_s);
   TimeSeriesReader reader(input);
@@ -285,9 +285,9 @@ TimeSeries apply_channel(const TimeSeries& correction, const OpenControl& open) 
 
 TimeSeries apply_channel(const TimeSeries& correction, const OriginShift& origin,
                          std::span<const kinematics::Joint> joints) {
-  require_for_channel(Index(joints.size()) == correction.value.cols(), "a joint for each column");
-  require_for_channel(is_not_negative(origin.increment), "an increment that is not negative");
-  require_for_channel(is_not_negative(origin.rate), "a rate that is not negative");
+  require_for_channel(Index(joints.size()) == correction.value.cols(), "one joint per column");
+  require_for_channel(is_not_negative(origin.increment), "a non-negative increment");
+  require_for_channel(is_not_negative(origin.rate), "a non-negative rate");
   const TimeSeries steps =
       sample_and_hold(correction, origin.cycle_s, origin.delay_s, [&](VectorXd row) {
         for (Index j = 0; j < row.size(); ++j) {
@@ -303,9 +303,9 @@ TimeSeries apply_channel(const TimeSeries& correction, const OriginShift& origin
 TimeSeries apply_channel(const TimeSeries& displacement_t, const Piezo& piezo) {
   require_for_channel(displacement_t.value.cols() == 3, "three columns for a piezo");
   require_for_channel(std::abs(piezo.direction_t.norm() - 1.0) <= 1e-9,
-                      "a unit direction of the piezo");
-  require_for_channel(is_positive(piezo.range), "a range of the piezo above 0");
-  require_for_channel(is_not_negative(piezo.resolution), "a resolution that is not negative");
+                      "a unit direction for the piezo");
+  require_for_channel(is_positive(piezo.range), "a piezo range above 0");
+  require_for_channel(is_not_negative(piezo.resolution), "a non-negative resolution");
   const TimeSeries stroke{displacement_t.time_s, displacement_t.value * piezo.direction_t};
   const double max_stroke = 0.5 * piezo.range;
   const TimeSeries set_points = sample_and_hold(stroke, piezo.cycle_s, 0.0, [&](VectorXd row) {
@@ -318,7 +318,7 @@ TimeSeries apply_channel(const TimeSeries& displacement_t, const Piezo& piezo) {
 }
 
 double piezo_deflection(const Piezo& piezo, double force_along) {
-  require_for_channel(is_positive(piezo.stiffness), "a stiffness of the piezo above 0");
+  require_for_channel(is_positive(piezo.stiffness), "a piezo stiffness above 0");
   return force_along / piezo.stiffness;
 }
 

@@ -58,7 +58,7 @@ Descriptor move_above_standard_streams(Descriptor file) {
 Pipe create_pipe() {
   std::array<int, 2> ends{};
   if (pipe2(ends.data(), O_CLOEXEC) != 0)
-    throw ChildProcessError("a pipe to talk through", std::strerror(errno));
+    throw ChildProcessError("a pipe to the program", std::strerror(errno));
   Pipe pipe{Descriptor(ends[0]), Descriptor(ends[1])};
   pipe.read = move_above_standard_streams(std::move(pipe.read));
   pipe.write = move_above_standard_streams(std::move(pipe.write));
@@ -117,7 +117,7 @@ pid_t spawn(const std::vector<std::string>& command, const std::vector<std::stri
       posix_spawnp(&pid, command.front().c_str(), &file_actions.actions, &attributes.attributes,
                    arguments.data(), environment.data());
   if (error_number != 0)
-    throw ChildProcessError(fmt::format("that {} can be started", command.front()),
+    throw ChildProcessError(fmt::format("{} to start", command.front()),
                             std::strerror(error_number));
   return pid;
 }
@@ -155,7 +155,7 @@ std::string read_available(Descriptor& file) {
 /// Returns a text about the unfinished line in the output of a child, for an error message.
 std::string unfinished_line_text(const std::string& output) {
   if (output.empty() || output.find('\n') != std::string::npos) return {};
-  return "the beginning of a line, " + quoted_excerpt(output) + ", then ";
+  return "an incomplete line, " + quoted_excerpt(output) + ", then ";
 }
 
 std::string exit_text(int status) {
@@ -214,22 +214,21 @@ std::string ChildProcess::exchange(std::string_view text, const LineLimits& limi
     searched = end == std::string::npos ? received_.size() : end;
     if (searched > limits.max_bytes)
       throw ChildProcessError(fmt::format("a line of at most {} bytes", limits.max_bytes),
-                              "more, beginning with " + quoted_excerpt(received_));
+                              "a longer line that begins with " + quoted_excerpt(received_));
     if (!out_.is_open()) {
       // The output ends shortly before the process, whose exit code explains why.
       const std::string exit_description = wait_for_exit(after(1.0));
       throw ChildProcessError(
-          "a line",
-          unfinished_line_text(received_) +
-              (exit_description.empty() ? "its output closed" : "its end, " + exit_description));
+          "a line", unfinished_line_text(received_) +
+                        (exit_description.empty() ? "the end of its output"
+                                                  : "the end of the program, " + exit_description));
     }
     if (Clock::now() >= deadline)
       // The most frequent cause is an output that is buffered until the end.
-      throw ChildProcessError(
-          fmt::format("a line within {} s", limits.seconds),
-          unfinished_line_text(received_) +
-              (unsent_.empty() ? "nothing (is the output flushed after each line?)"
-                               : "nothing, and the question not read"));
+      throw ChildProcessError(fmt::format("a line within {} s", limits.seconds),
+                              unfinished_line_text(received_) +
+                                  (unsent_.empty() ? "no output (is it flushed after each line?)"
+                                                   : "no output, and the request was not read"));
     poll_pipes(deadline, limits.max_bytes);
   }
 }
@@ -250,11 +249,11 @@ void ChildProcess::finish(std::string_view text, double seconds) {
     received_ += chunk;
   }
   if (received_.find_first_not_of(" \t\r\n") != std::string::npos)
-    throw ChildProcessError("nothing after the last answer", quoted_excerpt(received_));
+    throw ChildProcessError("no output after the last answer", quoted_excerpt(received_));
   const std::string exit_description = wait_for_exit(deadline);
   if (exit_description.empty())
-    throw ChildProcessError(fmt::format("its end within {} s after the last answer", seconds),
-                            "none");
+    throw ChildProcessError(
+        fmt::format("the program to end within {} s after the last answer", seconds), "none");
   if (exit_description != exit_text(0))
     throw ChildProcessError("exit code 0 after the last answer", exit_description);
 }

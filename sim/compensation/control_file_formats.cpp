@@ -96,7 +96,7 @@ class IniReader {
       lines_.refuse(number, fmt::format("a joint from 0 to {}", int(joints_.size()) - 1));
     const int joint = joints_[std::size_t(index)];
     for (const JointEntry& other : entries_)
-      if (other.joint == joint) lines_.refuse(number, "every joint once");
+      if (other.joint == joint) lines_.refuse(number, "each joint only once");
     entries_.push_back({joint, lines_.number(), "", 0, 0, std::nullopt});
   }
 
@@ -106,14 +106,14 @@ class IniReader {
     if (!setting) return;
     JointEntry& entry = entries_.back();
     if (setting->key == "COMP_FILE") {
-      if (!entry.file.empty()) lines_.refuse(setting->value, "one COMP_FILE a joint");
-      if (setting->value.text.empty()) lines_.refuse(setting->value, "the name of a file");
+      if (!entry.file.empty()) lines_.refuse(setting->value, "one COMP_FILE per joint");
+      if (setting->value.text.empty()) lines_.refuse(setting->value, "a file name");
       entry.file = std::string(setting->value.text);
       entry.file_line = lines_.number();
       entry.file_column = setting->value.column;
     }
     if (setting->key == "COMP_FILE_TYPE") {
-      if (entry.type) lines_.refuse(setting->value, "one COMP_FILE_TYPE a joint");
+      if (entry.type) lines_.refuse(setting->value, "one COMP_FILE_TYPE per joint");
       entry.type = lines_.read_whole_number(setting->value, 0, 1);
     }
   }
@@ -136,11 +136,12 @@ AxisTable read_comp(const ControlFile& file, int joint, int type, const Chain& c
   // is an error.
   while (const auto line = lines.next()) {
     if (line->number != last_line + 1)
-      lines.refuse(1, "no empty line before this one, where LinuxCNC stops reading", "one");
+      lines.refuse(1, "no empty line before this line, because LinuxCNC stops reading there",
+                   "an empty line");
     last_line = line->number;
     if (line->text.size() > max_line_bytes)
-      lines.refuse(int(max_line_bytes) + 1, fmt::format("at most {} bytes a line", max_line_bytes),
-                   "more");
+      lines.refuse(int(max_line_bytes) + 1,
+                   fmt::format("at most {} bytes per line", max_line_bytes), "more");
     if (numbers.size() == 3 * std::size_t(max_lines))
       lines.refuse(1, fmt::format("at most {} lines", max_lines), "more");
     const std::vector<Cell> cells = split_cells(line->text, ' ', 3);
@@ -148,7 +149,7 @@ AxisTable read_comp(const ControlFile& file, int joint, int type, const Chain& c
       numbers.push_back(lines.number_in(cells[i]));
     if (cells.size() < 3)
       lines.refuse(int(line->text.size()) + 1, "nominal forward reverse",
-                   fmt::format("{} of them", cells.size()));
+                   fmt::format("{} numbers", cells.size()));
     if (cells.size() > 3) lines.refuse(cells[3], "nothing after nominal forward reverse");
     if (numbers.size() > 3 && !(numbers[numbers.size() - 3] > numbers[numbers.size() - 6]))
       lines.refuse(cells[0], "positions that increase from line to line");
@@ -181,7 +182,7 @@ int joint_of_file_name(const ControlFile& file, const Chain& chain) {
   if (stem.size() == 1 && joint_letters.find(stem[0]) != std::string_view::npos)
     if (const auto joint = movable(stem[0], chain)) return *joint;
   throw BadInput(file.name, 0, 0,
-                 fmt::format("an INI file that names it, or the letter of an axis ({}) as its name",
+                 fmt::format("an INI file that names it, or an axis letter ({}) as its name",
                              movable_letters(chain)),
                  quoted_excerpt(file.name));
 }
@@ -194,12 +195,12 @@ void read_ini(const ControlFile& ini, std::span<const ControlFile> files, const 
     // Without COMP_FILE the control loads no table for the joint.
     if (entry.file.empty()) continue;
     if (!entry.type)
-      throw BadInput(ini.name, entry.section_line, 1, "a COMP_FILE_TYPE beside COMP_FILE", "none");
+      throw BadInput(ini.name, entry.section_line, 1, "a COMP_FILE_TYPE with COMP_FILE", "none");
     const auto file = std::find_if(files.begin(), files.end(), [&entry](const ControlFile& f) {
       return base_name(f.name) == base_name(entry.file);
     });
     if (file == files.end())
-      throw BadInput(ini.name, entry.file_line, entry.file_column, "a file that is there",
+      throw BadInput(ini.name, entry.file_line, entry.file_column, "an existing file",
                      quoted_excerpt(entry.file));
     loaded_files.push_back(&*file);
     tables.tables.push_back(read_comp(*file, entry.joint, *entry.type, chain));
@@ -220,8 +221,9 @@ ControlExport to_linuxcnc(const ParameterTables& tables, const Chain& chain) {
     const auto joint = std::find(joints.begin(), joints.end(), table.argument_joint);
     if (table.argument_joint != table.corrected_joint || joint == joints.end()) {
       result.omissions.push_back(relation(table, chain) +
-                                 (joint == joints.end() ? ": no axis of LinuxCNC"
-                                                        : ": a COMP_FILE holds the own axis only"));
+                                 (joint == joints.end()
+                                      ? ": not a LinuxCNC axis"
+                                      : ": a COMP_FILE can only correct its own axis"));
       continue;
     }
     const FittedTable fitted = fit_table(table, chain, {max_lines, 1e-6});
@@ -236,8 +238,8 @@ ControlExport to_linuxcnc(const ParameterTables& tables, const Chain& chain) {
   result.files.push_back({"compensation.ini", ini});
   // The user must copy these lines to the INI file of the machine.
   result.notes.push_back(
-      "the lines of compensation.ini belong to the INI file of the machine, its "
-      "joints as trivkins numbers them; BACKLASH of these joints is then not used");
+      "copy the lines of compensation.ini to the INI file of the machine, with joints numbered as "
+      "in trivkins; BACKLASH of these joints is then ignored");
   return result;
 }
 
@@ -253,8 +255,8 @@ ParameterTables read_linuxcnc_tables(std::span<const ControlFile> files, const C
     const int joint = joint_of_file_name(file, chain);
     for (const AxisTable& other : tables.tables)
       if (other.argument_joint == joint)
-        throw BadInput(file.name, 0, 0, "one file a joint",
-                       "the second of " + file.name.substr(0, 1));
+        throw BadInput(file.name, 0, 0, "one file per joint",
+                       "a second file for " + file.name.substr(0, 1));
     tables.tables.push_back(read_comp(file, joint, 1, chain));
   }
   return tables;
@@ -347,13 +349,14 @@ class GridReader {
     if (first_cells.size() != 3 || first_cells[0].text != "BEGIN")
       lines_.refuse(1, "BEGIN name MM", quoted_excerpt(first_line.text));
     if (first_cells[2].text != "MM") lines_.refuse(first_cells[2], "MM");
-    headers_ = split_cells(line("a head such as NR AXISPOS X").text, ' ', max_columns);
+    headers_ = split_cells(line("a header such as NR AXISPOS X").text, ' ', max_columns);
     if (headers_.size() > max_columns)
       lines_.refuse(headers_.back(), fmt::format("at most {} columns", max_columns));
     if (headers_.front().text != "NR") lines_.refuse(headers_.front(), "NR as the first column");
     for (std::size_t i = 0; i < headers_.size(); ++i)
       for (std::size_t k = 0; k < i; ++k)
-        if (headers_[i].text == headers_[k].text) lines_.refuse(headers_[i], "every column once");
+        if (headers_[i].text == headers_[k].text)
+          lines_.refuse(headers_[i], "each column only once");
   }
 
   const std::vector<Cell>& headers() const { return headers_; }
@@ -423,11 +426,11 @@ ComColumns com_columns(const GridReader& reader, int argument_joint, const Chain
     has_own = has_own || joint == argument_joint;
   }
   if (columns.position == 0) reader.lines().refuse(1, "a column AXISPOS", "none");
-  if (columns.corrected_joint.empty()) reader.lines().refuse(1, "a column of an axis", "none");
+  if (columns.corrected_joint.empty()) reader.lines().refuse(1, "a column for an axis", "none");
   if (columns.backlash && !has_own)
     reader.lines().refuse(
         reader.headers()[*columns.backlash],
-        fmt::format("BACKLASH beside a column {}", axis_letter(chain, argument_joint)));
+        fmt::format("BACKLASH with a column {}", axis_letter(chain, argument_joint)));
   return columns;
 }
 
@@ -493,7 +496,7 @@ std::vector<AssignedFile> read_assignments(const ControlFile& file, const Chain&
     const Cell& active_cell = (*cells)[*active_column];
     if (active_cell.text.empty()) continue;
     if (active_cell.text != "*") reader.lines().refuse(active_cell, "* or nothing");
-    if (active_row) reader.lines().refuse(active_cell, "one line in force");
+    if (active_row) reader.lines().refuse(active_cell, "only one active line");
     active_row.emplace();
     for (std::size_t i = 1; i < cells->size(); ++i)
       if (i != *active_column && !(*cells)[i].text.empty())
@@ -513,7 +516,7 @@ int axis_of_file_name(const ControlFile& file, const Chain& chain) {
   if (base.size() == 5 && base.ends_with(".COM"))
     if (const auto joint = movable(base[0], chain)) return *joint;
   throw BadInput(file.name, 0, 0,
-                 fmt::format("a .CMA that names it, or the letter of an axis ({}) as its name",
+                 fmt::format("a .CMA file that names it, or an axis letter ({}) as its name",
                              movable_letters(chain)),
                  quoted_excerpt(file.name));
 }
@@ -531,7 +534,7 @@ ControlExport to_heidenhain(const ParameterTables& tables, const Chain& chain) {
     for (const AxisTable& table : axis_tables)
       if (table.corrected_joint != argument_joint && !is_direction_independent(table))
         result.omissions.push_back(relation(table, chain) +
-                                   ": the direction of motion; its mean is written");
+                                   ": dependence on direction is omitted; the mean is written");
     const std::string name = std::string(1, axis_letter(chain, argument_joint)) + ".COM";
     result.files.push_back({name, grid_text(name, com_grid(axis_tables, chain))});
     cma.names.emplace_back(1, axis_letter(chain, argument_joint));
@@ -542,8 +545,8 @@ ControlExport to_heidenhain(const ParameterTables& tables, const Chain& chain) {
   cma.rows[0].push_back("*");
   result.files.push_back({"CONFIG.CMA", grid_text("CONFIG.CMA", cma)});
   result.notes.push_back(
-      "Heidenhain-style: columns as the technical manuals name them, the frame of the "
-      "file and its 4 decimals are assumed; compare with a table of the control");
+      "Heidenhain-style: columns as named in the technical manuals; the frame of the file and its "
+      "4 decimals are assumed, so compare with a table of the control");
   result.notes.push_back(
       "positions count from the machine datum; older controls read a rotary axis from 0 "
       "to 360 degrees only");
@@ -567,7 +570,7 @@ ParameterTables read_heidenhain_tables(std::span<const ControlFile> files, const
       return base_name(f.name) == base_name(assignment.file) && !is_cma(f);
     });
     if (file == files.end())
-      throw BadInput(cma->name, assignment.line, assignment.column, "a file that is there",
+      throw BadInput(cma->name, assignment.line, assignment.column, "an existing file",
                      quoted_excerpt(assignment.file));
     add(*file, assignment.argument_joint);
   }

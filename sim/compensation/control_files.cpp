@@ -133,7 +133,7 @@ FittedTable fit_table(const AxisTable& table, const Chain& chain, const Capacity
   // The second point must differ by a digit, or the file would have two equal positions.
   if (width < min_gap) result.position[1] = result.position[0] + min_gap;
   std::string words =
-      fmt::format("{}: {} points, of which the control holds {}; misses them by {}",
+      fmt::format("{}: {} points, but the control holds only {}; they deviate by {}",
                   relation(table, chain), n, result.position.size(),
                   deviation_text(max_difference(table, result), chain, table.corrected_joint));
   return {std::move(result), std::move(words)};
@@ -149,7 +149,7 @@ FittedTable equidistant(const AxisTable& table, const Chain& chain) {
     return {std::move(result), std::nullopt};
   }
   std::string words =
-      fmt::format("{}: {} points that are not equidistant; equidistant ones miss them by {}",
+      fmt::format("{}: {} points that are not equidistant; equidistant points deviate by {}",
                   relation(table, chain), table.position.size(),
                   deviation_text(max_difference(table, result), chain, table.corrected_joint));
   return {std::move(result), std::move(words)};
@@ -177,7 +177,7 @@ void check_files(std::span<const ControlFile> files) {
       throw BadInput(file.name, 0, 0, fmt::format("at most {} bytes", max_file_bytes),
                      fmt::format("{}", file.text.size()));
     if (!names.insert(base_name(file.name)).second)
-      throw BadInput(file.name, 0, 0, "every file once", "the second of that name");
+      throw BadInput(file.name, 0, 0, "each file only once", "a second file of that name");
   }
 }
 
@@ -209,7 +209,7 @@ namespace {
 
 [[noreturn]] void throw_isg_error() {
   throw std::invalid_argument(
-      "control files: the ISG format holds deviations of carriages, not corrections of axes");
+      "control files: the ISG format stores deviations of carriages, not corrections of axes");
 }
 
 }  // namespace
@@ -326,7 +326,7 @@ std::vector<std::string> omission_notes(const GeometricModel& model, const Chain
   for (const GeometricModel::Bound& bound : model.elements) {
     const std::string name = to_string(bound.element.name);
     if (!is_isg_axis(chain.joints()[std::size_t(bound.joint)].name))
-      words.push_back(name + ": no axis of the format");
+      words.push_back(name + ": not an axis of the format");
     const auto& curves = bound.element.curves;
     if (std::any_of(curves.begin(), curves.end(), errors::is_random))
       words.push_back(name + ": its random part");
@@ -363,8 +363,8 @@ std::vector<std::string> position_notes(const std::vector<JointDeviation>& devia
       if (deviations[std::size_t(i)].location[Eigen::Index(k)] != 0.0 &&
           chain.location_rule(i)[k] != kinematics::DisplacedPart::Frame)
         notes.push_back(fmt::format(
-            "{0}0{1} is stated against a slide that {1} carries (ISO 230-1: the angle between the "
-            "two); a control that displaces the frame of {1} would take both along",
+            "{0}0{1} is stated relative to a slide that {1} carries (ISO 230-1: the angle between "
+            "the two); a control that displaces the frame of {1} would move both",
             directions[k], joint.name));
   }
   return notes;
@@ -381,7 +381,7 @@ std::vector<std::string> split_blocks(const ControlFile& file) {
     if (start != std::string_view::npos && text[start] == '#') {
       if (blocks.size() == max_blocks)
         throw BadInput(file.name, lines.number(), int(start) + 1,
-                       fmt::format("at most {} heads", max_blocks), "more");
+                       fmt::format("at most {} headers", max_blocks), "more");
       blocks.emplace_back(std::size_t(lines.number()), '\n');
     } else {
       blocks.back() += text;
@@ -434,7 +434,7 @@ class VolumetricReader {
     if (!row) lines.refuse(0, "a row of values", "none");
     const std::vector<Cell> cells = split_cells(row->text, separator, headers.size());
     if (cells.size() != headers.size())
-      lines.refuse(1, fmt::format("{} cells, as the head has", headers.size()),
+      lines.refuse(1, fmt::format("{} cells, as in the header", headers.size()),
                    cells.size() > headers.size() ? "more" : fmt::format("{}", cells.size()));
     for (std::size_t i = 0; i < cells.size(); ++i) {
       const double value = lines.number_in(cells[i]);
@@ -465,7 +465,7 @@ class VolumetricReader {
   void add(const TableLineReader& lines, const Cell& cell, Element element) {
     for (const Element& other : errors_.elements)
       if (other.name == element.name)
-        lines.refuse(cell, fmt::format("{} once", to_string(element.name)));
+        lines.refuse(cell, fmt::format("{} only once", to_string(element.name)));
     try {
       errors::check_meaning(element.name, chain_, *chain_.find(element.name.axis));
     } catch (const std::invalid_argument& error) {
@@ -494,7 +494,7 @@ ControlExport to_volumetric(const GeometricModel& believed, const Chain& chain,
     const SampledDeviations samples = sample_deviations(model, chain, i, state, positions);
     if (samples.depends_on_direction)
       result.omissions.push_back(
-          fmt::format("{}: the direction of motion; its mean is written", axis));
+          fmt::format("{}: dependence on direction is omitted; the mean is written", axis));
     if ((samples.table.values.array() == 0.0).all()) continue;
     result.files.push_back({fmt::format("{}.csv", axis),
                             fmt::format("// mm and rad over {}\n", control::unit_name(chain, i)) +
@@ -505,8 +505,8 @@ ControlExport to_volumetric(const GeometricModel& believed, const Chain& chain,
   if (!locations.empty()) result.files.push_back({"position_errors.csv", locations});
   if (!result.files.empty())
     result.notes.emplace_back(
-        "values are actual minus nominal of each carriage over its command; whether "
-        "the control's chain counts an axis the other way is for its `negate`");
+        "values are actual minus nominal of each carriage over its command; use `negate` of the "
+        "control if it counts an axis in the opposite direction");
   for (std::string& note : position_notes(deviations, chain))
     result.notes.push_back(std::move(note));
   return result;

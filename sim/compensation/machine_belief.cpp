@@ -98,13 +98,13 @@ LoadSeries dynamometer_load(const ControlLog& log, double smoothing_s) {
 CurrentLaw fit_current_law(const ControlLog& log, const CurrentTraining& part, double smoothing_s) {
   const Index n = part.time_s.size();
   if (n < 2 || part.deviation.size() != n)
-    throw std::invalid_argument("expected a training part with a deviation at two places or more");
+    throw std::invalid_argument("expected a training part with deviations at two or more points");
   CurrentLaw law;
   law.smoothing_s = smoothing_s;
   std::vector<double> idle_currents_A = idle_currents(log, part.time_s.minCoeff());
   if (idle_currents_A.empty())
     throw std::invalid_argument(
-        "expected the current in air before the training cut, at the speed of the cut");
+        "expected the air-cut current before the training cut, at the same spindle speed");
   law.air_A = median(std::move(idle_currents_A));
   const VectorXd current = trailing_mean(column(log, "current_A"), log.time_s, smoothing_s);
   Eigen::MatrixX2d A(n, 2);
@@ -116,7 +116,7 @@ CurrentLaw fit_current_law(const ControlLog& log, const CurrentTraining& part, d
   }
   const auto fit = least_squares(A, part.deviation);
   if (fit.rank < 2)
-    throw std::invalid_argument("expected a training part cut with two depths or more");
+    throw std::invalid_argument("expected a training part cut with at least two depths");
   law.c = fit.x;
   law.sigma =
       // With two fitted coefficients n - 2 degrees of freedom remain.
@@ -238,8 +238,9 @@ ThermalBelief::Term read_term(BeliefReader& reader, const ThermalBelief& belief)
   term.slope = kind == "slope";
   if (!term.slope && kind != "offset") reader.throw_input_error(expected, quoted_excerpt(line));
   if (term.slope && !can_have_slope(term.name))
-    reader.throw_input_error("a slope of an axis that travels", quoted_excerpt(line));
-  if (contains_term(belief, term)) reader.throw_input_error("each term once", quoted_excerpt(line));
+    reader.throw_input_error("a slope of an axis with travel", quoted_excerpt(line));
+  if (contains_term(belief, term))
+    reader.throw_input_error("each term only once", quoted_excerpt(line));
   term.model = read_model(reader.model(), reader.file());
   return term;
 }
@@ -280,7 +281,8 @@ ThermalSeries::Term bind_term(const ThermalBelief::Term& term, const kinematics:
   const kinematics::Joint& axis = chain.joints()[std::size_t(joint)];
   errors::check_meaning(term.name, chain, joint);
   if (term.slope && !can_have_slope(term.name))
-    throw std::invalid_argument(element_name + ": a location or spindle element has no slope");
+    throw std::invalid_argument(element_name +
+                                ": a location or spindle element cannot have a slope");
   return {joint, term.name.component(), term.name.location, term.slope,
           // A slope multiplies the travel of the carriage, which has the opposite sign on the
           // workpiece side.

@@ -114,21 +114,21 @@ void validate(const ParameterTables& tables, const Chain& chain) {
     throw_table_error(fmt::format("expected an offset of {} finite numbers", chain.size()));
   for (const AxisTable& table : tables.tables) {
     if (!is_movable(table.argument_joint) || !is_movable(table.corrected_joint))
-      throw_table_error(fmt::format("expected axes of the machine that move, seen {} over {}",
+      throw_table_error(fmt::format("expected movable axes of the machine, seen {} over {}",
                                     table.corrected_joint, table.argument_joint));
     const Eigen::Index n = table.position.size();
     if (n < 2 || table.upward.size() != n || table.downward.size() != n)
-      throw_table_error("expected at least 2 points with a correction either way");
+      throw_table_error("expected at least 2 points with a correction for each direction");
     if (!table.position.allFinite() || !table.upward.allFinite() || !table.downward.allFinite())
       throw_table_error("expected finite numbers");
     for (Eigen::Index k = 1; k < n; ++k)
       if (!(table.position[k] > table.position[k - 1]))
-        throw_table_error("expected positions that increase");
+        throw_table_error("expected increasing positions");
   }
 }
 
 Eigen::VectorXd table_positions(const Chain& chain, int joint, const TableOptions& options) {
-  if (options.max_points < 2) throw_table_error("expected at least 2 points a table");
+  if (options.max_points < 2) throw_table_error("expected at least 2 points per table");
   if (!(options.spacing > 0.0) || !(options.spacing_rad > 0.0))
     throw_table_error("expected a spacing above 0");
   const auto range = table_range(chain, joint, options);

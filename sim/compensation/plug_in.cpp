@@ -143,7 +143,7 @@ json parse_message(const std::string& line) {
     throw ChildProcessError("a JSON object on one line", quoted_excerpt(line) + why);
   };
   // The parser recurses, so deep nesting would exhaust the stack.
-  if (json_depth(line) > max_nesting) throw_input_error(" that nests too deeply");
+  if (json_depth(line) > max_nesting) throw_input_error(" that is nested too deeply");
   json message;
   try {
     message = json::parse(line);
@@ -155,7 +155,7 @@ json parse_message(const std::string& line) {
                                 line.find("nan") != std::string::npos ||
                                 line.find("Infinity") != std::string::npos;
     throw_input_error(has_non_finite ? " with a number that is not finite"
-                                     : " (messages for people go to stderr)");
+                                     : " (write messages for users to stderr)");
   }
   if (!message.is_object()) throw_input_error("");
   if (const auto error = message.find("error"); error != message.end() && !error->is_null())
@@ -254,9 +254,8 @@ std::string ask_line(const PlugInBatch& batch, long id) {
 Handshake read_handshake(const std::string& line) {
   const json message = parse_message(line);
   if (shown_value(message, "abbe") != std::to_string(protocol_version))
-    throw ChildProcessError(
-        fmt::format("\"abbe\":{}, the version of the protocol", protocol_version),
-        shown_value(message, "abbe"));
+    throw ChildProcessError(fmt::format("\"abbe\":{}, the protocol version", protocol_version),
+                            shown_value(message, "abbe"));
   if (shown_value(message, "kind") != "\"ready\"")
     throw ChildProcessError("\"kind\":\"ready\"", shown_value(message, "kind"));
   Handshake handshake;
@@ -279,13 +278,13 @@ Eigen::MatrixXd read_response(const std::string& line, const ResponseRequirement
     throw ChildProcessError(fmt::format("\"{}\":[...]", enum_key(expected.answers)),
                             shown_value(message, enum_key(expected.answers)));
   if (rows_json->size() != std::size_t(expected.samples))
-    throw ChildProcessError(fmt::format("{} rows, one a sample", expected.samples),
+    throw ChildProcessError(fmt::format("{} rows, one per sample", expected.samples),
                             std::to_string(rows_json->size()));
   Eigen::MatrixXd rows(expected.samples, columns(expected.answers, expected.task));
   for (Eigen::Index i = 0; i < rows.rows(); ++i) {
     const json& row = (*rows_json)[std::size_t(i)];
     if (!row.is_array() || row.size() != std::size_t(rows.cols()))
-      throw ChildProcessError(fmt::format("{} numbers a row", rows.cols()),
+      throw ChildProcessError(fmt::format("{} numbers per row", rows.cols()),
                               row.is_array() ? fmt::format("{} in row {}", row.size(), i + 1)
                                              : fmt::format("no list in row {}", i + 1));
     for (Eigen::Index j = 0; j < rows.cols(); ++j)
@@ -525,7 +524,7 @@ LaunchCommand launch_command(const fs::path& plug_in, const PlugInOptions& optio
   if (!fs::exists(status)) throw ChildProcessError("a program or a shared library", "no such file");
   if (!fs::is_regular_file(status))
     throw ChildProcessError("a program or a shared library",
-                            fs::is_directory(status) ? "a folder" : "something else");
+                            fs::is_directory(status) ? "a folder" : "something that is not a file");
   const std::string path = fs::absolute(plug_in).string();
   LaunchCommand launch;
   // Without this variable Python buffers its output to a pipe.
@@ -535,7 +534,7 @@ LaunchCommand launch_command(const fs::path& plug_in, const PlugInOptions& optio
     // The variable is set in a host. If it is set here, the host ran its normal main and would
     // start itself for ever.
     if (std::getenv(host_variable) != nullptr)
-      throw ChildProcessError("a host whose main begins with plug_in_host", "one that does not");
+      throw ChildProcessError("a host whose main calls plug_in_host first", "a host that does not");
     launch.environment.push_back(fmt::format("{}=1", host_variable));
     launch.command = {options.host.string(), host_argument, path};
   } else if (plug_in.extension() == ".py" && !(is_executable && has_shebang(plug_in))) {
@@ -543,8 +542,8 @@ LaunchCommand launch_command(const fs::path& plug_in, const PlugInOptions& optio
   } else if (is_executable) {
     launch.command = {path};
   } else {
-    throw ChildProcessError("a program that may be run (chmod +x), a .py file or a .so file",
-                            "a file that is none of these");
+    throw ChildProcessError("an executable program (chmod +x), a .py file or a .so file",
+                            "none of these");
   }
   return launch;
 }
@@ -576,7 +575,7 @@ class Conversation {
       std::string text =
           fmt::format("{}: {}: {}", escaped(plug_in_.string()), name, escaped(error.what()));
       if (child_ && !child_->stderr_tail().empty())
-        text += "\nits last words on stderr:\n" + indented(child_->stderr_tail());
+        text += "\nlast lines on stderr:\n" + indented(child_->stderr_tail());
       throw PlugInFailure(replace_invalid_utf8(text));
     }
   }
@@ -622,7 +621,7 @@ class Conversation {
 
 void check_question(const PlugInQuestion& question, const PlugInOptions& options) {
   if (question.T_wt.size() != question.commands.size())
-    throw std::invalid_argument("expected a pose for every command");
+    throw std::invalid_argument("expected one pose per command");
   if (options.batch < 1) throw std::invalid_argument("expected a batch of at least one sample");
 }
 

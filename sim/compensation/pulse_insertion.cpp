@@ -205,7 +205,7 @@ double add_joint_steps(const TimeSeries& requested, const PulseInsertion& pulses
     inserted_counts += missing_counts > 0.0 ? 1.0 : -1.0;
     end_of_pair_s = begin_s + pulses.pulse_s;
     steps.push_back({end_of_pair_s, joint, rounder.value(inserted_counts)});
-    require_insertion(steps.size() <= max_steps, "at most 2.5e7 pairs in a course");
+    require_insertion(steps.size() <= max_steps, "at most 2.5e7 pairs in a time series");
   }
   return rounder.value(initial);
 }
@@ -215,9 +215,9 @@ void validate(const TimeSeries& requested, const PulseInsertion& pulses, const T
   validate(motion, "pulse insertion");
   const Index joints = requested.value.cols();
   require_insertion(motion.value.cols() == joints && pulses.count.size() == joints,
-                    "a correction, a position and a count for each joint");
+                    "one correction, position and count per joint");
   require_insertion(pulses.count.allFinite() && (pulses.count.array() >= 0.0).all(),
-                    "counts that are not negative");
+                    "non-negative counts");
   require_insertion(pulses.cycle_s > 0.0 && std::isfinite(pulses.cycle_s), "a cycle above 0");
   require_insertion(pulses.pulse_s > 0.0 && std::isfinite(pulses.pulse_s), "a pulse above 0");
 }
@@ -258,7 +258,7 @@ TimeSeries apply_channel(const TimeSeries& requested, const PulseInsertion& puls
   };
   const TimeSpan span{requested.time_s[0], std::max(last(requested), last(motion))};
   require_insertion((span.end_s - span.start_s) / pulses.cycle_s <= max_cycles,
-                    "at most 2e8 cycles in a course");
+                    "at most 2e8 cycles in a time series");
   std::vector<TimedStep> steps;
   VectorXd initial = VectorXd::Zero(requested.value.cols());
   for (Index joint = 0; joint < initial.size(); ++joint)
@@ -298,7 +298,7 @@ Edge make_edge(double quarter, double from, double time_s) {
 QuadratureState apply_edge(QuadratureState state, const Edge& edge) {
   bool& level = edge.is_a ? state.a : state.b;
   if (level == edge.level)
-    throw std::invalid_argument("an edge of an encoder changes nothing at " +
+    throw std::invalid_argument("an encoder edge does not change the level at " +
                                 std::to_string(edge.time_s) + " s");
   level = edge.level;
   return state;

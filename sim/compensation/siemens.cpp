@@ -174,7 +174,7 @@ class ProgramReader {
     if (assignment.index.size() != count)
       lines_.refuse(
           assignment.index.empty() ? assignment.value.column - 2 : assignment.index.front().column,
-          fmt::format("{} indices of {}", count, assignment.name.text),
+          fmt::format("{} indices for {}", count, assignment.name.text),
           fmt::format("{}", assignment.index.size()));
   }
 
@@ -231,14 +231,14 @@ class ProgramReader {
 
   template <typename T>
   void set(std::optional<T>& target, T value, const Assignment& assignment) const {
-    if (target) lines_.refuse(assignment.value, fmt::format("{} once", assignment.name.text));
+    if (target) lines_.refuse(assignment.value, fmt::format("{} only once", assignment.name.text));
     target = value;
   }
 
   void set_value(TableDraft& draft, const Cell& index, const Cell& value) const {
     const auto k = std::size_t(lines_.read_whole_number(index, 0, max_rows - 1));
     if (draft.values.size() <= k) draft.values.resize(k + 1);
-    if (draft.values[k]) lines_.refuse(index, "every point once");
+    if (draft.values[k]) lines_.refuse(index, "each point only once");
     draft.values[k] = lines_.number_in(value);
   }
 
@@ -303,9 +303,9 @@ class TableBuilder {
 
   AxisTable build_table(const TableDraft& draft, double sign) const {
     if (!draft.argument_joint || !draft.corrected_joint)
-      throw_input_error(draft, "a table with INPUT_AXIS and OUTPUT_AXIS", "one without");
+      throw_input_error(draft, "a table with INPUT_AXIS and OUTPUT_AXIS", "a table without them");
     if (!draft.step || !draft.min || !draft.max)
-      throw_input_error(draft, "a table with STEP, MIN and MAX", "one without");
+      throw_input_error(draft, "a table with STEP, MIN and MAX", "a table without them");
     if (!(*draft.step > 0.0) || !(*draft.max > *draft.min))
       throw_input_error(draft, "STEP above 0 and MAX above MIN",
                         fmt::format("{} and {} to {}", *draft.step, *draft.min, *draft.max));
@@ -315,10 +315,12 @@ class TableBuilder {
     // 1e-4 of a step absorbs the rounding of the printed step.
     if (!(last_index >= 1.0) || last_index > max_rows - 1 ||
         std::abs(step_count - last_index) > 1e-4)
-      throw_input_error(draft, fmt::format("1 to {} whole steps from MIN to MAX", max_rows - 1),
-                        fmt::format("{:.6g}", step_count));
+      throw_input_error(
+          draft, fmt::format("an integer number of steps, 1 to {}, from MIN to MAX", max_rows - 1),
+          fmt::format("{:.6g}", step_count));
     if (draft.values.size() != std::size_t(last_index) + 1)
-      throw_input_error(draft, fmt::format("points 0 to {}, as MIN, MAX and STEP say", last_index),
+      throw_input_error(draft,
+                        fmt::format("points 0 to {}, as given by MIN, MAX and STEP", last_index),
                         fmt::format("0 to {}", int(draft.values.size()) - 1));
     return fill_table(draft, sign, Eigen::Index(last_index) + 1);
   }
@@ -330,13 +332,12 @@ class TableBuilder {
                  unit = unit_of(chain_, *draft.corrected_joint);
     for (Eigen::Index k = 0; k < n; ++k) {
       const auto& value = draft.values[std::size_t(k)];
-      if (!value) throw_input_error(draft, fmt::format("a value of point {}", k), "none");
+      if (!value) throw_input_error(draft, fmt::format("a value for point {}", k), "none");
       table.position[k] = (*draft.min + double(k) * *draft.step) * of_unit;
       table.upward[k] = sign * *value * unit;
       // The step may be below the rounding of the positions.
       if (k > 0 && !(table.position[k] > table.position[k - 1]))
-        throw_input_error(draft, "a STEP that keeps its points apart",
-                          fmt::format("{}", *draft.step));
+        throw_input_error(draft, "a STEP with distinct points", fmt::format("{}", *draft.step));
     }
     table.downward = table.upward;
     return table;
@@ -351,12 +352,14 @@ void check_new_tables(const Program& program, const std::vector<Program>& earlie
   for (const Program& earlier : earlier_programs) {
     for (const auto& [joint, draft] : program.encoder)
       if (earlier.encoder.contains(joint))
-        throw BadInput(program.file, draft.line, 1, "a table that " + earlier.file + " leaves free",
-                       "one that it writes");
+        throw BadInput(program.file, draft.line, 1,
+                       "a table that " + earlier.file + " does not write",
+                       "a table that it writes");
     for (const auto& [index, draft] : program.cross)
       if (earlier.cross.contains(index))
-        throw BadInput(program.file, draft.line, 1, "a table that " + earlier.file + " leaves free",
-                       "one that it writes");
+        throw BadInput(program.file, draft.line, 1,
+                       "a table that " + earlier.file + " does not write",
+                       "a table that it writes");
   }
 }
 
@@ -385,14 +388,14 @@ ControlExport to_siemens(const ParameterTables& tables, const Chain& chain) {
   if (!encoder.empty()) {
     result.files.push_back(program_file("AX_EEC.INI", encoder));
     result.notes.push_back(
-        "AX_EEC.INI: MD32700 ENC_COMP_ENABLE must be 0 while it is read and 1 to "
-        "act; MD38000 MM_ENC_COMP_MAX_POINTS at least the points of a table");
+        "AX_EEC.INI: MD32700 ENC_COMP_ENABLE must be 0 while the file is read and 1 for the table "
+        "to act; MD38000 MM_ENC_COMP_MAX_POINTS must be at least the number of points of a table");
   }
   if (!cross.empty()) {
     result.files.push_back(program_file("NC_CEC.INI", cross));
     result.notes.push_back(
-        "NC_CEC.INI: MD32710 CEC_ENABLE must be 0 while it is read and 1 to act; "
-        "MD18342 MM_CEC_MAX_POINTS at least the points of each table");
+        "NC_CEC.INI: MD32710 CEC_ENABLE must be 0 while the file is read and 1 for the tables to "
+        "act; MD18342 MM_CEC_MAX_POINTS must be at least the number of points of each table");
     result.notes.push_back(
         "assumed: a positive $AN_CEC is added to the set-point of the axis; try it "
         "on one axis first");

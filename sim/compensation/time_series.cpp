@@ -75,21 +75,22 @@ void validate(const TimeSeries& series, const char* what) {
     throw std::invalid_argument(std::string(what) + ": " + why);
   };
   const Index n = series.time_s.size();
-  if (n == 0) throw_input_error("a course needs at least one knot");
+  if (n == 0) throw_input_error("a time series needs at least one knot");
   if (series.value.rows() != n)
-    throw_input_error("a course needs a row of values for each of its " + std::to_string(n) +
+    throw_input_error("a time series needs one row of values for each of its " + std::to_string(n) +
                       " knots, seen " + std::to_string(series.value.rows()));
   if (!series.time_s.allFinite() || !series.value.allFinite())
-    throw_input_error("the times and values of a course must be finite");
+    throw_input_error("the times and values of a time series must be finite");
   for (Index i = 1; i < n; ++i)
     if (series.time_s[i] < series.time_s[i - 1])
-      throw_input_error("the times of a course must not decrease, knot " + std::to_string(i + 1) +
-                        " does");
+      throw_input_error("the times of a time series must not decrease, knot " +
+                        std::to_string(i + 1) + " does");
 }
 
 VectorXd value_at(const TimeSeries& series, double time_s) {
   if (series.time_s.size() == 0 || series.value.rows() != series.time_s.size())
-    throw std::invalid_argument("value_at: a course needs a knot, and a row of values for each");
+    throw std::invalid_argument(
+        "value_at: a time series needs at least one knot and one row of values per knot");
   if (std::isnan(time_s)) throw std::invalid_argument("value_at: the instant is not a number");
   const double* first = series.time_s.data();
   const double* last = first + series.time_s.size();
@@ -148,7 +149,7 @@ TimeSeries thin_out(const TimeSeries& series, const VectorXd& tolerance) {
 void TimeSeriesBuilder::add(double time_s, const Eigen::Ref<const VectorXd>& value) {
   if (rows_.size() + std::size_t(columns_) > max_numbers)
     throw std::invalid_argument(
-        "a channel would need more than 5e7 numbers: the course is too long for its cycle or "
+        "a channel would need more than 5e7 numbers: the time series is too long for its cycle or "
         "bandwidth");
   time_s_.push_back(time_s);
   rows_.insert(rows_.end(), value.data(), value.data() + columns_);
@@ -167,17 +168,17 @@ Eigen::VectorXd column(const ControlLog& log, const std::string& name) {
   if (position == log.names.end()) {
     std::string names;
     for (const std::string& other : log.names) names += (names.empty() ? "" : ", ") + other;
-    throw std::invalid_argument("the control reads no \"" + name + "\", it reads " +
-                                (names.empty() ? "nothing" : names));
+    throw std::invalid_argument("the control has no reading \"" + name +
+                                "\"; available: " + (names.empty() ? "nothing" : names));
   }
   if (log.values.cols() != Eigen::Index(log.names.size()) || log.values.rows() != log.time_s.size())
-    throw std::invalid_argument("a control log needs a value for each of its names and instants");
+    throw std::invalid_argument("a control log needs one value per name and instant");
   return log.values.col(position - log.names.begin());
 }
 
 Eigen::Index row_at(const ControlLog& log, double time_s) {
   if (log.time_s.size() == 0)
-    throw std::invalid_argument("a control log without rows was asked what it knows");
+    throw std::invalid_argument("a control log without rows cannot be evaluated");
   if (std::isnan(time_s)) throw std::invalid_argument("row_at: the instant is not a number");
   return row_at(log.time_s, time_s);
 }

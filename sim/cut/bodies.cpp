@@ -244,8 +244,8 @@ std::vector<std::string> inside_fixture_warnings(const std::vector<SolidBody>& b
     // `is_inside` holds only for surfaces that do not intersect, so the distance is tested first.
     if (cutting::gap(part_body, identity, fixture_body, identity).distance > 0.0 &&
         cutting::is_inside(part_body, identity, fixture_body, identity))
-      warnings.push_back(fmt::format(
-          "{} lies wholly inside the part: are its place and its unit right?", fixture.name));
+      warnings.push_back(
+          fmt::format("{} is entirely inside the part: check its position and unit", fixture.name));
   }
   return warnings;
 }
@@ -256,28 +256,26 @@ std::vector<std::string> body_warnings(const Job& part, const std::vector<SolidB
   std::vector<std::string> warnings;
   if (part.scene.machine.bodies.empty())
     warnings.push_back(
-        "the machine has no [[body]]: only tool, holder, fixtures and part are looked at");
+        "the machine has no [[body]]: only tool, holder, fixtures and part are checked");
   if (!part.scene.tool.holder)
     warnings.push_back(
-        "the tool has no [tool.holder]: of what holds it only the bodies of the "
-        "machine are looked at");
+        "the tool has no [tool.holder]: behind the tool only the bodies of the machine are "
+        "checked");
   if (std::holds_alternative<cutting::Nose>(part.scene.tool.actual)) {
-    warnings.push_back("a turning tool is looked at by its holder alone, its edge has no body");
+    warnings.push_back("a turning tool is checked by its holder only because its edge has no body");
     if (part.scene.cutting)
       warnings.push_back(
-          "the stock of a turned part is not met in this search: a rapid through it is "
-          "warned of by the cut");
+          "this search does not include the stock of a turned part; the cut warns of a rapid "
+          "through it");
   }
   if (part.machine.workpiece_spindle)
     warnings.push_back(
-        "the spindle stands still in this search: what it turns is looked at as it "
-        "stands at 0 deg");
+        "the spindle does not turn in this search: the bodies it carries are checked at 0 deg");
   if (const auto* cutter = std::get_if<cutting::Cutter>(&part.scene.tool.actual))
     if (const double max_gouge = 0.25 * cutter->radius; part.scene.collision.gouge > max_gouge)
-      warnings.push_back(
-          fmt::format("collision.gouge_mm = {:g} is more than a quarter of the cutter's radius: "
-                      "{:g} mm is taken",
-                      part.scene.collision.gouge, max_gouge));
+      warnings.push_back(fmt::format(
+          "collision.gouge_mm = {:g} is more than a quarter of the cutter radius: {:g} mm is used",
+          part.scene.collision.gouge, max_gouge));
   std::vector<const BodyDescription*> descriptions;
   for (const MachineBody& body : part.scene.machine.bodies) descriptions.push_back(&body.body);
   for (const BodyDescription& fixture : part.scene.fixtures) descriptions.push_back(&fixture);

@@ -33,10 +33,10 @@ std::string worst_text(const Collision& event, const Collisions& result) {
   };
   if (!event.contact)
     return fmt::format("come within {:.3g} mm {}", event.distance, worst_location_text());
-  if (event.below_mesh) return "meet, less deep than the mesh of the stock shows";
-  if (event.depth_samples == 0) return "meet, depth not looked at";
-  if (event.depth <= result.resolution) return fmt::format("touch, to {:g} mm", result.resolution);
-  return fmt::format("meet, {:.3g} mm deep {}", event.depth, worst_location_text());
+  if (event.below_mesh) return "collide, by less than the mesh of the stock resolves";
+  if (event.depth_samples == 0) return "collide, depth not evaluated";
+  if (event.depth <= result.resolution) return fmt::format("touch (to {:g} mm)", result.resolution);
+  return fmt::format("collide, {:.3g} mm deep {}", event.depth, worst_location_text());
 }
 
 }  // namespace
@@ -44,7 +44,7 @@ std::string worst_text(const Collision& event, const Collisions& result) {
 std::string event_text(const Collision& event, const Collisions& result) {
   return fmt::format("{} and {} {}: {}, from {:.3f} s{}", escaped(event.a), escaped(event.b),
                      worst_text(event, result), range_text(event, result.subprogram_files),
-                     event.first.time_s, event.rapid ? ", on a rapid" : "");
+                     event.first.time_s, event.rapid ? ", in a rapid move" : "");
 }
 
 std::vector<std::string> collision_warnings(const Collisions& result) {
@@ -59,8 +59,8 @@ std::vector<std::string> collision_warnings(const Collisions& result) {
   if (contact_count > max_listed)
     warnings.push_back(fmt::format("and {} more collisions", contact_count - max_listed));
   if (const std::size_t near_misses = result.list.size() - contacts(result); near_misses > 0)
-    warnings.push_back(
-        fmt::format("{} times two bodies come within {:g} mm", near_misses, result.clearance));
+    warnings.push_back(fmt::format("near misses: {} times two bodies come within {:g} mm",
+                                   near_misses, result.clearance));
   return warnings;
 }
 

@@ -307,8 +307,8 @@ void add_overlap_warnings(Collisions& result) {
   for (const Clearance& pair : result.clearances)
     if (pair.overlap_at_start)
       result.warnings.push_back(fmt::format(
-          "{} and {} overlap where the program begins and are not looked at: leave the pair out by "
-          "[[collision.ignore]] if that is meant, else move one of them",
+          "{} and {} overlap at the start of the program and are not checked: exclude the pair "
+          "with [[collision.ignore]] if this is intended, otherwise move one of them",
           pair.a, pair.b));
 }
 
@@ -582,7 +582,7 @@ class NearSearch {
 
 std::string pair_text(const BodyProximity& pair) { return pair.a + " and " + pair.b; }
 
-constexpr std::string_view not_searched = "collisions are not searched here";
+constexpr std::string_view not_searched = "this command does not check collisions";
 
 /// Returns the pairs of one part of a job that come near.
 Proximity near_bodies_in(const Job& part) {
@@ -631,7 +631,7 @@ std::string proximity_warning(const Job& job) {
   const Proximity proximity = find_near_bodies(job);
   const std::vector<BodyProximity>& near = proximity.near;
   if (near.empty() && proximity.is_complete) return {};
-  constexpr std::string_view advice = "`abbe check --collisions` searches them";
+  constexpr std::string_view advice = "run `abbe check --collisions`";
   if (near.empty())
     return fmt::format("{}, and the program is too long for a quick check: {}", not_searched,
                        advice);
@@ -641,12 +641,12 @@ std::string proximity_warning(const Job& job) {
   const auto contact = std::ranges::find_if(near, touches);
   const BodyProximity& first = contact == near.end() ? near.front() : *contact;
   const std::string what = touches(first)
-                               ? fmt::format("{} meet on line {}", pair_text(first), first.line)
+                               ? fmt::format("{} collide on line {}", pair_text(first), first.line)
                                : fmt::format("{} come within {:.3g} mm of each other on line {}",
                                              pair_text(first), first.distance, first.line);
   const std::string others_text = near.size() > 1
                                       ? fmt::format(", and {} other {} near", near.size() - 1,
-                                                    near.size() == 2 ? "pair comes" : "pairs come")
+                                                    near.size() == 2 ? "pair is" : "pairs are")
                                       : "";
   return fmt::format("{}, but {}{}: {}", not_searched, what, others_text, advice);
 }

@@ -123,8 +123,8 @@ std::vector<AxisState> commanded(const kinematics::Chain& control, const program
         sampled_by.tool_in_workpiece(states[i].q).translation() + offset_w;
     const auto q = kinematics::solve_slides(control, states[i].q, tip_w);
     if (!q)
-      throw BadInput(path.file, samples.line[i], 0, "a tip that the control's slides reach",
-                     "another");
+      throw BadInput(path.file, samples.line[i], 0,
+                     "a tip position within reach of the control's slides", "a tip out of reach");
     states[i].q = *q;
   });
   return states;

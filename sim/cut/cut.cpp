@@ -69,9 +69,8 @@ double explained_gouge(const Job& job, const PoseErrors& errors) {
 
 std::string gouge_text(const ProgramGouge& gouge, int flank_count) {
   return fmt::format(
-      "the program takes the tool into the design, by more than {} mm and the errors together at "
-      "{} "
-      "vertices, {} of them with the flank: the deepest by {:.3f} mm (line {})",
+      "the program moves the tool into the design by more than {} mm plus the errors at {} "
+      "vertices, {} of them with the flank; the deepest gouge is {:.3f} mm (line {})",
       cutting::rubbing, gouge.vertices, flank_count, gouge.deepest, gouge.line);
 }
 
@@ -99,7 +98,8 @@ std::string form_advice(const cutting::Design& design, double cutoff) {
   const double values =
       cutting::effective_value_count(cutoff, double(design.triangles.rows()) / design.area.sum());
   return fmt::format(
-      "form_um is no better, with {:.2g} values within its cut-off of {:.3g} mm ({:.3g} would do);",
+      "form_um is no better, with {:.2g} values within its cut-off of {:.3g} mm (at least {:.3g} "
+      "are needed);",
       values, cutoff, cutting::min_filter_values);
 }
 
@@ -121,8 +121,9 @@ std::string sampling_advice(const PartDescription& part) {
 std::string unresolved_text(const cutting::InterpolationError& error, double resolution,
                             const Job& job) {
   return fmt::format(
-      "the map is too coarse for what the tool left: between its {} vertices, linear interpolation "
-      "misses the surface by more than {:.3g} um at {:.3g} % of it, by {:.3g} um at most: {} {}",
+      "the map is too coarse for the machined surface: between its {} vertices, linear "
+      "interpolation is off by more than {:.3g} um on {:.3g} % of the surface and by up to {:.3g} "
+      "um: {} {}",
       job.design_w.vertices.rows(), resolution / units::um, 100.0 * error.unresolved,
       error.worst / units::um, form_advice(job.design_w, job.scene.part.form_cutoff),
       sampling_advice(job.scene.part));
@@ -193,8 +194,7 @@ CutMap cut_map(const Job& job, const CutInputs& inputs) {
                                      {.seed = job.scene.seed, .resolution = resolution});
     if (map.interpolation->places == 0)
       map.warnings.push_back(
-          "no place between the vertices could be sampled: how well the map is resolved is not "
-          "known");
+          "no point between the vertices could be sampled: the resolution of the map is unknown");
     if (map.interpolation->unresolved > max_unresolved_fraction)
       map.warnings.push_back(unresolved_text(*map.interpolation, resolution, job));
   }
@@ -240,7 +240,7 @@ Process simulated_process(const ActualRun& run, const Progress& progress) {
 /// at a lever of 1 m.
 std::string largest_element(const Job& job, const AxisState& state) {
   constexpr double lever = 1000.0;  // mm
-  std::string name = "none of [errors], but heat, force, clamping or tool";
+  std::string name = "not from [errors] but from heat, force, clamping or tool";
   double max_value = 0.0;
   const auto& joints = job.machine.nominal.joints();
   for (const errors::Element& element : job.scene.geometric.elements) {
@@ -277,8 +277,8 @@ void check_tips(const ActualRun& run, const std::vector<Pose>& T_wt) {
     const program::Path& path = path_of(run.job, run.commands);
     throw BadInput(
         path.file, samples.line[i], 0,
-        fmt::format("errors, with errors.scale, that move the tip by at most {} mm", max_mm),
-        fmt::format("{:.3g} mm in this block, the largest of them {}", deviation,
+        fmt::format("errors (times errors.scale) that move the tip by at most {} mm", max_mm),
+        fmt::format("{:.3g} mm in this block, largest contribution: {}", deviation,
                     largest_element(run.job, samples.states[i])));
   }
 }
@@ -413,9 +413,9 @@ std::string not_converged_text(std::size_t corrections, std::size_t total) {
 /// result file is written.
 void stop_at_collision(const Collisions& collisions) {
   if (is_clear(collisions)) return;
-  std::string text = "stopped, nothing was cut (collision.stop)";
+  std::string text = "stopped before cutting (collision.stop)";
   for (const std::string& warning : collision_warnings(collisions)) text += "; " + warning;
-  throw CollisionStop(text + "; places and clearances: abbe check SCENE --collisions");
+  throw CollisionStop(text + "; for positions and clearances run abbe check SCENE --collisions");
 }
 
 }  // namespace

@@ -213,12 +213,12 @@ std::vector<ErrorSource> select_sources(std::vector<ErrorSource> sources,
   for (const std::string& name : names) {
     const auto has_name = [&](const ErrorSource& source) { return source.name == name; };
     if (std::ranges::any_of(selection, has_name))
-      throw BadInput("--elements", 0, 0, "every name once", quoted_excerpt(name) + " again");
+      throw BadInput("--elements", 0, 0, "each name only once", quoted_excerpt(name) + " again");
     const auto source = std::ranges::find_if(sources, has_name);
     if (source == sources.end()) {
       std::string known = "all";
       for (const ErrorSource& available : sources) known += " " + available.name;
-      throw BadInput("--elements", 0, 0, "what this machine has (" + known + ")",
+      throw BadInput("--elements", 0, 0, "an error source of this machine (" + known + ")",
                      quoted_excerpt(name));
     }
     selection.push_back(*source);
@@ -267,7 +267,7 @@ class PoseReader {
   PoseList read() {
     const auto head = lines_.next();
     if (!head)
-      throw BadInput(list_.file, 1, 1, "a head such as " + known_columns(), "an empty file");
+      throw BadInput(list_.file, 1, 1, "a header such as " + known_columns(), "an empty file");
     read_head(*head);
     for (bool has_more_rows = true; has_more_rows;) {
       try {
@@ -306,7 +306,7 @@ class PoseReader {
       if (unit == "rad" && axis.motion == kinematics::Motion::Rotary)
         return {std::string(cell.text), *joint, 1.0};
     }
-    lines_.refuse(cell, "a column of " + known_columns());
+    lines_.refuse(cell, "a column name of " + known_columns());
   }
 
   void read_head(const Line& line) {
@@ -317,12 +317,13 @@ class PoseReader {
       PoseList::Column new_column = column(cell);
       for (const PoseList::Column& listed : list_.columns)
         if (listed.joint == new_column.joint)
-          lines_.refuse(cell, new_column.joint < 0 ? "one column of time" : "every axis once");
+          lines_.refuse(cell,
+                        new_column.joint < 0 ? "only one time column" : "each axis only once");
       list_.columns.push_back(std::move(new_column));
     }
     if (std::ranges::all_of(list_.columns,
                             [](const PoseList::Column& listed) { return listed.joint < 0; }))
-      lines_.refuse(cells.front(), "a column of at least one axis");
+      lines_.refuse(cells.front(), "a column for at least one axis");
   }
 
   /// Reads a row. @return false at the end of the text
@@ -331,7 +332,7 @@ class PoseReader {
     if (!line) return false;
     const std::size_t width = list_.columns.size();
     const std::vector<Cell> cells = split_cells(line->text, separator_, width);
-    const auto expected = [&] { return fmt::format("{} cells, as the head has", width); };
+    const auto expected = [&] { return fmt::format("{} cells, as in the header", width); };
     if (cells.size() < width)
       lines_.refuse(int(line->text.size()) + 1, expected(), fmt::format("{}", cells.size()));
     if (cells.size() > width) lines_.refuse(cells[width].column, expected(), "more");
@@ -441,7 +442,7 @@ std::vector<std::string> time_warnings(const IdleMachine& idle, const PoseList& 
   std::vector<std::string> warnings;
   if (!poses.is_timed()) return warnings;
   if (!idle.truth.heat) {
-    warnings.push_back("time changes nothing: the machine of this scene has no heat");
+    warnings.push_back("time has no effect: the machine of this scene has no [thermal]");
     return warnings;
   }
   std::size_t late_poses = 0, early_poses = 0;
@@ -452,14 +453,13 @@ std::vector<std::string> time_warnings(const IdleMachine& idle, const PoseList& 
     early_poses += time_s < begin_s;
   }
   if (late_poses > 0)
-    warnings.push_back(
-        fmt::format("{} of {} poses come after time 0: the last phase of the history "
-                    "goes on, no program runs",
-                    late_poses, poses.size()));
+    warnings.push_back(fmt::format(
+        "{} of {} poses are after time 0: the last phase of the history continues, no program runs",
+        late_poses, poses.size()));
   if (early_poses > 0)
     warnings.push_back(
-        fmt::format("{} of {} poses come before the history, which begins at {:.6g} s: "
-                    "the machine is as at its beginning",
+        fmt::format("{} of {} poses are before the history, which begins at {:.6g} s: the machine "
+                    "is in its initial state",
                     early_poses, poses.size(), begin_s));
   return warnings;
 }
@@ -473,15 +473,16 @@ std::vector<std::string> pose_warnings(const IdleMachine& idle, const AxisVector
   std::ranges::move(heat_warnings({}, idle.truth), std::back_inserter(warnings));
   std::ranges::move(errors::element_warnings(model, lower, upper), std::back_inserter(warnings));
   if (!idle.scene.additional_tools.empty())
-    warnings.push_back(fmt::format("poses are of T{}, the first of {} tools",
+    warnings.push_back(fmt::format("poses are computed for T{}, the first of {} tools",
                                    idle.scene.tool.number.value_or(0),
                                    1 + idle.scene.additional_tools.size()));
   if (const std::string reversals = element_figures(model, half_reversal); !reversals.empty())
-    warnings.push_back("poses are half way between their two approaches; reversal adds or takes: " +
-                       reversals);
+    warnings.push_back(
+        "poses are midway between the two directions of approach; reversal adds or subtracts: " +
+        reversals);
   if (const std::string sigmas = element_figures(model, repeatability); !sigmas.empty())
-    warnings.push_back("poses have one draw of the repeatability, whose standard deviation is: " +
-                       sigmas);
+    warnings.push_back(
+        "poses contain one random draw of the repeatability, with standard deviation: " + sigmas);
   return warnings;
 }
 

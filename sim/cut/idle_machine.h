@@ -76,7 +76,7 @@ struct ErrorSource {
 /// part), compliance.
 std::vector<ErrorSource> error_sources(const IdleMachine& idle);
 
-/// Returns the sources with the given names, in the order of the names; "all" stands for every
+/// Returns the sources with the given names, in the order of the names; "all" means every
 /// source.
 /// @throws BadInput if the machine has no source of a name, or if a name occurs twice
 std::vector<ErrorSource> select_sources(std::vector<ErrorSource> all,

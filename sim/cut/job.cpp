@@ -73,7 +73,8 @@ void check_field(const Scene& scene, const cutting::Design& design_w) {
     return (points.colwise().maxCoeff() - points.colwise().minCoeff()).norm();
   };
   const auto throw_field_error = [&](const std::string& expected, const std::string& seen) {
-    throw BadInput(scene.file.string(), 0, 0, "a compliance field on this part: " + expected, seen);
+    throw BadInput(scene.file.string(), 0, 0,
+                   "a compliance field that matches this part: " + expected, seen);
   };
   // In a square grid no point is farther than 0.71 spacings from a node; 1.5 allows for irregular
   // meshes.
@@ -81,12 +82,12 @@ void check_field(const Scene& scene, const cutting::Design& design_w) {
   const double distance = errors::max_node_distance(*field, design_w.vertices);
   if (distance > max_distance)
     throw_field_error(
-        fmt::format("a node within {:.3g} mm of every vertex, 1.5 of its spacings", max_distance),
+        fmt::format("a node within {:.3g} mm (1.5 node spacings) of every vertex", max_distance),
         fmt::format("a vertex {:.4g} mm from the nearest node", distance));
   // A much larger field belongs to another part or has another unit, even if each vertex has a node
   // nearby.
   if (diagonal(field->points_w) > 4 * diagonal(design_w.vertices))
-    throw_field_error(fmt::format("nodes over at most {:.4g} mm, four times the part",
+    throw_field_error(fmt::format("nodes over at most {:.4g} mm (four times the part size)",
                                   4 * diagonal(design_w.vertices)),
                       fmt::format("nodes over {:.4g} mm", diagonal(field->points_w)));
 }
@@ -168,8 +169,7 @@ program::Samples sample_program(const Scene& scene, const program::Path& path,
   } catch (const program::TooManySamples& excess) {
     throw too_many_samples_error(
         scene, excess,
-        fmt::format("at most {} samples of the program, which the memory holds",
-                    options.max_samples),
+        fmt::format("at most {} samples of the program, limited by memory", options.max_samples),
         windows_obstacle);
   }
 }
@@ -189,7 +189,7 @@ std::vector<program::SampleWindow> divide_into_windows(const Scene& scene,
   } catch (const program::TooManySamples& excess) {
     throw too_many_samples_error(
         scene, excess,
-        fmt::format("at most {:.0f} samples of the program, {} of them in a block",
+        fmt::format("at most {:.0f} samples of the program, {} per block",
                     program::max_samples_in_windows, options.max_samples / 2));
   }
 }
@@ -408,7 +408,7 @@ JobSegments prepare_segments(const Scene& described, const Program& program,
 }  // namespace
 
 std::span<const Job> job_parts(const Job& job) {
-  if (job.windows) throw std::logic_error("the parts of a job in windows are not held");
+  if (job.windows) throw std::logic_error("the segments of a job in windows are not stored");
   return job.stretches.empty() ? std::span(&job, 1) : std::span<const Job>(job.stretches);
 }
 
@@ -521,8 +521,8 @@ Job prepare(const Scene& described, const Progress& progress, const MemoryBudget
   job.windows = std::move(segments.windows);
   job.body_w = std::make_shared<const cutting::WallThickness>(part.design_w);
   if (progress && job.windows)
-    progress(fmt::format("{} samples are not held at once: run in {} windows", job.windows->samples,
-                         job.windows->all.size()),
+    progress(fmt::format("{} samples do not fit in memory at once: run in {} windows",
+                         job.windows->samples, job.windows->all.size()),
              -1.0);
   add_warnings(std::move(part.warnings), warnings);
   add_warnings(value_warnings(scene), warnings);
@@ -552,11 +552,11 @@ Job with_errors(Job job, Scene scene, const std::vector<errors::Activity>& activ
   Machine machine = make_machine(scene);
   const auto require = [&](bool is_equal, const char* what) {
     if (!is_equal)
-      throw BadInput(scene.file.string(), 0, 0, fmt::format("the {} of every other case", what),
-                     "another one");
+      throw BadInput(scene.file.string(), 0, 0, fmt::format("the same {} in all cases", what),
+                     "a different one");
   };
   require(have_same_poses(machine.nominal, job.machine.nominal), "nominal machine");
-  require(is_as_dense(job.sampling, sample_options(scene, machine)), "density of samples");
+  require(is_as_dense(job.sampling, sample_options(scene, machine)), "sampling density");
   Truth truth = make_truth(scene, machine, activities);
   job.scene = std::move(scene);
   job.machine = std::move(machine);
@@ -587,7 +587,7 @@ Eigen::Vector3d control_datum_offset(const Job& job, const Corrector& corrector)
     const Node* datum = job.scene.tree ? job.scene.tree->find("datum") : nullptr;
     const SourcePosition place = datum ? datum->place : SourcePosition{};
     throw BadInput(place.file ? *place.file : job.scene.file.string(), place.line, place.column,
-                   "errors that reach to where the datum is found", range_error.what());
+                   "errors that are defined at the datum", range_error.what());
   }
 }
 

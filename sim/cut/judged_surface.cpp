@@ -60,10 +60,10 @@ std::string gouge_text(const Surface& surface, int judged, double band) {
       first_line = line;
   return fmt::format(
       "{} are gouged deeper than the band of {} mm{}, the deepest by {}{:.3f} mm (line {}, first "
-      "line {}): PV, RMS, form and alignment leave them out",
+      "line {}): PV, RMS, form and alignment exclude them",
       count_text(int(surface.gouges.size()), judged), band,
-      has_thin_gouge(surface, band) ? " or than half way through the part where that is less" : "",
-      deepest->deeper ? "more than the searched " : "", deepest->depth,
+      has_thin_gouge(surface, band) ? " or half the wall thickness where that is less" : "",
+      deepest->deeper ? "more than the search depth of " : "", deepest->depth,
       surface.cut_line[std::size_t(deepest->vertex)], first_line);
 }
 
@@ -103,8 +103,8 @@ std::vector<std::string> surface_warnings(const Surface& surface, const program:
   if (judged == 0) return warnings;
   if (uncut >= uncut_warning * judged)
     warnings.push_back(
-        fmt::format("{} are uncut: nothing is removed there within {} mm of the "
-                    "design, and PV, RMS and form leave them out",
+        fmt::format("{} are uncut: nothing is removed there within {} mm of the design, and PV, "
+                    "RMS and form exclude them",
                     count_text(uncut, judged), band));
   if (!surface.gouges.empty()) warnings.push_back(gouge_text(surface, judged, band));
   const std::set<int> rapids = rapid_lines(path);
@@ -115,7 +115,7 @@ std::vector<std::string> surface_warnings(const Surface& surface, const program:
     if (rapid_cuts++ == 0 || line < first_line) first_line = line;
   }
   if (rapid_cuts >= uncut_warning * judged && rapid_cuts > 0)
-    warnings.push_back(fmt::format("{} are cut by rapids, first line {}",
+    warnings.push_back(fmt::format("{} are cut by rapid moves, first line {}",
                                    count_text(rapid_cuts, judged), first_line));
   return warnings;
 }
@@ -255,21 +255,21 @@ JudgedAreas judged_areas(const Job& job, const Surface& nominal,
 std::string exclusion_text(const SampledSurface& sampled) {
   const ExcludedArea& excluded_area = sampled.excluded_area;
   const double total_area = sampled.judged_area + excluded_area.area();
-  std::string text =
-      fmt::format("the program means to cut {:.4g} % of the part's {:.4g} mm^2; not judged are",
-                  100.0 * sampled.judged_area / total_area, total_area);
+  std::string text = fmt::format(
+      "the program is intended to cut {:.4g} % of the part's {:.4g} mm^2; not judged are",
+      100.0 * sampled.judged_area / total_area, total_area);
   const char* separator = " ";
   const auto add = [&](double area, const std::string& reason) {
     if (area > 0.0)
       text += fmt::format("{}{:.4g} mm^2 {}", std::exchange(separator, ", "), area, reason);
   };
-  add(excluded_area.unreached, "that it does not come to");
-  add(excluded_area.corner,
-      fmt::format("into which the tool's corner of {:.4g} mm does not fit", excluded_area.radius));
-  add(excluded_area.lead_out_area, "beside those, where its sweep runs out");
+  add(excluded_area.unreached, "that it does not reach");
+  add(excluded_area.corner, fmt::format("where the tool's corner radius of {:.4g} mm does not fit",
+                                        excluded_area.radius));
+  add(excluded_area.lead_out_area, "next to those, in the lead-out of its sweep");
   if (excluded_area.max_remaining_height > 0.0)
     text += fmt::format(", up to {:.3g} mm above the design", excluded_area.max_remaining_height);
-  return text + " (part.judged = \"all\" judges all)";
+  return text + " (set part.judged = \"all\" to judge all)";
 }
 
 namespace {
@@ -331,7 +331,7 @@ std::string spacing_text(const Design& design, const PartSampling& part_sampling
   const double max_edge = judged_vertices(design).max_distance;
   if (!(max_edge > part_sampling.spacing)) return {};
   return fmt::format(
-      "part.points = {} do not suffice for part.spacing_mm = {:.4g}: {:.4g} mm reached",
+      "part.points = {} is too small for part.spacing_mm = {:.4g}: {:.4g} mm reached",
       part_sampling.points, part_sampling.spacing, max_edge);
 }
 
@@ -349,9 +349,9 @@ std::string coarse_facets_text(const Job& job) {
   if (!(max_uncertainty > 0.0)) return {};
   const Eigen::RowVector3d point = job.design_w.vertices.row(worst);
   return fmt::format(
-      "where the mesh is no plane, sphere, cylinder, cone or torus its facets leave the surface "
-      "that they stand for by up to about {:.3g} um, at ({:.4g}, {:.4g}, {:.4g}) of the workpiece: "
-      "residuals below this are the mesh's; export it with finer facets",
+      "where the mesh is not a plane, sphere, cylinder, cone or torus, its facets deviate from the "
+      "true surface by up to about {:.3g} um, at ({:.4g}, {:.4g}, {:.4g}) in the workpiece: "
+      "smaller residuals come from the mesh; export it with finer facets",
       max_uncertainty / units::um, point.x(), point.y(), point.z());
 }
 

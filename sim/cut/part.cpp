@@ -37,10 +37,9 @@ cutting::MarkedMesh read_named_mesh(const MeshFile& mesh, const MeshUse& use,
     throw BadInput(
         at.file ? *at.file : mesh.file.string(), at.line, at.column,
         fmt::format("a closed mesh for {}{}", use.what,
-                    use.accepts_open ? fmt::format(", or {}.open = true for a surface with "
-                                                   "a rim",
-                                                   use.table)
-                                     : ""),
+                    use.accepts_open
+                        ? fmt::format(", or {}.open = true for an open surface", use.table)
+                        : ""),
         fmt::format("{} with {}", mesh.file.string(), rim.seen));
   }
 }
@@ -67,8 +66,8 @@ std::string mesh_size_warning(const MeshFile& mesh, const MeshUse& use,
   if (!is_large && !(size.maxCoeff() < min_size)) return {};
   const std::string label = unit_label(mesh.unit);
   return fmt::format(
-      "the mesh of {}, read in {}, is {:.4g} x {:.4g} x {:.4g} mm, {}: {} says another unit, "
-      "{}.any_size = true that this size is meant",
+      "the mesh of {}, read in {}, is {:.4g} x {:.4g} x {:.4g} mm, {}: set {} for another unit, or "
+      "{}.any_size = true if the size is right",
       use.what, label.empty() ? fmt::format("units of {:.4g} mm", mesh.unit) : label, size.x(),
       size.y(), size.z(),
       is_large ? fmt::format("more than the travel of {:.4g} mm", *use.travel) : "less than 1 mm",
@@ -79,17 +78,15 @@ std::string mesh_size_warning(const MeshFile& mesh, const MeshUse& use,
 std::string unreached_text(const program::UnreachedPoints& unreached) {
   if (unreached.points == 0) return {};
   return fmt::format(
-      "the machine does not reach {} of {} points of the program ({:.3g} %), which leaves out {} "
-      "of "
-      "{} passes and parts of {}; first in pass {}, at ({:.3f}, {:.3f}, {:.3f}) mm of the "
-      "workpiece: "
+      "the machine does not reach {} of {} points of the program ({:.3g} %), which omits {} of {} "
+      "passes and parts of {}; first in pass {}, at ({:.3f}, {:.3f}, {:.3f}) mm in the workpiece: "
       "{}",
       unreached.points, unreached.all_points, 100.0 * unreached.points / unreached.all_points,
       unreached.passes, unreached.all_passes, unreached.broken_passes, unreached.first_pass,
       unreached.tip_w.x(), unreached.tip_w.y(), unreached.tip_w.z(),
       unreached.why == kinematics::Reachability::OutOfLimits
-          ? "an axis would leave its travel"
-          : "no position of its axes gives the direction");
+          ? "an axis would exceed its travel"
+          : "no axis position gives the tool direction");
 }
 
 namespace {
@@ -129,10 +126,10 @@ void check_judged(const Scene& scene, const Design& design) {
       mesh != nullptr ? mesh_size_warning(*mesh, part_mesh_use(scene), size) : std::string();
   const Eigen::VectorXd radius = design.vertices.leftCols<2>().rowwise().norm();
   throw BadInput(mesh != nullptr ? mesh->file.string() : scene.file.string(), 0, 0,
-                 "a part with vertices to be judged (part.judged_normal_z, judged_margin_mm, "
+                 "a part with judged vertices (part.judged_normal_z, judged_margin_mm, "
                  "judged_radius_min_mm, judged_radius_max_mm, region)",
-                 fmt::format("{} vertices, all of them left out, of a part of {:.4g} x {:.4g} x "
-                             "{:.4g} mm that lies {:.4g} to {:.4g} mm from its z axis{}{}",
+                 fmt::format("{} vertices, all excluded, on a part of {:.4g} x {:.4g} x {:.4g} mm "
+                             "that is {:.4g} to {:.4g} mm from its z axis{}{}",
                              judged.size(), size.x(), size.y(), size.z(), radius.minCoeff(),
                              radius.maxCoeff(), size_warning.empty() ? "" : "; ", size_warning));
 }
@@ -154,7 +151,7 @@ Part load_primitive(const Scene& scene, const cutting::Primitive& primitive) {
       return cutting::highest_surface_point(*enlarged_surface, x, y);
     };
   } catch (const std::invalid_argument& error) {
-    throw BadInput(scene.file.string(), 0, 0, "a part that can be", error.what());
+    throw BadInput(scene.file.string(), 0, 0, "a valid part", error.what());
   }
   return part;
 }
@@ -195,8 +192,8 @@ std::string excluded_text(const Design& faces, const Design& judged_faces, doubl
   const auto excluded_faces = std::count(has_judged.begin(), has_judged.end(), 0);
   if (excluded_faces == 0) return {};
   return fmt::format(
-      "of {} of the {} faces of the mesh nothing is judged: they lie within {:.3g} mm of sharp "
-      "edges, as {:.3g} of its {:.4g} mm^2 do (part.edge_margin_mm)",
+      "{} of the {} faces of the mesh are not judged: they are within {:.3g} mm of sharp edges, as "
+      "are {:.3g} of its {:.4g} mm^2 (part.edge_margin_mm)",
       excluded_faces, face_count, margin, excluded_area, total_area);
 }
 
@@ -225,10 +222,10 @@ program::ContactField contact_on(cutting::MeshHeightMap contact) {
 std::string unfinished_recognition_text(const PartDescription& described,
                                         const cutting::Recognised& recognition) {
   return fmt::format(
-      "looking for planes, spheres, cylinders, cones and tori within {:.3g} um on the mesh was "
-      "given up: too many places are nearly one. {} of its {} triangles are on no surface, and "
-      "judged as the mesh shows them; planes or cylinders may be among them. Set "
-      "part.recognise_um to the accuracy of the mesh, or to 0 if it is a free form",
+      "the search for planes, spheres, cylinders, cones and tori within {:.3g} um on the mesh was "
+      "abandoned: too many regions nearly match. {} of its {} triangles were not recognised and "
+      "are judged as meshed; planes or cylinders may be among them. Set part.recognise_um to the "
+      "accuracy of the mesh, or to 0 for a free form",
       described.recognition_tolerance / units::um, recognition.unexamined_triangles,
       recognition.design.triangles.rows());
 }
@@ -257,11 +254,9 @@ std::string edge_angle_warning(const PartDescription& described, const Design& b
   const int edge_count = cutting::count_edges_near_angle(body, described.edge_angle, tolerance);
   if (edge_count == 0) return {};
   return fmt::format(
-      "{} edges of the mesh fold by {:.4g} degrees within {:.2g}, just where part.edge_angle_deg "
-      "parts "
-      "smooth from sharp: rounding decides which they are; set it to {:.4g} for sharp or {:.4g} "
-      "for "
-      "smooth",
+      "{} edges of the mesh fold by {:.4g} degrees within {:.2g}, exactly at the limit "
+      "part.edge_angle_deg between smooth and sharp, so rounding decides; set it to {:.4g} for "
+      "sharp or {:.4g} for smooth",
       edge_count, described.edge_angle / units::deg, tolerance / units::deg,
       std::max(0.5 * described.edge_angle, described.edge_angle - offset) / units::deg,
       (described.edge_angle + offset) / units::deg);
@@ -331,10 +326,10 @@ std::string skipped_text(const dialects::ParsedProgram& program_read) {
   std::string list;
   for (const dialects::SkippedWord& skipped : program_read.skipped) {
     count += skipped.count;
-    list += fmt::format("{}{} ({} times, first in line {})", list.empty() ? " " : ", ",
+    list += fmt::format("{}{} ({} times, first on line {})", list.empty() ? " " : ", ",
                         skipped.word, skipped.count, skipped.line);
   }
-  return fmt::format("{} words of the program were skipped as unknown to {}:{}", count,
+  return fmt::format("{} words of the program are unknown to {} and were skipped:{}", count,
                      name_of(program_read.dialect), list);
 }
 
@@ -381,8 +376,8 @@ std::string travels_text(const Scene& scene) {
   for (const kinematics::Joint& joint : scene.machine.joints)
     if (joint.motion == kinematics::Motion::Linear)
       travels += (travels.empty() ? " " : ", ") + travel_text(joint);
-  return fmt::format("; part.at_mm is [{:.6g}, {:.6g}, {:.6g}], and the slides go{}", position.x(),
-                     position.y(), position.z(), travels);
+  return fmt::format("; part.at_mm is [{:.6g}, {:.6g}, {:.6g}], and the slides travel{}",
+                     position.x(), position.y(), position.z(), travels);
 }
 
 struct GeneratedProgram {
@@ -398,7 +393,7 @@ GeneratedProgram generate(const Scene& scene, const Machine& machine, const Part
   const auto* nose = std::get_if<cutting::Nose>(&scene.tool.nominal);
   const auto* primitive = std::get_if<cutting::Primitive>(&scene.part.shape);
   const auto require = [&](bool is_present, const char* what) {
-    if (!is_present) throw BadInput(scene.file.string(), 0, 0, what, "another");
+    if (!is_present) throw BadInput(scene.file.string(), 0, 0, what, "a different one");
   };
   try {
     if (const auto* raster = std::get_if<program::Raster>(&scene.program.source)) {
@@ -410,14 +405,14 @@ GeneratedProgram generate(const Scene& scene, const Machine& machine, const Part
     if (const auto* flank = std::get_if<program::Flank>(&scene.program.source)) {
       require(cutter != nullptr, "a milling cutter for a flank program");
       require(primitive != nullptr && std::holds_alternative<cutting::Cone>(*primitive),
-              "a cone frustum as the part of a flank program");
+              "a cone frustum as the part for a flank program");
       return {
           program::generate_flank(*flank, std::get<cutting::Cone>(*primitive), *cutter, context),
           ".ngc"};
     }
     const auto& spiral = std::get<program::Spiral>(scene.program.source);
     require(nose != nullptr, "a turning tool for a spiral program");
-    require(primitive != nullptr, "a declared surface as the part of a spiral program");
+    require(primitive != nullptr, "a declared surface as the part for a spiral program");
     return {program::generate_spiral(spiral, *primitive, *nose, context),
             spiral.write_nc ? ".ngc" : ".csv"};
   } catch (const program::NoReachablePose& unreachable) {
@@ -441,7 +436,7 @@ cutting::SurfaceInterpolator surface_between_vertices(
                             : cutting::patch_interpolator(recognised, T);
 }
 
-// A travel beyond 100 km stands for no limit. Slides that are not parallel to an axis of the bed
+// A travel beyond 100 km means no limit. Slides that are not parallel to an axis of the bed
 // add to the box along each axis.
 std::optional<Eigen::Vector3d> travel_box(const MachineDescription& machine) {
   constexpr double unlimited = 1e8;  // mm

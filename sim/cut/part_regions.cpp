@@ -48,17 +48,16 @@ std::string listed_names(const std::set<std::string>& names) {
   std::set<std::string> names, compared;
   for (const auto& mark_names : marks.names) names.insert(mark_names.begin(), mark_names.end());
   if (names.empty())
-    throw_region_error(
-        region,
-        "part.region.group of a mesh with groups (g, o, usemtl of OBJ, solids of an ascii STL, "
-        "whole numbers at the faces of PLY)",
-        fmt::format("\"{}\" of a mesh without any", region.group));
+    throw_region_error(region,
+                       "part.region.group with a mesh that has groups (g, o, usemtl of OBJ, solids "
+                       "of ASCII STL, integers on faces of PLY)",
+                       fmt::format("\"{}\" for a mesh without groups", region.group));
   for (const std::string& name : names)
     if (name.size() <= max_length && compared.size() < max_compared) compared.insert(name);
   std::string seen = fmt::format("\"{}\"", region.group);
   if (const auto nearest_name = nearest(region.group, compared))
     seen += fmt::format(" (nearest: \"{}\")", *nearest_name);
-  throw_region_error(region, "part.region.group that the mesh has: " + listed_names(names), seen);
+  throw_region_error(region, "a part.region.group of the mesh: " + listed_names(names), seen);
 }
 
 int max_channel_difference(const cutting::Rgb& a, const cutting::Rgb& b) {
@@ -83,14 +82,12 @@ int max_channel_difference(const cutting::Rgb& a, const cutting::Rgb& b) {
   }
   std::string seen = fmt::format("\"{}\"", cutting::hex_text(*region.colour));
   if (colours.empty())
-    throw_region_error(
-        region,
-        "part.region.colour of a mesh with colours of faces (PLY, OFF, binary STL, OBJ with its "
-        ".mtl)",
-        seen + " of a mesh without any");
+    throw_region_error(region,
+                       "part.region.colour with a mesh that has face colours (PLY, OFF, binary "
+                       "STL, OBJ with its .mtl)",
+                       seen + " for a mesh without face colours");
   if (nearest) seen += fmt::format(" (nearest: \"{}\")", cutting::hex_text(*nearest));
-  throw_region_error(region, "part.region.colour that the mesh has: " + listed_names(colours),
-                     seen);
+  throw_region_error(region, "a part.region.colour of the mesh: " + listed_names(colours), seen);
 }
 
 /// Returns (marks) true if faces with the mark are in the group of a region.
@@ -225,10 +222,10 @@ std::vector<std::string> region_warnings(const std::vector<RegionCoverage>& cove
   for (const RegionCoverage& coverage : coverages) {
     if (!(coverage.area > 0.0))
       warnings.push_back(fmt::format(
-          "the region \"{}\" holds nothing: no vertex of the part lies in it", coverage.name));
+          "the region \"{}\" is empty: it contains no vertex of the part", coverage.name));
     else if (!(coverage.deciding_fraction > 0.0))
       warnings.push_back(fmt::format(
-          "the region \"{}\" decides nothing: regions after it hold all of its {:.4g} mm^2",
+          "the region \"{}\" has no effect: later regions contain all of its {:.4g} mm^2",
           coverage.name, coverage.area));
   }
   return warnings;

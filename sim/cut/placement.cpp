@@ -54,15 +54,15 @@ std::string unit_advice(const Job& job, double ratio) {
   std::vector<std::string> remedies;
   if (const MeshFile* mesh = mesh_file(job.scene))
     if (const std::string unit = unit_label(mesh->unit * ratio); !unit.empty())
-      remedies.push_back(fmt::format("part.unit = \"{}\" may be meant", unit));
+      remedies.push_back(fmt::format("check whether part.unit should be \"{}\"", unit));
   const auto inch_word = std::ranges::find_if(job.path.unit_words, &program::UnitWord::inch);
   if (ratio == units::inch && inch_word != job.path.unit_words.end())
-    remedies.push_back(fmt::format("G20 on line {} may not belong there", inch_word->line));
+    remedies.push_back(fmt::format("G20 on line {} may be wrong", inch_word->line));
   if (ratio == 1.0 / units::inch && inch_word == job.path.unit_words.end())
-    remedies.push_back("the program may be in inches and lack its G20");
-  if (remedies.empty()) remedies.push_back("part or program may be in another unit");
+    remedies.push_back("the program may be in inches without G20");
+  if (remedies.empty()) remedies.push_back("check the units of part and program");
   std::string text = fmt::format("{}", fmt::join(remedies, ", or "));
-  return mesh_file(job.scene) ? text + "; part.any_size = true if its size is meant" : text;
+  return mesh_file(job.scene) ? text + "; set part.any_size = true if the size is right" : text;
 }
 
 /// Returns a text such as "2 % of the judged area is cut within 2 mm of the design; with the part
@@ -92,8 +92,8 @@ std::string unit_warning(const Job& job, const ReachableArea& reach) {
   }
   if (best_reach.cut < min_fit_fraction || best_reach.cut < min_cut_gain * reach.cut) return {};
   return fmt::format(
-      "{:.2g} % of the judged area is cut within {} mm of the design; with the part {:.4g} times "
-      "as large it would be {:.3g} %: {}",
+      "{:.2g} % of the judged area is cut within {} mm of the design; with the part scaled by "
+      "{:.4g} it would be {:.3g} %: {}",
       100.0 * reach.cut, job.scene.band, best_ratio, 100.0 * best_reach.cut,
       unit_advice(job, best_ratio));
 }
@@ -205,17 +205,17 @@ Contact contact_with(const TouchSurface& touch_surface, const Touch& touch, doub
 
 std::string seen_text(const Contact& best) {
   if (!best.within_band)
-    return fmt::format("a touch in the air: {} is nearest, {:.4g} mm away", best.name,
+    return fmt::format("a touch in the air: the nearest body is {}, {:.4g} mm away", best.name,
                        best.distance);
   const double lean_deg = best.lean / units::deg;
   // The same limit applies to the opposite direction: then the sign of the direction is wrong.
   if (best.lean > pi - max_touch_angle)
     return fmt::format(
-        "a touch from within {}: its direction is that in which the probe moves, turn it round",
+        "a touch from inside {}: reverse the direction, it must be that of the probe motion",
         best.name);
   return fmt::format(
-      "a touch along a face of {}: its direction leans {:.3g} degrees from the "
-      "normal of the nearest face",
+      "a touch along a face of {}: its direction is {:.3g} degrees from the normal of the nearest "
+      "face",
       best.name, lean_deg);
 }
 
@@ -247,7 +247,7 @@ std::optional<BadInput> touch_error(const Job& job) {
     return BadInput(
         place.file ? *place.file : scene.file.string(), place.line, place.column,
         fmt::format("a touch of the part, its blank, a fixture or the table within {} mm "
-                    "(search.band_mm), in a direction against the outward normal to {:.0f} degrees",
+                    "(search.band_mm), against the outward normal within {:.0f} degrees",
                     scene.band, max_touch_angle / units::deg),
         seen_text(best_contact));
   }
@@ -321,7 +321,7 @@ NearestCut nearest_cut(const Job& job, double within) {
 
 std::string nearest_text(const NearestCut& nearest, double within) {
   if (!std::isfinite(nearest.residual))
-    return fmt::format("nor within {} mm, where {} of its vertices were tried", within,
+    return fmt::format("nor within {} mm, where {} of its vertices were tested", within,
                        nearest.vertices);
   return fmt::format("the nearest cut lies {:.1f} mm {} it", std::abs(nearest.residual),
                      nearest.residual > 0.0 ? "above" : "below");
@@ -334,13 +334,12 @@ std::optional<BadInput> sparse_error(const Job& job, const NearestCut& nearest) 
   if (std::isfinite(nearest.residual) || !is_sparse(judged, job.scene.tool)) return std::nullopt;
   const auto* mesh = std::get_if<MeshFile>(&job.scene.part.shape);
   const auto* cutter = std::get_if<cutting::Cutter>(&job.scene.tool.nominal);
-  std::string expected = fmt::format("{} judged vertices or more", min_judged_vertices);
+  std::string expected = fmt::format("at least {} judged vertices", min_judged_vertices);
   if (cutter != nullptr)
-    expected +=
-        fmt::format(", no farther apart than the cutter is wide, {:.4g} mm", 2.0 * cutter->radius);
+    expected += fmt::format(", at most a cutter diameter ({:.4g} mm) apart", 2.0 * cutter->radius);
   std::string seen = fmt::format(
-      "{} judged {}, up to {:.4g} mm apart, none of which the program cuts: whether it cuts "
-      "between them is not known",
+      "{} judged {}, up to {:.4g} mm apart, none of them cut: it is unknown whether the program "
+      "cuts between them",
       judged.vertices, judged.vertices == 1 ? "vertex" : "vertices", judged.max_distance);
   if (mesh != nullptr && job.scene.part.sampling.kind == PartSampling::Kind::Vertices)
     seen += "; part.sampling = \"adaptive\" adds vertices to those of the mesh";
@@ -366,20 +365,20 @@ std::string partial_reach_text(const Job& job, const ReachableArea& reach) {
   ranges += ", " + span_text(is_milled ? "y" : "radius", tip[1], part[1]);
   if (is_milled) ranges += ", " + span_text("z", tip[2], part[2]);
   return fmt::format(
-      "the program comes within {} mm of {:.3g} % of the judged area ({} vertices tried): its feed "
-      "takes the tip over {}, in the part's frame{}",
+      "the program comes within {} mm of {:.3g} % of the judged area ({} vertices tested): its "
+      "feed moves take the tip over {}, in the part's frame{}",
       job.scene.band, 100.0 * reach.reached_fraction, reach.vertex_count, ranges,
       suggestion ? "; " + suggestion->words : "");
 }
 
-/// Returns the warning if most of what the program reaches is gouged; none otherwise.
+/// Returns the warning if most of the reached area is gouged; none otherwise.
 std::optional<std::string> gouged_text(const Job& job, const ReachableArea& reach) {
   constexpr double max_gouged = 0.5;  // fraction of the area that the program reaches
   const double gouged = reach.reached_fraction - reach.cut;
   if (!(gouged > max_gouged * reach.reached_fraction)) return std::nullopt;
   return fmt::format(
-      "the program takes away {:.3g} % of the judged area, more than {} mm below the design, and "
-      "cuts {:.3g} % within it ({} vertices tried){}",
+      "the program removes {:.3g} % of the judged area more than {} mm below the design and cuts "
+      "{:.3g} % within it ({} vertices tested){}",
       100.0 * gouged, job.scene.band, 100.0 * reach.cut, reach.vertex_count, advice_text(job));
 }
 
@@ -391,18 +390,19 @@ std::vector<std::string> small_part_warnings(const Job& job) {
   const double feed_size = largest_size(swept_spans(job).tip);
   const double part_size = extents(job.design_w.vertices).maxCoeff();  // with vertices not judged
   if (!(feed_size > max_ratio * part_size)) return {};
-  return {fmt::format(
-      "the program feeds over {:.4g} mm, {:.3g} times the part of {:.4g} mm: it looks like "
-      "the program of another part, or part.unit or a size of [part] like another unit",
-      feed_size, feed_size / part_size, part_size)};
+  return {
+      fmt::format("the program feeds over {:.4g} mm, {:.3g} times the part of {:.4g} mm: check "
+                  "whether it is for this part, part.unit and the sizes in [part]",
+                  feed_size, feed_size / part_size, part_size)};
 }
 
 }  // namespace
 
 Placement placement(const Job& job) {
   if (job.path.motion_blocks == 0)
-    return {BadInput(job.path.file, 0, 0, "a program that cuts the part", "one that moves nothing"),
-            {}};
+    return {
+        BadInput(job.path.file, 0, 0, "a program that cuts the part", "a program without motion"),
+        {}};
   if (auto error = missed_part_error(job)) return {std::move(error), {}};
   if (auto error = touch_error(job)) return {std::move(error), {}};
   // Cheap checks come first: boxes, touches, a sweep over thinned vertices, a sweep over all.

@@ -104,7 +104,7 @@ Vector3d milled_shift(const Job& job, const cutting::Design& thinned_w) {
   const SweptSpans swept = swept_spans(job);
   const Spans part = part_spans(job);
   Vector3d shift_m = Vector3d::Zero();
-  // Coordinates that overlap stay: a program beside the part in x needs no other y.
+  // Coordinates that overlap stay: a program displaced from the part in x needs no other y.
   for (std::size_t k = 0; k < 2; ++k)
     if (!overlaps(part[k], swept.feed[k]))
       shift_m[Index(k)] = part[k].middle() - swept.tip[k].middle();
@@ -298,7 +298,7 @@ ReachableArea reachable_area(const cutting::Design& design_w, const Job& job) {
 }
 
 cutting::Design thin_out(cutting::Design design) {
-  // Each of 2000 vertices stands for 0.05 % of the area.
+  // Each of 2000 vertices represents 0.05 % of the area.
   constexpr std::ptrdiff_t max_judged = 2000;
   design.judged.resize(std::size_t(design.vertices.rows()), 1);
   const auto stride = 1 + std::count(design.judged.begin(), design.judged.end(), 1) / max_judged;
@@ -556,9 +556,8 @@ Vector3d best_fit_shift(const Job& job, const cutting::Design& thinned_w,
 std::string fit_text(const FitQuality& fit, double band) {
   if (!(fit.median < band)) return "touches";
   // Below 1 nm the figure is rounding.
-  return fmt::format(
-      "fits best: half of the judged vertices tried are within {:.2g} um of the design",
-      std::max(fit.median, units::nm) / units::um);
+  return fmt::format("fits best: half of the tested vertices are within {:.2g} um of the design",
+                     std::max(fit.median, units::nm) / units::um);
 }
 
 /// Returns the suggestion for a shift: as work offsets if those of the program make the tool cut

@@ -136,7 +136,7 @@ PoseBlock compute_block(const PoseTable& table, const PoseList& poses, TableForm
 
 [[noreturn]] void throw_pose_error(const PoseList& poses, const PoseBlock& block) {
   const int line = poses.line.empty() ? 0 : poses.line[block.error_pose];
-  throw BadInput(poses.file, line, 0, "positions inside the tables of the errors",
+  throw BadInput(poses.file, line, 0, "positions within the error tables",
                  poses.text(block.error_pose) + ": " + block.error);
 }
 
@@ -282,7 +282,7 @@ kinematics::AxisVector parse_positions(const std::string& text, const kinematics
       throw_error(i, "an axis of this machine (" + axis_names(chain) + ")",
                   "'" + std::string(1, text[i]) + "'");
     if (!named_axes.insert(text[i]).second)
-      throw_error(i, "every axis once", "'" + std::string(1, text[i]) + "' again");
+      throw_error(i, "each axis only once", "'" + std::string(1, text[i]) + "' again");
     const std::size_t start = i++;
     if (i < text.size() && text[i] == '=') ++i;
     double value = 0.0;
@@ -311,7 +311,7 @@ PoseResult pose_at(const Scene& scene, const std::string& positions, const PoseR
     return {tip_pose(idle, state), table.requested_columns(), requested_part(table.column_names()),
             requested_part(table.row(state).numbers), pose_warnings(idle, state.q, state.q)};
   } catch (const std::out_of_range& range_error) {
-    throw BadInput("--at", 1, 0, "positions inside the tables of the errors", range_error.what());
+    throw BadInput("--at", 1, 0, "positions within the error tables", range_error.what());
   }
 }
 
@@ -329,7 +329,7 @@ constexpr int default_counts[] = {101, 21, 11};
 
 /// The range of an axis in a grid, or its fixed position, mm or degrees.
 struct AxisRange {
-  bool runs = true;                ///< false: the axis stands at `from`
+  bool runs = true;                ///< false: the axis stays at `from`
   std::optional<double> from, to;  ///< none: the end of the travel
   int count = 0;                   ///< 0: the default
   std::size_t column = 0;          ///< of the text in the option, for messages
@@ -347,7 +347,7 @@ int count_at(const Cell& cell) {
   const auto number = number_of(cell.text);
   if (!number || *number != std::floor(*number) || *number < 2 || *number > max_grid_poses)
     throw_grid_error(std::size_t(cell.column) - 1,
-                     fmt::format("a count of 2 .. {} points", max_grid_poses),
+                     fmt::format("a count from 2 to {} points", max_grid_poses),
                      quoted_excerpt(cell.text));
   return int(*number);
 }
@@ -384,7 +384,8 @@ std::vector<std::optional<AxisRange>> parse_grid(const Chain& chain, const std::
       throw_grid_error(i, "an axis of this machine (" + axis_names(chain) + ")",
                        quoted_excerpt(std::string(1, text[i])));
     auto& range = ranges[std::size_t(*joint)];
-    if (range) throw_grid_error(i, "every axis once", quoted_excerpt(text.substr(i, 1)) + " again");
+    if (range)
+      throw_grid_error(i, "each axis only once", quoted_excerpt(text.substr(i, 1)) + " again");
     if (i + 1 == text.size() || text[i + 1] != '=')
       throw_grid_error(i + 1, "= after the axis, such as X=0:400:9",
                        i + 1 == text.size() ? "nothing" : quoted_excerpt(text.substr(i + 1, 1)));
@@ -409,15 +410,16 @@ PoseGrid::Run grid_run(const Joint& joint, int j, const AxisRange& range, int de
   const double unit = position_unit(joint);
   if ((!range.from || !range.to) && !is_limited(joint))
     throw_grid_error(range.column,
-                     fmt::format("{0}=from:to for an axis without limits of travel", joint.name),
-                     "an end left out");
+                     fmt::format("{0}=from:to for an axis without travel limits", joint.name),
+                     "a missing end");
   const PoseGrid::Run run{j, range.from.value_or(joint.min / unit),
                           range.to.value_or(joint.max / unit),
                           range.count > 0 ? range.count : default_count};
   if (range.from) check_position(joint, run.from, range.column);
   if (range.to) check_position(joint, run.to, range.column);
   if (!(run.from < run.to))
-    throw_grid_error(range.column, "from below to", fmt::format("{} and {}", run.from, run.to));
+    throw_grid_error(range.column, "a start below the end",
+                     fmt::format("{} and {}", run.from, run.to));
   return run;
 }
 
@@ -479,7 +481,8 @@ PoseGrid pose_grid(const IdleMachine& idle, const std::string& text) {
   }
   if (running_count == 0 || running_count > 3)
     throw_grid_error(
-        0, "one to three axes that run; give the others a place such as Y=0, or use --at-file",
+        0,
+        "one to three axes with a range; give the others a position such as Y=0, or use --at-file",
         fmt::format("{}", running_count));
   PoseGrid grid;
   for (int j = 0; j < chain.size(); ++j)
@@ -492,7 +495,7 @@ PoseGrid pose_grid(const IdleMachine& idle, const std::string& text) {
     poses *= grid.runs[r].count;
   }
   if (poses > double(max_grid_poses))
-    throw_grid_error(0, fmt::format("at most {} poses in all", max_grid_poses),
+    throw_grid_error(0, fmt::format("at most {} poses in total", max_grid_poses),
                      fmt::format("{}", poses));
   grid.poses.file = "--grid";
   grid.poses.others = kinematics::AxisVector::Zero(chain.size());
@@ -522,8 +525,7 @@ VolumetricMap volumetric_map(const IdleMachine& idle, PoseGrid grid) {
   });
   for (std::size_t i = 0; i < error_texts.size(); ++i)
     if (!error_texts[i].empty())
-      throw BadInput("--grid", 0, 0,
-                     "positions inside the tables of the errors, such as X=-100:100",
+      throw BadInput("--grid", 0, 0, "positions within the error tables, such as X=-100:100",
                      map.grid.poses.text(i) + ": " + error_texts[i]);
   return map;
 }

@@ -170,15 +170,15 @@ std::string swing_text(const RevolutionSwing& swing) {
   const std::string description =
       swing.leaps > 0
           ? fmt::format(
-                "on line {} the tool leaps out of the work and back {} times in {} "
-                "revolutions, under up to {:.4g} N, with a gain of force by depth of {:.2f}",
+                "on line {} the tool jumps out of the material and back {} times in {} "
+                "revolutions, under up to {:.4g} N, with a gain from depth to force of {:.2f}",
                 swing.line, swing.leaps, swing.revolutions, swing.high, swing.gain)
           : fmt::format(
-                "for {} revolutions from line {} on the force swings between {:.4g} and "
-                "{:.4g} N from one to the next, a change returns {:.2f} times as large",
+                "for {} revolutions from line {} on the force alternates between {:.4g} and {:.4g} "
+                "N from one to the next, and a change grows by a factor of {:.2f}",
                 swing.revolutions, swing.line, swing.low, swing.high, swing.gain);
-  return "the cut does not settle: " + description +
-         ": under the cutting force the tool goes too far into the work, and the surface is one of "
+  return "the cut is unstable: " + description +
+         ": the cutting force deflects the tool too far into the material, and the surface shows "
          "chatter";
 }
 
@@ -196,22 +196,23 @@ std::vector<std::string> process_warnings(const Scene& scene, const Process& pro
       1000 * process_totals.open < process.steps.size();
   if (process_totals.open > 0 && !is_negligible)
     warnings.push_back(
-        fmt::format("force and deflection did not agree to {:.3g} nm at {} of {} steps; they "
-                    "differ by {:.3g} nm at most",
+        fmt::format("force and deflection did not converge to {:.3g} nm at {} of {} steps; they "
+                    "differ by at most {:.3g} nm",
                     tolerance / units::nm, process_totals.open, process.steps.size(),
                     process_totals.max_disagreement / units::nm));
   if (const auto swing = revolution_swing(process)) warnings.push_back(swing_text(*swing));
-  if (!(process_totals.removed > 0.0)) warnings.push_back("the tool met no material of the blank");
+  if (!(process_totals.removed > 0.0)) warnings.push_back("the tool did not touch the blank");
   if (!process.crash_lines.empty())
-    warnings.push_back(fmt::format("a rapid or the shank met material on {} lines, first line {}",
-                                   process.crash_lines.size(), process.crash_lines.front()));
+    warnings.push_back(
+        fmt::format("a rapid move or the shank hit material on {} lines, first line {}",
+                    process.crash_lines.size(), process.crash_lines.front()));
   const auto worst_overhang =
       std::ranges::max_element(process.steps, {}, &ProcessStep::beyond_edge);
   if (worst_overhang->beyond_edge > 0.01)
-    warnings.push_back(fmt::format(
-        "the cut goes {:.3g} mm beyond the edges of the insert (line {}): what lies there is "
-        "removed and counts in the force as if an edge along the radius cut it",
-        worst_overhang->beyond_edge, worst_overhang->line));
+    warnings.push_back(
+        fmt::format("the cut extends {:.3g} mm beyond the edges of the insert (line {}): the "
+                    "material there is removed and its force computed as for a radial edge",
+                    worst_overhang->beyond_edge, worst_overhang->line));
   return warnings;
 }
 
@@ -230,19 +231,19 @@ std::vector<std::string> idle_warnings(const Scene& scene) {
     const bool has_weight = (compliance_errors.gravity_b || compliance_errors.inertia) &&
                             !compliance_errors.masses.empty();
     warn(!has_forces && !has_weight && compliance_errors.clamping_w.isZero(0.0),
-         "nothing loads the compliance: it wants [cutting] with a material, masses with gravity or "
+         "no load acts on the compliance: add [cutting] with a material, masses with gravity or "
          "inertia, or clamping");
     warn((compliance_errors.gravity_b || compliance_errors.inertia) &&
              compliance_errors.masses.empty(),
-         "gravity and inertia act on [[compliance.mass]], and there is none");
+         "gravity and inertia have no effect without [[compliance.mass]]");
     warn(!compliance_errors.gravity_b && !compliance_errors.inertia &&
              !compliance_errors.masses.empty(),
-         "the masses do nothing without gravity or inertia");
+         "the masses have no effect without gravity or inertia");
   }
   warn(scene.signals.dynamometer && !has_forces,
-       "the dynamometer reads nothing without cutting forces");
+       "the dynamometer has no signal without cutting forces");
   warn(scene.signals.current && !has_forces && !scene.thermal && !scene.compliance,
-       "signals.csv is written where there is heat, stock or compliance");
+       "signals.csv is only written with heat, stock or compliance");
   return warnings;
 }
 
@@ -394,9 +395,8 @@ std::string temperature_text(const errors::ThermalRun& run) {
     if (!(coldest < coldest_T_C)) return {};
   }
   return fmt::format(
-      "thermal.node \"{}\" comes to {:.4g} deg C at {:.4g} h, and no machine runs beyond {:g} to "
-      "{:g}: a power, capacity, conductance, speed or duration of [thermal] looks like another "
-      "unit",
+      "thermal.node \"{}\" reaches {:.4g} deg C at {:.4g} h, outside the plausible range {:g} to "
+      "{:g}: check the units of power, capacity, conductance, speed and duration in [thermal]",
       run.network.nodes[std::size_t(node)].name, run.T_C(knot, node),
       run.knots[std::size_t(knot)].time_s / 3600.0, coldest_T_C, hottest_T_C);
 }
@@ -421,9 +421,8 @@ std::string speed_text(const errors::ThermalRun& run) {
     if (speed == 0.0) continue;
     return fmt::format(
         "the spindle runs at {:.4g} rpm, {:.3g} times the speed at which the heat of "
-        "thermal.source \"{}\" is stated (at_rpm = {:.4g}): one of the two looks like 1/s, rad/s "
-        "or "
-        "1000 rpm",
+        "thermal.source \"{}\" is stated (at_rpm = {:.4g}): check both units (1/s, rad/s or 1000 "
+        "rpm?)",
         speed / units::rpm, speed / heat->reference_speed,
         run.network.nodes[std::size_t(source.node)].name, heat->reference_speed / units::rpm);
   }
@@ -436,13 +435,13 @@ std::string datum_text(const DatumDescription& datum, const errors::ThermalRun& 
   const double begin_s = run.knots.front().time_s, end_s = run.knots.back().time_s;
   if (datum.time_s < begin_s - rounding_s)
     return fmt::format(
-        "datum.time_h is {:.4g} and the history begins at {:.4g} h: the machine is then as at its "
-        "beginning",
+        "datum.time_h is {:.4g}, before the history begins at {:.4g} h: the machine is then in its "
+        "initial state",
         datum.time_s / 3600.0, begin_s / 3600.0);
   if (datum.time_s > end_s + rounding_s)
     return fmt::format(
-        "datum.time_h is {:.4g} and the program ends at {:.4g} h: a datum found before the program "
-        "has a negative time",
+        "datum.time_h is {:.4g}, after the program ends at {:.4g} h: a datum measured before the "
+        "program has a negative time",
         datum.time_s / 3600.0, end_s / 3600.0);
   return {};
 }

@@ -48,8 +48,8 @@ std::string uncovered_design_text(const Scene& scene, const cutting::Stock& blan
   }
   if (outside <= max_outside_fraction * point_count) return {};
   return fmt::format(
-      "the blank does not hold {:.3g} % of the design: its sizes are in mm and in the part's own "
-      "frame, and forces are of what it holds",
+      "the blank does not contain {:.3g} % of the design: its sizes are in mm in the part's frame, "
+      "and forces act only on the material it contains",
       100.0 * outside / point_count);
 }
 
@@ -65,7 +65,7 @@ cutting::Blank make_blank(const Scene& scene, const cutting::Design& design_m) {
           cutting::Design mesh = read_named_mesh(blank, blank_mesh_use(scene)).design;
           return cutting::MeshBlank{std::move(mesh.vertices), std::move(mesh.triangles)};
         } else if constexpr (std::is_same_v<Shape, CuttingDescription::TurnedBlank>) {
-          throw std::invalid_argument("a blank that is milled, not a turned one");
+          throw std::invalid_argument("a blank for milling, not for turning");
         } else {
           return blank;
         }
@@ -364,7 +364,7 @@ void check_spindle(const FollowedProgram& program, std::size_t sample, bool is_d
   const double speed = program.samples.states[sample].spindle_speed;
   if (speed > 0.0 && is_direction_right) return;
   throw BadInput(program.path.file, program.samples.line[sample], 0, expected,
-                 speed > 0.0 ? "a cut with the spindle turning the other way"
+                 speed > 0.0 ? "a cut with the spindle turning in the opposite direction"
                              : "a cut with the spindle at rest");
 }
 
@@ -442,7 +442,7 @@ Process simulate_milling(const Scene& scene, const Machine& machine,
     process.warnings.push_back(std::move(text));
   const auto spindle = find_spindle(machine);
   if (description.material && !spindle)
-    throw std::invalid_argument("a machine with a spindle nose s for a cut with forces");
+    throw std::invalid_argument("a machine with a spindle nose s for cutting forces");
   Pose T_before = program.pose(0, {});
   const std::vector<std::size_t> step_samples = milling_steps(
       program.samples, program.path, program.T_wt, description.step, cutter.flank_length);
@@ -553,7 +553,7 @@ ProcessSample TurningSample::at(const Pose& T_wt) const {
   const auto& states = program.samples.states;
   const bool is_angle_growing = states[sample].q[spindle] > states[previous].q[spindle];
   check_spindle(program, sample, is_angle_growing == is_tool_descending(line, T_slow),
-                "a spindle that brings the work down on the rake face where it cuts");
+                "a spindle that turns the workpiece towards the rake face where it cuts");
   ProcessSample result = process_sample(cutting::turning_force(
       edges, stock_nose, *description.material, work_radius(line, T_slow, stock_nose, edges)));
   for (const cutting::EngagedEdge& edge : edges) {
@@ -609,7 +609,7 @@ Process simulate_process(const Scene& scene, const Machine& machine,
       return simulate_milling(scene, machine, design_m, program, progress);
     return simulate_turning(scene, machine, program, progress);
   } catch (const std::invalid_argument& error) {
-    throw BadInput(scene.file.string(), 0, 0, "a blank that can be", error.what());
+    throw BadInput(scene.file.string(), 0, 0, "a valid blank", error.what());
   } catch (const std::length_error& error) {
     throw BadInput(scene.file.string(), 0, 0, "a blank that fits in [cutting] max_MiB",
                    error.what());

@@ -174,10 +174,10 @@ void add_machine_warnings(const ProgramInspectionOptions& options, ProgramInspec
     const double unit = joint.motion == kinematics::Motion::Rotary ? units::deg : 1.0;
     const program::ValueAtLine& extreme =
         axis.lowest.value < joint.min ? axis.lowest : axis.highest;
-    inspection.warnings.push_back(
-        fmt::format("{} leaves its travel of {:.6g} to {:.6g} {} by {:.6g}, on line {} with {:.6g}",
-                    joint.name, joint.min / unit, joint.max / unit, unit == 1.0 ? "mm" : "deg",
-                    -axis.remaining_travel / unit, extreme.line, extreme.value / unit));
+    inspection.warnings.push_back(fmt::format(
+        "{} exceeds its travel of {:.6g} to {:.6g} {} by {:.6g}, on line {} with {:.6g}",
+        joint.name, joint.min / unit, joint.max / unit, unit == 1.0 ? "mm" : "deg",
+        -axis.remaining_travel / unit, extreme.line, extreme.value / unit));
   }
   if (const auto& pole = inspection.figures.pole)
     if (std::string text = pole_text(*pole, inspection.machine.control, options.pole_warning,
@@ -186,8 +186,8 @@ void add_machine_warnings(const ProgramInspectionOptions& options, ProgramInspec
       inspection.warnings.push_back(std::move(text));
   if (inspection.figures.slowed_moves > 0)
     inspection.warnings.push_back(
-        fmt::format("{} moves at feed are beyond the speed of an axis, by {:.3g} times on line {}: "
-                    "a control slows them down",
+        fmt::format("{} feed moves exceed an axis speed limit, by a factor of {:.3g} on line {}: a "
+                    "control would slow them down",
                     inspection.figures.slowed_moves, inspection.figures.max_slow_down.value,
                     inspection.figures.max_slow_down.line));
 }
@@ -203,8 +203,8 @@ void convert(const program::Path& path, const program::NcOptions& control,
       if (inspection.figures.axes[std::size_t(j)].has_position) columns.push_back(j);
     inspection.converted = program::write_pvt(pvt.rows, control.axes, columns);
     inspection.notes.push_back(
-        fmt::format("{} rows, {:.3g} um from the path at most (a rotary axis "
-                    "counts with 100 mm); the spindle is left out",
+        fmt::format("{} rows, at most {:.3g} um from the path (rotary axes at a radius of 100 mm); "
+                    "the spindle is omitted",
                     pvt.rows.size(), pvt.max_deviation * 1e3));
     return;
   }
@@ -233,10 +233,11 @@ void convert(const program::Path& path, const program::NcOptions& control,
                              .text;
   if (chords > 0)
     inspection.notes.push_back(
-        fmt::format("arcs in planes for which there is no word became {} chords within {:.4g} um",
+        fmt::format("arcs in planes without an NC word were replaced by {} chords within {:.4g} um",
                     chords, options.within * 1e3));
   inspection.notes.push_back(
-      "RS274/NGC with all offsets in the words; X Y Z under G43.4 are the tip in the workpiece");
+      "RS274/NGC with all offsets applied; X Y Z under G43.4 are the tip position in the "
+      "workpiece");
 }
 
 }  // namespace
@@ -292,9 +293,10 @@ class ProgramMeter {
     if (!writer_) return;
     inspection.converted = writer_->take();
     if (writer_->omitted_dwells() + writer_->omitted_words() > 0)
-      inspection.notes.push_back(fmt::format(
-          "{} dwells and {} words of tools, coolant and stops are left out: a table has none",
-          writer_->omitted_dwells(), writer_->omitted_words()));
+      inspection.notes.push_back(
+          fmt::format("{} dwells and {} words for tools, coolant and stops are omitted: a table "
+                      "cannot hold them",
+                      writer_->omitted_dwells(), writer_->omitted_words()));
   }
 
  private:
@@ -319,7 +321,7 @@ void read_and_measure(const std::string& text, const program::NcOptions& control
   if (is_pvt(inspection.file, text, options)) {
     if (options.interpreter == dialects::Interpreter::LinuxCnc)
       throw BadInput(inspection.file.string(), 0, 0,
-                     "a program of LinuxCNC beside --interpreter linuxcnc", "a table of times");
+                     "a LinuxCNC program with --interpreter linuxcnc", "a table of times");
     path = program::read_pvt(text, inspection.file.string(), control);
     inspection.dialect = "pvt";
     inspection.executed = path.blocks.size();
@@ -394,7 +396,8 @@ ProgramInspection inspect_program(const std::filesystem::path& program,
   if (const int s = program::find_spindle(control.axes);
       points && s >= 0 && control.axes[std::size_t(s)].motion == kinematics::Motion::Rotary)
     throw BadInput(machine_file.string(), 0, 0,
-                   "a machine whose workpiece does not spin, for cutter locations", "one with S");
+                   "a machine whose workpiece does not spin, for cutter locations",
+                   "a machine with S");
   read_and_measure(text, control, options, progress, inspection);
   std::set<int> called;
   for (const auto& [number, blocks] : inspection.figures.offsets)

@@ -345,7 +345,7 @@ void check_memory(const Scene& scene, const std::vector<WorkSize>& jobs, const C
   const double max_bytes = memory_bytes();
   if (peak_memory(jobs, request) <= max_bytes) return;
   throw scene_limit_error(scene, dominant_keys(scene, jobs),
-                          fmt::format("a run that {} of memory hold, or a larger --memory-gb",
+                          fmt::format("a run that fits into {} of memory, or a larger --memory-gb",
                                       gigabyte_text(max_bytes)),
                           memory_text(jobs, request) + windows_obstacle_text(windows_obstacle));
 }

@@ -86,7 +86,7 @@ BadInput scene_limit_error(const Scene& scene, const std::vector<std::string>& k
 
 std::string windows_obstacle_text(const std::string& windows_obstacle) {
   if (windows_obstacle.empty()) return {};
-  return fmt::format("; with {} it cannot be run in windows", windows_obstacle);
+  return fmt::format("; it cannot be run in windows with {}", windows_obstacle);
 }
 
 std::size_t max_program_samples() {
@@ -139,16 +139,16 @@ void check_work(const Scene& scene, const WorkEstimate& work) {
   if (work.samples > double(max_program_samples()))
     throw scene_limit_error(
         scene, work.by,
-        fmt::format("a program of at most {} samples, which the memory holds",
+        fmt::format("a program of at most {} samples, limited by memory",
                     rounded_count(double(max_program_samples()))),
-        fmt::format("{} and more in {} passes over {:.3g} x {:.3g} mm of the part",
+        fmt::format("at least {} in {} passes over {:.3g} x {:.3g} mm of the part",
                     rounded_count(work.samples), rounded_count(work.passes), work.range.x(),
                     work.range.y()));
   const double max_bytes = memory_bytes();
   if (work.bytes > max_bytes)
     throw scene_limit_error(
         scene, dominant_byte_keys(scene, work),
-        fmt::format("points and vertices that {:.1f} GB of memory hold", max_bytes / 1e9),
+        fmt::format("points and vertices that fit into {:.1f} GB of memory", max_bytes / 1e9),
         fmt::format("{:.1f} GB for about {} points, {} samples and {} vertices", work.bytes / 1e9,
                     rounded_count(work.points), rounded_count(work.samples),
                     rounded_count(work.vertices)));
@@ -261,10 +261,11 @@ std::string standing_text(const FeedCounts& counts) {
   if (standing.blocks == 0) return {};
   if (standing.blocks == counts.feed_blocks)
     return fmt::format(
-        "the spindle never turns: the program feeds from line {} on and has no S with M3 before it",
+        "the spindle never turns: the program feeds from line {} on without a preceding S with M3",
         standing.first_line);
-  return fmt::format("the spindle stands in {} of {} blocks that feed, first line {}: S and M3?",
-                     standing.blocks, counts.feed_blocks, standing.first_line);
+  return fmt::format(
+      "the spindle is stopped in {} of {} feed blocks, first line {}: check S and M3",
+      standing.blocks, counts.feed_blocks, standing.first_line);
 }
 
 std::string reversed_text(const Scene& scene, const FeedCounts& counts) {
@@ -272,8 +273,8 @@ std::string reversed_text(const Scene& scene, const FeedCounts& counts) {
   if (reversed.blocks == 0) return {};
   const bool is_clockwise = !scene.cutting || scene.cutting->flutes.clockwise;
   return fmt::format(
-      "the spindle turns {} in {} of {} blocks that feed, first line {}: the teeth do not cut that "
-      "way, M{} or cutting.rotation = \"{}\"?",
+      "the spindle turns {} in {} of {} feed blocks, first line {}: the teeth do not cut in that "
+      "direction; check M{} or cutting.rotation = \"{}\"",
       is_clockwise ? "counter-clockwise (M4)" : "clockwise (M3)", reversed.blocks,
       counts.feed_blocks, reversed.first_line, is_clockwise ? 3 : 4,
       is_clockwise ? "counter_clockwise" : "clockwise");
@@ -290,7 +291,7 @@ std::string vibration_text(const Scene& scene, const FeedCounts& counts) {
       continue;
     return fmt::format(
         "the spindle cuts at up to {:.4g} rpm, {:.3g} times the speed at which the vibration {} is "
-        "stated (at_rpm = {:.4g}): one of the two looks like 1/s, rad/s or 1000 rpm",
+        "stated (at_rpm = {:.4g}): check both units (1/s, rad/s or 1000 rpm?)",
         counts.max_spindle_speed / units::rpm, ratio, errors::to_string(vibration.name),
         vibration.reference_speed / units::rpm);
   }
@@ -317,18 +318,17 @@ std::vector<std::string> feed_warnings(const Scene& scene, const Machine& machin
   if (const BlockCount& slow = counts.slow; slow.blocks > 0)
     add(fmt::format(
         "the program feeds at {:.3g} mm/min on line {}, and below {:g} mm/min in {} of {} blocks: "
-        "F is mm/min under G94, looks like m/min, mm/s or mm a turn",
+        "F is in mm/min under G94; check the unit (m/min, mm/s or mm per revolution?)",
         slow.value, slow.first_line, min_feed_mm_per_min, slow.blocks, counts.feed_blocks));
   if (const BlockCount& rubbing = counts.rubbing; rubbing.blocks > 0)
     add(fmt::format(
-        "the program feeds by {:.3g} um a turn of the spindle on line {} ({} of {} "
-        "blocks): a tooth "
-        "rubs at that; F or S looks like another unit",
+        "the program feeds {:.3g} um per spindle revolution on line {} ({} of {} "
+        "blocks), where a tooth rubs instead of cutting: check the units of F and S",
         rubbing.value / units::um, rubbing.first_line, rubbing.blocks, counts.feed_blocks));
   if (const BlockCount& coarse = counts.coarse; coarse.blocks > 0)
     add(fmt::format(
-        "the program feeds by {:.3g} mm a turn of the spindle on line {} ({} of {} blocks) under a "
-        "cutter {:.4g} mm wide: F or S looks like another unit, S is in rpm",
+        "the program feeds {:.3g} mm per spindle revolution on line {} ({} of {} blocks) with a "
+        "cutter {:.4g} mm in diameter: check the units of F and S (S is in rpm)",
         coarse.value, coarse.first_line, coarse.blocks, counts.feed_blocks, cutter_width(scene)));
   return warnings;
 }
@@ -338,9 +338,9 @@ std::string pole_text(const program::PoleApproach& pole, const kinematics::Chain
   if (pole.turned < min_reported_pole_turn) return {};
   const auto axis_name = [&](int joint) { return chain.joints()[std::size_t(joint)].name; };
   return fmt::format(
-      "the tool passes a pole of the machine, where it lies along {} and {} turns nothing, "
-      "by {:.3g} deg ({}; the pole is at {} {:.4g}): nearer than {:.4g} deg {} turns by "
-      "{:.4g} deg in all, at up to {:.4g} deg/min as programmed",
+      "the tool passes a pole of the machine, where it is parallel to {} and {} does not change "
+      "its direction, within {:.3g} deg ({}; the pole is at {} {:.4g}): closer than {:.4g} deg {} "
+      "turns by {:.4g} deg in total, at up to {:.4g} deg/min as programmed",
       axis_name(pole.axis), axis_name(pole.axis), pole.angle / units::deg,
       program::line_label(subprogram_files, pole.line, pole.file), axis_name(pole.other),
       // Adding 0.0 removes the sign of -0.
@@ -380,16 +380,15 @@ std::string coarse_mesh_text(const Scene& scene, const cutting::Design& design_w
   const cutting::Coarseness coarse = cutting::coarseness(design_w);
   if (2 * coarse.sharp > coarse.judged)
     return fmt::format(
-        "the mesh is too coarse to be judged: {} of {} judged vertices lie on edges of more than "
-        "30 "
-        "degrees, where a normal is a mean of faces",
+        "the mesh is too coarse to be judged: {} of {} judged vertices are on edges of more than "
+        "30 degrees, where the normal is the mean of faces",
         coarse.sharp, coarse.judged);
   // If the facets sag by more than h, the mesh itself misses a tolerance of +-h.
   const std::optional<double> half_width = narrowest_half_width(scene.part);
   if (half_width && coarse.facet_error > *half_width)
     return fmt::format(
         "the mesh is too coarse for the tolerance: between judged vertices its facets sag by up to "
-        "{:.4g} um, the tolerance is ±{:.4g} um",
+        "{:.4g} um, while the tolerance is ±{:.4g} um",
         coarse.facet_error / units::um, *half_width / units::um);
   return {};
 }
@@ -404,11 +403,12 @@ std::string sparse_vertices_text(const Scene& scene, const cutting::Design& desi
   const JudgedVertices judged = judged_vertices(design_w);
   if (!is_sparse(judged, scene.tool)) return {};
   if (judged.vertices < min_judged_vertices)
-    return fmt::format("the part is judged at {} {} only: what is cut between them is in no figure",
-                       judged.vertices, judged.vertices == 1 ? "vertex" : "vertices");
+    return fmt::format(
+        "the part is judged at only {} {}: the results do not include the surface between them",
+        judged.vertices, judged.vertices == 1 ? "vertex" : "vertices");
   return fmt::format(
-      "judged vertices that an edge joins are up to {:.4g} mm apart, the cutter is {:.4g} mm wide: "
-      "a gouge between them is in no figure",
+      "neighbouring judged vertices are up to {:.4g} mm apart and the cutter is {:.4g} mm in "
+      "diameter: the results miss a gouge between them",
       judged.max_distance, 2.0 * std::get<cutting::Cutter>(scene.tool.nominal).radius);
 }
 
@@ -416,8 +416,7 @@ std::string sparse_vertices_text(const Scene& scene, const cutting::Design& desi
 std::string no_feed_text(const program::Path& path) {
   const bool has_feed = std::any_of(path.blocks.begin(), path.blocks.end(), program::is_feed);
   if (has_feed || path.motion_blocks == 0) return {};
-  return fmt::format("no block of the program feeds: all {} that move are rapids",
-                     path.motion_blocks);
+  return fmt::format("no block of the program feeds: all {} moves are rapids", path.motion_blocks);
 }
 
 /// Returns the warning about a program that uses or states two units.
@@ -437,8 +436,8 @@ std::string unit_change_text(const program::Path& path) {
         fmt::format("{}{} on line {}", i == 0 ? "" : ", ", word.inch ? "G20" : "G21", word.line);
   }
   return fmt::format(
-      "the program says two units, {}: {} of its {} moves count in inches, the others in mm; take "
-      "the wrong word out",
+      "the program sets two units, {}: {} of its {} moves are in inches, the others in mm; remove "
+      "the wrong word",
       list, inch_moves, moves);
 }
 
@@ -453,7 +452,7 @@ void add_holder_warnings(const ToolDescription& tool, std::vector<std::string>& 
   if (const double overlap = cutter->flank_length - begin; overlap > tolerance)
     texts.push_back(fmt::format(
         "the holder{} begins {:.6g} mm above the tip, {:.6g} mm below the upper end of the flank "
-        "(flank_length_mm {:.6g}): that much of the cutter is in the holder",
+        "(flank_length_mm {:.6g}): that part of the cutter is inside the holder",
         tool_text, begin, overlap, cutter->flank_length));
   const double excess = end - tool.actual_length;
   if (std::abs(excess) > tolerance)
@@ -462,17 +461,17 @@ void add_holder_warnings(const ToolDescription& tool, std::vector<std::string>& 
         "(length_mm "
         "{:.6g}){}",
         tool_text, end, std::abs(excess), excess > 0.0 ? "beyond" : "short of", tool.actual_length,
-        excess > 0.0 ? "" : ": what is between them is met by nothing"));
+        excess > 0.0 ? "" : ": the gap between them is not checked"));
 }
 
 /// Adds the warning that concave arcs of a tool are cut as chords.
 void add_chord_warning(const ToolDescription& tool, std::vector<std::string>& texts) {
   const double sag = std::max(chord_sag(tool.nominal_form), chord_sag(tool.actual_form));
   if (sag > 0.0)
-    texts.push_back(fmt::format(
-        "the arcs of the tool{} that bulge inwards are cut as chords: it is larger there by up to "
-        "{:.3g} um",
-        tool.number ? fmt::format(" {}", *tool.number) : "", sag / units::um));
+    texts.push_back(
+        fmt::format("the inward arcs of the tool{} are replaced by chords: the tool is larger "
+                    "there by up to {:.3g} um",
+                    tool.number ? fmt::format(" {}", *tool.number) : "", sag / units::um));
 }
 
 double shank_radius(const Scene& scene, const cutting::Cutter& cutter) {
@@ -562,12 +561,12 @@ std::vector<std::string> shank_warnings(const Scene& scene, const ShankContacts&
   const auto add = [&](const std::string& what,
                        const std::optional<cutting::ShankContact>& contact) {
     if (!contact) return;
-    warnings.push_back(fmt::format(
-        "{} goes more than {:.4g} mm into the design at {} vertices{}, {} {:.3f} mm deep (line {}, "
-        "first line {})",
-        what, contact->tolerated_depth, contact->vertices, contacts.in_windows ? " or more" : "",
-        contact->deeper ? "at least" : "up to", contact->deepest, contact->line,
-        contact->first_line));
+    warnings.push_back(
+        fmt::format("{} enters the design by more than {:.4g} mm at {} vertices{}, {} {:.3f} mm "
+                    "deep (line {}, first line {})",
+                    what, contact->tolerated_depth, contact->vertices,
+                    contacts.in_windows ? " or more" : "", contact->deeper ? "at least" : "up to",
+                    contact->deepest, contact->line, contact->first_line));
   };
   if (cutter == nullptr) return warnings;
   const double radius = shank_radius(scene, *cutter);

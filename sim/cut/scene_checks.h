@@ -30,8 +30,8 @@ BadInput scene_limit_error(const Scene& scene, const std::vector<std::string>& k
 /// @param windows_obstacle  what prevents windows; empty: nothing does, and the text is empty
 std::string windows_obstacle_text(const std::string& windows_obstacle);
 
-/// Returns the largest number of samples of a program: 50 million, or what the memory holds if that
-/// is less.
+/// Returns the largest number of samples of a program: 50 million, or the number that fits into
+/// memory if that is less.
 std::size_t max_program_samples();
 
 /// Estimated size of the program and of the part.

@@ -184,12 +184,12 @@ class StockSearch {
     }
     if (!crashes_.empty()) add_crashes();
     if (unconfirmed_crashes_ > 0)
-      result.warnings.push_back(fmt::format(
-          "the stock is cut with a shank of the cutter's radius, {:g} mm: at {} {} (first line {}) "
-          "it takes away what the true shank is not seen to meet",
-          cutter_.radius, unconfirmed_crashes_, unconfirmed_crashes_ == 1 ? "place" : "places",
-          first_unconfirmed_line_));
-    // Crashes are found in a second pass, behind the other events.
+      result.warnings.push_back(
+          fmt::format("the stock is cut with a shank of the cutter radius, {:g} mm: at {} {} "
+                      "(first line {}) it removes material that the true shank may not touch",
+                      cutter_.radius, unconfirmed_crashes_,
+                      unconfirmed_crashes_ == 1 ? "place" : "places", first_unconfirmed_line_));
+    // Crashes are found in a second pass, after the other events.
     std::ranges::stable_sort(result.list, {},
                              [](const Collision& event) { return event.first.time_s; });
     add_clearances();

@@ -209,17 +209,17 @@ struct Coordinate {
 using Coordinates = std::array<Coordinate, 3>;
 
 constexpr Coordinates milled_texts = {
-    {{"the nearest cut lies {:.1f} mm beside the part, towards its -x",
-      "the nearest cut lies {:.1f} mm beside the part, towards its +x"},
-     {"the nearest cut lies {:.1f} mm beside the part, towards its -y",
-      "the nearest cut lies {:.1f} mm beside the part, towards its +y"},
-     {"the highest cut lies {:.1f} mm below the part",
-      "the lowest cut lies {:.1f} mm above the part"}}};
+    {{"the nearest cut is {:.1f} mm away from the part, on its -x side",
+      "the nearest cut is {:.1f} mm away from the part, on its +x side"},
+     {"the nearest cut is {:.1f} mm away from the part, on its -y side",
+      "the nearest cut is {:.1f} mm away from the part, on its +y side"},
+     {"the highest cut is {:.1f} mm below the part",
+      "the lowest cut is {:.1f} mm above the part"}}};
 constexpr Coordinates turned_texts = {
-    {{"the nearest cut lies {:.1f} mm before the part along the spindle",
-      "the nearest cut lies {:.1f} mm beyond the part along the spindle"},
-     {"the largest radius cut lies {:.1f} mm inside the part's smallest",
-      "the smallest radius cut lies {:.1f} mm outside the part's largest"},
+    {{"the nearest cut is {:.1f} mm before the part along the spindle",
+      "the nearest cut is {:.1f} mm beyond the part along the spindle"},
+     {"the largest radius cut is {:.1f} mm below the part's smallest radius",
+      "the smallest radius cut is {:.1f} mm above the part's largest radius"},
      {"", ""}}};
 
 bool is_milled(const Job& job) {

@@ -122,8 +122,7 @@ std::string inch_text(const program::Path& path, const program::Block& block) {
     const auto previous = current - 1;
     previous_text = fmt::format(", after G21 on line {}", previous->line);
   }
-  return fmt::format(", whose words count in inches (G20 on line {}{})", current->line,
-                     previous_text);
+  return fmt::format(", with words in inches (G20 on line {}{})", current->line, previous_text);
 }
 
 }  // namespace

@@ -237,9 +237,9 @@ std::vector<std::string> chord_error_warnings(const ChordError& chord_error, dou
   if (!(chord_error.max > std::max({chord_error.tolerance, min_reported, tip_fraction * tip_rms})))
     return {};
   std::string text = fmt::format(
-      "errors of the machine bend the path between the samples, where the cut is straight: by "
+      "machine errors bend the path between the samples, where the simulated cut is straight: by "
       "{:.3g} um (line {}, a step of {:.3g} mm), RMS {:.3g} um, by more than {:.3g} um in {:.3g} % "
-      "of {} intervals looked at",
+      "of {} tested intervals",
       chord_error.max / units::um, chord_error.line, chord_error.step, chord_error.rms / units::um,
       chord_error.tolerance / units::um,
       100.0 * double(chord_error.exceeding_count) / double(chord_error.interval_count),
@@ -250,7 +250,7 @@ std::vector<std::string> chord_error_warnings(const ChordError& chord_error, dou
   if (step > 0.0) {
     // Rounded down to two digits.
     const double unit = std::pow(10.0, std::floor(std::log10(step)) - 1.0);
-    text += fmt::format("; to follow them begin with sampling.max_step_mm = {:.4g}",
+    text += fmt::format("; to resolve them start with sampling.max_step_mm = {:.4g}",
                         unit * std::floor(step / unit));
   }
   return {text};

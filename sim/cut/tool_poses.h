@@ -18,7 +18,7 @@ auto check_table_range(const Job& job, const Action& action) {
   try {
     return action();
   } catch (const std::out_of_range& range_error) {
-    throw BadInput(job.scene.file.string(), 0, 0, "a program inside the tables of the errors",
+    throw BadInput(job.scene.file.string(), 0, 0, "a program within the error tables",
                    range_error.what());
   }
 }

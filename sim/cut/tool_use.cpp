@@ -53,36 +53,34 @@ std::vector<std::string> early_feed_warnings(const program::Path& path,
   const auto first_call = path.blocks.begin() + std::ptrdiff_t(calls.front().before);
   const auto early_block = std::find_if(path.blocks.begin(), first_call, program::is_feed);
   if (early_block == first_call) return {};
-  return {
-      fmt::format("line {} feeds before the first tool is called, {} on line {}: it is cut with "
-                  "{}",
-                  early_block->line, call_name(calls.front()), calls.front().line, tool_text)};
+  return {fmt::format("line {} feeds before the first tool call, {} on line {}: it is cut with {}",
+                      early_block->line, call_name(calls.front()), calls.front().line, tool_text)};
 }
 
 ToolUse single_tool_use(const program::Path& path, const ToolDescription& tool) {
   const std::vector<program::ToolCall> calls = cutting_calls(path);
   ToolUse use{{{0, 0, path.blocks.size()}},
-              early_feed_warnings(path, calls, "the scene's tool as well")};
+              early_feed_warnings(path, calls, "the scene's tool too")};
   if (calls.empty()) return use;
   const program::ToolCall& first = calls.front();
   for (const program::ToolCall& call : calls) {
     if (tool.number && call.number != *tool.number)
       throw BadInput(path.file, call.line, 0,
                      fmt::format("T{}, which is the scene's tool.number", *tool.number),
-                     fmt::format("{}: describe it in a [[tool]] of its own, or give tool.number = "
-                                 "{} if the scene's is that",
+                     fmt::format("{}: describe it in a [[tool]] of its own, or set tool.number = "
+                                 "{} if it is the scene's tool",
                                  call_name(call), call.number));
     if (call.number != first.number)
       throw BadInput(path.file, call.line, 0,
-                     fmt::format("one tool, {} of line {}, as the scene has one; several are "
-                                 "described by a [[tool]] each, with its number",
+                     fmt::format("only one tool, {} of line {}, because the scene has one; "
+                                 "describe several as one numbered [[tool]] each",
                                  call_name(first), first.line),
                      call_name(call));
   }
   if (!tool.number)
-    use.warnings.push_back(
-        fmt::format("{} on line {} is cut with the scene's tool{}: give tool.number if it is that",
-                    call_name(first), first.line, tool.name.empty() ? "" : " " + tool.name));
+    use.warnings.push_back(fmt::format(
+        "{} on line {} is cut with the scene's tool{}: set tool.number if this is right",
+        call_name(first), first.line, tool.name.empty() ? "" : " " + tool.name));
   return use;
 }
 
@@ -96,7 +94,7 @@ std::size_t described_tool(const program::Path& path, const program::ToolCall& c
     known += fmt::format("{}T{}", known.empty() ? "" : ", ", *tools[i].number);
   }
   throw BadInput(path.file, call.line, 0,
-                 fmt::format("a tool that a [[tool]] of the scene describes ({})", known),
+                 fmt::format("a tool described by a [[tool]] of the scene ({})", known),
                  call_name(call));
 }
 
@@ -111,9 +109,9 @@ void add(std::vector<ToolSegment>& segments, const ToolSegment& segment) {
 
 ToolUse several_tool_use(const program::Path& path, std::span<const ToolDescription> tools) {
   const std::vector<program::ToolCall> calls = cutting_calls(path);
-  ToolUse use{
-      {},
-      early_feed_warnings(path, calls, fmt::format("T{}, the scene's first", *tools[0].number))};
+  ToolUse use{{},
+              early_feed_warnings(path, calls,
+                                  fmt::format("T{}, the scene's first tool", *tools[0].number))};
   std::vector<bool> is_called(tools.size(), false);
   // Rapids before the first call belong to the tool that is called.
   std::size_t tool =
@@ -130,13 +128,13 @@ ToolUse several_tool_use(const program::Path& path, std::span<const ToolDescript
     for (std::string& text : length_warnings(path, segment, *tools[segment.tool].number))
       use.warnings.push_back(std::move(text));
   if (calls.empty())
-    use.warnings.push_back(
-        fmt::format("the program calls no tool: all of it is cut with T{}, the scene's first",
-                    *tools[0].number));
+    use.warnings.push_back(fmt::format(
+        "the program calls no tool: it is cut entirely with T{}, the scene's first tool",
+        *tools[0].number));
   for (std::size_t i = 0; i < tools.size() && !calls.empty(); ++i)
     if (!is_called[i])
       use.warnings.push_back(fmt::format(
-          "T{} of the scene cuts nothing: the program does not call it", *tools[i].number));
+          "T{} of the scene is not used: the program does not call it", *tools[i].number));
   return use;
 }
 
@@ -150,10 +148,10 @@ std::vector<std::string> length_warnings(const program::Path& path, const ToolSe
     // Under G43.4 a wrong length displaces all axes, not only the height, so it is an error.
     if (block.coordinates == program::Coordinates::Tip)
       throw BadInput(path.file, block.line, 0,
-                     fmt::format("G43.4 H{}, the length of T{}, which runs here", number, number),
+                     fmt::format("G43.4 H{}, the length of the active tool T{}", number, number),
                      fmt::format("H{}", block.tool_length));
     if (program::is_feed(block))
-      return {fmt::format("from line {} on T{} runs with the length H{} of G43, not its own",
+      return {fmt::format("from line {} on T{} runs with the length H{} of G43 instead of its own",
                           block.line, number, block.tool_length)};
   }
   return {};
@@ -170,7 +168,7 @@ using program::ToolComment;
 
 constexpr double dimension_tolerance = 0.01;  // mm: CAM systems write two or three decimals
 
-/// Returns the number of the tool that a comment describes; none if it gives no number and the
+/// Returns the number of the tool that a comment describes; empty if it gives no number and the
 /// program calls no tool.
 std::optional<int> comment_tool_number(const ToolComment& comment,
                                        const std::vector<program::ToolCall>& calls) {
@@ -196,13 +194,13 @@ const ToolDescription* commented_tool(const ToolComment& comment,
 std::string cutter_difference(const CutterData& data, const cutting::Cutter& cutter) {
   std::vector<std::string> differences;
   if (std::abs(data.diameter - 2.0 * cutter.radius) > dimension_tolerance)
-    differences.push_back(fmt::format("{:.6g} mm in diameter, and the scene's has {:.6g} mm",
+    differences.push_back(fmt::format("{:.6g} mm diameter, but the scene's tool has {:.6g} mm",
                                       data.diameter, 2.0 * cutter.radius));
   std::optional<double> corner = data.corner_radius;
   if (!corner && data.end == CutterData::End::Flat) corner = 0.0;
   if (!corner && data.end == CutterData::End::Ball) corner = 0.5 * data.diameter;
   if (corner && std::abs(*corner - cutter.corner_radius) > dimension_tolerance)
-    differences.push_back(fmt::format("{:.6g} mm of corner radius, and the scene's has {:.6g} mm",
+    differences.push_back(fmt::format("{:.6g} mm corner radius, but the scene's tool has {:.6g} mm",
                                       *corner, cutter.corner_radius));
   return fmt::format("{}", fmt::join(differences, "; "));
 }
@@ -417,13 +415,12 @@ std::vector<std::string> wear_warnings(const std::vector<WornTool>& tools) {
   std::vector<std::string> warnings;
   for (const WornTool& worn_tool : tools) {
     std::string text = fmt::format(
-        "{} is assumed to lose {:.4g} um of its radius and {:.4g} um of its length in {:.4g} min "
-        "and {:.6g} mm of the tip at feed, in proportion; stock and force are those of the fresh "
-        "cutter",
+        "{} is assumed to lose {:.4g} um of its radius and {:.4g} um of its length, in proportion, "
+        "over {:.4g} min and {:.6g} mm of feed path; stock and force are those of the new cutter",
         worn_tool.tool, worn_tool.radius / units::um, worn_tool.length / units::um,
         worn_tool.use.time_s / 60.0, worn_tool.use.distance);
     if (worn_tool.within > wear_tolerance)
-      text += fmt::format("; its sweep follows the worn radius within {:.3g} um, in {} pieces",
+      text += fmt::format("; its sweep follows the worn radius within {:.3g} um, in {} segments",
                           worn_tool.within / units::um, max_wear_segments);
     warnings.push_back(std::move(text));
   }

@@ -167,7 +167,7 @@ void create_folders(const fs::path& folder, CreatedPaths& created) {
   create_folders(folder.parent_path(), created);
   failure.clear();
   if (fs::create_directory(folder, failure)) created.add(folder);
-  if (failure) throw_output_failure(folder, "cannot be made: " + failure.message());
+  if (failure) throw_output_failure(folder, "cannot be created: " + failure.message());
 }
 
 }  // namespace
@@ -188,7 +188,7 @@ void check_new_folder(const fs::path& folder) {
   if (failure) throw_output_failure(folder, "cannot be read: " + failure.message());
   if (files > 0)
     throw_output_failure(
-        folder, fmt::format("expected a new or empty folder, seen one with {}{}", first_name,
+        folder, fmt::format("expected a new or empty folder, seen a folder with {}{}", first_name,
                             files > 1 ? fmt::format(" and {} more", files - 1) : ""));
 }
 

@@ -25,9 +25,9 @@ void read_saved_json(
   // nlohmann's parser recurses: deep nesting would overflow the stack.
   if (json_depth(text) > max_nesting)
     throw BadInput(file.string(), 0, 0, expected,
-                   fmt::format("more than {} brackets within each other", max_nesting));
+                   fmt::format("more than {} nested brackets", max_nesting));
   const ordered_json json = ordered_json::parse(text, nullptr, false);
-  if (json.is_discarded()) throw BadInput(file.string(), 0, 0, expected, "text that is no JSON");
+  if (json.is_discarded()) throw BadInput(file.string(), 0, 0, expected, "text that is not JSON");
   try {
     parse(json, text);
   } catch (const ordered_json::exception& error) {

@@ -244,7 +244,7 @@ bool is_journal(const fs::path& file) {
   return in && head.starts_with("SQLite format 3") && head.ends_with("abbe");
 }
 
-/// Returns true for a journal and for the files that SQLite and its lock create beside one.
+/// Returns true for a journal and for the files that SQLite and its lock create next to one.
 bool is_journal_file(const fs::path& file) {
   std::string name = file.string();
   for (const std::string_view ending : {"-lock", "-wal", "-shm"})
@@ -345,7 +345,7 @@ void prepare_folder(const fs::path& folder) {
 
 }  // namespace
 
-/// A folder for result files, and what is declared about it so far.
+/// A folder for result files, and its declarations so far.
 struct ResultFile::Directory {
   fs::path folder;  ///< never empty
   Writer writer;
@@ -364,21 +364,20 @@ void check_folder(const fs::path& folder, const Writer& writer) {
     throw_output_failure(folder, "expected a folder for results, seen a file");
   if (writer.permissions.force) return;
   if (const auto input = writer.beside_inputs ? std::nullopt : input_inside(folder, writer))
-    throw_output_failure(
-        folder, fmt::format("expected a folder without anything that this run reads, seen {}; "
-                            "choose another, such as {}",
-                            input->string(), unused_out_option(folder)));
+    throw_output_failure(folder, fmt::format("expected a folder without input files of this run, "
+                                             "seen {}; choose another, such as {}",
+                                             input->string(), unused_out_option(folder)));
   if (read_manifest(folder).is_whole_result) return;
   // The manifest is read again: another run lists its files there before it creates them.
   if (const ForeignFiles foreign = find_foreign_files(folder);
       foreign.count > 0 && !read_manifest(folder).is_whole_result)
     throw_output_failure(
-        folder, fmt::format("expected a new or empty folder, or one of results ({}), seen one "
-                            "that abbe did not make, with {}{}; choose another, such as {}, or "
-                            "say --force",
-                            manifest_name, foreign.first,
-                            foreign.count > 1 ? fmt::format(" and {} more", foreign.count - 1) : "",
-                            unused_out_option(folder)));
+        folder,
+        fmt::format("expected a new or empty folder, or a result folder ({}), seen a folder not "
+                    "made by abbe, with {}{}; choose another, such as {}, or use --force",
+                    manifest_name, foreign.first,
+                    foreign.count > 1 ? fmt::format(" and {} more", foreign.count - 1) : "",
+                    unused_out_option(folder)));
 }
 
 ResultFolder::ResultFolder(const fs::path& folder, const Writer& writer) {
@@ -397,7 +396,7 @@ ResultFolder::ResultFolder(const fs::path& folder, const Writer& writer) {
 
 ResultFile ResultFolder::operator/(const fs::path& name) const {
   if (name.empty() || name.has_parent_path())
-    throw std::invalid_argument("expected the name of one file, seen " + name.string());
+    throw std::invalid_argument("expected a single file name, seen " + name.string());
   return {directory_, name.string()};
 }
 
@@ -436,15 +435,14 @@ void check_file(const ResultFile& file) {
   if (!path_exists(path)) return;
   if (is_input(path, directory.writer))
     throw_output_failure(
-        path, "this run reads it, and what is read is never written over; choose another --out");
+        path, "this run reads it, and input files are never overwritten; choose another --out");
   if (directory.writer.permissions.force || is_journal(path)) return;
   const Manifest manifest =
       read_manifest(directory.folder);  // read again: other processes may have changed it
   if (writing_command(manifest, path)) return;
   throw_output_failure(
       path,
-      fmt::format("a file that {} stands there; move it, choose another --out, or say "
-                  "--force",
+      fmt::format("there is already a file that {}; move it, choose another --out, or use --force",
                   manifest.files.contains(escaped(file.name_)) ? "was changed since abbe wrote it"
                                                                : "abbe did not make"));
 }

@@ -163,8 +163,8 @@ void reserve_file(const ResultFile& file);
 /// @throws OutputFailure
 void check_file(const ResultFile& file);
 
-/// Calls `write` with a temporary path beside the file, flushes what it wrote, adds the checksum to
-/// the manifest and renames the temporary file. On failure the temporary file is removed and an
+/// Calls `write` with a temporary path next to the file, flushes what it wrote, adds the checksum
+/// to the manifest and renames the temporary file. On failure the temporary file is removed and an
 /// older `file` stays unchanged.
 /// @throws OutputFailure
 void write_file(const ResultFile& file,

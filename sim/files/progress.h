@@ -129,7 +129,7 @@ Progress to(ProgressLine& line);
 
 // Parallel tasks with a common progress line.
 
-/// A unit of work that can run beside others.
+/// A unit of work that can run in parallel with others.
 struct Task {
   std::string name;  ///< part of the plan of the progress line
   std::function<void(const Progress& progress)> work;

@@ -57,7 +57,7 @@ void enable_write_errors();
 /// @throws OutputFailure if any output was lost
 void flush_output();
 
-/// Returns the JSON with every string and key escaped to one line, so that no text from elsewhere
+/// Returns the JSON with every string and key escaped to one line, so that no external text
 /// can begin a line in a report.
 nlohmann::ordered_json escape_lines(const nlohmann::ordered_json& json);
 

@@ -146,7 +146,7 @@ compensation::LoadSeries simulate_load(const Job& job, const Commands& commands,
 void require_single_tool(const Job& job, const CaseDescription& compensator, bool is_used,
                          const char* what) {
   if (!job.stretches.empty() && is_used)
-    throw BadInput(job.scene.file.string(), 0, 0, fmt::format("one tool for {}", what),
+    throw BadInput(job.scene.file.string(), 0, 0, fmt::format("a single tool for {}", what),
                    fmt::format("{} tools and the case {}", 1 + job.scene.additional_tools.size(),
                                compensator.name));
 }
@@ -162,13 +162,13 @@ void check_tool_count(const Job& job, const CaseDescription& compensator) {
     return !is_plug_in && is_belief_enabled(beliefs, compensator.belief, kind);
   };
   require_single_tool(job, compensator, channel == Channel::Program,
-                      "the channel program, which writes the program of one");
+                      "the channel program, which writes the program for one tool");
   require_single_tool(job, compensator, channel == Channel::Table,
-                      "the channel table, whose tables hold for the tip of one");
+                      "the channel table, whose tables apply to the tip of one tool");
   require_single_tool(job, compensator, is_used(Belief::Part),
-                      "the belief part, which the tool that cut it is corrected by");
+                      "the belief part, which corrects the tool that cut the part");
   require_single_tool(job, compensator, is_used(Belief::Force),
-                      "the belief force, which follows the cut of one");
+                      "the belief force, which follows the cut of one tool");
 }
 
 }  // namespace
@@ -251,7 +251,7 @@ compensation::ControlLog control_log(const Job& job, const Commands& commands,
 
 LearnedCorrection learn_correction(const Job& job, const CaseDescription& compensator,
                                    const Progress& progress) {
-  require_single_tool(job, compensator, true, "what tables hold, for the tip of one tool");
+  require_single_tool(job, compensator, true, "tables, which apply to the tip of one tool");
   return learn_correction(make_control_view(job), make_machine_access(job), compensator, progress);
 }
 
@@ -294,11 +294,11 @@ std::string find_windows_obstacle(const Scene& scene,
   if (scene.cutting) return "[cutting]";
   if (scene.thermal) return "[thermal]";
   if (scene.collision.is_enabled) return "[collision]";
-  if (scene.tool.wear) return "a tool that wears";
+  if (scene.tool.wear) return "tool wear";
   if (scene.compliance) return "[compliance]";
   if (scene.sensor_choice) return "a choice of sensors";
   if (!compensator) return {};
-  if (!compensator->plug_in.empty() || compensator->function) return "a compensator of your own";
+  if (!compensator->plug_in.empty() || compensator->function) return "a user compensator";
   if (compensator->channel != CaseDescription::Channel::Ideal) return "a channel other than ideal";
   const bool is_static =
       compensator->belief == Belief::Perfect || compensator->belief == Belief::Identified;

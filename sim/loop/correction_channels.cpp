@@ -373,8 +373,8 @@ Commands apply_real_time_channel(const ControlView& view, Channel channel,
     return channel == Channel::Piezo ? apply_piezo_channel(view, commanded, ideal)
                                      : apply_axis_channel(view, channel, commanded, ideal);
   } catch (const std::invalid_argument& exception) {
-    throw BadInput(view.file.string(), 0, 0, "a channel that this program can pass through",
-                   exception.what());
+    throw BadInput(view.file.string(), 0, 0,
+                   "a channel that can apply the corrections of this program", exception.what());
   }
 }
 

@@ -120,12 +120,12 @@ compensation::MachineBelief machine_belief(const ControlView& view,
     if (uses_belief(Kind::Force, "force")) add_force(belief, view, evidence);
     if (uses_belief(Kind::Part, "part")) belief.part = evidence.part;
   } catch (const std::invalid_argument& exception) {
-    throw_input_error(view, "a belief that fits the machine and what it reads", exception.what());
+    throw_input_error(view, "a belief that matches the machine and its readings", exception.what());
   }
   // A fused belief contains all kinds that the scene has. It needs at least one.
   if (!belief.geometric && !belief.thermal && !belief.force && !belief.current_deflection &&
       !belief.part && compensator.belief == Kind::Fused && !beliefs.part)
-    throw_input_error(view, "something to believe in [belief] for the case " + compensator.name,
+    throw_input_error(view, "at least one belief in [belief] for the case " + compensator.name,
                       "nothing");
   return belief;
 }
@@ -250,7 +250,8 @@ AxisVector table_reference(const ControlView& view) {
 }
 
 [[noreturn]] void throw_tables_error(const ControlView& view, const std::logic_error& exception) {
-  throw BadInput(view.file.string(), 0, 0, "a correction that tables can hold", exception.what());
+  throw BadInput(view.file.string(), 0, 0, "a correction that tables can represent",
+                 exception.what());
 }
 
 /// Returns a corrector that adds the corrections of tables.
@@ -367,7 +368,7 @@ TableCorrector table_corrector(const ControlView& view, const Corrector& correct
     // A volumetric table contains deviations of the axes, from which the control corrects the
     // position.
     if (!believed)
-      throw std::invalid_argument("geometric errors that are identified, for a volumetric table");
+      throw std::invalid_argument("identified geometric errors for a volumetric table");
     compensation::ControlExport exported =
         compensation::to_volumetric(*believed, control, table_options(view));
     CaseDescription position;

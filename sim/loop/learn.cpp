@@ -170,8 +170,8 @@ compensation::CurrentLaw train_law(const MachineAccess& machine_access,
   try {
     return compensation::fit_current_law(run.log, run.training, force.smoothing_s);
   } catch (const std::invalid_argument& exception) {
-    throw BadInput(force.training.string(), 0, 0, "a part from which the current can be learnt",
-                   exception.what());
+    throw BadInput(force.training.string(), 0, 0,
+                   "a part from which the current model can be learned", exception.what());
   }
 }
 
@@ -220,12 +220,12 @@ std::vector<std::string> size_warnings(const compensation::ThermalBelief& belief
     const double travel = term.slope && is_slide ? 1000.0 : 1.0;
     const double size = travel * series.value.col(Eigen::Index(k)).cwiseAbs().maxCoeff();
     if (size < (term.name.is_angle() ? large_rad : large_mm)) continue;
-    warnings.push_back(fmt::format(
-        "belief.thermal: {} {} comes to {:.4g} {}{}, and heat moves no machine that far: another "
-        "unit, or temperatures of another unit",
-        errors::to_string(term.name), term.slope ? "slope" : "offset",
-        size * (term.name.is_angle() ? 1e3 : 1.0), term.name.is_angle() ? "mrad" : "mm",
-        term.slope ? (is_slide ? " over 1 m" : " over 1 rad") : ""));
+    warnings.push_back(
+        fmt::format("belief.thermal: {} {} is {:.4g} {}{}, which is implausible for thermal "
+                    "deformation: check its unit and the unit of the temperatures",
+                    errors::to_string(term.name), term.slope ? "slope" : "offset",
+                    size * (term.name.is_angle() ? 1e3 : 1.0), term.name.is_angle() ? "mrad" : "mm",
+                    term.slope ? (is_slide ? " over 1 m" : " over 1 rad") : ""));
   }
   return warnings;
 }
@@ -243,7 +243,7 @@ LearnedCorrection evidence_corrector(const ControlView& view, const MachineAcces
   LearnedCorrection case_correction{{}, {}, belief.geometric, {}};
   if (belief.thermal && belief.thermal->limited_rows > 0)
     case_correction.warnings.push_back(fmt::format(
-        "thermal belief: {} of {} readings lay outside what it was trained with and were held",
+        "thermal belief: {} of {} readings were outside the training range and were limited to it",
         belief.thermal->limited_rows, belief.thermal->time_s.size()));
   if (belief.thermal && view.belief.thermal)
     std::ranges::move(size_warnings(*view.belief.thermal, *belief.thermal),
@@ -309,7 +309,7 @@ auto with_input_errors(const ControlView& view, const CaseDescription& descripti
                        const Computation& compute) {
   const auto input_error = [&](const std::string& actual) {
     return BadInput(view.file.string(), 0, 0,
-                    "a compensator that fits this program: " + description.name, actual);
+                    "a compensator that works with this program: " + description.name, actual);
   };
   try {
     return compute();

@@ -17,7 +17,7 @@ struct LearnedCorrection {
 };
 
 /// Learns the correction of a case from runs and measured parts.
-/// @throws BadInput if the scene lacks what the case needs
+/// @throws BadInput if the scene lacks a section that the case needs
 /// @throws compensation::PlugInFailure if a plug-in fails
 LearnedCorrection learn_correction(const ControlView& view, const MachineAccess& machine_access,
                                    const CaseDescription& compensator,

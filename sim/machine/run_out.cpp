@@ -22,7 +22,7 @@ bool is_run_out(const errors::Curve& curve) {
 bool is_synchronous(const errors::Curve& curve) {
   const auto* fourier = std::get_if<errors::Fourier>(&curve.shape);
   if (fourier == nullptr) return false;
-  // A Fourier curve is synchronous if a whole number of its periods fits into a turn.
+  // A Fourier curve is synchronous if an integer number of its periods fits into a revolution.
   const double periods_per_turn = units::full_turn / fourier->period;
   return periods_per_turn > 0.5 &&
          std::abs(periods_per_turn - std::round(periods_per_turn)) < 1e-9 * periods_per_turn;
@@ -61,7 +61,7 @@ void check(const std::vector<errors::Element>& elements, const Scene& scene) {
     try {
       for (const errors::Curve& curve : element.curves) errors::validate(curve);
     } catch (const std::invalid_argument& error) {
-      throw BadInput(scene.file.string(), 0, 0, "errors that fit the machine",
+      throw BadInput(scene.file.string(), 0, 0, "errors that match the machine",
                      errors::to_string(element.name) + ": " + error.what());
     }
   }
@@ -135,8 +135,8 @@ Scene with_run_out(const Scene& scene) {
     result.tool.actual = cutting::with_run_out(*cutter, run_out.radial, run_out.axial);
   } catch (const std::invalid_argument& error) {
     throw BadInput(
-        scene.file.string(), 0, 0, "a tool that can run out",
-        fmt::format("{:.3g} um along the axis: {}", run_out.axial / units::um, error.what()));
+        scene.file.string(), 0, 0, "a tool that can have this run-out",
+        fmt::format("{:.3g} um axial run-out: {}", run_out.axial / units::um, error.what()));
   }
   result.tool.actual_length += run_out.axial;
   return result;

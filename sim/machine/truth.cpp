@@ -22,7 +22,7 @@ Pose nose_to_tip_pose(double length, const Eigen::Vector2d& centring) {
 
 /// Throws an input error that names the file of the scene.
 [[noreturn]] void throw_chain_error(const Scene& scene, const std::string& seen) {
-  throw BadInput(scene.file.string(), 0, 0, "a machine that makes a chain", seen);
+  throw BadInput(scene.file.string(), 0, 0, "a valid kinematic chain", seen);
 }
 
 /// Returns the chain of the machine of a scene.
@@ -50,7 +50,7 @@ Machine make_machine(const Scene& scene) {
     // The sweep of a turning tool rotates the part about the first joint.
     const auto& first_joint = machine.joints.front();
     if (first_joint.name != 'S' || first_joint.motion != kinematics::Motion::Rotary)
-      throw_chain_error(scene, "a turning tool needs the spindle S' right after w");
+      throw_chain_error(scene, "a turning tool needs the spindle S' directly after w");
     result.workpiece_spindle = 0;
   }
   return result;
@@ -90,7 +90,7 @@ void check_temperatures(const errors::ThermalRun& run, const Scene& scene) {
       if (const double T_C = run.T_C(i, k); !(T_C >= min_T_C && T_C <= max_T_C))
         throw BadInput(
             scene.file.string(), 0, 0,
-            fmt::format("a thermal network that stays within {} .. {} C", min_T_C, max_T_C),
+            fmt::format("a thermal network that stays between {} and {} C", min_T_C, max_T_C),
             fmt::format("thermal.node.{} at {:.4g} C at {:.4g} s of the program",
                         run.network.nodes[std::size_t(k)].name, T_C,
                         run.knots[std::size_t(i)].time_s));
@@ -141,7 +141,7 @@ Truth make_truth(const Scene& scene, const Machine& machine,
       truth.vibration = errors::bind(scene.vibrations, machine.nominal);
     return truth;
   } catch (const std::invalid_argument& error) {
-    throw BadInput(scene.file.string(), 0, 0, "errors that fit the machine", error.what());
+    throw BadInput(scene.file.string(), 0, 0, "errors that match the machine", error.what());
   }
 }
 

@@ -64,7 +64,7 @@ metrology::Plan combined_plan(const InstrumentDescription& description,
     // A machine can make only one measurement at a time.
     if (start_s < previous_end_s)
       throw std::invalid_argument(
-          fmt::format("a start at {:.2f} h while the readings before it last until {:.2f} h",
+          fmt::format("a start at {:.2f} h although the previous readings last until {:.2f} h",
                       start_s / 3600.0, previous_end_s / 3600.0));
     const int set_up_count = int(combined.set_ups.size());
     for (metrology::SetUp& set_up : start_plan.set_ups)
@@ -121,7 +121,7 @@ Readings read_instrument(const InstrumentDescription& description, const Scene& 
     throw BadInput(scene.file.string(), 0, 0, "a machine that " + name + " can measure",
                    error.what());
   } catch (const std::out_of_range& error) {
-    throw BadInput(scene.file.string(), 0, 0, "errors that reach where " + name + " measures",
+    throw BadInput(scene.file.string(), 0, 0, "errors that are defined where " + name + " measures",
                    error.what());
   }
 }
@@ -176,10 +176,10 @@ metrology::PartReadings probe_part(const Job& job, const metrology::PartSurface&
 void check_readable(const Job& job, const Cut& cut, const metrology::PartSurface& surface,
                     const std::string& instrument) {
   if (surface.deviation.size() > 0) return;
-  throw BadInput(job.scene.file.string(), 0, 0, "a part that " + instrument + " can measure",
-                 fmt::format("none of its judged surface cut within {} mm of the design, {} "
-                             "vertices gouged deeper",
-                             job.scene.band, cut.surface.gouges.size()));
+  throw BadInput(
+      job.scene.file.string(), 0, 0, "a part that " + instrument + " can measure",
+      fmt::format("no judged surface cut within {} mm of the design, {} vertices gouged deeper",
+                  job.scene.band, cut.surface.gouges.size()));
 }
 
 /// Returns the location of an instrument's table in the scene; empty if the instrument is given

@@ -92,7 +92,7 @@ class ShapeKeys {
  private:
   [[noreturn]] static void refuse() {
     // A random error cannot be compensated.
-    throw std::invalid_argument("a belief cannot hold a curve that depends on chance");
+    throw std::invalid_argument("a belief cannot contain a random curve");
   }
   static std::string to_single_line(std::string text) {
     text.pop_back();

@@ -94,8 +94,9 @@ PartReadingsFile read_part_readings(std::string_view text, const std::string& fi
       rows.push_back(read_row(*line, lines.number(), file));
   // The number of rows in the header reveals a truncated file.
   if (stated_rows > 0 && rows.size() != std::size_t(stated_rows))
-    throw BadInput(file, 0, 0, fmt::format("{} rows, as its head says in `rows`", stated_rows),
-                   fmt::format("{}: the file was cut off or changed", rows.size()));
+    throw BadInput(file, 0, 0,
+                   fmt::format("{} rows, as stated in `rows` of its header", stated_rows),
+                   fmt::format("{}: the file was truncated or changed", rows.size()));
   errors::metrology::PartReadings& r = result.readings;
   const auto count = Eigen::Index(rows.size());
   r.points_w.resize(count, 3);
@@ -314,7 +315,8 @@ Body read_body(TableReader& reader, const std::string& key) {
 Vector3d read_unit(TableReader& reader, const std::string& key) {
   const Vector3d v = reader.vector(key);
   if (reader.has(key) && std::abs(v.norm() - 1.0) > 1e-9)
-    reader.report_invalid(key, "a vector of length 1", fmt::format("one of length {}", v.norm()));
+    reader.report_invalid(key, "a vector of length 1",
+                          fmt::format("a vector of length {}", v.norm()));
   return v;
 }
 
@@ -330,7 +332,7 @@ Channel read_channel(const Node& node, InputErrors& input_errors) {
   channel.in = read_body(reader, "in");
   // A channel between two points of one body would always read zero.
   if (channel.of == channel.in)
-    reader.report_invalid("in", "another body than that of `of`", "the same");
+    reader.report_invalid("in", "a body other than that of `of`", "the same body");
   channel.point_of = reader.vector("point_of_mm");
   channel.point_in = reader.vector("point_in_mm");
   channel.direction_in = read_unit(reader, "direction");
@@ -378,7 +380,7 @@ kinematics::Chain read_machine(TableReader& reader) {
     try {
       return kinematics::Chain(joints, T_bw, T_bt);
     } catch (const std::invalid_argument& error) {
-      reader.input_errors().add(reader.place(), "a machine that makes a chain", error.what());
+      reader.input_errors().add(reader.place(), "a valid kinematic chain", error.what());
     }
   }
   // After an error the chain is not used.
@@ -448,8 +450,7 @@ class RowReader {
   }
 
   void read_columns() {
-    if (!next_line())
-      lines_.refuse(1, "a line with the names of the columns", "the end of the file");
+    if (!next_line()) lines_.refuse(1, "a line with the column names", "the end of the file");
     const auto& joints = readings_.nominal.joints();
     const std::string expected = column_names(joints, {});
     // The header determines the columns of the axes; only temperatures may follow.
@@ -464,12 +465,11 @@ class RowReader {
     for (const Cell& cell : cells) {
       const int column = int(expected.size()) + 1 + cell.column;
       if (!cell.text.ends_with("_C") || cell.text.size() < 3)
-        lines_.refuse(column, "the column of a temperature such as nut_C",
-                      quoted_excerpt(cell.text));
+        lines_.refuse(column, "a temperature column such as nut_C", quoted_excerpt(cell.text));
       const std::string name(cell.text.substr(0, cell.text.size() - 2));
       const auto& sensors = readings_.sensors;
       if (std::find(sensors.begin(), sensors.end(), name) != sensors.end())
-        lines_.refuse(column, "every sensor once", quoted_excerpt(cell.text));
+        lines_.refuse(column, "each sensor only once", quoted_excerpt(cell.text));
       readings_.sensors.push_back(name);
     }
   }
@@ -479,7 +479,7 @@ class RowReader {
     const std::size_t axis_count = joints.size(),
                       width = 8 + 3 * axis_count + readings_.sensors.size();
     const std::vector<Cell> cells = split_cells(line_, ',', width);
-    const std::string expected = fmt::format("{} cells, as the line of columns has", width);
+    const std::string expected = fmt::format("{} cells, as in the line of column names", width);
     if (cells.size() < width)
       lines_.refuse(int(line_.size()) + 1, expected, std::to_string(cells.size()));
     if (cells.size() > width) lines_.refuse(cells[width].column, expected, "more");
@@ -519,7 +519,7 @@ class RowReader {
     const bool is_first = readings_.plan.measurements.empty();
     // Either every row has a reading or none has.
     if (is_empty != expected.empty() || (!is_first && is_empty != values_.empty()))
-      lines_.refuse(value.column, "a reading of every channel, or temperatures alone",
+      lines_.refuse(value.column, "a reading for every channel, or only temperatures",
                     quoted_excerpt(value.text));
     if (unit.text != expected)
       lines_.refuse(
@@ -573,8 +573,9 @@ Readings read_readings(std::string_view text, const std::string& file) {
   RowReader(text, file, header.readings).read();
   if (const std::size_t rows = header.readings.plan.measurements.size();
       header.rows > 0 && rows != std::size_t(header.rows))
-    throw BadInput(file, 0, 0, fmt::format("{} rows, as its head says in `rows`", header.rows),
-                   fmt::format("{}: the file was cut off or changed", rows));
+    throw BadInput(file, 0, 0,
+                   fmt::format("{} rows, as stated in `rows` of its header", header.rows),
+                   fmt::format("{}: the file was truncated or changed", rows));
   return std::move(header.readings);
 }
 

@@ -114,7 +114,7 @@ TEST(ControlFiles, PointsCloserThanTheDigitsAreReadOffAndSaid) {
   for (const ControlFormat format :
        {ControlFormat::LinuxCnc, ControlFormat::Siemens, ControlFormat::Heidenhain}) {
     const ControlExport made = to_control(tables, gantry(), format);
-    EXPECT_TRUE(says(made.omissions, "misses them by")) << to_string(format);
+    EXPECT_TRUE(says(made.omissions, "they deviate by")) << to_string(format);
     const ParameterTables back = read_control_tables(made.files, gantry(), format);
     AxisState state;
     state.q = AxisVector::Zero(6);

@@ -63,7 +63,7 @@ TEST(Heidenhain, WritesATableForEachAxisThatIsLookedUpAndTheLineInForce) {
             "0             Y.COM         A.COM         *\n"
             "[END]\n");
   EXPECT_TRUE(says({file(made, "A.COM").text}, "-90.0000      0.0010"));
-  EXPECT_TRUE(says(made.omissions, "Z over Y: the direction of motion"));
+  EXPECT_TRUE(says(made.omissions, "Z over Y: dependence on direction"));
   EXPECT_EQ(made.omissions.size(), 1u);
   EXPECT_TRUE(says(made.notes, "assumed"));
 }
@@ -96,7 +96,7 @@ TEST(Heidenhain, MoreThan256RowsAreReadOffAndSaid) {
   table.upward = table.downward = table.position.array().sin() * 1e-3;
   tables.tables = {table};
   const ControlExport made = to_control(tables, gantry(), ControlFormat::Heidenhain);
-  EXPECT_TRUE(says(made.omissions, "X: 300 points, of which the control holds 256"));
+  EXPECT_TRUE(says(made.omissions, "X: 300 points, but the control holds only 256"));
   EXPECT_EQ(heidenhain_tables(made.files).tables.at(0).position.size(), 256);
 }
 

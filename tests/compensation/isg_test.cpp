@@ -122,9 +122,9 @@ TEST(Isg, SaysWhatItCannotHold) {
   errors.elements.push_back({errors::parse_element_name("EXS"), {{Constant{1e-3}}}});
   const ControlExport made = to_volumetric(errors::bind(errors, chain), chain);
   for (const std::string& sentence : made.omissions) std::cout << sentence << "\n";
-  EXPECT_TRUE(says(made.omissions, "X: the direction of motion"));
+  EXPECT_TRUE(says(made.omissions, "X: dependence on direction"));
   EXPECT_TRUE(says(made.omissions, "EZY: its random part"));
-  EXPECT_TRUE(says(made.omissions, "EXS: no axis of the format"));
+  EXPECT_TRUE(says(made.omissions, "EXS: not an axis of the format"));
   EXPECT_EQ(made.omissions.size(), 3u);
 }
 

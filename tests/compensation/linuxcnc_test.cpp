@@ -108,8 +108,8 @@ TEST(LinuxCnc, SaysWhatItCannotHold) {
   EXPECT_EQ(made.omissions.size(), 4u);
   EXPECT_TRUE(says(made.omissions, "offset of Z, -12.3 um"));
   EXPECT_TRUE(says(made.omissions, "offset of A, 4 urad"));
-  EXPECT_TRUE(says(made.omissions, "Z over Y: a COMP_FILE holds the own axis only"));
-  EXPECT_TRUE(says(made.omissions, "X: 300 points, of which the control holds 256"));
+  EXPECT_TRUE(says(made.omissions, "Z over Y: a COMP_FILE can only correct its own axis"));
+  EXPECT_TRUE(says(made.omissions, "X: 300 points, but the control holds only 256"));
   const std::string& text = file(made, "X.comp").text;
   EXPECT_EQ(std::count(text.begin(), text.end(), '\n'), 256);
   EXPECT_TRUE(says({file(made, "compensation.ini").text}, "[JOINT_4]\nCOMP_FILE = C.comp"));

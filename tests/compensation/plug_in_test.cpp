@@ -163,8 +163,7 @@ TEST_F(PlugIns, WhatCannotBeStartedIsNamed) {
   EXPECT_SAYS(failure(folder / "none.py"),
               "none.py: start: expected a program or a shared library, seen no such file");
   EXPECT_SAYS(failure(folder), "seen a folder");
-  EXPECT_SAYS(failure(written("mine.txt", "hello")),
-              "expected a program that may be run (chmod +x)");
+  EXPECT_SAYS(failure(written("mine.txt", "hello")), "expected an executable program (chmod +x)");
   EXPECT_SAYS(failure(written("mine", "#!/no/such/interpreter\n", true)),
               "No such file or directory");
   EXPECT_SAYS(failure(written("noise", "\x01\x02\x03", true)), "Exec format error");
@@ -177,7 +176,7 @@ TEST_F(PlugIns, PythonThatIsNotThereIsNamed) {
   ::setenv("PATH", folder.c_str(), 1);
   const std::string text = failure(file);
   ::setenv("PATH", before.c_str(), 1);
-  EXPECT_SAYS(text, "mine.py: start: expected that python3 can be started, seen No such file");
+  EXPECT_SAYS(text, "mine.py: start: expected python3 to start, seen No such file");
 }
 
 // --- what goes wrong on the way: a program, and what its failure says
@@ -200,25 +199,25 @@ row = [0] * 6
 
 const Fault input_errors[] = {
     {"ExitsBeforeItIsReady", "print('no licence', file=sys.stderr); sys.exit(3)",
-     "handshake: expected a line, seen its end, exit code 3\nits last words on stderr:\n"
-     "  no licence"},
+     "handshake: expected a line, seen the end of the program, exit code 3\nlast lines on "
+     "stderr:\n  no licence"},
     {"RaisesAnException", "raise ValueError('so wide')", "  ValueError: so wide"},
     {"IsKilledByASignal", "os.kill(os.getpid(), signal.SIGSEGV)",
-     "seen its end, signal 11 (Segmentation fault)"},
+     "seen the end of the program, signal 11 (Segmentation fault)"},
     {"CrashesInABatch", "ready(); hear(); sys.exit(1)",
-     "batch 1 (samples 1 to 3): expected a line, seen its end, exit code 1"},
-    {"EndsWithoutAnAnswer", "ready(); hear()", "seen its end, exit code 0"},
-    {"ClosesItsOutput", "os.close(1); time.sleep(60)", "seen its output closed"},
+     "batch 1 (samples 1 to 3): expected a line, seen the end of the program, exit code 1"},
+    {"EndsWithoutAnAnswer", "ready(); hear()", "seen the end of the program, exit code 0"},
+    {"ClosesItsOutput", "os.close(1); time.sleep(60)", "seen the end of its output"},
     {"EndsInALine", "sys.stdout.write('{\"abbe\":')",
-     "seen the beginning of a line, '{\"abbe\":', then its end, exit code 0"},
+     "seen an incomplete line, '{\"abbe\":', then the end of the program, exit code 0"},
     {"SpeaksAnotherVersion", "say({'abbe': 2, 'kind': 'ready', 'answers': 'correction'})",
-     "expected \"abbe\":1, the version of the protocol, seen 2"},
-    {"DoesNotSayItsVersion", "say({'kind': 'ready'})", "the version of the protocol, seen none"},
+     "expected \"abbe\":1, the protocol version, seen 2"},
+    {"DoesNotSayItsVersion", "say({'kind': 'ready'})", "the protocol version, seen none"},
     {"IsNotReady", "say({'abbe': 1})", "expected \"kind\":\"ready\", seen none"},
     {"AnswersAnotherThing", "ready('temperature')",
      "expected \"answers\":\"correction\" or \"answers\":\"deviation\", seen \"temperature\""},
     {"Chats", "print('hello world')",
-     "expected a JSON object on one line, seen 'hello world' (messages for people go to stderr)"},
+     "expected a JSON object on one line, seen 'hello world' (write messages for users to stderr)"},
     {"SaysAList", "say([1, 2])", "expected a JSON object on one line, seen '[1, 2]'"},
     {"SaysNothingInALine", "print()", "expected a JSON object on one line, seen nothing"},
     {"SaysBytes", "sys.stdout.buffer.write(b'\\xff\\x00\\xfe\\n')", "seen '\\xFF\\x00\\xFE'"},
@@ -242,19 +241,19 @@ const Fault input_errors[] = {
     {"AnswersDegrees", "row[4] = -0.6; say({'id': 1, 'correction': rows(ask, row)})",
      "expected at most 0.5 rad (units are mm and rad), seen -0.6 in row 1, A"},
     {"AnswersTooFewRows", "say({'id': 1, 'correction': rows(ask)[1:]})",
-     "expected 3 rows, one a sample, seen 2"},
+     "expected 3 rows, one per sample, seen 2"},
     {"AnswersTooManyRows", "say({'id': 1, 'correction': rows(ask) + [row]})",
-     "expected 3 rows, one a sample, seen 4"},
+     "expected 3 rows, one per sample, seen 4"},
     {"AnswersTooFewNumbers", "say({'id': 1, 'correction': rows(ask)[1:] + [[0] * 5]})",
-     "expected 6 numbers a row, seen 5 in row 3"},
+     "expected 6 numbers per row, seen 5 in row 3"},
     {"AnswersNoLists", "say({'id': 1, 'correction': row[:3]})",
-     "expected 6 numbers a row, seen no list in row 1"},
+     "expected 6 numbers per row, seen no list in row 1"},
     {"AnswersAnotherId", "say({'id': 2, 'correction': rows(ask)})", "expected \"id\":1, seen 2"},
     {"AnswersWithoutId", "say({'correction': rows(ask)})", "expected \"id\":1, seen none"},
     {"AnswersAnotherKey", "say({'id': 1, 'deviation': rows(ask)})",
      "expected \"correction\":[...], seen none"},
     {"SaysMoreThanItIsAsked", "say({'id': 1, 'correction': rows(ask)}); print('bye')",
-     "end: expected nothing after the last answer, seen 'bye\\x0A'"},
+     "end: expected no output after the last answer, seen 'bye\\x0A'"},
     {"EndsBadly", "say({'id': 1, 'correction': rows(ask)}); sys.exit(4)",
      "end: expected exit code 0 after the last answer, seen exit code 4"},
     {"CrashesAtTheEnd", "say({'id': 1, 'correction': rows(ask)}); os.abort()",
@@ -290,21 +289,20 @@ TEST_F(PlugIns, WhatHangsIsKilledAtItsDeadline) {
   };
   options.start_s = 0.5;
   hang("time.sleep(60)",
-       "handshake: expected a line within 0.5 s, seen nothing (is the output "
-       "flushed after each line?)");
+       "handshake: expected a line within 0.5 s, seen no output (is it flushed after each line?)");
   options.start_s = 10;
   options.response_s = 0.5;
   hang("ready(); time.sleep(60)", "batch 1 (samples 1 to 3): expected a line within 0.5 s");
   hang("ready(); sys.stdout.write('{'); time.sleep(60)",
-       "seen the beginning of a line, '{', then nothing");
+       "seen an incomplete line, '{', then no output");
   hang("signal.signal(signal.SIGTERM, signal.SIG_IGN); ready(); time.sleep(60)", "within 0.5 s");
   options.response_s = 2;
   hang("ready(); ask = hear(); say({'id': 1, 'correction': rows(ask)}); time.sleep(60)",
-       "end: expected its end within 2 s after the last answer, seen none");
+       "end: expected the program to end within 2 s after the last answer, seen none");
   hang(
       "ready(); ask = hear(); say({'id': 1, 'correction': rows(ask)}); os.close(1); "
       "time.sleep(60)",
-      "end: expected its end within 2 s");
+      "end: expected the program to end within 2 s");
   options.response_s = 0.5;
   hang("ready(); os.close(0); time.sleep(60)", "expected a line within 0.5 s");
   hang("ready()\nwhile True: print('x' * 1000, file=sys.stderr)", "expected a line within 0.5 s");
@@ -315,8 +313,9 @@ TEST_F(PlugIns, AQuestionThatNobodyReadsDoesNotBlock) {
   options.response_s = 0.5;
   options.batch = 20000;  // more than a pipe holds
   EXPECT_SAYS(failure(python("ready(); time.sleep(60)"), options, 20000),
-              "expected a line within 0.5 s, seen nothing, and the question not read");
-  EXPECT_SAYS(failure(python("ready(); sys.exit(7)"), options, 20000), "its end, exit code 7");
+              "expected a line within 0.5 s, seen no output, and the request was not read");
+  EXPECT_SAYS(failure(python("ready(); sys.exit(7)"), options, 20000),
+              "the end of the program, exit code 7");
 }
 
 TEST_F(PlugIns, AProgramThatStopsListeningBringsNoSignal) {
@@ -332,7 +331,7 @@ TEST_F(PlugIns, AProgramThatStopsListeningBringsNoSignal) {
     asked.answer(file);
     ADD_FAILURE() << "no failure";
   } catch (const PlugInFailure& fault) {
-    EXPECT_SAYS(std::string(fault.what()), "seen its end, exit code 5");
+    EXPECT_SAYS(std::string(fault.what()), "seen the end of the program, exit code 5");
   }
   sigset_t pending, blocked;
   sigpending(&pending);
@@ -353,7 +352,7 @@ TEST_F(PlugIns, AnEndlessLineIsRefusedInLittleMemory) {
   EXPECT_SAYS(failure(python("ready()" + endless)), "expected a line of at most 66688 bytes");
   EXPECT_SAYS(
       failure(python("ready(); ask = hear(); say({'id': 1, 'correction': rows(ask)})" + endless)),
-      "expected nothing after the last answer, seen 'xxx");
+      "expected no output after the last answer, seen 'xxx");
   EXPECT_SAYS(failure(python("while True: print('ha')")), "seen 'ha'");
   std::cout << "grew by " << megabytes() - before << " MB\n";
   EXPECT_LT(megabytes() - before, 16);
@@ -510,10 +509,11 @@ TEST_F(PlugIns, FaultsOfASharedLibraryAreNamed) {
     EXPECT_SAYS(text, says);
     std::cout << text.substr(folder.string().size() + 1) << "\n";
   };
-  fault("*(volatile int*)0 = 1;",
-        "mine.so: batch 1 (samples 1 to 3): expected a line, seen its end, signal 11");
-  fault("abort();", "seen its end, signal 6 (Aborted)");
-  fault("exit(9);", "seen its end, exit code 9");
+  fault(
+      "*(volatile int*)0 = 1;",
+      "mine.so: batch 1 (samples 1 to 3): expected a line, seen the end of the program, signal 11");
+  fault("abort();", "seen the end of the program, signal 6 (Aborted)");
+  fault("exit(9);", "seen the end of the program, exit code 9");
   fault("for (;;) {}", "expected a line within 0.5 s, seen nothing");
   fault("rows[0] = 1;", "expected a finite number, seen null in row 1, EY");
   fault("snprintf(error, ABBE_ERROR_BYTES, \"no table for %d\", 7); return 1;",
@@ -541,7 +541,8 @@ TEST_F(PlugIns, AHostThatIsNoneIsNamedAndStartsNoOther) {
   ::setenv("ABBE_PLUG_IN_HOST", "1", 1);
   const std::string text = failure(file);
   ::unsetenv("ABBE_PLUG_IN_HOST");
-  EXPECT_SAYS(text, "expected a host whose main begins with plug_in_host, seen one that does not");
+  EXPECT_SAYS(text,
+              "expected a host whose main calls plug_in_host first, seen a host that does not");
 }
 
 // --- the examples

@@ -99,8 +99,7 @@ TEST(Siemens, PointsThatAreNotEquidistantAreReadOff) {
   const ControlExport made = to_control(tables, gantry(), ControlFormat::Siemens);
   for (const std::string& sentence : made.omissions) std::cout << sentence << "\n";
   EXPECT_TRUE(says(made.omissions,
-                   "X: 3 points that are not equidistant; equidistant ones miss them "
-                   "by 2 um"));
+                   "X: 3 points that are not equidistant; equidistant points deviate by 2 um"));
   EXPECT_TRUE(says(made.omissions, "offset of X, 1 um"));
   const ParameterTables back = read_control_tables(made.files, gantry(), ControlFormat::Siemens);
   EXPECT_EQ(back.tables.at(0).position, Eigen::Vector3d(0, 20, 40));

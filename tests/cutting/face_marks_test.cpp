@@ -272,40 +272,43 @@ TEST(FaceMarks, ALibraryThatIsNotOneIsRefusedWithItsPlaceAndOnlyIfItIsAskedFor) 
     folder.write("b.mtl", text);
     return refusal_of_marks(obj);
   };
-  EXPECT_NE(refusal_of_marks(obj).find(
-                "block.obj:2:9: expected the file b.mtl beside the OBJ, for the colours of its "
-                "faces, seen 'b.mtl'"),
+  EXPECT_NE(refusal_of_marks(obj).find("block.obj:2:9: expected the file b.mtl next to the OBJ "
+                                       "file, for its face colours, seen 'b.mtl'"),
             std::string::npos)
       << refusal_of_marks(obj);
   const std::pair<std::string, std::string> cases[] = {
-      {"", "block.obj:11:8: expected a material of a library (mtllib) above, seen 'bottom paint'"},
+      {"",
+       "block.obj:11:8: expected a material of a library (mtllib) named above, seen 'bottom "
+       "paint'"},
       {"newmtl a\nKd 1 2 0\n", "b.mtl:2:6: expected a channel from 0 to 1, seen '2'"},
       {"newmtl a\nKd -0.1 0 0\n", "b.mtl:2:4: expected a channel from 0 to 1"},
       {"newmtl a\nKd nan 0 0\n", "b.mtl:2:4: expected a finite number, seen 'nan'"},
-      {"newmtl a\nKd 1 1\n", "b.mtl:2:1: expected one or three numbers after it, not 2"},
-      {"newmtl a\nKd\n", "b.mtl:2:1: expected one or three numbers after it, not 0"},
-      {"newmtl a\nKd 1 1 1 1\n", "b.mtl:2:10: expected three numbers of a colour"},
-      {"newmtl a\nKd xyz 1 1 1\n", "b.mtl:2:4: expected a colour as red, green and blue"},
-      {"newmtl a\nKd spectral a.rfl\n", "b.mtl:2:4: expected a colour as red, green and blue"},
+      {"newmtl a\nKd 1 1\n", "b.mtl:2:1: expected one or three numbers after the keyword, not 2"},
+      {"newmtl a\nKd\n", "b.mtl:2:1: expected one or three numbers after the keyword, not 0"},
+      {"newmtl a\nKd 1 1 1 1\n", "b.mtl:2:10: expected the end of the line after three"},
+      {"newmtl a\nKd xyz 1 1 1\n", "b.mtl:2:4: expected a colour given as red, green and blue"},
+      {"newmtl a\nKd spectral a.rfl\n",
+       "b.mtl:2:4: expected a colour given as red, green and blue"},
       {"Kd 1 1 1\n", "b.mtl:1:1: expected newmtl before the colour"},
-      {"newmtl a\nKd 1 1 1\nKd 1 0 0\n", "b.mtl:3:1: expected one Kd of a material"},
-      {"newmtl a\nnewmtl b\nnewmtl a\n", "b.mtl:3:8: expected a name that no material above has"},
-      {"newmtl\n", "b.mtl:1:7: expected the name of a material after newmtl, seen the end"},
-      {"newmtl a\nmtllib b.mtl\n", "b.mtl:2:1: expected a keyword of MTL"},
+      {"newmtl a\nKd 1 1 1\nKd 1 0 0\n", "b.mtl:3:1: expected one Kd per material"},
+      {"newmtl a\nnewmtl b\nnewmtl a\n",
+       "b.mtl:3:8: expected a material name that is not yet used"},
+      {"newmtl\n", "b.mtl:1:7: expected a material name after newmtl, seen the end"},
+      {"newmtl a\nmtllib b.mtl\n", "b.mtl:2:1: expected an MTL keyword"},
       {std::string("\x7f"
                    "ELF\0\1\2",
                    7),
-       "b.mtl:1:1: expected a keyword of MTL"},
+       "b.mtl:1:1: expected an MTL keyword"},
       {std::string(17 << 20, ' '), "b.mtl: expected at most 16777216 bytes, seen 17825792"}};
   for (const auto& [text, said] : cases)
     EXPECT_NE(refused(text).find(said), std::string::npos) << refused(text);
   folder.write("b.mtl", block_mtl());
   folder.write("c.mtl", block_mtl());
   EXPECT_NE(refusal_of_marks(folder.write("block.obj", block_obj(use, "mtllib b.mtl c.mtl\n")))
-                .find("block.obj:1:14: expected libraries that do not both have the material"),
+                .find("block.obj:1:14: expected one library only that defines the material"),
             std::string::npos);
   EXPECT_NE(refusal_of_marks(folder.write("block.obj", block_obj(use)))
-                .find("block.obj:9:8: expected mtllib above"),
+                .find("block.obj:9:8: expected mtllib before usemtl"),
             std::string::npos);
   fs::remove(folder.path() / "c.mtl");
   fs::create_directory(folder.path() / "c.mtl");
@@ -320,7 +323,7 @@ TEST(FaceMarks, MoreNamesThanThereMayBeAreRefused) {
   for (int i = 0; i < 1'000'001; ++i) names += fmt::format(" {:x}", i);
   EXPECT_NE(refusal_of_marks(folder.write("many.obj", block_obj([](const BlockFace&) { return ""; },
                                                                 "g" + names + "\n")))
-                .find("expected at most 1000000 names of groups"),
+                .find("expected at most 1000000 group names"),
             std::string::npos);
 }
 
@@ -421,7 +424,7 @@ TEST(FaceMarks, ColoursOfABinaryStlAreInItsAttributes) {
   EXPECT_NE(
       refusal_of_marks(folder.write("short.stl", block_stl(std::string(72, ' ') + "COLOR=",
                                                            [](const BlockFace&) { return 0u; })))
-          .find("expected four bytes of a colour after COLOR= in the header of an STL"),
+          .find("expected four colour bytes after COLOR= in the header of the STL file"),
       std::string::npos);
 }
 
@@ -534,16 +537,18 @@ TEST(FaceMarks, ColoursOfPlyThatAreNoneAreRefusedIfTheyAreAskedFor) {
         {.vertex = "", .face = lines, .at_face = [=](const BlockFace&) { return values; }});
   };
   const std::tuple<std::string, std::string, std::string> cases[] = {
-      {rgb_lines("int"), " 0 256 0", "ply:21:13: expected a channel, 0 .. 255, seen 256 as green"},
-      {rgb_lines("int"), " 0 0 -1", "ply:21:15: expected a channel, 0 .. 255, seen -1 as blue"},
-      {rgb_lines("int"), " 0 0 0.5", "expected a channel, 0 .. 255, seen 0.5 as blue"},
+      {rgb_lines("int"), " 0 256 0",
+       "ply:21:13: expected an integer channel from 0 to 255, seen 256 as green"},
+      {rgb_lines("int"), " 0 0 -1",
+       "ply:21:15: expected an integer channel from 0 to 255, seen -1 as blue"},
+      {rgb_lines("int"), " 0 0 0.5", "expected an integer channel from 0 to 255, seen 0.5 as blue"},
       {rgb_lines("float"), " 0 0 1.5", "expected a channel from 0 to 1, seen 1.5 as blue"},
       {"property uchar red\n", " 0",
-       "ply:7:1: expected one property each of red, green and blue, of one kind of number, seen 1, "
-       "0 and 0"},
+       "ply:7:1: expected one property each for red, green and blue, all integers or all floats, "
+       "seen 1, 0 and 0"},
       {rgb_lines("uchar") + "property uchar red\n", " 0 0 0 0", "seen 2, 1 and 1"},
       {"property uchar red\nproperty float green\nproperty uchar blue\n", " 0 0 0",
-       "seen whole numbers beside fractions"}};
+       "seen integers mixed with floats"}};
   for (const auto& [lines, values, said] : cases) {
     const fs::path file = folder.write("bad.ply", text(lines, values));
     EXPECT_NE(refusal_of_marks(file).find(said), std::string::npos) << refusal_of_marks(file);
@@ -598,11 +603,11 @@ TEST(FaceMarks, ColoursOfOff) {
 TEST(FaceMarks, ColoursOfOffThatAreNoneAreRefusedIfTheyAreAskedFor) {
   const MarkFolder folder;
   const std::pair<std::string, std::string> cases[] = {
-      {" 7", "off:11:11: expected a colour of three or four numbers, or none (an index"},
+      {" 7", "off:11:11: expected a colour of three or four numbers, or no colour (an index"},
       {" 7 7", "off:11:11: expected a colour of three or four numbers"},
-      {" 7 7 256", "off:11:15: expected a channel (0 .. 255), seen '256'"},
-      {" 7 7 -1", "off:11:15: expected a channel (0 .. 255), seen '-1'"},
-      {" 0.5 0.5 2", "off:11:19: expected a channel from 0 to 1, or all as whole numbers"},
+      {" 7 7 256", "off:11:15: expected a channel (0 to 255), seen '256'"},
+      {" 7 7 -1", "off:11:15: expected a channel (0 to 255), seen '-1'"},
+      {" 0.5 0.5 2", "off:11:19: expected channels from 0 to 1, or integers"},
       {" 0.5 nan 0", "off:11:15: expected a finite number, seen 'nan'"},
       {" red green blue", "off:11:11: expected a finite number, seen 'red'"},
       {" 7 7 7 7 7", "off:11:19: expected the end of the line after a colour, seen '7'"}};

@@ -418,22 +418,22 @@ TEST(HollowCutter, ProfilesThatCannotBeAreRefusedAtTheirPoint) {
     }
   };
   EXPECT_THROW(tool_outline_from_points({}), std::invalid_argument);
-  refused({{{3, 0}}, {{3, 4}}, {{5, 3}}, {{5, 9}}}, "expected a height of 4 mm at least", {5, 3});
-  refused({{{3, 1}}, {{3, 4}}}, "begin at height 0", {3, 1});
+  refused({{{3, 0}}, {{3, 4}}, {{5, 3}}, {{5, 9}}}, "expected a height of at least 4 mm", {5, 3});
+  refused({{{3, 1}}, {{3, 4}}}, "the first point at height 0", {3, 1});
   refused({{{3, 0}}, {{0, 4}}, {{5, 9}}}, "a radius above 0", {0, 4});
-  refused({{{3, 0}}, {{-1, 4}}, {{5, 9}}}, "of 0 and more", {-1, 4});
-  refused({{{3, 0}}, {{3, 4}}, {{6, 4}}, {{3, 4}}, {{3, 9}}}, "turns back on itself", {6, 4});
-  refused({{{6, 0}}, {{3, 0}}, {{3, 4}}}, "turns back on itself", {6, 0});
-  refused({{{3, 0}}, {{3, 4}}, {{6, 4}}}, "turns back on itself", {6, 4});
-  refused({{{3, 0}}, {{3, 4}, 1}, {{6, 6}}}, "an arc of radius 2", {3, 4});
-  refused({{{3, 0}}, {{3, 4}, -1}, {{6, 6}}}, "bulges inwards with a radius of -2", {3, 4});
+  refused({{{3, 0}}, {{-1, 4}}, {{5, 9}}}, "of at least 0", {-1, 4});
+  refused({{{3, 0}}, {{3, 4}}, {{6, 4}}, {{3, 4}}, {{3, 9}}}, "turn back on itself", {6, 4});
+  refused({{{6, 0}}, {{3, 0}}, {{3, 4}}}, "turn back on itself", {6, 0});
+  refused({{{3, 0}}, {{3, 4}}, {{6, 4}}}, "turn back on itself", {6, 4});
+  refused({{{3, 0}}, {{3, 4}, 1}, {{6, 6}}}, "an arc of radius at least 2", {3, 4});
+  refused({{{3, 0}}, {{3, 4}, -1}, {{6, 6}}}, "an inward arc with a radius of -2", {3, 4});
   refused({{{3, 0}}, {{3, 4}}, {{5, 4.1}, 2}, {{5, 9}}}, "between the heights of its ends",
           {5, 4.1});
   refused({{{2, 0}}, {{5, 1}, -2}, {{5, 9}}}, "between the heights of its ends", {5, 1});
-  refused({{{2, 0}}, {{2, 4}}, {{5, 3}, -8}, {{5, 9}}}, "height of 4 mm at least", {5, 3});
+  refused({{{2, 0}}, {{2, 4}}, {{5, 3}, -8}, {{5, 9}}}, "height of at least 4 mm", {5, 3});
   refused({{{2, 0}}, {{2, 4}, -2}, {{2, 9}}}, "off the axis", {2, 4});
   refused({{{1, 0}}, {{1, 4}, -2}, {{2, 9}}}, "off the axis", {1, 4});
-  refused({{{3, 1}, -8}, {{3, 4}}}, "begin at height 0", {3, 1});
+  refused({{{3, 1}, -8}, {{3, 4}}}, "the first point at height 0", {3, 1});
   EXPECT_EQ(tool_outline_from_points({{{3, 0}}, {{3, 4}}, {{3, 4}, -1}, {{5, 4}}, {{5, 9}}}),
             tool_outline_from_points({{{3, 0}}, {{3, 4}}, {{5, 4}}, {{5, 9}}}));
   EXPECT_THROW(tool_outline_from_points({{{3, 0}}, {{3, NAN}}, {{6, 6}}}), OutlineError);

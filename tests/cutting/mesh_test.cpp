@@ -77,10 +77,10 @@ TEST(ReadMesh, EveryGoodFileGivesTheSameTetrahedron) {
 TEST(ReadMesh, EveryBadFileOfTheCorpusIsRefusedForItsReason) {
   const std::map<std::string, std::string> reasons = {
       {"truncated_ascii.stl", ":15:1: expected 'endfacet', seen 'endfa'"},
-      {"truncated_binary.stl", "284 by its header of n = 4, seen 150 bytes"},
-      {"truncated.off", ":9:8: expected number of corners (3 .. 1000), seen the end"},
+      {"truncated_binary.stl", "(284 bytes for n = 4 in its header), seen 150 bytes"},
+      {"truncated.off", ":9:8: expected a number of corners (3 to 1000), seen the end"},
       {"truncated_little.ply",
-       "data for all elements of the header, seen the end of the file at byte"},
+       "data for all elements listed in the header, seen the end of the file at byte"},
       {"truncated_ascii.ply", "expected a finite number, seen the end"},
       {"truncated.obj", "the number of a vertex"},
       {"empty.stl", "expected a mesh, seen an empty file"},
@@ -101,28 +101,28 @@ TEST(ReadMesh, EveryBadFileOfTheCorpusIsRefusedForItsReason) {
       {"open.obj", "3 open edges"},
       {"open.ply", "3 open edges"},
       {"open.off", "3 open edges"},
-      {"flipped.stl", "a flipped mesh, volume -166.667"},
-      {"flipped.obj", "a flipped mesh, volume -166.667"},
-      {"flipped.ply", "a flipped mesh, volume -166.667"},
-      {"flipped.off", "a flipped mesh, volume -166.667"},
-      {"flipped_shell.off", "a flipped shell between (30, 0, 0) and (40, 10, 10)"},
-      {"disagree.off", "two that disagree at the edge"},
-      {"nonmanifold_edge.stl", "4 at the edge (0, 0, 0) - (0, 0, 10): not manifold"},
-      {"nonmanifold_edge.obj", "4 at the edge (0, 0, 0) - (0, 0, 10): not manifold"},
-      {"nonmanifold_edge.ply", "4 at the edge (0, 0, 0) - (0, 0, 10): not manifold"},
-      {"nonmanifold_edge.off", "4 at the edge (0, 0, 0) - (0, 0, 10): not manifold"},
-      {"nonmanifold_vertex.stl", "two that touch at (0, 0, 0): not manifold"},
-      {"nonmanifold_vertex.obj", "two that touch at (0, 0, 0): not manifold"},
-      {"nonmanifold_vertex.ply", "two that touch at (0, 0, 0): not manifold"},
-      {"nonmanifold_vertex.off", "two that touch at (0, 0, 0): not manifold"},
-      {"degenerate.stl", "a degenerate one, number 5"},
+      {"flipped.stl", "an inside-out mesh, volume -166.667"},
+      {"flipped.obj", "an inside-out mesh, volume -166.667"},
+      {"flipped.ply", "an inside-out mesh, volume -166.667"},
+      {"flipped.off", "an inside-out mesh, volume -166.667"},
+      {"flipped_shell.off", "an inside-out shell between (30, 0, 0) and (40, 10, 10)"},
+      {"disagree.off", "two that are opposed at edge"},
+      {"nonmanifold_edge.stl", "4 at edge (0, 0, 0) - (0, 0, 10): not manifold"},
+      {"nonmanifold_edge.obj", "4 at edge (0, 0, 0) - (0, 0, 10): not manifold"},
+      {"nonmanifold_edge.ply", "4 at edge (0, 0, 0) - (0, 0, 10): not manifold"},
+      {"nonmanifold_edge.off", "4 at edge (0, 0, 0) - (0, 0, 10): not manifold"},
+      {"nonmanifold_vertex.stl", "two fans that touch at (0, 0, 0): not manifold"},
+      {"nonmanifold_vertex.obj", "two fans that touch at (0, 0, 0): not manifold"},
+      {"nonmanifold_vertex.ply", "two fans that touch at (0, 0, 0): not manifold"},
+      {"nonmanifold_vertex.off", "two fans that touch at (0, 0, 0): not manifold"},
+      {"degenerate.stl", "triangle 5 at"},
       {"degenerate.obj", ":9:1: expected triangles with an area"},
       {"lying.ply", ":4:16: expected a count that fits the size of the file"},
-      {"lying.off", ":3:3: expected number of faces that fit the file"},
-      {"lying.stl", "200000000084 by its header of n = 4000000000, seen 284 bytes"},
+      {"lying.off", ":3:3: expected a number of faces that fits the file size"},
+      {"lying.stl", "(200000000084 bytes for n = 4000000000 in its header), seen 284 bytes"},
       {"index.obj", ":9:7: expected the number of a vertex"},
-      {"index.off", ":8:7: expected number of a vertex (0 .. 3)"},
-      {"index.ply", "number of a vertex (0 .. 3), seen -1"},
+      {"index.off", ":8:7: expected a vertex index (0 to 3)"},
+      {"index.ply", "a vertex index (0 to 3), seen -1"},
       {"quad.obj", "4 open edges"},
       {"crossed.obj", ":5:1: expected a face whose outline does not cross itself"},
       {"nul.obj", ":2:3: expected a finite number, seen '10\\x00'"},
@@ -288,8 +288,8 @@ TEST(ReadMesh, RepeatedCornersOfAFaceAreDroppedAndAFaceOfTwoIsCalledDegenerate) 
   EXPECT_EQ(read_mesh(good).triangles.rows(), 4);
   EXPECT_EQ(read_mesh(good).vertices.rows(), 4);
   const std::string seen = refusal(written("two.obj", points + "f 1 3 2\n" + rest + "f 1 1 2 5\n"));
-  EXPECT_NE(seen.find(":10:1: expected faces with an area, seen a degenerate one, 4 corners at 2 "
-                      "places, one of them (0, 0, 0)"),
+  EXPECT_NE(seen.find(":10:1: expected faces with an area, seen a degenerate face, 4 corners at 2 "
+                      "points, one of them (0, 0, 0)"),
             std::string::npos)
       << seen;
 }
@@ -405,8 +405,8 @@ TEST(ReadMesh, DataThatIsNotNeededIsPassedOver) {
 
 TEST(ReadMesh, WhatIsNoMeshFileIsRefused) {
   EXPECT_NE(refusal(corpus / "nowhere.stl").find("no such file"), std::string::npos);
-  EXPECT_NE(refusal(corpus).find("something that is no file"), std::string::npos);
-  EXPECT_NE(refusal("/dev/zero").find("something that is no file"), std::string::npos);
+  EXPECT_NE(refusal(corpus).find("something that is not a file"), std::string::npos);
+  EXPECT_NE(refusal("/dev/zero").find("something that is not a file"), std::string::npos);
   EXPECT_NE(refusal(written("part.step", "ISO-10303-21;")).find(".stl, .obj, .ply or .off"),
             std::string::npos);
   ReadMeshOptions options;
@@ -442,7 +442,7 @@ TEST(ReadMesh, OnlyAPartThatCannotLieOnTheMachineIsRefusedForItsSize) {
   const std::string micrometre = refusal(written("um.obj", obj(1e-3)), options);
   std::cout << micrometre << "\n";
   EXPECT_NE(micrometre.find("expected a part of at most 1200 mm, 2 times the travel of 600 mm (set "
-                            "its unit), seen 6e+04 x"),
+                            "the unit of the mesh), seen 6e+04 x"),
             std::string::npos);
   EXPECT_NE(micrometre.find("mm: read in um it would be 60 mm long"), std::string::npos);
   // 2.4 mm, 0.06 mm, 600 mm and 1200 mm can lie there

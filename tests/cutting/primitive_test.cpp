@@ -327,7 +327,7 @@ TEST(Primitive, ImpossibleDimensionsAreRefusedByName) {
       {RevolvedProfile{}, "at least one piece"},
       {RevolvedProfile{{{{-1, 0}, {5, 0}}}}, "below r = 0"},
       {RevolvedProfile{{{{0, 1}, {0, 0}}}}, "end above r = 0"},
-      {RevolvedProfile{{{{5, 0}, {4, 0}}}}, "come back"},
+      {RevolvedProfile{{{{5, 0}, {4, 0}}}}, "turn back"},
       {RevolvedProfile{{{{5, 0}, {5, 0}}}}, "length"},
       {RevolvedProfile{{{{0, 0}, {5, 0}, 2.4}}}, "half its chord"},
       {RevolvedProfile{{{{0, 0}, {5, 5}, 4.0}}}, "bulge"},

@@ -111,7 +111,7 @@ TEST(RunOut, AmountsThatCannotBeAreRefusedByName) {
     with_run_out({}, 0, -1e-3);
     FAIL();
   } catch (const std::invalid_argument& fault) {
-    EXPECT_STREQ(fault.what(), "expected axial run-out of 0 mm or more, seen -0.001");
+    EXPECT_STREQ(fault.what(), "expected axial run-out of at least 0 mm, seen -0.001");
   }
 }
 

@@ -397,7 +397,7 @@ TEST(Stock, BadInputIsRefusedByName) {
     FAIL() << "more parts than an int can count";
   } catch (const std::invalid_argument& refusal) {
     std::cout << refusal.what() << "\n";
-    EXPECT_NE(std::string(refusal.what()).find("straight parts"), std::string::npos);
+    EXPECT_NE(std::string(refusal.what()).find("straight segments"), std::string::npos);
   }
   EXPECT_EQ(depth(stock, {nan, 0, 0}), -std::numeric_limits<double>::infinity());
   EXPECT_THROW(box({0, 0, 0}, {5, 0, 5}, 0.5), std::invalid_argument);

@@ -203,9 +203,10 @@ TEST(StreamedSurface, RefusesBlocksThatDoNotFollowEachOther) {
   };
   EXPECT_EQ(refused({stretch_of(motion, 0, 1), stretch_of(motion, 1, 2)}), "");
   EXPECT_EQ(refused({stretch_of(motion, 0, 1), stretch_of(motion, 2, 2)}),
-            "milled surface: the first sample is not the last of the block before, in block 2 of "
-            "the motion");
-  EXPECT_EQ(refused({CutterMotion{}}), "milled surface: no sample, in block 1 of the motion");
+            "milled surface: the first sample is not the last sample of the previous block, in "
+            "block 2 of the motion");
+  EXPECT_EQ(refused({CutterMotion{}}),
+            "milled surface: the motion has no samples, in block 1 of the motion");
   CutterMotion odd = motion;
   odd.axis.row(1) *= 2.0;
   EXPECT_EQ(refused({odd}),

@@ -336,18 +336,19 @@ TEST(InsertEdge, ThatCannotBeIsRefused) {
   };
   expect_refused("nose radius", with([](Insert& i) { i.radius = 0; }));
   expect_refused("nose radius", with([](Insert& i) { i.radius = std::nan(""); }));
-  expect_refused("together", with([](Insert& i) { i.minor = 105 * units::deg; }));
+  expect_refused("sum of major and minor angle",
+                 with([](Insert& i) { i.minor = 105 * units::deg; }));
   expect_refused("major angle", with([](Insert& i) { i.major = -0.1; }));
   expect_refused("length of the major", with([](Insert& i) { i.major_length = 0; }));
-  expect_refused("one of 0.0527 mm", with([](Insert& i) { i.wiper = 0.01; }));
-  expect_refused("holds the circle", with([](Insert& i) { i.minor_length = 0.2; }));
+  expect_refused("a wiper of at least 0.0527 mm", with([](Insert& i) { i.wiper = 0.01; }));
+  expect_refused("contain the nose circle", with([](Insert& i) { i.minor_length = 0.2; }));
 
   const auto through = [](const std::vector<OutlinePoint>& points) {
     return [points] { edge_profile_from_points(points); };
   };
   expect_refused("nothing", through({{{1, -1}}, {{1, 1}}, {{-1, 1}}, {{-1, -1}}}));
   expect_refused("clockwise", through({{{1, -1}}, {{-1, -1}}, {{-1, 1}}, {{1, 1}}}));
-  expect_refused("bends inwards by 90 deg at (0, 1)",
+  expect_refused("an inward bend of 90 deg at (0, 1)",
                  through({{{2, -1}}, {{2, 2}}, {{1, 2}}, {{0, 1}}, {{-1, 2}}, {{-1, -1}}}));
   expect_refused("0.5 mm outside", through({{{1, 0.5}}, {{1, 2}}, {{-1, 2}}, {{-1, 0.5}}}));
   expect_refused("arc of radius", through({{{1, -1}}, {{1, 1}, 0.5}, {{-1, 1}}, {{-1, -1}}}));

@@ -377,7 +377,7 @@ TEST(ProgramEncoding, ACrAloneIsOneInputError) {
       std::ranges::replace(old, '\n', '\r');
       const auto all = errors_of(old, limits_options(read_as));
       ASSERT_EQ(all.size(), 1u);
-      EXPECT_EQ(all[0].seen, "a CR alone") << all[0].what();
+      EXPECT_EQ(all[0].seen, "a lone CR") << all[0].what();
       EXPECT_EQ(all[0].line, 1);
       // one of them, at each place
       for (std::size_t at = text.find('\n'); at + 1 < text.size(); at = text.find('\n', at + 1)) {
@@ -385,7 +385,7 @@ TEST(ProgramEncoding, ACrAloneIsOneInputError) {
         one[at] = '\r';
         const auto errors = errors_of(one, limits_options(read_as));
         ASSERT_EQ(errors.size(), 1u) << one;
-        EXPECT_EQ(errors[0].seen, "a CR alone");
+        EXPECT_EQ(errors[0].seen, "a lone CR");
         EXPECT_EQ(errors[0].line, 1 + std::count(one.begin(), one.begin() + long(at), '\n'));
         EXPECT_EQ(errors[0].column, int(at - (one.rfind('\n', at) + 1)) + 1);
       }

@@ -162,7 +162,7 @@ TEST(Curve, ATableIsNotContinuedUnlessItSaysSo) {
     value(strict, 12.5);
     FAIL();
   } catch (const std::out_of_range& fault) {
-    EXPECT_STREQ(fault.what(), "position 12.5 is outside the table, -10 .. 10");
+    EXPECT_STREQ(fault.what(), "position 12.5 is outside the table (-10 to 10)");
   }
   for (const TableInterpolation between :
        {TableInterpolation::Linear, TableInterpolation::Spline}) {

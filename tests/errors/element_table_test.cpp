@@ -142,7 +142,7 @@ TEST(ElementTable, EveryFaultIsRefusedAtItsPlace) {
       // bytes
       {"X EXX\n0 1\n1 \0 2\n"s, 3, 3, "a byte 0x00"},
       {"# \0\nX EXX\n0 1\n1 2\n"s, 1, 3, "a byte 0x00"},
-      {"X EXX\r0 1\r1 2\r", 1, 6, "a CR alone"},
+      {"X EXX\r0 1\r1 2\r", 1, 6, "a lone CR"},
       {"X EXX\n0 1\n1 2\n\x1b[2J\n", 4, 1, "a byte 0x1b"},
       {"X\xc2\xa0"
        "EXX\n0 1\n1 2\n",

@@ -75,26 +75,26 @@ TEST(Bind, WhatMeansNothingIsRefusedByName) {
   EXPECT_EQ(refusal_of_errors(one("EXB"), chain),
             "EXB: expected an axis of the machine (C X Y Z A s), seen B");
   EXPECT_EQ(refusal_of_errors(one("EC0Y", line(1e-6)), chain),
-            "EC0Y: a location error is one constant");
+            "EC0Y: a location error must be a constant");
   EXPECT_EQ(refusal_of_errors(one("EC0Y", Repeatability{1e-6, 1}), chain),
-            "EC0Y: a location error is one constant");
+            "EC0Y: a location error must be a constant");
   for (const std::string name : {"EA0X", "EB0Y", "EC0Z", "EA0A", "EC0C", "EC0S"})
     EXPECT_NE(
         refusal_of_errors(one(name), chain).find(name + ": an axis has no squareness about itself"),
         std::string::npos)
         << refusal_of_errors(one(name), chain);
   for (const std::string name : {"EX0X", "EY0X", "EZ0Y"})
-    EXPECT_NE(
-        refusal_of_errors(one(name), chain).find(name + ": a slide has a direction but no place"),
-        std::string::npos);
+    EXPECT_NE(refusal_of_errors(one(name), chain)
+                  .find(name + ": a slide has a direction but no position"),
+              std::string::npos);
   for (const std::string name : {"EX0A", "EZ0C"})
     EXPECT_NE(refusal_of_errors(one(name), chain)
-                  .find(name + ": a rotation axis has no place along itself"),
+                  .find(name + ": a rotation axis has no position along itself"),
               std::string::npos);
   EXPECT_EQ(refusal_of_errors(one("ECS"), chain),
-            "ECS: a spindle has no element about its own axis");
+            "ECS: a spindle has no error element about its own axis");
   EXPECT_EQ(refusal_of_errors(one("EAS"), platform()),
-            "EAS: a spindle has no element about its own axis");
+            "EAS: a spindle has no error element about its own axis");
   EXPECT_EQ(refusal_of_errors(one("ECS"), platform()), "");
   EXPECT_EQ(
       refusal_of_errors(one("EXX", Constant{std::numeric_limits<double>::quiet_NaN()}), chain),
@@ -103,7 +103,7 @@ TEST(Bind, WhatMeansNothingIsRefusedByName) {
                                 element("EXX", Constant{})},
                                {}},
                               chain),
-            "EXX: comes twice");
+            "EXX: given twice");
   EXPECT_EQ(refusal_of_errors({}, chain), "");
 }
 
@@ -114,7 +114,7 @@ TEST(Bind, AMeasuringLineNeedsASlideOfTheMachineOnce) {
   EXPECT_EQ(refusal_of_errors({{}, {{'S', {0, 0, 0}}}}, chain),
             "measuring line of S: expected a slide");
   EXPECT_EQ(refusal_of_errors({{}, {{'X', {0, 0, 0}}, {'Y', {0, 0, 0}}, {'X', {0, 0, 1}}}}, chain),
-            "measuring line of X: comes twice");
+            "measuring line of X: given twice");
   EXPECT_EQ(
       refusal_of_errors({{}, {{'X', {0, std::numeric_limits<double>::infinity(), 0}}}}, chain),
       "measuring line of X: expected a finite point");
@@ -130,7 +130,7 @@ TEST(Deviations, ATableLeftNamesElementPartAndPosition) {
     deviations(model, state_at({0, 512, 0, 0, 0, 0}));
     FAIL();
   } catch (const std::out_of_range& fault) {
-    EXPECT_STREQ(fault.what(), "EXX (laser): position 512 is outside the table, 0 .. 500");
+    EXPECT_STREQ(fault.what(), "EXX (laser): position 512 is outside the table (0 to 500)");
   }
 }
 

@@ -122,20 +122,20 @@ std::string refusal_alone(const std::string& element, const Chain& chain) {
 
 TEST(Location, WhatIsNoAngleOfTheMachineIsRefusedWithItsReason) {
   EXPECT_EQ(refusal_alone("EC0X", gantry()),
-            "EC0X: X is the reference of Y; write the angle of the two as EC0Y, which has the "
+            "EC0X: X is the reference of Y; state the angle between them as EC0Y, which has the "
             "opposite sign");
   EXPECT_EQ(refusal_alone("EA0Y", gantry()),
-            "EA0Y: Y is the reference of Z; write the angle of the two as EA0Z, which has the "
+            "EA0Y: Y is the reference of Z; state the angle between them as EA0Z, which has the "
             "opposite sign");
   EXPECT_EQ(refusal_alone("EB0X", platform()),
-            "EB0X: X is the reference of Z; write the angle of the two as EB0Z, which has the "
+            "EB0X: X is the reference of Z; state the angle between them as EB0Z, which has the "
             "opposite sign");
   EXPECT_EQ(refusal_alone("EC0X", platform()),
-            "EC0X: no other slide of this machine travels across Z, so there is none to which X "
-            "could be square; its angle to a rotary axis is written as that axis's");
-  EXPECT_NE(
-      refusal_alone("EA0Z", platform()).find("no other slide of this machine travels across X"),
-      std::string::npos);
+            "EC0X: no other slide of this machine travels perpendicular to Z, so X has no "
+            "squareness; state its angle to a rotary axis as an element of the rotary axis");
+  EXPECT_NE(refusal_alone("EA0Z", platform())
+                .find("no other slide of this machine travels perpendicular to X"),
+            std::string::npos);
   EXPECT_NE(refusal_alone("EC0Y", platform()).find("expected an axis of the machine"),
             std::string::npos);
 }

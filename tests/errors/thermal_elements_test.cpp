@@ -235,7 +235,7 @@ TEST(ThermalElements, LeavingATableIsToldByElementAndNode) {
     FAIL() << "it must not extrapolate";
   } catch (const std::out_of_range& fault) {
     EXPECT_EQ(std::string(fault.what()),
-              "EZS, dT_K of node 1: position 21 is outside the table, 0 .. 20");
+              "EZS, dT_K of node 1: position 21 is outside the table (0 to 20)");
   }
   errors.elements[0].offset.terms[0].table->outside = TableExtrapolation::Hold;
   const auto d =
@@ -328,22 +328,23 @@ TEST(ThermalElements, AnElementThatCannotBeIsRefusedByName) {
   EXPECT_EQ(refusal_of_thermal(drift("EXB", any)),
             "EXB: expected an axis of the machine (C X Y Z A s), seen B");
   EXPECT_EQ(refusal_of_thermal(drift("ECS", any)),
-            "ECS: a spindle has no element about its own axis");
+            "ECS: a spindle has no error element about its own axis");
   EXPECT_NE(
       refusal_of_thermal(drift("EA0X", any)).find("EA0X: an axis has no squareness about itself"),
       std::string::npos);
   EXPECT_NE(
-      refusal_of_thermal(drift("EX0X", any)).find("EX0X: a slide has a direction but no place"),
+      refusal_of_thermal(drift("EX0X", any)).find("EX0X: a slide has a direction but no position"),
       std::string::npos);
   for (const char* name : {"EC0Y", "EZS", "EY0A"})
-    EXPECT_EQ(refusal_of_thermal({parse_element_name(name), {}, any, 0.0}),
-              std::string(name) + ": a location or spindle element has no slope along an axis");
+    EXPECT_EQ(
+        refusal_of_thermal({parse_element_name(name), {}, any, 0.0}),
+        std::string(name) + ": a location or spindle element cannot have a slope along an axis");
   EXPECT_EQ(refusal_of_thermal({parse_element_name("EXS"), {}, any, 0.0}, platform()),
-            "EXS: a location or spindle element has no slope along an axis");
+            "EXS: a location or spindle element cannot have a slope along an axis");
   EXPECT_EQ(refusal_of_thermal(drift("EZS", per_K(2, 1e-6))),
-            "EZS: expected a node 0 .. 1, seen 2");
+            "EZS: expected a node from 0 to 1, seen 2");
   EXPECT_EQ(refusal_of_thermal(drift("EZS", {0.0, {{0, -1, 1e-6, std::nullopt}}})),
-            "EZS: expected a node 0 .. 1, seen -1");
+            "EZS: expected a node from 0 to 1, seen -1");
   EXPECT_EQ(refusal_of_thermal(drift("EZS", per_K(0, std::nan("")))),
             "EZS: expected a finite value per K, seen nan");
   Table falling{warm({0, 10, 5}),
@@ -356,7 +357,7 @@ TEST(ThermalElements, AnElementThatCannotBeIsRefusedByName) {
       std::string::npos);
   ThermalErrors twice;
   twice.elements = {drift("EZS", any), drift("EZS", any)};
-  EXPECT_EQ(refusal_of_thermal(twice), "EZS: comes twice");
+  EXPECT_EQ(refusal_of_thermal(twice), "EZS: given twice");
 }
 
 TEST(ThermalElements, AnExpansionThatCannotBeIsRefusedByName) {
@@ -371,17 +372,17 @@ TEST(ThermalElements, AnExpansionThatCannotBeIsRefusedByName) {
   EXPECT_EQ(one(screw('W')),
             "expansion of W: expected an axis of the machine (C X Y Z A s), seen W");
   EXPECT_EQ(one({'X', Feedback::Motor, std::nullopt, growth}),
-            "expansion of X: feedback from the motor needs a screw");
+            "expansion of X: feedback from the motor requires a screw");
   EXPECT_EQ(one({'X', Feedback::Scale, growth, std::nullopt}),
-            "expansion of X: feedback from a scale needs a scale");
+            "expansion of X: feedback from a scale requires a scale");
   EXPECT_EQ(one({'X', Feedback::Scale, Expansion{9, steel, 0.0}, growth}),
-            "expansion of X, screw: expected a node 0 .. 1, seen 9")
+            "expansion of X, screw: expected a node from 0 to 1, seen 9")
       << "what does not show must still make sense";
   EXPECT_EQ(one({'X', Feedback::Motor, Expansion{0, INFINITY, 0.0}, std::nullopt}),
             "expansion of X, screw: expected a finite growth per K, seen inf");
   ThermalErrors errors;
   errors.expansions = {screw('X'), screw('X')};
-  EXPECT_EQ(refusal_of_thermal(errors), "expansion of X: comes twice");
+  EXPECT_EQ(refusal_of_thermal(errors), "expansion of X: given twice");
 }
 
 TEST(ThermalElements, AWorkpieceThatCannotBeIsRefused) {
@@ -391,7 +392,7 @@ TEST(ThermalElements, AWorkpieceThatCannotBeIsRefused) {
     return refusal_of_thermal(errors);
   };
   EXPECT_EQ(one({0, steel, Vector3d::Zero()}), "");
-  EXPECT_EQ(one({2, steel, Vector3d::Zero()}), "workpiece: expected a node 0 .. 1, seen 2");
+  EXPECT_EQ(one({2, steel, Vector3d::Zero()}), "workpiece: expected a node from 0 to 1, seen 2");
   EXPECT_EQ(one({0, -0.05, Vector3d::Zero()}),
             "workpiece: expected a growth below 1e-3 per K, seen -0.05");
   EXPECT_EQ(one({0, steel, Vector3d(0, INFINITY, 0)}), "workpiece: expected a finite fixed point");

@@ -560,41 +560,41 @@ TEST(Thermal, ANetworkThatCannotBeIsRefusedByName) {
   EXPECT_EQ(refusal_of_changed([](Network& n) {
               n.links.pop_back(), n.surroundings.erase(n.surroundings.begin() + 1);
             }),
-            "node bed: no heat can reach the room from it");
+            "node bed: no heat path to the room");
   EXPECT_EQ(refusal_of_changed([](Network& n) { n.links.erase(n.links.begin()); }),
-            "node spindle: no heat can reach the room from it")
+            "node spindle: no heat path to the room")
       << "the coolant is no room: it does not always flow";
   EXPECT_EQ(refusal_of_changed([](Network& n) { n.links[0].b = 0; }),
-            "node spindle: is linked to itself");
+            "node spindle: linked to itself");
   EXPECT_EQ(refusal_of_changed([](Network& n) { n.links[0].conductance_W_per_K = -1; }),
             "link of node spindle and node column: expected a conductance above 0, seen -1");
   EXPECT_EQ(refusal_of_changed([](Network& n) { n.surroundings[0].conductance_W_per_K = 0; }),
             "link of node column to the room: expected a conductance above 0, seen 0");
   EXPECT_EQ(refusal_of_changed([](Network& n) { n.links[0].a = 3; }),
-            "link: expected a node 0 .. 2, seen 3");
+            "link: expected a node from 0 to 2, seen 3");
   EXPECT_EQ(refusal_of_changed([](Network& n) { n.nodes[2].name = "spindle"; }),
-            "node spindle: comes twice");
+            "node spindle: given twice");
   EXPECT_EQ(refusal_of_changed([](Network& n) { n.nodes[2].name = ""; }),
             "node 2: expected a name");
   EXPECT_EQ(refusal_of_changed([](Network& n) { n.sources[2].node = -1; }),
-            "heat source 3: expected a node 0 .. 2, seen -1");
-  EXPECT_EQ(
-      refusal_of_changed([](Network& n) { n.sources[3].law = CuttingHeat{1.5}; }),
-      "heat source 4 at node spindle: expected a share of the cutting power, 0 .. 1, seen 1.5");
+            "heat source 3: expected a node from 0 to 2, seen -1");
+  EXPECT_EQ(refusal_of_changed([](Network& n) { n.sources[3].law = CuttingHeat{1.5}; }),
+            "heat source 4 at node spindle: expected a fraction of the cutting power from 0 to 1, "
+            "seen 1.5");
   EXPECT_EQ(refusal_of_changed([](Network& n) { n.start_T_C[1] = infinity; }),
             "node column: expected a finite start temperature, seen inf");
   EXPECT_NE(refusal_of_changed([](Network& n) { n.start_T_C.resize(2); }), "");
   EXPECT_EQ(refusal_to_simulate({}), "thermal network: expected at least one node");
   EXPECT_NE(refusal_of_changed([](Network& n) {
               n.nodes[0].capacity_J_per_K = 5e-324, n.links[0].conductance_W_per_K = 1e308;
-            }).find("beyond what numbers can hold"),
+            }).find("exceed the numeric range"),
             std::string::npos);
 }
 
 TEST(Thermal, AnActivityThatCannotBeIsRefused) {
   EXPECT_EQ(refusal_to_simulate(small_machine(), {}), "activity: expected at least one knot");
   EXPECT_EQ(refusal_to_simulate(small_machine(), {activity_at(1), activity_at(0)}),
-            "activity: time goes back from 1 s to 0 s");
+            "activity: time decreases from 1 s to 0 s");
   EXPECT_NE(refusal_to_simulate(small_machine(), {activity_at(std::nan(""))}), "");
   EXPECT_NE(refusal_to_simulate(small_machine(), {activity_at(0, infinity)}), "");
   ThermalNetwork network = small_machine();
@@ -716,13 +716,13 @@ TEST(TemperatureSensor, NonsenseIsRefusedByName) {
     return "";
   };
   EXPECT_EQ(refused({.name = "nut"}), "");
-  EXPECT_EQ(refused({.name = "nut", .node = 3}), "sensor nut: expected a node 0 .. 2, seen 3");
+  EXPECT_EQ(refused({.name = "nut", .node = 3}), "sensor nut: expected a node from 0 to 2, seen 3");
   EXPECT_EQ(refused({.name = "nut", .noise_K = -1}),
-            "sensor nut: expected a noise of 0 or more, seen -1");
+            "sensor nut: expected a noise of at least 0, seen -1");
   EXPECT_EQ(refused({.name = "nut", .resolution_K = -1}),
-            "sensor nut: expected a resolution of 0 or more, seen -1");
+            "sensor nut: expected a resolution of at least 0, seen -1");
   EXPECT_EQ(refused({.name = "nut", .lag_s = infinity}),
-            "sensor nut: expected a lag of 0 or more, seen inf");
+            "sensor nut: expected a lag of at least 0, seen inf");
   EXPECT_EQ(refused({.name = "nut", .sampling_s = 0}),
             "sensor nut: expected a sampling time above 0, seen 0");
   EXPECT_EQ(refused({.name = "nut", .offset_K = std::nan("")}),

@@ -186,7 +186,7 @@ TEST(Workpiece, ThatIsNotPhysicalIsRefusedByName) {
   EXPECT_TRUE(contains(plate([](auto& p) { p.height = 0; }), "a height"));
   EXPECT_TRUE(contains(plate([](auto& p) { p.thickness = -3; }), "a thickness"));
   EXPECT_TRUE(contains(plate([](auto& p) { p.poisson_ratio = 0.51; }), "Poisson"));
-  EXPECT_TRUE(contains(plate([](auto& p) { p.normal_w = p.up_w; }), "square to"));
+  EXPECT_TRUE(contains(plate([](auto& p) { p.normal_w = p.up_w; }), "perpendicular to"));
   EXPECT_TRUE(contains(plate([&](auto& p) { p.foot_w[2] = nan; }), "foot"));
 }
 
@@ -321,12 +321,12 @@ TEST(WorkpieceField, RefusesANodeByItsNumber) {
   EXPECT_TRUE(contains(why([](auto& f) { f.compliance_w[2](0, 1) += 1e-4; }),
                        "symmetric compliance at node 3"));
   EXPECT_TRUE(contains(why([](auto& f) { f.compliance_w[4] = -f.compliance_w[4].eval(); }),
-                       "negative eigenvalue at node 5"));
+                       "negative eigenvalues at node 5"));
   EXPECT_TRUE(contains(why([&](auto& f) { f.compliance_w[0](2, 2) = nan; }),
                        "finite compliance at node 1"));
   EXPECT_TRUE(contains(why([&](auto& f) { f.points_w(1, 0) = nan; }), "finite point at node 2"));
-  EXPECT_TRUE(contains(why([](auto& f) { f.compliance_w.pop_back(); }), "one compliance a node"));
-  EXPECT_TRUE(contains(why([](auto& f) { f = {}; }), "one compliance a node"));
+  EXPECT_TRUE(contains(why([](auto& f) { f.compliance_w.pop_back(); }), "one compliance per node"));
+  EXPECT_TRUE(contains(why([](auto& f) { f = {}; }), "one compliance per node"));
   EXPECT_EQ(why([](auto& f) { f.compliance_w[0].setZero(); }), "") << "a stiff node is one";
 }
 
@@ -359,8 +359,9 @@ TEST(ComplianceCsv, RefusesWithThePlace) {
   EXPECT_TRUE(contains(why(head + "\n"), "at least one node"));
   EXPECT_TRUE(contains(why("x_mm,y_mm,z_mm,Cxx_um_per_N,Cyy_um_per_N\n1,2,3,4,5\n"),
                        "wall.csv:1:41: expected a column Czz_um_per_N"));
-  EXPECT_TRUE(contains(why("x_inch," + head + "\n"), "wall.csv:1:1: expected a column of a head"));
-  EXPECT_TRUE(contains(why(head + ",x_mm\n"), "every column once"));
+  EXPECT_TRUE(
+      contains(why("x_inch," + head + "\n"), "wall.csv:1:1: expected a column name of a header"));
+  EXPECT_TRUE(contains(why(head + ",x_mm\n"), "each column only once"));
   EXPECT_TRUE(contains(why(head + "\n1,2,3,4,5\n"), "wall.csv:2:10: expected 6 cells"));
   EXPECT_TRUE(contains(why(head + "\n1,2,3,4,5,6,7\n"), "wall.csv:2:13: expected 6 cells"));
   EXPECT_TRUE(contains(why(head + "\n1,2,3,4,x5,6\n"), "wall.csv:2:9: expected a number"));
@@ -372,7 +373,7 @@ TEST(ComplianceCsv, RefusesWithThePlace) {
                        "wall.csv:3:1: expected a compliance without negative eigenvalue"));
   EXPECT_TRUE(contains(why(head + ",Cxy_um_per_N\n0,0,0,1,1,1,1.5\n"), "negative eigenvalue"));
   EXPECT_TRUE(contains(why(std::string((std::size_t(64) << 20) + 1, '#')), "at most 64 MiB"));
-  EXPECT_TRUE(contains(why(std::string(1 << 20, ',')), "a column of a head"));
+  EXPECT_TRUE(contains(why(std::string(1 << 20, ',')), "a column name of a header"));
   EXPECT_TRUE(contains(why(head + "\n" + std::string("1,2,3\0,4,5,6\n", 13)), "wall.csv:2:5"));
 }
 

@@ -62,7 +62,7 @@ TEST(Epochs, ASensorThatWasNotLoggedIsNamed) {
     (void)sensor_columns({"oven"}, {"room"});
     FAIL();
   } catch (const std::invalid_argument& fault) {
-    EXPECT_STREQ(fault.what(), "expected a sensor that was logged, seen oven");
+    EXPECT_STREQ(fault.what(), "expected a logged sensor, seen oven");
   }
 }
 

@@ -590,11 +590,11 @@ TEST(Estimate, RefusesWhatItCannotFindInASentence) {
     return std::string();
   };
   EXPECT_EQ(refusal(model, {good}), "");
-  EXPECT_EQ(refusal({}, {good}), "there is nothing to find: the model has no numbers");
+  EXPECT_EQ(refusal({}, {good}), "nothing to identify: the model has no coefficients");
   EXPECT_EQ(refusal(model, {}), "there are no readings");
   const Readings other = noise_free(plan_of(Kind::Laser, three_axes()), three_axes(), {});
   EXPECT_EQ(refusal(model, {good, other}),
-            "readings of laser and of laser are of different machines");
+            "readings of laser and of laser come from different machines");
   Readings bad = good;
   bad.value[4] = std::nan("");
   EXPECT_EQ(refusal(model, {bad}), "reading 5 of laser: expected a finite number");
@@ -603,12 +603,12 @@ TEST(Estimate, RefusesWhatItCannotFindInASentence) {
   EXPECT_NE(refusal(model, {bad}).find("values, seen 3"), std::string::npos);
   bad = good;
   bad.plan.measurements[2].channel = 9;
-  EXPECT_EQ(refusal(model, {bad}), "reading 3 of laser: there is no channel 9");
+  EXPECT_EQ(refusal(model, {bad}), "reading 3 of laser: channel 9 does not exist");
   bad = good;
   bad.value.resize(0);
-  EXPECT_NE(refusal(model, {bad}).find("the readings hold no value"), std::string::npos);
+  EXPECT_NE(refusal(model, {bad}).find("the readings hold no values"), std::string::npos);
   EXPECT_EQ(refusal({{element("EXX", Repeatability{1e-3, 1})}, {}}, {good}),
-            "EXX: chance cannot be identified");
+            "EXX: a random error cannot be identified");
   EXPECT_NE(refusal({{element("EXB", Constant{})}, {}}, {good}).find("EXB"), std::string::npos);
   EstimateOptions options;
   options.rank_tolerance = 0.0;

@@ -96,7 +96,7 @@ TEST(Model, WhatCannotBeMeantIsRefusedByName) {
   ModelOptions options;
   options.only = {"EXB"};
   EXPECT_EQ(refusal(measured_gantry(), options),
-            "expected an element that means something on this machine, seen EXB");
+            "expected an element that applies to this machine, seen EXB");
   options.only = {};
   options.orders = {{"EXX", -1}};
   EXPECT_EQ(refusal(measured_gantry(), options), "EXX: expected an order from 0 to 60, seen -1");
@@ -105,7 +105,7 @@ TEST(Model, WhatCannotBeMeantIsRefusedByName) {
   options.orders = {};
   options.order = 61;
   EXPECT_NE(refusal(measured_gantry(), options).find("from 0 to 60"), std::string::npos);
-  EXPECT_EQ(refusal(gantry(), {}), "EXX: its travel is not stated");
+  EXPECT_EQ(refusal(gantry(), {}), "EXX: the travel of its axis is not stated");
 }
 
 // ---- orders

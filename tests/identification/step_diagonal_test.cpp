@@ -232,7 +232,7 @@ TEST(StepDiagonal, AMirrorOutOfLineMakesItFailAlikeAtEveryStepAndWarns) {
   const StepDiagonal found = step_diagonal(metrology::measure(
       metrology::plan(instrument, chain), chain, machine_of({}, chain), 20261121));
   ASSERT_EQ(found.warnings.size(), 1u);
-  EXPECT_NE(found.warnings[0].find("alike at every step"), std::string::npos);
+  EXPECT_NE(found.warnings[0].find("is the same at every step"), std::string::npos);
   EXPECT_NE(found.warnings[0].find("mirror"), std::string::npos);
   const double wrong = std::abs(constant_of(found.belief, "EC0Y")) +
                        std::abs(constant_of(found.belief, "EB0Z")) +
@@ -298,7 +298,7 @@ TEST(StepDiagonal, OtherReadingsAreRefusedInASentence) {
   bad = good;
   bad.plan.measurements.erase(bad.plan.measurements.begin() + 5);
   bad.value = good.value.head(good.value.size() - 1);
-  EXPECT_NE(refusal(bad).find("one step of X, Y or Z apart"), std::string::npos);
+  EXPECT_NE(refusal(bad).find("one step in X, Y or Z apart"), std::string::npos);
   bad = good;
   const auto quarter = Eigen::Index(good.value.size() / 4);
   bad.plan.measurements.resize(std::size_t(3 * quarter));

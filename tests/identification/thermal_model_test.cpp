@@ -193,7 +193,7 @@ TEST(ThermalModel, TextThatIsNoModelIsRefusedWithItsLine) {
   huge.replace(at, huge.find('\n', at) - at, "99999");
   EXPECT_NE(refusal(huge).find("expected 99999 finite numbers"), std::string::npos);
   huge.replace(at, 5, "99999999999");
-  EXPECT_NE(refusal(huge).find("whole number"), std::string::npos);
+  EXPECT_NE(refusal(huge).find("an integer from"), std::string::npos);
 }
 
 TEST(ThermalModel, RandomDamageToATextIsRefusedOrHarmless) {
@@ -305,22 +305,22 @@ TEST(ThermalData, ALogIsReadAndBadOnesAreRefusedWithTheirPlace) {
   EXPECT_NE(refused(""), "accepted");
   EXPECT_EQ(refused("day,T1,drift\n"), "log.csv:1:1: expected a row of readings, seen none");
   EXPECT_EQ(refused("T1,drift\n1,2\n"),
-            "log.csv:1:1: expected a column day for the run, seen none");
+            "log.csv:1:1: expected a column day with the run number, seen none");
   EXPECT_EQ(refused("day,T1\n1,2\n"),
-            "log.csv:1:1: expected a column drift for the deviation, seen none");
+            "log.csv:1:1: expected a column drift with the deviation, seen none");
   EXPECT_EQ(refused("day,drift\n1,2\n"),
             "log.csv:1:1: expected a column of temperatures, seen none");
-  EXPECT_EQ(
-      refused("day,T1,T1,drift\n"),
-      "log.csv:1:8: expected a head that no other column has, seen " + abbe::quoted_excerpt("T1"));
+  EXPECT_EQ(refused("day,T1,T1,drift\n"),
+            "log.csv:1:8: expected a column name that is not used twice, seen " +
+                abbe::quoted_excerpt("T1"));
   EXPECT_EQ(refused("day,T1,drift\n1,20\n").substr(0, 10), "log.csv:2:");
   EXPECT_EQ(refused("day,T1,drift\n1,hot,0\n"),
             "log.csv:2:3: expected a number within +-1e9, seen " + abbe::quoted_excerpt("hot"));
   EXPECT_EQ(
       refused("day,T1,drift\n1.5,20,0\n"),
-      "log.csv:2:1: expected a whole number for the run, seen " + abbe::quoted_excerpt("1.5"));
+      "log.csv:2:1: expected an integer as the run number, seen " + abbe::quoted_excerpt("1.5"));
   EXPECT_EQ(refused("day,T1,drift\n1,20,0\n2,20,0\n1,20,0\n"),
-            "log.csv:4:1: expected the rows of one run together, seen run 1 again");
+            "log.csv:4:1: expected the rows of each run to be contiguous, seen run 1 again");
   EXPECT_NE(refused("day,T1,drift\n1,nan,0\n"), "accepted");
   EXPECT_NE(refused(std::string(5000, ',')), "accepted");
 }

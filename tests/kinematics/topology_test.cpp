@@ -37,26 +37,27 @@ TEST(StructuralCode, IsWrittenAsItIsRead) {
 
 TEST(StructuralCode, RefusalsSayWhatWasExpectedAndSeen) {
   const std::string head = "structural code: expected ";
-  EXPECT_EQ(refusal(""), head + "w first, seen nothing");
-  EXPECT_EQ(refusal("  "), head + "w first, seen nothing");
-  EXPECT_EQ(refusal("b X t"), head + "w first, seen 'b'");
-  EXPECT_EQ(refusal("w"), head + "t last, seen 'w'");
-  EXPECT_EQ(refusal("w b X"), head + "t last, seen 'X'");
-  EXPECT_EQ(refusal("w b X b t"), head + "one b, seen a second");
-  EXPECT_EQ(refusal("w t"), head + "b for the bed, seen none");
-  EXPECT_EQ(refusal("w X' t"), head + "b for the bed, seen none");
-  EXPECT_EQ(refusal("w X b t"), head + "a prime after 'X', which carries the workpiece, seen none");
-  EXPECT_EQ(refusal("w b X' t"), head + "no prime after 'X', which carries the tool, seen one");
-  EXPECT_EQ(refusal("w X' b X t"), head + "every letter once, seen 'X' twice");
-  EXPECT_EQ(refusal("w b s X t"), head + "s right before t, seen it elsewhere");
-  EXPECT_EQ(refusal("w s' b X t"), head + "s right before t, seen it elsewhere");
-  EXPECT_EQ(refusal("w b X s' t"), head + "s right before t, seen it elsewhere");
+  EXPECT_EQ(refusal(""), head + "w as the first letter, seen nothing");
+  EXPECT_EQ(refusal("  "), head + "w as the first letter, seen nothing");
+  EXPECT_EQ(refusal("b X t"), head + "w as the first letter, seen 'b'");
+  EXPECT_EQ(refusal("w"), head + "t as the last letter, seen 'w'");
+  EXPECT_EQ(refusal("w b X"), head + "t as the last letter, seen 'X'");
+  EXPECT_EQ(refusal("w b X b t"), head + "only one b, seen a second b");
+  EXPECT_EQ(refusal("w t"), head + "b for the bed, seen no b");
+  EXPECT_EQ(refusal("w X' t"), head + "b for the bed, seen no b");
+  EXPECT_EQ(refusal("w X b t"),
+            head + "a prime after 'X', which carries the workpiece, seen no prime");
+  EXPECT_EQ(refusal("w b X' t"), head + "no prime after 'X', which carries the tool, seen a prime");
+  EXPECT_EQ(refusal("w X' b X t"), head + "each letter only once, seen 'X' twice");
+  EXPECT_EQ(refusal("w b s X t"), head + "s directly before t, seen s elsewhere");
+  EXPECT_EQ(refusal("w s' b X t"), head + "s directly before t, seen s elsewhere");
+  EXPECT_EQ(refusal("w b X s' t"), head + "s directly before t, seen s elsewhere");
   EXPECT_EQ(refusal("w b x t"), head + "an axis letter of XYZUVWABCS, b or s, seen 'x'");
   EXPECT_EQ(refusal("w ' b X t"), head + "an axis letter of XYZUVWABCS, b or s, seen '''");
   EXPECT_EQ(refusal(std::string("w b \n t")),
             head + "an axis letter of XYZUVWABCS, b or s, seen a character of code 10");
   EXPECT_EQ(refusal("w C\xc3\xa2 b t"),
-            head + "a prime after 'C', which carries the workpiece, seen none");
+            head + "a prime after 'C', which carries the workpiece, seen no prime");
   EXPECT_EQ(refusal(std::string("w b \0 t", 7)),
             head + "an axis letter of XYZUVWABCS, b or s, seen a character of code 0");
   EXPECT_EQ(refusal("w X' Y' Z' b U V W A B C t"), head + "at most 8 joints, seen 9");
@@ -64,7 +65,7 @@ TEST(StructuralCode, RefusalsSayWhatWasExpectedAndSeen) {
 
 TEST(StructuralCode, OfAMillionLettersIsRefusedAtTheFirstRepetition) {
   EXPECT_EQ(refusal("w b" + std::string(1000000, 'X') + "t"),
-            "structural code: expected every letter once, seen 'X' twice");
+            "structural code: expected each letter only once, seen 'X' twice");
 }
 
 TEST(BodyArray, OfThePlatformIsPengs) {

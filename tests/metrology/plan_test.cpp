@@ -228,15 +228,14 @@ TEST(Plan, ParallelSlidesAreNoPair) {
     }
     bar.axes = square.axes = {'Z', 'W'};
     EXPECT_EQ(sentence([&] { plan(bar, chain); }),
-              "ball_bar: expected two slides across each other, seen W Z");
+              "ball_bar: expected two perpendicular slides, seen W Z");
     EXPECT_EQ(sentence([&] { plan(square, chain); }),
-              "square: expected two slides across each other, seen W Z");
+              "square: expected two perpendicular slides, seen W Z");
     for (const Kind kind : {Kind::Diagonals, Kind::StepDiagonal}) {
       Instrument laser = typical_instrument(kind);
       laser.axes = {'X', 'Z', 'W'};
-      EXPECT_EQ(
-          sentence([&] { plan(laser, chain); }),
-          std::string(to_string(kind)) + ": expected slides across each other, seen W along Z");
+      EXPECT_EQ(sentence([&] { plan(laser, chain); }),
+                std::string(to_string(kind)) + ": expected perpendicular slides, seen W along Z");
     }
   }
 }
@@ -350,7 +349,7 @@ TEST(Plan, RefusesInASentence) {
   EXPECT_EQ(refusal(Kind::Laser, gantry, [](Instrument& i) { i.axes = {'Q'}; }),
             "laser: expected an axis of the machine, seen Q");
   EXPECT_EQ(refusal(Kind::Laser, gantry, [](Instrument& i) { i.axes = {'C'}; }),
-            "laser: expected axes that it can measure, seen C");
+            "laser: expected axes that this instrument can measure, seen C");
   EXPECT_EQ(refusal(Kind::StepDiagonal, lathe),
             "step_diagonal: expected at least 3 slides to measure, seen 2");
   EXPECT_EQ(refusal(Kind::RTest, lathe), "r_test: expected a rotary axis to measure, seen none");
@@ -385,7 +384,7 @@ TEST(Plan, SlidesWithoutLimitsAreRefused) {
   joints[1].min = -1e9;
   const machines::Chain chain(joints, machines::lathe().T_bw_home(), machines::lathe().T_bt_home());
   EXPECT_NE(
-      sentence([&] { plan(typical_instrument(Kind::Laser), chain); }).find("limits of travel of Z"),
+      sentence([&] { plan(typical_instrument(Kind::Laser), chain); }).find("travel limits of Z"),
       std::string::npos);
 }
 

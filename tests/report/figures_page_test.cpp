@@ -222,7 +222,7 @@ TEST_F(StudyPages, ABrokenOrForeignFolderIsRefusedByFile) {
     EXPECT_NE(ran.text.find(expected), std::string::npos) << ran.text;
     EXPECT_FALSE(fs::exists(broken / "report.html"));
   };
-  refused("{", "text that is no JSON");
+  refused("{", "text that is not JSON");
   refused("[]", "JSON of something else");
   refused("{\"arms\": 3}", "as abbe study writes it");
   ordered_json other = budget;

@@ -99,9 +99,9 @@ TEST(ClosedPath, ABallBarOfAnyNumberOfTargetsTellsCentreRadiusAndForm) {
       const bool few = n <= 4;
       EXPECT_EQ(test["causes"]["scale_X_minus_Y_um_per_m"].is_null(), few) << n;
       const std::string said = fmt::format(
-          "radius, centre_X, centre_Y, scale_X_minus_Y, squareness, reversal_X, "
-          "reversal_Y, lag cannot be determined: 8 causes take readings at 9 different "
-          "places or more, each sense counted apart, seen {}\n",
+          "radius, centre_X, centre_Y, scale_X_minus_Y, squareness, reversal_X, reversal_Y, lag "
+          "cannot be determined: 8 causes require readings at 9 or more different positions, "
+          "counted separately per sense of rotation, seen {}\n",
           2 * n);
       EXPECT_EQ(to_text(evaluation).find(said) != std::string::npos, few) << n;
     }
@@ -115,8 +115,8 @@ TEST(ClosedPath, CausesThatReadAlikeAreNamedWithTheirAxes) {
   const Json causes = to_json(evaluated(measure_machine(scene, bar)))["tests"][0]["causes"];
   EXPECT_EQ(causes["undetermined"], Json({"squareness", "lag"}));
   EXPECT_EQ(causes["undetermined_because"],
-            "squareness, lag cannot be determined: they read alike at the 72 places that were "
-            "read, in one sense alone");
+            "squareness, lag cannot be determined: their effects are indistinguishable at the 72 "
+            "measured positions, in one sense of rotation only");
 }
 
 TEST(ClosedPath, AnArcTakesFFromTheCentreAsSetUp) {

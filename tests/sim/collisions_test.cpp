@@ -226,7 +226,7 @@ TEST(Collisions, AShankOfItsOwnRadiusInTheStock) {
   const Collisions necked = with_shank("shank_radius_mm = 4\n");
   EXPECT_TRUE(is_clear(necked)) << to_text(necked);
   ASSERT_FALSE(necked.warnings.empty());
-  EXPECT_NE(necked.warnings.back().find("a shank of the cutter's radius, 5 mm"), std::string::npos);
+  EXPECT_NE(necked.warnings.back().find("a shank of the cutter radius, 5 mm"), std::string::npos);
   // wider than its cutter it is met once, by its own radius
   const Collisions wide = with_shank("shank_radius_mm = 5.4\n");
   std::vector<Collision> of_stock = contacts_of(wide);
@@ -267,7 +267,7 @@ TEST(Collisions, AFixtureInsideThePartIsWarnedOf) {
         {"G1 Z90 F1000", "",
          fmt::format("[[fixture]]\nname = \"clamp\"\nsize_mm = {}\nat_mm = {}\n", size, at)});
     for (const std::string& text : all.warnings)
-      if (text.find("clamp lies wholly inside the part") != std::string::npos) return true;
+      if (text.find("clamp is entirely inside the part") != std::string::npos) return true;
     return false;
   };
   EXPECT_TRUE(said("[0.8, 0.8, 1.5]", "[-40, -30, 10]"));
@@ -321,7 +321,7 @@ TEST(Collisions, WhatOverlapsFromTheStartIsWarnedOf) {
   EXPECT_TRUE(is_clear(all));
   bool said = false;
   for (const std::string& text : collision_warnings(all))
-    said = said || text.find("post and cutter overlap where the program begins") == 0;
+    said = said || text.find("post and cutter overlap at the start of the program") == 0;
   EXPECT_TRUE(said);
 }
 
@@ -476,8 +476,8 @@ TEST(Collisions, AHolderThatCannotBeIsRefusedAndAnOddOneWarnedOf) {
                      "ends 120 mm above the tip, 20 mm beyond the nose of the spindle (length_mm "
                      "100)"));
   EXPECT_TRUE(warned("[35, 60, 95]",
-                     "5 mm short of the nose of the spindle (length_mm 100): what "
-                     "is between them is met by nothing"));
+                     "5 mm short of the nose of the spindle (length_mm 100): the gap between them "
+                     "is not checked"));
 }
 
 TEST(Collisions, BodiesThatCannotBeAreRefused) {
@@ -528,7 +528,7 @@ TEST(Collisions, AMeshInMetresIsDoubted) {
     for (const std::string& text : texts)
       if (text.find(
               "the mesh of fixture \"vice\", read in mm, is 0.3 x 0.2 x 0.1 mm, less than 1 mm: "
-              "fixture.unit (\"m\" for metres) says another unit, fixture.any_size = true") !=
+              "set fixture.unit (\"m\" for metres) for another unit, or fixture.any_size = true") !=
           std::string::npos)
         return true;
     return false;
@@ -623,7 +623,7 @@ TEST(Collisions, ARunThatIsToStopCutsNothing) {
   } catch (const CollisionStop& stop) {
     const std::string text = stop.what();
     EXPECT_NE(text.find("nothing was cut"), std::string::npos) << text;
-    EXPECT_NE(text.find("collision: part and holder meet, 3 mm deep at line 7, 7.660 s: line 7"),
+    EXPECT_NE(text.find("collision: part and holder collide, 3 mm deep at line 7, 7.660 s: line 7"),
               std::string::npos)
         << text;
     EXPECT_NE(text.find("abbe check SCENE --collisions"), std::string::npos) << text;

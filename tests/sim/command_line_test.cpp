@@ -382,11 +382,11 @@ TEST_F(CommandLine, ResultsAreTheSameBytesForOneAndTwoThreadsAndASecondTime) {
 
 TEST_F(CommandLine, ASceneThatCutsNothingIsRefusedByEveryCommandThatCuts) {
   const fs::path still = write("still.ngc", "G21 G90\nG4 P1\nM2\n");
-  expect_refused(plane_scene(still.string()), "still.ngc", "one that moves nothing");
+  expect_refused(plane_scene(still.string()), "still.ngc", "a program without motion");
   const fs::path high =
       write("high.ngc", "G21 G90 G43.4 H1\nG0 X-3 Y0 Z160\nG1 X3 F1000\nG0 Z170\nM2\n");
   const fs::path scene = plane_scene(high.string());
-  expect_refused(scene, "high.ngc:3", "the lowest cut lies 80.0 mm above the part");
+  expect_refused(scene, "high.ngc:3", "the lowest cut is 80.0 mm above the part");
   const fs::path study =
       write("study.toml",
             "scene = \"scene.toml\"\n[[input]]\npath = \"setup.EA_urad\"\nspread "

@@ -66,12 +66,13 @@ const std::string ball = "kind = \"ball\"\nradius_mm = 5\nflank_length_mm = 25\n
 TEST_F(FirstEvening, AProgramAboveThePart) {
   expect_refused(FlatScene{.program = "above.ngc"},
                  "above.ngc:5: expected a program that comes within 2 mm of the part, seen the "
-                 "lowest cut lies 80.0 mm above the part; with G54 Z = -80 it fits best");
+                 "lowest cut is 80.0 mm above the part; with G54 Z = -80 it fits best");
   const Ran ran =
       run("check", FlatScene{.program = "above.ngc", .more = "work_offset.G54 = { Z_mm = -80 }\n"});
   EXPECT_EQ(ran.code, 0) << ran.text;
   // the part lies in the top of the table, which the cutter meets beside it: that alone is said
-  const std::string meets = "warning: collisions are not searched here, but table and cutter meet";
+  const std::string meets =
+      "warning: this command does not check collisions, but table and cutter collide";
   EXPECT_EQ(ran.text.find("warning"), ran.text.find(meets)) << ran.text;
   EXPECT_EQ(ran.text.find("warning"), ran.text.rfind("warning")) << ran.text;
 }
@@ -79,14 +80,12 @@ TEST_F(FirstEvening, AProgramAboveThePart) {
 TEST_F(FirstEvening, TheWrongTool) {
   folder_.write("t7.ngc",
                 to_nc({.head = "(T7 D=12. CR=0. - FLAT END MILL)\nG21 G90 G49\nT7 M6\n"}));
-  expect_refused(
-      FlatScene{.program = "t7.ngc", .tool = ball + "number = 3\n"},
-      "t7.ngc:3: expected T3, which is the scene's tool.number, seen T7: describe it in a "
-      "[[tool]] of its own, or give tool.number = 7 if the scene's is that");
-  expect_warned(
-      FlatScene{.program = "t7.ngc", .tool = ball + "number = 7\n"},
-      "line 1 says \"T7 D=12. CR=0. - FLAT END MILL\": 12 mm in diameter, and the scene's "
-      "has 10 mm; 0 mm of corner radius, and the scene's has 5 mm");
+  expect_refused(FlatScene{.program = "t7.ngc", .tool = ball + "number = 3\n"},
+                 "t7.ngc:3: expected T3, which is the scene's tool.number, seen T7: describe it in "
+                 "a [[tool]] of its own, or set tool.number = 7 if it is the scene's tool");
+  expect_warned(FlatScene{.program = "t7.ngc", .tool = ball + "number = 7\n"},
+                "line 1 says \"T7 D=12. CR=0. - FLAT END MILL\": 12 mm diameter, but the scene's "
+                "tool has 10 mm; 0 mm corner radius, but the scene's tool has 5 mm");
 }
 
 TEST_F(FirstEvening, AMeshInInches) {
@@ -99,12 +98,12 @@ TEST_F(FirstEvening, AMeshInInches) {
   folder_.write("box.obj", inches + millimetres.substr(millimetres.find('f')));
   folder_.write("box.ngc", to_nc({.from = -12, .to = 12, .step = 1, .reach = 14, .z = 10}));
   const std::string part = "file = \"box.obj\"\n";
-  expect_refused(
-      FlatScene{.program = "box.ngc", .part = part},
-      "the lowest cut lies 9.6 mm above the part; 0 % of the judged area is cut within 2 mm of the "
-      "design; with the part 25.4 times as large it would be ");
   expect_refused(FlatScene{.program = "box.ngc", .part = part},
-                 "%: part.unit = \"inch\" may be meant; part.any_size = true if its size is meant");
+                 "the lowest cut is 9.6 mm above the part; 0 % of the judged area is cut within 2 "
+                 "mm of the design; with the part scaled by 25.4 it would be ");
+  expect_refused(FlatScene{.program = "box.ngc", .part = part},
+                 "%: check whether part.unit should be \"inch\"; set part.any_size = true if the "
+                 "size is right");
   const Ran ran = run("check", FlatScene{.program = "box.ngc", .part = part + "unit = \"inch\"\n"});
   EXPECT_EQ(ran.code, 0) << ran.text;
 }
@@ -124,12 +123,11 @@ TEST_F(FirstEvening, AnUnclosedQuote) {
 
 TEST_F(FirstEvening, AnElementInMillimetres) {
   expect_warned(FlatScene{.more = "[errors]\nEXX_um = 5000\n"},
-                "errors.EXX is 5 mm at X = -7 mm, and no machine is that wrong: numbers of EXX_um "
-                "are in um, 5000 of them here");
-  expect_warned(
-      FlatScene{.more = "[errors]\nEXX_um = 0.005\n"},
-      "errors.EXX is at most 0.005 um, and no slide is that good: numbers of EXX_um are in "
-      "um, not in mm");
+                "errors.EXX is 5 mm at X = -7 mm, which is implausible for a machine: values of "
+                "EXX_um are in um (5000 here)");
+  expect_warned(FlatScene{.more = "[errors]\nEXX_um = 0.005\n"},
+                "errors.EXX is at most 0.005 um, which is implausibly small for a slide: values of "
+                "EXX_um are in um, not in mm");
   expect_refused(FlatScene{.more = "[errors]\nEXX_mm = 0.005\n"},
                  "expected EXX_um for the element EXX, seen EXX_mm, which is EXX_um = 5");
 }
@@ -156,43 +154,40 @@ TEST_F(FirstEvening, NothingJudged) {
   expect_refused(
       FlatScene{.part = "surface = \"rectangle\"\nlength_x_mm = 10\nlength_y_mm = 10\nvertices = "
                         "400\njudged_radius_min_mm = 50\n"},
-      "expected a part with vertices to be judged (part.judged_normal_z, judged_margin_mm, "
-      "judged_radius_min_mm, judged_radius_max_mm, region), seen 400 vertices, all of them left "
-      "out, of a "
-      "part of 10 x 10 x 0 mm that lies 0.2727 to 7.071 mm from its z axis");
+      "expected a part with judged vertices (part.judged_normal_z, judged_margin_mm, "
+      "judged_radius_min_mm, judged_radius_max_mm, region), seen 400 vertices, all excluded, on a "
+      "part of 10 x 10 x 0 mm that is 0.2727 to 7.071 mm from its z axis");
 }
 
 TEST_F(FirstEvening, APartOutsideOfWhatTheMachineReaches) {
   const std::string part =
       "surface = \"rectangle\"\nlength_x_mm = 10\nlength_y_mm = 10\nvertices = 400\n";
-  expect_refused(
-      fmt::format("machine = \"{0}machines/three_axis_table.toml\"\ntool = "
-                  "\"{0}tools/ball_r5.toml\"\n[part]\n{1}at_mm = [900, 0, 0]\n"
-                  "[program]\ngenerator = \"raster\"\nstep_over_mm = 1\nstep_mm = 1\n",
-                  packaged("").string(), part),
-      "would leave its travel; part.at_mm is [900, 0, 0], and the slides go X between -400 and "
-      "400 mm, Y between ");
+  expect_refused(fmt::format("machine = \"{0}machines/three_axis_table.toml\"\ntool = "
+                             "\"{0}tools/ball_r5.toml\"\n[part]\n{1}at_mm = [900, 0, 0]\n"
+                             "[program]\ngenerator = \"raster\"\nstep_over_mm = 1\nstep_mm = 1\n",
+                             packaged("").string(), part),
+                 "would leave its travel; part.at_mm is [900, 0, 0], and the slides travel X "
+                 "between -400 and 400 mm, Y between ");
 }
 
 TEST_F(FirstEvening, UnitsTwice) {
   folder_.write("twice.ngc", to_nc({.head = "G21\nG20 G90 G17 G94 G49\n"}));
   expect_refused(
       FlatScene{.program = "twice.ngc"},
-      "seen Z = 401 in this block, whose words count in inches (G20 on line 2, after G21 "
-      "on line 1)");
+      "seen Z = 401 in this block, with words in inches (G20 on line 2, after G21 on line 1)");
   folder_.write("mixed.ngc", to_nc({.middle = "G20\nG0 Z3\nG21\n"}));
-  expect_warned(
-      FlatScene{.program = "mixed.ngc"},
-      "the program says two units, G21 on line 1, G20 on line 63, G21 on line 65: 1 of its "
-      "117 moves count in inches, the others in mm; take the wrong word out");
+  expect_warned(FlatScene{.program = "mixed.ngc"},
+                "the program sets two units, G21 on line 1, G20 on line 63, G21 on line 65: 1 of "
+                "its 117 moves are in inches, the others in mm; remove the wrong word");
   // the mesh is in mm already
   folder_.write("box.obj", box_obj(true));
   folder_.write("box.ngc", to_nc({.from = -12, .to = 12, .step = 1, .reach = 14, .z = 10}));
   const Ran ran = run(
       "check", FlatScene{.program = "box.ngc", .part = "file = \"box.obj\"\nunit = \"inch\"\n"});
-  EXPECT_NE(ran.text.find("with the part 0.03937 times as large it would be "), std::string::npos)
+  EXPECT_NE(ran.text.find("with the part scaled by 0.03937 it would be "), std::string::npos)
       << ran.text;
-  EXPECT_NE(ran.text.find("part.unit = \"mm\" may be meant"), std::string::npos) << ran.text;
+  EXPECT_NE(ran.text.find("check whether part.unit should be \"mm\""), std::string::npos)
+      << ran.text;
 }
 
 }  // namespace

@@ -156,7 +156,7 @@ TEST(NewScene, RefusesAFolderWithFilesAndTouchesNone) {
   folder.write("first/notes.txt", "mine");
   const Ran ran = run("new gantry " + (folder / "first").string());
   EXPECT_EQ(ran.code, 5);
-  EXPECT_TRUE(says(ran.text, "expected a new or empty folder, seen one with notes.txt"))
+  EXPECT_TRUE(says(ran.text, "expected a new or empty folder, seen a folder with notes.txt"))
       << ran.text;
   EXPECT_EQ(names_in(folder / "first"), std::vector<std::string>{"notes.txt"});
   folder.write("file", "mine");

@@ -134,7 +134,7 @@ TEST(FormCutterScene, ThatCannotBeIsRefusedWhereItStands) {
     EXPECT_NE(text.find(part_of_it), std::string::npos) << text;
   };
   const std::string form = "kind = \"form\"\n";
-  refused(form + "radii_mm = [1, 3, 2, 5]\nheights_mm = [0, 1, 3, 8]\n", "bends inwards");
+  refused(form + "radii_mm = [1, 3, 2, 5]\nheights_mm = [0, 1, 3, 8]\n", "inward bend");
   refused(form + "radii_mm = [1, 3, 2, 5]\nheights_mm = [0, 1, 3, 8]\n",
           "kind = \"profile\" allows concave ones");
   refused(stepped_mill + "[tool.wear]\nway_mm = 1000\nradius_um = 3\n", "wear");
@@ -146,7 +146,7 @@ TEST(FormCutterScene, ThatCannotBeIsRefusedWhereItStands) {
   refused(form + "radii_mm = [1, 3]\n", "heights_mm");
   refused(form + "radius_mm = 3\nradii_mm = [1, 3]\nheights_mm = [0, 3]\n", "radius_mm");
   refused(apt_bull + "corner_offset_mm = 5\n", "or neither");
-  refused(apt_bull + "corner_offset_mm = 8\ncorner_height_mm = 1\n", "meet the corner");
+  refused(apt_bull + "corner_offset_mm = 8\ncorner_height_mm = 1\n", "meets the corner");
   refused(apt_bull + "bottom_deg = 95\n", "bottom_deg");
   refused("kind = \"apt\"\nflank_length_mm = 25\n", "diameter_mm");
   refused(apt_bull + "[tool.actual]\ncorner_radius_mm = 30\n", "corner");
@@ -161,21 +161,21 @@ TEST(FormCutterScene, APointThatCannotBeIsRefusedByKeyAndEntry) {
     EXPECT_NE(said.find("form.toml:" + text), std::string::npos) << said;
   };
   says("radii_mm = [1, 3, 2, 5]\nheights_mm = [0, 1, 3, 8]\n",
-       "5:19: expected a convex one for tool.radii_mm, entry 3, seen that it bends inwards");
+       "5:19: expected a convex outline for tool.radii_mm, entry 3, seen an inward bend");
   says("radii_mm = [1, 3]\nheights_mm = [1, 3]\n",
-       "6:15: expected it to begin at height 0 for tool.heights_mm, entry 1, seen 1 mm");
+       "6:15: expected the first point at height 0 for tool.heights_mm, entry 1, seen 1 mm");
   says("radii_mm = [1, 3]\nheights_mm = [0, 3]\narc_radii_mm = [0, 1]\n",
-       "7:20: expected an arc of radius 1.80278 mm at least to (3, 3) for tool.arc_radii_mm, "
-       "entry 2, seen 1");
+       "7:20: expected an arc of radius at least 1.80278 mm to (3, 3) for tool.arc_radii_mm, entry "
+       "2, seen 1");
   says("radii_mm = [1, -3]\nheights_mm = [0, 3]\n",
-       "5:16: expected finite numbers of 0 and more for tool.radii_mm, entry 2, seen (-3, 3) mm");
+       "5:16: expected finite numbers of at least 0 for tool.radii_mm, entry 2, seen (-3, 3) mm");
   says("radii_mm = [1, 3]\nheights_mm = [0, 3]\narc_radii_mm = [0, -1]\n",
-       "7:20: expected finite numbers of 0 and more for tool.arc_radii_mm, entry 2, seen");
+       "7:20: expected finite numbers of at least 0 for tool.arc_radii_mm, entry 2, seen");
   says("radii_mm = [1, 3]\nheights_mm = [0, 0]\n", "6:18: expected");
   says(
       "radii_mm = [1, 3]\nheights_mm = [0, 3]\n[tool.actual]\nradii_mm = [3, 1, 2]\n"
       "heights_mm = [0, 1, 3]\n",
-      "8:16: expected a convex one for tool.actual.radii_mm, entry 2, seen");
+      "8:16: expected a convex outline for tool.actual.radii_mm, entry 2, seen");
 }
 
 TEST(FormCutterScene, APointThatAProfileCannotHaveIsRefusedByKeyAndEntry) {
@@ -185,17 +185,19 @@ TEST(FormCutterScene, APointThatAProfileCannotHaveIsRefusedByKeyAndEntry) {
     EXPECT_NE(said.find("form.toml:" + text), std::string::npos) << said;
   };
   says("radii_mm = [3, 3, 5, 5]\nheights_mm = [0, 4, 3, 9]\n",
-       "6:21: expected a height of 4 mm at least, that of the point before for tool.heights_mm, "
+       "6:21: expected a height of at least 4 mm (that of the previous point) for tool.heights_mm, "
        "entry 3, seen 3 mm");
   says("radii_mm = [3, 0, 5]\nheights_mm = [0, 4, 9]\n",
-       "5:16: expected a radius above 0 above its tip for tool.radii_mm, entry 2, seen 0 mm");
+       "5:16: expected a radius above 0 everywhere above the tip for tool.radii_mm, entry 2, seen "
+       "0 mm");
   says("radii_mm = [3, 3, 6, 3, 3]\nheights_mm = [0, 4, 4, 4, 9]\n",
-       "5:19: expected it to go on for tool.radii_mm, entry 3, seen that it turns back on itself");
+       "5:19: expected an outline that does not turn back on itself for tool.radii_mm, entry 3, "
+       "seen one that does");
   says("radii_mm = [3, 5]\nheights_mm = [0, 4]\narc_radii_mm = [0, -1]\n",
-       "7:20: expected an arc that bulges inwards with a radius of -2.23607 mm or beyond to (5, 4) "
-       "for tool.arc_radii_mm, entry 2, seen -1");
+       "7:20: expected an inward arc with a radius of -2.23607 mm or below to (5, 4) for "
+       "tool.arc_radii_mm, entry 2, seen -1");
   says("radii_mm = [3, 5]\nheights_mm = [1, 4]\n",
-       "6:15: expected it to begin at height 0 for tool.heights_mm, entry 1, seen 1 mm");
+       "6:15: expected the first point at height 0 for tool.heights_mm, entry 1, seen 1 mm");
 }
 
 /// A block milled with stock, force and a tool that bends, by a flat end and by its outline.
@@ -280,7 +282,7 @@ TEST(FormCutterScene, ASteppedToolLeavesASteppedSlot) {
 TEST(FormCutterScene, ChordsOfAHollowArcAreWarnedOf) {
   const Job job = form_block(rounding_mill);
   EXPECT_TRUE(std::ranges::any_of(job.warnings, [](const std::string& text) {
-    return text.find("bulge inwards are cut as chords: it is larger there by up to") !=
+    return text.find("are replaced by chords: the tool is larger there by up to") !=
            std::string::npos;
   }));
   EXPECT_TRUE(std::ranges::none_of(form_block(stepped_mill).warnings, [](const std::string& text) {

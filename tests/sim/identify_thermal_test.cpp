@@ -240,7 +240,7 @@ TEST(IdentifyThermal, RefusesInASentenceWhatCannotBe) {
   const std::vector<Readings> once = {made_up_day(1)[2]};
   expect(once, {.elements = {"EXX"}, .sensors = {"nut"}}, "");
   const std::vector<Readings> other = {day[1], made_up_day(5)[2]};
-  expect(other, {.elements = {"EXX"}, .sensors = {"nut"}}, "the same starts");
+  expect(other, {.elements = {"EXX"}, .sensors = {"nut"}}, "the same number of starts");
 }
 
 // ---------------------------------------------------------------- the packaged machine

@@ -46,7 +46,7 @@ TEST(Library, ANameMeansTheFileOfItsKind) {
   };
   EXPECT_TRUE(reads("machines/trunnion_ca.toml") && reads("tools/ball_r5.toml") &&
               reads("machines/gantry_cxyza.toml"))
-      << "what is read is never written over";
+      << "input files are never overwritten";
 }
 
 TEST(Library, ACopiedSceneReadsAnywhereAndIsTheSame) {

@@ -245,7 +245,7 @@ TEST(LocationMachines, WhatIsNoElementOfTheMachineIsRefusedWhereItStands) {
   } catch (const BadScene& fault) {
     const std::string said = fault.what();
     EXPECT_NE(said.find("s.toml:16:1: expected an element that fits the machine, seen EC0X: X is "
-                        "the reference of Y; write the angle of the two as EC0Y"),
+                        "the reference of Y; state the angle between them as EC0Y"),
               std::string::npos)
         << said;
   }

@@ -126,11 +126,13 @@ TEST(Datum, ATouchNeedsWhatItTouches) {
   EXPECT_EQ(said_of_touch("[110, 0, 30]", "[-1, 0, 0]", jaw), "");
   EXPECT_EQ(said_of_touch("[15, 0, 1]", "[-1, 0, 0]", blank), "");
   for (const auto& [point, direction, says] : std::vector<std::array<std::string, 3>>{
-           {"[0, 0, 2.1]", "[0, 0, -1]", "a touch in the air: the part is nearest, 2.1 mm away"},
-           {"[400, 0, 0]", "[0, 0, -1]", "a touch in the air: table is nearest, 150 mm away"},
-           {"[0, 0, 0]", "[1, 0, 0]", "along a face of the part: its direction leans 90 degrees"},
-           {"[0, 0, 0]", "[0.9, 0, -1]", "its direction leans 42 degrees"},
-           {"[0, 0, 0]", "[0, 0, 1]", "a touch from within the part"},
+           {"[0, 0, 2.1]", "[0, 0, -1]",
+            "a touch in the air: the nearest body is the part, 2.1 mm away"},
+           {"[400, 0, 0]", "[0, 0, -1]",
+            "a touch in the air: the nearest body is table, 150 mm away"},
+           {"[0, 0, 0]", "[1, 0, 0]", "along a face of the part: its direction is 90 degrees"},
+           {"[0, 0, 0]", "[0.9, 0, -1]", "its direction is 42 degrees"},
+           {"[0, 0, 0]", "[0, 0, 1]", "a touch from inside the part"},
            {"[110, 0, 30]", "[-1, 0, 0]", "a touch in the air"},
            {"[15, 0, 1]", "[-1, 0, 0]", "along a face"}}) {
     const std::string said = said_of_touch(point, direction);

@@ -63,8 +63,8 @@ void expect_of_one_row(const cutting::Statistics& s, const std::string& name) {
 void expect_only_remarks(const std::string& scene, const std::vector<std::string>& warnings) {
   for (const std::string& warning : warnings)
     EXPECT_TRUE(is_remark(scene, warning) ||
-                warning.find("too coarse for what the tool left") != std::string::npos ||
-                warning.find("judged vertices that an edge joins") != std::string::npos)
+                warning.find("too coarse for the machined surface") != std::string::npos ||
+                warning.find("neighbouring judged vertices") != std::string::npos)
         << scene << " warns of itself: " << warning;
 }
 

@@ -97,7 +97,7 @@ TEST_F(Pocket, ThePartThatTheBallFitsIntoIsJudged) {
             300.0);  // floor within R of the walls, walls within R of the floor
   EXPECT_GT(excluded_area.max_remaining_height, 1.0);
   EXPECT_NE(
-      exclusion_text(*meant.sampled).find("into which the tool's corner of 3 mm does not fit"),
+      exclusion_text(*meant.sampled).find("where the tool's corner radius of 3 mm does not fit"),
       std::string::npos)
       << exclusion_text(*meant.sampled);
   const auto wide = sampled(job(-depth, "edge_margin_mm = 0\njudged = \"all\"\n"));

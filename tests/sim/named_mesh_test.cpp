@@ -93,7 +93,7 @@ TEST_F(NamedMesh, ThatIsOpenIsNamedWithItsPlaceInTheScene) {
     EXPECT_NE(text.find("open.obj with 4 open edges, the first at "), std::string::npos) << text;
   };
   expect({.part = "open.obj"}, "scene.toml:8:8",
-         "the part, or part.open = true for a surface with a rim");
+         "the part, or part.open = true for an open surface");
   expect({.blank = "open.obj"}, "scene.toml:13:8", "the blank");
   expect({.fixture = "open.obj"}, "scene.toml:18:8", "fixture \"clamp\"");
   expect({.body = "open.obj"}, "machine.toml:14:8", "body \"ram\"");
@@ -102,10 +102,9 @@ TEST_F(NamedMesh, ThatIsOpenIsNamedWithItsPlaceInTheScene) {
 
 TEST_F(NamedMesh, BelowAMillimetreIsDoubtedOfAllAlike) {
   const auto text = [](const std::string& what, const std::string& table) {
-    return "the mesh of " + what +
-           ", read in mm, is 0.02 x 0.02 x 0.01 mm, less than 1 mm: " + table +
-           ".unit (\"m\" for metres) says another unit, " + table +
-           ".any_size = true that this size is meant\n";
+    return "the mesh of " + what + ", read in mm, is 0.02 x 0.02 x 0.01 mm, less than 1 mm: set " +
+           table + ".unit (\"m\" for metres) for another unit, or " + table +
+           ".any_size = true if the size is right\n";
   };
   EXPECT_EQ(doubts(warnings({})), "");
   EXPECT_EQ(doubts(warnings({.blank = "metres.obj"})), text("the blank", "cutting"));

@@ -310,44 +310,44 @@ TEST_F(NothingVanishes, EveryOddSceneIsRefusedOrWarnedOf) {
 }
 
 TEST_F(NothingVanishes, WhatIsSaidHasFiguresAndLines) {
-  expect_refusal("above", "the lowest cut lies 80.0 mm above the part");
-  expect_refusal("just_above", "the lowest cut lies 2.5 mm above the part");
+  expect_refusal("above", "the lowest cut is 80.0 mm above the part");
+  expect_refusal("just_above", "the lowest cut is 2.5 mm above the part");
   expect_refusal("part far above",
-                 "the highest cut lies 425.0 mm below the part");  // 25 mm of flank
-  expect_refusal("part beside", "the nearest cut lies 133.0 mm beside the part, towards its -x");
-  expect_refusal(
-      "two_tools",
-      "expected one tool, T1 of line 2, as the scene has one; several are described by a "
-      "[[tool]] each, with its number, seen T2");
+                 "the highest cut is 425.0 mm below the part");  // 25 mm of flank
+  expect_refusal("part beside", "the nearest cut is 133.0 mm away from the part, on its -x side");
+  expect_refusal("two_tools",
+                 "expected only one tool, T1 of line 2, because the scene has one; describe "
+                 "several as one numbered [[tool]] each, seen T2");
   expect_refusal("another tool", "expected T3, which is the scene's tool.number, seen T7");
-  expect_warning("box of 12 triangles, its top",
-                 "the part is judged at 4 vertices only: what is cut between them is in no figure");
+  expect_warning(
+      "box of 12 triangles, its top",
+      "the part is judged at only 4 vertices: the results do not include the surface between them");
   expect_warning("half", "judged vertices (20 %) are uncut");
   expect_warning("too_deep",
                  "400 of 400 judged vertices (100 %) are gouged deeper than the band of 2 mm, the "
                  "deepest by 3.000 mm");
   expect_warning("one_tool", "T7 on line 2 is cut with the scene's tool");
   expect_warning("feed_before_tool",
-                 "feeds before the first tool is called, T7 on line 63: it is cut with");
-  expect_warning("plate of four vertices",
-                 "the part is judged at 4 vertices only: what is cut between them is in no figure");
+                 "feeds before the first tool call, T7 on line 63: it is cut with");
+  expect_warning(
+      "plate of four vertices",
+      "the part is judged at only 4 vertices: the results do not include the surface between them");
   expect_warning("plate of wide triangles",
-                 "judged vertices that an edge joins are up to 16.97 mm apart, the cutter is 10 mm "
-                 "wide: a gouge between them is in no figure");
+                 "neighbouring judged vertices are up to 16.97 mm apart and the cutter is 10 mm in "
+                 "diameter: the results miss a gouge between them");
   expect_warning(
       "gouged thin plate",
-      "gouged deeper than the band of 2 mm or than half way through the part where that "
-      "is less, the deepest by more than the searched 5.000 mm");  // from its narrow sides
+      "gouged deeper than the band of 2 mm or half the wall thickness where that is less, the "
+      "deepest by more than the search depth of 5.000 mm");  // from its narrow sides
   expect_refusal("lead beyond its axis",
                  "expected a program that the machine can run, seen the machine does not reach");
   expect_warning("rapids", "no block of the program feeds");
-  expect_warning("lead without an axis for it", "no position of its axes gives the direction");
+  expect_warning("lead without an axis for it", "no axis position gives the tool direction");
   expect_warning("shank against a wall", "the shank above the flank (3 mm above the tip)");
   expect_warning("wide shank against a wall",
-                 "(3 mm above the tip, radius 5.5 mm) goes more than 0.1 mm into the design at");
+                 "(3 mm above the tip, radius 5.5 mm) enters the design by more than 0.1 mm at");
   expect_warning("coarse dome, tolerance", "the mesh is too coarse for the tolerance");
-  expect_warning("box of 12 triangles",
-                 "judged vertices that an edge joins are up to 28.28 mm apart");
+  expect_warning("box of 12 triangles", "neighbouring judged vertices are up to 28.28 mm apart");
 }
 
 TEST_F(NothingVanishes, OfSaneScenesNothingIsSaid) {

@@ -14,11 +14,11 @@ struct Remark {
 
 /// Returns every one, with its reason.
 inline std::vector<Remark> packaged_remarks() {
-  const std::string coarse = "the map is too coarse for what the tool left";
+  const std::string coarse = "the map is too coarse for the machined surface";
   std::vector<Remark> remarks{// the scene is there to show this collision
-                              {"clamped_dome", "tall clamp and holder meet on line", true},
+                              {"clamped_dome", "tall clamp and holder collide on line", true},
                               // the scene is there to show a mesh whose facets count
-                              {"gantry_mesh", "its facets leave the surface that they stand for"},
+                              {"gantry_mesh", "its facets deviate from the true surface"},
                               // its vertices lie under the passes on purpose, cusps between them
                               {"on_machine_measurement", coarse}};
   // The number of vertices is chosen so that the scene takes seconds: what is read from it is the

@@ -75,7 +75,7 @@ TEST_F(Moved, AProgramThatTakesThePartAwayIsWarnedOfWithItsOffset) {
   const Placement found = placement(moved("work_offset.G54 = { Z_mm = -3 }\n"));
   ASSERT_EQ(found.warnings.size(), 1u);
   const std::string& text = found.warnings.front();
-  EXPECT_TRUE(says(text, "the program takes away 100 % of the judged area, more than 2 mm below"))
+  EXPECT_TRUE(says(text, "the program removes 100 % of the judged area more than 2 mm below"))
       << text;
   const std::string words = "; with G54 Z = ";
   ASSERT_TRUE(says(text, words)) << text;
@@ -84,7 +84,7 @@ TEST_F(Moved, AProgramThatTakesThePartAwayIsWarnedOfWithItsOffset) {
 
 TEST_F(Moved, AProgramBesideIsBroughtOverTheMiddle) {
   const Job job = moved("work_offset.G54 = { X_mm = 90, Y_mm = 0, Z_mm = 30 }\n");
-  EXPECT_TRUE(says(error_text(job), "mm beside the part, towards its +x; with G54 X = "))
+  EXPECT_TRUE(says(error_text(job), "mm away from the part, on its +x side; with G54 X = "))
       << error_text(job);
   const auto out = placement_suggestion(job);
   ASSERT_TRUE(out);
@@ -107,9 +107,9 @@ TEST_F(Moved, APartThatIsCutInPlacesIsWarnedOfWithTheShare) {
   ASSERT_EQ(found.warnings.size(), 1u);
   EXPECT_TRUE(says(found.warnings.front(), "the program comes within 2 mm of "))
       << found.warnings.front();
-  EXPECT_TRUE(says(found.warnings.front(),
-                   "% of the judged area (403 vertices tried): its feed takes "
-                   "the tip over x "))
+  EXPECT_TRUE(
+      says(found.warnings.front(),
+           "% of the judged area (403 vertices tested): its feed moves take the tip over x "))
       << found.warnings.front();
   // of the same vertices as they are cut
   const cutting::Surface surface = cut_error_free(job).surface;
@@ -133,8 +133,9 @@ TEST(Placement, TheFeedIsSaidFromWhereItBegins) {
       prepare(read_scene(folder.write("s.toml", to_toml(FlatScene{.program = "p.ngc"}))));
   const Placement found = placement(job);
   ASSERT_EQ(found.warnings.size(), 1u);
-  EXPECT_TRUE(says(found.warnings.front(),
-                   "its feed takes the tip over x -20 to 0 mm of -5 to 5, y -7 to 7 mm of -5 to 5"))
+  EXPECT_TRUE(
+      says(found.warnings.front(),
+           "its feed moves take the tip over x -20 to 0 mm of -5 to 5, y -7 to 7 mm of -5 to 5"))
       << found.warnings.front();
 }
 
@@ -144,7 +145,7 @@ TEST_F(Moved, AProgramOfPositionsAndTimesNamesWhereThePartWouldHaveToStand) {
   folder_.write("p.csv", rows);
   const Job job =
       prepare(read_scene(folder_.write("s.toml", to_toml(FlatScene{.program = "p.csv"}))));
-  const std::string words = "the lowest cut lies 50.0 mm above the part; with part.at_mm = [0, 0, ";
+  const std::string words = "the lowest cut is 50.0 mm above the part; with part.at_mm = [0, 0, ";
   const std::string text = error_text(job);
   ASSERT_TRUE(says(text, words)) << text;
   EXPECT_NEAR(std::stod(text.substr(text.find(words) + words.size())), 50.0, 0.01) << text;
@@ -315,9 +316,8 @@ TEST(Placement, APartWithTooFewVerticesIsSaidToHaveTooFew) {
   };
   const std::string text = fault_with("sampling = \"vertices\"\n");
   EXPECT_TRUE(says(text,
-                   "part.stl: expected 10 judged vertices or more, no farther apart than the "
-                   "cutter is wide, 10 mm, seen 4 judged vertices, up to 141.4 mm apart, none "
-                   "of which the program cuts"))
+                   "part.stl: expected at least 10 judged vertices, at most a cutter diameter (10 "
+                   "mm) apart, seen 4 judged vertices, up to 141.4 mm apart, none of them cut"))
       << text;
   EXPECT_EQ(fault_with(""), "");
 }

@@ -177,10 +177,10 @@ TEST_F(PoseCommandLine, WhatStandingStillLeavesOutIsSaid) {
   folder_.write("poses.csv", "X_mm,time_h\n0,0\n0,1\n");
   const PoseRun cold = run(dome + " --at-file poses.csv");
   EXPECT_EQ(cold.code, 0);
-  EXPECT_NE(cold.err.find("time changes nothing"), std::string::npos) << cold.err;
+  EXPECT_NE(cold.err.find("time has no effect"), std::string::npos) << cold.err;
   const std::string warm = (scenes() / "thermal_protocol.toml").string();
   const PoseRun after = run(warm + " --at-file poses.csv --json");
-  EXPECT_NE(after.err.find("1 of 2 poses come after time 0"), std::string::npos) << after.err;
+  EXPECT_NE(after.err.find("1 of 2 poses are after time 0"), std::string::npos) << after.err;
   EXPECT_EQ(nlohmann::json::parse(after.out)["warnings"].size(), 1u);
   const std::string lost =
       folder_
@@ -190,7 +190,7 @@ TEST_F(PoseCommandLine, WhatStandingStillLeavesOutIsSaid) {
                             "kind = \"repeatability\"\nsigma_um = 0.25\n"))
           .string();
   const PoseRun rest = run(lost + " --at X=10");
-  EXPECT_NE(rest.err.find("reversal adds or takes: EXX 1.5 um"), std::string::npos) << rest.err;
+  EXPECT_NE(rest.err.find("reversal adds or subtracts: EXX 1.5 um"), std::string::npos) << rest.err;
   EXPECT_NE(rest.err.find("EXX 0.25 um"), std::string::npos) << rest.err;
 }
 

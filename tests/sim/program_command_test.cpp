@@ -148,7 +148,7 @@ TEST(ProgramCommand, LeavingTheTravelEndsWithThreeAndTheFigures) {
   const std::string file = (folder.path() / "far.ngc").string();
   const Ran ran = run("program " + file);
   EXPECT_EQ(ran.code, 3);
-  EXPECT_NE(ran.text.find("X leaves its travel of -300 to 300 mm by 50, on line 3 with 350"),
+  EXPECT_NE(ran.text.find("X exceeds its travel of -300 to 300 mm by 50, on line 3 with 350"),
             std::string::npos)
       << ran.text;
   EXPECT_NE(ran.text.find("time "), std::string::npos) << "the figures come all the same";

@@ -67,9 +67,8 @@ TEST(ReadingsFile, BrokenFilesAreRefusedByPlace) {
   EXPECT_NE(
       refusal_of_readings(with(text, "set_up,channel", "setup,channel")).find("set_up,channel,run"),
       std::string::npos);
-  EXPECT_NE(
-      refusal_of_readings(with(text, "\n0,0,0,", "\n0,9,0,")).find("a whole number from 0 to 0"),
-      std::string::npos);
+  EXPECT_NE(refusal_of_readings(with(text, "\n0,0,0,", "\n0,9,0,")).find("an integer from 0 to 0"),
+            std::string::npos);
   EXPECT_NE(refusal_of_readings(with(text, ",mm\n", ",um\n")).find("mm, the unit of its channel"),
             std::string::npos);
   EXPECT_NE(refusal_of_readings(with(text, ",mm\n", ",mm,3\n")).find("cells"), std::string::npos);

@@ -123,15 +123,15 @@ TEST(Regions, KeysThatCannotBeAreRefusedAtTheirPlace) {
 }
 
 TEST(Regions, WhatTheMeshDoesNotHaveIsRefusedWithWhatItHas) {
-  EXPECT_NE(refusal_of_job(BlockScene{.regions = region_text("a", "group = \"lefft\"")}.file())
-                .find("expected part.region.group that the mesh has: \"blue\", \"bottom\", "
-                      "\"green\", \"left\", \"red\", \"right\", \"top\", \"top left\", \"top "
-                      "right\", \"wall_x+\", \"wall_x-\", \"wall_y+\", \"wall_y-\", seen \"lefft\" "
-                      "(nearest: \"left\")"),
-            std::string::npos);
+  EXPECT_NE(
+      refusal_of_job(BlockScene{.regions = region_text("a", "group = \"lefft\"")}.file())
+          .find("expected a part.region.group of the mesh: \"blue\", \"bottom\", \"green\", "
+                "\"left\", \"red\", \"right\", \"top\", \"top left\", \"top right\", \"wall_x+\", "
+                "\"wall_x-\", \"wall_y+\", \"wall_y-\", seen \"lefft\" (nearest: \"left\")"),
+      std::string::npos);
   const BlockScene colour{.regions = region_text("a", "colour = \"#0000f0\"")};
   const std::string said = refusal_of_job(colour.file());
-  EXPECT_NE(said.find("expected part.region.colour that the mesh has: \"#0000ff\", \"#339933\", "
+  EXPECT_NE(said.find("expected a part.region.colour of the mesh: \"#0000ff\", \"#339933\", "
                       "\"#cc1a1a\", seen \"#0000f0\" (nearest: \"#0000ff\")"),
             std::string::npos)
       << said;
@@ -146,10 +146,10 @@ TEST(Regions, WhatTheMeshDoesNotHaveIsRefusedWithWhatItHas) {
     return folder.write("a.toml", to_toml(BallRaster{.part = "file = \"block.obj\"\n" + region}));
   };
   EXPECT_NE(refusal_of_job(file(region_text("a", "group = \"b\"")))
-                .find("seen \"b\" of a mesh without any"),
+                .find("seen \"b\" for a mesh without groups"),
             std::string::npos);
   EXPECT_NE(refusal_of_job(file(region_text("a", "colour = \"#0000ff\"")))
-                .find("seen \"#0000ff\" of a mesh without any"),
+                .find("seen \"#0000ff\" for a mesh without face colours"),
             std::string::npos);
 }
 
@@ -162,8 +162,9 @@ TEST(Regions, MissingLibraryOfMaterialsIsSaidOnlyWhereAColourIsAskedFor) {
   const auto other = with_colour.file();
   EXPECT_EQ(read_scene(other).files.back().filename(), "paint.mtl") << "no result may replace it";
   std::filesystem::remove(with_colour.folder.path() / "paint.mtl");
-  EXPECT_NE(refusal_of_job(other).find("block.obj:1:8: expected the file paint.mtl beside the OBJ"),
-            std::string::npos);
+  EXPECT_NE(
+      refusal_of_job(other).find("block.obj:1:8: expected the file paint.mtl next to the OBJ"),
+      std::string::npos);
 }
 
 TEST(Regions, SharesOfABlockAreItsExactAreas) {
@@ -192,11 +193,10 @@ TEST(Regions, SharesOfABlockAreItsExactAreas) {
   EXPECT_EQ(area["high"], 0.0);
   EXPECT_EQ(decides["left"], 0.0);
   EXPECT_NEAR(decides["top"], 2400.0 / 208.0, 1e-9);
-  EXPECT_TRUE(has_warning(job, "the region \"nothing\" holds nothing"));
-  EXPECT_TRUE(has_warning(job, "the region \"high\" holds nothing"));
-  EXPECT_TRUE(has_warning(job,
-                          "the region \"left\" decides nothing: regions after it hold all of "
-                          "its 24 mm^2"));
+  EXPECT_TRUE(has_warning(job, "the region \"nothing\" is empty"));
+  EXPECT_TRUE(has_warning(job, "the region \"high\" is empty"));
+  EXPECT_TRUE(has_warning(
+      job, "the region \"left\" has no effect: later regions contain all of its 24 mm^2"));
   EXPECT_FALSE(has_warning(job, "the region \"top\""));
   EXPECT_NE(to_text(describe(job)).find("region left: 24 mm^2, 11.54 % of it, 0 % where no later"),
             std::string::npos)

@@ -86,21 +86,21 @@ TEST(SceneInsert, ThatCannotBeIsRefusedWhereItStands) {
   EXPECT_PRED2(has, tool_faults(with(pointed, "= 93", "= 180")), "s.toml:3:");
   EXPECT_PRED2(has, tool_faults(with(pointed, "= 32", "= 100")),
                "s.toml:1:1: expected a valid turning insert");
-  EXPECT_PRED2(has, tool_faults(with(pointed, "= 32", "= 100")), "together");
+  EXPECT_PRED2(has, tool_faults(with(pointed, "= 32", "= 100")), "sum of major and minor angle");
   EXPECT_PRED2(has, tool_faults(with(wiping, "= 0.6", "= 0.01")), "would cut the nose");
-  EXPECT_PRED2(has, tool_faults(with(pointed, "= 14", "= 0.1")), "circle of the nose");
+  EXPECT_PRED2(has, tool_faults(with(pointed, "= 14", "= 0.1")), "nose circle");
   EXPECT_PRED2(has, tool_faults(pointed + "[actual]\nminor_edge_angle_deg = 100\n"), "s.toml:8:");
   EXPECT_PRED2(has, tool_faults(pointed + "[[actual.wave]]\norder = 2\namplitude_um = 1\n"),
                "wave");
   EXPECT_PRED2(has, tool_faults(with(grooving, "-1.0, -0.8, 1.8", "-0.8, 1.8")), "as many");
   EXPECT_PRED2(has, tool_faults(with(grooving, "z_mm", "z_um")), "z_mm");
-  EXPECT_PRED2(has, tool_faults(with(grooving, "4.0, 4.0", "4.0, -1.5")), "bends inwards");
+  EXPECT_PRED2(has, tool_faults(with(grooving, "4.0, 4.0", "4.0, -1.5")), "inward bend");
   EXPECT_PRED2(has, tool_faults(with(grooving, "4.0, 4.0", "4.0, -1.5")), "_mm, entry ");
   EXPECT_PRED2(has, tool_faults(grooving + "[actual]\nx_mm = [-1, 1, 1]\nz_mm = [-1, -1, -1]\n"),
-               "expected points apart for tool.actual.x_mm, entry 2, seen (1, -1) mm twice");
-  EXPECT_PRED2(
-      has, tool_faults(grooving + "[actual]\nx_mm = [0, 1, -1]\nz_mm = [2, -1, -1]\n"),
-      "expected points counter-clockwise, from x to z for tool.actual.x_mm and z_mm, seen");
+               "expected distinct points for tool.actual.x_mm, entry 2, seen (1, -1) mm twice");
+  EXPECT_PRED2(has, tool_faults(grooving + "[actual]\nx_mm = [0, 1, -1]\nz_mm = [2, -1, -1]\n"),
+               "expected points in counter-clockwise order, from x to z for tool.actual.x_mm and "
+               "z_mm, seen");
   EXPECT_PRED2(has, tool_faults(grooving + "[actual]\nz_mm = [1, 2]\n"), "x_mm");
 }
 

@@ -501,8 +501,9 @@ TEST(SceneThermal, ElementsAreRefusedWhereTheyStand) {
                 .find("t:17:8: expected thermal errors that fit "
                       "the machine, seen EZB: expected an axis"),
             std::string::npos);
-  EXPECT_NE(element("name = \"ECS\"\noffset_urad = 3\n").find("ECS: a spindle has no element"),
-            std::string::npos);
+  EXPECT_NE(
+      element("name = \"ECS\"\noffset_urad = 3\n").find("ECS: a spindle has no error element"),
+      std::string::npos);
   EXPECT_NE(
       element("name = \"bent\"\noffset_um = 3\n").find("t:17:8: expected the name of an element"),
       std::string::npos);
@@ -544,7 +545,7 @@ TEST(SceneThermal, GrowthIsRefusedWhereItStands) {
   EXPECT_EQ(faults_with_more("[axis.X]\nfeedback = \"motor\"\n" + screw), "");
   EXPECT_NE(faults_with_more("[axis.X]\nfeedback = \"scale\"\n" + screw)
                 .find("t:16:1: expected thermal errors that fit the machine, seen expansion of X: "
-                      "feedback from a scale needs a scale"),
+                      "feedback from a scale requires a scale"),
             std::string::npos);
   EXPECT_NE(faults_with_more("[axis.A]\nfeedback = \"motor\"\n" + screw)
                 .find("t:16:7: expected a known key"),

@@ -270,11 +270,10 @@ TEST_F(SeveralTools, WhatTheyDoNotGoWithIsRefused) {
   };
   expect_refused(
       scene(both, passes(1, -7, 0, 0.0) + with_length(passes(3, 0, 7, 0.0), "H3", "H1")),
-      "p.ngc:81: expected a tool that a [[tool]] of the scene describes (T1, T2), seen T3");
-  expect_refused(
-      scene("[tool]\n" + t1, with_length(program, "H2", "H1")),
-      "expected T1, which is the scene's tool.number, seen T2: describe it in a [[tool]] "
-      "of its own, or give tool.number = 2 if the scene's is that");
+      "p.ngc:81: expected a tool described by a [[tool]] of the scene (T1, T2), seen T3");
+  expect_refused(scene("[tool]\n" + t1, with_length(program, "H2", "H1")),
+                 "expected T1, which is the scene's tool.number, seen T2: describe it in a "
+                 "[[tool]] of its own, or set tool.number = 2 if it is the scene's tool");
   expect_refused(scene(listed({t1, t1}), program),
                  "expected a tool.number that no other tool has, seen 1 again");
   expect_refused(scene(listed({t1,
@@ -318,7 +317,7 @@ TEST_F(SeveralTools, ALengthThatIsNotTheToolsIsSaid) {
   program.replace(program.find("H2"), 2, "H1");
   const Job wrong = job(listed({t1, t2}), program);
   ASSERT_FALSE(wrong.warnings.empty());
-  EXPECT_NE(wrong.warnings.front().find("T2 runs with the length H1 of G43, not its own"),
+  EXPECT_NE(wrong.warnings.front().find("T2 runs with the length H1 of G43 instead of its own"),
             std::string::npos)
       << wrong.warnings.front();
   // the tip then stands 20 mm off
@@ -331,8 +330,8 @@ TEST_F(SeveralTools, AProgramAboveThePartIsHeldAgainstItWithEveryTool) {
   const Placement found = placement(job(listed({t1, t2}), high));
   ASSERT_TRUE(found.fault);
   EXPECT_NE(std::string(found.fault->what())
-                .find("seen the lowest cut lies 5.0 mm above the part; with G54 Z = -106 (now "
-                      "-100) it touches"),
+                .find("seen the lowest cut is 5.0 mm above the part; with G54 Z = -106 (now -100) "
+                      "it touches"),
             std::string::npos)
       << found.fault->what();
 }

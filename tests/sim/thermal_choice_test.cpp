@@ -279,7 +279,7 @@ TEST(ThermalSensorChoice, AnOrderOfChanceIsGivenAsItsRange) {
   }
   EXPECT_GT(ranges, 0) << "the first ranks change places over start rows";
   EXPECT_LT(min_same, 90.0);
-  EXPECT_TRUE(any_holds(json["warnings"], "their order is one of chance")) << json["warnings"];
+  EXPECT_TRUE(any_holds(json["warnings"], "their order is random")) << json["warnings"];
   EXPECT_NE(sensor_choices_text(choice).find("over start rows 0 to 10 and noise"),
             std::string::npos);
 }
@@ -297,7 +297,7 @@ TEST(ThermalSensorChoice, AChoiceNoBetterThanChanceIsSaidToBe) {
     is_chance = is_chance || random["beaten_by_the_choice"].get<double>() < 0.75;
   }
   EXPECT_TRUE(is_chance);
-  EXPECT_TRUE(any_holds(json["warnings"], "which is chance")) << json["warnings"];
+  EXPECT_TRUE(any_holds(json["warnings"], "which is not significant")) << json["warnings"];
   EXPECT_NE(sensor_choices_text(choice).find("random choices of 4"), std::string::npos);
 }
 

@@ -48,21 +48,21 @@ TEST(PoseGrid, RefusesWithTheColumn) {
   for (const auto& [text, place, expected] : std::vector<std::array<std::string, 3>>{
            {"Q=0:1:2", "--grid:1:1", "an axis of this machine (C X Y Z A)"},
            {"s=0:1:2", "--grid:1:1", "an axis of this machine"},
-           {"X=0:1:2 X=1", "--grid:1:9", "every axis once"},
+           {"X=0:1:2 X=1", "--grid:1:9", "each axis only once"},
            {"X0:1:2", "--grid:1:2", "= after the axis"},
            {"X", "--grid:1:2", "= after the axis"},
            {"X=", "--grid:1:3", "a number"},
            {"X=a", "--grid:1:3", "a number"},
            {"X=0:nan:2", "--grid:1:5", "a number"},
-           {"X=0:10:1", "--grid:1:8", "a count of 2"},
-           {"X=0:10:2.5", "--grid:1:8", "a count of 2"},
+           {"X=0:10:1", "--grid:1:8", "a count from 2"},
+           {"X=0:10:2.5", "--grid:1:8", "a count from 2"},
            {"X=0:10:3:4", "--grid:1:10", "from:to:count"},
            {"X=0:301:2", "--grid:1:3", "X between -300 and 300 mm"},
            {"X=-301", "--grid:1:3", "X between -300 and 300 mm"},
-           {"X=10:10:3", "--grid:1:3", "from below to"},
-           {"X=10:0:3", "--grid:1:3", "from below to"},
-           {"X=0 Y=0 Z=0", "--grid:1:1", "one to three axes that run"},
-           {"A=-1:1:2", "--grid:1:1", "one to three axes that run"},
+           {"X=10:10:3", "--grid:1:3", "a start below the end"},
+           {"X=10:0:3", "--grid:1:3", "a start below the end"},
+           {"X=0 Y=0 Z=0", "--grid:1:1", "one to three axes with a range"},
+           {"A=-1:1:2", "--grid:1:1", "one to three axes with a range"},
            {"X=::100 Y=::100 Z=::100", "--grid:1:1", "at most 200000 poses"},
        }) {
     const std::string refusal = refusal_by([&] { pose_grid(idle_gantry(), text); });
@@ -72,7 +72,7 @@ TEST(PoseGrid, RefusesWithTheColumn) {
   const IdleMachine platform = idle_of(scenes() / "platform_plane.toml");
   EXPECT_NE(refusal_by([&] {
               pose_grid(platform, "S=::9 X=0 Z=0");
-            }).find("S=from:to for an axis without limits of travel"),
+            }).find("S=from:to for an axis without travel limits"),
             std::string::npos);
 }
 

@@ -83,7 +83,7 @@ std::vector<Mistake> mistakes_in_compensators() {
          "cases = [\"thermal-iterated-ideal\"]"},
         {"thermal.txt", "", library("beliefs/thermal_protocol_chen.txt")}},
        Expected::InputError,
-       "the control reads no \"S13_spindle_box_C\""},
+       "the control has no reading \"S13_spindle_box_C\""},
       {"belief of heat in a scene without heat",
        "belief",
        {{"scene.toml", "cases = [\"identified-iterated-ideal\"]",

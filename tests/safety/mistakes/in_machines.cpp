@@ -38,7 +38,7 @@ std::vector<Mistake> mistakes_in_machines() {
        "dome",
        {{"machine.toml", "travel_deg = [-110, 110]", "travel_deg = [-1.92, 1.92]"}},
        Expected::InputError,
-       "an axis would leave its"},
+       "an axis would exceed its"},
   };
 }
 
