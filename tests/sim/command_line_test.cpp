@@ -231,11 +231,11 @@ TEST_F(CommandLine, AResultIsDrawnAgainAsItIsAsked) {
                {"--line x --sections 0", "--sections"},
                {"--nic 2", "--line"},
                {"--view 0,0,0", "--view: expected +x, -x"},
-               {"--bands 8,2", "--bands: expected micrometres, 5 or -2,8"},
+               {"--bands 8,2", "--bands: expected micrometres such as 5 or -2,8"},
                {"--bands x", "--bands: expected micrometres"},
                {"--range -1", "--range: expected micrometres above 0"},
-               {"--size 1600", "--size: expected pixels as 1600x1200"},
-               {"--size 10x10", "--size: expected pixels as 1600x1200"},
+               {"--size 1600", "--size: expected pixels such as 1600x1200"},
+               {"--size 10x10", "--size: expected pixels such as 1600x1200"},
                {"--format bmp", "bmp"},
                {"--colours tolerance", "--bands, or a result whose summary.json has a tolerance"}};
   for (const auto& slip : slips) {
