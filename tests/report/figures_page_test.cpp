@@ -230,7 +230,7 @@ TEST_F(StudyPages, ABrokenOrForeignFolderIsRefusedByFile) {
   refused(other.dump(), "contributions");
   other = budget;
   other["arms"][0]["responses"][0]["base"] = "much";
-  refused(other.dump(), "no figure");
+  refused(other.dump(), "not a figure");
   put(broken / "budget.json", budget.dump());
   put(broken / "cases.csv", "case,analysis,pv_um\n1,monte_carlo,2\n");
   const safety::Ran table = safety::run("report " + broken.string());

@@ -65,7 +65,7 @@ TEST(FilmPlan, TheSpeedIsSaidAsAPersonWould) {
   EXPECT_EQ(speed_text(film_plan({0.0, 10.0}, 10.0, 25.0)), "in real time");
   EXPECT_EQ(speed_text(film_plan({0.0, 2.0}, 10.0, 25.0)), "5.0 × slower than real time");
   EXPECT_EQ(speed_text(film_plan({0.0, 45.0}, 10.0, 25.0)), "4.5 × faster than real time");
-  EXPECT_EQ(speed_text(film_plan({1.0, 1.0}, 10.0, 25.0)), "a moment of the program");
+  EXPECT_EQ(speed_text(film_plan({1.0, 1.0}, 10.0, 25.0)), "one instant of the program");
 }
 
 TEST(FilmPlan, AStretchRunsFromItsFirstBlockToTheEndOfItsLast) {
