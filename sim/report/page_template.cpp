@@ -241,7 +241,7 @@ constexpr ReportLabel charts[] = {
      "fraction of the variance, by a linear and quadratic fit to each input",
      "方差占比，按各输入的直线与抛物线"},
     {"other_inputs", "other inputs", "其他输入"},
-    {"no_input_alone", "not of a single input", "非单一输入"},
+    {"no_input_alone", "not due to a single input", "非单一输入"},
     {"tornado", "One input at a time", "逐一变化"},
     {"centre", "centre", "中心"},
     {"deviations", "std. dev.", "标准差"},

@@ -223,8 +223,8 @@ TEST_F(StudyPages, ABrokenOrForeignFolderIsRefusedByFile) {
     EXPECT_FALSE(fs::exists(broken / "report.html"));
   };
   refused("{", "text that is no JSON");
-  refused("[]", "JSON of something else");
-  refused("{\"arms\": 3}", "as abbe study writes it");
+  refused("[]", "JSON of another kind");
+  refused("{\"arms\": 3}", "written by abbe study");
   ordered_json other = budget;
   other["arms"][0]["responses"][0].erase("contributions");
   refused(other.dump(), "contributions");

@@ -165,10 +165,10 @@ TEST(LineTextureOf, AMapThatDoesNotResolveItAreWarnedAbout) {
 
 TEST(LineTextureOf, AShortLineAreWarnedAbout) {
   EXPECT_TRUE(warns(wave_texture(60, 2.0, {}), "less than one section length of 2.5 mm"));
-  EXPECT_TRUE(warns(wave_texture(60, 6.0, {}), "R is of 2 sections of 2.5 mm, not of 5"));
+  EXPECT_TRUE(warns(wave_texture(60, 6.0, {}), "R covers 2 sections of 2.5 mm instead of 5"));
   EXPECT_TRUE(warns(wave_texture(60, 13.0, {}), "less than half of Nic"));
   EXPECT_TRUE(warns(wave_texture(60, 20.0, {}, {.Nic = 0.8, .Nis = 1e-6, .sections = 5}),
-                    "Nis is 1 um, not 0.001 um"));
+                    "Nis is 1 um instead of 0.001 um"));
 }
 
 TEST(LineTextureOf, ATableHasARowAPlace) {
