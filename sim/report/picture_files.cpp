@@ -41,7 +41,7 @@ render::Field map_field(const Job& job, const Verdict& verdict) {
 /// Returns a length in the most readable unit.
 std::string length_text(double mm) {
   if (mm >= 0.1 * units::um) return fmt::format("{:.3g} \u00b5m", mm / units::um);
-  return mm >= 1e-3 * units::nm ? fmt::format("{:.3g} nm", mm / units::nm) : "under 0.001 nm";
+  return mm >= 1e-3 * units::nm ? fmt::format("{:.3g} nm", mm / units::nm) : "below 0.001 nm";
 }
 
 /// Returns true if the vertices of a map do not resolve its texture.
