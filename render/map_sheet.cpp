@@ -502,7 +502,7 @@ std::vector<std::string> common_text(const std::vector<MapScale>& maps, const Sh
   lines.push_back(
       fmt::format("view {}  ·  {} vertices", view_description(view), group_digits(vertices)));
   if (drawn_vertices < vertices)
-    lines.back() += fmt::format(", drawn on {} of them", group_digits(drawn_vertices));
+    lines.back() += fmt::format(", {} of them drawn", group_digits(drawn_vertices));
   const bool exceeds_scale = std::any_of(maps.begin(), maps.end(), [](const MapScale& scale) {
     return scale.counts.beyond_scale > 0;
   });

@@ -559,7 +559,7 @@ Exit print_export(const CommonOptions& common, ExportArguments arguments) {
   for (const std::filesystem::path& file : outcome.files) print("{}\n", file.string());
   for (const std::string& note : outcome.notes) print("{}\n", note);
   for (const std::string& omission : outcome.omissions)
-    print(stderr, "abbe: warning: left out: {}\n", omission);
+    print(stderr, "abbe: warning: omitted: {}\n", omission);
   return Exit::Ok;
 }
 

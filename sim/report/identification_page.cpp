@@ -71,7 +71,7 @@ void write_curves_picture(const ResultFile& file, const std::vector<CurveReading
   for (const CurveReadings& curve : curves) panels.push_back(curve_picture_panel(curve, nominal));
   if (panels.empty()) return;
   render::GridOptions options;
-  options.title = "identified elements and the readings behind them";
+  options.title = "identified elements and the readings that determine them";
   options.caption = {file_names(readings)};
   write_file(file, [&](const std::filesystem::path& temporary) {
     render::write_grid(temporary, panels, options);

@@ -126,7 +126,7 @@ std::string radius_text(const ProgramInspection& inspection) {
 /// of the limit.
 std::string axes_text(const ProgramInspection& inspection) {
   std::string text =
-      "\naxis  from          to            travel left   fastest at feed, fraction of its limit\n";
+      "\naxis  from          to            travel left   fastest at feed, % of its limit\n";
   for (int j = 0; j < inspection.machine.control.size(); ++j) {
     const AxisFigures& axis = inspection.figures.axes[std::size_t(j)];
     if (!axis.has_position) continue;

@@ -85,7 +85,7 @@ std::string slurm_script(const SlurmOptions& options) {
 #SBATCH --requeue
 #SBATCH --open-mode=append
 # Submit with:  sh THIS_FILE
-# Cases that are done are kept: after a failure or a time limit, submit it again.
+# Finished cases are kept: after a failure or a time limit, submit the script again.
 set -eu
 
 if [ -n "${{SLURM_ARRAY_TASK_ID:-}}" ]; then
