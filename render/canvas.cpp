@@ -225,7 +225,7 @@ Canvas::Sheet::Sheet(int width_px, int height_px, int samples_per_side)
   window->SetIsDirect(1);
   window->SetIsCurrent(true);
   if (!window->InitializeFromCurrentContext()) {
-    throw std::runtime_error("no picture can be drawn: VTK refused the OpenGL context");
+    throw std::runtime_error("no picture can be drawn: VTK could not create an OpenGL context");
   }
   // Three layers: paper, scenes in space, flat elements in front.
   window->SetNumberOfLayers(3);
@@ -245,10 +245,10 @@ Canvas::Sheet::Sheet(int width_px, int height_px, int samples_per_side)
 Canvas::Canvas(int width, int height, int oversampling) {
   const auto is_valid_size = [](int size) { return size >= 64 && size <= max_side_px; };
   if (!is_valid_size(width) || !is_valid_size(height)) {
-    throw std::invalid_argument("a picture is 64 to 16384 pixels wide and high");
+    throw std::invalid_argument("the width and height of a picture must be 64 to 16384 pixels");
   }
   if (oversampling < 1 || oversampling > 4)
-    throw std::invalid_argument("a pixel is the mean of 1 to 4 points each way");
+    throw std::invalid_argument("supersampling must be 1 to 4 samples per direction");
   // The buffer of the samples is limited to longest_side as well.
   sheet_ = std::make_unique<Sheet>(width, height,
                                    std::min(oversampling, max_side_px / std::max(width, height)));

@@ -23,13 +23,14 @@ void check_sizes(const Series& series) {
   const bool has_band = series.lower.size() > 0 || series.upper.size() > 0;
   if (series.x.size() != series.y.size() || (has_band && (series.lower.size() != series.x.size() ||
                                                           series.upper.size() != series.x.size())))
-    throw std::invalid_argument("curves: x, y and both edges of a band need one size");
+    throw std::invalid_argument("curves: x, y and both limits of a band must have the same size");
 }
 
 void check_panels(const std::vector<Panel>& panels) {
-  if (panels.empty()) throw std::invalid_argument("curves: at least one panel is needed");
+  if (panels.empty()) throw std::invalid_argument("curves: expected at least one panel");
   for (const Panel& panel : panels) {
-    if (panel.series.empty()) throw std::invalid_argument("curves: a panel needs a series");
+    if (panel.series.empty())
+      throw std::invalid_argument("curves: expected at least one series in every panel");
     for (const Series& series : panel.series) check_sizes(series);
   }
 }
@@ -294,7 +295,7 @@ int row_count(std::size_t panels, int columns) { return (int(panels) + columns -
 
 int checked_height(double height) {
   if (!(height <= max_side_px))
-    throw std::invalid_argument("curves: the picture would be higher than 16384 px");
+    throw std::invalid_argument("curves: the picture would exceed a height of 16384 px");
   return int(std::lround(height));
 }
 
@@ -501,10 +502,11 @@ void draw_trace(Canvas& canvas, const Dial& dial, const PolarTrace& trace, int i
 
 void write_polar(const std::filesystem::path& path, const std::vector<PolarTrace>& traces,
                  const PolarOptions& options) {
-  if (traces.empty()) throw std::invalid_argument("polar: at least one trace is needed");
+  if (traces.empty()) throw std::invalid_argument("polar: expected at least one trace");
   for (const PolarTrace& t : traces)
     if (t.angle.size() != t.deviation_um.size())
-      throw std::invalid_argument("polar: angles and deviations of a trace need one size");
+      throw std::invalid_argument(
+          "polar: angles and deviations of a trace must have the same size");
   const double unit = std::max(0.4, std::min(options.width / 1500.0, options.height / 1200.0));
   const Page sheet = page(options.width, options.height, options.title, options.caption, unit);
   const double em = sheet.body.size_px, side = 380.0 * unit;

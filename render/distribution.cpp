@@ -222,7 +222,7 @@ void check_series(const std::vector<DistributionSeries>& series,
     throw std::invalid_argument("distribution: expected 1 to 24 series");
   for (const DistributionSeries& s : series)
     if (!s.figures.empty() && s.figures.size() != options.headings.size())
-      throw std::invalid_argument("distribution: one figure a head is needed");
+      throw std::invalid_argument("distribution: expected one figure per heading");
 }
 
 std::vector<std::string> caption(const std::vector<DistributionSeries>& series,
@@ -263,7 +263,7 @@ void write_distribution(const std::filesystem::path& path,
   std::vector<std::vector<double>> sorted_values;
   for (const DistributionSeries& s : series) sorted_values.push_back(sort_finite(s.values));
   const Bins bins = fit_bins(sorted_values);
-  Panel panel{{}, options.x_label, "share of the machines / %", {}, {}, {}};
+  Panel panel{{}, options.x_label, "fraction of the machines / %", {}, {}, {}};
   std::vector<Histogram> histograms;
   for (std::size_t i = 0; i < series.size(); ++i) {
     histograms.push_back(histogram(sorted_values[i], bins));

@@ -91,10 +91,10 @@ LengthUnit length_unit(double largest_um) {
 
 Figures figures(const Eigen::VectorXd& deviation_um, const Eigen::VectorXd& weights) {
   if (deviation_um.size() != weights.size()) {
-    throw std::invalid_argument("figures: one weight a deviation is needed");
+    throw std::invalid_argument("figures: expected one weight per deviation");
   }
   if (!weights.allFinite() || (weights.size() > 0 && weights.minCoeff() < 0.0)) {
-    throw std::invalid_argument("figures: weights must be finite and not negative");
+    throw std::invalid_argument("figures: weights must be finite and nonnegative");
   }
   Figures result;
   double total = 0.0;

@@ -246,7 +246,7 @@ void check_state(const FilmSettings& setting, const FilmState& state) {
     return index < setting.vertex_styles.size();
   });
   if (!has_matching_sizes || !are_colours_known)
-    throw std::invalid_argument("a state that fits the setting of its film");
+    throw std::invalid_argument("a film state that matches the film setting");
 }
 
 }  // namespace

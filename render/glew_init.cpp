@@ -16,7 +16,7 @@ extern "C" unsigned glewInit() {
   using Init = unsigned (*)();
   static const auto library_init = reinterpret_cast<Init>(::dlsym(RTLD_NEXT, "glewInit"));
   if (library_init == nullptr) {
-    std::fputs("glewInit is in no library of this program\n", stderr);
+    std::fputs("no library of this program provides glewInit\n", stderr);
     std::abort();
   }
   const unsigned code = library_init();

@@ -175,7 +175,7 @@ void check_sizes(const HeatMap& map) {
   if (map.values.size() == 0 || map.values.rows() > max_rows || map.values.cols() > max_columns)
     throw std::invalid_argument("heat map: expected 1 to 256 rows and 1 to 64 columns");
   if (map.values.rows() != Index(map.rows.size()) || map.values.cols() != Index(map.columns.size()))
-    throw std::invalid_argument("heat map: one name a row and a column is needed");
+    throw std::invalid_argument("heat map: expected one name per row and per column");
 }
 
 }  // namespace

@@ -184,10 +184,10 @@ void check_picture(const MachinePicture& picture) {
   }
   for (const Polyline& path : picture.paths) is_finite = is_finite && path.points.allFinite();
   for (const Frame& frame : picture.frames) is_finite = is_finite && frame.T.matrix().allFinite();
-  require(is_finite, "every number must be finite");
+  require(is_finite, "all numbers must be finite");
   const auto& t = picture.part_triangles;
   require(t.size() == 0 || (t.minCoeff() >= 0 && t.maxCoeff() < picture.part_vertices.rows()),
-          "a triangle names a vertex that is not there");
+          "a triangle refers to a vertex that does not exist");
   require(!picture.bodies.empty() || !picture.paths.empty() || t.size() > 0,
           "there is nothing to draw");
 }

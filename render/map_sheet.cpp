@@ -98,7 +98,7 @@ std::vector<std::string> common_text(const std::vector<MapPicture>& cases,
       std::any_of(panels.begin(), panels.end(), [](const MapPanel& p) { return p.has_own_scale; });
   std::vector<std::string> lines{
       std::string("one scale for all maps") +
-      (has_own_scales ? ", those that it hides again on their own  ·  " : "  ·  ") +
+      (has_own_scales ? ", maps too small for it also on their own scale  ·  " : "  ·  ") +
       sign_convention};
   const View view = fit_view({}, options.from, options.up, {});
   const VertexCounts& first_counts = counts.front();
@@ -113,7 +113,7 @@ std::vector<std::string> common_text(const std::vector<MapPicture>& cases,
   lines.push_back(line);
   const bool exceeds_scale = std::any_of(counts.begin(), counts.end(),
                                          [](const VertexCounts& t) { return t.beyond_scale > 0; });
-  if (exceeds_scale) lines.push_back("arrow colours: beyond the scale of the map");
+  if (exceeds_scale) lines.push_back("arrow colours: beyond the scale");
   lines.insert(lines.end(), options.caption.begin(), options.caption.end());
   return lines;
 }
@@ -266,7 +266,7 @@ void draw_cell(Canvas& canvas, const Plan& plan, std::size_t i, const Cell& cell
 
 void write_comparison(const std::filesystem::path& path, const std::vector<MapPicture>& cases,
                       const ComparisonOptions& options) {
-  if (cases.empty()) throw std::invalid_argument("comparison: at least one case is needed");
+  if (cases.empty()) throw std::invalid_argument("comparison: expected at least one case");
   for (const MapPicture& picture : cases) check_field(picture.field);
   const Plan plan = make_plan(cases, options);
 
@@ -391,7 +391,7 @@ std::vector<MapScale> fit_scales(const cutting::Design& design, const std::vecto
   std::vector<MapScale> scales;
   for (const SheetMap& map : maps) {
     if (map.range_um && (!(*map.range_um > 0.0) || !std::isfinite(*map.range_um)))
-      throw std::invalid_argument("sheet: a range must be positive");
+      throw std::invalid_argument("sheet: the range must be positive");
     const Field field = make_field(design, map);
     scales.push_back(
         {map.range_um ? Span{-*map.range_um, *map.range_um} : fitted_ends_um(field), {}});
@@ -502,11 +502,11 @@ std::vector<std::string> common_text(const std::vector<MapScale>& maps, const Sh
   lines.push_back(
       fmt::format("view {}  ·  {} vertices", view_description(view), group_digits(vertices)));
   if (drawn_vertices < vertices)
-    lines.back() += fmt::format(", drawn on {} of them", group_digits(drawn_vertices));
+    lines.back() += fmt::format(", {} of them drawn", group_digits(drawn_vertices));
   const bool exceeds_scale = std::any_of(maps.begin(), maps.end(), [](const MapScale& scale) {
     return scale.counts.beyond_scale > 0;
   });
-  if (exceeds_scale) lines.back() += "  ·  arrow colours: beyond the scale of the map";
+  if (exceeds_scale) lines.back() += "  ·  arrow colours: beyond the scale";
   lines.insert(lines.end(), options.caption.begin(), options.caption.end());
   return lines;
 }
@@ -548,7 +548,7 @@ void write_sheet(const std::filesystem::path& path, const cutting::Design& desig
   const double height =
       std::ceil(layout.rows * layout.height + foot + margins + 0.6 * layout.title.size_px);
   if (!(height <= max_side_px))
-    throw std::invalid_argument("sheet: the picture would be higher than 16384 px");
+    throw std::invalid_argument("sheet: the picture would exceed a height of 16384 px");
   const Page sheet = page(options.width, int(height), options.title, caption, unit);
 
   Canvas canvas(sheet.width, sheet.height);

@@ -311,7 +311,7 @@ void append_palette_image(std::string& file, const Pixels& pixels) {
 std::string png_file(const Pixels& pixels, PngPurpose png_purpose) {
   if (pixels.width < 1 || pixels.height < 1 ||
       pixels.rgb.size() != 3 * std::size_t(pixels.width) * std::size_t(pixels.height))
-    throw std::invalid_argument("a picture of three bytes for every pixel");
+    throw std::invalid_argument("a picture with three bytes per pixel");
   std::string file("\x89PNG\r\n\x1a\n", 8);
   std::string head;
   append_number(head, std::uint32_t(pixels.width));

@@ -222,7 +222,7 @@ void write_histogram(const std::filesystem::path& path, const Eigen::VectorXd& d
   Labels labels{options.title,
                 {},
                 fmt::format("deviation / {}  ({})", unit.name, sign_convention),
-                fmt::format("share of the area in bins of {} {} / %", bin_width, unit.name),
+                fmt::format("fraction of the area in bins of {} {} / %", bin_width, unit.name),
                 options.caption};
   labels.below_title.push_back(figures_text(stated_figures));
   if (histogram.beyond_percent > 0.0) {
@@ -292,13 +292,13 @@ void draw_legend(Canvas& canvas, const DiagramSheet& sheet,
 
 void write_profile(const std::filesystem::path& path, const std::vector<ProfileSeries>& series,
                    const ProfileOptions& options) {
-  if (series.empty()) throw std::invalid_argument("profile: at least one series is needed");
+  if (series.empty()) throw std::invalid_argument("profile: expected at least one series");
   bool has_points = false;
   Span x;
   Span y;
   for (const ProfileSeries& curve : series) {
     if (curve.x.size() != curve.y.size()) {
-      throw std::invalid_argument("profile: x and y of a series need one size");
+      throw std::invalid_argument("profile: x and y of a series must have the same size");
     }
     for (Eigen::Index i = 0; i < curve.x.size(); ++i) {
       if (!std::isfinite(curve.x[i]) || !std::isfinite(curve.y[i])) continue;

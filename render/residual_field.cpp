@@ -27,17 +27,17 @@ namespace {
 void check_sizes(const Field& field) {
   const Eigen::Index n = field.design.vertices.rows();
   const auto count = static_cast<std::size_t>(n);
-  require(field.deviation_um.size() == n, "residual: one deviation a vertex is needed");
-  require(field.cut_time_s.size() == n, "residual: one cut time a vertex is needed");
-  require(field.status.size() == count, "residual: one status a vertex is needed");
-  require(field.design.area.size() == n, "residual: one area a vertex is needed");
+  require(field.deviation_um.size() == n, "residual: expected one deviation per vertex");
+  require(field.cut_time_s.size() == n, "residual: expected one cut time per vertex");
+  require(field.status.size() == count, "residual: expected one status per vertex");
+  require(field.design.area.size() == n, "residual: expected one area per vertex");
   require(field.within_um.size() == 0 || field.within_um.size() == field.design.triangles.rows(),
-          "residual: one value within a triangle is needed, or none");
+          "residual: expected one value per triangle, or none");
   require(field.form_um.size() == 0 || field.form_um.size() == n,
-          "residual: one form a vertex is needed, or none");
+          "residual: expected one form value per vertex, or none");
   require(field.tolerance_um.rows() == 0 || field.tolerance_um.rows() == n,
-          "residual: limits of every vertex are needed, or of none");
-  require(field.cut_line.size() == count, "residual: one program line a vertex is needed");
+          "residual: expected limits for every vertex, or none");
+  require(field.cut_line.size() == count, "residual: expected one program line per vertex");
 }
 
 /// Returns the surface of a field, for the statistics. The depths of gouges are unknown.
@@ -179,7 +179,7 @@ void expect_attribute(const VtkFile& source, const VtkTag& tag, std::string_view
 std::size_t item_count(const VtkFile& source, const VtkTag& tag, std::string_view name) {
   const std::size_t value = whole_number(source, tag, name);
   if (value / 8 > source.text().size()) {
-    source.throw_error_at(tag.at, fmt::format("{} that the file has room for", name),
+    source.throw_error_at(tag.at, fmt::format("{} that fits into the file", name),
                           fmt::format("{}", value));
   }
   return value;
@@ -231,7 +231,7 @@ ResidualFileLayout read_residual_layout(const VtkFile& source, std::string_view 
       const DataBlock block{required_attribute(source, *tag, "type"),
                             item_count(source, *tag, "offset"), tag->at};
       if (!result.blocks.emplace(name, block).second) {
-        source.throw_error_at(tag->at, "every array once", shown(name));
+        source.throw_error_at(tag->at, "every array at most once", shown(name));
       }
     } else if (!tag->name.starts_with('/')) {
       section = tag->name;
@@ -344,7 +344,8 @@ class AppendedData {
       source_.throw_error_at(block.at, expected, "the end of the data");
     if (encoding_ == Encoding::Raw) return std::string(text_.substr(offset, length));
     std::optional<std::string> bytes = decode_base64(text_.substr(offset, length), size);
-    if (!bytes) source_.throw_error_at(block.at, expected, "data of another length or not base64");
+    if (!bytes)
+      source_.throw_error_at(block.at, expected, "data of a different length or not base64");
     return *std::move(bytes);
   }
 
@@ -355,7 +356,7 @@ class AppendedData {
                                 std::uint64_t size) const {
     const auto throw_block_error = [&](const char* seen) {
       source_.throw_error_at(
-          block.at, fmt::format("{} with {} bytes of data in blocks of zlib", name, size), seen);
+          block.at, fmt::format("{} with {} bytes of data in zlib blocks", name, size), seen);
     };
     constexpr std::size_t word = sizeof(std::uint64_t);
     if (size == 0) return {};
@@ -365,11 +366,11 @@ class AppendedData {
     const auto [blocks, full_size, partial_size] = head;
     // Every stated size is checked before memory is allocated for it.
     if (blocks == 0 || blocks > text_.size() || full_size == 0 || partial_size >= full_size)
-      throw_block_error("another head of them");
-    if (full_size > size && blocks > 1) throw_block_error("blocks larger than that");
+      throw_block_error("an invalid block header");
+    if (full_size > size && blocks > 1) throw_block_error("larger blocks");
     const std::uint64_t last_block_size = partial_size == 0 ? full_size : partial_size;
     if ((blocks - 1) > size / full_size || (blocks - 1) * full_size + last_block_size != size)
-      throw_block_error("blocks of another size together");
+      throw_block_error("blocks of a different total size");
     const std::size_t head_size = (3 + blocks) * word;
     const std::string sizes = bytes_at(name, block, block.offset, head_size);
     std::vector<std::uint64_t> compressed_sizes(blocks);
@@ -389,7 +390,7 @@ class AppendedData {
       const int status = ::uncompress(
           reinterpret_cast<Bytef*>(result.data() + target_offset), &block_size,
           reinterpret_cast<const Bytef*>(data.data() + source_offset), uLong(compressed_sizes[i]));
-      if (status != Z_OK || block_size != expected_size) throw_block_error("a block that is none");
+      if (status != Z_OK || block_size != expected_size) throw_block_error("an invalid block");
       source_offset += compressed_sizes[i];
       target_offset += expected_size;
     }
@@ -462,7 +463,7 @@ cutting::Triangles read_triangles(const VtkFile& source, const AppendedData& dat
   cutting::Triangles result(static_cast<Eigen::Index>(m), 3);
   for (std::size_t i = 0; i < 3 * m; ++i) {
     if (corner[i] < 0 || static_cast<std::uint64_t>(corner[i]) >= layout.points) {
-      source.throw_file_error(fmt::format("vertex numbers below {}", layout.points),
+      source.throw_file_error(fmt::format("vertex indices below {}", layout.points),
                               fmt::format("{} in triangle {}", corner[i], i / 3));
     }
     if (i < m && end[i] != static_cast<std::int64_t>(3 * (i + 1))) {

@@ -126,10 +126,10 @@ ColouredMap colour_map(const MapPicture& picture, const MapOptions& options) {
   if (options.range_um && (!(*options.range_um > 0.0) || !std::isfinite(*options.range_um)))
     throw std::invalid_argument("map: the range must be positive");
   if (picture.tolerance_um.rows() != 0 && picture.tolerance_um.rows() != field.deviation_um.size())
-    throw std::invalid_argument("map: one band of tolerance a vertex is needed");
+    throw std::invalid_argument("map: expected one tolerance band per vertex");
   if (options.colours == MapColours::Tolerance) {
     if (picture.tolerance_um.rows() == 0)
-      throw std::invalid_argument("map: colours of a tolerance need one");
+      throw std::invalid_argument("map: tolerance colours need a tolerance");
     // On the scale of a tolerance no deviation is beyond the ends.
     const double max_double = std::numeric_limits<double>::max();
     const cutting::ToleranceBands& bands = picture.tolerance_um;
@@ -354,7 +354,7 @@ std::string figures_text(const Figures& figures, Mean mean) {
   const auto add = [&](const char* name, double um, int decimals) {
     constexpr double min_um = 1e-6;  // smaller figures are rounding errors
     const std::string length =
-        um < min_um ? "under 0.001 nm"
+        um < min_um ? "below 0.001 nm"
                     : fmt::format("{} {}", fixed(um * unit.per_um, decimals), unit.name);
     parts.push_back(fmt::format("{} {}", name, length));
   };

@@ -182,7 +182,7 @@ void write_stock_picture(const std::filesystem::path& path, const StockPicture& 
   const auto n = std::size_t(stock.mesh.vertices_w.rows());
   require(stock.mesh.triangles.rows() > 0, "stock: there is nothing to draw");
   require(std::size_t(stock.deviation_um.size()) == n && stock.compared.size() == n,
-          "stock: one deviation a vertex is needed");
+          "stock: expected one deviation per vertex");
   const Field field = skin_field(stock, CutOffValues::Included);
   const Span ends = scale_ends(skin_field(stock, CutOffValues::Excluded));
   const ColourScale scale = colour_scale(ends.lower, ends.upper);

@@ -186,15 +186,16 @@ std::size_t triangle_appearance(const Field& field, const Eigen::RowVector3i& t)
 
 void check_field(const Field& field) {
   const Eigen::Index n = field.design.vertices.rows();
-  require(field.deviation_um.size() == n, "map: one deviation a vertex is needed");
-  require(field.status.size() == static_cast<std::size_t>(n), "map: one status a vertex is needed");
+  require(field.deviation_um.size() == n, "map: expected one deviation per vertex");
+  require(field.status.size() == static_cast<std::size_t>(n),
+          "map: expected one status per vertex");
   require(field.design.vertices.allFinite(), "map: vertices must be finite");
   require(field.design.triangles.size() == 0 ||
               (field.design.triangles.minCoeff() >= 0 && field.design.triangles.maxCoeff() < n),
-          "map: a triangle names a vertex that is not there");
+          "map: a triangle refers to a vertex that does not exist");
   for (Eigen::Index i = 0; i < n; ++i) {
     require(field.status[i] != status_cut || std::isfinite(field.deviation_um[i]),
-            "map: a cut vertex has a finite deviation");
+            "map: a cut vertex must have a finite deviation");
   }
 }
 

@@ -29,12 +29,12 @@ void check_picture(const VolumePicture& picture, double magnification) {
   require(s[0] > 0 && s[1] > 0 && s[2] > 0, "volume map: every size must be positive");
   // A line of points has no surface to colour.
   require(int(s[0] > 1) + int(s[1] > 1) + int(s[2] > 1) >= 2,
-          "volume map: two sizes must be above 1");
+          "volume map: at least two sizes must be greater than 1");
   require(Eigen::Index(s[0]) * s[1] * s[2] == picture.points.rows() &&
               picture.points.rows() == picture.displacement_um.rows(),
-          "volume map: sizes must say how many points there are");
+          "volume map: the product of the sizes must be the number of points");
   require(picture.points.allFinite() && picture.displacement_um.allFinite(),
-          "volume map: every number must be finite");
+          "volume map: all numbers must be finite");
   require(magnification > 0.0 && std::isfinite(magnification),
           "volume map: the magnification must be positive");
 }
@@ -230,7 +230,7 @@ void draw_main_foot(Canvas& canvas, const Rectangle& foot, const View& view, dou
   canvas.line({{x, y}, {x + 2.0 * em, y}}, outline_colour, 2.0);
   TextStyle label_style = body;
   label_style.vertical_anchor = 0.5;
-  canvas.text({x + 2.6 * em, y}, "where it should be", label_style);
+  canvas.text({x + 2.6 * em, y}, "nominal position", label_style);
 }
 
 void draw_components(Canvas& canvas, const VolumePicture& picture, const VolumeLayout& layout,
@@ -294,8 +294,8 @@ void write_volume_map(const std::filesystem::path& path, const VolumePicture& pi
       options.from.value_or(flat_grid_normal(picture).value_or(Vector3d(-0.5, -1.0, 0.6)));
   const double range = scale_end(picture.displacement_um.rowwise().norm().maxCoeff());
   std::vector<std::string> caption{
-      fmt::format("displacements magnified {} ×, coloured by their length at the left, by their "
-                  "components at the right; view {}",
+      fmt::format("displacements magnified {} ×, coloured by magnitude on the left and by "
+                  "component on the right; view {}",
                   fixed(magnification, round_decimals(magnification)),
                   view_description(fit_view({}, from, Vector3d::UnitZ(), {})))};
   caption.insert(caption.end(), picture.caption.begin(), picture.caption.end());

@@ -35,7 +35,7 @@ VtkFile::VtkFile(const std::filesystem::path& path, const std::string& kind,
     throw_file_error(fmt::format("at most {} MiB", max_bytes >> 20), fmt::format("{} bytes", size));
   std::ifstream stream(path, std::ios::binary);
   text_.assign(std::istreambuf_iterator<char>(stream), {});
-  if (!stream) throw_file_error("a file that can be read", "an error while reading");
+  if (!stream) throw_file_error("a readable file", "an error while reading");
 }
 
 void VtkFile::throw_file_error(const std::string& expected, const std::string& seen) const {
@@ -85,7 +85,7 @@ VtkTag VtkTags::tag() {
 bool VtkTags::read_attribute(VtkTag& tag) {
   at_ = text_.find_first_not_of(" \t\r\n/?", at_);
   if (at_ == std::string_view::npos)
-    source_.throw_error_at(tag.at, "the end of a tag", "the file's end");
+    source_.throw_error_at(tag.at, "the end of a tag", "the end of the file");
   if (text_[at_] == '>') {
     ++at_;
     return false;
@@ -102,7 +102,7 @@ bool VtkTags::read_attribute(VtkTag& tag) {
   // Attributes are stored in a map; the limit bounds its size for invalid files.
   if (tag.attributes.size() > 100) source_.throw_error_at(tag.at, "at most 100 attributes", "more");
   if (!tag.attributes.emplace(name, text_.substr(equals + 2, end - equals - 2)).second)
-    source_.throw_error_at(tag.at, "every attribute once", shown(name));
+    source_.throw_error_at(tag.at, "every attribute at most once", shown(name));
   at_ = end + 1;
   return true;
 }
@@ -117,7 +117,7 @@ std::size_t whole_number(const VtkFile& source, const VtkTag& tag, std::string_v
   std::size_t value = 0;
   const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
   if (error != std::errc{} || end != text.data() + text.size())
-    source.throw_error_at(tag.at, fmt::format("a whole number as {} of {}", name, tag.name),
+    source.throw_error_at(tag.at, fmt::format("an integer as {} of {}", name, tag.name),
                           shown(text));
   return value;
 }
@@ -198,7 +198,8 @@ FileLayout read_layout(const VtkFile& source, const std::string& array) {
       has_file_tag = true;
       read_file_tag(source, *tag, layout);
     } else if (tag->name == "Piece") {
-      if (++piece_count > 1) source.throw_error_at(tag->at, "a grid in one piece", "another Piece");
+      if (++piece_count > 1)
+        source.throw_error_at(tag->at, "a grid in one piece", "a second Piece");
       layout.nodes = whole_number(source, *tag, "NumberOfPoints");
     } else if (tag->name == "DataArray") {
       const std::string_view name = attribute(*tag, "Name", "");
@@ -324,12 +325,12 @@ std::string read_compressed(const VtkFile& source, const VtkTag& tag, const File
   };
   const std::uint64_t block_count = header_number(stream.peek(width), 0, width);
   if (block_count == 0 || block_count > bytes)
-    throw_number_error("a number of blocks that the data can have", block_count);
+    throw_number_error("a possible number of blocks", block_count);
   const std::string header = stream.take((3 + block_count) * width);
   const std::uint64_t full_size = header_number(header, 1, width);
   const std::uint64_t partial_size = header_number(header, 2, width);
   if (full_size == 0 || (block_count > 1 && full_size > bytes) || partial_size > full_size)
-    throw_number_error("a size of blocks that the data has", full_size);
+    throw_number_error("a block size that matches the data", full_size);
   const std::uint64_t stated_size =
       (block_count - 1) * full_size + (partial_size > 0 ? partial_size : full_size);
   if (stated_size != bytes) throw_number_error(fmt::format("{} bytes of data", bytes), stated_size);
@@ -338,12 +339,12 @@ std::string read_compressed(const VtkFile& source, const VtkTag& tag, const File
     const std::uint64_t size = header_number(header, 3 + i, width);
     // Each size is checked before it is added, so that the sum cannot overflow.
     if (size > source.text().size())
-      throw_number_error("packed data that the file has room for", size);
+      throw_number_error("compressed data that fits into the file", size);
     compressed_bytes += size;
   }
   // Check the claimed size against the best possible compression ratio before allocating memory.
   if (bytes / max_compression_ratio > compressed_bytes)
-    throw_number_error("packed data of a likely size", compressed_bytes);
+    throw_number_error("compressed data of a plausible size", compressed_bytes);
   const std::string data = stream.take(compressed_bytes);
   std::string result(bytes, '\0');
   std::size_t source_offset = 0;
@@ -353,7 +354,7 @@ std::string read_compressed(const VtkFile& source, const VtkTag& tag, const File
     if (!uncompress_block(layout.packing, data.substr(source_offset, size),
                           result.data() + target_offset,
                           std::min<std::size_t>(full_size, bytes - target_offset)))
-      source.throw_error_at(tag.at, "data that can be unpacked",
+      source.throw_error_at(tag.at, "valid compressed data",
                             fmt::format("a broken block {}", i + 1));
     source_offset += size;
   }
@@ -396,13 +397,13 @@ std::vector<double> read_numbers(const VtkFile& source, const VtkTag& tag, const
   // The most compressible data need at least one byte for max_compression_ratio nodes. The limit
   // also keeps the products below from overflowing.
   if (layout.nodes > source.text().size() * max_compression_ratio)
-    source.throw_error_at(tag.at, "as many points as the file has room for",
+    source.throw_error_at(tag.at, "a number of points that fits into the file",
                           fmt::format("{}", layout.nodes));
   const std::size_t n = layout.nodes * components;
   const std::string_view format = attribute(tag, "format", "");
   if (format == "ascii") return ascii_numbers(source, tag, n);
   if (format != "binary" && format != "appended")
-    source.throw_error_at(tag.at, "a format ascii, binary or appended", shown(format));
+    source.throw_error_at(tag.at, "the format ascii, binary or appended", shown(format));
   const std::size_t bytes = n * (type == "Float32" ? 4 : 8);
   const std::string data = layout.packing == FileLayout::Packing::None
                                ? read_plain(source, tag, layout, bytes)
@@ -437,7 +438,7 @@ PointTensors read_vtu(const std::filesystem::path& path, const std::string& arra
   const VtkTag& points = *layout.points;
   const VtkTag& tensors = *layout.tensors;
   if (whole_number(source, points, "NumberOfComponents") != 3)
-    source.throw_error_at(points.at, "three coordinates a point", "another number");
+    source.throw_error_at(points.at, "three coordinates per point", "a different number");
   const std::size_t components = whole_number(source, tensors, "NumberOfComponents");
   if (components != 9 && components != 6)
     source.throw_error_at(tensors.at, fmt::format("9 or 6 components of \"{}\"", array),

@@ -147,12 +147,13 @@ std::vector<PointArray> validated(std::vector<PointArray> arrays, Eigen::Index c
     const std::size_t size =
         std::visit([](const auto& values) { return values.size(); }, array.values);
     if (size != static_cast<std::size_t>(count) * std::size_t(array.components))
-      throw std::invalid_argument(fmt::format("point data: {} values each of {} are needed in {}",
-                                              array.components, count, array.name));
+      throw std::invalid_argument(
+          fmt::format("point data: expected {} values for each of {} points in {}",
+                      array.components, count, array.name));
     array.name = escape_xml(array.name);
     // Replaced characters may make two names equal; VTK would keep only one of the arrays.
     if (!names.insert(array.name).second)
-      throw std::invalid_argument(fmt::format("point data: two arrays are called {}", array.name));
+      throw std::invalid_argument(fmt::format("point data: two arrays are named {}", array.name));
   }
   return arrays;
 }
@@ -181,7 +182,7 @@ void write_point_data(const std::filesystem::path& path, const cutting::Design& 
                       const std::vector<std::string>& names,
                       const std::vector<Eigen::VectorXd>& arrays) {
   if (names.size() != arrays.size())
-    throw std::invalid_argument("point data: one name an array is needed");
+    throw std::invalid_argument("point data: expected one name per array");
   std::vector<PointArray> views;
   for (std::size_t i = 0; i < names.size(); ++i)
     views.push_back({names[i], std::span<const double>(arrays[i].data(), arrays[i].size())});
@@ -198,14 +199,14 @@ void check_grid(const cutting::Points& points, const std::array<int, 3>& size,
                 const std::vector<GridArray>& arrays) {
   require_grid(size[0] > 0 && size[1] > 0 && size[2] > 0, "every size must be positive");
   require_grid(Eigen::Index(size[0]) * size[1] * size[2] == points.rows(),
-               "sizes must say how many points there are");
+               "the product of the sizes must be the number of points");
   std::set<std::string> names;
   for (const GridArray& array : arrays) {
     require_grid(array.values.rows() == points.rows() && array.values.cols() > 0,
-                 "one row a point is needed in " + array.name);
-    require_grid(names.insert(array.name).second, "two arrays are called " + array.name);
+                 "expected one row per point in " + array.name);
+    require_grid(names.insert(array.name).second, "two arrays are named " + array.name);
     require_grid(!array.name.empty() && array.name.find_first_of("\"'<>&") == std::string::npos,
-                 "a name that XML can hold is needed");
+                 "expected a name that is valid in XML");
   }
 }
 

@@ -1,4 +1,4 @@
-// ---- words and numbers: a word is a text, { label }, or a list of such --------------------------------
+// ---- texts and numbers: a text is a string, { label }, or a list of these -------------------------
 const word = w => w === null || w === undefined ? "" : typeof w === "string" ? w
   : Array.isArray(w) ? w.map(word).join("") : L(w.label);
 const english = w => { const now = language; language = "en"; const text = word(w); language = now; return text; };
@@ -49,7 +49,7 @@ const tables = {
 const ruler = document.createElement("canvas").getContext("2d");
 ruler.font = "12px system-ui, \"DejaVu Sans\", \"Noto Sans CJK SC\", sans-serif";
 const widthOf = text => ruler.measureText(text).width;
-function short(text, most) {                      // the middle goes first, as names differ at their ends
+function short(text, most) {                      // the middle is removed first, because names differ at their ends
   if (widthOf(text) <= most) return text;
   for (let k = text.length - 1; k > 2; k--) {
     const s = text.slice(0, Math.ceil(k / 2)) + "…" + text.slice(text.length - Math.floor(k / 2));
@@ -57,7 +57,7 @@ function short(text, most) {                      // the middle goes first, as n
   }
   return "…";
 }
-function ticks(low, high, room) {                 // round numbers, as many as have room
+function ticks(low, high, room) {                 // round numbers, as many as fit
   const span = high - low, rough = span / Math.max(1, room), power = 10 ** Math.floor(Math.log10(rough));
   const step = [1, 2, 5, 10].map(m => m * power).find(s => s >= rough), all = [];
   for (let k = Math.ceil(low / step - 1e-9); k * step <= high + 1e-9 * span; k++) all.push(k * step);
@@ -87,7 +87,7 @@ function path(points, X, Y) {                      // broken where a value is mi
 }
 const colour = k => k % 6;
 
-// Rows of bars or of dots with their bands; the largest first, as they come.
+// Rows of bars or dots with their intervals, in the order of the data: largest first.
 function drawBars(b, W, state) {
   const all = state.order === "name" ? [...b.rows].sort((p, q) => word(p.name).localeCompare(word(q.name))) : b.rows;
   const rows = state.all ? all : all.slice(0, b.most || 25), n = b.series.length, H = n > 1 && b.mark !== "dot" ? 24 : 19;
@@ -170,7 +170,7 @@ function drawPanels(b, W, state) {
   return { H: Math.ceil(panels.length / columns) * (h + 12) + 6, s, marks };
 }
 
-// Shares of all values over steps of equal width, the same for every series.
+// Fractions of the values in bins of equal width, the same for every series.
 function drawHistogram(of, W, state) {
   const b = of.one_at_a_time ? { ...of, series: [of.series[state.series || 0]] } : of;
   const all = b.series.flatMap(q => q.values), h = 320, x0 = 62, y0 = 24, iw = W - 84, ih = h - 70, marks = [];
@@ -236,7 +236,7 @@ function button(label, act) {
   e.dataset.label = label; e.textContent = L(label); e.addEventListener("click", act);
   return e;
 }
-function point(e, of, m, view, x, y) {            // shows what a mark says
+function point(e, of, m, view, x, y) {            // shows the tooltip of a mark
   of.querySelector(".at")?.remove();
   const tip = $("tip");
   if (!m) { tip.hidden = true; return; }
@@ -348,7 +348,7 @@ function caption(b, state) {
   state.note.textContent = word(b.note); state.note.hidden = !b.note;
 }
 
-addEventListener("DOMContentLoaded", () => {      // the script stands before the data, so that a cut file says so
+addEventListener("DOMContentLoaded", () => {      // the script precedes the data, so that it can report a truncated file
   translate();
   if (!isWhole()) return;
   try {

@@ -5,7 +5,7 @@ async function inflated(text) {                   // -> the bytes of a zlib stre
   for (let k = 0; k < binary.length; k++) packed[k] = binary.charCodeAt(k);
   return new Uint8Array(await new Response(new Blob([packed]).stream().pipeThrough(new DecompressionStream("deflate"))).arrayBuffer());
 }
-function unpackNumbers(bytes, about, reference) { // -> numbers, column by column, MISSING where there is none
+function unpackNumbers(bytes, about, reference) { // -> numbers, column by column; MISSING for missing values
   const n = about.n, size = n * about.components, numbers = new Int32Array(size);
   for (let column = 0; column < size; column += n)
     for (let row = 0, difference = 0; row < n; row++) {

@@ -1,5 +1,5 @@
 language = (location.hash.includes("language") && /language%22%3A%22(en|zh)/.exec(location.hash) || [])[1] || language;
-addEventListener("DOMContentLoaded", () => {      // the script stands before the data, so that a cut file says so
+addEventListener("DOMContentLoaded", () => {      // the script precedes the data, so that it can report a truncated file
 translate();
 if (!isWhole()) return;
 (async () => {
@@ -9,13 +9,13 @@ const C = dark ? { ink: "#e4e6ea", faint: "#a4a9b2", rule: "#3a3e45", paper: "#1
   : { ink: "#212429", faint: "#5b6068", rule: "#e6e7ea", paper: "#ffffff", plate: "#ffffffdd", a: "#00458c", b: "#b8430a", high: "#8c0012", low: "#0a1254", ground: [1, 1, 1] };
 
 
-// ---- data: inflated at once, its numbers unpacked when first asked for -------------------------------
+// ---- data: inflated at once, numbers unpacked when first needed -----------------------------------
 const nV = index.vertices, nT = index.triangles, unpackedArrays = new Map();
 const lap = name => { timings[name] = Math.round(performance.now() - t0); };
 const textOf = name => { const node = $("a:" + name), text = node.textContent; node.remove(); return text; };
 lap("script");
 const bytes = new Map(await Promise.all(Object.keys(index.arrays).map(async name => [name, await inflated(textOf(name))]))); lap("inflated");
-function load(name) {                             // -> whole numbers, one component after the other
+function load(name) {                             // -> integers, one component after the other
   if (!unpackedArrays.has(name)) {
     const d = index.arrays[name], r = d.reference;
     unpackedArrays.set(name, unpackNumbers(bytes.get(name), d, r && (r.startsWith("midst:") ? midstOf(r.slice(6), d) : load(r))));
@@ -24,7 +24,7 @@ function load(name) {                             // -> whole numbers, one compo
   return unpackedArrays.get(name);
 }
 let midsts = null;
-function midstOf(name, d) {                       // when the lines of a column are half done, in steps of d
+function midstOf(name, d) {                       // middle of the time of each line of a column, in steps of d
   const line = load("block_line"), begin = load("block_time"), n = line.length, step = Math.round(d.step[0] / index.arrays.block_time.step[0]);
   if (!midsts) { midsts = new Map(); for (let k = 0; k < n; k++) if (!midsts.has(line[k])) midsts.set(line[k], Math.floor((begin[k] + begin[Math.min(k + 1, n - 1)] + step) / (2 * step))); }
   return load(name).map(l => midsts.get(l) || 0);
@@ -72,7 +72,7 @@ for (let i = 0; i < nV; i++) for (let c = 0; c < 3; c++) { const v = P[3 * i + c
 const centre = mix(low, high, .5), size = Math.hypot(...sub(high, low)); lap("normals");
 const cases = index.cases;
 const layers = index.arrays.form0 ? ["residual", "form", "texture"] : ["residual"];
-cases.forEach((c, i) => Object.defineProperties(c, { line: { get: () => load("line" + i) }, time: { get: () => c.times ||= values("cut_time" + i) } }));   // unpacked when first asked for
+cases.forEach((c, i) => Object.defineProperties(c, { line: { get: () => load("line" + i) }, time: { get: () => c.times ||= values("cut_time" + i) } }));   // unpacked when first needed
 function layerOf(i) {                             // micrometres, unpacked when first shown
   const c = cases[i]; c.layers ||= {};
   return c.layers[S.layer] ||= S.layer === "texture" ? difference2(values("residual" + i), values("form" + i)) : values(S.layer + i);
@@ -90,7 +90,7 @@ function residual(i) {                            // the case with what is shown
   }
   return c;
 }
-function figuresOf(c) {                           // in words, of what is shown
+function figuresOf(c) {                           // as text, for the displayed map
   if (!S.region) return c.stats && c.stats[S.layer] + " µm";
   const f = S.layer === "residual" && index.regions[S.region - 1].figures[c.name]; if (!f || f.pv === null) return "";
   return `PV ${+f.pv.toPrecision(4)}  RMS ${+f.rms.toPrecision(4)} µm` + (f.in === null ? "" : `  ${f.in.toFixed(2)} % ${L("in_tolerance")}`);
@@ -157,7 +157,7 @@ for (const k of [gl.TEXTURE_WRAP_S, gl.TEXTURE_WRAP_T]) gl.texParameteri(gl.TEXT
 const colourAt = v => { const t = (v - S.lo) / (S.hi - S.lo), m = colours.length / 3; if (t > 1) return "#4d0012"; if (t < 0) return "#0a1254";
   const u = S.bands > 0 ? (Math.floor(Math.min(t, .9999) * S.bands) + .5) / S.bands : t, k = 3 * Math.round(u * (m - 1)); return `rgb(${colours[k]},${colours[k + 1]},${colours[k + 2]})`; };
 
-// ---- what is shown --------------------------------------------------------------------------------
+// ---- displayed state ------------------------------------------------------------------------------
 const S = { language, tab: "map", layer: "residual", region: 0, errors: 0, signal: "", a: Math.min(1, cases.length - 1), b: cases.length - 1, mode: "side", lo: -10, hi: 10, bands: 0, mag: 0, az: -117, el: 39, zoom: 1, target: [0, 0, 0], persp: 0, swipe: .5, time: 0, reveal: 0, line: null };
 S.target = centre.slice();
 const home = { az: S.az, el: S.el };
@@ -176,14 +176,14 @@ async function prepare() {
   }
   histogram(); cut(); draw();
 }
-function fit() {                                  // as fitted_range_um does: 99.5 % of all that is shown, on a round value
+function fit() {                                  // as fitted_range_um does: 99.5 % of all displayed values, rounded
   const all = []; for (const c of shown()) for (let i = 0; i < nV; i += 1 + (nV >> 17)) if (c.r[i] < NONE) all.push(Math.abs(c.r[i]));
   const x = Float32Array.from(all).sort()[Math.floor(.995 * (all.length - 1))] || 1e-6, p = 10 ** Math.floor(Math.log10(x));
   const k = [1, 1.5, 2, 3, 4, 5, 6, 8, 10].find(k => k * p >= x * .999999) || 10; S.hi = k * p; S.lo = -S.hi;
 }
 
 // ---- camera and drawing ---------------------------------------------------------------------------
-function fitView() {                              // the part fills its pane as seen from here
+function fitView() {                              // the part fills its pane from this direction
   const p = panes()[0], cam = camera(p.w, H); let x0 = 1e9, x1 = -1e9, y0 = 1e9, y1 = -1e9;
   for (let i = 0; i < nV; i += 1 + (nV >> 14)) { const v = vertex(i), x = dot(cam.right, v), y = dot(cam.up, v); x0 = Math.min(x0, x); x1 = Math.max(x1, x); y0 = Math.min(y0, y); y1 = Math.max(y1, y); }
   S.zoom *= .9 * Math.min((p.w - 100) / ((x1 - x0) / cam.perPixel + 1), H / ((y1 - y0) / cam.perPixel + 1));
@@ -207,7 +207,7 @@ function resize() {
   for (const c of [$("hist"), $("prof"), $("course")]) { c.width = Math.round(c.clientWidth * ratio); c.height = Math.round(c.clientHeight * ratio); }
   histogram(); profile(); curves(); draw();
 }
-function panes() {                                // in CSS pixels: where each map is drawn, and the part of it that is seen
+function panes() {                                // in CSS pixels: the area of each map, and its visible part
   const s = shown();
   if (s.length === 1) return [{ c: s[0], x: 0, w: W, cx: 0, cw: W }];
   if (S.mode === "swipe") return [{ c: s[0], x: 0, w: W, cx: 0, cw: W * S.swipe }, { c: s[1], x: 0, w: W, cx: W * S.swipe, cw: W * (1 - S.swipe) }];
@@ -279,12 +279,12 @@ function legend() {
   pen.fillText("µm", x + 14, y0 - 18);
 }
 
-// ---- picking: the card writes vertex, value and place of one pixel ----------------------------------
+// ---- picking: the card writes vertex, value and place of one pixel --------------------------------
 const fbo = gl.createFramebuffer(); gl.bindFramebuffer(gl.FRAMEBUFFER, fbo);
 for (const i of [0, 1]) { const t = gl.createTexture(); gl.bindTexture(gl.TEXTURE_2D, t); gl.texStorage2D(gl.TEXTURE_2D, 1, gl.RGBA32UI, 1, 1); gl.framebufferTexture2D(gl.FRAMEBUFFER, gl.COLOR_ATTACHMENT0 + i, gl.TEXTURE_2D, t, 0); }
 const depth = gl.createRenderbuffer(); gl.bindRenderbuffer(gl.RENDERBUFFER, depth); gl.renderbufferStorage(gl.RENDERBUFFER, gl.DEPTH_COMPONENT24, 1, 1); gl.framebufferRenderbuffer(gl.FRAMEBUFFER, gl.DEPTH_ATTACHMENT, gl.RENDERBUFFER, depth);
 gl.drawBuffers([gl.COLOR_ATTACHMENT0, gl.COLOR_ATTACHMENT1]); gl.bindFramebuffer(gl.FRAMEBUFFER, null);
-let around = null;                                // triangles at each vertex, made when first needed
+let around = null;                                // triangles at each vertex, computed when first needed
 function neighbours() {
   const first = new Uint32Array(nV + 1); for (const v of tri) first[v + 1]++; for (let i = 0; i < nV; i++) first[i + 1] += first[i];
   const at = first.slice(), list = new Uint32Array(nT * 3); for (let k = 0; k < nT * 3; k++) list[at[tri[k]]++] = k / 3 | 0; return { first, list };
@@ -312,7 +312,7 @@ function tell() {
   $("probe").textContent = text;
 }
 
-// ---- section: the mesh cut by a plane ---------------------------------------------------------------
+// ---- section: the mesh cut by a plane -------------------------------------------------------------
 function cut() {
   if (!S.line) { section = null; profile(); return; }
   const [p, q] = S.line, d = norm(sub(q, p)), up = S.lineUp || [0, 0, 1], n = norm(cross(d, up)), c = dot(n, p), maps = shown(), begun = performance.now();
@@ -326,7 +326,7 @@ function cut() {
   out.sort((a, b) => a.u - b.u); section = { n, c, points: out, names: maps.map(m => m.name), mark: null }; timings.section = +(performance.now() - begun).toFixed(1); profile();
 }
 const css = 'system-ui, "DejaVu Sans"';
-function axes(c, x0, x1, y0, y1, xl, yl, title) {  // a plain plot; returns how numbers become pixels
+function axes(c, x0, x1, y0, y1, xl, yl, title) {  // a simple plot; returns the transformations to pixels
   const g = c.getContext("2d"), w = c.width / ratio, h = c.height / ratio, L = 52, R = w - 12, T = 24, B = h - 34; g.setTransform(ratio, 0, 0, ratio, 0, 0); g.clearRect(0, 0, w, h); g.font = "11px " + css;
   const X = v => L + (v - x0) / (x1 - x0) * (R - L), Y = v => B - (v - y0) / (y1 - y0) * (B - T);
   const ticks = (a, b, n) => { const raw = (b - a) / n, p = 10 ** Math.floor(Math.log10(raw)), st = [1, 2, 2.5, 5, 10].map(k => k * p).find(k => k >= raw), o = []; for (let v = Math.ceil(a / st) * st; v <= b + 1e-9 * st; v += st) o.push(+v.toPrecision(10)); return o; };
@@ -359,7 +359,7 @@ $("hist").addEventListener("pointerdown", e => { if (!histAxes) return; const { 
 $("hist").addEventListener("pointermove", e => { if (!limit) return; const v = histAxes.inverse(e.offsetX); if (limit === "lo" ? v < S.hi : v > S.lo) { S[limit] = +v.toPrecision(3); controls(); histogram(); draw(); } });
 $("hist").addEventListener("pointerup", () => limit = null);
 
-// ---- machine: rigid bodies on a chain along the samples ---------------------------------------------
+// ---- machine: rigid bodies on a chain along the samples -------------------------------------------
 const machine = index.machine; let partInBed = null, path = null, machineCentre = [0, 0, 0], machineSize = 600, bodies = [];
 if (machine) {
   const k = machine.joints.length, d = index.arrays.q, q = values("q"), n = d.n;
@@ -383,7 +383,7 @@ function solid(i) {                         // with the normals of its facets
   return { vao, count: 3 * m, x: interleaved(x, n, 3) };
 }
 function exponential(j, q) { return j.rotary ? turn(j.direction, q * rad, j.point) : move(j.direction.map(v => v * q)); }
-function tipInPart(q, tool) {                     // spindles at rest; point by point: a matrix a joint would take ten times as long
+function tipInPart(q, tool) {                     // spindles at rest; point by point, because a matrix per joint would take ten times as long
   let p = tool.T_bt_home.slice(12, 15);
   for (let i = machine.joints.length - 1; i >= 0; i--) {
     const j = machine.joints[i], u = j.direction; if (j.spindle) continue;
@@ -393,7 +393,7 @@ function tipInPart(q, tool) {                     // spindles at rest; point by 
   }
   return at(partInBed ||= inverse(machine.T_bw_home), p).slice(0, 3);
 }
-function posesNow() {                             // every carriage in the bed
+function posesNow() {                             // pose of every carriage in the bed
   const { i, f } = sampleAt(S.time), n = path.n, q = j => path.q[j * n + i] + f * (path.q[j * n + Math.min(i + 1, n - 1)] - path.q[j * n + i]), T = {}; let m = eye();
   machine.joints.forEach((j, k) => { if (!j.workpiece) T[j.name] = m = mul(m, exponential(j, q(k))); }); T.tool = toolAt(S.time); T.t = mul(m, machine.tools[T.tool].T_bt_home); m = eye();
   for (let k = machine.joints.length - 1; k >= 0; k--) { const j = machine.joints[k]; if (j.workpiece) T[j.name] = m = mul(m, exponential(j, -q(k))); } T.w = mul(m, machine.T_bw_home); T.f = mul(m, machine.T_bf_home); T.b = eye(); T.q = machine.joints.map((_, k) => q(k)); T.i = i; return T;
@@ -403,18 +403,18 @@ function between(x, t) { let a = 0, b = x.length - 1; while (b - a > 1) { const 
 function sampleAt(t) { return between(path.t, t); }
 function toolAt(t) { let k = machine.tools.length - 1; while (k > 0 && machine.tools[k].from > t) k--; return k; }
 function trackOf(c) { if (!c.track) return null; return c.course ||= { t: values("t:" + c.track), tip: values(c.track + "_tip"), turned: values(c.track + "_direction") }; }
-function offAt(c, t) {                            // of the tool in the part: mm of its tip, change of its direction
+function offAt(c, t) {                            // deviation of the tool in the part: of its tip, mm, and of its direction
   const k = trackOf(c); if (!k) return null; const { i, f } = between(k.t, t), n = k.t.length, j = Math.min(i + 1, n - 1);
   return [k.tip, k.turned].map(x => [0, 1, 2].map(a => x[a * n + i] + f * (x[a * n + j] - x[a * n + i])));
 }
 function turned(M, v) { return at(M, v).slice(0, 3).map((x, k) => x - M[12 + k]); }
 const hasErrors = c => S.errors > 0 && c.track;
-function truePose(T) {                            // of the tool, its errors magnified
+function truePose(T) {                            // pose of the tool with magnified errors
   const [tip, way] = offAt(cases[S.a], S.time).map(v => turned(T.w, v).map(x => x * S.errors)), u = [8, 9, 10].map(k => T.t[k]), axis = cross(u, way), angle = Math.min(1.5, Math.hypot(...axis));
   return mul(move(tip), angle > 0 ? mul(turn(norm(axis), angle, [12, 13, 14].map(k => T.t[k])), T.t) : T.t);
 }
 let trueStrand = null;
-function trueWay() {                              // of the tip in the part, its errors magnified
+function trueWay() {                              // position of the tip in the part with magnified errors
   const c = cases[S.a]; if (trueStrand && trueStrand.of === c && trueStrand.errors === S.errors) return trueStrand.vao;
   const xyz = path.xyz.slice(); for (let i = 0; i < path.n; i++) { const [tip] = offAt(c, path.t[i]); for (let a = 0; a < 3; a++) xyz[3 * i + a] += S.errors * tip[a]; }
   trueStrand = { of: c, errors: S.errors, vao: path.strandOf(xyz) }; return trueStrand.vao;
@@ -433,7 +433,7 @@ function machineScene(p, cam) {
 function motionText() {
   if (!path) return; const T = posesNow(), c = cases[S.a], off = offAt(c, S.time), q = machine.joints.map((j, k) => j.spindle ? "" : `${j.name} ${T.q[k].toFixed(3).replace(/^-(0\.0+)$/, "$1").padStart(9)} ${j.rotary ? "°" : "mm"}`); $("state").textContent = `${S.time.toFixed(2)} ${L("of")} ${path.end.toFixed(0)} s   ${L("line")} ${path.line[lastBefore(path.start, S.time)]}\n` + (machine.tools.length > 1 ? machine.tools[T.tool].name + "\n" : "") + q.filter(Boolean).join("\n") + (off ? `\n${L("tool_off")} µm\n` + off[0].map((v, k) => "XYZ"[k] + " " + (1000 * v).toFixed(3).padStart(9)).join("\n") : ""); $("time").value = S.time; curves();
 }
-function courseOf(c, name) {                      // -> instants and values of a signal
+function courseOf(c, name) {                      // -> times and values of a signal
   if (name === "tip_deviation_um") { const k = trackOf(c); return k && (k.size ||= { t: k.t, v: k.t.map((_, i) => 1000 * Math.hypot(k.tip[i], k.tip[k.t.length + i], k.tip[2 * k.t.length + i])) }); }
   const s = (c.signals || []).find(s => s.name === name); return s && (s.course ||= { t: values("t:" + s.key), v: values(s.key) });
 }
@@ -452,7 +452,7 @@ function curves() {
 let playing = 0;
 function tick(now) { if (!playing) return; S.time += (now - playing) / 1000 * +$("speed").value; playing = now; if (S.time >= path.end) S.time = 0; motionText(); draw(); requestAnimationFrame(tick); }
 
-// ---- controls ---------------------------------------------------------------------------------------
+// ---- controls -------------------------------------------------------------------------------------
 if (!index.tolerance_um && !index.regions.some(r => r.tolerance_um)) $("tol").hidden = true;
 cases.forEach((c, i) => { for (const id of ["a", "b"]) $(id).add(new Option(c.name, i)); });
 document.querySelectorAll("#figures tbody tr").forEach(r => { const i = cases.findIndex(c => c.name === r.dataset.case); r.onclick = e => { if (i < 0) return; S[e.shiftKey ? "a" : "b"] = i; controls(); prepare(); }; });

@@ -1,5 +1,5 @@
 "use strict";
-// What every page of abbe begins with: its words in two languages, files to be taken, and whether it is whole.
+// Start of every page of abbe: labels in two languages, downloads, and a check that the file is complete.
 const $ = id => document.getElementById(id), labels = JSON.parse($("labels").textContent);
 let language = document.documentElement.lang;
 const L = key => { if (!labels[key]) throw new Error("no label " + key); return labels[key][language]; };

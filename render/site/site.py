@@ -1,10 +1,10 @@
 #!/usr/bin/env python3
-"""Builds abbe's site, static HTML, from what the project says of itself.
+"""Builds the site of abbe, static HTML, from its own documents.
 
-site.py ROOT PROGRAM OUT: the READMEs, the tour, formats and figures as they stand, the help of every
-command as PROGRAM prints it, the reference of `import abbe` from the module beside it, and that of
-the C++ headers by Doxygen. Needs mkdocs with its theme "material"; without the module or Doxygen
-their parts are left out, and that is said. A link to nothing is an error.
+site.py ROOT PROGRAM OUT: the READMEs, the tour, formats and figures unchanged, the help of every
+command as printed by PROGRAM, the reference of `import abbe` from the module next to it, and that of
+the C++ headers from Doxygen. Needs mkdocs with the theme "material"; without the module or Doxygen
+their references are omitted with a message. A broken link is an error.
 """
 import importlib.util
 import inspect
@@ -94,7 +94,7 @@ LINK = re.compile(r"(!?\[[^\]]*\])\(([^)#\s]*)(#[^)]*)?\)")
 
 
 def stage(page, docs, missing):
-    """Copies a page with everything it shows or points to; a folder is its README."""
+    """Copies a page with its pictures and linked files; a link to a folder becomes one to its README."""
     source, target = root / page, docs / page
     target.parent.mkdir(parents=True, exist_ok=True)
 
@@ -106,7 +106,7 @@ def stage(page, docs, missing):
         if file.is_dir() and (file / "README.md").is_file():
             return f"{text}({link.rstrip('/')}/README.md{place})"
         if file.is_dir():
-            return text[1:-1] if not text.startswith("!") else text  # nothing there to be read
+            return text[1:-1] if not text.startswith("!") else text  # no README in the folder
         if not file.is_file() or root not in file.parents:
             missing.append(f"{page}: {link}")
             return match.group(0)
@@ -131,10 +131,10 @@ def commands():
 
 
 def python_reference():
-    """Every class and function of the module with what its docstring says."""
+    """Returns every class and function of the module with its docstring."""
     found = sorted(program.parent.glob("abbe.*.so"))
     if not found:
-        say("without the reference of Python: no module (./abbe setup --python)")
+        say("Python reference omitted: the module is not built (./abbe setup --python)")
         return "# Python reference\n\nThis site was built without the module: `./abbe setup --python`.\n"
     spec = importlib.util.spec_from_file_location("abbe", found[0])
     abbe = importlib.util.module_from_spec(spec)
@@ -154,7 +154,7 @@ def python_reference():
         text += f"## {name}\n\n{inspect.cleandoc(value.__doc__ or '')}\n\n"
         if issubclass(value, BaseException):
             continue
-        text += "| name | is |\n|---|---|\n"
+        text += "| name | meaning |\n|---|---|\n"
         for member, held in vars(value).items():
             if member.startswith("_"):
                 continue
@@ -166,7 +166,7 @@ def python_reference():
 
 def cpp_reference(folder):
     if not shutil.which("doxygen"):
-        return say("without the reference of C++: no doxygen")
+        return say("C++ reference omitted: doxygen is not installed")
     folder.mkdir(parents=True)
     settings = {
         "PROJECT_NAME": "abbe", "OUTPUT_DIRECTORY": folder.parent, "HTML_OUTPUT": folder.name,
@@ -181,7 +181,7 @@ def cpp_reference(folder):
 
 def main():
     if not shutil.which("mkdocs"):
-        say("expected mkdocs with its theme material (apt-get install mkdocs-material), seen none")
+        say("expected mkdocs with the theme material (apt-get install mkdocs-material), seen none")
         return 2
     with tempfile.TemporaryDirectory(prefix="abbe-docs-") as scratch:
         docs, missing = pathlib.Path(scratch) / "docs", []
@@ -193,7 +193,7 @@ def main():
             else:
                 stage(page, docs, missing)
         if missing:
-            say("links to nothing:\n  " + "\n  ".join(missing))
+            say("broken links:\n  " + "\n  ".join(missing))
             return 3
         built = pathlib.Path(scratch) / "site"
         config = pathlib.Path(scratch) / "mkdocs.yml"
@@ -207,7 +207,7 @@ def main():
             return 3
         if out.exists():
             if not (out / "sitemap.xml").is_file():
-                say(f"{out}: expected no such folder, or one that holds an earlier site")
+                say(f"{out}: expected a new folder or one with an earlier site")
                 return 5
             shutil.rmtree(out)
         out.parent.mkdir(parents=True, exist_ok=True)

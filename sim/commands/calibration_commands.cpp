@@ -165,7 +165,7 @@ Exit print_measurements(const CommonOptions& common, const std::vector<std::stri
   for (const MeasuredFile& measured_file : files)
     print("{:>10} {:>9} {:>9.2f}   {}\n", measured_file.readings, measured_file.set_ups,
           measured_file.duration_s / 3600.0, measured_file.file.string());
-  print("\n{:.1f} hours on a real machine, setting up included\n", hours);
+  print("\n{:.1f} hours on a real machine, including set-up time\n", hours);
   return Exit::Ok;
 }
 
@@ -173,19 +173,19 @@ Exit print_measurements(const CommonOptions& common, const std::vector<std::stri
 
 Command measure_command(CommonOptions& common) {
   const auto instruments = std::make_shared<std::vector<std::string>>();
-  return {
-      "measure",
-      "Measure the machine of a scene with virtual instruments",
-      {"abbe measure scenes/gantry_calibration.toml --out out/calibration",
-       "abbe measure scenes/gantry_calibration.toml --instrument ball_bar --seed 7 --out "
-       "out/ball_bar"},
-      scene_options(common, {{"--out", &common.out, "folder for the readings (out/SCENE/readings)"},
-                             force_option(common),
-                             trust_option(common),
-                             {"--instrument", instruments.get(),
-                              "name of an [[instrument]] of the scene, or a kind such as laser, "
-                              "ball_bar, r_test (repeatable; all of the scene)"}}),
-      [instruments, &common] { return print_measurements(common, *instruments); }};
+  return {"measure",
+          "Measure the machine of a scene with virtual instruments",
+          {"abbe measure scenes/gantry_calibration.toml --out out/calibration",
+           "abbe measure scenes/gantry_calibration.toml --instrument ball_bar --seed 7 --out "
+           "out/ball_bar"},
+          scene_options(common,
+                        {{"--out", &common.out, "folder for the readings (out/SCENE/readings)"},
+                         force_option(common),
+                         trust_option(common),
+                         {"--instrument", instruments.get(),
+                          "name of an [[instrument]] of the scene, or a kind such as laser, "
+                          "ball_bar, r_test (repeatable; default: all instruments of the scene)"}}),
+          [instruments, &common] { return print_measurements(common, *instruments); }};
 }
 
 namespace {
@@ -306,16 +306,14 @@ Exit print_identification(const CommonOptions& common, IdentifyArguments argumen
   // The report and the picture have the name of the belief file with these extensions.
   for (const char* extension : {".json", ".png", ".csv", ".html"})
     if (arguments.options.out.extension() == extension)
-      throw BadUsage(
-          "--out",
-          fmt::format("expected a belief file such as belief.toml (report and picture stand "
-                      "beside it), seen {}",
-                      arguments.options.out.string()));
+      throw BadUsage("--out", fmt::format("expected a belief file such as belief.toml (report and "
+                                          "picture are written next to it), seen {}",
+                                          arguments.options.out.string()));
   // A file may have two names, so the files are compared, not the paths.
   for (const std::filesystem::path& readings : arguments.readings) {
     std::error_code ignored;
     if (std::filesystem::equivalent(readings, arguments.options.out, ignored))
-      throw BadUsage("--out", "expected another file than the readings");
+      throw BadUsage("--out", "expected a file other than the readings");
   }
   arguments.options.permissions = common.permissions;
   const std::filesystem::path page =
@@ -342,45 +340,48 @@ Exit print_identification(const CommonOptions& common, IdentifyArguments argumen
 std::vector<Option> identify_options(CommonOptions& common, IdentifyArguments& arguments) {
   IdentificationOptions& options = arguments.options;
   return {
-      {"READINGS", &arguments.readings, "files that measure wrote"},
-      {"--basis", &arguments.basis, "curves of the slides (legendre)",
+      {"READINGS", &arguments.readings, "files written by abbe measure"},
+      {"--basis", &arguments.basis, "basis functions of the slides (legendre)",
        OneOf{{"legendre", "polynomial", "spline"}}},
-      {"--order", &options.model.order, "of those curves (4)", NumberRange{0, 60}},
-      {"--harmonics", &options.model.harmonics, "of rotary axes, per turn (3)", NumberRange{0, 60}},
-      {"--choose-orders", &options.choose_orders, "choose every order by cross-validation"},
-      {"--most", &options.orders.max_order, "highest order that is tried (10)", NumberRange{1, 60}},
-      {"--elements", &options.model.only, "find these alone: EXX,EYX,EC0Y", CommaSeparated{}},
+      {"--order", &options.model.order, "order of these functions (4)", NumberRange{0, 60}},
+      {"--harmonics", &options.model.harmonics, "harmonics of rotary axes, per revolution (3)",
+       NumberRange{0, 60}},
+      {"--choose-orders", &options.choose_orders, "choose all orders by cross-validation"},
+      {"--most", &options.orders.max_order, "highest order to try (10)", NumberRange{1, 60}},
+      {"--elements", &options.model.only, "identify only these: EXX,EYX,EC0Y", CommaSeparated{}},
       {"--pitch", &arguments.pitch,
-       "pitch of screws, mm: X=16,Y=16; two harmonics in the positioning", CommaSeparated{}},
+       "pitch of the ball screws, mm: X=16,Y=16; adds two harmonics to the positioning",
+       CommaSeparated{}},
       {"--constants", &options.model.constants,
-       "constants of error motions too, and what only places the workpiece on a table: "
-       "each hides in a zero or a place"},
+       "also identify the constants of error motions and the location of the workpiece on a table; "
+       "each is confounded with an axis zero or a set-up position"},
       {"--outliers", &options.estimate.outlier_limit,
-       "leave out readings beyond this many standard deviations (0: none)",
-       NumberRange{0, 1000000}},
+       "reject readings beyond this many standard deviations (0: none)", NumberRange{0, 1000000}},
       {"--method", &arguments.method,
-       "chain: any readings, on the exact machine; step_diagonal: the published one; "
-       "composite: positioning from several starts, a cold curve and NAME_thermal.txt; "
-       "thermal: a day of readings, for [belief.thermal]",
+       "chain: any readings, with the exact kinematic chain; step_diagonal: the published method; "
+       "composite: positioning measured at several starts, gives a cold curve and "
+       "NAME_thermal.txt; thermal: a day of readings, for [belief.thermal]",
        OneOf{{"chain", "step_diagonal", "composite", "thermal"}}},
       {"--sensors", &options.sensors,
-       "with step_diagonal, composite or thermal: regress what several starts read on "
-       "these (thermal: a choice)",
+       "with step_diagonal, composite or thermal: temperature sensors for the regression over "
+       "several starts (thermal: chosen automatically)",
        CommaSeparated{}},
       {"--sensor-count", &options.sensor_count,
-       "with thermal: how many sensors are chosen where none are named (4)", NumberRange{1, 100}},
+       "with thermal: number of sensors to choose if --sensors is not given (4)",
+       NumberRange{1, 100}},
       {"--margin", &options.margin,
-       "with thermal or composite: part of its trained range by which a sensor may leave it (0.1)",
+       "with thermal or composite: fraction of its trained range by which a sensor may exceed it "
+       "(0.1)",
        NumberRange{0, 2}},
       json_option(common),
       {"--out", &common.out,
        "belief file, or folder for it (out/belief.toml; thermal: out/belief_thermal.txt; composite "
-       "writes NAME_thermal.txt beside NAME.toml)"},
+       "writes NAME_thermal.txt next to NAME.toml)"},
       {"--report", &arguments.report,
-       "besides, NAME.html: curves, residuals and numbers with the values under the cursor"},
+       "also write NAME.html: curves, residuals and coefficients, with values under the cursor"},
       language_option(arguments.language),
       force_option(common),
-      threads_option(common, "most threads to use")};
+      threads_option(common, "maximum number of threads")};
 }
 
 }  // namespace
@@ -388,7 +389,7 @@ std::vector<Option> identify_options(CommonOptions& common, IdentifyArguments& a
 Command identify_command(CommonOptions& common) {
   const auto arguments = std::make_shared<IdentifyArguments>();
   return {"identify",
-          "Find the errors of a machine from readings; write a belief file",
+          "Identify the errors of a machine from readings and write a belief file",
           {"abbe identify out/calibration/*.csv --choose-orders --pitch X=16,Y=16,Z=12 --out "
            "out/belief.toml",
            "abbe identify out/day/drift.csv --method thermal --sensor-count 4 --out "
@@ -447,15 +448,16 @@ Exit print_evaluation(const CommonOptions& common, const EvaluateArguments& argu
 Command evaluate_command(CommonOptions& common) {
   const auto arguments = std::make_shared<EvaluateArguments>();
   return {"evaluate",
-          "Evaluate readings by the standards (ISO 230, 25178)",
+          "Evaluate readings to the standards (ISO 230, 25178)",
           {"abbe evaluate out/calibration/laser.csv --out out/laser",
            "abbe evaluate out/calibration/ball_bar.csv --json"},
           {{"READINGS", &arguments->readings,
-            "a file that measure wrote, position readings as CSV, or a laser's position file"},
+            "a file written by abbe measure, position readings as CSV, or the position file of a "
+            "laser"},
            json_option(common),
            {"--out", &common.out, "folder for report and pictures (out/NAME)"},
            {"--report", &arguments->report,
-            "besides, report.html: tables and charts with the values under the cursor"},
+            "also write report.html: tables and charts, with values under the cursor"},
            language_option(arguments->language),
            force_option(common)},
           [arguments, &common] { return print_evaluation(common, *arguments); }};

@@ -72,11 +72,10 @@ Option threads_option(CommonOptions& common, const std::string& help) {
 }
 
 Option memory_option(CommonOptions& common) {
-  return {
-      "--memory-gb", &common.memory_gb,
-      "memory to plan for (all of the computer): `run` holds fewer samples of the program at once; "
-      "what would take more still is refused with an estimate before it begins",
-      NumberRange{0, 1'000'000}};
+  return {"--memory-gb", &common.memory_gb,
+          "memory limit (all of the computer): `run` keeps fewer samples of the program in memory; "
+          "a job that still needs more is rejected with an estimate before it begins",
+          NumberRange{0, 1'000'000}};
 }
 
 Option json_option(CommonOptions& common) {
@@ -85,28 +84,28 @@ Option json_option(CommonOptions& common) {
 
 Option result_folder_option(CommonOptions& common) {
   return {"--out", &common.out,
-          "folder for every file (out/SCENE): new, empty, or of abbe's results"};
+          "folder for all files (out/SCENE): new, empty, or with earlier results of abbe"};
 }
 
 Option force_option(CommonOptions& common) {
   return {"--force", &common.permissions.force,
-          "write into a folder, or over a file, that abbe did not make; what the run reads "
-          "is never touched"};
+          "write into a folder, or overwrite a file, that abbe did not create; input files are "
+          "never overwritten"};
 }
 
 Option trust_option(CommonOptions& common) {
   return {"--trust", &common.permissions.trust,
-          "run the programs that the file names (check lists those of a scene); folders to "
-          "trust for good stand in ~/.config/abbe/trust"};
+          "run the programs named in the file (check lists them); permanently trusted folders are "
+          "listed in ~/.config/abbe/trust"};
 }
 
 std::vector<Option> scene_options(CommonOptions& common,
                                   const std::vector<Option>& command_options) {
   std::vector<Option> options{
-      {"SCENE", &common.scene, "scene file (TOML); its format is in scenes/README.md"},
+      {"SCENE", &common.scene, "scene file (TOML); see scenes/README.md for the format"},
       set_option(common, "change a value of the scene: --set errors.scale=2 (repeatable)"),
-      seed_option(common, "seed of everything that is random"),
-      threads_option(common, "most threads to use (all); results do not depend on it"),
+      seed_option(common, "seed of all random numbers"),
+      threads_option(common, "maximum number of threads (all); results do not depend on it"),
       json_option(common)};
   options.insert(options.end(), command_options.begin(), command_options.end());
   return options;
@@ -182,7 +181,7 @@ std::vector<Option> named_options(const Command& command) {
   for (const std::vector<Option>& options : {command.options, command.required_choice})
     for (const Option& option : options)
       if (has_dashes(option)) named.push_back(option);
-  named.push_back({"--help", static_cast<bool*>(nullptr), "say what the command takes"});
+  named.push_back({"--help", static_cast<bool*>(nullptr), "print the help of this command"});
   return named;
 }
 

@@ -258,7 +258,7 @@ std::variant<const Command*, Exit> parse(const std::vector<Command>& commands,
     if (!option.empty() || selected == commands.end())
       return print_usage_error(option.empty() ? error.what() : option);
     return print_usage_error(std::string(error.what()) + "; abbe " + selected->name +
-                             " --help says what it takes");
+                             " --help describes its arguments");
   }
   return &*selected;
 }

@@ -83,7 +83,7 @@ std::vector<Key> all_keys() {
   std::vector<Key> keys = scene_keys();
   Key study;
   study.name = "study";
-  study.sentence = "a study, in a file of its own";
+  study.sentence = "a study, in a separate file";
   study.kind = Key::Kind::Table;
   study.keys = study::study_keys();
   keys.push_back(std::move(study));
@@ -93,7 +93,7 @@ std::vector<Key> all_keys() {
 std::vector<Key> keys_of(const std::string& section) {
   std::vector<Key> keys = keys_at(all_keys(), section);
   if (keys.empty())
-    throw BadUsage("--of", "expected scene, study or a section of them, seen " + section);
+    throw BadUsage("--of", "expected scene, study or a section of either, seen " + section);
   return keys;
 }
 
@@ -111,73 +111,73 @@ namespace {
 
 constexpr const char* frames = R"(Frames and axes
 
-A structural code names the moving parts from the workpiece over the bed to the tool: w C' b X Y Z A s t.
+A structural code lists the moving parts from the workpiece via the bed to the tool: w C' b X Y Z A s t.
   w  workpiece    b  bed    s  spindle nose    t  tool tip    capitals: the carriages of the axes
 
-T_bt is the pose of frame t in frame b. Letters cancel: T_wt = T_wb * T_bt is the tool in the workpiece,
-which is what cuts. The z axis of t is the tool axis, from the tip to the spindle.
+T_bt is the pose of frame t in frame b. Adjacent letters cancel: T_wt = T_wb * T_bt is the tool in the
+workpiece, the pose that cuts. The z axis of t is the tool axis, from the tip to the spindle.
 
 A primed axis carries the workpiece. A positive command moves the tool in the positive direction
-relative to the workpiece (ISO 841), so a primed carriage itself goes the other way.
+relative to the workpiece (ISO 841), so a primed carriage itself moves the opposite way.
 
-Inside everything is in mm, rad, s, N and K; any other unit stands in the name: residual_um, lead_deg.
+Internal units are mm, rad, s, N and K; any other unit is part of the name: residual_um, lead_deg.
 More: kinematics/README.md; abbe check SCENE prints the chain of a machine, abbe pose SCENE its poses.
 )";
 
 constexpr const char* signs = R"(Signs of errors
 
-A deviation is actual minus nominal of the carriage itself, at the commanded position. Elements have the
-names of ISO 230-1: EXX is the positioning of X, EYX its straightness in Y, ECX its yaw about Z; EC0Y is a
+A deviation is actual minus nominal pose of the carriage itself, at the commanded position. Elements are
+named as in ISO 230-1: EXX is the positioning of X, EYX its straightness in Y, ECX its yaw about Z; EC0Y is a
 location error, the squareness of Y to X.
 
-What the tip sees, standing in the workpiece: of an axis on the tool's side the displacement itself, of
-a primed axis minus it, turned into the frame of the workpiece. EXX = +5 um: an X carriage on the tool's
-side goes too far, and the tip stands at +5 um in the workpiece; a primed one leaves it at -5 um.
+Effect on the tip relative to the workpiece: an axis on the tool side contributes its displacement, a
+primed axis the negative of it, rotated into the workpiece frame. EXX = +5 um: an X carriage on the tool
+side travels too far, and the tip is at +5 um in the workpiece; with a primed X it is at -5 um.
 
-More: errors/README.md pins the sign of every element; abbe pose SCENE --elements shows each at a pose.
+More: errors/README.md defines the sign of every element; abbe pose SCENE --elements shows each at a pose.
 )";
 
 constexpr const char* residual = R"(The residual
 
-A residual is the distance along the outward normal of the design from the design surface to the machined
-one: plus is material left, minus is gouged.
+A residual is the distance from the design surface to the machined surface along the outward normal of the
+design: plus is material left, minus is a gouge.
 
-alignment says what is taken out first, and every picture says it too:
+alignment states what is removed first; every picture shows it too:
   none    nothing           offset  the mean           rigid  a displacement and a rotation
 
-PV, RMS and mean are of the vertices that are cut within the search band. How many were not cut, and
-how many are gouged deeper than the band, is said beside them and warned of.
+PV, RMS and mean cover the vertices that are cut within the search band. The numbers of vertices not cut
+and gouged deeper than the band are stated next to them, with a warning.
 
-More: scenes/README.md, cutting/README.md; abbe explain part.alignment says what the key takes.
+More: scenes/README.md, cutting/README.md; abbe explain part.alignment describes the key.
 )";
 
 constexpr const char* cases = R"(Cases
 
-error_free     the machine without its errors: what sampling and cusps leave
-uncompensated  the machine with them, as programmed
+error_free     the machine without errors: only sampling and cusps remain
+uncompensated  the machine with errors, as programmed
 BELIEF-STRATEGY-CHANNEL  a compensator, as in perfect-iterated-ideal
-  belief    what it holds the machine to be: perfect, identified, thermal, composite, force, part, fused
-  strategy  how corrections follow from that: position, decoupled, iterated
+  belief    its model of the machine: perfect, identified, thermal, composite, force, part, fused
+  strategy  how corrections are computed from it: position, decoupled, iterated
   channel   how they reach the axes: ideal, program, pulses, open, origin, table, piezo
-A name with a dot or a slash is the file of a compensator of your own: ./mine.py
+A name with a dot or a slash is the file of your own compensator: ./mine.py
 
 [compare] cases lists those of a scene, abbe run --case NAME cuts one, abbe --cases SCENE prints the names.
-More: scenes/README.md, [belief] and [compare]; sim/compensation/README.md for compensators of your own.
+More: scenes/README.md, [belief] and [compare]; sim/compensation/README.md for your own compensators.
 )";
 
 constexpr const char* files = R"(Files
 
-A scene (TOML) names machine, errors, tool, part and program, each in the scene or in a file of its own.
-A file name is relative to the file that has it; library:NAME means a file that comes with abbe.
---set KEY=VALUE changes any value by its path. Of a list, instrument.kind=... changes every entry,
-instrument.0.kind=... the first (counted from 0), instrument.NAME.kind=... the one of that name.
+A scene (TOML) specifies machine, errors, tool, part and program, each in the scene or in a separate file.
+A file name is relative to the file that contains it; library:NAME means a file that comes with abbe.
+--set KEY=VALUE changes any value by its path. In a list, instrument.kind=... changes every entry,
+instrument.0.kind=... the first (counted from 0), instrument.NAME.kind=... the entry of that name.
 
-Results go into the folder of --out (out/SCENE), which is new, empty or abbe's own; --force takes another.
-No file that a run reads is ever written over. In it lie:
+Results go into the folder of --out (out/SCENE), which must be new, empty or created by abbe; --force allows
+any other. Input files are never overwritten. The folder contains:
   summary.json     figures, warnings, versions        residual.vtp   the map of a case, for ParaView
   comparison.json  figures of every case              comparison.png the maps on one colour scale
-  scene.toml       the scene with every value; it gives the same bits again
-A mistake in a file is answered by FILE:LINE:COLUMN, what was expected and what was seen, and exit code 3.
+  scene.toml       the scene with every value; reproduces the results bit for bit
+An error in a file is reported as FILE:LINE:COLUMN: expected ..., seen ..., with exit code 3.
 More: scenes/README.md, scenes/studies/README.md; abbe --keys lists the keys of a scene.
 )";
 
@@ -186,10 +186,10 @@ More: scenes/README.md, scenes/studies/README.md; abbe --keys lists the keys of 
 const std::vector<HelpTopic>& help_topics() {
   static const std::vector<HelpTopic> topics{
       {"frames", "frames, axes and units", frames},
-      {"signs", "which way an error points", signs},
+      {"signs", "signs of errors", signs},
       {"residual", "what the map of a part shows", residual},
       {"cases", "names of cases: belief-strategy-channel", cases},
-      {"files", "what is read, and where results go", files}};
+      {"files", "input files, and where results are written", files}};
   return topics;
 }
 
@@ -260,7 +260,7 @@ Exit print_explanation(const std::string& question) {
 Command explain_command() {
   const auto key = std::make_shared<std::string>();
   return {"explain",
-          "Say what a key of a scene or study is: unit, range, default",
+          "Explain a key of a scene or study: unit, range, default",
           {"abbe explain part.radius_mm", "abbe explain study.monte_carlo"},
           {{"KEY", key.get(),
             "part.radius_mm, a section such as view, study.monte_carlo, or radius_mm"}},
@@ -286,8 +286,8 @@ Command schema_command() {
           {{"--of", section.get(),
             "scene, study, or a section that may be a file: machine, errors, tool, belief.force"}},
           [section] { return print_schema(*section); },
-          "An editor that knows TOML (Taplo, Even Better TOML) completes keys and marks mistakes "
-          "where the first line of a scene is  #:schema FILE"};
+          "An editor with TOML support (Taplo, Even Better TOML) completes keys and marks mistakes "
+          "if the first line of a scene is  #:schema FILE"};
 }
 
 }  // namespace abbe::sim

@@ -68,9 +68,9 @@ dialects::PoleOptions pole_options(const ProgramArguments& arguments) {
   using dialects::PoleRule;
   const bool is_fanuc = arguments.pole == "fanuc";
   if (is_fanuc && !(arguments.pole_near_deg > 0.0))
-    throw BadUsage("--pole", "expected --pole-near and --pole-change beside fanuc");
+    throw BadUsage("--pole", "expected --pole-near and --pole-change with fanuc");
   if (!is_fanuc && (arguments.pole_near_deg != 0.0 || arguments.pole_change_deg != 0.0))
-    throw BadUsage("--pole-near", "expected --pole fanuc beside it and --pole-change");
+    throw BadUsage("--pole-near", "expected --pole fanuc and --pole-change with it");
   const PoleRule rule = is_fanuc                       ? PoleRule::Fanuc
                         : arguments.pole == "linuxcnc" ? PoleRule::LinuxCnc
                         : arguments.pole == "siemens"  ? PoleRule::Siemens
@@ -172,9 +172,9 @@ Exit inspect(const CommonOptions& common, ProgramArguments arguments) {
     arguments.options.table_unit = arguments.unit == "mm" ? 1.0 : units::inch;
   // The converted program has no tool calls, so a single tool length must apply.
   if (!arguments.options.tools.empty() && arguments.options.to)
-    throw BadUsage("--to", "expected no --tools: what is written counts with one tool length");
+    throw BadUsage("--to", "expected no --tools: the written program assumes one tool length");
   if (!arguments.options.offsets.empty() && !arguments.options.offset.empty())
-    throw BadUsage("--offsets", "expected no --offset beside it");
+    throw BadUsage("--offsets", "expected no --offset with it");
   if (!(arguments.tolerance_um > 0.0)) throw BadUsage("--tolerance-um", "expected more than 0");
   arguments.options.within = arguments.tolerance_um * units::um;
   arguments.options.pole = pole_options(arguments);
@@ -208,72 +208,76 @@ Command program_command(CommonOptions& common) {
   const auto arguments = std::make_shared<ProgramArguments>();
   return {
       "program",
-      "What a program asks of a machine: moves, time, extents, travel",
+      "Analyse a program on a machine: moves, time, extents, travel",
       {"abbe program scenes/programs/face_milling.ngc --machine three_axis_table --picture",
        "abbe program scenes/programs/thin_wall.ngc --tool-length 80 --to cl --out out/thin_wall"},
       {{"FILE", &arguments->file, "a program, in any dialect of sim/dialects/README.md, or PVT"},
        {"--machine", &arguments->options.machine,
         "a machine file, or a name of the library (library:gantry_cxyza)", TypeName{"NAME"}},
        {"--tool-length", &arguments->options.tool_length,
-        "mm from the nose to the tip, of every tool", NumberRange{0, 10000}},
-       {"--tool-radius", &arguments->tool_radius, "mm, for cutter compensation; none unless given",
+        "distance from the spindle nose to the tip for every tool, mm", NumberRange{0, 10000}},
+       {"--tool-radius", &arguments->tool_radius, "radius for cutter compensation, mm (none)",
         NumberRange{0, 10000}},
        {"--offset", &arguments->options.offset,
-        "of G54 to G59 each, mm and degrees: \"X=10 Z=-50\" (zero)", TypeName{"WORDS"}},
+        "offset for each of G54 to G59, mm and degrees: \"X=10 Z=-50\" (zero)", TypeName{"WORDS"}},
        {"--tools", &arguments->options.tools,
-        "the control's tool table (LinuxCNC, Fanuc, Siemens, Heidenhain), instead of the two"},
+        "tool table of the control (LinuxCNC, Fanuc, Siemens, Heidenhain), instead of "
+        "--tool-length and --tool-radius"},
        {"--offsets", &arguments->options.offsets,
-        "its work offsets in a file, instead of --offset"},
+        "file with the work offsets of the control, instead of --offset"},
        {"--unit", &arguments->unit,
-        "of lengths in both files; must be given where they do not say it",
+        "unit of lengths in these two files; required if they do not state it",
         OneOf{{"as_stated", "mm", "inch"}}},
-       {"--dialect", &arguments->dialect, "in which it is written",
+       {"--dialect", &arguments->dialect, "dialect of the program",
         OneOf{{"auto", "linuxcnc", "fanuc", "siemens", "heidenhain", "cl"}}},
        {"--block-skip", &arguments->block_skip,
-        "blocks behind a /: on leaves them out, off executes them, \"1 3\" leaves out these levels "
-        "(on)",
+        "blocks after a /: on skips them, off executes them, \"1 3\" skips these levels (on)",
         TypeName{"LEVELS"}},
        {"--startup-code", &arguments->options.startup_code,
-        "a block that is read before the first line: \"G20 G91\", \"T1 M6\"", TypeName{"BLOCK"}},
+        "block to execute before the first line: \"G20 G91\", \"T1 M6\"", TypeName{"BLOCK"}},
        {"--control", &arguments->control,
-        "what the control is made for; of_machine: turning where a spindle turns the workpiece",
+        "kind of control; of_machine: turning if a spindle rotates the workpiece",
         OneOf{{"of_machine", "milling", "turning"}}},
-       {"--x-words", &arguments->x_words, "what X counts until the program says otherwise",
+       {"--x-words", &arguments->x_words, "meaning of X words until the program changes it",
         OneOf{{"of_control", "diameters", "radii"}}},
        {"--tip", &arguments->options.turning.tip,
-        "point of a turning tool that X and Z lead, 0 to 9 (0: the centre of its nose)",
+        "reference point of a turning tool for X and Z, 0 to 9 (0: centre of the nose radius)",
         NumberRange{0, 9}},
        {"--interpreter", &arguments->interpreter,
-        "what reads a program of LinuxCNC: abbe, or LinuxCNC's own rs274 (./abbe setup --linuxcnc)",
+        "interpreter of LinuxCNC programs: abbe, or rs274 of LinuxCNC (./abbe setup --linuxcnc)",
         OneOf{{"abbe", "linuxcnc"}}},
        {"--interpreter-seconds", &arguments->options.interpreter_limits.seconds,
-        "after which LinuxCNC's own interpreter is ended (120)", NumberRange{1, 1000000}},
+        "time limit of the LinuxCNC interpreter (120)", NumberRange{1, 1000000}},
        {"--interpreter-mb", &arguments->options.interpreter_limits.megabytes,
-        "of its commands, about 120 bytes a move (4000)", NumberRange{1, 1000000}},
+        "limit for the output of the LinuxCNC interpreter, about 120 bytes per move (4000)",
+        NumberRange{1, 1000000}},
        {"--max-moves", &arguments->options.max_moves,
-        "those of loops and cycles each time; more is an input error (20000000)",
+        "maximum number of moves, counting every pass of loops and cycles; more is an input error "
+        "(20000000)",
         NumberRange{1, 2000000000}},
-       {"--pole", &arguments->pole, "the control's rule for vectors of the tool and near a pole",
+       {"--pole", &arguments->pole, "rule of the control for tool vectors and near a pole",
         OneOf{{"as_programmed", "linuxcnc", "fanuc", "siemens"}}},
-       {"--pole-near", &arguments->pole_near_deg, "deg, parameter 19738, of --pole fanuc",
+       {"--pole-near", &arguments->pole_near_deg, "parameter 19738 of --pole fanuc, deg",
         NumberRange{0, 45}},
-       {"--pole-change", &arguments->pole_change_deg, "deg, parameter 19739, of --pole fanuc",
+       {"--pole-change", &arguments->pole_change_deg, "parameter 19739 of --pole fanuc, deg",
         NumberRange{0, 90}},
        {"--pole-warning", &arguments->pole_warning_deg,
-        "deg from a pole: nearer is warned of (2; 0: never)", NumberRange{0, 45}},
+        "warn if closer to a pole than this, deg (2; 0: never)", NumberRange{0, 45}},
        {"--skip-unknown", &arguments->skip_unknown,
-        "words that the dialect has not: skip and count"},
-       {"--picture", &arguments->picture, "draw machine and path"},
+        "skip and count words that the dialect does not have"},
+       {"--picture", &arguments->picture, "draw the machine and the path"},
        {"--to", &arguments->to,
-        "write it as cutter locations (APT or CSV), RS274/NGC or times and velocities",
+        "write the program as cutter locations (APT or CSV), RS274/NGC or times and velocities",
         OneOf{{"cl", "nc", "pvt", "csv"}}},
        {"--tolerance-um", &arguments->tolerance_um,
-        "of points of what the format has no word for, um", NumberRange{0, 1000000}},
+        "tolerance for interpolating motion that the format cannot express, um",
+        NumberRange{0, 1000000}},
        {"--out", &common.out, "folder for picture and program (out/NAME)"},
        json_option(common),
        force_option(common)},
       [arguments, &common] { return inspect(common, *arguments); },
-      "Ends with 3 where an axis leaves its travel. Times are of speeds, without accelerations."};
+      "The exit code is 3 if an axis leaves its travel. Times follow from speeds, without "
+      "accelerations."};
 }
 
 namespace {
@@ -300,14 +304,12 @@ CaseDescription select_case(const Scene& scene, const std::string& name) {
       throw BadInput(file, 0, 0, "a case that this scene can run", error.what());
     }
     if (!has_program_channel(scene, compensator))
-      throw BadInput(file, 0, 0, "a case through the channel program", "\"" + name + "\"");
+      throw BadInput(file, 0, 0, "a case with channel program", "\"" + name + "\"");
     return compensator;
   }
   for (const CaseDescription& compensator : scene.cases)
     if (has_program_channel(scene, compensator)) return compensator;
-  throw BadInput(
-      file, 0, 0,
-      "a case through the channel program among those that the scene compares, or --case", "none");
+  throw BadInput(file, 0, 0, "a case with channel program in [compare] cases, or --case", "none");
 }
 
 /// Returns the output file, with the extension of the original program, which selects the dialect.
@@ -421,9 +423,8 @@ ordered_json to_json(const RewriteOutcome& outcome) {
 
 std::string to_text(const RewriteOutcome& outcome) {
   std::string text = fmt::format(
-      "{} blocks became {}\ncorrection of the tip {:.4f} um rms, {:.4f} um at most; of the tool "
-      "axis "
-      "{:.4f} urad at most\nwithin {:.4g} um of the corrected path",
+      "{} blocks became {}\ncorrection of the tip {:.4f} um RMS, {:.4f} um max; of the tool axis "
+      "{:.4f} urad max\nwithin {:.4g} um of the corrected path",
       outcome.blocks_before, outcome.blocks_after, outcome.correction.tip.rms / units::um,
       outcome.correction.tip.max / units::um, outcome.correction.direction.max / units::urad,
       outcome.path_tolerance / units::um);
@@ -452,7 +453,7 @@ Exit print_rewrite(const CommonOptions& common, const std::string& case_name) {
 Command rewrite_command(CommonOptions& common) {
   const auto case_name = std::make_shared<std::string>();
   return {"rewrite",
-          "Write the program of a scene with a compensator's corrections in it",
+          "Write the program of a scene with the corrections of a compensator",
           {"abbe rewrite scenes/gantry_dome.toml --out out/dome.ngc",
            "abbe rewrite scenes/platform_plane.toml --case identified-position-program --out "
            "out/plane.csv"},
@@ -479,12 +480,12 @@ compensation::ControlExport export_files(const Job& job, const LearnedCorrection
       return compensation::to_control(
           correction_tables(make_control_view(job), learn_correction.corrector), control, format);
     if (!learn_correction.geometric)
-      throw std::invalid_argument("expected geometric errors that are identified, seen none");
+      throw std::invalid_argument("expected identified geometric errors, seen none");
     return compensation::to_volumetric(*learn_correction.geometric, control,
                                        table_options(make_control_view(job)));
   } catch (const std::logic_error& error) {  // including out_of_range: a table of the belief is too
                                              // short
-    throw BadInput(job.scene.file.string(), 0, 0, "a correction that tables can hold",
+    throw BadInput(job.scene.file.string(), 0, 0, "a correction that fits into tables",
                    error.what());
   }
 }
@@ -558,7 +559,7 @@ Exit print_export(const CommonOptions& common, ExportArguments arguments) {
   for (const std::filesystem::path& file : outcome.files) print("{}\n", file.string());
   for (const std::string& note : outcome.notes) print("{}\n", note);
   for (const std::string& omission : outcome.omissions)
-    print(stderr, "abbe: warning: left out: {}\n", omission);
+    print(stderr, "abbe: warning: omitted: {}\n", omission);
   return Exit::Ok;
 }
 
@@ -566,20 +567,21 @@ Exit print_export(const CommonOptions& common, ExportArguments arguments) {
 
 Command export_command(CommonOptions& common) {
   const auto arguments = std::make_shared<ExportArguments>();
-  return {"export",
-          "Write the compensation tables of a scene as a control reads them",
-          {"abbe export scenes/platform_plane.toml --out out/tables",
-           "abbe export scenes/gantry_channels.toml --format siemens --case perfect-position-table "
-           "--out out/siemens"},
-          scene_options(common, {{"--out", &common.out, "folder for the tables (out/SCENE/tables)"},
-                                 force_option(common),
-                                 trust_option(common),
-                                 {"--format", &arguments->format,
-                                  "of which control (that of [compensation.table], else linuxcnc)",
-                                  OneOf{{"linuxcnc", "isg", "siemens", "heidenhain"}}},
-                                 {"--case", &arguments->options.case_name,
-                                  "what the tables are made from (identified-position-table)"}}),
-          [arguments, &common] { return print_export(common, *arguments); }};
+  return {
+      "export",
+      "Write the compensation tables of a scene in the format of a control",
+      {"abbe export scenes/platform_plane.toml --out out/tables",
+       "abbe export scenes/gantry_channels.toml --format siemens --case perfect-position-table "
+       "--out out/siemens"},
+      scene_options(common, {{"--out", &common.out, "folder for the tables (out/SCENE/tables)"},
+                             force_option(common),
+                             trust_option(common),
+                             {"--format", &arguments->format,
+                              "control format (as in [compensation.table], else linuxcnc)",
+                              OneOf{{"linuxcnc", "isg", "siemens", "heidenhain"}}},
+                             {"--case", &arguments->options.case_name,
+                              "case whose corrections are written (identified-position-table)"}}),
+      [arguments, &common] { return print_export(common, *arguments); }};
 }
 
 }  // namespace abbe::sim

@@ -98,7 +98,7 @@ Exit report_results(const CommonOptions& common, const ReportArguments& argument
   // An override cannot change saved results.
   if (!common.set.empty() || common.seed)
     throw BadUsage(common.set.empty() ? "--seed" : "--set",
-                   "expected a scene or a study, seen results, which nothing changes");
+                   "expected a scene or a study, seen results, which cannot be changed");
   const std::filesystem::path& results = common.scene;
   const bool is_folder = std::filesystem::is_directory(results);
   const std::filesystem::path default_file =
@@ -118,8 +118,8 @@ void check_report_source(const std::filesystem::path& folder) {
       std::filesystem::exists(folder / "evaluation.json"))
     return;
   throw BadUsage("SCENE",
-                 "expected a scene, a study, or what run, compare, study, identify or evaluate "
-                 "left, seen the folder " +
+                 "expected a scene, a study, or results of run, compare, study, identify or "
+                 "evaluate, seen the folder " +
                      folder.string() +
                      " without comparison.json, summary.json, budget.json or evaluation.json");
 }
@@ -145,19 +145,21 @@ Command report_command(CommonOptions& common) {
   const auto arguments = std::make_shared<ReportArguments>();
   return {
       "report",
-      "Write a scene's cases, a study or other results as one HTML file: maps, machine, charts",
+      "Write the cases of a scene, a study or other results as one HTML file: maps, machine, "
+      "charts",
       {"abbe report scenes/gantry_dome.toml -o out/dome.html",
        "abbe report scenes/studies/gantry_dome_budget.toml --out out/budget",
        "abbe report out/budget --language zh", "abbe report out/belief.json -o out/belief.html",
        "abbe report scenes/gantry_dome.toml --set errors.scale=2 --language zh --out out/twice"},
-      scene_options(common,
-                    {{"--out", &common.out,
-                      "the page, or folder for it (out/SCENE/report.html; of results beside them)"},
-                     force_option(common),
-                     memory_option(common),
-                     trust_option(common),
-                     compensator_option(arguments->compensators),
-                     language_option(arguments->language)}),
+      scene_options(
+          common,
+          {{"--out", &common.out,
+            "HTML file, or folder for it (out/SCENE/report.html; for results, next to them)"},
+           force_option(common),
+           memory_option(common),
+           trust_option(common),
+           compensator_option(arguments->compensators),
+           language_option(arguments->language)}),
       [arguments, &common] {
         // If --out names the page, the other files are written into the default folder.
         CommonOptions report_options = common;
@@ -206,8 +208,9 @@ Eigen::Vector3d parse_direction(const std::string& text) {
   const auto v = parse_numbers(text, ',');
   if (v && v->size() == 3 && Eigen::Vector3d((*v)[0], (*v)[1], (*v)[2]).norm() > 0.0)
     return {(*v)[0], (*v)[1], (*v)[2]};
-  throw BadUsage("--view",
-                 "expected +x, -x, +y, -y, +z, -z, iso or a direction as 1,-1,0.5, seen " + text);
+  throw BadUsage(
+      "--view",
+      "expected +x, -x, +y, -y, +z, -z, iso or a direction such as 1,-1,0.5, seen " + text);
 }
 
 /// Parses a symmetric tolerance or its two limits, um.
@@ -216,7 +219,8 @@ Tolerance parse_bands(const std::string& text) {
   if (v && v->size() == 1 && v->front() > 0.0)
     return {-v->front() * units::um, v->front() * units::um};
   if (v && v->size() == 2 && (*v)[0] < (*v)[1]) return {(*v)[0] * units::um, (*v)[1] * units::um};
-  throw BadUsage("--bands", "expected micrometres, 5 or -2,8, the lower limit first, seen " + text);
+  throw BadUsage("--bands",
+                 "expected micrometres such as 5 or -2,8 (lower limit first), seen " + text);
 }
 
 /// Parses width and height in pixels, such as "1600x1200".
@@ -228,7 +232,8 @@ std::array<int, 2> parse_size(const std::string& text) {
   };
   if (v && v->size() == 2 && is_side((*v)[0]) && is_side((*v)[1]))
     return {int((*v)[0]), int((*v)[1])};
-  throw BadUsage("--size", "expected pixels as 1600x1200, each from 320 to 16384, seen " + text);
+  throw BadUsage("--size",
+                 "expected pixels such as 1600x1200, each from 320 to 16384, seen " + text);
 }
 
 /// Parses a positive number. `option` and `unit` are for the error message.
@@ -275,43 +280,42 @@ Command render_command(CommonOptions& common) {
   RenderOptions& options = arguments->options;
   return {
       "render",
-      "Draw a finished result again, or a difference of two",
+      "Redraw a finished result, or draw the difference of two",
       {"abbe render out/dome/uncompensated --line radius",
        "abbe render out/twice --minus out/dome/error_free --out out/difference",
        "abbe render out/dome/uncompensated --bands -2,8 --view +z --format pdf"},
-      {{"RESULT", &options.result, "residual.vtp or a folder that has one"},
-       {"--minus", &options.minus, "another result, taken away vertex by vertex"},
+      {{"RESULT", &options.result, "residual.vtp, or a folder that contains one"},
+       {"--minus", &options.minus, "result to subtract vertex by vertex"},
        {"--line", &options.line,
-        "profile along x, y or radius instead of the map, with its parameters by ISO 21920",
+        "profile along x, y or radius instead of the map, with its parameters to ISO 21920",
         OneOf{{"x", "y", "radius"}}},
        {"--nic", &arguments->Nic,
-        "nesting index Nic of that line, between waviness and roughness (the part's "
-        "form_cutoff_mm)",
+        "nesting index Nic of that profile, between waviness and roughness (form_cutoff_mm of the "
+        "part)",
         TypeName{"MM"}, RequiresOption{"--line"}},
        {"--nis", &arguments->Nis,
-        "nesting index Nis of that line, below which all is smoothed (that of the setting class)",
+        "nesting index Nis of that profile, which removes shorter wavelengths (that of the setting "
+        "class)",
         TypeName{"UM"}, RequiresOption{"--line"}},
-       {"--sections", &arguments->sections,
-        "section lengths of Nic over which roughness is evaluated (5)", NumberRange{1, 1000},
-        RequiresOption{"--line"}},
-       {"--view", &arguments->view, "where the eye is: +x ... -z, iso or a direction 1,-1,0.5",
+       {"--sections", &arguments->sections, "number of section lengths Nic for roughness (5)",
+        NumberRange{1, 1000}, RequiresOption{"--line"}},
+       {"--view", &arguments->view, "view from this direction: +x ... -z, iso or a vector 1,-1,0.5",
         TypeName{"FROM"}},
        {"--range", &arguments->range, "the colour scale runs from -UM to UM micrometres",
         TypeName{"UM"}},
        {"--bands", &arguments->bands,
-        "colours in, over and under a tolerance in micrometres: 5, or -2,8", TypeName{"UM"}},
-       {"--colours", &options.colours,
-        "of the map (those of the tolerance with --bands, else diverging)",
+        "colour by tolerance in micrometres (within, above, below): 5, or -2,8", TypeName{"UM"}},
+       {"--colours", &options.colours, "colour map (tolerance with --bands, else diverging)",
         OneOf{{"diverging", "cividis", "tolerance"}}},
        {"--isolines", &options.isolines, "lines of equal deviation at the ticks of the scale"},
        {"--size", &arguments->size, "pixels (1600x1200)", TypeName{"WxH"}},
        {"--format", &options.format,
-        "of the picture; in svg and pdf the map itself is a raster, all else sharp",
+        "picture format; in svg and pdf only the map itself is a raster image",
         OneOf{{"png", "svg", "pdf"}}},
        {"--out", &options.out, "folder for the pictures (that of RESULT)"},
        json_option(common),
        force_option(common),
-       threads_option(common, "most threads to use")},
+       threads_option(common, "maximum number of threads")},
       [arguments, &common] {
         arguments->options.permissions = common.permissions;
         print_render(render_result(parse_options(*arguments)), common.json);
@@ -362,7 +366,7 @@ LineRange parse_lines(const std::string& text) {
   if (first && last && *first >= 1 && *first <= *last) return {*first, *last};
   throw BadUsage(
       "--lines",
-      "expected the first and the last line of the program as 120:480, or one line, seen " + text);
+      "expected first and last line of the program such as 120:480, or one line, seen " + text);
 }
 
 void parse_film_size(const AnimateArguments& arguments, FilmOptions& film) {
@@ -371,14 +375,15 @@ void parse_film_size(const AnimateArguments& arguments, FilmOptions& film) {
   if (!width || !height || *width < min_width || *height < min_height || *width > max_width ||
       *height > max_height)
     throw BadUsage("--size",
-                   fmt::format("expected pixels as 1280x720, from {}x{} to {}x{}, seen {}",
+                   fmt::format("expected pixels such as 1280x720, from {}x{} to {}x{}, seen {}",
                                min_width, min_height, max_width, max_height, arguments.size));
   // yuv420p stores one colour for two by two pixels.
   if (arguments.film != "none" && (*width % 2 != 0 || *height % 2 != 0))
-    throw BadUsage("--size", "expected even numbers for " + arguments.film +
-                                 ", which has colours for two pixels at a time (--film none takes "
-                                 "any), seen " +
-                                 arguments.size);
+    throw BadUsage(
+        "--size",
+        "expected even numbers for " + arguments.film +
+            ", which stores one colour for 2 x 2 pixels (--film none accepts any size), seen " +
+            arguments.size);
   film.width = *width;
   film.height = *height;
 }
@@ -398,14 +403,15 @@ void check_length(const AnimateArguments& arguments) {
   const auto is_between = [](double x, double min, double max) { return x >= min && x <= max; };
   if (!is_between(arguments.fps, 1.0, 120.0))
     throw BadUsage("--fps",
-                   fmt::format("expected 1 to 120 frames a second, seen {}", arguments.fps));
+                   fmt::format("expected 1 to 120 frames per second, seen {}", arguments.fps));
   if (!is_between(arguments.seconds, 1e-3, 1e5))
     throw BadUsage("--seconds",
-                   fmt::format("expected seconds above 0, seen {}", arguments.seconds));
+                   fmt::format("expected 0.001 to 100000 seconds, seen {}", arguments.seconds));
   const double frames = std::round(arguments.seconds * arguments.fps);
   if (frames > double(max_frames))
-    throw BadUsage("--seconds", fmt::format("expected at most {} frames, seen {} s at {} a second",
-                                            max_frames, arguments.seconds, arguments.fps));
+    throw BadUsage("--seconds",
+                   fmt::format("expected at most {} frames, seen {} s at {} frames per second",
+                               max_frames, arguments.seconds, arguments.fps));
 }
 
 AnimateOptions parse_animate_options(const AnimateArguments& arguments) {
@@ -425,9 +431,9 @@ AnimateOptions parse_animate_options(const AnimateArguments& arguments) {
 FilmInterval film_interval(const program::Path& path, const AnimateOptions& options) {
   if (const auto interval = line_time_interval(path, options.lines)) return *interval;
   if (!options.lines)
-    throw BadInput(path.file, 0, 0, "a program that moves", "one without a block");
-  throw BadUsage("--lines", fmt::format("expected lines with blocks of {}, seen {}:{}", path.file,
-                                        options.lines->first, options.lines->last));
+    throw BadInput(path.file, 0, 0, "a program with motion", "a program without motion blocks");
+  throw BadUsage("--lines", fmt::format("expected lines with motion blocks of {}, seen {}:{}",
+                                        path.file, options.lines->first, options.lines->last));
 }
 
 /// The commands of a program, and its process or its surface.
@@ -471,7 +477,7 @@ Exit animate(const CommonOptions& common, const AnimateArguments& arguments) {
   trust(scene, arguments.case_name);
   if (!can_draw_pictures())
     throw BadInput(common.scene.string(), 0, 0, "a program built with -DABBE_RENDER=ON",
-                   "one without VTK");
+                   "a program built without VTK");
   const ResultFolder folder(result_folder(common), make_writer(scene, common.permissions));
   const double frames = arguments.seconds * arguments.fps;
   const double pixels = double(options.film.width) * options.film.height;
@@ -503,7 +509,7 @@ Exit animate(const CommonOptions& common, const AnimateArguments& arguments) {
 Command animate_command(CommonOptions& common) {
   const auto arguments = std::make_shared<AnimateArguments>();
   return {"animate",
-          "Film the machine while it cuts, frame by frame, without a display",
+          "Make a film of the machine cutting; needs no display",
           {"abbe animate scenes/gantry_dome.toml --magnify auto --out out/film",
            "abbe animate scenes/gantry_force.toml --case perfect-iterated-ideal --seconds 20",
            "abbe animate scenes/stepped_shaft.toml --lines 10:40 --fps 30 --size 1920x1080"},
@@ -513,20 +519,20 @@ Command animate_command(CommonOptions& common) {
                force_option(common),
                trust_option(common),
                {"--case", &arguments->case_name,
-                "uncompensated, or belief-strategy-channel: what is filmed (uncompensated)"},
-               {"--seconds", &arguments->seconds, "length of the film (10)", TypeName{"S"}},
-               {"--fps", &arguments->fps, "frames a second (25)", TypeName{"F"}},
+                "case to film: uncompensated, or belief-strategy-channel (uncompensated)"},
+               {"--seconds", &arguments->seconds, "duration of the film (10)", TypeName{"S"}},
+               {"--fps", &arguments->fps, "frames per second (25)", TypeName{"F"}},
                {"--size", &arguments->size, "pixels (1280x720)", TypeName{"WxH"}},
                {"--magnify", &arguments->magnify,
-                "errors of the tool and its path drawn so many times larger, or auto (1)",
-                TypeName{"N"}},
+                "magnification of the errors of the tool and its path, or auto (1)", TypeName{"N"}},
                {"--lines", &arguments->lines,
-                "these lines of the program alone (all); A alone is one line", TypeName{"A:B"}},
-               {"--film", &arguments->film, "made of the frames by ffmpeg, where it is there (mp4)",
+                "lines of the program to film (all); A alone is one line", TypeName{"A:B"}},
+               {"--film", &arguments->film,
+                "film format; encoded from the frames by ffmpeg if installed (mp4)",
                 OneOf{{"mp4", "webm", "none"}}}}),
           [arguments, &common] { return animate(common, *arguments); },
-          "The film is the program from its first move to its last, or --lines of it, faster than "
-          "the\nmachine. Frames stay in OUT/frames."};
+          "The film shows the program from its first move to its last, or --lines of it, faster "
+          "than real\ntime. Frames are kept in OUT/frames."};
 }
 
 }  // namespace abbe::sim

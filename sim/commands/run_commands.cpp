@@ -84,26 +84,26 @@ std::vector<std::string> distinct_warnings(const Comparison& comparison) {
 
 Option compensator_option(std::vector<std::filesystem::path>& files) {
   return {"--compensator", &files,
-          "one of your own: a program that speaks JSON lines or a C library "
+          "your own compensator: a program that exchanges JSON lines or a C library "
           "(sim/compensation/README.md)",
           TypeName{"FILE"}};
 }
 
 Option save_option(std::vector<std::string>& formats) {
   return {"--save", &formats,
-          "files of the map, residual.FORMAT, in place of residual.vtp alone: ply for MeshLab and "
-          "CloudCompare, stl the machined surface, csv, npz for NumPy, json what it is; track: "
-          "where the tool was at every sample, "
-          "track.npz",
+          "formats of the map, residual.FORMAT (vtp): ply for MeshLab and CloudCompare, stl the "
+          "machined surface, csv, npz for NumPy, json its description; track: pose of the tool at "
+          "every sample, track.npz",
           OneOf{map_formats()}, CommaSeparated{}};
 }
 
 Option report_option(bool& report) {
-  return {"--report", &report, "besides, report.html: the maps and the machine to be turned"};
+  return {"--report", &report,
+          "also write report.html: the maps and the machine in interactive 3-D"};
 }
 
 Option language_option(std::string& language) {
-  return {"--language", &language, "in which the report opens", OneOf{{"en", "zh"}}};
+  return {"--language", &language, "language of the report", OneOf{{"en", "zh"}}};
 }
 
 void request_report(RunOptions& options, const CommonOptions& common, const std::string& command,
@@ -188,7 +188,7 @@ Exit run(const CommonOptions& common, const RunArguments& arguments) {
   RunOptions options = run_options(common, arguments.compensators, arguments.formats);
   options.case_name = arguments.case_name;
   if (options.plug_ins.size() > 1 || (!options.case_name.empty() && !options.plug_ins.empty()))
-    throw BadUsage("--compensator", "expected one case, a --case or a --compensator");
+    throw BadUsage("--compensator", "expected one case, either --case or --compensator");
   if (!options.case_name.empty() && options.case_name != "error_free" &&
       options.case_name != "uncompensated")
     check_case(options.case_name);
@@ -204,7 +204,7 @@ Exit run(const CommonOptions& common, const RunArguments& arguments) {
 Command run_command(CommonOptions& common) {
   const auto arguments = std::make_shared<RunArguments>();
   return {"run",
-          "Cut one case of a scene (uncompensated unless --case)",
+          "Cut one case of a scene (default: uncompensated)",
           {"abbe run scenes/gantry_dome.toml --case perfect-iterated-ideal --out out/best",
            "abbe run scenes/gantry_dome.toml --set errors.scale=2 --out out/twice",
            "abbe run scenes/gantry_dome.toml --save vtp,ply,npz --out out/saved"},
@@ -316,38 +316,40 @@ Command study_command(CommonOptions& common, int& argc, char**& argv) {
   study::SlurmOptions& job = arguments->job;
   return {
       "study",
-      "Try thousands of machines: error budgets, sensitivities, tolerances (scenes/studies)",
+      "Study thousands of machines: error budgets, sensitivities, tolerances (scenes/studies)",
       {"abbe study scenes/studies/gantry_dome_budget.toml --out out/budget",
        "abbe study scenes/studies/gantry_dome_budget.toml --out out/budget --show"},
-      {{"STUDY", &common.scene, "study file (TOML); its format is in scenes/studies/README.md"},
+      {{"STUDY", &common.scene, "study file (TOML); see scenes/studies/README.md for the format"},
        set_option(common, "change a value of the study: --set monte_carlo.cases=100 (repeatable)"),
-       seed_option(common, "seed of everything that the study draws"),
-       threads_option(common, "most threads to use (all); results do not depend on it"),
+       seed_option(common, "seed of all random numbers of the study"),
+       threads_option(common, "maximum number of threads (all); results do not depend on it"),
        memory_option(common),
        json_option(common),
        {"--out", &common.out,
-        "folder for every file (out/STUDY); cases that are in its journal are not computed again"},
+        "folder for all files (out/STUDY); cases in its journal are not computed again"},
        force_option(common),
        trust_option(common),
        {"--resume", &arguments->resume,
-        "go on where the journal ends; the default, another --out starts from the beginning"},
+        "continue where the journal ends (the default; use a new --out to start over)"},
        {"--shard", &arguments->shard,
-        "compute part i of n, i from 0: for job arrays; then --merge"},
+        "compute part i of n, counted from 0, in a job array; then use --merge"},
        {"--merge", &arguments->merge, "write the tables of all shards in --out",
         Excludes{{"--shard"}}},
-       {"--show", &arguments->show, "print how far it is and what it says so far; computes nothing",
+       {"--show", &arguments->show,
+        "print the progress and the results so far, without computing anything",
         Excludes{{"--shard", "--merge"}}},
        {"--report", &arguments->report,
-        "besides, report.html: tables and charts with the values under the cursor",
+        "also write report.html: tables and charts, with values under the cursor",
         Excludes{{"--shard", "--show"}}},
        language_option(arguments->language),
-       {"--slurm", &arguments->slurm, "print a script for Slurm that runs the study as a job array",
+       {"--slurm", &arguments->slurm, "print a Slurm script that runs the study as a job array",
         Excludes{{"--shard", "--merge", "--show", "--report"}}},
-       {"--shards", &job.shards, "with --slurm: jobs of the array (8)", NumberRange{1, 100000},
+       {"--shards", &job.shards, "with --slurm: number of jobs in the array (8)",
+        NumberRange{1, 100000}, RequiresOption{"--slurm"}},
+       {"--cpus", &job.cpus, "with --slurm: processors per job (4)", NumberRange{1, 1024},
         RequiresOption{"--slurm"}},
-       {"--cpus", &job.cpus, "with --slurm: processors of each (4)", NumberRange{1, 1024},
-        RequiresOption{"--slurm"}},
-       {"--time", &job.time, "with --slurm: limit of each (24:00:00)", RequiresOption{"--slurm"}}},
+       {"--time", &job.time, "with --slurm: time limit per job (24:00:00)",
+        RequiresOption{"--slurm"}}},
       [arguments, &common, &argc, &argv] {
         return run_study_command(common, *arguments, argc, argv);
       },

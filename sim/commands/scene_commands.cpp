@@ -209,14 +209,14 @@ Command new_command(CommonOptions& common) {
       .name = "new",
       .summary = "Write a first scene with its machine, errors, tool, part and program",
       .examples = {"abbe new gantry first", "abbe new lathe parts/shaft", "abbe new --list"},
-      .options =
-          {{"KIND", &arguments->kind,
-            "of machine, gantry, trunnion, three_axis, lathe, head_head or platform; or for a "
-            "program of a CAM, cam, fanuc, siemens, heidenhain or linuxcnc",
-            OneOf{new_kinds()}, OptionalArgument{}},
-           {"DIR", &arguments->folder, "folder for the files: new or empty", OptionalArgument{}},
-           {"--list", &arguments->list, "print the kinds, and the machines of the library"},
-           json_option(common)},
+      .options = {{"KIND", &arguments->kind,
+                   "machine: gantry, trunnion, three_axis, lathe, head_head or platform; or "
+                   "dialect of a CAM program: cam, fanuc, siemens, heidenhain or linuxcnc",
+                   OneOf{new_kinds()}, OptionalArgument{}},
+                  {"DIR", &arguments->folder, "folder for the files: new or empty",
+                   OptionalArgument{}},
+                  {"--list", &arguments->list, "list the kinds and the machines of the library"},
+                  json_option(common)},
       .run = [arguments, &common] {
         return arguments->list ? print_list(common) : print_new_scene(*arguments);
       }};
@@ -241,7 +241,7 @@ std::string first_lines(const std::string& text) {
   std::size_t end = 0;
   for (int line = 1; line < max_terminal_lines; ++line) end = text.find('\n', end) + 1;
   return text.substr(0, end) +
-         fmt::format("... and {} lines more: --all prints them\n", count - max_terminal_lines + 1);
+         fmt::format("... and {} more lines: --all prints them\n", count - max_terminal_lines + 1);
 }
 
 /// Returns the axis commands of a case.
@@ -266,7 +266,7 @@ Collisions find_collisions(const Job& job, const std::string& case_name) {
 /// bodies collide.
 Exit check_scene(const CommonOptions& common, const CheckArguments& arguments) {
   if (!arguments.case_name.empty() && !arguments.collisions)
-    throw BadUsage("--case", "expected --collisions beside it: check cuts nothing");
+    throw BadUsage("--case", "expected --collisions with it, because check cuts nothing");
   if (!arguments.case_name.empty() && arguments.case_name != "uncompensated")
     check_case(arguments.case_name);
   const Scene scene = read_scene(common.scene, overrides(common));
@@ -316,24 +316,25 @@ Exit check_scene(const CommonOptions& common, const CheckArguments& arguments) {
 
 Command check_command(CommonOptions& common) {
   const auto arguments = std::make_shared<CheckArguments>();
-  return {"check",
-          "Validate a scene and say how it was understood; cut nothing",
-          {"abbe check scenes/gantry_dome.toml --picture --out out/check",
-           "abbe check scenes/gantry_dome.toml --set tool=library:bull_r6_r1 --json",
-           "abbe check scenes/gantry_dome.toml --collisions"},
-          scene_options(common, {result_folder_option(common),
-                                 force_option(common),
-                                 trust_option(common),
-                                 {"--picture", &arguments->picture,
-                                  "draw machine, part and path, errors magnified"},
-                                 {"--collisions", &arguments->collisions,
-                                  "look for what meets what along the program, also where that "
-                                  "misses the part; exit 1 if anything does"},
-                                 {"--all", &arguments->all, "print every line, not 40 of them"},
-                                 {"--case", &arguments->case_name,
-                                  "uncompensated, or belief-strategy-channel: whose commands are "
-                                  "looked at"}}),
-          [arguments, &common] { return check_scene(common, *arguments); }};
+  return {
+      "check",
+      "Validate a scene and describe how it was understood, without cutting",
+      {"abbe check scenes/gantry_dome.toml --picture --out out/check",
+       "abbe check scenes/gantry_dome.toml --set tool=library:bull_r6_r1 --json",
+       "abbe check scenes/gantry_dome.toml --collisions"},
+      scene_options(
+          common,
+          {result_folder_option(common),
+           force_option(common),
+           trust_option(common),
+           {"--picture", &arguments->picture, "draw machine, part and path with magnified errors"},
+           {"--collisions", &arguments->collisions,
+            "find collisions along the program, even if it misses the part; exit code 1 if there "
+            "are any"},
+           {"--all", &arguments->all, "print every line instead of the first 40"},
+           {"--case", &arguments->case_name,
+            "case to check for collisions: uncompensated, or belief-strategy-channel"}}),
+      [arguments, &common] { return check_scene(common, *arguments); }};
 }
 
 namespace {
@@ -424,8 +425,7 @@ void print_work_space(const IdleMachine& idle, const PoseArguments& arguments) {
   std::vector<std::string> warnings = pose_warnings(idle, map.grid.poses);
   // A machine without any deviation is probably a mistake: its errors may act only in motion.
   if (s.all.max_um == 0.0 && s.all.direction_max_urad == 0.0)
-    warnings.push_back(
-        "nothing deviates anywhere: this machine has no errors while it stands still");
+    warnings.push_back("no deviation anywhere: this machine has no errors at standstill");
 #if !ABBE_RENDER
   warnings.push_back("this program was built without VTK: no picture and no .vts");
 #endif
@@ -470,32 +470,34 @@ Exit run_pose_command(const CommonOptions& common, PoseArguments arguments) {
 
 Command pose_command(CommonOptions& common) {
   const auto arguments = std::make_shared<PoseArguments>();
-  return {"pose",
-          "Where the tool is and should be: at a pose, many, everywhere",
-          {"abbe pose scenes/gantry_dome.toml --at \"X=100 Y=0 Z=50 A=30 C=90\" --elements all",
-           "abbe pose scenes/gantry_dome.toml --grid \"X=-200:200:9 Y=::9 Z=0:300:7 A=30\" --out "
-           "out/volume"},
-          scene_options(
-              common,
-              {force_option(common),
-               {"--jacobian", &arguments->jacobians,
-                "derivatives of the nominal pose by axes, error motions, location errors",
-                OneOf{{"axis", "motion", "location"}}, CommaSeparated{}},
-               {"--elements", &arguments->request.elements,
-                "what these errors alone do: EXX,EC0Y,EXX_heat,tool ... or all", CommaSeparated{}},
-               {"--out", &arguments->out,
-                "of --at-file a .csv or .json file, or folder for it; of --grid a folder "
-                "(out/SCENE/volumetric)"}}),
-          [arguments, &common] { return run_pose_command(common, *arguments); },
-          "Columns and files are explained in scenes/README.md, Poses.",
-          {{"--at", &arguments->at, "one pose in mm and degrees: \"X=100 Y=0 Z=50 A=30 C=90\"",
-            Excludes{{"--out"}}},
-           {"--at-file", &arguments->at_file,
-            "poses as CSV: X_mm,Y_mm,A_deg,... and time_s; writes CSV, or JSON with --json"},
-           {"--grid", &arguments->grid,
-            "the work space: from:to:count of axes that run, places of others, such as "
-            "\"X=-100:100:9 Z=::5 A=30\"; slides left out run over their travel",
-            OptionalValue{}}}};
+  return {
+      "pose",
+      "Compute actual and nominal poses of the tool: at one pose, many, or in the whole work space",
+      {"abbe pose scenes/gantry_dome.toml --at \"X=100 Y=0 Z=50 A=30 C=90\" --elements all",
+       "abbe pose scenes/gantry_dome.toml --grid \"X=-200:200:9 Y=::9 Z=0:300:7 A=30\" --out "
+       "out/volume"},
+      scene_options(
+          common,
+          {force_option(common),
+           {"--jacobian", &arguments->jacobians,
+            "derivatives of the nominal pose with respect to axes, error motions, location errors",
+            OneOf{{"axis", "motion", "location"}}, CommaSeparated{}},
+           {"--elements", &arguments->request.elements,
+            "effect of each of these errors alone: EXX,EC0Y,EXX_heat,tool ... or all",
+            CommaSeparated{}},
+           {"--out", &arguments->out,
+            "with --at-file: a .csv or .json file, or folder for it; with --grid: a folder "
+            "(out/SCENE/volumetric)"}}),
+      [arguments, &common] { return run_pose_command(common, *arguments); },
+      "Columns and files are explained in scenes/README.md, Poses.",
+      {{"--at", &arguments->at, "one pose in mm and degrees: \"X=100 Y=0 Z=50 A=30 C=90\"",
+        Excludes{{"--out"}}},
+       {"--at-file", &arguments->at_file,
+        "poses as CSV: X_mm,Y_mm,A_deg,... and time_s; writes CSV, or JSON with --json"},
+       {"--grid", &arguments->grid,
+        "grid over the work space: from:to:count for moving axes, a position for the others, such "
+        "as \"X=-100:100:9 Z=::5 A=30\"; linear axes not listed cover their travel",
+        OptionalValue{}}}};
 }
 
 }  // namespace abbe::sim

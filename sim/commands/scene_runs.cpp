@@ -71,7 +71,7 @@ DayReadings measure_day(const std::string& name, const Scene& scene) {
                       errors::metrology::to_string(description.instrument.kind));
   // The day on which sensors are chosen is the history of the machine before the program.
   const double history = history_duration(*scene.thermal);
-  if (history <= 0.0) throw_input_error("a [[history]] over which sensors are chosen", "none");
+  if (history <= 0.0) throw_input_error("a [[history]] for the choice of sensors", "none");
   description.starts_s = {-history};
   description.instrument.duration_s = history;
   DayReadings day{name,
@@ -301,7 +301,7 @@ Scene add_user_compensators(Scene scene, const RunOptions& options) {
                                       });
     if (is_taken)
       throw BadInput(compensator.plug_in.string(), 0, 0,
-                     "a compensator whose file name no other case has",
+                     "a compensator with a file name that no other case uses",
                      "\"" + compensator.name + "\" again");
     scene.cases.push_back(compensator);
     if (!compensator.function) trust(scene, compensator);

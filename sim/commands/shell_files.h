@@ -15,8 +15,8 @@ namespace abbe::sim {
 /// `--help` and `abbe help`.
 inline constexpr const char* about_line = "virtual five-axis machine tool that is wrong on purpose";
 inline constexpr const char* about_text =
-    "It cuts a part on a machine with errors and shows, in micrometres on the design surface, "
-    "what they\ndid, with and without a compensator.";
+    "It cuts a part on a machine with errors and shows their effect, in micrometres on the "
+    "design\nsurface, with and without a compensator.";
 inline constexpr const char* exit_codes_text =
     "0 ok, 1 an acceptance limit of the scene was exceeded, 2 usage, 3 input,\n"
     "4 numerical, 5 output, 6 plug-in, 130 interrupted.";

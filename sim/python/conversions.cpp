@@ -32,7 +32,7 @@ std::string to_toml(const py::handle& value) {
     return text + "]";
   }
   if (py::hasattr(value, "__float__")) return sim::to_toml_value(value.cast<double>());
-  throw py::type_error(fmt::format("expected a number, text, bool or list, seen {}",
+  throw py::type_error(fmt::format("expected a number, string, bool or list, seen {}",
                                    std::string(py::str(py::type::of(value)))));
 }
 
@@ -151,18 +151,17 @@ std::filesystem::path scene_file(const std::filesystem::path& name) {
 }
 
 void define_exceptions(py::module_& module) {
-  bad_input =
-      add_exception_class(module, "BadInput", PyExc_ValueError,
-                          "What came from outside is refused: file, line, column, expected, seen.");
+  bad_input = add_exception_class(module, "BadInput", PyExc_ValueError,
+                                  "An input error: file, line, column, expected, seen.");
   bad_scene = add_exception_class(
       module, "BadScene", bad_input,
-      "All faults of a scene at once, in faults; the first of them as BadInput.");
+      "All input errors of a scene, in faults; the attributes of BadInput describe the first.");
   output_failure =
-      add_exception_class(module, "OutputFailure", PyExc_OSError, "A file was not written.");
+      add_exception_class(module, "OutputFailure", PyExc_OSError, "A file could not be written.");
   plug_in_failure = add_exception_class(module, "PlugInFailure", PyExc_RuntimeError,
-                                        "A compensator did not answer.");
+                                        "A compensator failed or did not respond.");
   collision_stop = add_exception_class(module, "CollisionStop", PyExc_RuntimeError,
-                                       "Bodies touch, and the scene stops there.");
+                                       "Bodies collide, and the scene stops at collisions.");
   py::register_exception_translator(translate);
 }
 
@@ -181,7 +180,7 @@ Eigen::MatrixXd call_function(const py::function& function, const PlugInTask& ta
   const Rows rows = Rows::ensure(returned);
   if (!rows) throw py::error_already_set();
   if (rows.ndim() != 2)
-    throw py::value_error("expected an array with a row a sample, seen one of " +
+    throw py::value_error("expected an array with one row per sample, seen one of " +
                           std::to_string(rows.ndim()) + " dimensions");
   return Eigen::Map<const PlugInBatch::Rows>(rows.data(), rows.shape(0), rows.shape(1));
 }
@@ -221,7 +220,8 @@ sim::CaseDescription compensator_case(const py::function& function, const std::s
 
 void define_compensators(py::module_& module) {
   using kinematics::Joint;
-  py::class_<Joint>(module, "Joint", "A joint of the machine in the bed frame, all axes at zero.")
+  py::class_<Joint>(module, "Joint",
+                    "A joint of the machine in the bed frame, with all axes at zero.")
       .def_property_readonly("name", [](const Joint& j) { return std::string(1, j.name); })
       .def_property_readonly("side",
                              [](const Joint& j) {
@@ -234,10 +234,10 @@ void define_compensators(py::module_& module) {
       .def_property_readonly(
           "point",
           [](const py::object& self) { return view(self.cast<const Joint&>().point_b, self); })
-      .def_readonly("min", &Joint::min, "mm or rad, of the travel")
+      .def_readonly("min", &Joint::min, "mm or rad, limit of travel")
       .def_readonly("max", &Joint::max);
   using Task = std::shared_ptr<PlugInTask>;
-  py::class_<PlugInTask, Task>(module, "Task", "The machine, and what its control could read.")
+  py::class_<PlugInTask, Task>(module, "Task", "The machine, and the signals its control can read.")
       .def_readonly("structure", &PlugInTask::structure)
       .def_readonly("joints", &PlugInTask::joints)
       .def_readonly("tool", &PlugInTask::tool)
@@ -263,12 +263,12 @@ void define_compensators(py::module_& module) {
     };
   };
   py::class_<PlugInBatch, std::shared_ptr<PlugInBatch>>(module, "Batch",
-                                                        "Some samples in the order of time.")
+                                                        "Samples in chronological order.")
       .def("__len__", [](const PlugInBatch& b) { return b.time_s.size(); })
       .def_property_readonly("time_s", column(&PlugInBatch::time_s))
       .def_property_readonly("q", rows(&PlugInBatch::q), "(n, joints) commands, mm and rad")
       .def_property_readonly("direction", rows(&PlugInBatch::direction),
-                             "(n, joints) +1 up, -1 down, 0 has not moved yet")
+                             "(n, joints) +1 up, -1 down, 0 not moved yet")
       .def_property_readonly("spindle_rpm", column(&PlugInBatch::spindle_rpm))
       .def_property_readonly(
           "T_wt",
@@ -278,7 +278,7 @@ void define_compensators(py::module_& module) {
             // A view of rows of 12 numbers as 3 x 4 matrices, without a copy.
             return view(T.data(), {T.rows(), 3, 4}, {12 * size, 4 * size, size}, self);
           },
-          "(n, 3, 4) where the tool should be: tip [:, :, 3], axis [:, :, 2]")
+          "(n, 3, 4) nominal pose of the tool: tip [:, :, 3], axis [:, :, 2]")
       .def_property_readonly("readings", rows(&PlugInBatch::readings), "(n, readings)");
 }
 

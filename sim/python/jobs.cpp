@@ -70,7 +70,7 @@ void save(const Result& result, const std::filesystem::path& folder,
   const bool is_tracked = result.verdict->cut.track.has_value();
   // Checked before the folder is created.
   if (sim::required_retention(formats) == Retention::Track && !is_tracked)
-    throw py::value_error("expected a result cut with track=True to save its track");
+    throw py::value_error("expected track=True in the cut to save the track");
   // Other Python threads can run while files are written.
   const py::gil_scoped_release release;
   sim::Permissions permissions;
@@ -126,7 +126,7 @@ void define_track(py::module_& module) {
     };
   };
   py::class_<ToolTrack, std::shared_ptr<ToolTrack>>(
-      module, "Track", "Where the tool was at every sample, in the workpiece frame.")
+      module, "Track", "Actual pose of the tool at every sample, in the workpiece frame.")
       .def("__len__", [](const ToolTrack& t) { return t.time_s.size(); })
       .def_property_readonly(
           "time_s",
@@ -134,17 +134,17 @@ void define_track(py::module_& module) {
       .def_property_readonly(
           "line",
           [](const py::object& self) { return view(self.cast<const ToolTrack&>().line, self); },
-          "of the program")
-      .def_property_readonly("q", rows(&ToolTrack::q), "(n, axes) as commanded, mm and rad")
+          "time in the program, s")
+      .def_property_readonly("q", rows(&ToolTrack::q), "(n, axes) commanded, mm and rad")
       .def_property_readonly("nominal_tip", rows(&ToolTrack::nominal_tip), "(n, 3) mm")
       .def_property_readonly("nominal_direction", rows(&ToolTrack::nominal_direction),
-                             "(n, 3) from the tip to the spindle")
+                             "(n, 3) unit vectors from the tip to the spindle")
       .def_property_readonly("actual_tip", rows(&ToolTrack::actual_tip), "(n, 3) mm")
       .def_property_readonly("actual_direction", rows(&ToolTrack::actual_direction), "(n, 3)");
 }
 
 void define_result(py::module_& module) {
-  py::class_<Result>(module, "Result", "One case: its map on the design, and its figures.")
+  py::class_<Result>(module, "Result", "One case: its map on the design surface, and its figures.")
       .def_property_readonly("name", [](const Result& r) { return r.verdict->cut.name; })
       .def_property_readonly(
           "residual_mm", [](const py::object& self) { return view(surface(self).residual, self); },
@@ -167,7 +167,7 @@ void define_result(py::module_& module) {
           "cut_time_s", [](const py::object& self) { return view(surface(self).cut_time_s, self); })
       .def_property_readonly(
           "cut_line", [](const py::object& self) { return view(surface(self).cut_line, self); },
-          "(n) line of the program that made the surface there, 0 where none did")
+          "(n) program line that cut the surface there, 0 where none did")
       .def_property_readonly(
           "signals",
           [](const py::object& self) {
@@ -179,7 +179,7 @@ void define_result(py::module_& module) {
                        {signals.rows.rows()}, {py::ssize_t(sizeof(double))}, self);
             return columns;
           },
-          "time lines by name, such as T_nut_C; empty without heat, force or channels")
+          "time series by name, such as T_nut_C; empty without heat, force or channels")
       .def_property_readonly(
           "track",
           [](const Result& r) -> py::object {
@@ -187,8 +187,8 @@ void define_result(py::module_& module) {
             // A copy, because the view needs an owner.
             return py::cast(std::make_shared<sim::ToolTrack>(*r.verdict->cut.track));
           },
-          "where the tool was; None unless it was cut with track=True")
-      .def_property_readonly("figures", figures, "as summary.json has them")
+          "actual poses of the tool; None unless cut with track=True")
+      .def_property_readonly("figures", figures, "as in summary.json")
       .def_property_readonly(
           "warnings", [](const Result& r) { return sim::warnings_of(*r.job, r.verdict->cut); })
       .def_property_readonly("timing_s", [](const Result& r) { return r.verdict->cut.timing_s; })
@@ -217,7 +217,7 @@ Result judge_cut(std::shared_ptr<const sim::Job> job, sim::Cut cut) {
 void define_results(py::module_& module) {
   define_track(module);
   define_result(module);
-  py::class_<PythonComparison>(module, "Comparison", "The cases of a scene beside each other.")
+  py::class_<PythonComparison>(module, "Comparison", "The cases of a scene, side by side.")
       .def_property_readonly("cases", &PythonComparison::by_name,
                              "by name, in the order of the table")
       .def("__getitem__",
@@ -227,7 +227,7 @@ void define_results(py::module_& module) {
       .def_property_readonly(
           "figures",
           [](const PythonComparison& c) { return to_python(sim::to_json(c.cases->comparison)); },
-          "as comparison.json has them")
+          "as in comparison.json")
       .def_property_readonly("warnings",
                              [](const PythonComparison& c) { return c.cases->comparison.warnings; })
       .def_property_readonly(
@@ -238,7 +238,7 @@ void define_results(py::module_& module) {
               reasons[py::str(failure.name)] = failure.reason;
             return reasons;
           },
-          "why, of compensators that failed, by name")
+          "error messages of failed compensators, by name")
       .def("__str__", [](const PythonComparison& c) { return sim::to_text(c.cases->comparison); })
       .def("_repr_html_", [](const PythonComparison& c) {
         return preformatted(sim::to_text(c.cases->comparison));
@@ -380,13 +380,13 @@ const Job& job_of(const py::object& self) { return *self.cast<const PreparedJob&
 const cutting::Design& design(const py::object& self) { return job_of(self).design_w; }
 
 void define_job(py::module_& module) {
-  py::class_<PreparedJob>(
-      module, "Job", "A scene made ready: its part, program and machine, which all cases share.")
+  py::class_<PreparedJob>(module, "Job",
+                          "A prepared scene: its part, program and machine, shared by all cases.")
       .def_property_readonly("title", [](const PreparedJob& p) { return p.job->scene.title; })
       .def_property_readonly(
           "axes",
           [](const PreparedJob& p) { return kinematics::letters(p.job->machine.nominal.joints()); },
-          "a letter a joint, the columns of q")
+          "one letter per joint, the columns of q")
       .def_property_readonly("cases",
                              [](const PreparedJob& p) {
                                std::vector<std::string> names{"error_free", "uncompensated"};
@@ -403,7 +403,7 @@ void define_job(py::module_& module) {
           "triangles", [](const py::object& self) { return view(design(self).triangles, self); })
       .def_property_readonly(
           "area_mm2", [](const py::object& self) { return view(design(self).area, self); },
-          "(n) a third of the triangles around a vertex")
+          "(n) mm^2, a third of the triangles around each vertex")
       .def_property_readonly(
           "q",
           [](const py::object& self) {
@@ -414,7 +414,7 @@ void define_job(py::module_& module) {
                         // The stride is that of the samples, of which the view shows the positions.
                         {sizeof(kinematics::AxisState), sizeof(double)}, self);
           },
-          "(samples, axes) as the program commands them, mm and rad")
+          "(samples, axes) commanded by the program, mm and rad")
       .def_property_readonly(
           "time_s",
           [](const py::object& self) {
@@ -424,23 +424,23 @@ void define_job(py::module_& module) {
           })
       .def_property_readonly(
           "line", [](const py::object& self) { return view(job_of(self).samples.line, self); },
-          "(samples) of the program")
+          "(samples) time in the program, s")
       .def_property_readonly(
           "T_wt", [](const py::object& self) { return view(job_of(self).T_wt_nominal, self); },
-          "(samples, 4, 4) where the tool should be in the workpiece")
+          "(samples, 4, 4) nominal pose of the tool in the workpiece")
       .def_property_readonly(
           "program", [](const PreparedJob& p) { return p.job->program_text; },
-          "text of a generated program, else empty")
+          "text of the program if it was generated, else empty")
       .def_property_readonly(
           "scene", [](const PreparedJob& p) { return p.job->scene.resolved; },
-          "the scene with every default filled in, TOML")
+          "TOML text of the scene with all defaults filled in")
       .def_property_readonly("warnings", [](const PreparedJob& p) { return p.job->warnings; })
       .def_property_readonly("timing_s", [](const PreparedJob& p) { return p.job->timing_s; })
       .def("cut", cut, py::arg("case") = "uncompensated", py::kw_only(),
            py::arg("answers") = "correction", py::arg("track") = false,
            py::arg("progress") = py::none(),
-           "Cuts a case by its name, a plug-in by its file, or what a function f(task, batch) "
-           "corrects.")
+           "Cuts a case by name, a plug-in by file, or with the corrections of a function f(task, "
+           "batch).")
       .def("with_errors", replace_errors, py::arg("set"),
            "The same part and program on a machine with other errors: {\"errors.scale\": 2}.")
       .def("__repr__",
@@ -453,17 +453,16 @@ void define_jobs(py::module_& module) {
   define_job(module);
   module.def("prepare", prepare, py::arg("scene"), py::arg("set") = py::none(), py::kw_only(),
              py::arg("trust") = false, py::arg("progress") = py::none(),
-             "Reads a scene, its values changed as `--set` does, and makes its job.");
-  module.def(
-      "pose", poses, py::arg("scene"), py::arg("q"), py::arg("set") = py::none(), py::kw_only(),
-      py::arg("time_s") = 0.0,
-      "Nominal and actual poses (n, 4, 4) of the tool in the workpiece, the machine standing "
-      "still at positions q (n, axes), mm and rad.");
+             "Reads a scene, with values changed as by `--set`, and returns its job.");
+  module.def("pose", poses, py::arg("scene"), py::arg("q"), py::arg("set") = py::none(),
+             py::kw_only(), py::arg("time_s") = 0.0,
+             "Nominal and actual poses (n, 4, 4) of the tool in the workpiece, with the machine at "
+             "standstill at positions q (n, axes), mm and rad.");
   module.def("compare", compare, py::arg("scene"), py::arg("set") = py::none(), py::kw_only(),
              py::arg("compensators") = std::vector<py::object>{}, py::arg("answers") = "correction",
              py::arg("track") = false, py::arg("trust") = false, py::arg("progress") = py::none(),
-             "Cuts every case of a scene, as `abbe compare` does; plug-ins by their files, "
-             "functions as of Job.cut.");
+             "Cuts every case of a scene, as `abbe compare` does; compensators are plug-in files "
+             "or functions as for Job.cut.");
 }
 
 namespace {
@@ -488,7 +487,7 @@ py::object identify(const std::vector<path>& readings, const std::string& method
                     const std::vector<std::string>& elements,
                     const std::vector<std::string>& sensors, const std::optional<path>& out,
                     const py::object& callback) {
-  if (readings.empty()) throw py::value_error("readings: expected one file at least");
+  if (readings.empty()) throw py::value_error("readings: expected at least one file");
   sim::IdentificationOptions options;
   options.method = parse_method(method);
   if (order) options.model.order = *order;
@@ -536,12 +535,12 @@ void define_studies(py::module_& module) {
              py::arg("elements") = std::vector<std::string>{},
              py::arg("sensors") = std::vector<std::string>{}, py::arg("out") = py::none(),
              py::arg("progress") = py::none(),
-             "Finds the errors of a machine from files of readings, as `abbe identify` does, and "
-             "writes the belief file `out` where one is named.");
+             "Identifies the errors of a machine from files of readings, as `abbe identify` does, "
+             "and writes the belief file `out` if given.");
   module.def("study", study, py::arg("study"), py::arg("out"), py::arg("set") = py::none(),
              py::kw_only(), py::arg("trust") = false, py::arg("force") = false,
              py::arg("progress") = py::none(),
-             "Does what is left of a study into its folder, and returns its budget.");
+             "Computes the remaining cases of a study in its folder, and returns its budget.");
 }
 
 }  // namespace abbe::python

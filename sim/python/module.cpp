@@ -39,7 +39,8 @@ void limit(const std::optional<int>& threads, const std::optional<double>& memor
   // The limit lasts as long as this object.
   static std::unique_ptr<global_control> thread_limit;
   if (threads && *threads < 1) throw py::value_error("threads: expected at least 1");
-  if (memory_gb && !(*memory_gb > 0.0)) throw py::value_error("memory_gb: expected more than 0");
+  if (memory_gb && !(*memory_gb > 0.0))
+    throw py::value_error("memory_gb: expected a number greater than 0");
   if (threads)
     thread_limit = std::make_unique<global_control>(global_control::max_allowed_parallelism,
                                                     std::size_t(*threads));
@@ -51,13 +52,11 @@ void limit(const std::optional<int>& threads, const std::optional<double>& memor
 PYBIND11_MODULE(abbe, module) {
   find_executable();
   module.doc() =
-      "A virtual five-axis machine tool that is wrong on purpose.\n\n"
-      "job = abbe.prepare(\"scenes/gantry_dome.toml\")\n"
-      "result = job.cut(\"perfect-iterated-ideal\")\n"
-      "result.residual_mm, result.figures\n\n"
-      "Lengths are mm, angles rad, times s, unless a name says otherwise. Arrays look at abbe's "
-      "own "
-      "memory and cannot be written.";
+      "A virtual five-axis machine tool that is wrong on purpose.\n\njob = "
+      "abbe.prepare(\"scenes/gantry_dome.toml\")\nresult = "
+      "job.cut(\"perfect-iterated-ideal\")\nresult.residual_mm, result.figures\n\nLengths are mm, "
+      "angles rad, times s, unless a name says otherwise. Arrays are read-only views of the memory "
+      "of abbe.";
   module.attr("__version__") = sim::version();
   define_exceptions(module);
   define_compensators(module);
@@ -65,7 +64,7 @@ PYBIND11_MODULE(abbe, module) {
   define_jobs(module);
   define_studies(module);
   module.def("limit", limit, py::kw_only(), py::arg("threads") = py::none(),
-             py::arg("memory_gb") = py::none(), "As --threads and --memory-gb of the program.");
+             py::arg("memory_gb") = py::none(), "Same as the options --threads and --memory-gb.");
 }
 
 }  // namespace abbe::python

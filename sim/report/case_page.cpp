@@ -281,9 +281,9 @@ namespace {
 /// Throws BadInput if a map has no triangles or its values are too large to be packed.
 void check_map_fits_page(const path& file, const render::Field& field, const CaseMap& case_map) {
   if (field.design.triangles.rows() == 0)
-    throw BadInput(file.string(), 0, 0, "the triangles of a part", "none");
+    throw BadInput(file.string(), 0, 0, "a part with triangles", "none");
   if (const auto limit = packing_limit(case_map))
-    throw BadInput(file.string(), 0, 0, "a map that a page can hold", *limit + " beyond that");
+    throw BadInput(file.string(), 0, 0, "a map that fits into a page", *limit + " out of range");
 }
 
 /// Throws BadInput if the maximum of the map differs from that of the figures: the files then are
@@ -297,9 +297,10 @@ void check_matches_figures(const path& file, const std::optional<double>& map_ma
   const double recorded_max_um = recorded.get<double>(), map_max_um = *map_max / units::um;
   // The file and the JSON are rounded differently: by 1 nm, or by 1e-5 of a large value.
   if (std::abs(map_max_um - recorded_max_um) > 1e-3 + 1e-5 * std::abs(recorded_max_um))
-    throw BadInput(file.string(), 0, 0,
-                   fmt::format("the map of the figures, which reaches {:.6g} um", recorded_max_um),
-                   fmt::format("one that reaches {:.6g} um", map_max_um));
+    throw BadInput(
+        file.string(), 0, 0,
+        fmt::format("the map of these figures, with a maximum of {:.6g} um", recorded_max_um),
+        fmt::format("a maximum of {:.6g} um", map_max_um));
 }
 
 /// Returns true if the file exists. Throws BadInput if its folder cannot be read.
@@ -325,7 +326,7 @@ void add_saved_map(PartMaps& maps, const SavedCase& saved_case, const path& file
   check_matches_figures(file, map_max, saved_case.figures);
   if (case_map.form_um.size() == 0)
     maps.omissions.push_back(fmt::format(
-        "form and texture are left out of the maps: {} holds no form_um", file.string()));
+        "form and texture are omitted from the maps: {} has no form_um", file.string()));
   add_case(maps, field.design, std::move(case_map));
 }
 
@@ -346,13 +347,12 @@ PartMaps saved_maps(const std::vector<SavedCase>& cases) {
       add_saved_map(maps, saved_case, file);
     else
       maps.omissions.push_back(
-          fmt::format("{} is in the table and not among the maps: {}, which --save vtp writes, is "
-                      "not there",
+          fmt::format("{} is in the table but has no map: {} is missing (--save vtp writes it)",
                       saved_case.figures.at("name").get<std::string>(), file.string()));
   }
   if (std::ranges::any_of(cases, has_regions))
     maps.omissions.push_back(
-        "the regions of the part are left out of the report: saved maps do not hold them");
+        "the regions of the part are omitted from the report: saved maps do not contain them");
   return maps;
 }
 
@@ -361,8 +361,8 @@ PartMaps saved_maps(const std::vector<SavedCase>& cases) {
 PartMaps saved_maps(const std::vector<SavedCase>&) {
   PartMaps maps;
   maps.omissions.push_back(
-      "maps to turn are left out of the report: this abbe was built without ABBE_RENDER, which "
-      "reads them");
+      "interactive maps are omitted from the report: this program was built without ABBE_RENDER, "
+      "which is needed to read them");
   return maps;
 }
 
@@ -382,7 +382,8 @@ path figures_file(const path& folder) {
 path saved_case_folder(const path& folder, const std::string& name) {
   const path inside = path(name).lexically_normal();
   if (inside.empty() || inside == "." || inside.is_absolute() || *inside.begin() == "..")
-    throw std::invalid_argument("the case \"" + name + "\", which names no folder in it");
+    throw std::invalid_argument("the case \"" + name +
+                                "\", which is not the name of a folder in it");
   return folder / inside;
 }
 
@@ -394,7 +395,7 @@ std::vector<SavedCase> saved_cases(const ordered_json& json, const path& folder)
     cases.back().figures["name"] = json.at("case");
     return cases;
   }
-  if (json.at("cases").empty()) throw std::invalid_argument("no case");
+  if (json.at("cases").empty()) throw std::invalid_argument("no cases");
   for (const ordered_json& entry : json.at("cases")) {
     const std::string name = entry.at("name").get<std::string>();
     cases.push_back({entry, saved_case_folder(folder, name)});
@@ -450,8 +451,8 @@ FiguresPage saved_page_header(const ordered_json& json) {
   const char* command = json.contains("cases") ? "compare" : "run";
   page.command = fmt::format("abbe {} scene.toml --report", command);
   page.warnings.push_back(
-      fmt::format("the machine in motion and its signals are left out of the report: saved "
-                  "results do not hold them; abbe {} --report writes them",
+      fmt::format("the moving machine and its signals are omitted from the report: saved results "
+                  "do not contain them; abbe {} --report writes them",
                   command));
   return page;
 }
@@ -468,7 +469,7 @@ SavedResults read_saved_results(const path& folder) {
   const path file = figures_file(folder);
   SavedResults saved;
   read_saved_json(
-      file, "the figures of cases as abbe run or abbe compare writes them",
+      file, "the figures of cases as written by abbe run or abbe compare",
       [&](const ordered_json& json, const std::string& text) {
         saved = {saved_page_header(json), saved_cases(json, folder), json.at("tolerance_um")};
         saved.page.blocks.push_back(saved_figures_block(saved.cases));
@@ -512,7 +513,7 @@ PageData pack_saved_maps(const SavedResults& saved, const PartMaps& maps, const 
   try {
     return maps_data(maps, saved.tolerance_um);
   } catch (const std::invalid_argument& error) {
-    throw BadInput(folder.string(), 0, 0, "maps that a page can hold", error.what());
+    throw BadInput(folder.string(), 0, 0, "maps that fit into a page", error.what());
   }
 }
 

@@ -24,7 +24,7 @@ using kinematics::Joint;
 /// point.
 std::string measured_line(const errors::GeometricModel& model,
                           const errors::GeometricModel::Bound& bound, const Joint& joint) {
-  std::string text = "the joint's point";
+  std::string text = "the point of the joint";
   for (const auto& line : model.lines)
     if (line.joint == bound.joint && !bound.element.name.is_angle()) {
       const Eigen::Vector3d point = joint.point_b + line.arm_b;
@@ -338,7 +338,7 @@ std::string element_text(const Description::Element& element) {
   const auto text = [&](const std::optional<double>& number, const std::string& per) {
     return number ? fmt::format("{:.4g} {}{}", *number / element_unit(element.name),
                                 element_unit_name(element.name), per)
-                  : "outside its table";
+                  : "outside the table";
   };
   std::string slope;
   if (!element.location) slope = text(element.slope, element.is_on_slide ? " per mm" : " per rad");
@@ -388,7 +388,7 @@ std::string heat_text(const Description::Heat& heat) {
 
 /// Returns the stiffness along the axes of the tool; "stiff" for a rigid direction.
 std::string stiffness_text(const std::array<std::optional<double>, 3>& stiffness) {
-  std::string text = "\nstiffness at the tip, half way, along tool x y z:";
+  std::string text = "\nstiffness at the tip, halfway through the program, along tool x y z:";
   for (const auto& k : stiffness) text += k ? fmt::format(" {:.4g}", *k) : " stiff";
   return text + " N/um\n";
 }
@@ -396,13 +396,14 @@ std::string stiffness_text(const std::array<std::optional<double>, 3>& stiffness
 /// Returns the cut of the nominal machine with its crashes.
 std::string cut_text(const Description::NominalCut& cut) {
   std::string text = fmt::format(
-      "\ncut      {}, stock followed every {:.3g} mm; nominal: {:.5g} mm^3 removed in {} steps, at "
+      "\ncut      {}, stock grid {:.3g} mm; nominal: {:.5g} mm^3 removed in {} steps, force at "
       "most {:.4g} N\n",
-      cut.material ? escaped(cut.material->name) : "stock alone", cut.spacing, cut.totals.removed,
+      cut.material ? escaped(cut.material->name) : "stock only", cut.spacing, cut.totals.removed,
       cut.steps, cut.totals.max_force);
   if (!cut.crash_lines.empty())
-    text += fmt::format("         a rapid or the shank meets material on {} lines, first line {}\n",
-                        cut.crash_lines.size(), cut.crash_lines.front());
+    text += fmt::format(
+        "         a rapid move or the shank hits material on {} lines, first on line {}\n",
+        cut.crash_lines.size(), cut.crash_lines.front());
   return text;
 }
 
@@ -411,11 +412,11 @@ std::string part_text(const Description::Part& part) {
   std::string text = fmt::format("\npart     {}: {} vertices, {:.4g} mm^2\n", escaped(part.name),
                                  part.vertices, part.area);
   for (const RegionCoverage& region : part.regions) {
-    text += fmt::format("         region {}: {:.4g} mm^2, {:.4g} % of it", escaped(region.name),
-                        region.area, 100.0 * region.area_fraction);
+    text += fmt::format("         region {}: {:.4g} mm^2, {:.4g} % of the part",
+                        escaped(region.name), region.area, 100.0 * region.area_fraction);
     if (region.deciding_fraction < region.area_fraction)
       text +=
-          fmt::format(", {:.4g} % where no later region holds", 100.0 * region.deciding_fraction);
+          fmt::format(", {:.4g} % not covered by later regions", 100.0 * region.deciding_fraction);
     text += "\n";
   }
   return text;
@@ -437,12 +438,12 @@ std::string program_text(const Description& d) {
 /// Returns the external programs that a scene would run; `check` runs none of them.
 std::string programs_text(const std::vector<ProgramTrust>& programs) {
   if (programs.empty()) return {};
-  std::string text = "\nruns     programs that its files name; check ran none\n";
+  std::string text = "\nruns     programs named in its files; check did not run them\n";
   for (const ProgramTrust& trust : programs)
     text +=
         fmt::format("         {}, named in {}:{}, {}\n", escaped(trust.reference.program.string()),
                     escaped(trust.reference.file.string()), trust.reference.line,
-                    trust.trusted ? "trusted" : "NOT trusted: asks --trust");
+                    trust.trusted ? "trusted" : "NOT trusted: needs --trust");
   return text;
 }
 

@@ -202,10 +202,10 @@ render::Panel position_picture_panel(const std::string& name, const metrology::P
 /// Returns the name of a test and the component that was subtracted from it.
 std::string panel_title(const metrology::AxisTest& test) {
   if (test.test_kind == metrology::AxisTest::TestKind::Straightness)
-    return test.name + ", less its line";
+    return test.name + ", minus its reference line";
   if (test.test_kind == metrology::AxisTest::TestKind::ErrorMotion && !test.axial &&
       !is_hidden_by_centring(test))
-    return test.name + ", less order 1";
+    return test.name + ", minus order 1";
   return test.name;
 }
 
@@ -256,7 +256,7 @@ void write_circle(const std::filesystem::path& file, const metrology::CircleTest
   render::PolarOptions options;
   const bool least_squares = circle.centre_kind == metrology::CircleCentre::LeastSquares;
   options.title = test.name + (least_squares ? ", about its least-squares centre"
-                                             : ", about the centre as set up");
+                                             : ", about the set-up centre");
   options.first_axis = test.plane.substr(0, 1);
   options.second_axis = test.plane.substr(1, 1);
   const auto& figures = circle.both            ? circle.both
@@ -327,8 +327,9 @@ std::vector<std::filesystem::path> write_test_pictures(const ResultFolder& folde
     const auto count = std::min(max_panels, panels.size() - first);
     add("axes", [&](const std::filesystem::path& file) {
       render::CurvesOptions options;
-      options.title = "deviations over the commanded position; points: single readings";
-      options.caption = {from, "actual minus target; a slide's count from its target nearest to 0"};
+      options.title = "deviations against commanded position; points: single readings";
+      options.caption = {from,
+                         "actual minus target; linear axes relative to the target nearest to 0"};
       options.columns = count > 3 ? 2 : 1;
       options.width = options.columns == 2 ? 2600 : 1600;
       render::write_curves(file, {begin, begin + std::ptrdiff_t(count)}, options);
@@ -349,7 +350,7 @@ std::vector<std::filesystem::path> write_part_picture(const ResultFolder& folder
   const VectorXd deviation_um = part.readings.deviation / units::um;
   render::HistogramOptions options;
   options.title = part.part + ", read by " + part.instrument;
-  options.caption = {from, "along the design's normals, + material left"};
+  options.caption = {from, "along the normals of the design, + material left"};
   write_file(folder / "part.png", [&](const std::filesystem::path& file) {
     render::write_histogram(file, deviation_um, VectorXd::Ones(deviation_um.size()), options);
   });
@@ -659,7 +660,7 @@ FiguresPage evaluation_page(const Evaluation& evaluation) {
 FiguresPage evaluation_page(const std::filesystem::path& folder) {
   FiguresPage page;
   read_saved_json(
-      folder / "evaluation.json", "an evaluation as abbe evaluate writes it",
+      folder / "evaluation.json", "an evaluation written by abbe evaluate",
       [&](const ordered_json& evaluation, const std::string& text) {
         page = evaluation_document(evaluation);
         if (const ordered_json pictures =
@@ -667,8 +668,8 @@ FiguresPage evaluation_page(const std::filesystem::path& folder) {
             !pictures.is_null())
           page.blocks.push_back(pictures);
         page.warnings.push_back(
-            "charts of the readings are left out of the report, its pictures stand in their place: "
-            "a finished evaluation does not hold the readings; abbe evaluate --report writes them");
+            "the report has pictures instead of charts of the readings: a finished evaluation does "
+            "not contain the readings; abbe evaluate --report writes them");
         page.files.push_back({"evaluation.json", text});
       });
   return page;

@@ -37,7 +37,7 @@ const ordered_json& require_figure(const ordered_json& json) {
                          json.contains("low") && json.contains("high") &&
                          std::all_of(json.begin(), json.end(), is_number);
   if (!is_number(json) && !is_banded)
-    throw std::invalid_argument("no figure: " + json.dump().substr(0, 60));
+    throw std::invalid_argument("not a figure: " + json.dump().substr(0, 60));
   return json;
 }
 
@@ -107,7 +107,7 @@ std::vector<ReportLabel> all_labels() {
 void check_labels(const ordered_json& json, const std::set<std::string>& known_labels) {
   if (json.is_object() && json.contains("label")) {
     const auto key = json.at("label").get<std::string>();
-    if (!known_labels.count(key)) throw std::invalid_argument("the page names no label " + key);
+    if (!known_labels.count(key)) throw std::invalid_argument("the page has no label " + key);
   }
   if (json.is_structured())
     for (const ordered_json& element : json) check_labels(element, known_labels);

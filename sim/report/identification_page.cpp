@@ -44,8 +44,8 @@ render::Panel curve_picture_panel(const CurveReadings& curve, const kinematics::
                             {},
                             render::CurveStyle::Points,
                             1});
-  panel.series.push_back({"identified, 95 % band", curve.q / position_unit, curve.value / unit,
-                          (curve.value - 1.96 * curve.sigma) / unit,
+  panel.series.push_back({"identified, 95 % confidence", curve.q / position_unit,
+                          curve.value / unit, (curve.value - 1.96 * curve.sigma) / unit,
                           (curve.value + 1.96 * curve.sigma) / unit, render::CurveStyle::Line, 0});
   return panel;
 }
@@ -71,7 +71,7 @@ void write_curves_picture(const ResultFile& file, const std::vector<CurveReading
   for (const CurveReadings& curve : curves) panels.push_back(curve_picture_panel(curve, nominal));
   if (panels.empty()) return;
   render::GridOptions options;
-  options.title = "identified elements and the readings behind them";
+  options.title = "identified elements and the readings that determine them";
   options.caption = {file_names(readings)};
   write_file(file, [&](const std::filesystem::path& temporary) {
     render::write_grid(temporary, panels, options);
@@ -472,12 +472,12 @@ FiguresPage identification_page(const IdentificationResult& identified) {
 FiguresPage identification_page(const std::filesystem::path& file) {
   FiguresPage page;
   read_saved_json(
-      file, "the report of an identification as abbe identify writes it, NAME.json",
+      file, "the report of an identification (NAME.json) written by abbe identify",
       [&](const ordered_json& report, const std::string&) {
         page = identification_document(report, nullptr);
         page.warnings.push_back(
-            "curves of the elements, readings and residuals are left out of the report: a finished "
-            "identification does not hold them; abbe identify --report writes them");
+            "curves of the elements, readings and residuals are omitted from the report: a "
+            "finished identification does not contain them; abbe identify --report writes them");
         add_file(page, file);
         add_file(page, std::filesystem::path(file).replace_extension(".toml"));
       });

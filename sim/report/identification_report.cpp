@@ -163,7 +163,7 @@ using errors::identification::coefficient_element;
 /// Returns a line for every element with its coefficients and their standard uncertainties.
 std::string numbers_text(const errors::GeometricErrors& belief) {
   if (belief.elements.empty()) return "";
-  std::string text = "\nelements in um and urad, with their standard uncertainty", element;
+  std::string text = "\nelements in um and urad, with standard uncertainties", element;
   for (const ParameterEstimate& parameter : parameter_estimates(belief)) {
     const std::optional<double>& u = parameter.standard_uncertainty;
     if ((u ? *u : std::abs(parameter.value)) <= 0.0) continue;  // zero by convention
@@ -218,17 +218,17 @@ std::string confounded_text(
     else if (coefficient.with.empty())
       ++unobservable[coefficient_element(escaped(coefficient.name))];
     else
-      text += fmt::format("\n{} is left at 0: a unit of it reads the same as {}",
+      text += fmt::format("\n{} is left at 0: one unit of it gives the same readings as {}",
                           escaped(coefficient.name), confounders_text(coefficient));
   if (!weak.empty())
     text +=
-        "\nleft at 0, since the readings determine them far worse than new machines differ (in "
-        "brackets): " +
+        "\nleft at 0, because their uncertainty is far larger than the typical deviation of new "
+        "machines (in brackets): " +
         weak;
   std::string names;
   for (const auto& [element, count] : unobservable)
     names += fmt::format("{}{} ({})", names.empty() ? "" : ", ", element, count);
-  if (!names.empty()) text += "\nunobservable, left out (numbers): " + names;
+  if (!names.empty()) text += "\nunobservable, omitted (number of coefficients): " + names;
   return text;
 }
 
@@ -238,7 +238,7 @@ std::string composite_axis_text(const CompositeAxis& axis,
                                 const std::vector<std::string>& sensors) {
   const errors::identification::CompositeFit& fit = axis.fit;
   std::string text =
-      fmt::format("\n{}: cold curve of start 1 at {:.2f} h, RMS {:.3f} um about the law\n",
+      fmt::format("\n{}: cold curve of start 1 at {:.2f} h, RMS {:.3f} um about the fit\n",
                   axis.axis, axis.cold_s / 3600.0, fit.rms / units::um);
   for (std::size_t k = 0; k < sensors.size(); ++k)
     text += fmt::format("  dT = 0 at                    {:>9.2f} C  {}\n", axis.cold_C[Index(k)],
@@ -252,8 +252,8 @@ std::string composite_axis_text(const CompositeAxis& axis,
                         fit.thermal[Index(k)] / um_per_m,
                         fit.slope_fit.standard_error[Index(k)] / um_per_m);
   if (axis.with_constant)
-    text += fmt::format("  {:<28} {:>9.4f} ({:.2g}) um/m, by the later starts alone\n",
-                        "slope left at dT = 0", axis.with_constant->constant / um_per_m,
+    text += fmt::format("  {:<28} {:>9.4f} ({:.2g}) um/m, from the later starts only\n",
+                        "slope at dT = 0", axis.with_constant->constant / um_per_m,
                         axis.with_constant->standard_error[0] / um_per_m);
   return text;
 }
@@ -269,12 +269,12 @@ std::string fit_text(const IdentificationResult& identified, const CompositeFits
 
 /// Returns the thermal terms of a day with the trained range of every sensor.
 std::string fit_text(const IdentificationResult&, const ThermalDay& day) {
-  std::string text = fmt::format("\nwhat heat adds, from {} epochs\n", day.epochs.size());
+  std::string text = fmt::format("\nthermal terms, from {} epochs\n", day.epochs.size());
   for (const RegressedTerm& term : day.terms) {
     const TermEstimate estimate = term_estimate(term);
-    text += fmt::format("{:<12} moved by {:.3f} {}, of which {:.2g} is left (R^2 {:.3f})\n",
-                        estimate.name, estimate.range, estimate.unit, estimate.residual_sd,
-                        term.regression.r_squared);
+    text +=
+        fmt::format("{:<12} range {:.3f} {}, residual {:.2g} (R^2 {:.3f})\n", estimate.name,
+                    estimate.range, estimate.unit, estimate.residual_sd, term.regression.r_squared);
     for (std::size_t k = 0; k < day.sensors.size(); ++k)
       text +=
           fmt::format("  {:<28} {:>9.4f} ({:.2g}) {}/K\n", escaped(day.sensors[k]),
@@ -329,7 +329,7 @@ std::string trends_text(const StepDiagonalFit& fit) {
   }
   if (shown_count == count) return text;
   const double max_significance = trends[shown_count].significance();
-  return text + fmt::format("\nand {} more trends by temperature{}; all are in the report",
+  return text + fmt::format("\nand {} more temperature trends{}; all are in the report",
                             count - shown_count,
                             std::isfinite(max_significance)
                                 ? fmt::format(", each at most {:.3g} times its "
@@ -347,7 +347,7 @@ std::string fit_text(const IdentificationResult&, const StepDiagonalFit& fit) {
 std::string fit_text(const IdentificationResult&, const ChainFit& fit) {
   std::string text;
   if (!fit.outliers.empty())
-    text = fmt::format("\n{} readings left out as outliers; they are in the report",
+    text = fmt::format("\n{} readings rejected as outliers; they are in the report",
                        fit.outliers.size());
   return text + fmt::format("\nreduced chi-square {:.3f}", fit.reduced_chi_square);
 }
@@ -626,19 +626,20 @@ std::string geometric_text(const IdentificationResult& identified) {
 /// Returns the thermal belief of a day. Its head states the trained range, outside of which the
 /// belief is held constant.
 std::string day_text(const IdentificationResult& identified, const ThermalDay& day) {
-  Comments comments{"What heat does to a machine, by temperatures; " + origin_text(),
+  Comments comments{"Thermal errors of a machine as functions of temperatures; " + origin_text(),
                     basis_text(identified),
-                    "Changes of temperature count from the first row that a control reads."};
+                    "Temperature changes are relative to the first row that a control reads."};
   add_sources(comments, identified);
   for (std::size_t k = 0; k < day.sensors.size(); ++k)
-    comments.push_back(fmt::format("trained: {} from {:.2f} to {:.2f} K, held {:.0f} % beyond",
-                                   day.sensors[k], day.dT_K.col(Index(k)).minCoeff(),
-                                   day.dT_K.col(Index(k)).maxCoeff(), 100.0 * day.margin));
+    comments.push_back(fmt::format(
+        "trained: {} from {:.2f} to {:.2f} K, held constant {:.0f} % beyond", day.sensors[k],
+        day.dT_K.col(Index(k)).minCoeff(), day.dT_K.col(Index(k)).maxCoeff(), 100.0 * day.margin));
   for (const RegressedTerm& term : day.terms) {
     const TermEstimate estimate = term_estimate(term);
-    comments.push_back(fmt::format(
-        "{}: moved by {:.3g} {}, of which these temperatures leave {:.2g} (standard deviation)",
-        estimate.name, estimate.range, estimate.unit, estimate.residual_sd));
+    comments.push_back(
+        fmt::format("{}: range {:.3g} {}, residual after regression on these temperatures {:.2g} "
+                    "(standard deviation)",
+                    estimate.name, estimate.range, estimate.unit, estimate.residual_sd));
   }
   return to_text(identified.thermal, comments);
 }
@@ -653,10 +654,12 @@ std::string belief_file_text(const IdentificationResult& identified) {
 std::string thermal_half_file_text(const IdentificationResult& composite) {
   const auto& fit = std::get<CompositeFits>(composite.fit);
   Comments comments{
-      "Slopes of positioning by temperatures, the thermal half of a composite belief; " +
+      "Slopes of positioning as functions of temperatures, the thermal half of a composite "
+      "belief; " +
           origin_text(),
       "The cold half is " + composite.files.belief.filename().string() +
-          ", which holds the cold slope; at the temperatures of its start these slopes are zero."};
+          ", which contains the cold slope; these slopes are zero at the temperatures of its "
+          "start."};
   for (const CompositeAxis& axis : fit.axes) {
     std::string cold;
     for (std::size_t k = 0; k < fit.sensors.size(); ++k)

@@ -49,18 +49,18 @@ std::string allowed_values(const Key& key) {
       return range.empty() ? "number" : range;
     case Kind::Whole:
       // Limits of 2^53 or 2^63 are those of the number type, not of the key.
-      return key.range.max > 1e15 ? fmt::format("whole number ≥ {:.12g}", key.range.min)
-                                  : "whole number, " + range;
+      return key.range.max > 1e15 ? fmt::format("integer ≥ {:.12g}", key.range.min)
+                                  : "integer, " + range;
     case Kind::Boolean:
       return "true or false";
     case Kind::Text:
-      return key.choices.empty() ? "text" : or_joined(key.choices);
+      return key.choices.empty() ? "string" : or_joined(key.choices);
     case Kind::Numbers:
       return key.size > 0 ? fmt::format("{} numbers", key.size) : "list of numbers";
     case Kind::NumberOrNumbers:
       return (range.empty() ? "number" : range) + fmt::format(", or {} numbers", key.size);
     case Kind::Texts:
-      return "list of texts";
+      return "list of strings";
     case Kind::Table:
       return "table" + file;
     case Kind::Tables:
@@ -152,7 +152,8 @@ class RowBuilder {
     std::string sentence = key.sentence;
     if (!descriptions.empty()) sentence += (sentence.empty() ? "" : ": ") + descriptions;
     rows.push_back({own_path, condition, key.required, key_unit(key),
-                    has_value_rows ? "a word" : allowed_values(key), key.fallback, sentence});
+                    has_value_rows ? "one of these values" : allowed_values(key), key.fallback,
+                    sentence});
     for (const EnumChoice& choice : key.choices)
       if (has_value_rows)
         rows.push_back({own_path + " = \"" + choice.word + "\"", condition, false, "", "", "",
@@ -240,9 +241,9 @@ std::string to_text(const std::vector<KeyRow>& rows) {
   std::string text;
   for (const KeyRow& row : rows) {
     text += row.path;
-    if (!row.condition.empty()) text += "  where " + row.condition;
+    if (!row.condition.empty()) text += "  with " + row.condition;
     text += "\n    " + row.value + (row.unit.empty() ? "" : " (" + row.unit + ")");
-    if (row.required) text += "; must be given";
+    if (row.required) text += "; required";
     if (!row.fallback.empty()) text += "; default " + row.fallback;
     text += "\n";
     if (!row.sentence.empty()) text += "    " + row.sentence + "\n";

@@ -276,19 +276,19 @@ std::string short_warning(const LineTexture& t, int requested_sections) {
   const EvaluationLength& e = t.texture.sections;
   if (t.texture.length < t.Nic)
     return fmt::format(
-        "the line is {:.4g} mm long, less than one section length of {:.4g} mm (Nic): R is of all "
-        "of it, and waves near Nic are in W or R by chance",
+        "the profile is {:.4g} mm long, less than one section length of {:.4g} mm (Nic): R covers "
+        "all of it, and waves near Nic may be in either W or R",
         t.texture.length, t.Nic);
   if (e.sections < requested_sections)
     return fmt::format(
-        "R is of {} section{} of {:.4g} mm, not of {}: the line is {:.4g} mm long, so R figures "
-        "scatter more",
+        "R covers {} section{} of {:.4g} mm instead of {}: the profile is only {:.4g} mm long, so "
+        "R parameters scatter more",
         e.sections, e.sections == 1 ? "" : "s", e.section, requested_sections, t.texture.length);
   // The filter of ISO 16610-21 needs half of Nic on either side of the evaluation length.
   if (t.texture.run_in < 0.5 * t.Nic)
     return fmt::format(
-        "the line has {:.3g} mm before and after the evaluation length of R, less than half of "
-        "Nic: {:.3g} mm; the mean line there is fitted to one side",
+        "the profile has {:.3g} mm before and after the evaluation length of R, less than half of "
+        "Nic ({:.3g} mm); the mean line there is fitted one-sided",
         t.texture.run_in, 0.5 * t.Nic);
   return {};
 }
@@ -305,10 +305,10 @@ std::string spacing_warning(const LineTexture& t) {
   if (is_resolved(t)) return {};
   if (trace.interpolation) {
     return fmt::format(
-        "the map does not resolve the profile: at {} places within the triangles of the line it is "
-        "{:.3g} um RMS ({:.3g} um at most) off the straight line between their corners, Rq is "
-        "{:.3g} um: what is finer than the triangles ({:.3g} mm from one to the next, {:.3g} mm at "
-        "most) is missing from R or shows as longer waves",
+        "the map does not resolve the profile: at {} points inside the triangles it deviates by "
+        "{:.3g} um RMS ({:.3g} um at most) from linear interpolation between their corners, and Rq "
+        "is {:.3g} um: waves finer than the triangles (spacing {:.3g} mm, {:.3g} mm at most) are "
+        "missing from R or appear as longer waves",
         trace.interpolation->points, trace.interpolation->rms / units::um,
         trace.interpolation->max / units::um, Rq / units::um, trace.mean_spacing,
         trace.max_spacing);
@@ -316,9 +316,9 @@ std::string spacing_warning(const LineTexture& t) {
   const double widest = errors::metrology::setting_class(t.Nic).widest_step;
   if (trace.max_spacing <= widest) return {};
   return fmt::format(
-      "whether the map resolves the profile is not known: from triangle to triangle it is {:.3g} "
-      "mm ({:.3g} mm at most), Nis {:.3g} um needs a place every {:.3g} um, and nobody looked "
-      "between the vertices (part.sampling = \"adaptive\" does)",
+      "it is unknown whether the map resolves the profile: the triangle spacing is {:.3g} mm "
+      "({:.3g} mm at most), Nis {:.3g} um needs a point every {:.3g} um, and the map was not "
+      "sampled between the vertices (part.sampling = \"adaptive\" does this)",
       trace.mean_spacing, trace.max_spacing, t.texture.requested_Nis / units::um,
       widest / units::um);
 }
@@ -332,15 +332,14 @@ std::vector<std::string> texture_warnings(const LineTexture& t, int sections) {
   add(short_warning(t, sections));
   if (t.trace.omitted_length > 0.0)
     add(
-        fmt::format("the line is cut in {} stretches; the longest, {:.4g} mm, is evaluated, {:.4g} "
-                    "mm are left out",
+        fmt::format("the profile is cut in {} segments; the longest, {:.4g} mm, is evaluated, "
+                    "{:.4g} mm are omitted",
                     t.trace.segments, t.texture.length, t.trace.omitted_length));
   if (t.texture.Nis > t.texture.requested_Nis * (1.0 + 1e-6))
-    add(
-        fmt::format("Nis is {:.4g} um, not {:.4g} um: the line has {} places at most, {:.4g} um "
-                    "apart",
-                    t.texture.Nis / units::um, t.texture.requested_Nis / units::um,
-                    t.texture.primary.z.size(), t.texture.primary.step / units::um));
+    add(fmt::format(
+        "Nis is {:.4g} um instead of {:.4g} um: the profile has at most {} points, {:.4g} um apart",
+        t.texture.Nis / units::um, t.texture.requested_Nis / units::um, t.texture.primary.z.size(),
+        t.texture.primary.step / units::um));
   add(spacing_warning(t));
   return warnings;
 }
@@ -360,13 +359,13 @@ constexpr std::array parameter_rows = {
                  [](const ProfileParameters& p) { return std::optional(p.q / units::um); }},
     ParameterRow{"t", "total height", "um",
                  [](const ProfileParameters& p) { return std::optional(p.t / units::um); }},
-    ParameterRow{"z", "maximum height, mean of the sections", "um",
+    ParameterRow{"z", "maximum height, mean of sections", "um",
                  [](const ProfileParameters& p) { return std::optional(p.z / units::um); }},
     ParameterRow{"zx", "largest maximum height of a section", "um",
                  [](const ProfileParameters& p) { return std::optional(p.zx / units::um); }},
-    ParameterRow{"p", "mean peak height of the sections", "um",
+    ParameterRow{"p", "mean peak height of sections", "um",
                  [](const ProfileParameters& p) { return std::optional(p.p / units::um); }},
-    ParameterRow{"v", "mean pit depth of the sections", "um",
+    ParameterRow{"v", "mean pit depth of sections", "um",
                  [](const ProfileParameters& p) { return std::optional(p.v / units::um); }},
     ParameterRow{"sk", "skewness", "", [](const ProfileParameters& p) { return p.sk; }},
     ParameterRow{"ku", "kurtosis", "", [](const ProfileParameters& p) { return p.ku; }},
@@ -440,18 +439,16 @@ std::string to_text(const LineTexture& t) {
   const ProfileTexture& texture = t.texture;
   const EvaluationLength& e = texture.sections;
   std::string text = fmt::format(
-      "profile along {}\n"
-      "{:.4g} mm along the surface; Nis {:.4g} um, Nic {:.4g} mm ({}{}); Gaussian filters "
-      "(ISO 16610-21), lines fitted at the ends (ISO 16610-28)\n"
-      "P and W: {:.4g} mm, less the least-squares line; R: {} section{} of {:.4g} mm from {:.4g} "
-      "mm\n",
+      "profile along {}\n{:.4g} mm along the surface; Nis {:.4g} um, Nic {:.4g} mm ({}{}); "
+      "Gaussian filters (ISO 16610-21), lines fitted at the ends (ISO 16610-28)\nP and W: {:.4g} "
+      "mm, minus the least-squares line; R: {} section{} of {:.4g} mm from {:.4g} mm\n",
       t.position, texture.length, texture.Nis / units::um, t.Nic, t.Nic_source, class_text(t.Nic),
       texture.length, e.sections, e.sections == 1 ? "" : "s", std::min(e.section, texture.length),
       e.from);
   if (t.trace.interpolation)
     text += fmt::format(
-        "between its corners the map is {:.3g} um RMS off a straight line, {:.3g} "
-        "um at most, at {} places\n",
+        "inside its triangles the map deviates from linear interpolation by {:.3g} um RMS, {:.3g} "
+        "um at most, at {} points\n",
         t.trace.interpolation->rms / units::um, t.trace.interpolation->max / units::um,
         t.trace.interpolation->points);
   text += fmt::format("\n{:<40} {:>12} {:>12} {:>12}  {}\n", "ISO 21920-2", "P", "W", "R", "unit");
@@ -477,7 +474,7 @@ ordered_json to_json(const LineTexture& t) {
       {"left_out_mm", t.trace.omitted_length},
       {"filter", "Gaussian, ISO 16610-21"},
       {"ends", "first moment retained, ISO 16610-28"},
-      {"form_removed", "the design, then the least-squares line"},
+      {"form_removed", "the design surface, then the least-squares line"},
       {"Nic_mm", t.Nic},
       {"Nic_of", t.Nic_source},
       {"Nis_um", texture.Nis / units::um},
@@ -538,7 +535,8 @@ std::string main_settings(const LineTexture& t) {
 std::string resolution_warning(const LineTexture& t) {
   if (!t.trace.interpolation || is_resolved(t)) return {};
   return fmt::format(
-      "not resolved: between its corners the map is {:.3g} µm RMS off straight lines",
+      "not resolved: inside its triangles the map deviates from linear interpolation by {:.3g} µm "
+      "RMS",
       t.trace.interpolation->rms / units::um);
 }
 

@@ -254,8 +254,8 @@ void add_bodies(const MachineDescription& machine, const Chain& chain, const Axi
 /// Returns the caption that says whether the bodies of the machine are schematic.
 std::string blocks_text(const MachineDescription& machine) {
   return machine.bodies.empty()
-             ? "carriages are schematic: the description places them but gives them no shape"
-             : "the machine as the bodies of its description, [[body]]";
+             ? "carriages are schematic: the machine description has their positions but no shapes"
+             : "machine drawn from the bodies of its description, [[body]]";
 }
 
 /// Passes of the cut that are drawn: nominal positions of the tip with its errors.
@@ -398,13 +398,12 @@ render::MachinePicture machine_picture(const Job& job) {
     }
   };
   add_paths("tip as programmed", 0.0, {0.20, 0.35, 0.65});
-  if (trace.max_error > 0.0)
-    add_paths("tip on the wrong machine", picture.magnification, {0.80, 0.25, 0.20});
+  if (trace.max_error > 0.0) add_paths("actual tip", picture.magnification, {0.80, 0.25, 0.20});
   picture.caption = {
       blocks_text(job.scene.machine),
-      fmt::format("{} drawn; largest deviation of the tip there {:.1f} \u00b5m",
+      fmt::format("{} drawn; largest deviation of the drawn tip {:.1f} \u00b5m",
                   trace.passes.size() > trace.pass_count
-                      ? fmt::format("{} stretches of the path", trace.passes.size())
+                      ? fmt::format("{} path segments", trace.passes.size())
                       : fmt::format("{} of {} passes", trace.passes.size(), trace.pass_count),
                   trace.max_error / units::um)};
   return picture;
@@ -488,7 +487,7 @@ std::vector<Vector3d> run_points(const TipTrace& trace, std::pair<std::size_t, s
 render::MachinePicture machine_picture(const ProgramInspection& inspection) {
   const TipTrace& trace = inspection.trace;
   if (trace.places.size() < 2)
-    throw BadInput(inspection.file.string(), 0, 0, "a program that moves, to be drawn", "none");
+    throw BadInput(inspection.file.string(), 0, 0, "a program with motion", "none");
   AxisVector q = AxisVector::Zero(inspection.machine.control.size());
   if (inspection.description.home.size() == q.size()) q = inspection.description.home;
   const Pose T_bw = inspection.machine.control.workpiece_in_bed(q);
@@ -527,9 +526,9 @@ render::MachinePicture machine_picture(const ProgramInspection& inspection) {
     picture.paths.push_back(std::move(line));
   }
   picture.caption = {blocks_text(inspection.description) +
-                         "; the axes stand at home; the way of the tip in the workpiece, "
-                         "rapids as far as they are near",
-                     fmt::format("{} of {} stretches drawn, {} moves", run_count, runs.size(),
+                         "; axes at home position; path of the tip in the workpiece, rapids "
+                         "clipped to its surroundings",
+                     fmt::format("{} of {} segments drawn, {} moves", run_count, runs.size(),
                                  inspection.figures.blocks - inspection.figures.dwells.count)};
   return picture;
 }

@@ -85,7 +85,7 @@ namespace {
 std::uint32_t checked_uint32(std::size_t size) {
   // The largest value is reserved: it means that a 64-bit field follows.
   if (size >= std::numeric_limits<std::uint32_t>::max())
-    throw std::length_error("a zip archive without 64-bit sizes ends at 4 GiB");
+    throw std::length_error("a zip archive without 64-bit sizes is limited to 4 GiB");
   return std::uint32_t(size);
 }
 
@@ -114,7 +114,7 @@ std::string deflate_bytes(const std::string& bytes, DeflateHeader header) {
   const int bits = header == DeflateHeader::Zlib ? window : -window;
   if (::deflateInit2(&stream, Z_DEFAULT_COMPRESSION, Z_DEFLATED, bits, memory,
                      Z_DEFAULT_STRATEGY) != Z_OK)
-    throw std::runtime_error("zlib does not start");
+    throw std::runtime_error("zlib cannot be initialised");
   std::string packed(::deflateBound(&stream, checked_uint32(bytes.size())), '\0');
   // zlib does not change the input, but its interface is not const.
   stream.next_in = reinterpret_cast<Bytef*>(const_cast<char*>(bytes.data()));
@@ -124,7 +124,7 @@ std::string deflate_bytes(const std::string& bytes, DeflateHeader header) {
   const int result = ::deflate(&stream, Z_FINISH);
   packed.resize(stream.total_out);
   ::deflateEnd(&stream);
-  if (result != Z_STREAM_END) throw std::runtime_error("zlib does not finish");
+  if (result != Z_STREAM_END) throw std::runtime_error("zlib failed to compress");
   return packed;
 }
 

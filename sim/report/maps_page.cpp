@@ -169,10 +169,10 @@ bool add_case(PartMaps& maps, const cutting::Design& design, CaseMap case_map) {
     maps.vertices = design.vertices;
     maps.triangles = design.triangles;
   } else if (!has_mesh(maps, design)) {
-    maps.omissions.push_back(fmt::format(
-        "{} is in the table and not among the maps: its part is another mesh, of {} vertices, than "
-        "that of {}, which the maps share",
-        case_map.name, design.vertices.rows(), maps.cases.front().name));
+    maps.omissions.push_back(
+        fmt::format("{} is in the table but has no map: its part is a mesh of {} vertices that "
+                    "differs from the mesh of {}, which all maps share",
+                    case_map.name, design.vertices.rows(), maps.cases.front().name));
     return false;
   }
   maps.cases.push_back(std::move(case_map));
@@ -194,7 +194,7 @@ std::optional<std::string> packing_limit(const CaseMap& case_map) {
   const double step = residual_step(case_map.residual_um);
   if (!can_pack(case_map.residual_um, step)) return "a deviation";
   if (!can_pack(case_map.form_um, step)) return "a form";
-  if (!can_pack(case_map.cut_time_s, cut_time_step_ms * ms)) return "an instant of cutting";
+  if (!can_pack(case_map.cut_time_s, cut_time_step_ms * ms)) return "a time of cutting";
   if (std::ranges::any_of(case_map.cut_line,
                           [](int line) { return line < 0 || line > max_packed; }))
     return "a line of the program";
@@ -385,10 +385,9 @@ std::vector<std::string> add_machine(PageData& data, const Job& job) {
   std::size_t sample_count = 0;
   for (const Job& segment : job_parts(job)) sample_count += segment.samples.states.size();
   if (sample_count < 2)
-    return {
-        fmt::format("the motion of the machine is left out of the report: its program has {} "
-                    "samples",
-                    sample_count)};
+    return {fmt::format(
+        "the motion of the machine is omitted from the report: its program has {} samples",
+        sample_count)};
   const kinematics::Chain& chain = job.machine.nominal;
   ordered_json joints = ordered_json::array();
   for (const kinematics::Joint& joint : chain.joints())
@@ -406,8 +405,8 @@ std::vector<std::string> add_machine(PageData& data, const Job& job) {
   add_bodies(data, job);
   if (job.machine.workpiece_spindle)
     return {
-        "where the tool really was is left out of the report: in the frame of a part that turns "
-        "its deviation turns with it"};
+        "the actual path of the tool is omitted from the report: in the frame of a rotating part "
+        "its deviation rotates with the part"};
   return {};
 }
 

@@ -141,13 +141,14 @@ PackedColumns pack_numbers(const Eigen::MatrixXi& numbers,
 Eigen::MatrixXi numbers_of(const Eigen::MatrixXd& values, double step,
                            const std::vector<double>& offset) {
   if (!(step > 0.0) || !std::isfinite(step))
-    throw std::invalid_argument("a step must be positive, and is " + std::to_string(step));
+    throw std::invalid_argument("the step must be positive, but is " + std::to_string(step));
   Eigen::MatrixXi numbers(values.rows(), values.cols());
   for (Eigen::Index column = 0; column < values.cols(); ++column)
     for (Eigen::Index row = 0; row < values.rows(); ++row) {
       const double number = std::round((values(row, column) - offset[std::size_t(column)]) / step);
       if (std::abs(number) > double(max_packed))
-        throw std::invalid_argument("a value is infinite or too far from others for its step");
+        throw std::invalid_argument(
+            "a value is infinite, or too far from the others for this step");
       numbers(row, column) = std::isnan(number) ? missing : int(number);
     }
   return numbers;

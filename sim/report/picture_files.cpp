@@ -41,7 +41,7 @@ render::Field map_field(const Job& job, const Verdict& verdict) {
 /// Returns a length in the most readable unit.
 std::string length_text(double mm) {
   if (mm >= 0.1 * units::um) return fmt::format("{:.3g} \u00b5m", mm / units::um);
-  return mm >= 1e-3 * units::nm ? fmt::format("{:.3g} nm", mm / units::nm) : "under 0.001 nm";
+  return mm >= 1e-3 * units::nm ? fmt::format("{:.3g} nm", mm / units::nm) : "below 0.001 nm";
 }
 
 /// Returns true if the vertices of a map do not resolve its texture.
@@ -90,12 +90,12 @@ double form_noise(const Job& job, const Verdict& verdict) {
 /// Returns the caption of a map that shows only the form.
 std::string form_caption(const Job& job, const Verdict& verdict) {
   const double noise = form_noise(job, verdict);
-  const std::string noise_text = noise > 0.0 ? ", ± " + length_text(noise) + " by chance" : "";
+  const std::string noise_text = noise > 0.0 ? ", ± " + length_text(noise) + " random" : "";
   // The texture is the map minus its form and contains this random error too; only without it is Sz
   // a lower bound.
-  return fmt::format("form: waves beyond {:.3g} mm{}; texture finer than the points, Sz {} {}",
+  return fmt::format("form: waves longer than {:.3g} mm{}; texture finer than the points, Sz {} {}",
                      job.scene.part.form_cutoff, noise_text, texture_height(verdict),
-                     noise > 0.0 ? "with this chance in it" : "or more");
+                     noise > 0.0 ? "including this random part" : "or more");
 }
 
 /// Returns a verdict with the minus signs and units of a picture.
@@ -129,11 +129,12 @@ render::MapPicture map_picture(const Job& job, const Verdict& verdict, double pi
     picture.figures = figures(*verdict.form_statistics);
     picture.caption.push_back(form_caption(job, verdict));
   } else if (is_coarse(verdict)) {
-    picture.caption.push_back("waves finer than the vertices: what shows of them is by chance");
+    picture.caption.push_back(
+        "waves are finer than the vertex spacing: their appearance is random");
   } else if (is_finer_than_pixel(job, pixel_mm)) {
     replace_by_form(picture.field);
     picture.caption.push_back(
-        fmt::format("form: waves beyond {:.3g} mm; texture, Sz {}, is finer than a pixel",
+        fmt::format("form: waves longer than {:.3g} mm; texture, Sz {}, is finer than a pixel",
                     job.scene.part.form_cutoff, texture_height(verdict)));
   }
   picture.datum = name_of(job.scene.datum.kind);
@@ -143,7 +144,7 @@ render::MapPicture map_picture(const Job& job, const Verdict& verdict, double pi
   picture.verdict = typeset_verdict(tolerance_verdict(verdict.residual.conformance, verdict.worst));
   if (const program::UnreachedPoints& u = job.unreached; u.points > 0)
     picture.caption.push_back(
-        fmt::format("not reached by the machine: {} of {} passes, parts of {}", u.passes,
+        fmt::format("out of reach of the machine: {} of {} passes, parts of {}", u.passes,
                     u.all_passes, u.broken_passes));
   return picture;
 }
@@ -301,7 +302,8 @@ std::string font_warning(const std::string& text) {
   const std::string package = render::missing_font_package(text);
   return package.empty()
              ? ""
-             : "letters of the pictures are VTK's own, which are few: install " + package;
+             : "pictures use the built-in font of VTK, which lacks some letters: install " +
+                   package;
 }
 
 void write_case_pictures(const ResultFolder& folder, const Job& job, const Verdict& verdict,
@@ -319,7 +321,7 @@ void write_case_pictures(const ResultFolder& folder, const Job& job, const Verdi
       options.tolerance_um = std::array{tolerance->lower / units::um, tolerance->upper / units::um};
     if (const cutting::Statistics& s = verdict.residual; s.uncut_vertices + s.gouged_vertices > 0)
       options.caption.push_back(
-          fmt::format("left out: {} of {} judged vertices uncut, {} gouged deeper than the band",
+          fmt::format("omitted: {} of {} judged vertices uncut, {} gouged deeper than the band",
                       s.uncut_vertices, s.cut_vertices + s.uncut_vertices + s.gouged_vertices,
                       s.gouged_vertices));
     options.figures = figures(verdict.residual);
@@ -443,8 +445,7 @@ void write_collision_pictures(const ResultFolder& folder, const Job& job,
   if (panel.series.empty()) return remove_file(chart_file);
   write_file(chart_file, [&](const std::filesystem::path& temporary) {
     render::CurvesOptions options;
-    options.title =
-        job.scene.title + ": clearance of every block, at least, " + collisions.commands;
+    options.title = job.scene.title + ": minimum clearance of every block, " + collisions.commands;
     options.caption = clearance_caption(collisions);
     render::write_curves(temporary, {panel}, options);
   });
@@ -472,15 +473,15 @@ void write_comparison_picture(const ResultFile&, const Scene&, const std::vector
                               const Progress&) {}
 void write_check_picture(const ResultFile& file, const Job&) {
   throw BadInput(file.path().string(), 0, 0, "a program built with -DABBE_RENDER=ON",
-                 "one without VTK");
+                 "a program built without VTK");
 }
 void write_collision_pictures(const ResultFolder& folder, const Job&, const Collisions&) {
   throw BadInput(folder.path().string(), 0, 0, "a program built with -DABBE_RENDER=ON",
-                 "one without VTK");
+                 "a program built without VTK");
 }
 void write_program_picture(const ResultFile& file, const ProgramInspection&) {
   throw BadInput(file.path().string(), 0, 0, "a program built with -DABBE_RENDER=ON",
-                 "one without VTK");
+                 "a program built without VTK");
 }
 }  // namespace abbe::sim
 

@@ -196,7 +196,7 @@ TableFormat pose_file_format(const std::filesystem::path& file) {
   const std::string ending = file.extension().string();
   if (ending == ".csv") return TableFormat::Csv;
   if (ending == ".json") return TableFormat::Json;
-  throw OutputFailure("expected a file named .csv or .json to write to, seen " + file.string());
+  throw OutputFailure("expected a file name that ends in .csv or .json, seen " + file.string());
 }
 
 namespace {
@@ -295,10 +295,11 @@ std::vector<std::string> caption(const IdleMachine& idle, const VolumetricData& 
     positions += "; " + standing;
   const VolumetricSummary& s = volumetric.summary;
   std::vector<std::string> lines{
-      "tip, actual minus nominal, in the workpiece frame; + along +X, +Y, +Z; no datum is set",
+      "tip, actual minus nominal, in the workpiece frame; + along +X, +Y, +Z; no datum set",
       with_minus_signs(positions),
-      fmt::format("range in X, Y, Z {} µm; about them {} µrad; two points differ by at most {} µm",
-                  xyz_text(s.range_um), xyz_text(s.range_urad), render::figure(s.worst_pair_um))};
+      fmt::format(
+          "range in X, Y, Z {} µm; about X, Y, Z {} µrad; two points differ by at most {} µm",
+          xyz_text(s.range_um), xyz_text(s.range_urad), render::figure(s.worst_pair_um))};
   for (const std::string& warning : volumetric.warnings) lines.push_back("warning: " + warning);
   return lines;
 }

@@ -20,7 +20,7 @@ nlohmann::ordered_json to_json(const PoseResult& pose);
 std::string to_text(const PoseResult& pose);
 
 inline constexpr const char* pose_convention =
-    "actual minus nominal in the workpiece frame, the machine standing still, no datum set";
+    "actual minus nominal in the workpiece frame, machine at standstill, no datum set";
 
 /// Writes a table of poses as CSV or JSON to a temporary file, which is renamed at the end.
 /// @throws OutputFailure; BadInput and Interrupted as write_poses. Then no file is left.

@@ -46,7 +46,7 @@ double speed_factor(const FilmPlan& plan) {
 std::string speed_text(const FilmPlan& plan) {
   const double factor = speed_factor(plan);
   const auto number = [](double x) { return fmt::format("{:.{}f}", x, x < 10.0 ? 1 : 0); };
-  if (!(factor > 0.0)) return "a moment of the program";
+  if (!(factor > 0.0)) return "one instant of the program";
   // Within 5 % of real time the factor would only distract.
   if (factor >= 1.05) return number(factor) + " × faster than real time";
   if (factor <= 1.0 / 1.05) return number(1.0 / factor) + " × slower than real time";
@@ -359,7 +359,7 @@ void ProgramFilm::add_part() {
                             {"cut", fresh_colour}};
   if (has_stock) {
     stock_.emplace(job, part_commands(source_.commands, 0), source_.process);
-    const std::string name = source_.process.crash_lines.empty() ? "" : "cut by a crash";
+    const std::string name = source_.process.crash_lines.empty() ? "" : "cut in a crash";
     setting_.vertex_styles.push_back({name, crash_colour});
     return;
   }
@@ -524,16 +524,14 @@ void ProgramFilm::set_captions() {
   setting_.subtitle = speed_text(plan_);
   if (magnification_ != 1.0) {
     setting_.subtitle += fmt::format(", errors magnified {:.4g} ×", magnification_);
-    setting_.lines = {{"tip as programmed", nominal_path},
-                      {"tip on the wrong machine", actual_path}};
+    setting_.lines = {{"tip as programmed", nominal_path}, {"actual tip", actual_path}};
   }
-  setting_.machine_name =
-      scene.machine.bodies.empty()
-          ? scene.machine.name + ", schematic: its description gives it no bodies"
-          : scene.machine.name;
+  setting_.machine_name = scene.machine.bodies.empty()
+                              ? scene.machine.name + ", schematic: its description has no bodies"
+                              : scene.machine.name;
   setting_.part_name = source_.job.machine.workpiece_spindle
-                           ? "part and tool, the spindle drawn at rest"
-                           : "part and tool, seen by an eye that goes with the part";
+                           ? "part and tool, spindle drawn at rest"
+                           : "part and tool, in the frame of the part";
   setting_.labels = {{"program line", 0.13}, {"time", 0.20},       {"feed", 0.14},
                      {"spindle", 0.12},      {"tool error", 0.12}, {"tool", 0.29}};
 }

@@ -81,7 +81,7 @@ std::string offset_name(const ProgramInspection& inspection, int number) {
 std::string offsets_text(const ProgramInspection& inspection) {
   if (!inspection.offset_table.empty())
     return "as " + escaped(inspection.offset_table.string()) + " has them";
-  return inspection.offset.empty() ? "zero unless the program sets them"
+  return inspection.offset.empty() ? "zero unless set by the program"
                                    : "G54 to G59 at " + escaped(inspection.offset) + " each";
 }
 
@@ -96,10 +96,10 @@ std::string times_text(const ProgramInspection& inspection) {
   const MoveFigures feed = feed_totals(figures);
   const double dwell = figures.dwells.seconds;
   return fmt::format(
-      "time      {:.4g} s as programmed: feed {:.4g}, rapid {:.4g}, dwell {:.4g}\n"
-      "          {:.4g} s with no axis above its limit: feed {:.4g}, rapid {:.4g} (speeds alone: "
-      "the machine states no accelerations)\n"
-      "way       {:.6g} mm at feed, {:.6g} mm at rapid, of the tip in the workpiece\n",
+      "time      {:.4g} s as programmed: feed {:.4g}, rapid {:.4g}, dwell {:.4g}\n          {:.4g} "
+      "s with no axis above its limit: feed {:.4g}, rapid {:.4g} (speeds only: the machine states "
+      "no accelerations)\npath      {:.6g} mm at feed, {:.6g} mm at rapid, of the tip in the "
+      "workpiece\n",
       feed.seconds + figures.rapids.seconds + dwell, feed.seconds, figures.rapids.seconds, dwell,
       feed.limited_s + figures.rapids.limited_s + dwell, feed.limited_s, figures.rapids.limited_s,
       feed.path_length, figures.rapids.path_length);
@@ -126,7 +126,7 @@ std::string radius_text(const ProgramInspection& inspection) {
 /// of the limit.
 std::string axes_text(const ProgramInspection& inspection) {
   std::string text =
-      "\naxis  from          to            travel left   fastest at feed, share of its limit\n";
+      "\naxis  from          to            travel left   fastest at feed, % of its limit\n";
   for (int j = 0; j < inspection.machine.control.size(); ++j) {
     const AxisFigures& axis = inspection.figures.axes[std::size_t(j)];
     if (!axis.has_position) continue;
@@ -148,7 +148,7 @@ std::string axes_text(const ProgramInspection& inspection) {
     text += '\n';
   }
   if (inspection.figures.fastest_axis >= 0)
-    text += fmt::format("{} comes nearest to its limit\n",
+    text += fmt::format("{} comes closest to its limit\n",
                         control_joint(inspection, inspection.figures.fastest_axis).name);
   return text;
 }
@@ -156,8 +156,7 @@ std::string axes_text(const ProgramInspection& inspection) {
 /// Returns the pose nearest to a singular one, in which two rotary axes turn the tool about the
 /// same line.
 std::string singular_text(const ProgramInspection& inspection) {
-  if (!inspection.figures.singular)
-    return "singular  no move at feed turns the tool by two rotary axes\n";
+  if (!inspection.figures.singular) return "singular  no move at feed uses two rotary axes\n";
   const program::SingularPose& pose = *inspection.figures.singular;
   std::string positions;
   for (int j = 0; j < inspection.machine.control.size(); ++j)
@@ -181,12 +180,13 @@ std::string tools_text(const ProgramInspection& inspection) {
   constexpr std::size_t max_comments = 10;
   for (std::size_t i = 0; i < std::min(max_comments, inspection.tool_comments.size()); ++i) {
     const program::ToolComment& comment = inspection.tool_comments[i];
-    text += fmt::format("          line {} describes one of {:.6g} mm{}: {}\n", comment.line,
-                        comment.words.diameter,
-                        comment.words.corner_radius ? fmt::format(" with a corner of {:.6g} mm",
-                                                                  *comment.words.corner_radius)
-                                                    : "",
-                        escaped(comment.text));
+    text += fmt::format(
+        "          line {} describes a tool of {:.6g} mm{}: {}\n", comment.line,
+        comment.words.diameter,
+        comment.words.corner_radius
+            ? fmt::format(" with a corner radius of {:.6g} mm", *comment.words.corner_radius)
+            : "",
+        escaped(comment.text));
   }
   text += fmt::format("offsets   {}:", offsets_text(inspection));
   for (const auto& [number, blocks] : inspection.figures.offsets)
@@ -220,15 +220,15 @@ std::string to_text(const ProgramInspection& inspection) {
                      inspection.dialect_evidence.empty()
                          ? ""
                          : ", as " + escaped(inspection.dialect_evidence),
-                     by_linuxcnc ? ", by LinuxCNC's own interpreter" : "") +
+                     by_linuxcnc ? ", by the LinuxCNC interpreter" : "") +
          (inspection.tool_table.empty()
               ? fmt::format("machine   {}, tool length {:.6g} mm\n", inspection.machine_name,
                             inspection.tool_length)
               : fmt::format("machine   {}, tools of {}\n", inspection.machine_name,
                             escaped(inspection.tool_table.string()))) +
          fmt::format(
-             "blocks    {} executed; {} moves: {} rapids, {} lines, {} arcs{}; {} dwells; "
-             "{} under a tip mode\n",
+             "blocks    {} executed; {} moves: {} rapids, {} lines, {} arcs{}; {} dwells; {} in a "
+             "tool tip mode\n",
              inspection.executed, move_count(figures), figures.rapids.count, figures.lines.count,
              figures.arcs.count,
              figures.cubics.count > 0 ? fmt::format(", {} cubics", figures.cubics.count) : "",
@@ -511,11 +511,11 @@ std::string to_text(const Collisions& collisions) {
                         position_text(event.place_b));
   }
   if (collisions.list.size() > max_events)
-    text +=
-        fmt::format("          and {} more; --json has all\n", collisions.list.size() - max_events);
+    text += fmt::format("          and {} more; --json lists all\n",
+                        collisions.list.size() - max_events);
   if (!collisions.beyond_travel.empty())
     text += fmt::format("TRAVEL    {}\n", escaped(collisions.beyond_travel));
-  if (collisions.clearances.empty()) return text + "          no two bodies can meet\n";
+  if (collisions.clearances.empty()) return text + "          no two bodies can collide\n";
   const std::vector<Clearance> nearest = nearest_pairs(collisions);
   if (!nearest.empty()) text += "nearest   ";
   bool is_first = true;
@@ -528,9 +528,8 @@ std::string to_text(const Collisions& collisions) {
   }
   if (!nearest.empty())
     text +=
-        "          the true clearance is at most 5 % or 0.01 mm less; what each block has at least "
-        "is "
-        "in --json\n";
+        "          the true clearance is at most 5 % or 0.01 mm less; --json has a lower bound for "
+        "each block\n";
   return text;
 }
 

@@ -34,11 +34,11 @@ render::Field difference(render::Field a, const render::Field& b,
                          const std::filesystem::path& other) {
   if (a.deviation_um.size() != b.deviation_um.size())
     throw BadInput(other.string(), 0, 0,
-                   fmt::format("{} vertices, as the first result has", a.deviation_um.size()),
+                   fmt::format("{} vertices, as in the first result", a.deviation_um.size()),
                    fmt::format("{}", b.deviation_um.size()));
   if (a.design.vertices != b.design.vertices)
-    throw BadInput(other.string(), 0, 0, "the same design as the first result has",
-                   "other vertices");
+    throw BadInput(other.string(), 0, 0, "the same design as in the first result",
+                   "different vertices");
   a.deviation_um -= b.deviation_um;
   for (std::size_t i = 0; i < a.status.size(); ++i)
     a.status[i] = std::uint8_t(cutting::worse_status(cutting::VertexStatus(a.status[i]),
@@ -116,7 +116,7 @@ std::vector<ProfileSegment> profile_segments(const render::Field& field, const s
 
 /// Returns the description of a line for captions and messages.
 std::string line_description(const render::Field& field, const std::string& line) {
-  if (line == "radius") return "the distance from the part's z axis, all around it";
+  if (line == "radius") return "the distance from the z axis of the part, over all angles";
   return line == "x"
              ? fmt::format("x through the middle of the part, y = {:.3f} mm", box_centre(field).y())
              : fmt::format("y through the middle of the part, x = {:.3f} mm",
@@ -195,8 +195,8 @@ std::vector<render::ProfileSeries> profile(const render::Field& field, const std
 /// Facts in the summary file of a result.
 struct ResultFacts {
   std::string title;
-  std::string datum = "not known";
-  std::string alignment = "not known";
+  std::string datum = "unknown";
+  std::string alignment = "unknown";
   std::optional<Tolerance> tolerance;  ///< mm
   std::optional<double> form_cutoff;   ///< mm
   std::optional<Eigen::Vector3d> from, up;
@@ -275,7 +275,7 @@ render::MapOptions map_options(const RenderOptions& options, const ResultFacts& 
       options.colours.empty() ? (options.bands ? "tolerance" : "diverging") : options.colours;
   if (colours == "tolerance" && !has_tolerance)
     throw BadInput(options.result.string(), 0, 0,
-                   "--bands, or a result whose summary.json has a tolerance", "neither");
+                   "--bands, or a result with a tolerance in its summary.json", "neither");
   map.colours = colours == "tolerance" ? render::MapColours::Tolerance
                 : colours == "cividis" ? render::MapColours::Cividis
                                        : render::MapColours::Diverging;
@@ -290,7 +290,7 @@ LineTexture result_texture(const RenderOptions& options, const std::filesystem::
   std::optional<LineTrace> trace = line_trace(map, parse_profile_line(*options.line));
   if (!trace)
     throw BadInput(source.string(), 0, 0, "a part that is cut along " + *options.line,
-                   "nothing cut along " + line_description(field, *options.line));
+                   "no cut vertices along " + line_description(field, *options.line));
   trace->residual *= units::um;
   if (trace->interpolation) {
     trace->interpolation->rms *= units::um;
@@ -298,7 +298,7 @@ LineTexture result_texture(const RenderOptions& options, const std::filesystem::
   }
   LineTexture texture = line_texture(std::move(*trace), facts.form_cutoff, options.texture);
   texture.line = *options.line;
-  texture.position = *options.line == "radius" ? "the radius from the part's z axis towards +x"
+  texture.position = *options.line == "radius" ? "the radius from the z axis of the part towards +x"
                                                : line_description(field, *options.line);
   return texture;
 }
@@ -415,7 +415,7 @@ namespace abbe::sim {
 
 RenderOutcome render_result(const RenderOptions& options) {
   throw BadInput(options.result.string(), 0, 0, "a program built with -DABBE_RENDER=ON",
-                 "one without VTK");
+                 "a program built without VTK");
 }
 
 }  // namespace abbe::sim

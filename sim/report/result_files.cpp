@@ -200,7 +200,7 @@ FilmOutcome write_film(const ResultFolder& folder, const FilmSource& source,
     write_encoded(film, ffmpeg->string(), encoding, progress);
     outcome.film = film.path();
   } else {
-    outcome.notice = "no ffmpeg on the PATH: the film is made of the frames by\n" +
+    outcome.notice = "no ffmpeg on the PATH: to encode the film from the frames, run\n" +
                      shell_text(encoder_command("ffmpeg", encoding, film.path()));
   }
   return outcome;
@@ -211,7 +211,7 @@ FilmOutcome write_film(const ResultFolder& folder, const FilmSource& source,
 FilmOutcome write_film(const ResultFolder& folder, const FilmSource&, const FilmRequest&,
                        const Progress&) {
   throw BadInput(folder.path().string(), 0, 0, "a program built with -DABBE_RENDER=ON",
-                 "one without VTK");
+                 "a program built without VTK");
 }
 
 #endif
@@ -240,20 +240,20 @@ nlohmann::ordered_json map_metadata_json(const SaveRequest& request) {
                           "deepest_gouge_um", "deepest_gouge_is_bound", "outside_vertices"})
     json[key] = figures.at(key);
   json["triangles"] = request.map.design.triangles.rows();
-  json["fields"] = {{"area_mm2", "a third of the triangles around a vertex"},
+  json["fields"] = {{"area_mm2", "a third of the area of the triangles around a vertex"},
                     {"middle_um",
-                     "deviation at the middle of a triangle (vtp, npz): it stands for three "
-                     "quarters of the triangle in the statistics and a corner for a twelfth; where "
-                     "it is nan, or there are none, a corner stands for a third"},
+                     "deviation at the centre of a triangle (vtp, npz): its weight in the "
+                     "statistics is three quarters of the triangle, that of a corner one twelfth; "
+                     "where it is nan or missing, a corner has one third"},
                     {"random_um",
-                     "deviation at a place of a triangle at random, of maps that their vertices do "
-                     "not resolve: it stands for the whole triangle"},
+                     "deviation at a random point of a triangle, for maps that their vertices do "
+                     "not resolve: its weight is the whole triangle"},
                     {"residual_um", "deviation along the normal, nan where not cut"},
                     {"form_um", "the residual through the areal Gaussian filter"},
                     {"texture_um", "the residual minus the form"},
                     {"status", json["status"]},
-                    {"cut_time_s", "when the surface was made there"},
-                    {"cut_line", "line of the program that made it, 0 where none did"}};
+                    {"cut_time_s", "time at which the surface was cut"},
+                    {"cut_line", "program line that cut the surface, 0 where none did"}};
   json["files"] = nlohmann::ordered_json::array();
   for (const std::string& format : map_formats())
     if (std::ranges::find(request.formats, format) != request.formats.end())

@@ -36,12 +36,13 @@ render::Facts stock_facts(const StockCheck& check) {
   for (const std::string& effect : check.omitted_effects)
     omitted_effects += (omitted_effects.empty() ? "" : "; ") + effect;
   return {{"deviation_um",
-           "machined body against the design: + material left, - gouged; mean of "
-           "the places of a cell, nan where not compared"},
-          {"left_out", omitted_effects.empty() ? "nothing that the map shows" : omitted_effects},
-          {"largest_um", "the same, of greatest magnitude in the cell"},
-          {"compared", "0 yes, 1 beyond the band, 2 no design there, 3 wall along the dexels"},
-          {"finding", "number of the region in summary.json, 0: none"},
+           "machined body against the design: + material left, - gouged; mean over the points of a "
+           "cell, nan where not compared"},
+          {"left_out", omitted_effects.empty() ? "nothing shown in the map" : omitted_effects},
+          {"largest_um", "the deviation of largest magnitude in the cell"},
+          {"compared",
+           "0 yes, 1 beyond the band, 2 no design surface nearby, 3 wall parallel to the dexels"},
+          {"finding", "number of the region in summary.json, 0 for none"},
           {"kind", "0 none, 1 rest material, 2 gouge, 3 undercut"},
           {"frame", "workpiece, mm"},
           {"limits", fmt::format("rest material beyond {:.6g} um, gouges beyond {:.6g} um",
@@ -74,8 +75,8 @@ std::vector<std::string> stock_caption(const Verdict& verdict, const StockCheck&
   std::vector<std::string> lines{
       fmt::format("{}; limits {:.3g} µm left, {:.3g} µm gouged", sums,
                   check.limits.rest / units::um, check.limits.gouge / units::um),
-      fmt::format("machined body against the design, + material left; beyond {:.3g} mm in the "
-                  "colour of the end; {:.5g} mm³ removed, stock followed every {:.3g} mm",
+      fmt::format("machined body against the design, + material left; beyond {:.3g} mm in the end "
+                  "colour; {:.5g} mm³ removed, stock grid {:.3g} mm",
                   check.band, totals(verdict.cut.process).removed, check.skin.spacing)};
   for (std::string effect : check.omitted_effects) {
     for (auto at = effect.find(" um"); at != std::string::npos; at = effect.find(" um", at))
@@ -92,7 +93,7 @@ render::StockPicture stock_picture(const Job& job, const Verdict& verdict, const
   constexpr int max_marks = 8;  // of a kind, for the largest findings; those in view are drawn
   const Eigen::Isometry3d T_mw = job.scene.part.T_wm.inverse();
   render::StockPicture picture;
-  picture.title = job.scene.title + ": what " + verdict.cut.name + " leaves of the blank";
+  picture.title = job.scene.title + ": machined body of " + verdict.cut.name + "";
   picture.field = field;
   picture.field.mesh.vertices_w = (field.mesh.vertices_w * T_mw.linear().transpose()).rowwise() +
                                   T_mw.translation().transpose();
@@ -175,7 +176,7 @@ render::MachinePicture collision_picture(const Job& job, const Collisions& colli
                   collisions.commands),
       fmt::format("{} at ({:.2f}, {:.2f}, {:.2f}) mm of the workpiece, ({:.2f}, {:.2f}, {:.2f}) mm "
                   "of the bed",
-                  event.contact ? "as they first meet," : "where they are nearest,", w.x(), w.y(),
+                  event.contact ? "at first contact," : "where they are closest,", w.x(), w.y(),
                   w.z(), b.x(), b.y(), b.z())};
   return picture;
 }
@@ -237,7 +238,7 @@ render::Panel clearance_panel(const Collisions& collisions) {
   if (pair_count > max_pairs) pairs.resize(max_pairs);
   render::Panel panel;
   panel.x_label = "time / s";
-  panel.y_label = "clearance at least / mm";
+  panel.y_label = "minimum clearance / mm";
   for (const int pair : pairs) {
     const Clearance& clearance = collisions.clearances[std::size_t(pair)];
     panel.series.push_back(clearance_steps(collisions.blocks, pair));
@@ -256,8 +257,8 @@ render::Panel clearance_panel(const Collisions& collisions) {
 
 std::vector<std::string> clearance_caption(const Collisions& collisions) {
   std::vector<std::string> lines = {
-      "a lower bound for every block, of the pair that is nearest in it: the true clearance is at "
-      "most 5 % or 0.01 mm more; 0 is contact"};
+      "a lower bound for every block, for its closest pair: the true clearance is at most 5 % or "
+      "0.01 mm more; 0 is contact"};
   const auto has_pair = [&](ClearanceScope in_blocks, bool is_with_stock) {
     return std::ranges::any_of(collisions.clearances, [&](const Clearance& pair) {
       return pair.in_blocks == in_blocks && (pair.b == "stock") == is_with_stock;
@@ -265,14 +266,14 @@ std::vector<std::string> clearance_caption(const Collisions& collisions) {
   };
   if (has_pair(ClearanceScope::WhenNear, true))
     lines.push_back(
-        fmt::format("the stock is in it only in blocks with contact, or within {:g} mm "
-                    "of it; else its clearance is known of the whole program alone",
+        fmt::format("the stock is included only in blocks with contact or a clearance below {:g} "
+                    "mm; otherwise its clearance is known only for the whole program",
                     collisions.clearance));
   if (has_pair(ClearanceScope::WhenInContact, false) ||
       has_pair(ClearanceScope::WhenInContact, true))
     lines.push_back(
-        "cutter and shank with the part or the stock, which they may touch, are in it "
-        "only in blocks with contact");
+        "cutter and shank with the part or the stock, which they may touch, are included only in "
+        "blocks with contact");
   return lines;
 }
 

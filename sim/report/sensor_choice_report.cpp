@@ -59,7 +59,7 @@ Json method_json(const SensorChoiceGrade& grade) {
   return {{"likeness", enum_value(options)},
           {"image", is_deng ? Json(enum_value(options.grey.image)) : Json(nullptr)},
           {"screening", enum_value(options.screening)},
-          {"temperatures", grade.since_start ? "since the start of the day" : "as read, C"},
+          {"temperatures", grade.since_start ? "since the start of the day" : "readings, C"},
           {"for", method.drifts.empty() ? Json("all displacements") : Json(method.drifts)}};
 }
 
@@ -220,17 +220,17 @@ namespace {
 /// excluded.
 std::string start_time_text(const DegreeStart& start) {
   if (!start.at)
-    return fmt::format("    {} takes no part: it drifts within its noise\n",
+    return fmt::format("    {} is not used: its drift is within its noise\n",
                        escaped(start.channel));
   return fmt::format(
-      "    degrees with {} begin at {:.3f} h, its first drift beyond noise, {:.2f} um\n",
+      "    degrees with {} start at {:.3f} h, its first drift above noise, {:.2f} um\n",
       escaped(start.channel), start.at->since_start_s / 3600.0, start.at->drift / units::um);
 }
 
 /// Returns the result for a displacement; empty for a tilt, or if no model could be fitted.
 std::string displacement_text(const ChannelGrade& channel) {
   if (!channel.fitted.model || channel.angle) return "";
-  std::string text = fmt::format("    {}: {:.3f} um on the day that chose", escaped(channel.name),
+  std::string text = fmt::format("    {}: {:.3f} um on the training day", escaped(channel.name),
                                  channel.training_residual.rms / units::um);
   for (const DayGrade& day : channel.other_days)
     text += fmt::format(", {:.3f} of {:.1f} um on {}", day.left.rms / units::um,
@@ -252,11 +252,11 @@ std::string spread_text(const SensorChoiceGrade& grade, const std::vector<std::s
     if (const int best = spread.best_rank[std::size_t(i)],
         worst = spread.worst_rank[std::size_t(i)];
         best > 0)
-      text += best == worst ? fmt::format(" (degree {}.)", best)
-                            : fmt::format(" (degree {}. to {}.)", best, worst);
+      text += best == worst ? fmt::format(" (rank by degree {})", best)
+                            : fmt::format(" (rank by degree {} to {})", best, worst);
   }
   return fmt::format(
-      "    over start rows 0 to {} and noise, {} draws: {}; the same sensors in {:.0f} %\n",
+      "    over start rows 0 to {} and noise, {} draws: {}; identical choice in {:.0f} %\n",
       spread.last_start, spread.draws, text, 100.0 * spread.same_fraction);
 }
 
@@ -271,7 +271,7 @@ std::string strategy_text(const SensorChoiceGrade& grade, const std::vector<std:
   text += spread_text(grade, sensors);
   for (const ChannelGrade& channel : grade.channels) text += displacement_text(channel);
   if (grade.rms_over_range)
-    text += fmt::format("    together {:.1f} % of the range of days unseen\n",
+    text += fmt::format("    in total {:.1f} % of the range of the other days\n",
                         100.0 * *grade.rms_over_range);
   if (grade.random)
     text += fmt::format(
@@ -285,7 +285,7 @@ std::string strategy_text(const SensorChoiceGrade& grade, const std::vector<std:
 }  // namespace
 
 std::string sensor_choices_text(const ThermalSensorChoice& choice) {
-  std::string text = "\nsensors chosen, and RMS of the drift that their model leaves\n";
+  std::string text = "\nchosen sensors, and RMS of the remaining drift\n";
   for (const SensorChoiceGrade& grade : choice.ways) text += strategy_text(grade, choice.sensors);
   for (const std::string& warning : choice.warnings)
     text += "  warning: " + escaped(warning) + "\n";
@@ -305,7 +305,7 @@ void write_thermal_picture(const ResultFile& file, const ThermalSensorChoice& ch
         std::sqrt((drift.read - drift.predicted).squaredNorm() / double(drift.read.size())) / unit;
     panels.push_back(
         {fmt::format("{} on {} ({})", drift.channel, drift.day,
-                     is_training ? "trained" : "never seen"),
+                     is_training ? "trained" : "not used in training"),
          "time / h",
          drift.angle ? "drift / µrad" : "drift / µm",
          {{"read", drift.hours, drift.read / unit, {}, {}, render::CurveStyle::Line, 1},

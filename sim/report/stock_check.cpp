@@ -57,7 +57,7 @@ const Finding* deepest_finding(const StockCheck& check, FindingKind kind) {
 /// its resolution.
 std::string speckle_text(const Findings::Sums& sums) {
   if (sums.speckles == 0) return "";
-  return fmt::format("; {} too small for the dexels left out, up to {:.3g} mm", sums.speckles,
+  return fmt::format("; {} omitted as too small for the dexel grid, up to {:.3g} mm", sums.speckles,
                      sums.speckle_depth);
 }
 
@@ -66,8 +66,8 @@ std::string speckle_text(const Findings::Sums& sums) {
 std::string more_text(const Findings::Sums& sums, std::size_t listed) {
   if (sums.regions <= listed) return "";
   const std::size_t unlisted = sums.regions - sums.listed;
-  std::string text = fmt::format("  {} more, in summary.json", sums.regions - listed);
-  if (unlisted > 0) text += fmt::format(", the smallest {} as a sum", unlisted);
+  std::string text = fmt::format("  {} more in summary.json", sums.regions - listed);
+  if (unlisted > 0) text += fmt::format(", the smallest {} only as totals", unlisted);
   return text + "\n";
 }
 
@@ -77,7 +77,7 @@ std::string kind_text(const StockCheck& check, FindingKind kind) {
   if (sums.regions == 0)
     return sums.speckles == 0
                ? ""
-               : fmt::format("{}: none of a size{}\n", name_of(kind), speckle_text(sums));
+               : fmt::format("{}: none of significant size{}\n", name_of(kind), speckle_text(sums));
   const std::vector<std::size_t> rows = finding_indices(check, kind);
   std::string text = fmt::format("{}: {} mm^3 in {}, {} {}{}\n", name_of(kind),
                                  volume_text(sums.volume), place_count_text(sums.regions),
@@ -106,10 +106,10 @@ std::string excluded_text(const StockCheck& check) {
     text +=
         fmt::format("{}{:.3g} % {}", text.empty() ? "" : ", ", 100.0 * area / total, description);
   };
-  add(findings.no_design, "has no design to it");
-  add(findings.unresolved, "is wall along the dexels");
-  add(findings.too_small, "is a blank too small for the part");
-  return text.empty() ? "" : "of the skin " + text + "\n";
+  add(findings.no_design, "has no design surface nearby");
+  add(findings.unresolved, "is wall parallel to the dexels");
+  add(findings.too_small, "is where the blank is too small for the part");
+  return text.empty() ? "" : "of the machined surface " + text + "\n";
 }
 
 /// Returns the effects of a case that its stock does not show. The stock loses material that
@@ -127,12 +127,12 @@ std::vector<std::string> omitted_effects(const Job& job, const Verdict& verdict)
       process.steps, [](const ProcessStep& step) { return !step.load.tool_wrench_t.isZero(0.0); });
   const bool is_compliant = job.truth.compliance && verdict.cut.case_name != "error_free";
   if (process.stock && is_loaded && is_compliant)
-    effects.push_back(fmt::format(
-        "the body does not show what springs back from the flank of the cutter: the shank, "
-        "which goes on with its radius, takes up to {:.3g} mm of it off{}",
-        cutting::rubbing, map_note()));
+    effects.push_back(
+        fmt::format("the body does not show material that springs back from the flank of the "
+                    "cutter: the shank, which has the same radius, removes up to {:.3g} mm of it{}",
+                    cutting::rubbing, map_note()));
   if (!verdict.cut.wear.empty())
-    effects.push_back("the body does not show wear: it is cut by a fresh cutter" + map_note());
+    effects.push_back("the body does not show wear: it is cut with an unworn cutter" + map_note());
   return effects;
 }
 
@@ -265,7 +265,8 @@ std::vector<std::string> warnings_of(const StockCheck& check) {
   const Findings& f = check.findings;
   if (f.compared == 0.0 && f.no_design + f.unresolved > 0.0)
     warnings.push_back(
-        "nothing of the machined body lies at the design: rest material and gouges are not known");
+        "no part of the machined body is near the design surface: rest material and gouges are "
+        "unknown");
   return warnings;
 }
 

@@ -406,7 +406,7 @@ std::string vertices_line(const CaseStatistics& figures) {
   if (!figures.without_triangle_samples) return {};
   const cutting::Statistics& s = *figures.without_triangle_samples;
   return fmt::format("{:<36} {:>12} {:>12} {:>12} {:>12}\n",
-                     fmt::format("  at its {} vertices alone", s.vertices - s.outside_vertices),
+                     fmt::format("  at its {} vertices only", s.vertices - s.outside_vertices),
                      um_text(s.pv), um_text(s.rms), um_text(s.min), um_text(s.max));
 }
 
@@ -442,7 +442,7 @@ std::string form_texture_table(const std::vector<CaseStatistics>& cases) {
 /// all are reached.
 std::string unreached_line(const program::UnreachedPoints& u) {
   if (u.points == 0) return {};
-  return fmt::format("not reached by the machine: {} of {} passes, parts of {}\n", u.passes,
+  return fmt::format("out of reach of the machine: {} of {} passes, parts of {}\n", u.passes,
                      u.all_passes, u.broken_passes);
 }
 
@@ -476,7 +476,8 @@ ordered_json wear_json(const std::vector<WornTool>& tools) {
   for (const WornTool& worn : tools)
     list.push_back(
         {{"tool", worn.tool},
-         {"assumed", "linear in what it cuts at feed; stock and force of a fresh cutter"},
+         {"assumed",
+          "linear in cutting time or distance at feed; stock and force of an unworn cutter"},
          {"cut_min", worn.use.time_s / 60.0},
          {"way_mm", worn.use.distance},
          {"radius_lost_um", worn.radius / units::um},

@@ -126,8 +126,8 @@ std::string facet_warning(const Job& job, const cutting::Statistics& residual) {
   const double facet_error = cutting::coarseness(job.design_w).facet_error;
   if (facet_error <= *residual.pv) return {};
   return fmt::format(
-      "the mesh is coarse beside what is found on it: between judged vertices its facets sag by up "
-      "to {:.4g} um, PV is {:.4g} um",
+      "the mesh is too coarse for this result: between judged vertices its facets deviate by up to "
+      "{:.4g} um, and PV is {:.4g} um",
       facet_error / units::um, *residual.pv / units::um);
 }
 
@@ -142,8 +142,8 @@ std::string tolerance_warning(const Job& job, const Cut& cut, const cutting::Sta
   const auto text = [&](const char* key, double width_um) -> std::string {
     if (width_um >= pv_um / max_ratio && width_um <= max_ratio * pv_um) return {};
     return fmt::format(
-        "{} allows {:.4g} um, the machine without compensation leaves PV {:.4g} um: "
-        "the key is in um, the number looks like {}",
+        "{} allows {:.4g} um, but PV without compensation is {:.4g} um: the key is in um, and the "
+        "value may be in {}",
         key, width_um, pv_um, width_um < pv_um ? "mm" : "nm");
   };
   if (!(pv_um > 0.0)) return {};
@@ -236,7 +236,7 @@ Verdict judge(const Job& job, Cut cut, const Verdict* error_free) {
     if (!text.empty()) cut.warnings.push_back(std::move(text));
   verdict.rings = ring_results(job, verdict.aligned.surface);
   for (const Verdict::Ring& ring : verdict.rings)
-    if (!ring.radius) cut.warnings.push_back("no cut vertex lies on the ring " + ring.name);
+    if (!ring.radius) cut.warnings.push_back("no cut vertices on the ring " + ring.name);
   if (const auto* primitive = std::get_if<cutting::Primitive>(&job.scene.part.shape))
     verdict.form = cutting::form(
         *primitive, cutting::transformed(job.design_w, job.scene.part.T_wm.inverse()), cut.surface);
@@ -263,7 +263,7 @@ std::vector<std::string> exceeded_limits(const Limits& limits, const Verdict& ve
     // A limit on an unknown value counts as exceeded, so that no case passes unchecked.
     if (limit_um && !value)
       messages.push_back(fmt::format(
-          "{}: {} is unknown, since nothing was cut within the band; the scene allows {:.4f} um",
+          "{}: {} is unknown, because nothing was cut within the band; the scene allows {:.4f} um",
           verdict.cut.name, figure_name, *limit_um));
     if (limit_um && value && *value / units::um > *limit_um)
       messages.push_back(fmt::format("{}: {} is {:.4f} um, the scene allows {:.4f} um",
@@ -278,11 +278,11 @@ std::vector<std::string> exceeded_limits(const Limits& limits, const Verdict& ve
                          limits.texture_sz_um;
   // The figures do not include gouges beyond the searched band, so such a gouge violates any limit.
   if (has_limit && s.deepest)
-    messages.push_back(fmt::format(
-        "{}: {} vertices are gouged deeper than the search allows, the deepest by {}{:.1f} um, "
-        "which no limit allows",
-        verdict.cut.name, s.gouged_vertices, s.deepest->deeper ? "more than " : "",
-        s.deepest->depth / units::um));
+    messages.push_back(
+        fmt::format("{}: {} vertices are gouged deeper than the search band, the deepest by "
+                    "{}{:.1f} um, which violates every limit",
+                    verdict.cut.name, s.gouged_vertices, s.deepest->deeper ? "more than " : "",
+                    s.deepest->depth / units::um));
   check("PV", limits.pv_um, s.pv);
   check("RMS", limits.rms_um, s.rms);
   check("largest deviation", limits.max_abs_um,
@@ -301,7 +301,7 @@ std::vector<std::string> exceeded_limits(const Limits& limits, const Verdict& ve
   if (limits.tolerance && !(s.conformance && s.conformance->passes()))
     messages.push_back(
         verdict.cut.name + ": " +
-        (conformance.empty() ? "no verdict, since nothing of it is judged" : conformance));
+        (conformance.empty() ? "no verdict, because no vertices are judged" : conformance));
   return messages;
 }
 

@@ -165,7 +165,7 @@ const char* remainder_name(Ranking::Basis basis) {
     case Ranking::Basis::Sobol:
       return "interactions of inputs";
     case Ranking::Basis::MainEffect:
-      return "of no input alone";
+      return "not due to a single input";
     default:
       return "";
   }

@@ -114,13 +114,13 @@ std::string unidentified_warning(const Study& study, const ConfigurationBudget& 
       squared_sum += effect.rms * effect.rms;
     }
   const std::string advice =
-      "(unidentified = { EY0A_um = 20 } or \"typical\" in [[inputs]] draws it)";
+      "(to sample them, set unidentified = { EY0A_um = 20 } or \"typical\" in [[inputs]])";
   if (effects.empty() && arm.unidentified.empty() &&
       std::ranges::any_of(study.unidentified, [](const UnidentifiedCoefficient& coefficient) {
         return !coefficient.is_drawn;
       }))
     return fmt::format(
-        "every figure of {} leaves out {} numbers that were not identified and have no prior {}",
+        "all figures of {} ignore {} coefficients that were not identified and have no prior {}",
         arm.arm.name,
         std::ranges::count_if(
             study.unidentified,
@@ -129,7 +129,8 @@ std::string unidentified_warning(const Study& study, const ConfigurationBudget& 
   if (std::sqrt(squared_sum) < min_reported) return "";
   std::ranges::stable_sort(effects, std::greater<>(), &UnidentifiedEffect::rms);
   std::string text = fmt::format(
-      "every figure of {} leaves out what was not identified and has no prior {}: the map feels ",
+      "all figures of {} ignore coefficients that were not identified and have no prior {}: the "
+      "map changes with ",
       arm.arm.name, advice);
   double squared_rest = 0.0;
   std::size_t named_count = 0;
@@ -146,7 +147,7 @@ std::string unidentified_warning(const Study& study, const ConfigurationBudget& 
     }
   }
   if (squared_rest > min_reported * min_reported)
-    text += fmt::format(", and {} more by {:.3g} um together", effects.size() - named_count,
+    text += fmt::format(", and {} more by {:.3g} um in total", effects.size() - named_count,
                         std::sqrt(squared_rest) / units::um);
   return text;
 }
@@ -428,11 +429,11 @@ void add_failed_case_warnings(const std::vector<Row>& rows, Budget& budget) {
   std::size_t listed_count = 0;
   for (const auto& [kind, occurrences] : kinds) {
     if (listed_count++ == max_listed) {
-      budget.warnings.push_back(
-          fmt::format("{} more kinds of faults: cases.csv has them", kinds.size() - max_listed));
+      budget.warnings.push_back(fmt::format("{} more kinds of errors are listed in cases.csv",
+                                            kinds.size() - max_listed));
       break;
     }
-    budget.warnings.push_back(fmt::format("{} case{} without an answer: {}", occurrences.first,
+    budget.warnings.push_back(fmt::format("{} case{} without a result: {}", occurrences.first,
                                           occurrences.first == 1 ? "" : "s", occurrences.second));
   }
 }
@@ -442,28 +443,30 @@ void add_warnings(Budget& budget) {
   constexpr double max_flagged = 2.0, max_difference = 5.0;  // percent
   for (const ConfigurationBudget& arm : budget.configurations) {
     if (arm.flagged_percent && *arm.flagged_percent > max_flagged)
-      budget.warnings.push_back(fmt::format(
-          "influence maps of {} fail on {:.3g} % of the area: its figures are not to be "
-          "trusted; take smaller spreads, or engine = \"full\"",
-          arm.arm.name, *arm.flagged_percent));
+      budget.warnings.push_back(
+          fmt::format("influence maps of {} are invalid on {:.3g} % of the area: its figures are "
+                      "unreliable; use smaller spreads or engine = \"full\"",
+                      arm.arm.name, *arm.flagged_percent));
     if (arm.uncut_percent && *arm.uncut_percent > 0.0)
       budget.warnings.push_back(
-          fmt::format("{:.3g} % of the judged area is not cut with every input at its centre, and "
-                      "left out ({})",
+          fmt::format("{:.3g} % of the judged area is not cut with every input at its centre and "
+                      "is omitted ({})",
                       *arm.uncut_percent, arm.arm.name));
     if (arm.gouged_percent && *arm.gouged_percent > 0.0)
-      budget.warnings.push_back(fmt::format(
-          "{:.3g} % of the judged area is gouged deeper than the band with every input at "
-          "its centre: such a machine has no figures ({})",
-          *arm.gouged_percent, arm.arm.name));
+      budget.warnings.push_back(
+          fmt::format("{:.3g} % of the judged area is gouged deeper than the band with every input "
+                      "at its centre, so no figures are computed ({})",
+                      *arm.gouged_percent, arm.arm.name));
   }
   for (const Proof& proof : budget.proofs) {
     if (proof.percent && *proof.percent > max_difference)
-      budget.warnings.push_back(fmt::format("{} of {} by influence maps is {:.3g} % off a full cut",
-                                            name_of(proof.response), proof.arm, *proof.percent));
+      budget.warnings.push_back(
+          fmt::format("{} of {} from influence maps differs by {:.3g} % from a full cut",
+                      name_of(proof.response), proof.arm, *proof.percent));
     if (proof.one_sided > 0)
-      budget.warnings.push_back(fmt::format("{} of {}: {} proofs are answered by one engine alone",
-                                            name_of(proof.response), proof.arm, proof.one_sided));
+      budget.warnings.push_back(
+          fmt::format("{} of {}: {} proofs have a result from only one engine",
+                      name_of(proof.response), proof.arm, proof.one_sided));
   }
 }
 

@@ -89,14 +89,14 @@ void write_pareto(Album& album, const Budget& budget, const ConfigurationBudget&
     bars.push_back(bar);
   }
   render::BarsOptions options;
-  options.title = fmt::format("{}: what makes the {}", configuration_name(arm), subject);
-  options.x_label = fmt::format("share of {} / %", share_of(order.basis));
+  options.title = fmt::format("{}: contributions to the {}", configuration_name(arm), subject);
+  options.x_label = fmt::format("fraction of {} / %", share_of(order.basis));
   options.running_sum = "running sum";
   if (arm.map_mean_rms && order.basis == Ranking::Basis::Map)
     options.caption.push_back(
-        fmt::format("no input's: RMS {} µm of the map (cusps, centres){}",
+        fmt::format("not caused by inputs: RMS {} µm of the map (cusps, centres){}",
                     render::figure(*arm.map_mean_rms / units::um),
-                    arm.map_rms ? fmt::format(" of {} µm over random machines",
+                    arm.map_rms ? fmt::format(", of {} µm over random machines",
                                               render::figure(*arm.map_rms / units::um))
                                 : ""));
   album.add({"pareto", arm.arm.name},
@@ -111,9 +111,9 @@ std::string omitted_text(const Ranking& ranking, Response response) {
     sum += std::sqrt(ranking.weights[ranking.order[k]]);
   }
   return fmt::format(
-      "{} inputs are left out: together {} {} root-sum-square, {} {} in sum",
-      ranking.order.size() - max_bars, render::figure(in_unit(response, std::sqrt(squared_sum))),
-      display_unit(response), render::figure(in_unit(response, sum)), display_unit(response));
+      "{} inputs are omitted: root-sum-square {} {}, sum {} {}", ranking.order.size() - max_bars,
+      render::figure(in_unit(response, std::sqrt(squared_sum))), display_unit(response),
+      render::figure(in_unit(response, sum)), display_unit(response));
 }
 
 std::string totals_caption(const ResponseBudget& response) {
@@ -154,7 +154,7 @@ void write_tornado(Album& album, const Budget& budget, const ConfigurationBudget
   render::BarsOptions options;
   options.title = fmt::format("{}: {}, one input at a time", configuration_name(arm),
                               response_title(response.response));
-  options.x_label = fmt::format("change of {} against the base / {}",
+  options.x_label = fmt::format("change of {} from the base / {}",
                                 response_title(response.response), display_unit(response.response));
   options.legend = {fmt::format("centre − {:g} std. dev.", step),
                     fmt::format("centre + {:g} std. dev.", step)};
@@ -196,8 +196,8 @@ void write_indices(Album& album, const Budget& budget, const ConfigurationBudget
   for (std::size_t k = 0; k < std::min(order.order.size(), max_panels); ++k) {
     const auto i = std::size_t(order.order[k]);
     render::Panel panel{input_name(budget, int(i), max_title_letters), "", "", {}, {}, {}};
-    panel.series = {index_series(convergence, i, &SobolIndex::total, "total, 95 % band"),
-                    index_series(convergence, i, &SobolIndex::first, "alone, 95 % band")};
+    panel.series = {index_series(convergence, i, &SobolIndex::total, "total, 95 % confidence"),
+                    index_series(convergence, i, &SobolIndex::first, "alone, 95 % confidence")};
     const SobolIndex& last = convergence.indices.back()[i];
     panel.note = {render::fixed(last.total.value, 2)};
     for (const Eigen::Index points : convergence.base_points)
@@ -205,14 +205,14 @@ void write_indices(Album& album, const Budget& budget, const ConfigurationBudget
     panels.push_back(panel);
   }
   render::GridOptions options;
-  options.title = fmt::format("{}: Sobol indices of {} over the base points",
-                              configuration_name(arm), response_title(response.response));
+  options.title = fmt::format("{}: convergence of the Sobol indices of {}", configuration_name(arm),
+                              response_title(response.response));
   options.common_y = true;
   options.caption = {
-      "share of the variance that an input makes alone, and with all its "
-      "interactions; beside the name: total index of all base points"};
+      "fraction of the variance caused by an input alone, and with all its interactions; next to "
+      "the name: total index for all base points"};
   if (order.order.size() > max_panels)
-    options.caption.push_back(fmt::format("the {} inputs of the largest total index of {}",
+    options.caption.push_back(fmt::format("the {} inputs with the largest total indices, of {}",
                                           max_panels, order.order.size()));
   album.add({"indices", arm.arm.name, name_of(response.response)},
             [&](const auto& file) { render::write_grid(file, panels, options); });
@@ -269,10 +269,10 @@ void write_distribution(Album& album, const Budget& budget, Response response) {
   options.headings = {"mean / " + unit, "std. dev.", "P95 / " + unit, "within / %", "Cpk"};
   if (options.limit)
     options.limit_label = fmt::format("limit {} {}", render::figure(*options.limit), unit);
-  options.caption = {"brackets hold the truth with 95 % confidence"};
+  options.caption = {"brackets are 95 % confidence intervals"};
   if (configurations > max_configurations)
     options.caption.push_back(
-        fmt::format("{} more arms are left out", configurations - max_configurations));
+        fmt::format("{} more configurations are omitted", configurations - max_configurations));
   album.add({"distribution", name_of(response)},
             [&](const auto& file) { render::write_distribution(file, series, options); });
 }
@@ -327,12 +327,11 @@ void write_correlation(Album& album, const Budget& budget, const ConfigurationBu
   options.value_label = "correlation";
   options.range = 1.0;
   options.decimals = 2;
-  options.caption = {
-      "of the inputs with the answers of random machines",
-      fmt::format("–  no larger than {}, four standard errors: chance may give as much",
-                  render::fixed(min_correlation, 3)),
-      fmt::format("{} of {} inputs {} a larger one", significant_count, inputs,
-                  significant_count == 1 ? "has" : "have")};
+  options.caption = {"of the inputs with the responses of random machines",
+                     fmt::format("–  at most {} (four standard errors), not significant",
+                                 render::fixed(min_correlation, 3)),
+                     fmt::format("{} of {} inputs {} a larger correlation", significant_count,
+                                 inputs, significant_count == 1 ? "has" : "have")};
   if (significant_count > order.size())
     options.caption.back() += fmt::format(", the {} strongest are shown", order.size());
   album.add({"correlation", arm.arm.name},

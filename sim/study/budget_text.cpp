@@ -144,15 +144,15 @@ std::string legend(const Budget& budget, const ConfigurationBudget& arm) {
   };
   if (has_any([](const ResponseBudget& response) { return response.root_sum_square.has_value(); }))
     text += fmt::format(
-        "RSS and sum: of the larger change by each input at its centre ± {:g} std. dev. ",
+        "RSS and sum: over the larger change caused by each input at its centre ± {:g} std. dev. ",
         budget.study.one_at_a_time ? budget.study.one_at_a_time->step : 1.0);
   if (has_any([](const ResponseBudget& response) { return response.worst.has_value(); }))
     text += fmt::format(
-        "Worst found: of the corners that were tried, inputs at the ends of their distributions or "
-        "at ± {:g} std. dev.; no corner exceeds \"at most\". ",
+        "Worst found: worst of the corners tried, with inputs at the ends of their distributions "
+        "or at ± {:g} std. dev.; no corner exceeds \"at most\". ",
         budget.study.worst_case ? budget.study.worst_case->coverage : 3.0);
   if (has_any([](const ResponseBudget& response) { return response.answers.has_value(); }))
-    text += "Mean to Cpk: of random machines; brackets hold the truth with 95 % confidence. ";
+    text += "Mean to Cpk: over random machines; brackets are 95 % confidence intervals. ";
   return text + "\n\n";
 }
 
@@ -192,9 +192,9 @@ std::string dominance_text(const ReportText& report, const Ranking& ranking) {
     return "no input dominates: the largest are " + input_shares(report, ranking, largest) +
            remainder_text(ranking);
   if (ranking.basis == Ranking::Basis::MainEffect)
-    return "no input dominates: none makes more of it alone than chance";
+    return "no input dominates: no single contribution is statistically significant";
   return ranking.weights.sum() > 0.0 ? "no input dominates" + remainder_text(ranking)
-                                     : "no input changes it";
+                                     : "no input has an effect";
 }
 
 /// Returns the number of inputs that together have a fraction of the shares of all inputs.
@@ -211,7 +211,7 @@ std::string dominance_line(const ReportText& report, const std::string& subject,
   if (text.empty()) return "";
   std::string line = fmt::format("- {}: {}", subject, text);
   if (!largest_inputs(ranking, 1).empty())
-    line += fmt::format(" (of {}); {} of {} inputs make 90 % of what inputs make alone",
+    line += fmt::format(" (of {}); {} of {} inputs cause 90 % of the sum of single contributions",
                         share_of(ranking.basis), input_count_for(ranking, 0.9),
                         report.study.inputs.size());
   return line + ".\n";
@@ -224,7 +224,7 @@ std::string dominant_inputs_text(const ReportText& report, const ConfigurationBu
     text += dominance_line(report, response_title(response.response),
                            ranking(response, report.study.inputs.size()));
   text += dominance_line(report, "map", map_ranking(arm, report.study.inputs.size()));
-  return text.empty() ? text : "What dominates:\n\n" + text + "\n";
+  return text.empty() ? text : "Dominant inputs:\n\n" + text + "\n";
 }
 
 const Contribution* find_contribution(const ResponseBudget& response, int input) {
@@ -264,7 +264,7 @@ TextTable input_table(const ConfigurationBudget& arm, const Ranking& order) {
       arm.responses.empty() ? "" : response_title(arm.responses.front().response) + ": ";
   table.heads.insert(
       table.heads.end(),
-      {order.basis == Ranking::Basis::Map ? "share" : first_response + "share",
+      {order.basis == Ranking::Basis::Map ? "fraction" : first_response + "fraction",
        first_response + "Sobol first", first_response + "total", first_response + "alone",
        first_response + "rank corr.", "map RMS, µm", "of the map"});
   return table;
@@ -315,11 +315,11 @@ std::string inputs_text(const ReportText& report, const ConfigurationBudget& arm
   }
   std::string text = report.table_text(table);
   if (order.order.size() > max_rows)
-    text += fmt::format("and {} others, together {}.\n", order.order.size() - max_rows,
+    text += fmt::format("and {} others, {} in total.\n", order.order.size() - max_rows,
                         percent_text(remaining_share));
-  text += fmt::format("Shares: of {}{}. ", share_of(order.basis), remainder_text(order));
+  text += fmt::format("Fractions: of {}{}. ", share_of(order.basis), remainder_text(order));
   if (order.basis == Ranking::Basis::MainEffect && !report.study.copula.groups().empty())
-    text += "Inputs are correlated: what two of them make together counts for both. ";
+    text += "Inputs are correlated: the joint contribution of two inputs counts for both. ";
   return text + "\n\n";
 }
 
@@ -330,11 +330,11 @@ std::string map_text(const ConfigurationBudget& arm) {
   if (arm.map_rms)
     text += fmt::format("Map over random machines: RMS {} µm", figure(*arm.map_rms / units::um));
   if (arm.map_mean_rms)
-    text += fmt::format("{}{} µm of it no input's (cusps, centres)", text.empty() ? "Map: " : ", ",
-                        figure(*arm.map_mean_rms / units::um));
+    text += fmt::format("{}{} µm not caused by inputs (cusps, centres)",
+                        text.empty() ? "Map: " : ", ", figure(*arm.map_mean_rms / units::um));
   if (!text.empty()) text += ". ";
   if (arm.flagged_percent)
-    text += fmt::format("{} % of the judged area is flagged: there influence maps fail. ",
+    text += fmt::format("{} % of the judged area is flagged: influence maps are invalid there. ",
                         figure(*arm.flagged_percent));
   return text.empty() ? text : text + "\n\n";
 }
@@ -355,14 +355,14 @@ std::string halving_text(const ReportText& report, const ConfigurationBudget& ar
   const Ranking squares = change_ranking(response, report.study.inputs.size());
   if (squares.basis == Ranking::Basis::None || !(squares.weights.sum() > 0.0)) return "";
   std::string text =
-      fmt::format("Halving the spread of {} would take the RSS of {} from {} to {}",
+      fmt::format("Halving the spread of {} would reduce the RSS of {} from {} to {}",
                   report.name(squares.order.front()), response_title(response.response),
                   with_unit(response.response, rss_after_halving(squares, 0)),
                   with_unit(response.response, rss_after_halving(squares, 1)));
   if (report.study.inputs.size() > 3)
-    text += fmt::format(", of the first three to {}",
+    text += fmt::format(", halving the first three to {}",
                         with_unit(response.response, rss_after_halving(squares, 3)));
-  return text + fmt::format(", if it is linear. Without any spread {} is {}.\n\n",
+  return text + fmt::format(", assuming linearity. Without any spread, {} is {}.\n\n",
                             response_title(response.response),
                             with_unit(response.response, response.base));
 }
@@ -396,14 +396,14 @@ std::string tightening_text(const ReportText& report, const Eigen::VectorXd& fac
                           unit_text(report, i), fmt::format("{:.2f}", factors[i]),
                           figure(input.cost), figure(new_cost), figure(new_cost - input.cost)});
   }
-  if (order.empty()) return "All spreads may stay as they are.\n\n";
+  if (order.empty()) return "No spread needs to be reduced.\n\n";
   std::string text = report.table_text(table);
   if (order.size() > max_rows)
-    text +=
-        fmt::format("and {} others for {} more. ", order.size() - max_rows, figure(remaining_cost));
+    text += fmt::format("and {} others at an additional cost of {}. ", order.size() - max_rows,
+                        figure(remaining_cost));
   const std::size_t unchanged = std::size_t(factors.size()) - order.size();
   if (unchanged > 0)
-    text += fmt::format("{} may stay as they are.",
+    text += fmt::format("{} can stay unchanged.",
                         unchanged == 1 ? "1 input" : fmt::format("{} inputs", unchanged));
   return text + "\n\n";
 }
@@ -411,13 +411,13 @@ std::string tightening_text(const ReportText& report, const Eigen::VectorXd& fac
 std::string allocation_text(const ReportText& report, const Allocation& allocation) {
   const std::string response = response_title(allocation.asked.response);
   std::string text =
-      fmt::format("{}, for {} ≤ {} in {} of the machines. ", report.bold("What to spend on"),
+      fmt::format("{}, for {} ≤ {} in {} of the machines. ", report.bold("Where to spend"),
                   response, with_unit(allocation.asked.response, allocation.asked.limit),
                   percent_text(allocation.asked.confidence));
-  text += fmt::format("Without any spread {} is {}, every input at its centre.\n\n", response,
+  text += fmt::format("Without any spread, with every input at its centre, {} is {}.\n\n", response,
                       with_unit(allocation.asked.response, allocation.floor));
   if (!allocation.attainable)
-    return text + report.bold("Not attainable") + ": not even without any spread.\n\n";
+    return text + report.bold("Not attainable") + ", even without any spread.\n\n";
   double present_cost = 0.0;
   for (const Input& input : report.study.inputs) present_cost += input.cost;
   text += fmt::format("- cheapest: cost {} (now {}), within the limit {}\n",
@@ -452,7 +452,7 @@ std::string summary_sentence(const ReportText& report, const ConfigurationBudget
   if (response.limit)
     text += fmt::format(", limit {}", with_unit(response.response, *response.limit));
   if (response.fraction_within)
-    text += fmt::format(" kept by {}", percent_text(response.fraction_within->value));
+    text += fmt::format(" met by {}", percent_text(response.fraction_within->value));
   const Ranking response_ranking = ranking(response, report.study.inputs.size());
   const std::string dominance = dominance_text(report, response_ranking);
   if (!dominance.empty()) text += "; " + dominance;
@@ -460,7 +460,7 @@ std::string summary_sentence(const ReportText& report, const ConfigurationBudget
   if (dominant_inputs(response_ranking).empty() && !dominant_inputs(map_shares).empty())
     text += "; the map is " + dominance_text(report, map_shares);
   if (arm.allocation && !arm.allocation->attainable) {
-    text += "; no spending reaches the limit";
+    text += "; the limit cannot be met at any cost";
   } else if (arm.allocation) {
     const std::vector<int> order = tightened_inputs(arm.allocation->cheapest);
     if (!order.empty())
@@ -476,15 +476,15 @@ std::string heading_text(const ReportText& report, const Budget& budget) {
   std::string text = heading(report.style, 1, report.name(study.title));
   text += fmt::format("{} inputs, {} cases", study.inputs.size(), budget.cases);
   if (budget.failed > 0)
-    text += ", " + report.bold(fmt::format("{} without an answer", budget.failed));
+    text += ", " + report.bold(fmt::format("{} without a result", budget.failed));
   text += fmt::format(", seed {}. ", study.seed);
-  if (study.machine_part) text += "Figures are of the map minus the error-free one. ";
+  if (study.machine_part) text += "Figures refer to the map minus the error-free map. ";
   return text + "\n\n";
 }
 
 std::string proofs_text(const ReportText& report, const Budget& budget) {
   if (budget.proofs.empty()) return "";
-  TextTable table{{"influence against full cuts", "response", "cases", "differs at most by, %"}};
+  TextTable table{{"influence against full cuts", "response", "cases", "max difference, %"}};
   table.text_columns = 2;
   for (const Proof& proof : budget.proofs)
     table.rows.push_back({report.name(proof.arm), response_title(proof.response),

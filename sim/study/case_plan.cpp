@@ -210,8 +210,9 @@ void enter_responses(const PreparedStudy& ready, std::size_t arm, const Eigen::V
 /// Returns the reason why a map with gouges has no response: the figures would leave out its worst
 /// part.
 std::string gouge_message(std::size_t gouges, double band) {
-  return fmt::format("expected no gouge deeper than the band of {} mm, seen {} {} with one", band,
-                     gouges, gouges == 1 ? "vertex" : "vertices");
+  return fmt::format(
+      "expected no gouge deeper than the band of {} mm, seen {} {} with such a gouge", band, gouges,
+      gouges == 1 ? "vertex" : "vertices");
 }
 
 /// Returns the reason why a map has no response; empty if it has one.

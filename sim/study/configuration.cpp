@@ -43,7 +43,7 @@ using errors::metrology::Readings;
 constexpr double min_drift = 1e-6;  // mm, the numerical floor of a cut surface
 
 std::string day_text(const std::string& day) {
-  return day.empty() ? "the scene's own day" : "the day \"" + day + "\"";
+  return day.empty() ? "the day of the scene" : "the day \"" + day + "\"";
 }
 
 [[noreturn]] void throw_scene_error(const Scene& scene, const std::string& expected,
@@ -54,8 +54,7 @@ std::string day_text(const std::string& day) {
 Scene scene_of_day(const Study& study, const std::string& day) {
   Scene scene = base_scene(study, {day, day, "uncompensated"});
   if (!scene.thermal)
-    throw_scene_error(scene, "heat ([thermal]) on every day of [histories]",
-                      "none on " + day_text(day));
+    throw_scene_error(scene, "[thermal] on every day of [histories]", "none on " + day_text(day));
   return scene;
 }
 
@@ -88,12 +87,11 @@ struct LearnedBelief {
 /// to text and back, so that the belief comes from the printed digits, as with `abbe identify`.
 std::vector<Readings> day_readings(const Scene& scene, const std::string& day) {
   if (scene.instruments.empty())
-    throw_scene_error(
-        scene,
-        "[[instrument]] tables that read the machine at several times of a train day (start_h "
-        "with a list), such as drift, r_test and tracker; a variant brings its own by "
-        "`instrument` in its set",
-        "none on " + day_text(day));
+    throw_scene_error(scene,
+                      "[[instrument]] tables that measure the machine at several times of a "
+                      "training day (a list for start_h), such as drift, r_test and tracker; a "
+                      "variant can define its own with `instrument` in its set",
+                      "none on " + day_text(day));
   std::vector<Readings> result;
   for (const InstrumentDescription& instrument : scene.instruments) {
     stop_if_interrupted();
@@ -106,8 +104,8 @@ std::vector<Readings> day_readings(const Scene& scene, const std::string& day) {
 LearnedBelief learn_belief(const Study& study, const std::string& day) {
   const Scene scene = scene_of_day(study, day);
   const std::vector<Readings> readings = day_readings(scene, day);
-  const std::string expected = "readings from which heat can be learnt on " + day_text(day) +
-                               ", every instrument from the same three or more start_h";
+  const std::string expected = "readings that identify thermal errors on " + day_text(day) +
+                               ", with at least three start_h, the same for every instrument";
   try {
     ThermalIdentificationResult result = identify_thermal(readings, thermal_identification({}));
     return {day, *scene.thermal, std::move(result.belief), std::move(result.day.sensors),
@@ -158,8 +156,7 @@ class JobCache {
 
 double drift_rms(const cutting::Surface& drift, const Job& job) {
   const auto rms = cutting::statistics(drift, job.design_w).rms;
-  if (!rms)
-    throw_scene_error(job.scene, "a part of which something is cut with heat and without", "none");
+  if (!rms) throw_scene_error(job.scene, "a part that is cut both with and without heat", "none");
   return *rms;
 }
 
@@ -224,7 +221,7 @@ class DayProgress {
 CaseDescription histories_compensator(const Study& study) {
   // A belief of geometry or force would remove more than the drift and seem better than it is.
   constexpr const char* expected =
-      "a case that believes in temperatures alone, such as thermal-iterated-ideal, for "
+      "a case whose belief uses only temperatures, such as thermal-iterated-ideal, for "
       "histories.case";
   const std::string& name = study.histories->case_name;
   try {
@@ -293,7 +290,7 @@ std::string to_csv(const std::vector<HistoryResult>& results) {
 }
 
 std::string to_text(const std::vector<HistoryResult>& results) {
-  TextTable text_table{{"learnt on", "judged on", "uncompensated, RMS µm", "compensated, RMS µm",
+  TextTable text_table{{"learnt on", "evaluated on", "uncompensated, RMS µm", "compensated, RMS µm",
                         "reduction, %", "sensors"}};
   text_table.text_columns = 2;
   const auto day_name = [](const std::string& name) { return name.empty() ? "its own day" : name; };
@@ -355,7 +352,8 @@ std::string spread_mistake_text(const std::string& key, double centre, double sp
   if (key.ends_with("scale") && spread > max_plausible_factor) return "percent";
   if (unit != "mm") return {};
   if (spread < min_plausible_mm) return "m";
-  if (centre != 0.0 && spread >= std::abs(centre)) return "um, as it is as large as its centre";
+  if (centre != 0.0 && spread >= std::abs(centre))
+    return "um, because it is as large as its centre";
   return key.starts_with("tool.actual.") && spread > max_tool_difference_mm ? "um" : "";
 }
 
@@ -374,8 +372,7 @@ std::string spread_mistake_text(const Input& input) {
   const Distribution& distribution = input.distribution;
   if (distribution.kind == Distribution::Kind::LogNormal)
     return distribution.spread > max_plausible_logarithm
-               ? "one in the unit of the path or in percent, and it is of "
-                 "the logarithm"
+               ? "the unit of the path or in percent, but it applies to the logarithm"
                : "";
   if (!input.element.empty()) return distribution.spread > max_plausible_factor ? "percent" : "";
   if (!input.number.empty()) return unit_mistake_text(input.unit, distribution.spread);
@@ -402,8 +399,9 @@ double distance_in_spreads(const Distribution& distribution, double from, double
 void add_spread_warnings(const Input& input, std::vector<std::string>& warnings) {
   const Distribution& distribution = input.distribution;
   if (const std::string mistake = spread_mistake_text(input); !mistake.empty())
-    warnings.push_back(fmt::format("the spread of input \"{}\" is {}: looks like {}", input.name,
-                                   value_text(input, distribution.spread), mistake));
+    warnings.push_back(
+        fmt::format("the spread of input \"{}\" is {}: check the unit, it may be in {}", input.name,
+                    value_text(input, distribution.spread), mistake));
   Distribution untruncated = distribution;
   untruncated.low = -infinity;
   untruncated.high = infinity;
@@ -411,8 +409,9 @@ void add_spread_warnings(const Input& input, std::vector<std::string>& warnings)
                remaining_deviation = moments(distribution).standard_deviation;
   if (remaining_deviation < min_remaining_fraction * stated_deviation)
     warnings.push_back(fmt::format(
-        "low and high of input \"{}\" leave a standard deviation of {}, and its spread makes {}: "
-        "they are in the unit of its centre, neither multiples of the spread nor differences",
+        "low and high of input \"{}\" reduce its standard deviation to {}, while its spread gives "
+        "{}: low and high are values in the unit of the centre, not multiples of the spread or "
+        "differences",
         input.name, value_text(input, remaining_deviation), value_text(input, stated_deviation)));
 }
 
@@ -427,11 +426,11 @@ void add_centre_warning(const Input& input, const Scene& scene,
     const double scene_value = *number / setting.factor;
     const double distance = distance_in_spreads(distribution, distribution.centre, scene_value);
     if (distance <= max_centre_distance) continue;
-    warnings.push_back(fmt::format(
-        "the centre of input \"{}\" is {}, {:.3g} spreads from the {} that the scene states: the "
-        "study's machine is another one than the scene's",
-        input.name, value_text(input, distribution.centre), distance,
-        value_text(input, scene_value)));
+    warnings.push_back(
+        fmt::format("the centre of input \"{}\" is {}, {:.3g} spreads from the value {} in the "
+                    "scene: the machine of the study differs from that of the scene",
+                    input.name, value_text(input, distribution.centre), distance,
+                    value_text(input, scene_value)));
     return;
   }
 }
@@ -472,12 +471,12 @@ void add_sweep_warning(const Study& study, const Sweep& sweep, std::vector<std::
         distance_in_spreads(distribution, distribution.centre, farthest))
       farthest = value;
   if (distance_in_spreads(distribution, distribution.centre, farthest) > max_sweep_distance)
-    warnings.push_back(fmt::format(
-        "the sweep of input \"{}\" goes to {}, {:.3g} spreads from its centre {}: its values are "
-        "those of the input itself",
-        input.name, value_text(input, farthest),
-        distance_in_spreads(distribution, distribution.centre, farthest),
-        value_text(input, distribution.centre)));
+    warnings.push_back(
+        fmt::format("the sweep of input \"{}\" goes to {}, {:.3g} spreads from its centre {}: "
+                    "sweep values are values of the input, not differences",
+                    input.name, value_text(input, farthest),
+                    distance_in_spreads(distribution, distribution.centre, farthest),
+                    value_text(input, distribution.centre)));
 }
 
 }  // namespace
@@ -494,9 +493,10 @@ std::vector<std::string> study_warnings(const Study& study, const Scene& scene) 
   for (std::string& text : value_warnings(parse_toml(study.text, "")))
     warnings.push_back(std::move(text));
   if (study.monte_carlo && study.monte_carlo->cases < min_cases_for_quantiles)
-    warnings.push_back(fmt::format(
-        "monte_carlo.cases is {}: P95 and P99 of fewer than {} machines are extremes of a few",
-        study.monte_carlo->cases, min_cases_for_quantiles));
+    warnings.push_back(
+        fmt::format("monte_carlo.cases is {}: with fewer than {} machines P95 and P99 depend on "
+                    "only a few of them",
+                    study.monte_carlo->cases, min_cases_for_quantiles));
   return warnings;
 }
 
@@ -658,10 +658,10 @@ std::string unresolved_texture_text(const PreparedConfiguration& ready) {
       std::sqrt(std::max(1.0, cutting::effective_value_count(ready.job.scene.part.form_cutoff,
                                                              vertex_count / area)));
   return fmt::format(
-      "form and texture are judged at the part's {} vertices as loaded, about {:.3g} mm apart: "
-      "between them the surface of {} is {:.3g} um RMS off a straight line ({:.3g} um at most), "
-      "where texture has Sq {:.3g} um: texture figures are not resolved, and form figures are off "
-      "by about {:.2g} um by chance; raise part.vertices",
+      "form and texture are evaluated at the {} vertices of the part, about {:.3g} mm apart: "
+      "between them the surface of {} deviates by {:.3g} um RMS from linear interpolation ({:.3g} "
+      "um at most), and texture has Sq {:.3g} um: texture figures are not resolved, and form "
+      "figures have a random error of about {:.2g} um; increase part.vertices",
       ready.job.design_w.vertices.rows(), spacing, ready.arm.name, unresolved_rms / units::um,
       map_cut.interpolation->worst / units::um, Sq / units::um, form_error / units::um);
 }

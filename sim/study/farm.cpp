@@ -115,7 +115,7 @@ std::vector<std::uint64_t> broadcast_from_rank_0(const Ranks& ranks,
 }
 
 void send(int rank, int kind, const std::string& bytes) {
-  if (bytes.size() > INT_MAX) throw std::runtime_error("a batch of 2 GB is too large to be sent");
+  if (bytes.size() > INT_MAX) throw std::runtime_error("a batch of 2 GB is too large to send");
   MPI_Send(bytes.data(), int(bytes.size()), MPI_BYTE, rank, kind, MPI_COMM_WORLD);
 }
 
@@ -151,7 +151,8 @@ bool can_threads_communicate() {
 Ranks ranks(int&, char**&) {
   if (started_process_count() > 1)
     throw std::runtime_error(
-        "one of several processes, but built without MPI: ./abbe setup --cluster builds it with");
+        "started as one of several processes, but built without MPI: run ./abbe setup --cluster to "
+        "build with MPI");
   return {};
 }
 
@@ -354,7 +355,8 @@ void compute_for_rank_0(const ComputeBatch& compute) {
 
 std::vector<Batch> shard_batches(const std::vector<Batch>& batches, const Shard& shard) {
   if (shard.count < 1 || shard.index < 0 || shard.index >= shard.count)
-    throw std::invalid_argument(fmt::format("no shard {} of {}", shard.index, shard.count));
+    throw std::invalid_argument(
+        fmt::format("there is no shard {} of {}", shard.index, shard.count));
   std::vector<Batch> result;
   for (std::size_t i = std::size_t(shard.index); i < batches.size(); i += std::size_t(shard.count))
     result.push_back(batches[i]);
@@ -394,7 +396,7 @@ struct ByteReader {
   std::string_view bytes;
 
   void take(void* data, std::size_t size) {
-    if (size > bytes.size()) throw std::runtime_error("a message between ranks is cut off");
+    if (size > bytes.size()) throw std::runtime_error("a message between ranks is incomplete");
     if (size > 0) std::memcpy(data, bytes.data(), size);
     bytes.remove_prefix(size);
   }
@@ -407,7 +409,7 @@ struct ByteReader {
   /// damaged number from reserving memory.
   std::size_t count(std::size_t size) {
     const std::uint64_t n = number();
-    if (n > bytes.size() / size) throw std::runtime_error("a message between ranks is cut off");
+    if (n > bytes.size() / size) throw std::runtime_error("a message between ranks is incomplete");
     return n;
   }
   Row row() {
@@ -452,7 +454,7 @@ json failure_json(const std::exception_ptr& failure) {
   } catch (const std::exception& error) {
     return {{"kind", "other"}, {"text", error.what()}};
   } catch (...) {
-    return {{"kind", "other"}, {"text", "a failure without a text"}};
+    return {{"kind", "other"}, {"text", "a failure without a message"}};
   }
 }
 

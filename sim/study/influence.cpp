@@ -317,7 +317,7 @@ ResponseFunction response_function(const Study& study, const PreparedConfigurati
 Eigen::MatrixXd gradients(const InfluenceMap& influence, Response response,
                           const Eigen::MatrixXd& x) {
   if (is_counted_response(response))
-    throw std::invalid_argument("a response that is counted has no gradient");
+    throw std::invalid_argument("a response that is a count has no gradient");
   Eigen::MatrixXd result(x.rows(), x.cols());
   visit_blocks(x.cols(), machines_per_search, [&](Index first, Index count) {
     const Eigen::MatrixXd offset = x.middleCols(first, count).colwise() - influence.centre;

@@ -107,18 +107,17 @@ BaseRun base_run(const Study& study, const PreparedConfiguration& ready, const P
   const Job& job = ready.job;
   if (!job.stretches.empty())
     throw BadInput(job.scene.file.string(), 0, 0,
-                   "one tool for influence maps; engine = \"full\" follows several",
+                   "a single tool for influence maps (engine = \"full\" supports several)",
                    fmt::format("{} tools", 1 + job.scene.additional_tools.size()));
   if (job.scene.tool.wear && job.scene.tool.wear->radius > 0.0)
     throw BadInput(job.scene.file.string(), 0, 0,
-                   "a tool that keeps its radius for influence maps; engine = \"full\" follows its "
-                   "wear",
+                   "a tool of constant radius for influence maps (engine = \"full\" supports wear)",
                    "tool.wear.radius_um");
   const auto* hollow = std::get_if<cutting::Cutter>(&job.scene.tool.actual);
   if (hollow && cutting::is_hollow(*hollow))
     throw BadInput(job.scene.file.string(), 0, 0,
-                   "a convex tool for influence maps; engine = \"full\" follows a hollow one",
-                   "a tool.kind = \"profile\" that bends inwards");
+                   "a convex tool for influence maps (engine = \"full\" supports concave ones)",
+                   "a concave tool.kind = \"profile\"");
   BaseRun run{study, ready, cut_process(job, ready.commanded), {}, {}, std::nullopt, {}};
   run.T_wt = tool_poses(job, ready.commanded, run.process);
   cutting::CompetingPassOptions options;
@@ -376,7 +375,7 @@ DifferenceMachine difference_machine(const BaseRun& run, const Scene& scene,
       run.ready.needs_commands_per_case ? machine_commands : run.ready.commanded;
   if (commanded.samples.states.size() != run.T_wt.size())
     throw BadInput(run.study.file.string(), 0, 0,
-                   "engine = \"full\" for a case whose samples depend on the machine",
+                   "engine = \"full\" for a case with samples that depend on the machine",
                    run.ready.arm.name);
   // A more compliant machine removes less and has smaller loads, so each machine needs its own
   // forces.
@@ -433,7 +432,7 @@ Columns cutter_columns(const BaseRun& run, const cutting::Cutter& from, const cu
   if (same_shape(from, to)) return columns;
   if (cutting::is_hollow(from) || cutting::is_hollow(to))
     throw std::invalid_argument(
-        "influence maps: expected convex tools, seen a tool.kind = \"profile\" that bends inwards");
+        "influence maps: expected convex tools, seen a concave tool.kind = \"profile\"");
   const cutting::CutterMotion motion = cutter_motion(run.T_wt, run.ready.commanded.samples);
   tbb::parallel_for(std::size_t(0), run.competing_passes.size(), [&](std::size_t r) {
     const double larger = surface_distance(run, motion, run.competing_passes[r], to);
@@ -680,9 +679,10 @@ InfluenceMap map_frame(const BaseRun& run) {
 /// Returns the reason why a base run has no pass.
 std::string uncut_message(const BaseRun& run) {
   const std::string& arm = run.ready.arm.name;
-  if (run.gouges.empty()) return fmt::format("nothing cut ({})", arm);
-  return fmt::format("nothing cut within {} mm, {} {} gouged deeper ({})", run.ready.job.scene.band,
-                     run.gouges.size(), run.gouges.size() == 1 ? "vertex" : "vertices", arm);
+  if (run.gouges.empty()) return fmt::format("no vertices cut ({})", arm);
+  return fmt::format("no vertices cut within {} mm, {} {} gouged deeper ({})",
+                     run.ready.job.scene.band, run.gouges.size(),
+                     run.gouges.size() == 1 ? "vertex" : "vertices", arm);
 }
 
 }  // namespace
@@ -692,7 +692,7 @@ InfluenceMap influence_map(const Study& study, const PreparedConfiguration& read
   const BaseRun run = keep_comparable_passes(base_run(study, ready, progress));
   if (run.competing_passes.empty())
     throw BadInput(study.scene.string(), 0, 0,
-                   "a program that cuts the part within the band, every input at its centre",
+                   "a program that cuts the part within the band with every input at its centre",
                    uncut_message(run));
   InfluenceMap map = map_frame(run);
   Columns columns = input_columns(run, progress);

@@ -97,13 +97,13 @@ void JournalLock::try_to_lock() {
     if (reason == EINTR) return;
     if (reason != EWOULDBLOCK) throw_not_locked(file_, reason);
     throw OutputFailure(fmt::format(
-        "{}: another process works on this study ({}); wait for it, or use another --out",
+        "{}: another process is running this study ({}); wait for it or choose another --out",
         journal_.string(), holder));
   }
   if (!is_lock(descriptor)) {
     ::close(descriptor);
     throw OutputFailure(fmt::format(
-        "{}: a file that abbe did not make stands there; move it, or choose another --out",
+        "{}: the file exists and was not created by abbe; move it or choose another --out",
         file_.string()));
   }
   // If the last holder removed the file between open and flock, this lock is on a deleted file and
@@ -168,8 +168,7 @@ using Statement = std::unique_ptr<sqlite3_stmt, StatementFinalizer>;
 /// Returns the exception for a file that is not a journal, or not a readable one.
 BadInput journal_error(const std::filesystem::path& file, const std::string& seen) {
   return BadInput(file.string(), 0, 0,
-                  "the journal of a study (to start from the beginning, delete the file or choose "
-                  "another --out)",
+                  "the journal of a study (to start over, delete the file or choose another --out)",
                   seen);
 }
 
@@ -186,8 +185,8 @@ struct Database {
     const int kind = code & 0xff;
     if (system != 0 && (kind == SQLITE_IOERR || kind == SQLITE_CANTOPEN))
       reason += fmt::format(" ({})", std::strerror(system));
-    if (kind == SQLITE_NOTADB) throw journal_error(file, "something else");
-    if (kind == SQLITE_CORRUPT) throw journal_error(file, "a damaged one");
+    if (kind == SQLITE_NOTADB) throw journal_error(file, "a different file");
+    if (kind == SQLITE_CORRUPT) throw journal_error(file, "a damaged journal");
     if (!is_writable) throw journal_error(file, reason);
     throw OutputFailure(fmt::format("{}: cannot be written: {}", file.string(), reason));
   }
@@ -250,7 +249,7 @@ Row read_row(const Database& database, const Statement& statement) {
   row.fault = column_bytes(statement, 2);
   if (!has_types || response_blob.size() % 8 != 0 ||
       sqlite3_column_int64(statement.get(), 3) != row_checksum(row.index, response_blob, row.fault))
-    throw journal_error(database.file, fmt::format("a damaged one (case {})", row.index));
+    throw journal_error(database.file, fmt::format("a damaged journal (case {})", row.index));
   row.response_values = parse_responses(response_blob);
   return row;
 }
@@ -267,7 +266,7 @@ void for_every_row(const Database& database, const Visit& visit) {
 void check_pages(const Database& database) {
   const Statement check = database.prepare("PRAGMA quick_check(1)");
   if (!database.step(check) || column_bytes(check, 0) != "ok")
-    throw journal_error(database.file, "a damaged one");
+    throw journal_error(database.file, "a damaged journal");
 }
 
 /// Returns true if nothing has been written to the file, as after a process that ended just after
@@ -283,11 +282,11 @@ std::string journal_identity(const Database& database) {
   const Statement schema = database.prepare("SELECT sql FROM sqlite_schema ORDER BY name");
   for (const char* table : tables)
     if (!database.step(schema) || column_bytes(schema, 0) != table)
-      throw journal_error(database.file, "something else");
+      throw journal_error(database.file, "a different file");
   if (database.step(schema) || database.number("PRAGMA application_id") != application_id)
-    throw journal_error(database.file, "something else");
+    throw journal_error(database.file, "a different file");
   const Statement study = database.prepare("SELECT identity FROM study");
-  if (!database.step(study)) throw journal_error(database.file, "one without a study");
+  if (!database.step(study)) throw journal_error(database.file, "a journal without a study");
   return std::string(column_bytes(study, 0));
 }
 
@@ -340,9 +339,9 @@ void check_identity(const std::filesystem::path& file, const std::string& seen,
                     const std::string& expected) {
   if (seen == expected) return;
   throw BadInput(file.string(), 0, 0,
-                 "the journal of this study with this scene and program (choose another --out, or "
-                 "delete the file to start from the beginning)",
-                 "the journal of another one");
+                 "the journal of this study with this scene and program (to start over, choose "
+                 "another --out or delete the file)",
+                 "the journal of another study");
 }
 
 /// A file that SQLite keeps beside a database.
@@ -372,21 +371,21 @@ bool is_sqlite_companion(const std::filesystem::path& file, const CompanionFile&
 void check_file_names(const std::filesystem::path& file) {
   const auto fail = [](const std::filesystem::path& seen, const char* what) {
     throw OutputFailure(
-        fmt::format("{}: {} stands there; move it, or choose another --out", seen.string(), what));
+        fmt::format("{}: {}; move it or choose another --out", seen.string(), what));
   };
   std::error_code ignored;
   const auto check_exists = [&](const std::filesystem::path& name) {
     const auto status = std::filesystem::symlink_status(name, ignored);
     const bool exists = std::filesystem::exists(status);
     if (exists && status.type() != std::filesystem::file_type::regular)
-      fail(name, "a link, or what is no file,");
+      fail(name, "the path is a link or not a regular file");
     return exists;
   };
   check_exists(file);
   for (const CompanionFile& kind : companion_files) {
     const std::filesystem::path companion = file.string() + kind.suffix;
     if (check_exists(companion) && !is_sqlite_companion(companion, kind))
-      fail(companion, "a file that abbe did not make");
+      fail(companion, "the file was not created by abbe");
   }
 }
 
@@ -396,7 +395,7 @@ Database open_to_write(const std::filesystem::path& file, const std::string& ide
   std::error_code missing;
   const auto size = std::filesystem::file_size(file, missing);
   // SQLite would overwrite a file shorter than a page, because it takes it for an empty database.
-  if (!missing && size > 0 && size < 512) throw journal_error(file, "something else");
+  if (!missing && size > 0 && size < 512) throw journal_error(file, "a different file");
   Database database = open_database(file, SQLITE_OPEN_READWRITE | SQLITE_OPEN_CREATE);
   const bool is_new = is_blank(database);
   const std::string seen = is_new ? identity : journal_identity(database);
@@ -419,7 +418,7 @@ Database open_to_read(const std::filesystem::path& file) {
   std::error_code ignored;
   if (!std::filesystem::is_regular_file(file, ignored))
     throw journal_error(file,
-                        std::filesystem::exists(file, ignored) ? "something else" : "no file");
+                        std::filesystem::exists(file, ignored) ? "a different file" : "no file");
   check_file_names(file);
   return open_database(file, SQLITE_OPEN_READONLY);
 }
@@ -514,8 +513,8 @@ JournalContents merge_journals(const std::vector<std::filesystem::path>& files) 
       result.rows.push_back(std::move(file_row.row));
     else if (result.rows.back() != row)
       throw BadInput(files[file_row.file].string(), 0, 0,
-                     fmt::format("the answers of case {} as in the other journals", row.index),
-                     "other answers");
+                     fmt::format("the same results of case {} as in the other journals", row.index),
+                     "different results");
   }
   return result;
 }

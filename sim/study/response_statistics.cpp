@@ -182,7 +182,7 @@ Eigen::MatrixXd complete_rows(const Eigen::MatrixXd& responses) {
   if (responses.cols() < 3)
     throw std::invalid_argument("Sobol indices need columns A, B and inputs");
   if (Eigen::Index(rows.size()) < min_base_points)
-    throw std::invalid_argument("Sobol indices need 8 base points with all their answers");
+    throw std::invalid_argument("Sobol indices need 8 base points with complete results");
   return responses(rows, Eigen::all);
 }
 
@@ -237,7 +237,7 @@ IndexConvergence convergence(const Eigen::MatrixXd& responses, std::uint64_t see
 Eigen::VectorXd sobol_column(const Eigen::VectorXd& u, int column) {
   const Eigen::Index inputs = u.size() / 2;
   if (u.size() % 2 != 0 || column < 0 || column >= inputs + 2)
-    throw std::invalid_argument("a point of Sobol's design is A, B or A with an input of B");
+    throw std::invalid_argument("a point of the Sobol design is A, B or A with one input of B");
   if (column == 1) return u.tail(inputs);
   Eigen::VectorXd point = u.head(inputs);
   if (column >= 2) point(column - 2) = u(inputs + column - 2);
@@ -254,7 +254,7 @@ std::vector<double> finite_values(const Eigen::VectorXd& values, std::size_t min
   std::ranges::copy_if(values, std::back_inserter(result),
                        [](double v) { return std::isfinite(v); });
   if (result.size() < min_count)
-    throw std::invalid_argument("fewer than " + std::to_string(min_count) + " finite answers");
+    throw std::invalid_argument("fewer than " + std::to_string(min_count) + " finite responses");
   return result;
 }
 
@@ -373,7 +373,7 @@ ResponseStatistics answers(const Eigen::VectorXd& values) {
 }
 
 IntervalEstimate quantile_with_band(Eigen::VectorXd values, double p) {
-  if (!(p >= 0.0 && p <= 1.0)) throw std::invalid_argument("a share is within 0 .. 1");
+  if (!(p >= 0.0 && p <= 1.0)) throw std::invalid_argument("a fraction must be within 0 .. 1");
   std::vector<double> sorted = finite_values(values, 1);
   std::ranges::sort(sorted);
   return quantile_band(sorted, p);
@@ -414,7 +414,7 @@ std::optional<double> process_capability(const Eigen::VectorXd& values, double l
 
 Correlations correlations(const Eigen::MatrixXd& inputs, const Eigen::VectorXd& values) {
   if (inputs.cols() != values.size())
-    throw std::invalid_argument("inputs and answers of different numbers of cases");
+    throw std::invalid_argument("inputs and responses have different numbers of cases");
   std::vector<Eigen::Index> cases;
   for (Eigen::Index k = 0; k < values.size(); ++k)
     if (std::isfinite(values(k)) && inputs.col(k).allFinite()) cases.push_back(k);

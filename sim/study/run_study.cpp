@@ -64,8 +64,8 @@ void check(const SlurmOptions& options) {
   if (options.shards < 1 || options.cpus < 1)
     throw std::invalid_argument("a job array needs at least one shard and one cpu");
   if (!matches(options.time, "[0-9]+(:[0-9]+){0,2}|[0-9]+-[0-9]+(:[0-9]+){0,2}"))
-    throw std::invalid_argument(fmt::format(
-        "expected a time as Slurm reads it (90, 12:00:00, 2-00), seen {}", options.time));
+    throw std::invalid_argument(
+        fmt::format("expected a Slurm time limit (90, 12:00:00, 2-00), seen {}", options.time));
 }
 
 }  // namespace
@@ -85,7 +85,7 @@ std::string slurm_script(const SlurmOptions& options) {
 #SBATCH --requeue
 #SBATCH --open-mode=append
 # Submit with:  sh THIS_FILE
-# Cases that are done are kept: after a failure or a time limit, submit it again.
+# Finished cases are kept: after a failure or a time limit, submit the script again.
 set -eu
 
 if [ -n "${{SLURM_ARRAY_TASK_ID:-}}" ]; then
@@ -145,7 +145,7 @@ JournalContents read_journals(const Study& study, const path& folder) {
   if (contents.identity != study.identity)
     throw BadInput(files.front().string(), 0, 0,
                    "the journal of this study: the same file, scene, --set and program",
-                   "that of another one");
+                   "the journal of another study");
   return contents;
 }
 
@@ -203,8 +203,8 @@ std::string table_head(const Study& study, bool with_inputs) {
 /// Returns the progress of each analysis of a study.
 StudyResult study_progress(const Study& study, const Plan& plan, const std::vector<Row>& rows) {
   ordered_json blocks = ordered_json::array();
-  std::string text = fmt::format("{}: {} of {} cases are finished\n", escaped(study.title),
-                                 rows.size(), plan.cases);
+  std::string text =
+      fmt::format("{}: {} of {} cases finished\n", escaped(study.title), rows.size(), plan.cases);
   for (const Block& block : plan.blocks) {
     const auto begin =
         std::lower_bound(rows.begin(), rows.end(), block.first,
@@ -444,12 +444,12 @@ StudyResult merge_study(const path& file, const StudyOptions& options) {
   const JournalContents contents = read_journals(study, options.folder);
   const Plan plan = make_plan(study);
   if (contents.rows.size() != plan.cases)
-    throw BadInput(options.folder.string(), 0, 0,
-                   fmt::format("all {} cases; start the shards again, they go on where they "
-                               "stopped",
-                               plan.cases),
-                   fmt::format("{} of them finished", contents.rows.size()) +
-                       missing_shards_text(plan, contents.rows, shard_count(options.folder)));
+    throw BadInput(
+        options.folder.string(), 0, 0,
+        fmt::format("all {} cases (start the shards again; they continue where they stopped)",
+                    plan.cases),
+        fmt::format("{} finished", contents.rows.size()) +
+            missing_shards_text(plan, contents.rows, shard_count(options.folder)));
   const ResultFolder folder(options.folder, {options.permissions, study.files});
   ProgressLine progress(preparation_stages(study) + result_stages(study, scene_size(study)),
                         options.progress);

@@ -271,15 +271,15 @@ const char* distribution_error(const Distribution& d) {
   if (!std::isfinite(d.centre)) return "a finite centre";
   if (!(d.spread > 0.0) || !std::isfinite(d.spread)) return "a spread above 0";
   if (d.kind == Shape::LogNormal) {
-    if (d.centre <= 0.0) return "a median above 0, as the distribution is log-normal";
-    if (d.spread > max_log_spread) return "a spread of the logarithm of at most 10";
+    if (d.centre <= 0.0) return "a median above 0 for a log-normal distribution";
+    if (d.spread > max_log_spread) return "a spread of at most 10 for the logarithm";
   }
   if (!std::isfinite(d.centre - d.spread) || !std::isfinite(d.centre + d.spread))
-    return "a centre and a spread of which the sum is finite";
-  if (!(d.low < d.high)) return "a low limit below the high one";
+    return "a centre and a spread with a finite sum";
+  if (!(d.low < d.high)) return "a low limit below the high limit";
   const Window w = truncation_window(d);
   if (!(w.from < w.to) || !(w.probability > min_probability))
-    return "some share of the distribution between its low and its high limit";
+    return "low and high limits that contain part of the distribution";
   return nullptr;
 }
 
@@ -350,11 +350,11 @@ Eigen::MatrixXd correlation_matrix(int inputs, std::span<const Correlation> corr
   is_listed.setConstant(false);
   for (const auto& [a, b, rho] : correlations) {
     if (a < 0 || b < 0 || a >= inputs || b >= inputs || a == b)
-      throw_invalid("a correlation is between two different inputs of 0 to " +
+      throw_invalid("a correlation must be between two different inputs from 0 to " +
                     std::to_string(inputs - 1) + ", not " + std::to_string(a) + " and " +
                     std::to_string(b));
     if (!(std::abs(rho) <= 1.0))
-      throw_invalid("a correlation is within -1 to 1, not " + short_text(rho));
+      throw_invalid("a correlation must be from -1 to 1, not " + short_text(rho));
     if (is_listed(a, b))
       throw_invalid("inputs " + std::to_string(a) + " and " + std::to_string(b) +
                     " have two correlations");
@@ -366,15 +366,15 @@ Eigen::MatrixXd correlation_matrix(int inputs, std::span<const Correlation> corr
 
 /// Throws std::invalid_argument if the matrix is not symmetric with ones on its diagonal.
 void require_correlation(const Eigen::MatrixXd& matrix) {
-  if (matrix.rows() != matrix.cols()) throw_invalid("a correlation matrix is square");
+  if (matrix.rows() != matrix.cols()) throw_invalid("a correlation matrix must be square");
   if (!matrix.allFinite()) throw_invalid("a correlation is not finite");
   for (Eigen::Index i = 0; i < matrix.rows(); ++i) {
     if (std::abs(matrix(i, i) - 1.0) > symmetry_tolerance)
-      throw_invalid("a correlation matrix has ones on its diagonal, not " +
+      throw_invalid("a correlation matrix must have ones on its diagonal, not " +
                     short_text(matrix(i, i)));
     for (Eigen::Index j = 0; j < i; ++j)
       if (std::abs(matrix(i, j) - matrix(j, i)) > symmetry_tolerance)
-        throw_invalid("a correlation matrix is symmetric");
+        throw_invalid("a correlation matrix must be symmetric");
   }
 }
 
@@ -409,9 +409,9 @@ Eigen::MatrixXd triangular_factor(const Eigen::MatrixXd& correlation) {
   // Multiplied by 1 / (1 - smallest), the correlations have a smallest eigenvalue of 0.
   if (smallest < -rounding_tolerance)
     throw_invalid(
-        "no numbers can be correlated so: the least eigenvalue of the correlation matrix is " +
-        short_text(smallest) + ", expected none below 0 (all correlations times " +
-        short_text(std::floor(1e3 / (1.0 - smallest)) / 1e3) + " would do)");
+        "these correlations are impossible: the smallest eigenvalue of the correlation matrix is " +
+        short_text(smallest) + ", expected at least 0 (multiplying all correlations by " +
+        short_text(std::floor(1e3 / (1.0 - smallest)) / 1e3) + " would suffice)");
   // Eigenvalues below n eps times the largest one are rounding of 0.
   const double rank_limit = double(correlation.rows()) * std::numeric_limits<double>::epsilon() *
                             eigen.values(correlation.rows() - 1);
@@ -483,7 +483,7 @@ Copula::Copula(int inputs, std::span<const Correlation> correlations)
     : Copula(correlation_matrix(inputs, correlations)) {}
 
 CovarianceFactors factorise_covariance(const Eigen::MatrixXd& covariance) {
-  if (covariance.rows() != covariance.cols()) throw_invalid("a covariance is square");
+  if (covariance.rows() != covariance.cols()) throw_invalid("a covariance matrix must be square");
   if (!covariance.allFinite()) throw_invalid("a covariance is not finite");
   const Eigen::Index m = covariance.rows();
   if (m > 0 && covariance.diagonal().minCoeff() < 0.0)
@@ -497,7 +497,7 @@ CovarianceFactors factorise_covariance(const Eigen::MatrixXd& covariance) {
       if (scale > 0.0)
         correlation(i, j) = covariance(i, j) / deviation(i) / deviation(j);
       else if (covariance(i, j) != 0.0)
-        throw_invalid("what has no variance has a covariance");
+        throw_invalid("a number without variance has a covariance");
     }
   return {deviation, Copula(correlation)};
 }
@@ -515,7 +515,7 @@ Eigen::MatrixXd scores(const Copula& copula, const Eigen::MatrixXd& u) {
 Eigen::MatrixXd values(const Copula& copula, std::span<const Distribution> marginals,
                        const Eigen::MatrixXd& u) {
   if (marginals.size() != std::size_t(copula.inputs()))
-    throw_invalid("a distribution is needed for every input of the copula");
+    throw_invalid("every input of the copula needs a distribution");
   const auto marginal = [&](int input) { return marginals[std::size_t(input)]; };
   using Numbers = Eigen::VectorXd;
   return draw_inputs(

@@ -66,7 +66,7 @@ std::vector<Override> variant_overrides(const Study& study, const Configuration&
     known_names += (known_names.empty() ? "\"" : ", \"") + variant.name + "\"";
   }
   throw BadScene({BadInput(study.scene.string(), 0, 0,
-                           known_names.empty() ? "no variant, as the scene has none"
+                           known_names.empty() ? "no variant, because the scene has none"
                                                : "the name of a variant: " + known_names,
                            "\"" + configuration.variant + "\"")});
 }

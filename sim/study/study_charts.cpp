@@ -404,7 +404,7 @@ ordered_json inputs_block(const ordered_json& budget, const ordered_json& config
   for (std::size_t i = 0; i < contributions.size(); ++i) {
     const ordered_json& input = budget.at("inputs").at(i);
     if (text_at(input, "name") != text_at(contributions[i], "input"))
-      throw std::invalid_argument("inputs and contributions are of different order");
+      throw std::invalid_argument("inputs and contributions are in different order");
     ordered_json row = ordered_json::array();
     row.push_back(input_name(input));
     row.push_back(text_at(input, "unit") == "1" ? "" : display_unit(text_at(input, "unit")));

@@ -51,7 +51,7 @@ cutting::Statistics map_statistics(const cutting::Design& design, const Eigen::V
 /// @param name  of the other figure
 std::string figures_text(const char* name, std::optional<double> rms, std::optional<double> other) {
   return rms && other ? fmt::format("RMS {:.3g} µm   {} {:.3g} µm", *rms, name, *other)
-                      : "nothing is cut";
+                      : "no vertices cut";
 }
 
 std::string sheet_title(const PreparedStudy& ready, std::size_t configuration,
@@ -125,7 +125,7 @@ void write_pages(const ResultFolder& folder, const PreparedStudy& ready, std::si
       maps.push_back(effect_map(ready, influence, order[k], input_effects, sd));
     render::SheetOptions options = sheet_options(
         ready, configuration,
-        sheet_title(ready, configuration, "what one standard deviation of each input does"));
+        sheet_title(ready, configuration, "effect of one standard deviation of each input"));
     options.caption.push_back(fmt::format("inputs {} to {} of {} by the RMS of their maps",
                                           first + 1, last, order.size()));
     if (pages > max_pages && page + 1 == max_pages)
@@ -150,7 +150,7 @@ void write_effect_pictures(const ResultFolder& folder, const PreparedStudy& read
       if (study.inputs[std::size_t(i)].name != name) continue;
       render::SheetOptions single = sheet_options(
           ready, configuration,
-          sheet_title(ready, configuration, "what one standard deviation of an input does"));
+          sheet_title(ready, configuration, "effect of one standard deviation of an input"));
       single.width = 1600;
       write_file(folder / (names.unique_name({"influence", name}) + ".png"), [&](const path& file) {
         render::write_sheet(file, influence.design,
@@ -201,16 +201,16 @@ void write_uncertainty(const ResultFolder& folder, const PreparedStudy& ready,
         std::move(title), figures_text("largest", figures.rms, figures.max), values, {}};
   };
   render::SheetOptions options = sheet_options(
-      ready, configuration, sheet_title(ready, configuration, "how far the map is unknown"));
-  options.values = "how far the surface is unknown along the design normal";
+      ready, configuration, sheet_title(ready, configuration, "uncertainty of the map"));
+  options.values = "uncertainty of the surface along the design normal";
   options.columns = 2;
   write_file(folder / "uncertainty.png", [&](const path& file) {
-    render::write_sheet(
-        file, influence.design,
-        {sheet_map("standard deviation", sd),
-         sheet_map(fmt::format("width of the {:.3g} % band", 100.0 * uncertainty.confidence),
-                   width)},
-        options);
+    render::write_sheet(file, influence.design,
+                        {sheet_map("standard deviation", sd),
+                         sheet_map(fmt::format("width of the {:.3g} % confidence interval",
+                                               100.0 * uncertainty.confidence),
+                                   width)},
+                        options);
   });
 }
 
@@ -255,7 +255,7 @@ void write_histories(const ResultFolder& folder, [[maybe_unused]] const Study& s
     return Index(names.size()) - 1;
   };
   const auto day_label = [](const std::string& day) {
-    return day.empty() ? "the scene's day" : day;
+    return day.empty() ? "day of the scene" : day;
   };
   render::HeatMap map;
   for (const HistoryResult& result : results) {
@@ -269,9 +269,9 @@ void write_histories(const ResultFolder& folder, [[maybe_unused]] const Study& s
         result.compensated_rms / units::um;
   write_file(folder / "histories.png", [&](const path& file) {
     render::HeatMapOptions options;
-    options.title = study.title + ": drift that is left";
+    options.title = study.title + ": remaining drift";
     options.row_label = "learnt on";
-    options.column_label = "judged on";
+    options.column_label = "evaluated on";
     options.value_label = "RMS / µm";
     render::write_heat_map(file, map, options);
   });
@@ -286,7 +286,7 @@ constexpr std::size_t max_shown_machines = 20000;  // of one response
 class CsvReader {
  public:
   explicit CsvReader(const path& file) : file_(file), in_(file, std::ios::binary) {
-    if (!in_) throw BadInput(file.string(), 0, 0, "a table that can be read", "none");
+    if (!in_) throw BadInput(file.string(), 0, 0, "a readable table", "none");
   }
 
   /// Returns the fields of the next record; empty at the end of the file.
@@ -308,7 +308,7 @@ class CsvReader {
     }
     if (!has_bytes) return std::nullopt;
     ++number_;
-    if (is_quoted) throw_bad_input("a quoted field that ends", "the end of the file");
+    if (is_quoted) throw_bad_input("a closing quote", "the end of the file");
     return fields;
   }
 
@@ -328,10 +328,10 @@ class CsvReader {
 MachineResponses read_responses(const path& file, const std::vector<std::string>& heads) {
   CsvReader reader(file);
   const auto names = reader.next();
-  if (!names) reader.throw_bad_input("the head of a table of cases", "nothing");
+  if (!names) reader.throw_bad_input("the header of a table of cases", "nothing");
   const auto column = [&](const std::string& name) {
     const auto match = std::ranges::find(*names, name);
-    if (match == names->end()) reader.throw_bad_input("a column " + name, "none of that name");
+    if (match == names->end()) reader.throw_bad_input("a column " + name, "no such column");
     return std::size_t(match - names->begin());
   };
   const std::size_t analysis = column("analysis");
@@ -384,7 +384,7 @@ MachineResponses page_responses(const path& folder, const ordered_json& budget,
   const path file = folder / "cases.csv";
   if (!std::filesystem::exists(file)) {
     warnings.push_back(
-        "the distribution of random machines is left out of the report: the folder has no "
+        "the distribution of random machines is omitted from the report: the folder has no "
         "cases.csv");
     return {};
   }
@@ -394,8 +394,7 @@ MachineResponses page_responses(const path& folder, const ordered_json& budget,
     values = shown_values(std::move(values));
     if (values.size() < count)
       warnings.push_back(
-          fmt::format("of the {} random machines of {} the report holds {}, every "
-                      "{:.3g}th by rank",
+          fmt::format("of {} random machines of {} the report shows {}, every {:.3g}th by rank",
                       count, head, values.size(), double(count) / double(values.size())));
   }
   return responses;
@@ -466,7 +465,8 @@ void add_warnings(FiguresPage& page, const ordered_json& budget, const path& fol
   const Manifest mark = read_manifest(folder);
   if (!writing_command(mark, folder / "budget.json"))
     page.warnings.push_back(
-        "budget.json is not as abbe study wrote it, or the mark of its folder is missing");
+        "budget.json was changed after abbe study wrote it, or the manifest of its folder is "
+        "missing");
 }
 
 /// Returns the page of a budget.
@@ -474,7 +474,7 @@ void add_warnings(FiguresPage& page, const ordered_json& budget, const path& fol
 HtmlReport budget_page(const ordered_json& budget, const path& folder,
                        const std::string& language) {
   if (!budget.is_object() || !(budget.contains("arms") || budget.contains("histories")))
-    throw std::invalid_argument("JSON of something else");
+    throw std::invalid_argument("JSON of another kind");
   HtmlReport report;
   FiguresPage page;
   page.language = language;
@@ -504,9 +504,9 @@ HtmlReport study_page(const path& folder, const std::string& language) {
   const path file = folder / "budget.json";
   if (!std::filesystem::exists(file))
     throw BadInput(folder.string(), 0, 0, "the folder of a finished study, with its budget.json",
-                   "none of that name");
+                   "no such column");
   HtmlReport report;
-  read_saved_json(file, "the budget of a study as abbe study writes it, with arms or histories",
+  read_saved_json(file, "the budget of a study written by abbe study, with arms or histories",
                   [&](const ordered_json& budget, const std::string&) {
                     report = budget_page(budget, folder, language);
                   });

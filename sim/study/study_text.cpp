@@ -74,7 +74,7 @@ std::string response_title(Response response) {
     case Response::MaxAbs:
       return "largest deviation";
     case Response::P95Abs:
-      return "P95 of the deviation's size";
+      return "P95 of the absolute deviation";
     case Response::InTolerance:
       return "area in tolerance";
     case Response::FormPv:

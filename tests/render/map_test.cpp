@@ -232,7 +232,7 @@ TEST_F(Map, SaysEverythingThatAMapMustSay) {
   EXPECT_EQ(figures_text({12.34, 2.345, -0.0004}), "PV 12.3 µm    RMS 2.35 µm    mean 0.00 µm");
   EXPECT_EQ(figures_text({0.0123, 0.002, 0.001}), "PV 12.3 nm    RMS 2.00 nm    mean +1.00 nm");
   EXPECT_EQ(figures_text({2.5e-7, 4e-8, 0.0}, Mean::Omitted),
-            "PV under 0.001 nm    RMS under 0.001 nm");
+            "PV below 0.001 nm    RMS below 0.001 nm");
   EXPECT_EQ(figures_text({}), "nothing was cut");
 }
 

@@ -199,10 +199,10 @@ TEST(ReadVtu, RefusesAnotherFileByName) {
   EXPECT_TRUE(contains(why("<Points>", "<Cells>"), "array of Points"));
   EXPECT_TRUE(contains(why("NumberOfComponents=\"9\"", "NumberOfComponents=\"3\""), "9 or 6"));
   EXPECT_TRUE(contains(why("NumberOfPoints=\"50\"", "NumberOfPoints=\"51\""), "153 numbers"));
-  EXPECT_TRUE(contains(why("NumberOfPoints=\"50\"", "NumberOfPoints=\"-1\""), "whole number"));
+  EXPECT_TRUE(contains(why("NumberOfPoints=\"50\"", "NumberOfPoints=\"-1\""), "integer"));
   EXPECT_TRUE(contains(why("NumberOfPoints=\"50\"", "NumberOfPoints=\"0\""), "with points"));
-  EXPECT_TRUE(
-      contains(why("NumberOfPoints=\"50\"", "NumberOfPoints=\"18446744073709551615\""), "room"));
+  EXPECT_TRUE(contains(why("NumberOfPoints=\"50\"", "NumberOfPoints=\"18446744073709551615\""),
+                       "fits into the file"));
   EXPECT_TRUE(contains(why("</Piece>", "<Piece NumberOfPoints=\"1\">"), "one piece"));
   EXPECT_TRUE(
       contains(why("\"Float64\" Name=\"C\"", "\"Int64\" Name=\"C\""), "Float32 or Float64"));

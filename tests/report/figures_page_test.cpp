@@ -223,14 +223,14 @@ TEST_F(StudyPages, ABrokenOrForeignFolderIsRefusedByFile) {
     EXPECT_FALSE(fs::exists(broken / "report.html"));
   };
   refused("{", "text that is not JSON");
-  refused("[]", "JSON of something else");
-  refused("{\"arms\": 3}", "as abbe study writes it");
+  refused("[]", "JSON of another kind");
+  refused("{\"arms\": 3}", "written by abbe study");
   ordered_json other = budget;
   other["arms"][0]["responses"][0].erase("contributions");
   refused(other.dump(), "contributions");
   other = budget;
   other["arms"][0]["responses"][0]["base"] = "much";
-  refused(other.dump(), "no figure");
+  refused(other.dump(), "not a figure");
   put(broken / "budget.json", budget.dump());
   put(broken / "cases.csv", "case,analysis,pv_um\n1,monte_carlo,2\n");
   const safety::Ran table = safety::run("report " + broken.string());

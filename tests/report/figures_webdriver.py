@@ -113,7 +113,7 @@ def check_study(browser, folder, page, shots):
     assert browser.js("return document.querySelector('#b-influence-maps img').naturalWidth") > 100
     browser.js("document.getElementById('b-distribution-pv').scrollIntoView()")
     browser.picture(shots / "study_distribution.png")
-    check_languages(browser, "figures", "Figures of every response", "各响应的数值",
+    check_languages(browser, "figures", "Figures by response", "各响应的数值",
                     shots / "study_zh.png")
     save_print(browser, shots / "study.pdf")
     check_quiet(browser, page)
@@ -138,7 +138,7 @@ def check_identification(browser, belief, page, shots):
     browser.picture(shots / "curves.png")
     browser.js("document.getElementById('b-residuals').scrollIntoView()")
     browser.picture(shots / "residuals.png")
-    check_languages(browser, "curves", "Elements over their axes", "各误差元素随轴位置的变化",
+    check_languages(browser, "curves", "Elements along their axes", "各误差元素随轴位置的变化",
                     shots / "identification_zh.png")
     check_quiet(browser, page)
     print(f"{len(report['numbers'])} numbers are as in belief.json, {curves} curves")

@@ -172,11 +172,11 @@ TEST_F(SavedFolder, ItsMapsAreThoseOfThePageOfTheSceneAndOfItsFiles) {
 
 TEST_F(SavedFolder, SaysThatTheMachineInMotionIsNotInIt) {
   const safety::Ran reported = report();
-  EXPECT_NE(reported.text.find("the machine in motion and its signals are left out of the report: "
-                               "saved results do not hold them; abbe compare --report"),
+  EXPECT_NE(reported.text.find("the moving machine and its signals are omitted from the report: "
+                               "saved results do not contain them; abbe compare --report"),
             std::string::npos)
       << reported.text;
-  EXPECT_EQ(reported.text.find("among the maps"), std::string::npos) << reported.text;
+  EXPECT_EQ(reported.text.find("has no map"), std::string::npos) << reported.text;
   const std::string html = text_of(page_file());
   EXPECT_NE(html.find("alt=\"uncompensated/residual\""), std::string::npos);
   const ordered_json summary = ordered_json::parse(text_of(folder / names[1] / "summary.json"));
@@ -190,7 +190,7 @@ TEST_F(SavedFolder, TheMapOfAnotherCaseIsRefused) {
   const safety::Ran reported = report();
   EXPECT_EQ(reported.code, 3);
   EXPECT_NE(reported.text.find(map_file(names[1]).string() +
-                               ": expected the map of the figures, which reaches"),
+                               ": expected the map of these figures, with a maximum of"),
             std::string::npos)
       << reported.text;
 }
@@ -199,10 +199,9 @@ TEST_F(SavedFolder, ACaseWithoutItsFileIsLeftOutByName) {
   fs::remove(map_file(names[0]));
   const safety::Ran reported = report();
   ASSERT_EQ(reported.code, 0) << reported.text;
-  EXPECT_NE(
-      reported.text.find("error_free is in the table and not among the maps: " +
-                         map_file(names[0]).string() + ", which --save vtp writes, is not there"),
-      std::string::npos)
+  EXPECT_NE(reported.text.find("error_free is in the table but has no map: " +
+                               map_file(names[0]).string() + " is missing (--save vtp writes it)"),
+            std::string::npos)
       << reported.text;
   EXPECT_EQ(shown(), (std::vector<std::string>{names[1], names[2]}));
 }
@@ -211,7 +210,7 @@ TEST_F(SavedFolder, WithoutAnyMapThePageHasFiguresAndPictures) {
   for (const char* name : names) fs::remove(map_file(name));
   const safety::Ran reported = report();
   ASSERT_EQ(reported.code, 0) << reported.text;
-  EXPECT_NE(reported.text.find("perfect-position-ideal is in the table and not among the maps"),
+  EXPECT_NE(reported.text.find("perfect-position-ideal is in the table but has no map"),
             std::string::npos)
       << reported.text;
   const ordered_json index = ordered_json::parse(script(text_of(page_file()), "index"));
@@ -226,8 +225,7 @@ TEST_F(SavedFolder, ACaseOfAnotherMeshIsLeftOutByName) {
   render::write_residual(map_file(names[1]), other);
   const safety::Ran reported = report();
   ASSERT_EQ(reported.code, 0) << reported.text;
-  EXPECT_NE(reported.text.find(
-                "uncompensated is in the table and not among the maps: its part is another mesh"),
+  EXPECT_NE(reported.text.find("uncompensated is in the table but has no map: its part is a mesh"),
             std::string::npos)
       << reported.text;
   EXPECT_EQ(shown(), (std::vector<std::string>{names[0], names[2]}));
@@ -239,8 +237,7 @@ TEST_F(SavedFolder, AMapWithoutFormHasTheResidualAlone) {
   render::write_residual(map_file(names[2]), field);
   const safety::Ran reported = report();
   ASSERT_EQ(reported.code, 0) << reported.text;
-  EXPECT_NE(reported.text.find(map_file(names[2]).string() + " holds no form_um"),
-            std::string::npos)
+  EXPECT_NE(reported.text.find(map_file(names[2]).string() + " has no form_um"), std::string::npos)
       << reported.text;
   const ordered_json index = ordered_json::parse(script(text_of(page_file()), "index"));
   EXPECT_TRUE(index.at("arrays").contains("residual2"));
@@ -252,7 +249,7 @@ TEST_F(SavedFolder, RegionsAreLeftOutByName) {
       << "\n[[part.region]]\nname = \"top\"\nz_mm = [-5, 0]\n";
   const safety::Ran reported = report();
   ASSERT_EQ(reported.code, 0) << reported.text;
-  EXPECT_NE(reported.text.find("the regions of the part are left out"), std::string::npos)
+  EXPECT_NE(reported.text.find("the regions of the part are omitted"), std::string::npos)
       << reported.text;
 }
 
@@ -272,7 +269,7 @@ TEST_F(SavedFolder, ValuesThatNoPageCanHoldAreRefusedByName) {
   const safety::Ran refused = report();
   EXPECT_EQ(refused.code, 3);
   EXPECT_NE(
-      refused.text.find("residual.vtp: expected a map that a page can hold, seen a deviation"),
+      refused.text.find("residual.vtp: expected a map that fits into a page, seen a deviation"),
       std::string::npos)
       << refused.text;
 }
@@ -282,9 +279,10 @@ TEST_F(SavedFolder, ACaseThatNamesAnotherFolderOrComesTwiceIsRefused) {
   const std::string name = "\"name\": \"uncompensated\"";
   const std::size_t at = text.find(name);
   ASSERT_NE(at, std::string::npos);
-  for (const auto& [other, seen] : {std::pair("../copy/uncompensated", "names no folder in it"),
-                                    std::pair(".", "names no folder in it"),
-                                    std::pair("error_free", "the case \"error_free\" twice")}) {
+  for (const auto& [other, seen] :
+       {std::pair("../copy/uncompensated", "is not the name of a folder in it"),
+        std::pair(".", "is not the name of a folder in it"),
+        std::pair("error_free", "the case \"error_free\" twice")}) {
     const std::string renamed = "\"name\": \"" + std::string(other) + "\"";
     std::ofstream(folder / "comparison.json")
         << std::string(text).replace(at, name.size(), renamed);

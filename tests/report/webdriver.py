@@ -266,7 +266,7 @@ def check_course(browser, results, shots):
     browser.js("abbe.S.b=1;const e=document.getElementById('errors');e.value=1000;"
                "e.dispatchEvent(new Event('change'));abbe.controls();abbe.motionText()")
     text = browser.js("return document.getElementById('state').textContent")
-    assert "tool off by" in text, text
+    assert "tool deviation" in text, text
     time.sleep(3)
     browser.picture(shots / "errors.png")
     browser.js("document.querySelector('[data-tab=map]').click()")
@@ -396,7 +396,7 @@ def check_cut_off(browser, page, folder):
     cut = folder / "cut.html"
     cut.write_bytes(page.read_bytes()[:-1000])
     assert browser.load(cut)[1] == "cut off"
-    assert "cut off" in browser.js("return document.getElementById('busy').textContent")
+    assert "incomplete" in browser.js("return document.getElementById('busy').textContent")
 
 
 def check_dome(browser, abbe, scenes, folder, shots, port):

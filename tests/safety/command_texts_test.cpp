@@ -109,7 +109,7 @@ TEST(Check, PrintsALineForEachOfATerminalAndTheRestIfAsked) {
   ASSERT_EQ(shown.size(), 40u);
   ASSERT_GT(all.size(), 60u);
   EXPECT_EQ(shown.back(),
-            "... and " + std::to_string(all.size() - 39) + " lines more: --all prints them");
+            "... and " + std::to_string(all.size() - 39) + " more lines: --all prints them");
   EXPECT_TRUE(std::equal(shown.begin(), shown.end() - 1, all.begin())) << "the same order";
   for (const char* first : {"machine  ", "part     ", "program  ", "axis  ", "reads    "})
     EXPECT_TRUE(std::ranges::any_of(shown, [&](const std::string& text) {

@@ -65,7 +65,7 @@ TEST(FilmPlan, TheSpeedIsSaidAsAPersonWould) {
   EXPECT_EQ(speed_text(film_plan({0.0, 10.0}, 10.0, 25.0)), "in real time");
   EXPECT_EQ(speed_text(film_plan({0.0, 2.0}, 10.0, 25.0)), "5.0 × slower than real time");
   EXPECT_EQ(speed_text(film_plan({0.0, 45.0}, 10.0, 25.0)), "4.5 × faster than real time");
-  EXPECT_EQ(speed_text(film_plan({1.0, 1.0}, 10.0, 25.0)), "a moment of the program");
+  EXPECT_EQ(speed_text(film_plan({1.0, 1.0}, 10.0, 25.0)), "one instant of the program");
 }
 
 TEST(FilmPlan, AStretchRunsFromItsFirstBlockToTheEndOfItsLast) {
@@ -377,17 +377,17 @@ TEST_F(Animate, OptionsThatCannotBeAreRefusedBeforeAnythingIsCut) {
     const char *options, *expected;
   } slips[] = {{"--fps 0", "--fps: expected 1 to 120"},
                {"--fps nan", "--fps"},
-               {"--seconds 0", "--seconds: expected seconds above 0"},
-               {"--seconds -3", "--seconds: expected seconds above 0"},
+               {"--seconds 0", "--seconds: expected 0.001 to 100000 seconds"},
+               {"--seconds -3", "--seconds: expected 0.001 to 100000 seconds"},
                {"--seconds 1000", "--seconds: expected at most 10000 frames"},
-               {"--size 0x0", "--size: expected pixels as 1280x720"},
-               {"--size 100000x100000", "--size: expected pixels as 1280x720"},
-               {"--size 1280", "--size: expected pixels as 1280x720"},
+               {"--size 0x0", "--size: expected pixels such as 1280x720"},
+               {"--size 100000x100000", "--size: expected pixels such as 1280x720"},
+               {"--size 1280", "--size: expected pixels such as 1280x720"},
                {"--size 641x480", "--size: expected even numbers for mp4"},
                {"--magnify 0", "--magnify: expected a factor from 1"},
                {"--magnify much", "--magnify: expected a factor from 1"},
-               {"--lines 9:", "--lines: expected the first and the last line"},
-               {"--lines 9:3", "--lines: expected the first and the last line"},
+               {"--lines 9:", "--lines: expected first and last line"},
+               {"--lines 9:3", "--lines: expected first and last line"},
                {"--case nobody-iterated-ideal", "--case"},
                {"--film gif", "--film"}};
   for (const auto& [options, expected] : slips) {
@@ -399,9 +399,10 @@ TEST_F(Animate, OptionsThatCannotBeAreRefusedBeforeAnythingIsCut) {
   if (!ABBE_RENDER) return;
   const Ran outside = animate("plain.toml --out film --lines 500:600");
   EXPECT_EQ(outside.code, 2) << outside.text;
-  EXPECT_NE(outside.text.find("--lines: expected lines with blocks"), std::string::npos);
+  EXPECT_NE(outside.text.find("--lines: expected lines with motion blocks"), std::string::npos);
   const Ran one = animate("plain.toml --out film --lines 500");
-  EXPECT_NE(one.text.find("--lines: expected lines with blocks"), std::string::npos) << one.text;
+  EXPECT_NE(one.text.find("--lines: expected lines with motion blocks"), std::string::npos)
+      << one.text;
 }
 
 TEST_F(Animate, WithoutVtkItSaysSo) {

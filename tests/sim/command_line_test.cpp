@@ -225,19 +225,20 @@ TEST_F(CommandLine, AResultIsDrawnAgainAsItIsAsked) {
   }
   const struct {
     const char *options, *expected;
-  } slips[] = {{"--view up", "--view: expected +x, -x"},
-               {"--line x --nic 0", "--nic: expected millimetres above 0"},
-               {"--line x --nis small", "--nis: expected micrometres above 0"},
-               {"--line x --sections 0", "--sections"},
-               {"--nic 2", "--line"},
-               {"--view 0,0,0", "--view: expected +x, -x"},
-               {"--bands 8,2", "--bands: expected micrometres, 5 or -2,8"},
-               {"--bands x", "--bands: expected micrometres"},
-               {"--range -1", "--range: expected micrometres above 0"},
-               {"--size 1600", "--size: expected pixels as 1600x1200"},
-               {"--size 10x10", "--size: expected pixels as 1600x1200"},
-               {"--format bmp", "bmp"},
-               {"--colours tolerance", "--bands, or a result whose summary.json has a tolerance"}};
+  } slips[] = {
+      {"--view up", "--view: expected +x, -x"},
+      {"--line x --nic 0", "--nic: expected millimetres above 0"},
+      {"--line x --nis small", "--nis: expected micrometres above 0"},
+      {"--line x --sections 0", "--sections"},
+      {"--nic 2", "--line"},
+      {"--view 0,0,0", "--view: expected +x, -x"},
+      {"--bands 8,2", "--bands: expected micrometres such as 5 or -2,8"},
+      {"--bands x", "--bands: expected micrometres"},
+      {"--range -1", "--range: expected micrometres above 0"},
+      {"--size 1600", "--size: expected pixels such as 1600x1200"},
+      {"--size 10x10", "--size: expected pixels such as 1600x1200"},
+      {"--format bmp", "bmp"},
+      {"--colours tolerance", "--bands, or a result with a tolerance in its summary.json"}};
   for (const auto& slip : slips) {
     const Ran ran = run(render + " " + slip.options);
     EXPECT_NE(ran.code, 0) << slip.options;

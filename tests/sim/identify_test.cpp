@@ -165,7 +165,7 @@ TEST(Identify, TheLaserAloneNamesWhatItCannotTell) {
         << roll << " is seen by no reading of a laser";
   EXPECT_TRUE(pitch_hides) << "pitch of X hides in its positioning over the arm";
   const std::string text = identification_text(found);
-  EXPECT_NE(text.find("unobservable, left out"), std::string::npos);
+  EXPECT_NE(text.find("unobservable, omitted"), std::string::npos);
   for (const auto& element : belief_in(options.out, "gantry_dome.toml").elements)
     if (to_string(element.name) == "EAX") {
       EXPECT_TRUE(errors::values({element}).isZero(0.0))

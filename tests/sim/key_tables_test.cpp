@@ -89,7 +89,7 @@ std::string correction_tables(const std::vector<std::string>& sections, const st
       const std::vector<KeyRow> own = matching_key_rows(all, section);
       text += "**`" + name + "`**: " + own.front().sentence + "\n\n";
     }
-    text += "| key | value | default | what it is |\n|---|---|---|---|\n" +
+    text += "| key | value | default | description |\n|---|---|---|---|\n" +
             table_of(section, sections_of(document), all) + "\n";
   }
   text.pop_back();

@@ -160,15 +160,15 @@ TEST(LineTextureOf, AMapThatDoesNotResolveItAreWarnedAbout) {
   const auto wave = [](double x) { return 1e-3 * std::sin(2.0 * pi * x / 0.5); };
   EXPECT_TRUE(warns(wave_texture(45, 20.0, wave), "does not resolve the profile"));
   EXPECT_FALSE(resolution_warning(wave_texture(45, 20.0, wave)).empty());
-  EXPECT_TRUE(warns(wave_texture(400, 20.0, {}), "is not known"));
+  EXPECT_TRUE(warns(wave_texture(400, 20.0, {}), "it is unknown whether"));
 }
 
 TEST(LineTextureOf, AShortLineAreWarnedAbout) {
   EXPECT_TRUE(warns(wave_texture(60, 2.0, {}), "less than one section length of 2.5 mm"));
-  EXPECT_TRUE(warns(wave_texture(60, 6.0, {}), "R is of 2 sections of 2.5 mm, not of 5"));
+  EXPECT_TRUE(warns(wave_texture(60, 6.0, {}), "R covers 2 sections of 2.5 mm instead of 5"));
   EXPECT_TRUE(warns(wave_texture(60, 13.0, {}), "less than half of Nic"));
   EXPECT_TRUE(warns(wave_texture(60, 20.0, {}, {.Nic = 0.8, .Nis = 1e-6, .sections = 5}),
-                    "Nis is 1 um, not 0.001 um"));
+                    "Nis is 1 um instead of 0.001 um"));
 }
 
 TEST(LineTextureOf, ATableHasARowAPlace) {

@@ -63,7 +63,7 @@ TEST(ProgramCommand, SaysWhatAProgramAsksOfAMachine) {
   const Ran text = run("program " + finish);
   EXPECT_EQ(text.code, 0) << text.text;
   for (const char* one : {"gantry CXYZA", "82 moves", "travel left", "singular", "T1, called once",
-                          "describes one of 10 mm with a corner of 5 mm"})
+                          "describes a tool of 10 mm with a corner radius of 5 mm"})
     EXPECT_NE(text.text.find(one), std::string::npos) << one << " in\n" << text.text;
 }
 

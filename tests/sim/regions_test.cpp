@@ -198,8 +198,9 @@ TEST(Regions, SharesOfABlockAreItsExactAreas) {
   EXPECT_TRUE(has_warning(
       job, "the region \"left\" has no effect: later regions contain all of its 24 mm^2"));
   EXPECT_FALSE(has_warning(job, "the region \"top\""));
-  EXPECT_NE(to_text(describe(job)).find("region left: 24 mm^2, 11.54 % of it, 0 % where no later"),
-            std::string::npos)
+  EXPECT_NE(
+      to_text(describe(job)).find("region left: 24 mm^2, 11.54 % of the part, 0 % not covered"),
+      std::string::npos)
       << to_text(describe(job));
 }
 

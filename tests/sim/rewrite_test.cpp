@@ -199,8 +199,7 @@ TEST(RewriteCommand, RefusesWhatItCannotDo) {
   };
   ProgramRewriteOptions options;
   options.out = folder.path() / "again.ngc";
-  EXPECT_NE(refused(options).find("expected a case through the channel program"),
-            std::string::npos);
+  EXPECT_NE(refused(options).find("expected a case with channel program"), std::string::npos);
   for (const char* name : {"perfect-iterated-ideal", "perfect-iterated-pulses"}) {
     options.case_name = name;
     EXPECT_NE(refused(options).find("channel program"), std::string::npos) << name;

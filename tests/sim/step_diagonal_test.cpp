@@ -99,7 +99,7 @@ TEST(StepDiagonalScene, TellsTranslationsAndTheirHeatAndIsSpoiltByAngles) {
          ++at)
       ++shown;
   EXPECT_EQ(shown, 12u);
-  EXPECT_NE(text.find(fmt::format("and {} more trends by temperature, each at most ", trends - 12)),
+  EXPECT_NE(text.find(fmt::format("and {} more temperature trends, each at most ", trends - 12)),
             std::string::npos)
       << text;
   for (const char* one : {"X", "Y", "Z"})

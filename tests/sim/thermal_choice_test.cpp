@@ -110,7 +110,7 @@ TEST(ThermalSensorChoice, ThePapersOwnDegreesChooseBesideTheRegression) {
     const Json& paper = choices[1];
     EXPECT_EQ(paper["chosen"].size(), 4u);
     ASSERT_TRUE(paper["method"].contains("begins"));
-    EXPECT_EQ(paper["method"]["temperatures"], "as read, C");
+    EXPECT_EQ(paper["method"]["temperatures"], "readings, C");
     const Json& begin = paper["method"]["begins"]["Z"];
     EXPECT_GT(std::abs(begin["drift_um"].get<double>()), 4 * 0.02);
     EXPECT_GE(begin["row"].get<int>(), 1) << "the first row is zero by definition";

@@ -256,8 +256,8 @@ TEST(BeliefCoverage, WithoutAPriorTheBandIsTooNarrowAndSaysSo) {
   const Campaign campaign = campaigns().back();
   const BandCoverage covered = coverage_of(campaign, 20, "");
   EXPECT_LT(covered.rms, 80.0);
-  EXPECT_NE(covered.warning.find("was not identified and has no prior"), std::string::npos);
-  EXPECT_NE(covered.warning.find("the map feels"), std::string::npos);
+  EXPECT_NE(covered.warning.find("were not identified and have no prior"), std::string::npos);
+  EXPECT_NE(covered.warning.find("the map changes with"), std::string::npos);
 }
 
 }  // namespace

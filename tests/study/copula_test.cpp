@@ -177,14 +177,15 @@ TEST(Copula, ACaseHasTheSameBitsInWhateverCompanyItIsDrawn) {
 TEST(Copula, WhatNoNumbersCanBeIsRefusedWithTheWorstEigenvalue) {
   const auto of = [](std::vector<Correlation> pairs) { return refusal([&] { Copula(3, pairs); }); };
   // 1 + 2 rho is an eigenvalue of three equal correlations: -0.4 here.
-  EXPECT_EQ(of({{0, 1, -0.7}, {0, 2, -0.7}, {1, 2, -0.7}}),
-            "no numbers can be correlated so: the least eigenvalue of the correlation matrix is "
-            "-0.4, expected none below 0 (all correlations times 0.714 would do)");
+  EXPECT_EQ(
+      of({{0, 1, -0.7}, {0, 2, -0.7}, {1, 2, -0.7}}),
+      "these correlations are impossible: the smallest eigenvalue of the correlation matrix is "
+      "-0.4, expected at least 0 (multiplying all correlations by 0.714 would suffice)");
   EXPECT_NO_THROW(Copula(3, std::vector<Correlation>{
                                 {0, 1, -0.7 * 0.714}, {0, 2, -0.7 * 0.714}, {1, 2, -0.7 * 0.714}}));
   EXPECT_NO_THROW(Copula(3, std::vector<Correlation>{{0, 1, -0.5}, {0, 2, -0.5}, {1, 2, -0.5}}));
-  EXPECT_EQ(of({{0, 1, 1.01}}), "a correlation is within -1 to 1, not 1.01");
-  EXPECT_EQ(of({{0, 1, std::nan("")}}), "a correlation is within -1 to 1, not nan");
+  EXPECT_EQ(of({{0, 1, 1.01}}), "a correlation must be from -1 to 1, not 1.01");
+  EXPECT_EQ(of({{0, 1, std::nan("")}}), "a correlation must be from -1 to 1, not nan");
   EXPECT_EQ(of({{0, 1, 0.1}, {1, 0, 0.1}}), "inputs 1 and 0 have two correlations");
   EXPECT_NE(of({{0, 3, 0.1}}).find("not 0 and 3"), std::string::npos);
   EXPECT_NE(of({{-1, 2, 0.1}}).find("not -1 and 2"), std::string::npos);
@@ -197,13 +198,13 @@ TEST(Copula, MatricesThatAreNoneAreRefused) {
   };
   Eigen::MatrixXd matrix = Eigen::MatrixXd::Identity(3, 3);
   EXPECT_EQ(of(matrix), "nothing was refused");
-  EXPECT_EQ(of(matrix.topRows(2)), "a correlation matrix is square");
+  EXPECT_EQ(of(matrix.topRows(2)), "a correlation matrix must be square");
   matrix(0, 1) = 0.5;
-  EXPECT_EQ(of(matrix), "a correlation matrix is symmetric");
+  EXPECT_EQ(of(matrix), "a correlation matrix must be symmetric");
   matrix(0, 1) = std::nan("");
   EXPECT_EQ(of(matrix), "a correlation is not finite");
   EXPECT_EQ(of(2 * Eigen::MatrixXd::Identity(2, 2)),
-            "a correlation matrix has ones on its diagonal, not 2");
+            "a correlation matrix must have ones on its diagonal, not 2");
 
   const auto covariance = [](std::initializer_list<double> numbers) {
     Eigen::MatrixXd two(2, 2);
@@ -214,9 +215,9 @@ TEST(Copula, MatricesThatAreNoneAreRefused) {
   EXPECT_EQ(covariance({1e-12, 1e-18, 1e-18, 1e-24}), "nothing was refused");
   EXPECT_EQ(covariance({0, 0, 0, 0}), "nothing was refused");
   EXPECT_EQ(covariance({1, 0, 0, -1e-20}), "a variance is negative: -1e-20");
-  EXPECT_EQ(covariance({1, 1e-9, 1e-9, 0}), "what has no variance has a covariance");
+  EXPECT_EQ(covariance({1, 1e-9, 1e-9, 0}), "a number without variance has a covariance");
   EXPECT_NE(covariance({1, 1.1, 1.1, 1}).find("is -0.1, expected"), std::string::npos);
-  EXPECT_EQ(covariance({1, 0.1, 0.2, 1}), "a correlation matrix is symmetric");
+  EXPECT_EQ(covariance({1, 0.1, 0.2, 1}), "a correlation matrix must be symmetric");
   EXPECT_EQ(covariance({1, 0.1, std::nan(""), 1}), "a covariance is not finite");
 }
 

@@ -351,10 +351,10 @@ TEST(Distribution, WhatIsNoneIsRefusedInWords) {
   says({Kind::Normal, 0, 1, 1, 1}, "a low limit below");
   says({Kind::Normal, 0, 1, NAN, 1}, "a low limit below");
   says({Kind::Normal, 0, 1, 1, NAN}, "a low limit below");
-  says({Kind::Normal, 0, 1, 40, 41}, "some share");
-  says({Kind::Uniform, 0, 1, 1, 2}, "some share");
-  says({Kind::Triangular, 0, 1, -3, -2}, "some share");
-  says({Kind::LogNormal, 1, 1, -2, 0}, "some share");
+  says({Kind::Normal, 0, 1, 40, 41}, "low and high limits that contain part");
+  says({Kind::Uniform, 0, 1, 1, 2}, "low and high limits that contain part");
+  says({Kind::Triangular, 0, 1, -3, -2}, "low and high limits that contain part");
+  says({Kind::LogNormal, 1, 1, -2, 0}, "low and high limits that contain part");
   says({Kind::Normal, 0, 1, infinity, infinity}, "a low limit below");
   says({Kind::Uniform, 1e308, 1e308}, "finite");
   EXPECT_EQ(distribution_error({}), nullptr);

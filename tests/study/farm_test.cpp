@@ -316,7 +316,7 @@ TEST(FarmProgram, TheSecondOfTwoAtOnceIsTurnedAway) {
   Process first(command(study, out), folder / "first.log");
   ASSERT_TRUE(wait_until([&] { return has_rows(out); }, 20));
   EXPECT_EQ(run(command(study, out), folder / "second.log"), 5);
-  EXPECT_NE(text_of(folder / "second.log").find("another process works on this study"),
+  EXPECT_NE(text_of(folder / "second.log").find("another process is running this study"),
             std::string::npos);
   EXPECT_EQ(first.exit_code(), 0) << text_of(folder / "first.log");
   EXPECT_EQ(text_of(out / "table.txt"), undisturbed_table());

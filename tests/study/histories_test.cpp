@@ -266,8 +266,8 @@ TEST_F(HistoriesOfDays, RefusesWhatCannotTeachOrBeJudged) {
       EXPECT_NE(refusal.find(word), std::string::npos) << word << "\nsaid: " << refusal;
   };
   expect(study({"slides"}, {"both"}), {"days.toml", "[[instrument]]", "start_h", "\"slides\""});
-  expect(study({""}, {"both"}), {"days.toml", "[thermal]", "the scene's own day"});
-  expect(study({"both"}, {""}), {"days.toml", "[thermal]", "the scene's own day"});
+  expect(study({""}, {"both"}), {"days.toml", "[thermal]", "the day of the scene"});
+  expect(study({"both"}, {""}), {"days.toml", "[thermal]", "the day of the scene"});
   expect(study({"both"}, {"monday"}), {"days.toml", "\"monday\"", "\"slides\""});
   expect(study({"monday"}, {"both"}), {"days.toml", "\"monday\""});
   expect(study({"once"}, {"both"}), {"days.toml", "\"once\"", "start_h"});

@@ -320,7 +320,8 @@ TEST(Merged, NamesTheFileThatDoesNotFit) {
     return failure_by<BadInput>([&] { merge_journals({folder / "a.db", folder / name}); });
   };
   EXPECT_TRUE(has(refusal("b.db"), "b.db") && has(refusal("b.db"), "case 2")) << refusal("b.db");
-  EXPECT_TRUE(has(refusal("c.db"), "c.db") && has(refusal("c.db"), "another")) << refusal("c.db");
+  EXPECT_TRUE(has(refusal("c.db"), "c.db") && has(refusal("c.db"), "another study"))
+      << refusal("c.db");
   EXPECT_TRUE(has(refusal("d.db"), "d.db") && has(refusal("d.db"), "no file")) << refusal("d.db");
 }
 

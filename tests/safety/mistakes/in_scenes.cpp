@@ -69,7 +69,7 @@ std::vector<Mistake> mistakes_in_scenes() {
                 "face",
                 {{"scene.toml", "pv_um = 100", "pv_um = 100000"}},
                 Expected::Warning,
-                "the number looks like nm"}),
+                "the value may be in nm"}),
       {"setup in mm",
        "face",
        {{"scene.toml", "EX_um = 5", "EX_um = 0.005"}},
