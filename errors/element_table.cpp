@@ -169,7 +169,7 @@ std::string write_element_table(const ElementTable& table, char separator) {
   return text + "\n";
 }
 
-std::vector<Element> to_elements(const ElementTable& table, const ElementTableUse& use) {
+std::vector<Element> to_elements(const ElementTable& table, const ElementConversionOptions& use) {
   std::vector<Element> elements;
   for (std::size_t k = 0; k < table.elements.size(); ++k) {
     Table shape = make_table(table.q, table.values.col(Eigen::Index(k)), use.between, use.outside);

@@ -49,7 +49,7 @@ ElementTable read_element_table_file(const std::filesystem::path& file,
 std::string write_element_table(const ElementTable& table, char separator = ',');
 
 /// Options for the conversion of the columns of a table to elements.
-struct ElementTableUse {
+struct ElementConversionOptions {
   TableInterpolation between = TableInterpolation::Linear;
   TableExtrapolation outside = TableExtrapolation::Refuse;
   Argument argument = Argument::Command;  ///< quantity of the positions
@@ -59,6 +59,7 @@ struct ElementTableUse {
 
 /// Returns one element per column, each with one curve.
 /// @throws std::invalid_argument as make_table
-std::vector<Element> to_elements(const ElementTable& table, const ElementTableUse& use = {});
+std::vector<Element> to_elements(const ElementTable& table,
+                                 const ElementConversionOptions& use = {});
 
 }  // namespace abbe::errors

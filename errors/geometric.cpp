@@ -180,7 +180,7 @@ std::vector<JointDeviation> deviations(const GeometricModel& model, const AxisSt
 }
 
 // Constants and terms depend on all curves, so they are rebuilt rather than edited.
-GeometricModel remove_random(const GeometricModel& model) {
+GeometricModel without_random_errors(const GeometricModel& model) {
   GeometricModel result = model;
   for (GeometricModel::Bound& bound : result.elements)
     std::erase_if(bound.element.curves, is_random);

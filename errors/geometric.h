@@ -92,7 +92,7 @@ std::vector<kinematics::JointDeviation> deviations(const GeometricModel& model,
                                                    const kinematics::AxisState& state);
 
 /// Returns the model without its random curves, i.e. the result of a perfect identification.
-GeometricModel remove_random(const GeometricModel& model);
+GeometricModel without_random_errors(const GeometricModel& model);
 
 /// Returns the model with the values of all elements multiplied by `factor`.
 GeometricModel scaled(const GeometricModel& model, double factor);

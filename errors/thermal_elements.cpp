@@ -201,8 +201,8 @@ std::vector<JointDeviation> deviations(const ThermalModel& model, const kinemati
   return result;
 }
 
-Eigen::Vector3d at_20_C(const ThermalModel& model, const VectorXd& T_C,
-                        const Eigen::Vector3d& point_w) {
+Eigen::Vector3d position_at_20_C(const ThermalModel& model, const VectorXd& T_C,
+                                 const Eigen::Vector3d& point_w) {
   // At 20 deg C the point is returned unchanged, so that its bits stay the same.
   if (!model.workpiece) return point_w;
   const WorkpieceExpansion& workpiece = *model.workpiece;

@@ -118,8 +118,8 @@ std::vector<kinematics::JointDeviation> deviations(const ThermalModel& model,
 /// Returns the position of a point of the workpiece after it has returned to 20 deg C: fixed +
 /// (point - fixed) / (1 + per_K (T - 20)). The point itself, bit for bit, if the model has no
 /// workpiece or the workpiece is at 20 deg C.
-Eigen::Vector3d at_20_C(const ThermalModel& model, const Eigen::VectorXd& T_C,
-                        const Eigen::Vector3d& point_w);
+Eigen::Vector3d position_at_20_C(const ThermalModel& model, const Eigen::VectorXd& T_C,
+                                 const Eigen::Vector3d& point_w);
 
 /// Returns the model with every value, including the growth of the workpiece, multiplied by
 /// `factor`.

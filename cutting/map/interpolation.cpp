@@ -106,7 +106,7 @@ Surface sample_within_triangles(Surface surface, const Design& design,
     std::array<Contact, 3> corner_contacts;
     for (Index k = 0; k < 3; ++k)
       corner_contacts[std::size_t(k)] = vertex_contact(design, corners[k]);
-    contacts[i] = on_surface(corner_contacts, sample_weights(within, triangles[i]));
+    contacts[i] = on_surface(corner_contacts, sample_barycentric(within, triangles[i]));
   });
   surface.within =
       Eigen::VectorXd::Constant(design.triangles.rows(), std::numeric_limits<double>::quiet_NaN());

@@ -121,11 +121,11 @@ std::optional<Conformance> conformance(const Surface& surface, const Design& des
     int vertex = -1, triangle = -1;
   };
   const auto record_excess = [&](const SampleLocation& location, double excess, bool is_bound) {
-    if (++result.out_of_tolerance > 1 && excess <= result.excess) return;
+    if (++result.out_of_tolerance_count > 1 && excess <= result.excess) return;
     result.vertex = location.vertex;
     result.triangle = location.triangle;
     result.excess = excess;
-    result.further = is_bound;
+    result.is_lower_bound = is_bound;
   };
   for (std::size_t i = 0; i < surface.status.size(); ++i) {
     const auto v = static_cast<Eigen::Index>(i);
@@ -154,7 +154,7 @@ std::optional<Conformance> conformance(const Surface& surface, const Design& des
     area_under.add(design.area[gouge.vertex]);
     // Without a lower limit the gouge itself is the limit, and the excess is 0.
     const double lower = std::max(tolerance(gouge.vertex, 0), -gouge.depth);
-    record_excess({.vertex = gouge.vertex}, lower + gouge.depth, gouge.deeper);
+    record_excess({.vertex = gouge.vertex}, lower + gouge.depth, gouge.continues_deeper);
   }
   const double total_area =
       area_in.value() + area_over.value() + area_under.value() + area_uncut.value();
@@ -168,7 +168,7 @@ std::optional<Conformance> conformance(const Surface& surface, const Design& des
 
 }  // namespace
 
-std::array<double, 3> sample_weights(Surface::InteriorSample within, Eigen::Index t) {
+std::array<double, 3> sample_barycentric(Surface::InteriorSample within, Eigen::Index t) {
   if (within != Surface::InteriorSample::Random) return {1.0 / 3.0, 1.0 / 3.0, 1.0 / 3.0};
   const auto random_number = [&](std::uint64_t k) {
     return split_mix::unit(split_mix::stream(k, std::uint64_t(t)));
@@ -180,7 +180,7 @@ std::array<double, 3> sample_weights(Surface::InteriorSample within, Eigen::Inde
 
 Eigen::Vector3d value_at_sample(Surface::InteriorSample within, const Points& rows,
                                 const Triangles& triangles, Eigen::Index t) {
-  const std::array<double, 3> fractions = sample_weights(within, t);
+  const std::array<double, 3> fractions = sample_barycentric(within, t);
   Eigen::Vector3d interpolated = Eigen::Vector3d::Zero();
   for (Eigen::Index k = 0; k < 3; ++k)
     interpolated += fractions[std::size_t(k)] * rows.row(triangles(t, k)).transpose();
@@ -189,7 +189,7 @@ Eigen::Vector3d value_at_sample(Surface::InteriorSample within, const Points& ro
 
 double value_at_sample(Surface::InteriorSample within, const Eigen::VectorXd& values,
                        const Triangles& triangles, Eigen::Index t) {
-  const std::array<double, 3> fractions = sample_weights(within, t);
+  const std::array<double, 3> fractions = sample_barycentric(within, t);
   double interpolated = 0.0;
   for (Eigen::Index k = 0; k < 3; ++k)
     interpolated += fractions[std::size_t(k)] * values[triangles(t, k)];

@@ -22,13 +22,14 @@ struct Conformance {
                       ///< or a sample within a triangle has the largest excess
   int triangle = -1;  ///< triangle of the sample with the largest excess; -1: none, or a vertex
                       ///< has the largest excess
-  double excess = 0.0;   ///< mm, the largest excess
-  bool further = false;  ///< the excess is a lower bound: a gouge that was not followed to its end
-  int out_of_tolerance = 0;  ///< number of vertices, including gouged ones, and samples within
-                             ///< triangles
+  double excess = 0.0;  ///< mm, the largest excess
+  bool is_lower_bound =
+      false;  ///< the excess is a lower bound: a gouge that was not followed to its end
+  int out_of_tolerance_count = 0;  ///< number of vertices, including gouged ones, and samples
+                                   ///< within triangles
   int uncut_vertices = 0;
 
-  bool passes() const { return out_of_tolerance == 0 && uncut_vertices == 0; }
+  bool passes() const { return out_of_tolerance_count == 0 && uncut_vertices == 0; }
 };
 
 /// A sampled residual of a map, mm: at a vertex, or (vertex -1) within a triangle.
@@ -60,7 +61,7 @@ const char* sample_values_name(Surface::InteriorSample within);
 
 /// Returns the barycentric coordinates of the sample within triangle t. For `Random` they are
 /// reproducible and uniform in area.
-std::array<double, 3> sample_weights(Surface::InteriorSample within, Eigen::Index t);
+std::array<double, 3> sample_barycentric(Surface::InteriorSample within, Eigen::Index t);
 
 /// Return rows or values of the vertices, interpolated at the sample of triangle t.
 Eigen::Vector3d value_at_sample(Surface::InteriorSample within, const Points& rows,

@@ -293,7 +293,8 @@ struct PlyColour {
         (!is_fraction && value != std::floor(value)))
       values.refuse(is_fraction ? "a channel from 0 to 1" : "an integer channel from 0 to 255",
                     fmt::format("{} for {}", value, p.name));
-    colour->digits = is_fraction ? FaceColour::Digits::Fraction : FaceColour::Digits::EightBits;
+    colour->channel_format =
+        is_fraction ? FaceColour::ChannelFormat::Fraction : FaceColour::ChannelFormat::EightBits;
     colour->channels[*p.channel()] = int(std::lround(is_fraction ? 255.0 * value : value));
   }
 };
@@ -369,7 +370,7 @@ class PlyReader {
       }
       const double value = values_.next(p.type);
       if (is_colour) colour.add(values_, p, value);
-      if (requested_marks_.groups && p.is_group()) mark.names.push_back(group(k, value));
+      if (requested_marks_.groups && p.is_group()) mark.name_set_indices.push_back(group(k, value));
     }
     if (header_.form == PlyForm::Ascii) face.line = values_.line();
     soup_ = append_face(std::move(soup_), face, source_);
@@ -455,7 +456,7 @@ struct StlColours {
     const auto five_bits = [&](int shift) { return int(attribute >> shift) & 31; };
     Rgb channels = {five_bits(10), five_bits(5), five_bits(0)};
     if (is_magics) std::swap(channels[0], channels[2]);
-    return FaceColour{channels, FaceColour::Digits::FiveBits};
+    return FaceColour{channels, FaceColour::ChannelFormat::FiveBits};
   }
 };
 
@@ -527,7 +528,8 @@ TriangleSoup read_ascii_stl(const MeshSource& source, const MarkSelection& reque
     tokens.expect("solid");
     const std::string name(tokens.remaining_line().text);
     FaceMark mark;
-    if (requested_marks.groups && !name.empty()) mark.names = {collector.name_set_index({name})};
+    if (requested_marks.groups && !name.empty())
+      mark.name_set_indices = {collector.name_set_index({name})};
     for (;;) {
       const Token token = tokens.next();
       if (lower(token.text) == "endsolid") break;

@@ -355,12 +355,13 @@ Contact nearest(const Primitive& primitive, const Vector3d& point, const Vector3
   const Vector2d normal_rz(normal.head<2>().dot(azimuth), normal.z());
   const double normal_size = std::max(normal_rz.norm(), 1e-300);
   const RevolvedProfile outline = profile(primitive);
-  Eigen::AlignedBox2d box(outline.pieces.front().from);
-  for (const RevolvedProfile::Piece& piece : outline.pieces) box.extend(piece.to);
+  Eigen::AlignedBox2d box(outline.profile_segments.front().from);
+  for (const RevolvedProfile::ProfileSegment& piece : outline.profile_segments)
+    box.extend(piece.to);
   const double kink_distance = kink * box.diagonal().norm();
   Station best_station{};
   double min_cost = std::numeric_limits<double>::infinity();
-  for (const RevolvedProfile::Piece& piece : outline.pieces) {
+  for (const RevolvedProfile::ProfileSegment& piece : outline.profile_segments) {
     const Section s = section(piece);
     const Station station = at(s, nearest_arc(s, at_rz));
     // Away from kinks the distance dominates the cost, near them the normal.

@@ -210,7 +210,7 @@ Coarseness coarseness(const Design& design) {
     return max_sag;
   };
   using Range = tbb::blocked_range<Eigen::Index>;
-  result.facet_error = tbb::parallel_reduce(
+  result.max_facet_error = tbb::parallel_reduce(
       Range(0, design.triangles.rows()), 0.0,
       [&](const Range& range, double max_sag) {
         for (Eigen::Index t = range.begin(); t < range.end(); ++t)
@@ -220,8 +220,8 @@ Coarseness coarseness(const Design& design) {
       [](double a, double b) { return std::max(a, b); });
   for (int v = 0; v < static_cast<int>(is_at_sharp_edge.size()); ++v) {
     if (!is_judged(v)) continue;
-    ++result.judged;
-    result.sharp += is_at_sharp_edge[static_cast<std::size_t>(v)];
+    ++result.judged_vertices;
+    result.vertices_at_sharp_edges += is_at_sharp_edge[static_cast<std::size_t>(v)];
   }
   return result;
 }
@@ -324,15 +324,15 @@ namespace {
 // Largest values of a channel.
 constexpr int max_of_eight_bits = 255, max_of_five_bits = 31;
 
-bool can_denote(int written, int channel, FaceColour::Digits digits) {
-  switch (digits) {
-    case FaceColour::Digits::EightBits:
+bool can_denote(int written, int channel, FaceColour::ChannelFormat channel_format) {
+  switch (channel_format) {
+    case FaceColour::ChannelFormat::EightBits:
       return written == channel;
-    case FaceColour::Digits::FiveBits:
+    case FaceColour::ChannelFormat::FiveBits:
       return written == channel / 8 ||
              written ==
                  (2 * max_of_five_bits * channel + max_of_eight_bits) / (2 * max_of_eight_bits);
-    case FaceColour::Digits::Fraction:
+    case FaceColour::ChannelFormat::Fraction:
       return std::abs(written - channel) <= 1;
   }
   return false;
@@ -342,13 +342,13 @@ bool can_denote(int written, int channel, FaceColour::Digits digits) {
 
 bool can_denote(const FaceColour& written, const Rgb& colour) {
   for (std::size_t k = 0; k < 3; ++k)
-    if (!can_denote(written.channels[k], colour[k], written.digits)) return false;
+    if (!can_denote(written.channels[k], colour[k], written.channel_format)) return false;
   return true;
 }
 
 // In integer arithmetic, rounded to the nearest.
 Rgb to_eight_bits(const FaceColour& written) {
-  if (written.digits != FaceColour::Digits::FiveBits) return written.channels;
+  if (written.channel_format != FaceColour::ChannelFormat::FiveBits) return written.channels;
   Rgb colour;
   for (std::size_t k = 0; k < 3; ++k)
     colour[k] =

@@ -93,9 +93,9 @@ Eigen::VectorXd facet_error(const Points& vertices, const Points& normals,
 /// is not an error of the mesh. Triangles of a recognised face are excluded, because its surface is
 /// also known between the vertices.
 struct Coarseness {
-  double facet_error = 0.0;  ///< mm, maximum of L theta / 8 between judged vertices
-  int judged = 0;            ///< number of judged vertices
-  int sharp = 0;             ///< number of judged vertices at an excluded triangle
+  double max_facet_error = 0.0;     ///< mm, maximum of L theta / 8 between judged vertices
+  int judged_vertices = 0;          ///< number of judged vertices
+  int vertices_at_sharp_edges = 0;  ///< number of judged vertices at an excluded triangle
 };
 /// Returns the coarseness of a design.
 Coarseness coarseness(const Design& design);
@@ -146,13 +146,13 @@ using Rgb = std::array<int, 3>;
 /// A colour as written in a mesh file.
 struct FaceColour {
   /// The number format of a channel.
-  enum class Digits {
+  enum class ChannelFormat {
     EightBits,  ///< 0 .. 255
     FiveBits,   ///< 0 .. 31
     Fraction,   ///< 0 .. 1 with any number of digits; stored rounded to 255ths
   };
   Rgb channels = {0, 0, 0};
-  Digits digits = Digits::EightBits;
+  ChannelFormat channel_format = ChannelFormat::EightBits;
   auto operator<=>(const FaceColour&) const = default;
 };
 
@@ -172,15 +172,15 @@ std::optional<Rgb> parse_hex_colour(const std::string& hex_text);
 
 /// The marks of a face in a mesh file.
 struct FaceMark {
-  std::vector<int> names;  ///< indices of the sets of names in `FaceMarks`
+  std::vector<int> name_set_indices;  ///< indices of the sets of names in `FaceMarks`
   std::optional<FaceColour> colour;
   auto operator<=>(const FaceMark&) const = default;
 };
 
 /// The marks of all faces of a mesh file.
 struct FaceMarks {
-  std::vector<std::vector<std::string>> names;  ///< distinct sets of names
-  std::vector<FaceMark> marks;                  ///< distinct marks
+  std::vector<std::vector<std::string>> name_sets;  ///< distinct sets of names
+  std::vector<FaceMark> marks;                      ///< distinct marks
   std::vector<int> mark_of_face;  ///< (triangles) index of the mark of each; empty if no marks were
                                   ///< requested
 };

@@ -163,13 +163,13 @@ Token TokenReader::take_token() {
 }
 
 int FaceMarkCollector::name_set_index(const std::vector<std::string>& names) {
-  const auto [entry, is_new] = sets_.emplace(names, int(marks_.names.size()));
+  const auto [entry, is_new] = sets_.emplace(names, int(marks_.name_sets.size()));
   if (!is_new) return entry->second;
   name_count_ += names.size();
   // Distinct names need far more memory than their bytes in the file.
   if (name_count_ > max_names)
     source_.refuse(fmt::format("at most {} group names", max_names), "more");
-  marks_.names.push_back(names);
+  marks_.name_sets.push_back(names);
   return entry->second;
 }
 

@@ -16,7 +16,7 @@ using Eigen::Vector2d;
 namespace {
 
 using Eigen::Vector3d;
-using ProfilePiece = RevolvedProfile::Piece;
+using ProfilePiece = RevolvedProfile::ProfileSegment;
 using std::numbers::pi;
 
 constexpr double join_tolerance = 1e-9;    // mm; pieces with a smaller gap are connected
@@ -70,9 +70,10 @@ void validate(const Torus& p) {
                 p.tube_radius);
 }
 void validate(const RevolvedProfile& p) {
-  if (p.pieces.empty()) throw std::invalid_argument("profile must have at least one piece");
-  for (std::size_t i = 0; i < p.pieces.size(); ++i) {
-    const ProfilePiece& piece = p.pieces[i];
+  if (p.profile_segments.empty())
+    throw std::invalid_argument("profile must have at least one piece");
+  for (std::size_t i = 0; i < p.profile_segments.size(); ++i) {
+    const ProfilePiece& piece = p.profile_segments[i];
     const std::string name = fmt::format("piece {} of the profile", i);
     if (!piece.from.allFinite() || !piece.to.allFinite() || !std::isfinite(piece.arc_radius))
       throw std::invalid_argument(name + " must contain only finite numbers");
@@ -94,9 +95,9 @@ void validate(const RevolvedProfile& p) {
                   name + " must not bulge beyond its ends: cosine of its steepest slope",
                   min_upward);
     if (i > 0)
-      require_value((piece.from - p.pieces[i - 1].to).norm() <= join_tolerance,
+      require_value((piece.from - p.profile_segments[i - 1].to).norm() <= join_tolerance,
                     name + " must start where the previous piece ends: gap in mm",
-                    (piece.from - p.pieces[i - 1].to).norm());
+                    (piece.from - p.profile_segments[i - 1].to).norm());
   }
 }
 
@@ -263,7 +264,7 @@ Design to_design(Points vertices, Points normals, const std::vector<Eigen::Vecto
 
 Design tessellate_surface(const RevolvedProfile& outline, int vertex_count) {
   std::vector<Section> sections;
-  for (const ProfilePiece& piece : outline.pieces) sections.push_back(section(piece));
+  for (const ProfilePiece& piece : outline.profile_segments) sections.push_back(section(piece));
   const std::vector<Ring> rings = rings_for_count(sections, vertex_count);
 
   Points vertices(vertex_total(rings), 3);
@@ -364,10 +365,11 @@ Vector2d extended_end(const Section& s, double arc, double margin) {
 }
 
 RevolvedProfile extended(RevolvedProfile outline, double margin) {
-  const Section first = section(outline.pieces.front());
-  const Section last = section(outline.pieces.back());
-  if (first.from.x() > 0.0) outline.pieces.front().from = extended_end(first, 0.0, -margin);
-  outline.pieces.back().to = extended_end(last, last.length, margin);
+  const Section first = section(outline.profile_segments.front());
+  const Section last = section(outline.profile_segments.back());
+  if (first.from.x() > 0.0)
+    outline.profile_segments.front().from = extended_end(first, 0.0, -margin);
+  outline.profile_segments.back().to = extended_end(last, last.length, margin);
   return outline;
 }
 
@@ -392,7 +394,7 @@ std::optional<Contact> highest_surface_point(const Primitive& primitive, double 
   }
   const double r = std::hypot(x, y);
   std::optional<Station> highest;
-  for (const ProfilePiece& piece : profile(primitive).pieces) {
+  for (const ProfilePiece& piece : profile(primitive).profile_segments) {
     const bool is_vertical = piece.to.x() == piece.from.x();
     if (is_vertical || !(r >= piece.from.x() && r <= piece.to.x())) continue;
     const Station station = at_radius(section(piece), r);
@@ -464,7 +466,7 @@ Vector2d rotated(const Vector2d& vector, double angle) {
 
 }  // namespace
 
-Section section(const RevolvedProfile::Piece& piece) {
+Section section(const RevolvedProfile::ProfileSegment& piece) {
   const Vector2d chord = piece.to - piece.from;
   const double chord_length = chord.norm();
   const Vector2d chord_direction = chord / chord_length;

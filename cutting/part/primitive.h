@@ -51,13 +51,13 @@ struct Torus {
 /// to point, with r growing or constant along each from the axis to the rim; outward is to the left
 /// of this path.
 struct RevolvedProfile {
-  struct Piece {
+  struct ProfileSegment {
     Eigen::Vector2d from;     ///< (r, z) mm
     Eigen::Vector2d to;       ///< (r, z) mm
     double arc_radius = 0.0;  ///< mm; 0: a line; > 0: bulges outward (convex), < 0: inward
                               ///< (concave)
   };
-  std::vector<Piece> pieces;  ///< from the axis outwards, connected
+  std::vector<ProfileSegment> profile_segments;  ///< from the axis outwards, connected
 };
 
 using Primitive =
@@ -112,7 +112,7 @@ struct Section {
 };
 
 /// Returns the section of a piece.
-Section section(const RevolvedProfile::Piece& piece);
+Section section(const RevolvedProfile::ProfileSegment& piece);
 
 /// A point of a profile with its normal.
 struct Station {

@@ -42,7 +42,7 @@ bool is_ignored_keyword(std::string_view keyword) {
 
 /// Returns the colour of `Kd r g b` or `Kd r`.
 FaceColour diffuse(TokenReader& tokens, const Token& keyword) {
-  FaceColour colour{{0, 0, 0}, FaceColour::Digits::Fraction};
+  FaceColour colour{{0, 0, 0}, FaceColour::ChannelFormat::Fraction};
   int count = 0;
   for (Token token = tokens.next_in_line(); !token.text.empty(); token = tokens.next_in_line()) {
     if (count == 0 && (token.text == "spectral" || token.text == "xyz"))
@@ -164,7 +164,7 @@ class ObjMarks {
     if (std::exchange(has_changed_, false)) {
       mark_ = {{}, colour_};
       for (const int names : {group_, object_, material_})
-        if (names >= 0) mark_.names.push_back(names);
+        if (names >= 0) mark_.name_set_indices.push_back(names);
     }
     mark_collector_.mark(faces, mark_);
   }
@@ -297,8 +297,9 @@ std::optional<FaceColour> off_colour(TokenReader& tokens) {
         "colour)",
         channels.front());
   const bool is_eight_bit = are_eight_bit(channels);
-  FaceColour colour{{0, 0, 0},
-                    is_eight_bit ? FaceColour::Digits::EightBits : FaceColour::Digits::Fraction};
+  FaceColour colour{
+      {0, 0, 0},
+      is_eight_bit ? FaceColour::ChannelFormat::EightBits : FaceColour::ChannelFormat::Fraction};
   for (std::size_t k = 0; k < 3; ++k) {
     const double value = is_eight_bit ? double(tokens.integer(channels[k], 0, 255, "a channel"))
                                       : tokens.number(channels[k]);

@@ -351,7 +351,7 @@ struct MovingSection {
 struct VertexDepth {
   double depth = 0.0;
   int line = 0;
-  bool deeper = false;  ///< the ray ends inside the shank
+  bool continues_deeper = false;  ///< the ray ends inside the shank
 };
 
 ShankContact summarize(const std::vector<VertexDepth>& depths, double tolerated_depth) {
@@ -359,7 +359,7 @@ ShankContact summarize(const std::vector<VertexDepth>& depths, double tolerated_
   contact.tolerated_depth = tolerated_depth;
   for (const VertexDepth& vertex : depths) {
     if (vertex.depth <= 0.0) continue;
-    contact.deeper |= vertex.deeper;
+    contact.continues_deeper |= vertex.continues_deeper;
     if (contact.vertices++ == 0 || vertex.line < contact.first_line)
       contact.first_line = vertex.line;
     if (vertex.depth <= contact.deepest) continue;

@@ -111,9 +111,10 @@ struct ShankContact {
   double tolerated_depth = 0.0;  ///< mm, tolerated depth below the design
   double deepest =
       0.0;  ///< mm, maximum depth below the nearest point of the design, at most the band
-  bool deeper = false;  ///< true if the search ended inside the tool: the depth is a lower bound
-  int line = 0;         ///< program line of the deepest contact
-  int first_line = 0;   ///< earliest program line with a contact
+  bool continues_deeper =
+      false;           ///< true if the search ended inside the tool: the depth is a lower bound
+  int line = 0;        ///< program line of the deepest contact
+  int first_line = 0;  ///< earliest program line with a contact
 };
 
 struct ShankOptions {

@@ -108,7 +108,7 @@ struct EngagedEdge {
 /// @throws std::invalid_argument for a pose that is not finite, an impossible nose, or fewer than 3
 ///         `segments`
 std::vector<EngagedEdge> engagement(const TurnedStock& stock, const Nose& nose,
-                                    const Eigen::Isometry3d& T_slow, int segments = 200);
+                                    const Eigen::Isometry3d& T_without_spindle, int segments = 200);
 
 /// Removes one revolution from the stock: cuts every node back to the lowest point of the edge
 /// during a linear motion between two slow poses, to 1e-9 of the radius of the circle that contains

@@ -47,8 +47,8 @@ double radius_at(const TurnedStock& stock, double x) {
   return stock.radius[i] + (u - double(i)) * (stock.radius[next] - stock.radius[i]);
 }
 
-void check(const Eigen::Isometry3d& T_slow) {
-  if (!T_slow.matrix().allFinite())
+void check(const Eigen::Isometry3d& T_without_spindle) {
+  if (!T_without_spindle.matrix().allFinite())
     throw std::invalid_argument("turned stock: expected a finite pose");
 }
 
@@ -63,8 +63,10 @@ double edge_radius(const Nose& nose, double psi) {
 /// plane to (position along the spindle line, radius).
 class Meridian {
  public:
-  Meridian(const TurnedStock& stock, const Eigen::Isometry3d& T_slow)
-      : stock_(stock), T_(T_slow), centre_(T_slow.translation() - stock.point_w) {}
+  Meridian(const TurnedStock& stock, const Eigen::Isometry3d& T_without_spindle)
+      : stock_(stock),
+        T_(T_without_spindle),
+        centre_(T_without_spindle.translation() - stock.point_w) {}
 
   /// Returns (position, radius) of a point (x, z) of frame t.
   Vector2d to_meridian(const Vector2d& point_t) const {
@@ -133,8 +135,9 @@ class Meridian {
 /// The edge of a nose in a stock, parameterised by the angle psi.
 class EdgeInStock {
  public:
-  EdgeInStock(const TurnedStock& stock, const Nose& nose, const Eigen::Isometry3d& T_slow)
-      : nose_(nose), meridian_(stock, T_slow) {}
+  EdgeInStock(const TurnedStock& stock, const Nose& nose,
+              const Eigen::Isometry3d& T_without_spindle)
+      : nose_(nose), meridian_(stock, T_without_spindle) {}
 
   double signed_depth(double psi) const { return meridian_.signed_depth(point(psi)); }
 
@@ -158,11 +161,11 @@ class EdgeInStock {
 class SegmentInStock {
  public:
   SegmentInStock(const TurnedStock& stock, const EdgeProfile& profile,
-                 const OutlineSegment& segment, const Eigen::Isometry3d& T_slow)
+                 const OutlineSegment& segment, const Eigen::Isometry3d& T_without_spindle)
       : profile_(profile),
         segment_(segment),
         angle_(std::acos(std::clamp(segment.normal_from.dot(segment.normal_to), -1.0, 1.0))),
-        meridian_(stock, T_slow) {}
+        meridian_(stock, T_without_spindle) {}
 
   double length() const {
     return segment_.is_arc ? segment_.radius * angle_ : (segment_.to - segment_.from).norm();
@@ -236,10 +239,11 @@ void append_engaged(const SegmentInStock& segment, double spacing, int max_parts
 }
 
 std::vector<EngagedEdge> profile_engagement(const TurnedStock& stock, const EdgeProfile& profile,
-                                            const Eigen::Isometry3d& T_slow, int segments) {
+                                            const Eigen::Isometry3d& T_without_spindle,
+                                            int segments) {
   std::vector<EngagedEdge> engaged;
   for (const OutlineSegment& segment : profile.segments)
-    append_engaged({stock, profile, segment, T_slow}, stock.spacing, segments, engaged);
+    append_engaged({stock, profile, segment, T_without_spindle}, stock.spacing, segments, engaged);
   return engaged;
 }
 
@@ -299,14 +303,14 @@ TurnedStock make_turned_stock(const Eigen::Matrix<double, Eigen::Dynamic, 2>& pr
 }
 
 std::vector<EngagedEdge> engagement(const TurnedStock& stock, const Nose& nose,
-                                    const Eigen::Isometry3d& T_slow, int segments) {
-  check(T_slow);
+                                    const Eigen::Isometry3d& T_without_spindle, int segments) {
+  check(T_without_spindle);
   const NoseEdge validated_edge(nose);
   if (segments < 3) throw std::invalid_argument("nose edge: expected at least 3 segments");
   std::vector<EngagedEdge> result;
   if (stock.radius.size() < 2) return result;
-  if (nose.profile) return profile_engagement(stock, *nose.profile, T_slow, segments);
-  const EdgeInStock edge(stock, nose, T_slow);
+  if (nose.profile) return profile_engagement(stock, *nose.profile, T_without_spindle, segments);
+  const EdgeInStock edge(stock, nose, T_without_spindle);
   const double step = 2.0 * std::numbers::pi / segments;
   double depth_before = edge.signed_depth(0.0);
   for (int i = 0; i < segments; ++i) {

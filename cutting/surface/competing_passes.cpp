@@ -235,13 +235,13 @@ std::optional<Vector3d> contact_feed(const Move& move, double t, const Vector3d&
 }
 
 CompetingPass competing_pass_at(const MilledSweep& sweep, const Pass& pass, const Ray& ray,
-                                double stencil) {
+                                double difference_step) {
   const Removal& nearest = pass.nearest;
   CompetingPass competing_pass{.distance = nearest.s, .move = nearest.move, .t = nearest.t};
   competing_pass.contact = ray.point + nearest.s * ray.normal;
   const Move move = move_after(sweep.motion, nearest.move);
   const PassQuery query{ray.normal, nearest.s,
-                        contact_feed(move, nearest.t, competing_pass.contact), stencil};
+                        contact_feed(move, nearest.t, competing_pass.contact), difference_step};
   const PassShape shape = pass_shape(query, [&](const Vector3d& displacement) {
     return pass_distance(sweep, pass, {ray.point + displacement, ray.normal, ray.band});
   });
@@ -261,7 +261,7 @@ std::vector<CompetingPass> competing_passes_along(const MilledSweep& sweep, cons
     passes.resize(std::size_t(options.max_passes));
   std::vector<CompetingPass> competing_passes;
   for (const Pass& pass : passes)
-    competing_passes.push_back(competing_pass_at(sweep, pass, ray, options.stencil));
+    competing_passes.push_back(competing_pass_at(sweep, pass, ray, options.difference_step));
   return competing_passes;
 }
 
@@ -336,8 +336,8 @@ std::vector<NoseCut> nearest_per_revolution(const NoseCutSearch& cut_search,
 /// passes the edge.
 Vector3d rake_normal(const NoseMotion& motion, const NoseCut& cut) {
   const auto i = std::size_t(cut.interval);
-  const Vector3d from = motion.T_slow[i].linear().col(1);
-  const Vector3d to = motion.T_slow[i + 1].linear().col(1);
+  const Vector3d from = motion.T_without_spindle[i].linear().col(1);
+  const Vector3d to = motion.T_without_spindle[i + 1].linear().col(1);
   const double angle =
       motion.spindle[Index(i)] + cut.u * (motion.spindle[Index(i) + 1] - motion.spindle[Index(i)]);
   return Eigen::AngleAxisd(angle, motion.spindle_direction) * (from + cut.u * (to - from));
@@ -350,13 +350,14 @@ double angular_window(const TurnedSweep& sweep, const Vector3d& contact) {
   // Four times the angle of a step at this radius, plus 0.05 rad for the slow motion; at most 90
   // deg, so that the cuts of other revolutions are excluded.
   return std::min(0.5 * half_revolution,
-                  0.05 + 4.0 * sweep.options.stencil / std::max(radius, 1e-9));
+                  0.05 + 4.0 * sweep.options.difference_step / std::max(radius, 1e-9));
 }
 
 CompetingPass competing_pass_at(const TurnedSweep& sweep, const NoseCut& cut, const Ray& ray) {
   CompetingPass competing_pass{.distance = cut.s, .move = cut.interval, .t = cut.u};
   competing_pass.contact = ray.point + cut.s * ray.normal;
-  const PassQuery query{ray.normal, cut.s, rake_normal(sweep.motion, cut), sweep.options.stencil};
+  const PassQuery query{ray.normal, cut.s, rake_normal(sweep.motion, cut),
+                        sweep.options.difference_step};
   const double max_angle = angular_window(sweep, competing_pass.contact);
   const auto distance = [&](const Vector3d& displacement) -> std::optional<double> {
     const Ray neighbour_ray{ray.point + displacement, ray.normal, ray.band};

@@ -49,9 +49,8 @@ Surface search_milled(std::span<const SweepTree> trees, const CutterMotion& moti
 
 }  // namespace
 
-std::function<Surface(const Design& design_w)> milled_search(const Cutter& cutter,
-                                                             const CutterMotion& motion,
-                                                             const SurfaceOptions& options) {
+std::function<Surface(const Design& design_w)> prepare_milled_surface(
+    const Cutter& cutter, const CutterMotion& motion, const SurfaceOptions& options) {
   check_milling_input(Design{}, cutter, motion, options.band);
   const auto trees = std::make_shared<const std::vector<SweepTree>>(sweep_trees(cutter, motion));
   return [trees, &motion, options](const Design& design_w) {
@@ -110,9 +109,8 @@ Surface search_turned(const NoseCutSearch& cut_search, const Design& design_w,
 
 }  // namespace
 
-std::function<Surface(const Design& design_w)> turned_search(const Nose& nose,
-                                                             const NoseMotion& motion,
-                                                             const SurfaceOptions& options) {
+std::function<Surface(const Design& design_w)> prepare_turned_surface(
+    const Nose& nose, const NoseMotion& motion, const SurfaceOptions& options) {
   const auto cut_search = std::make_shared<const NoseCutSearch>(nose, motion);
   return [cut_search, options](const Design& design_w) {
     check_turning_input(design_w, options.band);

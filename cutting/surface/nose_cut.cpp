@@ -200,11 +200,11 @@ class RaySearch {
   void search() {
     if (sweep_.nodes.empty() || collector_.limit() < ray_.from) return;
     visit_node(0, bound(0));
-    for (const NoseSweep::Face& face : sweep_.faces) search_face(face);
+    for (const NoseSweep::DiscInstant& face : sweep_.disc_instants) search_face(face);
   }
 
   void search_segment(const NoseSegment& segment, double s_start);
-  void search_face(const NoseSweep::Face& face);
+  void search_face(const NoseSweep::DiscInstant& face);
 
  private:
   double bound(int index) const {
@@ -250,9 +250,9 @@ void RaySearch<Collector>::visit_node(int index, double node_bound) {
   }
   // The nearer child comes first, since its cut may rule out the other.
   const double first_bound = bound(index + 1);
-  const double second_bound = bound(node.right);
+  const double second_bound = bound(node.second_child);
   if (first_bound <= second_bound) visit_node(index + 1, first_bound);
-  visit_node(node.right, second_bound);
+  visit_node(node.second_child, second_bound);
   if (first_bound > second_bound) visit_node(index + 1, first_bound);
 }
 
@@ -273,7 +273,7 @@ void RaySearch<Collector>::search_segment(const NoseSegment& segment, double s_s
   const double turn = segment.angle1 - segment.angle0;
   // Without a usable azimuth (rake plane along the spindle line, ray close to it, spindle turning
   // by less than 1e-4 rad) the segment is searched densely.
-  if (segment.is_undefined || r < min_axis_distance || std::abs(turn) < 1e-4)
+  if (segment.has_undefined_angles || r < min_axis_distance || std::abs(turn) < 1e-4)
     return search_densely(segment);
   const double k0 = (segment.height0 - segment.tilt0 * p.x()) / r;
   const double k1 = (segment.height1 - segment.tilt1 * p.x()) / r;
@@ -361,7 +361,7 @@ std::optional<typename RaySearch<Collector>::Contact> RaySearch<Collector>::cont
     s = -*s;
     if (*s < ray_.from) return std::nullopt;
   }
-  return Contact{*s, ray.y + *s * ray.y_step, radius(ray_.at(*s)) <= on_axis};
+  return Contact{*s, ray.y + *s * ray.y_step, radius(ray_.at(*s)) <= axis_tolerance};
 }
 
 /// Searches a segment densely. Needed for the few rays so near the spindle line, or a spindle that
@@ -468,7 +468,7 @@ void RaySearch<Collector>::search_on_axis(const NoseSegment& segment, double u0,
 /// Finds the cut by the whole disc, which is part of the sweep's skin where the sweep begins, ends
 /// or reverses.
 template <class Collector>
-void RaySearch<Collector>::search_face(const NoseSweep::Face& face) {
+void RaySearch<Collector>::search_face(const NoseSweep::DiscInstant& face) {
   const NoseInterval& i = sweep_.intervals[std::size_t(face.interval)];
   const RayInTool ray = ray_in_tool(i, face.u, ray_.q, ray_.n);
   if (std::abs(ray.y_step) < 1e-9) return;  // the ray lies in the plane: its contact is at the edge
@@ -558,7 +558,7 @@ std::optional<NoseCut> NoseCutSearch::first_in_window(const Ray& ray_w, const No
     RaySearch search(bounded_sweep, ray_segment, collector);
     const double s = std::clamp(other.s, ray_segment.from, ray_segment.to);
     for (int i = begin; i < end; ++i) search.search_segment(segment(i), s);
-    for (const NoseSweep::Face& face : sweep_.faces)
+    for (const NoseSweep::DiscInstant& face : sweep_.disc_instants)
       if (std::abs(angle_offset(face.interval, face.u)) <= window) search.search_face(face);
   });
   FirstCutCollector first_cut;

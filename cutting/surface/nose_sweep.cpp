@@ -22,7 +22,7 @@ using std::numbers::pi;
 constexpr double max_revolutions = 20e6;
 
 void check(const NoseMotion& motion) {
-  const auto n = Eigen::Index(motion.T_slow.size());
+  const auto n = Eigen::Index(motion.T_without_spindle.size());
   require(motion.spindle.size() == n && motion.time_s.size() == n &&
               Eigen::Index(motion.line.size()) == n,
           "nose motion: expected one spindle angle, time and line per pose");
@@ -32,7 +32,7 @@ void check(const NoseMotion& motion) {
   require(std::abs(motion.spindle_direction.norm() - 1.0) <= 1e-9,
           "nose motion: expected a unit spindle direction");
   for (Eigen::Index i = 0; i < n; ++i) {
-    const Eigen::Isometry3d& T = motion.T_slow[std::size_t(i)];
+    const Eigen::Isometry3d& T = motion.T_without_spindle[std::size_t(i)];
     require(T.matrix().allFinite(), "nose motion: expected finite poses");
     require((T.linear().transpose() * T.linear() - Matrix3d::Identity()).norm() <= 1e-9 &&
                 T.linear().determinant() > 0.0,
@@ -65,8 +65,8 @@ Matrix3d slow_rotation(const NoseInterval& interval, double u) {
 }
 
 NoseInterval interval_between(const NoseMotion& motion, std::size_t i, const NoseSweep& sweep) {
-  const Eigen::Isometry3d& T0 = motion.T_slow[i];
-  const Eigen::Isometry3d& T1 = motion.T_slow[i + 1];
+  const Eigen::Isometry3d& T0 = motion.T_without_spindle[i];
+  const Eigen::Isometry3d& T1 = motion.T_without_spindle[i + 1];
   const auto k = Eigen::Index(i);
   NoseInterval interval;
   interval.centre = sweep.R_ws.transpose() * (T0.translation() - sweep.p_ws);
@@ -87,7 +87,7 @@ NoseInterval interval_between(const NoseMotion& motion, std::size_t i, const Nos
 /// The rake plane at one instant; its members are those of NoseSegment.
 struct RakePlane {
   double angle, height, tilt;
-  bool is_undefined;
+  bool has_undefined_angles;
 };
 
 RakePlane rake_plane(const NoseInterval& interval, double u, double previous_angle) {
@@ -116,7 +116,8 @@ void append_segments(NoseSweep& sweep, int index, double& angle) {
     const RakePlane end =
         rake_plane(interval, u1, start.angle + interval.angle_step / segment_count);
     sweep.segments.push_back({index, u0, u1, start.angle, end.angle, start.height, end.height,
-                              start.tilt, end.tilt, start.is_undefined || end.is_undefined});
+                              start.tilt, end.tilt,
+                              start.has_undefined_angles || end.has_undefined_angles});
     start = end;
   }
   angle = start.angle;
@@ -143,13 +144,13 @@ NoseNode bounds(const NoseSweep& sweep, int first) {
   node.r_high = std::max(a_r.norm(), b.tail<2>().norm());
   node.angle_low = std::min(segment.angle0, segment.angle1) - slow_turn;
   node.angle_high = std::max(segment.angle0, segment.angle1) + slow_turn +
-                    (segment.is_undefined ? 2.0 * pi : 0.0);
+                    (segment.has_undefined_angles ? 2.0 * pi : 0.0);
   node.height = std::max(std::abs(segment.height0), std::abs(segment.height1)) +
                 slow_turn * ((b - a).norm() + max_distance);
   node.tilt = std::max(std::abs(segment.tilt0), std::abs(segment.tilt1)) + slow_turn;
   node.first = first;
   node.count = 1;
-  node.right = 0;
+  node.second_child = 0;
   return node;
 }
 
@@ -161,9 +162,9 @@ int append_nodes(NoseSweep& sweep, int first, int count) {
   }
   sweep.nodes.emplace_back();
   append_nodes(sweep, first, count / 2);
-  const int right = append_nodes(sweep, first + count / 2, count - count / 2);
+  const int second_child = append_nodes(sweep, first + count / 2, count - count / 2);
   const NoseNode& a = sweep.nodes[std::size_t(index) + 1];
-  const NoseNode& b = sweep.nodes[std::size_t(right)];
+  const NoseNode& b = sweep.nodes[std::size_t(second_child)];
   sweep.nodes[std::size_t(index)] = {std::min(a.x_low, b.x_low),
                                      std::max(a.x_high, b.x_high),
                                      std::min(a.r_low, b.r_low),
@@ -174,7 +175,7 @@ int append_nodes(NoseSweep& sweep, int first, int count) {
                                      std::max(a.tilt, b.tilt),
                                      first,
                                      count,
-                                     right};
+                                     second_child};
   return index;
 }
 
@@ -183,13 +184,13 @@ int append_nodes(NoseSweep& sweep, int first, int count) {
 void append_faces(NoseSweep& sweep) {
   const int n = int(sweep.intervals.size());
   double sense = 0.0;
-  sweep.faces.push_back({0, 0.0});
+  sweep.disc_instants.push_back({0, 0.0});
   for (int i = 0; i < n; ++i) {
     const double step = sweep.intervals[std::size_t(i)].angle_step;
-    if (step * sense < 0.0) sweep.faces.push_back({i, 0.0});
+    if (step * sense < 0.0) sweep.disc_instants.push_back({i, 0.0});
     if (step != 0.0) sense = step;
   }
-  sweep.faces.push_back({n - 1, 1.0});
+  sweep.disc_instants.push_back({n - 1, 1.0});
 }
 
 }  // namespace
@@ -199,8 +200,8 @@ NoseSweep nose_sweep(const NoseMotion& motion) {
   NoseSweep sweep;
   sweep.R_ws = spindle_axes(motion.spindle_direction);
   sweep.p_ws = motion.spindle_point;
-  if (motion.T_slow.size() < 2) return sweep;
-  for (std::size_t i = 0; i + 1 < motion.T_slow.size(); ++i) {
+  if (motion.T_without_spindle.size() < 2) return sweep;
+  for (std::size_t i = 0; i + 1 < motion.T_without_spindle.size(); ++i) {
     sweep.intervals.push_back(interval_between(motion, i, sweep));
   }
   double angle = sweep.intervals.front().angle;
@@ -254,10 +255,10 @@ NoseRaySegment make_ray_segment(const Vector3d& q, const Vector3d& n, double fro
     segment.sag += std::max(0.0, segment.radius0 + s * m - radius(segment.at(s)));
   }
   // An end on the spindle line has no azimuth; the other end then gives that of the whole segment.
-  const bool starts_on_axis = r_from < on_axis;
+  const bool starts_on_axis = r_from < axis_tolerance;
   segment.azimuth = azimuth(segment.at(starts_on_axis ? to : from));
   segment.azimuth_spread =
-      segment.radius_min < on_axis ? 0.0 : angle_between(segment.at(from), segment.at(to));
+      segment.radius_min < axis_tolerance ? 0.0 : angle_between(segment.at(from), segment.at(to));
   segment.x_max = std::max(std::abs(segment.at(from).x()), std::abs(segment.at(to).x()));
   return segment;
 }
@@ -321,7 +322,7 @@ ProfileBound::ProfileBound(const EdgeProfile& profile, const NoseSweep& sweep)
       extents_[i] = segment_extent(sweep, sweep.segments[std::size_t(node.first)]);
       continue;
     }
-    const Extent &a = extents_[i + 1], &b = extents_[std::size_t(node.right)];
+    const Extent &a = extents_[i + 1], &b = extents_[std::size_t(node.second_child)];
     extents_[i] = {std::min(a.up_low, b.up_low), std::max(a.up_high, b.up_high),
                    std::max(a.displacement, b.displacement), std::max(a.lateral, b.lateral)};
   }
@@ -348,7 +349,7 @@ ProfileBound::Extent ProfileBound::segment_extent(const NoseSweep& sweep,
 // below `up`, and not above it by more than `lateral` plus twice the tool's reach beyond the
 // spindle line.
 double ProfileBound::entry_bound(int index, const NoseNode& node, const NoseRaySegment& ray) const {
-  if (!can_face(node, ray)) return infinity;
+  if (!may_contain_by_angle(node, ray)) return infinity;
   const Extent& extent = extents_[std::size_t(index)];
   const double overreach = std::max(0.0, downward_reach_ + extent.displacement - extent.up_low);
   const double max_rise = 2.0 * overreach + extent.lateral + ray.sag;

@@ -36,13 +36,13 @@ struct NoseInterval {
 /// A segment of an interval, in which the spindle turns by at most one revolution. The rake plane
 /// contains the point (x, r, azimuth) if azimuth = angle +- acos((height - tilt x) / r).
 struct NoseSegment {
-  int interval;             ///< index in `NoseSweep::intervals`
-  double u0, u1;            ///< range of u in the interval
-  double angle0, angle1;    ///< rad, azimuth of the rake plane's normal at both ends, unwrapped
-  double height0, height1;  ///< mm
-  double tilt0, tilt1;      ///< tangent of the normal's elevation above the plane of revolution
-  bool is_undefined;  ///< true if the normal leans towards the spindle line by more than 60 deg, so
-                      ///< that the angles are undefined
+  int interval;               ///< index in `NoseSweep::intervals`
+  double u0, u1;              ///< range of u in the interval
+  double angle0, angle1;      ///< rad, azimuth of the rake plane's normal at both ends, unwrapped
+  double height0, height1;    ///< mm
+  double tilt0, tilt1;        ///< tangent of the normal's elevation above the plane of revolution
+  bool has_undefined_angles;  ///< true if the normal leans towards the spindle line by more than 60
+                              ///< deg, so that the angles are undefined
 };
 
 /// Bounds of the nose centres in the meridian half-plane (x, r) and of the rake planes of
@@ -52,7 +52,7 @@ struct NoseNode {
   double angle_low, angle_high;         ///< rad
   double height, tilt;                  ///< largest magnitudes, mm and tangent
   int first, count;                     ///< range of segments
-  int right;  ///< index of the second child; the first child is the next node
+  int second_child;  ///< index of the second child; the first child is the next node
 };
 
 /// The sweep of a nose. Memory is linear in samples plus revolutions.
@@ -64,11 +64,11 @@ struct NoseSweep {
   /// binary tree over the segments in time order, root first; may be empty
   std::vector<NoseNode> nodes;
   /// An instant at which the whole disc inside the edge is part of the sweep's skin.
-  struct Face {
+  struct DiscInstant {
     int interval;
     double u;
   };
-  std::vector<Face> faces;  ///< instants at which the sweep begins, ends or reverses
+  std::vector<DiscInstant> disc_instants;  ///< instants at which the sweep begins, ends or reverses
 };
 
 /// Builds the sweep of a motion.
@@ -114,7 +114,7 @@ inline double angle_between(const Eigen::Vector3d& a, const Eigen::Vector3d& b) 
 
 /// Distance from the spindle line, mm, below which a point counts as lying on it. Such a point is
 /// in the rake plane at every instant if the plane passes equally close to the line.
-inline constexpr double on_axis = 1e-8;
+inline constexpr double axis_tolerance = 1e-8;
 
 /// Returns the segment of the ray q + s n for s from `from` to `to`, where `from` < `to`.
 NoseRaySegment make_ray_segment(const Eigen::Vector3d& q, const Eigen::Vector3d& n, double from,
@@ -130,7 +130,7 @@ std::optional<double> nearest_to_axis(const Eigen::Vector3d& q, const Eigen::Vec
 /// Returns true if, by angle alone, the rake plane of a segment below the node can contain a point
 /// of the ray. Angles count modulo pi, because the two sides of the spindle line belong to one
 /// plane.
-inline bool can_face(const NoseNode& node, const NoseRaySegment& ray) {
+inline bool may_contain_by_angle(const NoseNode& node, const NoseRaySegment& ray) {
   const double offset = node.height + node.tilt * ray.x_max;
   // Below 1e-12 mm the plane counts as passing through the spindle line, which avoids 0 / 0 there.
   const double sine = offset < 1e-12 ? 0.0 : offset / ray.radius_min;
@@ -186,8 +186,8 @@ inline double rounded_box_entry(const NoseNode& node, const NoseRaySegment& ray,
 /// none can.
 inline double entry_bound(const NoseNode& node, const NoseRaySegment& ray, double outer_radius) {
   // 1e-9 mm is more than the rounding of the box test.
-  return can_face(node, ray) ? rounded_box_entry(node, ray, outer_radius) - 1e-9
-                             : std::numeric_limits<double>::infinity();
+  return may_contain_by_angle(node, ray) ? rounded_box_entry(node, ray, outer_radius) - 1e-9
+                                         : std::numeric_limits<double>::infinity();
 }
 
 /// Bounds for the sweep of an edge with a profile. In a ray's meridian half-plane, all tool

@@ -214,8 +214,8 @@ PassGradients turned_gradients(const Design& design_w, const Surface& surface, c
     const Index next = std::min<Index>(interval + 1, motion.time_s.size() - 1);
     const double angle =
         motion.spindle[interval] + u * (motion.spindle[next] - motion.spindle[interval]);
-    const Eigen::Isometry3d &start_pose = motion.T_slow[std::size_t(interval)],
-                            &end_pose = motion.T_slow[std::size_t(next)];
+    const Eigen::Isometry3d &start_pose = motion.T_without_spindle[std::size_t(interval)],
+                            &end_pose = motion.T_without_spindle[std::size_t(next)];
     const Eigen::AngleAxisd rotation(angle, spindle_axis);
     const Vector3d centre =
         motion.spindle_point + rotation * ((1.0 - u) * start_pose.translation() +

@@ -31,7 +31,7 @@ struct CutterMotion {
 /// origin of the slow pose moves on a line, its orientation turns at constant rate, and the spindle
 /// angle grows in proportion to time.
 struct NoseMotion {
-  std::vector<Eigen::Isometry3d> T_slow;                         ///< (n) slow poses
+  std::vector<Eigen::Isometry3d> T_without_spindle;              ///< (n) slow poses
   Eigen::VectorXd spindle;                                       ///< (n) rad, unwrapped
   Eigen::VectorXd time_s;                                        ///< (n) strictly increasing
   std::vector<int> line;                                         ///< (n) as in CutterMotion
@@ -64,7 +64,7 @@ struct SurfaceOptions {
 struct Gouge {
   int vertex = 0;
   double depth = 0.0;  ///< mm below the design, along the normal, of the deepest point removed
-  bool deeper =
+  bool continues_deeper =
       false;  ///< true if the search ended at `depth` while the material was still removed
 };
 
@@ -124,9 +124,8 @@ Surface milled_surface(const Design& design_w, const Cutter& cutter, const Cutte
 /// Returns a function that computes milled_surface for any number of designs with a sweep that is
 /// prepared once. The motion must outlive the function.
 /// @throws as milled_surface, both here and when the function is called
-std::function<Surface(const Design& design_w)> milled_search(const Cutter& cutter,
-                                                             const CutterMotion& motion,
-                                                             const SurfaceOptions& options = {});
+std::function<Surface(const Design& design_w)> prepare_milled_surface(
+    const Cutter& cutter, const CutterMotion& motion, const SurfaceOptions& options = {});
 
 /// Returns the surface left by a turning tool. The helix of the cut is resolved: for every
 /// revolution the instant at which the rake plane passes the ray is computed exactly.
@@ -134,9 +133,8 @@ Surface turned_surface(const Design& design_w, const Nose& nose, const NoseMotio
                        const SurfaceOptions& options = {});
 /// Returns a function that computes turned_surface for any number of designs with a sweep that is
 /// prepared once.
-std::function<Surface(const Design& design_w)> turned_search(const Nose& nose,
-                                                             const NoseMotion& motion,
-                                                             const SurfaceOptions& options = {});
+std::function<Surface(const Design& design_w)> prepare_turned_surface(
+    const Nose& nose, const NoseMotion& motion, const SurfaceOptions& options = {});
 
 /// A pass of the tool that cuts, or nearly cuts, the surface at a vertex, and how its distance
 /// along the normal changes with a small displacement of the tool. For a displacement d (mm,
@@ -173,11 +171,11 @@ struct CompetingPass {
 };
 
 struct CompetingPassOptions {
-  double reach = 0.05;    ///< mm, passes this much farther than the nearest are included
-  int max_passes = 6;     ///< maximum number of passes per vertex, nearest first; suffices for
-                          ///< displacements up to (max_passes - 1) / 2 pitches
-  double stencil = 0.01;  ///< mm, step of the differences that give gradient and curvature
-  double band = 2.0;      ///< mm, as for the surface
+  double reach = 0.05;  ///< mm, passes this much farther than the nearest are included
+  int max_passes = 6;   ///< maximum number of passes per vertex, nearest first; suffices for
+                        ///< displacements up to (max_passes - 1) / 2 pitches
+  double difference_step = 0.01;  ///< mm, step of the differences that give gradient and curvature
+  double band = 2.0;              ///< mm, as for the surface
   std::function<void(double)> progress = {};  ///< called with the finished fraction, from any
                                               ///< thread
 };
@@ -188,7 +186,8 @@ struct CompetingPassOptions {
 /// minimum of the distance; two runs without a crest of at least 1e-6 mm between them count as one
 /// pass. The result does not depend on the number of threads.
 /// @throws std::invalid_argument as milled_surface, or if an option is not finite, `reach` is
-///         negative, `max_passes` below 1 or `stencil` not positive, or if the cutter is hollow
+///         negative, `max_passes` below 1 or `difference_step` not positive, or if the cutter is
+///         hollow
 std::vector<CompetingPass> milled_competing_passes(const Design& design_w, const Cutter& cutter,
                                                    const CutterMotion& motion,
                                                    const CompetingPassOptions& options = {});

@@ -138,7 +138,7 @@ void check_pass_options(const CompetingPassOptions& options) {
   require(std::isfinite(options.reach) && options.reach >= 0,
           "competing passes: expected a reach of at least 0");
   require(options.max_passes >= 1, "competing passes: expected at least one pass per vertex");
-  require(std::isfinite(options.stencil) && options.stencil > 0,
+  require(std::isfinite(options.difference_step) && options.difference_step > 0,
           "competing passes: expected a positive stencil length");
 }
 

@@ -179,15 +179,15 @@ ThermalData select_inputs(const ThermalData& data, const std::vector<int>& input
   return result;
 }
 
-ThermalData thin_runs(const ThermalData& data, int every) {
-  require(every >= 1, "thinning must keep every n-th row with n of at least 1");
+ThermalData thin_runs(const ThermalData& data, int row_stride) {
+  require(row_stride >= 1, "thinning must keep every n-th row with n of at least 1");
   std::vector<Index> rows;
   // Counting restarts with every run, so the first row of each run is kept.
   Index start = 0;
   for (Index row = 0; row < data.y.size(); ++row) {
     if (data.run[static_cast<std::size_t>(row)] != data.run[static_cast<std::size_t>(start)])
       start = row;
-    if ((row - start) % every == 0) rows.push_back(row);
+    if ((row - start) % row_stride == 0) rows.push_back(row);
   }
   return select_rows(data, rows);
 }

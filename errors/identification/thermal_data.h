@@ -34,7 +34,7 @@ ThermalData exclude_run(const ThermalData& data, int label);
 ThermalData select_inputs(const ThermalData& data, const std::vector<int>& inputs);
 
 /// Returns every k-th row of each run, including its first.
-ThermalData thin_runs(const ThermalData& data, int every);
+ThermalData thin_runs(const ThermalData& data, int row_stride);
 
 /// Size of values: root mean square and maximum about 0.
 struct Spread {

@@ -37,15 +37,15 @@ void extend(Epoch& epoch, double time_s) {
 }
 
 /// Returns one epoch per start: the time over which all instruments read.
-std::vector<Epoch> epochs_by_start(const std::vector<DayLog>& logs, int starts) {
-  std::vector<Epoch> epochs(std::size_t(starts), empty_epoch());
+std::vector<Epoch> epochs_by_start(const std::vector<DayLog>& logs, int start_count) {
+  std::vector<Epoch> epochs(std::size_t(start_count), empty_epoch());
   for (const DayLog& log : logs) {
     // An instrument with a single start reads through the day and does not determine the epochs.
-    if (log.starts == 1) continue;
-    if (log.starts != starts)
+    if (log.start_count == 1) continue;
+    if (log.start_count != start_count)
       throw std::invalid_argument(fmt::format(
           "expected the same number of starts (start_h) for every instrument, seen {} and {} of {}",
-          starts, log.starts, log.readings->plan.instrument));
+          start_count, log.start_count, log.readings->plan.instrument));
     for (std::size_t i = 0; i < log.readings->plan.measurements.size(); ++i)
       extend(epochs[std::size_t(log.start_of(i))], log.time_s(i));
   }
@@ -163,7 +163,7 @@ Readings readings_since_first(const DayLog& log, const Epoch& epoch, const Means
     const auto [entry, is_new] =
         new_set_up_index.emplace(measurement.set_up, int(result.plan.set_ups.size()));
     // Only set-ups with readings in this epoch enter the plan, so their indices change.
-    if (is_new) result.plan.set_ups.push_back(difference_set_up(set_up, log.starts == 1));
+    if (is_new) result.plan.set_ups.push_back(difference_set_up(set_up, log.start_count == 1));
     measurement.set_up = entry->second;
     result.plan.measurements.push_back(measurement);
   }
@@ -186,12 +186,12 @@ std::vector<int> start_indices(const metrology::Plan& plan) {
 }
 
 std::vector<Readings> split_by_start(const Readings& readings) {
-  const std::vector<int> start = start_indices(readings.plan);
+  const std::vector<int> start_index = start_indices(readings.plan);
   const metrology::Plan& plan = readings.plan;
   std::vector<Readings> result;
   std::vector<int> index_in_start;  // (set-ups)
-  for (std::size_t s = 0; s < start.size(); ++s) {
-    const auto k = std::size_t(start[s]);
+  for (std::size_t s = 0; s < start_index.size(); ++s) {
+    const auto k = std::size_t(start_index[s]);
     if (k == result.size())
       result.push_back(
           {{plan.instrument, plan.kind, {}, {}, 0.0}, readings.nominal, {}, readings.sensors, {}});
@@ -200,7 +200,7 @@ std::vector<Readings> split_by_start(const Readings& readings) {
   }
   std::vector<std::vector<Index>> rows(result.size());
   for (std::size_t i = 0; i < plan.measurements.size(); ++i) {
-    const auto s = std::size_t(plan.measurements[i].set_up), k = std::size_t(start[s]);
+    const auto s = std::size_t(plan.measurements[i].set_up), k = std::size_t(start_index[s]);
     rows[k].push_back(Index(i));
     result[k].plan.measurements.push_back(plan.measurements[i]);
     result[k].plan.measurements.back().set_up = index_in_start[s];
@@ -236,14 +236,16 @@ MatrixXd temperature_rise_K(std::span<const Readings> readings,
 
 DayLog day_log(const Readings& readings) {
   DayLog log{&readings, start_indices(readings.plan), 1};
-  for (const int start : log.start) log.starts = std::max(log.starts, start + 1);
+  for (const int start_index : log.start_index)
+    log.start_count = std::max(log.start_count, start_index + 1);
   return log;
 }
 
 std::vector<Epoch> split_into_epochs(const std::vector<DayLog>& logs) {
-  int starts = 1;
-  for (const DayLog& log : logs) starts = std::max(starts, log.starts);
-  std::vector<Epoch> epochs = starts > 1 ? epochs_by_start(logs, starts) : epochs_by_instant(logs);
+  int start_count = 1;
+  for (const DayLog& log : logs) start_count = std::max(start_count, log.start_count);
+  std::vector<Epoch> epochs =
+      start_count > 1 ? epochs_by_start(logs, start_count) : epochs_by_instant(logs);
   if (epochs.size() < 3)
     throw std::invalid_argument(fmt::format(
         "expected readings from at least 3 starts (start_h) or instants, seen {}", epochs.size()));
@@ -374,9 +376,9 @@ Regression fit_slope(const CompositeRun& run, const VectorXd& geometric, bool fr
 /// Regresses the slopes of all warm runs on the temperatures.
 void fit_temperatures(const std::vector<CompositeRun>& runs, const CompositeOptions& options,
                       CompositeFit& fit) {
-  MatrixXd dT(static_cast<Index>(fit.later_runs.size()), runs.front().dT_K.size());
+  MatrixXd dT(static_cast<Index>(fit.warm_runs.size()), runs.front().dT_K.size());
   for (Index i = 0; i < dT.rows(); ++i)
-    dT.row(i) = runs[static_cast<std::size_t>(fit.later_runs[static_cast<std::size_t>(i)])].dT_K;
+    dT.row(i) = runs[static_cast<std::size_t>(fit.warm_runs[static_cast<std::size_t>(i)])].dT_K;
   RegressionOptions regression;
   regression.constant = options.slope_constant;
   fit.slope_fit = fit_regression(dT, fit.slope, regression);
@@ -413,7 +415,7 @@ CompositeStatus classify_runs(const std::vector<CompositeRun>& runs, CompositeFi
   bool has_cold_run = false;
   for (std::size_t i = 0; i < runs.size(); ++i) {
     if (!runs[i].cold) {
-      fit.later_runs.push_back(static_cast<int>(i));
+      fit.warm_runs.push_back(static_cast<int>(i));
       continue;
     }
     has_cold_run = true;
@@ -423,7 +425,7 @@ CompositeStatus classify_runs(const std::vector<CompositeRun>& runs, CompositeFi
     }
   }
   if (!has_cold_run) return CompositeStatus::NoColdRun;
-  return fit.later_runs.empty() ? CompositeStatus::NoLaterRun : CompositeStatus::Ok;
+  return fit.warm_runs.empty() ? CompositeStatus::NoLaterRun : CompositeStatus::Ok;
 }
 
 }  // namespace
@@ -437,10 +439,10 @@ CompositeFit fit_composite(const std::vector<CompositeRun>& runs, const Composit
     fit.status = CompositeStatus::CurveNotDetermined;
     return fit;
   }
-  const auto count = static_cast<Index>(fit.later_runs.size());
+  const auto count = static_cast<Index>(fit.warm_runs.size());
   fit.slope = fit.slope_standard_error = fit.offset = VectorXd::Zero(count);
   for (Index i = 0; i < count; ++i) {
-    const int index = fit.later_runs[static_cast<std::size_t>(i)];
+    const int index = fit.warm_runs[static_cast<std::size_t>(i)];
     const Regression line =
         fit_slope(runs[static_cast<std::size_t>(index)], fit.geometric, options.free_offset);
     if (line.status != RegressionStatus::Ok) {

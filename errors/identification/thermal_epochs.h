@@ -36,14 +36,14 @@ Eigen::MatrixXd temperature_rise_K(std::span<const metrology::Readings> readings
 /// outlive the log.
 struct DayLog {
   const metrology::Readings* readings = nullptr;
-  std::vector<int> start;  ///< (set-ups) index of the start
-  int starts = 1;          ///< number of starts; 1: permanent set-up for the whole day
+  std::vector<int> start_index;  ///< (set-ups) index of the start
+  int start_count = 1;           ///< number of starts; 1: permanent set-up for the whole day
 
   double time_s(std::size_t measurement) const {
     return readings->plan.measurements[measurement].state.time_s;
   }
   int start_of(std::size_t measurement) const {
-    return start[std::size_t(readings->plan.measurements[measurement].set_up)];
+    return start_index[std::size_t(readings->plan.measurements[measurement].set_up)];
   }
 };
 DayLog day_log(const metrology::Readings& readings);
@@ -123,7 +123,7 @@ struct CompositeFit {
   Regression curve;                      ///< of the cold runs, in powers of p / `curve_scale`
   double curve_scale = 1.0;              ///< mm or rad
   Regression slope_fit;                  ///< of the slopes on the temperatures
-  std::vector<int> later_runs;           ///< indices of the runs that are not cold
+  std::vector<int> warm_runs;            ///< indices of the runs that are not cold
   Eigen::VectorXd slope;                 ///< (later) of each such run minus the cold curve
   Eigen::VectorXd slope_standard_error;  ///< (later) standard error
   Eigen::VectorXd offset;                ///< (later) 0 unless free_offset

@@ -318,7 +318,7 @@ RecipeChoice choose_recipe(const ThermalData& data, const std::vector<Recipe>& r
   RecipeChoice choice;
   for (const Recipe& recipe : recipes) {
     const ThermalData data_with_features =
-        thin_runs(with_features(data, recipe.features), options.every);
+        thin_runs(with_features(data, recipe.features), options.row_stride);
     choice.validation.push_back(cross_validate(data_with_features, recipe.model, options.split));
     const Validation& latest = choice.validation.back();
     if (latest.status != FitStatus::Ok) continue;

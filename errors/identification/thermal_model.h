@@ -153,7 +153,7 @@ struct RecipeChoice {
 /// row, which loses little, since neighbours are similar.
 struct ChoiceOptions {
   Split split = Split::LeaveOneRunOut;
-  int every = 1;  ///< k
+  int row_stride = 1;  ///< k
 };
 /// Chooses the recipe of the least overall RMS by cross-validation.
 [[nodiscard]] RecipeChoice choose_recipe(const ThermalData& data,

@@ -162,11 +162,11 @@ identification::ThermalModel slope_model(const AxisRuns& axis, const CompositeFi
 /// Returns the regression of the slopes with an additional constant: the slope at dT = 0 that the
 /// temperatures do not explain. Returns nothing if there are too few starts.
 std::optional<Regression> with_constant(const AxisRuns& axis, const CompositeFit& fit) {
-  const auto n = Index(fit.later_runs.size()), m = fit.thermal.size();
+  const auto n = Index(fit.warm_runs.size()), m = fit.thermal.size();
   if (n < m + 2) return std::nullopt;
   MatrixXd dT(n, m);
   for (Index i = 0; i < n; ++i)
-    dT.row(i) = axis.runs[std::size_t(fit.later_runs[std::size_t(i)])].dT_K;
+    dT.row(i) = axis.runs[std::size_t(fit.warm_runs[std::size_t(i)])].dT_K;
   Regression regression = identification::fit_regression(dT, fit.slope);
   if (regression.status != identification::RegressionStatus::Ok) return std::nullopt;
   return regression;

@@ -82,9 +82,9 @@ dialects::PoleOptions pole_options(const ProgramArguments& arguments) {
 dialects::TurningOptions turning_options(const ProgramArguments& arguments) {
   using dialects::ControlKind, dialects::XWordMeaning;
   dialects::TurningOptions turning = arguments.options.turning;
-  turning.control = arguments.control == "milling"   ? ControlKind::Milling
-                    : arguments.control == "turning" ? ControlKind::Turning
-                                                     : ControlKind::FromMachine;
+  turning.control_kind = arguments.control == "milling"   ? ControlKind::Milling
+                         : arguments.control == "turning" ? ControlKind::Turning
+                                                          : ControlKind::FromMachine;
   turning.x_words = arguments.x_words == "diameters" ? XWordMeaning::Diameters
                     : arguments.x_words == "radii"   ? XWordMeaning::Radii
                                                      : XWordMeaning::FromControl;
@@ -240,7 +240,7 @@ Command program_command(CommonOptions& common) {
         OneOf{{"of_machine", "milling", "turning"}}},
        {"--x-words", &arguments->x_words, "meaning of X words until the program changes it",
         OneOf{{"of_control", "diameters", "radii"}}},
-       {"--tip", &arguments->options.turning.tip,
+       {"--tip", &arguments->options.turning.tip_number,
         "reference point of a turning tool for X and Z, 0 to 9 (0: centre of the nose radius)",
         NumberRange{0, 9}},
        {"--interpreter", &arguments->interpreter,

@@ -211,9 +211,9 @@ void cut_cases(const VariantJob& variant_job, CaseResults& results, Retention re
   run_tasks(tasks, are_independent(compensators) ? results.max_parallel : 1, progress);
   if (variant_job.prefix.empty())
     results.cases.push_back({std::move(*error_free), &variant_job.job, std::nullopt});
-  const std::size_t uncompensated = results.cases.size();
+  const std::size_t uncompensated_index = results.cases.size();
   for (std::size_t i = 0; i < cases.size(); ++i) {
-    const auto baseline = i == 0 ? std::nullopt : std::optional(uncompensated);
+    const auto baseline = i == 0 ? std::nullopt : std::optional(uncompensated_index);
     if (cases[i].verdict)
       results.cases.push_back({std::move(*cases[i].verdict), &variant_job.job, baseline});
     else
@@ -275,12 +275,12 @@ void append_exceeded_limits(std::vector<std::string>& texts, const Limits& limit
 /// Returns texts about exceeded limits. If there are compensators, only their cases are judged,
 /// because the uncompensated machine is expected to fail.
 std::vector<std::string> violated_limits(const std::vector<ComparedCase>& cases) {
-  const bool has_compensators =
-      std::any_of(cases.begin(), cases.end(),
-                  [](const ComparedCase& compared) { return compared.uncompensated.has_value(); });
+  const bool has_compensators = std::any_of(
+      cases.begin(), cases.end(),
+      [](const ComparedCase& compared) { return compared.uncompensated_index.has_value(); });
   std::vector<std::string> limits;
   for (std::size_t i = 0; i < cases.size(); ++i)
-    if (has_compensators ? cases[i].uncompensated.has_value() : i > 0)
+    if (has_compensators ? cases[i].uncompensated_index.has_value() : i > 0)
       append_exceeded_limits(limits, cases[i].job->scene.limits, cases[i].verdict);
   return limits;
 }

@@ -184,7 +184,7 @@ std::vector<std::string> cases_on_line(const CompletionTask& task) {
 }
 
 void add_files(Completions& completions, const std::string& prefix) {
-  completions.has_files = true;
+  completions.completes_files = true;
   completions.file_prefix = prefix;
 }
 
@@ -297,7 +297,7 @@ Exit print_completions(const std::vector<Command>& commands,
       print("{}\n", candidate.text);
     else
       print("{}\t{}\n", candidate.text, candidate.description);
-  if (all.has_files) print(":files {}\n", all.file_prefix);
+  if (all.completes_files) print(":files {}\n", all.file_prefix);
   return Exit::Ok;
 }
 

@@ -43,8 +43,8 @@ struct Candidate {
 /// Completions of a word of a command line.
 struct Completions {
   std::vector<Candidate> candidates;
-  bool has_files = false;   ///< the shell also offers file names
-  std::string file_prefix;  ///< part of the word before the file name: "--out="
+  bool completes_files = false;  ///< the shell also offers file names
+  std::string file_prefix;       ///< part of the word before the file name: "--out="
 };
 
 /// Returns the completions of a word: commands, options, their values, names of cases, and keys.

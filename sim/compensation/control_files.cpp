@@ -419,7 +419,7 @@ class VolumetricReader {
   void read_component_errors(const TableLineReader& lines, const Cell& axis,
                              const ElementTable& table) {
     check_axis(lines, axis, table.axis);
-    errors::ElementTableUse use;
+    errors::ElementConversionOptions use;
     // parameter_tables.h assumes that values hold outside the rows.
     use.outside = errors::TableExtrapolation::Hold;
     for (Element& element : errors::to_elements(table, use)) add(lines, axis, std::move(element));
@@ -485,7 +485,7 @@ ControlExport to_volumetric(const GeometricModel& believed, const Chain& chain,
   ControlExport result;
   // A table cannot hold random errors; they are listed as left out.
   result.omissions = omission_notes(believed, chain);
-  const GeometricModel model = errors::remove_random(believed);
+  const GeometricModel model = errors::without_random_errors(believed);
   const AxisState state = middle_state(chain, options);
   for (int i = 0; i < chain.size(); ++i) {
     const char axis = chain.joints()[std::size_t(i)].name;

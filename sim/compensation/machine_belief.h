@@ -119,7 +119,7 @@ std::vector<kinematics::JointDeviation> deviations(const ThermalSeries& series,
 /// @param deviation  (n) mm
 /// @param points     (m x 3) mm; the result is 0 at points farther than `reach` from any reading
 /// @return (m) mm
-Eigen::VectorXd interpolate_readings(const Eigen::MatrixX3d& read_at,
+Eigen::VectorXd interpolate_readings(const Eigen::MatrixX3d& reading_points,
                                      const Eigen::VectorXd& deviation,
                                      const Eigen::MatrixX3d& points, double reach);
 

@@ -32,18 +32,18 @@ constexpr std::array<const char*, 6> deviation_columns = {"EX", "EY", "EZ", "EA"
 constexpr double rpm_per_rad_per_s = 9.549296585513721;  // 30 / pi
 
 bool is_angle(const ResponseRequirements& expected, Index column) {
-  if (expected.answers == PlugInOutput::Deviation) return column >= 3;
+  if (expected.output == PlugInOutput::Deviation) return column >= 3;
   return expected.task.joints[std::size_t(column)].motion != kinematics::Motion::Linear;
 }
 
 }  // namespace
 
-Index readings(const PlugInTask& task) {
+Index reading_count(const PlugInTask& task) {
   return task.log.time_s.size() > 0 ? task.log.values.cols() : 0;
 }
 
-PlugInBatch make_batch(const PlugInTask& task, const PlugInQuestion& question, Samples samples) {
-  const Index n = samples.count, joints = Index(task.joints.size()), m = readings(task);
+PlugInBatch make_batch(const PlugInTask& task, const PlugInRequest& question, Samples samples) {
+  const Index n = samples.count, joints = Index(task.joints.size()), m = reading_count(task);
   PlugInBatch batch{Eigen::VectorXd(n), PlugInBatch::Rows(n, joints), PlugInBatch::Rows(n, joints),
                     Eigen::VectorXd(n), PlugInBatch::Rows(n, 12),     PlugInBatch::Rows(n, m)};
   for (Index i = 0; i < n; ++i) {
@@ -60,12 +60,12 @@ PlugInBatch make_batch(const PlugInTask& task, const PlugInQuestion& question, S
   return batch;
 }
 
-Index columns(PlugInOutput answers, const PlugInTask& task) {
-  return answers == PlugInOutput::Deviation ? 6 : Index(task.joints.size());
+Index column_count(PlugInOutput output, const PlugInTask& task) {
+  return output == PlugInOutput::Deviation ? 6 : Index(task.joints.size());
 }
 
 std::string column_name(const ResponseRequirements& expected, Index column) {
-  if (expected.answers == PlugInOutput::Deviation) return deviation_columns[std::size_t(column)];
+  if (expected.output == PlugInOutput::Deviation) return deviation_columns[std::size_t(column)];
   return std::string(1, expected.task.joints[std::size_t(column)].name);
 }
 
@@ -90,8 +90,8 @@ using nlohmann::json;
 using nlohmann::ordered_json;
 
 /// Returns the key of the numbers in the messages.
-const char* enum_key(PlugInOutput answers) {
-  return answers == PlugInOutput::Correction ? "correction" : "deviation";
+const char* enum_key(PlugInOutput output) {
+  return output == PlugInOutput::Correction ? "correction" : "deviation";
 }
 
 template <typename Value>
@@ -198,7 +198,7 @@ void append_number(std::string& line, double number) {
               std::to_chars(digits.data(), digits.data() + digits.size(), number).ptr);
 }
 
-std::string task_line(const PlugInTask& task, Eigen::Index samples, int batch) {
+std::string task_line(const PlugInTask& task, Eigen::Index samples, int batch_size) {
   ordered_json message = {{"abbe", protocol_version}, {"kind", "task"}};
   message["units"] = {{"length", "mm"}, {"angle", "rad"}, {"time", "s"}};
   message["structure"] = task.structure;
@@ -207,8 +207,8 @@ std::string task_line(const PlugInTask& task, Eigen::Index samples, int batch) {
     message["joints"].push_back(joint_message(joint));
   message["tool"] = {{"name", task.tool}, {"length", task.tool_length}};
   message["samples"] = samples;
-  message["batch"] = batch;
-  message["readings"] = readings(task) > 0 ? task.log.names : std::vector<std::string>();
+  message["batch"] = batch_size;
+  message["readings"] = reading_count(task) > 0 ? task.log.names : std::vector<std::string>();
   std::string line = text_line(message);
   line.resize(line.size() - 2);  // the closing brace follows after the log
 
@@ -224,7 +224,7 @@ std::string task_line(const PlugInTask& task, Eigen::Index samples, int batch) {
 
 std::string end_line() { return "{\"kind\":\"end\"}\n"; }
 
-std::string ask_line(const PlugInBatch& batch, long id) {
+std::string request_line(const PlugInBatch& batch, long id) {
   const Eigen::Index samples = batch.time_s.size();
   const auto size = std::size_t(batch.q.cols() + batch.direction.cols() + batch.readings.cols());
   std::string line = fmt::format("{{\"kind\":\"ask\",\"id\":{}", id);
@@ -261,7 +261,7 @@ Handshake read_handshake(const std::string& line) {
   Handshake handshake;
   const std::string answers = shown_value(message, "answers");
   if (answers == "\"deviation\"")
-    handshake.answers = PlugInOutput::Deviation;
+    handshake.output = PlugInOutput::Deviation;
   else if (answers != "\"correction\"")
     throw ChildProcessError(R"("answers":"correction" or "answers":"deviation")", answers);
   if (const auto name = message.find("name"); name != message.end() && name->is_string())
@@ -273,14 +273,14 @@ Eigen::MatrixXd read_response(const std::string& line, const ResponseRequirement
   const json message = parse_message(line);
   if (shown_value(message, "id") != std::to_string(expected.id))
     throw ChildProcessError(fmt::format("\"id\":{}", expected.id), shown_value(message, "id"));
-  const auto rows_json = message.find(enum_key(expected.answers));
+  const auto rows_json = message.find(enum_key(expected.output));
   if (rows_json == message.end() || !rows_json->is_array())
-    throw ChildProcessError(fmt::format("\"{}\":[...]", enum_key(expected.answers)),
-                            shown_value(message, enum_key(expected.answers)));
+    throw ChildProcessError(fmt::format("\"{}\":[...]", enum_key(expected.output)),
+                            shown_value(message, enum_key(expected.output)));
   if (rows_json->size() != std::size_t(expected.samples))
     throw ChildProcessError(fmt::format("{} rows, one per sample", expected.samples),
                             std::to_string(rows_json->size()));
-  Eigen::MatrixXd rows(expected.samples, columns(expected.answers, expected.task));
+  Eigen::MatrixXd rows(expected.samples, column_count(expected.output, expected.task));
   for (Eigen::Index i = 0; i < rows.rows(); ++i) {
     const json& row = (*rows_json)[std::size_t(i)];
     if (!row.is_array() || row.size() != std::size_t(rows.cols()))
@@ -585,22 +585,23 @@ class Conversation {
       : plug_in_(plug_in), options_(options) {
     run_step("start", [&] {
       const LaunchCommand launch = launch_command(plug_in, options);
-      child_.emplace(launch.command, launch.environment, options_.waiting);
+      child_.emplace(launch.command, launch.environment, options_.on_wait);
     });
   }
 
   Handshake exchange_handshake(const PlugInTask& task, Eigen::Index samples) {
     return run_step("handshake", [&] {
-      const std::string line = task_line(task, samples, options_.batch);
+      const std::string line = task_line(task, samples, options_.batch_size);
       return read_handshake(child_->exchange(line, {options_.start_s, line_base_bytes}));
     });
   }
 
-  Eigen::MatrixXd ask_batch(const PlugInQuestion& question, Samples samples,
+  Eigen::MatrixXd ask_batch(const PlugInRequest& question, Samples samples,
                             const ResponseRequirements& expected) {
     return run_step(batch_label(expected.id, samples), [&] {
-      const std::string line = ask_line(make_batch(expected.task, question, samples), expected.id);
-      const auto numbers = samples.count * columns(expected.answers, expected.task);
+      const std::string line =
+          request_line(make_batch(expected.task, question, samples), expected.id);
+      const auto numbers = samples.count * column_count(expected.output, expected.task);
       return read_response(
           child_->exchange(line, {options_.response_s,
                                   line_base_bytes + bytes_per_number * std::size_t(numbers)}),
@@ -619,32 +620,33 @@ class Conversation {
   std::optional<ChildProcess> child_;
 };
 
-void check_question(const PlugInQuestion& question, const PlugInOptions& options) {
+void check_question(const PlugInRequest& question, const PlugInOptions& options) {
   if (question.T_wt.size() != question.commands.size())
     throw std::invalid_argument("expected one pose per command");
-  if (options.batch < 1) throw std::invalid_argument("expected a batch of at least one sample");
+  if (options.batch_size < 1)
+    throw std::invalid_argument("expected a batch of at least one sample");
 }
 
 /// Asks for all batches of a question and returns the rows of all answers.
 /// @param rows  function that returns the answer to one batch
 template <typename Rows>
-Eigen::MatrixXd ask_in_batches(const PlugInTask& task, const PlugInQuestion& question,
-                               const PlugInOptions& options, PlugInOutput answers,
+Eigen::MatrixXd ask_in_batches(const PlugInTask& task, const PlugInRequest& question,
+                               const PlugInOptions& options, PlugInOutput output,
                                const Rows& rows) {
   const Eigen::Index samples = Eigen::Index(question.commands.size());
-  Eigen::MatrixXd all_rows(samples, columns(answers, task));
+  Eigen::MatrixXd all_rows(samples, column_count(output, task));
   long id = 0;
   for (Samples batch; batch.first < samples; batch.first += batch.count) {
-    batch.count = std::min<Eigen::Index>(options.batch, samples - batch.first);
+    batch.count = std::min<Eigen::Index>(options.batch_size, samples - batch.first);
     all_rows.middleRows(batch.first, batch.count) =
-        rows(batch, ResponseRequirements{++id, answers, batch.count, task, options});
+        rows(batch, ResponseRequirements{++id, output, batch.count, task, options});
   }
   return all_rows;
 }
 
 /// Throws ChildProcessError unless the answer of a function has the expected size and values.
 void check_response(const Eigen::MatrixXd& rows, const ResponseRequirements& expected) {
-  const Eigen::Index response_width = columns(expected.answers, expected.task);
+  const Eigen::Index response_width = column_count(expected.output, expected.task);
   if (rows.rows() != expected.samples || rows.cols() != response_width)
     throw ChildProcessError(fmt::format("{} rows of {} numbers", expected.samples, response_width),
                             fmt::format("{} of {}", rows.rows(), rows.cols()));
@@ -657,14 +659,14 @@ void check_response(const Eigen::MatrixXd& rows, const ResponseRequirements& exp
 
 }  // namespace
 
-PlugInResponse ask(const fs::path& plug_in, const PlugInTask& task, const PlugInQuestion& question,
+PlugInResponse ask(const fs::path& plug_in, const PlugInTask& task, const PlugInRequest& question,
                    const PlugInOptions& options) {
   check_question(question, options);
   Conversation conversation(plug_in, options);
   const Handshake handshake =
       conversation.exchange_handshake(task, Eigen::Index(question.commands.size()));
-  PlugInResponse response{replace_invalid_utf8(handshake.name), handshake.answers, {}, {}};
-  response.rows = ask_in_batches(task, question, options, handshake.answers,
+  PlugInResponse response{replace_invalid_utf8(handshake.name), handshake.output, {}, {}};
+  response.rows = ask_in_batches(task, question, options, handshake.output,
                                  [&](Samples batch, const ResponseRequirements& expected) {
                                    return conversation.ask_batch(question, batch, expected);
                                  });
@@ -673,11 +675,11 @@ PlugInResponse ask(const fs::path& plug_in, const PlugInTask& task, const PlugIn
 }
 
 PlugInResponse ask(const std::string& name, const PlugInFunction& function, const PlugInTask& task,
-                   const PlugInQuestion& question, const PlugInOptions& options) {
+                   const PlugInRequest& question, const PlugInOptions& options) {
   check_question(question, options);
   const auto rows = [&](Samples batch, const ResponseRequirements& expected) {
     // A function can be interrupted between batches, as a process can.
-    if (options.waiting) options.waiting();
+    if (options.on_wait) options.on_wait();
     Eigen::MatrixXd response = function.rows(task, make_batch(task, question, batch));
     try {
       check_response(response, expected);
@@ -688,7 +690,7 @@ PlugInResponse ask(const std::string& name, const PlugInFunction& function, cons
     return response;
   };
   return {
-      name, function.answers, ask_in_batches(task, question, options, function.answers, rows), {}};
+      name, function.output, ask_in_batches(task, question, options, function.output, rows), {}};
 }
 
 }  // namespace abbe::sim::compensation

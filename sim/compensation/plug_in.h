@@ -30,7 +30,7 @@ struct PlugInTask {
 };
 
 /// The samples to be corrected, in time order.
-struct PlugInQuestion {
+struct PlugInRequest {
   const std::vector<kinematics::AxisState>& commands;
   const std::vector<kinematics::Pose>& T_wt;  ///< nominal poses of the tool
 };
@@ -56,13 +56,13 @@ struct PlugInBatch {
 struct PlugInOptions {
   double start_s = 10.0;     ///< deadline of the handshake
   double response_s = 30.0;  ///< deadline of one batch, and of the end after the last one
-  int batch = 1000;          ///< samples in a batch
+  int batch_size = 1000;     ///< samples in a batch
   double max_mm = 10.0;      ///< larger values are rejected as a probable unit mistake
   double max_rad = 0.5;      ///< limit on angles, rad
   /// Program that loads a shared library: its main must begin with plug_in_host.
   std::filesystem::path host = "/proc/self/exe";
   /// Called repeatedly while waiting for a response; if it throws, the plug-in is ended.
-  std::function<void()> waiting = {};
+  std::function<void()> on_wait = {};
 };
 
 /// Meaning of the numbers that a plug-in returns.
@@ -74,7 +74,7 @@ enum class PlugInOutput {
 /// The response of a plug-in to a whole program.
 struct PlugInResponse {
   std::string name;  ///< stated by the plug-in; may be empty
-  PlugInOutput answers = PlugInOutput::Correction;
+  PlugInOutput output = PlugInOutput::Correction;
   /// (samples x joints) corrections, mm and rad in the order of the structural code, or (samples x
   /// 6) deviations [EX EY EZ EA EB EC], actual minus nominal in the nominal tool frame, mm and rad;
   /// finite, within `max_mm` and `max_rad`
@@ -84,7 +84,7 @@ struct PlugInResponse {
 
 /// A compensator in this process: a function that is called with the batches in time order.
 struct PlugInFunction {
-  PlugInOutput answers = PlugInOutput::Correction;
+  PlugInOutput output = PlugInOutput::Correction;
   /// Returns (samples x joints) or (samples x 6) numbers, see `PlugInResponse::rows`.
   std::function<Eigen::MatrixXd(const PlugInTask& task, const PlugInBatch& batch)> rows;
 };
@@ -92,22 +92,22 @@ struct PlugInFunction {
 // Batches, and the requirements on the response to a batch.
 
 /// Returns the number of readings of the control that a plug-in receives.
-Eigen::Index readings(const PlugInTask& task);
+Eigen::Index reading_count(const PlugInTask& task);
 
 /// Returns the batch of a range of samples.
-PlugInBatch make_batch(const PlugInTask& task, const PlugInQuestion& question, Samples samples);
+PlugInBatch make_batch(const PlugInTask& task, const PlugInRequest& question, Samples samples);
 
 /// The requirements on the response to a batch.
 struct ResponseRequirements {
   long id = 0;
-  PlugInOutput answers = PlugInOutput::Correction;
+  PlugInOutput output = PlugInOutput::Correction;
   Eigen::Index samples = 0;
   const PlugInTask& task;
   const PlugInOptions& options;
 };
 
 /// Returns the number of columns of a response.
-Eigen::Index columns(PlugInOutput answers, const PlugInTask& task);
+Eigen::Index column_count(PlugInOutput output, const PlugInTask& task);
 
 /// Returns the name of a column of a response, such as "X" or "EX".
 std::string column_name(const ResponseRequirements& expected, Eigen::Index column);
@@ -129,16 +129,16 @@ inline constexpr int protocol_version = 1;
 void append_number(std::string& line, double number);
 
 /// Returns the message with the task. Messages end with '\n'.
-std::string task_line(const PlugInTask& task, Eigen::Index samples, int batch);
+std::string task_line(const PlugInTask& task, Eigen::Index samples, int batch_size);
 /// Returns the message that ends the exchange.
 std::string end_line();
 /// Returns the message that sends a batch.
-std::string ask_line(const PlugInBatch& batch, long id);
+std::string request_line(const PlugInBatch& batch, long id);
 
 /// The reply of a plug-in to the task.
 struct Handshake {
   std::string name;
-  PlugInOutput answers = PlugInOutput::Correction;
+  PlugInOutput output = PlugInOutput::Correction;
 };
 /// Parses the handshake of a plug-in. Throws ChildProcessError unless it states `protocol_version`.
 Handshake read_handshake(const std::string& line);
@@ -159,7 +159,7 @@ Eigen::MatrixXd read_response(const std::string& line, const ResponseRequirement
 /// @throws PlugInFailure naming the plug-in, the step, the expected and the seen text, and its last
 ///     lines on stderr
 PlugInResponse ask(const std::filesystem::path& plug_in, const PlugInTask& task,
-                   const PlugInQuestion& question, const PlugInOptions& options = {});
+                   const PlugInRequest& question, const PlugInOptions& options = {});
 
 /// Calls a function of this process in the same batches, with the same requirements on its
 /// responses.
@@ -167,7 +167,7 @@ PlugInResponse ask(const std::filesystem::path& plug_in, const PlugInTask& task,
 /// @throws PlugInFailure naming the function, the batch, the expected and the seen text; passes on
 ///     exceptions of the function
 PlugInResponse ask(const std::string& name, const PlugInFunction& function, const PlugInTask& task,
-                   const PlugInQuestion& question, const PlugInOptions& options = {});
+                   const PlugInRequest& question, const PlugInOptions& options = {});
 
 /// Serves as a plug-in host. Must be the first call in the main of a program that is used as
 /// `PlugInOptions::host`.

@@ -184,7 +184,7 @@ TipChange tip_change(const TipLinearisation& tip, ErrorSource::Compliance) {
 TipChange tip_change(const TipLinearisation& tip, ErrorSource::PartExpansion) {
   const Vector3d tip_w = tip.T_wt.translation();
   TipChange result = TipChange::Zero();
-  result.head<3>() = errors::at_20_C(tip.idle.truth.heat->model, tip.T_C, tip_w) - tip_w;
+  result.head<3>() = errors::position_at_20_C(tip.idle.truth.heat->model, tip.T_C, tip_w) - tip_w;
   return result;
 }
 

@@ -63,7 +63,7 @@ std::string gouge_text(const Surface& surface, int judged, double band) {
       "line {}): PV, RMS, form and alignment exclude them",
       count_text(int(surface.gouges.size()), judged), band,
       has_thin_gouge(surface, band) ? " or half the wall thickness where that is less" : "",
-      deepest->deeper ? "more than the search depth of " : "", deepest->depth,
+      deepest->continues_deeper ? "more than the search depth of " : "", deepest->depth,
       surface.cut_line[std::size_t(deepest->vertex)], first_line);
 }
 

@@ -46,7 +46,7 @@ std::string listed_names(const std::set<std::string>& names) {
   // Limits on number and length keep the comparison of letters fast.
   constexpr std::size_t max_compared = 10'000, max_length = 200;
   std::set<std::string> names, compared;
-  for (const auto& mark_names : marks.names) names.insert(mark_names.begin(), mark_names.end());
+  for (const auto& mark_names : marks.name_sets) names.insert(mark_names.begin(), mark_names.end());
   if (names.empty())
     throw_region_error(region,
                        "part.region.group with a mesh that has groups (g, o, usemtl of OBJ, solids "
@@ -93,12 +93,12 @@ int max_channel_difference(const cutting::Rgb& a, const cutting::Rgb& b) {
 /// Returns (marks) true if faces with the mark are in the group of a region.
 std::vector<bool> marks_in_group(const PartRegion& region, const FaceMarks& marks) {
   std::vector<bool> has_name;  // (sets of names)
-  for (const auto& name_set : marks.names)
+  for (const auto& name_set : marks.name_sets)
     has_name.push_back(std::ranges::find(name_set, region.group) != name_set.end());
   std::vector<bool> matches;
   for (const FaceMark& mark : marks.marks)
     matches.push_back(std::ranges::any_of(
-        mark.names, [&](int name_set) { return has_name[std::size_t(name_set)]; }));
+        mark.name_set_indices, [&](int name_set) { return has_name[std::size_t(name_set)]; }));
   return matches;
 }
 

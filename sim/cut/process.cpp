@@ -25,13 +25,13 @@ ProcessTotals totals(const Process& process) {
     process_totals.max_torque = std::max(process_totals.max_torque, step.torque);
     process_totals.max_power_W = std::max(process_totals.max_power_W, step.power_W);
     process_totals.max_iterations = std::max(process_totals.max_iterations, step.iterations);
-    process_totals.max_contraction = std::max(process_totals.max_contraction, step.contraction);
+    process_totals.max_loop_gain = std::max(process_totals.max_loop_gain, step.loop_gain);
     if (force > 0.0) {
       process_totals.force_sum += force;
       ++process_totals.loaded_steps;
     }
     if (step.converged) continue;
-    ++process_totals.open;
+    ++process_totals.unconverged_steps;
     process_totals.max_disagreement = std::max(process_totals.max_disagreement, step.disagreement);
   }
   return process_totals;
@@ -92,7 +92,7 @@ std::optional<double> alternating_gain(const std::vector<double>& force, std::si
 /// window. Forces may also alternate for another reason, such as error motions of a spindle.
 bool is_loop_strong(const Process& process, std::size_t first) {
   for (std::size_t k = first; k <= first + changes_per_window; ++k)
-    if (process.steps[k].contraction >= min_swing_contraction) return true;
+    if (process.steps[k].loop_gain >= min_swing_contraction) return true;
   return false;
 }
 
@@ -135,7 +135,7 @@ RevolutionSwing count_leaps(const Process& process, const std::vector<double>& f
     if (step.line != swing.line) break;
     ++swing.revolutions;
     swing.high = std::max(swing.high, force[k]);
-    swing.gain = std::max(swing.gain, step.contraction);
+    swing.gain = std::max(swing.gain, step.loop_gain);
     if (k > first && force[k] > 0.0 && force[k - 1] == 0.0) ++swing.leaps;
   }
   return swing;
@@ -193,12 +193,12 @@ std::vector<std::string> process_warnings(const Scene& scene, const Process& pro
   const double tolerance = scene.cutting->tolerance;
   const bool is_negligible =
       process_totals.max_disagreement < std::min(10.0 * tolerance, 10.0 * units::nm) &&
-      1000 * process_totals.open < process.steps.size();
-  if (process_totals.open > 0 && !is_negligible)
+      1000 * process_totals.unconverged_steps < process.steps.size();
+  if (process_totals.unconverged_steps > 0 && !is_negligible)
     warnings.push_back(
         fmt::format("force and deflection did not converge to {:.3g} nm at {} of {} steps; they "
                     "differ by at most {:.3g} nm",
-                    tolerance / units::nm, process_totals.open, process.steps.size(),
+                    tolerance / units::nm, process_totals.unconverged_steps, process.steps.size(),
                     process_totals.max_disagreement / units::nm));
   if (const auto swing = revolution_swing(process)) warnings.push_back(swing_text(*swing));
   if (!(process_totals.removed > 0.0)) warnings.push_back("the tool did not touch the blank");
@@ -206,13 +206,12 @@ std::vector<std::string> process_warnings(const Scene& scene, const Process& pro
     warnings.push_back(
         fmt::format("a rapid move or the shank hit material on {} lines, first line {}",
                     process.crash_lines.size(), process.crash_lines.front()));
-  const auto worst_overhang =
-      std::ranges::max_element(process.steps, {}, &ProcessStep::beyond_edge);
-  if (worst_overhang->beyond_edge > 0.01)
+  const auto worst_overhang = std::ranges::max_element(process.steps, {}, &ProcessStep::overhang);
+  if (worst_overhang->overhang > 0.01)
     warnings.push_back(
         fmt::format("the cut extends {:.3g} mm beyond the edges of the insert (line {}): the "
                     "material there is removed and its force computed as for a radial edge",
-                    worst_overhang->beyond_edge, worst_overhang->line));
+                    worst_overhang->overhang, worst_overhang->line));
   return warnings;
 }
 

@@ -26,9 +26,9 @@ struct ProcessStep {
   double removed = 0.0;       ///< volume since the step before, mm^3
   double engaged = 0.0;       ///< length of cutting edge in material, mean over a revolution, mm
   double chip = 0.0;          ///< largest uncut chip thickness, mm
-  double beyond_edge = 0.0;   ///< length by which the cut exceeds the edges of an insert, mm
+  double overhang = 0.0;      ///< length by which the cut exceeds the edges of an insert, mm
   int iterations = 0;         ///< of force and deflection; 0 without load
-  double contraction = 0.0;   ///< largest ratio of two successive corrections, 0 if there were
+  double loop_gain = 0.0;     ///< largest ratio of two successive corrections, 0 if there were
                               ///< fewer; plain repetition converges if it is below 1
   double disagreement = 0.0;  ///< last change of the deflection, mm
   bool converged = true;      ///< the disagreement is within the tolerance of the scene, or the
@@ -53,9 +53,9 @@ struct ProcessTotals {
   double max_torque = 0.0;       ///< N mm
   double max_power_W = 0.0;
   int max_iterations = 0;
-  double max_contraction = 0.0;
-  std::size_t open = 0;           ///< number of steps that did not converge
-  double max_disagreement = 0.0;  ///< mm, largest of those steps
+  double max_loop_gain = 0.0;
+  std::size_t unconverged_steps = 0;  ///< number of steps that did not converge
+  double max_disagreement = 0.0;      ///< mm, largest of those steps
 };
 /// Returns the totals of a process.
 ProcessTotals totals(const Process& process);

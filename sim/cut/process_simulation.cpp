@@ -169,9 +169,9 @@ using errors::Load;
 struct ProcessSample {
   cutting::CuttingLoad cut;
   errors::Load load;
-  double engaged = 0.0;      ///< length of edge in material, mm
-  double chip = 0.0;         ///< largest uncut chip thickness, mm
-  double beyond_edge = 0.0;  ///< length by which the cut exceeds the edges of an insert, mm
+  double engaged = 0.0;   ///< length of edge in material, mm
+  double chip = 0.0;      ///< largest uncut chip thickness, mm
+  double overhang = 0.0;  ///< length by which the cut exceeds the edges of an insert, mm
 };
 
 /// Solves for the force of one step and the deflection that it causes, which agree to the tolerance
@@ -232,7 +232,7 @@ bool ForceLoop::iterate(Load load) {
     // Changes below a hundred tolerances come from the grid of the stock at the ends of arcs, and
     // their ratio is not that of the loop.
     if (last_change > 100 * description_.tolerance && relaxation == 1.0)
-      step_.contraction = std::max(step_.contraction, change / last_change);
+      step_.loop_gain = std::max(step_.loop_gain, change / last_change);
     const kinematics::Wrench difference_change = difference - last_difference;
     // With a ratio of 0.3 plain repetition gains half a digit in an iteration.
     const bool is_slow = last_change > 0.0 && change > 0.3 * last_change;
@@ -306,7 +306,7 @@ ProcessStep ForceLoop::solve(const Load& guess) {
   step_.converged = iterate(guess) || bracket();
   step_.torque = cut_.cut.torque;
   step_.engaged = cut_.engaged;
-  step_.beyond_edge = cut_.beyond_edge;
+  step_.overhang = cut_.overhang;
   step_.chip = cut_.chip;
   if (!step_.load.tool_wrench_t.allFinite()) {
     step_.load = {};
@@ -469,8 +469,8 @@ Process simulate_milling(const Scene& scene, const Machine& machine,
 }
 
 /// Returns the mean radius of the work at the engaged edge, mm, weighted with the chip area.
-double work_radius(const SpindleLine& line, const Pose& T_slow, const cutting::Nose& nose,
-                   const std::vector<cutting::EngagedEdge>& edges) {
+double work_radius(const SpindleLine& line, const Pose& T_without_spindle,
+                   const cutting::Nose& nose, const std::vector<cutting::EngagedEdge>& edges) {
   double weighted_sum = 0.0, area = 0.0;
   for (const cutting::EngagedEdge& edge : edges) {
     Eigen::Vector3d p_t(nose.radius * std::cos(edge.psi), 0.0, nose.radius * std::sin(edge.psi));
@@ -478,7 +478,8 @@ double work_radius(const SpindleLine& line, const Pose& T_slow, const cutting::N
       const Eigen::Vector2d point = cutting::edge_point(*nose.profile, edge.psi).at;
       p_t = {point.x(), 0.0, point.y()};
     }
-    const double edge_radius = (T_slow * p_t - line.point_w).cross(line.direction_w).norm();
+    const double edge_radius =
+        (T_without_spindle * p_t - line.point_w).cross(line.direction_w).norm();
     weighted_sum += edge_radius * edge.chip * edge.length;
     area += edge.chip * edge.length;
   }
@@ -487,9 +488,9 @@ double work_radius(const SpindleLine& line, const Pose& T_slow, const cutting::N
 
 /// Returns true if the work moves down on the rake face, along -y of frame t, as the spindle angle
 /// grows.
-bool is_tool_descending(const SpindleLine& line, const Pose& T_slow) {
-  const Eigen::Vector3d lever = T_slow.translation() - line.point_w;
-  return line.direction_w.cross(lever).dot(T_slow.linear().col(1)) > 0.0;
+bool is_tool_descending(const SpindleLine& line, const Pose& T_without_spindle) {
+  const Eigen::Vector3d lever = T_without_spindle.translation() - line.point_w;
+  return line.direction_w.cross(lever).dot(T_without_spindle.linear().col(1)) > 0.0;
 }
 
 /// The inputs of turning at one step.
@@ -510,8 +511,9 @@ struct TurningSample {
 
 /// Returns the radial direction away from the part, in x and z of the tool; zero on the spindle
 /// axis.
-Eigen::Vector2d away_from_part(const SpindleLine& line, const Pose& T_slow) {
-  const Eigen::Vector3d radial_t = T_slow.linear().transpose() * line.radial(T_slow.translation());
+Eigen::Vector2d away_from_part(const SpindleLine& line, const Pose& T_without_spindle) {
+  const Eigen::Vector3d radial_t =
+      T_without_spindle.linear().transpose() * line.radial(T_without_spindle.translation());
   const Eigen::Vector2d away(radial_t.x(), radial_t.z());
   return away.norm() > 1e-9 ? Eigen::Vector2d(away.normalized()) : Eigen::Vector2d::Zero();
 }
@@ -545,22 +547,23 @@ double beyond_edges(const cutting::Nose& nose, const cutting::Nose& stock_nose,
 }
 
 ProcessSample TurningSample::at(const Pose& T_wt) const {
-  const Pose T_slow = slow(T_wt);
-  const Eigen::Vector2d away = away_from_part(line, T_slow);
+  const Pose T_without_spindle = slow(T_wt);
+  const Eigen::Vector2d away = away_from_part(line, T_without_spindle);
   const cutting::Nose stock_nose = nose_over_stock(nose, away);
-  const auto edges = cutting::engagement(stock, stock_nose, T_slow);
+  const auto edges = cutting::engagement(stock, stock_nose, T_without_spindle);
   if (edges.empty()) return {};
   const auto& states = program.samples.states;
   const bool is_angle_growing = states[sample].q[spindle] > states[previous].q[spindle];
-  check_spindle(program, sample, is_angle_growing == is_tool_descending(line, T_slow),
+  check_spindle(program, sample, is_angle_growing == is_tool_descending(line, T_without_spindle),
                 "a spindle that turns the workpiece towards the rake face where it cuts");
-  ProcessSample result = process_sample(cutting::turning_force(
-      edges, stock_nose, *description.material, work_radius(line, T_slow, stock_nose, edges)));
+  ProcessSample result = process_sample(
+      cutting::turning_force(edges, stock_nose, *description.material,
+                             work_radius(line, T_without_spindle, stock_nose, edges)));
   for (const cutting::EngagedEdge& edge : edges) {
     result.engaged += edge.length;
     result.chip = std::max(result.chip, edge.chip);
   }
-  result.beyond_edge = beyond_edges(nose, stock_nose, away, edges);
+  result.overhang = beyond_edges(nose, stock_nose, away, edges);
   return result;
 }
 

@@ -337,7 +337,8 @@ void read_and_measure(const std::string& text, const program::NcOptions& control
                                        .turning = options.turning};
     read_options.limits.blocks = read_options.control.max_moves = std::size_t(options.max_moves);
     read_options.control.max_move_bytes = max_move_bytes();
-    read_options.folder = inspection.file.has_parent_path() ? inspection.file.parent_path() : ".";
+    read_options.subprogram_folder =
+        inspection.file.has_parent_path() ? inspection.file.parent_path() : ".";
     // Unless the conversion needs the path, only one segment is in memory at a time.
     if (!needs_path)
       read_options.on_path_segment = [&](program::Path segment) {

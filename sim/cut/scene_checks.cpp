@@ -52,7 +52,7 @@ std::string rounded_count(double count) {
 /// of the program.
 std::vector<std::string> dominant_byte_keys(const Scene& scene, const WorkEstimate& work) {
   const double vertex_bytes = bytes_per_vertex * work.vertices;
-  if (!work.by.empty() && vertex_bytes < 0.5 * work.bytes) return work.by;
+  if (!work.limiting_keys.empty() && vertex_bytes < 0.5 * work.bytes) return work.limiting_keys;
   return {std::holds_alternative<MeshFile>(scene.part.shape) ? "part.file" : "part.vertices"};
 }
 
@@ -103,20 +103,20 @@ WorkEstimate estimate_work(const Scene& scene, const Part& part) {
     work.points = work.passes * (range.x() / raster->step + 1);
     // The sampling divides steps of the generator that are longer than `max_step`.
     work.samples = std::max(work.points, work.passes * range.x() / scene.max_step);
-    work.by = {"program.step_over_mm", "program.step_mm", "sampling.max_step_mm"};
+    work.limiting_keys = {"program.step_over_mm", "program.step_mm", "sampling.max_step_mm"};
   } else if (const auto* flank = std::get_if<program::Flank>(&scene.program.source)) {
     work.passes = 1;
     // The circumference of the largest circle of the part is an upper bound of the path.
     const double circumference = std::numbers::pi * range.maxCoeff();
     work.points = circumference / flank->step + 1;
     work.samples = std::max(work.points, circumference / scene.max_step);
-    work.by = {"program.step_mm", "sampling.max_step_mm"};
+    work.limiting_keys = {"program.step_mm", "sampling.max_step_mm"};
   } else if (const auto* spiral = std::get_if<program::Spiral>(&scene.program.source)) {
     const double revolutions = 0.5 * range.maxCoeff() / spiral->feed_per_revolution + 1;
     work.passes = 1;
     work.points = revolutions * 2 * std::numbers::pi / spiral->spindle_speed / spiral->interval + 1;
     work.samples = std::max(work.points, revolutions);
-    work.by = {"program.feed_um_per_rev", "program.interval_s", "program.speed_rpm"};
+    work.limiting_keys = {"program.feed_um_per_rev", "program.interval_s", "program.speed_rpm"};
   }
   work.bytes = bytes_per_point * work.points + bytes_per_sample * work.samples +
                bytes_per_vertex * work.vertices;
@@ -132,13 +132,14 @@ WorkEstimate windowed_work(WorkEstimate work) {
 void check_work(const Scene& scene, const WorkEstimate& work) {
   if (work.points > max_points)
     throw scene_limit_error(
-        scene, work.by, fmt::format("a program of at most {} points", rounded_count(max_points)),
+        scene, work.limiting_keys,
+        fmt::format("a program of at most {} points", rounded_count(max_points)),
         fmt::format("about {} in {} passes over {:.3g} x {:.3g} mm of the part",
                     rounded_count(work.points), rounded_count(work.passes), work.range.x(),
                     work.range.y()));
   if (work.samples > double(max_program_samples()))
     throw scene_limit_error(
-        scene, work.by,
+        scene, work.limiting_keys,
         fmt::format("a program of at most {} samples, limited by memory",
                     rounded_count(double(max_program_samples()))),
         fmt::format("at least {} in {} passes over {:.3g} x {:.3g} mm of the part",
@@ -335,17 +336,17 @@ std::vector<std::string> feed_warnings(const Scene& scene, const Machine& machin
 
 std::string pole_text(const program::PoleApproach& pole, const kinematics::Chain& chain,
                       double within, const std::vector<std::string>& subprogram_files) {
-  if (pole.turned < min_reported_pole_turn) return {};
+  if (pole.rotation < min_reported_pole_turn) return {};
   const auto axis_name = [&](int joint) { return chain.joints()[std::size_t(joint)].name; };
   return fmt::format(
       "the tool passes a pole of the machine, where it is parallel to {} and {} does not change "
       "its direction, within {:.3g} deg ({}; the pole is at {} {:.4g}): closer than {:.4g} deg {} "
       "turns by {:.4g} deg in total, at up to {:.4g} deg/min as programmed",
       axis_name(pole.axis), axis_name(pole.axis), pole.angle / units::deg,
-      program::line_label(subprogram_files, pole.line, pole.file), axis_name(pole.other),
+      program::line_label(subprogram_files, pole.line, pole.file), axis_name(pole.pole_axis),
       // Adding 0.0 removes the sign of -0.
-      pole.at / units::deg + 0.0, within / units::deg, axis_name(pole.axis),
-      pole.turned / units::deg, pole.fastest / units::deg * 60.0);
+      pole.pole_position / units::deg + 0.0, within / units::deg, axis_name(pole.axis),
+      pole.rotation / units::deg, pole.max_speed / units::deg * 60.0);
 }
 
 std::vector<std::string> pole_warnings(const Scene& scene, const Machine& machine,
@@ -378,18 +379,18 @@ namespace {
 std::string coarse_mesh_text(const Scene& scene, const cutting::Design& design_w) {
   if (!std::holds_alternative<MeshFile>(scene.part.shape)) return {};
   const cutting::Coarseness coarse = cutting::coarseness(design_w);
-  if (2 * coarse.sharp > coarse.judged)
+  if (2 * coarse.vertices_at_sharp_edges > coarse.judged_vertices)
     return fmt::format(
         "the mesh is too coarse to be judged: {} of {} judged vertices are on edges of more than "
         "30 degrees, where the normal is the mean of faces",
-        coarse.sharp, coarse.judged);
+        coarse.vertices_at_sharp_edges, coarse.judged_vertices);
   // If the facets sag by more than h, the mesh itself misses a tolerance of +-h.
   const std::optional<double> half_width = narrowest_half_width(scene.part);
-  if (half_width && coarse.facet_error > *half_width)
+  if (half_width && coarse.max_facet_error > *half_width)
     return fmt::format(
         "the mesh is too coarse for the tolerance: between judged vertices its facets sag by up to "
         "{:.4g} um, while the tolerance is ±{:.4g} um",
-        coarse.facet_error / units::um, *half_width / units::um);
+        coarse.max_facet_error / units::um, *half_width / units::um);
   return {};
 }
 
@@ -561,12 +562,12 @@ std::vector<std::string> shank_warnings(const Scene& scene, const ShankContacts&
   const auto add = [&](const std::string& what,
                        const std::optional<cutting::ShankContact>& contact) {
     if (!contact) return;
-    warnings.push_back(
-        fmt::format("{} enters the design by more than {:.4g} mm at {} vertices{}, {} {:.3f} mm "
-                    "deep (line {}, first line {})",
-                    what, contact->tolerated_depth, contact->vertices,
-                    contacts.in_windows ? " or more" : "", contact->deeper ? "at least" : "up to",
-                    contact->deepest, contact->line, contact->first_line));
+    warnings.push_back(fmt::format(
+        "{} enters the design by more than {:.4g} mm at {} vertices{}, {} {:.3f} mm "
+        "deep (line {}, first line {})",
+        what, contact->tolerated_depth, contact->vertices, contacts.in_windows ? " or more" : "",
+        contact->continues_deeper ? "at least" : "up to", contact->deepest, contact->line,
+        contact->first_line));
   };
   if (cutter == nullptr) return warnings;
   const double radius = shank_radius(scene, *cutter);

@@ -42,7 +42,7 @@ struct WorkEstimate {
   double vertices = 0.0;
   Eigen::Vector2d range = Eigen::Vector2d::Zero();  ///< range of the part in x and y, mm
   double bytes = 0.0;                               ///< lower bound of the memory
-  std::vector<std::string> by;                      ///< keys that set passes, points and samples
+  std::vector<std::string> limiting_keys;           ///< keys that set passes, points and samples
 };
 /// Estimates the size of a scene's program and part; points are 0 for a program from a file.
 WorkEstimate estimate_work(const Scene& scene, const Part& part);

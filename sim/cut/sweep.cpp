@@ -31,7 +31,7 @@ Sweep single_tool_sweep(const ToolSweep& sweep, const SurfaceOptions& options) {
   if (const auto* cutter = std::get_if<Cutter>(&sweep.tool)) {
     const auto motion =
         std::make_shared<const cutting::CutterMotion>(cutter_motion(sweep.T_wt, sweep.samples));
-    return {[motion, search = cutting::milled_search(*cutter, *motion, options)](
+    return {[motion, search = cutting::prepare_milled_surface(*cutter, *motion, options)](
                 const Design& design_w) { return search(design_w); },
             [motion, cutter = *cutter](const Design& design_w, const Surface& surface) {
               return cutting::milled_gradients(design_w, surface, cutter, *motion);
@@ -39,7 +39,7 @@ Sweep single_tool_sweep(const ToolSweep& sweep, const SurfaceOptions& options) {
   }
   const auto& nose = std::get<cutting::Nose>(sweep.tool);
   const auto motion = std::make_shared<const cutting::NoseMotion>(sweep_nose_motion(sweep));
-  return {[motion, search = cutting::turned_search(nose, *motion, options)](
+  return {[motion, search = cutting::prepare_turned_surface(nose, *motion, options)](
               const Design& design_w) { return search(design_w); },
           [motion, nose](const Design& design_w, const Surface& surface) {
             return cutting::turned_gradients(design_w, surface, nose, *motion);

@@ -24,10 +24,10 @@ kinematics::Pose slow_pose(const SpindleLine& line, double spindle_angle,
                            const kinematics::Pose& T_wt) {
   const Eigen::Matrix3d R_back =
       Eigen::AngleAxisd(-spindle_angle, line.direction_w).toRotationMatrix();
-  kinematics::Pose T_slow = T_wt;
-  T_slow.linear() = R_back * T_wt.linear();
-  T_slow.translation() = line.point_w + R_back * (T_wt.translation() - line.point_w);
-  return T_slow;
+  kinematics::Pose T_without_spindle = T_wt;
+  T_without_spindle.linear() = R_back * T_wt.linear();
+  T_without_spindle.translation() = line.point_w + R_back * (T_wt.translation() - line.point_w);
+  return T_without_spindle;
 }
 
 cutting::CutterMotion cutter_motion(const std::vector<kinematics::Pose>& T_wt,
@@ -72,7 +72,7 @@ cutting::NoseMotion nose_motion(const std::vector<kinematics::Pose>& T_wt,
   for (const std::size_t i : distinct_instants(samples)) {
     const kinematics::AxisState& state = samples.states[i];
     const double spindle_angle = state.q[spindle];
-    motion.T_slow.push_back(slow_pose(line, spindle_angle, T_wt[i]));
+    motion.T_without_spindle.push_back(slow_pose(line, spindle_angle, T_wt[i]));
     angles.push_back(spindle_angle);
     times_s.push_back(state.time_s);
     motion.line.push_back(samples.line[i]);

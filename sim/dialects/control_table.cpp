@@ -18,13 +18,13 @@ namespace {
 constexpr std::size_t max_unused_names = 200;
 }  // namespace
 
-void ControlTableReading::count_unused(const std::string& name) {
+void ControlTableParser::count_unused(const std::string& name) {
   const bool has_own_count = unused.contains(name) || unused.size() < max_unused_names;
   ++unused[has_own_count ? name : "other values"];
 }
 
 // Siemens and Heidenhain tables hold offsets of other jobs; errors in them must not stop this job.
-void ControlTableReading::read_later_offset(int system, const std::function<void()>& read) {
+void ControlTableParser::read_later_offset(int system, const std::function<void()>& read) {
   try {
     read();
   } catch (const BadInput&) {
@@ -33,20 +33,20 @@ void ControlTableReading::read_later_offset(int system, const std::function<void
   }
 }
 
-double ControlTableReading::require_unit(const Cursor& cursor, std::size_t from) const {
+double ControlTableParser::require_unit(const Cursor& cursor, std::size_t from) const {
   if (!unit)
     cursor.throw_input_error(
         from, "a unit next to the file name, because the file does not state it", "none");
   return *unit;
 }
 
-double ControlTableReading::axis_unit(char axis, double value, const Cursor& cursor,
-                                      std::size_t from) const {
+double ControlTableParser::axis_unit(char axis, double value, const Cursor& cursor,
+                                     std::size_t from) const {
   const bool is_rotary = axis >= 'A' && axis <= 'C';
   return is_rotary || value == 0.0 ? 1.0 : require_unit(cursor, from);
 }
 
-void ControlTableReading::state_unit(double mm_per_unit, const Cursor& cursor, std::size_t from) {
+void ControlTableParser::set_unit(double mm_per_unit, const Cursor& cursor, std::size_t from) {
   const auto unit_name = [](double length_mm) { return length_mm == 1.0 ? "mm" : "inch"; };
   if (unit && *unit != mm_per_unit)
     cursor.throw_input_error(
@@ -55,7 +55,7 @@ void ControlTableReading::state_unit(double mm_per_unit, const Cursor& cursor, s
   unit = mm_per_unit;
 }
 
-void for_each_line(ControlTableReading& reading, const std::function<bool(Cursor&)>& read) {
+void for_each_line(ControlTableParser& reading, const std::function<bool(Cursor&)>& read) {
   try {
     check_encoding(reading.text, reading.table.file);
   } catch (const BadInput& input_error) {
@@ -118,7 +118,7 @@ constexpr int shift_state_parameter = 5210, first_shift_parameter = 5211,
               active_system_parameter = 5220;
 
 /// Reads a line of a tool table, for example "T1 P1 Z+0.511 D0.125 ;a comment".
-bool parse_tool_line(ControlTableReading& reading, Cursor& cursor) {
+bool parse_tool_line(ControlTableParser& reading, Cursor& cursor) {
   std::optional<int> number;
   // LinuxCNC treats missing values as zero.
   ControlTableTool tool{0.0, 0.0, 0.0, 0.0, {}, cursor.location.line};
@@ -158,7 +158,7 @@ bool parse_tool_line(ControlTableReading& reading, Cursor& cursor) {
 }
 
 /// Counts a parameter without effect: one that is not zero and not a work offset.
-void count_other_parameter(ControlTableReading& reading, int number, double value) {
+void count_other_parameter(ControlTableParser& reading, int number, double value) {
   if (value == 0.0 || number == shift_state_parameter) return;
   // A program begins in G54, system 1, whatever the control had in force before.
   if (number == active_system_parameter) {
@@ -182,7 +182,7 @@ struct G92Shift {
 };
 
 /// Reads a line of a parameter file: number, tab, value.
-bool parse_parameter_line(ControlTableReading& reading, Cursor& cursor, G92Shift& shift) {
+bool parse_parameter_line(ControlTableParser& reading, Cursor& cursor, G92Shift& shift) {
   cursor.skip_blanks();
   if (cursor.at_end() || cursor.current() == ';' || cursor.current() == '#') return true;
   const int number = parse_table_integer(cursor, 1, 99'999, "a parameter number");
@@ -222,7 +222,7 @@ bool parse_parameter_line(ControlTableReading& reading, Cursor& cursor, G92Shift
 
 }  // namespace
 
-void read_linuxcnc_table(ControlTableReading& reading) {
+void read_linuxcnc_table(ControlTableParser& reading) {
   if (reading.kind == ControlTableKind::Tools)
     return for_each_line(reading, [&](Cursor& cursor) { return parse_tool_line(reading, cursor); });
   G92Shift shift;
@@ -290,19 +290,19 @@ void set_once(std::optional<G10Word>& target, const G10Word& word, const Cursor&
 }
 
 // G11 ends G10, and controls write G90 into their listings; neither changes a value.
-void apply_g_code(ControlTableReading& reading, const G10Word& word, const Cursor& cursor,
+void apply_g_code(ControlTableParser& reading, const G10Word& word, const Cursor& cursor,
                   G10Block& block) {
   if (word.value == 10.0)
     block.has_g10 = true;
   else if (word.value == 20.0)
-    reading.state_unit(units::inch, cursor, word.from);
+    reading.set_unit(units::inch, cursor, word.from);
   else if (word.value == 21.0)
-    reading.state_unit(1.0, cursor, word.from);
+    reading.set_unit(1.0, cursor, word.from);
   else if (word.value != 11.0 && word.value != 90.0)
     cursor.throw_input_error(word.from, "G10 G11 G20 G21 or G90 in a listing of control memory");
 }
 
-G10Block parse_g10_block(ControlTableReading& reading, Cursor& cursor) {
+G10Block parse_g10_block(ControlTableParser& reading, Cursor& cursor) {
   G10Block block;
   for (const G10Word& word : parse_words(cursor)) {
     if (word.letter == 'G')
@@ -339,7 +339,7 @@ void check_value(const G10Word& word, const Cursor& cursor) {
     cursor.throw_input_error(word.from, "a value within 1e6");
 }
 
-void set_tool(ControlTableReading& reading, const G10Block& block, int l_code,
+void set_tool(ControlTableParser& reading, const G10Block& block, int l_code,
               const Cursor& cursor) {
   const G10Word& r = *block.r;
   if (!block.axes.empty())
@@ -357,7 +357,7 @@ void set_tool(ControlTableReading& reading, const G10Block& block, int l_code,
   if (l_code == 13) tool.radius_wear = length_mm;
 }
 
-void set_offset(ControlTableReading& reading, const G10Block& block, bool additional,
+void set_offset(ControlTableParser& reading, const G10Block& block, bool additional,
                 const Cursor& cursor) {
   if (block.r) cursor.throw_input_error(block.r->from, "axis words with G10 L2 and L20");
   const int system_number =
@@ -374,7 +374,7 @@ void set_offset(ControlTableReading& reading, const G10Block& block, bool additi
   }
 }
 
-bool parse_listing_line(ControlTableReading& reading, Cursor& cursor) {
+bool parse_listing_line(ControlTableParser& reading, Cursor& cursor) {
   const G10Block block = parse_g10_block(reading, cursor);
   const bool is_empty = !block.l && !block.p && !block.r && block.axes.empty();
   if (!block.has_g10) {
@@ -398,7 +398,7 @@ bool parse_listing_line(ControlTableReading& reading, Cursor& cursor) {
 
 }  // namespace
 
-void read_fanuc_table(ControlTableReading& reading) {
+void read_fanuc_table(ControlTableParser& reading) {
   for_each_line(reading, [&](Cursor& cursor) { return parse_listing_line(reading, cursor); });
   // `ControlTableTool` states length and radius including wear.
   for (auto& [number, tool] : reading.table.tools) {

@@ -50,10 +50,10 @@ struct ControlTable {
 inline constexpr int max_preset = 9999;
 
 /// Returns the key of a Heidenhain preset, 1 to `max_preset`, among the offsets.
-constexpr int preset_system(int preset) { return preset > 6 ? 1000 + preset : preset; }
+constexpr int preset_offset_key(int preset) { return preset > 6 ? 1000 + preset : preset; }
 
 /// Returns the control's name of an offset, "G54" or "preset 7".
-std::string offset_name(Dialect control, int system);
+std::string offset_name(Dialect control, int offset_key);
 
 /// Returns the warnings about a control table used with a program: its notes, a table of another
 /// control, and offsets that the program calls but the table does not have. `read_as` is the
@@ -65,7 +65,7 @@ std::vector<std::string> table_warnings(const ControlTable& table, std::string_v
 // Functions shared by the readers of control tables.
 
 /// State of the parser of a table.
-struct ControlTableReading {
+struct ControlTableParser {
   std::string_view text;
   ControlTableKind kind = ControlTableKind::Tools;
   std::optional<double> unit;  ///< mm per unit of length, stated by the scene or by the file
@@ -80,7 +80,7 @@ struct ControlTableReading {
   /// Reads an offset beyond the sixth, which usually belongs to another job. If `read` throws
   /// BadInput, the offset is left out and the error is not reported; a program that calls the
   /// offset is then an input error.
-  void read_later_offset(int system, const std::function<void()>& read);
+  void read_later_offset(int offset_key, const std::function<void()>& read);
   /// Returns mm per unit of length. Throws BadInput at byte `from` of the line if neither the scene
   /// nor the file states the unit.
   double require_unit(const Cursor& cursor, std::size_t from) const;
@@ -89,26 +89,26 @@ struct ControlTableReading {
   double axis_unit(char axis, double value, const Cursor& cursor, std::size_t from) const;
   /// Sets the unit stated by the file. Throws BadInput at byte `from` of the line if the scene
   /// states another.
-  void state_unit(double mm_per_unit, const Cursor& cursor, std::size_t from);
+  void set_unit(double mm_per_unit, const Cursor& cursor, std::size_t from);
 };
 
 /// Calls `read` for every line until it returns false. Collects the errors that it throws and
 /// continues with the next line.
-void for_each_line(ControlTableReading& reading, const std::function<bool(Cursor&)>& read);
+void for_each_line(ControlTableParser& reading, const std::function<bool(Cursor&)>& read);
 
 /// Parses the number of the value `what`. Throws BadInput unless it is within 1e6 and followed by a
 /// blank or a delimiter.
 double parse_table_number(Cursor& cursor, std::string_view what);
-/// Parses an integer from `min` to `max`; does not check the text that follows. Throws
+/// Parses an integer from `min_value` to `max_value`; does not check the text that follows. Throws
 /// BadInput.
-int parse_table_integer(Cursor& cursor, int min, int max, std::string_view what);
+int parse_table_integer(Cursor& cursor, int min_value, int max_value, std::string_view what);
 
 /// Reads a LinuxCNC table, a tool table or the parameters of a variables file, in the format
 /// described in control_table_files.h. Errors are collected in `reading`.
-void read_linuxcnc_table(ControlTableReading& reading);
+void read_linuxcnc_table(ControlTableParser& reading);
 
 /// Reads a Fanuc table, a listing of G10 blocks, in the format described in control_table_files.h.
 /// Errors are collected in `reading`.
-void read_fanuc_table(ControlTableReading& reading);
+void read_fanuc_table(ControlTableParser& reading);
 
 }  // namespace abbe::sim::dialects

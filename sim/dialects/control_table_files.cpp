@@ -19,11 +19,11 @@
 namespace abbe::sim::dialects {
 
 /// Reads a Heidenhain table, whose format the header describes. Collects errors in `reading`.
-void read_heidenhain_table(ControlTableReading& reading);
+void read_heidenhain_table(ControlTableParser& reading);
 
 /// Reads the $TC_DP and $P_UIFR of a Siemens table, whose format the header describes. Collects
 /// errors in `reading`.
-void read_siemens_table(ControlTableReading& reading);
+void read_siemens_table(ControlTableParser& reading);
 
 namespace {
 
@@ -47,7 +47,7 @@ std::string next_word(Cursor& line) {
 }
 
 /// Checks the first line, for example "BEGIN TOOL .T MM", and reads its unit.
-void parse_table_header(ControlTableReading& reading, Cursor& line) {
+void parse_table_header(ControlTableParser& reading, Cursor& line) {
   const std::string_view expected_name = reading.kind == ControlTableKind::Tools ? ".T" : ".PR";
   bool has_name = false, has_unit = false;
   if (next_word(line) != "BEGIN") line.throw_input_error(0, "BEGIN, the first word of a table");
@@ -57,7 +57,7 @@ void parse_table_header(ControlTableReading& reading, Cursor& line) {
     has_name = has_name || word.ends_with(expected_name);
     if (word != "MM" && word != "INCH") continue;
     has_unit = true;
-    reading.state_unit(word == "MM" ? 1.0 : units::inch, line, from);
+    reading.set_unit(word == "MM" ? 1.0 : units::inch, line, from);
   }
   if (!has_name) line.throw_input_error(0, fmt::format("a table named {}", expected_name));
   if (!has_unit) line.throw_input_error(0, "MM or INCH in the first line of a table");
@@ -70,7 +70,7 @@ bool has_column(const std::vector<TableColumn>& columns, std::string_view name) 
 
 // Parses the line of column names. A column extends from the beginning of its name to the beginning
 // of the next name.
-std::vector<TableColumn> parse_columns(ControlTableReading& reading, Cursor& line) {
+std::vector<TableColumn> parse_columns(ControlTableParser& reading, Cursor& line) {
   std::vector<TableColumn> columns;
   for (line.skip_blanks(); !line.at_end(); line.skip_blanks()) {
     const std::size_t from = line.at;
@@ -126,7 +126,7 @@ struct ToolRow {
   std::string name;
 };
 
-void parse_tool_cell(ControlTableReading& reading, const TableColumn& column, const Cursor& cell,
+void parse_tool_cell(ControlTableParser& reading, const TableColumn& column, const Cursor& cell,
                      ToolRow& row) {
   const std::string& name = column.name;
   double* const value = name == "L"    ? &row.length
@@ -156,7 +156,7 @@ void parse_tool_cell(ControlTableReading& reading, const TableColumn& column, co
   }
 }
 
-void parse_tool_row(ControlTableReading& reading, const std::vector<TableColumn>& columns,
+void parse_tool_row(ControlTableParser& reading, const std::vector<TableColumn>& columns,
                     const Cursor& line) {
   ToolRow row;
   for (const TableColumn& column : columns)
@@ -176,7 +176,7 @@ void parse_tool_row(ControlTableReading& reading, const std::vector<TableColumn>
     line.throw_input_error(0, "a tool not yet in the table", fmt::format("{}", *row.number));
 }
 
-void parse_preset_cell(ControlTableReading& reading, const TableColumn& column, const Cursor& cell,
+void parse_preset_cell(ControlTableParser& reading, const TableColumn& column, const Cursor& cell,
                        ControlTableOffset& offset) {
   const std::string& name = column.name;
   const bool is_axis =
@@ -207,7 +207,7 @@ int parse_preset_number(Cursor cell, const std::string& name) {
   return number;
 }
 
-void parse_preset_row(ControlTableReading& reading, const std::vector<TableColumn>& columns,
+void parse_preset_row(ControlTableParser& reading, const std::vector<TableColumn>& columns,
                       const Cursor& line) {
   std::optional<int> number;
   // The number comes first, because errors in a row are reported only up to number 6.
@@ -220,7 +220,7 @@ void parse_preset_row(ControlTableReading& reading, const std::vector<TableColum
   if (*number < 1 || *number > max_preset)
     return reading.count_unused(fmt::format("presets other than 1 to {}", max_preset));
   ControlTableOffset offset;
-  const int offset_key = preset_system(*number);
+  const int offset_key = preset_offset_key(*number);
   const auto read_cells = [&] {
     for (const TableColumn& column : columns)
       if (const auto cell = cell_of_column(column, line);
@@ -238,7 +238,7 @@ void parse_preset_row(ControlTableReading& reading, const std::vector<TableColum
 
 }  // namespace
 
-void read_heidenhain_table(ControlTableReading& reading) {
+void read_heidenhain_table(ControlTableParser& reading) {
   std::vector<TableColumn> columns;
   bool has_begun = false, has_ended = false, is_aborted = false;
   int last_line = 1;
@@ -361,7 +361,7 @@ std::string parse_text(Cursor& line) {
   return std::string(line.text.substr(from + 1, line.at - from - 2));
 }
 
-void parse_edge_value(ControlTableReading& reading, const AssignmentTarget& target, int parameter,
+void parse_edge_value(ControlTableParser& reading, const AssignmentTarget& target, int parameter,
                       CuttingEdge& edge, Cursor& line) {
   const std::size_t from = line.at;
   const double value = parse_table_number(line, target.name);
@@ -415,7 +415,7 @@ std::optional<int> edge_parameter(const std::string& name) {
   return std::stoi(name.substr(prefix.size()));
 }
 
-void parse_tool_value(ControlTableReading& reading, const AssignmentTarget& target,
+void parse_tool_value(ControlTableParser& reading, const AssignmentTarget& target,
                       CuttingEdges& edges, Cursor& line) {
   const auto parameter = edge_parameter(target.name);
   // $TC_TP2 is the name of the tool; other data of the magazine does not matter.
@@ -444,7 +444,7 @@ char axis_letter(const std::string& name, const Cursor& line, std::size_t from) 
 }
 
 // Coarse and fine values, TR and FI, add up.
-void add_to_offset(ControlTableReading& reading, int offset_key, char axis, double value,
+void add_to_offset(ControlTableParser& reading, int offset_key, char axis, double value,
                    std::size_t from, const Cursor& line) {
   const double unit = reading.axis_unit(axis, value, line, from);
   ControlTableOffset::Value& sum = reading.table.offsets[offset_key].axes[axis];
@@ -452,7 +452,7 @@ void add_to_offset(ControlTableReading& reading, int offset_key, char axis, doub
 }
 
 /// Reads the value of a frame, for example CTRANS(X,10,Y,20):CFINE(X,0.1).
-void parse_frame(ControlTableReading& reading, int offset_key, Cursor& line) {
+void parse_frame(ControlTableParser& reading, int offset_key, Cursor& line) {
   while (true) {
     line.skip_blanks();
     const std::size_t from = line.at;
@@ -486,7 +486,7 @@ void parse_frame(ControlTableReading& reading, int offset_key, Cursor& line) {
 
 /// Reads a value of $P_UIFR: a whole frame, or one component of an axis, such as its translation
 /// (TR) or fine translation (FI). Rotation, scale and mirroring must be neutral.
-void parse_offset(ControlTableReading& reading, const AssignmentTarget& target, int offset_key,
+void parse_offset(ControlTableParser& reading, const AssignmentTarget& target, int offset_key,
                   Cursor& line) {
   if (target.index.size() == 1) return parse_frame(reading, offset_key, line);
   if (target.index.size() != 3)
@@ -508,7 +508,7 @@ void parse_offset(ControlTableReading& reading, const AssignmentTarget& target, 
 
 /// Reads $P_UIFR[n]. Errors are reported for n up to 6; a later frame that cannot be read is left
 /// out.
-void parse_numbered_offset(ControlTableReading& reading, const AssignmentTarget& target,
+void parse_numbered_offset(ControlTableParser& reading, const AssignmentTarget& target,
                            Cursor& line) {
   const int number = table_index(target, 0, 99, line), offset_key = g500_base + number;
   if (number <= 6) return parse_offset(reading, target, number, line);
@@ -519,7 +519,7 @@ void parse_numbered_offset(ControlTableReading& reading, const AssignmentTarget&
     line.at = std::min(line.text.find('$', value_from), line.text.size());
 }
 
-bool parse_siemens_line(ControlTableReading& reading, CuttingEdges& edges, Cursor& line) {
+bool parse_siemens_line(ControlTableParser& reading, CuttingEdges& edges, Cursor& line) {
   line.skip_blanks();
   if (line.current() == '%') return true;  // file names such as %_N_TO1_TOA
   for (; !line.at_end() && line.current() != ';'; line.skip_blanks()) {
@@ -552,7 +552,7 @@ bool parse_siemens_line(ControlTableReading& reading, CuttingEdges& edges, Curso
 }
 
 /// Reports values of $P_UIFR[0]: G500 switches work offsets off, so a scene has no offset for it.
-void check_g500(ControlTableReading& reading) {
+void check_g500(ControlTableParser& reading) {
   const auto offset = reading.table.offsets.find(0);
   if (offset == reading.table.offsets.end()) return;
   for (const auto& [axis, value] : offset->second.axes)
@@ -565,7 +565,7 @@ void check_g500(ControlTableReading& reading) {
 
 }  // namespace
 
-void read_siemens_table(ControlTableReading& reading) {
+void read_siemens_table(ControlTableParser& reading) {
   CuttingEdges edges;
   for_each_line(reading, [&](Cursor& line) { return parse_siemens_line(reading, edges, line); });
   // A tool without any $TC_DP of its first edge has only a name.
@@ -618,14 +618,14 @@ std::optional<Dialect> detect_control(std::string_view text, ControlTableKind ki
   return std::nullopt;
 }
 
-std::string unused_values_note(const ControlTableReading& reading) {
+std::string unused_values_note(const ControlTableParser& reading) {
   std::string names;
   for (const auto& [name, count] : reading.unused)
     names += fmt::format("{}{} ({})", names.empty() ? "" : ", ", name, count);
   return fmt::format("{} has nonzero values that are not used: {}", reading.table.file, names);
 }
 
-void read_format(Dialect control, ControlTableReading& reading) {
+void read_format(Dialect control, ControlTableParser& reading) {
   reading.table.control = control;
   switch (control) {
     case Dialect::Fanuc:
@@ -643,7 +643,7 @@ void read_format(Dialect control, ControlTableReading& reading) {
 
 std::string offset_name(Dialect control, int offset_key) {
   if (control == Dialect::Heidenhain)
-    // The inverse of `preset_system`.
+    // The inverse of `preset_offset_key`.
     return fmt::format("preset {}", offset_key > 1000 ? offset_key - 1000 : offset_key);
   if (control == Dialect::Siemens && offset_key > 4)
     // $P_UIFR[5] and [6] are called G505 and G506.
@@ -697,7 +697,7 @@ ControlTable read_control_table(std::string_view text, const std::string& file,
                       : "work offsets of LinuxCNC (5221), Fanuc (G10), Siemens ($P_UIFR) or "
                         "Heidenhain (BEGIN)",
         "no line that identifies a format")});
-  ControlTableReading reading{text, kind, unit};
+  ControlTableParser reading{text, kind, unit};
   reading.table.file = file;
   read_format(*control, reading);
   // Offsets that could not be read must not count as zero.

@@ -20,7 +20,7 @@ constexpr std::size_t blocks_between_reports =
 
 // Returns true for a turning control, stated or derived from a spindle that carries the workpiece.
 bool has_turning_control(const ReadOptions& options) {
-  const ControlKind kind = options.turning.control;
+  const ControlKind kind = options.turning.control_kind;
   return kind == ControlKind::Turning ||
          (kind == ControlKind::FromMachine && program::turns_workpiece(options.control.axes));
 }
@@ -147,10 +147,10 @@ void ProgramRun::throw_variable_limit(const program::NcLocation& location, const
 }
 
 void ProgramRun::check_depth(int depth, const program::Cause& cause, const char* what) const {
-  if (depth <= options_.limits.depth) return;
+  if (depth <= options_.limits.call_depth) return;
   const program::NcLocation location = canon.place();
   throw ProgramLimitExceeded(location.file, location.line, cause.column,
-                             fmt::format("at most {} nested {}", options_.limits.depth, what),
+                             fmt::format("at most {} nested {}", options_.limits.call_depth, what),
                              "more: " + shown(cause.text));
 }
 

@@ -28,7 +28,7 @@ std::string_view name_of(Dialect dialect);
 /// A detected dialect and the evidence for it, for example "line 3 has TRAORI".
 struct DetectedDialect {
   Dialect dialect = Dialect::LinuxCnc;
-  std::string sign;
+  std::string evidence;
   int line = 0;  ///< line of the evidence; 0: the file name, or no evidence
 };
 
@@ -57,7 +57,7 @@ enum class UnknownWordPolicy {
 /// Limits of a program. Exceeding one is an input error at the line.
 struct ProgramLimits {
   std::size_t blocks = 20'000'000;  ///< executed blocks; a block in a loop counts at every pass
-  int depth = 50;                   ///< nesting of calls
+  int call_depth = 50;              ///< nesting of calls
   std::size_t variables = 1'000'000;
 };
 
@@ -87,8 +87,8 @@ enum class PoleRule {
 /// Rule and parameters for tool vectors near a pole.
 struct PoleOptions {
   PoleRule rule = PoleRule::AsProgrammed;
-  double near = 0.0;  ///< rad, Fanuc parameter 19738: angle to the pole below which a block is
-                      ///< close; 0: never
+  double near_angle = 0.0;  ///< rad, Fanuc parameter 19738: angle to the pole below which a block
+                            ///< is close; 0: never
   /// rad, Fanuc parameter 19739: largest rotation about the pole of the end of a block
   double max_rotation_about_pole = 0.0;
 };
@@ -110,11 +110,11 @@ enum class XWordMeaning {
 
 /// Settings of a turning control that a program does not state.
 struct TurningOptions {
-  ControlKind control = ControlKind::FromMachine;
+  ControlKind control_kind = ControlKind::FromMachine;
   XWordMeaning x_words = XWordMeaning::FromControl;
   /// 0 to 9: point of the turning tool that X and Z position without nose compensation, in the
   /// numbering of Fanuc and Siemens; 0 and 9: the centre of its nose
-  int tip = 0;
+  int tip_number = 0;
 };
 
 /// Options for reading a program in any dialect.
@@ -124,7 +124,7 @@ struct ReadOptions {
   UnknownWordPolicy on_unknown = UnknownWordPolicy::Refuse;
   std::string startup_code = {};  ///< block executed before the first line
   ProgramLimits limits = {};
-  std::filesystem::path folder =
+  std::filesystem::path subprogram_folder =
       {};  ///< folder of subprograms that are separate files; empty: none
   /// Receives the blocks while the program is read, up to `path_segment_blocks` at a time, so that
   /// none are kept in memory. Not called again after the first error.

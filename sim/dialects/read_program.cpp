@@ -63,7 +63,7 @@ void read_cl(std::string_view text, ProgramRun& run) {
 
 void read_fanuc(std::string_view text, ProgramRun& run) {
   if (!run.is_turning())
-    if (const auto evidence = fanuc::find_turning_sign(text, run.canon)) {
+    if (const auto evidence = fanuc::find_turning_evidence(text, run.canon)) {
       // The only error that is reported: all others would be consequences of the wrong control.
       throw BadProgram(
           {BadInput(run.canon.place().file, evidence->line, evidence->column,
@@ -218,7 +218,7 @@ const FrontEnd& find_front_end(const DetectedDialect& detected, const std::strin
         (known_dialects.empty() ? "" : ", ") + std::string(name_of(front_end.dialect));
   }
   std::string seen(name_of(detected.dialect));
-  if (!detected.sign.empty()) seen += ", as " + detected.sign;
+  if (!detected.evidence.empty()) seen += ", as " + detected.evidence;
   throw BadInput(file, detected.line, detected.line > 0 ? 1 : 0,
                  "a supported dialect (" + known_dialects + ")", std::move(seen));
 }
@@ -310,7 +310,7 @@ std::optional<BadInput> suggest_dialect(std::string_view text, const std::string
       file, 0, 0,
       fmt::format("dialect {}, which reads the file with {}", name_of(best_front_end->dialect),
                   min_errors == 0 ? "no input error" : fmt::format("{} input errors", min_errors)),
-      fmt::format("{}, as {}, with {}", name_of(detected.dialect), detected.sign, errors));
+      fmt::format("{}, as {}, with {}", name_of(detected.dialect), detected.evidence, errors));
 }
 
 /// Throws BadInput for options of a turning control that the control of this program does not have.
@@ -321,7 +321,8 @@ void check_turning(const ReadOptions& options, Dialect dialect, const std::strin
     throw BadInput(file, 0, 0, "G7 in the program with LinuxCNC's own interpreter",
                    "x_words = \"diameters\"");
   // Tips 0 and 9 are the centre of the nose, which every control can lead.
-  if (options.turning.tip % 9 != 0 && dialect != Dialect::Fanuc && dialect != Dialect::Siemens)
+  if (options.turning.tip_number % 9 != 0 && dialect != Dialect::Fanuc &&
+      dialect != Dialect::Siemens)
     throw BadInput(file, 0, 0, "a Fanuc or Siemens program with the tip of a turning tool",
                    fmt::format("a {} program", name_of(dialect)));
 }
@@ -360,7 +361,7 @@ ParsedProgram read_program(std::string_view text, const std::string& file,
                                        ? detect_dialect(text, file)
                                        : DetectedDialect{options.dialect, {}};
   result.dialect = detected.dialect;
-  result.sign = detected.sign;
+  result.sign = detected.evidence;
   check_pole_rule(options.pole.rule, detected.dialect, file);
   check_turning(options, detected.dialect, file);
   ProgramRun run(file, options, std::size_t(std::count(text.begin(), text.end(), '\n')) + 1);
@@ -388,8 +389,9 @@ ParsedProgram read_program(std::string_view text, const std::string& file,
 }
 
 ParsedProgram read_program_file(const std::filesystem::path& file, ReadOptions options) {
-  if (options.folder.empty())
-    options.folder = file.has_parent_path() ? file.parent_path() : std::filesystem::path(".");
+  if (options.subprogram_folder.empty())
+    options.subprogram_folder =
+        file.has_parent_path() ? file.parent_path() : std::filesystem::path(".");
   return read_program(read_text(file, options.control.max_bytes), file.string(), options);
 }
 

@@ -94,7 +94,7 @@ struct ParsedProgram {
 ParsedProgram read_program(std::string_view text, const std::string& file,
                            const ReadOptions& options);
 /// Reads a program from a file. Subprograms are searched in the folder of the file unless
-/// `options.folder` is set.
+/// `options.subprogram_folder` is set.
 ParsedProgram read_program_file(const std::filesystem::path& file, ReadOptions options);
 
 }  // namespace abbe::sim::dialects

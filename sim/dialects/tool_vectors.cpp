@@ -290,7 +290,7 @@ std::optional<PolePassage> pole_passage(const Chain& chain, const AxisVector& fr
       chain.T_bw_home().linear().transpose() * chain.joints()[std::size_t(pole.axis)].direction_b;
   const Vector3d programmed_w = tool_w(chain, to);
   const auto pass = closest_pole(tool_w(chain, from), programmed_w, axis_w);
-  if (!pass || pass->distance >= limits.near) return std::nullopt;
+  if (!pass || pass->distance >= limits.near_angle) return std::nullopt;
   const double pole_position = pass->pole.dot(axis_w) > 0.0 ? pole.at : pole.at + pi;
   // Inclination of the start relative to the pole; its sign gives the side to which the axis goes
   // on.
@@ -395,7 +395,7 @@ void VectorLines::finish() {
       "{} blocks would pass a pole closer than {:.6g} deg and are led through it (tool posture "
       "control, parameters 19738 and 19739): their ends are rotated about it by up to {:.3g} deg, "
       "and the tool deviates from its vector by up to {:.3g} deg (line {})",
-      pole_passages_.blocks, run_.options().pole.near / units::deg,
+      pole_passages_.blocks, run_.options().pole.near_angle / units::deg,
       pole_passages_.max_end_rotation / units::deg, pole_passages_.max_vector_error / units::deg,
       pole_passages_.line));
 }

@@ -34,7 +34,7 @@ Process without_stock(const Process& process) { return {process.steps, {}, {}, {
 }  // namespace
 
 compensation::Belief perfect_belief(const Job& job, PredictedRun run) {
-  return [expected_truth = remove_random(job.truth), &job,
+  return [expected_truth = without_random_errors(job.truth), &job,
           run = std::move(run)](const AxisState& state) {
     return tool_in_workpiece(expected_truth, state, predicted_load(job.samples, run, state.time_s));
   };

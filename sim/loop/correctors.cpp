@@ -289,14 +289,14 @@ Corrector plug_in_corrector(const ControlView& view, const CaseDescription& comp
           task = std::move(task), file = compensator.plug_in, function = compensator.function](
              const std::vector<AxisState>& commanded, const std::vector<Pose>& T_wt_nominal) {
     compensation::PlugInOptions plug_in_options;
-    plug_in_options.waiting = stop_if_interrupted;
+    plug_in_options.on_wait = stop_if_interrupted;
     // A shared library runs in a separate process of this program.
     plug_in_options.host = program_file();
-    const compensation::PlugInQuestion question{commanded, T_wt_nominal};
+    const compensation::PlugInRequest question{commanded, T_wt_nominal};
     const compensation::PlugInResponse response =
         function ? compensation::ask(file.string(), *function, task, question, plug_in_options)
                  : compensation::ask(file, task, question, plug_in_options);
-    if (response.answers == compensation::PlugInOutput::Deviation) {
+    if (response.output == compensation::PlugInOutput::Deviation) {
       return corrected(control, options, commanded, T_wt_nominal, [&](std::size_t i) {
         const kinematics::Deviation E = response.rows.row(Eigen::Index(i)).transpose();
         return [&control, E](const AxisState& state) -> Pose {

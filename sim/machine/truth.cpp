@@ -145,9 +145,9 @@ Truth make_truth(const Scene& scene, const Machine& machine,
   }
 }
 
-Truth remove_random(const Truth& truth) {
+Truth without_random_errors(const Truth& truth) {
   Truth result = truth;
-  result.geometric = errors::remove_random(truth.geometric);
+  result.geometric = errors::without_random_errors(truth.geometric);
   return result;
 }
 
@@ -161,7 +161,7 @@ Pose tool_in_workpiece(const Truth& truth, const AxisState& state, const errors:
   const errors::ForceDeviations total_deviations = summed_deviations(truth, state, load, T_C);
   Pose T_wt = errors::tool_in_workpiece(truth.actual, state.q, total_deviations);
   if (truth.heat && truth.heat->model.workpiece)
-    T_wt.translation() = errors::at_20_C(truth.heat->model, T_C, T_wt.translation());
+    T_wt.translation() = errors::position_at_20_C(truth.heat->model, T_C, T_wt.translation());
   return T_wt;
 }
 

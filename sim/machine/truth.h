@@ -43,7 +43,7 @@ Truth make_truth(const Scene& scene, const Machine& machine,
                  const std::vector<errors::Activity>& activity = {});
 
 /// Returns the truth without its random parts, i.e. the content of a `perfect` belief.
-Truth remove_random(const Truth& truth);
+Truth without_random_errors(const Truth& truth);
 
 /// Returns the sums of the deviations from all sources, of every joint in the order of the chain,
 /// of the tool and of the workpiece.

@@ -179,7 +179,7 @@ void Scanner::parse(NcBlock& block) {
     ++position_;
     skip_blanks_and_comments(block);
     if (!is_at_end()) throw_error(position_, "nothing after %", shown(cell(position_)));
-    block.percent = true;
+    block.is_percent_line = true;
     return;
   }
   if (!is_at_end() && current() == '/') {
@@ -214,7 +214,7 @@ bool NcBlock::empty() const {
 NcBlock parse_block(std::string_view text, const NcLocation& location, NcBlock reused) {
   NcBlock block = std::move(reused);
   block.line = location.line;
-  block.percent = block.deleted = false;
+  block.is_percent_line = block.deleted = false;
   block.words.fill({});
   block.g.clear();
   block.m.clear();

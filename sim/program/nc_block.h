@@ -51,7 +51,7 @@ struct NcWord {
 /// The tokens of one line of an RS274/NGC program, not yet interpreted.
 struct NcBlock {
   int line = 0;
-  bool percent = false;          ///< the line is a % mark
+  bool is_percent_line = false;  ///< the line is a % mark
   bool deleted = false;          ///< the line starts with /
   std::array<NcWord, 26> words;  ///< by letter; G and M are in `g` and `m`
   std::vector<NcWord> g;

@@ -540,11 +540,11 @@ void read_nc(std::string_view text, Canon& canon) {
     canon.set_line(lines.number());
     block = parse_block(*line, canon.place(), std::move(block));
     // The first % opens the tape, the second one ends it.
-    if (block.percent && ++percent_marks == 2) break;
+    if (block.is_percent_line && ++percent_marks == 2) break;
     // The strict reader knows a single level of block skip.
     if (block.deleted && canon.options().block_skip.test(0)) continue;
     if (!block.comments.empty()) interpreter.read_comments(block);
-    if (!block.percent && !block.empty() && !interpreter.execute(block)) break;
+    if (!block.is_percent_line && !block.empty() && !interpreter.execute(block)) break;
   }
 }
 

@@ -316,19 +316,19 @@ void PathMeter::record_pole(const Block& block, const AxisVector& to, double sec
   if (!(std::abs(to[rotary_[0]] - q_[rotary_[0]]) > min_rotation)) return;
   const auto pole = kinematics::nearest_pole(*control_, q_, to);
   if (!pole || pole->angle >= limits_.pole) return;
-  const double turned = std::abs(to[pole->axis] - q_[pole->axis]);
+  const double rotation = std::abs(to[pole->axis] - q_[pole->axis]);
   if (!figures_.pole) figures_.pole = PoleApproach{limits_.pole, pole->axis, pole->other};
   PoleApproach& closest = *figures_.pole;
   if (pole->angle < closest.angle) {
     closest.angle = pole->angle;
     // Poles repeat every half turn of the other axis; the one next to the programmed position is
     // reported.
-    closest.at = pole->at + pi * std::round((to[pole->other] - pole->at) / pi);
+    closest.pole_position = pole->at + pi * std::round((to[pole->other] - pole->at) / pi);
     closest.line = block.line;
     closest.file = block.file;
   }
-  closest.turned += turned;
-  if (seconds > 0.0) closest.fastest = std::max(closest.fastest, turned / seconds);
+  closest.rotation += rotation;
+  if (seconds > 0.0) closest.max_speed = std::max(closest.max_speed, rotation / seconds);
 }
 
 double PathMeter::singular_angle(const Path& path, const Block& block, double u) const {

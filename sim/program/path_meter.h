@@ -52,13 +52,13 @@ struct SingularPose {
 /// The closest approach to a pole at feed under a tip mode. At a pole the position of one axis, the
 /// free axis, does not change the tool direction.
 struct PoleApproach {
-  double angle = 0.0;    ///< rad, smallest angle between the tool and that axis
-  int axis = 0;          ///< the free axis, a joint
-  int other = 0;         ///< the other rotary joint
-  double at = 0.0;       ///< rad, position of `other` at the nearest pole
-  double turned = 0.0;   ///< rad, rotation of `axis` close to the pole
-  double fastest = 0.0;  ///< rad/s of `axis` there, as programmed
-  int line = 0;          ///< line of the smallest angle
+  double angle = 0.0;          ///< rad, smallest angle between the tool and that axis
+  int axis = 0;                ///< the free axis, a joint
+  int pole_axis = 0;           ///< the other rotary joint
+  double pole_position = 0.0;  ///< rad, position of `pole_axis` at the nearest pole
+  double rotation = 0.0;       ///< rad, rotation of `axis` close to the pole
+  double max_speed = 0.0;      ///< rad/s of `axis` there, as programmed
+  int line = 0;                ///< line of the smallest angle
   std::uint16_t file = 0;
 };
 

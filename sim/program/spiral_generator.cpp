@@ -14,7 +14,7 @@ namespace {
 
 using Eigen::Vector2d;
 using kinematics::AxisVector;
-using Segment = cutting::RevolvedProfile::Piece;
+using Segment = cutting::RevolvedProfile::ProfileSegment;
 
 // The same limit as on the points of a milling program.
 constexpr double max_rows = 2e7;
@@ -330,7 +330,7 @@ void check_edge(const cutting::EdgeProfile& profile, const OffsetCurve& curve, c
 
 std::string generate_spiral(const Spiral& spiral, const cutting::Primitive& design,
                             const cutting::Nose& nose, const GeneratorContext& context) {
-  const std::vector<Segment> segments = cutting::profile(design).pieces;
+  const std::vector<Segment> segments = cutting::profile(design).profile_segments;
   if (segments.empty()) throw std::invalid_argument("expected a design with a profile");
   const double rim = segments.back().to.x();
   check_spiral(spiral, rim);

@@ -123,7 +123,7 @@ void add_regions(PartMaps& maps, const std::vector<const ComparedCase*>& cases,
     ordered_json figures = ordered_json::object();
     for (const ComparedCase* compared : cases)
       figures[compared->verdict.cut.name] = region_statistics(cutting::statistics(
-          region_map(compared->verdict.aligned.surface, design.triangles, numbers, int(r) + 1),
+          region_map(compared->verdict.alignment.surface, design.triangles, numbers, int(r) + 1),
           compared->job->design_w, compared->verdict.tolerance));
     const std::optional<Tolerance>& tolerance =
         regions[r].tolerance ? regions[r].tolerance : job.scene.part.tolerance;

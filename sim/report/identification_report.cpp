@@ -245,7 +245,7 @@ std::string composite_axis_text(const CompositeAxis& axis,
                         escaped(sensors[k]));
   for (Index i = 0; i < fit.slope.size(); ++i)
     text += fmt::format("  slope from start {:<11} {:>9.4f} ({:.2g}) um/m\n",
-                        fit.later_runs[std::size_t(i)] + 1, fit.slope[i] / um_per_m,
+                        fit.warm_runs[std::size_t(i)] + 1, fit.slope[i] / um_per_m,
                         fit.slope_standard_error[i] / um_per_m);
   for (std::size_t k = 0; k < sensors.size(); ++k)
     text += fmt::format("  {:<28} {:>9.4f} ({:.2g}) um/m/K\n", escaped(sensors[k]),
@@ -459,7 +459,7 @@ Json composite_axis_json(const CompositeAxis& axis, const std::vector<std::strin
   Json slopes = Json::array(), per_K = Json::object(), error = Json::object(),
        cold_C = Json::object();
   for (Index i = 0; i < fit.slope.size(); ++i)
-    slopes.push_back({{"start", fit.later_runs[std::size_t(i)] + 1},
+    slopes.push_back({{"start", fit.warm_runs[std::size_t(i)] + 1},
                       {"slope_um_per_m", fit.slope[i] / um_per_m},
                       {"standard_error", fit.slope_standard_error[i] / um_per_m},
                       {"offset_um", fit.offset[i] / units::um}});

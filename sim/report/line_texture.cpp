@@ -177,7 +177,7 @@ std::optional<LineTrace::InterpolationError> interpolation_error(
   double sum_of_squares = 0.0;
   for (const Index t : triangles) {
     if (map.within.size() == 0 || !std::isfinite(map.within[t])) continue;
-    const std::array<double, 3> weights = cutting::sample_weights(map.interior_sample, t);
+    const std::array<double, 3> weights = cutting::sample_barycentric(map.interior_sample, t);
     double interpolated = 0.0;
     for (int k = 0; k < 3; ++k)
       interpolated += weights[std::size_t(k)] * map.residual[map.design.triangles(t, k)];

@@ -32,7 +32,7 @@ void append(std::string& bytes, T value) {
 }
 
 ResultMap result_map(const Job& job, const Verdict& verdict) {
-  const cutting::Surface& surface = verdict.aligned.surface;
+  const cutting::Surface& surface = verdict.alignment.surface;
   ResultMap map;
   map.facts = {job.scene.title, verdict.cut.name, job.scene.seed, job.scene.part.form_cutoff, {}};
   map.facts.tolerance = job.scene.part.tolerance;

@@ -33,7 +33,7 @@ cutting::Design design_m(const Job& job) {
 
 /// Returns the map with its form.
 render::Field map_field(const Job& job, const Verdict& verdict) {
-  render::Field field = render::field(design_m(job), verdict.aligned.surface);
+  render::Field field = render::field(design_m(job), verdict.alignment.surface);
   field.form_um = verdict.form_map / units::um;
   return field;
 }
@@ -79,7 +79,7 @@ bool is_finer_than_pixel(const Job& job, double pixel_mm) {
 /// Returns the random error of the form of a map with random points, mm. The filter is a mean over
 /// many points, so the error falls with the square root of their number.
 double form_noise(const Job& job, const Verdict& verdict) {
-  const cutting::Surface& surface = verdict.aligned.surface;
+  const cutting::Surface& surface = verdict.alignment.surface;
   if (surface.interior_sample != cutting::Surface::InteriorSample::Random || !verdict.texture)
     return 0.0;
   const double density = double(job.design_w.triangles.rows()) / job.design_w.area.sum();
@@ -152,9 +152,9 @@ render::MapPicture map_picture(const Job& job, const Verdict& verdict, double pi
 /// Returns the change of the machine's contribution to the map by a compensator; empty for a case
 /// without one.
 std::string reduction_text(const ComparedCase& compared, const std::vector<ComparedCase>& cases) {
-  if (!compared.uncompensated) return "";
-  const auto& before = cases[*compared.uncompensated].verdict.machine;
-  const auto& after = compared.verdict.machine;
+  if (!compared.uncompensated_index) return "";
+  const auto& before = cases[*compared.uncompensated_index].verdict.machine_contribution;
+  const auto& after = compared.verdict.machine_contribution;
   if (!before || !after || !before->rms || !after->rms || *before->rms == 0.0) return "";
   const double change = 100.0 * (*after->rms / *before->rms - 1.0);
   // A minus sign, because the line might be broken at a hyphen.
@@ -325,7 +325,7 @@ void write_case_pictures(const ResultFolder& folder, const Job& job, const Verdi
                       s.uncut_vertices, s.cut_vertices + s.uncut_vertices + s.gouged_vertices,
                       s.gouged_vertices));
     options.figures = figures(verdict.residual);
-    const cutting::Surface& surface = verdict.aligned.surface;
+    const cutting::Surface& surface = verdict.alignment.surface;
     const cutting::Weights weights = cutting::weights(surface, job.design_w);
     Eigen::VectorXd values(surface.residual.size() + surface.within.size()), areas(values.size());
     values << surface.residual / units::um, surface.within / units::um;

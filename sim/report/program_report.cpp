@@ -299,8 +299,8 @@ ordered_json pole_json(const ProgramInspection& inspection) {
   return {{"angle_deg", pole.angle / units::deg},
           {"line", pole.line},
           {"axis", std::string(1, control_joint(inspection, pole.axis).name)},
-          {"turned_deg", pole.turned / units::deg},
-          {"fastest_deg_per_min", pole.fastest / units::deg * 60.0}};
+          {"turned_deg", pole.rotation / units::deg},
+          {"fastest_deg_per_min", pole.max_speed / units::deg * 60.0}};
 }
 
 ordered_json tools_json(const ProgramInspection& inspection) {

@@ -29,7 +29,7 @@ constexpr std::size_t max_listed = 3;  // findings of a kind in the text
 cutting::Design compared_design(const Job& job, const Verdict& verdict) {
   if (job.scene.alignment == Alignment::None) return job.design_w;
   return cutting::transformed(
-      job.design_w, kinematics::motion(verdict.aligned.displacement, verdict.aligned.point));
+      job.design_w, kinematics::motion(verdict.alignment.displacement, verdict.alignment.point));
 }
 
 const Findings::Sums& finding_sums(const StockCheck& check, FindingKind kind) {

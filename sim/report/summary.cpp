@@ -23,13 +23,13 @@ CaseStatistics case_statistics(const Job& job, const Verdict& verdict) {
   CaseStatistics result;
   result.name = verdict.cut.name;
   result.residual = verdict.residual;
-  const cutting::Surface& surface = verdict.aligned.surface;
+  const cutting::Surface& surface = verdict.alignment.surface;
   // The figures of the vertices are reported separately, because the program may have been
   // generated to pass exactly over them.
   if (surface.interior_sample == cutting::Surface::InteriorSample::Random)
     result.without_triangle_samples = cutting::statistics(
         cutting::without_triangle_samples(surface), job.design_w, verdict.tolerance);
-  result.machine = verdict.machine;
+  result.machine = verdict.machine_contribution;
   result.form = verdict.form_statistics;
   result.texture = verdict.texture;
   result.form_cutoff = job.scene.part.form_cutoff;
@@ -123,8 +123,8 @@ Summary summary(const Job& job, const Verdict& verdict) {
   s.alignment = job.scene.alignment;
   s.view = job.scene.view;
   if (s.alignment != Alignment::None)
-    s.removed_alignment = {verdict.aligned.displacement, verdict.aligned.undetermined};
-  s.form = verdict.form;
+    s.removed_alignment = {verdict.alignment.displacement, verdict.alignment.undetermined};
+  s.form = verdict.form_deviations;
   s.rings = verdict.rings;
   if (job.truth.heat) s.temperatures = node_temperatures(job.truth.heat->run);
   if (!cut.process.steps.empty())
@@ -164,11 +164,12 @@ Comparison comparison(const Job& job, const std::vector<ComparedCase>& cases,
     for (const std::string& warning : verdict.cut.warnings)
       result.warnings.push_back(verdict.cut.name + ": " + warning);
     result.cases.push_back(case_statistics(*compared.job, verdict));
-    if (!compared.uncompensated) continue;
-    const Verdict& before = cases[*compared.uncompensated].verdict;
+    if (!compared.uncompensated_index) continue;
+    const Verdict& before = cases[*compared.uncompensated_index].verdict;
     CaseStatistics& figures = result.cases.back();
     figures.residual_reduction = reduction(before.residual, verdict.residual);
-    figures.machine_reduction = reduction(before.machine, verdict.machine);
+    figures.machine_reduction =
+        reduction(before.machine_contribution, verdict.machine_contribution);
     figures.form_reduction = reduction(before.form_statistics, verdict.form_statistics);
     figures.texture_reduction = texture_reduction(before, verdict);
   }
@@ -241,7 +242,8 @@ ordered_json vertex_counts(const cutting::Statistics& s) {
       {"uncut_percent", number(uncut_percent(s))},
       {"gouged_vertices", s.gouged_vertices},
       {"deepest_gouge_um", s.deepest ? ordered_json(s.deepest->depth / units::um) : ordered_json()},
-      {"deepest_gouge_is_bound", s.deepest ? ordered_json(s.deepest->deeper) : ordered_json()},
+      {"deepest_gouge_is_bound",
+       s.deepest ? ordered_json(s.deepest->continues_deeper) : ordered_json()},
       {"outside_vertices", s.outside_vertices}};
 }
 
@@ -273,8 +275,8 @@ ordered_json cut_json(const CutStatistics& cut) {
           {"torque_max_Nm", total.max_torque * 1e-3},
           {"power_max_W", total.max_power_W},
           {"iterations_max", total.max_iterations},
-          {"contraction_max", total.max_contraction},
-          {"not_converged", total.open},
+          {"contraction_max", total.max_loop_gain},
+          {"not_converged", total.unconverged_steps},
           {"crash_lines", cut.crash_lines}};
 }
 

@@ -57,7 +57,7 @@ FormTextureSplit split_form_texture(const Job& job, const cutting::Surface& surf
   form.residual = split.form_map;
   form.interior_sample = cutting::Surface::InteriorSample::None;
   form.within.resize(0);  // the form is smooth, so its vertices suffice
-  split.form = cutting::statistics(form, job.design_w, tolerance);
+  split.form_statistics = cutting::statistics(form, job.design_w, tolerance);
   // With too few random points the filter compares each with distant ones, so that their texture
   // would be meaningless.
   if (surface.interior_sample != cutting::Surface::InteriorSample::Random ||
@@ -77,7 +77,7 @@ Verdict::ExtremePoint vertex_point(const Job& job, const cutting::Surface& surfa
   for (const cutting::Gouge& gouge : surface.gouges) {
     if (gouge.vertex != vertex) continue;
     point.residual = -gouge.depth;
-    point.is_bound = gouge.deeper;
+    point.is_bound = gouge.continues_deeper;
   }
   return point;
 }
@@ -89,7 +89,7 @@ Verdict::ExtremePoint triangle_point(const Job& job, const cutting::Surface& sur
   const cutting::Triangles& triangles = job.design_w.triangles;
   const Eigen::Vector3d p_w =
       cutting::value_at_sample(surface.interior_sample, job.design_w.vertices, triangles, triangle);
-  const auto weights = cutting::sample_weights(surface.interior_sample, triangle);
+  const auto weights = cutting::sample_barycentric(surface.interior_sample, triangle);
   const auto nearest = std::max_element(weights.begin(), weights.end()) - weights.begin();
   const int corner = triangles(triangle, nearest);
   return {surface.within[triangle], job.scene.part.T_wm.inverse() * p_w,
@@ -106,7 +106,7 @@ Verdict::ExtremePoint sample_point(const Job& job, const cutting::Surface& surfa
 /// Sets the extreme points of a verdict. A gouge deeper than the searched band is lower than any
 /// cut vertex.
 void find_extremes(const Job& job, Verdict& verdict) {
-  const cutting::Surface& surface = verdict.aligned.surface;
+  const cutting::Surface& surface = verdict.alignment.surface;
   const cutting::Statistics& s = verdict.residual;
   if (s.highest) verdict.highest = sample_point(job, surface, *s.highest);
   if (s.deepest)
@@ -123,7 +123,7 @@ void find_extremes(const Job& job, Verdict& verdict) {
 /// of the map; else empty.
 std::string facet_warning(const Job& job, const cutting::Statistics& residual) {
   if (!std::holds_alternative<MeshFile>(job.scene.part.shape) || !residual.pv) return {};
-  const double facet_error = cutting::coarseness(job.design_w).facet_error;
+  const double facet_error = cutting::coarseness(job.design_w).max_facet_error;
   if (facet_error <= *residual.pv) return {};
   return fmt::format(
       "the mesh is too coarse for this result: between judged vertices its facets deviate by up to "
@@ -167,7 +167,7 @@ std::vector<Verdict::Ring> ring_results(const Job& job, const cutting::Surface& 
   for (const PartDescription::Ring& ring : job.scene.part.rings) {
     double weighted_sum = 0.0, area = 0.0;
     const auto add = [&](double z, double weight, double radius) {
-      if (!(weight > 0.0) || std::abs(z - ring.along) > 0.5 * ring.width) return;
+      if (!(weight > 0.0) || std::abs(z - ring.z_middle) > 0.5 * ring.width) return;
       weighted_sum += weight * radius;
       area += weight;
     };
@@ -176,7 +176,7 @@ std::vector<Verdict::Ring> ring_results(const Job& job, const cutting::Surface& 
     for (Eigen::Index t = 0; t < weights.within.size(); ++t) {
       if (!(weights.within[t] > 0.0)) continue;
       const std::array<double, 3> corner_weights =
-          cutting::sample_weights(surface.interior_sample, t);
+          cutting::sample_barycentric(surface.interior_sample, t);
       double z = 0.0, mean = 0.0;
       for (std::size_t k = 0; k < 3; ++k) {
         const Eigen::Index v = part.triangles(t, Eigen::Index(k));
@@ -219,26 +219,27 @@ const char* name_of(Alignment alignment) {
 
 Verdict judge(const Job& job, Cut cut, const Verdict* error_free) {
   Verdict verdict;
-  verdict.aligned = cutting::aligned(cut.surface, job.design_w, {job.scene.alignment});
+  verdict.alignment = cutting::aligned(cut.surface, job.design_w, {job.scene.alignment});
   verdict.tolerance = tolerance_bands(job.scene.part, job.face_groups, job.design_w);
-  verdict.residual = cutting::statistics(verdict.aligned.surface, job.design_w, verdict.tolerance);
+  verdict.residual =
+      cutting::statistics(verdict.alignment.surface, job.design_w, verdict.tolerance);
   find_extremes(job, verdict);
-  FormTextureSplit split = split_form_texture(job, verdict.aligned.surface, verdict.tolerance);
+  FormTextureSplit split = split_form_texture(job, verdict.alignment.surface, verdict.tolerance);
   verdict.form_map = std::move(split.form_map);
-  verdict.form_statistics = std::move(split.form);
+  verdict.form_statistics = std::move(split.form_statistics);
   verdict.texture = split.texture;
   if (error_free != nullptr) {
-    verdict.machine = cutting::statistics(
-        cutting::minus(verdict.aligned.surface, error_free->aligned.surface), job.design_w);
+    verdict.machine_contribution = cutting::statistics(
+        cutting::minus(verdict.alignment.surface, error_free->alignment.surface), job.design_w);
   }
   for (std::string text :
        {facet_warning(job, verdict.residual), tolerance_warning(job, cut, verdict.residual)})
     if (!text.empty()) cut.warnings.push_back(std::move(text));
-  verdict.rings = ring_results(job, verdict.aligned.surface);
+  verdict.rings = ring_results(job, verdict.alignment.surface);
   for (const Verdict::Ring& ring : verdict.rings)
     if (!ring.radius) cut.warnings.push_back("no cut vertices on the ring " + ring.name);
   if (const auto* primitive = std::get_if<cutting::Primitive>(&job.scene.part.shape))
-    verdict.form = cutting::form(
+    verdict.form_deviations = cutting::form(
         *primitive, cutting::transformed(job.design_w, job.scene.part.T_wm.inverse()), cut.surface);
   verdict.cut = std::move(cut);
   return verdict;
@@ -281,8 +282,8 @@ std::vector<std::string> exceeded_limits(const Limits& limits, const Verdict& ve
     messages.push_back(
         fmt::format("{}: {} vertices are gouged deeper than the search band, the deepest by "
                     "{}{:.1f} um, which violates every limit",
-                    verdict.cut.name, s.gouged_vertices, s.deepest->deeper ? "more than " : "",
-                    s.deepest->depth / units::um));
+                    verdict.cut.name, s.gouged_vertices,
+                    s.deepest->continues_deeper ? "more than " : "", s.deepest->depth / units::um));
   check("PV", limits.pv_um, s.pv);
   check("RMS", limits.rms_um, s.rms);
   check("largest deviation", limits.max_abs_um,

@@ -18,8 +18,8 @@ namespace abbe::sim {
 
 /// A map that the areal filter, with the part's cut-off, has split into form and texture.
 struct FormTextureSplit {
-  Eigen::VectorXd form_map;  ///< (n) mm, NaN where not cut
-  cutting::Statistics form;  ///< of `form_map`
+  Eigen::VectorXd form_map;             ///< (n) mm, NaN where not cut
+  cutting::Statistics form_statistics;  ///< of `form_map`
   std::optional<errors::metrology::ArealParameters>
       texture;  ///< of the map minus `form_map`, about its
                 ///< mean; empty if nothing is cut, or if there
@@ -37,16 +37,17 @@ struct StockCheck;
 /// Evaluation of one case: its map, aligned as the scene requests, and the figures of the map.
 struct Verdict {
   Cut cut;
-  cutting::AlignmentResult aligned;       ///< the map without the displacement that the scene's
-                                          ///< alignment removes
-  cutting::Statistics residual;           ///< of the aligned map
-  std::vector<cutting::FormNumber> form;  ///< form deviations if the design is an analytic surface
+  cutting::AlignmentResult alignment;  ///< the map without the displacement that the scene's
+                                       ///< alignment removes
+  cutting::Statistics residual;        ///< of the aligned map
+  std::vector<cutting::FormNumber>
+      form_deviations;  ///< form deviations if the design is an analytic surface
   Eigen::VectorXd
       form_map;  ///< (n) mm, the aligned map through the areal filter; NaN where not cut
   std::optional<cutting::Statistics> form_statistics;  ///< of `form_map`
   std::optional<errors::metrology::ArealParameters>
-      texture;                                 ///< of the map minus `form_map`, about its mean
-  std::optional<cutting::Statistics> machine;  ///< of the map minus the error-free map
+      texture;  ///< of the map minus `form_map`, about its mean
+  std::optional<cutting::Statistics> machine_contribution;  ///< of the map minus the error-free map
   /// A ring of the part.
   struct Ring {
     std::string name;
@@ -87,7 +88,7 @@ struct ComparedCase {
   Verdict verdict;
   const Job* job = nullptr;  ///< job of the scene, or of the case's variant
   std::optional<std::size_t>
-      uncompensated;  ///< index of the uncompensated case of the same variant
+      uncompensated_index;  ///< index of the uncompensated case of the same variant
 };
 
 /// Return the names used in files and pictures.

@@ -81,7 +81,7 @@ std::optional<Rows> read_file_rows(TableReader& reader, const ElementName& name)
   } catch (const std::invalid_argument& error) {
     reader.report_invalid("column", "a column named after an element", error.what());
   }
-  const auto table = read_table_file(reader);
+  const auto table = read_element_csv(reader);
   if (!table) return std::nullopt;
   const auto position = std::find(table->elements.begin(), table->elements.end(), column);
   if (position == table->elements.end()) {
@@ -229,7 +229,7 @@ Key table_file_key() {
                   "in mm and degrees; a header may state other units, such as `EXX_um`");
 }
 
-std::optional<errors::ElementTable> read_table_file(TableReader& reader) {
+std::optional<errors::ElementTable> read_element_csv(TableReader& reader) {
   const std::string file = reader.text("file");
   if (file.empty()) return std::nullopt;
   try {

@@ -40,7 +40,7 @@ std::vector<Key> curve_keys();
 
 /// Reads the table that the key `file` names, in the format of volumetric compensation. Returns
 /// nothing if the key is missing or the table has input errors.
-std::optional<errors::ElementTable> read_table_file(TableReader& reader);
+std::optional<errors::ElementTable> read_element_csv(TableReader& reader);
 Key table_file_key();
 
 /// Returns the fields `between` and `outside`.

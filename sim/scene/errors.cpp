@@ -307,7 +307,7 @@ std::vector<Key> element_keys() {
 
 /// A file with the tables of all elements of one axis.
 struct WholeTable {
-  errors::ElementTableUse use;
+  errors::ElementConversionOptions use;
   double scale = 1.0;
   std::optional<errors::Detrend> detrend;
   std::optional<errors::ElementTable> table;
@@ -315,16 +315,17 @@ struct WholeTable {
 
 Fields<WholeTable> whole_table_fields() {
   const auto use =
-      interpolation_fields<errors::ElementTableUse>()
-          .include_fields(whole_struct, argument_fields<errors::ElementTableUse>())
-          .text("name", &errors::ElementTableUse::name, "name of every curve, used in reports");
+      interpolation_fields<errors::ElementConversionOptions>()
+          .include_fields(whole_struct, argument_fields<errors::ElementConversionOptions>())
+          .text("name", &errors::ElementConversionOptions::name,
+                "name of every curve, used in reports");
   return Fields<WholeTable>()
       .include_fields(&WholeTable::use, use)
       .number("scale", &WholeTable::scale, any_number, "factor of every curve")
       .include_fields(whole_struct, detrend_fields<WholeTable>())
       .custom_field(
           {table_file_key()},
-          [](TableReader& reader, WholeTable& whole) { whole.table = read_table_file(reader); },
+          [](TableReader& reader, WholeTable& whole) { whole.table = read_element_csv(reader); },
           [](const WholeTable&, Node::Table&) {});
 }
 

@@ -50,11 +50,11 @@ constexpr auto primitive_shape = [](auto& part) -> auto& {
 };
 constexpr auto mesh_shape = [](auto& part) -> auto& { return std::get<MeshFile>(part.shape); };
 
-Fields<RevolvedProfile::Piece> profile_segment_fields() {
-  using Piece = RevolvedProfile::Piece;
-  return Fields<Piece>()
-      .numbers(required_key("to_mm"), &Piece::to, 2, "end of the segment, [r, z]")
-      .number("arc_radius_mm", &Piece::arc_radius, any_number,
+Fields<RevolvedProfile::ProfileSegment> profile_segment_fields() {
+  using ProfileSegment = RevolvedProfile::ProfileSegment;
+  return Fields<ProfileSegment>()
+      .numbers(required_key("to_mm"), &ProfileSegment::to, 2, "end of the segment, [r, z]")
+      .number("arc_radius_mm", &ProfileSegment::arc_radius, any_number,
               "0: straight line; > 0: convex arc; < 0: concave arc");
 }
 
@@ -70,18 +70,18 @@ Fields<RevolvedProfile> revolved_profile_fields() {
         Eigen::Vector2d start = reader.numbers("start_mm", 2);
         if (!reader.has("profile")) reader.report_missing("profile", "a list of tables");
         for (const Node* node : reader.tables("profile")) {
-          profile.pieces.push_back(profile_segment_fields().read_table(
+          profile.profile_segments.push_back(profile_segment_fields().read_table(
               *node, reader.qualified_name("profile"), reader.input_errors()));
           // Each segment starts at the end of the previous one.
-          profile.pieces.back().from = start;
-          start = profile.pieces.back().to;
+          profile.profile_segments.back().from = start;
+          start = profile.profile_segments.back().to;
         }
       },
       [](const RevolvedProfile& profile, Node::Table& table) {
         // The start point belongs to the first segment.
-        if (profile.pieces.empty()) return;
-        put_numbers(table, "start_mm", profile.pieces.front().from, 1.0);
-        put_tables(table, "profile", profile.pieces, profile_segment_fields());
+        if (profile.profile_segments.empty()) return;
+        put_numbers(table, "start_mm", profile.profile_segments.front().from, 1.0);
+        put_tables(table, "profile", profile.profile_segments, profile_segment_fields());
       });
 }
 
@@ -241,7 +241,7 @@ Fields<PartDescription> judged_fields() {
 Fields<Ring> ring_fields() {
   return Fields<Ring>()
       .text(required_key("name"), &Ring::name, "name of the ring; must be unique")
-      .number(required_key("along_mm"), &Ring::along, any_number,
+      .number(required_key("along_mm"), &Ring::z_middle, any_number,
               "z of its middle, in the part frame")
       .number(required_key("width_mm"), &Ring::width, positive, "width along z");
 }

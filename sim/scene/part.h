@@ -80,8 +80,8 @@ struct PartDescription {
   struct Ring {                     ///< a zone whose mean radius is reported, for parts of
                                     ///< revolution
     std::string name;
-    double along = 0.0;  ///< mm, z of the part frame
-    double width = 0.0;  ///< mm, > 0
+    double z_middle = 0.0;  ///< mm, z of the part frame
+    double width = 0.0;     ///< mm, > 0
   };
   std::vector<Ring> rings;
 };

@@ -145,7 +145,7 @@ Fields<PoleOptions> pole_fields() {
             "the control's rule for tool vectors and near a pole")
       .only_if([](const PoleOptions& pole) { return pole.rule == PoleRule::Fanuc; },
                Fields<PoleOptions>()
-                   .number(required_key("pole_near_deg"), &PoleOptions::near, near_range,
+                   .number(required_key("pole_near_deg"), &PoleOptions::near_angle, near_range,
                            "parameter 19738: a position nearer to a pole than this is close to it; "
                            "required with pole = \"fanuc\"")
                    .number(required_key("pole_change_deg"), &PoleOptions::max_rotation_about_pole,
@@ -156,7 +156,7 @@ Fields<PoleOptions> pole_fields() {
 
 Fields<TurningOptions> turning_fields() {
   return Fields<TurningOptions>()
-      .word("control", &TurningOptions::control,
+      .word("control", &TurningOptions::control_kind,
             {{"of_machine", ControlKind::FromMachine,
               "a turning machine if a spindle S turns the workpiece, else a milling machine"},
              {"milling", ControlKind::Milling, "a milling machine"},
@@ -169,7 +169,7 @@ Fields<TurningOptions> turning_fields() {
              {"diameters", XWordMeaning::Diameters, "diameters"},
              {"radii", XWordMeaning::Radii, "radii"}},
             "what X means until the program changes it (G7, DIAMON)")
-      .whole("tip", &TurningOptions::tip, 0, 9,
+      .whole("tip", &TurningOptions::tip_number, 0, 9,
              "point of a round nose that X and Z guide without G41 and G42, as numbered by Fanuc "
              "and Siemens: 3 at X- Z- of its centre, 2 at X+ Z-; 0: its centre");
 }

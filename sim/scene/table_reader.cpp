@@ -209,13 +209,13 @@ std::string TableReader::qualified_name(const std::string& key) const {
 }
 
 const Node* TableReader::accept_key(const std::string& key) {
-  known_.insert(key);
+  known_keys_.insert(key);
   return table_.find(key);
 }
 
 void TableReader::report_missing(const std::string& key, const std::string& kind) {
-  known_.insert(key);
-  missing_.emplace_back(key, kind);
+  known_keys_.insert(key);
+  missing_keys_.emplace_back(key, kind);
 }
 
 void TableReader::report_invalid(const std::string& key, const std::string& expected,
@@ -450,19 +450,19 @@ void TableReader::close() {
   std::set<std::string> misspelled;  // missing keys that probably appear as unknown keys
   const Node::Table* entries = table_.table();
   for (const Node::Entry& entry : entries ? *entries : Node::Table{}) {
-    if (known_.contains(entry.key)) continue;
+    if (known_keys_.contains(entry.key)) continue;
     // A key with the same stem is probably the right quantity in a wrong unit.
     const auto key_with_same_stem =
-        std::find_if(known_.begin(), known_.end(), [&](const std::string& key) {
+        std::find_if(known_keys_.begin(), known_keys_.end(), [&](const std::string& key) {
           return key_without_unit(key) == key_without_unit(entry.key) && !table_.find(key);
         });
-    if (key_with_same_stem != known_.end()) {
+    if (key_with_same_stem != known_keys_.end()) {
       input_errors_.add(entry.place,
                         fmt::format("{} in {}", qualified_name(*key_with_same_stem),
                                     unit_name(*key_with_same_stem)),
                         fmt::format("{} in {}", entry.key, unit_name(entry.key)));
       misspelled.insert(*key_with_same_stem);
-    } else if (const auto suggestion = nearest(entry.key, known_)) {
+    } else if (const auto suggestion = nearest(entry.key, known_keys_)) {
       input_errors_.add(entry.place, "a known key (nearest: " + qualified_name(*suggestion) + ")",
                         entry.key);
       // An unknown key within two edits is a misspelling; the missing key is not reported as well.
@@ -473,11 +473,11 @@ void TableReader::close() {
                         entry.key);
     }
   }
-  for (const auto& [key, kind] : missing_) {
+  for (const auto& [key, kind] : missing_keys_) {
     if (!misspelled.contains(key))
       input_errors_.add(table_.place, kind + " for " + qualified_name(key), "nothing");
   }
-  missing_.clear();
+  missing_keys_.clear();
 }
 
 }  // namespace abbe::sim

@@ -147,8 +147,8 @@ class TableReader {
   const Node& table_;
   std::string section_name_;
   InputErrors& input_errors_;
-  std::set<std::string> known_;
-  std::vector<std::pair<std::string, std::string>> missing_;  ///< key, kind
+  std::set<std::string> known_keys_;
+  std::vector<std::pair<std::string, std::string>> missing_keys_;  ///< key, kind
 };
 
 struct EnumChoice;

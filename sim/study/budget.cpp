@@ -81,8 +81,8 @@ std::optional<Ranking> sobol_ranking(const ResponseBudget& response, std::size_t
 std::optional<Ranking> main_effect_ranking(const ResponseBudget& response,
                                            std::size_t input_count) {
   // Effects that chance alone may give count as zero.
-  const double chance =
-      chance_effect(response.answers ? response.answers->cases : 0, Eigen::Index(input_count));
+  const double chance = main_effect_chance_limit(response.answers ? response.answers->cases : 0,
+                                                 Eigen::Index(input_count));
   const auto effects =
       collect_figures(response, input_count, [&](const Contribution& contribution) {
         return contribution.main_effect
@@ -338,15 +338,15 @@ ordered_json statistics_json(const ResponseStatistics& statistics, const UnitCon
           {"p99", convert(statistics.p99)}};
 }
 
-ordered_json convergence_json(const IndexConvergence& convergence) {
+ordered_json convergence_json(const IndexConvergence& index_convergence) {
   ordered_json steps = ordered_json::array();
-  for (std::size_t m = 0; m < convergence.base_points.size(); ++m) {
+  for (std::size_t m = 0; m < index_convergence.base_points.size(); ++m) {
     ordered_json first = ordered_json::array(), total = ordered_json::array();
-    for (const SobolIndex& index : convergence.indices[m]) {
+    for (const SobolIndex& index : index_convergence.indices[m]) {
       first.push_back(interval_json(index.first));
       total.push_back(interval_json(index.total));
     }
-    steps.push_back({{"base_points", convergence.base_points[m]},
+    steps.push_back({{"base_points", index_convergence.base_points[m]},
                      {"sobol_first", first},
                      {"sobol_total", total}});
   }
@@ -389,7 +389,8 @@ ordered_json response_json(const Study& study, const ResponseBudget& budget) {
       {"cpk", json_number(budget.capability)},
       {"whose", dominance_json(study, budget)},
       {"contributions", contributions},
-      {"convergence", budget.convergence ? convergence_json(*budget.convergence) : ordered_json()}};
+      {"convergence",
+       budget.index_convergence ? convergence_json(*budget.index_convergence) : ordered_json()}};
 }
 
 ordered_json map_json(const Study& study, const ConfigurationBudget& arm) {
@@ -497,7 +498,7 @@ ordered_json to_json(const Budget& budget) {
           {"seed", study.seed},
           {"cases", budget.cases},
           {"failed_cases", budget.failed},
-          {"machine_part", study.machine_part},
+          {"machine_part", study.subtracts_error_free_map},
           {"step_standard_deviations",
            study.one_at_a_time ? json_number(study.one_at_a_time->step) : ordered_json()},
           {"inputs", inputs_json(study)},

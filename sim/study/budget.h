@@ -43,7 +43,7 @@ struct ResponseBudget {
   std::optional<double> limit;                      ///< mm
   std::optional<double> capability;                 ///< Cpk against the limit
   std::optional<IntervalEstimate> fraction_within;  ///< fraction of the machines within the limit
-  std::optional<IndexConvergence> convergence;
+  std::optional<IndexConvergence> index_convergence;
 };
 
 /// The effect of one standard deviation of an input on the map of a configuration.

@@ -214,7 +214,7 @@ void add_monte_carlo(const Study& study, const Eigen::VectorXd& responses,
     if (response != budget.response) continue;
     budget.limit = limit;
     budget.capability = process_capability(responses, limit);
-    budget.fraction_within = fraction_below(responses, limit);
+    budget.fraction_within = fraction_within_limit(responses, limit);
   }
   const Correlations correlations_of_inputs = correlations(inputs, responses);
   const Eigen::VectorXd effects = main_effects(inputs, responses);
@@ -232,8 +232,8 @@ void add_sobol(const Study& study, const Eigen::VectorXd& values, ResponseBudget
           values.data(), values.size() / columns, columns);
   // The indices need 8 complete base points, which an unfinished study may not have.
   if ((table.array().isFinite().rowwise().all()).count() < 8) return;
-  budget.convergence = convergence(table, study.seed ^ bootstrap_stream);
-  const std::vector<SobolIndex>& last = budget.convergence->indices.back();
+  budget.index_convergence = index_convergence(table, study.seed ^ bootstrap_stream);
+  const std::vector<SobolIndex>& last = budget.index_convergence->indices.back();
   for (std::size_t i = 0; i < budget.contributions.size(); ++i)
     budget.contributions[i].sobol = last[i];
 }

@@ -166,9 +166,9 @@ void write_tornado(Album& album, const Budget& budget, const ConfigurationBudget
 }
 
 /// Returns one index of one input over the number of base points.
-render::Series index_series(const IndexConvergence& convergence, std::size_t input,
+render::Series index_series(const IndexConvergence& index_convergence, std::size_t input,
                             IntervalEstimate SobolIndex::*which, const char* name) {
-  const auto point_count = Eigen::Index(convergence.base_points.size());
+  const auto point_count = Eigen::Index(index_convergence.base_points.size());
   render::Series series;
   series.name = name;
   series.x = Eigen::VectorXd::LinSpaced(point_count, 0.0, double(point_count - 1));
@@ -176,7 +176,7 @@ render::Series index_series(const IndexConvergence& convergence, std::size_t inp
   series.lower.resize(point_count);
   series.upper.resize(point_count);
   for (Eigen::Index i = 0; i < point_count; ++i) {
-    const IntervalEstimate& estimate = convergence.indices[std::size_t(i)][input].*which;
+    const IntervalEstimate& estimate = index_convergence.indices[std::size_t(i)][input].*which;
     series.y[i] = estimate.value;
     // The intervals of the first few points extend far beyond 0 .. 1 and would set the scale.
     series.lower[i] = std::max(estimate.low, -0.5);
@@ -188,19 +188,20 @@ render::Series index_series(const IndexConvergence& convergence, std::size_t inp
 
 void write_indices(Album& album, const Budget& budget, const ConfigurationBudget& arm,
                    const ResponseBudget& response) {
-  if (!response.convergence || response.convergence->base_points.empty()) return;
-  const IndexConvergence& convergence = *response.convergence;
+  if (!response.index_convergence || response.index_convergence->base_points.empty()) return;
+  const IndexConvergence& index_convergence = *response.index_convergence;
   const Ranking order = ranking(response, budget.study.inputs.size());
   if (order.order.empty()) return;  // the variation is below the numerical floor
   std::vector<render::Panel> panels;
   for (std::size_t k = 0; k < std::min(order.order.size(), max_panels); ++k) {
     const auto i = std::size_t(order.order[k]);
     render::Panel panel{input_name(budget, int(i), max_title_letters), "", "", {}, {}, {}};
-    panel.series = {index_series(convergence, i, &SobolIndex::total, "total, 95 % confidence"),
-                    index_series(convergence, i, &SobolIndex::first, "alone, 95 % confidence")};
-    const SobolIndex& last = convergence.indices.back()[i];
+    panel.series = {
+        index_series(index_convergence, i, &SobolIndex::total, "total, 95 % confidence"),
+        index_series(index_convergence, i, &SobolIndex::first, "alone, 95 % confidence")};
+    const SobolIndex& last = index_convergence.indices.back()[i];
     panel.note = {render::fixed(last.total.value, 2)};
-    for (const Eigen::Index points : convergence.base_points)
+    for (const Eigen::Index points : index_convergence.base_points)
       panel.x_names.push_back(std::to_string(points));
     panels.push_back(panel);
   }

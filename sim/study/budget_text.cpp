@@ -478,7 +478,7 @@ std::string heading_text(const ReportText& report, const Budget& budget) {
   if (budget.failed > 0)
     text += ", " + report.bold(fmt::format("{} without a result", budget.failed));
   text += fmt::format(", seed {}. ", study.seed);
-  if (study.machine_part) text += "Figures refer to the map minus the error-free map. ";
+  if (study.subtracts_error_free_map) text += "Figures refer to the map minus the error-free map. ";
   return text + "\n\n";
 }
 

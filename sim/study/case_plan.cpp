@@ -125,7 +125,7 @@ Plan make_plan(const Study& study) {
   for (std::size_t i = 0; i < study.sweeps.size(); ++i)
     add(Block::Kind::Sweep, std::uint64_t(study.sweeps[i].values.size()), int(i));
   if (study.engine == Engine::Both && study.monte_carlo)
-    add(Block::Kind::Proof, std::min(study.proofs, study.monte_carlo->cases));
+    add(Block::Kind::Proof, std::min(study.verification_cases, study.monte_carlo->cases));
   return plan;
 }
 

@@ -675,7 +675,7 @@ PreparedConfiguration prepare_configuration(const Study& study, const Configurat
   Commands commanded = commands(arm, job);
   const bool is_commanded_for_each = commands_depend_on_inputs(study, arm, scene);
   cutting::Surface error_free;
-  if (study.machine_part) error_free = cut_error_free(job, progress).surface;
+  if (study.subtracts_error_free_map) error_free = cut_error_free(job, progress).surface;
   PreparedConfiguration ready{arm,
                               std::move(scene),
                               std::move(job),
@@ -698,7 +698,7 @@ CutCase cut_at(const Study& study, const PreparedConfiguration& ready, Job job,
     const Job case_job = prepare(scene);
     Cut case_cut = cut(case_job, commands(ready.arm, case_job));
     cutting::Surface error_free;
-    if (study.machine_part) error_free = cut_error_free(case_job).surface;
+    if (study.subtracts_error_free_map) error_free = cut_error_free(case_job).surface;
     Eigen::VectorXd values = responses(study, case_job, case_cut.surface, error_free);
     return {std::move(job), std::move(case_cut.surface), std::move(values)};
   }
@@ -715,7 +715,7 @@ Eigen::VectorXd responses(const Study& study, const Job& job, const cutting::Sur
     return cutting::aligned(map, job.design_w, {job.scene.alignment}).surface;
   };
   cutting::Surface judged = align(surface);
-  if (study.machine_part) judged = cutting::minus(judged, align(error_free));
+  if (study.subtracts_error_free_map) judged = cutting::minus(judged, align(error_free));
   MapFigures figures{
       cutting::statistics(judged, job.design_w,
                           tolerance_bands(job.scene.part, job.face_groups, job.design_w)),

@@ -639,7 +639,7 @@ Eigen::VectorXd largest_errors(const BaseRun& run, const InfluenceMap& map,
 /// Removes the passes of vertices without a surface in the error-free map, if the study compares
 /// with that map.
 BaseRun keep_comparable_passes(BaseRun run) {
-  if (run.study.machine_part)
+  if (run.study.subtracts_error_free_map)
     std::erase_if(run.competing_passes, [&](const CompetingPass& competing_pass) {
       return !std::isfinite(run.ready.error_free.residual[competing_pass.vertex]);
     });
@@ -662,7 +662,7 @@ InfluenceMap map_frame(const BaseRun& run) {
       map.status[std::size_t(v)] = cutting::VertexStatus::Outside;
   for (const cutting::Gouge& gouge : run.gouges)
     map.status[std::size_t(gouge.vertex)] = cutting::VertexStatus::Gouged;
-  if (run.study.machine_part) map.error_free = run.ready.error_free.residual;
+  if (run.study.subtracts_error_free_map) map.error_free = run.ready.error_free.residual;
   map.distance.resize(Index(competing_passes.size()));
   map.half_curvature.resize(Index(competing_passes.size()));
   map.first.assign(std::size_t(vertex_count) + 1, 0);
@@ -699,7 +699,7 @@ InfluenceMap influence_map(const Study& study, const PreparedConfiguration& read
   map.slope = std::move(columns.slope);
   map.shift = std::move(columns.shift);
   map.max_error = largest_errors(run, map, progress);
-  map.flagged_percent = flagged_percent(map, study.influence.flag);
+  map.flagged_percent = flagged_percent(map, study.influence.flag_threshold);
   return map;
 }
 

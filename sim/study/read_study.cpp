@@ -105,11 +105,12 @@ void check_engine(const Study& study, const std::vector<SourcePosition>& locatio
   if (study.engine == Engine::Both && !study.monte_carlo)
     reader.report_invalid("engine", "[monte_carlo] with \"both\", whose first cases are the proof",
                           "none");
-  if (study.monte_carlo && reader.has("proofs") && study.proofs > study.monte_carlo->cases)
+  if (study.monte_carlo && reader.has("proofs") &&
+      study.verification_cases > study.monte_carlo->cases)
     reader.report_invalid(
         "proofs",
         fmt::format("at most {}, the number of cases of [monte_carlo]", study.monte_carlo->cases),
-        std::to_string(study.proofs));
+        std::to_string(study.verification_cases));
   if (study.engine == Engine::Full) return;
   for (std::size_t i = 0; i < study.inputs.size(); ++i)
     if (is_reshaping(study.inputs[i]))

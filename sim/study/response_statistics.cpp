@@ -224,7 +224,7 @@ std::vector<SobolIndex> sobol_indices(const Eigen::MatrixXd& responses, std::uin
   return finite_sobol_indices(complete_rows(responses), seed);
 }
 
-IndexConvergence convergence(const Eigen::MatrixXd& responses, std::uint64_t seed) {
+IndexConvergence index_convergence(const Eigen::MatrixXd& responses, std::uint64_t seed) {
   const Eigen::MatrixXd complete = complete_rows(responses);
   IndexConvergence result;
   for (Eigen::Index count = complete.rows(); count >= min_base_points; count /= 2)
@@ -372,7 +372,7 @@ ResponseStatistics answers(const Eigen::VectorXd& values) {
           .p99 = quantile_band(sorted, 0.99)};
 }
 
-IntervalEstimate quantile_with_band(Eigen::VectorXd values, double p) {
+IntervalEstimate quantile_with_interval(Eigen::VectorXd values, double p) {
   if (!(p >= 0.0 && p <= 1.0)) throw std::invalid_argument("a fraction must be within 0 .. 1");
   std::vector<double> sorted = finite_values(values, 1);
   std::ranges::sort(sorted);
@@ -391,7 +391,7 @@ double sample_standard_deviation(std::span<const double> values) {
   return std::sqrt(sum_of_squares / double(values.size() - 1));
 }
 
-IntervalEstimate fraction_below(const Eigen::VectorXd& values, double limit) {
+IntervalEstimate fraction_within_limit(const Eigen::VectorXd& values, double limit) {
   const std::vector<double> finite = finite_values(values, 1);
   const auto n = double(finite.size());
   const double fraction =
@@ -479,7 +479,7 @@ Eigen::VectorXd main_effects(const Eigen::MatrixXd& inputs, const Eigen::VectorX
   return effects;
 }
 
-double chance_effect(Eigen::Index cases, Eigen::Index inputs) {
+double main_effect_chance_limit(Eigen::Index cases, Eigen::Index inputs) {
   if (cases < min_cases || inputs < 1) return 1.0;
   // R^2 of two regressors is beta distributed: P(R^2 > r) = (1 - r)^((n - 3) / 2). The probability
   // of 5 % is divided by the number of inputs (Bonferroni).

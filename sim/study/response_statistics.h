@@ -46,7 +46,7 @@ struct IndexConvergence {
 };
 /// Returns the indices for increasing numbers of base points. Arguments and exceptions are those of
 /// sobol_indices.
-IndexConvergence convergence(const Eigen::MatrixXd& responses, std::uint64_t seed = 1);
+IndexConvergence index_convergence(const Eigen::MatrixXd& responses, std::uint64_t seed = 1);
 
 /// Returns the inputs of a column (0: A, 1: B, 2 + i) of the Saltelli design.
 /// @param u  (2 inputs) base point in the unit cube, with A in its first half and B in its second
@@ -78,7 +78,7 @@ ResponseStatistics answers(const Eigen::VectorXd& values);
 /// lower.
 /// @param p  0 .. 1
 /// @throws std::invalid_argument without finite responses, or for p out of range
-IntervalEstimate quantile_with_band(Eigen::VectorXd values, double p);
+IntervalEstimate quantile_with_interval(Eigen::VectorXd values, double p);
 
 /// Returns the quantile p of finite values, at least one, in ascending order, linear between ranks.
 double sorted_quantile(std::span<const double> sorted, double p);
@@ -88,7 +88,7 @@ double sample_standard_deviation(std::span<const double> values);
 
 /// Returns the fraction of the finite responses at or below a limit, with Wilson's 95 % interval.
 /// @throws std::invalid_argument without finite responses
-IntervalEstimate fraction_below(const Eigen::VectorXd& values, double limit);
+IntervalEstimate fraction_within_limit(const Eigen::VectorXd& values, double limit);
 
 /// Returns the process capability for an upper limit, (limit - mean) / (3 standard deviations);
 /// empty if the values do not vary.
@@ -119,6 +119,6 @@ Eigen::VectorXd main_effects(const Eigen::MatrixXd& inputs, const Eigen::VectorX
 
 /// Returns the main effect that chance alone does not exceed for any input in 95 % of all studies;
 /// exact for normal responses.
-double chance_effect(Eigen::Index cases, Eigen::Index inputs);
+double main_effect_chance_limit(Eigen::Index cases, Eigen::Index inputs);
 
 }  // namespace abbe::sim::study

@@ -262,7 +262,7 @@ std::vector<Stage> preparation_stages(const Study& study) {
   std::vector<Stage> stages;
   for (std::size_t i = 0; i < study.configurations.size(); ++i) {
     stages = std::move(stages) + scene_preparation_stages(part, size);
-    if (study.machine_part) stages = std::move(stages) + error_free_stages(part, size);
+    if (study.subtracts_error_free_map) stages = std::move(stages) + error_free_stages(part, size);
   }
   const double inputs = double(study.inputs.size());
   for (std::size_t i = 0; has_maps(study) && i < study.configurations.size(); ++i)

@@ -134,10 +134,10 @@ struct Uncertainty {
 /// Options for computing, checking and drawing influence maps.
 struct InfluenceOptions {
   double reach = 0.05;  ///< mm, competing passes within this distance of the first one are kept
-  int max_competing_passes = 6;  ///< competing passes kept at a vertex
-  int checks = 4;                ///< random machines that are cut in full to verify the maps
-  double flag = 2e-4;            ///< mm, a vertex that differs by more in any of these is flagged
-  bool sheet = true;             ///< true: all inputs are drawn on a sheet
+  int max_competing_passes = 6;    ///< competing passes kept at a vertex
+  int checks = 4;                  ///< random machines that are cut in full to verify the maps
+  double flag_threshold = 2e-4;    ///< mm, a vertex that differs by more in any of these is flagged
+  bool has_overview_sheet = true;  ///< true: all inputs are drawn on a sheet
   std::vector<std::string> pictures;  ///< inputs that also get a picture of their own
 };
 /// Days on which a thermal belief is learnt, and days on which it is evaluated.
@@ -159,7 +159,8 @@ struct Study {
   std::uint64_t seed = 1;
   std::vector<Configuration> configurations;  ///< (>= 1)
   std::vector<Response> responses;            ///< (>= 1)
-  bool machine_part = false;  ///< true: responses are of the map minus the error-free map
+  bool subtracts_error_free_map =
+      false;  ///< true: responses are of the map minus the error-free map
   std::vector<std::pair<Response, double>> limits;  ///< mm, upper limits
   std::vector<Input> inputs;
   std::vector<UnidentifiedCoefficient> unidentified;  ///< coefficients that a belief with drawn
@@ -168,7 +169,7 @@ struct Study {
                                             ///< which the scene lacks
   Copula copula{0};                         ///< joint distribution of the inputs
   InfluenceOptions influence;
-  std::uint64_t proofs = 50;  ///< cases that engine `both` also cuts in full
+  std::uint64_t verification_cases = 50;  ///< cases that engine `both` also cuts in full
   std::optional<OneAtATime> one_at_a_time;
   std::optional<MonteCarlo> monte_carlo;
   std::optional<SobolAnalysis> sobol;

@@ -168,9 +168,9 @@ Fields<InfluenceOptions> influence_fields() {
              "largest number of passes kept at a vertex")
       .whole("checks", &Options::checks, 0, 1000,
              "random machines that are cut to find where the maps fail")
-      .number("flag_um", &Options::flag, positive,
+      .number("flag_um", &Options::flag_threshold, positive,
               "a vertex that differs by more in one of them is flagged")
-      .boolean("sheet", &Options::sheet, "all inputs on one sheet")
+      .boolean("sheet", &Options::has_overview_sheet, "all inputs on one sheet")
       .texts("pictures", &Options::pictures, "names of inputs with a picture of their own");
 }
 
@@ -214,7 +214,8 @@ const Fields<Study>& engine_fields() {
                 "how the cases are computed")
           .whole("seed", &Study::seed, 0, std::numeric_limits<std::int64_t>::max(),
                  "seed of all random numbers; `--seed`")
-          .whole("proofs", &Study::proofs, 1, max_cases, "machines that `both` cuts as well");
+          .whole("proofs", &Study::verification_cases, 1, max_cases,
+                 "machines that `both` cuts as well");
   return fields;
 }
 
@@ -263,7 +264,7 @@ const Fields<Study>& response_fields() {
                   "`\"texture_sa\"`, `\"texture_sq\"`, `\"texture_sz\"`; the areal filter of "
                   "`form_cutoff_mm` separates form from texture, at the part's own vertices")},
               read_responses, write_responses)
-          .word("of", &Study::machine_part,
+          .word("of", &Study::subtracts_error_free_map,
                 {{"residual", false, "the map as judged in `summary.json`"},
                  {"machine", true, "the map minus the error-free map"}},
                 "map that is judged")

@@ -144,7 +144,8 @@ void write_effect_pictures(const ResultFolder& folder, const PreparedStudy& read
   const Eigen::MatrixXd input_effects = effects(influence);
   const Eigen::VectorXd sd = spreads(study);
   PictureNames names;
-  if (study.influence.sheet) write_pages(folder, ready, configuration, input_effects, sd, names);
+  if (study.influence.has_overview_sheet)
+    write_pages(folder, ready, configuration, input_effects, sd, names);
   for (const std::string& name : study.influence.pictures)
     for (Index i = 0; i < input_effects.rows(); ++i) {
       if (study.inputs[std::size_t(i)].name != name) continue;
@@ -225,7 +226,7 @@ ordered_json write_influence([[maybe_unused]] const ResultFolder& folder,
                      {{"vertices", influence.design.vertices.rows()},
                       {"rivals", influence.distance.size()},
                       {"checks", ready.study.influence.checks},
-                      {"flag_um", ready.study.influence.flag / units::um},
+                      {"flag_um", ready.study.influence.flag_threshold / units::um},
                       {"flagged_percent", ready.study.influence.checks > 0
                                               ? ordered_json(influence.flagged_percent)
                                               : ordered_json()}}}};

@@ -413,9 +413,9 @@ Allocation allocation(const Study& study, const ResponseFunction& response) {
   const Machines new_machines =
       machines(study, response, Sampling::Random, verification_stream, tolerance.machines);
   result.equal_fraction =
-      fraction_below(scaled_responses(new_machines, result.equal), tolerance.limit);
+      fraction_within_limit(scaled_responses(new_machines, result.equal), tolerance.limit);
   result.cheapest_fraction =
-      fraction_below(scaled_responses(new_machines, result.cheapest), tolerance.limit);
+      fraction_within_limit(scaled_responses(new_machines, result.cheapest), tolerance.limit);
   return result;
 }
 

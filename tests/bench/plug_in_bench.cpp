@@ -45,7 +45,7 @@ Asked five_axes(int samples) {
 
 double seconds(const fs::path& plug_in, const Asked& asked, int batch) {
   PlugInOptions options;
-  options.batch = batch;
+  options.batch_size = batch;
   const auto start = std::chrono::steady_clock::now();
   ask(plug_in, asked.task, {asked.commands, asked.T_wt}, options);
   return std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();

@@ -55,7 +55,7 @@ print(sizes, task["samples"], file=sys.stderr)
   const Asked asked(2501);
   const PlugInResponse answer = asked.answer(file);
   EXPECT_EQ(answer.name, "mine");
-  EXPECT_EQ(answer.answers, PlugInOutput::Correction);
+  EXPECT_EQ(answer.output, PlugInOutput::Correction);
   EXPECT_EQ(answer.stderr_text, "[(1, 1000), (2, 1000), (3, 501)] 2501");
   ASSERT_EQ(answer.rows.rows(), 2501);
   ASSERT_EQ(answer.rows.cols(), 6);
@@ -102,7 +102,7 @@ while (ask := hear())["kind"] == "ask":
   asked.task.log.values.resize(3, 2);
   asked.task.log.values << 20.5, 1, 21, std::nan(""), 22, 3;
   const PlugInResponse answer = asked.answer(file);
-  EXPECT_EQ(answer.answers, PlugInOutput::Deviation);
+  EXPECT_EQ(answer.output, PlugInOutput::Deviation);
   ASSERT_EQ(answer.rows.cols(), 6);
   EXPECT_EQ(answer.rows(2, 5), 0.3);
 
@@ -311,7 +311,7 @@ TEST_F(PlugIns, WhatHangsIsKilledAtItsDeadline) {
 TEST_F(PlugIns, AQuestionThatNobodyReadsDoesNotBlock) {
   PlugInOptions options;
   options.response_s = 0.5;
-  options.batch = 20000;  // more than a pipe holds
+  options.batch_size = 20000;  // more than a pipe holds
   EXPECT_SAYS(failure(python("ready(); time.sleep(60)"), options, 20000),
               "expected a line within 0.5 s, seen no output, and the request was not read");
   EXPECT_SAYS(failure(python("ready(); sys.exit(7)"), options, 20000),
@@ -400,7 +400,7 @@ TEST(PlugInLines, NoMutilatedLineIsMoreThanAFault) {
   const std::string answer = R"({"id":7,"correction":[[0.1,-2e-3,3,0.1,0,0],[1e-5,2,0,0,0,0]]})";
   const std::string ready = R"({"abbe":1,"kind":"ready","name":"n","answers":"deviation"})";
   EXPECT_EQ(read_response(answer, expected)(0, 1), -2e-3);
-  EXPECT_EQ(read_handshake(ready).answers, PlugInOutput::Deviation);
+  EXPECT_EQ(read_handshake(ready).output, PlugInOutput::Deviation);
   constexpr std::uint64_t seed = 815;
   SCOPED_TRACE(testing::Message() << "seed " << seed);
   std::mt19937_64 random(seed);
@@ -484,11 +484,11 @@ const abbe_compensator_v1 abbe_compensator = {
   asked.task.log.time_s = Eigen::Vector2d(-60, 0.05);
   asked.task.log.values = (Eigen::Matrix2d() << 20.5, 1, 21, std::nan("")).finished();
   PlugInOptions options;
-  options.batch = 3;
+  options.batch_size = 3;
   options.max_mm = 1000;
   const PlugInResponse answer = asked.answer(file, options);
   EXPECT_EQ(answer.name, "mine");
-  EXPECT_EQ(answer.answers, PlugInOutput::Deviation);
+  EXPECT_EQ(answer.output, PlugInOutput::Deviation);
   EXPECT_EQ(answer.stderr_text, "w C' b X Y Z A s t 6 C 1 -7 ball R5 90 7 current_A 21 1\nclosed");
   for (int i = 0; i < 7; ++i) {
     const kinematics::AxisState& command = asked.commands[std::size_t(i)];
@@ -583,7 +583,7 @@ TEST_F(PlugIns, TheMirrorBelievesWhatTheChainSaysOfSuchASpindle) {
   std::vector<kinematics::JointDeviation> deviations(5);
   deviations.push_back(nose);
   const PlugInResponse answer = asked.answer(source / "scenes/compensators/mirror.py");
-  ASSERT_EQ(answer.answers, PlugInOutput::Deviation);
+  ASSERT_EQ(answer.output, PlugInOutput::Deviation);
   double largest = 0.0;
   for (std::size_t i = 0; i < asked.commands.size(); ++i) {
     const kinematics::Pose E = kinematics::error_transform(

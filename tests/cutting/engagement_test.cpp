@@ -358,9 +358,10 @@ TEST(TurnedStock, EngagementMovesContinuouslyWithThePose) {
   TurnedStock stock = bar(10, 20, 0.01);
   const Nose nose{R, {}};
   remove(stock, nose, nose_at(22, r), nose_at(10, r));
-  const auto force = [&](double deeper) {
+  const auto force = [&](double continues_deeper) {
     double sum = 0.0;
-    for (const EngagedEdge& edge : engagement(stock, nose, nose_at(10 - feed, r - deeper)))
+    for (const EngagedEdge& edge :
+         engagement(stock, nose, nose_at(10 - feed, r - continues_deeper)))
       sum += edge.length * (1.0 + 50.0 * edge.chip);
     return sum;
   };

@@ -88,9 +88,9 @@ std::map<std::string, double> areas_by_name(const MarkedMesh& mesh) {
   for (Index t = 0; t < mesh.design.triangles.rows(); ++t) {
     const FaceMark& mark = mesh.marks.marks[std::size_t(mesh.marks.mark_of_face[std::size_t(t)])];
     std::set<std::string> names;  // of OBJ one name may come of two keywords
-    for (const int set : mark.names)
-      names.insert(mesh.marks.names[std::size_t(set)].begin(),
-                   mesh.marks.names[std::size_t(set)].end());
+    for (const int set : mark.name_set_indices)
+      names.insert(mesh.marks.name_sets[std::size_t(set)].begin(),
+                   mesh.marks.name_sets[std::size_t(set)].end());
     if (names.empty()) names.insert("");
     for (const std::string& name : names) areas[name] += area_of(mesh.design, t);
   }
@@ -133,27 +133,28 @@ std::string refusal_of_marks(const fs::path& file, const MarkSelection& wanted =
 TEST(FaceColours, EveryEightBitColourIsFoundHoweverItWasCutOrRounded) {
   int ambiguous = 0;
   for (int v = 0; v < 256; ++v) {
-    const auto is = [&](int written, FaceColour::Digits digits) {
+    const auto is = [&](int written, FaceColour::ChannelFormat digits) {
       return can_denote({{written, written, written}, digits}, {v, v, v});
     };
     const int cut = v >> 3, rounded = int(std::lround(v * 31 / 255.0));
     int found = 0;
     for (int c = 0; c < 32; ++c) {
-      EXPECT_EQ(is(c, FaceColour::Digits::FiveBits), c == cut || c == rounded) << v << " " << c;
-      found += is(c, FaceColour::Digits::FiveBits);
+      EXPECT_EQ(is(c, FaceColour::ChannelFormat::FiveBits), c == cut || c == rounded)
+          << v << " " << c;
+      found += is(c, FaceColour::ChannelFormat::FiveBits);
     }
     ambiguous += found == 2;
-    for (int w = 0; w < 256; ++w) EXPECT_EQ(is(w, FaceColour::Digits::EightBits), v == w);
+    for (int w = 0; w < 256; ++w) EXPECT_EQ(is(w, FaceColour::ChannelFormat::EightBits), v == w);
     for (const int digits : {2, 3, 6}) {  // as writers print v / 255, or v / 256
       for (const double scale : {255.0, 256.0}) {
         if (scale == 256.0 && digits == 2) continue;
         const double power = std::pow(10, digits);
         const double value = std::round(v / scale * power) / power;
-        EXPECT_TRUE(is(int(std::lround(255 * value)), FaceColour::Digits::Fraction))
+        EXPECT_TRUE(is(int(std::lround(255 * value)), FaceColour::ChannelFormat::Fraction))
             << v << " as " << value;
       }
     }
-    EXPECT_FALSE(is((v + 3) % 256, FaceColour::Digits::Fraction));
+    EXPECT_FALSE(is((v + 3) % 256, FaceColour::ChannelFormat::Fraction));
   }
   std::cout << ambiguous << " of 256 channels are two of 5 bits, cut and rounded\n";
 }
@@ -169,10 +170,10 @@ TEST(FaceColours, TextIsSixDigitsAndNothingElse) {
 }
 
 TEST(FaceColours, FiveBitsAreSpreadOverEight) {
-  EXPECT_EQ(to_eight_bits({{0, 16, 31}, FaceColour::Digits::FiveBits}), (Rgb{0, 132, 255}));
+  EXPECT_EQ(to_eight_bits({{0, 16, 31}, FaceColour::ChannelFormat::FiveBits}), (Rgb{0, 132, 255}));
   for (int c = 0; c < 32; ++c)
-    EXPECT_TRUE(can_denote({{c, c, c}, FaceColour::Digits::FiveBits},
-                           to_eight_bits({{c, c, c}, FaceColour::Digits::FiveBits})))
+    EXPECT_TRUE(can_denote({{c, c, c}, FaceColour::ChannelFormat::FiveBits},
+                           to_eight_bits({{c, c, c}, FaceColour::ChannelFormat::FiveBits})))
         << "what is listed is what may be asked for";
 }
 
@@ -839,7 +840,7 @@ CutterMotion passes_over_the_sheet() {
 
 TEST(SplitAtGroups, RefinementKeepsTheAreaOfEveryGroup) {
   const CutterMotion motion = passes_over_the_sheet();
-  const std::function<Surface(const Design&)> search = milled_search(ball_mill, motion);
+  const std::function<Surface(const Design&)> search = prepare_milled_surface(ball_mill, motion);
   const SurfaceProber sound = [&](const Design& design) {
     Surface surface = search(design);
     PassGradients contacts = milled_gradients(design, surface, ball_mill, motion);

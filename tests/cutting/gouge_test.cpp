@@ -133,14 +133,14 @@ TEST(Gouge, DeeperThanTheBandIsFoundWithItsDepth) {
     ASSERT_EQ(surface.gouges.size(), 441u);
     for (const Gouge& gouge : surface.gouges) {
       EXPECT_NEAR(gouge.depth, depth, 1e-7);
-      EXPECT_FALSE(gouge.deeper);
+      EXPECT_FALSE(gouge.continues_deeper);
       EXPECT_TRUE(std::isnan(surface.residual[gouge.vertex]));
       EXPECT_GT(surface.cut_line[std::size_t(gouge.vertex)], 0);
     }
   }
   for (const Gouge& gouge : milled_surface(design, {5, 0, 60}, facing(-30)).gouges) {
     EXPECT_EQ(gouge.depth, 20.0);
-    EXPECT_TRUE(gouge.deeper);
+    EXPECT_TRUE(gouge.continues_deeper);
   }
 }
 
@@ -233,7 +233,7 @@ TEST(Shank, ThatRunsAlongAWallIsNotInIt) {
   ASSERT_TRUE(contact);
   EXPECT_NEAR(contact->deepest, 0.5, 1e-7);
   EXPECT_EQ(contact->tolerated_depth, 0.1);
-  EXPECT_FALSE(contact->deeper);
+  EXPECT_FALSE(contact->continues_deeper);
 }
 
 TEST(Shank, HasARadiusOfItsOwn) {
@@ -261,7 +261,7 @@ TEST(Holder, ThatGoesIntoThePartIsFoundWithItsDepth) {
     ASSERT_TRUE(contact);
     EXPECT_NEAR(contact->deepest, 1.5, 1e-7);
     EXPECT_EQ(contact->vertices, 441);
-    EXPECT_FALSE(contact->deeper);
+    EXPECT_FALSE(contact->continues_deeper);
     EXPECT_FALSE(non_cutting_contact(design, non_cutting_sections(profile), facing(-5.05), 2.0));
   }
   EXPECT_EQ(non_cutting_sections(step).size(), 2u);

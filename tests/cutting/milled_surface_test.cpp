@@ -322,10 +322,10 @@ TEST(MilledSurface, StatusTellsMissesBuriedStartsAndVerticesLeftOut) {
   ASSERT_EQ(surface.gouges.size(), 2u);
   EXPECT_EQ(surface.gouges[0].vertex, 2);
   EXPECT_NEAR(surface.gouges[0].depth, 2.3, no_difference);  // the ball's lowest point
-  EXPECT_FALSE(surface.gouges[0].deeper);
+  EXPECT_FALSE(surface.gouges[0].continues_deeper);
   EXPECT_EQ(surface.gouges[1].vertex, 5);
   EXPECT_EQ(surface.gouges[1].depth, 20.0);  // ten bands, and in the tool there
-  EXPECT_TRUE(surface.gouges[1].deeper);
+  EXPECT_TRUE(surface.gouges[1].continues_deeper);
 }
 
 TEST(MilledSurface, NothingIsCutWithoutMotionAndNothingToldWithoutVertices) {

@@ -286,8 +286,8 @@ TEST(Enlarged, ContinuesTheSameSurface) {
 }
 
 TEST(Enlarged, ReachesTheMarginWhereItCan) {
-  const auto rim = [](const Primitive& p) { return profile(p).pieces.back().to; };
-  const auto inner = [](const Primitive& p) { return profile(p).pieces.front().from; };
+  const auto rim = [](const Primitive& p) { return profile(p).profile_segments.back().to; };
+  const auto inner = [](const Primitive& p) { return profile(p).profile_segments.front().from; };
   EXPECT_NEAR(rim(enlarge(Disc{10, 1}, 2)).x(), 12, 1e-14);
   EXPECT_EQ(inner(enlarge(Disc{10, 1}, 2)).x(), 0);
   EXPECT_NEAR(rim(enlarge(SphereCap{20, 10}, 3)).x(), 13, 1e-14);

@@ -43,7 +43,7 @@ CutterMotion passes(double pitch, double side, double angle) {
 struct Milled {
   CutterMotion motion;
   Cutter cutter = ball_mill;
-  std::function<Surface(const Design&)> search = milled_search(cutter, motion);
+  std::function<Surface(const Design&)> search = prepare_milled_surface(cutter, motion);
   SurfaceProbe operator()(const Design& design) const {
     Surface surface = search(design);
     PassGradients contacts = milled_gradients(design, surface, cutter, motion);

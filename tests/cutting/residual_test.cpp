@@ -71,7 +71,7 @@ TEST(Statistics, PlacesAtRandomAreEvenOverEveryTriangle) {
   Eigen::Matrix3d square = Eigen::Matrix3d::Zero();
   constexpr int n = 200000;
   for (int t = 0; t < n; ++t) {
-    const std::array<double, 3> at = sample_weights(Surface::InteriorSample::Random, t);
+    const std::array<double, 3> at = sample_barycentric(Surface::InteriorSample::Random, t);
     const Eigen::Vector3d p(at[0], at[1], at[2]);
     ASSERT_GE(p.minCoeff(), 0.0);
     ASSERT_NEAR(p.sum(), 1.0, 1e-15);
@@ -82,7 +82,7 @@ TEST(Statistics, PlacesAtRandomAreEvenOverEveryTriangle) {
   EXPECT_LT((mean.array() - 1.0 / 3.0).abs().maxCoeff(), 4 * 0.236 / std::sqrt(n));
   const Eigen::Matrix3d even = (Eigen::Matrix3d::Ones() + Eigen::Matrix3d::Identity()) / 12.0;
   EXPECT_LT((square - even).cwiseAbs().maxCoeff(), 4 * 0.2 / std::sqrt(n));
-  EXPECT_EQ(sample_weights(Surface::InteriorSample::Middle, 7)[1], 1.0 / 3.0);
+  EXPECT_EQ(sample_barycentric(Surface::InteriorSample::Middle, 7)[1], 1.0 / 3.0);
 }
 
 TEST(Statistics, AreThoseComputedByHand) {
@@ -130,7 +130,7 @@ TEST(Statistics, CountGougesBeyondTheBandAsOutOfTolerance) {
   ASSERT_TRUE(t.deepest);
   EXPECT_EQ(t.deepest->vertex, 3);
   EXPECT_EQ(t.deepest->depth, 8.0);
-  EXPECT_TRUE(t.deepest->deeper);
+  EXPECT_TRUE(t.deepest->continues_deeper);
 }
 
 TEST(Statistics, WithoutCutVerticesAreEmpty) {
@@ -218,7 +218,7 @@ TEST(Statistics, OfAPlaceOutOfToleranceBetweenGoodVerticesFail) {
   EXPECT_GT(c.over, 0.0);
   EXPECT_GT(c.under, 0.0);
   EXPECT_FALSE(c.passes());
-  EXPECT_EQ(c.out_of_tolerance, 2);
+  EXPECT_EQ(c.out_of_tolerance_count, 2);
   EXPECT_EQ(c.triangle, 30);
   EXPECT_EQ(c.vertex, -1);
   EXPECT_EQ(c.excess, 4.0);

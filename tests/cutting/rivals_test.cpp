@@ -41,7 +41,7 @@ CutterMotion displaced(CutterMotion motion, const Vector3d& d) {
 }
 
 NoseMotion displaced(NoseMotion motion, const Vector3d& d) {
-  for (Eigen::Isometry3d& T : motion.T_slow) T.translation() += d;
+  for (Eigen::Isometry3d& T : motion.T_without_spindle) T.translation() += d;
   return motion;
 }
 
@@ -424,7 +424,7 @@ TEST(MilledRivals, RefuseOptionsThatMeanNothing) {
   };
   for (const double bad : {-1e-9, nan}) refused({.reach = bad});
   for (const int bad : {0, -1}) refused({.max_passes = bad});
-  for (const double bad : {0.0, -0.01, nan}) refused({.stencil = bad});
+  for (const double bad : {0.0, -0.01, nan}) refused({.difference_step = bad});
   for (const double bad : {0.0, nan}) refused({.band = bad});
   EXPECT_TRUE(milled_competing_passes(design_of(std::vector<Site>{}), ball_mill, motion).empty());
   EXPECT_TRUE(milled_competing_passes(design, ball_mill, motion_of(std::vector<Stop>{})).empty());

@@ -91,8 +91,10 @@ void expect_same(const Surface& whole, Surface streamed) {
   ASSERT_EQ(streamed.gouges.size(), whole.gouges.size());
   for (std::size_t k = 0; k < whole.gouges.size(); ++k) {
     const Gouge &a = whole.gouges[k], &b = streamed.gouges[k];
-    EXPECT_TRUE(a.vertex == b.vertex && a.depth == b.depth && a.deeper == b.deeper) << a.vertex;
-    if (!a.deeper) continue;
+    EXPECT_TRUE(a.vertex == b.vertex && a.depth == b.depth &&
+                a.continues_deeper == b.continues_deeper)
+        << a.vertex;
+    if (!a.continues_deeper) continue;
     streamed.cut_time_s[a.vertex] = whole.cut_time_s[a.vertex];
     streamed.cut_line[std::size_t(a.vertex)] = whole.cut_line[std::size_t(a.vertex)];
   }
@@ -120,7 +122,7 @@ TEST(StreamedSurface, IsToTheBitThatOfTheWholeMotion) {
         cut += count_of(whole, VertexStatus::Cut);
         uncut += count_of(whole, VertexStatus::Uncut);
         gouged += count_of(whole, VertexStatus::Gouged);
-        endless += int(std::ranges::count(whole.gouges, true, &Gouge::deeper));
+        endless += int(std::ranges::count(whole.gouges, true, &Gouge::continues_deeper));
         for (const int moves : {1, 2, 7, 1000}) {
           SCOPED_TRACE(testing::Message() << moves << " moves a block, step " << step);
           int begun = 0;

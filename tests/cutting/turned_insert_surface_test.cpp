@@ -99,8 +99,8 @@ oracles::BruteHit brute(const Ray& ray, const TestEdge& edge, const NoseMotion& 
     for (BruteTurning::Side& side : turning.sides) side.reach -= shrunk;
     turning.middle = part.middle;
     if (part.radius == 1e3) turning.radius = edge.nose.profile->outer_radius + 1.0;
-    for (std::size_t i = 0; i < motion.T_slow.size(); ++i) {
-      const Eigen::Isometry3d& T = motion.T_slow[i];
+    for (std::size_t i = 0; i < motion.T_without_spindle.size(); ++i) {
+      const Eigen::Isometry3d& T = motion.T_without_spindle[i];
       turning.poses.push_back({T.linear(), T.translation(), motion.spindle[Eigen::Index(i)],
                                motion.time_s[Eigen::Index(i)]});
     }

@@ -18,8 +18,8 @@ using Eigen::Vector3d;
 
 oracles::BruteTurning for_oracle(const Nose& nose, const NoseMotion& motion) {
   oracles::BruteTurning turning{nose.radius, {}, motion.spindle_point, motion.spindle_direction};
-  for (std::size_t i = 0; i < motion.T_slow.size(); ++i) {
-    const Eigen::Isometry3d& T = motion.T_slow[i];
+  for (std::size_t i = 0; i < motion.T_without_spindle.size(); ++i) {
+    const Eigen::Isometry3d& T = motion.T_without_spindle[i];
     turning.poses.push_back({T.linear(), T.translation(), motion.spindle[Eigen::Index(i)],
                              motion.time_s[Eigen::Index(i)]});
   }

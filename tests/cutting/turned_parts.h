@@ -42,7 +42,7 @@ inline NoseMotion motion_of(const NosePath& path) {
   motion.spindle = Eigen::VectorXd::Map(path.spindle.data(), Eigen::Index(path.spindle.size()));
   motion.time_s.resize(motion.spindle.size());
   for (std::size_t i = 0; i < path.T_lt.size(); ++i) {
-    motion.T_slow.push_back(T_wl * path.T_lt[i]);
+    motion.T_without_spindle.push_back(T_wl * path.T_lt[i]);
     motion.line.push_back(100 + int(i));
     const auto k = Eigen::Index(i);
     motion.time_s[k] =

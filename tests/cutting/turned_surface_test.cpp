@@ -328,7 +328,7 @@ TEST(TurnedSurface, VertexKnowsTheInstantAndLineThatCutIt) {
 TEST(TurnedSurface, TiesGoToTheEarlierInstant) {
   // On the axis every instant of a dwell leaves the same bits.
   NoseMotion motion;
-  motion.T_slow.assign(41, Eigen::Isometry3d(Eigen::Translation3d(R, 0, 0)));
+  motion.T_without_spindle.assign(41, Eigen::Isometry3d(Eigen::Translation3d(R, 0, 0)));
   motion.spindle = Eigen::VectorXd::LinSpaced(41, 0.0, 40.0 * two_pi);
   motion.time_s = Eigen::VectorXd::LinSpaced(41, 3.0, 43.0);
   motion.line.assign(41, 7);
@@ -391,7 +391,7 @@ TEST(TurnedSurface, BadNumbersAreRefused) {
   motion.line.pop_back();
   refused(design, nose, motion);
   motion = good;
-  motion.T_slow[0].linear() *= 1.001;
+  motion.T_without_spindle[0].linear() *= 1.001;
   refused(design, nose, motion);
   motion = good;
   motion.spindle *= 1e12;

@@ -78,7 +78,7 @@ ReadOptions axis_options(const Frame& frame) {
   options.control = machines::options_for(frame.turning ? test::lathe() : machines::gantry());
   options.control.tool_radius = {{1, 3.0}, {2, 0.5}};
   options.dialect = frame.dialect;
-  options.turning.control = frame.turning ? ControlKind::Turning : ControlKind::Milling;
+  options.turning.control_kind = frame.turning ? ControlKind::Turning : ControlKind::Milling;
   options.limits.blocks = 10000;
   return options;
 }

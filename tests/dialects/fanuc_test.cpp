@@ -177,7 +177,7 @@ TEST(Fanuc, SubprogramsInTheFolderAreNamedInRefusals) {
   fs::create_directories(folder);
   std::ofstream(folder / "O1234.nc") << "%\nO1234 (HOLE)\nG0 X#24\nG31 Z1.\nM99\n%\n";
   ReadOptions with = fanuc_options();
-  with.folder = folder;
+  with.subprogram_folder = folder;
   EXPECT_NE(fanuc_refusal("G65 P1234 X5.\n", with).find("O1234.nc:4:1: expected no probing"),
             std::string::npos);
   std::ofstream(folder / "O1234.nc") << "G0 X#24\nM99\n";

@@ -52,7 +52,7 @@ ReadOptions options_for(const fs::path& folder, const std::string& name) {
   ReadOptions options;
   options.control = machines::options_for(machine_of(folder));
   options.dialect = dialect_of(name);
-  options.folder = folder;
+  options.subprogram_folder = folder;
   return options;
 }
 

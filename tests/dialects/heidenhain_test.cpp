@@ -433,7 +433,7 @@ TEST(Heidenhain, CalledProgramsStandBesideTheProgram) {
   std::ofstream(folder / "hole.h")
       << "BEGIN PGM hole INCH\nL X+1 FMAX\nQL1 = 5\nEND PGM hole INCH\n";
   ReadOptions with = klartext_options();
-  with.folder = folder;
+  with.subprogram_folder = folder;
   const program::Path path =
       klartext("BEGIN PGM A MM\nCALL PGM hole\nL Y+1 FMAX\nEND PGM A MM\n", with).path;
   ASSERT_EQ(path.blocks.size(), 2u);

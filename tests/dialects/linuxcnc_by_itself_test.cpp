@@ -338,7 +338,7 @@ TEST(LinuxCncByItself, SubprogramsInFilesOfTheirOwnKeepTheirLines) {
   std::ofstream(folder.path() / "edge.ngc") << "o<edge> sub\n\nG1 Z-1 F100\nG0 Z[3 + #<_up>]\n"
                                                "o<edge> endsub\n";
   ReadOptions options = six_axes();
-  options.folder = folder.path();
+  options.subprogram_folder = folder.path();
   const std::string text =
       "#<_up> = 2\n/G0 X99\nN7 o<hole> call [5] [6]\nO<HOLE> CALL [7] [8]\nM2\n";
   const Path ours = read_program(text, "part.ngc", options).path;
@@ -439,7 +439,7 @@ TEST(LinuxCncByItself, ProgramsStartNothingAndReadNothingElsewhere) {
     EXPECT_NE(fault.find("part.ngc:2: expected"), std::string::npos) << line << "\n" << fault;
     EXPECT_FALSE(fs::exists(written)) << line;
   }
-  options.folder = folder.path();
+  options.subprogram_folder = folder.path();
   const std::string fault = error_text("G0 X1\no<sub> call\nM2\n", options);
   EXPECT_NE(fault.find("sub.ngc:4: expected no Python"), std::string::npos) << fault;
   EXPECT_EQ(error_text("G0 X1 (logopen," + written.string() + ")\n(log,x)\nM2\n", options), "none");

@@ -201,7 +201,7 @@ TEST(LinuxCnc, SubprogramsInFilesAreNamedInRefusals) {
   fs::create_directories(folder);
   std::ofstream(folder / "drill.ngc") << "o<drill> sub\nG0 X#1\nG38.2 Z1\no<drill> endsub\n";
   ReadOptions with = test_options();
-  with.folder = folder;
+  with.subprogram_folder = folder;
   EXPECT_NE(refused_as("o<drill> call [5]\n", with).find("drill.ngc:3:1: expected no probing"),
             std::string::npos);
   std::ofstream(folder / "drill.ngc") << "o<drill> sub\nG0 X#1\no<drill> endsub [#1 + 1]\n";

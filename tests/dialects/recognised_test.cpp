@@ -11,7 +11,7 @@ namespace {
 
 std::string taken(std::string_view text, std::string_view file = "part.nc") {
   const DetectedDialect detected = detect_dialect(text, file);
-  return std::string(name_of(detected.dialect)) + ": " + detected.sign;
+  return std::string(name_of(detected.dialect)) + ": " + detected.evidence;
 }
 
 TEST(Recognised, BySignsThatOneDialectAloneHas) {
@@ -84,7 +84,7 @@ TEST(Recognised, EveryProgramThatComesWithLinuxCncIsOneOfLinuxCnc) {
     if (entry.path().extension() != ".ngc" || !entry.is_regular_file()) continue;
     const DetectedDialect detected =
         detect_dialect(read_text(entry.path(), 1 << 28), entry.path().string());
-    EXPECT_EQ(name_of(detected.dialect), "linuxcnc") << entry.path() << ": " << detected.sign;
+    EXPECT_EQ(name_of(detected.dialect), "linuxcnc") << entry.path() << ": " << detected.evidence;
     ++programs;
   }
   std::cout << programs << " programs\n";

@@ -103,7 +103,7 @@ TEST(Siemens, SubprogramsStandInFilesBesideTheProgram) {
   const fs::path folder = fs::temp_directory_path() / "abbe_siemens_subs";
   fs::create_directories(folder);
   ReadOptions with = siemens_options();
-  with.folder = folder;
+  with.subprogram_folder = folder;
   std::ofstream(folder / "DRILL.SPF") << "%_N_DRILL_SPF\nPROC DRILL(REAL DEEP)\nG0 X=DEEP\nG58\n";
   EXPECT_NE(siemens_refusal("DRILL(5)\n", with).find("DRILL.SPF:4:1: expected TRANS"),
             std::string::npos);

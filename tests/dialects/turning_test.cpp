@@ -280,7 +280,7 @@ TEST(Turning, TheNoseIsLedByItsTipAndAlongContours) {
             "Z-20\nX60 Z-30\nG40 G1 X70 Z-30\nM30\n"}}) {
     SCOPED_TRACE(name_of(dialect));
     ReadOptions with = lathe_options(dialect);
-    with.turning.tip = 3;  // X- Z- of the centre
+    with.turning.tip_number = 3;  // X- Z- of the centre
     const std::vector<Eigen::Vector2d> at = centres(read_program(text, "part.nc", with).path);
     ASSERT_GE(at.size(), 7u);
     expect_place(at[0], 5 + r, 20 + r);
@@ -468,10 +468,10 @@ TEST(Turning, ProgramsOfTurningControlsAreOneErrorOnAMill) {
   }
   EXPECT_TRUE(
       input_errors("O1\nT0101 M6\nG96 S100 M3\nG97 S100\n(G50 S2000)\nM30\n", mill).empty());
-  mill.turning.control = ControlKind::Turning;
+  mill.turning.control_kind = ControlKind::Turning;
   EXPECT_TRUE(
       input_errors("O1\nG50 S2000\nT0101\nG97 S180 M03\nG00 X54. Z12.\nM30\n", mill).empty());
-  mill.turning.control = ControlKind::FromMachine;
+  mill.turning.control_kind = ControlKind::FromMachine;
   mill.dialect = Dialect::Siemens;
   const auto diameters = input_errors("T1 D1\nDIAMON\nG1 X5 F100\nM30\n", mill);
   ASSERT_EQ(diameters.size(), 1u);

@@ -192,9 +192,9 @@ TEST(Deviations, WithoutRandomKeepsTheBacklashAndForgetsChance) {
   auto state = state_at({0, 0, 0, 0, 0, 0});
   state.direction[1] = -1;
   EXPECT_NE(deviations(model, state)[1].motion[0], 6.0_um);
-  EXPECT_NEAR(deviations(remove_random(model), state)[1].motion[0], 6.0_um, 1e-18);
+  EXPECT_NEAR(deviations(without_random_errors(model), state)[1].motion[0], 6.0_um, 1e-18);
   state.stroke[1] = 9;
-  EXPECT_NEAR(deviations(remove_random(model), state)[1].motion[0], 6.0_um, 1e-18);
+  EXPECT_NEAR(deviations(without_random_errors(model), state)[1].motion[0], 6.0_um, 1e-18);
 }
 
 // ---- the measuring line (Abbe)

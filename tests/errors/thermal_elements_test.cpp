@@ -251,12 +251,13 @@ TEST(ThermalElements, TheWorkpieceIsJudgedAt20C) {
   errors.reference_T_C = 25.0;  // has no say here
   const ThermalModel model = bind(errors, gantry(), 1);
   const Vector3d p(110, 40, 15);
-  const Vector3d cold = at_20_C(model, warm({30.0}), p);
+  const Vector3d cold = position_at_20_C(model, warm({30.0}), p);
   const Vector3d expected = Vector3d(10, 0, -5) + Vector3d(100, 40, 20) / 1.000238;
   EXPECT_NEAR((cold - expected).norm(), 0.0, 1e-13);
-  EXPECT_EQ(at_20_C(model, warm({20.0}), p), p) << "to the last bit";
-  EXPECT_EQ(at_20_C(model, warm({35.0}), errors.workpiece->fixed_w), errors.workpiece->fixed_w);
-  EXPECT_EQ(at_20_C(bind({}, gantry(), 1), warm({35.0}), p), p) << "none given";
+  EXPECT_EQ(position_at_20_C(model, warm({20.0}), p), p) << "to the last bit";
+  EXPECT_EQ(position_at_20_C(model, warm({35.0}), errors.workpiece->fixed_w),
+            errors.workpiece->fixed_w);
+  EXPECT_EQ(position_at_20_C(bind({}, gantry(), 1), warm({35.0}), p), p) << "none given";
 }
 
 TEST(ThermalElements, AMachineAndAWorkpieceThatGrowAlikeCutATrueLength) {
@@ -269,7 +270,8 @@ TEST(ThermalElements, AMachineAndAWorkpieceThatGrowAlikeCutATrueLength) {
   const VectorXd T_C = warm({27.0});
   const auto cut_at = [&](double x) {
     const AxisVector q = q_of({0, x, 0, 0, 0, 0});
-    return at_20_C(model, T_C, chain.tool_in_workpiece(q, deviations(model, q, T_C)).translation());
+    return position_at_20_C(model, T_C,
+                            chain.tool_in_workpiece(q, deviations(model, q, T_C)).translation());
   };
   EXPECT_NEAR((cut_at(200) - cut_at(-100)).x(), 300.0, 1e-12);
 }

@@ -101,7 +101,7 @@ std::vector<Recipe> untuned() {
 ChoiceOptions quick(Split split = Split::LeaveOneRunOut) {
   ChoiceOptions options;
   options.split = split;
-  options.every = 32;
+  options.row_stride = 32;
   return options;
 }
 

@@ -33,15 +33,15 @@ Readings two_starts() {
 TEST(Epochs, AStartIsHowOftenTheNameOfItsSetUpCameBefore) {
   Readings readings = two_starts();
   EXPECT_EQ(start_indices(readings.plan), (std::vector<int>{0, 0, 1, 1}));
-  EXPECT_EQ(day_log(readings).starts, 2);
+  EXPECT_EQ(day_log(readings).start_count, 2);
   readings.plan.set_ups[1].name = "c";
   EXPECT_EQ(start_indices(readings.plan), (std::vector<int>{0, 0, 1, 0}));
 }
 
 TEST(Epochs, EveryStartAloneHasItsOwnSetUpsReadingsAndTemperatures) {
-  const std::vector<Readings> starts = split_by_start(two_starts());
-  ASSERT_EQ(starts.size(), 2u);
-  for (const Readings& one : starts) {
+  const std::vector<Readings> start_count = split_by_start(two_starts());
+  ASSERT_EQ(start_count.size(), 2u);
+  for (const Readings& one : start_count) {
     EXPECT_EQ(one.plan.instrument, "laser");
     ASSERT_EQ(one.plan.set_ups.size(), 2u);
     EXPECT_EQ(one.plan.set_ups[0].name, "a");
@@ -49,10 +49,10 @@ TEST(Epochs, EveryStartAloneHasItsOwnSetUpsReadingsAndTemperatures) {
     ASSERT_EQ(one.plan.measurements.size(), 4u);
     for (int i = 0; i < 4; ++i) EXPECT_EQ(one.plan.measurements[std::size_t(i)].set_up, i / 2);
   }
-  EXPECT_EQ(starts[0].value, Eigen::Vector4d(0, 1, 2, 3));
-  EXPECT_EQ(starts[1].value, Eigen::Vector4d(4, 5, 6, 7));
-  EXPECT_EQ(starts[1].T_C.col(1), starts[1].value);
-  const Eigen::MatrixXd dT_K = temperature_rise_K(starts, {"nut"});
+  EXPECT_EQ(start_count[0].value, Eigen::Vector4d(0, 1, 2, 3));
+  EXPECT_EQ(start_count[1].value, Eigen::Vector4d(4, 5, 6, 7));
+  EXPECT_EQ(start_count[1].T_C.col(1), start_count[1].value);
+  const Eigen::MatrixXd dT_K = temperature_rise_K(start_count, {"nut"});
   EXPECT_EQ(dT_K, Eigen::Vector2d(0, 4));
 }
 

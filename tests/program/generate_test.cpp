@@ -330,7 +330,7 @@ TEST(Spiral, NoseTouchesConeAndSphereAndBridgesTheCorner) {
   spiral.feed_per_revolution = 0.1;
   const double a = 0.249;
   cutting::RevolvedProfile cone;  // Peng's cone with its flat rim
-  cone.pieces = {{{0, 0.4}, {10, 0}, 0.0}, {{10, 0}, {10.8, 0}, 0.0}};
+  cone.profile_segments = {{{0, 0.4}, {10, 0}, 0.0}, {{10, 0}, {10.8, 0}, 0.0}};
   double lowest = 1e9, highest = -1e9, worst_on_line = 0;
   const Path path = spiral_path(spiral, cone, a);
   const double slope = 0.04, length = std::hypot(1.0, slope);

@@ -304,7 +304,7 @@ TEST(AbsurdValues, OfVerticesAreNamedWhereTheyTakeTheMemory) {
     return "";
   };
   sim::WorkEstimate work;
-  work.by = {"program.step_mm"};
+  work.limiting_keys = {"program.step_mm"};
   work.vertices = 5e7;
   work.points = 1e5;
   work.bytes = 1e15;

@@ -87,7 +87,7 @@ INSTANTIATE_TEST_SUITE_P(Compensation, GantryScene,
 /// and known to nobody, and the tool turns as the truth turns it. The workpiece frame of the
 /// platform is that of the bed with all axes at zero.
 cutting::Surface uncorrectable(const Job& job) {
-  const Truth known = remove_random(job.truth);
+  const Truth known = without_random_errors(job.truth);
   const int S = *job.machine.workpiece_spindle;
   cutting::NoseMotion motion;
   motion.spindle_point = Vector3d::Zero();
@@ -106,7 +106,7 @@ cutting::Surface uncorrectable(const Job& job) {
     slow.translation().y() +=
         (back * (truth.translation() - job.T_wt_nominal[i].translation() - chance)).y();
     slow.linear() = back * truth.linear();
-    motion.T_slow.push_back(slow);
+    motion.T_without_spindle.push_back(slow);
     motion.line.push_back(job.samples.line[i]);
     spindle.push_back(turn);
     time.push_back(state.time_s);

@@ -514,7 +514,7 @@ TEST(PoleRules, OfASceneAreReadWrittenAndRefused) {
   const Scene again = read_scene(folder.write("again.toml", scene.resolved));
   const auto& file = std::get<ProgramFile>(again.program.source);
   EXPECT_EQ(file.pole.rule, dialects::PoleRule::Fanuc);
-  EXPECT_EQ(file.pole.near, 1.5 * units::deg);
+  EXPECT_EQ(file.pole.near_angle, 1.5 * units::deg);
   EXPECT_EQ(file.pole.max_rotation_about_pole, 20 * units::deg);
 }
 

@@ -23,7 +23,7 @@ using Eigen::Vector3d;
 /// By how much the form leaves the range of the values within reach of the filter, at most, mm.
 double beyond_range(const Job& job, const Verdict& verdict) {
   const cutting::Design& design = job.design_w;
-  const cutting::Surface& surface = verdict.aligned.surface;
+  const cutting::Surface& surface = verdict.alignment.surface;
   const double cutoff = job.scene.part.form_cutoff;
   double worst = 0.0;
   test::ArealValues values;

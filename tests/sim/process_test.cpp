@@ -158,7 +158,7 @@ TEST(SteppedShaft, TwiceTheComplianceIsTwiceTheDeflectionToFirstOrder) {
 TEST(SteppedShaft, TheLoopContractsAndAgreesToItsTolerance) {
   // one repetition multiplies what is left by the stiffness of the cut over that of the machine, so
   // the largest contraction goes with the compliance; above 1 the secant or the bracket closes it
-  std::map<double, double> contraction;
+  std::map<double, double> loop_gain;
   double last = 0.0;
   for (const double stiffness : {9.06, 1.0, 0.1, 0.03, 0.001}) {
     const Job job =
@@ -167,14 +167,14 @@ TEST(SteppedShaft, TheLoopContractsAndAgreesToItsTolerance) {
     const Cut made = cut(job);
     int most = 0, open = 0;
     for (const ProcessStep& step : made.process.steps) {
-      contraction[stiffness] = std::max(contraction[stiffness], step.contraction);
+      loop_gain[stiffness] = std::max(loop_gain[stiffness], step.loop_gain);
       most = std::max(most, step.iterations);
       open += !step.converged;
       ASSERT_TRUE(step.load.tool_wrench_t.allFinite());
     }
     const double left = radius_deviation(job, made.surface, 14, 16);
-    std::cout << stiffness << " N/um: contraction " << contraction[stiffness] << ", at most "
-              << most << " iterations, " << open << " of " << made.process.steps.size()
+    std::cout << stiffness << " N/um: contraction " << loop_gain[stiffness] << ", at most " << most
+              << " iterations, " << open << " of " << made.process.steps.size()
               << " steps open, radius left " << left / units::um << " um\n";
     if (stiffness >= 1.0) {
       EXPECT_EQ(open, 0);
@@ -185,8 +185,8 @@ TEST(SteppedShaft, TheLoopContractsAndAgreesToItsTolerance) {
     EXPECT_LT(left, 1.001);  // but never more than the blank has: 1 mm here
     last = left;
   }
-  EXPECT_LT(contraction.at(9.06), 1.0);
-  EXPECT_NEAR(contraction.at(1.0) / contraction.at(9.06), 9.06, 0.15 * 9.06);
+  EXPECT_LT(loop_gain.at(9.06), 1.0);
+  EXPECT_NEAR(loop_gain.at(1.0) / loop_gain.at(9.06), 9.06, 0.15 * 9.06);
   EXPECT_GT(last, 0.99);  // a spring of 1 N/mm cuts nothing
 }
 
@@ -198,7 +198,7 @@ Process swinging(double gain, double first_change) {
   for (int k = 0; k < 40; ++k, change *= -gain) {
     ProcessStep& step = process.steps.emplace_back();
     step.line = 10 + k;
-    step.contraction = 0.6;
+    step.loop_gain = 0.6;
     step.load.tool_wrench_t[1] = force += change;
   }
   return process;
@@ -219,7 +219,7 @@ TEST(RevolutionSwing, IsFoundWhereAChangeReturnsAsLargeAndNotWhereItDiesOut) {
   EXPECT_FALSE(revolution_swing(swinging(1.0, 0.5))) << "below 1 % of the force";
   // forces that alternate by chance, as under error motions of a spindle, on a machine too stiff
   Process stiff = swinging(1.05, 10);
-  for (ProcessStep& step : stiff.steps) step.contraction = 0.4;
+  for (ProcessStep& step : stiff.steps) step.loop_gain = 0.4;
   EXPECT_FALSE(revolution_swing(stiff));
   Process milled = swinging(1.0, 30);
   milled.turned.reset();
@@ -243,17 +243,17 @@ TEST(RevolutionSwing, ErrorMotionsOfASpindleAreNoChatterOfAStiffMachine) {
 }
 
 TEST(RevolutionSwing, ALeapOutOfTheWorkCountsWhereTheLoopHasAGainOfOne) {
-  for (const double contraction : {0.9, 1.1})
+  for (const double loop_gain : {0.9, 1.1})
     for (const int every : {8, 30}) {
       Process process = swinging(0.0, 0.0);
       for (std::size_t k = 0; k < process.steps.size(); ++k) {
         ProcessStep& step = process.steps[k];
         step.line = 5;
-        step.contraction = contraction;
+        step.loop_gain = loop_gain;
         if (k % std::size_t(every) != 0) step.load.tool_wrench_t.setZero();
       }
       const auto swing = revolution_swing(process);
-      EXPECT_EQ(swing.has_value(), contraction > 1.0 && every == 8) << contraction << " " << every;
+      EXPECT_EQ(swing.has_value(), loop_gain > 1.0 && every == 8) << loop_gain << " " << every;
       if (!swing) continue;
       EXPECT_EQ(swing->leaps, 4);
       EXPECT_EQ(swing->line, 5);

@@ -254,7 +254,7 @@ TEST(Regions, JudgedByColourAreTheStatisticsOfTheseFacesAlone) {
     const Verdict verdict = judge(job, cut(job), nullptr);
     const cutting::Design design_m =
         cutting::transformed(job.design_w, job.scene.part.T_wm.inverse());
-    cutting::Surface surface = verdict.aligned.surface;
+    cutting::Surface surface = verdict.alignment.surface;
     const std::map<int, double> half = half_of_the_top(design_m, is_red ? -1.0 : 1.0);
     Sums vertices;
     for (Index v = 0; v < design_m.vertices.rows(); ++v) {

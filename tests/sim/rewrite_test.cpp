@@ -58,7 +58,7 @@ std::vector<Override> with_tolerance(std::vector<Override> changes, double um) {
 /// Largest distance, tip or tool at `reach`, between what the axes are commanded and a perfect
 /// iterated correction made at that sample, jumps and rapids left out.
 double off_corrected(const Job& job, const Commands& commanded, double reach) {
-  const Truth truth = remove_random(job.truth);
+  const Truth truth = without_random_errors(job.truth);
   compensation::CorrectOptions options;
   options.rotary_bound = job.scene.compensation.rotary_bound;
   if (const auto* cutter = std::get_if<cutting::Cutter>(&job.scene.tool.nominal))

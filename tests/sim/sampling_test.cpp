@@ -333,7 +333,7 @@ TEST(Sampling, TheErrorFreeSurfaceThatIsKeptIsThatOfTheCut) {
     for (std::size_t i = 0; i < fresh.gouges.size(); ++i) {
       EXPECT_EQ(kept.gouges[i].vertex, fresh.gouges[i].vertex);
       EXPECT_EQ(kept.gouges[i].depth, fresh.gouges[i].depth);
-      EXPECT_EQ(kept.gouges[i].deeper, fresh.gouges[i].deeper);
+      EXPECT_EQ(kept.gouges[i].continues_deeper, fresh.gouges[i].continues_deeper);
     }
   }
 }

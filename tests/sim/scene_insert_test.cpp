@@ -211,7 +211,7 @@ TEST(SceneInsert, ThatOverhangsIsPressedByAllOfItsChip) {
 TEST(SceneInsert, ThatCutsDeeperThanItsEdgeIsWarnedOf) {
   const Process process = turned_at(45.0, 1.0);
   double beyond = 0.0;
-  for (const ProcessStep& step : process.steps) beyond = std::max(beyond, step.beyond_edge);
+  for (const ProcessStep& step : process.steps) beyond = std::max(beyond, step.overhang);
   // an edge of 1 mm at 45 deg ends 0.824 mm above the nose
   EXPECT_NEAR(beyond, 3.0 - 0.4 * (1 - std::sqrt(0.5)) - std::sqrt(0.5), 0.02);
   const std::string text =

@@ -88,7 +88,7 @@ TEST(Shell, ValuesThatAreFilesAreLeftToTheShell) {
   const CommandList all;
   const auto prefix = [&](const std::vector<std::string>& words) {
     const Completions found = completions(all.commands, words, words.size() - 1);
-    return found.has_files ? found.file_prefix : "no files";
+    return found.completes_files ? found.file_prefix : "no files";
   };
   EXPECT_EQ(prefix({"run", "--out", "some"}), "");
   EXPECT_EQ(prefix({"run", "--compensator", "some"}), "");

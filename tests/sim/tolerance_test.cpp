@@ -109,7 +109,7 @@ TEST(Tolerance, VerdictIsALine) {
   c.uncut_vertices = 3;
   EXPECT_EQ(tolerance_verdict(c, {}), "FAIL: 2.1 % of the judged area is not cut");
   c.uncut_vertices = 0;
-  c.out_of_tolerance = 1;
+  c.out_of_tolerance_count = 1;
   c.excess = 3.2_um;
   Verdict::ExtremePoint worst{11.2_um, {12.1, -4.0, 80.2}, 18231, false};
   EXPECT_EQ(tolerance_verdict(c, worst),

@@ -52,40 +52,40 @@ TEST(ResponseStatistics, TwoSayLittleAndFewerAreRefused) {
   EXPECT_TRUE(std::isfinite(two.standard_deviation.high));
   EXPECT_THROW(answers(Eigen::Vector3d(1.0, NAN, infinity)), std::invalid_argument);
   EXPECT_THROW(answers(Eigen::VectorXd()), std::invalid_argument);
-  EXPECT_THROW(quantile_with_band(Eigen::VectorXd(), 0.5), std::invalid_argument);
-  EXPECT_THROW(quantile_with_band(Eigen::Vector2d(1, 2), 1.5), std::invalid_argument);
-  EXPECT_THROW(quantile_with_band(Eigen::Vector2d(1, 2), NAN), std::invalid_argument);
-  EXPECT_THROW(fraction_below(Eigen::VectorXd(), 0.5), std::invalid_argument);
-  EXPECT_EQ(quantile_with_band(Eigen::VectorXd::Constant(1, 7.0), 0.3).value, 7.0);
+  EXPECT_THROW(quantile_with_interval(Eigen::VectorXd(), 0.5), std::invalid_argument);
+  EXPECT_THROW(quantile_with_interval(Eigen::Vector2d(1, 2), 1.5), std::invalid_argument);
+  EXPECT_THROW(quantile_with_interval(Eigen::Vector2d(1, 2), NAN), std::invalid_argument);
+  EXPECT_THROW(fraction_within_limit(Eigen::VectorXd(), 0.5), std::invalid_argument);
+  EXPECT_EQ(quantile_with_interval(Eigen::VectorXd::Constant(1, 7.0), 0.3).value, 7.0);
 }
 
 TEST(ResponseStatistics, QuantilesAreType7WithRanksOfTheBinomialBand) {
   const Eigen::VectorXd to_100 = Eigen::VectorXd::LinSpaced(100, 1.0, 100.0);
-  EXPECT_DOUBLE_EQ(quantile_with_band(to_100, 0.5).value, 50.5);
-  EXPECT_DOUBLE_EQ(quantile_with_band(to_100, 0.95).value, 95.05);
-  EXPECT_DOUBLE_EQ(quantile_with_band(to_100, 0.0).value, 1.0);
-  EXPECT_DOUBLE_EQ(quantile_with_band(to_100, 1.0).value, 100.0);
+  EXPECT_DOUBLE_EQ(quantile_with_interval(to_100, 0.5).value, 50.5);
+  EXPECT_DOUBLE_EQ(quantile_with_interval(to_100, 0.95).value, 95.05);
+  EXPECT_DOUBLE_EQ(quantile_with_interval(to_100, 0.0).value, 1.0);
+  EXPECT_DOUBLE_EQ(quantile_with_interval(to_100, 1.0).value, 100.0);
   // The textbook's ranks for the median of 100: the 40th and the 61st.
-  EXPECT_EQ(quantile_with_band(to_100, 0.5).low, 40.0);
-  EXPECT_EQ(quantile_with_band(to_100, 0.5).high, 61.0);
-  EXPECT_EQ(quantile_with_band(to_100, 0.99).high, 100.0);  // open
+  EXPECT_EQ(quantile_with_interval(to_100, 0.5).low, 40.0);
+  EXPECT_EQ(quantile_with_interval(to_100, 0.5).high, 61.0);
+  EXPECT_EQ(quantile_with_interval(to_100, 0.99).high, 100.0);  // open
 }
 
 TEST(ResponseStatistics, BandsOfSharesAreWilsons) {
   Eigen::VectorXd ten = Eigen::VectorXd::LinSpaced(10, 1.0, 10.0);
-  const IntervalEstimate eight = fraction_below(ten, 8.0);
+  const IntervalEstimate eight = fraction_within_limit(ten, 8.0);
   EXPECT_DOUBLE_EQ(eight.value, 0.8);
   EXPECT_NEAR(eight.low, 0.4901625, 1e-6);
   EXPECT_NEAR(eight.high, 0.9433178, 1e-6);
-  const IntervalEstimate none = fraction_below(ten, 0.5);
+  const IntervalEstimate none = fraction_within_limit(ten, 0.5);
   EXPECT_EQ(none.value, 0.0);
   EXPECT_EQ(none.low, 0.0);
   EXPECT_NEAR(none.high, 0.2775328, 1e-6);
-  const IntervalEstimate all = fraction_below(ten, 10.0);
+  const IntervalEstimate all = fraction_within_limit(ten, 10.0);
   EXPECT_EQ(all.high, 1.0);
   EXPECT_NEAR(all.low, 1 - 0.2775328, 1e-6);
   ten(3) = NAN;
-  EXPECT_DOUBLE_EQ(fraction_below(ten, 8.0).value, 7.0 / 9.0);
+  EXPECT_DOUBLE_EQ(fraction_within_limit(ten, 8.0).value, 7.0 / 9.0);
 }
 
 TEST(ResponseStatistics, CapabilityByHand) {
@@ -151,7 +151,7 @@ Eigen::Array<double, 5, 1> coverage(const Distribution& d, int n, int samples) {
     look(1, seen.standard_deviation, truth.standard_deviation);
     look(2, seen.median, quantile(d, 0.5));
     look(3, seen.p95, quantile(d, 0.95));
-    look(4, fraction_below(values, p90), 0.9);
+    look(4, fraction_within_limit(values, p90), 0.9);
   }
   return held / samples;
 }

@@ -500,7 +500,7 @@ TEST_F(BudgetPictures, OfCorrelationsLeaveOutWhatChanceMayGive) {
   Budget b = compute_budget({.inputs = 46, .configurations = 1, .map = false});
   b.sweeps.clear();  // no other picture
   for (ResponseBudget& r : b.configurations[0].responses) {
-    r.convergence.reset();
+    r.index_convergence.reset();
     r.values.resize(0);
     for (Contribution& c : r.contributions) {
       c.low = c.high = {};

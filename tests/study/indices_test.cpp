@@ -67,7 +67,8 @@ TEST(SobolIndices, IshigamisAreTheKnownFigures) {
 TEST(SobolIndices, OfSobolPointsAreWithinTheirBandsAtEverySize) {
   for (const Known& known : {ishigami_known(), linear_known()})
     for (const std::uint64_t seed : {1u, 2u, 3u}) {
-      const auto steps = convergence(scaled_responses(known.of, {Sampling::Sobol, 6, seed}, 16384));
+      const auto steps =
+          index_convergence(scaled_responses(known.of, {Sampling::Sobol, 6, seed}, 16384));
       ASSERT_EQ(steps.base_points.size(), 12u);
       EXPECT_EQ(steps.base_points.front(), 8);
       for (std::size_t s = 3; s < steps.base_points.size(); ++s) {
@@ -251,7 +252,7 @@ TEST(SobolIndices, BasePointsWithGapsAreLeftOut) {
     EXPECT_EQ(seen[i].first.value, expected[i].first.value);
     EXPECT_EQ(seen[i].total.high, expected[i].total.high);
   }
-  EXPECT_EQ(convergence(gaps).base_points, (std::vector<Eigen::Index>{10, 20, 40}));
+  EXPECT_EQ(index_convergence(gaps).base_points, (std::vector<Eigen::Index>{10, 20, 40}));
 }
 
 TEST(SobolIndices, EqualBitsWheneverAskedAndOtherBandsOfAnotherSeed) {
@@ -278,7 +279,7 @@ TEST(SobolIndices, TooFewAnswersAreRefused) {
   EXPECT_THROW(sobol_indices(Eigen::MatrixXd(0, 4)), std::invalid_argument);
   EXPECT_THROW(sobol_indices(Eigen::MatrixXd::Constant(20, 4, std::nan(""))),
                std::invalid_argument);
-  EXPECT_THROW(convergence(Eigen::MatrixXd::Random(7, 4)), std::invalid_argument);
+  EXPECT_THROW(index_convergence(Eigen::MatrixXd::Random(7, 4)), std::invalid_argument);
   EXPECT_NO_THROW(sobol_indices(Eigen::MatrixXd::Random(8, 3)));
 }
 

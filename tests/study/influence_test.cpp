@@ -51,9 +51,9 @@ Agreement agreement(const Study& study, const PreparedConfiguration& ready, cons
       const double by = cut && cut_there ? estimated(v, i) - tried.surface.residual[v] : 0.0;
       off += a * by * by;
       size += cut ? a * std::pow(tried.surface.residual[v] - map.error_free[v], 2) : 0.0;
-      if (cut == cut_there && std::abs(by) <= study.influence.flag) continue;
+      if (cut == cut_there && std::abs(by) <= study.influence.flag_threshold) continue;
       all.failed += 100 * a / area / double(x.cols());
-      if (!(map.max_error[v] > study.influence.flag))
+      if (!(map.max_error[v] > study.influence.flag_threshold))
         all.unseen += 100 * a / area / double(x.cols());
     }
     const auto percent = [](double estimate, double truth) {
@@ -337,7 +337,7 @@ TEST(Influence, ResponsesAreTheStatisticsOfTheMaps) {
 }
 
 bool is_flagged(const MadeStudy& made, Index v) {
-  return made.map.max_error[v] > made.study.influence.flag;
+  return made.map.max_error[v] > made.study.influence.flag_threshold;
 }
 
 /// A core that some machines leave and others do not: the rivals of the base run cannot know that.

@@ -28,7 +28,7 @@ TEST(MainEffects, SeeWhatIsEvenInItsInputsWhereCorrelationsDoNot) {
   const VectorXd effects = main_effects(x, y);
   EXPECT_NEAR(effects[0], 0.9, 0.03);
   EXPECT_NEAR(effects[1], 0.1, 0.03);
-  EXPECT_LT(effects[2], chance_effect(4000, 4));
+  EXPECT_LT(effects[2], main_effect_chance_limit(4000, 4));
   const double correlation = (x.row(0).array() * (y.array() - y.mean()).transpose()).mean() /
                              std::sqrt((y.array() - y.mean()).square().mean());
   EXPECT_LT(std::abs(correlation), 0.1) << "a correlation says that it makes 1 % at most";
@@ -55,7 +55,7 @@ TEST(MainEffects, OfNothingAreZeroOnTheAverageAndBeyondChanceInOneStudyOfTwenty)
   for (int k = 0; k < studies; ++k) {
     const MatrixXd x = normal_inputs(inputs + 1, cases, unsigned(1000 + k));
     const VectorXd effects = main_effects(x.topRows(inputs), x.row(inputs).transpose());
-    beyond += effects.maxCoeff() > chance_effect(cases, inputs);
+    beyond += effects.maxCoeff() > main_effect_chance_limit(cases, inputs);
     sum += effects.mean() / studies;
   }
   // 50 are expected, with a standard deviation of 7
@@ -67,7 +67,7 @@ TEST(MainEffects, OfNothingAreZeroOnTheAverageAndBeyondChanceInOneStudyOfTwenty)
 TEST(MainEffects, OfFewCasesOrWithoutVariationAreZero) {
   const MatrixXd x = normal_inputs(2, 9, 1);
   EXPECT_EQ(main_effects(x, x.row(0).transpose()), Eigen::Vector2d(0, 0));
-  EXPECT_EQ(chance_effect(9, 2), 1.0);
+  EXPECT_EQ(main_effect_chance_limit(9, 2), 1.0);
   MatrixXd many = normal_inputs(2, 50, 1);
   EXPECT_EQ(main_effects(many, VectorXd::Constant(50, 3.0)), Eigen::Vector2d(0, 0));
   many.row(1).setConstant(2.0);

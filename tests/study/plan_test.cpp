@@ -22,7 +22,7 @@ Study whole_study() {
                           {Distribution::Kind::Uniform, -1.0, 3.0},
                           {Distribution::Kind::LogNormal, 4.0, 0.25}});
   study.engine = Engine::Both;
-  study.proofs = 3;
+  study.verification_cases = 3;
   study.one_at_a_time = OneAtATime{1.0};
   study.monte_carlo = MonteCarlo{100, Sampling::Sobol};
   study.sobol = SobolAnalysis{8};
@@ -82,7 +82,7 @@ TEST(Plan, WithoutInputsIsEmptyAndWithoutQuestionsTheBaseAlone) {
 
 TEST(Plan, ProvesNoMoreCasesThanMonteCarloHas) {
   Study study = whole_study();
-  study.proofs = 1'000'000;
+  study.verification_cases = 1'000'000;
   EXPECT_EQ(block(make_plan(study), BlockKind::Proof).count, 100u);
 }
 

@@ -52,15 +52,16 @@ TEST_F(ReadStudy, OfLittleTextHasTheDefaults) {
   EXPECT_EQ(study.title, "study");
   EXPECT_EQ(study.engine, Engine::Influence);
   EXPECT_EQ(study.seed, 1u);
-  EXPECT_EQ(study.proofs, 50u);
+  EXPECT_EQ(study.verification_cases, 50u);
   ASSERT_EQ(study.configurations.size(), 1u);
   EXPECT_EQ(study.configurations[0].name, "uncompensated");
   EXPECT_EQ(study.responses, (std::vector{Response::Pv, Response::Rms}));
-  EXPECT_FALSE(study.machine_part || study.one_at_a_time || study.monte_carlo || study.sobol ||
-               study.worst_case || study.tolerance || study.uncertainty || study.histories);
+  EXPECT_FALSE(study.subtracts_error_free_map || study.one_at_a_time || study.monte_carlo ||
+               study.sobol || study.worst_case || study.tolerance || study.uncertainty ||
+               study.histories);
   EXPECT_TRUE(study.sweeps.empty() && study.limits.empty() && study.copula.groups().empty());
   EXPECT_EQ(study.influence.reach, 0.05);
-  EXPECT_EQ(study.influence.flag, 2e-4);
+  EXPECT_EQ(study.influence.flag_threshold, 2e-4);
 }
 
 TEST_F(ReadStudy, EveryKeyArrives) {
@@ -88,7 +89,7 @@ TEST_F(ReadStudy, EveryKeyArrives) {
   EXPECT_EQ(study.title, "all");
   EXPECT_EQ(study.engine, Engine::Both);
   EXPECT_EQ(study.seed, 7u);
-  EXPECT_EQ(study.proofs, 5u);
+  EXPECT_EQ(study.verification_cases, 5u);
   EXPECT_EQ(study.overrides, (std::vector<Override>{{"part.vertices", "400"}}));
   ASSERT_EQ(study.configurations.size(), 4u);
   EXPECT_EQ(study.configurations[0].name, "uncompensated");
@@ -96,7 +97,7 @@ TEST_F(ReadStudy, EveryKeyArrives) {
   EXPECT_EQ(study.configurations[3].name, "leaning perfect-iterated-ideal");
   EXPECT_EQ(study.configurations[3].variant, "leaning");
   EXPECT_EQ(study.responses.size(), 11u);
-  EXPECT_TRUE(study.machine_part);
+  EXPECT_TRUE(study.subtracts_error_free_map);
   EXPECT_EQ(study.limits, (std::vector<std::pair<Response, double>>{{Response::Rms, 0.004},
                                                                     {Response::P95Abs, 0.03},
                                                                     {Response::FormPv, 0.008},
@@ -137,8 +138,8 @@ TEST_F(ReadStudy, EveryKeyArrives) {
   EXPECT_DOUBLE_EQ(study.influence.reach, 0.07);
   EXPECT_EQ(study.influence.max_competing_passes, 3);
   EXPECT_EQ(study.influence.checks, 1);
-  EXPECT_DOUBLE_EQ(study.influence.flag, 5e-4);
-  EXPECT_FALSE(study.influence.sheet);
+  EXPECT_DOUBLE_EQ(study.influence.flag_threshold, 5e-4);
+  EXPECT_FALSE(study.influence.has_overview_sheet);
   EXPECT_EQ(study.influence.pictures, (std::vector<std::string>{"scale of X"}));
 }
 

@@ -87,14 +87,14 @@ inline ResponseBudget response_of(Response response, const Synthetic& options, d
   r.response = response;
   const double unit = response == Response::InTolerance ? -1e3 : scale;
   r.base = response == Response::InTolerance ? 96.0 : 3.2e-3 * scale;
-  r.convergence = convergence_of(options.inputs);
+  r.index_convergence = convergence_of(options.inputs);
   double squares = 0.0, sum = 0.0;
   for (int i = 0; i < options.inputs; ++i) {
     Contribution c;
     c.input = i;
     c.low = (i % 4 == 3 ? 0.6 : -0.9) * unit * effect(i);
     c.high = unit * effect(i);
-    c.sobol = r.convergence->indices.back()[std::size_t(i)];
+    c.sobol = r.index_convergence->indices.back()[std::size_t(i)];
     c.correlation = (i % 2 ? -1.0 : 1.0) * 0.6 * std::pow(0.8, i);
     c.rank_correlation = *c.correlation * 0.97;
     squares += *c.high * *c.high;

@@ -218,7 +218,7 @@ TEST(Tolerance, AFreshMonteCarloOfARealMapAgreesAndTradesDoNotPay) {
     const auto share_of = [&](const VectorXd& factors, std::uint64_t seed, int machines) {
       const Eigen::MatrixXd z =
           draw_inputs(machine.study, points({Sampling::Random, p, seed}, 0, machines));
-      return fraction_below(function.values(factors.asDiagonal() * z), limit);
+      return fraction_within_limit(function.values(factors.asDiagonal() * z), limit);
     };
     SCOPED_TRACE("seeds 1001 .. 1002");
     const IntervalEstimate share = share_of(a.cheapest, 1001, 40000);
@@ -232,7 +232,7 @@ TEST(Tolerance, AFreshMonteCarloOfARealMapAgreesAndTradesDoNotPay) {
     const Eigen::MatrixXd drawn_once =
         draw_inputs(machine.study, points({Sampling::Random, p, 1001}, 0, 20000));
     const auto share_of_trade = [&](const VectorXd& factors) {
-      return fraction_below(function.values(factors.asDiagonal() * drawn_once), limit).value;
+      return fraction_within_limit(function.values(factors.asDiagonal() * drawn_once), limit).value;
     };
     const double share_of_cheapest = share_of_trade(a.cheapest);
     double best = 0.0;

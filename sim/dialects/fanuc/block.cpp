@@ -118,8 +118,8 @@ std::string_view read_comment(Cursor& cursor) {
 void Block::clear() {
   words.clear();
   codes.clear();
-  percent = false;
-  skipped_code = code_without_words = {};
+  is_percent_line = false;
+  skipped_code = code_forbidding_axis_words = {};
   arguments.clear();
   comments.clear();
 }
@@ -128,7 +128,7 @@ int whole_number(const program::Canon& canon, const Word& word, int max) {
   const double rounded = std::round(word.value);
   // A literal must be an integer; a computed value carries rounding errors, so it is rounded.
   const bool is_literal = word.text.find_first_of("#[") == std::string_view::npos;
-  if ((is_literal && word.has_point) || rounded < 0 || rounded > max)
+  if ((is_literal && word.is_in_full_units) || rounded < 0 || rounded > max)
     canon.throw_input_error(word,
                             fmt::format("an integer from 0 to {} without a decimal point", max));
   return int(rounded);
@@ -205,7 +205,7 @@ void BlockReader::store_code(const Word& word) {
   }
   if (properties.use == WordTreatment::Refused)
     run_.canon.throw_input_error(word, std::string(properties.sentence));
-  if (properties.group == Group::None) block_.code_without_words = word;
+  if (properties.group == Group::None) block_.code_forbidding_axis_words = word;
   if (properties.group == Group::None || properties.group == Group::WithMotion) return;
   const Code& previous_code = block_[properties.group];
   // The last of several G codes of a modal group is in force. Codes of group 00, and M codes
@@ -252,7 +252,7 @@ void BlockReader::read_word() {
   word.text = cursor_.text.substr(from, cursor_.at - from);
   // A number with a point or an expression is in full units (mm, degrees); only a bare integer
   // counts increments.
-  word.has_point = word.text.find_first_of(".#[") != std::string_view::npos;
+  word.is_in_full_units = word.text.find_first_of(".#[") != std::string_view::npos;
   // The control ignores an address whose value is a vacant variable.
   if (is_vacant(word.value)) return;
   // In tenths: 650 is G65, 660 is G66.
@@ -277,7 +277,7 @@ void BlockReader::read_word() {
 void BlockReader::read() {
   cursor_.skip_blanks();
   if (cursor_.current() == '%') {
-    block_.percent = true;  // the rest of the line is outside of the program
+    block_.is_percent_line = true;  // the rest of the line is outside of the program
     return;
   }
   while (skip_to_next_word()) read_word();

@@ -20,7 +20,7 @@ using program::Target;
 struct Word : program::NcWord {
   char letter = '\0';
   /// True for a decimal point or an expression: the number does not count increments.
-  bool has_point = false;
+  bool is_in_full_units = false;
 };
 
 /// Groups of G and M codes. Of several codes of a modal group in a block the last one is in force,
@@ -63,11 +63,11 @@ using Code = TenthsCode<Word>;
 struct Block {
   SparseSlots<Word, 26> words;  ///< by letter; G and M are in `codes`
   SparseSlots<Code, std::size_t(Group::Count)> codes;
-  std::vector<Word> arguments;  ///< of G65 and G66, in program order
-  Word skipped_code;            ///< an unknown code that was skipped
-  Word code_without_words;      ///< a code without effect with which axis words are an error
+  std::vector<Word> arguments;      ///< of G65 and G66, in program order
+  Word skipped_code;                ///< an unknown code that was skipped
+  Word code_forbidding_axis_words;  ///< a code without effect with which axis words are an error
   std::vector<std::string_view> comments;
-  bool percent = false;
+  bool is_percent_line = false;
 
   const Word& operator[](char letter) const { return words[std::size_t(letter - 'A')]; }
   const Code& operator[](Group group) const { return codes[std::size_t(group)]; }

@@ -137,10 +137,10 @@ bool Flow::execute_block(Cursor cursor) {
   read_block(cursor, run_, *this, block_);
   block_.comments.insert(block_.comments.begin(), leading_comments.begin(), leading_comments.end());
   // The user may have expected text after % to be read.
-  if (block_.percent && has_words(cursor.text))
+  if (block_.is_percent_line && has_words(cursor.text))
     run_.warn_once(fmt::format("{}:{}: {} on the line of % is ignored", run_.canon.place().file,
                                run_.canon.line(), quoted_excerpt(cursor.text)));
-  if (block_.percent || block_.empty()) {
+  if (block_.is_percent_line || block_.empty()) {
     for (const std::string_view text : block_.comments) run_.canon.comment(text);
     return true;
   }
@@ -381,9 +381,9 @@ void Flow::add_programs(std::size_t source) {
   bool has_number = false;
   for (std::size_t i = 0; i < end; ++i) {
     const std::size_t at = skip_blanks_and_comments(file.lines[i], 0);
-    const bool percent = at < file.lines[i].size() && file.lines[i][at] == '%';
-    if (percent && has_words_before) end = i;
-    has_words_before = has_words_before || (!percent && has_words(file.lines[i]));
+    const bool is_percent_line = at < file.lines[i].size() && file.lines[i][at] == '%';
+    if (is_percent_line && has_words_before) end = i;
+    has_words_before = has_words_before || (!is_percent_line && has_words(file.lines[i]));
     const auto number = parse_program_number(file.lines[i]);
     if (!number) continue;
     // Text before the first O number belongs to the first program.
@@ -487,7 +487,7 @@ void Flow::jump(int number, const Cause& cause) {
 
 /// Returns a subprogram from a file of its own in the folder of the program, or null.
 Program* Flow::program_in_file(int number) {
-  const std::filesystem::path& folder = run_.options().folder;
+  const std::filesystem::path& folder = run_.options().subprogram_folder;
   if (folder.empty()) return nullptr;
   for (const std::string& stem : {fmt::format("O{:04}", number), fmt::format("O{}", number)})
     for (const char* extension : {"", ".nc", ".NC"}) {
@@ -584,9 +584,9 @@ std::vector<std::pair<int, double>> Flow::macro_arguments(const Block& block) {
     // The numbers of D H M S T are taken as written; others count increments without a point.
     const bool is_plain_number =
         std::string_view("DHMST").find(word.letter) != std::string_view::npos;
-    if ((word.letter == 'E' || word.letter == 'F') && !word.has_point && word.value != 0.0)
+    if ((word.letter == 'E' || word.letter == 'F') && !word.is_in_full_units && word.value != 0.0)
       run_.canon.throw_input_error(word, "a decimal point in argument E or F");
-    values.emplace_back(variable, is_plain_number ? word.value : machine_.argument(word));
+    values.emplace_back(variable, is_plain_number ? word.value : machine_.word_value(word));
   }
   return values;
 }

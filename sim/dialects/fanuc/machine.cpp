@@ -47,13 +47,13 @@ Machine::Machine(ProgramRun& run)
       has_diameters_(run.has_initial_diameters(true)),
       compensation_(run),
       vector_lines_(run),
-      zero_(AxisVector::Zero(run.canon.position().size())) {
+      zero_offset_(AxisVector::Zero(run.canon.position().size())) {
   const program::NcOptions& options = canon_.options();
   for (const auto& [h, mm] : options.tool_length) lengths_[h].value = mm;
   for (const auto& [d, mm] : options.tool_radius) radii_[d].value = mm;
   const auto subtract_wear = [](Offsets& offsets, const std::map<int, double>& wear) {
     for (const auto& [number, mm] : wear) {
-      Geometry& entry = offsets[number];
+      OffsetEntry& entry = offsets[number];
       // Tables state values including wear. It is subtracted because the control adds it again.
       if (entry.value) entry.value = *entry.value - mm;
       entry.wear = mm;
@@ -62,8 +62,9 @@ Machine::Machine(ProgramRun& run)
   subtract_wear(lengths_, options.length_wear);
   subtract_wear(radii_, options.radius_wear);
   for (std::size_t i = 0; i < options.work_offset.size(); ++i)
-    systems_[int(i) + 1] = options.work_offset[i].size() > 0 ? options.work_offset[i] : zero_;
-  external_ = g92_ = g52_ = zero_;
+    systems_[int(i) + 1] =
+        options.work_offset[i].size() > 0 ? options.work_offset[i] : zero_offset_;
+  external_ = g92_ = g52_ = zero_offset_;
   for (const auto& [number, offset] : options.extra_offsets) {
     if (number == 0) external_ = offset;
     if (number > 100) systems_[number] = offset;
@@ -81,7 +82,7 @@ Machine::Machine(ProgramRun& run)
 
 double Machine::unit() const { return canon_.inch() ? units::inch : 1.0; }
 
-double Machine::argument(const Word& word) {
+double Machine::word_value(const Word& word) {
   return apply_increment(word, min_increment(word.letter, canon_.inch()));
 }
 
@@ -91,11 +92,11 @@ double Machine::angle_in_degrees(const Word& word) {
 
 /// Returns the value of a word. Without a decimal point it counts least input increments.
 double Machine::apply_increment(const Word& word, double increment) {
-  if (word.has_point || word.value == 0.0) return word.value;
+  if (word.is_in_full_units || word.value == 0.0) return word.value;
   const double value = word.value * increment;
   // The warning is worth its line: hand-written programs may lack points, and the factor is 1000.
-  if (!has_warned_of_point_) {
-    has_warned_of_point_ = true;
+  if (!has_warned_of_missing_decimal_point_) {
+    has_warned_of_missing_decimal_point_ = true;
     run_.warn_once(fmt::format(
         "{}:{}: {} has no decimal point and is {:g}: such numbers are in units of the least input "
         "increment, 0.001 mm, 0.001 degrees or 0.0001 inch (parameter 3401.0 DPI = 0, IS-B)",
@@ -104,7 +105,7 @@ double Machine::apply_increment(const Word& word, double increment) {
   return value;
 }
 
-double Machine::axis_word(int j, const Word& word) {
+double Machine::axis_word_value(int j, const Word& word) {
   if (!canon_.is_linear(j)) return angle_in_degrees(word) * units::deg;
   // Diameters are halved here, so that all other code works with radii.
   return length(word) * (has_diameters_ && j == joint(0) ? 0.5 : 1.0);
@@ -185,9 +186,9 @@ void Machine::check_words(const Block& block) const {
   if (axis && block.skipped_code.letter == 'G')
     throw_input_error(*axis, "no axis words with a code that is skipped: their effect is unknown",
                       fmt::format("{} with {}", shown(axis->text), shown(block.skipped_code.text)));
-  if (axis && block.code_without_words)
+  if (axis && block.code_forbidding_axis_words)
     throw_input_error(*axis, fmt::format("no axis words with {}, which takes none",
-                                         shown(block.code_without_words.text)));
+                                         shown(block.code_forbidding_axis_words.text)));
   check_axis_word_owners(block);
 }
 
@@ -223,7 +224,7 @@ void Machine::set_feed(const Block& block) {
   if (!(f.value >= min_feed)) throw_input_error(f, "a feed greater than zero");
   // Parameters of the control decide about F without a point in inches or per turn, but not in
   // mm/min.
-  if (!f.has_point && (canon_.inch() || canon_.feed_mode() != FeedMode::PerMinute))
+  if (!f.is_in_full_units && (canon_.inch() || canon_.feed_mode() != FeedMode::PerMinute))
     throw_input_error(
         f,
         is_turning_
@@ -274,11 +275,11 @@ void Machine::call_tools(const Block& block) {
   const bool changes(block[Group::ToolChange]);
   static const Word no_tool;
   const Word& t = is_turning_ ? no_tool : block['T'];
-  if (t) selected_ = whole_number(canon_, t, 99'999'999);
+  if (t) preselected_tool_ = whole_number(canon_, t, 99'999'999);
   // On a machining centre T selects a tool and M6, maybe in a later block, changes to it.
-  if (changes && selected_ >= 0) tool_ = selected_;
-  if (t || changes) canon_.record_tool_call(t ? selected_ : -1.0, changes);
-  std::string text = t ? fmt::format("T{}", selected_) : "";
+  if (changes && preselected_tool_ >= 0) tool_ = preselected_tool_;
+  if (t || changes) canon_.record_tool_call(t ? preselected_tool_ : -1.0, changes);
+  std::string text = t ? fmt::format("T{}", preselected_tool_) : "";
   const auto add_word = [&](bool is_programmed, const char* word) {
     if (is_programmed) text += std::string(text.empty() ? "" : " ") + word;
   };
@@ -359,11 +360,12 @@ void Machine::dwell(const Block& block) {
       throw_input_error(word, "X or U (seconds) or P (milliseconds) as the only word with G4");
   // A computed value has no written decimal point.
   const bool is_computed = time_word->text.find_first_of("#[") != std::string_view::npos;
-  if (time_word->letter == 'P' && time_word->has_point && !is_computed)
+  if (time_word->letter == 'P' && time_word->is_in_full_units && !is_computed)
     throw_input_error(*time_word, "milliseconds without a decimal point after P, or X in seconds");
   // Without a point X and U of G4 count increments of 0.001 s.
-  const double seconds = time_word->letter == 'P' || !time_word->has_point ? time_word->value * 1e-3
-                                                                           : time_word->value;
+  const double seconds = time_word->letter == 'P' || !time_word->is_in_full_units
+                             ? time_word->value * 1e-3
+                             : time_word->value;
   if (!(seconds >= 0 && seconds <= 1e6)) throw_input_error(*time_word, "0 to 1e6 seconds with G4");
   // The dwell must follow a move that compensation still postpones.
   compensation_.run_after_move(
@@ -499,16 +501,17 @@ LineWords parse_line_words(Cursor cursor) {
 
 }  // namespace
 
-std::optional<TurningSign> find_turning_sign(std::string_view text, const program::Canon& canon) {
+std::optional<TurningEvidence> find_turning_evidence(std::string_view text,
+                                                     const program::Canon& canon) {
   const bool has_u_or_w = canon.joint_of('U') >= 0 || canon.joint_of('W') >= 0;
-  std::optional<TurningSign> tool;
+  std::optional<TurningEvidence> tool;
   // T0101 is a valid tool number on a mill too, so it counts only together with G96 and without M6.
   bool has_g96 = false, has_m6 = false;
   LineReader lines(text);
   while (const auto line = lines.next()) {
     const LineWords words = parse_line_words({*line, canon.place()});
     const auto sign = [&](std::string_view what, int column) {
-      return TurningSign{std::string(what), lines.number(), column};
+      return TurningEvidence{std::string(what), lines.number(), column};
     };
     if (const int at = words.find_g_code(50, 50); at > 0 && words.has('S'))
       return sign("G50 with S, the maximum spindle speed of a turning control", at);
@@ -540,7 +543,7 @@ int Machine::joint_of_word(char letter) const {
 
 /// Reports the assumptions about the control for which the program was written.
 void Machine::note_turning_control() {
-  if (run_.options().turning.control == ControlKind::FromMachine)
+  if (run_.options().turning.control_kind == ControlKind::FromMachine)
     canon_.assume(
         {"since a spindle turns the workpiece, the control is taken as a turning control (Fanuc "
          "G-code system A): U V W H are increments, G98 and G99 set the feed mode",
@@ -589,7 +592,7 @@ void Machine::call_tool_and_offset(const Block& block) {
   tool_offset_.called = true;
   tool_offset_.number = value % 100;
   if (tool != 0) {
-    selected_ = tool_ = tool;
+    preselected_tool_ = tool_ = tool;
     canon_.record_tool_call(tool, true);
     canon_.record_auxiliary_word(fmt::format("T{} M6", tool));
   }
@@ -603,7 +606,7 @@ std::optional<double> Machine::nose_radius() const {
 }
 
 AxisVector Machine::programmed_nose_offset() const {
-  return nose_offset(canon_, run_.options().turning.tip, nose_radius());
+  return nose_offset(canon_, run_.options().turning.tip_number, nose_radius());
 }
 
 /// Puts the tool offset in force. It is a measured one: X Z lead the tip of the tool, and X0 is on
@@ -644,7 +647,7 @@ void Machine::store_wear(const Block& block) {
     if (j != joint(0) && j != joint(2))
       throw_input_error(*word, "X Z U W or R with G10 for a tool");
     double& value = j == joint(0) ? wear.x : wear.z;
-    value = axis_word(j, *word) + (is_incremental ? value : 0.0);
+    value = axis_word_value(j, *word) + (is_incremental ? value : 0.0);
   }
   if (const Word& r = block['R']) wear.radius = length(r);
   if (number == tool_offset_.number) apply_tool_offset(code.word);
@@ -662,10 +665,10 @@ void Machine::set_nose_compensation(const Code& code) {
     return compensation_.shift_programmed(programmed_nose_offset());
   }
   if (compensation_.is_on()) {
-    if (code.tenths == side_) return;  // postprocessors repeat the code
+    if (code.tenths == start_side_) return;  // postprocessors repeat the code
     throw_input_error(code.word, "G40 between G41 and G42");
   }
-  side_ = code.tenths;
+  start_side_ = code.tenths;
   const std::string_view plane = plane_letters();
   const int first = canon_.joint_of(plane[0]), second = canon_.joint_of(plane[1]);
   if (first < 0 || second < 0)
@@ -697,7 +700,7 @@ void Machine::turning_cycle(const Block& block) {
   TurningCycle& cycle = turning_cycle_;
   for (const auto& [j, word, is_incremental] : axis_words(block)) {
     if (j != x && j != z) throw_input_error(*word, "X Z U W with G90 and G94");
-    const double to = axis_word(j, *word) + (is_incremental ? start[j] : 0.0);
+    const double to = axis_word_value(j, *word) + (is_incremental ? start[j] : 0.0);
     (j == x ? cycle.x : cycle.z) = to;
     (j == x ? cycle.has_x : cycle.has_z) = true;
   }

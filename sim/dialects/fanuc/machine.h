@@ -33,7 +33,7 @@ class Machine {
 
   /// Returns the value of a word in program units. A value without a decimal point is a number of
   /// increments.
-  double argument(const Word& word);
+  double word_value(const Word& word);
   /// Returns the value of a system variable; empty if it cannot be read.
   std::optional<double> variable(int number);
   /// Sets a system variable. Returns false if it cannot be set.
@@ -51,11 +51,11 @@ class Machine {
   };
   using Words = std::vector<AxisWord>;
   /// A tool offset and its wear.
-  struct Geometry {
+  struct OffsetEntry {
     std::optional<double> value;  ///< mm; empty if unknown
     double wear = 0.0;            ///< mm
   };
-  using Offsets = std::map<int, Geometry>;
+  using Offsets = std::map<int, OffsetEntry>;
 
   // Words and modes.
   [[noreturn]] void throw_input_error(const Cause& cause, std::string expected,
@@ -86,10 +86,10 @@ class Machine {
   /// Returns the joint that a letter of `word_letters` moves; -1 if the machine has none.
   int joint_of_word(char letter) const;
   /// Returns the value of a word that is a length, mm.
-  double length(const Word& word) { return argument(word) * unit(); }
+  double length(const Word& word) { return word_value(word) * unit(); }
   double angle_in_degrees(const Word& word);
   /// Returns the value of an axis word, mm or rad.
-  double axis_word(int j, const Word& word);
+  double axis_word_value(int j, const Word& word);
   /// Returns the axis words of a block with their joints.
   Words axis_words(const Block& block) const;
 
@@ -137,7 +137,7 @@ class Machine {
 
   // Motion.
   void move(const Block& block);
-  Target block_target(const Block& block, bool machine);
+  Target block_target(const Block& block, bool in_machine_coordinates);
   void polar_words(const Block& block, Target& target);
   void straight(const Block& block, AxisVector end, std::uint32_t stated);
   void arc(const Block& block, AxisVector end, std::uint32_t stated);
@@ -183,22 +183,22 @@ class Machine {
   const bool has_diameters_;  ///< X and U words are diameters
   CutterCompensation compensation_;
   VectorLines vector_lines_;
-  bool has_moved_ = false, has_warned_of_point_ = false;
+  bool has_moved_ = false, has_warned_of_missing_decimal_point_ = false;
 
   // G codes times ten in force: G17, G80, G49, G40; 434 is G43.4.
   int motion_ = 0, plane_ = 170, cycle_code_ = 800, length_mode_ = 490, cutter_code_ = 400;
-  int side_ = 400;  ///< G41 or G42 that started the compensation
+  int start_side_ = 400;  ///< G41 or G42 that started the compensation
   bool is_incremental_ = false, returns_to_r_ = false, has_surface_speed_ = false,
        is_rigid_tapping_ = false;
   double speed_word_ = 0.0;                        ///< S as programmed
   std::optional<double> surface_speed_m_per_min_;  ///< S of G96
   std::optional<double> max_rpm_;                  ///< limit of G96
-  int tool_ = 0, selected_ = -1, h_ = 0, d_ = 0, last_m_ = 0, sequence_ = 0, program_ = 0;
+  int tool_ = 0, preselected_tool_ = -1, h_ = 0, d_ = 0, last_m_ = 0, sequence_ = 0, program_ = 0;
 
   Offsets lengths_, radii_;
   int system_ = 1;                     ///< 1 to 6: G54 to G59; 100 + P: G54.1
   std::map<int, AxisVector> systems_;  ///< (axes)
-  AxisVector external_, g92_, g52_, zero_;
+  AxisVector external_, g92_, g52_, zero_offset_;
   std::optional<Eigen::Matrix3d> rotation_;  ///< of G68 or G68.2
   Eigen::Vector3d centre_{0, 0, 0};          ///< fixed point of G68, or origin of G68.2
   bool is_tilted_ = false;
@@ -243,7 +243,7 @@ class Machine {
 };
 
 /// Evidence that a program is made for a turning control: its text and its location.
-struct TurningSign {
+struct TurningEvidence {
   std::string words;  ///< for example "G50 with S, the largest speed of a turning control"
   int line = 0, column = 0;
 };
@@ -251,6 +251,7 @@ struct TurningSign {
 /// Returns the first evidence, outside comments, that a program is made for a turning control: G50
 /// with S; on a machine without axes U and W also G28 with U or W, or G70 to G73 with P and Q; or
 /// four-digit tools together with G96 and without M6.
-std::optional<TurningSign> find_turning_sign(std::string_view text, const program::Canon& canon);
+std::optional<TurningEvidence> find_turning_evidence(std::string_view text,
+                                                     const program::Canon& canon);
 
 }  // namespace abbe::sim::dialects::fanuc

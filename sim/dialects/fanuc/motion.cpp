@@ -47,22 +47,24 @@ void Machine::polar_words(const Block& block, Target& target) {
   target.to(second, polar_.centre.y() + polar_.radius * std::sin(angle), word);
 }
 
-Target Machine::block_target(const Block& block, bool machine) {
+Target Machine::block_target(const Block& block, bool in_machine_coordinates) {
   Target target;
   const std::string_view plane = plane_letters();
   for (const auto& [j, word, is_incremental] : axis_words(block)) {
     // Words of the plane are polar and handled together in `polar_words`.
-    if (polar_.is_on && !machine && plane.find(word->letter) != std::string_view::npos) continue;
-    if (is_incremental && machine) throw_input_error(*word, "X Y Z C with G53");
+    if (polar_.is_on && !in_machine_coordinates &&
+        plane.find(word->letter) != std::string_view::npos)
+      continue;
+    if (is_incremental && in_machine_coordinates) throw_input_error(*word, "X Y Z C with G53");
     if (target.has(j))
       throw_input_error(*word, "an axis as a position or as an increment, not both");
-    const double value = axis_word(j, *word);
-    if (is_incremental || (is_incremental_ && !machine))
+    const double value = axis_word_value(j, *word);
+    if (is_incremental || (is_incremental_ && !in_machine_coordinates))
       target.by(j, value, *word);
     else
       target.to(j, value, *word);
   }
-  if (polar_.is_on && !machine) polar_words(block, target);
+  if (polar_.is_on && !in_machine_coordinates) polar_words(block, target);
   return target;
 }
 
@@ -296,7 +298,7 @@ AxisVector Machine::point_tool_along_direction(const Block& block, AxisVector en
   const Word* first = nullptr;
   for (int k = 0; k < 3; ++k)
     if (const Word& word = block["IJK"[k]]) {
-      direction[k] = argument(word);
+      direction[k] = word_value(word);
       if (first == nullptr) first = &word;
     }
   if (first == nullptr) return end;

@@ -26,7 +26,7 @@ constexpr double plane_tolerance = 1e-14;
 
 const AxisVector& Machine::work_offset(int number) const {
   const auto entry = systems_.find(number);
-  return entry == systems_.end() ? zero_ : entry->second;
+  return entry == systems_.end() ? zero_offset_ : entry->second;
 }
 
 // Offsets of a Fanuc add up in this order: external, G54 to G59, G92, G52.
@@ -118,9 +118,9 @@ void Machine::store_origin(const Block& block, bool additional) {
       // P0 of L2 is the external offset, which shifts all systems.
       !additional && number == 0
           ? external_
-          : systems_.try_emplace(additional ? 100 + number : number, zero_).first->second;
+          : systems_.try_emplace(additional ? 100 + number : number, zero_offset_).first->second;
   for (const auto& [j, word, is_incremental] : axis_words(block))
-    origin[j] = axis_word(j, *word) + (is_incremental_ || is_incremental ? origin[j] : 0.0);
+    origin[j] = axis_word_value(j, *word) + (is_incremental_ || is_incremental ? origin[j] : 0.0);
   apply_frame();
 }
 
@@ -133,7 +133,7 @@ void Machine::store_tool(const Block& block, int kind) {
   if (const Word* axis = first_axis_word(block)) throw_input_error(*axis, "R with G10 for a tool");
   const int number = whole_number(canon_, p, max_offset_index);
   if (number < 1) throw_input_error(p, "an offset from P1 to P999");
-  Geometry& offset_entry = kind < 12 ? lengths_[number] : radii_[number];
+  OffsetEntry& offset_entry = kind < 12 ? lengths_[number] : radii_[number];
   // L10 and L12 are geometry, L11 and L13 wear.
   const double previous_value =
       kind % 2 == 0 ? offset_entry.value.value_or(0.0) : offset_entry.wear;
@@ -178,7 +178,7 @@ void Machine::shift_origin(const Block& block) {
   const AxisVector current = canon_.programmed();
   for (const auto& [j, word, is_incremental] : words) {
     const bool sets_position = code.tenths == 920 || code.tenths == 500;
-    const double value = axis_word(j, *word);
+    const double value = axis_word_value(j, *word);
     if (is_incremental && !sets_position)
       throw_input_error(*word, "X Y Z C with " + shown(code.word.text));
     if (sets_position)
@@ -251,7 +251,7 @@ void Machine::apply_length(const Cause& cause) {
   if (!is_tilted_ && !has_tip_length_mode()) {
     AxisVector shift;
     if (has_length) {
-      shift = zero_;
+      shift = zero_offset_;
       shift[joint(2)] = length_mode_ == 440 ? -length_mm : length_mm;
     }
     canon_.select_length(h, cause);
@@ -347,7 +347,7 @@ void Machine::set_compensation(const Block& block) {
   cutter_code_ = code.tenths;
   if (code.tenths == 400) return compensation_.end();
   if (compensation_.is_on()) {
-    if (code.tenths == side_) return;  // postprocessors repeat the code
+    if (code.tenths == start_side_) return;  // postprocessors repeat the code
     throw_input_error(code.word, "G40 between G41 and G42");
   }
   if (!is_d_stated_) {
@@ -378,7 +378,7 @@ void Machine::set_compensation(const Block& block) {
       "parameter 5003.0 "
       "SUP = 0) and goes around outside corners in arcs (19607.2 CCC = 1): with type B a control "
       "enters an outside corner differently, with CCC = 0 it goes around in lines");
-  side_ = code.tenths;
+  start_side_ = code.tenths;
   compensation_.begin(code.tenths == 410, radius, {first, second});
 }
 
@@ -468,7 +468,7 @@ std::optional<double> Machine::modal_word(int number) const {
     case 4119:
       return speed_word_;
     case 4120:
-      return std::max(selected_, 0);
+      return std::max(preselected_tool_, 0);
     case 4130:
       return system_ > 6 ? system_ - 100 : 0;
     default:
@@ -497,11 +497,11 @@ Machine::OffsetVariable Machine::offset_variable(int number) {
 Machine::OriginVariable Machine::origin_variable(int number) {
   if (const int i = index_in_range(number, 5201, 140); i >= 0 && i % 20 < 9) {
     AxisVector* origin =
-        i / 20 == 0 ? &external_ : &systems_.try_emplace(i / 20, zero_).first->second;
+        i / 20 == 0 ? &external_ : &systems_.try_emplace(i / 20, zero_offset_).first->second;
     return {origin, i % 20};
   }
   if (const int i = index_in_range(number, 7001, 960); i >= 0 && i % 20 < 9) {
-    return {&systems_.try_emplace(101 + i / 20, zero_).first->second, i % 20};
+    return {&systems_.try_emplace(101 + i / 20, zero_offset_).first->second, i % 20};
   }
   return {};
 }
@@ -544,7 +544,7 @@ std::optional<double> Machine::variable(int number) {
 bool Machine::set_variable(int number, double value) {
   if (number == 3003 || number == 3004 || number == 3006) return true;
   if (const OffsetVariable variable = offset_variable(number); variable.offsets != nullptr) {
-    Geometry& offset_entry = (*variable.offsets)[variable.number];
+    OffsetEntry& offset_entry = (*variable.offsets)[variable.number];
     if (variable.is_wear)
       offset_entry.wear = value * unit();
     else

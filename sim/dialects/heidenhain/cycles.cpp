@@ -61,22 +61,22 @@ void Machine::execute_cycle_definition(WordReader& words) {
   if (entry->use == WordTreatment::WithoutEffect) return;
   // A new definition ends the modal call of M89.
   is_cycle_modal_ = false;
-  if (part > 0 && (!old_cycle_ || old_cycle_->first != number))
+  if (part > 0 && (!previous_cycle_block_ || previous_cycle_block_->cycle != number))
     throw_input_error(cause, fmt::format("CYCL DEF {}.0 in the block before", number));
-  if (part >= 0) old_cycle_ = {number, part};
-  if (part >= 0) return execute_old_cycle(number, part, from, words);
+  if (part >= 0) previous_cycle_block_ = NumberedCycleBlock{number, part};
+  if (part >= 0) return execute_numbered_cycle(number, part, from, words);
   run_.define(cycle_name, [&] { define_q_cycle(number, from, words); });
 }
 
 /// Throws BadInput if a block with the name of a cycle, such as CYCL DEF 7.0, was not followed by a
 /// block with its values.
 void Machine::require_complete_cycle(const Cause& cause) {
-  const auto cycle = std::exchange(old_cycle_, std::nullopt);
-  if (cycle && cycle->second == 0)
+  const auto cycle = std::exchange(previous_cycle_block_, std::nullopt);
+  if (cycle && cycle->part == 0)
     throw_input_error(cause, fmt::format("CYCL DEF {0}.1 after CYCL DEF {0}.0", cycle->first));
 }
 
-void Machine::execute_old_cycle(int number, int part, std::size_t from, WordReader& words) {
+void Machine::execute_numbered_cycle(int number, int part, std::size_t from, WordReader& words) {
   if (part == 0) return;  // part 0 has only the name of the cycle
   switch (number) {
     case 7:
@@ -242,11 +242,12 @@ void Machine::select_preset(int number, const Cause& cause) {
   if (contour_.is_compensated()) throw_input_error(cause, "R0 before a preset change");
   if (plane_) throw_input_error(cause, "PLANE RESET before a preset change");
   const bool is_preset = number >= 1 && number <= max_preset;
-  if (!is_preset || (number > 6 && !canon_.options().extra_offsets.contains(preset_system(number))))
+  if (!is_preset ||
+      (number > 6 && !canon_.options().extra_offsets.contains(preset_offset_key(number))))
     throw_input_error(cause,
                       "a preset from 1 to 6, which are G54 to G59 of the scene, or a preset of the "
                       "control's table (`offsets`)");
-  preset_ = preset_system(number) - 1;
+  preset_ = preset_offset_key(number) - 1;
   datum_shift_.setZero();
   rotation_ = 0.0;
   uncertain_shifts_ = 0;

@@ -286,7 +286,7 @@ void Flow::call_program(WordReader& words) {
       name.find_first_of("/\\:\"") != std::string::npos || name.starts_with('.'))
     words.throw_input_error(from, "the name of a program next to this one, without a path");
   run_.check_depth(int(calls_.size()), {int(from) + 1, words.cursor.text.substr(from)});
-  const std::filesystem::path& folder = run_.options().folder;
+  const std::filesystem::path& folder = run_.options().subprogram_folder;
   for (const char* extension : {"", ".h", ".H"})
     if (!folder.empty() && std::filesystem::is_regular_file(folder / (name + extension))) {
       Source& source = load_source(folder / (name + extension));

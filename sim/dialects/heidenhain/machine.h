@@ -200,7 +200,7 @@ class Machine {
 
   // Cycles of coordinates.
   void execute_cycle_definition(WordReader& words);
-  void execute_old_cycle(int number, int part, std::size_t from, WordReader& words);
+  void execute_numbered_cycle(int number, int part, std::size_t from, WordReader& words);
   void require_complete_cycle(const Cause& cause);
   void execute_datum_shift(WordReader& words);
   void set_axis_shift(char letter, double value, bool is_incremental, const Cause& cause);
@@ -253,7 +253,12 @@ class Machine {
   std::optional<Eigen::Matrix3d> plane_;  ///< rotation in the workpiece
   std::array<double, 3> plane_axes_{};    ///< deg, Q120 to Q122
   bool is_tcpm_ = false, takes_shortest_rotation_ = false, is_cycle_modal_ = false;
-  std::optional<std::pair<int, int>> old_cycle_;  ///< previous block, CYCL DEF 7.1: 7 and 1
+  /// A block of a numbered cycle, CYCL DEF 7.1: 7 and 1.
+  struct NumberedCycleBlock {
+    int cycle, part;
+  };
+  std::optional<NumberedCycleBlock>
+      previous_cycle_block_;  ///< previous block, if of a numbered cycle
   std::optional<std::array<double, 3>> pole_;
   std::array<int, 2> pole_plane_{0, 1};
   /// Direction in which the last move arrived, program coordinates.

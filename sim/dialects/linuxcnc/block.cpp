@@ -100,8 +100,8 @@ bool Block::empty() const { return words.empty() && codes.empty(); }
 void Block::clear() {
   words.clear();
   codes.clear();
-  deleted = percent = false;
-  skipped_code = code_without_words = {};
+  deleted = is_percent_line = false;
+  skipped_code = code_forbidding_axis_words = {};
   comments.clear();
   number_assignments.clear();
   name_assignments.clear();
@@ -207,7 +207,7 @@ void BlockReader::put_code(char letter, const NcWord& word) {
     run_.canon.throw_input_error(word, std::string(properties.sentence));
   const Group group = properties.group;
   if (group == Group::None) {
-    block_.code_without_words = word;
+    block_.code_forbidding_axis_words = word;
     return;
   }
   const Code& previous = block_[group];
@@ -270,7 +270,7 @@ void BlockReader::read() {
     ++cursor_.at;
     skip_blanks_and_comments();
     if (!cursor_.at_end()) cursor_.throw_input_error(cursor_.at, "nothing after %");
-    block_.percent = true;
+    block_.is_percent_line = true;
     return;
   }
   if (cursor_.current() == '/') {

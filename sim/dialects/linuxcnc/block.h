@@ -54,13 +54,13 @@ using Code = TenthsCode<NcWord>;
 struct Block {
   SparseSlots<NcWord, 29> words;  ///< by letter, then @ ^ $; G and M are in `codes`
   SparseSlots<Code, std::size_t(Group::Count)> codes;
-  NcWord skipped_code;        ///< an unknown code that was skipped
-  NcWord code_without_words;  ///< a code without effect with which axis words are an error
+  NcWord skipped_code;                ///< an unknown code that was skipped
+  NcWord code_forbidding_axis_words;  ///< a code without effect with which axis words are an error
   std::vector<std::string_view> comments;
   // Assignments, which are executed after the whole block has been read.
   std::vector<std::pair<int, double>> number_assignments;        ///< #n = value
   std::vector<std::pair<std::string, double>> name_assignments;  ///< #<name> = value
-  bool deleted = false, percent = false;
+  bool deleted = false, is_percent_line = false;
 
   const NcWord& operator[](char letter) const { return words[std::size_t(letter - 'A')]; }
   const NcWord& radius() const { return words[26]; }   ///< @

@@ -75,8 +75,8 @@ bool Flow::execute_block(Cursor cursor) {
     throw;
   }
   // The second % of the main program ends it.
-  if (block_.percent && calls_.size() == 1 && ++percent_count_ == 2) return false;
-  if (block_.percent) return true;
+  if (block_.is_percent_line && calls_.size() == 1 && ++percent_count_ == 2) return false;
+  if (block_.is_percent_line) return true;
   if (block_.deleted && run_.skips_block(0)) {
     run_.discount_block();
     return true;
@@ -436,9 +436,9 @@ Flow::Subprogram Flow::find_subprogram(const OWord& o) {
   const auto is_name = [](char c) {
     return is_letter(c) || is_digit(c) || c == '_' || c == '-' || c == '.';
   };
-  const std::filesystem::path file = run_.options().folder / (name + ".ngc");
+  const std::filesystem::path file = run_.options().subprogram_folder / (name + ".ngc");
   std::error_code error;
-  if (run_.options().folder.empty() || name.front() == '.' ||
+  if (run_.options().subprogram_folder.empty() || name.front() == '.' ||
       !std::all_of(name.begin(), name.end(), is_name) ||
       !std::filesystem::is_regular_file(file, error))
     run_.refuse_once(

@@ -229,7 +229,7 @@ void Machine::check_words(const Block& block) const {
     if (!axis) throw_input_error(one_block.word, "an axis word with G53", "none");
     if (motion != 0 && motion != 10) throw_input_error(one_block.word, "G0 or G1 with G53");
   }
-  if (const NcWord& code = block.code_without_words; axis && code)
+  if (const NcWord& code = block.code_forbidding_axis_words; axis && code)
     throw_input_error(axis,
                       fmt::format("no axis words with {}, which takes none", shown(code.text)));
   // LinuxCNC moves by axis words with these codes, which a program never intends.

@@ -104,11 +104,12 @@ class Machine {
 
   // Motion.
   void move(const Block& block);
-  Target block_target(const Block& block, bool machine) const;
+  Target block_target(const Block& block, bool in_machine_coordinates) const;
   /// Returns the X and Y of the end that @ and ^ state, mm, in program coordinates.
   Eigen::Vector2d polar_end(const Block& block, const Eigen::Vector2d& from) const;
-  void straight(const Block& block, AxisVector end, std::uint32_t stated, bool machine);
-  void arc(const Block& block, AxisVector end, std::uint32_t stated);
+  void straight(const Block& block, AxisVector end, std::uint32_t stated_axes,
+                bool in_machine_coordinates);
+  void arc(const Block& block, AxisVector end, std::uint32_t stated_axes);
   void make_line_per_revolution(const NcWord& pitch, const program::Straight& move);
   void make_synchronised_line(const Block& block, AxisVector end);
   void execute_spline(const Block& block);

@@ -539,7 +539,7 @@ void read_by_linuxcnc(std::string_view text, const DetectedDialect& detected, Pr
   if (detected.dialect != Dialect::LinuxCnc)
     throw BadInput(file, detected.line, 0, "a LinuxCNC program with interpreter = \"linuxcnc\"",
                    std::string(name_of(detected.dialect)) +
-                       (detected.sign.empty() ? "" : ", as " + detected.sign));
+                       (detected.evidence.empty() ? "" : ", as " + detected.evidence));
   const fs::path packages = require_packages(run);
   const Eigen::Vector3d zero = run.canon.shift_correction();
   const PrivateFolder folder;

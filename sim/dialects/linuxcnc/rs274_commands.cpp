@@ -324,12 +324,12 @@ void NumberedProgram::write(const File& file, const fs::path& folder) {
   if (!out.write(text.data(), std::streamsize(text.size())).flush())
     throw BadInput((folder / file.name).string(), 0, 0, "a writable file", "a write error");
   for (const std::string& call : calls) {
-    const fs::path path = run_.options().folder / (call + ".ngc");
+    const fs::path path = run_.options().subprogram_folder / (call + ".ngc");
     // A subprogram is written only once.
     const bool is_written = std::ranges::any_of(
         files_, [&](const File& other) { return other.name == path.filename().string(); });
     std::error_code error;
-    if (is_written || run_.options().folder.empty() || !is_plain_name(call) ||
+    if (is_written || run_.options().subprogram_folder.empty() || !is_plain_name(call) ||
         !fs::is_regular_file(path, error))
       continue;
     if (files_.size() > max_subprograms)

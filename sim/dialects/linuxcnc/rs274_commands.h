@@ -47,10 +47,10 @@ struct SourceLine {
 class NumberedProgram {
  public:
   /// Writes the files into `folder`, which must exist. Searches subprograms in files of their own
-  /// in `run.options().folder`, as `Flow` does. `file` is the name of the program; `before` holds
-  /// lines without numbers that run before it, each with its line end. Throws BadInput for lines
-  /// that rs274 cannot read completely, for Python in comments and paths in names, for M66, and
-  /// beyond 1e9 lines.
+  /// in `run.options().subprogram_folder`, as `Flow` does. `file` is the name of the program;
+  /// `before` holds lines without numbers that run before it, each with its line end. Throws
+  /// BadInput for lines that rs274 cannot read completely, for Python in comments and paths in
+  /// names, for M66, and beyond 1e9 lines.
   NumberedProgram(std::string_view text, const std::string& file, std::string before,
                   ProgramRun& run, const std::filesystem::path& folder);
 

@@ -172,7 +172,7 @@ void Block::clear() {
   coolant.clear();
   tool_name.reset();
   spindles.clear();
-  code_without_words = {};
+  code_forbidding_axis_words = {};
   call.reset();
   is_modal = false;
 }
@@ -337,7 +337,7 @@ void SiemensBlockReader::put_entry(const WordEntry& entry, const Cause& cause) {
     return;
   }
   if (entry.group == Group::None) {
-    block_.code_without_words = {entry.word, cause};
+    block_.code_forbidding_axis_words = {entry.word, cause};
     return;
   }
   if (entry.group == Group::WithMotion) {

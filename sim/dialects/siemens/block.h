@@ -153,7 +153,8 @@ struct Block {
   std::optional<std::string> tool_name;   ///< T="..."
   std::vector<SpindleWord> spindles;      ///< S2=, M3=4
   int master_spindle = 1;                 ///< argument of SETMS
-  Code code_without_words;  ///< a word without effect that must not be combined with axis words
+  Code code_forbidding_axis_words;  ///< a word without effect that must not be combined with axis
+                                    ///< words
   std::optional<ProgramCall> call;
   bool is_modal = false;  ///< MCALL, with `call` or alone
   Cause modal_cause;

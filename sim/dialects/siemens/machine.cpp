@@ -192,9 +192,9 @@ void Machine::check_words(const Block& block) const {
   for (const Address address : {AP, RP, A3, B3, C3})  // these words move the axes too
     if (position == nullptr && block[address]) position = &block[address];
   if (position != nullptr) {
-    if (block.code_without_words)
+    if (block.code_forbidding_axis_words)
       throw_input_error(*position, fmt::format("no axis words with {}, which takes none",
-                                               shown(block.code_without_words.cause.text)));
+                                               shown(block.code_forbidding_axis_words.cause.text)));
     // The order of a motion and a subprogram or cycle in one block is not defined.
     if (block.call || block.is_modal)
       throw_input_error(*position, fmt::format("{}, a cycle or subprogram, in a separate block",
@@ -559,7 +559,7 @@ std::optional<double> Machine::nose_radius(int tool) const {
 /// Returns the displacement, (axes) mm, from the point of a turning tool that X Z lead to the
 /// centre of its nose.
 AxisVector Machine::programmed_nose_offset() const {
-  return nose_offset(canon_, run_.is_turning() ? run_.options().turning.tip : 0,
+  return nose_offset(canon_, run_.is_turning() ? run_.options().turning.tip_number : 0,
                      nose_radius(tool_));
 }
 

@@ -108,7 +108,7 @@ Program* Flow::find_program(const std::string& name) {
   Program* result = nullptr;
   for (const auto& program : programs_)
     if (!name.empty() && program->name == name) result = program.get();
-  const fs::path& folder = run_.options().folder;
+  const fs::path& folder = run_.options().subprogram_folder;
   if (result == nullptr && !folder.empty()) {
     std::string lower_name = name;
     std::transform(lower_name.begin(), lower_name.end(), lower_name.begin(),
