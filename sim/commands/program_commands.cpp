@@ -328,10 +328,11 @@ void add_value(Spread& spread_json, double value) {
 
 }  // namespace
 
-ProgramChange program_change(const Job& job, const Commands& commands) {
-  ProgramChange change;
-  const std::size_t n = commands.samples.states.size();
-  for (std::size_t i = 0; i < n; ++i) {
+namespace {
+
+/// Adds the squares and the largest values of the changes of one tool.
+void add_part_change(const Job& job, const Commands& commands, ProgramChange& change) {
+  for (std::size_t i = 0; i < commands.samples.states.size(); ++i) {
     // The fraction of the time of its block in the rewritten program gives the commanded axes.
     const program::Block& block = commands.path->blocks[std::size_t(commands.samples.block[i])];
     const double duration = block.end_s - block.start_s;
@@ -345,6 +346,16 @@ ProgramChange program_change(const Job& job, const Commands& commands) {
     // atan2 is exact for small angles; acos of the dot product has an error of 1e-8 rad.
     add_value(change.direction, std::atan2(a.cross(b).norm(), a.dot(b)));
   }
+}
+
+}  // namespace
+
+ProgramChange program_change(const Job& job, const Commands& commands) {
+  ProgramChange change;
+  const auto parts = job_parts(job);
+  for (std::size_t i = 0; i < parts.size(); ++i)
+    add_part_change(parts[i], part_commands(commands, i), change);
+  const std::size_t n = commands.samples.states.size();
   for (Spread* spread_json : {&change.tip, &change.direction})
     spread_json->rms = std::sqrt(spread_json->rms / double(std::max<std::size_t>(1, n)));
   return change;

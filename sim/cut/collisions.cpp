@@ -142,7 +142,10 @@ class PartSearch {
         search_(collision_search(bodies_, pairs_)),
         motion_(carrier_motion(actual_motion, reach(actual_motion, bodies_))) {}
 
-  void run(const Progress& progress) {
+  /// @param before  stock at the start of the part; none: the blank
+  /// @return the stock that the part leaves; none if it is not tracked
+  std::optional<cutting::Stock> run(std::optional<cutting::Stock> before,
+                                    const Progress& progress) {
     const CollisionDescription& description = actual_motion_.part.scene.collision;
     cutting::EncounterOptions options;
     options.resolution = description.resolution;
@@ -157,7 +160,8 @@ class PartSearch {
     add_bodies();
     add_clearances(search_result);
     for (const Encounter& encounter : search_result.list) add(encounter);
-    if (has_tracked_stock(actual_motion_.part)) add_stock(progress);
+    if (!has_tracked_stock(actual_motion_.part)) return {};
+    return add_stock(std::move(before), progress);
   }
 
  private:
@@ -197,10 +201,11 @@ class PartSearch {
     }
   }
 
-  void add_stock(const Progress& progress) {
+  std::optional<cutting::Stock> add_stock(std::optional<cutting::Stock> before,
+                                          const Progress& progress) {
     const auto begin = std::ptrdiff_t(result_.list.size()) - std::ptrdiff_t(event_count_);
     StockCollisions stock = check_table_range(actual_motion_.part, [&] {
-      return stock_collisions(actual_motion_, bodies_, pairs_, progress);
+      return stock_collisions(actual_motion_, bodies_, pairs_, std::move(before), progress);
     });
     result_.queries += stock.queries;
     std::ranges::move(stock.warnings, std::back_inserter(result_.warnings));
@@ -215,6 +220,7 @@ class PartSearch {
     std::stable_sort(
         result_.list.begin() + begin, result_.list.end(),
         [](const Collision& a, const Collision& b) { return a.first.time_s < b.first.time_s; });
+    return std::move(stock.stock);
   }
 
   /// Lowers the block clearances over the samples of a near miss with the stock.
@@ -323,6 +329,7 @@ Collisions collisions(const Job& job, const Commands& commands, const std::strin
   result.clearance = job.scene.collision.clearance;
   result.gouge = job.scene.collision.gouge;
   const auto parts = job_parts(job);
+  std::optional<cutting::Stock> stock;
   for (std::size_t i = 0; i < parts.size(); ++i) {
     const ActualMotion actual_motion{parts[i], part_commands(commands, i)};
     if (i == 0) result.subprogram_files = actual_motion.path.subprogram_files;
@@ -332,7 +339,7 @@ Collisions collisions(const Job& job, const Commands& commands, const std::strin
     } catch (const BadInput& beyond) {
       if (result.beyond_travel.empty()) result.beyond_travel = beyond.what();
     }
-    PartSearch(actual_motion, i, result).run(progress);
+    stock = PartSearch(actual_motion, i, result).run(std::move(stock), progress);
   }
   add_overlap_warnings(result);
   result.seconds = watch.lap();

@@ -221,19 +221,22 @@ PoseErrors pose_errors(const std::vector<Pose>& T_wt, const std::vector<Pose>& T
   return errors;
 }
 
-/// Simulates stock and forces of a case with its actual poses.
-Process simulated_process(const ActualRun& run, const Progress& progress) {
+/// Simulates stock and forces of a part of a case with its actual poses.
+/// @param before  has the stock that the parts before have left
+Process simulated_process(const ActualRun& run, const Progress& progress, Process before) {
   const Job& job = run.job;
   if (!job.scene.cutting) return {};
   const auto pose = [&](std::size_t sample, const errors::Load& load) {
     return actual_pose(run, sample, load);
   };
-  return simulate_process(job.scene, job.machine, *job.body_m,
-                          {run.commands.samples, path_of(job, run.commands), run.T_wt_target, pose,
-                           job.truth.actual, job.scene.tool.actual},
-                          [&](double fraction) {
-                            if (progress) progress("stock", fraction);
-                          });
+  return simulate_process(
+      job.scene, job.machine, *job.body_m,
+      {run.commands.samples, path_of(job, run.commands), run.T_wt_target, pose, job.truth.actual,
+       job.scene.tool.actual},
+      [&](double fraction) {
+        if (progress) progress("stock", fraction);
+      },
+      std::move(before));
 }
 
 /// Returns the name of the geometric element with the largest value at an axis state. Angles count
@@ -305,13 +308,15 @@ struct SegmentMotion {
 
 /// Computes the actual poses of a part, with its process, signals and warnings.
 /// @param max_intervals  number of intervals sampled for the chord error, at most
+/// @param before         has the stock that the parts before have left
 SegmentMotion segment_motion(const Job& job, const Commands& commands, const Progress& progress,
-                             std::map<std::string, double>& timing_s, std::size_t max_intervals) {
+                             std::map<std::string, double>& timing_s, std::size_t max_intervals,
+                             Process before = {}) {
   Stopwatch watch;
   SegmentMotion motion;
   const ActualRun run = actual_run(job, commands);
   motion.T_wt = check_table_range(job, [&] {
-    motion.process = simulated_process(run, progress);
+    motion.process = simulated_process(run, progress, std::move(before));
     timing_s["stock"] += watch.lap();
     if (progress) progress("poses", 0.0);
     const std::vector<errors::Load> loads = sample_loads(run, motion.process);
@@ -353,14 +358,13 @@ Spread joined(const Spread& a, double n_a, const Spread& b, double n_b) {
           std::max(a.max, b.max)};
 }
 
-/// Adds the figures of a part to the result. Only jobs with one tool have stock and forces, so that
-/// the process is moved, not joined.
+/// Adds the figures of a part to the result.
 void add(SegmentMotion& part, double part_samples, double samples_before, Cut& result) {
   result.tip_error = joined(result.tip_error, samples_before, part.pose_errors.tip, part_samples);
   result.direction_error =
       joined(result.direction_error, samples_before, part.pose_errors.direction, part_samples);
   result.chord_error = joined(result.chord_error, part.chord_error);
-  result.process = std::move(part.process);
+  append_part(std::move(part.process), result.process);
   result.signals = joined(std::move(result.signals), part.signals);
   add_warnings(std::move(part.warnings), result.warnings);
 }
@@ -399,8 +403,15 @@ void check_travel(const Job& job, const Commands& commands) {
                  part_commands(commands, i).samples);
 }
 
-Process cut_process(const Job& job, const Commands& commands, const Progress& progress) {
-  return simulated_process(actual_run(job, commands), progress);
+Process cut_process(const Job& job, const Commands& commands, const Progress& progress,
+                    Process before) {
+  Process process = std::move(before);
+  const auto parts = job_parts(job);
+  for (std::size_t i = 0; i < parts.size(); ++i)
+    append_part(simulated_process(actual_run(parts[i], part_commands(commands, i)), progress,
+                                  take_stock(process)),
+                process);
+  return process;
 }
 
 namespace {
@@ -443,7 +454,8 @@ Cut cut(const Job& job, const Commands& commands, const Progress& progress, Rete
   double samples = 0.0, max_explained = 0.0;
   for (std::size_t i = 0; i < parts.size(); ++i) {
     motions.push_back(segment_motion(parts[i], part_commands(commands, i), progress,
-                                     result.timing_s, default_interval_count));
+                                     result.timing_s, default_interval_count,
+                                     take_stock(result.process)));
     max_explained = std::max(max_explained, explained_gouge(parts[i], motions.back().pose_errors));
     const auto n = double(motions.back().T_wt.size());
     add(motions.back(), n, samples, result);

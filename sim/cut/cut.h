@@ -76,7 +76,10 @@ Cut cut_in_windows(const Job& job, const CommandSource& command_source,
 void check_travel(const Job& job, const Commands& commands);
 
 /// Simulates the cutting process (stock and forces) without the surface.
-Process cut_process(const Job& job, const Commands& commands, const Progress& progress = {});
+/// @param before  has the stock at the start of the job, or of the part of a job; without a stock
+///     the blank is cut
+Process cut_process(const Job& job, const Commands& commands, const Progress& progress = {},
+                    Process before = {});
 
 /// Returns the warnings of the scene, then those of the cut.
 std::vector<std::string> warnings_of(const Job& job, const Cut& cut);

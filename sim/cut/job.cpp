@@ -303,6 +303,10 @@ struct JobSegments {
   std::vector<std::string> warnings;
   std::shared_ptr<const Windows> windows = {};
   std::vector<std::string> shank_warnings = {};  // of a program in windows
+
+  std::span<const JobSegment> parts() const {
+    return by_tool.empty() ? std::span(&whole, 1) : std::span(by_tool);
+  }
 };
 
 /// Prepares a program of one tool in windows. Each window is sampled once here for its number of
@@ -392,13 +396,16 @@ JobSegments prepare_segments(const Scene& described, const Program& program,
   add_warnings(program.warnings, segments.warnings);
   add_warnings(program_warnings(scene, design_w, program.path, program.unreached),
                segments.warnings);
-  add_warnings(feed_warnings(scene, segments.whole.machine, program.path), segments.warnings);
+  for (const JobSegment& segment : segments.parts())
+    for (const std::string& text : feed_warnings(segment.scene, segment.machine, segment.path))
+      add_warnings(
+          {segments.by_tool.empty() ? text
+                                    : fmt::format("T{}: {}", *segment.scene.tool.number, text)},
+          segments.warnings);
   add_warnings(pole_warnings(scene, segments.whole.machine, program.path), segments.warnings);
   add_warnings(segments.shank_warnings, segments.warnings);
   if (segments.windows) return segments;
-  for (const JobSegment& segment : segments.by_tool.empty()
-                                       ? std::span(&segments.whole, 1)
-                                       : std::span<JobSegment>(segments.by_tool))
+  for (const JobSegment& segment : segments.parts())
     add_warnings(shank_warnings(segment.scene, shank_contacts(segment.scene, design_w,
                                                               {segment.samples, segment.T_wt})),
                  segments.warnings);
@@ -464,16 +471,26 @@ void check_expected_work(const Scene& scene, const Part& part, const MemoryBudge
   if (const std::string text = work_remark(work); progress && !text.empty()) progress(text, -1.0);
 }
 
-/// Simulates the cut of a program on the rigid, error-free machine.
-Process nominal_process(const Scene& scene, const cutting::Design& body_m,
-                        const JobSegment& segment, const Progress& progress) {
-  const auto pose = [&](std::size_t i, const errors::Load&) { return segment.T_wt[i]; };
-  return simulate_process(scene, segment.machine, body_m,
-                          {segment.samples, segment.path, segment.T_wt, pose,
-                           segment.machine.nominal, scene.tool.nominal},
-                          [&](double fraction) {
-                            if (progress) progress("stock", fraction);
-                          });
+/// Simulates the cut of the segments of a program, one after another, on the rigid, error-free
+/// machine.
+Process nominal_process(const cutting::Design& body_m, std::span<const JobSegment> segments,
+                        const Progress& progress) {
+  Process process;
+  for (std::size_t i = 0; i < segments.size(); ++i) {
+    const JobSegment& segment = segments[i];
+    const auto pose = [&](std::size_t k, const errors::Load&) { return segment.T_wt[k]; };
+    append_part(simulate_process(
+                    segment.scene, segment.machine, body_m,
+                    {segment.samples, segment.path, segment.T_wt, pose, segment.machine.nominal,
+                     segment.scene.tool.nominal},
+                    [&](double fraction) {
+                      if (progress)
+                        progress("stock", (double(i) + fraction) / double(segments.size()));
+                    },
+                    take_stock(process)),
+                process);
+  }
+  return process;
 }
 
 }  // namespace
@@ -499,7 +516,7 @@ Job prepare(const Scene& described, const Progress& progress, const MemoryBudget
   std::vector<std::string>& warnings = segments.warnings;
   const double sample_s = watch.lap();
   check_field(scene, part.design_w);
-  Process process = nominal_process(scene, part.body_m, whole, progress);
+  Process process = nominal_process(part.body_m, segments.parts(), progress);
   const double stock_s = watch.lap();
   add_warnings(process.warnings, warnings);
   report_begin("heat");
@@ -514,7 +531,8 @@ Job prepare(const Scene& described, const Progress& progress, const MemoryBudget
   };
   Job job = make_part_job(std::move(whole), std::move(process));
   for (JobSegment& segment : segments.by_tool)
-    job.stretches.push_back(make_part_job(std::move(segment), {}));
+    job.stretches.push_back(
+        make_part_job(std::move(segment), part_process(job.nominal_process, job.stretches.size())));
   const std::vector<FeedUse> previous_uses_by_part = previous_uses(tool_runs(job));
   for (std::size_t i = 0; i < job.stretches.size(); ++i)
     job.stretches[i].previous_use = previous_uses_by_part[i];

@@ -75,7 +75,8 @@ struct Job {
   program::SampleOptions sampling;
   program::Samples samples;  ///< of the error-free machine; all cases use the same times
   std::vector<kinematics::Pose> T_wt_nominal;  ///< (samples) nominal pose of the tool
-  Process nominal_process;  ///< of the error-free, rigid machine; empty without [cutting]
+  Process nominal_process;  ///< of the error-free, rigid machine; empty without [cutting]. A
+                            ///< segment has its steps without the stock
   std::vector<kinematics::AxisVector>
       accelerations;         ///< (samples) empty unless the compliance has inertia
   std::string program_text;  ///< text of a generated program, else empty; its name is path.file

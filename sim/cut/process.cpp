@@ -16,6 +16,34 @@ namespace abbe::sim {
 
 using errors::Load;
 
+void append_part(Process part, Process& process) {
+  process.part_starts.push_back(process.steps.size());
+  std::ranges::move(part.steps, std::back_inserter(process.steps));
+  for (const int line : part.crash_lines)
+    if (std::ranges::find(process.crash_lines, line) == process.crash_lines.end())
+      process.crash_lines.push_back(line);
+  process.stock = std::move(part.stock);
+  process.turned = std::move(part.turned);
+  add_warnings(std::move(part.warnings), process.warnings);
+}
+
+Process part_process(const Process& process, std::size_t part) {
+  const auto& starts = process.part_starts;
+  const std::size_t first = part < starts.size() ? starts[part] : 0,
+                    last = part + 1 < starts.size() ? starts[part + 1] : process.steps.size();
+  Process result;
+  result.steps.assign(process.steps.begin() + std::ptrdiff_t(first),
+                      process.steps.begin() + std::ptrdiff_t(last));
+  return result;
+}
+
+Process take_stock(Process& process) {
+  Process result;
+  result.stock = std::exchange(process.stock, std::nullopt);
+  result.turned = std::exchange(process.turned, std::nullopt);
+  return result;
+}
+
 ProcessTotals totals(const Process& process) {
   ProcessTotals process_totals;
   for (const ProcessStep& step : process.steps) {
@@ -224,7 +252,7 @@ std::vector<std::string> idle_warnings(const Scene& scene) {
   const auto warn = [&](bool applies, const char* text) {
     if (applies) warnings.push_back(text);
   };
-  const bool has_forces = scene.cutting && scene.cutting->material;
+  const bool has_forces = has_cutting_force(scene);
   if (scene.compliance) {
     const errors::ComplianceErrors& compliance_errors = *scene.compliance;
     const bool has_weight = (compliance_errors.gravity_b || compliance_errors.inertia) &&

@@ -42,7 +42,17 @@ struct Process {
   std::optional<cutting::Stock> stock;         ///< the stock left by milling
   std::optional<cutting::TurnedStock> turned;  ///< the stock left by turning
   std::vector<std::string> warnings = {};      ///< about the blank
+  std::vector<std::size_t> part_starts = {};   ///< (parts) number of the first step of each part of
+                                               ///< the job; may be empty for a single part
 };
+
+/// Appends the process of the next part of a job. The stock becomes that of the part.
+void append_part(Process part, Process& process);
+/// Returns the steps of one part of a job, without the stock.
+/// @param process  of all parts
+Process part_process(const Process& process, std::size_t part);
+/// Moves the stock, milled or turned, out of a process into one without steps.
+Process take_stock(Process& process);
 
 /// Sums and largest values over the steps of a process.
 struct ProcessTotals {

@@ -428,11 +428,8 @@ ProcessStep step_at(const CuttingDescription& description, const FollowedProgram
   return step;
 }
 
-Process simulate_milling(const Scene& scene, const Machine& machine,
-                         const cutting::Design& design_m, const FollowedProgram& program,
-                         const std::function<void(double)>& progress) {
-  const CuttingDescription& description = *scene.cutting;
-  const auto& cutter = std::get<cutting::Cutter>(program.tool);
+/// Returns a process without steps, with the blank as its stock and the warnings about it.
+Process milling_blank(const Scene& scene, const cutting::Design& design_m) {
   Process process;
   const cutting::Blank blank = make_blank(scene, design_m);
   if (std::string warning = blank_size_warning(scene, blank); !warning.empty())
@@ -440,6 +437,15 @@ Process simulate_milling(const Scene& scene, const Machine& machine,
   process.stock = blank_stock(scene, blank);
   if (std::string text = uncovered_design_text(scene, *process.stock, design_m); !text.empty())
     process.warnings.push_back(std::move(text));
+  return process;
+}
+
+Process simulate_milling(const Scene& scene, const Machine& machine,
+                         const cutting::Design& design_m, const FollowedProgram& program,
+                         const std::function<void(double)>& progress, Process before) {
+  const CuttingDescription& description = *scene.cutting;
+  const auto& cutter = std::get<cutting::Cutter>(program.tool);
+  Process process = before.stock ? take_stock(before) : milling_blank(scene, design_m);
   const auto spindle = find_spindle(machine);
   if (description.material && !spindle)
     throw std::invalid_argument("a machine with a spindle nose s for cutting forces");
@@ -568,15 +574,15 @@ ProcessSample TurningSample::at(const Pose& T_wt) const {
 }
 
 Process simulate_turning(const Scene& scene, const Machine& machine, const FollowedProgram& program,
-                         const std::function<void(double)>& progress) {
+                         const std::function<void(double)>& progress, Process before) {
   const CuttingDescription& description = *scene.cutting;
   constexpr double min_crash_volume = 1e-3;  // mm^3; a smaller removal is only a touch
   const auto& nose = std::get<cutting::Nose>(program.tool);
   const auto& states = program.samples.states;
   const int spindle = *machine.workpiece_spindle;
   const SpindleLine line = spindle_line(program.chain, spindle);
-  Process process;
-  process.turned = turned_blank(scene, line);
+  Process process = take_stock(before);
+  if (!process.turned) process.turned = turned_blank(scene, line);
   const std::vector<std::size_t> step_samples =
       turning_steps(program.samples, program.path, program.T_wt, spindle, line);
   Pose T_before = slow_pose(line, states.front().q[spindle], program.pose(0, {}));
@@ -605,12 +611,12 @@ Process simulate_turning(const Scene& scene, const Machine& machine, const Follo
 
 Process simulate_process(const Scene& scene, const Machine& machine,
                          const cutting::Design& design_m, const FollowedProgram& program,
-                         const std::function<void(double)>& progress) {
-  if (!scene.cutting || program.samples.states.empty()) return {};
+                         const std::function<void(double)>& progress, Process before) {
+  if (!scene.cutting || program.samples.states.empty()) return take_stock(before);
   try {
     if (std::holds_alternative<cutting::Cutter>(program.tool))
-      return simulate_milling(scene, machine, design_m, program, progress);
-    return simulate_turning(scene, machine, program, progress);
+      return simulate_milling(scene, machine, design_m, program, progress, std::move(before));
+    return simulate_turning(scene, machine, program, progress, std::move(before));
   } catch (const std::invalid_argument& error) {
     throw BadInput(scene.file.string(), 0, 0, "a valid blank", error.what());
   } catch (const std::length_error& error) {

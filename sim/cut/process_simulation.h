@@ -78,11 +78,12 @@ struct FollowedProgram {
 /// of the flank of a flat end mill. Turning is evaluated once a revolution. A rapid, or the shank,
 /// that removes material is a crash. Empty for a scene without [cutting].
 /// @param design_m  the part in its own frame, for a blank that is its offset
+/// @param before    has the stock that the tools before have left; without a stock the blank is cut
 /// @throws BadInput naming the scene or the program line: a blank that is not valid, too many
 ///     dexels, a cut with a spindle at rest or in the wrong direction, or a feed per tooth larger
 ///     than the radius of the cutter
 Process simulate_process(const Scene& scene, const Machine& machine,
                          const cutting::Design& design_m, const FollowedProgram& program,
-                         const std::function<void(double)>& progress = {});
+                         const std::function<void(double)>& progress = {}, Process before = {});
 
 }  // namespace abbe::sim

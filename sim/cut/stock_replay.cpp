@@ -62,30 +62,37 @@ MillingSteps make_turning_steps(const Job& part, const Commands& commands, const
 
 }  // namespace
 
-StockReplay::StockReplay(const Job& part, const Commands& commands, const Process& process)
-    : tool_(part.scene.tool.actual) {
-  if (std::holds_alternative<cutting::Cutter>(tool_)) {
-    stock_ = blank_stock(part.scene, make_blank(part.scene, *part.body_m));
-    milling_ = make_milling_steps(part, commands, process);
-  } else {
-    const SpindleLine line = spindle_line(part.truth.actual, *part.machine.workpiece_spindle);
-    stock_ = turned_blank(part.scene, line);
-    milling_ = make_turning_steps(part, commands, process, line);
+StockReplay::StockReplay(const Job& job, const Commands& commands, const Process& process) {
+  for (const Job& part : job_parts(job)) {
+    const std::size_t number = tools_.size();
+    const Commands& part_command = part_commands(commands, number);
+    const Process steps = part_process(process, number);
+    tools_.push_back(part.scene.tool.actual);
+    if (std::holds_alternative<cutting::Cutter>(tools_.back())) {
+      if (number == 0) stock_ = blank_stock(part.scene, make_blank(part.scene, *part.body_m));
+      milling_.push_back(make_milling_steps(part, part_command, steps));
+    } else {
+      const SpindleLine line = spindle_line(part.truth.actual, *part.machine.workpiece_spindle);
+      if (number == 0) stock_ = turned_blank(part.scene, line);
+      milling_.push_back(make_turning_steps(part, part_command, steps, line));
+    }
+    for (std::size_t k = 0; k < milling_.back().moves(); ++k)
+      moves_.push_back({part_command.samples.states[milling_.back().at[k + 1]].time_s, number, k});
   }
-  for (std::size_t k = 1; k < milling_.at.size(); ++k)
-    time_s_.push_back(commands.samples.states[milling_.at[k]].time_s);
 }
 
 bool StockReplay::advance_to(double time_s) {
   double removed = 0.0;  // mm^3
-  for (; next_move_ < time_s_.size() && time_s_[next_move_] <= time_s; ++next_move_) {
-    const cutting::StockMove move = milling_.move(next_move_);
+  for (; next_move_ < moves_.size() && moves_[next_move_].end_s <= time_s; ++next_move_) {
+    const Move& next = moves_[next_move_];
+    const cutting::StockMove move = milling_[next.part].move(next.number);
+    const auto& tool = tools_[next.part];
     if (auto* milled = std::get_if<cutting::Stock>(&stock_))
-      removed += cutting::remove(*milled, std::get<cutting::Cutter>(tool_), move).volume;
+      removed += cutting::remove(*milled, std::get<cutting::Cutter>(tool), move).volume;
     else
       // A negative line marks a rapid.
       removed +=
-          cutting::remove(std::get<cutting::TurnedStock>(stock_), std::get<cutting::Nose>(tool_),
+          cutting::remove(std::get<cutting::TurnedStock>(stock_), std::get<cutting::Nose>(tool),
                           move.from_T_wt, move.to_T_wt, move.rapid ? -move.line : move.line);
   }
   return removed > 0.0;
@@ -145,17 +152,19 @@ struct WatchedBody {
   } last_sample = {};          // of the depth
 };
 
-/// Follows the stock from the blank to the part and searches for collisions of bodies with it.
+/// Follows the stock through one part of a job and searches for collisions of bodies with it.
 class StockSearch {
  public:
   StockSearch(const ActualMotion& actual_motion, const std::vector<SolidBody>& bodies,
-              const std::vector<cutting::BodyPair>& pairs)
+              const std::vector<cutting::BodyPair>& pairs, std::optional<cutting::Stock> before)
       : actual_motion_(actual_motion),
         cutter_(std::get<cutting::Cutter>(actual_motion.part.scene.tool.actual)),
         milling_(make_milling_steps(actual_motion.part, actual_motion.commands)),
-        blank_(blank_stock(actual_motion.part.scene,
-                           make_blank(actual_motion.part.scene, *actual_motion.part.body_m))),
-        stock_(blank_) {
+        initial_(
+            before ? *std::move(before)
+                   : blank_stock(actual_motion.part.scene,
+                                 make_blank(actual_motion.part.scene, *actual_motion.part.body_m))),
+        stock_(initial_) {
     rebuild_mesh();
     for (const cutting::BodyPair& pair : pairs) add(bodies, pair);
     for (const SolidBody& body : bodies)
@@ -172,7 +181,10 @@ class StockSearch {
   StockCollisions result;
 
   void run(const Progress& progress) {
-    if (milling_.at.empty()) return;
+    if (milling_.at.empty()) {
+      result.stock = std::move(stock_);
+      return;
+    }
     start();
     for (std::size_t move = 0; move < milling_.moves(); ++move) {
       const std::vector<Pose> next_poses = poses(move + 1);
@@ -182,7 +194,12 @@ class StockSearch {
       if (progress && move % 256 == 0)
         progress("collisions with the stock", double(move) / double(milling_.moves()));
     }
-    if (!crashes_.empty()) add_crashes();
+    if (crashes_.empty()) {
+      result.stock = std::move(stock_);
+    } else {
+      result.stock = stock_;
+      add_crashes();
+    }
     if (unconfirmed_crashes_ > 0)
       result.warnings.push_back(
           fmt::format("the stock is cut with a shank of the cutter radius, {:g} mm: at {} {} "
@@ -537,7 +554,7 @@ class StockSearch {
   /// Repeats the cut to examine the crashes of cutter and shank, each with the stock at its time.
   /// Only the first crashes are measured, since each needs a new mesh.
   void add_crashes() {
-    stock_ = blank_;
+    stock_ = std::move(initial_);
     std::size_t k = 0, measured = 0;
     for (std::size_t i = 0; i < crashes_.size();) {
       std::size_t end = i + 1;
@@ -640,7 +657,7 @@ class StockSearch {
   const ActualMotion& actual_motion_;
   const cutting::Cutter& cutter_;
   MillingSteps milling_;
-  cutting::Stock blank_, stock_;
+  cutting::Stock initial_, stock_;
   std::shared_ptr<const cutting::ClosedMesh> shape_;
   Body mesh_;  // search structure of `shape_`; empty if no stock is left
   bool is_stale_ = false;
@@ -664,8 +681,8 @@ bool has_tracked_stock(const Job& part) {
 StockCollisions stock_collisions(const ActualMotion& actual_motion,
                                  const std::vector<SolidBody>& bodies,
                                  const std::vector<cutting::BodyPair>& pairs,
-                                 const Progress& progress) {
-  StockSearch search(actual_motion, bodies, pairs);
+                                 std::optional<cutting::Stock> before, const Progress& progress) {
+  StockSearch search(actual_motion, bodies, pairs, std::move(before));
   search.run(progress);
   return std::move(search.result);
 }

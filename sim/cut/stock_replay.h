@@ -36,12 +36,11 @@ MillingSteps make_milling_steps(const Job& part, const Commands& commands,
 /// the process.
 class StockReplay {
  public:
-  /// @param part      with [cutting]
-  /// @param commands  of that part
+  /// @param job       with [cutting]
   /// @param process   gives the forces; empty: nothing deflects
   /// @throws BadInput if the motion leaves a table of the errors, std::invalid_argument and
   ///     std::length_error as for the blank
-  StockReplay(const Job& part, const Commands& commands, const Process& process = {});
+  StockReplay(const Job& job, const Commands& commands, const Process& process = {});
 
   /// Removes the material that is cut by moves which end at a time or before.
   /// @return true if the stock changed
@@ -52,9 +51,15 @@ class StockReplay {
 
  private:
   std::variant<cutting::Stock, cutting::TurnedStock> stock_;
-  std::variant<cutting::Cutter, cutting::Nose> tool_;
-  MillingSteps milling_;        ///< of a turned part with slow poses
-  std::vector<double> time_s_;  ///< (moves) end of each move
+  /// A move of the steps of one tool.
+  struct Move {
+    double end_s = 0.0;
+    std::size_t part = 0;
+    std::size_t number = 0;  ///< among the moves of the part
+  };
+  std::vector<std::variant<cutting::Cutter, cutting::Nose>> tools_;  ///< (parts)
+  std::vector<MillingSteps> milling_;  ///< (parts) of a turned part with slow poses
+  std::vector<Move> moves_;
   std::size_t next_move_ = 0;
 };
 
@@ -75,6 +80,7 @@ struct StockCollisions {
   std::vector<StockProximity> near;  ///< of contacts and near misses
   std::size_t queries = 0;           ///< number of distance queries
   std::vector<std::string> warnings;
+  std::optional<cutting::Stock> stock;  ///< left by the part
 };
 
 /// Follows the dexels of [cutting] step by step, without deflection, and searches the bodies that
@@ -84,11 +90,13 @@ struct StockCollisions {
 /// counts the places where a shank of another radius shows no contact. Positions and depths have
 /// the accuracy of the stock, a spacing of its dexels (`[cutting] spacing_mm`). Between two steps a
 /// body moves on a screw. An event ends with the block in which the bodies part.
-/// @param pairs  of the bodies; those with the part are searched for the stock instead
+/// @param pairs   of the bodies; those with the part are searched for the stock instead
+/// @param before  stock at the start of the part; none: the blank
 /// @throws BadInput if the blank is not valid
 StockCollisions stock_collisions(const ActualMotion& actual_motion,
                                  const std::vector<SolidBody>& bodies,
                                  const std::vector<cutting::BodyPair>& pairs,
+                                 std::optional<cutting::Stock> before = {},
                                  const Progress& progress = {});
 
 }  // namespace abbe::sim

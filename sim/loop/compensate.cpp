@@ -45,7 +45,7 @@ compensation::Belief perfect_belief(const Job& job, PredictedRun run) {
 // follow the corrected commands. Each iteration changes them by some hundredths of the previous
 // change.
 Corrector perfect_corrector(const Job& job, const ControlView& view,
-                            const CaseDescription& compensator) {
+                            const CaseDescription& compensator, const Process& before) {
   constexpr int max_iterations = 3;
   PredictedRun run{without_stock(job.nominal_process), job.accelerations};
   Corrector corrector = belief_corrector(view, compensator, perfect_belief(job, run));
@@ -61,7 +61,7 @@ Corrector perfect_corrector(const Job& job, const ControlView& view,
     // The simulated cut takes most of the time, so it is repeated only once, with nearly final
     // commands.
     if (has_bending && iteration + 1 == max_iterations)
-      run.process = without_stock(cut_process(job, commands));
+      run.process = without_stock(cut_process(job, commands, {}, before));
     corrector = belief_corrector(view, compensator, perfect_belief(job, run));
   }
   return corrector;
@@ -161,14 +161,29 @@ void check_tool_count(const Job& job, const CaseDescription& compensator) {
   const auto is_used = [&](Belief kind) {
     return !is_plug_in && is_belief_enabled(beliefs, compensator.belief, kind);
   };
-  require_single_tool(job, compensator, channel == Channel::Program,
-                      "the channel program, which writes the program for one tool");
   require_single_tool(job, compensator, channel == Channel::Table,
                       "the channel table, whose tables apply to the tip of one tool");
   require_single_tool(job, compensator, is_used(Belief::Part),
                       "the belief part, which corrects the tool that cut the part");
   require_single_tool(job, compensator, is_used(Belief::Force),
                       "the belief force, which follows the cut of one tool");
+}
+
+/// Returns true if the correction of a later tool depends on the stock that a part leaves: forces
+/// bend the machine, or a plug-in reads the signals of the cut.
+bool follows_stock(const Job& part, const CaseDescription& compensator) {
+  if (!part.scene.cutting) return false;
+  return !compensator.plug_in.empty() || (compensator.belief == CaseDescription::Belief::Perfect &&
+                                          part.truth.compliance.has_value());
+}
+
+/// Returns the corrected commands from which a program is written. The written program follows them
+/// within the path tolerance, which changes the stock by less than its dexels resolve.
+Commands ideal_commands(const Job& part, const CorrectedProgram& corrected) {
+  Commands commands;
+  commands.samples = part.samples;
+  commands.samples.states = corrected.ideal.states;
+  return commands;
 }
 
 }  // namespace
@@ -192,13 +207,14 @@ ControlView make_control_view(const Job& job) {
           job.design_w};
 }
 
-MachineAccess make_machine_access(const Job& job) {
+MachineAccess make_machine_access(const Job& job, const Process& before) {
   MachineAccess machine_access;
   machine_access.touch_off = [&job](const Corrector& corrector) {
     return control_datum_offset(job, corrector);
   };
-  machine_access.run = [&job](const Commands& commands, bool through_blank) {
-    return control_log(job, commands, through_blank ? cut_process(job, commands) : Process{});
+  machine_access.run = [&](const Commands& commands, bool through_blank) {
+    return control_log(job, commands,
+                       through_blank ? cut_process(job, commands, {}, before) : Process{});
   };
   machine_access.measure_cut_part = [&job](const Commands& commands, int pass) {
     return cut_and_measure(job, commands, pass);
@@ -210,8 +226,8 @@ MachineAccess make_machine_access(const Job& job) {
   machine_access.simulate_load = [&job](const Commands& commands, const BelievedPose& pose) {
     return simulate_load(job, commands, pose);
   };
-  machine_access.perfect = [&job](const ControlView& view, const CaseDescription& compensator) {
-    return perfect_corrector(job, view, compensator);
+  machine_access.perfect = [&](const ControlView& view, const CaseDescription& compensator) {
+    return perfect_corrector(job, view, compensator, before);
   };
   machine_access.check_trusted = [&job](const std::filesystem::path& program) {
     check_trusted(job.scene, program);
@@ -252,16 +268,38 @@ compensation::ControlLog control_log(const Job& job, const Commands& commands,
 LearnedCorrection learn_correction(const Job& job, const CaseDescription& compensator,
                                    const Progress& progress) {
   require_single_tool(job, compensator, true, "tables, which apply to the tip of one tool");
-  return learn_correction(make_control_view(job), make_machine_access(job), compensator, progress);
+  return learn_correction(make_control_view(job), make_machine_access(job, {}), compensator,
+                          progress);
 }
 
 Commands compensate(const Job& job, const CaseDescription& compensator, const Progress& progress) {
   check_tool_count(job, compensator);
+  const bool rewrites =
+      compensator.plug_in.empty()
+          ? compensator.channel == CaseDescription::Channel::Program
+          : job.scene.compensation.plug_in.channel == CaseDescription::Channel::Program;
+  const auto parts = job_parts(job);
   std::vector<Commands> part_commands;
-  for (const Job& job_part : job_parts(job))
-    part_commands.push_back(compensated_commands(
-        make_control_view(job_part), make_machine_access(job_part), compensator, progress));
-  return joined(std::move(part_commands));
+  std::vector<ControlView> views;
+  std::vector<CorrectedProgram> corrected;
+  Process stock;  // that the tools so far have left
+  for (const Job& part : parts) {
+    views.push_back(make_control_view(part));
+    const MachineAccess machine_access = make_machine_access(part, stock);
+    if (rewrites)
+      corrected.push_back(corrected_program(views.back(), machine_access, compensator, progress));
+    else
+      part_commands.push_back(
+          compensated_commands(views.back(), machine_access, compensator, progress));
+    if (&part != &parts.back() && follows_stock(part, compensator)) {
+      Process process = cut_process(
+          part, rewrites ? ideal_commands(part, corrected.back()) : part_commands.back(), {},
+          take_stock(stock));
+      stock = take_stock(process);
+    }
+  }
+  if (!rewrites) return joined(std::move(part_commands));
+  return run_corrected_program(views, corrected, job.path, nc_options(job.scene, job.machine));
 }
 
 namespace {
@@ -270,11 +308,11 @@ namespace {
 Cut cut_in_windows(const Job& job, const CaseDescription& compensator, const Progress& progress) {
   const ControlView view = make_control_view(job);
   const LearnedCorrection correction =
-      learn_correction(view, make_machine_access(job), compensator, progress);
+      learn_correction(view, make_machine_access(job, {}), compensator, progress);
   Cut result = cut_in_windows(
       job,
       [&](const Job& job_part) {
-        return compensated_commands(make_control_view(job_part), make_machine_access(job_part),
+        return compensated_commands(make_control_view(job_part), make_machine_access(job_part, {}),
                                     compensator, correction);
       },
       progress);

@@ -20,16 +20,18 @@ struct PredictedRun {
 compensation::Belief perfect_belief(const Job& job, PredictedRun run);
 
 /// Returns a corrector with the perfect belief, which predicts the effect of its own corrections.
+/// @param before  has the stock that earlier tools have left; without a stock the blank is cut
 Corrector perfect_corrector(const Job& job, const ControlView& view,
-                            const CaseDescription& compensator);
+                            const CaseDescription& compensator, const Process& before = {});
 
 /// Returns the knowledge of a job that is available to a compensator. The job must outlive the
 /// result.
 ControlView make_control_view(const Job& job);
 
-/// Returns the operations that a compensator may request from the machine. The job must outlive the
-/// result.
-MachineAccess make_machine_access(const Job& job);
+/// Returns the operations that a compensator may request from the machine. The arguments must
+/// outlive the result.
+/// @param before  has the stock that earlier tools have left; without a stock the blank is cut
+MachineAccess make_machine_access(const Job& job, const Process& before);
 
 /// Returns the signals that the control can read while a program runs and during the thermal
 /// history before it: encoders, temperatures, current and dynamometer, with their noise. True

@@ -99,12 +99,14 @@ program::ThinOptions thin_options(const ControlView& view, const std::vector<Axi
   return options;
 }
 
-/// Returns the nominal poses at the samples of a rewritten program, on the segment of the original
-/// program that corresponds to the line. A workpiece spindle keeps its sampled angle, since the
-/// times of the two programs differ slightly.
+/// Returns the nominal poses at the samples of a part of a rewritten program, on the segment of the
+/// original part that corresponds to the line. A workpiece spindle keeps its sampled angle, since
+/// the times of the two programs differ slightly.
+/// @param first_block  number of the first block of the original part in its program
 std::vector<Pose> rewritten_target_poses(const ControlView& view, const program::Path& path,
                                          const program::Samples& samples,
-                                         const std::vector<program::LineOrigin>& line_origins) {
+                                         const std::vector<program::LineOrigin>& line_origins,
+                                         std::size_t first_block) {
   std::vector<Pose> target_poses(samples.states.size());
   tbb::parallel_for(std::size_t(0), target_poses.size(), [&](std::size_t i) {
     const program::Block& block = path.blocks[std::size_t(samples.block[i])];
@@ -112,14 +114,54 @@ std::vector<Pose> rewritten_target_poses(const ControlView& view, const program:
     const double duration = block.end_s - block.start_s;
     const double fraction =
         duration > 0.0 ? (samples.states[i].time_s - block.start_s) / duration : 1.0;
-    AxisVector q =
-        nominal_axes(view.machine, view.path, view.path.blocks.at(std::size_t(segment.block)),
-                     segment.from + fraction * (segment.to - segment.from));
+    AxisVector q = nominal_axes(view.machine, view.path,
+                                view.path.blocks.at(std::size_t(segment.block) - first_block),
+                                segment.from + fraction * (segment.to - segment.from));
     if (const auto spindle = view.machine.workpiece_spindle)
       q[*spindle] = samples.states[i].q[*spindle];
     target_poses[i] = view.machine.nominal.tool_in_workpiece(q);
   });
   return target_poses;
+}
+
+/// Returns the number of the first block of a rewritten program that comes from an original block
+/// or from a later one.
+std::size_t first_rewritten_block(const program::Path& path,
+                                  const std::vector<program::LineOrigin>& line_origins,
+                                  std::size_t original_block) {
+  const auto comes_later = [&](const program::Block& block) {
+    return line_origins.at(std::size_t(block.line) - 1).block >= std::ptrdiff_t(original_block);
+  };
+  return std::size_t(std::ranges::find_if(path.blocks, comes_later) - path.blocks.begin());
+}
+
+/// Returns the commands of a part of a rewritten program.
+/// @param path         of the part
+/// @param last_state   of the part before, for directions of approach; none for the first part
+/// @param first_block  number of the first block of the original part in its program
+Commands rewritten_commands(const ControlView& view, program::Path path,
+                            const CorrectedProgram& corrected,
+                            const std::optional<AxisState>& last_state,
+                            const std::vector<program::LineOrigin>& line_origins,
+                            std::size_t first_block) {
+  const kinematics::Chain& control = view.machine.control;
+  // A corrector with jumps would give a program of unlimited length. The limit of 20 times the
+  // original samples stops it before the memory is exhausted.
+  program::SampleOptions options = view.sampling;
+  options.max_samples = std::max<std::size_t>(1'000'000, 20 * view.samples.states.size());
+  if (last_state) options.before = *last_state;
+  Commands result;
+  result.path = std::move(path);
+  result.samples = program::sample(*result.path, control, options);
+  result.samples.states =
+      commanded(control, *result.path, result.samples, control, corrected.measured_w);
+  result.T_wt_nominal =
+      rewritten_target_poses(view, *result.path, result.samples, line_origins, first_block);
+  result.remaining_point_error = corrected.ideal.remaining_point_error;
+  result.remaining_direction_error = corrected.ideal.remaining_direction_error;
+  result.not_converged = corrected.ideal.not_converged;
+  result.warnings = corrected.warnings;
+  return result;
 }
 
 }  // namespace
@@ -147,36 +189,51 @@ AxisVector nominal_axes(const Machine& machine, const program::Path& path,
 
 // The path is corrected with the shift that the corrector expects. It is run with the shift that
 // the control measures.
-Commands apply_program_channel(const ControlView& view, const Corrector& corrector,
-                               const Eigen::Vector3d& expected_w,
-                               const Eigen::Vector3d& measured_w) {
-  const kinematics::Chain& control = view.machine.control;
+CorrectedProgram correct_program(const ControlView& view, const Corrector& corrector,
+                                 const Eigen::Vector3d& expected_w,
+                                 const Eigen::Vector3d& measured_w) {
   const std::vector<AxisState> uncorrected =
-      commanded(control, view.path, view.samples, view.machine.nominal, expected_w);
-  const CorrectedCommands ideal = corrector(uncorrected, view.T_wt_nominal);
-  const program::CorrectedPath points =
+      commanded(view.machine.control, view.path, view.samples, view.machine.nominal, expected_w);
+  CorrectedCommands ideal = corrector(uncorrected, view.T_wt_nominal);
+  program::CorrectedPath points =
       program::thin_out(view.path, dense_points(view, ideal.states, expected_w), view.control,
                         thin_options(view, uncorrected));
-  program::RewrittenProgram rewrite_program = program::rewrite_program(
-      view.path, points, view.control,
-      {view.compensation.word_resolution, view.compensation.angle_resolution});
+  return {std::move(points), std::move(ideal), measured_w, {}};
+}
 
-  // A corrector with jumps would give a program of unlimited length. The limit of 20 times the
-  // original samples stops it before the memory is exhausted.
-  program::SampleOptions options = view.sampling;
-  options.max_samples = std::max<std::size_t>(1'000'000, 20 * view.samples.states.size());
-  Commands result;
-  result.path = is_pvt(view.path)
-                    ? program::read_pvt(rewrite_program.text, "rewritten.csv", view.control)
-                    : program::read_nc(rewrite_program.text, "rewritten.ngc", view.control);
-  result.rewritten_program = std::move(rewrite_program.text);
-  result.samples = program::sample(*result.path, control, options);
-  result.samples.states = commanded(control, *result.path, result.samples, control, measured_w);
-  result.T_wt_nominal =
-      rewritten_target_poses(view, *result.path, result.samples, rewrite_program.line_origins);
-  result.remaining_point_error = ideal.remaining_point_error;
-  result.remaining_direction_error = ideal.remaining_direction_error;
-  result.not_converged = ideal.not_converged;
+Commands run_corrected_program(std::span<const ControlView> parts,
+                               std::span<const CorrectedProgram> corrected,
+                               const program::Path& path, const program::NcOptions& control) {
+  program::CorrectedPath points;
+  for (const CorrectedProgram& part : corrected)
+    points.insert(points.end(), part.points.begin(), part.points.end());
+  const CompensationDescription& compensation = parts.front().compensation;
+  program::RewrittenProgram rewritten = program::rewrite_program(
+      path, points, control, {compensation.word_resolution, compensation.angle_resolution});
+  program::Path whole = is_pvt(path) ? program::read_pvt(rewritten.text, "rewritten.csv", control)
+                                     : program::read_nc(rewritten.text, "rewritten.ngc", control);
+  std::vector<Commands> part_commands;
+  std::optional<AxisState> last_state;
+  std::size_t original_block = 0, block = 0;
+  for (std::size_t i = 0; i < parts.size(); ++i) {
+    const std::size_t next_original_block = original_block + parts[i].path.blocks.size();
+    const std::size_t next_block =
+        i + 1 < parts.size()
+            ? first_rewritten_block(whole, rewritten.line_origins, next_original_block)
+            : whole.blocks.size();
+    // The program of a single tool has everything that a segment would lose, such as its comments.
+    program::Path part_path =
+        parts.size() == 1 ? whole : program::path_segment(whole, block, next_block);
+    part_commands.push_back(rewritten_commands(parts[i], std::move(part_path), corrected[i],
+                                               last_state, rewritten.line_origins, original_block));
+    const auto& states = part_commands.back().samples.states;
+    if (!states.empty()) last_state = states.back();
+    original_block = next_original_block;
+    block = next_block;
+  }
+  Commands result = joined(std::move(part_commands));
+  result.path = std::move(whole);
+  result.rewritten_program = std::move(rewritten.text);
   return result;
 }
 

@@ -1,23 +1,42 @@
 #pragma once
 
+#include <span>
+
 #include "sim/loop/control_view.h"
+#include "sim/program/rewrite.h"
 
 /// Channels by which a correction reaches the machine: a rewritten program, and channels that act
 /// while the program runs.
 namespace abbe::sim {
 
-/// Returns the commands of a program that contains the correction, rewritten in the same dialect,
-/// as the control reads and runs it. The correction is known at the samples. The rewritten program
-/// keeps only as many of the corrected samples as are needed for its path to pass the others within
-/// the scene's path tolerance, both at the tip and along the tool axis up to the height at which
-/// the tool still cuts. By default the tolerance equals the rounding of a program value (1 nm for a
-/// PVT program). The rounding of the written values comes on top of it.
+/// The program of one tool with its correction, before it is written.
+struct CorrectedProgram {
+  program::CorrectedPath points;  ///< one list for each block
+  CorrectedCommands ideal;        ///< (samples) from which the points are selected
+  Eigen::Vector3d measured_w;     ///< mm, shift of the datum that the control measures
+  std::vector<std::string> warnings = {};
+};
+
+/// Returns a program with a correction, which is known at the samples. It keeps only as many of the
+/// corrected samples as are needed for its path to pass the others within the scene's path
+/// tolerance, both at the tip and along the tool axis up to the height at which the tool still
+/// cuts. By default the tolerance equals the rounding of a program value (1 nm for a PVT program).
+/// The rounding of the written values comes on top of it.
 /// @param expected_w  mm, shift of the datum that the corrector expects the control to measure and
 /// add
 /// @param measured_w  mm, shift that the control measures
-Commands apply_program_channel(const ControlView& view, const Corrector& corrector,
-                               const Eigen::Vector3d& expected_w,
-                               const Eigen::Vector3d& measured_w);
+CorrectedProgram correct_program(const ControlView& view, const Corrector& corrector,
+                                 const Eigen::Vector3d& expected_w,
+                                 const Eigen::Vector3d& measured_w);
+
+/// Returns the commands of a corrected program, rewritten as one program in the same dialect, as
+/// the control reads and runs it.
+/// @param parts    one for each tool, in the order of the program
+/// @param path     program of all parts
+/// @param control  state of the control before it reads the program
+Commands run_corrected_program(std::span<const ControlView> parts,
+                               std::span<const CorrectedProgram> corrected,
+                               const program::Path& path, const program::NcOptions& control);
 
 /// Returns the permitted distance between the rewritten program and the corrected samples, mm: that
 /// of the scene, else the rounding of a value, or 1 nm for a PVT program.

@@ -50,6 +50,26 @@ CorrectionTargets targets_at_datum(const ControlView& view, const MachineAccess&
   return result;
 }
 
+/// Returns true if the corrector knows the absolute pose of the tool, not only relative to the
+/// datum. Tables are active while the datum is measured, for every belief.
+bool knows_absolute_pose(const CaseDescription& compensator) {
+  return compensator.plug_in.empty() && compensator.belief == Kind::Perfect &&
+         compensator.channel != Channel::Table;
+}
+
+CorrectedProgram correct_program(const ControlView& view, const MachineAccess& machine_access,
+                                 const CaseDescription& compensator,
+                                 const LearnedCorrection& case_correction) {
+  const Corrector& corrector = case_correction.corrector;
+  const Corrector& at_datum = case_correction.at_datum ? case_correction.at_datum : corrector;
+  const Eigen::Vector3d measured_w = machine_access.touch_off({});
+  return correct_program(view, corrector,
+                         knows_absolute_pose(compensator)
+                             ? measured_w
+                             : expected_offset(view.datum, view.machine, at_datum),
+                         measured_w);
+}
+
 /// Applies a correction through the channel of the case and returns the commands.
 Commands deliver_correction(const ControlView& view, const MachineAccess& machine_access,
                             const CaseDescription& compensator, LearnedCorrection case_correction) {
@@ -63,21 +83,14 @@ Commands deliver_correction(const ControlView& view, const MachineAccess& machin
   }
   const Corrector& corrector = case_correction.corrector;
   const Corrector& at_datum = case_correction.at_datum ? case_correction.at_datum : corrector;
-  // Tables are active while the datum is measured, for every belief.
-  const bool knows_absolute_pose = compensator.plug_in.empty() &&
-                                   compensator.belief == Kind::Perfect &&
-                                   compensator.channel != Channel::Table;
   Commands result;
   if (compensator.channel == Channel::Program) {
-    const Eigen::Vector3d measured_offset_w = machine_access.touch_off({});
-    result = apply_program_channel(view, corrector,
-                                   knows_absolute_pose
-                                       ? measured_offset_w
-                                       : expected_offset(view.datum, view.machine, at_datum),
-                                   measured_offset_w);
+    const CorrectedProgram corrected =
+        correct_program(view, machine_access, compensator, case_correction);
+    result = run_corrected_program({&view, 1}, {&corrected, 1}, view.path, view.control);
   } else {
     const CorrectionTargets targets =
-        targets_at_datum(view, machine_access, at_datum, knows_absolute_pose);
+        targets_at_datum(view, machine_access, at_datum, knows_absolute_pose(compensator));
     CorrectedCommands ideal = corrector(targets.commanded, targets.T_wt);
     if (compensator.channel == Channel::Ideal || compensator.channel == Channel::Table) {
       result.samples = view.samples;
@@ -329,6 +342,18 @@ Commands compensated_commands(const ControlView& view, const MachineAccess& mach
   });
   if (progress) progress("correct", 0.0);
   return compensated_commands(view, machine_access, description, correction);
+}
+
+CorrectedProgram corrected_program(const ControlView& view, const MachineAccess& machine_access,
+                                   const CaseDescription& description, const Progress& progress) {
+  return with_input_errors(view, description, [&] {
+    LearnedCorrection correction = learn_correction(view, machine_access, description, progress);
+    if (progress) progress("correct", 0.0);
+    CorrectedProgram result =
+        correct_program(view, machine_access, with_plug_in_settings(view, description), correction);
+    result.warnings = std::move(correction.warnings);
+    return result;
+  });
 }
 
 Commands compensated_commands(const ControlView& view, const MachineAccess& machine_access,

@@ -2,6 +2,7 @@
 
 #include "sim/files/progress.h"
 #include "sim/loop/control_view.h"
+#include "sim/loop/correction_channels.h"
 
 /// Learning of a correction in passes, and its application through a channel.
 namespace abbe::sim {
@@ -27,6 +28,13 @@ LearnedCorrection learn_correction(const ControlView& view, const MachineAccess&
 /// @throws BadInput, compensation::PlugInFailure  as `learn_correction`
 Commands compensated_commands(const ControlView& view, const MachineAccess& machine_access,
                               const CaseDescription& compensator, const Progress& progress = {});
+
+/// Learns the correction of a case with the channel `program`, and returns the corrected program of
+/// one tool before it is written.
+/// @throws BadInput, compensation::PlugInFailure  as `learn_correction`
+CorrectedProgram corrected_program(const ControlView& view, const MachineAccess& machine_access,
+                                   const CaseDescription& compensator,
+                                   const Progress& progress = {});
 
 /// Returns the commands of a case with a given correction.
 /// @throws BadInput if the correction does not cover the program

@@ -425,6 +425,7 @@ class NcRewriter {
   void write_auxiliary_words(std::size_t before);
   void write_units_and_feed_mode(const Block& block);
   void write_coordinates(const Block& block);
+  int length_number(const Block& block) const;
   void write_spindle(const Block& block);
   void write_dwell(double seconds, const LineOrigin& origin);
   void write_moves(int index, const std::vector<CorrectedPoint>& points);
@@ -447,6 +448,7 @@ class NcRewriter {
   std::vector<NcItem> items_;
   const std::optional<ProgramZero> zero_;
   std::optional<Coordinates> coordinates_;
+  int length_number_ = 0;                    ///< H number under G43.4
   std::optional<AxisVector> current_words_;  ///< words of the current position, if known
   std::optional<bool> inch_, inverse_time_;
   std::string plane_ = "IJ";
@@ -485,18 +487,26 @@ void NcRewriter::write_units_and_feed_mode(const Block& block) {
 }
 
 void NcRewriter::write_coordinates(const Block& block) {
-  if (coordinates_ == block.coordinates) return;
+  const int length_number = block.coordinates == Coordinates::Tip ? this->length_number(block) : 0;
+  if (coordinates_ == block.coordinates && length_number_ == length_number) return;
   const bool is_first = !coordinates_;
   coordinates_ = block.coordinates;
+  length_number_ = length_number;
   // At the start the position is known. After a change of coordinates it depends on corrections
   // that are not known here.
   current_words_ = is_first ? std::optional(rounded_words(block.start)) : std::nullopt;
   if (coordinates_ == Coordinates::Axis) return write_text("G49");
+  write_text(fmt::format("G43.4 H{}", length_number));
+}
+
+/// Returns the H number of the tool whose tip a block commands.
+int NcRewriter::length_number(const Block& block) const {
   if (control_.tool_length.empty())
     throw std::invalid_argument("expected a tool length for G43.4 H");
-  const bool has_one_chain = control_.control_by_h.size() == 1;  // of a tool table with many tools
-  write_text(fmt::format("G43.4 H{}", has_one_chain ? control_.control_by_h.begin()->first
-                                                    : control_.tool_length.begin()->first));
+  if (control_.control_by_h.contains(block.tool_length)) return block.tool_length;
+  // A tool table with many tools has one chain.
+  return control_.control_by_h.size() == 1 ? control_.control_by_h.begin()->first
+                                           : control_.tool_length.begin()->first;
 }
 
 void NcRewriter::write_spindle(const Block& block) {

@@ -66,6 +66,14 @@ Description::Element element_description(const errors::GeometricModel& model,
   return element;
 }
 
+/// Returns the material of the scene, else that of the first tool which states one.
+std::optional<cutting::CuttingCoefficients> nominal_material(const Scene& scene) {
+  if (scene.cutting->material) return scene.cutting->material;
+  for (const ToolDescription& tool : all_tools(scene))
+    if (tool.material) return tool.material;
+  return {};
+}
+
 /// Appends the names of the nodes on which a function of temperatures depends.
 void add_nodes(std::vector<std::string>& names, const errors::ThermalFunction& function,
                const errors::ThermalNetwork& network) {
@@ -148,7 +156,7 @@ Description describe(const Job& job) {
   if (job.truth.heat) d.heat = heat_description(*job.truth.heat, *job.scene.thermal, chain);
   if (job.truth.compliance && !states.empty()) d.stiffness_N_per_um = stiffness_N_per_um(job);
   if (job.scene.cutting)
-    d.cut = {job.scene.cutting->material, job.scene.cutting->spacing,
+    d.cut = {nominal_material(job.scene), job.scene.cutting->spacing,
              job.nominal_process.steps.size(), totals(job.nominal_process),
              job.nominal_process.crash_lines};
   const cutting::Design& design = job.design_w;

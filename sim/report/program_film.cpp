@@ -273,10 +273,13 @@ void ProgramFilm::add_frame_samples() {
     sample_indices[segment].push_back(frame_sample.sample);
     frame_samples_.push_back(std::move(frame_sample));
   }
+  std::vector<Process> processes;
+  for (std::size_t i = 0; i < segments.size(); ++i)
+    processes.push_back(part_process(source_.process, i));
   std::vector<std::vector<Pose>> T_wt(segments.size());
   for (std::size_t i = 0; i < segments.size(); ++i)
     if (!sample_indices[i].empty())
-      T_wt[i] = tool_poses(segments[i], part_commands(source_.commands, i), source_.process,
+      T_wt[i] = tool_poses(segments[i], part_commands(source_.commands, i), processes[i],
                            sample_indices[i]);
   std::vector<std::size_t> next_pose(segments.size(), 0);
   for (FrameSample& frame_sample : frame_samples_) {
@@ -289,7 +292,7 @@ void ProgramFilm::add_frame_samples() {
     frame_sample.T_wt = pose_at_rest(job, state.q, actual);
     frame_sample.T_wt_nominal = pose_at_rest(job, state.q, nominal);
     const auto axis_deviations =
-        deviations(job.truth, state, load_at(source_.process, state.time_s)).joints;
+        deviations(job.truth, state, load_at(processes[frame_sample.segment], state.time_s)).joints;
     if (const auto spindle = find_spindle(job.machine)) state.q[*spindle] = 0.0;
     frame_sample.carriers_b = carrier_poses(job.truth.actual, state.q, axis_deviations);
   }
@@ -358,7 +361,7 @@ void ProgramFilm::add_part() {
   setting_.vertex_styles = {{has_stock ? "raw material" : "not yet cut", raw_colour},
                             {"cut", fresh_colour}};
   if (has_stock) {
-    stock_.emplace(job, part_commands(source_.commands, 0), source_.process);
+    stock_.emplace(job, source_.commands, source_.process);
     const std::string name = source_.process.crash_lines.empty() ? "" : "cut in a crash";
     setting_.vertex_styles.push_back({name, crash_colour});
     return;
@@ -427,8 +430,8 @@ void ProgramFilm::add_trace() {
     const Commands& commands = part_commands(source_.commands, segment);
     const TracedSamples traced = traced_path_samples(segment);
     if (traced.sample.empty()) continue;
-    const std::vector<Pose> T_wt =
-        tool_poses(segments[segment], commands, source_.process, traced.sample);
+    const std::vector<Pose> T_wt = tool_poses(
+        segments[segment], commands, part_process(source_.process, segment), traced.sample);
     for (std::size_t k = 0; k < traced.sample.size(); ++k) {
       const kinematics::AxisState& state = commands.samples.states[traced.sample[k]];
       const Vector3d nominal = nominal_tip(segment, traced.sample[k]);

@@ -10,7 +10,7 @@
 
 #include "errors/compliance.h"
 #include "kinematics/units.h"
-#include "sim/scene/fields.h"
+#include "sim/scene/scene_fields.h"
 #include "sim/scene/table_reader.h"
 
 #if ABBE_RENDER
@@ -345,41 +345,56 @@ Fields<CantileverSection> section_fields() {
               "Poisson's ratio of the material");
 }
 
-void read_tool_compliance(TableReader& compliance, ComplianceErrors& errors) {
-  const Node* section = compliance.section("tool");
-  if (!section) return;
-  TableReader reader(*section, compliance.qualified_name("tool"), compliance.input_errors());
+/// Adds the compliance of the sections of a tool.
+void read_sections(TableReader& reader, Compliance& tool) {
   const std::size_t error_count = reader.input_errors().list().size();
-  errors.tool = stiffness_fields().read(reader);
   std::vector<CantileverSection> sections;
   for (const Node* node : reader.tables("section"))
     sections.push_back(section_fields().read_table(*node, reader.qualified_name("section"),
                                                    reader.input_errors()));
-  reader.close();
   // If a section is invalid, the sum over the others would be wrong.
   if (sections.empty() || reader.input_errors().list().size() != error_count) return;
   try {
     // The sections and the stated stiffness are in series between nose and tip, so their
     // compliances add up.
-    errors.tool += errors::stepped_cantilever(sections);
+    tool += errors::stepped_cantilever(sections);
   } catch (const std::invalid_argument& error) {
     reader.report_invalid("section", "valid sections", error.what());
   }
 }
 
-Fields<ComplianceErrors> tool_compliance_fields() {
-  std::vector<Key> keys = stiffness_fields().keys();
-  keys.push_back(make_key("section", Key::Kind::Tables,
-                          "round sections from the tip to the clamp; their compliance is added to "
-                          "that of the stiffnesses",
-                          section_fields().keys()));
+}  // namespace
+
+const Fields<Compliance>& tool_compliance_fields() {
+  static const Fields<Compliance> fields =
+      Fields<Compliance>(stiffness_fields())
+          .custom_field({make_key("section", Key::Kind::Tables,
+                                  "round sections from the tip to the clamp; their compliance is "
+                                  "added to that of the stiffnesses",
+                                  section_fields().keys())},
+                        read_sections,
+                        // Stiffness and sections are written as one matrix.
+                        [](const Compliance&, Node::Table&) {});
+  return fields;
+}
+
+namespace {
+
+Fields<ComplianceErrors> tool_section_fields() {
   const Key tool = make_key(
       KeyName("tool").with_fallback("stiff"), Key::Kind::Table,
-      "compliance from the spindle nose to the tip, at the tip in the tool frame", std::move(keys));
+      "compliance from the spindle nose to the tip, at the tip in the tool frame; a tool with its "
+      "own `compliance` replaces it",
+      tool_compliance_fields().keys());
   return Fields<ComplianceErrors>().custom_field(
-      {tool}, read_tool_compliance, [](const ComplianceErrors& errors, Node::Table& table) {
-        // Stiffness and sections are written as one matrix.
-        Node::Table tool = stiffness_fields().to_table(errors.tool);
+      {tool},
+      [](TableReader& reader, ComplianceErrors& errors) {
+        if (const Node* section = reader.section("tool"))
+          errors.tool = tool_compliance_fields().read_table(*section, reader.qualified_name("tool"),
+                                                            reader.input_errors());
+      },
+      [](const ComplianceErrors& errors, Node::Table& table) {
+        Node::Table tool = tool_compliance_fields().to_table(errors.tool);
         if (!tool.empty()) put_value(table, "tool", std::move(tool));
       });
 }
@@ -490,7 +505,7 @@ Fields<ComplianceErrors> compliance_fields(const MachineDescription& machine) {
       .remark("name", "name of the compliant structure")
       .number("scale", &ComplianceErrors::scale, {0.0, 1e6}, "factor of all compliances")
       .include_fields(whole_struct, joints_fields(machine))
-      .include_fields(whole_struct, tool_compliance_fields())
+      .include_fields(whole_struct, tool_section_fields())
       .table(KeyName("fixture").with_fallback("stiff"), &ComplianceErrors::fixture,
              stiffness_fields(),
              "compliance of the part on its carriage, at the origin of the workpiece frame")

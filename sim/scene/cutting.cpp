@@ -6,12 +6,10 @@
 
 #include "kinematics/units.h"
 #include "sim/scene/bodies.h"
-#include "sim/scene/fields.h"
+#include "sim/scene/scene_fields.h"
 #include "sim/scene/table_reader.h"
 
 namespace abbe::sim {
-
-namespace {
 
 const Fields<cutting::CuttingCoefficients>& material_fields() {
   using Coefficients = cutting::CuttingCoefficients;
@@ -34,8 +32,6 @@ const Fields<cutting::CuttingCoefficients>& material_fields() {
   return fields;
 }
 
-}  // namespace
-
 cutting::CuttingCoefficients read_material(const Node& table, InputErrors& input_errors) {
   return material_fields().read_table(table, "material", input_errors);
 }
@@ -48,9 +44,35 @@ std::vector<Key> material_keys() { return material_fields().keys(); }
 
 namespace {
 
+constexpr Range helix_range{-90.0, 90.0, true, true};
+constexpr Range run_out_range{0.0, 1000.0};
+
+}  // namespace
+
+const Fields<cutting::Flutes>& flutes_fields() {
+  using cutting::Flutes;
+  static const Flutes defaults{.helix = 30.0 * units::deg};
+  static const Fields<Flutes> fields =
+      Fields<Flutes>(defaults)
+          // Reading starts from these defaults and not from those of `CuttingDescription`.
+          .derive([](Flutes& flutes) { flutes = defaults; })
+          .whole("flutes", &Flutes::count, 1, 100, "milling: number of flutes of the cutter")
+          .number("helix_deg", &Flutes::helix, helix_range,
+                  "milling: helix angle, + for right-hand")
+          .number("run_out_um", &Flutes::run_out, run_out_range,
+                  "milling: offset of the cutter axis from the spindle axis")
+          .number("run_out_angle_deg", &Flutes::run_out_angle, any_number,
+                  "milling: direction of that offset, counter-clockwise from the first flute")
+          .word("rotation", &Flutes::clockwise,
+                {{"clockwise", true, "M3, seen from the spindle"}, {"counter_clockwise", false}},
+                "milling: direction of rotation of the spindle");
+  return fields;
+}
+
+namespace {
+
 using cutting::BoxBlank;
 using cutting::CylinderBlank;
-using cutting::Flutes;
 using Blank = CuttingDescription::Blank;
 using OffsetBlank = CuttingDescription::OffsetBlank;
 using TurnedBlank = CuttingDescription::TurnedBlank;
@@ -58,10 +80,8 @@ using TurnedBlank = CuttingDescription::TurnedBlank;
 enum class Operation { Milling, Turning };
 
 constexpr int max_corners = 10000;
-constexpr Range helix_range{-90.0, 90.0, true, true};
 constexpr Range spacing_range{0.001, 20.0};
 constexpr Range step_range{0.0, 100.0, true, false};
-constexpr Range run_out_range{0.0, 1000.0};
 
 void check_box_corners(TableReader& reader, BoxBlank& box) {
   // A missing corner is reported already; its default must not be compared.
@@ -191,23 +211,6 @@ Fields<CuttingDescription> blank_fields(Operation operation) {
       [blank](const CuttingDescription& cutting, Node::Table& table) {
         append_entries(table, blank.to_table(cutting));
       });
-}
-
-Fields<Flutes> flutes_fields() {
-  Flutes defaults;
-  defaults.helix = 30.0 * units::deg;
-  return Fields<Flutes>(defaults)
-      // Reading starts from these defaults and not from those of `CuttingDescription`.
-      .derive([defaults](Flutes& flutes) { flutes = defaults; })
-      .whole("flutes", &Flutes::count, 1, 100, "milling: number of flutes of the cutter")
-      .number("helix_deg", &Flutes::helix, helix_range, "milling: helix angle, + for right-hand")
-      .number("run_out_um", &Flutes::run_out, run_out_range,
-              "milling: offset of the cutter axis from the spindle axis")
-      .number("run_out_angle_deg", &Flutes::run_out_angle, any_number,
-              "milling: direction of that offset, counter-clockwise from the first flute")
-      .word("rotation", &Flutes::clockwise,
-            {{"clockwise", true, "M3, seen from the spindle"}, {"counter_clockwise", false}},
-            "milling: direction of rotation of the spindle");
 }
 
 /// Returns the fields that only milling has: flutes, dexels and the step of the engagement.

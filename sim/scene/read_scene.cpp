@@ -140,14 +140,11 @@ void check_several_tools(TableReader& reader, const Scene& scene) {
   if (scene.additional_tools.empty()) return;
   const auto report_if_present = [&](const Node* section, const char* key,
                                      const std::string& expected) {
-    const Node* node = section && key ? section->find(key) : section;
+    const Node* node = section ? section->find(key) : nullptr;
     if (node)
       reader.input_errors().add(node->place, expected,
                                 fmt::format("{} tools", 1 + scene.additional_tools.size()));
   };
-  report_if_present(
-      reader.accept_key("cutting"), nullptr,
-      "one tool with [cutting], which tracks the stock and the force of a single tool");
   report_if_present(reader.accept_key("program"), "generator",
                     "one tool for a generator; several tools need a program file");
   report_if_present(
@@ -253,8 +250,7 @@ void check_beliefs(const Scene& scene, const std::vector<CaseDescription>& cases
     const bool uses_force = belief.force && (description.belief == Belief::Force ||
                                              description.belief == Belief::Fused);
     if (!uses_force) continue;
-    const bool has_material = scene.cutting && scene.cutting->material;
-    if (!has_material)
+    if (!has_cutting_force(scene))
       reader.report_invalid("compare", "[cutting] with a material for " + description.name, "none");
     if (belief.force->from == From::Current && !scene.signals.current)
       reader.report_invalid("compare", "[signals.current] for " + description.name, "none");
@@ -273,6 +269,7 @@ Scene interpret_tree(const Node& tree, const std::filesystem::path& file,
   scene = title_scene_fields().read(reader, std::move(scene));
   const std::size_t error_count = input_errors.list().size();
   scene = cutting_scene_fields().read(reader, std::move(scene));
+  if (scene.additional_tools.empty()) scene = apply_tool_sections(std::move(scene));
   // After an input error a section may hold defaults, for which these checks would mislead.
   if (input_errors.list().size() == error_count) check_consistency(reader, scene);
   scene = judging_scene_fields().read(reader, std::move(scene));

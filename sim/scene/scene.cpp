@@ -88,6 +88,22 @@ Scene select_tool(Scene scene, int number) {
   if (tool == tools.end()) throw std::out_of_range("a tool that the scene describes");
   scene.tool = *tool;
   scene.additional_tools.clear();
+  return apply_tool_sections(std::move(scene));
+}
+
+bool has_cutting_force(const Scene& scene) {
+  const auto has_material = [](const ToolDescription& tool) { return tool.material.has_value(); };
+  return scene.cutting &&
+         (scene.cutting->material || std::ranges::any_of(all_tools(scene), has_material));
+}
+
+Scene apply_tool_sections(Scene scene) {
+  const ToolDescription& tool = scene.tool;
+  if (scene.cutting && tool.flutes) scene.cutting->flutes = *tool.flutes;
+  if (scene.cutting && tool.material) scene.cutting->material = tool.material;
+  // Without [compliance] everything but the tool is stiff.
+  if (tool.compliance && !scene.compliance) scene.compliance.emplace();
+  if (tool.compliance) scene.compliance->tool = *tool.compliance;
   return scene;
 }
 

@@ -102,6 +102,14 @@ double control_tool_length(const Scene& scene, const ToolDescription& tool);
 /// true one by more than 1 nm, and for tools that are missing in the table.
 std::vector<std::string> tool_table_warnings(const Scene& scene);
 
+/// Returns a scene of one tool with the flutes, the material and the compliance of the tool in
+/// place of those of its sections.
+Scene apply_tool_sections(Scene scene);
+
+/// Returns true if a tool of the scene cuts with a force: the scene has [cutting], and the tool or
+/// the scene states a material.
+bool has_cutting_force(const Scene& scene);
+
 /// Returns the scene with one of its tools as the only tool.
 /// @throws std::out_of_range if the scene has no such tool
 Scene select_tool(Scene scene, int number);

@@ -7,7 +7,9 @@
 
 #include <Eigen/Core>
 
+#include "cutting/stock/force.h"
 #include "cutting/surface/tool.h"
+#include "errors/compliance.h"
 #include "sim/scene/toml.h"
 
 namespace abbe::sim {
@@ -58,6 +60,10 @@ struct ToolDescription {
   std::optional<ToolWear> wear = {};  ///< of a milling cutter
   std::optional<double> shank_radius = {};      ///< mm, above the flank; none: that of the cutter
   std::optional<Eigen::MatrixX2d> holder = {};  ///< (n x 2) mm, radius and height above the tip
+  // Of this tool in place of [cutting], [material] and [compliance]:
+  std::optional<cutting::Flutes> flutes = {};  ///< of a milling cutter
+  std::optional<cutting::CuttingCoefficients> material = {};
+  std::optional<errors::Compliance> compliance = {};  ///< nose to tip, at the tip in frame t
 };
 
 struct Key;

@@ -4,7 +4,7 @@
 #include <fmt/format.h>
 
 #include "sim/scene/bodies.h"
-#include "sim/scene/fields.h"
+#include "sim/scene/scene_fields.h"
 #include "sim/scene/table_reader.h"
 #include "sim/scene/tool.h"
 #include "sim/scene/tool_forms.h"
@@ -346,6 +346,15 @@ const Fields<ToolDescription>& tool_fields() {
               })
           .table(KeyName("wear").with_fallback("none"), &Tool::wear, wear_fields(),
                  "wear of the actual cutter, proportional to its use")
+          .table(KeyName("cutting_edges").with_fallback("those of `[cutting]`"), &Tool::flutes,
+                 flutes_fields(), "flutes of this cutter, in place of those of `[cutting]`")
+          .table(KeyName("material").with_fallback("`[material]`"), &Tool::material,
+                 material_fields(),
+                 "cutting coefficients of this tool, in place of those of `[material]`")
+          .table(KeyName("compliance").with_fallback("`[compliance.tool]`"), &Tool::compliance,
+                 tool_compliance_fields(),
+                 "compliance of this tool from the spindle nose to the tip, at the tip in the tool "
+                 "frame")
           .check(check_wear)
           .check(check_shank)
           .check(check_flanks)

@@ -1,7 +1,9 @@
 #include <algorithm>
+#include <random>
 
 #include <gtest/gtest.h>
 
+#include "cutting/stock/stock.h"
 #include "kinematics/units.h"
 #include "sim/cut/placement.h"
 #include "sim/cut/placement_suggestion.h"
@@ -284,10 +286,6 @@ TEST_F(SeveralTools, WhatTheyDoNotGoWithIsRefused) {
   expect_refused(
       scene(listed({t1, "kind = \"nose\"\nradius_mm = 1\nlength_mm = 30\nnumber = 2\n"}), program),
       "expected tools that are all for milling or all for turning, seen one of each kind");
-  expect_refused(
-      scene(both, program,
-            "[cutting]\nblank = \"box\"\nlower_mm = [-10, -10, -5]\nupper_mm = [10, 10, 1]\n"),
-      "expected one tool with [cutting]");
   expect_refused(scene(both, program, "[control]\ntool_length_mm = 99\n"),
                  "expected one tool with tool_length_mm");
   expect_refused(
@@ -296,8 +294,133 @@ TEST_F(SeveralTools, WhatTheyDoNotGoWithIsRefused) {
                   packaged("").string(), both, flat_part),
       "expected one tool for a generator; several tools need a program file, seen 2 tools");
   const Job ready = job(both, program, crooked);
-  for (const char* name : {"perfect-iterated-program", "perfect-iterated-table"})
-    EXPECT_THROW(compensate(ready, parse_case(name)), BadInput) << name;
+  EXPECT_THROW(compensate(ready, parse_case("perfect-iterated-table")), BadInput);
+}
+
+const std::string block =
+    "[cutting]\nblank = \"box\"\nlower_mm = [-10, -10, -5]\nupper_mm = [10, 10, 1]\nspacing_mm = "
+    "0.25\n";
+std::string material(double K_tc) {
+  return fmt::format(
+      "name = \"alloy\"\nsource = \"test\"\nK_tc_N_per_mm2 = {}\nK_rc_N_per_mm2 = 300\n"
+      "K_ac_N_per_mm2 = 100\nK_te_N_per_mm = 10\nK_re_N_per_mm = 8\nK_ae_N_per_mm = 2\n",
+      K_tc);
+}
+const std::string soft_tool = "[compliance.tool]\nstiffness_N_per_um = [20, 20, 100]\n";
+
+TEST_F(SeveralTools, TheStockOfAllIsWhatEachLeaves) {
+  const std::string first = passes(1, -7, 1, 0.0), second = passes(2, -1, 7, 0.02);
+  const auto stock = [&](const std::string& tools, const std::string& program) {
+    return job(tools, program, block).nominal_process;
+  };
+  const Process both = stock(listed({t1, t2}), first + second);
+  const Process alone_1 = stock("[tool]\n" + t1, first), alone_2 = stock("[tool]\n" + t2, second);
+  const cutting::Stock blank =
+      cutting::make_stock(cutting::BoxBlank{{-10, -10, -5}, {10, 10, 1}},
+                          Eigen::Isometry3d::Identity(), {.spacing = 0.25});
+  const double removed = cutting::volume(blank) - cutting::volume(*both.stock);
+  EXPECT_NEAR(totals(both).removed, removed, 1e-6 * removed);
+  EXPECT_LT(totals(both).removed, totals(alone_1).removed + totals(alone_2).removed - 5.0)
+      << "both reach the same material";
+  std::mt19937 random(50);  // seed
+  std::uniform_real_distribution<double> across(-9.5, 9.5), up(-1.0, 0.99);
+  int in_material = 0, in_air = 0;
+  for (int i = 0; i < 20'000; ++i) {
+    const Eigen::Vector3d point(across(random), across(random), up(random));
+    const double expected =
+        std::min(cutting::depth(*alone_1.stock, point), cutting::depth(*alone_2.stock, point));
+    if (std::abs(expected) < 0.3) continue;  // the interpolation of depths is no intersection
+    ++(expected > 0.0 ? in_material : in_air);
+    EXPECT_EQ(cutting::depth(*both.stock, point) > 0.0, expected > 0.0) << point.transpose();
+  }
+  std::cout << in_material << " points in material, " << in_air << " in air, " << removed
+            << " mm^3 removed\n";
+  EXPECT_GT(std::min(in_material, in_air), 500);
+}
+
+TEST_F(SeveralTools, EachCutsWithItsOwnFlutesMaterialAndStiffness) {
+  // beside each other, so that the second meets the blank too
+  const std::string first = passes(1, -7, -3, 0.0), second = passes(2, 5, 7, 0.0);
+  const std::string own = t2 +
+                          "cutting_edges = { flutes = 4, helix_deg = 10 }\ncompliance = { "
+                          "stiffness_N_per_um = [5, 5, 50] }\n[tool.material]\n" +
+                          material(900);
+  const Job both =
+      job(listed({t1, own}), first + second, block + soft_tool + "[material]\n" + material(600));
+  const Job alone_1 =
+      job("[tool]\n" + t1, first, block + soft_tool + "[material]\n" + material(600));
+  const Job alone_2 = job("[tool]\n" + t2, second,
+                          block +
+                              "flutes = 4\nhelix_deg = 10\n[compliance.tool]\n"
+                              "stiffness_N_per_um = [5, 5, 50]\n[material]\n" +
+                              material(900));
+  const Process process = cut(both).process;
+  ASSERT_EQ(process.part_starts.size(), 2u);
+  std::size_t part = 0;
+  for (const Job* alone : {&alone_1, &alone_2}) {
+    const auto forces = [](const Process& one) {
+      std::vector<double> loaded;
+      for (const ProcessStep& step : one.steps)
+        if (!step.load.tool_wrench_t.isZero(0.0))
+          loaded.push_back(step.load.tool_wrench_t.head<3>().norm());
+      return loaded;
+    };
+    const std::vector<double> seen = forces(part_process(process, part++)),
+                              expected = forces(cut(*alone).process);
+    ASSERT_EQ(seen.size(), expected.size());
+    ASSERT_GT(seen.size(), 100u);
+    double largest = 0.0, apart = 0.0;
+    for (std::size_t i = 0; i < seen.size(); ++i) {
+      largest = std::max(largest, expected[i]);
+      apart = std::max(apart, std::abs(seen[i] - expected[i]));
+    }
+    std::cout << "T" << part << ": " << seen.size() << " loaded steps, at most " << largest
+              << " N, off by " << apart << " N\n";
+    EXPECT_LT(apart, 1e-6 * largest);
+  }
+}
+
+TEST_F(SeveralTools, TheCompensatedProgramIsOneFileThatCutsWhatIsSaid) {
+  const std::string force = block + soft_tool + "[material]\n" + material(600);
+  const std::string program = passes(1, -7, 1, 0.0) + passes(2, -1, 7, 0.02);
+  const Job both = job(listed({t1, t2}), program, crooked + force);
+  const cutting::Surface wanted = cut_error_free(both).surface;
+  const Apart before = apart(cut(both).surface, wanted);
+  const Apart ideal = apart(cut(both, parse_case("perfect-iterated-ideal")).surface, wanted);
+  const Cut rewritten = cut(both, parse_case("perfect-iterated-program"));
+  const Apart after = apart(rewritten.surface, wanted);
+  std::cout << "uncompensated " << before.rms << " mm RMS from the error-free map, ideal "
+            << ideal.rms << ", rewritten " << after.rms << '\n';
+  EXPECT_GT(before.rms, 3e-3);
+  EXPECT_LT(ideal.rms, 2e-5);
+  EXPECT_LT(after.rms, 1.5e-4);  // the words have 0.1 um
+  EXPECT_NE(rewritten.rewritten_program.find("T2 M6"), std::string::npos);
+  // the written file as the program of the scene, without a compensator
+  folder_.write("p.ngc", rewritten.rewritten_program);
+  const Job file = prepare(read_scene(folder_.path() / "s.toml"));
+  ASSERT_EQ(file.stretches.size(), 2u);
+  const Apart read = apart(cut(file).surface, rewritten.surface);
+  std::cout << "the file cuts within " << read.max << " mm of what was said\n";
+  EXPECT_LT(read.max, 1e-6);
+}
+
+TEST_F(SeveralTools, TheCompensatedProgramCommandsTheTipOfEach) {
+  const std::string bull =
+      "kind = \"bull\"\nradius_mm = 4\ncorner_radius_mm = 1\nflank_length_mm = "
+      "20\nlength_mm = 58\nnumber = 2\n";
+  const Job both =
+      on_gantry(listed({t1, bull}), tilted(1, -7, 1, 1000) + tilted(2, -1, 7, 1000),
+                fmt::format("errors = \"{}errors/gantry_typical.toml\"\n", packaged("").string()));
+  const Cut rewritten = cut(both, parse_case("perfect-iterated-program"));
+  const Apart after = apart(rewritten.surface, cut_error_free(both).surface);
+  std::cout << "compensated " << after.rms << " mm from the error-free map\n";
+  EXPECT_LT(after.rms, 1.5e-4);
+  for (const char* words : {"G43.4 H1", "G43.4 H2", "T2 M6"})
+    EXPECT_NE(rewritten.rewritten_program.find(words), std::string::npos) << words;
+  folder_.write("p.ngc", rewritten.rewritten_program);
+  const Apart read =
+      apart(cut(prepare(read_scene(folder_.path() / "s.toml"))).surface, rewritten.surface);
+  EXPECT_LT(read.max, 1e-6);
 }
 
 TEST_F(SeveralTools, AnIndexBeyondTheListIsAnsweredWithTheNumbersOfAll) {

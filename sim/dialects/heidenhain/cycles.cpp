@@ -73,7 +73,7 @@ void Machine::execute_cycle_definition(WordReader& words) {
 void Machine::require_complete_cycle(const Cause& cause) {
   const auto cycle = std::exchange(previous_cycle_block_, std::nullopt);
   if (cycle && cycle->part == 0)
-    throw_input_error(cause, fmt::format("CYCL DEF {0}.1 after CYCL DEF {0}.0", cycle->first));
+    throw_input_error(cause, fmt::format("CYCL DEF {0}.1 after CYCL DEF {0}.0", cycle->cycle));
 }
 
 void Machine::execute_numbered_cycle(int number, int part, std::size_t from, WordReader& words) {
