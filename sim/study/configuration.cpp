@@ -586,7 +586,8 @@ struct MapFigures {
 double response_value(const MapFigures& figures, Response response) {
   const cutting::Statistics& residual = figures.residual;
   const auto form_value = [&](std::optional<double> cutting::Statistics::*figure) {
-    return figures.form_texture ? (figures.form_texture->form.*figure).value_or(none) : none;
+    return figures.form_texture ? (figures.form_texture->form_statistics.*figure).value_or(none)
+                                : none;
   };
   const auto texture_value = [&](double errors::metrology::ArealParameters::*figure) {
     const bool has_texture = figures.form_texture && figures.form_texture->texture;

@@ -124,7 +124,7 @@ TEST(Statistics, CountGougesBeyondTheBandAsOutOfTolerance) {
   EXPECT_DOUBLE_EQ(t.conformance->under, 50);
   EXPECT_EQ(t.conformance->vertex, 3);
   EXPECT_EQ(t.conformance->excess, 7.0);  // 8 deep at least, 1 is allowed
-  EXPECT_TRUE(t.conformance->further);
+  EXPECT_TRUE(t.conformance->is_lower_bound);
   EXPECT_EQ(t.gouged_vertices, 2);
   EXPECT_EQ(t.uncut_vertices + t.outside_vertices, 0);
   ASSERT_TRUE(t.deepest);

@@ -81,12 +81,12 @@ TEST(PathMeter, NearAPoleTheTurnOfTheFreeAxisIsSummedByHand) {
   ASSERT_TRUE(pole);
   EXPECT_NEAR(pole->angle / units::deg, 1.0, 1e-9);
   EXPECT_EQ(pole->axis, 0) << "C";
-  EXPECT_EQ(pole->other, 4) << "A";
-  EXPECT_NEAR(pole->at, 0.0, 1e-12);
-  EXPECT_NEAR(pole->turned / units::deg, 90.0, 1e-9);
-  EXPECT_NEAR(pole->fastest / units::deg, 15.0, 1e-6);
+  EXPECT_EQ(pole->pole_axis, 4) << "A";
+  EXPECT_NEAR(pole->pole_position, 0.0, 1e-12);
+  EXPECT_NEAR(pole->rotation / units::deg, 90.0, 1e-9);
+  EXPECT_NEAR(pole->max_speed / units::deg, 15.0, 1e-6);
   EXPECT_EQ(pole->line, 4);
-  EXPECT_NEAR(pole_of(4.0 * units::deg)->turned / units::deg, 180.0, 1e-9);
+  EXPECT_NEAR(pole_of(4.0 * units::deg)->rotation / units::deg, 180.0, 1e-9);
   EXPECT_FALSE(pole_of(0.9 * units::deg));
   EXPECT_FALSE(pole_of(0.0)) << "not asked for";
 }

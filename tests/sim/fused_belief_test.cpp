@@ -14,7 +14,7 @@ namespace {
 /// Machine's part of the map of a case, mm RMS.
 double machine_rms(const Job& job, const std::optional<CaseDescription>& compensator) {
   const Verdict error_free = judge(job, cut_error_free(job), nullptr);
-  return judge(job, cut(job, compensator), &error_free).machine->rms.value();
+  return judge(job, cut(job, compensator), &error_free).machine_contribution->rms.value();
 }
 
 Job coarse_job(const std::vector<Override>& more = {}) {

@@ -71,7 +71,8 @@ inline std::string refusal_of_measuring(const Scene& scene, const std::string& i
 /// Machine's part of the map of a case, um RMS.
 inline double machine_um(const Job& job, const std::optional<CaseDescription>& compensator = {}) {
   const Verdict error_free = judge(job, cut_error_free(job), nullptr);
-  return judge(job, cut(job, compensator), &error_free).machine->rms.value() / units::um;
+  return judge(job, cut(job, compensator), &error_free).machine_contribution->rms.value() /
+         units::um;
 }
 
 inline double rms(const Eigen::VectorXd& v) {
