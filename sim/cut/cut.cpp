@@ -456,6 +456,9 @@ Cut cut(const Job& job, const Commands& commands, const Progress& progress, Rete
     motions.push_back(segment_motion(parts[i], part_commands(commands, i), progress,
                                      result.timing_s, default_interval_count,
                                      take_stock(result.process)));
+    if (parts.size() > 1)
+      for (std::string& warning : motions.back().warnings)
+        warning = fmt::format("T{}: {}", *parts[i].scene.tool.number, warning);
     max_explained = std::max(max_explained, explained_gouge(parts[i], motions.back().pose_errors));
     const auto n = double(motions.back().T_wt.size());
     add(motions.back(), n, samples, result);

@@ -306,7 +306,7 @@ TEST(SpindleErrors, AsynchronousMotionThatCannotBeIsRefused) {
   EXPECT_PRED2(has, input_errors("EZS = { kind = \"asynchronous\", rms_um = 1, lowest_order = 0 }"),
                "lowest_order");
   EXPECT_PRED2(has, input_errors("EXX = { kind = \"asynchronous\", rms_um = 1 }"),
-               "axis that turns");
+               "rotary axes only");
 }
 
 // ---- the tool
