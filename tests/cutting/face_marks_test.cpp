@@ -314,7 +314,7 @@ TEST(FaceMarks, ALibraryThatIsNotOneIsRefusedWithItsPlaceAndOnlyIfItIsAskedFor) 
   fs::remove(folder.path() / "c.mtl");
   fs::create_directory(folder.path() / "c.mtl");
   EXPECT_NE(refusal_of_marks(folder.write("block.obj", block_obj(use, "mtllib c.mtl\n")))
-                .find("expected the file c.mtl beside"),
+                .find("expected the file c.mtl next to"),
             std::string::npos);
 }
 
@@ -539,11 +539,12 @@ TEST(FaceMarks, ColoursOfPlyThatAreNoneAreRefusedIfTheyAreAskedFor) {
   };
   const std::tuple<std::string, std::string, std::string> cases[] = {
       {rgb_lines("int"), " 0 256 0",
-       "ply:21:13: expected an integer channel from 0 to 255, seen 256 as green"},
+       "ply:21:13: expected an integer channel from 0 to 255, seen 256 for green"},
       {rgb_lines("int"), " 0 0 -1",
-       "ply:21:15: expected an integer channel from 0 to 255, seen -1 as blue"},
-      {rgb_lines("int"), " 0 0 0.5", "expected an integer channel from 0 to 255, seen 0.5 as blue"},
-      {rgb_lines("float"), " 0 0 1.5", "expected a channel from 0 to 1, seen 1.5 as blue"},
+       "ply:21:15: expected an integer channel from 0 to 255, seen -1 for blue"},
+      {rgb_lines("int"), " 0 0 0.5",
+       "expected an integer channel from 0 to 255, seen 0.5 for blue"},
+      {rgb_lines("float"), " 0 0 1.5", "expected a channel from 0 to 1, seen 1.5 for blue"},
       {"property uchar red\n", " 0",
        "ply:7:1: expected one property each for red, green and blue, all integers or all floats, "
        "seen 1, 0 and 0"},

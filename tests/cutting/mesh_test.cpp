@@ -288,9 +288,11 @@ TEST(ReadMesh, RepeatedCornersOfAFaceAreDroppedAndAFaceOfTwoIsCalledDegenerate) 
   EXPECT_EQ(read_mesh(good).triangles.rows(), 4);
   EXPECT_EQ(read_mesh(good).vertices.rows(), 4);
   const std::string seen = refusal(written("two.obj", points + "f 1 3 2\n" + rest + "f 1 1 2 5\n"));
-  EXPECT_NE(seen.find(":10:1: expected faces with an area above 0, seen a degenerate face, 4 corners at 2 "
-                      "points, one of them (0, 0, 0)"),
-            std::string::npos)
+  EXPECT_NE(
+      seen.find(
+          ":10:1: expected faces with an area above 0, seen a degenerate face, 4 corners at 2 "
+          "points, one of them (0, 0, 0)"),
+      std::string::npos)
       << seen;
 }
 

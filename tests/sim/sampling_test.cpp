@@ -281,7 +281,7 @@ TEST(Sampling, JudgesWhatTheProgramMeansToCut) {
               meant.design_w.area.sum(), 1e-9);
   EXPECT_GT(meant.sampled->judged_area, 90.0);
   EXPECT_LT(meant.sampled->judged_area, 0.8 * all.sampled->judged_area);
-  EXPECT_NE(warnings_of(meant, of_meant.cut).front().find("means to cut"), std::string::npos);
+  EXPECT_NE(warnings_of(meant, of_meant.cut).front().find("is intended to cut"), std::string::npos);
 }
 
 TEST(Sampling, ACaseWithErrorsIsCutOnTheSameVertices) {

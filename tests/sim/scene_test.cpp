@@ -491,7 +491,7 @@ TEST(Scene, OverridesThatMeanNothingAreRefusedByName) {
   EXPECT_EQ(input_errors("tool.radius_mm", "4.9mm"),
             "--set tool.radius_mm=4.9mm: expected a number for tool.radius_mm, seen \"4.9mm\"");
   EXPECT_EQ(input_errors("tool.radius_mm.x", "4"),
-            "--set tool.radius_mm.x=4: expected a path to a value, tool.radius_mm.x has none below "
+            "--set tool.radius_mm.x=4: expected a path to a value; tool.radius_mm.x has none below "
             "\"radius_mm\", seen 5");
   EXPECT_EQ(input_errors("tool.radius_mm", "[1"),
             "--set tool.radius_mm=[1: expected a TOML value for "
