@@ -28,8 +28,7 @@ bool has(const std::string& text, const std::string& part) {
   return text.find(part) != std::string::npos;
 }
 
-#define EXPECT_SAYS(text, part) \
-  EXPECT_TRUE(has(text, part)) << "expected: " << (part) << "\nseen: " << (text)
+#define EXPECT_SAYS(text, part) EXPECT_PRED2(has, std::string(text), std::string(part))
 
 nlohmann::json json_of(const fs::path& file) {
   std::ifstream stream(file);
@@ -348,7 +347,8 @@ TEST_F(PlugIns, AnEndlessLineIsRefusedInLittleMemory) {
   };
   const double before = megabytes();
   const std::string endless = "\nwhile True: sys.stdout.write('x' * 65536)";
-  EXPECT_SAYS(failure(python(endless)), "expected a line of at most 65536 bytes, seen more");
+  EXPECT_SAYS(failure(python(endless)),
+              "expected a line of at most 65536 bytes, seen a longer line");
   EXPECT_SAYS(failure(python("ready()" + endless)), "expected a line of at most 66688 bytes");
   EXPECT_SAYS(
       failure(python("ready(); ask = hear(); say({'id': 1, 'correction': rows(ask)})" + endless)),
@@ -514,7 +514,7 @@ TEST_F(PlugIns, FaultsOfASharedLibraryAreNamed) {
       "mine.so: batch 1 (samples 1 to 3): expected a line, seen the end of the program, signal 11");
   fault("abort();", "seen the end of the program, signal 6 (Aborted)");
   fault("exit(9);", "seen the end of the program, exit code 9");
-  fault("for (;;) {}", "expected a line within 0.5 s, seen nothing");
+  fault("for (;;) {}", "expected a line within 0.5 s, seen no output");
   fault("rows[0] = 1;", "expected a finite number, seen null in row 1, EY");
   fault("snprintf(error, ABBE_ERROR_BYTES, \"no table for %d\", 7); return 1;",
         "expected no error, seen no table for 7");
