@@ -10,7 +10,7 @@
 
 #include "errors/compliance.h"
 #include "kinematics/units.h"
-#include "sim/scene/scene_fields.h"
+#include "sim/scene/fields.h"
 #include "sim/scene/table_reader.h"
 
 #if ABBE_RENDER

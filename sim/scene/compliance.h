@@ -9,6 +9,11 @@
 namespace abbe::sim {
 
 struct Key;
+template <typename T>
+class Fields;
+
+/// Returns the fields of the compliance from the spindle nose to the tip.
+const Fields<errors::Compliance>& tool_compliance_fields();
 
 /// Reads and writes `[compliance]`: joints, tool, fixture, workpiece and masses.
 errors::ComplianceErrors read_compliance(const Node& table, const MachineDescription& machine,

@@ -6,7 +6,7 @@
 
 #include "kinematics/units.h"
 #include "sim/scene/bodies.h"
-#include "sim/scene/scene_fields.h"
+#include "sim/scene/fields.h"
 #include "sim/scene/table_reader.h"
 
 namespace abbe::sim {

@@ -40,6 +40,12 @@ struct CuttingDescription {
 };
 
 struct Key;
+template <typename T>
+class Fields;
+
+/// Returns the fields of the flutes of a milling cutter, and those of `[material]`.
+const Fields<cutting::Flutes>& flutes_fields();
+const Fields<cutting::CuttingCoefficients>& material_fields();
 
 /// Reads and writes `[material]`, cutting coefficients with their source.
 cutting::CuttingCoefficients read_material(const Node& table, InputErrors& input_errors);

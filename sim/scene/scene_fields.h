@@ -16,12 +16,6 @@ const Fields<Scene>& cutting_scene_fields();
 /// Returns the fields of judgement and compensation, from `setup` to `compare`.
 const Fields<Scene>& judging_scene_fields();
 
-/// Returns the fields of the flutes of a milling cutter, of `[material]`, and of the compliance
-/// from the spindle nose to the tip.
-const Fields<cutting::Flutes>& flutes_fields();
-const Fields<cutting::CuttingCoefficients>& material_fields();
-const Fields<errors::Compliance>& tool_compliance_fields();
-
 /// Returns all keys of a scene.
 std::vector<Key> scene_keys();
 

@@ -4,7 +4,9 @@
 #include <fmt/format.h>
 
 #include "sim/scene/bodies.h"
-#include "sim/scene/scene_fields.h"
+#include "sim/scene/compliance.h"
+#include "sim/scene/cutting.h"
+#include "sim/scene/fields.h"
 #include "sim/scene/table_reader.h"
 #include "sim/scene/tool.h"
 #include "sim/scene/tool_forms.h"

@@ -64,7 +64,7 @@ std::vector<Mistake> mistakes_in_compensators() {
        "belief",
        {{"scene.toml", "identified = \"belief.toml\"", "identified = \"belief.toml\"\nscale = -1"}},
        Expected::Warning,
-       "adds the errors that it believes in"},
+       "adds the believed errors"},
       {"belief of heat for errors",
        "belief",
        {{"scene.toml", "identified = \"belief.toml\"", "identified = \"thermal.txt\""}},

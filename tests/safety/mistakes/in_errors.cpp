@@ -81,7 +81,7 @@ std::vector<Mistake> mistakes_in_errors() {
        {{"errors.toml", straightness,
          "[EYX]\nkind = \"table\"\nq_mm = [-400, 0, 400]\nvalue_um = [0, 1]"}},
        Expected::InputError,
-       "one value per position"},
+       "as many values as positions"},
       {"positions of a table in m",
        "face",
        {{"errors.toml", straightness,

@@ -247,7 +247,7 @@ std::vector<Mistake> mistakes_in_studies() {
        {{"study.toml", "[[input]]\nname = \"squareness\"",
          "variants = [\"warm\"]\n[[input]]\nname = \"squareness\""}},
        Expected::InputError,
-       "because the scene has none"},
+       "as the scene has none"},
       {"part that changes by influence",
        "study",
        {{"study.toml", "tool.actual.radius_mm", "tool.radius_mm"}},
