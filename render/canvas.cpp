@@ -6,29 +6,22 @@
 #include <cstdint>
 #include <functional>
 #include <mutex>
-#include <optional>
 #include <stdexcept>
 #include <string>
 #include <utility>
 
-#include <fmt/format.h>
+#include <cairo-ft.h>
+#include <cairo-pdf.h>
+#include <cairo-svg.h>
+#include <fontconfig/fontconfig.h>
 #include <vtkActor.h>
-#include <vtkBrush.h>
 #include <vtkCamera.h>
 #include <vtkCellArray.h>
-#include <vtkContext2D.h>
-#include <vtkContextActor.h>
-#include <vtkContextItem.h>
-#include <vtkContextScene.h>
 #include <vtkDoubleArray.h>
 #include <vtkFloatArray.h>
 #include <vtkGenericOpenGLRenderWindow.h>
-#include <vtkIntArray.h>
 #include <vtkLookupTable.h>
 #include <vtkNew.h>
-#include <vtkObjectFactory.h>
-#include <vtkPath.h>
-#include <vtkPen.h>
 #include <vtkPointData.h>
 #include <vtkPoints.h>
 #include <vtkPolyData.h>
@@ -36,56 +29,133 @@
 #include <vtkProperty.h>
 #include <vtkRenderer.h>
 #include <vtkSmartPointer.h>
-#include <vtkTextProperty.h>
-#include <vtkTextRenderer.h>
 #include <vtkUnsignedCharArray.h>
-#include <vtkVersion.h>
-#include <zlib.h>
 
+#include "kinematics/units.h"
 #include "render/vtk_environment.h"
 #include "render/vtk_writer.h"
 
-#if VTK_VERSION_NUMBER < VTK_VERSION_CHECK(9, 2, 0)
-#include <vtkUnicodeString.h>
-#endif
-
-class vtkTextProperty;
-
 namespace abbe::render {
-
-inline constexpr int dots_per_inch = 72;  // at which one point of a font is one pixel
-
-/// Sets font, size and colour of a text.
-void apply_style(const TextStyle& style, const std::string& text, vtkTextProperty& property);
-
-/// The flat elements as an item of VTK, painted in the order in which they were drawn.
-class FlatItem : public vtkContextItem {
- public:
-  static FlatItem* New();
-  vtkTypeMacro(FlatItem, vtkContextItem)
-
-      bool Paint(vtkContext2D* painter) override {
-    for (const auto& stroke : strokes) stroke(*painter);
-    return true;
-  }
-
-  std::vector<std::function<void(vtkContext2D&)>> strokes;
-};
-vtkStandardNewMacro(FlatItem);
-
 namespace {
 
 using Eigen::Vector2d;
 
-std::recursive_mutex canvas_mutex;  // VTK has one font cache and one OpenGL state per process
+template <auto release>
+struct Release {
+  void operator()(auto* handle) const { release(handle); }
+};
+using CairoSurface = std::unique_ptr<cairo_surface_t, Release<cairo_surface_destroy>>;
+using CairoPen = std::unique_ptr<cairo_t, Release<cairo_destroy>>;
+using CairoFace = std::unique_ptr<cairo_font_face_t, Release<cairo_font_face_destroy>>;
+using CairoFont = std::unique_ptr<cairo_scaled_font_t, Release<cairo_scaled_font_destroy>>;
 
-/// Returns the lower left corner of a text of `size` whose anchor is at `at`. It is rounded to
-/// whole pixels, because letters between pixels are blurred.
-Vector2d anchored_corner(const Vector2d& at, const Vector2d& size, const TextStyle& style) {
-  Vector2d shift(style.horizontal_anchor * size.x(), style.vertical_anchor * size.y());
-  if (style.turned_left)
-    shift = {-(style.vertical_anchor * size.y()), style.horizontal_anchor * size.x()};
+void require_success(cairo_status_t status) {
+  if (status != CAIRO_STATUS_SUCCESS)
+    throw std::runtime_error(std::string("no picture can be drawn: ") +
+                             cairo_status_to_string(status));
+}
+
+/// Files of a font in Debian, and its package.
+struct FontFiles {
+  const char* regular;
+  const char* bold;
+  const char* package;
+};
+
+constexpr FontFiles western{"/usr/share/fonts/truetype/dejavu/DejaVuSans.ttf",
+                            "/usr/share/fonts/truetype/dejavu/DejaVuSans-Bold.ttf",
+                            "fonts-dejavu-core"};
+// This font has no bold face.
+constexpr FontFiles eastern{"/usr/share/fonts/truetype/wqy/wqy-microhei.ttc",
+                            "/usr/share/fonts/truetype/wqy/wqy-microhei.ttc", "fonts-wqy-microhei"};
+
+/// Returns true if a text contains Chinese, Japanese or Korean characters (U+2E80 to U+D7FF and the
+/// wide forms). The first two bytes in UTF-8 suffice to recognise them.
+bool is_eastern(const std::string& text) {
+  for (std::size_t i = 0; i + 1 < text.size(); ++i) {
+    const auto first = static_cast<std::uint8_t>(text[i]);
+    const auto second = static_cast<std::uint8_t>(text[i + 1]);
+    if ((first == 0xE2 && second >= 0xBA) || (first >= 0xE3 && first <= 0xED) ||
+        (first == 0xEF && second >= 0xA4) || (first == 0xF0 && second >= 0xA0))
+      return true;
+  }
+  return false;
+}
+
+const FontFiles& font_files(const std::string& text) {
+  return is_eastern(text) ? eastern : western;
+}
+
+bool is_installed(const char* file) {
+  std::error_code error_code;
+  return std::filesystem::is_regular_file(file, error_code);
+}
+
+// A named file gives the same letters whatever fonts fontconfig prefers on this machine.
+CairoFace font_face(const std::string& text, bool bold) {
+  const char* file = bold ? font_files(text).bold : font_files(text).regular;
+  if (!is_installed(file))
+    return CairoFace(
+        cairo_toy_font_face_create("sans-serif", CAIRO_FONT_SLANT_NORMAL,
+                                   bold ? CAIRO_FONT_WEIGHT_BOLD : CAIRO_FONT_WEIGHT_NORMAL));
+  FcPattern* pattern =
+      FcPatternBuild(nullptr, FC_FILE, FcTypeString, file, FC_INDEX, FcTypeInteger, 0, nullptr);
+  CairoFace face(cairo_ft_font_face_create_for_pattern(pattern));
+  FcPatternDestroy(pattern);
+  return face;
+}
+
+std::mutex font_mutex;  // FreeType reads a font file in one thread at a time
+
+CairoFont scaled_font(const std::string& text, const TextStyle& style) {
+  cairo_matrix_t size, identity;
+  cairo_matrix_init_scale(&size, style.size_px, style.size_px);
+  cairo_matrix_init_identity(&identity);
+  cairo_font_options_t* options = cairo_font_options_create();
+  // Without hinting a text has the same shape and width in every format and at every scale.
+  cairo_font_options_set_hint_style(options, CAIRO_HINT_STYLE_NONE);
+  cairo_font_options_set_hint_metrics(options, CAIRO_HINT_METRICS_OFF);
+  CairoFont font(
+      cairo_scaled_font_create(font_face(text, style.bold).get(), &size, &identity, options));
+  cairo_font_options_destroy(options);
+  return font;
+}
+
+cairo_text_extents_t text_extents(const CairoFont& font, const char* text) {
+  cairo_text_extents_t extents;
+  cairo_scaled_font_text_extents(font.get(), text, &extents);
+  return extents;
+}
+
+// Every text is as high as these letters, so that texts side by side have the same baseline.
+constexpr const char* tallest_letters = "_/7Agfy";
+
+/// Returns the distance of the baseline of a text from its lower edge, px.
+double descent(const std::string& text, const TextStyle& style) {
+  const std::lock_guard lock(font_mutex);
+  const cairo_text_extents_t line = text_extents(scaled_font(text, style), tallest_letters);
+  return line.y_bearing + line.height;
+}
+
+/// Returns the point where the first letter of a text stands. It is rounded to whole pixels,
+/// because letters on a baseline between pixels are blurred.
+Vector2d text_start(const Vector2d& at, const std::string& text, const TextStyle& style) {
+  const Vector2d size = text_size(text, style);
+  Vector2d shift(style.horizontal_anchor * size.x(),
+                 style.vertical_anchor * size.y() - descent(text, style));
+  if (style.turned_left) shift = {-shift.y(), shift.x()};
   return (at - shift).array().round();
+}
+
+// Rounded to the bytes that VTK gives the same colour in a scene.
+void set_colour(cairo_t* pen, const Colour& colour, double opacity = 1.0) {
+  cairo_set_source_rgba(pen, to_byte(colour.r) / 255.0, to_byte(colour.g) / 255.0,
+                        to_byte(colour.b) / 255.0, opacity);
+}
+
+void trace(cairo_t* pen, const std::vector<Vector2d>& points) {
+  for (const Vector2d& point : points) cairo_line_to(pen, point.x(), point.y());
+  if (points.size() > 2 && points.front() == points.back()) cairo_close_path(pen);
 }
 
 vtkSmartPointer<vtkLookupTable> lookup_table(const ColourScale& scale) {
@@ -146,75 +216,22 @@ vtkSmartPointer<vtkActor> solid_actor(const Solid& solid) {
   return result;
 }
 
-/// The rendered samples of a picture.
-struct SampledPicture {
-  int width, height;                            // px
-  int oversampling;                             // samples per pixel in each direction
-  vtkSmartPointer<vtkUnsignedCharArray> bytes;  // three per sample, the bottom row first
-};
-
-/// Returns the picture whose pixels are the means of `oversampling` x `oversampling` samples.
-Pixels average_samples(const SampledPicture& samples) {
-  const auto& [width, height, oversampling, bytes] = samples;
-  const unsigned char* const first_sample = bytes->GetPointer(0);
-  Pixels pixels{width, height, {}};
-  const std::size_t row = 3 * std::size_t(width),
-                    supersampled_row = row * std::size_t(oversampling);
-  pixels.rgb.reserve(row * std::size_t(height));
-  std::vector<unsigned> sums(row);
-  const auto samples_per_pixel = unsigned(oversampling * oversampling);
-  for (int y = oversampling * height - 1; y >= 0;) {
-    // Starting at half of the divisor rounds the mean to the nearest value.
-    std::ranges::fill(sums, samples_per_pixel / 2);
-    for (int k = 0; k < oversampling; ++k, --y) {
-      const unsigned char* sample = first_sample + supersampled_row * std::size_t(y);
-      for (std::size_t x = 0; x < row; x += 3)
-        for (int j = 0; j < oversampling; ++j, sample += 3)
-          for (std::size_t c = 0; c < 3; ++c) sums[x + c] += sample[c];
-    }
-    for (const unsigned sum : sums) pixels.rgb.push_back(char(sum / samples_per_pixel));
-  }
-  return pixels;
-}
-
-}  // namespace
-
-void apply_style(const TextStyle& style, const std::string& text, vtkTextProperty& property) {
-  const std::string file = font_file(text, style.bold);
-  if (file.empty()) {
-    property.SetFontFamilyToArial();
-  } else {
-    property.SetFontFamily(VTK_FONT_FILE);
-    property.SetFontFile(file.c_str());
-  }
-  // The bold face is a font file of its own; VTK emboldens only its built-in font.
-  property.SetFontSize(static_cast<int>(std::lround(style.size_px)));
-  property.SetBold(style.bold && file.empty());
-  property.SetColor(style.colour.r, style.colour.g, style.colour.b);
-  property.SetOrientation(0.0);
-}
-
-struct Canvas::Sheet {
-  std::unique_lock<std::recursive_mutex> lock{canvas_mutex};
+/// The OpenGL window of the scenes of a canvas.
+struct SceneWindow {
+  std::unique_lock<std::mutex> lock;  ///< of the only window of the process
   HeadlessContext context;
-  int width;
-  int height;
-  int oversampling;
   vtkNew<vtkGenericOpenGLRenderWindow> window;
-  vtkNew<FlatItem> flat;
-  std::vector<FlatMark> marks;  ///< flat elements, for formats that keep them as vectors
-  bool has_scene = false;
 
-  Sheet(int width_px, int height_px, int samples_per_side);
-  ~Sheet() { window->Finalize(); }
-  SampledPicture draw();
+  /// @param width, height  samples
+  SceneWindow(int width, int height);
+  ~SceneWindow() { window->Finalize(); }
 };
 
-Canvas::Sheet::Sheet(int width_px, int height_px, int samples_per_side)
-    : width(width_px), height(height_px), oversampling(samples_per_side) {
+std::mutex window_mutex;  // VTK has one OpenGL state per process
+
+SceneWindow::SceneWindow(int width, int height) : lock(window_mutex) {
   window->SetOwnContext(0);
-  window->SetSize(oversampling * width, oversampling * height);
-  window->SetDPI(oversampling * dots_per_inch);
+  window->SetSize(width, height);
   // The canvas averages samples itself; multisampling by a software driver is several times slower.
   window->SetMultiSamples(0);
   window->SetUseOffScreenBuffers(true);
@@ -227,19 +244,133 @@ Canvas::Sheet::Sheet(int width_px, int height_px, int samples_per_side)
   if (!window->InitializeFromCurrentContext()) {
     throw std::runtime_error("no picture can be drawn: VTK could not create an OpenGL context");
   }
-  // Three layers: paper, scenes in space, flat elements in front.
-  window->SetNumberOfLayers(3);
+  // Two layers: paper and, in front of it, scenes in space.
+  window->SetNumberOfLayers(2);
   vtkNew<vtkRenderer> paper;
   paper->SetBackground(1.0, 1.0, 1.0);
   window->AddRenderer(paper);
+}
 
-  vtkNew<vtkRenderer> front;
-  front->SetLayer(2);
-  vtkNew<vtkContextActor> solid_actor;
-  solid_actor->GetScene()->AddItem(flat);
-  solid_actor->GetScene()->SetRenderer(front);
-  front->AddActor(solid_actor);
-  window->AddRenderer(front);
+CairoSurface image_surface(int width, int height) {
+  CairoSurface image(cairo_image_surface_create(CAIRO_FORMAT_RGB24, width, height));
+  require_success(cairo_surface_status(image.get()));
+  return image;
+}
+
+/// Returns the pixels of a row of an image, as 0x00RRGGBB.
+std::uint32_t* image_row(const CairoSurface& image, int y) {
+  return reinterpret_cast<std::uint32_t*>(cairo_image_surface_get_data(image.get()) +
+                                          std::ptrdiff_t(y) *
+                                              cairo_image_surface_get_stride(image.get()));
+}
+
+}  // namespace
+
+struct Canvas::Sheet {
+  int width;         ///< px
+  int height;        ///< px
+  int oversampling;  ///< samples of the scenes per pixel in each direction
+  std::vector<std::function<void(cairo_t*)>> elements;  ///< flat ones; each draws itself
+  std::unique_ptr<SceneWindow> scenes;                  ///< null without any
+
+  CairoSurface scene_image() const;
+  void draw(cairo_surface_t* target, double unit, const CairoSurface& behind) const;
+  Pixels pixels(const CairoSurface& behind) const;
+  std::string vector_file(PictureFormat format, const CairoSurface& behind) const;
+};
+
+/// Returns the scenes as drawn so far; null if there are none. A pixel is the mean of its samples.
+CairoSurface Canvas::Sheet::scene_image() const {
+  if (!scenes) return nullptr;
+  scenes->window->Render();
+  vtkNew<vtkUnsignedCharArray> bytes;
+  scenes->window->GetPixelData(0, 0, oversampling * width - 1, oversampling * height - 1, 0, bytes,
+                               0);
+  const unsigned char* sample = bytes->GetPointer(0);
+  CairoSurface image = image_surface(width, height);
+  std::vector<unsigned> sums(3 * std::size_t(width));
+  const auto samples_per_pixel = unsigned(oversampling * oversampling);
+  for (int y = height - 1; y >= 0; --y) {  // VTK's first row is the lowest
+    // Starting at half of the divisor rounds the mean to the nearest value.
+    std::ranges::fill(sums, samples_per_pixel / 2);
+    for (int k = 0; k < oversampling; ++k)
+      for (std::size_t x = 0; x < sums.size(); x += 3)
+        for (int j = 0; j < oversampling; ++j, sample += 3)
+          for (std::size_t c = 0; c < 3; ++c) sums[x + c] += sample[c];
+    std::uint32_t* pixel = image_row(image, y);
+    for (std::size_t x = 0; x < sums.size(); x += 3)
+      *pixel++ = sums[x] / samples_per_pixel << 16 | sums[x + 1] / samples_per_pixel << 8 |
+                 sums[x + 2] / samples_per_pixel;
+  }
+  cairo_surface_mark_dirty(image.get());
+  return image;
+}
+
+/// Draws the picture on a surface of Cairo.
+/// @param unit    length of a pixel in units of the surface
+/// @param behind  image behind the flat elements, or null
+void Canvas::Sheet::draw(cairo_surface_t* target, double unit, const CairoSurface& behind) const {
+  const CairoPen pen(cairo_create(target));
+  cairo_scale(pen.get(), unit, unit);
+  set_colour(pen.get(), colours::white);
+  cairo_paint(pen.get());
+  if (behind) {
+    cairo_set_source_surface(pen.get(), behind.get(), 0.0, 0.0);
+    cairo_paint(pen.get());
+  }
+  // The y axis of a canvas points upwards, that of Cairo downwards.
+  cairo_translate(pen.get(), 0.0, height);
+  cairo_scale(pen.get(), 1.0, -1.0);
+  // Miters of sharp corners would be longer than the line is wide.
+  cairo_set_line_join(pen.get(), CAIRO_LINE_JOIN_ROUND);
+  for (const auto& element : elements) element(pen.get());
+  require_success(cairo_status(pen.get()));
+}
+
+Pixels Canvas::Sheet::pixels(const CairoSurface& behind) const {
+  const CairoSurface image = image_surface(width, height);
+  draw(image.get(), 1.0, behind);
+  cairo_surface_flush(image.get());
+  Pixels pixels{width, height, {}};
+  pixels.rgb.reserve(3 * std::size_t(width) * std::size_t(height));
+  for (int y = 0; y < height; ++y) {
+    const std::uint32_t* row = image_row(image, y);
+    for (int x = 0; x < width; ++x)
+      for (const int shift : {16, 8, 0}) pixels.rgb.push_back(char(row[x] >> shift & 0xFFu));
+  }
+  return pixels;
+}
+
+/// Returns the bytes of an SVG or PDF file.
+std::string Canvas::Sheet::vector_file(PictureFormat format, const CairoSurface& behind) const {
+  const bool is_pdf = format == PictureFormat::Pdf;
+  const double unit = is_pdf ? 0.5 : 1.0;  // 1600 px are 800 points of PDF, i.e. 28 cm
+  std::string file;
+  const cairo_write_func_t append = [](void* target, const unsigned char* bytes, unsigned size) {
+    static_cast<std::string*>(target)->append(reinterpret_cast<const char*>(bytes), size);
+    return CAIRO_STATUS_SUCCESS;
+  };
+  const CairoSurface surface(
+      (is_pdf ? cairo_pdf_surface_create_for_stream : cairo_svg_surface_create_for_stream)(
+          append, &file, unit * width, unit * height));
+  // The time of writing would make equal pictures differ.
+  if (is_pdf)
+    cairo_pdf_surface_set_metadata(surface.get(), CAIRO_PDF_METADATA_CREATE_DATE,
+                                   "1980-01-01T00:00:00Z");
+  else
+    cairo_svg_surface_set_document_unit(surface.get(), CAIRO_SVG_UNIT_PX);
+  draw(surface.get(), unit, behind);
+  cairo_surface_finish(surface.get());
+  require_success(cairo_surface_status(surface.get()));
+  if (is_pdf) return file;
+  // The names of the image and of the page end in a number that counts all surfaces of the process;
+  // without it, equal pictures have the same bytes.
+  for (const std::string name : {"\"image", "\"#image", "\"surface", "\"source-", "\"#source-"})
+    for (std::size_t at = 0; (at = file.find(name, at)) != std::string::npos;) {
+      at += name.size();
+      file.erase(at, file.find('"', at) - at);
+    }
+  return file;
 }
 
 Canvas::Canvas(int width, int height, int oversampling) {
@@ -249,65 +380,59 @@ Canvas::Canvas(int width, int height, int oversampling) {
   }
   if (oversampling < 1 || oversampling > 4)
     throw std::invalid_argument("supersampling must be 1 to 4 samples per direction");
-  // The buffer of the samples is limited to longest_side as well.
-  sheet_ = std::make_unique<Sheet>(width, height,
-                                   std::min(oversampling, max_side_px / std::max(width, height)));
+  // The buffer of the samples is limited to max_side_px as well.
+  sheet_ = std::make_unique<Sheet>(
+      Sheet{width, height, std::min(oversampling, max_side_px / std::max(width, height)), {}, {}});
 }
 
 Canvas::~Canvas() = default;
 
 Vector2d text_size(const std::string& text, const TextStyle& style) {
-  const std::lock_guard<std::recursive_mutex> lock(canvas_mutex);
-  vtkNew<vtkTextProperty> property;
-  apply_style(style, text, *property);
-  int box[4] = {0, -1, 0, -1};
-  // Measured at the resolution of the samples, because letters end at whole samples.
-  vtkTextRenderer::GetInstance()->GetBoundingBox(property, text, box,
-                                                 supersampling * dots_per_inch);
-  return Vector2d(box[1] - box[0] + 1.0, box[3] - box[2] + 1.0) / supersampling;
+  const std::lock_guard lock(font_mutex);
+  const CairoFont font = scaled_font(text, style);
+  return {text_extents(font, text.c_str()).x_advance, text_extents(font, tallest_letters).height};
+}
+
+std::string missing_font_package(const std::string& text) {
+  const FontFiles& font = font_files(text);
+  return is_installed(font.regular) && is_installed(font.bold) ? "" : font.package;
 }
 
 void Canvas::text(const Vector2d& at, const std::string& text, const TextStyle& style) {
   if (text.empty()) return;
-  const Vector2d position = anchored_corner(at, text_size(text, style), style);
-  sheet_->marks.emplace_back(FlatText{position, text, style});
-  const Vector2d device_position = sheet_->oversampling * position;
-  sheet_->flat->strokes.emplace_back([=](vtkContext2D& painter) {
-    apply_style(style, text, *painter.GetTextProp());
-    painter.GetTextProp()->SetOrientation(style.turned_left ? 90.0 : 0.0);
-    painter.GetTextProp()->SetJustificationToLeft();
-    painter.GetTextProp()->SetVerticalJustificationToBottom();
-    painter.DrawString(static_cast<float>(device_position.x()),
-                       static_cast<float>(device_position.y()), text);
+  const Vector2d start = text_start(at, text, style);
+  sheet_->elements.emplace_back([=](cairo_t* pen) {
+    const std::lock_guard lock(font_mutex);
+    cairo_save(pen);
+    cairo_translate(pen, start.x(), start.y());
+    if (style.turned_left) cairo_rotate(pen, 0.5 * pi);
+    cairo_scale(pen, 1.0, -1.0);
+    cairo_set_scaled_font(pen, scaled_font(text, style).get());
+    cairo_move_to(pen, 0.0, 0.0);
+    // As outlines, letters stand between pixels where they belong, and files need no fonts.
+    cairo_text_path(pen, text.c_str());
+    set_colour(pen, style.colour);
+    cairo_fill(pen);
+    cairo_restore(pen);
   });
 }
 
-void Canvas::line(const std::vector<Vector2d>& points, const Colour& colour, double width_px) {
-  // Each segment is filled as a rectangle, because wide lines of OpenGL differ between drivers.
-  for (std::size_t i = 1; i < points.size(); ++i) {
-    const Vector2d d = points[i] - points[i - 1];
-    if (!(d.norm() > 0.0)) continue;
-    // Extending the rectangles by 0.3 of the width closes joints of up to about 60 degrees.
-    const Vector2d along = d.normalized() * (points.size() > 2 ? 0.3 * width_px : 0.0);
-    const Vector2d across = Vector2d(-d.y(), d.x()).normalized() * (0.5 * width_px);
-    fill({points[i - 1] - along - across, points[i] + along - across, points[i] + along + across,
-          points[i - 1] - along + across},
-         colour);
-  }
+void Canvas::line(const std::vector<Vector2d>& points, const Colour& colour, double width_px,
+                  const std::vector<double>& dashes_px) {
+  sheet_->elements.emplace_back([=](cairo_t* pen) {
+    trace(pen, points);
+    set_colour(pen, colour);
+    cairo_set_line_width(pen, width_px);
+    cairo_set_dash(pen, dashes_px.data(), int(dashes_px.size()), 0.0);
+    cairo_stroke(pen);
+  });
 }
 
 void Canvas::fill(const std::vector<Vector2d>& corners, const Colour& colour, double opacity) {
-  sheet_->marks.emplace_back(FlatPolygon{corners, colour, opacity});
-  std::vector<float> xy;
-  for (const Vector2d& c : corners) {
-    xy.push_back(static_cast<float>(sheet_->oversampling * c.x()));
-    xy.push_back(static_cast<float>(sheet_->oversampling * c.y()));
-  }
-  sheet_->flat->strokes.emplace_back([=](vtkContext2D& painter) mutable {
-    painter.GetPen()->SetLineType(vtkPen::NO_PEN);
-    painter.GetBrush()->SetColor(to_byte(colour.r), to_byte(colour.g), to_byte(colour.b),
-                                 to_byte(opacity));
-    painter.DrawPolygon(xy.data(), static_cast<int>(xy.size() / 2));
+  sheet_->elements.emplace_back([=](cairo_t* pen) {
+    trace(pen, corners);
+    set_colour(pen, colour, opacity);
+    cairo_fill(pen);
   });
 }
 
@@ -356,13 +481,16 @@ void set_camera(vtkRenderer& scene, const View& view) {
 }
 
 void Canvas::add(vtkRenderer& scene, const View& view) {
-  sheet_->has_scene = true;
+  Sheet& sheet = *sheet_;
+  if (!sheet.scenes)
+    sheet.scenes = std::make_unique<SceneWindow>(sheet.oversampling * sheet.width,
+                                                 sheet.oversampling * sheet.height);
   const Rectangle& area = view.area;
-  scene.SetViewport(area.x / sheet_->width, area.y / sheet_->height,
-                    (area.x + area.width) / sheet_->width, (area.y + area.height) / sheet_->height);
+  scene.SetViewport(area.x / sheet.width, area.y / sheet.height,
+                    (area.x + area.width) / sheet.width, (area.y + area.height) / sheet.height);
   scene.SetLayer(1);
   set_camera(scene, view);
-  sheet_->window->AddRenderer(&scene);
+  sheet.scenes->window->AddRenderer(&scene);
 }
 
 void Canvas::scene(const View& view, const std::vector<Solid>& solids,
@@ -381,265 +509,18 @@ void Canvas::scene(const View& view, const std::vector<Solid>& solids,
   add(*renderer, view);
 }
 
-void Canvas::clear_flat_elements() {
-  sheet_->flat->strokes.clear();
-  sheet_->marks.clear();
-}
+void Canvas::clear_flat_elements() { sheet_->elements.clear(); }
 
-SampledPicture Canvas::Sheet::draw() {
-  window->Render();
-  const auto bytes = vtkSmartPointer<vtkUnsignedCharArray>::New();
-  window->GetPixelData(0, 0, oversampling * width - 1, oversampling * height - 1, 0, bytes.Get(),
-                       0);
-  return {width, height, oversampling, bytes};
-}
-
-Pixels Canvas::pixels() { return average_samples(sheet_->draw()); }
+Pixels Canvas::pixels() { return sheet_->pixels(sheet_->scene_image()); }
 
 void Canvas::write_png(const std::filesystem::path& path) { write(path, PictureFormat::Png); }
 
 void Canvas::write(const std::filesystem::path& path, PictureFormat format) {
-  const bool is_vector_format = format != PictureFormat::Png;
-  // In SVG and PDF the flat elements are vectors, so the raster image contains scenes only.
-  if (is_vector_format) sheet_->flat->strokes.clear();
-  const int width = sheet_->width, height = sheet_->height;
-  const std::vector<FlatMark> marks = std::move(sheet_->marks);
-  std::optional<SampledPicture> samples;
-  if (!is_vector_format || sheet_->has_scene) samples = sheet_->draw();
-  // Releases the lock, so that the next canvas can be drawn while this one is compressed.
-  sheet_.reset();
-  Raster raster;
-  if (samples) {
-    const Pixels picture = average_samples(*samples);
-    raster.png = png_file(picture);
-    if (format == PictureFormat::Pdf) raster.rgb = picture.rgb;
-  }
-  std::unique_lock<std::recursive_mutex> lock(canvas_mutex, std::defer_lock);
-  if (is_vector_format) lock.lock();  // the outlines of letters come from VTK's font cache
-  write_bytes(path, format == PictureFormat::Png   ? raster.png
-                    : format == PictureFormat::Svg ? svg_document(width, height, marks, raster)
-                                                   : pdf_document(width, height, marks, raster));
-}
-
-namespace {
-
-/// A segment of an outline, as in SVG: M move to a point, L line, C cubic curve, Z close.
-struct PathSegment {
-  char kind = 'M';
-  std::array<Vector2d, 3> to;
-};
-
-/// Converts a text to outlines. VTK 9.1 drops non-ASCII characters unless it is called through its
-/// older interface.
-void outline_text(const std::string& text, vtkTextProperty& property, vtkPath& path) {
-#if VTK_VERSION_NUMBER < VTK_VERSION_CHECK(9, 2, 0)
-#pragma GCC diagnostic push
-#pragma GCC diagnostic ignored "-Wdeprecated-declarations"
-  vtkTextRenderer::GetInstance()->StringToPath(&property, vtkUnicodeString::from_utf8(text), &path,
-                                               dots_per_inch);
-#pragma GCC diagnostic pop
-#else
-  vtkTextRenderer::GetInstance()->StringToPath(&property, text, &path, dots_per_inch);
-#endif
-}
-
-/// Returns the outlines of the letters of a text, in px of the picture.
-std::vector<PathSegment> outlines(const FlatText& text) {
-  vtkNew<vtkTextProperty> property;
-  apply_style(text.style, text.text, *property);
-  property->SetJustificationToLeft();
-  property->SetVerticalJustificationToBottom();
-  vtkNew<vtkPath> path;
-  outline_text(text.text, *property, *path);
-  const auto position = [&](vtkIdType i) -> Vector2d {
-    const double* p = path->GetPoints()->GetPoint(i);
-    return text.style.turned_left ? text.at + Vector2d(-p[1], p[0])
-                                  : text.at + Vector2d(p[0], p[1]);
-  };
-  std::vector<PathSegment> segments;
-  Vector2d start(0.0, 0.0);
-  const vtkIdType n = path->GetCodes()->GetNumberOfValues();
-  for (vtkIdType i = 0; i < n;) {
-    const int code = path->GetCodes()->GetValue(i);
-    const Vector2d first = position(i);
-    if (code == vtkPath::MOVE_TO) {
-      if (!segments.empty()) segments.push_back({'Z', {}});
-      segments.push_back({'M', {first, first, first}});
-      start = first;
-      i += 1;
-    } else if (code == vtkPath::LINE_TO) {
-      segments.push_back({'L', {first, first, first}});
-      start = first;
-      i += 1;
-    } else if (code == vtkPath::CONIC_CURVE) {
-      // As a cubic curve, whose control points lie two thirds of the way to the quadratic one.
-      const Vector2d end = position(i + 1);
-      segments.push_back(
-          {'C', {start + (first - start) * (2.0 / 3.0), end + (first - end) * (2.0 / 3.0), end}});
-      start = end;
-      i += 2;
-    } else {
-      const Vector2d end = position(i + 2);
-      segments.push_back({'C', {first, position(i + 1), end}});
-      start = end;
-      i += 3;
-    }
-  }
-  if (!segments.empty()) segments.push_back({'Z', {}});
-  return segments;
-}
-
-std::string base64(const std::string& bytes) {
-  constexpr const char* digits = "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
-  std::string text;
-  for (std::size_t i = 0; i < bytes.size(); i += 3) {
-    std::uint32_t group = 0;
-    for (std::size_t k = 0; k < 3; ++k)
-      group = (group << 8) | (i + k < bytes.size() ? std::uint8_t(bytes[i + k]) : 0u);
-    for (std::size_t k = 0; k < 4; ++k)
-      text += i + k <= bytes.size() ? digits[(group >> (18 - 6 * k)) & 63] : '=';
-  }
-  return text;
-}
-
-std::string hex_colour(const Colour& c) {
-  const auto byte = [](double component) {
-    return int(std::lround(255.0 * std::clamp(component, 0.0, 1.0)));
-  };
-  return fmt::format("#{:02x}{:02x}{:02x}", byte(c.r), byte(c.g), byte(c.b));
-}
-
-/// Returns the path of a flat element in SVG, whose y axis points downwards.
-std::string svg_path(const FlatMark& mark, double height) {
-  // Hundredths of a pixel; more digits would only make the file longer.
-  const auto xy = [&](const Vector2d& p) {
-    return fmt::format("{:.2f} {:.2f}", p.x(), height - p.y());
-  };
-  std::string path;
-  if (const auto* polygon = std::get_if<FlatPolygon>(&mark)) {
-    for (const Vector2d& anchored_corner : polygon->corners)
-      path += (path.empty() ? "M" : "L") + xy(anchored_corner);
-    return path + "Z";
-  }
-  for (const PathSegment& segment : outlines(std::get<FlatText>(mark))) {
-    path += segment.kind;
-    if (segment.kind == 'C') path += xy(segment.to[0]) + " " + xy(segment.to[1]) + " ";
-    if (segment.kind != 'Z') path += xy(segment.to[2]);
-  }
-  return path;
-}
-
-std::string pdf_path(const FlatMark& mark) {
-  const auto xy = [](const Vector2d& p) { return fmt::format("{:.2f} {:.2f} ", p.x(), p.y()); };
-  std::string path;
-  if (const auto* polygon = std::get_if<FlatPolygon>(&mark)) {
-    for (const Vector2d& anchored_corner : polygon->corners)
-      path += xy(anchored_corner) + (path.empty() ? "m " : "l ");
-    return path + "h f\n";
-  }
-  for (const PathSegment& segment : outlines(std::get<FlatText>(mark))) {
-    if (segment.kind == 'Z') path += "h ";
-    if (segment.kind == 'C')
-      path += xy(segment.to[0]) + xy(segment.to[1]) + xy(segment.to[2]) + "c ";
-    if (segment.kind == 'M' || segment.kind == 'L')
-      path += xy(segment.to[2]) + (segment.kind == 'M' ? "m " : "l ");
-  }
-  return path + "f\n";
-}
-
-struct Ink {
-  Colour colour;
-  double opacity;
-};
-
-/// Returns the colour and opacity of a flat element.
-Ink mark_ink(const FlatMark& mark) {
-  if (const auto* polygon = std::get_if<FlatPolygon>(&mark))
-    return {polygon->colour, polygon->opacity};
-  return {std::get<FlatText>(mark).style.colour, 1.0};
-}
-
-std::string deflate_bytes(const std::string& bytes) {
-  uLongf size = compressBound(uLong(bytes.size()));
-  std::string packed(size, '\0');
-  if (compress2(reinterpret_cast<Bytef*>(packed.data()), &size,
-                reinterpret_cast<const Bytef*>(bytes.data()), uLong(bytes.size()), 6) != Z_OK)
-    throw std::runtime_error("a picture could not be compressed");
-  packed.resize(size);
-  return packed;
-}
-
-/// Returns a compressed stream object of PDF.
-std::string pdf_stream(const std::string& entries, const std::string& bytes) {
-  const std::string packed = deflate_bytes(bytes);
-  return fmt::format("<< {}/Filter /FlateDecode /Length {} >>\nstream\n", entries, packed.size()) +
-         packed + "\nendstream";
-}
-
-/// Returns a PDF file of the objects 1, 2 ... with the table of their offsets.
-std::string pdf_file(const std::vector<std::string>& objects) {
-  std::string file = "%PDF-1.5\n%\xE2\xE3\xCF\xD3\n";
-  std::string table = fmt::format("xref\n0 {}\n0000000000 65535 f \n", objects.size() + 1);
-  for (std::size_t i = 0; i < objects.size(); ++i) {
-    table += fmt::format("{:010} 00000 n \n", file.size());
-    file += fmt::format("{} 0 obj\n", i + 1) + objects[i] + "\nendobj\n";
-  }
-  return file + table +
-         fmt::format("trailer\n<< /Size {} /Root 1 0 R >>\nstartxref\n{}\n%%EOF\n",
-                     objects.size() + 1, file.size());
-}
-
-}  // namespace
-
-std::string svg_document(int width, int height, const std::vector<FlatMark>& marks,
-                         const Raster& behind) {
-  std::string svg = fmt::format(
-      "<svg xmlns=\"http://www.w3.org/2000/svg\" xmlns:xlink=\"http://www.w3.org/1999/xlink\" "
-      "width=\"{0}\" height=\"{1}\" viewBox=\"0 0 {0} {1}\">\n"
-      "<rect width=\"{0}\" height=\"{1}\" fill=\"#ffffff\"/>\n",
-      width, height);
-  if (!behind.png.empty())
-    svg += fmt::format("<image width=\"{}\" height=\"{}\" xlink:href=\"data:image/png;base64,",
-                       width, height) +
-           base64(behind.png) + "\"/>\n";
-  for (const FlatMark& mark : marks) {
-    const Ink ink = mark_ink(mark);
-    const std::string opacity =
-        ink.opacity < 1.0 ? fmt::format(" fill-opacity=\"{:.2f}\"", ink.opacity) : "";
-    svg += fmt::format("<path fill=\"{}\"{} d=\"{}\"/>\n", hex_colour(ink.colour), opacity,
-                       svg_path(mark, height));
-  }
-  return svg + "</svg>\n";
-}
-
-std::string pdf_document(int width, int height, const std::vector<FlatMark>& marks,
-                         const Raster& behind) {
-  constexpr double point_per_px = 0.5;  // 1600 px are then 28 cm
-  std::string page = fmt::format("{0} 0 0 {0} 0 0 cm\n", point_per_px);
-  if (!behind.rgb.empty()) page += fmt::format("q {} 0 0 {} 0 0 cm /Im Do Q\n", width, height);
-  std::string states;
-  // In PDF, opacity belongs to a graphics state; there are 21 states in steps of 5 %.
-  for (int i = 0; i <= 20; ++i) states += fmt::format("/G{} << /ca {:.2f} >> ", i, i / 20.0);
-  for (const FlatMark& mark : marks) {
-    const Ink ink = mark_ink(mark);
-    page += fmt::format("/G{} gs {:.4f} {:.4f} {:.4f} rg ", std::lround(20.0 * ink.opacity),
-                        ink.colour.r, ink.colour.g, ink.colour.b) +
-            pdf_path(mark);
-  }
-  std::vector<std::string> objects{
-      "<< /Type /Catalog /Pages 2 0 R >>", "<< /Type /Pages /Kids [3 0 R] /Count 1 >>",
-      fmt::format("<< /Type /Page /Parent 2 0 R /MediaBox [0 0 {:g} {:g}] /Contents 4 0 R "
-                  "/Resources << /ExtGState << {}>> {}>> >>",
-                  point_per_px * width, point_per_px * height, states,
-                  behind.rgb.empty() ? "" : "/XObject << /Im 5 0 R >> "),
-      pdf_stream("", page)};
-  if (!behind.rgb.empty())
-    objects.push_back(pdf_stream(
-        fmt::format("/Type /XObject /Subtype /Image /Width {} /Height {} /ColorSpace /DeviceRGB "
-                    "/BitsPerComponent 8 ",
-                    width, height),
-        behind.rgb));
-  return pdf_file(objects);
+  const CairoSurface behind = sheet_->scene_image();
+  // Releases the lock, so that the next scenes can be drawn while this picture is written.
+  sheet_->scenes.reset();
+  write_bytes(path, format == PictureFormat::Png ? png_file(sheet_->pixels(behind))
+                                                 : sheet_->vector_file(format, behind));
 }
 
 }  // namespace abbe::render

@@ -4,7 +4,6 @@
 #include <filesystem>
 #include <memory>
 #include <string>
-#include <variant>
 #include <vector>
 
 #include <Eigen/Core>
@@ -20,7 +19,7 @@ class vtkSmartPointer;
 namespace abbe::render {
 
 inline constexpr int max_side_px = 16384;  ///< px, largest width and height of a picture
-inline constexpr int supersampling = 2;    ///< default samples per pixel in each direction
+inline constexpr int supersampling = 2;    ///< default samples of scenes per pixel and direction
 
 /// Font, colour and anchor of a text.
 struct TextStyle {
@@ -34,12 +33,15 @@ struct TextStyle {
 
 enum class PictureFormat {
   Png,
-  Svg,  ///< lines, areas and letters as vectors, scenes in space as a raster image behind them
+  Svg,  ///< lines, areas and letters as outlines, scenes in space as a raster image behind them
   Pdf,  ///< as SVG
 };
 
-/// Returns width and height of a text in pixels, before it is rotated.
+/// Returns width and height of a text in pixels, before it is rotated. Thread-safe.
 Eigen::Vector2d text_size(const std::string& text, const TextStyle& style);
+
+/// Returns the Debian package that is missing to draw a text correctly; empty if none is missing.
+std::string missing_font_package(const std::string& text);
 
 /// A triangulated surface in space, coloured by one value per vertex, or uniformly without values.
 struct Solid {
@@ -63,32 +65,36 @@ struct Wire {
 
 /// Draws a picture on white, in pixel coordinates from the lower left corner. Later elements are in
 /// front of earlier ones; solids and wires are behind all flat elements. The same calls give the
-/// same bytes. Only one canvas exists at a time: the constructor waits until the previous canvas is
-/// destroyed, so a thread must not nest two of them.
+/// same bytes. Only one canvas with scenes exists at a time: the first scene waits until the
+/// previous canvas with scenes is written or destroyed, so a thread must not nest two of them.
 class Canvas {
  public:
-  /// @param oversampling  samples per pixel in each direction, 1 to 4, whose mean makes edges
-  ///                      smooth; reduced if the samples would exceed longest_side
-  /// @throws std::invalid_argument unless both sizes are in 64 .. longest_side and oversampling is
+  /// @param oversampling  samples of scenes per pixel in each direction, 1 to 4, whose mean makes
+  ///                      edges smooth; reduced if the samples would exceed max_side_px
+  /// @throws std::invalid_argument unless both sizes are in 64 .. max_side_px and oversampling is
   ///         in 1 .. 4
-  /// @throws std::runtime_error if no software or hardware OpenGL is available
   Canvas(int width, int height, int oversampling = supersampling);
   ~Canvas();
   Canvas(const Canvas&) = delete;
   Canvas& operator=(const Canvas&) = delete;
 
   void text(const Eigen::Vector2d& at, const std::string& text, const TextStyle& style);
-  void line(const std::vector<Eigen::Vector2d>& points, const Colour& colour, double width_px);
-  /// Fills a convex polygon.
+  /// Draws a line through the points; it is closed if the last point is the first.
+  /// @param dashes_px  lengths of dashes and gaps in turn; empty for a solid line
+  void line(const std::vector<Eigen::Vector2d>& points, const Colour& colour, double width_px,
+            const std::vector<double>& dashes_px = {});
+  /// Fills a polygon.
   void fill(const std::vector<Eigen::Vector2d>& corners, const Colour& colour,
             double opacity = 1.0);
   void fill(const Rectangle& box, const Colour& colour, double opacity = 1.0);
   void frame(const Rectangle& box, const Colour& colour, double width_px);
   /// Draws solids and wires in `view`, within its rectangle.
+  /// @throws std::runtime_error if no software or hardware OpenGL is available
   void scene(const View& view, const std::vector<Solid>& solids, const std::vector<Wire>& wires);
 
   /// Adds a scene that the caller owns and may change while the canvas exists. It is drawn within
   /// the rectangle of the view, with the camera of the view.
+  /// @throws std::runtime_error if no software or hardware OpenGL is available
   void add(vtkRenderer& scene, const View& view);
 
   /// Removes all flat elements but no scenes.
@@ -96,8 +102,8 @@ class Canvas {
   /// Returns the picture as drawn so far.
   Pixels pixels();
 
-  /// Write the picture and end the canvas. Nothing more can be drawn; the next canvas does not have
-  /// to wait for the file.
+  /// Write the picture and end the canvas. No scene can be added any more; the next canvas does not
+  /// have to wait for the file.
   /// @throws std::system_error with the path if the file cannot be written
   void write_png(const std::filesystem::path& path);
   void write(const std::filesystem::path& path, PictureFormat format);
@@ -112,33 +118,5 @@ vtkSmartPointer<vtkActor> wire_actor(const Wire& wire);
 
 /// Sets the camera of a scene according to the view.
 void set_camera(vtkRenderer& scene, const View& view);
-
-// Vector files, whose flat elements are sharp at any size. Letters are written as outlines, so that
-// no font is needed.
-
-/// A convex polygon.
-struct FlatPolygon {
-  std::vector<Eigen::Vector2d> corners;  ///< px from the lower left corner of the picture
-  Colour colour;
-  double opacity = 1.0;
-};
-struct FlatText {
-  Eigen::Vector2d at;  ///< px, lower left corner before the text is rotated
-  std::string text;
-  TextStyle style;
-};
-using FlatMark = std::variant<FlatPolygon, FlatText>;
-
-/// Raster image behind the flat elements, as large as the page; empty if there is none.
-struct Raster {
-  std::string png;  ///< a PNG file
-  std::string rgb;  ///< the same image as three bytes per pixel, the top row first
-};
-
-/// Return the bytes of a file. The flat elements are painted in the order of `marks`.
-std::string svg_document(int width, int height, const std::vector<FlatMark>& marks,
-                         const Raster& behind);
-std::string pdf_document(int width, int height, const std::vector<FlatMark>& marks,
-                         const Raster& behind);
 
 }  // namespace abbe::render

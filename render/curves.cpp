@@ -166,10 +166,9 @@ void draw_axes(Canvas& canvas, const Panel& panel, const PanelGeometry& geometry
 void draw_band(Canvas& canvas, const Axes& axes, const Series& series, int colour) {
   if (series.lower.size() == 0) return;
   std::vector<Vector2d> low, high;
-  // A canvas fills convex polygons only, so the band is filled as quadrilaterals.
   const auto flush = [&] {
-    for (std::size_t i = 1; i < low.size(); ++i)
-      canvas.fill({low[i - 1], low[i], high[i], high[i - 1]}, series_colour(colour), 0.2);
+    low.insert(low.end(), high.rbegin(), high.rend());
+    canvas.fill(low, series_colour(colour), 0.2);
     low.clear();
     high.clear();
   };

@@ -177,20 +177,6 @@ double draw_swatch(Canvas& canvas, const Vector2d& left, const Colour& colour,
   return side + 0.45 * style.size_px + text_size(label, style).x();
 }
 
-namespace {
-
-/// Dash pattern of a line, in line widths. It distinguishes series of the same colour.
-struct Dash {
-  double drawn = 0.0;  ///< 0: solid
-  double gap = 0.0;
-};
-Dash series_dash(int index) {
-  constexpr Dash dashes[] = {{}, {5.0, 3.0}, {1.5, 2.0}};
-  return dashes[std::min(index / series_colours, 2)];
-}
-
-}  // namespace
-
 Vector2d at(const Axes& axes, double x, double y) {
   return {axes.box.x + axes.box.width * (x - axes.x.lower) / (axes.x.upper - axes.x.lower),
           axes.box.y + axes.box.height * (y - axes.y.lower) / (axes.y.upper - axes.y.lower)};
@@ -231,35 +217,10 @@ std::vector<Vector2d> decimate_curve(const std::vector<Vector2d>& points) {
 
 void draw_series_line(Canvas& canvas, const std::vector<Vector2d>& points, int index,
                       double width_px) {
-  const Dash dash = series_dash(index);
-  if (dash.drawn == 0.0) {
-    canvas.line(points, series_colour(index), width_px);
-    return;
-  }
-  std::vector<Vector2d> dash_points;
-  bool is_drawn = true;
-  double remaining_px = dash.drawn * width_px;  // of the current dash or gap
-  for (std::size_t i = 0; i < points.size(); ++i) {
-    if (i > 0) {
-      Vector2d position = points[i - 1];
-      // A dash continues across the corners of the line.
-      double length = (points[i] - position).norm();
-      while (length > remaining_px) {
-        position += (points[i] - position) * (remaining_px / length);
-        length -= remaining_px;
-        if (is_drawn) {
-          dash_points.push_back(position);
-          canvas.line(dash_points, series_colour(index), width_px);
-        }
-        is_drawn = !is_drawn;
-        dash_points.assign(is_drawn ? 1 : 0, position);
-        remaining_px = (is_drawn ? dash.drawn : dash.gap) * width_px;
-      }
-      remaining_px -= length;
-    }
-    if (is_drawn) dash_points.push_back(points[i]);
-  }
-  if (is_drawn && dash_points.size() > 1) canvas.line(dash_points, series_colour(index), width_px);
+  // Dashes and gaps in line widths distinguish series of the same colour.
+  const std::vector<double> dashes[] = {
+      {}, {5.0 * width_px, 3.0 * width_px}, {1.5 * width_px, 2.0 * width_px}};
+  canvas.line(points, series_colour(index), width_px, dashes[std::min(index / series_colours, 2)]);
 }
 
 namespace {

@@ -3,16 +3,14 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <cstdint>
 #include <functional>
 #include <limits>
 #include <stdexcept>
-#include <string_view>
 #include <vector>
 
+#include <png.h>
 #include <vtkColorTransferFunction.h>
 #include <vtkNew.h>
-#include <zlib.h>
 
 #include "render/figures.h"
 
@@ -169,48 +167,6 @@ std::string view_description(const View& view) {
 
 namespace {
 
-void append_number(std::string& bytes, std::uint32_t number) {
-  for (const int shift : {24, 16, 8, 0}) bytes.push_back(char(number >> shift & 0xFFu));
-}
-
-void append_chunk(std::string& file, std::string_view chunk_type, std::string_view data) {
-  append_number(file, std::uint32_t(data.size()));
-  const std::size_t start = file.size();
-  file.append(chunk_type).append(data);
-  const auto* begin = reinterpret_cast<const Bytef*>(file.data() + start);
-  append_number(file, std::uint32_t(crc32_z(0, begin, file.size() - start)));
-}
-
-/// Returns the rows as differences from the row above (PNG filter 2), which are mostly zero in
-/// drawings.
-std::string filtered_rows(const Pixels& pixels) {
-  constexpr char up = 2;
-  const std::size_t row = 3 * std::size_t(pixels.width);
-  std::string rows;
-  rows.resize((row + 1) * std::size_t(pixels.height));
-  const char* source = pixels.rgb.data();
-  char* target = rows.data();
-  for (int y = 0; y < pixels.height; ++y, source += row) {
-    *target++ = up;
-    for (std::size_t i = 0; i < row; ++i) {
-      const char above = y > 0 ? *(source + i - row) : char(0);
-      *target++ = char(static_cast<unsigned char>(source[i]) - static_cast<unsigned char>(above));
-    }
-  }
-  return rows;
-}
-
-std::string zlib_compress(const std::string& bytes, int level) {
-  uLongf size = compressBound(uLong(bytes.size()));
-  std::string packed(size, '\0');
-  const int state =
-      compress2(reinterpret_cast<Bytef*>(packed.data()), &size,
-                reinterpret_cast<const Bytef*>(bytes.data()), uLong(bytes.size()), level);
-  if (state != Z_OK) throw std::runtime_error("a picture could not be compressed");
-  packed.resize(size);
-  return packed;
-}
-
 // The palette has colours in steps of 8. There are 33 levels; the last one, 256, stands for 255.
 constexpr int step = 8, levels = 33, colour_count = levels * levels * levels;
 
@@ -273,37 +229,36 @@ std::size_t nearest_index(const std::vector<int>& palette, int colour) {
   return std::size_t(std::ranges::min_element(palette, {}, distance_to) - palette.begin());
 }
 
-/// Returns rows of palette indices. They are not filtered, because differences between indices are
-/// not small.
-std::string indexed_rows(const Pixels& pixels, const std::vector<int>& colours,
-                         const std::vector<int>& palette) {
+/// Returns the index in the palette of every pixel.
+std::string palette_indices(const std::vector<int>& colours, const std::vector<int>& palette) {
   std::vector<int> palette_index(colour_count, -1);  // of each colour; -1: not yet known
-  std::string rows;
-  rows.reserve(colours.size() + std::size_t(pixels.height));
-  for (std::size_t i = 0; i < colours.size(); ++i) {
-    if (i % std::size_t(pixels.width) == 0) rows.push_back('\0');
-    int& index = palette_index[std::size_t(colours[i])];
-    if (index < 0) index = int(nearest_index(palette, colours[i]));
-    rows.push_back(char(index));
+  std::string indices;
+  for (const int colour : colours) {
+    int& index = palette_index[std::size_t(colour)];
+    if (index < 0) index = int(nearest_index(palette, colour));
+    indices.push_back(char(index));
   }
-  return rows;
+  return indices;
 }
 
-void append_rgb_image(std::string& file, const Pixels& pixels) {
-  // Level 2 takes a third of the time of the default level, and the filter has already removed most
-  // redundancy.
-  constexpr int level = 2;
-  append_chunk(file, "IDAT", zlib_compress(filtered_rows(pixels), level));
-}
-
-void append_palette_image(std::string& file, const Pixels& pixels) {
-  constexpr int level = 6;
-  const std::vector<int> colours = rounded_colours(pixels), palette = select_palette(colours);
+/// Returns the three bytes of every colour.
+std::string colour_bytes(const std::vector<int>& palette) {
   std::string bytes;
   for (const int colour : palette)
     for (const int value : indexed_colour(colour)) bytes.push_back(char(value));
-  append_chunk(file, "PLTE", bytes);
-  append_chunk(file, "IDAT", zlib_compress(indexed_rows(pixels, colours, palette), level));
+  return bytes;
+}
+
+/// Returns the bytes of a PNG file of `image`.
+std::string compress(png_image image, const std::string& pixels, const std::string& palette) {
+  png_alloc_size_t size = PNG_IMAGE_PNG_SIZE_MAX(image);
+  std::string file(size, '\0');
+  if (png_image_write_to_memory(&image, file.data(), &size, 0, pixels.data(), 0, palette.data()) ==
+      0)
+    throw std::runtime_error(std::string("a picture could not be compressed: ") + image.message);
+  file.resize(size);
+  file.shrink_to_fit();
+  return file;
 }
 
 }  // namespace
@@ -312,17 +267,20 @@ std::string png_file(const Pixels& pixels, PngPurpose png_purpose) {
   if (pixels.width < 1 || pixels.height < 1 ||
       pixels.rgb.size() != 3 * std::size_t(pixels.width) * std::size_t(pixels.height))
     throw std::invalid_argument("a picture with three bytes per pixel");
-  std::string file("\x89PNG\r\n\x1a\n", 8);
-  std::string head;
-  append_number(head, std::uint32_t(pixels.width));
-  append_number(head, std::uint32_t(pixels.height));
-  // Eight bits per sample, as palette indices (3) or as red, green and blue (2).
-  head.append(png_purpose == PngPurpose::Size ? "\x08\x03" : "\x08\x02", 2).append(3, '\0');
-  append_chunk(file, "IHDR", head);
-  png_purpose == PngPurpose::Size ? append_palette_image(file, pixels)
-                                  : append_rgb_image(file, pixels);
-  append_chunk(file, "IEND", {});
-  return file;
+  png_image image{};
+  image.version = PNG_IMAGE_VERSION;
+  image.width = png_uint_32(pixels.width);
+  image.height = png_uint_32(pixels.height);
+  if (png_purpose == PngPurpose::Speed) {
+    image.format = PNG_FORMAT_RGB;
+    // A fifth of the time of the default compression, for up to two fifths more bytes.
+    image.flags = PNG_IMAGE_FLAG_FAST;
+    return compress(image, pixels.rgb, {});
+  }
+  const std::vector<int> colours = rounded_colours(pixels), palette = select_palette(colours);
+  image.format = PNG_FORMAT_RGB_COLORMAP;
+  image.colormap_entries = png_uint_32(palette.size());
+  return compress(image, palette_indices(colours, palette), colour_bytes(palette));
 }
 
 }  // namespace abbe::render

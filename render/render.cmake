@@ -1,11 +1,19 @@
-# Pictures through VTK, without a display. Included by the top file where ABBE_RENDER is ON; the
-# definition ABBE_RENDER=1 reaches whoever links abbe::render, so `#if ABBE_RENDER` guards its use.
-find_package(VTK 9 REQUIRED COMPONENTS CommonCore CommonDataModel IOCore IOImage IOXML RenderingContext2D
-             RenderingContextOpenGL2 RenderingCore RenderingFreeType RenderingOpenGL2)
+# Pictures through Cairo and, in space, VTK, without a display. Included by the top file where
+# ABBE_RENDER is ON; the definition ABBE_RENDER=1 reaches whoever links abbe::render, so
+# `#if ABBE_RENDER` guards its use.
+find_package(VTK 9 REQUIRED COMPONENTS CommonCore CommonDataModel IOCore IOImage IOXML RenderingCore RenderingOpenGL2)
 find_package(OpenGL REQUIRED COMPONENTS EGL)
 find_package(ZLIB REQUIRED)
+find_package(PNG REQUIRED)
+find_package(Fontconfig REQUIRED)
+find_package(Freetype REQUIRED)
+find_path(ABBE_CAIRO_HEADERS cairo-ft.h PATH_SUFFIXES cairo REQUIRED)
+find_library(ABBE_CAIRO cairo REQUIRED)
 
-abbe_module(render HEADERS patient_headers DEPENDS abbe::cutting PRIVATE ${VTK_LIBRARIES} TBB::tbb OpenGL::EGL ZLIB::ZLIB fmt::fmt)
+abbe_module(render HEADERS patient_headers DEPENDS abbe::cutting
+            PRIVATE ${VTK_LIBRARIES} ${ABBE_CAIRO} Fontconfig::Fontconfig PNG::PNG TBB::tbb OpenGL::EGL ZLIB::ZLIB fmt::fmt
+                    $<BUILD_INTERFACE:Freetype::Freetype>)
+target_include_directories(abbe_render PRIVATE ${ABBE_CAIRO_HEADERS})
 get_target_property(abbe_render_sources abbe_render SOURCES)
 list(FILTER abbe_render_sources EXCLUDE REGEX "/glew_init\\.cpp$")
 set_property(TARGET abbe_render PROPERTY SOURCES ${abbe_render_sources})

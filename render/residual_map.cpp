@@ -306,7 +306,6 @@ void draw_map(const MapPicture& picture, const MapOptions& options,
   const TypeSizes type = type_sizes(options.width, options.height);
   const TextStyle body{.size_px = type.body};
   const View direction = fit_view({}, options.from, options.up, {});
-  // The scene is built first, because measuring text waits while another thread draws a picture.
   SurfaceScene scene = surface_scene(picture.field, map.values, map.scale, direction.toward_eye);
   if (options.isolines) scene.wires.push_back(isolines(picture.field, map.values, map.levels));
   std::vector<std::string> lines;
@@ -323,7 +322,8 @@ void draw_map(const MapPicture& picture, const MapOptions& options,
   const View view = fit_view(picture.field.design.vertices, options.from, options.up, page.map);
   const std::vector<Flag> flags = extreme_vertex_flags(view, picture.field);
 
-  // Only one canvas exists at a time in the process, so everything else is done before.
+  // Only one canvas with a scene exists at a time in the process, so everything else is done
+  // before.
   Canvas canvas(options.width, options.height);
   canvas.scene(view, scene.solids, scene.wires);
   draw_head(canvas, page, title, picture.figures, type);

@@ -1,10 +1,7 @@
 #include "render/vtk_environment.h"
 
 #include <array>
-#include <cstdint>
-#include <filesystem>
 #include <stdexcept>
-#include <string>
 
 #include <EGL/egl.h>
 #include <EGL/eglext.h>
@@ -87,53 +84,5 @@ HeadlessContext::HeadlessContext() : handles_(std::make_unique<Handles>()) {
 }
 
 HeadlessContext::~HeadlessContext() = default;
-
-namespace {
-
-/// Files of a font in Debian, and its package.
-struct Font {
-  const char* regular;
-  const char* bold;
-  const char* package;
-};
-
-constexpr Font western{"/usr/share/fonts/truetype/dejavu/DejaVuSans.ttf",
-                       "/usr/share/fonts/truetype/dejavu/DejaVuSans-Bold.ttf", "fonts-dejavu-core"};
-// This font has no bold face.
-constexpr Font eastern{"/usr/share/fonts/truetype/wqy/wqy-microhei.ttc",
-                       "/usr/share/fonts/truetype/wqy/wqy-microhei.ttc", "fonts-wqy-microhei"};
-
-/// Returns true if a text contains Chinese, Japanese or Korean characters (U+2E80 to U+D7FF and the
-/// wide forms). The first two bytes in UTF-8 suffice to recognise them.
-bool is_eastern(const std::string& text) {
-  for (std::size_t i = 0; i + 1 < text.size(); ++i) {
-    const auto first = static_cast<std::uint8_t>(text[i]);
-    const auto second = static_cast<std::uint8_t>(text[i + 1]);
-    if ((first == 0xE2 && second >= 0xBA) || (first >= 0xE3 && first <= 0xED) ||
-        (first == 0xEF && second >= 0xA4) || (first == 0xF0 && second >= 0xA0))
-      return true;
-  }
-  return false;
-}
-
-const Font& font_for(const std::string& text) { return is_eastern(text) ? eastern : western; }
-
-bool is_installed(const char* file) {
-  std::error_code error_code;
-  return std::filesystem::is_regular_file(file, error_code);
-}
-
-}  // namespace
-
-std::string font_file(const std::string& text, bool bold) {
-  const Font& font = font_for(text);
-  const char* file = bold ? font.bold : font.regular;
-  return is_installed(file) ? file : "";
-}
-
-std::string missing_font_package(const std::string& text) {
-  const Font& font = font_for(text);
-  return is_installed(font.regular) && is_installed(font.bold) ? "" : font.package;
-}
 
 }  // namespace abbe::render

@@ -1,7 +1,6 @@
 #pragma once
 
 #include <memory>
-#include <string>
 
 namespace abbe::render {
 
@@ -20,15 +19,5 @@ class HeadlessContext {
   struct Handles;
   std::unique_ptr<Handles> handles_;
 };
-
-// Fonts of pictures. The built-in fonts of VTK have no Greek and Chinese letters, and their square
-// brackets are round, so fonts of Debian are used if they are installed.
-
-/// Returns the file of a font with all characters of a text. Empty if it is not installed; the
-/// built-in font of VTK is used then.
-std::string font_file(const std::string& text, bool bold);
-
-/// Returns the Debian package that is missing to draw a text correctly; empty if none is missing.
-std::string missing_font_package(const std::string& text);
 
 }  // namespace abbe::render

@@ -93,7 +93,7 @@ set(CPACK_DEBIAN_DEVELOPMENT_PACKAGE_NAME libabbe-dev)
 set(CPACK_DEBIAN_DEVELOPMENT_PACKAGE_SECTION libdevel)
 set(CPACK_DEBIAN_DEVELOPMENT_PACKAGE_DEPENDS
     "libeigen3-dev, libfmt-dev, libtbb-dev, libopenmesh-dev, libfcl-dev, libvtk9-dev, libglew-dev, \
-libegl-dev, libtomlplusplus-dev, nlohmann-json3-dev, libcli11-dev, libsqlite3-dev, libboost-dev")
+libegl-dev, libcairo2-dev, libtomlplusplus-dev, nlohmann-json3-dev, libcli11-dev, libsqlite3-dev, libboost-dev")
 set(CPACK_DEBIAN_PYTHON_PACKAGE_NAME python3-abbe)
 set(CPACK_DEBIAN_PYTHON_PACKAGE_SECTION python)
 set(CPACK_DEBIAN_PYTHON_PACKAGE_SHLIBDEPS ON)

@@ -10,6 +10,7 @@
 
 #include "cutting/map/areal_filter.h"
 #include "kinematics/units.h"
+#include "render/canvas.h"
 #include "render/figures.h"
 #include "render/machine_picture.h"
 #include "render/map_sheet.h"
@@ -17,7 +18,6 @@
 #include "render/plot.h"
 #include "render/residual_field.h"
 #include "render/residual_map.h"
-#include "render/vtk_environment.h"
 #include "sim/cut/judged_surface.h"
 #include "sim/files/output.h"
 #include "sim/report/machine_picture.h"
@@ -302,8 +302,7 @@ std::string font_warning(const std::string& text) {
   const std::string package = render::missing_font_package(text);
   return package.empty()
              ? ""
-             : "pictures use the built-in font of VTK, which lacks some letters: install " +
-                   package;
+             : "pictures use another font, which may lack some letters: install " + package;
 }
 
 void write_case_pictures(const ResultFolder& folder, const Job& job, const Verdict& verdict,

@@ -15,7 +15,6 @@
 #include "render/map_sheet.h"
 #include "render/picture.h"
 #include "render/surface_scene.h"
-#include "render/vtk_environment.h"
 #include "tests/render/picture.h"
 
 namespace abbe::render {
@@ -395,9 +394,12 @@ TEST_F(Map, IsWrittenAsSvgAndPdfToo) {
   options.format = PictureFormat::Svg;
   write_map(file("a.svg"), p, options);
   const std::string svg = bytes(file("a.svg"));
-  EXPECT_TRUE(svg.starts_with("<svg "));
+  EXPECT_TRUE(svg.starts_with("<?xml "));
+  EXPECT_NE(svg.find("<svg "), std::string::npos);
   EXPECT_TRUE(svg.ends_with("</svg>\n"));
   EXPECT_NE(svg.find("data:image/png;base64,iVBOR"), std::string::npos);
+  write_map(file("b.svg"), p, options);
+  EXPECT_TRUE(svg == bytes(file("b.svg")));
   options.format = PictureFormat::Pdf;
   write_map(file("a.pdf"), p, options);
   const std::string pdf = bytes(file("a.pdf"));
@@ -423,18 +425,21 @@ TEST_F(Map, WithALongTitleHasRoomForIt) {
 }
 
 TEST_F(Map, DrawsGreekChineseAndSquareBrackets) {
+  const auto svg_of_text = [&](const std::string& words) {
+    Canvas canvas(100, 100);
+    canvas.text({0, 0}, words, {.size_px = 40.0});
+    canvas.write(file("text.svg"), PictureFormat::Svg);
+    return bytes(file("text.svg"));
+  };
   for (const char* text : {"αβγ", "五轴机床", "é ø ß", "±µ−"}) {
     ASSERT_EQ(missing_font_package(text), "") << "the launcher installs it";
     // a letter that a font lacks is a box, and all boxes are alike
-    const auto svg_of_text = [](const std::string& words) {
-      return svg_document(100, 100, {FlatText{{0, 0}, words, {.size_px = 40.0}}}, {});
-    };
     EXPECT_NE(svg_of_text(text), svg_of_text("\uE000\uE001\uE002\uE003")) << text;
     EXPECT_GT(svg_of_text(text).size(), 600u) << text;
   }
   // corners: a round bracket has curves, a square one only lines
-  const auto curves = [](const std::string& text) {
-    const std::string svg = svg_document(100, 100, {FlatText{{0, 0}, text, {.size_px = 40.0}}}, {});
+  const auto curves = [&](const std::string& text) {
+    const std::string svg = svg_of_text(text);
     return std::count(svg.begin() + std::ptrdiff_t(svg.find(" d=")), svg.end(), 'C');
   };
   EXPECT_EQ(curves("["), 0);
