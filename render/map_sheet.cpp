@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <cstdint>
 #include <map>
 #include <stdexcept>
 
@@ -23,12 +24,17 @@ namespace {
 constexpr double gap_px = 36.0;  // between cells
 // A map that needs less than this fraction of the common scale gets a second panel.
 constexpr double own_scale_ratio = 0.4;
+// Height of the cells of a picture of about 4 : 3, relative to its width. It is below 0.75, because
+// the title and the legend add to the height.
+constexpr double target_height_per_width = 0.7;
+// An empty cell costs as much as a deviation of 15 % from this ratio.
+constexpr double empty_cell_cost = 0.15;
 
 /// A panel of a comparison.
 struct MapPanel {
   std::size_t case_index = 0;
   bool has_own_scale = false;  ///< on its own scale, after the panel on the common scale
-  Span ends_um;
+  Span scale_limits_um;
 };
 
 /// Arrangement of the panels, and the size of one map.
@@ -37,7 +43,7 @@ struct Grid {
   int rows = 1;
   double cell_width = 0.0;
   double map_height = 0.0;
-  std::vector<std::array<int, 2>> at;  ///< column and row of each panel
+  std::vector<std::array<int, 2>> cell_positions;  ///< column and row of each panel
 };
 
 /// Returns a grid with the panels in order; the two panels of a case are in the same row.
@@ -49,10 +55,10 @@ Grid fill_grid(const std::vector<MapPanel>& panels, int columns) {
     const bool is_first_of_pair = i + 1 < panels.size() && panels[i + 1].has_own_scale;
     // The last cell of a row remains empty if it would separate a pair.
     if (is_first_of_pair && columns > 1 && cell % columns == columns - 1) ++cell;
-    grid.at.push_back({cell % columns, cell / columns});
+    grid.cell_positions.push_back({cell % columns, cell / columns});
     ++cell;
   }
-  grid.rows = grid.at.back()[1] + 1;
+  grid.rows = grid.cell_positions.back()[1] + 1;
   return grid;
 }
 
@@ -66,10 +72,9 @@ Grid best_grid(const std::vector<MapPanel>& panels, double width, double aspect,
     grid.cell_width = (width - (columns - 1) * gap_px) / columns;
     grid.map_height = std::round(grid.cell_width * std::clamp(aspect, 0.3, 1.1));
     const double height = grid.rows * (grid.map_height + text_height + gap_px);
-    const int empty = grid.rows * columns - int(panels.size());
-    // The factor 0.7 accounts for the texts in the aspect ratio of 4 : 3. An empty cell costs as
-    // much as a deviation of 15 % from this ratio.
-    const double layout_cost = std::abs(std::log(width / height * 0.7)) + 0.15 * empty;
+    const int empty_cells = grid.rows * columns - int(panels.size());
+    const double layout_cost = std::abs(std::log(width / height * target_height_per_width)) +
+                               empty_cell_cost * empty_cells;
     if (columns == 1 || layout_cost < min_layout_cost) {
       result = std::move(grid);
       min_layout_cost = layout_cost;
@@ -98,7 +103,8 @@ std::vector<std::string> common_text(const std::vector<MapPicture>& cases,
       std::any_of(panels.begin(), panels.end(), [](const MapPanel& p) { return p.has_own_scale; });
   std::vector<std::string> lines{
       std::string("one scale for all maps") +
-      (has_own_scales ? ", maps too small for it also on their own scale  ·  " : "  ·  ") +
+      (has_own_scales ? "; maps with small values are also shown on their own scale  ·  "
+                      : "  ·  ") +
       sign_convention};
   const View view = fit_view({}, options.from, options.up, {});
   const VertexCounts& first_counts = counts.front();
@@ -111,8 +117,9 @@ std::vector<std::string> common_text(const std::vector<MapPicture>& cases,
   if (const auto& tolerance = cases.front().tolerance_um; tolerance.rows() > 0)
     line += "  ·  tolerance " + limits_text(tolerance);
   lines.push_back(line);
-  const bool exceeds_scale = std::any_of(counts.begin(), counts.end(),
-                                         [](const VertexCounts& t) { return t.beyond_scale > 0; });
+  const bool exceeds_scale =
+      std::any_of(counts.begin(), counts.end(),
+                  [](const VertexCounts& panel_counts) { return panel_counts.beyond_scale > 0; });
   if (exceeds_scale) lines.push_back("arrow colours: beyond the scale");
   lines.insert(lines.end(), options.caption.begin(), options.caption.end());
   return lines;
@@ -154,6 +161,7 @@ const TextStyle head_style{.size_px = 36.0, .bold = true};
 const TextStyle title_style{.size_px = 23.0, .bold = true};
 const TextStyle body_style{.size_px = 21.0};
 constexpr double margin_px = 36.0, bar_row_px = 34.0, triad_px = 44.0;
+constexpr double text_margin_px = 18.0;  // gaps around the texts of a cell
 
 double max_magnitude(const Span& ends) {
   return std::max(std::abs(ends.lower), std::abs(ends.upper));
@@ -181,9 +189,9 @@ std::vector<MapPanel> make_panels(const std::vector<MapPicture>& cases,
 
 /// Returns the text of a panel. The second panel of a case only states its scale.
 CellText panel_text(const std::vector<MapPanel>& panels, std::size_t i, const MapPicture& picture,
-                    const VertexCounts& counts, bool with_datum, const Grid& cells) {
-  const double width = cells.cell_width;
-  const bool side_by_side = cells.columns > 1;
+                    const VertexCounts& counts, bool with_datum, const Grid& grid) {
+  const double width = grid.cell_width;
+  const bool side_by_side = grid.columns > 1;
   if (panels[i].has_own_scale)
     return {wrap_text(side_by_side ? "own scale" : picture.title + ", own scale", title_style,
                       width, 2),
@@ -197,7 +205,7 @@ Plan make_plan(const std::vector<MapPicture>& cases, const ComparisonOptions& op
   Plan plan;
   plan.panels = make_panels(cases, options);
   for (const MapPanel& panel : plan.panels)
-    plan.counts.push_back(count_vertices(cases[panel.case_index].field, panel.ends_um));
+    plan.counts.push_back(count_vertices(cases[panel.case_index].field, panel.scale_limits_um));
   const double width = options.width - 2.0 * margin_px;
   double max_aspect = 0.0;
   for (const MapPicture& picture : cases)
@@ -214,7 +222,8 @@ Plan make_plan(const std::vector<MapPicture>& cases, const ComparisonOptions& op
     lines_below = std::max(lines_below, plan.text.back().below.size());
   }
   plan.text_height = static_cast<double>(plan.title_lines) * line_height(title_style) +
-                     static_cast<double>(lines_below) * line_height(body_style) + bar_row_px + 18.0;
+                     static_cast<double>(lines_below) * line_height(body_style) + bar_row_px +
+                     text_margin_px;
   return plan;
 }
 
@@ -231,17 +240,19 @@ double titles_height(const Plan& plan) {
   return static_cast<double>(plan.title_lines) * line_height(title_style);
 }
 
-/// @param top  upper edge of the first row
+/// Returns the scene and the view of panel i, placed in its cell.
+/// @param top  upper edge of the first row, px
 Cell make_cell(const Plan& plan, std::size_t i, const MapPicture& picture,
                const ComparisonOptions& options, double top) {
-  const auto [column, row] = plan.cells.at[i];
+  const auto [column, row] = plan.cells.cell_positions[i];
   Cell cell;
   cell.x = margin_px + column * (plan.cells.cell_width + gap_px);
   cell.y = top - row * (plan.text_height + plan.cells.map_height + gap_px);
   cell.box = {cell.x, cell.y - titles_height(plan) - 8.0 - plan.cells.map_height,
               plan.cells.cell_width, plan.cells.map_height};
   cell.view = fit_view(picture.field.design.vertices, options.from, options.up, cell.box);
-  cell.colours = colour_scale(plan.panels[i].ends_um.lower, plan.panels[i].ends_um.upper);
+  cell.colours =
+      colour_scale(plan.panels[i].scale_limits_um.lower, plan.panels[i].scale_limits_um.upper);
   cell.scene =
       surface_scene(picture.field, picture.field.deviation_um, cell.colours, cell.view.toward_eye);
   return cell;
@@ -250,7 +261,7 @@ Cell make_cell(const Plan& plan, std::size_t i, const MapPicture& picture,
 void draw_cell(Canvas& canvas, const Plan& plan, std::size_t i, const Cell& cell) {
   const auto& [x, y, box, view, colours, scene] = cell;
   const double titles = titles_height(plan);
-  const Span& ends = plan.panels[i].ends_um;
+  const Span& ends = plan.panels[i].scale_limits_um;
   canvas.scene(view, scene.solids, scene.wires);
   const double title = static_cast<double>(plan.text[i].title.size()) * line_height(title_style);
   draw_paragraph(canvas, {x, y - titles + title}, plan.text[i].title, title_style);
@@ -315,13 +326,14 @@ struct DecimatedDesign {
 };
 
 /// Returns the design with the first vertex of each cell of a grid.
-DecimatedDesign decimate_by_cells(const cutting::Design& whole, double cell_mm) {
+/// @param cell_size  mm, length of the edges of a cell
+DecimatedDesign decimate_by_cells(const cutting::Design& whole, double cell_size) {
   DecimatedDesign decimated;
   std::map<std::array<long long, 3>, int> cells;
   std::vector<int> representative;
   for (Eigen::Index i = 0; i < whole.vertices.rows(); ++i) {
     std::array<long long, 3> cell{};
-    for (int k = 0; k < 3; ++k) cell[k] = std::llround(whole.vertices(i, k) / cell_mm);
+    for (int k = 0; k < 3; ++k) cell[k] = std::llround(whole.vertices(i, k) / cell_size);
     const auto [entry, is_new] = cells.emplace(cell, int(decimated.vertices.size()));
     if (is_new) decimated.vertices.push_back(i);
     representative.push_back(entry->second);
@@ -344,10 +356,10 @@ DecimatedDesign decimate_by_cells(const cutting::Design& whole, double cell_mm) 
   return decimated;
 }
 
-/// Returns the design with so few vertices that `maps` maps of it can be drawn.
-DecimatedDesign decimate_design(const cutting::Design& whole, std::size_t maps) {
+/// Returns the design, decimated until `map_count` maps of it stay within the limit on vertices.
+DecimatedDesign decimate_design(const cutting::Design& whole, std::size_t map_count) {
   const Eigen::Index n = whole.vertices.rows();
-  const Eigen::Index max_vertices = max_total_vertices / Eigen::Index(maps);
+  const Eigen::Index max_vertices = max_total_vertices / Eigen::Index(map_count);
   DecimatedDesign decimated{whole, {}};
   for (Eigen::Index i = 0; i < n; ++i) decimated.vertices.push_back(i);
   if (n <= max_vertices) return decimated;
@@ -355,34 +367,40 @@ DecimatedDesign decimate_design(const cutting::Design& whole, std::size_t maps) 
       whole.vertices.colwise().maxCoeff() - whole.vertices.colwise().minCoeff();
   // Starting at about the mean distance of vertices, cells grow by a fifth until few enough
   // vertices remain.
-  for (double cell = std::max(size.norm(), 1e-6) / std::sqrt(double(n));
-       Eigen::Index(decimated.vertices.size()) > max_vertices; cell *= 1.2)
-    decimated = decimate_by_cells(whole, cell);
+  for (double cell_size = std::max(size.norm(), 1e-6) / std::sqrt(double(n));
+       Eigen::Index(decimated.vertices.size()) > max_vertices; cell_size *= 1.2)
+    decimated = decimate_by_cells(whole, cell_size);
   return decimated;
 }
 
-/// The scale of a map.
+/// Limits of the colour scale of a map, and the number of vertices within and beyond them.
 struct MapScale {
-  Span ends_um;
+  Span scale_limits_um;
   VertexCounts counts;
 };
 
+/// Returns the field of one map: vertices outside the judged region are Outside, those without a
+/// finite value Uncut.
 Field make_field(const cutting::Design& design, const SheetMap& map) {
+  using cutting::VertexStatus;
   Field field;
   field.design = design;
   field.deviation_um = map.values_um;
   const bool all_judged = design.judged.size() != std::size_t(design.vertices.rows());
   for (Eigen::Index i = 0; i < map.values_um.size(); ++i) {
     const bool is_judged = all_judged || design.judged[std::size_t(i)] != 0;
-    field.status.push_back(!is_judged ? 2 : (std::isfinite(map.values_um[i]) ? 0 : 1));
+    const VertexStatus status = !is_judged                        ? VertexStatus::Outside
+                                : std::isfinite(map.values_um[i]) ? VertexStatus::Cut
+                                                                  : VertexStatus::Uncut;
+    field.status.push_back(std::uint8_t(status));
   }
   check_field(field);
   return field;
 }
 
-Span widest_ends(const std::vector<MapScale>& maps) {
+Span widest_scale(const std::vector<MapScale>& maps) {
   std::vector<Span> ends;
-  for (const MapScale& map : maps) ends.push_back(map.ends_um);
+  for (const MapScale& map : maps) ends.push_back(map.scale_limits_um);
   return common_ends(ends);
 }
 
@@ -396,10 +414,10 @@ std::vector<MapScale> fit_scales(const cutting::Design& design, const std::vecto
     scales.push_back(
         {map.range_um ? Span{-*map.range_um, *map.range_um} : fitted_ends_um(field), {}});
   }
-  const Span common = widest_ends(scales);
+  const Span common = widest_scale(scales);
   for (std::size_t i = 0; i < scales.size(); ++i) {
-    if (common_range) scales[i].ends_um = common;
-    scales[i].counts = count_vertices(make_field(design, maps[i]), scales[i].ends_um);
+    if (common_range) scales[i].scale_limits_um = common;
+    scales[i].counts = count_vertices(make_field(design, maps[i]), scales[i].scale_limits_um);
   }
   return scales;
 }
@@ -477,14 +495,15 @@ View draw_cell(Canvas& canvas, const SheetLayout& layout, const SheetCell& cell,
                       width, layout.map_height};
   const View view = fit_view(cell.field.design.vertices, options.from, options.up, box);
   const MapScale& scale = cell.scale;
-  const ColourScale colours = colour_scale(scale.ends_um.lower, scale.ends_um.upper);
+  const ColourScale colours =
+      colour_scale(scale.scale_limits_um.lower, scale.scale_limits_um.upper);
   const SurfaceScene scene =
       surface_scene(cell.field, cell.field.deviation_um, colours, view.toward_eye);
   canvas.scene(view, scene.solids, scene.wires);
   draw_horizontal_colour_bar(
       canvas, {box.x, box.y - 0.2 * em - line_height(layout.body), width, line_height(layout.body)},
-      ColourBar{colours, (scale.counts.lowest_um < scale.ends_um.lower),
-                (scale.counts.highest_um > scale.ends_um.upper)},
+      ColourBar{colours, (scale.counts.lowest_um < scale.scale_limits_um.lower),
+                (scale.counts.highest_um > scale.scale_limits_um.upper)},
       layout.body);
   return view;
 }

@@ -42,7 +42,10 @@ void check_sizes(const Field& field) {
 
 /// Returns the surface of a field, for the statistics. The depths of gouges are unknown.
 cutting::Surface make_surface(const Field& field) {
-  cutting::Surface surface{field.deviation_um * units::um, field.cut_time_s, field.cut_line, {}};
+  cutting::Surface surface{.residual = field.deviation_um * units::um,
+                           .cut_time_s = field.cut_time_s,
+                           .cut_line = field.cut_line,
+                           .status = {}};
   for (const std::uint8_t status : field.status) {
     const auto vertex = int(surface.status.size());
     surface.status.push_back(cutting::VertexStatus(status));
@@ -56,8 +59,12 @@ cutting::Surface make_surface(const Field& field) {
 
 }  // namespace
 
-Field field(const cutting::Design& design, const cutting::Surface& surface) {
-  Field result{design, surface.residual / units::um, {}, surface.cut_time_s, surface.cut_line};
+Field make_field(const cutting::Design& design, const cutting::Surface& surface) {
+  Field result{.design = design,
+               .deviation_um = surface.residual / units::um,
+               .status = {},
+               .cut_time_s = surface.cut_time_s,
+               .cut_line = surface.cut_line};
   result.status.reserve(surface.status.size());
   for (const cutting::VertexStatus s : surface.status) {
     result.status.push_back(static_cast<std::uint8_t>(s));
@@ -139,7 +146,7 @@ void write_stock(const std::filesystem::path& path, const StockField& stock, con
 
 void write_residual(const std::filesystem::path& path, const cutting::Design& design,
                     const cutting::Surface& surface) {
-  write_residual(path, field(design, surface));
+  write_residual(path, make_field(design, surface));
 }
 
 namespace {
@@ -167,10 +174,10 @@ std::string_view required_attribute(const VtkFile& source, const VtkTag& tag,
 
 void expect_attribute(const VtkFile& source, const VtkTag& tag, std::string_view name,
                       std::string_view value) {
-  const std::string_view seen = required_attribute(source, tag, name);
-  if (seen != value) {
+  const std::string_view actual_value = required_attribute(source, tag, name);
+  if (actual_value != value) {
     source.throw_error_at(tag.at, fmt::format("{}=\"{}\" in {}", name, value, tag.name),
-                          shown(seen));
+                          shown(actual_value));
   }
 }
 
@@ -197,7 +204,7 @@ struct ResidualFileLayout {
 ResidualFileLayout read_residual_layout(const VtkFile& source, std::string_view head) {
   ResidualFileLayout result;
   int pieces = 0;
-  bool vtk_file = false;
+  bool has_vtk_file_tag = false;
   std::string section;
   // In XML there is no text before the first tag.
   if (head.find_first_not_of(xml_blank) != head.find('<'))
@@ -207,8 +214,8 @@ ResidualFileLayout read_residual_layout(const VtkFile& source, std::string_view 
     if (tag->inner.find_first_not_of(xml_blank) != std::string_view::npos)
       source.throw_error_at(tag->at, "a tag of a VTK XML file", shown(tag->inner));
     if (tag->name == "VTKFile") {
-      vtk_file = true;
-      // Only the form that write_residual() gives is read.
+      has_vtk_file_tag = true;
+      // Only the layout written by write_residual() is accepted.
       expect_attribute(source, *tag, "type", "PolyData");
       expect_attribute(source, *tag, "byte_order", "LittleEndian");
       expect_attribute(source, *tag, "header_type", "UInt64");
@@ -237,7 +244,7 @@ ResidualFileLayout read_residual_layout(const VtkFile& source, std::string_view 
       section = tag->name;
     }
   }
-  if (!vtk_file) source.throw_file_error("a VTK XML PolyData file", "no VTKFile tag");
+  if (!has_vtk_file_tag) source.throw_file_error("a VTK XML PolyData file", "no VTKFile tag");
   if (pieces != 1) source.throw_file_error("one Piece", std::to_string(pieces));
   return result;
 }
@@ -329,7 +336,7 @@ class AppendedData {
     return values;
   }
 
-  /// Returns the length in the file of a number of bytes.
+  /// Returns the number of characters that `size` bytes occupy in the file.
   std::size_t encoded_size(std::size_t size) const {
     return encoding_ == Encoding::Raw ? size : (size + 2) / 3 * 4;
   }
@@ -345,7 +352,8 @@ class AppendedData {
     if (encoding_ == Encoding::Raw) return std::string(text_.substr(offset, length));
     std::optional<std::string> bytes = decode_base64(text_.substr(offset, length), size);
     if (!bytes)
-      source_.throw_error_at(block.at, expected, "data of a different length or not base64");
+      source_.throw_error_at(block.at, expected,
+                             "data that has a different length or is not base64");
     return *std::move(bytes);
   }
 
@@ -354,9 +362,9 @@ class AppendedData {
   /// compressed size of each.
   std::string uncompress_blocks(const std::string& name, const DataBlock& block,
                                 std::uint64_t size) const {
-    const auto throw_block_error = [&](const char* seen) {
+    const auto throw_block_error = [&](const char* problem) {
       source_.throw_error_at(
-          block.at, fmt::format("{} with {} bytes of data in zlib blocks", name, size), seen);
+          block.at, fmt::format("{} with {} bytes of data in zlib blocks", name, size), problem);
     };
     constexpr std::size_t word = sizeof(std::uint64_t);
     if (size == 0) return {};
@@ -458,18 +466,21 @@ cutting::Points read_normals(const VtkFile& source, const AppendedData& data, st
 cutting::Triangles read_triangles(const VtkFile& source, const AppendedData& data,
                                   const ResidualFileLayout& layout) {
   const std::size_t m = layout.triangles;
-  const auto corner = data.indices("Polys/connectivity", 3 * m);
-  const auto end = data.indices("Polys/offsets", m);
+  const auto corners = data.indices("Polys/connectivity", 3 * m);
+  const auto end_offsets = data.indices("Polys/offsets", m);
   cutting::Triangles result(static_cast<Eigen::Index>(m), 3);
   for (std::size_t i = 0; i < 3 * m; ++i) {
-    if (corner[i] < 0 || static_cast<std::uint64_t>(corner[i]) >= layout.points) {
+    if (corners[i] < 0 || static_cast<std::uint64_t>(corners[i]) >= layout.points) {
       source.throw_file_error(fmt::format("vertex indices below {}", layout.points),
-                              fmt::format("{} in triangle {}", corner[i], i / 3));
+                              fmt::format("{} in triangle {}", corners[i], i / 3));
     }
-    if (i < m && end[i] != static_cast<std::int64_t>(3 * (i + 1))) {
-      source.throw_file_error("triangles only", fmt::format("offset {} at polygon {}", end[i], i));
+    result.data()[i] = static_cast<int>(corners[i]);
+  }
+  for (std::size_t i = 0; i < m; ++i) {
+    if (end_offsets[i] != static_cast<std::int64_t>(3 * (i + 1))) {
+      source.throw_file_error("triangles only",
+                              fmt::format("offset {} at polygon {}", end_offsets[i], i));
     }
-    result.data()[i] = static_cast<int>(corner[i]);
   }
   return result;
 }
@@ -488,20 +499,23 @@ Eigen::VectorXd vertex_areas(const cutting::Points& points, const cutting::Trian
 }
 
 void check_values(const VtkFile& source, const Field& field) {
+  using cutting::VertexStatus;
   for (std::size_t i = 0; i < field.status.size(); ++i) {
     const double deviation = field.deviation_um[static_cast<Eigen::Index>(i)];
-    const int status = field.status[i];
-    if (status > 3) {
+    const int status_code = field.status[i];
+    if (status_code > int(VertexStatus::Gouged)) {
       source.throw_file_error("a status of 0, 1, 2 or 3",
-                              fmt::format("{} at vertex {}", status, i));
+                              fmt::format("{} at vertex {}", status_code, i));
     }
+    const auto status = VertexStatus(status_code);
     // A vertex outside the judged region may be cut or uncut.
-    const bool is_consistent = status == 0   ? std::isfinite(deviation)
-                               : status == 2 ? !std::isinf(deviation)
-                                             : std::isnan(deviation);
+    const bool is_consistent = status == VertexStatus::Cut       ? std::isfinite(deviation)
+                               : status == VertexStatus::Outside ? !std::isinf(deviation)
+                                                                 : std::isnan(deviation);
     if (!is_consistent) {
-      source.throw_file_error("a finite deviation where cut, NaN where uncut or gouged",
-                              fmt::format("{} with status {} at vertex {}", deviation, status, i));
+      source.throw_file_error(
+          "a finite deviation where cut, NaN where uncut or gouged",
+          fmt::format("{} with status {} at vertex {}", deviation, status_code, i));
     }
   }
 }
@@ -550,7 +564,8 @@ Field read_residual(const std::filesystem::path& path) {
   field.design.normals = read_normals(source, data, n);
   field.design.area = vertex_areas(field.design.vertices, field.design.triangles);
   field.design.facet_error = Eigen::VectorXd::Zero(static_cast<Eigen::Index>(n));
-  for (const std::uint8_t status : field.status) field.design.judged.push_back(status != 2);
+  for (const std::uint8_t status : field.status)
+    field.design.judged.push_back(cutting::VertexStatus(status) != cutting::VertexStatus::Outside);
   return field;
 }
 

@@ -34,7 +34,7 @@ struct Field {
 
 /// Returns the field of a machined surface.
 /// @throws std::invalid_argument if the sizes do not match
-Field field(const cutting::Design& design, const cutting::Surface& surface);
+Field make_field(const cutting::Design& design, const cutting::Surface& surface);
 
 /// Returns the statistics of a field, mm.
 /// @throws std::invalid_argument if the sizes do not match
@@ -81,10 +81,9 @@ void write_stock(const std::filesystem::path& path, const StockField& stock,
 /// computed from the triangles, normals are normalised again, texture and field data are ignored.
 /// The memory used is at most a few times the size of the file, whatever sizes the file states.
 /// @throws BadInput if the file is missing, truncated or of another layout, if an array is missing
-/// or
-///         has another type or length, if a vertex is not finite, an index out of range, a status
-///         beyond 3, or a normal not of length 1, or if a deviation is not finite at status 0 or
-///         finite at status 1 or 3
+///         or has another type or length, if a vertex is not finite, an index out of range, a
+///         status beyond 3, or a normal not of length 1, or if a deviation is not finite at status
+///         0 or finite at status 1 or 3
 Field read_residual(const std::filesystem::path& path);
 
 }  // namespace abbe::render

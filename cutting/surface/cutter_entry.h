@@ -12,7 +12,8 @@
 /// within the move.
 namespace abbe::cutting {
 
-/// The points point + s normal with s from -band to band, from inside the part outwards.
+/// A line segment through the surface: the points `point + s * normal` with s from -band (inside
+/// the part) to band (outside).
 struct Ray {
   Eigen::Vector3d point;   ///< mm
   Eigen::Vector3d normal;  ///< unit, outward
@@ -20,7 +21,8 @@ struct Ray {
 };
 
 /// A move between two samples, or the part of it between the instants `from` and `to` (0 .. 1). At
-/// instant t the tip is at tip + t step and the axis is axis cos(t angle) + side sin(t angle).
+/// instant t the tip is `tip + t * step` and the axis is
+/// `axis * cos(t * angle) + side * sin(t * angle)`.
 struct Move {
   Eigen::Vector3d tip;   ///< mm
   Eigen::Vector3d step;  ///< mm
@@ -48,30 +50,33 @@ struct Entry {
 /// -1e-12 mm (rounding at 1 m), nor above 2e-8 mm if the axis turns and 1e-9 mm if it does not. A
 /// touch of less than 1e-10 mm may be missed.
 /// If the axis turns, a ray may touch the cutter several times within the same part of a move. A
-/// touch no deeper than (R + flank length) angle^2 / 2 may then be missed, so parts should be short
-/// (0.05 rad).
+/// touch no deeper than (cutter radius + flank length) * angle^2 / 2 may then be missed, so parts
+/// should be short (0.05 rad).
 std::optional<Entry> first_entry(const Cutter& cutter, const Move& move, const Ray& ray,
                                  double limit);
 
 /// Overload for every cutter except a ball, and for a ball where the closed form is undecided. The
 /// search starts from `fraction` and `min_s`, so the last bits of the value depend on both.
-/// @param fraction  of the move's `EntryBounds`, or any value 0 .. 1
-/// @param min_s     of the same bounds, or any s before which the ray does not enter, mm
+/// @param fraction  estimate of the instant of entry, as a fraction of the move's range `from` ..
+///                  `to` (`EntryBounds::fraction` in entry_bounds.h); any value 0 .. 1 is valid
+/// @param min_s     lower bound of the entry, mm (`EntryBounds::min_s`), or any s before which the
+///                  ray does not enter
 std::optional<Entry> first_entry(const Cutter& cutter, const Move& move, const Ray& ray,
                                  double limit, float fraction, float min_s);
 
 /// Returns the s at which the ray meets the cutter in its pose at instant t (0 .. 1 of the whole
-/// move); -band if the ray starts inside it. Returns the same bits as a search with this `min_s`
-/// computes at this instant.
+/// move); -band if the ray starts inside it. The result is bit-identical to what `first_entry`
+/// computes at this instant with the same `min_s`.
 std::optional<double> instant_entry(const Cutter& cutter, const Move& move, double t,
                                     const Ray& ray, float min_s);
 
-/// Returns the depth of a point below the skin of the cutter at instant t, mm; beside sharp edges
-/// the value may be smaller. Negative outside.
+/// Returns the depth of a point below the skin of the cutter at instant t, mm; negative outside,
+/// where the distance may be underestimated near sharp edges.
 double depth(const Cutter& cutter, const Move& move, double t, const Eigen::Vector3d& point);
 
-/// A move is ruled out only if it exceeds the bound of a search by this margin. The margin is
-/// larger than the error of first_entry, so the result does not depend on the order of the search.
+/// A search skips a move only if the smallest s at which the move could remove the ray exceeds the
+/// first entry so far by more than this margin. The margin is larger than the error of first_entry,
+/// so the result does not depend on the order of the search.
 inline constexpr double entry_margin = 5e-8;  // mm
 
 /// The tip of a cutter (mm) and the unit direction of its axis.

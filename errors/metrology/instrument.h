@@ -51,8 +51,11 @@ struct Instrument {
   double resolution_rad = 0.0;  ///< rad
   double rotation_sigma = 0.0;  ///< rad, alignment of a beam, an artefact or a nest of sensors
   double position_sigma = 0.0;  ///< mm, positions of reflectors, balls and stations
-  double scale_sigma = 0.0;     ///< relative: wavelength and material temperature, bar length
-  double drift_sigma = 0.0;     ///< mm/s
+  double scale_sigma = 0.0;     ///< relative standard deviation of the scale: of a laser from
+                                ///< wavelength and material temperature, of a bar from its
+                                ///< calibrated length
+  double drift_sigma = 0.0;     ///< mm/s (rad/s for angles), standard deviation of the drift rate,
+                                ///< which is constant during a set-up
   std::vector<char> axes;       ///< axes to be measured; empty: all suitable ones (planes and
                                 ///< diagonals: those between these axes)
   int runs = 1;
@@ -60,8 +63,9 @@ struct Instrument {
                          ///< steps of a step diagonal, readings per turn of a spindle
   double scatter = 0.0;  ///< relative to the spacing: deviation of inner targets from equal
                          ///< spacing, so that they reveal periodic errors of any pitch (ISO 230-2)
-  bool bidirectional = true;                  ///< bidirectional; circles also clockwise
-  double margin = 0.02;                       ///< fraction of the travel left free at both ends
+  bool bidirectional = true;  ///< targets are approached from both directions; circles are run
+                              ///< counter-clockwise and clockwise
+  double margin = 0.02;       ///< fraction of the travel left free at both ends
   std::optional<Eigen::Vector3d> location_w;  ///< mm: position of balls at the tool, nests, circle
                                               ///< centres and a tracker in the workpiece; by
                                               ///< default within the travel
@@ -69,9 +73,9 @@ struct Instrument {
   double radius = 100.0;  ///< mm: of circles, length of the bar, distance of a ball from a rotary
                           ///< axis
   double lever = 200.0;   ///< mm: between parallel lines, between sensor heights of a spindle test
-  double from_rad = 0.0, to_rad = 6.283185307179586;  ///< arc of circles and rotary axes; for the
-                                                      ///< latter clipped to the travel, a whole
-                                                      ///< turn to the full travel
+  /// Arc of circles and of rotary axes. For a rotary axis it is clipped to the travel; an arc of a
+  /// whole turn or more that exceeds the travel is replaced by the full travel.
+  double from_rad = 0.0, to_rad = 6.283185307179586;
   double start_s = 0.0;          ///< time of the first reading; negative: within the thermal
                                  ///< history
   double interval_s = 60.0;      ///< between readings of drift and temperature
@@ -83,8 +87,8 @@ struct Instrument {
   Eigen::Vector3d up_b = Eigen::Vector3d::UnitZ();  ///< unit, upwards; a level refers to it
 };
 
-/// Returns an instrument of a kind as usually bought and used. The .cpp gives the source or the
-/// reason of every number. `name` is the name of the kind.
+/// Returns an instrument of this kind with typical specifications and settings. Its name is that of
+/// the kind. The source of, or reason for, every number is in instrument.cpp.
 Instrument typical_instrument(Kind kind);
 
 /// Returns the measuring plan of an instrument on a machine: targets within the travel, approached

@@ -99,7 +99,7 @@ struct ProbingMachine {
   }
   /// Returns the axis positions at which a perfect machine has the ball at a point.
   AxisVector axis_positions(const Vector3d& centre_w) const {
-    const auto q = slides_for_reflector(ball_instrument(), nominal, options.q, centre_w);
+    const auto q = axes_with_reflector_at(ball_instrument(), nominal, options.q, centre_w);
     if (!q || !is_within_travel(nominal, *q))
       throw_input_error(
           fmt::format("expected points within the travel, seen [{:.6g}, {:.6g}, {:.6g}]",

@@ -68,16 +68,17 @@ ParkedMachine park(const Instrument& instrument, const Chain& nominal) {
   for (int j = 0; j < nominal.size(); ++j) {
     const Joint& joint = nominal.joints()[std::size_t(j)];
     if (is_spindle(joint) || !is_selected(instrument, joint.name)) continue;
-    const bool slides = joint.motion == Motion::Linear;
-    const Vector3d direction_w = slides ? J_w.col(j).head<3>() : J_w.col(j).tail<3>();
-    (slides ? result.slides : result.rotary).push_back({j, joint.name, direction_w.normalized()});
+    const bool is_slide = joint.motion == Motion::Linear;
+    const Vector3d direction_w = is_slide ? J_w.col(j).head<3>() : J_w.col(j).tail<3>();
+    (is_slide ? result.slides : result.rotary_axes)
+        .push_back({j, joint.name, direction_w.normalized()});
   }
   const auto by_letter = [](const AxisDirection& a, const AxisDirection& b) {
-    return a.name < b.name;
+    return a.letter < b.letter;
   };
   // The order by letter makes plans independent of the order of the axes in the chain.
   std::sort(result.slides.begin(), result.slides.end(), by_letter);
-  std::sort(result.rotary.begin(), result.rotary.end(), by_letter);
+  std::sort(result.rotary_axes.begin(), result.rotary_axes.end(), by_letter);
   return result;
 }
 
@@ -141,9 +142,9 @@ Vector3d nearest_axis_point(const Chain& nominal, const AxisVector& q, int joint
   return 0.5 * (position_w + opposite_w);
 }
 
-std::optional<AxisVector> slides_for_reflector(const Instrument& instrument, const Chain& nominal,
-                                               const AxisVector& q, const Vector3d& position_w,
-                                               std::vector<int> slides) {
+std::optional<AxisVector> axes_with_reflector_at(const Instrument& instrument, const Chain& nominal,
+                                                 const AxisVector& q, const Vector3d& position_w,
+                                                 std::vector<int> slides) {
   const Eigen::MatrixXd J_w = kinematics::axis_jacobian(nominal, q);
   const bool moves_all_slides = slides.empty();
   for (int j = 0; moves_all_slides && j < nominal.size(); ++j)
@@ -167,18 +168,18 @@ std::optional<AxisVector> slides_for_reflector(const Instrument& instrument, con
 }
 
 std::vector<AxisVector> grid(const Instrument& instrument, const AxisVector& q,
-                             const std::vector<GridLine>& lines) {
+                             const std::vector<GridAxis>& axes) {
   std::vector<AxisVector> positions = {q};
-  for (const GridLine& line : lines) {
-    if (double(positions.size()) * double(line.values.size()) > max_positions)
+  for (const GridAxis& axis : axes) {
+    if (double(positions.size()) * double(axis.values.size()) > max_positions)
       throw_input_error(instrument,
                         fmt::format("expected a grid of at most {} points", max_positions));
     std::vector<AxisVector> refined;
     for (std::size_t i = 0; i < positions.size(); ++i) {
-      for (Eigen::Index k = 0; k < line.values.size(); ++k) {
+      for (Eigen::Index k = 0; k < axis.values.size(); ++k) {
         // Every other line is traversed backwards, so that each step moves one axis by one spacing.
         refined.push_back(positions[i]);
-        refined.back()[line.joint] = line.values[i % 2 == 0 ? k : line.values.size() - 1 - k];
+        refined.back()[axis.joint] = axis.values[i % 2 == 0 ? k : axis.values.size() - 1 - k];
       }
     }
     positions = std::move(refined);
@@ -202,15 +203,16 @@ bool are_crossing(const AxisDirection& a, const AxisDirection& b) {
 std::vector<std::array<AxisDirection, 2>> crossing_slides(const Instrument& instrument,
                                                           const ParkedMachine& parked) {
   std::vector<std::array<AxisDirection, 2>> pairs;
-  std::string names;
+  std::string letters;
   for (std::size_t a = 0; a < parked.slides.size(); ++a) {
-    names += fmt::format(" {}", parked.slides[a].name);
+    letters += fmt::format(" {}", parked.slides[a].letter);
     for (std::size_t b = a + 1; b < parked.slides.size(); ++b)
       if (are_crossing(parked.slides[a], parked.slides[b]))
         pairs.push_back({parked.slides[a], parked.slides[b]});
   }
   if (pairs.empty())
-    throw_input_error(instrument, fmt::format("expected two perpendicular slides, seen{}", names));
+    throw_input_error(instrument,
+                      fmt::format("expected two perpendicular slides, seen{}", letters));
   return pairs;
 }
 
@@ -220,14 +222,14 @@ void expect_slides(const Instrument& instrument, const ParkedMachine& parked, in
                                               count, count == 1 ? "" : "s", parked.slides.size()));
 }
 
-void expect_rotary(const Instrument& instrument, const ParkedMachine& parked) {
-  if (parked.rotary.empty())
+void expect_rotary_axis(const Instrument& instrument, const ParkedMachine& parked) {
+  if (parked.rotary_axes.empty())
     throw_input_error(instrument, "expected a rotary axis to measure, seen none");
 }
 
-void throw_input_error(const Instrument& instrument, const std::string& sentence) {
+void throw_input_error(const Instrument& instrument, const std::string& message) {
   throw std::invalid_argument(
-      (instrument.name.empty() ? to_string(instrument.kind) : instrument.name) + ": " + sentence);
+      (instrument.name.empty() ? to_string(instrument.kind) : instrument.name) + ": " + message);
 }
 
 namespace {

@@ -24,17 +24,20 @@ struct Range {
 /// Axis with its direction in the workpiece.
 struct AxisDirection {
   int joint = 0;  ///< index in the chain
-  char name = 'X';
+  char letter = 'X';
   Eigen::Vector3d direction_w;  ///< unit; a positive command moves the tool along it, or turns the
                                 ///< tool about it
 };
 
-/// Parked machine: slides in the middle of their travel, rotary axes at 0 or in the middle of a
-/// travel without 0, spindles at 0. It holds the axes that do not move while another is measured.
+/// Parked machine: slides in the middle of their travel, rotary axes at 0 or in the middle of their
+/// travel if it does not include 0, spindles at 0. It holds the axes that do not move while another
+/// is measured.
 struct ParkedMachine {
   kinematics::AxisVector q;
-  std::vector<AxisDirection> slides;  ///< selected by the instrument, by letter
-  std::vector<AxisDirection> rotary;  ///< selected by the instrument, by letter, without spindles
+  std::vector<AxisDirection> slides;       ///< slides that the instrument measures, in alphabetical
+                                           ///< order
+  std::vector<AxisDirection> rotary_axes;  ///< rotary axes that the instrument measures, without
+                                           ///< spindles, in alphabetical order
 };
 
 /// Returns the parked machine with the axes to be measured.
@@ -44,19 +47,20 @@ ParkedMachine park(const Instrument& instrument, const kinematics::Chain& nomina
 
 /// Returns the travel of a slide minus the margins.
 Range travel(const Instrument& instrument, const kinematics::Joint& slide);
-/// Returns the instrument's arc, clipped to the travel of a rotary axis; a whole turn or more that
-/// does not fit becomes the full travel.
+/// Returns the instrument's arc, clipped to the travel of a rotary axis; an arc of a whole turn or
+/// more that exceeds the travel is replaced by the full travel.
 Range arc(const Instrument& instrument, const kinematics::Joint& rotary);
 
 /// Returns equally spaced targets (count) from one end of the range to the other.
 Eigen::VectorXd targets(const Range& range, int count);
 
-/// Two unit vectors across a direction, nearest to the bed axes with these letters.
+/// Two unit vectors perpendicular to a direction and to each other. Each is close to the bed axis
+/// with its letter.
 struct CrossDirections {
   Eigen::Vector3d direction_w[2];
   char letter[2] = {'X', 'Y'};
 };
-/// Returns the directions across a direction, for the machine at q.
+/// Returns the directions perpendicular to a direction, for the machine at q.
 CrossDirections cross_directions(const kinematics::Chain& nominal, const kinematics::AxisVector& q,
                                  const Eigen::Vector3d& direction_w);
 
@@ -72,14 +76,14 @@ Eigen::Vector3d nearest_axis_point(const kinematics::Chain& nominal,
 /// Returns the axis positions with which the slides hold the reflector at a position, accurate to
 /// 1e-9 mm, or nothing if the slides cannot reach it. Limits of travel are not checked.
 /// @param slides  joints that may move; empty: all slides
-std::optional<kinematics::AxisVector> slides_for_reflector(const Instrument& instrument,
-                                                           const kinematics::Chain& nominal,
-                                                           const kinematics::AxisVector& q,
-                                                           const Eigen::Vector3d& position_w,
-                                                           std::vector<int> slides = {});
+std::optional<kinematics::AxisVector> axes_with_reflector_at(const Instrument& instrument,
+                                                             const kinematics::Chain& nominal,
+                                                             const kinematics::AxisVector& q,
+                                                             const Eigen::Vector3d& position_w,
+                                                             std::vector<int> slides = {});
 
 /// Axis of a grid with its positions.
-struct GridLine {
+struct GridAxis {
   int joint = 0;
   Eigen::VectorXd values;
 };
@@ -88,7 +92,7 @@ struct GridLine {
 /// @throws std::invalid_argument for more than 100000 combinations
 std::vector<kinematics::AxisVector> grid(const Instrument& instrument,
                                          const kinematics::AxisVector& q,
-                                         const std::vector<GridLine>& lines);
+                                         const std::vector<GridAxis>& axes);
 
 /// Returns true if no axis exceeds its travel.
 bool is_within_travel(const kinematics::Chain& nominal, const kinematics::AxisVector& q);
@@ -101,12 +105,13 @@ bool are_crossing(const AxisDirection& a, const AxisDirection& b);
 std::vector<std::array<AxisDirection, 2>> crossing_slides(const Instrument& instrument,
                                                           const ParkedMachine& parked);
 
-/// Throw std::invalid_argument unless the machine has as many slides, or a rotary axis.
+/// Throws std::invalid_argument if the instrument measures fewer than `count` slides.
 void expect_slides(const Instrument& instrument, const ParkedMachine& parked, int count);
-void expect_rotary(const Instrument& instrument, const ParkedMachine& parked);
+/// Throws std::invalid_argument if the instrument measures no rotary axis.
+void expect_rotary_axis(const Instrument& instrument, const ParkedMachine& parked);
 
-/// Throws std::invalid_argument with the name of the instrument and a sentence.
-[[noreturn]] void throw_input_error(const Instrument& instrument, const std::string& sentence);
+/// Throws std::invalid_argument with the name of the instrument and a message.
+[[noreturn]] void throw_input_error(const Instrument& instrument, const std::string& message);
 
 /// Path: axis positions as a function of one parameter, such as an axis position, an angle or a
 /// fraction of a diagonal.
@@ -135,10 +140,12 @@ class PlanBuilder {
   /// Turns a spindle forwards to an angle (rad) at the instrument's speed.
   void turn_spindle(int joint, double angle);
   void stop_spindle(int joint);
-  /// Lets the spindle run at the instrument's speed from now on. Readings see it at a constant
-  /// angle.
+  /// Runs the spindle at the instrument's speed from now on. The plan keeps its angle constant in
+  /// all readings.
   void run_spindle();
   /// Reads channels of the set-up simultaneously; an empty list means all channels.
+  /// @param run     index from 0
+  /// @param target  index of the position in its run, the same for both directions of approach
   void read(int run, int target, const std::vector<int>& channels = {});
 
   /// Reads the instrument's targets on a path upwards and, if bidirectional, downwards, once per

@@ -193,8 +193,8 @@ Channel straightness_across(const Instrument& instrument, const Chain& nominal,
                             const AxisDirection& other) {
   const double cosine = line.direction_w.dot(other.direction_w);
   Channel c =
-      channel(instrument, fmt::format("{} along {}", other.name, line.name), Quantity::Displacement,
-              (other.direction_w - cosine * line.direction_w).normalized());
+      channel(instrument, fmt::format("{} along {}", other.letter, line.letter),
+              Quantity::Displacement, (other.direction_w - cosine * line.direction_w).normalized());
   const Range range = travel(instrument, joint_of(line, nominal));
   c.point_in = reflector_w(instrument, nominal, mid_position(parked, line, range));
   return c;
@@ -208,11 +208,11 @@ Plan laser(const Instrument& instrument, const Chain& nominal) {
   expect_slides(instrument, parked, 1);
   PlanBuilder builder(instrument, nominal, parked.q);
   for (const AxisDirection& slide : parked.slides) {
-    Channel c = channel(instrument, fmt::format("along {}", slide.name), Quantity::Displacement,
+    Channel c = channel(instrument, fmt::format("along {}", slide.letter), Quantity::Displacement,
                         slide.direction_w);
     c.point_in =
         reflector_w(instrument, nominal, parked.q) - parked.q[slide.joint] * slide.direction_w;
-    builder.set_up(set_up(instrument, fmt::format("{} positioning", slide.name), {c}));
+    builder.set_up(set_up(instrument, fmt::format("{} positioning", slide.letter), {c}));
     builder.read_both_directions(along(parked.q, slide.joint),
                                  travel(instrument, joint_of(slide, nominal)));
     builder.move(parked.q);
@@ -229,11 +229,11 @@ Plan straightness(const Instrument& instrument, const Chain& nominal) {
     const Range range = travel(instrument, joint_of(slide, nominal));
     const CrossDirections across = cross_directions(nominal, parked.q, slide.direction_w);
     for (int k = 0; k < 2; ++k) {
-      Channel c = channel(instrument, fmt::format("{} along {}", across.letter[k], slide.name),
+      Channel c = channel(instrument, fmt::format("{} along {}", across.letter[k], slide.letter),
                           Quantity::Displacement, across.direction_w[k]);
       c.point_in = reflector_w(instrument, nominal, mid_position(parked, slide, range));
       builder.set_up(set_up(
-          instrument, fmt::format("{} straightness in {}", slide.name, across.letter[k]), {c}));
+          instrument, fmt::format("{} straightness in {}", slide.letter, across.letter[k]), {c}));
       builder.read_both_directions(along(parked.q, slide.joint), range);
       builder.move(parked.q);
     }
@@ -243,25 +243,25 @@ Plan straightness(const Instrument& instrument, const Chain& nominal) {
 
 Plan angle_optics(const Instrument& instrument, const Chain& nominal) {
   const ParkedMachine parked = park(instrument, nominal);
-  if (parked.rotary.empty()) expect_slides(instrument, parked, 1);
+  if (parked.rotary_axes.empty()) expect_slides(instrument, parked, 1);
   PlanBuilder builder(instrument, nominal, parked.q);
   for (const AxisDirection& slide : parked.slides) {
     const CrossDirections across = cross_directions(nominal, parked.q, slide.direction_w);
     std::vector<Channel> channels;
     for (int k = 0; k < 2; ++k)
-      channels.push_back(
-          channel(instrument,
-                  fmt::format("about {} along {}", char(across.letter[k] - 'X' + 'A'), slide.name),
-                  Quantity::Angle, across.direction_w[k]));
-    builder.set_up(set_up(instrument, fmt::format("{} pitch and yaw", slide.name), channels));
+      channels.push_back(channel(
+          instrument,
+          fmt::format("about {} along {}", char(across.letter[k] - 'X' + 'A'), slide.letter),
+          Quantity::Angle, across.direction_w[k]));
+    builder.set_up(set_up(instrument, fmt::format("{} pitch and yaw", slide.letter), channels));
     builder.read_both_directions(along(parked.q, slide.joint),
                                  travel(instrument, joint_of(slide, nominal)));
     builder.move(parked.q);
   }
-  for (const AxisDirection& rotary : parked.rotary) {
-    const Channel c = channel(instrument, fmt::format("about {}", rotary.name), Quantity::Angle,
+  for (const AxisDirection& rotary : parked.rotary_axes) {
+    const Channel c = channel(instrument, fmt::format("about {}", rotary.letter), Quantity::Angle,
                               rotary.direction_w);
-    builder.set_up(set_up(instrument, fmt::format("{} positions", rotary.name), {c}));
+    builder.set_up(set_up(instrument, fmt::format("{} positions", rotary.letter), {c}));
     builder.read_both_directions(along(parked.q, rotary.joint),
                                  arc(instrument, joint_of(rotary, nominal)));
     builder.move(parked.q);
@@ -280,7 +280,7 @@ Plan square(const Instrument& instrument, const Chain& nominal) {
     for (std::size_t k = 0; k < 2; ++k)
       channels.push_back(straightness_across(instrument, nominal, parked, pair[k], pair[1 - k]));
     builder.set_up(
-        set_up(instrument, fmt::format("{}{} square", pair[0].name, pair[1].name), channels));
+        set_up(instrument, fmt::format("{}{} square", pair[0].letter, pair[1].letter), channels));
     for (std::size_t k = 0; k < 2; ++k) {
       builder.read_both_directions(along(parked.q, pair[k].joint),
                                    travel(instrument, joint_of(pair[k], nominal)), 1, {int(k)});
@@ -306,12 +306,12 @@ Plan level(const Instrument& instrument, const Chain& nominal) {
       const Vector3d level_b =
           Vector3d::Unit(k) - Vector3d::Unit(k).dot(instrument.up_b) * instrument.up_b;
       channels.push_back(channel(instrument,
-                                 fmt::format("about {} along {}", char('A' + k), slide.name),
+                                 fmt::format("about {} along {}", char('A' + k), slide.letter),
                                  Quantity::Angle, level_b.normalized()));
       channels.back().of = primed ? Body::Workpiece : Body::Tool;
       channels.back().in = Body::Bed;
     }
-    builder.set_up(set_up(instrument, fmt::format("{} level", slide.name), channels));
+    builder.set_up(set_up(instrument, fmt::format("{} level", slide.letter), channels));
     builder.read_both_directions(along(parked.q, slide.joint),
                                  travel(instrument, joint_of(slide, nominal)));
     builder.move(parked.q);
@@ -334,14 +334,14 @@ Plan roll_lines(const Instrument& instrument, const Chain& nominal) {
     std::vector<Channel> channels;
     for (const double side : {-1.0, 1.0}) {
       Channel c = channel(instrument,
-                          fmt::format("{} along {} at {}{}", across.letter[1], slide.name,
+                          fmt::format("{} along {} at {}{}", across.letter[1], slide.letter,
                                       side < 0.0 ? '-' : '+', across.letter[0]),
                           Quantity::Displacement, across.direction_w[1]);
       c.point_of += T_wt.linear().transpose() * (side * arm_w);
       c.point_in = T_wt * c.point_of;
       channels.push_back(c);
     }
-    builder.set_up(set_up(instrument, fmt::format("{} roll lines", slide.name), channels));
+    builder.set_up(set_up(instrument, fmt::format("{} roll lines", slide.letter), channels));
     builder.read_both_directions(along(parked.q, slide.joint), range);
     builder.move(parked.q);
   }
@@ -371,7 +371,7 @@ std::vector<Diagonal> volume_diagonals(const Instrument& instrument, const Chain
       const AxisDirection& axis = axes[std::size_t(k)];
       const Range range = travel(instrument, nominal.joints()[std::size_t(axis.joint)]);
       const bool down = signs >> k & 1;
-      d.name += fmt::format("{}{}{}", k == 0 ? "" : " ", down ? '-' : '+', axis.name);
+      d.name += fmt::format("{}{}{}", k == 0 ? "" : " ", down ? '-' : '+', axis.letter);
       d.joint.push_back(axis.joint);
       d.from[axis.joint] = down ? range.to : range.from;
       d.to[axis.joint] = down ? range.from : range.to;
@@ -400,8 +400,9 @@ void check_slides(const Instrument& instrument, const ParkedMachine& parked, std
   for (std::size_t a = 0; a < parked.slides.size(); ++a)
     for (std::size_t b = a + 1; b < parked.slides.size(); ++b)
       if (!are_crossing(parked.slides[a], parked.slides[b]))
-        throw_input_error(instrument, fmt::format("expected perpendicular slides, seen {} along {}",
-                                                  parked.slides[a].name, parked.slides[b].name));
+        throw_input_error(instrument,
+                          fmt::format("expected perpendicular slides, seen {} along {}",
+                                      parked.slides[a].letter, parked.slides[b].letter));
 }
 
 }  // namespace
@@ -533,7 +534,7 @@ SetUp artefact(const Instrument& instrument, const Chain& nominal, const AxisVec
   add("along the spindle", first_w, axis_w);
 
   SetUp result =
-      set_up(instrument, fmt::format("spindle {}", spindle.axis.name), std::move(channels));
+      set_up(instrument, fmt::format("spindle {}", spindle.axis.letter), std::move(channels));
   // With a turning workpiece the position of the ball in the workpiece is unknown.
   (spindle.carries_tool ? result.eccentricity_sigma : result.point_of_sigma) =
       instrument.position_sigma;
@@ -575,7 +576,8 @@ Plan drift(const Instrument& instrument, const Chain& nominal) {
   const ParkedMachine parked = park(instrument, nominal);
   AxisVector q = parked.q;
   if (instrument.location_w) {
-    const auto q_at_position = slides_for_reflector(instrument, nominal, q, *instrument.location_w);
+    const auto q_at_position =
+        axes_with_reflector_at(instrument, nominal, q, *instrument.location_w);
     if (!q_at_position)
       throw_input_error(instrument, "expected a position within reach of the slides");
     q = *q_at_position;

@@ -31,8 +31,9 @@ struct PositionFileOptions {
 /// One row per target and direction: `target_mm,dir,j1,j2,j3`, where j1 .. are positions in
 /// the unit of the target, or `j1_um` .. deviations in any unit above.
 /// Both formats may have a column `set` (each set is a result, in the order of the file) and a
-/// column `pos` (the number of the target, ignored). Decimals have a point. Every run of a set has
-/// every target once. Lines that begin with # and empty lines are skipped.
+/// column `pos` (the number of the target, ignored). The decimal separator is a point. Every run of
+/// a set must contain every target exactly once. Lines that begin with # and empty lines are
+/// skipped.
 /// @param file  name in input errors
 /// @throws BadInput with line and column for anything else
 std::vector<PositionSet> read_position_csv(std::string_view text, const std::string& file,
@@ -41,8 +42,8 @@ std::vector<PositionSet> read_position_csv(std::string_view text, const std::str
 /// Reads a position file of Renishaw's laser software (.rtl), linear measurement. The vendor
 /// publishes no layout; the following is common to programs that read or write such files:
 ///   HEADER::       File type, Owner, Version no; the owner is `Linear`
-///   TARGET DATA::  Filetype, Target-count, then `Targets :` and as many numbers, mm, five a line;
-///                  Flags
+///   TARGET DATA::  Filetype, Target-count, then `Targets :` followed by that many numbers in mm,
+///                  five per line; Flags
 ///   USER-TEXT::    Machine, Serial No, Date, By, Axis, Location, TITLE
 ///   RUNS::         Run-count
 ///   DEVIATIONS::   `Run Target Data:` and a row `run target deviation` for each reading; runs and
@@ -52,8 +53,8 @@ std::vector<PositionSet> read_position_csv(std::string_view text, const std::str
 /// positive direction. Other sections (ENVIRONMENT, EQUIPMENT) are skipped. Owners other than
 /// Linear are rejected, since their unit is not documented. Filetype and Flags are not
 /// documented and are ignored, with one exception: one program writes a second flag of 1 for runs
-/// in one direction and fills the backward runs with zeros. In such a file backward runs of nothing
-/// but zeros are removed.
+/// in one direction and fills the backward runs with zeros. In such a file, backward runs that
+/// contain only zeros are removed.
 /// @throws BadInput with line and column for anything else
 PositionSet read_position_rtl(std::string_view text, const std::string& file,
                               const PositionFileOptions& options = {});

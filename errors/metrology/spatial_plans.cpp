@@ -50,7 +50,7 @@ struct BallPosition {
 AxisVector reach_with_slides(const Instrument& instrument, const Chain& nominal,
                              const AxisVector& q, const Vector3d& position_w,
                              const std::vector<int>& slides = {}) {
-  const auto reached = slides_for_reflector(instrument, nominal, q, position_w, slides);
+  const auto reached = axes_with_reflector_at(instrument, nominal, q, position_w, slides);
   if (!reached)
     throw_input_error(instrument, "expected slides that reach the ball position, seen too few");
   return *reached;
@@ -86,7 +86,7 @@ Range clip_to_slides(const Instrument& instrument, const Chain& nominal,
   if (longest < 2)
     throw_input_error(instrument, fmt::format("expected slides that follow while {} turns, seen a "
                                               "position where they leave their travel at once",
-                                              rotary.name));
+                                              rotary.letter));
   const double low = angle(longest_from), high = angle(longest_from + longest - 1);
   const double clearance = instrument.margin * (high - low);
   return {low + clearance, high - clearance, 0.5 * clearance};
@@ -101,7 +101,7 @@ Vector3d position_on_table(const Instrument& instrument, const Chain& nominal,
   const Vector3d height_w = instrument.radius * nominal.tool_in_workpiece(parked.q).linear().col(2);
   const Vector3d axis_point_w = nearest_axis_point(nominal, parked.q, rotary.joint, height_w);
   const Vector3d position_w = axis_point_w + instrument.radius * radial_w;
-  const auto reached = slides_for_reflector(instrument, nominal, parked.q, position_w);
+  const auto reached = axes_with_reflector_at(instrument, nominal, parked.q, position_w);
   if (reached && is_within_travel(nominal, *reached)) return position_w;
   return nearest_axis_point(nominal, parked.q, rotary.joint,
                             reflector_w(instrument, nominal, parked.q)) +
@@ -152,14 +152,14 @@ BallPosition ball_position(const Instrument& instrument, const Chain& nominal,
 /// at its position.
 std::vector<AxisVector> rotary_grid(const Instrument& instrument, const Chain& nominal,
                                     const ParkedMachine& parked, const Vector3d& position_w) {
-  std::vector<GridLine> lines;
-  for (const AxisDirection& rotary : parked.rotary) {
+  std::vector<GridAxis> axes;
+  for (const AxisDirection& rotary : parked.rotary_axes) {
     const Range range =
         whole_turn_range(instrument, arc(instrument, nominal.joints()[std::size_t(rotary.joint)]));
-    lines.push_back({rotary.joint, targets(range, instrument.targets)});
+    axes.push_back({rotary.joint, targets(range, instrument.targets)});
   }
   std::vector<AxisVector> positions;
-  for (const AxisVector& rotary_q : grid(instrument, parked.q, lines)) {
+  for (const AxisVector& rotary_q : grid(instrument, parked.q, axes)) {
     const AxisVector q = reach_with_slides(instrument, nominal, rotary_q, position_w);
     if (is_within_travel(nominal, q)) positions.push_back(q);
   }
@@ -213,7 +213,7 @@ Plan ball_bar(const Instrument& instrument, const Chain& nominal) {
   for (const std::array<AxisDirection, 2>& pair : crossing_slides(instrument, parked)) {
     Channel c = channel(instrument, "length of the bar", Quantity::Length, pair[0].direction_w);
     c.point_in = centre_w;
-    SetUp bar = set_up(instrument, fmt::format("{}{} circle", pair[0].name, pair[1].name), {c});
+    SetUp bar = set_up(instrument, fmt::format("{}{} circle", pair[0].letter, pair[1].letter), {c});
     bar.point_in_sigma = instrument.position_sigma;
     bar.is_zero_unknown = false;  // its length is calibrated to the sigma of the scale
     builder.set_up(bar);
@@ -225,19 +225,19 @@ Plan ball_bar(const Instrument& instrument, const Chain& nominal) {
 
 Plan ball_bar_rotary(const Instrument& instrument, const Chain& nominal) {
   const ParkedMachine parked = park(instrument, nominal);
-  expect_rotary(instrument, parked);
+  expect_rotary_axis(instrument, parked);
   PlanBuilder builder(instrument, nominal, parked.q);
-  for (const AxisDirection& rotary : parked.rotary) {
+  for (const AxisDirection& rotary : parked.rotary_axes) {
     const BallPosition ball = ball_position(instrument, nominal, parked, rotary);
     const std::pair<const char*, Vector3d> bar_directions[] = {
         {"radial", ball.radial_w},
         {"tangential", rotary.direction_w.cross(ball.radial_w)},
         {"axial", rotary.direction_w}};
     for (const auto& [direction_name, bar_w] : bar_directions) {
-      Channel c = channel(instrument, fmt::format("{} to {}", direction_name, rotary.name),
+      Channel c = channel(instrument, fmt::format("{} to {}", direction_name, rotary.letter),
                           Quantity::Length, bar_w);
       c.point_in = ball.position_w - instrument.radius * bar_w;
-      SetUp bar = set_up(instrument, fmt::format("{} {}", rotary.name, direction_name), {c});
+      SetUp bar = set_up(instrument, fmt::format("{} {}", rotary.letter, direction_name), {c});
       bar.point_of_sigma = bar.point_in_sigma = instrument.position_sigma;
       builder.set_up(bar);
       builder.read_both_directions(
@@ -250,11 +250,11 @@ Plan ball_bar_rotary(const Instrument& instrument, const Chain& nominal) {
 
 Plan r_test(const Instrument& instrument, const Chain& nominal) {
   const ParkedMachine parked = park(instrument, nominal);
-  expect_rotary(instrument, parked);
+  expect_rotary_axis(instrument, parked);
   PlanBuilder builder(instrument, nominal, parked.q);
-  for (const AxisDirection& rotary : parked.rotary) {
+  for (const AxisDirection& rotary : parked.rotary_axes) {
     const BallPosition ball = ball_position(instrument, nominal, parked, rotary);
-    SetUp sensors = set_up(instrument, fmt::format("{} R-test", rotary.name),
+    SetUp sensors = set_up(instrument, fmt::format("{} R-test", rotary.letter),
                            sensor_nest(instrument, ball.position_w));
     sensors.point_of_sigma = instrument.position_sigma;
     builder.set_up(sensors);
@@ -270,10 +270,10 @@ Plan r_test(const Instrument& instrument, const Chain& nominal) {
 // the change of the errors over the deviation, less than 1e-3 of it.
 Plan sphere(const Instrument& instrument, const Chain& nominal) {
   const ParkedMachine parked = park(instrument, nominal);
-  expect_rotary(instrument, parked);
+  expect_rotary_axis(instrument, parked);
   // The sphere is off the axis that is nearest to it in the chain; on that axis it would not move.
   const AxisDirection& nearest = *std::min_element(
-      parked.rotary.begin(), parked.rotary.end(),
+      parked.rotary_axes.begin(), parked.rotary_axes.end(),
       [](const AxisDirection& a, const AxisDirection& b) { return a.joint < b.joint; });
   const Vector3d position_w = ball_position(instrument, nominal, parked, nearest).position_w;
   PlanBuilder builder(instrument, nominal, parked.q);
@@ -289,12 +289,12 @@ namespace {
 /// Returns the grid of the instrument's targets over the travel of all slides.
 std::vector<AxisVector> travel_grid(const Instrument& instrument, const Chain& nominal,
                                     const ParkedMachine& parked) {
-  std::vector<GridLine> lines;
+  std::vector<GridAxis> axes;
   for (const AxisDirection& slide : parked.slides) {
     const Range range = travel(instrument, nominal.joints()[std::size_t(slide.joint)]);
-    lines.push_back({slide.joint, targets(range, instrument.targets)});
+    axes.push_back({slide.joint, targets(range, instrument.targets)});
   }
-  return grid(instrument, parked.q, lines);
+  return grid(instrument, parked.q, axes);
 }
 
 /// Box that the reflector covers. With two slides its third edge is across both.

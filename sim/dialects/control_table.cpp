@@ -24,47 +24,47 @@ void ControlTableParser::count_unused(const std::string& name) {
 }
 
 // Siemens and Heidenhain tables hold offsets of other jobs; errors in them must not stop this job.
-void ControlTableParser::read_later_offset(int system, const std::function<void()>& read) {
+void ControlTableParser::read_extra_offset(int offset_key, const std::function<void()>& read) {
   try {
     read();
   } catch (const BadInput&) {
     count_unused("offsets after the sixth that cannot be read");
-    unreadable_offsets.insert(system);
+    unreadable_offsets.insert(offset_key);
   }
 }
 
-double ControlTableParser::require_unit(const Cursor& cursor, std::size_t from) const {
+double ControlTableParser::require_unit(const Cursor& cursor, std::size_t start) const {
   if (!unit)
     cursor.throw_input_error(
-        from, "a unit next to the file name, because the file does not state it", "none");
+        start, "a unit next to the file name, because the file does not state it", "none");
   return *unit;
 }
 
 double ControlTableParser::axis_unit(char axis, double value, const Cursor& cursor,
-                                     std::size_t from) const {
+                                     std::size_t start) const {
   const bool is_rotary = axis >= 'A' && axis <= 'C';
-  return is_rotary || value == 0.0 ? 1.0 : require_unit(cursor, from);
+  return is_rotary || value == 0.0 ? 1.0 : require_unit(cursor, start);
 }
 
-void ControlTableParser::set_unit(double mm_per_unit, const Cursor& cursor, std::size_t from) {
+void ControlTableParser::set_unit(double mm_per_unit, const Cursor& cursor, std::size_t start) {
   const auto unit_name = [](double length_mm) { return length_mm == 1.0 ? "mm" : "inch"; };
   if (unit && *unit != mm_per_unit)
     cursor.throw_input_error(
-        from, fmt::format("a table in {}, as stated next to its name", unit_name(*unit)),
+        start, fmt::format("a table in {}, as stated next to its name", unit_name(*unit)),
         unit_name(mm_per_unit));
   unit = mm_per_unit;
 }
 
-void for_each_line(ControlTableParser& reading, const std::function<bool(Cursor&)>& read) {
+void for_each_line(ControlTableParser& parser, const std::function<bool(Cursor&)>& read) {
   try {
-    check_encoding(reading.text, reading.table.file);
+    check_encoding(parser.text, parser.table.file);
   } catch (const BadInput& input_error) {
-    reading.input_errors.add(input_error);
+    parser.input_errors.add(input_error);
     return;
   }
-  LineReader lines(reading.text);
+  LineReader lines(parser.text);
   while (const auto line = lines.next()) {
-    Cursor cursor{*line, {reading.table.file, lines.number()}};
+    Cursor cursor{*line, {parser.table.file, lines.number()}};
     try {
       // Control characters indicate a binary file, so only the first one is reported, not every
       // cell.
@@ -75,8 +75,8 @@ void for_each_line(ControlTableParser& reading, const std::function<bool(Cursor&
       }
       if (!read(cursor)) return;
     } catch (const BadInput& input_error) {
-      reading.input_errors.add(input_error);
-      if (reading.input_errors.full()) return;
+      parser.input_errors.add(input_error);
+      if (parser.input_errors.full()) return;
     }
   }
 }
@@ -84,25 +84,25 @@ void for_each_line(ControlTableParser& reading, const std::function<bool(Cursor&
 double parse_table_number(Cursor& cursor, std::string_view what) {
   constexpr double max_value = 1e6;
   cursor.skip_blanks();
-  const std::size_t from = cursor.at;
+  const std::size_t start = cursor.at;
   const auto value = cursor.number();
   if (!value || !(std::abs(*value) <= max_value))
-    cursor.throw_input_error(from, fmt::format("a number within 1e6 for {}", what));
+    cursor.throw_input_error(start, fmt::format("a number within 1e6 for {}", what));
   // Delimiters of all formats: comments, CTRANS lists and their closing bracket.
   const bool is_delimited = cursor.at_end() || is_blank(cursor.current()) ||
                             cursor.current() == ';' || cursor.current() == ',' ||
                             cursor.current() == ')';
-  if (!is_delimited) cursor.throw_input_error(from, fmt::format("a number for {}", what));
+  if (!is_delimited) cursor.throw_input_error(start, fmt::format("a number for {}", what));
   return *value;
 }
 
 int parse_table_integer(Cursor& cursor, int min_value, int max_value, std::string_view what) {
   cursor.skip_blanks();
-  const std::size_t from = cursor.at;
+  const std::size_t start = cursor.at;
   const auto value = cursor.number();
   if (!value || *value != std::floor(*value) || *value < min_value || *value > max_value)
     cursor.throw_input_error(
-        from, fmt::format("an integer from {} to {} for {}", min_value, max_value, what));
+        start, fmt::format("an integer from {} to {} for {}", min_value, max_value, what));
   return int(*value);
 }
 
@@ -118,19 +118,19 @@ constexpr int shift_state_parameter = 5210, first_shift_parameter = 5211,
               active_system_parameter = 5220;
 
 /// Reads a line of a tool table, for example "T1 P1 Z+0.511 D0.125 ;a comment".
-bool parse_tool_line(ControlTableParser& reading, Cursor& cursor) {
+bool parse_tool_line(ControlTableParser& parser, Cursor& cursor) {
   std::optional<int> number;
   // LinuxCNC treats missing values as zero.
   ControlTableTool tool{0.0, 0.0, 0.0, 0.0, {}, cursor.location.line};
   std::string seen_letters;
   for (cursor.skip_blanks(); !cursor.at_end() && cursor.current() != ';'; cursor.skip_blanks()) {
-    const std::size_t from = cursor.at;
+    const std::size_t start = cursor.at;
     const char letter = upper(cursor.current());
     if (std::string_view("TPDXYZABCUVWIJQ").find(letter) == std::string_view::npos)
       cursor.throw_input_error(
-          from, "a word T P D X Y Z A B C U V W I J or Q of a tool, or ; and a comment");
+          start, "a word T P D X Y Z A B C U V W I J or Q of a tool, or ; and a comment");
     if (seen_letters.find(letter) != std::string::npos)
-      cursor.throw_input_error(from, fmt::format("{} only once in the line of a tool", letter));
+      cursor.throw_input_error(start, fmt::format("{} only once in the line of a tool", letter));
     seen_letters += letter;
     ++cursor.at;
     if (letter == 'T') {
@@ -139,38 +139,38 @@ bool parse_tool_line(ControlTableParser& reading, Cursor& cursor) {
     }
     const double value = parse_table_number(cursor, std::string_view(&letter, 1));
     if (letter == 'Z')
-      tool.length = value * reading.require_unit(cursor, from);
+      tool.length = value * parser.require_unit(cursor, start);
     else if (letter == 'D')
-      tool.radius = 0.5 * value * reading.require_unit(cursor, from);
+      tool.radius = 0.5 * value * parser.require_unit(cursor, start);
     // An offset across the tool axis would need a separate chain, which only the scene can
     // describe.
     else if (letter != 'P' && value != 0.0 && table_axes.find(letter) != std::string_view::npos)
-      cursor.throw_input_error(from,
+      cursor.throw_input_error(start,
                                fmt::format("0 for {}: the length of a tool lies along Z", letter));
     else if (letter != 'P' && value != 0.0)
-      reading.count_unused(std::string(1, letter));
+      parser.count_unused(std::string(1, letter));
   }
   if (seen_letters.empty()) return true;
   if (!number) cursor.throw_input_error(0, "T (tool number)", "none");
-  if (!reading.table.tools.emplace(*number, tool).second)
+  if (!parser.table.tools.emplace(*number, tool).second)
     cursor.throw_input_error(0, "a tool not yet in the table", fmt::format("T{}", *number));
   return true;
 }
 
 /// Counts a parameter without effect: one that is not zero and not a work offset.
-void count_other_parameter(ControlTableParser& reading, int number, double value) {
+void count_other_parameter(ControlTableParser& parser, int number, double value) {
   if (value == 0.0 || number == shift_state_parameter) return;
   // A program begins in G54, system 1, whatever the control had in force before.
   if (number == active_system_parameter) {
-    if (value != 1.0) reading.count_unused("5220, a program starts in G54");
+    if (value != 1.0) parser.count_unused("5220, a program starts in G54");
   } else if (number >= 5161 && number <= 5169) {
-    reading.count_unused("5161 to 5169, the position of G28");
+    parser.count_unused("5161 to 5169, the position of G28");
   } else if (number >= 5181 && number <= 5189) {
-    reading.count_unused("5181 to 5189, the position of G30");
+    parser.count_unused("5181 to 5189, the position of G30");
   } else if (number < first_shift_parameter || number > first_shift_parameter + 8) {
     // `parse_parameter_line` handles the shift of G92.
-    reading.count_unused(number <= 30 || number >= 5000 ? "control parameters"
-                                                        : "program parameters");
+    parser.count_unused(number <= 30 || number >= 5000 ? "control parameters"
+                                                       : "program parameters");
   }
 }
 
@@ -182,12 +182,12 @@ struct G92Shift {
 };
 
 /// Reads a line of a parameter file: number, tab, value.
-bool parse_parameter_line(ControlTableParser& reading, Cursor& cursor, G92Shift& shift) {
+bool parse_parameter_line(ControlTableParser& parser, Cursor& cursor, G92Shift& shift) {
   cursor.skip_blanks();
   if (cursor.at_end() || cursor.current() == ';' || cursor.current() == '#') return true;
   const int number = parse_table_integer(cursor, 1, 99'999, "a parameter number");
   cursor.skip_blanks();
-  const std::size_t from = cursor.at;
+  const std::size_t start = cursor.at;
   const double value = parse_table_number(cursor, "a parameter");
   cursor.skip_blanks();
   if (!cursor.at_end())
@@ -195,25 +195,25 @@ bool parse_parameter_line(ControlTableParser& reading, Cursor& cursor, G92Shift&
   if (number == shift_state_parameter) shift.in_force = value != 0.0;
   if (number >= first_shift_parameter && number < first_shift_parameter + 9 && value != 0.0)
     shift.input_errors[std::size_t(number - first_shift_parameter)] = BadInput(
-        cursor.location.file, cursor.location.line, int(from) + 1,
+        cursor.location.file, cursor.location.line, int(start) + 1,
         "0 for a G92 shift: clear it, or move it into a work offset", fmt::format("{}", value));
   const int index_from_first = number - first_system_parameter,
             system = index_from_first / parameters_per_system;
-  const int axis_index = index_from_first % parameters_per_system;
-  if (index_from_first < 0 || system >= system_count || axis_index > system_rotation_index) {
-    count_other_parameter(reading, number, value);
+  const int parameter_index = index_from_first % parameters_per_system;
+  if (index_from_first < 0 || system >= system_count || parameter_index > system_rotation_index) {
+    count_other_parameter(parser, number, value);
     return true;
   }
-  if (axis_index == system_rotation_index) {
-    if (value != 0.0) cursor.throw_input_error(from, "0 for the rotation of a coordinate system");
+  if (parameter_index == system_rotation_index) {
+    if (value != 0.0) cursor.throw_input_error(start, "0 for the rotation of a coordinate system");
     return true;
   }
-  ControlTableOffset& offset = reading.table.offsets[system + 1];
-  const char axis = table_axes[std::size_t(axis_index)];
-  const double unit = reading.axis_unit(axis, value, cursor, from);
+  ControlTableOffset& offset = parser.table.offsets[system + 1];
+  const char axis = table_axes[std::size_t(parameter_index)];
+  const double unit = parser.axis_unit(axis, value, cursor, start);
   if (!offset.axes
            .emplace(axis,
-                    ControlTableOffset::Value{value * unit, cursor.location.line, int(from) + 1})
+                    ControlTableOffset::Value{value * unit, cursor.location.line, int(start) + 1})
            .second)
     // LinuxCNC would take the last value; a duplicate usually shows that two files were merged.
     cursor.throw_input_error(0, "a parameter not yet in the file", fmt::format("{}", number));
@@ -222,15 +222,15 @@ bool parse_parameter_line(ControlTableParser& reading, Cursor& cursor, G92Shift&
 
 }  // namespace
 
-void read_linuxcnc_table(ControlTableParser& reading) {
-  if (reading.kind == ControlTableKind::Tools)
-    return for_each_line(reading, [&](Cursor& cursor) { return parse_tool_line(reading, cursor); });
+void read_linuxcnc_table(ControlTableParser& parser) {
+  if (parser.kind == ControlTableKind::Tools)
+    return for_each_line(parser, [&](Cursor& cursor) { return parse_tool_line(parser, cursor); });
   G92Shift shift;
-  for_each_line(reading,
-                [&](Cursor& cursor) { return parse_parameter_line(reading, cursor, shift); });
+  for_each_line(parser,
+                [&](Cursor& cursor) { return parse_parameter_line(parser, cursor, shift); });
   // A shift of G92 that is stored but not in force has no effect.
   for (const std::optional<BadInput>& input_error : shift.input_errors)
-    if (input_error && shift.in_force) reading.input_errors.add(*input_error);
+    if (input_error && shift.in_force) parser.input_errors.add(*input_error);
 }
 
 namespace {
@@ -243,19 +243,19 @@ struct G10Word {
   char letter = ' ';
   double value = 0.0;
   bool has_point = false;  // decimal point
-  std::size_t from = 0;    // first byte in the line
+  std::size_t start = 0;   // first byte in the line
 };
 
 /// Returns the words of a block without its comments.
 std::vector<G10Word> parse_words(Cursor& cursor) {
   std::vector<G10Word> words;
   for (cursor.skip_blanks(); !cursor.at_end(); cursor.skip_blanks()) {
-    const std::size_t from = cursor.at;
+    const std::size_t start = cursor.at;
     const char c = upper(cursor.current());
     if (c == '(') {
-      const std::size_t closing_bracket = cursor.text.find(')', from);
+      const std::size_t closing_bracket = cursor.text.find(')', start);
       if (closing_bracket == std::string_view::npos)
-        cursor.throw_input_error(from, "a ) that closes the comment");
+        cursor.throw_input_error(start, "a ) that closes the comment");
       cursor.at = closing_bracket + 1;
       continue;
     }
@@ -264,14 +264,14 @@ std::vector<G10Word> parse_words(Cursor& cursor) {
       ++cursor.at;
       continue;
     }
-    if (!is_letter(c)) cursor.throw_input_error(from, "a letter and a number");
+    if (!is_letter(c)) cursor.throw_input_error(start, "a letter and a number");
     ++cursor.at;
     const auto value = cursor.number();
-    if (!value) cursor.throw_input_error(from, "a number after the letter");
+    if (!value) cursor.throw_input_error(start, "a number after the letter");
     const bool has_point =
-        cursor.text.substr(from, cursor.at - from).find('.') != std::string_view::npos;
-    words.push_back({c, *value, has_point, from});
-    if (words.size() > max_words) cursor.throw_input_error(from, "at most 64 words in a block");
+        cursor.text.substr(start, cursor.at - start).find('.') != std::string_view::npos;
+    words.push_back({c, *value, has_point, start});
+    if (words.size() > max_words) cursor.throw_input_error(start, "at most 64 words in a block");
   }
   return words;
 }
@@ -285,28 +285,28 @@ struct G10Block {
 
 void set_once(std::optional<G10Word>& target, const G10Word& word, const Cursor& cursor) {
   if (target)
-    cursor.throw_input_error(word.from, fmt::format("{} only once in a block", word.letter));
+    cursor.throw_input_error(word.start, fmt::format("{} only once in a block", word.letter));
   target = word;
 }
 
 // G11 ends G10, and controls write G90 into their listings; neither changes a value.
-void apply_g_code(ControlTableParser& reading, const G10Word& word, const Cursor& cursor,
+void apply_g_code(ControlTableParser& parser, const G10Word& word, const Cursor& cursor,
                   G10Block& block) {
   if (word.value == 10.0)
     block.has_g10 = true;
   else if (word.value == 20.0)
-    reading.set_unit(units::inch, cursor, word.from);
+    parser.set_unit(units::inch, cursor, word.start);
   else if (word.value == 21.0)
-    reading.set_unit(1.0, cursor, word.from);
+    parser.set_unit(1.0, cursor, word.start);
   else if (word.value != 11.0 && word.value != 90.0)
-    cursor.throw_input_error(word.from, "G10 G11 G20 G21 or G90 in a listing of control memory");
+    cursor.throw_input_error(word.start, "G10 G11 G20 G21 or G90 in a listing of control memory");
 }
 
-G10Block parse_g10_block(ControlTableParser& reading, Cursor& cursor) {
+G10Block parse_g10_block(ControlTableParser& parser, Cursor& cursor) {
   G10Block block;
   for (const G10Word& word : parse_words(cursor)) {
     if (word.letter == 'G')
-      apply_g_code(reading, word, cursor, block);
+      apply_g_code(parser, word, cursor, block);
     else if (word.letter == 'L')
       set_once(block.l, word, cursor);
     else if (word.letter == 'P')
@@ -317,14 +317,14 @@ G10Block parse_g10_block(ControlTableParser& reading, Cursor& cursor) {
       block.axes.push_back(word);
     // Program, sequence and M numbers frame the listing.
     else if (word.letter != 'O' && word.letter != 'N' && word.letter != 'M')
-      cursor.throw_input_error(word.from, "G10 with L, P, and R or axis words");
+      cursor.throw_input_error(word.start, "G10 with L, P, and R or axis words");
   }
   return block;
 }
 
 int whole_number(const G10Word& word, int min_value, int max_value, const Cursor& cursor) {
   if (word.value != int(word.value) || word.value < min_value || word.value > max_value)
-    cursor.throw_input_error(word.from,
+    cursor.throw_input_error(word.start,
                              fmt::format("{} from {} to {}", word.letter, min_value, max_value));
   return int(word.value);
 }
@@ -333,22 +333,21 @@ int whole_number(const G10Word& word, int min_value, int max_value, const Cursor
 // others), which the listing does not state.
 void check_value(const G10Word& word, const Cursor& cursor) {
   if (!word.has_point && word.value != 0.0)
-    cursor.throw_input_error(word.from,
+    cursor.throw_input_error(word.start,
                              "a value with a decimal point: without one it would be in increments");
   if (!(word.value <= 1e6 && word.value >= -1e6))
-    cursor.throw_input_error(word.from, "a value within 1e6");
+    cursor.throw_input_error(word.start, "a value within 1e6");
 }
 
-void set_tool(ControlTableParser& reading, const G10Block& block, int l_code,
-              const Cursor& cursor) {
+void set_tool(ControlTableParser& parser, const G10Block& block, int l_code, const Cursor& cursor) {
   const G10Word& r = *block.r;
   if (!block.axes.empty())
-    cursor.throw_input_error(block.axes.front().from, "R with G10 for a tool");
+    cursor.throw_input_error(block.axes.front().start, "R with G10 for a tool");
   const int number = whole_number(*block.p, 1, 999, cursor);
-  if (reading.kind != ControlTableKind::Tools) return reading.count_unused("G10 L10 to L13");
+  if (parser.kind != ControlTableKind::Tools) return parser.count_unused("G10 L10 to L13");
   check_value(r, cursor);
-  const double length_mm = r.value == 0.0 ? 0.0 : r.value * reading.require_unit(cursor, r.from);
-  ControlTableTool& tool = reading.table.tools.try_emplace(number).first->second;
+  const double length_mm = r.value == 0.0 ? 0.0 : r.value * parser.require_unit(cursor, r.start);
+  ControlTableTool& tool = parser.table.tools.try_emplace(number).first->second;
   if (tool.line == 0) tool.line = cursor.location.line;
   // Wear may be listed before or after its geometry, so the sum is formed at the end.
   if (l_code == 10) tool.length = length_mm;
@@ -357,25 +356,25 @@ void set_tool(ControlTableParser& reading, const G10Block& block, int l_code,
   if (l_code == 13) tool.radius_wear = length_mm;
 }
 
-void set_offset(ControlTableParser& reading, const G10Block& block, bool additional,
+void set_offset(ControlTableParser& parser, const G10Block& block, bool additional,
                 const Cursor& cursor) {
-  if (block.r) cursor.throw_input_error(block.r->from, "axis words with G10 L2 and L20");
+  if (block.r) cursor.throw_input_error(block.r->start, "axis words with G10 L2 and L20");
   const int system_number =
       whole_number(*block.p, additional ? 1 : 0, additional ? 300 : 6, cursor);
-  if (reading.kind != ControlTableKind::Offsets) return reading.count_unused("G10 L2 and L20");
+  if (parser.kind != ControlTableKind::Offsets) return parser.count_unused("G10 L2 and L20");
   // Keys as in `program::NcOptions::extra_offsets`: 0 is the external offset, 100 + P those of
   // G54.1.
   ControlTableOffset& offset =
-      reading.table.offsets[additional ? 100 + system_number : system_number];
+      parser.table.offsets[additional ? 100 + system_number : system_number];
   for (const G10Word& word : block.axes) {
     check_value(word, cursor);
-    const double unit = reading.axis_unit(word.letter, word.value, cursor, word.from);
-    offset.axes[word.letter] = {word.value * unit, cursor.location.line, int(word.from) + 1};
+    const double unit = parser.axis_unit(word.letter, word.value, cursor, word.start);
+    offset.axes[word.letter] = {word.value * unit, cursor.location.line, int(word.start) + 1};
   }
 }
 
-bool parse_listing_line(ControlTableParser& reading, Cursor& cursor) {
-  const G10Block block = parse_g10_block(reading, cursor);
+bool parse_listing_line(ControlTableParser& parser, Cursor& cursor) {
+  const G10Block block = parse_g10_block(parser, cursor);
   const bool is_empty = !block.l && !block.p && !block.r && block.axes.empty();
   if (!block.has_g10) {
     if (!is_empty) cursor.throw_input_error(0, "G10 in a block that sets a value", "none");
@@ -386,22 +385,22 @@ bool parse_listing_line(ControlTableParser& reading, Cursor& cursor) {
   if (!block.p) cursor.throw_input_error(0, "P (number) with G10", "none");
   const int l_code = int(block.l->value);
   if (l_code != block.l->value || (l_code != 2 && l_code != 20 && (l_code < 10 || l_code > 13)))
-    cursor.throw_input_error(block.l->from, "L2 L10 L11 L12 L13 or L20 with G10");
+    cursor.throw_input_error(block.l->start, "L2 L10 L11 L12 L13 or L20 with G10");
   if (l_code == 2 || l_code == 20) {
-    set_offset(reading, block, l_code == 20, cursor);
+    set_offset(parser, block, l_code == 20, cursor);
     return true;
   }
   if (!block.r) cursor.throw_input_error(0, "R (value) with G10 for a tool", "none");
-  set_tool(reading, block, l_code, cursor);
+  set_tool(parser, block, l_code, cursor);
   return true;
 }
 
 }  // namespace
 
-void read_fanuc_table(ControlTableParser& reading) {
-  for_each_line(reading, [&](Cursor& cursor) { return parse_listing_line(reading, cursor); });
+void read_fanuc_table(ControlTableParser& parser) {
+  for_each_line(parser, [&](Cursor& cursor) { return parse_listing_line(parser, cursor); });
   // `ControlTableTool` states length and radius including wear.
-  for (auto& [number, tool] : reading.table.tools) {
+  for (auto& [number, tool] : parser.table.tools) {
     if (tool.length) *tool.length += tool.length_wear;
     if (tool.radius) *tool.radius += tool.radius_wear;
   }

@@ -80,21 +80,21 @@ struct ControlTableParser {
   /// Reads an offset beyond the sixth, which usually belongs to another job. If `read` throws
   /// BadInput, the offset is left out and the error is not reported; a program that calls the
   /// offset is then an input error.
-  void read_later_offset(int offset_key, const std::function<void()>& read);
-  /// Returns mm per unit of length. Throws BadInput at byte `from` of the line if neither the scene
-  /// nor the file states the unit.
-  double require_unit(const Cursor& cursor, std::size_t from) const;
+  void read_extra_offset(int offset_key, const std::function<void()>& read);
+  /// Returns mm per unit of length. Throws BadInput at byte `start` of the line if neither the
+  /// scene nor the file states the unit.
+  double require_unit(const Cursor& cursor, std::size_t start) const;
   /// Returns the factor from the value of an axis to mm or degrees. Only lengths other than zero
   /// need a unit; throws as `require_unit` does.
-  double axis_unit(char axis, double value, const Cursor& cursor, std::size_t from) const;
-  /// Sets the unit stated by the file. Throws BadInput at byte `from` of the line if the scene
+  double axis_unit(char axis, double value, const Cursor& cursor, std::size_t start) const;
+  /// Sets the unit stated by the file. Throws BadInput at byte `start` of the line if the scene
   /// states another.
-  void set_unit(double mm_per_unit, const Cursor& cursor, std::size_t from);
+  void set_unit(double mm_per_unit, const Cursor& cursor, std::size_t start);
 };
 
 /// Calls `read` for every line until it returns false. Collects the errors that it throws and
 /// continues with the next line.
-void for_each_line(ControlTableParser& reading, const std::function<bool(Cursor&)>& read);
+void for_each_line(ControlTableParser& parser, const std::function<bool(Cursor&)>& read);
 
 /// Parses the number of the value `what`. Throws BadInput unless it is within 1e6 and followed by a
 /// blank or a delimiter.
@@ -104,11 +104,11 @@ double parse_table_number(Cursor& cursor, std::string_view what);
 int parse_table_integer(Cursor& cursor, int min_value, int max_value, std::string_view what);
 
 /// Reads a LinuxCNC table, a tool table or the parameters of a variables file, in the format
-/// described in control_table_files.h. Errors are collected in `reading`.
-void read_linuxcnc_table(ControlTableParser& reading);
+/// described in control_table_files.h. Errors are collected in `parser`.
+void read_linuxcnc_table(ControlTableParser& parser);
 
 /// Reads a Fanuc table, a listing of G10 blocks, in the format described in control_table_files.h.
-/// Errors are collected in `reading`.
-void read_fanuc_table(ControlTableParser& reading);
+/// Errors are collected in `parser`.
+void read_fanuc_table(ControlTableParser& parser);
 
 }  // namespace abbe::sim::dialects

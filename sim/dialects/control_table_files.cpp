@@ -18,12 +18,12 @@
 
 namespace abbe::sim::dialects {
 
-/// Reads a Heidenhain table, whose format the header describes. Collects errors in `reading`.
-void read_heidenhain_table(ControlTableParser& reading);
+/// Reads a Heidenhain table, whose format the header describes. Collects errors in `parser`.
+void read_heidenhain_table(ControlTableParser& parser);
 
 /// Reads the $TC_DP and $P_UIFR of a Siemens table, whose format the header describes. Collects
-/// errors in `reading`.
-void read_siemens_table(ControlTableParser& reading);
+/// errors in `parser`.
+void read_siemens_table(ControlTableParser& parser);
 
 namespace {
 
@@ -47,8 +47,8 @@ std::string next_word(Cursor& line) {
 }
 
 /// Checks the first line, for example "BEGIN TOOL .T MM", and reads its unit.
-void parse_table_header(ControlTableParser& reading, Cursor& line) {
-  const std::string_view expected_name = reading.kind == ControlTableKind::Tools ? ".T" : ".PR";
+void parse_table_header(ControlTableParser& parser, Cursor& line) {
+  const std::string_view expected_name = parser.kind == ControlTableKind::Tools ? ".T" : ".PR";
   bool has_name = false, has_unit = false;
   if (next_word(line) != "BEGIN") line.throw_input_error(0, "BEGIN, the first word of a table");
   for (line.skip_blanks(); !line.at_end(); line.skip_blanks()) {
@@ -57,7 +57,7 @@ void parse_table_header(ControlTableParser& reading, Cursor& line) {
     has_name = has_name || word.ends_with(expected_name);
     if (word != "MM" && word != "INCH") continue;
     has_unit = true;
-    reading.set_unit(word == "MM" ? 1.0 : units::inch, line, from);
+    parser.set_unit(word == "MM" ? 1.0 : units::inch, line, from);
   }
   if (!has_name) line.throw_input_error(0, fmt::format("a table named {}", expected_name));
   if (!has_unit) line.throw_input_error(0, "MM or INCH in the first line of a table");
@@ -70,7 +70,7 @@ bool has_column(const std::vector<TableColumn>& columns, std::string_view name) 
 
 // Parses the line of column names. A column extends from the beginning of its name to the beginning
 // of the next name.
-std::vector<TableColumn> parse_columns(ControlTableParser& reading, Cursor& line) {
+std::vector<TableColumn> parse_columns(ControlTableParser& parser, Cursor& line) {
   std::vector<TableColumn> columns;
   for (line.skip_blanks(); !line.at_end(); line.skip_blanks()) {
     const std::size_t from = line.at;
@@ -83,7 +83,7 @@ std::vector<TableColumn> parse_columns(ControlTableParser& reading, Cursor& line
   // Row numbers may be right-aligned and begin before their name.
   if (!columns.empty()) columns.front().from = 0;
   const auto has_name = [&](std::string_view name) { return has_column(columns, name); };
-  const bool is_tool_table = reading.kind == ControlTableKind::Tools;
+  const bool is_tool_table = parser.kind == ControlTableKind::Tools;
   if (is_tool_table ? !has_name("T") || !has_name("L") || !has_name("R")
                     : !has_name("NR") && !has_name("NO"))
     line.throw_input_error(0, is_tool_table ? "columns named T, L and R" : "a column named NR");
@@ -126,7 +126,7 @@ struct ToolRow {
   std::string name;
 };
 
-void parse_tool_cell(ControlTableParser& reading, const TableColumn& column, const Cursor& cell,
+void parse_tool_cell(ControlTableParser& parser, const TableColumn& column, const Cursor& cell,
                      ToolRow& row) {
   const std::string& name = column.name;
   double* const value = name == "L"    ? &row.length
@@ -135,7 +135,7 @@ void parse_tool_cell(ControlTableParser& reading, const TableColumn& column, con
                         : name == "DR" ? &row.delta_radius
                                        : nullptr;
   if (value != nullptr) {
-    *value = parse_cell_number(cell, name) * *reading.unit;
+    *value = parse_cell_number(cell, name) * *parser.unit;
   } else if (name == "T") {
     Cursor number = cell;
     // T 5.1 is an indexed tool: a second cutting edge of tool 5.
@@ -152,19 +152,18 @@ void parse_tool_cell(ControlTableParser& reading, const TableColumn& column, con
     text = text.substr(0, text.find_last_not_of(" \t") + 1);
     row.name = std::string(text);
   } else if (has_content(cell)) {
-    reading.count_unused(name);
+    parser.count_unused(name);
   }
 }
 
-void parse_tool_row(ControlTableParser& reading, const std::vector<TableColumn>& columns,
+void parse_tool_row(ControlTableParser& parser, const std::vector<TableColumn>& columns,
                     const Cursor& line) {
   ToolRow row;
   for (const TableColumn& column : columns)
-    if (const auto cell = cell_of_column(column, line))
-      parse_tool_cell(reading, column, *cell, row);
+    if (const auto cell = cell_of_column(column, line)) parse_tool_cell(parser, column, *cell, row);
   if (!row.number) line.throw_input_error(0, "a tool number in column T", "none");
   // A scene has one length for each tool, that of index 0.
-  if (row.is_indexed) return reading.count_unused("tools with an index such as 5.1");
+  if (row.is_indexed) return parser.count_unused("tools with an index such as 5.1");
   // The control adds DL and DR to L and R.
   const ControlTableTool tool{row.length + row.delta_length,
                               row.radius + row.delta_radius,
@@ -172,11 +171,11 @@ void parse_tool_row(ControlTableParser& reading, const std::vector<TableColumn>&
                               row.delta_radius,
                               row.name,
                               line.location.line};
-  if (!reading.table.tools.emplace(*row.number, tool).second)
+  if (!parser.table.tools.emplace(*row.number, tool).second)
     line.throw_input_error(0, "a tool not yet in the table", fmt::format("{}", *row.number));
 }
 
-void parse_preset_cell(ControlTableParser& reading, const TableColumn& column, const Cursor& cell,
+void parse_preset_cell(ControlTableParser& parser, const TableColumn& column, const Cursor& cell,
                        ControlTableOffset& offset) {
   const std::string& name = column.name;
   const bool is_axis =
@@ -188,7 +187,7 @@ void parse_preset_cell(ControlTableParser& reading, const TableColumn& column, c
   if (text.substr(0, text.find_last_not_of(' ') + 1) == "-") return;
   if (is_axis) {
     const bool is_rotary = name[0] >= 'A' && name[0] <= 'C';
-    offset.axes[name[0]] = {parse_cell_number(cell, name) * (is_rotary ? 1.0 : *reading.unit),
+    offset.axes[name[0]] = {parse_cell_number(cell, name) * (is_rotary ? 1.0 : *parser.unit),
                             cell.location.line, int(cell.at) + 1};
   } else if (is_rotation && parse_cell_number(cell, name) != 0.0) {
     // A rotated preset or an axis offset would change what X Y Z mean; a scene has no such offset.
@@ -196,7 +195,7 @@ void parse_preset_cell(ControlTableParser& reading, const TableColumn& column, c
                            "0 for " + name + ": a preset without rotation and axis offsets");
   } else if (!is_rotation && name != "DOC" && has_content(cell)) {
     // DOC is a comment.
-    reading.count_unused(name);
+    parser.count_unused(name);
   }
 }
 
@@ -207,7 +206,7 @@ int parse_preset_number(Cursor cell, const std::string& name) {
   return number;
 }
 
-void parse_preset_row(ControlTableParser& reading, const std::vector<TableColumn>& columns,
+void parse_preset_row(ControlTableParser& parser, const std::vector<TableColumn>& columns,
                       const Cursor& line) {
   std::optional<int> number;
   // The number comes first, because errors in a row are reported only up to number 6.
@@ -218,31 +217,31 @@ void parse_preset_row(ControlTableParser& reading, const std::vector<TableColumn
   if (!number) line.throw_input_error(0, "a preset number in column NR", "none");
   // Preset 0 is the active preset of the control, not an entry of the table.
   if (*number < 1 || *number > max_preset)
-    return reading.count_unused(fmt::format("presets other than 1 to {}", max_preset));
+    return parser.count_unused(fmt::format("presets other than 1 to {}", max_preset));
   ControlTableOffset offset;
   const int offset_key = preset_offset_key(*number);
   const auto read_cells = [&] {
     for (const TableColumn& column : columns)
       if (const auto cell = cell_of_column(column, line);
           cell && column.name != "NR" && column.name != "NO")
-        parse_preset_cell(reading, column, *cell, offset);
+        parse_preset_cell(parser, column, *cell, offset);
   };
   // The first six are G54 to G59 of a scene and must be valid.
   if (*number <= 6)
     read_cells();
   else
-    reading.read_later_offset(offset_key, read_cells);
-  if (!reading.table.offsets.emplace(offset_key, offset).second)
+    parser.read_extra_offset(offset_key, read_cells);
+  if (!parser.table.offsets.emplace(offset_key, offset).second)
     line.throw_input_error(0, "a preset not yet in the table", fmt::format("{}", *number));
 }
 
 }  // namespace
 
-void read_heidenhain_table(ControlTableParser& reading) {
+void read_heidenhain_table(ControlTableParser& parser) {
   std::vector<TableColumn> columns;
   bool has_begun = false, has_ended = false, is_aborted = false;
   int last_line = 1;
-  for_each_line(reading, [&](Cursor& line) {
+  for_each_line(parser, [&](Cursor& line) {
     last_line = line.location.line;
     line.skip_blanks();
     if (line.at_end()) return true;
@@ -251,28 +250,28 @@ void read_heidenhain_table(ControlTableParser& reading) {
       // Without header or columns no row can be read, so only the first error is reported:
       // `for_each_line` catches it; the flag then stays true and ends the reading.
       has_begun = is_aborted = true;
-      parse_table_header(reading, line);
+      parse_table_header(parser, line);
       is_aborted = false;
     } else if (is_aborted) {
       return false;
     } else if (columns.empty()) {
       is_aborted = true;
-      columns = parse_columns(reading, line);
+      columns = parse_columns(parser, line);
       is_aborted = false;
     } else if (line.accept("[END]")) {
       has_ended = true;
       return false;
-    } else if (reading.kind == ControlTableKind::Tools) {
-      parse_tool_row(reading, columns, line);
+    } else if (parser.kind == ControlTableKind::Tools) {
+      parse_tool_row(parser, columns, line);
     } else {
-      parse_preset_row(reading, columns, line);
+      parse_preset_row(parser, columns, line);
     }
     return true;
   });
   // A missing [END] shows that the file is truncated.
   if (!has_ended && !is_aborted)
-    reading.input_errors.add(BadInput(reading.table.file, last_line, 1, "[END] after the last row",
-                                      "the end of the file"));
+    parser.input_errors.add(BadInput(parser.table.file, last_line, 1, "[END] after the last row",
+                                     "the end of the file"));
 }
 
 namespace {
@@ -361,11 +360,11 @@ std::string parse_text(Cursor& line) {
   return std::string(line.text.substr(from + 1, line.at - from - 2));
 }
 
-void parse_edge_value(ControlTableParser& reading, const AssignmentTarget& target, int parameter,
+void parse_edge_value(ControlTableParser& parser, const AssignmentTarget& target, int parameter,
                       CuttingEdge& edge, Cursor& line) {
   const std::size_t from = line.at;
   const double value = parse_table_number(line, target.name);
-  const auto mm = [&] { return value == 0.0 ? 0.0 : value * reading.require_unit(line, from); };
+  const auto mm = [&] { return value == 0.0 ? 0.0 : value * parser.require_unit(line, from); };
   edge.is_defined = true;
   switch (parameter) {
     case 1:
@@ -401,7 +400,7 @@ void parse_edge_value(ControlTableParser& reading, const AssignmentTarget& targe
                                "0 for length 2 and 3: the tool length lies along the tool axis");
       return;
     default:
-      if (value != 0.0) reading.count_unused(fmt::format("$TC_DP{}", parameter));
+      if (value != 0.0) parser.count_unused(fmt::format("$TC_DP{}", parameter));
   }
 }
 
@@ -415,24 +414,24 @@ std::optional<int> edge_parameter(const std::string& name) {
   return std::stoi(name.substr(prefix.size()));
 }
 
-void parse_tool_value(ControlTableParser& reading, const AssignmentTarget& target,
+void parse_tool_value(ControlTableParser& parser, const AssignmentTarget& target,
                       CuttingEdges& edges, Cursor& line) {
   const auto parameter = edge_parameter(target.name);
   // $TC_TP2 is the name of the tool; other data of the magazine does not matter.
   if (!parameter && target.name != "$TC_TP2") {
-    if (!skip_value(line)) reading.count_unused(target.name);
+    if (!skip_value(line)) parser.count_unused(target.name);
     return;
   }
   const int number = table_index(target, 0, 999'999, line);
   // A scene has one cutting edge for each tool.
   if (parameter && table_index(target, 1, 12, line) != 1) {
-    if (!skip_value(line)) reading.count_unused("$TC_DP for cutting edges other than 1");
+    if (!skip_value(line)) parser.count_unused("$TC_DP for cutting edges other than 1");
     return;
   }
   CuttingEdge& edge = edges[number];
   if (edge.line == 0) edge.line = line.location.line;
   if (parameter)
-    parse_edge_value(reading, target, *parameter, edge, line);
+    parse_edge_value(parser, target, *parameter, edge, line);
   else
     edge.name = parse_text(line);
 }
@@ -444,15 +443,15 @@ char axis_letter(const std::string& name, const Cursor& line, std::size_t from) 
 }
 
 // Coarse and fine values, TR and FI, add up.
-void add_to_offset(ControlTableParser& reading, int offset_key, char axis, double value,
+void add_to_offset(ControlTableParser& parser, int offset_key, char axis, double value,
                    std::size_t from, const Cursor& line) {
-  const double unit = reading.axis_unit(axis, value, line, from);
-  ControlTableOffset::Value& sum = reading.table.offsets[offset_key].axes[axis];
+  const double unit = parser.axis_unit(axis, value, line, from);
+  ControlTableOffset::Value& sum = parser.table.offsets[offset_key].axes[axis];
   sum = {sum.value + value * unit, line.location.line, int(from) + 1};
 }
 
 /// Reads the value of a frame, for example CTRANS(X,10,Y,20):CFINE(X,0.1).
-void parse_frame(ControlTableParser& reading, int offset_key, Cursor& line) {
+void parse_frame(ControlTableParser& parser, int offset_key, Cursor& line) {
   while (true) {
     line.skip_blanks();
     const std::size_t from = line.at;
@@ -473,7 +472,7 @@ void parse_frame(ControlTableParser& reading, int offset_key, Cursor& line) {
         line.throw_input_error(line.at, "a comma and the value of the axis");
       ++line.at;
       const double value = parse_table_number(line, name);
-      add_to_offset(reading, offset_key, axis, value, axis_from, line);
+      add_to_offset(parser, offset_key, axis, value, axis_from, line);
       line.skip_blanks();
     } while (line.current() == ',');
     if (line.current() != ')') line.throw_input_error(line.at, "a ) that closes the frame");
@@ -486,9 +485,9 @@ void parse_frame(ControlTableParser& reading, int offset_key, Cursor& line) {
 
 /// Reads a value of $P_UIFR: a whole frame, or one component of an axis, such as its translation
 /// (TR) or fine translation (FI). Rotation, scale and mirroring must be neutral.
-void parse_offset(ControlTableParser& reading, const AssignmentTarget& target, int offset_key,
+void parse_offset(ControlTableParser& parser, const AssignmentTarget& target, int offset_key,
                   Cursor& line) {
-  if (target.index.size() == 1) return parse_frame(reading, offset_key, line);
+  if (target.index.size() == 1) return parse_frame(parser, offset_key, line);
   if (target.index.size() != 3)
     line.throw_input_error(target.from,
                            "an index consisting of a number, an axis and TR, FI, RT, SC or MI");
@@ -498,7 +497,7 @@ void parse_offset(ControlTableParser& reading, const AssignmentTarget& target, i
   const std::string& component = target.index[2];
   const char axis = axis_letter(target.index[1], line, target.from);
   if (component == "TR" || component == "FI")
-    return add_to_offset(reading, offset_key, axis, value, from, line);
+    return add_to_offset(parser, offset_key, axis, value, from, line);
   if (component != "RT" && component != "SC" && component != "MI")
     line.throw_input_error(target.from, "TR, FI, RT, SC or MI");
   // SC is a factor, so its neutral value is 1.
@@ -508,18 +507,18 @@ void parse_offset(ControlTableParser& reading, const AssignmentTarget& target, i
 
 /// Reads $P_UIFR[n]. Errors are reported for n up to 6; a later frame that cannot be read is left
 /// out.
-void parse_numbered_offset(ControlTableParser& reading, const AssignmentTarget& target,
+void parse_numbered_offset(ControlTableParser& parser, const AssignmentTarget& target,
                            Cursor& line) {
   const int number = table_index(target, 0, 99, line), offset_key = g500_base + number;
-  if (number <= 6) return parse_offset(reading, target, number, line);
+  if (number <= 6) return parse_offset(parser, target, number, line);
   const std::size_t value_from = line.at;
-  reading.read_later_offset(offset_key, [&] { parse_offset(reading, target, offset_key, line); });
+  parser.read_extra_offset(offset_key, [&] { parse_offset(parser, target, offset_key, line); });
   // The rejected value may continue in the line.
-  if (reading.unreadable_offsets.contains(offset_key))
+  if (parser.unreadable_offsets.contains(offset_key))
     line.at = std::min(line.text.find('$', value_from), line.text.size());
 }
 
-bool parse_siemens_line(ControlTableParser& reading, CuttingEdges& edges, Cursor& line) {
+bool parse_siemens_line(ControlTableParser& parser, CuttingEdges& edges, Cursor& line) {
   line.skip_blanks();
   if (line.current() == '%') return true;  // file names such as %_N_TO1_TOA
   for (; !line.at_end() && line.current() != ';'; line.skip_blanks()) {
@@ -540,44 +539,44 @@ bool parse_siemens_line(ControlTableParser& reading, CuttingEdges& edges, Cursor
     if (c != '$') line.throw_input_error(from, "$ and the name of a value, such as $TC_DP3[1,1]=");
     const AssignmentTarget target = parse_assignment_target(line);
     const bool is_tool = target.name.starts_with("$TC_"), is_offset = target.name == "$P_UIFR";
-    if (is_tool && reading.kind == ControlTableKind::Tools) {
-      parse_tool_value(reading, target, edges, line);
-    } else if (is_offset && reading.kind == ControlTableKind::Offsets) {
-      parse_numbered_offset(reading, target, line);
+    if (is_tool && parser.kind == ControlTableKind::Tools) {
+      parse_tool_value(parser, target, edges, line);
+    } else if (is_offset && parser.kind == ControlTableKind::Offsets) {
+      parse_numbered_offset(parser, target, line);
     } else {
-      if (!skip_value(line)) reading.count_unused(target.name);
+      if (!skip_value(line)) parser.count_unused(target.name);
     }
   }
   return true;
 }
 
 /// Reports values of $P_UIFR[0]: G500 switches work offsets off, so a scene has no offset for it.
-void check_g500(ControlTableParser& reading) {
-  const auto offset = reading.table.offsets.find(0);
-  if (offset == reading.table.offsets.end()) return;
+void check_g500(ControlTableParser& parser) {
+  const auto offset = parser.table.offsets.find(0);
+  if (offset == parser.table.offsets.end()) return;
   for (const auto& [axis, value] : offset->second.axes)
     if (value.value != 0.0)
-      reading.input_errors.add(BadInput(reading.table.file, value.line, value.column,
-                                        "0 for $P_UIFR[0], which G500 calls",
-                                        fmt::format("{}", value.value)));
-  reading.table.offsets.erase(offset);
+      parser.input_errors.add(BadInput(parser.table.file, value.line, value.column,
+                                       "0 for $P_UIFR[0], which G500 calls",
+                                       fmt::format("{}", value.value)));
+  parser.table.offsets.erase(offset);
 }
 
 }  // namespace
 
-void read_siemens_table(ControlTableParser& reading) {
+void read_siemens_table(ControlTableParser& parser) {
   CuttingEdges edges;
-  for_each_line(reading, [&](Cursor& line) { return parse_siemens_line(reading, edges, line); });
+  for_each_line(parser, [&](Cursor& line) { return parse_siemens_line(parser, edges, line); });
   // A tool without any $TC_DP of its first edge has only a name.
   for (const auto& [number, edge] : edges)
     if (edge.is_defined)
-      reading.table.tools[number] = {edge.length + edge.wear + edge.base,
-                                     edge.radius + edge.radius_wear,
-                                     edge.wear,
-                                     edge.radius_wear,
-                                     edge.name,
-                                     edge.line};
-  check_g500(reading);
+      parser.table.tools[number] = {edge.length + edge.wear + edge.base,
+                                    edge.radius + edge.radius_wear,
+                                    edge.wear,
+                                    edge.radius_wear,
+                                    edge.name,
+                                    edge.line};
+  check_g500(parser);
 }
 
 namespace {
@@ -618,24 +617,24 @@ std::optional<Dialect> detect_control(std::string_view text, ControlTableKind ki
   return std::nullopt;
 }
 
-std::string unused_values_note(const ControlTableParser& reading) {
+std::string unused_values_note(const ControlTableParser& parser) {
   std::string names;
-  for (const auto& [name, count] : reading.unused)
+  for (const auto& [name, count] : parser.unused)
     names += fmt::format("{}{} ({})", names.empty() ? "" : ", ", name, count);
-  return fmt::format("{} has nonzero values that are not used: {}", reading.table.file, names);
+  return fmt::format("{} has nonzero values that are not used: {}", parser.table.file, names);
 }
 
-void read_format(Dialect control, ControlTableParser& reading) {
-  reading.table.control = control;
+void read_format(Dialect control, ControlTableParser& parser) {
+  parser.table.control = control;
   switch (control) {
     case Dialect::Fanuc:
-      return read_fanuc_table(reading);
+      return read_fanuc_table(parser);
     case Dialect::Siemens:
-      return read_siemens_table(reading);
+      return read_siemens_table(parser);
     case Dialect::Heidenhain:
-      return read_heidenhain_table(reading);
+      return read_heidenhain_table(parser);
     default:
-      return read_linuxcnc_table(reading);
+      return read_linuxcnc_table(parser);
   }
 }
 
@@ -697,18 +696,18 @@ ControlTable read_control_table(std::string_view text, const std::string& file,
                       : "work offsets of LinuxCNC (5221), Fanuc (G10), Siemens ($P_UIFR) or "
                         "Heidenhain (BEGIN)",
         "no line that identifies a format")});
-  ControlTableParser reading{text, kind, unit};
-  reading.table.file = file;
-  read_format(*control, reading);
+  ControlTableParser parser{text, kind, unit};
+  parser.table.file = file;
+  read_format(*control, parser);
   // Offsets that could not be read must not count as zero.
-  for (const int offset_key : reading.unreadable_offsets) reading.table.offsets.erase(offset_key);
-  const bool is_empty = is_tool_table ? reading.table.tools.empty() : reading.table.offsets.empty();
-  if (is_empty && reading.input_errors.empty())
-    reading.input_errors.add(
+  for (const int offset_key : parser.unreadable_offsets) parser.table.offsets.erase(offset_key);
+  const bool is_empty = is_tool_table ? parser.table.tools.empty() : parser.table.offsets.empty();
+  if (is_empty && parser.input_errors.empty())
+    parser.input_errors.add(
         BadInput(file, 1, 1, is_tool_table ? "a tool" : "a work offset", "none"));
-  if (!reading.input_errors.empty()) throw BadProgram(reading.input_errors.list());
-  if (!reading.unused.empty()) reading.table.notes.push_back(unused_values_note(reading));
-  return std::move(reading.table);
+  if (!parser.input_errors.empty()) throw BadProgram(parser.input_errors.list());
+  if (!parser.unused.empty()) parser.table.notes.push_back(unused_values_note(parser));
+  return std::move(parser.table);
 }
 
 ControlTable read_control_table_file(const std::filesystem::path& file, ControlTableKind kind,

@@ -33,7 +33,7 @@ cutting::Design design_m(const Job& job) {
 
 /// Returns the map with its form.
 render::Field map_field(const Job& job, const Verdict& verdict) {
-  render::Field field = render::field(design_m(job), verdict.alignment.surface);
+  render::Field field = render::make_field(design_m(job), verdict.alignment.surface);
   field.form_um = verdict.form_map / units::um;
   return field;
 }

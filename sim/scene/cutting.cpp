@@ -44,7 +44,7 @@ std::vector<Key> material_keys() { return material_fields().keys(); }
 
 namespace {
 
-constexpr Range helix_range{-90.0, 90.0, true, true};
+constexpr Range helix_range{.min = -90.0, .max = 90.0, .open_min = true, .open_max = true};
 constexpr Range run_out_range{0.0, 1000.0};
 
 }  // namespace
@@ -81,10 +81,10 @@ enum class Operation { Milling, Turning };
 
 constexpr int max_corners = 10000;
 constexpr Range spacing_range{0.001, 20.0};
-constexpr Range step_range{0.0, 100.0, true, false};
+constexpr Range step_range{.min = 0.0, .max = 100.0, .open_min = true};
 
 void check_box_corners(TableReader& reader, BoxBlank& box) {
-  // A missing corner is reported already; its default must not be compared.
+  // A missing corner has already been reported; its default value must not be compared.
   if (!reader.has("lower_mm") || !reader.has("upper_mm")) return;
   for (int i = 0; i < 3; ++i) {
     if (box.lower_k[i] < box.upper_k[i]) continue;
@@ -108,7 +108,7 @@ Fields<CylinderBlank> cylinder_fields() {
       .number(required_key("lower_mm"), &CylinderBlank::lower, any_number, "z of the lower end")
       .number(required_key("upper_mm"), &CylinderBlank::upper, any_number, "z of the upper end")
       .check([](TableReader& reader, CylinderBlank& blank) {
-        // A missing height is reported already; its default must not be compared.
+        // A missing height has already been reported; its default value must not be compared.
         if (reader.has("lower_mm") && reader.has("upper_mm") && !(blank.lower < blank.upper))
           reader.report_invalid("upper_mm", "cutting.upper_mm above cutting.lower_mm",
                                 fmt::format("{} and {}", blank.upper, blank.lower));
@@ -122,16 +122,16 @@ Fields<OffsetBlank> offset_fields() {
       .number(required_key("floor_mm"), &OffsetBlank::floor, any_number, "z of the lower end");
 }
 
-struct Corner {
-  double along = 0.0;
+struct ProfileCorner {
+  double axial_position = 0.0;
   double radius = 0.0;
 };
 
-Fields<Corner> corner_fields() {
-  return Fields<Corner>()
-      .number(required_key("along_mm"), &Corner::along, any_number,
-              "z, at least that of the previous corner; two corners at the same z make a step")
-      .number(required_key("radius_mm"), &Corner::radius, non_negative,
+Fields<ProfileCorner> corner_fields() {
+  return Fields<ProfileCorner>()
+      .number(required_key("along_mm"), &ProfileCorner::axial_position, any_number,
+              "z, not less than that of the previous corner; two corners at the same z make a step")
+      .number(required_key("radius_mm"), &ProfileCorner::radius, non_negative,
               "distance from the spindle line");
 }
 
@@ -149,20 +149,21 @@ void read_profile(TableReader& reader, TurnedBlank& blank) {
   blank.profile.resize(Eigen::Index(corners.size()), 2);
   for (std::size_t i = 0; i < corners.size(); ++i) {
     TableReader corner_reader(*corners[i], reader.qualified_name("profile"), reader.input_errors());
-    const Corner corner = corner_fields().read(corner_reader);
+    const ProfileCorner corner = corner_fields().read(corner_reader);
     const Eigen::Index k = Eigen::Index(i);
-    blank.profile.row(k) << corner.along, corner.radius;
-    if (k > 0 && corner_reader.has("along_mm") && corner.along < blank.profile(k - 1, 0)) {
+    blank.profile.row(k) << corner.axial_position, corner.radius;
+    if (k > 0 && corner_reader.has("along_mm") && corner.axial_position < blank.profile(k - 1, 0)) {
       corner_reader.report_invalid(
           "along_mm",
           fmt::format("along_mm of at least {}, that of the previous corner",
                       blank.profile(k - 1, 0)),
-          fmt::format("{}", corner.along));
+          fmt::format("{}", corner.axial_position));
     }
     corner_reader.close();
   }
   const Eigen::Index last_row = blank.profile.rows() - 1;
-  // A blank of no length has no volume. Invalid corners are reported already and not compared.
+  // A blank of zero length has no volume. Invalid corners have already been reported, so they are
+  // not compared.
   if (last_row > 0 && reader.input_errors().list().size() == error_count &&
       !(blank.profile(last_row, 0) > blank.profile(0, 0))) {
     reader.report_invalid("profile", "corners at two or more positions for cutting.profile",
@@ -176,14 +177,14 @@ Fields<TurnedBlank> turned_fields() {
                                corner_fields().keys());
   return Fields<TurnedBlank>().custom_field(
       {profile}, read_profile, [](const TurnedBlank& blank, Node::Table& table) {
-        std::vector<Corner> corners;
+        std::vector<ProfileCorner> corners;
         for (const auto& row : blank.profile.rowwise()) corners.push_back({row[0], row[1]});
         put_tables(table, "profile", corners, corner_fields());
       });
 }
 
-/// Returns the fields of the blank. A turning tool requires a turned blank; a milling cutter
-/// excludes it.
+/// Returns the fields of the blank. A turning tool requires a turned blank; a milling cutter does
+/// not accept one.
 Fields<CuttingDescription> blank_fields(Operation operation) {
   const Fields<CuttingDescription> blank = Fields<CuttingDescription>().variant(
       required_key("blank"), &CuttingDescription::blank,
@@ -267,18 +268,18 @@ Fields<CuttingDescription> make_cutting_fields(Operation operation) {
   if (operation == Operation::Milling) fields.include_fields(whole_struct, milling_fields());
   return fields.only_if(has_dexels, memory_fields())
       .number("tolerance_nm", &CuttingDescription::tolerance, positive,
-              "agreement of force and deflection at every step")
+              "convergence tolerance of the deflection under the cutting force, at every step")
       .whole("most_iterations", &CuttingDescription::max_iterations, 1, 1000,
              "iterations per step, after which the step is reported as not converged")
       .number("rest_um", &CuttingDescription::rest, positive,
-              "more material than this left on the machined part is reported as a finding in "
-              "`summary.json`")
+              "limit of residual material on the machined part; anything above it is reported as a "
+              "finding in `summary.json`")
       .number("gouge_um", &CuttingDescription::gouge, positive,
-              "the same for cuts deeper than the design");
+              "limit of gouging (cutting below the design surface), reported in the same way");
 }
 
 const Fields<CuttingDescription>& cutting_fields(const ToolDescription& tool) {
-  // Both lists of fields are built once, because every scene and the manual need them.
+  // Both lists of fields are built once, because every scene needs one of them.
   static const Fields<CuttingDescription> milling = make_cutting_fields(Operation::Milling),
                                           turning = make_cutting_fields(Operation::Turning);
   return std::holds_alternative<cutting::Nose>(tool.nominal) ? turning : milling;
@@ -295,6 +296,7 @@ Node::Table cutting_to_table(const CuttingDescription& cutting, const ToolDescri
   return cutting_fields(tool).to_table(cutting);
 }
 
-std::vector<Key> cutting_keys() { return cutting_fields({}).keys(); }
+// The keys of milling include those of turning.
+std::vector<Key> cutting_keys() { return make_cutting_fields(Operation::Milling).keys(); }
 
 }  // namespace abbe::sim

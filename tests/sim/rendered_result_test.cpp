@@ -23,7 +23,7 @@ render::Field sloping(const cutting::Design& design, double slope) {
   const auto value = [&](const Vector3d& p, const Vector3d&) {
     return 1e-3 * (slope * p.x() + std::sin(20.0 * p.y()));
   };
-  render::Field field = render::field(design, cutting::map_over(design, value));
+  render::Field field = render::make_field(design, cutting::map_over(design, value));
   field.form_um = slope * design.vertices.col(0);
   return field;
 }
