@@ -622,7 +622,7 @@ TEST(Collisions, ARunThatIsToStopCutsNothing) {
     ADD_FAILURE() << "cut all the same";
   } catch (const CollisionStop& stop) {
     const std::string text = stop.what();
-    EXPECT_NE(text.find("nothing was cut"), std::string::npos) << text;
+    EXPECT_NE(text.find("stopped before cutting"), std::string::npos) << text;
     EXPECT_NE(text.find("collision: part and holder collide, 3 mm deep at line 7, 7.660 s: line 7"),
               std::string::npos)
         << text;

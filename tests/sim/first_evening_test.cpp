@@ -166,7 +166,7 @@ TEST_F(FirstEvening, APartOutsideOfWhatTheMachineReaches) {
                              "\"{0}tools/ball_r5.toml\"\n[part]\n{1}at_mm = [900, 0, 0]\n"
                              "[program]\ngenerator = \"raster\"\nstep_over_mm = 1\nstep_mm = 1\n",
                              packaged("").string(), part),
-                 "would leave its travel; part.at_mm is [900, 0, 0], and the slides travel X "
+                 "would exceed its travel; part.at_mm is [900, 0, 0], and the slides travel X "
                  "between -400 and 400 mm, Y between ");
 }
 
