@@ -135,36 +135,7 @@ constexpr WordTableEntry other_words[] = {
 
 }  // namespace
 
-bool is_beside_motion(Group group) {
-  switch (group) {
-    case Group::None:
-    case Group::OneBlock:
-    case Group::Count:
-      return false;
-    case Group::Motion:
-    case Group::Plane:
-    case Group::Distance:
-    case Group::ArcDistance:
-    case Group::FeedMode:
-    case Group::Units:
-    case Group::CutterRadius:
-    case Group::ToolLength:
-    case Group::ReturnLevel:
-    case Group::WorkOffset:
-    case Group::PathMode:
-    case Group::SpeedMode:
-    case Group::LatheDiameter:
-    case Group::Stop:
-    case Group::ToolChange:
-    case Group::Spindle:
-    case Group::Coolant:
-    case Group::Override:
-    case Group::Kinematics:
-    case Group::State:
-      return true;
-  }
-  return false;
-}
+bool is_beside_motion(Group group) { return group != Group::None && group != Group::OneBlock; }
 
 // Built once and indexed by tenths, because every code of a program is looked up.
 const CodeProperties& find_entry(char letter, int tenths) {
