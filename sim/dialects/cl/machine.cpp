@@ -1,23 +1,8 @@
-#include "sim/dialects/cl/machine.h"
-
-#include <algorithm>
-#include <array>
-#include <cmath>
-#include <optional>
-#include <string>
-#include <utility>
-
-#include <fmt/format.h>
-
-#include "kinematics/text.h"
-#include "kinematics/units.h"
-#include "sim/dialects/cursor.h"
+#include "sim/dialects/cl/cl.h"
 
 namespace abbe::sim::dialects::cl {
 
 using program::CutterData;
-using program::Feed;
-using program::FeedMode;
 
 namespace {
 

@@ -1,18 +1,6 @@
-#include <algorithm>
-#include <cmath>
-
-#include <fmt/format.h>
-#include <Eigen/Geometry>
-
-#include "kinematics/bad_input.h"
-#include "kinematics/text.h"
-#include "kinematics/units.h"
-#include "sim/dialects/fanuc/machine.h"
+#include "sim/dialects/fanuc/fanuc.h"
 
 namespace abbe::sim::dialects::fanuc {
-
-using kinematics::AxisVector;
-using program::FeedMode;
 
 namespace {
 // Limits of the control's memory.
@@ -101,7 +89,7 @@ void Machine::set_rotation(const Block& block) {
     centre_[k] = !is_in_plane ? 0.0 : block[letter] ? length(block[letter]) : current[joint(k)];
   }
   Eigen::Vector3d normal_axis = Eigen::Vector3d::Zero();
-  normal_axis[plane_ == 170 ? 2 : plane_ == 180 ? 1 : 0] = 1.0;
+  normal_axis[plane_normal()] = 1.0;
   rotation_ = Eigen::AngleAxisd(angle_in_degrees(r) * units::deg, normal_axis).toRotationMatrix();
   apply_frame();
 }
@@ -354,15 +342,10 @@ void Machine::set_compensation(const Block& block) {
     d_ = run_.assume_only_tool(code.word, "no D with G41 and G42");
     is_d_stated_ = true;
   }
-  const std::string_view plane = plane_letters();
-  const int first = canon_.joint_of(plane[0]), second = canon_.joint_of(plane[1]);
-  if (first < 0 || second < 0)
-    throw_input_error(
-        code.word, fmt::format("a machine with the axes {} {} of the plane", plane[0], plane[1]));
+  const std::array<int, 2> joints = plane_joints(code.word);
   // Under G43.4 the plane of compensation would rotate with the table.
   if (has_tip_length_mode()) throw_input_error(code.word, "G40 with G43.4 and G43.5");
-  const int normal_axis = plane_ == 170 ? 2 : plane_ == 180 ? 1 : 0;
-  if (rotation_ && (*rotation_)(normal_axis, normal_axis) < 1.0 - plane_tolerance)
+  if (rotation_ && (*rotation_)(plane_normal(), plane_normal()) < 1.0 - plane_tolerance)
     throw_input_error(
         code.word,
         "contours compensated in advance in a tilted plane: G41 and G42 are not supported there");
@@ -379,7 +362,7 @@ void Machine::set_compensation(const Block& block) {
       "SUP = 0) and goes around outside corners in arcs (19607.2 CCC = 1): with type B a control "
       "enters an outside corner differently, with CCC = 0 it goes around in lines");
   start_side_ = code.tenths;
-  compensation_.begin(code.tenths == 410, radius, {first, second});
+  compensation_.begin(code.tenths == 410, radius, joints);
 }
 
 namespace {
@@ -418,7 +401,7 @@ std::optional<double> Machine::modal_code(int group) const {
     case 1:
       return motion_ / 10;
     case 2:
-      return plane_ / 10;
+      return plane_;
     case 3:
       return is_incremental_ ? 91 : 90;
     case 5:
@@ -517,10 +500,8 @@ std::optional<double> Machine::variable(int number) {
   if (const int group = index_in_range(number, 4001, 30); group >= 0) return modal_code(group + 1);
   if (const auto word = modal_word(number)) return word;
   // Under compensation a program reads the programmed position, not that of the offset tool.
-  const bool is_compensated = compensation_.is_on() || compensation_.is_leaving();
-  const AxisVector position = is_compensated ? compensation_.programmed() : canon_.position();
   if (const int i = index_in_range(number, 5001, 9); i >= 0)
-    return program_value(joint_of_index(i), canon_.without_offsets(position));
+    return program_value(joint_of_index(i), programmed_position());
   // #5041: position with tool length; #5021: machine coordinates.
   if (const int i = index_in_range(number, 5041, 9); i >= 0) {
     AxisVector with_length = canon_.without_offsets(canon_.position());

@@ -1,8 +1,4 @@
-#include <algorithm>
-#include <vector>
-
-#include "sim/dialects/fanuc/block.h"
-#include "sim/dialects/read_program.h"
+#include "sim/dialects/fanuc/fanuc.h"
 
 namespace abbe::sim::dialects {
 
@@ -177,35 +173,6 @@ constexpr WordTableEntry other_words[] = {
     {"POPEN PCLOS DPRNT BPRNT", none, "output"},
 };
 
-}  // namespace
-
-bool is_beside_motion(Group group) {
-  static constexpr Group others[] = {Group::None,    Group::WholeBlock, Group::MirrorEnd,
-                                     Group::OneShot, Group::Rotation,   Group::Macro};
-  return std::ranges::find(others, group) == std::end(others);
-}
-
-// Tables are built at first use and indexed by tenths: every code of a program is looked up.
-const CodeProperties& find_entry(char letter, int tenths) {
-  static const CodeTable<Group> table(lines);
-  return table.find_entry(letter, tenths);
-}
-
-std::string_view word_sentence(std::string_view word) {
-  return find_word(other_words, word)->sentence;
-}
-
-}  // namespace fanuc
-
-std::span<const WordTableEntry> fanuc_words() {
-  static const std::vector<WordTableEntry> table =
-      word_table<fanuc::Line>(fanuc::lines, fanuc::other_words);
-  return table;
-}
-
-namespace fanuc {
-namespace {
-
 // G-code system A differs in most groups, so a turning control has a table of its own.
 constexpr Line lathe_lines[] = {
     {"G0 G1", Group::Motion, read, "rapid, active at the start; line"},
@@ -309,12 +276,28 @@ constexpr WordTableEntry other_lathe_words[] = {
 
 }  // namespace
 
-const CodeProperties& find_lathe_entry(char letter, int tenths) {
+// Tables are built at first use and indexed by tenths: every code of a program is looked up.
+const gcode::CodeProperties& find_entry(char letter, int tenths) {
+  static const CodeTable<Group> table(lines);
+  return table.find_entry(letter, tenths);
+}
+
+const gcode::CodeProperties& find_lathe_entry(char letter, int tenths) {
   static const CodeTable<Group> table(lathe_lines);
   return table.find_entry(letter, tenths);
 }
 
+std::string_view word_sentence(std::string_view word) {
+  return find_word(other_words, word)->sentence;
+}
+
 }  // namespace fanuc
+
+std::span<const WordTableEntry> fanuc_words() {
+  static const std::vector<WordTableEntry> table =
+      word_table<fanuc::Line>(fanuc::lines, fanuc::other_words);
+  return table;
+}
 
 std::span<const WordTableEntry> fanuc_lathe_words() {
   static const std::vector<WordTableEntry> table =

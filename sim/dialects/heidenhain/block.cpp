@@ -1,12 +1,4 @@
-#include "sim/dialects/heidenhain/block.h"
-
-#include <algorithm>
-#include <cmath>
-
-#include <fmt/format.h>
-
-#include "kinematics/bad_input.h"
-#include "kinematics/units.h"
+#include "sim/dialects/heidenhain/heidenhain.h"
 
 namespace abbe::sim::dialects {
 

@@ -1,19 +1,8 @@
-#include "sim/dialects/heidenhain/contour.h"
-
-#include <cmath>
-#include <utility>
-
-#include <fmt/format.h>
-
-#include "kinematics/bad_input.h"
-#include "kinematics/units.h"
-#include "sim/program/block_motion.h"
+#include "sim/dialects/heidenhain/heidenhain.h"
 
 namespace abbe::sim::dialects::heidenhain {
 
 using Eigen::Vector2d;
-using kinematics::AxisVector;
-using program::Cause;
 
 namespace {
 
@@ -260,10 +249,9 @@ void Contour::issue(const ContourElement& element) {
                 .cause = element.cause,
                 .named = element.cause,
                 .stated = element.stated});
-  else if (element.is_rapid)
-    canon_.traverse({.end = element.end, .cause = element.cause, .stated = element.stated});
   else
-    canon_.straight_feed({.end = element.end, .cause = element.cause, .stated = element.stated});
+    canon_.straight({.end = element.end, .cause = element.cause, .stated = element.stated},
+                    element.is_rapid);
   canon_.set_feed(feed);
   canon_.set_line(line, file);
 }

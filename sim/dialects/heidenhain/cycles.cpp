@@ -1,26 +1,10 @@
-#include <algorithm>
-#include <array>
-#include <cmath>
-#include <utility>
-
-#include <fmt/format.h>
-#include <Eigen/Geometry>
-
-#include "kinematics/bad_input.h"
-#include "kinematics/text.h"
-#include "kinematics/units.h"
-#include "sim/dialects/control_table.h"
-#include "sim/dialects/heidenhain/block.h"
-#include "sim/dialects/heidenhain/machine.h"
+#include "sim/dialects/heidenhain/heidenhain.h"
 
 /// Coordinate cycles (CYCL DEF, TRANS, presets), and cycles for drilling, boring and tapping.
 namespace abbe::sim::dialects::heidenhain {
 
 using Eigen::Matrix3d;
 using Eigen::Vector3d;
-using kinematics::AxisVector;
-using program::Feed;
-using program::FeedMode;
 
 namespace {
 
@@ -403,10 +387,7 @@ void Machine::call_cycle(WordReader& words) {
     // The tool first rises to the clearance, so that it does not move sideways through the part.
     if (canon_.programmed()[z] < clearance) move_to_depth(clearance, true);
     program::Straight straight{canon_.end_of(hole), move.cause, false, hole.stated()};
-    if (move.feed_kind == FeedKind::Rapid)
-      canon_.traverse(std::move(straight));
-    else
-      canon_.straight_feed(std::move(straight));
+    canon_.straight(std::move(straight), move.feed_kind == FeedKind::Rapid);
   } else {
     for (const auto& axis : move.axes)
       if (axis) throw_input_error(axis->cause, "CYCL CALL POS before axes");
@@ -468,10 +449,7 @@ void Machine::move_to_depth(double z, bool rapid) {
   Target target;
   target.to(j, z, {1, {}});
   program::Straight straight{canon_.end_of(target), {1, {}}, false, target.stated()};
-  if (rapid)
-    canon_.traverse(std::move(straight));
-  else
-    canon_.straight_feed(std::move(straight));
+  canon_.straight(std::move(straight), rapid);
 }
 
 /// Moves to a depth at the feed of a parameter, or at that of the default parameter if the first is

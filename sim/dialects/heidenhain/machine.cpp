@@ -1,23 +1,8 @@
-#include "sim/dialects/heidenhain/machine.h"
-
-#include <algorithm>
-#include <cmath>
-#include <string_view>
-#include <utility>
-
-#include <fmt/format.h>
-
-#include "kinematics/bad_input.h"
-#include "kinematics/text.h"
-#include "kinematics/units.h"
-#include "sim/dialects/heidenhain/block.h"
+#include "sim/dialects/heidenhain/heidenhain.h"
 
 namespace abbe::sim::dialects::heidenhain {
 
-using program::Feed;
-using program::FeedMode;
-
-Machine::Machine(ProgramRun& run) : run_(run), canon_(run.canon), contour_(run) {
+Machine::Machine(ProgramRun& run) : Control(run), contour_(run) {
   length_ = canon_.options().tool_length;
   radius_ = canon_.options().tool_radius;
   datum_shift_ = removed_turns_ = AxisVector::Zero(canon_.position().size());
@@ -32,10 +17,6 @@ Machine::Machine(ProgramRun& run) : run_(run), canon_(run.canon), contour_(run) 
   apply_frame({1, {}});
 }
 
-void Machine::set_inch(bool inch) { canon_.set_inch(inch); }
-
-double Machine::unit() const { return canon_.inch() ? units::inch : 1.0; }
-
 int Machine::joint_of(char letter, const Cause& cause) const {
   const int joint = canon_.joint_of(letter);
   if (joint < 0) throw_input_error(cause, "an axis of this machine (" + canon_.letters() + ")");
@@ -46,8 +27,6 @@ void Machine::end_of_program() {
   // The last move of a program that ends with compensation in force must not be lost.
   if (contour_.is_compensated() || contour_.is_waiting()) contour_.finish();
 }
-
-void Machine::finish() { contour_.finish(); }
 
 std::optional<double> Machine::preset_parameter(int number) const {
   const auto tool_value = [&](const std::map<int, double>& values, double delta) {

@@ -1,27 +1,11 @@
-#include <algorithm>
-#include <cmath>
-
-#include <fmt/format.h>
-
-#include "kinematics/bad_input.h"
-#include "kinematics/inverse_kinematics.h"
-#include "kinematics/text.h"
-#include "kinematics/units.h"
-#include "sim/dialects/heidenhain/machine.h"
-#include "sim/program/block_motion.h"
+#include "sim/dialects/heidenhain/heidenhain.h"
 
 /// Words of a motion block, and the moves they make.
 namespace abbe::sim::dialects::heidenhain {
 
 using Eigen::Vector2d;
-using kinematics::AxisVector;
-using program::Coordinates;
-using program::Feed;
-using program::FeedMode;
 
 namespace {
-
-constexpr double min_feed = 1e-9;  // per minute; keeps every duration finite
 
 bool is_axis_letter(char c) {
   return c >= 'A' && c <= 'Z' && std::string_view("XYZABCUVW").find(c) != std::string_view::npos;
@@ -401,10 +385,7 @@ void Machine::move_in_machine_coordinates(const MotionBlock& move, const Target&
   if (move.before_corner) throw_input_error(move.cause, "no M91 before RND and CHF");
   canon_.go_to(Coordinates::Axis, move.cause);
   program::Straight straight{canon_.end_of(target, true), move.cause, true, target.stated()};
-  if (move.feed_kind == FeedKind::Rapid)
-    canon_.traverse(std::move(straight));
-  else
-    canon_.straight_feed(std::move(straight));
+  canon_.straight(std::move(straight), move.feed_kind == FeedKind::Rapid);
   if (canon_.tip_mode()) canon_.go_to(Coordinates::Tip, move.cause);
   contour_.finish();
   tangent_.reset();
@@ -433,10 +414,7 @@ void Machine::rotate_axes_in_plane(const MotionBlock& move, const Target& target
     for (const int j : {x, y, z}) end[j] = canon_.position()[j];
   }
   program::Straight straight{std::move(end), move.cause};
-  if (rapid)
-    canon_.traverse(std::move(straight));
-  else
-    canon_.straight_feed(std::move(straight));
+  canon_.straight(std::move(straight), rapid);
   canon_.go_to(Coordinates::Tip, move.cause);
   contour_.finish();
   tangent_.reset();

@@ -1,14 +1,4 @@
-#include <algorithm>
-#include <cmath>
-#include <stdexcept>
-
-#include <fmt/format.h>
-#include <Eigen/Geometry>
-
-#include "kinematics/bad_input.h"
-#include "kinematics/inverse_kinematics.h"
-#include "kinematics/units.h"
-#include "sim/dialects/heidenhain/machine.h"
+#include "sim/dialects/heidenhain/heidenhain.h"
 
 /// Frames of program coordinates (datum, tool, tilted plane), and the rotary axes for a direction.
 namespace abbe::sim::dialects::heidenhain {
@@ -16,10 +6,7 @@ namespace abbe::sim::dialects::heidenhain {
 using Eigen::AngleAxisd;
 using Eigen::Matrix3d;
 using Eigen::Vector3d;
-using kinematics::AxisVector;
-using kinematics::Chain;
 using kinematics::Reachability;
-using program::Coordinates;
 
 namespace {
 
@@ -275,10 +262,7 @@ void Machine::retract_by(double distance, bool to_end, bool rapid, const Cause& 
   }
   canon_.go_to(Coordinates::Axis, cause);
   program::Straight straight{q + distance * displacement, cause};
-  if (rapid)
-    canon_.traverse(std::move(straight));
-  else
-    canon_.straight_feed(std::move(straight));
+  canon_.straight(std::move(straight), rapid);
   if (canon_.tip_mode()) canon_.go_to(Coordinates::Tip, cause);
 }
 
@@ -509,10 +493,7 @@ void Machine::move_to_plane(const Matrix3d& R, const RotaryPositioning& position
     for (const char letter : {'X', 'Y', 'Z'})
       end[canon_.joint_of(letter)] += tip_displacement[letter - 'X'];
   }
-  if (positioning.is_rapid)
-    canon_.traverse({.end = std::move(end), .cause = positioning.cause});
-  else
-    canon_.straight_feed({.end = std::move(end), .cause = positioning.cause});
+  canon_.straight({.end = std::move(end), .cause = positioning.cause}, positioning.is_rapid);
   canon_.go_to(Coordinates::Tip, positioning.cause);
   canon_.set_feed(feed);
   canon_.set_feed_mode(mode);

@@ -1,25 +1,9 @@
 #include "sim/dialects/linuxcnc/rs274_commands.h"
 
-#include <algorithm>
 #include <charconv>
-#include <cmath>
 #include <fstream>
-#include <optional>
-#include <system_error>
-#include <utility>
-
-#include <fmt/format.h>
-#include <Eigen/Geometry>
-
-#include "kinematics/bad_input.h"
-#include "kinematics/text.h"
-#include "kinematics/units.h"
-#include "sim/dialects/cursor.h"
 
 namespace abbe::sim::dialects::linuxcnc {
-
-using program::Feed;
-using program::FeedMode;
 
 namespace {
 
@@ -369,48 +353,20 @@ int NumberedProgram::number_of(const std::string& name, int line) const {
 namespace {
 
 /// Commands without effect on the path.
-constexpr std::string_view ignored_commands[] = {
-    "SET_FEED_REFERENCE",
-    "ON_RESET",
-    "SET_MOTION_CONTROL_MODE",
-    "SET_NAIVECAM_TOLERANCE",
-    "SET_TRAVERSE_RATE",
-    "START_CHANGE",
-    "ENABLE_FEED_OVERRIDE",
-    "DISABLE_FEED_OVERRIDE",
-    "ENABLE_SPEED_OVERRIDE",
-    "DISABLE_SPEED_OVERRIDE",
-    "ENABLE_FEED_HOLD",
-    "DISABLE_FEED_HOLD",
-    "ENABLE_ADAPTIVE_FEED",
-    "DISABLE_ADAPTIVE_FEED",
-    "SET_MOTION_OUTPUT_BIT",
-    "CLEAR_MOTION_OUTPUT_BIT",
-    "SET_AUX_OUTPUT_BIT",
-    "CLEAR_AUX_OUTPUT_BIT",
-    "SET_AUX_OUTPUT_VALUE",
-    "SET_MOTION_OUTPUT_VALUE",
-    "ORIENT_SPINDLE",
-    "PALLET_SHUTTLE",
-    "MESSAGE",
-    "LOG",
-    "LOGOPEN",
-    "LOGAPPEND",
-    "LOGCLOSE",
-    "INIT_CANON",
-    "CLAMP_AXIS",
-    "UNCLAMP_AXIS",
-    "LOCK_ROTARY",
-    "UNLOCK_ROTARY",
-    "TURN_PROBE_ON",
-    "TURN_PROBE_OFF",
-    "UPDATE_TAG",
-    "RELOAD_TOOLDATA",
-};
+constexpr std::string_view ignored_commands =
+    "SET_FEED_REFERENCE ON_RESET SET_MOTION_CONTROL_MODE SET_NAIVECAM_TOLERANCE "
+    "SET_TRAVERSE_RATE START_CHANGE ENABLE_FEED_OVERRIDE DISABLE_FEED_OVERRIDE "
+    "ENABLE_SPEED_OVERRIDE DISABLE_SPEED_OVERRIDE ENABLE_FEED_HOLD DISABLE_FEED_HOLD "
+    "ENABLE_ADAPTIVE_FEED DISABLE_ADAPTIVE_FEED SET_MOTION_OUTPUT_BIT CLEAR_MOTION_OUTPUT_BIT "
+    "SET_AUX_OUTPUT_BIT CLEAR_AUX_OUTPUT_BIT SET_AUX_OUTPUT_VALUE SET_MOTION_OUTPUT_VALUE "
+    "ORIENT_SPINDLE PALLET_SHUTTLE MESSAGE LOG LOGOPEN LOGAPPEND LOGCLOSE INIT_CANON "
+    "CLAMP_AXIS UNCLAMP_AXIS LOCK_ROTARY UNLOCK_ROTARY TURN_PROBE_ON TURN_PROBE_OFF UPDATE_TAG "
+    "RELOAD_TOOLDATA";
 
 bool is_without_effect(std::string_view name) {
-  return std::ranges::find(ignored_commands, name) != std::end(ignored_commands) ||
-         name.find("WAIT_ORIENT_COMPLETE") != std::string_view::npos;
+  bool is_ignored = name.find("WAIT_ORIENT_COMPLETE") != std::string_view::npos;
+  each_word(ignored_commands, [&](std::string_view ignored) { is_ignored |= ignored == name; });
+  return is_ignored;
 }
 
 /// Returns the text in quotes of an argument such as that of COMMENT("text").

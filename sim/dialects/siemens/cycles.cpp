@@ -1,21 +1,9 @@
-#include <algorithm>
-#include <cmath>
-
-#include <fmt/format.h>
-
-#include "kinematics/bad_input.h"
-#include "kinematics/text.h"
-#include "kinematics/units.h"
-#include "sim/dialects/siemens/machine.h"
+#include "sim/dialects/siemens/siemens.h"
 
 namespace abbe::sim::dialects::siemens {
 
 using Eigen::Matrix3d;
 using Eigen::Vector3d;
-using kinematics::AxisVector;
-using program::Coordinates;
-using program::Feed;
-using program::FeedMode;
 
 namespace {
 
@@ -75,7 +63,7 @@ CoordinateFrame Machine::programmed_frame(const Block& block) const {
   for (int k = 0; k < 3; ++k)
     if (joint(k) < 0) throw_input_error(code.cause, "a machine with X Y Z for a rotated frame");
   if (in_plane) {
-    frame.rotation = rotation_about(plane_ == 17 ? 2 : plane_ == 18 ? 1 : 0, in_plane.value);
+    frame.rotation = rotation_about(plane_normal(), in_plane.value);
     return frame;
   }
   // ROT rotates about Z, then the new Y, then the new X (RPY angles, the default of the control).
@@ -364,8 +352,7 @@ class Hole {
   void tap();
   void bore_and_lift();
   void set_feed(double feed) {
-    if (feed > 0)
-      canon_.set_feed(Feed{feed, machine_.is_feed_in_inches_ ? Machine::mm_per_inch : 1.0});
+    if (feed > 0) canon_.set_feed(Feed{feed, machine_.is_feed_in_inches_ ? units::inch : 1.0});
   }
 
   Machine& machine_;

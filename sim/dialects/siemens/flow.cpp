@@ -1,13 +1,4 @@
-#include "sim/dialects/siemens/flow.h"
-
-#include <algorithm>
-#include <array>
-#include <cmath>
-
-#include <fmt/format.h>
-
-#include "kinematics/bad_input.h"
-#include "kinematics/text.h"
+#include "sim/dialects/siemens/siemens.h"
 
 namespace abbe::sim::dialects::siemens {
 
@@ -469,3 +460,7 @@ void Flow::execute_case(Cursor& cursor) {
 }
 
 }  // namespace abbe::sim::dialects::siemens
+
+void abbe::sim::dialects::read_siemens(std::string_view text, ProgramRun& run) {
+  siemens::Flow(text, run).run();
+}

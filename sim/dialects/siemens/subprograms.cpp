@@ -1,14 +1,6 @@
-#include <algorithm>
-#include <array>
 #include <charconv>
-#include <cmath>
 
-#include <fmt/format.h>
-
-#include "kinematics/bad_input.h"
-#include "kinematics/text.h"
-#include "kinematics/units.h"
-#include "sim/dialects/siemens/flow.h"
+#include "sim/dialects/siemens/siemens.h"
 
 namespace abbe::sim::dialects::siemens {
 

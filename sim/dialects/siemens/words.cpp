@@ -1,11 +1,4 @@
-#include <algorithm>
-#include <string_view>
-#include <unordered_map>
-#include <vector>
-
-#include "sim/dialects/cursor.h"
-#include "sim/dialects/read_program.h"
-#include "sim/dialects/siemens/block.h"
+#include "sim/dialects/siemens/siemens.h"
 
 namespace abbe::sim::dialects {
 
