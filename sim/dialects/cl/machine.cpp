@@ -143,8 +143,6 @@ void throw_input_error(const program::Canon& canon, const Item& item, std::strin
 
 namespace {
 
-constexpr double min_feed = 1e-9;  // per minute; keeps every duration finite
-
 /// Returns the items of a statement as text, for comparisons.
 std::string item_text(const Statement& statement) {
   std::string text;

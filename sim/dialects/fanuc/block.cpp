@@ -52,44 +52,27 @@ constexpr Operator operators[] = {
     {"LE", 1, [](double a, double b) { return double(zero_if_vacant(a) <= zero_if_vacant(b)); }},
 };
 
-const char* expect_unit_range(double x) {
-  return x < -1 || x > 1 ? "a number from -1 to 1" : nullptr;
-}
-
 /// Arc sine in degrees, 270 to 360 for negative arguments and 0 to 90 otherwise, as with parameter
 /// 6004.0 (NAT) = 0.
 double arc_sine(double x) {
-  const double angle = std::asin(zero_if_vacant(x)) / units::deg;
+  const double angle = std::asin(x) / units::deg;
   return angle < 0 ? angle + 360.0 : angle;
 }
 
 // `Flow::parse_operand` handles ROUND, ATAN and POW, which take several arguments or depend on the
 // address.
 constexpr Function functions[] = {
-    {"ABS", [](double x) { return std::abs(zero_if_vacant(x)); }},
-    {"ACOS", [](double x) { return std::acos(zero_if_vacant(x)) / units::deg; }, expect_unit_range},
-    {"ASIN", arc_sine, expect_unit_range},
-    {"COS", [](double x) { return std::cos(zero_if_vacant(x) * units::deg); }},
-    {"EXP", [](double x) { return std::exp(zero_if_vacant(x)); }},
-    {"FIX", [](double x) { return std::trunc(zero_if_vacant(x)); }},
-    {"FUP",
-     [](double x) { return zero_if_vacant(x) < 0 ? std::floor(x) : std::ceil(zero_if_vacant(x)); }},
-    {"LN", [](double x) { return std::log(x); },
-     [](double x) -> const char* {
-       return zero_if_vacant(x) <= 0 ? "a number greater than zero" : nullptr;
-     }},
-    {"SIN", [](double x) { return std::sin(zero_if_vacant(x) * units::deg); }},
-    {"SQRT", [](double x) { return std::sqrt(zero_if_vacant(x)); },
-     [](double x) -> const char* {
-       return zero_if_vacant(x) < 0 ? "a non-negative number" : nullptr;
-     }},
-    {"TAN", [](double x) { return std::tan(zero_if_vacant(x) * units::deg); }},
+    {"ASIN", arc_sine,
+     [](double x) { return x < -1 || x > 1 ? "a number from -1 to 1" : nullptr; }},
+    {"FIX", [](double x) { return std::trunc(x); }},
+    {"FUP", [](double x) { return x < 0 ? std::floor(x) : std::ceil(x); }},
 };
 
 }  // namespace
 
 const ExpressionGrammar& grammar() {
-  static constexpr ExpressionGrammar macro_grammar{operators, functions, '[', ']', false};
+  static const ExpressionGrammar macro_grammar{operators, functions,          '[',           ']',
+                                               false,     common_functions(), zero_if_vacant};
   return macro_grammar;
 }
 

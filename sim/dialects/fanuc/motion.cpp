@@ -2,7 +2,6 @@
 
 namespace abbe::sim::dialects::fanuc {
 
-using kinematics::Joint;
 using kinematics::Motion;
 
 /// Adds the polar words (G16) to the target. The first axis of the plane is a radius about the
@@ -170,17 +169,6 @@ namespace {
 
 // Inclination of the tool from Z of a tilted plane; angles with three decimals stay far below it.
 constexpr double max_inclination = 0.02 * units::deg;
-
-/// Returns the chain with unlimited slides, so that their positions cannot limit a direction.
-Chain with_free_slides(const Chain& chain) {
-  std::vector<Joint> joints = chain.joints();
-  for (Joint& joint : joints)
-    if (joint.motion == Motion::Linear) {
-      joint.min = -1e9;
-      joint.max = 1e9;
-    }
-  return {std::move(joints), chain.T_bw_home(), chain.T_bt_home()};
-}
 
 }  // namespace
 

@@ -215,7 +215,7 @@ void Machine::execute_trans(WordReader& words) {
   if (!words.accept("RESET"))
     words.throw_input_error(words.cursor.at, "AXIS or RESET: datum tables are not supported");
   words.expect_end();
-  for (const char letter : std::string_view("XYZABCUVW"))
+  for (const char letter : axis_letters)
     if (canon_.joint_of(letter) >= 0) set_axis_shift(letter, 0.0, false, words.cause(from));
   apply_frame(words.cause(from));
 }

@@ -313,8 +313,7 @@ void skip_function_words(int number, WordReader& words) {
     return true;
   };
   const auto is_axis = [](const std::string& name) {
-    return name.size() == 1 &&
-           std::string_view("XYZABCUVW").find(name[0]) != std::string_view::npos;
+    return name.size() == 1 && axis_letters.find(name[0]) != std::string_view::npos;
   };
   switch (number) {
     case 101:

@@ -5,19 +5,13 @@ namespace abbe::sim::dialects::heidenhain {
 
 using Eigen::Vector2d;
 
-namespace {
-
-bool is_axis_letter(char c) {
-  return c >= 'A' && c <= 'Z' && std::string_view("XYZABCUVW").find(c) != std::string_view::npos;
-}
-
-}  // namespace
-
 /// Parses an axis word, for example X+10 or IX+10. Returns false for another word.
 bool Machine::read_axis(const std::string& name, WordReader& words, std::size_t from,
                         MotionBlock& move) {
   const bool is_incremental = name.size() == 2 && name[0] == 'I';
-  if ((name.size() != 1 && !is_incremental) || !is_axis_letter(name.back())) return false;
+  if ((name.size() != 1 && !is_incremental) ||
+      axis_letters.find(name.back()) == std::string_view::npos)
+    return false;
   const char letter = name.back();
   const double number = words.read_value();
   const Cause cause = words.cause(from);

@@ -34,15 +34,7 @@ const Chain& Machine::chain(const Cause& cause) const {
 const Chain& Machine::free_chain(const Cause& cause) {
   const auto entry = free_chains_.find(tool_);
   if (entry != free_chains_.end()) return entry->second;
-  const Chain& limited = chain(cause);
-  std::vector<kinematics::Joint> joints = limited.joints();
-  for (kinematics::Joint& joint : joints)
-    if (joint.motion == kinematics::Motion::Linear) {
-      joint.min = -1e9;
-      joint.max = 1e9;
-    }
-  return free_chains_.emplace(tool_, Chain(joints, limited.T_bw_home(), limited.T_bt_home()))
-      .first->second;
+  return free_chains_.emplace(tool_, with_free_slides(chain(cause))).first->second;
 }
 
 // Returns true for rotary axes A B C; a C that is the spindle is none.

@@ -12,21 +12,12 @@ double modulo(double a, double b) {
   return remainder < 0 ? remainder + std::abs(b) : remainder;
 }
 
-// Functions that return the expectation which operands do not meet, or null.
-
-const char* require_nonzero(double, double b) { return b == 0 ? "a nonzero divisor" : nullptr; }
-
-const char* require_real_power(double a, double b) {
-  if (a < 0 && std::floor(b) != b) return "an integer exponent for a negative number";
-  return a == 0 && b < 0 ? "a non-negative exponent for zero" : nullptr;
-}
-
 // Levels of RS274/NGC as the README lists them: ** binds most tightly, logical operators least.
 constexpr Operator operators[] = {
     {"**", 6, [](double a, double b) { return std::pow(a, b); }, require_real_power},
     {"*", 5, [](double a, double b) { return a * b; }},
-    {"/", 5, [](double a, double b) { return a / b; }, require_nonzero},
-    {"MOD", 5, modulo, require_nonzero},
+    {"/", 5, [](double a, double b) { return a / b; }, require_nonzero_divisor},
+    {"MOD", 5, modulo, require_nonzero_divisor},
     {"+", 4, [](double a, double b) { return a + b; }},
     {"-", 4, [](double a, double b) { return a - b; }},
     {"EQ", 3, [](double a, double b) { return double(std::abs(a - b) < equality_tolerance); }},
@@ -40,32 +31,18 @@ constexpr Operator operators[] = {
     {"OR", 2, [](double a, double b) { return double(a != 0 || b != 0); }},
 };
 
-const char* require_unit_range(double x) {
-  return x < -1 || x > 1 ? "a number from -1 to 1" : nullptr;
-}
-
 // `Flow::parse_operand` handles ATAN, which takes two arguments.
 constexpr Function functions[] = {
-    {"ABS", [](double x) { return std::abs(x); }},
-    {"ACOS", [](double x) { return std::acos(x) / units::deg; }, require_unit_range},
-    {"ASIN", [](double x) { return std::asin(x) / units::deg; }, require_unit_range},
-    {"COS", [](double x) { return std::cos(x * units::deg); }},
-    {"EXP", [](double x) { return std::exp(x); }},
     {"FIX", [](double x) { return std::floor(x); }},
     {"FUP", [](double x) { return std::ceil(x); }},
-    {"LN", [](double x) { return std::log(x); },
-     [](double x) -> const char* { return x <= 0 ? "a number greater than zero" : nullptr; }},
     {"ROUND", [](double x) { return double(std::round(x)); }},  // half away from zero
-    {"SIN", [](double x) { return std::sin(x * units::deg); }},
-    {"SQRT", [](double x) { return std::sqrt(x); },
-     [](double x) -> const char* { return x < 0 ? "a non-negative number" : nullptr; }},
-    {"TAN", [](double x) { return std::tan(x * units::deg); }},
 };
 
 }  // namespace
 
 const ExpressionGrammar& grammar() {
-  static constexpr ExpressionGrammar ngc_grammar{operators, functions, '[', ']', true};
+  static const ExpressionGrammar ngc_grammar{operators, functions, '[',
+                                             ']',       true,      common_functions()};
   return ngc_grammar;
 }
 

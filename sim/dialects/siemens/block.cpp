@@ -11,10 +11,6 @@ bool are_equal(double a, double b) {
   return std::abs(a - b) <= equality_tolerance * std::max(std::abs(a), std::abs(b));
 }
 
-// Functions that return the expectation which operands do not meet, or null.
-
-const char* require_nonzero(double, double b) { return b == 0 ? "a nonzero divisor" : nullptr; }
-
 // Bitwise operators work on 32 bit integers.
 const char* require_32_bits(double a, double b) {
   constexpr double limit = 2147483648.0;
@@ -27,9 +23,9 @@ std::int64_t to_integer(double x) { return std::int64_t(std::trunc(x)); }
 // brackets.
 constexpr Operator operators[] = {
     {"*", 9, [](double a, double b) { return a * b; }},
-    {"/", 9, [](double a, double b) { return a / b; }, require_nonzero},
-    {"DIV", 9, [](double a, double b) { return std::trunc(a / b); }, require_nonzero},
-    {"MOD", 9, [](double a, double b) { return std::fmod(a, b); }, require_nonzero},
+    {"/", 9, [](double a, double b) { return a / b; }, require_nonzero_divisor},
+    {"DIV", 9, [](double a, double b) { return std::trunc(a / b); }, require_nonzero_divisor},
+    {"MOD", 9, [](double a, double b) { return std::fmod(a, b); }, require_nonzero_divisor},
     {"+", 8, [](double a, double b) { return a + b; }},
     {"-", 8, [](double a, double b) { return a - b; }},
     {"B_AND", 7, [](double a, double b) { return double(to_integer(a) & to_integer(b)); },
@@ -49,27 +45,12 @@ constexpr Operator operators[] = {
     {">", 1, [](double a, double b) { return double(a > b && !are_equal(a, b)); }},
 };
 
-const char* require_unit_range(double x) {
-  return x < -1 || x > 1 ? "a number from -1 to 1" : nullptr;
-}
-
 // `Flow::parse_multi_argument_function` handles functions of several numbers.
 constexpr Function functions[] = {
-    {"SIN", [](double x) { return std::sin(x * units::deg); }},
-    {"COS", [](double x) { return std::cos(x * units::deg); }},
-    {"TAN", [](double x) { return std::tan(x * units::deg); }},
-    {"ASIN", [](double x) { return std::asin(x) / units::deg; }, require_unit_range},
-    {"ACOS", [](double x) { return std::acos(x) / units::deg; }, require_unit_range},
-    {"SQRT", [](double x) { return std::sqrt(x); },
-     [](double x) -> const char* { return x < 0 ? "a non-negative number" : nullptr; }},
-    {"ABS", [](double x) { return std::abs(x); }},
     {"POT", [](double x) { return x * x; }},
     {"TRUNC", [](double x) { return std::trunc(x); }},
     {"ROUND", [](double x) { return double(std::round(x)); }},
     {"ROUNDUP", [](double x) { return std::ceil(x); }},
-    {"LN", [](double x) { return std::log(x); },
-     [](double x) -> const char* { return x <= 0 ? "a number greater than zero" : nullptr; }},
-    {"EXP", [](double x) { return std::exp(x); }},
 };
 
 /// Returns true if the word at `at` begins like an operator but is longer.
@@ -86,7 +67,8 @@ bool is_longer_word(std::string_view text, std::size_t at) {
 }  // namespace
 
 const ExpressionGrammar& grammar() {
-  static constexpr ExpressionGrammar siemens_grammar{operators, functions, '(', ')', false};
+  static const ExpressionGrammar siemens_grammar{operators, functions, '(',
+                                                 ')',       false,     common_functions()};
   return siemens_grammar;
 }
 
