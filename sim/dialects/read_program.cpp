@@ -1,23 +1,8 @@
 #include "sim/dialects/read_program.h"
 
-#include <algorithm>
-#include <array>
-#include <map>
-#include <optional>
-#include <string_view>
-#include <unordered_map>
-#include <utility>
-#include <vector>
-
-#include <fmt/format.h>
-
-#include "kinematics/text.h"
 #include "sim/dialects/cl/cl.h"
-#include "sim/dialects/cursor.h"
 #include "sim/dialects/heidenhain/heidenhain.h"
 #include "sim/dialects/linuxcnc/rs274.h"
-#include "sim/dialects/program_run.h"
-#include "sim/dialects/read_options.h"
 
 // Reading of NC programs: the front ends of all dialects, the words that a program uses, and the
 // errors of a wrong dialect.

@@ -187,8 +187,7 @@ class Machine : public GCodeControl {
   void shift_tool(double distance);
 
   // System variables.
-  std::optional<double> modal_code(int group) const;
-  std::optional<double> modal_word(int number) const;
+  std::optional<double> modal_variable(int number) const;
   struct OffsetVariable {
     Offsets* offsets = nullptr;
     int number = 0;

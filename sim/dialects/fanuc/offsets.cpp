@@ -394,69 +394,43 @@ double Machine::program_value(int j, const AxisVector& q) const {
   return canon_.is_linear(j) ? q[j] / unit() : q[j] / units::deg;
 }
 
-/// Returns the G code in force of a group, for #4001 and following.
-std::optional<double> Machine::modal_code(int group) const {
+/// Returns a mode or a word in force, #4001 and following.
+std::optional<double> Machine::modal_variable(int number) const {
   const FeedMode feed = canon_.feed_mode();
-  switch (group) {
-    case 1:
-      return motion_ / 10;
-    case 2:
-      return plane_;
-    case 3:
-      return is_incremental_ ? 91 : 90;
-    case 5:
-      if (is_turning_) return feed == FeedMode::PerMinute ? 98 : 99;
-      return feed == FeedMode::InverseTime ? 93 : feed == FeedMode::PerMinute ? 94 : 95;
-    case 6:
-      return canon_.inch() ? 20 : 21;
-    case 7:
-      return cutter_code_ / 10;
-    case 8:
-      // G43.4 reads as 43.4.
-      return length_mode_ / 10.0;
-    case 9:
-      return cycle_code_ / 10;
-    case 10:
-      return returns_to_r_ ? 99 : 98;
-    case 13:
-      return has_surface_speed_ ? 96 : 97;
-    case 14:
-      return system_ <= 6 ? 53.0 + system_ : 54.1;
-    case 15:
-      return 64;
-    case 16:
-      return !rotation_ ? 69.0 : is_tilted_ ? 68.2 : 68.0;
-    case 17:
-      return polar_.is_on ? 16 : 15;
-    default:
-      return std::nullopt;
-  }
-}
-
-/// Returns a word in force, for #4107 and following.
-std::optional<double> Machine::modal_word(int number) const {
-  switch (number) {
-    case 4107:
-      return d_;
-    case 4109:
-      return canon_.feed() ? canon_.feed()->word : 0.0;
-    case 4111:
-      return h_;
-    case 4113:
-      return last_m_;
-    case 4114:
-      return sequence_;
-    case 4115:
-      return program_;
-    case 4119:
-      return speed_word_;
-    case 4120:
-      return std::max(preselected_tool_, 0);
-    case 4130:
-      return system_ > 6 ? system_ - 100 : 0;
-    default:
-      return std::nullopt;
-  }
+  const double feed_code = is_turning_                     ? (feed == FeedMode::PerMinute ? 98 : 99)
+                           : feed == FeedMode::InverseTime ? 93
+                           : feed == FeedMode::PerMinute   ? 94
+                                                           : 95;
+  const std::pair<int, double> variables[] = {
+      {4001, motion_ / 10},
+      {4002, plane_},
+      {4003, is_incremental_ ? 91 : 90},
+      {4005, feed_code},
+      {4006, canon_.inch() ? 20 : 21},
+      {4007, cutter_code_ / 10},
+      {4008, length_mode_ / 10.0},  // G43.4 reads as 43.4
+      {4009, cycle_code_ / 10},
+      {4010, returns_to_r_ ? 99 : 98},
+      {4013, has_surface_speed_ ? 96 : 97},
+      {4014, system_ <= 6 ? 53.0 + system_ : 54.1},
+      {4015, 64},
+      {4016, !rotation_   ? 69.0
+             : is_tilted_ ? 68.2
+                          : 68.0},
+      {4017, polar_.is_on ? 16 : 15},
+      {4107, d_},
+      {4109, canon_.feed() ? canon_.feed()->word : 0.0},
+      {4111, h_},
+      {4113, last_m_},
+      {4114, sequence_},
+      {4115, program_},
+      {4119, speed_word_},
+      {4120, std::max(preselected_tool_, 0)},
+      {4130, system_ > 6 ? system_ - 100 : 0},
+  };
+  for (const auto& [variable, value] : variables)
+    if (variable == number) return value;
+  return std::nullopt;
 }
 
 /// Returns the tool offset that a variable holds, in the layout of memory C.
@@ -497,8 +471,7 @@ std::optional<double> Machine::variable(int number) {
   }
   if (const OriginVariable variable = origin_variable(number); variable.origin != nullptr)
     return program_value(joint_of_index(variable.axis), *variable.origin);
-  if (const int group = index_in_range(number, 4001, 30); group >= 0) return modal_code(group + 1);
-  if (const auto word = modal_word(number)) return word;
+  if (const auto value = modal_variable(number)) return value;
   // Under compensation a program reads the programmed position, not that of the offset tool.
   if (const int i = index_in_range(number, 5001, 9); i >= 0)
     return program_value(joint_of_index(i), programmed_position());

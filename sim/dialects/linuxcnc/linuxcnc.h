@@ -31,6 +31,12 @@ std::string parse_name(Cursor& cursor);
 /// A value for every axis letter, mm and degrees.
 using NineAxes = std::array<double, 9>;
 
+/// Returns the frame of a coordinate system in the order of LinuxCNC: the shift of G92 or G52, then
+/// the rotation about Z, rad, then the origin. Values in the order of `axis_letters`, mm and
+/// degrees. Throws BadInput at `cause` for a rotation on a machine without X Y Z.
+program::Frame system_frame(const program::Canon& canon, std::span<const double> origin,
+                            std::span<const double> shift, double rotation, const Cause& cause);
+
 /// Modes that M70 saves: all except the motion mode.
 struct Modes {
   bool is_inch = false, is_incremental = false, has_absolute_centre = false;

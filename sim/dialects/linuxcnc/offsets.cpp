@@ -29,34 +29,34 @@ double Machine::position_from_zero(int k) const {
   return axis_position(k) - (k < 3 ? canon_.shift_correction()[k] : 0.0);
 }
 
-/// Sets the frame in the order of LinuxCNC: the shift of G92 or G52, then the rotation about Z,
-/// then the origin of the system. Offsets of the scene alone keep their bits.
+program::Frame system_frame(const program::Canon& canon, std::span<const double> origin,
+                            std::span<const double> shift, double rotation, const Cause& cause) {
+  program::Frame frame;
+  frame.shift = AxisVector::Zero(canon.position().size());
+  // The shift of G92 is within the rotation, so it is rotated too.
+  Eigen::Vector3d xyz(shift[0], shift[1], shift[2]);
+  if (rotation != 0.0) {
+    for (const char letter : {'X', 'Y', 'Z'})
+      if (canon.joint_of(letter) < 0)
+        canon.throw_input_error(cause, "a machine with X Y Z for a rotated coordinate system");
+    frame.rotation = Eigen::AngleAxisd(rotation, Eigen::Vector3d::UnitZ()).toRotationMatrix();
+    xyz = *frame.rotation * Eigen::Vector3d(xyz);
+  }
+  for (std::size_t k = 0; k < shift.size(); ++k)
+    if (const int j = canon.joint_of(axis_letters[k]); j >= 0)
+      frame.shift[j] = (origin[k] + (k < 3 ? xyz[Eigen::Index(k)] : shift[k])) *
+                       (canon.is_linear(j) ? 1.0 : units::deg);
+  return frame;
+}
+
+/// Sets the frame. Offsets of the scene alone keep their bits.
 void Machine::apply_frame() {
   const bool has_shift = std::any_of(g92_.begin(), g92_.end(), [](double v) { return v != 0.0; });
-  const double angle = origin_[9];
-  program::Frame frame;
-  if (!system_changed_[std::size_t(system_ - 1)] && !has_shift) {
-    frame.shift = program::work_offset(canon_.options(), system_);
-    return canon_.set_frame(system_ - 1, std::move(frame));
-  }
-  frame.shift = AxisVector::Zero(canon_.position().size());
-  // The shift of G92 is within the rotation, so it is rotated too.
-  NineAxes shift = g92_;
-  if (angle != 0.0) {
-    for (const int k : {0, 1, 2})
-      if (joint(k) < 0)
-        canon_.throw_input_error({1, {}}, "a machine with X Y Z for a rotated coordinate system");
-    const Eigen::Matrix3d R =
-        Eigen::AngleAxisd(angle * units::deg, Eigen::Vector3d::UnitZ()).toRotationMatrix();
-    const Eigen::Vector3d rotated = R * Eigen::Vector3d(shift[0], shift[1], shift[2]);
-    for (int k = 0; k < 3; ++k) shift[std::size_t(k)] = rotated[k];
-    frame.rotation = R;
-  }
-  for (int k = 0; k < 9; ++k)
-    if (const int j = joint(k); j >= 0)
-      frame.shift[j] = (origin_[std::size_t(k)] + shift[std::size_t(k)]) *
-                       (canon_.is_linear(j) ? 1.0 : units::deg);
-  canon_.set_frame(system_ - 1, std::move(frame));
+  const bool is_of_scene = !system_changed_[std::size_t(system_ - 1)] && !has_shift;
+  canon_.set_frame(system_ - 1,
+                   is_of_scene ? program::Frame{program::work_offset(canon_.options(), system_)}
+                               : system_frame(canon_, std::span(origin_).first<9>(), g92_,
+                                              origin_[9] * units::deg, {1, {}}));
 }
 
 /// Selects a coordinate system. As in rs274 the system in force does not reload its parameters.

@@ -492,29 +492,12 @@ Commands::SixAxes Commands::in_mm(SixAxes lengths) const {
   return lengths;
 }
 
-/// Sets the frame in the order of LinuxCNC: the shift of G92, then the rotation about Z, then the
-/// shift of the coordinate system.
+/// Sets the frame. The origins that rs274 was given include `zero_`, which the canon adds too.
 void Commands::apply_frame() {
-  program::Frame frame;
-  frame.shift = AxisVector::Zero(canon_.position().size());
-  SixAxes shift = g92_;
-  if (rotation_ != 0.0) {
-    for (const std::size_t k : {0, 1, 2})
-      if (joint(k) < 0) throw_input_error("a machine with X Y Z for a rotated coordinate system");
-    const Eigen::Matrix3d R =
-        Eigen::AngleAxisd(rotation_, Eigen::Vector3d::UnitZ()).toRotationMatrix();
-    const Eigen::Vector3d rotated = R * Eigen::Vector3d(shift[0], shift[1], shift[2]);
-    for (int k = 0; k < 3; ++k) shift[std::size_t(k)] = rotated[k];
-    frame.rotation = R;
-  }
-  for (std::size_t k = 0; k < 6; ++k) {
-    const int j = joint(k);
-    // The origins that rs274 was given include `zero_`, which the canon adds too.
-    const double zero = k < 3 ? zero_[Eigen::Index(k)] : 0.0;
-    if (j >= 0)
-      frame.shift[j] = (g5x_[k] - zero + shift[k]) * (canon_.is_linear(j) ? 1.0 : units::deg);
-  }
-  canon_.set_frame(system_ - 1, std::move(frame));
+  SixAxes origin = g5x_;
+  for (std::size_t k = 0; k < 3; ++k) origin[k] -= zero_[Eigen::Index(k)];
+  canon_.set_frame(system_ - 1,
+                   system_frame(canon_, origin, g92_, rotation_, {0, program_.text_of(number_)}));
 }
 
 void Commands::set_units(bool inch) {

@@ -2,7 +2,7 @@
 
 #include <deque>
 
-#include "sim/dialects/control.h"
+#include "sim/dialects/linuxcnc/linuxcnc.h"
 
 /// Programs prepared for LinuxCNC's own interpreter, and its output. The interpreter prints only
 /// the line number (N word) of the block of a command, so every line of the program and its
