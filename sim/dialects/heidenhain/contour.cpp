@@ -210,25 +210,32 @@ void Contour::enter_contour(const ContourElement& next) {
   compensation_.begin_at_offset(*is_left_, radius_, plane_, begin);
 }
 
+namespace {
+
+ArcMove arc_move(const ContourElement& element) {
+  return {.first = element.first,
+          .second = element.second,
+          .end = element.end,
+          .centre = {0, 0},
+          .centre_with_offsets = element.centre,
+          .radius = element.radius,
+          .clockwise = element.is_clockwise,
+          .turns = element.turn_count,
+          .cause = element.cause,
+          .named = element.cause,
+          .stated = element.stated};
+}
+
+}  // namespace
+
 // The element has the feed of its own block, not of the current one.
 void Contour::compensate(const ContourElement& element) {
   const auto feed = canon_.feed();
   canon_.set_feed(element.feed);
-  if (!element.is_arc) {
+  if (element.is_arc)
+    compensation_.arc(arc_move(element));
+  else
     compensation_.straight({.end = element.end, .cause = element.cause}, element.is_rapid);
-  } else {
-    program::ArcMove arc{.first = element.first,
-                         .second = element.second,
-                         .end = element.end,
-                         .centre = {0, 0},
-                         .centre_with_offsets = element.centre,
-                         .radius = element.radius,
-                         .clockwise = element.is_clockwise,
-                         .turns = element.turn_count,
-                         .cause = element.cause,
-                         .named = element.cause};
-    compensation_.arc(std::move(arc));
-  }
   canon_.set_feed(feed);
 }
 
@@ -238,17 +245,7 @@ void Contour::issue(const ContourElement& element) {
   canon_.set_feed(element.feed);
   canon_.set_line(element.line, element.file);
   if (element.is_arc)
-    canon_.arc({.first = element.first,
-                .second = element.second,
-                .end = element.end,
-                .centre = {0, 0},
-                .centre_with_offsets = element.centre,
-                .radius = element.radius,
-                .clockwise = element.is_clockwise,
-                .turns = element.turn_count,
-                .cause = element.cause,
-                .named = element.cause,
-                .stated = element.stated});
+    canon_.arc(arc_move(element));
   else
     canon_.straight({.end = element.end, .cause = element.cause, .stated = element.stated},
                     element.is_rapid);

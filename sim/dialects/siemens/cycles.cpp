@@ -119,33 +119,60 @@ void Machine::end_swivel() {
 
 namespace {
 
-/// Arguments of CYCLE800 by position.
-struct SwivelParameters {
-  const ProgramCall& call;
-  const program::Canon& canon;
+/// Arguments of a cycle by position.
+class CycleParameters {
+ public:
+  CycleParameters(const ProgramCall& call, const program::Canon& canon, double unit)
+      : call_(call), canon_(canon), unit_(unit) {}
 
-  double number(std::size_t i, double default_value = 0.0) const {
-    if (i >= call.arguments.size() || call.arguments[i].empty()) return default_value;
-    if (!call.arguments[i].number) canon.throw_input_error(call.arguments[i].cause, "a number");
-    return *call.arguments[i].number;
+  bool has(std::size_t i) const {
+    return i < call_.arguments.size() && !call_.arguments[i].empty();
   }
+  Cause cause(std::size_t i) const {
+    return i < call_.arguments.size() ? call_.arguments[i].cause : call_.cause;
+  }
+  double number(std::size_t i, double default_value = 0.0) const {
+    if (!has(i)) return default_value;
+    if (!call_.arguments[i].number) canon_.throw_input_error(cause(i), "a number");
+    return *call_.arguments[i].number;
+  }
+  double length(std::size_t i) const { return number(i) * unit_; }
   int integer(std::size_t i, int default_value, int min, int max) const {
     const double value = number(i, default_value);
     if (value != std::floor(value) || value < min || value > max)
-      canon.throw_input_error(call.arguments[i].cause,
-                              fmt::format("an integer from {} to {}", min, max));
+      throw_input_error(i, fmt::format("an integer from {} to {}", min, max));
     return int(value);
   }
   Vector3d vector(std::size_t i) const { return {number(i), number(i + 1), number(i + 2)}; }
-  [[noreturn]] void throw_input_error(std::size_t i, const std::string& expected) const {
-    canon.throw_input_error(i < call.arguments.size() ? call.arguments[i].cause : call.cause,
-                            expected);
+  double positive(std::size_t i, std::string_view name) const {
+    if (!(number(i) > 0))
+      throw_input_error(i, fmt::format("{} greater than zero in {}", name, call_.name));
+    return number(i);
   }
+  /// Throws BadInput if one of the unsupported arguments `first` to `last` is not zero.
+  void require_zero(std::size_t first, std::size_t last) const {
+    for (std::size_t i = first; i <= last; ++i)
+      if (number(i) != 0)
+        throw_input_error(i, fmt::format("nothing or 0 as parameter {} of {}", i + 1, call_.name));
+  }
+  /// Throws BadInput for more than `count` arguments.
+  void require_at_most(std::size_t count) const {
+    if (call_.arguments.size() > count)
+      throw_input_error(count, fmt::format("at most {} parameters of {}", count, call_.name));
+  }
+  [[noreturn]] void throw_input_error(std::size_t i, std::string expected) const {
+    canon_.throw_input_error(cause(i), std::move(expected));
+  }
+
+ private:
+  const ProgramCall& call_;
+  const program::Canon& canon_;
+  double unit_;
 };
 
 /// Returns the rotation of the plane. Bits 7 and 6 of _MODE state the meaning of the angles, the
 /// pairs of bits below them the axes in their order.
-Matrix3d swivel_frame_rotation(const SwivelParameters& words) {
+Matrix3d swivel_frame_rotation(const CycleParameters& words) {
   // 57 = 0b111001 is X, Y, Z in this order, the default.
   const int mode = words.integer(3, 57, 0, 255);
   const Vector3d angles = words.vector(7);
@@ -166,8 +193,8 @@ Matrix3d swivel_frame_rotation(const SwivelParameters& words) {
 }  // namespace
 
 void Machine::execute_cycle800(const ProgramCall& call) {
-  const SwivelParameters words{call, canon_};
-  if (call.arguments.size() > 16) words.throw_input_error(16, "at most 16 parameters of CYCLE800");
+  const CycleParameters words(call, canon_, unit());
+  words.require_at_most(16);
   // CYCLE800() and the swivel data "0" end the plane.
   const bool is_end =
       call.arguments.empty() || (call.arguments.size() > 1 && call.arguments[1].text == "0");
@@ -268,50 +295,6 @@ namespace {
 // Cycles that are expanded into moves; milling cycles are not.
 constexpr std::string_view drilling_cycles[] = {"CYCLE81", "CYCLE82", "CYCLE83", "CYCLE84",
                                                 "CYCLE85", "CYCLE86", "CYCLE89"};
-
-/// Arguments of a drilling cycle by position.
-class CycleParameters {
- public:
-  CycleParameters(const ProgramCall& call, const program::Canon& canon, double unit)
-      : call_(call), canon_(canon), unit_(unit) {}
-
-  bool has(std::size_t i) const {
-    return i < call_.arguments.size() && !call_.arguments[i].empty();
-  }
-  Cause cause(std::size_t i) const {
-    return i < call_.arguments.size() ? call_.arguments[i].cause : call_.cause;
-  }
-  double number(std::size_t i, double default_value = 0.0) const {
-    if (!has(i)) return default_value;
-    if (!call_.arguments[i].number) canon_.throw_input_error(cause(i), "a number");
-    return *call_.arguments[i].number;
-  }
-  double length(std::size_t i) const { return number(i) * unit_; }
-  double positive(std::size_t i, std::string_view name) const {
-    if (!(number(i) > 0))
-      canon_.throw_input_error(cause(i),
-                               fmt::format("{} greater than zero in {}", name, call_.name));
-    return number(i);
-  }
-  /// Throws BadInput if one of the unsupported arguments `first` to `last` is not zero.
-  void require_zero(std::size_t first, std::size_t last) const {
-    for (std::size_t i = first; i <= last; ++i)
-      if (number(i) != 0)
-        canon_.throw_input_error(
-            cause(i), fmt::format("nothing or 0 as parameter {} of {}", i + 1, call_.name));
-  }
-  /// Throws BadInput for more than `count` arguments.
-  void require_at_most(std::size_t count) const {
-    if (call_.arguments.size() > count)
-      canon_.throw_input_error(cause(count),
-                               fmt::format("at most {} parameters of {}", count, call_.name));
-  }
-
- private:
-  const ProgramCall& call_;
-  const program::Canon& canon_;
-  double unit_;
-};
 
 }  // namespace
 
