@@ -114,8 +114,7 @@ double parse_operators(Cursor& cursor, const ExpressionGrammar& grammar, Operand
                        int min_level) {
   double left = parse_value(cursor, grammar, operands);
   while (true) {
-    cursor.skip_blanks();
-    const std::size_t from = cursor.at;
+    const std::size_t from = skip_blanks(cursor);
     const Operator* binary_operator = operator_at(cursor, grammar, min_level);
     if (binary_operator == nullptr) return left;
     const double right = parse_operators(cursor, grammar, operands, binary_operator->level + 1);
@@ -178,8 +177,7 @@ double parse_expression(Cursor& cursor, const ExpressionGrammar& grammar, Operan
 }
 
 double parse_bracketed(Cursor& cursor, const ExpressionGrammar& grammar, OperandParser& operands) {
-  cursor.skip_blanks();
-  const std::size_t open = cursor.at;
+  const std::size_t open = skip_blanks(cursor);
   if (cursor.current() != grammar.open)
     cursor.throw_input_error(open, std::string("an expression in ") + grammar.open + grammar.close);
   ++cursor.at;

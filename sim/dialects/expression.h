@@ -50,6 +50,12 @@ class Variables {
   std::vector<Table> calls_;  ///< the last one is running; the first is the main program
 };
 
+/// Advances past blanks and returns the byte at which the next word begins.
+inline std::size_t skip_blanks(Cursor& cursor) {
+  cursor.skip_blanks();
+  return cursor.at;
+}
+
 // Arithmetic expressions of the dialects; a grammar holds the differences.
 
 /// A binary operator. Operators of equal level are evaluated from the left.

@@ -349,8 +349,7 @@ double WordReader::read_value() {
 }
 
 int WordReader::read_whole_number(int max) {
-  cursor.skip_blanks();
-  const std::size_t from = cursor.at;
+  const std::size_t from = skip_blanks(cursor);
   const double number = read_value();
   if (number < 0 || number > max || number != std::floor(number))
     cursor.throw_input_error(from, fmt::format("an integer from 0 to {}", max));
@@ -358,8 +357,7 @@ int WordReader::read_whole_number(int max) {
 }
 
 std::string WordReader::read_label() {
-  cursor.skip_blanks();
-  const std::size_t from = cursor.at;
+  const std::size_t from = skip_blanks(cursor);
   if (cursor.current() != '"') return fmt::format("{}", read_whole_number(65535));
   const std::size_t end = cursor.text.find('"', from + 1);
   // The control allows 32 characters.

@@ -20,8 +20,7 @@ int parse_digits(Cursor& cursor) {
 
 /// Executes CYCL DEF, for example CYCL DEF 7.1 X+10 or CYCL DEF 200 DRILLING Q200=2.
 void Machine::execute_cycle_definition(WordReader& words) {
-  words.cursor.skip_blanks();
-  const std::size_t from = words.cursor.at;
+  const std::size_t from = skip_blanks(words.cursor);
   if (!is_digit(words.cursor.current())) words.throw_input_error(from, "a cycle number");
   const int number = parse_digits(words.cursor);
   int part = -1;
@@ -146,8 +145,7 @@ void Machine::require_certain_shift(const Cause& cause) const {
 }
 
 void Machine::execute_rotation_cycle(WordReader& words) {
-  words.cursor.skip_blanks();
-  const std::size_t from = words.cursor.at;
+  const std::size_t from = skip_blanks(words.cursor);
   const std::string name = words.read_name();
   if (name != "ROT" && name != "IROT") words.throw_input_error(from, "ROT and an angle");
   const double angle = words.read_value() * units::deg;
@@ -199,8 +197,7 @@ void Machine::execute_plane_cycle(WordReader& words) {
 
 /// Executes TRANS, for example TRANS DATUM AXIS X+10 or TRANS DATUM RESET.
 void Machine::execute_trans(WordReader& words) {
-  words.cursor.skip_blanks();
-  const std::size_t from = words.cursor.at;
+  const std::size_t from = skip_blanks(words.cursor);
   if (contour_.is_compensated()) words.throw_input_error(from, "R0 before TRANS");
   if (words.accept("ROTATION")) {
     if (words.accept("RESET")) {
@@ -315,8 +312,7 @@ void Machine::define_q_cycle(int number, std::size_t from, WordReader& words) {
 /// Parses the value of a parameter of a cycle. A feed may be written as in a block, with or without
 /// F. Parameters that are feeds per revolution are added to `per_revolution`.
 double Machine::read_cycle_value(int q, std::set<int>& per_revolution, WordReader& words) const {
-  words.cursor.skip_blanks();
-  const std::size_t from = words.cursor.at;
+  const std::size_t from = skip_blanks(words.cursor);
   WordReader ahead = words;
   const std::string name = ahead.read_name();
   if (!is_feed_parameter(q) || name.empty() || name.front() == 'Q') return words.read_value();
@@ -360,8 +356,7 @@ double Machine::cycle_value(int number, double default_value) const {
 
 /// Executes CYCL CALL, for example CYCL CALL M3 or CYCL CALL POS X+10 Y+20 Z+0 FMAX.
 void Machine::call_cycle(WordReader& words) {
-  words.cursor.skip_blanks();
-  const std::size_t from = words.cursor.at;
+  const std::size_t from = skip_blanks(words.cursor);
   const bool has_position = words.accept("POS");
   if (words.accept("PAT"))
     words.throw_input_error(from, "CYCL CALL, CYCL CALL POS or M99: patterns are not supported");

@@ -299,8 +299,7 @@ void Flow::execute_call(WordReader& words) {
 }
 
 void Flow::call_label(WordReader& words) {
-  words.cursor.skip_blanks();
-  const std::size_t from = words.cursor.at;
+  const std::size_t from = skip_blanks(words.cursor);
   const std::string name = words.read_label();
   const std::size_t line = line_of_label(name, words, from);
   if (words.at_end()) {
@@ -331,8 +330,7 @@ void Flow::call_label(WordReader& words) {
 
 void Flow::call_program(WordReader& words) {
   constexpr std::size_t max_name_bytes = 100;
-  words.cursor.skip_blanks();
-  const std::size_t from = words.cursor.at;
+  const std::size_t from = skip_blanks(words.cursor);
   std::string name(words.cursor.text.substr(from));
   while (!name.empty() && is_blank(name.back())) name.pop_back();
   if (name.size() > 1 && name.front() == '"' && name.back() == '"')
@@ -464,8 +462,7 @@ void Flow::execute_assignment(WordReader& words, const Parameter& parameter) {
 }
 
 void Flow::execute_fn(WordReader& words) {
-  words.cursor.skip_blanks();
-  const std::size_t from = words.cursor.at;
+  const std::size_t from = skip_blanks(words.cursor);
   const int number = words.read_whole_number(99);
   if (!words.cursor.accept(":"))
     words.throw_input_error(words.cursor.at, ": after FN and its number");
@@ -492,8 +489,7 @@ double Flow::fn_result(int number, WordReader& words) {
   if (number == 0 && words.accept("SET"))
     words.throw_input_error(words.cursor.at, "a number: parameters cannot be made undefined");
   if (number >= 5 && number <= 7) expect(number == 5 ? "SQRT" : number == 6 ? "SIN" : "COS");
-  words.cursor.skip_blanks();
-  const std::size_t from = words.cursor.at;
+  const std::size_t from = skip_blanks(words.cursor);
   const double a = words.read_value();
   if (number == 5 && a < 0) words.throw_input_error(from, "a non-negative number");
   double result = number == 5   ? std::sqrt(a)
@@ -503,8 +499,7 @@ double Flow::fn_result(int number, WordReader& words) {
   if (number != 0 && (number < 5 || number > 7)) {
     static constexpr std::string_view operators[] = {"", "+", "-", "*", "DIV"};
     expect(number == 8 ? "LEN" : number == 13 ? "ANG" : operators[number]);
-    words.cursor.skip_blanks();
-    const std::size_t second = words.cursor.at;
+    const std::size_t second = skip_blanks(words.cursor);
     const double b = words.read_value();
     if (number == 4 && b == 0) words.throw_input_error(second, "a nonzero divisor");
     if (number == 13 && a == 0 && b == 0)
@@ -524,16 +519,14 @@ double Flow::fn_result(int number, WordReader& words) {
 void Flow::execute_if(WordReader& words) {
   words.accept("IF");
   const double a = words.read_value();
-  words.cursor.skip_blanks();
-  const std::size_t from = words.cursor.at;
+  const std::size_t from = skip_blanks(words.cursor);
   const std::string comparison = words.read_name();
   if (comparison != "EQU" && comparison != "NE" && comparison != "GT" && comparison != "LT")
     words.throw_input_error(from, "EQU, NE, GT or LT");
   const double b = words.read_value();
   if (!words.accept("GOTO") || !words.accept("LBL"))
     words.throw_input_error(words.cursor.at, "GOTO LBL");
-  words.cursor.skip_blanks();
-  const std::size_t label_from = words.cursor.at;
+  const std::size_t label_from = skip_blanks(words.cursor);
   const std::string label = words.read_label();
   words.expect_end();
   // The label is checked even if the condition is false, so that errors do not depend on

@@ -132,8 +132,7 @@ void Machine::stop(WordReader& words) {
 }
 
 void Machine::execute_function(WordReader& words) {
-  words.cursor.skip_blanks();
-  const std::size_t from = words.cursor.at;
+  const std::size_t from = skip_blanks(words.cursor);
   if (words.accept("TCPM")) return execute_tcpm(words);
   if (words.accept("RESET")) {
     if (!words.accept("TCPM"))
@@ -162,8 +161,7 @@ void Machine::execute_function(WordReader& words) {
 
 /// Executes PRESET, for example PRESET SELECT #1.
 void Machine::execute_preset(WordReader& words) {
-  words.cursor.skip_blanks();
-  const std::size_t from = words.cursor.at;
+  const std::size_t from = skip_blanks(words.cursor);
   if (!words.accept("SELECT") || !words.cursor.accept("#"))
     words.throw_input_error(from, "SELECT and # with a number after PRESET");
   const int number = words.read_whole_number(9999);
@@ -227,8 +225,7 @@ int Machine::read_tool_name(WordReader& words) {
 }
 
 void Machine::tool_call(WordReader& words) {
-  words.cursor.skip_blanks();
-  const std::size_t from = words.cursor.at;
+  const std::size_t from = skip_blanks(words.cursor);
   if (contour_.is_compensated()) words.throw_input_error(from, "R0 before TOOL CALL");
   std::optional<int> number;
   if (words.cursor.current() == '"')
@@ -274,8 +271,7 @@ void Machine::tool_call(WordReader& words) {
 
 /// Executes TOOL DEF, for example TOOL DEF 5 L+100 R+5. Without L and R it only prepares the tool.
 void Machine::tool_def(WordReader& words) {
-  words.cursor.skip_blanks();
-  const std::size_t from = words.cursor.at;
+  const std::size_t from = skip_blanks(words.cursor);
   if (words.cursor.current() == '"')
     words.throw_input_error(from, "a tool number: the scene has no tool with this name");
   const int number = words.read_whole_number(32767);
@@ -367,8 +363,7 @@ void Machine::read_m_function(WordReader& words, std::size_t from, MFunction& m)
       m.retraction = words.read_value() * unit();
   }
   if (m.number == 140 || m.number == 128) {
-    words.cursor.skip_blanks();
-    const std::size_t at = words.cursor.at;
+    const std::size_t at = skip_blanks(words.cursor);
     WordReader ahead = words;
     if (const std::string feed = ahead.read_name(); feed.starts_with('F')) {
       words.cursor.at = ahead.cursor.at;

@@ -69,8 +69,7 @@ Machine::FeedValue Machine::read_feed(std::string letters, WordReader& words,
     reject_unsupported("F" + letters, words.cause(from));
     words.throw_input_error(from, "a feed: a number, FMAX, F AUTO or FU");
   }
-  words.cursor.skip_blanks();
-  const std::size_t at = words.cursor.at;
+  const std::size_t at = skip_blanks(words.cursor);
   const double value = words.read_value();
   if (!(value >= min_feed)) words.throw_input_error(at, "a feed greater than zero");
   return {letters.empty() ? FeedKind::Number : FeedKind::PerRevolution, value};

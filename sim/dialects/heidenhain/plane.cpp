@@ -363,8 +363,7 @@ bool Machine::read_positioning_word(const std::string& name, WordReader& words,
 /// Parses STAY, or TURN and MOVE with a feed.
 Machine::RotaryPositioning Machine::read_positioning(WordReader& words) {
   RotaryPositioning positioning;
-  words.cursor.skip_blanks();
-  const std::size_t from = words.cursor.at;
+  const std::size_t from = skip_blanks(words.cursor);
   const std::string kind = words.read_name();
   positioning.cause = words.cause(from);
   if (kind != "STAY" && kind != "TURN" && kind != "MOVE")
@@ -384,8 +383,7 @@ Machine::RotaryPositioning Machine::read_positioning(WordReader& words) {
 }
 
 void Machine::execute_plane(WordReader& words) {
-  words.cursor.skip_blanks();
-  const std::size_t from = words.cursor.at;
+  const std::size_t from = skip_blanks(words.cursor);
   const std::string kind = words.read_name();
   if (contour_.is_compensated()) words.throw_input_error(from, "R0 before PLANE");
   reject_unsupported("PLANE\u00a0" + kind, words.cause(from));
@@ -497,8 +495,7 @@ void Machine::execute_tcpm(WordReader& words) {
   const auto read_option = [&](std::string_view supported,
                                std::initializer_list<std::string_view> rejected,
                                const char* sentence) {
-    words.cursor.skip_blanks();
-    const std::size_t from = words.cursor.at;
+    const std::size_t from = skip_blanks(words.cursor);
     for (const std::string_view option : rejected)
       if (words.cursor.accept(option)) words.throw_input_error(from, sentence);
     if (!words.cursor.accept(supported)) words.throw_input_error(from, std::string(supported));

@@ -177,8 +177,7 @@ std::vector<Argument> parse_arguments(Cursor& cursor, VariableParser& variables)
     return arguments;
   }
   while (true) {
-    cursor.skip_blanks();
-    const std::size_t from = cursor.at;
+    const std::size_t from = skip_blanks(cursor);
     Argument argument;
     if (cursor.current() == '"')
       argument.text = parse_quoted_text(cursor);
