@@ -99,6 +99,11 @@ void BlockReader::put_word(std::size_t slot, const Word& word) {
   block_.words.put(slot, word);
 }
 
+std::string_view letters_of_code(std::span<const CodeLetters> table, int tenths) {
+  const auto entry = std::ranges::find(table, tenths, &CodeLetters::tenths);
+  return entry == table.end() ? std::string_view() : entry->letters;
+}
+
 void check_skipped_code(const program::Canon& canon, const Block& block, const Word* axis) {
   if (axis == nullptr || block.skipped_code.letter != 'G') return;
   canon.throw_input_error(

@@ -109,6 +109,14 @@ std::string_view read_comment(Cursor& cursor);
 /// Returns the tenths of a code, 434 for G43.4, or -1 for a number that is no code.
 int tenths_of(const Word& word);
 
+/// Letters other than those of axis words that belong to a code, which is stated in tenths.
+struct CodeLetters {
+  int tenths = -1;
+  std::string_view letters;
+};
+/// Returns the letters of a code; none if it is not in the table.
+std::string_view letters_of_code(std::span<const CodeLetters> table, int tenths);
+
 /// Checks the axis words of a block, of which `axis` is the first, or null. Throws BadInput beside
 /// a skipped G code, which may give them another meaning.
 void check_skipped_code(const program::Canon& canon, const Block& block, const Word* axis);

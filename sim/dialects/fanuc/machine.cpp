@@ -4,19 +4,8 @@ namespace abbe::sim::dialects::fanuc {
 
 namespace {
 
-// Returns the letters other than axis words that belong to a code of group 00.
-std::string_view one_shot_letters(int code) {
-  switch (code) {
-    case 40:
-      return "XUP";
-    case 100:
-      return "LPR";
-    case 300:
-      return "P";
-    default:
-      return "";
-  }
-}
+// Letters of codes of group 00.
+constexpr gcode::CodeLetters one_shot_letters[] = {{40, "XUP"}, {100, "LPR"}, {300, "P"}};
 
 }  // namespace
 
@@ -116,7 +105,7 @@ Cause Machine::motion_cause(const Block& block) const {
 /// Returns the letters other than axis words that belong to the codes of a block.
 std::string Machine::allowed_letters(const Block& block) const {
   const int one_shot = block.tenths(Group::OneShot);
-  std::string letters(one_shot_letters(one_shot));
+  std::string letters(gcode::letters_of_code(one_shot_letters, one_shot));
   if (block[Group::MirrorEnd]) return letters;
   const int rotation = block.tenths(Group::Rotation);
   if (rotation == 682) return letters + "IJKP";

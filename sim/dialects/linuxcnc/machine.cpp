@@ -9,57 +9,22 @@ bool is_drilling(int motion) {
   return motion == 730 || motion == 740 || (motion >= 810 && motion <= 890);
 }
 
-/// Returns the letters other than axis words that belong to a motion code.
-std::string_view motion_letters(int motion) {
-  switch (motion) {
-    case 20:
-    case 30:
-      return "IJKRP";
-    case 50:
-      return "IJPQ";
-    case 51:
-      return "IJ";
-    case 52:
-      return "PL";
-    case 330:
-      return "K";
-    case 331:
-      return "KI";
-    case 760:
-      return "PIJRKQHEL";
-    case 730:
-    case 830:
-      return "RQL";
-    case 810:
-    case 850:
-      return "RL";
-    default:
-      return is_drilling(motion) ? "RPL" : "";
-  }
-}
+constexpr gcode::CodeLetters motion_letters[] = {
+    {20, "IJKRP"}, {30, "IJKRP"}, {50, "IJPQ"}, {51, "IJ"},         {52, "PL"},  {330, "K"},
+    {331, "KI"},   {730, "RQL"},  {740, "RPL"}, {760, "PIJRKQHEL"}, {810, "RL"}, {820, "RPL"},
+    {830, "RQL"},  {840, "RPL"},  {850, "RL"},  {860, "RPL"},       {890, "RPL"}};
+
+// Letters of codes of overrides and outputs.
+constexpr gcode::CodeLetters override_letters[] = {{500, "P"},  {510, "P"}, {520, "P"}, {530, "P"},
+                                                   {620, "P"},  {630, "P"}, {640, "P"}, {650, "P"},
+                                                   {670, "EQ"}, {680, "EQ"}};
+
+// Letters of codes of group 0.
+constexpr gcode::CodeLetters one_shot_letters[] = {{40, "P"}, {100, "LPRIJQ"}};
 
 /// Returns true for motion codes that are an error without axis words.
 bool requires_axis_words(int motion) {
   return is_drilling(motion) || motion == 330 || motion == 331 || motion == 50 || motion == 51;
-}
-
-/// Returns the letters that belong to codes of overrides and outputs.
-std::string_view override_letters(int code) {
-  if (code >= 500 && code <= 530) return "P";
-  if (code >= 620 && code <= 650) return "P";
-  return code == 670 || code == 680 ? "EQ" : "";
-}
-
-// Returns the letters other than axis words that belong to a code of group 0.
-std::string_view one_block_letters(int code) {
-  switch (code) {
-    case 40:
-      return "P";
-    case 100:
-      return "LPRIJQ";
-    default:
-      return "";
-  }
 }
 
 }  // namespace
@@ -148,19 +113,20 @@ void Machine::check_words(const Block& block) const {
   const Code& one_block = block[Group::OneShot];
   const int motion = block[Group::Motion] ? block.tenths(Group::Motion) : motion_;
   const bool owns_axis_words = one_block && one_block.tenths != 40 && one_block.tenths != 530;
-  std::string letters(one_block_letters(one_block.tenths));
+  std::string letters(gcode::letters_of_code(one_shot_letters, one_block.tenths));
   const Word* axis = first_axis_word(block);
   const bool is_arc = motion == 20 || motion == 30;
   const bool has_centre = is_arc && (block['I'] || block['J'] || block['K']);
   // Letters of the motion in force count only in blocks that move.
   if (!owns_axis_words && (axis || block[Group::Motion] || has_centre))
-    letters += motion_letters(motion);
+    letters += gcode::letters_of_code(motion_letters, motion);
   const int length = block.tenths(Group::ToolLength);
   if (length == 430 || length == 432 || length == 434) letters += 'H';
   if (const int side = block.tenths(Group::CutterRadius); side > 400) letters += "DL";
   if (block.tenths(Group::SpeedMode) == 960) letters += 'D';
   if (block.tenths(Group::PathMode) == 640) letters += "PQ";
-  if (block[Group::Override]) letters += override_letters(block.tenths(Group::Override));
+  if (block[Group::Override])
+    letters += gcode::letters_of_code(override_letters, block.tenths(Group::Override));
   if (block.tenths(Group::ToolChange) == 610) letters += 'Q';
   if (block.tenths(Group::Spindle) == 190) letters += "RQP";
   for (const char letter : {'D', 'E', 'H', 'I', 'J', 'K', 'L', 'P', 'Q', 'R'}) {
