@@ -51,11 +51,10 @@ using program::Target;
 inline constexpr std::string_view axis_letters = "XYZABCUVW";
 /// Smallest feed per minute; keeps every duration finite.
 inline constexpr double min_feed = 1e-9;
+
 /// State of every control: the run of the program, and the canon that receives the moves.
 class Control {
  protected:
-  using AxisVector = kinematics::AxisVector;
-
   explicit Control(ProgramRun& run) : run_(run), canon_(run.canon) {}
 
   [[noreturn]] void throw_input_error(const Cause& cause, std::string expected,

@@ -9,9 +9,6 @@
 
 namespace abbe::sim::dialects {
 
-/// Reads Klartext as a TNC 640 does.
-void read_heidenhain(std::string_view text, ProgramRun& run);
-
 void read_cl(std::string_view text, ProgramRun& run) {
   if (cl::is_table(text)) {
     // A table has no statements in which a startup code could be written.

@@ -95,9 +95,70 @@ class BlockReader : public gcode::BlockReader {
   }
 
  private:
-  bool skip_to_next_word();
-  void read_word();
-  void store_code(const Word& word);
+  /// Advances past comments to the next word. Returns false at the end of the block: at the end of
+  /// the line, at ; or at a / whose level is skipped. Throws an input error if another block
+  /// follows a ;.
+  bool skip_to_next_word() {
+    collect_comments(cursor_, block_.comments);
+    if (cursor_.at_end()) return false;
+    if (cursor_.current() == ';') {
+      ++cursor_.at;
+      collect_comments(cursor_, block_.comments);
+      // A second block on a line would have no line number of its own.
+      if (!cursor_.at_end())
+        cursor_.throw_input_error(cursor_.at, "the next block on a line of its own");
+      return false;
+    }
+    if (cursor_.current() != '/') return true;
+    return !run_.skips_block(read_skip_level(cursor_)) && skip_to_next_word();
+  }
+
+  void read_word() {
+    // ,C and ,R would insert a chamfer or a rounding before the next block.
+    if (cursor_.current() == ',')
+      cursor_.throw_input_error(cursor_.at,
+                                "plain lines and arcs: corners with ,C and ,R are not expanded");
+    Word word = read_letter();
+    // ROUND[] rounds to the least increment of the address that it follows.
+    operands_.resolution = min_increment(word.letter, run_.canon.inch());
+    read_number(word, grammar(), operands_);
+    // A number with a point or an expression is in full units (mm, degrees); only a bare integer
+    // counts increments.
+    word.is_in_full_units = word.text.find_first_of(".#[") != std::string_view::npos;
+    // The control ignores an address whose value is a vacant variable.
+    if (is_vacant(word.value)) return;
+    // In tenths: 650 is G65, 660 is G66.
+    const int macro_code = block_.tenths(Group::Macro);
+    const bool is_macro_call = macro_code == 650 || macro_code == 660;
+    if (word.letter == 'G') return store_code(word);
+    if (word.letter == 'N')
+      return run_.canon.throw_input_error(word, "a sequence number at the start of the block");
+    // After G65 and G66 all letters except L and P are arguments of the macro.
+    if (is_macro_call && std::string_view("LP").find(word.letter) == std::string_view::npos) {
+      if (block_.arguments.size() == max_arguments)
+        cursor_.throw_input_error(std::size_t(word.column - 1), "at most 100 arguments");
+      block_.arguments.push_back(word);
+      return;
+    }
+    if (word.letter == 'M') return store_code(word);
+    if (address_letters.find(word.letter) == std::string_view::npos)
+      return run_.handle_unknown_word(word, "a word of Fanuc's milling controls");
+    put_word(std::size_t(word.letter - 'A'), word);
+  }
+
+  void store_code(const Word& word) {
+    const bool is_turning = run_.is_turning();
+    const auto* properties =
+        find_code(word, is_turning ? "Fanuc's turning controls" : "Fanuc's milling controls",
+                  is_turning ? find_lathe_entry : find_entry);
+    if (properties == nullptr) return;
+    // The last of several G codes of a modal group is in force. Codes of group 00, and M codes
+    // other than coolant, may appear only once in a block.
+    const Group group = properties->group;
+    const bool must_be_unique =
+        word.letter == 'M' ? group != Group::Coolant : group == Group::OneShot;
+    put_code(word, group, must_be_unique, "only one such code per block");
+  }
 
   MacroOperands& operands_;
 };
@@ -130,71 +191,6 @@ int read_skip_level(Cursor& cursor) {
 void collect_comments(Cursor& cursor, std::vector<std::string_view>& comments) {
   for (cursor.skip_blanks(); cursor.current() == '('; cursor.skip_blanks())
     comments.push_back(gcode::read_comment(cursor));
-}
-
-/// Advances past comments to the next word. Returns false at the end of the block: at the end of
-/// the line, at ; or at a / whose level is skipped. Throws an input error if another block follows
-/// a ;.
-bool BlockReader::skip_to_next_word() {
-  collect_comments(cursor_, block_.comments);
-  if (cursor_.at_end()) return false;
-  if (cursor_.current() == ';') {
-    ++cursor_.at;
-    collect_comments(cursor_, block_.comments);
-    // A second block on a line would have no line number of its own.
-    if (!cursor_.at_end())
-      cursor_.throw_input_error(cursor_.at, "the next block on a line of its own");
-    return false;
-  }
-  if (cursor_.current() != '/') return true;
-  return !run_.skips_block(read_skip_level(cursor_)) && skip_to_next_word();
-}
-
-void BlockReader::store_code(const Word& word) {
-  const bool is_turning = run_.is_turning();
-  const auto* properties =
-      find_code(word, is_turning ? "Fanuc's turning controls" : "Fanuc's milling controls",
-                is_turning ? find_lathe_entry : find_entry);
-  if (properties == nullptr) return;
-  // The last of several G codes of a modal group is in force. Codes of group 00, and M codes
-  // other than coolant, may appear only once in a block.
-  const Group group = properties->group;
-  const bool must_be_unique =
-      word.letter == 'M' ? group != Group::Coolant : group == Group::OneShot;
-  put_code(word, group, must_be_unique, "only one such code per block");
-}
-
-void BlockReader::read_word() {
-  // ,C and ,R would insert a chamfer or a rounding before the next block.
-  if (cursor_.current() == ',')
-    cursor_.throw_input_error(cursor_.at,
-                              "plain lines and arcs: corners with ,C and ,R are not expanded");
-  Word word = read_letter();
-  // ROUND[] rounds to the least increment of the address that it follows.
-  operands_.resolution = min_increment(word.letter, run_.canon.inch());
-  read_number(word, grammar(), operands_);
-  // A number with a point or an expression is in full units (mm, degrees); only a bare integer
-  // counts increments.
-  word.is_in_full_units = word.text.find_first_of(".#[") != std::string_view::npos;
-  // The control ignores an address whose value is a vacant variable.
-  if (is_vacant(word.value)) return;
-  // In tenths: 650 is G65, 660 is G66.
-  const int macro_code = block_.tenths(Group::Macro);
-  const bool is_macro_call = macro_code == 650 || macro_code == 660;
-  if (word.letter == 'G') return store_code(word);
-  if (word.letter == 'N')
-    return run_.canon.throw_input_error(word, "a sequence number at the start of the block");
-  // After G65 and G66 all letters except L and P are arguments of the macro.
-  if (is_macro_call && std::string_view("LP").find(word.letter) == std::string_view::npos) {
-    if (block_.arguments.size() == max_arguments)
-      cursor_.throw_input_error(std::size_t(word.column - 1), "at most 100 arguments");
-    block_.arguments.push_back(word);
-    return;
-  }
-  if (word.letter == 'M') return store_code(word);
-  if (address_letters.find(word.letter) == std::string_view::npos)
-    return run_.handle_unknown_word(word, "a word of Fanuc's milling controls");
-  put_word(std::size_t(word.letter - 'A'), word);
 }
 
 void read_block(Cursor cursor, ProgramRun& run, MacroOperands& operands, Block& block) {

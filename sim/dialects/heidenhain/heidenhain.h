@@ -9,6 +9,9 @@ namespace abbe::sim::dialects {
 /// spaces.
 std::span<const WordTableEntry> heidenhain_words();
 
+/// Reads Klartext as a TNC 640 does.
+void read_heidenhain(std::string_view text, ProgramRun& run);
+
 }  // namespace abbe::sim::dialects
 
 /// Programs in Klartext: their blocks, contours, and the state of the control.

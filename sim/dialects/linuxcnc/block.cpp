@@ -87,114 +87,107 @@ class BlockReader : public gcode::BlockReader {
   BlockReader(Cursor& cursor, ProgramRun& run, OperandParser& operands, Block& block)
       : gcode::BlockReader(cursor, run, block), operands_(operands) {}
 
-  void read();
+  void read() {
+    cursor_.skip_blanks();
+    if (cursor_.current() == '%') {
+      ++cursor_.at;
+      skip_blanks_and_comments();
+      if (!cursor_.at_end()) cursor_.throw_input_error(cursor_.at, "nothing after %");
+      block_.is_percent_line = true;
+      return;
+    }
+    if (cursor_.current() == '/') {
+      ++cursor_.at;
+      block_.is_deleted = true;
+      // A skipped block is not parsed, so that its errors do not matter.
+      if (run_.canon.options().block_skip.test(0)) return;
+    }
+    bool is_first = true;
+    for (skip_blanks_and_comments(); !cursor_.at_end(); skip_blanks_and_comments()) {
+      if (cursor_.current() == '#')
+        read_assignment();
+      else
+        read_word(is_first);
+      is_first = false;
+    }
+  }
 
  private:
-  void skip_blanks_and_comments();
-  void read_assignment();
-  void read_word(bool is_first);
-  void store_code(const Word& word);
+  // A comment after ; extends to the end of the line.
+  void skip_blanks_and_comments() {
+    for (cursor_.skip_blanks(); !cursor_.at_end(); cursor_.skip_blanks()) {
+      if (cursor_.current() == '(') {
+        const std::size_t bracket = cursor_.text.find_first_of("()", cursor_.at + 1);
+        if (bracket != std::string_view::npos && cursor_.text[bracket] == '(')
+          cursor_.throw_input_error(bracket, ") before another ( in a comment", "(");
+        block_.comments.push_back(gcode::read_comment(cursor_));
+      } else if (cursor_.current() == ';') {
+        block_.comments.push_back(cursor_.text.substr(cursor_.at + 1));
+        cursor_.at = cursor_.text.size();
+      } else {
+        return;
+      }
+    }
+  }
+
+  // The flow executes the assignments after the whole block has been read, so that the block uses
+  // the old values.
+  void read_assignment() {
+    const std::size_t from = cursor_.at++;
+    cursor_.skip_blanks();
+    std::string name;
+    int number = 0;
+    if (cursor_.current() == '<')
+      name = parse_name(cursor_);
+    else
+      number = whole_number(cursor_, from, parse_value(cursor_, grammar(), operands_), 5601);
+    double result = 0.0;
+    run_.define(name.empty() ? fmt::format("#{}", number) : fmt::format("#<{}>", name), [&] {
+      if (!cursor_.accept("="))
+        cursor_.throw_input_error(cursor_.at, "= after a parameter that starts a word");
+      result = parse_value(cursor_, grammar(), operands_);
+    });
+    if (block_.number_assignments.size() + block_.name_assignments.size() == max_assignments)
+      cursor_.throw_input_error(from, "at most 50 parameters set in a block");
+    if (name.empty())
+      block_.number_assignments.emplace_back(number, result);
+    else
+      block_.name_assignments.emplace_back(std::move(name), result);
+  }
+
+  void read_word(bool is_first) {
+    if (cursor_.current() == '[')
+      cursor_.throw_input_error(cursor_.at, "a word (letter and number)", "an expression ([)");
+    constexpr std::string_view signs = "@^$";
+    Word word = read_letter(signs);
+    read_number(word, grammar(), operands_);
+    // A line number must be digits, not an expression.
+    const std::size_t digits = word.text.find_first_not_of(" \t", 1);
+    if (word.letter == 'N' && (digits == std::string_view::npos || !is_digit(word.text[digits])))
+      run_.canon.throw_input_error(word, "a line number in digits");
+    if (word.letter == 'G' || word.letter == 'M') return store_code(word);
+    if (word.letter == 'N' && !is_first)
+      run_.canon.throw_input_error(word, "a line number at the start of the block");
+    if (word.letter == 'O') return run_.handle_unknown_word(word, "a word of LinuxCNC");
+    if (word.letter == 'N') return;
+    const std::size_t sign = signs.find(word.letter);
+    put_word(sign == std::string_view::npos ? std::size_t(word.letter - 'A') : 26 + sign, word);
+  }
+
+  void store_code(const Word& word) {
+    const auto* properties = find_code(word, "LinuxCNC", find_entry);
+    if (properties == nullptr) return;
+    // rs274 accepts G80 with another motion code and executes the other one.
+    const Code& previous = block_[properties->group];
+    const bool is_end = tenths_of(word) == 800;
+    const bool ends_cycle =
+        properties->group == Group::Motion && previous && is_end != (previous.tenths == 800);
+    if (!ends_cycle || !is_end)
+      put_code(word, properties->group, !ends_cycle, "only one code of a modal group per block");
+  }
 
   OperandParser& operands_;
 };
-
-// A comment after ; extends to the end of the line.
-void BlockReader::skip_blanks_and_comments() {
-  for (cursor_.skip_blanks(); !cursor_.at_end(); cursor_.skip_blanks()) {
-    if (cursor_.current() == '(') {
-      const std::size_t bracket = cursor_.text.find_first_of("()", cursor_.at + 1);
-      if (bracket != std::string_view::npos && cursor_.text[bracket] == '(')
-        cursor_.throw_input_error(bracket, ") before another ( in a comment", "(");
-      block_.comments.push_back(gcode::read_comment(cursor_));
-    } else if (cursor_.current() == ';') {
-      block_.comments.push_back(cursor_.text.substr(cursor_.at + 1));
-      cursor_.at = cursor_.text.size();
-    } else {
-      return;
-    }
-  }
-}
-
-// The flow executes the assignments after the whole block has been read, so that the block uses the
-// old values.
-void BlockReader::read_assignment() {
-  const std::size_t from = cursor_.at++;
-  cursor_.skip_blanks();
-  std::string name;
-  int number = 0;
-  if (cursor_.current() == '<')
-    name = parse_name(cursor_);
-  else
-    number = whole_number(cursor_, from, parse_value(cursor_, grammar(), operands_), 5601);
-  double result = 0.0;
-  run_.define(name.empty() ? fmt::format("#{}", number) : fmt::format("#<{}>", name), [&] {
-    if (!cursor_.accept("="))
-      cursor_.throw_input_error(cursor_.at, "= after a parameter that starts a word");
-    result = parse_value(cursor_, grammar(), operands_);
-  });
-  if (block_.number_assignments.size() + block_.name_assignments.size() == max_assignments)
-    cursor_.throw_input_error(from, "at most 50 parameters set in a block");
-  if (name.empty())
-    block_.number_assignments.emplace_back(number, result);
-  else
-    block_.name_assignments.emplace_back(std::move(name), result);
-}
-
-void BlockReader::store_code(const Word& word) {
-  const auto* properties = find_code(word, "LinuxCNC", find_entry);
-  if (properties == nullptr) return;
-  // rs274 accepts G80 with another motion code and executes the other one.
-  const Code& previous = block_[properties->group];
-  const bool is_end = tenths_of(word) == 800;
-  const bool ends_cycle =
-      properties->group == Group::Motion && previous && is_end != (previous.tenths == 800);
-  if (!ends_cycle || !is_end)
-    put_code(word, properties->group, !ends_cycle, "only one code of a modal group per block");
-}
-
-void BlockReader::read_word(bool is_first) {
-  if (cursor_.current() == '[')
-    cursor_.throw_input_error(cursor_.at, "a word (letter and number)", "an expression ([)");
-  constexpr std::string_view signs = "@^$";
-  Word word = read_letter(signs);
-  read_number(word, grammar(), operands_);
-  // A line number must be digits, not an expression.
-  const std::size_t digits = word.text.find_first_not_of(" \t", 1);
-  if (word.letter == 'N' && (digits == std::string_view::npos || !is_digit(word.text[digits])))
-    run_.canon.throw_input_error(word, "a line number in digits");
-  if (word.letter == 'G' || word.letter == 'M') return store_code(word);
-  if (word.letter == 'N' && !is_first)
-    run_.canon.throw_input_error(word, "a line number at the start of the block");
-  if (word.letter == 'O') return run_.handle_unknown_word(word, "a word of LinuxCNC");
-  if (word.letter == 'N') return;
-  const std::size_t sign = signs.find(word.letter);
-  put_word(sign == std::string_view::npos ? std::size_t(word.letter - 'A') : 26 + sign, word);
-}
-
-void BlockReader::read() {
-  cursor_.skip_blanks();
-  if (cursor_.current() == '%') {
-    ++cursor_.at;
-    skip_blanks_and_comments();
-    if (!cursor_.at_end()) cursor_.throw_input_error(cursor_.at, "nothing after %");
-    block_.is_percent_line = true;
-    return;
-  }
-  if (cursor_.current() == '/') {
-    ++cursor_.at;
-    block_.is_deleted = true;
-    // A skipped block is not parsed, so that its errors do not matter.
-    if (run_.canon.options().block_skip.test(0)) return;
-  }
-  bool is_first = true;
-  for (skip_blanks_and_comments(); !cursor_.at_end(); skip_blanks_and_comments()) {
-    if (cursor_.current() == '#')
-      read_assignment();
-    else
-      read_word(is_first);
-    is_first = false;
-  }
-}
 
 }  // namespace
 

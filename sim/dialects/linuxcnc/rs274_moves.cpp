@@ -3,7 +3,7 @@
 namespace abbe::sim::dialects::linuxcnc {
 
 /// Returns the end of a move. Throws BadInput if an axis that the machine does not have would move.
-Commands::AxisVector Commands::end_of(const SixAxes& programmed) {
+AxisVector Commands::end_of(const SixAxes& programmed) {
   AxisVector p = canon_.programmed();
   for (std::size_t k = 0; k < 6; ++k) {
     const int j = joint(k);
