@@ -23,7 +23,9 @@ ParsedProgram read_lines(const std::string& text, Dialect dialect) {
 std::vector<std::string> unread(const std::string& text, Dialect dialect) {
   std::vector<std::string> found;
   for (const std::string& warning : read_lines(text, dialect).warnings)
-    if (warning.find("not read") != std::string::npos) found.push_back(warning);
+    if (warning.find("not read") != std::string::npos ||
+        warning.find("is ignored") != std::string::npos)
+      found.push_back(warning);
   return found;
 }
 
