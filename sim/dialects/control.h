@@ -26,7 +26,6 @@
 #include "sim/dialects/cursor.h"
 #include "sim/dialects/expression.h"
 #include "sim/dialects/program_run.h"
-#include "sim/dialects/read_program.h"
 #include "sim/dialects/tool_compensation.h"
 #include "sim/dialects/tool_vectors.h"
 #include "sim/program/block_motion.h"

@@ -1,10 +1,26 @@
 #include "sim/dialects/tool_compensation.h"
 
-#include "sim/dialects/control.h"
+#include <array>
+#include <cmath>
+#include <utility>
+
+#include <fmt/format.h>
+
+#include "kinematics/bad_input.h"
+#include "kinematics/units.h"
+#include "sim/program/block_motion.h"
+#include "sim/program/nc_options.h"
 
 namespace abbe::sim::dialects {
 
 using Eigen::Vector2d;
+using kinematics::AxisVector;
+using kinematics::Chain;
+using program::ArcMove;
+using program::Cause;
+using program::FeedMode;
+using program::Straight;
+using program::Target;
 
 const Chain* chain_to_tip(const program::NcOptions& control, int tool) {
   if (const auto tool_chain = control.control_by_h.find(tool);

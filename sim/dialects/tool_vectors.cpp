@@ -1,12 +1,21 @@
 #include "sim/dialects/tool_vectors.h"
 
+#include <algorithm>
+#include <cmath>
+#include <stdexcept>
+
+#include <fmt/format.h>
+
+#include "kinematics/inverse_kinematics.h"
 #include "kinematics/pose.h"
-#include "sim/dialects/control.h"
+#include "kinematics/units.h"
 
 namespace abbe::sim::dialects {
 
 using Eigen::Vector3d;
 using kinematics::angle_between;
+using kinematics::AxisVector;
+using kinematics::Chain;
 using kinematics::Motion;
 using kinematics::Side;
 
@@ -187,6 +196,8 @@ void feed_along_segments(program::Canon& canon, const OrientationKinematics& ori
 namespace abbe::sim::dialects::fanuc {
 
 using Eigen::Vector3d;
+using kinematics::AxisVector;
+using kinematics::Chain;
 using kinematics::Motion;
 using kinematics::Side;
 

@@ -1,6 +1,7 @@
 #include "sim/dialects/cl/cl.h"
 
 #include "kinematics/pose.h"
+#include "sim/dialects/read_program.h"
 
 namespace abbe::sim::dialects {
 

@@ -1,4 +1,5 @@
 #include "sim/dialects/linuxcnc/linuxcnc.h"
+#include "sim/dialects/read_program.h"
 
 namespace abbe::sim::dialects {
 

@@ -1,3 +1,4 @@
+#include "sim/dialects/read_program.h"
 #include "sim/dialects/siemens/siemens.h"
 
 namespace abbe::sim::dialects::siemens {
