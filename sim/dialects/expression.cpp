@@ -6,6 +6,7 @@
 #include <fmt/format.h>
 
 #include "kinematics/text.h"
+#include "kinematics/units.h"
 
 namespace abbe::sim::dialects {
 
@@ -56,7 +57,36 @@ bool Variables::set(std::string_view name, double value, Scope scope) {
 
 void Variables::unset(int number, Scope scope) { count_ -= table(scope).numbers.erase(number); }
 
+const char* require_nonzero_divisor(double, double right) {
+  return right == 0 ? "a nonzero divisor" : nullptr;
+}
+
+const char* require_real_power(double base, double exponent) {
+  if (base < 0 && std::floor(exponent) != exponent)
+    return "an integer exponent for a negative number";
+  return base == 0 && exponent < 0 ? "a non-negative exponent for zero" : nullptr;
+}
+
+const char* require_positive(double x) { return x <= 0 ? "a number greater than zero" : nullptr; }
+
 namespace {
+
+const char* require_unit_range(double x) {
+  return x < -1 || x > 1 ? "a number from -1 to 1" : nullptr;
+}
+
+constexpr Function shared_functions[] = {
+    {"ABS", [](double x) { return std::abs(x); }},
+    {"ACOS", [](double x) { return std::acos(x) / units::deg; }, require_unit_range},
+    {"ASIN", [](double x) { return std::asin(x) / units::deg; }, require_unit_range},
+    {"COS", [](double x) { return std::cos(x * units::deg); }},
+    {"EXP", [](double x) { return std::exp(x); }},
+    {"LN", [](double x) { return std::log(x); }, require_positive},
+    {"SIN", [](double x) { return std::sin(x * units::deg); }},
+    {"SQRT", [](double x) { return std::sqrt(x); },
+     [](double x) -> const char* { return x < 0 ? "a non-negative number" : nullptr; }},
+    {"TAN", [](double x) { return std::tan(x * units::deg); }},
+};
 
 // Returns the operator at the cursor and advances past it, if its level is at least `min_level`.
 const Operator* operator_at(Cursor& cursor, const ExpressionGrammar& grammar, int min_level) {
@@ -84,8 +114,7 @@ double parse_operators(Cursor& cursor, const ExpressionGrammar& grammar, Operand
                        int min_level) {
   double left = parse_value(cursor, grammar, operands);
   while (true) {
-    cursor.skip_blanks();
-    const std::size_t from = cursor.at;
+    const std::size_t from = skip_blanks(cursor);
     const Operator* binary_operator = operator_at(cursor, grammar, min_level);
     if (binary_operator == nullptr) return left;
     const double right = parse_operators(cursor, grammar, operands, binary_operator->level + 1);
@@ -97,6 +126,17 @@ double parse_operators(Cursor& cursor, const ExpressionGrammar& grammar, Operand
 }
 
 }  // namespace
+
+double apply_function(const Function& function, double argument, const ExpressionGrammar& grammar,
+                      const Cursor& cursor, std::size_t from) {
+  if (grammar.argument != nullptr) argument = grammar.argument(argument);
+  if (function.operand_error != nullptr)
+    if (const char* expected = function.operand_error(argument))
+      cursor.throw_input_error(from, expected);
+  return require_finite(function.apply(argument), cursor, from);
+}
+
+std::span<const Function> common_functions() { return shared_functions; }
 
 double parse_value(Cursor& cursor, const ExpressionGrammar& grammar, OperandParser& operands) {
   cursor.skip_blanks();
@@ -118,21 +158,17 @@ double parse_value(Cursor& cursor, const ExpressionGrammar& grammar, OperandPars
   const std::size_t from = cursor.at;
   // The dialect has precedence: its functions of several arguments may share a name with others.
   if (const auto operand = operands.parse_operand(cursor)) return *operand;
-  for (const Function& function : grammar.functions) {
-    const std::size_t start = cursor.at;
-    if (!cursor.accept(function.name)) continue;
-    cursor.skip_blanks();
-    // The name may be the beginning of a longer word, which is not a function call.
-    if (cursor.current() != grammar.open) {
+  for (const std::span<const Function> functions : {grammar.functions, grammar.common_functions})
+    for (const Function& function : functions) {
+      const std::size_t start = cursor.at;
+      if (!cursor.accept(function.name)) continue;
+      cursor.skip_blanks();
+      // The name may be the beginning of a longer word, which is not a function call.
+      if (cursor.current() == grammar.open)
+        return apply_function(function, parse_bracketed(cursor, grammar, operands), grammar, cursor,
+                              from);
       cursor.at = start;
-      continue;
     }
-    const double argument = parse_bracketed(cursor, grammar, operands);
-    if (function.operand_error != nullptr)
-      if (const char* expected = function.operand_error(argument))
-        cursor.throw_input_error(from, expected);
-    return require_finite(function.apply(argument), cursor, from);
-  }
   cursor.throw_input_error(cursor.at, "a number");
 }
 
@@ -141,8 +177,7 @@ double parse_expression(Cursor& cursor, const ExpressionGrammar& grammar, Operan
 }
 
 double parse_bracketed(Cursor& cursor, const ExpressionGrammar& grammar, OperandParser& operands) {
-  cursor.skip_blanks();
-  const std::size_t open = cursor.at;
+  const std::size_t open = skip_blanks(cursor);
   if (cursor.current() != grammar.open)
     cursor.throw_input_error(open, std::string("an expression in ") + grammar.open + grammar.close);
   ++cursor.at;

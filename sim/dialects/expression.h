@@ -50,6 +50,12 @@ class Variables {
   std::vector<Table> calls_;  ///< the last one is running; the first is the main program
 };
 
+/// Advances past blanks and returns the byte at which the next word begins.
+inline std::size_t skip_blanks(Cursor& cursor) {
+  cursor.skip_blanks();
+  return cursor.at;
+}
+
 // Arithmetic expressions of the dialects; a grammar holds the differences.
 
 /// A binary operator. Operators of equal level are evaluated from the left.
@@ -76,7 +82,20 @@ struct ExpressionGrammar {
   std::span<const Function> functions;
   char open = '[', close = ']';
   bool blanks_within_numbers = false;
+  /// Functions that the dialect shares with others; `functions` has precedence.
+  std::span<const Function> common_functions = {};
+  /// Returns the argument of a function as the dialect takes it; null: as it is.
+  double (*argument)(double) = nullptr;
 };
+
+/// Returns ABS, EXP, LN, SQRT, and the trigonometric functions of angles in degrees.
+std::span<const Function> common_functions();
+
+// Checks of operands, as `Operator::operand_error` and `Function::operand_error` require them.
+
+const char* require_nonzero_divisor(double left, double right);
+const char* require_real_power(double base, double exponent);
+const char* require_positive(double x);
 
 /// Parser of the operands that only the dialect knows: variables, and functions of several
 /// arguments.
@@ -87,6 +106,11 @@ class OperandParser {
   /// dialect's operands begins there.
   virtual std::optional<double> parse_operand(Cursor& cursor) = 0;
 };
+
+/// Returns the value of a function whose name begins at byte `from`. Throws BadInput for an
+/// argument that it rejects, and for a result that is not finite.
+double apply_function(const Function& function, double argument, const ExpressionGrammar& grammar,
+                      const Cursor& cursor, std::size_t from);
 
 /// Parses one value without binary operators: a number, a variable, a function or a bracketed
 /// expression, with leading signs, which bind most tightly. Every nested construct, operands of the

@@ -1,36 +1,13 @@
 #include "sim/dialects/read_program.h"
 
-#include <algorithm>
-#include <array>
-#include <map>
-#include <optional>
-#include <string_view>
-#include <unordered_map>
-#include <utility>
-#include <vector>
-
-#include <fmt/format.h>
-
-#include "kinematics/text.h"
-#include "sim/dialects/cl/machine.h"
-#include "sim/dialects/cursor.h"
-#include "sim/dialects/fanuc/flow.h"
-#include "sim/dialects/fanuc/machine.h"
-#include "sim/dialects/heidenhain/block.h"
-#include "sim/dialects/heidenhain/flow.h"
-#include "sim/dialects/linuxcnc/flow.h"
+#include "sim/dialects/cl/cl.h"
+#include "sim/dialects/heidenhain/heidenhain.h"
 #include "sim/dialects/linuxcnc/rs274.h"
-#include "sim/dialects/program_run.h"
-#include "sim/dialects/read_options.h"
-#include "sim/dialects/siemens/flow.h"
 
 // Reading of NC programs: the front ends of all dialects, the words that a program uses, and the
 // errors of a wrong dialect.
 
 namespace abbe::sim::dialects {
-
-/// Reads Klartext as a TNC 640 does.
-void read_heidenhain(std::string_view text, ProgramRun& run);
 
 void read_cl(std::string_view text, ProgramRun& run) {
   if (cl::is_table(text)) {
@@ -60,25 +37,6 @@ void read_cl(std::string_view text, ProgramRun& run) {
   const std::vector<std::string_view> lines = lines_of_text(text);
   run.warn_of_unread_lines(lines, {{0, lines.size()}});
 }
-
-void read_fanuc(std::string_view text, ProgramRun& run) {
-  if (!run.is_turning())
-    if (const auto evidence = fanuc::find_turning_evidence(text, run.canon)) {
-      // The only error that is reported: all others would be consequences of the wrong control.
-      throw BadProgram(
-          {BadInput(run.canon.place().file, evidence->line, evidence->column,
-                    "a program for a milling control; control = \"turning\" (--control turning) or "
-                    "a machine whose spindle turns the workpiece reads those for turning controls",
-                    evidence->words)});
-    }
-  fanuc::Flow(text, run).run();
-}
-
-void read_heidenhain(std::string_view text, ProgramRun& run) { heidenhain::Flow(text, run).run(); }
-
-void read_linuxcnc(std::string_view text, ProgramRun& run) { linuxcnc::Flow(text, run).run(); }
-
-void read_siemens(std::string_view text, ProgramRun& run) { siemens::Flow(text, run).run(); }
 
 std::span<const FrontEnd> front_ends() {
   static constexpr std::array table = {

@@ -24,23 +24,18 @@ namespace {
 // A segment then turns by less than 0.05 deg.
 constexpr int max_segments = 4096;
 
-// Returns the chain with unlimited slides if the machine can orient the tool. Only directions are
-// solved for, and the slides must not limit them.
+// Returns the chain with unlimited slides if the machine can orient the tool.
 std::optional<Chain> orientation_chain(const Chain& chain) {
-  std::vector<kinematics::Joint> joints = chain.joints();
   int slide_count = 0, rotary_count = 0;
-  for (kinematics::Joint& joint : joints) {
-    if (joint.motion == Motion::Rotary && joint.name != 'S') ++rotary_count;
-    if (joint.motion != Motion::Linear) continue;
-    ++slide_count;
-    joint.min = -1e9;
-    joint.max = 1e9;
+  for (const kinematics::Joint& joint : chain.joints()) {
+    rotary_count += joint.motion == Motion::Rotary && joint.name != 'S';
+    slide_count += joint.motion == Motion::Linear;
   }
   const bool has_xyz = chain.find('X') && chain.find('Y') && chain.find('Z');
   // A turning spindle S makes the tool direction in the workpiece depend on its angle.
   if (!has_xyz || slide_count != 3 || rotary_count < 1 || rotary_count > 2 || chain.find('S'))
     return std::nullopt;
-  return Chain(std::move(joints), chain.T_bw_home(), chain.T_bt_home());
+  return with_free_slides(chain);
 }
 
 // The chain is ordered from the workpiece through the bed to the tool, so workpiece joints are
@@ -89,6 +84,16 @@ std::vector<AxisVector> positions_on_circle(const OrientationKinematics& orienta
 }
 
 }  // namespace
+
+Chain with_free_slides(const Chain& chain) {
+  std::vector<kinematics::Joint> joints = chain.joints();
+  for (kinematics::Joint& joint : joints)
+    if (joint.motion == Motion::Linear) {
+      joint.min = -1e9;
+      joint.max = 1e9;
+    }
+  return {std::move(joints), chain.T_bw_home(), chain.T_bt_home()};
+}
 
 OrientationKinematics::OrientationKinematics(const std::optional<Chain>& control) {
   if (!control) return;

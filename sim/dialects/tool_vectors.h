@@ -12,6 +12,9 @@
 
 namespace abbe::sim::dialects {
 
+/// Returns the chain with unlimited slides, so that their positions cannot limit a direction.
+kinematics::Chain with_free_slides(const kinematics::Chain& chain);
+
 /// Kinematics of the tool direction: from rotary positions to a direction and back.
 class OrientationKinematics {
  public:

@@ -10,7 +10,7 @@
 #include <Eigen/Geometry>
 
 #include "kinematics/inverse_kinematics.h"
-#include "sim/dialects/heidenhain/block.h"
+#include "sim/dialects/heidenhain/heidenhain.h"
 #include "sim/dialects/read_options.h"
 #include "sim/dialects/read_program.h"
 #include "tests/program/machines.h"

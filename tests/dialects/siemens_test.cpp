@@ -8,7 +8,7 @@
 #include <random>
 
 #include "sim/dialects/read_options.h"
-#include "sim/dialects/siemens/machine.h"
+#include "sim/dialects/siemens/siemens.h"
 #include "tests/dialects/siemens_reading.h"
 
 namespace abbe::sim::dialects::siemens_tests {

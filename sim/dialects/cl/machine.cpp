@@ -1,23 +1,8 @@
-#include "sim/dialects/cl/machine.h"
-
-#include <algorithm>
-#include <array>
-#include <cmath>
-#include <optional>
-#include <string>
-#include <utility>
-
-#include <fmt/format.h>
-
-#include "kinematics/text.h"
-#include "kinematics/units.h"
-#include "sim/dialects/cursor.h"
+#include "sim/dialects/cl/cl.h"
 
 namespace abbe::sim::dialects::cl {
 
 using program::CutterData;
-using program::Feed;
-using program::FeedMode;
 
 namespace {
 
@@ -157,8 +142,6 @@ void throw_input_error(const program::Canon& canon, const Item& item, std::strin
 }
 
 namespace {
-
-constexpr double min_feed = 1e-9;  // per minute; keeps every duration finite
 
 /// Returns the items of a statement as text, for comparisons.
 std::string item_text(const Statement& statement) {
@@ -513,14 +496,98 @@ class Table {
  public:
   explicit Table(ProgramRun& run) : run_(run), machine_(run) { machine_.assume_mm(); }
 
-  void read_row(std::string_view line, int line_number);
+  void read_row(std::string_view line, int line_number) {
+    const std::vector<Cell> cells = split_cells(line, cell_separator(line), max_cells);
+    if (cells.size() > max_cells)
+      run_.canon.throw_input_error({1, {}}, "at most 100 columns", "more");
+    // Rows have no meaning without a valid header.
+    if (is_header_invalid_) return;
+    if (!columns_) {
+      width_ = cells.size();
+      if (!number_of(cells.front().text)) {
+        // The flag stays set if `read_header` throws.
+        is_header_invalid_ = true;
+        read_header(cells);
+        is_header_invalid_ = false;
+        return;
+      }
+      assume_columns(cells);
+    }
+    if (cells.size() != width_)
+      run_.canon.throw_input_error({1, {}}, fmt::format("{} columns, as in the first row", width_),
+                                   fmt::format("{}", cells.size()));
+    Location to{{number(cells, 0), number(cells, 1), number(cells, 2)}, machine_.direction()};
+    if (const auto i = (*columns_)[3])
+      to.direction =
+          machine_.unit_direction(make_item(cells[*i], line_number),
+                                  {number(cells, 3), number(cells, 4), number(cells, 5)});
+    // The tool moves to the first row at rapid, because nothing states where it comes from.
+    if (!has_first_location_) machine_.request_rapid();
+    if (const auto feed = (*columns_)[6]) read_feed(cells[*feed]);
+    const Cell& first = cells[*(*columns_)[0]];
+    machine_.go_to(to, {first.column, first.text}, true);
+    has_first_location_ = true;
+  }
+
   void finish() { machine_.finish(); }
 
  private:
-  void read_header(const std::vector<Cell>& cells);
-  void assume_columns(const std::vector<Cell>& cells);
-  double number(const std::vector<Cell>& cells, std::size_t column) const;
-  void read_feed(const Cell& cell);
+  void read_header(const std::vector<Cell>& cells) {
+    Columns columns;
+    for (std::size_t c = 0; c < cells.size(); ++c) {
+      // An unknown column is treated like an unknown word.
+      const auto names = std::ranges::find_if(column_names, [&](const auto& aliases) {
+        return std::ranges::any_of(
+            aliases, [&](std::string_view name) { return is_same_word(cells[c].text, name); });
+      });
+      if (names == column_names.end()) {
+        run_.handle_unknown_word({cells[c].column, cells[c].text},
+                                 "a column x, y, z, i, j, k or feed");
+        continue;
+      }
+      auto& column = columns[std::size_t(names - column_names.begin())];
+      if (column) throw_input_error(cells[c], "each column only once");
+      column = c;
+    }
+    for (std::size_t i = 0; i < 3; ++i)
+      if (!columns[i])
+        run_.canon.throw_input_error({1, {}}, fmt::format("a column {}", column_names[i][0]),
+                                     "none");
+    // A vector needs all three components.
+    const int component_count =
+        int(columns[3].has_value()) + int(columns[4].has_value()) + int(columns[5].has_value());
+    if (component_count != 0 && component_count != 3)
+      run_.canon.throw_input_error({1, {}}, "columns i, j and k together", "only some of them");
+    columns_ = columns;
+  }
+
+  void assume_columns(const std::vector<Cell>& cells) {
+    Columns columns;
+    const std::size_t width = cells.size();
+    if (width != 3 && width != 4 && width != 6 && width != 7)
+      run_.canon.throw_input_error({1, {}}, "a head, or 3, 4, 6 or 7 columns: x y z, feed, i j k",
+                                   fmt::format("{} columns", width));
+    // The fourth of four columns is the feed and not i.
+    for (std::size_t i = 0; i < width; ++i) columns[width == 4 && i == 3 ? 6 : i] = i;
+    columns_ = columns;
+  }
+
+  double number(const std::vector<Cell>& cells, std::size_t column) const {
+    const Cell& cell = cells[*(*columns_)[column]];
+    const auto value = number_of(cell.text);
+    if (!value) throw_input_error(cell, "a number within +-1e9, with a decimal point");
+    return *value;
+  }
+
+  void read_feed(const Cell& cell) {
+    if (cell.text.empty()) return;
+    if (is_same_word(cell.text, "RAPID")) return machine_.request_rapid();
+    const auto value = number_of(cell.text);
+    if (!value || !(*value > 0))
+      throw_input_error(cell, "a feed greater than zero in mm/min, or rapid");
+    machine_.set_feed({*value, 1.0});
+  }
+
   [[noreturn]] void throw_input_error(const Cell& cell, const std::string& expected) const {
     run_.canon.throw_input_error({cell.column, cell.text}, expected, quoted_excerpt(cell.text));
   }
@@ -531,93 +598,6 @@ class Table {
   std::size_t width_ = 0;
   bool has_first_location_ = false, is_header_invalid_ = false;
 };
-
-void Table::read_header(const std::vector<Cell>& cells) {
-  Columns columns;
-  for (std::size_t c = 0; c < cells.size(); ++c) {
-    // An unknown column is treated like an unknown word.
-    const auto names = std::ranges::find_if(column_names, [&](const auto& aliases) {
-      return std::ranges::any_of(
-          aliases, [&](std::string_view name) { return is_same_word(cells[c].text, name); });
-    });
-    if (names == column_names.end()) {
-      run_.handle_unknown_word({cells[c].column, cells[c].text},
-                               "a column x, y, z, i, j, k or feed");
-      continue;
-    }
-    auto& column = columns[std::size_t(names - column_names.begin())];
-    if (column) throw_input_error(cells[c], "each column only once");
-    column = c;
-  }
-  for (std::size_t i = 0; i < 3; ++i)
-    if (!columns[i])
-      run_.canon.throw_input_error({1, {}}, fmt::format("a column {}", column_names[i][0]), "none");
-  // A vector needs all three components.
-  const int component_count =
-      int(columns[3].has_value()) + int(columns[4].has_value()) + int(columns[5].has_value());
-  if (component_count != 0 && component_count != 3)
-    run_.canon.throw_input_error({1, {}}, "columns i, j and k together", "only some of them");
-  columns_ = columns;
-}
-
-void Table::assume_columns(const std::vector<Cell>& cells) {
-  Columns columns;
-  const std::size_t width = cells.size();
-  if (width != 3 && width != 4 && width != 6 && width != 7)
-    run_.canon.throw_input_error({1, {}}, "a head, or 3, 4, 6 or 7 columns: x y z, feed, i j k",
-                                 fmt::format("{} columns", width));
-  // The fourth of four columns is the feed and not i.
-  for (std::size_t i = 0; i < width; ++i) columns[width == 4 && i == 3 ? 6 : i] = i;
-  columns_ = columns;
-}
-
-double Table::number(const std::vector<Cell>& cells, std::size_t column) const {
-  const Cell& cell = cells[*(*columns_)[column]];
-  const auto value = number_of(cell.text);
-  if (!value) throw_input_error(cell, "a number within +-1e9, with a decimal point");
-  return *value;
-}
-
-void Table::read_feed(const Cell& cell) {
-  if (cell.text.empty()) return;
-  if (is_same_word(cell.text, "RAPID")) return machine_.request_rapid();
-  const auto value = number_of(cell.text);
-  if (!value || !(*value > 0))
-    throw_input_error(cell, "a feed greater than zero in mm/min, or rapid");
-  machine_.set_feed({*value, 1.0});
-}
-
-void Table::read_row(std::string_view line, int line_number) {
-  const std::vector<Cell> cells = split_cells(line, cell_separator(line), max_cells);
-  if (cells.size() > max_cells)
-    run_.canon.throw_input_error({1, {}}, "at most 100 columns", "more");
-  // Rows have no meaning without a valid header.
-  if (is_header_invalid_) return;
-  if (!columns_) {
-    width_ = cells.size();
-    if (!number_of(cells.front().text)) {
-      // The flag stays set if `read_header` throws.
-      is_header_invalid_ = true;
-      read_header(cells);
-      is_header_invalid_ = false;
-      return;
-    }
-    assume_columns(cells);
-  }
-  if (cells.size() != width_)
-    run_.canon.throw_input_error({1, {}}, fmt::format("{} columns, as in the first row", width_),
-                                 fmt::format("{}", cells.size()));
-  Location to{{number(cells, 0), number(cells, 1), number(cells, 2)}, machine_.direction()};
-  if (const auto i = (*columns_)[3])
-    to.direction = machine_.unit_direction(make_item(cells[*i], line_number),
-                                           {number(cells, 3), number(cells, 4), number(cells, 5)});
-  // The tool moves to the first row at rapid, because nothing states where it comes from.
-  if (!has_first_location_) machine_.request_rapid();
-  if (const auto feed = (*columns_)[6]) read_feed(cells[*feed]);
-  const Cell& first = cells[*(*columns_)[0]];
-  machine_.go_to(to, {first.column, first.text}, true);
-  has_first_location_ = true;
-}
 
 }  // namespace
 

@@ -1,15 +1,6 @@
-#include <cmath>
-#include <stdexcept>
-#include <string>
-#include <unordered_map>
-#include <vector>
+#include "sim/dialects/cl/cl.h"
 
-#include <fmt/format.h>
-
-#include "kinematics/inverse_kinematics.h"
 #include "kinematics/pose.h"
-#include "kinematics/units.h"
-#include "sim/dialects/cl/machine.h"
 #include "sim/dialects/read_program.h"
 
 namespace abbe::sim::dialects {
@@ -139,8 +130,6 @@ namespace abbe::sim::dialects::cl {
 
 using Eigen::Vector3d;
 using kinematics::Reachability;
-using program::Feed;
-using program::FeedMode;
 
 namespace {
 

@@ -1,12 +1,4 @@
-#include "sim/dialects/fanuc/block.h"
-
-#include <cmath>
-
-#include <fmt/format.h>
-
-#include "kinematics/bad_input.h"
-#include "kinematics/text.h"
-#include "kinematics/units.h"
+#include "sim/dialects/fanuc/fanuc.h"
 
 namespace abbe::sim::dialects::fanuc {
 
@@ -60,69 +52,118 @@ constexpr Operator operators[] = {
     {"LE", 1, [](double a, double b) { return double(zero_if_vacant(a) <= zero_if_vacant(b)); }},
 };
 
-const char* expect_unit_range(double x) {
-  return x < -1 || x > 1 ? "a number from -1 to 1" : nullptr;
-}
-
 /// Arc sine in degrees, 270 to 360 for negative arguments and 0 to 90 otherwise, as with parameter
 /// 6004.0 (NAT) = 0.
 double arc_sine(double x) {
-  const double angle = std::asin(zero_if_vacant(x)) / units::deg;
+  const double angle = std::asin(x) / units::deg;
   return angle < 0 ? angle + 360.0 : angle;
 }
 
 // `Flow::parse_operand` handles ROUND, ATAN and POW, which take several arguments or depend on the
 // address.
 constexpr Function functions[] = {
-    {"ABS", [](double x) { return std::abs(zero_if_vacant(x)); }},
-    {"ACOS", [](double x) { return std::acos(zero_if_vacant(x)) / units::deg; }, expect_unit_range},
-    {"ASIN", arc_sine, expect_unit_range},
-    {"COS", [](double x) { return std::cos(zero_if_vacant(x) * units::deg); }},
-    {"EXP", [](double x) { return std::exp(zero_if_vacant(x)); }},
-    {"FIX", [](double x) { return std::trunc(zero_if_vacant(x)); }},
-    {"FUP",
-     [](double x) { return zero_if_vacant(x) < 0 ? std::floor(x) : std::ceil(zero_if_vacant(x)); }},
-    {"LN", [](double x) { return std::log(x); },
-     [](double x) -> const char* {
-       return zero_if_vacant(x) <= 0 ? "a number greater than zero" : nullptr;
-     }},
-    {"SIN", [](double x) { return std::sin(zero_if_vacant(x) * units::deg); }},
-    {"SQRT", [](double x) { return std::sqrt(zero_if_vacant(x)); },
-     [](double x) -> const char* {
-       return zero_if_vacant(x) < 0 ? "a non-negative number" : nullptr;
-     }},
-    {"TAN", [](double x) { return std::tan(zero_if_vacant(x) * units::deg); }},
+    {"ASIN", arc_sine,
+     [](double x) { return x < -1 || x > 1 ? "a number from -1 to 1" : nullptr; }},
+    {"FIX", [](double x) { return std::trunc(x); }},
+    {"FUP", [](double x) { return x < 0 ? std::floor(x) : std::ceil(x); }},
 };
 
 }  // namespace
 
 const ExpressionGrammar& grammar() {
-  static constexpr ExpressionGrammar macro_grammar{operators, functions, '[', ']', false};
+  static const ExpressionGrammar macro_grammar{operators, functions,          '[',           ']',
+                                               false,     common_functions(), zero_if_vacant};
   return macro_grammar;
 }
 
 namespace {
 
 constexpr std::string_view address_letters = "ABCDFGHIJKLMNPQRSTUVWXYZ";
-constexpr std::size_t max_words = 100;  // bounds the memory for a hostile line
+constexpr std::size_t max_arguments = 100;  // bounds the memory for a hostile line
 
-std::string_view read_comment(Cursor& cursor) {
-  const std::size_t open = cursor.at;
-  for (++cursor.at; !cursor.at_end(); ++cursor.at)
-    if (cursor.current() == ')') return cursor.text.substr(open + 1, cursor.at++ - open - 1);
-  cursor.throw_input_error(open, ") that ends the comment on its line", "none");
-}
+// Splits a block into words and codes.
+class BlockReader : public gcode::BlockReader {
+ public:
+  BlockReader(Cursor& cursor, ProgramRun& run, MacroOperands& operands, Block& block)
+      : gcode::BlockReader(cursor, run, block), operands_(operands) {}
+
+  void read() {
+    cursor_.skip_blanks();
+    // The rest of a line with % is outside of the program.
+    block_.is_percent_line = cursor_.current() == '%';
+    while (!block_.is_percent_line && skip_to_next_word()) read_word();
+  }
+
+ private:
+  /// Advances past comments to the next word. Returns false at the end of the block: at the end of
+  /// the line, at ; or at a / whose level is skipped. Throws an input error if another block
+  /// follows a ;.
+  bool skip_to_next_word() {
+    collect_comments(cursor_, block_.comments);
+    if (cursor_.at_end()) return false;
+    if (cursor_.current() == ';') {
+      ++cursor_.at;
+      collect_comments(cursor_, block_.comments);
+      // A second block on a line would have no line number of its own.
+      if (!cursor_.at_end())
+        cursor_.throw_input_error(cursor_.at, "the next block on a line of its own");
+      return false;
+    }
+    if (cursor_.current() != '/') return true;
+    return !run_.skips_block(read_skip_level(cursor_)) && skip_to_next_word();
+  }
+
+  void read_word() {
+    // ,C and ,R would insert a chamfer or a rounding before the next block.
+    if (cursor_.current() == ',')
+      cursor_.throw_input_error(cursor_.at,
+                                "plain lines and arcs: corners with ,C and ,R are not expanded");
+    Word word = read_letter();
+    // ROUND[] rounds to the least increment of the address that it follows.
+    operands_.resolution = min_increment(word.letter, run_.canon.inch());
+    read_number(word, grammar(), operands_);
+    // A number with a point or an expression is in full units (mm, degrees); only a bare integer
+    // counts increments.
+    word.is_in_full_units = word.text.find_first_of(".#[") != std::string_view::npos;
+    // The control ignores an address whose value is a vacant variable.
+    if (is_vacant(word.value)) return;
+    // In tenths: 650 is G65, 660 is G66.
+    const int macro_code = block_.tenths(Group::Macro);
+    const bool is_macro_call = macro_code == 650 || macro_code == 660;
+    if (word.letter == 'G') return store_code(word);
+    if (word.letter == 'N')
+      return run_.canon.throw_input_error(word, "a sequence number at the start of the block");
+    // After G65 and G66 all letters except L and P are arguments of the macro.
+    if (is_macro_call && std::string_view("LP").find(word.letter) == std::string_view::npos) {
+      if (block_.arguments.size() == max_arguments)
+        cursor_.throw_input_error(std::size_t(word.column - 1), "at most 100 arguments");
+      block_.arguments.push_back(word);
+      return;
+    }
+    if (word.letter == 'M') return store_code(word);
+    if (address_letters.find(word.letter) == std::string_view::npos)
+      return run_.handle_unknown_word(word, "a word of Fanuc's milling controls");
+    put_word(std::size_t(word.letter - 'A'), word);
+  }
+
+  void store_code(const Word& word) {
+    const bool is_turning = run_.is_turning();
+    const auto* properties =
+        find_code(word, is_turning ? "Fanuc's turning controls" : "Fanuc's milling controls",
+                  is_turning ? find_lathe_entry : find_entry);
+    if (properties == nullptr) return;
+    // The last of several G codes of a modal group is in force. Codes of group 00, and M codes
+    // other than coolant, may appear only once in a block.
+    const Group group = properties->group;
+    const bool must_be_unique =
+        word.letter == 'M' ? group != Group::Coolant : group == Group::OneShot;
+    put_code(word, group, must_be_unique, "only one such code per block");
+  }
+
+  MacroOperands& operands_;
+};
 
 }  // namespace
-
-void Block::clear() {
-  words.clear();
-  codes.clear();
-  is_percent_line = false;
-  skipped_code = code_forbidding_axis_words = {};
-  arguments.clear();
-  comments.clear();
-}
 
 int whole_number(const program::Canon& canon, const Word& word, int max) {
   const double rounded = std::round(word.value);
@@ -149,146 +190,10 @@ int read_skip_level(Cursor& cursor) {
 
 void collect_comments(Cursor& cursor, std::vector<std::string_view>& comments) {
   for (cursor.skip_blanks(); cursor.current() == '('; cursor.skip_blanks())
-    comments.push_back(read_comment(cursor));
-}
-
-// Splits a block into words and codes.
-class BlockReader {
- public:
-  BlockReader(Cursor& cursor, ProgramRun& run, MacroOperands& operands, Block& block)
-      : cursor_(cursor), run_(run), operands_(operands), block_(block) {}
-
-  void read();
-
- private:
-  bool skip_to_next_word();
-  void read_word();
-  void store_code(const Word& word);
-  void store_word(const Word& word);
-
-  Cursor& cursor_;
-  ProgramRun& run_;
-  MacroOperands& operands_;
-  Block& block_;
-};
-
-/// Advances past comments to the next word. Returns false at the end of the block: at the end of
-/// the line, at ; or at a / whose level is skipped. Throws an input error if another block follows
-/// a ;.
-bool BlockReader::skip_to_next_word() {
-  collect_comments(cursor_, block_.comments);
-  if (cursor_.at_end()) return false;
-  if (cursor_.current() == ';') {
-    ++cursor_.at;
-    collect_comments(cursor_, block_.comments);
-    // A second block on a line would have no line number of its own.
-    if (!cursor_.at_end())
-      cursor_.throw_input_error(cursor_.at, "the next block on a line of its own");
-    return false;
-  }
-  if (cursor_.current() != '/') return true;
-  return !run_.skips_block(read_skip_level(cursor_)) && skip_to_next_word();
-}
-
-void BlockReader::store_code(const Word& word) {
-  // Tenths: G43.4 is 434. The tolerance allows computed codes such as G[#1].
-  const double scaled = word.value * 10, tenths = std::round(scaled);
-  const bool is_code = tenths >= 0 && tenths < 1e4 && std::abs(scaled - tenths) < 1e-3;
-  const int code = is_code ? int(tenths) : -1;
-  const CodeProperties& properties =
-      run_.is_turning() ? find_lathe_entry(word.letter, code) : find_entry(word.letter, code);
-  if (!properties.known) {
-    run_.handle_unknown_word(word, fmt::format("a {} code of Fanuc's {} controls", word.letter,
-                                               run_.is_turning() ? "turning" : "milling"));
-    block_.skipped_code = word;
-    return;
-  }
-  if (properties.use == WordTreatment::Refused)
-    run_.canon.throw_input_error(word, std::string(properties.sentence));
-  if (properties.group == Group::None) block_.code_forbidding_axis_words = word;
-  if (properties.group == Group::None || properties.group == Group::WithMotion) return;
-  const Code& previous_code = block_[properties.group];
-  // The last of several G codes of a modal group is in force. Codes of group 00, and M codes
-  // other than coolant, may appear only once in a block.
-  const bool must_be_unique =
-      word.letter == 'M' ? properties.group != Group::Coolant : properties.group == Group::OneShot;
-  if (previous_code && must_be_unique)
-    run_.canon.throw_input_error(
-        word, "only one such code per block",
-        fmt::format("{} after {}", shown(word.text), shown(previous_code.word.text)));
-  block_.codes.put(std::size_t(properties.group), {code, word});
-}
-
-void BlockReader::store_word(const Word& word) {
-  const Word& previous_word = block_[word.letter];
-  if (previous_word)
-    run_.canon.throw_input_error(
-        word, std::string("only one ") + word.letter + " per block",
-        fmt::format("{} after {}", shown(word.text), shown(previous_word.text)));
-  block_.words.put(std::size_t(word.letter - 'A'), word);
-}
-
-void BlockReader::read_word() {
-  const std::size_t from = cursor_.at;
-  Word word;
-  word.letter = upper(cursor_.current());
-  // ,C and ,R would insert a chamfer or a rounding before the next block.
-  if (word.letter == ',')
-    cursor_.throw_input_error(from,
-                              "plain lines and arcs: corners with ,C and ,R are not expanded");
-  if (!is_letter(word.letter))
-    cursor_.throw_input_error(
-        from, "a word (letter and number)",
-        word.letter == ')' ? ") without (" : shown(cursor_.text_until_blank(from)));
-  ++cursor_.at;
-  word.column = int(from) + 1;
-  cursor_.skip_blanks();
-  if (cursor_.at_end())
-    cursor_.throw_input_error(from, std::string("a number after ") + word.letter,
-                              "the end of the line");
-  // ROUND[] rounds to the least increment of the address that it follows.
-  operands_.resolution = min_increment(word.letter, run_.canon.inch());
-  word.value = parse_value(cursor_, grammar(), operands_);
-  word.text = cursor_.text.substr(from, cursor_.at - from);
-  // A number with a point or an expression is in full units (mm, degrees); only a bare integer
-  // counts increments.
-  word.is_in_full_units = word.text.find_first_of(".#[") != std::string_view::npos;
-  // The control ignores an address whose value is a vacant variable.
-  if (is_vacant(word.value)) return;
-  // In tenths: 650 is G65, 660 is G66.
-  const int macro_code = block_.tenths(Group::Macro);
-  const bool is_macro_call = macro_code == 650 || macro_code == 660;
-  if (word.letter == 'G') return store_code(word);
-  if (word.letter == 'N')
-    return run_.canon.throw_input_error(word, "a sequence number at the start of the block");
-  // After G65 and G66 all letters except L and P are arguments of the macro.
-  if (is_macro_call && std::string_view("LP").find(word.letter) == std::string_view::npos) {
-    if (block_.arguments.size() == max_words)
-      cursor_.throw_input_error(from, "at most 100 arguments");
-    block_.arguments.push_back(word);
-    return;
-  }
-  if (word.letter == 'M') return store_code(word);
-  if (address_letters.find(word.letter) == std::string_view::npos)
-    return run_.handle_unknown_word(word, "a word of Fanuc's milling controls");
-  store_word(word);
-}
-
-void BlockReader::read() {
-  cursor_.skip_blanks();
-  if (cursor_.current() == '%') {
-    block_.is_percent_line = true;  // the rest of the line is outside of the program
-    return;
-  }
-  while (skip_to_next_word()) read_word();
+    comments.push_back(gcode::read_comment(cursor));
 }
 
 void read_block(Cursor cursor, ProgramRun& run, MacroOperands& operands, Block& block) {
-  block.clear();
-  // A NUL is not visible in messages, so its name is reported.
-  if (const std::size_t nul_position = cursor.text.find('\0');
-      nul_position != std::string_view::npos)
-    cursor.throw_input_error(nul_position, "text", "a NUL byte");
   BlockReader(cursor, run, operands, block).read();
 }
 

@@ -1,51 +1,18 @@
-#include "sim/dialects/fanuc/machine.h"
-
-#include <algorithm>
-#include <array>
-#include <cmath>
-#include <utility>
-#include <vector>
-
-#include <fmt/format.h>
-
-#include "kinematics/bad_input.h"
-#include "kinematics/text.h"
-#include "kinematics/units.h"
-#include "sim/dialects/cursor.h"
-#include "sim/dialects/tool_compensation.h"
+#include "sim/dialects/fanuc/fanuc.h"
 
 namespace abbe::sim::dialects::fanuc {
 
-using kinematics::AxisVector;
-using program::Feed;
-using program::FeedMode;
-
 namespace {
 
-constexpr double min_feed = 1e-9;  // per minute; keeps every duration finite
-
-// Returns the letters other than axis words that belong to a code of group 00.
-std::string_view one_shot_letters(int code) {
-  switch (code) {
-    case 40:
-      return "XUP";
-    case 100:
-      return "LPR";
-    case 300:
-      return "P";
-    default:
-      return "";
-  }
-}
+// Letters of codes of group 00.
+constexpr gcode::CodeLetters one_shot_letters[] = {{40, "XUP"}, {100, "LPR"}, {300, "P"}};
 
 }  // namespace
 
 Machine::Machine(ProgramRun& run)
-    : run_(run),
-      canon_(run.canon),
+    : GCodeControl(run),
       is_turning_(run.is_turning()),
       has_diameters_(run.has_initial_diameters(true)),
-      compensation_(run),
       vector_lines_(run),
       zero_offset_(AxisVector::Zero(run.canon.position().size())) {
   const program::NcOptions& options = canon_.options();
@@ -74,13 +41,11 @@ Machine::Machine(ProgramRun& run)
   apply_frame();
   if (!is_turning_) return;
   // A turning control starts in G18 and with feed per revolution (G99).
-  plane_ = 180;
+  plane_ = 18;
   canon_.set_feed_mode(FeedMode::PerRevolution);
   note_turning_control();
   apply_tool_offset({1, {}});
 }
-
-double Machine::unit() const { return canon_.inch() ? units::inch : 1.0; }
 
 double Machine::word_value(const Word& word) {
   return apply_increment(word, min_increment(word.letter, canon_.inch()));
@@ -140,7 +105,7 @@ Cause Machine::motion_cause(const Block& block) const {
 /// Returns the letters other than axis words that belong to the codes of a block.
 std::string Machine::allowed_letters(const Block& block) const {
   const int one_shot = block.tenths(Group::OneShot);
-  std::string letters(one_shot_letters(one_shot));
+  std::string letters(gcode::letters_of_code(one_shot_letters, one_shot));
   if (block[Group::MirrorEnd]) return letters;
   const int rotation = block.tenths(Group::Rotation);
   if (rotation == 682) return letters + "IJKP";
@@ -183,12 +148,8 @@ void Machine::check_words(const Block& block) const {
       throw_input_error(word, fmt::format("a code that uses {}", letter));
   }
   const Word* axis = first_axis_word(block);
-  if (axis && block.skipped_code.letter == 'G')
-    throw_input_error(*axis, "no axis words with a code that is skipped: their effect is unknown",
-                      fmt::format("{} with {}", shown(axis->text), shown(block.skipped_code.text)));
-  if (axis && block.code_forbidding_axis_words)
-    throw_input_error(*axis, fmt::format("no axis words with {}, which takes none",
-                                         shown(block.code_forbidding_axis_words.text)));
+  check_skipped_code(canon_, block, axis);
+  check_forbidden_axis_words(canon_, block, axis);
   check_axis_word_owners(block);
 }
 
@@ -213,9 +174,7 @@ void Machine::set_feed(const Block& block) {
     const FeedMode mode = code.tenths == 930                         ? FeedMode::InverseTime
                           : code.tenths == 940 || code.tenths == 980 ? FeedMode::PerMinute
                                                                      : FeedMode::PerRevolution;
-    // F has another unit in the new mode, so the old value must not survive.
-    if (mode != canon_.feed_mode()) canon_.set_feed({});
-    canon_.set_feed_mode(mode);
+    change_feed_mode(mode);
   }
   // Under G93 F holds for its own block only.
   if (canon_.feed_mode() == FeedMode::InverseTime) canon_.set_feed({});
@@ -263,11 +222,7 @@ void Machine::set_spindle(const Block& block) {
   if (const Code& code = block[Group::Spindle])
     canon_.turn_spindle(code.tenths == 30 ? 1 : code.tenths == 40 ? -1 : 0);
   // Every block sets the surface speed anew, because S and its limit may have changed.
-  if (has_surface_speed_)
-    canon_.set_surface_speed(
-        program::SurfaceSpeed{surface_speed_m_per_min_.value_or(0.0), max_rpm_});
-  else
-    canon_.set_surface_speed({});
+  apply_surface_speed(surface_speed_m_per_min_.value_or(0.0));
 }
 
 void Machine::call_tools(const Block& block) {
@@ -279,14 +234,7 @@ void Machine::call_tools(const Block& block) {
   // On a machining centre T selects a tool and M6, maybe in a later block, changes to it.
   if (changes && preselected_tool_ >= 0) tool_ = preselected_tool_;
   if (t || changes) canon_.record_tool_call(t ? preselected_tool_ : -1.0, changes);
-  std::string text = t ? fmt::format("T{}", preselected_tool_) : "";
-  const auto add_word = [&](bool is_programmed, const char* word) {
-    if (is_programmed) text += std::string(text.empty() ? "" : " ") + word;
-  };
-  add_word(changes, "M6");
-  add_word(block.tenths(Group::Coolant) == 70, "M7");
-  add_word(block.tenths(Group::Coolant) == 80, "M8");
-  if (!text.empty()) canon_.record_auxiliary_word(std::move(text));
+  record_tool_and_coolant(canon_, block, t ? fmt::format("T{}", preselected_tool_) : "");
 }
 
 /// Records the modes that a block states and those that it depends on.
@@ -305,15 +253,9 @@ void Machine::note_start_modes(const Block& block) {
   if (block[Group::OneShot]) return;
   const int motion = block[Group::Motion] ? block.tenths(Group::Motion) : motion_;
   run_.assume_mode(StartMode::Motion, "rapid (G0)");
-  if (motion == 20 || motion == 30)
-    run_.assume_mode(StartMode::Plane, plane_ == 180   ? "plane Z X (G18)"
-                                       : plane_ == 190 ? "plane Y Z (G19)"
-                                                       : "plane X Y (G17)");
-  if (motion > 0)
-    run_.assume_mode(StartMode::Feed,
-                     canon_.feed_mode() == FeedMode::PerRevolution
-                         ? (is_turning_ ? "F per revolution (G99)" : "F per revolution (G95)")
-                         : (is_turning_ ? "F per minute (G98)" : "F per minute (G94)"));
+  assume_plane_and_feed(motion == 20 || motion == 30, motion > 0,
+                        is_turning_ ? "F per minute (G98)" : "F per minute (G94)",
+                        is_turning_ ? "F per revolution (G99)" : "F per revolution (G95)");
   run_.assume_offset(system_, "work offset G54");
 }
 
@@ -324,9 +266,9 @@ void Machine::set_modes(const Block& block) {
   set_spindle(block);
   call_tools(block);
   if (const Code& code = block[Group::Plane]) {
-    if (compensation_.is_on() && code.tenths != plane_)
+    if (compensation_.is_on() && code.tenths != 10 * plane_)
       throw_input_error(code.word, "no change of the plane under G41 or G42");
-    plane_ = code.tenths;
+    plane_ = code.tenths / 10;
   }
   if (const Code& code = block[Group::Distance]) is_incremental_ = code.tenths == 910;
   if (const Code& code = block[Group::ReturnLevel]) returns_to_r_ = code.tenths == 990;
@@ -367,9 +309,7 @@ void Machine::dwell(const Block& block) {
                              ? time_word->value * 1e-3
                              : time_word->value;
   if (!(seconds >= 0 && seconds <= 1e6)) throw_input_error(*time_word, "0 to 1e6 seconds with G4");
-  // The dwell must follow a move that compensation still postpones.
-  compensation_.run_after_move(
-      [this, seconds, cause = Cause{time_word->column, {}}] { canon_.dwell(seconds, cause); });
+  dwell_after_move(seconds, *time_word);
 }
 
 void Machine::execute_one_shot(const Block& block) {
@@ -438,13 +378,9 @@ bool Machine::execute(const Block& block) {
   } else if (!block[Group::MirrorEnd]) {
     move(block);
   }
-  // M9 and stops take effect after the motion of the block.
-  if (block.tenths(Group::Coolant) == 90) canon_.record_auxiliary_word("M9");
-  const Code& stop = block[Group::Stop];
-  if (stop && stop.tenths <= 10) canon_.record_auxiliary_word(fmt::format("M{}", stop.tenths / 10));
   for (const Group group : {Group::Spindle, Group::Coolant, Group::ToolChange, Group::Stop})
     if (block[group]) last_m_ = block.tenths(group) / 10;
-  return !(stop && (stop.tenths == 20 || stop.tenths == 300));
+  return finish_block(canon_, block);
 }
 
 // Words that a turning control with G-code system A interprets differently from a milling control.
@@ -669,11 +605,7 @@ void Machine::set_nose_compensation(const Code& code) {
     throw_input_error(code.word, "G40 between G41 and G42");
   }
   start_side_ = code.tenths;
-  const std::string_view plane = plane_letters();
-  const int first = canon_.joint_of(plane[0]), second = canon_.joint_of(plane[1]);
-  if (first < 0 || second < 0)
-    throw_input_error(
-        code.word, fmt::format("a machine with the axes {} {} of the plane", plane[0], plane[1]));
+  const std::array<int, 2> joints = plane_joints(code.word);
   const auto radius = nose_radius();
   if (!radius)
     throw_input_error(code.word, "a tool whose nose radius is known",
@@ -683,7 +615,7 @@ void Machine::set_nose_compensation(const Code& code) {
   run_.warn_once(
       "nose compensation approaches the start of the contour at a right angle and goes around "
       "outside corners in arcs; a control goes around some of them in lines");
-  compensation_.begin(code.tenths == 410, *radius + radius_wear, {first, second});
+  compensation_.begin(code.tenths == 410, *radius + radius_wear, joints);
   apply_tool_offset(code.word);
   compensation_.shift_programmed(-programmed_nose_offset());
 }

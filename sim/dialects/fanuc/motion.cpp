@@ -1,28 +1,8 @@
-#include <algorithm>
-#include <cmath>
-#include <stdexcept>
-
-#include <fmt/format.h>
-#include <Eigen/Geometry>
-
-#include "kinematics/bad_input.h"
-#include "kinematics/inverse_kinematics.h"
-#include "kinematics/text.h"
-#include "kinematics/units.h"
-#include "sim/dialects/fanuc/machine.h"
-#include "sim/dialects/tool_vectors.h"
-#include "sim/program/nc_reader.h"
+#include "sim/dialects/fanuc/fanuc.h"
 
 namespace abbe::sim::dialects::fanuc {
 
-using kinematics::AxisVector;
-using kinematics::Chain;
-using kinematics::Joint;
 using kinematics::Motion;
-using program::ArcMove;
-using program::Coordinates;
-using program::FeedMode;
-using program::Straight;
 
 /// Adds the polar words (G16) to the target. The first axis of the plane is a radius about the
 /// origin, or under G91 about the current position. The second is an angle, under G91 added to the
@@ -32,10 +12,7 @@ void Machine::polar_words(const Block& block, Target& target) {
   const Word &r = block[plane[0]], &a = block[plane[1]];
   if (!r && !a) return;
   const int first = canon_.joint_of(plane[0]), second = canon_.joint_of(plane[1]);
-  // Under compensation words count from the programmed position, not from the offset tool.
-  const AxisVector p = canon_.without_offsets(compensation_.is_on() || compensation_.is_leaving()
-                                                  ? compensation_.programmed()
-                                                  : canon_.position());
+  const AxisVector p = programmed_position();
   if (r) {
     polar_.radius = length(r);
     polar_.centre = is_incremental_ ? Eigen::Vector2d(p[first], p[second]) : Eigen::Vector2d(0, 0);
@@ -85,7 +62,7 @@ void Machine::arc(const Block& block, AxisVector end, std::uint32_t stated) {
   if (length_mode_ == 435) throw_input_error(cause, "G1 under G43.5");
   const bool is_compensated = compensation_.is_on();
   ArcMove arc = program::arc_from_block(
-      canon_, {.plane = plane_ / 10,
+      canon_, {.plane = plane_,
                .clockwise = motion_ == 20,
                .from = is_compensated ? compensation_.programmed() : canon_.position(),
                .end = std::move(end),
@@ -124,8 +101,7 @@ void Machine::move(const Block& block) {
   note_uncalled_tool(cause);
   const Target target = block_target(block, false);
   check_tilted_move(target, cause);
-  const bool is_compensated = compensation_.is_on() || compensation_.is_leaving();
-  AxisVector end = is_compensated ? compensation_.end_of(target) : canon_.end_of(target);
+  AxisVector end = canon_.target_position_from(current_position(), target, false);
   if (compensation_.is_leaving() && is_arc)
     throw_input_error(cause, "a straight line as the first move after G40");
   compensation_.clear_leaving();
@@ -193,17 +169,6 @@ namespace {
 
 // Inclination of the tool from Z of a tilted plane; angles with three decimals stay far below it.
 constexpr double max_inclination = 0.02 * units::deg;
-
-/// Returns the chain with unlimited slides, so that their positions cannot limit a direction.
-Chain with_free_slides(const Chain& chain) {
-  std::vector<Joint> joints = chain.joints();
-  for (Joint& joint : joints)
-    if (joint.motion == Motion::Linear) {
-      joint.min = -1e9;
-      joint.max = 1e9;
-    }
-  return {std::move(joints), chain.T_bw_home(), chain.T_bt_home()};
-}
 
 }  // namespace
 
@@ -406,7 +371,7 @@ void Machine::execute_cycle(const Block& block) {
   if (compensation_.is_on()) throw_input_error(cycle_.cause, "G40 before a canned cycle");
   if (canon_.feed_mode() == FeedMode::InverseTime)
     throw_input_error(cycle_.cause, "G94 or G95 with a cycle");
-  if (plane_ != 170)
+  if (plane_ != 17)
     throw_input_error(cycle_.cause,
                       "G17 with a cycle: in other planes the drilling axis depends on a parameter");
   if (has_tip_length_mode())

@@ -1,18 +1,6 @@
-#include <algorithm>
-#include <cmath>
-
-#include <fmt/format.h>
-#include <Eigen/Geometry>
-
-#include "kinematics/bad_input.h"
-#include "kinematics/text.h"
-#include "kinematics/units.h"
-#include "sim/dialects/fanuc/machine.h"
+#include "sim/dialects/fanuc/fanuc.h"
 
 namespace abbe::sim::dialects::fanuc {
-
-using kinematics::AxisVector;
-using program::FeedMode;
 
 namespace {
 // Limits of the control's memory.
@@ -101,7 +89,7 @@ void Machine::set_rotation(const Block& block) {
     centre_[k] = !is_in_plane ? 0.0 : block[letter] ? length(block[letter]) : current[joint(k)];
   }
   Eigen::Vector3d normal_axis = Eigen::Vector3d::Zero();
-  normal_axis[plane_ == 170 ? 2 : plane_ == 180 ? 1 : 0] = 1.0;
+  normal_axis[plane_normal()] = 1.0;
   rotation_ = Eigen::AngleAxisd(angle_in_degrees(r) * units::deg, normal_axis).toRotationMatrix();
   apply_frame();
 }
@@ -354,15 +342,10 @@ void Machine::set_compensation(const Block& block) {
     d_ = run_.assume_only_tool(code.word, "no D with G41 and G42");
     is_d_stated_ = true;
   }
-  const std::string_view plane = plane_letters();
-  const int first = canon_.joint_of(plane[0]), second = canon_.joint_of(plane[1]);
-  if (first < 0 || second < 0)
-    throw_input_error(
-        code.word, fmt::format("a machine with the axes {} {} of the plane", plane[0], plane[1]));
+  const std::array<int, 2> joints = plane_joints(code.word);
   // Under G43.4 the plane of compensation would rotate with the table.
   if (has_tip_length_mode()) throw_input_error(code.word, "G40 with G43.4 and G43.5");
-  const int normal_axis = plane_ == 170 ? 2 : plane_ == 180 ? 1 : 0;
-  if (rotation_ && (*rotation_)(normal_axis, normal_axis) < 1.0 - plane_tolerance)
+  if (rotation_ && (*rotation_)(plane_normal(), plane_normal()) < 1.0 - plane_tolerance)
     throw_input_error(
         code.word,
         "contours compensated in advance in a tilted plane: G41 and G42 are not supported there");
@@ -379,7 +362,7 @@ void Machine::set_compensation(const Block& block) {
       "SUP = 0) and goes around outside corners in arcs (19607.2 CCC = 1): with type B a control "
       "enters an outside corner differently, with CCC = 0 it goes around in lines");
   start_side_ = code.tenths;
-  compensation_.begin(code.tenths == 410, radius, {first, second});
+  compensation_.begin(code.tenths == 410, radius, joints);
 }
 
 namespace {
@@ -411,69 +394,43 @@ double Machine::program_value(int j, const AxisVector& q) const {
   return canon_.is_linear(j) ? q[j] / unit() : q[j] / units::deg;
 }
 
-/// Returns the G code in force of a group, for #4001 and following.
-std::optional<double> Machine::modal_code(int group) const {
+/// Returns a mode or a word in force, #4001 and following.
+std::optional<double> Machine::modal_variable(int number) const {
   const FeedMode feed = canon_.feed_mode();
-  switch (group) {
-    case 1:
-      return motion_ / 10;
-    case 2:
-      return plane_ / 10;
-    case 3:
-      return is_incremental_ ? 91 : 90;
-    case 5:
-      if (is_turning_) return feed == FeedMode::PerMinute ? 98 : 99;
-      return feed == FeedMode::InverseTime ? 93 : feed == FeedMode::PerMinute ? 94 : 95;
-    case 6:
-      return canon_.inch() ? 20 : 21;
-    case 7:
-      return cutter_code_ / 10;
-    case 8:
-      // G43.4 reads as 43.4.
-      return length_mode_ / 10.0;
-    case 9:
-      return cycle_code_ / 10;
-    case 10:
-      return returns_to_r_ ? 99 : 98;
-    case 13:
-      return has_surface_speed_ ? 96 : 97;
-    case 14:
-      return system_ <= 6 ? 53.0 + system_ : 54.1;
-    case 15:
-      return 64;
-    case 16:
-      return !rotation_ ? 69.0 : is_tilted_ ? 68.2 : 68.0;
-    case 17:
-      return polar_.is_on ? 16 : 15;
-    default:
-      return std::nullopt;
-  }
-}
-
-/// Returns a word in force, for #4107 and following.
-std::optional<double> Machine::modal_word(int number) const {
-  switch (number) {
-    case 4107:
-      return d_;
-    case 4109:
-      return canon_.feed() ? canon_.feed()->word : 0.0;
-    case 4111:
-      return h_;
-    case 4113:
-      return last_m_;
-    case 4114:
-      return sequence_;
-    case 4115:
-      return program_;
-    case 4119:
-      return speed_word_;
-    case 4120:
-      return std::max(preselected_tool_, 0);
-    case 4130:
-      return system_ > 6 ? system_ - 100 : 0;
-    default:
-      return std::nullopt;
-  }
+  const double feed_code = is_turning_                     ? (feed == FeedMode::PerMinute ? 98 : 99)
+                           : feed == FeedMode::InverseTime ? 93
+                           : feed == FeedMode::PerMinute   ? 94
+                                                           : 95;
+  const std::pair<int, double> variables[] = {
+      {4001, motion_ / 10},
+      {4002, plane_},
+      {4003, is_incremental_ ? 91 : 90},
+      {4005, feed_code},
+      {4006, canon_.inch() ? 20 : 21},
+      {4007, cutter_code_ / 10},
+      {4008, length_mode_ / 10.0},  // G43.4 reads as 43.4
+      {4009, cycle_code_ / 10},
+      {4010, returns_to_r_ ? 99 : 98},
+      {4013, has_surface_speed_ ? 96 : 97},
+      {4014, system_ <= 6 ? 53.0 + system_ : 54.1},
+      {4015, 64},
+      {4016, !rotation_   ? 69.0
+             : is_tilted_ ? 68.2
+                          : 68.0},
+      {4017, polar_.is_on ? 16 : 15},
+      {4107, d_},
+      {4109, canon_.feed() ? canon_.feed()->word : 0.0},
+      {4111, h_},
+      {4113, last_m_},
+      {4114, sequence_},
+      {4115, program_},
+      {4119, speed_word_},
+      {4120, std::max(preselected_tool_, 0)},
+      {4130, system_ > 6 ? system_ - 100 : 0},
+  };
+  for (const auto& [variable, value] : variables)
+    if (variable == number) return value;
+  return std::nullopt;
 }
 
 /// Returns the tool offset that a variable holds, in the layout of memory C.
@@ -514,13 +471,10 @@ std::optional<double> Machine::variable(int number) {
   }
   if (const OriginVariable variable = origin_variable(number); variable.origin != nullptr)
     return program_value(joint_of_index(variable.axis), *variable.origin);
-  if (const int group = index_in_range(number, 4001, 30); group >= 0) return modal_code(group + 1);
-  if (const auto word = modal_word(number)) return word;
+  if (const auto value = modal_variable(number)) return value;
   // Under compensation a program reads the programmed position, not that of the offset tool.
-  const bool is_compensated = compensation_.is_on() || compensation_.is_leaving();
-  const AxisVector position = is_compensated ? compensation_.programmed() : canon_.position();
   if (const int i = index_in_range(number, 5001, 9); i >= 0)
-    return program_value(joint_of_index(i), canon_.without_offsets(position));
+    return program_value(joint_of_index(i), programmed_position());
   // #5041: position with tool length; #5021: machine coordinates.
   if (const int i = index_in_range(number, 5041, 9); i >= 0) {
     AxisVector with_length = canon_.without_offsets(canon_.position());

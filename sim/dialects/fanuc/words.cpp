@@ -1,6 +1,4 @@
-#include <vector>
-
-#include "sim/dialects/fanuc/block.h"
+#include "sim/dialects/fanuc/fanuc.h"
 #include "sim/dialects/read_program.h"
 
 namespace abbe::sim::dialects {
@@ -176,45 +174,117 @@ constexpr WordTableEntry other_words[] = {
     {"POPEN PCLOS DPRNT BPRNT", none, "output"},
 };
 
+// G-code system A differs in most groups, so a turning control has a table of its own.
+constexpr Line lathe_lines[] = {
+    {"G0 G1", Group::Motion, read, "rapid, active at the start; line"},
+    {"G2 G3", Group::Motion, read,
+     "arc clockwise, counter-clockwise, viewed against Y in G18: I K from the start, I a radius, "
+     "or R"},
+    {"G4", Group::OneShot, read, "dwell, X or U in seconds, P in milliseconds"},
+    {"G7.1 G107 G12.1 G112", Group::None, refused,
+     "plain X Z: no cylindrical or polar coordinate interpolation"},
+    {"G5 G5.1 G8", Group::WholeBlock, none,
+     "contour control, smoothing and look-ahead: abbe cuts the exact path"},
+    {"G9 G61", Group::WithMotion, none, "exact stop: abbe cuts the exact path"},
+    {"G62", Group::WithMotion, none, "slower feed in inside corners; the feed stays as programmed"},
+    {"G63", Group::WithMotion, none, "tapping mode: no overrides, abbe runs at 100 %"},
+    {"G64", Group::WithMotion, none, "cutting mode: abbe cuts the exact path"},
+    {"G10", Group::OneShot, read,
+     "L2 L20: origin of G54 to G59 (P0: of all) or of G54.1, U W adding; without L: X Z U W R, "
+     "wear of an offset P1 to P99"},
+    {"G11 G13.1 G113", Group::None, none,
+     "ends the modes started by G10 and G12.1; axis words with them are rejected"},
+    {"G17 G18 G19", Group::Plane, read, "plane X Y, Z X, Y Z; G18 is active at the start"},
+    {"G20 G21", Group::Units, read, "inch, mm"},
+    {"G22 G23", Group::WholeBlock, none, "stored stroke checks"},
+    {"G25 G26", Group::WholeBlock, none, "checks of spindle speed fluctuation"},
+    {"G27 G29 G30.1", Group::None, refused, "moves to a reference position with G28 or G30"},
+    {"G28 G30", Group::OneShot, read,
+     "rapid through the programmed point (U0 W0: from the current position) to the reference "
+     "position of these axes (`reference` of the machine, otherwise their start position); also "
+     "for G30"},
+    {"G31 G36 G37", Group::None, refused,
+     "no probing: a virtual part is measured by instruments (abbe measure)"},
+    {"G32 G33 G34 G35 G76 G78 G92", Group::None, refused,
+     "G1 with the feed of the lead under G99: threads are not synchronised with the spindle"},
+    {"G40", Group::CutterRadius, read, "nose compensation off"},
+    {"G41 G42", Group::CutterRadius, read,
+     "nose compensation left, right: the tool nose follows the contour"},
+    {"G50", Group::OneShot, read,
+     "S: the maximum speed of G96; X Z: a shift that gives the current position these coordinates; "
+     "U W: an incremental shift"},
+    {"G50.3", Group::OneShot, read, "cancels the effect of G50 and G52 on these axes"},
+    {"G50.2 G51.2 G250 G251", Group::None, refused, "G1: no polygon turning"},
+    {"G52", Group::OneShot, read, "shift on top of all coordinate systems"},
+    {"G53", Group::OneShot, read, "rapid to axis positions, without offsets"},
+    {"G54 G55 G56 G57 G58 G59", Group::WorkOffset, read,
+     "coordinate system as stated in the scene"},
+    {"G54.1", Group::WorkOffset, read,
+     "coordinate system P 1 to 300, initially zero; G54 P the same"},
+    {"G65", Group::Macro, read, "calls program P with arguments, L times"},
+    {"G66", Group::Macro, read, "calls it after every block with motion, until G67"},
+    {"G67", Group::Macro, read, "end of G66", true},
+    {"G68", Group::None, refused, "one turret: no mirror image for a second one"},
+    {"G69 G69.1", Group::None, none,
+     "end of the mirror image of a second turret; axis words with it are rejected"},
+    {"G70 G71 G72 G73 G74 G75", Group::None, refused,
+     "explicit passes with G1 to G3, G90 or G94: roughing, finishing and grooving cycles are not "
+     "expanded"},
+    {"G80", Group::Cycle, read, "no cycle"},
+    {"G81 G82 G83 G84 G85 G86 G87 G88 G89", Group::None, refused,
+     "explicit moves: drilling cycles of a turning control are not expanded"},
+    {"G90 G94", Group::Motion, read,
+     "turning along Z, facing along X: rapid to the cut, feed along it and out of it, rapid back; "
+     "R tapers"},
+    {"G91 G93 G95", Group::None, refused,
+     "U V W H for increments, G98 or G99 for feeds: G91, G93 and G95 belong to G-code systems B "
+     "and C"},
+    {"G96", Group::SpeedMode, read,
+     "S is a surface speed at the radius of X: the duration of a block is computed from the speeds "
+     "at its points"},
+    {"G97", Group::SpeedMode, read, "S is a speed in rpm; without S the speed is kept"},
+    {"G98 G99", Group::FeedMode, read, "F is per minute; per revolution of the spindle"},
+    {"M0 M1", Group::Stop, none, "stops"},
+    {"M2 M30", Group::Stop, read, "end of the program"},
+    {"M3 M4 M5", Group::Spindle, read, "spindle clockwise, counter-clockwise, off"},
+    {"M6", Group::WithMotion, none, "T alone indexes the turret"},
+    {"M7 M8 M9 M88 M89", Group::Coolant, none, "coolant, M88 M89 through the tool"},
+    {"M10 M11", Group::WithMotion, none, "chuck closed, open"},
+    {"M19", Group::WithMotion, none, "spindle orientation"},
+    {"M40 M41 M42 M43 M44 M45", Group::WithMotion, none, "spindle gears"},
+    {"M23 M24", Group::WithMotion, none, "thread run-out"},
+    {"M48 M49", Group::WithMotion, none, "no overrides: abbe runs at 100 %"},
+    {"M96 M97", Group::None, refused, "no interrupts: there is no signal"},
+    {"M98", Group::Call, read,
+     "calls program P, L times; P of up to 8 digits: repeats, then program"},
+    {"M99", Group::Call, read, "return, P to this sequence number; in the main program its end"},
+    {"M198", Group::None, refused, "M98: programs are in the file or next to it"},
+};
+
+// Words other than codes, of a turning control.
+constexpr WordTableEntry other_lathe_words[] = {
+    {"O :", read, "program number"},
+    {"N", read, "sequence number"},
+    {"F S", read, "feed; spindle speed"},
+    {"T", read,
+     "tool and offset, T0101. With an offset, X Z guide the tool point, and X0 is on the spindle "
+     "line: the geometry is that of the scene's tool, and program.tip states which point; T0100 "
+     "ends it"},
+    {"X Z Y C", read, "axes of the machine, X a diameter; mm or inch, degrees"},
+    {"U W V H", read, "increments of X Z Y C"},
+    {",C ,R", refused, "plain lines and arcs: corners are not expanded"},
+};
+
 }  // namespace
 
-bool is_beside_motion(Group group) {
-  switch (group) {
-    case Group::None:
-    case Group::WholeBlock:
-    case Group::MirrorEnd:
-    case Group::OneShot:
-    case Group::Rotation:
-    case Group::Macro:
-    case Group::Count:
-      return false;
-    case Group::WithMotion:
-    case Group::Motion:
-    case Group::Plane:
-    case Group::Distance:
-    case Group::FeedMode:
-    case Group::Units:
-    case Group::CutterRadius:
-    case Group::ToolLength:
-    case Group::Cycle:
-    case Group::ReturnLevel:
-    case Group::SpeedMode:
-    case Group::WorkOffset:
-    case Group::Polar:
-    case Group::Stop:
-    case Group::ToolChange:
-    case Group::Spindle:
-    case Group::Coolant:
-    case Group::Call:
-    case Group::RigidTap:
-      return true;
-  }
-  return false;
+// Tables are built at first use and indexed by tenths: every code of a program is looked up.
+const gcode::CodeProperties& find_entry(char letter, int tenths) {
+  static const CodeTable<Group> table(lines);
+  return table.find_entry(letter, tenths);
 }
 
-// Tables are built at first use and indexed by tenths: every code of a program is looked up.
-const CodeProperties& find_entry(char letter, int tenths) {
-  static const CodeTable<Group> table(lines);
+const gcode::CodeProperties& find_lathe_entry(char letter, int tenths) {
+  static const CodeTable<Group> table(lathe_lines);
   return table.find_entry(letter, tenths);
 }
 
@@ -230,130 +300,9 @@ std::span<const WordTableEntry> fanuc_words() {
   return table;
 }
 
-namespace fanuc {
-namespace {
-
-using LatheLine = CodeTableLine<Group>;
-
-constexpr WordTreatment is_read = WordTreatment::Read, no_effect = WordTreatment::WithoutEffect,
-                        is_refused = WordTreatment::Refused;
-
-// G-code system A differs in most groups, so a turning control has a table of its own.
-constexpr LatheLine lathe_lines[] = {
-    {"G0 G1", Group::Motion, is_read, "rapid, active at the start; line"},
-    {"G2 G3", Group::Motion, is_read,
-     "arc clockwise, counter-clockwise, viewed against Y in G18: I K from the start, I a radius, "
-     "or R"},
-    {"G4", Group::OneShot, is_read, "dwell, X or U in seconds, P in milliseconds"},
-    {"G7.1 G107 G12.1 G112", Group::None, is_refused,
-     "plain X Z: no cylindrical or polar coordinate interpolation"},
-    {"G5 G5.1 G8", Group::WholeBlock, no_effect,
-     "contour control, smoothing and look-ahead: abbe cuts the exact path"},
-    {"G9 G61", Group::WithMotion, no_effect, "exact stop: abbe cuts the exact path"},
-    {"G62", Group::WithMotion, no_effect,
-     "slower feed in inside corners; the feed stays as programmed"},
-    {"G63", Group::WithMotion, no_effect, "tapping mode: no overrides, abbe runs at 100 %"},
-    {"G64", Group::WithMotion, no_effect, "cutting mode: abbe cuts the exact path"},
-    {"G10", Group::OneShot, is_read,
-     "L2 L20: origin of G54 to G59 (P0: of all) or of G54.1, U W adding; without L: X Z U W R, "
-     "wear "
-     "of an offset P1 to P99"},
-    {"G11 G13.1 G113", Group::None, no_effect,
-     "ends the modes started by G10 and G12.1; axis words with them are rejected"},
-    {"G17 G18 G19", Group::Plane, is_read, "plane X Y, Z X, Y Z; G18 is active at the start"},
-    {"G20 G21", Group::Units, is_read, "inch, mm"},
-    {"G22 G23", Group::WholeBlock, no_effect, "stored stroke checks"},
-    {"G25 G26", Group::WholeBlock, no_effect, "checks of spindle speed fluctuation"},
-    {"G27 G29 G30.1", Group::None, is_refused, "moves to a reference position with G28 or G30"},
-    {"G28 G30", Group::OneShot, is_read,
-     "rapid through the programmed point (U0 W0: from the current position) to the reference "
-     "position of these axes (`reference` of the machine, otherwise their start position); also "
-     "for G30"},
-    {"G31 G36 G37", Group::None, is_refused,
-     "no probing: a virtual part is measured by instruments (abbe measure)"},
-    {"G32 G33 G34 G35 G76 G78 G92", Group::None, is_refused,
-     "G1 with the feed of the lead under G99: threads are not synchronised with the spindle"},
-    {"G40", Group::CutterRadius, is_read, "nose compensation off"},
-    {"G41 G42", Group::CutterRadius, is_read,
-     "nose compensation left, right: the tool nose follows the contour"},
-    {"G50", Group::OneShot, is_read,
-     "S: the maximum speed of G96; X Z: a shift that gives the current position these coordinates; "
-     "U W: an incremental shift"},
-    {"G50.3", Group::OneShot, is_read, "cancels the effect of G50 and G52 on these axes"},
-    {"G50.2 G51.2 G250 G251", Group::None, is_refused, "G1: no polygon turning"},
-    {"G52", Group::OneShot, is_read, "shift on top of all coordinate systems"},
-    {"G53", Group::OneShot, is_read, "rapid to axis positions, without offsets"},
-    {"G54 G55 G56 G57 G58 G59", Group::WorkOffset, is_read,
-     "coordinate system as stated in the scene"},
-    {"G54.1", Group::WorkOffset, is_read,
-     "coordinate system P 1 to 300, initially zero; G54 P the same"},
-    {"G65", Group::Macro, is_read, "calls program P with arguments, L times"},
-    {"G66", Group::Macro, is_read, "calls it after every block with motion, until G67"},
-    {"G67", Group::Macro, is_read, "end of G66", true},
-    {"G68", Group::None, is_refused, "one turret: no mirror image for a second one"},
-    {"G69 G69.1", Group::None, no_effect,
-     "end of the mirror image of a second turret; axis words with it are rejected"},
-    {"G70 G71 G72 G73 G74 G75", Group::None, is_refused,
-     "explicit passes with G1 to G3, G90 or G94: roughing, finishing and grooving cycles are not "
-     "expanded"},
-    {"G80", Group::Cycle, is_read, "no cycle"},
-    {"G81 G82 G83 G84 G85 G86 G87 G88 G89", Group::None, is_refused,
-     "explicit moves: drilling cycles of a turning control are not expanded"},
-    {"G90 G94", Group::Motion, is_read,
-     "turning along Z, facing along X: rapid to the cut, feed along it and out of it, rapid back; "
-     "R "
-     "tapers"},
-    {"G91 G93 G95", Group::None, is_refused,
-     "U V W H for increments, G98 or G99 for feeds: G91, G93 and G95 belong to G-code systems B "
-     "and C"},
-    {"G96", Group::SpeedMode, is_read,
-     "S is a surface speed at the radius of X: the duration of a block is computed from the speeds "
-     "at its points"},
-    {"G97", Group::SpeedMode, is_read, "S is a speed in rpm; without S the speed is kept"},
-    {"G98 G99", Group::FeedMode, is_read, "F is per minute; per revolution of the spindle"},
-    {"M0 M1", Group::Stop, no_effect, "stops"},
-    {"M2 M30", Group::Stop, is_read, "end of the program"},
-    {"M3 M4 M5", Group::Spindle, is_read, "spindle clockwise, counter-clockwise, off"},
-    {"M6", Group::WithMotion, no_effect, "T alone indexes the turret"},
-    {"M7 M8 M9 M88 M89", Group::Coolant, no_effect, "coolant, M88 M89 through the tool"},
-    {"M10 M11", Group::WithMotion, no_effect, "chuck closed, open"},
-    {"M19", Group::WithMotion, no_effect, "spindle orientation"},
-    {"M40 M41 M42 M43 M44 M45", Group::WithMotion, no_effect, "spindle gears"},
-    {"M23 M24", Group::WithMotion, no_effect, "thread run-out"},
-    {"M48 M49", Group::WithMotion, no_effect, "no overrides: abbe runs at 100 %"},
-    {"M96 M97", Group::None, is_refused, "no interrupts: there is no signal"},
-    {"M98", Group::Call, is_read,
-     "calls program P, L times; P of up to 8 digits: repeats, then program"},
-    {"M99", Group::Call, is_read, "return, P to this sequence number; in the main program its end"},
-    {"M198", Group::None, is_refused, "M98: programs are in the file or next to it"},
-};
-
-// Words other than codes, of a turning control.
-constexpr WordTableEntry other_lathe_words[] = {
-    {"O :", is_read, "program number"},
-    {"N", is_read, "sequence number"},
-    {"F S", is_read, "feed; spindle speed"},
-    {"T", is_read,
-     "tool and offset, T0101. With an offset, X Z guide the tool point, and X0 is on the spindle "
-     "line: the geometry is that of the scene's tool, and program.tip states which point; T0100 "
-     "ends it"},
-    {"X Z Y C", is_read, "axes of the machine, X a diameter; mm or inch, degrees"},
-    {"U W V H", is_read, "increments of X Z Y C"},
-    {",C ,R", is_refused, "plain lines and arcs: corners are not expanded"},
-};
-
-}  // namespace
-
-const CodeProperties& find_lathe_entry(char letter, int tenths) {
-  static const CodeTable<Group> table(lathe_lines);
-  return table.find_entry(letter, tenths);
-}
-
-}  // namespace fanuc
-
 std::span<const WordTableEntry> fanuc_lathe_words() {
   static const std::vector<WordTableEntry> table =
-      word_table<fanuc::LatheLine>(fanuc::lathe_lines, fanuc::other_lathe_words);
+      word_table<fanuc::Line>(fanuc::lathe_lines, fanuc::other_lathe_words);
   return table;
 }
 

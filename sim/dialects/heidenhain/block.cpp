@@ -1,12 +1,4 @@
-#include "sim/dialects/heidenhain/block.h"
-
-#include <algorithm>
-#include <cmath>
-
-#include <fmt/format.h>
-
-#include "kinematics/bad_input.h"
-#include "kinematics/units.h"
+#include "sim/dialects/heidenhain/heidenhain.h"
 
 namespace abbe::sim::dialects {
 
@@ -237,46 +229,22 @@ BlockHead parse_block_head(std::string_view line) {
   return {at, is_skipped};
 }
 
-// Functions that return the expectation which operands do not meet, or null.
-
-const char* require_nonzero(double, double b) { return b == 0 ? "a nonzero divisor" : nullptr; }
-
-const char* require_real_power(double a, double b) {
-  if (a < 0 && std::floor(b) != b) return "an integer exponent for a negative number";
-  return a == 0 && b < 0 ? "a non-negative exponent for zero" : nullptr;
-}
-
 // Levels of Q formulas: ^ binds most tightly, then * / %, then + -.
 constexpr Operator operators[] = {
     {"^", 3, [](double a, double b) { return std::pow(a, b); }, require_real_power},
     {"*", 2, [](double a, double b) { return a * b; }},
-    {"/", 2, [](double a, double b) { return a / b; }, require_nonzero},
-    {"%", 2, [](double a, double b) { return std::fmod(a, b); }, require_nonzero},
+    {"/", 2, [](double a, double b) { return a / b; }, require_nonzero_divisor},
+    {"%", 2, [](double a, double b) { return std::fmod(a, b); }, require_nonzero_divisor},
     {"+", 1, [](double a, double b) { return a + b; }},
     {"-", 1, [](double a, double b) { return a - b; }},
 };
 
-const char* require_unit_range(double x) {
-  return x < -1 || x > 1 ? "a number from -1 to 1" : nullptr;
-}
-const char* require_positive(double x) { return x <= 0 ? "a number greater than zero" : nullptr; }
-
 constexpr Function functions[] = {
-    {"SQRT", [](double x) { return std::sqrt(x); },
-     [](double x) -> const char* { return x < 0 ? "a non-negative number" : nullptr; }},
     {"SQ", [](double x) { return x * x; }},
-    {"SIN", [](double x) { return std::sin(x * units::deg); }},
-    {"COS", [](double x) { return std::cos(x * units::deg); }},
-    {"TAN", [](double x) { return std::tan(x * units::deg); }},
-    {"ASIN", [](double x) { return std::asin(x) / units::deg; }, require_unit_range},
-    {"ACOS", [](double x) { return std::acos(x) / units::deg; }, require_unit_range},
     {"ATAN", [](double x) { return std::atan(x) / units::deg; }},
-    {"EXP", [](double x) { return std::exp(x); }},
-    {"LN", [](double x) { return std::log(x); }, require_positive},
     {"LOG", [](double x) { return std::log10(x); }, require_positive},
     {"NEG", [](double x) { return -x; }},
     {"INT", [](double x) { return std::trunc(x); }},
-    {"ABS", [](double x) { return std::abs(x); }},
     {"FRAC", [](double x) { return x - std::trunc(x); }},
     {"SGN", [](double x) { return double((x > 0) - (x < 0)); }},
 };
@@ -292,16 +260,12 @@ const ExpressionGrammar& grammar() {
 std::optional<double> parse_function(Cursor& cursor, OperandParser& parameters) {
   const std::size_t from = cursor.at;
   if (cursor.accept_word("PI")) return pi;
-  for (const Function& function : functions) {
-    if (!cursor.accept_word(function.name)) continue;
-    const double argument = parse_value(cursor, grammar(), parameters);
-    if (function.operand_error != nullptr)
-      if (const char* expected = function.operand_error(argument))
-        cursor.throw_input_error(from, expected);
-    const double result = function.apply(argument);
-    if (!std::isfinite(result)) cursor.throw_input_error(from, "a finite result");
-    return result;
-  }
+  for (const std::span<const Function> table :
+       {std::span<const Function>(functions), common_functions()})
+    for (const Function& function : table)
+      if (cursor.accept_word(function.name))
+        return apply_function(function, parse_value(cursor, grammar(), parameters), grammar(),
+                              cursor, from);
   return std::nullopt;
 }
 
@@ -385,8 +349,7 @@ double WordReader::read_value() {
 }
 
 int WordReader::read_whole_number(int max) {
-  cursor.skip_blanks();
-  const std::size_t from = cursor.at;
+  const std::size_t from = skip_blanks(cursor);
   const double number = read_value();
   if (number < 0 || number > max || number != std::floor(number))
     cursor.throw_input_error(from, fmt::format("an integer from 0 to {}", max));
@@ -394,8 +357,7 @@ int WordReader::read_whole_number(int max) {
 }
 
 std::string WordReader::read_label() {
-  cursor.skip_blanks();
-  const std::size_t from = cursor.at;
+  const std::size_t from = skip_blanks(cursor);
   if (cursor.current() != '"') return fmt::format("{}", read_whole_number(65535));
   const std::size_t end = cursor.text.find('"', from + 1);
   // The control allows 32 characters.

@@ -1,19 +1,8 @@
-#include "sim/dialects/heidenhain/contour.h"
-
-#include <cmath>
-#include <utility>
-
-#include <fmt/format.h>
-
-#include "kinematics/bad_input.h"
-#include "kinematics/units.h"
-#include "sim/program/block_motion.h"
+#include "sim/dialects/heidenhain/heidenhain.h"
 
 namespace abbe::sim::dialects::heidenhain {
 
 using Eigen::Vector2d;
-using kinematics::AxisVector;
-using program::Cause;
 
 namespace {
 
@@ -221,25 +210,32 @@ void Contour::enter_contour(const ContourElement& next) {
   compensation_.begin_at_offset(*is_left_, radius_, plane_, begin);
 }
 
+namespace {
+
+ArcMove arc_move(const ContourElement& element) {
+  return {.first = element.first,
+          .second = element.second,
+          .end = element.end,
+          .centre = {0, 0},
+          .centre_with_offsets = element.centre,
+          .radius = element.radius,
+          .clockwise = element.is_clockwise,
+          .turns = element.turn_count,
+          .cause = element.cause,
+          .named = element.cause,
+          .stated = element.stated};
+}
+
+}  // namespace
+
 // The element has the feed of its own block, not of the current one.
 void Contour::compensate(const ContourElement& element) {
   const auto feed = canon_.feed();
   canon_.set_feed(element.feed);
-  if (!element.is_arc) {
+  if (element.is_arc)
+    compensation_.arc(arc_move(element));
+  else
     compensation_.straight({.end = element.end, .cause = element.cause}, element.is_rapid);
-  } else {
-    program::ArcMove arc{.first = element.first,
-                         .second = element.second,
-                         .end = element.end,
-                         .centre = {0, 0},
-                         .centre_with_offsets = element.centre,
-                         .radius = element.radius,
-                         .clockwise = element.is_clockwise,
-                         .turns = element.turn_count,
-                         .cause = element.cause,
-                         .named = element.cause};
-    compensation_.arc(std::move(arc));
-  }
   canon_.set_feed(feed);
 }
 
@@ -249,21 +245,10 @@ void Contour::issue(const ContourElement& element) {
   canon_.set_feed(element.feed);
   canon_.set_line(element.line, element.file);
   if (element.is_arc)
-    canon_.arc({.first = element.first,
-                .second = element.second,
-                .end = element.end,
-                .centre = {0, 0},
-                .centre_with_offsets = element.centre,
-                .radius = element.radius,
-                .clockwise = element.is_clockwise,
-                .turns = element.turn_count,
-                .cause = element.cause,
-                .named = element.cause,
-                .stated = element.stated});
-  else if (element.is_rapid)
-    canon_.traverse({.end = element.end, .cause = element.cause, .stated = element.stated});
+    canon_.arc(arc_move(element));
   else
-    canon_.straight_feed({.end = element.end, .cause = element.cause, .stated = element.stated});
+    canon_.straight({.end = element.end, .cause = element.cause, .stated = element.stated},
+                    element.is_rapid);
   canon_.set_feed(feed);
   canon_.set_line(line, file);
 }

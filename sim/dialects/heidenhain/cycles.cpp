@@ -1,26 +1,10 @@
-#include <algorithm>
-#include <array>
-#include <cmath>
-#include <utility>
-
-#include <fmt/format.h>
-#include <Eigen/Geometry>
-
-#include "kinematics/bad_input.h"
-#include "kinematics/text.h"
-#include "kinematics/units.h"
-#include "sim/dialects/control_table.h"
-#include "sim/dialects/heidenhain/block.h"
-#include "sim/dialects/heidenhain/machine.h"
+#include "sim/dialects/heidenhain/heidenhain.h"
 
 /// Coordinate cycles (CYCL DEF, TRANS, presets), and cycles for drilling, boring and tapping.
 namespace abbe::sim::dialects::heidenhain {
 
 using Eigen::Matrix3d;
 using Eigen::Vector3d;
-using kinematics::AxisVector;
-using program::Feed;
-using program::FeedMode;
 
 namespace {
 
@@ -36,8 +20,7 @@ int parse_digits(Cursor& cursor) {
 
 /// Executes CYCL DEF, for example CYCL DEF 7.1 X+10 or CYCL DEF 200 DRILLING Q200=2.
 void Machine::execute_cycle_definition(WordReader& words) {
-  words.cursor.skip_blanks();
-  const std::size_t from = words.cursor.at;
+  const std::size_t from = skip_blanks(words.cursor);
   if (!is_digit(words.cursor.current())) words.throw_input_error(from, "a cycle number");
   const int number = parse_digits(words.cursor);
   int part = -1;
@@ -162,8 +145,7 @@ void Machine::require_certain_shift(const Cause& cause) const {
 }
 
 void Machine::execute_rotation_cycle(WordReader& words) {
-  words.cursor.skip_blanks();
-  const std::size_t from = words.cursor.at;
+  const std::size_t from = skip_blanks(words.cursor);
   const std::string name = words.read_name();
   if (name != "ROT" && name != "IROT") words.throw_input_error(from, "ROT and an angle");
   const double angle = words.read_value() * units::deg;
@@ -215,8 +197,7 @@ void Machine::execute_plane_cycle(WordReader& words) {
 
 /// Executes TRANS, for example TRANS DATUM AXIS X+10 or TRANS DATUM RESET.
 void Machine::execute_trans(WordReader& words) {
-  words.cursor.skip_blanks();
-  const std::size_t from = words.cursor.at;
+  const std::size_t from = skip_blanks(words.cursor);
   if (contour_.is_compensated()) words.throw_input_error(from, "R0 before TRANS");
   if (words.accept("ROTATION")) {
     if (words.accept("RESET")) {
@@ -231,7 +212,7 @@ void Machine::execute_trans(WordReader& words) {
   if (!words.accept("RESET"))
     words.throw_input_error(words.cursor.at, "AXIS or RESET: datum tables are not supported");
   words.expect_end();
-  for (const char letter : std::string_view("XYZABCUVW"))
+  for (const char letter : axis_letters)
     if (canon_.joint_of(letter) >= 0) set_axis_shift(letter, 0.0, false, words.cause(from));
   apply_frame(words.cause(from));
 }
@@ -331,8 +312,7 @@ void Machine::define_q_cycle(int number, std::size_t from, WordReader& words) {
 /// Parses the value of a parameter of a cycle. A feed may be written as in a block, with or without
 /// F. Parameters that are feeds per revolution are added to `per_revolution`.
 double Machine::read_cycle_value(int q, std::set<int>& per_revolution, WordReader& words) const {
-  words.cursor.skip_blanks();
-  const std::size_t from = words.cursor.at;
+  const std::size_t from = skip_blanks(words.cursor);
   WordReader ahead = words;
   const std::string name = ahead.read_name();
   if (!is_feed_parameter(q) || name.empty() || name.front() == 'Q') return words.read_value();
@@ -376,8 +356,7 @@ double Machine::cycle_value(int number, double default_value) const {
 
 /// Executes CYCL CALL, for example CYCL CALL M3 or CYCL CALL POS X+10 Y+20 Z+0 FMAX.
 void Machine::call_cycle(WordReader& words) {
-  words.cursor.skip_blanks();
-  const std::size_t from = words.cursor.at;
+  const std::size_t from = skip_blanks(words.cursor);
   const bool has_position = words.accept("POS");
   if (words.accept("PAT"))
     words.throw_input_error(from, "CYCL CALL, CYCL CALL POS or M99: patterns are not supported");
@@ -403,10 +382,7 @@ void Machine::call_cycle(WordReader& words) {
     // The tool first rises to the clearance, so that it does not move sideways through the part.
     if (canon_.programmed()[z] < clearance) move_to_depth(clearance, true);
     program::Straight straight{canon_.end_of(hole), move.cause, false, hole.stated()};
-    if (move.feed_kind == FeedKind::Rapid)
-      canon_.traverse(std::move(straight));
-    else
-      canon_.straight_feed(std::move(straight));
+    canon_.straight(std::move(straight), move.feed_kind == FeedKind::Rapid);
   } else {
     for (const auto& axis : move.axes)
       if (axis) throw_input_error(axis->cause, "CYCL CALL POS before axes");
@@ -468,10 +444,7 @@ void Machine::move_to_depth(double z, bool rapid) {
   Target target;
   target.to(j, z, {1, {}});
   program::Straight straight{canon_.end_of(target), {1, {}}, false, target.stated()};
-  if (rapid)
-    canon_.traverse(std::move(straight));
-  else
-    canon_.straight_feed(std::move(straight));
+  canon_.straight(std::move(straight), rapid);
 }
 
 /// Moves to a depth at the feed of a parameter, or at that of the default parameter if the first is

@@ -1,20 +1,76 @@
-#include "sim/dialects/heidenhain/flow.h"
+#include "sim/dialects/heidenhain/heidenhain.h"
 
-#include <algorithm>
-#include <cmath>
-#include <filesystem>
-#include <utility>
+namespace abbe::sim::dialects {
+namespace heidenhain {
 
-#include <fmt/format.h>
+/// A file of a program.
+struct Source {
+  std::string text;  ///< text of a called program; empty for the main program
+  std::vector<std::string_view> lines;
+  int file = 0;  ///< file number in the canon
+  bool are_labels_collected = false;
+  std::unordered_map<std::string, std::vector<std::size_t>> labels;  ///< lines by label
+};
 
-#include "kinematics/bad_input.h"
-#include "kinematics/text.h"
-#include "kinematics/units.h"
-#include "sim/dialects/heidenhain/block.h"
-#include "sim/program/block_motion.h"
-#include "sim/program/nc_block.h"
+/// Flow of a program: executes Q parameters, jumps, labels and calls, and passes all other blocks
+/// to the machine.
+class Flow : public OperandParser {
+ public:
+  Flow(std::string_view text, ProgramRun& run);
+  void run();
 
-namespace abbe::sim::dialects::heidenhain {
+  std::optional<double> parse_operand(Cursor& cursor) override;
+
+ private:
+  /// A running program or label.
+  struct Call {
+    Source* source = nullptr;
+    std::size_t return_line = 0;  ///< line to continue with after the call
+    bool is_program = true;
+    bool is_caller_inch = false;                        ///< unit of the caller
+    bool has_begun = false;                             ///< BEGIN PGM has been read
+    std::map<std::size_t, int> remaining_repeats = {};  ///< by the line of CALL LBL
+  };
+  /// A Q parameter as programmed.
+  struct Parameter {
+    std::string kind;  ///< "Q", "QL", "QR"
+    int number = 0;
+    std::size_t from = 0;
+    std::string name() const { return kind + std::to_string(number); }
+  };
+
+  void execute_block();
+  /// Executes a block of program flow. Returns false for any other keyword.
+  bool execute_flow_statement(const std::string& keyword, WordReader& words);
+  bool is_corner_next(const Call& call, std::size_t line) const;
+  void begin_program(WordReader& words);
+  void end_program();
+  void warn_of_unread_lines();
+  void execute_call(WordReader& words);
+  void call_label(WordReader& words);
+  void call_program(WordReader& words);
+  void execute_label(WordReader& words);
+  void execute_fn(WordReader& words);
+  double fn_result(int number, WordReader& words);
+  void execute_if(WordReader& words);
+  void execute_assignment(WordReader& words, const Parameter& parameter);
+  std::optional<Parameter> parse_parameter(Cursor& cursor) const;
+  void set_parameter(const Parameter& parameter, double value, const WordReader& words);
+  void set_cycle_parameter(int number, double value);
+  double read_parameter(const Parameter& parameter, const Cursor& cursor) const;
+  std::size_t line_of_label(const std::string& label, const WordReader& words, std::size_t from);
+  Source& load_source(const std::filesystem::path& file);
+
+  ProgramRun& run_;
+  Machine machine_;
+  Variables variables_;
+  std::vector<std::unique_ptr<Source>> sources_;
+  std::map<std::string, Source*> sources_by_file_;
+  std::vector<Call> calls_;
+  std::size_t line_index_ = 0;  ///< current line of the running source, from 0
+  bool has_ended_ = false;
+  Block block_;
+};
 
 namespace {
 
@@ -243,8 +299,7 @@ void Flow::execute_call(WordReader& words) {
 }
 
 void Flow::call_label(WordReader& words) {
-  words.cursor.skip_blanks();
-  const std::size_t from = words.cursor.at;
+  const std::size_t from = skip_blanks(words.cursor);
   const std::string name = words.read_label();
   const std::size_t line = line_of_label(name, words, from);
   if (words.at_end()) {
@@ -275,8 +330,7 @@ void Flow::call_label(WordReader& words) {
 
 void Flow::call_program(WordReader& words) {
   constexpr std::size_t max_name_bytes = 100;
-  words.cursor.skip_blanks();
-  const std::size_t from = words.cursor.at;
+  const std::size_t from = skip_blanks(words.cursor);
   std::string name(words.cursor.text.substr(from));
   while (!name.empty() && is_blank(name.back())) name.pop_back();
   if (name.size() > 1 && name.front() == '"' && name.back() == '"')
@@ -408,8 +462,7 @@ void Flow::execute_assignment(WordReader& words, const Parameter& parameter) {
 }
 
 void Flow::execute_fn(WordReader& words) {
-  words.cursor.skip_blanks();
-  const std::size_t from = words.cursor.at;
+  const std::size_t from = skip_blanks(words.cursor);
   const int number = words.read_whole_number(99);
   if (!words.cursor.accept(":"))
     words.throw_input_error(words.cursor.at, ": after FN and its number");
@@ -436,8 +489,7 @@ double Flow::fn_result(int number, WordReader& words) {
   if (number == 0 && words.accept("SET"))
     words.throw_input_error(words.cursor.at, "a number: parameters cannot be made undefined");
   if (number >= 5 && number <= 7) expect(number == 5 ? "SQRT" : number == 6 ? "SIN" : "COS");
-  words.cursor.skip_blanks();
-  const std::size_t from = words.cursor.at;
+  const std::size_t from = skip_blanks(words.cursor);
   const double a = words.read_value();
   if (number == 5 && a < 0) words.throw_input_error(from, "a non-negative number");
   double result = number == 5   ? std::sqrt(a)
@@ -447,8 +499,7 @@ double Flow::fn_result(int number, WordReader& words) {
   if (number != 0 && (number < 5 || number > 7)) {
     static constexpr std::string_view operators[] = {"", "+", "-", "*", "DIV"};
     expect(number == 8 ? "LEN" : number == 13 ? "ANG" : operators[number]);
-    words.cursor.skip_blanks();
-    const std::size_t second = words.cursor.at;
+    const std::size_t second = skip_blanks(words.cursor);
     const double b = words.read_value();
     if (number == 4 && b == 0) words.throw_input_error(second, "a nonzero divisor");
     if (number == 13 && a == 0 && b == 0)
@@ -468,16 +519,14 @@ double Flow::fn_result(int number, WordReader& words) {
 void Flow::execute_if(WordReader& words) {
   words.accept("IF");
   const double a = words.read_value();
-  words.cursor.skip_blanks();
-  const std::size_t from = words.cursor.at;
+  const std::size_t from = skip_blanks(words.cursor);
   const std::string comparison = words.read_name();
   if (comparison != "EQU" && comparison != "NE" && comparison != "GT" && comparison != "LT")
     words.throw_input_error(from, "EQU, NE, GT or LT");
   const double b = words.read_value();
   if (!words.accept("GOTO") || !words.accept("LBL"))
     words.throw_input_error(words.cursor.at, "GOTO LBL");
-  words.cursor.skip_blanks();
-  const std::size_t label_from = words.cursor.at;
+  const std::size_t label_from = skip_blanks(words.cursor);
   const std::string label = words.read_label();
   words.expect_end();
   // The label is checked even if the condition is false, so that errors do not depend on
@@ -486,4 +535,8 @@ void Flow::execute_if(WordReader& words) {
   if (is_true(comparison, a, b)) line_index_ = line;
 }
 
-}  // namespace abbe::sim::dialects::heidenhain
+}  // namespace heidenhain
+
+void read_heidenhain(std::string_view text, ProgramRun& run) { heidenhain::Flow(text, run).run(); }
+
+}  // namespace abbe::sim::dialects

@@ -1,23 +1,8 @@
-#include "sim/dialects/heidenhain/machine.h"
-
-#include <algorithm>
-#include <cmath>
-#include <string_view>
-#include <utility>
-
-#include <fmt/format.h>
-
-#include "kinematics/bad_input.h"
-#include "kinematics/text.h"
-#include "kinematics/units.h"
-#include "sim/dialects/heidenhain/block.h"
+#include "sim/dialects/heidenhain/heidenhain.h"
 
 namespace abbe::sim::dialects::heidenhain {
 
-using program::Feed;
-using program::FeedMode;
-
-Machine::Machine(ProgramRun& run) : run_(run), canon_(run.canon), contour_(run) {
+Machine::Machine(ProgramRun& run) : Control(run), contour_(run) {
   length_ = canon_.options().tool_length;
   radius_ = canon_.options().tool_radius;
   datum_shift_ = removed_turns_ = AxisVector::Zero(canon_.position().size());
@@ -32,10 +17,6 @@ Machine::Machine(ProgramRun& run) : run_(run), canon_(run.canon), contour_(run) 
   apply_frame({1, {}});
 }
 
-void Machine::set_inch(bool inch) { canon_.set_inch(inch); }
-
-double Machine::unit() const { return canon_.inch() ? units::inch : 1.0; }
-
 int Machine::joint_of(char letter, const Cause& cause) const {
   const int joint = canon_.joint_of(letter);
   if (joint < 0) throw_input_error(cause, "an axis of this machine (" + canon_.letters() + ")");
@@ -46,8 +27,6 @@ void Machine::end_of_program() {
   // The last move of a program that ends with compensation in force must not be lost.
   if (contour_.is_compensated() || contour_.is_waiting()) contour_.finish();
 }
-
-void Machine::finish() { contour_.finish(); }
 
 std::optional<double> Machine::preset_parameter(int number) const {
   const auto tool_value = [&](const std::map<int, double>& values, double delta) {
@@ -153,8 +132,7 @@ void Machine::stop(WordReader& words) {
 }
 
 void Machine::execute_function(WordReader& words) {
-  words.cursor.skip_blanks();
-  const std::size_t from = words.cursor.at;
+  const std::size_t from = skip_blanks(words.cursor);
   if (words.accept("TCPM")) return execute_tcpm(words);
   if (words.accept("RESET")) {
     if (!words.accept("TCPM"))
@@ -183,8 +161,7 @@ void Machine::execute_function(WordReader& words) {
 
 /// Executes PRESET, for example PRESET SELECT #1.
 void Machine::execute_preset(WordReader& words) {
-  words.cursor.skip_blanks();
-  const std::size_t from = words.cursor.at;
+  const std::size_t from = skip_blanks(words.cursor);
   if (!words.accept("SELECT") || !words.cursor.accept("#"))
     words.throw_input_error(from, "SELECT and # with a number after PRESET");
   const int number = words.read_whole_number(9999);
@@ -248,8 +225,7 @@ int Machine::read_tool_name(WordReader& words) {
 }
 
 void Machine::tool_call(WordReader& words) {
-  words.cursor.skip_blanks();
-  const std::size_t from = words.cursor.at;
+  const std::size_t from = skip_blanks(words.cursor);
   if (contour_.is_compensated()) words.throw_input_error(from, "R0 before TOOL CALL");
   std::optional<int> number;
   if (words.cursor.current() == '"')
@@ -295,8 +271,7 @@ void Machine::tool_call(WordReader& words) {
 
 /// Executes TOOL DEF, for example TOOL DEF 5 L+100 R+5. Without L and R it only prepares the tool.
 void Machine::tool_def(WordReader& words) {
-  words.cursor.skip_blanks();
-  const std::size_t from = words.cursor.at;
+  const std::size_t from = skip_blanks(words.cursor);
   if (words.cursor.current() == '"')
     words.throw_input_error(from, "a tool number: the scene has no tool with this name");
   const int number = words.read_whole_number(32767);
@@ -334,8 +309,7 @@ void skip_function_words(int number, WordReader& words) {
     return true;
   };
   const auto is_axis = [](const std::string& name) {
-    return name.size() == 1 &&
-           std::string_view("XYZABCUVW").find(name[0]) != std::string_view::npos;
+    return name.size() == 1 && axis_letters.find(name[0]) != std::string_view::npos;
   };
   switch (number) {
     case 101:
@@ -389,8 +363,7 @@ void Machine::read_m_function(WordReader& words, std::size_t from, MFunction& m)
       m.retraction = words.read_value() * unit();
   }
   if (m.number == 140 || m.number == 128) {
-    words.cursor.skip_blanks();
-    const std::size_t at = words.cursor.at;
+    const std::size_t at = skip_blanks(words.cursor);
     WordReader ahead = words;
     if (const std::string feed = ahead.read_name(); feed.starts_with('F')) {
       words.cursor.at = ahead.cursor.at;

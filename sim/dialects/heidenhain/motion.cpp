@@ -1,39 +1,17 @@
-#include <algorithm>
-#include <cmath>
-
-#include <fmt/format.h>
-
-#include "kinematics/bad_input.h"
-#include "kinematics/inverse_kinematics.h"
-#include "kinematics/text.h"
-#include "kinematics/units.h"
-#include "sim/dialects/heidenhain/machine.h"
-#include "sim/program/block_motion.h"
+#include "sim/dialects/heidenhain/heidenhain.h"
 
 /// Words of a motion block, and the moves they make.
 namespace abbe::sim::dialects::heidenhain {
 
 using Eigen::Vector2d;
-using kinematics::AxisVector;
-using program::Coordinates;
-using program::Feed;
-using program::FeedMode;
-
-namespace {
-
-constexpr double min_feed = 1e-9;  // per minute; keeps every duration finite
-
-bool is_axis_letter(char c) {
-  return c >= 'A' && c <= 'Z' && std::string_view("XYZABCUVW").find(c) != std::string_view::npos;
-}
-
-}  // namespace
 
 /// Parses an axis word, for example X+10 or IX+10. Returns false for another word.
 bool Machine::read_axis(const std::string& name, WordReader& words, std::size_t from,
                         MotionBlock& move) {
   const bool is_incremental = name.size() == 2 && name[0] == 'I';
-  if ((name.size() != 1 && !is_incremental) || !is_axis_letter(name.back())) return false;
+  if ((name.size() != 1 && !is_incremental) ||
+      axis_letters.find(name.back()) == std::string_view::npos)
+    return false;
   const char letter = name.back();
   const double number = words.read_value();
   const Cause cause = words.cause(from);
@@ -91,8 +69,7 @@ Machine::FeedValue Machine::read_feed(std::string letters, WordReader& words,
     reject_unsupported("F" + letters, words.cause(from));
     words.throw_input_error(from, "a feed: a number, FMAX, F AUTO or FU");
   }
-  words.cursor.skip_blanks();
-  const std::size_t at = words.cursor.at;
+  const std::size_t at = skip_blanks(words.cursor);
   const double value = words.read_value();
   if (!(value >= min_feed)) words.throw_input_error(at, "a feed greater than zero");
   return {letters.empty() ? FeedKind::Number : FeedKind::PerRevolution, value};
@@ -401,10 +378,7 @@ void Machine::move_in_machine_coordinates(const MotionBlock& move, const Target&
   if (move.before_corner) throw_input_error(move.cause, "no M91 before RND and CHF");
   canon_.go_to(Coordinates::Axis, move.cause);
   program::Straight straight{canon_.end_of(target, true), move.cause, true, target.stated()};
-  if (move.feed_kind == FeedKind::Rapid)
-    canon_.traverse(std::move(straight));
-  else
-    canon_.straight_feed(std::move(straight));
+  canon_.straight(std::move(straight), move.feed_kind == FeedKind::Rapid);
   if (canon_.tip_mode()) canon_.go_to(Coordinates::Tip, move.cause);
   contour_.finish();
   tangent_.reset();
@@ -433,10 +407,7 @@ void Machine::rotate_axes_in_plane(const MotionBlock& move, const Target& target
     for (const int j : {x, y, z}) end[j] = canon_.position()[j];
   }
   program::Straight straight{std::move(end), move.cause};
-  if (rapid)
-    canon_.traverse(std::move(straight));
-  else
-    canon_.straight_feed(std::move(straight));
+  canon_.straight(std::move(straight), rapid);
   canon_.go_to(Coordinates::Tip, move.cause);
   contour_.finish();
   tangent_.reset();

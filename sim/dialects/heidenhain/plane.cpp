@@ -1,14 +1,4 @@
-#include <algorithm>
-#include <cmath>
-#include <stdexcept>
-
-#include <fmt/format.h>
-#include <Eigen/Geometry>
-
-#include "kinematics/bad_input.h"
-#include "kinematics/inverse_kinematics.h"
-#include "kinematics/units.h"
-#include "sim/dialects/heidenhain/machine.h"
+#include "sim/dialects/heidenhain/heidenhain.h"
 
 /// Frames of program coordinates (datum, tool, tilted plane), and the rotary axes for a direction.
 namespace abbe::sim::dialects::heidenhain {
@@ -16,10 +6,7 @@ namespace abbe::sim::dialects::heidenhain {
 using Eigen::AngleAxisd;
 using Eigen::Matrix3d;
 using Eigen::Vector3d;
-using kinematics::AxisVector;
-using kinematics::Chain;
 using kinematics::Reachability;
-using program::Coordinates;
 
 namespace {
 
@@ -47,15 +34,7 @@ const Chain& Machine::chain(const Cause& cause) const {
 const Chain& Machine::free_chain(const Cause& cause) {
   const auto entry = free_chains_.find(tool_);
   if (entry != free_chains_.end()) return entry->second;
-  const Chain& limited = chain(cause);
-  std::vector<kinematics::Joint> joints = limited.joints();
-  for (kinematics::Joint& joint : joints)
-    if (joint.motion == kinematics::Motion::Linear) {
-      joint.min = -1e9;
-      joint.max = 1e9;
-    }
-  return free_chains_.emplace(tool_, Chain(joints, limited.T_bw_home(), limited.T_bt_home()))
-      .first->second;
+  return free_chains_.emplace(tool_, with_free_slides(chain(cause))).first->second;
 }
 
 // Returns true for rotary axes A B C; a C that is the spindle is none.
@@ -275,10 +254,7 @@ void Machine::retract_by(double distance, bool to_end, bool rapid, const Cause& 
   }
   canon_.go_to(Coordinates::Axis, cause);
   program::Straight straight{q + distance * displacement, cause};
-  if (rapid)
-    canon_.traverse(std::move(straight));
-  else
-    canon_.straight_feed(std::move(straight));
+  canon_.straight(std::move(straight), rapid);
   if (canon_.tip_mode()) canon_.go_to(Coordinates::Tip, cause);
 }
 
@@ -387,8 +363,7 @@ bool Machine::read_positioning_word(const std::string& name, WordReader& words,
 /// Parses STAY, or TURN and MOVE with a feed.
 Machine::RotaryPositioning Machine::read_positioning(WordReader& words) {
   RotaryPositioning positioning;
-  words.cursor.skip_blanks();
-  const std::size_t from = words.cursor.at;
+  const std::size_t from = skip_blanks(words.cursor);
   const std::string kind = words.read_name();
   positioning.cause = words.cause(from);
   if (kind != "STAY" && kind != "TURN" && kind != "MOVE")
@@ -408,8 +383,7 @@ Machine::RotaryPositioning Machine::read_positioning(WordReader& words) {
 }
 
 void Machine::execute_plane(WordReader& words) {
-  words.cursor.skip_blanks();
-  const std::size_t from = words.cursor.at;
+  const std::size_t from = skip_blanks(words.cursor);
   const std::string kind = words.read_name();
   if (contour_.is_compensated()) words.throw_input_error(from, "R0 before PLANE");
   reject_unsupported("PLANE\u00a0" + kind, words.cause(from));
@@ -509,10 +483,7 @@ void Machine::move_to_plane(const Matrix3d& R, const RotaryPositioning& position
     for (const char letter : {'X', 'Y', 'Z'})
       end[canon_.joint_of(letter)] += tip_displacement[letter - 'X'];
   }
-  if (positioning.is_rapid)
-    canon_.traverse({.end = std::move(end), .cause = positioning.cause});
-  else
-    canon_.straight_feed({.end = std::move(end), .cause = positioning.cause});
+  canon_.straight({.end = std::move(end), .cause = positioning.cause}, positioning.is_rapid);
   canon_.go_to(Coordinates::Tip, positioning.cause);
   canon_.set_feed(feed);
   canon_.set_feed_mode(mode);
@@ -524,8 +495,7 @@ void Machine::execute_tcpm(WordReader& words) {
   const auto read_option = [&](std::string_view supported,
                                std::initializer_list<std::string_view> rejected,
                                const char* sentence) {
-    words.cursor.skip_blanks();
-    const std::size_t from = words.cursor.at;
+    const std::size_t from = skip_blanks(words.cursor);
     for (const std::string_view option : rejected)
       if (words.cursor.accept(option)) words.throw_input_error(from, sentence);
     if (!words.cursor.accept(supported)) words.throw_input_error(from, std::string(supported));

@@ -1,91 +1,39 @@
-#include "sim/dialects/linuxcnc/machine.h"
-
-#include <algorithm>
-#include <cmath>
-#include <utility>
-
-#include <fmt/format.h>
-
-#include "kinematics/bad_input.h"
-#include "kinematics/text.h"
-#include "kinematics/units.h"
+#include "sim/dialects/linuxcnc/linuxcnc.h"
 
 namespace abbe::sim::dialects::linuxcnc {
 
-using program::Feed;
-using program::FeedMode;
-
 namespace {
-
-constexpr double min_feed = 1e-9;  // per minute; keeps every duration finite
 
 // Returns true for canned cycles: G73, G74 and G81 to G89.
 bool is_drilling(int motion) {
   return motion == 730 || motion == 740 || (motion >= 810 && motion <= 890);
 }
 
-/// Returns the letters other than axis words that belong to a motion code.
-std::string_view motion_letters(int motion) {
-  switch (motion) {
-    case 20:
-    case 30:
-      return "IJKRP";
-    case 50:
-      return "IJPQ";
-    case 51:
-      return "IJ";
-    case 52:
-      return "PL";
-    case 330:
-      return "K";
-    case 331:
-      return "KI";
-    case 760:
-      return "PIJRKQHEL";
-    case 730:
-    case 830:
-      return "RQL";
-    case 810:
-    case 850:
-      return "RL";
-    default:
-      return is_drilling(motion) ? "RPL" : "";
-  }
-}
+constexpr gcode::CodeLetters motion_letters[] = {
+    {20, "IJKRP"}, {30, "IJKRP"}, {50, "IJPQ"}, {51, "IJ"},         {52, "PL"},  {330, "K"},
+    {331, "KI"},   {730, "RQL"},  {740, "RPL"}, {760, "PIJRKQHEL"}, {810, "RL"}, {820, "RPL"},
+    {830, "RQL"},  {840, "RPL"},  {850, "RL"},  {860, "RPL"},       {890, "RPL"}};
+
+// Letters of codes of overrides and outputs.
+constexpr gcode::CodeLetters override_letters[] = {{500, "P"},  {510, "P"}, {520, "P"}, {530, "P"},
+                                                   {620, "P"},  {630, "P"}, {640, "P"}, {650, "P"},
+                                                   {670, "EQ"}, {680, "EQ"}};
+
+// Letters of codes of group 0.
+constexpr gcode::CodeLetters one_shot_letters[] = {{40, "P"}, {100, "LPRIJQ"}};
 
 /// Returns true for motion codes that are an error without axis words.
 bool requires_axis_words(int motion) {
   return is_drilling(motion) || motion == 330 || motion == 331 || motion == 50 || motion == 51;
 }
 
-/// Returns the letters that belong to codes of overrides and outputs.
-std::string_view override_letters(int code) {
-  if (code >= 500 && code <= 530) return "P";
-  if (code >= 620 && code <= 650) return "P";
-  return code == 670 || code == 680 ? "EQ" : "";
-}
-
-// Returns the letters other than axis words that belong to a code of group 0.
-std::string_view one_block_letters(int code) {
-  switch (code) {
-    case 40:
-      return "P";
-    case 100:
-      return "LPRIJQ";
-    default:
-      return "";
-  }
-}
-
 }  // namespace
 
 Machine::Machine(ProgramRun& run)
-    : run_(run),
-      canon_(run.canon),
+    : GCodeControl(run),
       parameters_(5602),
       length_(canon_.options().tool_length),
-      radius_(canon_.options().tool_radius),
-      compensation_(run) {
+      radius_(canon_.options().tool_radius) {
   is_diameter_mode_ = run.has_initial_diameters(false);
   for (int system = 1; system <= int(system_changed_.size()); ++system) {
     const AxisVector& offset = program::work_offset(canon_.options(), system);
@@ -125,69 +73,60 @@ void Machine::note_start_modes(const Block& block) {
   const int motion = block[Group::Motion] ? block.tenths(Group::Motion) : motion_;
   run_.assume_mode(StartMode::Units, "mm (G21)");
   run_.assume_mode(StartMode::Distance, "absolute (G90)");
-  if (motion == 20 || motion == 30)
-    run_.assume_mode(StartMode::Plane, plane_ == 180   ? "plane Z X (G18)"
-                                       : plane_ == 190 ? "plane Y Z (G19)"
-                                                       : "plane X Y (G17)");
-  if (motion > 0)
-    run_.assume_mode(StartMode::Feed, canon_.feed_mode() == FeedMode::PerRevolution
-                                          ? "F per revolution (G95)"
-                                          : "F per minute (G94)");
-  if (!block[Group::OneBlock]) run_.assume_offset(system_, "work offset G54");
+  assume_plane_and_feed(motion == 20 || motion == 30, motion > 0);
+  if (!block[Group::OneShot]) run_.assume_offset(system_, "work offset G54");
 }
 
-double Machine::unit() const { return canon_.inch() ? units::inch : 1.0; }
-
 // X is a diameter under G7 and halved here, so that all other code works with radii.
-double Machine::axis_word(int k, const NcWord& word) const {
+double Machine::axis_word(int k, const Word& word) const {
   const bool is_rotary = k >= 3 && k <= 5;
   if (is_rotary) return word.value;
   return word.value * unit() * (k == 0 && is_diameter_mode_ ? 0.5 : 1.0);
 }
 
-const NcWord& Machine::first_axis_word(const Block& block) const {
-  static const NcWord none;
-  const NcWord* first = &none;
-  const auto consider = [&](const NcWord& word) {
-    if (word && (!*first || word.column < first->column)) first = &word;
+const Word* Machine::first_axis_word(const Block& block) const {
+  const Word* first = nullptr;
+  const auto consider = [&](const Word& word) {
+    if (word && (first == nullptr || word.column < first->column)) first = &word;
   };
   for (const char letter : axis_letters) consider(block[letter]);
   consider(block.radius());
   consider(block.angle());
-  return *first;
+  return first;
 }
 
 // Returns the word that messages about the motion of a block point at.
 Cause Machine::motion_cause(const Block& block) const {
   if (const Code& code = block[Group::Motion]) return code.word;
-  if (const NcWord& axis = first_axis_word(block)) return axis;
+  if (const Word* axis = first_axis_word(block)) return *axis;
   for (const char letter : {'R', 'I', 'J', 'K', 'P'})
     if (block[letter]) return block[letter];
-  if (const Code& code = block[Group::OneBlock]) return code.word;
+  if (const Code& code = block[Group::OneShot]) return code.word;
   return {1, {}};
 }
 
 /// Checks that every word belongs to a code of its block. Throws BadInput.
 void Machine::check_words(const Block& block) const {
   for (const char letter : axis_letters)
-    if (const NcWord& word = block[letter]; word && canon_.joint_of(letter) < 0)
+    if (const Word& word = block[letter]; word && canon_.joint_of(letter) < 0)
       throw_input_error(word, "an axis of this machine (" + canon_.letters() + ")");
-  const Code& one_block = block[Group::OneBlock];
+  const Code& one_block = block[Group::OneShot];
   const int motion = block[Group::Motion] ? block.tenths(Group::Motion) : motion_;
   const bool owns_axis_words = one_block && one_block.tenths != 40 && one_block.tenths != 530;
-  std::string letters(one_block_letters(one_block.tenths));
-  const NcWord& axis = first_axis_word(block);
+  std::string letters(gcode::letters_of_code(one_shot_letters, one_block.tenths));
+  const Word* axis = first_axis_word(block);
   const bool is_arc = motion == 20 || motion == 30;
   const bool has_centre = is_arc && (block['I'] || block['J'] || block['K']);
   // Letters of the motion in force count only in blocks that move.
   if (!owns_axis_words && (axis || block[Group::Motion] || has_centre))
-    letters += motion_letters(motion);
+    letters += gcode::letters_of_code(motion_letters, motion);
   const int length = block.tenths(Group::ToolLength);
   if (length == 430 || length == 432 || length == 434) letters += 'H';
   if (const int side = block.tenths(Group::CutterRadius); side > 400) letters += "DL";
   if (block.tenths(Group::SpeedMode) == 960) letters += 'D';
   if (block.tenths(Group::PathMode) == 640) letters += "PQ";
-  if (block[Group::Override]) letters += override_letters(block.tenths(Group::Override));
+  if (block[Group::Override])
+    letters += gcode::letters_of_code(override_letters, block.tenths(Group::Override));
   if (block.tenths(Group::ToolChange) == 610) letters += 'Q';
   if (block.tenths(Group::Spindle) == 190) letters += "RQP";
   for (const char letter : {'D', 'E', 'H', 'I', 'J', 'K', 'L', 'P', 'Q', 'R'}) {
@@ -204,13 +143,11 @@ void Machine::check_words(const Block& block) const {
                             : fmt::format("a code that uses {}", letter));
   }
   // An unknown G code may give the axis words another meaning; an unknown M code does not.
-  if (axis && upper(block.skipped_code.text.empty() ? 'M' : block.skipped_code.text.front()) == 'G')
-    throw_input_error(axis, "no axis words with a code that is skipped: their effect is unknown",
-                      fmt::format("{} with {}", shown(axis.text), shown(block.skipped_code.text)));
+  check_skipped_code(canon_, block, axis);
   if (block.is_polar()) {
-    const NcWord& word = block.radius() ? block.radius() : block.angle();
+    const Word& word = block.radius() ? block.radius() : block.angle();
     if (block['X'] || block['Y']) throw_input_error(word, "either X Y or @ ^");
-    if (plane_ != 170 || owns_axis_words || joint(0) < 0 || joint(1) < 0)
+    if (plane_ != 17 || owns_axis_words || joint(0) < 0 || joint(1) < 0)
       throw_input_error(word, "a move in the plane of X and Y with @ and ^");
   }
   if (one_block.tenths == 40 && !block['P'])
@@ -221,27 +158,25 @@ void Machine::check_words(const Block& block) const {
   // The motion code may be in a block with an error.
   const bool is_consequence = motion < 0 && !run_.input_errors().empty();
   if (axis && !owns_axis_words && !is_length_offset && is_consequence)
-    throw program::FollowingError(canon_.place().file, canon_.line(), axis.column, "a motion code",
+    throw program::FollowingError(canon_.place().file, canon_.line(), axis->column, "a motion code",
                                   "none");
   if (axis && !owns_axis_words && !is_length_offset && (motion < 0 || motion == 800))
-    throw_input_error(axis, "G0 G1 G2 or G3 before an axis word");
+    throw_input_error(*axis, "G0 G1 G2 or G3 before an axis word");
   if (one_block.tenths == 530) {
     if (!axis) throw_input_error(one_block.word, "an axis word with G53", "none");
     if (motion != 0 && motion != 10) throw_input_error(one_block.word, "G0 or G1 with G53");
   }
-  if (const NcWord& code = block.code_forbidding_axis_words; axis && code)
-    throw_input_error(axis,
-                      fmt::format("no axis words with {}, which takes none", shown(code.text)));
+  check_forbidden_axis_words(canon_, block, axis);
   // LinuxCNC moves by axis words with these codes, which a program never intends.
-  if (axis && (one_block.tenths % 10 == 1 || one_block.tenths == 922 || one_block.tenths == 923))
-    throw_input_error(
-        axis, fmt::format("no axis words with {}, which takes none", shown(one_block.word.text)));
   const bool stores_position =
       one_block.tenths % 10 == 1 || one_block.tenths == 922 || one_block.tenths == 923;
+  if (axis && stores_position)
+    throw_input_error(
+        *axis, fmt::format("no axis words with {}, which takes none", shown(one_block.word.text)));
   if (owns_axis_words && !stores_position && block[Group::Motion] && (axis || motion != 800))
     throw_input_error(block[Group::Motion].word,
                       "no motion code with " + shown(one_block.word.text));
-  if (const NcWord& tool = block['T'];
+  if (const Word& tool = block['T'];
       tool && (tool.value < 0 || tool.value != std::floor(tool.value)))
     throw_input_error(tool, "an integer tool number");
 }
@@ -256,7 +191,7 @@ void Machine::check_motion(const Block& block) const {
     throw_input_error(code.word, "I J K or R with " + shown(code.word.text), "none");
   const bool is_incremental =
       block[Group::Distance] ? block.tenths(Group::Distance) == 910 : is_incremental_;
-  if (const Code& one_block = block[Group::OneBlock]; one_block.tenths == 530 && is_incremental)
+  if (const Code& one_block = block[Group::OneShot]; one_block.tenths == 530 && is_incremental)
     throw_input_error(one_block.word, "G90 with G53: axis positions are absolute", "G91");
 }
 
@@ -270,14 +205,14 @@ void Machine::check_outputs(const Block& block) const {
           code.word,
           fmt::format("{} (output number) with {}", is_digital ? 'P' : 'E', shown(code.word.text)),
           "none");
-    if (const NcWord& output = block[is_digital ? 'P' : 'E'];
+    if (const Word& output = block[is_digital ? 'P' : 'E'];
         (is_digital || is_analog) && output.value < 0)
       throw_input_error(output, "a non-negative output number");
   }
   if (block.tenths(Group::Spindle) != 190) return;
-  if (const NcWord& p = block['P']; p && p.value != 0 && p.value != 1 && p.value != 2)
+  if (const Word& p = block['P']; p && p.value != 0 && p.value != 1 && p.value != 2)
     throw_input_error(p, "P0, P1 or P2 with M19");
-  if (const NcWord& q = block['Q']; q && !(q.value > 0))
+  if (const Word& q = block['Q']; q && !(q.value > 0))
     throw_input_error(q, "Q (seconds) greater than zero with M19");
 }
 
@@ -292,7 +227,7 @@ void Machine::set_feed(const Block& block) {
   }
   // Under G93 F holds for its own block only.
   if (canon_.feed_mode() == FeedMode::InverseTime) canon_.set_feed({});
-  if (const NcWord& f = block['F']) {
+  if (const Word& f = block['F']) {
     if (!(f.value >= min_feed)) throw_input_error(f, "a feed greater than zero");
     canon_.set_feed(Feed{f.value, unit()});
   }
@@ -303,7 +238,7 @@ void Machine::set_spindle(const Block& block) {
     has_surface_speed_ = code.tenths == 960;
     // D belongs to its own G96.
     max_rpm_.reset();
-    if (const NcWord& d = block['D']; d && has_surface_speed_) {
+    if (const Word& d = block['D']; d && has_surface_speed_) {
       if (!(d.value > 0 && d.value <= 1e7))
         throw_input_error(d, "a maximum speed greater than 0 and up to 1e7 rpm");
       max_rpm_ = d.value;
@@ -315,7 +250,7 @@ void Machine::set_spindle(const Block& block) {
     // G97 without S continues at the last speed.
     if (!has_surface_speed_ && !block['S']) canon_.set_spindle_speed(speed_);
   }
-  if (const NcWord& s = block['S']) {
+  if (const Word& s = block['S']) {
     if (s.value < 0 || s.value > 1e7) throw_input_error(s, "a spindle speed from 0 to 1e7 rpm");
     // A surface speed is in m/min, or under G20 in ft/min.
     speed_ = has_surface_speed_ && canon_.inch() ? s.value * 0.3048 : s.value;
@@ -323,14 +258,13 @@ void Machine::set_spindle(const Block& block) {
   }
   if (const Code& code = block[Group::Spindle]; code && code.tenths != 190)
     canon_.turn_spindle(code.tenths == 30 ? 1 : code.tenths == 40 ? -1 : 0);
-  canon_.set_surface_speed(
-      has_surface_speed_ ? std::optional(program::SurfaceSpeed{speed_, max_rpm_}) : std::nullopt);
+  apply_surface_speed(speed_);
 }
 
 // T selects a tool and M6, maybe in a later block, changes to it.
 void Machine::call_tools(const Block& block) {
   const Code& change = block[Group::ToolChange];
-  const NcWord& t = block['T'];
+  const Word& t = block['T'];
   const bool changes = change.tenths == 60;
   if (t) selected_ = int(std::min(t.value, 1e9));
   if (t && !program::is_known_tool(canon_.options(), selected_))
@@ -341,7 +275,7 @@ void Machine::call_tools(const Block& block) {
   if (t || changes) canon_.record_tool_call(t ? t.value : -1.0, changes);
   // M61 declares the tool in the spindle without a change.
   if (change.tenths == 610) {
-    const NcWord& q = block['Q'];
+    const Word& q = block['Q'];
     if (!q || q.value < 0 || q.value != std::floor(q.value))
       throw_input_error(q ? Cause(q) : Cause(change.word), "Q, an integer tool number, with M61");
     selected_ = tool_ = int(std::min(q.value, 1e9));
@@ -349,14 +283,7 @@ void Machine::call_tools(const Block& block) {
       throw_input_error(q, "a tool of the tool table");
     canon_.record_tool_call(q.value, true);
   }
-  std::string text = t ? fmt::format("T{:.0f}", t.value) : "";
-  const auto add_word = [&](bool is_programmed, const char* word) {
-    if (is_programmed) text += std::string(text.empty() ? "" : " ") + word;
-  };
-  add_word(changes, "M6");
-  add_word(block.tenths(Group::Coolant) == 70, "M7");
-  add_word(block.tenths(Group::Coolant) == 80, "M8");
-  if (!text.empty()) canon_.record_auxiliary_word(std::move(text));
+  record_tool_and_coolant(canon_, block, t ? fmt::format("T{:.0f}", t.value) : "");
 }
 
 // LinuxCNC executes units, feed, spindle, tool, dwell, plane, compensation, length, system and
@@ -367,11 +294,11 @@ void Machine::set_modes(const Block& block) {
   set_feed(block);
   set_spindle(block);
   call_tools(block);
-  if (const Code& code = block[Group::OneBlock]; code.tenths == 40) dwell(block);
+  if (const Code& code = block[Group::OneShot]; code.tenths == 40) dwell(block);
   if (const Code& code = block[Group::Plane]) {
     if (compensation_.is_on())
       throw_input_error(code.word, "no change of the plane under G41 or G42");
-    plane_ = code.tenths;
+    plane_ = code.tenths / 10;
   }
   if (block[Group::CutterRadius]) set_compensation(block);
   if (block[Group::ToolLength]) set_tool_length(block);
@@ -393,23 +320,14 @@ void Machine::set_modes(const Block& block) {
 }
 
 void Machine::dwell(const Block& block) {
-  const NcWord& p = block['P'];
+  const Word& p = block['P'];
   if (!(p.value >= 0 && p.value <= 1e6))
-    throw_input_error(p, "0 to 1e6 seconds with " + shown(block[Group::OneBlock].word.text));
-  // The dwell must follow a move that compensation still postpones.
-  compensation_.run_after_move(
-      [this, seconds = p.value, cause = Cause{p.column, {}}] { canon_.dwell(seconds, cause); });
-}
-
-/// Records the words that a control executes after the motion of the block: M0 M1 M9.
-void Machine::note_after_motion(const Block& block) {
-  if (block[Group::Coolant].tenths == 90) canon_.record_auxiliary_word("M9");
-  if (const Code& stop = block[Group::Stop]; stop && stop.tenths <= 10)
-    canon_.record_auxiliary_word(fmt::format("M{}", stop.tenths / 10));
+    throw_input_error(p, "0 to 1e6 seconds with " + shown(block[Group::OneShot].word.text));
+  dwell_after_move(p.value, p);
 }
 
 void Machine::execute_one_block(const Block& block) {
-  const Code& code = block[Group::OneBlock];
+  const Code& code = block[Group::OneShot];
   if (compensation_.is_on()) throw_input_error(code.word, "G40 before " + shown(code.word.text));
   switch (code.tenths) {
     case 100:
@@ -471,15 +389,14 @@ void Machine::restore(const Modes& modes, const Cause& cause) {
   speed_ = modes.speed;
   max_rpm_ = modes.max_rpm;
   canon_.set_spindle_speed(modes.rpm);
-  canon_.set_surface_speed(
-      has_surface_speed_ ? std::optional(program::SurfaceSpeed{speed_, max_rpm_}) : std::nullopt);
+  apply_surface_speed(speed_);
   canon_.turn_spindle(modes.spindle);
   if (modes.system != system_) select_work_offset(modes.system);
 }
 
 /// Returns the block without $, and without words for a spindle that the machine does not have.
 Block Machine::without_spindle(const Block& block) const {
-  const NcWord& spindle = block.spindle();
+  const Word& spindle = block.spindle();
   if (spindle.value < -1 || spindle.value > 7 || spindle.value != std::floor(spindle.value))
     throw_input_error(spindle, "a spindle from 0 to 7, or -1 for all");
   Block result = block;
@@ -505,7 +422,7 @@ bool Machine::execute(const Block& block) {
   check_words(block);
   note_start_modes(block);
   set_modes(block);
-  const Code& one_block = block[Group::OneBlock];
+  const Code& one_block = block[Group::OneShot];
   // As in rs274 the motion mode from before G5 and G5.1 is in force again after their block.
   struct MotionRestorer {
     int& motion;
@@ -533,12 +450,8 @@ bool Machine::execute(const Block& block) {
     execute_one_block(block);
   else if (block.tenths(Group::ToolLength) != 431)
     move(block);
-  note_after_motion(block);
-  const Code& stop = block[Group::Stop];
-  return !(stop && (stop.tenths == 20 || stop.tenths == 300));
+  return finish_block(canon_, block);
 }
-
-void Machine::finish() { compensation_.finish(); }
 
 double Machine::parameter(int number) const {
   if (number >= 5420 && number <= 5428) {
@@ -609,7 +522,7 @@ std::optional<double> Machine::named_parameter(std::string_view name) const {
       {"_current_tool", tool_},
       {"_selected_tool", std::max(selected_, 0)},
       {"_motion_mode", motion_},
-      {"_plane", plane_},
+      {"_plane", 10 * plane_},
       {"_ccomp", compensation_.is_on() ? (compensation_.is_left() ? 410 : 420) : 400},
       {"_line", canon_.line()},
       {"_task", 0},

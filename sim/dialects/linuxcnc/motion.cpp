@@ -1,26 +1,12 @@
-#include <algorithm>
-#include <cmath>
-#include <string_view>
-
-#include <fmt/format.h>
-
-#include "kinematics/bad_input.h"
-#include "kinematics/units.h"
-#include "sim/dialects/linuxcnc/machine.h"
-#include "sim/program/nc_reader.h"
+#include "sim/dialects/linuxcnc/linuxcnc.h"
 
 namespace abbe::sim::dialects::linuxcnc {
 
 using Eigen::Vector2d;
-using program::ArcMove;
-using program::Coordinates;
-using program::Feed;
-using program::FeedMode;
-using program::Straight;
 
 // Under G91 radius and angle are increments of the current polar position.
 Eigen::Vector2d Machine::polar_end(const Block& block, const Eigen::Vector2d& from) const {
-  const NcWord &r = block.radius(), &a = block.angle();
+  const Word &r = block.radius(), &a = block.angle();
   double radius = from.norm(), angle = std::atan2(from.y(), from.x()) / units::deg;
   if (r) radius = r.value * unit() + (is_incremental_ ? radius : 0.0);
   if (a) angle = a.value + (is_incremental_ ? angle : 0.0);
@@ -30,7 +16,7 @@ Eigen::Vector2d Machine::polar_end(const Block& block, const Eigen::Vector2d& fr
 Target Machine::block_target(const Block& block, bool in_machine_coordinates) const {
   Target target;
   for (int k = 0; k < 9; ++k) {
-    const NcWord& word = block[axis_letters[std::size_t(k)]];
+    const Word& word = block[axis_letters[std::size_t(k)]];
     if (!word) continue;
     const int j = joint(k);
     const double value = axis_word(k, word) * (canon_.is_linear(j) ? 1.0 : units::deg);
@@ -40,12 +26,9 @@ Target Machine::block_target(const Block& block, bool in_machine_coordinates) co
       target.to(j, value, word);
   }
   if (block.is_polar()) {
-    // Under compensation, words refer to the programmed position, not to that of the offset tool.
-    const bool is_compensated = compensation_.is_on() || compensation_.is_leaving();
-    const AxisVector p =
-        canon_.without_offsets(is_compensated ? compensation_.programmed() : canon_.position());
+    const AxisVector p = programmed_position();
     const Eigen::Vector2d end = polar_end(block, {p[joint(0)], p[joint(1)]});
-    const NcWord& word = block.radius() ? block.radius() : block.angle();
+    const Word& word = block.radius() ? block.radius() : block.angle();
     target.to(joint(0), end.x(), word);
     target.to(joint(1), end.y(), word);
   }
@@ -65,7 +48,7 @@ void Machine::straight(const Block& block, AxisVector end, std::uint32_t stated_
 void Machine::arc(const Block& block, AxisVector end, std::uint32_t stated_axes) {
   const bool is_compensated = compensation_.is_on();
   ArcMove arc = program::arc_from_block(
-      canon_, {.plane = plane_ / 10,
+      canon_, {.plane = plane_,
                .clockwise = motion_ == 20,
                .absolute_centre = has_absolute_centre_,
                .from = is_compensated ? compensation_.programmed() : canon_.position(),
@@ -73,11 +56,11 @@ void Machine::arc(const Block& block, AxisVector end, std::uint32_t stated_axes)
                .cause = motion_cause(block),
                .stated = stated_axes,
                .word = [&](char letter) -> std::optional<program::LengthValue> {
-                 const NcWord& word = block[letter];
+                 const Word& word = block[letter];
                  if (!word) return std::nullopt;
                  return program::LengthValue{word.value * unit(), word};
                }});
-  if (const NcWord& turns = block['P']) {
+  if (const Word& turns = block['P']) {
     if (!(turns.value >= 1 && turns.value <= 1e6) || turns.value != std::floor(turns.value))
       throw_input_error(turns, "an integer from 1 to 1e6 (turns) after P");
     arc.turns = int(turns.value);
@@ -86,35 +69,16 @@ void Machine::arc(const Block& block, AxisVector end, std::uint32_t stated_axes)
   canon_.arc(std::move(arc));
 }
 
-/// Executes a line at a feed per revolution that does not depend on F.
-void Machine::make_line_per_revolution(const NcWord& pitch, const Straight& move) {
-  const FeedMode mode = canon_.feed_mode();
-  const auto feed = canon_.feed();
-  canon_.set_feed_mode(FeedMode::PerRevolution);
-  canon_.set_feed(Feed{std::abs(pitch.value), unit()});
-  // F and its mode are also restored after an error, so that later blocks get the right time.
-  const auto restore_feed = [&] {
-    canon_.set_feed_mode(mode);
-    canon_.set_feed(feed);
-  };
-  try {
-    canon_.straight(move, false);
-  } catch (const BadInput&) {
-    restore_feed();
-    throw;
-  }
-  restore_feed();
-}
-
 void Machine::make_synchronised_line(const Block& block, AxisVector end) {
   const Cause cause = motion_cause(block);
-  const NcWord& k = block['K'];
+  const Word& k = block['K'];
   if (!k || k.value == 0)
     throw_input_error(k ? Cause(k) : cause, "K (pitch) with G33", k ? "0" : "none");
   // K alone sets the pitch in both directions.
   if (block['I']) throw_input_error(block['I'], "no I with G33.1: the return has the same speed");
   const AxisVector start = canon_.position();
-  make_line_per_revolution(k, {.end = std::move(end), .cause = cause});
+  const TemporaryFeed pitch(canon_, FeedMode::PerRevolution, Feed{std::abs(k.value), unit()});
+  canon_.straight({.end = std::move(end), .cause = cause}, false);
   if (motion_ != 331) return;
   const int direction = canon_.spindle_direction();
   // Rigid tapping (G33.1) returns at the same pitch with the spindle reversed.
@@ -122,12 +86,12 @@ void Machine::make_synchronised_line(const Block& block, AxisVector end) {
   AxisVector return_end = canon_.position();
   for (int axis = 0; axis < 9; ++axis)
     if (const int j = joint(axis); j >= 0) return_end[j] = start[j];
-  make_line_per_revolution(k, {.end = std::move(return_end), .cause = cause});
+  canon_.straight({.end = std::move(return_end), .cause = cause}, false);
   canon_.turn_spindle(direction);
 }
 
 void Machine::move(const Block& block) {
-  const NcWord& axis = first_axis_word(block);
+  const Word* axis = first_axis_word(block);
   const bool is_arc = motion_ == 20 || motion_ == 30;
   const bool has_arc_words = block['I'] || block['J'] || block['K'] || block['R'];
   if (motion_ == 52 || motion_ == 53 || motion_ == 50 || motion_ == 51) {
@@ -143,13 +107,12 @@ void Machine::move(const Block& block) {
   if (motion_ == 730 || motion_ == 740 || (motion_ >= 810 && motion_ <= 890))
     return execute_cycle(block);
   const Cause cause = motion_cause(block);
-  const bool in_machine_coordinates = block.tenths(Group::OneBlock) == 530;
+  const bool in_machine_coordinates = block.tenths(Group::OneShot) == 530;
   if (in_machine_coordinates) canon_.go_to(Coordinates::Axis, cause);
   const Target target = block_target(block, in_machine_coordinates);
-  const bool is_compensated = compensation_.is_on() || compensation_.is_leaving();
-  AxisVector end = is_compensated && !in_machine_coordinates
-                       ? compensation_.end_of(target)
-                       : canon_.end_of(target, in_machine_coordinates);
+  AxisVector end =
+      canon_.target_position_from(in_machine_coordinates ? canon_.position() : current_position(),
+                                  target, in_machine_coordinates);
   // The first move after G40 leads from the offset position to the path; an arc between these
   // points would have no centre.
   if (compensation_.is_leaving() && is_arc)
@@ -265,11 +228,11 @@ std::vector<Vector2d> nurbs_points(std::vector<Eigen::Vector3d> poles, int order
 void Machine::execute_spline(const Block& block) {
   const Cause cause = motion_cause(block);
   if (compensation_.is_on()) throw_input_error(cause, "G40 before a spline");
-  if (plane_ != 170) throw_input_error(cause, "G17 before a spline");
+  if (plane_ != 17) throw_input_error(cause, "G17 before a spline");
   const int x = joint(0), y = joint(1);
   if (x < 0 || y < 0) throw_input_error(cause, "a machine with X and Y for a spline");
   for (int k = 2; k < 9; ++k)
-    if (const NcWord& word = block[axis_letters[std::size_t(k)]])
+    if (const Word& word = block[axis_letters[std::size_t(k)]])
       throw_input_error(word, "only X and Y with a spline");
   AxisVector position = canon_.programmed();
   const Vector2d start(position[x], position[y]);
@@ -295,9 +258,9 @@ void Machine::execute_spline(const Block& block) {
         {start, start + 2.0 / 3 * (middle - start), end + 2.0 / 3 * (middle - end), end});
   } else if (motion_ == 52) {
     if (is_incremental_) throw_input_error(cause, "G90 with G5.2");
-    if (const NcWord& l = block['L']) order_ = whole_number(l, 20);
+    if (const Word& l = block['L']) order_ = whole_number(l, 20);
     if (order_ < 2) throw_input_error(block['L'], "an order from 2 to 20 after L");
-    const NcWord& p = block['P'];
+    const Word& p = block['P'];
     if (!p || !(p.value > 0))
       throw_input_error(p ? Cause(p) : cause, "P (weight) greater than zero with G5.2");
     if (poles_.size() == max_poles)
@@ -355,14 +318,14 @@ void Machine::read_cycle_words(const Block& block) {
   // Under inverse time each move would need a separate F.
   if (canon_.feed_mode() == FeedMode::InverseTime)
     throw_input_error(cause, "G94 or G95 with a cycle");
-  const int depth_axis = plane_ == 170 ? 2 : plane_ == 180 ? 1 : 0;
+  const int depth_axis = plane_normal();
   for (int k = 0; k < 3; ++k)
     if (joint(k) < 0) throw_input_error(cause, "a machine with X Y Z for a canned cycle");
   for (int k = 3; k < 9; ++k)
-    if (const NcWord& word = block[axis_letters[std::size_t(k)]])
+    if (const Word& word = block[axis_letters[std::size_t(k)]])
       throw_input_error(word, "X Y Z with a canned cycle");
   const char depth_letter = axis_letters[std::size_t(depth_axis)];
-  const NcWord &r = block['R'], &z = block[depth_letter], &q = block['Q'], &p = block['P'];
+  const Word &r = block['R'], &z = block[depth_letter], &q = block['Q'], &p = block['P'];
   if (!cycle_.has_begun && (!r || !z))
     throw_input_error(cause, fmt::format("{} and R in the first block of a cycle", depth_letter),
                       "none");
@@ -379,7 +342,7 @@ void Machine::read_cycle_words(const Block& block) {
     throw_input_error(cause, fmt::format("P (seconds) in the first block of G{}", motion_ / 10),
                       "none");
   if (!(cycle_.p >= 0 && cycle_.p <= 1e6)) throw_input_error(p, "0 to 1e6 seconds after P");
-  if (const NcWord& l = block['L'];
+  if (const Word& l = block['L'];
       l && (l.value < 1 || l.value > 1e6 || l.value != std::floor(l.value)))
     throw_input_error(l, "an integer from 1 to 1e6 (repeats) after L");
   const int direction = canon_.spindle_direction();
@@ -392,7 +355,7 @@ void Machine::read_cycle_words(const Block& block) {
 }
 
 void Machine::make_holes(const Block& block) {
-  const int depth_axis = plane_ == 170 ? 2 : plane_ == 180 ? 1 : 0;
+  const int depth_axis = plane_normal();
   const int depth_joint = joint(depth_axis);
   AxisVector position = canon_.programmed();
   // G98 returns to the level at which the first cycle began.
@@ -422,7 +385,7 @@ void Machine::make_holes(const Block& block) {
   for (int n = 0; n < repeats; ++n) {
     run_.count_block();
     for (int k = 0; k < 3; ++k) {
-      const NcWord& word = block[axis_letters[std::size_t(k)]];
+      const Word& word = block[axis_letters[std::size_t(k)]];
       if (k == depth_axis || !word) continue;
       double& coordinate = position[joint(k)];
       coordinate = is_incremental_ ? coordinate + axis_word(k, word) : axis_word(k, word);
@@ -573,7 +536,7 @@ class ThreadPasses {
 
   Machine& machine_;
   const Thread& thread_;
-  Machine::AxisVector position_;
+  AxisVector position_;
   int x_joint_, z_joint_;
   double x_start_, z_start_;
 };
@@ -581,7 +544,7 @@ class ThreadPasses {
 void Machine::execute_thread(const Block& block) {
   const Cause cause = motion_cause(block);
   if (compensation_.is_on()) throw_input_error(cause, "G40 before G76");
-  if (plane_ != 180) throw_input_error(cause, "G18 before G76");
+  if (plane_ != 18) throw_input_error(cause, "G18 before G76");
   if (joint(0) < 0 || joint(2) < 0) throw_input_error(cause, "a machine with X and Z for G76");
   for (const char letter : {'P', 'Z', 'I', 'J', 'K'})
     if (!block[letter]) throw_input_error(cause, fmt::format("{} with G76", letter), "none");
@@ -598,13 +561,13 @@ void Machine::execute_thread(const Block& block) {
   thread.height = factor * positive('K');
   thread.peak = factor * block['I'].value * unit();
   thread.z_end = axis_word(2, block['Z']) + (is_incremental_ ? programmed(2) : 0.0);
-  if (const NcWord& r = block['R']) thread.degression = r.value;
+  if (const Word& r = block['R']) thread.degression = r.value;
   if (thread.degression < 1 || thread.degression > 100)
     throw_input_error(block['R'], "R from 1 to 100");
-  if (const NcWord& q = block['Q']) thread.slide_angle = q.value;
+  if (const Word& q = block['Q']) thread.slide_angle = q.value;
   if (thread.slide_angle < 0 || thread.slide_angle > 80)
     throw_input_error(block['Q'], "Q from 0 to 80 degrees");
-  if (const NcWord& h = block['H']) thread.spring_passes = whole_number(h, 1000);
+  if (const Word& h = block['H']) thread.spring_passes = whole_number(h, 1000);
   const int tapers = block['L'] ? whole_number(block['L'], 3) : 0;
   thread.has_entry_taper = tapers % 2 == 1;
   thread.has_exit_taper = tapers >= 2;
@@ -620,7 +583,7 @@ void Machine::execute_thread(const Block& block) {
   canon_.set_feed(feed);
 }
 
-int Machine::whole_number(const NcWord& word, int max) const {
+int Machine::whole_number(const Word& word, int max) const {
   if (word.value < 0 || word.value > max || word.value != std::floor(word.value))
     throw_input_error(word, fmt::format("an integer from 0 to {}", max));
   return int(word.value);

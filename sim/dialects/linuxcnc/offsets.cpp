@@ -1,14 +1,4 @@
-#include <algorithm>
-#include <cmath>
-
-#include <fmt/format.h>
-#include <Eigen/Geometry>
-
-#include "kinematics/bad_input.h"
-#include "kinematics/text.h"
-#include "kinematics/units.h"
-#include "sim/dialects/linuxcnc/machine.h"
-#include "sim/dialects/tool_compensation.h"
+#include "sim/dialects/linuxcnc/linuxcnc.h"
 
 namespace abbe::sim::dialects::linuxcnc {
 
@@ -39,34 +29,34 @@ double Machine::position_from_zero(int k) const {
   return axis_position(k) - (k < 3 ? canon_.shift_correction()[k] : 0.0);
 }
 
-/// Sets the frame in the order of LinuxCNC: the shift of G92 or G52, then the rotation about Z,
-/// then the origin of the system. Offsets of the scene alone keep their bits.
+program::Frame system_frame(const program::Canon& canon, std::span<const double> origin,
+                            std::span<const double> shift, double rotation, const Cause& cause) {
+  program::Frame frame;
+  frame.shift = AxisVector::Zero(canon.position().size());
+  // The shift of G92 is within the rotation, so it is rotated too.
+  Eigen::Vector3d xyz(shift[0], shift[1], shift[2]);
+  if (rotation != 0.0) {
+    for (const char letter : {'X', 'Y', 'Z'})
+      if (canon.joint_of(letter) < 0)
+        canon.throw_input_error(cause, "a machine with X Y Z for a rotated coordinate system");
+    frame.rotation = Eigen::AngleAxisd(rotation, Eigen::Vector3d::UnitZ()).toRotationMatrix();
+    xyz = *frame.rotation * Eigen::Vector3d(xyz);
+  }
+  for (std::size_t k = 0; k < shift.size(); ++k)
+    if (const int j = canon.joint_of(axis_letters[k]); j >= 0)
+      frame.shift[j] = (origin[k] + (k < 3 ? xyz[Eigen::Index(k)] : shift[k])) *
+                       (canon.is_linear(j) ? 1.0 : units::deg);
+  return frame;
+}
+
+/// Sets the frame. Offsets of the scene alone keep their bits.
 void Machine::apply_frame() {
   const bool has_shift = std::any_of(g92_.begin(), g92_.end(), [](double v) { return v != 0.0; });
-  const double angle = origin_[9];
-  program::Frame frame;
-  if (!system_changed_[std::size_t(system_ - 1)] && !has_shift) {
-    frame.shift = program::work_offset(canon_.options(), system_);
-    return canon_.set_frame(system_ - 1, std::move(frame));
-  }
-  frame.shift = AxisVector::Zero(canon_.position().size());
-  // The shift of G92 is within the rotation, so it is rotated too.
-  NineAxes shift = g92_;
-  if (angle != 0.0) {
-    for (const int k : {0, 1, 2})
-      if (joint(k) < 0)
-        canon_.throw_input_error({1, {}}, "a machine with X Y Z for a rotated coordinate system");
-    const Eigen::Matrix3d R =
-        Eigen::AngleAxisd(angle * units::deg, Eigen::Vector3d::UnitZ()).toRotationMatrix();
-    const Eigen::Vector3d rotated = R * Eigen::Vector3d(shift[0], shift[1], shift[2]);
-    for (int k = 0; k < 3; ++k) shift[std::size_t(k)] = rotated[k];
-    frame.rotation = R;
-  }
-  for (int k = 0; k < 9; ++k)
-    if (const int j = joint(k); j >= 0)
-      frame.shift[j] = (origin_[std::size_t(k)] + shift[std::size_t(k)]) *
-                       (canon_.is_linear(j) ? 1.0 : units::deg);
-  canon_.set_frame(system_ - 1, std::move(frame));
+  const bool is_of_scene = !system_changed_[std::size_t(system_ - 1)] && !has_shift;
+  canon_.set_frame(system_ - 1,
+                   is_of_scene ? program::Frame{program::work_offset(canon_.options(), system_)}
+                               : system_frame(canon_, std::span(origin_).first<9>(), g92_,
+                                              origin_[9] * units::deg, {1, {}}));
 }
 
 /// Selects a coordinate system. As in rs274 the system in force does not reload its parameters.
@@ -98,7 +88,7 @@ void Machine::set_tool_length(const Block& block) {
   const Code& code = block[Group::ToolLength];
   if (compensation_.is_on())
     throw_input_error(code.word, "no change of the tool length under G41 or G42");
-  const NcWord& h = block['H'];
+  const Word& h = block['H'];
   if (h && (h.value < 0 || h.value != std::floor(h.value) || h.value > 1e9))
     throw_input_error(h, "an integer tool number after H");
   if (code.tenths == 490) {
@@ -111,7 +101,7 @@ void Machine::set_tool_length(const Block& block) {
   // G43.1 states the offset in the block instead of the table.
   if (code.tenths == 431) {
     for (int k = 0; k < 9; ++k)
-      if (const NcWord& word = block[axis_letters[std::size_t(k)]])
+      if (const Word& word = block[axis_letters[std::size_t(k)]])
         shift[joint(k)] = axis_word(k, word) * (canon_.is_linear(joint(k)) ? 1.0 : units::deg);
     if (!first_axis_word(block)) throw_input_error(code.word, "axis words with G43.1", "none");
     length_shift_ = std::move(shift);
@@ -167,12 +157,12 @@ void Machine::apply_length(const Cause& cause) {
 
 void Machine::store_system(const Block& block, int number, bool by_position) {
   const std::size_t first = first_parameter(number);
-  const NcWord& r = block['R'];
+  const Word& r = block['R'];
   if (r) parameters_[first + 9] = r.value;
   system_changed_[std::size_t(number - 1)] = true;
   NineAxes words{};
   for (int k = 0; k < 9; ++k)
-    if (const NcWord& word = block[axis_letters[std::size_t(k)]])
+    if (const Word& word = block[axis_letters[std::size_t(k)]])
       words[std::size_t(k)] = axis_word(k, word);
   NineAxes origin = words;
   if (by_position) {
@@ -207,13 +197,13 @@ void Machine::store_system(const Block& block, int number, bool by_position) {
 }
 
 void Machine::store_tool(const Block& block, int kind) {
-  const NcWord& p = block['P'];
+  const Word& p = block['P'];
   const int tool = int(p.value);
   // A scene's tool has its length along Z only.
   for (const char letter : {'X', 'Y', 'A', 'B', 'C', 'U', 'V', 'W'})
     if (block[letter] && block[letter].value != 0.0)
       throw_input_error(block[letter], "Z and R of a tool: its length lies along Z");
-  if (const NcWord& z = block['Z']) {
+  if (const Word& z = block['Z']) {
     const double word = axis_word(2, z);
     // L11 counts from system 9 (G59.3), L10 from the one in force.
     const std::size_t first = first_parameter(kind == 11 ? 9 : system_);
@@ -221,12 +211,12 @@ void Machine::store_tool(const Block& block, int kind) {
                               : position_from_zero(2) - word - parameters_[first + 2] -
                                     (kind == 10 ? g92_[2] : 0.0);
   }
-  if (const NcWord& r = block['R']) radius_[tool] = r.value * unit();
+  if (const Word& r = block['R']) radius_[tool] = r.value * unit();
 }
 
 void Machine::store_data(const Block& block) {
-  const Cause code = block[Group::OneBlock].word;
-  const NcWord &l = block['L'], &p = block['P'];
+  const Cause code = block[Group::OneShot].word;
+  const Word &l = block['L'], &p = block['P'];
   if (!l) throw_input_error(code, "L1 L2 L10 L11 or L20 with G10", "none");
   const int kind = int(l.value);
   if (l.value != kind || (kind != 1 && kind != 2 && kind != 10 && kind != 11 && kind != 20))
@@ -248,14 +238,14 @@ void Machine::store_data(const Block& block) {
 
 /// Executes G92, its variants and G52.
 void Machine::shift_origin(const Block& block) {
-  const Code& code = block[Group::OneBlock];
+  const Code& code = block[Group::OneShot];
   const auto stored = [&](int k) -> double& { return parameters_[5211 + std::size_t(k)]; };
   if (code.tenths == 920 || code.tenths == 520) {
     if (!first_axis_word(block))
       throw_input_error(code.word, "an axis word with " + shown(code.word.text), "none");
     const NineAxes previous = g92_;
     for (int k = 0; k < 9; ++k) {
-      const NcWord& word = block[axis_letters[std::size_t(k)]];
+      const Word& word = block[axis_letters[std::size_t(k)]];
       if (!word) continue;
       // G52 sets the shift; G92 gives the current position the programmed values.
       g92_[std::size_t(k)] = code.tenths == 520
@@ -281,7 +271,7 @@ void Machine::shift_origin(const Block& block) {
 /// Executes G28 and G30: a rapid over the programmed point to the stored position, for the
 /// programmed axes, or for all axes if none is programmed.
 void Machine::move_to_reference(const Block& block) {
-  const Code& code = block[Group::OneBlock];
+  const Code& code = block[Group::OneShot];
   const std::size_t first = code.tenths < 300 ? 5161 : 5181;
   // G28.1 and G30.1 store the current position.
   if (code.tenths % 10 == 1) {
@@ -320,17 +310,13 @@ void Machine::set_compensation(const Block& block) {
   if (code.tenths == 400) return compensation_.end();
   if (compensation_.is_on())
     throw_input_error(code.word, "G40 before another " + std::string("G41 or G42"));
-  const std::string_view plane = plane_ == 170 ? "XY" : plane_ == 180 ? "ZX" : "YZ";
-  const int first = canon_.joint_of(plane[0]), second = canon_.joint_of(plane[1]);
-  if (first < 0 || second < 0)
-    throw_input_error(
-        code.word, fmt::format("a machine with the axes {} {} of the plane", plane[0], plane[1]));
+  const std::array<int, 2> joints = plane_joints(code.word);
   // The frame rotates about Z, which is not the normal of the plane Z X.
-  if (plane_ == 180 && canon_.frame().rotation)
+  if (plane_ == 18 && canon_.frame().rotation)
     throw_input_error(code.word, "G17 with cutter compensation in a rotated coordinate system");
-  if (plane_ == 190) throw_input_error(code.word, "G17 or G18 with cutter compensation");
-  const NcWord& d = block['D'];
-  if (const NcWord& l = block['L']; l && l.value != 0)
+  if (plane_ == 19) throw_input_error(code.word, "G17 or G18 with cutter compensation");
+  const Word& d = block['D'];
+  if (const Word& l = block['L']; l && l.value != 0)
     throw_input_error(l, "L0 with G41.1 and G42.1: the tip of a turning tool is not compensated");
   double radius = 0.0;
   if (code.tenths % 10 == 1) {
@@ -350,7 +336,7 @@ void Machine::set_compensation(const Block& block) {
   }
   const bool left = code.tenths / 10 == 41;
   // The right-handed order of G18 is Z X; left counts in a view against Y.
-  compensation_.begin(left, radius, {first, second}, linuxcnc_compensation);
+  compensation_.begin(left, radius, joints, linuxcnc_compensation);
 }
 
 }  // namespace abbe::sim::dialects::linuxcnc

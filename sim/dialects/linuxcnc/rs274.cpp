@@ -1,26 +1,14 @@
 #include "sim/dialects/linuxcnc/rs274.h"
 
-#include <algorithm>
-#include <array>
 #include <cerrno>
 #include <charconv>
 #include <chrono>
 #include <csignal>
-#include <cstdint>
 #include <cstdlib>
 #include <cstring>
-#include <filesystem>
 #include <fstream>
-#include <functional>
-#include <optional>
-#include <string>
-#include <string_view>
-#include <system_error>
-#include <utility>
-#include <vector>
 
 #include <fcntl.h>
-#include <fmt/format.h>
 #include <poll.h>
 #include <sys/prctl.h>
 #include <sys/resource.h>
@@ -28,47 +16,10 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
-#include "kinematics/bad_input.h"
-#include "kinematics/text.h"
-#include "kinematics/units.h"
 #include "sim/dialects/linuxcnc/rs274_commands.h"
-#include "sim/dialects/read_options.h"
-#include "sim/dialects/tool_compensation.h"
 #include "sim/files/program_file.h"
 
 namespace abbe::sim::dialects {
-
-/// A new folder in the system's temporary folder for this run alone; the destructor removes it.
-class PrivateFolder {
- public:
-  /// Throws BadInput if the folder cannot be created.
-  PrivateFolder();
-  ~PrivateFolder();
-  PrivateFolder(const PrivateFolder&) = delete;
-  PrivateFolder& operator=(const PrivateFolder&) = delete;
-  const std::filesystem::path& path() const { return path_; }
-
- private:
-  std::filesystem::path path_;
-};
-
-/// The end of the interpreter process.
-struct InterpreterExit {
-  enum class ExitReason { Exit, Signal, Time, Bytes, Stopped } reason = ExitReason::Exit;
-  int number = 0;            ///< exit code or signal number, by `reason`
-  std::string error_output;  ///< beginning of its stderr, at most 64 kB
-};
-
-/// Runs rs274 in `folder`, which is its home and working directory and contains `machine.ini`,
-/// `tool.tbl`, `numbers.var` and the file `program` (a relative path). The process inherits neither
-/// our environment nor our open files, may write files of at most 16 MB and may use at most 4 GB of
-/// memory. `process_line` is called with each line of its output, without the line end, and returns
-/// false to end the run. The process is ended before an exception of `process_line` propagates.
-/// Throws BadInput if the process cannot be started.
-InterpreterExit run_rs274(const std::filesystem::path& packages,
-                          const std::filesystem::path& folder, const std::string& program,
-                          const InterpreterLimits& limits,
-                          const std::function<bool(std::string_view line)>& process_line);
 
 namespace {
 
@@ -82,6 +33,35 @@ constexpr std::size_t max_error_output_bytes = 65536;
 constexpr std::size_t max_command_bytes = 1 << 20;
 constexpr std::size_t chunk_bytes = 1 << 18;  // read at a time
 constexpr int commands_descriptor = 3;        // to which it writes canonical commands
+
+/// A new folder in the system's temporary folder for this run alone; the destructor removes it.
+class PrivateFolder {
+ public:
+  /// Throws BadInput if the folder cannot be created.
+  PrivateFolder() {
+    std::string name = (fs::temp_directory_path() / "abbe_rs274_XXXXXX").string();
+    if (mkdtemp(name.data()) == nullptr)
+      throw BadInput(name, 0, 0, "a temporary folder", std::strerror(errno));
+    path_ = name;
+  }
+  ~PrivateFolder() {
+    std::error_code error;
+    fs::remove_all(path_, error);
+  }
+  PrivateFolder(const PrivateFolder&) = delete;
+  PrivateFolder& operator=(const PrivateFolder&) = delete;
+  const fs::path& path() const { return path_; }
+
+ private:
+  fs::path path_;
+};
+
+/// The end of the interpreter process.
+struct InterpreterExit {
+  enum class ExitReason { Exit, Signal, Time, Bytes, Stopped } reason = ExitReason::Exit;
+  int number = 0;            ///< exit code or signal number, by `reason`
+  std::string error_output;  ///< beginning of its stderr, at most 64 kB
+};
 
 /// A pipe; the destructor closes its open ends.
 struct Pipe {
@@ -286,20 +266,12 @@ class LineSplitter {
   std::string incomplete_line_;
 };
 
-}  // namespace
-
-PrivateFolder::PrivateFolder() {
-  std::string name = (fs::temp_directory_path() / "abbe_rs274_XXXXXX").string();
-  if (mkdtemp(name.data()) == nullptr)
-    throw BadInput(name, 0, 0, "a temporary folder", std::strerror(errno));
-  path_ = name;
-}
-
-PrivateFolder::~PrivateFolder() {
-  std::error_code error;
-  fs::remove_all(path_, error);
-}
-
+/// Runs rs274 in `folder`, which is its home and working directory and contains `machine.ini`,
+/// `tool.tbl`, `numbers.var` and the file `program` (a relative path). The process inherits neither
+/// our environment nor our open files, may write files of at most 16 MB and may use at most 4 GB of
+/// memory. `process_line` is called with each line of its output, without the line end, and returns
+/// false to end the run. The process is ended before an exception of `process_line` propagates.
+/// Throws BadInput if the process cannot be started.
 InterpreterExit run_rs274(const fs::path& packages, const fs::path& folder,
                           const std::string& program, const InterpreterLimits& limits,
                           const std::function<bool(std::string_view line)>& process_line) {
@@ -336,9 +308,6 @@ InterpreterExit run_rs274(const fs::path& packages, const fs::path& folder,
   return {InterpreterExit::ExitReason::Exit, WEXITSTATUS(*status), process.error_output()};
 }
 
-namespace {
-
-using kinematics::AxisVector;
 using linuxcnc::Commands;
 using linuxcnc::NumberedProgram;
 using program::NcOptions;

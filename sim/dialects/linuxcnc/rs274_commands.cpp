@@ -1,25 +1,9 @@
 #include "sim/dialects/linuxcnc/rs274_commands.h"
 
-#include <algorithm>
 #include <charconv>
-#include <cmath>
 #include <fstream>
-#include <optional>
-#include <system_error>
-#include <utility>
-
-#include <fmt/format.h>
-#include <Eigen/Geometry>
-
-#include "kinematics/bad_input.h"
-#include "kinematics/text.h"
-#include "kinematics/units.h"
-#include "sim/dialects/cursor.h"
 
 namespace abbe::sim::dialects::linuxcnc {
-
-using program::Feed;
-using program::FeedMode;
 
 namespace {
 
@@ -369,48 +353,20 @@ int NumberedProgram::number_of(const std::string& name, int line) const {
 namespace {
 
 /// Commands without effect on the path.
-constexpr std::string_view ignored_commands[] = {
-    "SET_FEED_REFERENCE",
-    "ON_RESET",
-    "SET_MOTION_CONTROL_MODE",
-    "SET_NAIVECAM_TOLERANCE",
-    "SET_TRAVERSE_RATE",
-    "START_CHANGE",
-    "ENABLE_FEED_OVERRIDE",
-    "DISABLE_FEED_OVERRIDE",
-    "ENABLE_SPEED_OVERRIDE",
-    "DISABLE_SPEED_OVERRIDE",
-    "ENABLE_FEED_HOLD",
-    "DISABLE_FEED_HOLD",
-    "ENABLE_ADAPTIVE_FEED",
-    "DISABLE_ADAPTIVE_FEED",
-    "SET_MOTION_OUTPUT_BIT",
-    "CLEAR_MOTION_OUTPUT_BIT",
-    "SET_AUX_OUTPUT_BIT",
-    "CLEAR_AUX_OUTPUT_BIT",
-    "SET_AUX_OUTPUT_VALUE",
-    "SET_MOTION_OUTPUT_VALUE",
-    "ORIENT_SPINDLE",
-    "PALLET_SHUTTLE",
-    "MESSAGE",
-    "LOG",
-    "LOGOPEN",
-    "LOGAPPEND",
-    "LOGCLOSE",
-    "INIT_CANON",
-    "CLAMP_AXIS",
-    "UNCLAMP_AXIS",
-    "LOCK_ROTARY",
-    "UNLOCK_ROTARY",
-    "TURN_PROBE_ON",
-    "TURN_PROBE_OFF",
-    "UPDATE_TAG",
-    "RELOAD_TOOLDATA",
-};
+constexpr std::string_view ignored_commands =
+    "SET_FEED_REFERENCE ON_RESET SET_MOTION_CONTROL_MODE SET_NAIVECAM_TOLERANCE "
+    "SET_TRAVERSE_RATE START_CHANGE ENABLE_FEED_OVERRIDE DISABLE_FEED_OVERRIDE "
+    "ENABLE_SPEED_OVERRIDE DISABLE_SPEED_OVERRIDE ENABLE_FEED_HOLD DISABLE_FEED_HOLD "
+    "ENABLE_ADAPTIVE_FEED DISABLE_ADAPTIVE_FEED SET_MOTION_OUTPUT_BIT CLEAR_MOTION_OUTPUT_BIT "
+    "SET_AUX_OUTPUT_BIT CLEAR_AUX_OUTPUT_BIT SET_AUX_OUTPUT_VALUE SET_MOTION_OUTPUT_VALUE "
+    "ORIENT_SPINDLE PALLET_SHUTTLE MESSAGE LOG LOGOPEN LOGAPPEND LOGCLOSE INIT_CANON "
+    "CLAMP_AXIS UNCLAMP_AXIS LOCK_ROTARY UNLOCK_ROTARY TURN_PROBE_ON TURN_PROBE_OFF UPDATE_TAG "
+    "RELOAD_TOOLDATA";
 
 bool is_without_effect(std::string_view name) {
-  return std::ranges::find(ignored_commands, name) != std::end(ignored_commands) ||
-         name.find("WAIT_ORIENT_COMPLETE") != std::string_view::npos;
+  bool is_ignored = name.find("WAIT_ORIENT_COMPLETE") != std::string_view::npos;
+  each_word(ignored_commands, [&](std::string_view ignored) { is_ignored |= ignored == name; });
+  return is_ignored;
 }
 
 /// Returns the text in quotes of an argument such as that of COMMENT("text").
@@ -536,29 +492,12 @@ Commands::SixAxes Commands::in_mm(SixAxes lengths) const {
   return lengths;
 }
 
-/// Sets the frame in the order of LinuxCNC: the shift of G92, then the rotation about Z, then the
-/// shift of the coordinate system.
+/// Sets the frame. The origins that rs274 was given include `zero_`, which the canon adds too.
 void Commands::apply_frame() {
-  program::Frame frame;
-  frame.shift = AxisVector::Zero(canon_.position().size());
-  SixAxes shift = g92_;
-  if (rotation_ != 0.0) {
-    for (const std::size_t k : {0, 1, 2})
-      if (joint(k) < 0) throw_input_error("a machine with X Y Z for a rotated coordinate system");
-    const Eigen::Matrix3d R =
-        Eigen::AngleAxisd(rotation_, Eigen::Vector3d::UnitZ()).toRotationMatrix();
-    const Eigen::Vector3d rotated = R * Eigen::Vector3d(shift[0], shift[1], shift[2]);
-    for (int k = 0; k < 3; ++k) shift[std::size_t(k)] = rotated[k];
-    frame.rotation = R;
-  }
-  for (std::size_t k = 0; k < 6; ++k) {
-    const int j = joint(k);
-    // The origins that rs274 was given include `zero_`, which the canon adds too.
-    const double zero = k < 3 ? zero_[Eigen::Index(k)] : 0.0;
-    if (j >= 0)
-      frame.shift[j] = (g5x_[k] - zero + shift[k]) * (canon_.is_linear(j) ? 1.0 : units::deg);
-  }
-  canon_.set_frame(system_ - 1, std::move(frame));
+  SixAxes origin = g5x_;
+  for (std::size_t k = 0; k < 3; ++k) origin[k] -= zero_[Eigen::Index(k)];
+  canon_.set_frame(system_ - 1,
+                   system_frame(canon_, origin, g92_, rotation_, {0, program_.text_of(number_)}));
 }
 
 void Commands::set_units(bool inch) {

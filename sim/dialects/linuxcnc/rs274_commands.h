@@ -1,15 +1,8 @@
 #pragma once
 
-#include <array>
 #include <deque>
-#include <filesystem>
-#include <optional>
-#include <set>
-#include <string>
-#include <string_view>
-#include <vector>
 
-#include "sim/dialects/program_run.h"
+#include "sim/dialects/linuxcnc/linuxcnc.h"
 
 /// Programs prepared for LinuxCNC's own interpreter, and its output. The interpreter prints only
 /// the line number (N word) of the block of a command, so every line of the program and its
@@ -118,7 +111,6 @@ class Commands {
 
  private:
   using SixAxes = std::array<double, 6>;
-  using AxisVector = kinematics::AxisVector;
   using Numbers = std::vector<double>;
 
   [[noreturn]] void throw_input_error(std::string expected,
@@ -145,7 +137,7 @@ class Commands {
   void straight(const SixAxes& programmed, bool rapid);
   void arc(const Numbers& n);
   void tap(const Numbers& n);
-  void feed(program::Straight move);
+  void feed(Straight move);
   void end_pending_tool();
   void comment(std::string_view text);
 
@@ -163,7 +155,7 @@ class Commands {
   SixAxes missing_axis_positions_{};           ///< positions of axes that the machine does not have
   double rotation_ = 0.0;                      ///< rad, rotation of the coordinate system
   std::array<std::size_t, 3> plane_{0, 1, 2};  ///< indices into Six
-  std::optional<program::Feed> pitch_;         ///< feed per revolution while synchronised
+  std::optional<Feed> pitch_;                  ///< feed per revolution while synchronised
   double speed_ = 0.0, max_rpm_ = 0.0;         ///< most_rpm_ > 0: G96
   bool is_speed_in_inch_ = false;
   int selected_ = 0, tool_ = 0, tool_change_block_ = -1, pending_block_ = -1;

@@ -1,21 +1,9 @@
-#include <algorithm>
-#include <cmath>
-#include <utility>
-
-#include <fmt/format.h>
-
-#include "kinematics/bad_input.h"
-#include "kinematics/units.h"
 #include "sim/dialects/linuxcnc/rs274_commands.h"
 
 namespace abbe::sim::dialects::linuxcnc {
 
-using program::Feed;
-using program::FeedMode;
-using program::Straight;
-
 /// Returns the end of a move. Throws BadInput if an axis that the machine does not have would move.
-Commands::AxisVector Commands::end_of(const SixAxes& programmed) {
+AxisVector Commands::end_of(const SixAxes& programmed) {
   AxisVector p = canon_.programmed();
   for (std::size_t k = 0; k < 6; ++k) {
     const int j = joint(k);
@@ -43,21 +31,8 @@ Commands::AxisVector Commands::end_of(const SixAxes& programmed) {
 /// Makes a line at feed. While synchronised with the spindle the feed is the pitch, whatever F is.
 void Commands::feed(Straight move) {
   if (!pitch_) return canon_.straight_feed(std::move(move));
-  const FeedMode mode = canon_.feed_mode();
-  const auto previous_feed = canon_.feed();
-  canon_.set_feed_mode(FeedMode::PerRevolution);
-  canon_.set_feed(pitch_);
-  const auto restore_feed = [&] {
-    canon_.set_feed_mode(mode);
-    canon_.set_feed(previous_feed);
-  };
-  try {
-    canon_.straight_feed(std::move(move));
-  } catch (const BadInput&) {
-    restore_feed();
-    throw;
-  }
-  restore_feed();
+  const TemporaryFeed pitch_feed(canon_, FeedMode::PerRevolution, pitch_);
+  canon_.straight_feed(std::move(move));
 }
 
 void Commands::straight(const SixAxes& programmed, bool rapid) {

@@ -1,6 +1,4 @@
-#include <vector>
-
-#include "sim/dialects/linuxcnc/block.h"
+#include "sim/dialects/linuxcnc/linuxcnc.h"
 #include "sim/dialects/read_program.h"
 
 namespace abbe::sim::dialects {
@@ -19,7 +17,7 @@ constexpr Line lines[] = {
     {"G0 G1", Group::Motion, read, "rapid; line"},
     {"G2 G3", Group::Motion, read,
      "arc clockwise, counter-clockwise, also helix; I J K or R, P full or partial turns"},
-    {"G4", Group::OneBlock, read, "dwell, P seconds, before a move of the same block", true},
+    {"G4", Group::OneShot, read, "dwell, P seconds, before a move of the same block", true},
     {"G5 G5.1", Group::Motion, read,
      "cubic (I J P Q) and quadratic (I J) spline in X Y, as chords within 0.0001 mm; the previous "
      "motion mode stays active"},
@@ -27,16 +25,16 @@ constexpr Line lines[] = {
      "NURBS in X Y, P weights, L order, as chords within 0.0001 mm"},
     {"G7 G8", Group::LatheDiameter, read,
      "X words are diameters; radii, active at the start unless `x_words` states otherwise"},
-    {"G10", Group::OneBlock, read,
+    {"G10", Group::OneShot, read,
      "L2 L20: origin (and R rotation) of a coordinate system, as stated or so that the current "
      "position has the stated coordinates; L1 L10 L11: length and radius of a tool"},
     {"G17 G18 G19", Group::Plane, read, "plane X Y, Z X, Y Z"},
     {"G17.1 G18.1 G19.1", Group::None, refused,
      "a plane of X Y Z: planes of U V W are not supported"},
     {"G20 G21", Group::Units, read, "inch, mm; for the whole block, including F"},
-    {"G28 G30", Group::OneBlock, read,
+    {"G28 G30", Group::OneShot, read,
      "rapid to the stored position, through the point of the axis words if there are any"},
-    {"G28.1 G30.1", Group::OneBlock, read, "stores the position; axis words are rejected"},
+    {"G28.1 G30.1", Group::OneShot, read, "stores the position; axis words are rejected"},
     {"G33", Group::Motion, read, "line at K mm per revolution of the spindle"},
     {"G33.1", Group::Motion, read,
      "rigid tapping: at K mm per revolution and back, the spindle reversed"},
@@ -55,8 +53,8 @@ constexpr Line lines[] = {
      "abbe's own word, tool H: X Y Z are the tip in the workpiece frame, rotary words are axis "
      "positions"},
     {"G49", Group::ToolLength, read, "no tool length; ends G43.4"},
-    {"G52", Group::OneBlock, read, "shift on top of the coordinate system"},
-    {"G53", Group::OneBlock, read,
+    {"G52", Group::OneShot, read, "shift on top of the coordinate system"},
+    {"G53", Group::OneShot, read,
      "with G0 or G1, also a modal one, under G90: axis positions, without offsets", true},
     {"G54 G55 G56 G57 G58 G59 G59.1 G59.2 G59.3", Group::WorkOffset, read,
      "coordinate system 1 to 9; 1 to 6 start as stated by `work_offset`, all as stated by "
@@ -78,9 +76,9 @@ constexpr Line lines[] = {
     {"G87 G88", Group::None, refused, "G81 to G86 or G89: LinuxCNC has no G87 and G88 either"},
     {"G90 G91", Group::Distance, read, "absolute, incremental"},
     {"G90.1 G91.1", Group::ArcDistance, read, "centres I J K absolute; from the start of the arc"},
-    {"G92", Group::OneBlock, read,
+    {"G92", Group::OneShot, read,
      "shift that gives the current position the programmed coordinates"},
-    {"G92.1 G92.2 G92.3", Group::OneBlock, read,
+    {"G92.1 G92.2 G92.3", Group::OneShot, read,
      "shift of G92 and G52 cleared; suspended; restored; axis words are rejected"},
     {"G93 G94 G95", Group::FeedMode, read,
      "F: inverse time, in every block; per minute; per revolution of the spindle; each clears F"},
@@ -135,39 +133,8 @@ constexpr WordTableEntry other_words[] = {
 
 }  // namespace
 
-bool is_beside_motion(Group group) {
-  switch (group) {
-    case Group::None:
-    case Group::OneBlock:
-    case Group::Count:
-      return false;
-    case Group::Motion:
-    case Group::Plane:
-    case Group::Distance:
-    case Group::ArcDistance:
-    case Group::FeedMode:
-    case Group::Units:
-    case Group::CutterRadius:
-    case Group::ToolLength:
-    case Group::ReturnLevel:
-    case Group::WorkOffset:
-    case Group::PathMode:
-    case Group::SpeedMode:
-    case Group::LatheDiameter:
-    case Group::Stop:
-    case Group::ToolChange:
-    case Group::Spindle:
-    case Group::Coolant:
-    case Group::Override:
-    case Group::Kinematics:
-    case Group::State:
-      return true;
-  }
-  return false;
-}
-
 // Built once and indexed by tenths, because every code of a program is looked up.
-const CodeProperties& find_entry(char letter, int tenths) {
+const gcode::CodeProperties& find_entry(char letter, int tenths) {
   static const CodeTable<Group> table(lines);
   return table.find_entry(letter, tenths);
 }

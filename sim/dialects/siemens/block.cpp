@@ -1,17 +1,4 @@
-#include "sim/dialects/siemens/block.h"
-
-#include <algorithm>
-#include <cmath>
-#include <cstdint>
-#include <string>
-#include <unordered_map>
-#include <utility>
-
-#include <fmt/format.h>
-
-#include "kinematics/bad_input.h"
-#include "kinematics/text.h"
-#include "kinematics/units.h"
+#include "sim/dialects/siemens/siemens.h"
 
 namespace abbe::sim::dialects::siemens {
 
@@ -23,10 +10,6 @@ constexpr double equality_tolerance = 1e-12;
 bool are_equal(double a, double b) {
   return std::abs(a - b) <= equality_tolerance * std::max(std::abs(a), std::abs(b));
 }
-
-// Functions that return the expectation which operands do not meet, or null.
-
-const char* require_nonzero(double, double b) { return b == 0 ? "a nonzero divisor" : nullptr; }
 
 // Bitwise operators work on 32 bit integers.
 const char* require_32_bits(double a, double b) {
@@ -40,9 +23,9 @@ std::int64_t to_integer(double x) { return std::int64_t(std::trunc(x)); }
 // brackets.
 constexpr Operator operators[] = {
     {"*", 9, [](double a, double b) { return a * b; }},
-    {"/", 9, [](double a, double b) { return a / b; }, require_nonzero},
-    {"DIV", 9, [](double a, double b) { return std::trunc(a / b); }, require_nonzero},
-    {"MOD", 9, [](double a, double b) { return std::fmod(a, b); }, require_nonzero},
+    {"/", 9, [](double a, double b) { return a / b; }, require_nonzero_divisor},
+    {"DIV", 9, [](double a, double b) { return std::trunc(a / b); }, require_nonzero_divisor},
+    {"MOD", 9, [](double a, double b) { return std::fmod(a, b); }, require_nonzero_divisor},
     {"+", 8, [](double a, double b) { return a + b; }},
     {"-", 8, [](double a, double b) { return a - b; }},
     {"B_AND", 7, [](double a, double b) { return double(to_integer(a) & to_integer(b)); },
@@ -62,27 +45,12 @@ constexpr Operator operators[] = {
     {">", 1, [](double a, double b) { return double(a > b && !are_equal(a, b)); }},
 };
 
-const char* require_unit_range(double x) {
-  return x < -1 || x > 1 ? "a number from -1 to 1" : nullptr;
-}
-
 // `Flow::parse_multi_argument_function` handles functions of several numbers.
 constexpr Function functions[] = {
-    {"SIN", [](double x) { return std::sin(x * units::deg); }},
-    {"COS", [](double x) { return std::cos(x * units::deg); }},
-    {"TAN", [](double x) { return std::tan(x * units::deg); }},
-    {"ASIN", [](double x) { return std::asin(x) / units::deg; }, require_unit_range},
-    {"ACOS", [](double x) { return std::acos(x) / units::deg; }, require_unit_range},
-    {"SQRT", [](double x) { return std::sqrt(x); },
-     [](double x) -> const char* { return x < 0 ? "a non-negative number" : nullptr; }},
-    {"ABS", [](double x) { return std::abs(x); }},
     {"POT", [](double x) { return x * x; }},
     {"TRUNC", [](double x) { return std::trunc(x); }},
     {"ROUND", [](double x) { return double(std::round(x)); }},
     {"ROUNDUP", [](double x) { return std::ceil(x); }},
-    {"LN", [](double x) { return std::log(x); },
-     [](double x) -> const char* { return x <= 0 ? "a number greater than zero" : nullptr; }},
-    {"EXP", [](double x) { return std::exp(x); }},
 };
 
 /// Returns true if the word at `at` begins like an operator but is longer.
@@ -99,7 +67,8 @@ bool is_longer_word(std::string_view text, std::size_t at) {
 }  // namespace
 
 const ExpressionGrammar& grammar() {
-  static constexpr ExpressionGrammar siemens_grammar{operators, functions, '(', ')', false};
+  static const ExpressionGrammar siemens_grammar{operators, functions, '(',
+                                                 ')',       false,     common_functions()};
   return siemens_grammar;
 }
 
@@ -208,8 +177,7 @@ std::vector<Argument> parse_arguments(Cursor& cursor, VariableParser& variables)
     return arguments;
   }
   while (true) {
-    cursor.skip_blanks();
-    const std::size_t from = cursor.at;
+    const std::size_t from = skip_blanks(cursor);
     Argument argument;
     if (cursor.current() == '"')
       argument.text = parse_quoted_text(cursor);
@@ -254,322 +222,309 @@ class SiemensBlockReader {
   }
 
  private:
-  void read_word();
-  void read_short_word(std::size_t from);
-  void read_code(std::size_t from, char letter);
-  void put_value(std::size_t from, Address address, double value, PositionMode mode);
-  void put_entry(const WordEntry& entry, const Cause& cause);
-  void read_assigned_word(std::size_t from, const std::string& name);
-  void put_m_code(std::size_t from, double value);
-  void read_tool(std::size_t from);
-  bool read_extended_address(std::size_t from, const std::string& name);
-  void put_extended_value(std::size_t from, char letter, int number);
-  void read_setms(std::size_t from);
-  void read_long_word(std::size_t from, const std::string& name);
-  void read_call(std::size_t from, const std::string& name);
-  void skip_value();
-  void handle_unknown(std::size_t from, const std::string& expected);
-  std::optional<PositionMode> position_mode();
+  void read_word() {
+    const std::size_t from = cursor_.at;
+    if (cursor_.current() == '$')
+      cursor_.throw_input_error(from,
+                                "words and variables of the program: system data are not writable");
+    // Assignments come first, because R1=5 and COUNT=3 are no addresses.
+    if (variables_.assign_variable(cursor_)) return;
+    const char first = cursor_.current(), second = cursor_.peek();
+    if (!is_letter(first) && first != '_')
+      cursor_.throw_input_error(from, "a word (letter and number)");
+    Cursor ahead = cursor_;
+    const std::string name = parse_name(ahead);
+    // Before = or [ the whole name is the address; otherwise it may be a letter with a number.
+    if (is_before_assignment(ahead) || (name.size() == 1 && ahead.current() == '[')) {
+      const std::size_t start = std::exchange(cursor_.at, ahead.at);
+      if (read_extended_address(from, name)) return;
+      if (is_before_assignment(cursor_)) return read_assigned_word(from, name);
+      cursor_.at = start;
+    }
+    const bool has_number =
+        is_digit(second) || second == '+' || second == '-' || second == '.' || is_blank(second);
+    // A letter followed by a digit, a sign, a point or a blank is an address with its number.
+    if (name.size() == 1 || (first != '_' && is_digit(second))) {
+      if (has_number) return read_short_word(from);
+      cursor_.throw_input_error(from, fmt::format("a number or = after {}", upper(first)));
+    }
+    cursor_.at = ahead.at;
+    read_long_word(from, name);
+  }
+
+  /// Parses a letter and its number without =, for example X10.5 or G1.
+  void read_short_word(std::size_t from) {
+    const char letter = upper(cursor_.current());
+    ++cursor_.at;
+    if (letter == 'G' || letter == 'M') return read_code(from, letter);
+    // L and a number is the name of a subprogram.
+    if (letter == 'L') {
+      std::string name = "L";
+      for (; is_digit(cursor_.current()); ++cursor_.at) name += cursor_.current();
+      if (name.size() > max_name_bytes)
+        cursor_.throw_input_error(from, "a name of at most 100 letters", "longer");
+      return read_call(from, name);
+    }
+    const auto number = cursor_.number();
+    if (!number) cursor_.throw_input_error(from, fmt::format("a number after {}", letter));
+    const auto address = find_address(std::string_view(&letter, 1));
+    // H passes a value to the PLC and causes no motion.
+    if (letter == 'H') return;
+    if (!address) return run_.handle_unknown_word(cursor_.cause(from), "a word of Siemens");
+    put_value(from, *address, *number, PositionMode::Modal);
+  }
+
+  /// Parses G or M and a number.
+  void read_code(std::size_t from, char letter) {
+    const auto number = cursor_.number(false);
+    if (!number) cursor_.throw_input_error(from, fmt::format("a number after {}", letter));
+    const Cause cause = cursor_.cause(from);
+    const bool is_code = *number == std::floor(*number) && *number < 10000;
+    const WordEntry* entry =
+        is_code ? find_entry(fmt::format("{}{}", letter, int(*number))) : nullptr;
+    if (entry == nullptr)
+      return run_.handle_unknown_word(cause, fmt::format("a {} code of Siemens", letter));
+    put_entry(*entry, cause);
+  }
+
+  void put_value(std::size_t from, Address address, double value, PositionMode mode) {
+    Value& slot = block_.values[std::size_t(address)];
+    const Cause cause = cursor_.cause(from);
+    if (slot)
+      run_.canon.throw_input_error(
+          cause, "only one word per address in a block",
+          fmt::format("{} after {}", shown(cause.text), shown(slot.cause.text)));
+    slot = {value, cause, mode, true};
+  }
+
+  void put_entry(const WordEntry& entry, const Cause& cause) {
+    if (entry.use == WordTreatment::Refused)
+      run_.canon.throw_input_error(cause, std::string(entry.sentence));
+    if (entry.word == "MCALL") {
+      block_.is_modal = true;
+      block_.modal_cause = cause;
+      return;
+    }
+    if (entry.group == Group::None) {
+      block_.code_forbidding_axis_words = {entry.word, cause};
+      return;
+    }
+    if (entry.group == Group::WithMotion) {
+      // Coolant has no group because M7 and M8 may be in one block.
+      if (entry.word == "M7" || entry.word == "M8" || entry.word == "M9")
+        block_.coolant.push_back(entry.word);
+      return;
+    }
+    Code& slot = block_.codes[std::size_t(entry.group)];
+    if (slot)
+      run_.canon.throw_input_error(
+          cause, "only one word of a modal group per block",
+          fmt::format("{} after {}", shown(cause.text), shown(slot.cause.text)));
+    slot = {entry.word, cause};
+  }
+
+  /// Parses a word with = after its address.
+  void read_assigned_word(std::size_t from, const std::string& name) {
+    const auto address = find_address(name);
+    const WordEntry* entry = find_entry(name);
+    // The value of a word without effect is skipped with the word.
+    if (!address && entry != nullptr && entry->use != WordTreatment::Read) {
+      skip_value();
+      return put_entry(*entry, cursor_.cause(from));
+    }
+    cursor_.accept("=");
+    cursor_.skip_blanks();
+    if (name == "M") return put_m_code(from, parse_number(cursor_, variables_));
+    if (name == "T") return read_tool(from);
+    const auto mode = position_mode();
+    const double value =
+        mode ? parse_bracketed(cursor_, grammar(), variables_) : parse_number(cursor_, variables_);
+    if (name == "H") return;
+    // A variable whose definition has an error must not be reported as an unknown address.
+    run_.require_certain(name, cursor_.cause(from));
+    if (!address) return run_.handle_unknown_word(cursor_.cause(from), "an address or a variable");
+    put_value(from, *address, value, mode.value_or(PositionMode::Modal));
+  }
+
+  void put_m_code(std::size_t from, double value) {
+    const WordEntry* code = find_entry(fmt::format("M{}", value));
+    if (code == nullptr)
+      return run_.handle_unknown_word(cursor_.cause(from), "an M code of Siemens");
+    put_entry(*code, cursor_.cause(from));
+  }
+
+  void read_tool(std::size_t from) {
+    // T and T="..." are one address.
+    if (block_.tool_name || block_[Address::T])
+      cursor_.throw_input_error(from, "only one word per address in a block");
+    if (cursor_.current() == '"')
+      block_.tool_name = parse_quoted_text(cursor_);
+    else
+      block_.tool_name = variables_.parse_text_variable(cursor_);
+    if (block_.tool_name)
+      block_.values[std::size_t(Address::T)] = {0.0, cursor_.cause(from), PositionMode::Modal,
+                                                true};
+    else
+      put_value(from, Address::T, parse_number(cursor_, variables_), PositionMode::Modal);
+  }
+
+  /// Parses an address with an extension, M1=3 or S[2]=500, from after its name or letter on.
+  /// Returns false if it is no such address.
+  bool read_extended_address(std::size_t from, const std::string& name) {
+    static constexpr std::string_view letters = "MSTHFD";
+    if (letters.find(name.front()) == std::string_view::npos) return false;
+    const bool has_digits =
+        name.size() > 1 && name.size() < 5 && std::all_of(name.begin() + 1, name.end(), is_digit);
+    const bool has_index = name.size() == 1 && cursor_.current() == '[';
+    if (!has_digits && !has_index) return false;
+    double number = 0.0;
+    if (has_digits) {
+      number = std::stoi(name.substr(1));
+    } else {
+      const std::size_t open = cursor_.at++;
+      number = parse_number(cursor_, variables_);
+      if (!cursor_.accept("]")) cursor_.throw_input_error(cursor_.at, "] after a spindle number");
+      if (!(number >= 0 && number <= 9999 && number == std::floor(number)))
+        cursor_.throw_input_error(open, "an integer from 0 to 9999 as the address extension");
+      if (!is_before_assignment(cursor_))
+        cursor_.throw_input_error(cursor_.at, "= after an address with an extension");
+    }
+    cursor_.accept("=");
+    cursor_.skip_blanks();
+    put_extended_value(from, name.front(), int(number));
+    return true;
+  }
+
+  /// Handles the value of an address with an extension. Extension 0 is the address without one.
+  void put_extended_value(std::size_t from, char letter, int number) {
+    if (letter == 'D')
+      cursor_.throw_input_error(from, "D without an extension: this control has none");
+    if (letter == 'T') {
+      if (number > 1)
+        cursor_.throw_input_error(from, "T or T1=: there is one tool holder, that of spindle 1");
+      return read_tool(from);
+    }
+    const double value = parse_number(cursor_, variables_);
+    const Cause cause = cursor_.cause(from);
+    if (letter == 'H') return;
+    if (letter == 'F') {
+      if (number != 0)
+        cursor_.throw_input_error(from,
+                                  "F or F0=, the path feed: axes have no feed of their own here");
+      return put_value(from, Address::F, value, PositionMode::Modal);
+    }
+    if (number == 0)
+      return letter == 'M' ? put_m_code(from, value)
+                           : put_value(from, Address::S, value, PositionMode::Modal);
+    if (letter == 'S') return block_.spindles.push_back({number, value, {}, cause});
+    // Stops and ends concern the whole program and have no spindle.
+    const WordEntry* code = find_entry(fmt::format("M{}", value));
+    if (code != nullptr && code->group == Group::Stop)
+      cursor_.throw_input_error(
+          from,
+          fmt::format("{} without an extension: program ends and stops have none", code->word));
+    if (code != nullptr && code->group == Group::Spindle)
+      return block_.spindles.push_back({number, {}, code->word, cause});
+    if (number != 1 && (code == nullptr || code->use != WordTreatment::WithoutEffect))
+      cursor_.throw_input_error(from, "only M3, M4 or M5 for a spindle other than 1");
+    put_m_code(from, value);
+  }
+
+  /// Parses SETMS or SETMS(2).
+  void read_setms(std::size_t from) {
+    block_.master_spindle = 1;
+    cursor_.skip_blanks();
+    if (cursor_.current() != '(') return;
+    const std::vector<Argument> arguments = parse_arguments(cursor_, variables_);
+    if (arguments.empty()) return;
+    const double number = arguments[0].number.value_or(0.0);
+    if (arguments.size() > 1 || !(number >= 1 && number <= 99 && number == std::floor(number)))
+      cursor_.throw_input_error(from, "SETMS or SETMS with a spindle number, 1 to 99");
+    block_.master_spindle = int(number);
+  }
+
+  /// Parses a word of several letters.
+  void read_long_word(std::size_t from, const std::string& name) {
+    const WordEntry* entry = find_entry(name);
+    if (entry == nullptr) {
+      // A bracket [ shows a variable; any other unknown word may be a subprogram.
+      if (cursor_.current() == '[') return handle_unknown(from, "a defined variable");
+      return read_call(from, name);
+    }
+    if (entry->use == WordTreatment::Read) {
+      // TRAORI may state the number of its transformation; the machine has one.
+      if (name == "TRAORI" && cursor_.accept("(")) {
+        --cursor_.at;
+        const std::vector<Argument> arguments = parse_arguments(cursor_, variables_);
+        if (arguments.size() > 1 || (arguments.size() == 1 && arguments[0].number != 1.0))
+          cursor_.throw_input_error(from,
+                                    "TRAORI or TRAORI(1): the machine has one transformation");
+      }
+      if (name == "SETMS") read_setms(from);
+      return put_entry(*entry, cursor_.cause(from));
+    }
+    skip_value();
+    put_entry(*entry, cursor_.cause(from));
+  }
+
+  void read_call(std::size_t from, const std::string& name) {
+    ProgramCall call{name, {}, false, cursor_.cause(from)};
+    cursor_.skip_blanks();
+    if (cursor_.current() == '(') {
+      call.arguments = parse_arguments(cursor_, variables_);
+      call.in_brackets = true;
+    }
+    if (block_.call)
+      run_.canon.throw_input_error(call.cause, "only one cycle or subprogram per block");
+    block_.call = std::move(call);
+  }
+
+  /// Skips what may follow a skipped word: [...], (...), and = with a value.
+  void skip_value() {
+    if (cursor_.current() == '[') skip_brackets(cursor_, '[', ']');
+    cursor_.skip_blanks();
+    if (cursor_.current() == '(') skip_brackets(cursor_, '(', ')');
+    if (!is_before_assignment(cursor_)) return;
+    cursor_.accept("=");
+    cursor_.skip_blanks();
+    if (cursor_.current() == '"')
+      parse_quoted_text(cursor_);
+    else if (position_mode())
+      skip_brackets(cursor_, '(', ')');
+    else
+      parse_number(cursor_, variables_);
+  }
+
+  /// Handles an unknown word together with everything that belongs to it.
+  void handle_unknown(std::size_t from, const std::string& expected) {
+    skip_value();
+    run_.handle_unknown_word(cursor_.cause(from), expected);
+  }
+
+  /// Parses AC, IC, DC, ACP or ACN up to the bracket that follows. Returns nothing if there is
+  /// none.
+  std::optional<PositionMode> position_mode() {
+    static constexpr std::pair<std::string_view, PositionMode> modes[] = {
+        {"ACP", PositionMode::Positive},
+        {"ACN", PositionMode::Negative},
+        {"AC", PositionMode::Absolute},
+        {"IC", PositionMode::Incremental},
+        {"DC", PositionMode::Shortest}};
+    for (const auto& [name, mode] : modes) {
+      const std::size_t start = cursor_.at;
+      if (!cursor_.accept_word(name)) continue;
+      cursor_.skip_blanks();
+      if (cursor_.current() == '(') return mode;
+      cursor_.at = start;
+    }
+    return std::nullopt;
+  }
 
   Cursor& cursor_;
   ProgramRun& run_;
   VariableParser& variables_;
   Block& block_;
 };
-
-/// Handles an unknown word together with everything that belongs to it.
-void SiemensBlockReader::handle_unknown(std::size_t from, const std::string& expected) {
-  skip_value();
-  run_.handle_unknown_word(cursor_.cause(from), expected);
-}
-
-/// Skips what may follow a skipped word: [...], (...), and = with a value.
-void SiemensBlockReader::skip_value() {
-  if (cursor_.current() == '[') skip_brackets(cursor_, '[', ']');
-  cursor_.skip_blanks();
-  if (cursor_.current() == '(') skip_brackets(cursor_, '(', ')');
-  if (!is_before_assignment(cursor_)) return;
-  cursor_.accept("=");
-  cursor_.skip_blanks();
-  if (cursor_.current() == '"')
-    parse_quoted_text(cursor_);
-  else if (position_mode())
-    skip_brackets(cursor_, '(', ')');
-  else
-    parse_number(cursor_, variables_);
-}
-
-/// Parses AC, IC, DC, ACP or ACN up to the bracket that follows. Returns nothing if there is none.
-std::optional<PositionMode> SiemensBlockReader::position_mode() {
-  static constexpr std::pair<std::string_view, PositionMode> modes[] = {
-      {"ACP", PositionMode::Positive},
-      {"ACN", PositionMode::Negative},
-      {"AC", PositionMode::Absolute},
-      {"IC", PositionMode::Incremental},
-      {"DC", PositionMode::Shortest}};
-  for (const auto& [name, mode] : modes) {
-    const std::size_t start = cursor_.at;
-    if (!cursor_.accept_word(name)) continue;
-    cursor_.skip_blanks();
-    if (cursor_.current() == '(') return mode;
-    cursor_.at = start;
-  }
-  return std::nullopt;
-}
-
-void SiemensBlockReader::put_value(std::size_t from, Address address, double value,
-                                   PositionMode mode) {
-  Value& slot = block_.values[std::size_t(address)];
-  const Cause cause = cursor_.cause(from);
-  if (slot)
-    run_.canon.throw_input_error(
-        cause, "only one word per address in a block",
-        fmt::format("{} after {}", shown(cause.text), shown(slot.cause.text)));
-  slot = {value, cause, mode, true};
-}
-
-void SiemensBlockReader::put_entry(const WordEntry& entry, const Cause& cause) {
-  if (entry.use == WordTreatment::Refused)
-    run_.canon.throw_input_error(cause, std::string(entry.sentence));
-  if (entry.word == "MCALL") {
-    block_.is_modal = true;
-    block_.modal_cause = cause;
-    return;
-  }
-  if (entry.group == Group::None) {
-    block_.code_forbidding_axis_words = {entry.word, cause};
-    return;
-  }
-  if (entry.group == Group::WithMotion) {
-    // Coolant has no group because M7 and M8 may be in one block.
-    if (entry.word == "M7" || entry.word == "M8" || entry.word == "M9")
-      block_.coolant.push_back(entry.word);
-    return;
-  }
-  Code& slot = block_.codes[std::size_t(entry.group)];
-  if (slot)
-    run_.canon.throw_input_error(
-        cause, "only one word of a modal group per block",
-        fmt::format("{} after {}", shown(cause.text), shown(slot.cause.text)));
-  slot = {entry.word, cause};
-}
-
-/// Parses G or M and a number.
-void SiemensBlockReader::read_code(std::size_t from, char letter) {
-  const auto number = cursor_.number(false);
-  if (!number) cursor_.throw_input_error(from, fmt::format("a number after {}", letter));
-  const Cause cause = cursor_.cause(from);
-  const bool is_code = *number == std::floor(*number) && *number < 10000;
-  const WordEntry* entry =
-      is_code ? find_entry(fmt::format("{}{}", letter, int(*number))) : nullptr;
-  if (entry == nullptr)
-    return run_.handle_unknown_word(cause, fmt::format("a {} code of Siemens", letter));
-  put_entry(*entry, cause);
-}
-
-/// Parses a letter and its number without =, for example X10.5 or G1.
-void SiemensBlockReader::read_short_word(std::size_t from) {
-  const char letter = upper(cursor_.current());
-  ++cursor_.at;
-  if (letter == 'G' || letter == 'M') return read_code(from, letter);
-  // L and a number is the name of a subprogram.
-  if (letter == 'L') {
-    std::string name = "L";
-    for (; is_digit(cursor_.current()); ++cursor_.at) name += cursor_.current();
-    if (name.size() > max_name_bytes)
-      cursor_.throw_input_error(from, "a name of at most 100 letters", "longer");
-    return read_call(from, name);
-  }
-  const auto number = cursor_.number();
-  if (!number) cursor_.throw_input_error(from, fmt::format("a number after {}", letter));
-  const auto address = find_address(std::string_view(&letter, 1));
-  // H passes a value to the PLC and causes no motion.
-  if (letter == 'H') return;
-  if (!address) return run_.handle_unknown_word(cursor_.cause(from), "a word of Siemens");
-  put_value(from, *address, *number, PositionMode::Modal);
-}
-
-void SiemensBlockReader::read_tool(std::size_t from) {
-  // T and T="..." are one address.
-  if (block_.tool_name || block_[Address::T])
-    cursor_.throw_input_error(from, "only one word per address in a block");
-  if (cursor_.current() == '"')
-    block_.tool_name = parse_quoted_text(cursor_);
-  else
-    block_.tool_name = variables_.parse_text_variable(cursor_);
-  if (block_.tool_name)
-    block_.values[std::size_t(Address::T)] = {0.0, cursor_.cause(from), PositionMode::Modal, true};
-  else
-    put_value(from, Address::T, parse_number(cursor_, variables_), PositionMode::Modal);
-}
-
-void SiemensBlockReader::put_m_code(std::size_t from, double value) {
-  const WordEntry* code = find_entry(fmt::format("M{}", value));
-  if (code == nullptr) return run_.handle_unknown_word(cursor_.cause(from), "an M code of Siemens");
-  put_entry(*code, cursor_.cause(from));
-}
-
-/// Parses an address with an extension, M1=3 or S[2]=500, from after its name or letter on.
-/// Returns false if it is no such address.
-bool SiemensBlockReader::read_extended_address(std::size_t from, const std::string& name) {
-  static constexpr std::string_view letters = "MSTHFD";
-  if (letters.find(name.front()) == std::string_view::npos) return false;
-  const bool has_digits =
-      name.size() > 1 && name.size() < 5 && std::all_of(name.begin() + 1, name.end(), is_digit);
-  const bool has_index = name.size() == 1 && cursor_.current() == '[';
-  if (!has_digits && !has_index) return false;
-  double number = 0.0;
-  if (has_digits) {
-    number = std::stoi(name.substr(1));
-  } else {
-    const std::size_t open = cursor_.at++;
-    number = parse_number(cursor_, variables_);
-    if (!cursor_.accept("]")) cursor_.throw_input_error(cursor_.at, "] after a spindle number");
-    if (!(number >= 0 && number <= 9999 && number == std::floor(number)))
-      cursor_.throw_input_error(open, "an integer from 0 to 9999 as the address extension");
-    if (!is_before_assignment(cursor_))
-      cursor_.throw_input_error(cursor_.at, "= after an address with an extension");
-  }
-  cursor_.accept("=");
-  cursor_.skip_blanks();
-  put_extended_value(from, name.front(), int(number));
-  return true;
-}
-
-/// Handles the value of an address with an extension. Extension 0 is the address without one.
-void SiemensBlockReader::put_extended_value(std::size_t from, char letter, int number) {
-  if (letter == 'D')
-    cursor_.throw_input_error(from, "D without an extension: this control has none");
-  if (letter == 'T') {
-    if (number > 1)
-      cursor_.throw_input_error(from, "T or T1=: there is one tool holder, that of spindle 1");
-    return read_tool(from);
-  }
-  const double value = parse_number(cursor_, variables_);
-  const Cause cause = cursor_.cause(from);
-  if (letter == 'H') return;
-  if (letter == 'F') {
-    if (number != 0)
-      cursor_.throw_input_error(from,
-                                "F or F0=, the path feed: axes have no feed of their own here");
-    return put_value(from, Address::F, value, PositionMode::Modal);
-  }
-  if (number == 0)
-    return letter == 'M' ? put_m_code(from, value)
-                         : put_value(from, Address::S, value, PositionMode::Modal);
-  if (letter == 'S') return block_.spindles.push_back({number, value, {}, cause});
-  // Stops and ends concern the whole program and have no spindle.
-  const WordEntry* code = find_entry(fmt::format("M{}", value));
-  if (code != nullptr && code->group == Group::Stop)
-    cursor_.throw_input_error(
-        from, fmt::format("{} without an extension: program ends and stops have none", code->word));
-  if (code != nullptr && code->group == Group::Spindle)
-    return block_.spindles.push_back({number, {}, code->word, cause});
-  if (number != 1 && (code == nullptr || code->use != WordTreatment::WithoutEffect))
-    cursor_.throw_input_error(from, "only M3, M4 or M5 for a spindle other than 1");
-  put_m_code(from, value);
-}
-
-/// Parses SETMS or SETMS(2).
-void SiemensBlockReader::read_setms(std::size_t from) {
-  block_.master_spindle = 1;
-  cursor_.skip_blanks();
-  if (cursor_.current() != '(') return;
-  const std::vector<Argument> arguments = parse_arguments(cursor_, variables_);
-  if (arguments.empty()) return;
-  const double number = arguments[0].number.value_or(0.0);
-  if (arguments.size() > 1 || !(number >= 1 && number <= 99 && number == std::floor(number)))
-    cursor_.throw_input_error(from, "SETMS or SETMS with a spindle number, 1 to 99");
-  block_.master_spindle = int(number);
-}
-
-/// Parses a word with = after its address.
-void SiemensBlockReader::read_assigned_word(std::size_t from, const std::string& name) {
-  const auto address = find_address(name);
-  const WordEntry* entry = find_entry(name);
-  // The value of a word without effect is skipped with the word.
-  if (!address && entry != nullptr && entry->use != WordTreatment::Read) {
-    skip_value();
-    return put_entry(*entry, cursor_.cause(from));
-  }
-  cursor_.accept("=");
-  cursor_.skip_blanks();
-  if (name == "M") return put_m_code(from, parse_number(cursor_, variables_));
-  if (name == "T") return read_tool(from);
-  const auto mode = position_mode();
-  const double value =
-      mode ? parse_bracketed(cursor_, grammar(), variables_) : parse_number(cursor_, variables_);
-  if (name == "H") return;
-  // A variable whose definition has an error must not be reported as an unknown address.
-  run_.require_certain(name, cursor_.cause(from));
-  if (!address) return run_.handle_unknown_word(cursor_.cause(from), "an address or a variable");
-  put_value(from, *address, value, mode.value_or(PositionMode::Modal));
-}
-
-void SiemensBlockReader::read_call(std::size_t from, const std::string& name) {
-  ProgramCall call{name, {}, false, cursor_.cause(from)};
-  cursor_.skip_blanks();
-  if (cursor_.current() == '(') {
-    call.arguments = parse_arguments(cursor_, variables_);
-    call.in_brackets = true;
-  }
-  if (block_.call)
-    run_.canon.throw_input_error(call.cause, "only one cycle or subprogram per block");
-  block_.call = std::move(call);
-}
-
-/// Parses a word of several letters.
-void SiemensBlockReader::read_long_word(std::size_t from, const std::string& name) {
-  const WordEntry* entry = find_entry(name);
-  if (entry == nullptr) {
-    // A bracket [ shows a variable; any other unknown word may be a subprogram.
-    if (cursor_.current() == '[') return handle_unknown(from, "a defined variable");
-    return read_call(from, name);
-  }
-  if (entry->use == WordTreatment::Read) {
-    // TRAORI may state the number of its transformation; the machine has one.
-    if (name == "TRAORI" && cursor_.accept("(")) {
-      --cursor_.at;
-      const std::vector<Argument> arguments = parse_arguments(cursor_, variables_);
-      if (arguments.size() > 1 || (arguments.size() == 1 && arguments[0].number != 1.0))
-        cursor_.throw_input_error(from, "TRAORI or TRAORI(1): the machine has one transformation");
-    }
-    if (name == "SETMS") read_setms(from);
-    return put_entry(*entry, cursor_.cause(from));
-  }
-  skip_value();
-  put_entry(*entry, cursor_.cause(from));
-}
-
-void SiemensBlockReader::read_word() {
-  const std::size_t from = cursor_.at;
-  if (cursor_.current() == '$')
-    cursor_.throw_input_error(from,
-                              "words and variables of the program: system data are not writable");
-  // Assignments come first, because R1=5 and COUNT=3 are no addresses.
-  if (variables_.assign_variable(cursor_)) return;
-  const char first = cursor_.current(), second = cursor_.peek();
-  if (!is_letter(first) && first != '_')
-    cursor_.throw_input_error(from, "a word (letter and number)");
-  Cursor ahead = cursor_;
-  const std::string name = parse_name(ahead);
-  // Before = or [ the whole name is the address; otherwise it may be a letter with a number.
-  if (is_before_assignment(ahead) || (name.size() == 1 && ahead.current() == '[')) {
-    const std::size_t start = std::exchange(cursor_.at, ahead.at);
-    if (read_extended_address(from, name)) return;
-    if (is_before_assignment(cursor_)) return read_assigned_word(from, name);
-    cursor_.at = start;
-  }
-  const bool has_number =
-      is_digit(second) || second == '+' || second == '-' || second == '.' || is_blank(second);
-  // A letter followed by a digit, a sign, a point or a blank is an address with its number.
-  if (name.size() == 1 || (first != '_' && is_digit(second))) {
-    if (has_number) return read_short_word(from);
-    cursor_.throw_input_error(from, fmt::format("a number or = after {}", upper(first)));
-  }
-  cursor_.at = ahead.at;
-  read_long_word(from, name);
-}
 
 }  // namespace
 

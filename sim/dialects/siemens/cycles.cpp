@@ -1,21 +1,9 @@
-#include <algorithm>
-#include <cmath>
-
-#include <fmt/format.h>
-
-#include "kinematics/bad_input.h"
-#include "kinematics/text.h"
-#include "kinematics/units.h"
-#include "sim/dialects/siemens/machine.h"
+#include "sim/dialects/siemens/siemens.h"
 
 namespace abbe::sim::dialects::siemens {
 
 using Eigen::Matrix3d;
 using Eigen::Vector3d;
-using kinematics::AxisVector;
-using program::Coordinates;
-using program::Feed;
-using program::FeedMode;
 
 namespace {
 
@@ -75,7 +63,7 @@ CoordinateFrame Machine::programmed_frame(const Block& block) const {
   for (int k = 0; k < 3; ++k)
     if (joint(k) < 0) throw_input_error(code.cause, "a machine with X Y Z for a rotated frame");
   if (in_plane) {
-    frame.rotation = rotation_about(plane_ == 17 ? 2 : plane_ == 18 ? 1 : 0, in_plane.value);
+    frame.rotation = rotation_about(plane_normal(), in_plane.value);
     return frame;
   }
   // ROT rotates about Z, then the new Y, then the new X (RPY angles, the default of the control).
@@ -131,33 +119,60 @@ void Machine::end_swivel() {
 
 namespace {
 
-/// Arguments of CYCLE800 by position.
-struct SwivelParameters {
-  const ProgramCall& call;
-  const program::Canon& canon;
+/// Arguments of a cycle by position.
+class CycleParameters {
+ public:
+  CycleParameters(const ProgramCall& call, const program::Canon& canon, double unit)
+      : call_(call), canon_(canon), unit_(unit) {}
 
-  double number(std::size_t i, double default_value = 0.0) const {
-    if (i >= call.arguments.size() || call.arguments[i].empty()) return default_value;
-    if (!call.arguments[i].number) canon.throw_input_error(call.arguments[i].cause, "a number");
-    return *call.arguments[i].number;
+  bool has(std::size_t i) const {
+    return i < call_.arguments.size() && !call_.arguments[i].empty();
   }
+  Cause cause(std::size_t i) const {
+    return i < call_.arguments.size() ? call_.arguments[i].cause : call_.cause;
+  }
+  double number(std::size_t i, double default_value = 0.0) const {
+    if (!has(i)) return default_value;
+    if (!call_.arguments[i].number) canon_.throw_input_error(cause(i), "a number");
+    return *call_.arguments[i].number;
+  }
+  double length(std::size_t i) const { return number(i) * unit_; }
   int integer(std::size_t i, int default_value, int min, int max) const {
     const double value = number(i, default_value);
     if (value != std::floor(value) || value < min || value > max)
-      canon.throw_input_error(call.arguments[i].cause,
-                              fmt::format("an integer from {} to {}", min, max));
+      throw_input_error(i, fmt::format("an integer from {} to {}", min, max));
     return int(value);
   }
   Vector3d vector(std::size_t i) const { return {number(i), number(i + 1), number(i + 2)}; }
-  [[noreturn]] void throw_input_error(std::size_t i, const std::string& expected) const {
-    canon.throw_input_error(i < call.arguments.size() ? call.arguments[i].cause : call.cause,
-                            expected);
+  double positive(std::size_t i, std::string_view name) const {
+    if (!(number(i) > 0))
+      throw_input_error(i, fmt::format("{} greater than zero in {}", name, call_.name));
+    return number(i);
   }
+  /// Throws BadInput if one of the unsupported arguments `first` to `last` is not zero.
+  void require_zero(std::size_t first, std::size_t last) const {
+    for (std::size_t i = first; i <= last; ++i)
+      if (number(i) != 0)
+        throw_input_error(i, fmt::format("nothing or 0 as parameter {} of {}", i + 1, call_.name));
+  }
+  /// Throws BadInput for more than `count` arguments.
+  void require_at_most(std::size_t count) const {
+    if (call_.arguments.size() > count)
+      throw_input_error(count, fmt::format("at most {} parameters of {}", count, call_.name));
+  }
+  [[noreturn]] void throw_input_error(std::size_t i, std::string expected) const {
+    canon_.throw_input_error(cause(i), std::move(expected));
+  }
+
+ private:
+  const ProgramCall& call_;
+  const program::Canon& canon_;
+  double unit_;
 };
 
 /// Returns the rotation of the plane. Bits 7 and 6 of _MODE state the meaning of the angles, the
 /// pairs of bits below them the axes in their order.
-Matrix3d swivel_frame_rotation(const SwivelParameters& words) {
+Matrix3d swivel_frame_rotation(const CycleParameters& words) {
   // 57 = 0b111001 is X, Y, Z in this order, the default.
   const int mode = words.integer(3, 57, 0, 255);
   const Vector3d angles = words.vector(7);
@@ -178,8 +193,8 @@ Matrix3d swivel_frame_rotation(const SwivelParameters& words) {
 }  // namespace
 
 void Machine::execute_cycle800(const ProgramCall& call) {
-  const SwivelParameters words{call, canon_};
-  if (call.arguments.size() > 16) words.throw_input_error(16, "at most 16 parameters of CYCLE800");
+  const CycleParameters words(call, canon_, unit());
+  words.require_at_most(16);
   // CYCLE800() and the swivel data "0" end the plane.
   const bool is_end =
       call.arguments.empty() || (call.arguments.size() > 1 && call.arguments[1].text == "0");
@@ -281,50 +296,6 @@ namespace {
 constexpr std::string_view drilling_cycles[] = {"CYCLE81", "CYCLE82", "CYCLE83", "CYCLE84",
                                                 "CYCLE85", "CYCLE86", "CYCLE89"};
 
-/// Arguments of a drilling cycle by position.
-class CycleParameters {
- public:
-  CycleParameters(const ProgramCall& call, const program::Canon& canon, double unit)
-      : call_(call), canon_(canon), unit_(unit) {}
-
-  bool has(std::size_t i) const {
-    return i < call_.arguments.size() && !call_.arguments[i].empty();
-  }
-  Cause cause(std::size_t i) const {
-    return i < call_.arguments.size() ? call_.arguments[i].cause : call_.cause;
-  }
-  double number(std::size_t i, double default_value = 0.0) const {
-    if (!has(i)) return default_value;
-    if (!call_.arguments[i].number) canon_.throw_input_error(cause(i), "a number");
-    return *call_.arguments[i].number;
-  }
-  double length(std::size_t i) const { return number(i) * unit_; }
-  double positive(std::size_t i, std::string_view name) const {
-    if (!(number(i) > 0))
-      canon_.throw_input_error(cause(i),
-                               fmt::format("{} greater than zero in {}", name, call_.name));
-    return number(i);
-  }
-  /// Throws BadInput if one of the unsupported arguments `first` to `last` is not zero.
-  void require_zero(std::size_t first, std::size_t last) const {
-    for (std::size_t i = first; i <= last; ++i)
-      if (number(i) != 0)
-        canon_.throw_input_error(
-            cause(i), fmt::format("nothing or 0 as parameter {} of {}", i + 1, call_.name));
-  }
-  /// Throws BadInput for more than `count` arguments.
-  void require_at_most(std::size_t count) const {
-    if (call_.arguments.size() > count)
-      canon_.throw_input_error(cause(count),
-                               fmt::format("at most {} parameters of {}", count, call_.name));
-  }
-
- private:
-  const ProgramCall& call_;
-  const program::Canon& canon_;
-  double unit_;
-};
-
 }  // namespace
 
 /// A hole that a drilling cycle makes at the current position of the axes.
@@ -342,11 +313,81 @@ class Hole {
     levels_ = levels();
   }
 
-  void make();
+  void make() {
+    const std::string& name = call_.name;
+    // Under inverse time each move would need an F of its own.
+    if (canon_.feed_mode() == FeedMode::InverseTime)
+      canon_.throw_input_error(call_.cause, "G94 or G95 with a cycle");
+    check_parameters();
+    move_to_level(levels_.start, true);
+    if (name == "CYCLE83") return drill_pecks();
+    if (name == "CYCLE84") return tap();
+    if (name == "CYCLE86") return bore_and_lift();
+    const auto feed = canon_.feed();
+    if (name == "CYCLE85") set_feed(parameters_.positive(6, "FFR (feed)"));
+    move_to_level(levels_.bottom, false);
+    if (name != "CYCLE81" || parameters_.has(5)) dwell(parameters_.number(5));
+    if (name == "CYCLE85") set_feed(parameters_.positive(7, "RFF (feed out)"));
+    if (name == "CYCLE85" || name == "CYCLE89") move_to_level(levels_.start, false);
+    canon_.set_feed(feed);
+    move_to_level(levels_.retract, true);
+  }
 
  private:
-  HoleLevels levels() const;
-  void check_parameters() const;
+  HoleLevels levels() const {
+    for (const std::size_t i : {0, 1})
+      if (!parameters_.has(std::size_t(i)))
+        canon_.throw_input_error(call_.cause, "the planes RTP and RFP in " + call_.name, "none");
+    if (!parameters_.has(3) && !parameters_.has(4))
+      canon_.throw_input_error(call_.cause, "the depth DP or DPR in " + call_.name, "none");
+    HoleLevels levels;
+    levels.retract = parameters_.length(0);
+    const double reference = parameters_.length(1);
+    // The retraction plane lies on the side from which the hole is drilled.
+    const double side = levels.retract >= reference ? 1.0 : -1.0;
+    levels.reference = reference;
+    levels.start = reference + side * std::abs(parameters_.length(2));
+    // DPR counts from the reference plane; it has precedence over DP.
+    const bool is_relative = parameters_.has(4) && parameters_.number(4) != 0;
+    levels.bottom = is_relative || !parameters_.has(3)
+                        ? reference - side * std::abs(parameters_.length(4))
+                        : parameters_.length(3);
+    if (side * (reference - levels.bottom) <= 0)
+      canon_.throw_input_error(
+          parameters_.has(3) ? parameters_.cause(3) : parameters_.cause(4),
+          "a depth beyond the reference plane as viewed from the retraction plane",
+          fmt::format("reference {} mm, depth {} mm", reference, levels.bottom));
+    return levels;
+  }
+
+  /// Throws BadInput for unsupported arguments that would change the hole.
+  void check_parameters() const {
+    const std::string& name = call_.name;
+    const bool has_axis = name == "CYCLE83" || name == "CYCLE84";
+    if (const double axis = has_axis ? parameters_.number(12) : 0.0; axis != 0) {
+      const int joint = axis == 1   ? machine_.joint(0)
+                        : axis == 2 ? machine_.joint(1)
+                                    : machine_.joint(2);
+      if (joint != depth_joint_)
+        canon_.throw_input_error(parameters_.cause(12), "_AXN of the axis normal to the plane");
+    }
+    // Ranges of arguments that must be zero, and the number of arguments of a cycle. The last
+    // arguments only describe the input mask.
+    struct ArgumentLimits {
+      std::string_view name;
+      std::size_t zero_first, zero_last, max_count;
+    };
+    static constexpr ArgumentLimits all_limits[] = {
+        {"CYCLE81", 6, 6, 9},    {"CYCLE82", 6, 6, 9},  {"CYCLE83", 17, 17, 20},
+        {"CYCLE84", 15, 15, 26}, {"CYCLE85", 8, 8, 11}, {"CYCLE86", 11, 11, 14},
+        {"CYCLE89", 6, 6, 9}};
+    for (const ArgumentLimits& limits : all_limits) {
+      if (limits.name != name) continue;
+      parameters_.require_at_most(limits.max_count);
+      parameters_.require_zero(limits.zero_first, limits.zero_last);
+    }
+  }
+
   void move_to_level(double level, bool rapid) {
     position_[depth_joint_] = level;
     move_to_position(rapid);
@@ -360,12 +401,126 @@ class Hole {
       canon_.throw_input_error(call_.cause, "a running spindle for a dwell in revolutions");
     canon_.dwell(time < 0 ? -time * 60.0 / canon_.spindle_speed() : time, call_.cause);
   }
-  void drill_pecks();
-  void tap();
-  void bore_and_lift();
+  void drill_pecks() {
+    PeckParameters pecks;
+    // FDEP is absolute, FDPR counts from the reference plane and has precedence.
+    if (parameters_.has(5) && !(parameters_.has(6) && parameters_.number(6) != 0))
+      pecks.first = std::abs(levels_.reference - parameters_.length(5));
+    else
+      pecks.first = std::abs(parameters_.length(6));
+    if (!(pecks.first > 0))
+      canon_.throw_input_error(parameters_.cause(6), "the first depth FDEP or FDPR in CYCLE83");
+    // A negative degression is a factor and has no unit.
+    pecks.degression = parameters_.number(7) >= 0 ? parameters_.length(7) : parameters_.number(7);
+    pecks.min_peck = parameters_.length(13);
+    const double total = std::abs(levels_.reference - levels_.bottom);
+    if (pecks.first > total)
+      canon_.throw_input_error(parameters_.cause(parameters_.has(5) ? 5 : 6),
+                               "a first depth not beyond the total depth",
+                               fmt::format("{} mm of {} mm", pecks.first, total));
+    const auto depths = peck_depths(total, pecks);
+    if (depths.empty())
+      canon_.throw_input_error(call_.cause, "at most 1e5 pecks in a hole", "more");
+    constexpr double moves_per_peck = 5.0;  // at most, dwells included
+    machine_.run_.check_moves(moves_per_peck * double(depths.size()), call_.cause);
+    const double side = levels_.start >= levels_.bottom ? 1.0 : -1.0;
+    // FRF scales the feed of the first peck.
+    const double factor =
+        parameters_.has(10) && parameters_.number(10) > 0 ? parameters_.number(10) : 1.0;
+    const bool clears_chips = parameters_.number(11) == 1;
+    if (parameters_.number(11) != 0 && !clears_chips)
+      canon_.throw_input_error(parameters_.cause(11),
+                               "VARI 0 or 1: with chip breaking or with full retraction");
+    // Chip breaking retracts by 1 mm unless VRT states another distance.
+    const double lift = parameters_.number(14) > 0 ? parameters_.length(14) : 1.0;
+    const double stop_distance =
+        parameters_.number(16) > 0 ? parameters_.length(16) : peck_stop_distance(total);
+    const auto feed = canon_.feed();
+    const double last_dwell = parameters_.has(15) && parameters_.number(15) != 0
+                                  ? parameters_.number(15)
+                                  : parameters_.number(8);
+    for (std::size_t i = 0; i < depths.size(); ++i) {
+      // Each peck counts as a block, so that the limit of blocks bounds the pecks.
+      machine_.run_.count_block();
+      if (i == 0 && feed) canon_.set_feed(Feed{feed->word * factor, feed->unit});
+      move_to_level(levels_.reference - side * depths[i], false);
+      if (i == 0) canon_.set_feed(feed);
+      const bool is_last = i + 1 == depths.size();
+      dwell(is_last ? last_dwell : parameters_.number(8));
+      if (is_last) break;
+      if (clears_chips) {
+        move_to_level(levels_.start, true);
+        dwell(parameters_.number(9));
+        // The drill returns at rapid to a level just above the last depth.
+        const double return_level = levels_.reference - side * (depths[i] - stop_distance);
+        move_to_level(side * std::min(side * return_level, side * levels_.start), true);
+      } else {
+        move_to_level(levels_.reference - side * (depths[i] - lift), false);
+      }
+    }
+    move_to_level(levels_.retract, true);
+  }
+
+  /// Executes CYCLE84, rigid tapping: down at the pitch, and out with the spindle reversed.
+  void tap() {
+    const double size = parameters_.number(7);
+    // MPIT states the thread by its size, PIT by its pitch; the sign is the direction.
+    double pitch = size != 0 ? coarse_pitch(std::abs(size)) : parameters_.length(8);
+    if (size != 0 && pitch == 0)
+      canon_.throw_input_error(parameters_.cause(7), "MPIT from 3 to 48, a coarse thread");
+    const bool is_left_handed = size < 0 || pitch < 0;
+    pitch = std::abs(pitch);
+    if (!(pitch > 0 && pitch <= 1000))
+      canon_.throw_input_error(parameters_.cause(8), "the pitch PIT or MPIT in CYCLE84");
+    const double speed = parameters_.positive(10, "SST (speed)");
+    const double speed_out = parameters_.number(11) > 0 ? parameters_.number(11) : speed;
+    if (parameters_.number(13) > 1)
+      canon_.throw_input_error(parameters_.cause(13), "a pitch in mm (_PITA 0 or 1)");
+    const FeedMode mode = canon_.feed_mode();
+    const auto feed = canon_.feed();
+    const double rpm = canon_.spindle_speed();
+    const int spindle_code = int(parameters_.number(6));
+    canon_.set_feed_mode(FeedMode::PerRevolution);
+    canon_.set_feed(Feed{pitch, 1.0});
+    canon_.set_spindle_speed(speed);
+    canon_.turn_spindle(is_left_handed ? -1 : 1);
+    move_to_level(levels_.bottom, false);
+    if (parameters_.number(5) > 0) dwell(parameters_.number(5));
+    canon_.set_spindle_speed(speed_out);
+    canon_.turn_spindle(is_left_handed ? 1 : -1);
+    move_to_level(levels_.start, false);
+    canon_.set_feed_mode(mode);
+    canon_.set_feed(feed);
+    canon_.set_spindle_speed(rpm);
+    // SDAC states the spindle after the cycle.
+    canon_.turn_spindle(spindle_code == 3 ? 1 : spindle_code == 4 ? -1 : 0);
+    move_to_level(levels_.retract, true);
+  }
+
+  /// Executes CYCLE86: before the tool retracts, it is lifted off the wall with the spindle at
+  /// rest.
+  void bore_and_lift() {
+    const int direction = int(parameters_.number(6));
+    if (direction != 3 && direction != 4)
+      canon_.throw_input_error(parameters_.cause(6), "SDIR 3 or 4 in CYCLE86");
+    canon_.turn_spindle(direction == 3 ? 1 : -1);
+    move_to_level(levels_.bottom, false);
+    dwell(parameters_.number(5));
+    canon_.turn_spindle(0);
+    const AxisVector hole_position = position_;
+    const auto plane = machine_.arc_plane(call_.cause);
+    position_[plane.first] += parameters_.length(7);
+    position_[plane.second] += parameters_.length(8);
+    position_[depth_joint_] += parameters_.length(9);
+    move_to_position(true);
+    move_to_level(levels_.start, true);
+    move_to_level(levels_.retract, true);
+    position_ = hole_position;
+    move_to_level(levels_.retract, true);
+  }
+
   void set_feed(double feed) {
-    if (feed > 0)
-      canon_.set_feed(Feed{feed, machine_.is_feed_in_inches_ ? Machine::mm_per_inch : 1.0});
+    if (feed > 0) canon_.set_feed(Feed{feed, machine_.is_feed_in_inches_ ? units::inch : 1.0});
   }
 
   Machine& machine_;
@@ -376,196 +531,6 @@ class Hole {
   int depth_joint_;
   HoleLevels levels_;
 };
-
-HoleLevels Hole::levels() const {
-  for (const std::size_t i : {0, 1})
-    if (!parameters_.has(std::size_t(i)))
-      canon_.throw_input_error(call_.cause, "the planes RTP and RFP in " + call_.name, "none");
-  if (!parameters_.has(3) && !parameters_.has(4))
-    canon_.throw_input_error(call_.cause, "the depth DP or DPR in " + call_.name, "none");
-  HoleLevels levels;
-  levels.retract = parameters_.length(0);
-  const double reference = parameters_.length(1);
-  // The retraction plane lies on the side from which the hole is drilled.
-  const double side = levels.retract >= reference ? 1.0 : -1.0;
-  levels.reference = reference;
-  levels.start = reference + side * std::abs(parameters_.length(2));
-  // DPR counts from the reference plane; it has precedence over DP.
-  const bool is_relative = parameters_.has(4) && parameters_.number(4) != 0;
-  levels.bottom = is_relative || !parameters_.has(3)
-                      ? reference - side * std::abs(parameters_.length(4))
-                      : parameters_.length(3);
-  if (side * (reference - levels.bottom) <= 0)
-    canon_.throw_input_error(
-        parameters_.has(3) ? parameters_.cause(3) : parameters_.cause(4),
-        "a depth beyond the reference plane as viewed from the retraction plane",
-        fmt::format("reference {} mm, depth {} mm", reference, levels.bottom));
-  return levels;
-}
-
-void Hole::drill_pecks() {
-  PeckParameters pecks;
-  // FDEP is absolute, FDPR counts from the reference plane and has precedence.
-  if (parameters_.has(5) && !(parameters_.has(6) && parameters_.number(6) != 0))
-    pecks.first = std::abs(levels_.reference - parameters_.length(5));
-  else
-    pecks.first = std::abs(parameters_.length(6));
-  if (!(pecks.first > 0))
-    canon_.throw_input_error(parameters_.cause(6), "the first depth FDEP or FDPR in CYCLE83");
-  // A negative degression is a factor and has no unit.
-  pecks.degression = parameters_.number(7) >= 0 ? parameters_.length(7) : parameters_.number(7);
-  pecks.min_peck = parameters_.length(13);
-  const double total = std::abs(levels_.reference - levels_.bottom);
-  if (pecks.first > total)
-    canon_.throw_input_error(parameters_.cause(parameters_.has(5) ? 5 : 6),
-                             "a first depth not beyond the total depth",
-                             fmt::format("{} mm of {} mm", pecks.first, total));
-  const auto depths = peck_depths(total, pecks);
-  if (depths.empty()) canon_.throw_input_error(call_.cause, "at most 1e5 pecks in a hole", "more");
-  constexpr double moves_per_peck = 5.0;  // at most, dwells included
-  machine_.run_.check_moves(moves_per_peck * double(depths.size()), call_.cause);
-  const double side = levels_.start >= levels_.bottom ? 1.0 : -1.0;
-  // FRF scales the feed of the first peck.
-  const double factor =
-      parameters_.has(10) && parameters_.number(10) > 0 ? parameters_.number(10) : 1.0;
-  const bool clears_chips = parameters_.number(11) == 1;
-  if (parameters_.number(11) != 0 && !clears_chips)
-    canon_.throw_input_error(parameters_.cause(11),
-                             "VARI 0 or 1: with chip breaking or with full retraction");
-  // Chip breaking retracts by 1 mm unless VRT states another distance.
-  const double lift = parameters_.number(14) > 0 ? parameters_.length(14) : 1.0;
-  const double stop_distance =
-      parameters_.number(16) > 0 ? parameters_.length(16) : peck_stop_distance(total);
-  const auto feed = canon_.feed();
-  const double last_dwell = parameters_.has(15) && parameters_.number(15) != 0
-                                ? parameters_.number(15)
-                                : parameters_.number(8);
-  for (std::size_t i = 0; i < depths.size(); ++i) {
-    // Each peck counts as a block, so that the limit of blocks bounds the pecks.
-    machine_.run_.count_block();
-    if (i == 0 && feed) canon_.set_feed(Feed{feed->word * factor, feed->unit});
-    move_to_level(levels_.reference - side * depths[i], false);
-    if (i == 0) canon_.set_feed(feed);
-    const bool is_last = i + 1 == depths.size();
-    dwell(is_last ? last_dwell : parameters_.number(8));
-    if (is_last) break;
-    if (clears_chips) {
-      move_to_level(levels_.start, true);
-      dwell(parameters_.number(9));
-      // The drill returns at rapid to a level just above the last depth.
-      const double return_level = levels_.reference - side * (depths[i] - stop_distance);
-      move_to_level(side * std::min(side * return_level, side * levels_.start), true);
-    } else {
-      move_to_level(levels_.reference - side * (depths[i] - lift), false);
-    }
-  }
-  move_to_level(levels_.retract, true);
-}
-
-/// Executes CYCLE84, rigid tapping: down at the pitch, and out with the spindle reversed.
-void Hole::tap() {
-  const double size = parameters_.number(7);
-  // MPIT states the thread by its size, PIT by its pitch; the sign is the direction.
-  double pitch = size != 0 ? coarse_pitch(std::abs(size)) : parameters_.length(8);
-  if (size != 0 && pitch == 0)
-    canon_.throw_input_error(parameters_.cause(7), "MPIT from 3 to 48, a coarse thread");
-  const bool is_left_handed = size < 0 || pitch < 0;
-  pitch = std::abs(pitch);
-  if (!(pitch > 0 && pitch <= 1000))
-    canon_.throw_input_error(parameters_.cause(8), "the pitch PIT or MPIT in CYCLE84");
-  const double speed = parameters_.positive(10, "SST (speed)");
-  const double speed_out = parameters_.number(11) > 0 ? parameters_.number(11) : speed;
-  if (parameters_.number(13) > 1)
-    canon_.throw_input_error(parameters_.cause(13), "a pitch in mm (_PITA 0 or 1)");
-  const FeedMode mode = canon_.feed_mode();
-  const auto feed = canon_.feed();
-  const double rpm = canon_.spindle_speed();
-  const int spindle_code = int(parameters_.number(6));
-  canon_.set_feed_mode(FeedMode::PerRevolution);
-  canon_.set_feed(Feed{pitch, 1.0});
-  canon_.set_spindle_speed(speed);
-  canon_.turn_spindle(is_left_handed ? -1 : 1);
-  move_to_level(levels_.bottom, false);
-  if (parameters_.number(5) > 0) dwell(parameters_.number(5));
-  canon_.set_spindle_speed(speed_out);
-  canon_.turn_spindle(is_left_handed ? 1 : -1);
-  move_to_level(levels_.start, false);
-  canon_.set_feed_mode(mode);
-  canon_.set_feed(feed);
-  canon_.set_spindle_speed(rpm);
-  // SDAC states the spindle after the cycle.
-  canon_.turn_spindle(spindle_code == 3 ? 1 : spindle_code == 4 ? -1 : 0);
-  move_to_level(levels_.retract, true);
-}
-
-/// Executes CYCLE86: before the tool retracts, it is lifted off the wall with the spindle at rest.
-void Hole::bore_and_lift() {
-  const int direction = int(parameters_.number(6));
-  if (direction != 3 && direction != 4)
-    canon_.throw_input_error(parameters_.cause(6), "SDIR 3 or 4 in CYCLE86");
-  canon_.turn_spindle(direction == 3 ? 1 : -1);
-  move_to_level(levels_.bottom, false);
-  dwell(parameters_.number(5));
-  canon_.turn_spindle(0);
-  const AxisVector hole_position = position_;
-  const auto plane = machine_.arc_plane(call_.cause);
-  position_[plane.first] += parameters_.length(7);
-  position_[plane.second] += parameters_.length(8);
-  position_[depth_joint_] += parameters_.length(9);
-  move_to_position(true);
-  move_to_level(levels_.start, true);
-  move_to_level(levels_.retract, true);
-  position_ = hole_position;
-  move_to_level(levels_.retract, true);
-}
-
-/// Throws BadInput for unsupported arguments that would change the hole.
-void Hole::check_parameters() const {
-  const std::string& name = call_.name;
-  const bool has_axis = name == "CYCLE83" || name == "CYCLE84";
-  if (const double axis = has_axis ? parameters_.number(12) : 0.0; axis != 0) {
-    const int joint = axis == 1   ? machine_.joint(0)
-                      : axis == 2 ? machine_.joint(1)
-                                  : machine_.joint(2);
-    if (joint != depth_joint_)
-      canon_.throw_input_error(parameters_.cause(12), "_AXN of the axis normal to the plane");
-  }
-  // Ranges of arguments that must be zero, and the number of arguments of a cycle. The last
-  // arguments only describe the input mask.
-  struct ArgumentLimits {
-    std::string_view name;
-    std::size_t zero_first, zero_last, max_count;
-  };
-  static constexpr ArgumentLimits all_limits[] = {{"CYCLE81", 6, 6, 9},    {"CYCLE82", 6, 6, 9},
-                                                  {"CYCLE83", 17, 17, 20}, {"CYCLE84", 15, 15, 26},
-                                                  {"CYCLE85", 8, 8, 11},   {"CYCLE86", 11, 11, 14},
-                                                  {"CYCLE89", 6, 6, 9}};
-  for (const ArgumentLimits& limits : all_limits) {
-    if (limits.name != name) continue;
-    parameters_.require_at_most(limits.max_count);
-    parameters_.require_zero(limits.zero_first, limits.zero_last);
-  }
-}
-
-void Hole::make() {
-  const std::string& name = call_.name;
-  // Under inverse time each move would need an F of its own.
-  if (canon_.feed_mode() == FeedMode::InverseTime)
-    canon_.throw_input_error(call_.cause, "G94 or G95 with a cycle");
-  check_parameters();
-  move_to_level(levels_.start, true);
-  if (name == "CYCLE83") return drill_pecks();
-  if (name == "CYCLE84") return tap();
-  if (name == "CYCLE86") return bore_and_lift();
-  const auto feed = canon_.feed();
-  if (name == "CYCLE85") set_feed(parameters_.positive(6, "FFR (feed)"));
-  move_to_level(levels_.bottom, false);
-  if (name != "CYCLE81" || parameters_.has(5)) dwell(parameters_.number(5));
-  if (name == "CYCLE85") set_feed(parameters_.positive(7, "RFF (feed out)"));
-  if (name == "CYCLE85" || name == "CYCLE89") move_to_level(levels_.start, false);
-  canon_.set_feed(feed);
-  move_to_level(levels_.retract, true);
-}
 
 bool Machine::is_cycle(std::string_view name) {
   return name == "CYCLE800" || std::find(std::begin(drilling_cycles), std::end(drilling_cycles),

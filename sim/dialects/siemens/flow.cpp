@@ -1,13 +1,5 @@
-#include "sim/dialects/siemens/flow.h"
-
-#include <algorithm>
-#include <array>
-#include <cmath>
-
-#include <fmt/format.h>
-
-#include "kinematics/bad_input.h"
-#include "kinematics/text.h"
+#include "sim/dialects/read_program.h"
+#include "sim/dialects/siemens/siemens.h"
 
 namespace abbe::sim::dialects::siemens {
 
@@ -313,8 +305,7 @@ void Flow::execute_if(const LineHead& head, Cursor& cursor) {
   } else {
     // IF with a jump in the same line.
     const bool is_true = evaluate_condition(cursor);
-    cursor.skip_blanks();
-    const std::size_t from = cursor.at;
+    const std::size_t from = skip_blanks(cursor);
     const std::string keyword = parse_name(cursor);
     if (!is_jump(keyword))
       cursor.throw_input_error(from, "GOTOF, GOTOB or GOTO after the condition");
@@ -364,8 +355,7 @@ void Flow::execute_loop(const LineHead& head, Cursor& cursor) {
 /// Executes FOR count = first TO last. Sets the counter if the loop begins, else adds one to it.
 /// Execution then continues after FOR, or after ENDFOR if the counter is above the limit.
 void Flow::execute_for(Cursor& cursor, bool first) {
-  cursor.skip_blanks();
-  const std::size_t from = cursor.at;
+  const std::size_t from = skip_blanks(cursor);
   // Position of the word TO, between the assignment and the limit.
   const std::size_t to_position = [&] {
     for (std::size_t at = from; at + 2 < cursor.text.size(); ++at)
@@ -402,8 +392,7 @@ void Flow::execute_for(Cursor& cursor, bool first) {
 }
 
 void Flow::execute_jump(Cursor& cursor, const std::string& keyword) {
-  cursor.skip_blanks();
-  const std::size_t from = cursor.at;
+  const std::size_t from = skip_blanks(cursor);
   std::string label;
   while (is_name_char(cursor.current())) label += upper(cursor.text[cursor.at++]);
   if (label.empty()) cursor.throw_input_error(from, "a label or a line number after " + keyword);
@@ -453,13 +442,11 @@ void Flow::execute_case(Cursor& cursor) {
     if (cursor.at_end()) break;
     is_default = cursor.accept_word("DEFAULT");
     const bool is_selected = is_default || parse_number(cursor, *this) == selector;
-    cursor.skip_blanks();
-    const std::size_t from = cursor.at;
+    const std::size_t from = skip_blanks(cursor);
     const std::string keyword = parse_name(cursor);
     if (!is_jump(keyword))
       cursor.throw_input_error(from, "GOTOF, GOTOB or GOTO after a value of CASE");
-    cursor.skip_blanks();
-    const std::size_t label_from = cursor.at;
+    const std::size_t label_from = skip_blanks(cursor);
     while (is_name_char(cursor.current())) ++cursor.at;
     if (!is_selected) continue;
     Cursor label{cursor.text.substr(0, cursor.at), cursor.location, label_from};
@@ -469,3 +456,7 @@ void Flow::execute_case(Cursor& cursor) {
 }
 
 }  // namespace abbe::sim::dialects::siemens
+
+void abbe::sim::dialects::read_siemens(std::string_view text, ProgramRun& run) {
+  siemens::Flow(text, run).run();
+}

@@ -1,23 +1,6 @@
-#include "sim/dialects/siemens/machine.h"
-
-#include <algorithm>
-#include <cmath>
-#include <iterator>
-#include <utility>
-
-#include <fmt/format.h>
-
-#include "kinematics/bad_input.h"
-#include "kinematics/text.h"
-#include "kinematics/units.h"
-#include "sim/dialects/tool_compensation.h"
+#include "sim/dialects/siemens/siemens.h"
 
 namespace abbe::sim::dialects::siemens {
-
-using kinematics::AxisVector;
-using kinematics::Chain;
-using program::Feed;
-using program::FeedMode;
 
 // Quarter turns are exact, so that a frame of 90 deg does not round coordinates.
 Eigen::Matrix3d rotation_about(int axis, double angle_deg) {
@@ -98,19 +81,15 @@ double coarse_pitch(double size) {
 
 namespace {
 
-constexpr double min_feed = 1e-9;  // per minute; keeps every duration finite
-
 bool is_arc(std::string_view motion) { return motion == "G2" || motion == "G3"; }
 
 }  // namespace
 
 Machine::Machine(ProgramRun& run, bool tool_changes_by_m6)
-    : run_(run),
-      canon_(run.canon),
+    : GCodeControl(run),
       orientation_(canon_.options().control),
       m6_changes_tool_(tool_changes_by_m6),
-      programmable_axis_shift_(AxisVector::Zero(canon_.position().size())),
-      compensation_(run) {
+      programmable_axis_shift_(AxisVector::Zero(canon_.position().size())) {
   // Work offsets are points in the workpiece even if the scene states none.
   canon_.refer_offsets_to_workpiece();
   if (run_.is_turning()) {
@@ -230,18 +209,14 @@ void Machine::set_feed(const Block& block) {
     const FeedMode mode = code.word == "G93"   ? FeedMode::InverseTime
                           : code.word == "G94" ? FeedMode::PerMinute
                                                : FeedMode::PerRevolution;
-    // F has another unit in the new mode, so the old value must not survive.
-    if (mode != canon_.feed_mode()) canon_.set_feed({});
-    canon_.set_feed_mode(mode);
+    change_feed_mode(mode);
   }
   // G96 and G97 switch to feed per revolution, G961 and G971 to feed per minute; G962 and G972 keep
   // it.
   if (const Code& code = block[Group::SpeedMode];
       code && code.word != "G962" && code.word != "G972") {
     const bool per_minute = code.word == "G961" || code.word == "G971";
-    const FeedMode mode = per_minute ? FeedMode::PerMinute : FeedMode::PerRevolution;
-    if (mode != canon_.feed_mode()) canon_.set_feed({});
-    canon_.set_feed_mode(mode);
+    change_feed_mode(per_minute ? FeedMode::PerMinute : FeedMode::PerRevolution);
   }
   // F with G4 is a time.
   if (block[Group::Dwell]) return;
@@ -249,7 +224,7 @@ void Machine::set_feed(const Block& block) {
   if (canon_.feed_mode() == FeedMode::InverseTime) canon_.set_feed({});
   if (const Value& f = block[Address::F]) {
     if (!(f.value >= min_feed)) throw_input_error(f, "a feed greater than zero");
-    canon_.set_feed(Feed{f.value, is_feed_in_inches_ ? mm_per_inch : 1.0});
+    canon_.set_feed(Feed{f.value, is_feed_in_inches_ ? units::inch : 1.0});
   }
 }
 
@@ -329,8 +304,7 @@ void Machine::set_spindle(const Block& block) {
   if (!sets_limit) set_numbered_spindles(block);
   if (const Code& code = block[Group::Spindle])
     canon_.turn_spindle(code.word == "M3" ? 1 : code.word == "M4" ? -1 : 0);
-  canon_.set_surface_speed(
-      has_surface_speed_ ? std::optional(program::SurfaceSpeed{speed_, max_rpm_}) : std::nullopt);
+  apply_surface_speed(speed_);
 }
 
 void Machine::note_coolant(const Block& block) const {
@@ -352,9 +326,7 @@ void Machine::dwell(const Block& block) {
   const double time = seconds ? seconds.value : revolutions.value * 60.0 / canon_.spindle_speed();
   const Cause cause = seconds ? seconds.cause : revolutions.cause;
   if (!(time >= 0 && time <= 1e6)) throw_input_error(cause, "0 to 1e6 seconds");
-  // The dwell must follow a move that compensation still postpones.
-  compensation_.run_after_move(
-      [this, time, cause = Cause{cause.column, {}}] { canon_.dwell(time, cause); });
+  dwell_after_move(time, cause);
 }
 
 /// Throws BadInput for words that are not possible under G41 and G42.
@@ -401,14 +373,7 @@ void Machine::note_start_modes(const Block& block) {
   run_.assume_mode(StartMode::Units, "mm (G71)");
   run_.assume_mode(StartMode::Distance, "absolute (G90)");
   run_.assume_mode(StartMode::Motion, "line (G1)");
-  if (is_arc(motion))
-    run_.assume_mode(StartMode::Plane, plane_ == 18   ? "plane Z X (G18)"
-                                       : plane_ == 19 ? "plane Y Z (G19)"
-                                                      : "plane X Y (G17)");
-  if (motion != "G0")
-    run_.assume_mode(StartMode::Feed, canon_.feed_mode() == FeedMode::PerRevolution
-                                          ? "F per revolution (G95)"
-                                          : "F per minute (G94)");
+  assume_plane_and_feed(is_arc(motion), motion != "G0");
   if (!block[Group::WithoutOffset]) run_.assume_offset(system_ + 1, "work offset G54");
 }
 
@@ -576,18 +541,17 @@ void Machine::set_compensation(const Code& code) {
   const bool left = code.word == "G41";
   if (compensation_.is_on()) return;
   if (!has_tool_length_) throw_input_error(code.cause, "D1 before " + shown(code.cause.text));
-  const ArcPlane plane = arc_plane(code.cause);
+  const std::array<int, 2> joints = plane_joints(code.cause);
   const Eigen::Matrix3d R = total_rotation();
-  const int normal = plane_ == 17 ? 2 : plane_ == 18 ? 1 : 0;
   // 1 - cos(tilt) below 1e-14, a tilt of 1.4e-7 rad, is a rotation about the normal of the plane.
-  if (std::abs(R(normal, normal) - 1.0) > 1e-14)
+  if (std::abs(R(plane_normal(), plane_normal()) - 1.0) > 1e-14)
     throw_input_error(code.cause, "no tilted plane with a path of the tool centre: no " +
                                       std::string(code.word) + " in it");
   const int tool = tool_ >= 0 ? tool_ : run_.assume_only_tool(code.cause, "no tool called");
   const auto radius = nose_radius(tool);
   if (!radius)
     throw_input_error(code.cause, "a tool with a known radius", fmt::format("T{}", tool));
-  compensation_.begin(left, *radius, {plane.first, plane.second});
+  compensation_.begin(left, *radius, joints);
   if (!run_.is_turning()) return;
   apply_tool();  // under G41 and G42 X Z lead the centre of the nose
   compensation_.shift_programmed(-programmed_nose_offset());

@@ -1,23 +1,8 @@
-#include <algorithm>
-#include <cmath>
-
-#include <fmt/format.h>
-#include <Eigen/Geometry>
-
-#include "kinematics/bad_input.h"
-#include "kinematics/text.h"
-#include "kinematics/units.h"
-#include "sim/dialects/siemens/machine.h"
+#include "sim/dialects/siemens/siemens.h"
 
 namespace abbe::sim::dialects::siemens {
 
 using Eigen::Vector3d;
-using kinematics::AxisVector;
-using program::ArcMove;
-using program::Coordinates;
-using program::Feed;
-using program::FeedMode;
-using program::Straight;
 
 namespace {
 
@@ -229,24 +214,11 @@ void Machine::cut_thread(const Block& block, AxisVector end) {
   for (int k = 0; k < 3; ++k)
     if (joint(k) >= 0) squared_length += displacement[joint(k)] * displacement[joint(k)];
   const double along = std::abs(displacement[joint(longest)]);
-  const FeedMode mode = canon_.feed_mode();
-  const auto feed = canon_.feed();
-  canon_.set_feed_mode(FeedMode::PerRevolution);
   // The feed along the path is larger than the pitch by the ratio of path to axis travel.
   const double ratio = along > 0 ? std::sqrt(squared_length) / along : 1.0;
-  canon_.set_feed(Feed{std::abs(pitch.value) * ratio, unit()});
-  // F and its mode are restored on errors too, so that later blocks get the right time.
-  const auto restore_feed = [&] {
-    canon_.set_feed_mode(mode);
-    canon_.set_feed(feed);
-  };
-  try {
-    make_straight({.end = std::move(end), .cause = cause}, false);
-  } catch (const BadInput&) {
-    restore_feed();
-    throw;
-  }
-  restore_feed();
+  const TemporaryFeed feed(canon_, FeedMode::PerRevolution,
+                           Feed{std::abs(pitch.value) * ratio, unit()});
+  make_straight({.end = std::move(end), .cause = cause}, false);
 }
 
 /// Executes the motion of a block. Returns true if the block had words of motion.
@@ -293,24 +265,19 @@ bool Machine::move(const Block& block) {
 }
 
 Machine::ArcPlane Machine::arc_plane(const Cause& cause) const {
-  using enum Address;
-  ArcPlane plane = plane_ == 17   ? ArcPlane{"XYZ", {I, J, K}}
-                   : plane_ == 18 ? ArcPlane{"ZXY", {K, I, J}}
-                                  : ArcPlane{"YZX", {J, K, I}};
-  plane.first = canon_.joint_of(plane.letters[0]);
-  plane.second = canon_.joint_of(plane.letters[1]);
-  plane.normal = canon_.joint_of(plane.letters[2]);
-  if (plane.first < 0 || plane.second < 0)
-    throw_input_error(cause, fmt::format("a machine with the axes {} {} of the plane",
-                                         plane.letters[0], plane.letters[1]));
-  return plane;
+  const std::string_view letters = plane_letters();
+  const auto [first, second] = plane_joints(cause);
+  return {{letters[0], letters[1], "XYZ"[plane_normal()]}, first, second, joint(plane_normal())};
 }
 
 /// Returns the centre that I J K state, in program coordinates.
 AxisVector Machine::arc_centre(const Block& block, const ArcPlane& plane,
                                const Cause& cause) const {
-  const Value &first = block[plane.centre[0]], &second = block[plane.centre[1]];
-  if (const Value& across = block[plane.centre[2]])
+  const auto centre_word = [&](std::size_t k) -> const Value& {
+    return block[Address(int(Address::I) + plane.letters[k] - 'X')];
+  };
+  const Value &first = centre_word(0), &second = centre_word(1);
+  if (const Value& across = centre_word(2))
     throw_input_error(
         across, fmt::format("the centre in the plane {} {}", plane.letters[0], plane.letters[1]));
   if (!first && !second)

@@ -1,14 +1,6 @@
-#include <algorithm>
-#include <array>
 #include <charconv>
-#include <cmath>
 
-#include <fmt/format.h>
-
-#include "kinematics/bad_input.h"
-#include "kinematics/text.h"
-#include "kinematics/units.h"
-#include "sim/dialects/siemens/flow.h"
+#include "sim/dialects/siemens/siemens.h"
 
 namespace abbe::sim::dialects::siemens {
 
@@ -178,14 +170,12 @@ void Flow::bind_parameters(Program& program, const std::vector<Argument>& argume
   std::size_t count = 0;
   if (cursor.accept("(")) {
     for (; !cursor.accept(")"); ++count) {
-      cursor.skip_blanks();
-      const std::size_t from = cursor.at;
+      const std::size_t from = skip_blanks(cursor);
       const std::string type = parse_name(cursor);
       const auto kind = find_kind(type);
       if (!kind || *kind == VariableKind::Text)
         cursor.throw_input_error(from, "parameters of REAL, INT, BOOL or CHAR by value in PROC");
-      cursor.skip_blanks();
-      const std::size_t name_from = cursor.at;
+      const std::size_t name_from = skip_blanks(cursor);
       const std::string name = parse_name(cursor);
       if (name.size() < 2) cursor.throw_input_error(name_from, "a name of at least two letters");
       calls_.back().variables[name] = {*kind, {}};
@@ -234,11 +224,9 @@ long long Flow::parse_repeat_count(Cursor& cursor) {
 void Flow::repeat_section(Cursor& cursor, bool one_block) {
   const std::size_t repeat_line = line_index_;
   std::vector<std::size_t> lines;
-  cursor.skip_blanks();
-  const std::size_t start = cursor.at;
+  const std::size_t start = skip_blanks(cursor);
   while (lines.size() < 2) {
-    cursor.skip_blanks();
-    const std::size_t from = cursor.at;
+    const std::size_t from = skip_blanks(cursor);
     const std::string label = parse_name(cursor);
     // P or P5 after the labels is the number of repeats, not a label.
     const bool is_repeat_count = label.empty() || label == "P" ||
@@ -352,8 +340,7 @@ void Flow::leave_program() {
 
 /// Executes CALL, for example CALL "NAME".
 void Flow::call_by_name(Cursor& cursor) {
-  cursor.skip_blanks();
-  const std::size_t from = cursor.at;
+  const std::size_t from = skip_blanks(cursor);
   std::optional<std::string> name;
   if (cursor.current() == '"')
     name = parse_quoted_text(cursor);
@@ -438,8 +425,7 @@ void Flow::store_value(const std::string& name, VariableKind kind, double value,
 }
 
 bool Flow::assign_variable(Cursor& cursor) {
-  cursor.skip_blanks();
-  const std::size_t from = cursor.at;
+  const std::size_t from = skip_blanks(cursor);
   const char first = upper(cursor.current());
   Cursor ahead = cursor;
   if (first == 'R' && (is_digit(cursor.peek()) || cursor.peek() == '[')) {
@@ -510,8 +496,7 @@ std::optional<Flow::VariableKind> Flow::find_kind(std::string_view type) {
 
 /// Executes DEF, for example DEF REAL A1, A2=5, FIELD[10].
 void Flow::execute_definition(Cursor& cursor) {
-  cursor.skip_blanks();
-  const std::size_t from = cursor.at;
+  const std::size_t from = skip_blanks(cursor);
   const std::string type = parse_name(cursor);
   const auto kind = find_kind(type);
   if (!kind) cursor.throw_input_error(from, "REAL, INT, BOOL, CHAR or STRING after DEF");
@@ -535,8 +520,7 @@ void Flow::execute_definition(Cursor& cursor) {
 }
 
 void Flow::define_variable(Cursor& cursor, VariableKind kind) {
-  cursor.skip_blanks();
-  const std::size_t from = cursor.at;
+  const std::size_t from = skip_blanks(cursor);
   const std::string name = parse_name(cursor);
   // A letter followed by a digit would be an address (X1).
   if (name.size() < 2 || (is_letter(name[0]) && is_digit(name[1])) || find_entry(name) != nullptr ||
@@ -609,8 +593,7 @@ std::optional<double> Flow::parse_system_variable(Cursor& cursor) {
   if (name == "PI") return pi;
   const bool in_workpiece = name == "AA_IW" || name == "P_EP";
   if ((in_workpiece || name == "AA_IM") && cursor.accept("[")) {
-    cursor.skip_blanks();
-    const std::size_t axis_from = cursor.at;
+    const std::size_t axis_from = skip_blanks(cursor);
     const std::string axis = parse_name(cursor);
     const auto value = axis.size() == 1 ? machine_->position(axis[0], !in_workpiece) : std::nullopt;
     if (!value)
@@ -629,8 +612,7 @@ std::optional<double> Flow::parse_multi_argument_function(Cursor& cursor, const 
                             : name == "ATAN2" || name == "MINVAL" || name == "MAXVAL" ? 2
                                                                                       : 0;
   if (count == 0) return std::nullopt;
-  cursor.skip_blanks();
-  const std::size_t open = cursor.at;
+  const std::size_t open = skip_blanks(cursor);
   if (!cursor.accept("(")) cursor.throw_input_error(open, "( after " + name);
   std::array<double, 3> x{};
   for (std::size_t k = 0; k < count; ++k) {
@@ -649,8 +631,7 @@ std::optional<double> Flow::parse_multi_argument_function(Cursor& cursor, const 
 }
 
 std::optional<double> Flow::parse_operand(Cursor& cursor) {
-  cursor.skip_blanks();
-  const std::size_t from = cursor.at;
+  const std::size_t from = skip_blanks(cursor);
   const char first = upper(cursor.current());
   if (first == 'R' && (is_digit(cursor.peek()) || cursor.peek() == '[')) {
     const int number = int(parse_r_parameter(cursor, from));

@@ -1,10 +1,5 @@
-#include <string_view>
-#include <unordered_map>
-#include <vector>
-
-#include "sim/dialects/cursor.h"
+#include "sim/dialects/siemens/siemens.h"
 #include "sim/dialects/read_program.h"
-#include "sim/dialects/siemens/block.h"
 
 namespace abbe::sim::dialects {
 
@@ -171,8 +166,7 @@ constexpr WordLine word_lines[] = {
      "CYCLE84 to CYCLE86 or CYCLE89: no tapping with a floating chuck, no stops in a bore"},
     {"HOLES1 HOLES2 CYCLE801 CYCLE802 CYCLE71 CYCLE72 CYCLE76 CYCLE77 CYCLE78 CYCLE79 CYCLE899 "
      "CYCLE90 CYCLE60 CYCLE61 CYCLE62 CYCLE63 CYCLE64 CYCLE70 POCKET1 POCKET2 POCKET3 POCKET4 "
-     "SLOT1 "
-     "SLOT2 LONGHOLE CYCLE977 CYCLE978 CYCLE996 CYCLE9960",
+     "SLOT1 SLOT2 LONGHOLE CYCLE977 CYCLE978 CYCLE996 CYCLE9960",
      Group::None, refused, "explicit moves: only drilling cycles are expanded"},
     {"CYCLE92 CYCLE93 CYCLE94 CYCLE95 CYCLE96 CYCLE97 CYCLE98 CYCLE99 CYCLE930 CYCLE940 CYCLE951 "
      "CYCLE952",
@@ -264,35 +258,9 @@ std::unordered_map<std::string_view, WordEntry> entries_by_word() {
 }  // namespace
 
 bool is_beside_motion(Group group) {
-  switch (group) {
-    case Group::None:
-    case Group::Pole:
-    case Group::Dwell:
-    case Group::Frame:
-    case Group::Limits:
-    case Group::Count:
-      return false;
-    case Group::WithMotion:
-    case Group::MasterSpindle:
-    case Group::Motion:
-    case Group::Plane:
-    case Group::Units:
-    case Group::Distance:
-    case Group::FeedMode:
-    case Group::SpeedMode:
-    case Group::Diameters:
-    case Group::CutterRadius:
-    case Group::WorkOffset:
-    case Group::WithoutOffset:
-    case Group::Transformation:
-    case Group::OrientationFrame:
-    case Group::OrientationPath:
-    case Group::Stop:
-    case Group::ToolChange:
-    case Group::Spindle:
-      return true;
-  }
-  return false;
+  static constexpr Group others[] = {Group::None, Group::Pole, Group::Dwell, Group::Frame,
+                                     Group::Limits};
+  return std::ranges::find(others, group) == std::end(others);
 }
 
 const WordEntry* find_entry(std::string_view word) {

@@ -1,22 +1,10 @@
 #pragma once
 
-#include <optional>
-#include <string>
-#include <string_view>
-#include <vector>
-
-#include <Eigen/Core>
-
-#include "kinematics/text.h"
-#include "sim/dialects/cursor.h"
-#include "sim/dialects/program_run.h"
-#include "sim/dialects/tool_vectors.h"
+#include "sim/dialects/control.h"
 
 /// APT statements, `MAJOR / item, item, ...`, which $ continues on the next line, and the machine
 /// that executes them.
 namespace abbe::sim::dialects::cl {
-
-using program::Cause;
 
 /// A number or a word after the slash.
 struct Item {
@@ -87,9 +75,9 @@ struct Location {
 
 /// State of a machine that follows cutter locations: modes, tools and cycles. Executes statements
 /// and issues their moves to the canon.
-class Machine {
+class Machine : public Control {
  public:
-  explicit Machine(ProgramRun& run) : run_(run), canon_(run.canon), vector_lines_(run) {}
+  explicit Machine(ProgramRun& run) : Control(run), vector_lines_(run) {}
 
   /// Executes a statement whose items have not been read yet. Throws BadInput.
   void execute(Statement& statement);
@@ -98,7 +86,7 @@ class Machine {
   void finish();
 
   // For the reader of tables of locations.
-  void set_feed(const program::Feed& feed) { canon_.set_feed(feed); }
+  void set_feed(const Feed& feed) { canon_.set_feed(feed); }
   /// Moves to a location as the modes require: straight, along a stated arc, or by a drill cycle.
   /// If the location is `stated`, i.e. absolute, no axis is uncertain any more.
   void go_to(const Location& to, const Cause& cause, bool stated);
@@ -142,8 +130,6 @@ class Machine {
   void tool_data(const Statement& statement);
 
  private:
-  using AxisVector = kinematics::AxisVector;
-
   /// A circle that a statement defines for the points that follow.
   struct Circle {
     /// Programmed values; the tool moves about the axis by the right-hand rule.
@@ -163,18 +149,15 @@ class Machine {
     /// Levels, mm from the point along the tool axis; the depth counts downwards.
     double depth = 0.0, clearance = 0.0, return_level = 0.0;
     double dwell_s = 0.0;
-    std::optional<program::Feed> feed;
-    program::FeedMode mode = program::FeedMode::PerMinute;
+    std::optional<Feed> feed;
+    FeedMode mode = FeedMode::PerMinute;
   };
 
   [[noreturn]] void throw_input_error(const Item& item, std::string expected,
                                       std::optional<std::string> seen = {}) const {
     cl::throw_input_error(canon_, item, std::move(expected), std::move(seen));
   }
-  [[noreturn]] void throw_input_error(const Cause& cause, std::string expected,
-                                      std::optional<std::string> seen = {}) const {
-    canon_.throw_input_error(cause, std::move(expected), std::move(seen));
-  }
+  using Control::throw_input_error;
   void handle_unknown_item(const Statement& statement, const Item& item,
                            const std::string& expected);
   double unit() const;  ///< mm per programmed unit of length
@@ -206,8 +189,6 @@ class Machine {
   DrillCycle parse_drill_cycle(const Statement& statement);
   void move_to(const Location& to, const Cause& cause, bool rapid);
 
-  ProgramRun& run_;
-  program::Canon& canon_;
   VectorLines vector_lines_;
   bool is_inch_ = false, are_units_stated_ = false, has_inch_feed_ = false;
   bool has_ended_ = false, is_next_rapid_ = false, is_upright_ = false;

@@ -1,39 +1,185 @@
 #pragma once
 
-#include <array>
-#include <functional>
-#include <map>
-#include <optional>
-#include <set>
-#include <string>
-#include <string_view>
-#include <utility>
-#include <vector>
+#include "sim/dialects/control.h"
+#include "sim/dialects/control_table.h"
 
-#include "kinematics/chain.h"
-#include "kinematics/inverse_kinematics.h"
-#include "sim/dialects/heidenhain/block.h"
-#include "sim/dialects/heidenhain/contour.h"
-#include "sim/dialects/program_run.h"
+namespace abbe::sim::dialects {
 
+/// Returns the word table of Klartext. Words of several parts, such as TOOL CALL, contain no-break
+/// spaces.
+std::span<const WordTableEntry> heidenhain_words();
+
+/// Reads Klartext as a TNC 640 does.
+void read_heidenhain(std::string_view text, ProgramRun& run);
+
+}  // namespace abbe::sim::dialects
+
+/// Programs in Klartext: their blocks, contours, and the state of the control.
 namespace abbe::sim::dialects::heidenhain {
+
+/// A block of Klartext as text, without block number and comments. It may have several lines, which
+/// end in ~ except for the last one; they are joined by blanks.
+struct Block {
+  /// A line of the block; it begins at `offset` of the joined text.
+  struct BlockLine {
+    std::size_t offset = 0;
+    int line = 0;
+    int column = 0;  ///< column of its first byte, from 0
+  };
+  std::string_view text;     ///< refers to the line itself if there is only one
+  std::string_view comment;  ///< after ;, or after * in a block without words
+  std::size_t line_count = 1;
+  bool is_skipped = false;  ///< begins with /
+  std::vector<BlockLine> block_lines;
+  std::string joined;
+};
+
+/// Reads the block that begins at line `at` (from 0) into `block`, whose memory is reused.
+void read_block(const std::vector<std::string_view>& lines, std::size_t at, Block& block);
+
+/// Returns the error with the line and column in the file instead of those in the joined text.
+BadInput relocate_error(const Block& block, const BadInput& input_error);
+
+/// Returns the operators and functions of Q formulas. A function takes the value that follows, with
+/// or without brackets.
+const ExpressionGrammar& grammar();
+/// Parses the function of a formula at the cursor and its argument, and returns the value. Returns
+/// nothing if no function begins there.
+std::optional<double> parse_function(Cursor& cursor, OperandParser& parameters);
+
+/// Parser of the words of a block, from left to right.
+class WordReader {
+ public:
+  WordReader(Cursor cursor, OperandParser& parameters) : cursor(cursor), parameters_(parameters) {}
+
+  bool at_end() {
+    cursor.skip_blanks();
+    return cursor.at_end();
+  }
+  /// Parses the letters at the cursor, without a Q parameter that follows them, and returns them in
+  /// upper case. Returns an empty text if there are none.
+  std::string read_name();
+  /// Advances past a word if it follows. Returns false and stays otherwise.
+  bool accept(std::string_view word) { return cursor.accept_word(word); }
+  /// Returns true if a number or a Q parameter follows.
+  bool has_value() const;
+  /// Parses the value that follows. Throws BadInput.
+  double read_value();
+  /// Parses an integer from 0 to `max`. Throws BadInput.
+  int read_whole_number(int max);
+  /// Parses a label: a number or a name in quotes. Throws BadInput.
+  std::string read_label();
+  /// Throws BadInput unless the block ends at the cursor.
+  void expect_end();
+  Cause cause(std::size_t from) const { return cursor.cause(from); }
+  /// Throws BadInput at the word after byte `from` and blanks.
+  [[noreturn]] void throw_input_error(std::size_t from, std::string expected) const {
+    while (from < cursor.text.size() && is_blank(cursor.text[from])) ++from;
+    cursor.throw_input_error(from, std::move(expected));
+  }
+
+  Cursor cursor;
+
+ private:
+  OperandParser& parameters_;
+};
+
+/// A contour element: a straight or circular move as programmed.
+struct ContourElement {
+  bool is_rapid = false, is_arc = false;
+  AxisVector end;                     ///< (axes), offsets included
+  int first = 0, second = 1;          ///< joints of the plane of an arc
+  AxisVector centre = {};             ///< as `Canon::placed` returns it
+  std::optional<double> radius = {};  ///< alternative to the centre, as in `ArcMove`
+  bool is_clockwise = false;
+  int turn_count = 1;  ///< as `ArcMove::turns`
+  Cause cause = {};
+  std::uint32_t stated = 0;
+  std::optional<Feed> feed = {};
+  int line = 0, file = 0;
+};
+
+/// Processes moves before the canon makes them: rounds (RND) and bevels (CHF) corners, and
+/// compensates the tool radius (RL, RR). A move waits for the next one if that determines its end.
+///
+/// RL and RR begin with a straight move, which ends perpendicular to the beginning of the next move
+/// in the plane; R0 ends compensation perpendicular to the end of the last move. Corners are made
+/// as in `CutterCompensation`.
+class Contour {
+ public:
+  explicit Contour(ProgramRun& run) : run_(run), canon_(run.canon), compensation_(run) {}
+
+  /// Returns the programmed position, offsets included. The axes may be offset from it or may not
+  /// have reached it.
+  const AxisVector& position() const { return is_ahead_ ? position_ : canon_.position(); }
+  /// Returns the programmed position in program coordinates.
+  AxisVector programmed() const { return canon_.without_offsets(position()); }
+
+  /// Adds a move. `plane` holds the joints of the working plane; `before_corner` is true if
+  /// RND or CHF follows. Throws BadInput for moves too short for a corner, and for moves that RL
+  /// and RR cannot have.
+  void add(ContourElement element, const std::array<int, 2>& plane, bool before_corner);
+  /// Adds a corner at the end of the previous move. `size` is the radius or the length of the
+  /// bevel, mm.
+  void add_corner(bool is_round, double size, std::optional<Feed> feed, const Cause& cause);
+  /// Sets compensation left or right of the path from the next move on, or ends it. `radius` in mm.
+  void set_side(std::optional<bool> left, double radius, const Cause& cause);
+  bool is_compensated() const { return is_left_.has_value(); }
+  bool is_waiting() const { return waiting_corner_ || waiting_element_; }
+  /// Runs an action after the waiting move of the compensation, or at once if no move waits.
+  void run_after_move(std::function<void()> action);
+  /// Makes all waiting moves at their programmed ends.
+  void finish();
+
+ private:
+  /// A corner that waits for the move after it.
+  struct Corner {
+    bool is_round = true;
+    double size = 0.0;
+    std::optional<Feed> feed;
+    Cause cause;
+    int line = 0, file = 0;
+  };
+  Eigen::Vector2d in_plane(const AxisVector& q) const { return {q[plane_[0]], q[plane_[1]]}; }
+  AxisVector make_corner(const ContourElement& next);
+  void process(ContourElement element);
+  void enter_contour(const ContourElement& next);
+  Eigen::Vector2d start_direction(const ContourElement& element, const AxisVector& start) const;
+  void compensate(const ContourElement& element);
+  void issue(const ContourElement& element);
+  void issue_entry_moves();
+
+  ProgramRun& run_;
+  program::Canon& canon_;
+  CutterCompensation compensation_;
+  std::array<int, 2> plane_{0, 1};
+  bool is_ahead_ = false;  ///< the programmed position is ahead of the axes
+  AxisVector position_;
+  std::optional<ContourElement> waiting_element_;  ///< line before a corner
+  AxisVector waiting_start_;
+  std::optional<Corner> waiting_corner_;
+  std::optional<bool> is_left_;  ///< side of the compensation; empty: none
+  double radius_ = 0.0;
+  /// The first move under RL or RR, and moves of other axes after it.
+  std::vector<ContourElement> entry_elements_;
+};
 
 /// State of a TNC: modes, datum, tilted planes, tools and cycles. Executes blocks and issues their
 /// moves to the canon. Program coordinates are in mm and rad.
-class Machine {
+class Machine : public Control {
  public:
   explicit Machine(ProgramRun& run);
 
   /// Executes a block that is not part of the flow. `before_corner` is true if RND or CHF follows.
   void execute(const std::string& keyword, std::size_t from, WordReader& words, bool before_corner);
-  void set_inch(bool inch);
+  void set_inch(bool inch) { canon_.set_inch(inch); }
   bool inch() const { return canon_.inch(); }
   /// Returns true after M2 or M30.
   bool has_ended() const { return has_ended_; }
   /// Ends a program (END PGM) together with compensation and corners in force.
   void end_of_program();
   /// Makes all waiting moves.
-  void finish();
+  void finish() { contour_.finish(); }
 
   /// Returns a Q parameter that the control sets itself, for example Q108, the radius of the tool.
   std::optional<double> preset_parameter(int number) const;
@@ -46,7 +192,6 @@ class Machine {
   static constexpr unsigned rotation_bit = 8;
   static unsigned shift_bit(char letter) { return 1u << (letter - 'X'); }
 
-  using AxisVector = kinematics::AxisVector;
   using Vector3d = Eigen::Vector3d;
 
   /// Kinds of F values.
@@ -100,12 +245,7 @@ class Machine {
   };
 
   // Tools and definitions.
-  [[noreturn]] void throw_input_error(const Cause& cause, std::string expected,
-                                      std::optional<std::string> seen = {}) const {
-    canon_.throw_input_error(cause, std::move(expected), std::move(seen));
-  }
   void reject_unsupported(const std::string& word, const Cause& cause) const;
-  double unit() const;  ///< mm per unit
   int joint_of(char letter, const Cause& cause) const;
   bool execute_motion(const std::string& keyword, std::size_t from, WordReader& words,
                       bool before_corner);
@@ -230,10 +370,8 @@ class Machine {
   void feed_to_depth(double z, int parameter, int default_parameter);
   void dwell(int parameter);
 
-  ProgramRun& run_;
-  program::Canon& canon_;
   Contour contour_;
-  std::optional<program::Feed> feed_;   ///< the last F
+  std::optional<Feed> feed_;            ///< the last F
   bool is_feed_per_turn_ = false;       ///< M136
   bool is_last_feed_per_turn_ = false;  ///< unit of the last F
   bool has_ended_ = false, is_tool_called_ = false;

@@ -1,26 +1,47 @@
 #pragma once
 
-#include <array>
-#include <map>
-#include <optional>
-#include <string_view>
-#include <vector>
+#include "sim/dialects/gcode.h"
 
-#include "sim/dialects/linuxcnc/block.h"
-#include "sim/dialects/program_run.h"
-#include "sim/dialects/tool_compensation.h"
-
+/// Programs of LinuxCNC: their blocks and the state of the control.
 namespace abbe::sim::dialects::linuxcnc {
 
-inline constexpr std::string_view axis_letters = "XYZABCUVW";
+using gcode::Block;
+using gcode::Code;
+using gcode::Group;
+using gcode::Word;
+
+/// Returns the operators and functions of RS274/NGC.
+const ExpressionGrammar& grammar();
+
+/// Returns the table entry of a code. `letter` is G or M.
+const gcode::CodeProperties& find_entry(char letter, int tenths);
+
+/// Parses a line without O word into `block`, whose memory is reused. `operands` evaluates
+/// parameters and functions. Throws BadInput.
+void read_block(Cursor cursor, ProgramRun& run, OperandParser& operands, Block& block);
+
+/// Returns the integer from 0 to `max` that a computed value stands for, within 1e-4. Throws
+/// BadInput at byte `from` of the line.
+int whole_number(const Cursor& cursor, std::size_t from, double value, int max);
+
+/// Parses the name in < > at the cursor, and returns it in lower case without blanks. Throws
+/// BadInput.
+std::string parse_name(Cursor& cursor);
+
 /// A value for every axis letter, mm and degrees.
 using NineAxes = std::array<double, 9>;
+
+/// Returns the frame of a coordinate system in the order of LinuxCNC: the shift of G92 or G52, then
+/// the rotation about Z, rad, then the origin. Values in the order of `axis_letters`, mm and
+/// degrees. Throws BadInput at `cause` for a rotation on a machine without X Y Z.
+program::Frame system_frame(const program::Canon& canon, std::span<const double> origin,
+                            std::span<const double> shift, double rotation, const Cause& cause);
 
 /// Modes that M70 saves: all except the motion mode.
 struct Modes {
   bool is_inch = false, is_incremental = false, has_absolute_centre = false;
   bool is_diameter_mode = false, returns_to_r = true;
-  int plane = 170, system = 1, spindle = 0;
+  int plane = 17, system = 1, spindle = 0;
   program::FeedMode feed_mode = program::FeedMode::PerMinute;
   std::optional<program::Feed> feed = {};
   bool has_surface_speed = false;
@@ -33,7 +54,7 @@ struct Modes {
 
 /// State of a LinuxCNC control: modes, coordinate systems and tools. Executes blocks and issues
 /// their moves to the canon.
-class Machine {
+class Machine : public GCodeControl {
  public:
   explicit Machine(ProgramRun& run);
 
@@ -44,7 +65,7 @@ class Machine {
   /// saved.
   void restore(const Modes& modes, const Cause& cause);
   /// Makes the moves that are still postponed at the end of the program.
-  void finish();
+  void finish() { compensation_.finish(); }
 
   /// Returns a numbered parameter from 31 on, including those of the machine, or 0 if it has not
   /// been set.
@@ -55,13 +76,7 @@ class Machine {
   std::optional<double> named_parameter(std::string_view name) const;
 
  private:
-  using AxisVector = kinematics::AxisVector;
-
   // Words and modes.
-  [[noreturn]] void throw_input_error(const Cause& cause, std::string expected,
-                                      std::optional<std::string> seen = {}) const {
-    canon_.throw_input_error(cause, std::move(expected), std::move(seen));
-  }
   void check_words(const Block& block) const;
   void check_motion(const Block& block) const;
   void check_outputs(const Block& block) const;
@@ -73,12 +88,9 @@ class Machine {
   void call_tools(const Block& block);
   void execute_one_block(const Block& block);
   void dwell(const Block& block);
-  void note_after_motion(const Block& block);
-  const NcWord& first_axis_word(const Block& block) const;
-  double unit() const;
-  int joint(int k) const { return canon_.joint_of(axis_letters[std::size_t(k)]); }
+  const Word* first_axis_word(const Block& block) const;
   /// Returns the value of an axis word, mm or degrees. X becomes a radius, also under G7.
-  double axis_word(int k, const NcWord& word) const;
+  double axis_word(int k, const Word& word) const;
   Cause motion_cause(const Block& block) const;
 
   // Coordinate systems and tool offsets.
@@ -110,7 +122,6 @@ class Machine {
   void straight(const Block& block, AxisVector end, std::uint32_t stated_axes,
                 bool in_machine_coordinates);
   void arc(const Block& block, AxisVector end, std::uint32_t stated_axes);
-  void make_line_per_revolution(const NcWord& pitch, const program::Straight& move);
   void make_synchronised_line(const Block& block, AxisVector end);
   void execute_spline(const Block& block);
 
@@ -125,7 +136,7 @@ class Machine {
     double r = 0.0, bottom = 0.0, clearance_level = 0.0;  ///< mm
   };
   void make_hole(const Hole& hole);
-  int whole_number(const NcWord& word, int max) const;
+  int whole_number(const Word& word, int max) const;
   void move_to(const AxisVector& end, bool rapid);
   void execute_thread(const Block& block);
 
@@ -134,8 +145,6 @@ class Machine {
 
   friend class ThreadPasses;
 
-  ProgramRun& run_;
-  program::Canon& canon_;
   std::vector<double> parameters_;
   std::array<bool, 9> system_changed_{};   ///< changed from what the scene states
   int system_ = 1;                         ///< 1 .. 9
@@ -143,15 +152,12 @@ class Machine {
   NineAxes g92_{};                         ///< shift of G92 in force
   std::map<int, double> length_, radius_;  ///< mm, by tool
   int motion_ = -1;                        ///< ten times the G number; -1: none
-  int plane_ = 170;
-  AxisVector length_shift_;  ///< (axes) shift of G43 and similar codes; empty: none
+  AxisVector length_shift_;                ///< (axes) shift of G43 and similar codes; empty: none
   bool has_tip_length_ = false, has_tip_kinematics_ = false;  ///< G43.4; M428
-  bool is_incremental_ = false, has_absolute_centre_ = false, is_diameter_mode_ = false;
+  bool has_absolute_centre_ = false, is_diameter_mode_ = false;
   bool is_diameter_mode_known_ = false;  ///< G7 or G8, or the assumption has been reported
   bool returns_to_r_ = true;             ///< G99, LinuxCNC's initial state
-  bool has_surface_speed_ = false;
-  double speed_ = 0.0;             ///< S as programmed; under G96 m/min
-  std::optional<double> max_rpm_;  ///< limit of G96
+  double speed_ = 0.0;                   ///< S as programmed; under G96 m/min
   int tool_ = 0, selected_ = -1;
   /// Canned cycle in force.
   struct Cycle {
@@ -165,7 +171,6 @@ class Machine {
   std::vector<Pole> poles_;  ///< poles of G5.2 so far
   int order_ = 3;
   std::optional<Eigen::Vector2d> spline_arm_;  ///< P Q of the previous G5, relative to its end
-  CutterCompensation compensation_;
 };
 
 }  // namespace abbe::sim::dialects::linuxcnc

@@ -1,23 +1,59 @@
 #pragma once
 
-#include <map>
-#include <optional>
-#include <string>
-#include <string_view>
+#include "sim/dialects/gcode.h"
 
-#include "sim/dialects/fanuc/block.h"
-#include "sim/dialects/program_run.h"
-#include "sim/dialects/tool_compensation.h"
-#include "sim/dialects/tool_vectors.h"
-#include "sim/program/canon.h"
-
+/// Programs of Fanuc controls: their blocks and the state of the control.
 namespace abbe::sim::dialects::fanuc {
 
-inline constexpr std::string_view axis_letters = "XYZABCUVW";
+using gcode::Block;
+using gcode::Code;
+using gcode::Group;
+using gcode::Word;
+
+/// Value of a variable that has not been set: it counts as zero in arithmetic, but is not EQ zero.
+inline constexpr double vacant = 4.9406564584124654e-324;  // smallest positive double
+inline bool is_vacant(double value) { return value == vacant || value == -vacant; }
+/// Returns the value that arithmetic uses: zero for a vacant variable.
+inline double zero_if_vacant(double value) { return is_vacant(value) ? 0.0 : value; }
+
+/// Parser of the operands of macro expressions: variables and functions. ROUND in a word rounds to
+/// the resolution of its address.
+class MacroOperands : public OperandParser {
+ public:
+  double resolution = 1.0;  ///< increment that ROUND rounds to
+};
+
+/// Returns the operators and functions of custom macro B.
+const ExpressionGrammar& grammar();
+
+/// Returns the table entry of a code. `letter` is G or M.
+const gcode::CodeProperties& find_entry(char letter, int tenths);
+/// Same as `find_entry` for a turning control, G-code system A.
+const gcode::CodeProperties& find_lathe_entry(char letter, int tenths);
+
+/// Returns the description of a word that is no code, such as "SETVN", which must be in the table.
+std::string_view word_sentence(std::string_view word);
+
+/// Returns the least input increment of an address, system IS-B: 0.001 mm or degree, 0.0001 inch.
+double min_increment(char letter, bool inch);
+
+/// Parses a block into `block`, whose memory is reused. Words with a vacant value are ignored.
+/// Throws BadInput.
+void read_block(Cursor cursor, ProgramRun& run, MacroOperands& operands, Block& block);
+
+/// Advances past blanks and comments, and appends the comments to `comments`.
+void collect_comments(Cursor& cursor, std::vector<std::string_view>& comments);
+
+/// Returns the block skip level at the cursor, 2 for /2 and 1 for /, and advances past it.
+int read_skip_level(Cursor& cursor);
+
+/// Returns the value of a word as an integer from 0 to `max`, rounded if it comes from an
+/// expression. Throws BadInput.
+int whole_number(const program::Canon& canon, const Word& word, int max);
 
 /// State of a Fanuc control: modes, coordinate systems and tools. Executes blocks and issues their
 /// moves to the canon.
-class Machine {
+class Machine : public GCodeControl {
  public:
   explicit Machine(ProgramRun& run);
 
@@ -42,7 +78,6 @@ class Machine {
   void note_numbers(int sequence, int program);
 
  private:
-  using AxisVector = kinematics::AxisVector;
   /// An axis word of a block.
   struct AxisWord {
     int joint = 0;
@@ -58,10 +93,6 @@ class Machine {
   using Offsets = std::map<int, OffsetEntry>;
 
   // Words and modes.
-  [[noreturn]] void throw_input_error(const Cause& cause, std::string expected,
-                                      std::optional<std::string> seen = {}) const {
-    canon_.throw_input_error(cause, std::move(expected), std::move(seen));
-  }
   void check_words(const Block& block) const;
   void check_axis_word_owners(const Block& block) const;
   std::string allowed_letters(const Block& block) const;
@@ -77,9 +108,7 @@ class Machine {
   void dwell(const Block& block);
   const Word* first_axis_word(const Block& block) const;
   Cause motion_cause(const Block& block) const;
-  double unit() const;
   double apply_increment(const Word& word, double increment);
-  int joint(int k) const { return canon_.joint_of(axis_letters[std::size_t(k)]); }
   /// Returns the letters of axis words. On a turning control U V W H are increments of X Y Z C.
   std::string_view word_letters() const { return is_turning_ ? "XYZABCUVWH" : axis_letters; }
   bool is_increment(char letter) const;
@@ -143,9 +172,6 @@ class Machine {
   void arc(const Block& block, AxisVector end, std::uint32_t stated);
   void move_to_reference(const Block& block);
   void move_in_machine_coordinates(const Block& block);
-  std::string_view plane_letters() const {
-    return plane_ == 170 ? "XY" : plane_ == 180 ? "ZX" : "YZ";
-  }
 
   // Canned cycles.
   void execute_cycle(const Block& block);
@@ -161,8 +187,7 @@ class Machine {
   void shift_tool(double distance);
 
   // System variables.
-  std::optional<double> modal_code(int group) const;
-  std::optional<double> modal_word(int number) const;
+  std::optional<double> modal_variable(int number) const;
   struct OffsetVariable {
     Offsets* offsets = nullptr;
     int number = 0;
@@ -177,22 +202,17 @@ class Machine {
   int joint_of_index(int k) const;
   double program_value(int j, const AxisVector& q) const;
 
-  ProgramRun& run_;
-  program::Canon& canon_;
   const bool is_turning_;     ///< a turning control, G-code system A
   const bool has_diameters_;  ///< X and U words are diameters
-  CutterCompensation compensation_;
   VectorLines vector_lines_;
   bool has_moved_ = false, has_warned_of_missing_decimal_point_ = false;
 
-  // G codes times ten in force: G17, G80, G49, G40; 434 is G43.4.
-  int motion_ = 0, plane_ = 170, cycle_code_ = 800, length_mode_ = 490, cutter_code_ = 400;
+  // G codes times ten in force: G80, G49, G40; 434 is G43.4.
+  int motion_ = 0, cycle_code_ = 800, length_mode_ = 490, cutter_code_ = 400;
   int start_side_ = 400;  ///< G41 or G42 that started the compensation
-  bool is_incremental_ = false, returns_to_r_ = false, has_surface_speed_ = false,
-       is_rigid_tapping_ = false;
+  bool returns_to_r_ = false, is_rigid_tapping_ = false;
   double speed_word_ = 0.0;                        ///< S as programmed
   std::optional<double> surface_speed_m_per_min_;  ///< S of G96
-  std::optional<double> max_rpm_;                  ///< limit of G96
   int tool_ = 0, preselected_tool_ = -1, h_ = 0, d_ = 0, last_m_ = 0, sequence_ = 0, program_ = 0;
 
   Offsets lengths_, radii_;
