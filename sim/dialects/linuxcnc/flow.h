@@ -61,7 +61,6 @@ class Flow : public OperandParser {
   struct Subprogram {
     const Source* source = nullptr;
     std::size_t line = 0;
-    bool ends_with_file = false;
   };
 
   bool execute_line();
