@@ -42,11 +42,10 @@ inline double exp_series(int zeros, double x, double y) {
   return sum;
 }
 
-// phi1 = (1 - e^-x) / x, phi2 = (1 - phi1) / x, phi3 = (1/2 - phi2) / x, x >= 0. Below 1 the
-// differences would cancel, so the series is used.
+// phi1 = (1 - e^-x) / x, phi2 = (1 - phi1) / x, x >= 0. Below 1 the difference would cancel, so the
+// series is used.
 inline double phi1(double x) { return x > 0.0 ? -std::expm1(-x) / x : 1.0; }
 inline double phi2(double x) { return x < 1.0 ? exp_series(1, x, 0.0) : (1.0 - phi1(x)) / x; }
-inline double phi3(double x) { return x < 1.0 ? exp_series(2, x, 0.0) : (0.5 - phi2(x)) / x; }
 
 /// Returns the divided differences of exp over (-x, -y), (0, -x, -y) and (0, 0, -x, -y), x and y >=
 /// 0.
@@ -231,18 +230,6 @@ VectorXd modal_change(const ThermalSegment& segment, const VectorXd& z, double h
   return dz;
 }
 
-/// Returns the integral of the modes over a whole segment.
-VectorXd modal_integral(const ThermalSegment& segment, const VectorXd& z) {
-  const double h = segment.length;
-  VectorXd sum(z.size());
-  for (Index k = 0; k < z.size(); ++k) {
-    const double x = segment.modes->rate_per_s[k] * h;
-    sum[k] =
-        h * (phi1(x) * z[k] + h * (phi2(x) * segment.flow[k] + h * phi3(x) * segment.flow_rise[k]));
-  }
-  return sum;
-}
-
 /// Compensated summation (Kahan): near a steady state the change from knot to knot is far below an
 /// ulp of the temperature but must still accumulate.
 struct CompensatedSum {
@@ -257,26 +244,6 @@ struct CompensatedSum {
     value = sum;
   }
 };
-
-/// Returns the temperatures above the surroundings for heat into the nodes. Nodes are eliminated
-/// one by one with the star-mesh transform, which subtracts nothing, so that no conductance is lost
-/// in the rounding of a larger one.
-VectorXd solve_star_mesh(ConductanceMesh mesh, VectorXd heat) {
-  const Index n = heat.size();
-  VectorXd total(n);
-  for (Index k = n - 1; k >= 0; --k) {
-    total[k] = mesh.to_ground[k] + mesh.between.row(k).head(k).sum();
-    const VectorXd fraction = mesh.between.col(k).head(k) / total[k];
-    mesh.between.topLeftCorner(k, k) += fraction * mesh.between.row(k).head(k);
-    mesh.between.diagonal().head(k).setZero();
-    mesh.to_ground.head(k) += fraction * mesh.to_ground[k];
-    heat.head(k) += fraction * heat[k];
-  }
-  VectorXd T(n);
-  for (Index k = 0; k < n; ++k)
-    T[k] = (heat[k] + mesh.between.row(k).head(k).dot(T.head(k))) / total[k];
-  return T;
-}
 
 }  // namespace
 
@@ -323,46 +290,6 @@ VectorXd temperatures(const ThermalRun& run, double time_s) {
   const VectorXd z = modal_temperatures(run, *segment.modes, knot);
   return run.T_C.row(Index(knot)).transpose() +
          segment.modes->to_nodes * modal_change(segment, z, h);
-}
-
-VectorXd steady_state(const ThermalNetwork& network, const Activity& activity) {
-  validate(network);
-  check(activity, network);
-  const VectorXd heat = node_heats_W(network, activity) +
-                        surroundings_heat_W(network, activity, activity.coolant, activity.room_T_C);
-  return solve_star_mesh(conductance_mesh(network, activity.coolant), heat).array() +
-         activity.room_T_C;
-}
-
-HeatBalance heat_balance(const ThermalRun& run, std::size_t from_knot, std::size_t to_knot) {
-  if (to_knot >= run.knots.size() || from_knot > to_knot)
-    throw std::out_of_range(
-        fmt::format("heat balance: expected ordered knots from 0 to {}, seen {} {}",
-                    run.knots.size() - 1, from_knot, to_knot));
-  HeatBalance balance;
-  const double base = base_T_C(run);
-  for (std::size_t i = from_knot; i < to_knot; ++i) {
-    const Activity &from = run.knots[i], &to = run.knots[i + 1];
-    const ThermalSegment segment = segment_after(run, i);
-    const double h = segment.length;
-    balance.generated_J +=
-        0.5 * h * (run.heat_W.row(Index(i)).sum() + run.heat_W.row(Index(i) + 1).sum());
-    const VectorXd temperature_integral =
-        segment.modes->to_nodes *
-        modal_integral(segment, modal_temperatures(run, *segment.modes, i));
-    for (const SurroundingsLink& link : run.network.surroundings) {
-      const bool is_room = link.to == Surroundings::Room;
-      if (!is_room && !from.coolant) continue;
-      const double surroundings_T_C =
-          is_room ? 0.5 * (from.room_T_C + to.room_T_C) : 0.5 * (from.coolant_T_C + to.coolant_T_C);
-      balance.to_surroundings_J += link.conductance_W_per_K * (temperature_integral[link.node] -
-                                                               h * (surroundings_T_C - base));
-    }
-  }
-  for (Index k = 0; k < Index(run.network.nodes.size()); ++k)
-    balance.stored_J += run.network.nodes[std::size_t(k)].capacity_J_per_K *
-                        (run.T_C(Index(to_knot), k) - run.T_C(Index(from_knot), k));
-  return balance;
 }
 
 namespace {

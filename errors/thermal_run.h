@@ -44,21 +44,6 @@ ThermalRun simulate(const ThermalNetwork& network, std::span<const Activity> kno
 /// temperatures, after the last knot as if its activity continued.
 Eigen::VectorXd temperatures(const ThermalRun& run, double time_s);
 
-/// Returns the steady temperatures under a constant activity, (nodes) deg C; accurate to some ulp
-/// of the change however much the conductances differ. @throws std::invalid_argument as `simulate`
-Eigen::VectorXd steady_state(const ThermalNetwork& network, const Activity& activity);
-
-/// Heat between two knots of a run, J, integrated in closed form.
-struct HeatBalance {
-  double generated_J = 0.0;
-  double to_surroundings_J = 0.0;
-  double stored_J = 0.0;
-};
-/// Returns the heat balance: generated = to_surroundings + stored to 1e-10 of the largest of them,
-/// or, if they cancel, of the heat that flows between the knots.
-/// @throws std::out_of_range if the knots do not exist or are not in order
-HeatBalance heat_balance(const ThermalRun& run, std::size_t from_knot, std::size_t to_knot);
-
 /// A temperature sensor of the control.
 struct TemperatureSensor {
   std::string name;

@@ -18,20 +18,6 @@ namespace {
 
 constexpr double max_part_angle = 0.05;  // rad; the header states what a larger turn may miss
 
-template <class Visitor>
-void visit_removals(const Cutter& cutter, const CutterMotion& motion, const Ray& ray, double max_s,
-                    const Visitor& visit) {
-  require(!is_hollow(cutter), "removal: expected a convex cutter, seen a hollow one");
-  const int samples = int(motion.tip.rows());
-  const int moves = samples == 1 ? 1 : samples - 1;
-  for (int move = 0; move < moves; ++move) {
-    const int parts = move_part_count(motion, move);
-    for (int part = 0; part < parts; ++part)
-      if (const auto entry = first_entry(cutter, move_part(motion, move, part, parts), ray, max_s))
-        visit(Removal{entry->s, entry->t, move, part});
-  }
-}
-
 }  // namespace
 
 int move_part_count(const CutterMotion& motion, int move) {
@@ -54,25 +40,6 @@ Move move_part(const CutterMotion& motion, int move, int part, int parts) {
 
 Move move_part(const CutterMotion& motion, int move, int part) {
   return move_part(motion, move, part, move_part_count(motion, move));
-}
-
-std::optional<Removal> first_removal_exhaustive(const Cutter& cutter, const CutterMotion& motion,
-                                                const Ray& ray) {
-  std::optional<Removal> first;
-  visit_removals(cutter, motion, ray, ray.band, [&](const Removal& removal) {
-    if (!first || removal.s < first->s) first = removal;
-  });
-  return first;
-}
-
-std::vector<Removal> removals_within_exhaustive(const Cutter& cutter, const CutterMotion& motion,
-                                                const Ray& ray, double reach) {
-  std::vector<Removal> removals;
-  const std::optional<Removal> first = first_removal_exhaustive(cutter, motion, ray);
-  if (!first || first->s <= -ray.band) return removals;
-  visit_removals(cutter, motion, ray, std::min(first->s + reach, ray.band),
-                 [&](const Removal& removal) { removals.push_back(removal); });
-  return removals;
 }
 
 namespace {

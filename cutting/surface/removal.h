@@ -8,7 +8,7 @@
 #include "cutting/surface/surface.h"
 #include "cutting/surface/tool.h"
 
-/// Removal of material along a ray by an exhaustive test of all moves, and the gradient of the
+/// Removal of material along a ray, the parts of moves that turn the axis, and the gradient of the
 /// residual of the pass that removed it.
 namespace abbe::cutting {
 
@@ -27,18 +27,6 @@ int move_part_count(const CutterMotion& motion, int move);
 Move move_part(const CutterMotion& motion, int move, int part);
 /// Overload for a move whose number of parts is known.
 Move move_part(const CutterMotion& motion, int move, int part, int parts);
-
-/// Returns the first removal along the ray by a convex cutter: the smallest s, of equal ones the
-/// earliest move. Tests every move, in time linear in the moves; a SweepTree returns the same
-/// without testing all of them.
-std::optional<Removal> first_removal_exhaustive(const Cutter& cutter, const CutterMotion& motion,
-                                                const Ray& ray);
-
-/// Returns, in the order of the motion, the first removal by every move or part of a move whose s
-/// is within `reach` (mm) of the first removal. Empty if nothing is removed or if the ray starts in
-/// removed material. Tests every move.
-std::vector<Removal> removals_within_exhaustive(const Cutter& cutter, const CutterMotion& motion,
-                                                const Ray& ray, double reach);
 
 /// First-order model of the residual around each vertex of a design, for the pass that cut it: at
 /// the vertex displaced by `d` (mm) the residual is residual - gradient . d.

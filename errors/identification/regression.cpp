@@ -522,7 +522,6 @@ ShrunkFit fit_lasso(const MatrixXd& A, const VectorXd& y, double penalty) {
   }
   ShrunkFit result = in_original_units(s, b);
   result.converged = max_violation <= 1e-9 * max_gradient;
-  result.kkt = max_gradient > 0 ? max_violation / max_gradient : 0.0;
   return result;
 }
 

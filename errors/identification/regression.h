@@ -108,8 +108,6 @@ struct ShrunkFit {
   bool converged = true;
   double constant = 0.0;
   Eigen::VectorXd beta;  ///< (p) in the units of the columns; 0 for a constant column
-  double kkt = 0.0;      ///< LASSO: largest violation of its optimality conditions, as a fraction
-                         ///< of `max_penalty`
 };
 
 /// Minimises (1/2n) |y - a - Z b|^2 + (penalty/2) |b|^2, Z the scaled columns, by Cholesky.

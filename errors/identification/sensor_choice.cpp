@@ -384,10 +384,6 @@ bool is_divided_by_start(const SensorChoiceOptions& options) {
                                      : grey.kind != GreyKind::Absolute;
 }
 
-SensorChoice choose_sensors(const ThermalData& data_set, const SensorChoiceOptions& options) {
-  return choose_sensors(std::span(&data_set, 1), options);
-}
-
 SensorChoice choose_sensors(std::span<const ThermalData> data_sets,
                             const SensorChoiceOptions& options) {
   check(data_sets, options);
@@ -648,11 +644,6 @@ ErrorStudy study_error(const ChoiceEvaluation& evaluation, std::size_t error_ind
 }
 
 }  // namespace
-
-ThermalStudy study_sensors(const ThermalData& training, const ThermalData& test,
-                           const ThermalStudyOptions& options) {
-  return study_sensors(std::span(&training, 1), std::span(&test, 1), options);
-}
 
 ThermalStudy study_sensors(std::span<const ThermalData> training, std::span<const ThermalData> test,
                            const ThermalStudyOptions& options) {

@@ -128,8 +128,6 @@ struct SensorChoice {
 ///         the data lack
 [[nodiscard]] SensorChoice choose_sensors(std::span<const ThermalData> errors,
                                           const SensorChoiceOptions& options = {});
-[[nodiscard]] SensorChoice choose_sensors(const ThermalData& error,
-                                          const SensorChoiceOptions& options = {});
 
 /// Variability of a choice under noise.
 struct ChoiceSpread {
@@ -214,8 +212,6 @@ struct ThermalStudy {
 ///         both
 [[nodiscard]] ThermalStudy study_sensors(std::span<const ThermalData> training,
                                          std::span<const ThermalData> test,
-                                         const ThermalStudyOptions& options = {});
-[[nodiscard]] ThermalStudy study_sensors(const ThermalData& training, const ThermalData& test,
                                          const ThermalStudyOptions& options = {});
 
 }  // namespace abbe::errors::identification

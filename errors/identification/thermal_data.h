@@ -1,7 +1,6 @@
 #pragma once
 
 #include <string>
-#include <string_view>
 #include <vector>
 
 #include <Eigen/Core>
@@ -43,22 +42,6 @@ struct Spread {
 };
 Spread spread(const Eigen::VectorXd& values);
 
-/// Names of the columns of a log. Every column other than these is an input.
-struct ThermalColumns {
-  std::string run = "run";
-  std::string y = "y";
-  std::vector<std::string> ignored;
-};
-/// Reads a log. Lines that start with # are skipped. The first remaining line holds the column
-/// headings; every later line holds numbers. Cells are separated by semicolons, commas or blanks.
-/// The label of a run is a whole number.
-/// @param file  name in input errors
-/// @throws BadInput with the location for a missing column, a repeated name, more than 1000
-/// columns, a row of a different length, a cell that is not a number within +-1e9, a run that is
-/// not a whole number or not contiguous, or no rows
-ThermalData read_thermal_data(std::string_view text, const std::string& file,
-                              const ThermalColumns& columns = {});
-
 /// Features of a model, computed from the inputs of a run. Every feature of a row uses only that
 /// row and earlier rows of its run, so a control could compute it.
 struct ThermalFeatures {
@@ -71,9 +54,5 @@ struct ThermalFeatures {
 /// Returns the same rows with features; lagged copies are named "NAME lag".
 /// @throws std::invalid_argument if lag_rows is negative or not finite
 ThermalData with_features(const ThermalData& data, const ThermalFeatures& features);
-
-/// Returns the data with y minus its value in the first row of each run, as seen by a control that
-/// resets its zero at the start of a run.
-ThermalData zeroed_at_start(const ThermalData& data);
 
 }  // namespace abbe::errors::identification

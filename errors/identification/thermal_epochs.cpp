@@ -464,10 +464,4 @@ double value(const CompositeFit& fit, double p, const VectorXd& dT_K) {
   return polynomial_value(fit.geometric, p) + (fit.thermal_constant + fit.thermal.dot(dT_K)) * p;
 }
 
-double run_slope(const CompositeRun& run) {
-  const Regression line = fit_regression(run.p, run.delta);
-  require(line.status == RegressionStatus::Ok, "a slope needs at least two positions");
-  return line.beta(0);
-}
-
 }  // namespace abbe::errors::identification

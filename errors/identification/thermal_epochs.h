@@ -142,8 +142,4 @@ struct CompositeFit {
 /// Returns delta_G(p) + delta_T(dT) p.
 double value(const CompositeFit& fit, double p, const Eigen::VectorXd& dT_K);
 
-/// Returns the least-squares slope of a run including its geometric part, as regressed in the
-/// paper.
-double run_slope(const CompositeRun& run);
-
 }  // namespace abbe::errors::identification

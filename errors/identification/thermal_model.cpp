@@ -10,7 +10,6 @@
 #include <utility>
 
 #include <fmt/format.h>
-#include <tbb/parallel_for.h>
 
 #include "kinematics/bad_input.h"
 #include "kinematics/text.h"
@@ -246,10 +245,9 @@ ValidationPart validate_left_out(const ThermalData& training, const ThermalData&
 }
 
 /// Returns the figures of all parts together. If a part has no fit, returns only its status.
-/// @param has_equal_weights  true: every part has the same weight; false: every row has
-Validation summary(const std::vector<ValidationPart>& parts, bool has_equal_weights) {
+Validation summary(const std::vector<ValidationPart>& parts) {
   Validation result;
-  double squares = 0, weight = 0, sum_rms = 0;
+  double squares = 0;
   for (const ValidationPart& part : parts) {
     // A mean over the remaining parts would be too favourable.
     if (part.status != FitStatus::Ok) {
@@ -258,43 +256,28 @@ Validation summary(const std::vector<ValidationPart>& parts, bool has_equal_weig
       return result;
     }
     const Spread part_spread = spread(part.residual);
-    const double part_weight = has_equal_weights ? 1.0 : static_cast<double>(part.residual.size());
-    squares += part_weight * part_spread.rms * part_spread.rms;
-    weight += part_weight;
-    sum_rms += part_spread.rms;
+    squares += static_cast<double>(part.residual.size()) * part_spread.rms * part_spread.rms;
     result.run.push_back(part.run_label);
     result.run_spread.push_back(part_spread);
     result.overall.max = std::max(result.overall.max, part_spread.max);
     result.rows += static_cast<int>(part.residual.size());
     result.outside += part.rows_outside;
   }
-  result.overall.rms = std::sqrt(squares / weight);
-  result.mean_rms = sum_rms / static_cast<double>(parts.size());
+  result.overall.rms = std::sqrt(squares / static_cast<double>(result.rows));
   return result;
 }
 
 }  // namespace
 
-Validation cross_validate(const ThermalData& data, const ThermalModelOptions& options,
-                          Split split) {
+Validation cross_validate(const ThermalData& data, const ThermalModelOptions& options) {
   const std::vector<int> run_labels = runs(data);
   if (run_labels.size() < 2)
     throw std::invalid_argument("cross-validation by run needs at least two runs");
   std::vector<ValidationPart> parts;
-  if (split == Split::LeaveOneRunOut) {
-    for (const int run_label : run_labels)
-      parts.push_back(validate_left_out(exclude_run(data, run_label),
-                                        select_runs(data, {run_label}), options, run_label));
-  } else {
-    // The first training set is half of the runs: fewer do not suffice to show how a model ages.
-    for (std::size_t k = (run_labels.size() + 1) / 2; k < run_labels.size(); ++k) {
-      const auto split_point = run_labels.begin() + static_cast<std::ptrdiff_t>(k);
-      parts.push_back(validate_left_out(select_runs(data, {run_labels.begin(), split_point}),
-                                        select_runs(data, {split_point, run_labels.end()}), options,
-                                        run_labels[k - 1]));
-    }
-  }
-  return summary(parts, split == Split::Forward);
+  for (const int run_label : run_labels)
+    parts.push_back(validate_left_out(exclude_run(data, run_label), select_runs(data, {run_label}),
+                                      options, run_label));
+  return summary(parts);
 }
 
 Validation validate_on(const ThermalData& training, const ThermalData& test, const Recipe& recipe) {
@@ -310,48 +293,7 @@ Validation validate_on(const ThermalData& training, const ThermalData& test, con
   std::vector<ValidationPart> parts;
   for (const int run_label : runs(test_data))
     parts.push_back(test_residuals(fitted, select_runs(test_data, {run_label}), run_label));
-  return summary(parts, false);
-}
-
-RecipeChoice choose_recipe(const ThermalData& data, const std::vector<Recipe>& recipes,
-                           const ChoiceOptions& options) {
-  RecipeChoice choice;
-  for (const Recipe& recipe : recipes) {
-    const ThermalData data_with_features =
-        thin_runs(with_features(data, recipe.features), options.row_stride);
-    choice.validation.push_back(cross_validate(data_with_features, recipe.model, options.split));
-    const Validation& latest = choice.validation.back();
-    if (latest.status != FitStatus::Ok) continue;
-    const bool is_better =
-        choice.best < 0 ||
-        latest.overall.rms < choice.validation[static_cast<std::size_t>(choice.best)].overall.rms;
-    if (is_better) choice.best = static_cast<int>(choice.validation.size()) - 1;
-  }
-  return choice;
-}
-
-NestedValidation nested_validation(const ThermalData& data, const std::vector<Recipe>& recipes,
-                                   const ChoiceOptions& options) {
-  const std::vector<int> run_labels = runs(data);
-  // One run is left out, and the choice among the others needs two.
-  if (run_labels.size() < 3)
-    throw std::invalid_argument("nested validation by run needs at least three runs");
-  std::vector<ValidationPart> parts(run_labels.size());
-  std::vector<int> chosen(run_labels.size(), -1);
-  // Each run writes only its own entry, so the result does not depend on the number of threads.
-  tbb::parallel_for(std::size_t(0), run_labels.size(), [&](std::size_t i) {
-    const ThermalData others = exclude_run(data, run_labels[i]);
-    chosen[i] = choose_recipe(others, recipes, options).best;
-    parts[i].run_label = run_labels[i];
-    // This status remains if no recipe could be fitted.
-    parts[i].status = FitStatus::NotConverged;
-    if (chosen[i] < 0) return;
-    const Recipe& recipe = recipes[static_cast<std::size_t>(chosen[i])];
-    parts[i] = validate_left_out(with_features(others, recipe.features),
-                                 with_features(select_runs(data, {run_labels[i]}), recipe.features),
-                                 recipe.model, run_labels[i]);
-  });
-  return {summary(parts, false), chosen};
+  return summary(parts);
 }
 
 namespace {

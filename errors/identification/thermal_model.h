@@ -111,29 +111,22 @@ std::string to_text(const ThermalModel& model);
 /// @throws BadInput with the line for anything that `to_text` would not write
 ThermalModel parse_thermal_model(std::string_view text, const std::string& file);
 
-/// Division into training and test data. Data are divided by run, never by row at random, because
-/// neighbours in time would be on both sides.
-enum class Split {
-  LeaveOneRunOut,  ///< each run predicted by a model of all others
-  Forward,  ///< the first k runs predict all later ones, for every k from half of them on: shows
-            ///< how a model ages. Every k has the same weight
-};
-/// Residuals on runs that were not used for training.
+/// Residuals on runs that were not used for training. Data are divided by run, never by row at
+/// random, because neighbours in time would be on both sides.
 struct Validation {
   FitStatus status = FitStatus::Ok;  ///< first outcome of a fit other than Ok; all other members
                                      ///< are then empty
-  std::vector<int> run;              ///< labels; for Forward: the last run of the training
-  std::vector<Spread> run_spread;    ///< residuals of that run
-  Spread overall;         ///< RMS over all rows left out (Forward: over all k), and largest
-  double mean_rms = 0.0;  ///< mean of the RMS of the runs
-  int rows = 0;           ///< number of predicted rows
-  int outside = 0;        ///< number of predicted rows outside the trained range, which count
-                          ///< in the figures
+  std::vector<int> run;              ///< labels of the runs left out
+  std::vector<Spread> run_spread;    ///< residuals of each of them
+  Spread overall;                    ///< RMS over all rows left out, and largest
+  int rows = 0;                      ///< number of predicted rows
+  int outside = 0;                   ///< number of predicted rows outside the trained range, which
+                                     ///< count in the figures
 };
-/// Validates a model by runs left out.
+/// Predicts each run by a model of all others.
 /// @throws std::invalid_argument for fewer than 2 runs, or as `fit`
-[[nodiscard]] Validation cross_validate(const ThermalData& data, const ThermalModelOptions& options,
-                                        Split split = Split::LeaveOneRunOut);
+[[nodiscard]] Validation cross_validate(const ThermalData& data,
+                                        const ThermalModelOptions& options);
 
 /// Features and model that are chosen together.
 struct Recipe {
@@ -143,32 +136,5 @@ struct Recipe {
 /// Returns the residuals of `test` by a model of `training`; both with the recipe's features.
 [[nodiscard]] Validation validate_on(const ThermalData& training, const ThermalData& test,
                                      const Recipe& recipe);
-
-/// Choice among recipes.
-struct RecipeChoice {
-  int best = -1;  ///< index of the least overall RMS; -1 if none could be fitted
-  std::vector<Validation> validation;  ///< one for each recipe
-};
-/// Options of a choice among recipes. Lags count in rows of the data. The fits then use every k-th
-/// row, which loses little, since neighbours are similar.
-struct ChoiceOptions {
-  Split split = Split::LeaveOneRunOut;
-  int row_stride = 1;  ///< k
-};
-/// Chooses the recipe of the least overall RMS by cross-validation.
-[[nodiscard]] RecipeChoice choose_recipe(const ThermalData& data,
-                                         const std::vector<Recipe>& recipes,
-                                         const ChoiceOptions& options = {});
-
-/// Validation of choice and fit together, without bias: each run is predicted by the recipe that
-/// the other runs choose.
-struct NestedValidation {
-  Validation validation;
-  std::vector<int> chosen;  ///< recipe for each run, -1 if none could be fitted
-};
-/// Runs the nested validation in parallel; the result does not depend on the number of threads.
-[[nodiscard]] NestedValidation nested_validation(const ThermalData& data,
-                                                 const std::vector<Recipe>& recipes,
-                                                 const ChoiceOptions& options = {});
 
 }  // namespace abbe::errors::identification

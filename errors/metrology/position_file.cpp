@@ -526,9 +526,4 @@ std::vector<PositionSet> read_positions(std::string_view text, const std::string
   return read_position_csv(text, file, options);
 }
 
-std::vector<PositionSet> read_position_file(const std::filesystem::path& file,
-                                            const PositionFileOptions& options) {
-  return read_positions(read_text(file, options.max_bytes), file.string(), options);
-}
-
 }  // namespace abbe::errors::metrology

@@ -1,7 +1,6 @@
 #pragma once
 
 #include <cstddef>
-#include <filesystem>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -63,10 +62,5 @@ PositionSet read_position_rtl(std::string_view text, const std::string& file,
 /// @throws BadInput as `read_position_csv` and `read_position_rtl`
 std::vector<PositionSet> read_positions(std::string_view text, const std::string& file,
                                         const PositionFileOptions& options = {});
-
-/// Reads either format from a file.
-/// @throws BadInput as `read_positions`, or if the file is not a readable regular file
-std::vector<PositionSet> read_position_file(const std::filesystem::path& file,
-                                            const PositionFileOptions& options = {});
 
 }  // namespace abbe::errors::metrology

@@ -117,8 +117,6 @@ double systematic_deviation(const Positioning& result) {
   return result.up ? result.up->E : result.down->E;
 }
 
-bool is_valid_length(double length) { return length > 0.0 && std::isfinite(length); }
-
 }  // namespace
 
 Diagonals diagonals(const std::vector<DiagonalRuns>& set) {
@@ -135,30 +133,6 @@ Diagonals diagonals(const std::vector<DiagonalRuns>& set) {
       result.B_d.reset();
   }
   return result;
-}
-
-Squareness squareness_from_body_diagonals(const std::array<double, 3>& sides,
-                                          const std::array<double, 4>& lengthening) {
-  const auto [x, y, z] = sides;
-  const auto [ppp, npp, pnp, ppn] = lengthening;
-  if (!is_valid_length(x) || !is_valid_length(y) || !is_valid_length(z) ||
-      !std::isfinite(ppp + npp + pnp + ppn))
-    throw std::invalid_argument("body diagonals: expected positive sides and finite deviations");
-  // An angle error E between two axes changes each body diagonal by E times the product of their
-  // sides over D, with the sign of the diagonal in that plane. The sum of all four with these signs
-  // isolates E; scale errors cancel.
-  const double D = std::hypot(x, y, z);
-  return {-D * ((ppp + ppn) - (npp + pnp)) / (4.0 * x * y),
-          D * ((ppp + pnp) - (npp + ppn)) / (4.0 * x * z),
-          -D * ((ppp + npp) - (pnp + ppn)) / (4.0 * y * z)};
-}
-
-double squareness_from_face_diagonals(double first, double second, double lengthening_pp,
-                                      double lengthening_np) {
-  if (!is_valid_length(first) || !is_valid_length(second) ||
-      !std::isfinite(lengthening_pp + lengthening_np))
-    throw std::invalid_argument("face diagonals: expected positive sides and finite deviations");
-  return -std::hypot(first, second) * (lengthening_pp - lengthening_np) / (2.0 * first * second);
 }
 
 }  // namespace abbe::errors::metrology

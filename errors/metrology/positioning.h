@@ -82,28 +82,4 @@ struct Diagonals {
 ///         fewer than two of them not zero, or the same diagonal twice
 Diagonals diagonals(const std::vector<DiagonalRuns>& set);
 
-/// Angles between the directions of travel minus 90 degrees, as location elements, rad: EC0Y > 0
-/// enlarges the angle between X and Y, EB0Z > 0 tilts Z towards +X, EA0Z > 0 tilts Z towards -Y.
-struct Squareness {
-  double EC0Y = 0.0;
-  double EB0Z = 0.0;
-  double EA0Z = 0.0;
-};
-
-/// Returns the squareness of a box of `sides` (mm) from the deviations of its four body diagonals
-/// from nominal (mm, in the order ppp, npp, pnp, ppn: p for a rise, n for a fall in X, Y, Z).
-/// Scale errors of the axes cancel; angular errors of the axes do not. First order in the
-/// deviations d: neglects at most 4 d^2 / (shortest side)^2.
-/// @throws std::invalid_argument unless sides are positive and all numbers are finite
-Squareness squareness_from_body_diagonals(const std::array<double, 3>& sides,
-                                          const std::array<double, 4>& lengthening);
-
-/// Returns the squareness in one face with sides `first` and `second` (mm): the rotation of the
-/// second axis about the normal first x second, i.e. EC0Y for (X, Y), -EB0Z for (X, Z), EA0Z for
-/// (Y, Z).
-/// @param lengthening_pp  deviation of the diagonal that rises in both axes, mm
-/// @param lengthening_np  deviation of the diagonal that falls in the first axis, mm
-double squareness_from_face_diagonals(double first, double second, double lengthening_pp,
-                                      double lengthening_np);
-
 }  // namespace abbe::errors::metrology

@@ -227,8 +227,6 @@ VectorXd straight_line(const Profile& profile) {
   return line;
 }
 
-std::span<const SettingClass> setting_classes() { return classes; }
-
 const SettingClass& setting_class(double Nic) {
   const auto ratio = [&](const SettingClass& candidate) {
     return std::abs(std::log(candidate.Nic / Nic));

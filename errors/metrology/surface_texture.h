@@ -39,9 +39,6 @@ struct SettingClass {
   double Nic, section, evaluation;  ///< mm
   double Nis, widest_step;          ///< mm
 };
-/// Returns all classes in ascending order.
-std::span<const SettingClass> setting_classes();
-
 /// Returns the class of a nesting index Nic, or the nearest by ratio.
 const SettingClass& setting_class(double Nic);
 

@@ -38,9 +38,10 @@ foreach(room ${rooms})
   list(APPEND libraries abbe_${name})
 endforeach()
 # The headers that programs of others include, and all that these include.
-set(public_headers kinematics/chain.h errors/geometric.h cutting/map/residual.h sim/scene/read_scene.h
-                   sim/cut/cut.h sim/cut/judged_surface.h sim/compensation/plug_in.h
-                   sim/compensation/abbe_compensator.h)
+set(public_headers kinematics/chain.h kinematics/inverse_kinematics.h errors/geometric.h errors/compliance.h
+                   errors/thermal_elements.h errors/thermal_run.h errors/vibration.h cutting/part/read_mesh.h
+                   cutting/map/residual.h cutting/map/form.h cutting/stock/force.h sim/cut/workpiece.h
+                   sim/compensation/plug_in.h sim/compensation/abbe_compensator.h)
 set(unread ${public_headers})
 while(unread)
   list(POP_FRONT unread header)

@@ -61,7 +61,7 @@ struct PulseInsertion {
 };
 
 /// Returns the position of the zero of a joint's encoder in counts, uniform over [-1/2, 1/2) for
-/// varying seeds. It is the phase of `quadrature`.
+/// varying seeds.
 double zero_phase(std::uint64_t seed, int joint);
 
 /// Returns the correction that arrives through inserted pulses, by the fast model. It is count (n +

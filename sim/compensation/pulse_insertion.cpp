@@ -1,5 +1,3 @@
-#include "sim/compensation/pulse_insertion.h"
-
 #include <algorithm>
 #include <cmath>
 #include <limits>
@@ -31,7 +29,7 @@ struct PulseWindows {
 /// a pair, in order. A line of the motion adds at most three entries, whatever the number of signal
 /// periods.
 /// @param motion  valid
-/// @param phase   in counts, as in `quadrature`
+/// @param phase   in counts, of the lower end of a range in which both trains are low
 /// @throws std::invalid_argument for positions beyond 1e15 counts
 std::vector<PulseWindows> pulse_windows(const TimeSeries& motion, Eigen::Index column, double count,
                                         double phase, double pulse_s);
@@ -267,172 +265,6 @@ TimeSeries apply_channel(const TimeSeries& requested, const PulseInsertion& puls
   std::stable_sort(steps.begin(), steps.end(),
                    [](const TimedStep& a, const TimedStep& b) { return a.time_s < b.time_s; });
   return pulse_series(steps, initial, span);
-}
-
-namespace {
-
-constexpr double max_periods = 1e15;  // up to here doubles resolve a quarter of a period
-constexpr std::size_t max_edges = 100'000'000;
-
-/// Returns the quarter of the signal period, 0..3: both low, A, both, B.
-int quarter_of(const QuadratureState& state) {
-  return state.a ? (state.b ? 2 : 1) : (state.b ? 3 : 0);
-}
-
-QuadratureState state_of(double quarter) {
-  const int q = int(quarter - 4.0 * std::floor(quarter / 4.0));
-  return {q == 1 || q == 2, q == 2 || q == 3};
-}
-
-double position_in_quarters(double position, double period, double phase) {
-  return 4.0 * (position / period - phase);
-}
-
-/// Returns the edge between neighbouring quarters, i.e. that of the train whose level differs.
-Edge make_edge(double quarter, double from, double time_s) {
-  const QuadratureState before = state_of(from), after = state_of(quarter);
-  const bool is_a = before.a != after.a;
-  return {time_s, is_a, is_a ? after.a : after.b};
-}
-
-QuadratureState apply_edge(QuadratureState state, const Edge& edge) {
-  bool& level = edge.is_a ? state.a : state.b;
-  if (level == edge.level)
-    throw std::invalid_argument("an encoder edge does not change the level at " +
-                                std::to_string(edge.time_s) + " s");
-  level = edge.level;
-  return state;
-}
-
-/// A time range in which both trains are low.
-struct LowInterval {
-  double begin_s, end_s;
-};
-
-std::vector<LowInterval> low_intervals(const Feedback& feedback) {
-  std::vector<LowInterval> intervals;
-  QuadratureState state = feedback.start;
-  double begin_s = -infinity;
-  for (const Edge& edge : feedback.edges) {
-    if (quarter_of(state) == 0) intervals.push_back({begin_s, edge.time_s});
-    state = apply_edge(state, edge);
-    begin_s = edge.time_s;
-  }
-  if (quarter_of(state) == 0) intervals.push_back({begin_s, infinity});
-  return intervals;
-}
-
-void validate(const std::vector<Request>& requests, const InsertionBox& box) {
-  if (!(box.pulse_s > 0.0) || !std::isfinite(box.pulse_s))
-    throw std::invalid_argument("an insertion box expects a pulse above 0");
-  for (std::size_t i = 0; i < requests.size(); ++i)
-    if (!std::isfinite(requests[i].time_s) ||
-        (i > 0 && requests[i].time_s <= requests[i - 1].time_s))
-      throw std::invalid_argument("an insertion box expects requests at increasing times");
-}
-
-}  // namespace
-
-QuadratureState quadrature(double position, double period, double phase) {
-  return state_of(std::floor(position_in_quarters(position, period, phase)));
-}
-
-Feedback feedback(const TimeSeries& motion, double period, double phase, int column) {
-  validate(motion, "encoder feedback");
-  if (!(period > 0.0) || !std::isfinite(period) || !std::isfinite(phase))
-    throw std::invalid_argument("encoder feedback: expected a period above 0 and a finite phase");
-  if (column < 0 || column >= motion.value.cols())
-    throw std::invalid_argument("encoder feedback: the motion has no such column");
-  const auto quarters_at = [&](Eigen::Index knot) {
-    const double g = position_in_quarters(motion.value(knot, column), period, phase);
-    if (!(std::abs(g) <= 4.0 * max_periods))
-      throw std::invalid_argument("encoder feedback: more than 1e15 periods from zero");
-    return g;
-  };
-  double g0 = quarters_at(0);
-  Feedback result{state_of(std::floor(g0)), {}};
-  for (Eigen::Index i = 1; i < motion.time_s.size(); ++i) {
-    const double g1 = quarters_at(i), t0 = motion.time_s[i - 1], t1 = motion.time_s[i];
-    const double from = std::floor(g0), to = std::floor(g1), step = to > from ? 1.0 : -1.0;
-    if (double(result.edges.size()) + std::abs(to - from) > double(max_edges))
-      throw std::invalid_argument("encoder feedback: more than 1e8 edges");
-    // Each crossing of a boundary between quarters is an edge.
-    for (double quarter = from; quarter != to; quarter += step) {
-      const double boundary = step > 0.0 ? quarter + 1.0 : quarter;
-      const double time_s = t0 + (boundary - g0) / (g1 - g0) * (t1 - t0);
-      result.edges.push_back(make_edge(quarter + step, quarter, time_s));
-    }
-    g0 = g1;
-  }
-  return result;
-}
-
-std::vector<Count> counts(const Feedback& feedback, Evaluation evaluation) {
-  std::vector<Count> result;
-  QuadratureState state = feedback.start;
-  // X4 counts from the first quarter, X1 from the first period.
-  long quarter = quarter_of(state);
-  const long start = quarter;
-  const auto count_at_quarter = [&](long quarters_now) {
-    return evaluation == Evaluation::X4 ? quarters_now - start : quarters_now >> 2;
-  };
-  for (const Edge& edge : feedback.edges) {
-    const long previous_count = count_at_quarter(quarter);
-    const int previous_quarter = quarter_of(state);
-    state = apply_edge(state, edge);
-    // Modulo 4, a difference of one quarter is upwards; the other neighbour is downwards.
-    quarter += (quarter_of(state) - previous_quarter + 4) % 4 == 1 ? 1 : -1;
-    if (count_at_quarter(quarter) != previous_count)
-      result.push_back({edge.time_s, count_at_quarter(quarter)});
-  }
-  return result;
-}
-
-long count_at(const std::vector<Count>& counts, double time_s) {
-  const auto next = std::upper_bound(counts.begin(), counts.end(), time_s,
-                                     [](double t, const Count& c) { return t < c.time_s; });
-  return next == counts.begin() ? 0 : std::prev(next)->count;
-}
-
-std::vector<Insertion> insertions(const Feedback& feedback, const std::vector<Request>& requests,
-                                  const InsertionBox& box) {
-  validate(requests, box);
-  std::vector<Insertion> result;
-  if (box.bypass) return result;
-  long inserted_pairs = 0;
-  std::size_t next = 0;  // first request after the current time
-  for (const LowInterval& interval : low_intervals(feedback)) {
-    while (next < requests.size() && requests[next].time_s <= interval.begin_s) ++next;
-    double time_s = interval.begin_s;
-    // Requests that change nothing or are withdrawn later in this interval are skipped.
-    while (next < requests.size() && (next == 0 || requests[next - 1].pairs == inserted_pairs) &&
-           requests[next].time_s < interval.end_s)
-      time_s = requests[next++].time_s;
-    const long missing_pairs = next == 0 ? 0 : requests[next - 1].pairs - inserted_pairs;
-    if (missing_pairs == 0 || !(time_s + box.pulse_s <= interval.end_s)) continue;
-    result.push_back({time_s, missing_pairs > 0 ? 1 : -1});
-    inserted_pairs += result.back().direction;
-  }
-  return result;
-}
-
-Feedback inserted(const Feedback& feedback, const std::vector<Request>& requests,
-                  const InsertionBox& box) {
-  Feedback result{feedback.start, {}};
-  auto edge = feedback.edges.begin();
-  for (const Insertion& pair : insertions(feedback, requests, box)) {
-    // An edge at the time of a pair is the one that made both trains low, so it comes first.
-    while (edge != feedback.edges.end() && edge->time_s <= pair.time_s)
-      result.edges.push_back(*edge++);
-    const bool is_a_first = pair.direction > 0;
-    const double third_s = box.pulse_s / 3.0;
-    result.edges.push_back({pair.time_s, is_a_first, true});
-    result.edges.push_back({pair.time_s + third_s, !is_a_first, true});
-    result.edges.push_back({pair.time_s + 2.0 * third_s, is_a_first, false});
-    result.edges.push_back({pair.time_s + box.pulse_s, !is_a_first, false});
-  }
-  result.edges.insert(result.edges.end(), edge, feedback.edges.end());
-  return result;
 }
 
 }  // namespace abbe::sim::compensation

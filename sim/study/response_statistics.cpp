@@ -372,13 +372,6 @@ ResponseStatistics answers(const Eigen::VectorXd& values) {
           .p99 = quantile_band(sorted, 0.99)};
 }
 
-IntervalEstimate quantile_with_interval(Eigen::VectorXd values, double p) {
-  if (!(p >= 0.0 && p <= 1.0)) throw std::invalid_argument("a fraction must be within 0 .. 1");
-  std::vector<double> sorted = finite_values(values, 1);
-  std::ranges::sort(sorted);
-  return quantile_band(sorted, p);
-}
-
 double sorted_quantile(std::span<const double> sorted, double p) {
   const double position = p * double(sorted.size() - 1);
   const auto rank = std::size_t(position);

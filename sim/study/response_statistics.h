@@ -68,17 +68,11 @@ struct ResponseStatistics {
 };
 /// Computes the statistics. Measured coverage for 20 to 2000 cases (answers_test.cpp): 93 to 96 %
 /// for mean and standard deviation; for skewed responses (log-normal, sigma 0.5) 88 to 94 % for the
-/// standard deviation.
+/// standard deviation. Quantiles are linear between ranks (Hyndman's type 7); their intervals, from
+/// order statistics, cover at least 95 % for any distribution. With too few cases (below 72 for
+/// p95, 368 for p99) such an interval ends at min or max, and its coverage is lower.
 /// @throws std::invalid_argument for fewer than 2 finite responses
 ResponseStatistics answers(const Eigen::VectorXd& values);
-
-/// Returns the quantile p of the responses, linear between ranks (Hyndman's type 7), with an
-/// interval from order statistics that covers at least 95 % for any distribution. With too few
-/// cases (below 72 for p95, 368 for p99) the interval ends at min or max, and its coverage is
-/// lower.
-/// @param p  0 .. 1
-/// @throws std::invalid_argument without finite responses, or for p out of range
-IntervalEstimate quantile_with_interval(Eigen::VectorXd values, double p);
 
 /// Returns the quantile p of finite values, at least one, in ascending order, linear between ranks.
 double sorted_quantile(std::span<const double> sorted, double p);

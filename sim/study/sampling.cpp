@@ -482,26 +482,6 @@ Copula::Copula(const Eigen::MatrixXd& correlation) : inputs_(int(correlation.row
 Copula::Copula(int inputs, std::span<const Correlation> correlations)
     : Copula(correlation_matrix(inputs, correlations)) {}
 
-CovarianceFactors factorise_covariance(const Eigen::MatrixXd& covariance) {
-  if (covariance.rows() != covariance.cols()) throw_invalid("a covariance matrix must be square");
-  if (!covariance.allFinite()) throw_invalid("a covariance is not finite");
-  const Eigen::Index m = covariance.rows();
-  if (m > 0 && covariance.diagonal().minCoeff() < 0.0)
-    throw_invalid("a variance is negative: " + short_text(covariance.diagonal().minCoeff()));
-  const Eigen::VectorXd deviation = covariance.diagonal().cwiseSqrt();
-  Eigen::MatrixXd correlation = Eigen::MatrixXd::Identity(m, m);
-  for (Eigen::Index i = 0; i < m; ++i)
-    for (Eigen::Index j = 0; j < m; ++j) {
-      if (i == j) continue;
-      const double scale = deviation(i) * deviation(j);
-      if (scale > 0.0)
-        correlation(i, j) = covariance(i, j) / deviation(i) / deviation(j);
-      else if (covariance(i, j) != 0.0)
-        throw_invalid("a number without variance has a covariance");
-    }
-  return {deviation, Copula(correlation)};
-}
-
 Eigen::MatrixXd scores(const Copula& copula, const Eigen::MatrixXd& u) {
   using Numbers = Eigen::VectorXd;
   return draw_inputs(

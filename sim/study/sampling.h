@@ -128,19 +128,6 @@ class Copula {
   std::vector<Group> groups_;
 };
 
-/// A covariance as standard deviations and a copula. An input that does not vary has standard
-/// deviation 0 and no correlation. Thus value = belief + standard_deviation * score is a draw from
-/// any belief, even if its covariance is not of full rank.
-struct CovarianceFactors {
-  Eigen::VectorXd standard_deviation;  ///< (m)
-  Copula copula;                       ///< of m inputs
-};
-/// Factorises a covariance.
-/// @param covariance  (m x m)
-/// @throws std::invalid_argument if it is not symmetric to 1e-9, a variance is negative, an input
-/// without variance has a covariance, or a number is not finite; also as the copula
-CovarianceFactors factorise_covariance(const Eigen::MatrixXd& covariance);
-
 /// Returns standard normal scores correlated by the copula. The bits of a case do not depend on the
 /// other cases of the call.
 /// @param u  (inputs x cases) within the open unit cube

@@ -83,12 +83,8 @@ void report_instants(int nodes, int repetitions) {
   const TemperatureSensor sensor{.name = "T", .node = nodes / 2, .noise_K = 0.01, .lag_s = 20.0};
   const VectorXd times = VectorXd::LinSpaced(10'801, 0.0, 10'800.0);
   const double sensing = seconds(repetitions, [&] { return readings(sensor, run, times).sum(); });
-  const double balance =
-      seconds(repetitions, [&] { return heat_balance(run, 0, 10'800).generated_J; });
-  fmt::print(
-      "{:4} nodes: temperatures {:.2f} us/instant, a sensor over 3 h {:.1f} ms, heat balance"
-      " over 3 h {:.1f} ms\n",
-      nodes, 1e6 * instants / n, 1e3 * sensing, 1e3 * balance);
+  fmt::print("{:4} nodes: temperatures {:.2f} us/instant, a sensor over 3 h {:.1f} ms\n", nodes,
+             1e6 * instants / n, 1e3 * sensing);
 }
 
 kinematics::Chain three_slides() {

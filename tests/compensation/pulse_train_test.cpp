@@ -1,5 +1,3 @@
-#include "sim/compensation/pulse_insertion.h"
-
 #include <algorithm>
 #include <cmath>
 #include <iostream>
@@ -11,6 +9,7 @@
 
 #include "sim/compensation/channels.h"
 #include "tests/compensation/courses.h"
+#include "tests/compensation/encoder_signals.h"
 #include "tests/kinematics/nan.h"
 
 namespace abbe::sim::compensation {

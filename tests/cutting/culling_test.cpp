@@ -9,6 +9,7 @@
 
 #include "cutting/surface/sweep_tree.h"
 #include "tests/cutting/any_form.h"
+#include "tests/cutting/every_move.h"
 
 // The tree against every move tried on its own, bit for bit: neither the rays nor the cutters nor
 // the motions are what anybody would call reasonable.
@@ -158,7 +159,7 @@ void expect_same(std::uint64_t seed, int moves, int rays, Count& count) {
   SweepTree::Hint carried;
   for (int i = 0; i < rays; ++i) {
     const Ray ray = any_ray(random, cutter, motion);
-    const auto expected = first_removal_exhaustive(cutter, motion, ray);
+    const auto expected = first_removal_of_every_move(cutter, motion, ray);
     SweepTree::Hint fresh, other{random.below(moves)};
     ++count.rays;
     count.cut += expected && expected->s > -ray.band;
@@ -175,7 +176,7 @@ void expect_same(std::uint64_t seed, int moves, int rays, Count& count) {
     }
     if (i % 4 == 0 && expected && expected->s > -ray.band) {
       const double reach = random.decades(-6, 0.5);
-      const auto competing_passes = removals_within_exhaustive(cutter, motion, ray, reach);
+      const auto competing_passes = removals_of_every_move(cutter, motion, ray, reach);
       const auto found = tree.removals_within(ray, reach, carried);
       count.competing_passes += long(competing_passes.size());
       const bool all =
@@ -265,7 +266,7 @@ void expect_same_rays(std::uint64_t seed, const SweepTree& tree, const Cutter& c
   std::vector<std::optional<Removal>> found(rays.size());
   tree.first_removals(rays, found, hint);
   for (std::size_t k = 0; k < rays.size(); ++k) {
-    const auto expected = first_removal_exhaustive(cutter, motion, rays[k]);
+    const auto expected = first_removal_of_every_move(cutter, motion, rays[k]);
     ++count.rays;
     count.cut += expected && expected->s > -rays[k].band;
     count.buried += expected && expected->s <= -rays[k].band;

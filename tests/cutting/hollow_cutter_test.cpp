@@ -22,6 +22,7 @@
 #include "cutting/surface/tool.h"
 #include "kinematics/units.h"
 #include "tests/cutting/brute_pairs.h"
+#include "tests/cutting/every_move.h"
 #include "tests/cutting/random.h"
 #include "tests/cutting/stock_parts.h"
 #include "tests/oracles/brute_surface.h"
@@ -217,7 +218,7 @@ TEST(HollowCutter, SearchFindsWhatEveryMoveTriedFinds) {
               Vector3d(motion.tip.row(at)) + height * u +
                   cutter.radius * random.in(0, 1.3) * u.cross(random.direction()).normalized(),
               random.once_in(3) ? u : random.direction(), random.decades(-1, 1)};
-          const auto expected = first_removal_exhaustive(part, motion, ray);
+          const auto expected = first_removal_of_every_move(part, motion, ray);
           const auto found = tree.first_removal(ray, hint);
           ASSERT_EQ(found.has_value(), expected.has_value()) << tool.name << ", seed 2204";
           if (!found) continue;
@@ -581,8 +582,6 @@ TEST(HollowCutter, WhatAsksForAConvexCutterRefusesIt) {
   design.vertices = Eigen::RowVector3d(0, 7, 5.25);
   design.normals = Eigen::RowVector3d(0, 0, -1);
   EXPECT_THROW(milled_competing_passes(design, cutter, motion, {}), std::invalid_argument);
-  EXPECT_THROW(first_removal_exhaustive(cutter, motion, {{0, 0, 0}, {0, 0, 1}}),
-               std::invalid_argument);
   EXPECT_THROW(SweepTree(cutter, motion), std::invalid_argument);
   EXPECT_THROW(inset_convex(*cutter.outline, 0.1), std::invalid_argument);
 }

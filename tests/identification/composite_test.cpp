@@ -57,6 +57,9 @@ TEST(Composite, YangsAxisComesApartIntoItsCoefficients) {
   EXPECT_NEAR(value(fit, 25, Vector2d(2, 3)), yang(25, 2, 3), 1e-12);
 }
 
+/// The least-squares slope of a run including its geometric part, as regressed in the paper.
+double run_slope(const CompositeRun& run) { return fit_regression(run.p, run.delta).beta(0); }
+
 TEST(Composite, AddingAPublishedConstantToTheColdCurveCountsTheColdSlopeTwice) {
   const std::vector<CompositeRun> runs = yang_runs();
   // As published: slopes of whole runs on the temperatures, with a constant.

@@ -7,6 +7,7 @@
 #include <map>
 #include <random>
 #include <set>
+#include <span>
 #include <sstream>
 
 #include <gtest/gtest.h>
@@ -16,6 +17,14 @@ namespace {
 using namespace abbe::errors::identification;
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
+
+SensorChoice choose_sensors(const ThermalData& error, const SensorChoiceOptions& options = {}) {
+  return choose_sensors(std::span(&error, 1), options);
+}
+ThermalStudy study_sensors(const ThermalData& training, const ThermalData& test,
+                           const ThermalStudyOptions& options = {}) {
+  return study_sensors(std::span(&training, 1), std::span(&test, 1), options);
+}
 
 /// A machine of four masses with eighteen sensors: each mass has a true one and copies with gain,
 /// delay and noise of their own; some sit on nothing that matters. The drift follows the masses.

@@ -250,28 +250,6 @@ TEST(CrossValidation, NeverSeesTheRunThatItPredicts) {
   EXPECT_THROW((void)cross_validate(day, {}), std::invalid_argument);
 }
 
-TEST(CrossValidation, ForwardTrainsOnThePastOnly) {
-  ThermalData data = warmup({.days = 6});
-  for (int i = 0; i < 60; ++i) data.y(5 * 60 + i) += 100;  // the last day is never trained on
-  const Validation v = cross_validate(data, options_of(ModelKind::Linear), Split::Forward);
-  ASSERT_EQ(v.run, (std::vector<int>{2, 3, 4}));
-  EXPECT_NEAR(v.run_spread[2].rms, 100, 1e-9);
-  EXPECT_NEAR(v.run_spread[0].rms, 100 / std::sqrt(3.0), 1e-9);
-  EXPECT_NEAR(v.overall.rms, 100 * std::sqrt((1.0 / 3 + 1.0 / 2 + 1) / 3), 1e-9);
-}
-
-TEST(CrossValidation, TheNestedChoiceFindsTheLagThatMadeTheData) {
-  ThermalData data = warmup({.days = 7, .noise = 0.05});
-  // The drift follows the spindle behind a lag of 12 rows.
-  data.y = with_features(data, {false, 12}).T.col(3) * 2;
-  std::vector<Recipe> recipes;
-  for (const double lag : {0.0, 4.0, 12.0, 40.0})
-    recipes.push_back({{false, lag}, options_of(ModelKind::Linear)});
-  const NestedValidation nested = nested_validation(data, recipes);
-  EXPECT_EQ(nested.chosen, std::vector<int>(7, 2));
-  EXPECT_LT(nested.validation.overall.rms, 1e-9);
-}
-
 TEST(Features, TakeNothingFromAnotherRunOrFromLater) {
   ThermalData data{{"T"}, MatrixXd(5, 1), VectorXd(5), {3, 3, 3, 9, 9}};
   data.T << 20, 24, 24, 30, 31;
@@ -280,47 +258,6 @@ TEST(Features, TakeNothingFromAnotherRunOrFromLater) {
   EXPECT_EQ(made.names, (std::vector<std::string>{"T", "T lag"}));
   EXPECT_EQ(made.T.col(0), (VectorXd(5) << 0, 4, 4, 0, 1).finished());
   EXPECT_LT((made.T.col(1) - (VectorXd(5) << 0, 2, 3, 0, 0.5).finished()).norm(), 1e-15);
-  EXPECT_EQ(zeroed_at_start(data).y, (VectorXd(5) << 0, 1, 3, 0, 1).finished());
   EXPECT_EQ(thin_runs(data, 2).y, (VectorXd(3) << 1, 4, 7).finished());
   EXPECT_THROW(with_features(data, {false, -1}), std::invalid_argument);
-}
-
-TEST(ThermalData, ALogIsReadAndBadOnesAreRefusedWithTheirPlace) {
-  const ThermalColumns columns{"day", "drift", {"note"}};
-  const ThermalData data = read_thermal_data(
-      "# lathe\nday,T1,note,drift,T2\n1,20,x,0.5,21\n1,20.5,,0.6,21.5\n\n2,19,y,0,20\n", "log.csv",
-      columns);
-  EXPECT_EQ(data.names, (std::vector<std::string>{"T1", "T2"}));
-  EXPECT_EQ(data.run, (std::vector<int>{1, 1, 2}));
-  EXPECT_EQ(data.T(1, 1), 21.5);
-  EXPECT_EQ(data.y(1), 0.6);
-  const auto refused = [&](std::string_view text) -> std::string {
-    try {
-      (void)read_thermal_data(text, "log.csv", columns);
-    } catch (const abbe::BadInput& bad) {
-      return bad.what();
-    }
-    return "accepted";
-  };
-  EXPECT_NE(refused(""), "accepted");
-  EXPECT_EQ(refused("day,T1,drift\n"), "log.csv:1:1: expected a row of readings, seen none");
-  EXPECT_EQ(refused("T1,drift\n1,2\n"),
-            "log.csv:1:1: expected a column day with the run number, seen none");
-  EXPECT_EQ(refused("day,T1\n1,2\n"),
-            "log.csv:1:1: expected a column drift with the deviation, seen none");
-  EXPECT_EQ(refused("day,drift\n1,2\n"),
-            "log.csv:1:1: expected a column of temperatures, seen none");
-  EXPECT_EQ(refused("day,T1,T1,drift\n"),
-            "log.csv:1:8: expected a column name that is not used twice, seen " +
-                abbe::quoted_excerpt("T1"));
-  EXPECT_EQ(refused("day,T1,drift\n1,20\n").substr(0, 10), "log.csv:2:");
-  EXPECT_EQ(refused("day,T1,drift\n1,hot,0\n"),
-            "log.csv:2:3: expected a number within +-1e9, seen " + abbe::quoted_excerpt("hot"));
-  EXPECT_EQ(
-      refused("day,T1,drift\n1.5,20,0\n"),
-      "log.csv:2:1: expected an integer as the run number, seen " + abbe::quoted_excerpt("1.5"));
-  EXPECT_EQ(refused("day,T1,drift\n1,20,0\n2,20,0\n1,20,0\n"),
-            "log.csv:4:1: expected the rows of each run to be contiguous, seen run 1 again");
-  EXPECT_NE(refused("day,T1,drift\n1,nan,0\n"), "accepted");
-  EXPECT_NE(refused(std::string(5000, ',')), "accepted");
 }

@@ -16,6 +16,7 @@
 #include <gtest/gtest.h>
 
 #include "errors/metrology/position_file.h"
+#include "kinematics/text.h"
 #include "kinematics/units.h"
 
 namespace abbe::errors::metrology {
@@ -139,7 +140,7 @@ TEST(Positioning, GivesEveryDigitOfTheReferenceSets) {
   if (!std::filesystem::exists(raw) || !std::filesystem::exists(wanted))
     GTEST_SKIP() << "ABBE_VALIDATION does not name a folder with iso230_2_raw.csv";
   std::map<std::string, std::map<std::string, double>> found;
-  for (const PositionSet& set : read_position_file(raw)) {
+  for (const PositionSet& set : read_positions(read_text(raw, 1 << 24), raw.string())) {
     const Positioning p = positioning(set.runs);
     found[set.name] = {{"B", *p.B},        {"B_mean", *p.B_mean}, {"M", *p.M},
                        {"E_up", p.up->E},  {"E_dn", p.down->E},   {"E", *p.E},

@@ -222,9 +222,11 @@ TEST(SettingClasses, AreThoseOfTheStandard) {
   EXPECT_STREQ(setting_class(2.5).name, "Sc4");
   EXPECT_STREQ(setting_class(1e-9).name, "Sc1");
   EXPECT_STREQ(setting_class(1e9).name, "Sc5");
-  for (const SettingClass& one : setting_classes()) {
-    EXPECT_DOUBLE_EQ(one.section, one.Nic);
-    EXPECT_DOUBLE_EQ(one.evaluation, 5.0 * one.section);
+  for (const double Nic : {0.08, 0.25, 0.8, 2.5, 8.0}) {
+    const SettingClass& setting = setting_class(Nic);
+    EXPECT_EQ(setting.Nic, Nic);
+    EXPECT_DOUBLE_EQ(setting.section, Nic);
+    EXPECT_DOUBLE_EQ(setting.evaluation, 5.0 * Nic);
   }
 }
 

@@ -12,11 +12,11 @@
 #include "errors/geometric.h"
 #include "kinematics/units.h"
 #include "sim/compensation/channels.h"
-#include "sim/compensation/pulse_insertion.h"
 #include "sim/cut/commands.h"
 #include "sim/loop/compensate.h"
 #include "sim/loop/correctors.h"
 #include "sim/scene/read_scene.h"
+#include "tests/compensation/encoder_signals.h"
 #include "tests/sim/signal_columns.h"
 #include "tests/sim/small_scene.h"
 

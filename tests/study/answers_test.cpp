@@ -52,23 +52,20 @@ TEST(ResponseStatistics, TwoSayLittleAndFewerAreRefused) {
   EXPECT_TRUE(std::isfinite(two.standard_deviation.high));
   EXPECT_THROW(answers(Eigen::Vector3d(1.0, NAN, infinity)), std::invalid_argument);
   EXPECT_THROW(answers(Eigen::VectorXd()), std::invalid_argument);
-  EXPECT_THROW(quantile_with_interval(Eigen::VectorXd(), 0.5), std::invalid_argument);
-  EXPECT_THROW(quantile_with_interval(Eigen::Vector2d(1, 2), 1.5), std::invalid_argument);
-  EXPECT_THROW(quantile_with_interval(Eigen::Vector2d(1, 2), NAN), std::invalid_argument);
   EXPECT_THROW(fraction_within_limit(Eigen::VectorXd(), 0.5), std::invalid_argument);
-  EXPECT_EQ(quantile_with_interval(Eigen::VectorXd::Constant(1, 7.0), 0.3).value, 7.0);
 }
 
 TEST(ResponseStatistics, QuantilesAreType7WithRanksOfTheBinomialBand) {
   const Eigen::VectorXd to_100 = Eigen::VectorXd::LinSpaced(100, 1.0, 100.0);
-  EXPECT_DOUBLE_EQ(quantile_with_interval(to_100, 0.5).value, 50.5);
-  EXPECT_DOUBLE_EQ(quantile_with_interval(to_100, 0.95).value, 95.05);
-  EXPECT_DOUBLE_EQ(quantile_with_interval(to_100, 0.0).value, 1.0);
-  EXPECT_DOUBLE_EQ(quantile_with_interval(to_100, 1.0).value, 100.0);
+  const ResponseStatistics seen = answers(to_100);
+  EXPECT_DOUBLE_EQ(seen.median.value, 50.5);
+  EXPECT_DOUBLE_EQ(seen.p95.value, 95.05);
+  EXPECT_DOUBLE_EQ(seen.min, 1.0);
+  EXPECT_DOUBLE_EQ(seen.max, 100.0);
   // The textbook's ranks for the median of 100: the 40th and the 61st.
-  EXPECT_EQ(quantile_with_interval(to_100, 0.5).low, 40.0);
-  EXPECT_EQ(quantile_with_interval(to_100, 0.5).high, 61.0);
-  EXPECT_EQ(quantile_with_interval(to_100, 0.99).high, 100.0);  // open
+  EXPECT_EQ(seen.median.low, 40.0);
+  EXPECT_EQ(seen.median.high, 61.0);
+  EXPECT_EQ(seen.p99.high, 100.0);  // open
 }
 
 TEST(ResponseStatistics, BandsOfSharesAreWilsons) {
