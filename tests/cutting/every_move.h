@@ -7,8 +7,8 @@
 #include "cutting/surface/cutter_entry.h"
 #include "cutting/surface/removal.h"
 
-/// Removal along a ray by every move tried on its own, in time linear in the moves: what a SweepTree
-/// returns without trying all of them.
+/// Removal along a ray by every move tried on its own, in time linear in the moves: what a
+/// SweepTree returns without trying all of them.
 namespace abbe::cutting {
 
 template <class Visitor>

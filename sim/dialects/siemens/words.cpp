@@ -1,5 +1,5 @@
-#include "sim/dialects/siemens/siemens.h"
 #include "sim/dialects/read_program.h"
+#include "sim/dialects/siemens/siemens.h"
 
 namespace abbe::sim::dialects {
 
