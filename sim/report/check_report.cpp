@@ -120,12 +120,17 @@ Description::Heat heat_description(const Truth::Heat& truth, const ThermalDescri
 /// Returns the stiffness along x, y and z of the tool at the middle sample of the program.
 std::array<std::optional<double>, 3> stiffness_N_per_um(const Job& job) {
   const AxisState& state = job.samples.states[job.samples.states.size() / 2];
+  // Of several tools it is that of the tool which runs at this time.
+  const Job* part = &job;
+  for (const Job& segment : job.stretches)
+    if (!segment.samples.states.empty() && segment.samples.states.front().time_s <= state.time_s)
+      part = &segment;
   // A central difference cancels all other deviations; with 1 N the machine is linear.
   constexpr double force = 1.0;  // N
   const auto tip = [&](int axis, double newton) {
     errors::Load load;
     load.tool_wrench_t[axis] = newton;
-    return tool_in_workpiece(job.truth, state, load);
+    return tool_in_workpiece(part->truth, state, load);
   };
   std::array<std::optional<double>, 3> stiffness;
   for (int axis = 0; axis < 3; ++axis) {
