@@ -53,7 +53,7 @@ struct PythonComparison {
 };
 
 const cutting::Surface& surface(const py::object& self) {
-  return self.cast<const Result&>().verdict->aligned.surface;
+  return self.cast<const Result&>().verdict->alignment.surface;
 }
 
 py::object figures(const Result& result) {
