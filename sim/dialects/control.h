@@ -32,8 +32,8 @@
 #include "sim/program/canon.h"
 #include "sim/program/nc_reader.h"
 
-/// What the controls of all dialects share. The header of each dialect includes this one, and with
-/// it everything that the sources of the dialects need.
+/// State and functions that the controls of all dialects share. The header of each dialect includes
+/// this one, and with it everything that the sources of the dialects need.
 namespace abbe::sim::dialects {
 
 using kinematics::AxisVector;

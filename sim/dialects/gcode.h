@@ -8,7 +8,7 @@ namespace abbe::sim::dialects::gcode {
 /// A letter and its number.
 struct Word : program::NcWord {
   char letter = '\0';
-  /// Of Fanuc: true for a decimal point or an expression, when the number counts no increments.
+  /// Fanuc: true for a decimal point or an expression, when the number counts no increments.
   bool is_in_full_units = false;
 };
 

@@ -120,7 +120,7 @@ Description::Heat heat_description(const Truth::Heat& truth, const ThermalDescri
 /// Returns the stiffness along x, y and z of the tool at the middle sample of the program.
 std::array<std::optional<double>, 3> stiffness_N_per_um(const Job& job) {
   const AxisState& state = job.samples.states[job.samples.states.size() / 2];
-  // Of several tools it is that of the tool which runs at this time.
+  // The tool that runs at this time has its own compliance.
   const Job* part = &job;
   for (const Job& segment : job.stretches)
     if (!segment.samples.states.empty() && segment.samples.states.front().time_s <= state.time_s)

@@ -60,7 +60,7 @@ struct ToolDescription {
   std::optional<ToolWear> wear = {};  ///< of a milling cutter
   std::optional<double> shank_radius = {};      ///< mm, above the flank; none: that of the cutter
   std::optional<Eigen::MatrixX2d> holder = {};  ///< (n x 2) mm, radius and height above the tip
-  // Of this tool in place of [cutting], [material] and [compliance]:
+  // Properties that replace those of [cutting], [material] and [compliance] for this tool:
   std::optional<cutting::Flutes> flutes = {};  ///< of a milling cutter
   std::optional<cutting::CuttingCoefficients> material = {};
   std::optional<errors::Compliance> compliance = {};  ///< nose to tip, at the tip in frame t
