@@ -151,13 +151,18 @@ void require_single_tool(const Job& job, const CaseDescription& compensator, boo
                                compensator.name));
 }
 
+/// Returns the channel of a case; that of a plug-in is set by the scene.
+CaseDescription::Channel channel_of(const Scene& scene, const CaseDescription& compensator) {
+  return compensator.plug_in.empty() ? compensator.channel : scene.compensation.plug_in.channel;
+}
+
 /// Checks the channel and the beliefs of a case that are limited to one tool.
 void check_tool_count(const Job& job, const CaseDescription& compensator) {
   using Belief = CaseDescription::Belief;
   using Channel = CaseDescription::Channel;
   const BeliefDescription& beliefs = job.scene.belief;
   const bool is_plug_in = !compensator.plug_in.empty();
-  const Channel channel = is_plug_in ? job.scene.compensation.plug_in.channel : compensator.channel;
+  const Channel channel = channel_of(job.scene, compensator);
   const auto is_used = [&](Belief kind) {
     return !is_plug_in && is_belief_enabled(beliefs, compensator.belief, kind);
   };
@@ -274,10 +279,7 @@ LearnedCorrection learn_correction(const Job& job, const CaseDescription& compen
 
 Commands compensate(const Job& job, const CaseDescription& compensator, const Progress& progress) {
   check_tool_count(job, compensator);
-  const bool rewrites =
-      compensator.plug_in.empty()
-          ? compensator.channel == CaseDescription::Channel::Program
-          : job.scene.compensation.plug_in.channel == CaseDescription::Channel::Program;
+  const bool rewrites = channel_of(job.scene, compensator) == CaseDescription::Channel::Program;
   const auto parts = job_parts(job);
   std::vector<Commands> part_commands;
   std::vector<ControlView> views;
