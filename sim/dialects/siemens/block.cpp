@@ -468,12 +468,9 @@ class SiemensBlockReader {
   }
 
   void read_call(std::size_t from, const std::string& name) {
-    ProgramCall call{name, {}, false, cursor_.cause(from)};
+    ProgramCall call{name, {}, cursor_.cause(from)};
     cursor_.skip_blanks();
-    if (cursor_.current() == '(') {
-      call.arguments = parse_arguments(cursor_, variables_);
-      call.in_brackets = true;
-    }
+    if (cursor_.current() == '(') call.arguments = parse_arguments(cursor_, variables_);
     if (block_.call)
       run_.canon.throw_input_error(call.cause, "only one cycle or subprogram per block");
     block_.call = std::move(call);

@@ -122,7 +122,6 @@ struct Argument {
 struct ProgramCall {
   std::string name;  ///< upper case
   std::vector<Argument> arguments;
-  bool in_brackets = false;
   Cause cause;
 };
 
