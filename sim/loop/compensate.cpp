@@ -159,14 +159,12 @@ CaseDescription::Channel channel_of(const Scene& scene, const CaseDescription& c
 /// Checks the channel and the beliefs of a case that are limited to one tool.
 void check_tool_count(const Job& job, const CaseDescription& compensator) {
   using Belief = CaseDescription::Belief;
-  using Channel = CaseDescription::Channel;
-  const BeliefDescription& beliefs = job.scene.belief;
-  const bool is_plug_in = !compensator.plug_in.empty();
-  const Channel channel = channel_of(job.scene, compensator);
   const auto is_used = [&](Belief kind) {
-    return !is_plug_in && is_belief_enabled(beliefs, compensator.belief, kind);
+    return compensator.plug_in.empty() &&
+           is_belief_enabled(job.scene.belief, compensator.belief, kind);
   };
-  require_single_tool(job, compensator, channel == Channel::Table,
+  require_single_tool(job, compensator,
+                      channel_of(job.scene, compensator) == CaseDescription::Channel::Table,
                       "the channel table, whose tables apply to the tip of one tool");
   require_single_tool(job, compensator, is_used(Belief::Part),
                       "the belief part, which corrects the tool that cut the part");
