@@ -143,15 +143,15 @@ CutterData::End find_end(const std::string& text) {
 }  // namespace
 
 std::optional<CutterData> parse_cutter_comment(std::string_view comment) {
-  if (comment.size() > max_comment_length ||
-      comment.find_first_of("0123456789") == std::string_view::npos)
+  if (comment.size() > max_comment_length || comment.find_first_of("0123456789") == comment.npos)
     return std::nullopt;
   std::string text(comment);
-  for (char& c : text)
-    if (c >= 'a' && c <= 'z') c = char(c - 'a' + 'A');
-  const auto data = add_diameter(text, {.number = find_tool_number(text)});
+  for (char& c : text) c = c >= 'a' && c <= 'z' ? char(c - 'a' + 'A') : c;
+  CutterData cutter;
+  cutter.number = find_tool_number(text);
+  const auto data = add_diameter(text, cutter);
   if (!data || !(data->diameter > 0.0)) return std::nullopt;
-  CutterData cutter = *data;
+  cutter = *data;
   if (!cutter.corner_radius) cutter.corner_radius = find_corner_radius(text);
   cutter.end = find_end(text);
   return cutter;

@@ -117,8 +117,8 @@ Description::Heat heat_description(const Truth::Heat& truth, const ThermalDescri
   return heat;
 }
 
-/// Returns the stiffness along x, y and z of the tool at the middle sample of the program.
-std::array<std::optional<double>, 3> stiffness_N_per_um(const Job& job) {
+/// Returns the stiffness of the tool along x, y and z, in N/um, at the middle sample.
+std::array<std::optional<double>, 3> tool_stiffness(const Job& job) {
   const AxisState& state = job.samples.states[job.samples.states.size() / 2];
   // The tool that runs at this time has its own compliance.
   const Job* part = &job;
@@ -159,7 +159,7 @@ Description describe(const Job& job) {
   for (const auto& bound : job.truth.geometric.elements)
     d.elements.push_back(element_description(job.truth.geometric, bound, chain));
   if (job.truth.heat) d.heat = heat_description(*job.truth.heat, *job.scene.thermal, chain);
-  if (job.truth.compliance && !states.empty()) d.stiffness_N_per_um = stiffness_N_per_um(job);
+  if (job.truth.compliance && !states.empty()) d.stiffness_N_per_um = tool_stiffness(job);
   if (job.scene.cutting)
     d.cut = {nominal_material(job.scene), job.scene.cutting->spacing,
              job.nominal_process.steps.size(), totals(job.nominal_process),

@@ -351,7 +351,7 @@ void Flow::call_by_name(Cursor& cursor) {
   if (!std::ranges::all_of(*name, is_name_char) || name->empty() || name->size() > 100)
     cursor.throw_input_error(from, "a name of letters, digits and _, without folders",
                              quoted_excerpt(*name));
-  const ProgramCall program_call{to_upper(*name), {}, false, cursor.cause(from)};
+  const ProgramCall program_call{to_upper(*name), {}, cursor.cause(from)};
   expect_end(cursor);
   ++line_index_;
   call_program(program_call, 1);
