@@ -9,6 +9,7 @@
 
 #include "cutting/map/areal_filter.h"
 #include "cutting/map/refinement.h"
+#include "cutting/part/design_points.h"
 #include "cutting/stock/stock.h"
 #include "kinematics/pose.h"
 #include "kinematics/units.h"
@@ -173,6 +174,55 @@ std::shared_ptr<const cutting::Surface> error_free_surface(const Job& job) {
   return job.sampled ? job.sampled->error_free : nullptr;
 }
 
+/// Returns the moves in feed of a sweep, without the rapids between them.
+std::vector<SweptWindow> feed_runs(const ToolSweep& sweep) {
+  const program::Samples& samples = sweep.samples;
+  std::vector<SweptWindow> runs;
+  const auto add_sample = [&](std::size_t i) {
+    SweptWindow& run = runs.back();
+    run.samples.states.push_back(samples.states[i]);
+    run.samples.line.push_back(samples.line[i]);
+    run.samples.block.push_back(samples.block[i]);
+    run.T_wt.push_back(sweep.T_wt[i]);
+  };
+  bool in_run = false;
+  for (std::size_t i = 1; i < samples.states.size(); ++i) {
+    const bool feeds = program::is_feed(sweep.path.blocks[std::size_t(samples.block[i])]);
+    if (feeds && !in_run) {
+      runs.emplace_back();
+      add_sample(i - 1);  // a feed begins where the move before it ends
+    }
+    if (feeds) add_sample(i);
+    in_run = feeds;
+  }
+  return runs;
+}
+
+/// Returns (vertices) the residual that the moves in feed alone leave, mm; infinite where they cut
+/// nothing, and minus infinity beyond the band.
+Eigen::VectorXd feed_residual(const Job& job, const std::vector<Eigen::Index>& vertices,
+                              const SweepVisitor& visit_sweeps) {
+  std::vector<cutting::Contact> contacts;
+  for (const Eigen::Index i : vertices)
+    contacts.push_back({job.design_w.vertices.row(i), job.design_w.normals.row(i)});
+  const cutting::Design design_w = cutting::design_from_points(contacts);
+  Eigen::VectorXd residual = Eigen::VectorXd::Constant(design_w.vertices.rows(), infinity);
+  visit_sweeps([&](const ToolSweep& sweep) {
+    for (const SweptWindow& run : feed_runs(sweep)) {
+      const cutting::Surface surface = machined_surface(
+          design_w,
+          {{sweep.tool, run.samples, run.T_wt, sweep.chain, sweep.workpiece_spindle, sweep.path}},
+          surface_options(job, {}));
+      for (Eigen::Index i = 0; i < residual.size(); ++i)
+        if (surface.status[std::size_t(i)] == cutting::VertexStatus::Cut)
+          residual[i] = std::min(residual[i], surface.residual[i]);
+        else if (surface.status[std::size_t(i)] == cutting::VertexStatus::Gouged)
+          residual[i] = -infinity;
+    }
+  });
+  return residual;
+}
+
 CutMap cut_map(const Job& job, const CutInputs& inputs) {
   const Sweep& sweep = inputs.sweep;
   CutMap map;
@@ -183,7 +233,11 @@ CutMap cut_map(const Job& job, const CutInputs& inputs) {
   if (gouge.vertices > 0)
     map.warnings.push_back(gouge_text(
         gouge, total_flank_gouges(gouge, map.surface, job.design_w, inputs.visit_sweeps)));
-  add_warnings(surface_warnings(map.surface, inputs.path, job.scene.band), map.warnings);
+  add_warnings(surface_warnings(
+                   map.surface, inputs.path, job.scene.band,
+                   [&](const auto& at) { return feed_residual(job, at, inputs.visit_sweeps); },
+                   inputs.explained_gouge()),
+               map.warnings);
   if (job.sampled) {
     const double resolution = target_resolution(job, map.surface);
     const cutting::SurfaceInterpolator interpolator = surface_interpolator(job);
@@ -339,14 +393,15 @@ SegmentMotion segment_motion(const Job& job, const Commands& commands, const Pro
 
 /// Adds the sweep of a part, or the sweeps of its segments if the radius of the tool wears. The
 /// sweeps refer to the arguments.
-void add_sweeps(const Job& part, const program::Samples& samples, const SegmentMotion& motion,
+void add_sweeps(const Job& part, const Commands& commands, const SegmentMotion& motion,
                 std::vector<ToolSweep>& sweeps) {
   const auto& chain = part.truth.actual;
   const std::optional<int> spindle = part.machine.workpiece_spindle;
+  const program::Path& path = path_of(part, commands);
   for (const WornSegment& segment : motion.worn_cutter)
-    sweeps.push_back({segment.tool, segment.samples, segment.T_wt, chain, spindle});
+    sweeps.push_back({segment.tool, segment.samples, segment.T_wt, chain, spindle, path});
   if (motion.worn_cutter.empty())
-    sweeps.push_back({part.scene.tool.actual, samples, motion.T_wt, chain, spindle});
+    sweeps.push_back({part.scene.tool.actual, commands.samples, motion.T_wt, chain, spindle, path});
 }
 
 /// Returns the spread over the samples of both.
@@ -477,7 +532,7 @@ Cut cut(const Job& job, const Commands& commands, const Progress& progress, Rete
   if (progress) progress("surface", 0.0);  // shown while the moves are sorted
   std::vector<ToolSweep> sweeps;
   for (std::size_t i = 0; i < parts.size(); ++i)
-    add_sweeps(parts[i], part_commands(commands, i).samples, motions[i], sweeps);
+    add_sweeps(parts[i], part_commands(commands, i), motions[i], sweeps);
   result.wear = worn_tools(tool_runs(job));
   CutMap map =
       cut_map(job, {make_sweep(sweeps, surface_options(job, progress)), sweep_visitor(sweeps),
@@ -532,13 +587,14 @@ SweptWindow WindowedCut::at(std::size_t number) {
   const std::size_t max_intervals = is_first ? intervals_per_window(job_.windows->all.size()) : 0;
   SegmentMotion motion = segment_motion(part, commands, {}, timing_s, max_intervals);
   if (is_first) report(part, commands, motion);
-  return {std::move(commands.samples), std::move(motion.T_wt)};
+  return {std::move(commands.samples), std::move(motion.T_wt), path_of(part, commands)};
 }
 
 void WindowedCut::visit_sweeps(const std::function<void(const ToolSweep&)>& use) {
   for (std::size_t i = 0; i < job_.windows->all.size(); ++i) {
     const SweptWindow swept = at(i);
-    use({job_.scene.tool.actual, swept.samples, swept.T_wt, job_.truth.actual, std::nullopt});
+    use({job_.scene.tool.actual, swept.samples, swept.T_wt, job_.truth.actual, std::nullopt,
+         swept.path});
   }
 }
 

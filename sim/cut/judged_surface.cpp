@@ -33,6 +33,8 @@ using Eigen::Vector3d;
 
 // Fraction of uncut judged vertices from which a warning is given.
 constexpr double uncut_warning = 0.01;
+// Two moves that leave surfaces closer than this, mm, differ by rounding.
+constexpr double same_depth = 1e-6;
 
 int count(const Surface& surface, VertexStatus status) {
   return int(std::count(surface.status.begin(), surface.status.end(), status));
@@ -74,6 +76,15 @@ std::set<int> rapid_lines(const program::Path& path) {
   return lines;
 }
 
+/// Returns the numbers of the vertices that blocks on given lines have cut.
+std::vector<Index> vertices_cut_on(const Surface& surface, const std::set<int>& lines) {
+  std::vector<Index> vertices;
+  for (std::size_t i = 0; i < surface.status.size(); ++i)
+    if (surface.status[i] == VertexStatus::Cut && lines.contains(surface.cut_line[i]))
+      vertices.push_back(Index(i));
+  return vertices;
+}
+
 /// Tip and axis of a tool at an instant.
 struct ToolPosition {
   Vector3d tip, axis;
@@ -96,7 +107,8 @@ ToolPosition tool_position(const cutting::CutterMotion& motion, double time_s) {
 }  // namespace
 
 std::vector<std::string> surface_warnings(const Surface& surface, const program::Path& path,
-                                          double band) {
+                                          double band, const FeedResidual& feed_residual,
+                                          double explained) {
   std::vector<std::string> warnings;
   const int cut = count(surface, VertexStatus::Cut), uncut = count(surface, VertexStatus::Uncut);
   const int judged = cut + uncut + count(surface, VertexStatus::Gouged);
@@ -107,16 +119,21 @@ std::vector<std::string> surface_warnings(const Surface& surface, const program:
                     "RMS and form exclude them",
                     count_text(uncut, judged), band));
   if (!surface.gouges.empty()) warnings.push_back(gouge_text(surface, judged, band));
-  const std::set<int> rapids = rapid_lines(path);
-  int rapid_cuts = 0, first_line = 0;
-  for (std::size_t i = 0; i < surface.status.size(); ++i) {
-    const int line = surface.cut_line[i];
-    if (surface.status[i] != VertexStatus::Cut || !rapids.contains(line)) continue;
-    if (rapid_cuts++ == 0 || line < first_line) first_line = line;
+  std::vector<Index> rapid_cuts = vertices_cut_on(surface, rapid_lines(path));
+  const auto are_few = [&] { return double(rapid_cuts.size()) < uncut_warning * judged; };
+  if (!are_few()) {
+    const Eigen::VectorXd fed = feed_residual(rapid_cuts);
+    std::vector<Index> deeper;
+    for (std::size_t k = 0; k < rapid_cuts.size(); ++k)
+      if (fed[Index(k)] > surface.residual[rapid_cuts[k]] + same_depth + explained)
+        deeper.push_back(rapid_cuts[k]);
+    rapid_cuts = std::move(deeper);
   }
-  if (rapid_cuts >= uncut_warning * judged && rapid_cuts > 0)
-    warnings.push_back(fmt::format("{} are cut by rapid moves, first line {}",
-                                   count_text(rapid_cuts, judged), first_line));
+  if (rapid_cuts.empty() || are_few()) return warnings;
+  const auto line = [&](Index i) { return surface.cut_line[std::size_t(i)]; };
+  warnings.push_back(fmt::format("{} are cut by rapid moves, first line {}",
+                                 count_text(int(rapid_cuts.size()), judged),
+                                 line(std::ranges::min(rapid_cuts, {}, line))));
   return warnings;
 }
 

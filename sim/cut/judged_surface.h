@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstdint>
+#include <functional>
 #include <string>
 #include <vector>
 
@@ -13,10 +14,17 @@
 /// The vertices at which a part is judged, and warnings about uncut and gouged vertices.
 namespace abbe::sim {
 
+/// Returns (vertices) the residual that the moves in feed alone leave at vertices of a surface, mm.
+using FeedResidual = std::function<Eigen::VectorXd(const std::vector<Eigen::Index>& vertices)>;
+
 /// Returns the warnings about uncut vertices ("1348 of 1483 judged vertices (90.9 %) are uncut
-/// ..."), gouges beyond the band with depth and line, and vertices cut by rapids, in this order.
+/// ..."), gouges beyond the band with depth and line, and vertices cut by rapids, in this order. A
+/// rapid that runs where the tool has fed, such as the retract from a hole, cuts nothing.
+/// @param feed_residual  called only if rapids win at so many vertices that a warning may follow
+/// @param explained      largest deviation of the actual tool from its commanded surface, mm
 std::vector<std::string> surface_warnings(const cutting::Surface& surface,
-                                          const program::Path& path, double band);
+                                          const program::Path& path, double band,
+                                          const FeedResidual& feed_residual, double explained);
 
 /// The vertices at which the program cuts into the design, within the band, by more than the errors
 /// of the machine explain.

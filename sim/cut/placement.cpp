@@ -261,12 +261,20 @@ using cutting::VertexStatus;
 // Fraction of the judged area that a program must reach; below it a warning is given.
 constexpr double min_reachable_fraction = 0.99;
 
-/// Returns advice such as "; with G54 Z = -80 it touches"; empty if there is none. A wrong unit is
-/// tried first, since an offset would hide it.
-std::string advice_text(const Job& job) {
-  if (const std::string warning = unit_warning(job, {}); !warning.empty()) return "; " + warning;
+/// Returns advice such as "; with G54 Z = -80 it touches"; empty if there is no placement at which
+/// the program cuts more.
+/// @param now  the present reach
+std::string shift_advice(const Job& job, const ReachableArea& now) {
   const auto suggestion = placement_suggestion(job);
-  return suggestion ? "; " + suggestion->words : "";
+  if (!suggestion || (now.reached_fraction > 0.0 && suggestion->reach.cut <= now.cut)) return {};
+  return "; " + suggestion->words;
+}
+
+/// Returns the advice for a program that cuts nothing, or gouges. A wrong unit is tried first,
+/// since an offset would hide it.
+std::string advice_text(const Job& job, const ReachableArea& now = {}) {
+  if (const std::string warning = unit_warning(job, {}); !warning.empty()) return "; " + warning;
+  return shift_advice(job, now);
 }
 
 /// Returns a text such as "; the mesh of the part, read in mm, is 0.04 x 0.04 x 0.02 mm"; empty for
@@ -355,20 +363,36 @@ std::string span_text(const char* name, const Span& tip, const Span& part) {
                      without_rounding(part.high));
 }
 
+/// Returns true if the program cuts all of the judged area that faces up along z of the part. What
+/// it does not reach then are sides and undersides, as of a plate that is milled from above.
+bool cuts_upper_faces(const Job& job) {
+  constexpr double min_normal_z = 0.5;
+  if (job.machine.workpiece_spindle) return false;
+  cutting::Design upper_w = job.design_w;
+  upper_w.judged.resize(std::size_t(upper_w.vertices.rows()), 1);
+  const Vector3d up_w = job.scene.part.T_wm.linear().col(2);
+  for (std::size_t i = 0; i < upper_w.judged.size(); ++i)
+    if (upper_w.normals.row(Eigen::Index(i)).dot(up_w) < min_normal_z) upper_w.judged[i] = 0;
+  return reachable_area(thin_out(std::move(upper_w)), job).cut >= min_reachable_fraction;
+}
+
 /// Returns the warning for a program that reaches only a fraction of the part.
 std::string partial_reach_text(const Job& job, const ReachableArea& reach) {
   if (std::string warning = unit_warning(job, reach); !warning.empty()) return warning;
   const Spans tip = swept_spans(job).tip, part = part_spans(job);
   const bool is_milled = !job.machine.workpiece_spindle;
-  const auto suggestion = placement_suggestion(job);
+  // The search for a better place takes most of the time of a check.
+  const std::string advice =
+      cuts_upper_faces(job)
+          ? "; it cuts all that faces up, and part.judged = \"cut\" judges only what it cuts"
+          : shift_advice(job, reach);
   std::string ranges = span_text(is_milled ? "x" : "along the spindle", tip[0], part[0]);
   ranges += ", " + span_text(is_milled ? "y" : "radius", tip[1], part[1]);
   if (is_milled) ranges += ", " + span_text("z", tip[2], part[2]);
   return fmt::format(
       "the program comes within {} mm of {:.3g} % of the judged area ({} vertices tested): its "
       "feed moves take the tip over {}, in the part's frame{}",
-      job.scene.band, 100.0 * reach.reached_fraction, reach.vertex_count, ranges,
-      suggestion ? "; " + suggestion->words : "");
+      job.scene.band, 100.0 * reach.reached_fraction, reach.vertex_count, ranges, advice);
 }
 
 /// Returns the warning if most of the reached area is gouged; none otherwise.
@@ -379,7 +403,8 @@ std::optional<std::string> gouged_text(const Job& job, const ReachableArea& reac
   return fmt::format(
       "the program removes {:.3g} % of the judged area more than {} mm below the design and cuts "
       "{:.3g} % within it ({} vertices tested){}",
-      100.0 * gouged, job.scene.band, 100.0 * reach.cut, reach.vertex_count, advice_text(job));
+      100.0 * gouged, job.scene.band, 100.0 * reach.cut, reach.vertex_count,
+      advice_text(job, reach));
 }
 
 /// Returns a warning if the part is much smaller than the range of the feed, since a program for a

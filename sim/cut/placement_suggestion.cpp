@@ -398,7 +398,7 @@ cutting::Surface ProgramShift::surface(const Vector3d& shift) const {
   std::vector<ToolSweep> sweeps;
   for (const Job& part : job_parts(job_))
     sweeps.push_back({part.scene.tool.nominal, part.samples, poses[sweeps.size()],
-                      part.machine.nominal, part.machine.workpiece_spindle});
+                      part.machine.nominal, part.machine.workpiece_spindle, part.path});
   return machined_surface(thinned_w_, sweeps, {.band = search_band_, .progress = {}});
 }
 

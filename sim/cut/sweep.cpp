@@ -169,8 +169,8 @@ Sweep sweep_in_windows(const Cutter& cutter, std::size_t windows,
 }
 
 ToolSweep segment_error_free_sweep(const Job& part) {
-  return {part.scene.tool.nominal, part.samples, part.T_wt_nominal, part.machine.nominal,
-          part.machine.workpiece_spindle};
+  return {part.scene.tool.nominal,        part.samples, part.T_wt_nominal, part.machine.nominal,
+          part.machine.workpiece_spindle, part.path};
 }
 
 Sweep error_free_sweep(const Job& job, const SurfaceOptions& options) {
@@ -179,7 +179,8 @@ Sweep error_free_sweep(const Job& job, const SurfaceOptions& options) {
       std::get<Cutter>(job.scene.tool.nominal), job.windows->all.size(),
       [&job](std::size_t number) {
         Job part = make_window(job, number);
-        return SweptWindow{std::move(part.samples), std::move(part.T_wt_nominal)};
+        return SweptWindow{std::move(part.samples), std::move(part.T_wt_nominal),
+                           std::move(part.path)};
       },
       options);
 }

@@ -23,6 +23,7 @@ struct ToolSweep {
   const std::vector<kinematics::Pose>& T_wt;  ///< (samples)
   const kinematics::Chain& chain;
   std::optional<int> workpiece_spindle;  ///< joint, for a turning tool
+  const program::Path& path;             ///< with the blocks of the samples
 };
 
 /// The sweep of one or several tools through the workpiece. It is prepared once and gives the
@@ -47,6 +48,7 @@ cutting::Surface machined_surface(const cutting::Design& design_w,
 struct SweptWindow {
   program::Samples samples;
   std::vector<kinematics::Pose> T_wt;  ///< (samples)
+  program::Path path = {};             ///< with the blocks of the samples
 };
 
 /// Returns the sweep of one milling tool through windows. Each is made once for the surface, again

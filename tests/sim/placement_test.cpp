@@ -1,5 +1,10 @@
+#include <array>
+#include <cmath>
+
 #include <gtest/gtest.h>
 
+#include "kinematics/units.h"
+#include "sim/cut/cut.h"
 #include "sim/cut/placement.h"
 #include "sim/cut/placement_suggestion.h"
 #include "tests/sim/odd_scenes.h"
@@ -333,6 +338,95 @@ TEST(Placement, EveryOffsetThatTheProgramUsesIsNamed) {
   EXPECT_NEAR(offset_in(text.substr(text.find("G54")), "Z"), -80.0, 0.005) << text;
   EXPECT_NEAR(offset_in(text.substr(text.find("G55")), "Z"), -75.0, 0.005) << text;
   EXPECT_TRUE(says(text, "(now 5) it fits best")) << text;
+}
+
+/// An STL of triangles.
+std::string stl_of(const std::vector<std::array<Vector3d, 3>>& triangles) {
+  std::string text = "solid part\n";
+  for (const auto& triangle : triangles) {
+    const Vector3d n = (triangle[1] - triangle[0]).cross(triangle[2] - triangle[0]).normalized();
+    text += fmt::format("facet normal {} {} {}\nouter loop\n", n.x(), n.y(), n.z());
+    for (const Vector3d& p : triangle)
+      text += fmt::format("vertex {} {} {}\n", p.x(), p.y(), p.z());
+    text += "endloop\nendfacet\n";
+  }
+  return text + "endsolid part\n";
+}
+
+/// A mesh in the work zero of a three-axis machine.
+class MeshUnderProgram : public testing::Test {
+ protected:
+  Job job(const std::string& tool, const std::string& part, const std::string& program) const {
+    folder_.write("p.ngc", "G21 G90 G17 G94\nG54\nT1 M6\nS9000 M3\nG43 H1\n" + program + "M30\n");
+    return prepare(read_scene(folder_.write(
+        "s.toml",
+        fmt::format("machine = \"{}machines/three_axis_table.toml\"\n[tool]\n{}length_mm = 100\n"
+                    "number = 1\n[part]\nfile = \"part.stl\"\nunit = \"mm\"\n{}[program]\n"
+                    "file = \"p.ngc\"\nwork_offset.G54 = {{ Z_mm = -100 }}\n",
+                    packaged("").string(), tool, part))));
+  }
+  SceneFolder folder_;
+};
+
+/// The wall of a hole of R 3 mm, 12 mm deep, that a flat end mill of R 3 mm leaves by four pecks.
+TEST_F(MeshUnderProgram, ARapidCutsOnlyWhatTheFeedHasLeft) {
+  std::vector<std::array<Vector3d, 3>> wall;
+  const auto at = [](int k, double z) {
+    return Vector3d(3 * std::cos(units::full_turn * (k % 24) / 24),
+                    3 * std::sin(units::full_turn * (k % 24) / 24), z);
+  };
+  for (int ring = 0; ring < 12; ++ring)
+    for (int k = 0; k < 24; ++k) {
+      const Vector3d a = at(k, -ring), b = at(k + 1, -ring), c = at(k, -ring - 1),
+                     d = at(k + 1, -ring - 1);
+      wall.push_back({a, b, c});
+      wall.push_back({b, d, c});
+    }
+  folder_.write("part.stl", stl_of(wall));
+  // Each peck but the first comes down in rapid to 0.5 mm above the bottom so far.
+  const auto warnings = [&](int rapid_peck) {
+    std::string program = "G0 X0 Y0 Z5\n";
+    for (int peck = 1; peck <= 4; ++peck)
+      program += fmt::format("G0 Z{}\nG{} Z{} F300\nG0 Z5\n", peck == 1 ? 1.0 : 3.5 - 3 * peck,
+                             peck == rapid_peck ? 0 : 1, -3 * peck);
+    const Job hole = job("kind = \"flat\"\nradius_mm = 3\nflank_length_mm = 30\n",
+                         "open = true\nsampling = \"vertices\"\n", program + "G0 Z60\n");
+    std::string text;
+    for (const std::string& warning : cut_error_free(hole).warnings) text += warning + "\n";
+    return text;
+  };
+  // The flank of a later peck in feed would cut what an earlier one has cut in rapid.
+  for (int peck = 0; peck < 4; ++peck)
+    EXPECT_FALSE(says(warnings(peck), "rapid")) << warnings(peck);
+  EXPECT_TRUE(
+      says(warnings(4), "72 of 312 judged vertices (23.1 %) are cut by rapid moves, first line"))
+      << warnings(4);
+}
+
+TEST_F(MeshUnderProgram, APlateThatIsMilledFromAboveIsNotMoved) {
+  std::vector<std::array<Vector3d, 3>> box;
+  const auto face = [&](const Vector3d& p, const Vector3d& u, const Vector3d& v) {
+    box.push_back({p, p + u, p + u + v});
+    box.push_back({p, p + u + v, p + v});
+  };
+  const Vector3d x = 20 * Vector3d::UnitX(), y = 20 * Vector3d::UnitY(), z = 10 * Vector3d::UnitZ();
+  const Vector3d low = -0.5 * (x + y) - z;
+  face(low + z, x, y);
+  face(low, y, x);
+  face(low, x, z);
+  face(low + y, z, x);
+  face(low, z, y);
+  face(low + x, y, z);
+  folder_.write("part.stl", stl_of(box));
+  std::string program;
+  for (double row = -11; row <= 11; ++row)
+    program += fmt::format("G0 X-16 Y{0}\nG0 Z5\nG1 Z0 F500\nG1 X16 F1000\nG0 Z60\n", row);
+  const Placement found = placement(job("kind = \"ball\"\nradius_mm = 5\nflank_length_mm = 8\n",
+                                        "sampling = \"spacing\"\nspacing_mm = 1\n", program));
+  ASSERT_EQ(found.warnings.size(), 1u);
+  EXPECT_TRUE(says(found.warnings.front(),
+                   "it cuts all that faces up, and part.judged = \"cut\" judges only what it cuts"))
+      << found.warnings.front();
 }
 
 }  // namespace
