@@ -322,20 +322,6 @@ constexpr double min_remaining_fraction = 0.2;  // of a standard deviation, betw
 // 10.
 constexpr double max_centre_distance = 3.0, max_sweep_distance = 10.0;
 
-/// Returns a path without its indices: "errors.EXX.coefficients_um" for
-/// "errors.EXX.0.coefficients_um.1".
-std::string path_without_indices(const std::string& path) {
-  std::string key;
-  for (std::size_t begin = 0; begin <= path.size();) {
-    const std::size_t dot = std::min(path.find('.', begin), path.size());
-    const std::string component = path.substr(begin, dot - begin);
-    if (!std::ranges::all_of(component, [](unsigned char c) { return std::isdigit(c) != 0; }))
-      key += (key.empty() ? "" : ".") + component;
-    begin = dot + 1;
-  }
-  return key;
-}
-
 /// Returns the probable mistake in the spread of a coefficient of an element, which has the same
 /// limits as the clamping.
 std::string unit_mistake_text(const std::string& unit, double spread) {

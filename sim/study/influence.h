@@ -1,5 +1,6 @@
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <functional>
 #include <vector>
@@ -70,6 +71,10 @@ Eigen::MatrixXd responses(const Study& study, const PreparedConfiguration& ready
 /// surface in the base run; NaN where not cut.
 Eigen::MatrixXd effects(const InfluenceMap& influence);
 
+/// Returns the values between which the difference for an input is taken: those at standard normal
+/// scores of -1 and +1, which the input may always have.
+std::array<double, 2> difference_points(const Study& study, Eigen::Index input);
+
 /// Finds the competing passes of the base run, the effect of every input on them, and the vertices
 /// where the model fails. In addition to the terms listed at `cutting::CompetingPass` it neglects:
 /// products of two inputs; the change of the cutting force by a geometric input (under compliance,
@@ -77,9 +82,9 @@ Eigen::MatrixXd effects(const InfluenceMap& influence);
 /// along the cut, slope D^2 / 2r, so that vertices nearer to the spindle axis than some D are
 /// flagged. A nonlinear input has the mean slope between its values at one standard deviation to
 /// either side, and is reported as if it were linear.
-/// @throws BadInput naming an input that changes part, program, nominal machine or stock, which
-/// only the full engine can represent; if none of the checked machines can cut the program; if the
-/// base run leaves all of the part uncut or gouged
+/// @throws BadInput naming an input that changes part, program, nominal machine or stock, or a worn
+/// or hollow tool, which only the full engine can represent; if none of the checked machines can
+/// cut the program; if the base run leaves all of the part uncut or gouged
 InfluenceMap influence_map(const Study& study, const PreparedConfiguration& ready,
                            const Progress& progress = {});
 

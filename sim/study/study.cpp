@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <array>
+#include <cctype>
 
 #include <fmt/format.h>
 
@@ -151,16 +152,29 @@ Scene scene_at(const Study& study, const Configuration& configuration, const Sce
   return scene;
 }
 
+std::string path_without_indices(const std::string& path) {
+  std::string key;
+  for (std::size_t begin = 0; begin <= path.size();) {
+    const std::size_t dot = std::min(path.find('.', begin), path.size());
+    const std::string component = path.substr(begin, dot - begin);
+    if (!std::ranges::all_of(component, [](unsigned char c) { return std::isdigit(c) != 0; }))
+      key += (key.empty() ? "" : ".") + component;
+    begin = dot + 1;
+  }
+  return key;
+}
+
 bool is_reshaping(const Input& input) {
   // Tables that change only errors. All others change part, program, nominal machine or stock.
   constexpr std::array error_only_keys{
       "errors",  "setup",     "thermal", "history",    "room",         "room_C", "datum",
       "control", "vibration", "belief",  "compliance", "compensation", "signals"};
   return std::any_of(input.settings.begin(), input.settings.end(), [&](const Setting& setting) {
-    const std::string& path = setting.path;
-    if (path.starts_with("tool.actual.") || path.starts_with("tool.wear.")) return false;
-    return std::find(error_only_keys.begin(), error_only_keys.end(), top_key(path)) ==
-           error_only_keys.end();
+    const std::string path = path_without_indices(setting.path);  // of several tools
+    if (path.starts_with("tool.actual.") || path.starts_with("tool.wear.") ||
+        path.starts_with("tool.compliance."))
+      return false;
+    return std::ranges::find(error_only_keys, top_key(path)) == error_only_keys.end();
   });
 }
 

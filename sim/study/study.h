@@ -222,6 +222,10 @@ Scene base_scene(const Study& study, const Configuration& configuration);
 Scene scene_at(const Study& study, const Configuration& configuration, const Scene& base,
                const Eigen::VectorXd& x);
 
+/// Returns a path without its indices: "errors.EXX.coefficients_um" for
+/// "errors.EXX.0.coefficients_um.1".
+std::string path_without_indices(const std::string& path);
+
 /// Returns true if an input changes part, program, nominal machine, nominal tool, or the tracking
 /// of the stock, so that its cases cannot share computations. All other inputs change only the
 /// errors.

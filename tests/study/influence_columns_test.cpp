@@ -4,7 +4,7 @@
 
 #include <gtest/gtest.h>
 
-#include "sim/study/influence_map.h"
+#include "sim/study/influence.h"
 #include "tests/study/small_studies.h"
 
 namespace abbe::sim::study {
@@ -203,6 +203,57 @@ TEST(InfluenceColumns, UnderCuttingForceFollowTheForceThatComplianceItselfChange
                  by_path("compliance.scale", 1, 0.2) + by_element("EZS") + by_element("EYX") +
                      by_path("setup.EZ_um", 0, 5)}),
       on_dome);
+}
+
+/// Two tools that cut one blank, each a half of a flat and a strip in the middle where they
+/// compete.
+SmallStudy two_tools(const std::string& inputs, const std::string& top = {},
+                     const std::string& more = {}) {
+  std::string program = "G21 G90 G17 G94\nG54\n";
+  const auto add_passes = [&](int tool, double from, double to, double z) {
+    program += fmt::format("T{0} M6\nS9000 M3\nG43 H{0}\n", tool);
+    for (double y = from; y <= to + 1e-9; y += 0.5)
+      program += fmt::format("G0 X-9 Y{0}\nG0 Z5\nG1 Z{1} F500\nG1 X9 F1000\nG0 Z60\n", y, z);
+  };
+  add_passes(1, -7, 0.25, 0.0);
+  add_passes(2, -0.25, 7, -0.004);
+  return {fmt::format(
+              "machine = \"{0}\"\n{1}"
+              "[errors]\nEXX_um = 4\nEZX = {{ kind = \"polynomial\", coefficients_um = [3, 20], "
+              "half_range_mm = 100 }}\nEBX_urad = 150\nEAY_urad = -120\n"
+              "[[tool]]\nname = \"ball\"\nkind = \"ball\"\nradius_mm = 5\n"
+              "flank_length_mm = 25\nlength_mm = 100\nnumber = 1\n"
+              "[[tool]]\nname = \"bull\"\nkind = \"bull\"\nradius_mm = 4\ncorner_radius_mm = 1\n"
+              "flank_length_mm = 20\nlength_mm = 80\nnumber = 2\n"
+              "compliance = {{ stiffness_N_per_um = [10, 10, 100] }}\n"
+              "[part]\nsurface = \"rectangle\"\nlength_x_mm = 10\nlength_y_mm = 10\n"
+              "vertices = 400\n[program]\nfile = \"p.ngc\"\nwork_offset.G54 = {{ Z_mm = -100 }}\n"
+              "[compliance.axis.X]\nstiffness_N_per_um = [60, 60, 60]\n{2}",
+              file_of("machines/three_axis_table.toml"), top, more),
+          inputs, "", 0, program + "M30\n"};
+}
+
+TEST(InfluenceColumns, OfSeveralToolsAreDifferencesOfFullRuns) {
+  const MadeStudy made(two_tools(by_element("EZX") + by_element("EAY") +
+                                 by_path("tool.1.actual.length_mm", 80, 0.005) +
+                                 by_path("tool.0.actual.length_mm", 100, 0.005)));
+  expect_columns(made, off_dome);
+  // The length of a tool acts on its own passes alone.
+  const Eigen::ArrayXd bull = effects(made.map).row(2), ball = effects(made.map).row(3);
+  EXPECT_GT((bull.abs() > 0.9).count(), 50);
+  EXPECT_GT((ball.abs() > 0.9).count(), 50);
+  EXPECT_EQ(((bull.abs() > 0.9) != (ball.abs() > 0.9)).count(), bull.size());
+  EXPECT_LT(bull.abs().min(ball.abs()).maxCoeff(), 1e-9);
+}
+
+TEST(InfluenceColumns, OfSeveralToolsFollowTheForceOfEach) {
+  expect_columns(MadeStudy(two_tools(by_path("compliance.scale", 1, 0.2) + by_element("EZX") +
+                                         by_path("tool.1.compliance.stiffness_N_per_um.2", 100, 10),
+                                     fmt::format("material = \"{}\"\n",
+                                                 file_of("materials/al6082_t6_carbide.toml")),
+                                     "[cutting]\nblank = \"box\"\nlower_mm = [-5, -5, -5]\n"
+                                     "upper_mm = [5, 5, 0.5]\nspacing_mm = 0.25\nflutes = 2\n")),
+                 on_dome);
 }
 
 TEST(InfluenceColumns, LieBetweenValuesThatTheirInputsMayHave) {

@@ -32,6 +32,7 @@ struct SmallStudy {
   std::string inputs;    ///< [[input]] tables
   std::string top = {};  ///< keys of the study before them
   int checks = 0;
+  std::string program = {};  ///< text of p.ngc
 };
 
 /// The same read and made ready, its first arm with its influence map.
@@ -43,6 +44,7 @@ struct MadeStudy {
 
   Study read(const SmallStudy& small) const {
     folder.write("scene.toml", small.scene);
+    if (!small.program.empty()) folder.write("p.ngc", small.program);
     return read_study(folder.write(
         "study.toml", fmt::format("scene = \"scene.toml\"\n{}\n{}\n[monte_carlo]\ncases = 64\n"
                                   "[influence]\nchecks = {}\n",
