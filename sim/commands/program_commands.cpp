@@ -285,11 +285,9 @@ namespace {
 using nlohmann::ordered_json;
 using Channel = CaseDescription::Channel;
 
-/// Returns true if a case corrects through a rewritten program. The scene states the channel of a
-/// plug-in.
+/// Returns true if a case corrects through a rewritten program.
 bool has_program_channel(const Scene& scene, const CaseDescription& compensator) {
-  return (compensator.plug_in.empty() ? compensator.channel : scene.compensation.plug_in.channel) ==
-         Channel::Program;
+  return channel_of(scene, compensator) == Channel::Program;
 }
 
 /// Returns the case of a name, or without a name the first case of the scene with a rewritten

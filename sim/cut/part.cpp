@@ -125,13 +125,14 @@ void check_judged(const Scene& scene, const Design& design) {
   const std::string size_warning =
       mesh != nullptr ? mesh_size_warning(*mesh, part_mesh_use(scene), size) : std::string();
   const Eigen::VectorXd radius = design.vertices.leftCols<2>().rowwise().norm();
-  throw BadInput(mesh != nullptr ? mesh->file.string() : scene.file.string(), 0, 0,
-                 "a part with judged vertices (part.judged_normal_z, judged_margin_mm, "
-                 "judged_radius_min_mm, judged_radius_max_mm, region)",
-                 fmt::format("{} vertices, all excluded, on a part of {:.4g} x {:.4g} x {:.4g} mm "
-                             "that is {:.4g} to {:.4g} mm from its z axis{}{}",
-                             judged.size(), size.x(), size.y(), size.z(), radius.minCoeff(),
-                             radius.maxCoeff(), size_warning.empty() ? "" : "; ", size_warning));
+  throw BadInput(
+      mesh != nullptr ? mesh->file.string() : scene.file.string(), 0, 0,
+      "a part with judged vertices (part.edge_margin_mm, judged_normal_z, judged_margin_mm, "
+      "judged_radius_min_mm, judged_radius_max_mm, region)",
+      fmt::format("{} vertices, all excluded, on a part of {:.4g} x {:.4g} x {:.4g} mm "
+                  "that is {:.4g} to {:.4g} mm from its z axis{}{}",
+                  judged.size(), size.x(), size.y(), size.z(), radius.minCoeff(), radius.maxCoeff(),
+                  size_warning.empty() ? "" : "; ", size_warning));
 }
 
 // Returns the distance by which a raster continues beyond the part, mm.
@@ -161,7 +162,6 @@ Part load_primitive(const Scene& scene, const cutting::Primitive& primitive) {
 double edge_margin(const Scene& scene) {
   constexpr double margin_fraction = 0.05;  // fraction of the radius of the smallest tool
   if (scene.part.edge_margin) return *scene.part.edge_margin;
-  if (scene.part.sampling.kind == PartSampling::Kind::Vertices) return 0.0;
   double smallest_radius = std::numeric_limits<double>::infinity();
   for (const ToolDescription& tool : all_tools(scene)) {
     const auto* cutter = std::get_if<cutting::Cutter>(&tool.nominal);

@@ -151,11 +151,6 @@ void require_single_tool(const Job& job, const CaseDescription& compensator, boo
                                compensator.name));
 }
 
-/// Returns the channel of a case; that of a plug-in is set by the scene.
-CaseDescription::Channel channel_of(const Scene& scene, const CaseDescription& compensator) {
-  return compensator.plug_in.empty() ? compensator.channel : scene.compensation.plug_in.channel;
-}
-
 /// Checks the channel and the beliefs of a case that are limited to one tool.
 void check_tool_count(const Job& job, const CaseDescription& compensator) {
   using Belief = CaseDescription::Belief;
@@ -190,6 +185,10 @@ Commands ideal_commands(const Job& part, const CorrectedProgram& corrected) {
 }
 
 }  // namespace
+
+CaseDescription::Channel channel_of(const Scene& scene, const CaseDescription& compensator) {
+  return compensator.plug_in.empty() ? compensator.channel : scene.compensation.plug_in.channel;
+}
 
 ControlView make_control_view(const Job& job) {
   const Scene& scene = job.scene;

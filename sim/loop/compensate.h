@@ -24,6 +24,9 @@ compensation::Belief perfect_belief(const Job& job, PredictedRun run);
 Corrector perfect_corrector(const Job& job, const ControlView& view,
                             const CaseDescription& compensator, const Process& before = {});
 
+/// Returns the channel of a case; that of a plug-in is set by the scene.
+CaseDescription::Channel channel_of(const Scene& scene, const CaseDescription& compensator);
+
 /// Returns the knowledge of a job that is available to a compensator. The job must outlive the
 /// result.
 ControlView make_control_view(const Job& job);

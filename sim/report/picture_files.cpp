@@ -93,9 +93,9 @@ std::string form_caption(const Job& job, const Verdict& verdict) {
   const std::string noise_text = noise > 0.0 ? ", ± " + length_text(noise) + " random" : "";
   // The texture is the map minus its form and contains this random error too; only without it is Sz
   // a lower bound.
-  return fmt::format("form: waves longer than {:.3g} mm{}; texture finer than the points, Sz {} {}",
+  return fmt::format("form: waves above {:.3g} mm{}; texture too fine to draw, Sz {}{}",
                      job.scene.part.form_cutoff, noise_text, texture_height(verdict),
-                     noise > 0.0 ? "including this random part" : "or more");
+                     noise > 0.0 ? ", random part included" : " or more");
 }
 
 /// Returns a verdict with the minus signs and units of a picture.

@@ -154,7 +154,8 @@ TEST_F(FirstEvening, NothingJudged) {
   expect_refused(
       FlatScene{.part = "surface = \"rectangle\"\nlength_x_mm = 10\nlength_y_mm = 10\nvertices = "
                         "400\njudged_radius_min_mm = 50\n"},
-      "expected a part with judged vertices (part.judged_normal_z, judged_margin_mm, "
+      "expected a part with judged vertices (part.edge_margin_mm, judged_normal_z, "
+      "judged_margin_mm, "
       "judged_radius_min_mm, judged_radius_max_mm, region), seen 400 vertices, all excluded, on a "
       "part of 10 x 10 x 0 mm that is 0.2727 to 7.071 mm from its z axis");
 }
