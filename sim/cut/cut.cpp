@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <set>
 
 #include <fmt/format.h>
 #include <tbb/parallel_for.h>
@@ -174,6 +175,9 @@ std::shared_ptr<const cutting::Surface> error_free_surface(const Job& job) {
   return job.sampled ? job.sampled->error_free : nullptr;
 }
 
+// Two moves that leave surfaces closer than this, mm, differ by rounding.
+constexpr double same_depth = 1e-6;
+
 /// Returns the moves in feed of a sweep, without the rapids between them.
 std::vector<SweptWindow> feed_runs(const ToolSweep& sweep) {
   const program::Samples& samples = sweep.samples;
@@ -198,29 +202,68 @@ std::vector<SweptWindow> feed_runs(const ToolSweep& sweep) {
   return runs;
 }
 
-/// Returns (vertices) the residual that the moves in feed alone leave, mm; infinite where they cut
-/// nothing, and minus infinity beyond the band.
-Eigen::VectorXd feed_residual(const Job& job, const std::vector<Eigen::Index>& vertices,
-                              const SweepVisitor& visit_sweeps) {
-  std::vector<cutting::Contact> contacts;
-  for (const Eigen::Index i : vertices)
-    contacts.push_back({job.design_w.vertices.row(i), job.design_w.normals.row(i)});
-  const cutting::Design design_w = cutting::design_from_points(contacts);
-  Eigen::VectorXd residual = Eigen::VectorXd::Constant(design_w.vertices.rows(), infinity);
+/// Returns a box around all points that a milling cutter removes near its path, mm; the whole space
+/// for a turning tool, under which the part turns.
+Eigen::AlignedBox3d swept_box(const std::variant<cutting::Cutter, cutting::Nose>& tool,
+                              const std::vector<Pose>& T_wt, double band) {
+  const auto* cutter = std::get_if<cutting::Cutter>(&tool);
+  if (cutter == nullptr)
+    return {Eigen::Vector3d::Constant(-infinity), Eigen::Vector3d::Constant(infinity)};
+  const double height = cutting::support(*cutter, 1.0, 0.0);
+  const double margin = cutting::support(*cutter, 0.0, 1.0) + band;
+  Eigen::AlignedBox3d box;
+  for (const Pose& T : T_wt) {
+    box.extend(T.translation());
+    box.extend(T.translation() + height * T.linear().col(2));
+  }
+  return {box.min().array() - margin, box.max().array() + margin};
+}
+
+/// Returns (vertices) the residual of a surface, mm, also where it is gouged; infinite where uncut.
+Eigen::VectorXd all_residuals(const cutting::Surface& surface) {
+  Eigen::VectorXd residual = Eigen::VectorXd::Constant(surface.residual.size(), infinity);
+  for (Eigen::Index i = 0; i < residual.size(); ++i)
+    if (surface.status[std::size_t(i)] == cutting::VertexStatus::Cut)
+      residual[i] = surface.residual[i];
+  for (const cutting::Gouge& gouge : surface.gouges) residual[gouge.vertex] = -gouge.depth;
+  return residual;
+}
+
+/// Returns those of the vertices that no move in feed before their cut has reached as deep.
+/// @param tolerance  mm
+std::vector<Eigen::Index> not_fed_before(const Job& job, const cutting::Surface& surface,
+                                         std::vector<Eigen::Index> vertices, double tolerance,
+                                         const SweepVisitor& visit_sweeps) {
+  const auto has_been_cut_by = [&](const SweptWindow& run, const ToolSweep& sweep) {
+    std::vector<Eigen::Index> near_vertices;
+    std::vector<cutting::Contact> contacts;
+    const Eigen::AlignedBox3d box = swept_box(sweep.tool, run.T_wt, job.scene.band);
+    for (const Eigen::Index i : vertices) {
+      const Eigen::Vector3d point = job.design_w.vertices.row(i);
+      if (surface.cut_time_s[i] < run.samples.states.back().time_s || !box.contains(point))
+        continue;
+      near_vertices.push_back(i);
+      contacts.push_back({point, job.design_w.normals.row(i)});
+    }
+    std::set<Eigen::Index> reached;
+    if (contacts.empty()) return reached;
+    const Eigen::VectorXd residual = all_residuals(machined_surface(
+        cutting::design_from_points(contacts),
+        {{sweep.tool, run.samples, run.T_wt, sweep.chain, sweep.workpiece_spindle, sweep.path}},
+        surface_options(job, {})));
+    for (std::size_t k = 0; k < near_vertices.size(); ++k)
+      if (residual[Eigen::Index(k)] <= surface.residual[near_vertices[k]] + tolerance)
+        reached.insert(near_vertices[k]);
+    return reached;
+  };
   visit_sweeps([&](const ToolSweep& sweep) {
     for (const SweptWindow& run : feed_runs(sweep)) {
-      const cutting::Surface surface = machined_surface(
-          design_w,
-          {{sweep.tool, run.samples, run.T_wt, sweep.chain, sweep.workpiece_spindle, sweep.path}},
-          surface_options(job, {}));
-      for (Eigen::Index i = 0; i < residual.size(); ++i)
-        if (surface.status[std::size_t(i)] == cutting::VertexStatus::Cut)
-          residual[i] = std::min(residual[i], surface.residual[i]);
-        else if (surface.status[std::size_t(i)] == cutting::VertexStatus::Gouged)
-          residual[i] = -infinity;
+      stop_if_interrupted();
+      const std::set<Eigen::Index> reached = has_been_cut_by(run, sweep);
+      std::erase_if(vertices, [&](Eigen::Index i) { return reached.contains(i); });
     }
   });
-  return residual;
+  return vertices;
 }
 
 CutMap cut_map(const Job& job, const CutInputs& inputs) {
@@ -229,14 +272,18 @@ CutMap cut_map(const Job& job, const CutInputs& inputs) {
   // The error-free surface was cut when the vertices were chosen. A second cut would give the same
   // bits.
   map.surface = inputs.known ? *inputs.known : sweep.surface(job.design_w);
-  const ProgramGouge gouge = program_gouge(map.surface, inputs.explained_gouge());
+  const double explained = inputs.explained_gouge();  // in windows known after the surface
+  const ProgramGouge gouge = program_gouge(map.surface, explained);
   if (gouge.vertices > 0)
     map.warnings.push_back(gouge_text(
         gouge, total_flank_gouges(gouge, map.surface, job.design_w, inputs.visit_sweeps)));
-  add_warnings(surface_warnings(
-                   map.surface, inputs.path, job.scene.band,
-                   [&](const auto& at) { return feed_residual(job, at, inputs.visit_sweeps); },
-                   inputs.explained_gouge()),
+  // Errors move feed and rapid alike, apart from hysteresis and force.
+  const double tolerance = same_depth + std::min(explained, cutting::rubbing);
+  add_warnings(surface_warnings(map.surface, inputs.path, job.scene.band,
+                                [&](std::vector<Eigen::Index> vertices) {
+                                  return not_fed_before(job, map.surface, std::move(vertices),
+                                                        tolerance, inputs.visit_sweeps);
+                                }),
                map.warnings);
   if (job.sampled) {
     const double resolution = target_resolution(job, map.surface);
@@ -578,7 +625,7 @@ std::size_t intervals_per_window(std::size_t windows) {
 }
 
 SweptWindow WindowedCut::at(std::size_t number) {
-  const Job part = make_window(job_, number);
+  Job part = make_window(job_, number);
   Commands commands = command_source_(part);
   check_travel(part.machine, path_of(part, commands), commands.samples);
   std::map<std::string, double> timing_s;
@@ -587,7 +634,8 @@ SweptWindow WindowedCut::at(std::size_t number) {
   const std::size_t max_intervals = is_first ? intervals_per_window(job_.windows->all.size()) : 0;
   SegmentMotion motion = segment_motion(part, commands, {}, timing_s, max_intervals);
   if (is_first) report(part, commands, motion);
-  return {std::move(commands.samples), std::move(motion.T_wt), path_of(part, commands)};
+  return {std::move(commands.samples), std::move(motion.T_wt),
+          std::move(commands.path ? *commands.path : part.path)};
 }
 
 void WindowedCut::visit_sweeps(const std::function<void(const ToolSweep&)>& use) {

@@ -33,8 +33,6 @@ using Eigen::Vector3d;
 
 // Fraction of uncut judged vertices from which a warning is given.
 constexpr double uncut_warning = 0.01;
-// Two moves that leave surfaces closer than this, mm, differ by rounding.
-constexpr double same_depth = 1e-6;
 
 int count(const Surface& surface, VertexStatus status) {
   return int(std::count(surface.status.begin(), surface.status.end(), status));
@@ -107,8 +105,7 @@ ToolPosition tool_position(const cutting::CutterMotion& motion, double time_s) {
 }  // namespace
 
 std::vector<std::string> surface_warnings(const Surface& surface, const program::Path& path,
-                                          double band, const FeedResidual& feed_residual,
-                                          double explained) {
+                                          double band, const VertexFilter& not_fed_before) {
   std::vector<std::string> warnings;
   const int cut = count(surface, VertexStatus::Cut), uncut = count(surface, VertexStatus::Uncut);
   const int judged = cut + uncut + count(surface, VertexStatus::Gouged);
@@ -120,16 +117,11 @@ std::vector<std::string> surface_warnings(const Surface& surface, const program:
                     count_text(uncut, judged), band));
   if (!surface.gouges.empty()) warnings.push_back(gouge_text(surface, judged, band));
   std::vector<Index> rapid_cuts = vertices_cut_on(surface, rapid_lines(path));
-  const auto are_few = [&] { return double(rapid_cuts.size()) < uncut_warning * judged; };
-  if (!are_few()) {
-    const Eigen::VectorXd fed = feed_residual(rapid_cuts);
-    std::vector<Index> deeper;
-    for (std::size_t k = 0; k < rapid_cuts.size(); ++k)
-      if (fed[Index(k)] > surface.residual[rapid_cuts[k]] + same_depth + explained)
-        deeper.push_back(rapid_cuts[k]);
-    rapid_cuts = std::move(deeper);
-  }
-  if (rapid_cuts.empty() || are_few()) return warnings;
+  const auto deserve_warning = [&] {
+    return !rapid_cuts.empty() && double(rapid_cuts.size()) >= uncut_warning * judged;
+  };
+  if (deserve_warning()) rapid_cuts = not_fed_before(std::move(rapid_cuts));
+  if (!deserve_warning()) return warnings;
   const auto line = [&](Index i) { return surface.cut_line[std::size_t(i)]; };
   warnings.push_back(fmt::format("{} are cut by rapid moves, first line {}",
                                  count_text(int(rapid_cuts.size()), judged),

@@ -14,17 +14,16 @@
 /// The vertices at which a part is judged, and warnings about uncut and gouged vertices.
 namespace abbe::sim {
 
-/// Returns (vertices) the residual that the moves in feed alone leave at vertices of a surface, mm.
-using FeedResidual = std::function<Eigen::VectorXd(const std::vector<Eigen::Index>& vertices)>;
+/// Returns some of the given vertices.
+using VertexFilter = std::function<std::vector<Eigen::Index>(std::vector<Eigen::Index> vertices)>;
 
 /// Returns the warnings about uncut vertices ("1348 of 1483 judged vertices (90.9 %) are uncut
-/// ..."), gouges beyond the band with depth and line, and vertices cut by rapids, in this order. A
-/// rapid that runs where the tool has fed, such as the retract from a hole, cuts nothing.
-/// @param feed_residual  called only if rapids win at so many vertices that a warning may follow
-/// @param explained      largest deviation of the actual tool from its commanded surface, mm
+/// ..."), gouges beyond the band with depth and line, and vertices cut by rapids, in this order.
+/// @param not_fed_before  returns the vertices that no feed before their cut has reached as deep: a
+///     rapid that runs where the tool has fed, such as the retract from a hole, cuts nothing
 std::vector<std::string> surface_warnings(const cutting::Surface& surface,
                                           const program::Path& path, double band,
-                                          const FeedResidual& feed_residual, double explained);
+                                          const VertexFilter& not_fed_before);
 
 /// The vertices at which the program cuts into the design, within the band, by more than the errors
 /// of the machine explain.

@@ -265,14 +265,17 @@ constexpr double min_reachable_fraction = 0.99;
 /// the program cuts more.
 /// @param now  the present reach
 std::string shift_advice(const Job& job, const ReachableArea& now) {
+  constexpr double least_gain =
+      0.01;  // fraction of the judged area, above the noise of few vertices
   const auto suggestion = placement_suggestion(job);
-  if (!suggestion || (now.reached_fraction > 0.0 && suggestion->reach.cut <= now.cut)) return {};
-  return "; " + suggestion->words;
+  // Where nothing is reached, a placement at which the tool touches helps too.
+  const double cut_at_least = now.reached_fraction > 0.0 ? now.cut + least_gain : 0.0;
+  return suggestion && suggestion->reach.cut >= cut_at_least ? "; " + suggestion->words : "";
 }
 
 /// Returns the advice for a program that cuts nothing, or gouges. A wrong unit is tried first,
 /// since an offset would hide it.
-std::string advice_text(const Job& job, const ReachableArea& now = {}) {
+std::string advice_text(const Job& job, const ReachableArea& now) {
   if (const std::string warning = unit_warning(job, {}); !warning.empty()) return "; " + warning;
   return shift_advice(job, now);
 }
@@ -291,7 +294,7 @@ std::string size_advice(const Job& job) {
 BadInput distance_error(const Job& job, int line, const std::string& distance_text) {
   return {job.path.file, line, 0,
           fmt::format("a program that comes within {} mm of the part", job.scene.band),
-          distance_text + advice_text(job) + size_advice(job)};
+          distance_text + advice_text(job, {}) + size_advice(job)};
 }
 
 /// Returns the input error if the tool stays farther than the band from the box around the part.
@@ -363,36 +366,19 @@ std::string span_text(const char* name, const Span& tip, const Span& part) {
                      without_rounding(part.high));
 }
 
-/// Returns true if the program cuts all of the judged area that faces up along z of the part. What
-/// it does not reach then are sides and undersides, as of a plate that is milled from above.
-bool cuts_upper_faces(const Job& job) {
-  constexpr double min_normal_z = 0.5;
-  if (job.machine.workpiece_spindle) return false;
-  cutting::Design upper_w = job.design_w;
-  upper_w.judged.resize(std::size_t(upper_w.vertices.rows()), 1);
-  const Vector3d up_w = job.scene.part.T_wm.linear().col(2);
-  for (std::size_t i = 0; i < upper_w.judged.size(); ++i)
-    if (upper_w.normals.row(Eigen::Index(i)).dot(up_w) < min_normal_z) upper_w.judged[i] = 0;
-  return reachable_area(thin_out(std::move(upper_w)), job).cut >= min_reachable_fraction;
-}
-
 /// Returns the warning for a program that reaches only a fraction of the part.
 std::string partial_reach_text(const Job& job, const ReachableArea& reach) {
   if (std::string warning = unit_warning(job, reach); !warning.empty()) return warning;
   const Spans tip = swept_spans(job).tip, part = part_spans(job);
   const bool is_milled = !job.machine.workpiece_spindle;
-  // The search for a better place takes most of the time of a check.
-  const std::string advice =
-      cuts_upper_faces(job)
-          ? "; it cuts all that faces up, and part.judged = \"cut\" judges only what it cuts"
-          : shift_advice(job, reach);
   std::string ranges = span_text(is_milled ? "x" : "along the spindle", tip[0], part[0]);
   ranges += ", " + span_text(is_milled ? "y" : "radius", tip[1], part[1]);
   if (is_milled) ranges += ", " + span_text("z", tip[2], part[2]);
   return fmt::format(
       "the program comes within {} mm of {:.3g} % of the judged area ({} vertices tested): its "
       "feed moves take the tip over {}, in the part's frame{}",
-      job.scene.band, 100.0 * reach.reached_fraction, reach.vertex_count, ranges, advice);
+      job.scene.band, 100.0 * reach.reached_fraction, reach.vertex_count, ranges,
+      shift_advice(job, reach));
 }
 
 /// Returns the warning if most of the reached area is gouged; none otherwise.

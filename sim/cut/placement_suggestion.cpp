@@ -297,9 +297,7 @@ ReachableArea reachable_area(const cutting::Design& design_w, const Job& job) {
   return reach;
 }
 
-cutting::Design thin_out(cutting::Design design) {
-  // Each of 2000 vertices represents 0.05 % of the area.
-  constexpr std::ptrdiff_t max_judged = 2000;
+cutting::Design thin_out(cutting::Design design, std::ptrdiff_t max_judged) {
   design.judged.resize(std::size_t(design.vertices.rows()), 1);
   const auto stride = 1 + std::count(design.judged.begin(), design.judged.end(), 1) / max_judged;
   std::ptrdiff_t number = 0;
@@ -610,8 +608,11 @@ std::optional<PlacementSuggestion> suggest_placement(const Job& job, const Job& 
 
 std::optional<PlacementSuggestion> placement_suggestion(const Job& job) {
   constexpr std::size_t max_orientations = 3;  // each takes a full search
+  // A search tries a hundred shifts. Vertices on sides and undersides that no shift cuts take most
+  // of its time.
+  constexpr std::ptrdiff_t max_vertices = 500;
   if (job.windows) return std::nullopt;
-  const cutting::Design thinned_w = thin_out(job.design_w);
+  const cutting::Design thinned_w = thin_out(job.design_w, max_vertices);
   if (auto suggestion = suggest_placement(job, job, thinned_w)) return suggestion;
   if (Displacement(job).is_turned()) return std::nullopt;
   // If the rotary axes turn between feeds, an offset moves the feed of each orientation in another

@@ -17,8 +17,9 @@ struct ReachableArea {
 /// Returns the area of a design that the program of a job reaches on the error-free machine.
 ReachableArea reachable_area(const cutting::Design& design_w, const Job& job);
 
-/// Returns the design with at most some 2000 judged vertices, for a quick test of its placement.
-cutting::Design thin_out(cutting::Design design);
+/// Returns the design with about `max_judged` judged vertices at most, for a quick test of its
+/// placement. Each of 2000 represents 0.05 % of the area.
+cutting::Design thin_out(cutting::Design design, std::ptrdiff_t max_judged = 2000);
 
 /// A change of the scene with which its program cuts its part.
 struct PlacementSuggestion {

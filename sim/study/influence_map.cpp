@@ -393,11 +393,12 @@ std::optional<GeometricInput> geometric_input(const BaseRun& run, Index input,
                                               const std::array<Scene, 2>& scenes) {
   if (run.ready.needs_commands_per_case) return std::nullopt;
   const std::set<std::string> names = changed_elements(run.study.inputs[std::size_t(input)]);
+  if (names.empty()) return std::nullopt;
   const std::array with_tool{tool_scene(run, scenes[0], 0), tool_scene(run, scenes[1], 0)};
   const std::array selections{select_elements(with_tool[0].geometric, names),
                               select_elements(with_tool[1].geometric, names)};
   for (const errors::GeometricErrors& selection : selections)
-    if (names.empty() || selection.elements.size() != names.size()) return std::nullopt;
+    if (selection.elements.size() != names.size()) return std::nullopt;
   for (std::size_t tool = 0; tool < run.tools.size(); ++tool)
     if (!same_tools(tool_scene(run, scenes[0], tool).tool, tool_scene(run, scenes[1], tool).tool))
       return std::nullopt;
@@ -454,7 +455,10 @@ std::vector<DifferenceMachine> difference_machines(
       run.ready.needs_commands_per_case ? machine_commands : run.ready.commanded;
   // A more compliant machine removes less and has smaller loads, so each machine needs its own
   // forces.
-  const bool has_deflection = job.truth.compliance && !run.tools.front().process.steps.empty();
+  const bool has_deflection =
+      std::ranges::any_of(job_parts(job),
+                          [](const Job& part) { return part.truth.compliance.has_value(); }) &&
+      std::ranges::any_of(run.tools, [](const ToolCut& t) { return !t.process.steps.empty(); });
   const Process process = has_deflection ? cut_process(job, all_commands) : Process{};
   std::vector<DifferenceMachine> machines;
   for (std::size_t i = 0; i < run.tools.size(); ++i) {
